@@ -2,7 +2,8 @@
 
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
 
 from rich.console import Console, RenderableType
 from rich.progress import (
@@ -43,6 +44,11 @@ def progress_bar(title: str, total: float) -> Iterator[Callable[[float], None]]:
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(title, total=total)
         yield lambda done: bar.update(task, completed=done)
+
+
+def file_progress_bar(title: str, *files: Path) -> AbstractContextManager[Callable[[float], None]]:
+    """Return a progress bar over the bytes of some files; missing ones count nothing."""
+    return progress_bar(title, sum(file.stat().st_size for file in files if file.is_file()))
 
 
 @contextmanager

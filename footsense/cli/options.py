@@ -28,6 +28,9 @@ pace_option = click.option(
 )
 
 
+foot_option = click.option("--foot", required=True, help="The foot on the test stand, such as foot-0007.")
+
+
 def config_option(default: str) -> Decorator:
     """Return the option `--config`; `default` describes in its help what is used without it."""
     return click.option(

@@ -141,8 +141,14 @@ def figures_table(figures: Mapping[str, Any]) -> "Table":
     lines.add_column(style="bold", no_wrap=True)
     lines.add_column()
     for name, value in figures.items():
-        if text := _figure_text(value):
-            lines.add_row(escaped(heading(name)), escaped(text))
+        parts = value if isinstance(value, Mapping) else {}
+        if any(isinstance(part, Mapping) for part in parts.values()):
+            texts = {f"{name}, {key}": _figure_text(part) for key, part in parts.items()}
+        else:
+            texts = {name: _figure_text(value)}
+        for label, text in texts.items():
+            if text:
+                lines.add_row(escaped(heading(label)), escaped(text))
     return lines
 
 
@@ -157,15 +163,15 @@ def echo_figures(figures: Mapping[str, Any], *, as_json: bool) -> None:
 
 
 def heading(name: str) -> str:
-    """Return the name of a value as words, its unit in brackets.
+    """Return the name of a value as words, its unit in brackets; the n_ of a count is left out.
 
     Example:
         >>> heading("direction_error_deg"), heading("cycles")
         ('direction error [deg]', 'cycles')
     """
-    words, _, unit = name.rpartition("_")
+    words, _, unit = name.removeprefix("n_").rpartition("_")
     if not words or unit not in _UNITS:
-        return name.replace("_", " ")
+        return name.removeprefix("n_").replace("_", " ")
     return f"{words.replace('_', ' ')} [{_UNITS[unit]}]"
 
 

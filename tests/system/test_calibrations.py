@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from footsense.cli.check_config import check_config
-from footsense.cli.recordings.replay import replay
+from footsense.cli.recordings import replay
 from footsense.config import Config
 from footsense.config.sections import Bus, Can, Leg
 from footsense.daemon.foot_types import released_path

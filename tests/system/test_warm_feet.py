@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from footsense.cli.recordings.replay import replay
+from footsense.cli.recordings import replay
 from footsense.config import Config
 from footsense.config.sections import Bus, Can
 from footsense.daemon.service import open_service

@@ -1,5 +1,6 @@
 """`footsense calibrate` on a simulated stand: what it takes from a recording beside the loads, and what it refuses."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import pytest
 from click.testing import CliRunner, Result
 from numpy.typing import NDArray
 
-from footsense.cli.calibrate import calibrate
+from footsense.cli.calibration import calibrate
 from footsense.config import Config
 from footsense.config.sections import Bus, Can, Tare
 from footsense.config.test_stand import Axes, SimulatedForceSensor, StandConfig
@@ -97,7 +98,7 @@ def test_a_calibration_has_the_temperature_of_its_sessions(session: Path, tmp_pa
     told = [cycle.temperature_c for cycle in Replay(session) if cycle.temperature_c is not None]
     calibration = read_calibration(tmp_path / "foot-0007", "aoyagi-3x3")
     assert calibration.calibration_temperature.temperature_c == pytest.approx(told[0][0])
-    assert f" loads in 1 sessions at {told[0][0]:.1f} degC" in done.stdout
+    assert f"temperature [degC]  {told[0][0]:.4g}" in re.sub("  +", "  ", done.stdout)
     untold = rewritten(session, tmp_path / "untold.mcap", lambda cycle: cycle._replace(temperature_c=None))
     done = invoke(session, untold, "--calibrations", tmp_path / "both")
     assert done.exit_code == 0, done.exception

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
-from footsense.cli.evaluate.command import evaluate
+from footsense.cli.calibration import evaluate
 from footsense.errors import CalibrationError, ConfigError, FootsenseError, ModelError, RecordingError
 from footsense.foot.files.calibration_format import Manifest
 from tests.support.calibrations import calibration
@@ -52,11 +52,9 @@ def test_before_and_after(stand: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert (
         sum(band["with calibration"]["loads"] for name, band in found["bands"].items() if name != "all") == 22
     )
-    text = invoke("session.mcap", "--foot", "foot-0007").stdout.splitlines()
-    assert text[0].startswith(
-        "foot-0007, type aoyagi-3x3, its calibration of 2026-03-01T12:00:00Z on 362 loads: 22 of 22"
-    )
-    assert text[3].split()[:3] == ["with", "calibration", "22"]
+    text = invoke("session.mcap", "--foot", "foot-0007").stdout
+    assert "made 2026-03-01T12:00:00Z" in text
+    assert "with calibration     22" in text
 
 
 @pytest.mark.lab

@@ -10,7 +10,7 @@ from matplotlib.colors import BoundaryNorm
 from matplotlib.figure import Figure
 
 from footsense.calibration.evaluation import Evaluation
-from footsense.cli.evaluate.summary import error_table_rows, headline_text
+from footsense.cli.calibration import ERROR_COLUMNS, ErrorRow
 from footsense.foot.directions import angles_between_deg, azimuth_elevation_deg, directions, normalized
 from footsense.foot.force_errors import GRAM_FORCE_N, magnitude_errors_gf
 from footsense.foot.parameters import FootParameters
@@ -138,6 +138,7 @@ _PATTERN_DIRECTIONS_DEG = ((0.0, 45.0), (90.0, 60.0), (225.0, 60.0), (0.0, 90.0)
 def write_page(
     folder: Path,
     figures: dict[str, Any],
+    rows: Sequence[ErrorRow],
     warnings: Sequence[str],
     evaluation: Evaluation,
     foot: FootParameters | None,
@@ -148,6 +149,7 @@ def write_page(
     Args:
         folder: Existing folder.
         figures: The numbers.
+        rows: Those of the table.
         warnings: Warnings about recordings and calibration.
         evaluation: The forces.
         foot: Parameters of the calibration; None without one.
@@ -165,8 +167,9 @@ def write_page(
         figure.savefig(folder / name, dpi=110, bbox_inches="tight", metadata={"Software": None})
     stem = figures["foot"]
     (folder / f"{stem}.json").write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
-    header, *rows = error_table_rows(figures)
-    names = {"headline": headline_text(figures), "header": header, "rows": rows, "warnings": warnings}
+    header = [title for column in ERROR_COLUMNS for title in column.headings]
+    cells = [[cell for column in ERROR_COLUMNS for cell in column.cells(row)] for row in rows]
+    names = {"figures": figures, "header": header, "rows": cells, "warnings": warnings}
     page = folder / f"{stem}.md"
     page.write_text(render(__name__, names) + "\n", encoding="utf-8")
     return page

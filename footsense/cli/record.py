@@ -3,6 +3,7 @@
 import math
 from collections import deque
 from contextlib import ExitStack
+from dataclasses import asdict
 from pathlib import Path
 
 import click
@@ -11,8 +12,8 @@ from rich.console import Console
 
 from footsense.calibration.session.guide import SessionGuide
 from footsense.cli import options
-from footsense.cli.record.table import N_SHOWN_MESSAGES, RecordingView
-from footsense.cli.test_stand_options import foot_option
+from footsense.cli.record_view import N_SHOWN_MESSAGES, RecordingView
+from footsense.cli.tables import echo_figures
 from footsense.config import DEFAULT, Config, load_config
 from footsense.config.test_stand import load_test_stand
 from footsense.daemon.service import open_service
@@ -43,7 +44,7 @@ _FILE_PATH_TYPE = click.Path(dir_okay=False, path_type=Path)
     type=_FILE_PATH_TYPE,
     help="YAML file of the test stand's force sensor.",
 )
-@foot_option
+@options.foot_option
 @click.option(
     "--leg", type=click.Choice(ALL_LEGS), default="lf", show_default=True, help="Leg it is wired as."
 )
@@ -123,7 +124,6 @@ def record(
         guide.report = click.echo  # the picture is not drawn again
         guide.close()
     _print_session_summary(out, guide, service.reference)
-    _write_coverage_figure(out, guide, f"{foot}, session {run.session}")
     if guide.findings:
         raise CalibrationError(f"{out} is kept, but do not calibrate with it: {'; '.join(guide.findings)}")
 
@@ -169,34 +169,14 @@ def _session_end_s(scene: Scene | None) -> float:
 def _print_session_summary(out: Path, guide: SessionGuide, sensor: StandSensor | None) -> None:
     """Print coverage, rejected presses, next load, and statistics of the reference sensor."""
     click.echo(f"{out}: {guide.coverage.progress_text()}")
-    if guide.rejected:
-        reasons = ", ".join(f"{n} {why}" for why, n in guide.rejected.most_common())
-        click.echo(f"rejected: {reasons}")
-    if not guide.coverage.is_complete:
-        target = guide.coverage.next_load
-        click.echo(
-            f"not complete; next would be {target.magnitude_gf:.0f} gf from azimuth {target.azimuth_deg:.0f}, "
-            f"elevation {target.elevation_deg:.0f} deg, in another session"
-        )
-    if sensor is not None:
-        counts = sensor.statistics
-        click.echo(
-            f"reference: {counts.n_samples} samples, {counts.n_missing} missing, {counts.n_bad_records} unreadable, "
-            f"{counts.n_saturated} saturated, clock jumped {counts.n_clock_jumps} times, opened "
-            f"{counts.n_stream_starts} times, times to {counts.clock_fit_residual_ms:.1f} ms"
-        )
-
-
-def _write_coverage_figure(out: Path, guide: SessionGuide, title: str) -> None:
-    """Write a figure of the covered directions, if matplotlib is installed."""
-    try:
-        from footsense.cli.record.coverage_figure import draw_coverage
-    except ImportError:
-        click.echo("no picture of the coverage: matplotlib is not installed; pip install 'footsense[lab]'")
-        return
-    picture = out.with_suffix(".png")
-    if picture.exists():
-        click.echo(f"{picture}: exists and is not overwritten; the coverage is not drawn")
-        return
-    draw_coverage(picture, guide.coverage, guide.load_reference_forces_n, title)
-    click.echo(f"{picture}: the coverage")
+    target = guide.coverage.next_load
+    following = (
+        f"{target.magnitude_gf:.0f} gf from azimuth {target.azimuth_deg:.0f}, "
+        f"elevation {target.elevation_deg:.0f} deg, in another session"
+    )
+    figures = {
+        "rejected": dict(guide.rejected.most_common()),
+        "not complete; next would be": None if guide.coverage.is_complete else following,
+        "reference": sensor and asdict(sensor.statistics),
+    }
+    echo_figures(figures, as_json=False)

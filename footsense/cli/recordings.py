@@ -1,5 +1,6 @@
-"""Command `footsense replay`: run a recording through the estimation again, and compare the forces."""
+"""Commands that read recordings: `footsense export`, `recover` and `replay`."""
 
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -8,8 +9,8 @@ import msgspec
 
 from firmware_interface.can.force import force_step_mn
 from footsense.can.frame_log import check_log_target
+from footsense.child_process import check_new_file
 from footsense.cli.options import FILE, FOLDER, can_log_option
-from footsense.cli.recordings.file_bar import file_progress_bar
 from footsense.clock import MonotonicClock
 from footsense.daemon.can_output import can_sink
 from footsense.daemon.estimation import pipeline_for
@@ -18,9 +19,13 @@ from footsense.daemon.models import load_models
 from footsense.daemon.recording_header import model_mismatch_reason, recorded_config, recorded_flags
 from footsense.daemon.simulation import PacedSource
 from footsense.errors import FootsenseError, ModelError, RecordingError
+from footsense.progress import file_progress_bar
 from footsense.recording.compare import first_difference, same_processor_and_libraries
 from footsense.recording.machine import platform_versions
+from footsense.recording.recover import recover as rewrite
+from footsense.recording.recover import recovered_path
 from footsense.recording.replay import Replay, ReplayClock, ReplaySource
+from footsense.ros2 import require
 
 
 @click.command()
@@ -118,3 +123,97 @@ def _require_complete_recording(file: Path, source: ReplaySource, n_equal: int |
         raise RecordingError(f"{source.damage}; before that, {lost}" if lost else str(source.damage))
     if lost:
         raise RecordingError(f"{file}: {lost}")
+
+
+@click.command("recover")
+@click.argument("file", type=FILE)
+@click.option("-o", "--output", type=FILE, help="New file; FILE is left as it is.")
+def recover(file: Path, output: Path | None) -> None:
+    """Rewrite the intact part of the recording FILE, with an index."""
+    target = output or recovered_path(file)
+    with file_progress_bar("recover", file) as on_bytes_read:
+        recovered = rewrite(file, target, on_bytes_read)
+    click.echo(f"{target}: {recovered.n_recovered_cycles} cycles")
+    if recovered.damage is not None:
+        click.echo(f"footsense: {recovered.damage}", err=True)
+
+
+_RecordingWriter = Callable[[Replay, Path], int]
+
+
+@click.command("export")
+@click.argument("file", type=FILE)
+@click.option("--ros2", type=FILE, metavar="FOLDER", help="Write a bag: `ros2 bag play FOLDER`.")
+@click.option(
+    "--tf", type=FILE, metavar="FRAMES.yaml", help="Frames of the feet, for the bag; without it lf_foot etc."
+)
+@click.option("--csv", type=FILE, help="Write a table: a row for each leg and cycle, units in the headers.")
+@click.option("--parquet", type=FILE, help="Write the same table as Parquet (needs footsense[parquet]).")
+@click.option(
+    "--plot", type=FILE, help="Draw forces, states and events: a .png, .svg or .pdf (needs footsense[plot])."
+)
+def export(
+    file: Path,
+    *,
+    ros2: Path | None,
+    tf: Path | None,
+    csv: Path | None,
+    parquet: Path | None,
+    plot: Path | None,
+) -> None:
+    """Convert the recording FILE; give one or more of the forms.
+
+    What is not known is never a plausible number: a leg without a usable force has no wrench in a bag, an empty cell in
+    a table, and a gap in a picture. A recording that is cut short is converted as far as it is whole (exit 74).
+    """  # noqa: DOC501 - click shows this text
+    if tf is not None and ros2 is None:
+        raise click.UsageError("--tf is for a bag: give --ros2 FOLDER too")
+    forms: list[tuple[Path, _RecordingWriter]] = []
+    if ros2 is not None:
+        require("rosbags", "--ros2")
+        from footsense.ros2.bag import write_bag
+        from footsense.ros2.messages import load_foot_frames
+
+        frames = None if tf is None else load_foot_frames(tf)
+        forms.append((ros2, lambda replay, folder: write_bag(replay, folder, frames)))
+    if csv is not None:
+        from footsense.export.csv_file import write_csv
+
+        forms.append((csv, write_csv))
+    if parquet is not None:
+        from footsense.export.parquet_file import require_pyarrow, write_parquet
+
+        require_pyarrow()
+        forms.append((parquet, write_parquet))
+    if plot is not None:
+        from footsense.export.plot import require_plotting, write_plot
+
+        require_plotting(plot)
+        forms.append((plot, write_plot))
+    if not forms:
+        raise click.UsageError("say what to write: --ros2 FOLDER, --csv, --parquet or --plot FILE")
+    Replay(file)
+    for target, _ in forms:
+        check_new_file(str(target), target)
+    for target, write in forms:
+        _convert(file, target, write)
+
+
+def _convert(file: Path, target: Path, write: _RecordingWriter) -> None:
+    """Write a recording in one output format, with a progress bar.
+
+    Raises:
+        RecordingError: It cannot be written, or the recording is cut short.
+    """
+    with file_progress_bar(target.name, file) as on_bytes_read:
+        try:
+            n_cycles = write(Replay(file, on_bytes_read), target)
+        except RecordingError:
+            raise
+        except BaseException as error:
+            if target.is_file():
+                target.unlink()
+            if isinstance(error, OSError):
+                raise RecordingError(f"{target}: cannot be written: {error.strerror}") from None
+            raise
+    click.echo(f"{target}: {n_cycles} cycles")

@@ -1,0 +1,310 @@
+"""Commands `footsense calibrate` and `evaluate`: a foot's test-stand recordings to its calibration, and its errors."""
+
+import importlib.util
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import click
+import msgspec
+from rich.console import Console
+
+import footsense
+from footsense.calibration.evaluation import MAGNITUDE_BANDS, DesignModels, Evaluation
+from footsense.calibration.evaluation import evaluate as evaluate_sessions
+from footsense.calibration.fit.calibrate import (
+    MAX_MEDIAN_MAHALANOBIS_DISTANCE,
+    WARNING_MEDIAN_MAHALANOBIS_DISTANCE,
+    CalibrationResult,
+    calibrate_sessions,
+)
+from footsense.calibration.session.recorded_session import RecordedSession, read_sessions
+from footsense.calibration.writer import check_calibration_target, write_calibration
+from footsense.cli.options import FILE, FOLDER, foot_option, json_option
+from footsense.cli.tables import Column, echo_figures, echo_json, figures_table, json_row, table
+from footsense.clock import stopwatch_ns, wall_time_iso
+from footsense.daemon.foot_types import released_path
+from footsense.errors import ConfigError
+from footsense.estimation.network import Network
+from footsense.foot.files.calibration_format import Manifest
+from footsense.foot.files.calibration_reader import FootCalibration, read_calibration
+from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors
+from footsense.progress import file_progress_bar
+
+_recordings_argument = click.argument("recordings", nargs=-1, required=True, type=FILE)
+_foot_type_option = click.option(
+    "--foot-type",
+    "foot_type_folder",
+    type=FOLDER,
+    help="Folder with network.onnx and response.npz of the foot's type; by default the released one.",
+)
+
+
+@click.command()
+@_recordings_argument
+@foot_option
+@click.option(
+    "--calibrations",
+    "folder",
+    type=FOLDER,
+    default=Path("feet"),
+    show_default=True,
+    help="Folder of all calibrations; this foot's is named after the foot.",
+)
+@_foot_type_option
+@click.option("--hold-out", help="Session to hold out for the accuracy; by default the last of several.")
+@click.option("--replace", is_flag=True, help="Replace an existing calibration; the old one is kept.")
+@json_option
+def calibrate(
+    recordings: tuple[Path, ...],
+    foot: str,
+    folder: Path,
+    foot_type_folder: Path | None,
+    hold_out: str | None,
+    *,
+    replace: bool,
+    as_json: bool,
+) -> None:
+    """Fit the parameters in which a foot differs from its design, and write its calibration.
+
+    The RECORDINGS are those of `footsense record --reference`, one or more of each session.
+    """
+    began_ns = stopwatch_ns()
+    check_calibration_target(folder / foot, replace=replace)
+    sessions = _read_sessions(recordings, foot)
+    _echo_warnings([line for session in sessions for line in session.warnings])
+    models, design = _load_design_models(sessions[0].foot_type, foot_type_folder)
+    result = calibrate_sessions(models, sessions, hold_out)
+    manifest = Manifest(
+        foot=foot,
+        foot_type=sessions[0].foot_type,
+        footsense=footsense.__version__,
+        made=wall_time_iso(),
+        n_loads=result.n_loads,
+        n_sessions=len({session.name for session in sessions}),
+        held_out=result.held_out,
+        recordings={session.path.name: session.sha256 for session in sessions},
+    )
+    calibration = write_calibration(
+        folder,
+        manifest,
+        result.parameters,
+        design / "network.onnx",
+        temperature_c=result.temperature_c,
+        replace=replace,
+    )
+    took_s = (stopwatch_ns() - began_ns) * 1e-9
+    echo_figures(_calibration_figures(calibration, result, took_s), as_json=as_json)
+    if result.median_mahalanobis_distance > WARNING_MEDIAN_MAHALANOBIS_DISTANCE:
+        click.echo(
+            f"warning: the median distance of the loads from the fitted foot is more than usual, 2 to "
+            f"{WARNING_MEDIAN_MAHALANOBIS_DISTANCE:g}; something differs from the design's kind (refused from "
+            f"{MAX_MEDIAN_MAHALANOBIS_DISTANCE:g})",
+            err=True,
+        )
+    if result.held_out is None:
+        click.echo("accuracy unknown, no load was held out; record a second session", err=True)
+
+
+@click.command()
+@_recordings_argument
+@foot_option
+@click.option(
+    "--calibration",
+    "folder",
+    type=FOLDER,
+    help="Folder of its calibration; by default ./feet/FOOT, and if that is missing, none.",
+)
+@click.option(
+    "--out",
+    type=FOLDER,
+    help="Folder for a page with figures: error map, patterns, histograms (needs footsense[lab]).",
+)
+@_foot_type_option
+@json_option
+def evaluate(
+    recordings: tuple[Path, ...],
+    foot: str,
+    folder: Path | None,
+    out: Path | None,
+    foot_type_folder: Path | None,
+    *,
+    as_json: bool,
+) -> None:
+    """Compare a foot's forces with the reference of the test stand, with its calibration and without."""
+    if out is not None:
+        _require_writable_page(out)
+    sessions = _read_sessions(recordings, foot)
+    foot_type = sessions[0].foot_type
+    models, _ = _load_design_models(foot_type, foot_type_folder)
+    parameters = None
+    calibration = _calibration_of(folder, foot, foot_type)
+    if calibration is not None:
+        models, parameters = (
+            models._replace(network_for_rows=partial(Network, calibration.network)),
+            calibration.parameters,
+        )
+    evaluation = evaluate_sessions(sessions, models, parameters)
+    warnings = [line for session in sessions for line in session.warnings]
+    used = set() if calibration is None else set(calibration.manifest.recordings.values())
+    if fitted := [str(session.path) for session in sessions if session.sha256 in used]:
+        warnings.append(
+            f"the calibration was fitted on {', '.join(fitted)}: its errors there are smaller than on other loads"
+        )
+    _echo_warnings(warnings)
+    rows = [
+        ErrorRow(band.name if n == 0 else "", source, errors)
+        for band in MAGNITUDE_BANDS
+        for n, (source, estimates) in enumerate(evaluation.estimates.items())
+        if (errors := evaluation.errors_of(estimates, band)) is not None
+    ]
+    figures = _evaluation_figures(foot, foot_type, sessions, calibration, evaluation)
+    if out is not None:
+        from footsense.cli.lab.evaluation_page import write_page
+
+        page = write_page(out, figures, rows, warnings, evaluation, parameters, models.response)
+        click.echo(f"wrote {page}", err=True)
+    if as_json:
+        echo_json(figures)
+    else:
+        console = Console(highlight=False)
+        console.print(figures_table(figures | {"bands": None}), table(ERROR_COLUMNS, rows))
+
+
+class ErrorRow(NamedTuple):
+    """Force errors of the loads of one magnitude by one estimator; the magnitude is named in the first row of each."""
+
+    band: str
+    source: str
+    errors: ForceErrors
+
+
+#: The errors of `footsense evaluate`, in JSON and as a table.
+ERROR_COLUMNS: list[Column[ErrorRow]] = [
+    Column("", lambda row: row.band, "<1", ("magnitude",)),
+    Column("", lambda row: row.source, "<1", ("forces by the",)),
+    Column("loads", lambda row: row.errors.n, ">1"),
+    Column("direction_deg", lambda row: row.errors.direction_deg, ">.2f", ("deg",)),
+    Column("direction_p95_deg", lambda row: row.errors.direction_p95_deg, ">.2f", ("p95",)),
+    Column("magnitude_gf", lambda row: row.errors.magnitude_gf, ">.2f", ("gf",)),
+    Column("magnitude_p95_gf", lambda row: row.errors.magnitude_p95_gf, ">.2f", ("p95",)),
+    Column("magnitude_n", lambda row: row.errors.magnitude_gf * GRAM_FORCE_N, ">.4f", ("N",)),
+    Column("magnitude_p95_n", lambda row: row.errors.magnitude_p95_gf * GRAM_FORCE_N, ">.4f", ("p95",)),
+]
+
+
+def _evaluation_figures(
+    foot: str,
+    foot_type: str,
+    sessions: Sequence[RecordedSession],
+    calibration: FootCalibration | None,
+    evaluation: Evaluation,
+) -> dict[str, Any]:
+    """Return all results of an evaluation as plain values; bands without loads are left out."""
+    sources = evaluation.estimates
+    bands = {
+        band.name: {
+            source: json_row(ERROR_COLUMNS, ErrorRow(band.name, source, errors))
+            for source, estimates in sources.items()
+            if (errors := evaluation.errors_of(estimates, band)) is not None
+        }
+        for band in MAGNITUDE_BANDS
+    }
+    kept = ("made", "footsense", "n_loads", "sha256")
+    return {
+        "foot": foot,
+        "foot_type": foot_type,
+        "calibration": calibration and {key: getattr(calibration.manifest, key) for key in kept},
+        "sessions": {session.name: len(session.loads) for session in sessions},
+        "n_loads": len(evaluation.reference_n),
+        "n_compared": int(evaluation.is_compared.sum()),
+        "outside_training_range": {
+            source: int((~estimates.has_force).sum()) for source, estimates in sources.items()
+        },
+        "bands": {name: errors for name, errors in bands.items() if errors},
+    }
+
+
+def _calibration_figures(
+    calibration: FootCalibration, result: CalibrationResult, took_s: float
+) -> dict[str, Any]:
+    """Return the figures of a calibration as plain values."""
+    predicted, parameters = result.predicted_uncertainty, calibration.parameters
+    return {
+        "calibration": str(calibration.folder),
+        "sha256": calibration.manifest.sha256,
+        "n_loads": result.n_loads,
+        "n_sessions": calibration.manifest.n_sessions,
+        "took_s": round(took_s, 2),
+        "temperature_c": result.temperature_c,
+        "stiffness_rel": parameters.stiffness_rel,
+        **{name: getattr(parameters, name).tolist() for name in ("stray_pf", "gap_um", "gain_rel")},
+        "corrected": bool(parameters.correction.any()),
+        "distance": result.median_mahalanobis_distance,
+        "predicted": {
+            "direction_deg": predicted.median_direction_error_deg,
+            "magnitude_rel": predicted.median_magnitude_error_rel,
+        },
+        "not_identified": predicted.not_identified,
+        "held_out": msgspec.to_builtins(result.held_out),
+    }
+
+
+def _read_sessions(recordings: tuple[Path, ...], foot: str) -> list[RecordedSession]:
+    with file_progress_bar("read", *recordings) as on_bytes_read:
+        return read_sessions(recordings, foot, on_bytes_read)
+
+
+def _echo_warnings(lines: Sequence[str]) -> None:
+    for line in lines:
+        click.echo(f"warning: {line}", err=True)
+
+
+def _load_design_models(foot_type: str, folder: Path | None) -> tuple[DesignModels, Path]:
+    """Load the models (network, response table) of a foot type; return them and their folder.
+
+    Args:
+        foot_type: Its name, as recorded.
+        folder: Folder of the files; None for the released ones.
+
+    Raises:
+        ConfigError: They are missing, or of another type.
+    """
+    remedy = "--foot-type names the folder that `footsense lab build --foot` made"
+    folder = folder or released_path("network.onnx", foot_type).parent
+    for name in ("network.onnx", "response.npz"):
+        if not (folder / name).is_file():
+            raise ConfigError(f"{folder}: no foot type {foot_type}: there is no {name} in it; {remedy}")
+    found = Network(folder / "network.onnx", 1).card.foot_type
+    if found != foot_type:
+        raise ConfigError(f"{folder}: of foot type {found!r}, recorded is {foot_type!r}; {remedy}")
+    return DesignModels.load(folder), folder
+
+
+def _calibration_of(folder: Path | None, foot: str, foot_type: str) -> FootCalibration | None:
+    """Return the foot's calibration; None if no folder is given and the default folder has none."""
+    if folder is None:
+        folder = Path("feet") / foot
+        if not folder.exists():
+            click.echo(
+                f"no calibration at {folder}: the network of the design alone; --calibration names another folder",
+                err=True,
+            )
+            return None
+    return read_calibration(folder, foot_type, foot)
+
+
+def _require_writable_page(out: Path) -> None:
+    """Raise an error if the result page cannot be drawn or written.
+
+    Raises:
+        ConfigError: A library is missing, or the folder cannot be written.
+    """
+    if missing := [name for name in ("jinja2", "matplotlib") if importlib.util.find_spec(name) is None]:
+        raise ConfigError(
+            f"--out needs {', '.join(missing)}: pip install 'footsense[lab]'; without --out the table alone"
+        )
+    from footsense.cli.lab.options import ensure_writable_folder
+
+    ensure_writable_folder(out)

@@ -1,1 +1,0 @@
-"""Command `footsense evaluate`: force errors of a recorded test-stand session."""

@@ -1,1 +1,0 @@
-"""Command `footsense record`: guided recording of calibration loads on a test stand."""

@@ -1,1 +1,0 @@
-"""Commands that read recordings: `footsense export`, `recover` and `replay`."""
