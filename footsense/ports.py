@@ -15,6 +15,7 @@ from footsense.frames import (
     Cycle,
     Mask,
     ReferenceSamples,
+    SensorStatistics,
     Vector,
 )
 
@@ -160,7 +161,13 @@ class FrameSource(Protocol):
 
 
 class ReferenceSensor(Protocol):
-    """Interface of the reference force sensor of a test stand."""
+    """Interface of the reference force sensor of a test stand.
+
+    Attributes:
+        statistics: Counts so far.
+    """
+
+    statistics: SensorStatistics
 
     def read(self, now_ns: int) -> ReferenceSamples:
         """Return the force samples since the last call, oldest first, possibly none, without waiting.
@@ -169,7 +176,7 @@ class ReferenceSensor(Protocol):
             now_ns: Current time [ns], to which the samples' own times are mapped.
 
         Raises:
-            ReferenceSensorError: The bytes have the wrong framing or columns.
+            ReferenceSensorError: The bytes are no records of this sensor.
         """
         ...
 

@@ -19,9 +19,10 @@ from footsense.config.test_stand import load_test_stand
 from footsense.daemon.service import open_service
 from footsense.daemon.session_guide import practice_scene, session_guide
 from footsense.daemon.simulation import is_simulated
-from footsense.daemon.test_stand import StandSensor, StandSession, is_live
+from footsense.daemon.test_stand import StandSession, is_live
 from footsense.errors import CalibrationError, ConfigError
 from footsense.frames import ALL_LEGS
+from footsense.ports import ReferenceSensor
 from footsense.sim.scene import Scene
 from footsense.sim.scene_files import load_scene
 from footsense.sim.test_stand.press_sequence import PressSequence
@@ -166,7 +167,7 @@ def _session_end_s(scene: Scene | None) -> float:
     return load.end_ns / _NS_PER_S + _TIME_AFTER_LAST_PRESS_S if isinstance(load, PressSequence) else math.inf
 
 
-def _print_session_summary(out: Path, guide: SessionGuide, sensor: StandSensor | None) -> None:
+def _print_session_summary(out: Path, guide: SessionGuide, sensor: ReferenceSensor | None) -> None:
     """Print coverage, rejected presses, next load, and statistics of the reference sensor."""
     click.echo(f"{out}: {guide.coverage.progress_text()}")
     target = guide.coverage.next_load

@@ -1,6 +1,5 @@
 """Schema of a test-stand file: reference force sensor under the foot, and its mounting."""
 
-import struct
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -9,7 +8,7 @@ from msgspec import Meta
 
 from footsense import strict_yaml
 from footsense.config.sections import Section
-from footsense.reference.record_columns import NS_PER_TIME_COLUMN_UNIT, integer_widths_bits
+from footsense.reference.serial_sensor import NS_PER_TIME_COLUMN_UNIT
 
 Column = Literal["time_s", "time_ms", "time_us", "sequence", "fx", "fy", "fz", "saturated", "-"]
 Columns = Annotated[tuple[Column, ...], Meta(min_length=3, max_length=40)]
@@ -18,42 +17,15 @@ SampleRateHz = Annotated[float, Meta(ge=10.0, le=10_000.0)]
 RatedForce = Annotated[float, Meta(gt=0.0, le=1e9)]
 
 
-class LineFraming(Section, frozen=True, kw_only=True, tag="lines", tag_field="kind"):
-    """Framing of a sensor that sends records as lines of text.
-
-    Attributes:
-        columns: Meaning of each number of a line; "-" for an unused one.
-        separator: Text between them; empty for white space.
-    """
-
-    columns: Columns
-    separator: Annotated[str, Meta(max_length=3)] = ","
-
-
-class BinaryFraming(Section, frozen=True, kw_only=True, tag="binary", tag_field="kind"):
-    """Framing of a sensor that sends binary records of fixed length: sync bytes, values, checksum.
-
-    Attributes:
-        columns: Meaning of each value of a record; "-" for an unused one.
-        layout: Format of the values as of Python's `struct`, such as "<Ihhh".
-        sync: Bytes at the start of every record, in hexadecimal.
-        checksum: Of the values: `sum8`, `xor8`, or `crc16` (CCITT-FALSE, little-endian).
-    """
-
-    columns: Columns
-    layout: Annotated[str, Meta(min_length=1, max_length=60)]
-    sync: Annotated[str, Meta(pattern=r"^([0-9A-Fa-f]{2}){1,8}$", description="such as AA55")]
-    checksum: Literal["none", "sum8", "xor8", "crc16"] = "none"
-
-
 class SerialSensor(Section, frozen=True, kw_only=True, tag="serial", tag_field="kind"):
-    """Force sensor on a serial port.
+    """Force sensor that sends lines of text on a serial port.
 
     Attributes:
         device: The port; a name under /dev/serial/by-id survives unplugging.
         baud: Bits per second.
-        framing: Format of its samples.
+        columns: Meaning of each number of a line; "-" for an unused one.
         rate_hz: Samples per second [Hz].
+        separator: Text between the numbers; empty for white space.
         start: Command that makes it stream; empty if it streams by itself.
         unit_per_count: Force of one count [`units`].
     """
@@ -61,8 +33,9 @@ class SerialSensor(Section, frozen=True, kw_only=True, tag="serial", tag_field="
     device: Annotated[
         str, Meta(pattern=r"^/dev/[^\s]+$", description="such as /dev/serial/by-id/usb-FTDI_...")
     ]
-    framing: LineFraming | BinaryFraming
+    columns: Columns
     rate_hz: SampleRateHz
+    separator: Annotated[str, Meta(max_length=3)] = ","
     baud: Annotated[int, Meta(ge=1200, le=12_000_000)] = 115_200
     start: Annotated[str, Meta(max_length=60)] = ""
     unit_per_count: Annotated[float, Meta(gt=0.0)] = 1.0
@@ -95,7 +68,7 @@ class FileSensor(Section, frozen=True, kw_only=True, tag="file", tag_field="kind
     path: Annotated[str, Meta(pattern=r"\.(csv|mcap)$", description="a .csv or .mcap file")]
 
 
-class SimulatedForceSensor(Section, frozen=True, kw_only=True, tag="simulated", tag_field="kind"):
+class SimulatedSensor(Section, frozen=True, kw_only=True, tag="simulated", tag_field="kind"):
     """Simulated BL Autotech MINI 4/20 under the simulated foot [gf], its axes opposite to the foot's.
 
     Attributes:
@@ -131,7 +104,7 @@ class StandConfig(Section, frozen=True, kw_only=True):
         description: One line for people.
     """
 
-    sensor: SerialSensor | NetFt | FileSensor | SimulatedForceSensor
+    sensor: SerialSensor | NetFt | FileSensor | SimulatedSensor
     axes: Axes
     units: Literal["N", "mN", "kgf", "gf", "lbf"]
     rated: tuple[RatedForce, RatedForce, RatedForce]
@@ -165,28 +138,12 @@ def _contradiction(test_stand: StandConfig) -> strict_yaml.Problem | None:
         return strict_yaml.Problem(
             "axes", f"{names} names an axis of the sensor twice; each belongs to one of x, y, z"
         )
-    if isinstance(test_stand.sensor, SerialSensor):
-        return _framing_contradiction(test_stand.sensor.framing)
-    return None
-
-
-def _framing_contradiction(framing: LineFraming | BinaryFraming) -> strict_yaml.Problem | None:
-    """Return the first contradiction in a sensor's framing; None if there is none."""
-    where = "sensor.framing"
-    named = [column for column in framing.columns if column != "-"]
+    if not isinstance(test_stand.sensor, SerialSensor):
+        return None
+    named = [column for column in test_stand.sensor.columns if column != "-"]
     for axis in ("fx", "fy", "fz"):
         if axis not in named:
-            return strict_yaml.Problem(f"{where}.columns", f"no column is {axis}; a force has fx, fy and fz")
+            return strict_yaml.Problem("sensor.columns", f"no column is {axis}; a force has fx, fy and fz")
     if len(set(named)) < len(named) or len(set(named) & set(NS_PER_TIME_COLUMN_UNIT)) > 1:
-        return strict_yaml.Problem(f"{where}.columns", "name one thing twice; call an unused column -")
-    if isinstance(framing, LineFraming):
-        return None
-    try:
-        n = len(integer_widths_bits(framing.layout))
-    except struct.error as error:
-        return strict_yaml.Problem(f"{where}.layout", f"{framing.layout!r} is no layout of numbers: {error}")
-    if n != len(framing.columns):
-        return strict_yaml.Problem(
-            f"{where}.layout", f"has {n} values, but there are {len(framing.columns)} columns"
-        )
+        return strict_yaml.Problem("sensor.columns", "name one thing twice; call an unused column -")
     return None

@@ -38,7 +38,7 @@ from footsense.telemetry.metrics import MetricsObserver
 from footsense.telemetry.systemd import SystemdNotifier
 
 if TYPE_CHECKING:
-    from footsense.daemon.test_stand import StandSensor, StandSession
+    from footsense.daemon.test_stand import StandSession
 
 _log = logging.getLogger(__name__)
 
@@ -58,7 +58,6 @@ class Service(Loop):
 
     sink: CanSink
     observers: list[Observer]
-    reference: "StandSensor | None"
     legs: tuple[str, ...]
     true_force_n_at: Callable[[int], Vector] | None
     source: FrameSource

@@ -8,30 +8,24 @@ import msgspec
 from footsense.acquisition.linux.serial_port import SerialLink
 from footsense.calibration.loads.detection import join_references
 from footsense.config.test_stand import (
-    BinaryFraming,
     FileSensor,
-    LineFraming,
     NetFt,
     SerialSensor,
-    SimulatedForceSensor,
+    SimulatedSensor,
     StandConfig,
 )
 from footsense.daemon.acquisition import ScanSource
 from footsense.errors import ConfigError, RecordingError
 from footsense.frames import ReferenceSamples
+from footsense.ports import ReferenceSensor
 from footsense.recording.replay import Replay
-from footsense.reference.binary_decoder import BinaryDecoder
 from footsense.reference.net_ft import NetFtReference
-from footsense.reference.record_decoder import RecordDecoder
 from footsense.reference.recorded_file import FileReference, read_csv
 from footsense.reference.sample_stream import SampleStream
 from footsense.reference.sample_times import SampleTimes
 from footsense.reference.sensor_mounting import SensorMounting
-from footsense.reference.serial_sensor import SerialReference
-from footsense.reference.text_decoder import TextRecordDecoder
-from footsense.sim.test_stand import reference_sensor as simulated
-
-StandSensor = SerialReference | NetFtReference | FileReference
+from footsense.reference.serial_sensor import LineDecoder, SerialReference
+from footsense.sim.test_stand.reference_sensor import LINE_COLUMNS, SAMPLE_RATE_HZ, SimulatedForceSensor
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,7 +59,7 @@ def is_live(test_stand: StandConfig) -> bool:
     return isinstance(test_stand.sensor, SerialSensor | NetFt)
 
 
-def open_sensor(test_stand: StandConfig, row: int, scan_source: ScanSource) -> StandSensor:
+def open_sensor(test_stand: StandConfig, row: int, scan_source: ScanSource) -> ReferenceSensor:
     """Open the reference force sensor of a test stand.
 
     Args:
@@ -82,27 +76,29 @@ def open_sensor(test_stand: StandConfig, row: int, scan_source: ScanSource) -> S
         case SerialSensor() as sensor:
             link = SerialLink(sensor.device, sensor.baud, scan_source.clock)
             stream = _sample_stream(sensor.device, test_stand, sensor.rate_hz, sensor.unit_per_count)
-            return SerialReference(link, _record_decoder(sensor.framing), stream, sensor.start.encode())
+            return SerialReference(
+                link, LineDecoder(sensor.columns, sensor.separator), stream, sensor.start.encode()
+            )
         case NetFt() as sensor:
             name = f"{sensor.host}:{sensor.port}"
             stream = _sample_stream(name, test_stand, sensor.rate_hz, 1 / sensor.counts_per_force)
             return NetFtReference(sensor.host, sensor.port, stream)
         case FileSensor() as sensor:
             return FileReference(_read_recorded_reference(Path(sensor.path), test_stand))
-        case SimulatedForceSensor() as sensor:
+        case SimulatedSensor() as sensor:
             true_force_n_at = scan_source.true_force_n_at
             if true_force_n_at is None:
                 raise ConfigError(
                     "sensor.kind: simulated needs a simulated foot; this configuration names real buses"
                 )
-            port = simulated.SimulatedForceSensor(
+            port = SimulatedForceSensor(
                 lambda t_ns: true_force_n_at(t_ns)[row],
                 scan_source.clock,
                 sensor.seed,
                 sensor.linearity_rel,
             )
-            stream = _sample_stream("simulated sensor", test_stand, simulated.SAMPLE_RATE_HZ, 1.0)
-            return SerialReference(port, TextRecordDecoder(simulated.LINE_COLUMNS, ","), stream, b"start")
+            stream = _sample_stream("simulated sensor", test_stand, SAMPLE_RATE_HZ, 1.0)
+            return SerialReference(port, LineDecoder(LINE_COLUMNS, ","), stream, b"start")
 
 
 def _sample_stream(name: str, test_stand: StandConfig, rate_hz: float, unit_per_count: float) -> SampleStream:
@@ -115,13 +111,6 @@ def _sensor_mounting(test_stand: StandConfig, unit_per_count: float) -> SensorMo
     """Return the conversion from sensor readings to the force on the foot."""
     axes = msgspec.structs.asdict(test_stand.axes)
     return SensorMounting(axes, test_stand.mount_deg, test_stand.units, unit_per_count, test_stand.rated)
-
-
-def _record_decoder(framing: LineFraming | BinaryFraming) -> RecordDecoder:
-    """Return the decoder for a sensor's records."""
-    if isinstance(framing, LineFraming):
-        return TextRecordDecoder(framing.columns, framing.separator)
-    return BinaryDecoder(framing.columns, framing.layout, bytes.fromhex(framing.sync), framing.checksum)
 
 
 def _read_recorded_reference(path: Path, test_stand: StandConfig) -> ReferenceSamples:

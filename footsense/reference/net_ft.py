@@ -16,14 +16,12 @@ import socket
 import struct
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.errors import ReferenceSensorError
-from footsense.frames import Mask, ReferenceSamples
-from footsense.reference.record_decoder import SensorRecords
+from footsense.frames import ReferenceSamples
 from footsense.reference.sample_stream import SampleStream
+from footsense.reference.sample_times import SensorRecords
 
-RDT_PORT = 49_152
 _REQUEST_STRUCT = struct.Struct(">HHI")
 _HEADER, _STOP, _START = 0x1234, 0x0000, 0x0002
 _RECORD_DTYPE = np.dtype(
@@ -34,16 +32,6 @@ _REQUEST_RETRY_NS = 1_000_000_000
 _MAX_PACKETS_PER_READ = 4096
 
 _log = logging.getLogger(__name__)
-
-
-def rdt_request(command: int) -> bytes:
-    """Return the RDT request packet of a command: start streaming (2) or stop (0).
-
-    Example:
-        >>> rdt_request(2).hex()
-        '1234000200000000'
-    """
-    return _REQUEST_STRUCT.pack(_HEADER, command, 0)
 
 
 class NetFtReference:
@@ -74,7 +62,7 @@ class NetFtReference:
                 f"{self._name}: {error.strerror or error}; give the sensor's address"
             ) from None
         self._socket.setblocking(False)
-        self._requested_ns: int | None = None
+        self._heard_ns: int | None = None
         self._last_rdt: int | None = None
         self._unwrapped = 0
         self._bad = b""
@@ -87,18 +75,19 @@ class NetFtReference:
             ReferenceSensorError: The received data are not RDT records.
         """
         packets = self._receive_packets()
-        good = [packet for packet in packets if len(packet) % _RECORD_DTYPE.itemsize == 0]
-        for packet in packets:
-            if len(packet) % _RECORD_DTYPE.itemsize:
-                self.statistics.n_bad_records, self._bad = self.statistics.n_bad_records + 1, packet[:40]
-        records = self._drop_late_records(np.frombuffer(b"".join(good), _RECORD_DTYPE))
+        whole = [packet for packet in packets if len(packet) % _RECORD_DTYPE.itemsize == 0]
+        if len(whole) < len(packets):
+            self.statistics.n_bad_records += len(packets) - len(whole)
+            self._bad = next(packet[:40] for packet in packets if packet not in whole)
+        records = self._drop_late_records(np.frombuffer(b"".join(whole), _RECORD_DTYPE))
         # If all records come late, the sensor has restarted its sequence at the request of another client.
-        silent = self._requested_ns is None or now_ns - self._requested_ns > _REQUEST_RETRY_NS
-        if self._requested_ns is None or (silent and not len(records.raw_forces)):
+        if self._heard_ns is None or (
+            not len(records.raw_forces) and now_ns - self._heard_ns > _REQUEST_RETRY_NS
+        ):
             self._request_stream()
-            self._requested_ns = now_ns
+            self._heard_ns = now_ns
         elif len(records.raw_forces):
-            self._requested_ns = now_ns
+            self._heard_ns = now_ns
         return self._stream.convert(records, sum(map(len, packets)), now_ns, self._bad)
 
     def close(self) -> None:
@@ -107,7 +96,6 @@ class NetFtReference:
         self._socket.close()
 
     def _request_stream(self) -> None:
-        """Send the request to start streaming."""
         if self.statistics.n_stream_starts:
             self._stream.restart_clock_sync()
             self._last_rdt = None
@@ -115,9 +103,8 @@ class NetFtReference:
         self._send(_START)
 
     def _send(self, command: int) -> None:
-        """Send an RDT request; a failure is only logged."""
         try:
-            self._socket.send(rdt_request(command))
+            self._socket.send(_REQUEST_STRUCT.pack(_HEADER, command, 0))
         except OSError as error:  # it is requested again, and the stream logs the silence
             _log.info("%s: %s", self._name, error.strerror)
 
@@ -139,31 +126,21 @@ class NetFtReference:
         return packets
 
     def _drop_late_records(self, records: np.ndarray[tuple[int], np.dtype[np.void]]) -> SensorRecords:
-        """Return the records without repeated and late ones, which are counted as bad."""
+        """Return the records without repeated and late ones, which are counted as bad; log the first faulty status."""
         sequence, keep = [], []
         for number in records["rdt"].tolist():
             step = 1 if self._last_rdt is None else (number - self._last_rdt) % (1 << 32)
-            late = step == 0 or step >= 1 << 31
-            keep.append(not late)
-            if not late:
+            is_late = step == 0 or step >= 1 << 31
+            keep.append(not is_late)
+            if not is_late:
                 self._last_rdt = number
                 self._unwrapped += step
                 sequence.append(self._unwrapped)
         self.statistics.n_bad_records += keep.count(False)
         kept = records[np.array(keep, np.bool_)]
-        return SensorRecords(
-            None,
-            np.array(sequence, np.int64),
-            kept["force"].astype(np.float64).reshape(-1, 3),
-            self._faulty_readings(kept["status"]),
-        )
-
-    def _faulty_readings(self, status: NDArray[np.uint32]) -> Mask:
-        """Return the mask of the readings that the sensor flags as faulty, and log their start."""
-        is_faulty: Mask = status != 0
-        now = int(status[is_faulty][0]) if is_faulty.any() else 0
-        if len(status):
-            if now and not self._status:
-                _log.warning("%s: status %#010x; its web page shows the cause", self._name, now)
-            self._status = now
-        return is_faulty
+        for status in kept["status"].tolist():
+            if status and not self._status:
+                _log.warning("%s: status %#010x; its web page shows the cause", self._name, status)
+            self._status = status
+        forces = kept["force"].astype(np.float64).reshape(-1, 3)
+        return SensorRecords(None, np.array(sequence, np.int64), forces, kept["status"] != 0)

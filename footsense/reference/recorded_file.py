@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from footsense.errors import ReferenceSensorError
-from footsense.frames import ReferenceSamples, Vector
-from footsense.reference.record_columns import NS_PER_TIME_COLUMN_UNIT, max_plausible_magnitude
+from footsense.frames import ReferenceSamples, SensorStatistics
 from footsense.reference.sensor_mounting import SensorMounting
-from footsense.reference.sensor_statistics import SensorStatistics
+from footsense.reference.serial_sensor import NS_PER_TIME_COLUMN_UNIT, plausible_values
 
 #: Longest line that is read [characters]; a file without line ends would else be read whole.
 _MAX_LINE_CHARACTERS = 10_000
@@ -58,19 +57,26 @@ def read_csv(path: Path, mounting: SensorMounting, latency_ns: int) -> Reference
     Raises:
         ReferenceSensorError: A column is missing, a line is no sample, or the times do not increase.
     """
+    samples = []
     try:
         with path.open(newline="", encoding="utf-8") as file:
             lines = iter(partial(file.readline, _MAX_LINE_CHARACTERS), "")
             rows = csv.DictReader(lines, skipinitialspace=True)
-            names = [name.strip() for name in rows.fieldnames or ()]
+            rows.fieldnames = names = [name.strip() for name in rows.fieldnames or ()]
             time = next((name for name in NS_PER_TIME_COLUMN_UNIT if name in names), None)
             if time is None or not {"fx", "fy", "fz"} <= set(names):
                 wanted = f"one of {', '.join(NS_PER_TIME_COLUMN_UNIT)}, and fx, fy, fz"
                 raise ReferenceSensorError(
                     f"{path}: its first line names {', '.join(names)[:60]}; it needs {wanted}"
                 )
-            rows.fieldnames = names
-            samples = [_parse_sample(path, rows.line_num, row, time) for row in rows]
+            columns = (time, "fx", "fy", "fz")
+            for row in rows:
+                sample = plausible_values(columns, [row[column] for column in columns])
+                if sample is None:
+                    raise ReferenceSensorError(
+                        f"{path}, line {rows.line_num}: is not four numbers that a sensor can send"
+                    )
+                samples.append(sample)
     except OSError as error:
         raise ReferenceSensorError(f"{path}: cannot be read: {error.strerror}") from None
     except (UnicodeDecodeError, csv.Error) as error:
@@ -81,20 +87,3 @@ def read_csv(path: Path, mounting: SensorMounting, latency_ns: int) -> Reference
         raise ReferenceSensorError(f"{path}: holds no samples, or not in the order of their times")
     force_n, saturated = mounting.to_foot_force_n(values[:, 1:])
     return ReferenceSamples(t_ns - latency_ns, force_n, saturated)
-
-
-def _parse_sample(path: Path, line: int, row: dict[str, str], time: str) -> Vector:
-    """Return time and forces of one CSV row, shape (4,).
-
-    Raises:
-        ReferenceSensorError: They are not four plausible numbers.
-    """
-    columns = (time, "fx", "fy", "fz")
-    try:
-        values = np.array([row[column] for column in columns], dtype=np.float64)
-    except (TypeError, ValueError):
-        values = np.full(4, np.nan)
-    # A NaN fails every comparison.
-    if not (np.abs(values) <= [max_plausible_magnitude(column) for column in columns]).all():
-        raise ReferenceSensorError(f"{path}, line {line}: is not four numbers that a sensor can send")
-    return values

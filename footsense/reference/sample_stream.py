@@ -5,11 +5,9 @@ import logging
 import numpy as np
 
 from footsense.errors import ReferenceSensorError
-from footsense.frames import ReferenceSamples
-from footsense.reference.record_decoder import SensorRecords
-from footsense.reference.sample_times import SampleTimes
+from footsense.frames import ReferenceSamples, SensorStatistics
+from footsense.reference.sample_times import SampleTimes, SensorRecords
 from footsense.reference.sensor_mounting import SensorMounting
-from footsense.reference.sensor_statistics import SensorStatistics
 
 #: Silence that is logged, and silence from the start on that is an error [ns].
 _SILENCE_WARNING_NS = 500_000_000
@@ -71,25 +69,20 @@ class SampleStream:
         """Update the counts, log the start and end of silence, and check that a first record arrives."""
         if self._heard_ns is None:
             self._heard_ns = now_ns
-        counts, times = self.statistics, self._times
+        counts, times, waited_ns = self.statistics, self._times, now_ns - self._heard_ns
         counts.n_samples += n
         counts.n_missing, counts.clock_fit_residual_ms = times.n_missing, times.clock_fit_residual_ns * 1e-6
         self._n_bytes += n_bytes
         if counts.n_samples == 0:
-            self._check_first_record_arrived(now_ns - self._heard_ns, example)
+            self._check_first_record_arrived(waited_ns, example)
         elif n:
             if self._silent:
                 missing = counts.n_missing - self._n_missing_before
                 _log.warning("%s: sends again; %d samples are missing", self._name, missing)
-            self._heard_ns, self._silent = now_ns, False
-            self._n_missing_before = counts.n_missing
-        elif now_ns - self._heard_ns > _SILENCE_WARNING_NS and not self._silent:
+            self._heard_ns, self._silent, self._n_missing_before = now_ns, False, counts.n_missing
+        elif waited_ns > _SILENCE_WARNING_NS and not self._silent:
             self._silent = True
-            _log.warning(
-                "%s: no sample for %g s; the recording goes on without",
-                self._name,
-                _SILENCE_WARNING_NS * 1e-9,
-            )
+            _log.warning("%s: no sample for 0.5 s; the recording goes on without", self._name)
         if times.n_clock_jumps > counts.n_clock_jumps:
             counts.n_clock_jumps = times.n_clock_jumps
             _log.warning("%s: its clock has jumped; the clock map restarts", self._name)
@@ -100,15 +93,14 @@ class SampleStream:
         Raises:
             ReferenceSensorError: It sends something else, or nothing for too long.
         """
-        if self._n_bytes > _MAX_BYTES_WITHOUT_RECORD or (
-            self._n_bytes and waited_ns > _FIRST_RECORD_TIMEOUT_NS
-        ):
+        is_late = waited_ns > _FIRST_RECORD_TIMEOUT_NS
+        if self._n_bytes > _MAX_BYTES_WITHOUT_RECORD or (self._n_bytes and is_late):
             raise ReferenceSensorError(
                 f"{self._name}: no record in {self._n_bytes} bytes, such as {example!r}; "
-                "baud, framing and columns have to be the sensor's"
+                "baud, columns and separator have to be the sensor's"
             )
-        if waited_ns > _FIRST_RECORD_TIMEOUT_NS:
+        if is_late:
             raise ReferenceSensorError(
-                f"{self._name}: nothing arrives for {_FIRST_RECORD_TIMEOUT_NS * 1e-9:g} s; is it switched on, does it "
-                "need a start command (`start`), is the baud rate its own?"
+                f"{self._name}: nothing arrives for 3 s; is it switched on, does it need a start command (`start`), "
+                "is the baud rate its own?"
             )

@@ -7,18 +7,34 @@ count is corrected when samples are lost.
 """
 
 from collections import deque
+from typing import NamedTuple
 
 import numpy as np
 
 from footsense.clock_map import ClockMap
-from footsense.frames import Stamps
-from footsense.reference.record_decoder import SensorRecords
+from footsense.frames import Mask, Stamps, Vector
 
 _NS_PER_S = 1_000_000_000
 #: Reads in a row whose newest sample is late before counted samples are taken as missing.
 _N_LATE_READS_FOR_LOSS = 8
 #: Lateness that a miscount causes, in periods: a sample that has just arrived is up to one period old.
 _MIN_LATENESS_PERIODS = 1.05
+
+
+class SensorRecords(NamedTuple):
+    """Decoded records of a force sensor: times, sequence numbers, raw values; oldest first.
+
+    Attributes:
+        t_sensor_ns: Time of each by the sensor's clock [ns], shape (n,), int64; None if it sends none.
+        sequence: Sequence numbers, shape (n,), int64; None if it sends none.
+        raw_forces: Forces as sent, shape (n, 3).
+        saturated: Whether the sensor flags them as saturated, shape (n,).
+    """
+
+    t_sensor_ns: Stamps | None
+    sequence: Stamps | None
+    raw_forces: Vector
+    saturated: Mask
 
 
 class SampleTimes:
@@ -79,40 +95,24 @@ class SampleTimes:
                 numbers = records.sequence.tolist()
             sensor_times_ns = [round(number * self._period_ns) for number in numbers]
             self._count += n
-        # By the sensor's clock, relative to the newest, which alone has just arrived.
-        from_arrival_ns = [arrival_ns - (sensor_times_ns[-1] - t_ns) for t_ns in sensor_times_ns]
-        if self._last is None or self._restarted:
+        is_first = self._last is None or self._restarted
+        if is_first:
             self._map.map(sensor_times_ns[-1], arrival_ns)
-            daemon_times_ns, is_restart = from_arrival_ns, [True] + [False] * (n - 1)
-            self._restarted = False
-        else:
-            daemon_times_ns, is_restart = [], []
-            for t_ns in sensor_times_ns:
-                jumps = self._map.restarts
-                daemon_times_ns.append(self._map.map(t_ns, arrival_ns))
-                is_restart.append(self._map.restarts != jumps)
-        self._count_missing(sensor_times_ns, daemon_times_ns, from_arrival_ns, is_restart)
-        self._last = sensor_times_ns[-1], daemon_times_ns[-1]
+        daemon_times_ns: list[int] = []
+        for t_ns in sensor_times_ns:
+            # By the sensor's clock, relative to the newest, which alone has just arrived.
+            from_arrival_ns = arrival_ns - (sensor_times_ns[-1] - t_ns)
+            jumps = self._map.restarts
+            ours_ns = from_arrival_ns if is_first else self._map.map(t_ns, arrival_ns)
+            if self._last is not None:  # across a jump the daemon's clock counts
+                jumped = self._restarted or self._map.restarts != jumps
+                since_ns = from_arrival_ns - self._last[1] if jumped else t_ns - self._last[0]
+                self.n_missing += max(round(since_ns / self._period_ns) - 1, 0)
+            self._last, self._restarted = (t_ns, ours_ns), False
+            daemon_times_ns.append(ours_ns)
         if counted:
             self._skip_lost_sample_numbers(arrival_ns - daemon_times_ns[-1])
         return np.array(daemon_times_ns, np.int64) - self._latency_ns
-
-    def _count_missing(
-        self,
-        sensor_times_ns: list[int],
-        daemon_times_ns: list[int],
-        from_arrival_ns: list[int],
-        is_restart: list[bool],
-    ) -> None:
-        """Count missing samples by gaps of the sensor's clock; across a jump, by the daemon's clock."""
-        before = self._last
-        for t_theirs_ns, t_ours_ns, t_waited_ns, restarted in zip(
-            sensor_times_ns, daemon_times_ns, from_arrival_ns, is_restart, strict=True
-        ):
-            if before is not None:
-                since_ns = t_waited_ns - before[1] if restarted else t_theirs_ns - before[0]
-                self.n_missing += max(round(since_ns / self._period_ns) - 1, 0)
-            before = t_theirs_ns, t_ours_ns
 
     def _skip_lost_sample_numbers(self, late_ns: int) -> None:
         """Skip the numbers of lost samples, if the newest counted sample was late in several reads in a row."""

@@ -14,7 +14,7 @@ from footsense.calibration.session.recorded_session import RecordedSession, read
 from footsense.clock import stopwatch_ns
 from footsense.config import Config
 from footsense.config.sections import Bus, Can
-from footsense.config.test_stand import Axes, SimulatedForceSensor, StandConfig
+from footsense.config.test_stand import Axes, SimulatedSensor, StandConfig
 from footsense.daemon.acquisition import open_scan_source
 from footsense.daemon.foot_types import DEFAULT_FOOT_TYPE
 from footsense.daemon.service import open_service
@@ -131,7 +131,7 @@ def _record_session(
     )
     x_gf, y_gf, z_gf = RATED_GF.tolist()
     test_stand = StandConfig(
-        sensor=SimulatedForceSensor(seed=seed),
+        sensor=SimulatedSensor(seed=seed),
         axes=Axes(x="-x", y="-y", z="-z"),
         units="gf",
         rated=(x_gf, y_gf, z_gf),

@@ -3,7 +3,6 @@
 import hashlib
 import json
 import socket
-import struct
 from pathlib import Path
 
 import msgspec
@@ -20,27 +19,23 @@ from footsense.daemon.foot_types import DEFAULT_FOOT_TYPE
 from footsense.foot.files.calibration_format import MANIFEST, PARAMETERS, Manifest
 from footsense.foot.files.calibration_reader import read_calibration
 from footsense.frames import Reading, ReferenceSamples
-from footsense.reference.binary_decoder import BinaryDecoder
 from footsense.reference.net_ft import NetFtReference
-from footsense.reference.record_decoder import RecordDecoder
 from footsense.reference.recorded_file import read_csv
 from footsense.reference.sample_stream import SampleStream
 from footsense.reference.sample_times import SampleTimes
 from footsense.reference.sensor_mounting import SensorMounting
-from footsense.reference.text_decoder import TextRecordDecoder
+from footsense.reference.serial_sensor import LineDecoder
 from footsense.sim.clock import VirtualClock
 from tests.fuzz.outcome import TRIED, refusal
 from tests.fuzz.test_texts import anything, texts
 from tests.support.calibrations import content
 
-SYNC = b"\xaa"
 MOUNTING = SensorMounting({"x": "x", "y": "y", "z": "z"}, (0.0, 0.0, 0.0), "gf", 1.0, (100, 100, 100))
 LINES = [
     ("time_s", "fx", "fy", "fz"),
     ("time_us", "-", "fx", "fy", "fz"),
     ("sequence", "fx", "fy", "fz", "saturated"),
 ]
-LAYOUTS = ["<Qhhh", "<dfff", "<qddd", "<bhhh", "<Ihhh"]
 
 numbers = st.sampled_from(
     ["0", "1", "-7.5", "1e300", "-1e308", "9" * 400, "9e18", "1e10", "nan", "inf", "", "\x00", "1_0", "0x1"]
@@ -51,7 +46,7 @@ def stream() -> SampleStream:
     return SampleStream("sensor", MOUNTING, SampleTimes(200.0, 0))
 
 
-def played(decoder: RecordDecoder, pieces: list[bytes]) -> None:
+def played(decoder: LineDecoder, pieces: list[bytes]) -> None:
     """Play bytes to a decoder, look by look: what comes of them are numbers, or it is refused in a line."""
     sensor = stream()
 
@@ -76,18 +71,7 @@ def test_any_lines(data: st.DataObject, columns: tuple[str, ...]) -> None:
     lines = data.draw(
         st.lists(line.map(lambda text: text.encode() + b"\n") | st.binary(max_size=30), max_size=20)
     )
-    played(TextRecordDecoder(columns, ","), lines)
-
-
-@given(st.data(), st.sampled_from(LAYOUTS), st.sampled_from(["none", "sum8", "crc16"]))
-@TRIED
-def test_any_binary_records(data: st.DataObject, layout: str, checksum: str) -> None:
-    """Records of right length with anything in them, and what is none between them."""
-    size = struct.calcsize(layout)
-    body = st.binary(min_size=size, max_size=size) | st.sampled_from([bytes(size), b"\xff" * size])
-    pieces = data.draw(st.lists(body.map(lambda data: SYNC + data) | st.binary(max_size=20), max_size=20))
-    name = "sequence" if layout == "<qddd" else "time_ms"
-    played(BinaryDecoder((name, "fx", "fy", "fz"), layout, SYNC, checksum), pieces)
+    played(LineDecoder(columns, ","), lines)
 
 
 @given(st.lists(st.binary(max_size=120) | st.binary(min_size=36, max_size=36), max_size=8))

@@ -14,7 +14,7 @@ from footsense.daemon.service import open_service
 from footsense.foot.parameters import FootParameters
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
-from footsense.frames import ReferenceSamples
+from footsense.frames import ReferenceSamples, SensorStatistics
 from footsense.sim.foot.fabrication import draw_deviations
 from footsense.sim.scene import Fabrication, Scene
 from footsense.sim.scene_loads import CalibrationLoads
@@ -31,6 +31,7 @@ class ExactReference:
     """A reference sensor that says what the foot feels, 200 times a second."""
 
     def __init__(self, true_force_n_at: Felt) -> None:
+        self.statistics = SensorStatistics()
         self._true_force_n_at = true_force_n_at
         self._next_ns = 0
 

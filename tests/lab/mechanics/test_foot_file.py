@@ -41,7 +41,6 @@ TEXT = (RELEASED / FOOT_FILE).read_text()
             "sheet_mm: 15",
             ":6: sheet_mm: the corners .* overhang a ball .* less than 14.14",
         ),
-        ("pitch_mm: 5", "rows: 5\npitch_mm: 5", ":9: rows: .*the converter has four channels"),
         ("gap_um: 20", "gap_um: 40", ":11: gap_um: a gap of 40 um is thicker than the spacer of 37 um"),
         ("spacer_mm: 0.037", "spacer_mm: 0.05", ":8: spacer_mm: .* which fill 37 um; use at most 0.037"),
         ("max_n: 2.0", "max_n: 20", ":21: loads.max_n: 20 N flatten 16 deg .* use at most 10.6"),

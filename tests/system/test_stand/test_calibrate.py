@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from footsense.cli.calibration import calibrate
 from footsense.config import Config
 from footsense.config.sections import Bus, Can, Tare
-from footsense.config.test_stand import Axes, SimulatedForceSensor, StandConfig
+from footsense.config.test_stand import Axes, SimulatedSensor, StandConfig
 from footsense.daemon.service import open_service
 from footsense.daemon.test_stand import StandSession
 from footsense.errors import CalibrationError
@@ -30,7 +30,7 @@ from tests.system.simulated_test_stand import MADE, presses
 pytestmark = pytest.mark.slow
 
 STAND = StandConfig(
-    sensor=SimulatedForceSensor(seed=1, linearity_rel=0.0),
+    sensor=SimulatedSensor(seed=1, linearity_rel=0.0),
     axes=Axes(x="-x", y="-y", z="-z"),
     units="gf",
     rated=(4000.0, 4000.0, 8000.0),

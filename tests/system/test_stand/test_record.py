@@ -102,7 +102,7 @@ def test_a_reference_that_contradicts_the_foot_is_reported(tmp_path: Path) -> No
         (
             SENSOR.replace(
                 "kind: simulated, linearity_rel: 0.0",
-                "kind: serial, device: /dev/none, rate_hz: 200, framing: {kind: lines, columns: [fx, fy, fz]}",
+                "kind: serial, device: /dev/none, rate_hz: 200, columns: [fx, fy, fz]",
             ),
             ("--foot", "foot-0007"),
             69,
@@ -158,7 +158,7 @@ def test_a_terminal_and_a_sensor_on_a_line(tmp_path: Path) -> None:
     line, its_end = os.openpty()
     tty.setraw(its_end)
     described = f"""kind: serial, device: {os.ttyname(its_end)}, rate_hz: 200, start: "S\\r\\n",
-      framing: {{kind: lines, columns: [time_us, fx, fy, fz]}}"""
+      columns: [time_us, fx, fy, fz]"""
     file = stand(tmp_path, SENSOR.replace("kind: simulated, linearity_rel: 0.0", described))
     process, terminal = on_a_terminal(
         *("record", "--reference", file, "--foot", "foot-0007", "--scene", path, "--loads", "50", out)

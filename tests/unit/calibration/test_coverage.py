@@ -8,7 +8,7 @@ import pytest
 
 from footsense.calibration.session.coverage import MIN_ELEVATION_DEG, Coverage
 from footsense.calibration.session.reference_checks import reference_findings
-from footsense.config.test_stand import Axes, SimulatedForceSensor, StandConfig
+from footsense.config.test_stand import Axes, SimulatedSensor, StandConfig
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.reference.sensor_mounting import NEWTONS_PER_UNIT, SensorMounting
 from footsense.sim.test_stand.press_sequence import paper_presses
@@ -70,7 +70,7 @@ def judged(
     reading_n: object, estimate_n: object, units: str, axes: list[str], mount_deg: tuple[float, ...]
 ) -> list[str]:
     described: dict[str, Any] = {
-        "sensor": SimulatedForceSensor(),
+        "sensor": SimulatedSensor(),
         "rated": (1.0, 1.0, 1.0),
         "units": units,
         "mount_deg": mount_deg,

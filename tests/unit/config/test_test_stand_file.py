@@ -1,13 +1,11 @@
 """The file that describes a test stand: what is right is read, what is wrong is one line."""
 
-import struct
 from pathlib import Path
 
 import pytest
 
-from footsense.config.test_stand import SerialSensor, SimulatedForceSensor, load_test_stand
+from footsense.config.test_stand import SerialSensor, SimulatedSensor, load_test_stand
 from footsense.errors import ConfigError
-from footsense.reference.record_columns import integer_widths_bits
 
 DEPLOY = Path(__file__).parents[3] / "deploy"
 
@@ -16,7 +14,7 @@ sensor:
   kind: serial
   device: /dev/ttyUSB0
   rate_hz: 200
-  framing: {kind: binary, columns: [time_us, fx, fy, fz], layout: "<Ihhh", sync: AA55, checksum: sum8}
+  columns: [time_us, fx, fy, fz]
 units: kgf
 rated: [4, 4, 8]
 axes: {x: -x, y: -y, z: -z}
@@ -26,7 +24,7 @@ axes: {x: -x, y: -y, z: -z}
 def test_the_files_that_come_with_footsense_are_right() -> None:
     """Both load; the simulated one is for the simulated sensor."""
     assert isinstance(load_test_stand(DEPLOY / "test-stand.yaml").sensor, SerialSensor)
-    assert isinstance(load_test_stand(DEPLOY / "test-stand-simulated.yaml").sensor, SimulatedForceSensor)
+    assert isinstance(load_test_stand(DEPLOY / "test-stand-simulated.yaml").sensor, SimulatedSensor)
 
 
 @pytest.mark.parametrize(
@@ -35,13 +33,10 @@ def test_the_files_that_come_with_footsense_are_right() -> None:
         ("y: -y", "y: -x", ":9: axes: -x, -x, -z names an axis of the sensor twice"),
         ("z: -z", "z: down", "axes.z"),
         ("kgf", "kg", "units: 'kg' is none of N, gf, kgf, lbf, mN; did you mean kgf?"),
-        ("fx, fy, fz]", "fx, fy, mz]", "sensor.framing.columns"),
-        ("[time_us, fx, fy, fz]", "[time_us, fx, fy, '-']", "sensor.framing.columns: no column is fz"),
-        ("[time_us, fx, fy, fz]", "[fx, fx, fy, fz]", "sensor.framing.columns: name one thing twice"),
-        ("[time_us, fx", "[time_us, time_ms, fx", "sensor.framing.columns: name one thing twice"),
-        ("<Ihhh", "<Ihh", "sensor.framing.layout: has 3 values, but there are 4 columns"),
-        ("<Ihhh", "<I3s", "sensor.framing.layout: '<I3s' is no layout of numbers: 's' is no number"),
-        ("AA55", "A", "sensor.framing.sync"),
+        ("fx, fy, fz]", "fx, fy, mz]", "sensor.columns"),
+        ("[time_us, fx, fy, fz]", "[time_us, fx, fy, '-']", "sensor.columns: no column is fz"),
+        ("[time_us, fx, fy, fz]", "[fx, fx, fy, fz]", "sensor.columns: name one thing twice"),
+        ("[time_us, fx", "[time_us, time_ms, fx", "sensor.columns: name one thing twice"),
         (
             "kind: serial",
             "kind: can",
@@ -59,10 +54,3 @@ def test_what_is_wrong_is_one_line(tmp_path: Path, right: str, wrong: str, says:
         load_test_stand(path)
     assert says in str(raised.value)
     assert "\n" not in str(raised.value)
-
-
-@pytest.mark.parametrize("layout", ["Bi", "<", "<4", "<x", "<hs", "<999999999b", "hello", ""])
-def test_a_layout_that_is_none_is_refused(layout: str) -> None:
-    """Gaps that alignment would put in are refused, too."""
-    with pytest.raises(struct.error):
-        integer_widths_bits(layout)

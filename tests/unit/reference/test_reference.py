@@ -1,26 +1,26 @@
 """Records of a force sensor become forces on the foot in the daemon's time; missing ones are counted."""
 
-import binascii
 import socket
 import struct
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
+from footsense.config import DEFAULT
+from footsense.daemon.service import open_service
 from footsense.errors import ReferenceSensorError
-from footsense.reference.binary_decoder import CHECKSUMS, BinaryDecoder
-from footsense.reference.net_ft import NetFtReference, rdt_request
-from footsense.reference.record_decoder import RecordDecoder, SensorRecords
+from footsense.frames import Cycle, ReferenceSamples
+from footsense.ports import SerialPort
+from footsense.reference.net_ft import NetFtReference
 from footsense.reference.recorded_file import FileReference, read_csv
 from footsense.reference.sample_stream import SampleStream
-from footsense.reference.sample_times import SampleTimes
+from footsense.reference.sample_times import SampleTimes, SensorRecords
 from footsense.reference.sensor_mounting import NEWTONS_PER_UNIT, SensorMounting
-from footsense.reference.serial_sensor import SerialReference
-from footsense.reference.text_decoder import TextRecordDecoder
+from footsense.reference.serial_sensor import LineDecoder, SerialReference
 from footsense.sim.clock import VirtualClock
+from footsense.sim.scene_files import load_scene
 from footsense.sim.test_stand.reference_sensor import (
     LINE_COLUMNS,
     LINE_TRANSMISSION_NS,
@@ -30,71 +30,11 @@ from footsense.sim.test_stand.reference_sensor import (
 
 AGAINST = {"x": "-x", "y": "-y", "z": "-z"}
 PERIOD_NS = 5_000_000
-SYNC = b"\xaa\x55"
-layout = struct.Struct("<Ihhh")
-
-records = st.lists(
-    st.tuples(st.integers(0, 2**32 - 1), *[st.integers(-(2**15), 2**15 - 1)] * 3), min_size=1, max_size=8
-)
-
-
-def packed(record: tuple[int, ...], checksum: str) -> bytes:
-    body = layout.pack(*record)
-    n, of = CHECKSUMS[checksum]
-    return SYNC + body + of(body).to_bytes(n, "little")
-
-
-def fed(decoder: RecordDecoder, stream: bytes, piece: int) -> list[SensorRecords]:
-    return [decoder.feed(stream[at : at + piece]) for at in range(0, len(stream), piece)]
-
-
-@given(records, st.integers(1, 40), st.sampled_from(["none", "sum8", "xor8", "crc16"]))
-def test_binary_records_come_out_as_they_went_in(
-    sent: list[tuple[int, ...]], piece: int, checksum: str
-) -> None:
-    """In whatever pieces they arrive; without a checksum, each waits for the next one's sync bytes."""
-    decoder = BinaryDecoder(("time_us", "fx", "fy", "fz"), "<Ihhh", SYNC, checksum)
-    stream = b"".join(packed(record, checksum) for record in sent) + (SYNC if checksum == "none" else b"")
-    rows = fed(decoder, stream, piece)
-    assert np.concatenate([part.raw_forces for part in rows]).tolist() == [
-        list(record[1:]) for record in sent
-    ]
-    assert decoder.n_bad == 0
-
-
-@given(st.binary(max_size=60), records, st.integers(1, 30))
-def test_garbage_between_binary_records_is_skipped_and_counted(
-    garbage: bytes, sent: list[tuple[int, ...]], piece: int
-) -> None:
-    """A record behind any bytes is found, and none is made of them."""
-    decoder = BinaryDecoder(("time_us", "fx", "fy", "fz"), "<Ihhh", SYNC, "crc16")
-    whole = [packed(record, "crc16") for record in sent]
-    # But for what begins like a record and is none by a chance of 2^-16.
-    garbage = garbage.replace(b"\xaa", b"")
-    rows = fed(decoder, whole[0] + garbage + b"".join(whole[1:]), piece)
-    assert np.concatenate([part.raw_forces for part in rows]).tolist() == [
-        list(record[1:]) for record in sent
-    ]
-    assert decoder.n_bad == (len(sent) > 1 and bool(garbage))
-
-
-def test_crc16_is_ccitt_false() -> None:
-    """The check value of its definition."""
-    assert CHECKSUMS["crc16"][1](b"123456789") == binascii.crc_hqx(b"123456789", 0xFFFF) == 0x29B1
-
-
-def test_counters_that_wrap_go_on() -> None:
-    """A microsecond counter of 32 bits wraps every 71.6 min; its time does not."""
-    decoder = BinaryDecoder(("time_us", "fx", "fy", "fz"), "<Ihhh", SYNC, "sum8")
-    counts = [(2**32 - 7000 + k * 5000) % 2**32 for k in range(4)]
-    rows = decoder.feed(b"".join(packed((count, 0, 0, 0), "sum8") for count in counts))
-    assert rows.t_sensor_ns is not None
-    assert np.diff(rows.t_sensor_ns).tolist() == [PERIOD_NS] * 3
 
 
 def test_lines_are_read_and_others_counted() -> None:
     """The first line may have begun before; a short line, a word and a NaN are none."""
-    decoder = TextRecordDecoder(("sequence", "-", "fx", "fy", "fz"), "")
+    decoder = LineDecoder(("sequence", "-", "fx", "fy", "fz"), "")
     text = b"7 8\r\n 1 x -2.5 1e-3 4\r\n2 ? 1 2\nfx fy fz a b\n3 0 nan 0 0\n4 0 0 0 1\n5 0"
     rows = decoder.feed(text)
     assert rows.raw_forces.tolist() == [[-2.5, 1e-3, 4.0], [0.0, 0.0, 1.0]]
@@ -102,17 +42,6 @@ def test_lines_are_read_and_others_counted() -> None:
     assert rows.sequence.tolist() == [1, 4]
     assert (decoder.n_bad, decoder.last_bad) == (3, b"3 0 nan 0 0")
     assert len(decoder.feed(b" 0 0 2\n").raw_forces) == 1
-
-
-@given(st.lists(st.binary(max_size=80), max_size=6))
-def test_no_bytes_crash_a_decoder(parts: list[bytes]) -> None:
-    """Neither of them, nor do they yield what is not finite."""
-    for decoder in (
-        TextRecordDecoder(("time_ms", "fx", "fy", "fz"), ","),
-        BinaryDecoder(("fx", "fy", "fz"), "<fff", b"\xaa", "none"),
-    ):
-        for part in parts:
-            assert np.isfinite(decoder.feed(part).raw_forces).all()
 
 
 def test_a_mounting_turns_scales_and_limits() -> None:
@@ -151,7 +80,7 @@ def simulated_stand(
     port = UnpluggableSensor(lambda _: np.array([0.0, 0.0, 1.0]), clock, 3, 0.0)
     reference = SerialReference(
         port,
-        TextRecordDecoder(columns, ","),
+        LineDecoder(columns, ","),
         stream_of(SampleTimes(SAMPLE_RATE_HZ, LINE_TRANSMISSION_NS)),
         b"S",
     )
@@ -243,9 +172,7 @@ def test_a_sensor_that_makes_no_sense_ends_the_run(sent: bytes, says: str) -> No
 
     clock, _, _ = simulated_stand()
     port = Port(lambda _: np.zeros(3), clock, 1)
-    reference = SerialReference(
-        port, TextRecordDecoder(LINE_COLUMNS, ","), stream_of(SampleTimes(200.0, 0)), b"S"
-    )
+    reference = SerialReference(port, LineDecoder(LINE_COLUMNS, ","), stream_of(SampleTimes(200.0, 0)), b"S")
     with pytest.raises(ReferenceSensorError, match=says):
         watched(clock, reference, 20.0)
 
@@ -287,7 +214,7 @@ def test_a_net_ft_stream_is_asked_for_and_read() -> None:
         reference = NetFtReference("127.0.0.1", sensor.getsockname()[1], stream)
         reference.read(0)
         asked, address = sensor.recvfrom(64)
-        assert asked == bytes.fromhex("1234000200000000") == rdt_request(2)
+        assert asked == bytes.fromhex("1234000200000000")
         for number, status in ((1, 0), (2, 0), (2, 0), (4, 0), (5, 0x80010000)):
             force = (0, 2_000_000, -3_000_000, 0, 0, 0)
             sensor.sendto(struct.pack(">III6i", number, 7 * number, status, *force), address)
@@ -299,7 +226,7 @@ def test_a_net_ft_stream_is_asked_for_and_read() -> None:
         figures = reference.statistics
         assert (figures.n_samples, figures.n_missing, figures.n_bad_records) == (4, 1, 2)
         reference.close()
-        assert sensor.recv(64) == rdt_request(0)
+        assert sensor.recv(64) == bytes.fromhex("1234000000000000")
 
 
 def test_a_net_ft_that_counts_anew_is_asked_again() -> None:
@@ -321,8 +248,54 @@ def test_a_net_ft_that_counts_anew_is_asked_again() -> None:
             said.append(len(reference.read(100_000_000 * (tenth + 1)).t_ns))
         assert said[:3] == [1, 1, 0]
         assert said[-6:] == [1] * 6
-        assert sensor.recvfrom(64)[0] == rdt_request(2)
+        assert sensor.recvfrom(64)[0] == bytes.fromhex("1234000200000000")
         reference.close()
+
+
+class Observed:
+    """An observer that hands on what it is shown."""
+
+    def __init__(self, observe: Callable[[Cycle], None]) -> None:
+        self.observe = observe
+
+    def close(self) -> None: ...
+
+
+class OwnSensor:
+    """A force sensor of one's own, as docs/calibrate-a-foot.md shows it: records of six bytes."""
+
+    def __init__(self, port: SerialPort, stream: SampleStream) -> None:
+        self._port, self._stream, self.statistics = port, stream, stream.statistics
+        self.close = port.close
+
+    def read(self, now_ns: int) -> ReferenceSamples:
+        data = self._port.read()
+        counts = np.frombuffer(data, "<i2").reshape(-1, 3)
+        records = SensorRecords(None, None, counts.astype(float), np.zeros(len(counts), bool))
+        return self._stream.convert(records, len(data), now_ns, data[:60])
+
+
+def test_a_sensor_of_ones_own_is_recorded_by_the_service() -> None:
+    """Its samples stand in the cycles, in newtons on the foot, at their times."""
+    with open_service(DEFAULT, load_scene("hanging"), real_time=False) as service:
+        clock = service.clock
+
+        class Port(SimulatedForceSensor):
+            def read(self) -> bytes:
+                return struct.pack("<3h", 0, 100, -200) * (clock.now_ns() > 10**7)
+
+        port = Port(lambda _: np.zeros(3), clock, 1)
+        mounting = SensorMounting(AGAINST, (0.0, 0.0, 0.0), "N", 0.01, (100, 100, 100))
+        service.reference = OwnSensor(port, SampleStream("own", mounting, SampleTimes(400.0, 0)))
+        cycles: list[Cycle] = []
+        service.observers.append(Observed(cycles.append))
+        service.run(until_ns=500_000_000)
+    samples = [cycle.reference for cycle in cycles if cycle.reference is not None]
+    assert len(samples) == len(cycles)
+    force_n = np.concatenate([part.force_n for part in samples])
+    assert len(force_n) > 100
+    assert np.unique(force_n, axis=0).tolist() == [[0.0, -1.0, 2.0]]
+    assert service.reference.statistics.n_samples == len(force_n)
 
 
 def test_a_file_is_played_from_the_first_scan_on(tmp_path: Path) -> None:
