@@ -14,12 +14,12 @@ from rich.console import Console, Group, RenderableType
 from rich.padding import Padding
 from rich.text import Text
 
-from firmware_interface.chips import ad7746, adg715, fdc1004
 from footsense.acquisition.probe.address_scan import AddressProbe
 from footsense.acquisition.probe.foot_check import FootScans
 from footsense.cli.options import config_option, json_option
 from footsense.cli.tables import EMPTY_CELL, Column, echo_json, figures_table, json_row, styled, table
 from footsense.config import DEFAULT, load_config
+from footsense.config.contradictions import CHIP_NAMES_BY_BOARD
 from footsense.daemon.probe.bus_probe import probe as probe_robot
 from footsense.daemon.probe.bus_probe import probe_adapters
 from footsense.daemon.probe.report import ProbedAdapter, ProbedBus, ProbedLeg, ProbeResult
@@ -31,12 +31,7 @@ from footsense.sim.scene_files import load_scene
 #: Exit code if there is a fault.
 _EXIT_CODE_FAULTY = 1
 _DEFAULT_SCENE = "hanging"
-_CHIP_NAMES = {
-    fdc1004.ADDRESS: "FDC1004",
-    ad7746.ADDRESS: "AD7746",
-    adg715.ADDRESS: "ADG715",
-    adg715.COLUMN_ADDRESS: "ADG715",
-}
+_CHIP_NAMES = {address: name for names in CHIP_NAMES_BY_BOARD.values() for address, name in names.items()}
 #: Width of one element's text, and space between two feet beside each other [characters].
 _ELEMENT_WIDTH = 7
 _FOOT_SPACING_CELLS = 3

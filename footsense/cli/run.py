@@ -14,7 +14,6 @@ from footsense.cli.tables import echo_json, figures_table
 from footsense.cli.view_process import serve_page, view_section_of_run
 from footsense.clock import process_age_ns, resident_mib
 from footsense.config import DEFAULT, load_config
-from footsense.config.operating_points import OPERATING_POINTS, at_operating_point
 from footsense.config.sections import View
 from footsense.daemon.service import open_service
 from footsense.daemon.simulation import is_simulated
@@ -49,13 +48,6 @@ class ProcessAgeAtFirstFrame(Observer):
     "scene_name",
     help="Simulate this scene: a name (tripod, measured_walk, hanging, faults) or a YAML file.",
 )
-@click.option(
-    "--operating-point",
-    type=click.Choice(list(OPERATING_POINTS)),
-    help="Conversion rate and rate of publishing by one name, instead of those of the file: "
-    + "; ".join(f"{name} for {point.purpose}" for name, point in OPERATING_POINTS.items())
-    + ".",
-)
 @options.duration_option("Stop after this time of the robot.")
 @click.option("--record", type=options.FILE, help="Record every reading and force to this .mcap file.")
 @options.can_log_option
@@ -72,7 +64,6 @@ class ProcessAgeAtFirstFrame(Observer):
 def run(
     config_file: Path | None,
     scene_name: str | None,
-    operating_point: str | None,
     duration_s: float,
     record: Path | None,
     can_log: Path | None,
@@ -86,8 +77,6 @@ def run(
     Without --config this is the built-in simulation of a walking robot.
     """
     config = load_config(config_file) if config_file else DEFAULT
-    if operating_point is not None:
-        config = at_operating_point(config, operating_point)
     if scene_name is None and is_simulated(config):
         scene_name = _DEFAULT_SCENE
     scene = load_scene(scene_name) if scene_name else None

@@ -2,28 +2,36 @@
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from ipaddress import IPv4Address, IPv6Address, ip_address
+from ipaddress import IPv4Address
 
+from firmware_interface.chips import ad7746, adg715, fdc1004
 from firmware_interface.wire_timing import can_bits_per_s
-from footsense.config.boards import BOARDS
-from footsense.config.schema import DEFAULT_PUBLISH_EVERY, Config
-from footsense.config.sections import PCA9685_ALLCALL_ADDRESS, Bus, Leg, Scan
+from footsense.config.schema import DEFAULT_PUBLISH_EVERY, RATES_BY_BOARD, Config
+from footsense.config.sections import PCA9685_ALLCALL_ADDRESS, Bus, Leg, Scan, Serial
 from footsense.strict_yaml import Problem
 
+#: Names of the chips on a leg's segment by their 7-bit address, of each board.
+CHIP_NAMES_BY_BOARD: Mapping[str, Mapping[int, str]] = {
+    "fdc1004": {fdc1004.ADDRESS: "FDC1004", adg715.ADDRESS: "ADG715"},
+    "ad7746": {ad7746.ADDRESS: "AD7746", adg715.ADDRESS: "ADG715", adg715.COLUMN_ADDRESS: "second ADG715"},
+}
 #: Largest share of the CAN bit rate for all frames of footsense; the rest is the robot's.
 _MAX_CAN_LOAD_REL = 0.7
 #: Supply of the bus, the voltage of a low line, and the current that a chip sinks at it.
 _SUPPLY_V, _LOW_V, _SINK_MA = 3.3, 0.4, 3.0
 
+#: Whether a rule is broken, the path of the setting, and the message.
+_Rule = tuple[bool, str, str]
+
 
 def first_contradiction(config: Config) -> Problem | None:
     """Return the first contradiction between settings of a configuration; None if there is none."""
-    return next(_contradictions(config), None)
+    return next((Problem(path, message) for broken, path, message in _rules(config) if broken), None)
 
 
 def warnings(config: Config) -> tuple[str, ...]:
     """Return warnings about settings that are allowed but often a mistake, one text line each."""
-    return tuple(str(problem) for problem in _warnings(config))
+    return tuple(f"{path}: {message}" for broken, path, message in _doubts(config) if broken)
 
 
 def pull_up_fault(bus: Bus) -> str | None:
@@ -48,178 +56,140 @@ def pull_up_fault(bus: Bus) -> str | None:
     )
 
 
-def _contradictions(config: Config) -> Iterator[Problem]:
-    """Yield all contradictions between settings."""
-    yield from _board_contradictions(config)
-    yield from _bus_contradictions(config)
-    for i, bus in enumerate(config.buses):
-        yield from _bus_leg_contradictions(bus, f"buses[{i}].legs")
-        yield from _address_contradictions(bus, f"buses[{i}]", config.board)
-    yield from _timing_contradictions(config)
-    yield from _can_contradictions(config)
-    yield from _foot_contradictions(config)
-    if config.metrics is not None and _parse_ip(address := config.metrics.address) is None:
-        yield Problem("metrics.address", f"{address!r} is not an IP address; such as 127.0.0.1")
+def is_multicast(address: str) -> bool:
+    """Return whether a text is an IPv4 multicast address."""
+    try:
+        return IPv4Address(address).is_multicast
+    except ValueError:
+        return False
 
 
-def _board_contradictions(config: Config) -> Iterator[Problem]:
-    """Yield settings that belong to another board."""
-    board, serial = config.board, config.serial
-    if board != "mcu":
-        if serial is not None:
-            yield Problem("serial", f"is for board: mcu; the board {board} is read over I2C")
-        if not config.buses:
-            yield Problem("board", f"the board {board} is read over I2C: name its buses, with their legs")
-        rates = BOARDS[board].rate_by_sps
-        if config.rate_sps not in rates:
-            allowed = ", ".join(map(str, sorted(rates)))
-            yield Problem(
-                "scan.rate_sps",
-                f"{config.rate_sps} is no rate of the board {board}; use one of {allowed}",
-            )
-        return
-    if serial is None:
-        yield Problem("board", "mcu needs the line to the microcontroller: serial: {device: ...}")
-        return
-    if config.buses:
-        yield Problem("buses", "the board mcu has no I2C bus; take buses away, or use another board")
-    if config.scan != Scan():
-        yield Problem("scan", "the microcontroller scans at serial.rate_hz; take scan away")
-    if config.publish_every != DEFAULT_PUBLISH_EVERY:
-        yield Problem(
-            "publish_every", "every record of the microcontroller is published; take publish_every away"
-        )
-    legs = ((f"serial.legs[{n}]", leg, "") for n, leg in enumerate(serial.legs))
-    yield from _repeated_value_problems(legs, "{} is named twice")
-
-
-def _bus_contradictions(config: Config) -> Iterator[Problem]:
-    """Yield contradictions of the I2C buses: repeated devices or legs, addresses, pull-ups."""
-    buses = list(enumerate(config.buses))
-    devices = ((f"buses[{i}].device", bus.device, f"buses[{i}]") for i, bus in buses)
-    remedy = "give each its own, or join their legs under one bus"
-    yield from _repeated_value_problems(devices, "{} is already the device of {}; " + remedy)
-    legs = ((f"buses[{i}].legs.{leg}", leg, f"buses[{i}]") for i, bus in buses for leg in bus.legs)
-    yield from _repeated_value_problems(
-        legs, "{} is already a leg of {}; a leg has one foot, so name it once"
-    )
-    simulated = [
-        {device.startswith("sim") for device in (bus.device, *bus.adapters.values())} for _, bus in buses
-    ]
-    if len(set().union(*simulated)) > 1:
-        i = next(i for i, kinds in enumerate(simulated) if True in kinds)
-        yield Problem(
-            f"buses[{i}].device", "simulated and real buses cannot be mixed; use sim for all or none"
-        )
-
-
-def _bus_leg_contradictions(bus: Bus, path: str) -> Iterator[Problem]:
-    """Yield contradictions of the legs of one bus: mux channels and adapters."""
-    if bus.channels and bus.adapters:
-        yield Problem(
-            f"{path}.{next(iter(bus.adapters))}",
-            "the multiplexer is driven by the kernel or by footsense, never by both: "
-            "name an adapter for every leg, or a channel for every leg",
-        )
-    adapters = ((f"{path}.{leg}", device, f"that of {leg}") for leg, device in bus.adapters.items())
-    devices = [(path, bus.device, "the bus itself"), *adapters]
-    yield from _repeated_value_problems(devices, "{} is already {}; `i2cdetect -l` lists them")
-    free = sorted(set(range(8)) - set(bus.channels.values()))
-    channels = ((f"{path}.{leg}", channel, leg) for leg, channel in bus.channels.items())
-    yield from _repeated_value_problems(
-        channels, f"channel {{}} is already that of {{}}; free channels are {free}"
-    )
-
-
-def _address_contradictions(bus: Bus, path: str, board: str) -> Iterator[Problem]:
-    """Yield devices with the I2C address of another device of the bus or of a leg's chips."""
-    if bus.mux.address == PCA9685_ALLCALL_ADDRESS:
-        for device in bus.other_devices:
-            if "pca9685" in device.name.lower():
-                yield Problem(
-                    f"{path}.mux.address",
-                    f"{device.name} answers at 0x70 too (ALLCALL): every channel switch would reach the servos; "
-                    "strap the TCA9548A to 0x71 to 0x77",
-                )
-    owners = {bus.mux.address: "the multiplexer; change one of them"}
-    for address, name in BOARDS[board].chip_name_by_address.items():
-        owners[address] = f"the {name} of every leg; move it to another address or another bus"
-    for k, device in enumerate(bus.other_devices):
-        if owner := owners.get(device.address):
-            message = f"{device.name} answers at {device.address:#04x}, as does {owner}"
-            yield Problem(f"{path}.other_devices[{k}].address", message)
-        owners.setdefault(device.address, f"{device.name}; change one of them, or name a device once")
-
-
-def _timing_contradictions(config: Config) -> Iterator[Problem]:
-    """Yield contradictions of rates and age limits."""
+def _rules(config: Config) -> Iterator[_Rule]:
+    """Yield all rules between settings, whether each is broken, and what would be right."""
+    if config.board == "mcu":
+        yield from _mcu_rules(config, config.serial)
+    else:
+        yield from _i2c_rules(config)
     # The oldest element is a whole scan old at sending, and a scan takes a tenth longer than its limit.
     shortest_ms = config.shortest_scan_ms
-    if config.stale_after_ms < 1.25 * shortest_ms:
-        pace = f"{config.rate_sps} S/s" if config.serial is None else f"{config.serial.rate_hz:g} scans/s"
-        yield Problem(
-            "max_age_ms",
-            f"a scan takes {shortest_ms:g} ms and more at {pace}: "
-            f"every force would be stale; use at least {2 * shortest_ms:g}",
-        )
+    yield (
+        config.stale_after_ms < 1.25 * shortest_ms,
+        "max_age_ms",
+        f"a scan takes {shortest_ms:g} ms and more: every force would be stale; use at least {2 * shortest_ms:g}",
+    )
+    yield from _can_rules(config)
+    yield from _foot_rules(config)
 
 
-def _can_contradictions(config: Config) -> Iterator[Problem]:
-    """Yield contradictions of the CAN settings, such as an overloaded bus."""
-    can = config.can
-    group = _parse_ip(can.channel)
-    if can.interface == "udp_multicast" and not (isinstance(group, IPv4Address) and group.is_multicast):
-        yield Problem(
-            "can.channel",
-            f"{can.channel} is no IPv4 multicast address, as udp_multicast needs one; use 239.74.163.2",
-        )
-    per_s = config.forces_hz
-    bits_per_s = can_bits_per_s(len(config.legs), per_s, fd=can.fd)
-    share = bits_per_s / (_MAX_CAN_LOAD_REL * can.bitrate)
-    if can.interface == "socketcan" and share > 1.0:
-        others_per_s = can_bits_per_s(len(config.legs), 0.0, fd=can.fd)
-        forces_share = (bits_per_s - others_per_s) / (_MAX_CAN_LOAD_REL * can.bitrate - others_per_s)
-        fewer = f"publish_every: {math.ceil(forces_share * config.publish_every)}"
-        yield Problem(
-            "can.bitrate",
-            f"{len(config.legs)} legs at {per_s:.0f} forces/s take {bits_per_s * 1e-3:.0f} kbit/s, more than "
-            f"{_MAX_CAN_LOAD_REL:.0%} of {can.bitrate * 1e-3:.0f} kbit/s; "
-            f"use 1000000, or {fewer if config.serial is None else 'fewer records'}",
-        )
+def _mcu_rules(config: Config, serial: Serial | None) -> Iterator[_Rule]:
+    yield serial is None, "board", "mcu needs the line to the microcontroller: serial: {device: ...}"
+    yield bool(config.buses), "buses", "the board mcu has no I2C bus; take buses away, or use another board"
+    yield config.scan != Scan(), "scan", "the microcontroller scans at serial.rate_hz; take scan away"
+    is_thinned = config.publish_every != DEFAULT_PUBLISH_EVERY
+    yield (
+        is_thinned,
+        "publish_every",
+        "every record of the microcontroller is published; take publish_every away",
+    )
+    legs = [(f"serial.legs[{n}]", leg, "") for n, leg in enumerate(serial.legs if serial else ())]
+    yield from _repeated(legs, "{} is named twice")
 
 
-def _foot_contradictions(config: Config) -> Iterator[Problem]:
-    """Yield contradictions of the settings of legs and feet."""
-    feet = ((f"feet.{leg}", foot, leg) for leg, foot in config.feet.items())
-    yield from _repeated_value_problems(feet, "{} is already mounted on {}")
+def _i2c_rules(config: Config) -> Iterator[_Rule]:
+    board, rates = config.board, RATES_BY_BOARD[config.board]
+    yield config.serial is not None, "serial", f"is for board: mcu; the board {board} is read over I2C"
+    yield not config.buses, "board", f"the board {board} is read over I2C: name its buses, with their legs"
+    allowed = ", ".join(map(str, sorted(rates)))
+    wrong_rate = f"{config.rate_sps} is no rate of the board {board}; use one of {allowed}"
+    yield config.rate_sps not in rates, "scan.rate_sps", wrong_rate
+    buses = [(f"buses[{i}]", bus) for i, bus in enumerate(config.buses)]
+    remedy = "give each its own, or join their legs under one bus"
+    devices = [(f"{path}.device", bus.device, path) for path, bus in buses]
+    yield from _repeated(devices, "{} is already the device of {}; " + remedy)
+    legs = [(f"{path}.legs.{leg}", leg, path) for path, bus in buses for leg in bus.legs]
+    yield from _repeated(legs, "{} is already a leg of {}; a leg has one foot, so name it once")
+    simulated = {
+        device.startswith("sim"): path
+        for path, bus in buses
+        for device in (bus.device, *bus.adapters.values())
+    }
+    mixed = "simulated and real buses cannot be mixed; use sim for all or none"
+    yield len(simulated) > 1, f"{simulated.get(True)}.device", mixed
+    for path, bus in buses:
+        yield from _bus_leg_rules(bus, f"{path}.legs")
+        yield from _address_rules(bus, path, board)
+
+
+def _bus_leg_rules(bus: Bus, path: str) -> Iterator[_Rule]:
+    both = (
+        "the multiplexer is driven by the kernel or by footsense, never by both: "
+        "name an adapter for every leg, or a channel for every leg"
+    )
+    yield bool(bus.channels and bus.adapters), f"{path}.{next(iter(bus.adapters), '')}", both
+    adapters = [(f"{path}.{leg}", device, f"that of {leg}") for leg, device in bus.adapters.items()]
+    yield from _repeated(
+        [(path, bus.device, "the bus itself"), *adapters], "{} is already {}; `i2cdetect -l` lists them"
+    )
+    free = sorted(set(range(8)) - set(bus.channels.values()))
+    channels = [(f"{path}.{leg}", channel, leg) for leg, channel in bus.channels.items()]
+    yield from _repeated(channels, f"channel {{}} is already that of {{}}; free channels are {free}")
+
+
+def _address_rules(bus: Bus, path: str, board: str) -> Iterator[_Rule]:
+    """Yield for each other device whether it has the I2C address of the mux, a leg's chip, or another device."""
+    owners = {bus.mux.address: "the multiplexer; change one of them"}
+    for address, name in CHIP_NAMES_BY_BOARD[board].items():
+        owners[address] = f"the {name} of every leg; move it to another address or another bus"
+    for k, device in enumerate(bus.other_devices):
+        allcall = [PCA9685_ALLCALL_ADDRESS] if "pca9685" in device.name.lower() else []
+        for address in (device.address, *allcall):
+            message = f"{device.name} answers at {address:#04x}, as does {owners.get(address)}"
+            yield address in owners, f"{path}.other_devices[{k}].address", message
+        owners[device.address] = f"{device.name}; change one of them, or name a device once"
+
+
+def _can_rules(config: Config) -> Iterator[_Rule]:
+    can, n_legs = config.can, len(config.legs)
+    is_wrong_group = can.interface == "udp_multicast" and not is_multicast(can.channel)
+    yield is_wrong_group, "can.channel", f"{can.channel} is no IPv4 multicast address; use 239.74.163.2"
+    allowed_per_s, bits_per_s = (
+        _MAX_CAN_LOAD_REL * can.bitrate,
+        can_bits_per_s(n_legs, config.forces_hz, fd=can.fd),
+    )
+    others_per_s = can_bits_per_s(n_legs, 0.0, fd=can.fd)
+    times_too_many = (bits_per_s - others_per_s) / max(allowed_per_s - others_per_s, 1.0)
+    fewer = f"publish_every: {math.ceil(times_too_many * config.publish_every)}"
+    too_many = (
+        f"{n_legs} legs at {config.forces_hz:.0f} forces/s take {bits_per_s * 1e-3:.0f} kbit/s, more than "
+        f"{_MAX_CAN_LOAD_REL:.0%} of {can.bitrate * 1e-3:.0f} kbit/s; "
+        f"use 1000000, or {fewer if config.serial is None else 'fewer records'}"
+    )
+    yield can.interface == "socketcan" and bits_per_s > allowed_per_s, "can.bitrate", too_many
+
+
+def _foot_rules(config: Config) -> Iterator[_Rule]:
+    feet = config.feet
+    yield from _repeated(
+        [(f"feet.{leg}", foot, leg) for leg, foot in feet.items()], "{} is already mounted on {}"
+    )
     sections: dict[str, Mapping[Leg, object]] = {
-        "feet": config.feet,
         "stray_pf": config.stray_pf,
         "unloaded_pf": config.unloaded_pf,
     }
-    for section, legs in sections.items():
-        for leg in sorted(set(legs) - set(config.legs)):
-            yield Problem(
-                f"{section}.{leg}", f"no bus has the leg {leg}; the legs are {', '.join(config.legs)}"
-            )
-    if config.calibrations is None:
-        return
-    if not config.feet:
-        yield Problem("calibrations", "no foot is named; name them under feet")
-    if config.model is not None:
-        remedy = "take model or calibrations away"
-        yield Problem("model", f"each calibration brings the network that it was fitted on; {remedy}")
-    for section in ("stray_pf", "unloaded_pf"):
-        for leg in sorted(set(sections[section]) & set(config.feet)):
-            yield Problem(
-                f"{section}.{leg}", f"the calibration of {config.feet[leg]} has it; take this entry away"
-            )
+    is_calibrated = config.calibrations is not None
+    for section, legs in {"feet": feet, **sections}.items():
+        for leg in sorted(legs):
+            no_leg = f"no bus has the leg {leg}; the legs are {', '.join(config.legs)}"
+            yield leg not in config.legs, f"{section}.{leg}", no_leg
+            known = f"the calibration of {feet.get(leg)} has it; take this entry away"
+            yield is_calibrated and section != "feet" and leg in feet, f"{section}.{leg}", known
+    yield is_calibrated and not feet, "calibrations", "no foot is named; name them under feet"
+    own_network = "each calibration brings the network that it was fitted on; take model or calibrations away"
+    yield is_calibrated and config.model is not None, "model", own_network
 
 
-def _repeated_value_problems(
-    entries: Iterable[tuple[str, int | str, str]], message: str
-) -> Iterator[Problem]:
-    """Yield a problem for every (path, value, owner) entry whose value occurred before.
+def _repeated(entries: Iterable[tuple[str, int | str, str]], message: str) -> Iterator[_Rule]:
+    """Yield for every (path, value, owner) whether its value occurred before.
 
     Args:
         entries: Path, value and owner of each.
@@ -227,42 +197,28 @@ def _repeated_value_problems(
     """
     owner_of: dict[int | str, str] = {}
     for path, value, owner in entries:
-        if value in owner_of:
-            yield Problem(path, message.format(value, owner_of[value]))
-        owner_of.setdefault(value, owner)
+        yield value in owner_of, path, message.format(value, owner_of.setdefault(value, owner))
 
 
-def _parse_ip(address: str) -> IPv4Address | IPv6Address | None:
-    """Return an IP address; None for other text."""
-    try:
-        return ip_address(address)
-    except ValueError:
-        return None
-
-
-def _warnings(config: Config) -> Iterator[Problem]:
-    """Yield a warning for each setting that is allowed but often a mistake."""
+def _doubts(config: Config) -> Iterator[_Rule]:
+    """Yield rules about what is allowed but often a mistake."""
     for i, bus in enumerate(config.buses):
-        if bus.mux.address == PCA9685_ALLCALL_ADDRESS:
-            yield Problem(
-                f"buses[{i}].mux.address",
-                "0x70 is also the ALLCALL address of PCA9685 servo boards; prefer 0x71",
-            )
-        if fault := pull_up_fault(bus):
-            yield Problem(f"buses[{i}].pull_ups", fault)
-    if config.metrics is not None and not ip_address(config.metrics.address).is_loopback:
-        yield Problem("metrics.address", f"the network reads {config.metrics.address} without a password")
-    serial = config.serial
-    if serial is not None and serial.device.startswith("/dev/tty"):
-        yield Problem(
-            "serial.device",
-            f"{serial.device} may be another device when it is plugged in again; "
-            "prefer its name under /dev/serial/by-id",
-        )
-    devices = [serial.device] if serial is not None else [bus.device for bus in config.buses]
-    if config.can.interface != "socketcan" and any(device.startswith("/dev/") for device in devices):
-        limit = "process" if config.can.interface == "virtual" else "computer"
-        yield Problem(
-            "can.interface",
-            f"{config.can.interface} never leaves the {limit}; the robot's controller needs socketcan",
-        )
+        is_allcall = bus.mux.address == PCA9685_ALLCALL_ADDRESS
+        allcall = "0x70 is also the ALLCALL address of PCA9685 servo boards; prefer 0x71"
+        yield is_allcall, f"buses[{i}].mux.address", allcall
+        fault = pull_up_fault(bus)
+        yield fault is not None, f"buses[{i}].pull_ups", fault or ""
+    address = config.metrics.address if config.metrics else "127.0.0.1"
+    is_public = address not in ("127.0.0.1", "::1", "localhost")
+    yield is_public, "metrics.address", f"the network reads {address} without a password"
+    devices = [config.serial.device] if config.serial else [bus.device for bus in config.buses]
+    renamed = "may be another device when it is plugged in again; prefer its name under /dev/serial/by-id"
+    yield devices[0].startswith("/dev/tty"), "serial.device", f"{devices[0]} {renamed}"
+    interface = config.can.interface
+    stays = interface != "socketcan" and any(device.startswith("/dev/") for device in devices)
+    limit = "process" if interface == "virtual" else "computer"
+    yield (
+        stays,
+        "can.interface",
+        f"{interface} never leaves the {limit}; the robot's controller needs socketcan",
+    )

@@ -1,16 +1,20 @@
 """Schema of the configuration file as a whole, and values derived from it."""
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
 from firmware_interface.chips import ad7746, fdc1004
 from footsense.config import sections
-from footsense.config.boards import BOARDS
 from footsense.foot.files.calibration_format import FootId
 from footsense.frames import ELEMENTS
 
+#: Time and noise of a conversion by conversions per second, of each board on an I2C bus.
+RATES_BY_BOARD: Mapping[str, Mapping[int, fdc1004.Rate | ad7746.Rate]] = MappingProxyType(
+    {"fdc1004": fdc1004.RATES, "ad7746": ad7746.RATES}
+)
 #: Default of `publish_every`: 92 forces a second, with all other frames 34 % of 500 kbit/s for six legs.
 DEFAULT_PUBLISH_EVERY = 4
 
@@ -109,7 +113,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     def _conversion_rate_by_sps(self) -> Mapping[int, fdc1004.Rate | ad7746.Rate]:
         """Conversion rates of the configured board."""
         # The converters of a microcontroller are unknown here: assume those of the default board.
-        return BOARDS.get(self.board, BOARDS["fdc1004"]).rate_by_sps
+        return RATES_BY_BOARD.get(self.board, fdc1004.RATES)
 
     @property
     def conversion_order(self) -> Literal["lo_shu", "raster"]:

@@ -1,12 +1,12 @@
 """Options (interface, channel, force unit) of the commands that receive from CAN."""
 
 from collections.abc import Callable
-from ipaddress import AddressValueError, IPv4Address
 from typing import Any
 
 import click
 
 from firmware_interface.can.force import FORCE_STEPS_MN
+from footsense.config.contradictions import is_multicast
 
 #: Default channel of each interface; the multicast address is that of python-can and of deploy/simulated.yaml.
 _DEFAULT_CHANNELS = {"socketcan": "can0", "udp_multicast": "239.74.163.2"}
@@ -30,7 +30,7 @@ def _channel_or_default(ctx: click.Context, param: click.Parameter, value: str |
     del param
     interface = ctx.params["interface"]
     name = value or _DEFAULT_CHANNELS[interface]
-    if interface == "udp_multicast" and not _is_multicast(name):
+    if interface == "udp_multicast" and not is_multicast(name):
         raise click.BadParameter(
             f"{name} is no IPv4 multicast address; try {_DEFAULT_CHANNELS[interface]}", param_hint="--channel"
         )
@@ -60,11 +60,3 @@ def channel_options(command: Callable[..., Any]) -> Callable[..., Any]:
 def can_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Give a command the options `--interface`, `--channel` and `--force-step-mn`."""
     return channel_options(_force_step_option(command))
-
-
-def _is_multicast(name: str) -> bool:
-    """Return whether a name is a multicast IP address."""
-    try:
-        return IPv4Address(name).is_multicast
-    except AddressValueError:
-        return False

@@ -117,7 +117,6 @@ def test_a_log_of_an_unknown_kind(tmp_path: Path) -> None:
     [
         (("none.mcap",), "none.mcap", 74),
         (("--config", "robot.yaml"), "robot.yaml: has no section view", 78),
-        (("--allow-commands",), "--allow-commands needs a running service and --config", 78),
         (("--address", "192.0.2.1"), "the page cannot be served on 192.0.2.1", 78),
     ],
 )

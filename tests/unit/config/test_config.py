@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from firmware_interface.wire_timing import can_bits_per_s
 from footsense.cli.check_config import check_config
 from footsense.config import DEFAULT, load_config
 from footsense.config.contradictions import warnings
@@ -50,6 +51,11 @@ def test_the_commented_values_are_the_defaults(file: Path) -> None:
     assert (short.buses[0].mux, short.buses[0].rate_hz) == (long.buses[0].mux, long.buses[0].rate_hz)
     assert long.metrics == Metrics()
     assert short.metrics is None
+
+
+def test_the_default_loads_a_bus_of_500_kbit_by_less_than_40_percent() -> None:
+    """All frames of six legs, events of two steps a second included."""
+    assert can_bits_per_s(len(DEFAULT.legs), DEFAULT.forces_hz) < 0.4 * 500_000
 
 
 def test_model_and_calibrations_are_found_beside_the_file(file: Path) -> None:
@@ -120,7 +126,7 @@ def test_a_folder_beside_a_file_of_the_working_directory_is_found(
                 "can:",
                 "    mux: {address: 0x70}\n    other_devices: [{name: my PCA9685, address: 0x40}]\ncan:",
             ),
-            ":4: buses[0].mux.address: my PCA9685 answers at 0x70 too (ALLCALL)",
+            ":5: buses[0].other_devices[0].address: my PCA9685 answers at 0x70, as does the multiplexer",
         ),
         (
             "board: mcu\ncan: {interface: virtual}",
@@ -140,7 +146,7 @@ def test_a_folder_beside_a_file_of_the_working_directory_is_found(
             MCU + "publish_every: 1",
             "publish_every: every record of the microcontroller is published; take pu",
         ),
-        (MCU + "max_age_ms: 6", "max_age_ms: a scan takes 5 ms and more at 200 scans/s"),
+        (MCU + "max_age_ms: 6", "max_age_ms: a scan takes 5 ms and more: every force"),
         (MCU.replace("sim", "sim, legs: [lf, rf, lf]"), "serial.legs[2]: lf is named twice"),
         (MCU.replace("sim", "ttyACM0"), "serial.device"),
         (ONE_BUS + "feet: {lf: foot-0001, rf: foot-0001}", "feet.rf: foot-0001 is already mounted on lf"),
@@ -176,7 +182,6 @@ def test_a_folder_beside_a_file_of_the_working_directory_is_found(
             "400 forces/s take 447 kbit/s, more than 70% of 500 kbit/s; use 1000000, or publish_every: 2",
         ),
         (ONE_BUS + "feet: {lm: foot-0001}", "feet.lm: no bus has the leg lm; the legs are lf, rf"),
-        (ONE_BUS + "metrics: {address: localhost}", "metrics.address: 'localhost' is not an IP address"),
         (
             ONE_BUS.split("can:", maxsplit=1)[0],
             "robot.yaml:1: the key can is missing: a section of keys (interface: socketcan, channel: can0 on a robot)",
@@ -222,5 +227,5 @@ def test_an_age_limit_below_a_scan_is_refused(tmp_path: Path) -> None:
         "buses: [{device: sim, legs: {lf: 0}}]\ncan: {interface: virtual}\n"
         "scan: {rate_sps: 100}\nmax_age_ms: 100\n"
     )
-    with pytest.raises(ConfigError, match="max_age_ms: a scan takes 90 ms and more at 100 S/s"):
+    with pytest.raises(ConfigError, match="max_age_ms: a scan takes 90 ms and more"):
         load_config(file)
