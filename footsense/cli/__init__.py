@@ -9,6 +9,7 @@ import importlib
 import logging
 import os
 import sys
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -25,15 +26,15 @@ _EXIT_CODE_INTERRUPTED = 130
 _COMMANDS = {
     "run": ("run", "Read the feet, estimate their forces, publish them on CAN."),
     "monitor": ("monitor", "Show the legs on CAN, as a consumer of their forces sees them."),
-    "tare": ("can.tare", "Take the present readings of legs as unloaded, by a command on CAN."),
+    "tare": ("can.tare", "Take the readings of legs as unloaded, by CAN."),
     "view": ("view", "Serve the page of a running service to browsers."),
-    "ros2": ("can.ros2", "Publish the legs on CAN to ROS 2 nodes (needs footsense[ros2])."),
+    "ros2": ("can.ros2", "Publish the legs on CAN to ROS 2 (needs footsense[ros2])."),
     "exporter": ("exporter", "Serve the metrics of a running service to Prometheus."),
     "replay": ("recordings", "Run a recording through the pipeline again, or check it."),
     "recover": ("recordings", "Rewrite a recording that was cut short."),
     "export": ("recordings", "Convert a recording: ROS 2 bag, CSV, Parquet, picture."),
-    "check-config": ("check_config", "Explain a configuration file, or name its first error."),
-    "record": ("record", "Record presses of a foot on the test stand beside a force sensor."),
+    "check-config": ("check_config", "Print every setting of a file, or its first error."),
+    "record": ("record", "Record presses of a foot beside a force sensor."),
     "calibrate": ("calibration", "Calibrate a foot from its recordings on a test stand."),
     "evaluate": ("calibration", "Compare a foot's forces with the reference of a test stand."),
     "probe": ("probe", "Check buses and feet, and name what to check."),
@@ -52,9 +53,14 @@ class LazyGroup(click.Group):
         return list(_COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import and return a command; None for an unknown name."""
-        del ctx
+        """Import and return a command; None for an unknown name.
+
+        Raises:
+            UsageError: There is none of this name, but one of nearly this name.
+        """
         if cmd_name not in _COMMANDS:
+            if near := get_close_matches(cmd_name, _COMMANDS, n=1):
+                ctx.fail(f"No such command {cmd_name!r}. Did you mean {near[0]}?")
             return None
         module = importlib.import_module(f"footsense.cli.{_COMMANDS[cmd_name][0]}")
         command: click.Command = getattr(module, cmd_name.replace("-", "_"))

@@ -33,6 +33,7 @@ _UNITS = {
     "gf": "gf",
     "hz": "Hz",
     "mib": "MiB",
+    "mn": "mN",
     "ms": "ms",
     "n": "N",
     "pf": "pF",
@@ -139,7 +140,7 @@ def figures_table(figures: Mapping[str, Any]) -> "Table":
 
     lines = Table(box=None, show_header=False, padding=(0, 2, 0, 0), pad_edge=False)
     lines.add_column(style="bold", no_wrap=True)
-    lines.add_column()
+    lines.add_column(overflow="fold")
     for name, value in figures.items():
         parts = value if isinstance(value, Mapping) else {}
         if any(isinstance(part, Mapping) for part in parts.values()):
@@ -225,4 +226,6 @@ def _figure_text(value: object) -> str:
         return ""
     if isinstance(value, list | tuple):
         return ", ".join(filter(None, map(_figure_text, value)))
+    if isinstance(value, bool):
+        return "yes" if value else "no"
     return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -1,5 +1,6 @@
 """The daemon with calibrations: feet as they were made give the forces that they feel, and another foot gives none."""
 
+import json
 from pathlib import Path
 
 import msgspec
@@ -127,13 +128,12 @@ def test_check_config_lists_the_calibrations(tmp_path: Path) -> None:
         "buses: [{device: sim, legs: {lf: 0, rf: 1}}]\ncan: {interface: virtual}\n"
         "feet: {lf: foot-0007, rf: foot-0008}\ncalibrations: feet\n"
     )
-    said = CliRunner().invoke(check_config, [str(file)]).output
-    assert "lf: foot-0007, calibrated 2026-03-01, " in said
-    assert (
-        "362 loads, 1.5 deg and 1.8 gf on those held out (15.9 deg and 18.7 gf without the calibration)"
-        in said
-    )
-    assert "network: that of the calibrations" in said
+    said = json.loads(CliRunner().invoke(check_config, [str(file), "--json"]).stdout)["calibrations"]["lf"]
+    assert (said["foot"], said["made"], said["n_loads"]) == ("foot-0007", "2026-03-01T12:00:00Z", 362)
+    assert said["held_out"] == {
+        "with it": {"direction_deg": 1.5, "magnitude_gf": 1.8},
+        "without": {"direction_deg": 15.9, "magnitude_gf": 18.7},
+    }
 
 
 def test_a_recording_knows_its_calibrations(tmp_path: Path) -> None:

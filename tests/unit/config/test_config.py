@@ -216,8 +216,12 @@ def test_check_config_explains_a_file() -> None:
     """The command says where each leg is and where the forces go."""
     result = CliRunner().invoke(check_config, [str(DEPLOY / "footsense-two-buses.yaml")])
     assert result.exit_code == 0
-    assert "/dev/i2c-3 at 400 kHz, TCA9548A at 0x71: rf on channel 0" in result.output
-    assert "CAN: socketcan can0, 500 kbit/s" in result.output
+    said = " ".join(result.output.split())
+    assert (
+        "buses, /dev/i2c-3 device /dev/i2c-3, legs rf 0, rm 1, rr 2, rate [Hz] 400000, mux address 0x71"
+        in said
+    )
+    assert "can interface socketcan, channel can0, bitrate 500000" in said
 
 
 def test_an_age_limit_below_a_scan_is_refused(tmp_path: Path) -> None:
