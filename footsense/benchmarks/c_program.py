@@ -95,7 +95,10 @@ class CProgram:
                 np.full(n, design.unloaded_pf),
                 calibration.closure_rel_min,
                 calibration.closure_rel_max,
-                [config.stale_after_ms * 1e6, MAX_READING_INTERVAL_SCANS * config.shortest_scan_ms * 1e6],
+                [
+                    config.effective_max_age_ms * 1e6,
+                    MAX_READING_INTERVAL_SCANS * config.shortest_scan_ms * 1e6,
+                ],
                 *(residual.ravel(), [RESIDUAL_LIMIT, RESIDUAL_LIMIT_REL / math.sqrt(ELEMENTS)]),
             ]
         )

@@ -55,7 +55,7 @@ class CanSink:
         settings: Settings of the channel.
         legs: Name of the leg in each row of the frames.
         clock: The time of the frames.
-        every: Cycles for each `Force`, at least 1.
+        publish_every: Cycles for each `Force`, at least 1.
         force_step_mn: What a bit of a force stands for [mN].
 
     Attributes:
@@ -77,7 +77,7 @@ class CanSink:
         legs: tuple[str, ...],
         clock: Clock,
         *,
-        every: int = 1,
+        publish_every: int = 1,
         force_step_mn: int = 1,
     ) -> None:
         self.stats = CanStatistics()
@@ -102,9 +102,9 @@ class CanSink:
         self._encoder = ForceQualityEncoder(nodes)
         self._gait = GaitFrames(nodes)
         self._commands = CanCommands(self._channel, nodes, clock)
-        self._every = every
+        self._publish_every = publish_every
         self._force_step_mn = force_step_mn
-        self._n_cycles = every - 1  # since the last forces
+        self._n_cycles = publish_every - 1  # since the last forces
         self._early = False  # the last forces were sent for a change
         self._sent: list[list[int]] = []  # states, masks, causes and flags of the last forces
         self._counter = 0  # of every Force and Quality of a cycle
@@ -165,7 +165,7 @@ class CanSink:
             present: States, masks, causes and flags of the legs.
         """
         self._n_cycles += 1
-        early = self._n_cycles < self._every
+        early = self._n_cycles < self._publish_every
         if early and (present == self._sent or (self._early and self._n_cycles < 2)):
             return False
         self._n_cycles, self._early, self._sent = 0, early, present

@@ -50,8 +50,8 @@ def _settings(models: Models) -> dict[str, Any]:
         settings["scan"] = {"rate_sps": config.rate_sps, "order": config.conversion_order}
     design = card.trained_inputs.design
     return settings | {
-        "publish_every": config.cap_frames_per_force,
-        "max_age_ms": config.stale_after_ms,
+        "publish_every": config.effective_publish_every,
+        "max_age_ms": config.effective_max_age_ms,
         "contact": {"threshold_n": contact_threshold_n(models)},
         "calibrations": {leg: _calibration(foot) for leg, foot in models.calibrations_by_leg.items()},
         "network_sha256": models.network.sha256,

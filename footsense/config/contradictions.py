@@ -73,7 +73,7 @@ def _rules(config: Config) -> Iterator[_Rule]:
     # The oldest element is a whole scan old at sending, and a scan takes a tenth longer than its limit.
     shortest_ms = config.shortest_scan_ms
     yield (
-        config.stale_after_ms < 1.25 * shortest_ms,
+        config.effective_max_age_ms < 1.25 * shortest_ms,
         "max_age_ms",
         f"a scan takes {shortest_ms:g} ms and more: every force would be stale; use at least {2 * shortest_ms:g}",
     )

@@ -89,7 +89,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return ELEMENTS * self.conversion_rate.conversion_ns * 1e-6
 
     @property
-    def cap_frames_per_force(self) -> int:
+    def effective_publish_every(self) -> int:
         """Number of capacitance frames per force sent on CAN."""
         return self.publish_every if self.serial is None else 1
 
@@ -97,7 +97,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     def forces_hz(self) -> float:
         """Rate at which each leg's forces are sent on CAN while no state changes [Hz]."""
         frames_hz = self.rate_sps if self.serial is None else self.serial.rate_hz
-        return frames_hz / self.cap_frames_per_force
+        return frames_hz / self.effective_publish_every
 
     @property
     def rate_sps(self) -> int:
@@ -121,7 +121,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return self.scan.order or ("raster" if any(bus.adapters for bus in self.buses) else "lo_shu")
 
     @property
-    def stale_after_ms(self) -> float:
+    def effective_max_age_ms(self) -> float:
         """Age limit of a measurement [ms]: the configured one, or four scans."""
         if self.max_age_ms is not None:
             return self.max_age_ms

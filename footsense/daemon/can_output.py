@@ -48,7 +48,7 @@ def can_sink(
         settings,
         config.legs,
         clock,
-        every=config.cap_frames_per_force,
+        publish_every=config.effective_publish_every,
         force_step_mn=force_step_mn,
     )
     with close_at_end(sink.close):

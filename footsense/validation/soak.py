@@ -86,10 +86,10 @@ def walk_stretch(stretch: Stretch) -> StretchResult:
     rules = WalkLimits(
         legs=config.legs,
         cycle_period_s=math.inf,
-        max_age_s=config.stale_after_ms * 1e-3,
+        max_age_s=config.effective_max_age_ms * 1e-3,
         gait_period_s=stretch.gait_period_s,
         checks_start_s=LEAD_IN_S + 1.0,
-        cycles_per_can_force=config.cap_frames_per_force,
+        cycles_per_can_force=config.effective_publish_every,
         bitrate=config.can.bitrate,
     )
     fault_free, _ = _simulate_stretch(config, calm_scene, rules, calm_s)

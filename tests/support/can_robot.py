@@ -85,7 +85,7 @@ class Robot:
             fd=fd,
             connect=None if wire is None else lambda: wire.open(self.clock.t_ns),
         )
-        self.sink = CanSink(settings, legs, self.clock, every=every)
+        self.sink = CanSink(settings, legs, self.clock, publish_every=every)
         self.legs = legs
         self.heard()
 

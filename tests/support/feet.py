@@ -63,7 +63,7 @@ def pipeline(
         np.full((n_legs, 9), stray_pf),
         np.full((n_legs, 9), DESIGN.unloaded_pf),
         sensitivity=Sensitivity(load_n_per_mean_closure=9.0, force_sigma_n_per_baseline_error=BASELINE_N),
-        tare=TareLimits(window_frames=WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
+        tare=TareLimits(window_scans=WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
         contact=ContactLimits(min_threshold_n=0.03),
         scan_ns=SCAN_NS,
         max_age_ns=MAX_AGE_NS,

@@ -52,7 +52,7 @@ class Standing:
         self.tracker = BaselineTracker(
             unloaded_pf,
             DESIGN,
-            TareLimits(window_frames=WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
+            TareLimits(window_scans=WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
             ContactLimits(min_threshold_n=TOUCH_N),
             SENSITIVITY,
             track=track,

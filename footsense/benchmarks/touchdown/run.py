@@ -122,7 +122,7 @@ def _pipeline(context: StudyContext, n_feet: int) -> Pipeline:
         np.zeros((n_feet, ELEMENTS)),
         np.full((n_feet, ELEMENTS), trained.design.unloaded_pf),
         sensitivity=sensitivity(network, 1, trained.moments),
-        tare=TareLimits(window_frames=8, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
+        tare=TareLimits(window_scans=8, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
         contact=ContactLimits(min_threshold_n=CONTACT_THRESHOLD_N),
         scan_ns=scan_ns,
         max_age_ns=4 * scan_ns,

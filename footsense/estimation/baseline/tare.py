@@ -21,12 +21,12 @@ class TareLimits:
     """Limits of a tare: scans averaged, largest noise [fF], largest deviation from the expected reading [1].
 
     Attributes:
-        window_frames: Scans that are averaged, at least 2.
+        window_scans: Scans that are averaged, at least 2.
         noise_limit_ff: Largest standard deviation of any element over the window [fF].
         unloaded_limit_rel: Largest deviation of any element from the free foot's expected reading [1].
     """
 
-    window_frames: int
+    window_scans: int
     noise_limit_ff: float
     unloaded_limit_rel: float
 
@@ -94,7 +94,7 @@ class TareWindow:
         self._newest_ns = int(t_ns.max())
         self._missing = self._missing | missing
         self._readings_pf.append(capacitance_pf)
-        if len(self._readings_pf) < self._limits.window_frames:
+        if len(self._readings_pf) < self._limits.window_scans:
             return None
         return self._tare_result(np.stack(self._readings_pf))
 

@@ -110,7 +110,7 @@ def walk(publish_every: int, script: list[Fault]) -> InvariantChecker:
     rules = WalkLimits(
         legs=LEGS,
         cycle_period_s=PERIOD_S,
-        max_age_s=config.stale_after_ms * 1e-3,
+        max_age_s=config.effective_max_age_ms * 1e-3,
         gait_period_s=0.8,
         checks_start_s=TARED_S,
         cycles_per_can_force=publish_every,

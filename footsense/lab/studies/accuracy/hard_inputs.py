@@ -134,7 +134,7 @@ class _LegPipeline:
             stray_pf,
             unloaded_pf,
             sensitivity=sensitivity(context.network, 1, calibration.moments),
-            tare=TareLimits(window_frames=_WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
+            tare=TareLimits(window_scans=_WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
             contact=ContactLimits(min_threshold_n=0.03),
             scan_ns=_SCAN_NS,
             max_age_ns=_MAX_AGE_NS,

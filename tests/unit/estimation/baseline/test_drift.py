@@ -16,7 +16,7 @@ from footsense.estimation.baseline.tare import TareLimits
 from footsense.frames import BaselineStatus
 
 UNLOADED_PF = np.full(9, 5.4)
-LIMITS = TareLimits(window_frames=4, noise_limit_ff=5.0, unloaded_limit_rel=0.03)
+LIMITS = TareLimits(window_scans=4, noise_limit_ff=5.0, unloaded_limit_rel=0.03)
 S = 1_000_000_000
 
 

@@ -6,7 +6,7 @@ from footsense.estimation.baseline.tare import TareLimits, TareResult, TareWindo
 from footsense.frames import Reading, Result
 
 UNLOADED_PF = np.full(9, 5.4)
-LIMITS = TareLimits(window_frames=4, noise_limit_ff=5.0, unloaded_limit_rel=0.03)
+LIMITS = TareLimits(window_scans=4, noise_limit_ff=5.0, unloaded_limit_rel=0.03)
 NONE = np.zeros(9, bool)
 OK = np.zeros(9, np.uint8)
 
@@ -14,7 +14,7 @@ OK = np.zeros(9, np.uint8)
 def tare(readings_pf: np.ndarray, missing: np.ndarray = NONE, foot: str = "") -> TareResult | None:
     """Return the tared over scans of these readings, shape (9,), one after the other."""
     window = TareWindow(LIMITS, UNLOADED_PF, foot)
-    for number in range(LIMITS.window_frames):
+    for number in range(LIMITS.window_scans):
         tared = window.add(readings_pf, OK, np.full(9, 1 + number), missing)
     return tared
 
