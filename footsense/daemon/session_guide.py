@@ -7,8 +7,8 @@ from zlib import crc32
 import numpy as np
 
 from footsense.calibration.evaluation import estimate_loads
-from footsense.calibration.loads.calibration_load import CalibrationLoad
 from footsense.calibration.loads.load_set import LoadSet
+from footsense.calibration.loads.press import CalibrationLoad
 from footsense.calibration.session.guide import SessionGuide
 from footsense.calibration.session.reference_checks import reference_findings
 from footsense.config.test_stand import StandConfig

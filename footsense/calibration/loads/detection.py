@@ -10,9 +10,16 @@ from enum import Enum, auto
 
 import numpy as np
 
-from footsense.calibration.loads.calibration_load import CalibrationLoad, Press, RejectedPress, Rejection
-from footsense.calibration.loads.press_reduction import reduce_press
-from footsense.calibration.loads.span_means import column_means, unsaturated_samples_n
+from footsense.calibration.loads.press import (
+    CalibrationLoad,
+    Press,
+    RejectedPress,
+    Rejection,
+    Span,
+    column_means,
+    unsaturated_samples_n,
+)
+from footsense.calibration.loads.reduction import reduce_press
 from footsense.frames import Codes, Cycle, Reading, ReferenceSamples, Vector
 
 _NS_PER_MS = 1_000_000
@@ -175,7 +182,7 @@ class LoadDetector:
         self._n_agreeing = (self._n_agreeing + 1) % _N_AGREEING_SCANS if change else 0
         return change and self._n_agreeing == 0
 
-    def _mean_pf(self, span_ns: tuple[int, int]) -> Vector | None:
+    def _mean_pf(self, span_ns: Span) -> Vector | None:
         """Return the mean reading of each element in a time span [pF], shape (9,); None if it has too few scans."""
         scans = [entry[1] for entry in self._scans if span_ns[0] <= entry[0] <= span_ns[1]]
         return column_means(np.array(scans)) if len(scans) >= _MIN_UNLOADED_SCANS else None
@@ -203,7 +210,7 @@ class LoadDetector:
         while self._reference and int(self._reference[0].t_ns[-1]) < t_ns:
             self._reference.popleft()
 
-    def _recorded_press(self, unloaded_after_ns: tuple[int, int] | None) -> Press:
+    def _recorded_press(self, unloaded_after_ns: Span | None) -> Press:
         """Return the buffered samples as one press."""
         t_ns, capacitance_pf, reading = zip(*self._scans, strict=True)
         return Press(

@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.calibration.loads.calibration_load import CalibrationLoad
+from footsense.calibration.loads.press import CalibrationLoad
 from footsense.foot.directions import normalized
 from footsense.frames import ELEMENTS, Mask, Vector
 

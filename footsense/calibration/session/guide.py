@@ -5,9 +5,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from footsense.calibration.loads.calibration_load import CalibrationLoad, RejectedPress, Rejection
 from footsense.calibration.loads.detection import LoadDetector
-from footsense.calibration.loads.reference_lag import lag_message
+from footsense.calibration.loads.press import CalibrationLoad, RejectedPress, Rejection
 from footsense.calibration.session.coverage import Coverage, azimuth_and_elevation_deg
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.frames import Cycle, Vector
@@ -48,7 +47,6 @@ class SessionGuide:
         self._loads: list[CalibrationLoad] = []
         self._estimate_n: list[Vector] = []
         self._shown: deque[tuple[int, Vector]] = deque()
-        self._lag_reported = False
         self.coverage = Coverage(n_wanted)
         self.rejected: Counter[Rejection] = Counter()
         self.findings: list[str] = []
@@ -102,9 +100,6 @@ class SessionGuide:
         self.report(
             f"press {number}: {magnitude_gf:.0f} gf from azimuth {azimuth_deg % 360}, elevation {elevation_deg} deg"
         )
-        if not self._lag_reported and (lag := lag_message([one.reference_lag_s for one in self._loads])):
-            self._lag_reported = True
-            self.report(f"warning: {lag}")
         findings = self._check(self.load_reference_forces_n, np.array(self._estimate_n))
         # The same finding with a slightly different figure is not reported again.
         if [line.partition(":")[2] for line in findings] != [

@@ -10,9 +10,8 @@ from statistics import fmean
 
 import msgspec
 
-from footsense.calibration.loads.calibration_load import CalibrationLoad, RejectedPress, Rejection
 from footsense.calibration.loads.detection import LoadDetector
-from footsense.calibration.loads.reference_lag import lag_message
+from footsense.calibration.loads.press import CalibrationLoad, RejectedPress, Rejection
 from footsense.calibration.writer import file_sha256
 from footsense.config.test_stand import StandConfig
 from footsense.errors import CalibrationError, RecordingError
@@ -57,8 +56,6 @@ class RecordedSession:
         if self.rejected:
             n, why = self.rejected.total(), ", ".join(f"{n} {why}" for why, n in self.rejected.most_common())
             warnings.append(f"{self.path}: {n} of {n + len(self.loads)} presses are rejected: {why}")
-        if lag := lag_message([load.reference_lag_s for load in self.loads]):
-            warnings.append(f"{self.path}: {lag}")
         if self.test_stand is None:
             warnings.append(
                 f"{self.path}: does not describe its test stand; units and axes cannot be checked"

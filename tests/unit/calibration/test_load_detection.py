@@ -1,7 +1,6 @@
 """A press is detected and reduced to a calibration load, or rejected with the reason."""
 
 import itertools
-import re
 from collections.abc import Iterable
 from typing import Any
 
@@ -9,16 +8,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from footsense.calibration.loads.calibration_load import CalibrationLoad, RejectedPress, Rejection
 from footsense.calibration.loads.detection import LoadDetector
-from footsense.calibration.loads.reference_lag import lag_message
+from footsense.calibration.loads.press import CalibrationLoad, RejectedPress, Rejection
 from footsense.frames import Cycle, Reading
 from tests.support.feet import DESIGN
 from tests.support.presses import (
     CLOSURE_REL,
     SAMPLE_NOISE_N,
     SAMPLE_NS,
-    SCAN_NS,
     SimulatedPress,
     cycles,
     direction,
@@ -165,32 +162,3 @@ def test_presses_in_a_row_each_have_their_own_zero() -> None:
     assert moved_pf == pytest.approx(0.02 * 1.2 * np.arange(8), abs=1e-3)
     error_n = np.array([load.force_n - ONE.force_n for load in loads])
     assert np.sqrt((error_n[2:] ** 2).mean(axis=0)) == pytest.approx(np.zeros(3), abs=0.012)
-
-
-@pytest.mark.parametrize(
-    ("late_s", "says"),
-    [
-        (0.0, ""),
-        (0.1, "100 ms behind the foot: latency_ms in the test stand's file is too small by that"),
-        (-0.1, "100 ms ahead of the foot: latency_ms in the test stand's file is too large by that"),
-    ],
-)
-@pytest.mark.parametrize("scan_ns", [SCAN_NS, 99_000_000])
-def test_a_lagging_reference_is_reported(late_s: float, says: str, scan_ns: int) -> None:
-    """The median over presses, fast and slow ones, is right to 15 ms."""
-    presses = [
-        SimulatedPress(
-            1.5 + 2.0 * k, 0.8, tuple(0.6 * direction(70.0 * k, 60.0)), rise_s=0.3 if k % 2 else 0.1
-        )
-        for k in range(6)
-    ]
-    late = [
-        cycle._replace(reference=cycle.reference._replace(t_ns=cycle.reference.t_ns + round(late_s * 1e9)))
-        for cycle in cycles(force_profile(*presses), 14.0, scan_ns=scan_ns)
-        if cycle.reference is not None
-    ]
-    lags_s = [load.reference_lag_s for load in find_loads(late)]
-    assert len(lags_s) == 6
-    assert np.median(lags_s) == pytest.approx(late_s, abs=0.015)
-    words = lag_message(lags_s)
-    assert re.sub("(8|9|10|11)[0-9] ms", "100 ms", words).endswith(says) if says else not words

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from footsense.calibration.fit.calibrate import calibrate_sessions
-from footsense.calibration.loads.calibration_load import CalibrationLoad
+from footsense.calibration.loads.press import CalibrationLoad
 from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.errors import CalibrationError
 from footsense.sim.test_stand.press_sequence import paper_presses
@@ -20,9 +20,7 @@ def session(name: str, number: int) -> RecordedSession:
     """Return one of three recordings of a foot, with a third of its loads."""
     loads = load_set(made(1), _FORCE_N[number::3])
     one = [
-        CalibrationLoad(
-            (0, 1_000_000_000), force_n, np.full(3, 0.01 / np.sqrt(200)), pressed_pf, unloaded_pf, 0.0
-        )
+        CalibrationLoad((0, 1_000_000_000), force_n, np.full(3, 0.01 / np.sqrt(200)), pressed_pf, unloaded_pf)
         for force_n, pressed_pf, unloaded_pf in zip(
             loads.force_n, loads.capacitance_pf, loads.baseline_pf, strict=True
         )

@@ -1,9 +1,14 @@
-"""Data types of a press: its samples, the calibration load reduced from it, or the reason for its rejection."""
+"""A press: its samples, the calibration load reduced from it or the reason for its rejection, and means over spans."""
 
 from enum import StrEnum
 from typing import NamedTuple
 
-from footsense.frames import Codes, ReferenceSamples, Stamps, Vector
+import numpy as np
+
+from footsense.frames import Codes, Mask, ReferenceSamples, Stamps, Vector
+
+#: Start and end of a time span [ns], both included.
+Span = tuple[int, int]
 
 
 class Rejection(StrEnum):
@@ -29,15 +34,13 @@ class CalibrationLoad(NamedTuple):
         sigma_n: Standard deviation of that mean by noise alone [N], shape (3,).
         capacitance_pf: Mean reading of each element, stray included [pF], shape (9,).
         baseline_pf: Unloaded reading before and after, interpolated to the dwell [pF], shape (9,).
-        reference_lag_s: Delay of the reference behind the capacitances [s]; NaN if unknown.
     """
 
-    dwell_ns: tuple[int, int]
+    dwell_ns: Span
     force_n: Vector
     sigma_n: Vector
     capacitance_pf: Vector
     baseline_pf: Vector
-    reference_lag_s: float
 
 
 class RejectedPress(NamedTuple):
@@ -71,7 +74,30 @@ class Press(NamedTuple):
     capacitance_pf: Vector
     reading: Codes
     reference: ReferenceSamples
-    unloaded_before_ns: tuple[int, int]
-    pressed_span_ns: tuple[int, int]
-    unloaded_after_ns: tuple[int, int] | None
+    unloaded_before_ns: Span
+    pressed_span_ns: Span
+    unloaded_after_ns: Span | None
     reference_offset_samples_n: Vector
+
+
+def column_means(values: Vector) -> Vector:
+    """Return the mean of each column over its non-NaN rows, shape (columns,); NaN if there are none."""
+    n = (~np.isnan(values)).sum(axis=0)
+    return np.where(n > 0, np.nansum(values, axis=0) / np.maximum(n, 1), np.nan)
+
+
+def column_deviations(values: Vector) -> Vector:
+    """Return the standard deviation of each column over its non-NaN rows, shape (columns,)."""
+    deviations: Vector = np.sqrt(column_means((values - column_means(values)) ** 2))
+    return deviations
+
+
+def is_in_span(t_ns: Stamps, span_ns: Span) -> Mask:
+    """Return the mask of the times within a span."""
+    is_inside: Mask = (t_ns >= span_ns[0]) & (t_ns <= span_ns[1])
+    return is_inside
+
+
+def unsaturated_samples_n(reference: ReferenceSamples, span_ns: Span) -> Vector:
+    """Return the reference samples within a span without saturated axes [N], shape (n, 3)."""
+    return reference.force_n[is_in_span(reference.t_ns, span_ns) & ~reference.saturated]
