@@ -1,5 +1,5 @@
 """Fit a foot's calibration from recordings of the foot on a test stand.
 
-`loads` finds the presses, `session` guides and reads a session, `fit` fits a model of the foot and a correction of its
-residual, `evaluation` compares the result with the reference, `writer` writes the files.
+`loads` finds the presses, `session` guides and reads a session, `fit` fits a model of the foot, `evaluation`
+compares the result with the reference, `writer` writes the files.
 """

@@ -38,9 +38,8 @@ robot uses these files unchanged, or not at all: it detects and refuses every ed
 {_element_values_row(strayed, parameters.stray_pf, 3)}
 {_element_values_row("gain of the closure [1]", parameters.gain_rel, 3)}
 
-Stiffness {parameters.stiffness_rel:+.1%}; mounted {_mount_angle_deg(parameters):.1f} deg off; largest term of the
-correction {np.abs(parameters.correction).max():.3f}. Unexplained by the calibration: {parameters.error_rel:.1%} of
-the force.
+Stiffness {parameters.stiffness_rel:+.1%}; mounted {_mount_angle_deg(parameters):.1f} deg off. Unexplained by the
+calibration: {parameters.error_rel:.1%} of the force.
 
 ## Origin
 

@@ -240,13 +240,11 @@ def _calibration_figures(
         "temperature_c": result.temperature_c,
         "stiffness_rel": parameters.stiffness_rel,
         **{name: getattr(parameters, name).tolist() for name in ("stray_pf", "gap_um", "gain_rel")},
-        "corrected": bool(parameters.correction.any()),
         "distance": result.median_mahalanobis_distance,
         "predicted": {
             "direction_deg": predicted.median_direction_error_deg,
             "magnitude_rel": predicted.median_magnitude_error_rel,
         },
-        "not_identified": predicted.not_identified,
         "held_out": msgspec.to_builtins(result.held_out),
     }
 

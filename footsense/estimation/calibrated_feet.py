@@ -1,10 +1,9 @@
-"""Estimator of calibrated feet: one network call for all feet, then each foot's correction."""
+"""Estimator of calibrated feet: one network call for all feet, then each foot's stiffness and mount."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from footsense.foot.correction_terms import N_CORRECTION_TERMS, correction_terms
 from footsense.foot.parameters import FootParameters
 from footsense.foot.temperature import CalibrationTemperature, force_factor_and_uncertainty
 from footsense.frames import Vector
@@ -12,7 +11,7 @@ from footsense.ports import Estimator, LoadEstimate, Window
 
 
 class CalibratedFeet:
-    """Estimator that applies each foot's force correction to the network of the foot type.
+    """Estimator that applies each foot's stiffness and mount to the network of the foot type.
 
     Until `set_temperature` is called, the feet are estimated as at the temperature of their calibration.
 
@@ -33,15 +32,10 @@ class CalibratedFeet:
         self._calibrated_matrix = np.tile(
             [np.eye(3) if foot is None else foot.force_matrix for foot in feet], (repeats, 1, 1)
         )
-        self._calibrated_correction = np.tile(
-            [np.zeros((3, N_CORRECTION_TERMS)) if foot is None else foot.correction for foot in feet],
-            (repeats, 1, 1),
-        )
         self._rotation = np.tile(
             [np.eye(3) if foot is None else foot.mount.T for foot in feet], (repeats, 1, 1)
         )
         self._turned = bool((self._rotation != np.eye(3)).any())
-        self._corrected = bool(self._calibrated_correction.any())
         self._calibrated_error_rel = np.tile(
             [0.0 if foot is None else foot.error_rel for foot in feet], repeats
         )
@@ -64,9 +58,8 @@ class CalibratedFeet:
         self._apply_temperature_factors(gain, unknown_rel)
 
     def _apply_temperature_factors(self, gain: Vector, unknown_rel: Vector) -> None:
-        """Multiply each leg's correction matrices by its temperature factor, and add its uncertainty."""
-        gains = np.tile(gain, self._repeats)[:, None, None]
-        self._matrix, self._correction = gains * self._calibrated_matrix, gains * self._calibrated_correction
+        """Multiply each leg's matrix by its temperature factor, and add its uncertainty."""
+        self._matrix = np.tile(gain, self._repeats)[:, None, None] * self._calibrated_matrix
         self._error_rel = np.hypot(self._calibrated_error_rel, np.tile(unknown_rel, self._repeats))[:, None]
 
     def estimate(self, window: Window) -> LoadEstimate:
@@ -79,8 +72,6 @@ class CalibratedFeet:
         if self._turned:
             contact, contact_sigma = _contact_in_leg_frame(self._rotation, contact, contact_sigma)
         force_n = np.einsum("rij,rj->ri", self._matrix, design_n)
-        if self._corrected:
-            force_n += np.einsum("rij,rj->ri", self._correction, correction_terms(design_n))
         variance_n2 = np.einsum("rij,rj->ri", self._matrix**2, design_sigma_n**2)
         residual_n = self._error_rel * np.linalg.norm(force_n, axis=1, keepdims=True)
         return LoadEstimate(force_n, np.sqrt(variance_n2 + residual_n**2), contact, contact_sigma)

@@ -8,7 +8,6 @@ import numpy as np
 import footsense
 from footsense.calibration.writer import write_calibration
 from footsense.daemon.foot_types import DEFAULT_FOOT_TYPE, released_path
-from footsense.foot.correction_terms import N_CORRECTION_TERMS
 from footsense.foot.files.calibration_format import HeldOutErrors, Manifest
 from footsense.foot.files.calibration_reader import FootCalibration
 from footsense.foot.force_errors import ForceErrors
@@ -23,8 +22,6 @@ AFTER = ForceErrors(1.5, 3.0, 4.0, 1.8, 4.0, 6.0, 180)
 
 def parameters(**given: Any) -> FootParameters:
     """Return those of a foot that differs in all there is; `given` replaces some."""
-    correction = np.zeros((3, N_CORRECTION_TERMS))
-    correction[2, 0] = 1.0 / 3.0
     turn = np.radians(4.0)
     mount = np.array([[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
     values: dict[str, Any] = {
@@ -34,7 +31,6 @@ def parameters(**given: Any) -> FootParameters:
         "gain_rel": np.linspace(0.9, 1.1, 9),
         "stiffness_rel": 0.07,
         "mount": mount,
-        "correction": correction,
         "error_rel": 0.02,
     }
     return FootParameters(**{**values, **given})

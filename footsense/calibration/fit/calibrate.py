@@ -12,17 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.calibration.evaluation import DesignModels, Estimates
-from footsense.calibration.fit.correction import fit_correction
 from footsense.calibration.fit.parameter_fit import ParameterFit, fit_parameters
-from footsense.calibration.fit.parameter_vector import GAIN, MOUNT, REFERENCE, STIFFNESS, STRAY
-from footsense.calibration.fit.predicted_uncertainty import (
-    PredictedUncertainty,
-    predict_uncertainty,
-    require_small_predicted_errors,
-)
+from footsense.calibration.fit.predicted_uncertainty import PredictedUncertainty, predict_uncertainty
 from footsense.calibration.fit.rubber_memory import loads_with_creep_corrected_baseline
 from footsense.calibration.fit.session_checks import require_consistent_reference, require_one_foot
-from footsense.calibration.fit.twin import FootTwin, reference_gains
+from footsense.calibration.fit.twin import GAIN, MOUNT, REFERENCE, STIFFNESS, STRAY, FootTwin, reference_gains
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.errors import CalibrationError
@@ -41,6 +35,8 @@ MAX_MEDIAN_MAHALANOBIS_DISTANCE = 8.0
 WARNING_MEDIAN_MAHALANOBIS_DISTANCE = 4.0
 #: Stiffness over the design's outside of which a foot is not made of that rubber.
 _MIN_STIFFNESS, _MAX_STIFFNESS = 0.25, 4.0
+#: Largest predicted errors with which a calibration is made: an uncalibrated, carelessly made foot is not much worse.
+_MAX_PREDICTED_DEG, _MAX_PREDICTED_REL = 4.0, 0.1
 #: Share of the loads of a single session that is held out: one in so many.
 _HOLD_OUT_EVERY = 5
 
@@ -139,7 +135,13 @@ def require_plausible(result: CalibrationResult) -> None:
             "foot of this type, about 3 are usual; check the reference's axes, and that the foot is of this type and "
             "undamaged"
         )
-    require_small_predicted_errors(result.predicted_uncertainty, result.n_loads)
+    direction_deg, magnitude_rel = result.predicted_uncertainty
+    if direction_deg > _MAX_PREDICTED_DEG or magnitude_rel > _MAX_PREDICTED_REL:
+        raise CalibrationError(
+            f"{result.n_loads} loads leave half of all forces uncertain by {direction_deg:.1f} deg and "
+            f"{magnitude_rel:.0%} or more, at most {_MAX_PREDICTED_DEG:g} deg and {_MAX_PREDICTED_REL:.0%} make a "
+            "calibration; press from more sides, at two magnitudes"
+        )
 
 
 def fit_foot_unchecked(models: DesignModels, loads: LoadSet) -> CalibrationResult:
@@ -164,14 +166,15 @@ def fit_foot_unchecked(models: DesignModels, loads: LoadSet) -> CalibrationResul
     mount = rotation(fit.parameters[MOUNT])
     stiffness_rel = float(fit.parameters[STIFFNESS][0])
     physical = replace(electrodes, stiffness_rel=twin.effective_stiffness_rel(stiffness_rel), mount=mount)
-    # The reference's own error, as far as the foot shows it, is not to be learnt.
+    # The reference's own error, as far as the foot shows it, is not the calibration's.
     designed_n, force_n = designed.force_n[read], loads.force_n[read] / reference_gains(fit.parameters)
-    correction = fit_correction(designed_n, designed_n @ physical.force_matrix.T, force_n)
+    residual_n = force_n - designed_n @ physical.force_matrix.T
+    residual_rel = residual_n / np.linalg.norm(force_n, axis=1, keepdims=True)
     # An outlier counts as much as five medians.
-    limit_rel = 5.0 * np.median(np.abs(correction.cross_validated_residual_rel)) + 1e-9
-    unexplained_rel2 = np.minimum(correction.cross_validated_residual_rel**2, limit_rel**2).mean()
+    limit_rel = 5.0 * np.median(np.abs(residual_rel)) + 1e-9
+    unexplained_rel2 = np.minimum(residual_rel**2, limit_rel**2).mean()
     error_rel = np.sqrt(unexplained_rel2 + np.diag(fit.covariance)[REFERENCE].mean())
-    parameters = replace(physical, correction=correction.term_coefficients, error_rel=float(error_rel))
+    parameters = replace(physical, error_rel=float(error_rel))
     return CalibrationResult(parameters, fit, predicted_uncertainty, len(loads))
 
 

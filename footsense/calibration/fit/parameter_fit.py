@@ -18,8 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.calibration.fit.parameter_vector import GAIN, GAP, N_PARAMETERS, PARAMETER_COUNTS, STRAY
-from footsense.calibration.fit.twin import FootTwin
+from footsense.calibration.fit.twin import GAIN, GAP, N_PARAMETERS, PARAMETER_COUNTS, STRAY, FootTwin
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.foot.directions import normalized
 from footsense.foot.specimen import ContactLoads

@@ -19,8 +19,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from footsense.calibration.fit.parameter_vector import N_PARAMETERS
-from footsense.calibration.fit.twin import FootTwin
+from footsense.calibration.fit.twin import N_PARAMETERS, FootTwin
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.foot.directions import normalized

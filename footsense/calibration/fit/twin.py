@@ -14,22 +14,23 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from footsense.calibration.fit.parameter_vector import (
-    GAIN,
-    GAP,
-    MOUNT,
-    N_PARAMETERS,
-    OFFSET,
-    REFERENCE,
-    STIFFNESS,
-    STRAY,
-)
 from footsense.foot import gap_contact
 from footsense.foot.cavity.pressures import CavityPressures
 from footsense.foot.directions import normalized, rotation
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads
-from footsense.frames import Mask, Vector
+from footsense.frames import ELEMENTS, Mask, Vector
+
+# A foot's parameter vector; all zero is a foot as designed.
+#: Slices of the parameters of single elements: stray [pF], closure gain minus one [1], gap minus the design's [um].
+STRAY, GAIN, GAP = (slice(kind * ELEMENTS, (kind + 1) * ELEMENTS) for kind in range(3))
+#: Slices of the parameters of the whole foot behind them: stiffness over the design's minus one [1], mount as a
+#: rotation vector [rad], offset of the sheet from the axis of the balls along x and y over the ball's radius [1], and
+#: gains of the reference along x, y, z minus one [1].
+STIFFNESS, MOUNT, OFFSET, REFERENCE = slice(27, 28), slice(28, 31), slice(31, 33), slice(33, 36)
+#: Their number of each kind, in the order of the vector, and of all.
+PARAMETER_COUNTS = (ELEMENTS, ELEMENTS, ELEMENTS, 1, 3, 2, 3)
+N_PARAMETERS = sum(PARAMETER_COUNTS)
 
 #: Smallest distance of the electrodes [um]; the designed film is as thick as 6.3 um of air.
 _MIN_DISTANCE_UM = 1.0

@@ -18,12 +18,11 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from footsense.foot.correction_terms import N_CORRECTION_TERMS
 from footsense.foot.force_errors import ForceErrors
 from footsense.foot.temperature import COLDEST_C, WARMEST_C
 from footsense.frames import ELEMENTS
 
-FORMAT = 2
+FORMAT = 3
 
 MANIFEST, PARAMETERS, NETWORK, CARD = "manifest.json", "parameters.json", "network.onnx", "card.md"
 #: Files whose hashes are in the manifest.
@@ -33,7 +32,6 @@ FootId = Annotated[str, Meta(pattern=r"^foot-[0-9]{4}$", description="such as fo
 Sha256 = Annotated[str, Meta(pattern=r"^[0-9a-f]{64}$")]
 PerElement = Annotated[list[float], Meta(min_length=ELEMENTS, max_length=ELEMENTS)]
 Three = Annotated[list[float], Meta(min_length=3, max_length=3)]
-CorrectionRow = Annotated[list[float], Meta(min_length=N_CORRECTION_TERMS, max_length=N_CORRECTION_TERMS)]
 
 
 class Format(msgspec.Struct, frozen=True):
@@ -122,7 +120,6 @@ class Parameters(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     gain_rel: PerElement
     stiffness_rel: float
     mount: Annotated[list[Three], Meta(min_length=3, max_length=3)]
-    correction: Annotated[list[CorrectionRow], Meta(min_length=3, max_length=3)]
     error_rel: float
     temperature_c: Annotated[float, Meta(ge=COLDEST_C, le=WARMEST_C)] | None
     # A larger one would leave no stiffness at the other end of a converter's range.

@@ -7,24 +7,23 @@ import pytest
 from numpy.typing import NDArray
 
 from footsense.calibration.fit.calibrate import calibrate
-from footsense.calibration.fit.correction import fit_correction
 from footsense.calibration.fit.parameter_fit import fit_parameters
-from footsense.calibration.fit.parameter_vector import (
+from footsense.calibration.fit.twin import (
     GAP,
     MOUNT,
     N_PARAMETERS,
     OFFSET,
     STIFFNESS,
     STRAY,
+    FootTwin,
+    reference_gains,
 )
-from footsense.calibration.fit.twin import FootTwin, reference_gains
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.errors import CalibrationError
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.steady_windows import steady_windows
 from footsense.foot.cavity.air import Cavity
-from footsense.foot.correction_terms import correction_terms
-from footsense.foot.directions import angles_between_deg, normalized, rotation
+from footsense.foot.directions import normalized, rotation
 from footsense.foot.force_errors import evaluate_force_errors
 from footsense.foot.parameters import FootParameters
 from footsense.foot.specimen import ContactLoads, Deviations, Foot
@@ -135,7 +134,6 @@ def test_a_foot_as_designed_is_left_as_it_is() -> None:
     loads, judged = load_set(Deviations(), _TRAINING[::5], rng), load_set(Deviations(), _JUDGED)
     found = calibrate(design(), loads).parameters
     assert evaluate_force_errors(judged.force_n, _read(judged, found)).direction_deg < 0.5
-    assert not found.correction.any()
 
 
 def test_a_load_that_slipped_does_not_count_much() -> None:
@@ -146,20 +144,6 @@ def test_a_load_that_slipped_does_not_count_much() -> None:
     judged = load_set(made(1), _JUDGED)
     found = calibrate(design(), replace(loads, capacitance_pf=slipped)).parameters
     assert evaluate_force_errors(judged.force_n, _read(judged, found)).direction_deg < 1.5
-
-
-def test_the_correction_learns_what_is_there_and_nothing_else() -> None:
-    """A cross-axis share is taken out of the direction; noise leaves no correction behind, nor do few loads."""
-    rng = np.random.default_rng(3)
-    force_n = _TRAINING
-    noise_n = 0.01 * rng.normal(size=force_n.shape)
-    skew = np.array([[1.0, 0.05, 0.0], [0.0, 1.0, 0.0], [0.08, 0.0, 1.0]])
-    skewed = force_n @ skew + noise_n
-    layer = fit_correction(force_n, force_n, skewed)
-    corrected_n = force_n + correction_terms(force_n) @ layer.term_coefficients.T
-    assert angles_between_deg(corrected_n, force_n @ skew).max() < 1.0  # of 4.6
-    assert not fit_correction(force_n, force_n, force_n + noise_n).term_coefficients.any()
-    assert not fit_correction(force_n[::20], force_n[::20], skewed[::20]).term_coefficients.any()
 
 
 def test_loads_from_one_side_are_refused_by_what_they_do_not_tell() -> None:

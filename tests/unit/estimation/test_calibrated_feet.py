@@ -2,15 +2,12 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.gait.friction import ground_of
 from footsense.estimation.steady_windows import steady_windows
-from footsense.foot.correction_terms import N_CORRECTION_TERMS, correction_terms
 from footsense.foot.parameters import FootParameters
 from footsense.foot.temperature import CalibrationTemperature, unknown_temperature_sigma_rel
 from footsense.ports import LoadEstimate, Window
@@ -60,22 +57,17 @@ def test_a_foot_as_designed_is_read_as_the_network_says() -> None:
 
 
 def test_each_row_gets_its_own_foot() -> None:
-    """Stiffness, mount and corrections belong to a leg; its second row is the same foot again."""
+    """Stiffness, mount and error belong to a leg; its second row is the same foot again."""
     quarter = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    correction = np.zeros((3, N_CORRECTION_TERMS))
-    correction[2, 2] = 0.1  # a tenth more of z
-    feet = [
-        _foot(stiffness_rel=0.5, mount=quarter),
-        _foot(correction=correction, error_rel=0.1),
-    ]
+    feet = [_foot(stiffness_rel=0.5, mount=quarter), _foot(stiffness_rel=0.1, error_rel=0.1)]
     closures = np.zeros((4, 9))
     closures[:, [5, 7, 4]] = [0.2, 0.4, 0.6]
     force_n, sigma_n, *_ = CalibratedFeet(_Linear(), feet, 4).estimate(steady_windows(closures))
     np.testing.assert_allclose(force_n[0], 1.5 * quarter.T @ [0.2, 0.4, 0.6])
-    np.testing.assert_allclose(force_n[1], [0.2, 0.4, 0.66])
+    np.testing.assert_allclose(force_n[1], [0.22, 0.44, 0.66])
     np.testing.assert_array_equal(force_n[2:], force_n[:2])
     np.testing.assert_allclose(sigma_n[0], 1.5 * np.array([0.02, 0.01, 0.03]))
-    np.testing.assert_allclose(sigma_n[1], np.hypot([0.01, 0.02, 0.03], 0.1 * np.linalg.norm(force_n[1])))
+    np.testing.assert_allclose(sigma_n[1], np.hypot([0.011, 0.022, 0.033], 0.1 * np.linalg.norm(force_n[1])))
 
 
 @pytest.mark.parametrize("turn_rad", [(0.0, 0.0, np.pi / 2), (0.3, 0.0, 0.0), (0.1, -0.2, 1.0)])
@@ -99,9 +91,7 @@ def test_the_contact_is_turned_by_the_mount_as_the_force_is(turn_rad: tuple[floa
 
 def test_a_temperature_scales_what_it_is_known_for() -> None:
     """10 K more stiffen a foot by 4.4 %; not known, they widen another's sigma; a designed foot is left alone."""
-    correction = np.zeros((3, N_CORRECTION_TERMS))
-    correction[2, 2] = 0.1
-    feet = [_foot(correction=correction, error_rel=0.01), _foot(error_rel=0.01), None]
+    feet = [_foot(error_rel=0.01), _foot(error_rel=0.01), None]
     resting = steady_windows(np.full((6, 9), 0.3))
     read = CalibratedFeet(_Linear(), feet, 6)
     on_bench_n, bench_sigma_n, *_ = read.estimate(resting)
@@ -114,16 +104,6 @@ def test_a_temperature_scales_what_it_is_known_for() -> None:
     unknown_n = unknown_temperature_sigma_rel(10.0) * np.linalg.norm(force_n[[1, 4]], axis=1, keepdims=True)
     np.testing.assert_allclose(sigma_n[[1, 4]], np.hypot(bench_sigma_n[[1, 4]], unknown_n))
     np.testing.assert_array_equal(sigma_n[[2, 5]], bench_sigma_n[[2, 5]])
-
-
-@given(st.floats(0.01, 10.0), st.integers(0, 1000))
-def test_the_correction_is_of_degree_one_as_the_solid_is(scale: float, seed: int) -> None:
-    """Twice the force, twice the correction; no force, none."""
-    force_n = np.random.default_rng(seed).normal(size=(3, 3))
-    np.testing.assert_allclose(
-        correction_terms(scale * force_n), scale * correction_terms(force_n), atol=1e-12
-    )
-    assert not correction_terms(np.zeros((1, 3))).any()
 
 
 @pytest.mark.parametrize(

@@ -94,8 +94,8 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
             "manifest.json: does not match its own hash: edited by hand",
         ),
         (
-            lambda folder: change_byte(folder / "manifest.json", b'"format": 2', b'"format": 1'),
-            "manifest.json: calibration format 1, this version reads format 2",
+            lambda folder: change_byte(folder / "manifest.json", b'"format": 3', b'"format": 1'),
+            "manifest.json: calibration format 1, this version reads format 3",
         ),
         (
             lambda folder: change_byte(folder / "manifest.json", b'"n_loads"', b'"n_load"'),
