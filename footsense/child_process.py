@@ -44,7 +44,7 @@ def check_new_file(name: str, path: Path) -> None:
 
 
 def start_writer(
-    module: str, arguments: list[str], output_fd: int, pipe_bytes: int
+    module: str, arguments: list[str], output_fd: int, pipe_bytes: int = 0, ring: int | None = None
 ) -> tuple[subprocess.Popen[bytes], int]:
     """Start a footsense module that writes a file from a pipe; return the process and the pipe's write end.
 
@@ -53,6 +53,7 @@ def start_writer(
         arguments: Its command line.
         output_fd: Descriptor of the open file, its standard output; closed here.
         pipe_bytes: Size of the pipe that is its standard input [bytes]; the kernel may grant less.
+        ring: Descriptor of a ring, which it inherits; closed here.
 
     Returns:
         The process, which reports its failure on its standard error, and the writing end of the pipe.
@@ -71,12 +72,15 @@ def start_writer(
             stdin=read_end,
             stdout=output_fd,
             stderr=subprocess.PIPE,
+            pass_fds=() if ring is None else (ring,),
         )
     finally:
         os.sched_setaffinity(0, of_loop)
         signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
         os.close(read_end)
         os.close(output_fd)
+        if ring is not None:
+            os.close(ring)
     return writer, write_end
 
 

@@ -1,15 +1,30 @@
-"""Every metric of the service, from the declarations that the exporter serves."""
+"""Every metric of the service, from what the exporter shows of a simulated one."""
 
 from docstrings import table
 
-from footsense.frames import LEGS
-from footsense.telemetry.metric_families import service_metrics
+from footsense.config import DEFAULT
+from footsense.daemon.service import open_service
+from footsense.ports import WakeupLatency
+from footsense.sim.scene_files import load_scene
+from footsense.telemetry.metrics import ServiceMetrics
 
 
 def markdown() -> str:
     """Return a table of all metrics."""
+    metrics = ServiceMetrics(DEFAULT.legs)
+    with open_service(DEFAULT, load_scene("hanging"), real_time=False) as service:
+        service.wakeups = (WakeupLatency(),)
+        is_complete = False
+        while not is_complete:  # some cycles have no gait
+            scan = service.source.read()
+            assert scan is not None
+            cycle = service.run_cycle(scan, ())
+            metrics.add(cycle)
+            is_complete = cycle.forces.gait is not None
+        metrics.status = service.status()
     rows: list[list[object]] = []
-    for family in service_metrics(LEGS, [0.001]):
-        labels = ", ".join(f"`{label}`" for label in family.label_values)
-        rows.append([f"`{family.name}`", family.metric_type, labels, family.help])
+    for family in metrics.collect():
+        labels = ", ".join(f"`{label}`" for label in family.samples[0].labels if label != "le")
+        name = f"{family.name}_total" if family.type == "counter" else family.name
+        rows.append([f"`{name}`", family.type, labels, family.documentation])
     return table(["metric", "type", "labels", "meaning"], rows)

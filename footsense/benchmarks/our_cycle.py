@@ -1,7 +1,7 @@
-"""One cycle of the daemon on recorded readings, for benchmarks: estimation, CAN, metrics and recorder.
+"""One cycle of the daemon on recorded readings, for benchmarks: estimation, CAN and ring.
 
-A whole cycle: estimate, publish, count, record. It sends to a socket pair, which stands for CAN on any machine, and
-records into a pipe; both are drained between cycles.
+A whole cycle: estimate, publish, write into the ring. It sends to a socket pair, which stands for CAN on any machine
+and is drained between cycles.
 """
 
 import os
@@ -26,13 +26,11 @@ from footsense.daemon.loop import Loop
 from footsense.daemon.models import load_models
 from footsense.daemon.recording_header import recording_header
 from footsense.frames import ELEMENTS, CapFrame, Cycle, Flag, Vector
-from footsense.ports import Observer
-from footsense.recording.cycle_pipe import CyclePipe
-from footsense.recording.shared_cycles import SharedCycleWriter
+from footsense.ring.cycle_ring import CycleRing
+from footsense.ring.records import ServiceStatus
 from footsense.sim.clock import VirtualClock
 from footsense.sim.scene_files import load_scene
 from footsense.telemetry.journal import LegStateLogger
-from footsense.telemetry.metrics import MetricsObserver
 from footsense.telemetry.systemd import SystemdNotifier
 
 #: Priority of SCHED_FIFO, the default of the service; without it the figures include other processes.
@@ -72,44 +70,28 @@ class Loopback:
         os.close(self.pipe)
 
 
-class _PipeRecorder(Observer):
-    """Observer that writes every cycle into a pipe, as the recorder does."""
-
-    def __init__(self, pipe: int, legs: tuple[str, ...]) -> None:
-        self._pipe = CyclePipe(pipe, {"legs": ",".join(legs)}, blocking=False)
-
-    def observe(self, cycle: Cycle) -> None:
-        """Write one cycle into the pipe."""
-        self._pipe.send(cycle)
-
-
 class ServiceCycle(NamedTuple):
     """One cycle of the daemon's pipeline and outputs, ready to run.
 
     Attributes:
         run: Processes a scan at a time [ns].
         baseline_pf: Returns the baselines at the start of the next cycle [pF], shape (legs, 9).
-        counters: File of its metrics.
-        cycles: File of its shared cycles, if it shares them.
+        ring: Its ring.
         loopback: Receiver of its frames and records.
     """
 
     run: Callable[[CapFrame, int], Cycle]
     baseline_pf: Callable[[], Vector]
-    counters: Path
-    cycles: Path
+    ring: Path
     loopback: Loopback
 
 
 @contextmanager
-def open_service_cycle(*, shared: bool = False) -> Iterator[ServiceCycle]:
+def open_service_cycle() -> Iterator[ServiceCycle]:
     """Set up one cycle of the daemon (pipeline, CAN sink, observers) with sockets in place of CAN.
 
-    Args:
-        shared: Whether it copies its cycles into shared memory, as with a section `view`.
-
     Yields:
-        The cycle; its counters exist until the end.
+        The cycle; its ring exists until the end.
     """
     clock, loopback = VirtualClock(), Loopback()
     models = load_models(DEFAULT)
@@ -119,20 +101,17 @@ def open_service_cycle(*, shared: bool = False) -> Iterator[ServiceCycle]:
         TemporaryDirectory(dir="/dev/shm") as folder,
         can_sink(BENCHMARK_CONFIG, clock, None, connect=lambda: wire) as sink,
     ):
-        counters, cycles = Path(folder) / "counters", Path(folder) / "cycles"
-        metrics = MetricsObserver(DEFAULT.legs, sink.stats, counters)
-        observers: list[Observer] = [
+        ring = Path(folder) / "ring"
+        header = recording_header(models, None, Flag.SIMULATED, clock.now_ns())
+
+        def status() -> ServiceStatus:
+            return ServiceStatus(can=sink.stats, baseline=pipeline.baseline_pf.tobytes())
+
+        observers = (
             LegStateLogger(DEFAULT.legs),
             SystemdNotifier(DEFAULT.legs, {}),
-            metrics,
-            _PipeRecorder(loopback.pipe, DEFAULT.legs),
-        ]
-        if shared:
-            header = recording_header(models, None, Flag.SIMULATED, clock.now_ns())
-            observers.append(
-                SharedCycleWriter(cycles, DEFAULT.legs, header, lambda: pipeline.baseline_pf, sink.stats)
-            )
-
+            CycleRing(ring, DEFAULT.legs, header, DEFAULT.frames_hz, status),
+        )
         loop = Loop(pipeline, sink, observers, clock)
 
         def run(scan: CapFrame, now_ns: int) -> Cycle:
@@ -140,7 +119,7 @@ def open_service_cycle(*, shared: bool = False) -> Iterator[ServiceCycle]:
             return loop.run_cycle(scan, tuple(sink.commands()))
 
         try:
-            yield ServiceCycle(run, lambda: pipeline.baseline_pf, counters, cycles, loopback)
+            yield ServiceCycle(run, lambda: pipeline.baseline_pf, ring, loopback)
         finally:
             for observer in observers:
                 observer.close()

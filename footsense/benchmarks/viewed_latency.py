@@ -53,8 +53,8 @@ def measure_viewed_latency(scans: list[CapFrame], seconds: float) -> dict[str, A
     n = max(1, round(seconds * 1e9 / PERIOD_NS / _N_ALTERNATIONS))
     wakeup_latencies_ns: dict[str, list[int]] = {"alone": [], "viewed": []}
     with run_loop_process(_run_shared_service_loop, scans) as loop:
-        cycles, refusals = wait_for_answer(loop)
-        with _run_viewer(Path(cycles)) as (viewer, host), _connect_clients(host):
+        ring, refusals = wait_for_answer(loop)
+        with _run_viewer(Path(ring)) as (viewer, host), _connect_clients(host):
             for _, (case, do) in itertools.product(
                 range(_N_ALTERNATIONS), (("alone", signal.SIGSTOP), ("viewed", signal.SIGCONT))
             ):
@@ -68,17 +68,17 @@ def measure_viewed_latency(scans: list[CapFrame], seconds: float) -> dict[str, A
 def _run_shared_service_loop(connection: Connection, scans: list[CapFrame]) -> None:
     """Run the daemon's cycle in a child process, with its cycles shared with viewers."""
     logging.disable()  # a walk that begins anew is reported as a jump
-    with open_service_cycle(shared=True) as cycle:
+    with open_service_cycle() as cycle:
         refusals = request_realtime(REALTIME_PRIORITY, None)
         run_warm_up_cycles(cycle, scans)
-        connection.send((str(cycle.cycles), refusals))
+        connection.send((str(cycle.ring), refusals))
         answer_paced_cycles(connection, cycle, scans)
 
 
 @contextlib.contextmanager
-def _run_viewer(cycles: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
+def _run_viewer(ring: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """Run `footsense view` during a `with` block; yield its process and its host and port."""  # noqa: DOC402 - one line
-    command = ["-P", "-m", "footsense", "view", "--cycles", str(cycles), "--port", "0"]
+    command = ["-P", "-m", "footsense", "view", "--ring", str(ring), "--port", "0"]
     with subprocess.Popen([sys.executable, *command], stdout=subprocess.PIPE, text=True) as process:  # noqa: S603
         assert process.stdout is not None
         try:

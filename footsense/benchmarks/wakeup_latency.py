@@ -151,10 +151,10 @@ def _repeat_scans(played: list[tuple[CapFrame, int]]) -> Iterator[tuple[CapFrame
 
 
 @contextlib.contextmanager
-def _run_exporter(counters: Path) -> Iterator[int]:
+def _run_exporter(ring: Path) -> Iterator[int]:
     """Run `footsense exporter` as a child process during a `with` block; yield its port."""  # noqa: DOC402 - one line
     with subprocess.Popen(  # noqa: S603 - our own module
-        [sys.executable, "-P", "-m", "footsense", "exporter", "--counters", str(counters), "--port", "0"],
+        [sys.executable, "-P", "-m", "footsense", "exporter", "--ring", str(ring), "--port", "0"],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         text=True,
@@ -176,7 +176,7 @@ def _requested_cycle_counts(connection: Connection) -> Iterator[int]:
 def _run_service_loop(connection: Connection, scans: list[CapFrame]) -> None:
     """Run the daemon's cycle at its period in a child process, and send the wake-up latencies."""
     logging.disable()  # a walk that begins anew is reported as a jump
-    with open_service_cycle() as cycle, _run_exporter(cycle.counters) as port:
+    with open_service_cycle() as cycle, _run_exporter(cycle.ring) as port:
         refusals = request_realtime(REALTIME_PRIORITY, None)
         run_warm_up_cycles(cycle, scans)
         connection.send((port, refusals))

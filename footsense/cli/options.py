@@ -20,6 +20,12 @@ Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 can_log_option = click.option(
     "--can-log", type=FILE, help="Write the CAN frames sent to this file: .log (candump), .asc or .blf."
 )
+ring_option = click.option(
+    "--ring",
+    type=FILE,
+    help="The service's ring, instead of that of the configuration. Default: /run/footsense/ring, or without one that "
+    "of a simulation of yours.",
+)
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 pace_option = click.option(
     "--realtime/--fast",

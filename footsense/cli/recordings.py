@@ -1,4 +1,4 @@
-"""Commands that read recordings: `footsense export`, `recover` and `replay`."""
+"""Commands that read recordings: `footsense export`, `recover`, `replay` and `snapshot`."""
 
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -10,8 +10,9 @@ import msgspec
 from firmware_interface.can.force import force_step_mn
 from footsense.can.frame_log import check_log_target
 from footsense.child_process import check_new_file
-from footsense.cli.options import FILE, FOLDER, can_log_option
+from footsense.cli.options import FILE, FOLDER, can_log_option, config_option, ring_option
 from footsense.clock import MonotonicClock
+from footsense.config import load_config
 from footsense.daemon.can_output import can_sink
 from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.loop import Loop
@@ -22,8 +23,8 @@ from footsense.errors import FootsenseError, ModelError, RecordingError
 from footsense.progress import file_progress_bar
 from footsense.recording.compare import first_difference, same_processor_and_libraries
 from footsense.recording.machine import platform_versions
+from footsense.recording.recover import SNAPSHOT_KEY, recovered_path, write_snapshot
 from footsense.recording.recover import recover as rewrite
-from footsense.recording.recover import recovered_path
 from footsense.recording.replay import Replay, ReplayClock, ReplaySource
 from footsense.ros2 import require
 
@@ -65,8 +66,14 @@ def _run_replay(
     Raises:
         FootsenseError: A force differs.
         ModelError: The forces cannot be compared: they are of another network.
+        RecordingError: They cannot be compared: the recording is a snapshot.
     """
     file = recording.path
+    if check and SNAPSHOT_KEY in recording.header:
+        raise RecordingError(
+            f"{file}: is a snapshot, which begins in the middle of a run: what the service had learnt before is not in "
+            "it, so its forces cannot be computed again"
+        )
     source = ReplaySource(recording)
     clock = ReplayClock(source)
     config = recorded_config(recording)
@@ -216,4 +223,16 @@ def _convert(file: Path, target: Path, write: _RecordingWriter) -> None:
             if isinstance(error, OSError):
                 raise RecordingError(f"{target}: cannot be written: {error.strerror}") from None
             raise
+    click.echo(f"{target}: {n_cycles} cycles")
+
+
+@click.command()
+@click.argument("target", type=FILE, metavar="OUT.mcap")
+@config_option("the service's ring where it is by default")
+@ring_option
+def snapshot(target: Path, config_file: Path | None, ring: Path | None) -> None:
+    """Write the last 30 s of the running service to the recording OUT.mcap."""
+    if ring is None and config_file is not None:
+        ring = load_config(config_file).ring_path
+    n_cycles = write_snapshot(ring, target)
     click.echo(f"{target}: {n_cycles} cycles")

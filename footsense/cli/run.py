@@ -11,14 +11,14 @@ from msgspec.structs import replace
 
 from footsense.cli import options
 from footsense.cli.tables import echo_json, figures_table
-from footsense.cli.view_process import serve_page, view_section_of_run
+from footsense.cli.view_process import serve_page
 from footsense.clock import process_age_ns, resident_mib
 from footsense.config import DEFAULT, load_config
-from footsense.config.sections import View
 from footsense.daemon.service import open_service
 from footsense.daemon.simulation import is_simulated
 from footsense.frames import FAULT_FREE, Cycle, State
 from footsense.ports import Observer
+from footsense.ring.ring_file import SERVICE_RING, free_ring, user_ring
 from footsense.sim.scene_files import load_scene
 from footsense.telemetry.run_statistics import RunStatistics
 
@@ -86,9 +86,9 @@ def run(
     with ExitStack() as stack:
         page = None
         if opens_view or (config_file is None and paced):
-            own = view_section_of_run(config.view or View())
-            config = replace(config, view=own)
-            page = stack.enter_context(serve_page(own))
+            ring = free_ring(config.ring_path or (SERVICE_RING if scene is None else user_ring()))
+            config = replace(config, ring=str(ring))
+            page = stack.enter_context(serve_page(config.view, ring))
         service = stack.enter_context(
             open_service(config, scene, record=record, can_log=can_log, real_time=paced or scene is None)
         )

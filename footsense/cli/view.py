@@ -13,14 +13,14 @@ import click
 import msgspec
 
 from footsense.child_process import drop_realtime, end_with_parent
-from footsense.cli.options import FILE, config_option
+from footsense.cli.options import FILE, config_option, ring_option
 from footsense.clock import MonotonicClock
 from footsense.config import load_config
 from footsense.config.sections import View
-from footsense.errors import ConfigError
 from footsense.progress import progress_bar
 
 if TYPE_CHECKING:
+    from footsense.view.live import LiveSource
     from footsense.view.recorded import RecordingSource
 
 
@@ -42,7 +42,7 @@ def _parse_address(ctx: click.Context, param: click.Parameter, value: str | None
 @click.command()
 @click.argument("file", type=FILE, required=False)
 @config_option("all defaults of its section `view`")
-@click.option("--cycles", type=FILE, help="File of the shared cycles, instead of view.cycles.")
+@ring_option
 @click.option(
     "--address",
     callback=_parse_address,
@@ -64,7 +64,7 @@ def _parse_address(ctx: click.Context, param: click.Parameter, value: str | None
 def view(
     file: Path | None,
     config_file: Path | None,
-    cycles: Path | None,
+    ring: Path | None,
     address: str | None,
     port: int | None,
     origins: tuple[str, ...],
@@ -76,47 +76,43 @@ def view(
     The service may start, end and start again meanwhile. Foxglove, Lichtblick and PlotJuggler connect to the same port,
     with ws:// in place of http://. Who can reach the port can read; only the loopback is served unless an address says
     otherwise.
-    """  # noqa: DOC501 - click shows this text
+    """
     config = load_config(config_file) if config_file else None
     settings = View() if config is None else config.view
-    if settings is None:
-        raise ConfigError(
-            f"{config_file}: has no section view, so the service shares no cycles; add `view: {{}}`"
-        )
-    if address is not None or cycles is not None:
-        settings = msgspec.structs.replace(
-            settings, address=address or settings.address, cycles=str(cycles or settings.cycles)
-        )
+    if address is not None:
+        settings = msgspec.structs.replace(settings, address=address)
+    if ring is None and config is not None:
+        ring = config.ring_path
     if with_parent:
         end_with_parent()
     drop_realtime()
     with suppress(OSError):  # its unit denies the call, and has set its own
         os.nice(5)  # a viewer never competes with what else the robot's computer does
     with ExitStack() as stack:
-        _serve_until_stopped(stack, file, settings, settings.port if port is None else port, origins)
+        source = _open_source(file, ring)
+        stack.enter_context(closing(source))
+        _serve_until_stopped(source, settings.address, settings.port if port is None else port, origins)
+
+
+def _open_source(file: Path | None, ring: Path | None) -> "LiveSource | RecordingSource":
+    from footsense.view.live import LiveSource
+    from footsense.view.recorded import RecordingSource
+
+    return LiveSource(ring, MonotonicClock()) if file is None else RecordingSource(file)
 
 
 def _serve_until_stopped(
-    stack: ExitStack,
-    file: Path | None,
-    settings: View,
-    port: int,
-    origins: tuple[str, ...],
+    source: "LiveSource | RecordingSource", address: str, port: int, origins: tuple[str, ...]
 ) -> None:
     """Serve the page until SIGTERM or SIGINT."""
-    from footsense.view.live import LiveSource
     from footsense.view.recorded import RecordingSource
     from footsense.view.server import ViewServer
-
-    source: LiveSource | RecordingSource
-    source = LiveSource(Path(settings.cycles), MonotonicClock()) if file is None else RecordingSource(file)
-    stack.enter_context(closing(source))
 
     async def serve() -> None:
         loop, stop = asyncio.get_running_loop(), asyncio.Event()
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, stop.set)
-        async with ViewServer(source, origins).serving(settings.address, port) as url:
+        async with ViewServer(source, origins).serving(address, port) as url:
             click.echo(url)
             if isinstance(source, RecordingSource):
                 threading.Thread(target=_read_with_progress, args=(source,), daemon=True).start()

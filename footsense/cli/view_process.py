@@ -1,29 +1,16 @@
 """Web page of a run: starts and ends `footsense view` as a child process beside the main loop."""
 
 import contextlib
-import os
 import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from msgspec.structs import replace
-
 from footsense.config.sections import View
-from footsense.shared_file import is_locked
-
-
-def view_section_of_run(view: View) -> View:
-    """Return the section `view` of this run; with another file if a running service uses the configured one."""
-    path = Path(view.cycles)
-    with contextlib.suppress(OSError), path.open("rb") as taken:
-        if is_locked(taken):
-            return replace(view, cycles=f"{path}.{os.getpid()}")
-    return view
 
 
 @contextlib.contextmanager
-def serve_page(view: View) -> Iterator["ViewProcess"]:
+def serve_page(view: View, ring: Path) -> Iterator["ViewProcess"]:
     """Serve the web page of a run during a `with` block, on the configured port or on a free one.
 
     The child process starts before the loop asks for real-time scheduling, and ends with the run.
@@ -31,7 +18,7 @@ def serve_page(view: View) -> Iterator["ViewProcess"]:
     Yields:
         The page.
     """
-    page = ViewProcess(view)
+    page = ViewProcess(view, ring)
     try:
         yield page
     finally:
@@ -43,17 +30,19 @@ class ViewProcess:
 
     Args:
         view: Its section of the configuration.
+        ring: The ring of the run.
     """
 
-    def __init__(self, view: View) -> None:
+    def __init__(self, view: View, ring: Path) -> None:
         self._view = view
+        self._ring = ring
         self._process = self._start_process(view.port)
         self._url: str | None = None
 
     def _start_process(self, port: int) -> subprocess.Popen[str]:
         """Start `footsense view` on a port."""
-        view = self._view
-        arguments = ["--cycles", view.cycles, "--address", view.address, "--port", str(port), "--with-parent"]
+        ring, address = str(self._ring), self._view.address
+        arguments = ["--ring", ring, "--address", address, "--port", str(port), "--with-parent"]
         return subprocess.Popen(  # noqa: S603 - our own module
             [sys.executable, "-P", "-m", "footsense", "view", *arguments],
             stdin=subprocess.DEVNULL,

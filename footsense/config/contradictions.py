@@ -208,7 +208,7 @@ def _doubts(config: Config) -> Iterator[_Rule]:
         yield is_allcall, f"buses[{i}].mux.address", allcall
         fault = pull_up_fault(bus)
         yield fault is not None, f"buses[{i}].pull_ups", fault or ""
-    address = config.metrics.address if config.metrics else "127.0.0.1"
+    address = config.metrics.address
     is_public = address not in ("127.0.0.1", "::1", "localhost")
     yield is_public, "metrics.address", f"the network reads {address} without a password"
     devices = [config.serial.device] if config.serial else [bus.device for bus in config.buses]

@@ -1,6 +1,7 @@
 """Schema of the configuration file as a whole, and values derived from it."""
 
 from collections.abc import Mapping
+from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Literal
 
@@ -43,8 +44,10 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         feet: Foot mounted on each leg.
         calibrations: Folder of the feet's calibrations, relative to the file; every foot in `feet` needs one there,
             which brings its stray_pf, unloaded_pf and network. None assumes the foot as designed.
-        metrics: Counters and where they are served; None for no metrics.
-        view: Last cycles in memory, and where their page is served; None for no page.
+        ring: File in memory through which the service hands the cycles of the last 30 s to its readers; None for
+            /run/footsense/ring, and in a simulation for one of the user's own.
+        metrics: Where the metrics are served.
+        view: Where the page is served.
         realtime: Scheduling to request; None for none.
     """
 
@@ -70,8 +73,9 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     model: Annotated[str, Meta(min_length=1)] | None = None
     feet: dict[sections.Leg, FootId] = {}
     calibrations: Annotated[str, Meta(min_length=1)] | None = None
-    metrics: sections.Metrics | None = None
-    view: sections.View | None = None
+    ring: Annotated[str, Meta(min_length=1)] | None = None
+    metrics: sections.Metrics = sections.Metrics()
+    view: sections.View = sections.View()
     realtime: sections.Realtime | None = None
 
     @property
@@ -80,6 +84,16 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         if self.serial is not None:
             return self.serial.legs
         return tuple(leg for bus in self.buses for leg in bus.legs)
+
+    @property
+    def ring_path(self) -> Path | None:
+        """The configured ring; None for where it is by default."""
+        return None if self.ring is None else Path(self.ring)
+
+    @property
+    def frames_hz(self) -> float:
+        """Capacitance frames per second: of one converter, or of the microcontroller."""
+        return self.rate_sps if self.serial is None else self.serial.rate_hz
 
     @property
     def shortest_scan_ms(self) -> float:
@@ -96,8 +110,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     @property
     def forces_hz(self) -> float:
         """Rate at which each leg's forces are sent on CAN while no state changes [Hz]."""
-        frames_hz = self.rate_sps if self.serial is None else self.serial.rate_hz
-        return frames_hz / self.effective_publish_every
+        return self.frames_hz / self.effective_publish_every
 
     @property
     def rate_sps(self) -> int:

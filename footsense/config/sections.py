@@ -222,29 +222,25 @@ class Can(Section, frozen=True, kw_only=True):
 
 
 class Metrics(Section, frozen=True, kw_only=True):
-    """Section `metrics`: file of the service's counters, and address of `footsense exporter`.
+    """Section `metrics`: address of `footsense exporter`.
 
     Attributes:
-        counters: File in memory through which the service hands its counters to the exporter.
         address: Address that the exporter listens on; the loopback by default because the page has no password.
         port: TCP port of the exporter.
     """
 
-    counters: str = "/dev/shm/footsense.counters"  # noqa: S108 - a file of another user is not overwritten
     address: str = "127.0.0.1"
     port: Annotated[int, Meta(ge=1, le=65535)] = 9108
 
 
 class View(Section, frozen=True, kw_only=True):
-    """Section `view`: file of the service's latest cycles, and address of the web page of `footsense view`.
+    """Section `view`: address of the web page of `footsense view`.
 
     Attributes:
-        cycles: File in memory through which the service hands its cycles to viewers.
         address: Address that the page is served on; the loopback by default because the page has no password.
         port: TCP port of the page and of Foxglove's protocol; 8765 is the one that Foxglove tries first.
     """
 
-    cycles: str = "/dev/shm/footsense.cycles"  # noqa: S108 - a file of another user is not overwritten
     address: str = "127.0.0.1"
     port: Annotated[int, Meta(ge=1, le=65535)] = 8765
 

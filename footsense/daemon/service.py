@@ -16,7 +16,7 @@ from footsense.can.sink import CanSink
 from footsense.clock import MonotonicClock, low_latency_interpreter, request_realtime
 from footsense.config import Config
 from footsense.config.sections import Can, Realtime
-from footsense.daemon.acquisition import ScanSource, check_adapters, open_scan_source
+from footsense.daemon.acquisition import check_adapters, open_scan_source
 from footsense.daemon.can_output import can_sink, close_at_end, simulated_can
 from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.loop import Loop
@@ -25,16 +25,16 @@ from footsense.daemon.recording_header import recording_header
 from footsense.daemon.simulation import PacedSource, is_simulated
 from footsense.errors import ConfigError, FootsenseError
 from footsense.estimation.network import Network
-from footsense.estimation.pipeline import Pipeline
 from footsense.frames import Flag, Vector
 from footsense.ports import FrameSource, Observer, WakeupLatency
 from footsense.recording.recorder import Recorder, check_recording_target
-from footsense.recording.shared_cycles import SharedCycleWriter
+from footsense.ring.cycle_ring import CycleRing
+from footsense.ring.records import ServiceStatus
+from footsense.ring.ring_file import SERVICE_RING, user_ring
 from footsense.sim.can.interface import SimulatedCan
 from footsense.sim.scene import Scene
 from footsense.telemetry.journal import LegStateLogger
 from footsense.telemetry.log_lines import n_lost_log_lines
-from footsense.telemetry.metrics import MetricsObserver
 from footsense.telemetry.systemd import SystemdNotifier
 
 if TYPE_CHECKING:
@@ -52,8 +52,10 @@ class Service(Loop):
         true_force_n_at: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
         source: Source of frames, paced by the wall clock if a simulation has to be.
         network: The network in use.
-        recorder: Recorder, if the run is recorded.
         simulated_can: Simulated CAN interface of a scene with CAN faults.
+        n_late_discards: Returns how often readings were discarded, as the loop or a record came too late.
+        wakeups: Wake-up latency of each thread's clock; none in virtual time.
+        recorder: Recorder, if the run is recorded.
     """
 
     sink: CanSink
@@ -62,13 +64,28 @@ class Service(Loop):
     true_force_n_at: Callable[[int], Vector] | None
     source: FrameSource
     network: Network
-    recorder: Recorder | None
     simulated_can: SimulatedCan | None
+    n_late_discards: Callable[[], int]
+    wakeups: Sequence[WakeupLatency]
+    recorder: Recorder | None = None
 
     def run(self, stop: Callable[[], bool] = bool, until_ns: float = math.inf) -> None:
         """Run the main loop until `stop` returns true, or until a time of the clock [ns]."""
         with low_latency_interpreter():
             self.run_until(self.source, stop, until_ns)
+
+    def status(self) -> ServiceStatus:
+        """Return the values of the service that its readers need and that no cycle has."""
+        histograms = [thread.histogram for thread in self.wakeups]
+        return ServiceStatus(
+            can=self.sink.stats,
+            baseline=self.pipeline.baseline_pf.tobytes(),
+            wakeup_histogram=[sum(cell) for cell in zip(*histograms, strict=True)] if histograms else None,
+            n_overruns=sum(thread.overruns for thread in self.wakeups),
+            n_late_discards=self.n_late_discards(),
+            n_lost_log_lines=n_lost_log_lines(),
+            n_lost_cycles=self.recorder.n_lost_cycles if self.recorder else 0,
+        )
 
     def run_counts(self) -> dict[str, object]:
         """Return the numbers of forces published, frames sent, and of frames, commands and cycles lost."""
@@ -111,7 +128,6 @@ def open_service(
         FootsenseError: An input or output is missing or wrong.
     """
     legs = config.legs
-    recorder: Recorder | None = None
     with ExitStack() as stack:
         if record is not None:
             check_recording_target(record)
@@ -153,75 +169,47 @@ def open_service(
 
             row = legs.index(test_stand.leg)
             reference = stack.enter_context(closing(open_sensor(test_stand.test_stand, row, scan)))
-        header: dict[str, str] = {}
-        if record is not None or config.view is not None:
-            header = recording_header(models, scene, flags, scan.clock.now_ns())
-        if record is not None:
-            header |= test_stand.header() if test_stand is not None else {}
-            recorder = Recorder(record, legs, header, blocking=not real_time or test_stand is not None)
-            observers.append(recorder)
-        pipeline = pipeline_for(models, flags)
-        observers += _open_metrics(config, sink, scan, wakeups, recorder)
-        observers += _open_shared_cycles(config, header, pipeline, sink)
-        for observer in observers:
-            stack.enter_context(close_at_end(observer.close))
-        yield Service(
+        service = Service(
             legs=legs,
             true_force_n_at=scan.true_force_n_at,
             source=source,
             network=models.network,
-            pipeline=pipeline,
+            pipeline=pipeline_for(models, flags),
             sink=sink,
             observers=observers,
             clock=scan.clock,
             converter_temperature_c=scan.converter_temperature_c,
-            recorder=recorder,
             simulated_can=can,
             reference=reference,
-        )
-
-
-def _open_metrics(
-    config: Config,
-    sink: CanSink,
-    scan: ScanSource,
-    wakeups: Sequence[WakeupLatency],
-    recorder: Recorder | None,
-) -> list[MetricsObserver]:
-    """Open the configured metrics; return none if their file cannot be written, as forces must go on."""
-    if config.metrics is None:
-        return []
-    try:
-        metrics = MetricsObserver(
-            config.legs,
-            sink.stats,
-            Path(config.metrics.counters),
-            wakeups=wakeups,
             n_late_discards=lambda: scan.source.n_late_discards,
-            n_lost_cycles=lambda: recorder.n_lost_cycles if recorder else 0,
-            n_lost_log_lines=n_lost_log_lines,
+            wakeups=wakeups,
         )
-    except FootsenseError as error:
-        _log.warning("%s; the forces go on without metrics", error)
-        return []
-    return [metrics]
+        header = recording_header(models, scene, flags, scan.clock.now_ns())
+        header |= test_stand.header() if test_stand is not None else {}
+        default_ring = SERVICE_RING if scene is None else user_ring()
+        path = config.ring_path or (default_ring if real_time else None)
+        if ring := _open_ring(service, config, path, header, is_recorded=record is not None):
+            observers.append(ring)
+            if record is not None:
+                recorder = Recorder(record, ring, waits=not real_time or test_stand is not None)
+                stack.enter_context(close_at_end(recorder.close))
+                service.recorder = recorder
+        for observer in observers:
+            stack.enter_context(close_at_end(observer.close))
+        yield service
 
 
-def _open_shared_cycles(
-    config: Config, header: Mapping[str, str], pipeline: Pipeline, sink: CanSink
-) -> list[SharedCycleWriter]:
-    """Open the shared memory of cycles for viewers; return none if its file cannot be written."""
-    if config.view is None:
-        return []
-    try:
-        return [
-            SharedCycleWriter(
-                Path(config.view.cycles), config.legs, header, lambda: pipeline.baseline_pf, sink.stats
-            )
-        ]
-    except FootsenseError as error:
-        _log.warning("%s; the forces go on without a view", error)
-        return []
+def _open_ring(
+    service: Service, config: Config, path: Path | None, header: Mapping[str, str], *, is_recorded: bool
+) -> CycleRing | None:
+    """Open the ring of a service; without its file one for the recorder alone, or none, as forces must go on."""
+    legs, rate_hz = config.legs, config.frames_hz
+    if path is not None:
+        try:
+            return CycleRing(path, legs, header, rate_hz, service.status)
+        except FootsenseError as error:
+            _log.warning("%s; the forces go on without metrics, page and snapshot", error)
+    return CycleRing(None, legs, header, rate_hz, service.status) if is_recorded else None
 
 
 def _prepare_machine(config: Config) -> Flag:

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 
 from footsense.frames import USABLE, Cycle, GaitEventKind
-from footsense.recording.cycle_fields import (
+from footsense.recording.replay import Replay
+from footsense.ring.cycle_fields import (
     CAUSE_NOT_RECORDED,
     CYCLE_FIELDS,
     GAIT_FIELDS,
     CycleField,
 )
-from footsense.recording.replay import Replay
 
 #: A row: numbers or names, one for each column; NaN and None stand for values that are not known.
 Row = list[Any]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.frames import ContactFrame, Mask
-from footsense.recording.cycle_fields import CAUSE_NOT_RECORDED, CYCLE_FIELDS, GAIT_FIELDS, CycleField
+from footsense.ring.cycle_fields import CAUSE_NOT_RECORDED, CYCLE_FIELDS, GAIT_FIELDS, CycleField
 
 #: Largest difference of a force computed on another processor or with other library versions [N].
 TOLERANCE_N = 1e-3

@@ -1,7 +1,7 @@
-"""Recorder in the main loop's process: starts the child process that writes the file, and sends it the cycles.
+"""Recorder in the main loop's process: starts the child process that writes the file from the ring.
 
-An MCAP writer in the loop's process, in a thread or not, costs the loop milliseconds now and then; a pipe costs
-microseconds.
+An MCAP writer in the loop's process, in a thread or not, costs the loop milliseconds now and then; so the loop writes
+its cycles into the ring, and knows of the recorder what it reports.
 """
 
 import contextlib
@@ -10,26 +10,18 @@ import json
 import logging
 import os
 import subprocess
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from footsense.child_process import check_new_file, start_writer
 from footsense.errors import ConfigError, RecordingError
-from footsense.recording.cycle_pipe import CyclePipe
+from footsense.ring.cycle_ring import CycleRing
 
 _log = logging.getLogger(__name__)
 
 RECORDING_SUFFIX = ".mcap"
 
-#: Size of the pipe [bytes], the most that Linux grants a user by default: 512 cycles of six legs, two to a page. These
-#: are 1.4 s; the writer empties it five times a second, even while its disk hangs.
-PIPE_BYTES = 1 << 20
-
-#: Longest wait for the writer to read the rest [s].
-DRAIN_TIMEOUT_S = 10.0
-
-#: Longest wait for the writer to finish after the pipe was closed [s].
+#: Longest wait for the writer after the end of the service [s].
 FINISH_TIMEOUT_S = 30.0
 
 
@@ -75,91 +67,100 @@ def check_not_being_written(partial: Path) -> None:
 
 
 class Recorder:
-    """Observer that records every cycle to an MCAP file, through a child process.
-
-    The writer's process gives up the real-time scheduling that it inherits.
+    """Recorder of a ring's cycles to an MCAP file, in a child process.
 
     Args:
         path: File to write; `FILE.partial` until it is complete.
-        legs: Name of the leg in each row of the frames.
-        header: Entries of the recording's header, of feet without nine elements with their number.
-        blocking: Whether a full pipe makes the loop wait (virtual time) or loses the cycle (real time).
-
-    Attributes:
-        observe: Copies one cycle into the pipe: microseconds unless `blocking`; never fails, even without a writer.
+        ring: The ring.
+        waits: Whether the loop waits before it overwrites what is not recorded yet (virtual time) or loses it.
 
     Raises:
         RecordingError: The file cannot be created.
     """
 
-    def __init__(self, path: Path, legs: Sequence[str], header: Mapping[str, str], *, blocking: bool) -> None:
+    def __init__(self, path: Path, ring: CycleRing, *, waits: bool) -> None:
         check_recording_target(path)
         self._path = path.absolute()
-        self._writer, fd = _start_writer(self._path)
-        header = {**header, "legs": ",".join(legs)}
-        self._pipe = CyclePipe(fd, header, blocking=blocking, on_broken=self._log_failure)
-        self._n_cycles_written: int | None = None
-        self._report = b""
-        self.observe = self._pipe.send  # the loop calls it every cycle
+        self._ring = ring
+        self._writer, self._alive = _start_writer(self._path, ring.open_for_reading())
+        assert self._writer.stderr is not None
+        self._reports = self._writer.stderr.fileno()
+        self._rest = b""
+        self._words = "its writer was killed"
+        self._has_ended = False
+        self._last: dict[str, Any] = {"position": 0, "n_lost": 0}
+        if waits:
+            ring.set_before_overwriting(self._wait_until_read)
 
     @property
     def n_lost_cycles(self) -> int:
         """Number of cycles known to be missing in the recording; final after `close`."""
-        return (
-            self._pipe.lost
-            if self._n_cycles_written is None
-            else self._pipe.n_cycles - self._n_cycles_written
-        )
+        if not self._has_ended:
+            self._read_reports(blocking=False)
+        return int(self._last["n_lost"]) if not self._has_ended else self._ring.n_cycles - self._n_written
 
-    def _log_failure(self) -> None:
-        """Log why the child process has ended, from its error report."""
-        assert self._writer.stderr is not None
-        os.set_blocking(self._writer.stderr.fileno(), False)
+    @property
+    def _n_written(self) -> int:
+        return int(self._last.get("n_cycles", 0))
+
+    def _wait_until_read(self, position: int) -> None:
+        """Wait until the recorder has read the ring up to a position [bytes], or has ended."""
+        while not self._has_ended and self._last["position"] < position:
+            self._read_reports(blocking=True)
+
+    def _read_reports(self, *, blocking: bool) -> None:
+        """Read the reports of the child process; log why it has ended before the service."""
+        os.set_blocking(self._reports, blocking)
         with contextlib.suppress(BlockingIOError):
-            self._report = os.read(self._writer.stderr.fileno(), 65_536)
-        failure = _parse_report(self._report)["failure"]
-        _log.error("%s: %s; the run goes on without its recording", self._path, failure)
+            data = os.read(self._reports, 65_536)
+            self._take(data)
+            if not data or "failure" in self._last:
+                self._has_ended = True
+                failure = self._failure()
+                _log.error("%s: %s; the run goes on without its recording", self._path, failure)
+
+    def _take(self, data: bytes) -> None:
+        """Take the newest complete report of those in some bytes."""
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        for line in lines:
+            try:
+                self._last |= json.loads(line)
+            except ValueError:  # of an interpreter that fails
+                self._words = line.decode(errors="replace").strip() or self._words
+
+    def _failure(self) -> str:
+        return str(self._last.get("failure", self._words))
 
     def close(self) -> None:
-        """End the recording, and wait until its file is complete.
+        """End the recording after the last cycle, and wait until its file is complete.
 
         Raises:
             RecordingError: It is incomplete; what was written is in `FILE.partial`.
         """
-        if self._n_cycles_written is not None:
+        if self._alive < 0:
             return
-        self._n_cycles_written = 0
-        self._pipe.close(DRAIN_TIMEOUT_S)
+        os.close(self._alive)
+        self._alive = -1
+        os.set_blocking(self._reports, True)
         try:
-            report = self._writer.communicate(timeout=FINISH_TIMEOUT_S)[1]
+            self._take(self._writer.communicate(timeout=FINISH_TIMEOUT_S)[1] + b"\n")
         except subprocess.TimeoutExpired:
             raise RecordingError(
                 f"{self._path}: not whole yet, its writer goes on; the disk is slow"
             ) from None
-        parsed = _parse_report(self._report + report)
-        self._n_cycles_written = int(parsed["n_cycles"])
-        if parsed["failure"]:
+        self._has_ended = True
+        if failure := self._failure():
             raise RecordingError(
-                f"{self._path}: {parsed['failure']}; {self.n_lost_cycles} of {self._pipe.n_cycles} cycles are missing, "
+                f"{self._path}: {failure}; {self.n_lost_cycles} of {self._ring.n_cycles} cycles are missing, "
                 f"the others are in {partial_path(self._path).name}"
             )
 
 
-def _parse_report(report: bytes) -> dict[str, Any]:
-    """Return the child process's report: number of cycles written, and the error that ended it, if any."""
-    last = report.decode(errors="replace").strip().rpartition("\n")[2]
-    try:
-        parsed: dict[str, Any] = json.loads(last)
-    except ValueError:
-        parsed = {"n_cycles": 0, "failure": last or "its writer was killed"}
-    return parsed
-
-
-def _start_writer(path: Path) -> tuple[subprocess.Popen[bytes], int]:
-    """Start the child process that writes `path`; return it and the write end of its pipe.
+def _start_writer(path: Path, ring: int) -> tuple[subprocess.Popen[bytes], int]:
+    """Start the child process that writes `path` from a ring; return it and the pipe whose end ends it.
 
     Returns:
-        The process, and the end of the pipe that feeds it.
+        The process, and the write end of the pipe.
 
     Raises:
         RecordingError: The file cannot be created.
@@ -168,8 +169,9 @@ def _start_writer(path: Path) -> tuple[subprocess.Popen[bytes], int]:
     try:
         file = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
     except OSError as error:
+        os.close(ring)
         raise RecordingError(f"{partial}: cannot be made: {error.strerror}") from None
     with contextlib.suppress(OSError):  # network drives without locks are written to all the same
         # The writer inherits the lock with the file; the lock ends when the last process closes the file.
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    return start_writer("footsense.recording.writer", [str(path)], file, PIPE_BYTES)
+    return start_writer("footsense.recording.writer", [str(path), str(ring)], file, ring=ring)

@@ -1,15 +1,20 @@
-"""Recover a truncated recording."""
+"""Recordings made in this process: the whole part of one that was cut short, and the last 30 s of a running service."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import closing
 from pathlib import Path
 from typing import NamedTuple
 
 from footsense.errors import RecordingError
 from footsense.recording.container.mcap_writer import McapFile
-from footsense.recording.cycle_records import NumberedCycle
 from footsense.recording.recorder import check_not_being_written, check_recording_target, partial_path
 from footsense.recording.replay import Replay
+from footsense.ring.cycle_reader import CycleReader
+from footsense.ring.records import LostCycles, NumberedCycle
+
+#: Header entry of a snapshot with the number of its first cycle in its run.
+SNAPSHOT_KEY = "snapshot_from_cycle"
 
 
 class RecoveryResult(NamedTuple):
@@ -52,20 +57,75 @@ def recover(path: Path, target: Path, on_bytes_read: Callable[[int], None] | Non
     check_not_being_written(path)
     replay = Replay(path, on_bytes_read)
     # The unfinished form of the target may be the very file that is recovered.
-    unfinished = target.with_name(target.name + ".recovering")
     if target.exists() or partial_path(target) != path:
         check_recording_target(target)
-    n_cycles, damage = 0, None
+    damages: list[RecordingError] = []
+
+    def entries() -> Iterator[NumberedCycle | LostCycles]:
+        try:
+            yield from replay.entries()
+        except RecordingError as error:
+            damages.append(error)
+
+    n_cycles = _write_recording(target, replay.header, entries())
+    return RecoveryResult(n_cycles, damages[0] if damages else None)
+
+
+def write_snapshot(ring: Path | None, target: Path) -> int:
+    """Write the last 30 s of a running service to a recording; return the number of its cycles.
+
+    Args:
+        ring: The service's ring; None for where it is by default.
+        target: The file to write.
+
+    Returns:
+        The number of cycles.
+
+    Raises:
+        ConfigError: `target` does not end in .mcap.
+        RecordingError: `target` exists or cannot be written, or the service has sent nothing yet.
+        FootsenseError: No service runs.
+    """
+    check_recording_target(target)
+    with closing(CycleReader(ring)) as reader:
+        reader.rewind()
+        end = reader.position + reader.n_unread_bytes
+        entries = reader.read()
+        if not entries:
+            raise RecordingError("the service has no cycle yet")
+        first = entries[0][0]
+
+        def renumbered() -> Iterator[NumberedCycle | LostCycles]:
+            nonlocal entries
+            while entries:
+                for entry in entries:
+                    if isinstance(entry, NumberedCycle):
+                        yield NumberedCycle(entry.cycle_number - first, entry.cycle)
+                    else:
+                        yield entry._replace(next_cycle_number=entry.next_cycle_number - first)
+                # Not behind the end at the start: a simulation may be faster than this.
+                entries = reader.read() if reader.position < end else []
+
+        return _write_recording(target, {**reader.header, SNAPSHOT_KEY: str(first)}, renumbered())
+
+
+def _write_recording(
+    target: Path, header: Mapping[str, str], entries: Iterable[NumberedCycle | LostCycles]
+) -> int:
+    """Write a recording whole or not at all; return the number of cycles.
+
+    Raises:
+        RecordingError: It cannot be written.
+    """
+    unfinished = target.with_name(f"{target.name}.unfinished")
+    n_cycles = 0
     try:
         fd = os.open(unfinished, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
         try:
-            file = McapFile(fd, replay.header)
-            try:
-                for entry in replay.entries():
-                    file.add_entry(entry)
-                    n_cycles += isinstance(entry, NumberedCycle)
-            except RecordingError as error:
-                damage = error
+            file = McapFile(fd, header)
+            for entry in entries:
+                file.add_entry(entry)
+                n_cycles += isinstance(entry, NumberedCycle)
             file.finish()
             os.fsync(fd)
         finally:
@@ -74,4 +134,7 @@ def recover(path: Path, target: Path, on_bytes_read: Callable[[int], None] | Non
     except OSError as error:
         unfinished.unlink(missing_ok=True)
         raise RecordingError(f"{target}: cannot be written: {error.strerror}") from None
-    return RecoveryResult(n_cycles, damage)
+    except BaseException:
+        unfinished.unlink(missing_ok=True)
+        raise
+    return n_cycles

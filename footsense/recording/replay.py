@@ -7,7 +7,7 @@ from footsense.errors import RecordingError
 from footsense.frames import CapFrame, Command, Cycle
 from footsense.recording.container.mcap_header import read_header
 from footsense.recording.container.mcap_reader import read_entries
-from footsense.recording.cycle_records import LostCycles, NumberedCycle
+from footsense.ring.records import LostCycles, NumberedCycle
 
 
 class Replay:

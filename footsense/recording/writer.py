@@ -1,72 +1,59 @@
-"""Child process that writes a recording from the pipe of cycles: `python -m footsense.recording.writer FILE`.
+"""Child process that writes a recording from the ring: `python -m footsense.recording.writer FILE RING`.
 
-Its standard input is the pipe, its standard output the open `FILE.partial`, which it renames to FILE at the end of
-the pipe, and its standard error one line of JSON: the number of written cycles, and the failure that stopped it, if
-any. The pipe ends when the service stops or is killed; `footsense.recording.recorder` starts this process with SIGINT
-and SIGTERM blocked, so that it finishes the recording in both cases.
+RING is the number of a descriptor of the ring. Standard output is the open `FILE.partial`, which is renamed to FILE at
+the end. Standard input is a pipe that ends when the service stops or is killed. Standard error gets a line of JSON for
+what has been read, and at last one for the whole. `footsense.recording.recorder` starts this process with SIGINT and
+SIGTERM blocked, so that it finishes the recording in each case.
 """
 
 import contextlib
 import json
 import os
-import queue
+import select
 import sys
-import threading
 from pathlib import Path
 
-from footsense.child_process import drop_realtime, read_batches
-from footsense.errors import RecordingError
+from footsense.child_process import drop_realtime
+from footsense.errors import FootsenseError, RecordingError
 from footsense.recording.container.mcap_writer import McapFile
-from footsense.recording.cycle_records import LostCycles, NumberedCycle, legs_in_header, unpack_records
+from footsense.ring.cycle_reader import CycleReader
+from footsense.ring.records import LostCycles, NumberedCycle
 
 #: Longest time that cycles stay in an unfinished chunk [ns].
 FLUSH_PERIOD_NS = 400_000_000
-
-#: Pieces of the pipe that are kept while the disk hangs: 20 s at any rate of cycles.
-_MAX_WAITING_BATCHES = 100
+#: Longest time that cycles stay unread [ms].
+_READ_PERIOD_MS = 200
+#: So much at once comes only from a loop in virtual time, which waits for its recorder [bytes].
+_MIN_BATCH_WITHOUT_PAUSE_BYTES = 1 << 17
 
 
 class RecordingWriter:
-    """Decodes the bytes received from the pipe, and writes their cycles and losses to an MCAP file.
+    """Writes cycles and losses to an MCAP file.
 
     Args:
-        fd: The open file.
+        file: The file.
 
     Attributes:
         n_cycles: Cycles handed to the kernel so far.
+        n_lost: Cycles that were lost before the recorder read them.
     """
 
-    def __init__(self, fd: int) -> None:
-        self._fd = fd
-        self._buffer = bytearray()
-        self._file: McapFile | None = None
-        self._legs: tuple[str, ...] | None = None
+    def __init__(self, file: McapFile) -> None:
+        self._file = file
         self._n_added = 0
         self._t_flushed_ns: int | None = None
         self.n_cycles = 0
+        self.n_lost = 0
 
-    def feed(self, data: bytes) -> None:
-        """Write the complete records in the bytes received; keep an incomplete rest.
-
-        Raises:
-            RecordingError: The bytes are damaged.
-        """
-        self._buffer += data
-        for entry in unpack_records(self._buffer, self._legs):
-            if isinstance(entry, dict):
-                self._file = McapFile(self._fd, entry)
-                self._legs = legs_in_header(entry)
-            elif self._file is not None:
-                self._add(self._file, entry)
-
-    def _add(self, file: McapFile, entry: NumberedCycle | LostCycles) -> None:
+    def add(self, entry: NumberedCycle | LostCycles) -> None:
         """Write a cycle or a loss of cycles, and close the MCAP chunk if that is due."""
-        n_bytes_written = file.n_bytes_written
-        file.add_entry(entry)
+        n_bytes_written = self._file.n_bytes_written
+        self._file.add_entry(entry)
         if isinstance(entry, LostCycles):
+            self.n_lost += entry.n_cycles
             return
         # A chunk was full and is written; the force of this cycle may be in the next one.
-        if file.n_bytes_written > n_bytes_written:
+        if self._file.n_bytes_written > n_bytes_written:
             self.n_cycles = self._n_added
         self._n_added += 1
         t_ns = entry.cycle.forces.t_sent_ns
@@ -78,41 +65,38 @@ class RecordingWriter:
 
     def flush(self) -> None:
         """Write all complete cycles to the file."""
-        if self._file is not None:
-            self._file.flush()
-            self.n_cycles = self._n_added
+        self._file.flush()
+        self.n_cycles = self._n_added
 
     def finish(self) -> None:
-        """Write the last MCAP chunk and the index.
-
-        Raises:
-            RecordingError: The pipe ended before the header.
-        """
-        if self._file is None:
-            raise RecordingError("the recorder ended before it sent a header")
+        """Write the last MCAP chunk and the index."""
         self.flush()
         self._file.finish()
 
 
-def _write_until_eof(writer: RecordingWriter, pipe: int) -> None:
-    # A disk may hang for longer than the pipe has room, so a thread of its own empties the pipe.
-    batches: queue.Queue[bytes] = queue.Queue(_MAX_WAITING_BATCHES)
+def _report(report: int, **entries: object) -> None:
+    # Without a reader if the service was killed, without room if its loop hangs.
+    with contextlib.suppress(BrokenPipeError, BlockingIOError):
+        os.write(report, json.dumps(entries).encode() + b"\n")
 
-    def empty_pipe() -> None:
-        for data in read_batches(pipe):
-            batches.put(data)
-        batches.put(b"")
 
-    threading.Thread(target=empty_pipe, daemon=True).start()
+def _write_until_end(writer: RecordingWriter, reader: CycleReader, alive: int, report: int) -> None:
+    end = select.poll()
+    end.register(alive, 0)  # without events, poll still reports the end of the pipe
+    n_read = 0
     while True:
-        try:
-            data = batches.get(timeout=FLUSH_PERIOD_NS * 1e-9)
-        except queue.Empty:
-            writer.flush()
-            continue
-        if not data:
+        # Looked at first: what was written before the end is read after it.
+        has_ended = end.poll(0 if n_read >= _MIN_BATCH_WITHOUT_PAUSE_BYTES else _READ_PERIOD_MS)
+        start = reader.position
+        for entry in reader.read():
+            writer.add(entry)
+        n_read = reader.position - start
+        if n_read:
+            _report(report, position=reader.position, n_lost=writer.n_lost)
+        elif has_ended:
             return
-        writer.feed(data)
+        else:
+            writer.flush()
 
 
 def _remove_partial_suffix(path: Path) -> None:
@@ -126,34 +110,38 @@ def _remove_partial_suffix(path: Path) -> None:
     path.with_name(path.name + ".partial").rename(path)
 
 
-def main(path: Path, pipe: int = 0, fd: int = 1, report: int = 2) -> int:
-    """Write a recording until the pipe ends; return the exit code.
+def main(path: Path, ring: int, alive: int = 0, fd: int = 1, report: int = 2) -> int:
+    """Write a recording until the service ends; return the exit code.
 
     Args:
         path: Name of the file once it is complete.
-        pipe: Descriptor to read from.
+        ring: Descriptor of the ring.
+        alive: Descriptor of a pipe that ends with the service.
         fd: Descriptor of the open `.partial` file.
-        report: Descriptor for the report.
+        report: Descriptor for the reports.
 
     Returns:
         The exit code: 0 if the recording is complete and has its name.
     """
     drop_realtime()
-    writer = RecordingWriter(fd)
-    failure = ""
+    failure, writer = "", None
+    os.set_blocking(report, False)
     try:
-        _write_until_eof(writer, pipe)
+        reader = CycleReader(fd=ring)
+        reader.rewind(first_number=0)
+        writer = RecordingWriter(McapFile(fd, reader.header))
+        _write_until_end(writer, reader, alive, report)
         writer.finish()
         os.fsync(fd)
         _remove_partial_suffix(path)
     except OSError as error:
         failure = error.strerror or str(error)
-    except RecordingError as error:
+    except FootsenseError as error:
         failure = str(error)
-    with contextlib.suppress(BrokenPipeError):  # without a reader if the service was killed
-        os.write(report, json.dumps({"n_cycles": writer.n_cycles, "failure": failure}).encode())
+    os.set_blocking(report, True)
+    _report(report, n_cycles=writer.n_cycles if writer else 0, failure=failure)
     return 1 if failure else 0
 
 
 if __name__ == "__main__":
-    sys.exit(main(Path(sys.argv[1])))
+    sys.exit(main(Path(sys.argv[1]), int(sys.argv[2])))

@@ -13,8 +13,8 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 
 from footsense.errors import RecordingError
 from footsense.frames import USABLE, BaselineStatus, Cause, ContactFrame, Slip, State
-from footsense.recording.cycle_fields import CAUSE_NOT_RECORDED
 from footsense.recording.replay import Replay
+from footsense.ring.cycle_fields import CAUSE_NOT_RECORDED
 from footsense.ros2.messages import STORE, TF_STATIC, FootFrame, LegSample, LegTopics
 
 _METADATA_VERSION: Final = 8

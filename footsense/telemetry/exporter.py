@@ -1,93 +1,111 @@
-"""Prometheus exporter of the service's counters over HTTP; no other module imports prometheus_client.
+"""Prometheus exporter: reads the cycles of the running service from its ring, and serves what it counts over HTTP.
 
-It runs in `footsense exporter`, a process with a systemd unit of its own. Each scrape opens the counters' file anew,
-so a restarted service is picked up, and one that has ended or not started yet shows as `footsense_up 0`.
+It runs in `footsense exporter`, a process with a systemd unit of its own. A restarted service is picked up, and one
+that has ended or not started yet shows as `footsense_up 0`.
 """
 
 import errno
 import logging
-from collections.abc import Iterable, Sequence
-from itertools import accumulate, islice, product
+import threading
+from collections.abc import Iterable
 from pathlib import Path
 
-from prometheus_client import CollectorRegistry, start_http_server
-from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
+from prometheus_client import CollectorRegistry, disable_created_metrics, start_http_server
+from prometheus_client.core import GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
 from footsense.errors import ConfigError, FootsenseError
-from footsense.telemetry.shared_counters import MetricFamily, read_counters
+from footsense.ring.cycle_reader import CycleReader
+from footsense.ring.records import LostCycles
+from footsense.telemetry.metrics import ServiceMetrics
 
 _log = logging.getLogger(__name__)
 
 
-class CountersCollector(Collector):
-    """Prometheus collector that reads a service's counters at each scrape.
+class ServiceCollector(Collector):
+    """Prometheus collector that counts the cycles of the running service.
 
     Args:
-        path: File of the counters, as `metrics.counters` in the configuration.
+        path: The service's ring, which need not exist yet; None for where it is by default.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path | None) -> None:
         self._path = path
+        self._lock = threading.Lock()
+        self._reader: CycleReader | None = None
+        self._metrics = ServiceMetrics(())
+        self._is_first_look = True
         self._logged = ""
 
+    def poll(self) -> None:
+        """Count the cycles since the last call; look for a service if there is none."""
+        with self._lock:
+            reason = ""
+            try:
+                if self._reader is None:
+                    self._reader = self._open_reader()
+                self._count(self._reader)
+                if not self._reader.is_still_written():
+                    self._close()
+                    reason = "it has ended"
+            except FootsenseError as error:
+                self._close()
+                reason = str(error)
+            self._is_first_look = False
+            if reason != self._logged:
+                _log.warning("%s", f"no service: {reason}" if reason else "the service runs")
+                self._logged = reason
+
+    def _open_reader(self) -> CycleReader:
+        reader = CycleReader(self._path)
+        if not self._is_first_look:  # a service that has started since then
+            reader.rewind(first_number=0)
+        if reader.legs != self._metrics.legs:
+            self._metrics = ServiceMetrics(reader.legs)
+        self._metrics.begin_service()
+        return reader
+
+    def _count(self, reader: CycleReader) -> None:
+        while entries := reader.read():
+            for entry in entries:
+                if isinstance(entry, LostCycles):
+                    self._metrics.add_missed(entry.n_cycles)
+                else:
+                    self._metrics.add(entry.cycle)
+        self._metrics.status = reader.status
+
+    def _close(self) -> None:
+        if self._reader is not None:
+            self._reader.close()
+            self._reader = None
+
     def collect(self) -> Iterable[Metric]:
-        """Yield the shared counters as Prometheus metrics.
-
-        Yields:
-            `footsense_up`, and while the service runs, all its metrics.
-        """
-        families: list[MetricFamily] = []
-        cells: list[float] = []
-        reason = ""
-        try:
-            families, cells = read_counters(self._path)
-        except FootsenseError as error:
-            reason = str(error)
-        if reason != self._logged:
-            _log.warning("%s", f"no service: {reason}" if reason else f"{self._path}: the service runs")
-            self._logged = reason
-        yield GaugeMetricFamily("footsense_up", "1 while the service runs.", value=float(not reason))
-        rest = iter(cells)
-        for family in families:
-            yield _metric(family, list(islice(rest, family.n_cells)))
+        """Return `footsense_up`, and while the service runs, all its metrics."""
+        self.poll()
+        with self._lock:
+            is_up = self._reader is not None
+            up = GaugeMetricFamily("footsense_up", "1 while the service runs.", value=float(is_up))
+            return [up, *(self._metrics.collect() if is_up else ())]
 
 
-def _metric(family: MetricFamily, cells: Sequence[float]) -> Metric:
-    """Return a metric family's values as one Prometheus metric."""
-    names = list(family.label_values)
-    combinations = product(*family.label_values.values())
-    if family.metric_type == "histogram":
-        histogram = HistogramMetricFamily(family.name, family.help, labels=names)
-        bounds = [*(f"{bound:g}" for bound in family.bucket_bounds), "+Inf"]
-        rest = iter(cells)
-        for labels in combinations:
-            *counts, total = islice(rest, family.cells_per_label_set)
-            histogram.add_metric(labels, list(zip(bounds, accumulate(counts), strict=True)), total)
-        return histogram
-    kind = CounterMetricFamily if family.metric_type == "counter" else GaugeMetricFamily
-    metric = kind(family.name, family.help, labels=names)
-    for labels, value in zip(combinations, cells, strict=True):
-        metric.add_metric(labels, value)
-    return metric
-
-
-def start_metrics_server(path: Path, address: str, port: int) -> int:
-    """Serve the counters over HTTP from a daemon thread until the process ends; return the port.
+def start_metrics_server(path: Path | None, address: str, port: int) -> tuple[ServiceCollector, int]:
+    """Serve the metrics over HTTP from a daemon thread until the process ends; return their collector and the port.
 
     Args:
-        path: File of the counters; need not exist yet.
+        path: The service's ring; None for where it is by default.
         address: IP address to listen on.
         port: TCP port; 0 for any free one.
 
     Returns:
-        The TCP port.
+        The collector, to be polled more often than the ring is overwritten, and the TCP port.
 
     Raises:
         ConfigError: The port is in use or needs privileges, or the address is not of this machine.
     """
+    disable_created_metrics()  # type: ignore[no-untyped-call]
     registry = CollectorRegistry()
-    registry.register(CountersCollector(path))
+    collector = ServiceCollector(path)
+    registry.register(collector)
     try:
         server, _ = start_http_server(port, address, registry)
     except OSError as error:
@@ -97,4 +115,4 @@ def start_metrics_server(path: Path, address: str, port: int) -> int:
         raise ConfigError(
             f"metrics cannot be served on {address}:{port}: {error.strerror}; {remedy}"
         ) from error
-    return int(server.server_port)
+    return collector, int(server.server_port)

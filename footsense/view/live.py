@@ -1,17 +1,18 @@
-"""Live data source of the page: reads the running service's shared cycles, also after its restarts."""
+"""Live data source of the page: reads the running service's ring, also after its restarts."""
 
 from collections import deque
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
+import numpy as np
 
 from footsense.daemon.recording_header import CLOSURE_CONVERSION_KEY, ClosureConversion
 from footsense.errors import FootsenseError
-from footsense.frames import CanStatistics, Cycle
+from footsense.frames import ELEMENTS, CanStatistics, Cycle
 from footsense.ports import Clock
-from footsense.recording.shared_cycles import CycleReader
+from footsense.ring.cycle_reader import CycleReader
+from footsense.ring.records import LostCycles
 from footsense.view.closures import ClosureConverter
 from footsense.view.events import Event, EventDetector
 from footsense.view.signals import SignalTableBuilder, Table
@@ -40,10 +41,10 @@ class ViewedCycle(NamedTuple):
 
 
 class LiveSource:
-    """Reads the shared cycles of the running service, and keeps the latest cycles and events.
+    """Reads the ring of the running service, and keeps the latest cycles and events.
 
     Args:
-        path: File of the shared cycles.
+        path: The service's ring; None for where it is by default.
         clock: The machine's clock.
 
     Attributes:
@@ -57,7 +58,7 @@ class LiveSource:
         can: Counts of its CAN channel.
     """
 
-    def __init__(self, path: Path, clock: Clock) -> None:
+    def __init__(self, path: Path | None, clock: Clock) -> None:
         self._path = path
         self._clock = clock
         self._reader: CycleReader | None = None
@@ -82,14 +83,19 @@ class LiveSource:
         if self._reader is None:
             return
         try:
-            new = self._reader.read()
+            entries = self._reader.read()
         except FootsenseError as error:
             self.problem = str(error)
             self._close()
             return
-        self.n_missed += new.n_missed if self.cycles else 0
-        baseline_pf = self._reader.baseline_pf
-        for _, cycle in new.cycles:
+        status = self._reader.status
+        unknown_pf = np.full((len(self.legs), ELEMENTS), np.nan)
+        baseline_pf = unknown_pf if status is None else status.baseline_pf
+        for entry in entries:
+            if isinstance(entry, LostCycles):
+                self.n_missed += entry.n_cycles
+                continue
+            cycle = entry.cycle
             if not self._first_ns:
                 self._first_ns = cycle.forces.t_sent_ns
             table = self._table.table(cycle, self._closures.closure_rel(cycle, baseline_pf))
@@ -105,10 +111,10 @@ class LiveSource:
         return (event.t_ns - self._first_ns) * 1e-9
 
     def _find_service(self) -> None:
-        """Open the shared-memory file of a service; notice if the service has ended."""
+        """Open the ring of a service; notice if the service has ended."""
         if self._reader is not None and self._reader.is_still_written():
-            with suppress(ValueError):
-                self.can = self._reader.can_statistics
+            if self._reader.status is not None:
+                self.can = self._reader.status.can
             return
         ended = self._reader is not None
         self._close()
@@ -116,7 +122,7 @@ class LiveSource:
             reader = CycleReader(self._path)
             elements = msgspec.json.decode(reader.header[CLOSURE_CONVERSION_KEY], type=ClosureConversion)
         except (KeyError, msgspec.MsgspecError) as error:
-            self.problem = f"{self._path}: its header is of another version of footsense ({error})"
+            self.problem = f"{reader.path}: its header is of another version of footsense ({error})"
             return
         except FootsenseError as error:
             self.problem = "the service has ended" if ended or self.service else f"no service runs: {error}"
@@ -151,5 +157,5 @@ class LiveSource:
         }
 
     def close(self) -> None:
-        """Close the shared-memory file."""
+        """Close the ring."""
         self._close()

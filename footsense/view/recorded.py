@@ -22,8 +22,8 @@ from footsense.daemon.recording_header import (
 )
 from footsense.errors import FootsenseError, RecordingError
 from footsense.frames import ELEMENTS, Cycle
-from footsense.recording.cycle_records import LostCycles
 from footsense.recording.replay import Replay
+from footsense.ring.records import LostCycles
 from footsense.view.closures import ClosureConverter, ReconstructedBaselines
 from footsense.view.events import Event, EventDetector
 from footsense.view.page_messages import encode_cycles

@@ -16,8 +16,8 @@ from footsense.foot.files.calibration_reader import read_calibration
 from footsense.foot.response_table import FootResponse
 from footsense.recording.replay import Replay
 from footsense.reference.recorded_file import read_csv
+from footsense.ring.cycle_reader import CycleReader
 from footsense.sim.scene_files import load_scene
-from footsense.telemetry.shared_counters import read_counters
 from tests.fuzz.outcome import refusal
 from tests.fuzz.test_test_stand_bytes import MOUNTING
 from tests.support.calibrations import content
@@ -33,7 +33,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "response": FootResponse.load,
     "recording": Replay,
     "sensor": lambda path: read_csv(path, MOUNTING, 0),
-    "counters": read_counters,
+    "ring": CycleReader,
 }
 
 
@@ -44,7 +44,7 @@ def test_a_file_without_end(tmp_path: Path, kind: str) -> None:
     path.touch()
     with path.open("r+b") as file:
         file.truncate(_BYTES)
-        fcntl.flock(file, fcntl.LOCK_EX)  # as counters are by a running service
+        fcntl.flock(file, fcntl.LOCK_EX)  # as a ring is by a running service
         assert refusal(lambda: READERS[kind](path))
 
 

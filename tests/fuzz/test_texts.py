@@ -1,6 +1,5 @@
-"""Configurations, scenes, counters, and the configuration in a recording's header."""
+"""Configurations, scenes, and the configuration in a recording's header."""
 
-import fcntl
 import json
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,6 @@ from footsense.daemon.recording_header import recorded_config, recorded_flags
 from footsense.recording.container.mcap_writer import McapFile
 from footsense.recording.replay import Replay
 from footsense.sim.scene_files import load_scene
-from footsense.telemetry.shared_counters import MetricFamily, SharedCountersWriter, read_counters
 from tests.fuzz.outcome import TRIED, refusal
 
 ROBOT = "buses: [{device: sim, legs: {lf: 0, rf: 1}}]\ncan: {interface: virtual}\n"
@@ -94,39 +92,6 @@ def test_bombs(tmp_path: Path, text: str) -> None:
     file.write_text(text)
     assert refusal(lambda: load_scene(str(file)))
     assert refusal(lambda: load_config(file))
-
-
-FAMILIES = [
-    MetricFamily("a_total", "counter", "Counts.", {"leg": ["lf", "rf"]}),
-    MetricFamily("b", "histogram", "Bins.", {}, [1.0]),
-]
-
-
-@given(data=st.data())
-@TRIED
-def test_any_counters(tmp_path: Path, data: st.DataObject) -> None:
-    """A file of counters that is damaged or another's: refused, or as many cells as its families have."""
-    file = tmp_path / "counters"
-    counters = SharedCountersWriter(FAMILIES, file)
-    whole = file.read_bytes()
-    counters.close()
-    changed = bytearray(whole)
-    for _ in range(data.draw(st.integers(1, 4))):
-        changed[data.draw(st.integers(0, len(changed) - 1))] = data.draw(st.integers(0, 255))
-    for content in (
-        bytes(changed),
-        whole[: data.draw(st.integers(0, len(whole)))],
-        data.draw(st.binary(max_size=99)),
-    ):
-        file.write_bytes(content)
-
-        def read() -> None:
-            families, cells = read_counters(file)
-            assert len(cells) == sum(family.n_cells for family in families)
-
-        with file.open("rb") as running:  # the lock of a running service
-            fcntl.flock(running, fcntl.LOCK_EX)
-            refusal(read)
 
 
 CONFIG: dict[str, Any] = json.loads(msgspec.json.encode(DEFAULT))

@@ -22,7 +22,8 @@ from footsense.frames import (
     State,
     Vector,
 )
-from footsense.recording.shared_cycles import SharedCycleWriter
+from footsense.ring.cycle_ring import CycleRing
+from footsense.ring.records import ServiceStatus
 
 LEGS = ("lf", "lm", "lr", "rf", "rm", "rr")
 PERIOD_NS = 2_700_000
@@ -45,7 +46,7 @@ def closed_pf(closure_rel: Vector) -> Vector:
 
 
 class ViewedService:
-    """Writes shared cycles as the loop does.
+    """Writes cycles as the loop does.
 
     Attributes:
         force_n: Force on each foot [N], shape (6, 3); its closures follow fz.
@@ -55,8 +56,8 @@ class ViewedService:
     """
 
     def __init__(self, path: Path, header: dict[str, str] = HEADER) -> None:
-        self._baseline_pf = np.full(_SHAPE, UNLOADED_PF)
-        self._shared = SharedCycleWriter(path, LEGS, header, lambda: self._baseline_pf, CanStatistics())
+        status = ServiceStatus(CanStatistics(), np.full(_SHAPE, UNLOADED_PF).tobytes())
+        self._ring = CycleRing(path, LEGS, header, 370.0, lambda: status)
         self._n = 0
         self.force_n = np.zeros((6, 3))
         self.state = np.full(6, State.VALID, np.uint8)
@@ -67,7 +68,7 @@ class ViewedService:
         """Publish some cycles with the present values."""
         for _ in range(n):
             self._n += 1
-            self._shared.observe(self.cycle(self._n))
+            self._ring.observe(self.cycle(self._n))
 
     def cycle(self, number: int) -> Cycle:
         """Return a cycle with the present values."""
@@ -134,4 +135,4 @@ class ViewedService:
 
     def close(self) -> None:
         """End the service: its file goes."""
-        self._shared.close()
+        self._ring.close()

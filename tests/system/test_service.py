@@ -31,7 +31,7 @@ def config(tmp_path: Path) -> tuple[Path, int]:
     file = tmp_path / "robot.yaml"
     file.write_text(
         "buses: [{device: sim, legs: {lf: 0, rf: 1}}]\ncan: {interface: virtual}\n"
-        f"metrics: {{port: {port}, counters: {tmp_path / 'counters'}}}\n"
+        f"metrics: {{port: {port}}}\nring: {tmp_path / 'ring'}\n"
     )
     return file, port
 
@@ -112,18 +112,38 @@ def test_an_address_of_another_machine_is_not_blamed_on_the_port(config: tuple[P
     assert re.search(rf"192\.0\.2\.1:{port}: Cannot assign .*; metrics\.address has to be", line)
 
 
-def test_counters_that_cannot_be_written_cost_metrics_and_no_forces(tmp_path: Path) -> None:
-    """One warning names the file, and the forces go on."""
-    config = robot(tmp_path, more=f"metrics: {{counters: {tmp_path / 'none' / 'counters'}}}\n")
-    result = footsense("run", "--config", config, "--duration", "1")
+def test_a_ring_that_cannot_be_written_costs_no_forces_and_no_recording(tmp_path: Path) -> None:
+    """One warning names the file; the recorder reads one without a name."""
+    config = robot(tmp_path, more=f"ring: {tmp_path / 'none' / 'ring'}\n")
+    result = footsense("run", "--config", config, "--duration", "1", "--record", tmp_path / "walk.mcap")
     assert result.returncode == 0
     assert result.stderr == (
-        f"WARNING: {tmp_path}/none/counters: cannot be written: No such file or directory; "
-        "the forces go on without metrics\n"
+        f"WARNING: {tmp_path}/none/ring: cannot be written: No such file or directory; "
+        "the forces go on without metrics, page and snapshot\n"
     )
+    assert footsense("replay", tmp_path / "walk.mcap", "--check").returncode == 0
 
 
-def test_an_exporter_of_a_service_without_metrics_is_one_line(tmp_path: Path) -> None:
-    """Nothing would ever be shown."""
-    line = one_line_error(footsense("exporter", "--config", robot(tmp_path)), 78)
-    assert line.endswith("has no section metrics, so the service counts nothing")
+def test_a_snapshot_of_a_running_service(tmp_path: Path) -> None:
+    """It is a recording that opens anywhere and is replayed, but not compared; without a service it is one line."""
+    file = tmp_path / "robot.yaml"
+    file.write_text(
+        "buses: [{device: sim, legs: {lf: 0, rf: 1}}]\ncan: {interface: virtual}\n"
+        f"ring: {tmp_path / 'ring'}\n"
+    )
+    target = tmp_path / "last.mcap"
+    arguments = ("snapshot", target, "--config", file)
+    assert "ring: No such file" in one_line_error(footsense(*arguments), 1)
+    command = (sys.executable, "-m", "footsense", "run", "--realtime", "--config", str(file))
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL) as daemon:
+        try:
+            while (result := footsense(*arguments)).returncode:
+                assert daemon.poll() is None
+        finally:
+            daemon.terminate()
+    assert re.fullmatch(rf"{target}: \d+ cycles\n", result.stdout)
+    assert "exists and is not overwritten" in one_line_error(footsense(*arguments), 74)
+    assert footsense("replay", target).stdout.endswith("cycles replayed\n")
+    assert "is a snapshot, which begins in the middle" in one_line_error(
+        footsense("replay", target, "--check"), 74
+    )

@@ -13,8 +13,8 @@ from footsense.daemon.service import open_service
 from footsense.foot.temperature import unknown_temperature_sigma_rel
 from footsense.frames import Cycle, State
 from footsense.recording.container.mcap_writer import McapFile
-from footsense.recording.cycle_records import NumberedCycle
 from footsense.recording.replay import Replay
+from footsense.ring.records import NumberedCycle
 from footsense.sim.scene import Effects, Scene, Warming
 from footsense.sim.scene_loads import Constant
 from tests.support.calibrations import calibration

@@ -15,8 +15,8 @@ from footsense.calibration.loads.press import CalibrationLoad, RejectedPress, Re
 from footsense.calibration.writer import file_sha256
 from footsense.config.test_stand import StandConfig
 from footsense.errors import CalibrationError, RecordingError
-from footsense.recording.cycle_records import LostCycles
 from footsense.recording.replay import Replay
+from footsense.ring.records import LostCycles
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,8 +11,8 @@ from mcap.records import Channel, Message
 from footsense.frames import CapFrame, Command, CommandResult, ContactFrame, Cycle, Vector
 from footsense.recording.container import event_messages, messages
 from footsense.recording.container.event_messages import decode_gait, decode_reference
-from footsense.recording.cycle_fields import NonNegativeInt64
-from footsense.recording.cycle_records import LostCycles, NumberedCycle, require_valid
+from footsense.ring.cycle_fields import NonNegativeInt64
+from footsense.ring.records import LostCycles, NumberedCycle, require_valid
 
 
 @dataclass(slots=True)

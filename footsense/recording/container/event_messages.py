@@ -23,7 +23,7 @@ from footsense.frames import (
     Vector,
 )
 from footsense.recording.container.messages import encode_json, field_array, leg_objects
-from footsense.recording.cycle_fields import GAIT_FIELDS, NonNegativeInt64, gait_from_arrays
+from footsense.ring.cycle_fields import GAIT_FIELDS, NonNegativeInt64, gait_from_arrays
 
 
 def command_event(command: Command, legs: Sequence[str]) -> bytes:

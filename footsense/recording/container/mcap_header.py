@@ -11,7 +11,7 @@ from mcap.stream_reader import StreamReader
 
 from footsense.errors import RecordingError
 from footsense.recording.container.bounded_file import DAMAGE_ERRORS, BoundedFile
-from footsense.recording.cycle_records import legs_in_header
+from footsense.ring.records import legs_in_header
 
 #: Profile of the container, which identifies footsense's files.
 MCAP_PROFILE = "footsense"

@@ -16,7 +16,7 @@ from zstandard import frame_content_size
 from footsense.errors import RecordingError
 from footsense.recording.container.bounded_file import DAMAGE_ERRORS, MAX_CHUNK_BYTES, BoundedFile
 from footsense.recording.container.cycle_assembly import CycleAssembly
-from footsense.recording.cycle_records import LostCycles, NumberedCycle, require_valid
+from footsense.ring.records import LostCycles, NumberedCycle, require_valid
 
 _Record = Any  # the library is not typed
 

@@ -21,7 +21,7 @@ from footsense.recording.container.event_messages import (
     reference_schema,
 )
 from footsense.recording.container.mcap_header import HEADER_CRC_KEY, MCAP_PROFILE, METADATA_NAME, header_crc
-from footsense.recording.cycle_records import LostCycles, NumberedCycle
+from footsense.ring.records import LostCycles, NumberedCycle
 
 #: Chunk size before compression [bytes]: about half a second of six legs.
 CHUNK_BYTES = 65_536

@@ -29,7 +29,7 @@ from footsense.frames import (
     ContactFrame,
     GaitFrame,
 )
-from footsense.recording.cycle_fields import (
+from footsense.ring.cycle_fields import (
     CAUSE_NOT_RECORDED,
     CYCLE_FIELDS,
     GAIT_FIELDS,

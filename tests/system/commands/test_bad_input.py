@@ -116,7 +116,6 @@ def test_a_log_of_an_unknown_kind(tmp_path: Path) -> None:
     ("options", "says", "code"),
     [
         (("none.mcap",), "none.mcap", 74),
-        (("--config", "robot.yaml"), "robot.yaml: has no section view", 78),
         (("--address", "192.0.2.1"), "the page cannot be served on 192.0.2.1", 78),
     ],
 )

@@ -16,8 +16,8 @@ from footsense.config import DEFAULT
 from footsense.daemon.can_output import can_sink
 from footsense.errors import HardwareError
 from footsense.recording.container.mcap_writer import McapFile
-from footsense.recording.cycle_records import LostCycles, NumberedCycle
 from footsense.recording.replay import Replay
+from footsense.ring.records import LostCycles, NumberedCycle
 from footsense.sim.clock import VirtualClock
 from tests.support.other_file import opens_instead
 from tests.system.command import TIMEOUT_S, footsense, one_line_error

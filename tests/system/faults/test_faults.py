@@ -20,10 +20,10 @@ from footsense.config import DEFAULT
 from footsense.config.sections import Mux
 from footsense.daemon.service import open_service
 from footsense.frames import USABLE, Cause, State
+from footsense.ring.cycle_ring import CycleRing
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Fault
-from footsense.telemetry.exporter import CountersCollector
-from footsense.telemetry.metrics import MetricsObserver
+from footsense.telemetry.exporter import ServiceCollector
 from footsense.validation.faults.fault_trial import (
     BREAKS_AT_S,
     FAULTY_LEG,
@@ -241,11 +241,11 @@ def test_can_and_metrics_show_it(tmp_path: Path) -> None:
     scene = msgspec.structs.replace(WALK_SCENE, faults=(scene_faults.BrokenRow(row=1, **ON_LEG),))
     log = tmp_path / "can.log"
     with open_service(ROBOT, scene, real_time=False, can_log=log) as service:
-        metrics = MetricsObserver(service.legs, service.sink.stats, tmp_path / "counters")
-        service.observers.append(metrics)
-        service.run(until_ns=1_000_000_000)
+        ring = CycleRing(tmp_path / "ring", service.legs, {}, 400.0, service.status)
+        service.observers.append(ring)
         registry = CollectorRegistry()
-        registry.register(CountersCollector(tmp_path / "counters"))
+        registry.register(ServiceCollector(tmp_path / "ring"))
+        service.run(until_ns=1_000_000_000)
         faults_total = {
             leg: registry.get_sample_value("footsense_faults_total", {"leg": leg, "kind": "degraded"})
             for leg in ("rm", "lm")

@@ -91,7 +91,7 @@ def test_a_writer_that_is_killed(tmp_path: Path) -> None:
 
 def test_an_exporter_that_is_killed(tmp_path: Path) -> None:
     """The forces go on, and the next exporter shows the same service."""
-    config = robot(tmp_path, more=f"metrics: {{counters: {tmp_path / 'counters'}}}\n")
+    config = robot(tmp_path, more=f"ring: {tmp_path / 'ring'}\n")
     with running(tmp_path, "--config", config) as daemon:
         daemon.wait_until_ready()
         with serving("exporter", "--config", config, "--port", "0") as (process, _):

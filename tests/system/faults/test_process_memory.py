@@ -26,7 +26,7 @@ CYCLES = 1000
 
 def test_nothing_grows_with_the_cycles(tmp_path: Path) -> None:
     """Recorded, counted, logged and sent, a cycle leaves no object, no memory and no garbage behind."""
-    config = load_config(robot(tmp_path, more=f"metrics: {{counters: {tmp_path / 'counters'}}}\n"))
+    config = load_config(robot(tmp_path, more=f"ring: {tmp_path / 'ring'}\n"))
     record = tmp_path / "walk.mcap"
     with open_service(config, load_scene("hanging"), real_time=False, record=record) as service:
         service.observers.append(RunStatistics(service.legs, service.true_force_n_at))

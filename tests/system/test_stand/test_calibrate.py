@@ -20,9 +20,9 @@ from footsense.errors import CalibrationError
 from footsense.foot.files.calibration_reader import read_calibration
 from footsense.frames import Cycle
 from footsense.recording.container.mcap_writer import McapFile
-from footsense.recording.cycle_records import NumberedCycle
 from footsense.recording.replay import Replay
 from footsense.reference.sensor_mounting import NEWTONS_PER_UNIT
+from footsense.ring.records import NumberedCycle
 from footsense.sim.scene import Scene
 from footsense.sim.scene_loads import CalibrationLoads
 from tests.system.simulated_test_stand import MADE, presses

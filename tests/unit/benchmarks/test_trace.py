@@ -11,7 +11,7 @@ def test_a_conversion_of_six_legs_stays_within_its_modules_and_calls() -> None:
         "acquisition/boards/fdc1004.py",
         "estimation/network.py",
         "can/sink.py",
-        "recording/cycle_pipe.py",
+        "ring/cycle_ring.py",
     ):
         assert f"footsense/{part}" in modules
     assert not any(module.startswith("footsense/sim/") for module in modules)

@@ -50,7 +50,7 @@ def test_the_commented_values_are_the_defaults(file: Path) -> None:
     assert (short.baseline, short.contact) == (long.baseline, long.contact)
     assert (short.buses[0].mux, short.buses[0].rate_hz) == (long.buses[0].mux, long.buses[0].rate_hz)
     assert long.metrics == Metrics()
-    assert short.metrics is None
+    assert short.ring is None
 
 
 def test_the_default_loads_a_bus_of_500_kbit_by_less_than_40_percent() -> None:

@@ -6,41 +6,54 @@ import re
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
-from footsense.errors import ConfigError, RecordingError
-from footsense.recording.cycle_pipe import CyclePipe
-from footsense.recording.cycle_records import LostCycles, NumberedCycle
+from footsense.errors import ConfigError, FootsenseError, RecordingError
+from footsense.recording.container.mcap_writer import McapFile
 from footsense.recording.recorder import Recorder, check_recording_target, partial_path
-from footsense.recording.recover import recover
+from footsense.recording.recover import recover, write_snapshot
 from footsense.recording.replay import Replay
 from footsense.recording.writer import RecordingWriter
-from tests.support.cycles import LEGS, PERIOD_NS, cycle, read_until_damage, same
+from footsense.ring.cycle_ring import CycleRing
+from footsense.ring.records import LostCycles, NumberedCycle
+from tests.support.cycles import LEGS, cycle, read_until_damage, same, status
 
 #: See prctl(2).
 PR_SET_CHILD_SUBREAPER = 36
 
 
-def test_a_recording_is_whole_and_then_named(tmp_path: Path) -> None:
-    """The recorder's process writes all cycles, and FILE exists only when they are in it."""
+@pytest.fixture
+def ring(tmp_path: Path) -> Iterator[CycleRing]:
+    """A ring without a name, as in virtual time."""
+    with closing(CycleRing(None, LEGS, {"scene": "flat"}, 40.0, status)) as ring:
+        yield ring
+
+
+def test_a_recording_is_whole_and_then_named(tmp_path: Path, ring: CycleRing) -> None:
+    """FILE exists only when all cycles are in it; in virtual time there may be more of them than the ring holds."""
     path = tmp_path / "walk.mcap"
-    recorder = Recorder(path, LEGS, {"scene": "flat"}, blocking=True)
+    recorder = Recorder(path, ring, waits=True)
     assert partial_path(path).exists()
     shown = [cycle(number) for number in range(100)]
-    for one in shown:
-        recorder.observe(one)
+    for number in range(2000):
+        ring.observe(shown[number % 100])
     recorder.close()
     recorder.close()
     assert [p.name for p in tmp_path.iterdir()] == ["walk.mcap"]
     assert recorder.n_lost_cycles == 0
     replay = Replay(path)
     assert (replay.header["scene"], replay.legs) == ("flat", LEGS)
-    assert all(same(a, b) for a, b in zip(shown, replay, strict=True))
+    n = 0
+    for n, one in enumerate(replay, 1):
+        assert same(shown[(n - 1) % 100], one)
+    assert n == 2000
 
 
-def test_an_existing_file_is_not_overwritten(tmp_path: Path) -> None:
+def test_an_existing_file_is_not_overwritten(tmp_path: Path, ring: CycleRing) -> None:
     """A finished recording, an unfinished one, and a missing directory are refused before the start."""
     (tmp_path / "walk.mcap").touch()
     (tmp_path / "cut.mcap.partial").touch()
@@ -50,14 +63,14 @@ def test_an_existing_file_is_not_overwritten(tmp_path: Path) -> None:
         ("none/walk.mcap", "there is no directory"),
     ):
         with pytest.raises(RecordingError, match=wanted):
-            Recorder(tmp_path / name, LEGS, {}, blocking=True)
+            Recorder(tmp_path / name, ring, waits=True)
 
 
-def test_a_file_that_appears_during_the_recording_is_not_overwritten(tmp_path: Path) -> None:
+def test_a_file_that_appears_during_the_recording_is_not_overwritten(tmp_path: Path, ring: CycleRing) -> None:
     """It stays as it is, the recording stays under its name in the making, and the end says why."""
     path = tmp_path / "walk.mcap"
-    recorder = Recorder(path, LEGS, {}, blocking=True)
-    recorder.observe(cycle(0))
+    recorder = Recorder(path, ring, waits=True)
+    ring.observe(cycle(0))
     path.write_text("somebody else's")
     with pytest.raises(RecordingError, match="it appeared in the meantime and is not overwritten"):
         recorder.close()
@@ -73,11 +86,13 @@ def test_a_recording_ends_in_mcap(tmp_path: Path, name: str) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_recording_in_the_making_is_told_from_one_that_was_cut_short(tmp_path: Path) -> None:
+def test_a_recording_in_the_making_is_told_from_one_that_was_cut_short(
+    tmp_path: Path, ring: CycleRing
+) -> None:
     """A second recorder and `recover` leave it alone while its writer lives; at its end it is whole."""
     path = tmp_path / "walk.mcap"
-    first = Recorder(path, LEGS, {}, blocking=True)
-    first.observe(cycle(0))
+    first = Recorder(path, ring, waits=True)
+    ring.observe(cycle(0))
     for attempt in (lambda: check_recording_target(path), lambda: recover(partial_path(path), path)):
         with pytest.raises(RecordingError, match=r"partial: is being written by another footsense"):
             attempt()
@@ -85,67 +100,76 @@ def test_a_recording_in_the_making_is_told_from_one_that_was_cut_short(tmp_path:
     assert len(list(Replay(path))) == 1
 
 
-def test_a_full_pipe_loses_cycles_and_says_so(tmp_path: Path) -> None:
-    """In real time a cycle that finds no room is counted, and recorded as lost before the next one."""
-    read_end, write_end = os.pipe()
-    pipe = CyclePipe(write_end, {"legs": ",".join(LEGS)}, blocking=False)
-    for number in range(100):
-        pipe.send(cycle(number))
-    lost = pipe.lost
-    assert 0 < lost < 100
-    with (tmp_path / "walk.mcap").open("wb") as file:
-        writer = RecordingWriter(file.fileno())
-        writer.feed(os.read(read_end, 1 << 20))
-        pipe.send(cycle(100))
-        pipe.close(0.0)
-        writer.feed(os.read(read_end, 1 << 20))
-        writer.finish()
-    os.close(read_end)
-    entries = list(Replay(tmp_path / "walk.mcap").entries())
-    assert entries[-2] == LostCycles(100, 1_000 + 100 * PERIOD_NS, lost)
-    numbered = [entry for entry in entries if isinstance(entry, NumberedCycle)]
-    assert [entry.cycle_number for entry in numbered] == [*range(100 - lost), 100]
-    assert all(same(entry.cycle, cycle(entry.cycle_number)) for entry in numbered)
+def test_a_recorder_that_hangs_loses_cycles_and_says_so(tmp_path: Path, ring: CycleRing) -> None:
+    """In real time the loop does not wait: what is overwritten is counted, and recorded as lost."""
+    path = tmp_path / "walk.mcap"
+    recorder = Recorder(path, ring, waits=False)
+    os.kill(recorder._writer.pid, signal.SIGSTOP)
+    shown = [cycle(number) for number in range(100)]
+    n = 2000
+    for number in range(n):
+        one = shown[number % 100]
+        ring.observe(one._replace(forces=one.forces._replace(t_sent_ns=number * 25_000_000)))
+    assert recorder.n_lost_cycles == 0
+    os.kill(recorder._writer.pid, signal.SIGCONT)
+    recorder.close()
+    lost = recorder.n_lost_cycles
+    first, *entries = Replay(path).entries()
+    assert first == LostCycles(lost, lost * 25_000_000, lost)
+    assert 200 < lost < n - 1200
+    assert [entry[0] for entry in entries] == list(range(lost, n))
 
 
 def test_a_writer_never_counts_a_cycle_that_a_crash_would_lose(tmp_path: Path) -> None:
     """After each cycle: what is counted can be read back, and no more than one that can is not counted."""
-    read_end, write_end = os.pipe()
-    pipe = CyclePipe(write_end, {"legs": ",".join(LEGS)}, blocking=False)
     path = tmp_path / "walk.mcap.partial"
     seen = set()
     with path.open("wb") as file:
-        writer = RecordingWriter(file.fileno())
-        for number in range(500):
+        writer = RecordingWriter(McapFile(file.fileno(), {"legs": ",".join(LEGS)}))
+        for number in range(150):
             one = cycle(number)
-            pipe.send(one._replace(forces=one.forces._replace(t_sent_ns=1_000 + number)))
-            writer.feed(os.read(read_end, 1 << 20))
+            forces = one.forces._replace(t_sent_ns=1_000 + number)
+            writer.add(NumberedCycle(number, one._replace(forces=forces)))
             if writer.n_cycles not in seen:
                 seen.add(writer.n_cycles)
                 read, _ = read_until_damage(path)
                 assert writer.n_cycles <= len(read) <= writer.n_cycles + 1
-    pipe.close(0.0)
-    os.close(read_end)
     assert len(seen) > 2
 
 
-@pytest.mark.parametrize("blocking", [True, False])
-def test_a_writer_that_hangs_does_not_hold_up_the_end(blocking: bool) -> None:  # noqa: FBT001 - a case
-    """With the pipe full and nobody reading, closing gives up after its timeout, here at once."""
-    read_end, write_end = os.pipe()
-    pipe = CyclePipe(write_end, {"legs": ",".join(LEGS)}, blocking=False)
-    for number in range(100):
-        pipe.send(cycle(number))
-    os.set_blocking(write_end, blocking)
-    pipe.close(0.0)
-    os.close(read_end)
+def test_a_snapshot_is_a_recording_of_what_the_ring_holds(tmp_path: Path) -> None:
+    """Its cycles are counted from 0, and an existing file is refused; without a service there is none."""
+    path, target = tmp_path / "ring", tmp_path / "last.mcap"
+    with pytest.raises(FootsenseError, match="ring: No such file"):
+        write_snapshot(path, target)
+    with closing(CycleRing(path, LEGS, {"scene": "flat"}, 40.0, status)) as ring:
+        with pytest.raises(RecordingError, match="no cycle yet"):
+            write_snapshot(path, target)
+        shown = [cycle(number) for number in range(100)]
+        for number in range(2000):
+            one = shown[number % 100]
+            ring.observe(one._replace(forces=one.forces._replace(t_sent_ns=number * 25_000_000)))
+        n = write_snapshot(path, target)
+        with pytest.raises(RecordingError, match="exists and is not overwritten"):
+            write_snapshot(path, target)
+    replay = Replay(target)
+    assert (replay.header["scene"], replay.header["snapshot_from_cycle"]) == ("flat", str(2000 - n))
+    times_ns = [one.forces.t_sent_ns for one in replay]
+    assert times_ns == [number * 25_000_000 for number in range(2000 - n, 2000)]
+    assert n * 25_000_000 > 30e9
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["last.mcap"]
 
 
 def test_a_full_disk_does_not_stop_the_loop(tmp_path: Path) -> None:
     """A writer that cannot write leaves the loop running; it is said once, and at the end what is missing."""
-    limit = f"import resource as r; r.setrlimit(r.RLIMIT_FSIZE, (60000, 60000))\n{RECORD_ON_A_FULL_DISK}"
     done = subprocess.run(
-        [sys.executable, "-c", limit, str(tmp_path / "walk.mcap"), str(Path(__file__).parents[3])],
+        [
+            sys.executable,
+            "-c",
+            RECORD_ON_A_FULL_DISK,
+            str(tmp_path / "walk.mcap"),
+            str(Path(__file__).parents[3]),
+        ],
         capture_output=True,
         text=True,
         check=False,
@@ -164,7 +188,7 @@ def test_a_full_disk_does_not_stop_the_loop(tmp_path: Path) -> None:
 
 
 def test_a_killed_daemon_leaves_a_finished_recording(tmp_path: Path) -> None:
-    """The end of the pipe ends the recording, so SIGKILL costs nothing that was observed."""
+    """The end of the service ends the recording, so SIGKILL costs nothing that was observed."""
     path = tmp_path / "walk.mcap"
     # The orphaned writer becomes a child of this process, so that its end can be waited for.
     assert ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1) == 0
@@ -188,13 +212,20 @@ sys.path.insert(0, sys.argv[2])
 from tests.support.cycles import LEGS, cycle
 from footsense.errors import RecordingError
 from footsense.recording.recorder import Recorder
-recorder = Recorder(pathlib.Path(sys.argv[1]), LEGS, {}, blocking=True)
+from footsense.ring.cycle_ring import CycleRing
+from tests.support.cycles import status
+ring = CycleRing(None, LEGS, {}, 40.0, status)
+recorder = Recorder(pathlib.Path(sys.argv[1]), ring, waits=True)
 for number in range(300):
-    recorder.observe(cycle(number))
+    ring.observe(cycle(number))
 """
 RECORD_ON_A_FULL_DISK = f"""{RECORD}
-while not recorder._pipe.broken:
-    recorder.observe(cycle(300))
+import resource
+resource.prlimit(recorder._writer.pid, resource.RLIMIT_FSIZE, (60000, 60000))
+one = cycle(300)
+while not recorder._has_ended:
+    ring.observe(one)
+    recorder.n_lost_cycles
 try:
     recorder.close()
 except RecordingError as error:

@@ -14,12 +14,11 @@ from footsense.frames import BaselineStatus, Cause, CommandResult, Cycle, GaitEv
 from footsense.recording.compare import first_difference, same_processor_and_libraries
 from footsense.recording.container import event_messages, messages
 from footsense.recording.container.mcap_writer import McapFile
-from footsense.recording.cycle_fields import CAUSE_NOT_RECORDED
-from footsense.recording.cycle_pipe import pack_cycle, pack_header, pack_loss
-from footsense.recording.cycle_records import LostCycles, NumberedCycle, unpack_records
 from footsense.recording.machine import platform_versions
 from footsense.recording.recover import recover
 from footsense.recording.replay import Replay, ReplayClock, ReplaySource
+from footsense.ring.cycle_fields import CAUSE_NOT_RECORDED
+from footsense.ring.records import LostCycles, NumberedCycle
 from tests.support.cycles import LEGS, TARE, cycle, read_until_damage, same, write
 from tests.support.gaits import gait_frame
 
@@ -40,44 +39,6 @@ outcome = st.builds(CommandResult, st.just(TARE), st.sampled_from(Result), st.te
 
 
 samples = st.none() | st.integers(0, 6)
-
-
-@given(
-    st.integers(0, 2**32),
-    st.integers(3, 6),
-    st.lists(outcome, max_size=3),
-    samples,
-    st.integers(1, 4000),
-)
-def test_the_pipe_keeps_every_bit(
-    seed: int, n_legs: int, outcomes: list[CommandResult], n_samples: int | None, piece: int
-) -> None:
-    """Cycles come out of the pipe as they went in, in whatever pieces they arrive."""
-    shown = [
-        cycle(
-            number,
-            seed,
-            outcomes=tuple(outcomes),
-            n_samples=n_samples,
-            warm=number == 1,
-            n_legs=n_legs,
-        )
-        for number in range(3)
-    ]
-    header = {"legs": ",".join(LEGS[:n_legs])}
-    stream = pack_header(header) + b"".join(pack_cycle(i, one) for i, one in enumerate(shown))
-    stream += pack_loss(LostCycles(9, 8, 6))
-    buffer, entries, known = bytearray(), [], None
-    for at in range(0, len(stream), piece):
-        buffer += stream[at : at + piece]
-        for entry in unpack_records(buffer, known):
-            known = LEGS[:n_legs]
-            entries.append(entry)
-    assert entries[0] == header
-    assert entries[-1] == LostCycles(9, 8, 6)
-    numbered = [entry for entry in entries if isinstance(entry, NumberedCycle)]
-    assert [entry.cycle_number for entry in numbered] == [0, 1, 2]
-    assert all(same(a, b.cycle) for a, b in zip(shown, numbered, strict=True))
 
 
 @given(st.integers(0, 2**32), st.lists(outcome, max_size=2), samples)
@@ -266,19 +227,6 @@ def test_a_recording_from_before_there_were_causes(scratch: Path) -> None:
     assert np.isnan(old.baseline.mean_pf).all()
     assert first_difference(old, cycle(0).forces, exact=True, legs=LEGS) is None
     assert json.loads(messages.encode_force(old, LEGS)) == message
-
-
-def test_integers_of_numpy_are_packed_as_numbers() -> None:
-    """A leg found with numpy, in a command or its result, does not end the loop."""
-    tare = TARE._replace(leg=np.int64(2))  # type: ignore[arg-type]
-    shown = cycle(3, outcomes=(CommandResult(tare, Result.DONE, "\ud800"),))._replace(
-        started_commands=(tare,)
-    )
-    header = pack_header({"legs": ",".join(LEGS)})
-    _, read = unpack_records(bytearray(header + pack_cycle(0, shown)), None)
-    assert isinstance(read, NumberedCycle)
-    assert read.cycle.started_commands == (TARE,)
-    assert read.cycle.ended_commands == (CommandResult(TARE, Result.DONE, "\\ud800"),)
 
 
 def test_a_recording_with_the_older_names_is_the_same() -> None:

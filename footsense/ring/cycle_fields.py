@@ -1,4 +1,4 @@
-"""Table of the arrays of a cycle, by which the recorder's pipe and the recording store them."""
+"""Table of the arrays of a cycle, by which the ring and the recording store them."""
 
 from collections.abc import Mapping
 from enum import IntEnum
@@ -64,7 +64,6 @@ CYCLE_FIELDS = {
     "forces.baseline.worst_pf": CycleField("<f8", (), ("baseline_worst_pf",)),
     "forces.baseline.moved_ns": CycleField("<i8", (), ("baseline_moved_ns",)),
 }
-
 
 #: The arrays of a gait, which few cycles have.
 GAIT_FIELDS = {

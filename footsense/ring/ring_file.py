@@ -1,0 +1,130 @@
+"""Ring of records in one file in memory, which one process writes and others read; none of them waits.
+
+The file::
+
+    8 bytes   "FSRING01"
+    4 x 8     end, begin, recent, length n of the header: unsigned, in the byte order of this machine
+    n bytes   the header: JSON
+    zeros     to the end of a page
+    the rest  the ring: the byte at position p, counted since the start, lies at p modulo its size
+
+`end` is the position behind the last record. `begin` is the oldest position that can still be read; it is moved on
+before the bytes ahead of it are overwritten, and so stands at the beginning of a block of records. `recent` is where
+the last block begins. A record is its length and its CRC-32 (4 bytes each), then its bytes. The counters are stored and
+loaded as aligned words, so that no reader sees half of one. A reader copies first and looks at `begin` again
+afterwards: what was overwritten meanwhile is dropped.
+
+The records are written with pwrite(2) and read with pread(2): only the first page is mapped, and the ring takes no
+memory of any process. The writer holds an exclusive flock(2) on the file for as long as it lives, so that a file
+without a lock is left over from a process that was killed.
+"""
+
+import contextlib
+import errno
+import fcntl
+import mmap
+import os
+import stat
+import struct
+from pathlib import Path
+
+from footsense.errors import FootsenseError
+
+MAGIC = b"FSRING01"
+#: Places of the counters, in words of 8 bytes.
+END, BEGIN, RECENT, HEADER_BYTES = range(1, 5)
+HEADER_PLACE = 40
+RECORD_HEAD = struct.Struct("<II")
+#: Longest record [bytes], far above any cycle.
+MAX_RECORD_BYTES = 1 << 19
+#: Bytes between the newest record and the oldest that can be read.
+MARGIN_BYTES = 1 << 16
+#: The ring of a robot's service: in the directory that its unit makes.
+SERVICE_RING = Path("/run/footsense/ring")
+
+
+def ring_place(n_header: int) -> int:
+    """Return where the ring begins in the file [bytes], behind a header of some length."""
+    return -(-(HEADER_PLACE + n_header) // mmap.PAGESIZE) * mmap.PAGESIZE
+
+
+def user_ring() -> Path:
+    """Return the path of the ring of a simulated robot: in memory, and this user's own."""
+    return Path(os.environ.get("XDG_RUNTIME_DIR", "/dev/shm"), f"footsense-{os.geteuid()}.ring")  # noqa: S108
+
+
+def free_ring(path: Path) -> Path:
+    """Return a path, or another one beside it if a running service writes that file."""
+    try:
+        os.close(open_ring(path))
+    except FootsenseError:
+        return path
+    return path.with_name(f"{path.name}.{os.getpid()}")
+
+
+def open_ring(path: Path) -> int:
+    """Return a descriptor of the ring of a running service, without waiting for anything.
+
+    Raises:
+        FootsenseError: There is none, its service has ended, or something else has its name.
+    """
+    fd = _open_own_file(path, {os.geteuid(), _owner_of(path.parent)})
+    if not is_locked(fd):
+        os.close(fd)
+        raise FootsenseError(f"{path}: its service has ended")
+    return fd
+
+
+def _owner_of(folder: Path) -> int:
+    try:
+        return folder.stat().st_uid
+    except OSError:
+        return os.geteuid()
+
+
+def _open_own_file(path: Path, owners: set[int]) -> int:
+    """Open a regular file of one of some users for reading.
+
+    Raises:
+        FootsenseError: It is missing, or something else.
+    """
+    try:
+        fd = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
+    except OSError as error:
+        is_special = error.errno in {errno.ELOOP, errno.ENXIO}
+        raise FootsenseError(
+            f"{path}: {'is not a regular file' if is_special else error.strerror}"
+        ) from error
+    status = os.fstat(fd)
+    if not stat.S_ISREG(status.st_mode) or status.st_uid not in owners:
+        os.close(fd)
+        reason = "belongs to another user" if stat.S_ISREG(status.st_mode) else "is not a regular file"
+        raise FootsenseError(f"{path}: {reason}")
+    return fd
+
+
+def check_replaceable(path: Path) -> None:
+    """Raise an error unless a new ring may take this name.
+
+    Raises:
+        FootsenseError: Another process writes it, or it is something else than a ring that was left over.
+    """
+    if not path.is_symlink() and not path.exists():
+        return
+    fd = _open_own_file(path, {os.geteuid()})
+    try:
+        if is_locked(fd):
+            raise FootsenseError(f"{path}: another running service writes this file")
+        if os.pread(fd, len(MAGIC), 0) not in {b"", MAGIC}:
+            raise FootsenseError(f"{path}: holds something else than footsense's cycles")
+    finally:
+        os.close(fd)
+
+
+def is_locked(fd: int) -> bool:
+    """Return whether the process that writes an open file still runs."""
+    with contextlib.suppress(BlockingIOError):
+        fcntl.flock(fd, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        fcntl.flock(fd, fcntl.LOCK_UN)
+        return False
+    return True

@@ -1,0 +1,289 @@
+"""The ring: every cycle bit for bit or counted as missed, over ends and restarts; nothing else has its name."""
+
+import contextlib
+import errno
+import fcntl
+import functools
+import os
+import socket
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from footsense.errors import FootsenseError
+from footsense.frames import ALL_LEGS, CanStatistics, CommandResult, Cycle, Result
+from footsense.ring import cycle_reader, ring_file
+from footsense.ring.cycle_reader import CycleReader, RingReader, decode_record
+from footsense.ring.cycle_ring import CycleRing, RingWriter, encode_cycle
+from footsense.ring.records import LostCycles, NumberedCycle, ServiceStatus
+from footsense.ring.ring_file import free_ring, open_ring
+from tests.support.cycles import LEGS, PERIOD_NS, TARE, cycle, same, status
+
+outcomes = st.lists(
+    st.builds(CommandResult, st.just(TARE), st.sampled_from(Result), st.text(max_size=40)), max_size=3
+)
+
+
+@functools.cache
+def _templates() -> list[Cycle]:
+    return [cycle(number) for number in range(50)]
+
+
+def quick_cycle(number: int) -> Cycle:
+    """Return a cycle of random bits at its own time, made faster than by `cycle`."""
+    template = _templates()[number % 50]
+    return template._replace(forces=template.forces._replace(t_sent_ns=1_000 + number * PERIOD_NS))
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "ring"
+
+
+@pytest.fixture
+def ring(path: Path) -> Iterator[CycleRing]:
+    with closing(CycleRing(path, LEGS, {"scene": "flat"}, 40.0, status)) as ring:
+        yield ring
+
+
+@given(st.integers(0, 2**32), st.integers(3, 8), outcomes, st.none() | st.integers(0, 6))
+def test_a_record_keeps_every_bit(
+    seed: int, n_legs: int, results: list[CommandResult], n_samples: int | None
+) -> None:
+    for number in range(3):
+        shown = cycle(
+            number, seed, outcomes=tuple(results), n_legs=n_legs, n_samples=n_samples, warm=number > 0
+        )
+        entry = decode_record(encode_cycle(number, shown), n_legs)
+        assert isinstance(entry, NumberedCycle)
+        assert entry.cycle_number == number
+        assert same(entry.cycle, shown)
+
+
+def test_integers_of_numpy_are_written_as_numbers() -> None:
+    """A leg found with numpy, in a command or its result, does not end the loop; nor does a lone surrogate."""
+    tare = TARE._replace(leg=np.int64(2))  # type: ignore[arg-type]
+    shown = cycle(3, outcomes=(CommandResult(tare, Result.DONE, "\ud800"),))
+    entry = decode_record(encode_cycle(0, shown._replace(started_commands=(tare,))), len(LEGS))
+    assert isinstance(entry, NumberedCycle)
+    assert entry.cycle.started_commands == (TARE,)
+    assert entry.cycle.ended_commands == (CommandResult(TARE, Result.DONE, "\\ud800"),)
+
+
+def test_a_reader_gets_every_cycle_and_the_status(path: Path) -> None:
+    """With the header; the status is that of a tenth of a second ago at most."""
+    now = ServiceStatus(CanStatistics(sent=7), np.arange(72.0).tobytes(), [1.0, 2.0], 3, 4, 5, 6)
+    with closing(CycleRing(path, ALL_LEGS, {"scene": "flat"}, 40.0, lambda: now)) as ring:
+        reader = CycleReader(path)
+        assert (reader.header["scene"], reader.legs, reader.status) == ("flat", ALL_LEGS, None)
+        shown = [cycle(number, n_legs=8, warm=True, n_samples=3) for number in range(40)]
+        for one in shown:
+            ring.observe(one)
+        read = reader.read()
+        assert [entry[0] for entry in read] == list(range(40))
+        assert all(same(a, b[1]) for a, b in zip(shown, read, strict=True) if isinstance(b, NumberedCycle))
+        assert reader.status == now
+        assert np.array_equal(reader.status.baseline_pf, np.arange(72.0).reshape(8, 9))
+        assert (reader.read(), reader.n_unread_bytes) == ([], 0)
+        reader.close()
+
+
+def test_a_slow_reader_counts_what_it_missed(ring: CycleRing, path: Path) -> None:
+    """The writer never waits; after a gap a reader begins with a status, and one that comes late with the newest."""
+    with closing(CycleReader(path)) as reader:
+        ring.observe(cycle(0))
+        assert len(reader.read()) == 1
+        n = 0
+        while reader.n_unread_bytes < 3 << 21:
+            n += 1
+            ring.observe(quick_cycle(n))
+        read: list[NumberedCycle | LostCycles] = []
+        while entries := reader.read():
+            read += entries
+        loss = read[0]
+        assert isinstance(loss, LostCycles)
+        assert loss == LostCycles(1 + loss.n_cycles, 1_000 + read[1][0] * PERIOD_NS, loss.n_cycles)
+        assert [entry[0] for entry in read[1:]] == list(range(1 + loss.n_cycles, n + 1))
+        assert n - loss.n_cycles > 1000
+    with closing(CycleReader(path)) as late:
+        numbers = [entry[0] for entry in late.read()]
+        assert n - 50 <= numbers[0] < numbers[-1] == n
+        late.rewind(first_number=0)
+        assert late.read()[0][0] == 1 + loss.n_cycles
+
+
+def test_a_writer_that_waits_loses_nothing(ring: CycleRing, path: Path) -> None:
+    """Before a byte is overwritten, the position behind it is told."""
+    with closing(CycleReader(path)) as reader:
+        numbers: list[int] = []
+
+        def read_until(position: int) -> None:
+            while reader.position < position:
+                numbers.extend(entry[0] for entry in reader.read())
+
+        ring.set_before_overwriting(read_until)
+        for number in range(2500):
+            ring.observe(quick_cycle(number))
+        while entries := reader.read():
+            numbers += [entry[0] for entry in entries]
+    assert numbers == list(range(2500))
+
+
+def test_a_burst_of_a_test_stand_does_not_hide_the_cycle(ring: CycleRing, path: Path) -> None:
+    """The samples of the reference are left out if a record cannot hold them."""
+    with closing(CycleReader(path)) as reader:
+        ring.observe(cycle(0, n_samples=20_000))
+        (read,) = reader.read()
+    assert isinstance(read, NumberedCycle)
+    assert same(read.cycle, cycle(0, n_samples=20_000)._replace(reference=None))
+
+
+#: Writes numbered records as fast as it can; argv: the file.
+WRITE_AT_FULL_SPEED = """
+import pathlib, sys
+from footsense.ring.cycle_ring import RingWriter
+ring = RingWriter(pathlib.Path(sys.argv[1]), b"{}", 1 << 20)
+print("ready", flush=True)
+number = 0
+while True:
+    ring.write(number.to_bytes(8, "little") * (1 + number % 300), begins_block=number % 37 == 0)
+    number += 1
+"""
+
+
+def test_two_processes_at_full_speed(path: Path) -> None:
+    """No reader sees half of a counter: every record is whole, and each number greater than the one before."""
+    command = [sys.executable, "-c", WRITE_AT_FULL_SPEED, str(path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as writer:
+        try:
+            assert writer.stdout is not None
+            assert writer.stdout.readline() == "ready\n"
+            reader = RingReader(open_ring(path), "ring")
+            last, n_read = -1, 0
+            while last < 150_000:
+                position = reader.position
+                for record in reader.read():
+                    number = int.from_bytes(record[:8], "little")
+                    assert record == record[:8] * (1 + number % 300)
+                    assert number > last
+                    last, n_read = number, n_read + 1
+                assert reader.position >= position
+            assert n_read > 1000
+            reader.close()
+        finally:
+            writer.kill()
+
+
+def test_the_end_and_the_restart_of_a_service_are_noticed(path: Path) -> None:
+    """A reader of the former service knows, and gets the rest of it; a new one reads the new service."""
+    first = CycleRing(path, LEGS, {}, 40.0, status)
+    reader = CycleReader(path)
+    assert reader.is_still_written()
+    with pytest.raises(FootsenseError, match="another running service writes this file"):
+        CycleRing(path, LEGS, {}, 40.0, status)
+    assert free_ring(path) == path.with_name(f"ring.{os.getpid()}")
+    first.observe(cycle(0))
+    first.close()
+    first.close()
+    assert not reader.is_still_written()
+    assert len(reader.read()) == 1
+    with pytest.raises(FootsenseError, match="No such file"):
+        CycleReader(path)
+    assert free_ring(path) == path
+    with closing(CycleRing(path, LEGS, {}, 40.0, status)), closing(CycleReader(path)) as other:
+        assert not reader.is_still_written()
+        assert other.is_still_written()
+    reader.close()
+    assert list(path.parent.iterdir()) == []
+
+
+def test_a_killed_service_is_not_taken_for_a_running_one(path: Path) -> None:
+    """SIGKILL leaves its file behind, without its lock; the next service replaces the file."""
+    kill = "import os, signal, pathlib, sys; from footsense.ring.cycle_ring import RingWriter\n"
+    kill += "RingWriter(pathlib.Path(sys.argv[1]), b'', 1 << 20); os.kill(os.getpid(), signal.SIGKILL)"
+    assert subprocess.run([sys.executable, "-c", kill, str(path)], check=False).returncode == -9
+    with pytest.raises(FootsenseError, match="its service has ended"):
+        CycleReader(path)
+    with closing(CycleRing(path, LEGS, {}, 40.0, status)), closing(CycleReader(path)) as reader:
+        assert reader.is_still_written()
+
+
+def _socket(path: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as bound:
+        bound.bind(str(path))
+
+
+def _other_owner(path: Path) -> None:
+    path.touch()
+    os.chown(path, 12345, -1)
+
+
+OTHERS: dict[str, tuple[Callable[[Path], object], str]] = {
+    "fifo": (os.mkfifo, "is not a regular file"),
+    "directory": (Path.mkdir, "is not a regular file"),
+    "symlink": (lambda path: path.symlink_to("/dev/null"), "is not a regular file"),
+    "dangling symlink": (lambda path: path.symlink_to("none"), "is not a regular file"),
+    "socket": (_socket, "is not a regular file"),
+    "of another user": (_other_owner, "belongs to another user"),
+    "other content": (lambda path: path.write_text("a letter"), "holds something else|its service has ended"),
+}
+
+
+@pytest.mark.parametrize("kind", OTHERS)
+def test_something_else_of_that_name_is_one_line_at_once(path: Path, kind: str) -> None:
+    """For writer and reader; nothing waits for the other end of a FIFO, and nothing is replaced."""
+    make, reason = OTHERS[kind]
+    if kind == "of another user" and os.geteuid():
+        pytest.skip("only root can make a file of another user")
+    make(path)
+    before = path.lstat()
+    for attempt in (lambda: CycleRing(path, LEGS, {}, 40.0, status), lambda: CycleReader(path)):
+        with pytest.raises(FootsenseError, match=rf"ring: ({reason})"):
+            attempt()
+    assert path.lstat() == before
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"FSRING01" + bytes(32), b"GARBAGE!" * 999, b"FSRING01" + b"\xff" * 9000]
+)
+def test_a_locked_file_of_something_else_is_one_line(path: Path, content: bytes) -> None:
+    path.write_bytes(content)
+    with path.open("rb") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        with pytest.raises(FootsenseError, match="does not hold footsense's cycles"):
+            CycleReader(path)
+
+
+def test_a_file_that_cannot_be_created_leaves_nothing_behind(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No directory, no room, and a name that a sticky bit protects: one line each."""
+    with pytest.raises(FootsenseError, match=r"none/ring: cannot be written: No such file"):
+        RingWriter(path.parent / "none" / "ring", b"", 1 << 20)
+    with contextlib.suppress(OSError), pytest.raises(FootsenseError, match=r"ring: cannot be written: "):
+        RingWriter(path, b"", 1 << 60)
+
+    def forbidden(path: Path, target: Path) -> None:
+        raise PermissionError(errno.EPERM, "Operation not permitted", str(path), None, str(target))
+
+    monkeypatch.setattr(Path, "rename", forbidden)
+    with pytest.raises(FootsenseError, match="ring: cannot be written: Operation not permitted"):
+        RingWriter(path, b"", 1 << 20)
+    assert list(path.parent.iterdir()) == []
+
+
+def test_readers_look_for_the_service_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Then for a simulation of this user."""
+    monkeypatch.setattr(cycle_reader, "SERVICE_RING", tmp_path / "ring")
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    for path in (ring_file.user_ring(), tmp_path / "ring"):
+        CycleRing(path, LEGS, {"path": str(path)}, 40.0, status)
+        with closing(CycleReader()) as reader:
+            assert reader.header["path"] == str(path)
