@@ -15,7 +15,7 @@ from footsense.daemon.models import load_models
 from footsense.errors import ModelError
 from footsense.foot.files.checksum_trailer import add_checksum
 from footsense.frames import Vector
-from tests.support.networks import ALL_IN, ALL_OUT, FLOAT, N_IN, N_OUT, card, network_file, signals
+from tests.support.networks import ALL_IN, ALL_OUT, FLOAT, N_IN, N_OUT, card, network_file
 from tests.system.command import footsense, one_line_error, robot
 
 
@@ -64,23 +64,6 @@ def test_a_corrupt_network(tmp_path: Path) -> None:
     assert "no checksum at its end" in refused(tmp_path)
     (tmp_path / "network.onnx").write_bytes(add_checksum(b"this is no network"))
     assert "not a readable ONNX network" in refused(tmp_path)
-
-
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        (None, "no footsense_card inside"),
-        ("{", "the card does not fit"),
-        (card(foot_type="other-foot"), "made for foot type 'other-foot'"),
-        (card(format=7), "card format 7, this version reads format 3"),
-        (card(format=2, inputs=None, outputs=None), "card format 2, this version reads format 3"),
-        (card(inputs=signals("inputs", 0, unit="um")), "unit of closure_rel is 'um', the daemon needs '1'"),
-    ],
-)
-def test_a_network_whose_card_does_not_fit(tmp_path: Path, text: str | None, says: str) -> None:
-    """Format, foot type and entries are checked before anything runs; `test_network_card` has all of them."""
-    network_file(tmp_path, text)
-    assert says in refused(tmp_path)
 
 
 @pytest.mark.parametrize(
