@@ -1,6 +1,8 @@
 """Command `footsense run`: the service (daemon), on a robot or in simulation."""
 
 import math
+import subprocess
+import sys
 import webbrowser
 from contextlib import ExitStack, closing
 from pathlib import Path
@@ -11,9 +13,9 @@ from msgspec.structs import replace
 
 from footsense.cli import options
 from footsense.cli.tables import echo_json, figures_table
-from footsense.cli.view_process import serve_page
 from footsense.clock import process_age_ns, resident_mib
 from footsense.config import DEFAULT, load_config
+from footsense.config.sections import View
 from footsense.daemon.service import open_service
 from footsense.daemon.simulation import is_simulated
 from footsense.frames import FAULT_FREE, Cycle, State
@@ -39,6 +41,49 @@ class ProcessAgeAtFirstFrame(Observer):
         del cycle
         if self.process_age_s is None:
             self.process_age_s = process_age_ns() * 1e-9
+
+
+class PageOfRun:
+    """Web page of a run: `footsense view` as a child process beside the main loop.
+
+    It starts before the loop asks for real-time scheduling, on the configured port or on a free one.
+
+    Args:
+        view: Section `view` of the configuration.
+        ring: The ring of the run.
+    """
+
+    def __init__(self, view: View, ring: Path) -> None:
+        address = ["--ring", str(ring), "--address", view.address]
+        self._command = [sys.executable, "-P", "-m", "footsense", "view", *address, "--with-parent", "--port"]
+        self._process = self._started(view.port)
+
+    def _started(self, port: int) -> subprocess.Popen[str]:
+        return subprocess.Popen(  # noqa: S603 - our own module
+            [*self._command, str(port)],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        )
+
+    def wait_for_url(self) -> str:
+        """Return the URL of the page once it is served; empty if it cannot be served."""
+        if not (url := self._first_line()):
+            self._process.wait()
+            self._process = self._started(0)
+            url = self._first_line()
+        return url
+
+    def _first_line(self) -> str:
+        assert self._process.stdout is not None
+        with self._process.stdout as output:
+            return output.readline().strip()
+
+    def close(self) -> None:
+        """End the child process."""
+        self._process.terminate()
+        self._process.wait()
 
 
 @click.command()
@@ -88,7 +133,7 @@ def run(
         if opens_view or (config_file is None and paced):
             ring = free_ring(config.ring_path or (SERVICE_RING if scene is None else user_ring()))
             config = replace(config, ring=str(ring))
-            page = stack.enter_context(serve_page(config.view, ring))
+            page = stack.enter_context(closing(PageOfRun(config.view, ring)))
         service = stack.enter_context(
             open_service(config, scene, record=record, can_log=can_log, real_time=paced or scene is None)
         )
@@ -99,7 +144,7 @@ def run(
         first = ProcessAgeAtFirstFrame()
         service.observers.append(first)
         title = f"{scene_name}, simulated" if scene else "on the robot"
-        url = page.url if page is not None else ""
+        url = page.wait_for_url() if page is not None else ""
         if page is not None and not live:
             click.echo(f"footsense  {title}  {url}", err=summary == "json")
         if opens_view and url:
