@@ -18,6 +18,8 @@ Only `footsense.cli` turns an error into an exit code: those of sysexits.h, whic
 systemd itself begin at 2, where `5` is NOTINSTALLED. A wrong command line ends with click's 2.
 """
 
+from importlib.util import find_spec
+
 
 class FootsenseError(Exception):
     """Base class of all expected errors; the message is one line of text for the user."""
@@ -84,3 +86,19 @@ class CalibrationError(FootsenseError):
     """The recordings of a foot are inconsistent or insufficient for a calibration."""
 
     exit_code = 65
+
+
+def require(user: str, extra: str, *packages: str, note: str = "") -> None:
+    """Raise an error that names the extra of footsense to install, unless some packages are installed.
+
+    Args:
+        user: What needs them, such as an option.
+        extra: The extra that has them.
+        packages: Their names.
+        note: More for the end of the message.
+
+    Raises:
+        FootsenseError: One is missing.
+    """
+    if missing := [name for name in packages if find_spec(name) is None]:
+        raise FootsenseError(f"{user} needs {', '.join(missing)}: pip install 'footsense[{extra}]'{note}")

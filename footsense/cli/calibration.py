@@ -1,6 +1,5 @@
 """Commands `footsense calibrate` and `evaluate`: a foot's test-stand recordings to its calibration, and its errors."""
 
-import importlib.util
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -25,7 +24,7 @@ from footsense.cli.options import FILE, FOLDER, foot_option, json_option
 from footsense.cli.tables import Column, echo_figures, echo_json, figures_table, json_row, table
 from footsense.clock import stopwatch_ns, wall_time_iso
 from footsense.daemon.foot_types import released_path
-from footsense.errors import ConfigError
+from footsense.errors import ConfigError, require
 from footsense.estimation.network import Network
 from footsense.foot.files.calibration_format import Manifest
 from footsense.foot.files.calibration_reader import FootCalibration, read_calibration
@@ -134,7 +133,10 @@ def evaluate(
 ) -> None:
     """Compare a foot's forces with the reference of the test stand, with its calibration and without."""
     if out is not None:
-        _require_writable_page(out)
+        require("--out", "lab", "jinja2", "matplotlib")
+        from footsense.cli.lab.options import ensure_writable_folder
+
+        ensure_writable_folder(out)
     sessions = _read_sessions(recordings, foot)
     foot_type = sessions[0].foot_type
     models, _ = _load_design_models(foot_type, foot_type_folder)
@@ -154,12 +156,12 @@ def evaluate(
         )
     _echo_warnings(warnings)
     rows = [
-        ErrorRow(band.name if n == 0 else "", source, errors)
+        ErrorRow(band.name, source, errors)
         for band in MAGNITUDE_BANDS
-        for n, (source, estimates) in enumerate(evaluation.estimates.items())
+        for source, estimates in evaluation.estimates.items()
         if (errors := evaluation.errors_of(estimates, band)) is not None
     ]
-    figures = _evaluation_figures(foot, foot_type, sessions, calibration, evaluation)
+    figures = _evaluation_figures(foot, foot_type, sessions, calibration, evaluation, rows)
     if out is not None:
         from footsense.cli.lab.evaluation_page import write_page
 
@@ -173,7 +175,7 @@ def evaluate(
 
 
 class ErrorRow(NamedTuple):
-    """Force errors of the loads of one magnitude by one estimator; the magnitude is named in the first row of each."""
+    """Force errors of the loads of one magnitude by one estimator."""
 
     band: str
     source: str
@@ -200,17 +202,12 @@ def _evaluation_figures(
     sessions: Sequence[RecordedSession],
     calibration: FootCalibration | None,
     evaluation: Evaluation,
+    rows: Sequence[ErrorRow],
 ) -> dict[str, Any]:
     """Return all results of an evaluation as plain values; bands without loads are left out."""
-    sources = evaluation.estimates
-    bands = {
-        band.name: {
-            source: json_row(ERROR_COLUMNS, ErrorRow(band.name, source, errors))
-            for source, estimates in sources.items()
-            if (errors := evaluation.errors_of(estimates, band)) is not None
-        }
-        for band in MAGNITUDE_BANDS
-    }
+    bands: dict[str, dict[str, Any]] = {}
+    for row in rows:
+        bands.setdefault(row.band, {})[row.source] = json_row(ERROR_COLUMNS, row)
     kept = ("made", "footsense", "n_loads", "sha256")
     return {
         "foot": foot,
@@ -220,9 +217,9 @@ def _evaluation_figures(
         "n_loads": len(evaluation.reference_n),
         "n_compared": int(evaluation.is_compared.sum()),
         "outside_training_range": {
-            source: int((~estimates.has_force).sum()) for source, estimates in sources.items()
+            source: int((~estimates.has_force).sum()) for source, estimates in evaluation.estimates.items()
         },
-        "bands": {name: errors for name, errors in bands.items() if errors},
+        "bands": bands,
     }
 
 
@@ -291,18 +288,3 @@ def _calibration_of(folder: Path | None, foot: str, foot_type: str) -> FootCalib
             )
             return None
     return read_calibration(folder, foot_type, foot)
-
-
-def _require_writable_page(out: Path) -> None:
-    """Raise an error if the result page cannot be drawn or written.
-
-    Raises:
-        ConfigError: A library is missing, or the folder cannot be written.
-    """
-    if missing := [name for name in ("jinja2", "matplotlib") if importlib.util.find_spec(name) is None]:
-        raise ConfigError(
-            f"--out needs {', '.join(missing)}: pip install 'footsense[lab]'; without --out the table alone"
-        )
-    from footsense.cli.lab.options import ensure_writable_folder
-
-    ensure_writable_folder(out)

@@ -19,14 +19,13 @@ from footsense.daemon.loop import Loop
 from footsense.daemon.models import load_models
 from footsense.daemon.recording_header import model_mismatch_reason, recorded_config, recorded_flags
 from footsense.daemon.simulation import PacedSource
-from footsense.errors import FootsenseError, ModelError, RecordingError
+from footsense.errors import FootsenseError, ModelError, RecordingError, require
 from footsense.progress import file_progress_bar
 from footsense.recording.compare import first_difference, same_processor_and_libraries
 from footsense.recording.machine import platform_versions
 from footsense.recording.recover import SNAPSHOT_KEY, recovered_path, write_snapshot
 from footsense.recording.recover import recover as rewrite
 from footsense.recording.replay import Replay, ReplayClock, ReplaySource
-from footsense.ros2 import require
 
 
 @click.command()
@@ -177,7 +176,7 @@ def export(
         raise click.UsageError("--tf is for a bag: give --ros2 FOLDER too")
     forms: list[tuple[Path, _RecordingWriter]] = []
     if ros2 is not None:
-        require("rosbags", "--ros2")
+        require("--ros2", "ros2", "rosbags")
         from footsense.ros2.bag import write_bag
         from footsense.ros2.messages import load_foot_frames
 
@@ -188,14 +187,15 @@ def export(
 
         forms.append((csv, write_csv))
     if parquet is not None:
-        from footsense.export.parquet_file import require_pyarrow, write_parquet
+        require("--parquet", "parquet", "pyarrow")
+        from footsense.export.parquet_file import write_parquet
 
-        require_pyarrow()
         forms.append((parquet, write_parquet))
     if plot is not None:
-        from footsense.export.plot import require_plotting, write_plot
+        require("--plot", "plot", "matplotlib")
+        from footsense.export.plot import require_picture_suffix, write_plot
 
-        require_plotting(plot)
+        require_picture_suffix(plot)
         forms.append((plot, write_plot))
     if not forms:
         raise click.UsageError("say what to write: --ros2 FOLDER, --csv, --parquet or --plot FILE")

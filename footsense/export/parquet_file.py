@@ -4,33 +4,17 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from footsense.errors import FootsenseError
+import pyarrow as pa
+from pyarrow import parquet
+
 from footsense.export.table import COLUMN_NAMES, read_rows
 from footsense.recording.replay import Replay
-
-try:
-    import pyarrow as pa
-    from pyarrow import parquet
-
-    HAS_PYARROW = True
-except ImportError:
-    HAS_PYARROW = False
 
 #: Cycles in a group of rows: ten seconds of walking.
 _CYCLES_PER_ROW_GROUP = 4_000
 _TEXT_COLUMNS = {"leg", "state", "cause", "baseline_status", "slip", "event"}
 _BOOLEAN_COLUMNS = {"contact", "contact_raw"}
 _INTEGER_COLUMNS = {"sequence", "fault_mask", "flags"}
-
-
-def require_pyarrow() -> None:
-    """Raise an error unless Parquet files can be written.
-
-    Raises:
-        FootsenseError: The extra `parquet` is not installed.
-    """
-    if not HAS_PYARROW:
-        raise FootsenseError("--parquet needs pyarrow: pip install 'footsense[parquet]'")
 
 
 def write_parquet(replay: Replay, path: Path) -> int:
@@ -41,11 +25,9 @@ def write_parquet(replay: Replay, path: Path) -> int:
         path: The new file.
 
     Raises:
-        FootsenseError: As `require_pyarrow`.
         OSError: The file cannot be written.
         RecordingError: The recording is cut short; what is whole was written.
     """
-    require_pyarrow()
     schema = pa.schema([(name, _column_type(name)) for name in COLUMN_NAMES])
     cycles = read_rows(replay)
     n_cycles = 0

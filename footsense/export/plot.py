@@ -4,21 +4,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from footsense.errors import FootsenseError
 from footsense.export.plot_signals import PlotSignals, collect_signals
 from footsense.frames import GaitEventKind, Mask, State, Vector
 from footsense.leg_words import word_of
 from footsense.recording.replay import Replay
-
-try:
-    from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
-    HAS_MATPLOTLIB = True
-except ImportError:
-    HAS_MATPLOTLIB = False
 
 _PICTURE_SUFFIXES = (".png", ".svg", ".pdf")
 #: Row and column of each leg, as on the robot from above.
@@ -54,14 +48,12 @@ _STATE_STRIP_HEIGHT_REL = 0.16
 _MAX_PLOTTED_COLUMNS = 2_000
 
 
-def require_plotting(path: Path) -> None:
+def require_picture_suffix(path: Path) -> None:
     """Raise an error unless a picture file of this name can be drawn.
 
     Raises:
-        FootsenseError: The extra `plot` is not installed, or there is no such kind of file.
+        FootsenseError: There is no such kind of file.
     """
-    if not HAS_MATPLOTLIB:
-        raise FootsenseError("--plot needs matplotlib: pip install 'footsense[plot]'")
     if path.suffix not in _PICTURE_SUFFIXES:
         raise FootsenseError(f"{path}: a picture ends in {', '.join(_PICTURE_SUFFIXES)}")
 
@@ -74,11 +66,11 @@ def write_plot(replay: Replay, path: Path) -> int:
         path: The new file; its ending says its kind.
 
     Raises:
-        FootsenseError: As `require_plotting`.
+        FootsenseError: As `require_picture_suffix`.
         OSError: The file cannot be written.
         RecordingError: The recording is cut short; what is whole was drawn.
     """
-    require_plotting(path)
+    require_picture_suffix(path)
     signals, damage = collect_signals(replay)
     # Rows and columns without a leg are left out: a test stand has one leg.
     lines, columns = (sorted({_SUBPLOT_OF_LEG[leg][part] for leg in replay.legs}) for part in (0, 1))

@@ -10,8 +10,8 @@ from footsense.cli.options import FILE, StopRequest, duration_option
 from footsense.client import LinkLimits
 from footsense.clock import MonotonicClock, wall_time_ns
 from footsense.daemon.can_listener import open_listener
+from footsense.errors import require
 from footsense.frames import ALL_LEGS
-from footsense.ros2 import require
 
 #: Period of reading CAN and publishing [ns].
 _PUBLISH_PERIOD_NS = 5_000_000
@@ -42,8 +42,7 @@ def ros2(
 
     Only listens on CAN. A leg without a usable force sends no wrench; its contact state and /diagnostics say so.
     """
-    for package in ("rosbags", "cyclonedds"):
-        require(package, "footsense ros2")
+    require("footsense ros2", "ros2", "rosbags", "cyclonedds", note=" (on ARM see docs/ros2.md)")
     from footsense.ros2.live import LiveSamples, Participant
     from footsense.ros2.messages import LegTopics, load_foot_frames
 

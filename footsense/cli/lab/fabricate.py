@@ -1,6 +1,5 @@
 """`footsense lab fabricate`: fabrication files of a foot (STEP, Gerber, DXF, drawing)."""
 
-import importlib.util
 from pathlib import Path
 
 import click
@@ -8,7 +7,7 @@ import click
 from footsense.cli.lab import options
 from footsense.cli.options import FOLDER
 from footsense.daemon.foot_types import released_path
-from footsense.errors import ConfigError, FootsenseError, ModelError
+from footsense.errors import ConfigError, ModelError, require
 
 #: Libraries of the extra `fabrication`.
 _REQUIRED_PACKAGES = ("ezdxf", "gerbonara", "shapely")
@@ -27,11 +26,7 @@ def fabricate(*, foot: str, out: Path, process: str | None) -> None:
     FOOT is a foot.yaml, a folder with one, or the name of a released foot type. Every file is read back and measured;
     README.md in the folder lists the figures.
     """  # noqa: DOC501 - click shows this text
-    missing = [name for name in _REQUIRED_PACKAGES if importlib.util.find_spec(name) is None]
-    if missing:
-        raise FootsenseError(
-            f"lab fabricate needs {', '.join(missing)}: pip install 'footsense[lab,fabrication]'"
-        )
+    require("lab fabricate", "lab,fabrication", *_REQUIRED_PACKAGES)
     from footsense.lab.fabrication.package import write_fabrication_package as write_package
     from footsense.lab.foot_file import load_foot
 

@@ -1,11 +1,9 @@
 """Command group `footsense lab`: foot model, network training, studies. Needs the extra `lab`."""
 
-import importlib.util
-
 import click
 
 from footsense.cli.lab import design, experiment, fabricate, models, report, response, study
-from footsense.errors import FootsenseError
+from footsense.errors import require
 
 #: Libraries of the extra.
 _REQUIRED_PACKAGES = ("ngsolve", "jax", "jinja2", "joblib", "optax", "onnx", "scipy")
@@ -17,12 +15,8 @@ def _require_lab_packages() -> None:
     Raises:
         FootsenseError: One is not.
     """
-    missing = [name for name in _REQUIRED_PACKAGES if importlib.util.find_spec(name) is None]
-    if missing:
-        raise FootsenseError(
-            f"the lab needs {', '.join(missing)}: pip install 'footsense[lab]', "
-            "or in a checkout .venv/bin/pip install -e '.[lab]' (there is no ngsolve for ARM)"
-        )
+    note = ", or in a checkout .venv/bin/pip install -e '.[lab]' (there is no ngsolve for ARM)"
+    require("the lab", "lab", *_REQUIRED_PACKAGES, note=note)
 
 
 @click.group(

@@ -1,6 +1,7 @@
 """A recording's tables hold its values, and nothing where nothing is known."""
 
 import csv
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -106,8 +107,8 @@ def test_a_package_that_is_missing_is_named_before_anything_is_written(
     option: str, file: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Else the other forms would be there already, and the command could not be repeated."""
-    monkeypatch.setattr("footsense.export.parquet_file.HAS_PYARROW", False)
-    monkeypatch.setattr("footsense.export.plot.HAS_MATPLOTLIB", False)
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
     words = ["export", str(GOLDEN), "--csv", str(tmp_path / "walk.csv"), option, str(tmp_path / file)]
     result = CliRunner().invoke(main, words)
     assert f"{option} needs " in f"{result.output}{result.exception}"

@@ -11,10 +11,9 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from footsense.errors import ConfigError, FootsenseError, RecordingError
+from footsense.errors import ConfigError, FootsenseError, RecordingError, require
 from footsense.frames import USABLE, Cycle, State
 from footsense.recording.replay import Replay
-from footsense.ros2 import require
 from footsense.ros2.bag import write_bag
 from footsense.ros2.messages import CONTACT, STORE, FootFrame, load_foot_frames
 
@@ -141,4 +140,4 @@ def test_wrong_frames_are_named(tmp_path: Path, text: str, message: str) -> None
 def test_a_missing_package_is_named_with_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "rosbags", None)
     with pytest.raises(FootsenseError, match=r"--ros2 needs rosbags: pip install 'footsense\[ros2\]'"):
-        require("rosbags", "--ros2")
+        require("--ros2", "ros2", "rosbags")
