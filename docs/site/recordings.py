@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from docstrings import attributes, table
 
 from footsense.frames import BaselineDrift, CapFrame, ContactFrame, GaitEvent, GaitFrame
-from footsense.recording.container import messages
+from footsense.recording import messages
 from footsense.ring.cycle_fields import CYCLE_FIELDS, GAIT_FIELDS, CycleField
 
 _FRAMES = {"scan": CapFrame, "forces": ContactFrame, "forces.baseline": BaselineDrift, "gait": GaitFrame}

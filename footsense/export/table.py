@@ -9,7 +9,6 @@ import numpy as np
 from footsense.frames import USABLE, Cycle, GaitEventKind
 from footsense.recording.replay import Replay
 from footsense.ring.cycle_fields import (
-    CAUSE_NOT_RECORDED,
     CYCLE_FIELDS,
     GAIT_FIELDS,
     CycleField,
@@ -96,13 +95,8 @@ def _rows_by_leg(frame: Any, fields: Mapping[str, CycleField]) -> list[Row]:  # 
         array = attrgetter(path)(frame)
         flat = array.reshape(len(array), -1).T.tolist()
         if field.code_enum is not None:
-            flat = [[_code_name(field.code_enum, code) for code in one] for one in flat]
+            flat = [[field.code_enum(code).name for code in one] for one in flat]
         elif field.dtype == "<i8":  # times, 0 for none
             flat = [[t_ns or None for t_ns in one] for one in flat]
         columns += flat
     return [list(row) for row in zip(*columns, strict=True)]
-
-
-def _code_name(names: Any, code: int) -> str | None:  # noqa: ANN401 - an enumeration
-    """Return the name of an enumeration code; None if it was not recorded."""
-    return None if code == CAUSE_NOT_RECORDED else str(names(code).name)

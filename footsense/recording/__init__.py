@@ -1,8 +1,8 @@
 """Record the cycles of a walk to MCAP, and replay them.
 
-    loop's process            writer's process                     later
-    Recorder.observe ──pipe──▶ writer ──▶ FILE.mcap.partial ──▶ FILE.mcap ──▶ Replay, ReplaySource, compare
-    (cycle_pipe)               (cycle_records, container)                      (container, replay)
+    loop's process           writer's process                                 later
+    CycleRing ──▶ ring ──▶ CycleReader, writer ──▶ FILE.mcap.partial ──▶ FILE.mcap ──▶ Replay, ReplaySource, compare
+    Recorder starts, waits for, ends the writer    (messages, mcap_writer)     (mcap_reader, replay)
 
-The loop's process imports `recorder` alone: no MCAP library, and microseconds per cycle.
+The loop's process imports `recorder` alone: no MCAP library.
 """

@@ -1,7 +1,6 @@
 """Comparison of recomputed forces with recorded ones."""
 
 from collections.abc import Mapping, Sequence
-from itertools import islice
 from operator import attrgetter
 from typing import Any
 
@@ -9,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.frames import ContactFrame, Mask
-from footsense.ring.cycle_fields import CAUSE_NOT_RECORDED, CYCLE_FIELDS, GAIT_FIELDS, CycleField
+from footsense.ring.cycle_fields import CYCLE_FIELDS, GAIT_FIELDS, CycleField
 
 #: Largest difference of a force computed on another processor or with other library versions [N].
 TOLERANCE_N = 1e-3
@@ -20,13 +19,7 @@ BASELINE_TOLERANCE_PF = 1e-6
 #: Largest difference of a ratio, a component of a normal or a sigma of the gait then, and of a time [ns].
 TOLERANCE_REL, TOLERANCE_NS = 1e-2, 1_000_000
 
-#: Compared fields of the forces in their order; the later ones are not in recordings from before causes.
-_ORIGINAL_FIELDS = ("state", "t_ns", "fault_mask", "flags", "force_n", "sigma_n")
-_ADDED_FIELDS = ("cause", "baseline.status", "baseline.moved_ns", "baseline.mean_pf", "baseline.worst_pf")
-_COMPARED_FIELDS = {
-    f"forces.{name}": CYCLE_FIELDS[f"forces.{name}"] for name in (*_ORIGINAL_FIELDS, *_ADDED_FIELDS)
-}
-_ORIGINAL_COMPARED_FIELDS = dict(islice(_COMPARED_FIELDS.items(), len(_ORIGINAL_FIELDS)))
+_FORCE_FIELDS = {path: field for path, field in CYCLE_FIELDS.items() if path.startswith("forces.")}
 
 
 def same_processor_and_libraries(header: Mapping[str, str], here: Mapping[str, str]) -> bool:
@@ -54,15 +47,14 @@ def first_difference(
             return f"cycle {recorded.sequence}: {field} was {then}, is now {now}"
     both, gaits = (recorded, recomputed), (recorded.gait, recomputed.gait)
     for row, leg in enumerate(legs):
-        fields = _ORIGINAL_COMPARED_FIELDS if recorded.cause[row] == CAUSE_NOT_RECORDED else _COMPARED_FIELDS
-        difference = _leg_difference(both, row, fields, exact=exact)
+        difference = _leg_difference(both, row, _FORCE_FIELDS, exact=exact)
         if None not in gaits:
             difference = difference or _leg_difference(gaits, row, GAIT_FIELDS, exact=exact)
         if difference:
             t_s = recorded.t_sent_ns * 1e-9
             return f"cycle {recorded.sequence}, sent at {t_s:.3f} s, leg {leg}: {difference}"
     then, now = gaits
-    if then is None:  # as in most cycles, and in recordings from before it
+    if then is None:  # as in most cycles
         return None
     if now is None:
         return f"cycle {recorded.sequence}: had a gait, has none now"

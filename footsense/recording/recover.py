@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from footsense.errors import RecordingError
-from footsense.recording.container.mcap_writer import McapFile
+from footsense.recording.mcap_writer import McapFile
 from footsense.recording.recorder import check_not_being_written, check_recording_target, partial_path
 from footsense.recording.replay import Replay
 from footsense.ring.cycle_reader import CycleReader

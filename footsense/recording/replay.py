@@ -5,8 +5,7 @@ from pathlib import Path
 
 from footsense.errors import RecordingError
 from footsense.frames import CapFrame, Command, Cycle
-from footsense.recording.container.mcap_header import read_header
-from footsense.recording.container.mcap_reader import read_entries
+from footsense.recording.mcap_reader import read_entries, read_header
 from footsense.ring.records import LostCycles, NumberedCycle
 
 

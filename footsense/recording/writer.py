@@ -15,7 +15,7 @@ from pathlib import Path
 
 from footsense.child_process import drop_realtime
 from footsense.errors import FootsenseError, RecordingError
-from footsense.recording.container.mcap_writer import McapFile
+from footsense.recording.mcap_writer import McapFile
 from footsense.ring.cycle_reader import CycleReader
 from footsense.ring.records import LostCycles, NumberedCycle
 

@@ -25,9 +25,6 @@ from footsense.frames import (
 #: A counter or time: not negative, 63 bits.
 NonNegativeInt64 = Annotated[int, msgspec.Meta(ge=0, le=(1 << 63) - 1)]
 
-#: Stands for the cause in recordings from before causes were recorded; no `Cause` has this code.
-CAUSE_NOT_RECORDED = 255
-
 
 class CycleField(NamedTuple):
     """One array of a cycle's frames, with one row per leg: type, shape, keys in JSON.

@@ -14,7 +14,6 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from footsense.errors import RecordingError
 from footsense.frames import USABLE, BaselineStatus, Cause, ContactFrame, Slip, State
 from footsense.recording.replay import Replay
-from footsense.ring.cycle_fields import CAUSE_NOT_RECORDED
 from footsense.ros2.messages import STORE, TF_STATIC, FootFrame, LegSample, LegTopics
 
 _METADATA_VERSION: Final = 8
@@ -123,7 +122,7 @@ def _leg_sample(forces: ContactFrame, row: int, leg: str, offset_ns: int) -> Leg
     sample = LegSample(
         leg=leg,
         state=state,
-        cause=None if cause == CAUSE_NOT_RECORDED else Cause(cause),
+        cause=Cause(cause),
         fault_mask=int(forces.fault_mask[row]),
         baseline_status=BaselineStatus(int(forces.baseline.status[row])),
     )

@@ -34,7 +34,7 @@ from foxglove.messages import (
 from footsense import __version__
 from footsense.frames import State, Vector
 from footsense.leg_words import LegPhase, phase_of, word_of
-from footsense.recording.container import event_messages, messages
+from footsense.recording import messages
 from footsense.view.live import LiveSource, ViewedCycle
 from footsense.view.signals import CLOSURE_COLUMNS, Table
 
@@ -134,35 +134,15 @@ class FoxgloveFeed:
     def _recording_topics(self) -> list[_Topic]:
         """Return the topics that a recording has, with the same messages and schemas."""
         legs = self._live.legs
-
-        def gait(viewed: ViewedCycle) -> list[bytes]:
-            frame = viewed.cycle.forces.gait
-            return [] if frame is None else [event_messages.encode_gait(frame, legs)]
-
-        def gait_events(viewed: ViewedCycle) -> list[bytes]:
-            frame = viewed.cycle.forces.gait
-            return [] if frame is None else event_messages.encode_gait_events(frame, legs)
-
-        def events(viewed: ViewedCycle) -> list[bytes]:
-            cycle = viewed.cycle
-            found = [event_messages.command_event(command, legs) for command in cycle.started_commands]
-            found += [event_messages.outcome_event(outcome, legs) for outcome in cycle.ended_commands]
-            if cycle.temperature_c is not None:
-                found.append(event_messages.temperature_event(cycle.temperature_c, legs))
-            return found
-
-        encoders: dict[str, Callable[[ViewedCycle], list[bytes]]] = {
-            messages.SCAN: lambda viewed: [messages.encode_scan(viewed.cycle.scan, legs)],
-            messages.FORCE: lambda viewed: [messages.encode_force(viewed.cycle.forces, legs)],
-            messages.GAIT: gait,
-            messages.GAIT_EVENT: gait_events,
-            messages.EVENT: events,
-        }
         topics = []
         for topic, definition in messages.topic_schemas(legs).items():
             schema = Schema(name=f"footsense.{topic[1:]}", encoding="jsonschema", data=definition)
             channel = Channel(topic, message_encoding="json", schema=schema, context=self._context)
-            topics.append(_Topic(channel, encoders[topic]))
+
+            def encoded(viewed: ViewedCycle, topic: str = topic) -> list[bytes]:
+                return [data for _, data in messages.ENCODERS[topic](viewed.cycle, legs)]
+
+            topics.append(_Topic(channel, encoded))
         return topics
 
     def _picture_topics(self) -> list[_Topic]:

@@ -8,19 +8,19 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 import zstandard
 from hypothesis import given
 from hypothesis import strategies as st
 from mcap.writer import CompressionType, Writer
 
-from footsense.recording.container import event_messages, messages
-from footsense.recording.container.mcap_header import HEADER_CRC_KEY, MCAP_PROFILE, METADATA_NAME, header_crc
+from footsense.frames import CommandResult, Result
+from footsense.recording import messages
+from footsense.recording.mcap_writer import HEADER_CRC_KEY, MCAP_PROFILE, METADATA_NAME, header_crc
 from footsense.recording.recover import recover
 from footsense.recording.replay import Replay
 from tests.fuzz.outcome import TRIED, refusal
-from tests.support.cycles import LEGS, cycle, read_until_damage, same, write
+from tests.support.cycles import LEGS, TARE, cycle, read_until_damage, same, write
 
 CYCLES = [cycle(number, n_samples=2) for number in range(12)]
 HEADER = {"legs": ",".join(LEGS)}
@@ -90,10 +90,7 @@ def forged(path: Path, records: list[tuple[str, bytes]], header: dict[str, str] 
         writer = Writer(stream, compression=CompressionType.ZSTD, enable_data_crcs=True)
         writer.start(profile=MCAP_PROFILE)
         writer.add_metadata(METADATA_NAME, {**header, HEADER_CRC_KEY: header_crc(header)})
-        channels = {
-            topic: writer.register_channel(topic, "json", 0)
-            for topic in ("/scan", "/force", "/event", "/reference", "/x")
-        }
+        channels = {topic: writer.register_channel(topic, "json", 0) for topic in (*messages.ENCODERS, "/x")}
         for topic, data in records:
             writer.add_message(channels[topic], log_time=0, publish_time=0, sequence=0, data=data)
         writer.finish()
@@ -108,20 +105,23 @@ anything = st.recursive(
     max_leaves=9,
 )
 
-_SAMPLE = b'{"t_ns":7,"fx_n":0.1,"fy_n":null,"fz_n":-2,"saturated":false}'
+
+def good_messages() -> list[tuple[str, Any]]:
+    """Return topic and content of each message of a cycle that has every kind of them."""
+    outcome = CommandResult(TARE, Result.DONE, "0.1 pF")
+    shown = cycle(31, n_samples=1, warm=True, outcomes=(outcome,))
+    return [
+        (topic, json.loads(data))
+        for topic, encode in messages.ENCODERS.items()
+        for _, data in encode(shown, LEGS)
+    ]
 
 
 @given(data=st.data())
 @TRIED
 def test_forged_messages(file: Path, data: st.DataObject) -> None:
     """One value of a good scan, force, sample or event replaced by any other, then a whole message."""
-    good: list[tuple[str, Any]] = [
-        ("/event", json.loads(event_messages.command_event(cycle(3).started_commands[0], LEGS))),
-        ("/event", json.loads(event_messages.temperature_event(np.full(len(LEGS), 23.5), LEGS))),
-        ("/reference", json.loads(_SAMPLE)),
-        ("/scan", json.loads(messages.encode_scan(CYCLES[0].scan, LEGS))),
-        ("/force", json.loads(messages.encode_force(CYCLES[0].forces, LEGS))),
-    ]
+    good = good_messages()
     which, value = data.draw(st.integers(0, len(good) - 1)), data.draw(anything)
     topic, message = good[which]
     inner = data.draw(st.sampled_from([None, *message]))
@@ -139,7 +139,7 @@ def test_forged_messages(file: Path, data: st.DataObject) -> None:
 @pytest.mark.parametrize(
     "data", [b"", b"\xff", b"[" * 100_000, b'{"event":' * 10_000, b"1" * 10_000, b"null", b"[]"]
 )
-@pytest.mark.parametrize("topic", ["/scan", "/force", "/event", "/reference", "/x"])
+@pytest.mark.parametrize("topic", [*messages.ENCODERS, "/x"])
 def test_forged_json(file: Path, topic: str, data: bytes) -> None:
     """Nesting and numbers without end, and JSON that is no message."""
     forged(file, [(topic, data)])

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from footsense.config import DEFAULT, load_config
 from footsense.daemon.recording_header import recorded_config, recorded_flags
-from footsense.recording.container.mcap_writer import McapFile
+from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
 from footsense.sim.scene_files import load_scene
 from tests.fuzz.outcome import TRIED, refusal

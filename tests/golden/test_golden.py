@@ -9,7 +9,7 @@ from typing import Any
 from mcap.reader import make_reader
 
 from footsense.frames import State
-from footsense.recording.container import messages
+from footsense.recording import messages
 from footsense.recording.replay import Replay
 from tests.system.command import footsense
 
@@ -54,5 +54,7 @@ def test_every_message_has_the_keys_of_its_schema() -> None:
             told[channel.topic] |= set(paths(json.loads(message.data)))
     legs = Replay(GOLDEN).legs
     for topic, schema in messages.topic_schemas(legs).items():
+        if topic == messages.REFERENCE:  # on a test stand alone
+            continue
         listed = set(paths(properties(json.loads(schema))))
         assert told[topic] <= listed if topic == messages.EVENT else told[topic] == listed, topic

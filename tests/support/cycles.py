@@ -30,7 +30,7 @@ from footsense.frames import (
     State,
 )
 from footsense.recording.compare import first_difference
-from footsense.recording.container.mcap_writer import McapFile
+from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
 from footsense.ring.records import NumberedCycle, ServiceStatus
 

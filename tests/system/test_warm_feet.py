@@ -12,7 +12,7 @@ from footsense.config.sections import Bus, Can
 from footsense.daemon.service import open_service
 from footsense.foot.temperature import unknown_temperature_sigma_rel
 from footsense.frames import Cycle, State
-from footsense.recording.container.mcap_writer import McapFile
+from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
 from footsense.ring.records import NumberedCycle
 from footsense.sim.scene import Effects, Scene, Warming

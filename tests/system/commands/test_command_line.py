@@ -15,7 +15,7 @@ from footsense.cli import main
 from footsense.config import DEFAULT
 from footsense.daemon.can_output import can_sink
 from footsense.errors import HardwareError
-from footsense.recording.container.mcap_writer import McapFile
+from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
 from footsense.ring.records import LostCycles, NumberedCycle
 from footsense.sim.clock import VirtualClock

@@ -19,7 +19,7 @@ from footsense.daemon.test_stand import StandSession
 from footsense.errors import CalibrationError
 from footsense.foot.files.calibration_reader import read_calibration
 from footsense.frames import Cycle
-from footsense.recording.container.mcap_writer import McapFile
+from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
 from footsense.reference.sensor_mounting import NEWTONS_PER_UNIT
 from footsense.ring.records import NumberedCycle

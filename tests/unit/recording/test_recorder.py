@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from footsense.errors import ConfigError, FootsenseError, RecordingError
-from footsense.recording.container.mcap_writer import McapFile
+from footsense.recording.mcap_writer import McapFile
 from footsense.recording.recorder import Recorder, check_recording_target, partial_path
 from footsense.recording.recover import recover, write_snapshot
 from footsense.recording.replay import Replay

@@ -1,6 +1,5 @@
 """A recording gives back every bit that it was given, or says what it cannot give."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -10,14 +9,12 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 
 from footsense.errors import RecordingError
-from footsense.frames import BaselineStatus, Cause, CommandResult, Cycle, GaitEvent, GaitEventKind, Result
+from footsense.frames import Cause, CommandResult, Cycle, GaitEvent, GaitEventKind, Result
 from footsense.recording.compare import first_difference, same_processor_and_libraries
-from footsense.recording.container import event_messages, messages
-from footsense.recording.container.mcap_writer import McapFile
 from footsense.recording.machine import platform_versions
+from footsense.recording.mcap_writer import McapFile
 from footsense.recording.recover import recover
 from footsense.recording.replay import Replay, ReplayClock, ReplaySource
-from footsense.ring.cycle_fields import CAUSE_NOT_RECORDED
 from footsense.ring.records import LostCycles, NumberedCycle
 from tests.support.cycles import LEGS, TARE, cycle, read_until_damage, same, write
 from tests.support.gaits import gait_frame
@@ -214,50 +211,6 @@ def test_compare_looks_at_the_gait_where_one_was_recorded() -> None:
     now = then._replace(gait=gait_frame(t_ns, 6, events=(event,), load_share=share))
     found = first_difference(then, now, exact=False, legs=LEGS)
     assert "leg lf: load_share was 0.1666" in str(found)
-
-
-def test_a_recording_from_before_there_were_causes(scratch: Path) -> None:
-    """What it does not hold is neither invented, nor compared, nor written when it is recovered."""
-    message = json.loads(messages.encode_force(cycle(0).forces, LEGS))
-    for leg in LEGS:
-        for name in [key for key in message[leg] if key == "cause" or key.startswith("baseline_")]:
-            del message[leg][name]
-    old = messages.decode_force(json.dumps(message).encode(), LEGS)
-    assert set(old.cause.tolist()) == {CAUSE_NOT_RECORDED}
-    assert np.isnan(old.baseline.mean_pf).all()
-    assert first_difference(old, cycle(0).forces, exact=True, legs=LEGS) is None
-    assert json.loads(messages.encode_force(old, LEGS)) == message
-
-
-def test_a_recording_with_the_older_names_is_the_same() -> None:
-    """A baseline that is still called zero, and causes by their older names."""
-    forces = cycle(0).forces._replace(cause=np.full(len(LEGS), Cause.BUS_STUCK, np.uint8))
-    data = messages.encode_force(forces, LEGS)
-    old = data.replace(b'"baseline_', b'"zero_').replace(b"BUS_STUCK", b"LINE_HELD")
-    assert old != data
-    assert first_difference(forces, messages.decode_force(old, LEGS), exact=True, legs=LEGS) is None
-
-
-def test_a_gait_with_the_older_names_is_the_same() -> None:
-    """Tangential over normal force, called friction use."""
-    gait = gait_frame(100_000_000, len(LEGS))
-    data = event_messages.encode_gait(gait, LEGS)
-    old = data.replace(b'"tangential_over_normal', b'"friction_use')
-    assert old != data
-    read = event_messages.decode_gait(old, [], LEGS)
-    assert event_messages.encode_gait(read, LEGS) == data
-
-
-@pytest.mark.parametrize(("older", "name"), [("TOO_FAR", "DRIFT_TOO_LARGE"), ("TOO_FAST", "DRIFT_TOO_FAST")])
-def test_a_baseline_status_by_its_older_name_is_read(older: str, name: str) -> None:
-    """Recordings are written with the present name only."""
-    forces = cycle(0).forces
-    status = np.full(len(LEGS), BaselineStatus[name], np.uint8)
-    forces = forces._replace(baseline=forces.baseline._replace(status=status))
-    data = messages.encode_force(forces, LEGS)
-    old = data.replace(name.encode(), older.encode())
-    assert old != data
-    assert first_difference(forces, messages.decode_force(old, LEGS), exact=True, legs=LEGS) is None
 
 
 def test_the_same_machine_has_the_same_processor_and_libraries() -> None:

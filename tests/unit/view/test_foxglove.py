@@ -20,7 +20,7 @@ from websockets.exceptions import InvalidStatus
 from websockets.typing import Subprotocol
 
 from footsense.clock import MonotonicClock
-from footsense.recording.container.messages import decode_force, decode_scan
+from footsense.recording.messages import decode_force, decode_scan
 from footsense.view.foxglove import DISPLAYED_FOOT_POSITIONS_M, orientation
 from footsense.view.live import LiveSource
 from footsense.view.recorded import RecordingSource

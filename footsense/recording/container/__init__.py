@@ -1,1 +1,0 @@
-"""A recording as an MCAP container: its messages, its writer, and its checked reader."""

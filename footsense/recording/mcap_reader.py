@@ -1,0 +1,228 @@
+"""Reader of the cycles in an MCAP file, in file order, up to the first damage.
+
+The library's indexed readers return nothing of a file without its end, and its stream reader accepts short reads,
+missing checksums and lost chunks; so everything is counted and checked here, and reading stops at the first doubtful
+byte.
+"""
+
+import json
+import os
+import struct
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import msgspec
+from mcap.exceptions import McapError
+from mcap.records import Channel, Chunk, DataEnd, Header, Message, Metadata
+from mcap.stream_reader import StreamReader, breakup_chunk
+from zstandard import ZstdError, frame_content_size
+
+from footsense.errors import RecordingError
+from footsense.frames import CapFrame, Command, CommandResult, ContactFrame, Cycle, Vector
+from footsense.recording import messages
+from footsense.recording.mcap_writer import HEADER_CRC_KEY, MCAP_PROFILE, METADATA_NAME, header_crc
+from footsense.ring.cycle_fields import NonNegativeInt64
+from footsense.ring.records import LostCycles, NumberedCycle, legs_in_header, require_valid
+
+#: Largest chunk that is unpacked [bytes]; footsense's have 64 KiB.
+MAX_CHUNK_BYTES = 1 << 24
+
+#: Errors of the libraries below on damaged bytes.
+_DAMAGE_ERRORS = (
+    *(McapError, ZstdError, msgspec.MsgspecError, ValueError, LookupError, TypeError, AttributeError),
+    *(OverflowError, MemoryError, RecursionError, EOFError, struct.error),
+)
+
+
+class _BoundedFile:
+    """File wrapper that limits each read to the end of the file, even for a damaged length."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self.size = os.fstat(file.fileno()).st_size
+
+    def read(self, n: int) -> bytes:
+        """Return `n` bytes; fewer at the end of the file.
+
+        Raises:
+            ValueError: No written record is so large.
+        """
+        if n > MAX_CHUNK_BYTES:
+            raise ValueError("a record is larger than any that is written")
+        return self._file.read(min(n, self.size - self._file.tell()))
+
+
+def read_header(path: Path) -> dict[str, str]:
+    """Return the header entries of a recording file, after checking checksum and legs.
+
+    Args:
+        path: The recording.
+
+    Returns:
+        The header; its entry `legs` names the rows of the frames.
+
+    Raises:
+        RecordingError: The file is missing, or not a recording, or its header is damaged.
+    """
+    try:
+        with path.open("rb") as file:
+            records = StreamReader(_BoundedFile(file), emit_chunks=True).records
+            container, metadata = next(records), next(records)
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from None
+    except (*_DAMAGE_ERRORS, StopIteration):
+        raise RecordingError(f"{path}: is not a recording, or was cut off in its first bytes") from None
+    if not isinstance(container, Header) or container.profile != MCAP_PROFILE:
+        raise RecordingError(f"{path}: is an MCAP file, but not a recording of footsense")
+    header: dict[str, str] = metadata.metadata if isinstance(metadata, Metadata) else {}
+    if header.pop(HEADER_CRC_KEY, None) != header_crc(header) or metadata.name != METADATA_NAME:
+        raise RecordingError(f"{path}: the header of the recording is damaged; nothing can be read")
+    try:
+        legs_in_header(header)
+    except ValueError as error:
+        raise RecordingError(f"{path}: {error}") from None
+    return header
+
+
+def read_entries(
+    path: Path, legs: tuple[str, ...], on_bytes_read: Callable[[int], None]
+) -> Iterator[NumberedCycle | LostCycles]:
+    """Yield every complete cycle and every recorded loss of cycles, in file order.
+
+    Args:
+        path: The recording.
+        legs: Name of each row of the frames.
+        on_bytes_read: Receives the number of bytes read so far, after each chunk.
+
+    Yields:
+        Cycles and losses up to the end of the file or its first damage.
+
+    Raises:
+        RecordingError: The file ends before its end mark, or is damaged; the message names the byte.
+    """
+    with path.open("rb") as file:
+        bounded = _BoundedFile(file)
+        assembly = _CycleAssembly(legs)
+        good = 0
+        try:
+            for record in StreamReader(bounded, emit_chunks=True, validate_crcs=True).records:
+                if isinstance(record, Chunk):
+                    yield from assembly.entries_of(_chunk_records(record))
+                elif isinstance(record, DataEnd):
+                    require_valid(record.data_section_crc != 0, "the checksum of the file is missing")
+                    return
+                good = file.tell()
+                on_bytes_read(good)
+            require_valid(False, "no end mark")
+        except _DAMAGE_ERRORS as error:
+            why = " ".join(str(error).split())[:80] or "the file ends there"
+            raise RecordingError(
+                f"{path}: cut short or damaged at byte {good} of {bounded.size} ({why}): {assembly.n_cycles} cycles "
+                f"are whole, up to {assembly.span_ns * 1e-9:.3f} s after the first; what follows is lost"
+            ) from None
+
+
+def _chunk_records(chunk: Any) -> list[Any]:  # noqa: ANN401 - the library is not typed
+    require_valid(chunk.uncompressed_crc != 0, "a chunk has no checksum")
+    require_valid(chunk.uncompressed_size <= MAX_CHUNK_BYTES, "a chunk is larger than any that is written")
+    # The library would allocate the size that the compressed data claim.
+    require_valid(
+        chunk.compression == "zstd" and frame_content_size(chunk.data) == chunk.uncompressed_size,
+        "a chunk is not packed as it says",
+    )
+    return list(breakup_chunk(chunk, validate_crc=True))
+
+
+@dataclass(slots=True)
+class _CycleMessages:
+    """Messages read so far of a cycle that is not complete yet."""
+
+    scan: CapFrame | None = None
+    commands: list[Command] = field(default_factory=list)
+    outcomes: list[CommandResult] = field(default_factory=list)
+    temperature_c: Vector | None = None
+    #: Other messages by topic, which their decoders read together.
+    others: defaultdict[str, list[bytes]] = field(default_factory=lambda: defaultdict(list))
+
+
+class _CycleAssembly:
+    """Assembles cycles from their messages, and detects missing ones.
+
+    Args:
+        legs: Name of each row of the frames.
+
+    Attributes:
+        n_cycles: Whole cycles so far.
+        span_ns: Time from the first to the last of them [ns].
+    """
+
+    def __init__(self, legs: tuple[str, ...]) -> None:
+        self.n_cycles = 0
+        self.span_ns = 0
+        self._legs = legs
+        self._topics: dict[int, str] = {}
+        self._expected = 0
+        self._parts = _CycleMessages()
+        self._t_first_ns: int | None = None
+
+    def entries_of(self, records: list[Any]) -> Iterator[NumberedCycle | LostCycles]:
+        """Yield the cycles and losses that some records complete."""
+        for record in records:
+            if isinstance(record, Channel):
+                self._topics[record.id] = record.topic
+            elif isinstance(record, Message):
+                entry = self._add_message(self._topics[record.channel_id], record)
+                if entry is not None:
+                    yield entry
+
+    def _add_message(self, topic: str, message: Message) -> NumberedCycle | LostCycles | None:
+        parts = self._parts
+        event = json.loads(message.data) if topic == messages.EVENT else {}
+        if event.get("event") == "loss":
+            self._expected += msgspec.convert(event["n_cycles"], NonNegativeInt64)
+        require_valid(message.sequence == self._expected & 0xFFFF_FFFF, "cycles are missing")
+        match topic, event.get("event"):
+            case messages.EVENT, "loss":
+                return LostCycles(self._expected, message.log_time, event["n_cycles"])
+            case messages.EVENT, "command":
+                parts.commands.append(messages.decode_command(event, self._legs))
+            case messages.EVENT, "outcome":
+                parts.outcomes.append(messages.decode_outcome(event, self._legs))
+            case messages.EVENT, "temperature":
+                parts.temperature_c = messages.decode_temperature(event, self._legs)
+            case ((messages.REFERENCE | messages.GAIT | messages.GAIT_EVENT), None):
+                parts.others[topic].append(message.data)
+            case messages.SCAN, None:
+                require_valid(parts.scan is None, "forces are missing")
+                parts.scan = messages.decode_scan(message.data, self._legs)
+            case messages.FORCE, None:
+                return self._completed_cycle(messages.decode_force(message.data, self._legs))
+        return None
+
+    def _completed_cycle(self, forces: ContactFrame) -> NumberedCycle:
+        """Return the cycle that the given force frame completes.
+
+        Raises:
+            ValueError: Its scan is missing.
+        """
+        parts, self._parts = self._parts, _CycleMessages()
+        if parts.scan is None:
+            raise ValueError("a scan is missing")
+        for gait in parts.others[messages.GAIT]:
+            events = parts.others[messages.GAIT_EVENT]
+            forces = forces._replace(gait=messages.decode_gait(gait, events, self._legs))
+        # Every cycle of a test stand's recording has a reference, possibly without samples.
+        has_reference = messages.REFERENCE in self._topics.values()
+        reference = messages.decode_reference(parts.others[messages.REFERENCE]) if has_reference else None
+        cycle = Cycle(
+            parts.scan, tuple(parts.commands), forces, tuple(parts.outcomes), reference, parts.temperature_c
+        )
+        if self._t_first_ns is None:
+            self._t_first_ns = forces.t_sent_ns
+        self.span_ns = forces.t_sent_ns - self._t_first_ns
+        self.n_cycles += 1
+        self._expected += 1
+        return NumberedCycle(self._expected - 1, cycle)

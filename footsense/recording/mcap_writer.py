@@ -1,0 +1,118 @@
+"""Writer of cycles to an MCAP file.
+
+Chunks are small and carry checksums, so that a killed process loses little and damage is detected; the data section
+has a checksum of its own, and so has footsense's header, a metadata record that stands outside the chunks. A cycle's
+force is written last: a reader that has it has the complete cycle.
+
+Source:
+    MCAP format specification, https://mcap.dev/spec.
+"""
+
+import json
+import os
+import zlib
+from collections.abc import Mapping
+
+from mcap.writer import CompressionType, Writer
+
+from footsense.recording import messages
+from footsense.ring.records import LostCycles, NumberedCycle
+
+#: Profile of the container, which identifies footsense's files.
+MCAP_PROFILE = "footsense"
+#: Name of the metadata record with the header, and key of the header's checksum.
+METADATA_NAME = "footsense"
+HEADER_CRC_KEY = "crc32"
+#: Chunk size before compression [bytes]: about half a second of six legs.
+CHUNK_BYTES = 65_536
+
+
+def header_crc(header: Mapping[str, str]) -> str:
+    """Return the CRC-32 of a header's entries, except that of the checksum itself."""
+    entries = sorted((key, value) for key, value in header.items() if key != HEADER_CRC_KEY)
+    return f"{zlib.crc32(json.dumps(entries).encode()):08x}"
+
+
+class _UnbufferedFile:
+    """Unbuffered file for the MCAP writer: a full disk raises an error in the write that hits it."""
+
+    def __init__(self, fd: int) -> None:
+        self._fd = fd
+        self.n_bytes_written = 0
+
+    def write(self, data: bytes) -> int:
+        """Write all of `data`; return the number of bytes."""
+        rest = memoryview(data)
+        while rest:
+            n = os.write(self._fd, rest)
+            self.n_bytes_written += n
+            rest = rest[n:]
+        return len(data)
+
+    def tell(self) -> int:
+        """Return the number of bytes written so far."""
+        return self.n_bytes_written
+
+    def flush(self) -> None:
+        """Do nothing: there is no buffer."""
+
+
+class McapFile:
+    """MCAP file of a recording that is being written.
+
+    Args:
+        fd: Descriptor of the empty file.
+        header: Entries of the recording's header; `legs` names the rows of the frames.
+    """
+
+    def __init__(self, fd: int, header: Mapping[str, str]) -> None:
+        self._legs = header["legs"].split(",")
+        self._stream = _UnbufferedFile(fd)
+        self._writer = Writer(
+            self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD, enable_data_crcs=True
+        )
+        self._writer.start(profile=MCAP_PROFILE)
+        self._writer.add_metadata(METADATA_NAME, {**header, HEADER_CRC_KEY: header_crc(header)})
+        self._schemas = messages.topic_schemas(self._legs)
+        self._channels: dict[str, int] = {}
+        for topic in self._schemas:
+            if topic != messages.REFERENCE:
+                self._register(topic)
+        self.flush()
+
+    @property
+    def n_bytes_written(self) -> int:
+        """Number of bytes passed to the kernel so far."""
+        return self._stream.n_bytes_written
+
+    def add_entry(self, entry: NumberedCycle | LostCycles) -> None:
+        """Write the messages of one cycle, or of a loss of cycles."""
+        if isinstance(entry, LostCycles):
+            loss = messages.loss_event(entry.n_cycles)
+            self._add(messages.EVENT, entry.next_cycle_number, entry.next_t_sent_ns, loss)
+            return
+        # The topic identifies recordings of a test stand, so it is registered with the first reference.
+        if entry.cycle.reference is not None and messages.REFERENCE not in self._channels:
+            self._register(messages.REFERENCE)
+        for topic, encode in messages.ENCODERS.items():
+            for t_ns, data in encode(entry.cycle, self._legs):
+                self._add(topic, entry.cycle_number, t_ns, data)
+
+    def _register(self, topic: str) -> None:
+        schema = self._writer.register_schema(f"footsense.{topic[1:]}", "jsonschema", self._schemas[topic])
+        self._channels[topic] = self._writer.register_channel(topic, "json", schema)
+
+    def _add(self, topic: str, cycle_number: int, t_ns: int, data: bytes) -> None:
+        # The sequence field has 32 bits; readers detect a missing chunk by it.
+        self._writer.add_message(
+            self._channels[topic], t_ns, data, publish_time=t_ns, sequence=cycle_number & 0xFFFF_FFFF
+        )
+
+    def flush(self) -> None:
+        """Close the current MCAP chunk, and write all buffered data to the file."""
+        self._writer.flush()
+
+    def finish(self) -> None:
+        """Write the last chunk and the index of the MCAP file."""
+        self._writer.finish()
+        self._writer.flush()

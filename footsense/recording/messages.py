@@ -1,0 +1,278 @@
+"""JSON messages of a recording: topics, encoders, checked decoders, and JSON schemas.
+
+A float is written with the fewest digits that give the same 64 bits back; NaN is null, and infinity, for which JSON has
+no word, is the number 1e999. Each sample of a reference and each event of the gait is a message of its own, so that
+they can be plotted.
+
+The readings of all elements are written with every conversion, of which one is new: the container's compression finds
+repetitions, and writing the changes alone would save a tenth of the file.
+"""
+
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache
+from operator import attrgetter
+from typing import Annotated, Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from footsense.frames import (
+    ELEMENTS,
+    CapFrame,
+    Command,
+    CommandKind,
+    CommandResult,
+    ContactFrame,
+    Cycle,
+    GaitEvent,
+    GaitEventKind,
+    GaitFrame,
+    ReferenceSamples,
+    Result,
+    Vector,
+)
+from footsense.ring.cycle_fields import (
+    CYCLE_FIELDS,
+    GAIT_FIELDS,
+    CycleField,
+    NonNegativeInt64,
+    forces_from_arrays,
+    gait_from_arrays,
+    scan_from_arrays,
+)
+
+SCAN, FORCE, EVENT, REFERENCE = "/scan", "/force", "/event", "/reference"
+GAIT, GAIT_EVENT = "/gait", "/gait_event"
+
+_SCAN_FIELDS = {path: field for path, field in CYCLE_FIELDS.items() if path.startswith("scan.")}
+_FORCE_FIELDS = {path: field for path, field in CYCLE_FIELDS.items() if path.startswith("forces.")}
+_AXES = ("fx_n", "fy_n", "fz_n")
+
+#: Time [ns] and bytes of a message.
+TimedMessage = tuple[int, bytes]
+
+
+def _numbers(t_ns: int, message: Mapping[str, Any]) -> TimedMessage:
+    """Return a message without free text, in which NaN and infinity could be hit."""
+    text = json.dumps(message, separators=(",", ":")).replace("NaN", "null").replace("Infinity", "1e999")
+    return t_ns, text.encode()
+
+
+def _leg_objects(frame: Any, legs: Sequence[str], fields: Mapping[str, CycleField]) -> dict[str, Any]:  # noqa: ANN401 - frames of three kinds
+    """Return the values of each leg in a frame by field key."""
+    objects: dict[str, dict[str, Any]] = {leg: {} for leg in legs}
+    for path, field in fields.items():
+        column = attrgetter(path.partition(".")[2])(frame).astype(field.dtype, copy=False).tolist()
+        if field.code_enum is not None:
+            column = [field.code_enum(code).name for code in column]
+        for entries, value in zip(objects.values(), column, strict=True):
+            entries.update(zip(field.json_keys, value if len(field.json_keys) > 1 else [value], strict=True))
+    return objects
+
+
+def _events(cycle: Cycle, legs: Sequence[str]) -> Iterator[TimedMessage]:
+    def of(command: Command) -> dict[str, str]:
+        return {"command": command.kind.name, "leg": legs[command.leg]}
+
+    events: list[dict[str, object]] = [
+        {"event": "command", **of(command)} for command in cycle.started_commands
+    ]
+    events += [
+        {"event": "outcome", **of(outcome.command), "result": outcome.result.name, "reason": outcome.reason}
+        for outcome in cycle.ended_commands
+    ]
+    if cycle.temperature_c is not None:
+        known_c = [None if np.isnan(value) else value for value in cycle.temperature_c.tolist()]
+        events.append({"event": "temperature", "temperature_c": dict(zip(legs, known_c, strict=True))})
+    return ((cycle.forces.t_sent_ns, json.dumps(event).encode()) for event in events)
+
+
+def _reference(cycle: Cycle, _: Sequence[str]) -> Iterator[TimedMessage]:
+    if cycle.reference is not None:
+        columns = (column.tolist() for column in cycle.reference)
+        for t_ns, force_n, saturated in zip(*columns, strict=True):
+            sample = {"t_ns": t_ns, **dict(zip(_AXES, force_n, strict=True)), "saturated": saturated}
+            yield _numbers(t_ns, sample)
+
+
+def _gait(cycle: Cycle, legs: Sequence[str]) -> Iterator[TimedMessage]:
+    if (gait := cycle.forces.gait) is not None:
+        whole = {"t_ns": gait.t_ns, "friction": gait.friction, "all_in_air": gait.all_in_air}
+        yield _numbers(cycle.forces.t_sent_ns, {**whole, **_leg_objects(gait, legs, GAIT_FIELDS)})
+
+
+def _gait_events(cycle: Cycle, legs: Sequence[str]) -> Iterator[TimedMessage]:
+    for event in cycle.forces.gait.events if cycle.forces.gait is not None else ():
+        names = {"kind": GaitEventKind(event.kind).name, "leg": legs[event.leg]}
+        yield _numbers(cycle.forces.t_sent_ns, {**names, "t_ns": event.t_ns, "sigma_s": event.sigma_s})
+
+
+def _scan(cycle: Cycle, legs: Sequence[str]) -> Iterator[TimedMessage]:
+    rows = _leg_objects(cycle.scan, legs, _SCAN_FIELDS)
+    yield _numbers(cycle.forces.t_sent_ns, {"sequence": cycle.scan.sequence, **rows})
+
+
+def _force(cycle: Cycle, legs: Sequence[str]) -> Iterator[TimedMessage]:
+    forces = cycle.forces
+    rows = _leg_objects(forces, legs, _FORCE_FIELDS)
+    yield _numbers(forces.t_sent_ns, {"sequence": forces.sequence, "t_sent_ns": forces.t_sent_ns, **rows})
+
+
+#: Encoder of each topic's messages of a cycle, in the order of the file: who has read the force has the whole cycle.
+ENCODERS: dict[str, Callable[[Cycle, Sequence[str]], Iterator[TimedMessage]]] = {
+    EVENT: _events,
+    REFERENCE: _reference,
+    GAIT: _gait,
+    GAIT_EVENT: _gait_events,
+    SCAN: _scan,
+    FORCE: _force,
+}
+
+
+def loss_event(n_cycles: int) -> bytes:
+    """Return the message that `n_cycles` cycles were lost because the recorder was too slow."""
+    return json.dumps({"event": "loss", "n_cycles": n_cycles}).encode()
+
+
+def decode_scan(data: bytes, legs: Sequence[str]) -> CapFrame:
+    """Return the capacitance frame in a message."""
+    message = json.loads(data)
+    sequence = msgspec.convert(message["sequence"], NonNegativeInt64)
+    return scan_from_arrays(sequence, _arrays(message, legs, _SCAN_FIELDS))
+
+
+def decode_force(data: bytes, legs: Sequence[str]) -> ContactFrame:
+    """Return the force frame in a message."""
+    message = json.loads(data)
+    sequence, t_sent_ns = (
+        msgspec.convert(message[key], NonNegativeInt64) for key in ("sequence", "t_sent_ns")
+    )
+    return forces_from_arrays(sequence, t_sent_ns, _arrays(message, legs, _FORCE_FIELDS))
+
+
+def decode_command(event: Mapping[str, Any], legs: Sequence[str]) -> Command:
+    """Return the command in an event."""
+    return Command(CommandKind[event["command"]], legs.index(event["leg"]))
+
+
+def decode_outcome(event: Mapping[str, Any], legs: Sequence[str]) -> CommandResult:
+    """Return the result of a command in an event."""
+    reason = msgspec.convert(event["reason"], str)
+    return CommandResult(decode_command(event, legs), Result[event["result"]], reason)
+
+
+def decode_temperature(event: Mapping[str, Any], legs: Sequence[str]) -> Vector:
+    """Return the temperatures in an event [degC], shape (legs,)."""
+    values = [event["temperature_c"][leg] for leg in legs]
+    return np.array(msgspec.convert(values, list[float | None]), np.float64)
+
+
+class _ReferenceSample(msgspec.Struct):
+    t_ns: Annotated[int, msgspec.Meta(ge=-(1 << 63), le=(1 << 63) - 1)]
+    fx_n: float | None
+    fy_n: float | None
+    fz_n: float | None
+    saturated: bool
+
+
+def decode_reference(samples: Sequence[bytes]) -> ReferenceSamples:
+    """Return the samples of the force sensor in their messages."""
+    rows = msgspec.convert([json.loads(sample) for sample in samples], list[_ReferenceSample])
+    return ReferenceSamples(
+        np.array([row.t_ns for row in rows], np.int64),
+        np.array([[row.fx_n, row.fy_n, row.fz_n] for row in rows], np.float64).reshape(-1, 3),
+        np.array([row.saturated for row in rows], np.bool_),
+    )
+
+
+class _GaitMessage(msgspec.Struct):
+    t_ns: NonNegativeInt64
+    friction: float | None
+    all_in_air: bool
+
+
+class _GaitEventMessage(msgspec.Struct):
+    kind: str
+    leg: str
+    t_ns: int
+    sigma_s: float
+
+
+def decode_gait(data: bytes, events: Sequence[bytes], legs: Sequence[str]) -> GaitFrame:
+    """Return the gait frame in its message and those of its events."""
+    message = json.loads(data)
+    whole = msgspec.convert(message, _GaitMessage)
+    read = msgspec.convert([json.loads(event) for event in events], list[_GaitEventMessage])
+    found = tuple(
+        GaitEvent(GaitEventKind[event.kind], legs.index(event.leg), event.t_ns, event.sigma_s)
+        for event in read
+    )
+    friction = float("nan") if whole.friction is None else whole.friction
+    arrays = _arrays(message, legs, GAIT_FIELDS)
+    return gait_from_arrays(whole.t_ns, friction, whole.all_in_air, found, arrays)
+
+
+def _arrays(
+    message: Mapping[str, Any], legs: Sequence[str], fields: Mapping[str, CycleField]
+) -> dict[str, NDArray[Any]]:
+    """Return the fields of all legs as arrays; null becomes NaN.
+
+    Raises:
+        MsgspecError: An entry is no such number.
+        LookupError: An entry is missing, or no such name.
+        ValueError: There are not so many entries.
+    """
+    rows = [message[leg] for leg in legs]
+    arrays = {}
+    for path, field in fields.items():
+        values = [[row[key] for key in field.json_keys] for row in rows]
+        if field.code_enum is not None:
+            arrays[path] = np.array([field.code_enum[name] for (name,) in values], field.dtype)
+        else:
+            checked = msgspec.convert(values, _json_rows_type(field))
+            arrays[path] = np.array(checked, field.dtype).reshape(len(rows), *field.row_shape)
+    return arrays
+
+
+@cache
+def _json_rows_type(field: CycleField) -> Any:  # noqa: ANN401 - a type
+    """Return the Python type that a field must have in decoded JSON, for validation."""
+    entry: Any = float | None
+    if field.max_code is not None:
+        entry = Annotated[int, msgspec.Meta(ge=0, le=int(field.max_code))]
+    elif field.dtype == "<i8":
+        entry = int
+    if field.row_shape and len(field.json_keys) == 1:
+        entry = list[entry]
+    return list[list[entry]]
+
+
+def topic_schemas(legs: Sequence[str]) -> dict[str, bytes]:
+    """Return the JSON schema of each topic; `/reference` is in the recordings of a test stand alone."""
+    number, whole, text = {"type": ["number", "null"]}, {"type": "integer"}, {"type": "string"}
+    boolean = {"type": "boolean"}
+
+    def object_of(**properties: Any) -> dict[str, Any]:  # noqa: ANN401 - a JSON schema is any JSON
+        return {"type": "object", "properties": properties}
+
+    def rows(fields: Mapping[str, CycleField]) -> dict[str, Any]:
+        properties: dict[str, Any] = {}
+        for field in fields.values():
+            value: dict[str, Any] = text if field.code_enum else number if field.dtype == "<f8" else whole
+            if field.row_shape and len(field.json_keys) == 1:
+                value = {"type": "array", "items": value, "minItems": ELEMENTS, "maxItems": ELEMENTS}
+            properties |= dict.fromkeys(field.json_keys, value)
+        return dict.fromkeys(legs, object_of(**properties))
+
+    words = dict.fromkeys(("event", "command", "leg", "result", "reason"), text)
+    topics = {
+        SCAN: object_of(sequence=whole, **rows(_SCAN_FIELDS)),
+        FORCE: object_of(sequence=whole, t_sent_ns=whole, **rows(_FORCE_FIELDS)),
+        GAIT: object_of(t_ns=whole, friction=number, all_in_air=boolean, **rows(GAIT_FIELDS)),
+        GAIT_EVENT: object_of(kind=text, leg=text, t_ns=whole, sigma_s=number),
+        EVENT: object_of(**words, n_cycles=whole, temperature_c=object_of(**dict.fromkeys(legs, number))),
+        REFERENCE: object_of(t_ns=whole, **dict.fromkeys(_AXES, number), saturated=boolean),
+    }
+    return {topic: json.dumps(schema).encode() for topic, schema in topics.items()}
