@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from footsense.foot.files.calibration_format import Manifest, Parameters
-from footsense.foot.force_errors import ForceErrors
 
 
 def card_text(manifest: Manifest, parameters: Parameters) -> str:
@@ -66,25 +65,22 @@ def _temperature_text(parameters: Parameters) -> str:
 
 
 def _error_table(manifest: Manifest) -> str:
-    """Return the Markdown table of the force errors."""
     held_out = manifest.held_out
     if held_out is None:
         return "Unknown: no load was held out."
+    rows = [
+        f"| {name} | {e.direction_deg:.2f} / {e.direction_p95_deg:.2f} / {e.direction_max_deg:.2f} | "
+        f"{e.magnitude_gf:.2f} / {e.magnitude_p95_gf:.2f} / {e.magnitude_max_gf:.2f} |"
+        for name, e in (
+            ("network of the design alone", held_out.design_only),
+            ("with this calibration", held_out.calibrated),
+        )
+    ]
     return f"""{held_out.protocol}, {_count_with_plural(held_out.calibrated.n, "load")}:
 
 | mean / p95 / largest | direction [deg] | magnitude [gf] |
 |---|---:|---:|
-{_error_row("network of the design alone", held_out.design_only)}
-{_error_row("with this calibration", held_out.calibrated)}"""
-
-
-def _error_row(name: str, errors: ForceErrors) -> str:
-    """Return one row of the Markdown table of force errors."""
-    direction = (
-        f"{errors.direction_deg:.2f} / {errors.direction_p95_deg:.2f} / {errors.direction_max_deg:.2f}"
-    )
-    magnitude = f"{errors.magnitude_gf:.2f} / {errors.magnitude_p95_gf:.2f} / {errors.magnitude_max_gf:.2f}"
-    return f"| {name} | {direction} | {magnitude} |"
+{chr(10).join(rows)}"""
 
 
 def _element_values_row(what: str, values: Sequence[float], digits: int) -> str:

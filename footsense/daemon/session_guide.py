@@ -9,8 +9,8 @@ import numpy as np
 from footsense.calibration.evaluation import estimate_loads
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.calibration.loads.press import CalibrationLoad
+from footsense.calibration.session.checks import reference_findings
 from footsense.calibration.session.guide import SessionGuide
-from footsense.calibration.session.reference_checks import reference_findings
 from footsense.config.test_stand import StandConfig
 from footsense.estimation.network import Network
 from footsense.frames import Vector

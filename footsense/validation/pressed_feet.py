@@ -99,10 +99,9 @@ class PressedFoot(NamedTuple):
             trial = test_stand_trial.record_sessions_of_foot(
                 batch, number, Path(folder), every_nth_press=every_nth_press
             )
-        training, test = LoadSet.from_loads(trial.training.loads), LoadSet.from_loads(trial.test.loads)
         return cls(
-            training,
-            test,
+            trial.training.loads,
+            trial.test.loads,
             trial.test_true_force_n,
             trial.test.rejected.total(),
             trial.training_read_duration_s,

@@ -89,7 +89,7 @@ def record_sessions_of_foot(
     training, _, read_ns = _record_session(batch, foot_number, config, "training", folder, every_nth_press)
     test, presses, _ = _record_session(batch, foot_number, config, "verification", folder, every_nth_press)
     true_force_n = np.array(
-        [presses.contact(TRIAL_LEG, sum(load.dwell_ns) // 2).force_n for load in test.loads]
+        [presses.contact(TRIAL_LEG, sum(dwell_ns) // 2).force_n for dwell_ns in test.dwells_ns]
     )
     return RecordedFootSessions(training, test, true_force_n, read_ns * 1e-9)
 

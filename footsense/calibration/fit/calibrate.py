@@ -15,9 +15,9 @@ from footsense.calibration.evaluation import DesignModels, Estimates
 from footsense.calibration.fit.parameter_fit import ParameterFit, fit_parameters
 from footsense.calibration.fit.predicted_uncertainty import PredictedUncertainty, predict_uncertainty
 from footsense.calibration.fit.rubber_memory import loads_with_creep_corrected_baseline
-from footsense.calibration.fit.session_checks import require_consistent_reference, require_one_foot
 from footsense.calibration.fit.twin import GAIN, MOUNT, REFERENCE, STIFFNESS, STRAY, FootTwin, reference_gains
 from footsense.calibration.loads.load_set import LoadSet
+from footsense.calibration.session.checks import require_consistent_reference, require_one_foot
 from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.errors import CalibrationError
 from footsense.foot.directions import rotation

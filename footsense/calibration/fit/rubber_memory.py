@@ -47,11 +47,7 @@ def loads_with_creep_corrected_baseline(
         response: Response table of the foot type.
         sessions: Sessions with loads.
     """
-    loads = []
-    for session in sessions:
-        rested_pf = correct_baselines_for_creep(response, LoadSet.from_loads(session.loads)).baseline_pf
-        loads += [load._replace(baseline_pf=pf) for load, pf in zip(session.loads, rested_pf, strict=True)]
-    return LoadSet.from_loads(loads)
+    return LoadSet.joined([correct_baselines_for_creep(response, session.loads) for session in sessions])
 
 
 def correct_baselines_for_creep(response: FootResponse, loads: LoadSet) -> LoadSet:

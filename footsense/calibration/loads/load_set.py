@@ -39,6 +39,11 @@ class LoadSet:
             }
         )
 
+    @classmethod
+    def joined(cls, sets: Sequence[Self]) -> Self:
+        """Return the loads of several sets, one behind the other."""
+        return cls(**{name: np.concatenate([getattr(one, name) for one in sets]) for name in cls.__slots__})
+
     def __len__(self) -> int:
         """Return the number of loads."""
         return len(self.force_n)

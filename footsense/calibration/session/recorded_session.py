@@ -11,7 +11,8 @@ from statistics import fmean
 import msgspec
 
 from footsense.calibration.loads.detection import LoadDetector
-from footsense.calibration.loads.press import CalibrationLoad, RejectedPress, Rejection
+from footsense.calibration.loads.load_set import LoadSet
+from footsense.calibration.loads.press import CalibrationLoad, RejectedPress, Rejection, Span
 from footsense.calibration.writer import file_sha256
 from footsense.config.test_stand import StandConfig
 from footsense.errors import CalibrationError, RecordingError
@@ -32,6 +33,7 @@ class RecordedSession:
         test_stand: Description of the reference in the recording; None if this version cannot read it.
         temperature_c: Mean temperature of the foot's converter [degC]; None if it has no sensor.
         loads: The accepted loads, in their order.
+        dwells_ns: Start and end of the dwell of each [ns].
         rejected: Number of rejected presses by reason.
         n_lost_cycles: Cycles that the recorder lost.
         damage: Why the recording ends early; empty if it is whole.
@@ -44,7 +46,8 @@ class RecordedSession:
     foot_type: str
     test_stand: StandConfig | None
     temperature_c: float | None
-    loads: tuple[CalibrationLoad, ...]
+    loads: LoadSet
+    dwells_ns: tuple[Span, ...]
     rejected: Counter[Rejection]
     n_lost_cycles: int
     damage: str
@@ -155,6 +158,7 @@ def read_session(
             f"{path}: holds no sample of a reference sensor; record it with `footsense record --reference`"
         )
     presses.append(detector.finish())
+    loads = [press for press in presses if isinstance(press, CalibrationLoad)]
     return RecordedSession(
         path=path,
         sha256=file_sha256(path),
@@ -163,7 +167,8 @@ def read_session(
         foot_type=header.get("foot_type", ""),
         test_stand=_test_stand(header),
         temperature_c=fmean(temperatures_c) if temperatures_c else None,
-        loads=tuple(press for press in presses if isinstance(press, CalibrationLoad)),
+        loads=LoadSet.from_loads(loads),
+        dwells_ns=tuple(load.dwell_ns for load in loads),
         rejected=Counter(press.rejection for press in presses if isinstance(press, RejectedPress)),
         n_lost_cycles=n_lost_cycles,
         damage=damage,

@@ -69,7 +69,7 @@ def test_a_session_ends_with_a_set_that_is_enough(tmp_path: Path) -> None:
     assert (header["foot"], header["session"], header["leg"]) == ("foot-0007", "a", "rm")
     assert msgspec.json.decode(header["reference"])["units"] == "gf"
     session = read_session(out, "foot-0007")
-    error_n = np.array([load.force_n for load in session.loads]) - SIX
+    error_n = session.loads.force_n - SIX
     assert np.abs(error_n).max() < 0.03
     assert footsense("replay", "--check", out).returncode == 0
 
@@ -191,8 +191,8 @@ def test_a_terminal_and_a_sensor_on_a_line(tmp_path: Path) -> None:
     session = read_session(out, "foot-0007")
     assert session.name == "one"
     assert not session.damage
-    for load in session.loads:
-        assert min(np.abs(load.force_n - force_n).max() for force_n in np.array(SIX)) < 0.04
+    for load_n in session.loads.force_n:
+        assert min(np.abs(load_n - force_n).max() for force_n in np.array(SIX)) < 0.04
     calibrating = on_a_terminal("calibrate", out, "--foot", "foot-0007", "--calibrations", tmp_path / "feet")
     said = last_words(*calibrating).decode()
     assert calibrating[0].returncode == 0, said

@@ -3,11 +3,9 @@
 from collections import Counter
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from footsense.calibration.fit.calibrate import calibrate_sessions
-from footsense.calibration.loads.press import CalibrationLoad
 from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.errors import CalibrationError
 from footsense.sim.test_stand.press_sequence import paper_presses
@@ -18,13 +16,6 @@ _FORCE_N = 0.3 * paper_presses("training")[::12]
 
 def session(name: str, number: int) -> RecordedSession:
     """Return one of three recordings of a foot, with a third of its loads."""
-    loads = load_set(made(1), _FORCE_N[number::3])
-    one = [
-        CalibrationLoad((0, 1_000_000_000), force_n, np.full(3, 0.01 / np.sqrt(200)), pressed_pf, unloaded_pf)
-        for force_n, pressed_pf, unloaded_pf in zip(
-            loads.force_n, loads.capacitance_pf, loads.baseline_pf, strict=True
-        )
-    ]
     return RecordedSession(
         path=Path(f"{number}.mcap"),
         sha256=str(number),
@@ -33,7 +24,8 @@ def session(name: str, number: int) -> RecordedSession:
         foot_type="aoyagi-3x3",
         test_stand=None,
         temperature_c=None,
-        loads=tuple(one),
+        loads=load_set(made(1), _FORCE_N[number::3]),
+        dwells_ns=(),
         rejected=Counter(),
         n_lost_cycles=0,
         damage="",

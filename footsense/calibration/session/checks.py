@@ -1,4 +1,4 @@
-"""Check a reference sensor's units and axes against the foot's own force estimates of the same loads.
+"""Checks of sessions: one foot in all of them, and units and axes of the reference against the foot's own estimates.
 
 A carelessly made foot errs by some 20 deg and 20 %, which is enough to tell a kilogram-force from a newton and left
 from right. So the checks find wrong units and axes, but no error of the reference's own calibration.
@@ -6,16 +6,21 @@ from right. So the checks find wrong units and axes, but no error of the referen
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from msgspec.structs import astuple
 
+from footsense.calibration.evaluation import DesignModels
+from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.config.test_stand import StandConfig
+from footsense.errors import CalibrationError
 from footsense.foot.directions import angles_between_deg
 from footsense.frames import Vector
 from footsense.reference.sensor_mounting import NEWTONS_PER_UNIT, rotation_matrix
 
+#: Largest difference of an element's unloaded reading between sessions of one foot [1], that of a tare.
+_SAME_FOOT_TOLERANCE_REL = 0.03
 #: Fewest loads of a finding.
 _MIN_LOADS = 5
 #: Ratio of magnitudes that no foot reaches, and the ratio to which another unit has to explain it.
@@ -103,3 +108,48 @@ def _signed_axis(axis: str, sign: float) -> str:
     """
     negative = (axis[0] == "-") != (sign < 0)
     return f"{'-' if negative else ''}{axis[-1]}"
+
+
+def require_one_foot(sessions: Sequence[RecordedSession]) -> None:
+    """Raise an error if the unloaded readings of the sessions are not those of one and the same foot.
+
+    Raises:
+        CalibrationError: One is not, or has no accepted load.
+    """
+    first, first_pf = sessions[0], None
+    for session in sessions:
+        if not session.loads:
+            raise CalibrationError(
+                f"{session.path}: no load is accepted; {'; '.join(session.warnings) or 'it has none'}"
+            )
+        unloaded_pf = session.loads.median_baseline_pf
+        first_pf = unloaded_pf if first_pf is None else first_pf
+        difference_rel = unloaded_pf / first_pf - 1.0
+        worst = int(np.argmax(np.abs(difference_rel)))
+        if abs(difference_rel[worst]) > _SAME_FOOT_TOLERANCE_REL:
+            raise CalibrationError(
+                f"{session.path}: element {worst} of {session.foot} reads {unloaded_pf[worst]:.3f} pF unloaded, "
+                f"{first_pf[worst]:.3f} pF in {first.path}; two feet with one id? at most "
+                f"{_SAME_FOOT_TOLERANCE_REL:.0%} differ"
+            )
+
+
+def require_consistent_reference(models: DesignModels, sessions: Sequence[RecordedSession]) -> None:
+    """Raise an error if a session's reference forces contradict the foot's own estimates (units, axes).
+
+    Args:
+        models: Models of the foot's type.
+        sessions: Its sessions, each with loads; one whose recording does not describe its test stand is not checked.
+
+    Raises:
+        CalibrationError: It contradicts at least one; the message names each.
+    """
+    found = []
+    for session in sessions:
+        if session.test_stand is None:
+            continue
+        own_n = models.estimate(session.loads, None).force_n
+        if findings := reference_findings(session.test_stand, session.loads.force_n, own_n):
+            found.append(f"{session.path}: {'; '.join(findings)}")
+    if found:
+        raise CalibrationError(f"{'; '.join(found)}; correct the test stand's file, and record again")
