@@ -59,9 +59,7 @@ def _temperature_text(parameters: Parameters) -> str:
     """Return the calibration temperature as a clause of text."""
     if parameters.temperature_c is None:
         return ", at an unknown temperature"
-    per_k = parameters.stiffness_per_k
-    stiffer = "" if per_k is None else f", stiffness {per_k:+.2%} per kelvin"
-    return f", at {parameters.temperature_c:.1f} degC{stiffer}"
+    return f", at {parameters.temperature_c:.1f} degC"
 
 
 def _error_table(manifest: Manifest) -> str:

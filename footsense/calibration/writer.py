@@ -87,7 +87,6 @@ def write_calibration(
             format=calibration_format.FORMAT,
             network_sha256=verified_sha256(content, str(network)),
             temperature_c=temperature_c,
-            stiffness_per_k=None,
             **parameters.as_lists(),
         )
         files = {

@@ -100,7 +100,7 @@ def _estimator_and_temperature_setter(models: Models) -> tuple[Estimator, Callab
     )
     set_temperature = partial(
         feet.set_temperature,
-        calibrated_at=[foot.calibration_temperature if foot else None for foot in mounted],
+        calibrated_at=[foot.calibrated_at_c if foot else None for foot in mounted],
     )
     set_temperature(np.full(len(mounted), np.nan))
     return feet, set_temperature

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from footsense.foot.parameters import FootParameters
-from footsense.foot.temperature import CalibrationTemperature, force_factor_and_uncertainty
+from footsense.foot.temperature import force_factor_and_uncertainty
 from footsense.frames import Vector
 from footsense.ports import Estimator, LoadEstimate, Window
 
@@ -41,14 +41,13 @@ class CalibratedFeet:
         )
         self._apply_temperature_factors(np.ones(len(feet)), np.zeros(len(feet)))
 
-    def set_temperature(
-        self, temperature_c: Vector, calibrated_at: Sequence[CalibrationTemperature | None]
-    ) -> None:
+    def set_temperature(self, temperature_c: Vector, calibrated_at: Sequence[float | None]) -> None:
         """Set the feet's present temperature [degC], by which their forces are compensated.
 
         Args:
             temperature_c: Temperature of each leg's foot [degC], shape (legs,), NaN where it is not measured.
-            calibrated_at: Temperature of each foot's calibration, None for a foot that is taken as designed.
+            calibrated_at: Temperature of each foot's calibration [degC], NaN where it was not measured; None for a foot
+            that is taken as designed.
         """
         effects = [
             force_factor_and_uncertainty(*leg)

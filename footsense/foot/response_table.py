@@ -7,7 +7,7 @@ The solid is linear, so the closure of cell c under a force f whose contact lies
 G0 is the response to a point force, and a^2 G2 the effect of the contact patch of radius a. Both come from the adjoint
 solves of `footsense lab build`, as series in products of Chebyshev polynomials of the stereographic coordinates of n:
 smooth over the pole, and evaluated without a search. Closed gaps are solved in `gap_contact.py` and the air of closed
-cavities in `cavity/`, with the compliance B of the same solves. Cells of one quarter are stored, the others are their
+cavities in `cavity.py`, with the compliance B of the same solves. Cells of one quarter are stored, the others are their
 mirror images.
 """
 
@@ -24,9 +24,8 @@ import numpy as np
 
 from footsense.errors import ModelError
 from footsense.foot.capacitor import CapacitorDesign
-from footsense.foot.cavity.air import VENTED, Cavity
+from footsense.foot.cavity import VENTED, Cavity
 from footsense.foot.gap_contact import N_CELLS, element_means
-from footsense.foot.hertz import contact_radius_mm
 from footsense.foot.symmetry import GRID_SIDE, product_powers, whole_compliance, whole_series
 from footsense.frames import Vector
 
@@ -63,6 +62,23 @@ def _unpack(content: bytes) -> dict[str, Any]:
     if about.pop("format") != FORMAT:
         raise ValueError(f"it is not of format {FORMAT}")
     return {**about, **arrays}
+
+
+def contact_radius_mm(
+    pressing_n: Vector | float, ball_radius_mm: float, contact_modulus_mpa: float
+) -> Vector:
+    """Return the radius a of the Hertz contact patch [mm], same shape as the force: a^3 = 3 F R / (4 E*).
+
+    Args:
+        pressing_n: Force along the contact normal [N], at least 0.
+        ball_radius_mm: Radius R of the ball [mm].
+        contact_modulus_mpa: E* = E / (1 - nu^2) of the ball's rubber [MPa].
+
+    Source:
+        K. L. Johnson, Contact Mechanics, 1985, equation (4.22).
+    """
+    radius_mm: Vector = np.cbrt(0.75 * ball_radius_mm / contact_modulus_mpa * pressing_n)
+    return radius_mm
 
 
 def n_basis_functions(degree: int) -> int:

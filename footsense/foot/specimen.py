@@ -10,10 +10,9 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from footsense.foot import gap_contact
-from footsense.foot.cavity.air import Cavity, Gas
-from footsense.foot.cavity.fringe import fringe_pf
-from footsense.foot.cavity.pressures import CavityPressures
+from footsense.foot.cavity import Cavity, CavityPressures, Gas
 from footsense.foot.directions import normalized
+from footsense.foot.gap_contact import fringe_pf
 from footsense.foot.response_table import FootResponse
 from footsense.frames import ELEMENTS, Mask, Vector
 
@@ -109,7 +108,7 @@ class Foot:
         Args:
             normal: Inward unit normals of the ball at the contacts, frame of the leg, shape (n, 3).
             force_n: Ground reactions on the foot [N], frame of the leg, shape (n, 3).
-            gas: Air in the cavities; None for that of a load that has lasted for `cavity.air.ASSUMED_LOAD_DURATION_S`.
+            gas: Air in the cavities; None for that of a load that has lasted for `cavity.ASSUMED_LOAD_DURATION_S`.
                 Without meaning for a vented foot.
 
         Raises:

@@ -14,9 +14,9 @@ import numpy as np
 from msgspec import Meta, Struct
 
 from footsense.foot.capacitor import CapacitorDesign
-from footsense.foot.cavity.air import AMBIENT_KPA, VENTED, Cavity, CavityKind
+from footsense.foot.cavity import AMBIENT_KPA, VENTED, Cavity, CavityKind
 from footsense.foot.gap_contact import CELLS_PER_SIDE
-from footsense.foot.hertz import contact_radius_mm
+from footsense.foot.response_table import contact_radius_mm
 from footsense.frames import ROWS, Vector
 
 #: Micrometres in a millimetre.

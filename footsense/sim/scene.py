@@ -10,7 +10,7 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from footsense.foot.cavity.air import AMBIENT_KPA, Cavity, CavityKind
+from footsense.foot.cavity import AMBIENT_KPA, Cavity, CavityKind
 from footsense.sim import scene_loads
 from footsense.sim.faults.scene_faults import Fault, Leg
 from footsense.sim.foot.fabrication import PAPER_TOLERANCES, REMOUNT_RMS_DEG, FootTolerances
@@ -67,7 +67,7 @@ class Softening(_GradualChange, frozen=True, kw_only=True):
 
 
 class Cavities(ScenePart, frozen=True):
-    """Cavities of the feet that differ from those of their type; for the fields see `foot.cavity.air.Cavity`.
+    """Cavities of the feet that differ from those of their type; for the fields see `foot.cavity.Cavity`.
 
     Attributes:
         kind: `vented`, `sealed` or `leaking`.

@@ -10,7 +10,7 @@ from footsense.cli.recordings import replay
 from footsense.config import Config
 from footsense.config.sections import Bus, Can
 from footsense.daemon.service import open_service
-from footsense.foot.temperature import unknown_temperature_sigma_rel
+from footsense.foot.temperature import UNKNOWN_TEMPERATURE_SIGMA_REL
 from footsense.frames import Cycle, State
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
@@ -86,7 +86,7 @@ def test_a_known_temperature_corrects_and_an_unknown_one_widens(tmp_path: Path) 
     assert np.abs(known_n / size_n - 1.0).max() < 0.045
     np.testing.assert_allclose(unknown_n / size_n, 1.0 / 1.088, atol=0.02)
     # The network's own sigma, which slow scans at rest make wide, is in both.
-    assert (unknown.sigma_n[:, 2] > unknown_temperature_sigma_rel(10.0) * unknown_n).all()
+    assert (unknown.sigma_n[:, 2] > UNKNOWN_TEMPERATURE_SIGMA_REL * unknown_n).all()
     assert (known.sigma_n[:, 2] < unknown.sigma_n[:, 2]).all()
 
 

@@ -6,8 +6,7 @@ import numpy as np
 
 from footsense.calibration.fit.parameter_fit import PRIOR_SIGMA, ParameterFit
 from footsense.calibration.fit.twin import REFERENCE, FootTwin
-from footsense.foot.direction_sets import direction_grid
-from footsense.foot.directions import angles_between_deg
+from footsense.foot.directions import angles_between_deg, direction_grid
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.gap_contact import element_means
 from footsense.foot.specimen import ContactLoads

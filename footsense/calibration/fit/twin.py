@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from footsense.foot import gap_contact
-from footsense.foot.cavity.pressures import CavityPressures
+from footsense.foot.cavity import CavityPressures
 from footsense.foot.directions import normalized, rotation
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads

@@ -13,8 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.foot.direction_sets import spiral_directions
-from footsense.foot.directions import angles_between_deg, azimuth_elevation_deg
+from footsense.foot.directions import angles_between_deg, azimuth_elevation_deg, spiral_directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.frames import Vector
 

@@ -109,7 +109,6 @@ class Parameters(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
         format: Format of these files.
         network_sha256: Hash of the network that they were fitted on, without its checksum trailer.
         temperature_c: Temperature of the foot on the test stand [degC]; None if not measured.
-        stiffness_per_k: Relative increase of the stiffness per kelvin [1/K]; None if not measured.
     """
 
     format: int
@@ -122,5 +121,3 @@ class Parameters(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     mount: Annotated[list[Three], Meta(min_length=3, max_length=3)]
     error_rel: float
     temperature_c: Annotated[float, Meta(ge=COLDEST_C, le=WARMEST_C)] | None
-    # A larger one would leave no stiffness at the other end of a converter's range.
-    stiffness_per_k: Annotated[float, Meta(ge=-0.006, le=0.006)] | None

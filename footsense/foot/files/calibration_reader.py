@@ -1,6 +1,7 @@
 """Load and check a foot's calibration folder; missing or damaged files, or another foot's, are errors."""
 
 import hashlib
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -21,8 +22,6 @@ from footsense.foot.files.calibration_format import (
 )
 from footsense.foot.files.checksum_trailer import verified_sha256
 from footsense.foot.parameters import FootParameters
-from footsense.foot.temperature import STIFFNESS_PER_K, CalibrationTemperature
-from footsense.frames import Vector
 
 #: Largest file that is read [bytes]; a network has 18 thousand.
 MAX_FILE_BYTES = 1 << 24
@@ -40,7 +39,7 @@ class FootCalibration:
         parameters: How the foot differs from its design.
         network: File of the network that the parameters were fitted on.
         network_sha256: Hash of that file without its checksum trailer.
-        calibration_temperature: Temperature on the test stand.
+        calibrated_at_c: Temperature on the test stand [degC], NaN if not measured.
     """
 
     folder: Path
@@ -48,7 +47,7 @@ class FootCalibration:
     parameters: FootParameters
     network: Path
     network_sha256: str
-    calibration_temperature: CalibrationTemperature
+    calibrated_at_c: float
 
 
 def read_calibration(folder: Path, foot_type: str, foot: str | None = None) -> FootCalibration:
@@ -98,7 +97,9 @@ def read_calibration(folder: Path, foot_type: str, foot: str | None = None) -> F
             f"{found.network_sha256[:12]}; calibrate the foot on this one"
         )
     try:
-        parameters = msgspec.convert(found, FootParameters, from_attributes=True, dec_hook=_decode_array)
+        parameters = msgspec.convert(
+            found, FootParameters, from_attributes=True, dec_hook=lambda _, values: np.array(values)
+        )
     except msgspec.ValidationError as error:
         raise ModelError(f"{folder / PARAMETERS}: {error}") from None
     return FootCalibration(
@@ -107,16 +108,8 @@ def read_calibration(folder: Path, foot_type: str, foot: str | None = None) -> F
         parameters=parameters,
         network=folder / NETWORK,
         network_sha256=network_sha256,
-        calibration_temperature=CalibrationTemperature(
-            found.temperature_c,
-            STIFFNESS_PER_K if found.stiffness_per_k is None else found.stiffness_per_k,
-        ),
+        calibrated_at_c=math.nan if found.temperature_c is None else found.temperature_c,
     )
-
-
-def _decode_array(_: type, values: list[float]) -> Vector:
-    """Return a list of a JSON file as an array."""
-    return np.array(values)
 
 
 def _hash_mismatch_message(path: Path, expected: str) -> str:

@@ -33,6 +33,10 @@ class Signal(msgspec.Struct, frozen=True):
     unit: str
     order: str
 
+    def __str__(self) -> str:
+        """Return the signal as text for error messages."""
+        return f"{self.name} of width {self.width} in {self.unit!r}, {self.order!r}"
+
 
 _ELEMENT_ORDER_TEXT = "flat index 3 * row + column, row 0 most forward, column 0 leftmost"
 _READINGS_ORDER_TEXT = f"newest, the one before, the one before that, each by {_ELEMENT_ORDER_TEXT}"
@@ -185,14 +189,8 @@ def _check_signals(where: str, kind: str, found: tuple[Signal, ...], needed: tup
     """
     names = [signal.name for signal in found]
     if names != [signal.name for signal in needed]:
-        raise ModelError(
-            f"{where}: its {kind} are {', '.join(names) or 'none'}; "
-            f"the daemon needs {', '.join(signal.name for signal in needed)}"
-        )
-    for signal, wanted in zip(found, needed, strict=True):
-        for field in ("width", "unit", "order"):
-            if getattr(signal, field) != getattr(wanted, field):
-                raise ModelError(
-                    f"{where}: {field} of {signal.name} is {getattr(signal, field)!r}, "
-                    f"the daemon needs {getattr(wanted, field)!r}"
-                )
+        wanted = ", ".join(signal.name for signal in needed)
+        raise ModelError(f"{where}: its {kind} are {', '.join(names) or 'none'}; the daemon needs {wanted}")
+    for signal, wanted_signal in zip(found, needed, strict=True):
+        if signal != wanted_signal:
+            raise ModelError(f"{where}: has {signal}, the daemon needs {wanted_signal}")

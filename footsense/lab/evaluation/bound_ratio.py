@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from footsense.foot.direction_sets import paper_directions, random_directions
-from footsense.foot.directions import angles_between_deg
+from footsense.foot.directions import angles_between_deg, paper_directions, random_directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot

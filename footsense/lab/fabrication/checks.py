@@ -8,7 +8,7 @@ from typing import Any
 
 import shapely
 
-from footsense.foot.cavity.air import CavityKind
+from footsense.foot.cavity import CavityKind
 from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.parts import sheets, solids

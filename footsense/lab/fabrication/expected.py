@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from footsense.foot.cavity.fringe import fringe_pf
-from footsense.foot.gap_contact import CELLS_PER_ELEMENT
+from footsense.foot.gap_contact import CELLS_PER_ELEMENT, fringe_pf
 from footsense.lab.fabrication.tolerances import LIMIT_OVER_RMS, overlap_area_deviation_rel
 from footsense.lab.geometry import FootDesign
 from footsense.sim.foot.fabrication import FootTolerances

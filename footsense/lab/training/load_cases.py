@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from firmware_interface.chips import fdc1004
 from footsense.errors import ModelError
 from footsense.foot.capacitor import CapacitorDesign
-from footsense.foot.direction_sets import paper_directions, random_directions
-from footsense.foot.directions import normalized
+from footsense.foot.directions import normalized, paper_directions, random_directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from footsense.foot.cavity.air import AMBIENT_KPA, ROOM_TEMPERATURE_K, Gas
+from footsense.foot.cavity import AMBIENT_KPA, ROOM_TEMPERATURE_K, Gas
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
 

@@ -9,8 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from footsense.foot.direction_sets import paper_directions
-from footsense.foot.directions import normalized
+from footsense.foot.directions import normalized, paper_directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.frames import Vector
 from footsense.sim.loads.ground_load import IN_THE_AIR, GroundContact

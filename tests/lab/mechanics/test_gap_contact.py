@@ -11,9 +11,10 @@ from scipy.optimize import nnls
 
 from footsense.foot.directions import directions
 from footsense.foot.force_errors import GRAM_FORCE_N
-from footsense.foot.gap_contact import closures_for_closed_cells_um, kkt_residual, solve_contact_lcp
+from footsense.foot.gap_contact import closures_for_closed_cells_um, solve_contact_lcp
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
+from footsense.lab.studies.accuracy.hard_cases import kkt_residual
 
 pytestmark = pytest.mark.lab
 

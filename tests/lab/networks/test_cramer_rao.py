@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from footsense.foot.direction_sets import paper_directions
-from footsense.foot.directions import directions
+from footsense.foot.directions import directions, paper_directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot

@@ -97,15 +97,12 @@ def test_a_calibration_has_the_temperature_of_its_sessions(session: Path, tmp_pa
     assert done.exit_code == 0, done.exception
     told = [cycle.temperature_c for cycle in Replay(session) if cycle.temperature_c is not None]
     calibration = read_calibration(tmp_path / "foot-0007", "aoyagi-3x3")
-    assert calibration.calibration_temperature.temperature_c == pytest.approx(told[0][0])
+    assert calibration.calibrated_at_c == pytest.approx(told[0][0])
     assert f"temperature [degC]  {told[0][0]:.4g}" in re.sub("  +", "  ", done.stdout)
     untold = rewritten(session, tmp_path / "untold.mcap", lambda cycle: cycle._replace(temperature_c=None))
     done = invoke(session, untold, "--calibrations", tmp_path / "both")
     assert done.exit_code == 0, done.exception
-    assert (
-        read_calibration(tmp_path / "both" / "foot-0007", "aoyagi-3x3").calibration_temperature.temperature_c
-        is None
-    )
+    assert read_calibration(tmp_path / "both" / "foot-0007", "aoyagi-3x3").calibrated_at_c is None
 
 
 def test_a_reference_that_contradicts_the_foot_is_refused(session: Path, tmp_path: Path) -> None:

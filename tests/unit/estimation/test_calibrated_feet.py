@@ -9,7 +9,7 @@ from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.gait.friction import ground_of
 from footsense.estimation.steady_windows import steady_windows
 from footsense.foot.parameters import FootParameters
-from footsense.foot.temperature import CalibrationTemperature, unknown_temperature_sigma_rel
+from footsense.foot.temperature import UNKNOWN_TEMPERATURE_SIGMA_REL
 from footsense.ports import LoadEstimate, Window
 
 Vector = NDArray[np.float64]
@@ -95,13 +95,11 @@ def test_a_temperature_scales_what_it_is_known_for() -> None:
     resting = steady_windows(np.full((6, 9), 0.3))
     read = CalibratedFeet(_Linear(), feet, 6)
     on_bench_n, bench_sigma_n, *_ = read.estimate(resting)
-    read.set_temperature(
-        np.array([33.0, np.nan, np.nan]), [CalibrationTemperature(23.0), CalibrationTemperature(23.0), None]
-    )
+    read.set_temperature(np.array([33.0, np.nan, np.nan]), [23.0, 23.0, None])
     force_n, sigma_n, *_ = read.estimate(resting)
     np.testing.assert_allclose(force_n, on_bench_n * np.tile([1.044, 1.0, 1.0], 2)[:, None])
     np.testing.assert_allclose(sigma_n[[0, 3]], 1.044 * bench_sigma_n[[0, 3]])
-    unknown_n = unknown_temperature_sigma_rel(10.0) * np.linalg.norm(force_n[[1, 4]], axis=1, keepdims=True)
+    unknown_n = UNKNOWN_TEMPERATURE_SIGMA_REL * np.linalg.norm(force_n[[1, 4]], axis=1, keepdims=True)
     np.testing.assert_allclose(sigma_n[[1, 4]], np.hypot(bench_sigma_n[[1, 4]], unknown_n))
     np.testing.assert_array_equal(sigma_n[[2, 5]], bench_sigma_n[[2, 5]])
 
@@ -112,7 +110,6 @@ def test_a_temperature_scales_what_it_is_known_for() -> None:
         ({"stray_pf": np.full(9, 6.0)}, "above stray_pf"),
         ({"gap_um": np.zeros(9)}, "gap_um: has to be above 0"),
         ({"mount": np.ones((3, 3))}, "no rotation"),
-        ({"unloaded_pf": np.full(9, np.nan)}, "unloaded_pf: .* finite"),
         ({"stiffness_rel": -1.0}, "above -1"),
     ],
 )

@@ -18,7 +18,6 @@ from footsense.errors import CalibrationError, FootsenseError, ModelError
 from footsense.foot.files.calibration_format import Manifest
 from footsense.foot.files.calibration_reader import read_calibration
 from footsense.foot.files.checksum_trailer import add_checksum
-from footsense.foot.temperature import STIFFNESS_PER_K, CalibrationTemperature
 from tests.support.calibrations import calibration, content, parameters
 
 
@@ -63,7 +62,7 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     assert (
         again.network_sha256 == hashlib.sha256(released_path("network.onnx").read_bytes()[:-86]).hexdigest()
     )
-    assert again.calibration_temperature == CalibrationTemperature(23.5, STIFFNESS_PER_K)
+    assert again.calibrated_at_c == 23.5
     assert {entry.name for entry in feet.iterdir()} == {"foot-0007"}, "nothing is left beside it"
     assert (feet / "foot-0007").stat().st_mode & 0o777 == 0o755, "the service is another user"
     card = (feet / "foot-0007" / "card.md").read_text()
@@ -128,7 +127,6 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
         ),
         (lambda folder: set_parameter(folder, gap_um=[1.0] * 17), "parameters.json: does not fit: "),
         (lambda folder: set_parameter(folder, temperature_c=126.0), "parameters.json: does not fit: "),
-        (lambda folder: set_parameter(folder, stiffness_per_k=0.02), "parameters.json: does not fit: "),
         (
             lambda folder: set_parameter(folder, stray_pf=[float("nan")] * 9),
             "parameters.json: does not fit: ",

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from footsense.errors import ModelError
-from footsense.foot.cavity.air import ADIABATIC, AMBIENT_MPA, Cavity, Gas
-from footsense.foot.cavity.pressures import CavityPressures
+from footsense.foot.cavity import ADIABATIC, AMBIENT_MPA, Cavity, CavityPressures, Gas
 from footsense.foot.gap_contact import CELLS_PER_ELEMENT, element_means
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot

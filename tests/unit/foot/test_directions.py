@@ -6,14 +6,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from footsense.foot.direction_sets import (
+from footsense.foot.directions import (
+    angles_between_deg,
+    azimuth_elevation_deg,
     direction_grid,
+    directions,
     paper_directions,
     random_directions,
     spiral_directions,
+    tangent_frame,
 )
-from footsense.foot.directions import angles_between_deg, azimuth_elevation_deg, directions, tangent_frame
-from footsense.foot.hertz import contact_radius_mm
+from footsense.foot.response_table import contact_radius_mm
 
 
 def test_angles_of_directions_are_those_they_were_made_of() -> None:

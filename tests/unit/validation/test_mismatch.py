@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from footsense.foot.cavity.air import Cavity
-from footsense.foot.direction_sets import random_directions
-from footsense.foot.directions import normalized
+from footsense.foot.cavity import Cavity
+from footsense.foot.directions import normalized, random_directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.specimen import ContactLoads
 from footsense.sim.foot.fabrication import PAPER_TOLERANCES

@@ -20,7 +20,7 @@ from footsense.calibration.fit.calibrate import (
 )
 from footsense.cli.lab.pages.mismatch_rows import MISMATCH_ROWS
 from footsense.errors import FootsenseError
-from footsense.foot.direction_sets import random_directions
+from footsense.foot.directions import random_directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.specimen import ContactLoads
 from footsense.lab.fidelity.levels import finite_strain_level

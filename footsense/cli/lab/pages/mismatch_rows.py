@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from footsense.foot.cavity.air import VENTED, Cavity
+from footsense.foot.cavity import VENTED, Cavity
 from footsense.lab.fem.whole import Imperfection
 from footsense.lab.geometry import ThinFilm
 from footsense.lab.monte_carlo.sweeps import PAPER_LIKE_TOLERANCES

@@ -12,8 +12,7 @@ film drops out, as the unloaded reading contains it.
 
 import numpy as np
 
-from footsense.foot.direction_sets import direction_grid
-from footsense.foot.directions import rotation, tangent_frame
+from footsense.foot.directions import direction_grid, rotation, tangent_frame
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
 from footsense.frames import ELEMENTS, Vector

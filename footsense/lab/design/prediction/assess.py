@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.foot.capacitor import CapacitorDesign
-from footsense.foot.direction_sets import direction_grid
-from footsense.foot.directions import tangent_frame
+from footsense.foot.directions import direction_grid, tangent_frame
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector

@@ -13,7 +13,7 @@ import ezdxf
 import shapely
 from ezdxf import units
 
-from footsense.foot.cavity.air import CavityKind
+from footsense.foot.cavity import CavityKind
 from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.parts.flex import alignment_ear

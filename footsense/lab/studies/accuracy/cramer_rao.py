@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from footsense.foot.direction_sets import direction_grid, paper_directions
-from footsense.foot.directions import angles_between_deg, normalized
+from footsense.foot.directions import angles_between_deg, direction_grid, normalized, paper_directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector

@@ -15,8 +15,7 @@ from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.faults.consistency import ConsistencyTest
 from footsense.estimation.steady_windows import steady_windows
 from footsense.foot.capacitor import GAP_CLOSED_THRESHOLD_REL
-from footsense.foot.direction_sets import direction_grid, random_directions
-from footsense.foot.directions import angles_between_deg
+from footsense.foot.directions import angles_between_deg, direction_grid, random_directions
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.gap_contact import N_CELLS

@@ -14,9 +14,10 @@ from msgspec.structs import replace
 from footsense.errors import ConfigError, ModelError
 from footsense.foot.directions import directions
 from footsense.foot.force_errors import GRAM_FORCE_N
-from footsense.foot.gap_contact import N_CELLS, kkt_residual, solve_contact_lcp
+from footsense.foot.gap_contact import N_CELLS, ContactSolution, solve_contact_lcp
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
+from footsense.frames import Vector
 from footsense.lab.fem.centred import solve_centred_closures
 from footsense.lab.fem.mesh import COARSE_MESH, MeshSize, build_quarter_mesh
 from footsense.lab.fem.quarter import QuarterFoot
@@ -29,6 +30,31 @@ from footsense.lab.studies.page import Plots, Study, StudyContext
 _UPWARD = np.array([[0.0, 0.0, 1.0]])
 #: A mesh for statements that hold on any mesh.
 _UNREFINED_MESH = MeshSize(edge_layers=0, order=2, bar_mm=1.0)
+
+
+def kkt_residual(
+    solution: ContactSolution, free_um: Vector, gap_um: Vector, compliance_um_per_n: Vector
+) -> dict[str, float]:
+    """Return how far a solution violates each optimality (KKT) condition, by name; zero for an exact one.
+
+    Args:
+        solution: The solution.
+        free_um: Closure of each cell without contact [um], shape (324,).
+        gap_um: Gap of each cell at rest [um], shape (324,).
+        compliance_um_per_n: B, shape (324, 324).
+
+    Returns:
+        The largest of each: `balance_um` |d - (d0 - B l)|, `penetration_um` d - g, `pull_n` -l, `slack_nm_n`
+        |l (g - d)|.
+    """
+    balance_um = solution.cell_closures_um - (free_um - compliance_um_per_n @ solution.cell_forces_n)
+    slack_um = gap_um - solution.cell_closures_um
+    return {
+        "balance_um": float(np.abs(balance_um).max()),
+        "penetration_um": float(max(0.0, -slack_um.min())),
+        "pull_n": float(max(0.0, -solution.cell_forces_n.min())),
+        "slack_nm_n": float(1e3 * np.abs(slack_um * solution.cell_forces_n).max()),
+    }
 
 
 def _expected_error_case(name: str, error: type[Exception], attempt: Callable[[], object]) -> Case:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from footsense.foot.direction_sets import paper_directions
+from footsense.foot.directions import paper_directions
 from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
 from footsense.foot.symmetry import mirrored_series
 from footsense.frames import Vector

@@ -11,8 +11,13 @@ from itertools import pairwise
 import numpy as np
 from matplotlib.figure import Figure
 
-from footsense.foot.direction_sets import direction_grid, paper_directions, random_directions
-from footsense.foot.directions import angles_between_deg, normalized
+from footsense.foot.directions import (
+    angles_between_deg,
+    direction_grid,
+    normalized,
+    paper_directions,
+    random_directions,
+)
 from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors, evaluate_force_errors
 from footsense.foot.specimen import Foot
 from footsense.frames import Mask, Vector

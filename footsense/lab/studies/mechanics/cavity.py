@@ -9,10 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from matplotlib.figure import Figure
 
-from footsense.foot.cavity import air, venting
-from footsense.foot.cavity.air import VENTED, Cavity, Gas
-from footsense.foot.direction_sets import paper_directions
-from footsense.foot.directions import normalized
+from footsense.foot import cavity as air
+from footsense.foot.cavity import VENTED, Cavity, Gas
+from footsense.foot.directions import normalized, paper_directions
 from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors, evaluate_force_errors
 from footsense.foot.gap_contact import CELLS_PER_ELEMENT, element_means
 from footsense.foot.response_table import FootResponse
@@ -29,6 +28,7 @@ from footsense.lab.monte_carlo.resumable_run import Tolerances
 from footsense.lab.monte_carlo.specimens import measure_foot
 from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.monte_carlo.sweeps import CAREFUL_TEST_STAND
+from footsense.lab.studies.mechanics import venting
 from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.studies.plots import subplot_row
 from footsense.lab.training.load_cases import (

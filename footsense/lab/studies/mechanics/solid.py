@@ -11,8 +11,7 @@ from matplotlib.figure import Figure
 
 from footsense.foot.directions import directions
 from footsense.foot.gap_contact import CELLS_PER_SIDE
-from footsense.foot.hertz import contact_radius_mm
-from footsense.foot.response_table import FootResponse
+from footsense.foot.response_table import FootResponse, contact_radius_mm
 from footsense.frames import Vector
 from footsense.lab.fem.centred import solve_centred_closures
 from footsense.lab.fem.fringe import fringed_and_plate_capacitance_pf
