@@ -71,7 +71,7 @@ def test_another_format_is_named(former: int) -> None:
         ({"outputs": signals("outputs", 2, name="normal")}, "its outputs are force_n, sigma_n, normal, contact_sigma"),
         ({"inputs": signals("inputs", 0, width=45)}, "has closure_rel of width 45 in '1'"),
         ({"inputs": signals("inputs", 1, unit="ms")}, "has age_s of width 27 in 'ms'"),
-        ({"outputs": signals("outputs", 0, order="z y x")}, "'z y x', the daemon needs force_n of width 3 in 'N', 'x y z"),
+        ({"outputs": signals("outputs", 0, order="z y x")}, "'z y x', the daemon needs force_n of width 3 in 'N'"),
         ({"outputs": signals("outputs", 3, order="")}, "has contact_sigma of width 4 in '1', '', the daemon needs"),
         ({"closure_rel_max": [0.8] * 3 + [-0.05] + [0.8] * 5}, "element 3 is trained from closure -0.05 to -0.05"),
         ({"closure_rel_min": [0.0] * 8}, "Expected `array` of length >= 9 - at `$.closure_rel_min`"),
