@@ -1,8 +1,8 @@
 """Command `footsense monitor`: the legs on CAN, as a consumer of their forces sees them."""
 
 import math
-from collections.abc import Iterator
-from contextlib import closing
+from contextlib import ExitStack, closing
+from itertools import count
 
 import click
 from rich.console import Console, Group
@@ -25,12 +25,14 @@ from footsense.cli.tables import (
 )
 from footsense.client import LinkLimits, LinkStatus
 from footsense.clock import MonotonicClock
-from footsense.daemon.can_listener import LegSnapshot, Listener, open_listener
+from footsense.daemon.can_listener import LegSnapshot, open_listener
 from footsense.frames import ELEMENTS, ROWS
 from footsense.leg_words import phase_of, word_of
 
 _NS_PER_S = 1_000_000_000
 _REDRAW_PERIOD_NS = 200_000_000
+#: Pictures in the time between two lines of JSON, a second.
+_REDRAWS_PER_LINE = 5
 _LINK_STYLES = {LinkStatus.OK: "green", LinkStatus.LOST: "yellow", LinkStatus.REPEATED: "yellow"}
 #: State of the node in a heartbeat, in words short enough for the last column.
 _NODE_STATE_WORDS = {
@@ -77,36 +79,27 @@ def monitor(
     stop = StopRequest()
     start_ns = clock.now_ns()
     end_ns = start_ns + duration_s * _NS_PER_S
-    with closing(open_listener(interface, channel, clock, limits, force_step_mn)) as listener:
-        if as_json or not console.is_terminal:
-            for t_ns in _listen_in_periods(listener, start_ns, end_ns, _NS_PER_S, stop):
-                for snapshot in listener.snapshot():
-                    t_s = round((t_ns - start_ns) * 1e-9, 3)
-                    echo_json({"t_s": t_s, **json_row(COLUMNS, snapshot)}, indent=0)
-            return
-        with Live(console=console, auto_refresh=False, screen=False) as live:
-            for t_ns in _listen_in_periods(listener, start_ns, end_ns, _REDRAW_PERIOD_NS, stop):
-                title = f"{channel}   {(t_ns - start_ns) * 1e-9:5.1f} s"
-                live.update(monitor_tables(listener.snapshot(), title), refresh=True)
-
-
-def _listen_in_periods(
-    listener: Listener, start_ns: int, end_ns: float, period_ns: int, stop: StopRequest
-) -> Iterator[int]:
-    """Receive from CAN in periods of `period_ns`, until the end or a signal.
-
-    Yields:
-        Time at the end of each period [ns].
-    """
-    t_ns = start_ns
-    while t_ns + period_ns <= end_ns:
-        while t_ns < (due_ns := start_ns + period_ns):
-            t_ns = min(due_ns, t_ns + _REDRAW_PERIOD_NS)
+    is_plain = as_json or not console.is_terminal
+    with ExitStack() as stack:
+        listener = stack.enter_context(
+            closing(open_listener(interface, channel, clock, limits, force_step_mn))
+        )
+        live = (
+            None if is_plain else stack.enter_context(Live(console=console, auto_refresh=False, screen=False))
+        )
+        for step in count(1):
+            t_ns = start_ns + step * _REDRAW_PERIOD_NS
+            if t_ns > end_ns:
+                return
             listener.listen(t_ns)
             if stop.requested:
                 return
-        yield t_ns
-        start_ns = t_ns
+            t_s = round((t_ns - start_ns) * 1e-9, 3)
+            if live is not None:
+                live.update(monitor_tables(listener.snapshot(), f"{channel}   {t_s:5.1f} s"), refresh=True)
+            elif step % _REDRAWS_PER_LINE == 0:
+                for snapshot in listener.snapshot():
+                    echo_json({"t_s": t_s, **json_row(COLUMNS, snapshot)}, indent=0)
 
 
 def monitor_tables(legs: list[LegSnapshot], title: str) -> Group:

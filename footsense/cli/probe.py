@@ -14,15 +14,13 @@ from rich.console import Console, Group, RenderableType
 from rich.padding import Padding
 from rich.text import Text
 
-from footsense.acquisition.probe.address_scan import AddressProbe
 from footsense.acquisition.probe.foot_check import FootScans
 from footsense.cli.options import config_option, json_option
 from footsense.cli.tables import EMPTY_CELL, Column, echo_json, figures_table, json_row, styled, table
 from footsense.config import DEFAULT, load_config
 from footsense.config.contradictions import CHIP_NAMES_BY_BOARD
 from footsense.daemon.probe.bus_probe import probe as probe_robot
-from footsense.daemon.probe.bus_probe import probe_adapters
-from footsense.daemon.probe.report import ProbedAdapter, ProbedBus, ProbedLeg, ProbeResult
+from footsense.daemon.probe.report import ProbedBus, ProbedLeg, ProbeResult
 from footsense.daemon.simulation import is_simulated
 from footsense.frames import ELEMENTS, ROWS, Cause, Reading, Vector
 from footsense.leg_words import CAUSE_WORDS, word_of
@@ -38,7 +36,7 @@ _FOOT_SPACING_CELLS = 3
 
 
 @click.command()
-@config_option("none, scan only the addresses on this computer's adapters")
+@config_option("six simulated legs")
 @click.option(
     "--scene",
     "scene_name",
@@ -51,17 +49,6 @@ def probe(config_file: Path | None, scene_name: str | None, *, as_json: bool) ->
     Unknown addresses are only asked for an acknowledge, as `i2cdetect` does. Exit code 1 if there is a fault.
     """
     console = Console(highlight=False)
-    if config_file is None and scene_name is None:
-        adapters = [_adapter_figures(adapter) for adapter in probe_adapters()]
-        if as_json:
-            echo_json({"adapters": adapters})
-            return
-        for adapter in adapters:
-            console.print(_shortened(adapter))
-        console.print(
-            "Feet are behind a mux (TCA9548A, 0x70 to 0x77): name it and the legs with --config FILE."
-        )
-        return
     config = load_config(config_file) if config_file else DEFAULT
     if scene_name is None and is_simulated(config):
         scene_name = _DEFAULT_SCENE
@@ -155,7 +142,9 @@ def _bus_figures(report: ProbedBus) -> dict[str, Any]:
     return {
         "device": bus.device,
         "mux": None if bus.adapters else {"address": f"{bus.mux.address:#04x}", "answers": scan.mux_answers},
-        **_scanned_addresses("upstream", scan.upstream, drivers, names),
+        "upstream": scan.upstream and _addresses(scan.upstream.answering, names),
+        "not_scanned": scan.upstream and [f"{address:#04x}" for address in scan.upstream.unprobeable],
+        "kernel_drivers": _addresses(sorted(drivers), drivers),
         "channels": {
             str(number): _addresses(chips.answering, _CHIP_NAMES) for number, chips in scan.channels.items()
         },
@@ -165,25 +154,6 @@ def _bus_figures(report: ProbedBus) -> dict[str, Any]:
         "conversion_limit_ms": limits and round(limits.conversion_bound_ns * 1e-6, 3),
         "readout_limit_ms": limits and round(limits.readout_bound_ns * 1e-6, 3),
         "limit": limits and limits.limiting_factor,
-    }
-
-
-def _adapter_figures(report: ProbedAdapter) -> dict[str, Any]:
-    return {
-        "device": report.device,
-        **_scanned_addresses("answering", report.addresses, report.kernel_drivers, {}),
-        "error": report.error or None,
-    }
-
-
-def _scanned_addresses(
-    name: str, scan: AddressProbe | None, drivers: Mapping[int, str], names: Mapping[int, str]
-) -> dict[str, Any]:
-    """Return the addresses that answer, under `name`, those not scanned, and those that the kernel holds."""
-    return {
-        name: scan and _addresses(scan.answering, names),
-        "not_scanned": scan and [f"{address:#04x}" for address in scan.unprobeable],
-        "kernel_drivers": _addresses(sorted(drivers), drivers),
     }
 
 

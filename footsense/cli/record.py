@@ -8,6 +8,7 @@ from pathlib import Path
 
 import click
 import msgspec
+from msgspec.structs import replace
 from rich.console import Console
 
 from footsense.calibration.session.guide import SessionGuide
@@ -15,6 +16,7 @@ from footsense.cli import options
 from footsense.cli.record_view import N_SHOWN_MESSAGES, RecordingView
 from footsense.cli.tables import echo_figures
 from footsense.config import DEFAULT, Config, load_config
+from footsense.config.contradictions import first_contradiction
 from footsense.config.test_stand import load_test_stand
 from footsense.daemon.service import open_service
 from footsense.daemon.session_guide import practice_scene, session_guide
@@ -131,9 +133,10 @@ def record(
 
 def _one_leg_simulation(leg: str) -> Config:
     """Return the configuration of the built-in simulation, reduced to one leg."""
-    built_in = msgspec.to_builtins(DEFAULT)
-    bus = built_in["buses"][0]
-    return msgspec.convert(built_in | {"buses": [bus | {"legs": {leg: bus["legs"][leg]}}]}, Config)
+    bus = DEFAULT.buses[0]
+    return replace(
+        DEFAULT, buses=(replace(bus, legs={name: at for name, at in bus.legs.items() if name == leg}),)
+    )
 
 
 def _with_foot_on_leg(config: Config, leg: str, foot: str) -> Config:
@@ -144,21 +147,21 @@ def _with_foot_on_leg(config: Config, leg: str, foot: str) -> Config:
     """
     if leg not in config.legs:
         raise ConfigError(f"--leg {leg}: is no leg of this configuration; it has {', '.join(config.legs)}")
-    feet: dict[str, str] = dict(config.feet.items())
-    if feet.get(leg, foot) != foot:
-        raise ConfigError(
-            f"--foot {foot}: the configuration says that {feet[leg]} is on {leg}; correct one of them"
-        )
-    feet[leg] = foot
-    if list(feet.values()).count(foot) > 1:
-        raise ConfigError(f"--foot {foot}: the configuration says that it is on another leg than {leg}")
     plain = msgspec.to_builtins(config)
+    if (other := plain["feet"].get(leg, foot)) != foot:
+        raise ConfigError(
+            f"--foot {foot}: the configuration says that {other} is on {leg}; correct one of them"
+        )
     # A foot that is not calibrated may read far from its design; its tare is accepted.
     tare = plain["tare"] | {"unloaded_limit_rel": _UNCALIBRATED_UNLOADED_LIMIT_REL}
+    changed = {"feet": {**plain["feet"], leg: foot}, "calibrations": None, "tare": tare}
     try:
-        return msgspec.convert(plain | {"feet": feet, "calibrations": None, "tare": tare}, Config)
+        config = msgspec.convert(plain | changed, Config)
     except msgspec.ValidationError:
         raise ConfigError(f"--foot {foot}: is no identity of a foot, such as foot-0007") from None
+    if problem := first_contradiction(config):
+        raise ConfigError(f"--foot {foot}: {problem}")
+    return config
 
 
 def _session_end_s(scene: Scene | None) -> float:

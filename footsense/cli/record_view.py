@@ -8,7 +8,6 @@ A character is twice as high as wide, so a disc has twice as many columns as row
 
 import math
 from collections import deque
-from typing import NamedTuple
 
 import numpy as np
 from rich.console import Console, Group
@@ -33,35 +32,24 @@ _REDRAW_PERIOD_NS = 100_000_000
 #: Messages that the picture shows.
 N_SHOWN_MESSAGES = 4
 _DISC_ROWS = 11
-DISC_COLUMNS = 2 * _DISC_ROWS - 1
+_DISC_COLUMNS = 2 * _DISC_ROWS - 1
 _CENTRE_ROW = (_DISC_ROWS - 1) / 2
 _RIM_ANGLE_DEG = 90.0 - MIN_ELEVATION_DEG
 
 
-class Glyphs(NamedTuple):
-    """Characters for uncovered and covered directions, for loads, and for the next load."""
-
-    uncovered: str
-    covered: str
-    load: str
-    next_load: str
+#: Characters for uncovered and covered directions, for loads, and for the next load; and for a terminal without those.
+_GLYPHS, _PLAIN_GLYPHS = "·░●◎", ".:oX"
+_GLYPH_STYLES = ("dim", "green", "bold green", "bold yellow")
 
 
-GLYPHS = Glyphs("·", "░", "●", "◎")
-#: For a terminal without those.
-PLAIN_GLYPHS = Glyphs(".", ":", "o", "X")
-
-_GLYPH_STYLES = Glyphs("dim", "green", "bold green", "bold yellow")
-
-
-def coverage_discs(coverage: Coverage, forces_n: Vector, target: NextLoad, glyphs: Glyphs) -> list[Text]:
+def coverage_discs(coverage: Coverage, forces_n: Vector, target: NextLoad, glyphs: str) -> list[Text]:
     """Return the text lines of three discs of covered directions, side by side.
 
     Args:
         coverage: Coverage of the loads.
         forces_n: Their forces [N], shape (n, 3).
         target: The next load.
-        glyphs: Characters to draw with.
+        glyphs: Four characters to draw with.
     """
     loads = {
         (
@@ -72,25 +60,26 @@ def coverage_discs(coverage: Coverage, forces_n: Vector, target: NextLoad, glyph
     }
     next_cell = (nearest_band(target.magnitude_gf), *_disc_cell(target.azimuth_deg, target.elevation_deg))
     titles = [
-        f"{gf:.0f} gf: {100 * share:.0f} %".center(DISC_COLUMNS)
+        f"{gf:.0f} gf: {100 * share:.0f} %".center(_DISC_COLUMNS)
         for gf, share in zip(MAGNITUDE_BAND_CENTRES_GF, coverage.covered_directions_rel, strict=True)
     ]
     lines = [Text("   ".join(titles), "bold")]
     for row in range(_DISC_ROWS):
         line = Text()
         for band in range(len(MAGNITUDE_BAND_CENTRES_GF)):
-            for column in range(DISC_COLUMNS):
+            for column in range(_DISC_COLUMNS):
                 direction, cell = _cell_direction(row, column), (band, row, column)
                 if direction is None:
                     line.append(" ")
-                elif cell == next_cell:
-                    line.append(glyphs.next_load, _GLYPH_STYLES.next_load)
-                elif cell in loads:
-                    line.append(glyphs.load, _GLYPH_STYLES.load)
-                elif coverage.is_covered(band, direction):
-                    line.append(glyphs.covered, _GLYPH_STYLES.covered)
-                else:
-                    line.append(glyphs.uncovered, _GLYPH_STYLES.uncovered)
+                    continue
+                kind = (
+                    3
+                    if cell == next_cell
+                    else 2
+                    if cell in loads
+                    else int(coverage.is_covered(band, direction))
+                )
+                line.append(glyphs[kind], _GLYPH_STYLES[kind])
             line.append("   ")
         lines.append(line)
     return lines
@@ -132,7 +121,7 @@ class RecordingView(LiveView):
         self._guide = guide
         self._row = row
         self._title = title
-        self._glyphs = PLAIN_GLYPHS if console.options.ascii_only else GLYPHS
+        self._glyphs = _PLAIN_GLYPHS if console.options.ascii_only else _GLYPHS
         self._messages = messages
         self._n_drawn = -1
         self._discs: list[Text] = []

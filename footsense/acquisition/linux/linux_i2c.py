@@ -139,12 +139,6 @@ def _open(device: str) -> smbus2.SMBus:
     return adapter
 
 
-def adapters(folder: Path = Path("/dev")) -> list[str]:
-    """Return the device files of all I2C adapters of this computer, in numerical order."""
-    numbers = (path.name.removeprefix("i2c-") for path in folder.glob("i2c-*"))
-    return [str(folder / f"i2c-{number}") for number in sorted(map(int, filter(str.isdecimal, numbers)))]
-
-
 def adapter_and_parents(device: str, folder: Path = _ADAPTERS) -> list[str]:
     """Return the device files of an adapter and of the adapters that its mux is behind, the outermost first.
 

@@ -1,4 +1,4 @@
-"""Probe the configured buses and unloaded feet, or the I2C adapters of a computer."""
+"""Probe the configured buses and unloaded feet."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -7,10 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from footsense.acquisition.chip_timing import ChipTiming
-from footsense.acquisition.linux.linux_i2c import LinuxI2cBus, adapters, kernel_drivers
-from footsense.acquisition.probe.address_scan import probe_addresses
-from footsense.acquisition.probe.bus_scan import ChannelScan, scan_bus
-from footsense.acquisition.probe.bus_scan import scan_adapters as scan_leg_adapters
+from footsense.acquisition.linux.linux_i2c import kernel_drivers
+from footsense.acquisition.probe.bus_scan import ChannelScan, scan_adapters, scan_bus
 from footsense.acquisition.probe.foot_check import FootFault, FootScans, foot_faults
 from footsense.acquisition.robot_scanner import RobotScanner
 from footsense.acquisition.scan_plan import ScanPlan
@@ -20,7 +18,7 @@ from footsense.daemon.acquisition import open_buses, open_scan_source, scan_plan
 from footsense.daemon.estimation import stray_and_unloaded_pf
 from footsense.daemon.models import load_models
 from footsense.daemon.probe.diagnosis import bus_diagnoses, leg_diagnoses
-from footsense.daemon.probe.report import Diagnosis, ProbedAdapter, ProbedBus, ProbedLeg, ProbeResult
+from footsense.daemon.probe.report import Diagnosis, ProbedBus, ProbedLeg, ProbeResult
 from footsense.daemon.simulation import simulated_robot
 from footsense.errors import HardwareError
 from footsense.estimation.faults.causes import SILENT_READINGS
@@ -31,33 +29,6 @@ from footsense.sim.scene import Scene
 _N_FOOT_SCANS = 20
 #: Scans before them: converters that were just set up may still settle, and legs that fail are left out.
 _N_DISCARDED_SCANS = 4
-
-
-def probe_adapters() -> list[ProbedAdapter]:
-    """Return the I2C addresses that answer on every adapter of this computer; writes to no chip.
-
-    Raises:
-        HardwareError: There is no adapter.
-    """
-    found = [_probe_adapter(device) for device in adapters()]
-    if not found:
-        raise HardwareError(
-            "no I2C adapter: there is no /dev/i2c-*; enable I2C (on a Raspberry Pi dtparam=i2c_arm=on, and the module "
-            "i2c-dev), or probe a simulated robot with --scene hanging"
-        )
-    return found
-
-
-def _probe_adapter(device: str) -> ProbedAdapter:
-    """Return the I2C addresses that answer on one adapter."""
-    drivers = kernel_drivers(device)
-    with ExitStack() as stack:
-        try:
-            bus = LinuxI2cBus.open(device)
-            stack.callback(bus.close)
-            return ProbedAdapter(device, probe_addresses(bus, drivers), drivers)
-        except HardwareError as error:
-            return ProbedAdapter(device, None, drivers, str(error))
 
 
 def probe(config: Config, scene: Scene | None) -> ProbeResult:
@@ -100,7 +71,7 @@ def _probe_buses(config: Config, scene: Scene | None, plan: ScanPlan) -> Iterato
             if isinstance(opened.transport, UpstreamBus):
                 scan = scan_bus(opened.transport, opened.clock, plan, bus.channels, drivers)
             else:
-                scan = scan_leg_adapters(opened.transport.adapters, opened.clock, plan, drivers)
+                scan = scan_adapters(opened.transport.adapters, opened.clock, plan, drivers)
             yield ProbedBus(bus, scan, drivers)
 
 

@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.acquisition.chip_timing import ChipTiming
-from footsense.acquisition.probe.address_scan import AddressProbe
 from footsense.acquisition.probe.bus_scan import BusScan, ChannelScan
 from footsense.acquisition.probe.foot_check import FootFault, FootScans
 from footsense.config.sections import Bus
@@ -91,19 +90,3 @@ class ProbeResult(NamedTuple):
         timings = [report.scan.bus_timing for report in self.buses]
         known_ns = [timing.lower_bounds.scan_period_bound_ns for timing in timings if timing is not None]
         return max(known_ns) if known_ns and len(known_ns) == len(timings) else None
-
-
-class ProbedAdapter(NamedTuple):
-    """Addresses found on one I2C adapter, without a configuration.
-
-    Attributes:
-        device: Device file.
-        addresses: Addresses that answer; None if a line is held low, or the adapter cannot be opened.
-        kernel_drivers: As in `ProbedBus`.
-        error: Why they are unknown.
-    """
-
-    device: str
-    addresses: AddressProbe | None
-    kernel_drivers: Mapping[int, str]
-    error: str = ""
