@@ -20,7 +20,7 @@ from footsense.daemon.service import open_service
 from footsense.daemon.simulation import is_simulated
 from footsense.frames import FAULT_FREE, Cycle, State
 from footsense.ports import Observer
-from footsense.ring.ring_file import SERVICE_RING, free_ring, user_ring
+from footsense.ring.ring_file import default_ring, free_ring
 from footsense.sim.scene_files import load_scene
 from footsense.telemetry.run_statistics import RunStatistics
 
@@ -131,7 +131,7 @@ def run(
     with ExitStack() as stack:
         page = None
         if opens_view or (config_file is None and paced):
-            ring = free_ring(config.ring_path or (SERVICE_RING if scene is None else user_ring()))
+            ring = free_ring(config.ring_path or default_ring(is_simulated=scene is not None))
             config = replace(config, ring=str(ring))
             page = stack.enter_context(closing(PageOfRun(config.view, ring)))
         service = stack.enter_context(

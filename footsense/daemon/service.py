@@ -30,7 +30,7 @@ from footsense.ports import FrameSource, Observer, WakeupLatency
 from footsense.recording.recorder import Recorder, check_recording_target
 from footsense.ring.cycle_ring import CycleRing
 from footsense.ring.records import ServiceStatus
-from footsense.ring.ring_file import SERVICE_RING, user_ring
+from footsense.ring.ring_file import default_ring
 from footsense.sim.can.interface import SimulatedCan
 from footsense.sim.scene import Scene
 from footsense.telemetry.journal import LegStateLogger
@@ -186,8 +186,7 @@ def open_service(
         )
         header = recording_header(models, scene, flags, scan.clock.now_ns())
         header |= test_stand.header() if test_stand is not None else {}
-        default_ring = SERVICE_RING if scene is None else user_ring()
-        path = config.ring_path or (default_ring if real_time else None)
+        path = config.ring_path or (default_ring(is_simulated=scene is not None) if real_time else None)
         if ring := _open_ring(service, config, path, header, is_recorded=record is not None):
             observers.append(ring)
             if record is not None:

@@ -90,7 +90,7 @@ class Recorder:
         self._has_ended = False
         self._last: dict[str, Any] = {"position": 0, "n_lost": 0}
         if waits:
-            ring.set_before_overwriting(self._wait_until_read)
+            ring.before_overwriting = self._wait_until_read
 
     @property
     def n_lost_cycles(self) -> int:

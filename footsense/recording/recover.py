@@ -89,7 +89,7 @@ def write_snapshot(ring: Path | None, target: Path) -> int:
     check_recording_target(target)
     with closing(CycleReader(ring)) as reader:
         reader.rewind()
-        end = reader.position + reader.n_unread_bytes
+        end = reader.end
         entries = reader.read()
         if not entries:
             raise RecordingError("the service has no cycle yet")

@@ -19,36 +19,23 @@ import msgspec
 import numpy as np
 
 from footsense.errors import FootsenseError
-from footsense.frames import ELEMENTS, Cycle, GaitFrame
+from footsense.frames import Cycle, GaitFrame
 from footsense.ports import Observer
-from footsense.ring.cycle_fields import CYCLE_FIELDS, GAIT_FIELDS
+from footsense.ring import ring_file
+from footsense.ring.cycle_fields import CYCLE_FIELDS
 from footsense.ring.records import CYCLE_ARRAY_ORDER, GAIT_ARRAY_ORDER, ServiceStatus
-from footsense.ring.ring_file import (
-    BEGIN,
-    END,
-    HEADER_BYTES,
-    HEADER_PLACE,
-    MAGIC,
-    MARGIN_BYTES,
-    MAX_RECORD_BYTES,
-    RECENT,
-    RECORD_HEAD,
-    check_replaceable,
-    ring_place,
-)
 
 #: Time that the ring holds [s].
 RING_DURATION_S = 30
 #: Smallest ring [bytes].
 _MIN_RING_BYTES = 1 << 20
 _STATUS_PERIOD_NS = 100_000_000
-_STATUSES_PER_S = 10
-#: Bytes of a record besides its arrays.
-_OTHER_RECORD_BYTES = 100
-#: Room for what is not in every cycle: samples of a test stand, temperatures, commands [1].
+#: Records per second besides the cycles, each as large as a cycle: a status with a gait.
+_OTHER_RECORDS_PER_S = 10
+#: Bytes of a cycle besides its arrays.
+_OTHER_CYCLE_BYTES = 100
+#: Room for what few cycles have: samples of a test stand, temperatures, commands [1].
 _ROOM_REL = 1.1
-
-
 #: Blocks that a reader begins with: the last second.
 _N_RECENT_BLOCKS = 10
 #: Longest reason of a command's result [characters].
@@ -91,109 +78,6 @@ def _encodable_text(reason: str) -> str:
     return reason[:_MAX_REASON_CHARACTERS].encode(errors="backslashreplace").decode()
 
 
-class RingWriter:
-    """Writer's end of a ring: creates the file, locks it, and removes it when closed.
-
-    Args:
-        path: The file. It should lie in memory (/run, /dev/shm): on a disk, write-back can block the writer. None for
-            one without a name, which only processes read that get a descriptor of it.
-        header: JSON for the readers.
-        n_bytes: Size of the ring [bytes].
-
-    Attributes:
-        fd: Descriptor of the file.
-        before_overwriting: Called with a position before the bytes ahead of it are overwritten; may wait for a reader.
-
-    Raises:
-        FootsenseError: Another running process writes this file, something else has its name, or it cannot be created.
-    """
-
-    def __init__(
-        self,
-        path: Path | None,
-        header: bytes,
-        n_bytes: int,
-    ) -> None:
-        self._path = path
-        self._n_bytes = n_bytes
-        self.before_overwriting: Callable[[int], None] = _overwrite_at_once
-        self._place = ring_place(len(header))
-        self._end = 0
-        #: Where blocks begin, oldest first.
-        self._blocks: deque[int] = deque()
-        self._begin = 0
-        try:
-            self.fd = self._create(header)
-        except OSError as error:
-            raise FootsenseError(f"{path}: cannot be written: {error.strerror}") from error
-
-    def _create(self, header: bytes) -> int:
-        if self._path is None:
-            fd, unnamed = os.memfd_create("footsense-ring", os.MFD_CLOEXEC), None
-        else:
-            check_replaceable(self._path)
-            fd, name = tempfile.mkstemp(prefix=f"{self._path.name}.", dir=self._path.parent)
-            unnamed = Path(name)
-        try:
-            fcntl.flock(fd, fcntl.LOCK_EX)
-            os.fchmod(fd, 0o644)
-            # So that a full memory is an error here, and not in the loop.
-            os.posix_fallocate(fd, 0, self._place + self._n_bytes)
-            self._counters = memoryview(mmap.mmap(fd, mmap.PAGESIZE)).cast("Q")
-            self._counters[HEADER_BYTES] = len(header)
-            os.pwrite(fd, MAGIC, 0)
-            os.pwrite(fd, header, HEADER_PLACE)
-            if unnamed is not None and self._path is not None:
-                unnamed.rename(self._path)
-        except OSError:
-            os.close(fd)
-            if unnamed is not None:
-                unnamed.unlink()
-            raise
-        return fd
-
-    def write(self, data: bytes, *, begins_block: bool = False) -> None:
-        """Write one record of at most `MAX_RECORD_BYTES`.
-
-        Args:
-            data: The record.
-            begins_block: Whether readers can begin with this record.
-
-        Timing:
-            2.5 us for 1500 bytes.
-        """
-        record = RECORD_HEAD.pack(len(data), zlib.crc32(data)) + data
-        end = self._end + len(record)
-        if begins_block:
-            self._blocks.append(self._end)
-            self._counters[RECENT] = self._blocks[-min(_N_RECENT_BLOCKS, len(self._blocks))]
-        if end + MARGIN_BYTES - self._n_bytes > self._begin:
-            self._make_room(end + MARGIN_BYTES - self._n_bytes)
-        place = self._end % self._n_bytes
-        n_ahead = self._n_bytes - place
-        os.pwrite(self.fd, record[:n_ahead], self._place + place)
-        if n_ahead < len(record):
-            os.pwrite(self.fd, record[n_ahead:], self._place)
-        self._end = self._counters[END] = end
-
-    def _make_room(self, position: int) -> None:
-        """Give up the oldest blocks, so that the bytes ahead of `position` may be overwritten."""
-        begin = self._begin
-        while begin < position:
-            begin = self._blocks.popleft() if self._blocks else self._end
-        self.before_overwriting(begin)
-        self._begin = self._counters[BEGIN] = begin
-
-    def close(self) -> None:
-        """Remove the file and release its lock; a second call does nothing."""
-        if self.fd >= 0:
-            if self._path is not None:
-                self._path.unlink(missing_ok=True)
-            self._counters.release()
-            os.close(self.fd)
-            self.fd = -1
-
-
 def _overwrite_at_once(position: int) -> None:
     """Wait for no reader."""
 
@@ -202,7 +86,8 @@ class CycleRing(Observer):
     """Observer that writes every cycle, and ten times a second the status of the service, into a ring.
 
     Args:
-        path: The file, in memory; None for one without a name, for the recorder alone.
+        path: The file. It should lie in memory (/run, /dev/shm): on a disk, write-back can block the writer. None for
+            one without a name, for the recorder alone.
         legs: Name of the leg in each row of the frames.
         header: Entries of a recording's header.
         cycle_rate_hz: Cycles per second; the ring holds 30 s of them.
@@ -210,12 +95,13 @@ class CycleRing(Observer):
 
     Attributes:
         n_cycles: Cycles so far.
+        before_overwriting: Called with a position before the bytes ahead of it are overwritten; may wait for a reader.
 
     Raises:
-        FootsenseError: The file cannot be written, or belongs to another running service.
+        FootsenseError: Another running process writes this file, something else has its name, or it cannot be created.
 
     Timing:
-        6 us a cycle of six legs; no lock.
+        7 us a cycle of six legs; no lock.
     """
 
     def __init__(
@@ -227,42 +113,97 @@ class CycleRing(Observer):
         status: Callable[[], ServiceStatus],
     ) -> None:
         text = json.dumps({**header, "legs": ",".join(legs)}).encode()
+        self._path = path
+        self._place = ring_file.ring_place(len(text))
+        self._n_bytes = _ring_bytes(len(legs), cycle_rate_hz)
         self._status = status
         self._status_due_ns = 0
+        self._begin = self._end = 0
+        #: Where blocks begin, oldest first.
+        self._blocks: deque[int] = deque()
         self.n_cycles = 0
-        self._ring = RingWriter(path, text, _ring_bytes(len(legs), cycle_rate_hz))
+        self.before_overwriting: Callable[[int], None] = _overwrite_at_once
+        try:
+            self._fd = self._create(text)
+        except OSError as error:
+            raise FootsenseError(f"{path}: cannot be written: {error.strerror}") from error
+
+    def _create(self, header: bytes) -> int:
+        if self._path is None:
+            fd, unnamed = os.memfd_create("footsense-ring", os.MFD_CLOEXEC), None
+        else:
+            ring_file.check_replaceable(self._path)
+            fd, name = tempfile.mkstemp(prefix=f"{self._path.name}.", dir=self._path.parent)
+            unnamed = Path(name)
+        try:
+            fcntl.flock(fd, fcntl.LOCK_EX)
+            os.fchmod(fd, 0o644)
+            # So that a full memory is an error here, and not in the loop.
+            os.posix_fallocate(fd, 0, self._place + self._n_bytes)
+            self._counters = memoryview(mmap.mmap(fd, mmap.PAGESIZE)).cast("Q")
+            self._counters[ring_file.HEADER_BYTES] = len(header)
+            os.pwrite(fd, ring_file.MAGIC, 0)
+            os.pwrite(fd, header, ring_file.HEADER_PLACE)
+            if unnamed is not None and self._path is not None:
+                unnamed.rename(self._path)
+        except OSError:
+            os.close(fd)
+            if unnamed is not None:
+                unnamed.unlink()
+            raise
+        return fd
 
     def observe(self, cycle: Cycle) -> None:
-        """Write one cycle."""
+        """Write one cycle; ten times a second a block of records begins, with the status of the service."""
         t_ns = cycle.forces.t_sent_ns
         if t_ns >= self._status_due_ns:
             self._status_due_ns = t_ns + _STATUS_PERIOD_NS
-            self._ring.write(_encode(self._status()), begins_block=True)
+            self._blocks.append(self._end)
+            self._counters[ring_file.RECENT] = self._blocks[-min(_N_RECENT_BLOCKS, len(self._blocks))]
+            self._write(_encode(self._status()))
         record = encode_cycle(self.n_cycles, cycle)
-        if len(record) > MAX_RECORD_BYTES:  # a burst of a test stand's samples
+        if len(record) > ring_file.MAX_RECORD_BYTES:  # a burst of a test stand's samples
             record = encode_cycle(self.n_cycles, cycle._replace(reference=None))
         self.n_cycles += 1
-        self._ring.write(record)
+        self._write(record)
+
+    def _write(self, data: bytes) -> None:
+        record = ring_file.RECORD_HEAD.pack(len(data), zlib.crc32(data)) + data
+        end = self._end + len(record)
+        overwritten = end + ring_file.MARGIN_BYTES - self._n_bytes
+        if overwritten > self._begin:
+            self._give_up_blocks(overwritten)
+        place = self._end % self._n_bytes
+        n_ahead = self._n_bytes - place
+        os.pwrite(self._fd, record[:n_ahead], self._place + place)
+        if n_ahead < len(record):
+            os.pwrite(self._fd, record[n_ahead:], self._place)
+        self._end = self._counters[ring_file.END] = end
+
+    def _give_up_blocks(self, position: int) -> None:
+        """Give up the oldest blocks, so that the bytes ahead of a position may be overwritten."""
+        begin = self._begin
+        while begin < position:
+            begin = self._blocks.popleft() if self._blocks else self._end
+        self.before_overwriting(begin)
+        self._begin = self._counters[ring_file.BEGIN] = begin
 
     def open_for_reading(self) -> int:
         """Return a descriptor of the ring for `CycleReader` in a child process."""
-        return os.open(f"/proc/self/fd/{self._ring.fd}", os.O_RDONLY | os.O_CLOEXEC)
-
-    def set_before_overwriting(self, wait: Callable[[int], None]) -> None:
-        """Have a function called with a position [bytes] before the cycles ahead of it are overwritten."""
-        self._ring.before_overwriting = wait
+        return os.open(f"/proc/self/fd/{self._fd}", os.O_RDONLY | os.O_CLOEXEC)
 
     def close(self) -> None:
-        """Remove the file."""
-        self._ring.close()
+        """Remove the file and release its lock; a second call does nothing."""
+        if self._fd >= 0:
+            if self._path is not None:
+                self._path.unlink(missing_ok=True)
+            self._counters.release()
+            os.close(self._fd)
+            self._fd = -1
 
 
 def _ring_bytes(n_legs: int, cycle_rate_hz: float) -> int:
-    arrays, gaits = (
-        sum(np.dtype((field.dtype, field.row_shape)).itemsize for field in fields.values()) * n_legs
-        for fields in (CYCLE_FIELDS, GAIT_FIELDS)
-    )
-    n_per_s = cycle_rate_hz * (arrays + _OTHER_RECORD_BYTES) + _STATUSES_PER_S * (
-        gaits + 8 * n_legs * ELEMENTS + 4 * _OTHER_RECORD_BYTES
-    )
-    return max(_MIN_RING_BYTES, int(_ROOM_REL * RING_DURATION_S * n_per_s))
+    leg_bytes = sum(np.dtype((field.dtype, field.row_shape)).itemsize for field in CYCLE_FIELDS.values())
+    records_per_s = cycle_rate_hz + _OTHER_RECORDS_PER_S
+    ring_bytes = RING_DURATION_S * records_per_s * (n_legs * leg_bytes + _OTHER_CYCLE_BYTES)
+    return max(_MIN_RING_BYTES, int(_ROOM_REL * ring_bytes))

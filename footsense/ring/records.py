@@ -1,17 +1,39 @@
-"""What the ring's records are made of: numbered cycles, gaps between them, and the status of the service.
+"""The ring's records and their checked decoder: numbered cycles, and the status of the service.
 
 A record is one msgpack array: a cycle, or the values of the service that change slowly. The arrays of a cycle's frames
-stand in one binary field, the wide entries first so that all are aligned, and encoding is copying.
+stand in one binary field, the wide entries first so that all are aligned, and encoding (`cycle_ring`) is copying.
 """
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from functools import cache
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
-from footsense.frames import ALL_LEGS, ELEMENTS, CanStatistics, Cycle, Vector
-from footsense.ring.cycle_fields import CYCLE_FIELDS, GAIT_FIELDS, CycleField, NonNegativeInt64
+from footsense.errors import FootsenseError
+from footsense.frames import (
+    ALL_LEGS,
+    ELEMENTS,
+    CanStatistics,
+    Command,
+    CommandResult,
+    Cycle,
+    GaitEvent,
+    GaitFrame,
+    ReferenceSamples,
+    Vector,
+)
+from footsense.ring.cycle_fields import (
+    CYCLE_FIELDS,
+    GAIT_FIELDS,
+    CycleField,
+    NonNegativeInt64,
+    forces_from_arrays,
+    gait_from_arrays,
+    scan_from_arrays,
+)
 
 
 class NumberedCycle(NamedTuple):
@@ -96,3 +118,107 @@ def require_valid(holds: bool, error_text: str) -> None:  # noqa: FBT001 - reads
     """
     if not holds:
         raise ValueError(error_text)
+
+
+class _GaitRecord(msgspec.Struct, array_like=True):
+    t_ns: NonNegativeInt64
+    friction: float
+    all_in_air: bool
+    events: tuple[GaitEvent, ...]
+    arrays: bytes
+
+
+class _CycleRecord(msgspec.Struct, array_like=True, tag="cycle"):
+    cycle_number: NonNegativeInt64
+    scan_sequence: NonNegativeInt64
+    force_sequence: NonNegativeInt64
+    t_sent_ns: NonNegativeInt64
+    arrays: bytes
+    started_commands: tuple[Command, ...]
+    ended_commands: tuple[CommandResult, ...]
+    reference_samples: tuple[bytes, bytes, bytes] | None
+    temperature_c: bytes | None
+    gait: _GaitRecord | None
+
+
+_decode = msgspec.msgpack.Decoder(_CycleRecord | ServiceStatus).decode
+
+
+def decode_record(record: bytes, n_legs: int) -> NumberedCycle | ServiceStatus:
+    """Return the cycle or the status in a record.
+
+    Args:
+        record: The record.
+        n_legs: Rows of its arrays.
+
+    Raises:
+        FootsenseError: The bytes are no such record, or its fields have no meaning.
+    """
+    try:
+        decoded = _decode(record)
+        if isinstance(decoded, ServiceStatus):
+            require_valid(len(decoded.baseline) == 8 * n_legs * ELEMENTS, "baselines of other legs")
+            return decoded
+        return _numbered_cycle(decoded, n_legs)
+    except (msgspec.MsgspecError, ValueError, LookupError) as error:
+        raise FootsenseError(f"the cycles of the loop arrive damaged ({error})") from None
+
+
+def _numbered_cycle(record: _CycleRecord, n_legs: int) -> NumberedCycle:
+    arrays = _decode_arrays(record.arrays, CYCLE_FIELDS, _cycle_layout(n_legs))
+    commands = (*record.started_commands, *(outcome.command for outcome in record.ended_commands))
+    require_valid(
+        all(0 <= command.leg < n_legs for command in commands), f"a command for none of {n_legs} legs"
+    )
+    scan = scan_from_arrays(record.scan_sequence, arrays)
+    forces = forces_from_arrays(record.force_sequence, record.t_sent_ns, arrays)
+    if record.gait is not None:
+        forces = forces._replace(gait=_decode_gait(record.gait, n_legs))
+    reference = None if record.reference_samples is None else _decode_reference(*record.reference_samples)
+    temperature_c = None if record.temperature_c is None else np.frombuffer(record.temperature_c, "<f8")
+    require_valid(temperature_c is None or len(temperature_c) == n_legs, "temperatures of other legs")
+    cycle = Cycle(scan, record.started_commands, forces, record.ended_commands, reference, temperature_c)
+    return NumberedCycle(record.cycle_number, cycle)
+
+
+@cache
+def _cycle_layout(n_legs: int) -> np.dtype[Any]:
+    return _layout(CYCLE_FIELDS, CYCLE_ARRAY_ORDER, n_legs)
+
+
+@cache
+def _gait_layout(n_legs: int) -> np.dtype[Any]:
+    return _layout(GAIT_FIELDS, GAIT_ARRAY_ORDER, n_legs)
+
+
+def _layout(fields: Mapping[str, CycleField], order: list[str], n_legs: int) -> np.dtype[Any]:
+    return np.dtype([(path, fields[path].dtype, (n_legs, *fields[path].row_shape)) for path in order])
+
+
+def _decode_arrays(
+    data: bytes, fields: Mapping[str, CycleField], layout: np.dtype[Any]
+) -> Mapping[str, NDArray[Any]]:
+    """Return the arrays in a binary field by their paths, after checking its length and codes."""
+    require_valid(len(data) == layout.itemsize, f"arrays of {len(data)} bytes")
+    arrays: Mapping[str, NDArray[Any]] = np.frombuffer(data, dtype=layout)[0]
+    for path, field in fields.items():
+        if field.max_code is not None:
+            found = max(arrays[path].tobytes()) if field.dtype == "u1" else arrays[path].max()
+            require_valid(found <= field.max_code, f"{path} {found}, at most {field.max_code} has a meaning")
+    return arrays
+
+
+def _decode_gait(record: _GaitRecord, n_legs: int) -> GaitFrame:
+    require_valid(
+        all(0 <= event.leg < n_legs for event in record.events), f"an event of none of {n_legs} legs"
+    )
+    arrays = _decode_arrays(record.arrays, GAIT_FIELDS, _gait_layout(n_legs))
+    return gait_from_arrays(record.t_ns, record.friction, record.all_in_air, record.events, arrays)
+
+
+def _decode_reference(times: bytes, forces: bytes, saturations: bytes) -> ReferenceSamples:
+    t_ns, saturated = np.frombuffer(times, "<i8"), np.frombuffer(saturations, "u1")
+    force_n = np.frombuffer(forces, "<f8").reshape(len(t_ns), 3)
+    meant = len(saturated) == len(t_ns) and t_ns.min(initial=0) >= 0 and saturated.max(initial=0) <= 1
+    require_valid(meant, "a sample of the reference has no such time or mark")
+    return ReferenceSamples(t_ns, force_n, saturated.astype(np.bool_))

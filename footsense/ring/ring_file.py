@@ -48,6 +48,13 @@ def ring_place(n_header: int) -> int:
     return -(-(HEADER_PLACE + n_header) // mmap.PAGESIZE) * mmap.PAGESIZE
 
 
+def default_ring(*, is_simulated: bool) -> Path:
+    """Return the path of a service's ring: that of the robot, if its unit has made the directory, or of this user."""
+    if not is_simulated and os.access(SERVICE_RING.parent, os.W_OK):
+        return SERVICE_RING
+    return user_ring()
+
+
 def user_ring() -> Path:
     """Return the path of the ring of a simulated robot: in memory, and this user's own."""
     return Path(os.environ.get("XDG_RUNTIME_DIR", "/dev/shm"), f"footsense-{os.geteuid()}.ring")  # noqa: S108

@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from footsense.frames import CommandResult, Result
-from footsense.ring.cycle_reader import CycleReader, decode_record
+from footsense.ring.cycle_reader import CycleReader
 from footsense.ring.cycle_ring import CycleRing, encode_cycle
-from footsense.ring.records import NumberedCycle
+from footsense.ring.records import NumberedCycle, decode_record
 from tests.fuzz.outcome import TRIED, refusal
 from tests.fuzz.test_texts import anything
 from tests.support.cycles import LEGS, TARE, cycle, same, status

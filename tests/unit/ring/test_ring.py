@@ -19,11 +19,11 @@ from hypothesis import strategies as st
 
 from footsense.errors import FootsenseError
 from footsense.frames import ALL_LEGS, CanStatistics, CommandResult, Cycle, Result
-from footsense.ring import cycle_reader, ring_file
-from footsense.ring.cycle_reader import CycleReader, RingReader, decode_record
-from footsense.ring.cycle_ring import CycleRing, RingWriter, encode_cycle
-from footsense.ring.records import LostCycles, NumberedCycle, ServiceStatus
-from footsense.ring.ring_file import free_ring, open_ring
+from footsense.ring import ring_file
+from footsense.ring.cycle_reader import CycleReader
+from footsense.ring.cycle_ring import CycleRing, encode_cycle
+from footsense.ring.records import LostCycles, NumberedCycle, ServiceStatus, decode_record
+from footsense.ring.ring_file import free_ring
 from tests.support.cycles import LEGS, PERIOD_NS, TARE, cycle, same, status
 
 outcomes = st.lists(
@@ -91,7 +91,7 @@ def test_a_reader_gets_every_cycle_and_the_status(path: Path) -> None:
         assert all(same(a, b[1]) for a, b in zip(shown, read, strict=True) if isinstance(b, NumberedCycle))
         assert reader.status == now
         assert np.array_equal(reader.status.baseline_pf, np.arange(72.0).reshape(8, 9))
-        assert (reader.read(), reader.n_unread_bytes) == ([], 0)
+        assert (reader.read(), reader.position) == ([], reader.end)
         reader.close()
 
 
@@ -101,7 +101,7 @@ def test_a_slow_reader_counts_what_it_missed(ring: CycleRing, path: Path) -> Non
         ring.observe(cycle(0))
         assert len(reader.read()) == 1
         n = 0
-        while reader.n_unread_bytes < 3 << 21:
+        while reader.end - reader.position < 3 << 21:
             n += 1
             ring.observe(quick_cycle(n))
         read: list[NumberedCycle | LostCycles] = []
@@ -128,7 +128,7 @@ def test_a_writer_that_waits_loses_nothing(ring: CycleRing, path: Path) -> None:
             while reader.position < position:
                 numbers.extend(entry[0] for entry in reader.read())
 
-        ring.set_before_overwriting(read_until)
+        ring.before_overwriting = read_until
         for number in range(2500):
             ring.observe(quick_cycle(number))
         while entries := reader.read():
@@ -145,38 +145,40 @@ def test_a_burst_of_a_test_stand_does_not_hide_the_cycle(ring: CycleRing, path: 
     assert same(read.cycle, cycle(0, n_samples=20_000)._replace(reference=None))
 
 
-#: Writes numbered records as fast as it can; argv: the file.
+#: Writes cycles as fast as it can; argv: the file, the top of the checkout.
 WRITE_AT_FULL_SPEED = """
-import pathlib, sys
-from footsense.ring.cycle_ring import RingWriter
-ring = RingWriter(pathlib.Path(sys.argv[1]), b"{}", 1 << 20)
+import itertools, pathlib, sys
+sys.path.insert(0, sys.argv[2])
+from footsense.ring.cycle_ring import CycleRing
+from tests.support.cycles import LEGS, status
+from tests.unit.ring.test_ring import quick_cycle
+ring = CycleRing(pathlib.Path(sys.argv[1]), LEGS, {}, 1.0, status)
+shown = [quick_cycle(number) for number in range(1000)]
 print("ready", flush=True)
-number = 0
-while True:
-    ring.write(number.to_bytes(8, "little") * (1 + number % 300), begins_block=number % 37 == 0)
-    number += 1
+for one in itertools.cycle(shown):
+    ring.observe(one)
+    ring._status_due_ns %= 25_000_000_000
 """
 
 
 def test_two_processes_at_full_speed(path: Path) -> None:
-    """No reader sees half of a counter: every record is whole, and each number greater than the one before."""
-    command = [sys.executable, "-c", WRITE_AT_FULL_SPEED, str(path)]
+    """No reader sees half of a counter: every record is whole, no cycle comes twice, none is missed uncounted."""
+    command = [sys.executable, "-c", WRITE_AT_FULL_SPEED, str(path), str(Path(__file__).parents[3])]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as writer:
         try:
             assert writer.stdout is not None
             assert writer.stdout.readline() == "ready\n"
-            reader = RingReader(open_ring(path), "ring")
-            last, n_read = -1, 0
-            while last < 150_000:
-                position = reader.position
-                for record in reader.read():
-                    number = int.from_bytes(record[:8], "little")
-                    assert record == record[:8] * (1 + number % 300)
-                    assert number > last
-                    last, n_read = number, n_read + 1
-                assert reader.position >= position
-            assert n_read > 1000
-            reader.close()
+            with closing(CycleReader(path)) as reader:
+                last, n_read = -1, 0
+                while n_read < 5_000:
+                    for entry in reader.read():
+                        if isinstance(entry, LostCycles):
+                            assert last + 1 + entry.n_cycles == entry.next_cycle_number > last + 1
+                            last += entry.n_cycles
+                        else:
+                            assert n_read == 0 or entry.cycle_number == last + 1
+                            last, n_read = entry.cycle_number, n_read + 1
+                assert last > 2 * n_read
         finally:
             writer.kill()
 
@@ -206,8 +208,10 @@ def test_the_end_and_the_restart_of_a_service_are_noticed(path: Path) -> None:
 
 def test_a_killed_service_is_not_taken_for_a_running_one(path: Path) -> None:
     """SIGKILL leaves its file behind, without its lock; the next service replaces the file."""
-    kill = "import os, signal, pathlib, sys; from footsense.ring.cycle_ring import RingWriter\n"
-    kill += "RingWriter(pathlib.Path(sys.argv[1]), b'', 1 << 20); os.kill(os.getpid(), signal.SIGKILL)"
+    kill = "import os, signal, pathlib, sys; from footsense.ring.cycle_ring import CycleRing\n"
+    kill += (
+        "CycleRing(pathlib.Path(sys.argv[1]), ['lf'], {}, 1.0, None); os.kill(os.getpid(), signal.SIGKILL)"
+    )
     assert subprocess.run([sys.executable, "-c", kill, str(path)], check=False).returncode == -9
     with pytest.raises(FootsenseError, match="its service has ended"):
         CycleReader(path)
@@ -266,24 +270,26 @@ def test_a_file_that_cannot_be_created_leaves_nothing_behind(
 ) -> None:
     """No directory, no room, and a name that a sticky bit protects: one line each."""
     with pytest.raises(FootsenseError, match=r"none/ring: cannot be written: No such file"):
-        RingWriter(path.parent / "none" / "ring", b"", 1 << 20)
+        CycleRing(path.parent / "none" / "ring", LEGS, {}, 1.0, status)
     with contextlib.suppress(OSError), pytest.raises(FootsenseError, match=r"ring: cannot be written: "):
-        RingWriter(path, b"", 1 << 60)
+        CycleRing(path, LEGS, {}, 1e14, status)
 
     def forbidden(path: Path, target: Path) -> None:
         raise PermissionError(errno.EPERM, "Operation not permitted", str(path), None, str(target))
 
     monkeypatch.setattr(Path, "rename", forbidden)
     with pytest.raises(FootsenseError, match="ring: cannot be written: Operation not permitted"):
-        RingWriter(path, b"", 1 << 20)
+        CycleRing(path, LEGS, {}, 1.0, status)
     assert list(path.parent.iterdir()) == []
 
 
 def test_readers_look_for_the_service_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Then for a simulation of this user."""
-    monkeypatch.setattr(cycle_reader, "SERVICE_RING", tmp_path / "ring")
+    monkeypatch.setattr(ring_file, "SERVICE_RING", tmp_path / "ring")
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    for path in (ring_file.user_ring(), tmp_path / "ring"):
+    for is_simulated in (True, False):
+        path = ring_file.default_ring(is_simulated=is_simulated)
+        assert (path == tmp_path / "ring") == (not is_simulated)
         CycleRing(path, LEGS, {"path": str(path)}, 40.0, status)
         with closing(CycleReader()) as reader:
             assert reader.header["path"] == str(path)
