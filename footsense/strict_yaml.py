@@ -194,7 +194,8 @@ def _wanted(info: inspect.Type) -> str:
             bounds = (
                 words.format(f"{bound}".removesuffix(".0")) for words, bound in found if bound is not None
             )
-            texts.append("".join([_TYPE_WORDS[type(type_)], *bounds, f" ({hint})" if hint else ""]))
+            text = "".join([_TYPE_WORDS[type(type_)], *bounds, f" ({hint})" if hint else ""])
+            texts.append(re.sub(r" of at least (\d+), at most \1\b", r" of \1", text))
     return ", or ".join(dict.fromkeys(texts))
 
 

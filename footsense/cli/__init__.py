@@ -40,7 +40,7 @@ _COMMANDS = {
     "evaluate": ("calibration", "Compare a foot's forces with the reference of a test stand."),
     "probe": ("probe", "Check buses and feet, and name what to check."),
     "benchmark": ("benchmark", "Measure scan, cycle, latency, start and memory."),
-    "soak": ("soak", "Walk for a virtual day with random faults, and count violated invariants."),
+    "soak": ("soak", "Walk for a virtual day with random faults, check invariants."),
     "lab": ("lab.group", "From rubber to network (needs footsense[lab])."),
 }
 

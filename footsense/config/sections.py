@@ -202,9 +202,7 @@ class Can(Section, frozen=True, kw_only=True):
 
     interface: Annotated[
         Literal["virtual", "socketcan", "udp_multicast"],
-        Meta(
-            description="on a robot interface: socketcan, channel: can0; a vcan: interface: socketcan, channel: vcan0"
-        ),
+        Meta(description="a CAN device of Linux: interface: socketcan, channel: can0, or vcan0"),
     ]
     channel: Annotated[
         str, Meta(pattern=r"^[^\s/]{1,15}$", description="a network interface such as can0")

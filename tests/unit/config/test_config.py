@@ -79,24 +79,25 @@ def test_a_folder_beside_a_file_of_the_working_directory_is_found(
     ("text", "wanted"),
     [
         (
+            ONE_BUS.replace("rf", "fl"),
+            ":3: buses[0].legs.fl: 'fl' is none of l4, lf, lm, lr, r4, rf, rm, rr; did you mean lf?",
+        ),
+        (
+            ONE_BUS.replace("socketcan", "vcan"),
+            "(a CAN device of Linux: interface: socketcan, channel: can0, or vcan0)",
+        ),
+        (ONE_BUS + "legs: {lf: 0}", ":5: legs: unknown key; legs belongs under buses or serial"),
+        (
+            ONE_BUS.replace("/dev/i2c-1", "i2c-1"),
+            '"i2c-1" is wrong; it has to be text (such as /dev/i2c-1, or sim)',
+        ),
+        (
             ONE_BUS + "board: ad7746\nscan: {rate_sps: 400}",
             ":6: scan.rate_sps: 400 is no rate of the board ad7746; use one of 9, 11, 13, 16, 26, 50, 84, 91",
         ),
         (
-            ONE_BUS + "scan: {rate_sps: 91}",
-            ":5: scan.rate_sps: 91 is no rate of the board fdc1004; use one of 100, 200, 400",
-        ),
-        (
             ONE_BUS.replace("rf: 1", "rf: 0"),
             ":3: buses[0].legs.rf: channel 0 is already that of lf; free",
-        ),
-        (
-            ONE_BUS.replace("{lf: 0, rf: 1}", "{}"),
-            ":3: buses[0].legs: a section of 0 keys is wrong; it has to be a section of keys of at least 1",
-        ),
-        (
-            ONE_BUS.replace("device", "rate_hz: 1000000\n    device"),
-            "buses[0].rate_hz: 1000000 is wrong; it has to be a whole number from 10000 to 400000 (FDC1004 and",
         ),
         (
             ONE_BUS.replace("can:", "  - device: /dev/i2c-2\n    legs: {lf: 2}\ncan:"),
@@ -109,10 +110,6 @@ def test_a_folder_beside_a_file_of_the_working_directory_is_found(
         (
             ONE_BUS.replace("can:", "    other_devices: [{name: HAT EEPROM, address: 0x50}]\ncan:"),
             "buses[0].other_devices[0].address: HAT EEPROM answers at 0x50, as does the FDC1004 of every leg",
-        ),
-        (
-            ONE_BUS.replace("can:", "    other_devices: [{name: LED, address: 0x71}]\ncan:"),
-            "LED answers at 0x71, as does the multiplexer; change one of them",
         ),
         (
             ONE_BUS.replace(
@@ -136,10 +133,6 @@ def test_a_folder_beside_a_file_of_the_working_directory_is_found(
             ONE_BUS + "board: mcu\nserial: {device: sim}",
             ":1: buses: the board mcu has no I2C bus; take buses away, or use another board",
         ),
-        (
-            ONE_BUS + "serial: {device: sim}",
-            ":5: serial: is for board: mcu; the board fdc1004 is read over",
-        ),
         ("can: {interface: virtual}", "the board fdc1004 is read over I2C: name its buses, with their legs"),
         (MCU + "scan: {rate_sps: 100}", "scan: the microcontroller scans at serial.rate_hz"),
         (
@@ -148,7 +141,6 @@ def test_a_folder_beside_a_file_of_the_working_directory_is_found(
         ),
         (MCU + "max_age_ms: 6", "max_age_ms: a scan takes 5 ms and more: every force"),
         (MCU.replace("sim", "sim, legs: [lf, rf, lf]"), "serial.legs[2]: lf is named twice"),
-        (MCU.replace("sim", "ttyACM0"), "serial.device"),
         (ONE_BUS + "feet: {lf: foot-0001, rf: foot-0001}", "feet.rf: foot-0001 is already mounted on lf"),
         (ONE_BUS + "calibrations: feet/", "calibrations: no foot is named; name them under feet"),
         (
@@ -162,7 +154,7 @@ def test_a_folder_beside_a_file_of_the_working_directory_is_found(
         ),
         (
             ONE_BUS + "stray_pf: {rf: [1, 1, 1, 1]}",
-            "stray_pf.rf: a list of 4 is wrong; it has to be a list of at least 9, at most 9 (a number for each of",
+            "stray_pf.rf: a list of 4 is wrong; it has to be a list of 9 (a number for each of",
         ),
         (ONE_BUS + "unloaded_pf: {lr: [5, 5, 5, 5, 5, 5, 5, 5, 5]}", "unloaded_pf.lr: no bus has the leg lr"),
         (
@@ -196,20 +188,20 @@ def test_a_contradiction_names_its_path_and_remedy(file: Path, text: str, wanted
     assert wanted in str(caught.value)
 
 
-def test_a_multiplexer_at_0x70_is_warned_of(file: Path) -> None:
-    """0x70 works until somebody adds a servo board, so it is said but not refused."""
-    file.write_text(ONE_BUS.replace("can:", "    mux: {address: 0x70}\ncan:"))
-    (warning,) = warnings(load_config(file))
-    assert warning.startswith("buses[0].mux.address: 0x70 is also the ALLCALL address of PCA9685")
-
-
-def test_a_serial_port_that_may_change_its_name_is_warned_of(file: Path) -> None:
-    """So is CAN that stays in the process, as with I2C."""
-    file.write_text(MCU.replace("sim", "/dev/ttyACM0"))
-    assert [warning.partition(":")[0] for warning in warnings(load_config(file))] == [
-        "serial.device",
-        "can.interface",
-    ]
+@pytest.mark.parametrize(
+    ("text", "warned_of"),
+    [
+        (ONE_BUS.replace("can:", "    mux: {address: 0x70}\ncan:"), ["buses[0].mux.address"]),
+        (MCU.replace("sim", "/dev/ttyACM0"), ["serial.device", "can.interface"]),
+        (ONE_BUS + "metrics: {address: 0.0.0.0}", ["metrics.address"]),
+    ],
+)
+def test_what_is_allowed_but_often_a_mistake_is_warned_of(
+    file: Path, text: str, warned_of: list[str]
+) -> None:
+    """0x70 works until somebody adds a servo board; a port may change its name; metrics have no password."""
+    file.write_text(text)
+    assert [warning.partition(":")[0] for warning in warnings(load_config(file))] == warned_of
 
 
 def test_check_config_explains_a_file() -> None:
@@ -222,14 +214,3 @@ def test_check_config_explains_a_file() -> None:
         in said
     )
     assert "can interface socketcan, channel can0, bitrate 500000" in said
-
-
-def test_an_age_limit_below_a_scan_is_refused(tmp_path: Path) -> None:
-    """Every force would be stale; the remedy is a number."""
-    file = tmp_path / "robot.yaml"
-    file.write_text(
-        "buses: [{device: sim, legs: {lf: 0}}]\ncan: {interface: virtual}\n"
-        "scan: {rate_sps: 100}\nmax_age_ms: 100\n"
-    )
-    with pytest.raises(ConfigError, match="max_age_ms: a scan takes 90 ms and more"):
-        load_config(file)
