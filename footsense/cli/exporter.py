@@ -6,8 +6,7 @@ from pathlib import Path
 import click
 
 from footsense.cli.options import config_option, ring_option
-from footsense.config import load_config
-from footsense.config.sections import Metrics
+from footsense.config import DEFAULT, load_config
 from footsense.telemetry.exporter import start_metrics_server
 
 #: Time between two looks at the ring [s].
@@ -25,12 +24,12 @@ def exporter(config_file: Path | None, ring: Path | None, port: int | None) -> N
 
     The service may start, end and start again meanwhile: `footsense_up` tells whether it runs.
     """
-    config = load_config(config_file) if config_file else None
-    metrics = config.metrics if config else Metrics()
+    config = load_config(config_file) if config_file else DEFAULT
+    metrics = config.metrics
     ends = {signal.SIGINT, signal.SIGTERM}
     signal.pthread_sigmask(signal.SIG_BLOCK, ends)  # before the server's threads begin, which inherit it
     collector, port = start_metrics_server(
-        ring or (config.ring_path if config else None),
+        ring or config.ring_path,
         metrics.address,
         metrics.port if port is None else port,
     )

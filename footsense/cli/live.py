@@ -1,6 +1,7 @@
 """Displays of the main loop on a terminal: redrawn pictures, the table of `footsense run`, a progress bar."""
 
 import logging
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -12,7 +13,7 @@ from rich.logging import RichHandler
 from rich.progress_bar import ProgressBar
 from rich.text import Text
 
-from footsense.cli.tables import Column, force_column, state_cell, table
+from footsense.cli.tables import Column, force_column, state_column, table
 from footsense.frames import IS_USABLE_STATE, Cycle, State, Vector
 from footsense.ports import Observer
 from footsense.progress import progress_bar
@@ -21,7 +22,6 @@ _NS_PER_S = 1_000_000_000
 _TABLE_REDRAW_PERIOD_NS = 66_000_000
 _BAR_WIDTH_CELLS = 10
 _BAR_FULL_SCALE_N = 1.2
-_STATE_WIDTH = max(len(state.name) for state in State)
 
 
 class LiveView(ABC):
@@ -93,38 +93,27 @@ class LiveTable(LiveView):
         age_ms = np.where(usable, forces.age_ns * 1e-6, np.nan).tolist()
         columns: list[Column[int]] = [
             Column("leg", lambda row: self._legs[row], "<3"),
-            Column(
-                "state",
-                lambda row: State(int(forces.state[row])),
-                f"<{_STATE_WIDTH}",
-                cell=lambda row: state_cell(State(int(forces.state[row]))),
-            ),
+            state_column(lambda row: State(int(forces.state[row]))),
             force_column("force_n", lambda row: force_n[row].tolist()),
             Column(
-                "load_n",
-                lambda row: force_n[row, 2],
+                "load",
+                lambda row: usable[row],
                 f"<{_BAR_WIDTH_CELLS}",
-                ("load",),
-                lambda row: _force_bar(force_n[row, 2]) if usable[row] else "",
+                cell=lambda row: _force_bar(force_n[row, 2]),
             ),
         ]
         if self._true_force_n_at is not None:
             true_n = self._true_force_n_at(forces.t_sent_ns)
-            columns.append(
-                Column(
-                    "true_n",
-                    lambda row: true_n[row, 2],
-                    ">8",
-                    cell=lambda row: f"[dim]{true_n[row, 2]:.3f}[/]",
-                )
-            )
+            columns.append(Column("true_n", lambda row: true_n[row, 2], ">8.3f", style=lambda _: "dim"))
         columns.append(Column("age_ms", lambda row: age_ms[row], ">8.1f"))
         head = Text.assemble(("footsense  ", "bold"), self._title, (f"   {elapsed_s:5.1f} s", "dim"))
         head.append(*((f"   {self._url}", "cyan") if self._url else (f"   cycle {forces.sequence}", "dim")))
         return Group(head, Text(), table(columns, range(len(self._legs))))
 
 
-def _force_bar(force_n: float) -> ProgressBar:
+def _force_bar(force_n: float) -> ProgressBar | str:
+    if math.isnan(force_n):
+        return ""
     return ProgressBar(
         _BAR_FULL_SCALE_N,
         max(force_n, 0.0),

@@ -18,7 +18,7 @@ from footsense.cli.tables import (
     echo_json,
     force_column,
     json_row,
-    state_cell,
+    state_column,
     styled,
     table,
     value_text,
@@ -125,10 +125,6 @@ def monitor_tables(legs: list[LegSnapshot], title: str) -> Group:
     )
 
 
-def _state_cell(leg: LegSnapshot) -> str:
-    return state_cell(leg.force.state) if leg.is_current else EMPTY_CELL
-
-
 def _contact(leg: LegSnapshot) -> bool | None:
     return bool(leg.force.flags & Flag.CONTACT) if leg.force.usable else None
 
@@ -151,11 +147,6 @@ def _cause(leg: LegSnapshot) -> str | None:
     if not leg.is_current or report.cause is None or report.cause_state is not leg.force.state:
         return None
     return word_of(report.cause)
-
-
-def _cause_cell(leg: LegSnapshot) -> str:
-    cause = _cause(leg)
-    return EMPTY_CELL if cause is None else styled(cause, "" if leg.report.cause is Cause.NONE else "yellow")
 
 
 def _elements_out(leg: LegSnapshot) -> list[int] | None:
@@ -189,12 +180,12 @@ def _reported(name: str, form: str = "", *titles: str) -> Column[LegSnapshot]:
 
 _LEG_COLUMN: Column[LegSnapshot] = Column("leg", lambda leg: leg.leg, "<3")
 _FORCE_COLUMNS: list[Column[LegSnapshot]] = [
-    Column("state", lambda leg: leg.force.state if leg.is_current else None, "<15", cell=_state_cell),
+    state_column(lambda leg: leg.force.state if leg.is_current else None),
     Column(
         "link",
         lambda leg: leg.force.status,
         "<8",
-        cell=lambda leg: styled(word_of(leg.force.status), _LINK_STYLES.get(leg.force.status, "bold red")),
+        style=lambda leg: _LINK_STYLES.get(leg.force.status, "bold red"),
     ),
     Column("forces", lambda leg: leg.n_force_frames),
     Column("phase", lambda leg: phase_of(leg.force.state) if leg.is_current else None),
@@ -205,10 +196,10 @@ _FORCE_COLUMNS: list[Column[LegSnapshot]] = [
         lambda leg: leg.force.sigma_n,
         ">5",
         ("sigma",),
-        lambda leg: value_text(max(leg.force.sigma_n), ".3f"),
+        cell=lambda leg: value_text(max(leg.force.sigma_n), ".3f"),
     ),
     Column("age_ms", lambda leg: _scaled(leg.force.age_ns, 1e-6), ">8.1f"),
-    Column("contact", _contact, "<4", ("foot",), _contact_cell),
+    Column("contact", _contact, "<4", ("foot",), cell=_contact_cell),
     Column("simulated", lambda leg: bool(leg.force.flags & Flag.SIMULATED) if leg.is_current else None),
 ]
 _GAIT_COLUMNS: list[Column[LegSnapshot]] = [
@@ -230,8 +221,8 @@ _GAIT_COLUMNS: list[Column[LegSnapshot]] = [
     ),
 ]
 _REPORT_COLUMNS: list[Column[LegSnapshot]] = [
-    Column("cause", _cause, "<15", cell=_cause_cell),
-    Column("elements_out", _elements_out, "<11", ("elements",), _elements_cell),
+    Column("cause", _cause, "<15", style=lambda leg: "" if leg.report.cause is Cause.NONE else "yellow"),
+    Column("elements_out", _elements_out, "<11", ("elements",), cell=_elements_cell),
     Column("baseline.status", lambda leg: leg.report.baseline, "<9", ("baseline",)),
     Column("baseline.mean_ff", lambda leg: leg.report.baseline_mean_offset_pf * 1e3, ">+7.1f", ("mean fF",)),
     Column("baseline.worst_ff", lambda leg: leg.report.baseline_worst_offset_pf * 1e3, ">+7.1f", ("worst",)),
@@ -241,7 +232,7 @@ _REPORT_COLUMNS: list[Column[LegSnapshot]] = [
         ">7.1f",
         ("ago [s]",),
     ),
-    Column("heartbeat", lambda leg: leg.report.node_state, "<7", ("node",), _node_cell),
+    Column("heartbeat", lambda leg: leg.report.node_state, "<7", ("node",), cell=_node_cell),
     Column("degraded_timing", lambda leg: leg.report.degraded_timing),
     Column("last_event.kind", lambda leg: leg.event and leg.event.kind),
     Column("last_event.ago_ms", lambda leg: _scaled(leg.event_ago_ns, 1e-6)),

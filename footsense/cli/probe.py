@@ -223,7 +223,7 @@ _LEG_COLUMNS: list[Column[ProbedLeg]] = [
         lambda leg: leg.scans and leg.scans.mean_pf.tolist(),
         ">1",
         ("C0 [pF]",),
-        _range_cell(lambda scans: scans.mean_pf, "{0:.2f}..{1:.2f}"),
+        cell=_range_cell(lambda scans: scans.mean_pf, "{0:.2f}..{1:.2f}"),
     ),
     Column(
         "noise_ff",

@@ -15,7 +15,7 @@ from footsense.cli import options
 from footsense.cli.tables import echo_json, figures_table
 from footsense.clock import process_age_ns, resident_mib
 from footsense.config import DEFAULT, load_config
-from footsense.config.sections import View
+from footsense.config.sections import PageServer
 from footsense.daemon.service import open_service
 from footsense.daemon.simulation import is_simulated
 from footsense.frames import FAULT_FREE, Cycle, State
@@ -53,7 +53,7 @@ class PageOfRun:
         ring: The ring of the run.
     """
 
-    def __init__(self, view: View, ring: Path) -> None:
+    def __init__(self, view: PageServer, ring: Path) -> None:
         address = ["--ring", str(ring), "--address", view.address]
         self._command = [sys.executable, "-P", "-m", "footsense", "view", *address, "--with-parent", "--port"]
         self._process = self._started(view.port)

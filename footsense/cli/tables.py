@@ -64,13 +64,15 @@ class Column(Generic[Row]):
         value: The value of a row; None and NaN are unknown.
         form: Format of a cell, such as ">7.3f": alignment, least width, format of a number. Empty: in JSON alone.
         titles: Headings; several for a value of several parts. None: that of the name.
-        cell: Text of the cell, with markup; None for the value in the form.
+        style: Style of the cell of a row; None for a plain one.
+        cell: Text of the cell, with markup; None for the value in the form and style.
     """
 
     name: str
     value: Callable[[Row], Any]
     form: str = ""
     titles: tuple[str, ...] | None = None
+    style: Callable[[Row], str] | None = None
     cell: Callable[[Row], "RenderableType"] | None = None
 
     @property
@@ -86,7 +88,9 @@ class Column(Generic[Row]):
             return [self.cell(row)]
         value = self.value(row)
         parts: Sequence[object] = value if isinstance(value, tuple | list) else [value] * len(self.headings)
-        return [value_text(part, self.form) for part in parts[: len(self.headings)]]
+        texts = [value_text(part, self.form) for part in parts[: len(self.headings)]]
+        style = self.style(row) if self.style else ""
+        return [f"[{style}]{text}[/]" if style else text for text in texts]
 
 
 def table(columns: Iterable[Column[Row]], rows: Iterable[Row]) -> "Table":
@@ -200,9 +204,14 @@ def escaped(text: str) -> str:
     return text.replace("[", "\\[")
 
 
-def state_cell(state: State) -> str:
-    """Return a leg's state as a cell, in the colour of its operating phase."""
-    return styled(word_of(state), _PHASE_STYLES[phase_of(state)])
+def state_column(state: Callable[[Row], State | None]) -> Column[Row]:
+    """Return the column of a leg's state, in the colour of its operating phase."""
+
+    def style(row: Row) -> str:
+        found = state(row)
+        return "" if found is None else _PHASE_STYLES[phase_of(found)]
+
+    return Column("state", state, "<15", style=style)
 
 
 def force_column(name: str, force_n: Callable[[Row], Sequence[float]]) -> Column[Row]:

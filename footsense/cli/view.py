@@ -16,7 +16,7 @@ from footsense.child_process import drop_realtime, end_with_parent
 from footsense.cli.options import FILE, config_option, ring_option
 from footsense.clock import MonotonicClock
 from footsense.config import load_config
-from footsense.config.sections import View
+from footsense.config.sections import PageServer
 from footsense.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ def view(
     otherwise.
     """
     config = load_config(config_file) if config_file else None
-    settings = View() if config is None else config.view
+    settings = PageServer() if config is None else config.view
     if address is not None:
         settings = msgspec.structs.replace(settings, address=address)
     if ring is None and config is not None:

@@ -58,7 +58,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     scan: sections.Scan = sections.Scan()
     publish_every: Annotated[int, Meta(ge=1, le=36)] = DEFAULT_PUBLISH_EVERY
     tare: sections.Tare = sections.Tare()
-    baseline: sections.Baseline = sections.Baseline()
+    baseline: sections.BaselineTracking = sections.BaselineTracking()
     contact: sections.Contact = sections.Contact()
     max_age_ms: Annotated[int, Meta(ge=1, le=10_000)] | None = None
     stray_pf: dict[sections.Leg, sections.StrayPf] = {}
@@ -75,7 +75,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     calibrations: Annotated[str, Meta(min_length=1)] | None = None
     ring: Annotated[str, Meta(min_length=1)] | None = None
     metrics: sections.Metrics = sections.Metrics()
-    view: sections.View = sections.View()
+    view: sections.PageServer = sections.PageServer()
     realtime: sections.Realtime | None = None
 
     @property

@@ -165,7 +165,7 @@ class Tare(Section, frozen=True, kw_only=True):
     unloaded_limit_rel: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.03
 
 
-class Baseline(Section, frozen=True, kw_only=True):
+class BaselineTracking(Section, frozen=True, kw_only=True):
     """Section `baseline`: drift tracking of the baseline between tares.
 
     Attributes:
@@ -231,7 +231,7 @@ class Metrics(Section, frozen=True, kw_only=True):
     port: Annotated[int, Meta(ge=1, le=65535)] = 9108
 
 
-class View(Section, frozen=True, kw_only=True):
+class PageServer(Section, frozen=True, kw_only=True):
     """Section `view`: address of the web page of `footsense view`.
 
     Attributes:
