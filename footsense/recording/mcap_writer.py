@@ -23,8 +23,10 @@ MCAP_PROFILE = "footsense"
 #: Name of the metadata record with the header, and key of the header's checksum.
 METADATA_NAME = "footsense"
 HEADER_CRC_KEY = "crc32"
-#: Chunk size before compression [bytes]: about half a second of six legs.
+#: Chunk size before compression [bytes]: 16 cycles of six legs.
 CHUNK_BYTES = 65_536
+#: Longest time that cycles stay in an unfinished chunk [ns].
+_FLUSH_PERIOD_NS = 400_000_000
 
 
 def header_crc(header: Mapping[str, str]) -> str:
@@ -63,6 +65,9 @@ class McapFile:
     Args:
         fd: Descriptor of the empty file.
         header: Entries of the recording's header; `legs` names the rows of the frames.
+
+    Attributes:
+        n_cycles: Cycles handed to the kernel so far.
     """
 
     def __init__(self, fd: int, header: Mapping[str, str]) -> None:
@@ -75,18 +80,16 @@ class McapFile:
         self._writer.add_metadata(METADATA_NAME, {**header, HEADER_CRC_KEY: header_crc(header)})
         self._schemas = messages.topic_schemas(self._legs)
         self._channels: dict[str, int] = {}
+        self._n_added = self.n_cycles = 0
+        self._t_flushed_ns: int | None = None
         for topic in self._schemas:
             if topic != messages.REFERENCE:
                 self._register(topic)
         self.flush()
 
-    @property
-    def n_bytes_written(self) -> int:
-        """Number of bytes passed to the kernel so far."""
-        return self._stream.n_bytes_written
-
     def add_entry(self, entry: NumberedCycle | LostCycles) -> None:
-        """Write the messages of one cycle, or of a loss of cycles."""
+        """Write the messages of one cycle, or of a loss of cycles; close the chunk if that is due."""
+        n_bytes_written = self._stream.n_bytes_written
         if isinstance(entry, LostCycles):
             loss = messages.loss_event(entry.n_cycles)
             self._add(messages.EVENT, entry.next_cycle_number, entry.next_t_sent_ns, loss)
@@ -97,6 +100,16 @@ class McapFile:
         for topic, encode in messages.ENCODERS.items():
             for t_ns, data in encode(entry.cycle, self._legs):
                 self._add(topic, entry.cycle_number, t_ns, data)
+        # A chunk was full and is written; the force of this cycle may be in the next one.
+        if self._stream.n_bytes_written > n_bytes_written:
+            self.n_cycles = self._n_added
+        self._n_added += 1
+        t_ns = entry.cycle.forces.t_sent_ns
+        if self._t_flushed_ns is None:
+            self._t_flushed_ns = t_ns
+        elif t_ns - self._t_flushed_ns >= _FLUSH_PERIOD_NS:
+            self._t_flushed_ns = t_ns
+            self.flush()
 
     def _register(self, topic: str) -> None:
         schema = self._writer.register_schema(f"footsense.{topic[1:]}", "jsonschema", self._schemas[topic])
@@ -111,8 +124,10 @@ class McapFile:
     def flush(self) -> None:
         """Close the current MCAP chunk, and write all buffered data to the file."""
         self._writer.flush()
+        self.n_cycles = self._n_added
 
     def finish(self) -> None:
         """Write the last chunk and the index of the MCAP file."""
+        self.flush()
         self._writer.finish()
         self._writer.flush()

@@ -80,15 +80,25 @@ GAIT_FIELDS = {
 }
 
 
+def _names_under(place: str) -> dict[str, str]:
+    """Return the names of the arrays of a frame with their paths."""
+    split = ((path, *path.rpartition(".")) for path in CYCLE_FIELDS)
+    return {name: path for path, parent, _, name in split if parent == place}
+
+
+_SCAN_NAMES, _FORCES_NAMES, _BASELINE_NAMES = map(_names_under, ("scan", "forces", "forces.baseline"))
+
+
 def scan_from_arrays(sequence: int, arrays: Mapping[str, NDArray[Any]]) -> CapFrame:
     """Return the capacitance frame made of arrays by their paths in `CYCLE_FIELDS`."""
-    return CapFrame(sequence, **_arrays_under_path("scan", arrays))
+    return CapFrame(sequence, **{name: arrays[path] for name, path in _SCAN_NAMES.items()})
 
 
 def forces_from_arrays(sequence: int, t_sent_ns: int, arrays: Mapping[str, NDArray[Any]]) -> ContactFrame:
     """Return the force frame made of arrays by their paths in `CYCLE_FIELDS`."""
-    baseline = BaselineDrift(**_arrays_under_path("forces.baseline", arrays))
-    return ContactFrame(sequence, t_sent_ns, **_arrays_under_path("forces", arrays), baseline=baseline)
+    baseline = BaselineDrift(**{name: arrays[path] for name, path in _BASELINE_NAMES.items()})
+    forces: Any = {name: arrays[path] for name, path in _FORCES_NAMES.items()}
+    return ContactFrame(sequence, t_sent_ns, **forces, baseline=baseline)
 
 
 def gait_from_arrays(
@@ -103,8 +113,3 @@ def gait_from_arrays(
     for name in ("contact", "contact_raw"):
         values[name] = values[name].astype(np.bool_)
     return GaitFrame(t_ns=t_ns, friction=friction, all_in_air=all_in_air, events=events, **values)
-
-
-def _arrays_under_path(place: str, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
-    split = (path.rpartition(".") for path in CYCLE_FIELDS)
-    return {name: arrays[f"{parent}.{name}"] for parent, _, name in split if parent == place}

@@ -53,49 +53,36 @@ class ServiceMetrics:
 
     def __init__(self, legs: Sequence[str]) -> None:
         self.legs = tuple(legs)
-        self._registry = CollectorRegistry()
-        self._cycles = self._counter(
-            "footsense_cycles_total",
-            "Forces estimated: one a conversion, or one a record of a microcontroller.",
-        )
-        self._missed = self._counter(
-            "footsense_exporter_missed_cycles_total",
-            "Cycles that were overwritten before the exporter read them.",
-        )
-        self._periods = Histogram(
-            "footsense_cycle_period_seconds",
-            "Time from one estimate of the forces to the next.",
-            buckets=_PERIOD_BUCKET_BOUNDS_S,
-            registry=self._registry,
-        )
-        self._ages = Histogram(
-            "footsense_frame_age_seconds",
-            "Age of a leg's newest reading at its estimate.",
-            ["leg"],
-            buckets=_AGE_BUCKET_BOUNDS_S,
-            registry=self._registry,
-        )
-        self._leg_cycles = self._counter(
-            "footsense_leg_cycles_total", "Estimates by the leg's state.", "state", State
-        )
-        self._faults = self._counter(
-            "footsense_faults_total", "Transitions of a leg into a fault.", "kind", _FAULTS
-        )
-        self._tares = self._counter("footsense_tares_total", "Tares by result.", "result", Result)
-        self._gait_events = self._counter(
-            "footsense_gait_events_total", "Gait events by kind.", "kind", GaitEventKind
-        )
-        self.begin_service()
+        self._registry = registry = CollectorRegistry()
 
-    def _counter(
-        self, name: str, meaning: str, label: str | None = None, codes: Iterable[IntEnum] = ()
-    ) -> Counter:
-        """Return a counter; with a label, at 0 for each leg and code."""
-        counter = Counter(name, meaning, ["leg", label] if label else [], registry=self._registry)
-        for code in codes:
-            for leg in self.legs:
-                counter.labels(leg, code.name.lower())
-        return counter
+        def histogram(name: str, meaning: str, bounds_s: Sequence[float], *labels: str) -> Histogram:
+            return Histogram(name, meaning, labels, buckets=bounds_s, registry=registry)
+
+        def counter(name: str, meaning: str) -> Counter:
+            return Counter(name, meaning, registry=registry)
+
+        def of_legs(
+            name: str, meaning: str, label: str, codes: Iterable[IntEnum]
+        ) -> list[dict[int, Counter]]:
+            """Return a counter for each leg and code."""
+            counts = Counter(name, meaning, ["leg", label], registry=registry)
+            return [{code: counts.labels(leg, code.name.lower()) for code in codes} for leg in legs]
+
+        self._cycles = counter("footsense_cycles_total", "Estimates: one a conversion, or one a record.")
+        self._missed = counter(
+            "footsense_exporter_missed_cycles_total", "Cycles overwritten before the exporter read them."
+        )
+        self._periods = histogram(
+            "footsense_cycle_period_seconds", "Time from one estimate to the next.", _PERIOD_BUCKET_BOUNDS_S
+        )
+        age = "Age of a leg's newest reading at its estimate."
+        ages = histogram("footsense_frame_age_seconds", age, _AGE_BUCKET_BOUNDS_S, "leg")
+        self._ages = [ages.labels(leg) for leg in legs]
+        self._leg_cycles = of_legs("footsense_leg_cycles_total", "Estimates by state.", "state", State)
+        self._faults = of_legs("footsense_faults_total", "Transitions into a fault.", "kind", _FAULTS)
+        self._tares = of_legs("footsense_tares_total", "Tares by result.", "result", Result)
+        self._gait_events = of_legs("footsense_gait_events_total", "Gait events.", "kind", GaitEventKind)
+        self.begin_service()
 
     def begin_service(self) -> None:
         """Begin with another service, which has another clock and states of its own."""
@@ -116,23 +103,22 @@ class ServiceMetrics:
         if self._forces is not None:
             self._periods.observe((forces.t_sent_ns - self._forces.t_sent_ns) / 1e9)
         self._forces = forces
-        for leg, t_ns in zip(self.legs, forces.t_ns.tolist(), strict=True):
+        for age, t_ns in zip(self._ages, forces.t_ns.tolist(), strict=True):
             if t_ns:
-                self._ages.labels(leg).observe((forces.t_sent_ns - t_ns) / 1e9)
+                age.observe((forces.t_sent_ns - t_ns) / 1e9)
         states = forces.state.tolist()
-        for leg, code, before in zip(self.legs, states, self._states, strict=True):
-            state = State(code)
-            self._leg_cycles.labels(leg, state.name.lower()).inc()
-            if code != before and state in _FAULTS:
-                self._faults.labels(leg, state.name.lower()).inc()
+        for row, (state, before) in enumerate(zip(states, self._states, strict=True)):
+            self._leg_cycles[row][state].inc()
+            if state != before and state in self._faults[row]:
+                self._faults[row][state].inc()
         self._states = states
         for outcome in cycle.ended_commands:
             if outcome.command.kind == CommandKind.TARE:
-                self._tares.labels(self.legs[outcome.command.leg], Result(outcome.result).name.lower()).inc()
+                self._tares[outcome.command.leg][outcome.result].inc()
         if forces.gait is not None:
             self._gait = forces.gait
             for event in forces.gait.events:
-                self._gait_events.labels(self.legs[event.leg], GaitEventKind(event.kind).name.lower()).inc()
+                self._gait_events[event.leg][event.kind].inc()
 
     def collect(self) -> Iterator[Metric]:
         """Yield all metrics.
@@ -149,94 +135,49 @@ class ServiceMetrics:
             yield from _status_metrics(self.status)
 
     def _forces_metrics(self, forces: ContactFrame) -> Iterator[Metric]:
-        state, baseline = forces.state.tolist(), forces.baseline
-        phase = [phase_of(State(code)) for code in state]
-        yield self._codes("footsense_leg_state", "1 for the state of the leg.", "state", State, state)
-        yield self._codes("footsense_leg_phase", "1 for the phase of the leg.", "phase", LegPhase, phase)
-        yield self._codes(
-            "footsense_leg_cause",
-            "1 for the cause of the leg's state.",
-            "cause",
-            Cause,
-            forces.cause.tolist(),
+        gauge, codes, baseline = self._gauge, self._codes, forces.baseline
+        phases = [phase_of(State(code)) for code in forces.state.tolist()]
+        touches = (forces.flags & Flag.CONTACT > 0).astype(np.float64)
+        degraded = float((forces.flags & Flag.DEGRADED_TIMING).any())
+        age_s = np.where(baseline.moved_ns > 0, (forces.t_sent_ns - baseline.moved_ns) * 1e-9, math.nan)
+        mean_f, worst_f = (pf * _FARADS_PER_PF for pf in (baseline.mean_pf, baseline.worst_pf))
+        offset = "offset of the baseline since the last tare; NaN without one."
+        yield codes("footsense_leg_state", "1 for the leg's state.", State, forces.state.tolist())
+        yield codes("footsense_leg_phase", "1 for the leg's phase.", LegPhase, phases)
+        yield codes("footsense_leg_cause", "1 for the cause of the state.", Cause, forces.cause.tolist())
+        yield gauge("footsense_leg_contact", "1 while the foot is in contact with the ground.", touches)
+        yield GaugeMetricFamily("footsense_degraded_timing", "1 without the scheduling asked for.", degraded)
+        status = baseline.status.tolist()
+        yield codes(
+            "footsense_baseline_status", "1 for the status of drift tracking.", BaselineStatus, status
         )
-        yield self._gauge(
-            "footsense_leg_contact",
-            "1 while the foot is in contact with the ground.",
-            (forces.flags & Flag.CONTACT > 0).astype(np.float64),
-        )
-        yield GaugeMetricFamily(
-            "footsense_degraded_timing",
-            "1 while the loop lacks the scheduling it asked for.",
-            value=float((forces.flags & Flag.DEGRADED_TIMING).any()),
-        )
-        yield self._codes(
-            "footsense_baseline_status",
-            "1 for the status of the leg's baseline tracking.",
-            "status",
-            BaselineStatus,
-            baseline.status.tolist(),
-        )
-        offset = "baseline offset since the last tare; NaN without a baseline."
-        yield self._gauge(
-            "footsense_baseline_mean_offset_farads",
-            f"Mean over the elements of the {offset}",
-            baseline.mean_pf * _FARADS_PER_PF,
-        )
-        yield self._gauge(
-            "footsense_baseline_worst_offset_farads",
-            f"Largest element's {offset}",
-            baseline.worst_pf * _FARADS_PER_PF,
-        )
-        yield self._gauge(
-            "footsense_baseline_age_seconds",
-            "Time since the last tare or move; NaN if never.",
-            np.where(baseline.moved_ns > 0, (forces.t_sent_ns - baseline.moved_ns) * 1e-9, math.nan),
+        yield gauge("footsense_baseline_mean_offset_farads", f"Mean {offset}", mean_f)
+        yield gauge("footsense_baseline_worst_offset_farads", f"Largest element's {offset}", worst_f)
+        yield gauge(
+            "footsense_baseline_age_seconds", "Time since the last tare or move; NaN if never.", age_s
         )
 
     def _gait_metrics(self, gait: GaitFrame) -> Iterator[Metric]:
-        untold = "NaN if no load tells it."
-        yield self._gauge(
-            "footsense_leg_contact_probability",
-            "Probability of contact; NaN without a force.",
-            gait.probability,
-        )
-        yield self._gauge(
-            "footsense_leg_load_share",
-            "Share of the load that all legs carry; NaN without a force.",
-            gait.load_share,
-        )
-        yield self._gauge(
-            "footsense_leg_tangential_over_normal",
-            f"Tangential over normal force; {untold}",
-            gait.tangential_over_normal,
-        )
+        gauge, untold = self._gauge, "NaN if no load tells it."
+        probability = "Probability of contact; NaN without a force."
+        yield gauge("footsense_leg_contact_probability", probability, gait.probability)
+        yield gauge("footsense_leg_load_share", "Share of the load; NaN without a force.", gait.load_share)
+        ratio = f"Tangential over normal force; {untold}"
+        yield gauge("footsense_leg_tangential_over_normal", ratio, gait.tangential_over_normal)
         normal = GaugeMetricFamily(
-            "footsense_ground_normal",
-            f"Unit normal of the ground into the foot; {untold}",
-            labels=["leg", "axis"],
+            "footsense_ground_normal", f"Unit normal of the ground; {untold}", labels=["leg", "axis"]
         )
         for leg, components in zip(self.legs, gait.normal.tolist(), strict=True):
             for axis, value in zip("xyz", components, strict=True):
                 normal.add_metric([leg, axis], value)
         yield normal
-        yield self._gauge(
-            "footsense_ground_normal_sigma_radians",
-            f"Standard deviation of the ground's normal; {untold}",
-            gait.normal_sigma_rad,
-        )
-        meaning = "1 for whether the foot slides, sticks, or that is not known."
-        yield self._codes("footsense_leg_slip", meaning, "slip", Slip, gait.slip.tolist())
-        yield GaugeMetricFamily(
-            "footsense_ground_friction_coefficient",
-            "Coefficient of friction that slips have taught; NaN until then.",
-            value=gait.friction,
-        )
-        yield GaugeMetricFamily(
-            "footsense_all_in_air",
-            "1 while every leg is known to be without contact.",
-            value=float(gait.all_in_air),
-        )
+        sigma = f"Standard deviation of the ground's normal; {untold}"
+        yield gauge("footsense_ground_normal_sigma_radians", sigma, gait.normal_sigma_rad)
+        yield self._codes("footsense_leg_slip", "1 for whether the foot slides.", Slip, gait.slip.tolist())
+        friction = "Coefficient of friction that slips have taught; NaN until then."
+        yield GaugeMetricFamily("footsense_ground_friction_coefficient", friction, gait.friction)
+        in_air = "1 while every leg is known to be without contact."
+        yield GaugeMetricFamily("footsense_all_in_air", in_air, float(gait.all_in_air))
 
     def _gauge(self, name: str, meaning: str, values: Vector) -> Metric:
         gauge = GaugeMetricFamily(name, meaning, labels=["leg"])
@@ -244,11 +185,9 @@ class ServiceMetrics:
             gauge.add_metric([leg], value)
         return gauge
 
-    def _codes(
-        self, name: str, meaning: str, label: str, codes: type[IntEnum], present: Sequence[int]
-    ) -> Metric:
-        """Return a gauge of which one series of each leg is 1, as Prometheus enums are."""
-        gauge = GaugeMetricFamily(name, meaning, labels=["leg", label])
+    def _codes(self, name: str, meaning: str, codes: type[IntEnum], present: Sequence[int]) -> Metric:
+        """Return a gauge of which one series of each leg is 1, as Prometheus enums are; the name ends in the label."""
+        gauge = GaugeMetricFamily(name, meaning, labels=["leg", name.rpartition("_")[2]])
         for leg, now in zip(self.legs, present, strict=True):
             for code in codes:
                 gauge.add_metric([leg, code.name.lower()], float(code == now))
@@ -258,60 +197,29 @@ class ServiceMetrics:
 def _status_metrics(status: ServiceStatus) -> Iterator[Metric]:
     """Yield what the service counts itself."""
     counter, can = CounterMetricFamily, status.can
-    yield counter(
-        "footsense_published_forces_total",
-        "Forces of all legs published, on CAN or dropped.",
-        can.published_cycles,
-    )
+    published = "Forces of all legs published, on CAN or dropped."
+    yield counter("footsense_published_forces_total", published, can.published_cycles)
     yield counter("footsense_can_sent_frames_total", "Frames handed to CAN.", can.sent)
-    yield counter(
-        "footsense_can_dropped_frames_total", "Frames that CAN did not take; never sent late.", can.dropped
-    )
-    yield counter(
-        "footsense_can_received_frames_total", "Command frames that arrived.", can.received_commands
-    )
-    yield counter(
-        "footsense_can_rejected_frames_total", "Command frames that were not executed.", can.rejected_commands
-    )
-    yield counter(
-        "footsense_can_bus_errors_total", "Error frames that the CAN controller reported.", can.bus_errors
-    )
-    yield counter("footsense_can_bus_off_total", "How often the controller has left the bus.", can.bus_off)
-    yield counter(
-        "footsense_can_error_passive_total",
-        "How often the controller became error passive, or nobody acknowledged.",
-        can.error_passive,
-    )
-    yield counter(
-        "footsense_can_reopened_total", "How often the CAN interface went and came back.", can.reopened
-    )
-    yield counter(
-        "footsense_can_unlogged_frames_total", "Sent frames missing from the CAN log.", can.unlogged
-    )
-    yield counter(
-        "footsense_recorder_lost_cycles_total", "Cycles missing in the recording.", status.n_lost_cycles
-    )
-    yield counter(
-        "footsense_log_lost_lines_total",
-        "Log lines dropped because their reader was slow.",
-        status.n_lost_log_lines,
-    )
+    yield counter("footsense_can_dropped_frames_total", "Frames that CAN did not take.", can.dropped)
+    yield counter("footsense_can_received_frames_total", "Command frames.", can.received_commands)
+    rejected = "Command frames that were not executed."
+    yield counter("footsense_can_rejected_frames_total", rejected, can.rejected_commands)
+    yield counter("footsense_can_bus_errors_total", "Error frames of the CAN controller.", can.bus_errors)
+    yield counter("footsense_can_bus_off_total", "Times that the controller left the bus.", can.bus_off)
+    passive = "Times that the controller became error passive, or nobody acknowledged."
+    yield counter("footsense_can_error_passive_total", passive, can.error_passive)
+    yield counter("footsense_can_reopened_total", "Times that the interface came back.", can.reopened)
+    yield counter("footsense_can_unlogged_frames_total", "Frames missing in the CAN log.", can.unlogged)
+    yield counter("footsense_recorder_lost_cycles_total", "Cycles not recorded.", status.n_lost_cycles)
+    yield counter("footsense_log_lost_lines_total", "Log lines without a reader.", status.n_lost_log_lines)
     if status.wakeup_histogram is None:  # virtual time, in which nothing sleeps
         return
     *counts, total = status.wakeup_histogram
     bounds = [*(f"{bound:g}" for bound in WAKEUP_LATENCY_BUCKET_BOUNDS_S), "+Inf"]
-    latency = HistogramMetricFamily(
-        "footsense_wakeup_latency_seconds", "Time from the deadline of a sleeping thread to its wake-up."
-    )
-    latency.add_metric([], list(zip(bounds, accumulate(counts), strict=True)), total)
-    yield latency
-    yield counter(
-        "footsense_overruns_total",
-        "Deadlines that had passed before the thread could sleep.",
-        status.n_overruns,
-    )
-    yield counter(
-        "footsense_missed_deadlines_total",
-        "Conversions given up because a wake-up came too late; never made up for.",
-        status.n_late_discards,
-    )
+    buckets = list(zip(bounds, accumulate(counts), strict=True))
+    latency = "Time from the deadline of a sleeping thread to its wake-up."
+    yield HistogramMetricFamily("footsense_wakeup_latency_seconds", latency, buckets, total)
+    overruns = "Deadlines that had passed before the thread could sleep."
+    yield counter("footsense_overruns_total", overruns, status.n_overruns)
+    missed = "Conversions given up because a wake-up came too late; never made up for."
+    yield counter("footsense_missed_deadlines_total", missed, status.n_late_discards)

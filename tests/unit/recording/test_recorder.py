@@ -17,7 +17,6 @@ from footsense.recording.mcap_writer import McapFile
 from footsense.recording.recorder import Recorder, check_recording_target, partial_path
 from footsense.recording.recover import recover, write_snapshot
 from footsense.recording.replay import Replay
-from footsense.recording.writer import RecordingWriter
 from footsense.ring.cycle_ring import CycleRing
 from footsense.ring.records import LostCycles, NumberedCycle
 from tests.support.cycles import LEGS, cycle, read_until_damage, same, status
@@ -125,15 +124,15 @@ def test_a_writer_never_counts_a_cycle_that_a_crash_would_lose(tmp_path: Path) -
     path = tmp_path / "walk.mcap.partial"
     seen = set()
     with path.open("wb") as file:
-        writer = RecordingWriter(McapFile(file.fileno(), {"legs": ",".join(LEGS)}))
+        recording = McapFile(file.fileno(), {"legs": ",".join(LEGS)})
         for number in range(150):
             one = cycle(number)
             forces = one.forces._replace(t_sent_ns=1_000 + number)
-            writer.add(NumberedCycle(number, one._replace(forces=forces)))
-            if writer.n_cycles not in seen:
-                seen.add(writer.n_cycles)
+            recording.add_entry(NumberedCycle(number, one._replace(forces=forces)))
+            if recording.n_cycles not in seen:
+                seen.add(recording.n_cycles)
                 read, _ = read_until_damage(path)
-                assert writer.n_cycles <= len(read) <= writer.n_cycles + 1
+                assert recording.n_cycles <= len(read) <= recording.n_cycles + 1
     assert len(seen) > 2
 
 
