@@ -17,8 +17,6 @@ CHIP_NAMES_BY_BOARD: Mapping[str, Mapping[int, str]] = {
 }
 #: Largest share of the CAN bit rate for all frames of footsense; the rest is the robot's.
 _MAX_CAN_LOAD_REL = 0.7
-#: Supply of the bus, the voltage of a low line, and the current that a chip sinks at it.
-_SUPPLY_V, _LOW_V, _SINK_MA = 3.3, 0.4, 3.0
 
 #: Whether a rule is broken, the path of the setting, and the message.
 _Rule = tuple[bool, str, str]
@@ -32,28 +30,6 @@ def first_contradiction(config: Config) -> Problem | None:
 def warnings(config: Config) -> tuple[str, ...]:
     """Return warnings about settings that are allowed but often a mistake, one text line each."""
     return tuple(f"{path}: {message}" for broken, path, message in _doubts(config) if broken)
-
-
-def pull_up_fault(bus: Bus) -> str | None:
-    """Return an error message about the pull-up resistors of a bus; None if they are right or not configured.
-
-    footsense connects all legs at once, so that their resistors are in parallel.
-
-    Source: UM10204, table 10: a chip sinks 3 mA at 0.4 V.
-    """
-    if bus.pull_ups is None:
-        return None
-    together = len(bus.channels) or 1
-    siemens = 1 / bus.pull_ups.upstream + together / bus.pull_ups.leg
-    current_ma = (_SUPPLY_V - _LOW_V) * siemens * 1e3
-    if current_ma <= _SINK_MA:
-        return None
-    left = _SINK_MA * 1e-3 / (_SUPPLY_V - _LOW_V) - 1 / bus.pull_ups.upstream
-    remedy = f"at least {together / left:.0f} Ohm on each leg" if left > 0 else "larger ones upstream too"
-    return (
-        f"with {together} legs connected at once {1 / siemens:.0f} Ohm pull each line up, and a chip that pulls it "
-        f"down has to sink {current_ma:.1f} mA, at most {_SINK_MA:g} are allowed; {remedy}"
-    )
 
 
 def is_multicast(address: str) -> bool:
@@ -206,8 +182,6 @@ def _doubts(config: Config) -> Iterator[_Rule]:
         is_allcall = bus.mux.address == PCA9685_ALLCALL_ADDRESS
         allcall = "0x70 is also the ALLCALL address of PCA9685 servo boards; prefer 0x71"
         yield is_allcall, f"buses[{i}].mux.address", allcall
-        fault = pull_up_fault(bus)
-        yield fault is not None, f"buses[{i}].pull_ups", fault or ""
     address = config.metrics.address
     is_public = address not in ("127.0.0.1", "::1", "localhost")
     yield is_public, "metrics.address", f"the network reads {address} without a password"

@@ -59,18 +59,6 @@ class Mux(Section, frozen=True, kw_only=True):
     read_back: bool | None = None
 
 
-class PullUps(Section, frozen=True, kw_only=True):
-    """Section `pull_ups`: pull-up resistors of an I2C bus [ohm], upstream and on each leg.
-
-    Attributes:
-        upstream: Between host and multiplexer [Ohm]; a Raspberry Pi has 1800 of its own.
-        leg: On each leg [Ohm].
-    """
-
-    upstream: Annotated[float, Meta(ge=100.0, le=1e6)]
-    leg: Annotated[float, Meta(ge=100.0, le=1e6)]
-
-
 class OtherDevice(Section, frozen=True, kw_only=True):
     """Another device on an upstream I2C bus, listed to detect address clashes.
 
@@ -93,7 +81,6 @@ class Bus(Section, frozen=True, kw_only=True):
         legs: Channel of the multiplexer for each leg; or, where the kernel drives it (i2c-mux-pca954x), the adapter
             that the kernel made of the leg's channel.
         other_devices: Other devices on the upstream bus.
-        pull_ups: Its pull-up resistors, to check them; None if they are not known.
     """
 
     device: AdapterPath
@@ -103,7 +90,6 @@ class Bus(Section, frozen=True, kw_only=True):
     ] = 400_000
     mux: Mux = Mux()
     other_devices: tuple[OtherDevice, ...] = ()
-    pull_ups: PullUps | None = None
 
     @property
     def channels(self) -> dict[str, int]:

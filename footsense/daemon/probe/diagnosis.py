@@ -7,7 +7,6 @@ import numpy as np
 from footsense.acquisition.probe.bus_scan import leg_chip_addresses
 from footsense.acquisition.probe.foot_check import CHIP_FAULT_READINGS
 from footsense.acquisition.scan_plan import ScanPlan
-from footsense.config.contradictions import pull_up_fault
 from footsense.daemon.acquisition import MIN_BUS_SPEED_REL
 from footsense.daemon.probe.report import Diagnosis, ProbedBus, ProbedLeg
 from footsense.frames import Reading
@@ -25,8 +24,6 @@ def bus_diagnoses(report: ProbedBus, plan: ScanPlan) -> Iterator[Diagnosis]:
 def _bus_faults(report: ProbedBus, plan: ScanPlan) -> Iterator[tuple[str, str]]:
     """Yield observation and advice for each fault of a bus."""
     bus, scan, drivers = report
-    if fault := pull_up_fault(bus):
-        yield fault, "the resistors, or pull_ups in the configuration"
     if scan.upstream is None:
         needs_wire = not bus.mux.reset and not bus.adapters
         wire = "; only the mux's RESET pin frees a leg that holds it: wire one" if needs_wire else ""

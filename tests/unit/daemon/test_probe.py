@@ -15,8 +15,7 @@ from footsense.acquisition.scan_plan import scan_plan
 from footsense.acquisition.transports import UpstreamBus
 from footsense.cli.probe import element_marks, probe_json, probe_picture, unloaded_yaml
 from footsense.config import DEFAULT, Config
-from footsense.config.contradictions import pull_up_fault, warnings
-from footsense.config.sections import Bus, Mux, OtherDevice, PullUps, Serial
+from footsense.config.sections import Bus, Mux, OtherDevice, Serial
 from footsense.daemon.probe.bus_probe import probe
 from footsense.daemon.probe.diagnosis import bus_diagnoses
 from footsense.daemon.probe.report import ProbedBus, ProbeResult
@@ -66,22 +65,6 @@ def test_the_clock_of_each_converter_and_what_it_keeps_is_told() -> None:
     found = probe(DEFAULT, msgspec.structs.replace(HANGING, effects=Effects(trigger_clears_done=True)))
     assert found.diagnoses == ()
     assert {leg["keeps_done"] for leg in probe_json(found)["legs"].values()} == {False}
-
-
-def test_pull_ups_of_all_legs_are_in_parallel() -> None:
-    """Six times 4.7 kOhm beside a Pi's 1.8: more than a chip can sink; the remedy is a number."""
-    (bus,) = DEFAULT.buses
-    for leg_ohm, n in ((4700.0, 1), (12_600.0, 0)):
-        ups = PullUps(upstream=1800, leg=leg_ohm)
-        config = msgspec.structs.replace(DEFAULT, buses=(msgspec.structs.replace(bus, pull_ups=ups),))
-        assert len(probed(config=config).diagnoses) == len(warnings(config)) == n
-    assert pull_up_fault(msgspec.structs.replace(bus, pull_ups=PullUps(upstream=1800, leg=4700))) == (
-        "with 6 legs connected at once 546 Ohm pull each line up, and a chip that pulls it down has to sink 5.3 mA, at "
-        "most 3 are allowed; at least 12528 Ohm on each leg"
-    )
-    assert "larger ones upstream" in str(
-        pull_up_fault(msgspec.structs.replace(bus, pull_ups=PullUps(upstream=900, leg=1e6)))
-    )
 
 
 def test_nothing_is_wrong_with_a_sound_robot() -> None:
