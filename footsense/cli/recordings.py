@@ -183,12 +183,12 @@ def export(
         frames = None if tf is None else load_foot_frames(tf)
         forms.append((ros2, lambda replay, folder: write_bag(replay, folder, frames)))
     if csv is not None:
-        from footsense.export.csv_file import write_csv
+        from footsense.export.tables import write_csv
 
         forms.append((csv, write_csv))
     if parquet is not None:
         require("--parquet", "parquet", "pyarrow")
-        from footsense.export.parquet_file import write_parquet
+        from footsense.export.tables import write_parquet
 
         forms.append((parquet, write_parquet))
     if plot is not None:

@@ -1,5 +1,7 @@
 """Plot a recording: forces, states and events of every leg over time; needs the extra `plot`."""
 
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -7,10 +9,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from numpy.typing import NDArray
 
-from footsense.errors import FootsenseError
-from footsense.export.plot_signals import PlotSignals, collect_signals
-from footsense.frames import GaitEventKind, Mask, State, Vector
+from footsense.errors import FootsenseError, RecordingError
+from footsense.frames import IS_USABLE_STATE, GaitEvent, GaitEventKind, Mask, State, Vector
 from footsense.leg_words import word_of
 from footsense.recording.replay import Replay
 
@@ -48,6 +50,59 @@ _STATE_STRIP_HEIGHT_REL = 0.16
 _MAX_PLOTTED_COLUMNS = 2_000
 
 
+@dataclass
+class _Signals:
+    """Signals of a recording for its plot; times in seconds since the first cycle.
+
+    Attributes:
+        cycles: A record for each cycle: `t_s`; of each leg `state`, and forces [N], NaN unless usable: `along_n` the
+            leg, its `sigma_n`, `across_n`.
+        contact_t_s: Time of each gait.
+        contact: Debounced contact of each leg, for each gait.
+        events: Times and events of the gait.
+    """
+
+    cycles: NDArray[np.void]
+    contact_t_s: list[float] = field(default_factory=list)
+    contact: list[Mask] = field(default_factory=list)
+    events: list[tuple[float, GaitEvent]] = field(default_factory=list)
+
+    def of(self, name: str, row: int) -> Any:  # noqa: ANN401 - an array of the field's type
+        """Return a leg's signal."""
+        return self.cycles[name][:, row]
+
+
+def _read_signals(replay: Replay) -> tuple[_Signals, RecordingError | None]:
+    """Return the plotted signals of a recording, 86 bytes a cycle of six legs, and the error that ended it early."""
+    n, damages = len(replay.legs), list[RecordingError]()
+    numbers = [(name, "f4", (n,)) for name in ("along_n", "sigma_n", "across_n")]
+    layout = np.dtype([("t_s", "f8"), ("state", "u1", (n,)), *numbers])
+    signals = _Signals(np.empty(0, layout))
+
+    def records() -> Iterator[tuple[Any, ...]]:
+        first_ns = None
+        try:
+            for cycle in replay:
+                forces, gait = cycle.forces, cycle.forces.gait
+                first_ns = forces.t_sent_ns if first_ns is None else first_ns
+                t_s = (forces.t_sent_ns - first_ns) * 1e-9
+                usable = IS_USABLE_STATE[forces.state]
+                if gait is not None:
+                    signals.contact_t_s.append(t_s)
+                    signals.contact.append(gait.contact & usable)
+                    signals.events += [((event.t_ns - first_ns) * 1e-9, event) for event in gait.events]
+                x, y, z = forces.force_n.T
+                known = (
+                    np.where(usable, values, np.nan) for values in (z, forces.sigma_n[:, 2], np.hypot(x, y))
+                )
+                yield (t_s, forces.state, *known)
+        except RecordingError as error:
+            damages.append(error)
+
+    signals.cycles = np.fromiter(records(), layout)
+    return signals, damages[0] if damages else None
+
+
 def require_picture_suffix(path: Path) -> None:
     """Raise an error unless a picture file of this name can be drawn.
 
@@ -71,7 +126,7 @@ def write_plot(replay: Replay, path: Path) -> int:
         RecordingError: The recording is cut short; what is whole was drawn.
     """
     require_picture_suffix(path)
-    signals, damage = collect_signals(replay)
+    signals, damage = _read_signals(replay)
     # Rows and columns without a leg are left out: a test stand has one leg.
     lines, columns = (sorted({_SUBPLOT_OF_LEG[leg][part] for leg in replay.legs}) for part in (0, 1))
     figure = Figure(figsize=(12, 1.3 + 2.4 * len(lines)), layout="constrained")
@@ -99,58 +154,52 @@ def write_plot(replay: Replay, path: Path) -> int:
     figure.savefig(path, dpi=150)
     if damage is not None:
         raise damage
-    return len(signals.t_s)
+    return len(signals.cycles)
 
 
-def _plot_title(replay: Replay, signals: PlotSignals) -> str:
-    """Return the plot's title: file, start, source, foot type, duration, number of cycles."""
-    header = replay.header
-    span_s = signals.t_s[-1] if len(signals.t_s) else 0.0
+def _plot_title(replay: Replay, signals: _Signals) -> str:
+    header, n_cycles = replay.header, len(signals.cycles)
+    span_s = signals.cycles["t_s"].max(initial=0.0)
     source = "simulated" if header.get("scene") else "robot"
     return (
         f"{replay.path.name}   {header.get('started', '')}   {source}, foot type {header.get('foot_type', '?')}   "
-        f"{span_s:.1f} s, {len(signals.t_s)} cycles, {len(signals.events)} gait events"
+        f"{span_s:.1f} s, {n_cycles} cycles, {len(signals.events)} gait events"
     )
 
 
-def _force_axis_max_n(signals: PlotSignals) -> float:
-    """Return the upper limit of the force axis [N]."""
-    values = signals.along_leg_n[np.isfinite(signals.along_leg_n)]
-    return max(0.1, 1.15 * float(values.max(initial=0.0)))
+def _force_axis_max_n(signals: _Signals) -> float:
+    values = signals.cycles["along_n"]
+    return max(0.1, 1.15 * float(values[np.isfinite(values)].max(initial=0.0)))
 
 
-def _draw_leg(axis: Any, signals: PlotSignals, row: int, leg: str, force_axis_max_n: float) -> None:  # noqa: ANN401 - not typed
+def _draw_leg(axis: Any, signals: _Signals, row: int, leg: str, force_axis_max_n: float) -> None:  # noqa: ANN401 - not typed
     """Draw the forces, contacts, states and events of one leg."""
     bottom_n = -_STATE_STRIP_HEIGHT_REL * force_axis_max_n
     axis.set_title(f"{leg}  {_SIDE_NAMES[leg[0]]} {_POSITION_NAMES[leg[1]]}", loc="left", fontsize=9)
     axis.set_ylim(2 * bottom_n, force_axis_max_n)
     axis.margins(x=0)
     axis.axhline(0, color="#888888", linewidth=0.6)
-    for start_s, end_s in _true_spans(signals.contact_t_s, signals.contact[:, row]):
+    touches = np.array([contact[row] for contact in signals.contact], np.bool_)
+    for start_s, end_s in _true_spans(np.array(signals.contact_t_s), touches):
         axis.axvspan(start_s, end_s, color=_CONTACT, linewidth=0)
-    normal_n, sigma_n = signals.along_leg_n[:, row], signals.along_leg_sigma_n[:, row]
+    t_s, along_n, sigma_n = signals.cycles["t_s"], signals.of("along_n", row), signals.of("sigma_n", row)
     if _shows_sigma(signals):
-        axis.fill_between(
-            signals.t_s, normal_n - 2 * sigma_n, normal_n + 2 * sigma_n, color=_NORMAL, alpha=0.3, linewidth=0
-        )
-    axis.plot(*_decimate(signals.t_s, normal_n), color=_NORMAL, linewidth=1.0)
-    axis.plot(*_decimate(signals.t_s, signals.across_leg_n[:, row]), color=_TANGENTIAL, linewidth=0.8)
+        band_n = along_n - 2 * sigma_n, along_n + 2 * sigma_n
+        axis.fill_between(t_s, *band_n, color=_NORMAL, alpha=0.3, linewidth=0)
+    axis.plot(*_decimate(t_s, along_n), color=_NORMAL, linewidth=1.0)
+    axis.plot(*_decimate(t_s, signals.of("across_n", row)), color=_TANGENTIAL, linewidth=0.8)
     for state, color in _STATE_COLOURS.items():
-        spans = _true_spans(signals.t_s, signals.state[:, row] == state)
+        spans = _true_spans(t_s, signals.of("state", row) == state)
         widths = [(start_s, end_s - start_s) for start_s, end_s in spans]
         axis.broken_barh(widths, (2 * bottom_n, -0.6 * bottom_n), facecolors=color, linewidth=0)
     for kind, (mark, color, _) in _EVENT_MARKERS.items():
-        t_s = [
-            t_s
-            for t_s, event in zip(signals.event_t_s, signals.events, strict=True)
-            if event.leg == row and event.kind is kind
-        ]
-        axis.plot(t_s, [0.6 * bottom_n] * len(t_s), mark, color=color, markersize=4)
+        marked_s = [event_s for event_s, event in signals.events if event.leg == row and event.kind is kind]
+        axis.plot(marked_s, [0.6 * bottom_n] * len(marked_s), mark, color=color, markersize=4)
 
 
-def _shows_sigma(signals: PlotSignals) -> bool:
+def _shows_sigma(signals: _Signals) -> bool:
     """Return whether the recording is short enough for the uncertainty band to be visible."""
-    return len(signals.t_s) <= 2 * _MAX_PLOTTED_COLUMNS
+    return len(signals.cycles) <= 2 * _MAX_PLOTTED_COLUMNS
 
 
 def _true_spans(t_s: Vector, holds: Mask) -> list[tuple[float, float]]:
@@ -173,20 +222,20 @@ def _decimate(t_s: Vector, values: Vector) -> tuple[Vector, Vector]:
     return np.repeat(t_s[:n_whole:size], 2), np.stack([low, high], axis=1).ravel()
 
 
-def _legend_entries(signals: PlotSignals) -> list[Any]:
+def _legend_entries(signals: _Signals) -> list[Any]:
     """Return the legend entries of what the plot contains."""
     lines = [
         Line2D([], [], color=_NORMAL, label="along the leg" + ", ±2 sigma" * _shows_sigma(signals)),
         Line2D([], [], color=_TANGENTIAL, label="across the leg"),
         Patch(color=_CONTACT, label="contact"),
     ]
-    kinds = {event.kind for event in signals.events}
+    kinds = {event.kind for _, event in signals.events}
     marks = [
         Line2D([], [], marker=mark, color=color, linestyle="", label=label)
         for kind, (mark, color, label) in _EVENT_MARKERS.items()
         if kind in kinds
     ]
-    codes = set(np.unique(signals.state).tolist())
+    codes = set(np.unique(signals.cycles["state"]).tolist())
     states = [
         Patch(color=color, label=word_of(state)) for state, color in _STATE_COLOURS.items() if state in codes
     ]

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from pyarrow import parquet
 
 from footsense.cli import main
-from footsense.export.table import COLUMN_NAMES
+from footsense.export.tables import COLUMN_NAMES
 from footsense.frames import USABLE, Cycle, GaitEventKind, State
 from footsense.recording.replay import Replay
 
