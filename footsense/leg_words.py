@@ -149,6 +149,11 @@ STATE_AND_CAUSE_OF_READING = {
     Reading.NO_ANSWER: (State.ABSENT, Cause.NO_ANSWER),
 }
 
+#: Readings of a leg whose foot does not answer: it may come back with another foot.
+SILENT_READINGS = tuple(
+    reading for reading, (state, _) in STATE_AND_CAUSE_OF_READING.items() if state is State.ABSENT
+)
+
 
 def words_of_reading(reading: Reading) -> CauseWords:
     """Return the words for the cause that a faulty reading of a leg's chips shows."""

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from footsense.config import Config
 from footsense.daemon.foot_types import released_path
 from footsense.errors import FootsenseError
-from footsense.estimation.faults.consistency import RESIDUAL_LIMIT, RESIDUAL_LIMIT_REL
-from footsense.estimation.reading_window import MAX_READING_INTERVAL_SCANS
+from footsense.estimation.elements import RESIDUAL_LIMIT, RESIDUAL_LIMIT_REL
+from footsense.estimation.network import MAX_READING_INTERVAL_SCANS
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import ELEMENTS, CapFrame, Stamps, Vector

@@ -17,8 +17,7 @@ from footsense.calibration.loads.load_set import LoadSet
 from footsense.calibration.session.recorded_session import RecordedSession
 from footsense.errors import CalibrationError
 from footsense.estimation.calibrated_feet import CalibratedFeet
-from footsense.estimation.network import Network
-from footsense.estimation.steady_windows import steady_windows
+from footsense.estimation.network import Network, steady_windows
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors, evaluate_force_errors
 from footsense.foot.parameters import FootParameters

@@ -9,7 +9,7 @@ from footsense import __version__
 from footsense.clock import wall_time_iso, wall_time_ns
 from footsense.config import Config
 from footsense.config.sections import Can
-from footsense.daemon.estimation import distance_times_capacitance_pf, stray_and_unloaded_pf
+from footsense.daemon.estimation import mounted_feet
 from footsense.daemon.models import Models
 from footsense.errors import RecordingError
 from footsense.frames import Flag
@@ -61,8 +61,9 @@ class ClosureConversion(msgspec.Struct, frozen=True):
 
 def closure_conversion(models: Models) -> ClosureConversion:
     """Return the parameters that convert a robot's readings into gap closures."""
-    stray_pf, _ = stray_and_unloaded_pf(models)
-    return ClosureConversion(stray_pf.tolist(), distance_times_capacitance_pf(models).tolist())
+    feet = mounted_feet(models)
+    distance_pf = feet.distance_times_capacitance_pf(models.network.card.trained_inputs.design)
+    return ClosureConversion(feet.stray_pf.tolist(), distance_pf.tolist())
 
 
 def recorded_flags(recording: "Replay") -> int:

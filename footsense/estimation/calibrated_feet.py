@@ -19,16 +19,25 @@ class CalibratedFeet:
         network: Network of the design.
         feet: Parameters of the foot on each leg, None for one that is taken as designed.
         n_rows: Rows of every call: all legs, once or more times over.
+        calibrated_at: Temperature of each foot's calibration [degC], NaN where it was not measured; None for a foot
+            that is taken as designed. `set_temperature` alone needs it.
 
     Raises:
         ValueError: The rows are no multiple of the legs.
     """
 
-    def __init__(self, network: Estimator, feet: Sequence[FootParameters | None], n_rows: int) -> None:
+    def __init__(
+        self,
+        network: Estimator,
+        feet: Sequence[FootParameters | None],
+        n_rows: int,
+        calibrated_at: Sequence[float | None] = (),
+    ) -> None:
         if n_rows % len(feet):
             raise ValueError(f"{n_rows} rows are no multiple of {len(feet)} legs")
         self._repeats = repeats = n_rows // len(feet)
         self._network = network
+        self._calibrated_at = calibrated_at
         self._calibrated_matrix = np.tile(
             [np.eye(3) if foot is None else foot.force_matrix for foot in feet], (repeats, 1, 1)
         )
@@ -41,17 +50,14 @@ class CalibratedFeet:
         )
         self._apply_temperature_factors(np.ones(len(feet)), np.zeros(len(feet)))
 
-    def set_temperature(self, temperature_c: Vector, calibrated_at: Sequence[float | None]) -> None:
-        """Set the feet's present temperature [degC], by which their forces are compensated.
+    def set_temperature(self, temperature_c: Vector) -> None:
+        """Set the feet's present temperature [degC], shape (legs,), by which their forces are compensated.
 
-        Args:
-            temperature_c: Temperature of each leg's foot [degC], shape (legs,), NaN where it is not measured.
-            calibrated_at: Temperature of each foot's calibration [degC], NaN where it was not measured; None for a foot
-            that is taken as designed.
+        NaN stands for one that is not measured.
         """
         effects = [
             force_factor_and_uncertainty(*leg)
-            for leg in zip(temperature_c.tolist(), calibrated_at, strict=True)
+            for leg in zip(temperature_c.tolist(), self._calibrated_at, strict=True)
         ]
         gain, unknown_rel = np.array(effects).T
         self._apply_temperature_factors(gain, unknown_rel)

@@ -5,28 +5,18 @@ of sending: the network sees the last readings of every element with their ages.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
-from footsense.estimation.baseline.contact import ContactLimits
-from footsense.estimation.baseline.tare import TareLimits
-from footsense.estimation.baseline.tracker import BaselineTracker
-from footsense.estimation.baseline.unloaded import UnloadedFeet
-from footsense.estimation.faults.consistency import ConsistencyResult, ConsistencyTest
-from footsense.estimation.faults.imputation import Imputation
-from footsense.estimation.faults.missing_sets import missing_sets_containing
-from footsense.estimation.faults.status import (
-    CONVERTER_MAX_PF,
-    ElementClassifier,
-    ElementStatus,
-    LegStateClassifier,
-    LegStatus,
-)
-from footsense.estimation.gait.tracker import GaitTracker
-from footsense.estimation.reading_window import Readings, ReadingWindow
+from footsense.estimation.baseline import BaselineTracker
+from footsense.estimation.elements import ConsistencyResult, ConsistencyTest, ElementClassifier, ElementStatus
+from footsense.estimation.gait import GaitTracker
+from footsense.estimation.leg_state import LegStateClassifier, LegStatus
+from footsense.estimation.missing_elements import Imputation, missing_sets_containing
+from footsense.estimation.network import STEADY_AGES_S, Readings, ReadingWindow
 from footsense.estimation.sensitivity import Sensitivity
-from footsense.estimation.steady_windows import STEADY_AGES_S
+from footsense.estimation.settings import EstimationLimits, MountedFeet
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import (
     CapFrame,
@@ -42,6 +32,9 @@ from footsense.frames import (
 )
 from footsense.ports import Estimator, LoadEstimate, Window
 
+#: Scans after which a step of the load has passed through all readings that the network sees.
+_N_SETTLING_SCANS = 4
+
 
 class Pipeline:
     """Estimates forces from capacitance frames; stateful: baselines, fault tests, gait.
@@ -49,21 +42,10 @@ class Pipeline:
     Args:
         estimator: The network, for as many rows as there are legs.
         trained: Inputs that the network was trained for.
-        stray_pf: Known capacitance in parallel with each element [pF], shape (legs, elements).
-        unloaded_pf: Expected reading of each element of the free foot, without stray [pF], shape (legs, elements).
+        feet: The mounted feet.
+        limits: Limits of tare, contact and age, and the time of a scan.
         sensitivity: Forces per closure.
-        tare: Limits of a tare.
-        contact: Thresholds of contact.
-        track_baseline: Whether a baseline follows a foot in swing.
-        scan_ns: Time of a scan [ns].
-        max_age_ns: Age of the oldest reading from which a measurement is stale [ns].
-        settling_time_ns: Time in which a step of the load has passed through all readings: a few scans [ns].
         flags: Flags of every frame.
-        range_end_pf: Least capacitance of an element over the converter's range [pF].
-        gap_um: Air gap of each element [um], shape (legs, elements); None for the design's.
-        gain_rel: Closure of each element by the design's electrodes, over its real closure [1], shape (legs, elements);
-            None for 1. All stages use real closures over the design's gap.
-        feet: Name of the foot on each leg that `unloaded_pf` was measured on; empty where it is a design value.
         set_temperature: Called with the temperature of each leg's foot [degC], shape (legs,), NaN where it is not
             measured; None if no estimator uses it.
     """
@@ -72,51 +54,26 @@ class Pipeline:
         self,
         estimator: Estimator,
         trained: TrainedInputs,
-        stray_pf: Vector,
-        unloaded_pf: Vector,
-        *,
+        feet: MountedFeet,
+        limits: EstimationLimits,
         sensitivity: Sensitivity,
-        tare: TareLimits,
-        contact: ContactLimits,
-        scan_ns: int,
-        max_age_ns: int,
-        settling_time_ns: int,
-        track_baseline: bool = True,
         flags: int = 0,
-        range_end_pf: float = CONVERTER_MAX_PF,
-        gap_um: Vector | None = None,
-        gain_rel: Vector | None = None,
-        feet: Sequence[str] = (),
         set_temperature: Callable[[Vector], None] | None = None,
     ) -> None:
-        n_legs, design = len(stray_pf), trained.design
+        n_legs, design = len(feet.names), trained.design
         self._estimator = estimator
-        self._shape = stray_pf.shape
-        self._imputation = Imputation(trained.moments)
-        self._window = ReadingWindow(n_legs, scan_ns)
         self._trained = trained
+        self._max_age_ns = limits.max_age_ns
         # One per leg: to broadcast a single one takes longer than the operation.
         self._flags = np.full(n_legs, flags, np.uint8)
-        # Plate distance over the gap, times capacitance.
-        self._distance_pf = design.plate_distance_um(np.ones(1)) / design.gap_um
-        if gain_rel is not None:
-            self._distance_pf = self._distance_pf / gain_rel
-        self._elements = ElementClassifier(stray_pf, unloaded_pf, range_end_pf)
-        self._baselines = BaselineTracker(
-            unloaded_pf,
-            design,
-            tare,
-            contact,
-            sensitivity,
-            track=track_baseline,
-            gain_rel=gain_rel,
-            feet=feet,
-        )
-        self._consistency = ConsistencyTest(n_legs, trained.moments, settling_time_ns)
-        gap_um = np.full_like(stray_pf, design.gap_um) if gap_um is None else gap_um
-        self._legs = LegStateClassifier(n_legs, trained, gap_um, max_age_ns)
+        self._distance_pf = feet.distance_times_capacitance_pf(design)
+        self._imputation = Imputation(trained.moments)
+        self._window = ReadingWindow(n_legs, limits.scan_ns)
+        self._elements = ElementClassifier(feet, limits.range_end_pf)
+        self._baselines = BaselineTracker(feet, design, limits, sensitivity)
+        self._consistency = ConsistencyTest(n_legs, self._imputation, _N_SETTLING_SCANS * limits.scan_ns)
+        self._legs = LegStateClassifier(trained, feet.gap_um, limits.max_age_ns, self._baselines)
         self._gait = GaitTracker(n_legs)
-        self._no_leg = np.zeros(n_legs, bool)
         self._set_temperature = set_temperature
 
     @property
@@ -149,40 +106,33 @@ class Pipeline:
         Raises:
             ValueError: The frame has another number of legs or elements.
         """
-        if scan.capacitance_pf.shape != self._shape:
-            raise ValueError(f"a frame of {scan.capacitance_pf.shape} readings, here {self._shape}")
+        if scan.capacitance_pf.shape != self._distance_pf.shape:
+            raise ValueError(
+                f"a frame of {scan.capacitance_pf.shape} readings, here {self._distance_pf.shape}"
+            )
         if scan.t_ns.max() > now_ns:
             scan = _without_future_readings(scan, now_ns)
         baselines = self._baselines
         elements = self._elements.classify(scan, self._consistency.excluded, baselines.unloaded.baseline_pf)
         pf = elements.capacitance_pf
-        results = baselines.process_tares(pf, scan.reading, scan.t_ns, elements.missing, now_ns)
-        unloaded = baselines.unloaded
+        results = baselines.process_tares(pf, scan.reading, scan.t_ns, elements.unusable, now_ns)
         readings = self._window.add(self._distance_pf / pf, scan.t_ns)
-        missing = self._missing_elements(elements, unloaded)
-        closure_rel = unloaded.plate_distance_rel[:, None] - readings.plate_distance_rel
+        missing = self._missing_before_test(elements)
+        closure_rel = baselines.unloaded.plate_distance_rel[:, None] - readings.plate_distance_rel
         measured_rel = closure_rel[:, 0]
         consistency = self._consistency.test(
             measured_rel, readings.second_largest_motion_rel, missing, now_ns
         )
         if not consistency.is_all_ok:
             self._window.discard_newest(consistency.missing & ~missing)
-        lost = self._no_leg
         if np.count_nonzero(readings.is_consecutive) < readings.is_consecutive.size:
-            consistency, lost = _with_interrupted_readings_missing(consistency, readings)
-        legs = self._legs.classify(
-            scan.reading,
-            elements,
-            missing,
-            readings,
-            lost,
-            measured_rel,
-            consistency,
-            unloaded.untared_elements_of_tared_legs,
-            baselines.untared_legs,
-            baselines.drift_cause,
-            now_ns,
-        )
+            consistency = _with_interrupted_readings_missing(consistency, readings)
+        if self._are_healthy(elements, consistency, readings, measured_rel, now_ns):
+            legs = self._legs.healthy._replace(cause=baselines.drift_cause, t_ns=readings.newest_ns)
+        else:
+            legs = self._legs.classify(
+                scan.reading, elements, missing, consistency, measured_rel, readings, now_ns
+            )
         age_s: Vector = np.asarray((now_ns - readings.t_ns) * 1e-9, np.float64)
         load, state = self._estimate_loads(closure_rel, age_s, consistency, legs)
         force_n = load.force_n
@@ -202,13 +152,36 @@ class Pipeline:
             gait=gait,
         ), results
 
-    def _missing_elements(self, elements: ElementStatus, unloaded: UnloadedFeet) -> Mask:
-        """Return the mask of elements that cannot be used, shape (legs, elements): faulty, excluded, untared."""
+    def _missing_before_test(self, elements: ElementStatus) -> Mask:
+        unloaded = self._baselines.unloaded
         if not unloaded.complete:
             self._consistency.reset(unloaded.untared_legs)
         elif elements.all_readings_ok:
-            return elements.missing
-        return missing_sets_containing(elements.faulty | unloaded.untared_elements_of_tared_legs)
+            return elements.unusable
+        return missing_sets_containing(
+            elements.opened | self._consistency.excluded | unloaded.untared_elements_of_tared_legs
+        )
+
+    def _are_healthy(
+        self,
+        elements: ElementStatus,
+        consistency: ConsistencyResult,
+        readings: Readings,
+        measured_rel: Vector,
+        now_ns: int,
+    ) -> bool:
+        # A leg without a baseline has no closures, and fails the consistency test.
+        if not (elements.all_readings_ok and consistency.is_all_ok):
+            return False
+        legs = self._legs
+        out_of_range = (measured_rel < legs.closure_min_rel) | (measured_rel > legs.closure_max_rel)
+        oldest_ns = min(readings.oldest_of_newest_ns.tolist())
+        return (
+            oldest_ns > 0
+            and now_ns - oldest_ns <= self._max_age_ns
+            and not np.count_nonzero(out_of_range)
+            and not np.count_nonzero(legs.stopped)
+        )
 
     def _estimate_loads(
         self, closure_rel: Vector, age_s: Vector, consistency: ConsistencyResult, legs: LegStatus
@@ -254,17 +227,16 @@ def _without_future_readings(scan: CapFrame, now_ns: int) -> CapFrame:
 
 def _with_interrupted_readings_missing(
     consistency: ConsistencyResult, readings: Readings
-) -> tuple[ConsistencyResult, Mask]:
-    """Return the result with elements without consecutive readings added as missing, and the mask of unusable legs.
+) -> ConsistencyResult:
+    """Return the result with elements without consecutive readings added as missing, as far as there are such sets.
 
-    A leg is lost, shape (legs,), until enough of its elements have been read in a row for the network to do without the
-    others.
+    A leg is interrupted until enough of its elements have been read in a row for the network to do without the others.
     """
     incomplete = ~readings.is_consecutive
     missing = missing_sets_containing(consistency.missing | incomplete)
     interrupted_legs: Mask = np.asarray((incomplete & ~missing).any(axis=1))
     missing[interrupted_legs] = consistency.missing[interrupted_legs]
-    return consistency._replace(missing=missing, is_all_ok=False), interrupted_legs
+    return consistency._replace(missing=missing, interrupted_legs=interrupted_legs, is_all_ok=False)
 
 
 def _with_usual_ages(age_s: Vector, usable: Mask, missing: Mask) -> Vector:

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.estimation.baseline.contact import trimmed_means
-from footsense.estimation.steady_windows import steady_windows
+from footsense.estimation.contact import trimmed_means
+from footsense.estimation.network import steady_windows
 from footsense.frames import Vector
 from footsense.ports import Estimator
 

@@ -13,9 +13,8 @@ import msgspec
 import ngsolve as ng
 import numpy as np
 
-from footsense.estimation.faults.imputation import Imputation
-from footsense.estimation.faults.missing_sets import MISSING_SETS
-from footsense.estimation.steady_windows import steady_windows
+from footsense.estimation.missing_elements import MISSING_SETS, Imputation
+from footsense.estimation.network import steady_windows
 from footsense.foot.files.checksum_trailer import add_checksum
 from footsense.foot.files.network_card import FORMAT, INPUTS, OUTPUTS
 from footsense.foot.force_errors import ForceErrors

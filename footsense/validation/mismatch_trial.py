@@ -21,7 +21,8 @@ from footsense.calibration.fit.calibrate import (
 from footsense.calibration.fit.rubber_memory import correct_baselines_for_creep
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.errors import CalibrationError
-from footsense.estimation.faults.consistency import ConsistencyTest
+from footsense.estimation.elements import ConsistencyTest
+from footsense.estimation.missing_elements import Imputation
 from footsense.foot.directions import normalized, rotation
 from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
 from footsense.foot.response_table import FootResponse
@@ -285,9 +286,8 @@ def _force_error_figures(models: DesignModels, estimates: Estimates, true_n: Vec
         return {"deg": np.nan, "gf": np.nan, "within_2": np.nan, "unread": 1.0, "unexplained": np.nan}
     force_n, true_n, sigma_n = estimates.force_n[usable], true_n[usable], estimates.sigma_n[usable]
     row = evaluate_force_errors(true_n, force_n)
-    test = ConsistencyTest(
-        len(force_n), models.network_for_rows(1).card.trained_inputs.moments, _RESIDUAL_TEST_DEBOUNCE_NS
-    )
+    imputation = Imputation(models.network_for_rows(1).card.trained_inputs.moments)
+    test = ConsistencyTest(len(force_n), imputation, _RESIDUAL_TEST_DEBOUNCE_NS)
     closure_rel, missing = estimates.closure_rel[usable], np.zeros((len(force_n), ELEMENTS), bool)
     for t_ns in range(0, 2 * _RESIDUAL_TEST_DEBOUNCE_NS, _RESIDUAL_TEST_DEBOUNCE_NS // 4):
         consistency: Any = test.test(closure_rel, np.zeros(len(force_n)), missing, t_ns)

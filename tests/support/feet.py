@@ -1,12 +1,13 @@
 """Feet whose closures are given, and a pipeline whose network adds them up."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.estimation.baseline.contact import ContactLimits
-from footsense.estimation.baseline.tare import TareLimits
 from footsense.estimation.pipeline import Pipeline
 from footsense.estimation.sensitivity import Sensitivity
+from footsense.estimation.settings import ContactLimits, EstimationLimits, MountedFeet, TareLimits
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import CapFrame, ContactFrame, Flag, Result
@@ -52,6 +53,8 @@ def pipeline(
     estimator: Estimator, n_legs: int = 2, stray_pf: float = 0.0, **own: NDArray[np.float64]
 ) -> Pipeline:
     """Return one of feet as designed; `own` says otherwise of their `gap_um` and `gain_rel`."""
+    feet = MountedFeet.as_designed(DESIGN, n_legs, stray_pf)
+    feet = replace(feet, gap_um=own.get("gap_um", feet.gap_um), gain_rel=own.get("gain_rel", feet.gain_rel))
     return Pipeline(
         estimator,
         TrainedInputs(
@@ -60,17 +63,15 @@ def pipeline(
             closure_rel_max=np.full(9, 0.8),
             moments=ALIKE,
         ),
-        np.full((n_legs, 9), stray_pf),
-        np.full((n_legs, 9), DESIGN.unloaded_pf),
-        sensitivity=Sensitivity(load_n_per_mean_closure=9.0, force_sigma_n_per_baseline_error=BASELINE_N),
-        tare=TareLimits(window_scans=WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
-        contact=ContactLimits(min_threshold_n=0.03),
-        scan_ns=SCAN_NS,
-        max_age_ns=MAX_AGE_NS,
-        settling_time_ns=MAX_AGE_NS,
-        flags=Flag.SIMULATED,
-        gap_um=own.get("gap_um"),
-        gain_rel=own.get("gain_rel"),
+        feet,
+        EstimationLimits(
+            tare=TareLimits(window_scans=WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
+            contact=ContactLimits(min_threshold_n=0.03),
+            scan_ns=SCAN_NS,
+            max_age_ns=MAX_AGE_NS,
+        ),
+        Sensitivity(load_n_per_mean_closure=9.0, force_sigma_n_per_baseline_error=BASELINE_N),
+        Flag.SIMULATED,
     )
 
 

@@ -5,10 +5,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.estimation.baseline.contact import ContactLimits
-from footsense.estimation.baseline.tare import TareLimits
-from footsense.estimation.baseline.tracker import BaselineTracker
+from footsense.estimation.baseline import BaselineTracker
 from footsense.estimation.sensitivity import Sensitivity
+from footsense.estimation.settings import ContactLimits, EstimationLimits, MountedFeet, TareLimits
 from footsense.frames import ELEMENTS, CommandResult, Flag
 from tests.support.feet import DESIGN
 
@@ -50,12 +49,16 @@ class Standing:
     def __init__(self, n_legs: int, *, track: bool = True, element_by_element: bool = False) -> None:
         unloaded_pf = np.full((n_legs, ELEMENTS), DESIGN.unloaded_pf)
         self.tracker = BaselineTracker(
-            unloaded_pf,
+            MountedFeet.as_designed(DESIGN, n_legs),
             DESIGN,
-            TareLimits(window_scans=WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
-            ContactLimits(min_threshold_n=TOUCH_N),
+            EstimationLimits(
+                tare=TareLimits(window_scans=WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
+                contact=ContactLimits(min_threshold_n=TOUCH_N),
+                scan_ns=round(SCAN_S * 1e9),
+                max_age_ns=100_000_000,
+                track_baseline=track,
+            ),
             SENSITIVITY,
-            track=track,
         )
         self.outcomes: list[CommandResult] = []
         self.t_ns = 1_000_000_000

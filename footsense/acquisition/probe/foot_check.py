@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.estimation.faults.open_elements import OPEN_ELEMENT_THRESHOLD_REL, floating_row_crosstalk_pf
+from footsense.estimation.elements import OPEN_ELEMENT_THRESHOLD_REL, floating_row_crosstalk_pf
 from footsense.frames import ELEMENTS, ROWS, Cause, Codes, Mask, Reading, State, Vector
 from footsense.leg_words import CAUSE_WORDS, STATE_AND_CAUSE_OF_READING, words_of_reading
 

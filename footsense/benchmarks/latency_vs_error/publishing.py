@@ -5,8 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.benchmarks.latency_vs_error.chain import SimulatedReadings
-from footsense.estimation.reading_window import READINGS, ReadingWindow
-from footsense.estimation.steady_windows import steady_windows
+from footsense.estimation.network import READINGS, ReadingWindow, steady_windows
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import ELEMENTS, Stamps, Vector
 from footsense.ports import Estimator, Window

@@ -14,10 +14,9 @@ from footsense.benchmarks.latency_vs_error.chain import (
     quantized_capacitance_pf,
 )
 from footsense.benchmarks.touchdown.touchdowns import CONTACT_THRESHOLD_N, RandomTouchdowns
-from footsense.estimation.baseline.contact import ContactLimits
-from footsense.estimation.baseline.tare import TareLimits
 from footsense.estimation.pipeline import Pipeline
 from footsense.estimation.sensitivity import sensitivity
+from footsense.estimation.settings import ContactLimits, EstimationLimits, MountedFeet, TareLimits
 from footsense.foot.gap_contact import capacitance_pf
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, CapFrame, Flag, Mask, Reading, Stamps, Vector
@@ -119,12 +118,12 @@ def _pipeline(context: StudyContext, n_feet: int) -> Pipeline:
     return Pipeline(
         network,
         trained,
-        np.zeros((n_feet, ELEMENTS)),
-        np.full((n_feet, ELEMENTS), trained.design.unloaded_pf),
-        sensitivity=sensitivity(network, 1, trained.moments),
-        tare=TareLimits(window_scans=8, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
-        contact=ContactLimits(min_threshold_n=CONTACT_THRESHOLD_N),
-        scan_ns=scan_ns,
-        max_age_ns=4 * scan_ns,
-        settling_time_ns=4 * scan_ns,
+        MountedFeet.as_designed(trained.design, n_feet),
+        EstimationLimits(
+            tare=TareLimits(window_scans=8, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
+            contact=ContactLimits(min_threshold_n=CONTACT_THRESHOLD_N),
+            scan_ns=scan_ns,
+            max_age_ns=4 * scan_ns,
+        ),
+        sensitivity(network, 1, trained.moments),
     )

@@ -15,14 +15,14 @@ from footsense.acquisition.scan_plan import ScanPlan
 from footsense.acquisition.transports import UpstreamBus
 from footsense.config import Config
 from footsense.daemon.acquisition import open_buses, open_scan_source, scan_plan_for
-from footsense.daemon.estimation import stray_and_unloaded_pf
+from footsense.daemon.estimation import mounted_feet
 from footsense.daemon.models import load_models
 from footsense.daemon.probe.diagnosis import bus_diagnoses, leg_diagnoses
 from footsense.daemon.probe.report import Diagnosis, ProbedBus, ProbedLeg, ProbeResult
 from footsense.daemon.simulation import simulated_robot
 from footsense.errors import HardwareError
-from footsense.estimation.faults.causes import SILENT_READINGS
 from footsense.frames import ELEMENTS
+from footsense.leg_words import SILENT_READINGS
 from footsense.sim.scene import Scene
 
 #: Scans for the noise: they give its standard deviation to a sixth.
@@ -102,7 +102,7 @@ def _probed_legs(
     if config.serial is not None:
         leg_channels = [(name, config.serial.device, "mcu", None) for name in config.legs]
     # By the configuration and the design alone, without the calibrations.
-    stray_pf, unloaded_pf = stray_and_unloaded_pf(replace(load_models(config), calibrations_by_leg={}))
+    known = mounted_feet(replace(load_models(config), calibrations_by_leg={}))
     for row, place in enumerate(leg_channels):
         scans = None if feet is None or np.isin(feet[row].reading, SILENT_READINGS).all() else feet[row]
         faults: tuple[FootFault, ...] = ()
@@ -111,8 +111,8 @@ def _probed_legs(
         ):  # readings lost by a loose contact say nothing of the foot
             faults = foot_faults(
                 scans,
-                stray_pf[row],
-                unloaded_pf[row],
+                known.stray_pf[row],
+                known.unloaded_pf[row],
                 noise_limit_ff=config.tare.noise_limit_ff,
                 unloaded_limit_rel=config.tare.unloaded_limit_rel,
             )

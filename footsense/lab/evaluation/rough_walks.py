@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from footsense.estimation.baseline.contact import ContactDetector, ContactLimits, trimmed_means
-from footsense.estimation.gait.tracker import GaitTracker
+from footsense.estimation.contact import ContactDetector, trimmed_means
+from footsense.estimation.gait import GaitTracker
+from footsense.estimation.settings import ContactLimits
 from footsense.foot.response_table import FootResponse
 from footsense.frames import LEGS, GaitEvent, Mask, Stamps, Vector
 from footsense.lab.training.gait_readings import (

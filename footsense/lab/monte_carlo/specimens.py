@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from footsense.estimation.steady_windows import steady_windows
+from footsense.estimation.network import steady_windows
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.directions import normalized
 from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
 from footsense.errors import ModelError
-from footsense.estimation.steady_windows import steady_windows
+from footsense.estimation.network import steady_windows
 from footsense.foot.files.network_card import INPUTS, METADATA_KEY, OUTPUTS, Signal
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.training.symmetric_layers import (

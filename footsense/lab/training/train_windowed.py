@@ -13,8 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from firmware_interface.conversion_order import CONVERSION_ORDERS
-from footsense.estimation.faults.imputation import Imputation
-from footsense.estimation.faults.missing_sets import MISSING_SETS
+from footsense.estimation.missing_elements import MISSING_SETS, Imputation
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
 from footsense.frames import ELEMENTS
 from footsense.lab.training.fit import (

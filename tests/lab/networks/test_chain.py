@@ -17,10 +17,8 @@ from footsense.config import DEFAULT, load_config
 from footsense.daemon.models import load_models
 from footsense.daemon.service import open_service
 from footsense.errors import FootsenseError, ModelError
-from footsense.estimation.faults.imputation import Imputation
-from footsense.estimation.faults.missing_sets import MISSING_SETS
-from footsense.estimation.network import Network
-from footsense.estimation.steady_windows import steady_windows
+from footsense.estimation.missing_elements import MISSING_SETS, Imputation
+from footsense.estimation.network import Network, steady_windows
 from footsense.foot.files.network_card import METADATA_KEY, read_card
 from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
 from footsense.foot.response_table import FootResponse

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from footsense.estimation.steady_windows import STEADY_AGES_S
+from footsense.estimation.network import STEADY_AGES_S
 from footsense.lab.evaluation.contact_filter import ContactFilter
 from footsense.lab.evaluation.contact_model import (
     ContactMeasurementModel,

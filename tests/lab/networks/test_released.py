@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from footsense.estimation.faults.imputation import Imputation
-from footsense.estimation.faults.missing_sets import MISSING_SETS
-from footsense.estimation.steady_windows import steady_windows
+from footsense.estimation.missing_elements import MISSING_SETS, Imputation
+from footsense.estimation.network import steady_windows
 from footsense.foot.specimen import Foot
 from footsense.lab.evaluation.evaluate import PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF, sigma_coverage_shares
 from footsense.lab.evaluation.evaluate_models import evaluate_models, open_models

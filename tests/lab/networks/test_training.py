@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from firmware_interface.conversion_order import CONVERSION_ORDERS
-from footsense.estimation.faults.imputation import Imputation
+from footsense.estimation.missing_elements import Imputation
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads, Foot
 from footsense.frames import ELEMENTS, Vector

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from onnx import TensorProto
 
-from footsense.estimation.faults.missing_sets import MISSING_SETS
-from footsense.estimation.steady_windows import STEADY_AGES_S
+from footsense.estimation.missing_elements import MISSING_SETS
+from footsense.estimation.network import STEADY_AGES_S
 from footsense.foot.files.network_card import INPUTS, OUTPUTS
 from footsense.lab.symmetry import SYMMETRIES, element_permutation
 from footsense.lab.training.export import OnnxNetwork, onnx_model

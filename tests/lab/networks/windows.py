@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.estimation.faults.missing_sets import MISSING_SETS
+from footsense.estimation.missing_elements import MISSING_SETS
 from footsense.lab.symmetry import SYMMETRIES, element_permutation
 from footsense.lab.training.gait_windows import age_in_conversions_table
 from footsense.ports import LoadEstimate, Window

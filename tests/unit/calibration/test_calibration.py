@@ -21,7 +21,7 @@ from footsense.calibration.fit.twin import (
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.errors import CalibrationError
 from footsense.estimation.calibrated_feet import CalibratedFeet
-from footsense.estimation.steady_windows import steady_windows
+from footsense.estimation.network import steady_windows
 from footsense.foot.cavity import Cavity
 from footsense.foot.directions import normalized, rotation
 from footsense.foot.force_errors import evaluate_force_errors

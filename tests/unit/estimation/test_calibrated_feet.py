@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from footsense.estimation.calibrated_feet import CalibratedFeet
-from footsense.estimation.gait.friction import ground_of
-from footsense.estimation.steady_windows import steady_windows
+from footsense.estimation.gait import ground_of
+from footsense.estimation.network import steady_windows
 from footsense.foot.parameters import FootParameters
 from footsense.foot.temperature import UNKNOWN_TEMPERATURE_SIGMA_REL
 from footsense.ports import LoadEstimate, Window
@@ -93,9 +93,9 @@ def test_a_temperature_scales_what_it_is_known_for() -> None:
     """10 K more stiffen a foot by 4.4 %; not known, they widen another's sigma; a designed foot is left alone."""
     feet = [_foot(error_rel=0.01), _foot(error_rel=0.01), None]
     resting = steady_windows(np.full((6, 9), 0.3))
-    read = CalibratedFeet(_Linear(), feet, 6)
+    read = CalibratedFeet(_Linear(), feet, 6, [23.0, 23.0, None])
     on_bench_n, bench_sigma_n, *_ = read.estimate(resting)
-    read.set_temperature(np.array([33.0, np.nan, np.nan]), [23.0, 23.0, None])
+    read.set_temperature(np.array([33.0, np.nan, np.nan]))
     force_n, sigma_n, *_ = read.estimate(resting)
     np.testing.assert_allclose(force_n, on_bench_n * np.tile([1.044, 1.0, 1.0], 2)[:, None])
     np.testing.assert_allclose(sigma_n[[0, 3]], 1.044 * bench_sigma_n[[0, 3]])

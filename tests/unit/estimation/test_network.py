@@ -10,8 +10,7 @@ import pytest
 
 from footsense.daemon.foot_types import released_path
 from footsense.errors import ModelError
-from footsense.estimation.network import Network
-from footsense.estimation.steady_windows import STEADY_AGES_S, steady_windows
+from footsense.estimation.network import STEADY_AGES_S, Network, steady_windows
 from footsense.ports import Window
 from tests.support.networks import ALL_IN, ALL_OUT, DOUBLE, FLOAT, N_IN, N_OUT, card, network_file
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from footsense.estimation.baseline.drift import DRIFT_VARIANCE_PF2_PER_S
+from footsense.estimation.drift import DRIFT_VARIANCE_PF2_PER_S
 from footsense.estimation.sensitivity import Sensitivity
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.frames import USABLE, Cause, Command, CommandKind, Flag, Reading, Result, State

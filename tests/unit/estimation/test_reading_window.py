@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from footsense.estimation.reading_window import Readings, ReadingWindow
+from footsense.estimation.network import Readings, ReadingWindow
 from footsense.frames import ELEMENTS, Stamps, Vector
 
 SCAN_NS = 25_000_000

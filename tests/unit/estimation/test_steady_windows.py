@@ -3,7 +3,7 @@
 import numpy as np
 
 from firmware_interface.conversion_order import CONVERSION_ORDERS
-from footsense.estimation.steady_windows import STEADY_AGES_S, steady_windows
+from footsense.estimation.network import STEADY_AGES_S, steady_windows
 
 
 def test_a_foot_at_rest_has_read_the_same_three_times() -> None:

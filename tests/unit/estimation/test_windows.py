@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from footsense.estimation.steady_windows import STEADY_AGES_S
+from footsense.estimation.network import STEADY_AGES_S
 from footsense.frames import USABLE, CapFrame, Cause, Reading, State
 from tests.support.feet import DESIGN, MAX_AGE_NS, SCAN_NS, SIGMA_N, WINDOW, Feet
 

@@ -12,8 +12,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from footsense.estimation.calibrated_feet import CalibratedFeet
-from footsense.estimation.faults.consistency import ConsistencyTest
-from footsense.estimation.steady_windows import steady_windows
+from footsense.estimation.elements import ConsistencyTest
+from footsense.estimation.missing_elements import Imputation
+from footsense.estimation.network import steady_windows
 from footsense.foot.capacitor import GAP_CLOSED_THRESHOLD_REL
 from footsense.foot.directions import angles_between_deg, direction_grid, random_directions
 from footsense.foot.files.network_card import TrainedInputs
@@ -126,7 +127,7 @@ def _estimate_loads_on_foot(
     )
     inputs = np.where(read[:, None], closure_rel, 0.0)
     load = CalibratedFeet(context.network, [known], len(pf)).estimate(steady_windows(inputs))
-    test = ConsistencyTest(len(pf), trained.moments, 1)
+    test = ConsistencyTest(len(pf), Imputation(trained.moments), 1)
     none, still = np.zeros(inputs.shape, bool), np.zeros(len(pf))
     result: Any = None
     for t_ns in range(4):

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.estimation.faults.imputation import Imputation
+from footsense.estimation.missing_elements import Imputation
 from footsense.foot.directions import angles_between_deg
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.specimen import ContactLoads

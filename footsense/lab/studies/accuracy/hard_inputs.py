@@ -8,11 +8,10 @@ import onnx
 from onnx import TensorProto, numpy_helper
 from onnx.reference import ReferenceEvaluator
 
-from footsense.estimation.baseline.contact import ContactLimits
-from footsense.estimation.baseline.tare import TareLimits
+from footsense.estimation.network import steady_windows
 from footsense.estimation.pipeline import Pipeline
 from footsense.estimation.sensitivity import sensitivity
-from footsense.estimation.steady_windows import steady_windows
+from footsense.estimation.settings import ContactLimits, EstimationLimits, MountedFeet, TareLimits
 from footsense.foot.files.network_card import INPUTS
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, CapFrame, ContactFrame, Reading, State, Vector
@@ -127,22 +126,21 @@ class _LegPipeline:
     def __init__(self, context: StudyContext) -> None:
         design = context.response.design
         calibration = context.trained_inputs
-        stray_pf, unloaded_pf = np.zeros((1, 9)), np.full((1, 9), design.unloaded_pf)
         self._pipeline = Pipeline(
             context.network,
             calibration,
-            stray_pf,
-            unloaded_pf,
-            sensitivity=sensitivity(context.network, 1, calibration.moments),
-            tare=TareLimits(window_scans=_WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
-            contact=ContactLimits(min_threshold_n=0.03),
-            scan_ns=_SCAN_NS,
-            max_age_ns=_MAX_AGE_NS,
-            settling_time_ns=_MAX_AGE_NS,
+            MountedFeet.as_designed(design, 1),
+            EstimationLimits(
+                tare=TareLimits(window_scans=_WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
+                contact=ContactLimits(min_threshold_n=0.03),
+                scan_ns=_SCAN_NS,
+                max_age_ns=_MAX_AGE_NS,
+            ),
+            sensitivity(context.network, 1, calibration.moments),
         )
         self._sequence = 0
         for _ in range(_WINDOW):
-            self.feed(unloaded_pf[0])
+            self.feed(np.full(9, design.unloaded_pf))
 
     def feed(self, capacitance_pf: Vector, reading: int = Reading.OK, age_ns: int = 0) -> ContactFrame:
         """Return the estimate after one scan; a reading other than OK applies to the middle element."""

@@ -6,9 +6,8 @@ from itertools import pairwise
 import numpy as np
 from matplotlib.figure import Figure
 
-from footsense.estimation.faults.imputation import Imputation
-from footsense.estimation.faults.missing_sets import MISSING_SETS
-from footsense.estimation.steady_windows import steady_windows
+from footsense.estimation.missing_elements import MISSING_SETS, Imputation
+from footsense.estimation.network import steady_windows
 from footsense.foot.force_errors import ForceErrors, evaluate_force_errors
 from footsense.frames import Vector
 from footsense.lab.evaluation.evaluate import rms, sigma_coverage_shares

@@ -8,8 +8,8 @@ import numpy as np
 import onnxruntime
 from matplotlib.figure import Figure
 
-from footsense.estimation.faults.imputation import Imputation
-from footsense.estimation.steady_windows import steady_windows
+from footsense.estimation.missing_elements import Imputation
+from footsense.estimation.network import steady_windows
 from footsense.foot.force_errors import ForceErrors, evaluate_force_errors
 from footsense.frames import ELEMENTS
 from footsense.lab.studies.page import Plots, Study, StudyContext

@@ -8,8 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.estimation.faults.imputation import Imputation
-from footsense.estimation.faults.missing_sets import MISSING_SETS
+from footsense.estimation.missing_elements import MISSING_SETS, Imputation
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.symmetry import SYMMETRIES, element_permutation

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from footsense.estimation.baseline.contact import ContactDetector, ContactLimits, trimmed_means
+from footsense.estimation.contact import ContactDetector, trimmed_means
+from footsense.estimation.settings import ContactLimits
 from footsense.frames import CommandKind
 
 LIMITS = ContactLimits(min_threshold_n=0.03)

@@ -5,14 +5,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from footsense.estimation.baseline.drift import (
+from footsense.estimation.drift import (
     DRIFT_VARIANCE_PF2_PER_S,
     MAX_ANCHOR_DISTANCE_PF,
     MAX_DRIFT_PF_PER_S,
     LegBaseline,
     baseline_sigma_pf,
 )
-from footsense.estimation.baseline.tare import TareLimits
+from footsense.estimation.settings import TareLimits
 from footsense.frames import BaselineStatus
 
 UNLOADED_PF = np.full(9, 5.4)

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from footsense.estimation.baseline.tare import TareLimits, TareResult, TareWindow
+from footsense.estimation.settings import TareLimits
+from footsense.estimation.tare import TareResult, TareWindow
 from footsense.frames import Reading, Result
 
 UNLOADED_PF = np.full(9, 5.4)

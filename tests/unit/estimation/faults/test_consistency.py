@@ -6,15 +6,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from footsense.estimation.faults.consistency import (
+from footsense.estimation.elements import (
     READMITTED_AFTER_NS,
     READMITTED_CONSTANT_LOAD_AFTER_NS,
     RESIDUAL_LIMIT,
     ConsistencyResult,
     ConsistencyTest,
 )
-from footsense.estimation.faults.missing_sets import MISSING_SETS
-from footsense.estimation.reading_window import ReadingWindow
+from footsense.estimation.missing_elements import MISSING_SETS, Imputation
+from footsense.estimation.network import ReadingWindow
 
 SCAN_NS = 25_000_000
 SETTLED_NS = 4 * SCAN_NS
@@ -32,7 +32,7 @@ class Leg:
     """One leg, tested scan by scan."""
 
     def __init__(self) -> None:
-        self.consistency = ConsistencyTest(1, MOMENTS, SETTLED_NS)
+        self.consistency = ConsistencyTest(1, Imputation(MOMENTS), SETTLED_NS)
         self.now_ns = 0
 
     def test(
@@ -282,7 +282,7 @@ def test_a_sound_foot_in_motion_is_never_blamed(
     order: tuple[int, ...], rise_s: float, size: float, tilt: tuple[float, float]
 ) -> None:
     """Nine elements read one after the other while a load comes, stays and goes: none is excluded, however fast."""
-    window, consistency = ReadingWindow(1, SCAN_NS), ConsistencyTest(1, MOMENTS, SETTLED_NS)
+    window, consistency = ReadingWindow(1, SCAN_NS), ConsistencyTest(1, Imputation(MOMENTS), SETTLED_NS)
     plate_distance_rel, t_ns = np.ones((1, 9)), np.zeros((1, 9), np.int64)
     none = np.zeros((1, 9), bool)
     for n in range(round(9 * (2 * rise_s + 0.5) / (SCAN_NS * 1e-9))):

@@ -6,18 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from footsense.estimation.faults.causes import (
-    ElementFaults,
-    drift_causes,
-    leg_causes,
-    set_states_without_force,
-)
-from footsense.estimation.faults.missing_sets import missing_sets_containing
-from footsense.estimation.faults.open_elements import floating_row_crosstalk_pf
-from footsense.frames import USABLE, BaselineDrift, CapFrame, Cause, Reading, State
+from footsense.estimation.elements import floating_row_crosstalk_pf
+from footsense.estimation.missing_elements import missing_sets_containing
+from footsense.frames import USABLE, CapFrame, Cause, Reading, State
 from tests.support.feet import SCAN_NS, SIGMA_N, WINDOW, Feet
-
-NO_DRIFT = drift_causes(BaselineDrift.none(1))
+from tests.support.standing import Standing
 
 #: What an element reads whose line is open [pF].
 OPEN_PF = 0.8
@@ -199,39 +192,43 @@ def test_an_element_over_the_range_of_a_free_foot_is_shorted() -> None:
 )
 def test_a_line_is_told_from_single_faults(elements: list[int], cause: Cause) -> None:
     """By all three of its elements."""
-    nothing = np.zeros((1, 9), bool)
-    faulty = ElementFaults(opened(*elements), nothing, nothing, nothing)
-    reading = np.zeros((1, 9), np.uint8)
-    assert leg_causes(reading, np.array([State.DEGRADED]), faulty, NO_DRIFT).tolist() == [cause]
+    feet = Feet().tared()
+    for _ in range(4):
+        scan = feet.scan(3.0)
+        scan.capacitance_pf[0, elements] = OPEN_PF
+        forces = feet.feed(scan)
+    assert forces.cause.tolist() == [cause, Cause.NONE]
 
 
-def test_the_most_severe_reading_gives_state_and_cause() -> None:
-    """A corrupt answer is less severe than a chip that does not answer, and faulty elements are less than either."""
-    whole = np.zeros((1, 9), bool)
-    faulty = ElementFaults(opened(4), whole, whole, whole)
-    for readings, state, cause in (
+@pytest.mark.parametrize(
+    ("readings", "state", "cause"),
+    [
         ([Reading.DELAYED], State.STALE, Cause.DELAYED),
         ([Reading.DELAYED, Reading.CORRUPT], State.CONVERTER_FAULT, Cause.CORRUPT),
         ([Reading.CORRUPT, Reading.BUS_STUCK], State.ABSENT, Cause.BUS_STUCK),
         ([Reading.WRONG_CHIP], State.ABSENT, Cause.WRONG_CHIP),
         ([Reading.NOT_READY, Reading.NO_ANSWER], State.ABSENT, Cause.NO_ANSWER),
-    ):
-        reading = np.zeros((1, 9), np.uint8)
-        reading[0, : len(readings)] = readings
-        states = np.array([State.VALID], np.uint8)
-        set_states_without_force(states, reading, whole, whole)
-        assert states.tolist() == [state]
-        assert leg_causes(reading, states, faulty, NO_DRIFT).tolist() == [cause]
+    ],
+)
+def test_the_most_severe_reading_gives_state_and_cause(
+    readings: list[Reading], state: State, cause: Cause
+) -> None:
+    """A corrupt answer is less severe than a chip that does not answer, and open elements are less than either."""
+    feet = Feet().tared()
+    scan = feet.scan(3.0)
+    scan.capacitance_pf[0, 8] = OPEN_PF
+    scan.capacitance_pf[0, : len(readings)] = np.nan
+    scan.reading[0, : len(readings)] = readings
+    forces = feet.feed(scan)
+    assert (forces.state.tolist(), forces.cause.tolist()) == ([state, State.VALID], [cause, Cause.NONE])
 
 
 def test_an_element_that_drifts_apart_is_a_cause() -> None:
-    """Though it is followed and the force is valid."""
-    whole = np.zeros((2, 9), bool)
-    drift = BaselineDrift.none(2)._replace(mean_pf=np.array([-0.03, -0.03]), worst_pf=np.array([-0.036, 0.0]))
-    cause = leg_causes(
-        np.zeros((2, 9), np.uint8),
-        np.full(2, State.VALID),
-        ElementFaults(whole, whole, whole, whole),
-        drift_causes(drift),
-    )
-    assert cause.tolist() == [Cause.NONE, Cause.ELEMENT_DRIFTS]
+    """Though it is followed and the force is valid; a drift that all elements have is none."""
+    feet = Standing(2).tared()
+    for drift_ff in np.arange(0.0, 26.0):
+        drifts_ff = np.full((2, 9), drift_ff)
+        drifts_ff[1, 1:] = 0.0
+        for _ in range(4):
+            feet.feed(0.0, drifts_ff, passed_s=2.5)
+    assert feet.tracker.drift_cause.tolist() == [Cause.NONE, Cause.ELEMENT_DRIFTS]

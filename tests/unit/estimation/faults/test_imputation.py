@@ -5,7 +5,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from footsense.estimation.faults.imputation import Imputation
+from footsense.estimation.missing_elements import Imputation
 
 seeds = st.integers(0, 2**32 - 1)
 #: Some elements missing, never all.

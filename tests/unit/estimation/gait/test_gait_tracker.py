@@ -9,8 +9,9 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from footsense.estimation.baseline.contact import ContactDetector, ContactLimits
-from footsense.estimation.gait.tracker import GaitTracker
+from footsense.estimation.contact import ContactDetector
+from footsense.estimation.gait import GaitTracker
+from footsense.estimation.settings import ContactLimits
 from footsense.frames import GaitEvent, GaitEventKind, GaitFrame, Slip, Vector
 from footsense.ports import LoadEstimate
 

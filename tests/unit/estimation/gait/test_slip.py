@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from footsense.estimation.gait.friction import NO_GROUND, FrictionEstimator, SlipDetector
+from footsense.estimation.gait import NO_GROUND, FrictionEstimator, SlipDetector
 from footsense.frames import Slip
 
 STEP_NS = 5_433_400

@@ -1,9 +1,19 @@
-"""Residual test of a foot's elements against each other, and isolation of the faulty ones.
+"""Which elements of the feet can be used: by their readings alone, and by those of the other elements.
 
-A foot has nine elements and a load far fewer unknowns, so each closure follows roughly from the others. With
-S = E[x x^T] over the loads of a foot, the least-squares prediction of x_i from all others leaves the residual
-(S^-1 x)_i / (S^-1)_ii: one matrix product tests all elements at once. Over the loads that a foot is trained for the
-residual is at most 14 % of the others' closures.
+**Masks of elements**, each of the shape (legs, elements):
+
+- `opened`, `over_range`: what the reading alone shows. Pressing only adds capacitance, so an element that has lost half
+  of its unloaded capacitance is open.
+- `excluded`: elements that have contradicted the others, until they agree again.
+- `unusable`: what a tare leaves out: sets with open or excluded elements, and with over-range ones without a baseline.
+- `missing`: what the network does without, always one of `MISSING_SETS` or nothing: sets with open or excluded
+  elements and those without a baseline; the test adds those that it isolates in this frame, the pipeline those whose
+  readings are interrupted.
+
+**By the other elements.** A foot has nine elements and a load far fewer unknowns, so each closure follows roughly from
+the others. With S = E[x x^T] over the loads of a foot, the least-squares prediction of x_i from all others leaves the
+residual (S^-1 x)_i / (S^-1)_ii: one matrix product tests all elements at once. Over the loads that a foot is trained
+for the residual is at most 14 % of the others' closures.
 
 The elements are read one after the other, so a load in motion leaves a residual as well, at most about as large as the
 closures move from one reading to the next: the limit is wider by that. A larger residual has a cause: an electrode that
@@ -20,9 +30,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.estimation.faults.imputation import Imputation
-from footsense.estimation.faults.missing_sets import MISSING_SETS
-from footsense.frames import Mask, Vector
+from footsense.estimation.missing_elements import MISSING_SETS, Imputation, missing_sets_containing
+from footsense.estimation.settings import MountedFeet
+from footsense.frames import ELEMENTS, ROWS, CapFrame, Mask, Reading, Vector
+
+#: Capacitance below which an element is open, over its unloaded capacitance [1].
+OPEN_ELEMENT_THRESHOLD_REL = 0.5
 
 #: Limit of an element's residual: over its gap [1], and over the root mean square of the others [1].
 RESIDUAL_LIMIT, RESIDUAL_LIMIT_REL = 0.03, 0.4
@@ -41,23 +54,97 @@ CAUSE_CONFIRMATION_TIME_REL = 0.25
 #: An element that moves less than this share of what the others predict is stuck [1].
 STUCK_BELOW_SHARE_OF_PREDICTED = 0.3
 
+# Elements that remain of a foot without each of the missing sets; the sets of one element, and the rows and columns.
+_N_KEPT = (~MISSING_SETS).sum(axis=1)
+_SINGLE_ELEMENTS, _LINES = slice(1, 1 + ELEMENTS), slice(1 + ELEMENTS, None)
+
+
+class ElementStatus(NamedTuple):
+    """Status of every element in a frame by its reading, shape (legs, elements) each.
+
+    Attributes:
+        capacitance_pf: Capacitances without stray [pF], NaN where there is none to be used.
+        opened: Elements whose electrode is disconnected.
+        over_range: Elements above the converter's range.
+        unusable: Elements that a tare leaves out.
+        all_readings_ok: Whether no reading of the frame has a fault.
+    """
+
+    capacitance_pf: Vector
+    opened: Mask
+    over_range: Mask
+    unusable: Mask
+    all_readings_ok: bool
+
+
+class ElementClassifier:
+    """Determines the status of every element of a frame by its reading.
+
+    Args:
+        feet: The feet.
+        range_end_pf: Least capacitance of an element over the converter's range [pF].
+    """
+
+    def __init__(self, feet: MountedFeet, range_end_pf: float) -> None:
+        self._stray_pf = feet.stray_pf
+        self._range_end_pf = range_end_pf - feet.stray_pf
+        self._open_below_pf = OPEN_ELEMENT_THRESHOLD_REL * feet.unloaded_pf
+        self._none: Mask = np.zeros(feet.stray_pf.shape, bool)
+        self._opened = self._none
+        self._any_opened = False
+
+    def classify(self, scan: CapFrame, excluded: Mask, baseline_pf: Vector) -> ElementStatus:
+        """Return the status of the elements of a frame.
+
+        Args:
+            scan: The frame.
+            excluded: Elements that the consistency test excludes.
+            baseline_pf: Baselines [pF], NaN where there is none.
+        """
+        capacitance_pf = scan.capacitance_pf - self._stray_pf
+        # NaN compares as False: an element that was not read is not open.
+        opened = capacitance_pf < self._open_below_pf
+        all_ok = not np.count_nonzero(scan.reading)
+        if not all_ok:
+            opened |= scan.reading == Reading.UNDER_RANGE
+        before, self._opened = self._opened, opened
+        any_before, self._any_opened = self._any_opened, bool(np.count_nonzero(opened))
+        if all_ok and not (self._any_opened or any_before):
+            unusable = missing_sets_containing(excluded) if np.count_nonzero(excluded) else excluded
+            return ElementStatus(capacitance_pf, self._none, self._none, unusable, all_readings_ok=True)
+        over_range = scan.reading == Reading.OVER_RANGE
+        if over_range.any():  # at least that much: the consistency test decides whether it can be
+            capacitance_pf = np.where(over_range, self._range_end_pf, capacitance_pf)
+        if self._any_opened:
+            capacitance_pf = capacitance_pf - floating_row_crosstalk_pf(scan.capacitance_pf, opened)
+        # A line that breaks or returns was intact for a part of the scan, and so was its effect on other elements.
+        unsettled = opened | (opened != before).any(axis=1, keepdims=True)
+        # Pressed or shorted? The other closures tell, and without a baseline there are none.
+        unusable = missing_sets_containing(opened | excluded | over_range & np.isnan(baseline_pf))
+        # In the window, an unsettled reading would be a step of the load.
+        settled_pf = np.where(unsettled, np.nan, capacitance_pf)
+        return ElementStatus(settled_pf, opened, over_range, unusable, all_readings_ok=False)
+
 
 class ConsistencyResult(NamedTuple):
     """Result of the residual test of all legs: missing and faulty elements, inconsistency.
 
     Attributes:
-        missing: Elements that the network does without, shape (legs, elements): missing before, or isolated.
+        missing: Elements that the network does without.
         inconsistency_sigma_rel: Sigma to add, over the force, for residuals without an excluded element, shape (legs,)
             [1].
         unexplained_legs: Legs with residuals that neither motion nor a missing element explains, shape (legs,).
-        stuck: Excluded elements that do not follow the load, shape (legs, elements).
-        drifting: Excluded elements that follow it with an offset, shape (legs, elements).
+        interrupted_legs: Legs of which the network cannot do without all elements with interrupted readings, shape
+            (legs,).
+        stuck: Excluded elements that do not follow the load.
+        drifting: Excluded elements that follow it with an offset.
         is_all_ok: Whether every element is consistent, and none is missing, suspected or excluded.
     """
 
     missing: Mask
     inconsistency_sigma_rel: Vector
     unexplained_legs: Mask
+    interrupted_legs: Mask
     stuck: Mask
     drifting: Mask
     is_all_ok: bool
@@ -68,28 +155,24 @@ class ConsistencyTest:
 
     Args:
         n_legs: Legs in a frame.
-        moments: S, as of `Imputation`, shape (elements, elements).
+        imputation: Imputation of missing closures.
         settling_time_ns: Time in which a step of the load has passed through all readings: a few scans [ns].
 
     Attributes:
-        excluded: Elements excluded until their readings are consistent again, shape (legs, elements).
+        excluded: Elements excluded until their readings are consistent again.
     """
 
-    def __init__(self, n_legs: int, moments: Vector, settling_time_ns: int) -> None:
-        self._moments = moments
-        self._imputation = Imputation(moments)
+    def __init__(self, n_legs: int, imputation: Imputation, settling_time_ns: int) -> None:
+        self._imputation = imputation
+        self._moments = imputation.moments
         self._settling_time_ns = settling_time_ns
         self._matrices: dict[bytes, Vector] = {}
-        n = len(moments)
-        shape = (n_legs, n)
-        self._sets = MISSING_SETS
-        self._n_kept = (~self._sets).sum(axis=1)
-        self._single_and_lines = slice(1, 1 + n), slice(1 + n, None)
+        shape = (n_legs, ELEMENTS)
         # The second limit over the root of the sum of squares.
-        self._limit_rel_of_sum = np.array(RESIDUAL_LIMIT_REL / math.sqrt(n))
-        self._residual_matrices = np.stack([self._residual_matrix(missing) for missing in self._sets])
+        self._limit_rel_of_sum = np.array(RESIDUAL_LIMIT_REL / math.sqrt(ELEMENTS))
+        self._residual_matrices = np.stack([self._residual_matrix(missing) for missing in MISSING_SETS])
         self._whole = np.ascontiguousarray(self._residual_matrices[0].T)
-        self._no_inconsistency, self._no_leg = np.zeros(n_legs), np.zeros(n_legs, bool)
+        self._none, self._no_leg = np.zeros(n_legs), np.zeros(n_legs, bool)
         self._unexplained = self._no_leg
         self._all_trusted = True  # no element is suspected or excluded
         self._hold_ns = round(CAUSE_CONFIRMATION_TIME_REL * settling_time_ns)
@@ -116,7 +199,7 @@ class ConsistencyTest:
                 is not tested.
             motion_rel: Second largest change of an element over its last readings [1], shape (legs,): one element
                 alone is no motion.
-            missing: Missing elements, shape (legs, elements), `excluded` included.
+            missing: Elements that the network does without, `excluded` included.
             now_ns: Current time [ns].
         """
         residual = np.abs(closure_rel @ self._whole)
@@ -132,7 +215,7 @@ class ConsistencyTest:
         ):
             self._t_ns = now_ns
             return ConsistencyResult(
-                missing, self._no_inconsistency, self._no_leg, missing, missing, is_all_ok=True
+                missing, self._none, self._no_leg, self._no_leg, missing, missing, is_all_ok=True
             )
         suspicious = ~consistent.all(axis=1) | missing.any(axis=1) | self._suspected.any(axis=1)
         inconsistency_rel = np.zeros(len(closure_rel))
@@ -151,6 +234,7 @@ class ConsistencyTest:
             missing,
             inconsistency_rel,
             self._unexplained,
+            self._no_leg,
             self._stuck.copy(),
             self.excluded & ~self._stuck,
             is_all_ok=False,
@@ -159,7 +243,7 @@ class ConsistencyTest:
     def _test_leg(
         self, leg: int, closure_rel: Vector, motion_rel: float, missing: Mask, now_ns: int
     ) -> float:
-        """Test one leg: add isolated elements to `missing`, shape (elements,), return the inconsistency [1]."""
+        # Adds isolated elements to `missing`, shape (elements,); returns the inconsistency [1].
         if not np.isfinite(closure_rel[~missing]).all():
             return 0.0
         if self.excluded[leg].any():
@@ -196,7 +280,6 @@ class ConsistencyTest:
         return 0.0
 
     def _readmit(self, leg: int, closure_rel: Vector, motion_rel: float, missing: Mask, now_ns: int) -> None:
-        """Readmit excluded elements that have been consistent for long enough."""
         excluded = self.excluded[leg]
         if not np.isfinite(closure_rel[excluded]).all():
             return
@@ -207,7 +290,7 @@ class ConsistencyTest:
                 self._consistent_ns[leg] - READMISSION_TIME_LOSS_RATE * elapsed_ns, 0
             )
         elif self._max_residual_to_limit_ratio(closure_rel, missing & ~excluded) <= 1.0:
-            largest = np.abs(self._impute_missing(closure_rel, missing)[excluded]).max()
+            largest = np.abs(self._with_imputed(closure_rel, missing)[excluded]).max()
             unloaded = largest < RESIDUAL_LIMIT
             tells = not (unloaded and self._stuck[leg].any())
             self._consistent_ns[leg] += np.where(
@@ -219,21 +302,16 @@ class ConsistencyTest:
             self.excluded[leg] = self._stuck[leg] = False
 
     def _update_closure_extremes(self, leg: int, closure_rel: Vector, missing: Mask) -> None:
-        """Update the minimum and maximum of each element's measured and predicted closures."""
-        both, extremes = (
-            np.stack([closure_rel, self._impute_missing(closure_rel, missing)]),
-            self._extremes[:, :, leg],
-        )
+        both = np.stack([closure_rel, self._with_imputed(closure_rel, missing)])
+        extremes = self._extremes[:, :, leg]
         extremes[:, 0] = np.fmin(extremes[:, 0], both)
         extremes[:, 1] = np.fmax(extremes[:, 1], both)
 
-    def _impute_missing(self, closure_rel: Vector, missing: Mask) -> Vector:
-        """Return the closures, shape (elements,), with the missing ones predicted from the others."""
+    def _with_imputed(self, closure_rel: Vector, missing: Mask) -> Vector:
         imputed: Vector = self._imputation.impute(closure_rel[None], missing[None])[0]
         return imputed
 
     def _is_stuck(self) -> Mask:
-        """Return the mask of the elements that do not move although their prediction does."""
         measured, predicted = self._extremes[:, 1] - self._extremes[:, 0]
         stuck: Mask = (predicted > MIN_PREDICTED_MOTION_REL) & (
             measured < STUCK_BELOW_SHARE_OF_PREDICTED * predicted
@@ -254,15 +332,13 @@ class ConsistencyTest:
 
     def _isolate(self, closure_rel: Vector, missing: Mask, motion_rel: float) -> Mask:
         """Return the smallest trained set of missing elements that makes the others consistent; else `missing`."""
-        known = np.where(self._sets, 0.0, closure_rel)
+        known = np.where(MISSING_SETS, 0.0, closure_rel)
         residual = np.abs(np.einsum("sij,sj->si", self._residual_matrices, known)).max(axis=1)
-        excess = residual / _residual_limit_rel(
-            np.sqrt(np.square(known).sum(axis=1) / self._n_kept), motion_rel
-        )
-        excess[(missing & ~self._sets).any(axis=1)] = np.inf
-        for sets in self._single_and_lines:
+        excess = residual / _residual_limit_rel(np.sqrt(np.square(known).sum(axis=1) / _N_KEPT), motion_rel)
+        excess[(missing & ~MISSING_SETS).any(axis=1)] = np.inf
+        for sets in (_SINGLE_ELEMENTS, _LINES):
             if excess[sets].min() <= 1.0:
-                isolated: Mask = self._sets[sets][excess[sets].argmin()]
+                isolated: Mask = MISSING_SETS[sets][excess[sets].argmin()]
                 return isolated
         return missing
 
@@ -282,3 +358,21 @@ def _residual_limit_rel(rms_rel: Vector | float, motion_rel: float) -> Vector:
     """Return the residual limit for a foot whose closures have this rms and motion [1]."""
     limit: Vector = RESIDUAL_LIMIT + motion_rel + np.multiply(RESIDUAL_LIMIT_REL, rms_rel)
     return limit
+
+
+def floating_row_crosstalk_pf(capacitance_pf: Vector, opened: Mask) -> Vector:
+    """Return the crosstalk of floating rows into the readings of the others [pF], shape (legs, elements).
+
+    A row whose elements are open has lost its line. Its electrodes float, and each column sees them in series
+    with their small capacitance to ground whichever row is selected: as much as the open element itself reads. An open
+    element under the converter's range is on a board that grounds unselected columns: nothing is added there.
+
+    Args:
+        capacitance_pf: Readings, stray included [pF], shape (legs, elements), NaN under the range.
+        opened: Open elements, shape (legs, elements).
+    """
+    floating = opened.reshape(-1, ROWS, ROWS).all(axis=2, keepdims=True)
+    readings_pf = capacitance_pf.reshape(-1, ROWS, ROWS)
+    per_column_pf = np.where(floating & ~np.isnan(readings_pf), readings_pf, 0.0).sum(axis=1, keepdims=True)
+    added_pf: Vector = np.where(floating, 0.0, per_column_pf).reshape(opened.shape)
+    return added_pf

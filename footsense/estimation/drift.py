@@ -19,7 +19,7 @@ import math
 
 import numpy as np
 
-from footsense.estimation.baseline.tare import TareLimits
+from footsense.estimation.settings import TareLimits
 from footsense.frames import BaselineStatus, Mask, Stamps, Vector
 
 #: Fastest drift [pF/s]: 0.1 K/s of a foot that comes from the sun into the shade, at 1.5 fF/K.

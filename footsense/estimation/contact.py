@@ -4,7 +4,7 @@ The load is compared with the load in swing, not with the baseline. In swing tha
 low for 50 ms, and up by at most `max_swing_rise_n_per_s`; in stance it stands still. So drift, which is slow, never
 makes contact, however far it goes, and a touchdown, which is fast, is detected in the first reading that is the
 threshold above the load in swing. The threshold follows from the noise and the shake of earlier swings
-(`swing_noise.py`). A load that rises more slowly than `max_swing_rise_n_per_s` cannot be told from drift and is not
+(`SwingNoise`). A load that rises more slowly than `max_swing_rise_n_per_s` cannot be told from drift and is not
 detected.
 
 Contact ends when the load is back within `lift_n` of that in swing. After a long stance that may never happen: the
@@ -16,9 +16,9 @@ One element alone makes no contact: the load is a trimmed mean, without the larg
 """
 
 import math
-from dataclasses import dataclass
+from collections import deque
 
-from footsense.estimation.baseline.swing_noise import SwingNoise
+from footsense.estimation.settings import ContactLimits
 from footsense.frames import CommandKind, Vector
 
 #: A fall ends contact below this share of the mean load over the last second or so [1].
@@ -45,23 +45,18 @@ _PREDICTION_OVERSHOOT_NS = 100_000_000
 #: Contact is kept for this time without a reading, and unknown afterwards.
 _CONTACT_TIMEOUT_NS = 250_000_000
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ContactLimits:
-    """Thresholds for contact and for a confirmed swing.
-
-    Attributes:
-        min_threshold_n: Least load above that in swing that is contact [N]; more where swings show more noise and
-            shake.
-        max_swing_rise_n_per_s: Fastest rise of the load in swing [N/s]: five times the fastest drift, a
-            fiftieth of a slow load.
-        swing_confirmed_after_s: Time after lift-off from which a swing is confirmed [s]: most of the rubber's quick
-            recovery is over by then, and half the swing of a fast gait is left.
-    """
-
-    min_threshold_n: float
-    max_swing_rise_n_per_s: float = 0.5e-3
-    swing_confirmed_after_s: float = 0.2
+#: Length of a block: about a scan [ns].
+_PEAK_BLOCK_NS = 25_000_000
+#: Blocks that wait at least, as the rise of a slow touchdown is not noise, and in which shake has to come back.
+_HELD_BACK_BLOCKS, _MAX_SHAKE_BLOCKS = 2, 12
+#: Share of the threshold below which the signal has come back [1].
+_RETURN_THRESHOLD_REL = 1 / 3
+#: Blocks after which the measured threshold applies, and over which peaks are averaged.
+_MIN_BLOCKS, _AVERAGED_BLOCKS = 20, 400.0
+#: Standard deviations of the peaks above their mean; the same at most, however high one peak was.
+_THRESHOLD_SIGMAS, _MAX_THRESHOLD_SIGMAS = 5.0, 9.0
+#: Highest peak: part that is forgotten in each block, and margin above it [1].
+_PEAK_DECAY_REL, _PEAK_MARGIN_REL = 0.0005, 1.2
 
 
 def trimmed_means(closure_rel: Vector) -> list[float]:
@@ -90,6 +85,64 @@ def trimmed_means(closure_rel: Vector) -> list[float]:
     return means_rel
 
 
+class SwingNoise:
+    """Contact threshold of one load signal of one leg, learnt from the signal's peaks in swing.
+
+    The peaks of short blocks of swing are kept, but for the blocks just before a touchdown, which may hold its rise,
+    and for those from which the signal does not come back: shake passes, a load that comes slowly stays. The threshold
+    is the mean peak and five of their standard deviations, or a little over the highest peak of the last minutes.
+
+    Args:
+        min_threshold_n: Least threshold [N], which holds until enough of the swing was seen.
+
+    Attributes:
+        threshold_n: Load above that in swing that is contact [N].
+        sigma_n: Half of the distance from nothing to the mean peak: about the noise of a reading [N].
+        block_n: Signal of the present block of swing: load above that in swing [N], NaN where not known.
+        end_ns: Time from which the block is complete, and `end_block` is to be called [ns].
+    """
+
+    def __init__(self, min_threshold_n: float) -> None:
+        self.threshold_n = self._least_n = min_threshold_n
+        self.sigma_n = min_threshold_n / _THRESHOLD_SIGMAS
+        self._n = 0
+        self._mean_n = self._variance_n2 = self._highest_n = 0.0
+        self.discard_pending(0)
+
+    def discard_pending(self, t_ns: int) -> None:
+        """Discard peaks not learnt yet, because of a contact or a new swing from `t_ns` [ns] on."""
+        self._waiting: deque[float] = deque(maxlen=_MAX_SHAKE_BLOCKS)
+        self.block_n: list[float] = []
+        self.end_ns = t_ns + _PEAK_BLOCK_NS
+
+    def end_block(self, t_ns: int) -> None:
+        """End the present time block at `t_ns` [ns], and learn the peaks of earlier blocks."""
+        known_n = [above_n for above_n in self.block_n if not math.isnan(above_n)]
+        self.block_n, self.end_ns = [], t_ns + _PEAK_BLOCK_NS
+        waiting = self._waiting
+        is_back = min(known_n, default=math.inf) < _RETURN_THRESHOLD_REL * self.threshold_n
+        if known_n:
+            waiting.append(max(*known_n, 0.0))
+        while is_back and len(waiting) > _HELD_BACK_BLOCKS:
+            self.add_peak(waiting.popleft())
+
+    def add_peak(self, peak_n: float) -> None:
+        """Update the threshold with the peak load [N] of one block of swing."""
+        self._n += 1
+        share = 1.0 / min(self._n, _AVERAGED_BLOCKS)
+        off_n = peak_n - self._mean_n
+        self._mean_n += share * off_n
+        self._variance_n2 += share * (off_n * (peak_n - self._mean_n) - self._variance_n2)
+        self._highest_n = max(peak_n, (1.0 - _PEAK_DECAY_REL) * self._highest_n)
+        if self._n >= _MIN_BLOCKS:
+            spread_n = math.sqrt(max(self._variance_n2, 0.0))
+            highest_n = min(
+                _PEAK_MARGIN_REL * self._highest_n, self._mean_n + _MAX_THRESHOLD_SIGMAS * spread_n
+            )
+            self.threshold_n = max(self._mean_n + _THRESHOLD_SIGMAS * spread_n, highest_n, self._least_n)
+            self.sigma_n = max(self.threshold_n - self._mean_n, self._least_n) / _THRESHOLD_SIGMAS
+
+
 class ContactDetector:
     """Contact detector of one leg; in plain Python numbers, faster than arrays for six legs.
 
@@ -108,9 +161,8 @@ class ContactDetector:
 
     def __init__(self, limits: ContactLimits) -> None:
         self.limits = limits
-        self.noise, self.predicted_noise = (
-            SwingNoise(limits.min_threshold_n, limits.min_threshold_n) for _ in range(2)
-        )
+        self.noise = SwingNoise(limits.min_threshold_n)
+        self.predicted_noise = SwingNoise(limits.min_threshold_n)
         self._explained_n = limits.min_threshold_n / 2
         self._creep_load_n = 0.0
         self.drift_n = 0.0
@@ -128,7 +180,7 @@ class ContactDetector:
         self._peak_n = self._predicted_peak_n = 0.0
         self.noise.discard_pending(t_ns)
         self.predicted_noise.discard_pending(t_ns)
-        # The highest load of the last _LOW_NS to twice that, in two windows.
+        # The highest load of the last _SWING_LOAD_FOLLOWS_AFTER_NS to twice that, in two windows.
         self._highest_before_n = self._highest_n = math.inf
         self._window_start_ns = t_ns
         self._t_ns = self._lifted_ns = t_ns

@@ -1,30 +1,52 @@
-"""Friction below the feet: tangential over normal force, slips, estimated friction coefficient.
+"""Gait estimate of all legs, updated with every conversion: contact events, load share, ground normal, friction, slip.
 
-The network gives the contact point, hence the normal of the ground, and the friction ratio. Slips show in that alone.
+Contact and its thresholds are those of `contact.py`. Slip is looked for on half of the legs in turn, and what changes
+slowly is computed for the published frames alone.
 
-A foot that sticks may have any ratio of tangential to normal force up to the coefficient of friction; one that slides
-has that of the ground, whatever load and direction do. So a slide begins as a kink: the ratio rises, and stays. A push
-of the body that ends looks the same, but at a ratio of its own each time, and one that a later stance exceeds. Kinks at
-one ratio, of several stances, which nothing exceeds, are the cone of the ground. From then on a foot slides where its
-ratio comes to the cone. A slope alone has no kink: its ratio is there from the touchdown on.
+The network gives the contact point, hence the normal of the ground, and the friction ratio: tangential over normal
+force. Slips show in that alone. A foot that sticks may have any ratio up to the coefficient of friction; one that
+slides has that of the ground, whatever load and direction do. So a slide begins as a kink: the ratio rises, and stays.
+A push of the body that ends looks the same, but at a ratio of its own each time, and one that a later stance exceeds.
+Kinks at one ratio, of several stances, which nothing exceeds, are the cone of the ground. From then on a foot slides
+where its ratio comes to the cone. A slope alone has no kink: its ratio is there from the touchdown on.
 
 The ratio cannot distinguish a foot that sticks at the cone from one that slides there: both are reported as slips.
 """
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from typing import NamedTuple
 
-from footsense.estimation.gait.back_dating import BackDated
-from footsense.frames import Slip
+import numpy as np
+
+from footsense.estimation.back_dating import (
+    N_BUFFERED_CONVERSIONS,
+    BackDated,
+    LegLoads,
+    lift_off,
+    touchdown,
+)
+from footsense.estimation.contact import ContactDetector
+from footsense.frames import GaitEvent, GaitEventKind, GaitFrame, Slip
 from footsense.ports import LoadEstimate
+
+#: Period of the frames without an event [ns].
+GAIT_FRAME_PERIOD_NS = 100_000_000
+#: Largest exponent of the probability: 1 - 1e-6.
+_MAX_EXPONENT = 13.8
+#: Slope of a logistic function over that of a normal distribution [1].
+_LOGISTIC_SLOPE = 1.7
+_NO_TIME = BackDated(0, math.nan)
+#: State of a leg whose force is known and whose foot is in contact.
+_FORCE_KNOWN_IN_CONTACT = (True, True)
 
 #: Largest standard deviations with which a value is still given: direction [rad] and tangential over normal force [1].
 _MAX_NORMAL_SIGMA_RAD, _MAX_FRICTION_SIGMA = 0.3, 0.2
 #: Normal force from which the contact is learnt [N], and over its own standard deviation [1].
 _MIN_PRESSING_N, _MIN_PRESSING_SIGMAS = 0.03, 4.0
 #: Every second conversion is checked: the next one has mostly the same readings.
-CONVERSIONS_PER_CHECK = 2
+_CONVERSIONS_PER_CHECK = 2
 #: Checks of a plateau, and the longest mean time between two of them [ns].
 _PLATEAU_CHECKS, _LONGEST_CHECK_NS = 4, 8_000_000
 #: Time before a plateau in which the ratio may have risen to it [ns]: a slide that begins suddenly is not clear at
@@ -49,7 +71,7 @@ _SLIP_DETECTION_LAG_NS = 9_600_000
 _SLIP_TIME_SIGMA_S = 0.01
 
 
-class Ground(NamedTuple):
+class GroundContact(NamedTuple):
     """Estimated ground normal and tangential over normal force below one foot, with standard deviations.
 
     Attributes:
@@ -68,10 +90,10 @@ class Ground(NamedTuple):
 
 
 _NAN = math.nan
-NO_GROUND = Ground(_NAN, (_NAN, _NAN, _NAN), _NAN, _NAN, _NAN)
+NO_GROUND = GroundContact(_NAN, (_NAN, _NAN, _NAN), _NAN, _NAN, _NAN)
 
 
-def ground_of(load: LoadEstimate, row: int) -> Ground:
+def ground_of(load: LoadEstimate, row: int) -> GroundContact:
     """Return ground normal and tangential over normal force below one foot; NaN where the load does not determine them.
 
     In Python numbers: for six legs, numpy's calls take longer.
@@ -99,7 +121,7 @@ def ground_of(load: LoadEstimate, row: int) -> Ground:
     normal_sigma = 2.0 * scale * math.hypot(sigma_px, sigma_py)
     ratio_sigma = math.hypot(sigma_rx, sigma_ry) / math.sqrt(2.0)
     known_normal, known_ratio = normal_sigma < _MAX_NORMAL_SIGMA_RAD, ratio_sigma < _MAX_FRICTION_SIGMA
-    return Ground(
+    return GroundContact(
         pressing_n,
         (nx, ny, nz) if known_normal else (_NAN, _NAN, _NAN),
         normal_sigma if known_normal else _NAN,
@@ -168,7 +190,7 @@ class SlipDetector:
         self._at_cone, self._run, self._since_ns = False, 0, 0
         self._kinked = False
 
-    def observe(self, ground: Ground, now_ns: int) -> BackDated | None:
+    def observe(self, ground: GroundContact, now_ns: int) -> BackDated | None:
         """Process the newest friction ratio; return the time at which a slip started or ended, else None.
 
         Args:
@@ -209,12 +231,7 @@ class SlipDetector:
         return BackDated(self._since_ns - _SLIP_DETECTION_LAG_NS, _SLIP_TIME_SIGMA_S)
 
     def _find_kink(self, tolerance: float, *, exceeds: bool) -> None:
-        """Search the latest ratios for a rise that ends in a plateau, and report it to the friction estimator.
-
-        Args:
-            tolerance: Tolerance of a ratio [1].
-            exceeds: Whether the newest ratio is above the friction cone.
-        """
+        """Search the latest ratios for a rise that ends in a plateau; `exceeds`: the newest is above the cone."""
         ratios = self._ratios
         if len(ratios) <= _PLATEAU_CHECKS:
             return
@@ -233,3 +250,134 @@ class SlipDetector:
         ):
             self._kinked = True
             self._friction.add_kink(level, tolerance)
+
+
+class GaitTracker:
+    """Gait estimator of all legs: contact events, load share, ground normal, friction, slip.
+
+    Args:
+        n_legs: Legs of a frame.
+        period_ns: Period of the frames without an event [ns]; 0 for a frame of each conversion.
+    """
+
+    def __init__(self, n_legs: int, period_ns: int = GAIT_FRAME_PERIOD_NS) -> None:
+        friction = FrictionEstimator()
+        self._friction = friction
+        self._slips = [SlipDetector(friction) for _ in range(n_legs)]
+        self._loads: deque[LegLoads] = deque(maxlen=N_BUFFERED_CONVERSIONS)
+        self._turn = 0
+        self._period_ns, self._due_ns = period_ns, 0
+        # Whether the force is known, and whether the foot is in contact, of each leg.
+        self._states = [(False, False)] * n_legs
+        self._touchdowns, self._lift_offs = [_NO_TIME] * n_legs, [_NO_TIME] * n_legs
+
+    def observe(
+        self, load: LoadEstimate, contacts: Sequence[ContactDetector], now_ns: int
+    ) -> GaitFrame | None:
+        """Process the loads of one conversion; return the gait if an event occurred or a frame is due, else None.
+
+        Args:
+            load: Loads of all legs as of `now_ns`; NaN forces where they may not be used.
+            contacts: Contact of each leg, as of the same readings.
+            now_ns: Current time [ns].
+        """
+        above_n, mean_n, states = [], [], []
+        for force_n, contact in zip(load.force_n[:, 2].tolist(), contacts, strict=True):
+            swing_load_n = contact.swing_load_n
+            above_n.append(force_n - swing_load_n)
+            mean_n.append(contact.load_n - swing_load_n)
+            states.append((math.isfinite(force_n + contact.load_n), contact.in_contact))
+        self._loads.append(LegLoads(now_ns, above_n, mean_n))
+        events: list[GaitEvent] = []
+        if states != self._states:
+            for row, (before, now) in enumerate(zip(self._states, states, strict=True)):
+                if now != before:
+                    events += self._contact_events(row, before, now)
+            self._states = states
+        self._turn = (self._turn + 1) % _CONVERSIONS_PER_CHECK
+        for row in range(self._turn, len(states), _CONVERSIONS_PER_CHECK):
+            if states[row] == _FORCE_KNOWN_IN_CONTACT:
+                slipped = self._slips[row].observe(ground_of(load, row), now_ns)
+                if slipped is not None:
+                    starts = self._slips[row].state is Slip.SLIPPING
+                    kind = GaitEventKind.SLIP if starts else GaitEventKind.SLIP_END
+                    events.append(GaitEvent(kind, row, *slipped))
+        if not events and now_ns < self._due_ns:
+            return None
+        if now_ns >= self._due_ns and self._period_ns:
+            self._due_ns = (now_ns // self._period_ns + 1) * self._period_ns
+        return self._gait_frame(load, contacts, above_n, now_ns, tuple(events))
+
+    def _contact_events(self, row: int, before: tuple[bool, bool], now: tuple[bool, bool]) -> list[GaitEvent]:
+        # A contact that began or ended while the force was not known has no event, and no time.
+        is_known, in_contact = now
+        slip = self._slips[row]
+        was_slipping = slip.state is Slip.SLIPPING
+        if not (is_known and in_contact):
+            slip.reset_stance()
+        if before == (True, in_contact):
+            return []
+        if not (is_known and before[0]):
+            if before[1] != in_contact:
+                self._touchdowns[row] = self._lift_offs[row] = _NO_TIME
+            return []
+        if in_contact:
+            dated = touchdown(self._loads, row)
+            # A foot cannot touch before it was lifted, nor be lifted before it touched.
+            touched = BackDated(max(dated.t_ns, self._lift_offs[row].t_ns + 1), dated.sigma_s)
+            self._touchdowns[row] = touched
+            return [GaitEvent(GaitEventKind.TOUCHDOWN, row, *touched)]
+        dated = lift_off(self._loads, row)
+        lifted = BackDated(max(dated.t_ns, self._touchdowns[row].t_ns + 1), dated.sigma_s)
+        self._lift_offs[row] = lifted
+        ended = [GaitEvent(GaitEventKind.SLIP_END, row, *lifted)] if was_slipping else []
+        return [*ended, GaitEvent(GaitEventKind.LIFT_OFF, row, *lifted)]
+
+    def _gait_frame(
+        self,
+        load: LoadEstimate,
+        contacts: Sequence[ContactDetector],
+        above_n: list[float],
+        now_ns: int,
+        events: tuple[GaitEvent, ...],
+    ) -> GaitFrame:
+        known, contact = np.array(self._states, np.bool_).T
+        pressing_n = np.where(contact, np.maximum(load.force_n[:, 2], 0.0), 0.0)
+        total_n = float(pressing_n[known].sum())
+        grounds = [
+            ground_of(load, row) if state == _FORCE_KNOWN_IN_CONTACT else NO_GROUND
+            for row, state in enumerate(self._states)
+        ]
+        _, normal, normal_sigma_rad, ratio, ratio_sigma = map(np.array, zip(*grounds, strict=True))
+        touchdown_ns, touchdown_sigma_s = zip(*self._touchdowns, strict=True)
+        lift_off_ns, lift_off_sigma_s = zip(*self._lift_offs, strict=True)
+        return GaitFrame(
+            t_ns=now_ns,
+            contact=contact,
+            contact_raw=np.array([leg.raw for leg in contacts]),
+            probability=np.array([_contact_probability(*leg) for leg in zip(contacts, above_n, strict=True)]),
+            touchdown_ns=np.array(touchdown_ns, np.int64),
+            touchdown_sigma_s=np.array(touchdown_sigma_s),
+            lift_off_ns=np.array(lift_off_ns, np.int64),
+            lift_off_sigma_s=np.array(lift_off_sigma_s),
+            load_share=np.where(known, pressing_n, np.nan) / (total_n or math.nan),
+            normal=normal,
+            normal_sigma_rad=normal_sigma_rad,
+            tangential_over_normal=ratio,
+            tangential_over_normal_sigma=ratio_sigma,
+            slip=np.array([slip.state for slip in self._slips], np.uint8),
+            friction=self._friction.coefficient,
+            all_in_air=bool((known & ~contact).all()),
+            events=events,
+        )
+
+
+def _contact_probability(contact: ContactDetector, above_n: float) -> float:
+    """Return the probability of contact, from the load's distance to the threshold; NaN if unknown."""
+    noise, predicted = contact.noise, contact.predicted_noise
+    measured = (contact.load_n - contact.swing_load_n - noise.threshold_n) / noise.sigma_n
+    estimated = (above_n - predicted.threshold_n) / predicted.sigma_n
+    if not math.isfinite(measured + estimated):
+        return math.nan
+    sigmas = max(measured, estimated)
+    return 1.0 / (1.0 + math.exp(-min(max(_LOGISTIC_SLOPE * sigmas, -_MAX_EXPONENT), _MAX_EXPONENT)))

@@ -4,21 +4,21 @@ A tare (`tare.py`) gives a baseline: at start without a command, later on comman
 the drift of a foot in swing (`drift.py`); `contact.py` tells swing from stance.
 """
 
-from collections.abc import Sequence
 from operator import attrgetter
+from typing import NamedTuple
 
 import numpy as np
 
-from footsense.estimation.baseline.contact import ContactDetector, ContactLimits, trimmed_means
-from footsense.estimation.baseline.drift import MAX_DRIFT_PF, LegBaseline, baseline_sigma_pf
-from footsense.estimation.baseline.tare import TareLimits, Tares
-from footsense.estimation.baseline.unloaded import unloaded_feet
-from footsense.estimation.faults.causes import SILENT_READINGS, drift_causes
+from footsense.estimation.contact import ContactDetector, trimmed_means
+from footsense.estimation.drift import MAX_DRIFT_PF, LegBaseline, baseline_sigma_pf
 from footsense.estimation.sensitivity import Sensitivity
+from footsense.estimation.settings import EstimationLimits, MountedFeet
+from footsense.estimation.tare import Tares
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.frames import (
     BaselineDrift,
     BaselineStatus,
+    Cause,
     Codes,
     Command,
     CommandKind,
@@ -31,6 +31,7 @@ from footsense.frames import (
     State,
     Vector,
 )
+from footsense.leg_words import SILENT_READINGS
 
 #: Silence after which a baseline is discarded: the foot may have been swapped (a swap takes longer).
 _BASELINE_LOST_AFTER_SILENCE_NS = 250_000_000
@@ -44,11 +45,33 @@ _FRAMES_PER_TRACKING_ROUND = 3
 #: Period of the baselines' uncertainty [ns]; in a tenth of a second they drift by a fifth of a fF.
 _SIGMA_UPDATE_PERIOD_NS = 100_000_000
 
+#: Largest distance of an element's drift from the mean of its leg's [pF]: all drift by 30 fF over 20 K, and elements
+#: differ in that by a fifth.
+MAX_DRIFT_FROM_LEG_MEAN_PF = 20e-3
+
 _status_of = attrgetter("status")
 
 # Plain numbers: an enumeration's arithmetic costs a microsecond each time.
 _CONTACT, _TARE_REFUSED = int(Flag.CONTACT), int(Flag.TARE_REFUSED)
 _HELD, _DRIFT_TOO_FAST = BaselineStatus.HELD, BaselineStatus.DRIFT_TOO_FAST
+
+
+class UnloadedFeet(NamedTuple):
+    """Baselines of all legs with arrays derived from them; replaced when a baseline changes.
+
+    Attributes:
+        baseline_pf: Unloaded capacitances without stray [pF], shape (legs, elements), NaN where there is none.
+        plate_distance_rel: Plate distances over the gap [1], shape (legs, elements).
+        untared_legs: Legs without any baseline, shape (legs,).
+        untared_elements_of_tared_legs: Elements without a baseline on legs that have others, shape (legs, elements).
+        complete: Whether every element of every leg has a baseline.
+    """
+
+    baseline_pf: Vector
+    plate_distance_rel: Vector
+    untared_legs: Mask
+    untared_elements_of_tared_legs: Mask
+    complete: bool
 
 
 class BaselineTracker:
@@ -57,14 +80,10 @@ class BaselineTracker:
     Every leg is tared at start, repeatedly until that succeeds.
 
     Args:
-        unloaded_pf: Expected reading of each element of the free foot [pF], shape (legs, elements).
+        feet: The feet.
         design: The capacitors.
-        process_tares: Limits of a tare.
-        contact: Thresholds of contact.
+        limits: Limits of tare and contact, and whether baselines follow a foot in swing.
         sensitivity: Forces per closure.
-        track: Whether baselines follow a foot in swing.
-        gain_rel: Closure of each element by the design's electrodes, over its real closure [1], shape (legs, elements).
-        feet: Name of the foot on each leg that `unloaded_pf` was measured on; empty where it is a design value.
 
     Attributes:
         contacts: Contact of each leg.
@@ -72,29 +91,21 @@ class BaselineTracker:
         sigma_n: Standard deviation of each leg's force by its baseline [N], shape (legs, 3), NaN without one.
         flags: CONTACT, and TARE_REFUSED where an older baseline is in use, shape (legs,).
         drift: Published status and drift.
-        drift_cause: Cause of each leg by its drift, as of `drift_causes`.
+        drift_cause: Cause of each leg by its drift, shape (legs,): ELEMENT_DRIFTS where an element drifts unlike the
+            others, else NONE.
     """
 
     def __init__(
-        self,
-        unloaded_pf: Vector,
-        design: CapacitorDesign,
-        tare: TareLimits,
-        contact: ContactLimits,
-        sensitivity: Sensitivity,
-        *,
-        track: bool,
-        gain_rel: Vector | None = None,
-        feet: Sequence[str] = (),
+        self, feet: MountedFeet, design: CapacitorDesign, limits: EstimationLimits, sensitivity: Sensitivity
     ) -> None:
-        n_legs = len(unloaded_pf)
+        unloaded_pf, n_legs = feet.unloaded_pf, len(feet.names)
         self._design = design
-        self._gain_rel = np.ones_like(unloaded_pf) if gain_rel is None else gain_rel
-        self._tares = Tares(tare, unloaded_pf, feet or ("",) * n_legs)
+        self._gain_rel = feet.gain_rel
+        self._tares = Tares(limits.tare, feet)
         self._sensitivity = sensitivity
-        self._track = track
-        self._baselines = [LegBaseline(leg_pf, tare) for leg_pf in unloaded_pf]
-        self.contacts = [ContactDetector(contact) for _ in unloaded_pf]
+        self._track = limits.track_baseline
+        self._baselines = [LegBaseline(leg_pf, limits.tare) for leg_pf in unloaded_pf]
+        self.contacts = [ContactDetector(limits.contact) for _ in unloaded_pf]
         # Near the unloaded distance, where the error of a baseline matters.
         self._closure_per_pf = float(design.plate_distance_um(unloaded_pf).mean()) / (
             design.gap_um * float(unloaded_pf.mean())
@@ -131,7 +142,7 @@ class BaselineTracker:
         return self._tares.states if self._tares.untared else {}
 
     def process_tares(
-        self, capacitance_pf: Vector, reading: Codes, t_ns: Stamps, missing: Mask, now_ns: int
+        self, capacitance_pf: Vector, reading: Codes, t_ns: Stamps, unusable: Mask, now_ns: int
     ) -> tuple[CommandResult, ...]:
         """Add a frame of all legs to the tares in progress; return the results of those that finish with it.
 
@@ -139,7 +150,7 @@ class BaselineTracker:
             capacitance_pf: Readings without stray [pF], shape (legs, elements), NaN where there is none to be used.
             reading: How each element answered, same shape.
             t_ns: Stamp of each [ns], same shape.
-            missing: Elements to leave out, same shape.
+            unusable: Elements to leave out, same shape.
             now_ns: Current time [ns].
         """
         if np.count_nonzero(reading):
@@ -147,7 +158,7 @@ class BaselineTracker:
         else:
             self._heard_ns.fill(now_ns)
         tares = self._tares
-        ended = tares.add(capacitance_pf, reading, t_ns, missing) if tares.in_progress else ()
+        ended = tares.add(capacitance_pf, reading, t_ns, unusable) if tares.in_progress else ()
         results = []
         for leg, tared, is_news in ended:
             if tared.baseline_pf is not None:
@@ -177,7 +188,7 @@ class BaselineTracker:
             predicted_n: Force along each leg as of now, from the last readings [N], shape (legs,), NaN for none.
             capacitance_pf: Readings without stray that they come from [pF], same shape.
             t_ns: Stamp of each [ns], same shape.
-            missing: Elements to leave out, same shape.
+            missing: Elements that the network does without, same shape.
             now_ns: Current time [ns].
         """
         if np.count_nonzero(missing):
@@ -247,20 +258,29 @@ class BaselineTracker:
         ] * self._sensitivity.force_sigma_n_per_baseline_error
 
     def _copy_changed_baselines(self) -> None:
-        """Update the arrays of all legs after the baseline of a leg has changed."""
         self._sigma_due_ns = 0
         legs = self._baselines
         baseline_pf = np.array([leg.baseline_pf for leg in legs])
-        self.unloaded = unloaded_feet(baseline_pf, self._design, self._gain_rel)
+        without_baseline: Mask = np.isnan(baseline_pf)
+        untared_legs: Mask = np.asarray(without_baseline.all(axis=1))
+        self.unloaded = UnloadedFeet(
+            baseline_pf=baseline_pf,
+            plate_distance_rel=self._design.plate_distance_um(baseline_pf)
+            / self._design.gap_um
+            / self._gain_rel,
+            untared_legs=untared_legs,
+            untared_elements_of_tared_legs=without_baseline & ~untared_legs[:, None],
+            complete=not without_baseline.any(),
+        )
         self._variance_pf2 = np.array([leg.variance_pf2 for leg in legs])
         self._updated_ns = np.array([leg.updated_ns for leg in legs], np.int64)
         mean_pf, worst_pf = np.array([leg.offset_pf for leg in legs]).T.copy()
         self._offsets = mean_pf, worst_pf, np.array([leg.moved_ns for leg in legs], np.int64)
         self._update_status()
-        self.drift_cause = drift_causes(self.drift)
+        apart = np.abs(worst_pf - mean_pf) > MAX_DRIFT_FROM_LEG_MEAN_PF
+        self.drift_cause = np.where(apart, np.uint8(Cause.ELEMENT_DRIFTS), np.uint8(Cause.NONE))
 
     def _update_status(self) -> None:
-        """Update the published baseline status of all legs."""
         self._statuses = list(map(_status_of, self._baselines))
         self.drift = BaselineDrift(np.array(self._statuses, np.uint8), *self._offsets)
 

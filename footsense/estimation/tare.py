@@ -5,30 +5,15 @@ not quiet) or differ from those of the free foot. Every tare is compared with th
 small steps cannot lead into a load. Missing elements are left out; they have no baseline until they are back.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.estimation.faults.causes import SILENT_READINGS
-from footsense.estimation.faults.open_elements import OPEN_ELEMENT_THRESHOLD_REL
-from footsense.frames import Codes, Mask, Reading, Result, Stamps, State, Vector
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TareLimits:
-    """Limits of a tare: scans averaged, largest noise [fF], largest deviation from the expected reading [1].
-
-    Attributes:
-        window_scans: Scans that are averaged, at least 2.
-        noise_limit_ff: Largest standard deviation of any element over the window [fF].
-        unloaded_limit_rel: Largest deviation of any element from the free foot's expected reading [1].
-    """
-
-    window_scans: int
-    noise_limit_ff: float
-    unloaded_limit_rel: float
+from footsense.estimation.elements import OPEN_ELEMENT_THRESHOLD_REL
+from footsense.estimation.settings import MountedFeet, TareLimits
+from footsense.frames import ELEMENTS, Codes, Mask, Reading, Result, Stamps, State, Vector
+from footsense.leg_words import SILENT_READINGS
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +45,7 @@ class TareWindow:
         self._foot = foot
         self._unloaded_pf = unloaded_pf
         self._readings_pf: list[Vector] = []
-        self._missing = np.zeros(len(unloaded_pf), bool)
+        self._left_out = np.zeros(ELEMENTS, bool)
         self._newest_ns = 0
 
     def add(
@@ -68,7 +53,7 @@ class TareWindow:
         capacitance_pf: Vector,
         reading: Codes,
         t_ns: Stamps,
-        missing: Mask,
+        unusable: Mask,
     ) -> TareResult | None:
         """Add the leg's readings of one scan; return the result once there are enough scans, else None.
 
@@ -76,7 +61,7 @@ class TareWindow:
             capacitance_pf: Readings without stray [pF], shape (elements,), NaN where there is none.
             reading: How each element answered, shape (elements,).
             t_ns: Stamp of each [ns], shape (elements,).
-            missing: Elements to leave out, shape (elements,).
+            unusable: Elements to leave out, shape (elements,).
 
         Returns:
             None while the window is not full. A frame counts if every element has been read anew since the one
@@ -84,15 +69,13 @@ class TareWindow:
         """
         if np.isin(reading, SILENT_READINGS).any():
             return TareResult(Result.ABSENT, "the leg does not answer")
-        failed = np.flatnonzero((reading != Reading.OK) & ~missing)
+        failed = np.flatnonzero((reading != Reading.OK) & ~unusable)
         if failed.size:
-            return TareResult(
-                Result.ELEMENT_FAULT, f"elements {_element_list_text(failed, len(reading))} give no reading"
-            )
-        if not (np.isfinite(capacitance_pf) | missing).all() or t_ns[~missing].min() <= self._newest_ns:
+            return TareResult(Result.ELEMENT_FAULT, f"elements {_element_list_text(failed)} give no reading")
+        if not (np.isfinite(capacitance_pf) | unusable).all() or t_ns[~unusable].min() <= self._newest_ns:
             return None
         self._newest_ns = int(t_ns.max())
-        self._missing = self._missing | missing
+        self._left_out = self._left_out | unusable
         self._readings_pf.append(capacitance_pf)
         if len(self._readings_pf) < self._limits.window_scans:
             return None
@@ -100,7 +83,7 @@ class TareWindow:
 
     def _tare_result(self, readings_pf: Vector) -> TareResult:
         """Return the result of a tare from the collected readings [pF], shape (scans, elements)."""
-        noise_ff = np.where(self._missing, 0.0, readings_pf.std(axis=0, ddof=1) * 1e3)
+        noise_ff = np.where(self._left_out, 0.0, readings_pf.std(axis=0, ddof=1) * 1e3)
         worst = int(noise_ff.argmax())
         if noise_ff[worst] > self._limits.noise_limit_ff:
             return TareResult(
@@ -108,8 +91,8 @@ class TareWindow:
                 f"the foot is not quiet: element {worst} varies by {noise_ff[worst]:.1f} fF rms, "
                 f"at most {self._limits.noise_limit_ff:g} fF is allowed",
             )
-        baseline_pf = np.where(self._missing, np.nan, readings_pf.mean(axis=0))
-        deviation_rel = np.where(self._missing, 0.0, baseline_pf / self._unloaded_pf - 1)
+        baseline_pf = np.where(self._left_out, np.nan, readings_pf.mean(axis=0))
+        deviation_rel = np.where(self._left_out, 0.0, baseline_pf / self._unloaded_pf - 1)
         worst = int(np.abs(deviation_rel).argmax())
         if abs(deviation_rel[worst]) > self._limits.unloaded_limit_rel:
             opened = deviation_rel[worst] < OPEN_ELEMENT_THRESHOLD_REL - 1
@@ -121,7 +104,7 @@ class TareWindow:
                 f"expected of {self._foot or 'the free foot (unloaded_pf)'}, "
                 f"at most {self._limits.unloaded_limit_rel:.1%} is allowed",
             )
-        left_out = _element_list_text(np.flatnonzero(self._missing), len(self._missing))
+        left_out = _element_list_text(np.flatnonzero(self._left_out))
         without = f" without elements {left_out}" if left_out else ""
         return TareResult(
             Result.DONE,
@@ -135,8 +118,7 @@ class Tares:
 
     Args:
         limits: Limits.
-        unloaded_pf: Expected reading of the free feet [pF], shape (legs, elements).
-        feet: Name of the foot on each leg that `unloaded_pf` was measured on; empty where it is a design value.
+        feet: The feet.
 
     Attributes:
         in_progress: Window of every tare in progress, by leg.
@@ -144,9 +126,9 @@ class Tares:
         refused: Legs with a refused tare that keep an older baseline.
     """
 
-    def __init__(self, limits: TareLimits, unloaded_pf: Vector, feet: Sequence[str]) -> None:
-        self._limits, self._unloaded_pf, self._feet = limits, unloaded_pf, feet
-        self.untared = set(range(len(unloaded_pf)))
+    def __init__(self, limits: TareLimits, feet: MountedFeet) -> None:
+        self._limits, self._feet = limits, feet
+        self.untared = set(range(len(feet.names)))
         self.refused: set[int] = set()
         self.in_progress = {leg: self._new_window(leg) for leg in self.untared}
         self._commanded: set[int] = set()
@@ -169,7 +151,7 @@ class Tares:
         self.in_progress.setdefault(leg, self._new_window(leg))
 
     def add(
-        self, capacitance_pf: Vector, reading: Codes, t_ns: Stamps, missing: Mask
+        self, capacitance_pf: Vector, reading: Codes, t_ns: Stamps, unusable: Mask
     ) -> list[tuple[int, TareResult, bool]]:
         """Add a frame of all legs to the tares in progress; return the finished tares.
 
@@ -179,7 +161,7 @@ class Tares:
         """
         ended = []
         for leg, window in list(self.in_progress.items()):
-            tared = window.add(capacitance_pf[leg], reading[leg], t_ns[leg], missing[leg])
+            tared = window.add(capacitance_pf[leg], reading[leg], t_ns[leg], unusable[leg])
             if tared is not None:
                 ended.append((leg, tared, self._end_tare(leg, tared)))
         return ended
@@ -204,10 +186,8 @@ class Tares:
         return commanded or not repeated
 
     def _new_window(self, leg: int) -> TareWindow:
-        """Return an empty tare window for a leg."""
-        return TareWindow(self._limits, self._unloaded_pf[leg], self._feet[leg])
+        return TareWindow(self._limits, self._feet.unloaded_pf[leg], self._feet.names[leg])
 
 
-def _element_list_text(elements: NDArray[np.intp], n: int) -> str:
-    """Return element numbers as text for a message."""
-    return f"0 to {n - 1}" if len(elements) == n else ", ".join(map(str, elements.tolist()))
+def _element_list_text(elements: NDArray[np.intp]) -> str:
+    return f"0 to {ELEMENTS - 1}" if len(elements) == ELEMENTS else ", ".join(map(str, elements.tolist()))

@@ -1,1 +1,0 @@
-"""Fault detection of elements and legs: status, residual test, imputation."""
