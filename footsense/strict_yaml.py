@@ -19,6 +19,8 @@ from msgspec import inspect
 from footsense.errors import ConfigError
 from footsense.plain_yaml import YamlError, YamlReader, item_path, read_text
 
+_NUMBER_PATTERN = re.compile(r"[-+]?\d+(\.\d*)?([eE][-+]?\d+)?")
+
 T = TypeVar("T")
 
 
@@ -81,12 +83,11 @@ def _first_problem(value: Any, hint: Any, path: str, root: Any) -> Problem | Non
         pass
     else:
         return None
+    structs = [part for part in _parts(hint) if hasattr(part, "__struct_fields__")]
+    if isinstance(value, dict) and structs:
+        return _struct_problem(value, structs, path, root)
     for part in _parts(hint):
-        kind, arguments = get_origin(part) or part, get_args(part)
-        if isinstance(value, dict) and issubclass(kind, msgspec.Struct):
-            return _struct_problem(
-                value, [each for each in _parts(hint) if hasattr(each, "__struct_fields__")], path, root
-            )
+        kind, arguments = get_origin(part), get_args(part)
         items: Iterable[tuple[str, Any, Any]] = ()
         if isinstance(value, dict) and kind is dict:
             keys = [(item_path(path, key), key, arguments[0]) for key in value]
@@ -109,7 +110,7 @@ def _struct_problem(value: dict[str, Any], structs: Sequence[Any], path: str, ro
     tag = structs[0].__struct_config__.tag_field
     by_kind = {struct.__struct_config__.tag: struct for struct in structs}
     kind = None if tag is None else value.get(tag)
-    if tag is not None and kind not in by_kind:
+    if tag is not None and kind not in list(by_kind):  # a list may stand there, which has no hash
         if tag not in value:
             return Problem(path, f"the key {tag} is missing: one of {', '.join(by_kind)}")
         return Problem(item_path(path, tag), _word_fault(kind, list(by_kind)))
@@ -149,7 +150,8 @@ def _value_fault(value: object, info: inspect.Type) -> str:
     if isinstance(value, dict | list):
         got = f"a section of {len(value)} keys" if isinstance(value, dict) else f"a list of {len(value)}"
     text = f"{got} is wrong; it has to be {_wanted(info)}"
-    if isinstance(value, str) and re.fullmatch(r"[-+]?\d+(\.\d*)?([eE][-+]?\d+)?", value):
+    wants_number = any(isinstance(type_, inspect.IntType | inspect.FloatType) for type_, _ in _members(info))
+    if wants_number and isinstance(value, str) and _NUMBER_PATTERN.fullmatch(value):
         text += f"; YAML reads that as text, write {float(value):g}"
     return text
 

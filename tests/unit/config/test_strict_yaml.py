@@ -1,5 +1,6 @@
 """YAML either becomes the object it describes, or one line that says where and why not."""
 
+import json
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Literal
@@ -81,9 +82,16 @@ def test_reads_what_fits() -> None:
         ),
         (GOOD + "legs: {fl: 1}", ":2: legs.fl: 'fl' is none of lf, rf; did you mean lf?"),
         (GOOD + "legs: {RF: 1}", "did you mean rf?"),
+        (GOOD + "rate_sps: {a: 1}", ":2: rate_sps: \"{'a': 1}\" is none of 100, 200, 400"),
+        (GOOD + "load: [1]", ":2: load: a list of 1 is wrong; it has to be a section of keys"),
+        (
+            GOOD + "stray_pf: {a: 1}",
+            ":2: stray_pf: a section of 1 keys is wrong; it has to be a list, at most 2",
+        ),
         (GOOD + "stray_pf:\n- 1\n- x", ':4: stray_pf[1]: "x" is wrong; it has to be a number'),
         (GOOD + "stray_pf: [1, 2, 3]", "stray_pf: a list of 3 is wrong; it has to be a list, at most 2"),
         (GOOD + "load: {kind: stop}", "load.kind: 'stop' is none of ramp, step; did you mean step?"),
+        (GOOD + "load: {kind: [step]}", "load.kind: \"['step']\" is none of ramp, step"),
         (GOOD + "load: {force_n: 1}", "load: the key kind is missing: one of ramp, step"),
         (GOOD + "load: {kind: step, forc: 1}", "load.forc: unknown key; did you mean force_n?"),
         (GOOD + "quiet: 1", ":2: quiet: 1 is wrong; it has to be true or false"),
@@ -135,6 +143,24 @@ def test_a_check_names_the_line_of_a_contradiction() -> None:
     """What the caller finds contradictory is reported like any other fault."""
     with pytest.raises(ConfigError, match=r"^r.yaml:3: legs.rf: taken$"):
         load(GOOD + "legs: {lf: 1,\n rf: 1}", Robot, "r.yaml", lambda _: Problem("legs.rf", "taken"))
+
+
+words = st.sampled_from(
+    ["mux", "address", "legs", "lf", "load", "kind", "step", "force_n", "stray_pf", "quiet", "x"]
+)
+scalars = st.none() | st.booleans() | st.integers() | st.floats(-1e9, 1e9) | words
+nested = st.recursive(
+    scalars, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(words, inner, max_size=4)
+)
+
+
+@given(nested)
+def test_any_data_load_or_are_refused_in_plain_words(data: object) -> None:
+    """Whatever stands where: a message of ours, with a path, and none of msgspec's."""
+    try:
+        load(json.dumps(data), Robot, "robot.yaml")
+    except ConfigError as error:
+        assert "Expected" not in str(error)
 
 
 yaml_like = st.text(alphabet=st.sampled_from("ab:{}[],&*!|>-?#'\"\n 0x1.e~%@<\t"), max_size=60)
