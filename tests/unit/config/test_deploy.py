@@ -42,19 +42,6 @@ def test_the_service_is_watched_and_started_again() -> None:
     )
 
 
-def test_the_service_may_do_what_the_loop_needs() -> None:
-    """Real-time priority below the interrupt threads, locked memory, I2C and CAN."""
-    service = parsed(UNIT)["Service"]
-    assert service["CPUSchedulingPolicy"] == "fifo"
-    assert int(service["CPUSchedulingPriority"]) < 50 <= int(service["LimitRTPRIO"])
-    assert service["LimitMEMLOCK"] == "infinity"
-    assert service["SupplementaryGroups"] == "i2c"
-    assert service["DeviceAllow"] == "char-i2c rw"
-    assert set(service["RestrictAddressFamilies"].split()) == {"AF_UNIX", "AF_CAN"}
-    forbidden = {"RestrictRealtime", "PrivateDevices", "PrivateNetwork", "CPUSchedulingResetOnFork"}
-    assert not forbidden & set(service)
-
-
 @pytest.mark.parametrize(("unit", "command"), [(EXPORTER, "exporter"), (VIEW, "view")])
 def test_exporter_and_page_always_come_back_and_may_do_little(unit: Path, command: str) -> None:
     """Each restarts whatever ended it, takes no time of the loop, and reaches the loopback and shared memory alone."""
@@ -111,18 +98,6 @@ def test_can0_comes_up_by_itself_and_keeps_no_old_frame() -> None:
     assert (can["OneShot"] == "yes") is AS_DEPLOYED.one_shot
     assert int(network["PFIFOHeadDrop"]["PacketLimit"]) == AS_DEPLOYED.queue_frames
     assert AS_DEPLOYED.head_drop
-
-
-def test_i2c_adapters_are_known_to_systemd() -> None:
-    """The unit waits for the adapter, which systemd does not know without the tag."""
-    rule, gpio = [
-        line
-        for line in (DEPLOY / "99-footsense-i2c.rules").read_text().splitlines()
-        if line and not line.startswith("#")
-    ]
-    assert rule == 'SUBSYSTEM=="i2c-dev", GROUP="i2c", MODE="0660", TAG+="systemd"'
-    assert gpio == 'SUBSYSTEM=="gpio", KERNEL=="gpiochip*", GROUP="gpio", MODE="0660"'
-    assert "dev-i2c\\x2d1.device" in parsed(UNIT)["Unit"]["After"]
 
 
 def test_a_missing_device_delays_the_boot_by_less_than_five_seconds() -> None:
