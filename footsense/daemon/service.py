@@ -134,11 +134,14 @@ def open_service(
         if can_log is not None:
             check_log_target(can_log)
         if scene is not None and not is_simulated(config):
-            # Simulated forces must not reach the controller of the real robot.
-            config = msgspec.structs.replace(config, can=Can(interface="virtual"))
+            # Simulated forces must not reach the controller of the real robot, nor readers of its ring.
+            config = msgspec.structs.replace(config, can=Can(interface="virtual"), ring=None)
         models = load_models(config)
         # Before any chip is accessed; the recorder's process drops the scheduling that it inherits.
-        flags = _prepare_machine(config) if scene is None else Flag.SIMULATED
+        flags = Flag.SIMULATED
+        if scene is None:
+            check_adapters(config)  # before this process could delay another one that reads these feet
+            flags = request_scheduling(config.realtime)
         scan = stack.enter_context(open_scan_source(config, scene))
         if scan.response_sha256 not in {None, models.network.card.response_sha256}:
             _log.warning("the network was trained on another response table than the simulated feet follow")
@@ -189,10 +192,9 @@ def open_service(
         path = config.ring_path or (default_ring(is_simulated=scene is not None) if real_time else None)
         if ring := _open_ring(service, config, path, header, is_recorded=record is not None):
             observers.append(ring)
-            if record is not None:
-                recorder = Recorder(record, ring, waits=not real_time or test_stand is not None)
-                stack.enter_context(close_at_end(recorder.close))
-                service.recorder = recorder
+            service.recorder = _open_recorder(
+                stack, record, ring, waits=not real_time or test_stand is not None
+            )
         for observer in observers:
             stack.enter_context(close_at_end(observer.close))
         yield service
@@ -211,15 +213,12 @@ def _open_ring(
     return CycleRing(None, legs, header, rate_hz, service.status) if is_recorded else None
 
 
-def _prepare_machine(config: Config) -> Flag:
-    """Check the I2C adapters, request the configured scheduling; return the flags for every frame.
-
-    Raises:
-        HardwareError: An adapter is missing, or another process has locked it.
-        ConfigError: The scheduling is required and denied.
-    """
-    check_adapters(config)  # before this process could delay another one that reads these feet
-    return request_scheduling(config.realtime)
+def _open_recorder(stack: ExitStack, path: Path | None, ring: CycleRing, *, waits: bool) -> Recorder | None:
+    if path is None:
+        return None
+    recorder = Recorder(path, ring, waits=waits)
+    stack.enter_context(close_at_end(recorder.close))
+    return recorder
 
 
 def request_scheduling(asked: Realtime | None) -> Flag:

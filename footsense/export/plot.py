@@ -216,10 +216,8 @@ def _decimate(t_s: Vector, values: Vector) -> tuple[Vector, Vector]:
     size = len(values) // _MAX_PLOTTED_COLUMNS
     n_whole = len(values) // size * size
     columns = values[:n_whole].reshape(-1, size)
-    some = np.isfinite(columns).any(axis=1)
-    low = np.where(some, np.where(np.isnan(columns), np.inf, columns).min(axis=1), np.nan)
-    high = np.where(some, np.where(np.isnan(columns), -np.inf, columns).max(axis=1), np.nan)
-    return np.repeat(t_s[:n_whole:size], 2), np.stack([low, high], axis=1).ravel()
+    extremes = np.stack([np.fmin.reduce(columns, axis=1), np.fmax.reduce(columns, axis=1)], axis=1)
+    return np.repeat(t_s[:n_whole:size], 2), extremes.ravel()
 
 
 def _legend_entries(signals: _Signals) -> list[Any]:

@@ -54,10 +54,10 @@ def first_difference(
             t_s = recorded.t_sent_ns * 1e-9
             return f"cycle {recorded.sequence}, sent at {t_s:.3f} s, leg {leg}: {difference}"
     then, now = gaits
-    if then is None:  # as in most cycles
-        return None
-    if now is None:
-        return f"cycle {recorded.sequence}: had a gait, has none now"
+    if then is None or now is None:  # as in most cycles
+        if then is now:
+            return None
+        return f"cycle {recorded.sequence}: had {'a gait, has none' if then else 'no gait, has one'} now"
     if [event[:2] for event in then.events] != [event[:2] for event in now.events]:
         return f"cycle {recorded.sequence}: the gait events were {then.events}, are now {now.events}"
     return None

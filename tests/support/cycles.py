@@ -1,7 +1,8 @@
 """Cycles of random bits, and recordings of them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,6 +93,23 @@ def cycle(
     )
     temperature_c = rng.choice([np.nan, -40.0, 0.1, 1 / 3, 125.0], n_legs) if warm else None
     return Cycle(scan, commands, forces, outcomes, reference, temperature_c)
+
+
+def plain_cycle(sent_ns: int, states: Sequence[State], **forces: Any) -> Cycle:
+    """Return a cycle of legs without forces in some states; `forces` replaces fields of its forces."""
+    n, plain = len(states), cycle(0, n_legs=len(states))
+    codes = np.zeros(n, np.uint8)
+    values: dict[str, Any] = {
+        "t_sent_ns": sent_ns,
+        "t_ns": np.full(n, sent_ns),
+        "state": np.array(states, np.uint8),
+        "force_n": np.full((n, 3), np.nan),
+        "sigma_n": np.full((n, 3), np.nan),
+        "cause": codes,
+        "flags": codes,
+        "baseline": BaselineDrift.none(n),
+    }
+    return plain._replace(forces=plain.forces._replace(**values | forces))
 
 
 def _gait(

@@ -23,7 +23,7 @@ from tests.support.gaits import gait_frame
 @pytest.fixture(scope="module")
 def walk(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, list[Cycle]]:
     """Return the bytes of a recording of 60 cycles in six chunks, and the cycles."""
-    cycles = [cycle(number) for number in range(60)]
+    cycles = [cycle(number, n_samples=number % 3) for number in range(60)]
     return write(tmp_path_factory.mktemp("walk") / "walk.mcap", cycles).read_bytes(), cycles
 
 
@@ -44,49 +44,11 @@ def test_the_file_keeps_every_bit(
     scratch: Path, seed: int, outcomes: list[CommandResult], n_samples: int | None
 ) -> None:
     """Floats of any value, NaN, infinities and -0.0, and reasons in any script come out of the file again."""
-    shown = [
-        cycle(
-            number,
-            seed,
-            outcomes=tuple(outcomes),
-            n_samples=n_samples,
-            warm=number % 3 == 1,
-        )
-        for number in range(5)
-    ]
+    some = {"outcomes": tuple(outcomes), "n_samples": n_samples}
+    shown = [cycle(number, seed, **some, warm=number % 3 == 1) for number in range(5)]  # type: ignore[arg-type]
     read, damage = read_until_damage(write(scratch, shown))
     assert damage is None
-    assert all(
-        np.array_equal(a.forces.fault_mask, b.forces.fault_mask) for a, b in zip(shown, read, strict=True)
-    )
     assert all(same(a, b) for a, b in zip(shown, read, strict=True))
-
-
-@given(st.data())
-def test_a_truncated_file_gives_what_is_whole(
-    scratch: Path, walk: tuple[bytes, list[Cycle]], data: st.DataObject
-) -> None:
-    """Wherever a file ends, the cycles before are right and the error says that the rest is lost."""
-    whole, cycles = walk
-    scratch.write_bytes(whole[: data.draw(st.integers(0, len(whole) - 1))])
-    read, damage = read_until_damage(scratch)
-    assert all(same(a, b) for a, b in zip(cycles, read, strict=False))
-    assert damage is not None or len(read) == len(cycles)
-    assert "\n" not in str(damage)
-
-
-@given(st.data())
-def test_a_flipped_bit_is_never_taken_for_a_measurement(
-    scratch: Path, walk: tuple[bytes, list[Cycle]], data: st.DataObject
-) -> None:
-    """One wrong bit ends the reading with an error, or stands in the index, which is not read."""
-    whole, cycles = walk
-    damaged = bytearray(whole)
-    damaged[data.draw(st.integers(0, len(whole) - 1))] ^= 1 << data.draw(st.integers(0, 7))
-    scratch.write_bytes(damaged)
-    read, damage = read_until_damage(scratch)
-    assert all(same(a, b) for a, b in zip(cycles, read, strict=False))
-    assert damage is not None or len(read) == len(cycles)
 
 
 def test_a_truncated_file_says_what_is_lost(scratch: Path, walk: tuple[bytes, list[Cycle]]) -> None:
@@ -121,21 +83,9 @@ def test_recover_makes_a_sound_file(tmp_path: Path, walk: tuple[bytes, list[Cycl
     with (tmp_path / "walk.mcap").open("rb") as file:
         topics = [channel.topic for _, channel, _ in make_reader(file).iter_messages()]
     assert topics.count("/scan") == topics.count("/force") == len(read)
-
-
-def test_recover_keeps_the_reference(tmp_path: Path) -> None:
-    """A bench's recording has the samples of its force sensor again, one message each."""
-    shown = [cycle(number, n_samples=number % 3) for number in range(9)]
-    cut = write(tmp_path / "cut.mcap", shown, every=4)
-    cut.write_bytes(cut.read_bytes()[:-400])
-    recover(cut, tmp_path / "whole.mcap")
-    read, damage = read_until_damage(tmp_path / "whole.mcap")
-    assert damage is None
-    assert read
-    assert all(same(a, b) for a, b in zip(shown, read, strict=False))
-    with (tmp_path / "whole.mcap").open("rb") as file:
-        samples = [message for _, _, message in make_reader(file).iter_messages(topics=["/reference"])]
-    assert len(samples) == sum(len(one.reference.t_ns) for one in read if one.reference is not None)
+    assert topics.count("/reference") == sum(
+        len(one.reference.t_ns) for one in read if one.reference is not None
+    )
 
 
 def test_replay_gives_scan_commands_and_time(walk: tuple[bytes, list[Cycle]], scratch: Path) -> None:
@@ -181,36 +131,37 @@ def test_compare_names_the_first_difference() -> None:
     assert "leg lm: state was" in str(first_difference(then, now, exact=False, legs=LEGS))
 
 
-def test_compare_looks_behind_the_state_and_at_the_zero() -> None:
-    """Another cause or another zero under the same forces is a difference."""
+def test_compare_looks_behind_the_state_and_at_the_baseline() -> None:
+    """Another cause or another baseline under the same forces is a difference."""
     then, now = cycle(0).forces, cycle(0).forces
     then.cause[2], now.cause[2] = Cause.ROW_OPEN, Cause.COLUMN_OPEN
-    assert "leg lr: cause was ROW_OPEN, is now COLUMN_OPEN" in str(
-        first_difference(then, now, exact=False, legs=LEGS)
-    )
+    found = first_difference(then, now, exact=False, legs=LEGS)
+    assert "leg lr: cause was ROW_OPEN, is now COLUMN_OPEN" in str(found)
     now.cause[2] = then.cause[2]
     then.baseline.worst_pf[4], now.baseline.worst_pf[4] = 0.5, 0.5 + 1e-9
     assert first_difference(then, now, exact=False, legs=LEGS) is None
-    assert "leg rm: baseline_worst_pf was 0.5, is now" in str(
-        first_difference(then, now, exact=True, legs=LEGS)
-    )
+    found = first_difference(then, now, exact=True, legs=LEGS)
+    assert "leg rm: baseline_worst_pf was 0.5, is now" in str(found)
 
 
-def test_compare_looks_at_the_gait_where_one_was_recorded() -> None:
-    """A recording from before there was one is equal; another load share, or an event less, is not."""
+def test_compare_looks_at_the_gait() -> None:
+    """One that was not there or is not there any more, another load share, or an event less is a difference."""
     t_ns = 100_000_000
     event = GaitEvent(GaitEventKind.TOUCHDOWN, 0, t_ns, 0.002)
     plain = cycle(0).forces
     then = plain._replace(gait=gait_frame(t_ns, 6, events=(event,)))
-    assert first_difference(plain, then, exact=True, legs=LEGS) is None
-    assert first_difference(then, then, exact=True, legs=LEGS) is None
-    assert first_difference(then, plain, exact=True, legs=LEGS) == "cycle 0: had a gait, has none now"
-    now = then._replace(gait=gait_frame(t_ns, 6))
-    assert "cycle 0: the gait events were" in str(first_difference(then, now, exact=False, legs=LEGS))
     share = np.array([0.5, 0.1, 0.1, 0.1, 0.1, 0.1])
-    now = then._replace(gait=gait_frame(t_ns, 6, events=(event,), load_share=share))
-    found = first_difference(then, now, exact=False, legs=LEGS)
-    assert "leg lf: load_share was 0.1666" in str(found)
+    for now, words in (
+        (plain, "had a gait, has none now"),
+        (then._replace(gait=gait_frame(t_ns, 6)), "the gait events were"),
+        (
+            then._replace(gait=gait_frame(t_ns, 6, events=(event,), load_share=share)),
+            "lf: load_share was 0.1666",
+        ),
+    ):
+        assert words in str(first_difference(then, now, exact=False, legs=LEGS))
+    assert "had no gait, has one now" in str(first_difference(plain, then, exact=False, legs=LEGS))
+    assert first_difference(then, then, exact=True, legs=LEGS) is None
 
 
 def test_the_same_machine_has_the_same_processor_and_libraries() -> None:

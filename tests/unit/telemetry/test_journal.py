@@ -8,23 +8,16 @@ import pytest
 from footsense.frames import Cause, Cycle, Flag, State
 from footsense.telemetry.journal import LegStateLogger
 from footsense.telemetry.systemd import SystemdNotifier
-from tests.support.cycles import LEGS, cycle
+from tests.support.cycles import LEGS, plain_cycle
 
 SECOND_NS = 1_000_000_000
 
 
 def at(t_s: float, state: State, cause: Cause = Cause.NONE, flags: int = 0) -> Cycle:
     """Return a cycle in which all legs are valid but the second."""
-    plain = cycle(0)
-    states, causes = np.full(6, State.VALID, np.uint8), np.zeros(6, np.uint8)
-    states[1], causes[1] = state, cause
-    forces = plain.forces._replace(
-        t_sent_ns=round(t_s * SECOND_NS),
-        state=states,
-        cause=causes,
-        flags=np.full(6, flags, np.uint8),
-    )
-    return plain._replace(forces=forces)
+    states, causes = [State.VALID, state, *[State.VALID] * 4], np.zeros(6, np.uint8)
+    causes[1] = cause
+    return plain_cycle(round(t_s * SECOND_NS), states, cause=causes, flags=np.full(6, flags, np.uint8))
 
 
 def lines(caplog: pytest.LogCaptureFixture) -> list[str]:

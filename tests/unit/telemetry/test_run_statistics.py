@@ -3,28 +3,17 @@
 import numpy as np
 import pytest
 
-from footsense.frames import BaselineDrift, CapFrame, ContactFrame, Cycle, State
+from footsense.frames import Cycle, State
 from footsense.telemetry.run_statistics import RunStatistics
+from tests.support.cycles import plain_cycle
 
 MS = 1_000_000
 
 
 def cycle(sequence: int, force_n: list[float], state: State = State.VALID) -> Cycle:
+    """Return a cycle of one leg, sent 14 ms after its reading."""
     t_ns = 25 * MS * sequence
-    scan = CapFrame(sequence, np.zeros((1, 9), np.int64), np.zeros((1, 9)), np.zeros((1, 9), np.uint8))
-    forces = ContactFrame(
-        sequence,
-        t_ns + 14 * MS,
-        np.array([t_ns]),
-        np.array([force_n]),
-        np.zeros((1, 3)),
-        np.array([state], np.uint8),
-        np.zeros(1, np.uint16),
-        np.zeros(1, np.uint8),
-        np.zeros(1, np.uint8),
-        BaselineDrift.none(1),
-    )
-    return Cycle(scan, (), forces, ())
+    return plain_cycle(t_ns + 14 * MS, [state], t_ns=np.array([t_ns]), force_n=np.array([force_n]))
 
 
 def test_errors_are_against_the_truth_at_the_time_of_sending() -> None:
@@ -50,21 +39,21 @@ def test_the_direction_counts_only_where_the_foot_is_loaded() -> None:
     assert direction["mean"] == pytest.approx(45.0)
 
 
-def test_a_degraded_force_counts_as_a_value_and_as_a_fault() -> None:
-    """Its error is in the mean, and nobody asked for its state."""
-    statistics = RunStatistics(("lf",), lambda t_ns: np.array([[0.0, 0.0, 1.0]]))
-    statistics.observe(cycle(0, [0.0, 0.0, 1.5], State.DEGRADED))
-    summary = statistics.summary()
-    assert summary["force_rmse_n"] == {"x": 0.0, "y": 0.0, "z": pytest.approx(0.5)}
-    assert (summary["states"], summary["faults"]) == ({"lf": {"degraded": 1}}, 1)
-
-
-def test_a_frame_without_a_value_counts_as_a_state_and_not_as_an_error() -> None:
+@pytest.mark.parametrize(
+    ("state", "force_n", "rmse_n", "age_ms"),
+    [
+        (State.DEGRADED, [0.0, 0.0, 1.5], [0.0, 0.0, 0.5], 14.0),
+        (State.SATURATED, [np.nan] * 3, [None] * 3, None),
+    ],
+)
+def test_a_fault_with_a_force_counts_as_an_error_too(
+    state: State, force_n: list[float], rmse_n: list[float | None], age_ms: float | None
+) -> None:
     """NaN never enters a mean; a run without any value has None for figures, not zero."""
-    statistics = RunStatistics(("lf",), lambda t_ns: np.zeros((1, 3)))
-    statistics.observe(cycle(0, [np.nan] * 3, State.SATURATED))
+    statistics = RunStatistics(("lf",), lambda t_ns: np.array([[0.0, 0.0, 1.0]]))
+    statistics.observe(cycle(0, force_n, state))
     summary = statistics.summary()
-    assert summary["states"] == {"lf": {"saturated": 1}}
-    assert summary["faults"] == 1
-    assert summary["force_rmse_n"] == {"x": None, "y": None, "z": None}
-    assert summary["age_ms"] == {"p50": None, "p99": None}
+    assert (summary["states"], summary["faults"]) == ({"lf": {state.name.lower(): 1}}, 1)
+    assert summary["force_rmse_n"] == dict(zip("xyz", rmse_n, strict=True))
+    p50_ms = summary["age_ms"]["p50"]  # type: ignore[index]
+    assert p50_ms == (age_ms and pytest.approx(age_ms, abs=0.06))
