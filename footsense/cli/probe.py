@@ -14,11 +14,11 @@ from rich.console import Console, Group, RenderableType
 from rich.padding import Padding
 from rich.text import Text
 
+from firmware_interface.chips import ad7746, adg715, fdc1004
 from footsense.acquisition.probe.foot_check import FootScans
 from footsense.cli.options import config_option, json_option
 from footsense.cli.tables import EMPTY_CELL, Column, echo_json, figures_table, json_row, styled, table
 from footsense.config import DEFAULT, load_config
-from footsense.config.contradictions import CHIP_NAMES_BY_BOARD
 from footsense.daemon.probe.bus_probe import probe as probe_robot
 from footsense.daemon.probe.report import ProbedBus, ProbedLeg, ProbeResult
 from footsense.daemon.simulation import is_simulated
@@ -29,7 +29,12 @@ from footsense.sim.scene_files import load_scene
 #: Exit code if there is a fault.
 _EXIT_CODE_FAULTY = 1
 _DEFAULT_SCENE = "hanging"
-_CHIP_NAMES = {address: name for names in CHIP_NAMES_BY_BOARD.values() for address, name in names.items()}
+_CHIP_NAMES = {
+    fdc1004.ADDRESS: "FDC1004",
+    ad7746.ADDRESS: "AD7746",
+    adg715.ADDRESS: "ADG715",
+    adg715.COLUMN_ADDRESS: "ADG715",
+}
 #: Width of one element's text, and space between two feet beside each other [characters].
 _ELEMENT_WIDTH = 7
 _FOOT_SPACING_CELLS = 3
@@ -135,14 +140,13 @@ def _scan_figures(result: ProbeResult) -> dict[str, float | None]:
 def _bus_figures(report: ProbedBus) -> dict[str, Any]:
     """Return the result of one bus as plain values: chips found, addresses, timing; None for what is not known."""
     bus, scan, drivers = report
-    names = {device.address: device.name for device in bus.other_devices} | {bus.mux.address: "mux"}
     costs, limits = (
         (None, None) if scan.bus_timing is None else (scan.bus_timing.costs, scan.bus_timing.lower_bounds)
     )
     return {
         "device": bus.device,
         "mux": None if bus.adapters else {"address": f"{bus.mux.address:#04x}", "answers": scan.mux_answers},
-        "upstream": scan.upstream and _addresses(scan.upstream.answering, names),
+        "upstream": scan.upstream and _addresses(scan.upstream.answering, {bus.mux.address: "mux"}),
         "not_scanned": scan.upstream and [f"{address:#04x}" for address in scan.upstream.unprobeable],
         "kernel_drivers": _addresses(sorted(drivers), drivers),
         "channels": {

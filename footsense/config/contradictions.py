@@ -4,17 +4,11 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from ipaddress import IPv4Address
 
-from firmware_interface.chips import ad7746, adg715, fdc1004
 from firmware_interface.wire_timing import can_bits_per_s
 from footsense.config.schema import DEFAULT_PUBLISH_EVERY, RATES_BY_BOARD, Config
 from footsense.config.sections import PCA9685_ALLCALL_ADDRESS, Bus, Leg, Scan, Serial
 from footsense.strict_yaml import Problem
 
-#: Names of the chips on a leg's segment by their 7-bit address, of each board.
-CHIP_NAMES_BY_BOARD: Mapping[str, Mapping[int, str]] = {
-    "fdc1004": {fdc1004.ADDRESS: "FDC1004", adg715.ADDRESS: "ADG715"},
-    "ad7746": {ad7746.ADDRESS: "AD7746", adg715.ADDRESS: "ADG715", adg715.COLUMN_ADDRESS: "second ADG715"},
-}
 #: Largest share of the CAN bit rate for all frames of footsense; the rest is the robot's.
 _MAX_CAN_LOAD_REL = 0.7
 
@@ -93,7 +87,6 @@ def _i2c_rules(config: Config) -> Iterator[_Rule]:
     yield len(simulated) > 1, f"{simulated.get(True)}.device", mixed
     for path, bus in buses:
         yield from _bus_leg_rules(bus, f"{path}.legs")
-        yield from _address_rules(bus, path, board)
 
 
 def _bus_leg_rules(bus: Bus, path: str) -> Iterator[_Rule]:
@@ -109,19 +102,6 @@ def _bus_leg_rules(bus: Bus, path: str) -> Iterator[_Rule]:
     free = sorted(set(range(8)) - set(bus.channels.values()))
     channels = [(f"{path}.{leg}", channel, leg) for leg, channel in bus.channels.items()]
     yield from _repeated(channels, f"channel {{}} is already that of {{}}; free channels are {free}")
-
-
-def _address_rules(bus: Bus, path: str, board: str) -> Iterator[_Rule]:
-    """Yield for each other device whether it has the I2C address of the mux, a leg's chip, or another device."""
-    owners = {bus.mux.address: "the multiplexer; change one of them"}
-    for address, name in CHIP_NAMES_BY_BOARD[board].items():
-        owners[address] = f"the {name} of every leg; move it to another address or another bus"
-    for k, device in enumerate(bus.other_devices):
-        allcall = [PCA9685_ALLCALL_ADDRESS] if "pca9685" in device.name.lower() else []
-        for address in (device.address, *allcall):
-            message = f"{device.name} answers at {address:#04x}, as does {owners.get(address)}"
-            yield address in owners, f"{path}.other_devices[{k}].address", message
-        owners[device.address] = f"{device.name}; change one of them, or name a device once"
 
 
 def _can_rules(config: Config) -> Iterator[_Rule]:

@@ -59,18 +59,6 @@ class Mux(Section, frozen=True, kw_only=True):
     read_back: bool | None = None
 
 
-class OtherDevice(Section, frozen=True, kw_only=True):
-    """Another device on an upstream I2C bus, listed to detect address clashes.
-
-    Attributes:
-        name: Its name for messages.
-        address: Its 7-bit address.
-    """
-
-    name: Annotated[str, Meta(min_length=1, max_length=40)]
-    address: Annotated[int, Meta(ge=0x03, le=0x77, description="a 7-bit address, 0x03 to 0x77")]
-
-
 class Bus(Section, frozen=True, kw_only=True):
     """One I2C adapter, its multiplexer, and the legs behind it.
 
@@ -80,7 +68,6 @@ class Bus(Section, frozen=True, kw_only=True):
         mux: Multiplexer.
         legs: Channel of the multiplexer for each leg; or, where the kernel drives it (i2c-mux-pca954x), the adapter
             that the kernel made of the leg's channel.
-        other_devices: Other devices on the upstream bus.
     """
 
     device: AdapterPath
@@ -89,7 +76,6 @@ class Bus(Section, frozen=True, kw_only=True):
         int, Meta(ge=10_000, le=400_000, description="FDC1004 and TCA9548A are 400 kHz parts")
     ] = 400_000
     mux: Mux = Mux()
-    other_devices: tuple[OtherDevice, ...] = ()
 
     @property
     def channels(self) -> dict[str, int]:

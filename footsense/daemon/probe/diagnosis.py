@@ -34,9 +34,8 @@ def _bus_faults(report: ProbedBus, plan: ScanPlan) -> Iterator[tuple[str, str]]:
         return
     for address in leg_chip_addresses(plan):
         if not bus.adapters and address in (*scan.upstream.answering, *drivers):
-            name = next((d.name for d in bus.other_devices if d.address == address), "something")
             yield (
-                f"{name} answers at {address:#04x} with no leg connected: a chip of every leg has that address",
+                f"something answers at {address:#04x} with no leg connected: a chip of every leg has that address",
                 "what it is; move it to another address or another bus",
             )
     if not scan.mux_answers:

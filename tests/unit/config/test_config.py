@@ -108,24 +108,6 @@ def test_a_folder_beside_a_file_of_the_working_directory_is_found(
             ":4: buses[1].device: /dev/i2c-1 is already the device of buses[0]",
         ),
         (
-            ONE_BUS.replace("can:", "    other_devices: [{name: HAT EEPROM, address: 0x50}]\ncan:"),
-            "buses[0].other_devices[0].address: HAT EEPROM answers at 0x50, as does the FDC1004 of every leg",
-        ),
-        (
-            ONE_BUS.replace(
-                "can:",
-                "    other_devices: [{name: IMU, address: 0x68}, {name: RTC, address: 0x68}]\ncan:",
-            ),
-            "buses[0].other_devices[1].address: RTC answers at 0x68, as does IMU; change one of them",
-        ),
-        (
-            ONE_BUS.replace(
-                "can:",
-                "    mux: {address: 0x70}\n    other_devices: [{name: my PCA9685, address: 0x40}]\ncan:",
-            ),
-            ":5: buses[0].other_devices[0].address: my PCA9685 answers at 0x70, as does the multiplexer",
-        ),
-        (
             "board: mcu\ncan: {interface: virtual}",
             "board: mcu needs the line to the microcontroller: serial: {device: ...}",
         ),

@@ -15,7 +15,7 @@ from footsense.acquisition.scan_plan import scan_plan
 from footsense.acquisition.transports import UpstreamBus
 from footsense.cli.probe import element_marks, probe_json, probe_picture, unloaded_yaml
 from footsense.config import DEFAULT, Config
-from footsense.config.sections import Bus, Mux, OtherDevice, Serial
+from footsense.config.sections import Bus, Mux, Serial
 from footsense.daemon.probe.bus_probe import probe
 from footsense.daemon.probe.diagnosis import bus_diagnoses
 from footsense.daemon.probe.report import ProbedBus, ProbeResult
@@ -312,8 +312,7 @@ def told_of_bus(
     chips = {channel: (SimulatedFdc1004(lambda *_: 5.0, None), SimulatedLineSwitch()) for channel in legs_on}
     wires = WithOthers(SimulatedBus(clock, rate_hz, 0, mux, chips), *others)
     plan = scan_plan("lo_shu", 400)
-    servos = OtherDevice(name="servo board", address=0x49)
-    bus = Bus(device="sim", legs=CHANNELS, other_devices=(servos,))  # type: ignore[arg-type]
+    bus = Bus(device="sim", legs=CHANNELS)  # type: ignore[arg-type]
     seen = scan_bus(UpstreamBus(wires, 0x71), clock, plan, CHANNELS)
     return [
         f"{diagnosis.observation}; check {diagnosis.advice}"
@@ -325,7 +324,6 @@ def told_of_bus(
     ("bus", "says"),
     [
         ({}, None),
-        ({"others": [0x49]}, "servo board answers at 0x49 with no leg connected"),
         ({"others": [0x50]}, "something answers at 0x50 with no leg connected"),
         ({"rate_hz": 100_000}, "it runs at 100 kHz, 400 kHz are configured; check dtparam"),
         ({"mux_address": 0x74}, "no mux (TCA9548A) answers at 0x71; 0x74 does; check its address"),
