@@ -43,15 +43,12 @@ def read_text(source: Path | str | bytes) -> str:
         YamlError: It cannot be read, is too large, or is not UTF-8.
     """
     try:
-        data: str | bytes
         if isinstance(source, Path):
             with source.open("rb") as file:
-                data = file.read(MAX_BYTES + 1)
-        else:
-            data = source
-        if len(data) > MAX_BYTES:
+                source = file.read(MAX_BYTES + 1)
+        if len(source) > MAX_BYTES:
             raise YamlError(f"has more than the {MAX_BYTES} bytes that are read")
-        return data.decode() if isinstance(data, bytes) else data
+        return source.decode() if isinstance(source, bytes) else source
     except UnicodeDecodeError as error:
         raise YamlError(
             f"is not UTF-8 text: byte {error.start} is {error.object[error.start]:#04x}"

@@ -4,7 +4,6 @@ import logging
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from contextlib import ExitStack
 
 import numpy as np
 from rich.console import Console, Group, RenderableType
@@ -16,7 +15,6 @@ from rich.text import Text
 from footsense.cli.tables import Column, force_column, state_column, table
 from footsense.frames import IS_USABLE_STATE, Cycle, State, Vector
 from footsense.ports import Observer
-from footsense.progress import progress_bar
 
 _NS_PER_S = 1_000_000_000
 _TABLE_REDRAW_PERIOD_NS = 66_000_000
@@ -123,19 +121,18 @@ def _force_bar(force_n: float) -> ProgressBar | str:
     )
 
 
-class SimulationProgressBar(Observer):
-    """Observer that shows the time of a simulation that runs as fast as possible.
+class SimulationProgress(Observer):
+    """Observer that tells a progress bar each new second of simulated time.
 
     Args:
         start_ns: Time at the start [ns].
-        duration_s: Length of the run [s].
+        seconds_done: Function of the bar that takes the time done [s].
     """
 
-    def __init__(self, start_ns: int, duration_s: float) -> None:
-        self._stack = ExitStack()
+    def __init__(self, start_ns: int, seconds_done: Callable[[float], None]) -> None:
         self._start_ns = start_ns
         self._shown_s = 0
-        self._seconds_done = self._stack.enter_context(progress_bar("simulated", duration_s))
+        self._seconds_done = seconds_done
 
     def observe(self, cycle: Cycle) -> None:
         """Update the progress bar at each new second of simulated time."""
@@ -143,7 +140,3 @@ class SimulationProgressBar(Observer):
         if now_s != self._shown_s:
             self._shown_s = now_s
             self._seconds_done(now_s)
-
-    def close(self) -> None:
-        """Remove the progress bar."""
-        self._stack.close()

@@ -156,11 +156,11 @@ def run(
             stack.callback(table.close)
             service.observers.append(table)
         if scene and not paced and math.isfinite(duration_s):
-            from footsense.cli.live import SimulationProgressBar
+            from footsense.cli.live import SimulationProgress
+            from footsense.progress import progress_bar
 
-            service.observers.append(
-                stack.enter_context(closing(SimulationProgressBar(service.clock.now_ns(), duration_s)))
-            )
+            seconds_done = stack.enter_context(progress_bar("simulated", duration_s))
+            service.observers.append(SimulationProgress(service.clock.now_ns(), seconds_done))
         service.run(lambda: stop.requested, service.clock.now_ns() + duration_s * _NS_PER_S)
     figures: dict[str, Any] = {
         "scene": scene_name,
