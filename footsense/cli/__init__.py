@@ -106,7 +106,6 @@ def _redirect_output_to_null() -> None:
 
 
 def _log_handler() -> logging.Handler:
-    """Return the handler that writes log messages to standard error."""
     try:
         return NonBlockingLogHandler(sys.stderr.fileno())
     except (AttributeError, OSError):  # closed, or replaced by something without a descriptor

@@ -226,7 +226,6 @@ def _evaluation_figures(
 def _calibration_figures(
     calibration: FootCalibration, result: CalibrationResult, took_s: float
 ) -> dict[str, Any]:
-    """Return the figures of a calibration as plain values."""
     predicted, parameters = result.predicted_uncertainty, calibration.parameters
     return {
         "calibration": str(calibration.folder),

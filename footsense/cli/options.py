@@ -93,6 +93,5 @@ class StopRequest:
             signal.signal(number, self._set_stop)
 
     def _set_stop(self, number: int, frame: FrameType | None) -> None:
-        """Store that a signal has arrived."""
         del number, frame
         self.requested = True

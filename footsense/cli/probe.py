@@ -200,7 +200,6 @@ def _foot_cell(leg: ProbedLeg) -> str:
 
 
 def _foot_marks(leg: ProbedLeg) -> Text:
-    """Return a foot's elements in rows and columns as text, faulty ones marked."""
     cells = [
         Text(f"{mark:>{_ELEMENT_WIDTH}.{_ELEMENT_WIDTH}}", "bold red" if faulty else "")
         for mark, faulty in element_marks(leg)

@@ -132,7 +132,6 @@ def record(
 
 
 def _one_leg_simulation(leg: str) -> Config:
-    """Return the configuration of the built-in simulation, reduced to one leg."""
     bus = DEFAULT.buses[0]
     return replace(
         DEFAULT, buses=(replace(bus, legs={name: at for name, at in bus.legs.items() if name == leg}),)
@@ -171,7 +170,6 @@ def _session_end_s(scene: Scene | None) -> float:
 
 
 def _print_session_summary(out: Path, guide: SessionGuide, sensor: ReferenceSensor | None) -> None:
-    """Print coverage, rejected presses, next load, and statistics of the reference sensor."""
     click.echo(f"{out}: {guide.coverage.progress_text()}")
     target = guide.coverage.next_load
     following = (

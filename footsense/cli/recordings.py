@@ -207,11 +207,6 @@ def export(
 
 
 def _convert(file: Path, target: Path, write: _RecordingWriter) -> None:
-    """Write a recording in one output format, with a progress bar.
-
-    Raises:
-        RecordingError: It cannot be written, or the recording is cut short.
-    """
     with file_progress_bar(target.name, file) as on_bytes_read:
         try:
             n_cycles = write(Replay(file, on_bytes_read), target)

@@ -124,7 +124,6 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def _conversion_rate_by_sps(self) -> Mapping[int, fdc1004.Rate | ad7746.Rate]:
-        """Conversion rates of the configured board."""
         # The converters of a microcontroller are unknown here: assume those of the default board.
         return RATES_BY_BOARD.get(self.board, fdc1004.RATES)
 

@@ -131,7 +131,6 @@ def load_test_stand(path: Path) -> StandConfig:
 
 
 def _contradiction(test_stand: StandConfig) -> strict_yaml.Problem | None:
-    """Return the first contradiction between valid values; None if there is none."""
     axes = (test_stand.axes.x, test_stand.axes.y, test_stand.axes.z)
     if len({axis[-1] for axis in axes}) < len(axes):
         names = ", ".join(axes)
