@@ -21,120 +21,88 @@ class LegPhase(IntEnum):
     STOPPED = 6  #: the leg was stopped by command
 
 
-class StateWords(NamedTuple):
-    """Words for a state: its phase, its meaning, and what to do or check where the cause says nothing better."""
+class Words(NamedTuple):
+    """What people are told of a state or a cause.
 
-    phase: LegPhase
-    meaning: str
+    Attributes:
+        meaning: What it means, of a leg ("its ...").
+        remedy: What to do or to check; of a state, where the cause says nothing better.
+        mark: Mark of its elements in a picture of the foot, at most 7 characters.
+    """
+
+    meaning: str = ""
     remedy: str = ""
-
-
-class CauseWords(NamedTuple):
-    """Words for a cause: its meaning, what to check, and the mark of its elements in a picture of the foot."""
-
-    meaning: str
-    remedy: str
     mark: str = ""
 
 
 STATE_WORDS = {
-    State.ABSENT: StateWords(LegPhase.ABSENT, "its chips do not answer"),
-    State.VALID: StateWords(LegPhase.VALID, "its force may be used"),
-    State.NO_BASELINE: StateWords(
-        LegPhase.STARTING, "no tare has succeeded yet", "lift the foot off the ground, and tare it"
+    State.ABSENT: Words("its chips do not answer"),
+    State.VALID: Words("its force may be used"),
+    State.NO_BASELINE: Words("no tare has succeeded yet", "lift the foot off the ground, and tare it"),
+    State.TARING: Words("a tare is being taken", "keep the foot in the air, and still"),
+    State.SATURATED: Words("a gap is closed, or a code is at the end of its range", "what presses the foot"),
+    State.ELEMENT_FAULT: Words(
+        "too many elements give no number", "the foot's plug; `footsense probe` names the lines"
     ),
-    State.TARING: StateWords(LegPhase.TARING, "a tare is being taken", "keep the foot in the air, and still"),
-    State.SATURATED: StateWords(
-        LegPhase.FAULTED, "a gap is closed, or a code is at the end of its range", "what presses the foot"
+    State.CONVERTER_FAULT: Words("its converter answers, but its conversions do not finish"),
+    State.STALE: Words("its measurement is older than the limit"),
+    State.OUT_OF_RANGE: Words(
+        "its load is outside those of the network's training", "whether this foot is made for such a load"
     ),
-    State.ELEMENT_FAULT: StateWords(
-        LegPhase.FAULTED,
-        "elements give no number, too many to do without them",
-        "the foot's plug; `footsense probe` names the lines",
+    State.STOPPED: Words("it was stopped by command", "the command START publishes its forces again"),
+    State.DEGRADED: Words(
+        "its force comes from fewer elements", "the foot's plug; `footsense probe` names the lines"
     ),
-    State.CONVERTER_FAULT: StateWords(
-        LegPhase.FAULTED, "its converter answers, but its conversions do not finish"
-    ),
-    State.STALE: StateWords(LegPhase.FAULTED, "its measurement is older than the limit"),
-    State.OUT_OF_RANGE: StateWords(
-        LegPhase.FAULTED,
-        "its load is outside those that the network was trained on",
-        "whether the load is one that this foot is made for",
-    ),
-    State.STOPPED: StateWords(
-        LegPhase.STOPPED, "it was stopped by command", "the command START publishes its forces again"
-    ),
-    State.DEGRADED: StateWords(
-        LegPhase.DEGRADED,
-        "its force comes from fewer elements, with a larger sigma",
-        "the foot's plug; `footsense probe` names the lines",
-    ),
-    State.STARTING: StateWords(LegPhase.STARTING, "its first readings are incomplete"),
+    State.STARTING: Words("its first readings are incomplete"),
 }
 
 CAUSE_WORDS = {
-    Cause.NONE: CauseWords("", ""),
-    Cause.NO_ANSWER: CauseWords(
-        "its chips do not answer", "its plug, its 3.3 V, and whether this is its channel"
-    ),
-    Cause.BUS_STUCK: CauseWords(
+    Cause.NONE: Words(),
+    Cause.NO_ANSWER: Words("its chips do not answer", "its plug, its 3.3 V, and whether this is its channel"),
+    Cause.BUS_STUCK: Words(
         "it holds SDA or SCL low as soon as it is connected",
         "short in its cable or plug, and whether its chips have power",
     ),
-    Cause.WRONG_CHIP: CauseWords(
-        "another chip answers at the converter's address",
-        "what is plugged in there, and `board` in the configuration",
+    Cause.WRONG_CHIP: Words(
+        "another chip answers at the converter's address", "what is plugged in there, and the key `board`"
     ),
-    Cause.NEVER_FINISHES: CauseWords(
-        "its converter does not finish its conversions", "its 3.3 V supply", "busy"
-    ),
-    Cause.SETTINGS_LOST: CauseWords(
+    Cause.NEVER_FINISHES: Words("its converter does not finish its conversions", "its 3.3 V supply", "busy"),
+    Cause.SETTINGS_LOST: Words(
         "a chip does not hold its settings",
         "the supply of its chips and the switches' RESET pin; or a loose contact",
         "reset",
     ),
-    Cause.CORRUPT: CauseWords(
-        "its answers are such as no healthy chip gives",
-        "pull-ups, cable length and ground of this leg",
-        "corrupt",
+    Cause.CORRUPT: Words(
+        "its answers are those of no healthy chip", "pull-ups, cable length and ground of this leg", "corrupt"
     ),
-    Cause.ELEMENT_OPEN: CauseWords(
-        "single elements have lost their electrode",
-        "the foot's plug, then the traces of these elements",
-        "open",
+    Cause.ELEMENT_OPEN: Words(
+        "single elements have lost their electrode", "the foot's plug, then the elements' traces", "open"
     ),
-    Cause.ELEMENT_SHORTED: CauseWords(
-        "an element reads more than any load can cause",
-        "whether its electrodes touch, and the trace of its column",
-        "short",
+    Cause.ELEMENT_SHORTED: Words(
+        "an element reads more than any load can cause", "whether its electrodes touch; its trace", "short"
     ),
-    Cause.ELEMENT_STUCK: CauseWords("an element no longer moves, not even by its noise", "its solder joints"),
-    Cause.ELEMENT_DRIFTS: CauseWords(
-        "an element's baseline has drifted away from the others'",
-        "water or dirt in its gap; then tare the foot",
+    Cause.ELEMENT_STUCK: Words("an element no longer moves, not even by its noise", "its solder joints"),
+    Cause.ELEMENT_DRIFTS: Words(
+        "an element's baseline has drifted from the others'", "water or dirt in its gap; then tare the foot"
     ),
-    Cause.ROW_OPEN: CauseWords(
+    Cause.ROW_OPEN: Words(
         "the line of a row is interrupted", "the plug, then the row's trace and its switch", "open"
     ),
-    Cause.COLUMN_OPEN: CauseWords(
-        "the line of a column is interrupted",
-        "the plug, then the column's trace and the converter's pin",
-        "open",
+    Cause.COLUMN_OPEN: Words(
+        "the line of a column is interrupted", "the plug, then the column's trace and the chip's pin", "open"
     ),
-    Cause.GAP_CLOSED: CauseWords(
-        "a gap is closed: more load than the foot can measure",
-        "water in the gap, and what presses the foot",
-        "closed",
+    Cause.GAP_CLOSED: Words(
+        "a gap is closed: too much load to measure", "water in the gap, and what presses the foot", "closed"
     ),
-    Cause.DELAYED: CauseWords(
+    Cause.DELAYED: Words(
         "its readings came too late",
         "what else loads this computer or this bus, and the bus's pull-ups and clock",
         "late",
     ),
-    Cause.CANNOT_EXCITE: CauseWords(
+    Cause.CANNOT_EXCITE: Words(
         "its converter cannot drive the rows", "a row line that is shorted or leaks to ground", "drive"
     ),
-    Cause.CALIBRATION_STALE: CauseWords("", ""),
+    Cause.CALIBRATION_STALE: Words(),
 }
 
 #: State and cause that a reading of a leg's chips gives the leg, the most severe last.
@@ -155,7 +123,7 @@ SILENT_READINGS = tuple(
 )
 
 
-def words_of_reading(reading: Reading) -> CauseWords:
+def words_of_reading(reading: Reading) -> Words:
     """Return the words for the cause that a faulty reading of a leg's chips shows."""
     return CAUSE_WORDS[STATE_AND_CAUSE_OF_READING[reading][1]]
 
@@ -172,4 +140,6 @@ def word_of(code: IntEnum) -> str:
 
 def phase_of(state: State) -> LegPhase:
     """Return the operating phase that a leg state belongs to."""
-    return STATE_WORDS[state].phase
+    if state is State.NO_BASELINE:
+        return LegPhase.STARTING
+    return LegPhase.__members__.get(state.name, LegPhase.FAULTED)

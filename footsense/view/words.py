@@ -3,7 +3,7 @@
 from typing import Any
 
 from footsense.frames import FAULT_FREE, BaselineStatus, Slip
-from footsense.leg_words import CAUSE_WORDS, STATE_WORDS, word_of
+from footsense.leg_words import CAUSE_WORDS, STATE_WORDS, phase_of, word_of
 
 
 def code_texts() -> dict[str, Any]:
@@ -12,7 +12,7 @@ def code_texts() -> dict[str, Any]:
         "states": [
             {
                 "name": word_of(state),
-                "phase": words.phase.name.lower(),
+                "phase": word_of(phase_of(state)),
                 "fault_free": state in FAULT_FREE,
                 "what": words.meaning,
                 "check": words.remedy,

@@ -2,12 +2,12 @@
 
 from firmware_interface.can.codes import USABLE, Cause, State
 from footsense.frames import Reading
-from footsense.leg_words import CAUSE_WORDS, STATE_AND_CAUSE_OF_READING, STATE_WORDS, LegPhase
+from footsense.leg_words import CAUSE_WORDS, STATE_AND_CAUSE_OF_READING, STATE_WORDS, LegPhase, phase_of
 
 
 def test_every_state_has_words_and_forces_come_in_two_phases() -> None:
     assert set(STATE_WORDS) == set(State)
-    phases = {state: words.phase for state, words in STATE_WORDS.items()}
+    phases = {state: phase_of(state) for state in State}
     assert {state for state in State if phases[state] in {LegPhase.VALID, LegPhase.DEGRADED}} == USABLE
     assert set(phases.values()) == set(LegPhase)
 
