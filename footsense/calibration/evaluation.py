@@ -146,7 +146,7 @@ def estimate_loads(
         closure_rel <= trained_inputs.max_usable_closure_rel(gap_um)
     )
     trained = inside.all(axis=1, keepdims=True)
-    load = CalibratedFeet(network, [foot], len(loads)).estimate(
+    load = CalibratedFeet(network, [foot] * len(loads)).estimate(
         steady_windows(np.where(trained, closure_rel, 0.0))
     )
     force_n, sigma_n = (np.where(trained, part, np.nan) for part in load[:2])

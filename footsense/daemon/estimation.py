@@ -93,7 +93,6 @@ def _estimator_and_temperature_setter(models: Models) -> tuple[Estimator, Callab
     feet = CalibratedFeet(
         models.network,
         [foot.parameters if foot else None for foot in mounted],
-        len(mounted),
         [foot.calibrated_at_c if foot else None for foot in mounted],
     )
     feet.set_temperature(np.full(len(mounted), np.nan))

@@ -26,9 +26,7 @@ from footsense.frames import (
     Flag,
     Mask,
     Reading,
-    Result,
     Stamps,
-    State,
     Vector,
 )
 from footsense.leg_words import SILENT_READINGS
@@ -87,6 +85,7 @@ class BaselineTracker:
 
     Attributes:
         contacts: Contact of each leg.
+        tares: Tares in progress.
         unloaded: The baselines, and what follows from them; replaced, never written to.
         sigma_n: Standard deviation of each leg's force by its baseline [N], shape (legs, 3), NaN without one.
         flags: CONTACT, and TARE_REFUSED where an older baseline is in use, shape (legs,).
@@ -101,7 +100,7 @@ class BaselineTracker:
         unloaded_pf, n_legs = feet.unloaded_pf, len(feet.names)
         self._design = design
         self._gain_rel = feet.gain_rel
-        self._tares = Tares(limits.tare, feet)
+        self.tares = Tares(limits.tare, feet)
         self._sensitivity = sensitivity
         self._track = limits.track_baseline
         self._baselines = [LegBaseline(leg_pf, limits.tare) for leg_pf in unloaded_pf]
@@ -114,32 +113,11 @@ class BaselineTracker:
         self._heard_ns = np.zeros(n_legs, np.int64)
         self.sigma_n = np.full((n_legs, 3), np.nan)
         self.flags = np.zeros(n_legs, np.uint8)
+        self.drift = BaselineDrift.none(n_legs)
         self._flags: list[int] = []
         self._max_errors_n: list[float] = []
         self._swinging: list[int] = []
         self._copy_changed_baselines()
-
-    def begin_tare(self, leg: int) -> CommandResult | None:
-        """Start a tare of a leg on command, unless one is in progress; return a result only if refused.
-
-        Returns:
-            None if it will end in a later frame; the refusal if the foot is in contact.
-        """
-        reason = self.refusal(CommandKind.TARE, leg)
-        if reason is not None:
-            self._tares.refused.add(leg)
-            return CommandResult(Command(CommandKind.TARE, leg), Result.LOADED, reason)
-        self._tares.command(leg)
-        return None
-
-    def refusal(self, kind: CommandKind, leg: int) -> str | None:
-        """Return why a command is refused at present; None if it may be executed."""
-        return self.contacts[leg].refusal(kind)
-
-    @property
-    def untared_legs(self) -> dict[int, State]:
-        """State of every leg without a baseline, by row."""
-        return self._tares.states if self._tares.untared else {}
 
     def process_tares(
         self, capacitance_pf: Vector, reading: Codes, t_ns: Stamps, unusable: Mask, now_ns: int
@@ -157,10 +135,8 @@ class BaselineTracker:
             self._retare_silent_legs(reading, now_ns)
         else:
             self._heard_ns.fill(now_ns)
-        tares = self._tares
-        ended = tares.add(capacitance_pf, reading, t_ns, unusable) if tares.in_progress else ()
         results = []
-        for leg, tared, is_news in ended:
+        for leg, tared, is_news in self.tares.add(capacitance_pf, reading, t_ns, unusable):
             if tared.baseline_pf is not None:
                 tared_ns = int(t_ns[leg].max())
                 self._baselines[leg].set_tared(tared.baseline_pf, tared_ns)
@@ -198,7 +174,7 @@ class BaselineTracker:
         swung, swinging = self._swinging, []
         flags = []
         n_per_rel, track = self._sensitivity.load_n_per_mean_closure, self._track
-        refused, untared = self._tares.refused, self._tares.untared
+        refused, untared = self.tares.refused, self.tares.untared
         legs = zip(
             self._baselines,
             self.contacts,
@@ -241,21 +217,18 @@ class BaselineTracker:
                 moved |= baseline.track_drift(np.where(ignored, np.nan, capacitance_pf[leg]), t_ns[leg])
         if moved:
             self._copy_changed_baselines()
-        elif list(map(_status_of, self._baselines)) != self._statuses:
-            self._update_status()
+        elif (statuses := list(map(_status_of, self._baselines))) != self.drift.status.tolist():
+            self.drift = self.drift._replace(status=np.array(statuses, np.uint8))
 
     def _update_sigma(self, now_ns: int) -> None:
-        """Update the uncertainty of baselines and load for the coming period.
-
-        The period ends at a time that does not depend on the legs.
-        """
+        # Of the coming period, which ends at a time that does not depend on the legs.
         self._sigma_due_ns = (now_ns // _SIGMA_UPDATE_PERIOD_NS + 1) * _SIGMA_UPDATE_PERIOD_NS
         sigma_pf = baseline_sigma_pf(self._variance_pf2, self._updated_ns, self._sigma_due_ns)
         n_per_pf = self._closure_per_pf * self._sensitivity.load_n_per_mean_closure
         self._max_errors_n = [n_per_pf * min(3.0 * sigma, MAX_DRIFT_PF) for sigma in sigma_pf.tolist()]
-        self.sigma_n = (sigma_pf * self._closure_per_pf)[
-            :, None
-        ] * self._sensitivity.force_sigma_n_per_baseline_error
+        self.sigma_n = np.outer(
+            sigma_pf * self._closure_per_pf, self._sensitivity.force_sigma_n_per_baseline_error
+        )
 
     def _copy_changed_baselines(self) -> None:
         self._sigma_due_ns = 0
@@ -275,27 +248,24 @@ class BaselineTracker:
         self._variance_pf2 = np.array([leg.variance_pf2 for leg in legs])
         self._updated_ns = np.array([leg.updated_ns for leg in legs], np.int64)
         mean_pf, worst_pf = np.array([leg.offset_pf for leg in legs]).T.copy()
-        self._offsets = mean_pf, worst_pf, np.array([leg.moved_ns for leg in legs], np.int64)
-        self._update_status()
+        self.drift = BaselineDrift(
+            np.array(list(map(_status_of, legs)), np.uint8),
+            mean_pf,
+            worst_pf,
+            np.array([leg.moved_ns for leg in legs], np.int64),
+        )
         apart = np.abs(worst_pf - mean_pf) > MAX_DRIFT_FROM_LEG_MEAN_PF
         self.drift_cause = np.where(apart, np.uint8(Cause.ELEMENT_DRIFTS), np.uint8(Cause.NONE))
-
-    def _update_status(self) -> None:
-        self._statuses = list(map(_status_of, self._baselines))
-        self.drift = BaselineDrift(np.array(self._statuses, np.uint8), *self._offsets)
 
     def _retare_silent_legs(self, reading: Codes, now_ns: int) -> None:
         """Discard the baseline of every leg silent for too long, and start a new tare of it."""
         silent = np.isin(reading, SILENT_READINGS).all(axis=1)
         self._heard_ns[~silent] = now_ns
-        allowed_ns = np.where(
-            (reading == Reading.BUS_STUCK).any(axis=1),
-            _BASELINE_LOST_AFTER_STUCK_BUS_NS,
-            _BASELINE_LOST_AFTER_SILENCE_NS,
-        )
+        stuck = (reading == Reading.BUS_STUCK).any(axis=1)
+        allowed_ns = np.where(stuck, _BASELINE_LOST_AFTER_STUCK_BUS_NS, _BASELINE_LOST_AFTER_SILENCE_NS)
         for leg in np.flatnonzero(now_ns - self._heard_ns >= allowed_ns).tolist():
-            if leg not in self._tares.untared:
-                self._tares.restart(leg)
+            if leg not in self.tares.untared:
+                self.tares.restart(leg)
                 self._baselines[leg].discard()
                 self.contacts[leg] = ContactDetector(self.contacts[leg].limits)
                 self._copy_changed_baselines()

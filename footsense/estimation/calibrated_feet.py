@@ -17,37 +17,23 @@ class CalibratedFeet:
 
     Args:
         network: Network of the design.
-        feet: Parameters of the foot on each leg, None for one that is taken as designed.
-        n_rows: Rows of every call: all legs, once or more times over.
+        feet: Parameters of the foot of each row, None for one that is taken as designed.
         calibrated_at: Temperature of each foot's calibration [degC], NaN where it was not measured; None for a foot
             that is taken as designed. `set_temperature` alone needs it.
-
-    Raises:
-        ValueError: The rows are no multiple of the legs.
     """
 
     def __init__(
         self,
         network: Estimator,
         feet: Sequence[FootParameters | None],
-        n_rows: int,
         calibrated_at: Sequence[float | None] = (),
     ) -> None:
-        if n_rows % len(feet):
-            raise ValueError(f"{n_rows} rows are no multiple of {len(feet)} legs")
-        self._repeats = repeats = n_rows // len(feet)
         self._network = network
         self._calibrated_at = calibrated_at
-        self._calibrated_matrix = np.tile(
-            [np.eye(3) if foot is None else foot.force_matrix for foot in feet], (repeats, 1, 1)
-        )
-        self._rotation = np.tile(
-            [np.eye(3) if foot is None else foot.mount.T for foot in feet], (repeats, 1, 1)
-        )
+        self._calibrated_matrix = np.array([foot.force_matrix if foot else np.eye(3) for foot in feet])
+        self._rotation = np.array([foot.mount.T if foot else np.eye(3) for foot in feet])
         self._turned = bool((self._rotation != np.eye(3)).any())
-        self._calibrated_error_rel = np.tile(
-            [0.0 if foot is None else foot.error_rel for foot in feet], repeats
-        )
+        self._calibrated_error_rel = np.array([foot.error_rel if foot else 0.0 for foot in feet])
         self._apply_temperature_factors(np.ones(len(feet)), np.zeros(len(feet)))
 
     def set_temperature(self, temperature_c: Vector) -> None:
@@ -55,17 +41,13 @@ class CalibratedFeet:
 
         NaN stands for one that is not measured.
         """
-        effects = [
-            force_factor_and_uncertainty(*leg)
-            for leg in zip(temperature_c.tolist(), self._calibrated_at, strict=True)
-        ]
-        gain, unknown_rel = np.array(effects).T
+        legs = zip(temperature_c.tolist(), self._calibrated_at, strict=True)
+        gain, unknown_rel = np.array([force_factor_and_uncertainty(*leg) for leg in legs]).T
         self._apply_temperature_factors(gain, unknown_rel)
 
     def _apply_temperature_factors(self, gain: Vector, unknown_rel: Vector) -> None:
-        """Multiply each leg's matrix by its temperature factor, and add its uncertainty."""
-        self._matrix = np.tile(gain, self._repeats)[:, None, None] * self._calibrated_matrix
-        self._error_rel = np.hypot(self._calibrated_error_rel, np.tile(unknown_rel, self._repeats))[:, None]
+        self._matrix = gain[:, None, None] * self._calibrated_matrix
+        self._error_rel = np.hypot(self._calibrated_error_rel, unknown_rel)[:, None]
 
     def estimate(self, window: Window) -> LoadEstimate:
         """Return the estimated load of every row of the window, corrected by the calibrations.

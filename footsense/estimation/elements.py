@@ -127,26 +127,17 @@ class ElementClassifier:
 
 
 class ConsistencyResult(NamedTuple):
-    """Result of the residual test of all legs: missing and faulty elements, inconsistency.
+    """Result of the residual test of all legs.
 
     Attributes:
         missing: Elements that the network does without.
         inconsistency_sigma_rel: Sigma to add, over the force, for residuals without an excluded element, shape (legs,)
             [1].
-        unexplained_legs: Legs with residuals that neither motion nor a missing element explains, shape (legs,).
-        interrupted_legs: Legs of which the network cannot do without all elements with interrupted readings, shape
-            (legs,).
-        stuck: Excluded elements that do not follow the load.
-        drifting: Excluded elements that follow it with an offset.
         is_all_ok: Whether every element is consistent, and none is missing, suspected or excluded.
     """
 
     missing: Mask
     inconsistency_sigma_rel: Vector
-    unexplained_legs: Mask
-    interrupted_legs: Mask
-    stuck: Mask
-    drifting: Mask
     is_all_ok: bool
 
 
@@ -160,27 +151,27 @@ class ConsistencyTest:
 
     Attributes:
         excluded: Elements excluded until their readings are consistent again.
+        stuck: Those of them that do not follow the load; the others follow it with an offset.
+        unexplained_legs: Legs with residuals that neither motion nor a missing element explains, shape (legs,).
     """
 
     def __init__(self, n_legs: int, imputation: Imputation, settling_time_ns: int) -> None:
         self._imputation = imputation
-        self._moments = imputation.moments
         self._settling_time_ns = settling_time_ns
-        self._matrices: dict[bytes, Vector] = {}
         shape = (n_legs, ELEMENTS)
         # The second limit over the root of the sum of squares.
         self._limit_rel_of_sum = np.array(RESIDUAL_LIMIT_REL / math.sqrt(ELEMENTS))
-        self._residual_matrices = np.stack([self._residual_matrix(missing) for missing in MISSING_SETS])
+        self._residual_matrices = np.stack(list(map(imputation.residual_matrix, MISSING_SETS)))
         self._whole = np.ascontiguousarray(self._residual_matrices[0].T)
-        self._none, self._no_leg = np.zeros(n_legs), np.zeros(n_legs, bool)
-        self._unexplained = self._no_leg
+        self._no_inconsistency, self._no_leg = np.zeros(n_legs), np.zeros(n_legs, bool)
+        self.unexplained_legs = self._no_leg
         self._all_trusted = True  # no element is suspected or excluded
         self._hold_ns = round(CAUSE_CONFIRMATION_TIME_REL * settling_time_ns)
         self._inconsistent = np.zeros(n_legs, bool)
         self._suspected = np.zeros(shape, bool)
         self._suspected_since_ns = np.zeros(n_legs, np.int64)
         self.excluded = np.zeros(shape, bool)
-        self._stuck = np.zeros(shape, bool)
+        self.stuck = np.zeros(shape, bool)
         self._consistent_ns = np.zeros((n_legs, 3), np.int64)  # unloaded, loaded, in all
         self._t_ns = 0
         # Of each element's measured and predicted closures: the smallest and the largest.
@@ -188,7 +179,7 @@ class ConsistencyTest:
 
     def reset(self, legs: Mask) -> None:
         """Readmit all elements of the legs in a mask, shape (legs,), after a change of foot or baseline."""
-        for marks in (self.excluded, self._suspected, self._stuck, self._inconsistent):
+        for marks in (self.excluded, self._suspected, self.stuck, self._inconsistent):
             marks[legs] = False
 
     def test(self, closure_rel: Vector, motion_rel: Vector, missing: Mask, now_ns: int) -> ConsistencyResult:
@@ -213,13 +204,11 @@ class ConsistencyTest:
             and np.count_nonzero(consistent) == consistent.size
             and not np.count_nonzero(missing)
         ):
-            self._t_ns = now_ns
-            return ConsistencyResult(
-                missing, self._none, self._no_leg, self._no_leg, missing, missing, is_all_ok=True
-            )
+            self._t_ns, self.unexplained_legs = now_ns, self._no_leg
+            return ConsistencyResult(missing, self._no_inconsistency, is_all_ok=True)
         suspicious = ~consistent.all(axis=1) | missing.any(axis=1) | self._suspected.any(axis=1)
         inconsistency_rel = np.zeros(len(closure_rel))
-        self._unexplained = np.zeros(len(closure_rel), bool)
+        self.unexplained_legs = np.zeros(len(closure_rel), bool)
         if suspicious.any():
             missing = missing.copy()
             for leg in np.flatnonzero(suspicious).tolist():
@@ -229,16 +218,8 @@ class ConsistencyTest:
         self._t_ns = now_ns
         self._all_trusted = not (self._suspected.any() or self.excluded.any())
         if self.excluded.any():
-            self._stuck |= self.excluded & self._is_stuck()
-        return ConsistencyResult(
-            missing,
-            inconsistency_rel,
-            self._unexplained,
-            self._no_leg,
-            self._stuck.copy(),
-            self.excluded & ~self._stuck,
-            is_all_ok=False,
-        )
+            self.stuck |= self.excluded & self._is_stuck()
+        return ConsistencyResult(missing, inconsistency_rel, is_all_ok=False)
 
     def _test_leg(
         self, leg: int, closure_rel: Vector, motion_rel: float, missing: Mask, now_ns: int
@@ -269,7 +250,7 @@ class ConsistencyTest:
             return inconsistency_rel
         missing |= isolated
         if not suspected.any():
-            self._unexplained[leg] = True
+            self.unexplained_legs[leg] = True
             return inconsistency_rel
         self._update_closure_extremes(leg, closure_rel, missing)
         if now_ns - self._suspected_since_ns[leg] < self._settling_time_ns:
@@ -292,14 +273,14 @@ class ConsistencyTest:
         elif self._max_residual_to_limit_ratio(closure_rel, missing & ~excluded) <= 1.0:
             largest = np.abs(self._with_imputed(closure_rel, missing)[excluded]).max()
             unloaded = largest < RESIDUAL_LIMIT
-            tells = not (unloaded and self._stuck[leg].any())
+            tells = not (unloaded and self.stuck[leg].any())
             self._consistent_ns[leg] += np.where(
                 [unloaded, largest > MIN_PREDICTED_MOTION_REL, tells], elapsed_ns, 0
             )
         *both_ns, all_ns = self._consistent_ns[leg].tolist()
         if min(both_ns) >= READMITTED_AFTER_NS or all_ns >= READMITTED_CONSTANT_LOAD_AFTER_NS:
             missing &= ~excluded
-            self.excluded[leg] = self._stuck[leg] = False
+            self.excluded[leg] = self.stuck[leg] = False
 
     def _update_closure_extremes(self, leg: int, closure_rel: Vector, missing: Mask) -> None:
         both = np.stack([closure_rel, self._with_imputed(closure_rel, missing)])
@@ -325,7 +306,7 @@ class ConsistencyTest:
         kept = closure_rel[~missing]
         if kept.size < 2:
             return 0.0
-        residual = self._residual_matrix(missing) @ np.where(missing, 0.0, closure_rel)
+        residual = self._imputation.residual_matrix(missing) @ np.where(missing, 0.0, closure_rel)
         return float(
             np.abs(residual).max() / _residual_limit_rel(np.sqrt(np.square(kept).mean()), motion_rel)
         )
@@ -341,17 +322,6 @@ class ConsistencyTest:
                 isolated: Mask = MISSING_SETS[sets][excess[sets].argmin()]
                 return isolated
         return missing
-
-    def _residual_matrix(self, missing: Mask) -> Vector:
-        """Return the matrix R, shape (elements, elements), that gives the residuals R @ closures."""
-        key = missing.tobytes()
-        if key not in self._matrices:
-            matrix = np.zeros_like(self._moments)
-            kept = np.flatnonzero(~missing)
-            precision = np.linalg.inv(self._moments[np.ix_(kept, kept)])
-            matrix[np.ix_(kept, kept)] = precision / precision.diagonal()[:, None]
-            self._matrices[key] = matrix
-        return self._matrices[key]
 
 
 def _residual_limit_rel(rms_rel: Vector | float, motion_rel: float) -> Vector:

@@ -58,19 +58,18 @@ def fault_mask(unusable: Mask) -> NDArray[np.uint16]:
 
 
 class Imputation:
-    """Linear imputation of missing closures from the foot's other elements.
+    """Linear prediction of closures from the foot's other elements.
 
     Args:
         moments: S, second moments of the closures of all elements over the gap [1], symmetric and positive
             definite, shape (elements, elements); its scale does not matter.
-
-    Attributes:
-        moments: The same.
     """
 
     def __init__(self, moments: Vector) -> None:
-        self.moments = moments
-        self._matrices: dict[bytes, Vector] = {}
+        self._moments = moments
+        # The matrices of each mask of missing elements.
+        self._imputing: dict[bytes, Vector] = {}
+        self._residual: dict[bytes, Vector] = {}
 
     def matrix(self, missing: Mask) -> Vector:
         """Return the matrix F, shape (elements, elements), that gives the imputed closures F @ closures.
@@ -79,14 +78,29 @@ class Imputation:
             missing: Missing elements, shape (elements,). Their entries of x have no influence, but must be finite.
         """
         key = missing.tobytes()
-        if key not in self._matrices:
+        if key not in self._imputing:
             kept = ~missing
-            matrix = np.diag(kept.astype(float))
+            self._imputing[key] = matrix = np.diag(kept.astype(float))
             if missing.any() and kept.any():
-                read = self.moments[np.ix_(kept, kept)]
-                matrix[np.ix_(missing, kept)] = np.linalg.solve(read, self.moments[np.ix_(kept, missing)]).T
-            self._matrices[key] = matrix
-        return self._matrices[key]
+                read = self._moments[np.ix_(kept, kept)]
+                matrix[np.ix_(missing, kept)] = np.linalg.solve(read, self._moments[np.ix_(kept, missing)]).T
+        return self._imputing[key]
+
+    def residual_matrix(self, missing: Mask) -> Vector:
+        """Return the matrix R, shape (elements, elements), that gives the residuals R @ closures of the others.
+
+        Each is the difference of a closure from its prediction by all others that are not missing.
+
+        Args:
+            missing: Missing elements, shape (elements,).
+        """
+        key = missing.tobytes()
+        if key not in self._residual:
+            kept = np.flatnonzero(~missing)
+            self._residual[key] = matrix = np.zeros_like(self._moments)
+            precision = np.linalg.inv(self._moments[np.ix_(kept, kept)])
+            matrix[np.ix_(kept, kept)] = precision / precision.diagonal()[:, None]
+        return self._residual[key]
 
     def impute(self, closure_rel: Vector, missing: Mask) -> Vector:
         """Return the closures with the missing ones imputed, same shape.

@@ -12,13 +12,14 @@ import numpy as np
 from footsense.estimation.baseline import BaselineTracker
 from footsense.estimation.elements import ConsistencyResult, ConsistencyTest, ElementClassifier, ElementStatus
 from footsense.estimation.gait import GaitTracker
-from footsense.estimation.leg_state import LegStateClassifier, LegStatus
+from footsense.estimation.leg_state import LegStateClassifier
 from footsense.estimation.missing_elements import Imputation, missing_sets_containing
 from footsense.estimation.network import STEADY_AGES_S, Readings, ReadingWindow
 from footsense.estimation.sensitivity import Sensitivity
 from footsense.estimation.settings import EstimationLimits, MountedFeet
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import (
+    IS_USABLE_STATE,
     CapFrame,
     Codes,
     Command,
@@ -72,7 +73,12 @@ class Pipeline:
         self._elements = ElementClassifier(feet, limits.range_end_pf)
         self._baselines = BaselineTracker(feet, design, limits, sensitivity)
         self._consistency = ConsistencyTest(n_legs, self._imputation, _N_SETTLING_SCANS * limits.scan_ns)
-        self._legs = LegStateClassifier(trained, feet.gap_um, limits.max_age_ns, self._baselines)
+        self._legs = LegStateClassifier(
+            trained, feet.gap_um, limits.max_age_ns, self._baselines, self._consistency
+        )
+        # Of healthy legs; shared by their frames and never written to.
+        self._valid = np.full(n_legs, State.VALID, np.uint8)
+        self._no_fault, self._no_leg = np.zeros(n_legs, np.uint16), np.zeros(n_legs, bool)
         self._gait = GaitTracker(n_legs)
         self._set_temperature = set_temperature
 
@@ -83,11 +89,16 @@ class Pipeline:
 
     def execute(self, command: Command) -> CommandResult | None:
         """Execute a command; return its result, or None for an accepted tare, whose result comes in a later frame."""
-        if command.kind is CommandKind.TARE:
-            return self._baselines.begin_tare(command.leg)
-        reason = self._baselines.refusal(command.kind, command.leg)
+        is_tare = command.kind is CommandKind.TARE
+        tares = self._baselines.tares
+        reason = self._baselines.contacts[command.leg].refusal(command.kind)
         if reason is not None:
+            if is_tare:
+                tares.refused.add(command.leg)
             return CommandResult(command, Result.LOADED, reason)
+        if is_tare:
+            tares.command(command.leg)
+            return None
         self._legs.stopped[command.leg] = command.kind is CommandKind.STOP
         return CommandResult(command, Result.DONE, f"{command.kind.name.lower()} executed")
 
@@ -125,29 +136,37 @@ class Pipeline:
         )
         if not consistency.is_all_ok:
             self._window.discard_newest(consistency.missing & ~missing)
+        interrupted = self._no_leg
         if np.count_nonzero(readings.is_consecutive) < readings.is_consecutive.size:
-            consistency = _with_interrupted_readings_missing(consistency, readings)
-        if self._are_healthy(elements, consistency, readings, measured_rel, now_ns):
-            legs = self._legs.healthy._replace(cause=baselines.drift_cause, t_ns=readings.newest_ns)
-        else:
-            legs = self._legs.classify(
-                scan.reading, elements, missing, consistency, measured_rel, readings, now_ns
+            consistency, interrupted = _with_interrupted_readings_missing(consistency, readings)
+        state, fault_mask, cause = self._valid, self._no_fault, baselines.drift_cause
+        healthy = self._are_healthy(elements, consistency, readings, measured_rel, now_ns)
+        if not healthy:
+            state, fault_mask, cause = self._legs.classify(
+                scan.reading,
+                elements,
+                missing,
+                consistency.missing,
+                interrupted,
+                measured_rel,
+                readings,
+                now_ns,
             )
         age_s: Vector = np.asarray((now_ns - readings.t_ns) * 1e-9, np.float64)
-        load, state = self._estimate_loads(closure_rel, age_s, consistency, legs)
+        load, state = self._estimate_loads(closure_rel, age_s, consistency, state, healthy=healthy)
         force_n = load.force_n
         baselines.observe(measured_rel, force_n[:, 2], pf, scan.t_ns, consistency.missing, now_ns)
         gait = self._gait.observe(load, baselines.contacts, now_ns)
         return ContactFrame(
             sequence=scan.sequence,
             t_sent_ns=now_ns,
-            t_ns=legs.t_ns,
+            t_ns=readings.newest_ns,
             force_n=force_n,
             sigma_n=load.sigma_n,
             state=state,
-            fault_mask=legs.fault_mask,
+            fault_mask=fault_mask,
             flags=baselines.flags | self._flags,
-            cause=legs.cause,
+            cause=cause,
             baseline=baselines.drift,
             gait=gait,
         ), results
@@ -184,7 +203,13 @@ class Pipeline:
         )
 
     def _estimate_loads(
-        self, closure_rel: Vector, age_s: Vector, consistency: ConsistencyResult, legs: LegStatus
+        self,
+        closure_rel: Vector,
+        age_s: Vector,
+        consistency: ConsistencyResult,
+        state: Codes,
+        *,
+        healthy: bool,
     ) -> tuple[LoadEstimate, Codes]:
         """Return the estimated loads (NaN where unusable), and the state of each leg.
 
@@ -192,27 +217,29 @@ class Pipeline:
             closure_rel: Closures over the gap [1], newest first, shape (legs, 3, 9).
             age_s: Their ages [s], same shape.
             consistency: The elements to do without.
-            legs: Status of the legs.
+            state: State of each leg by its readings.
+            healthy: Whether every leg is valid without any fault.
         """
-        if not legs.all_healthy:
+        usable = IS_USABLE_STATE[state]
+        if not healthy:
             # The network gets trained inputs only.
-            closure_rel = np.where(legs.usable[:, None, None], closure_rel, 0.0)
+            closure_rel = np.where(usable[:, None, None], closure_rel, 0.0)
             closure_rel = np.minimum(
                 np.maximum(closure_rel, self._trained.closure_rel_min), self._trained.closure_rel_max
             )
             closure_rel = self._imputation.impute(closure_rel, consistency.missing)
-            age_s = _with_usual_ages(age_s, legs.usable, consistency.missing)
+            age_s = _with_usual_ages(age_s, usable, consistency.missing)
         load = self._estimator.estimate(Window(closure_rel, age_s, consistency.missing))
         force_n, sigma_n = load.force_n, load.sigma_n
         sigma_n = np.hypot(sigma_n, self._baselines.sigma_n)
         if not consistency.is_all_ok and consistency.inconsistency_sigma_rel.any():
             inconsistent_n = consistency.inconsistency_sigma_rel * np.linalg.norm(force_n, axis=1)
             sigma_n = np.hypot(sigma_n, inconsistent_n[:, None])
-        if legs.all_healthy and math.isfinite(np.vdot(force_n, sigma_n)):
-            return load._replace(sigma_n=sigma_n), legs.state
-        finite = legs.usable & np.isfinite(force_n + sigma_n).all(axis=1)
+        if healthy and math.isfinite(np.vdot(force_n, sigma_n)):
+            return load._replace(sigma_n=sigma_n), state
+        finite = usable & np.isfinite(force_n + sigma_n).all(axis=1)
         force_n[~finite] = sigma_n[~finite] = np.nan
-        state = np.where(legs.usable & ~finite, np.uint8(State.OUT_OF_RANGE), legs.state)
+        state = np.where(usable & ~finite, np.uint8(State.OUT_OF_RANGE), state)
         return load._replace(sigma_n=sigma_n), state
 
 
@@ -227,8 +254,8 @@ def _without_future_readings(scan: CapFrame, now_ns: int) -> CapFrame:
 
 def _with_interrupted_readings_missing(
     consistency: ConsistencyResult, readings: Readings
-) -> ConsistencyResult:
-    """Return the result with elements without consecutive readings added as missing, as far as there are such sets.
+) -> tuple[ConsistencyResult, Mask]:
+    """Return the result with elements without consecutive readings added as missing, and the interrupted legs.
 
     A leg is interrupted until enough of its elements have been read in a row for the network to do without the others.
     """
@@ -236,7 +263,7 @@ def _with_interrupted_readings_missing(
     missing = missing_sets_containing(consistency.missing | incomplete)
     interrupted_legs: Mask = np.asarray((incomplete & ~missing).any(axis=1))
     missing[interrupted_legs] = consistency.missing[interrupted_legs]
-    return consistency._replace(missing=missing, interrupted_legs=interrupted_legs, is_all_ok=False)
+    return consistency._replace(missing=missing, is_all_ok=False), interrupted_legs
 
 
 def _with_usual_ages(age_s: Vector, usable: Mask, missing: Mask) -> Vector:

@@ -5,7 +5,7 @@ not quiet) or differ from those of the free foot. Every tare is compared with th
 small steps cannot lead into a load. Missing elements are left out; they have no baseline until they are back.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,7 @@ from footsense.frames import ELEMENTS, Codes, Mask, Reading, Result, Stamps, Sta
 from footsense.leg_words import SILENT_READINGS
 
 
-@dataclass(frozen=True, slots=True)
-class TareResult:
+class TareResult(NamedTuple):
     """Result of a tare: new baseline [pF], or the reason for its refusal.
 
     Attributes:
@@ -162,28 +161,26 @@ class Tares:
         ended = []
         for leg, window in list(self.in_progress.items()):
             tared = window.add(capacitance_pf[leg], reading[leg], t_ns[leg], unusable[leg])
-            if tared is not None:
-                ended.append((leg, tared, self._end_tare(leg, tared)))
+            if tared is None:
+                continue
+            del self.in_progress[leg]
+            commanded = leg in self._commanded
+            self._commanded.discard(leg)
+            is_news = commanded or self._refusals.get(leg) is not tared.result
+            if tared.baseline_pf is not None:
+                self.untared.discard(leg)
+                self.refused.discard(leg)
+                self._refusals.pop(leg, None)
+            elif leg not in self.untared:
+                self.refused.add(leg)
+            else:
+                self.in_progress[leg] = self._new_window(leg)
+                if commanded or tared.result is not Result.ABSENT:
+                    self._refusals[leg] = tared.result
+                else:
+                    is_news = False
+            ended.append((leg, tared, is_news))
         return ended
-
-    def _end_tare(self, leg: int, tared: TareResult) -> bool:
-        """Remove a leg's finished tare, or restart it after a refusal; return whether to report the result."""
-        del self.in_progress[leg]
-        commanded = leg in self._commanded
-        self._commanded.discard(leg)
-        repeated = self._refusals.get(leg) is tared.result
-        if tared.baseline_pf is not None:
-            self.untared.discard(leg)
-            self.refused.discard(leg)
-            self._refusals.pop(leg, None)
-        elif leg in self.untared:
-            self.in_progress[leg] = self._new_window(leg)
-            if tared.result is Result.ABSENT and not commanded:
-                return False
-            self._refusals[leg] = tared.result
-        else:
-            self.refused.add(leg)
-        return commanded or not repeated
 
     def _new_window(self, leg: int) -> TareWindow:
         return TareWindow(self._limits, self._feet.unloaded_pf[leg], self._feet.names[leg])

@@ -291,7 +291,7 @@ def _force_error_figures(models: DesignModels, estimates: Estimates, true_n: Vec
     closure_rel, missing = estimates.closure_rel[usable], np.zeros((len(force_n), ELEMENTS), bool)
     for t_ns in range(0, 2 * _RESIDUAL_TEST_DEBOUNCE_NS, _RESIDUAL_TEST_DEBOUNCE_NS // 4):
         consistency: Any = test.test(closure_rel, np.zeros(len(force_n)), missing, t_ns)
-    noticed = consistency.unexplained_legs | consistency.missing.any(axis=1)
+    noticed = test.unexplained_legs | consistency.missing.any(axis=1)
     return {
         "deg": row.direction_deg,
         "gf": row.magnitude_gf,

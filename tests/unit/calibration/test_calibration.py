@@ -41,7 +41,7 @@ def _read(loads: LoadSet, foot: FootParameters | None) -> Vector:
     stray_pf = np.zeros(9) if foot is None else foot.stray_pf
     card = design().network_for_rows(1).card.trained_inputs
     closure_um = card.design.closure_um(loads.capacitance_pf - stray_pf, loads.baseline_pf - stray_pf)
-    feet = CalibratedFeet(design().network_for_rows(len(loads)), [foot], len(loads))
+    feet = CalibratedFeet(design().network_for_rows(len(loads)), [foot] * len(loads))
     gain_rel = np.ones(9) if foot is None else foot.gain_rel
     return feet.estimate(steady_windows(closure_um / card.design.gap_um / gain_rel)).force_n
 

@@ -126,13 +126,13 @@ def _estimate_loads_on_foot(
         pf.max(axis=1) < FULL_SCALE_PF
     )
     inputs = np.where(read[:, None], closure_rel, 0.0)
-    load = CalibratedFeet(context.network, [known], len(pf)).estimate(steady_windows(inputs))
+    load = CalibratedFeet(context.network, [known] * len(pf)).estimate(steady_windows(inputs))
     test = ConsistencyTest(len(pf), Imputation(trained.moments), 1)
     none, still = np.zeros(inputs.shape, bool), np.zeros(len(pf))
     result: Any = None
     for t_ns in range(4):
         result = test.test(inputs, still, none, t_ns)
-    said = result.unexplained_legs | result.missing.any(axis=1)
+    said = test.unexplained_legs | result.missing.any(axis=1)
     return (closure_um / gap_um).max(axis=1), read, load.force_n, load.sigma_n, said
 
 
