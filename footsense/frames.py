@@ -295,7 +295,6 @@ class CanStatistics:
         bus_off: Error frames that report bus-off: the controller has left the bus.
         error_passive: Error frames that report error passive: errors, or no acknowledgement.
         reopened: Number of times that the interface was opened again after it had gone.
-        unlogged: Frames that were sent and are not in the log, because its writer was too slow or has ended.
     """
 
     published_cycles: int = 0
@@ -307,4 +306,3 @@ class CanStatistics:
     bus_off: int = 0
     error_passive: int = 0
     reopened: int = 0
-    unlogged: int = 0

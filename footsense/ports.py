@@ -5,6 +5,7 @@ port cannot tell which.
 """
 
 from array import array
+from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 from footsense.frames import (
@@ -120,11 +121,11 @@ class SerialPort(Protocol):
 class CanWire(Protocol):
     """Interface of an open CAN socket; frames as in `firmware_interface.can.socketcan`."""
 
-    def send(self, frames: bytes, t_ns: int) -> int:
+    def send(self, frames: Sequence[bytes], t_ns: int) -> int:
         """Queue frames for sending without waiting, as many as fit; return their number.
 
         Args:
-            frames: Whole frames behind each other.
+            frames: The frames.
             t_ns: Time of sending [ns]; only a virtual channel uses it.
 
         Returns:

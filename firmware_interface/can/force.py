@@ -151,7 +151,7 @@ class ForceQualityEncoder:
         sigma_n: Sequence[Sequence[float]],
         flags: Sequence[int],
         fault_mask: Sequence[int],
-    ) -> bytes:
+    ) -> list[bytes]:
         """Return each leg's `Force` and then its `Quality` frame, as `struct can_frame`s of 16 bytes.
 
         Args:
@@ -169,8 +169,8 @@ class ForceQualityEncoder:
 
         Example:
             >>> legs = [0], [State.VALID], [(0.5, -0.25, 1.0)], [(0.01, 0.01, 0.02)], [Flag.SIMULATED], [0]
-            >>> force_quality = ForceQualityEncoder([1]).encode(0, 12_300_000, *legs)
-            >>> force_quality[8:16].hex(" ")
+            >>> force, quality = ForceQualityEncoder([1]).encode(0, 12_300_000, *legs)
+            >>> force[8:].hex(" ")
             '9c 10 f4 01 06 ff e8 03'
         """
         frames = self._frames
@@ -206,7 +206,8 @@ class ForceQualityEncoder:
         for column, table in enumerate(COLUMN_CRC, 9):
             crcs ^= int.from_bytes(frames[column::FRAME_BYTES].translate(table), "little")
         frames[8::FRAME_BYTES] = crcs.to_bytes(self._n_frames, "little")
-        return bytes(frames)
+        sent = bytes(frames)
+        return [sent[start : start + FRAME_BYTES] for start in range(0, len(sent), FRAME_BYTES)]
 
 
 def _sendable_force(state: int, force_n: tuple[float, float, float]) -> tuple[int, float, float, float]:

@@ -7,8 +7,8 @@
         | id, flags in bits 29..31  | length |  zero   |   data   |
         +---------------------------+--------+---------+----------+
 
-A frame of CAN FD has 64 bytes of data, and byte 5 has its flags: here always `FD_FRAME`, by which the two are told
-apart, and `FD_BIT_RATE`, to send the data at the higher bit rate.
+A frame of CAN FD has 64 bytes of data, and byte 5 has its flags: `FD_FRAME`, and `FD_BIT_RATE` to send the data at the
+higher bit rate. The two are told apart by their lengths.
 
 The id has the byte order of the machine, which is little-endian wherever footsense runs.
 
@@ -17,7 +17,6 @@ Source:
 """
 
 import struct
-from collections.abc import Iterator
 from enum import IntFlag
 
 FRAME_BYTES = 16
@@ -33,7 +32,7 @@ FD_FRAME, FD_BIT_RATE = 0x04, 0x01
 
 _FRAME = struct.Struct("<IB3x8s")
 _FD_FRAME = struct.Struct("<IBB2x64s")
-_FLAGS_AT = 5
+_HEAD = struct.Struct("<IB")
 
 
 class ErrorClass(IntFlag):
@@ -75,25 +74,15 @@ def pack_fd_frame(can_id: int, data: bytes) -> bytes:
     return _FD_FRAME.pack(can_id, len(data), FD_FRAME | FD_BIT_RATE, data)
 
 
-def frame_ends(frames: bytes) -> list[int]:
-    """Return the end offset of each of several consecutive frames [bytes]."""
-    ends, at = [], 0
-    while at < len(frames):
-        at += FD_FRAME_BYTES if frames[at + _FLAGS_AT] & FD_FRAME else FRAME_BYTES
-        ends.append(at)
-    return ends
+def unpack_frame(frame: bytes) -> tuple[int, bytes]:
+    """Return CAN id (with flag bits) and data of a `struct can_frame` or, by its length, a `struct canfd_frame`.
 
-
-def split_frames(frames: bytes) -> Iterator[tuple[int, bytes]]:
-    """Return CAN id (with flag bits) and data of each of several consecutive frames."""
-    found = []
-    at = 0
-    while at < len(frames):
-        end = at + (FD_FRAME_BYTES if frames[at + _FLAGS_AT] & FD_FRAME else FRAME_BYTES)
-        can_id, length, _, data = _FD_FRAME.unpack(frames[at:end].ljust(FD_FRAME_BYTES, b"\0"))
-        found.append((can_id, data[:length]))
-        at = end
-    return iter(found)
+    Example:
+        >>> unpack_frame(pack_frame(0x701, b"on"))
+        (1793, b'on')
+    """
+    can_id, length = _HEAD.unpack_from(frame)
+    return can_id, frame[8 : 8 + length]
 
 
 def is_standard_data(can_id: int) -> bool:

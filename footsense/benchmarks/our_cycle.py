@@ -16,7 +16,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from footsense.benchmarks.c_program import CProgram
-from footsense.can.socketcan import SocketWire
+from footsense.can.wire import SocketWire
 from footsense.config import DEFAULT
 from footsense.config.sections import Realtime
 from footsense.daemon.acquisition import open_scan_source
@@ -96,7 +96,7 @@ def open_service_cycle() -> Iterator[ServiceCycle]:
     clock, loopback = VirtualClock(), Loopback()
     models = load_models(DEFAULT)
     pipeline = pipeline_for(models, Flag.SIMULATED)
-    wire = SocketWire(loopback.socket, lambda: None)
+    wire = SocketWire(loopback.socket)
     with (
         TemporaryDirectory(dir="/dev/shm") as folder,
         can_sink(BENCHMARK_CONFIG, clock, None, connect=lambda: wire) as sink,

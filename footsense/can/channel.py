@@ -13,15 +13,15 @@ How long a frame may stay between the kernel's queue and the wire depends on the
 import errno
 import logging
 import threading
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from firmware_interface.can.socketcan import frame_ends, is_error, is_standard_data, pack_frame, split_frames
+from firmware_interface.can.socketcan import is_error, is_standard_data, unpack_frame
 from footsense.can.bus_health import BusHealth
-from footsense.can.frame_log import CanFrameLog, check_log_suffix
-from footsense.can.python_can import error_text, open_wire
+from footsense.can.frame_log import CanFrameLog
+from footsense.can.wire import error_text, open_wire
 from footsense.errors import CanError
 from footsense.frames import CanStatistics
 from footsense.ports import CanWire
@@ -43,8 +43,7 @@ class ChannelSettings:
         bitrate: Bit rate of the bus [bit/s], for error messages: Linux sets it when the interface comes up.
         commands: Whether commands are executed.
         fd: Whether frames of CAN FD are sent.
-        log_file: File for every frame sent, its format by suffix: candump `.log`, `.asc` or `.blf`; None for none.
-        log_may_wait: Whether the log may make the loop wait, as in virtual time.
+        log_file: File for every frame that a simulation sends: candump `.log`, `.asc` or `.blf`; None for none.
         connect: Opens another interface than the named one, such as a simulated one, and does not wait; None for
             python-can's way.
     """
@@ -55,7 +54,6 @@ class ChannelSettings:
     commands: bool = True
     fd: bool = False
     log_file: Path | None = None
-    log_may_wait: bool = False
     connect: Callable[[], CanWire] | None = None
 
 
@@ -98,11 +96,10 @@ class CanChannel:
     Args:
         settings: Its settings.
         accept: CAN ids that `receive` returns.
-        first_frames: First frames, by CAN id; sending them also tests whether the channel is up.
+        first_frames: First frames; sending them also tests whether the channel is up.
         stats: Statistics of the channel.
 
     Raises:
-        ConfigError: The log's suffix is unknown.
         RecordingError: The log cannot be opened.
         CanError: The channel is missing or down.
     """
@@ -111,12 +108,10 @@ class CanChannel:
         self,
         settings: ChannelSettings,
         accept: Collection[int],
-        first_frames: Mapping[int, bytes],
+        first_frames: Sequence[bytes],
         stats: CanStatistics,
     ) -> None:
-        log_file, place = settings.log_file, (settings.interface, settings.channel, settings.bitrate)
-        if log_file is not None:
-            check_log_suffix(log_file)
+        place = (settings.interface, settings.channel, settings.bitrate)
         self.stats = stats
         self._accept = frozenset(accept)
         self._explained = partial(error_text, *place)
@@ -136,28 +131,22 @@ class CanChannel:
         self._wire: CanWire | None = self._connect()
         try:
             # Sent before the log is open, and before the first force defines the time.
-            self._unlogged = self._send_first_frames(
-                b"".join(pack_frame(*frame) for frame in first_frames.items())
-            )
-            if log_file is not None:
-                self._log = CanFrameLog(log_file, settings.channel, stats, waits=settings.log_may_wait)
+            self._unlogged = self._send_first_frames(first_frames)
+            if settings.log_file is not None:
+                self._log = CanFrameLog(settings.log_file, settings.channel)
         except BaseException:
             self._close_socket()
             raise
 
-    def send(self, frames: bytes, t_ns: int) -> int:
+    def send(self, frames: Sequence[bytes], t_ns: int) -> int:
         """Send frames without waiting, and drop those that do not fit; return the number accepted.
 
         Args:
-            frames: Whole frames behind each other, as in `firmware_interface.can.socketcan`.
-            t_ns: The present time [ns], for the log.
-
-        Returns:
-            How many were accepted.
+            frames: Frames as in `firmware_interface.can.socketcan`.
+            t_ns: The present time [ns].
         """
         self._t_ns = t_ns
-        ends = frame_ends(frames)
-        n, taken = len(ends), 0
+        n, taken = len(frames), 0
         wire = None if self._back_off_ns and t_ns < self._due_ns else self._wire or self._try_reopen()
         if wire is not None:
             try:
@@ -172,10 +161,8 @@ class CanChannel:
         self.stats.sent += taken
         self.stats.dropped += n - taken
         if self._log is not None and taken:
-            if self._unlogged:
-                self._log.add(t_ns, self._unlogged)
-                self._unlogged = b""
-            self._log.add(t_ns, frames[: ends[taken - 1]])
+            self._log.add(t_ns, [*self._unlogged, *frames[:taken]])
+            self._unlogged = ()
         return taken
 
     def receive(self) -> list[tuple[int, bytes]]:
@@ -189,7 +176,7 @@ class CanChannel:
             return []
         arrived = []
         for frame in frames:
-            can_id, data = next(split_frames(frame))
+            can_id, data = unpack_frame(frame)
             if is_error(can_id):
                 self._health.count_error_frame(can_id, data, self._t_ns)
             elif is_standard_data(can_id) and can_id in self._accept:
@@ -210,7 +197,7 @@ class CanChannel:
             log, self._log = self._log, None
             log.close()
 
-    def _send_first_frames(self, frames: bytes) -> bytes:
+    def _send_first_frames(self, frames: Sequence[bytes]) -> Sequence[bytes]:
         """Send as many of the frames as the socket accepts; return those that were accepted.
 
         Raises:
@@ -218,13 +205,12 @@ class CanChannel:
         """
         assert self._wire is not None
         try:
-            taken = self._wire.send(frames, 0) if frames else 0
+            taken = self._wire.send(frames, 0)
         except OSError as error:
             raise CanError(self._explained(error)) from error
         self.stats.sent += taken
-        ends = frame_ends(frames)
-        self.stats.dropped += len(ends) - taken
-        return frames[: ends[taken - 1]] if taken else b""
+        self.stats.dropped += len(frames) - taken
+        return frames[:taken]
 
     def _back_off_after_failure(self, error: OSError) -> None:
         """Double the time until the next attempt to reopen; close the socket unless the interface is only down."""

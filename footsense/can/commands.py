@@ -132,4 +132,4 @@ class CanCommands:
 
     def _answer(self, leg: _LegCommands, result: int, kind: int, command_counter: int) -> None:
         """Send one answer of a leg."""
-        self._channel.send(leg.answer_frame(result, kind, command_counter), self._clock.now_ns())
+        self._channel.send([leg.answer_frame(result, kind, command_counter)], self._clock.now_ns())

@@ -1,130 +1,97 @@
-"""Log of sent CAN frames: checks of the log file, and the pipe to the child process that writes it.
+"""Log of the CAN frames that a simulation sends; on a robot `candump -l` writes it, in a process of its own."""
 
-A busy disk or an absent network drive makes a writer wait, so a process of its own writes the file (`log_writer`), and
-the loop copies a cycle's frames into a pipe with one system call. In virtual time the loop waits for room there; in
-real time it never does, and frames without room are counted.
-"""
-
+import contextlib
 import logging
 import os
-import struct
-import subprocess
+from collections.abc import Sequence
 from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
 
-from firmware_interface.can.socketcan import frame_ends
-from footsense.child_process import check_new_file, start_writer
+from footsense.can.wire import sent_message
+from footsense.child_process import check_new_file
 from footsense.errors import ConfigError, RecordingError
-from footsense.frames import CanStatistics
+
+if TYPE_CHECKING:
+    from can.io.generic import FileIOMessageWriter
 
 _log = logging.getLogger(__name__)
 
 #: Formats of the log: candump, Vector ASCII, Vector binary.
-LOG_SUFFIXES = (".log", ".asc", ".blf")
-
-#: Time [ns] and length [bytes] of the frames of one call, before them.
-RECORD_HEAD = struct.Struct("<qI")
-
-#: Size of the pipe [bytes], the most that Linux grants a user by default: a minute of forces, or 14 s
-#: with `publish_every: 1`.
-PIPE_BYTES = 1 << 20
-
-#: Longest wait for the writer after the pipe was closed [s].
-FINISH_TIMEOUT_S = 10.0
+_LOG_SUFFIXES = (".log", ".asc", ".blf")
 
 
-def check_log_suffix(path: Path) -> None:
-    """Raise an error unless the file's suffix names a supported log format.
+def check_log_target(path: Path, interface: str, channel: str) -> None:
+    """Raise an error unless the frames of a channel can be logged to `path`; call it before opening anything.
 
     Raises:
-        ConfigError: It does not.
-    """
-    if path.suffix not in LOG_SUFFIXES:
-        raise ConfigError(f"CAN log {path}: the suffix must be one of {', '.join(LOG_SUFFIXES)}")
-
-
-def check_log_target(path: Path) -> None:
-    """Raise an error unless a log can be written to `path`; call it before opening anything.
-
-    Raises:
-        ConfigError: The suffix names no format.
+        ConfigError: The suffix names no format, or a disk could make the loop of a robot wait.
         RecordingError: The file exists, or the directory cannot be written to.
     """
-    check_log_suffix(path)
+    if interface == "socketcan":
+        raise ConfigError(
+            f"CAN log {path}: the frames of a simulation alone are logged; try: candump -l {channel}"
+        )
+    if path.suffix not in _LOG_SUFFIXES:
+        raise ConfigError(f"CAN log {path}: the suffix must be one of {', '.join(_LOG_SUFFIXES)}")
     check_new_file(f"CAN log {path}", path)
 
 
 class CanFrameLog:
-    """Log of sent CAN frames, passed through a pipe to a child process that writes the file.
+    """Log of sent CAN frames, written by python-can. A disk that fails ends the log, and not the run.
 
     Args:
         path: The file, its format by suffix.
         channel: Name of the channel in the log.
-        stats: Statistics; counts frames missing in the log.
-        waits: Whether a full pipe makes the loop wait (virtual time) or loses the frames (real time).
 
     Raises:
         RecordingError: The file cannot be opened.
     """
 
-    def __init__(self, path: Path, channel: str, stats: CanStatistics, *, waits: bool) -> None:
+    def __init__(self, path: Path, channel: str) -> None:
         self._path = path
-        self._stats = stats
-        self._writer, self._pipe = _start_writer(path, channel)
-        os.set_blocking(self._pipe, waits)
-        self._ended = False
+        self._error: OSError | None = None
+        # Exclusive: no file, link or pipe that appeared since the check is written through.
+        try:
+            file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
+        except OSError as error:
+            raise RecordingError(f"CAN log {path}: {error.strerror}") from error
+        self._file, self._writer = _open_writer(file, path.suffix, channel)
 
-    def add(self, t_ns: int, frames: bytes) -> None:
-        """Append frames with their time [ns] to the log; never fails, even if its writer has ended."""
-        if not self._ended:
-            try:
-                # Below PIPE_BUF for any robot: written completely or not at all. Source: pipe(7).
-                os.write(self._pipe, RECORD_HEAD.pack(t_ns, len(frames)) + frames)
-            except BlockingIOError:
-                pass
-            except BrokenPipeError:
-                self._ended = True
-                _log.warning("CAN log %s: its writer has ended; the run goes on without it", self._path)
-            else:
-                return
-        self._stats.unlogged += len(frame_ends(frames))
+    def add(self, t_ns: int, frames: Sequence[bytes]) -> None:
+        """Append frames with their time [ns]; never fails."""
+        if self._error is not None:
+            return
+        try:
+            for frame in frames:
+                self._writer.on_message_received(sent_message(frame, t_ns))
+        except OSError as error:
+            self._error = error
+            _log.warning("CAN log %s ends here: %s; the run goes on without it", self._path, error.strerror)
 
-    def close(self, timeout_s: float = FINISH_TIMEOUT_S) -> None:
-        """Close the pipe, and wait until the child process has written all frames.
-
-        Args:
-            timeout_s: How long to wait for the writer [s].
+    def close(self) -> None:
+        """Finish the file.
 
         Raises:
             RecordingError: It is incomplete.
         """
-        os.close(self._pipe)
         try:
-            failure = self._writer.communicate(timeout=timeout_s)[1].decode(errors="replace").strip()
-        except subprocess.TimeoutExpired:
-            self._writer.kill()
-            self._writer.communicate()
-            failure = f"the file did not take what was written within {timeout_s:g} s"
-        if not failure and self._writer.returncode:
-            failure = "its writer was killed"
-        if not failure and self._stats.unlogged:
-            failure = f"its writer was too slow: {self._stats.unlogged} frames are missing"
-        if failure:
-            last = failure.rpartition("\n")[2]
-            raise RecordingError(f"CAN log {self._path}: {last}; what was sent is not affected")
+            self._writer.stop()
+        except OSError as error:
+            self._error = self._error or error
+            with contextlib.suppress(OSError):  # its buffer cannot be written
+                self._file.close()
+        if self._error is not None:
+            raise RecordingError(
+                f"CAN log {self._path}: {self._error.strerror}; what was sent is not affected"
+            )
 
 
-def _start_writer(path: Path, channel: str) -> "tuple[subprocess.Popen[bytes], int]":
-    """Start the child process that writes the log; return it and the write end of its pipe.
+def _open_writer(file: int, suffix: str, channel: str) -> "tuple[IO[Any], FileIOMessageWriter[Any]]":
+    """Return the file of an open descriptor, and python-can's writer for the format of `suffix`."""
+    import can
 
-    Returns:
-        The process, and the end of the pipe that feeds it.
-
-    Raises:
-        RecordingError: The file cannot be opened.
-    """
-    # Exclusive: no file, link or pipe that appeared since the check is written through.
-    try:
-        file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
-    except OSError as error:
-        raise RecordingError(f"CAN log {path}: {error.strerror}") from error
-    return start_writer("footsense.can.log_writer", [path.suffix, channel], file, PIPE_BYTES)
+    if suffix == ".blf":
+        binary = os.fdopen(file, "wb")
+        return binary, can.BLFWriter(binary)
+    text = os.fdopen(file, "w", encoding="utf-8")
+    return text, can.ASCWriter(text) if suffix == ".asc" else can.CanutilsLogWriter(text, channel=channel)

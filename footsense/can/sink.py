@@ -2,7 +2,7 @@
 
 Every n-th cycle sends `Force` and `Quality` of every leg, and so does a cycle in which a leg's state, cause, element
 mask or flags change; heartbeats go out at 5 Hz, `Baseline` at 1 Hz, `Gait` and `Ground` at 10 Hz, a gait event at once,
-and a fault report when the state, the mask or the cause changes. All frames of a cycle go out with one call. The
+and a fault report when the state, the mask or the cause changes. The
 counters advance over frames that the channel did not take, so the consumer sees the gap.
 
 Changes in two cycles in a row share the frames of the second: six legs take 500 kbit/s for longer than a conversion.
@@ -24,10 +24,8 @@ from firmware_interface.can.all_legs import NODES_OF_FRAME, encode_forces
 from firmware_interface.can.codes import NODE_IDS, Flag, NmtState
 from firmware_interface.can.commands import COMMAND_ID
 from firmware_interface.can.crc8 import COUNTER_PERIOD
-from firmware_interface.can.events import HEARTBEAT_ID, encode_heartbeat
 from firmware_interface.can.force import ForceQualityEncoder
-from firmware_interface.can.socketcan import FRAME_BYTES, pack_fd_frame
-from firmware_interface.wire_timing import FRAMES_PER_LEG
+from firmware_interface.can.socketcan import pack_fd_frame
 from footsense.can.channel import CanChannel, ChannelSettings
 from footsense.can.commands import CanCommands
 from footsense.can.leg_frames import CanLeg, GaitFrames, heartbeat_frame, heartbeat_of_state
@@ -40,9 +38,6 @@ _MAX_EXTRA_FRAMES = 4
 
 #: A plain number: arithmetic with an enumeration costs a microsecond each time.
 _DEGRADED_TIMING = int(Flag.DEGRADED_TIMING)
-
-#: Bytes of a leg's Force and Quality.
-_PAIR_BYTES = 2 * FRAME_BYTES
 
 _HEARTBEAT_PERIOD_NS = 200_000_000
 _BASELINE_PERIOD_NS = 1_000_000_000
@@ -62,13 +57,11 @@ class CanSink:
         stats: Statistics of the channel.
 
     Raises:
-        ConfigError: The log's suffix is unknown.
         RecordingError: The log cannot be opened.
         CanError: The channel is missing or down.
 
     Timing:
-        Never waits. Six legs: 12 frames for each force, 30 heartbeats, 6 baselines and 120 frames of the gait a second;
-        one system call for all frames of a cycle.
+        Never waits. Six legs: 12 frames for each force, 30 heartbeats, 6 baselines and 120 frames of the gait a second.
     """
 
     def __init__(
@@ -82,11 +75,10 @@ class CanSink:
     ) -> None:
         self.stats = CanStatistics()
         nodes = [NODE_IDS[leg] for leg in legs]
-        boot = encode_heartbeat(NmtState.BOOT)
         self._channel = CanChannel(
             settings,
             accept=[COMMAND_ID + node for node in nodes],
-            first_frames={HEARTBEAT_ID + node: boot for node in nodes},
+            first_frames=[heartbeat_frame(node, NmtState.BOOT) for node in nodes],
             stats=self.stats,
         )
         self._obeys = settings.commands
@@ -108,7 +100,7 @@ class CanSink:
         self._early = False  # the last forces were sent for a change
         self._sent: list[list[int]] = []  # states, masks, causes and flags of the last forces
         self._counter = 0  # of every Force and Quality of a cycle
-        self._first = 0  # start of the frames that are sent first [bytes]
+        self._first = 0  # frame that is sent first
         self._reported: list[list[int]] = []  # states, masks and causes without an outstanding report
         # Due time [ns], period [ns] and row of each heartbeat and baseline, as a heap; the legs' phases are spread over
         # the period, so that their frames do not pile up in one cycle.
@@ -136,7 +128,7 @@ class CanSink:
         n_events = n_before = len(frames)
         if self._are_forces_due([*present, self._flags]):
             frames += self._force_frames(frame, *present[:2])
-            n_before += len(self._fd_ids) or FRAMES_PER_LEG * len(self._legs)
+            n_before = len(frames)
         for leg, report in reports:
             frames.append(leg.fault_frame(*report))
         max_frames = _MAX_EXTRA_FRAMES - len(reports) - n_events
@@ -150,7 +142,7 @@ class CanSink:
             frames += gait.pop_periodic_frames(max_frames)
         if not frames:
             return
-        taken = self._channel.send(b"".join(frames), t_ns)
+        taken = self._channel.send(frames, t_ns)
         gait.drop_sent_events(min(n_events, taken))
         n_reported = min(len(reports), max(0, taken - n_before))
         for leg, report in reports[:n_reported]:
@@ -196,8 +188,8 @@ class CanSink:
             ]
         forces = self._encoder.encode(counter, frame.t_sent_ns, *legs)
         # A full queue drops frames at its front or refuses them at its end: rotate, so that it strikes each leg.
-        self._first = (self._first + _PAIR_BYTES) % len(forces)
-        return [forces[self._first :], forces[: self._first]]
+        self._first = (self._first + 2) % len(forces)
+        return forces[self._first :] + forces[: self._first]
 
     def commands(self) -> list[Command]:
         """Return the valid commands among the received frames; invalid ones are counted."""
@@ -220,10 +212,10 @@ class CanSink:
         if self._closed:
             return
         self._closed = True
-        last = b"".join(
+        last = [
             heartbeat_frame(leg.node, NmtState.STOPPED, degraded_timing=bool(flags & _DEGRADED_TIMING))
             for leg, flags in zip(self._legs, self._flags, strict=True)
-        )
+        ]
         self._channel.send(last, self._clock.now_ns())
         self._channel.close()
 

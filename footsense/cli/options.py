@@ -18,7 +18,9 @@ FOLDER = click.Path(file_okay=False, path_type=Path, readable=False)
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 can_log_option = click.option(
-    "--can-log", type=FILE, help="Write the CAN frames sent to this file: .log (candump), .asc or .blf."
+    "--can-log",
+    type=FILE,
+    help="Write the CAN frames of a simulation to this file: .log (candump), .asc or .blf. On a robot: candump -l.",
 )
 ring_option = click.option(
     "--ring",

@@ -50,7 +50,7 @@ def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool, fol
     its first gap (exit 74).
     """
     if can_log is not None:
-        check_log_target(can_log)
+        check_log_target(can_log, "virtual", "")
     with ExitStack() as showing:
         # At the speed of the recording there is nothing to wait for.
         on_bytes_read = None if realtime else showing.enter_context(file_progress_bar("replay", file))
@@ -93,7 +93,6 @@ def _run_replay(
                 config,
                 clock,
                 can_log,
-                log_may_wait=not realtime,
                 force_step_mn=force_step_mn(models.network.card.max_trained_force_n),
             )
         )

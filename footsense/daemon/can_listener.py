@@ -5,8 +5,8 @@ from typing import NamedTuple
 from firmware_interface.can.all_legs import NODES_OF_FRAME
 from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.can.force import FORCE_ID
-from firmware_interface.can.socketcan import split_frames
-from footsense.can.python_can import open_wire
+from firmware_interface.can.socketcan import unpack_frame
+from footsense.can.wire import open_wire
 from footsense.client import (
     GAIT_EVENT_IDS,
     LINK_IDS,
@@ -97,7 +97,7 @@ class Listener:
                 frames = self._wire.receive()
             except OSError as error:
                 raise CanError(f"the CAN channel is gone: {error.strerror or error}") from error
-            for can_id, data in split_frames(b"".join(frames)):
+            for can_id, data in map(unpack_frame, frames):
                 if self._link.feed(can_id, data, self._last_poll_ns):
                     if can_id in NODES_OF_FRAME:
                         for node in NODES_OF_FRAME[can_id]:

@@ -20,7 +20,6 @@ def can_sink(
     clock: Clock,
     log_file: Path | None,
     *,
-    log_may_wait: bool = True,
     force_step_mn: int = 1,
     connect: Callable[[], CanWire] | None = None,
 ) -> Iterator[CanSink]:
@@ -31,7 +30,6 @@ def can_sink(
 
     Raises:
         CanError: The channel is missing or down.
-        ConfigError: The log's suffix is unknown.
         RecordingError: The log cannot be made, or is not whole at the end.
     """
     settings = ChannelSettings(
@@ -41,7 +39,6 @@ def can_sink(
         commands=config.can.executes_commands,
         fd=config.can.fd,
         log_file=log_file,
-        log_may_wait=log_may_wait,
         connect=connect,
     )
     sink = CanSink(

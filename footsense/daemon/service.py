@@ -118,7 +118,7 @@ def open_service(
         scene: Scene of its simulation, None for its real buses.
         real_time: Whether the loop must never wait for its recorder; a simulation is then paced by the wall clock.
         record: File to record to.
-        can_log: File for the CAN frames sent.
+        can_log: File for the CAN frames that a simulation sends.
         test_stand: The test stand that one foot is pressed on; there the loop waits for its recorder, as nobody walks.
 
     Yields:
@@ -131,11 +131,11 @@ def open_service(
     with ExitStack() as stack:
         if record is not None:
             check_recording_target(record)
-        if can_log is not None:
-            check_log_target(can_log)
         if scene is not None and not is_simulated(config):
             # Simulated forces must not reach the controller of the real robot, nor readers of its ring.
             config = msgspec.structs.replace(config, can=Can(interface="virtual"), ring=None)
+        if can_log is not None:
+            check_log_target(can_log, config.can.interface, config.can.channel)
         models = load_models(config)
         # Before any chip is accessed; the recorder's process drops the scheduling that it inherits.
         flags = Flag.SIMULATED
@@ -161,7 +161,6 @@ def open_service(
                 config,
                 scan.clock,
                 can_log,
-                log_may_wait=not real_time,
                 force_step_mn=force_step_mn(models.network.card.max_trained_force_n),
                 connect=connect,
             )

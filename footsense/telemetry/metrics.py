@@ -209,7 +209,6 @@ def _status_metrics(status: ServiceStatus) -> Iterator[Metric]:
     passive = "Times that the controller became error passive, or nobody acknowledged."
     yield counter("footsense_can_error_passive_total", passive, can.error_passive)
     yield counter("footsense_can_reopened_total", "Times that the interface came back.", can.reopened)
-    yield counter("footsense_can_unlogged_frames_total", "Frames missing in the CAN log.", can.unlogged)
     yield counter("footsense_recorder_lost_cycles_total", "Cycles not recorded.", status.n_lost_cycles)
     yield counter("footsense_log_lost_lines_total", "Log lines without a reader.", status.n_lost_log_lines)
     if status.wakeup_histogram is None:  # virtual time, in which nothing sleeps

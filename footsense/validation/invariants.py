@@ -13,7 +13,7 @@ import numpy as np
 
 from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.can.force import FORCE_ID, QUALITY_ID, decode_quality
-from firmware_interface.can.socketcan import split_frames
+from firmware_interface.can.socketcan import unpack_frame
 from firmware_interface.wire_timing import FRAMES_PER_LEG, LONGEST_FRAME_BITS
 from footsense.frames import USABLE, ContactFrame, Cycle, State, Vector
 from footsense.ports import Observer
@@ -147,7 +147,7 @@ class InvariantChecker(Observer):
             queued_ns: Time at which it was handed to the kernel [ns].
             frame: The frame, as in `firmware_interface.can.socketcan`.
         """
-        can_id, data = next(split_frames(frame))
+        can_id, data = unpack_frame(frame)
         t_s = t_ns / _NS_PER_S
         kind, node = can_id & ~0x7F, can_id & 0x7F
         if kind not in {FORCE_ID, QUALITY_ID}:

@@ -19,12 +19,11 @@ from firmware_interface.can.socketcan import (
     FRAME_BYTES,
     pack_fd_frame,
     pack_frame,
-    split_frames,
+    unpack_frame,
 )
 from footsense.can.channel import ChannelSettings
-from footsense.can.python_can import _keep_multicast_local, open_wire
 from footsense.can.sink import CanSink
-from footsense.can.socketcan import SocketWire
+from footsense.can.wire import SocketWire, keep_multicast_local, open_wire
 from footsense.ports import CanWire
 from tests.fuzz.outcome import TRIED
 from tests.support.can_robot import FakeClock
@@ -82,7 +81,7 @@ def test_padding_of_a_frame_is_not_taken_for_its_kind() -> None:
     stop = pack_frame(0x201, encode_command(1, 0, CommandKind.STOP))
     for _ in range(2):
         there.send(stop[:5] + b"\xff\xff\xff" + stop[8:])
-    assert [data for _, data in split_frames(b"".join(wire.receive()))] == [stop[8:]] * 2
+    assert [unpack_frame(frame)[1] for frame in wire.receive()] == [stop[8:]] * 2
     wire.close()
     there.close()
 
@@ -95,7 +94,7 @@ def loopback() -> Iterator[tuple[CanWire, socket.socket]]:
     """Yield an interface on the loopback, and a socket of another program there."""
     wire = open_wire("udp_multicast", GROUP, 500_000, ())
     with can.Bus(interface="udp_multicast", channel=GROUP, hop_limit=0, fd=False) as other:
-        _keep_multicast_local(other.fileno(), GROUP)
+        keep_multicast_local(other.fileno(), GROUP)
         with socket.socket(fileno=os.dup(other.fileno())) as raw:
             yield wire, raw
     wire.close()
@@ -138,6 +137,6 @@ def test_any_datagram_on_the_loopback(
     for datagram in datagrams:
         raw.sendto(datagram, (GROUP, PORT))
     for frame in wire.receive():
-        ((can_id, data),) = split_frames(frame)
+        can_id, data = unpack_frame(frame)
         assert len(data) <= 64
         assert can_id < EXTENDED << 1

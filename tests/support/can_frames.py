@@ -11,7 +11,8 @@ _NAN_N = (math.nan, math.nan, math.nan)
 
 def encode_force(node: int, counter: int, state: int, force_n: Sequence[float]) -> bytes:
     """Return the 8 data bytes of `Force`; arguments as in `Force`."""
-    return ForceQualityEncoder((node,)).encode(counter, 0, [0], [state], [force_n], [_NAN_N], [0], [0])[8:16]
+    force, _ = ForceQualityEncoder((node,)).encode(counter, 0, [0], [state], [force_n], [_NAN_N], [0], [0])
+    return force[8:]
 
 
 def encode_quality(
@@ -19,7 +20,7 @@ def encode_quality(
 ) -> bytes:
     """Return the 8 data bytes of `Quality`; arguments as in `Quality`."""
     t_ns, t_sent_ns = (0, 0) if age_ns is None else (1, age_ns + 1)
-    frames = ForceQualityEncoder((node,)).encode(
+    _, quality = ForceQualityEncoder((node,)).encode(
         counter, t_sent_ns, [t_ns], [State.ABSENT], [_NAN_N], [sigma_n], [flags], [fault_mask]
     )
-    return frames[24:]
+    return quality[8:]

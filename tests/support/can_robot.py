@@ -2,13 +2,15 @@
 
 import errno
 import math
+import os
+from collections.abc import Sequence
 from pathlib import Path
 
 import can
 import numpy as np
 
 from firmware_interface.can.codes import NODE_IDS, USABLE, Cause, State
-from firmware_interface.can.socketcan import split_frames
+from firmware_interface.can.socketcan import unpack_frame
 from footsense.can.channel import ChannelSettings
 from footsense.can.sink import CanSink
 from footsense.errors import CanError
@@ -34,11 +36,13 @@ class NarrowWire:
     """A CAN interface that takes as many frames of each call as it is told to, and may be gone.
 
     Attributes:
+        error: What is wrong with it; 0 for nothing.
         opened_ns: When it was tried to open it.
     """
 
     def __init__(self) -> None:
         self.room = 100
+        self.error = 0
         self.gone = False
         self.taken: list[tuple[int, bytes]] = []
         self.opened_ns: list[int] = []
@@ -49,12 +53,13 @@ class NarrowWire:
             raise CanError("it is not there")
         return self
 
-    def send(self, frames: bytes, t_ns: int) -> int:
+    def send(self, frames: Sequence[bytes], t_ns: int) -> int:
         del t_ns
-        if self.gone:
-            raise OSError(errno.ENODEV, "No such device")
-        taken = list(split_frames(frames))[: self.room]
-        self.taken += taken
+        error = errno.ENODEV if self.gone else self.error
+        if error:
+            raise OSError(error, os.strerror(error))
+        taken = frames[: self.room]
+        self.taken += map(unpack_frame, taken)
         return len(taken)
 
     def receive(self) -> list[bytes]:

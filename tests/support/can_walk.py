@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from firmware_interface.can.codes import NODE_IDS
-from firmware_interface.can.socketcan import split_frames
+from firmware_interface.can.socketcan import unpack_frame
 from footsense.can.channel import ChannelSettings
 from footsense.can.sink import CanSink
 from footsense.frames import LEGS, BaselineDrift, ContactFrame
@@ -60,7 +60,7 @@ class CanWalk:
         self._n = n
 
     def _hear(self, t_ns: int, queued_ns: int, frame: bytes) -> None:
-        can_id, data = next(split_frames(frame))
+        can_id, data = unpack_frame(frame)
         self.heard.append(Heard(t_ns, t_ns - queued_ns, can_id, data))
 
     def walk(self, until_s: float) -> None:

@@ -10,8 +10,8 @@ from firmware_interface.can.codes import NODE_IDS, CommandKind, Result
 from firmware_interface.can.commands import ANSWER_ID
 from firmware_interface.can.crc8 import COUNTER_PERIOD
 from firmware_interface.can.events import HEARTBEAT_ID
-from firmware_interface.can.socketcan import pack_frame, split_frames
-from footsense.can.python_can import open_wire
+from firmware_interface.can.socketcan import pack_frame, unpack_frame
+from footsense.can.wire import open_wire
 from footsense.cli.can.can_options import channel_options
 from footsense.client import PendingCommands
 from footsense.clock import MonotonicClock
@@ -114,5 +114,5 @@ def tare_legs(wire: CanWire, clock: Clock, legs: Collection[str]) -> Iterator[Le
 def _received(wire: CanWire, clock: Clock, until_ns: int) -> Iterator[tuple[int, bytes]]:
     """Yield id and data of each frame that arrives until a time [ns]."""
     while (now_ns := clock.now_ns()) < until_ns:
-        yield from split_frames(b"".join(wire.receive()))
+        yield from map(unpack_frame, wire.receive())
         clock.sleep_until_ns(min(until_ns, now_ns + _POLL_PERIOD_NS))

@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from firmware_interface.can.socketcan import CONTROLLER_ACTIVE, ErrorClass, error_frame, split_frames
+from firmware_interface.can.socketcan import CONTROLLER_ACTIVE, ErrorClass, error_frame, unpack_frame
 from firmware_interface.wire_timing import LONGEST_FRAME_BITS, max_can_frame_bits
 from footsense.sim.can.other_senders import OtherSender
 from footsense.sim.can.transmit_queue import QueuedFrame, TransmitQueue
@@ -133,7 +133,7 @@ class CanController:
         reachable = not (self.no_ack or self.shorted)
         waiting = [node for node in self._others if node.waiting] if reachable else []
         other = min(waiting, key=lambda node: node.can_id, default=None)
-        our_id, data = next(split_frames(sent.packed_frame)) if sent else (0, b"")
+        our_id, data = unpack_frame(sent.packed_frame) if sent else (0, b"")
         if other and not (sent and our_id < other.can_id):
             other.waiting = False
             if sent and self._settings.one_shot:  # the arbitration was lost

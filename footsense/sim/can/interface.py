@@ -21,9 +21,8 @@ import math
 import os
 from collections import deque
 from collections.abc import Sequence
-from itertools import pairwise
 
-from firmware_interface.can.socketcan import frame_ends, pack_frame
+from firmware_interface.can.socketcan import pack_frame
 from footsense.errors import CanError
 from footsense.ports import CanWire, Clock
 from footsense.sim.can.controller import CanController, CanSettings
@@ -160,7 +159,7 @@ class _Socket:
         self.error = 0  # reported once, as by the kernel
         self.gone = False
 
-    def send(self, frames: bytes, t_ns: int = 0) -> int:
+    def send(self, frames: Sequence[bytes], t_ns: int = 0) -> int:
         """Queue frames up to the first that the interface refuses; return the number accepted.
 
         Returns:
@@ -174,11 +173,10 @@ class _Socket:
         if self.gone or not self._can.up:
             code = errno.ENXIO if self.gone else errno.ENETDOWN
             raise OSError(code, os.strerror(code))
-        ends = frame_ends(frames)
-        for n, (start, end) in enumerate(pairwise([0, *ends])):
-            if not self._can.enqueue_socket_frame(frames[start:end]):
+        for n, frame in enumerate(frames):
+            if not self._can.enqueue_socket_frame(frame):
                 return n
-        return len(ends)
+        return len(frames)
 
     def receive(self) -> list[bytes]:
         """Return the frames that have arrived, oldest first.

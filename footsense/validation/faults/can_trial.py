@@ -8,7 +8,7 @@ import msgspec
 
 from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.can.force import FORCE_ID
-from firmware_interface.can.socketcan import split_frames
+from firmware_interface.can.socketcan import unpack_frame
 from footsense.config import DEFAULT
 from footsense.daemon.service import open_service
 from footsense.frames import Cycle
@@ -57,7 +57,7 @@ class _Consumer(Observer):
 
     def on_delivered(self, t_ns: int, queued_ns: int, frame: bytes) -> None:
         """Record the arrival of a frame."""
-        node = next(split_frames(frame))[0] - FORCE_ID
+        node = unpack_frame(frame)[0] - FORCE_ID
         if node in self.received_ns:
             self.received_ns[node].append(t_ns)
             self.longest_delay_ns = max(self.longest_delay_ns, t_ns - queued_ns)

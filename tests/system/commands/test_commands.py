@@ -8,7 +8,7 @@ import can
 import pytest
 
 from firmware_interface.can.commands import ANSWER_ID, COMMAND_ID, decode_answer, encode_command
-from footsense.can.python_can import open_wire
+from footsense.can.wire import open_wire
 from footsense.cli.can.tare import tare_legs
 from footsense.config import DEFAULT
 from footsense.daemon.service import Service, open_service

@@ -7,7 +7,7 @@ from firmware_interface.can.socketcan import (
     CONTROLLER_PASSIVE,
     ErrorClass,
     error_frame,
-    split_frames,
+    unpack_frame,
 )
 from footsense.can.bus_health import BusHealth
 from footsense.frames import CanStatistics
@@ -18,7 +18,7 @@ assert TX_PASSIVE & CONTROLLER_PASSIVE
 
 
 def note(health: BusHealth, error: ErrorClass, t_ns: int, detail: int = 0) -> None:
-    health.count_error_frame(*next(split_frames(error_frame(error, detail))), t_ns)
+    health.count_error_frame(*unpack_frame(error_frame(error, detail)), t_ns)
 
 
 def test_every_error_frame_counts_as_what_it_is() -> None:

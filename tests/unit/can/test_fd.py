@@ -1,6 +1,5 @@
 """CAN FD: one frame for all legs, where the interface can send it."""
 
-import socket
 from pathlib import Path
 
 import can
@@ -9,10 +8,8 @@ import pytest
 
 from firmware_interface.can.all_legs import FORCES4_ID, FORCES_ID, decode_forces
 from firmware_interface.can.codes import NODE_IDS, Flag, State
-from firmware_interface.can.socketcan import FD_FRAME, pack_fd_frame, pack_frame, split_frames
-from footsense.can import python_can
-from footsense.can.python_can import open_wire
-from footsense.can.socketcan import SocketWire
+from footsense.can import wire
+from footsense.can.wire import open_wire
 from footsense.client import Link, LinkStatus
 from footsense.errors import CanError
 from footsense.frames import ALL_LEGS, LEGS
@@ -78,24 +75,9 @@ def test_a_seventh_and_eighth_leg_have_a_frame_of_their_own(request: pytest.Fixt
     robot.close()
 
 
-def test_frames_of_both_lengths_go_out_with_one_call() -> None:
-    """Each with its own length, and classic ones alone after them."""
-    here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    wire = SocketWire(here)
-    event, forces = pack_frame(0x301, bytes(6)), pack_fd_frame(0x180, bytes(range(64)))
-    for frames in ([event, forces, event], [event, event], [forces], [event]):
-        assert wire.send(b"".join(frames)) == len(frames)
-        assert [there.recv(100) for _ in frames] == frames
-    # As an older kernel hands it over.
-    there.send(bytes(b & ~FD_FRAME if at == 5 else b for at, b in enumerate(forces)))
-    assert list(split_frames(b"".join(wire.receive()))) == [(0x180, bytes(range(64)))]
-    wire.close()
-    there.close()
-
-
 def test_a_classic_interface_is_one_clear_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Said before it is opened, with both remedies."""
-    monkeypatch.setattr(python_can, "NETWORK_DEVICES_FOLDER", tmp_path)
+    monkeypatch.setattr(wire, "NETWORK_DEVICES_FOLDER", tmp_path)
     (tmp_path / "can0").mkdir()
     (tmp_path / "can0" / "mtu").write_text("16\n")
     with pytest.raises(CanError) as caught:

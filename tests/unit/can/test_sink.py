@@ -283,27 +283,6 @@ def test_a_full_channel_drops_frames_and_the_consumer_sees_the_gap(
     assert counters == [0, 2]
 
 
-@pytest.mark.parametrize("suffix", [".log", ".asc", ".blf"])
-def test_the_log_holds_what_was_sent_at_the_forces_time(
-    request: pytest.FixtureRequest, tmp_path: Path, suffix: str
-) -> None:
-    """Every format reads back with the consumer's frames in order, stamped with virtual time."""
-    log_file = tmp_path / f"walk{suffix}"
-    robot = Robot(request.node.nodeid, log_file=log_file)
-    for t_ms in (1000, 1020, 60_000):
-        robot.publish(t_ms * MS)
-    heard = robot.heard()
-    robot.close()
-    with can.LogReader(log_file, relative_timestamp=False) as reader:
-        boot, *logged, last = reader
-    assert [(m.arbitration_id, bytes(m.data)) for m in logged] == [
-        (m.arbitration_id, bytes(m.data)) for m in heard
-    ]
-    elapsed_s = [m.timestamp - boot.timestamp for m in logged]
-    assert elapsed_s == pytest.approx([m.timestamp - 1.0 for m in heard], abs=1e-5)
-    assert bytes(boot.data + last.data) == bytes([NmtState.BOOT, NmtState.STOPPED])
-
-
 def test_closing_says_stopped_for_every_leg_and_twice_is_once(request: pytest.FixtureRequest) -> None:
     """The last thing that a consumer hears of each leg is `stopped`."""
     robot = Robot(request.node.nodeid, ("lf", "rr"))

@@ -2,6 +2,7 @@
 
 import io
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import msgspec
@@ -21,7 +22,7 @@ from firmware_interface.can.codes import (
 )
 from firmware_interface.can.events import FAULT_ID, HEARTBEAT_ID, encode_fault, encode_heartbeat
 from firmware_interface.can.gait import Gait, Ground
-from footsense.can.python_can import open_wire
+from footsense.can.wire import open_wire
 from footsense.cli.monitor import COLUMNS, monitor, monitor_tables
 from footsense.cli.tables import json_row
 from footsense.client import LegForce, LegReport, LinkLimits, LinkStatus, Reports
@@ -162,7 +163,7 @@ def test_a_channel_that_goes_away_is_one_line() -> None:
     """Not a traceback, and not a table that stands still."""
 
     class Gone:
-        def send(self, frames: bytes, t_ns: int) -> int:
+        def send(self, frames: Sequence[bytes], t_ns: int) -> int:
             raise AssertionError("who only listens sends nothing")
 
         def receive(self) -> list[bytes]:

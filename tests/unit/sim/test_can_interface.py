@@ -4,14 +4,14 @@ import errno
 
 import pytest
 
-from firmware_interface.can.socketcan import ErrorClass, is_error, pack_frame, split_frames
+from firmware_interface.can.socketcan import ErrorClass, is_error, pack_frame, unpack_frame
 from footsense.sim.can.controller import CanSettings
 from footsense.sim.can.interface import AS_DEPLOYED, SimulatedCan
 from footsense.sim.faults.scene_faults import CanBusOff, CanDown, CanFault, CanNoAck, CanTraffic
 from tests.support.can_robot import MS, FakeClock
 
 FRAME_NS = 270_000  # 135 bits at 500 kbit/s
-SCAN = b"".join(pack_frame(0x181 + n, bytes(8)) for n in range(12))
+SCAN = [pack_frame(0x181 + n, bytes(8)) for n in range(12)]
 PLAIN = CanSettings(queue_frames=10, head_drop=False, one_shot=False, restart_ns=100 * MS)
 
 
@@ -24,13 +24,13 @@ class Bench:
         self.wire = self.can.connect()
         self.heard: list[tuple[int, int]] = []  # when, id
         self.can.controller.on_delivered = lambda t_ns, _, frame: self.heard.append(
-            (t_ns, next(split_frames(frame))[0])
+            (t_ns, unpack_frame(frame)[0])
         )
 
     def wait_until(self, t_ns: int) -> list[int]:
         """Let time pass, and return the classes of the error frames that came."""
         self.clock.t_ns = t_ns
-        ids = [next(split_frames(frame))[0] for frame in self.wire.receive()]
+        ids = [unpack_frame(frame)[0] for frame in self.wire.receive()]
         return [can_id & 0x7FF for can_id in ids if is_error(can_id)]
 
 

@@ -1,4 +1,4 @@
-"""Whole scans through one system call, over a socket pair that keeps the bounds of messages as a CAN socket does."""
+"""Frames through a socket, over a socket pair that keeps the bounds of messages as a CAN socket does."""
 
 import errno
 import socket
@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from firmware_interface.can.socketcan import FRAME_BYTES, pack_frame
-from footsense.can.socketcan import SocketWire
+from firmware_interface.can.socketcan import FD_FRAME, pack_fd_frame, pack_frame, unpack_frame
+from footsense.can.wire import SocketWire
 
 Pair = tuple[SocketWire, socket.socket]
 
@@ -23,17 +23,20 @@ def pair() -> Iterator[Pair]:
     there.close()
 
 
-def frames(n: int) -> bytes:
+def frames(n: int) -> list[bytes]:
     """Return frames whose data tell their place."""
-    return b"".join(pack_frame(0x181, bytes([k])) for k in range(n))
+    return [pack_frame(0x181, bytes([k])) for k in range(n)]
 
 
-def test_each_frame_is_a_message_of_its_own_in_order(pair: Pair) -> None:
-    """What python-can would have sent one by one."""
+def test_frames_of_both_lengths_are_messages_of_their_own_in_order(pair: Pair) -> None:
+    """As an older kernel hands them over, too, without the flag of CAN FD."""
     wire, there = pair
-    for n in (12, 1, 30):
-        assert wire.send(frames(n)) == n
-        assert [there.recv(64) for _ in range(n)] == [pack_frame(0x181, bytes([k])) for k in range(n)]
+    forces = pack_fd_frame(0x180, bytes(range(64)))
+    sent = [*frames(2), forces, *frames(1)]
+    assert wire.send(sent) == len(sent)
+    assert [there.recv(100) for _ in sent] == sent
+    there.send(bytes(b & ~FD_FRAME if at == 5 else b for at, b in enumerate(forces)))
+    assert [unpack_frame(frame) for frame in wire.receive()] == [(0x180, bytes(range(64)))]
 
 
 def test_a_full_queue_takes_the_first_frames_and_the_next_call_none(pair: Pair) -> None:
@@ -43,7 +46,7 @@ def test_a_full_queue_takes_the_first_frames_and_the_next_call_none(pair: Pair) 
     first_cut = next(n for n, k in enumerate(taken) if k < 50)
     assert taken[first_cut + 1 :] == [0] * (39 - first_cut)
     arrived = [there.recv(64) for _ in range(sum(taken))]
-    assert arrived == [pack_frame(0x181, bytes([k])) for n in taken for k in range(n)]
+    assert arrived == [frame for n in taken for frame in frames(n)]
     assert wire.send(frames(2)) == 2
 
 
@@ -60,7 +63,7 @@ def test_a_dead_socket_is_told_with_its_errno(pair: Pair) -> None:
 def test_all_that_has_arrived_is_received_and_then_nothing(pair: Pair) -> None:
     """Frames come as they were sent, and an empty socket is no error."""
     wire, there = pair
-    for k in range(3):
-        there.send(frames(1)[:-1] + bytes([k]))
-    assert [len(frame) for frame in wire.receive()] == [FRAME_BYTES] * 3
+    for frame in frames(3):
+        there.send(frame)
+    assert wire.receive() == frames(3)
     assert wire.receive() == []
