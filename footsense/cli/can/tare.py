@@ -99,7 +99,7 @@ def tare_legs(wire: CanWire, clock: Clock, legs: Collection[str]) -> Iterator[Le
     commands = PendingCommands(start_ns // _COUNTER_STEP_NS % COUNTER_PERIOD)
     for node in waiting:
         now_ns = clock.now_ns()
-        if not wire.send(pack_frame(*commands.encode(node, CommandKind.TARE, now_ns)), now_ns):
+        if not wire.send([pack_frame(*commands.encode(node, CommandKind.TARE, now_ns))], now_ns):
             raise CanError("CAN takes no frame; is another node on the bus?")
     if waiting:
         for can_id, data in _received(wire, clock, clock.now_ns() + _ANSWER_TIMEOUT_NS):
