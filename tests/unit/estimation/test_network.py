@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.daemon.foot_types import released_path
 from footsense.errors import ModelError
 from footsense.estimation.network import STEADY_AGES_S, Network, steady_windows
@@ -85,13 +86,13 @@ def test_another_input_or_output_is_refused_with_what_there_is(
     assert str(caught.value) == f"{path}: its {kind}s are {found}; the daemon needs float32 {wanted}"
 
 
-def test_the_former_kind_of_network_is_refused_by_its_inputs(tmp_path: Path) -> None:
-    """One scan and its mask to force and sigma, as networks were before format 3."""
-    former = [("closure_rel", 9, FLOAT), ("missing", 9, FLOAT)]
-    with pytest.raises(
-        ModelError, match=r"closure_rel \[n, 9\] tensor\(float\), missing .*closure_rel \[n, 27\]"
-    ):
-        Network(network_file(tmp_path, card(), inputs=former, outputs=ALL_OUT[:2]), 6)
+def test_a_foot_at_rest_has_the_ages_at_the_end_of_a_scan() -> None:
+    """In the order in which a robot reads them, one conversion apart, and a scan from reading to reading."""
+    newest_first = np.array(CONVERSION_ORDERS["lo_shu"])[::-1]
+    np.testing.assert_array_equal(STEADY_AGES_S[0].argsort(), newest_first)
+    steps_s = np.diff(STEADY_AGES_S[:, newest_first].ravel())
+    np.testing.assert_allclose(steps_s, steps_s[0])
+    assert 2.5e-3 < steps_s[0] < 3e-3
 
 
 @pytest.mark.parametrize("number", [np.nan, np.inf])

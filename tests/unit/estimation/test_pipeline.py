@@ -2,15 +2,11 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from footsense.estimation.drift import DRIFT_VARIANCE_PF2_PER_S
-from footsense.estimation.sensitivity import Sensitivity
 from footsense.foot.capacitor import CapacitorDesign
-from footsense.frames import USABLE, Cause, Command, CommandKind, Flag, Reading, Result, State
+from footsense.frames import Cause, Command, CommandKind, Flag, Reading, Result, State
 from footsense.ports import LoadEstimate, Window
-from tests.support.feet import DESIGN, MAX_AGE_NS, SCAN_NS, SIGMA_N, WINDOW, Feet, SumOfClosures
+from tests.support.feet import DESIGN, MAX_AGE_NS, SIGMA_N, WINDOW, Feet, SumOfClosures
 
 
 def test_before_the_first_tare_there_is_no_force() -> None:
@@ -51,29 +47,6 @@ def test_a_foot_with_other_gaps_is_measured_right() -> None:
         scan.capacitance_pf[:] = uneven(closure_um + 20.0 - gaps_um)
         forces = feet.feed(scan)
     np.testing.assert_allclose(forces.force_n, 9 * 0.25, rtol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("reading", "state"),
-    [
-        (Reading.NO_ANSWER, State.ABSENT),
-        (Reading.NOT_READY, State.CONVERTER_FAULT),
-        (Reading.CORRUPT, State.CONVERTER_FAULT),
-        (Reading.DELAYED, State.STALE),
-    ],
-)
-def test_a_missing_reading_is_a_state_and_no_number(reading: Reading, state: State) -> None:
-    """The leg says why; its element is in the mask; the other leg's force is untouched."""
-    feet = Feet().tared()
-    scan = feet.scan(2.0)
-    scan.capacitance_pf[0, 4] = np.nan
-    scan.reading[0, 4] = reading
-    forces = feet.feed(scan)
-    assert forces.state.tolist() == [state, State.VALID]
-    assert forces.fault_mask.tolist() == [1 << 4, 0]
-    assert np.isnan(forces.force_n[0]).all()
-    assert np.isnan(forces.sigma_n[0]).all()
-    assert np.isfinite(forces.force_n[1]).all()
 
 
 @pytest.mark.parametrize(
@@ -176,22 +149,6 @@ def test_a_held_bus_keeps_the_baseline_of_its_leg_alone(held: int) -> None:
     states = [feet.feed(feet.scan(3.0)).state.tolist() for _ in range(WINDOW)]
     assert [state[held] for state in states] == [State.STALE] + [State.VALID] * (WINDOW - 1)
     assert {state[1 - held] for state in states} <= {State.STARTING, State.TARING, State.NO_BASELINE}
-
-
-def test_every_leg_that_was_silent_is_tared_anew() -> None:
-    """Also those behind one that has no baseline anyway."""
-    feet = Feet(n_legs=3).tared()
-    for silent in ((0,), (0, 2)):
-        for _ in range(12):
-            scan = feet.scan()
-            rows = list(silent)
-            scan.capacitance_pf[rows] = np.nan
-            scan.t_ns[rows] = 0
-            scan.reading[rows] = Reading.NO_ANSWER
-            feet.feed(scan)
-    for _ in range(3):
-        forces = feet.feed(feet.scan(3.0))
-    assert forces.state.tolist() == [State.TARING, State.VALID, State.TARING]
 
 
 def test_a_new_foot_is_not_mistrusted_for_the_old_one() -> None:
@@ -335,41 +292,3 @@ def test_stop_and_start_are_executed_at_once() -> None:
     assert feet.feed(feet.scan()).state.tolist() == [State.STOPPED, State.VALID]
     feet.pipeline.execute(Command(CommandKind.START, 0))
     assert feet.feed(feet.scan()).state.tolist() == [State.VALID, State.VALID]
-
-
-@given(
-    st.lists(
-        st.tuples(st.sampled_from(list(Reading)), st.floats(allow_nan=True, allow_infinity=True)),
-        min_size=18,
-        max_size=18,
-    ),
-    st.integers(-(10**12), 10**12),
-)
-def test_whatever_the_converters_say_a_value_is_usable_or_missing(
-    elements: list[tuple[Reading, float]], age_ns: int
-) -> None:
-    """Any codes at any time: force and sigma with a usable state, or NaN with another; never an exception."""
-    feet = Feet().tared()
-    scan = feet.scan()
-    scan.reading[:] = np.array([reading for reading, _ in elements], np.uint8).reshape(2, 9)
-    scan.capacitance_pf[:] = np.array([value for _, value in elements]).reshape(2, 9)
-    scan.capacitance_pf[scan.reading != Reading.OK] = np.nan
-    forces = feet.feed(scan, age_ns)
-    usable = np.isin(forces.state, list(USABLE))
-    assert np.isfinite(forces.force_n[usable]).all()
-    assert (forces.sigma_n[usable] > 0).all()
-    assert np.isnan(forces.force_n[~usable]).all()
-    assert np.isnan(forces.sigma_n[~usable]).all()
-
-
-def test_sigma_grows_while_the_baseline_is_held() -> None:
-    """After 100 s without a reading in the air, what drift may have done since is part of it."""
-    feet = Feet(n_legs=1).tared()
-    feet.pipeline._baselines._sensitivity = Sensitivity(
-        load_n_per_mean_closure=9.0, force_sigma_n_per_baseline_error=np.array([1.0, 1.0, 9.0])
-    )
-    feet.sequence += 100_000_000_000 // SCAN_NS
-    for _ in range(3):
-        forces = feet.feed(feet.scan(5.0))
-    drift_n = np.sqrt(100 * DRIFT_VARIANCE_PF2_PER_S) * 0.2442 * np.array([1.0, 1.0, 9.0])
-    np.testing.assert_allclose(forces.sigma_n[0], np.hypot(SIGMA_N, drift_n), rtol=1e-3)

@@ -44,67 +44,6 @@ def times_ns(readings: Readings) -> tuple[int, int]:
     return int(readings.newest_ns[0]), int(readings.oldest_of_newest_ns[0])
 
 
-def test_three_scans_are_a_window() -> None:
-    """The newest first, each with its own stamp."""
-    readings = Leg().scans(5)
-    np.testing.assert_array_equal(readings.plate_distance_rel[0], np.repeat([[4.0], [3.0], [2.0]], 9, axis=1))
-    np.testing.assert_array_equal(readings.t_ns[0], np.repeat([[5], [4], [3]], 9, axis=1) * SCAN_NS)
-    assert readings.is_consecutive.all()
-    assert times_ns(readings) == (5 * SCAN_NS, 5 * SCAN_NS)
-
-
-def test_a_reading_of_one_element_moves_no_other() -> None:
-    """Conversion by conversion, each element has three readings a scan apart."""
-    leg = Leg()
-    for n in range(31):
-        readings = leg.read(float(n), (n + 1) * STEP_NS, n % ELEMENTS)
-    ages = (30 - np.arange(ELEMENTS)) % ELEMENTS + ELEMENTS * np.arange(3)[:, None]
-    np.testing.assert_array_equal(readings.plate_distance_rel[0], 30.0 - ages)
-    np.testing.assert_array_equal(readings.t_ns[0], (31 - ages) * STEP_NS)
-    assert readings.is_consecutive.all()
-    assert times_ns(readings) == (31 * STEP_NS, 23 * STEP_NS)
-
-
-def test_an_element_is_whole_with_its_second_reading() -> None:
-    """One reading says nothing of motion. The second reading stands for a third, as far back as the two are apart."""
-    leg = Leg()
-    assert not leg.read(5.0, SCAN_NS).is_consecutive.any()
-    readings = leg.read(7.0, SCAN_NS + 20_000_000)
-    assert readings.is_consecutive.all()
-    np.testing.assert_array_equal(readings.plate_distance_rel[0, :, 0], [7.0, 5.0, 5.0])
-    np.testing.assert_array_equal(readings.t_ns[0, :, 0] - SCAN_NS, [20_000_000, 0, -20_000_000])
-    assert leg.read(8.0, 3 * SCAN_NS).plate_distance_rel[0, :, 0].tolist() == [8.0, 7.0, 5.0]
-
-
-@pytest.mark.parametrize(("gap_ns", "whole"), [(SHORT_NS, True), (LONG_NS, False), (0, True), (-1, False)])
-def test_readings_on_both_sides_of_a_stall_make_no_window(gap_ns: int, *, whole: bool) -> None:
-    """A late scan is in order, a pause is not, nor a stamp that jumps back; the same stamp is the same reading."""
-    leg = Leg()
-    leg.scans()
-    assert (leg.read(9.0, 3 * SCAN_NS + gap_ns).is_consecutive == whole).all()
-    after = leg.read(10.0, 4 * SCAN_NS + gap_ns)
-    assert after.is_consecutive.all()
-    assert (
-        after.plate_distance_rel[0, :, 0].tolist() == [10.0, 9.0, 9.0 if gap_ns in (LONG_NS, -1) else 2.0]
-        or not gap_ns
-    )
-
-
-@pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf])
-def test_a_reading_that_is_no_number_takes_its_element_out_for_one_more(number: float) -> None:
-    """Only its own element, until it has been read twice again."""
-    leg = Leg()
-    leg.scans()
-    whole = []
-    for n in range(4):
-        plate_distance_rel = np.full(ELEMENTS, 3.0)
-        plate_distance_rel[4] = number if n == 0 else 3.0
-        readings = leg.read(plate_distance_rel, (4 + n) * SCAN_NS)
-        assert np.delete(readings.is_consecutive[0], 4).all()
-        whole.append(bool(readings.is_consecutive[0, 4]))
-    assert whole == [False, False, True, True]
-
-
 def test_a_discarded_reading_is_in_no_later_window() -> None:
     """A wrong reading would be a step of the load twice, there and back."""
     leg = Leg()
@@ -119,14 +58,6 @@ def test_a_discarded_reading_is_in_no_later_window() -> None:
     assert readings.is_consecutive.all()
     assert readings.plate_distance_rel[0, :, 4].tolist() == [3.0, 3.0, 3.0]
     assert readings.second_largest_motion_rel == 0.0
-
-
-def test_a_frame_of_the_same_stamps_corrects_the_newest_readings() -> None:
-    """A fault that shows later changes what the newest readings are worth, not how many there are."""
-    leg = Leg()
-    leg.scans()
-    readings = leg.read(7.0, 3 * SCAN_NS)
-    assert readings.plate_distance_rel[0, :, 0].tolist() == [7.0, 1.0, 0.0]
 
 
 def test_motion_is_that_of_the_second_fastest_element() -> None:
@@ -155,17 +86,6 @@ def test_an_element_without_order_does_not_age_the_leg() -> None:
     silent = leg.read(np.nan, 0)
     assert silent.newest_ns.tolist() == [0]
     assert not silent.is_consecutive.any()
-
-
-def test_legs_do_not_mix() -> None:
-    """Each row has its own readings."""
-    window = ReadingWindow(2, SCAN_NS)
-    for n in range(3):
-        t_ns = np.repeat([[n + 1], [0]], ELEMENTS, axis=1) * SCAN_NS
-        readings = window.add(np.where(t_ns > 0, float(n), np.nan), t_ns)
-    assert readings.is_consecutive.all(axis=1).tolist() == [True, False]
-    np.testing.assert_array_equal(readings.plate_distance_rel[0], np.repeat([[2.0], [1.0], [0.0]], 9, axis=1))
-    assert np.isnan(readings.plate_distance_rel[1]).all()
 
 
 @pytest.mark.parametrize("beside", [True, False])

@@ -38,24 +38,6 @@ def test_the_network_sees_three_readings_with_their_ages() -> None:
     assert not seen.missing.any()
 
 
-def test_the_same_readings_are_older_in_a_later_frame() -> None:
-    """The force is asked for as of the sending, whenever that is."""
-    feet = Feet().tared()
-    scan = feet.scan(2.0)
-    feet.feed(scan)
-    first_s = feet.estimator.window.age_s
-    feet.feed(scan, age_ns=5_000_000)
-    np.testing.assert_allclose(feet.estimator.window.age_s - first_s, 5e-3)
-
-
-def test_a_tare_moves_all_readings_of_a_window() -> None:
-    """Distances are kept, so that a new baseline is no motion."""
-    feet = Feet(n_legs=1)
-    for _ in range(WINDOW + 1):
-        feet.feed(feet.scan(0.5))
-    np.testing.assert_allclose(feet.estimator.window.closure_rel, 0.0, atol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("elements", "mask", "n_missing"),
     [((4,), 0b000_010_000, 1), ((3, 5), 0b000_111_000, 3), ((1, 4, 7), 0b010_010_010, 3)],
@@ -112,16 +94,6 @@ def test_after_a_stall_every_leg_waits_for_a_second_scan() -> None:
     assert feet.feed(feet.scan(3.0)).state.tolist() == [State.STALE] * 2
     assert feet.feed(feet.scan(3.0)).state.tolist() == [State.VALID] * 2
     np.testing.assert_allclose(feet.estimator.window.closure_rel, 0.15, rtol=1e-9)
-
-
-def test_a_scan_that_is_late_by_half_is_no_stall() -> None:
-    """The readings are in order, and their ages say how far they are apart."""
-    feet = Feet().tared()
-    scan = feet.scan(2.0)
-    scan.t_ns[:] += SCAN_NS // 2
-    assert (feet.feed(scan, age_ns=SCAN_NS // 2).state == State.VALID).all()
-    ages_s = feet.estimator.window.age_s[0, :, 0]
-    np.testing.assert_allclose(ages_s, [0.0, 1.5 * SCAN_NS * 1e-9, 2.5 * SCAN_NS * 1e-9])
 
 
 @pytest.mark.parametrize("jump_ns", [-2 * SCAN_NS, -(10**12), 1, SCAN_NS, 10**12])
@@ -228,8 +200,8 @@ def test_a_missing_element_is_imputed_in_every_reading() -> None:
 
 #: What may happen to an element in a scan: a reading, a capacitance, and a jump of its stamp.
 element_events = st.tuples(
-    st.sampled_from([Reading.OK, Reading.OK, Reading.OVER_RANGE, Reading.NOT_READY, Reading.UNDER_RANGE]),
-    st.sampled_from([DESIGN.unloaded_pf, DESIGN.unloaded_pf * 1.1, 0.0, -1.0, 1e6, np.nan, np.inf]),
+    st.sampled_from([Reading.OK] * 5 + list(Reading)),
+    st.sampled_from([DESIGN.unloaded_pf, DESIGN.unloaded_pf * 1.1, 0.0]) | st.floats(),
     st.sampled_from([0, 0, 0, 1, SCAN_NS, -SCAN_NS, -(10**15), 10**15]),
 )
 

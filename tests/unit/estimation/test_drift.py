@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from footsense.estimation.drift import (
-    DRIFT_VARIANCE_PF2_PER_S,
     MAX_ANCHOR_DISTANCE_PF,
     MAX_DRIFT_PF_PER_S,
     LegBaseline,
@@ -134,10 +133,3 @@ def test_an_element_without_a_baseline_gets_one_from_two_quiet_readings() -> Non
     assert np.isfinite(foot.baseline.baseline_pf[2])
     assert np.isnan(foot.baseline.baseline_pf[5])
     assert np.abs(foot.baseline.offset_pf).max() < 2e-3
-
-
-def test_variance_grows_with_time_only() -> None:
-    """The stated rate, in pF^2/s."""
-    foot = Swinging()
-    at_once, later = (foot.sigma_pf(foot.t_ns + t_ns) ** 2 for t_ns in (0, 100 * S))
-    assert later - at_once == pytest.approx(100 * DRIFT_VARIANCE_PF2_PER_S)

@@ -138,13 +138,3 @@ def test_a_baseline_names_why_it_does_not_follow() -> None:
         BaselineStatus.HELD,
         BaselineStatus.TRACKING,
     ]
-
-
-def test_one_element_alone_makes_no_contact() -> None:
-    """An outlier of 0.5 pF on one element, which would be 40 mN of a mean."""
-    feet = Standing(1).tared()
-    for element in range(9):
-        outlier_ff = np.zeros((1, 9))
-        outlier_ff[0, element] = 500.0
-        feet.feed(0.0, outlier_ff)
-        assert not feet.in_contact[0]

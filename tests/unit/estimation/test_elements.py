@@ -44,10 +44,27 @@ class Leg:
         missing[0, list(unread)] = True
         return self.consistency.test(closure_rel[None], np.array([motion_rel]), missing, self.now_ns)
 
+    @classmethod
+    def with_stuck_element(cls) -> "Leg":
+        """Return a leg whose element 0 was stuck under load, is excluded, and has been at rest since."""
+        leg = cls()
+        for _ in range(10):
+            leg.test(STUCK)
+        for _ in range(200):
+            assert leg.test(np.zeros(9)).missing[0, 0]
+        return leg
+
+    def missing(self, closure_rel: NDArray[np.float64], n: int, element: int = 0) -> list[bool]:
+        """Return whether an element is missing in each of the next n scans."""
+        return [bool(self.test(closure_rel).missing[0, element]) for _ in range(n)]
+
 
 def pressed(load: tuple[float, float, float] = (1.0, 0.0, 0.0)) -> NDArray[np.float64]:
     closure_rel: NDArray[np.float64] = np.array(load) @ PATTERNS
     return closure_rel
+
+
+STUCK = np.where(np.arange(9) == 0, 0.0, pressed())
 
 
 @given(loads)
@@ -123,17 +140,9 @@ def test_a_stuck_element_is_told_from_a_drifting_one() -> None:
 
 def test_a_stuck_element_is_not_trusted_at_rest() -> None:
     """It is right there; only once it has agreed loaded and free it counts again."""
-    leg = Leg()
-    stuck = pressed()
-    stuck[0] = 0.0
-    for _ in range(10):
-        leg.test(stuck)
-    for _ in range(200):
-        assert leg.test(np.zeros(9)).missing[0, 0]
+    leg = Leg.with_stuck_element()
     scans = READMITTED_AFTER_NS // SCAN_NS
-    for n in range(scans + 1):
-        result = leg.test(pressed())
-        assert result.missing[0, 0] == (n + 1 < scans)
+    assert leg.missing(pressed(), scans) == [True] * (scans - 1) + [False]
     assert not leg.consistency.excluded.any()
 
 
@@ -147,61 +156,33 @@ def test_a_foot_whose_load_does_not_change_is_sound_again_after_ten_seconds(load
     for _ in range(10):
         leg.test(foreign)
     scans = READMITTED_CONSTANT_LOAD_AFTER_NS // SCAN_NS
-    missing = [bool(leg.test(steady).missing[0, 4]) for _ in range(scans)]
-    assert missing == [True] * (scans - 1) + [False]
+    assert leg.missing(steady, scans, 4) == [True] * (scans - 1) + [False]
 
 
 def test_a_gap_is_not_time_in_which_an_element_agreed() -> None:
     """Ten seconds without a scan count as the few scans that settle a step."""
-    leg = Leg()
-    stuck = pressed()
-    stuck[0] = 0.0
-    for _ in range(10):
-        leg.test(stuck)
-    for _ in range(200):
-        leg.test(np.zeros(9))
+    leg = Leg.with_stuck_element()
     leg.now_ns += 10_000_000_000
-    for _ in range((READMITTED_AFTER_NS - SETTLED_NS) // SCAN_NS):
-        assert leg.test(pressed()).missing[0, 0]
-    assert not leg.test(pressed()).missing[0, 0]
+    scans = (READMITTED_AFTER_NS - SETTLED_NS) // SCAN_NS
+    assert leg.missing(pressed(), scans + 1) == [True] * scans + [False]
 
 
 def test_an_element_that_is_wrong_again_is_left_out_again_for_as_long() -> None:
     """The second time as the first: nothing that it had agreed before counts."""
-    leg = Leg()
-    stuck = pressed()
-    stuck[0] = 0.0
-    for _ in range(2):
-        for n in range(SETTLED_NS // SCAN_NS + 1):
-            assert leg.test(stuck).missing[0, 0] == (n > 0)
-        for _ in range(200):
-            assert leg.test(np.zeros(9)).missing[0, 0]
-        scans = READMITTED_AFTER_NS // SCAN_NS
-        missing = [bool(leg.test(pressed()).missing[0, 0]) for _ in range(scans)]
-        assert missing == [True] * (scans - 1) + [False]
-    beside = pressed()
-    for n in range(40):
-        beside = pressed((1.0 + 0.5 * np.sin(n / 3), 0.0, 0.0))
-        beside[0] -= 0.5
-        leg.test(beside)
-    assert leg.consistency.excluded[0, 0]
-    assert not leg.consistency.stuck.any()
+    leg = Leg.with_stuck_element()
+    scans = READMITTED_AFTER_NS // SCAN_NS
+    assert leg.missing(pressed(), scans)[-1] is False
+    assert leg.missing(STUCK, SETTLED_NS // SCAN_NS + 1) == [False] + [True] * (SETTLED_NS // SCAN_NS)
+    assert all(leg.missing(np.zeros(9), 200))
+    assert leg.missing(pressed(), scans) == [True] * (scans - 1) + [False]
 
 
 def test_one_scan_that_disagrees_takes_back_four_that_agreed() -> None:
     """Eleven of twelve scans, one that contradicts, and five more until the element is trusted."""
-    leg = Leg()
-    stuck = pressed()
-    stuck[0] = 0.0
-    for _ in range(10):
-        leg.test(stuck)
-    for _ in range(200):
-        leg.test(np.zeros(9))
-    for _ in range(READMITTED_AFTER_NS // SCAN_NS - 1):
-        leg.test(pressed())
-    leg.test(stuck)
-    missing = [bool(leg.test(pressed()).missing[0, 0]) for _ in range(5)]
-    assert missing == [True] * 4 + [False]
+    leg = Leg.with_stuck_element()
+    leg.missing(pressed(), READMITTED_AFTER_NS // SCAN_NS - 1)
+    leg.test(STUCK)
+    assert leg.missing(pressed(), 5) == [True] * 4 + [False]
 
 
 def test_a_drift_that_a_load_hides_is_not_trusted() -> None:
@@ -248,28 +229,20 @@ def test_what_motion_explains_is_no_fault() -> None:
 
 def test_motion_neither_clears_a_suspicion_nor_feeds_it() -> None:
     """A stuck element that a quick load hides for a while is excluded after as long a suspicion as without it."""
-    leg, n_settled = Leg(), SETTLED_NS // SCAN_NS
-    stuck = pressed()
-    stuck[0] = 0.0
-    leg.test(stuck)
-    for _ in range(n_settled - 1):
-        assert not leg.test(stuck, motion_rel=0.5).missing.any()
+    leg = Leg()
+    leg.test(STUCK)
+    for _ in range(SETTLED_NS // SCAN_NS - 1):
+        assert not leg.test(STUCK, motion_rel=0.5).missing.any()
     assert not leg.consistency.excluded.any()
-    leg.test(stuck)
+    leg.test(STUCK)
     assert np.flatnonzero(leg.consistency.excluded[0]).tolist() == [0]
 
 
 def test_an_element_is_not_readmitted_for_what_motion_hides() -> None:
     """Time in which only the motion makes it consistent does not count."""
-    leg = Leg()
-    stuck = pressed()
-    stuck[0] = 0.0
-    for _ in range(10):
-        leg.test(stuck)
-    for _ in range(200):
-        leg.test(np.zeros(9))
+    leg = Leg.with_stuck_element()
     for _ in range(3 * READMITTED_AFTER_NS // SCAN_NS):
-        assert leg.test(stuck, motion_rel=0.5).missing[0, 0]
+        assert leg.test(STUCK, motion_rel=0.5).missing[0, 0]
 
 
 @given(

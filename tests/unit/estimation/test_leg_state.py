@@ -36,13 +36,6 @@ def test_what_is_missing_is_one_element_or_a_line(elements: set[int]) -> None:
         assert missing == (lines[0] if lines else set())
 
 
-def test_legs_are_judged_apart() -> None:
-    """What is open on one says nothing of another."""
-    both = np.concatenate([opened(1, 7), opened(0, 4), opened(), opened(8)])
-    expected = np.concatenate([opened(1, 4, 7), opened(), opened(), opened(8)])
-    np.testing.assert_array_equal(missing_sets_containing(both), expected)
-
-
 def test_only_a_whole_row_floats() -> None:
     """Each column of the rows that are left gets what the lost row reads there; a single open element adds none."""
     capacitance_pf = np.arange(9.0)[None] + 1.0
@@ -221,6 +214,9 @@ def test_the_most_severe_reading_gives_state_and_cause(
     scan.reading[0, : len(readings)] = readings
     forces = feet.feed(scan)
     assert (forces.state.tolist(), forces.cause.tolist()) == ([state, State.VALID], [cause, Cause.NONE])
+    assert forces.fault_mask.tolist() == [sum(1 << e for e in (*range(len(readings)), 8)), 0]
+    assert np.isnan([forces.force_n[0], forces.sigma_n[0]]).all()
+    assert np.isfinite(forces.force_n[1]).all()
 
 
 def test_an_element_that_drifts_apart_is_a_cause() -> None:
