@@ -1,6 +1,6 @@
 """Lower bounds of the scan period, set by chips, I2C bus and host and independent of the program.
 
-`README.md` in this folder derives it in words. The scanner plans with these figures, and `footsense benchmark`
+`README.md` in this folder derives it in words. The scanner plans with these figures, and `footsense dev benchmark`
 compares the measured scan with them.
 """
 

@@ -1,138 +1,159 @@
-"""Part of `footsense benchmark`: duration of a cycle of the daemon, of a C program and of a naive program."""
+"""One cycle of the service on recorded readings, timed in turns with a naive program for the same work.
 
-from collections.abc import Callable
+A whole cycle: estimate, publish, write into the ring. It sends to a socket pair, which stands for CAN on any machine
+and is drained between cycles.
+"""
+
+import os
+import socket
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, TypeVar
+from typing import NamedTuple
 
 import numpy as np
+from msgspec.structs import replace
 
-from footsense.benchmarks.c_program import CProgram, converter_codes, has_c_program
 from footsense.benchmarks.naive import NaiveCycle, has_cantools
-from footsense.benchmarks.our_cycle import (
-    N_WARM_UP_CYCLES,
-    REALTIME_PRIORITY,
-    ServiceCycle,
-    open_service_cycle,
-    send_time_ns,
-    tared_c_program,
-)
+from footsense.can.wire import SocketWire
 from footsense.clock import fifo_priority, low_latency_interpreter, stopwatch_ns
 from footsense.config import DEFAULT
-from footsense.errors import FootsenseError
-from footsense.frames import CapFrame, Mask, State, Vector
+from footsense.config.sections import Realtime
+from footsense.daemon.acquisition import open_scan_source
+from footsense.daemon.can_output import can_sink
+from footsense.daemon.estimation import pipeline_for
+from footsense.daemon.loop import Loop
+from footsense.daemon.models import load_models
+from footsense.daemon.recording_header import recording_header
+from footsense.frames import CapFrame, Flag
+from footsense.ring.cycle_ring import CycleRing
+from footsense.ring.records import ServiceStatus
+from footsense.sim.clock import VirtualClock
+from footsense.sim.scene_files import load_scene
+from footsense.telemetry.journal import LegStateLogger
+from footsense.telemetry.systemd import SystemdNotifier
 
-T = TypeVar("T")
-
-#: The programs that are timed.
-_PROGRAM_NAMES = ("ours", "c_program", "naive")
+#: Priority of SCHED_FIFO, the default of the service; without it the figures include other processes.
+REALTIME_PRIORITY = Realtime().priority
+#: Cycles at the begin, in which the feet are tared.
+N_WARM_UP_CYCLES = 120
+#: The service, with a force on CAN for every cycle: each cycle does all the work.
+_CONFIG = replace(DEFAULT, publish_every=1)
 #: Cycles in a row of one program before the turn of the next.
 _CYCLES_BEFORE_NEXT_PROGRAM = 25
-#: Largest difference between the floor's forces and ours [N]: half a step of the wire.
-_MAX_FORCE_DIFFERENCE_N = 1e-3
+#: Time from the newest reading of a frame until its forces are sent [ns].
+_SEND_DELAY_NS = 2_000_000
 
 
-def compare_cycle_durations(scans: list[CapFrame]) -> dict[str, Any]:
-    """Return quantiles of the cycle durations of daemon, C program and naive program [us], and their ratios.
+class ServiceCycle(NamedTuple):
+    """One cycle of the daemon's pipeline and outputs, ready to run.
 
-    Values are None without the C floor or the naive program.
+    Attributes:
+        run: Processes a frame at a time [ns].
+        drain: Reads and discards what the cycle has sent.
+        ring: The ring that it writes.
+        channel: Socket in place of CAN.
+    """
 
-    Hot: cycles of one program in a row. Cold: each after a cycle of the naive program, which evicts the caches as the
-    rest of a robot's software does.
+    run: Callable[[CapFrame, int], object]
+    drain: Callable[[], None]
+    ring: Path
+    channel: socket.socket
+
+
+@contextmanager
+def open_service_cycle() -> Iterator[ServiceCycle]:
+    """Set up one cycle of the daemon (pipeline, CAN sink, observers) with a socket pair in place of CAN.
+
+    Yields:
+        The cycle; its ring exists until the end.
+    """
+    channel, far_end = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+    clock, wire, models = VirtualClock(), SocketWire(channel), load_models(DEFAULT)
+    pipeline = pipeline_for(models, Flag.SIMULATED)
+    with (
+        far_end,
+        TemporaryDirectory(dir="/dev/shm") as folder,
+        can_sink(_CONFIG, clock, None, connect=lambda: wire) as sink,
+    ):
+        ring = Path(folder) / "ring"
+        header = recording_header(models, None, Flag.SIMULATED, clock.now_ns())
+
+        def status() -> ServiceStatus:
+            return ServiceStatus(can=sink.stats, baseline=pipeline.baseline_pf.tobytes())
+
+        observers = (
+            LegStateLogger(DEFAULT.legs),
+            SystemdNotifier(DEFAULT.legs, {}),
+            CycleRing(ring, DEFAULT.legs, header, DEFAULT.frames_hz, status),
+        )
+        loop = Loop(pipeline, sink, observers, clock)
+
+        def run(scan: CapFrame, now_ns: int) -> None:
+            clock.sleep_until_ns(now_ns)
+            loop.run_cycle(scan, tuple(sink.commands()))
+
+        def drain() -> None:
+            with suppress(BlockingIOError):
+                while True:
+                    far_end.recv(64, socket.MSG_DONTWAIT)
+
+        try:
+            yield ServiceCycle(run, drain, ring, channel)
+        finally:
+            for observer in observers:
+                observer.close()
+
+
+def simulated_walk_frames(n: int) -> list[CapFrame]:
+    """Return the simulated capacitance frames of `n` conversions of six walking legs."""
+    with open_scan_source(DEFAULT, replace(load_scene("measured_walk"), host_cost_us=40.0)) as scan_source:
+        return [scan_source.source.read() for _ in range(n)]
+
+
+def send_time_ns(scan: CapFrame) -> int:
+    """Return the sending time assumed for a frame's forces [ns]."""
+    return int(scan.t_ns.max()) + _SEND_DELAY_NS
+
+
+def compare_cycle_durations(scans: list[CapFrame]) -> dict[str, float | None]:
+    """Return quantiles of the cycle durations of daemon and naive program [us], and their ratio.
 
     Args:
-        scans: Scans to process; the first `N_WARM_UP_CYCLES` do not count.
+        scans: Frames to process; the first `N_WARM_UP_CYCLES` do not count.
 
-    Raises:
-        FootsenseError: The forces of the C floor are not ours.
+    Returns:
+        `p50`, `p99`, and `naive_p50`, `naive_over_cycle`, which are None where cantools is not installed.
     """
-    return {**_duration_quantiles(scans, _CYCLES_BEFORE_NEXT_PROGRAM), "cold": _duration_quantiles(scans, 1)}
-
-
-def _duration_quantiles(scans: list[CapFrame], cycles_per_turn: int) -> dict[str, float | None]:
-    """Return quantiles of the cycle durations of each program [us], and their ratios."""
     naive = NaiveCycle(DEFAULT) if has_cantools() else None
-    with TemporaryDirectory() as folder, open_service_cycle() as ours:
-        floor = tared_c_program(Path(folder), scans) if has_c_program() else None
-        with low_latency_interpreter(), fifo_priority(REALTIME_PRIORITY):
-            times_ns = _time_programs(scans, cycles_per_turn, ours, floor, naive)
-    ours_us, floor_us, naive_us = (
-        np.array(times_ns[name][N_WARM_UP_CYCLES:]) * 1e-3 for name in _PROGRAM_NAMES
-    )
-    p50 = float(np.median(ours_us))
-    c_program_p50, naive_p50 = (float(np.median(us)) if len(us) else None for us in (floor_us, naive_us))
+    ours_ns: list[int] = []
+    naive_ns: list[int] = []
+    with (
+        open_service_cycle() as ours,
+        Path(os.devnull).open("wb") as record,
+        low_latency_interpreter(),
+        fifo_priority(REALTIME_PRIORITY),
+    ):
+        for first in range(0, len(scans), _CYCLES_BEFORE_NEXT_PROGRAM):
+            turn = [(scan, send_time_ns(scan)) for scan in scans[first : first + _CYCLES_BEFORE_NEXT_PROGRAM]]
+            for scan, now_ns in turn:
+                start_ns = stopwatch_ns()
+                ours.run(scan, now_ns)
+                ours_ns.append(stopwatch_ns() - start_ns)
+                ours.drain()
+            for scan, now_ns in turn:
+                if naive is None:
+                    break
+                start_ns = stopwatch_ns()
+                naive.run(scan, now_ns, ours.channel, record.fileno())
+                naive_ns.append(stopwatch_ns() - start_ns)
+                ours.drain()
+    ours_us, naive_us = (np.array(times[N_WARM_UP_CYCLES:]) * 1e-3 for times in (ours_ns, naive_ns))
+    p50, naive_p50 = float(np.median(ours_us)), float(np.median(naive_us)) if naive else None
     return {
         "p50": p50,
         "p99": float(np.quantile(ours_us, 0.99)),
-        "c_program_p50": c_program_p50,
         "naive_p50": naive_p50,
-        "cycle_over_c_program": p50 / c_program_p50 if c_program_p50 else None,
         "naive_over_cycle": naive_p50 / p50 if naive_p50 else None,
     }
-
-
-def _time_programs(
-    scans: list[CapFrame],
-    cycles_per_turn: int,
-    ours: ServiceCycle,
-    floor: CProgram | None,
-    naive: NaiveCycle | None,
-) -> dict[str, list[int]]:
-    """Return the cycle durations of three programs [ns], run in turns so that background load affects all equally."""
-    times_ns: dict[str, list[int]] = {name: [] for name in _PROGRAM_NAMES}
-    loopback = ours.loopback
-
-    def run_timed(name: str, program: Callable[..., T], *arguments: object) -> T:
-        start_ns = stopwatch_ns()
-        result = program(*arguments)
-        times_ns[name].append(stopwatch_ns() - start_ns)
-        loopback.drain()
-        return result
-
-    for first in range(0, len(scans), cycles_per_turn):
-        done = []
-        for scan in scans[first : first + cycles_per_turn]:
-            now_ns, baseline_pf = send_time_ns(scan), ours.baseline_pf()
-            forces = run_timed("ours", ours.run, scan, now_ns).forces
-            # Keep nothing else of the cycle: the service keeps none, and new memory is cold.
-            valid = forces.state == State.VALID
-            done.append((scan, now_ns, baseline_pf, forces.force_n[valid], valid))
-            del forces
-        for number, (scan, now_ns, baseline_pf, ours_n, valid) in enumerate(done, first):
-            if floor is None:
-                break
-            codes = converter_codes(scan)
-            floor.tare(baseline_pf)
-            sinks = loopback.socket.fileno(), loopback.pipe
-            force_n = run_timed("c_program", floor.run, scan, codes, now_ns, *sinks)
-            if number >= N_WARM_UP_CYCLES:
-                _check_equal_forces(scan, ours_n, force_n, valid)
-        for scan, now_ns, *_ in done:
-            if naive is None:
-                break
-            run_timed("naive", naive.run, scan, now_ns, loopback.socket, loopback.pipe)
-    return times_ns
-
-
-def _check_equal_forces(
-    scan: CapFrame,
-    ours_n: Vector,
-    c_program_n: Vector,
-    valid: Mask,
-) -> None:
-    """Raise an error if the forces of the C program differ from those of the daemon.
-
-    Args:
-        scan: The scan.
-        ours_n: Our forces of the valid legs [N], shape (valid legs, 3).
-        c_program_n: Forces of the C floor [N], shape (legs, 3).
-        valid: Validity of each leg, shape (legs,).
-
-    Raises:
-        FootsenseError: It gives other forces.
-    """
-    difference_n = np.abs(ours_n - c_program_n[valid]).max(initial=0.0)
-    if not difference_n < _MAX_FORCE_DIFFERENCE_N:
-        raise FootsenseError(
-            f"cycle {scan.sequence}: the floor in C differs by {difference_n:.2g} N from ours"
-        )

@@ -1,4 +1,4 @@
-"""Naive program for the work of one daemon cycle, for comparison in `footsense benchmark`.
+"""Naive program for the work of one daemon cycle, for comparison in `footsense dev benchmark`.
 
 It scans leg by leg and element by element and waits for each conversion; it infers leg by leg, encodes with cantools,
 builds every CAN message anew, looks every metric up by its labels, and records JSON. Nothing of the daemon uses this.

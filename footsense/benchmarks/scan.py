@@ -1,4 +1,4 @@
-"""Part of `footsense benchmark` in virtual time: scan period, and age of the forces when sent.
+"""Part of `footsense dev benchmark` in virtual time: scan period, and age of the forces when sent.
 
 Bus bits, conversions and host costs are exact there: the same figures on every machine.
 """

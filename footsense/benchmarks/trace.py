@@ -1,26 +1,22 @@
-"""Count the modules, functions and calls of one conversion: `python -m footsense.benchmarks.trace [--list]`.
+"""Count the modules, functions and calls of one conversion, as `footsense dev trace` prints them.
 
 A simulated robot walks, with the CAN sink and the observers of `footsense run --record`: journal, supervision, metrics,
 recorder, run statistics. While the loop runs, the interpreter's profiler hook counts every Python call of `footsense`
 and `firmware_interface`, clock and loop included; a comprehension or a resumed generator is a call, as it is to the
 interpreter. Left out: the simulator with its clock (`footsense/sim`), the command line, C functions, and libraries.
-What the simulator calls is left out as well: `footsense/foot`, and the register layouts that the simulated chips read
-too. The latter are given as a figure of their own, since a count by file name alone includes them.
+What the simulator calls is left out as well.
 
 A conversion of six legs is one turn of the loop; every fourth sends two frames on CAN per leg. Counted are the
 conversions after the tare. A function counts with more than one call in two conversions; what runs less often (the
 frames on CAN, a step of drift tracking) is in the total of calls, and marked in the list.
 """
 
-import argparse
 import sys
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import CodeType, FrameType
-
-import click
 
 import footsense
 from footsense.config import DEFAULT
@@ -41,21 +37,20 @@ _EXCLUDED_PATHS = ("footsense/sim/", "footsense/cli/", "footsense/benchmarks/")
 Calls = dict[tuple[str, str], float]
 
 
-def calls_per_conversion(n: int = _COUNTED_CONVERSIONS) -> tuple[Calls, Calls]:
-    """Return the mean number of calls per conversion of each function, in a simulated walk.
+def calls_per_conversion(n: int = _COUNTED_CONVERSIONS) -> Calls:
+    """Return the mean number of calls per conversion of each function of the service, in a simulated walk.
 
     Args:
         n: Conversions to count.
 
     Returns:
-        Calls per conversion by module and qualified name: of the service, and of our code under the simulator.
+        Calls per conversion by module and qualified name.
     """
-    service_calls: Counter[CodeType] = Counter()
-    simulator_calls: Counter[CodeType] = Counter()
+    calls: Counter[CodeType] = Counter()
 
     def count(frame: FrameType, event: str, _argument: object) -> None:
-        if event == "call":
-            (simulator_calls if _is_simulated(frame) else service_calls)[frame.f_code] += 1
+        if event == "call" and not _is_simulated(frame):
+            calls[frame.f_code] += 1
 
     scene = load_scene("measured_walk")
     with (
@@ -69,7 +64,7 @@ def calls_per_conversion(n: int = _COUNTED_CONVERSIONS) -> tuple[Calls, Calls]:
             service.run(_stop_after_iterations(n))
         finally:
             sys.setprofile(None)
-    return _mean_calls_by_function(service_calls, n), _mean_calls_by_function(simulator_calls, n)
+    return _mean_calls_by_function(calls, n)
 
 
 def _is_simulated(frame: FrameType | None) -> bool:
@@ -101,28 +96,3 @@ def _stop_after_iterations(n: int) -> Callable[[], bool]:
     """Return a stop condition that becomes true after `n` iterations of the main loop."""
     turns = iter(range(n))
     return lambda: next(turns, None) is None
-
-
-def main() -> None:
-    """Print the total of function calls per conversion; with `--list`, also those of each function."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--list", action="store_true", help="list modules and functions with their calls")
-    listed = parser.parse_args().list
-    calls, simulator_calls = calls_per_conversion()
-    if listed:
-        for module in sorted({module for module, _ in calls}):
-            inside = {name: n for (path, name), n in calls.items() if path == module}
-            click.echo(f"{sum(inside.values()):8.1f} {module}")
-            for name, n in sorted(inside.items(), key=lambda function: -function[1]):
-                click.echo(f"{n:17.2f} {name}{'' if n > _MIN_STEADY_CALLS else '  (rare)'}")
-    steady = functions_called_steadily(calls)
-    n_modules = len({module for module, _ in steady})
-    layouts = sum(n for (module, _), n in simulator_calls.items() if module.startswith("firmware_interface/"))
-    click.echo(
-        f"{n_modules} modules, {len(steady)} functions, {sum(calls.values()):.0f} calls per conversion of six legs"
-    )
-    click.echo(f"(and {layouts:.0f} calls of register layouts by the simulated chips)")
-
-
-if __name__ == "__main__":
-    main()

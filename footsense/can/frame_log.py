@@ -82,7 +82,7 @@ class CanFrameLog:
                 self._file.close()
         if self._error is not None:
             raise RecordingError(
-                f"CAN log {self._path}: {self._error.strerror}; what was sent is not affected"
+                f"CAN log {self._path} ended early: {self._error.strerror}; what was sent is not affected"
             )
 
 

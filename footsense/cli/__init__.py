@@ -39,8 +39,7 @@ _COMMANDS = {
     "calibrate": ("calibration", "Calibrate a foot from its recordings on a test stand."),
     "evaluate": ("calibration", "Compare a foot's forces with the reference of a test stand."),
     "probe": ("probe", "Check buses and feet, and name what to check."),
-    "benchmark": ("benchmark", "Measure scan, cycle, latency, start and memory."),
-    "soak": ("soak", "Walk for a virtual day with random faults, check invariants."),
+    "dev": ("dev", "Measure and test footsense itself: benchmark, soak, trace."),
     "lab": ("lab.group", "From rubber to network (needs footsense[lab])."),
 }
 

@@ -73,6 +73,22 @@ class StretchResult(msgspec.Struct, frozen=True, kw_only=True):
     warm_and_end_resident_mib: tuple[float, float]
     growth_mib_per_h: float
 
+    @property
+    def line(self) -> str:
+        """The result as a line of text."""
+        stretch = self.stretch
+        every = ["every force on CAN"] if stretch.publish_every == 1 else []
+        warmer = [f"{stretch.warming_k:+g} K"] if stretch.warming_k else []
+        stand = ["with a stand"] if stretch.standstill_spans_s else []
+        warm_mib, end_mib = self.warm_and_end_resident_mib
+        return (
+            f"stretch {stretch.number}: {stretch.hours:g} h "
+            f"{', '.join([f'{stretch.rate_sps} S/s', *every, *warmer, *stand])}: {self.n_injected_faults} faults, "
+            f"{sum(self.n_violations.values())} violations, "
+            f"longest gap {1e3 * self.longest_cycle_interval_s:.0f} ms, {warm_mib:.1f} to {end_mib:.1f} MiB "
+            f"({self.growth_mib_per_h:+.2f} MiB/h), {self.virtual_s / self.wall_s:.1f} x real time"
+        )
+
 
 def walk_stretch(stretch: Stretch) -> StretchResult:
     """Simulate one stretch of the soak test, with and without its faults; return counts, violations and errors.

@@ -121,7 +121,7 @@ def test_a_can_log_that_cannot_grow_is_told_at_the_end(walk: Path, tmp_path: Pat
     )
     line = result.stderr.splitlines()[-1]
     assert result.returncode == 74
-    assert "a.log: the CAN log ended early: File too large; what was sent is not affected" in line
+    assert "a.log ended early: File too large; what was sent is not affected" in line
 
 
 def test_a_lost_log_does_not_hide_what_came_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

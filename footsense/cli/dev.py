@@ -1,0 +1,201 @@
+"""Commands `footsense dev ...`: what the service costs, a day of walking with faults, and its calls per conversion."""
+
+import json
+import logging
+import os
+import subprocess
+import sys
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from footsense.cli.options import json_option
+from footsense.cli.tables import Column, echo_json, figures_table, table
+from footsense.errors import FootsenseError
+from footsense.progress import progress_bar, timed_bar
+
+if TYPE_CHECKING:
+    from footsense.validation.soak import StretchResult
+
+_CYCLES, _QUICK_CYCLES = 800, 60
+_WAKEUP_S, _QUICK_WAKEUP_S = 10.0, 1.0
+#: Usual durations of the benchmark [s].
+_USUAL_S, _QUICK_USUAL_S = 50.0, 15.0
+#: Figures of a scan, and their format.
+_SCAN_FORMS = {
+    "period_ms": ">.2f",
+    "rate_hz": ">.1f",
+    "over_limit": ">.3f",
+    "over_best": ">.3f",
+    "naive_over_ours": ">.1f",
+}
+
+
+@click.group()
+def dev() -> None:
+    """Measure and test footsense itself: benchmark, soak, trace."""
+
+
+@dev.command()
+@json_option
+@click.option("--quick", is_flag=True, help="In seconds: the tails are then of few wake-ups.")
+@click.option("--cycles", type=click.IntRange(min=1), help=f"Cycles to time.  [default: {_CYCLES}]")
+def benchmark(*, as_json: bool, quick: bool, cycles: int | None) -> None:
+    """Measure scan, age, cycle, wake-up latency, start and memory, beside their limit or a naive program."""
+    with timed_bar("benchmark", _QUICK_USUAL_S if quick else _USUAL_S):
+        figures = _measure_all(
+            cycles or (_QUICK_CYCLES if quick else _CYCLES), _QUICK_WAKEUP_S if quick else _WAKEUP_S
+        )
+    if as_json:
+        echo_json(figures)
+        return
+    from rich.console import Console
+
+    columns = [
+        Column[tuple[str, dict[str, float]]]("scan of six legs", lambda row: row[0], "<"),
+        *(
+            Column[tuple[str, dict[str, float]]](name, partial(_scan_figure, name), form)
+            for name, form in _SCAN_FORMS.items()
+        ),
+    ]
+    scans = [(name.replace("_", " "), scan) for name, scan in figures.pop("scan").items()]
+    Console(highlight=False).print(table(columns, scans), "", figures_table(figures), sep="\n")
+
+
+def _scan_figure(name: str, row: tuple[str, dict[str, float]]) -> float:
+    return row[1][name]
+
+
+def _measure_all(n_cycles: int, wakeup_s: float) -> dict[str, Any]:
+    from footsense.benchmarks.cycle import N_WARM_UP_CYCLES, compare_cycle_durations, simulated_walk_frames
+    from footsense.benchmarks.scan import (
+        measure_all_scan_periods,
+        min_scan_period_by_conversions_ms,
+        newest_reading_age_ms,
+    )
+    from footsense.benchmarks.wakeup_latency import measure_wakeup_latency
+
+    scans = simulated_walk_frames(N_WARM_UP_CYCLES + n_cycles)
+    return {
+        "scan": measure_all_scan_periods(),
+        "conversion_limit_ms": min_scan_period_by_conversions_ms(),
+        "age_ms": newest_reading_age_ms(),
+        "cycle_us": compare_cycle_durations(scans),
+        "wakeup_latency_us": measure_wakeup_latency(scans, wakeup_s),
+        **_start_and_memory(),
+    }
+
+
+def _start_and_memory() -> dict[str, float]:
+    """Return start-up time [s] and memory [MiB] of a `footsense run` process.
+
+    Raises:
+        FootsenseError: The run failed.
+    """
+    command = [sys.executable, "-m", "footsense", "run", "--duration", "1", "--fast", "--summary", "json"]
+    run = subprocess.run(command, check=False, capture_output=True, text=True)  # noqa: S603 - our own module
+    if run.returncode:
+        raise FootsenseError(f"the run whose start is measured failed: {run.stderr.strip()}")
+    answer = json.loads(run.stdout)
+    return {"start_s": answer["start_to_first_frame_s"], "resident_mib": answer["resident_mib"]}
+
+
+@dev.command()
+@click.option("--list", "listed", is_flag=True, help="List modules and functions with their calls.")
+def trace(*, listed: bool) -> None:
+    """Count the modules, functions and Python calls of one conversion of six legs."""
+    from footsense.benchmarks.trace import calls_per_conversion, functions_called_steadily
+
+    calls = calls_per_conversion()
+    steady = set(functions_called_steadily(calls))
+    if listed:
+        for module in sorted({module for module, _ in calls}):
+            inside = {name: n for (path, name), n in calls.items() if path == module}
+            click.echo(f"{sum(inside.values()):8.1f} {module}")
+            for name, n in sorted(inside.items(), key=lambda function: -function[1]):
+                click.echo(f"{n:17.2f} {name}{'' if (module, name) in steady else '  (rare)'}")
+    click.echo(
+        f"{len({module for module, _ in steady})} modules, {len(steady)} functions, "
+        f"{sum(calls.values()):.0f} calls per conversion of six legs"
+    )
+
+
+@dev.command()
+@click.option(
+    "--hours", type=click.FloatRange(min=0.05), default=24.0, show_default=True, help="Virtual time [h]."
+)
+@click.option(
+    "--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Of everything random."
+)
+@click.option(
+    "--jobs", type=click.IntRange(min=1), help="Processes at a time; without it one for each processor."
+)
+@click.option("--only", type=click.IntRange(min=0), help="Walk this stretch alone, in this process.")
+@click.option(
+    "--json", "json_file", type=click.Path(dir_okay=False, path_type=Path), help="Write all figures here."
+)
+def soak(*, hours: float, seed: int, jobs: int | None, only: int | None, json_file: Path | None) -> None:
+    """Walk for hours with random faults of wires, chips, feet and CAN, and check the invariants.
+
+    Stretches of an hour or two have a process each: at 400 and at 100 conversions a second, with every fourth and
+    with every force on CAN, warmer and colder by 20 K, with two stands of half an hour. Ends with 1 after a violation;
+    its line names the stretch, and --only walks it again.
+    """
+    import msgspec
+
+    from footsense.clock import stopwatch_ns
+    from footsense.validation.processes import run_in_processes
+    from footsense.validation.soak import walk_stretch
+    from footsense.validation.soak_plan import soak_stretches
+
+    logging.disable(logging.WARNING)  # the faults are on purpose
+    stretches = soak_stretches(hours, seed)
+    _check_soak_options(only, len(stretches), json_file)
+    began_ns = stopwatch_ns()
+    walks = (
+        [walk_stretch(stretches[only])]
+        if only is not None
+        else run_in_processes(walk_stretch, stretches, jobs or os.cpu_count() or 1, max_parts_per_process=1)
+    )
+    results: list[StretchResult] = []
+    with progress_bar("walked", sum(stretch.hours for stretch in stretches)) as hours_done:
+        for result in walks:
+            results.append(result)
+            click.echo(result.line)
+            hours_done(sum(one.stretch.hours for one in results))
+    wall_s = (stopwatch_ns() - began_ns) * 1e-9
+    n_violations = sum(sum(result.n_violations.values()) for result in results)
+    click.echo(
+        f"{sum(result.virtual_s for result in results) / 3600.0:.2f} h walked in {wall_s / 60.0:.1f} min, "
+        f"{sum(result.n_injected_faults for result in results)} faults, "
+        f"{sum(result.n_cycles for result in results)} cycles: {n_violations} violations"
+    )
+    for result in results:
+        for rule, t_s, leg, detail in result.first_violations:
+            click.echo(f"  stretch {result.stretch.number}, {t_s:.4f} s, {leg or 'all'}: {rule}: {detail}")
+    if json_file is not None:
+        figures = {
+            "hours": hours,
+            "seed": seed,
+            "wall_s": round(wall_s, 1),
+            "n_violations": n_violations,
+            "stretches": msgspec.to_builtins(sorted(results, key=lambda result: result.stretch.number)),
+        }
+        json_file.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+    sys.exit(1 if n_violations else 0)
+
+
+def _check_soak_options(only: int | None, n_stretches: int, json_file: Path | None) -> None:
+    """Raise an error for options that would fail only after hours of simulation.
+
+    Raises:
+        click.BadParameter: There is no such stretch, or no folder for the figures.
+    """
+    if only is not None and only >= n_stretches:
+        raise click.BadParameter(f"this walk has stretches 0 to {n_stretches - 1}", param_hint="--only")
+    if json_file is not None and not json_file.parent.is_dir():
+        raise click.BadParameter(
+            f"{json_file}: there is no directory {json_file.parent}", param_hint="--json"
+        )
