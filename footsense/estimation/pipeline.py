@@ -220,9 +220,9 @@ class Pipeline:
             state: State of each leg by its readings.
             healthy: Whether every leg is valid without any fault.
         """
-        usable = IS_USABLE_STATE[state]
         if not healthy:
             # The network gets trained inputs only.
+            usable = IS_USABLE_STATE[state]
             closure_rel = np.where(usable[:, None, None], closure_rel, 0.0)
             closure_rel = np.minimum(
                 np.maximum(closure_rel, self._trained.closure_rel_min), self._trained.closure_rel_max
@@ -237,6 +237,7 @@ class Pipeline:
             sigma_n = np.hypot(sigma_n, inconsistent_n[:, None])
         if healthy and math.isfinite(np.vdot(force_n, sigma_n)):
             return load._replace(sigma_n=sigma_n), state
+        usable = IS_USABLE_STATE[state]
         finite = usable & np.isfinite(force_n + sigma_n).all(axis=1)
         force_n[~finite] = sigma_n[~finite] = np.nan
         state = np.where(usable & ~finite, np.uint8(State.OUT_OF_RANGE), state)
