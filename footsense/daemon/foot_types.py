@@ -22,15 +22,6 @@ def foot_type_of(config: Config) -> str:
     return Path(config.foot_type).name
 
 
-def foot_type_file_path(config: Config, name: str) -> Path:
-    """Return the path of a file of the configured foot type.
-
-    Raises:
-        ModelError: There is no such foot type.
-    """
-    return foot_type_folder(config.foot_type) / name
-
-
 def foot_type_folder(foot_type: str) -> Path:
     """Return the folder of a foot type: a released one by name, or any folder if the name has a slash.
 

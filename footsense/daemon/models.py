@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from footsense.config import Config
-from footsense.daemon.foot_types import check_foot_type, foot_type_file_path, foot_type_of
+from footsense.daemon.foot_types import check_foot_type, foot_type_folder, foot_type_of
 from footsense.errors import ModelError
 from footsense.estimation.network import Network
 from footsense.foot.files.calibration_reader import FootCalibration, read_calibration
@@ -35,7 +35,7 @@ def load_models(config: Config) -> Models:
         ModelError: One is missing, damaged, or made for another foot type.
     """
     calibrations = load_calibrations(config)
-    path = Path(config.model) if config.model else foot_type_file_path(config, "network.onnx")
+    path = Path(config.model) if config.model else foot_type_folder(config.foot_type) / "network.onnx"
     path = next((calibration.network for calibration in calibrations.values()), path)
     network = Network(path, n_rows=len(config.legs))
     check_foot_type(path, network.card.foot_type, config)

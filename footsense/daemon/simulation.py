@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.config import Config
-from footsense.daemon.foot_types import check_foot_type, foot_type_file_path
+from footsense.daemon.foot_types import check_foot_type, foot_type_folder
 from footsense.errors import ConfigError
 from footsense.foot.response_table import FootResponse
 from footsense.frames import CapFrame
@@ -41,7 +41,7 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
     ]
     if config.serial is not None:  # any wiring: the microcontroller's is not simulated
         wiring = [BusWiring(400_000, 0x71, {leg: channel for channel, leg in enumerate(config.legs)})]
-    table = foot_type_file_path(config, "response.npz")
+    table = foot_type_folder(config.foot_type) / "response.npz"
     response = FootResponse.load(table)
     check_foot_type(table, response.foot_type, config)
     for problem in _inapplicable_faults(config, scene):

@@ -71,7 +71,7 @@ _SLIP_DETECTION_LAG_NS = 9_600_000
 _SLIP_TIME_SIGMA_S = 0.01
 
 
-class GroundContact(NamedTuple):
+class GroundEstimate(NamedTuple):
     """Estimated ground normal and tangential over normal force below one foot, with standard deviations.
 
     Attributes:
@@ -90,10 +90,10 @@ class GroundContact(NamedTuple):
 
 
 _NAN = math.nan
-NO_GROUND = GroundContact(_NAN, (_NAN, _NAN, _NAN), _NAN, _NAN, _NAN)
+NO_GROUND = GroundEstimate(_NAN, (_NAN, _NAN, _NAN), _NAN, _NAN, _NAN)
 
 
-def ground_of(load: LoadEstimate, row: int) -> GroundContact:
+def ground_of(load: LoadEstimate, row: int) -> GroundEstimate:
     """Return ground normal and tangential over normal force below one foot; NaN where the load does not determine them.
 
     In Python numbers: for six legs, numpy's calls take longer.
@@ -121,7 +121,7 @@ def ground_of(load: LoadEstimate, row: int) -> GroundContact:
     normal_sigma = 2.0 * scale * math.hypot(sigma_px, sigma_py)
     ratio_sigma = math.hypot(sigma_rx, sigma_ry) / math.sqrt(2.0)
     known_normal, known_ratio = normal_sigma < _MAX_NORMAL_SIGMA_RAD, ratio_sigma < _MAX_FRICTION_SIGMA
-    return GroundContact(
+    return GroundEstimate(
         pressing_n,
         (nx, ny, nz) if known_normal else (_NAN, _NAN, _NAN),
         normal_sigma if known_normal else _NAN,
@@ -190,7 +190,7 @@ class SlipDetector:
         self._at_cone, self._run, self._since_ns = False, 0, 0
         self._kinked = False
 
-    def observe(self, ground: GroundContact, now_ns: int) -> BackDated | None:
+    def observe(self, ground: GroundEstimate, now_ns: int) -> BackDated | None:
         """Process the newest friction ratio; return the time at which a slip started or ended, else None.
 
         Args:
