@@ -36,8 +36,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from firmware_interface.can.codes import USABLE, Flag, State
-from firmware_interface.can.crc8 import COUNTER_PERIOD, FrameError
-from firmware_interface.can.decoding import enum_member
+from firmware_interface.can.crc8 import COUNTER_PERIOD, FrameError, enum_member
 from firmware_interface.can.force import ALL_ELEMENTS_MASK, FORCE_ID, Force, Quality
 
 #: The id of `Force` with node 0, which stands for nodes 1 to 6, and with node 9, which stands for nodes 7 and 8.

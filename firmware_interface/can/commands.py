@@ -11,8 +11,7 @@ import struct
 from typing import NamedTuple
 
 from firmware_interface.can.codes import CommandKind, Result
-from firmware_interface.can.crc8 import COUNTER_PERIOD, FrameError, protect
-from firmware_interface.can.decoding import enum_member, unpack_protected
+from firmware_interface.can.crc8 import COUNTER_PERIOD, FrameError, enum_member, protect, unpack_protected
 
 #: CAN ids are these plus the node id.
 COMMAND_ID = 0x200
@@ -40,7 +39,7 @@ class UnknownCommandError(FrameError):
         self.counter = counter
 
 
-class Command(NamedTuple):
+class CommandFrame(NamedTuple):
     """Decoded `Command` frame: command to one leg.
 
     Attributes:
@@ -94,7 +93,7 @@ def encode_command(node: int, counter: int, kind: CommandKind) -> bytes:
     return protect(COMMAND_ID + node, _COMMAND_STRUCT.pack(counter, kind, 0, COMMAND_WORDS[kind]))
 
 
-def decode_command(can_id: int, data: bytes) -> Command:
+def decode_command(can_id: int, data: bytes) -> CommandFrame:
     """Return the content of a `Command` frame, after checking it.
 
     Raises:
@@ -104,7 +103,7 @@ def decode_command(can_id: int, data: bytes) -> Command:
     node, counter, (_, code, _, word) = unpack_protected(can_id, data, COMMAND_ID, _COMMAND_STRUCT)
     for kind, known in COMMAND_WORDS.items():
         if code == kind and word == known:
-            return Command(node, counter, kind)
+            return CommandFrame(node, counter, kind)
     raise UnknownCommandError(code, counter, word)
 
 

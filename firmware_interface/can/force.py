@@ -13,8 +13,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from firmware_interface.can.codes import USABLE, Flag, State
-from firmware_interface.can.crc8 import COLUMN_CRC, ID_CRC, crc8
-from firmware_interface.can.decoding import enum_member, unpack_protected
+from firmware_interface.can.crc8 import COLUMN_CRC, ID_CRC, crc8, enum_member, unpack_protected
 from firmware_interface.can.socketcan import FRAME_BYTES, pack_frame
 
 #: CAN ids are these plus the node id, as CANopen's default transmit PDOs 1 and 2. Source: CiA 301, pre-defined

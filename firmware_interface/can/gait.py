@@ -13,8 +13,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from firmware_interface.can.codes import GaitEventKind, Slip
-from firmware_interface.can.crc8 import protect
-from firmware_interface.can.decoding import enum_member, unpack_protected
+from firmware_interface.can.crc8 import enum_member, protect, unpack_protected
 
 #: CAN ids are these plus the node id. Source: CiA 301, pre-defined connection set.
 GAIT_EVENT_ID = 0x300
@@ -22,7 +21,7 @@ GAIT_ID = 0x400
 GROUND_ID = 0x480
 
 
-class GaitEvent(NamedTuple):
+class GaitEventFrame(NamedTuple):
     """Decoded `GaitEvent` frame: touchdown, lift-off or slip of a leg.
 
     Attributes:
@@ -138,14 +137,14 @@ def encode_gait_event(
     return protect(GAIT_EVENT_ID + node, _EVENT_STRUCT.pack(kind << 4 | counter, age, sigma, all_in_air))
 
 
-def decode_gait_event(can_id: int, data: bytes) -> GaitEvent:
+def decode_gait_event(can_id: int, data: bytes) -> GaitEventFrame:
     """Return the content of a `GaitEvent` frame, after checking it.
 
     Raises:
         FrameError: The id, length, crc, counter or kind is wrong.
     """
     node, counter, (head, age, sigma, air) = unpack_protected(can_id, data, GAIT_EVENT_ID, _EVENT_STRUCT)
-    return GaitEvent(
+    return GaitEventFrame(
         node,
         counter,
         enum_member(GaitEventKind, head >> 4),

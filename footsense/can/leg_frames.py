@@ -4,10 +4,8 @@ from collections import deque
 from collections.abc import Sequence
 from functools import cache
 
-from firmware_interface.can.baseline import BASELINE_ID, encode_baseline
 from firmware_interface.can.codes import Cause, NmtState, State
 from firmware_interface.can.crc8 import next_counter
-from firmware_interface.can.events import FAULT_ID, HEARTBEAT_ID, encode_fault, encode_heartbeat
 from firmware_interface.can.gait import (
     GAIT_EVENT_ID,
     GAIT_ID,
@@ -15,6 +13,14 @@ from firmware_interface.can.gait import (
     encode_gait,
     encode_gait_event,
     encode_ground,
+)
+from firmware_interface.can.reports import (
+    BASELINE_ID,
+    FAULT_ID,
+    HEARTBEAT_ID,
+    encode_baseline,
+    encode_fault,
+    encode_heartbeat,
 )
 from firmware_interface.can.socketcan import pack_frame
 from footsense.frames import ContactFrame, GaitEvent, GaitFrame

@@ -10,7 +10,7 @@
 All is pure: nothing here opens a channel or reads a clock, and nothing but `firmware_interface` is imported.
 """
 
-from footsense.client.commands import CommandResult, PendingCommands
+from footsense.client.commands import CommandAnswer, PendingCommands
 from footsense.client.gait_events import GAIT_EVENT_IDS, GaitEvents, LegEvent
 from footsense.client.link import LINK_IDS, LegForce, Link, LinkLimits, LinkStatus
 from footsense.client.reports import REPORT_IDS, LegReport, Reports
@@ -19,7 +19,7 @@ __all__ = [
     "GAIT_EVENT_IDS",
     "LINK_IDS",
     "REPORT_IDS",
-    "CommandResult",
+    "CommandAnswer",
     "GaitEvents",
     "LegEvent",
     "LegForce",

@@ -7,7 +7,7 @@ from firmware_interface.can.commands import ANSWER_ID, COMMAND_ID, decode_answer
 from firmware_interface.can.crc8 import FrameError, next_counter
 
 
-class CommandResult(NamedTuple):
+class CommandAnswer(NamedTuple):
     """Answer of the service to a command: result and response time.
 
     Attributes:
@@ -56,7 +56,7 @@ class PendingCommands:
         self._sent_ns[node, kind, counter] = now_ns
         return COMMAND_ID + node, encode_command(node, counter, kind)
 
-    def feed(self, can_id: int, data: bytes, now_ns: int) -> CommandResult | None:
+    def feed(self, can_id: int, data: bytes, now_ns: int) -> CommandAnswer | None:
         """Process any CAN frame; if it answers a pending command, return the result, else None.
 
         Args:
@@ -74,7 +74,7 @@ class PendingCommands:
         sent_ns = self._sent_ns.pop((answer.node, kind, answer.command_counter), None)
         if sent_ns is None:
             return None
-        return CommandResult(answer.node, kind, answer.result, now_ns - sent_ns)
+        return CommandAnswer(answer.node, kind, answer.result, now_ns - sent_ns)
 
     def pop_overdue(self, now_ns: int, limit_ns: int) -> list[tuple[int, CommandKind]]:
         """Remove the commands pending for more than `limit_ns` [ns]; return node and command of each."""

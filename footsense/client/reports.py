@@ -4,18 +4,20 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple, TypeVar
 
-from firmware_interface.can.baseline import BASELINE_ID, Baseline, decode_baseline
 from firmware_interface.can.codes import NODE_IDS, BaselineStatus, Cause, NmtState, State
 from firmware_interface.can.crc8 import FrameError
-from firmware_interface.can.events import (
+from firmware_interface.can.gait import GAIT_ID, GROUND_ID, Gait, Ground, decode_gait, decode_ground
+from firmware_interface.can.reports import (
+    BASELINE_ID,
     FAULT_ID,
     HEARTBEAT_ID,
+    Baseline,
     Fault,
     Heartbeat,
+    decode_baseline,
     decode_fault,
     decode_heartbeat,
 )
-from firmware_interface.can.gait import GAIT_ID, GROUND_ID, Gait, Ground, decode_gait, decode_ground
 
 #: Age from which the content of a frame is unknown [ns]: three periods of baseline (1 s), heartbeat (200 ms), and
 #: contact and ground (100 ms).

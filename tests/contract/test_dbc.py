@@ -9,7 +9,6 @@ from firmware_interface.can.all_legs import (
     FORCES4_ID,
     FORCES_ID,
 )
-from firmware_interface.can.baseline import BASELINE_ID
 from firmware_interface.can.codes import (
     NODE_IDS,
     BaselineStatus,
@@ -28,7 +27,6 @@ from firmware_interface.can.commands import (
     COMMAND_WORDS,
 )
 from firmware_interface.can.dbc import HEXAPOD_DBC, make_dbc
-from firmware_interface.can.events import FAULT_ID, HEARTBEAT_ID
 from firmware_interface.can.force import (
     FORCE_ID,
     QUALITY_ID,
@@ -38,6 +36,7 @@ from firmware_interface.can.gait import (
     GAIT_ID,
     GROUND_ID,
 )
+from firmware_interface.can.reports import BASELINE_ID, FAULT_ID, HEARTBEAT_ID
 from tests.contract.dbc import DBC, LEGS
 
 SENDERS = {

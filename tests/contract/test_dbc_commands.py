@@ -19,7 +19,7 @@ from firmware_interface.can.commands import (
     encode_answer,
     encode_command,
 )
-from firmware_interface.can.events import encode_heartbeat
+from firmware_interface.can.reports import encode_heartbeat
 from tests.contract.dbc import (
     counters,
     decode,

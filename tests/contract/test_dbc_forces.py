@@ -14,7 +14,6 @@ from firmware_interface.can.all_legs import (
     decode_forces,
     encode_forces,
 )
-from firmware_interface.can.baseline import BASELINE_ID, decode_baseline, encode_baseline
 from firmware_interface.can.codes import (
     NODE_IDS,
     USABLE,
@@ -23,12 +22,19 @@ from firmware_interface.can.codes import (
     Flag,
     State,
 )
-from firmware_interface.can.events import FAULT_ID, decode_fault, encode_fault
 from firmware_interface.can.force import (
     FORCE_ID,
     QUALITY_ID,
     decode_force,
     decode_quality,
+)
+from firmware_interface.can.reports import (
+    BASELINE_ID,
+    FAULT_ID,
+    decode_baseline,
+    decode_fault,
+    encode_baseline,
+    encode_fault,
 )
 from tests.contract.dbc import (
     DBC,

@@ -12,7 +12,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from firmware_interface.can.all_legs import FORCES4_ID, FORCES_ID, NODES_OF_FRAME, encode_forces
-from firmware_interface.can.baseline import BASELINE_ID, decode_baseline
 from firmware_interface.can.codes import (
     BaselineStatus,
     Cause,
@@ -31,7 +30,6 @@ from firmware_interface.can.commands import (
     encode_command,
 )
 from firmware_interface.can.crc8 import FrameError, protect
-from firmware_interface.can.events import FAULT_ID, HEARTBEAT_ID, decode_fault, decode_heartbeat
 from firmware_interface.can.force import FORCE_ID, QUALITY_ID
 from firmware_interface.can.gait import (
     GAIT_EVENT_ID,
@@ -42,7 +40,15 @@ from firmware_interface.can.gait import (
     decode_ground,
     encode_gait_event,
 )
-from footsense.client import CommandResult, GaitEvents, Link, LinkLimits, PendingCommands
+from firmware_interface.can.reports import (
+    BASELINE_ID,
+    FAULT_ID,
+    HEARTBEAT_ID,
+    decode_baseline,
+    decode_fault,
+    decode_heartbeat,
+)
+from footsense.client import CommandAnswer, GaitEvents, Link, LinkLimits, PendingCommands
 from tests.contract import link_vectors
 from tests.contract.c_decoder import SOURCES, CLink, compile_c, in_c_units, library
 from tests.support.can_frames import encode_force, encode_quality
@@ -355,7 +361,7 @@ def test_an_answer_ends_the_command_that_it_names() -> None:
     broken = answer[:-1] + b"\x03"
     others = [(0x583, answer), (0x582, broken), (0x702, b"\x05"), (0x582, encode_answer(2, 4, 0, 9, 0))]
     assert [commands.feed(*other, 20) for other in others] == [None] * 4
-    assert commands.feed(0x582, answer, 30) == CommandResult(2, CommandKind.TARE, Result.LOADED, 20)
+    assert commands.feed(0x582, answer, 30) == CommandAnswer(2, CommandKind.TARE, Result.LOADED, 20)
     assert commands.feed(0x582, answer, 40) is None
     assert commands.pop_overdue(50, 50) == []
     assert commands.pop_overdue(51, 50) == [(2, CommandKind.TARE)]

@@ -6,10 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_interface.can.baseline import BASELINE_ID, decode_baseline
 from firmware_interface.can.commands import ANSWER_ID, COMMAND_ID, decode_answer, decode_command
 from firmware_interface.can.crc8 import FrameError, protect
-from firmware_interface.can.events import FAULT_ID, HEARTBEAT_ID, decode_fault, decode_heartbeat
 from firmware_interface.can.force import FORCE_ID, QUALITY_ID, decode_force, decode_quality
 from firmware_interface.can.gait import (
     GAIT_EVENT_ID,
@@ -18,6 +16,14 @@ from firmware_interface.can.gait import (
     decode_gait,
     decode_gait_event,
     decode_ground,
+)
+from firmware_interface.can.reports import (
+    BASELINE_ID,
+    FAULT_ID,
+    HEARTBEAT_ID,
+    decode_baseline,
+    decode_fault,
+    decode_heartbeat,
 )
 from footsense.client.gait_events import GaitEvents
 from footsense.client.link import Link

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from firmware_interface.can.codes import NODE_IDS, Cause, State
-from firmware_interface.can.events import FAULT_ID, decode_fault
 from firmware_interface.can.force import FORCE_ID, Force, decode_force
+from firmware_interface.can.reports import FAULT_ID, decode_fault
 from footsense.frames import LEGS as HEXAPOD
 from tests.kernel.ports import GuestError, LinePort
 

@@ -9,7 +9,7 @@ import click
 from firmware_interface.can.codes import NODE_IDS, CommandKind, Result
 from firmware_interface.can.commands import ANSWER_ID
 from firmware_interface.can.crc8 import COUNTER_PERIOD
-from firmware_interface.can.events import HEARTBEAT_ID
+from firmware_interface.can.reports import HEARTBEAT_ID
 from firmware_interface.can.socketcan import pack_frame, unpack_frame
 from footsense.can.wire import open_wire
 from footsense.cli.can.can_options import channel_options

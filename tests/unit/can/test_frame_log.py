@@ -8,7 +8,7 @@ import can
 import pytest
 
 from firmware_interface.can.codes import NmtState
-from firmware_interface.can.events import decode_heartbeat
+from firmware_interface.can.reports import decode_heartbeat
 from footsense.can.frame_log import CanFrameLog, check_log_target
 from footsense.errors import ConfigError, FootsenseError, RecordingError
 from tests.support.can_robot import MS, Robot

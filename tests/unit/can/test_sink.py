@@ -8,7 +8,6 @@ import can
 import numpy as np
 import pytest
 
-from firmware_interface.can.baseline import decode_baseline
 from firmware_interface.can.codes import (
     NODE_IDS,
     BaselineStatus,
@@ -19,8 +18,8 @@ from firmware_interface.can.codes import (
     Result,
     State,
 )
-from firmware_interface.can.events import decode_fault, decode_heartbeat
 from firmware_interface.can.force import decode_force, decode_quality
+from firmware_interface.can.reports import decode_baseline, decode_fault, decode_heartbeat
 from footsense.frames import LEGS, BaselineDrift, Command, CommandResult
 from tests.support.can_robot import MS, NarrowWire, Robot
 

@@ -10,7 +10,6 @@ import pytest
 from click.testing import CliRunner
 from rich.console import Console
 
-from firmware_interface.can.baseline import BASELINE_ID, encode_baseline
 from firmware_interface.can.codes import (
     BaselineStatus,
     Cause,
@@ -20,8 +19,15 @@ from firmware_interface.can.codes import (
     Slip,
     State,
 )
-from firmware_interface.can.events import FAULT_ID, HEARTBEAT_ID, encode_fault, encode_heartbeat
 from firmware_interface.can.gait import Gait, Ground
+from firmware_interface.can.reports import (
+    BASELINE_ID,
+    FAULT_ID,
+    HEARTBEAT_ID,
+    encode_baseline,
+    encode_fault,
+    encode_heartbeat,
+)
 from footsense.can.wire import open_wire
 from footsense.cli.monitor import COLUMNS, monitor, monitor_tables
 from footsense.cli.tables import json_row

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from firmware_interface.can.baseline import BASELINE_ID, decode_baseline, encode_baseline
 from firmware_interface.can.codes import (
     USABLE,
     BaselineStatus,
@@ -30,14 +29,6 @@ from firmware_interface.can.commands import (
     encode_command,
 )
 from firmware_interface.can.crc8 import FrameError, protect
-from firmware_interface.can.events import (
-    FAULT_ID,
-    HEARTBEAT_ID,
-    decode_fault,
-    decode_heartbeat,
-    encode_fault,
-    encode_heartbeat,
-)
 from firmware_interface.can.force import (
     FORCE_ID,
     QUALITY_ID,
@@ -55,6 +46,17 @@ from firmware_interface.can.gait import (
     encode_gait,
     encode_gait_event,
     encode_ground,
+)
+from firmware_interface.can.reports import (
+    BASELINE_ID,
+    FAULT_ID,
+    HEARTBEAT_ID,
+    decode_baseline,
+    decode_fault,
+    decode_heartbeat,
+    encode_baseline,
+    encode_fault,
+    encode_heartbeat,
 )
 from firmware_interface.can.socketcan import pack_frame
 from tests.support.can_frames import encode_force, encode_quality
