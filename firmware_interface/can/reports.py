@@ -72,8 +72,8 @@ def encode_fault(node: int, counter: int, state: int, previous: int, fault_mask:
                       7..4  3..0  7..4   3..0
 
     Example:
-        >>> encode_fault(2, 7, State.DEGRADED, State.VALID, 0b1_0000_0001, Cause.ELEMENT_OPEN).hex(" ")
-        'ff a7 01 01 01 07'
+        >>> encode_fault(2, 7, State.DEGRADED, State.VALID, 0b1_0000_0001, Cause.ELEMENT_STUCK).hex(" ")
+        '59 a7 01 01 01 09'
     """
     return protect(
         FAULT_ID + node, _FAULT_STRUCT.pack(state << 4 | counter, previous, fault_mask & 0xFFFF, cause)
