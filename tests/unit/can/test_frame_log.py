@@ -79,7 +79,9 @@ def test_a_full_disk_ends_the_log_and_not_the_forces(
     for scan in range(200):
         robot.publish(scan * 20 * MS)
     assert robot.sink.stats.dropped == 0
-    with pytest.raises(RecordingError, match=rf"{name} ended early: No space left on device; what was sent is not"):
+    with pytest.raises(
+        RecordingError, match=rf"{name} ended early: No space left on device; what was sent is not"
+    ):
         robot.sink.close()
     assert decode_heartbeat(0x701, bytes(robot.heard(0x700)[-1].data))[:2] == (1, NmtState.STOPPED)
     robot.close()
