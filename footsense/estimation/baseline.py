@@ -136,7 +136,9 @@ class BaselineTracker:
         else:
             self._heard_ns.fill(now_ns)
         results = []
-        for leg, tared, is_news in self.tares.add(capacitance_pf, reading, t_ns, unusable):
+        tares = self.tares
+        ended = tares.add(capacitance_pf, reading, t_ns, unusable) if tares.in_progress else ()
+        for leg, tared, is_news in ended:
             if tared.baseline_pf is not None:
                 tared_ns = int(t_ns[leg].max())
                 self._baselines[leg].set_tared(tared.baseline_pf, tared_ns)

@@ -10,7 +10,7 @@ from footsense.estimation.sensitivity import Sensitivity
 from footsense.estimation.settings import ContactLimits, EstimationLimits, MountedFeet, TareLimits
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.files.network_card import TrainedInputs
-from footsense.frames import CapFrame, ContactFrame, Flag, Result
+from footsense.frames import CapFrame, ContactFrame, Flag, Reading, Result
 from footsense.ports import Estimator, LoadEstimate, Window
 
 DESIGN = CapacitorDesign(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0)
@@ -113,3 +113,10 @@ class Feet:
         assert [result for _, result, _ in self.outcomes] == [Result.DONE] * self.n_legs
         self.outcomes.clear()
         return self
+
+
+def unread(scan: CapFrame, leg: int, *elements: int, reading: Reading = Reading.NOT_READY) -> CapFrame:
+    """Take the readings of some elements of a leg away, of all without any named."""
+    chosen = list(elements or range(9))
+    scan.capacitance_pf[leg, chosen], scan.t_ns[leg, chosen], scan.reading[leg, chosen] = np.nan, 0, reading
+    return scan

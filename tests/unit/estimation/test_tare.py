@@ -31,19 +31,6 @@ def test_another_foot_is_refused_by_name() -> None:
     )
 
 
-def test_an_element_that_is_missing_is_left_out() -> None:
-    """Whatever it reads; the others get their baseline, and the reason names it."""
-    for reading in (0.3, np.nan):
-        readings_pf = UNLOADED_PF.copy()
-        readings_pf[4] = reading
-        tared = tare(readings_pf, np.arange(9) == 4)
-        assert tared is not None
-        assert tared.result is Result.DONE
-        assert tared.reason == "tared over 4 scans, 0.00 fF rms without elements 4"
-        assert tared.baseline_pf is not None
-        assert np.isnan(tared.baseline_pf).tolist() == (np.arange(9) == 4).tolist()
-
-
 def test_an_open_element_is_called_open_and_not_loaded() -> None:
     """No load makes a capacitance smaller by half."""
     readings_pf = UNLOADED_PF.copy()

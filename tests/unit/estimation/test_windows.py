@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from footsense.estimation.network import STEADY_AGES_S
 from footsense.frames import USABLE, CapFrame, Cause, Reading, State
-from tests.support.feet import DESIGN, MAX_AGE_NS, SCAN_NS, SIGMA_N, WINDOW, Feet
+from tests.support.feet import DESIGN, MAX_AGE_NS, SCAN_NS, SIGMA_N, WINDOW, Feet, unread
 
 STEP_NS = SCAN_NS // 9
 
@@ -15,13 +15,6 @@ STEP_NS = SCAN_NS // 9
 def states(feet: Feet, n: int, closure_um: float = 2.0) -> list[State]:
     """Return the states of the first leg over n more scans."""
     return [State(int(feet.feed(feet.scan(closure_um)).state[0])) for _ in range(n)]
-
-
-def unread(scan: CapFrame, leg: int, *elements: int, reading: Reading = Reading.NOT_READY) -> CapFrame:
-    """Take the readings of some elements of a leg away, of all without any named."""
-    chosen = list(elements or range(9))
-    scan.capacitance_pf[leg, chosen], scan.t_ns[leg, chosen], scan.reading[leg, chosen] = np.nan, 0, reading
-    return scan
 
 
 def test_the_network_sees_three_readings_with_their_ages() -> None:
