@@ -1,6 +1,8 @@
 """Events of a robot as text for the page: gait events, state changes, command results, lost cycles."""
 
+from collections import deque
 from collections.abc import Sequence
+from itertools import islice
 
 import msgspec
 
@@ -8,6 +10,7 @@ from footsense.frames import (
     FAULT_FREE,
     Cause,
     CommandKind,
+    ContactFrame,
     Cycle,
     Flag,
     GaitEventKind,
@@ -17,21 +20,21 @@ from footsense.frames import (
 from footsense.leg_words import word_of
 
 
-class Event(msgspec.Struct, frozen=True):
-    """Event of a leg or of the service, as text, with time and severity.
+class ViewedEvent(msgspec.Struct, frozen=True):
+    """Event of a leg or of the service, as the page shows it.
 
     Attributes:
-        t_ns: When it happened, in the time of the frames [ns].
-        leg: Row of its leg in the frames; None for the robot as a whole.
+        t: Time since the first cycle [s].
+        leg: Name of its leg; None for the robot as a whole.
         kind: Its kind, one word.
-        severity: `info`, `good`, `warning` or `fault`.
+        level: `info`, `good`, `warning` or `fault`.
         text: The event in words, without the leg.
     """
 
-    t_ns: int
-    leg: int | None
+    t: float
+    leg: str | None
     kind: str
-    severity: str
+    level: str
     text: str
 
 
@@ -43,58 +46,79 @@ _GAIT_TEXTS = {
 }
 
 
-class EventDetector:
-    """Derives the events from successive cycles.
+class EventLog:
+    """Derives the events from successive cycles, and keeps the last ones.
 
     Args:
-        n_legs: Rows of the frames.
+        legs: Name of the leg in each row of the frames.
+        max_kept: Events that are kept at most.
+
+    Attributes:
+        n: Events so far.
     """
 
-    def __init__(self, n_legs: int) -> None:
-        self._n_legs = n_legs
-        self._present = b"", b"", b""
+    def __init__(self, legs: Sequence[str], max_kept: int) -> None:
+        self._legs = legs
+        self._kept: deque[ViewedEvent] = deque(maxlen=max_kept)
+        self._before: ContactFrame | None = None
+        self._first_ns: int | None = None
+        self.n = 0
 
-    def new_events(self, cycle: Cycle) -> list[Event]:
-        """Return the events of the next cycle."""
+    def time_s(self, t_ns: int) -> float:
+        """Return a time of the frames [ns] as time since the first cycle [s]; the first call is that of this cycle."""
+        if self._first_ns is None:
+            self._first_ns = t_ns
+        return (t_ns - self._first_ns) * 1e-9
+
+    def since(self, number: int) -> list[ViewedEvent]:
+        """Return the kept events from a number on."""
+        if number >= self.n:
+            return []
+        return list(islice(self._kept, max(0, len(self._kept) - self.n + number), None))
+
+    def add(self, t_ns: int, leg: int | None, kind: str, level: str, text: str) -> None:
+        """Add an event.
+
+        Args:
+            t_ns: When it happened, in the time of the frames [ns].
+            leg: Row of its leg; None for the robot as a whole.
+            kind: Its kind, one word.
+            level: `info`, `good`, `warning` or `fault`.
+            text: The event in words, without the leg.
+        """
+        name = None if leg is None else self._legs[leg]
+        self._kept.append(ViewedEvent(self.time_s(t_ns), name, kind, level, text))
+        self.n += 1
+
+    def add_cycle(self, cycle: Cycle) -> None:
+        """Add the events of the next cycle."""
         forces = cycle.forces
-        now_ns = forces.t_sent_ns
-        events = []
-        if forces.gait is not None:
-            for event in forces.gait.events:
-                kind, level, text = _GAIT_TEXTS[GaitEventKind(event.kind)]
-                text += f" (\u00b1{event.sigma_s * 1e3:.1f} ms)" if event.sigma_s > 0 else ""
-                events.append(Event(event.t_ns, event.leg, kind, level, text))
-        present = forces.state.tobytes(), forces.cause.tobytes(), forces.flags.tobytes()
-        if present != self._present:
-            events += self._state_changes(now_ns, present)
-            self._present = present
+        for event in forces.gait.events if forces.gait is not None else ():
+            kind, level, text = _GAIT_TEXTS[GaitEventKind(event.kind)]
+            text += f" (\u00b1{event.sigma_s * 1e3:.1f} ms)" if event.sigma_s > 0 else ""
+            self.add(event.t_ns, event.leg, kind, level, text)
+        if self._before is not None:
+            self._add_changes(self._before, forces)
+        self._before = forces
         for outcome in cycle.ended_commands:
             command = CommandKind(outcome.command.kind).name.lower()
-            is_done = outcome.result is Result.DONE
-            text = f"{command} {'done' if is_done else 'refused'}: {outcome.reason}"
-            events.append(
-                Event(now_ns, outcome.command.leg, "command", "good" if is_done else "warning", text)
-            )
-        return events
+            level, result = ("good", "done") if outcome.result is Result.DONE else ("warning", "refused")
+            text = f"{command} {result}: {outcome.reason}"
+            self.add(forces.t_sent_ns, outcome.command.leg, "command", level, text)
 
-    def _state_changes(self, now_ns: int, present: Sequence[bytes]) -> list[Event]:
-        """Return the changes of leg states, causes and timing flags; none in the first cycle."""
-        if not self._present[0]:
-            return []
-        events = []
-        for leg in range(self._n_legs):
-            state, cause = State(present[0][leg]), Cause(present[1][leg])
-            before = State(self._present[0][leg]), Cause(self._present[1][leg])
-            if (state, cause) != before:
-                level = "good" if state is State.VALID else "info" if state in FAULT_FREE else "fault"
-                if state is State.DEGRADED or (cause and level != "fault"):
-                    level = "warning"
-                text = word_of(state) + (f": {word_of(cause)}" if cause else "")
-                events.append(Event(now_ns, leg, "state", level, text))
+    def _add_changes(self, before: ContactFrame, forces: ContactFrame) -> None:
+        """Add the changes of leg states, causes and timing flags."""
+        changed = (forces.state != before.state) | (forces.cause != before.cause)
+        for leg in changed.nonzero()[0].tolist():
+            state, cause = State(int(forces.state[leg])), Cause(int(forces.cause[leg]))
+            level = "good" if state is State.VALID else "info" if state in FAULT_FREE else "fault"
+            if state is State.DEGRADED or (cause and level != "fault"):
+                level = "warning"
+            text = word_of(state) + (f": {word_of(cause)}" if cause else "")
+            self.add(forces.t_sent_ns, leg, "state", level, text)
         degraded, was_degraded = (
-            any(flag & Flag.DEGRADED_TIMING for flag in flags) for flags in (present[2], self._present[2])
+            bool((frame.flags & Flag.DEGRADED_TIMING).any()) for frame in (forces, before)
         )
         if degraded != was_degraded:
             level, text = ("warning", "timing degraded") if degraded else ("good", "timing as requested")
-            events.append(Event(now_ns, None, "timing", level, text))
-        return events
+            self.add(forces.t_sent_ns, None, "timing", level, text)

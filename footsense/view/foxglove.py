@@ -9,27 +9,10 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
+import foxglove.messages as fox
 import numpy as np
 from foxglove import Channel, Context, Schema, StatusLevel, set_log_level, start_server
 from foxglove.channels import FrameTransformsChannel, GridChannel, SceneUpdateChannel
-from foxglove.messages import (
-    ArrowPrimitive,
-    Color,
-    Duration,
-    FrameTransform,
-    FrameTransforms,
-    Grid,
-    PackedElementField,
-    PackedElementFieldNumericType,
-    Pose,
-    Quaternion,
-    SceneEntity,
-    SceneUpdate,
-    TextPrimitive,
-    Timestamp,
-    Vector2,
-    Vector3,
-)
 
 from footsense import __version__
 from footsense.frames import State, Vector
@@ -38,6 +21,8 @@ from footsense.recording import messages
 from footsense.view.live import LiveSource, ViewedCycle
 from footsense.view.signals import CLOSURE_COLUMNS, Table
 
+#: Cycles at most that are handed to the SDK at once, if this process was held up.
+_MAX_LAG_CYCLES = 128
 #: Messages that the SDK keeps for a slow client; then it drops the oldest.
 _BACKLOG_MESSAGES = 512
 #: Least time between two pictures of the scene [ns]: 30 in a second.
@@ -102,11 +87,11 @@ class FoxgloveFeed:
         """Hand the cycles that are new to the SDK, as far as a client has subscribed; without a service, say so."""
         live = self._live
         if live.service != self._service:
-            self._service = live.service
+            self._service, self._next = live.service, 0
             for topic in self._topics:
                 topic.channel.close()
             self._topics = [*self._recording_topics(), *self._picture_topics()]
-        new = [viewed for viewed in live.cycles if viewed.number >= self._next]
+        new = live.cycles_since(self._next, _MAX_LAG_CYCLES)
         if new:
             self._next = new[-1].number + 1
         subscribed = [topic for topic in self._topics if topic.channel.has_sinks()]
@@ -157,23 +142,23 @@ class FoxgloveFeed:
         for row, leg in enumerate(legs):
             grids = GridChannel(f"/closure/{leg}", context=self._context)
 
-            def grid(viewed: ViewedCycle, row: int = row, leg: str = leg) -> list[Grid]:
+            def grid(viewed: ViewedCycle, row: int = row, leg: str = leg) -> list[fox.Grid]:
                 return [_closure_grid(viewed.table[row, CLOSURE_COLUMNS], leg, _stamp(viewed))]
 
             topics.append(_Topic(grids, grid, is_picture=True))
         return topics
 
 
-def _scene(viewed: ViewedCycle, legs: Sequence[str]) -> SceneUpdate:
+def _scene(viewed: ViewedCycle, legs: Sequence[str]) -> fox.SceneUpdate:
     """Return an arrow for the force on each foot, and a label with name and state."""
     forces, stamp = viewed.cycle.forces, _stamp(viewed)
     entities = []
     for row, leg in enumerate(legs):
         state, force_n = State(int(forces.state[row])), forces.force_n[row]
         red, green, blue = _PHASE_COLOURS.get(phase_of(state), _FAULT_COLOUR)
-        colour = Color(r=red, g=green, b=blue, a=1.0)
+        colour = fox.Color(r=red, g=green, b=blue, a=1.0)
         is_known = bool(np.isfinite(force_n).all())
-        label = TextPrimitive(
+        label = fox.TextPrimitive(
             pose=_pose(leg, above_m=_LABEL_HEIGHT_M),
             billboard=True,
             font_size=14.0,
@@ -181,23 +166,23 @@ def _scene(viewed: ViewedCycle, legs: Sequence[str]) -> SceneUpdate:
             color=colour,
             text=f"{leg} {force_n[2]:.2f} N" if is_known else f"{leg} {word_of(state)}",
         )
-        entity = SceneEntity(
+        entity = fox.SceneEntity(
             timestamp=stamp,
             frame_id=_ROBOT_FRAME,
             id=leg,
-            lifetime=Duration(1),
+            lifetime=fox.Duration(1),
             arrows=[_arrow(leg, force_n, colour)] if is_known and force_n.any() else [],
             texts=[label],
         )
         entities.append(entity)
-    return SceneUpdate(entities=entities)
+    return fox.SceneUpdate(entities=entities)
 
 
-def _arrow(leg: str, force_n: Vector, colour: Color) -> ArrowPrimitive:
+def _arrow(leg: str, force_n: Vector, colour: fox.Color) -> fox.ArrowPrimitive:
     length_m = max(float(np.linalg.norm(force_n)) * _ARROW_M_PER_N, 1e-6)
     x, y, z, w = orientation(force_n)
-    return ArrowPrimitive(
-        pose=_pose(leg, Quaternion(x=x, y=y, z=z, w=w)),
+    return fox.ArrowPrimitive(
+        pose=_pose(leg, fox.Quaternion(x=x, y=y, z=z, w=w)),
         shaft_length=0.8 * length_m,
         shaft_diameter=0.006,
         head_length=0.2 * length_m,
@@ -224,50 +209,50 @@ def orientation(direction: Vector) -> tuple[float, float, float, float]:
     return 0.0, -sine * (z / across), sine * (y / across), across / (2.0 * sine)
 
 
-def _closure_grid(closure_rel: Table, leg: str, stamp: Timestamp) -> Grid:
+def _closure_grid(closure_rel: Table, leg: str, stamp: fox.Timestamp) -> fox.Grid:
     """Return a foot's closures over the gap [1], shape (9,); NaN where unknown.
 
     A grid's columns go along x, forward, and its rows along y, to the left; ours run the other way.
     """
     cells = closure_rel.reshape(3, 3)[::-1, ::-1].T.astype("<f4")
     x_m, y_m, z_m = DISPLAYED_FOOT_POSITIONS_M[leg]
-    corner = Vector3(x=x_m - _GRID_SIDE_M / 2, y=y_m - _GRID_SIDE_M / 2, z=z_m)
-    return Grid(
+    corner = fox.Vector3(x=x_m - _GRID_SIDE_M / 2, y=y_m - _GRID_SIDE_M / 2, z=z_m)
+    return fox.Grid(
         timestamp=stamp,
         frame_id=_ROBOT_FRAME,
-        pose=Pose(position=corner, orientation=Quaternion(w=1.0)),
+        pose=fox.Pose(position=corner, orientation=fox.Quaternion(w=1.0)),
         column_count=3,
-        cell_size=Vector2(x=_GRID_SIDE_M / 3, y=_GRID_SIDE_M / 3),
+        cell_size=fox.Vector2(x=_GRID_SIDE_M / 3, y=_GRID_SIDE_M / 3),
         row_stride=12,
         cell_stride=4,
-        fields=[PackedElementField(name="closure", type=PackedElementFieldNumericType.Float32)],
+        fields=[fox.PackedElementField(name="closure", type=fox.PackedElementFieldNumericType.Float32)],
         data=cells.tobytes(),
     )
 
 
-def _foot_poses(viewed: ViewedCycle, legs: Sequence[str]) -> FrameTransforms:
-    return FrameTransforms(
+def _foot_poses(viewed: ViewedCycle, legs: Sequence[str]) -> fox.FrameTransforms:
+    return fox.FrameTransforms(
         transforms=[
-            FrameTransform(
+            fox.FrameTransform(
                 timestamp=_stamp(viewed),
                 parent_frame_id=_ROBOT_FRAME,
                 child_frame_id=leg,
                 translation=_position(leg),
-                rotation=Quaternion(w=1.0),
+                rotation=fox.Quaternion(w=1.0),
             )
             for leg in legs
         ]
     )
 
 
-def _position(leg: str, above_m: float = 0.0) -> Vector3:
+def _position(leg: str, above_m: float = 0.0) -> fox.Vector3:
     x_m, y_m, z_m = DISPLAYED_FOOT_POSITIONS_M[leg]
-    return Vector3(x=x_m, y=y_m, z=z_m + above_m)
+    return fox.Vector3(x=x_m, y=y_m, z=z_m + above_m)
 
 
-def _pose(leg: str, rotation: Quaternion | None = None, above_m: float = 0.0) -> Pose:
-    return Pose(position=_position(leg, above_m), orientation=rotation or Quaternion(w=1.0))
+def _pose(leg: str, rotation: fox.Quaternion | None = None, above_m: float = 0.0) -> fox.Pose:
+    return fox.Pose(position=_position(leg, above_m), orientation=rotation or fox.Quaternion(w=1.0))
 
 
-def _stamp(viewed: ViewedCycle) -> Timestamp:
-    return Timestamp(*divmod(viewed.cycle.forces.t_sent_ns, 1_000_000_000))
+def _stamp(viewed: ViewedCycle) -> fox.Timestamp:
+    return fox.Timestamp(*divmod(viewed.cycle.forces.t_sent_ns, 1_000_000_000))

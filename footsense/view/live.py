@@ -1,6 +1,7 @@
 """Live data source of the page: reads the running service's ring, also after its restarts."""
 
 from collections import deque
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,9 +14,8 @@ from footsense.frames import ELEMENTS, CanStatistics, Cycle
 from footsense.ports import Clock
 from footsense.ring.cycle_reader import CycleReader
 from footsense.ring.records import LostCycles
-from footsense.view.closures import ClosureConverter
-from footsense.view.events import Event, EventDetector
-from footsense.view.signals import SignalTableBuilder, Table
+from footsense.view.events import EventLog
+from footsense.view.signals import SignalTables, Table
 
 #: Cycles that are kept for viewers [1]: a browser that comes back gets these, and no backlog.
 _MAX_KEPT_CYCLES = 512
@@ -28,7 +28,7 @@ class ViewedCycle(NamedTuple):
     """One live cycle with its number, time, and table of signals.
 
     Attributes:
-        number: Its number since this process began.
+        number: Its number since the service was found.
         t_s: Time since the first cycle of the service that was seen [s].
         cycle: The cycle.
         table: Its signals.
@@ -49,13 +49,9 @@ class LiveSource:
 
     Attributes:
         service: Number of the service that is followed; 0 before the first, one more with each restart.
-        header: Header of its cycles; empty before the first.
-        legs: Names of its legs.
-        cycles: The last cycles, oldest first.
-        events: Its last events, oldest first, each with its number since this process began.
-        n_missed: Cycles that were overwritten before they were read.
+        legs: Names of its legs; empty before the first.
+        events: Its last events.
         problem: Why no cycles come; empty while they do.
-        can: Counts of its CAN channel.
     """
 
     def __init__(self, path: Path | None, clock: Clock) -> None:
@@ -63,16 +59,14 @@ class LiveSource:
         self._clock = clock
         self._reader: CycleReader | None = None
         self._look_ns = 0
-        self._n = self._n_events = 0
-        self._first_ns = 0
+        self._scene: dict[str, Any] = {}
+        self._can = CanStatistics()
+        self._cycles: deque[ViewedCycle] = deque(maxlen=_MAX_KEPT_CYCLES)
+        self._n = 0
         self.service = 0
-        self.header: dict[str, str] = {}
         self.legs: tuple[str, ...] = ()
-        self.cycles: deque[ViewedCycle] = deque(maxlen=_MAX_KEPT_CYCLES)
-        self.events: deque[tuple[int, Event]] = deque(maxlen=_MAX_KEPT_EVENTS)
-        self.n_missed = 0
+        self.events = EventLog((), 0)
         self.problem = ""
-        self.can = CanStatistics()
 
     def poll(self) -> None:
         """Read the new cycles; without a service, look for one from time to time."""
@@ -86,76 +80,67 @@ class LiveSource:
             entries = self._reader.read()
         except FootsenseError as error:
             self.problem = str(error)
-            self._close()
+            self.close()
             return
         status = self._reader.status
         unknown_pf = np.full((len(self.legs), ELEMENTS), np.nan)
         baseline_pf = unknown_pf if status is None else status.baseline_pf
         for entry in entries:
             if isinstance(entry, LostCycles):
-                self.n_missed += entry.n_cycles
                 continue
             cycle = entry.cycle
-            if not self._first_ns:
-                self._first_ns = cycle.forces.t_sent_ns
-            table = self._table.table(cycle, self._closures.closure_rel(cycle, baseline_pf))
-            t_s = (cycle.forces.t_sent_ns - self._first_ns) * 1e-9
-            self.cycles.append(ViewedCycle(self._n, t_s, cycle, table))
+            t_s = self.events.time_s(cycle.forces.t_sent_ns)
+            self._cycles.append(ViewedCycle(self._n, t_s, cycle, self._tables.table(cycle, baseline_pf)))
             self._n += 1
-            for event in self._log.new_events(cycle):
-                self.events.append((self._n_events, event))
-                self._n_events += 1
-
-    def event_time_s(self, event: Event) -> float:
-        """Return the time of an event on the time axis of the cycles [s]."""
-        return (event.t_ns - self._first_ns) * 1e-9
+            self.events.add_cycle(cycle)
 
     def _find_service(self) -> None:
         """Open the ring of a service; notice if the service has ended."""
         if self._reader is not None and self._reader.is_still_written():
             if self._reader.status is not None:
-                self.can = self._reader.status.can
+                self._can = self._reader.status.can
             return
         ended = self._reader is not None
-        self._close()
+        self.close()
         try:
             reader = CycleReader(self._path)
-            elements = msgspec.json.decode(reader.header[CLOSURE_CONVERSION_KEY], type=ClosureConversion)
+            conversion = msgspec.json.decode(reader.header[CLOSURE_CONVERSION_KEY], type=ClosureConversion)
+            self._scene = msgspec.json.decode(reader.header.get("scene") or "{}", type=dict[str, Any])
         except (KeyError, msgspec.MsgspecError) as error:
             self.problem = f"{reader.path}: its header is of another version of footsense ({error})"
             return
         except FootsenseError as error:
             self.problem = "the service has ended" if ended or self.service else f"no service runs: {error}"
             return
-        self._reader = reader
-        self._closures = ClosureConverter(elements)
-        self._table = SignalTableBuilder(len(reader.legs))
-        self._log = EventDetector(len(reader.legs))
-        self.header, self.legs = reader.header, reader.legs
-        self.cycles.clear()
-        self.events.clear()
-        self._first_ns, self.n_missed, self.problem = 0, 0, ""
+        self._reader, self.legs = reader, reader.legs
+        self._tables = SignalTables(conversion)
+        self.events = EventLog(self.legs, _MAX_KEPT_EVENTS)
+        self._cycles.clear()
+        self._n, self.problem = 0, ""
         self.service += 1
 
-    def _close(self) -> None:
-        if self._reader is not None:
-            self._reader.close()
-            self._reader = None
+    def cycles_since(self, number: int, max_cycles: int) -> list[ViewedCycle]:
+        """Return the kept cycles from a number on, the newest if there are more than `max_cycles`."""
+        n_new = min(self._n - number, len(self._cycles), max_cycles)
+        return list(islice(self._cycles, len(self._cycles) - n_new, None)) if n_new > 0 else []
+
+    def description(self) -> dict[str, Any]:
+        """Return what the page shows of the service, as JSON values."""
+        title = (
+            self._scene.get("description", "")
+            if self._scene
+            else "on the robot"
+            if self.legs
+            else "no service"
+        )
+        return {"mode": "live", "title": title, "legs": self.legs, "simulated": bool(self._scene)}
 
     def status(self) -> dict[str, Any]:
         """Return the status that the page shows beside the cycles, as JSON values."""
-        can = self.can
-        return {
-            "problem": self.problem,
-            "n_missed": self.n_missed,
-            "can": {
-                "sent": can.sent,
-                "dropped": can.dropped,
-                "bus_off": can.bus_off,
-                "error_passive": can.error_passive,
-            },
-        }
+        return {"problem": self.problem, "can_sent": self._can.sent, "bus_off": self._can.bus_off}
 
     def close(self) -> None:
         """Close the ring."""
-        self._close()
+        if self._reader is not None:
+            self._reader.close()
+            self._reader = None

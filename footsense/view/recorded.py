@@ -3,31 +3,23 @@
 import math
 import tempfile
 import threading
+from collections import deque
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
 import zstandard
 from mcap.reader import make_reader
 
-from footsense.config import Config
-from footsense.daemon.models import load_models
-from footsense.daemon.recording_header import (
-    CLOSURE_CONVERSION_KEY,
-    ClosureConversion,
-    closure_conversion,
-    recorded_config,
-)
-from footsense.errors import FootsenseError, RecordingError
-from footsense.frames import ELEMENTS, Cycle
+from footsense.daemon.recording_header import CLOSURE_CONVERSION_KEY, ClosureConversion, recorded_config
+from footsense.errors import RecordingError
+from footsense.frames import ELEMENTS, CommandKind, Cycle, Result, Vector
 from footsense.recording.replay import Replay
 from footsense.ring.records import LostCycles
-from footsense.view.closures import ClosureConverter, ReconstructedBaselines
-from footsense.view.events import Event, EventDetector
-from footsense.view.page_messages import encode_cycles
-from footsense.view.signals import SignalTableBuilder, Table
+from footsense.view.events import EventLog
+from footsense.view.signals import SignalTables, Table, encode_cycles
 
 #: Events of a recording at most that a page is sent [1]: an hour of walking has 40 000.
 _MAX_EVENTS = 100_000
@@ -40,53 +32,45 @@ class RecordingSource:
         path: The recording.
 
     Attributes:
+        service: Number of the service that is shown, as of `LiveSource`: it never changes.
         path: The recording.
-        header: Entries of its header.
-        legs: Names of its legs.
         total_s: Length by its index [s]; 0 without an index.
-        end_s: Length of the part that has been read [s].
-        done: Whether all of it has been read.
-        damage: Why it ends early, or what is unknown of it; empty if nothing.
-        events: Its events with their times since its begin [s], as far as it has been read.
+        events: Its events, as far as it has been read.
 
     Raises:
         RecordingError: The file is missing, or no recording.
     """
 
+    service = 1
+
     def __init__(self, path: Path) -> None:
         self._replay = Replay(path)
         self.path = path
-        self.header, self.legs = self._replay.header, self._replay.legs
-        config = recorded_config(self._replay)
-        self.damage = ""
-        self._closures = ClosureConverter(self._closure_conversion(config))
-        self._baselines = ReconstructedBaselines(self._closures.stray_pf, config.tare.window_scans)
-        self._table = SignalTableBuilder(len(self.legs))
-        self._log = EventDetector(len(self.legs))
+        self._damage = ""
+        self._tables = SignalTables(self._closure_conversion())
+        window_scans = recorded_config(self._replay).tare.window_scans
+        self._baselines = ReconstructedBaselines(self._tables.stray_pf, window_scans)
         self.total_s = _recording_duration_s(path)
-        self.end_s = 0.0
-        self.done = False
-        self.events: list[tuple[float, Event]] = []
+        self._end_s = 0.0
+        self._done = False
+        self.events = EventLog(self._replay.legs, _MAX_EVENTS)
         self._file = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `close`
         self._lock = threading.Lock()
         self._places: list[tuple[int, int]] = []
         self._compressor = zstandard.ZstdCompressor(level=1)
-        self._times_s: list[float] = []
-        self._tables: list[Table] = []
-        self._first_ns: int | None = None
+        self._second: list[tuple[float, Table]] = []
         self._stopped = False
 
-    def _closure_conversion(self, config: Config) -> ClosureConversion:
-        """Return the closure parameters from the header, or from the models for old recordings."""
-        if CLOSURE_CONVERSION_KEY in self.header:
-            with suppress(msgspec.MsgspecError):
-                return msgspec.json.decode(self.header[CLOSURE_CONVERSION_KEY], type=ClosureConversion)
+    def _closure_conversion(self) -> ClosureConversion:
+        """Return the closure parameters from the header."""
         try:
-            return closure_conversion(load_models(config))
-        except FootsenseError as error:
-            self.damage = f"the closures of the gaps are unknown: {error}"
-            unknown = np.full((len(self.legs), ELEMENTS), np.nan)
-            return ClosureConversion(np.zeros_like(unknown).tolist(), unknown.tolist())
+            return msgspec.json.decode(self._replay.header[CLOSURE_CONVERSION_KEY], type=ClosureConversion)
+        except (KeyError, msgspec.MsgspecError):
+            self._damage = (
+                "the closures of the gaps are unknown: the header does not tell how to compute them"
+            )
+            unknown = np.full((len(self._replay.legs), ELEMENTS), np.nan).tolist()
+            return ClosureConversion(unknown, unknown)
 
     def read(self, on_progress: Callable[[float], None] = lambda _: None) -> None:
         """Read the recording to its end or first damage.
@@ -99,67 +83,102 @@ class RecordingSource:
                 if self._stopped:
                     return
                 if isinstance(entry, LostCycles):
-                    self._add_event(
-                        Event(
-                            entry.next_t_sent_ns, None, "loss", "fault", f"{entry.n_cycles} cycles were lost"
-                        )
-                    )
+                    text = f"{entry.n_cycles} cycles were lost"
+                    self.events.add(entry.next_t_sent_ns, None, "loss", "fault", text)
                 else:
                     self._add_cycle(entry.cycle, on_progress)
         except RecordingError as error:
-            self.damage = str(error)
+            self._damage = str(error)
         self._store_second()
-        self.done = True
-        on_progress(self.end_s)
+        self._done = True
+        on_progress(self._end_s)
 
     def _add_cycle(self, cycle: Cycle, on_progress: Callable[[float], None]) -> None:
-        if self._first_ns is None:
-            self._first_ns = cycle.forces.t_sent_ns
-        t_s = (cycle.forces.t_sent_ns - self._first_ns) * 1e-9
+        t_s = self.events.time_s(cycle.forces.t_sent_ns)
         while math.floor(t_s) > len(self._places) and not self._stopped:
             self._store_second()
-            on_progress(self.end_s)
-        baseline_pf = self._baselines.baseline_pf_after(cycle)
-        self._times_s.append(t_s)
-        self._tables.append(self._table.table(cycle, self._closures.closure_rel(cycle, baseline_pf)))
-        self.end_s = t_s
-        for event in self._log.new_events(cycle):
-            self._add_event(event)
-
-    def _add_event(self, event: Event) -> None:
-        if len(self.events) < _MAX_EVENTS:
-            self.events.append(((event.t_ns - (self._first_ns or event.t_ns)) * 1e-9, event))
+            on_progress(self._end_s)
+        self._second.append((t_s, self._tables.table(cycle, self._baselines.baseline_pf_after(cycle))))
+        self._end_s = t_s
+        self.events.add_cycle(cycle)
 
     def _store_second(self) -> None:
-        packed = self._compressor.compress(encode_cycles(1 + len(self._places), self._times_s, self._tables))
+        times_s, tables = [t_s for t_s, _ in self._second], [table for _, table in self._second]
+        packed = self._compressor.compress(encode_cycles(1 + len(self._places), times_s, tables))
         with self._lock:
             if self._stopped:
                 return
             place = self._file.seek(0, 2)
             self._file.write(packed)
         self._places.append((place, len(packed)))
-        self._times_s, self._tables = [], []
+        self._second = []
 
-    def encoded_second(self, number: int) -> bytes:
-        """Return one second of the recording as a binary message; empty if there is none."""
+    def encoded_second(self, number: int) -> list[bytes]:
+        """Return the binary message of one second of the recording; an empty list if there is no such second."""
         if not 0 <= number < len(self._places):
-            return b""
+            return []
         place, length = self._places[number]
         with self._lock:
             self._file.seek(place)
             packed = self._file.read(length)
-        return zstandard.ZstdDecompressor().decompress(packed)
+        return [zstandard.ZstdDecompressor().decompress(packed)]
 
-    @property
-    def n_seconds(self) -> int:
-        """Number of seconds of the recording read so far."""
-        return len(self._places)
+    def description(self) -> dict[str, Any]:
+        """Return what the page shows of the recording, as JSON values."""
+        simulated = bool(self._replay.header.get("scene"))
+        return {"mode": "replay", "title": self.path.name, "legs": self._replay.legs, "simulated": simulated}
+
+    def status(self) -> dict[str, Any]:
+        """Return how much has been read, as JSON values."""
+        return {
+            "problem": self._damage,
+            "end": self._end_s if self._done else float(len(self._places)),
+            "total": self.total_s,
+            "done": self._done,
+        }
 
     def close(self) -> None:
         """Stop reading, and delete the temporary file."""
         with self._lock:
             self._stopped = True
             self._file.close()
+
+
+class ReconstructedBaselines:
+    """Baselines of a recording, reconstructed from tares and mean drift, as recordings do not contain them.
+
+    A tare is the mean of the scans before its result. Drift tracking moves the elements of a leg nearly alike: its
+    mean is added to each.
+
+    Args:
+        stray_pf: Capacitance in parallel with each element [pF], shape (legs, elements).
+        window_scans: Scans that a tare averages.
+    """
+
+    def __init__(self, stray_pf: Vector, window_scans: int) -> None:
+        self._stray_pf = stray_pf
+        self._tared_pf = np.full(stray_pf.shape, np.nan)
+        self._windows = [deque[Vector](maxlen=window_scans) for _ in stray_pf]
+        self._newest_ns = [0] * len(stray_pf)
+
+    def baseline_pf_after(self, cycle: Cycle) -> Vector:
+        """Return the baselines after the next cycle, without stray [pF], shape (legs, elements).
+
+        Returns:
+            The baselines, shape (legs, elements), NaN before the first tare.
+        """
+        scan = cycle.scan
+        oldest, newest = scan.t_ns.min(axis=1).tolist(), scan.t_ns.max(axis=1).tolist()
+        for leg, window in enumerate(self._windows):
+            if oldest[leg] > self._newest_ns[leg]:  # every element has been read anew
+                self._newest_ns[leg] = newest[leg]
+                window.append(scan.capacitance_pf[leg] - self._stray_pf[leg])
+        for outcome in cycle.ended_commands:
+            if outcome.command.kind is CommandKind.TARE and outcome.result is Result.DONE:
+                leg = outcome.command.leg
+                self._tared_pf[leg] = np.mean(self._windows[leg], axis=0)
+        drift_pf = np.nan_to_num(cycle.forces.baseline.mean_pf)
+        return self._tared_pf + drift_pf[:, None]
 
 
 def _recording_duration_s(path: Path) -> float:

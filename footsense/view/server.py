@@ -13,7 +13,7 @@ from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager, suppress
 from http import HTTPStatus
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from websockets.asyncio.client import connect
 from websockets.asyncio.connection import Connection
@@ -23,16 +23,15 @@ from websockets.http11 import Request, Response
 from websockets.typing import Subprotocol
 
 from footsense.errors import ConfigError
-from footsense.view.access import (
-    FOXGLOVE_ORIGINS,
-    MAX_CLIENTS,
+from footsense.view.http_answers import (
+    PageFiles,
     is_allowed_origin,
     is_own_host,
     own_host_names,
+    text_response,
 )
-from footsense.view.assets import PageFiles, text_response
 from footsense.view.live import LiveSource
-from footsense.view.page_session import LivePageSession, MessageSender, RecordingPageSession, WakeUpSignal
+from footsense.view.page_session import PageSession
 from footsense.view.recorded import RecordingSource
 
 if TYPE_CHECKING:
@@ -40,6 +39,8 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 
+#: Connections at most: pages and Foxglove's programs together.
+MAX_CLIENTS = 16
 #: Period of polling the cycles while somebody looks [s]: 60 pictures a second.
 _POLL_PERIOD_S = 0.015
 #: Bytes towards a client that waits, from which the sender waits too.
@@ -54,6 +55,10 @@ _CLOSE_CODE_POLICY_VIOLATION = 1008
 PAGE_PROTOCOL = Subprotocol("footsense.view.v1")
 #: Both names of one protocol: that of Foxglove since 2025 and its SDK, and that of older Lichtblicks and PlotJuggler.
 FOXGLOVE_PROTOCOLS = (Subprotocol("foxglove.sdk.v1"), Subprotocol("foxglove.websocket.v1"))
+#: Origins of Foxglove's and Lichtblick's own pages and desktop applications, which may read by this protocol.
+_FOXGLOVE_ORIGINS = frozenset(
+    {"https://app.foxglove.dev", "https://studio.foxglove.dev", "http://localhost:8080", "file://"}
+)
 
 
 class ViewServer:
@@ -70,10 +75,10 @@ class ViewServer:
         origins: Sequence[str] = (),
     ) -> None:
         self._source = source
-        self._origins = {*FOXGLOVE_ORIGINS, *origins}
-        self._assets = PageFiles()
+        self._origins = {*_FOXGLOVE_ORIGINS, *origins}
+        self._files = PageFiles()
         self._names = own_host_names()
-        self._pulse = WakeUpSignal()
+        self._has_polled = asyncio.Condition()
         self._n_clients = 0
         self._foxglove: FoxgloveFeed | None = None
 
@@ -135,7 +140,8 @@ class ViewServer:
                     self._source.poll()
                 if self._foxglove is not None:
                     self._foxglove.publish()
-                self._pulse.wake_all()
+                async with self._has_polled:
+                    self._has_polled.notify_all()
             await asyncio.sleep(_POLL_PERIOD_S)
 
     def _answer_http(self, connection: ServerConnection, request: Request) -> Response | None:
@@ -145,24 +151,22 @@ class ViewServer:
         if not is_own_host(host, self._names):
             return text_response(
                 HTTPStatus.MISDIRECTED_REQUEST,
-                "footsense view: Host is none of this computer's names; use its IP address",
+                "Host is none of this computer's names; use its IP address",
             )
         if request.headers.get("Upgrade", "").lower() != "websocket":
-            return self._assets.response(request.path)
+            return self._files.response(request.path)
         asked = {name.strip() for name in request.headers.get("Sec-WebSocket-Protocol", "").split(",")}
         others = () if PAGE_PROTOCOL in asked else self._origins
         if not is_allowed_origin(request.headers.get("Origin"), host, others):
-            return text_response(
-                HTTPStatus.FORBIDDEN, "footsense view: pages of other origins may not read this"
-            )
+            return text_response(HTTPStatus.FORBIDDEN, "pages of other origins may not read this")
         if self._n_clients >= MAX_CLIENTS:
             return text_response(
-                HTTPStatus.SERVICE_UNAVAILABLE, f"footsense view: {MAX_CLIENTS} viewers are connected already"
+                HTTPStatus.SERVICE_UNAVAILABLE, f"{MAX_CLIENTS} viewers are connected already"
             )
         problem = self._foxglove_problem() if asked.intersection(FOXGLOVE_PROTOCOLS) else ""
         if problem:
             _log.warning("no connection to Foxglove: %s", problem)
-            return text_response(HTTPStatus.NOT_IMPLEMENTED, f"footsense view: {problem}")
+            return text_response(HTTPStatus.NOT_IMPLEMENTED, problem)
         return None
 
     def _foxglove_problem(self) -> str:
@@ -210,16 +214,12 @@ class ViewServer:
                 answers.cancel()
 
     async def _serve_page(self, connection: ServerConnection) -> None:
-        source = self._source
-        client: PageSession
-        client = (
-            RecordingPageSession(source) if isinstance(source, RecordingSource) else LivePageSession(source)
-        )
-        sender = asyncio.create_task(self._send(connection, client))
+        page = PageSession(self._source)
+        sender = asyncio.create_task(self._send_new(connection, page))
         try:
             async for text in connection:
                 try:
-                    answers = client.handle_message(text)
+                    answers = page.handle_message(text)
                 except ValueError as error:
                     _log.warning("a viewer sent no message of its protocol, and was dismissed: %s", error)
                     await connection.close(_CLOSE_CODE_POLICY_VIOLATION, "no message of this protocol")
@@ -229,12 +229,13 @@ class ViewServer:
         finally:
             sender.cancel()
 
-    async def _send(self, connection: ServerConnection, client: "PageSession") -> None:
+    async def _send_new(self, connection: ServerConnection, page: PageSession) -> None:
         loop = asyncio.get_running_loop()
         with suppress(ConnectionClosed):
             while True:
-                await client.send_new(connection, loop.time())
-                await self._pulse.wait()
+                await page.send_new(connection, loop.time())
+                async with self._has_polled:
+                    await self._has_polled.wait()
 
 
 async def _forward(source: Connection, target: Connection) -> None:
@@ -243,24 +244,3 @@ async def _forward(source: Connection, target: Connection) -> None:
         async for message in source:
             await target.send(message)
     await target.close()
-
-
-class PageSession(Protocol):
-    """Interface of the session of a page: of a service, or of a recording."""
-
-    def handle_message(self, text: str | bytes) -> Sequence[str | bytes]:
-        """Process a message of the client; return the answers.
-
-        Raises:
-            ValueError: It is none of its protocol.
-        """
-        ...
-
-    async def send_new(self, connection: MessageSender, now_s: float) -> None:
-        """Send what is new.
-
-        Args:
-            connection: The client.
-            now_s: The time of the event loop [s].
-        """
-        ...

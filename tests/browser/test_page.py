@@ -97,7 +97,7 @@ def test_the_cells_of_a_foot(browser: Browser, cycles: Path, url: str) -> None:
         assert np.subtract(frame[2:], last[2:]) == pytest.approx(np.subtract(first[:2], frame[:2]))
         assert np.add(last[:2], last[2:]) == pytest.approx(np.add(cross[:2], cross[2:]))
         assert cell_colour(browser, "rm", 7) != cell_colour(browser, "rm", 0)
-        browser.js("document.querySelector('[data-signal=closure_middle]').click()")
+        browser.js("document.querySelector('[data-signal=closure_4]').click()")
         browser.wait("footsense.plot.pairs.length === 12", service.publish)
         assert browser.js("return document.querySelectorAll('#chart .uplot').length") == 1
         assert browser.errors() == []

@@ -5,8 +5,8 @@ import json
 from hypothesis import given
 from hypothesis import strategies as st
 
-from footsense.view.access import is_allowed_origin, is_own_host
-from footsense.view.page_messages import Request, decode_request
+from footsense.view.http_answers import is_allowed_origin, is_own_host
+from footsense.view.page_session import Request, decode_request
 from tests.fuzz.outcome import TRIED, refusal
 from tests.fuzz.test_texts import anything
 

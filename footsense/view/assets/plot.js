@@ -3,7 +3,7 @@
 import { css, element, number } from "./format.js";
 
 const OFFERED = [
-  ["fz", "fz", "N"], ["fx", "fx", "N"], ["fy", "fy", "N"], ["sigma_z", "σz", "N"], ["closure_middle", "middle gap", ""],
+  ["fz", "fz", "N"], ["fx", "fx", "N"], ["fy", "fy", "N"], ["sigma_z", "σz", "N"], ["closure_4", "middle gap", ""],
   ["probability", "contact", ""], ["load_share", "share", ""], ["tangential_over_normal", "tangential / normal", ""], ["age", "age", "ms"],
   ["baseline_mean", "drift", "fF"], ["temperature", "temperature", "°C"],
 ];

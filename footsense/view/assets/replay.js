@@ -8,7 +8,7 @@ const $ = (id) => document.getElementById(id);
 
 export class Replay {
   constructor(store, connection, events) {
-    Object.assign(this, { store, connection, events, t: 0, end: 0, known: 0, done: false, playing: true, speed: 1, damage: "" });
+    Object.assign(this, { store, connection, events, t: 0, end: 0, known: 0, done: false, playing: true, speed: 1 });
     this.asked = new Set();
     $("play").onclick = () => this.toggle();
     $("previous").onclick = () => this.step(-1);
@@ -21,11 +21,10 @@ export class Replay {
   }
 
   // How much of the file has been read.
-  progress({ end, total, damage, done }) {
+  progress({ end, total, done }) {
     this.known = end;
     this.done = done;
     this.end = done ? end : Math.max(total, end);
-    this.damage = damage;
     $("seek").max = this.end;
     this.marks();
   }

@@ -8,7 +8,7 @@ export class Store {
     this.legs = legs;
     this.width = signals.length;
     this.stride = signals.length * legs.length;
-    this.column = Object.fromEntries(signals.map((signal, column) => [signal.name, column]));
+    this.column = Object.fromEntries(signals.map((name, column) => [name, column]));
     this.segments = []; // in the order of time: {number, n, t, v}
   }
 

@@ -41,8 +41,7 @@ const connection = new Connection({
     page.plot = new Plot($("plot"), message);
     page.replay = message.mode === "replay" ? new Replay(page.store, connection, events) : null;
   },
-  status(message) { page.problem = message.problem; page.status = message; },
-  progress(message) { page.replay?.progress(message); },
+  status(message) { page.problem = message.problem; page.status = message; page.replay?.progress(message); },
   events(message) { events.add(message.events, Boolean(page.replay)); page.replay?.marks(); },
   cycles(kind, t, v) {
     page.arrived = performance.now();
@@ -114,7 +113,7 @@ function status() {
     problem = `${page.offline} The values are the last ones; this page tries again.`;
   } else if (page.replay) {
     [link, text] = ["replay", "recording"];
-    problem = page.replay.damage;
+    problem = page.problem;
   } else if (page.problem) {
     [link, text] = ["ended", page.store?.segments.length ? "ended" : "no service"];
     problem = `${page.problem}. ${page.store?.segments.length ? "The values are the last ones. " : ""}`
@@ -124,7 +123,7 @@ function status() {
   } else if (old || !page.arrived) {
     [link, text] = [page.arrived ? "ended" : "connecting", page.arrived ? "no new cycles" : "connecting"];
     if (page.arrived) problem = "The service runs, but its loop has stopped: look into its log, `journalctl -u footsense`.";
-  } else if (page.status?.can.bus_off && !page.status.can.sent) {
+  } else if (page.status?.bus_off && !page.status.can_sent) {
     problem = "CAN: the controller is off the bus. Check its termination, its bit rate and whether another node is on.";
   }
   document.body.dataset.link = link;

@@ -1,0 +1,104 @@
+"""HTTP side of the page: its files, and which hosts and origins are answered."""
+
+import ipaddress
+import socket
+from collections.abc import Iterable
+from http import HTTPStatus
+from importlib.resources import files
+from urllib.parse import urlsplit
+
+from websockets.datastructures import Headers
+from websockets.http11 import Response
+
+_CONTENT_TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".svg": "image/svg+xml",
+    ".txt": "text/plain; charset=utf-8",
+}
+
+#: The page loads nothing from elsewhere, and no other page may embed it.
+_SECURITY_HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
+    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cache-Control": "no-cache",
+}
+
+
+class PageFiles:
+    """Static files of the web page, by path."""
+
+    def __init__(self) -> None:
+        self._files: dict[str, tuple[str, bytes]] = {}
+        for entry in files(__package__).joinpath("assets").iterdir():
+            suffix = entry.name[entry.name.rfind(".") :]
+            if entry.is_file() and suffix in _CONTENT_TYPES:
+                self._files[f"/{entry.name}"] = (_CONTENT_TYPES[suffix], entry.read_bytes())
+        self._files["/"] = self._files["/index.html"]
+
+    def response(self, path: str) -> Response:
+        """Return the HTTP response to a request for a path: the file, or 404."""
+        path = path.partition("?")[0]
+        if path not in self._files:
+            return text_response(HTTPStatus.NOT_FOUND, "no such file; the page is /")
+        return _response(HTTPStatus.OK, *self._files[path])
+
+
+def text_response(status: HTTPStatus, text: str) -> Response:
+    """Return an HTTP response with one line of text."""
+    return _response(status, _CONTENT_TYPES[".txt"], f"footsense view: {text}\n".encode())
+
+
+def _response(status: HTTPStatus, content_type: str, content: bytes) -> Response:
+    headers = Headers(_SECURITY_HEADERS)
+    headers["Content-Type"] = content_type
+    headers["Content-Length"] = str(len(content))
+    headers["Connection"] = "close"
+    return Response(status.value, status.phrase, headers, content)
+
+
+def own_host_names() -> frozenset[str]:
+    """Return the host names by which this computer may be addressed."""
+    name = socket.gethostname().lower()
+    return frozenset({"localhost", name, f"{name}.local", name.partition(".")[0] + ".local"})
+
+
+def is_own_host(host: str | None, names: Iterable[str]) -> bool:
+    """Return whether a Host header names this computer, by IP address or host name.
+
+    Another name would be that of a web site whose owner points it at this address, to read the page with the scripts of
+    the site (DNS rebinding).
+
+    Example:
+        >>> is_own_host("127.0.0.1:8765", []), is_own_host("[::1]", []), is_own_host("evil.example:8765", ["robot"])
+        (True, True, False)
+    """
+    try:
+        name = urlsplit(f"//{host or ''}").hostname or ""
+    except ValueError:
+        return False
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return name in names
+    return True
+
+
+def is_allowed_origin(origin: str | None, host: str | None, allowed: Iterable[str] = ()) -> bool:
+    """Return whether a web page of this origin may connect: own or allowed; clients without origin may.
+
+    Args:
+        origin: The Origin header.
+        host: The Host header.
+        allowed: Other origins.
+
+    Example:
+        >>> is_allowed_origin("http://127.0.0.1:8765", "127.0.0.1:8765")
+        True
+        >>> is_allowed_origin("https://evil.example", "127.0.0.1:8765")
+        False
+    """
+    return origin is None or origin in allowed or origin in {f"http://{host}", f"https://{host}"}
