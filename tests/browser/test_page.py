@@ -31,7 +31,7 @@ def cycles(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def url(cycles: Path) -> Iterator[str]:
-    with serving("view", "--port", "0", "--cycles", cycles) as (_, url):
+    with serving("view", "--port", "0", "--ring", cycles) as (_, url):
         yield url
 
 
@@ -169,7 +169,7 @@ def test_a_broken_leg_says_what_to_do(browser: Browser, cycles: Path, url: str) 
 
 def test_the_service_and_the_viewer_start_again(browser: Browser, cycles: Path, tmp_path: Path) -> None:
     """The page says what is missing and what to do, keeps the last values, and goes on by itself."""
-    with serving("view", "--port", "0", "--cycles", cycles) as (viewer, url):
+    with serving("view", "--port", "0", "--ring", cycles) as (viewer, url):
         browser.open(url)
         browser.wait("document.querySelector('#banner')?.textContent.includes('No service runs')")
         assert "Start it with footsense run" in browser.text("#banner")
