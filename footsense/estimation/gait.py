@@ -322,16 +322,16 @@ class GaitTracker:
                 self._touchdowns[row] = self._lift_offs[row] = _NO_TIME
             return []
         if in_contact:
-            dated = touchdown(self._loads, row)
-            # A foot cannot touch before it was lifted, nor be lifted before it touched.
-            touched = BackDated(max(dated.t_ns, self._lift_offs[row].t_ns + 1), dated.sigma_s)
-            self._touchdowns[row] = touched
-            return [GaitEvent(GaitEventKind.TOUCHDOWN, row, *touched)]
-        dated = lift_off(self._loads, row)
-        lifted = BackDated(max(dated.t_ns, self._touchdowns[row].t_ns + 1), dated.sigma_s)
-        self._lift_offs[row] = lifted
-        ended = [GaitEvent(GaitEventKind.SLIP_END, row, *lifted)] if was_slipping else []
-        return [*ended, GaitEvent(GaitEventKind.LIFT_OFF, row, *lifted)]
+            kinds, dated = [GaitEventKind.TOUCHDOWN], touchdown(self._loads, row)
+            own, other = self._touchdowns, self._lift_offs
+        else:
+            kinds, dated = [GaitEventKind.LIFT_OFF], lift_off(self._loads, row)
+            own, other = self._lift_offs, self._touchdowns
+            if was_slipping:
+                kinds.insert(0, GaitEventKind.SLIP_END)
+        # A foot cannot touch before it was lifted, nor be lifted before it touched.
+        own[row] = BackDated(max(dated.t_ns, other[row].t_ns + 1), dated.sigma_s)
+        return [GaitEvent(kind, row, *own[row]) for kind in kinds]
 
     def _gait_frame(
         self,

@@ -239,20 +239,17 @@ def _read_file(path: Path) -> bytes:
         ModelError: The file is missing, cannot be read, or is too large.
     """
     try:
-        size = path.stat().st_size
-        if size > MAX_FILE_BYTES:
-            raise ModelError(
-                f"{path}: has {size} bytes, at most {MAX_FILE_BYTES} are read; not a network of feet"
-            )
-        if not (path.is_file() or path.is_dir()):
+        if path.exists() and not path.is_file():
             raise ModelError(f"{path}: not a file; name the network itself")
-        return path.read_bytes()
+        with path.open("rb") as file:
+            content = file.read(MAX_FILE_BYTES + 1)
     except FileNotFoundError as error:
         raise ModelError(f"{path}: no such network ({error.strerror})") from error
-    except IsADirectoryError as error:
-        raise ModelError(f"{path}: not a file, but a directory; name the network in it") from error
     except OSError as error:
         raise ModelError(f"{path}: cannot be read: {error.strerror}") from error
+    if len(content) > MAX_FILE_BYTES:
+        raise ModelError(f"{path}: has over {MAX_FILE_BYTES} bytes, more than a network of feet")
+    return content
 
 
 def _check_shapes(

@@ -30,7 +30,7 @@ class Sensitivity(NamedTuple):
     force_sigma_n_per_baseline_error: Vector
 
 
-def jacobian_n(estimator: Estimator, n_rows: int, closure_rel: Vector) -> Vector:
+def _jacobian_n(estimator: Estimator, n_rows: int, closure_rel: Vector) -> Vector:
     """Return the derivative of the force by each element's closure [N], shape (9, rows, 3), by central differences.
 
     Args:
@@ -47,14 +47,6 @@ def jacobian_n(estimator: Estimator, n_rows: int, closure_rel: Vector) -> Vector
     return slopes_n
 
 
-def principal_pattern(moments: Vector) -> Vector:
-    """Return the most common closure pattern (principal component), shape (elements,), largest entry 1."""
-    axes, directions = np.linalg.eigh(moments)
-    pattern: Vector = np.abs(directions[:, axes.argmax()])
-    pattern /= pattern.max()
-    return pattern
-
-
 def sensitivity(estimator: Estimator, n_rows: int, moments: Vector) -> Sensitivity:
     """Return the largest sensitivity over light and heavy loads, for even closures and for the principal pattern.
 
@@ -63,11 +55,14 @@ def sensitivity(estimator: Estimator, n_rows: int, moments: Vector) -> Sensitivi
         n_rows: Rows that it estimates at once.
         moments: Second moments of the closures of its loads, shape (elements, elements).
     """
-    stance_rel = principal_pattern(moments)
+    axes, directions = np.linalg.eigh(moments)
+    # The most common closure pattern: the principal component, its largest entry 1.
+    stance_rel = np.abs(directions[:, axes.argmax()])
+    stance_rel /= stance_rel.max()
     errors_n = []
     for level in _CLOSURE_LEVELS_REL:
         for pattern in (stance_rel, np.ones(len(moments))):
-            slopes_n = jacobian_n(estimator, n_rows, level * pattern)[:, 0]
+            slopes_n = _jacobian_n(estimator, n_rows, level * pattern)[:, 0]
             errors_n.append(
                 np.hypot(slopes_n.sum(axis=0), _ASSUMED_UNEVEN_DRIFT_SHARE * np.linalg.norm(slopes_n, axis=0))
             )

@@ -120,4 +120,4 @@ def test_a_network_whose_weights_do_not_fit_its_input_is_told_with_the_reason(tm
 def test_a_folder_is_no_network(tmp_path: Path) -> None:
     """It is there, so `no such` would be wrong."""
     config = robot(tmp_path, more="model: .\n")
-    assert "not a file, but a directory" in one_line_error(footsense("check-config", config), 66)
+    assert "not a file; name the network itself" in one_line_error(footsense("check-config", config), 66)
