@@ -30,7 +30,7 @@ Mask = NDArray[np.bool_]
 Stamps = NDArray[np.int64]
 Codes = NDArray[np.uint8]
 
-#: Whether the force of a leg in a state may be used, by the state's code, shape (256,): `IS_USABLE[frame.state]`.
+#: Whether the force of a leg in a state may be used, by the state's code, shape (256,): `IS_USABLE_STATE[frame.state]`.
 IS_USABLE_STATE: Mask = np.isin(np.arange(256), list(USABLE))
 
 #: Elements of a foot: a 3 x 3 grid, flat index 3 * row + column, row 0 the most forward, column 0 the leftmost.

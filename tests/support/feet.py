@@ -18,7 +18,7 @@ WINDOW = 4
 SCAN_NS = 25_000_000
 MAX_AGE_NS = 100_000_000
 SIGMA_N = np.array([0.01, 0.01, 0.02])
-#: No uncertainty by the baseline: sigma is the network's; `test_baseline_tracker` tests the baseline's.
+#: No uncertainty by the baseline: sigma is the network's; `test_baseline` tests the baseline's.
 BASELINE_N = np.zeros(3)
 
 #: Loads that close all gaps alike, but for a millionth: a missing closure is the mean of the others.
