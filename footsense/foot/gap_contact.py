@@ -101,23 +101,16 @@ class ContactSolution:
     n_pivots: int
 
 
-def solve_contact_lcp(
-    free_um: Vector, gap_um: Vector, compliance_um_per_n: Vector, max_pull_n: Vector | None = None
-) -> ContactSolution:
+def solve_contact_lcp(free_um: Vector, gap_um: Vector, compliance_um_per_n: Vector) -> ContactSolution:
     """Return the cell closures and contact forces of one load (linear complementarity problem).
-
-    Cells that stick begin closed and stay so until they pull more than they bear; the pull of one that lets go passes
-    on to its neighbours, as at the front of a peeling film.
 
     Args:
         free_um: Closure of each cell without contact [um], shape (324,).
         gap_um: Gap of each cell at rest [um], shape (324,).
         compliance_um_per_n: B, symmetric and positive definite, shape (324, 324).
-        max_pull_n: Largest pull that each cell bears, for cells that were closed before [N], shape (324,); None for
-            none.
 
     Returns:
-        The one solution; a force on a cell that sticks may be negative.
+        The one solution.
 
     Raises:
         ValueError: An input is not a number.
@@ -125,8 +118,7 @@ def solve_contact_lcp(
     """
     if not (np.isfinite(free_um).all() and np.isfinite(gap_um).all()):
         raise ValueError("closures and gaps have to be finite numbers")
-    borne_n = np.zeros_like(free_um) if max_pull_n is None else max_pull_n
-    closed = (free_um > gap_um) | (borne_n > 0.0)
+    closed = free_um > gap_um
     if not closed.any():
         return ContactSolution(free_um, np.zeros_like(free_um), 0)
     fewest, patience = len(free_um) + 1, _MAX_STALLED_BLOCK_PIVOTS
@@ -140,13 +132,12 @@ def solve_contact_lcp(
         except np.linalg.LinAlgError as error:
             raise ArithmeticError("the compliance is singular, not positive definite") from error
         closure = free_um - compliance_um_per_n[:, inside] @ force[inside]
-        pulls = closed & (force < -borne_n - _ROUNDING_REL * np.abs(force).max(initial=0.0))
-        borne_n = np.where(pulls, 0.0, borne_n)
+        pulls = closed & (force < -_ROUNDING_REL * np.abs(force).max(initial=0.0))
         overlaps = ~closed & (closure > gap_um * (1.0 + _ROUNDING_REL))
         wrong = pulls | overlaps
         n_wrong = int(wrong.sum())
         if n_wrong == 0:
-            return ContactSolution(np.where(closed, gap_um, closure), np.maximum(force, -borne_n), pivots)
+            return ContactSolution(np.where(closed, gap_um, closure), np.maximum(force, 0.0), pivots)
         if n_wrong < fewest:
             fewest, patience = n_wrong, _MAX_STALLED_BLOCK_PIVOTS
         else:

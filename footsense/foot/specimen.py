@@ -14,7 +14,7 @@ from footsense.foot.cavity import Cavity, CavityPressures, Gas
 from footsense.foot.directions import normalized
 from footsense.foot.gap_contact import fringe_pf
 from footsense.foot.response_table import FootResponse
-from footsense.frames import ELEMENTS, Mask, Vector
+from footsense.frames import ELEMENTS, Vector
 
 
 class ContactLoads(NamedTuple):
@@ -129,27 +129,6 @@ class Foot:
             free_um, gas, contact=self._contact
         )
         return self._capacitance_pf(closure_um), gas.after_leak_step(excess_mpa)
-
-    def capacitance_with_stiction(
-        self, normal: Vector, force_n: Vector, stuck: Mask, stiction_kpa: float
-    ) -> tuple[Vector, Mask]:
-        """Return capacitances [pF], shape (elements,), and closed cells, shape (cells,), with gap stiction.
-
-        Args:
-            normal: Contact normal, shape (3,).
-            force_n: Force [N], shape (3,).
-            stuck: Cells that are closed before, shape (324,).
-            stiction_kpa: Largest pull on a closed cell over its area [kPa].
-        """
-        free_um = self._free_closures_um(normal[None], force_n[None])[0]
-        cell_mm2 = self.response.design.electrode_area_mm2 / gap_contact.CELLS_PER_ELEMENT
-        max_pulls_n: Vector = np.where(stuck, 1e-3 * stiction_kpa * cell_mm2, 0.0)
-        solution = gap_contact.solve_contact_lcp(
-            free_um, self._gap_of_cell_um, self._compliance_um_per_n, max_pulls_n
-        )
-        return self._capacitance_pf(
-            solution.cell_closures_um
-        ), solution.cell_closures_um >= self._gap_of_cell_um
 
     def _free_closures_um(self, normal: Vector, force_n: Vector) -> Vector:
         """Return the cell closures as if gaps were infinitely deep, without air [um], shape (n, 324)."""

@@ -8,7 +8,6 @@ from footsense.sim.faults.chip_faults import inject_chip_faults
 from footsense.sim.faults.damage import WiredFoot
 from footsense.sim.faults.scene_faults import ChipFault, FootDamage
 from footsense.sim.foot.cavity_air import CavityAir
-from footsense.sim.foot.sticking_gaps import StickingGaps
 from footsense.sim.foot.viscoelastic import ViscoelasticRubber
 from footsense.sim.foot.warming import WarmingFoot
 from footsense.sim.loads.gait_table import GaitTable
@@ -51,8 +50,6 @@ class SimulatedLeg:
         self._foot = foot
         self._rubber = ViscoelasticRubber() if effects.rubber else None
         self._air = None if foot.cavity.gas is None else CavityAir(foot, effects.ambient_kpa)
-        sticks = effects.stiction_kpa > 0.0 and self._air is None  # compressed air lets no gap close
-        self._gaps = StickingGaps(foot, effects.stiction_kpa) if sticks else None
         self._last: GroundContact | None = None
         self._last_pf: list[float] = []
         # Faults draw from a stream of their own, so that converters make the same noise with and without them.
@@ -65,7 +62,6 @@ class SimulatedLeg:
             [fault for fault in own if isinstance(fault, ChipFault)],
             np.random.default_rng(faults),
         )
-        self._softening = effects.softening if effects.softening and effects.softening.leg == leg else None
         self._warming = None
         if effects.warming:
             self._warming = WarmingFoot(effects.warming, np.random.default_rng(drift))
@@ -73,8 +69,6 @@ class SimulatedLeg:
     def _undamaged_capacitance_pf(self, t_ns: int) -> list[float]:
         """Return each element's capacitance at a time [ns], without damage and without the scene's `stray_pf` [pF]."""
         relative_compliance = 1.0 if self._warming is None else self._warming.relative_compliance(t_ns)
-        if self._softening is not None:
-            relative_compliance *= self._softening.relative_compliance(t_ns)
         if self._table is not None and isinstance(self._load, Walk):
             element_pf = self._table.capacitance_pf(
                 self._load.gait_phase_in_stance(self._leg, t_ns), relative_compliance
@@ -101,9 +95,5 @@ class SimulatedLeg:
         """Return each element's capacitance under a load [pF]; recomputed only when the load changes."""
         if self._last is None or not all(map(np.array_equal, contact, self._last)):
             normal, force_n = self._last = contact
-            if self._gaps is None:
-                element_pf = self._foot.capacitance_pf(normal[None], force_n[None])[0]
-            else:
-                element_pf = self._gaps.next_capacitance_pf(normal, force_n)
-            self._last_pf = element_pf.tolist()
+            self._last_pf = self._foot.capacitance_pf(normal[None], force_n[None])[0].tolist()
         return self._last_pf

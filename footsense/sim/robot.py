@@ -15,7 +15,7 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
 from footsense.frames import Vector
 from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedKernelMuxChannel
-from footsense.sim.chips.mux import SimulatedMux
+from footsense.sim.chips.chip import SimulatedMux
 from footsense.sim.clock import JoinedClock, VirtualClock
 from footsense.sim.faults.scene_faults import StuckSda, WireFault
 from footsense.sim.faults.wire_faults import WireFaults
@@ -51,14 +51,12 @@ def _feet(scene: Scene, response: FootResponse, legs: Sequence[str]) -> dict[str
     made, contact = scene.fabrication, scene.effects.gap_contact
     cavity = None if scene.effects.cavity is None else scene.effects.cavity.cavity_model
     if made is None:
-        own = Deviations(cavity=cavity, fringe=scene.effects.fringe)
-        return dict.fromkeys(legs, Foot(response, own, contact=contact))
+        return dict.fromkeys(legs, Foot(response, Deviations(cavity=cavity), contact=contact))
     feet = {}
     for number, leg in enumerate(legs, made.first):
         own = draw_deviations(response, made.tolerances, made.seed, number)
         own = with_new_mounting(own, made.remount_deg, made.seed, number, made.mounting)
-        own = replace(own, cavity=cavity, fringe=scene.effects.fringe)
-        feet[leg] = Foot(response, own, contact=contact)
+        feet[leg] = Foot(response, replace(own, cavity=cavity), contact=contact)
     return feet
 
 
@@ -71,12 +69,8 @@ def _gait_tables(scene: Scene, load: ContactSource, feet: dict[str, Foot]) -> di
         return {}
     warming = scene.effects.warming
     warmed = 1.0 if warming is None else relative_compliance_when_warmed(warming.kelvin)
-    softening = scene.effects.softening
-    softened = 1.0 if softening is None else 1.0 + softening.softer_rel
-    bounds = (1.0, warmed, softened, warmed * softened)
-    compliance_bounds_rel = (min(bounds), max(bounds))
     one_of = {(foot, load.reaction[leg]): leg for leg, foot in feet.items()}
-    tables = {which: GaitTable(which[0], load, leg, compliance_bounds_rel) for which, leg in one_of.items()}
+    tables = {which: GaitTable(which[0], load, leg, (1.0, warmed)) for which, leg in one_of.items()}
     return {leg: tables[foot, load.reaction[leg]] for leg, foot in feet.items()}
 
 

@@ -1,11 +1,26 @@
-"""Simulated robot with board `mcu`: one microcontroller scans all feet."""
+"""Simulated microcontroller (board `mcu`) that scans all feet and sends the results over a serial port.
+
+It shares only the layout of a record with the driver. Simulated: a clock that drifts and wraps; all records of a scan
+in one burst, after its last conversion.
+"""
+
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from firmware_interface.serial_frames import ELEMENTS
+from firmware_interface.can.codes import NODE_IDS
+from firmware_interface.chips import fdc1004
+from firmware_interface.serial_frames import (
+    ELEMENTS,
+    NO_VALUE_BASE,
+    NoValue,
+    Record,
+    RecordFlag,
+    encode_record,
+    pack_values,
+)
 from footsense.frames import Vector
 from footsense.sim.chips.line_switch import LineStates
-from footsense.sim.chips.mcu import ElementCapacitancesAt, SimulatedRobotMcu
 from footsense.sim.faults.damage import WiredFoot
 from footsense.sim.robot import SimulatedRobot
 from footsense.sim.scene import Scene
@@ -17,6 +32,85 @@ _ROWS = _COLUMNS = 3
 _SINGLE_ROW_STATES = [LineStates(0, 1 << row, 0b111 & ~(1 << row)) for row in range(_ROWS)]
 #: Random stream of the noise, beside those of the legs.
 _NOISE_STREAM = 6
+
+_NS_PER_US = 1000
+_AF_PER_PF = 1e6
+_FULL_SCALE_AF = 2**31
+_TIMER_WRAP_US = 1 << 32
+#: Records of a leg with the flag of a recent start.
+_N_STARTING_RECORDS = 256
+#: Noise of one conversion [pF]: that of the default board at its fastest rate; no such board was measured.
+_NOISE_RMS_PF = fdc1004.RATES[400].noise_ff * 1e-3
+#: Relative error of its crystal [1].
+_CLOCK_ERROR_REL = 40e-6
+
+#: Capacitances of a leg's elements at a time [ns], stray included [pF], shape (9,); NaN where no converter answers.
+ElementCapacitancesAt = Callable[[int], Vector]
+
+
+class SimulatedRobotMcu:
+    """Simulated microcontroller of a robot: scans all legs and sends one serial record per leg and scan.
+
+    Args:
+        legs: Capacitances of each leg, by its name.
+        step_us: Time from element to element [us]; 0 for simultaneous conversions.
+        noise: Source of its noise; None for none.
+
+    Attributes:
+        started_ns: Time of its last start, at which its clock is 0 [ns].
+        n_scans: Scans since.
+    """
+
+    def __init__(
+        self,
+        legs: Mapping[str, ElementCapacitancesAt],
+        *,
+        step_us: int = 0,
+        noise: np.random.Generator | None = None,
+    ) -> None:
+        self._legs = dict(legs)
+        self._step_us = step_us
+        self._noise = noise
+        self.started_ns = self.n_scans = 0
+
+    def scan(self, t_ns: int) -> bytes:
+        """Return the serial records of one scan; the middle of its first conversion is at `t_ns` [ns]."""
+        number, self.n_scans = self.n_scans, self.n_scans + 1
+        flags = RecordFlag.STARTING if number < _N_STARTING_RECORDS else RecordFlag(0)
+        t_us = round((t_ns - self.started_ns) * (1 + _CLOCK_ERROR_REL)) // _NS_PER_US % _TIMER_WRAP_US
+        return b"".join(
+            encode_record(
+                Record(
+                    leg=NODE_IDS[leg],
+                    seq=number & 0xFFFF,
+                    flags=flags,
+                    step_us=self._step_us,
+                    t_us=t_us,
+                    values=pack_values(self._record_values(elements_pf, t_ns)),
+                )
+            )
+            for leg, elements_pf in self._legs.items()
+        )
+
+    @property
+    def conversion_span_ns(self) -> int:
+        """Time from the first to the last conversion of a scan [ns]; the records are sent after it."""
+        return (ELEMENTS - 1) * self._step_us * _NS_PER_US
+
+    def _record_values(self, elements_pf: ElementCapacitancesAt, t_ns: int) -> list[int]:
+        """Return one leg's record values: capacitances [aF], or a `NoValue` code without an answer or over range."""
+        if self._step_us:
+            step_ns = self._step_us * _NS_PER_US
+            values_pf = np.array([elements_pf(t_ns + n * step_ns)[n] for n in range(ELEMENTS)])
+        else:
+            values_pf = elements_pf(t_ns)
+        if self._noise is not None:
+            values_pf = values_pf + self._noise.normal(0.0, _NOISE_RMS_PF, ELEMENTS)
+        values_af = values_pf * _AF_PER_PF
+        missing = (np.isnan(values_af), values_af >= _FULL_SCALE_AF)
+        codes = (NO_VALUE_BASE + NoValue.NO_ANSWER, NO_VALUE_BASE + NoValue.OVER_RANGE)
+        values: list[int] = np.select(missing, codes, values_af).round().astype(int).tolist()
+        return values
 
 
 def simulated_mcu(robot: SimulatedRobot, scene: Scene, rate_hz: float) -> SimulatedRobotMcu:

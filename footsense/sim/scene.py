@@ -12,7 +12,7 @@ from msgspec import Meta
 
 from footsense.foot.cavity import AMBIENT_KPA, Cavity, CavityKind
 from footsense.sim import scene_loads
-from footsense.sim.faults.scene_faults import Fault, Leg
+from footsense.sim.faults.scene_faults import Fault
 from footsense.sim.foot.fabrication import PAPER_TOLERANCES, REMOUNT_RMS_DEG, FootTolerances
 
 
@@ -20,50 +20,22 @@ class ScenePart(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     """Base class of the parts of a scene file; unknown keys are errors."""
 
 
-class _GradualChange(ScenePart, frozen=True):
-    """A linear change that starts at a time and takes a duration.
+class Warming(ScenePart, frozen=True):
+    """A linear change of the temperature of all feet.
 
     Attributes:
         from_s: Start [s].
         over_s: Duration [s].
+        kelvin: Change in the end [K].
     """
 
     from_s: Annotated[float, Meta(ge=0.0)]
     over_s: Annotated[float, Meta(gt=0.0)]
-
-    def elapsed_share(self, t_ns: int) -> float:
-        """Return the fraction of the change that is complete at a time, 0 to 1."""
-        return min(max((t_ns / 1e9 - self.from_s) / self.over_s, 0.0), 1.0)
-
-
-class Warming(_GradualChange, frozen=True, kw_only=True):
-    """A linear change of the temperature of all feet.
-
-    Attributes:
-        kelvin: Change in the end [K].
-    """
-
     kelvin: Annotated[float, Meta(ge=-60.0, le=60.0)]
 
     def temperature_change_k_at(self, t_ns: int) -> float:
         """Return the temperature change at a time [K]."""
-        return self.kelvin * self.elapsed_share(t_ns)
-
-
-class Softening(_GradualChange, frozen=True, kw_only=True):
-    """One foot becomes softer than the others over time: ageing rubber, or a sheet that comes off.
-
-    Attributes:
-        leg: Leg of the foot.
-        softer_rel: Increase of its closures in the end, under the same load [1]; below 0 it hardens.
-    """
-
-    leg: Leg
-    softer_rel: Annotated[float, Meta(ge=-0.5, le=0.5)]
-
-    def relative_compliance(self, t_ns: int) -> float:
-        """Return the factor on the gap closures under the same load at a time [1]; 1 at the start."""
-        return 1.0 + self.softer_rel * self.elapsed_share(t_ns)
+        return self.kelvin * min(max((t_ns / 1e9 - self.from_s) / self.over_s, 0.0), 1.0)
 
 
 class Cavities(ScenePart, frozen=True):
@@ -95,7 +67,7 @@ class Cavities(ScenePart, frozen=True):
 
 
 class Effects(ScenePart, frozen=True):
-    """Simulated deviations of the robot from the ideal: noise, clock errors, rubber, temperature, stiction, air.
+    """Simulated deviations of the robot from the ideal: noise, clock errors, rubber, temperature, air.
 
     Attributes:
         converter_noise: Whether conversions have white noise, by rate.
@@ -105,9 +77,6 @@ class Effects(ScenePart, frozen=True):
         gap_contact: Whether a closed gap carries load; else its closure is only limited.
         rubber: Whether the feet creep and show hysteresis (`sim/foot/viscoelastic.py`).
         warming: Change of temperature; None for none.
-        softening: Ageing of one foot; None for none.
-        stiction_kpa: Pull that a closed gap bears before it opens again [kPa], with `gap_contact` and vented cavities.
-        fringe: Whether electrodes have a fringe field at their edges, 0.46 pF for each element of the released foot.
         cavity: Air in the cavities of the feet; None for that of their type.
         ambient_kpa: Pressure of the ambient air, felt by feet whose cavities are not vented [kPa]; 100 m up take 1.2.
         adapter_compares: Whether an I2C adapter compares SDA with what it sends, and times out where it is held; that
@@ -122,9 +91,6 @@ class Effects(ScenePart, frozen=True):
     gap_contact: bool = False
     rubber: bool = False
     warming: Warming | None = None
-    softening: Softening | None = None
-    stiction_kpa: Annotated[float, Meta(ge=0.0, le=1000.0)] = 0.0
-    fringe: bool = False
     cavity: Cavities | None = None
     ambient_kpa: Annotated[float, Meta(ge=30.0, le=110.0, description="Everest has 34 kPa")] = AMBIENT_KPA
     adapter_compares: bool = True

@@ -46,9 +46,13 @@ def load_scene(name_or_path: str) -> Scene:
 
 def _contradiction(scene: Scene) -> strict_yaml.Problem | None:
     """Return the first contradiction between keys that are valid each for itself; None if there is none."""
-    problem = _low_elevation_contradiction(scene) or _effect_contradiction(scene)
+    problem = _low_elevation_contradiction(scene)
     if problem is not None:
         return problem
+    if scene.gait_table and scene.effects.rubber:
+        return strict_yaml.Problem(
+            "effects.rubber", "depends on the past, and a gait_table does not: choose one"
+        )
     if scene.gait_table and not isinstance(scene.load, scene_loads.Tripod | scene_loads.MeasuredWalk):
         return strict_yaml.Problem("gait_table", "is for walks: tripod or measured_walk")
     for n, stand in enumerate(scene.load.stands if isinstance(scene.load, scene_loads.Tripod) else ()):
@@ -58,18 +62,6 @@ def _contradiction(scene: Scene) -> strict_yaml.Problem | None:
         until_s = getattr(fault, "until_s", None)
         if until_s is not None and until_s <= fault.at_s:
             return strict_yaml.Problem(f"faults[{n}].until_s", "must be later than at_s")
-    return None
-
-
-def _effect_contradiction(scene: Scene) -> strict_yaml.Problem | None:
-    """Return the first effect that the scene's other keys rule out (needs memory, or closing gaps); None if none."""
-    for past in ("rubber", "stiction_kpa"):
-        if scene.gait_table and getattr(scene.effects, past):
-            return strict_yaml.Problem(
-                f"effects.{past}", "depends on the past, and a gait_table does not: choose one"
-            )
-    if scene.effects.stiction_kpa and not scene.effects.gap_contact:
-        return strict_yaml.Problem("effects.stiction_kpa", "needs gaps that close: add gap_contact: true")
     return None
 
 

@@ -41,27 +41,15 @@ class Unloaded(_Load, frozen=True, kw_only=True, tag="unloaded"):
 
 
 class Constant(_Load, frozen=True, kw_only=True, tag="constant"):
-    """The same constant force on every foot, through the centre of its ball.
-
-    Attributes:
-        force_n: The force [N].
-    """
-
-    force_n: ReactionForce
-
-    def build(self, from_ns: int) -> ground_load.ContactSource:
-        """Return the load as a function of time, starting at `from_ns` [ns]."""
-        return ground_load.RampContact(self.force_n, from_ns)
-
-
-class Ramp(Constant, frozen=True, kw_only=True, tag="ramp"):
     """The same force on every foot, through the centre of its ball, rising linearly from zero and then constant.
 
     Attributes:
+        force_n: The force [N].
         rise_s: Duration of the rise [s].
     """
 
-    rise_s: Annotated[float, Meta(gt=0.0, le=60.0)]
+    force_n: ReactionForce
+    rise_s: Annotated[float, Meta(ge=0.0, le=60.0)] = 0.0
 
     def build(self, from_ns: int) -> ground_load.ContactSource:
         """Return the load as a function of time, starting at `from_ns` [ns]."""
@@ -166,4 +154,4 @@ class CalibrationLoads(_Load, frozen=True, kw_only=True, tag="calibration_loads"
         )
 
 
-Load = Unloaded | Constant | Ramp | Tripod | MeasuredWalk | CalibrationLoads
+Load = Unloaded | Constant | Tripod | MeasuredWalk | CalibrationLoads

@@ -18,9 +18,9 @@ from footsense.frames import ELEMENTS, CapFrame, Reading
 from footsense.ports import Transaction
 from footsense.sim.bus.i2c_bus import SimulatedBus
 from footsense.sim.chips.ad7746 import MeanMutualCapacitance, SimulatedAd7746
+from footsense.sim.chips.chip import SimulatedMux
 from footsense.sim.chips.fdc1004 import MeanCinCapacitance, SimulatedFdc1004
 from footsense.sim.chips.line_switch import SimulatedLineSwitch
-from footsense.sim.chips.mux import SimulatedMux
 from footsense.sim.clock import JoinedClock, VirtualClock
 
 TIMEOUT_NS = 20_000_000

@@ -19,7 +19,7 @@ from footsense.acquisition.linux.linux_i2c import (
 from footsense.errors import HardwareError, I2cError, I2cTimeoutError, NackError
 from footsense.ports import I2cBus, Transaction
 from footsense.sim.bus.i2c_bus import SimulatedBus
-from footsense.sim.chips.mux import SimulatedMux
+from footsense.sim.chips.chip import SimulatedMux
 from footsense.sim.clock import VirtualClock
 
 MUX = 0x71

@@ -8,8 +8,8 @@ import numpy as np
 
 from footsense.ports import Clock
 from footsense.sim.bus.serial_port import SimulatedSerialPort
-from footsense.sim.chips.mcu import SimulatedRobotMcu
 from footsense.sim.faults.schedule import Span, in_any_span
+from footsense.sim.robot_on_mcu import SimulatedRobotMcu
 
 
 class LineFaults(NamedTuple):

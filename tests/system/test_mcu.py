@@ -20,12 +20,11 @@ from footsense.daemon.simulation import simulated_robot
 from footsense.errors import ConfigError
 from footsense.estimation.pipeline import Pipeline
 from footsense.frames import LEGS, CapFrame, Cause, ContactFrame, Reading, State
-from footsense.sim.chips.mcu import SimulatedRobotMcu
 from footsense.sim.faults.scene_faults import ElementOpen, StuckSda
 from footsense.sim.robot import SimulatedRobot
-from footsense.sim.robot_on_mcu import simulated_mcu
+from footsense.sim.robot_on_mcu import SimulatedRobotMcu, simulated_mcu
 from footsense.sim.scene import Effects, Scene
-from footsense.sim.scene_loads import MeasuredWalk, Ramp
+from footsense.sim.scene_loads import Constant, MeasuredWalk
 from tests.support.failing_line import FailingLine, LineFaults
 from tests.support.pty_line import HurriedClock, Line
 
@@ -104,7 +103,7 @@ def test_a_walk_is_felt_as_it_is_and_through_a_line_that_fails() -> None:
 
 def test_the_feet_and_their_lines_break_as_on_any_board() -> None:
     """An open element degrades its leg; what strikes an I2C bus is refused with the scene's path."""
-    load = Ramp(force_n=(0.0, 0.1, 0.5), rise_s=0.5)
+    load = Constant(force_n=(0.0, 0.1, 0.5), rise_s=0.5)
     broken = Scene(
         description="", load=load, lead_in_s=0.3, faults=(ElementOpen(at_s=0.5, leg="lm", element=4),)
     )

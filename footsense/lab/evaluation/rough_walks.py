@@ -10,6 +10,7 @@ from footsense.estimation.gait import GaitTracker
 from footsense.estimation.settings import ContactLimits
 from footsense.foot.response_table import FootResponse
 from footsense.frames import LEGS, GaitEvent, Mask, Stamps, Vector
+from footsense.lab.evaluation.rough_gait import FRICTION, RoughGait, TrueSlip
 from footsense.lab.training.gait_readings import (
     STEP_S,
     GaitReadings,
@@ -19,7 +20,6 @@ from footsense.lab.training.gait_readings import (
 )
 from footsense.lab.training.gait_windows import complete_window_ends, windows_of
 from footsense.ports import Estimator, LoadEstimate, Window
-from footsense.sim.loads.rough_gait import FRICTION, RoughGait, TrueSlip
 
 #: Threshold of contact before swings have shown their noise, and error of a baseline [N].
 _THRESHOLD_N, _BASELINE_N = 0.03, 4e-3

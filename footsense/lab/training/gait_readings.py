@@ -17,10 +17,10 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads, Foot
 from footsense.frames import ELEMENTS, Mask, Vector
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, FULL_SCALE_PF, NOISE_PF, sensed_closure_um
+from footsense.lab.training.random_gait import RandomGait
 from footsense.progress import progress_bar
 from footsense.sim.foot.cavity_air import CavityAir
 from footsense.sim.foot.viscoelastic import ViscoelasticRubber
-from footsense.sim.loads.random_gait import RandomGait
 
 #: Share of the gaits that are read in the second order, of those read at another pace, and of those sent later.
 _RASTER_SHARE, _PACED_SHARE, _LATE_SHARE = 0.1, 0.2, 0.15

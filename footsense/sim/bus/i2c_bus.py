@@ -15,8 +15,7 @@ from firmware_interface.chips import tca9548a
 from firmware_interface.wire_timing import i2c_bus_time_ns, i2c_nack_bits, transaction_bits
 from footsense.errors import NackError
 from footsense.ports import I2cBus, Transaction
-from footsense.sim.chips.chip import SimulatedChip
-from footsense.sim.chips.mux import SimulatedMux
+from footsense.sim.chips.chip import SimulatedChip, SimulatedMux
 from footsense.sim.clock import VirtualClock
 from footsense.sim.faults.wire_faults import WireFaults
 

@@ -7,7 +7,7 @@ from collections import deque
 
 from firmware_interface.serial_frames import FRAME_BYTES, RECORD_BITS
 from footsense.ports import Clock
-from footsense.sim.chips.mcu import SimulatedRobotMcu
+from footsense.sim.robot_on_mcu import SimulatedRobotMcu
 
 
 class SimulatedSerialPort:

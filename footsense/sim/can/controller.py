@@ -15,8 +15,7 @@ from typing import NamedTuple
 
 from firmware_interface.can.socketcan import CONTROLLER_ACTIVE, ErrorClass, error_frame, unpack_frame
 from firmware_interface.wire_timing import LONGEST_FRAME_BITS, max_can_frame_bits
-from footsense.sim.can.other_senders import OtherSender
-from footsense.sim.can.transmit_queue import QueuedFrame, TransmitQueue
+from footsense.sim.can.transmit_queue import OtherSender, QueuedFrame, TransmitQueue
 
 _NS_PER_S = 1_000_000_000
 

@@ -26,8 +26,7 @@ from firmware_interface.can.socketcan import pack_frame
 from footsense.errors import CanError
 from footsense.ports import CanWire, Clock
 from footsense.sim.can.controller import CanController, CanSettings
-from footsense.sim.can.other_senders import OtherSender
-from footsense.sim.can.transmit_queue import QueuedFrame, TransmitQueue
+from footsense.sim.can.transmit_queue import OtherSender, QueuedFrame, TransmitQueue
 from footsense.sim.faults.scene_faults import CanBusOff, CanDown, CanFault, CanNoAck, CanQueueFull, CanTraffic
 from footsense.sim.faults.schedule import Schedule
 

@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from footsense.errors import I2cTimeoutError
-from footsense.sim.chips.mux import SimulatedMux
+from footsense.sim.chips.chip import SimulatedMux
 from footsense.sim.clock import VirtualClock
 from footsense.sim.faults.scene_faults import ArbitrationLost, MuxReset, StuckSda, StuckUpstreamBus, WireFault
 from footsense.sim.faults.schedule import Schedule

@@ -20,7 +20,7 @@ from footsense.errors import I2cError, I2cTimeoutError, NackError
 from footsense.frames import ELEMENTS, CapFrame, Reading
 from footsense.ports import Transaction
 from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedKernelMuxChannel
-from footsense.sim.chips.mux import SimulatedMux
+from footsense.sim.chips.chip import SimulatedMux
 from footsense.sim.clock import VirtualClock
 from tests.contract.boards import AD7746, DISTINCT_PF, FDC1004, Board, Capacitance, leg_chips
 

@@ -13,13 +13,13 @@ from footsense.acquisition.scan_plan import scan_plan
 from footsense.acquisition.transports import UpstreamBus
 from footsense.frames import Reading
 from footsense.sim.bus.i2c_bus import SimulatedBus
+from footsense.sim.chips.chip import SimulatedMux
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 from footsense.sim.chips.line_switch import SimulatedLineSwitch
-from footsense.sim.chips.mux import SimulatedMux
 from footsense.sim.clock import VirtualClock
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.chip_faults import inject_chip_faults
-from footsense.sim.faults.line_capacitance import pin_capacitance_pf
+from footsense.sim.faults.damage import pin_capacitance_pf
 from footsense.sim.faults.scene_faults import ChipFault, Leg, WireFault
 from footsense.sim.faults.wire_faults import WireFaults
 

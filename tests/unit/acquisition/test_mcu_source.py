@@ -16,8 +16,8 @@ from firmware_interface.serial_frames import (
 )
 from footsense.acquisition.mcu_source import McuSource
 from footsense.frames import LEGS, CapFrame, Reading
-from footsense.sim.chips.mcu import SimulatedRobotMcu
 from footsense.sim.clock import VirtualClock
+from footsense.sim.robot_on_mcu import SimulatedRobotMcu
 from tests.support.failing_line import FailingLine, LineFaults
 
 MS, S = 1_000_000, 1_000_000_000

@@ -22,7 +22,7 @@ from footsense.errors import HardwareError, I2cTimeoutError, NackError
 from footsense.frames import Reading
 from footsense.ports import Transaction
 from footsense.sim.bus.i2c_bus import SimulatedBus
-from footsense.sim.chips.mux import SimulatedMux
+from footsense.sim.chips.chip import SimulatedMux
 from footsense.sim.clock import VirtualClock
 from tests.contract.boards import AD7746, FDC1004, Robot, distinct
 

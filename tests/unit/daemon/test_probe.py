@@ -24,10 +24,9 @@ from footsense.frames import Reading
 from footsense.ports import I2cBus, Transaction
 from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedKernelMuxChannel
 from footsense.sim.chips.ad7746 import SimulatedAd7746
-from footsense.sim.chips.chip import LegChip
+from footsense.sim.chips.chip import LegChip, SimulatedMux
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 from footsense.sim.chips.line_switch import SimulatedLineSwitch
-from footsense.sim.chips.mux import SimulatedMux
 from footsense.sim.clock import VirtualClock
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Fault

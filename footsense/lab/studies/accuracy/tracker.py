@@ -36,8 +36,8 @@ from footsense.lab.training.gait_readings import (
     simulate_gait_readings,
 )
 from footsense.lab.training.gait_windows import GaitWindows, complete_window_ends, windows_of
+from footsense.lab.training.random_gait import RandomGait
 from footsense.ports import LoadEstimate, Window
-from footsense.sim.loads.random_gait import RandomGait
 
 #: Random gaits, rows of steps, and conversions of each gait.
 N_RANDOM, N_STEPS, CONVERSIONS = 80, 8, 600

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from footsense.sim.loads.ground_load import IN_THE_AIR
-from footsense.sim.loads.random_gait import (
+from footsense.lab.training.random_gait import (
     FLANK_S,
     MAX_FRICTION_REL,
     STANCE_S,
@@ -14,6 +13,7 @@ from footsense.sim.loads.random_gait import (
     RandomGait,
     RandomStance,
 )
+from footsense.sim.loads.ground_load import IN_THE_AIR
 
 MAX_N, DURATION_S = 2.0, 3.0
 T_S = np.arange(0.0, DURATION_S, 2.7e-3)

@@ -11,9 +11,9 @@ import numpy as np
 
 from footsense.foot.specimen import ContactLoads
 from footsense.frames import Vector
-from footsense.sim.loads.random_gait import SWING_DURATION_RANGE_S, RandomStance
-from footsense.sim.loads.sliding_ground import INTEGRATION_STEP_S, SlidingGround
-from footsense.sim.loads.swing_shake import SwingShake
+from footsense.lab.evaluation.sliding_ground import INTEGRATION_STEP_S, SlidingGround
+from footsense.lab.evaluation.swing_shake import SwingShake
+from footsense.lab.training.random_gait import SWING_DURATION_RANGE_S, RandomStance
 
 #: Kinetic friction of the ground of a gait, and its spread between stances [1]; static over kinetic friction [1].
 FRICTION, _FRICTION_SPREAD_REL, _STATIC_REL = (0.2, 0.6), 0.03, (1.0, 1.15)
