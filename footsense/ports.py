@@ -10,9 +10,6 @@ from typing import NamedTuple, Protocol
 
 from footsense.frames import (
     CapFrame,
-    Command,
-    CommandResult,
-    ContactFrame,
     Cycle,
     Mask,
     ReferenceSamples,
@@ -80,12 +77,10 @@ class WakeupLatency:
     """Histogram of the wake-up latency of one thread, recorded by its clock.
 
     Attributes:
-        bounds_s: Bounds of the histogram [s].
-        histogram: Wake-ups in each bucket, those above the last bound, and the sum of their latencies [s].
+        histogram: Wake-ups in each bucket of `WAKEUP_LATENCY_BUCKET_BOUNDS_S`, those above the last
+            bound, and the sum of their latencies [s].
         overruns: Deadlines that had passed before the thread could sleep.
     """
-
-    bounds_s = WAKEUP_LATENCY_BUCKET_BOUNDS_S
 
     def __init__(self) -> None:
         self.histogram = array("d", [0.0]) * (len(WAKEUP_LATENCY_BUCKET_BOUNDS_S) + 2)
@@ -222,26 +217,6 @@ class Estimator(Protocol):
 
     def estimate(self, window: Window) -> LoadEstimate:
         """Return the estimated load of every foot (row) of the window."""
-        ...
-
-
-class ForceSink(Protocol):
-    """Interface of the output of forces, which is also the source of commands (CAN)."""
-
-    def publish(self, frame: ContactFrame) -> None:
-        """Send the forces of a cycle if due; forces that cannot be sent at once are dropped and counted."""
-        ...
-
-    def commands(self) -> list[Command]:
-        """Return the commands received since the last call, oldest first, without waiting."""
-        ...
-
-    def answer(self, outcome: CommandResult) -> None:
-        """Send the result of a command to its sender."""
-        ...
-
-    def close(self) -> None:
-        """Announce the end of sending to the receivers, and close the interface."""
         ...
 
 

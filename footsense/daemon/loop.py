@@ -11,9 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from footsense.can.sink import CanSink
 from footsense.estimation.pipeline import Pipeline
 from footsense.frames import CapFrame, Command, Cycle, ReferenceSamples, Vector
-from footsense.ports import Clock, ForceSink, FrameSource, Observer, ReferenceSensor
+from footsense.ports import Clock, FrameSource, Observer, ReferenceSensor
 
 
 @dataclass
@@ -31,7 +32,7 @@ class Loop:
     """
 
     pipeline: Pipeline
-    sink: ForceSink
+    sink: CanSink
     observers: Sequence[Observer]
     clock: Clock
     reference: ReferenceSensor | None = None
