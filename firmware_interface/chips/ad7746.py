@@ -14,7 +14,7 @@ from typing import NamedTuple
 ADDRESS = 0x48
 
 
-class Register(IntEnum):
+class Ad7746Register(IntEnum):
     """Register addresses of the AD7746 (table 7)."""
 
     STATUS = 0x00
@@ -60,7 +60,7 @@ CAPDAC_ENABLE = 0x80  #: CAPDAC_A and CAPDAC_B
 MODE_IDLE, MODE_SINGLE = 0, 2
 
 
-class Rate(NamedTuple):
+class Ad7746Rate(NamedTuple):
     """One of the eight conversion rates, with its conversion time and noise.
 
     Attributes:
@@ -91,14 +91,14 @@ WIRE_NOISE_FF_PER_RTHZ = 0.1
 
 #: Conversion times by conversions per second, as the Linux driver names them (tables 5 and 13).
 RATES = {
-    91: Rate(0, 11_000_000, 87.2, 0.0400),
-    84: Rate(1, 11_900_000, 79.0, 0.0273),
-    50: Rate(2, 20_000_000, 43.6, 0.0122),
-    26: Rate(3, 38_000_000, 21.8, 0.0073),
-    16: Rate(4, 62_000_000, 13.1, 0.0054),
-    13: Rate(5, 77_000_000, 10.5, 0.0049),
-    11: Rate(6, 92_000_000, 8.9, 0.0044),
-    9: Rate(7, 109_600_000, 8.0, 0.0042),
+    91: Ad7746Rate(0, 11_000_000, 87.2, 0.0400),
+    84: Ad7746Rate(1, 11_900_000, 79.0, 0.0273),
+    50: Ad7746Rate(2, 20_000_000, 43.6, 0.0122),
+    26: Ad7746Rate(3, 38_000_000, 21.8, 0.0073),
+    16: Ad7746Rate(4, 62_000_000, 13.1, 0.0054),
+    13: Ad7746Rate(5, 77_000_000, 10.5, 0.0049),
+    11: Ad7746Rate(6, 92_000_000, 8.9, 0.0044),
+    9: Ad7746Rate(7, 109_600_000, 8.0, 0.0042),
 }
 
 #: Conversion times of temperature and voltage by the value of VTFS [ns] (table 6).

@@ -12,7 +12,7 @@ from enum import IntEnum
 ADDRESS = 0x50
 
 
-class Register(IntEnum):
+class Fdc1004Register(IntEnum):
     """Register addresses of the FDC1004 (section 8.6)."""
 
     MEAS1_MSB = 0x00
@@ -41,10 +41,10 @@ DEVICE_ID = 0x1004
 
 #: Values after power-up or reset; registers that are not named here are zero.
 RESET_VALUES = {
-    **dict.fromkeys(range(Register.CONF_MEAS1, Register.CONF_MEAS4 + 1), 0x1C00),
-    **dict.fromkeys(range(Register.GAIN_CAL_CIN1, Register.GAIN_CAL_CIN4 + 1), 0x4000),
-    Register.MANUFACTURER_ID: MANUFACTURER_ID,
-    Register.DEVICE_ID: DEVICE_ID,
+    **dict.fromkeys(range(Fdc1004Register.CONF_MEAS1, Fdc1004Register.CONF_MEAS4 + 1), 0x1C00),
+    **dict.fromkeys(range(Fdc1004Register.GAIN_CAL_CIN1, Fdc1004Register.GAIN_CAL_CIN4 + 1), 0x4000),
+    Fdc1004Register.MANUFACTURER_ID: MANUFACTURER_ID,
+    Fdc1004Register.DEVICE_ID: DEVICE_ID,
 }
 
 
@@ -95,7 +95,7 @@ CONF_DONE = Field(shift=0, width=4)  #: DONE_1 is the highest of the four bits
 
 
 @dataclass(frozen=True, slots=True)
-class Rate:
+class Fdc1004Rate:
     """One of the three conversion rates, with its conversion time and noise.
 
     Attributes:
@@ -111,9 +111,9 @@ class Rate:
 
 #: Conversion rates by samples per second (section 8.6.1.3; noise from the electrical characteristics).
 RATES = {
-    100: Rate(code=1, conversion_ns=10_000_000, noise_ff=0.235),
-    200: Rate(code=2, conversion_ns=5_000_000, noise_ff=0.332),
-    400: Rate(code=3, conversion_ns=2_500_000, noise_ff=0.470),
+    100: Fdc1004Rate(code=1, conversion_ns=10_000_000, noise_ff=0.235),
+    200: Fdc1004Rate(code=2, conversion_ns=5_000_000, noise_ff=0.332),
+    400: Fdc1004Rate(code=3, conversion_ns=2_500_000, noise_ff=0.470),
 }
 
 #: Planning value of the deviation of a chip's clock [1]. Not specified: verify on hardware.
@@ -163,9 +163,9 @@ def trigger_config(rate_sps: int, slot: int) -> int:
     return CONF_RATE.encode(RATES[rate_sps].code) | CONF_TRIGGERS.encode(slot_bit(slot))
 
 
-def result_register(slot: int) -> Register:
+def result_register(slot: int) -> Fdc1004Register:
     """Return the register with the upper 16 bits of measurement `slot`'s result."""
-    return Register(Register.MEAS1_MSB + 2 * slot)
+    return Fdc1004Register(Fdc1004Register.MEAS1_MSB + 2 * slot)
 
 
 def capacitance_pf(code: int) -> float:

@@ -13,7 +13,7 @@ from footsense.foot.files.calibration_format import FootId
 from footsense.frames import ELEMENTS
 
 #: Time and noise of a conversion by conversions per second, of each board on an I2C bus.
-RATES_BY_BOARD: Mapping[str, Mapping[int, fdc1004.Rate | ad7746.Rate]] = MappingProxyType(
+RATES_BY_BOARD: Mapping[str, Mapping[int, fdc1004.Fdc1004Rate | ad7746.Ad7746Rate]] = MappingProxyType(
     {"fdc1004": fdc1004.RATES, "ad7746": ad7746.RATES}
 )
 #: Default of `publish_every`: 92 forces a second, with all other frames 34 % of 500 kbit/s for six legs.
@@ -118,12 +118,12 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return self.scan.rate_sps or max(self._conversion_rate_by_sps)
 
     @property
-    def conversion_rate(self) -> fdc1004.Rate | ad7746.Rate:
+    def conversion_rate(self) -> fdc1004.Fdc1004Rate | ad7746.Ad7746Rate:
         """Conversion time and noise at the configured rate."""
         return self._conversion_rate_by_sps[self.rate_sps]
 
     @property
-    def _conversion_rate_by_sps(self) -> Mapping[int, fdc1004.Rate | ad7746.Rate]:
+    def _conversion_rate_by_sps(self) -> Mapping[int, fdc1004.Fdc1004Rate | ad7746.Ad7746Rate]:
         # The converters of a microcontroller are unknown here: assume those of the default board.
         return RATES_BY_BOARD.get(self.board, fdc1004.RATES)
 

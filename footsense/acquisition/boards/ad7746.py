@@ -12,7 +12,7 @@ Register layout: `firmware_interface/chips/ad7746.py`, with the tables of data s
 from firmware_interface import schedule
 from firmware_interface.chips import ad7746 as chip
 from firmware_interface.chips import adg715
-from firmware_interface.chips.ad7746 import Register
+from firmware_interface.chips.ad7746 import Ad7746Register
 from footsense.acquisition.boards.board import (
     MAX_WAIT_FACTOR,
     Board,
@@ -48,8 +48,8 @@ def read_registers(register: int, n: int) -> Transaction:
 
 
 #: Status and capacitance, in one burst.
-READ_RESULT = read_registers(Register.STATUS, 4)
-_READ_SETTINGS = read_registers(Register.CAP_SETUP, len(chip.RESET_VALUES))
+READ_RESULT = read_registers(Ad7746Register.STATUS, 4)
+_READ_SETTINGS = read_registers(Ad7746Register.CAP_SETUP, len(chip.RESET_VALUES))
 _RESET = Transaction(chip.ADDRESS, bytes((chip.RESET_COMMAND,)))
 #: Neither row nor column.
 _SELECT_NO_LINES = tuple(Transaction(address, b"\x00") for address in (adg715.ADDRESS, adg715.COLUMN_ADDRESS))
@@ -58,7 +58,7 @@ _SELECT_NO_LINES = tuple(Transaction(address, b"\x00") for address in (adg715.AD
 def _write_settings(capdac: int) -> Transaction:
     """Return the transaction that writes all settings registers and leaves the chip idle."""
     return write_registers(
-        Register.CAP_SETUP,
+        Ad7746Register.CAP_SETUP,
         chip.CAP_ENABLE,
         0,
         chip.EXCITE_A,
@@ -71,7 +71,7 @@ def _write_settings(capdac: int) -> Transaction:
 def _trigger_transaction(rate_sps: int) -> Transaction:
     """Return the transaction that starts one conversion."""
     mode = chip.configuration(chip.MODE_SINGLE, chip.RATES[rate_sps].code)
-    return write_registers(Register.CONFIGURATION, mode)
+    return write_registers(Ad7746Register.CONFIGURATION, mode)
 
 
 def _wait_ns(conversion_ns: int) -> int:
@@ -216,17 +216,17 @@ BOARD = Board(
     make_ready=(_write_settings(SCAN_CAPDAC), READ_RESULT),
     # Without its CAPDAC setting a chip reads another capacitance; without the others it does not convert.
     setting_check=ReadBackCheck(
-        read_registers(Register.CAPDAC_A, 4),
+        read_registers(Ad7746Register.CAPDAC_A, 4),
         bytes((chip.capdac(SCAN_CAPDAC), 0)) + chip.RESET_VALUES[-2:],
     ),
     range_end_pf=SCAN_CAPDAC * chip.CAPDAC_STEP_PF * (1 - _CAPDAC_STEP_TOLERANCE_REL) + chip.FULL_SCALE_PF,
     thermometer=Thermometer(
         start=(
-            write_registers(Register.CAP_SETUP, 0, chip.TEMPERATURE_ENABLE),
-            write_registers(Register.CONFIGURATION, chip.configuration(chip.MODE_SINGLE)),
+            write_registers(Ad7746Register.CAP_SETUP, 0, chip.TEMPERATURE_ENABLE),
+            write_registers(Ad7746Register.CONFIGURATION, chip.configuration(chip.MODE_SINGLE)),
         ),
         wait_ns=_wait_ns(chip.VT_CONVERSION_NS[0]),
-        read=read_registers(Register.STATUS, 7),
+        read=read_registers(Ad7746Register.STATUS, 7),
         decode=decode_temperature,
     ),
     traffic=schedule.AD7746_TRAFFIC,

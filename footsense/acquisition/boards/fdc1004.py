@@ -26,8 +26,8 @@ _CONF_BITS_ALWAYS_ZERO = 0x7300
 _RANGE_END_CODES = {b"\x7f\xff", b"\x80\x00"}
 _NAN = float("nan")
 _IDENTITY = {
-    chip.Register.MANUFACTURER_ID: chip.MANUFACTURER_ID,
-    chip.Register.DEVICE_ID: chip.DEVICE_ID,
+    chip.Fdc1004Register.MANUFACTURER_ID: chip.MANUFACTURER_ID,
+    chip.Fdc1004Register.DEVICE_ID: chip.DEVICE_ID,
 }
 
 
@@ -41,8 +41,8 @@ def read_register(register: int) -> Transaction:
     return Transaction(chip.ADDRESS, bytes((register,)), n_read=2)
 
 
-READ_CONF = read_register(chip.Register.FDC_CONF)
-_RESET = write_register(chip.Register.FDC_CONF, chip.CONF_RESET.encode(1))
+READ_CONF = read_register(chip.Fdc1004Register.FDC_CONF)
+_RESET = write_register(chip.Fdc1004Register.FDC_CONF, chip.CONF_RESET.encode(1))
 
 
 def step(element: int, rate_sps: int) -> ConversionStep:
@@ -56,7 +56,7 @@ def step(element: int, rate_sps: int) -> ConversionStep:
     return ConversionStep(
         element=element,
         select=(Transaction(adg715.ADDRESS, bytes((adg715.line_switch_byte(1 << row),))),),
-        trigger=write_register(chip.Register.FDC_CONF, chip.trigger_config(rate_sps, column)),
+        trigger=write_register(chip.Fdc1004Register.FDC_CONF, chip.trigger_config(rate_sps, column)),
         done=DonePoll(
             READ_CONF, partial(_decode_done, done_bit=chip.CONF_DONE.encode(chip.slot_bit(column)))
         ),
@@ -103,7 +103,7 @@ def configure_and_get_capdac_pf(bus: I2cBus, clock: Clock) -> tuple[Reading, flo
     del clock
     bus.transfer(_RESET)
     for slot in range(ROWS):  # section 8.6.1.2
-        bus.transfer(write_register(chip.Register.CONF_MEAS1 + slot, chip.measurement_config(slot)))
+        bus.transfer(write_register(chip.Fdc1004Register.CONF_MEAS1 + slot, chip.measurement_config(slot)))
     return Reading.OK, 0.0
 
 
@@ -161,7 +161,7 @@ BOARD = Board(
     make_ready=tuple(read_register(chip.result_register(slot)) for slot in range(ROWS)),
     # The second column's configuration: after a reset it reads as the first column's.
     setting_check=ReadBackCheck(
-        read_register(chip.Register.CONF_MEAS1 + 1), chip.measurement_config(1).to_bytes(2, "big")
+        read_register(chip.Fdc1004Register.CONF_MEAS1 + 1), chip.measurement_config(1).to_bytes(2, "big")
     ),
     range_end_pf=chip.capacitance_pf(chip.CODE_MAX),
     thermometer=None,

@@ -7,36 +7,15 @@ import msgspec
 
 from footsense.errors import FootsenseError
 from footsense.lab.design.choice import Choice, choose_candidates
-from footsense.lab.design.foot_files import foot_text, write_foot
+from footsense.lab.design.foot_files import DesignedFoot, foot_text, write_foot
 from footsense.lab.design.inputs.requirements import Requirements
-from footsense.lab.design.prediction.assess import ELEVATIONS_DEG, Assessment, assess_foot
+from footsense.lab.design.prediction.assess import ELEVATIONS_DEG, assess_foot
 from footsense.lab.design.prediction.shapes import FootShapeLibrary
 from footsense.lab.design.screen import LIMIT_NAMES
 from footsense.lab.foot_file import load_foot
-from footsense.lab.geometry import FootDesign
 
 #: Predicted over required range [1]: the ranges of solved tables are up to 2 % below the predicted ones.
 _RANGE_RESERVE_FACTOR = 1.02
-
-
-class DesignedFoot(NamedTuple):
-    """A chosen foot: path of its description, predicted figures, and the factor that limits its range.
-
-    Attributes:
-        name: Its foot type.
-        candidate_row: Its row among the candidates.
-        path: Its description.
-        design: The foot.
-        figures: Its predicted figures.
-        limiting_factor: What ends its range.
-    """
-
-    name: str
-    candidate_row: int
-    path: Path
-    design: FootDesign
-    figures: Assessment
-    limiting_factor: str
 
 
 class DesignResult(NamedTuple):

@@ -2,18 +2,15 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.ticker import FuncFormatter
 
 from footsense.lab.design.choice import Choice
+from footsense.lab.design.foot_files import DesignedFoot
 from footsense.lab.design.inputs.requirements import Requirements
 from footsense.lab.design.prediction.assess import ELEVATIONS_DEG
 from footsense.lab.studies.plots import subplot_row
-
-if TYPE_CHECKING:
-    from footsense.lab.design.design import DesignedFoot
 
 #: Numbers as they are on logarithmic axes; every second of the small ones is left out.
 PLAIN_NUMBER_FORMATTER = FuncFormatter(lambda value, _: f"{value:g}" if f"{value:e}"[0] in "1235" else "")
@@ -22,7 +19,7 @@ _MAX_DRAWN_POINTS = 6000
 
 
 def draw_design(
-    path: Path, choice: Choice, chosen: Sequence["DesignedFoot"], requirements: Requirements
+    path: Path, choice: Choice, chosen: Sequence[DesignedFoot], requirements: Requirements
 ) -> None:
     """Save the plot of range, error and size of all candidates, with the chosen feet marked.
 

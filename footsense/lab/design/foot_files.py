@@ -1,15 +1,16 @@
-"""Writer of `foot.yaml`, the description of a chosen foot, ready for `footsense lab build`."""
+"""A chosen foot, and the writer of `foot.yaml`, its description, ready for `footsense lab build`."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from footsense.errors import FootsenseError
 from footsense.lab.design.candidates import Candidates
 from footsense.lab.design.inputs.requirements import Requirements
+from footsense.lab.design.prediction.assess import Assessment
 from footsense.lab.design.prediction.shapes import SHEET_SIDE_OVER_RADIUS
 from footsense.lab.design.screen import TRAINED_RANGE_FACTOR
 from footsense.lab.foot_file import FOOT_FILE
-from footsense.lab.geometry import UM_PER_MM
+from footsense.lab.geometry import UM_PER_MM, FootDesign
 
 #: Loads of the training that no requirement changes: those of the paper's foot.
 _DEFAULT_LOAD_RANGE = {
@@ -18,6 +19,26 @@ _DEFAULT_LOAD_RANGE = {
     "min_elevation_deg": 30,
     "centred_share": 0.5,
 }
+
+
+class DesignedFoot(NamedTuple):
+    """A chosen foot: path of its description, predicted figures, and the factor that limits its range.
+
+    Attributes:
+        name: Its foot type.
+        candidate_row: Its row among the candidates.
+        path: Its description.
+        design: The foot.
+        figures: Its predicted figures.
+        limiting_factor: What ends its range.
+    """
+
+    name: str
+    candidate_row: int
+    path: Path
+    design: FootDesign
+    figures: Assessment
+    limiting_factor: str
 
 
 def foot_text(name: str, description: str, feet: Candidates, row: int, requirements: Requirements) -> str:

@@ -20,7 +20,7 @@ class SimulatedSerialPort:
         baud: Bits per second.
 
     Attributes:
-        opened: Times that it has been opened.
+        n_opened: Times that it has been opened.
     """
 
     def __init__(self, mcu: SimulatedRobotMcu, clock: Clock, *, rate_hz: float, baud: int) -> None:

@@ -21,7 +21,7 @@ from collections.abc import Callable
 import numpy as np
 
 from firmware_interface.chips import ad7746 as chip
-from firmware_interface.chips.ad7746 import Register
+from firmware_interface.chips.ad7746 import Ad7746Register
 from footsense.sim.chips.chip import LegChip
 from footsense.sim.faults.schedule import Span, in_any_span
 
@@ -82,9 +82,9 @@ class SimulatedAd7746(LegChip):
             return
         self._pointer = data[0]
         for value in data[1:]:
-            if Register.CAP_SETUP <= self._pointer < chip.N_REGISTERS:
+            if Ad7746Register.CAP_SETUP <= self._pointer < chip.N_REGISTERS:
                 self._registers[self._pointer] = value
-            if self._pointer == Register.CONFIGURATION:
+            if self._pointer == Ad7746Register.CONFIGURATION:
                 self._start_conversions(t_ns)
             self._pointer += 1
 
@@ -94,18 +94,18 @@ class SimulatedAd7746(LegChip):
         # The status as it was when it was sent: what follows in the same burst clears its bits.
         answer = bytes(self._registers[self._pointer : self._pointer + n])
         read = range(self._pointer, self._pointer + n)
-        for ready, data in ((_CAP, Register.CAP_DATA), (_VT, Register.VT_DATA)):
+        for ready, data in ((_CAP, Ad7746Register.CAP_DATA), (_VT, Ad7746Register.VT_DATA)):
             if any(data <= address < data + 3 for address in read):
-                self._registers[Register.STATUS] |= ready | chip.NOT_RDY
+                self._registers[Ad7746Register.STATUS] |= ready | chip.NOT_RDY
         self._pointer += n
         return answer + b"\xff" * (n - len(answer))
 
     def power_up(self, t_ns: int) -> None:
         """Reset all registers to their power-up values, as a reset command does; no answer for 200 us."""
         self._registers = bytearray(chip.N_REGISTERS)
-        self._registers[Register.STATUS] = chip.NOT_RDY | _CAP | _VT
+        self._registers[Ad7746Register.STATUS] = chip.NOT_RDY | _CAP | _VT
         settings = chip.RESET_VALUES
-        self._registers[Register.CAP_SETUP : Register.CAP_SETUP + len(settings)] = settings
+        self._registers[Ad7746Register.CAP_SETUP : Ad7746Register.CAP_SETUP + len(settings)] = settings
         self._pointer = 0
         self._ready_ns = t_ns + chip.RESET_NS
         #: Channel, start and end of the pending conversions, in their order.
@@ -114,13 +114,13 @@ class SimulatedAd7746(LegChip):
     def _start_conversions(self, t_ns: int) -> None:
         """Abort pending conversions; in single mode, schedule one for each enabled channel."""
         self._running = []
-        configuration = self._registers[Register.CONFIGURATION]
+        configuration = self._registers[Ad7746Register.CONFIGURATION]
         if configuration & 0x07 != chip.MODE_SINGLE:
             return
         enabled: list[tuple[int, int]] = []
-        if self._registers[Register.CAP_SETUP] & chip.CAP_ENABLE:
+        if self._registers[Ad7746Register.CAP_SETUP] & chip.CAP_ENABLE:
             enabled.append((_CAP, _RATE_OF_CODE[configuration >> 3 & 0x07].conversion_ns))
-        if self._registers[Register.VT_SETUP] & chip.VT_ENABLE:
+        if self._registers[Ad7746Register.VT_SETUP] & chip.VT_ENABLE:
             enabled.append((_VT, chip.VT_CONVERSION_NS[configuration >> 6]))
         for kind, lasts_ns in enabled:
             end_ns = t_ns + round(lasts_ns * self.clock_factor)
@@ -134,30 +134,33 @@ class SimulatedAd7746(LegChip):
             if in_any_span(self.stuck_ns, end_ns):
                 return
             del self._running[0]
-            data = Register.CAP_DATA if kind == _CAP else Register.VT_DATA
+            data = Ad7746Register.CAP_DATA if kind == _CAP else Ad7746Register.VT_DATA
             code = (
                 self._convert_capacitance(start_ns, end_ns)
                 if kind == _CAP
                 else self._temperature_code(end_ns)
             )
             self._registers[data : data + 3] = code.to_bytes(3, "big")
-            self._registers[Register.STATUS] &= ~kind
+            self._registers[Ad7746Register.STATUS] &= ~kind
             if not self._running:
-                self._registers[Register.STATUS] &= ~chip.NOT_RDY
-                self._registers[Register.CONFIGURATION] &= ~0x07
+                self._registers[Ad7746Register.STATUS] &= ~chip.NOT_RDY
+                self._registers[Ad7746Register.CONFIGURATION] &= ~0x07
 
     def _convert_capacitance(self, start_ns: int, end_ns: int) -> int:
         """Return the code of the mean capacitance between two times [ns], noise included, and set or clear EXCERR."""
         registers = self._registers
         capacitance_pf, shorted = 0.0, False
-        if registers[Register.EXC_SETUP] & chip.EXC_A and not registers[Register.CAP_SETUP] & chip.CAP_CIN2:
+        if (
+            registers[Ad7746Register.EXC_SETUP] & chip.EXC_A
+            and not registers[Ad7746Register.CAP_SETUP] & chip.CAP_CIN2
+        ):
             capacitance_pf, shorted = self._mutual_capacitance(start_ns, end_ns)
-        registers[Register.STATUS] &= ~chip.EXCERR
-        registers[Register.STATUS] |= chip.EXCERR if shorted else 0
-        if registers[Register.CAPDAC_A] & chip.CAPDAC_ENABLE:
-            capacitance_pf -= (registers[Register.CAPDAC_A] & chip.CAPDAC_MAX) * self._capdac_step_pf
+        registers[Ad7746Register.STATUS] &= ~chip.EXCERR
+        registers[Ad7746Register.STATUS] |= chip.EXCERR if shorted else 0
+        if registers[Ad7746Register.CAPDAC_A] & chip.CAPDAC_ENABLE:
+            capacitance_pf -= (registers[Ad7746Register.CAPDAC_A] & chip.CAPDAC_MAX) * self._capdac_step_pf
         if self._noise is not None:
-            rate = _RATE_OF_CODE[registers[Register.CONFIGURATION] >> 3 & 0x07]
+            rate = _RATE_OF_CODE[registers[Ad7746Register.CONFIGURATION] >> 3 & 0x07]
             capacitance_pf += rate.noise_ff * 1e-3 * self._noise.standard_normal()
         code = round(capacitance_pf * chip.ZERO_CODE / chip.FULL_SCALE_PF) + chip.ZERO_CODE
         return min(max(code, 0), chip.CODE_MAX)

@@ -26,9 +26,9 @@ from footsense.sim.faults.schedule import Span, in_any_span
 _NOISE_BATCH_SIZE = 64
 
 _RATE_OF_CODE = {rate.code: rate for rate in chip.RATES.values()}
-_FDC_CONF = int(chip.Register.FDC_CONF)
-_MEAS1_MSB, _MEAS4_LSB = int(chip.Register.MEAS1_MSB), int(chip.Register.MEAS4_LSB)
-_CONF_MEAS1, _GAIN_CAL_CIN4 = int(chip.Register.CONF_MEAS1), int(chip.Register.GAIN_CAL_CIN4)
+_FDC_CONF = int(chip.Fdc1004Register.FDC_CONF)
+_MEAS1_MSB, _MEAS4_LSB = int(chip.Fdc1004Register.MEAS1_MSB), int(chip.Fdc1004Register.MEAS4_LSB)
+_CONF_MEAS1, _GAIN_CAL_CIN4 = int(chip.Fdc1004Register.CONF_MEAS1), int(chip.Fdc1004Register.GAIN_CAL_CIN4)
 _RESET, _DONE = chip.CONF_RESET.encode(1), chip.CONF_DONE.encode(0xF)
 
 #: Mean capacitance [pF] that a CIN pin (0..3) saw to ground between two times [ns].

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from firmware_interface import schedule
-from firmware_interface.chips.fdc1004 import Register
+from firmware_interface.chips.fdc1004 import Fdc1004Register
 from firmware_interface.conversion_order import CONVERSION_ORDERS
 from firmware_interface.schedule import scan_lower_bounds
 from footsense.acquisition.boards.fdc1004 import read_register
@@ -154,7 +154,7 @@ def test_legs_that_are_missing_are_tried_one_a_scan() -> None:
     tries: list[int] = []
 
     def count(transaction: Transaction, n: int) -> None:
-        tries[-1] += transaction == read_register(Register.MANUFACTURER_ID)
+        tries[-1] += transaction == read_register(Fdc1004Register.MANUFACTURER_ID)
 
     robot.saboteurs[0].arm(count)
     for _ in range(100):

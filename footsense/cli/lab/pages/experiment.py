@@ -73,7 +73,7 @@ class ExperimentResults:
         load_stride: Every n-th load of the session is applied.
         n_feet: Number of feet.
         errors_by_estimator: By estimator: number of feet (`n_feet`) that it could read, and mean errors as in
-            `FootErrors`.
+            `MeanStdOverFeet`.
         n_training_loads: Accepted loads of the training session.
         n_compared_test_loads: Loads of the test session that all estimators can read.
         n_excluded_test_loads: Loads of the test session that some estimator cannot read.

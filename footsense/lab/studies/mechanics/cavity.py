@@ -114,7 +114,7 @@ class Results:
         closure_if_sealed_at_100_c_um: Mean closure at rest of a foot whose air was sealed in at 100 degC [um].
         sorption_half_time_s: Time in which the bare plates take up half of a cavity's excess air [s].
         parylene_time_constant_s: Time constant of a wall of parylene as large as the cavity [s].
-        channel_time_constant_s: Time constant of a channel of `VENT_CHANNEL_MM` through a bar [s].
+        channel_time_constant_s: Time constant of a channel of `VENT_CHANNEL_WIDTH_MM` through a bar [s].
         closure_over_pressure_relaxation: Relaxation time over that of pressures, softest and stiffest pattern [1].
     """
 
