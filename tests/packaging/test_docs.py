@@ -23,6 +23,8 @@ PAGES = sorted(
     )
     for path in ROOT.glob(pattern)
     if path.name != "CHANGELOG.md"
+    # A decision that was replaced names what there was.
+    if not re.search(r"^Status: (?:superseded|replaced)", path.read_text(encoding="utf-8"), re.MULTILINE)
 )
 _LINK = re.compile(r"\]\(([^)#:\s]+)(?:#[^)]*)?\)")
 _PATH = re.compile(
