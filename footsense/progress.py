@@ -1,24 +1,19 @@
 """Progress bars with the time left, for commands longer than two seconds; silent without a terminal."""
 
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
-from rich.console import Console, RenderableType
+from rich.console import Console
 from rich.progress import (
     BarColumn,
     Progress,
-    ProgressColumn,
-    Task,
     TaskProgressColumn,
     TextColumn,
+    TimeElapsedColumn,
     TimeRemainingColumn,
 )
-from rich.text import Text
-
-#: A task that takes longer than expected stays at this part of its bar.
-_MAX_TIMED_BAR_REL = 0.99
 
 
 def stderr_is_terminal() -> bool:
@@ -53,11 +48,11 @@ def file_progress_bar(title: str, *files: Path) -> AbstractContextManager[Callab
 
 @contextmanager
 def timed_bar(title: str, expected_s: float) -> Iterator[None]:
-    """Show a progress bar that follows the elapsed time, for a task of known usual duration.
+    """Show the elapsed time beside the usual one, for a task of known usual duration.
 
     Args:
         title: The task, in a word or two.
-        expected_s: Its usual duration [s]; 0 if nothing is known: then no bar is shown.
+        expected_s: Its usual duration [s]; 0 if nothing is known: then nothing is shown.
 
     Yields:
         Nothing.
@@ -65,25 +60,8 @@ def timed_bar(title: str, expected_s: float) -> Iterator[None]:
     if not (stderr_is_terminal() and expected_s):
         yield
         return
-    columns = (TextColumn("{task.description}"), BarColumn(), _TimeLeftColumn())
-    with _TimedProgress(*columns, console=Console(stderr=True), transient=True) as bar:
-        bar.add_task(title, total=expected_s)
+    usual = f"of usually {expected_s // 60:.0f}:{expected_s % 60:02.0f}"
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn(usual))
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        bar.add_task(title, total=None)
         yield
-
-
-class _TimedProgress(Progress):
-    """Progress bars that advance with the elapsed time."""
-
-    def get_renderables(self) -> Iterable[RenderableType]:
-        for task in self.tasks:
-            task.completed = min(task.elapsed or 0.0, _MAX_TIMED_BAR_REL * (task.total or 0.0))
-        yield from super().get_renderables()
-
-
-class _TimeLeftColumn(ProgressColumn):
-    """Column of a progress bar with the estimated time left."""
-
-    def render(self, task: Task) -> Text:
-        left_s = (task.total or 0.0) - (task.elapsed or 0.0)
-        words = "longer than usual" if left_s < 0 else f"about {left_s // 60:.0f}:{left_s % 60:02.0f} left"
-        return Text(words, "progress.remaining")

@@ -48,7 +48,7 @@ _COLUMNS = {
 #: Names of the columns in their order; those of the elements end in the number of the element.
 COLUMN_NAMES = tuple(_COLUMNS)
 _EMPTY_GAIT_ROW: _Row = [None] * len(_columns(GAIT_FIELDS))
-_CONTACT_COLUMNS = tuple(list(GAIT_FIELDS).index(path) for path in ("gait.contact", "gait.contact_raw"))
+_CONTACT_COLUMNS = tuple(list(_columns(GAIT_FIELDS)).index(name) for name in ("contact", "contact_raw"))
 
 
 def write_csv(replay: Replay, path: Path) -> int:

@@ -5,12 +5,10 @@ missing checksums and lost chunks; so everything is counted and checked here, an
 byte.
 """
 
-import json
 import os
 import struct
 from collections import defaultdict
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -21,10 +19,8 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from zstandard import ZstdError, frame_content_size
 
 from footsense.errors import RecordingError
-from footsense.frames import CapFrame, Command, CommandResult, ContactFrame, Cycle, Vector
 from footsense.recording import messages
 from footsense.recording.mcap_writer import HEADER_CRC_KEY, MCAP_PROFILE, METADATA_NAME, header_crc
-from footsense.ring.cycle_fields import NonNegativeInt64
 from footsense.ring.records import LostCycles, NumberedCycle, legs_in_header, require_valid
 
 #: Largest chunk that is unpacked [bytes]; footsense's have 64 KiB.
@@ -136,18 +132,6 @@ def _chunk_records(chunk: Any) -> list[Any]:  # noqa: ANN401 - the library is no
     return list(breakup_chunk(chunk, validate_crc=True))
 
 
-@dataclass(slots=True)
-class _CycleMessages:
-    """Messages read so far of a cycle that is not complete yet."""
-
-    scan: CapFrame | None = None
-    commands: list[Command] = field(default_factory=list)
-    outcomes: list[CommandResult] = field(default_factory=list)
-    temperature_c: Vector | None = None
-    #: Other messages by topic, which their decoders read together.
-    others: defaultdict[str, list[bytes]] = field(default_factory=lambda: defaultdict(list))
-
-
 class _CycleAssembly:
     """Assembles cycles from their messages, and detects missing ones.
 
@@ -165,7 +149,9 @@ class _CycleAssembly:
         self._legs = legs
         self._topics: dict[int, str] = {}
         self._expected = 0
-        self._parts = _CycleMessages()
+        #: Messages of the cycle that is not complete yet, by topic, and their bytes.
+        self._parts: defaultdict[str, list[bytes]] = defaultdict(list)
+        self._n_bytes = 0
         self._t_first_ns: int | None = None
 
     def entries_of(self, records: list[Any]) -> Iterator[NumberedCycle | LostCycles]:
@@ -179,50 +165,25 @@ class _CycleAssembly:
                     yield entry
 
     def _add_message(self, topic: str, message: Message) -> NumberedCycle | LostCycles | None:
-        parts = self._parts
-        event = json.loads(message.data) if topic == messages.EVENT else {}
-        if event.get("event") == "loss":
-            self._expected += msgspec.convert(event["n_cycles"], NonNegativeInt64)
+        n_lost = messages.decode_loss(message.data) if topic == messages.EVENT else None
+        self._expected += n_lost or 0
         require_valid(message.sequence == self._expected & 0xFFFF_FFFF, "cycles are missing")
-        match topic, event.get("event"):
-            case messages.EVENT, "loss":
-                return LostCycles(self._expected, message.log_time, event["n_cycles"])
-            case messages.EVENT, "command":
-                parts.commands.append(messages.decode_command(event, self._legs))
-            case messages.EVENT, "outcome":
-                parts.outcomes.append(messages.decode_outcome(event, self._legs))
-            case messages.EVENT, "temperature":
-                parts.temperature_c = messages.decode_temperature(event, self._legs)
-            case ((messages.REFERENCE | messages.GAIT | messages.GAIT_EVENT), None):
-                parts.others[topic].append(message.data)
-            case messages.SCAN, None:
-                require_valid(parts.scan is None, "forces are missing")
-                parts.scan = messages.decode_scan(message.data, self._legs)
-            case messages.FORCE, None:
-                return self._completed_cycle(messages.decode_force(message.data, self._legs))
-        return None
+        if n_lost is not None:
+            return LostCycles(self._expected, message.log_time, n_lost)
+        self._n_bytes += len(message.data)
+        require_valid(self._n_bytes <= MAX_CHUNK_BYTES, "a cycle is larger than any that is written")
+        self._parts[topic].append(message.data)
+        return self._completed_cycle() if topic == messages.FORCE else None
 
-    def _completed_cycle(self, forces: ContactFrame) -> NumberedCycle:
-        """Return the cycle that the given force frame completes.
-
-        Raises:
-            ValueError: Its scan is missing.
-        """
-        parts, self._parts = self._parts, _CycleMessages()
-        if parts.scan is None:
-            raise ValueError("a scan is missing")
-        for gait in parts.others[messages.GAIT]:
-            events = parts.others[messages.GAIT_EVENT]
-            forces = forces._replace(gait=messages.decode_gait(gait, events, self._legs))
+    def _completed_cycle(self) -> NumberedCycle:
         # Every cycle of a test stand's recording has a reference, possibly without samples.
         has_reference = messages.REFERENCE in self._topics.values()
-        reference = messages.decode_reference(parts.others[messages.REFERENCE]) if has_reference else None
-        cycle = Cycle(
-            parts.scan, tuple(parts.commands), forces, tuple(parts.outcomes), reference, parts.temperature_c
-        )
-        if self._t_first_ns is None:
-            self._t_first_ns = forces.t_sent_ns
-        self.span_ns = forces.t_sent_ns - self._t_first_ns
+        cycle = messages.decode_cycle(self._parts, self._legs, has_reference=has_reference)
+        self._parts.clear()
+        self._n_bytes = 0
+        t_ns = cycle.forces.t_sent_ns
+        self._t_first_ns = t_ns if self._t_first_ns is None else self._t_first_ns
+        self.span_ns = t_ns - self._t_first_ns
         self.n_cycles += 1
         self._expected += 1
         return NumberedCycle(self._expected - 1, cycle)

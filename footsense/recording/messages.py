@@ -9,6 +9,7 @@ repetitions, and writing the changes alone would save a tenth of the file.
 """
 
 import json
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from operator import attrgetter
@@ -20,18 +21,15 @@ from numpy.typing import NDArray
 
 from footsense.frames import (
     ELEMENTS,
-    CapFrame,
     Command,
     CommandKind,
     CommandResult,
-    ContactFrame,
     Cycle,
     GaitEvent,
     GaitEventKind,
     GaitFrame,
     ReferenceSamples,
     Result,
-    Vector,
 )
 from footsense.ring.cycle_fields import (
     CYCLE_FIELDS,
@@ -136,37 +134,59 @@ def loss_event(n_cycles: int) -> bytes:
     return json.dumps({"event": "loss", "n_cycles": n_cycles}).encode()
 
 
-def decode_scan(data: bytes, legs: Sequence[str]) -> CapFrame:
-    """Return the capacitance frame in a message."""
-    message = json.loads(data)
-    sequence = msgspec.convert(message["sequence"], NonNegativeInt64)
-    return scan_from_arrays(sequence, _arrays(message, legs, _SCAN_FIELDS))
+def decode_loss(event: bytes) -> int | None:
+    """Return the number of lost cycles in an event; None if it is another one."""
+    message = json.loads(event)
+    if message.get("event") != "loss":
+        return None
+    return msgspec.convert(message["n_cycles"], NonNegativeInt64)
 
 
-def decode_force(data: bytes, legs: Sequence[str]) -> ContactFrame:
-    """Return the force frame in a message."""
-    message = json.loads(data)
-    sequence, t_sent_ns = (
-        msgspec.convert(message[key], NonNegativeInt64) for key in ("sequence", "t_sent_ns")
+def decode_cycle(parts: defaultdict[str, list[bytes]], legs: Sequence[str], *, has_reference: bool) -> Cycle:
+    """Return the cycle in its messages, by topic.
+
+    Raises:
+        MsgspecError: An entry is no such number.
+        LookupError: An entry is missing, or no such name.
+        ValueError: There are not so many entries or messages.
+    """
+    scan, force = (_only(parts[topic]) for topic in (SCAN, FORCE))
+    sequences = (msgspec.convert(message["sequence"], NonNegativeInt64) for message in (scan, force))
+    scan_sequence, force_sequence = sequences
+    t_sent_ns = msgspec.convert(force["t_sent_ns"], NonNegativeInt64)
+    forces = forces_from_arrays(force_sequence, t_sent_ns, _arrays(force, legs, _FORCE_FIELDS))
+    if parts[GAIT]:
+        forces = forces._replace(gait=_decode_gait(_only(parts[GAIT]), parts[GAIT_EVENT], legs))
+    commands, outcomes, temperature_c = [], [], None
+    for event in map(json.loads, parts[EVENT]):
+        match event["event"]:
+            case "command":
+                commands.append(_command(event, legs))
+            case "outcome":
+                reason = msgspec.convert(event["reason"], str)
+                outcomes.append(CommandResult(_command(event, legs), Result[event["result"]], reason))
+            case "temperature":
+                values = [event["temperature_c"][leg] for leg in legs]
+                temperature_c = np.array(msgspec.convert(values, list[float | None]), np.float64)
+    return Cycle(
+        scan_from_arrays(scan_sequence, _arrays(scan, legs, _SCAN_FIELDS)),
+        tuple(commands),
+        forces,
+        tuple(outcomes),
+        _decode_reference(parts[REFERENCE]) if has_reference else None,
+        temperature_c,
     )
-    return forces_from_arrays(sequence, t_sent_ns, _arrays(message, legs, _FORCE_FIELDS))
 
 
-def decode_command(event: Mapping[str, Any], legs: Sequence[str]) -> Command:
-    """Return the command in an event."""
+def _only(found: Sequence[bytes]) -> dict[str, Any]:
+    if len(found) != 1:
+        raise ValueError(f"{len(found)} messages of a topic that has one in each cycle")
+    message: dict[str, Any] = json.loads(found[0])
+    return message
+
+
+def _command(event: Mapping[str, Any], legs: Sequence[str]) -> Command:
     return Command(CommandKind[event["command"]], legs.index(event["leg"]))
-
-
-def decode_outcome(event: Mapping[str, Any], legs: Sequence[str]) -> CommandResult:
-    """Return the result of a command in an event."""
-    reason = msgspec.convert(event["reason"], str)
-    return CommandResult(decode_command(event, legs), Result[event["result"]], reason)
-
-
-def decode_temperature(event: Mapping[str, Any], legs: Sequence[str]) -> Vector:
-    """Return the temperatures in an event [degC], shape (legs,)."""
-    values = [event["temperature_c"][leg] for leg in legs]
-    return np.array(msgspec.convert(values, list[float | None]), np.float64)
 
 
 class _ReferenceSample(msgspec.Struct):
@@ -177,8 +197,7 @@ class _ReferenceSample(msgspec.Struct):
     saturated: bool
 
 
-def decode_reference(samples: Sequence[bytes]) -> ReferenceSamples:
-    """Return the samples of the force sensor in their messages."""
+def _decode_reference(samples: Sequence[bytes]) -> ReferenceSamples:
     rows = msgspec.convert([json.loads(sample) for sample in samples], list[_ReferenceSample])
     return ReferenceSamples(
         np.array([row.t_ns for row in rows], np.int64),
@@ -200,9 +219,7 @@ class _GaitEventMessage(msgspec.Struct):
     sigma_s: float
 
 
-def decode_gait(data: bytes, events: Sequence[bytes], legs: Sequence[str]) -> GaitFrame:
-    """Return the gait frame in its message and those of its events."""
-    message = json.loads(data)
+def _decode_gait(message: dict[str, Any], events: Sequence[bytes], legs: Sequence[str]) -> GaitFrame:
     whole = msgspec.convert(message, _GaitMessage)
     read = msgspec.convert([json.loads(event) for event in events], list[_GaitEventMessage])
     found = tuple(
@@ -217,13 +234,7 @@ def decode_gait(data: bytes, events: Sequence[bytes], legs: Sequence[str]) -> Ga
 def _arrays(
     message: Mapping[str, Any], legs: Sequence[str], fields: Mapping[str, CycleField]
 ) -> dict[str, NDArray[Any]]:
-    """Return the fields of all legs as arrays; null becomes NaN.
-
-    Raises:
-        MsgspecError: An entry is no such number.
-        LookupError: An entry is missing, or no such name.
-        ValueError: There are not so many entries.
-    """
+    """Return the fields of all legs as arrays; null becomes NaN."""
     rows = [message[leg] for leg in legs]
     arrays = {}
     for path, field in fields.items():

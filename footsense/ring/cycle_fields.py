@@ -44,28 +44,26 @@ class CycleField(NamedTuple):
     code_enum: type[IntEnum] | None = None
 
 
-#: The arrays of a cycle by their path, such as `forces.force_n`.
+#: The arrays of a cycle by their path, such as `forces.force_n`; wide entries first, so that a record has all aligned.
 CYCLE_FIELDS = {
     "scan.t_ns": CycleField("<i8", (ELEMENTS,), ("t_ns",)),
     "scan.capacitance_pf": CycleField("<f8", (ELEMENTS,), ("capacitance_pf",)),
-    "scan.reading": CycleField("u1", (ELEMENTS,), ("reading",), max(Reading)),
+    "forces.t_ns": CycleField("<i8", (), ("t_ns",)),
     "forces.force_n": CycleField("<f8", (3,), ("fx_n", "fy_n", "fz_n")),
     "forces.sigma_n": CycleField("<f8", (3,), ("sigma_x_n", "sigma_y_n", "sigma_z_n")),
-    "forces.state": CycleField("u1", (), ("state",), max(State), State),
-    "forces.fault_mask": CycleField("<u2", (), ("fault_mask",), (1 << ELEMENTS) - 1),
-    "forces.flags": CycleField("u1", (), ("flags",), 255),
-    "forces.t_ns": CycleField("<i8", (), ("t_ns",)),
-    "forces.cause": CycleField("u1", (), ("cause",), max(Cause), Cause),
-    "forces.baseline.status": CycleField("u1", (), ("baseline_status",), max(BaselineStatus), BaselineStatus),
     "forces.baseline.mean_pf": CycleField("<f8", (), ("baseline_mean_pf",)),
     "forces.baseline.worst_pf": CycleField("<f8", (), ("baseline_worst_pf",)),
     "forces.baseline.moved_ns": CycleField("<i8", (), ("baseline_moved_ns",)),
+    "forces.fault_mask": CycleField("<u2", (), ("fault_mask",), (1 << ELEMENTS) - 1),
+    "scan.reading": CycleField("u1", (ELEMENTS,), ("reading",), max(Reading)),
+    "forces.state": CycleField("u1", (), ("state",), max(State), State),
+    "forces.cause": CycleField("u1", (), ("cause",), max(Cause), Cause),
+    "forces.flags": CycleField("u1", (), ("flags",), 255),
+    "forces.baseline.status": CycleField("u1", (), ("baseline_status",), max(BaselineStatus), BaselineStatus),
 }
 
 #: The arrays of a gait, which few cycles have.
 GAIT_FIELDS = {
-    "gait.contact": CycleField("u1", (), ("contact",), 1),
-    "gait.contact_raw": CycleField("u1", (), ("contact_raw",), 1),
     "gait.probability": CycleField("<f8", (), ("probability",)),
     "gait.touchdown_ns": CycleField("<i8", (), ("touchdown_ns",)),
     "gait.touchdown_sigma_s": CycleField("<f8", (), ("touchdown_sigma_s",)),
@@ -76,6 +74,8 @@ GAIT_FIELDS = {
     "gait.normal_sigma_rad": CycleField("<f8", (), ("normal_sigma_rad",)),
     "gait.tangential_over_normal": CycleField("<f8", (), ("tangential_over_normal",)),
     "gait.tangential_over_normal_sigma": CycleField("<f8", (), ("tangential_over_normal_sigma",)),
+    "gait.contact": CycleField("u1", (), ("contact",), 1),
+    "gait.contact_raw": CycleField("u1", (), ("contact_raw",), 1),
     "gait.slip": CycleField("u1", (), ("slip",), max(Slip), Slip),
 }
 

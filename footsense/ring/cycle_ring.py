@@ -22,8 +22,8 @@ from footsense.errors import FootsenseError
 from footsense.frames import Cycle, GaitFrame
 from footsense.ports import Observer
 from footsense.ring import ring_file
-from footsense.ring.cycle_fields import CYCLE_FIELDS
-from footsense.ring.records import CYCLE_ARRAY_ORDER, GAIT_ARRAY_ORDER, ServiceStatus
+from footsense.ring.cycle_fields import CYCLE_FIELDS, GAIT_FIELDS
+from footsense.ring.records import ServiceStatus
 
 #: Time that the ring holds [s].
 RING_DURATION_S = 30
@@ -43,8 +43,8 @@ _MAX_REASON_CHARACTERS = 10_000
 
 #: Integers of numpy become Python's.
 _encode = msgspec.msgpack.Encoder(enc_hook=np.generic.item).encode
-_arrays_of = attrgetter(*CYCLE_ARRAY_ORDER)
-_gait_arrays_of = attrgetter(*(path.partition(".")[2] for path in GAIT_ARRAY_ORDER))
+_arrays_of = attrgetter(*CYCLE_FIELDS)
+_gait_arrays_of = attrgetter(*(path.partition(".")[2] for path in GAIT_FIELDS))
 
 
 def encode_cycle(cycle_number: int, cycle: Cycle) -> bytes:

@@ -1,12 +1,12 @@
 """The ring's records and their checked decoder: numbered cycles, and the status of the service.
 
 A record is one msgpack array: a cycle, or the values of the service that change slowly. The arrays of a cycle's frames
-stand in one binary field, the wide entries first so that all are aligned, and encoding (`cycle_ring`) is copying.
+stand in one binary field in the order of `CYCLE_FIELDS`, so that encoding (`cycle_ring`) is copying.
 """
 
 from collections.abc import Mapping
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import msgspec
 import numpy as np
@@ -28,7 +28,6 @@ from footsense.frames import (
 from footsense.ring.cycle_fields import (
     CYCLE_FIELDS,
     GAIT_FIELDS,
-    CycleField,
     NonNegativeInt64,
     forces_from_arrays,
     gait_from_arrays,
@@ -87,14 +86,6 @@ class ServiceStatus(msgspec.Struct, array_like=True, tag="status", frozen=True):
     def baseline_pf(self) -> Vector:
         """Unloaded reading of each element, without stray [pF], shape (legs, elements), NaN where unknown."""
         return np.frombuffer(self.baseline, "<f8").reshape(-1, ELEMENTS)
-
-
-def _wide_entries_first(fields: Mapping[str, CycleField]) -> list[str]:
-    return sorted(fields, key=lambda path: np.dtype(fields[path].dtype).itemsize, reverse=True)
-
-
-#: Paths of the arrays in their order.
-CYCLE_ARRAY_ORDER, GAIT_ARRAY_ORDER = _wide_entries_first(CYCLE_FIELDS), _wide_entries_first(GAIT_FIELDS)
 
 
 def legs_in_header(header: Mapping[str, str]) -> tuple[str, ...]:
@@ -165,7 +156,7 @@ def decode_record(record: bytes, n_legs: int) -> NumberedCycle | ServiceStatus:
 
 
 def _numbered_cycle(record: _CycleRecord, n_legs: int) -> NumberedCycle:
-    arrays = _decode_arrays(record.arrays, CYCLE_FIELDS, _cycle_layout(n_legs))
+    arrays = _decode_arrays(record.arrays, "cycle", n_legs)
     commands = (*record.started_commands, *(outcome.command for outcome in record.ended_commands))
     require_valid(
         all(0 <= command.leg < n_legs for command in commands), f"a command for none of {n_legs} legs"
@@ -181,27 +172,22 @@ def _numbered_cycle(record: _CycleRecord, n_legs: int) -> NumberedCycle:
     return NumberedCycle(record.cycle_number, cycle)
 
 
-@cache
-def _cycle_layout(n_legs: int) -> np.dtype[Any]:
-    return _layout(CYCLE_FIELDS, CYCLE_ARRAY_ORDER, n_legs)
+_FIELDS = {"cycle": CYCLE_FIELDS, "gait": GAIT_FIELDS}
 
 
 @cache
-def _gait_layout(n_legs: int) -> np.dtype[Any]:
-    return _layout(GAIT_FIELDS, GAIT_ARRAY_ORDER, n_legs)
+def _layout(frame: Literal["cycle", "gait"], n_legs: int) -> np.dtype[Any]:
+    return np.dtype(
+        [(path, field.dtype, (n_legs, *field.row_shape)) for path, field in _FIELDS[frame].items()]
+    )
 
 
-def _layout(fields: Mapping[str, CycleField], order: list[str], n_legs: int) -> np.dtype[Any]:
-    return np.dtype([(path, fields[path].dtype, (n_legs, *fields[path].row_shape)) for path in order])
-
-
-def _decode_arrays(
-    data: bytes, fields: Mapping[str, CycleField], layout: np.dtype[Any]
-) -> Mapping[str, NDArray[Any]]:
+def _decode_arrays(data: bytes, frame: Literal["cycle", "gait"], n_legs: int) -> Mapping[str, NDArray[Any]]:
     """Return the arrays in a binary field by their paths, after checking its length and codes."""
+    layout = _layout(frame, n_legs)
     require_valid(len(data) == layout.itemsize, f"arrays of {len(data)} bytes")
     arrays: Mapping[str, NDArray[Any]] = np.frombuffer(data, dtype=layout)[0]
-    for path, field in fields.items():
+    for path, field in _FIELDS[frame].items():
         if field.max_code is not None:
             found = max(arrays[path].tobytes()) if field.dtype == "u1" else arrays[path].max()
             require_valid(found <= field.max_code, f"{path} {found}, at most {field.max_code} has a meaning")
@@ -212,7 +198,7 @@ def _decode_gait(record: _GaitRecord, n_legs: int) -> GaitFrame:
     require_valid(
         all(0 <= event.leg < n_legs for event in record.events), f"an event of none of {n_legs} legs"
     )
-    arrays = _decode_arrays(record.arrays, GAIT_FIELDS, _gait_layout(n_legs))
+    arrays = _decode_arrays(record.arrays, "gait", n_legs)
     return gait_from_arrays(record.t_ns, record.friction, record.all_in_air, record.events, arrays)
 
 

@@ -24,15 +24,12 @@ def test_a_terminal_shows_the_part_done(monkeypatch: pytest.MonkeyPatch) -> None
     assert terminal.getvalue().endswith("\x1b[2K")  # the line is erased
 
 
-@pytest.mark.parametrize(("expected_s", "words"), [(3600.0, "about 60:00 left"), (1e-9, "longer than usual")])
-def test_a_timed_task_says_the_time_left(
-    expected_s: float, words: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_timed_task_says_the_usual_time(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setattr(sys, "stderr", terminal := _Terminal())
-    with progress.timed_bar("film", expected_s):
+    with progress.timed_bar("film", 3605.0):
         pass
-    assert words in terminal.getvalue().replace("59:60", "60:00").replace("about 59:59", "about 60:00")
+    assert "of usually 60:05" in terminal.getvalue()
 
 
 def test_a_file_or_a_pipe_gets_nothing(capsys: pytest.CaptureFixture[str]) -> None:
