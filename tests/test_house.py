@@ -26,6 +26,7 @@ WORDS_OF_OTHERS = {
     "gpioinfo",
     "metadata_props",
     "network_deg",
+    "pfifo",
     "pfifo_head_drop",
     "within_1",
 }
