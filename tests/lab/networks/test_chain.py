@@ -321,7 +321,7 @@ def test_a_bad_network_is_one_clear_error(tmp_path: Path, content: bytes | None)
 
 def test_without_the_extra_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     """A robot's install has no lab: the command says so and names the extra."""
-    monkeypatch.setattr("footsense.cli.lab.group.importlib.util.find_spec", lambda _: None)
+    monkeypatch.setattr("footsense.errors.find_spec", lambda _: None)
     result = CliRunner().invoke(lab, ["evaluate"])
     assert isinstance(result.exception, FootsenseError)
     assert "pip install 'footsense[lab]', or in a checkout" in str(result.exception)
