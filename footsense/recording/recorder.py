@@ -9,17 +9,22 @@ import fcntl
 import json
 import logging
 import os
+import signal
 import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
-from footsense.child_process import check_new_file, start_writer
+from footsense.child_process import check_new_file
 from footsense.errors import ConfigError, RecordingError
 from footsense.ring.cycle_ring import CycleRing
 
 _log = logging.getLogger(__name__)
 
 RECORDING_SUFFIX = ".mcap"
+
+#: Processors of this process before the loop takes one of them: those that the unit allows.
+_CPUS_AT_START = os.sched_getaffinity(0)
 
 #: Longest wait for the writer after the end of the service [s].
 FINISH_TIMEOUT_S = 30.0
@@ -174,4 +179,23 @@ def _start_writer(path: Path, ring: int) -> tuple[subprocess.Popen[bytes], int]:
     with contextlib.suppress(OSError):  # network drives without locks are written to all the same
         # The writer inherits the lock with the file; the lock ends when the last process closes the file.
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    return start_writer("footsense.recording.writer", [str(path), str(ring)], file, ring=ring)
+    read_end, write_end = os.pipe()
+    # A blocked signal stays blocked in the child: a Ctrl-C or a stop of the service ends the loop, and then
+    # the end of the pipe ends the writer.
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    of_loop = os.sched_getaffinity(0)
+    try:
+        os.sched_setaffinity(0, _CPUS_AT_START)  # the child keeps them
+        writer = subprocess.Popen(  # noqa: S603 - our own module
+            [sys.executable, "-P", "-m", "footsense.recording.writer", str(path), str(ring)],
+            stdin=read_end,
+            stdout=file,
+            stderr=subprocess.PIPE,
+            pass_fds=(ring,),
+        )
+    finally:
+        os.sched_setaffinity(0, of_loop)
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+        for fd in (read_end, file, ring):
+            os.close(fd)
+    return writer, write_end
