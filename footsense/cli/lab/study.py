@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 #: Studies of the daemon, which the lab does not import, with their modules.
 DAEMON_STUDIES = {
-    "sensors": "footsense.cli.lab.pages.sensors",
     "tradeoff": "footsense.benchmarks.latency_vs_error.page",
     "touchdown": "footsense.benchmarks.touchdown.page",
     "faults": "footsense.cli.lab.pages.faults",
