@@ -76,7 +76,6 @@ def scan_lower_bounds(
     bus_hz: float,
     host_cost_ns: float,
     n_result_reads: int = 1,
-    kernel_mux: bool = False,
     traffic: ConversionTraffic = FDC1004_TRAFFIC,
 ) -> ScanLowerBounds:
     """Return the lower bounds of the period of a scan of all elements of all legs on one I2C bus.
@@ -87,19 +86,12 @@ def scan_lower_bounds(
         bus_hz: Clock of the bus [Hz].
         host_cost_ns: Time that the host adds to every transaction [ns].
         n_result_reads: Transactions that read a result: 1 or 2.
-        kernel_mux: Whether the kernel switches the mux: each leg is then triggered and read by itself, and the
-            selection is on the wire, but costs the host no transaction.
         traffic: The board's transactions.
 
     Example:
         >>> limits = scan_lower_bounds(n_legs=6, conversion_ns=2_500_000, bus_hz=400_000, host_cost_ns=40_000)
         >>> limits.limiting_factor, round(limits.scan_period_bound_ns / 22.5e6, 3)
         ('conversion', 1.087)
-        >>> limits = scan_lower_bounds(
-        ...     n_legs=6, conversion_ns=2_500_000, bus_hz=400_000, host_cost_ns=40_000, kernel_mux=True
-        ... )
-        >>> limits.limiting_factor, round(limits.scan_period_bound_ns / 22.5e6, 3)
-        ('read-out', 1.298)
         >>> limits = scan_lower_bounds(
         ...     n_legs=6, conversion_ns=11_000_000, bus_hz=400_000, host_cost_ns=40_000, traffic=AD7746_TRAFFIC
         ... )
@@ -116,9 +108,5 @@ def scan_lower_bounds(
     wait = round(conversion_ns * (1 + traffic.clock_tolerance_rel))
     # A line switch takes a byte, as the selection of a channel does.
     lines = (_ELEMENTS if traffic.switches_columns else adg715.N_LINES) * select
-    if not kernel_mux:
-        readout = select + start + ask + n_legs * (select + read)
-        return ScanLowerBounds(_ELEMENTS * (wait + start) + lines, _ELEMENTS * readout + lines)
-    switch = round(select - host_cost_ns)
-    leg = _ELEMENTS * (switch + start) + lines
-    return ScanLowerBounds(_ELEMENTS * wait + leg, n_legs * (leg + _ELEMENTS * (ask + read)))
+    readout = select + start + ask + n_legs * (select + read)
+    return ScanLowerBounds(_ELEMENTS * (wait + start) + lines, _ELEMENTS * readout + lines)

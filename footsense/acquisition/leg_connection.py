@@ -1,26 +1,36 @@
-"""Connection state of one leg: part of the scan, or left out of it and tried again later.
+"""Connection of one leg: finding and timing its chips, and whether it is part of the scan or left out of it.
 
 A leg that fails for three scans in a row is left out, so that it costs the others no time, and tried again with growing
 pauses, at most one leg per scan. The same resets a converter that answers but never finishes, which frees a hung
 FDC1004. A leg that holds a line low is left out at once and tried more rarely: each try costs the others an adapter
 timeout.
+
+The clock of a converter is inaccurate: the plan waits 2 % longer than the nominal time. A chip that needs more gets it,
+and so do the legs that convert at the same time; else the lines of the next element would be switched before it has
+finished, which nothing would show. A conversion is started while the result of the one before is still to be asked for:
+whether a chip then still says that it was done is in no data sheet. Of a chip that does not, the question comes first
+(`leg_group.py`). A leg is timed when it is found, and again when it is late.
 """
 
 import logging
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import NamedTuple
 
 from firmware_interface.chips import tca9548a
-from footsense.acquisition.chip_timing import ChipTiming
+from footsense.acquisition.boards.board import MAX_WAIT_FACTOR, ConversionStep
+from footsense.acquisition.leg_bus import LegBus, release_sda
+from footsense.acquisition.scan_plan import ScanPlan
+from footsense.errors import HardwareError, I2cError, I2cTimeoutError, WrongChipError
 from footsense.frames import Codes, Reading
 from footsense.leg_words import words_of_reading
-
-if TYPE_CHECKING:
-    from footsense.acquisition.boards.board import ConversionStep
+from footsense.ports import Clock, I2cBus
 
 _log = logging.getLogger(__name__)
 
 #: Scans in a row with a missing reading before a leg is left out.
 _MISSED_SCANS_BEFORE_LEAVING = 3
+#: Scans in a row with a late conversion before a converter is timed: once may be a fault that has passed.
+_LATE_SCANS_BEFORE_TIMING = 2
 _FIRST_PAUSE_NS = 250_000_000
 _MAX_PAUSE_NS = 4_000_000_000
 #: Factor on the pause of a leg that holds a line low, and of a leg on a stuck bus, whose try costs no other leg.
@@ -35,6 +45,22 @@ _MISSES = (
     Reading.BUS_STUCK,
     Reading.EXCITATION,
 )
+#: Halvings of the range of a slow chip: to a hundredth.
+_N_BISECTIONS = 5
+#: What the clock of a slow chip may drift until it is measured again [1].
+_TIMING_DRIFT_REL = 0.01
+
+
+class ChipTiming(NamedTuple):
+    """Measured conversion time of one leg's converter, over the wait of the scan plan.
+
+    Attributes:
+        wait_factor: Time after which it has finished, over the wait of the plan, at least 1 [1].
+        keeps_done_bit: Whether it says that a conversion is done after the next one was started.
+    """
+
+    wait_factor: float = 1.0
+    keeps_done_bit: bool = True
 
 
 class LegConnection:
@@ -53,7 +79,8 @@ class LegConnection:
         retry_at_ns: Time at which a leg that was left out is tried again [ns].
         capdac_offset_pf: Capacitance that the converter's CAPDAC subtracts from each result [pF].
         timing: Timing of its converter.
-        is_timed: Whether that was measured, and its conversions have finished since.
+        is_timed: Whether that was measured, and it has not been late since.
+        unfinished: Step of the scan that had not finished when it was asked for; None for none.
         doubted: Step whose lines it did not read back alone, for the next try; None for none.
         temperature_c: Last temperature of the converter [degC]; NaN without one.
     """
@@ -70,6 +97,8 @@ class LegConnection:
         self.capdac_offset_pf = 0.0
         self.timing = ChipTiming()
         self.is_timed = False
+        self.unfinished: ConversionStep | None = None
+        self._n_late_scans = 0
         self.doubted: ConversionStep | None = None
         self.temperature_c = float("nan")
         self._misses = 0
@@ -99,6 +128,12 @@ class LegConnection:
             )
         self.timing = timing
         self.is_timed = True
+        self._n_late_scans = 0
+
+    def count_late_scan(self, *, is_late: bool) -> None:
+        """Count consecutive scans in which a conversion finished, but late; after two, the converter is to be timed."""
+        self._n_late_scans = self._n_late_scans + 1 if is_late else 0
+        self.is_timed &= self._n_late_scans < _LATE_SCANS_BEFORE_TIMING
 
     def count_misses(self, readings: Codes, now_ns: int) -> None:
         """Count consecutive scans with a missing reading; after three, leave the leg out of the scan for a while.
@@ -110,7 +145,7 @@ class LegConnection:
         present = set(readings.tolist())
         missing = [reading for reading in _MISSES if reading in present]
         if not missing:
-            self._misses = 0
+            self._misses = self._n_late_scans = 0
             self._pause_ns = _FIRST_PAUSE_NS
             self.is_suspect = False
             return
@@ -136,8 +171,128 @@ class LegConnection:
             )
         self.in_scan = False
         self.is_suspect = True
-        self.is_timed &= outcome is not Reading.NOT_READY
         self.outcome = outcome
         self.temperature_c = float("nan")
         self.retry_at_ns = now_ns + round(pause_factor * self._pause_ns)
         self._pause_ns = min(2 * self._pause_ns, _MAX_PAUSE_NS)
+
+
+def measure_chip_timing(bus: I2cBus, clock: Clock, plan: ScanPlan) -> ChipTiming | None:
+    """Measure and return the conversion time of the only connected leg's converter; None if it does not finish.
+
+    All rates of a chip come from one clock, so that the fastest is measured. Its last conversion is left running.
+
+    Args:
+        bus: The leg's bus.
+        clock: The time that it lives in.
+        plan: The scan.
+
+    Returns:
+        Its timing; None if it does not finish.
+
+    Raises:
+        I2cError: A transaction failed.
+    """
+    board = plan.board
+    rate_sps = max(board.conversion_ns)
+    step, following = (board.step(each.results[0].element, rate_sps) for each in plan.steps[:2])
+
+    def finishes_in_time(wait_factor: float, *, next_started: bool) -> bool:
+        for transaction in board.make_ready:
+            bus.transfer(transaction)
+        before_ns = clock.now_ns()
+        bus.transfer(step.trigger)
+        # The next trigger, which takes as long as this one, ends the conversion when the time is over.
+        clock.sleep_until_ns(before_ns + round(wait_factor * board.conversion_wait_ns(rate_sps)))
+        if next_started:
+            bus.transfer(following.trigger)
+        if step.done is not None:
+            return step.done.decode(bus.transfer(step.done.read)) is Reading.OK
+        answers = list(map(bus.transfer, step.results[0].read))
+        return board.decode_result(answers)[0] is not Reading.NOT_READY
+
+    if finishes_in_time(1.0, next_started=True):
+        return ChipTiming()
+    if not finishes_in_time(MAX_WAIT_FACTOR, next_started=False):
+        return None
+    keeps_done_bit = finishes_in_time(MAX_WAIT_FACTOR, next_started=True)
+    if not keeps_done_bit and finishes_in_time(1.0, next_started=False):
+        return ChipTiming(keeps_done_bit=False)
+    low, high = 1.0, MAX_WAIT_FACTOR
+    for _ in range(_N_BISECTIONS):
+        middle = (low + high) / 2
+        low, high = (low, middle) if finishes_in_time(middle, next_started=keeps_done_bit) else (middle, high)
+    return ChipTiming(high * (1 + _TIMING_DRIFT_REL), keeps_done_bit)
+
+
+def probe_leg(
+    bus: LegBus, leg: LegConnection, bus_legs: Sequence[LegConnection], plan: ScanPlan, clock: Clock
+) -> None:
+    """Probe one leg's chips; add the leg to the scan, or delay the next try.
+
+    Args:
+        bus: The bus.
+        leg: The leg.
+        bus_legs: All legs of the bus. If the bus itself is stuck, the waiting ones are put off too: one of them is
+            enough to find out when it gets free.
+        plan: The scan, whose first lines the leg gets.
+        clock: The time that the bus lives in.
+    """
+    try:
+        connected = bus.connect(leg.selection)
+    except I2cTimeoutError as error:
+        leg.leave_scan(Reading.BUS_STUCK, clock.now_ns(), str(error), STUCK_BUS_PAUSE_FACTOR)
+        for other in bus_legs:
+            if not other.in_scan:
+                other.retry_at_ns = max(other.retry_at_ns, leg.retry_at_ns)
+    except I2cError as error:
+        leg.leave_scan(Reading.NO_ANSWER, clock.now_ns(), str(error))
+    else:
+        _set_up_leg(connected, leg, plan, clock)
+        if leg.outcome is Reading.BUS_STUCK:
+            bus.free_bus()
+
+
+def _set_up_leg(bus: I2cBus, leg: LegConnection, plan: ScanPlan, clock: Clock) -> None:
+    """Set up the chips of the only connected leg; add the leg to the scan, or delay the next try."""
+    now_ns = clock.now_ns()
+    try:
+        release_sda(bus)
+        plan.board.check_identity(bus, clock)
+        reading, offset_pf = plan.board.configure_and_get_capdac_pf(bus, clock)
+        for step in filter(None, (leg.doubted, plan.steps[0])):
+            for write in step.select:
+                bus.transfer(write)
+            if step is leg.doubted and any(bus.transfer(ask) != held for ask, held in step.select_checks):
+                reading = Reading.MISCONFIGURED
+    except I2cTimeoutError as error:
+        leg.leave_scan(Reading.BUS_STUCK, now_ns, str(error), STUCK_LEG_PAUSE_FACTOR)
+    except WrongChipError as error:
+        leg.leave_scan(Reading.WRONG_CHIP, now_ns, str(error))
+    except HardwareError as error:
+        leg.leave_scan(Reading.NO_ANSWER, now_ns, str(error))
+    else:
+        if reading is Reading.OK:
+            leg.join_scan(offset_pf)
+        else:
+            leg.leave_scan(reading, now_ns)
+
+
+def probe_due_legs(bus: LegBus, legs: Sequence[LegConnection], plan: ScanPlan, clock: Clock) -> None:
+    """Probe the leg that has waited longest, if one is due; at most one per scan, to keep the scan's pace.
+
+    If no leg is in the scan, all that are due are tried, until one finds the bus stuck.
+    """
+    now_ns = clock.now_ns()
+    alone = not any(leg.in_scan for leg in legs)
+    due = [leg for leg in legs if not leg.in_scan and leg.retry_at_ns <= now_ns]
+    if alone and due:
+        bus.free_bus()  # any leg may hold the lines
+    for leg in sorted(due, key=lambda leg: leg.retry_at_ns)[: len(due) if alone else 1]:
+        outcome = leg.outcome
+        probe_leg(bus, leg, legs, plan, clock)
+        if leg.in_scan:
+            # It does not take part in the conversion that runs, and joins with the next scan.
+            leg.outcome = outcome
+        elif leg.outcome is Reading.BUS_STUCK:
+            return

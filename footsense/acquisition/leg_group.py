@@ -12,16 +12,29 @@ AND, and only when the result differs is each leg asked alone. A result is read 
 that fails is left out for the rest of the scan, so that it costs the others no time.
 """
 
+import logging
 from typing import NamedTuple
 
-from footsense.acquisition.boards.board import CONVERTED, ConversionStep, ReadBackCheck, Thermometer
-from footsense.acquisition.chip_timing import measure_chip_timing
-from footsense.acquisition.leg_connection import LegConnection
+from footsense.acquisition.boards.board import (
+    CONVERTED,
+    ConversionStep,
+    ElementResult,
+    ReadBackCheck,
+    Thermometer,
+)
+from footsense.acquisition.leg_bus import LegBus
+from footsense.acquisition.leg_connection import (
+    STUCK_BUS_PAUSE_FACTOR,
+    STUCK_LEG_PAUSE_FACTOR,
+    LegConnection,
+    measure_chip_timing,
+)
 from footsense.acquisition.scan_plan import ScanPlan
-from footsense.acquisition.transports import Transport
 from footsense.errors import I2cError, I2cTimeoutError
 from footsense.frames import Codes, Reading, Stamps, Vector
 from footsense.ports import Clock, Transaction
+
+_log = logging.getLogger(__name__)
 
 _NAN, _OK = float("nan"), Reading.OK
 #: Attempts of a transaction before it counts as failed.
@@ -66,26 +79,23 @@ class LegGroup:
     """Legs of one bus whose converters run in parallel, as one I2C write reaches all of them.
 
     Args:
-        legs: The legs, with consecutive rows.
-        transport: The way to their chips.
+        legs: The legs, all of the bus.
+        bus: The bus.
         clock: The time that the bus lives in.
         plan: The conversions of one scan.
         latest: Readings of the whole bus, written over element by element.
 
     Attributes:
         mux_read_back: Read of the mux's selection, done after a broadcast question and after every leg: another program
-            may have switched it. None where that takes time from the scan, or the kernel switches it.
+            may have switched it. None where that takes time from the scan, and without a mux.
         running: The conversion that runs; without legs if none of the group's is active, None after a restart.
     """
 
-    def __init__(
-        self, legs: Legs, transport: Transport, clock: Clock, plan: ScanPlan, latest: BusReadings
-    ) -> None:
+    def __init__(self, legs: Legs, bus: LegBus, clock: Clock, plan: ScanPlan, latest: BusReadings) -> None:
         self.legs = legs
         self.running: Conversion | None = None
         self.mux_read_back: Transaction | None = None
-        self._rows = slice(legs[0].row, legs[-1].row + 1)
-        self._transport = transport
+        self._bus = bus
         self._clock = clock
         self._plan = plan
         self._latest = latest
@@ -113,6 +123,7 @@ class LegGroup:
         *,
         checked: bool,
         in_turn: bool,
+        ask_first: bool,
         alone: LegConnection | None = None,
     ) -> None:
         """Wait for the running conversion, start the next one, and read the finished one meanwhile.
@@ -122,6 +133,7 @@ class LegGroup:
             following: The next step; the first one of the plan if `step` ends the scan.
             checked: Whether lines and settings are asked for.
             in_turn: Whether they are asked for in some steps only.
+            ask_first: Whether all legs are asked whether they are done before the next trigger, and not after it.
             alone: Leg that is asked for its lines by itself; None for none.
 
         Raises:
@@ -132,7 +144,7 @@ class LegGroup:
         if alone is not None:
             self._check_lines_of_leg(alone, step)
         if checked:
-            self._check_settings(finished, always=in_turn and not self._transport.broadcasts)
+            self._check_settings(finished)
         legs, selection = self.active_legs()
         failed: dict[LegConnection, Reading] = {}
         if len(legs) < len(self.legs):
@@ -144,29 +156,48 @@ class LegGroup:
             self._exchange(
                 selection, ()
             )  # connect them while they convert; if that fails, `_start_conversion` tries again
-        asks_first = self._wait_and_tell_if_poll_comes_first(finished)
+        asks_first = self._wait_and_tell_if_poll_comes_first(finished, ask_first=ask_first)
+        all_done = False
         if asks_first:
-            self._mark_unfinished_as_failed(step, legs, selection)
+            all_done = self._mark_late_as_failed(step, legs, selection)
             failed |= {leg: leg.outcome for leg in legs if leg.outcome is not _OK}
             legs, selection = self.active_legs()
         select = following.select_changes if finished.legs else following.select
         running = self._start_conversion(legs, selection, following, select)
-        self._latest.discard((self._rows, step.element), Reading.NO_ANSWER)
-        for leg, outcome in failed.items():
-            # A check in the last step, or in turn, covers all elements before it.
-            since_check = ends or leg is alone or (in_turn and outcome is Reading.MISCONFIGURED)
-            self._latest.discard((leg.row, slice(None) if since_check else step.element), outcome)
+        checked_until_now = {
+            leg
+            for leg, outcome in failed.items()
+            if ends or leg is alone or (in_turn and outcome is Reading.MISCONFIGURED)
+        }
+        self._discard_readings(step, failed, checked_until_now)
         read = finished.legs
         if failed:
             read = tuple(leg for leg in read if leg not in failed)
         if read:
-            all_done = asks_first or (self._all_done(step, selection) if running.legs else step.done is None)
-            self._read_out(step, read, finished.t_start_ns, all_done=all_done)
+            if not asks_first:
+                all_done = self._all_done(step, selection) if running.legs else step.done is None
+            self._read_out(step, following, read, finished.t_start_ns, all_done=all_done)
         self.running = running
 
-    def _wait_and_tell_if_poll_comes_first(self, conversion: Conversion) -> bool:
-        """Wait until all legs have finished; return whether a chip's DONE bit is cleared by the next trigger."""
-        wait_factor, forgets = 1.0, False
+    def _discard_readings(
+        self,
+        step: ConversionStep,
+        failed: dict[LegConnection, Reading],
+        checked_until_now: set[LegConnection],
+    ) -> None:
+        """Discard the readings of a step, and of failed legs whose check covers the scan all those before it."""
+        for result in step.results:
+            self._latest.discard((slice(None), result.element), Reading.NO_ANSWER)
+            for leg, outcome in failed.items():
+                elements = slice(None) if leg in checked_until_now else result.element
+                self._latest.discard((leg.row, elements), outcome)
+
+    def _wait_and_tell_if_poll_comes_first(self, conversion: Conversion, *, ask_first: bool) -> bool:
+        """Wait until all legs have finished; return whether they are to be asked before the next trigger.
+
+        It is so if a chip's DONE bit is cleared by that.
+        """
+        wait_factor, forgets = 1.0, ask_first
         for leg in conversion.legs:
             wait_factor = max(wait_factor, leg.timing.wait_factor)
             forgets |= not leg.timing.keeps_done_bit
@@ -180,7 +211,7 @@ class LegGroup:
             return ()
         self.running = None
         if self._exchange(selection, thermometer.start) is None:
-            self._transport.forget_selection()
+            self._bus.forget_selection()
             return ()
         return legs
 
@@ -189,7 +220,7 @@ class LegGroup:
         for leg in legs:
             answers = self._exchange(leg.selection, (thermometer.read, thermometer.read))
             if answers is None:
-                self._transport.forget_selection()
+                self._bus.forget_selection()
                 return
             leg.temperature_c = thermometer.decode(*answers)
 
@@ -197,10 +228,10 @@ class LegGroup:
         """Measure and store the conversion time of a leg's converter; keep the old one if no conversion finishes."""
         self.running = None
         try:
-            timing = measure_chip_timing(self._transport.connect(leg.selection), self._clock, self._plan)
+            timing = measure_chip_timing(self._bus.connect(leg.selection), self._clock, self._plan)
         except I2cError as error:
             self._raise_if_stuck(error)
-            self._transport.forget_selection()
+            self._bus.forget_selection()
         else:
             leg.set_timing(timing or leg.timing)
 
@@ -211,7 +242,7 @@ class LegGroup:
             BusStuckError: A line was held low.
         """
         try:
-            bus = self._transport.connect(selection)
+            bus = self._bus.connect(selection)
             return list(map(bus.transfer, transactions))
         except I2cError as error:
             self._raise_if_stuck(error)
@@ -223,39 +254,52 @@ class LegGroup:
         """Select lines and trigger a conversion on all given legs at once; return the running conversion."""
         for _ in range(_MAX_ATTEMPTS if legs else 0):
             try:
-                bus = self._transport.connect(selection)
+                bus = self._bus.connect(selection)
                 for write in (*select, step.trigger):
                     bus.transfer(write)
             except I2cError as error:
                 self._raise_if_stuck(error)
-                self._transport.forget_selection()  # a mux that has lost its selection connects no leg
+                self._bus.forget_selection()  # a mux that has lost its selection connects no leg
             else:
                 return Conversion(step, self._clock.now_ns(), legs, bool(select))
         return Conversion(step, self._clock.now_ns(), (), bool(select))
 
-    def _read_out(self, step: ConversionStep, legs: Legs, t_start_ns: int, *, all_done: bool) -> None:
+    def _read_out(
+        self, step: ConversionStep, following: ConversionStep, legs: Legs, t_start_ns: int, *, all_done: bool
+    ) -> None:
         """Read the finished conversion's result from each given leg, while the next conversion runs."""
         t_ns, capacitance_pf, readings = self._latest
         plan = self._plan
         for leg in legs:
             if not leg.in_scan:  # left out since the conversion began
                 continue
-            at = leg.row, step.element
-            reading, capacitance_pf[at] = self._read_leg(leg, step, all_done=all_done)
-            readings[at] = reading
-            if reading in CONVERTED:
-                excess_ns = round((leg.timing.wait_factor - 1) * plan.conversion_wait_ns)
-                t_ns[at] = t_start_ns + (plan.conversion_ns + excess_ns) // 2
-            else:
-                leg.outcome = reading
+            for result in step.results:
+                at = leg.row, result.element
+                reading, capacitance_pf[at] = self._read_leg(leg, step, result, all_done=all_done)
+                readings[at] = reading
+                if reading in CONVERTED:
+                    excess_ns = round((leg.timing.wait_factor - 1) * plan.conversion_wait_ns)
+                    t_ns[at] = t_start_ns + (plan.conversion_ns + excess_ns) // 2
+                else:
+                    leg.outcome = reading
+                    # It was triggered again before it was asked, and that conversion runs alone.
+                    leg.unfinished = following if reading is Reading.NOT_READY else None
 
-    def _mark_unfinished_as_failed(self, step: ConversionStep, legs: Legs, selection: int) -> None:
-        """Mark each leg as failed whose conversion has not finished, before the next trigger clears its DONE bit."""
+    def _mark_late_as_failed(self, step: ConversionStep, legs: Legs, selection: int) -> bool:
+        """Mark each leg as failed whose conversion has not finished before the next trigger; return if the others have.
+
+        A chip whose DONE bit that clears has to say it now. Of another one an answer that is lost is asked for again.
+        """
         assert step.done is not None
-        if legs and not self._all_done(step, selection):
-            for leg in legs:
-                answers = self._exchange(leg.selection, (step.done.read,))
-                leg.outcome = Reading.NO_ANSWER if answers is None else step.done.decode(answers[0])
+        if not legs or self._all_done(step, selection):
+            return True
+        for leg in legs:
+            answers = self._exchange(leg.selection, (step.done.read,))
+            outcome = Reading.NO_ANSWER if answers is None else step.done.decode(answers[0])
+            if outcome is Reading.NOT_READY or not leg.timing.keeps_done_bit:
+                leg.outcome = outcome
+                leg.unfinished = step
+        return not all(leg.timing.keeps_done_bit for leg in legs)
 
     def _all_done(self, step: ConversionStep, selection: int) -> bool:
         """Return whether one common poll shows all legs finished; True for a board without a poll."""
@@ -264,42 +308,39 @@ class LegGroup:
         asks = (step.done.read,) if self.mux_read_back is None else (step.done.read, self.mux_read_back)
         answers = self._exchange(selection, asks)
         if answers is None or (len(asks) > 1 and answers[1][0] != selection):
-            self._transport.forget_selection()
+            self._bus.forget_selection()
             return False
         return step.done.decode(answers[0]) is _OK
 
-    def _read_leg(self, leg: LegConnection, step: ConversionStep, *, all_done: bool) -> tuple[Reading, float]:
-        """Return reading and capacitance [pF] of a leg's finished conversion."""
+    def _read_leg(
+        self, leg: LegConnection, step: ConversionStep, result: ElementResult, *, all_done: bool
+    ) -> tuple[Reading, float]:
+        """Return reading and capacitance [pF] of one element of a leg's finished conversion."""
         reading = Reading.NO_ANSWER
         for _ in range(_MAX_ATTEMPTS):
             try:
-                bus = self._transport.connect(leg.selection)
+                bus = self._bus.connect(leg.selection)
                 if step.done and not all_done:
                     reading = step.done.decode(bus.transfer(step.done.read))
                     if reading is Reading.CORRUPT:
                         continue
                     if reading is Reading.NOT_READY:
                         break
-                reading, capacitance_pf = self._plan.board.decode_result(list(map(bus.transfer, step.read)))
+                reading, capacitance_pf = self._plan.board.decode_result(list(map(bus.transfer, result.read)))
                 if self.mux_read_back and bus.transfer(self.mux_read_back)[0] != leg.selection:
-                    self._transport.forget_selection()
+                    self._bus.forget_selection()
                     reading = Reading.DELAYED
                     continue
                 return reading, capacitance_pf + leg.capdac_offset_pf
             except I2cError as error:
                 self._raise_if_stuck(error)
-                self._transport.forget_selection()
+                self._bus.forget_selection()
                 reading = Reading.NO_ANSWER
         return reading, _NAN
 
-    def _check_settings(self, running: Conversion, *, always: bool) -> None:
-        """Read back line and chip settings during a conversion; mark each leg as failed whose check fails.
-
-        Args:
-            running: The conversion.
-            always: Whether lines are asked for that were not changed for this conversion.
-        """
-        checks = running.step.select_checks if running.lines_selected or always else ()
+    def _check_settings(self, running: Conversion) -> None:
+        """Read back line and chip settings during a conversion; mark each leg as failed whose check fails."""
+        checks = running.step.select_checks if running.lines_selected else ()
         for check in (*checks, *running.step.setting_checks):
             legs, selection = self.active_legs()
             if legs and self._read_check(selection, check) is not _OK:
@@ -327,11 +368,18 @@ class LegGroup:
     def _set_up_failed_legs(self, first: ConversionStep) -> None:
         """Set up again the legs that failed in this scan, for the first conversion of the next scan.
 
-        The others still convert: the leg's lines are set alone, and a result that its converter holds is discarded.
+        The others still convert: the leg's lines are set alone, and a result that its converter holds is discarded. A
+        conversion that has finished by now was late; else the converter hangs.
         """
         for leg in self.legs:
             if not leg.in_scan or leg.outcome is _OK:
                 continue
+            if leg.unfinished is not None and leg.unfinished.done is not None:
+                answers = self._exchange(leg.selection, (leg.unfinished.done.read,))
+                leg.count_late_scan(
+                    is_late=answers is not None and leg.unfinished.done.decode(answers[0]) is _OK
+                )
+                leg.unfinished = None
             if self._exchange(leg.selection, (*first.select, *self._plan.board.make_ready)) is not None:
                 outcomes = (self._read_check(leg.selection, check) for check in first.select_checks)
                 outcome = next((outcome for outcome in outcomes if outcome is not _OK), _OK)
@@ -345,6 +393,29 @@ class LegGroup:
             BusStuckError: The error is a timeout. The other legs have lost time, and the mux its selection.
         """
         if isinstance(error, I2cTimeoutError):
-            read = self._plan.steps[0].select_checks[0].read
-            self._transport.leave_out_stuck([leg for leg in self.legs if leg.in_scan], read, self._clock)
+            self._leave_out_stuck_legs()
             raise BusStuckError from error
+
+    def _leave_out_stuck_legs(self) -> None:
+        """Leave out the legs that hold SDA or SCL low; all legs if the bus stays stuck.
+
+        No answer shows which of the connected legs holds the line: the whole bus is blocked. So all are disconnected
+        and asked one by one, by a read that changes nothing; the leg whose question times out is left out. Each costs
+        one more adapter timeout.
+        """
+        read = self._plan.steps[0].select_checks[0].read
+        free = self._bus.free_bus()
+        for leg in self.legs:
+            if not leg.in_scan:
+                continue
+            if not free:
+                why = "the bus is held low and does not get free"
+                leg.leave_scan(Reading.BUS_STUCK, self._clock.now_ns(), why, STUCK_BUS_PAUSE_FACTOR)
+                continue
+            try:
+                self._bus.connect(leg.selection).transfer(read)
+            except I2cTimeoutError:
+                free = self._bus.free_bus()
+                leg.leave_scan(Reading.BUS_STUCK, self._clock.now_ns(), pause_factor=STUCK_LEG_PAUSE_FACTOR)
+            except I2cError as error:  # of this leg alone, and met by the scan too
+                _log.debug("leg %s: %s", leg.name, error)

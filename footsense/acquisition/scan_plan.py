@@ -39,8 +39,10 @@ def scan_plan(order: str, rate_sps: int, board: str = "fdc1004") -> ScanPlan:
 
     Example:
         >>> plan = scan_plan("lo_shu", 400)
-        >>> [step.element for step in plan.steps], sum(len(step.select_changes) for step in plan.steps)
-        ([5, 0, 7, 6, 4, 2, 1, 8, 3], 6)
+        >>> [step.results[0].element for step in plan.steps]
+        [5, 0, 7, 6, 4, 2, 1, 8, 3]
+        >>> sum(len(step.select_changes) for step in plan.steps)
+        6
     """
     electronics = BOARDS[board]
     steps = [electronics.step(element, rate_sps) for element in CONVERSION_ORDERS[order]]

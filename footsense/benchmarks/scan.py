@@ -33,20 +33,9 @@ _TWO_BUSES = replace(
         Bus(device="sim1", legs={"rf": 0, "rm": 1, "rr": 2}),
     ),
 )
-#: The kernel drives the mux, and makes an adapter of each leg's channel.
-_KERNEL_MUX = replace(
-    DEFAULT,
-    buses=(
-        Bus(
-            device="sim",
-            legs={"lf": "sim0", "lm": "sim1", "lr": "sim2", "rf": "sim3", "rm": "sim4", "rr": "sim5"},
-        ),
-    ),
-)
 _CONFIGURATIONS = {
     "one_bus": DEFAULT,
     "two_buses": _TWO_BUSES,
-    "kernel_mux": _KERNEL_MUX,
     "ad7746": replace(DEFAULT, board="ad7746"),
 }
 
@@ -56,7 +45,7 @@ def min_scan_period_by_conversions_ms() -> float:
     return DEFAULT.shortest_scan_ms
 
 
-def measure_all_scan_periods() -> dict[str, dict[str, float | None]]:
+def measure_all_scan_periods() -> dict[str, dict[str, float]]:
     """Return scan periods and their ratios to the bounds, by bus configuration and host cost."""
     return {
         f"{name}_{host_cost_us}us": _measure_scan_periods(config, host_cost_us)
@@ -64,7 +53,7 @@ def measure_all_scan_periods() -> dict[str, dict[str, float | None]]:
     }
 
 
-def _measure_scan_periods(config: Config, host_cost_us: int) -> dict[str, float | None]:
+def _measure_scan_periods(config: Config, host_cost_us: int) -> dict[str, float]:
     """Return the scan periods of six legs at 400 kHz, of the daemon and of a naive loop, and their ratios."""
     scene = replace(load_scene("hanging"), host_cost_us=float(host_cost_us))
     with open_scan_source(config, scene) as scan_source:
@@ -73,15 +62,15 @@ def _measure_scan_periods(config: Config, host_cost_us: int) -> dict[str, float 
         scan_source.read_whole_scans(_N_SCANS)
         period_ns = (scan_source.clock.now_ns() - start_ns) / _N_SCANS
     # Two buses are scanned side by side also by a naive program with two threads.
-    naive_ns = _naive_scan_period_ns(config, scene) if config.buses[0].channels else None
+    naive_ns = _naive_scan_period_ns(config, scene)
     return {
         "period_ms": period_ns * 1e-6,
         "rate_hz": 1e9 / period_ns,
         "over_limit": period_ns * 1e-6 / config.shortest_scan_ms,
         "over_best": period_ns
         / max(_scan_period_lower_bound_ns(config, bus, host_cost_us) for bus in config.buses),
-        "naive_period_ms": naive_ns * 1e-6 if naive_ns else None,
-        "naive_over_ours": naive_ns / period_ns if naive_ns else None,
+        "naive_period_ms": naive_ns * 1e-6,
+        "naive_over_ours": naive_ns / period_ns,
     }
 
 
@@ -99,7 +88,6 @@ def _scan_period_lower_bound_ns(config: Config, bus: Bus, host_cost_us: int) -> 
         conversion_ns=config.conversion_rate.conversion_ns,
         bus_hz=bus.rate_hz,
         host_cost_ns=host_cost_us * 1e3,
-        kernel_mux=bool(bus.adapters),
         traffic=schedule.AD7746_TRAFFIC if config.board == "ad7746" else schedule.FDC1004_TRAFFIC,
     ).scan_period_bound_ns
 

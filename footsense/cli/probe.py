@@ -145,7 +145,7 @@ def _bus_figures(report: ProbedBus) -> dict[str, Any]:
     )
     return {
         "device": bus.device,
-        "mux": None if bus.adapters else {"address": f"{bus.mux.address:#04x}", "answers": scan.mux_answers},
+        "mux": None if bus.leg else {"address": f"{bus.mux.address:#04x}", "answers": scan.mux_answers},
         "upstream": scan.upstream and _addresses(scan.upstream.answering, {bus.mux.address: "mux"}),
         "not_scanned": scan.upstream and [f"{address:#04x}" for address in scan.upstream.unprobeable],
         "kernel_drivers": _addresses(sorted(drivers), drivers),
@@ -211,7 +211,7 @@ def _foot_marks(leg: ProbedLeg) -> Text:
 _LEG_COLUMNS: list[Column[ProbedLeg]] = [
     Column("leg", lambda leg: leg.leg, "<1"),
     Column("bus", lambda leg: leg.device, "<1"),
-    Column("channel", lambda leg: leg.channel_or_adapter, "<1", ("at",)),
+    Column("channel", lambda leg: leg.channel, "<1", ("at",)),
     Column(
         "answering",
         lambda leg: leg.chips and _addresses(leg.chips.answering, _CHIP_NAMES),

@@ -6,7 +6,7 @@ from ipaddress import IPv4Address
 
 from firmware_interface.wire_timing import can_bits_per_s
 from footsense.config.schema import DEFAULT_PUBLISH_EVERY, RATES_BY_BOARD, Config
-from footsense.config.sections import PCA9685_ALLCALL_ADDRESS, Bus, Leg, Scan, Serial
+from footsense.config.sections import PCA9685_ALLCALL_ADDRESS, Bus, Leg, Mux, Scan, Serial
 from footsense.strict_yaml import Problem
 
 #: Largest share of the CAN bit rate for all frames of footsense; the rest is the robot's.
@@ -76,31 +76,24 @@ def _i2c_rules(config: Config) -> Iterator[_Rule]:
     remedy = "give each its own, or join their legs under one bus"
     devices = [(f"{path}.device", bus.device, path) for path, bus in buses]
     yield from _repeated(devices, "{} is already the device of {}; " + remedy)
-    legs = [(f"{path}.legs.{leg}", leg, path) for path, bus in buses for leg in bus.legs]
+    legs = [(f"{path}.legs.{leg}", leg, path) for path, bus in buses for leg in bus.channels]
     yield from _repeated(legs, "{} is already a leg of {}; a leg has one foot, so name it once")
-    simulated = {
-        device.startswith("sim"): path
-        for path, bus in buses
-        for device in (bus.device, *bus.adapters.values())
-    }
+    simulated = {bus.device.startswith("sim"): path for path, bus in buses}
     mixed = "simulated and real buses cannot be mixed; use sim for all or none"
     yield len(simulated) > 1, f"{simulated.get(True)}.device", mixed
     for path, bus in buses:
-        yield from _bus_leg_rules(bus, f"{path}.legs")
+        yield from _bus_leg_rules(bus, path)
 
 
 def _bus_leg_rules(bus: Bus, path: str) -> Iterator[_Rule]:
-    both = (
-        "the multiplexer is driven by the kernel or by footsense, never by both: "
-        "name an adapter for every leg, or a channel for every leg"
+    which = (
+        "name its legs with their channels of the multiplexer, or under leg the one that is directly on it"
     )
-    yield bool(bus.channels and bus.adapters), f"{path}.{next(iter(bus.adapters), '')}", both
-    adapters = [(f"{path}.{leg}", device, f"that of {leg}") for leg, device in bus.adapters.items()]
-    yield from _repeated(
-        [(path, bus.device, "the bus itself"), *adapters], "{} is already {}; `i2cdetect -l` lists them"
-    )
-    free = sorted(set(range(8)) - set(bus.channels.values()))
-    channels = [(f"{path}.{leg}", channel, leg) for leg, channel in bus.channels.items()]
+    yield (not bus.legs) == (bus.leg is None), f"{path}.legs", which
+    directly = "leg is directly on the adapter; take mux away, or name a channel for every leg under legs"
+    yield bus.leg is not None and bus.mux != Mux(), f"{path}.mux", directly
+    free = sorted(set(range(8)) - set(bus.legs.values()))
+    channels = [(f"{path}.legs.{leg}", channel, leg) for leg, channel in bus.legs.items()]
     yield from _repeated(channels, f"channel {{}} is already that of {{}}; free channels are {free}")
 
 

@@ -83,7 +83,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         """Names of the configured legs, bus by bus: the rows of every frame."""
         if self.serial is not None:
             return self.serial.legs
-        return tuple(leg for bus in self.buses for leg in bus.legs)
+        return tuple(leg for bus in self.buses for leg in bus.channels)
 
     @property
     def ring_path(self) -> Path | None:
@@ -130,7 +130,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     @property
     def conversion_order(self) -> Literal["lo_shu", "raster"]:
         """Conversion order of the elements: the configured one, or the mux's default."""
-        return self.scan.order or ("raster" if any(bus.adapters for bus in self.buses) else "lo_shu")
+        return self.scan.order or "lo_shu"
 
     @property
     def effective_max_age_ms(self) -> float:

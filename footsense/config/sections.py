@@ -60,18 +60,20 @@ class Mux(Section, frozen=True, kw_only=True):
 
 
 class Bus(Section, frozen=True, kw_only=True):
-    """One I2C adapter, its multiplexer, and the legs behind it.
+    """One I2C adapter with its legs: behind a multiplexer, or one leg directly.
 
     Attributes:
         device: Adapter: `/dev/i2c-N`, or `sim`, `sim1`, ... for a simulated one.
         rate_hz: Clock of the bus [Hz], to compute how long a transaction takes; the kernel sets the clock.
-        mux: Multiplexer.
-        legs: Channel of the multiplexer for each leg; or, where the kernel drives it (i2c-mux-pca954x), the adapter
-            that the kernel made of the leg's channel.
+        mux: Multiplexer, driven by footsense.
+        legs: Channel of the multiplexer for each leg.
+        leg: In place of `legs`, the one leg that is directly on the adapter; the channel of a multiplexer that the
+            kernel drives (i2c-mux-pca954x) is such an adapter.
     """
 
     device: AdapterPath
-    legs: Annotated[dict[Leg, Channel | AdapterPath], Meta(min_length=1)]
+    legs: dict[Leg, Channel] = {}
+    leg: Leg | None = None
     rate_hz: Annotated[
         int, Meta(ge=10_000, le=400_000, description="FDC1004 and TCA9548A are 400 kHz parts")
     ] = 400_000
@@ -79,13 +81,15 @@ class Bus(Section, frozen=True, kw_only=True):
 
     @property
     def channels(self) -> dict[str, int]:
-        """Mux channel of each leg; empty where the kernel switches the mux."""
-        return {leg: channel for leg, channel in self.legs.items() if isinstance(channel, int)}
+        """Channel of each leg; 0 of one that is directly on the adapter."""
+        if self.leg is not None:
+            return {self.leg: 0}
+        return {leg: channel for leg, channel in self.legs.items()}  # noqa: C416 - of another type of key
 
     @property
-    def adapters(self) -> dict[str, str]:
-        """I2C adapter of each leg where the kernel switches the mux; else empty."""
-        return {leg: device for leg, device in self.legs.items() if isinstance(device, str)}
+    def mux_address(self) -> int | None:
+        """Address of the multiplexer; None for a leg directly on the adapter."""
+        return self.mux.address if self.leg is None else None
 
 
 class Serial(Section, frozen=True, kw_only=True):
@@ -114,8 +118,7 @@ class Scan(Section, frozen=True, kw_only=True):
         rate_sps: Conversions per second of one converter; a lower rate has less noise: 100, 200 or 400 with board
             `fdc1004`; 9, 11, 13, 16, 26, 50, 84 or 91 with board `ad7746`. None: the board's fastest.
         order: Order of the elements: `lo_shu` (the magic square) keeps opposite ones at the same mean time, `raster`
-            switches half as many rows; the network is trained for both. None: lo_shu, or raster where the kernel
-            drives the multiplexer.
+            switches half as many rows; the network is trained for both. None: lo_shu.
     """
 
     rate_sps: Literal[9, 11, 13, 16, 26, 50, 84, 91, 100, 200, 400] | None = None

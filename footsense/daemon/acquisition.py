@@ -7,14 +7,12 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from firmware_interface.serial_frames import RECORD_BITS
-from footsense.acquisition.bus_scanner import BusScanner
-from footsense.acquisition.bus_timing import BusTiming
+from footsense.acquisition.leg_bus import BusTiming, LegBus
 from footsense.acquisition.linux.linux_i2c import LinuxI2cBus
 from footsense.acquisition.linux.serial_port import SerialLink
 from footsense.acquisition.mcu_source import McuSource
-from footsense.acquisition.robot_scanner import RobotScanner
 from footsense.acquisition.scan_plan import ScanPlan, scan_plan
-from footsense.acquisition.transports import KernelMux, Transport, UpstreamBus
+from footsense.acquisition.scanner import BusScanner, RobotScanner
 from footsense.clock import MonotonicClock
 from footsense.config import Config
 from footsense.config.sections import Bus, Serial
@@ -76,12 +74,12 @@ class OpenBus(NamedTuple):
     Attributes:
         bus_config: Its configuration.
         clock: Its clock.
-        transport: Path to the chips of its legs.
+        legs: Path to the chips of its legs.
     """
 
     bus_config: Bus
     clock: Clock
-    transport: Transport
+    legs: LegBus
 
 
 def open_buses(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -> list[OpenBus]:
@@ -96,14 +94,12 @@ def open_buses(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -
         HardwareError: An adapter or a reset line is missing.
     """
     if robot is None:
-        return [OpenBus(bus, MonotonicClock(), _open_transport(bus, stack)) for bus in config.buses]
+        return [OpenBus(bus, MonotonicClock(), _open_bus(bus, stack)) for bus in config.buses]
     opened = []
-    for bus, wires, adapters in zip(config.buses, robot.buses, robot.adapters, strict=True):
-        transport: Transport = KernelMux(tuple(adapters.values()))
-        if not bus.adapters:
-            line = wires.mux if bus.mux.reset else None
-            transport = UpstreamBus(wires, bus.mux.address, line, reads_back=bus.mux.read_back)
-        opened.append(OpenBus(bus, wires.clock, transport))
+    for bus, wires in zip(config.buses, robot.buses, strict=True):
+        line = wires.mux if bus.mux.reset else None
+        legs = LegBus(wires, bus.mux_address, line, reads_back=bus.mux.read_back)
+        opened.append(OpenBus(bus, wires.clock, legs))
     return opened
 
 
@@ -114,18 +110,13 @@ def check_adapters(config: Config) -> None:
         HardwareError: One is missing, or another process has locked it.
     """
     for bus in config.buses:
-        for device in bus.adapters.values() or [bus.device]:
-            LinuxI2cBus.open(device).close()
+        LinuxI2cBus.open(bus.device).close()
 
 
-def _open_transport(bus: Bus, stack: ExitStack) -> Transport:
-    """Open a bus's I2C adapters and its reset line; return the access to its legs."""
-    adapters = []
-    for device in bus.adapters.values() or [bus.device]:
-        adapters.append(LinuxI2cBus.open(device))
-        stack.callback(adapters[-1].close)
-    if bus.adapters:
-        return KernelMux(adapters)
+def _open_bus(bus: Bus, stack: ExitStack) -> LegBus:
+    """Open a bus's I2C adapter and its reset line; return the access to its legs."""
+    adapter = LinuxI2cBus.open(bus.device)
+    stack.callback(adapter.close)
     line = None
     if bus.mux.reset is not None:
         # Only a robot with a RESET line pays for gpiod: 1 MB and 5 ms.
@@ -133,7 +124,7 @@ def _open_transport(bus: Bus, stack: ExitStack) -> Transport:
 
         line = LinuxResetLine.open(bus.mux.reset.device, bus.mux.reset.line)
         stack.callback(line.close)
-    return UpstreamBus(adapters[0], bus.mux.address, line, reads_back=bus.mux.read_back)
+    return LegBus(adapter, bus.mux_address, line, reads_back=bus.mux.read_back)
 
 
 def _log_bus_timing(bus: Bus, timing: BusTiming | None) -> None:
@@ -202,9 +193,8 @@ def _open_bus_scanners(config: Config, robot: SimulatedRobot | None, stack: Exit
     buses = open_buses(config, robot, stack)
     plan = scan_plan_for(config)
     scanners = []
-    for bus, clock, transport in buses:
-        channels = bus.channels or {leg: channel for channel, leg in enumerate(bus.legs)}
-        scanners.append(BusScanner(transport, clock, channels, plan))
+    for bus, clock, legs in buses:
+        scanners.append(BusScanner(legs, clock, bus.channels, plan))
     source = RobotScanner(scanners, threads=robot is None)
     stack.callback(source.close)
     source.start()

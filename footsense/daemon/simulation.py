@@ -32,9 +32,8 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
     wiring = [
         BusWiring(
             bus.rate_hz,
-            bus.mux.address,
-            bus.channels or {leg: channel for channel, leg in enumerate(bus.legs)},
-            kernel_mux=bool(bus.adapters),
+            bus.mux_address,
+            bus.channels,
             board=config.board,
         )
         for bus in config.buses

@@ -14,7 +14,7 @@ import numpy as np
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
 from footsense.frames import Vector
-from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedKernelMuxChannel
+from footsense.sim.bus.i2c_bus import SimulatedBus
 from footsense.sim.chips.chip import SimulatedMux
 from footsense.sim.clock import JoinedClock, VirtualClock
 from footsense.sim.faults.scene_faults import StuckSda, WireFault
@@ -33,16 +33,14 @@ class BusWiring(NamedTuple):
 
     Attributes:
         bus_clock_hz: Clock of the bus [Hz].
-        mux_address: Address of its mux.
+        mux_address: Address of its mux; None for one leg directly on the bus.
         channels: Mux channel of each leg.
-        kernel_mux: Whether the kernel drives the mux, and each leg is an adapter of its own.
         board: Electronics of its legs: `fdc1004` or `ad7746`.
     """
 
     bus_clock_hz: int
-    mux_address: int
+    mux_address: int | None
     channels: dict[str, int]
-    kernel_mux: bool = False
     board: str = "fdc1004"
 
 
@@ -85,8 +83,7 @@ class SimulatedRobot:
 
     Attributes:
         clock: Clock of a user of all buses.
-        buses: The upstream buses: the adapters, unless the kernel drives the mux.
-        adapters: Adapter of each leg by name, for every bus whose mux the kernel drives; empty for the others.
+        buses: The buses.
         response_sha256: Hash of the response table.
         feet: Foot on each leg.
         legs: Legs by name.
@@ -102,13 +99,10 @@ class SimulatedRobot:
         tables = _gait_tables(scene, self._load, self.feet) if scene.gait_table else {}
         self.legs: dict[str, SimulatedLeg] = {}
         self.buses: list[SimulatedBus] = []
-        self.adapters: list[dict[str, SimulatedKernelMuxChannel]] = []
         for number, wiring in enumerate(buses):
             for leg in wiring.channels:
                 index, foot, table = self._legs.index(leg), self.feet[leg], tables.get(leg)
                 self.legs[leg] = SimulatedLeg(leg, index, scene, self._load, foot, table, wiring.board)
-            # A mux that the kernel drives is switched without a system call: each leg adds the cost of the host.
-            leg_cost_ns = round(scene.host_cost_us * 1e3)
             broken = [
                 fault
                 for fault in scene.faults
@@ -120,8 +114,8 @@ class SimulatedRobot:
             bus = SimulatedBus(
                 VirtualClock(),
                 rate_hz=wiring.bus_clock_hz,
-                host_cost_ns=0 if wiring.kernel_mux else leg_cost_ns,
-                mux=SimulatedMux(wiring.mux_address),
+                host_cost_ns=round(scene.host_cost_us * 1e3),
+                mux=None if wiring.mux_address is None else SimulatedMux(wiring.mux_address),
                 legs={channel: self.legs[leg].chips for leg, channel in wiring.channels.items()},
                 faults=WireFaults(
                     broken, wiring.channels, timeout_ns, rng, adapter_compares=scene.effects.adapter_compares
@@ -130,13 +124,6 @@ class SimulatedRobot:
                 else None,
             )
             self.buses.append(bus)
-            self.adapters.append(
-                {
-                    leg: SimulatedKernelMuxChannel(bus, bus.clock, bus.mux, channel, leg_cost_ns)
-                    for leg, channel in wiring.channels.items()
-                    if wiring.kernel_mux
-                }
-            )
         self.clock = JoinedClock([bus.clock for bus in self.buses], grace_ns)
 
     def true_force_n_at(self, t_ns: int) -> Vector:

@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 
 from firmware_interface.chips import adg715
 from footsense.acquisition.boards.board import CONVERTED
-from footsense.acquisition.bus_scanner import BusScanner
-from footsense.acquisition.robot_scanner import RobotScanner
+from footsense.acquisition.leg_bus import LegBus
 from footsense.acquisition.scan_plan import scan_plan
-from footsense.acquisition.transports import UpstreamBus
+from footsense.acquisition.scanner import BusScanner, RobotScanner
 from footsense.errors import I2cError, I2cTimeoutError
 from footsense.frames import ELEMENTS, CapFrame, Reading
 from footsense.ports import Transaction
@@ -185,7 +184,7 @@ class Robot:
             channels = {f"{len(scanners)}{n}": n for n in range(per_bus)}
             scanners.append(
                 BusScanner(
-                    UpstreamBus(bus, 0x71, reads_back=reads_back),
+                    LegBus(bus, 0x71, reads_back=reads_back),
                     clock,
                     channels,
                     scan_plan(order, rate_sps or board.rates_sps[0], board.name),
@@ -193,7 +192,7 @@ class Robot:
             )
         self.board = board
         self._of_leg_pf = np.zeros((6, 1))
-        self.clock = JoinedClock(clocks, scanners[0].conversion_wait_ns)
+        self.clock = JoinedClock(clocks, scanners[0].plan.conversion_wait_ns)
         self.buses = scanners
         self.scanner = RobotScanner(scanners)
         self.scanner.start()

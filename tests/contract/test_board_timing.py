@@ -8,6 +8,7 @@ import pytest
 from footsense.frames import Reading
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 from tests.contract.boards import (
+    FDC1004,
     Board,
     Robot,
     both,
@@ -65,42 +66,33 @@ def test_a_chip_slower_than_any_gives_no_number(board: Board) -> None:
 
 
 @both
-def test_a_chip_whose_clock_drifts_is_timed_again_each_minute(board: Board) -> None:
-    """Before the rows of the next element get into its conversions: every reading stays right, at both ends."""
+def test_a_chip_whose_clock_drifts_is_timed_again_when_it_is_late(board: Board) -> None:
+    """Within three seconds, or with the next temperatures; within its tolerance every reading stays right."""
     robot = Robot(distinct, board)
     robot.read(2)
-    for error_rel in (0.01, 0.019, 0.028, 0.036, 0.028, 0.0):
-        robot.converters[3].clock_factor = 1 + min(error_rel, 0.019)
-        for _ in range(6):
-            robot.clock.sleep_until_ns(robot.clock.now_ns() + 10_000_000_000)
-            frame = robot.read()
-            assert (frame.reading == Reading.OK).all()
-            assert robot.is_right(frame).all()
+    for error_rel in (0.01, 0.019, 0.028, 0.1):
         robot.converters[3].clock_factor = 1 + error_rel
-        for _ in range(6):
-            robot.clock.sleep_until_ns(robot.clock.now_ns() + 10_000_000_000)
-            robot.read()
-        frame = robot.read(20)
-        assert (frame.reading == Reading.OK).all()
+        until_ns = robot.clock.now_ns() + (3_000_000_000 if board is FDC1004 else 62_000_000_000)
+        while robot.clock.now_ns() < until_ns:
+            frame = robot.read()
+            is_ok = frame.reading == Reading.OK
+            assert is_ok[[0, 1, 2, 4, 5]].all()
+            assert error_rel > 0.02 or (is_ok.all() and robot.is_right(frame).all())
+        assert is_ok.all()
         assert robot.is_right(frame).all()
-    assert robot.buses[0].legs[3].timing.wait_factor == 1.0
+    assert robot.buses[0].legs[3].timing.wait_factor > 1.0
 
 
-@both
-def test_the_timing_of_a_converter_costs_two_conversions_and_no_reading(board: Board) -> None:
-    """Every ten seconds; no reading is lost and nothing counts as late."""
-    robot = Robot(distinct, board)
-    period_ns = robot.period_ns()
-    slow_ns = []
-    until_ns = robot.clock.now_ns() + 26_000_000_000
-    while robot.clock.now_ns() < until_ns:
-        before_ns = robot.clock.now_ns()
-        frame = robot.read()
-        assert (frame.reading == Reading.OK).all()
-        if (lasted_ns := robot.clock.now_ns() - before_ns) > 1.05 * period_ns:
-            slow_ns.append(lasted_ns - period_ns)
-    assert len(slow_ns) in {2, 3, 4, 5}
-    assert max(slow_ns) < 6 * board.conversion_ns
+@pytest.mark.parametrize("host_cost_us", [0, 40])
+def test_frames_of_a_healthy_robot_have_no_gaps(host_cost_us: int) -> None:
+    """In half a minute no frame is later than one and a half conversions after the one before."""
+    robot = Robot(distinct, host_cost_ns=host_cost_us * 1000)
+    robot.read(2)
+    times_ns = [robot.clock.now_ns()]
+    while times_ns[-1] - times_ns[0] < 30_000_000_000:
+        assert (robot.scanner.read().reading == Reading.OK).all()
+        times_ns.append(robot.clock.now_ns())
+    assert np.diff(times_ns).max() < 1.5 * FDC1004.conversion_ns
     assert robot.buses[0].n_late_discards == 0
 
 

@@ -115,9 +115,12 @@ def test_the_kernel_has_the_multiplexer(trial: Trial) -> None:
     )
     try:
         run(
-            "udevadm settle; for channel in 0 1 2 3 4 5; do\n"
-            f"bus=$(basename $(readlink -f {_ADAPTER}/1-0071/channel-$channel))\n"
-            f'sed -i "s#^\\(      [lr][fmr]: \\)$channel .*#\\1/dev/$bus#" {CONFIG}; done; systemctl start footsense'
+            "udevadm settle; channel=0; buses=; for leg in lf lm lr rf rm rr; do\n"
+            f"bus=$(basename $(readlink -f {_ADAPTER}/1-0071/channel-$channel)); channel=$((channel + 1))\n"
+            'buses="$buses  - {device: /dev/$bus, leg: $leg}\\n"; done\n'
+            'awk -v buses="$buses" '
+            "'/^buses:/ {print; printf buses; skip = 1; next} /^[a-z]/ {skip = 0} !skip' "
+            f"{CONFIG}.before > {CONFIG}; systemctl start footsense"
         )
         trial.can.wait_for(State.VALID)
         pid, mark = trial.robot.pid, trial.can.mark

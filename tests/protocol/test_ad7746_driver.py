@@ -110,9 +110,9 @@ def test_the_rate_stands_in_the_configuration_register(rate_sps: int, configurat
 def test_an_element_is_a_row_at_the_excitation_and_a_column_at_the_input() -> None:
     """All other lines are at ground; only what changes is written."""
     plan = scan_plan("lo_shu", 91, "ad7746")
-    steps = {step.element: step for step in plan.steps}
+    steps = {step.results[0].element: step for step in plan.steps}
     assert steps[5].select == (Transaction(0x49, b"\x2a"), Transaction(0x4A, b"\x1c"))
-    assert steps[0].read == (READ_RESULT,)
+    assert steps[0].results[0].read == (READ_RESULT,)
     assert sum(len(step.select_changes) for step in plan.steps) == 6 + 9
     assert sum(len(step.select_changes) for step in scan_plan("raster", 91, "ad7746").steps) == 3 + 9
 

@@ -17,6 +17,7 @@ from footsense.acquisition.boards.board import (
     MAX_WAIT_FACTOR,
     Board,
     ConversionStep,
+    ElementResult,
     ReadBackCheck,
     Thermometer,
     require_identity,
@@ -88,14 +89,13 @@ def step(element: int, rate_sps: int) -> ConversionStep:
     """
     row, column = divmod(element, ROWS)
     return ConversionStep(
-        element=element,
+        results=(ElementResult(element, (READ_RESULT,)),),
         select=(
             Transaction(adg715.ADDRESS, bytes((adg715.line_switch_byte(1 << row),))),
             Transaction(adg715.COLUMN_ADDRESS, bytes((adg715.line_switch_byte(1 << column),))),
         ),
         trigger=_trigger_transaction(rate_sps),
         done=None,
-        read=(READ_RESULT,),
     )
 
 

@@ -37,26 +37,36 @@ class DonePoll(NamedTuple):
     decode: Callable[[bytes], Reading]
 
 
-class ConversionStep(NamedTuple):
-    """Transactions of one element's conversion: line selection, trigger, polling, read-out, checks.
+class ElementResult(NamedTuple):
+    """Result of one element of a conversion.
 
     Attributes:
         element: Flat index of the element.
-        select: Writes that select the element's lines, one for each line switch.
+        read: Reads of the result from the leg's converter.
+    """
+
+    element: int
+    read: tuple[Transaction, ...]
+
+
+class ConversionStep(NamedTuple):
+    """Transactions of one conversion of a leg: line selection, trigger, polling, read-out, checks.
+
+    Attributes:
+        results: The elements that are converted at the same time, one for each converter of the leg.
+        select: Writes that select the elements' lines, one for each line switch.
         trigger: Write that starts the conversion.
-        done: The question whether it is done; None where the result itself shows it.
-        read: Reads of one leg's result.
+        done: The question whether it is done; None where the results themselves show it.
         select_changes: The writes of `select` that are needed after the step before.
         select_checks: Positions of the line switches: a broadcast write is acknowledged even if one leg misses it, and
             a wrong line reads as a plausible capacitance.
         setting_checks: Settings of the converter; in the last step of a scan only.
     """
 
-    element: int
+    results: tuple[ElementResult, ...]
     select: tuple[Transaction, ...]
     trigger: Transaction
     done: DonePoll | None
-    read: tuple[Transaction, ...]
     select_changes: tuple[Transaction, ...] = ()
     select_checks: tuple[ReadBackCheck, ...] = ()
     setting_checks: tuple[ReadBackCheck, ...] = ()
@@ -120,7 +130,7 @@ class Board(NamedTuple):
             WrongChipError if another one does, and I2cError.
         configure_and_get_capdac_pf: Sets up the chip of the leg that is connected alone. Returns OK and the capacitance
             that its CAPDAC subtracts from each result [pF], or the reason why the chip cannot be used. Raises I2cError.
-        decode_result: Reading and capacitance [pF] of the answers to `ConversionStep.read`, CAPDAC not included; NaN
+        decode_result: Reading and capacitance [pF] of the answers to `ElementResult.read`, CAPDAC not included; NaN
             unless the reading is OK.
         make_ready: Brings a converter in an unknown state to where it can convert: its settings, and no
             result left to be read.

@@ -13,6 +13,7 @@ from footsense.acquisition.boards.board import (
     Board,
     ConversionStep,
     DonePoll,
+    ElementResult,
     ReadBackCheck,
     require_identity,
 )
@@ -54,13 +55,12 @@ def step(element: int, rate_sps: int) -> ConversionStep:
     """
     row, column = divmod(element, ROWS)
     return ConversionStep(
-        element=element,
+        results=(ElementResult(element, result_reads(column, rate_sps)),),
         select=(Transaction(adg715.ADDRESS, bytes((adg715.line_switch_byte(1 << row),))),),
         trigger=write_register(chip.Fdc1004Register.FDC_CONF, chip.trigger_config(rate_sps, column)),
         done=DonePoll(
             READ_CONF, partial(_decode_done, done_bit=chip.CONF_DONE.encode(chip.slot_bit(column)))
         ),
-        read=result_reads(column, rate_sps),
     )
 
 

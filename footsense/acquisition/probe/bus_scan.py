@@ -6,17 +6,16 @@ nothing else is written.
 """
 
 import logging
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 from firmware_interface.chips import tca9548a
-from footsense.acquisition.bus_timing import BusTiming, bus_timing, measure_bus_costs
+from footsense.acquisition.leg_bus import BusTiming, LegBus, bus_timing, release_sda
 from footsense.acquisition.probe.address_scan import AddressProbe, probe_addresses
 from footsense.acquisition.scan_plan import ScanPlan
-from footsense.acquisition.transports import UpstreamBus, release_sda
 from footsense.errors import HardwareError, I2cError, I2cTimeoutError, NackError, WrongChipError
 from footsense.frames import Reading
-from footsense.ports import Clock, I2cBus, Transaction
+from footsense.ports import Clock, I2cBus
 
 _log = logging.getLogger(__name__)
 
@@ -41,9 +40,9 @@ class BusScan(NamedTuple):
 
     Attributes:
         upstream: Addresses that answer with no channel connected; None if a line is stuck.
-        mux_answers: Whether the mux holds its selection; True where the kernel drives it.
-        channels: Chips behind each channel by number, as far as it could be connected; where the kernel drives the mux,
-            behind each leg's adapter, by the leg's position.
+        mux_answers: Whether the mux holds its selection; True without one.
+        channels: Chips behind each channel by number, as far as it could be connected; without a mux, on the bus as
+            channel 0, and `upstream` names none.
         bus_timing: Cost of transactions and limits of the scan; None if no chip answered that could be timed.
     """
 
@@ -60,9 +59,9 @@ def leg_chip_addresses(plan: ScanPlan) -> tuple[int, ...]:
 
 
 def scan_bus(
-    bus: UpstreamBus, clock: Clock, plan: ScanPlan, legs: Mapping[str, int], claimed: Collection[int] = ()
+    bus: LegBus, clock: Clock, plan: ScanPlan, legs: Mapping[str, int], claimed: Collection[int] = ()
 ) -> BusScan:
-    """Return the chips found on a bus whose mux footsense itself switches, and the bus's timing.
+    """Return the chips found on a bus, and its timing.
 
     Args:
         bus: The bus.
@@ -71,25 +70,28 @@ def scan_bus(
         legs: Mux channel of each leg.
         claimed: Addresses that drivers of the kernel hold.
     """
+    if bus.mux_address is None:
+        return _scan_leg_alone(bus, clock, plan, claimed)
     upstream, has_mux = None, False
     try:
         bus.free_bus()
-        upstream = probe_addresses(bus.bus, claimed)  # a stuck line times out
+        upstream = probe_addresses(bus.adapter, claimed)  # a stuck line times out
         has_mux = _select_and_check_read_back(bus, 0)
     except I2cError as error:
         _log.info("the upstream bus: %s", error)
     if upstream is None or not has_mux:
         return BusScan(upstream, mux_answers=False, channels={}, bus_timing=None)
-    limits = bus_timing(
-        measure_bus_costs(bus.bus, clock, bus.mux_address), plan, max(len(legs), 1), kernel_mux=False
-    )
+    costs = bus.measure_costs(clock)
+    limits = None if costs is None else bus_timing(costs, plan, max(len(legs), 1))
     known = {*claimed, *upstream.answering, *upstream.unprobeable}
     channels = {}
     for channel in range(tca9548a.N_CHANNELS):
         try:
             if not _select_and_check_read_back(bus, tca9548a.channel_control_byte(channel)):
                 return BusScan(upstream, mux_answers=False, channels={}, bus_timing=None)
-            channels[channel] = _scan_channel(bus.bus, clock, plan, known, is_leg=channel in legs.values())
+            channels[channel] = _scan_channel(
+                bus.adapter, clock, plan, known, is_leg=channel in legs.values()
+            )
         except I2cTimeoutError as error:
             channels[channel] = ChannelScan((), Reading.BUS_STUCK, str(error))
             if not bus.free_bus():
@@ -100,35 +102,21 @@ def scan_bus(
     return BusScan(upstream, mux_answers=True, channels=channels, bus_timing=limits)
 
 
-def scan_adapters(
-    adapters: Sequence[I2cBus], clock: Clock, plan: ScanPlan, claimed: Collection[int] = ()
-) -> BusScan:
-    """Return the chips found on a bus whose mux the kernel switches; arguments as of `scan_bus`.
-
-    An address that answers behind every channel is on the upstream bus. A channel with a stuck line shows nothing of
-    it; if all are stuck, the upstream bus is unknown (None). Without any adapter, nothing answers.
-    """
-    channels: dict[int, ChannelScan] = {}
+def _scan_leg_alone(bus: LegBus, clock: Clock, plan: ScanPlan, claimed: Collection[int]) -> BusScan:
+    """Return the chips of a leg that is directly on its adapter."""
     limits = None
-    for number, bus in enumerate(adapters):
-        try:
-            channels[number] = _scan_channel(bus, clock, plan, claimed, is_leg=True)
-        except I2cTimeoutError as error:
-            channels[number] = ChannelScan((), Reading.BUS_STUCK, str(error))
-        if limits is None and channels[number].outcome is Reading.OK:
-            costs = measure_bus_costs(bus, clock, plan.steps[0].select[0].address)
-            limits = bus_timing(costs, plan, len(adapters), kernel_mux=True)
-    readable = [set(scan.answering) for scan in channels.values() if scan.outcome is not Reading.BUS_STUCK]
-    common = set[int]().union(*readable).intersection(*readable) - set(leg_chip_addresses(plan))
-    upstream = None if channels and not readable else AddressProbe(tuple(sorted(common)))
-    channels = {
-        number: scan._replace(answering=tuple(address for address in scan.answering if address not in common))
-        for number, scan in channels.items()
-    }
-    return BusScan(upstream, mux_answers=True, channels=channels, bus_timing=limits)
+    try:
+        found = _scan_channel(bus.adapter, clock, plan, claimed, is_leg=True)
+        if found.outcome is Reading.OK and (costs := bus.measure_costs(clock)):
+            limits = bus_timing(costs, plan, 1)
+    except I2cTimeoutError as error:
+        found = ChannelScan((), Reading.BUS_STUCK, str(error))
+    except I2cError as error:
+        found = ChannelScan((), Reading.DELAYED, str(error))
+    return BusScan(AddressProbe(()), mux_answers=True, channels={0: found}, bus_timing=limits)
 
 
-def _select_and_check_read_back(bus: UpstreamBus, selection: int) -> bool:
+def _select_and_check_read_back(bus: LegBus, selection: int) -> bool:
     """Select mux channels, and return whether the mux reads them back, as no other chip would.
 
     Raises:
@@ -137,10 +125,9 @@ def _select_and_check_read_back(bus: UpstreamBus, selection: int) -> bool:
     """
     try:
         bus.connect(selection)
-        held = bus.bus.transfer(Transaction(bus.mux_address, b"", n_read=1))
+        return bus.read_back is not None and bus.adapter.transfer(bus.read_back) == bytes((selection,))
     except NackError:
         return False
-    return held == bytes((selection,))
 
 
 def _scan_channel(

@@ -6,13 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from footsense.acquisition.chip_timing import ChipTiming
+from footsense.acquisition.leg_connection import ChipTiming
 from footsense.acquisition.linux.linux_i2c import kernel_drivers
-from footsense.acquisition.probe.bus_scan import ChannelScan, scan_adapters, scan_bus
+from footsense.acquisition.probe.bus_scan import ChannelScan, scan_bus
 from footsense.acquisition.probe.foot_check import FootFault, FootScans, foot_faults
-from footsense.acquisition.robot_scanner import RobotScanner
 from footsense.acquisition.scan_plan import ScanPlan
-from footsense.acquisition.transports import UpstreamBus
+from footsense.acquisition.scanner import RobotScanner
 from footsense.config import Config
 from footsense.daemon.acquisition import open_buses, open_scan_source, scan_plan_for
 from footsense.daemon.estimation import mounted_feet
@@ -68,10 +67,7 @@ def _probe_buses(config: Config, scene: Scene | None, plan: ScanPlan) -> Iterato
         for opened in open_buses(config, robot, stack):
             bus = opened.bus_config
             drivers = kernel_drivers(bus.device) if robot is None else {}
-            if isinstance(opened.transport, UpstreamBus):
-                scan = scan_bus(opened.transport, opened.clock, plan, bus.channels, drivers)
-            else:
-                scan = scan_adapters(opened.transport.adapters, opened.clock, plan, drivers)
+            scan = scan_bus(opened.legs, opened.clock, plan, bus.channels, drivers)
             yield ProbedBus(bus, scan, drivers)
 
 
@@ -94,13 +90,14 @@ def _probed_legs(
     timings: list[ChipTiming | None] | None,
 ) -> Iterator[ProbedLeg]:
     """Yield the result of every leg, in the order of the configuration."""
-    leg_channels: list[tuple[str, str, int | str, ChannelScan | None]] = []
+    leg_channels: list[tuple[str, str, int | None, ChannelScan | None]] = []
     for report in buses:
-        for number, (leg, channel) in enumerate(report.bus_config.legs.items()):
-            chips = report.scan.channels.get(channel if isinstance(channel, int) else number)
-            leg_channels.append((leg, report.bus_config.device, channel, chips))
+        bus = report.bus_config
+        for leg, channel in bus.channels.items():
+            on_mux = None if bus.mux_address is None else channel
+            leg_channels.append((leg, bus.device, on_mux, report.scan.channels.get(channel)))
     if config.serial is not None:
-        leg_channels = [(name, config.serial.device, "mcu", None) for name in config.legs]
+        leg_channels = [(name, config.serial.device, None, None) for name in config.legs]
     # By the configuration and the design alone, without the calibrations.
     known = mounted_feet(replace(load_models(config), calibrations_by_leg={}))
     for row, place in enumerate(leg_channels):

@@ -25,7 +25,7 @@ def _bus_faults(report: ProbedBus, plan: ScanPlan) -> Iterator[tuple[str, str]]:
     """Yield observation and advice for each fault of a bus."""
     bus, scan, drivers = report
     if scan.upstream is None:
-        needs_wire = not bus.mux.reset and not bus.adapters
+        needs_wire = not bus.mux.reset
         wire = "; only the mux's RESET pin frees a leg that holds it: wire one" if needs_wire else ""
         yield (
             "SDA or SCL is held low on the upstream bus, and the mux cannot free it",
@@ -33,7 +33,7 @@ def _bus_faults(report: ProbedBus, plan: ScanPlan) -> Iterator[tuple[str, str]]:
         )
         return
     for address in leg_chip_addresses(plan):
-        if not bus.adapters and address in (*scan.upstream.answering, *drivers):
+        if bus.leg is None and address in (*scan.upstream.answering, *drivers):
             yield (
                 f"something answers at {address:#04x} with no leg connected: a chip of every leg has that address",
                 "what it is; move it to another address or another bus",
@@ -54,7 +54,7 @@ def _bus_faults(report: ProbedBus, plan: ScanPlan) -> Iterator[tuple[str, str]]:
     silent = {channel for channel, chips in scan.channels.items() if chips.outcome is Reading.NO_ANSWER}
     missing = ", ".join(leg for leg, channel in bus.channels.items() if channel in silent)
     for channel, chips in scan.channels.items():
-        is_no_leg = not bus.adapters and channel not in bus.channels.values()
+        is_no_leg = channel not in bus.channels.values()
         if is_no_leg and set(leg_chip_addresses(plan)) <= {*chips.answering}:
             yield (
                 f"a leg's chips answer on channel {channel}, which is no leg's",
@@ -72,7 +72,7 @@ def _missing_mux_fault(report: ProbedBus) -> tuple[str, str]:
     if address in drivers:
         return (
             f"the kernel's driver {drivers[address]} holds the mux at {address:#04x}",
-            "name each leg's adapter instead of its channel, or unbind the driver; never both",
+            "unbind the driver, or name each of its channels as a bus with one leg; never both",
         )
     if address in scan.upstream.answering:
         return (
@@ -93,7 +93,7 @@ def leg_diagnoses(report: ProbedLeg) -> Iterator[Diagnosis]:
 
     A leg that could not be scanned is a fault of its bus.
     """
-    location = f"{'channel' if isinstance(report.channel_or_adapter, int) else 'adapter'} {report.channel_or_adapter}"
+    location = report.device if report.channel is None else f"channel {report.channel}"
     chips, scans = report.chips, report.scans
     chips_fail = chips is not None and chips.outcome is not Reading.OK
     if scans is not None and (scans.chips_fail_intermittently or chips_fail):

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.acquisition.chip_timing import ChipTiming
+from footsense.acquisition.leg_connection import ChipTiming
 from footsense.acquisition.probe.bus_scan import BusScan, ChannelScan
 from footsense.acquisition.probe.foot_check import FootFault, FootScans
 from footsense.config.sections import Bus
@@ -45,7 +45,7 @@ class ProbedLeg(NamedTuple):
     Attributes:
         leg: Name of the leg.
         device: Device of its bus.
-        channel_or_adapter: Channel of the mux, or adapter where the kernel drives the mux.
+        channel: Channel of the mux; None without one.
         chips: Chips that answer there; None if they could not be scanned.
         timing: Timing of its converter; None if it was not measured.
         scans: Scans of its foot; None if there are none.
@@ -54,7 +54,7 @@ class ProbedLeg(NamedTuple):
 
     leg: str
     device: str
-    channel_or_adapter: int | str
+    channel: int | None
     chips: ChannelScan | None
     timing: ChipTiming | None
     scans: FootScans | None

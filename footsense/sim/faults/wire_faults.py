@@ -59,7 +59,7 @@ class WireFaults:
         self._resets_ns = deque(sorted(fault.at_ns for fault in faults if isinstance(fault, MuxReset)))
 
     def attempt_transaction(
-        self, clock: VirtualClock, mux: SimulatedMux, host_cost_ns: int, address: int
+        self, clock: VirtualClock, mux: SimulatedMux | None, host_cost_ns: int, address: int
     ) -> bool:
         """Apply the active faults to the next transaction: wait for failed attempts, return whether it succeeds.
 
@@ -67,7 +67,7 @@ class WireFaults:
 
         Args:
             clock: Clock of the bus, moved by the failed attempts.
-            mux: Mux of the bus, which a fault may reset.
+            mux: Mux of the bus, which a fault may reset; None without one.
             host_cost_ns: Cost of a transaction on the host [ns].
             address: Address of the transaction.
 
@@ -77,12 +77,14 @@ class WireFaults:
         t_ns = clock.now_ns()
         while self._resets_ns and self._resets_ns[0] <= t_ns:
             self._resets_ns.popleft()
-            mux.pulse()
+            if mux is not None:
+                mux.pulse()
         acting = self._faults.at(t_ns)
         if not acting:
             return True
         lost = [fault.rate_rel for fault in acting if isinstance(fault, ArbitrationLost)]
-        holding = [fault for fault in acting if self._holds_sda_low(fault, mux.control)]
+        selection = 1 if mux is None else mux.control
+        holding = [fault for fault in acting if self._holds_sda_low(fault, selection)]
         if holding and not self._adapter_compares:
             if address == _ADDRESS_OF_ONES:
                 self._released += [f for f in holding if isinstance(f, StuckSda) and f.within_byte]

@@ -73,6 +73,8 @@ class ChipServer:
         (self._bus,) = self._robot.buses
         self._clock = RealClock()
         self._bus.clock = self._clock
+        assert self._bus.mux is not None
+        self._mux = self._bus.mux
         self._fails: dict[str, int | None] = {}
         self._holding: set[int] = set()
         self._reset_pulses = 0
@@ -86,7 +88,7 @@ class ChipServer:
             serial, reset_pulses, n_messages = _REQUEST.unpack_from(request)
             if reset_pulses != self._reset_pulses:
                 self._reset_pulses = reset_pulses
-                self._bus.mux.pulse()
+                self._mux.pulse()
             at = _REQUEST.size + n_messages * _MESSAGE.size
             messages = list(_MESSAGE.iter_unpack(request[_REQUEST.size : at]))
             n_read = sum(length for _, flags, length, _ in messages if flags & _READ)
@@ -99,10 +101,10 @@ class ChipServer:
 
     def _transfer(self, address: int, written: bytes, n_read: int) -> bytes | int | None:
         """Return the bytes read, or an errno; None for no answer at all."""
-        connected = [leg for channel, leg in enumerate(LEGS) if self._bus.mux.control >> channel & 1]
+        connected = [leg for channel, leg in enumerate(LEGS) if self._mux.control >> channel & 1]
         if any(LEGS.index(leg) in self._holding for leg in connected):
             return None
-        reached = ["mux"] if address == self._bus.mux.address else connected
+        reached = ["mux"] if address == self._mux.address else connected
         for target in ("all", *reached):
             # Of several connected legs the others acknowledge in its place.
             if target in self._fails and (target == "all" or (len(reached) == 1 and address != _NOBODY)):
@@ -111,7 +113,9 @@ class ChipServer:
             if written or n_read:
                 return self._bus.transfer(Transaction(address, written, n_read))
             answering = [
-                c for c in self._bus._connected_chips(address) if c.acknowledges(self._clock.now_ns())
+                c
+                for c in self._bus._connected_chips(self._mux.control, address)
+                if c.acknowledges(self._clock.now_ns())
             ]
         except I2cError:
             return errno.ENXIO
@@ -133,12 +137,12 @@ class ChipServer:
                 self._fails.clear()
                 self._holding.clear()
             case ["mux", address]:
-                self._bus.mux.address = int(address, 0)
+                self._mux.address = int(address, 0)
                 self._bus._connected.clear()
             case ["time"]:
                 return f"{time.monotonic()} {time.time()}"
             case ["count"]:
-                return f"{self._n_transfers} {self._reset_pulses} {self._bus.mux.control:#04x}"
+                return f"{self._n_transfers} {self._reset_pulses} {self._mux.control:#04x}"
             case _:
                 return f"unknown command: {command}"
         return f"done {time.time()}"

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from footsense.acquisition.bus_scanner import BusScanner
+from footsense.acquisition.leg_bus import LegBus
 from footsense.acquisition.leg_group import BusReadings
 from footsense.acquisition.scan_plan import scan_plan
-from footsense.acquisition.transports import UpstreamBus
+from footsense.acquisition.scanner import BusScanner
 from footsense.frames import Reading
 from footsense.sim.bus.i2c_bus import SimulatedBus
 from footsense.sim.chips.chip import SimulatedMux
@@ -58,14 +58,14 @@ class Robot:
         )
         bus = SimulatedBus(self.clock, 400_000, 0, mux, chips, faults)
         plan = scan_plan("lo_shu", 400)
-        self.scanner = BusScanner(UpstreamBus(bus, 0x71, mux if reset else None), self.clock, LEGS, plan)
+        self.scanner = BusScanner(LegBus(bus, 0x71, mux if reset else None), self.clock, LEGS, plan)
         self.scanner.start()
 
     def scan(self) -> BusReadings:
         """Read to the end of a scan, where settings are checked; a conversion that was lost twice is read again."""
-        readings = self.scanner.read_next_element()
+        readings = self.scanner.read_next_step()
         while self.scanner._position:
-            readings = self.scanner.read_next_element()
+            readings = self.scanner.read_next_step()
         return readings
 
     def scan_until(self, t_s: float) -> list[BusReadings]:
@@ -231,6 +231,6 @@ def test_legs_that_are_found_together_begin_with_a_whole_conversion() -> None:
     robot = Robot([scene_faults.StuckUpstreamBus(at_s=0.1, until_s=0.3)])
     looks_ns = []
     while robot.clock.now_ns() < 1_500_000_000:
-        robot.scanner.read_next_element()
+        robot.scanner.read_next_step()
         looks_ns.append(robot.clock.now_ns())
     assert min(np.diff(looks_ns)) > 2_000_000

@@ -12,11 +12,10 @@ from firmware_interface.chips.fdc1004 import Fdc1004Register
 from firmware_interface.conversion_order import CONVERSION_ORDERS
 from firmware_interface.schedule import scan_lower_bounds
 from footsense.acquisition.boards.fdc1004 import read_register
-from footsense.acquisition.bus_scanner import BusScanner
+from footsense.acquisition.leg_bus import LegBus
 from footsense.acquisition.leg_group import BusReadings
-from footsense.acquisition.robot_scanner import RobotScanner
 from footsense.acquisition.scan_plan import scan_plan
-from footsense.acquisition.transports import UpstreamBus
+from footsense.acquisition.scanner import BusScanner, RobotScanner
 from footsense.clock import MonotonicClock
 from footsense.errors import HardwareError, I2cTimeoutError, NackError
 from footsense.frames import Reading
@@ -80,7 +79,7 @@ def test_a_bus_without_its_mux_is_an_error_at_start() -> None:
     """Nothing can work behind a mux that does not answer; the message says what to check."""
     clock = VirtualClock()
     bus = SimulatedBus(clock, 400_000, 0, SimulatedMux(0x72), {})
-    scanner = BusScanner(UpstreamBus(bus, 0x71), clock, {"lf": 0}, scan_plan("lo_shu", 400))
+    scanner = BusScanner(LegBus(bus, 0x71), clock, {"lf": 0}, scan_plan("lo_shu", 400))
     with pytest.raises(HardwareError, match=r"no answer from the mux \(TCA9548A\) at 0x71: check its power"):
         scanner.start()
 
@@ -108,7 +107,7 @@ def test_a_stuck_bus_costs_the_other_bus_nothing_and_comes_back() -> None:
 class HeldBus:
     """A bus whose reads wait in the kernel, as for a timeout."""
 
-    conversion_wait_ns = 20_000_000
+    plan = scan_plan("lo_shu", 400)._replace(conversion_wait_ns=20_000_000)
 
     def __init__(self) -> None:
         self.clock = MonotonicClock()
@@ -120,7 +119,7 @@ class HeldBus:
     def latest(self) -> BusReadings:
         return BusReadings(np.full((1, 9), self.n_read), np.ones((1, 9)), np.zeros((1, 9), np.uint8))
 
-    def read_next_element(self) -> BusReadings:
+    def read_next_step(self) -> BusReadings:
         self.lines_free.wait(10)
         self.n_read += 1
         return self.latest
@@ -210,7 +209,7 @@ def test_a_bus_that_times_out_twice_costs_what_was_being_read() -> None:
     triggers = {step.trigger for step in steps}
     robot.saboteurs[0].arm(lambda sent, n: I2cTimeoutError("held low") if sent in triggers else None)
     delayed = robot.convert().reading == Reading.DELAYED
-    assert (delayed == (np.arange(9) == steps[4].element)).all()
+    assert (delayed == (np.arange(9) == steps[4].results[0].element)).all()
     robot.saboteurs[0].arm(lambda transaction, n: None)
     assert (robot.read().reading == Reading.OK).all()
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from footsense.acquisition.transports import UpstreamBus
+from footsense.acquisition.leg_bus import LegBus
 from footsense.errors import I2cError
 from footsense.ports import Transaction
 
@@ -24,7 +24,7 @@ class FlakyBus:
 def test_a_selection_that_may_have_been_taken_is_written_again() -> None:
     """After a failure neither the old legs nor the new ones count as connected."""
     bus = FlakyBus()
-    upstream = UpstreamBus(bus, 0x71)
+    upstream = LegBus(bus, 0x71)
     upstream.connect(0b11)
     upstream.connect(0b11)
     assert bus.selected == [0b11]

@@ -141,15 +141,19 @@ def test_a_folder_beside_a_file_of_the_working_directory_is_found(
         (ONE_BUS + "unloaded_pf: {lr: [5, 5, 5, 5, 5, 5, 5, 5, 5]}", "unloaded_pf.lr: no bus has the leg lr"),
         (
             ONE_BUS.replace("rf: 1", "rf: /dev/i2c-11"),
-            ":3: buses[0].legs.rf: the multiplexer is driven by the kernel or by footsense, never by both",
+            'buses[0].legs.rf: "/dev/i2c-11" is wrong; it has to be a whole number from 0 to 7',
         ),
         (
-            ONE_BUS.replace("{lf: 0, rf: 1}", "{lf: /dev/i2c-11, rf: /dev/i2c-11}"),
-            ":3: buses[0].legs.rf: /dev/i2c-11 is already that of lf; `i2cdetect -l` lists them",
+            ONE_BUS.replace("legs: {lf: 0, rf: 1}", "leg: lf\n    legs: {rf: 1}"),
+            "buses[0].legs: name its legs with their channels of the multiplexer, or under leg the one",
         ),
         (
-            ONE_BUS.replace("{lf: 0, rf: 1}", "{lf: /dev/i2c-11, rf: sim}"),
-            "buses[0].device: simulated and real buses cannot be mixed",
+            ONE_BUS.replace("legs: {lf: 0, rf: 1}", "leg: lf\n    mux: {address: 0x72}"),
+            "buses[0].mux: leg is directly",
+        ),
+        (
+            ONE_BUS.replace("can:", "  - {device: sim, leg: lm}\ncan:"),
+            "buses[1].device: simulated and real buses cannot be mixed",
         ),
         (
             ONE_BUS.replace("{lf: 0, rf: 1}", "{lf: 0, rf: 1, lm: 2, rm: 3}") + "publish_every: 1",

@@ -9,10 +9,10 @@ import pytest
 from rich.console import Console
 
 from firmware_interface.chips.ad7746 import RESET_COMMAND
+from footsense.acquisition.leg_bus import LegBus
 from footsense.acquisition.probe.address_scan import AddressProbe
-from footsense.acquisition.probe.bus_scan import BusScan, ChannelScan, scan_adapters, scan_bus
+from footsense.acquisition.probe.bus_scan import scan_bus
 from footsense.acquisition.scan_plan import scan_plan
-from footsense.acquisition.transports import UpstreamBus
 from footsense.cli.probe import element_marks, probe_json, probe_picture, unloaded_yaml
 from footsense.config import DEFAULT, Config
 from footsense.config.sections import Bus, Mux, Serial
@@ -22,7 +22,7 @@ from footsense.daemon.probe.report import ProbedBus, ProbeResult
 from footsense.errors import I2cError, I2cTimeoutError, NackError
 from footsense.frames import Reading
 from footsense.ports import I2cBus, Transaction
-from footsense.sim.bus.i2c_bus import SimulatedBus, SimulatedKernelMuxChannel
+from footsense.sim.bus.i2c_bus import SimulatedBus
 from footsense.sim.chips.ad7746 import SimulatedAd7746
 from footsense.sim.chips.chip import LegChip, SimulatedMux
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
@@ -204,7 +204,7 @@ def test_a_mux_whose_selection_cannot_be_read_is_not_switched() -> None:
     """What answers on the upstream bus is told all the same."""
     clock, mux = VirtualClock(), SimulatedMux(0x71)
     wires = LosingArbitration(clock, 400_000, 0, mux, {0: (SimulatedFdc1004(lambda *_: 5.0, None),)})
-    scan = scan_bus(UpstreamBus(wires, 0x71), clock, scan_plan("lo_shu", 400), CHANNELS)
+    scan = scan_bus(LegBus(wires, 0x71), clock, scan_plan("lo_shu", 400), CHANNELS)
     assert scan.upstream is not None
     assert (scan.mux_answers, scan.channels, scan.bus_timing) == (False, {}, None)
 
@@ -236,68 +236,45 @@ def test_a_bus_is_scanned_without_a_write_but_the_reset_of_an_ad7746(
     """An AD7746 has no other identity than its values after a reset."""
     clock, mux = VirtualClock(), SimulatedMux(MUX)
     wires = Watched(clock, 400_000, 0, mux, {n: (converter(lambda *_: 5.0, None),) for n in range(2)})
-    scan_bus(UpstreamBus(wires, MUX), clock, scan_plan("lo_shu", rate_sps, board), CHANNELS)
+    scan_bus(LegBus(wires, MUX), clock, scan_plan("lo_shu", rate_sps, board), CHANNELS)
     assert wires.written == written
 
 
-def test_adapters_of_a_kernel_mux_are_told_leg_by_leg() -> None:
-    """What answers behind all of them is on the upstream bus; a leg without its line switch is named."""
-    clock, mux = VirtualClock(), SimulatedMux(0x71)
-    chips = {
-        n: (SimulatedFdc1004(lambda *_: 5.0, None), SimulatedLineSwitch())[: 1 + (n > 0)] for n in range(3)
-    }
-    upstream = WithOthers(SimulatedBus(clock, 400_000, 0, mux, chips), 0x40)
-    legs = [SimulatedKernelMuxChannel(upstream, clock, mux, channel, 0) for channel in range(3)]
-    scan = scan_adapters(legs, clock, scan_plan("lo_shu", 400), claimed=(0x71,))
-    assert (scan.upstream, scan.mux_answers) == (AddressProbe((0x40,)), True)
-    why = "no line switch answers at 0x49, though a converter does at 0x50"
-    sound = ChannelScan((0x49, 0x50), Reading.OK)
-    assert scan.channels == {0: ChannelScan((0x50,), Reading.NO_ANSWER, why), 1: sound, 2: sound}
-    assert scan.bus_timing is not None
-    assert scan.bus_timing.costs.bus_hz == pytest.approx(400_000, rel=1e-3)
-
-
-class HeldLow(SimulatedKernelMuxChannel):
+class HeldLow(SimulatedBus):
     """An adapter whose leg holds a line."""
 
     def transfer(self, transaction: Transaction) -> bytes:
         raise I2cTimeoutError(f"held low at {transaction.address:#04x}")
 
 
-def scanned_legs(*kinds: type[SimulatedKernelMuxChannel]) -> BusScan:
-    """Return the scan of sound legs, or of legs that hold a line, with a chip at 0x40 on the upstream bus."""
-    clock, mux = VirtualClock(), SimulatedMux(0x71)
-    chips = {n: (SimulatedFdc1004(lambda *_: 5.0, None), SimulatedLineSwitch()) for n in range(len(kinds))}
-    upstream = WithOthers(SimulatedBus(clock, 400_000, 0, mux, chips), 0x40)
-    legs = [kind(upstream, clock, mux, n, 0) for n, kind in enumerate(kinds)]
-    return scan_adapters(legs, clock, scan_plan("lo_shu", 400), claimed=(0x71,))
-
-
-def test_a_stuck_channel_does_not_hide_the_chips_of_the_upstream_bus() -> None:
-    """The text of its error is in the scan; the other adapters are scanned, and show what is on the upstream bus."""
-    scan = scanned_legs(HeldLow, SimulatedKernelMuxChannel, SimulatedKernelMuxChannel)
-    assert scan.upstream == AddressProbe((0x40,))
-    assert scan.channels[0].outcome is Reading.BUS_STUCK
-    assert scan.channels[0].why.startswith("held low at 0x")
-    sound = ChannelScan((0x49, 0x50), Reading.OK)
-    assert (scan.channels[1], scan.channels[2]) == (sound, sound)
-    assert scan.bus_timing is not None
-
-
-def test_the_upstream_bus_is_unknown_if_every_channel_is_stuck() -> None:
-    """No channel shows what answers on it: one diagnosis of the bus, and no RESET pin to wire, the kernel has it."""
-    scan = scanned_legs(HeldLow, HeldLow)
-    assert (scan.upstream, scan.bus_timing) == (None, None)
-    assert [chips.outcome for chips in scan.channels.values()] == [Reading.BUS_STUCK] * 2
-    bus = Bus(device="sim", legs={"lf": "/dev/i2c-10", "lm": "/dev/i2c-11"})
-    (diagnosis,) = bus_diagnoses(ProbedBus(bus, scan, {}), scan_plan("lo_shu", 400))
-    assert "held low on the upstream bus" in diagnosis.observation
-    assert "RESET" not in diagnosis.advice
-
-
-def test_without_an_adapter_nothing_answers() -> None:
-    """A bus without legs has an empty scan."""
-    assert scanned_legs() == BusScan(AddressProbe(()), mux_answers=True, channels={}, bus_timing=None)
+@pytest.mark.parametrize(
+    ("kind", "n_chips", "outcome", "why"),
+    [
+        (SimulatedBus, 2, Reading.OK, ""),
+        (
+            SimulatedBus,
+            1,
+            Reading.NO_ANSWER,
+            "no line switch answers at 0x49, though a converter does at 0x50",
+        ),
+        (SimulatedBus, 0, Reading.NO_ANSWER, "no answer at 0x50"),
+        (HeldLow, 2, Reading.BUS_STUCK, "held low at 0x"),
+    ],
+)
+def test_a_leg_directly_on_an_adapter(
+    kind: type[SimulatedBus], n_chips: int, outcome: Reading, why: str
+) -> None:
+    """Its chips are those of channel 0; nothing is said of a mux or of what is upstream."""
+    clock = VirtualClock()
+    chips = (SimulatedFdc1004(lambda *_: 5.0, None), SimulatedLineSwitch())[:n_chips]
+    bus = LegBus(kind(clock, 400_000, 0, None, {0: chips}), None)
+    plan = scan_plan("lo_shu", 400)
+    scan = scan_bus(bus, clock, plan, {"lf": 0})
+    assert (scan.upstream, scan.mux_answers, list(scan.channels)) == (AddressProbe(()), True, [0])
+    assert scan.channels[0].outcome is outcome
+    assert scan.channels[0].why.startswith(why)
+    assert (scan.bus_timing is not None) == (outcome is Reading.OK)
+    assert not list(bus_diagnoses(ProbedBus(Bus(device="sim", leg="lf"), scan, {}), plan))
 
 
 def told_of_bus(
@@ -312,7 +289,7 @@ def told_of_bus(
     wires = WithOthers(SimulatedBus(clock, rate_hz, 0, mux, chips), *others)
     plan = scan_plan("lo_shu", 400)
     bus = Bus(device="sim", legs=CHANNELS)  # type: ignore[arg-type]
-    seen = scan_bus(UpstreamBus(wires, 0x71), clock, plan, CHANNELS)
+    seen = scan_bus(LegBus(wires, 0x71), clock, plan, CHANNELS)
     return [
         f"{diagnosis.observation}; check {diagnosis.advice}"
         for diagnosis in bus_diagnoses(ProbedBus(bus, seen, {}), plan)
