@@ -24,7 +24,7 @@ from tests.contract.boards import (
 
 
 @both
-@pytest.mark.parametrize("after_rel", np.linspace(0.0, 1.1, 26))
+@pytest.mark.parametrize("after_rel", np.linspace(0.0, 1.1, 9))
 def test_a_converter_that_was_reset_is_noticed_and_set_up_again(board: Board, after_rel: float) -> None:
     """After a dip of its supply it would read something else than it was told, and acknowledge everything."""
     robot = Robot(distinct, board)

@@ -112,6 +112,7 @@ def test_readings_of_all_legs_belong_to_the_same_conversion(board: Board) -> Non
     ],
     ids=lambda value: getattr(value, "name", str(value)),
 )
+@pytest.mark.slow
 def test_one_failed_transaction_never_makes_a_wrong_number(board: Board, order: str, error: I2cError) -> None:
     """Whichever transaction of a scan fails: every element that is OK then and later is its own capacitance."""
     n_transactions = 160 if board is FDC1004 else 190
