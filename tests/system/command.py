@@ -70,5 +70,6 @@ def robot(
     """Write a configuration file."""
     file = folder / "robot.yaml"
     text = ROBOT.replace("DEVICE", device).replace("INTERFACE", interface).replace("CHANNEL", channel)
-    file.write_text(text + more)
+    own_ring = "" if "ring:" in more else f"ring: {folder / 'ring'}\n"  # tests run beside each other
+    file.write_text(text + own_ring + more)
     return file
