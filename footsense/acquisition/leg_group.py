@@ -29,9 +29,9 @@ from footsense.acquisition.leg_connection import (
     LegConnection,
     measure_chip_timing,
 )
-from footsense.acquisition.scan_plan import ScanPlan
+from footsense.acquisition.scan_plan import BusReadings, ScanPlan
 from footsense.errors import I2cError, I2cTimeoutError
-from footsense.frames import Codes, Reading, Stamps, Vector
+from footsense.frames import Reading
 from footsense.ports import Clock, Transaction
 
 _log = logging.getLogger(__name__)
@@ -45,18 +45,6 @@ Legs = tuple[LegConnection, ...]
 
 class BusStuckError(Exception):
     """SDA or SCL is held low; the leg that holds it is left out, the other legs restart their scan."""
-
-
-class BusReadings(NamedTuple):
-    """Latest readings of the legs of one bus; arrays as in `CapFrame`, rows in the order of the bus's legs."""
-
-    t_ns: Stamps
-    capacitance_pf: Vector
-    reading: Codes
-
-    def discard(self, where: tuple[int | slice, int | slice], reading: Reading) -> None:
-        """Replace readings of some legs and elements by NaN and the reason for it."""
-        self.t_ns[where], self.capacitance_pf[where], self.reading[where] = 0, _NAN, reading
 
 
 class Conversion(NamedTuple):
@@ -236,11 +224,7 @@ class LegGroup:
             leg.set_timing(timing or leg.timing)
 
     def _exchange(self, selection: int, transactions: tuple[Transaction, ...]) -> list[bytes] | None:
-        """Connect mux channels, do transactions, and return their answers; None if one failed.
-
-        Raises:
-            BusStuckError: A line was held low.
-        """
+        """Connect mux channels, do transactions, and return their answers; None if one failed."""
         try:
             bus = self._bus.connect(selection)
             return list(map(bus.transfer, transactions))
@@ -251,7 +235,6 @@ class LegGroup:
     def _start_conversion(
         self, legs: Legs, selection: int, step: ConversionStep, select: tuple[Transaction, ...]
     ) -> Conversion:
-        """Select lines and trigger a conversion on all given legs at once; return the running conversion."""
         for _ in range(_MAX_ATTEMPTS if legs else 0):
             try:
                 bus = self._bus.connect(selection)
@@ -267,7 +250,6 @@ class LegGroup:
     def _read_out(
         self, step: ConversionStep, following: ConversionStep, legs: Legs, t_start_ns: int, *, all_done: bool
     ) -> None:
-        """Read the finished conversion's result from each given leg, while the next conversion runs."""
         t_ns, capacitance_pf, readings = self._latest
         plan = self._plan
         for leg in legs:
@@ -302,7 +284,6 @@ class LegGroup:
         return not all(leg.timing.keeps_done_bit for leg in legs)
 
     def _all_done(self, step: ConversionStep, selection: int) -> bool:
-        """Return whether one common poll shows all legs finished; True for a board without a poll."""
         if step.done is None:
             return True
         asks = (step.done.read,) if self.mux_read_back is None else (step.done.read, self.mux_read_back)
@@ -315,7 +296,6 @@ class LegGroup:
     def _read_leg(
         self, leg: LegConnection, step: ConversionStep, result: ElementResult, *, all_done: bool
     ) -> tuple[Reading, float]:
-        """Return reading and capacitance [pF] of one element of a leg's finished conversion."""
         reading = Reading.NO_ANSWER
         for _ in range(_MAX_ATTEMPTS):
             try:
@@ -348,7 +328,6 @@ class LegGroup:
                     leg.outcome = self._read_check(leg.selection, check)
 
     def _check_lines_of_leg(self, leg: LegConnection, step: ConversionStep) -> None:
-        """Read back one leg's line switches; mark it as failed if a switch is closed that should be open."""
         if not leg.in_scan or leg.outcome is not _OK:
             return
         for check in step.select_checks:
@@ -359,7 +338,6 @@ class LegGroup:
                 return
 
     def _read_check(self, selection: int, check: ReadBackCheck) -> Reading:
-        """Return OK if a read-back has the expected value, else the reason."""
         answers = self._exchange(selection, (check.read,))
         if answers is None:
             return Reading.NO_ANSWER
@@ -390,7 +368,7 @@ class LegGroup:
         """After a bus timeout, leave out the leg that holds SDA or SCL low, and raise an error.
 
         Raises:
-            BusStuckError: The error is a timeout. The other legs have lost time, and the mux its selection.
+            BusStuckError: The error is a timeout.
         """
         if isinstance(error, I2cTimeoutError):
             self._leave_out_stuck_legs()

@@ -1,4 +1,4 @@
-"""Plan of a scan: order of the conversions, and the I2C transactions that they need."""
+"""Plan of a scan: order of the conversions, and the I2C transactions that they need; the readings that it gives."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -7,10 +7,23 @@ from typing import NamedTuple
 from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.acquisition.boards import ad7746, fdc1004
 from footsense.acquisition.boards.board import Board, ConversionStep, ReadBackCheck
+from footsense.frames import Codes, Reading, Stamps, Vector
 from footsense.ports import Transaction
 
 #: The boards, by their names in a configuration.
 BOARDS: Mapping[str, Board] = MappingProxyType({"fdc1004": fdc1004.BOARD, "ad7746": ad7746.BOARD})
+
+
+class BusReadings(NamedTuple):
+    """Latest readings of the legs of one bus; arrays as in `CapFrame`, rows in the order of the bus's legs."""
+
+    t_ns: Stamps
+    capacitance_pf: Vector
+    reading: Codes
+
+    def discard(self, where: tuple[int | slice, int | slice], reading: Reading) -> None:
+        """Replace readings of some legs and elements by NaN and the reason for it."""
+        self.t_ns[where], self.capacitance_pf[where], self.reading[where] = 0, float("nan"), reading
 
 
 class ScanPlan(NamedTuple):

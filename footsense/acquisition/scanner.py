@@ -21,8 +21,8 @@ import numpy as np
 
 from footsense.acquisition.leg_bus import BusTiming, LegBus, bus_timing, checks_that_fit
 from footsense.acquisition.leg_connection import LegConnection, probe_due_legs, probe_leg
-from footsense.acquisition.leg_group import BusReadings, BusStuckError, LegGroup
-from footsense.acquisition.scan_plan import ScanPlan
+from footsense.acquisition.leg_group import BusStuckError, LegGroup
+from footsense.acquisition.scan_plan import BusReadings, ScanPlan
 from footsense.frames import ELEMENTS, ROWS, CapFrame, Reading, Vector
 from footsense.ports import Clock
 

@@ -15,12 +15,12 @@ from rich.padding import Padding
 from rich.text import Text
 
 from firmware_interface.chips import ad7746, adg715, fdc1004
-from footsense.acquisition.probe.foot_check import FootScans
+from footsense.acquisition.foot_check import FootScans
 from footsense.cli.options import config_option, json_option
 from footsense.cli.tables import EMPTY_CELL, Column, echo_json, figures_table, json_row, styled, table
 from footsense.config import DEFAULT, load_config
-from footsense.daemon.probe.bus_probe import probe as probe_robot
-from footsense.daemon.probe.report import ProbedBus, ProbedLeg, ProbeResult
+from footsense.daemon.diagnosis import ProbedBus, ProbedLeg, ProbeResult
+from footsense.daemon.probe import probe as probe_robot
 from footsense.daemon.simulation import is_simulated
 from footsense.frames import ELEMENTS, ROWS, Cause, Reading, Vector
 from footsense.leg_words import CAUSE_WORDS, word_of

@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 from firmware_interface.serial_frames import RECORD_BITS
 from footsense.acquisition.leg_bus import BusTiming, LegBus
-from footsense.acquisition.linux.linux_i2c import LinuxI2cBus
-from footsense.acquisition.linux.serial_port import SerialLink
+from footsense.acquisition.linux_i2c import LinuxI2cBus
 from footsense.acquisition.mcu_source import McuSource
 from footsense.acquisition.scan_plan import ScanPlan, scan_plan
 from footsense.acquisition.scanner import BusScanner, RobotScanner
+from footsense.acquisition.serial_port import SerialLink
 from footsense.clock import MonotonicClock
 from footsense.config import Config
 from footsense.config.sections import Bus, Serial
@@ -120,7 +120,7 @@ def _open_bus(bus: Bus, stack: ExitStack) -> LegBus:
     line = None
     if bus.mux.reset is not None:
         # Only a robot with a RESET line pays for gpiod: 1 MB and 5 ms.
-        from footsense.acquisition.linux.gpio import LinuxResetLine
+        from footsense.acquisition.gpio import LinuxResetLine
 
         line = LinuxResetLine.open(bus.mux.reset.device, bus.mux.reset.line)
         stack.callback(line.close)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import msgspec
 
-from footsense.acquisition.linux.serial_port import SerialLink
+from footsense.acquisition.serial_port import SerialLink
 from footsense.calibration.loads.detection import join_references
 from footsense.config.test_stand import (
     FileSensor,

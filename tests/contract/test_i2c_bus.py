@@ -9,8 +9,8 @@ from typing import cast
 import pytest
 import smbus2
 
-from footsense.acquisition.linux import linux_i2c
-from footsense.acquisition.linux.linux_i2c import (
+from footsense.acquisition import linux_i2c
+from footsense.acquisition.linux_i2c import (
     LinuxI2cBus,
     adapter_and_parents,
     kernel_drivers,

@@ -2,7 +2,7 @@
 
 import pytest
 
-from footsense.acquisition.probe.address_scan import probe_addresses
+from footsense.acquisition.bus_scan import probe_addresses
 from footsense.errors import I2cError, I2cTimeoutError, NackError
 from footsense.ports import Transaction
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, cast
 import pytest
 from gpiod.line import Direction, Drive, Value
 
-from footsense.acquisition.linux.gpio import SETTINGS, LinuxResetLine
+from footsense.acquisition.gpio import SETTINGS, LinuxResetLine
 from footsense.errors import HardwareError
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from firmware_interface.can.codes import USABLE
-from footsense.acquisition.linux.serial_port import SerialLink
 from footsense.acquisition.mcu_source import McuSource
+from footsense.acquisition.serial_port import SerialLink
 from footsense.config import Config
 from footsense.config.sections import Can, Serial
 from footsense.daemon.estimation import pipeline_for

@@ -21,7 +21,7 @@ from footsense.sim.clock import VirtualClock
 from footsense.sim.faults.scene_faults import ArbitrationLost, MuxReset, StuckSda, StuckUpstreamBus, WireFault
 from footsense.sim.faults.schedule import Schedule
 
-#: Retries that `footsense/acquisition/linux/linux_i2c.py` sets.
+#: Retries that `footsense/acquisition/linux_i2c.py` sets.
 KERNEL_RETRIES = 3
 #: Address whose bits, with that to read, release SDA for nine clocks.
 _ADDRESS_OF_ONES = 0x7F

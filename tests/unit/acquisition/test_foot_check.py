@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from footsense.acquisition.probe.foot_check import FootFault, FootScans, foot_faults
+from footsense.acquisition.foot_check import FootFault, FootScans, foot_faults
 from footsense.frames import Cause, Reading
 
 N_SCANS = 6

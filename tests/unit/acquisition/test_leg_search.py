@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from footsense.acquisition.leg_bus import LegBus
-from footsense.acquisition.leg_group import BusReadings
-from footsense.acquisition.scan_plan import scan_plan
+from footsense.acquisition.scan_plan import BusReadings, scan_plan
 from footsense.acquisition.scanner import BusScanner
 from footsense.frames import Reading
 from footsense.sim.bus.i2c_bus import SimulatedBus

@@ -13,8 +13,7 @@ from firmware_interface.conversion_order import CONVERSION_ORDERS
 from firmware_interface.schedule import scan_lower_bounds
 from footsense.acquisition.boards.fdc1004 import read_register
 from footsense.acquisition.leg_bus import LegBus
-from footsense.acquisition.leg_group import BusReadings
-from footsense.acquisition.scan_plan import scan_plan
+from footsense.acquisition.scan_plan import BusReadings, scan_plan
 from footsense.acquisition.scanner import BusScanner, RobotScanner
 from footsense.clock import MonotonicClock
 from footsense.errors import HardwareError, I2cTimeoutError, NackError

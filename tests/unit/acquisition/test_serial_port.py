@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from footsense.acquisition.linux.serial_port import SerialLink
+from footsense.acquisition.serial_port import SerialLink
 from footsense.clock import MonotonicClock
 from footsense.errors import HardwareError
 from tests.support.pty_line import HurriedClock, Line

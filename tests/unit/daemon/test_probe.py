@@ -9,16 +9,14 @@ import pytest
 from rich.console import Console
 
 from firmware_interface.chips.ad7746 import RESET_COMMAND
+from footsense.acquisition.bus_scan import AddressProbe, scan_bus
 from footsense.acquisition.leg_bus import LegBus
-from footsense.acquisition.probe.address_scan import AddressProbe
-from footsense.acquisition.probe.bus_scan import scan_bus
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.cli.probe import element_marks, probe_json, probe_picture, unloaded_yaml
 from footsense.config import DEFAULT, Config
 from footsense.config.sections import Bus, Mux, Serial
-from footsense.daemon.probe.bus_probe import probe
-from footsense.daemon.probe.diagnosis import bus_diagnoses
-from footsense.daemon.probe.report import ProbedBus, ProbeResult
+from footsense.daemon.diagnosis import ProbedBus, ProbeResult, bus_diagnoses
+from footsense.daemon.probe import probe
 from footsense.errors import I2cError, I2cTimeoutError, NackError
 from footsense.frames import Reading
 from footsense.ports import I2cBus, Transaction

@@ -6,18 +6,24 @@ from dataclasses import replace
 
 import numpy as np
 
+from footsense.acquisition.bus_scan import ChannelScan, scan_bus
+from footsense.acquisition.foot_check import FootFault, FootScans, foot_faults
 from footsense.acquisition.leg_connection import ChipTiming
-from footsense.acquisition.linux.linux_i2c import kernel_drivers
-from footsense.acquisition.probe.bus_scan import ChannelScan, scan_bus
-from footsense.acquisition.probe.foot_check import FootFault, FootScans, foot_faults
+from footsense.acquisition.linux_i2c import kernel_drivers
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.acquisition.scanner import RobotScanner
 from footsense.config import Config
 from footsense.daemon.acquisition import open_buses, open_scan_source, scan_plan_for
+from footsense.daemon.diagnosis import (
+    Diagnosis,
+    ProbedBus,
+    ProbedLeg,
+    ProbeResult,
+    bus_diagnoses,
+    leg_diagnoses,
+)
 from footsense.daemon.estimation import mounted_feet
 from footsense.daemon.models import load_models
-from footsense.daemon.probe.diagnosis import bus_diagnoses, leg_diagnoses
-from footsense.daemon.probe.report import Diagnosis, ProbedBus, ProbedLeg, ProbeResult
 from footsense.daemon.simulation import simulated_robot
 from footsense.errors import HardwareError
 from footsense.frames import ELEMENTS

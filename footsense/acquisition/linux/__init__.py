@@ -1,1 +1,0 @@
-"""Linux devices: I2C adapters, GPIO lines, serial ports; one module per vendor library."""

@@ -1,1 +1,0 @@
-"""Check of the configured I2C buses and feet before the robot walks (`footsense probe`)."""
