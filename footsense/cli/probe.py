@@ -19,7 +19,7 @@ from footsense.acquisition.foot_check import FootScans
 from footsense.cli.options import config_option, json_option
 from footsense.cli.tables import EMPTY_CELL, Column, echo_json, figures_table, json_row, styled, table
 from footsense.config import DEFAULT, load_config
-from footsense.daemon.diagnosis import ProbedBus, ProbedLeg, ProbeResult
+from footsense.daemon.probe import ProbedBus, ProbedLeg, ProbeResult
 from footsense.daemon.probe import probe as probe_robot
 from footsense.daemon.simulation import is_simulated
 from footsense.frames import ELEMENTS, ROWS, Cause, Reading, Vector

@@ -19,9 +19,8 @@ from footsense.config import DEFAULT, Config, load_config
 from footsense.config.contradictions import first_contradiction
 from footsense.config.test_stand import load_test_stand
 from footsense.daemon.service import open_service
-from footsense.daemon.session_guide import practice_scene, session_guide
 from footsense.daemon.simulation import is_simulated
-from footsense.daemon.test_stand import StandSession, is_live
+from footsense.daemon.test_stand import StandSession, is_live, practice_scene, session_guide
 from footsense.errors import CalibrationError, ConfigError
 from footsense.frames import ALL_LEGS
 from footsense.ports import ReferenceSensor

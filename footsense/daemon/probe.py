@@ -1,34 +1,215 @@
-"""Probe the configured buses and unloaded feet."""
+"""Probe of the configured buses and unloaded feet: what is found, and faults as text: where, what, what to check."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from footsense.acquisition.bus_scan import ChannelScan, scan_bus
-from footsense.acquisition.foot_check import FootFault, FootScans, foot_faults
+from footsense.acquisition.bus_scan import BusScan, ChannelScan, leg_chip_addresses, scan_bus
+from footsense.acquisition.foot_check import CHIP_FAULT_READINGS, FootFault, FootScans, foot_faults
 from footsense.acquisition.leg_connection import ChipTiming
 from footsense.acquisition.linux_i2c import kernel_drivers
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.acquisition.scanner import RobotScanner
 from footsense.config import Config
-from footsense.daemon.acquisition import open_buses, open_scan_source, scan_plan_for
-from footsense.daemon.diagnosis import (
-    Diagnosis,
-    ProbedBus,
-    ProbedLeg,
-    ProbeResult,
-    bus_diagnoses,
-    leg_diagnoses,
-)
+from footsense.config.sections import Bus
+from footsense.daemon.acquisition import MIN_BUS_SPEED_REL, open_buses, open_scan_source, scan_plan_for
 from footsense.daemon.estimation import mounted_feet
 from footsense.daemon.models import load_models
 from footsense.daemon.simulation import simulated_robot
 from footsense.errors import HardwareError
-from footsense.frames import ELEMENTS
-from footsense.leg_words import SILENT_READINGS
+from footsense.frames import ELEMENTS, Reading
+from footsense.leg_words import SILENT_READINGS, words_of_reading
 from footsense.sim.scene import Scene
+
+_MUX_ADDRESSES = range(0x70, 0x78)
+
+
+class Diagnosis(NamedTuple):
+    """One fault of a bus or leg, as text: location, observation, advice.
+
+    Attributes:
+        location: Leg, or device of a bus.
+        observation: Observation, and what was expected.
+        advice: What to check.
+    """
+
+    location: str
+    observation: str
+    advice: str
+
+
+class ProbedBus(NamedTuple):
+    """Probe result of one I2C bus.
+
+    Attributes:
+        bus_config: Its configuration.
+        scan: Addresses, mux, channels and timing found on it.
+        kernel_drivers: Kernel drivers by the address that each holds; those addresses were not scanned.
+    """
+
+    bus_config: Bus
+    scan: BusScan
+    kernel_drivers: Mapping[int, str]
+
+
+class ProbedLeg(NamedTuple):
+    """Probe result of one leg: chips, readings, faults.
+
+    Attributes:
+        leg: Name of the leg.
+        device: Device of its bus.
+        channel: Channel of the mux; None without one.
+        chips: Chips that answer there; None if they could not be scanned.
+        timing: Timing of its converter; None if it was not measured.
+        scans: Scans of its foot; None if there are none.
+        faults: Faults of the foot.
+    """
+
+    leg: str
+    device: str
+    channel: int | None
+    chips: ChannelScan | None
+    timing: ChipTiming | None
+    scans: FootScans | None
+    faults: tuple[FootFault, ...]
+
+    @property
+    def unloaded_pf(self) -> list[float] | None:
+        """Mean reading of each element, for `unloaded_pf` of the configuration [pF]; None for a faulty foot."""
+        if self.scans is None or not all(fault.foot_may_be_sound for fault in self.faults):
+            return None
+        mean_pf = self.scans.mean_pf
+        return [round(value, 3) for value in mean_pf.tolist()] if np.isfinite(mean_pf).all() else None
+
+
+class ProbeResult(NamedTuple):
+    """Result of a probe: buses, legs, diagnoses.
+
+    Attributes:
+        buses: Every bus.
+        legs: Every leg, in the order of the configuration.
+        diagnoses: Faults, those of the buses first.
+        scan_conversion_time_ns: Time of the conversions of a scan without any transaction [ns]; 0 without a bus.
+    """
+
+    buses: tuple[ProbedBus, ...]
+    legs: tuple[ProbedLeg, ...]
+    diagnoses: tuple[Diagnosis, ...]
+    scan_conversion_time_ns: int
+
+    @property
+    def scan_period_bound_ns(self) -> int | None:
+        """Shortest scan period of the slowest bus [ns]; None without a bus, or if one could not be timed."""
+        timings = [report.scan.bus_timing for report in self.buses]
+        known_ns = [timing.lower_bounds.scan_period_bound_ns for timing in timings if timing is not None]
+        return max(known_ns) if known_ns and len(known_ns) == len(timings) else None
+
+
+def bus_diagnoses(report: ProbedBus, plan: ScanPlan) -> Iterator[Diagnosis]:
+    """Yield the faults that concern a whole bus."""
+    for observation, advice in _bus_faults(report, plan):
+        yield Diagnosis(report.bus_config.device, observation, advice)
+
+
+def _bus_faults(report: ProbedBus, plan: ScanPlan) -> Iterator[tuple[str, str]]:
+    """Yield observation and advice for each fault of a bus."""
+    bus, scan, drivers = report
+    if scan.upstream is None:
+        needs_wire = not bus.mux.reset
+        wire = "; only the mux's RESET pin frees a leg that holds it: wire one" if needs_wire else ""
+        yield (
+            "SDA or SCL is held low on the upstream bus, and the mux cannot free it",
+            f"short, missing pull-ups or an unpowered chip upstream of the mux{wire}",
+        )
+        return
+    for address in leg_chip_addresses(plan):
+        if bus.leg is None and address in (*scan.upstream.answering, *drivers):
+            yield (
+                f"something answers at {address:#04x} with no leg connected: a chip of every leg has that address",
+                "what it is; move it to another address or another bus",
+            )
+    if not scan.mux_answers:
+        yield _missing_mux_fault(report)
+    if scan.bus_timing is not None and scan.bus_timing.costs.bus_hz < MIN_BUS_SPEED_REL * bus.rate_hz:
+        yield (
+            f"it runs at {scan.bus_timing.costs.bus_hz * 1e-3:.0f} kHz, {bus.rate_hz * 1e-3:.0f} kHz are configured",
+            "dtparam=i2c_arm_baudrate and core_freq_min on a Raspberry Pi, or correct rate_hz",
+        )
+    skipped = [leg for leg, channel in bus.channels.items() if channel not in scan.channels]
+    if scan.mux_answers and skipped:
+        yield (
+            f"{', '.join(skipped)} could not be scanned: the leg before them holds the bus, and nothing frees it",
+            "that leg first; and wire the mux's RESET pin (mux.reset)",
+        )
+    silent = {channel for channel, chips in scan.channels.items() if chips.outcome is Reading.NO_ANSWER}
+    missing = ", ".join(leg for leg, channel in bus.channels.items() if channel in silent)
+    for channel, chips in scan.channels.items():
+        is_no_leg = channel not in bus.channels.values()
+        if is_no_leg and set(leg_chip_addresses(plan)) <= {*chips.answering}:
+            yield (
+                f"a leg's chips answer on channel {channel}, which is no leg's",
+                f"whether they are those of {missing}"
+                if missing
+                else "whether the configuration lacks a leg",
+            )
+
+
+def _missing_mux_fault(report: ProbedBus) -> tuple[str, str]:
+    """Return observation and advice for a mux that does not answer."""
+    bus, scan, drivers = report
+    assert scan.upstream is not None
+    address = bus.mux.address
+    if address in drivers:
+        return (
+            f"the kernel's driver {drivers[address]} holds the mux at {address:#04x}",
+            "unbind the driver, or name each of its channels as a bus with one leg; never both",
+        )
+    if address in scan.upstream.answering:
+        return (
+            f"the chip at {address:#04x} does not read back what is written, as a TCA9548A does",
+            "which chip that is; LED and servo drivers have such addresses too",
+        )
+    others = ", ".join(f"{other:#04x}" for other in scan.upstream.answering if other in _MUX_ADDRESSES)
+    if others:
+        return (
+            f"no mux (TCA9548A) answers at {address:#04x}; {others} does",
+            "its address straps A0..A2, or mux.address in the configuration",
+        )
+    return f"no mux (TCA9548A) answers at {address:#04x}", "its power, wires and RESET pin"
+
+
+def leg_diagnoses(report: ProbedLeg) -> Iterator[Diagnosis]:
+    """Yield the faults of a leg: of its chips, or if those work, of its foot.
+
+    A leg that could not be scanned is a fault of its bus.
+    """
+    location = report.device if report.channel is None else f"channel {report.channel}"
+    chips, scans = report.chips, report.scans
+    chips_fail = chips is not None and chips.outcome is not Reading.OK
+    if scans is not None and (scans.chips_fail_intermittently or chips_fail):
+        n_lost = int(np.isin(scans.reading, CHIP_FAULT_READINGS).sum())
+        observation = (
+            f"{location}: its chips answer now and then; {n_lost} of {scans.reading.size} readings were lost"
+        )
+        yield Diagnosis(report.leg, observation, "its plug and cable: a loose contact")
+    elif chips is not None and chips.outcome is Reading.BUS_STUCK:
+        words = words_of_reading(chips.outcome)
+        yield Diagnosis(report.leg, f"{location}: {words.meaning}", words.remedy)
+    elif chips is not None and chips_fail:
+        yield Diagnosis(report.leg, f"{location}: {chips.why}", words_of_reading(chips.outcome).remedy)
+    if report.timing is not None and report.timing.wait_factor > 1.0:
+        slower = f"{100 * (report.timing.wait_factor - 1):.0f} %"
+        observation = (
+            f"{location}: its conversions take {slower} longer than the slowest converter may; "
+            "all legs wait for them"
+        )
+        yield Diagnosis(report.leg, observation, "its supply; or replace the converter")
+    for fault in report.faults:
+        yield Diagnosis(report.leg, fault.observation, fault.advice)
+
 
 #: Scans for the noise: they give its standard deviation to a sixth.
 _N_FOOT_SCANS = 20

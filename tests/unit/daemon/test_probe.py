@@ -15,8 +15,7 @@ from footsense.acquisition.scan_plan import scan_plan
 from footsense.cli.probe import element_marks, probe_json, probe_picture, unloaded_yaml
 from footsense.config import DEFAULT, Config
 from footsense.config.sections import Bus, Mux, Serial
-from footsense.daemon.diagnosis import ProbedBus, ProbeResult, bus_diagnoses
-from footsense.daemon.probe import probe
+from footsense.daemon.probe import ProbedBus, ProbeResult, bus_diagnoses, probe
 from footsense.errors import I2cError, I2cTimeoutError, NackError
 from footsense.frames import Reading
 from footsense.ports import I2cBus, Transaction
