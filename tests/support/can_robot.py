@@ -5,16 +5,16 @@ import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import can
-import numpy as np
 
-from firmware_interface.can.codes import NODE_IDS, USABLE, Cause, State
+from firmware_interface.can.codes import NODE_IDS, USABLE, State
 from firmware_interface.can.socketcan import unpack_frame
 from footsense.can.channel import ChannelSettings
 from footsense.can.sink import CanSink
 from footsense.errors import CanError
-from footsense.frames import BaselineDrift, ContactFrame, GaitFrame
+from tests.support.frames import contact_frame
 
 MS = 1_000_000
 
@@ -94,36 +94,12 @@ class Robot:
         self.legs = legs
         self.heard()
 
-    def publish(
-        self,
-        t_ns: int,
-        state: State = State.VALID,
-        age_ns: int = 0,
-        mask: int = 0,
-        cause: Cause = Cause.NONE,
-        flags: int = 0,
-        baseline: BaselineDrift | None = None,
-        gait: GaitFrame | None = None,
-    ) -> None:
-        """Publish one frame at a time at which its measurement is `age_ns` old."""
+    def publish(self, t_ns: int, state: State = State.VALID, age_ns: int = 0, **changed: Any) -> None:
+        """Publish one frame at a time at which its measurement is `age_ns` old; `changed` as in `contact_frame`."""
         self.clock.t_ns = t_ns
-        n = len(self.legs)
         force_n = 0.5 if state in USABLE else math.nan
-        self.sink.publish(
-            ContactFrame(
-                sequence=0,
-                t_sent_ns=t_ns,
-                t_ns=np.full(n, t_ns - age_ns),
-                force_n=np.full((n, 3), force_n),
-                sigma_n=np.full((n, 3), force_n / 50),
-                state=np.full(n, state, np.uint8),
-                fault_mask=np.full(n, mask, np.uint16),
-                flags=np.full(n, flags, np.uint8),
-                cause=np.full(n, cause, np.uint8),
-                baseline=baseline or BaselineDrift.none(n),
-                gait=gait,
-            )
-        )
+        given = {"state": state, "t_ns": t_ns - age_ns, "force_n": force_n, "sigma_n": force_n / 50}
+        self.sink.publish(contact_frame(t_ns, len(self.legs), **(given | changed)))
 
     def heard(self, base: int | None = None) -> list[can.Message]:
         """Return what has arrived at the consumer, of one kind of frame or of all."""

@@ -3,17 +3,16 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
-
 from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.can.socketcan import unpack_frame
 from footsense.can.channel import ChannelSettings
 from footsense.can.sink import CanSink
-from footsense.frames import LEGS, BaselineDrift, ContactFrame
+from footsense.frames import LEGS
 from footsense.sim.can.controller import CanSettings
 from footsense.sim.can.interface import AS_DEPLOYED, SimulatedCan
 from footsense.sim.faults.scene_faults import CanFault
 from tests.support.can_robot import MS, FakeClock
+from tests.support.frames import contact_frame
 
 #: Four scans, the service's own age limit.
 MAX_AGE_NS = 98 * MS
@@ -55,9 +54,7 @@ class CanWalk:
         self.n_scans = 0
         channel_settings = ChannelSettings(interface="simulated", channel="can0", connect=self.can.connect)
         self.sink = CanSink(channel_settings, legs, self.clock)
-        n = len(legs)
-        self._force_n = np.full((n, 3), 0.5)
-        self._n = n
+        self._n = len(legs)
 
     def _hear(self, t_ns: int, queued_ns: int, frame: bytes) -> None:
         can_id, data = unpack_frame(frame)
@@ -69,20 +66,8 @@ class CanWalk:
             self.clock.t_ns = t_ns
             self.n_scans += 1
             self.sink.commands()
-            self.sink.publish(
-                ContactFrame(
-                    sequence=self.n_scans,
-                    t_sent_ns=t_ns,
-                    t_ns=np.full(self._n, t_ns - self.period_ns // 2),
-                    force_n=self._force_n,
-                    sigma_n=self._force_n / 50,
-                    state=np.ones(self._n, np.uint8),
-                    fault_mask=np.zeros(self._n, np.uint16),
-                    flags=np.zeros(self._n, np.uint8),
-                    cause=np.zeros(self._n, np.uint8),
-                    baseline=BaselineDrift.none(self._n),
-                )
-            )
+            given = {"t_ns": t_ns - self.period_ns // 2, "force_n": 0.5, "sigma_n": 0.01}
+            self.sink.publish(contact_frame(t_ns, self._n, sequence=self.n_scans, **given))
         self.clock.t_ns = max(self.clock.t_ns, round(until_s * 1e9))
         self.can.process_events_until_now()
 

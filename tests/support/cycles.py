@@ -34,6 +34,7 @@ from footsense.recording.compare import first_difference
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
 from footsense.ring.records import NumberedCycle, ServiceStatus
+from tests.support.frames import contact_frame
 
 LEGS = ("lf", "lm", "lr", "rf", "rm", "rr")
 PERIOD_NS = 25_000_000
@@ -97,19 +98,8 @@ def cycle(
 
 def plain_cycle(sent_ns: int, states: Sequence[State], **forces: Any) -> Cycle:
     """Return a cycle of legs without forces in some states; `forces` replaces fields of its forces."""
-    n, plain = len(states), cycle(0, n_legs=len(states))
-    codes = np.zeros(n, np.uint8)
-    values: dict[str, Any] = {
-        "t_sent_ns": sent_ns,
-        "t_ns": np.full(n, sent_ns),
-        "state": np.array(states, np.uint8),
-        "force_n": np.full((n, 3), np.nan),
-        "sigma_n": np.full((n, 3), np.nan),
-        "cause": codes,
-        "flags": codes,
-        "baseline": BaselineDrift.none(n),
-    }
-    return plain._replace(forces=plain.forces._replace(**values | forces))
+    n = len(states)
+    return cycle(0, n_legs=n)._replace(forces=contact_frame(sent_ns, n, state=np.array(states), **forces))
 
 
 def _gait(

@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.frames import BaselineDrift, CapFrame, ContactFrame, Cycle, Reading, ReferenceSamples, State
+from footsense.frames import CapFrame, Cycle, Reading, ReferenceSamples
 from tests.support.feet import DESIGN
+from tests.support.frames import contact_frame
 
 Vector = NDArray[np.float64]
 
@@ -94,7 +95,9 @@ def cycles(
                 noisy_n = reading_n(force_n(sample_s)) + OFFSET_N + random.normal(0.0, SAMPLE_NOISE_N)
                 samples.append((t_sample_ns, noisy_n, saturated(sample_s)))
             t_sample_ns += SAMPLE_NS
-        yield Cycle(scan, (), _forces(number, t_ns, force_n(t_s - 0.5e-9 * scan_ns)), (), _reference(samples))
+        given = {"t_ns": t_ns, "force_n": force_n(t_s - 0.5e-9 * scan_ns), "sigma_n": 0.001}
+        forces = contact_frame(t_ns + 1_000_000, sequence=number, **given)
+        yield Cycle(scan, (), forces, (), _reference(samples))
 
 
 def _reference(samples: list[tuple[int, Vector, bool]]) -> ReferenceSamples:
@@ -102,19 +105,4 @@ def _reference(samples: list[tuple[int, Vector, bool]]) -> ReferenceSamples:
         np.array([t_ns for t_ns, _, _ in samples], np.int64),
         np.array([force_n for _, force_n, _ in samples]).reshape(-1, 3),
         np.array([saturated for _, _, saturated in samples], np.bool_),
-    )
-
-
-def _forces(number: int, t_ns: int, force_n: Vector) -> ContactFrame:
-    return ContactFrame(
-        number,
-        t_ns + 1_000_000,
-        np.array([t_ns]),
-        force_n[None],
-        np.full((1, 3), 0.001),
-        np.array([State.VALID], np.uint8),
-        np.zeros(1, np.uint16),
-        np.zeros(1, np.uint8),
-        np.zeros(1, np.uint8),
-        BaselineDrift.none(1),
     )

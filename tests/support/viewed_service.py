@@ -13,7 +13,6 @@ from footsense.frames import (
     CanStatistics,
     CapFrame,
     Cause,
-    ContactFrame,
     Cycle,
     Flag,
     GaitFrame,
@@ -24,6 +23,7 @@ from footsense.frames import (
 )
 from footsense.ring.cycle_ring import CycleRing
 from footsense.ring.records import ServiceStatus
+from tests.support.frames import contact_frame, gait_frame
 
 LEGS = ("lf", "lm", "lr", "rf", "rm", "rr")
 PERIOD_NS = 2_700_000
@@ -86,18 +86,20 @@ class ViewedService:
             *(np.zeros(6), np.zeros(6)),
             np.full(6, 1, np.int64),
         )
-        forces = ContactFrame(
-            number,
+        flags = np.where(contact, Flag.CONTACT | Flag.SIMULATED, Flag.SIMULATED)
+        forces = contact_frame(
             t_ns,
-            t_ns - np.full(6, 3_100_000),
-            force_n,
-            np.where(np.isnan(force_n), np.nan, 0.02),
-            self.state.copy(),
-            self.fault_mask.copy(),
-            np.where(contact, int(Flag.CONTACT | Flag.SIMULATED), int(Flag.SIMULATED)).astype(np.uint8),
-            self.cause.copy(),
-            baseline,
-            self._gait(t_ns, force_n, contact) if number % 36 == 1 else None,
+            6,
+            sequence=number,
+            t_ns=t_ns - 3_100_000,
+            force_n=force_n,
+            sigma_n=np.where(np.isnan(force_n), np.nan, 0.02),
+            state=self.state,
+            fault_mask=self.fault_mask,
+            flags=flags,
+            cause=self.cause,
+            baseline=baseline,
+            gait=self._gait(t_ns, force_n, contact) if number % 36 == 1 else None,
         )
         return Cycle(scan, (), forces, ())
 
@@ -105,24 +107,20 @@ class ViewedService:
         self, t_ns: int, force_n: Vector, contact: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
     ) -> GaitFrame:
         load_n = np.where(contact, force_n[:, 2], np.nan)
-        return GaitFrame(
-            t_ns=t_ns,
+        return gait_frame(
+            t_ns,
+            6,
             contact=contact,
             contact_raw=contact,
             probability=np.where(contact, 1.0, 0.0),
             touchdown_ns=np.zeros(6, np.int64),
             touchdown_sigma_s=np.full(6, np.nan),
-            lift_off_ns=np.zeros(6, np.int64),
-            lift_off_sigma_s=np.full(6, np.nan),
             load_share=load_n / max(np.nansum(load_n), 1e-9),
             normal=np.tile([0.0, 0.0, 1.0], (6, 1)),
-            normal_sigma_rad=np.full(6, 0.05),
             tangential_over_normal=np.hypot(force_n[:, 0], force_n[:, 1]) / load_n,
-            tangential_over_normal_sigma=np.full(6, 0.02),
             slip=np.where(contact, Slip.NONE, Slip.UNKNOWN).astype(np.uint8),
             friction=0.4,
             all_in_air=not contact.any(),
-            events=(),
         )
 
     def __enter__(self) -> Self:

@@ -12,8 +12,8 @@ from footsense.lab.fem.mesh import COARSE_MESH, build_quarter_mesh
 from footsense.lab.fem.quarter import QuarterFoot
 from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.geometry import FootDesign, Material
+from tests.lab.mechanics.analytic_benchmarks import HalfSpace, block_errors
 from tests.lab.released import FOOT_DESIGN
-from tests.support.analytic_benchmarks import HalfSpace, block_errors
 
 pytestmark = pytest.mark.lab
 

@@ -14,7 +14,7 @@ from footsense.client import Link, LinkStatus
 from footsense.errors import CanError
 from footsense.frames import ALL_LEGS, LEGS
 from tests.support.can_robot import MS, Robot
-from tests.support.gaits import gait_frame
+from tests.support.frames import gait_frame
 
 
 def test_one_frame_has_the_forces_of_all_legs(request: pytest.FixtureRequest, tmp_path: Path) -> None:

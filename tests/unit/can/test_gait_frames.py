@@ -11,7 +11,7 @@ from firmware_interface.can.gait import GAIT_EVENT_ID, GAIT_ID, GROUND_ID, decod
 from footsense.client import GaitEvents, Reports
 from footsense.frames import LEGS, GaitEvent
 from tests.support.can_robot import MS, NarrowWire, Robot
-from tests.support.gaits import gait_frame
+from tests.support.frames import gait_frame
 
 TOUCHDOWN = GaitEvent(GaitEventKind.TOUCHDOWN, 0, 100 * MS, 0.0021)
 

@@ -60,7 +60,7 @@ def test_every_fourth_cycle_sends_forces_and_the_others_what_else_is_due(
 
 
 @pytest.mark.parametrize(
-    "change", [{"state": State.STALE}, {"mask": 4}, {"cause": Cause.DELAYED}, {"flags": 1}]
+    "change", [{"state": State.STALE}, {"fault_mask": 4}, {"cause": Cause.DELAYED}, {"flags": 1}]
 )
 def test_a_change_is_sent_at_once(request: pytest.FixtureRequest, change: dict[str, Any]) -> None:
     """Whichever cycle it falls on; the fourth cycle after it is the next one without a change."""
@@ -79,9 +79,9 @@ def test_changes_in_every_cycle_are_sent_with_every_other(request: pytest.Fixtur
     """What flickers must not fill the bus; the last change goes out all the same."""
     robot = Robot(request.node.nodeid, every=4)
     for n in range(20):
-        robot.publish(n * MS, mask=n)
-    robot.publish(20 * MS, mask=20)
-    robot.publish(21 * MS, mask=20)
+        robot.publish(n * MS, fault_mask=n)
+    robot.publish(20 * MS, fault_mask=20)
+    robot.publish(21 * MS, fault_mask=20)
     assert [round(m.timestamp * 1e3) for m in robot.heard(0x180)] == [0, *range(1, 22, 2)]
     robot.close()
 
@@ -96,7 +96,7 @@ def test_no_number_leaves_under_a_state_that_forbids_it(robot: Robot) -> None:
 
 def test_a_degraded_leg_sends_its_force_its_sigma_and_what_is_open(robot: Robot) -> None:
     """All that a consumer needs to weigh it."""
-    robot.publish(MS, State.DEGRADED, mask=0b000111000)
+    robot.publish(MS, State.DEGRADED, fault_mask=0b000111000)
     messages = {m.arbitration_id: bytes(m.data) for m in robot.heard()}
     force, quality = decode_force(0x181, messages[0x181]), decode_quality(0x281, messages[0x281])
     assert (force.state, force.force_n) == (State.DEGRADED, (0.5, 0.5, 0.5))
@@ -147,7 +147,7 @@ def test_a_change_is_reported_once(robot: Robot) -> None:
         (State.ELEMENT_FAULT, 6, Cause.ELEMENT_OPEN),
         (State.ELEMENT_FAULT, 6, Cause.COLUMN_OPEN),
     ):
-        robot.publish(0, state, mask=mask, cause=cause)
+        robot.publish(0, state, fault_mask=mask, cause=cause)
     reports = [decode_fault(0x081, bytes(m.data)) for m in robot.heard(0x080)]
     assert reports == [
         (1, 0, State.VALID, State.STOPPED, 0, Cause.NONE),

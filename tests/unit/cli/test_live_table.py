@@ -7,7 +7,8 @@ import pytest
 from rich.console import Console
 
 from footsense.cli.live import LiveTable
-from footsense.frames import LEGS, BaselineDrift, CapFrame, ContactFrame, Cycle, State
+from footsense.frames import LEGS, CapFrame, Cycle, State
+from tests.support.frames import contact_frame
 
 STATES = (
     State.VALID,
@@ -28,17 +29,8 @@ def cycle() -> Cycle:
     return Cycle(
         CapFrame(7, np.ones((n, 9), np.int64), np.ones((n, 9)), np.zeros((n, 9), np.uint8)),
         (),
-        ContactFrame(
-            sequence=7,
-            t_sent_ns=2_000_000_000,
-            t_ns=np.full(n, 1_900_000_000),
-            force_n=force_n,
-            sigma_n=np.ones((n, 3)),
-            state=np.array(STATES, np.uint8),
-            fault_mask=np.zeros(n, np.uint16),
-            flags=np.zeros(n, np.uint8),
-            cause=np.zeros(n, np.uint8),
-            baseline=BaselineDrift.none(n),
+        contact_frame(
+            2_000_000_000, n, sequence=7, t_ns=1_900_000_000, force_n=force_n, sigma_n=1.0, state=STATES
         ),
         (),
     )

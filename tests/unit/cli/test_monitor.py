@@ -36,7 +36,7 @@ from footsense.daemon.can_listener import LegSnapshot, Listener
 from footsense.errors import CanError
 from footsense.frames import LEGS, GaitEvent
 from tests.support.can_robot import MS, FakeClock, Robot
-from tests.support.gaits import gait_frame
+from tests.support.frames import gait_frame
 
 
 def snapshot(leg: str) -> LegSnapshot:

@@ -17,7 +17,7 @@ from footsense.recording.recover import recover
 from footsense.recording.replay import Replay, ReplayClock, ReplaySource
 from footsense.ring.records import LostCycles, NumberedCycle
 from tests.support.cycles import LEGS, TARE, cycle, read_until_damage, same, write
-from tests.support.gaits import gait_frame
+from tests.support.frames import gait_frame
 
 
 @pytest.fixture(scope="module")

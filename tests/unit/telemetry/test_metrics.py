@@ -34,7 +34,7 @@ from footsense.ring.records import ServiceStatus
 from footsense.telemetry.exporter import ServiceCollector
 from footsense.telemetry.metrics import ServiceMetrics
 from tests.support.cycles import plain_cycle
-from tests.support.gaits import gait_frame
+from tests.support.frames import gait_frame
 
 MS = 1_000_000
 LEGS = ("lf", "rr")

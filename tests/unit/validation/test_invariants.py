@@ -1,17 +1,20 @@
 """The invariants of a long walk notice what they are there for, and excuse what they should."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from firmware_interface.can.force import FORCE_ID, QUALITY_ID
 from firmware_interface.can.socketcan import pack_frame
-from footsense.frames import LEGS, BaselineDrift, ContactFrame, Cycle, State
+from footsense.frames import LEGS, Cycle, State
 from footsense.sim.faults.scene_faults import Absent, CanDown, ElementDrifts, Fault, StuckSda
 from footsense.validation.invariants import InvariantChecker
 from footsense.validation.random_faults import random_faults
 from footsense.validation.soak_plan import soak_stretches
 from footsense.validation.tolerances import WalkLimits
 from tests.support.can_frames import encode_force, encode_quality
+from tests.support.frames import contact_frame
 
 MS = 1_000_000
 RULES = WalkLimits(
@@ -28,26 +31,21 @@ def watching(*script: Fault, rules: WalkLimits = RULES) -> InvariantChecker:
     return InvariantChecker(rules, script, lambda _: np.zeros((6, 3)))
 
 
-def cycle(number: int, t_ms: float, state: State = State.VALID, **changed: object) -> Cycle:
+def cycle(number: int, t_ms: float, state: State = State.VALID, **changed: Any) -> Cycle:
     """One cycle in which the second leg has a state, and all others a good force."""
     states = np.full(6, State.VALID, np.uint8)
     states[1] = state
     force_n = np.zeros((6, 3))
     force_n[states != State.VALID] = np.nan
     t_ns = round(t_ms * MS)
-    values = {
-        "sequence": number,
-        "t_sent_ns": t_ns,
-        "t_ns": np.full(6, t_ns - 12 * MS),
+    given = {
+        "t_ns": t_ns - 12 * MS,
         "force_n": force_n,
         "sigma_n": force_n + 0.01,
         "state": states,
-        "fault_mask": np.zeros(6, np.uint16),
-        "flags": np.zeros(6, np.uint8),
-        "cause": np.zeros(6, np.uint8),
-        "baseline": BaselineDrift.none(6),
+        **changed,
     }
-    return Cycle(None, (), ContactFrame(**{**values, **changed}), ())  # type: ignore[arg-type]
+    return Cycle(None, (), contact_frame(t_ns, 6, sequence=number, **given), ())
 
 
 def violated(seen: InvariantChecker) -> set[str]:
