@@ -15,8 +15,7 @@ from footsense.frames import CommandResult, Result
 from footsense.ring.cycle_reader import CycleReader
 from footsense.ring.cycle_ring import CycleRing, encode_cycle
 from footsense.ring.records import NumberedCycle, decode_record
-from tests.fuzz.outcome import TRIED, refusal
-from tests.fuzz.test_texts import anything
+from tests.fuzz.outcome import TRIED, anything, refusal
 from tests.support.cycles import LEGS, TARE, cycle, same, status
 
 SHOWN = cycle(3, outcomes=(CommandResult(TARE, Result.LOADED, "0.2 pF"),), n_samples=2, warm=True)

@@ -26,8 +26,8 @@ from footsense.reference.sample_times import SampleTimes
 from footsense.reference.sensor_mounting import SensorMounting
 from footsense.reference.serial_sensor import LineDecoder
 from footsense.sim.clock import VirtualClock
-from tests.fuzz.outcome import TRIED, refusal
-from tests.fuzz.test_texts import anything, texts
+from tests.fuzz.outcome import TRIED, anything, refusal
+from tests.fuzz.test_texts import texts
 from tests.support.calibrations import content
 
 MOUNTING = SensorMounting({"x": "x", "y": "y", "z": "z"}, (0.0, 0.0, 0.0), "gf", 1.0, (100, 100, 100))

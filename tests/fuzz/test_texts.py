@@ -1,4 +1,4 @@
-"""Configurations, scenes, and the configuration in a recording's header."""
+"""Configurations, scenes, the configuration in a recording's header, and what a browser says to `footsense view`."""
 
 import json
 from pathlib import Path
@@ -14,7 +14,9 @@ from footsense.daemon.recording_header import recorded_config, recorded_flags
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
 from footsense.sim.scene_files import load_scene
-from tests.fuzz.outcome import TRIED, refusal
+from footsense.view.http_answers import is_allowed_origin, is_own_host
+from footsense.view.page_session import Request, decode_request
+from tests.fuzz.outcome import TRIED, anything, refusal
 
 ROBOT = "buses: [{device: sim, legs: {lf: 0, rf: 1}}]\ncan: {interface: virtual}\n"
 SCENE = "description: x\nload: {kind: tripod, period_s: 1.0, peak_force_n: [0, 0, 1]}\nseed: 3\n"
@@ -95,11 +97,6 @@ def test_bombs(tmp_path: Path, text: str) -> None:
 
 
 CONFIG: dict[str, Any] = json.loads(msgspec.json.encode(DEFAULT))
-anything = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(max_size=8),
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=4), inner, max_size=3),
-    max_leaves=6,
-)
 
 
 @given(
@@ -118,3 +115,34 @@ def test_any_recorded_configuration(tmp_path: Path, key: str, value: object, tex
         refusal(lambda path=path: recorded_config(Replay(path)))  # type: ignore[misc]
         refusal(lambda path=path: recorded_flags(Replay(path)))  # type: ignore[misc]
     path.unlink()
+
+
+@given(
+    st.text(max_size=60)
+    | st.binary(max_size=60)
+    | anything.map(json.dumps)
+    | st.builds(
+        lambda kind, key, value: json.dumps({"type": kind, key: value}),
+        st.sampled_from(["drawn", "chunk", "x"]),
+        st.sampled_from(["number", "x"]),
+        anything,
+    )
+)
+@TRIED
+def test_any_message_of_a_page(message: str | bytes) -> None:
+    """A request, or a `ValueError`, by which the server dismisses the page."""
+    refused = refusal(lambda: decode_request(message), ValueError)
+    assert refused is not None or isinstance(decode_request(message), Request)
+
+
+@given(
+    st.text(max_size=30) | st.sampled_from(["[", "[::1", "127.0.0.1:x", "robot@evil", "//", "1.2.3.4:99999"])
+)
+@TRIED
+def test_any_host_and_origin(header: str) -> None:
+    """A name that is not ours never is, whatever the header looks like."""
+    is_own_host(header, ["localhost"])
+    assert not is_own_host(f"x{header.replace('.', '').replace(':', '')}", ["localhost"])
+    assert is_allowed_origin(header, "127.0.0.1:8765") == (
+        header in {f"http{s}://127.0.0.1:8765" for s in ("", "s")}
+    )

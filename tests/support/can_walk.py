@@ -1,7 +1,7 @@
 """The real sink on a simulated CAN interface, and a consumer that notes when each frame came."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.can.socketcan import unpack_frame
@@ -66,7 +66,7 @@ class CanWalk:
             self.clock.t_ns = t_ns
             self.n_scans += 1
             self.sink.commands()
-            given = {"t_ns": t_ns - self.period_ns // 2, "force_n": 0.5, "sigma_n": 0.01}
+            given: dict[str, Any] = {"t_ns": t_ns - self.period_ns // 2, "force_n": 0.5, "sigma_n": 0.01}
             self.sink.publish(contact_frame(t_ns, self._n, sequence=self.n_scans, **given))
         self.clock.t_ns = max(self.clock.t_ns, round(until_s * 1e9))
         self.can.process_events_until_now()

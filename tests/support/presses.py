@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,7 +95,7 @@ def cycles(
                 noisy_n = reading_n(force_n(sample_s)) + OFFSET_N + random.normal(0.0, SAMPLE_NOISE_N)
                 samples.append((t_sample_ns, noisy_n, saturated(sample_s)))
             t_sample_ns += SAMPLE_NS
-        given = {"t_ns": t_ns, "force_n": force_n(t_s - 0.5e-9 * scan_ns), "sigma_n": 0.001}
+        given: dict[str, Any] = {"t_ns": t_ns, "force_n": force_n(t_s - 0.5e-9 * scan_ns), "sigma_n": 0.001}
         forces = contact_frame(t_ns + 1_000_000, sequence=number, **given)
         yield Cycle(scan, (), forces, (), _reference(samples))
 

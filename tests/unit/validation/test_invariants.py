@@ -45,7 +45,7 @@ def cycle(number: int, t_ms: float, state: State = State.VALID, **changed: Any) 
         "state": states,
         **changed,
     }
-    return Cycle(None, (), contact_frame(t_ns, 6, sequence=number, **given), ())
+    return Cycle(None, (), contact_frame(t_ns, 6, sequence=number, **given), ())  # type: ignore[arg-type]
 
 
 def violated(seen: InvariantChecker) -> set[str]:
