@@ -132,7 +132,7 @@ def test_a_log_that_nobody_reads(tmp_path: Path) -> None:
 #: Read by Python before anything else: the wall clock of the process and its children jumps at every look.
 STEPPING = """
 import itertools, time
-jumps = itertools.cycle([86_400, 3_600_000, 7_000_000])
+jumps = itertools.cycle([86_400, -3_600_000, 7_000_000])
 now = [1_700_000_000]
 def step(): now[0] += next(jumps); return now[0]
 real_gmtime, real_localtime = time.gmtime, time.localtime
@@ -144,10 +144,7 @@ time.localtime = lambda seconds=None: real_localtime(step() if seconds is None e
 
 
 def test_a_wall_clock_that_is_set(tmp_path: Path) -> None:
-    """With a wall clock that jumps by weeks, forces and their times are the same; only the header's date is not.
-
-    It jumps ahead: python-can, which stands in for CAN in a simulation, waits for a clock that was set back.
-    """
+    """With a wall clock that jumps by weeks, forces and their times are the same; only the header's date is not."""
     (tmp_path / "sitecustomize.py").write_text(STEPPING)
     path, stepped, still = tmp_path / "walk.mcap", tmp_path / "stepped.log", tmp_path / "still.log"
     options = ("--config", robot(tmp_path), "--duration", "0.7", "--record", path, "--can-log", stepped)
