@@ -21,6 +21,7 @@ from footsense.frames import Cycle, State
 from footsense.sim.scene import Scene
 from footsense.sim.scene_loads import Constant
 from tests.support.calibrations import calibration
+from tests.support.seen import Seen
 from tests.system.simulated_test_stand import MADE, true_parameters
 
 FORCE_N = (0.3, -0.2, 0.7)
@@ -45,29 +46,13 @@ def write_both(feet: Path) -> None:
     calibration(feet, "foot-0008", parameters=true_parameters(1))
 
 
-class Last:
-    """An observer that keeps the last cycle, and what tares came to."""
-
-    cycle: Cycle
-
-    def __init__(self) -> None:
-        self.reasons: list[str] = []
-
-    def observe(self, cycle: Cycle) -> None:
-        self.cycle = cycle
-        self.reasons += [outcome.reason for outcome in cycle.ended_commands]
-
-    def close(self) -> None:
-        """Nothing is held."""
-
-
-def run(robot: Config, record: Path | None = None) -> Last:
+def run(robot: Config, record: Path | None = None) -> list[Cycle]:
     """Run until both feet have been pressed for a while."""
-    last = Last()
+    seen = Seen()
     with open_service(robot, SCENE, record=record, real_time=False) as service:
-        service.observers.append(last)
+        service.observers.append(seen)
         service.run(until_ns=UNTIL_NS)
-    return last
+    return seen.cycles
 
 
 def test_feet_with_calibrations_say_what_they_feel(tmp_path: Path) -> None:
@@ -77,23 +62,24 @@ def test_feet_with_calibrations_say_what_they_feel(tmp_path: Path) -> None:
     """
     write_both(tmp_path)
     robot = config(tmp_path, lf="foot-0007", rf="foot-0008")
-    forces = run(robot).cycle.forces
+    forces = run(robot)[-1].forces
     assert forces.state.tolist() == [State.VALID, State.VALID]
     assert np.abs(forces.force_n - FORCE_N).max() < 0.02
     assert forces.sigma_n.max() < 0.05 * np.linalg.norm(FORCE_N)
     without = msgspec.structs.replace(
         robot, calibrations=None, tare=msgspec.structs.replace(robot.tare, unloaded_limit_rel=1.0)
     )
-    assert np.abs(run(without).cycle.forces.force_n - FORCE_N).max() > 0.05
+    assert np.abs(run(without)[-1].forces.force_n - FORCE_N).max() > 0.05
 
 
 def test_another_foot_is_found_by_its_fingerprint(tmp_path: Path) -> None:
     """Feet that were swapped give no force: what they read unloaded is not what the calibrations of their legs say."""
     write_both(tmp_path)
-    last = run(config(tmp_path, lf="foot-0008", rf="foot-0007"))
-    assert last.cycle.forces.state.tolist() == [State.NO_BASELINE, State.NO_BASELINE]
-    assert np.isnan(last.cycle.forces.force_n).all()
-    assert last.reasons[0].startswith("the foot is not unloaded, or another than foot-0008: element ")
+    cycles = run(config(tmp_path, lf="foot-0008", rf="foot-0007"))
+    assert cycles[-1].forces.state.tolist() == [State.NO_BASELINE, State.NO_BASELINE]
+    assert np.isnan(cycles[-1].forces.force_n).all()
+    first = next(outcome for cycle in cycles for outcome in cycle.ended_commands)
+    assert first.reason.startswith("the foot is not unloaded, or another than foot-0008: element ")
 
 
 def test_calibrations_that_cannot_be_used(tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ from footsense.ring.records import NumberedCycle
 from footsense.sim.scene import Effects, Scene, Warming
 from footsense.sim.scene_loads import Constant
 from tests.support.calibrations import calibration
+from tests.support.seen import Seen
 from tests.system.simulated_test_stand import MADE, true_parameters
 
 FORCE_N = (0.2, -0.1, 0.5)
@@ -57,21 +58,11 @@ def walked(feet: Path, effects: Effects, until_s: float, record: Path | None = N
         fabrication=MADE,
         effects=effects,
     )
-    seen: list[Cycle] = []
+    seen = Seen()
     with open_service(robot(feet), scene, record=record, real_time=False) as service:
-        service.observers.append(Seen(seen))
+        service.observers.append(seen)
         service.run(until_ns=until_s * 1e9)
-    return seen
-
-
-class Seen:
-    """An observer that keeps every cycle."""
-
-    def __init__(self, cycles: list[Cycle]) -> None:
-        self.observe = cycles.append
-
-    def close(self) -> None:
-        """Nothing is held."""
+    return seen.cycles
 
 
 def test_a_known_temperature_corrects_and_an_unknown_one_widens(tmp_path: Path) -> None:

@@ -26,30 +26,28 @@ def test_a_configuration_with_a_typo(tmp_path: Path) -> None:
     """`check-config` and `run` say the same line: file, line, path, remedy; exit 78."""
     file = robot(tmp_path, more="scna: {}\n")
     line = one_line_error(footsense("check-config", file), 78)
-    assert line == f"{file}:5: scna: unknown key; did you mean scan?"
+    assert line == f"{file}:6: scna: unknown key; did you mean scan?"
     assert one_line_error(footsense("run", "--config", file), 78) == line
 
 
-def test_a_configuration_that_cannot_be_read(tmp_path: Path) -> None:
-    """Exit 78 and one line, as for one that is wrong, and not the usage of the command."""
-    line = one_line_error(footsense("run", "--config", tmp_path), 78)
-    assert line == f"{tmp_path}: cannot be read: Is a directory"
-
-
-def test_a_scene_that_does_not_exist() -> None:
-    """The scenes that do exist are named."""
-    line = one_line_error(footsense("run", "--scene", "moonwalk"), 78)
-    assert (
-        "no scene 'moonwalk': there are faults, hanging, hexapod_2kg, measured_walk, quadruped_12kg, tripod"
-        in line
-    )
-
-
-def test_a_scene_with_a_typo(tmp_path: Path) -> None:
-    """Scenes are as strict as configurations."""
-    scene = tmp_path / "scene.yaml"
-    scene.write_text("description: x\nload: {kind: tripod, perod_s: 1}\n")
-    assert "did you mean period_s" in one_line_error(footsense("run", "--scene", scene), 78)
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (("--config", "."), ".: cannot be read: Is a directory"),
+        (
+            ("--scene", "moonwalk"),
+            "no scene 'moonwalk': there are faults, hanging, hexapod_2kg, measured_walk",
+        ),
+        (("--scene", "scene.yaml"), "did you mean period_s"),
+    ],
+)
+def test_what_a_walk_is_made_of(
+    tmp_path: Path, options: tuple[str, ...], says: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A configuration that cannot be read, a scene that does not exist or has a typo: one line, and no usage."""
+    (tmp_path / "scene.yaml").write_text("description: x\nload: {kind: tripod, perod_s: 1}\n")
+    monkeypatch.chdir(tmp_path)
+    assert says in one_line_error(footsense("run", *options), 78)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,82 @@
+"""Robots with other feet and other legs walk at their own loads: what the configuration says is enough."""
+
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import can
+import numpy as np
+import pytest
+
+from firmware_interface.can.all_legs import FORCES4_ID
+from firmware_interface.can.codes import NODE_IDS
+from firmware_interface.can.force import FORCE_ID, force_step_mn
+from footsense.client import Link
+from tests.system.command import run_json
+
+pytestmark = pytest.mark.slow
+
+#: Foot type, legs, scene, largest force of its training and of the scene [N].
+ROBOTS = [
+    ("hexapod-2kg", "lf: 0, lm: 1, lr: 2, rf: 3, rm: 4, rr: 5", "hexapod_2kg", 18.0, 11.8),
+    ("quadruped-12kg", "lf: 0, lr: 1, rf: 2, rr: 3", "quadruped_12kg", 225.0, 147.0),
+]
+
+
+def walked(
+    folder: Path, legs: str, can_options: str, scene: str, more: str = ""
+) -> tuple[dict[str, Any], Path]:
+    """Walk for four seconds without a fault; return the figures and the CAN log."""
+    config, log = folder / "robot.yaml", folder / "walk.log"
+    config.write_text(f"buses: [{{device: sim, legs: {{{legs}}}}}]\ncan: {{{can_options}}}\n{more}")
+    figures = run_json("--config", config, "--scene", scene, "--duration", "4", "--can-log", log)
+    assert figures["faults"] == 0
+    assert figures["direction_error_deg"]["mean"] < 2.0
+    return figures, log
+
+
+@pytest.mark.parametrize(
+    ("foot_type", "legs", "scene", "max_n", "peak_n"), ROBOTS, ids=[one[0] for one in ROBOTS]
+)
+def test_a_robot_walks_on_its_feet(
+    tmp_path: Path, foot_type: str, legs: str, scene: str, max_n: float, peak_n: float
+) -> None:
+    """At most 2 deg and 3 % on average, and a consumer reads the forces off CAN with the step of these feet."""
+    figures, log = walked(tmp_path, legs, "interface: virtual", scene, f"foot_type: {foot_type}\n")
+    assert figures["magnitude_error_rel"]["mean"] < 0.03
+    assert figures["direction_error_deg"]["loaded_from_n"] == pytest.approx(0.05 * max_n)
+    link = Link(force_step_mn=force_step_mn(max_n))
+    largest_n: dict[int, float] = defaultdict(float)
+    for message in can.LogReader(log):
+        now_ns = round(message.timestamp * 1e9)
+        link.feed(message.arbitration_id, bytes(message.data), now_ns)
+        if (node := message.arbitration_id - FORCE_ID) in NODE_IDS.values() and (
+            leg := link.leg(node, now_ns)
+        ).usable:
+            largest_n[node] = max(largest_n[node], leg.force_n[2])
+    assert len(largest_n) == len(legs.split(","))
+    for force_n in largest_n.values():
+        assert force_n == pytest.approx(peak_n, rel=0.1)  # a rising load is extrapolated
+
+
+def test_eight_legs_walk_in_two_groups_of_four(tmp_path: Path) -> None:
+    """One group carries while the other swings; a client reads both from the CAN FD frames of six legs and of two."""
+    places = ", ".join(f"{leg}: {place}" for place, leg in enumerate(NODE_IDS))
+    _, log = walked(tmp_path, places, "interface: virtual, fd: true", "tripod")
+    link, z_n = Link(), defaultdict(list)
+    for message in can.LogReader(log):
+        now_ns = round(message.timestamp * 1e9)
+        link.feed(message.arbitration_id, bytes(message.data), now_ns)
+        if message.arbitration_id == FORCES4_ID:
+            views = {leg: link.leg(node, now_ns) for leg, node in NODE_IDS.items()}
+            if all(view.usable for view in views.values()):
+                for leg, view in views.items():
+                    z_n[leg].append(view.force_n[2])
+    first, second = (
+        [z_n[leg] for leg in group] for group in (("lf", "rm", "lr", "r4"), ("rf", "lm", "rr", "l4"))
+    )
+    assert len(z_n["lf"]) > 200
+    together = np.atleast_2d(np.corrcoef(first + second))
+    assert together[:4, :4].min() > 0.95
+    assert together[4:, 4:].min() > 0.95
+    assert together[:4, 4:].max() < 0.0
