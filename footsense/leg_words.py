@@ -26,7 +26,7 @@ class Words(NamedTuple):
 
     Attributes:
         meaning: What it means, of a leg ("its ...").
-        remedy: What to do or to check; of a state, where the cause says nothing better.
+        remedy: What to check; of a state, where the cause says nothing better.
         mark: Mark of its elements in a picture of the foot, at most 7 characters.
     """
 
@@ -38,8 +38,10 @@ class Words(NamedTuple):
 STATE_WORDS = {
     State.ABSENT: Words("its chips do not answer"),
     State.VALID: Words("its force may be used"),
-    State.NO_BASELINE: Words("no tare has succeeded yet", "lift the foot off the ground, and tare it"),
-    State.TARING: Words("a tare is being taken", "keep the foot in the air, and still"),
+    State.NO_BASELINE: Words(
+        "no tare has succeeded yet", "that nothing presses the foot and it hangs still; then `footsense tare`"
+    ),
+    State.TARING: Words("a tare is being taken", "that nothing presses the foot and it hangs still"),
     State.SATURATED: Words("a gap is closed, or a code is at the end of its range", "what presses the foot"),
     State.ELEMENT_FAULT: Words(
         "too many elements give no number", "the foot's plug; `footsense probe` names the lines"
@@ -49,7 +51,9 @@ STATE_WORDS = {
     State.OUT_OF_RANGE: Words(
         "its load is outside those of the network's training", "whether this foot is made for such a load"
     ),
-    State.STOPPED: Words("it was stopped by command", "the command START publishes its forces again"),
+    State.STOPPED: Words(
+        "it was stopped by command", "whether it is to go on: the command START publishes its forces again"
+    ),
     State.DEGRADED: Words(
         "its force comes from fewer elements", "the foot's plug; `footsense probe` names the lines"
     ),
