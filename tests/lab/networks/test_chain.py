@@ -1,6 +1,8 @@
 """Load cases, training, export and the whole chain on the coarse foot."""
 
+import fcntl
 import json
+import os
 import shutil
 from dataclasses import asdict
 from pathlib import Path
@@ -48,14 +50,24 @@ FOOT_DESIGN = load_foot(FOOT)
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return where the quick build goes: a folder of the foot type's name."""
-    return tmp_path_factory.mktemp("models") / FOOT_DESIGN.foot_type
+    """Return where the quick build goes: a folder of the foot type's name, which all workers share."""
+    own = tmp_path_factory.getbasetemp()
+    shared = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "build"
+    shared.mkdir(exist_ok=True)
+    return shared / FOOT_DESIGN.foot_type
 
 
 @pytest.fixture(scope="module")
 def built(folder: Path) -> BuildResult:
     """Run the whole chain once, for a foot that is not the shipped one: nothing but its description is new."""
-    return build(FOOT, folder, QUICK_BUILD, lambda _: None)
+    result = folder.with_name("result.json")
+    with folder.with_name("lock").open("w") as lock:
+        fcntl.flock(
+            lock, fcntl.LOCK_EX
+        )  # a worker that comes later waits, and reads what the first one built
+        if not result.exists():
+            result.write_bytes(msgspec.json.encode(build(FOOT, folder, QUICK_BUILD, lambda _: None)))
+    return msgspec.json.decode(result.read_bytes(), type=BuildResult)
 
 
 def test_the_papers_sets_have_the_papers_sizes(response: FootResponse) -> None:
