@@ -4,7 +4,7 @@ import { css, element, number } from "./format.js";
 
 const OFFERED = [
   ["fz", "fz", "N"], ["fx", "fx", "N"], ["fy", "fy", "N"], ["sigma_z", "σz", "N"], ["closure_4", "middle gap", ""],
-  ["probability", "contact", ""], ["load_share", "share", ""], ["tangential_over_normal", "tangential / normal", ""], ["age", "age", "ms"],
+  ["probability", "contact", ""], ["load_share", "share", ""], ["tangential_over_normal", "ft / fn", ""], ["age", "age", "ms"],
   ["baseline_mean", "drift", "fF"], ["temperature", "temperature", "°C"],
 ];
 const DASHES = [[], [6, 4], [2, 3], [9, 3, 2, 3]];
