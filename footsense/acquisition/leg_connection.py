@@ -89,7 +89,6 @@ class LegConnection:
         self.name = name
         self.row = row
         self.selection = tca9548a.channel_control_byte(channel)
-        self._channel = channel
         self.in_scan = False
         self.outcome = Reading.NO_ANSWER
         self.is_suspect = True
@@ -110,7 +109,7 @@ class LegConnection:
         Args:
             offset_pf: Capacitance that the converter's CAPDAC subtracts from each result [pF].
         """
-        _log.info("leg %s: converter and line switches answer on channel %d", self.name, self._channel)
+        _log.info("leg %s: converter and line switches answer", self.name)
         self.capdac_offset_pf = offset_pf
         self.doubted = None
         self.in_scan = True

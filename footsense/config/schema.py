@@ -129,7 +129,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def conversion_order(self) -> Literal["lo_shu", "raster"]:
-        """Conversion order of the elements: the configured one, or the mux's default."""
+        """Conversion order of the elements: the configured one, or `lo_shu`."""
         return self.scan.order or "lo_shu"
 
     @property

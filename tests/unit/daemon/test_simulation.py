@@ -1,1 +1,0 @@
-"""What a simulated robot cannot be: each a line that names the key or the file."""
