@@ -1,223 +1,252 @@
-"""Report: all study pages in one document, each with the command that remakes it.
+"""Pages of the report: what a study is given, how its page is written, and all of them in turn.
 
-A page is written as soon as it is made; an interrupted report goes on with the missing and stale pages. Each study runs
-in a process of its own: library threads left by one study made the next one's small matrix products fifteen times as
-slow.
+A study is one module of `footsense.lab.studies` with `TITLE`, `compute(context)` and `text(values)`. `compute` returns
+its figures as a dictionary of numbers, lists and texts, and the drawings; `text` writes the page's Markdown from these
+numbers alone, with `table` and f-strings. Its `quick` form answers in seconds. What the report's first page shows of it
+is in the list `targets`, a dictionary each: `figure`, `target`, `measured` (texts) and `met`.
 """
 
 import json
-import sys
-from collections.abc import Callable, Mapping
+import os
+import subprocess
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import cached_property
 from importlib import import_module
 from multiprocessing import get_context
 from pathlib import Path
+from pkgutil import iter_modules
+from timeit import default_timer
 from typing import Any
 
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
+
 from footsense.errors import FootsenseError
-from footsense.lab.code_hash import compute_function_sha256
-from footsense.lab.studies.page import Page, Study, StudyContext
-from footsense.lab.targets import targets_markdown
-from footsense.lab.template import render
-from footsense.progress import progress_bar, stderr_is_terminal
+from footsense.foot.files.network_card import TrainedInputs, read_card
+from footsense.foot.response_table import FootResponse
+from footsense.lab import studies
+from footsense.lab.evaluation.evaluate_models import open_models
+from footsense.lab.foot_file import FOOT_FILE, load_foot
+from footsense.lab.geometry import FootDesign
+from footsense.lab.training.export import OnnxNetwork
 
-_LAB_STUDY_MODULES = {
-    "released": "accuracy.released",
-    "gaits": "accuracy.gaits",
-    "tracker": "accuracy.tracker",
-    "gait-semantics": "accuracy.gait_semantics",
-    "paper-procedure": "networks.paper_procedure",
-    "hidden-layers": "networks.hidden_layers",
-    "rprop-speed": "networks.rprop_speed",
-    "pattern": "mechanics.pattern",
-    "error-map": "accuracy.error_map",
-    "beyond": "mechanics.beyond",
-    "film": "mechanics.film",
-    "force-range": "accuracy.force_range",
-    "error-causes": "accuracy.error_causes",
-    "cavity": "mechanics.cavity",
-    "tolerance": "accuracy.tolerance",
-    "solid": "mechanics.solid",
-    "floor": "mechanics.floor",
-    "fidelity": "mechanics.fidelity",
-    "cramer-rao": "accuracy.cramer_rao",
-    "network-size": "networks.network_size",
-    "hard-cases": "accuracy.hard_cases",
-    "sensors": "accuracy.sensors",
-}
-#: The studies in the order of the report, each with its module.
-STUDY_MODULES = {name: f"footsense.lab.studies.{module}" for name, module in _LAB_STUDY_MODULES.items()}
-#: Pages about the daemon or its scan, which the lab does not import: `footsense.cli.lab` makes them.
-DAEMON_PAGES = ("tradeoff", "touchdown", "faults", "experiment", "mismatch")
-README, BUILD = "README.md", "build.json"
-#: Stale pages that are kept, with the reason of each, as JSON.
-STALE_PAGES_FILE = "stale.json"
+Values = dict[str, Any]
+#: Figures of matplotlib by file name, such as `motion.png`.
+Figures = dict[str, Figure]
+
+README = "README.md"
+_QUICK_NOTICE = "**Quick form: coarse steps, few cases and seeds. Its figures are no results.**"
 
 
-def make_page(name: str, context: StudyContext, studies: Mapping[str, str] = STUDY_MODULES) -> Page:
-    """Run one study by name and return its page.
+@dataclass(frozen=True, kw_only=True)
+class StudyContext:
+    """What a study is given.
+
+    Attributes:
+        models: Folder of a foot type: its description, response table and network.
+        quick: Whether to answer in seconds, with coarse steps and few seeds.
+        report_progress: Receives a line after each step.
+    """
+
+    models: Path
+    quick: bool = False
+    report_progress: Callable[[str], None] = print
+
+    @cached_property
+    def _released_models(self) -> tuple[FootResponse, OnnxNetwork]:
+        return open_models(self.models)
+
+    @cached_property
+    def foot_design(self) -> FootDesign:
+        """Geometry, materials and load range of the studied foot."""
+        return load_foot(self.models / FOOT_FILE)
+
+    @property
+    def response(self) -> FootResponse:
+        """Response table of the studied foot."""
+        return self._released_models[0]
+
+    @property
+    def network(self) -> OnnxNetwork:
+        """The studied network, run by ONNX Runtime."""
+        return self._released_models[1]
+
+    @cached_property
+    def trained_inputs(self) -> TrainedInputs:
+        """Capacitor model, input range and input moments of the network."""
+        return read_card(json.dumps(self.network.card), str(self.models)).trained_inputs
+
+
+def table(headings: str, rows: Iterable[Sequence[object]]) -> str:
+    """Return a Markdown table; its first column is text, the others are numbers.
 
     Args:
-        name: Key of `studies`.
-        context: The models.
-        studies: Module of each study, with a `STUDY`.
+        headings: Of the columns, separated by ` | `.
+        rows: Cells of each row, formatted by the caller.
+    """
+    n_columns = headings.count(" | ") + 1
+    lines = [f"| {headings} |", "|---|" + "---:|" * (n_columns - 1)]
+    return "\n".join(lines + ["| " + " | ".join(map(str, row)) + " |" for row in rows])
+
+
+def spread(values: ArrayLike, digits: int = 2) -> str:
+    """Return the mean, the standard deviation (of a sample) and the largest of values over seeds or feet as text.
+
+    Example:
+        >>> spread([1.0, 2.0, 6.0])
+        '3.00 +- 2.65, worst 6.00'
+    """
+    given = np.asarray(values, float)
+    return (
+        f"{given.mean():.{digits}f} +- {given.std(ddof=1):.{digits}f}, worst {np.abs(given).max():.{digits}f}"
+    )
+
+
+def study_names() -> tuple[str, ...]:
+    """Return the names of all studies: the modules of `footsense.lab.studies`, with hyphens."""
+    return tuple(
+        module.name.replace("_", "-") for module in iter_modules(studies.__path__) if not module.ispkg
+    )
+
+
+def require_study(name: str) -> None:
+    """Check the name of a study.
 
     Raises:
         FootsenseError: There is no such study.
     """
-    if name not in studies:
-        raise FootsenseError(f"no study {name!r}: there are {', '.join(studies)}")
-    study: Study = import_module(studies[name]).STUDY
-    return study.compute_page(context)
+    if name not in study_names():
+        raise FootsenseError(f"no study {name!r}: there are {', '.join(study_names())}")
 
 
-def _read_json_or_empty(path: Path) -> dict[str, Any]:
-    """Return the JSON object in a file; empty if the file is missing or damaged."""
-    try:
-        return dict(json.loads(path.read_text(encoding="utf-8")))
-    except (OSError, json.JSONDecodeError):
-        return {}
+def make_page(name: str, context: StudyContext, folder: Path) -> tuple[str, Values]:
+    """Run a study; write `<name>.md`, `<name>.json` and its drawings.
+
+    Args:
+        name: The study's, such as `hard-cases`.
+        context: What it is given.
+        folder: Where the page goes; created if missing.
+
+    Returns:
+        Markdown of the page, and its figures as JSON values.
+    """
+    study = import_module(f"{studies.__name__}.{name.replace('-', '_')}")
+    started, load = default_timer(), os.getloadavg()[0]
+    computed, figures = study.compute(context)
+    made = {
+        "study": name,
+        "title": study.TITLE,
+        "quick": context.quick,
+        "foot": context.foot_design.foot_type,
+        "commit": _commit(),
+        "date": time.strftime("%Y-%m-%d"),
+        "seconds": round(default_timer() - started, 1),
+        "load": round(load, 1),
+        "n_processors": os.cpu_count(),
+    }
+    values: Values = json.loads(json.dumps(made | computed, default=_as_builtin))
+    folder.mkdir(parents=True, exist_ok=True)
+    for file, figure in figures.items():
+        figure.savefig(folder / file, dpi=110, bbox_inches="tight", metadata={"Software": None})
+    markdown = page_text(values)
+    (folder / f"{name}.md").write_text(markdown, encoding="utf-8")
+    (folder / f"{name}.json").write_text(json.dumps(values, indent=1) + "\n", encoding="utf-8")
+    return markdown, values
 
 
-def page_values(name: str, folder: Path) -> dict[str, Any]:
-    """Return the JSON values of a stored page; empty if the page is missing or damaged."""
-    return _read_json_or_empty(folder / f"{name}.json") if (folder / f"{name}.md").exists() else {}
+def page_text(values: Values) -> str:
+    """Return the Markdown of a page from its JSON values alone."""
+    study = import_module(f"{studies.__name__}.{values['study'].replace('-', '_')}")
+    quick = " --quick" if values["quick"] else ""
+    made_by = (
+        f"`footsense lab study {values['study']}{quick}` of commit {values['commit']}, {values['date']}: "
+        f"{values['seconds']:.0f} s on {values['n_processors']} processors, load {values['load']:g} before."
+    )
+    notice = f"{_QUICK_NOTICE}\n\n" if values["quick"] else ""
+    return f"# {study.TITLE}\n\n{made_by}\n\n{notice}{study.text(values).strip()}\n"
 
 
-def is_page_of_models(name: str, folder: Path, context: StudyContext) -> bool:
-    """Tell whether a stored page belongs to the given models and form (quick or full)."""
-    values = page_values(name, folder)
-    if "response_sha256" in values:
-        made = values["response_sha256"] == context.response.sha256
-    else:
-        made = values.get("network_sha256") == context.network_sha256
-    return made and values.get("quick") == context.quick
+def make_report(folder: Path, context: StudyContext, report: Callable[[str], None]) -> Path:
+    """Make all pages anew, one after the other, and the page with their list; return the path of that.
 
-
-def stale_reason(
-    name: str, folder: Path, context: StudyContext, studies: Mapping[str, str] = STUDY_MODULES
-) -> str:
-    """Return why a page is out of date (other network, or changed study code); empty if it is current."""
-    if not is_page_of_models(name, folder, context):
-        return "missing, or made about another network or foot"
-    if page_values(name, folder).get("code_sha256", "") != compute_function_sha256(studies[name]):
-        return f"the code that measures its numbers has changed ({studies[name]})"
-    return ""
-
-
-def noted_stale_reasons(folder: Path) -> dict[str, str]:
-    """Return the reasons noted in a folder for pages that are known to be out of date."""
-    return _read_json_or_empty(folder / STALE_PAGES_FILE)
-
-
-def make_report(
-    folder: Path,
-    context: StudyContext,
-    studies: Mapping[str, str] = STUDY_MODULES,
-    *,
-    build_s: float | None,
-    resume: bool,
-    report: Callable[[str], None],
-) -> Path:
-    """Run the studies, bind their pages into one document, and return its path.
+    Each study runs in a process of its own: library threads that one leaves behind slow the next one's small matrix
+    products down.
 
     Args:
         folder: Where the pages go.
-        context: The models.
-        studies: Module of each study.
-        build_s: Build time of the models [s]; None if they existed.
-        resume: Whether pages that are not stale are kept.
+        context: What the studies are given.
         report: Receives a line after each page.
-
-    Returns:
-        The bound document.
     """
-    if build_s is not None:
-        folder.mkdir(parents=True, exist_ok=True)
-        built = {
-            "seconds": round(build_s, 1),
-            "network_sha256": context.network_sha256,
-            "quick": context.quick,
-        }
-        (folder / BUILD).write_text(json.dumps(built, indent=2, sort_keys=True) + "\n", encoding="utf-8")
-    kept = [name for name in studies if resume and not stale_reason(name, folder, context, studies)]
-    for name in kept:
-        report(f"{name}: kept")
-    missing = [name for name in studies if name not in kept]
-    usual_s = {name: last_duration_s(name, folder, quick=context.quick) for name in missing}
-    with progress_bar("pages", sum(usual_s.values()) or len(missing)) as done_so_far:
-        for at, name in enumerate(missing, 1):
-            with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
-                made = process.submit(
-                    _run_study_and_write_page, name, studies, context.models, folder, quick=context.quick
-                )
-                seconds = made.result()
-            report(f"{name}: {seconds:.0f} s")
-            done_so_far(sum(usual_s[one] for one in missing[:at]) or at)
-    return bind_pages(folder, context)
+    for name in study_names():
+        with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
+            made = process.submit(_make_page_quietly, name, context.models, folder, quick=context.quick)
+            report(f"{name}: {made.result():.0f} s")
+    return write_list_of_pages(folder)
 
 
-def last_duration_s(name: str, folder: Path, *, quick: bool) -> float:
-    """Return the stored computing time of a study's last run [s]; 0 if there is none of this form."""
-    page = _read_json_or_empty(folder / f"{name}.json")
-    return float(page["seconds"]) if page.get("quick") == quick else 0.0
+def _make_page_quietly(name: str, models: Path, folder: Path, *, quick: bool) -> float:
+    """Make a page in a process of its own; return its seconds."""
+    context = StudyContext(models=models, quick=quick, report_progress=lambda _: None)
+    _, values = make_page(name, context, folder)
+    return float(values["seconds"])
 
 
-def _run_study_and_write_page(
-    name: str, studies: Mapping[str, str], models: Path, folder: Path, *, quick: bool
-) -> float:
-    """Run one study, write its page, and return the elapsed time [s]."""
-    page = make_page(name, StudyContext(models=models, quick=quick, report_progress=_print_progress), studies)
-    page.write(folder)
-    return page.seconds
-
-
-def _print_progress(line: str) -> None:
-    """Print an indented progress line of a study, only in a process without a progress bar."""
-    if stderr_is_terminal():
-        return
-    sys.stdout.write(f"    {line}\n")
-    sys.stdout.flush()
-
-
-def bind_pages(folder: Path, context: StudyContext) -> Path:
-    """Write all current pages into one document, targets first, and return its path.
-
-    Args:
-        folder: Where the pages are.
-        context: Tells the network; pages about another one, or of the other form, are left out and named.
-    """
-    made = [name for name in (*STUDY_MODULES, *DAEMON_PAGES) if is_page_of_models(name, folder, context)]
-    left_out = [name for name in (*STUDY_MODULES, *DAEMON_PAGES) if name not in made]
-    values = {name: page_values(name, folder) for name in made}
-    pages = [(folder / f"{name}.md").read_text(encoding="utf-8").strip() for name in made]
-    titles = [page.partition("\n")[0].removeprefix("## ") for page in pages]
-    studies_s = sum(value["seconds"] for value in values.values())
-    built = _read_json_or_empty(folder / BUILD)
-    build_s = built["seconds"] if built.get("network_sha256") == context.network_sha256 else None
-    if build_s is not None and not left_out:
-        values["report"] = {"minutes": (build_s + studies_s) / 60.0}
-    names = {
-        "anchors": {title: _anchor(title) for title in titles},
-        "build_s": build_s,
-        "left_out": left_out,
-        "pages": pages,
-        "quick": context.quick,
-        "stale": noted_stale_reasons(folder),
-        "studies_s": studies_s,
-        "targets": targets_markdown(values),
-    }
+def write_list_of_pages(folder: Path) -> Path:
+    """Write the report's first page, from the pages in a folder; return its path."""
+    files = [folder / f"{name}.json" for name in study_names()]
+    pages = {file.stem: json.loads(file.read_text("utf-8")) for file in files if file.exists()}
+    rows = [
+        (f"[{name}]({name}.md)", page["title"], f"{page['seconds']:.0f}", page["commit"])
+        for name, page in pages.items()
+    ]
+    minutes = sum(page["seconds"] for page in pages.values()) / 60
+    load = max((page["load"] for page in pages.values()), default=0.0)
+    quick = f"{_QUICK_NOTICE}\n\n" if any(page["quick"] for page in pages.values()) else ""
     path = folder / README
-    path.write_text(render(__name__, names) + "\n", encoding="utf-8")
+    path.write_text(
+        "# The report\n\n"
+        "From rubber to force: each figure of Aoyagi et al. beside ours, what the paper left open, and where it fails. "
+        f"`footsense lab report` makes all of it but the trials on a kernel; the pages below took {minutes:.0f} min, "
+        f"at a load of up to {load:g} beside them. The models are the released ones; the network's training, "
+        "its tests and the gaits use one response table.\n\n"
+        f"{quick}"
+        + table("figure | target | measured | page", _target_rows(pages))
+        + "\n\n"
+        + table("page | about | seconds | commit", rows)
+        + "\n\nThe [trials on a real kernel](kernel.md) are made by `make kernel-test`.\n",
+        encoding="utf-8",
+    )
     return path
 
 
-def _anchor(title: str) -> str:
-    """Return the Markdown anchor of a heading.
+def _target_rows(pages: Mapping[str, Values]) -> Iterator[tuple[str, str, str, str]]:
+    """Yield the cells of each target that the pages measure; one that is missed says so."""
+    for name, page in pages.items():
+        for target in page.get("targets", ()):
+            missed = "" if target["met"] else ", **missed**"
+            yield target["figure"], target["target"], target["measured"] + missed, f"[{name}]({name}.md)"
 
-    Example:
-        >>> _anchor("The limit: Cramer-Rao, 20 to 150 gf")
-        'the-limit-cramer-rao-20-to-150-gf'
+
+def _as_builtin(value: Any) -> Any:
+    """Return what JSON can hold, for NumPy's arrays and scalars.
+
+    Raises:
+        TypeError: It is neither.
     """
-    kept = "".join(letter for letter in title.lower() if letter.isalnum() or letter in " -_")
-    return kept.replace(" ", "-")
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    raise TypeError(f"a study returned {type(value).__name__}, which JSON cannot hold")
+
+
+def _commit() -> str:
+    """Return the commit of this code, with `+` if files differ from it; `unknown` outside a checkout."""
+    command = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--abbrev=8", "--dirty=+"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=True)  # noqa: S603
+        return done.stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"

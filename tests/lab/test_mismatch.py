@@ -1,14 +1,11 @@
 """The command `lab mismatch` in its quick form, and what it refuses."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from footsense.cli import main
 from footsense.cli.lab.pages.mismatch_rows import MISMATCH_ROWS
 from footsense.errors import ModelError
 from footsense.foot.response_table import FootResponse
@@ -18,25 +15,6 @@ from tests.lab.released import FOOT_DESIGN, RELEASED
 pytestmark = pytest.mark.lab
 
 RESPONSE = FootResponse.load(RELEASED / "response.npz")
-
-
-@pytest.mark.slow
-def test_a_row_is_made_and_resumed(tmp_path: Path) -> None:
-    """Finished feet are not done again; the page has the row's figures."""
-    command = ["lab", "mismatch", "--quick", "--rows", "none", "--json", "--kept", str(tmp_path / "kept")]
-    command += ["--output", str(tmp_path)]
-    first, again = (CliRunner().invoke(main, command, catch_exceptions=False) for _ in range(2))
-    assert first.exit_code == again.exit_code == 0
-    values, resumed = json.loads(first.stdout), json.loads(again.stdout)
-    assert values["mean_over_feet"] == resumed["mean_over_feet"]
-    assert resumed["seconds"] < 0.5 * values["seconds"]
-    row = values["mean_over_feet"]["none"]
-    assert row["centred_all_deg"] < 0.25 * row["centred_design_deg"]
-    for test in ("leaning", "range"):
-        assert row[f"{test}_all_deg"] < 2.0
-        assert row[f"{test}_all_gf"] < 1.9
-        assert 0.93 < row[f"{test}_all_within_2"] < 0.985
-    assert "none: the foot that the calibration supposes" in (tmp_path / "mismatch.md").read_text("utf-8")
 
 
 def test_gold_is_in_the_solid_of_its_row() -> None:
@@ -49,14 +27,6 @@ def test_gold_is_in_the_solid_of_its_row() -> None:
         == len(set(titles))
         == len(titles)
     )
-
-
-def test_an_unknown_row_is_answered_with_those_that_are(tmp_path: Path) -> None:
-    """One line with the names."""
-    command = ["lab", "mismatch", "--rows", "x", "--output", str(tmp_path)]
-    done = CliRunner().invoke(main, command)
-    assert done.exit_code != 0
-    assert "no row 'x': there are none, mesh, plate" in done.output
 
 
 def test_a_bubble_that_leaves_the_ball_is_one_clear_line() -> None:

@@ -2,8 +2,6 @@
 
 import multiprocessing
 from collections.abc import Generator, Sequence
-from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -25,13 +23,6 @@ from footsense.lab.monte_carlo.sweeps import (
     SweepResults,
 )
 from footsense.lab.monte_carlo.workers import job_runner
-from footsense.lab.studies.accuracy.tolerance import (
-    DESIGN_TRAINED_ESTIMATORS,
-    FOOT_TRAINED_ESTIMATORS,
-    STUDY,
-    run_study,
-)
-from footsense.lab.studies.page import StudyContext
 from footsense.lab.training.load_cases import paper_verification
 from footsense.sim.foot.fabrication import MIN_DRAWN_OVER_DESIGN, draw_deviations
 
@@ -232,23 +223,3 @@ def test_levels_are_interpolated_linearly() -> None:
     assert results.level_reaching(sweep, "network_deg", 0.0) == 0.0
     assert results.level_reaching(sweep, "network_deg", 99.0) is None
     assert all(job.with_network for job in FULL_PLAN.jobs(TEST_STAND_SWEEPS[0], 1.0))
-
-
-def test_the_page_reports_the_level_of_the_papers_error() -> None:
-    """With workers whose figures follow the gap alone: the level where the paper's error is met, or that it is not."""
-
-    def canned(_: JobFunction, jobs: Sequence[Job]) -> Generator[tuple[Job, JobMetrics], None, None]:
-        for job in jobs:
-            yield job, dict.fromkeys(names, 4.0 * job.tolerances.gap_um)
-
-    readouts = (*DESIGN_TRAINED_ESTIMATORS, *FOOT_TRAINED_ESTIMATORS, "reference")
-    names = ["within_1", "within_2", *(f"{name}_{unit}" for name in readouts for unit in ("deg", "gf"))]
-    lines: list[str] = []
-    study = replace(STUDY, compute=partial(run_study, workers=canned))
-    page = study.compute_page(StudyContext(models=RELEASED, quick=True, report_progress=lines.append))
-    assert "Quick run" in page.body
-    assert "| gap [um] | 4 | 4 | 4 | 4.7 | 4.7 | 4.7 |" in page.body
-    assert "| film [um] | no (0.0 at 4) |" in page.body
-    assert all(f"![]({figure})" in page.body for figure in page.figures)
-    assert page.values["statistics_by_sweep_and_level"]["gap [um]"]["8"]["network_deg"]["mean"] == 32.0
-    assert len(lines) == 1

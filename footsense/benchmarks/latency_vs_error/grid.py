@@ -20,8 +20,8 @@ from footsense.benchmarks.latency_vs_error.publishing import estimate_forces
 from footsense.config import DEFAULT
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, LEGS
-from footsense.lab.studies.page import StudyContext
-from footsense.lab.studies.plots import subplot_row
+from footsense.lab.former_page import StudyContext
+from footsense.lab.plots import subplot_row
 from footsense.sim.loads.ground_load import RampContact
 
 #: Load of the standing feet of which the noise is measured [N].

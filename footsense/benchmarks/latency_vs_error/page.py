@@ -28,7 +28,7 @@ from footsense.benchmarks.latency_vs_error.latency_and_errors import (
 from footsense.benchmarks.latency_vs_error.loads import TradeoffLoad, load_cases, measured_walk_truth
 from footsense.benchmarks.latency_vs_error.publishing import estimate_forces
 from footsense.foot.specimen import Foot
-from footsense.lab.studies.page import Plots, Study, StudyContext
+from footsense.lab.former_page import Plots, Study, StudyContext
 
 #: Publishing methods that the text of the page compares.
 EVERY, SKEWED = "every conversion", "newest readings as they are"

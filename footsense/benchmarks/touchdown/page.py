@@ -14,8 +14,8 @@ from footsense.benchmarks.touchdown.touchdowns import (
     RandomTouchdowns,
 )
 from footsense.frames import Mask, Vector
-from footsense.lab.studies.page import Plots, Study, StudyContext
-from footsense.lab.studies.plots import subplot_row
+from footsense.lab.former_page import Plots, Study, StudyContext
+from footsense.lab.plots import subplot_row
 
 #: Feet of each manner, and length of the run [s].
 _FULL, _QUICK = (6, 25.0), (2, 4.0)

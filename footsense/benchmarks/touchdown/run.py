@@ -20,7 +20,7 @@ from footsense.estimation.settings import ContactLimits, EstimationLimits, Mount
 from footsense.foot.gap_contact import capacitance_pf
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, CapFrame, Flag, Mask, Reading, Stamps, Vector
-from footsense.lab.studies.page import StudyContext
+from footsense.lab.former_page import StudyContext
 
 #: Conversions per second, and elements in the order of the scan.
 RATE_SPS = 400

@@ -17,7 +17,7 @@ from footsense.foot.parameters import FootParameters
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
 from footsense.frames import ELEMENTS, ROWS, Vector
-from footsense.lab.studies.ball import elevation_circle_map_radius, map_circle, map_position
+from footsense.lab.ball import elevation_circle_map_radius, map_circle, map_position
 from footsense.lab.template import render
 
 #: The paper's mean errors in the experiment, section V C [deg, gf].

@@ -2,7 +2,7 @@
 
 import click
 
-from footsense.cli.lab import design, experiment, fabricate, models, report, response, study
+from footsense.cli.lab import design, fabricate, models, response, study
 from footsense.errors import require
 
 #: Libraries of the extra.
@@ -29,15 +29,7 @@ def _require_lab_packages() -> None:
         fabricate.fabricate,
         response.response,
         study.study,
-        study.fidelity,
-        study.cramer_rao,
-        study.gaits,
-        study.tradeoff,
-        study.tolerance,
-        study.mismatch,
-        study.faults,
-        experiment.experiment,
-        report.report,
+        study.report,
     ]
 )
 def lab() -> None:

@@ -10,7 +10,7 @@ from footsense.lab.design.choice import Choice
 from footsense.lab.design.foot_files import DesignedFoot
 from footsense.lab.design.inputs.requirements import Requirements
 from footsense.lab.design.prediction.assess import ELEVATIONS_DEG
-from footsense.lab.studies.plots import subplot_row
+from footsense.lab.plots import subplot_row
 
 #: Numbers as they are on logarithmic axes; every second of the small ones is left out.
 PLAIN_NUMBER_FORMATTER = FuncFormatter(lambda value, _: f"{value:g}" if f"{value:e}"[0] in "1235" else "")

@@ -15,7 +15,7 @@ from msgspec.structs import asdict
 
 from footsense.cli.lab.pages.experiment_figure import errors_over_n_loads_figure
 from footsense.errors import FootsenseError
-from footsense.lab.studies.page import Plots, Study, StudyContext
+from footsense.lab.former_page import Plots, Study, StudyContext
 from footsense.lab.training.paper.per_foot_network import per_foot_force_n
 from footsense.lab.training.paper.procedure import EPOCHS
 from footsense.sim.foot.fabrication import PAPER_TOLERANCES, FootTolerances

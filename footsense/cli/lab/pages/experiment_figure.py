@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from footsense.lab.studies.plots import subplot_row
+from footsense.lab.plots import subplot_row
 from footsense.validation.virtual_experiment import CALIBRATION_LOAD_COUNTS, N_ALL_LOADS, FootResult
 
 #: The paper's errors on its fabricated foot.

@@ -25,11 +25,11 @@ from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.specimen import ContactLoads
 from footsense.lab.fidelity.levels import finite_strain_level
 from footsense.lab.foot_file import FOOT_FILE, load_foot
+from footsense.lab.former_page import Plots, Study, StudyContext
 from footsense.lab.geometry import LoadRange
 from footsense.lab.monte_carlo.resumable_run import Job, JobRunner, Tolerances, run_resumable
 from footsense.lab.monte_carlo.workers import DEFAULT_N_LOCAL_WORKERS, job_runner
 from footsense.lab.other_solids import variant_response
-from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.training.load_cases import leaning_normals
 from footsense.sim.foot.fabrication import PAPER_TOLERANCES
 from footsense.sim.test_stand.press_sequence import paper_presses
@@ -162,7 +162,7 @@ def run_study(
         "study": "mismatch",
         "seed": SEED,
         "every": plan.every_nth_press,
-        "models": context.network_sha256,
+        "models": hashlib.sha256((context.models / "network.onnx").read_bytes()).hexdigest(),
         "tolerances": str(plan.tolerances),
         "code": code_digest(calibration, foot, estimation),
     }

@@ -26,8 +26,8 @@ from footsense.lab.evaluation.maximum_likelihood import (
     clamp_to_min_elevation,
     maximum_likelihood,
 )
-from footsense.lab.studies.page import Plots, Study, StudyContext
-from footsense.lab.studies.plots import subplot_row
+from footsense.lab.former_page import Plots, Study, StudyContext
+from footsense.lab.plots import subplot_row
 from footsense.lab.training.load_cases import (
     BASELINE_NOISE_PF,
     NOISE_PF,

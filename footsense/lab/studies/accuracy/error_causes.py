@@ -17,11 +17,11 @@ from footsense.foot.force_errors import evaluate_force_errors
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.lab.evaluation import evaluate
+from footsense.lab.former_page import Plots, Study, StudyContext
 from footsense.lab.monte_carlo.resumable_run import Tolerances
 from footsense.lab.monte_carlo.specimens import measure_foot
 from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.monte_carlo.sweeps import NO_DEVIATIONS, PAPER_LIKE_TOLERANCES, SEED
-from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.training.load_cases import paper_training, paper_verification
 from footsense.lab.training.paper.per_foot_network import per_foot_force_n
 from footsense.lab.training.paper.procedure import EPOCHS, QUICK_EPOCHS

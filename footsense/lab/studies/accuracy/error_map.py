@@ -17,15 +17,15 @@ from footsense.foot.directions import angles_between_deg, directions
 from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors, evaluate_force_errors, magnitude_errors_gf
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
+from footsense.lab.ball import elevation_circle_map_radius, map_circle, map_position
 from footsense.lab.evaluation.evaluate import (
     MEASURED_DIRECTION_DEG,
     MEASURED_MAGNITUDE_GF,
     PAPER_DIRECTION_DEG,
     PAPER_MAGNITUDE_GF,
 )
-from footsense.lab.studies.ball import elevation_circle_map_radius, map_circle, map_position
-from footsense.lab.studies.page import Plots, Study, StudyContext
-from footsense.lab.studies.plots import subplot_row
+from footsense.lab.former_page import Plots, Study, StudyContext
+from footsense.lab.plots import subplot_row
 from footsense.lab.training.load_cases import (
     BASELINE_NOISE_PF,
     NOISE_PF,

@@ -23,7 +23,7 @@ from footsense.foot.gap_contact import N_CELLS
 from footsense.foot.parameters import FootParameters
 from footsense.foot.specimen import Deviations, Foot
 from footsense.frames import Mask, Vector
-from footsense.lab.studies.page import Plots, Study, StudyContext
+from footsense.lab.former_page import Plots, Study, StudyContext
 from footsense.lab.training.load_cases import FULL_SCALE_PF, leaning_normals
 from footsense.sim.foot.fabrication import PAPER_TOLERANCES, draw_deviations
 

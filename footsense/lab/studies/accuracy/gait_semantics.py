@@ -10,7 +10,7 @@ from footsense.estimation.sensitivity import sensitivity
 from footsense.foot.directions import angles_between_deg
 from footsense.frames import GaitEventKind, Mask, Vector
 from footsense.lab.evaluation.rough_walks import RoughWalk, simulate_walk
-from footsense.lab.studies.page import Plots, Study, StudyContext
+from footsense.lab.former_page import Plots, Study, StudyContext
 
 #: Seed of the walks.
 WALK_SEED = 990_308

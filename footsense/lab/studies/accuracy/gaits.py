@@ -18,7 +18,7 @@ from footsense.foot.specimen import ContactLoads
 from footsense.frames import LEGS, Mask, Vector
 from footsense.lab.evaluation.contact_model import normals_of_stereographic_points
 from footsense.lab.evaluation.evaluate_models import HELD_OUT_SEED
-from footsense.lab.studies.page import Plots, Study, StudyContext
+from footsense.lab.former_page import Plots, Study, StudyContext
 from footsense.lab.training.gait_readings import (
     STEP_S,
     GaitReadings,

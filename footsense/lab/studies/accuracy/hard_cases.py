@@ -23,9 +23,9 @@ from footsense.lab.fem.mesh import COARSE_MESH, MeshSize, build_quarter_mesh
 from footsense.lab.fem.quarter import QuarterFoot
 from footsense.lab.fem.symmetry_classes import Parity
 from footsense.lab.foot_file import load_foot
+from footsense.lab.former_page import Plots, Study, StudyContext
 from footsense.lab.geometry import FootDesign, Material
 from footsense.lab.studies.accuracy.hard_inputs import Case, network_cases, pipeline_cases
-from footsense.lab.studies.page import Plots, Study, StudyContext
 
 _UPWARD = np.array([[0.0, 0.0, 1.0]])
 #: A mesh for statements that hold on any mesh.

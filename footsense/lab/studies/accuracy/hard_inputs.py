@@ -16,7 +16,7 @@ from footsense.foot.files.network_card import INPUTS
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, CapFrame, ContactFrame, Reading, State, Vector
 from footsense.lab.evaluation.evaluate_models import NETWORK_FILE
-from footsense.lab.studies.page import StudyContext
+from footsense.lab.former_page import StudyContext
 from footsense.lab.training.gait_readings import random_gaits
 from footsense.lab.training.gait_windows import windows_of
 from footsense.lab.training.load_cases import paper_verification

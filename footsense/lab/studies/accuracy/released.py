@@ -17,9 +17,9 @@ from footsense.lab.evaluation.evaluate_models import (
     as_markdown,
     evaluate_models,
 )
+from footsense.lab.former_page import Plots, Study, StudyContext
 from footsense.lab.monte_carlo.resumable_run import Tolerances
-from footsense.lab.studies.page import Plots, Study, StudyContext
-from footsense.lab.studies.plots import subplot_row
+from footsense.lab.plots import subplot_row
 from footsense.lab.training.load_cases import measured_closure_rel, random_loads
 from footsense.sim.foot.fabrication import draw_deviations
 

@@ -23,11 +23,11 @@ from footsense.lab.fem.other_sensors.block import (
     solve_column_stress_fields,
 )
 from footsense.lab.fem.symmetry_classes import single_cell_series, transposed_series
+from footsense.lab.former_page import Plots, Study, StudyContext
 from footsense.lab.geometry import FootDesign
 from footsense.lab.monte_carlo.statistics import SIGNIFICANT_STANDARD_ERRORS, MeanDifference, MeanStd
+from footsense.lab.plots import subplot_row
 from footsense.lab.response import SERIES_DEGREE, fit_series, mean_over_patch
-from footsense.lab.studies.page import Plots, Study, StudyContext
-from footsense.lab.studies.plots import subplot_row
 from footsense.lab.training.paper.mlp import network_outputs, stack, train, unstack
 from footsense.lab.training.paper.procedure import HIDDEN_NEURONS, start_weights_by_seed
 from footsense.lab.training.paper.rprop import RPROP

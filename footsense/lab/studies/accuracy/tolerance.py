@@ -13,12 +13,12 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from footsense.lab.evaluation import evaluate
+from footsense.lab.former_page import Plots, Study, StudyContext
 from footsense.lab.monte_carlo import sweeps
 from footsense.lab.monte_carlo.resumable_run import JobRunner, Tolerances
 from footsense.lab.monte_carlo.sweeps import Plan, Sweep, SweepResults, sweep_results
 from footsense.lab.monte_carlo.workers import DEFAULT_N_LOCAL_WORKERS, job_runner
-from footsense.lab.studies.page import Plots, Study, StudyContext
-from footsense.lab.studies.plots import plot_band
+from footsense.lab.plots import plot_band
 
 #: Estimators by the names of `specimens.estimator_errors`: trained on the design, and trained on the foot.
 DESIGN_TRAINED_ESTIMATORS = {

@@ -18,6 +18,7 @@ from footsense.frames import LEGS, Mask, Vector
 from footsense.lab.evaluation.contact_filter import ContactFilter
 from footsense.lab.evaluation.contact_model import ContactMeasurementModel
 from footsense.lab.evaluation.window_fit import fit_force_and_sigma, is_steady
+from footsense.lab.former_page import Plots, Study, StudyContext
 from footsense.lab.studies.accuracy.gaits import (
     MIN_DIRECTION_FORCE_N,
     TEST_GAIT_SEED,
@@ -25,7 +26,6 @@ from footsense.lab.studies.accuracy.gaits import (
     held_out_walks,
     leg_loads_function,
 )
-from footsense.lab.studies.page import Plots, Study, StudyContext
 from footsense.lab.training.gait_readings import (
     NOMINAL_SEND_DELAY_S,
     STEP_S,

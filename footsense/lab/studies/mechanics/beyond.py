@@ -22,8 +22,8 @@ from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors, evaluate_forc
 from footsense.foot.specimen import Foot
 from footsense.frames import Mask, Vector
 from footsense.lab.evaluation.evaluate import ForceEstimator, elastance_based_force_estimator
-from footsense.lab.studies.page import Plots, Study, StudyContext
-from footsense.lab.studies.plots import subplot_row
+from footsense.lab.former_page import Plots, Study, StudyContext
+from footsense.lab.plots import subplot_row
 from footsense.lab.training.load_cases import (
     FULL_SCALE_PF,
     measured_closure_rel,

@@ -20,7 +20,7 @@ from footsense.lab.fidelity.levels import (
     half_space_response,
 )
 from footsense.lab.fidelity.loads import loads_in_mirror_plane, paper_loads
-from footsense.lab.studies.page import Plots, Study, StudyContext
+from footsense.lab.former_page import Plots, Study, StudyContext
 
 #: Loads of the full solve: elevation of contact normal and of force [deg], magnitude [gf]. The load of the
 #: paper's Fig. 17, one that leans away from the normal, and two that close gaps.

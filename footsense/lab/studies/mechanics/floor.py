@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from footsense.lab.contact.full_solve import FootContactModel
 from footsense.lab.contact.mesh import ContactMeshSize
 from footsense.lab.fidelity.loads import loads_in_mirror_plane
-from footsense.lab.studies.page import Plots, Study, StudyContext
-from footsense.lab.studies.plots import subplot_row
+from footsense.lab.former_page import Plots, Study, StudyContext
+from footsense.lab.plots import subplot_row
 
 #: Differences on one mesh need no fine one.
 _SIZE, _QUICK_SIZE = (

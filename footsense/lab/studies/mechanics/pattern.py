@@ -12,7 +12,7 @@ from footsense.foot.directions import directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.lab.fidelity.drawing import capacitance_pattern_figure
 from footsense.lab.fidelity.levels import LEVEL_NAMES, fidelity_level
-from footsense.lab.studies.page import Plots, Study, StudyContext
+from footsense.lab.former_page import Plots, Study, StudyContext
 
 #: The load of Fig. 17: (theta1, theta2) [deg]. Its magnitude is not given; this is the one of the verification [gf].
 DIRECTION_DEG, MAGNITUDE_GF = (0.0, 45.0), 100.0

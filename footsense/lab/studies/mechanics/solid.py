@@ -17,10 +17,10 @@ from footsense.lab.fem.centred import solve_centred_closures
 from footsense.lab.fem.fringe import fringed_and_plate_capacitance_pf
 from footsense.lab.fem.mesh import COARSE_MESH, FINEST_MESH, RELEASED_MESH, MeshSize
 from footsense.lab.fem.strip import cavity_strip_closure_um
+from footsense.lab.former_page import Plots, Study, StudyContext
 from footsense.lab.geometry import FootDesign, Material
+from footsense.lab.plots import subplot_row
 from footsense.lab.response import make_response
-from footsense.lab.studies.page import Plots, Study, StudyContext
-from footsense.lab.studies.plots import subplot_row
 from footsense.lab.training.load_cases import paper_training, paper_verification
 
 Measured = TypeVar("Measured")

@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 
 from footsense.foot.force_errors import evaluate_force_errors
 from footsense.lab.evaluation.evaluate import PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF
+from footsense.lab.former_page import Plots, Study, StudyContext
 from footsense.lab.monte_carlo.statistics import SIGNIFICANT_STANDARD_ERRORS, MeanDifference, MeanStd
-from footsense.lab.studies.page import Plots, Study, StudyContext
-from footsense.lab.studies.plots import plot_band, subplot_row
+from footsense.lab.plots import plot_band, subplot_row
 from footsense.lab.training.load_cases import paper_training, paper_verification
 from footsense.lab.training.paper.mlp import random_layers
 from footsense.lab.training.paper.procedure import EPOCHS, QUICK_EPOCHS, PaperTraining, verification_cases

@@ -12,8 +12,8 @@ from footsense.estimation.missing_elements import Imputation
 from footsense.estimation.network import steady_windows
 from footsense.foot.force_errors import ForceErrors, evaluate_force_errors
 from footsense.frames import ELEMENTS
-from footsense.lab.studies.page import Plots, Study, StudyContext
-from footsense.lab.studies.plots import subplot_row
+from footsense.lab.former_page import Plots, Study, StudyContext
+from footsense.lab.plots import subplot_row
 from footsense.lab.training.export import onnx_model
 from footsense.lab.training.gait_readings import random_gaits
 from footsense.lab.training.gait_windows import windows_of

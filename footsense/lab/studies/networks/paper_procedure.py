@@ -16,9 +16,9 @@ from footsense.lab.evaluation.evaluate import (
     capacitance_based_force_estimator,
     elastance_based_force_estimator,
 )
+from footsense.lab.former_page import Plots, Study, StudyContext
 from footsense.lab.monte_carlo.statistics import MeanStd
-from footsense.lab.studies.page import Plots, Study, StudyContext
-from footsense.lab.studies.plots import plot_band, subplot_row
+from footsense.lab.plots import plot_band, subplot_row
 from footsense.lab.training.load_cases import paper_training
 from footsense.lab.training.paper.procedure import (
     EPOCHS,

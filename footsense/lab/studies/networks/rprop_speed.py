@@ -13,8 +13,8 @@ import optax
 from matplotlib.figure import Figure
 
 from footsense.frames import Vector
-from footsense.lab.studies.page import Plots, Study, StudyContext
-from footsense.lab.studies.plots import subplot_row
+from footsense.lab.former_page import Plots, Study, StudyContext
+from footsense.lab.plots import subplot_row
 from footsense.lab.training.load_cases import paper_training
 from footsense.lab.training.paper.mlp import Layers, TrainedNetworks, stack, train
 from footsense.lab.training.paper.procedure import HIDDEN_NEURONS, PaperTraining, start_weights_by_seed

@@ -1,0 +1,128 @@
+"""Page `faults`: every fault that a scene can have, one walk each, and what CAN says of it."""
+
+from msgspec.structs import replace
+
+from footsense.config import DEFAULT
+from footsense.frames import ELEMENTS
+from footsense.lab.report import Figures, StudyContext, Values, table
+from footsense.validation.faults.fault_table import simulate_can_faults, simulate_leg_faults
+from footsense.validation.faults.fault_trial import BREAKS_AT_S, DURATION_S, LOAD, PASSES_AT_S
+
+TITLE = "Effect of every fault"
+
+
+def compute(context: StudyContext) -> tuple[Values, Figures]:
+    """Walk once with each fault; faults of CAN, which no foot changes, for the default foot only."""
+    foot = context.foot_design
+    other = foot.foot_type != DEFAULT.foot_type
+    load = replace(LOAD, peak_force_n=0.5 * foot.loads.max_n)
+    foot_type = str(context.models.resolve()) if other else DEFAULT.foot_type
+    legs = simulate_leg_faults(context.report_progress, quick=context.quick, foot_type=foot_type, load=load)
+    can = {} if other else simulate_can_faults(context.report_progress, quick=context.quick)
+    return {
+        "peak_vertical_force_n": load.peak_force_n,
+        "leg_faults": {
+            fault: found._asdict() | {"state": found.state.name.lower(), "cause": found.cause.name.lower()}
+            for fault, found in legs.items()
+        },
+        "can_faults": {fault: found._asdict() for fault, found in can.items()},
+    }, {}
+
+
+def text(values: Values) -> str:
+    """Return the page's Markdown."""
+    legs = table(
+        "fault | state | cause | elements | detection [ms] | recovery [ms] | others' gap [ms] | lost | error/sigma"
+        " | others' error [mN]",
+        [_leg_row(fault, found) for fault, found in values["leg_faults"].items()],
+    )
+    return f"""
+Each row is a walk of {DURATION_S:g} s in virtual time through the whole service, six legs on one bus with feet
+`{values["foot"]}` and up to {values["peak_vertical_force_n"]:g} N on a foot, with a fault on one leg
+from {BREAKS_AT_S:g} s, in the middle of its stance, to {PASSES_AT_S:g} s. Each is one walk: times of rare faults depend
+on its draws. *Detection* is the time from the fault to the first frame that shows it, *recovery* the time from its end
+to the leg's next `Valid` force that stays. *Others' gap* is the longest time between two forces of any other leg, and
+*lost* how many conversions fewer they had than in a walk without a fault; a conversion takes 2.7 ms. *Error/sigma* is
+the leg's largest error over its own sigma while the fault shows, *others' error* the largest of any other leg from the
+fault on.
+
+{legs}
+
+The row *nothing* is a walk without a fault: its error, the largest of any leg, is that at a hard touchdown. A leg whose
+cable was off is tared again in its next swing. A leg that held the bus is tried again after a second at the earliest,
+because each try costs the others a timeout. An element that has drifted has another baseline at the end of the drift,
+and is used again after a tare.
+
+{_can_text(values["can_faults"]) if values["can_faults"] else _OTHER_FOOT}
+"""
+
+
+_OTHER_FOOT = (
+    "Faults of CAN and around the process do not depend on the feet: `docs/report/faults.md` has them."
+)
+
+
+def _can_text(faults: Values) -> str:
+    rows = table(
+        "fault | received [%] | silence [ms] | recovery [ms] | delay [ms] | oldest [ms] | dropped | bus-off",
+        [
+            (
+                fault,
+                f"{100 * found['received_share']:.1f}",
+                *(
+                    _ms(found[time])
+                    for time in (
+                        "longest_silence_s",
+                        "recovery_s",
+                        "longest_frame_delay_s",
+                        "max_age_on_arrival_s",
+                    )
+                ),
+                found["n_dropped_before_sending"],
+                found["n_bus_off"],
+            )
+            for fault, found in faults.items()
+        ],
+    )
+    return f"""## Faults of CAN
+
+Figures of a consumer at the other end, with the interface set up as by `deploy/80-can0.network`, and a fault from
+{BREAKS_AT_S:g} s to {PASSES_AT_S:g} s. *Recovery* is the time from the end of the fault until a frame of every leg has
+arrived, *oldest* the age of the oldest measurement on its arrival.
+
+{rows}
+
+## Faults around the process
+
+These need a real process and real time; the tests in `tests/system/` show them: the loop or the recorder killed, a full
+disk, no reader of the log, a wall clock that steps, model files replaced. None stops the forces of a running loop, and
+at most the last second of a recording is lost."""
+
+
+def _leg_row(fault: str, found: Values) -> tuple[str, ...]:
+    shows = found["detection_s"] is not None
+    return (
+        fault,
+        _camel(found["state"]) if shows else "-",
+        "-" if found["cause"] == "none" else _camel(found["cause"]),
+        _element_numbers(found["fault_mask"]) if shows else "-",
+        _ms(found["detection_s"]),
+        _ms(found["recovery_s"]),
+        _ms(found["longest_gap_s"]),
+        str(found["n_other_legs_lost_frames"]),
+        "-" if found["max_error_sigmas"] is None else f"{found['max_error_sigmas']:.1f}",
+        f"{1e3 * found['other_legs_max_error_n']:.0f}",
+    )
+
+
+def _element_numbers(mask: int) -> str:
+    named = [str(element) for element in range(ELEMENTS) if mask >> element & 1]
+    return "all" if len(named) == ELEMENTS else " ".join(named) or "-"
+
+
+def _ms(time_s: float | None) -> str:
+    return "-" if time_s is None else f"{1e3 * time_s:.0f}"
+
+
+def _camel(name: str) -> str:
+    return name.title().replace("_", "")
