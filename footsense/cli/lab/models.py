@@ -77,28 +77,17 @@ def _require_unique_foot_type(known: Path, description: Path, foot_design: "Foot
 
 @click.command()
 @options.models_option
-@click.option(
-    "--protocol",
-    type=click.Choice(["table", "paper"]),
-    default="table",
-    show_default=True,
-    help="paper: also train the paper's own way anew and compare with the Cramer-Rao bound; a minute.",
-)
 @json_option
-def evaluate(*, models: Path | None, protocol: str, as_json: bool) -> None:
+def evaluate(*, models: Path | None, as_json: bool) -> None:
     """Print the error table of the released network beside the paper and the linear read-outs."""
     from footsense.lab.evaluation.evaluate_models import as_json as table_json
-    from footsense.lab.evaluation.evaluate_models import as_markdown, compute_key_figures, evaluate_models
+    from footsense.lab.evaluation.evaluate_models import as_markdown, evaluate_models
 
-    folder = models or options.released_folder()
-    table = evaluate_models(folder)
-    beside = compute_key_figures(folder) if protocol == "paper" else {}
+    errors = evaluate_models(models or options.released_folder())
     if as_json:
-        echo_json(table_json(table, beside))
+        echo_json(table_json(errors))
         return
-    click.echo(as_markdown(table))
-    for name, value in beside.items():
-        click.echo(f"{name}: {value:.3f}")
+    click.echo(as_markdown(errors))
 
 
 @click.command()

@@ -20,7 +20,6 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from scipy.special import ellipe
 
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
 from footsense.foot.directions import normalized, tangent_frame
@@ -71,17 +70,6 @@ class Bound:
         """Least rms angle between estimated and true force [deg], shape (n,)."""
         rms: Vector = np.degrees(np.sqrt(self._angular_variances().sum(axis=1)))
         return rms
-
-    @property
-    def direction_mean_deg(self) -> Vector:
-        """Mean direction error of a Gaussian estimate at the bound [deg], shape (n,).
-
-        With variances a >= b along the ellipse's axes the mean length is sqrt(2 a / pi) E(1 - b / a), E the complete
-        elliptic integral of the second kind.
-        """
-        small, large = self._angular_variances().T
-        mean: Vector = np.degrees(np.sqrt(2.0 * large / np.pi) * ellipe(1.0 - small / large))
-        return mean
 
     def _angular_variances(self) -> Vector:
         """Return the direction variances along the error ellipse's axes [rad2], shape (n, 2), smaller first."""

@@ -145,42 +145,15 @@ def evaluate_models(folder: Path) -> dict[str, ForceErrors]:
     return table
 
 
-def compute_key_figures(folder: Path) -> dict[str, float]:
-    """Train new networks by the paper's procedure; return their errors and the released network's bound ratios.
-
-    Raises:
-        ModelError: As `open_models`.
-    """
-    # Late: they take seconds to import that the table alone does not need.
-    from footsense.lab.evaluation.bound_ratio import compare_with_cramer_rao_bound
-    from footsense.lab.training.paper.procedure import paper_networks
-
-    response, network = open_models(folder)
-    cases = paper_verification(response)
-    rows = [
-        evaluate_force_errors(cases.force_n, read(cases.closure_um))
-        for read in paper_networks(response, quick=False)
-    ]
-    ratio = compare_with_cramer_rao_bound(response, load_foot(folder / FOOT_FILE).loads, network.force_n)
-    return {
-        "paper_procedure_direction_deg": float(np.mean([row.direction_deg for row in rows])),
-        "paper_procedure_magnitude_gf": float(np.mean([row.magnitude_gf for row in rows])),
-        "crb_ratio": ratio.worst_centred_direction_error_ratio,
-        "crb_ratio_typical": max(one.median_direction_error_ratio for one in ratio.centred),
-    }
-
-
-def as_json(table: dict[str, ForceErrors], key_figures: dict[str, float] | None = None) -> dict[str, Any]:
-    """Return the error table and the key figures as JSON values.
+def as_json(table: dict[str, ForceErrors]) -> dict[str, Any]:
+    """Return the error table as JSON values.
 
     Args:
         table: Result of `evaluate_models`.
-        key_figures: Figures that are not of the table, such as `crb_ratio`.
     """
     released, alone = table["paper_network"], table.get(PAPER_362_CASES_ROW_PREFIX)
     linear = table["paper_linear_elastance"]
     return {
-        **(key_figures or {}),
         "direction_deg": released.direction_deg,
         "magnitude_gf": released.magnitude_gf,
         "direction_deg_362": alone and alone.direction_deg,
