@@ -1,7 +1,6 @@
 """Foxglove's protocol, spoken by a client that decodes by the announced schemas."""
 
 import asyncio
-import base64
 import json
 import struct
 import sys
@@ -10,21 +9,16 @@ from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
-from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
-from hypothesis import example, given
-from hypothesis import strategies as st
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 from websockets.typing import Subprotocol
 
 from footsense.clock import MonotonicClock
-from footsense.view.foxglove import DISPLAYED_FOOT_POSITIONS_M, orientation
 from footsense.view.live import LiveSource
 from footsense.view.recorded import RecordingSource
 from footsense.view.server import FOXGLOVE_PROTOCOLS, ViewServer
-from tests.support.viewed_service import LEGS, ViewedService
+from tests.support.viewed_service import ViewedService
 
 GOLDEN = Path(__file__).parents[2] / "golden/measured_walk.mcap"
 TIMEOUT_S = 20
@@ -78,15 +72,10 @@ class FoxgloveClient:
 
 def decoded(channel: dict[str, Any], data: bytes) -> Any:
     """Return a message decoded by the schema of its channel."""
-    if channel["encoding"] == "json":
-        values = json.loads(data)
-        assert values.keys() >= set(json.loads(channel["schema"]).get("required", []))
-        return values
-    pool = descriptor_pool.DescriptorPool()
-    for file in descriptor_pb2.FileDescriptorSet.FromString(base64.b64decode(channel["schema"])).file:
-        pool.Add(file)
-    kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(channel["schemaName"]))
-    return kind.FromString(data)
+    values = json.loads(data)
+    assert channel["encoding"] == "json"
+    assert values.keys() <= json.loads(channel["schema"])["properties"].keys()
+    return values
 
 
 @pytest.mark.parametrize("name", FOXGLOVE_PROTOCOLS)
@@ -100,28 +89,15 @@ def test_a_program_gets_every_topic(name: str, tmp_path: Path) -> None:
             service.publish()
             live = LiveSource(tmp_path / "cycles", MonotonicClock())
             async with ViewServer(live).serving("127.0.0.1", 0) as url:
-                topics = ["/scan", "/force", "/gait", "/feet", "/closure/rf", "/tf"]
+                topics = ["/scan", "/force", "/gait"]
                 await client.listen(url, name, topics, lambda: service.publish(20))
             live.close()
 
     run(test)
-    assert {client.channels[f"/closure/{leg}"]["schemaName"] for leg in LEGS} == {"foxglove.Grid"}
     t_ns, values = client.received["/force"][-1]
     assert values["t_sent_ns"] == t_ns
     assert [values["rf"][key] for key in ("fx_n", "fy_n", "fz_n")] == pytest.approx([0.3, 0.0, 0.4])
     assert len(client.received["/scan"][-1][1]["rr"]["capacitance_pf"]) == 9
-    (entity,) = [entity for entity in client.received["/feet"][-1][1].entities if entity.id == "rf"]
-    (arrow,) = entity.arrows
-    position = arrow.pose.position
-    assert arrow.shaft_length + arrow.head_length == pytest.approx(0.05)
-    assert (position.x, position.y, position.z) == DISPLAYED_FOOT_POSITIONS_M["rf"]
-    assert entity.texts[0].text == "rf 0.40 N"
-    grid = client.received["/closure/rf"][-1][1]
-    cells = np.frombuffer(grid.data, "<f4").reshape(-1, grid.column_count)
-    # x forward along the columns, y to the left along the rows: element 0 is the most forward and leftmost.
-    closures = 0.4 * np.linspace(0.2, 0.7, 9).reshape(3, 3)
-    assert cells == pytest.approx(closures[::-1, ::-1].T, abs=1e-6)
-    assert (grid.row_stride, grid.cell_size.x) == (12, pytest.approx(0.02))
 
 
 def test_a_program_is_told_why_nothing_comes(tmp_path: Path) -> None:
@@ -154,13 +130,3 @@ def test_a_recording_and_a_missing_extra_refuse_in_one_line(
     monkeypatch.setitem(sys.modules, "foxglove", None)
     told = asyncio.run(refusal(ViewServer(LiveSource(tmp_path / "cycles", MonotonicClock()))))
     assert told.endswith("need foxglove-sdk: pip install 'footsense[foxglove]'\n")
-
-
-@example([-1.0, 0.0, 1.5e-161])
-@given(st.lists(st.floats(-10, 10), min_size=3, max_size=3).filter(lambda v: np.linalg.norm(v) > 1e-3))
-def test_an_arrow_points_along_its_force(force_n: list[float]) -> None:
-    """The quaternion turns the x axis, along which Foxglove's arrows lie, into the force."""
-    x, y, z, w = orientation(np.array(force_n))
-    turned = [1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)]
-    assert np.linalg.norm([x, y, z, w]) == pytest.approx(1.0)
-    assert turned == pytest.approx(np.array(force_n) / np.linalg.norm(force_n), abs=1e-6)
