@@ -153,7 +153,6 @@ _RecordingWriter = Callable[[Replay, Path], int]
     "--tf", type=FILE, metavar="FRAMES.yaml", help="Frames of the feet, for the bag; without it lf_foot etc."
 )
 @click.option("--csv", type=FILE, help="Write a table: a row for each leg and cycle, units in the headers.")
-@click.option("--parquet", type=FILE, help="Write the same table as Parquet (needs footsense[parquet]).")
 @click.option(
     "--plot", type=FILE, help="Draw forces, states and events: a .png, .svg or .pdf (needs footsense[plot])."
 )
@@ -163,7 +162,6 @@ def export(
     ros2: Path | None,
     tf: Path | None,
     csv: Path | None,
-    parquet: Path | None,
     plot: Path | None,
 ) -> None:
     """Convert the recording FILE; give one or more of the forms.
@@ -185,11 +183,6 @@ def export(
         from footsense.export.tables import write_csv
 
         forms.append((csv, write_csv))
-    if parquet is not None:
-        require("--parquet", "parquet", "pyarrow")
-        from footsense.export.tables import write_parquet
-
-        forms.append((parquet, write_parquet))
     if plot is not None:
         require("--plot", "plot", "matplotlib")
         from footsense.export.plot import require_picture_suffix, write_plot
@@ -197,7 +190,7 @@ def export(
         require_picture_suffix(plot)
         forms.append((plot, write_plot))
     if not forms:
-        raise click.UsageError("say what to write: --ros2 FOLDER, --csv, --parquet or --plot FILE")
+        raise click.UsageError("say what to write: --ros2 FOLDER, --csv or --plot FILE")
     Replay(file)
     for target, _ in forms:
         check_new_file(str(target), target)

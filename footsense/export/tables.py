@@ -1,9 +1,8 @@
-"""Export of a recording as one table, CSV or Parquet: a row per leg and cycle, units in the column names."""
+"""Export of a recording as one table, CSV: a row per leg and cycle, units in the column names."""
 
 import csv
 import math
 from collections.abc import Iterator, Mapping
-from itertools import islice
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -17,38 +16,30 @@ _Row = list[Any]
 
 _FORCE_FIELDS = {path: field for path, field in CYCLE_FIELDS.items() if path.startswith("forces.")}
 _SCAN_FIELDS = {path: field for path, field in CYCLE_FIELDS.items() if path not in _FORCE_FIELDS}
-#: Cycles in a group of rows of Parquet: ten seconds of walking.
-_CYCLES_PER_ROW_GROUP = 4_000
 
 
-def _columns(fields: Mapping[str, CycleField]) -> dict[str, str]:
-    """Return the columns of some fields by name, one per component, with their types in Arrow."""
-    columns: dict[str, str] = {}
+def _columns(fields: Mapping[str, CycleField]) -> tuple[str, ...]:
+    """Return the names of the columns of some fields, one per component."""
+    columns: list[str] = []
     for field in fields.values():
-        kind = "text" if field.code_enum else "bool_" if field.max_code == 1 else "int64"
-        n_values = math.prod(field.row_shape)
-        names = field.json_keys
+        n_values, names = math.prod(field.row_shape), field.json_keys
         if len(names) < n_values:
             names = tuple(f"{names[0]}_{element}" for element in range(n_values))
-        columns |= dict.fromkeys(names, "float64" if field.dtype == "<f8" else kind)
-    return columns
+        columns += names
+    return tuple(columns)
 
 
-_COLUMNS = {
-    "sequence": "int64",
-    "t_sent_ns": "int64",
-    "leg": "text",
-    **_columns(_FORCE_FIELDS),
-    **_columns(GAIT_FIELDS),
-    "event": "string",
-    "event_t_ns": "int64",
-    "friction": "float64",
-    **_columns(_SCAN_FIELDS),
-}
+_GAIT_COLUMNS = _columns(GAIT_FIELDS)
 #: Names of the columns in their order; those of the elements end in the number of the element.
-COLUMN_NAMES = tuple(_COLUMNS)
-_EMPTY_GAIT_ROW: _Row = [None] * len(_columns(GAIT_FIELDS))
-_CONTACT_COLUMNS = tuple(list(_columns(GAIT_FIELDS)).index(name) for name in ("contact", "contact_raw"))
+COLUMN_NAMES = (
+    *("sequence", "t_sent_ns", "leg"),
+    *_columns(_FORCE_FIELDS),
+    *_GAIT_COLUMNS,
+    *("event", "event_t_ns", "friction"),
+    *_columns(_SCAN_FIELDS),
+)
+_EMPTY_GAIT_ROW: _Row = [None] * len(_GAIT_COLUMNS)
+_CONTACT_COLUMNS = tuple(_GAIT_COLUMNS.index(name) for name in ("contact", "contact_raw"))
 
 
 def write_csv(replay: Replay, path: Path) -> int:
@@ -70,37 +61,6 @@ def write_csv(replay: Replay, path: Path) -> int:
             # None is an empty cell already; NaN is the value that differs from itself.
             writer.writerows(["" if value != value else value for value in row] for row in rows)  # noqa: PLR0124
             n_cycles += 1
-    return n_cycles
-
-
-def write_parquet(replay: Replay, path: Path) -> int:
-    """Write a recording as Parquet (pandas, Polars, DuckDB, Matlab; extra `parquet`); return the number of cycles.
-
-    Args:
-        replay: The recording.
-        path: The new file.
-
-    Raises:
-        OSError: The file cannot be written.
-        RecordingError: The recording is cut short; what is whole was written.
-    """
-    import pyarrow as pa
-    from pyarrow import parquet
-
-    of_few_words = pa.dictionary(pa.int8(), pa.string())
-    types = {kind: of_few_words if kind == "text" else getattr(pa, kind)() for kind in _COLUMNS.values()}
-    schema = pa.schema([(name, types[kind]) for name, kind in _COLUMNS.items()])
-    cycles, n_cycles = _rows(replay), 0
-    with parquet.ParquetWriter(path, schema, compression="zstd") as writer:
-        while group := list(islice(cycles, _CYCLES_PER_ROW_GROUP)):
-            n_cycles += len(group)
-            columns = zip(*(row for rows in group for row in rows), strict=True)
-            # From pandas' point of view NaN is null, which is how an unknown value reads in every tool.
-            arrays = [
-                pa.array(column, type=field.type, from_pandas=True)
-                for column, field in zip(columns, schema, strict=True)
-            ]
-            writer.write_table(pa.Table.from_arrays(arrays, schema=schema))
     return n_cycles
 
 
