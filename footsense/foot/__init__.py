@@ -1,1 +1,1 @@
-"""Physical model of a foot, in numpy alone: response to loads, gap contact, cavity air, capacitors, parameters."""
+"""Physical model of a foot, in numpy alone: response to loads, gap contact, capacitors, parameters."""

@@ -6,9 +6,8 @@ The solid is linear, so the closure of cell c under a force f whose contact lies
 
 G0 is the response to a point force, and a^2 G2 the effect of the contact patch of radius a. Both come from the adjoint
 solves of `footsense lab build`, as series in products of Chebyshev polynomials of the stereographic coordinates of n:
-smooth over the pole, and evaluated without a search. Closed gaps are solved in `gap_contact.py` and the air of closed
-cavities in `cavity.py`, with the compliance B of the same solves. Cells of one quarter are stored, the others are their
-mirror images.
+smooth over the pole, and evaluated without a search. Closed gaps are solved in `gap_contact.py`, with the compliance B
+of the same solves. Cells of one quarter are stored, the others are their mirror images.
 """
 
 import hashlib
@@ -24,7 +23,6 @@ import numpy as np
 
 from footsense.errors import ModelError
 from footsense.foot.capacitor import CapacitorDesign
-from footsense.foot.cavity import VENTED, Cavity
 from footsense.foot.gap_contact import N_CELLS, element_means
 from footsense.foot.symmetry import GRID_SIDE, product_powers, whole_compliance, whole_series
 from footsense.frames import Vector
@@ -128,7 +126,6 @@ class FootResponse:
         closure_coefficients: The same for all cells, force component before cell: shape (2, products, 3 * 324).
         compliance_um_per_n: The matrix B of `gap_contact.py`, shape (324, 324).
         provenance: Mesh, order, unknowns and interpolation error, as JSON values.
-        cavity: How the cavities hold their air; vented in a file that does not state it.
         sha256: Hash of the file that it was loaded from, empty without one.
     """
 
@@ -142,7 +139,6 @@ class FootResponse:
     quarter_series: Vector
     quarter_compliance: Vector
     provenance: dict[str, Any]
-    cavity: Cavity = VENTED
     sha256: str = ""
     closure_coefficients: Vector = field(init=False)
     compliance_um_per_n: Vector = field(init=False)
@@ -194,7 +190,6 @@ class FootResponse:
         try:
             parts = _unpack(content)
             parts["design"] = CapacitorDesign(**parts["design"])
-            parts["cavity"] = Cavity(**parts.get("cavity", {}))
             return cls(**parts, sha256=hashlib.sha256(content).hexdigest())
         except Exception as error:  # zipfile, numpy and json raise a dozen types without a common base
             raise ModelError(f"{path} is no whole foot response ({error}); {rebuild}") from error
@@ -203,10 +198,6 @@ class FootResponse:
         """Write the response table to a file, reproducibly: equal content gives equal bytes."""
         about = {"format": FORMAT, "design": asdict(self.design)}
         about |= {name: getattr(self, name) for name in _DESCRIPTION_KEYS}
-        # A vented foot's table has the bytes that it had before there were others.
-        if self.cavity != VENTED:
-            stated = asdict(self.cavity).items()
-            about["cavity"] = {name: value for name, value in stated if value != getattr(VENTED, name)}
         text = np.array(json.dumps(about, sort_keys=True))
         with path.open("wb") as stream:
             np.savez(stream, description=text, **{name: getattr(self, name) for name in _ARRAY_NAMES})

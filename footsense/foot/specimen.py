@@ -1,7 +1,7 @@
 """One fabricated foot (specimen), its loads, and its response: that of its type with its deviations from the design.
 
-The solid is the designed one but for its stiffness; gaps, films, strays, the mounting and, where named, the cavities
-are each foot's own.
+The solid is the designed one but for its stiffness; gaps, films, strays and the mounting are each foot's own. The air
+of a closing gap gets out freely.
 """
 
 from dataclasses import dataclass, field
@@ -10,7 +10,6 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from footsense.foot import gap_contact
-from footsense.foot.cavity import Cavity, CavityPressures, Gas
 from footsense.foot.directions import normalized
 from footsense.foot.gap_contact import fringe_pf
 from footsense.foot.response_table import FootResponse
@@ -45,7 +44,6 @@ class Deviations:
         stiffness_rel: Added to the stiffness of the whole foot [1]; the contact patch stays the designed one.
         mount: Rotation from the leg's frame to the foot's, shape (3, 3).
         fringe: Whether its electrodes have a fringe field at their edges.
-        cavity: How its cavities hold their air, if other than those of its type; None for as its type.
     """
 
     gap_um: Vector = field(default_factory=lambda: np.zeros(1))
@@ -54,7 +52,6 @@ class Deviations:
     stiffness_rel: float = 0.0
     mount: Vector = field(default_factory=lambda: np.eye(3))
     fringe: bool = False
-    cavity: Cavity | None = None
 
 
 class Foot:
@@ -67,7 +64,6 @@ class Foot:
 
     Attributes:
         response: Response of its type.
-        cavity: How its cavities hold their air.
         unloaded_pf: Capacitance of each element of the free foot, stray included [pF], shape (elements,).
 
     Raises:
@@ -95,65 +91,41 @@ class Foot:
         self._mount = own.mount
         self._contact = contact
         self._film_um = np.repeat(film_um, gap_contact.CELLS_PER_ELEMENT) if own.fringe else None
-        self.cavity = own.cavity or response.cavity
-        self._pressures = CavityPressures(
-            self._gap_um, self._compliance_um_per_n, response.design.electrode_area_mm2
-        )
-        unloaded_um = self._limited_closures_um(np.zeros((1, len(self._gap_of_cell_um))), None)
+        unloaded_um = self._limited_closures_um(np.zeros((1, len(self._gap_of_cell_um))))
         self.unloaded_pf = self._capacitance_pf(unloaded_um)[0]
 
-    def cell_closures_um(self, normal: Vector, force_n: Vector, gas: Gas | None = None) -> Vector:
+    def cell_closures_um(self, normal: Vector, force_n: Vector) -> Vector:
         """Return the closure of each cell under n loads [um], shape (n, 324), limited to the cell's gap.
 
         Args:
             normal: Inward unit normals of the ball at the contacts, frame of the leg, shape (n, 3).
             force_n: Ground reactions on the foot [N], frame of the leg, shape (n, 3).
-            gas: Air in the cavities; None for that of a load that has lasted for `cavity.ASSUMED_LOAD_DURATION_S`.
-                Without meaning for a vented foot.
 
         Raises:
             ValueError: As `FootResponse.free_closure_um`.
         """
-        return self._limited_closures_um(self._free_closures_um(normal, force_n), gas)
-
-    def capacitance_and_gas_after_step(self, normal: Vector, force_n: Vector, gas: Gas) -> tuple[Vector, Gas]:
-        """Return capacitances [pF], shape (n, elements), and gas state at the end of a time step under a load.
-
-        Args:
-            normal: Contact normals at the end of the step.
-            force_n: Forces at the end of the step [N].
-            gas: Air before the step, and the step.
-        """
-        free_um = self._free_closures_um(normal, force_n)
-        closure_um, excess_mpa = self._pressures.closures_and_excess_pressures(
-            free_um, gas, contact=self._contact
-        )
-        return self._capacitance_pf(closure_um), gas.after_leak_step(excess_mpa)
+        return self._limited_closures_um(self._free_closures_um(normal, force_n))
 
     def _free_closures_um(self, normal: Vector, force_n: Vector) -> Vector:
-        """Return the cell closures as if gaps were infinitely deep, without air [um], shape (n, 324)."""
+        """Return the cell closures as if gaps were infinitely deep [um], shape (n, 324)."""
         free_um = self.response.free_closure_um(normal @ self._mount.T, force_n @ self._mount.T)
         return self._relative_compliance * free_um
 
-    def _limited_closures_um(self, free_um: Vector, gas: Gas | None) -> Vector:
-        """Return the cell closures with gap contact and cavity air [um], shape (n, 324), from free closures."""
-        if self.cavity.kind != "vented":
-            if gas is None:
-                return self._pressures.sustained_closures_um(free_um, self.cavity, contact=self._contact)
-            return self._pressures.closures_and_excess_pressures(free_um, gas, contact=self._contact)[0]
+    def _limited_closures_um(self, free_um: Vector) -> Vector:
+        """Return the cell closures with gap contact [um], shape (n, 324), from free closures."""
         if not self._contact:
             return np.minimum(free_um, self._gap_of_cell_um)
         return gap_contact.contact_closures_um(free_um, self._gap_of_cell_um, self._compliance_um_per_n)
 
-    def capacitance_pf(self, normal: Vector, force_n: Vector, gas: Gas | None = None) -> Vector:
+    def capacitance_pf(self, normal: Vector, force_n: Vector) -> Vector:
         """Return the capacitances under n loads [pF], shape (n, elements), with stray; as `cell_closures_um`."""
-        if gas is None and not force_n.any():  # a foot in swing costs nothing
+        if not force_n.any():  # a foot in swing costs nothing
             return np.tile(self.unloaded_pf, (len(force_n), 1))
-        return self._capacitance_pf(self.cell_closures_um(normal, force_n, gas))
+        return self._capacitance_pf(self.cell_closures_um(normal, force_n))
 
     def capacitance_of_free_closures_pf(self, free_um: Vector) -> Vector:
         """Return the capacitances [pF], shape (n, elements), from free cell closures [um], shape (n, cells)."""
-        return self._capacitance_pf(self._limited_closures_um(free_um, None))
+        return self._capacitance_pf(self._limited_closures_um(free_um))
 
     def _capacitance_pf(self, cell_closures_um: Vector) -> Vector:
         """Return the capacitances, stray included [pF], from cell closures limited to the gaps [um]."""

@@ -35,7 +35,6 @@ def _contradictions(design: FootDesign) -> Iterator[Problem]:
     """Yield a problem for each contradiction between valid numbers of a foot."""
     yield from _sheet_contradictions(design)
     yield from _gap_and_spacer_contradictions(design)
-    yield from _cavity_contradictions(design)
     yield from _converter_contradictions(design)
     loads, room_deg = design.loads, MIN_TABLE_ELEVATION_DEG - MIN_FITTED_ELEVATION_DEG
     if design.hertz_patch_angle_deg(loads.max_n) > room_deg:
@@ -94,21 +93,6 @@ def _gap_and_spacer_contradictions(design: FootDesign) -> Iterator[Problem]:
             "spacer_mm",
             f"a spacer of {spacer_um:g} um leaves room beside gap and film, which fill {filled_um:g} um; "
             f"use at most {filled_um / UM_PER_MM:g}",
-        )
-
-
-def _cavity_contradictions(design: FootDesign) -> Iterator[Problem]:
-    """Yield the contradictions of cavity kind, leak time and gas pressure."""
-    if design.cavity == "leaking" and design.leak_time_s is None:
-        yield Problem(
-            "cavity", "a leaking cavity needs leak_time_s, the time in which an excess pressure falls to 1/e"
-        )
-    if design.cavity != "leaking" and design.leak_time_s is not None:
-        yield Problem("leak_time_s", f"is of a leaking cavity, this one is {design.cavity}; leave it out")
-    if design.cavity != "sealed" and design.gas_kpa is not None:
-        yield Problem(
-            "gas_kpa",
-            f"is of a sealed cavity, the air of a {design.cavity} one is the ambient air; leave it out",
         )
 
 

@@ -8,13 +8,12 @@ Source:
     Aoyagi et al., sections III A (materials), III C and F (array), IV and Fig. 13 (layers).
 """
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from msgspec import Meta, Struct
 
 from footsense.foot.capacitor import CapacitorDesign
-from footsense.foot.cavity import AMBIENT_KPA, VENTED, Cavity, CavityKind
 from footsense.foot.gap_contact import CELLS_PER_SIDE
 from footsense.foot.response_table import contact_radius_mm
 from footsense.frames import ROWS, Vector
@@ -133,10 +132,7 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         loads: Range of the training loads.
         gold: Electrodes on both plates, as large as the cavities; None where they do not stiffen the plates.
         parylene: Lining of the cavities on the side of the film; None for none.
-        cavity: Whether the air of the cavities comes and goes freely, stays, or leaks.
-        leak_time_s: Time constant of the excess pressure in a leaking cavity of constant volume [s].
-        gas_kpa: Pressure of sealed air in the unloaded gap at room temperature; the standard atmosphere's if None
-            [kPa].
+        cavity: That the air of a closing gap gets out: `vented` is the one kind that is computed.
     """
 
     foot_type: Annotated[
@@ -155,24 +151,9 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     rubber: Material
     pdms: Material
     loads: LoadRange
-    cavity: CavityKind
+    cavity: Literal["vented"]
     gold: ThinFilm | None = None
     parylene: ThinFilm | None = None
-    leak_time_s: (
-        Annotated[float, Meta(ge=1e-3, le=1e6, description="a millisecond to eleven days")] | None
-    ) = None
-    gas_kpa: Annotated[float, Meta(ge=10.0, le=1000.0, description="an absolute pressure in kPa")] | None = (
-        None
-    )
-
-    @property
-    def cavity_air(self) -> Cavity:
-        """Kind of the cavities, leak time and gas pressure, for the response table."""
-        return Cavity(
-            kind=self.cavity,
-            leak_time_s=VENTED.leak_time_s if self.leak_time_s is None else self.leak_time_s,
-            gas_kpa=AMBIENT_KPA if self.gas_kpa is None else self.gas_kpa,
-        )
 
     @property
     def capacitor(self) -> CapacitorDesign:

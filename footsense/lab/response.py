@@ -194,7 +194,6 @@ def tabulate_response(
         degree=SERIES_DEGREE,
         quarter_series=np.stack([point, _round_to_stored(patch)]),
         quarter_compliance=_round_to_stored(compliance),
-        cavity=foot_design.cavity_air,
         provenance={
             "mesh": asdict(size),
             **film_provenance(foot_design),

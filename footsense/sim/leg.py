@@ -7,7 +7,6 @@ from footsense.sim.chips.electronics import leg_electronics
 from footsense.sim.faults.chip_faults import inject_chip_faults
 from footsense.sim.faults.damage import WiredFoot
 from footsense.sim.faults.scene_faults import ChipFault, FootDamage
-from footsense.sim.foot.cavity_air import CavityAir
 from footsense.sim.foot.viscoelastic import ViscoelasticRubber
 from footsense.sim.foot.warming import WarmingFoot
 from footsense.sim.loads.gait_table import GaitTable
@@ -49,7 +48,6 @@ class SimulatedLeg:
         self._table = table
         self._foot = foot
         self._rubber = ViscoelasticRubber() if effects.rubber else None
-        self._air = None if foot.cavity.gas is None else CavityAir(foot, effects.ambient_kpa)
         self._last: GroundContact | None = None
         self._last_pf: list[float] = []
         # Faults draw from a stream of their own, so that converters make the same noise with and without them.
@@ -77,15 +75,9 @@ class SimulatedLeg:
             contact = self._load.contact(self._leg, t_ns)
             if self._rubber is not None:
                 contact = GroundContact(*self._rubber.next_effective_load(t_ns, *contact))
-            if self._air is None:
-                if relative_compliance != 1.0:  # a stiffer solid yields as under a smaller load
-                    contact = contact._replace(force_n=contact.force_n * relative_compliance)
-                element_pf = self._loaded_capacitance_pf(contact)
-            else:
-                kelvin = 0.0 if self._warming is None else self._warming.temperature_change_k(t_ns)
-                element_pf = self._air.next_capacitance_pf(
-                    t_ns, *contact, relative_compliance, kelvin
-                ).tolist()
+            if relative_compliance != 1.0:  # a stiffer solid yields as under a smaller load
+                contact = contact._replace(force_n=contact.force_n * relative_compliance)
+            element_pf = self._loaded_capacitance_pf(contact)
         if self._warming is not None:
             drift_pf = self._warming.drift_pf(t_ns)
             element_pf = [pf + by_pf for pf, by_pf in zip(element_pf, drift_pf, strict=True)]

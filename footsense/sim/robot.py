@@ -6,13 +6,12 @@ the row switch connects some of them to the pins of the converter.
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import Deviations, Foot
+from footsense.foot.specimen import Foot
 from footsense.frames import Vector
 from footsense.sim.bus.i2c_bus import SimulatedBus
 from footsense.sim.chips.chip import SimulatedMux
@@ -47,23 +46,19 @@ class BusWiring(NamedTuple):
 def _feet(scene: Scene, response: FootResponse, legs: Sequence[str]) -> dict[str, Foot]:
     """Return the foot of each leg: the same designed foot for all, or one fabricated foot per leg."""
     made, contact = scene.fabrication, scene.effects.gap_contact
-    cavity = None if scene.effects.cavity is None else scene.effects.cavity.cavity_model
     if made is None:
-        return dict.fromkeys(legs, Foot(response, Deviations(cavity=cavity), contact=contact))
+        return dict.fromkeys(legs, Foot(response, contact=contact))
     feet = {}
     for number, leg in enumerate(legs, made.first):
         own = draw_deviations(response, made.tolerances, made.seed, number)
         own = with_new_mounting(own, made.remount_deg, made.seed, number, made.mounting)
-        feet[leg] = Foot(response, replace(own, cavity=cavity), contact=contact)
+        feet[leg] = Foot(response, own, contact=contact)
     return feet
 
 
 def _gait_tables(scene: Scene, load: ContactSource, feet: dict[str, Foot]) -> dict[str, GaitTable]:
-    """Return the precomputed capacitance table of each leg; legs with the same foot and load share one.
-
-    Enclosed air depends on temperature, weather and past: its feet are computed load by load.
-    """
-    if not isinstance(load, Walk) or any(foot.cavity.gas for foot in feet.values()):
+    """Return the precomputed capacitance table of each leg; legs with the same foot and load share one."""
+    if not isinstance(load, Walk):
         return {}
     warming = scene.effects.warming
     warmed = 1.0 if warming is None else relative_compliance_when_warmed(warming.kelvin)

@@ -4,13 +4,11 @@ An effect that a scene does not name is not computed. `scene_files.py` reads sce
 """
 
 import dataclasses
-import math
 from typing import Annotated
 
 import msgspec
 from msgspec import Meta
 
-from footsense.foot.cavity import AMBIENT_KPA, Cavity, CavityKind
 from footsense.sim import scene_loads
 from footsense.sim.faults.scene_faults import Fault
 from footsense.sim.foot.fabrication import PAPER_TOLERANCES, REMOUNT_RMS_DEG, FootTolerances
@@ -38,36 +36,8 @@ class Warming(ScenePart, frozen=True):
         return self.kelvin * min(max((t_ns / 1e9 - self.from_s) / self.over_s, 0.0), 1.0)
 
 
-class Cavities(ScenePart, frozen=True):
-    """Cavities of the feet that differ from those of their type; for the fields see `foot.cavity.Cavity`.
-
-    Attributes:
-        kind: `vented`, `sealed` or `leaking`.
-        leak_time_s: Time constant of a leak [s].
-        gas_kpa: Pressure of sealed air [kPa].
-    """
-
-    kind: CavityKind
-    leak_time_s: Annotated[float, Meta(ge=1e-3, le=1e6)] | None = None
-    gas_kpa: Annotated[float, Meta(ge=10.0, le=1000.0)] = AMBIENT_KPA
-
-    def __post_init__(self) -> None:
-        """Check that the fields are consistent.
-
-        Raises:
-            ValueError: They do not.
-        """
-        _ = self.cavity_model
-
-    @property
-    def cavity_model(self) -> Cavity:
-        """The cavity model of the simulated feet."""
-        leak_time_s = math.inf if self.leak_time_s is None else self.leak_time_s
-        return Cavity(kind=self.kind, leak_time_s=leak_time_s, gas_kpa=self.gas_kpa)
-
-
 class Effects(ScenePart, frozen=True):
-    """Simulated deviations of the robot from the ideal: noise, clock errors, rubber, temperature, air.
+    """Simulated deviations of the robot from the ideal: noise, clock errors, rubber, temperature.
 
     Attributes:
         converter_noise: Whether conversions have white noise, by rate.
@@ -77,8 +47,6 @@ class Effects(ScenePart, frozen=True):
         gap_contact: Whether a closed gap carries load; else its closure is only limited.
         rubber: Whether the feet creep and show hysteresis (`sim/foot/viscoelastic.py`).
         warming: Change of temperature; None for none.
-        cavity: Air in the cavities of the feet; None for that of their type.
-        ambient_kpa: Pressure of the ambient air, felt by feet whose cavities are not vented [kPa]; 100 m up take 1.2.
         adapter_compares: Whether an I2C adapter compares SDA with what it sends, and times out where it is held; that
             of a Raspberry Pi 0 to 4 does not.
         adapter_timeout_ms: Timeout of an I2C adapter for a held line; 1000 where it cannot be set [ms].
@@ -91,8 +59,6 @@ class Effects(ScenePart, frozen=True):
     gap_contact: bool = False
     rubber: bool = False
     warming: Warming | None = None
-    cavity: Cavities | None = None
-    ambient_kpa: Annotated[float, Meta(ge=30.0, le=110.0, description="Everest has 34 kPa")] = AMBIENT_KPA
     adapter_compares: bool = True
     adapter_timeout_ms: Annotated[float, Meta(ge=10.0, le=10_000.0)] = 20.0
 
@@ -145,7 +111,7 @@ class Scene(ScenePart, frozen=True):
         host_cost_us: Cost of every I2C transaction on the host [us].
         seed: Seed of everything random.
         gait_table: Whether the capacitances over a gait cycle are computed once and interpolated, for long walks:
-            0.2 fF off as long as no gap closes. Feet that enclose air are computed load by load.
+            0.2 fF off as long as no gap closes.
         effects: Deviations from the ideal.
         fabrication: Deviations of the feet; None for feet as designed.
         faults: Faults.

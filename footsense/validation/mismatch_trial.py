@@ -147,7 +147,7 @@ class _FootOnTestStand:
                 effective = rubber.next_effective_load(t_ns, normal, share * force_n)
                 normals.append(effective[0])
                 forces.append(effective[1])
-        pf = self._capacitance_pf(np.array(normals), np.array(forces), step_ns).reshape(-1, 5, ELEMENTS)
+        pf = self._foot.capacitance_pf(np.array(normals), np.array(forces)).reshape(-1, 5, ELEMENTS)
         noise = self._rng.normal(size=(4, len(pf), ELEMENTS))
         at_pf = pf[:, 2] + noise_pf * noise[0] + self._disturbance.cable_noise_pf * noise[1]
         return LoadSet(
@@ -156,20 +156,6 @@ class _FootOnTestStand:
             capacitance_pf=at_pf + (self._touchdown_pf if on_floor else 0.0),
             baseline_pf=pf[:, 0] + _BASELINE_PF * noise[2],
         )
-
-    def _capacitance_pf(self, normal: Vector, force_n: Vector, step_ns: list[int]) -> Vector:
-        """Return the capacitances at the end of each time step [pF], shape (n, 9), air leakage included."""
-        cavity = self._foot.cavity
-        gas = cavity.gas
-        if gas is None or cavity.kind != "leaking":
-            return self._foot.capacitance_pf(normal, force_n)
-        leak_steps_rel = [1e-9 * step / cavity.leak_time_s for step in step_ns]
-        found = []
-        for number in range(len(normal)):
-            step = gas._replace(step_over_leak_time=leak_steps_rel[number % len(leak_steps_rel)])
-            one_pf, gas = self._foot.capacitance_and_gas_after_step(normal[[number]], force_n[[number]], step)
-            found.append(one_pf[0])
-        return np.array(found)
 
     def _contact_normals(self, normal: Vector) -> Vector:
         """Return the contact normals, shape (n, 3); on a worn ball those inside the flat move to its edge.

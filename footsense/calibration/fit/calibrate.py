@@ -165,7 +165,7 @@ def fit_foot_unchecked(models: DesignModels, loads: LoadSet) -> CalibrationResul
     read = designed.has_force
     mount = rotation(fit.parameters[MOUNT])
     stiffness_rel = float(fit.parameters[STIFFNESS][0])
-    physical = replace(electrodes, stiffness_rel=twin.effective_stiffness_rel(stiffness_rel), mount=mount)
+    physical = replace(electrodes, stiffness_rel=stiffness_rel, mount=mount)
     # The reference's own error, as far as the foot shows it, is not the calibration's.
     designed_n, force_n = designed.force_n[read], loads.force_n[read] / reference_gains(fit.parameters)
     residual_n = force_n - designed_n @ physical.force_matrix.T

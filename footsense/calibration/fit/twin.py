@@ -5,7 +5,7 @@ Element i with cells c, unloaded reading C0 and the closures that the design's r
     C_i = s_i + K mean_c 1 / (D_i - a_i d_c),     D_i = K / (C0_i - s_i),      K = eps0 A
 
 with the stray s, the closure gain a, and closures d_c <= g_i of a solid (1 + k) times as stiff as designed, under a
-load turned by the mount; the air of closed cavities takes its part of them. A sheet off the balls' axis by o moves the
+load turned by the mount. A sheet off the balls' axis by o moves the
 contact as seen from the sheet, to first order in o / R: its normal is n + o / R, and the force stays. The reference
 reads (1 + r) f of a force f. The film does not appear: the unloaded distance D contains it.
 """
@@ -15,7 +15,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from footsense.foot import gap_contact
-from footsense.foot.cavity import CavityPressures
 from footsense.foot.directions import normalized, rotation
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads
@@ -34,8 +33,6 @@ N_PARAMETERS = sum(PARAMETER_COUNTS)
 
 #: Smallest distance of the electrodes [um]; the designed film is as thick as 6.3 um of air.
 _MIN_DISTANCE_UM = 1.0
-#: A load under which a foot is linear [N].
-_SMALL_FORCE_N = 0.05
 #: Distance to the gap within which a cell counts as closed [um].
 _CLOSED_TOLERANCE_UM = 1e-6
 
@@ -82,18 +79,11 @@ class FootTwin:
 
     def cell_closures_um(self, parameters: Vector, loads: ContactLoads) -> Vector:
         """Return the closure of each cell of the gaps [um], shape (n, cells), limited to the cell's gap."""
-        response, free_um = self._response, self._free_cell_closures_um(parameters, loads)
+        free_um = _compliance_factor(parameters) * self._designed_cell_closures_um(parameters, loads)
         gap_um = np.repeat(self.gap_um(parameters), gap_contact.CELLS_PER_ELEMENT)
-        if response.cavity.kind != "vented":
-            compliance = _compliance_factor(parameters) * response.compliance_um_per_n
-            air = CavityPressures(self.gap_um(parameters), compliance, response.design.electrode_area_mm2)
-            unloaded_um = air.sustained_closures_um(
-                np.zeros((1, gap_contact.N_CELLS)), response.cavity, contact=True
-            )
-            return air.sustained_closures_um(free_um, response.cavity, contact=True) - unloaded_um
         if not (free_um > gap_um).any():  # scaling the compliance would take longer than the rest
             return free_um
-        compliance = _compliance_factor(parameters) * response.compliance_um_per_n
+        compliance = _compliance_factor(parameters) * self._response.compliance_um_per_n
         return gap_contact.contact_closures_um(free_um, gap_um, compliance)
 
     def closed_cells(self, parameters: Vector, cell_closures_um: Vector) -> Mask:
@@ -111,10 +101,8 @@ class FootTwin:
 
         Args:
             nearby: Parameters and n loads, k times, all near those of the closed cells.
-            closed_cells: Cells that are closed, shape (n, cells); all others are open. Air is not held to them.
+            closed_cells: Cells that are closed, shape (n, cells); all others are open.
         """
-        if self._response.cavity.kind != "vented":
-            return np.stack([self.cell_closures_um(*one) for one in nearby])
         # Gaps and stiffness leave a load where it is: one evaluation of the table for all of them.
         places = [(parameters[MOUNT.start :].tobytes(), id(loads)) for parameters, loads in nearby]
         one_of = dict(zip(places, nearby, strict=True))
@@ -130,10 +118,6 @@ class FootTwin:
             free_um, gap_um, self._response.compliance_um_per_n, closed_cells
         )
 
-    def _free_cell_closures_um(self, parameters: Vector, loads: ContactLoads) -> Vector:
-        """Return the cell closures as if gaps were infinitely deep [um], shape (n, cells)."""
-        return _compliance_factor(parameters) * self._designed_cell_closures_um(parameters, loads)
-
     def _designed_cell_closures_um(self, parameters: Vector, loads: ContactLoads) -> Vector:
         """Return the closures of each cell for a solid as stiff as designed [um], shape (n, cells)."""
         mount = rotation(parameters[MOUNT])
@@ -141,24 +125,6 @@ class FootTwin:
         moved[:, :2] += parameters[OFFSET]
         force_n = (loads.force_n / reference_gains(parameters)) @ mount.T
         return self._response.free_closure_um(self._clamped_to_min_elevation(normalized(moved)), force_n)
-
-    def effective_stiffness_rel(self, stiffness_rel: float) -> float:
-        """Return the stiffness under an upright load over the design's, minus one, air in the cavities included [1].
-
-        It is the stiffness where the solid alone resists; air that resists is as stiff in every foot.
-
-        Args:
-            stiffness_rel: Stiffness over the design's, minus one [1].
-        """
-        if self._response.cavity.kind == "vented":
-            return stiffness_rel
-        designed = np.zeros(N_PARAMETERS)
-        parameters = designed.copy()
-        parameters[STIFFNESS] = stiffness_rel
-        up = ContactLoads.centred(np.array([[0.0, 0.0, _SMALL_FORCE_N]]))
-        closures_um = (self.cell_closures_um(vector, up).mean() for vector in (designed, parameters))
-        designed_um, own_um = closures_um
-        return float(designed_um / own_um) - 1.0
 
     def reading_pf(self, parameters: Vector, cell_closures_um: Vector) -> Vector:
         """Return the reading of each element [pF], shape (n, elements), from cell closures [um], shape (n, cells)."""

@@ -113,12 +113,8 @@ def require_same_foot(
         **asdict(foot_design.capacitor),
         "ball_radius_mm": foot_design.ball_radius_mm,
         "hertz_modulus_mpa": foot_design.rubber.plane_strain_modulus_mpa,
-        "cavity": foot_design.cavity_air.kind,
-        **{name: getattr(foot_design.cavity_air, name) for name in ("leak_time_s", "gas_kpa")},
     }
     tabled = {"foot_type": response.foot_type, **asdict(response.design)}
-    air = asdict(response.cavity)
-    tabled |= {"cavity": air.pop("kind"), **air}
     films = film_provenance(foot_design)
     described |= {name: films.get(name) for name in ("gold", "parylene")}
     tabled |= {name: response.provenance.get(name) for name in ("gold", "parylene")}

@@ -8,7 +8,6 @@ from typing import Any
 
 import shapely
 
-from footsense.foot.cavity import CavityKind
 from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.parts import sheets, solids
@@ -117,7 +116,7 @@ def _check_nets(file: str, flex: Flex, conductors: list[list[CopperShape]]) -> C
     )
 
 
-def check_sheet_files(folder: Path, array: ElementArray, cavity: CavityKind) -> Iterator[Check]:
+def check_sheet_files(folder: Path, array: ElementArray) -> Iterator[Check]:
     """Yield the checks of the DXF files of spacer and film."""
     spacer, film = (sheets.read_dxf(folder / f"{name}.dxf") for name in ("spacer", "film"))
     half = array.sheet_mm / 2.0
@@ -135,14 +134,17 @@ def check_sheet_files(folder: Path, array: ElementArray, cavity: CavityKind) -> 
         abs(filled - drilled) < 0.02 * drilled,
     )
     opened = in_sheet.difference(spacer)
-    channels = sheets.vent_channels(array) if cavity == "vented" else []
-    expected = shapely.union_all([sheets.spacer_openings(array), *channels]).intersection(in_sheet).area
+    expected = (
+        shapely.union_all([sheets.spacer_openings(array), *sheets.vent_channels(array)])
+        .intersection(in_sheet)
+        .area
+    )
     yield check_near("spacer.dxf", "open area in the sheet: cavities and vents", expected, opened.area, "mm2")
     open_air = [
         part for part in shapely.get_parts(opened) if part.intersection(in_sheet.exterior).length > 0.0
     ]
     reached = sum(any(part.contains(shapely.Point(c)) for part in open_air) for c in array.centres_mm)
-    aired = len(array.centres_mm) if cavity == "vented" else 0
+    aired = len(array.centres_mm)
     yield Check("spacer.dxf", "cavities that outer air reaches", str(aired), str(reached), reached == aired)
     yield Check(
         "spacer.dxf", "pieces", "1", str(len(shapely.get_parts(spacer))), spacer.geom_type == "Polygon"

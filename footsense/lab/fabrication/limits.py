@@ -8,7 +8,6 @@ from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.assumptions import AssumedProcess
 from footsense.lab.fabrication.parts.flex import flexes
-from footsense.lab.fabrication.parts.sheets import has_spacer_rim
 from footsense.lab.fabrication.tolerances import hardness_tolerance_shore_a, overlap_area_deviation_rel
 from footsense.lab.geometry import UM_PER_MM, FootDesign
 
@@ -49,7 +48,7 @@ def manufacturing_problems(design: FootDesign, array: ElementArray, assumed: Ass
                 f"{word}: {len(lines)} {word} do not fit the converter board: the FDC1004 has {MAX_LINES_PER_SIDE} "
                 f"inputs for columns, an ADG715 switches {MAX_LINES_PER_SIDE} rows; use at most {MAX_LINES_PER_SIDE}"
             )
-    yield from _sheet_problems(design, array, assumed)
+    yield from _sheet_problems(array, assumed)
     yield from _layer_and_hardness_problems(design, array, assumed)
     tail_half, socket_mm = (
         _wider_tail_width_mm(design, array) / 2.0 + dimensions.TAIL_CHANNEL_PLAY_PER_SIDE_MM,
@@ -64,8 +63,8 @@ def manufacturing_problems(design: FootDesign, array: ElementArray, assumed: Ass
         )
 
 
-def _sheet_problems(design: FootDesign, array: ElementArray, assumed: AssumedProcess) -> Iterator[str]:
-    """Yield the reasons why the gaps between electrodes, the spacer's bars or its rim cannot be made."""
+def _sheet_problems(array: ElementArray, assumed: AssumedProcess) -> Iterator[str]:
+    """Yield the reasons why the gaps between electrodes, the spacer's bars cannot be made."""
     pitch, bar = array.spacer_bar_width_mm + array.electrode_mm, assumed.process.bar_mm
     leave = f"electrodes of {array.electrode_mm:g} mm at a pitch of {pitch:g} mm leave"
     if array.spacer_bar_width_mm < dimensions.MIN_NET_CLEARANCE_MM - _ROUNDING_TOLERANCE_MM:
@@ -77,15 +76,6 @@ def _sheet_problems(design: FootDesign, array: ElementArray, assumed: AssumedPro
         yield (
             f"electrode_mm: {leave} bars of {array.spacer_bar_width_mm:.3g} mm in the spacer, process "
             f"{assumed.process_name} needs {bar:g} to bond; use at most {pitch - bar:g}"
-        )
-    if not has_spacer_rim(array) and design.cavity != "vented":
-        closed_mm = array.sheet_mm + 2.0 * (dimensions.MIN_SPACER_RIM_MM - array.rim_mm)
-        least_mm = math.ceil(100.0 * closed_mm / math.sqrt(2.0)) / 100.0
-        ball = f" with ball_radius_mm: {least_mm:g}" if least_mm > design.ball_radius_mm else ""
-        yield (
-            f"cavity: {design.cavity} cavities need a rim of {dimensions.MIN_SPACER_RIM_MM:g} mm around the array, a "
-            f"sheet of {array.sheet_mm:g} mm leaves {array.rim_mm:g} mm; use sheet_mm: {closed_mm:g}{ball}, or "
-            "cavity: vented"
         )
 
 

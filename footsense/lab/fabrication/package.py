@@ -95,7 +95,7 @@ def write_and_check_parts(design: FootDesign, folder: Path, process: str | None 
     for flex in both:
         _write_flex(folder / flex.name, flex)
     shapes = {
-        "spacer": (sheets.spacer_outline(array, design.ball_radius_mm, design.cavity), design.gap_um),
+        "spacer": (sheets.spacer_outline(array, design.ball_radius_mm), design.gap_um),
         "film": (sheets.film_outline(array, design.ball_radius_mm), design.film_um),
     }
     for name, (shape, thickness_um) in shapes.items():
@@ -105,7 +105,7 @@ def write_and_check_parts(design: FootDesign, folder: Path, process: str | None 
     tolerances = drawing_tolerances(design, assumed.rms_deviations)
     found = [
         *(check for flex in both for check in checks.check_flex_files(folder, flex)),
-        *checks.check_sheet_files(folder, array, design.cavity),
+        *checks.check_sheet_files(folder, array),
         *checks.check_solid_volumes(folder, parts),
         *fits.check_overlaps(folder, both),
         *fits.check_sheets_on_flexes(folder, both),

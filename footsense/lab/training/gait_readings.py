@@ -19,7 +19,6 @@ from footsense.frames import ELEMENTS, Mask, Vector
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, FULL_SCALE_PF, NOISE_PF, sensed_closure_um
 from footsense.lab.training.random_gait import RandomGait
 from footsense.progress import progress_bar
-from footsense.sim.foot.cavity_air import CavityAir
 from footsense.sim.foot.viscoelastic import ViscoelasticRubber
 
 #: Share of the gaits that are read in the second order, of those read at another pace, and of those sent later.
@@ -82,12 +81,7 @@ def _equivalent_elastic_load(
 
 
 def _gait_closures_um(foot: Foot, t_s: Vector, normal: Vector, force_n: Vector) -> Vector:
-    """Return the closures at the times [um], shape (n, elements); air that leaks is followed in time."""
-    if foot.cavity.kind == "leaking":
-        air = CavityAir(foot)
-        loads = zip((t_s * 1e9).astype(np.int64).tolist(), normal, force_n, strict=True)
-        capacitance_pf = np.array([air.next_capacitance_pf(*load) for load in loads])
-        return foot.response.design.closure_um(capacitance_pf, foot.unloaded_pf)
+    """Return the closures at the times [um], shape (n, elements)."""
     closure_um = np.zeros((len(t_s), ELEMENTS))
     loaded = force_n.any(axis=1)
     if loaded.any():

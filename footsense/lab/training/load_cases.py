@@ -162,8 +162,6 @@ def random_loads(
 
 def _is_maybe_in_range(foot: Foot, normal: Vector, force_n: Vector) -> NDArray[np.bool_]:
     """Return which loads may be within the converter's range, before contact is solved, shape (n,)."""
-    if foot.cavity.gas is not None:  # air in the gap carries most of a load
-        return np.ones(len(force_n), bool)
     may = np.empty(len(force_n), bool)
     for first in range(0, len(force_n), _LOADS_PER_CALL):
         some = slice(first, first + _LOADS_PER_CALL)

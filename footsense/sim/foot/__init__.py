@@ -1,1 +1,1 @@
-"""Simulated deviations of a foot from its elastic design: rubber, temperature, cavity air, fabrication."""
+"""Simulated deviations of a foot from its elastic design: rubber, temperature, fabrication."""

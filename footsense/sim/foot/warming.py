@@ -35,10 +35,6 @@ class WarmingFoot:
         spread_rel = DRIFT_SPREAD_REL * rng.standard_normal(ELEMENTS)
         self._pf_per_k: list[float] = (DRIFT_PF_PER_K * (1.0 + spread_rel)).tolist()
 
-    def temperature_change_k(self, t_ns: int) -> float:
-        """Return the temperature change since the start at a time [K]."""
-        return self._warming.temperature_change_k_at(t_ns)
-
     def drift_pf(self, t_ns: int) -> list[float]:
         """Return the baseline drift of each element at a time [pF]."""
         kelvin = self._warming.temperature_change_k_at(t_ns)

@@ -105,9 +105,7 @@ def test_a_spacer_without_vents_is_found(package: FabricationPackage, tmp_path: 
         ("spacer", sheets.film_outline(ARRAY, 10.0).difference(sheets.spacer_openings(ARRAY))),
     ):
         sheets.write_dxf(tmp_path / f"{name}.dxf", shape, name)
-    failed = [
-        check.quantity for check in checks.check_sheet_files(tmp_path, ARRAY, "vented") if not check.passed
-    ]
+    failed = [check.quantity for check in checks.check_sheet_files(tmp_path, ARRAY) if not check.passed]
     assert failed == ["open area in the sheet: cavities and vents", "cavities that outer air reaches"]
 
 
@@ -248,11 +246,6 @@ def test_more_rows_than_the_board_addresses_are_refused() -> None:
             "film_eps_r: 3.0",
             "film_um: no process has a film of 17 um .*17 um of 2.7 .paper.",
         ),
-        (
-            "cavity: vented",
-            "cavity: sealed",
-            "cavity: sealed .* sheet_mm: 15 with ball_radius_mm: 10.61, or",
-        ),
     ],
 )
 def test_a_foot_that_cannot_be_made_is_refused_in_one_line(
@@ -275,7 +268,6 @@ def test_a_foot_that_cannot_be_made_is_refused_in_one_line(
         {"pitch_mm": 4.2},
         {"gap_um": 3.0, "spacer_mm": 0.02},
         {"spacer_mm": 0.03},
-        {"cavity": "sealed", "ball_radius_mm": 12.0},
         {
             "ball_radius_mm": 2.0,
             "sheet_mm": 2.8,

@@ -55,25 +55,8 @@ TEXT = (RELEASED / FOOT_FILE).read_text()
             ":16: rubber.poisson: 0.5 is wrong; .* above 0, below 0.5 .*rubber has 0.49",
         ),
         ("pitch_mm: 5", "pitch_um: 5", ":9: pitch_um: unknown key; did you mean pitch_mm"),
-        ("cavity: vented\n", "", "the key cavity is missing: one of leaking, sealed, vented"),
-        ("cavity: vented", "cavity: open", ":14: cavity: 'open' is none of leaking, sealed, vented"),
-        ("cavity: vented", "cavity: leaking", ":14: cavity: a leaking cavity needs leak_time_s"),
-        (
-            "cavity: vented",
-            "cavity: leaking\nleak_time_s: -1",
-            ":15: leak_time_s: -1 is wrong; .* from 0.001 .*a millisecond to eleven days",
-        ),
-        (
-            "cavity: vented",
-            "cavity: sealed\nleak_time_s: 9",
-            ":15: leak_time_s: is of a leaking cavity, this one is sealed; leave it out",
-        ),
-        ("cavity: vented", "cavity: vented\ngas_kpa: 80", ":15: gas_kpa: is of a sealed cavity"),
-        (
-            "cavity: vented",
-            "cavity: sealed\ngas_kpa: 0",
-            ":15: gas_kpa: 0 is wrong; it has to be a number from 10 to 1000",
-        ),
+        ("cavity: vented\n", "", "the key cavity is missing: one of vented"),
+        ("cavity: vented", "cavity: open", ":14: cavity: 'open' is none of vented"),
         (
             "cavity: vented",
             "cavity: vented\ngold: {thickness_um: 0.1, youngs_mpa: 79000, poisson: 0.6}",

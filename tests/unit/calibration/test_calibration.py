@@ -22,7 +22,6 @@ from footsense.calibration.loads.load_set import LoadSet
 from footsense.errors import CalibrationError
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.network import steady_windows
-from footsense.foot.cavity import Cavity
 from footsense.foot.directions import normalized, rotation
 from footsense.foot.force_errors import evaluate_force_errors
 from footsense.foot.parameters import FootParameters
@@ -203,24 +202,3 @@ def test_a_gap_is_identified_only_by_loads_that_close_it() -> None:
     assert not shuts.all()
     np.testing.assert_allclose(found.parameters[GAP][~shuts], 0.0, atol=1.0)
     assert (found.contraction[GAP][~shuts] < 0.01).all()
-
-
-@pytest.mark.parametrize("cavity", [Cavity(kind="sealed"), Cavity(kind="leaking", leak_time_s=0.2)])
-def test_the_twin_of_a_foot_that_holds_its_air(cavity: Cavity) -> None:
-    """It reads what the simulated foot reads; loads identify it, the strays less sharply than of a vented foot."""
-    response, force_n = replace(design().response, cavity=cavity), _TRAINING[::6]
-    own = replace(made(1), mount=np.eye(3))
-    foot = Foot(response, own)
-    parameters = np.zeros(N_PARAMETERS)
-    parameters[STRAY], parameters[GAP], parameters[STIFFNESS] = own.stray_pf, own.gap_um, own.stiffness_rel
-    load = ContactLoads.centred(force_n)
-    reading_pf = foot.capacitance_pf(load.normal, load.force_n)
-    twin = FootTwin(response, foot.unloaded_pf)
-    np.testing.assert_allclose(twin.capacitance_pf(parameters, load), reading_pf)
-    if cavity.kind == "leaking":
-        return
-    unloaded_pf = np.tile(foot.unloaded_pf, (len(force_n), 1))
-    loads = replace(load_set(made(1), force_n), capacitance_pf=reading_pf, baseline_pf=unloaded_pf)
-    found = fit_parameters(twin, loads).parameters
-    np.testing.assert_allclose(found[STRAY], own.stray_pf, atol=0.05)
-    assert 0.0 < twin.effective_stiffness_rel(own.stiffness_rel) / own.stiffness_rel < 0.7

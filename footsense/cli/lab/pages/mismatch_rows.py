@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 
-from footsense.foot.cavity import VENTED, Cavity
 from footsense.lab.fem.whole import Imperfection
 from footsense.lab.geometry import ThinFilm
 from footsense.lab.monte_carlo.sweeps import PAPER_LIKE_TOLERANCES
@@ -19,14 +18,12 @@ class MismatchRow:
         title: What differs, in words.
         solid: The true solid.
         disturbance: What else is true.
-        cavity: How its cavities hold their air.
         is_representable: Whether the parameters of a calibration can represent it; else a warning is wanted.
     """
 
     title: str
     solid: DesignVariant = AS_DESIGNED
     disturbance: Disturbance = UNDISTURBED
-    cavity: Cavity = VENTED
     is_representable: bool = True
 
 
@@ -95,9 +92,5 @@ MISMATCH_ROWS = {
     ),
     "fringe": MismatchRow(
         title="fringe fields at the electrodes", disturbance=Disturbance(has_fringe_field=True)
-    ),
-    "sealed": MismatchRow(title="cavities sealed", cavity=Cavity(kind="sealed"), is_representable=False),
-    "leaking": MismatchRow(
-        title="cavities leak in 1 s", cavity=Cavity(kind="leaking", leak_time_s=1.0), is_representable=False
     ),
 }

@@ -232,6 +232,5 @@ class FootShapeLibrary:
             quarter_compliance=amplitude[3]
             * relative_compliance
             * np.tensordot(interpolation_weights, self.compliance, 1),
-            cavity=design.cavity_air,
             provenance={"from": "solved shapes"},
         )

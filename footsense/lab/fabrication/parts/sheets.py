@@ -13,7 +13,6 @@ import ezdxf
 import shapely
 from ezdxf import units
 
-from footsense.foot.cavity import CavityKind
 from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.parts.flex import alignment_ear
@@ -77,12 +76,10 @@ def vent_channels(array: ElementArray) -> list[Any]:
     return [shapely.box(x - half, ends[0], x + half, ends[1]) for x in rows]
 
 
-def spacer_outline(array: ElementArray, ball_radius_mm: float, cavity: CavityKind) -> Any:
+def spacer_outline(array: ElementArray, ball_radius_mm: float) -> Any:
     """Return the spacer, a shapely polygon [mm]: bars around the cavities, with ears."""
-    channels = vent_channels(array) if cavity == "vented" else []
-    return film_outline(array, ball_radius_mm).difference(
-        shapely.union_all([spacer_openings(array), *channels])
-    )
+    openings = shapely.union_all([spacer_openings(array), *vent_channels(array)])
+    return film_outline(array, ball_radius_mm).difference(openings)
 
 
 def write_dxf(path: Path, shape: Any, note: str) -> None:

@@ -1,21 +1,19 @@
-"""Study `cavity`: effect of the air in the cavities (vented, sealed, leaking) on closures, errors and limits.
+"""Study `cavity`: effect of the air in the cavities (vented, or sealed and at rest) on closures, errors and limits.
 
 Source:
     Aoyagi et al., section IV: "each sealed concave space".
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from footsense.foot import cavity as air
-from footsense.foot.cavity import VENTED, Cavity, Gas
 from footsense.foot.directions import normalized, paper_directions
 from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors, evaluate_force_errors
 from footsense.foot.gap_contact import CELLS_PER_ELEMENT, element_means
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import Deviations, Foot
+from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.evaluation.cramer_rao import Unknowns, force_bound
 from footsense.lab.evaluation.evaluate import (
@@ -30,6 +28,7 @@ from footsense.lab.monte_carlo.specimens import measure_foot
 from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.monte_carlo.sweeps import CAREFUL_TEST_STAND
 from footsense.lab.plots import subplot_row
+from footsense.lab.sealed_air import ADIABATIC, AMBIENT_KPA, ROOM_TEMPERATURE_K, SealedFoot
 from footsense.lab.studies.mechanics import venting
 from footsense.lab.training.load_cases import (
     FULL_SCALE_PF,
@@ -37,14 +36,14 @@ from footsense.lab.training.load_cases import (
     closure_of_designed_foot_um,
     paper_training,
     paper_verification,
+    sensed_closure_um,
 )
 from footsense.lab.training.paper.procedure import PaperTraining, start_weights_by_seed
-from footsense.sim.foot.cavity_air import CavityAir
 from footsense.sim.foot.fabrication import PAPER_TOLERANCES, FootTolerances, draw_deviations
+from footsense.sim.test_stand.press_sequence import paper_presses
 
-SEALED = Cavity(kind="sealed")
-#: The compared cavities.
-CAVITIES_BY_NAME = {"vented": VENTED, "sealed": SEALED}
+#: Feet with the compared cavities.
+FEET_BY_CAVITY: dict[str, type[Foot]] = {"vented": Foot, "sealed": SealedFoot}
 #: Feet of each kind, training epochs of their networks, and seed.
 FEET, QUICK_FEET = 8, 2
 EPOCHS, QUICK_EPOCHS = 3000, 300
@@ -53,12 +52,6 @@ SEED = 20090304
 CRAMER_RAO_LOADS_GF = (20.0, 50.0, 100.0, 150.0)
 #: Loads of the search for the range [N].
 RANGE_SEARCH_LOADS_N = np.geomspace(0.2, 40.0, 120)
-#: Load of the figure on leaking [N], its hold [s], and the time constants [s].
-HOLD_N, HOLD_S, LEAK_TIMES_S = 1.0, 60.0, (0.1, 1.0, 10.0)
-#: A hold read by hand, our assumption: first reading after this many seconds, evenly drawn, then one element each [s].
-FIRST_S, EACH_S = (5.0, 30.0), 3.0
-#: Leaks of that hold [s].
-HAND_READ_LEAK_TIMES_S = (0.1, 1.0, 10.0, 100.0)
 
 _UPWARD = np.array([[0.0, 0.0, 1.0]])
 
@@ -100,11 +93,10 @@ class CavityPerformance:
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """Results of the study `cavity`: stiffness of the air, errors, drift and leaks.
+    """Results of the study `cavity`: stiffness of the air, errors, drift and venting.
 
     Attributes:
         by_cavity_kind: Figures by kind.
-        hand_reading_errors: Errors of the paper's procedure on a leaking foot read element by element, by leak time.
         adiabatic_sealed_closure_um_per_n: Closures of a sealed foot whose air keeps its heat [um/N].
         air_over_solid_stiffness: Stiffness of the air over that of the solid, smallest and largest over the patterns of
             closures [1].
@@ -119,7 +111,6 @@ class Results:
     """
 
     by_cavity_kind: dict[str, CavityPerformance]
-    hand_reading_errors: dict[str, ForceErrors]
     adiabatic_sealed_closure_um_per_n: tuple[float, float, float]
     air_over_solid_stiffness: tuple[float, float]
     sealed_drift_ff_per_kpa_drop: float
@@ -163,23 +154,31 @@ def paper_procedure_errors(
 
 
 def errors_over_feet(
-    response: FootResponse, tolerances: FootTolerances, stand: Tolerances, n_feet: int, epochs: int
+    kind: type[Foot],
+    response: FootResponse,
+    tolerances: FootTolerances,
+    stand: Tolerances,
+    n_feet: int,
+    epochs: int,
 ) -> tuple[MeanStd, MeanStd]:
     """Return direction [deg] and magnitude errors [gf] of the paper's procedure, statistics over random feet."""
     rows = []
     for number in range(n_feet):
         own = draw_deviations(response, tolerances, SEED, number)
-        rows.append(paper_procedure_errors(Foot(response, own), own.mount, stand, number, epochs))
+        rows.append(paper_procedure_errors(kind(response, own), own.mount, stand, number, epochs))
     direction_deg, magnitude_gf = zip(*((row.direction_deg, row.magnitude_gf) for row in rows), strict=True)
     return MeanStd.of_values(direction_deg), MeanStd.of_values(magnitude_gf)
 
 
-def cavity_performance(context: StudyContext, cavity: Cavity) -> CavityPerformance:
+def cavity_performance(context: StudyContext, cavity: str) -> CavityPerformance:
     """Return sensitivity, range and errors of the released foot with one kind of cavity."""
-    response = replace(context.response, cavity=cavity)
-    foot, design = Foot(response), response.design
+    kind, response = FEET_BY_CAVITY[cavity], context.response
+    foot, design = kind(response), response.design
     n_feet, epochs = (QUICK_FEET, QUICK_EPOCHS) if context.quick else (FEET, EPOCHS)
-    training, test = paper_training(response), paper_verification(response)
+    training, test = (
+        Cases(force_n, sensed_closure_um(foot, normalized(force_n), force_n))
+        for force_n in (paper_presses("training"), paper_presses("verification"))
+    )
     small_um = foot.cell_closures_um(_UPWARD, 0.05 * _UPWARD)
     up, loads_n = (
         np.repeat(_UPWARD, len(RANGE_SEARCH_LOADS_N), axis=0),
@@ -193,14 +192,13 @@ def cavity_performance(context: StudyContext, cavity: Cavity) -> CavityPerforman
         force_bound(foot, direction, gf * GRAM_FORCE_N * direction, Unknowns.LEANING)
         for gf in CRAMER_RAO_LOADS_GF
     ]
-    own_deg, own_gf = errors_over_feet(response, FootTolerances(), Tolerances(), n_feet, epochs)
-    made_deg, made_gf = errors_over_feet(response, PAPER_TOLERANCES, CAREFUL_TEST_STAND, n_feet, epochs)
-    vented = replace(context.response, cavity=VENTED)
-    designed = PaperTraining(design, paper_training(vented)).train(start_weights_by_seed(1), epochs)[0]
+    own_deg, own_gf = errors_over_feet(kind, response, FootTolerances(), Tolerances(), n_feet, epochs)
+    made_deg, made_gf = errors_over_feet(kind, response, PAPER_TOLERANCES, CAREFUL_TEST_STAND, n_feet, epochs)
+    designed = PaperTraining(design, paper_training(response)).train(start_weights_by_seed(1), epochs)[0]
     misread = evaluate_force_errors(test.force_n, designed(test.closure_um))
     by_capacitance_n = capacitance_based_force_estimator(design, training)(test.closure_um)
     by_elastance_n = elastance_based_force_estimator(training)(test.closure_um)
-    context.report_progress(f"cavity: {cavity.kind} measured")
+    context.report_progress(f"cavity: {cavity} measured")
     return CavityPerformance(
         corner_edge_middle_um_per_n=_corner_edge_middle_means_um(small_um / 0.05),
         upright_range_n=float(
@@ -222,73 +220,35 @@ def cavity_performance(context: StudyContext, cavity: Cavity) -> CavityPerforman
     )
 
 
-def simulate_hand_reading(foot: Foot, force_n: Vector, rng: np.random.Generator) -> Cases:
-    """Return load cases of a leaking foot whose elements are read by hand, one after the other."""
-    normal, design = normalized(force_n), foot.response.design
-    first_s = rng.uniform(*FIRST_S, size=len(force_n))
-    read_s = first_s[:, None] + EACH_S * np.arange(ELEMENTS)
-    times_s = np.concatenate([[0.0], np.geomspace(1e-2, read_s.max(), 60)])
-    gas, sampled = Gas(np.full((len(force_n), ELEMENTS), air.AMBIENT_MPA)), []
-    for step_s in np.diff(times_s, prepend=0.0).tolist():
-        element_pf, gas = foot.capacitance_and_gas_after_step(
-            normal, force_n, gas._replace(step_over_leak_time=step_s / foot.cavity.leak_time_s)
-        )
-        sampled.append(element_pf)
-    over_time = np.stack(sampled)
-    read_pf = np.array(
-        [
-            [np.interp(t_s, times_s, over_time[:, n, k]) for k, t_s in enumerate(row)]
-            for n, row in enumerate(read_s)
-        ]
-    )
-    return Cases(force_n, design.closure_um(read_pf, foot.unloaded_pf))
-
-
-def hand_reading_errors(context: StudyContext, leak_time_s: float, epochs: int) -> ForceErrors:
-    """Return the errors of the paper's procedure on a leaking foot read by hand, element by element."""
-    foot = Foot(replace(context.response, cavity=Cavity(kind="leaking", leak_time_s=leak_time_s)))
-    rng = np.random.default_rng(SEED)
-    training, test = (
-        simulate_hand_reading(foot, cases.force_n, rng)
-        for cases in (paper_training(context.response), paper_verification(context.response))
-    )
-    read = PaperTraining(foot.response.design, training).train(start_weights_by_seed(1), epochs)[0]
-    return evaluate_force_errors(test.force_n, read(test.closure_um))
-
-
 def compute(context: StudyContext) -> tuple[Results, Plots]:
-    """Return the figures of vented, sealed and leaking cavities of the released foot."""
+    """Return the figures of vented and sealed cavities of the released foot."""
     response, design, made = context.response, context.response.design, context.foot_design
-    by_cavity_kind = {name: cavity_performance(context, cavity) for name, cavity in CAVITIES_BY_NAME.items()}
-    epochs = QUICK_EPOCHS if context.quick else EPOCHS
-    leaks_s = HAND_READ_LEAK_TIMES_S[1:2] if context.quick else HAND_READ_LEAK_TIMES_S
-    read = {f"{leak_s:g}": hand_reading_errors(context, leak_s, epochs) for leak_s in leaks_s}
-    context.report_progress("cavity: holds read by hand")
-    sealed = Foot(replace(response, cavity=SEALED))
-    rest = Gas(np.full(ELEMENTS, air.AMBIENT_MPA))
+    by_cavity_kind = {name: cavity_performance(context, name) for name in FEET_BY_CAVITY}
+    sealed = SealedFoot(response)
+    low, warm, hot = (
+        SealedFoot(response, ambient_kpa=ambient_kpa, gas_kpa=gas_kpa)
+        for ambient_kpa, gas_kpa in (
+            (AMBIENT_KPA - 1.0, AMBIENT_KPA),
+            (AMBIENT_KPA, AMBIENT_KPA * (1.0 + 1.0 / ROOM_TEMPERATURE_K)),
+            (AMBIENT_KPA, AMBIENT_KPA * ROOM_TEMPERATURE_K / 373.15),
+        )
+    )
     area_mm2 = design.electrode_area_mm2 / CELLS_PER_ELEMENT
     by_element = response.compliance_um_per_n.reshape((ELEMENTS, CELLS_PER_ELEMENT) * 2)
     stiffness = (
-        np.linalg.eigvalsh(by_element.mean(axis=1).sum(axis=2) * area_mm2) * air.AMBIENT_MPA / design.gap_um
+        np.linalg.eigvalsh(by_element.mean(axis=1).sum(axis=2) * area_mm2)
+        * 1e-3
+        * AMBIENT_KPA
+        / design.gap_um
     )
-    low_pressure = CavityAir(sealed, air.AMBIENT_KPA - 1.0)
-    thin_pf = float(
-        (low_pressure.next_capacitance_pf(0, _UPWARD[0], 0.0 * _UPWARD[0]) - sealed.unloaded_pf).mean()
-    )
-    warm_pf = float(
-        (
-            CavityAir(sealed).next_capacitance_pf(0, _UPWARD[0], 0.0 * _UPWARD[0], kelvin=1.0)
-            - sealed.unloaded_pf
-        ).mean()
-    )
+    thin_pf, warm_pf = (float((one.unloaded_pf - sealed.unloaded_pf).mean()) for one in (low, warm))
     small_pf = float((sealed.capacitance_pf(_UPWARD, GRAM_FORCE_N * _UPWARD) - sealed.unloaded_pf).mean())
-    bar_mm, hot_kpa = made.pitch_mm - made.electrode_mm, air.AMBIENT_KPA * air.ROOM_TEMPERATURE_K / 373.15
-    hot = Foot(response, Deviations(cavity=Cavity(kind="sealed", gas_kpa=hot_kpa)))
+    bar_mm = made.pitch_mm - made.electrode_mm
+    adiabatic = SealedFoot(response, exponent=ADIABATIC)
     results = Results(
         by_cavity_kind=by_cavity_kind,
-        hand_reading_errors=read,
         adiabatic_sealed_closure_um_per_n=_corner_edge_middle_means_um(
-            sealed.cell_closures_um(_UPWARD, 0.05 * _UPWARD, rest._replace(exponent=air.ADIABATIC)) / 0.05
+            adiabatic.cell_closures_um(_UPWARD, 0.05 * _UPWARD) / 0.05
         ),
         air_over_solid_stiffness=(float(stiffness.min()), float(stiffness.max())),
         sealed_drift_ff_per_kpa_drop=1e3 * thin_pf,
@@ -303,37 +263,18 @@ def compute(context: StudyContext) -> tuple[Results, Plots]:
     return results, {"cavity.png": _figure(response)}
 
 
-def leaking_closure_um(response: FootResponse, leak_time_s: float, times_s: Vector) -> Vector:
-    """Return the mean closure of a leaking foot over time after a vertical load is applied [um], shape (n,)."""
-    foot = Foot(response, Deviations(cavity=Cavity(kind="leaking", leak_time_s=leak_time_s)))
-    leaking, unloaded_um = CavityAir(foot), response.design.plate_distance_um(foot.unloaded_pf)
-    closures = []
-    for t_s in times_s.tolist():
-        pf = leaking.next_capacitance_pf(round(1e9 * t_s), _UPWARD[0], HOLD_N * _UPWARD[0])
-        closures.append(float((unloaded_um - response.design.plate_distance_um(pf)).mean()))
-    return np.array(closures)
-
-
 def _figure(response: FootResponse) -> Figure:
-    """Return the figure of closures over the load, and over the time under a constant load."""
-    figure, (over_load, over_time) = subplot_row(2, 8.6, 3.9)
+    """Return the figure of closures over the load."""
+    figure, (over_load,) = subplot_row(1, 5.0, 3.9)
     loads_n = np.linspace(0.02, 3.0, 40)
     normal = normalized(np.repeat(_UPWARD, len(loads_n), axis=0))
-    for colour, (name, cavity) in zip(("C0", "C1"), CAVITIES_BY_NAME.items(), strict=True):
-        foot = Foot(response, Deviations(cavity=cavity))
+    for colour, (name, kind) in zip(("C0", "C1"), FEET_BY_CAVITY.items(), strict=True):
+        foot = kind(response)
         means_um = element_means(foot.cell_closures_um(normal, loads_n[:, None] * normal))
         for element, style, where in ((0, "-", "corner"), (4, "--", "middle")):
             over_load.plot(loads_n, means_um[:, element], style, color=colour, label=f"{name}, {where}")
     over_load.set(xlabel="upright force [N]", ylabel="mean closure [um]")
     over_load.legend(fontsize=8)
-    times_s = np.concatenate([[0.0], np.geomspace(1e-3, HOLD_S, 200)])
-    for leak_s in LEAK_TIMES_S:
-        closure_um = leaking_closure_um(response, leak_s, times_s)
-        over_time.semilogx(times_s[1:], closure_um[1:], label=f"leak of {leak_s:g} s")
-    over_time.set(
-        xlabel=f"time under {HOLD_N:g} N [s]", ylabel="mean closure by elastance [um]", ylim=(0.0, None)
-    )
-    over_time.legend(fontsize=8)
     return figure
 
 
