@@ -14,6 +14,9 @@ import time
 from bisect import bisect_left
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Annotated
+
+from msgspec import Meta, Struct
 
 from footsense.ports import WAKEUP_LATENCY_BUCKET_BOUNDS_S, WakeupLatency
 
@@ -54,12 +57,25 @@ class MonotonicClock:
         histogram[-1] += latency_s
 
 
-def request_realtime(priority: int, cpu: int | None) -> tuple[str, ...]:
+class Realtime(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Section `realtime` of a configuration: scheduling that the main loop requests from the kernel.
+
+    Attributes:
+        priority: SCHED_FIFO priority; below 50, that of the kernel's interrupt threads, for which the loop waits.
+        cpu: Processor to stay on; None lets the kernel choose.
+        required: Whether the service refuses to start if a request is denied; else its frames say degraded_timing.
+    """
+
+    priority: Annotated[int, Meta(ge=1, le=99)] = 40
+    cpu: Annotated[int, Meta(ge=0, le=1023)] | None = None
+    required: bool = False
+
+
+def request_realtime(asked: Realtime) -> tuple[str, ...]:
     """Request SCHED_FIFO, CPU affinity and locked memory for this thread and its future threads; return what failed.
 
     Args:
-        priority: Priority of SCHED_FIFO, 1 to 99.
-        cpu: Number of the processor; None for any.
+        asked: The scheduling.
 
     Returns:
         Each refused request and its remedy, one line each.
@@ -67,7 +83,7 @@ def request_realtime(priority: int, cpu: int | None) -> tuple[str, ...]:
     libc = ctypes.CDLL(None, use_errno=True)
     # Without FIFO this saves 50 us of latency, and needs no right.
     libc.prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
-    return tuple(filter(None, (_set_affinity(cpu), _set_fifo(priority), _lock_memory(libc))))
+    return tuple(filter(None, (_set_affinity(asked.cpu), _set_fifo(asked.priority), _lock_memory(libc))))
 
 
 @contextmanager

@@ -7,7 +7,7 @@ keep a frame.
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,7 @@ ROWS = 3
 
 #: Every leg that a robot may have, in the order of the CAN node ids 1..8.
 ALL_LEGS = tuple(NODE_IDS)
+Leg = Literal["lf", "lm", "lr", "rf", "rm", "rr", "l4", "r4"]
 #: The legs of a hexapod, which is simulated where no robot is given.
 LEGS = ALL_LEGS[:6]
 

@@ -151,16 +151,16 @@ def slot_bit(slot: int) -> int:
     return 1 << (N_SLOTS - 1 - slot)
 
 
-def trigger_config(rate_sps: int, slot: int) -> int:
+def trigger_config(rate: Fdc1004Rate, slot: int) -> int:
     """Return the FDC_CONF register value that starts one conversion of measurement `slot` (0..3).
 
     Without REPEAT only one measurement may be enabled at a time (section 8.5.3.1).
 
     Example:
-        >>> [hex(trigger_config(400, slot)) for slot in range(3)]
+        >>> [hex(trigger_config(RATES[400], slot)) for slot in range(3)]
         ['0xc80', '0xc40', '0xc20']
     """
-    return CONF_RATE.encode(RATES[rate_sps].code) | CONF_TRIGGERS.encode(slot_bit(slot))
+    return CONF_RATE.encode(rate.code) | CONF_TRIGGERS.encode(slot_bit(slot))
 
 
 def result_register(slot: int) -> Fdc1004Register:

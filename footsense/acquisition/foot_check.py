@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.estimation.elements import OPEN_ELEMENT_THRESHOLD_REL, floating_row_crosstalk_pf
+from footsense.estimation.settings import TareLimits
 from footsense.frames import ELEMENTS, ROWS, Cause, Codes, Mask, Reading, State, Vector
 from footsense.leg_words import CAUSE_WORDS, STATE_AND_CAUSE_OF_READING, words_of_reading
 
@@ -82,9 +83,7 @@ def foot_faults(
     scans: FootScans,
     stray_pf: Vector,
     unloaded_pf: Vector,
-    *,
-    noise_limit_ff: float,
-    unloaded_limit_rel: float,
+    limits: TareLimits,
 ) -> tuple[FootFault, ...]:
     """Return the faults of an unloaded foot; empty for a fault-free one.
 
@@ -92,17 +91,15 @@ def foot_faults(
         scans: At least two scans of it in the air.
         stray_pf: Known capacitance in parallel with each element [pF], shape (elements,).
         unloaded_pf: Expected capacitance of each element, without stray [pF], shape (elements,).
-        noise_limit_ff: Noise above which a tare is refused [fF].
-        unloaded_limit_rel: Deviation from `unloaded_pf` above which a tare is refused [1].
+        limits: Noise, and deviation from `unloaded_pf`, above which a tare is refused.
 
     Example:
         >>> sound = FootScans(np.full((4, 9), 5.4), np.zeros((4, 9), np.uint8))
-        >>> limits = {"noise_limit_ff": 5.0, "unloaded_limit_rel": 0.03}
-        >>> foot_faults(sound, np.zeros(9), np.full(9, 5.387), **limits)
+        >>> foot_faults(sound, np.zeros(9), np.full(9, 5.387), TareLimits())
         ()
         >>> sound.capacitance_pf[:] = 5.7
         >>> sound.capacitance_pf[:, 3:6] = 0.3
-        >>> (fault,) = foot_faults(sound, np.zeros(9), np.full(9, 5.387), **limits)
+        >>> (fault,) = foot_faults(sound, np.zeros(9), np.full(9, 5.387), TareLimits())
         >>> fault.cause.name, fault.elements
         ('ROW_OPEN', (3, 4, 5))
     """
@@ -120,19 +117,21 @@ def foot_faults(
     wrong = opened | over
     # An interrupted row floats, and adds its capacitance to ground to the other elements.
     mean_pf = mean_pf - floating_row_crosstalk_pf(scans.mean_pf[None], opened[None])[0]
-    noisy = ~wrong & (scans.noise_ff > noise_limit_ff)
+    noisy = ~wrong & (scans.noise_ff > limits.noise_limit_ff)
     if noisy.any():
         noise_ff = scans.noise_ff[noisy].max()
-        observation = f"noise of up to {noise_ff:.1f} fF; a tare is refused above {noise_limit_ff:g} fF"
+        observation = (
+            f"noise of up to {noise_ff:.1f} fF; a tare is refused above {limits.noise_limit_ff:g} fF"
+        )
         advice = "whether the foot hangs still, the shield's connection, and motor cables beside the foot's"
         broken.append(FootFault(Cause.NONE, _indices(noisy), observation, advice))
     off_rel = mean_pf / unloaded_pf - 1.0
-    off = ~(wrong | noisy) & (np.abs(off_rel) > unloaded_limit_rel)
+    off = ~(wrong | noisy) & (np.abs(off_rel) > limits.unloaded_limit_rel)
     if off.any():
         worst = int(np.abs(np.where(off, off_rel, 0.0)).argmax())
         observation = (
             f"element {worst} reads {off_rel[worst]:+.1%} from the expected capacitance of the free foot; "
-            f"a tare is refused above {unloaded_limit_rel:.1%}"
+            f"a tare is refused above {limits.unloaded_limit_rel:.1%}"
         )
         advice = (
             "that nothing presses the foot; then put its readings below into the configuration as unloaded_pf"

@@ -193,8 +193,8 @@ def measure_chip_timing(bus: I2cBus, clock: Clock, plan: ScanPlan) -> ChipTiming
         I2cError: A transaction failed.
     """
     board = plan.board
-    rate_sps = max(board.conversion_ns)
-    step, following = (board.step(each.results[0].element, rate_sps) for each in plan.steps[:2])
+    rate = board.rates[max(board.rates)]
+    step, following = (board.step(each.results[0].element, rate) for each in plan.steps[:2])
 
     def finishes_in_time(wait_factor: float, *, next_started: bool) -> bool:
         for transaction in board.make_ready:
@@ -202,7 +202,7 @@ def measure_chip_timing(bus: I2cBus, clock: Clock, plan: ScanPlan) -> ChipTiming
         before_ns = clock.now_ns()
         bus.transfer(step.trigger)
         # The next trigger, which takes as long as this one, ends the conversion when the time is over.
-        clock.sleep_until_ns(before_ns + round(wait_factor * board.conversion_wait_ns(rate_sps)))
+        clock.sleep_until_ns(before_ns + round(wait_factor * board.conversion_wait_ns(rate)))
         if next_started:
             bus.transfer(following.trigger)
         if step.done is not None:

@@ -7,10 +7,10 @@ reads NO_ANSWER. Without any record, frames without a reading are returned.
 
 import logging
 from collections import Counter, deque
-from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from msgspec import Meta, Struct
 
 from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.conversion_order import CONVERSION_ORDERS
@@ -18,13 +18,14 @@ from firmware_interface.serial_decoder import SerialDecoder
 from firmware_interface.serial_frames import (
     N_NO_VALUE_CODES,
     NO_VALUE_BASE,
+    RECORD_BITS,
     NoValue,
     Record,
     RecordFlag,
     pack_values,
 )
 from footsense.clock_map import ClockMap
-from footsense.frames import ELEMENTS, CapFrame, Codes, Reading, Stamps, Vector
+from footsense.frames import ALL_LEGS, ELEMENTS, LEGS, CapFrame, Codes, Leg, Reading, Stamps, Vector
 from footsense.ports import Clock, SerialPort
 
 _NS_PER_US = 1000
@@ -51,6 +52,25 @@ _LOG_NS, _LOOK_NS = 10 * _NS_PER_S, _NS_PER_S
 _CORRUPT_VALUES = pack_values([NO_VALUE_BASE + Reading.CORRUPT] * ELEMENTS)
 
 _log = logging.getLogger(__name__)
+
+
+class Serial(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Section `serial` of a configuration: serial port of the microcontroller of board `mcu`, which scans the feet.
+
+    Attributes:
+        device: Port under /dev/serial/by-id, a name that survives unplugging; or `sim`.
+        baud: Bits per second of a UART or adapter; without effect if the microcontroller is a USB device itself.
+        rate_hz: Scans per second of the microcontroller, to detect missing ones; does not set its rate.
+        legs: Legs that it scans.
+    """
+
+    device: Annotated[
+        str,
+        Meta(pattern=r"^(/dev/[^\s]+|sim)$", description="such as /dev/serial/by-id/usb-..., or sim"),
+    ]
+    baud: Annotated[int, Meta(ge=9600, le=12_000_000)] = 921_600
+    rate_hz: Annotated[float, Meta(ge=1.0, le=1000.0)] = 200.0
+    legs: Annotated[tuple[Leg, ...], Meta(min_length=1, max_length=len(ALL_LEGS))] = LEGS  # type: ignore[assignment]
 
 
 class McuScan(NamedTuple):
@@ -105,9 +125,7 @@ class McuSource:
     Args:
         port: The line.
         clock: This machine's clock, of arrivals and of stamps.
-        legs: Names of the legs, in the order of a frame's rows.
-        rate_hz: Scans per second of the controller.
-        wire_ns: Time of a record on the line [ns].
+        serial: Rate of its scans and of its line, and its legs, in the order of a frame's rows.
 
     Attributes:
         n_late_discards: Frames that were returned without the record of a leg that had sent before.
@@ -115,18 +133,17 @@ class McuSource:
             already, or between two scans, which happens if the controller scans at twice the rate or more.
     """
 
-    def __init__(
-        self, port: SerialPort, clock: Clock, legs: Sequence[str], *, rate_hz: float, wire_ns: int = 0
-    ) -> None:
+    def __init__(self, port: SerialPort, clock: Clock, serial: Serial) -> None:
+        rate_hz = serial.rate_hz
         self.n_late_discards = 0
         self.n_unused = 0
         self._port = port
         self._clock = clock
-        self._rows = {NODE_IDS[leg]: row for row, leg in enumerate(legs)}
+        self._rows = {NODE_IDS[leg]: row for row, leg in enumerate(serial.legs)}
         self._half_scan_us = round(0.5e6 / rate_hz)
         self._longest_step_us = _MAX_RECORD_DURATION_SCANS * 1e6 / rate_hz / (ELEMENTS - 1)
         self._silent_ns = max(round(_SILENT_SCANS * _NS_PER_S / rate_hz), _MIN_SILENT_NS)
-        self._wire_ns = wire_ns
+        self._wire_ns = round(RECORD_BITS * _NS_PER_S / serial.baud)
         self._decoder = SerialDecoder()
         self._map = ClockMap()
         self._opened = port.n_opened

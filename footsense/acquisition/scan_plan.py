@@ -2,7 +2,9 @@
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Literal, NamedTuple
+
+from msgspec import Struct
 
 from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.acquisition.boards import ad7746, fdc1004
@@ -12,6 +14,20 @@ from footsense.ports import Transaction
 
 #: The boards, by their names in a configuration.
 BOARDS: Mapping[str, Board] = MappingProxyType({"fdc1004": fdc1004.BOARD, "ad7746": ad7746.BOARD})
+
+
+class Scan(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Section `scan` of a configuration: conversion rate and order of the elements.
+
+    Attributes:
+        rate_sps: Conversions per second of one converter; a lower rate has less noise: 100, 200 or 400 with board
+            `fdc1004`; 9, 11, 13, 16, 26, 50, 84 or 91 with board `ad7746`. None: the board's fastest.
+        order: Order of the elements: `lo_shu` (the magic square) keeps opposite ones at the same mean time, `raster`
+            switches half as many rows; the network is trained for both. None: lo_shu.
+    """
+
+    rate_sps: Literal[9, 11, 13, 16, 26, 50, 84, 91, 100, 200, 400] | None = None
+    order: Literal["lo_shu", "raster"] | None = None
 
 
 class BusReadings(NamedTuple):
@@ -58,7 +74,8 @@ def scan_plan(order: str, rate_sps: int, board: str = "fdc1004") -> ScanPlan:
         6
     """
     electronics = BOARDS[board]
-    steps = [electronics.step(element, rate_sps) for element in CONVERSION_ORDERS[order]]
+    rate = electronics.rates[rate_sps]
+    steps = [electronics.step(element, rate) for element in CONVERSION_ORDERS[order]]
     steps = [
         step._replace(
             select_changes=tuple(write for write in step.select if write not in before.select),
@@ -72,6 +89,6 @@ def scan_plan(order: str, rate_sps: int, board: str = "fdc1004") -> ScanPlan:
     return ScanPlan(
         board=electronics,
         steps=tuple(steps),
-        conversion_ns=electronics.conversion_ns[rate_sps],
-        conversion_wait_ns=electronics.conversion_wait_ns(rate_sps),
+        conversion_ns=rate.conversion_ns,
+        conversion_wait_ns=electronics.conversion_wait_ns(rate),
     )

@@ -17,9 +17,8 @@ from msgspec.structs import replace
 
 from footsense.benchmarks.naive import NaiveCycle, has_cantools
 from footsense.can.wire import SocketWire
-from footsense.clock import fifo_priority, low_latency_interpreter, stopwatch_ns
+from footsense.clock import Realtime, fifo_priority, low_latency_interpreter, stopwatch_ns
 from footsense.config import DEFAULT
-from footsense.config.sections import Realtime
 from footsense.daemon.acquisition import open_scan_source
 from footsense.daemon.can_output import can_sink
 from footsense.daemon.estimation import pipeline_for

@@ -21,12 +21,11 @@ import numpy as np
 
 from footsense.benchmarks.cycle import (
     N_WARM_UP_CYCLES,
-    REALTIME_PRIORITY,
     ServiceCycle,
     open_service_cycle,
     send_time_ns,
 )
-from footsense.clock import MonotonicClock, low_latency_interpreter, request_realtime
+from footsense.clock import MonotonicClock, Realtime, low_latency_interpreter, request_realtime
 from footsense.errors import FootsenseError
 from footsense.frames import CapFrame
 
@@ -101,7 +100,7 @@ def _run_loop(connection: Connection, scans: list[CapFrame]) -> None:
     """Answer with the exporter's port and what was refused, then each number of cycles with their latencies [ns]."""
     logging.disable()  # a walk that begins anew is reported as a jump
     with open_service_cycle() as cycle, _exporter(cycle.ring) as port, contextlib.suppress(EOFError):
-        refusals = request_realtime(REALTIME_PRIORITY, None)
+        refusals = request_realtime(Realtime())
         for scan in scans[:N_WARM_UP_CYCLES]:
             cycle.run(scan, send_time_ns(scan))
             cycle.drain()

@@ -14,14 +14,13 @@ import errno
 import logging
 import threading
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 from firmware_interface.can.socketcan import is_error, is_standard_data, unpack_frame
 from footsense.can.bus_health import BusHealth
 from footsense.can.frame_log import CanFrameLog
-from footsense.can.wire import error_text, open_wire
+from footsense.can.wire import Can, error_text, open_wire
 from footsense.errors import CanError
 from footsense.frames import CanStatistics
 from footsense.ports import CanWire
@@ -31,30 +30,6 @@ _log = logging.getLogger(__name__)
 #: Shortest and longest time between two attempts to reopen an interface [ns].
 _MIN_BACK_OFF_NS = 50_000_000
 _MAX_BACK_OFF_NS = 250_000_000
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ChannelSettings:
-    """Settings of a CAN interface and of its log file.
-
-    Attributes:
-        interface: Kind of channel, as python-can calls it: `virtual` or `socketcan`.
-        channel: Its name, such as `can0`.
-        bitrate: Bit rate of the bus [bit/s], for error messages: Linux sets it when the interface comes up.
-        commands: Whether commands are executed.
-        fd: Whether frames of CAN FD are sent.
-        log_file: File for every frame that a simulation sends: candump `.log`, `.asc` or `.blf`; None for none.
-        connect: Opens another interface than the named one, such as a simulated one, and does not wait; None for
-            python-can's way.
-    """
-
-    interface: str
-    channel: str
-    bitrate: int = 500_000
-    commands: bool = True
-    fd: bool = False
-    log_file: Path | None = None
-    connect: Callable[[], CanWire] | None = None
 
 
 class _OpenAttempt(threading.Thread):
@@ -94,10 +69,13 @@ class CanChannel:
     """Open CAN interface that sends and receives frames, and reopens itself after a failure.
 
     Args:
-        settings: Its settings.
+        can: The interface.
         accept: CAN ids that `receive` returns.
         first_frames: First frames; sending them also tests whether the channel is up.
         stats: Statistics of the channel.
+        log_file: File for every frame that a simulation sends: candump `.log`, `.asc` or `.blf`; None for none.
+        connect: Opens another interface than the named one, such as a simulated one, and does not wait; None for
+            python-can's way.
 
     Raises:
         RecordingError: The log cannot be opened.
@@ -106,34 +84,34 @@ class CanChannel:
 
     def __init__(
         self,
-        settings: ChannelSettings,
+        can: Can,
         accept: Collection[int],
         first_frames: Sequence[bytes],
         stats: CanStatistics,
+        *,
+        log_file: Path | None = None,
+        connect: Callable[[], CanWire] | None = None,
     ) -> None:
-        place = (settings.interface, settings.channel, settings.bitrate)
         self.stats = stats
         self._accept = frozenset(accept)
-        self._explained = partial(error_text, *place)
-        self._connect: Callable[[], CanWire] = settings.connect or partial(
-            open_wire, *place, self._accept, fd=settings.fd
-        )
-        self._name = f"CAN channel {settings.channel} ({settings.interface})"
-        self._health = BusHealth(settings.channel, stats)
+        self._explained = partial(error_text, can)
+        self._connect: Callable[[], CanWire] = connect or partial(open_wire, can, self._accept)
+        self._name = f"CAN channel {can.channel} ({can.interface})"
+        self._health = BusHealth(can.channel, stats)
         self._t_ns = 0
         self._back_off_ns = 0  # 0: the interface is open
         self._due_ns = 0
         self._lost_ns = 0
         self._gone: CanWire | None = None  # lost, and not closed yet
         self._log: CanFrameLog | None = None
-        self._is_real = settings.connect is None
+        self._is_real = connect is None
         self._opening: _OpenAttempt | None = None
         self._wire: CanWire | None = self._connect()
         try:
             # Sent before the log is open, and before the first force defines the time.
             self._unlogged = self._send_first_frames(first_frames)
-            if settings.log_file is not None:
-                self._log = CanFrameLog(settings.log_file, settings.channel)
+            if log_file is not None:
+                self._log = CanFrameLog(log_file, can.channel)
         except BaseException:
             self._close_socket()
             raise

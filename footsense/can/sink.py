@@ -18,7 +18,9 @@ The loop drives all of this, the heartbeats too. It turns even if no leg answers
 which is their purpose.
 """
 
+from collections.abc import Callable
 from heapq import heapify, heapreplace
+from pathlib import Path
 
 from firmware_interface.can.all_legs import NODES_OF_FRAME, encode_forces
 from firmware_interface.can.codes import NODE_IDS, Flag, NmtState
@@ -26,11 +28,12 @@ from firmware_interface.can.commands import COMMAND_ID
 from firmware_interface.can.crc8 import COUNTER_PERIOD
 from firmware_interface.can.force import ForceQualityEncoder
 from firmware_interface.can.socketcan import pack_fd_frame
-from footsense.can.channel import CanChannel, ChannelSettings
+from footsense.can.channel import CanChannel
 from footsense.can.commands import CanCommands
 from footsense.can.leg_frames import CanLeg, GaitFrames, heartbeat_frame, heartbeat_of_state
+from footsense.can.wire import Can
 from footsense.frames import CanStatistics, Command, CommandResult, ContactFrame
-from footsense.ports import Clock
+from footsense.ports import CanWire, Clock
 
 #: Most frames beside Force and Quality in one cycle; the others wait for the next. The interface's queue has room for
 #: so many (`deploy/80-can0.network`).
@@ -47,11 +50,13 @@ class CanSink:
     """CAN output: publishes forces and reports, and receives commands.
 
     Args:
-        settings: Settings of the channel.
+        can: The interface.
         legs: Name of the leg in each row of the frames.
         clock: The time of the frames.
         publish_every: Cycles for each `Force`, at least 1.
         force_step_mn: What a bit of a force stands for [mN].
+        log_file: As of `CanChannel`.
+        connect: As of `CanChannel`.
 
     Attributes:
         stats: Statistics of the channel.
@@ -66,27 +71,31 @@ class CanSink:
 
     def __init__(
         self,
-        settings: ChannelSettings,
+        can: Can,
         legs: tuple[str, ...],
         clock: Clock,
         *,
         publish_every: int = 1,
         force_step_mn: int = 1,
+        log_file: Path | None = None,
+        connect: Callable[[], CanWire] | None = None,
     ) -> None:
         self.stats = CanStatistics()
         nodes = [NODE_IDS[leg] for leg in legs]
         self._channel = CanChannel(
-            settings,
+            can,
             accept=[COMMAND_ID + node for node in nodes],
             first_frames=[heartbeat_frame(node, NmtState.BOOT) for node in nodes],
             stats=self.stats,
+            log_file=log_file,
+            connect=connect,
         )
-        self._obeys = settings.commands
+        self._obeys = can.executes_commands
         #: Ids of the CAN FD frames with the forces of this robot's legs; none with classic CAN.
         self._fd_ids = [
             can_id
             for can_id, of_frame in NODES_OF_FRAME.items()
-            if settings.fd and not set(nodes).isdisjoint(of_frame)
+            if can.fd and not set(nodes).isdisjoint(of_frame)
         ]
         self._nodes = nodes
         self._clock = clock

@@ -13,7 +13,9 @@ import socket
 import struct
 from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from msgspec import Meta, Struct
 
 from firmware_interface.can.socketcan import (
     ERROR,
@@ -45,29 +47,58 @@ _ERROR_FILTER_OPTION, _ALL_ERRORS = 2, 0x1FFF_FFFF
 _CLASSIC_DATA_BYTES = 8
 
 
-def open_wire(
-    interface: str, channel: str, bitrate: int, accept: Collection[int], *, fd: bool = False
-) -> CanWire:
+Interface = Literal["virtual", "socketcan", "udp_multicast"]
+
+
+class Can(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Section `can` of a configuration: CAN interface on which forces are published.
+
+    Attributes:
+        interface: `socketcan` on the robot; `virtual` stays within the process, `udp_multicast` on this computer.
+        channel: Name of the network interface; with `udp_multicast` an address such as 239.74.163.2.
+        bitrate: Bit rate [bit/s], to compute the bus load; the kernel sets it (deploy/README.md).
+        commands: Whether commands are executed. None: those of a CAN bus, but not those of `udp_multicast`, which every
+            program on this computer can send.
+        fd: Whether the forces of all legs go out in one CAN FD frame; the interface has to be one of CAN FD.
+    """
+
+    interface: Annotated[
+        Interface,
+        Meta(description="a CAN device of Linux: interface: socketcan, channel: can0, or vcan0"),
+    ]
+    channel: Annotated[
+        str, Meta(pattern=r"^[^\s/]{1,15}$", description="a network interface such as can0")
+    ] = "can0"
+    bitrate: Annotated[int, Meta(ge=10_000, le=1_000_000, description="classic CAN ends at 1 Mbit/s")] = (
+        500_000
+    )
+    commands: bool | None = None
+    fd: bool = False
+
+    @property
+    def executes_commands(self) -> bool:
+        """Whether commands received on CAN are executed."""
+        return self.interface != "udp_multicast" if self.commands is None else self.commands
+
+
+def open_wire(can: Can, accept: Collection[int]) -> CanWire:
     """Open and return a CAN interface.
 
     Args:
-        interface: `socketcan`, or `virtual` or `udp_multicast` as python-can calls them.
-        channel: Its name, such as `can0`.
-        bitrate: Bit rate of the bus [bit/s], for the remedy in an error message.
+        can: The interface; frames of CAN FD are received in any case.
         accept: CAN ids that the kernel's filter accepts, on `socketcan`.
-        fd: Whether frames of CAN FD are sent; they are received in any case.
 
     Raises:
         CanError: There is no such interface, or it is a classic one and is to send frames of CAN FD.
     """
     try:
-        if interface == "socketcan":
-            if fd:
-                _require_fd(channel, bitrate)
-            return SocketWire(_open_socket(channel, accept))
-        return _BusWire(_open_bus(interface, channel))
+        if can.interface == "socketcan":
+            if can.fd:
+                _require_fd(can.channel, can.bitrate)
+            return SocketWire(_open_socket(can.channel, accept))
+        return _BusWire(_open_bus(can.interface, can.channel))
     except OSError as error:
-        raise CanError(error_text(interface, channel, bitrate, error)) from error
+        raise CanError(error_text(can, error)) from error
 
 
 def _require_fd(channel: str, nominal_bitrate: int) -> None:
@@ -253,12 +284,13 @@ def _flagged_id(message: "can.Message") -> int:
     )
 
 
-def error_text(interface: str, channel: str, bitrate: int, error: OSError) -> str:
+def error_text(can: Can, error: OSError) -> str:
     """Return an error of a CAN interface and its remedy as one line of text."""
-    name = f"CAN channel {channel} ({interface})"
+    channel = can.channel
+    name = f"CAN channel {channel} ({can.interface})"
     match error.errno:
         case errno.ENETDOWN:
-            kind = "" if channel.startswith("vcan") else f" type can bitrate {bitrate}"
+            kind = "" if channel.startswith("vcan") else f" type can bitrate {can.bitrate}"
             return f"{name} is down; try: ip link set {channel} up{kind}"
         case errno.ENODEV | errno.ENXIO:
             return f"{name} does not exist; those that do: ip -details link show type can"

@@ -46,12 +46,9 @@ def _settings(models: Models) -> dict[str, Any]:
     for bus in settings["buses"]:
         bus["mux"]["address"] = f"{bus['mux']['address']:#04x}"
     settings["buses"] = {bus["device"]: bus for bus in settings["buses"]}
-    if config.serial is None:
-        settings["scan"] = {"rate_sps": config.rate_sps, "order": config.conversion_order}
     design = card.trained_inputs.design
     return settings | {
-        "publish_every": config.effective_publish_every,
-        "max_age_ms": config.effective_max_age_ms,
+        **config.effective,
         "contact": {"threshold_n": contact_threshold_n(models)},
         "calibrations": {leg: _calibration(foot) for leg, foot in models.calibrations_by_leg.items()},
         "network_sha256": models.network.sha256,

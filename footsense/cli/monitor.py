@@ -10,6 +10,7 @@ from rich.live import Live
 from rich.text import Text
 
 from firmware_interface.can.codes import Cause, Flag, NmtState, Slip
+from footsense.can.wire import Interface
 from footsense.cli.can.can_options import can_options
 from footsense.cli.options import StopRequest, duration_option
 from footsense.cli.tables import (
@@ -60,7 +61,7 @@ _NODE_STATE_WORDS = {
     help="Print one line of JSON per leg and second; the default if the output is no terminal.",
 )
 def monitor(
-    interface: str,
+    interface: Interface,
     channel: str,
     force_step_mn: int,
     max_age_ms: int,

@@ -31,8 +31,6 @@ from footsense.sim.test_stand.press_sequence import PressSequence
 _NS_PER_S = 1_000_000_000
 #: Time that a simulated test stand runs on after its last press, for the offset of the reference [s].
 _TIME_AFTER_LAST_PRESS_S = 0.5
-#: Limit of the unloaded readings of a foot that is not calibrated, over the designed ones minus one [1].
-_UNCALIBRATED_UNLOADED_LIMIT_REL = 0.5
 
 _FILE_PATH_TYPE = click.Path(dir_okay=False, path_type=Path)
 
@@ -151,7 +149,7 @@ def _with_foot_on_leg(config: Config, leg: str, foot: str) -> Config:
             f"--foot {foot}: the configuration says that {other} is on {leg}; correct one of them"
         )
     # A foot that is not calibrated may read far from its design; its tare is accepted.
-    tare = plain["tare"] | {"unloaded_limit_rel": _UNCALIBRATED_UNLOADED_LIMIT_REL}
+    tare = msgspec.to_builtins(config.tare.for_uncalibrated_foot())
     changed = {"feet": {**plain["feet"], leg: foot}, "calibrations": None, "tare": tare}
     try:
         config = msgspec.convert(plain | changed, Config)

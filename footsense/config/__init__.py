@@ -7,9 +7,10 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
+from footsense.can.wire import Can
 from footsense.config.contradictions import first_contradiction
 from footsense.config.schema import Config
-from footsense.config.sections import Bus, Can, Mux, ResetLine
+from footsense.config.sections import Bus, Mux, ResetLine
 from footsense.strict_yaml import load
 
 __all__ = ["DEFAULT", "Config", "load_config"]

@@ -3,10 +3,13 @@
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from ipaddress import IPv4Address
+from typing import Any
 
 from firmware_interface.wire_timing import can_bits_per_s
-from footsense.config.schema import DEFAULT_PUBLISH_EVERY, RATES_BY_BOARD, Config
-from footsense.config.sections import PCA9685_ALLCALL_ADDRESS, Bus, Leg, Mux, Scan, Serial
+from footsense.acquisition.mcu_source import Serial
+from footsense.acquisition.scan_plan import BOARDS, Scan
+from footsense.config.schema import DEFAULT_PUBLISH_EVERY, Config
+from footsense.config.sections import PCA9685_ALLCALL_ADDRESS, Bus, Mux
 from footsense.strict_yaml import Problem
 
 #: Largest share of the CAN bit rate for all frames of footsense; the rest is the robot's.
@@ -66,7 +69,7 @@ def _mcu_rules(config: Config, serial: Serial | None) -> Iterator[_Rule]:
 
 
 def _i2c_rules(config: Config) -> Iterator[_Rule]:
-    board, rates = config.board, RATES_BY_BOARD[config.board]
+    board, rates = config.board, BOARDS[config.board].rates
     yield config.serial is not None, "serial", f"is for board: mcu; the board {board} is read over I2C"
     yield not config.buses, "board", f"the board {board} is read over I2C: name its buses, with their legs"
     allowed = ", ".join(map(str, sorted(rates)))
@@ -121,7 +124,7 @@ def _foot_rules(config: Config) -> Iterator[_Rule]:
     yield from _repeated(
         [(f"feet.{leg}", foot, leg) for leg, foot in feet.items()], "{} is already mounted on {}"
     )
-    sections: dict[str, Mapping[Leg, object]] = {
+    sections: dict[str, Mapping[Any, object]] = {
         "stray_pf": config.stray_pf,
         "unloaded_pf": config.unloaded_pf,
     }

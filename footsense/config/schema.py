@@ -2,20 +2,21 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from types import MappingProxyType
 from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
-from firmware_interface.chips import ad7746, fdc1004
+from firmware_interface.chips import fdc1004
+from footsense.acquisition.boards.board import ConversionRate
+from footsense.acquisition.mcu_source import Serial
+from footsense.acquisition.scan_plan import BOARDS, Scan, ScanPlan, scan_plan
+from footsense.can.wire import Can
+from footsense.clock import Realtime
 from footsense.config import sections
+from footsense.estimation.settings import ContactLimits, TareLimits
 from footsense.foot.files.calibration_format import FootId
-from footsense.frames import ELEMENTS
+from footsense.frames import ELEMENTS, Leg
 
-#: Time and noise of a conversion by conversions per second, of each board on an I2C bus.
-RATES_BY_BOARD: Mapping[str, Mapping[int, fdc1004.Fdc1004Rate | ad7746.Ad7746Rate]] = MappingProxyType(
-    {"fdc1004": fdc1004.RATES, "ad7746": ad7746.RATES}
-)
 #: Default of `publish_every`: 92 forces a second, with all other frames 34 % of 500 kbit/s for six legs.
 DEFAULT_PUBLISH_EVERY = 4
 
@@ -53,16 +54,16 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     board: Literal["fdc1004", "ad7746", "mcu"] = "fdc1004"
     buses: Annotated[tuple[sections.Bus, ...], Meta(max_length=8)] = ()
-    serial: sections.Serial | None = None
-    can: Annotated[sections.Can, Meta(description="interface: socketcan, channel: can0 on a robot")]
-    scan: sections.Scan = sections.Scan()
+    serial: Serial | None = None
+    can: Annotated[Can, Meta(description="interface: socketcan, channel: can0 on a robot")]
+    scan: Scan = Scan()
     publish_every: Annotated[int, Meta(ge=1, le=36)] = DEFAULT_PUBLISH_EVERY
-    tare: sections.Tare = sections.Tare()
+    tare: TareLimits = TareLimits()
     baseline: sections.BaselineTracking = sections.BaselineTracking()
-    contact: sections.Contact = sections.Contact()
+    contact: ContactLimits = ContactLimits()
     max_age_ms: Annotated[int, Meta(ge=1, le=10_000)] | None = None
-    stray_pf: dict[sections.Leg, sections.StrayPf] = {}
-    unloaded_pf: dict[sections.Leg, sections.UnloadedPf] = {}
+    stray_pf: dict[Leg, sections.StrayPf] = {}
+    unloaded_pf: dict[Leg, sections.UnloadedPf] = {}
     foot_type: Annotated[
         str,
         Meta(
@@ -71,12 +72,12 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         ),
     ] = "aoyagi-3x3"
     model: Annotated[str, Meta(min_length=1)] | None = None
-    feet: dict[sections.Leg, FootId] = {}
+    feet: dict[Leg, FootId] = {}
     calibrations: Annotated[str, Meta(min_length=1)] | None = None
     ring: Annotated[str, Meta(min_length=1)] | None = None
     metrics: sections.Metrics = sections.Metrics()
     view: sections.PageServer = sections.PageServer()
-    realtime: sections.Realtime | None = None
+    realtime: Realtime | None = None
 
     @property
     def legs(self) -> tuple[str, ...]:
@@ -118,19 +119,30 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return self.scan.rate_sps or max(self._conversion_rate_by_sps)
 
     @property
-    def conversion_rate(self) -> fdc1004.Fdc1004Rate | ad7746.Ad7746Rate:
+    def conversion_rate(self) -> ConversionRate:
         """Conversion time and noise at the configured rate."""
         return self._conversion_rate_by_sps[self.rate_sps]
 
     @property
-    def _conversion_rate_by_sps(self) -> Mapping[int, fdc1004.Fdc1004Rate | ad7746.Ad7746Rate]:
+    def _conversion_rate_by_sps(self) -> Mapping[int, ConversionRate]:
         # The converters of a microcontroller are unknown here: assume those of the default board.
-        return RATES_BY_BOARD.get(self.board, fdc1004.RATES)
+        return BOARDS[self.board].rates if self.board in BOARDS else fdc1004.RATES
 
     @property
-    def conversion_order(self) -> Literal["lo_shu", "raster"]:
-        """Conversion order of the elements: the configured one, or `lo_shu`."""
-        return self.scan.order or "lo_shu"
+    def scan_plan(self) -> ScanPlan:
+        """Plan of a scan of feet that are read over I2C."""
+        return scan_plan(self.scan.order or "lo_shu", self.rate_sps, self.board)
+
+    @property
+    def effective(self) -> dict[str, object]:
+        """Settings that depend on others, by their keys, with the values in use."""
+        values: dict[str, object] = {
+            "publish_every": self.effective_publish_every,
+            "max_age_ms": self.effective_max_age_ms,
+        }
+        if self.serial is None:
+            values["scan"] = {"rate_sps": self.rate_sps, "order": self.scan.order or "lo_shu"}
+        return values
 
     @property
     def effective_max_age_ms(self) -> float:

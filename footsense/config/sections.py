@@ -1,13 +1,11 @@
 """Schemas of the sections of the configuration file, with the allowed range of each field."""
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 from msgspec import Meta, Struct
 
 from firmware_interface.chips import tca9548a
-from footsense.frames import ALL_LEGS, ELEMENTS, LEGS
-
-Leg = Literal["lf", "lm", "lr", "rf", "rm", "rr", "l4", "r4"]
+from footsense.frames import ELEMENTS, Leg
 
 #: PCA9685 servo boards answer to it beside their own address unless MODE1.ALLCALL is cleared.
 PCA9685_ALLCALL_ADDRESS = 0x70
@@ -92,54 +90,6 @@ class Bus(Section, frozen=True, kw_only=True):
         return self.mux.address if self.leg is None else None
 
 
-class Serial(Section, frozen=True, kw_only=True):
-    """Section `serial`: serial port of the microcontroller of board `mcu`, which scans the feet.
-
-    Attributes:
-        device: Port under /dev/serial/by-id, a name that survives unplugging; or `sim`.
-        baud: Bits per second of a UART or adapter; without effect if the microcontroller is a USB device itself.
-        rate_hz: Scans per second of the microcontroller, to detect missing ones; does not set its rate.
-        legs: Legs that it scans.
-    """
-
-    device: Annotated[
-        str,
-        Meta(pattern=r"^(/dev/[^\s]+|sim)$", description="such as /dev/serial/by-id/usb-..., or sim"),
-    ]
-    baud: Annotated[int, Meta(ge=9600, le=12_000_000)] = 921_600
-    rate_hz: Annotated[float, Meta(ge=1.0, le=1000.0)] = 200.0
-    legs: Annotated[tuple[Leg, ...], Meta(min_length=1, max_length=len(ALL_LEGS))] = LEGS  # type: ignore[assignment]
-
-
-class Scan(Section, frozen=True, kw_only=True):
-    """Section `scan`: conversion rate and order of the elements.
-
-    Attributes:
-        rate_sps: Conversions per second of one converter; a lower rate has less noise: 100, 200 or 400 with board
-            `fdc1004`; 9, 11, 13, 16, 26, 50, 84 or 91 with board `ad7746`. None: the board's fastest.
-        order: Order of the elements: `lo_shu` (the magic square) keeps opposite ones at the same mean time, `raster`
-            switches half as many rows; the network is trained for both. None: lo_shu.
-    """
-
-    rate_sps: Literal[9, 11, 13, 16, 26, 50, 84, 91, 100, 200, 400] | None = None
-    order: Literal["lo_shu", "raster"] | None = None
-
-
-class Tare(Section, frozen=True, kw_only=True):
-    """Section `tare`: conditions under which the present readings become the baseline of a foot.
-
-    Attributes:
-        window_scans: Scans averaged.
-        noise_limit_ff: Largest standard deviation of an element over the window [fF].
-        unloaded_limit_rel: Largest deviation of an element from `unloaded_pf` that counts as unloaded [1]; 3 % of the
-            capacitance are 4 % of the gap.
-    """
-
-    window_scans: Annotated[int, Meta(ge=2, le=1000)] = 8
-    noise_limit_ff: Annotated[float, Meta(gt=0.0, le=1000.0)] = 5.0
-    unloaded_limit_rel: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.03
-
-
 class BaselineTracking(Section, frozen=True, kw_only=True):
     """Section `baseline`: drift tracking of the baseline between tares.
 
@@ -149,49 +99,6 @@ class BaselineTracking(Section, frozen=True, kw_only=True):
     """
 
     track: bool = True
-
-
-class Contact(Section, frozen=True, kw_only=True):
-    """Section `contact`: threshold of contact detection.
-
-    Attributes:
-        threshold_n: Load along the leg, above the reading in swing, from which a foot is in contact [N]; contact ends
-            at half of it. Well above the inertial force of the foot's own mass in swing, well below a stance's load.
-            None: 1.5 % of the feet's largest force, 0.03 N for the paper's.
-    """
-
-    threshold_n: Annotated[float, Meta(ge=0.002, le=10.0)] | None = None
-
-
-class Can(Section, frozen=True, kw_only=True):
-    """Section `can`: CAN interface on which forces are published.
-
-    Attributes:
-        interface: `socketcan` on the robot; `virtual` stays within the process, `udp_multicast` on this computer.
-        channel: Name of the network interface; with `udp_multicast` an address such as 239.74.163.2.
-        bitrate: Bit rate [bit/s], to compute the bus load; the kernel sets it (deploy/README.md).
-        commands: Whether commands are executed. None: those of a CAN bus, but not those of `udp_multicast`, which every
-            program on this computer can send.
-        fd: Whether the forces of all legs go out in one CAN FD frame; the interface has to be one of CAN FD.
-    """
-
-    interface: Annotated[
-        Literal["virtual", "socketcan", "udp_multicast"],
-        Meta(description="a CAN device of Linux: interface: socketcan, channel: can0, or vcan0"),
-    ]
-    channel: Annotated[
-        str, Meta(pattern=r"^[^\s/]{1,15}$", description="a network interface such as can0")
-    ] = "can0"
-    bitrate: Annotated[int, Meta(ge=10_000, le=1_000_000, description="classic CAN ends at 1 Mbit/s")] = (
-        500_000
-    )
-    commands: bool | None = None
-    fd: bool = False
-
-    @property
-    def executes_commands(self) -> bool:
-        """Whether commands received on CAN are executed."""
-        return self.interface != "udp_multicast" if self.commands is None else self.commands
 
 
 class Metrics(Section, frozen=True, kw_only=True):
@@ -216,17 +123,3 @@ class PageServer(Section, frozen=True, kw_only=True):
 
     address: str = "127.0.0.1"
     port: Annotated[int, Meta(ge=1, le=65535)] = 8765
-
-
-class Realtime(Section, frozen=True, kw_only=True):
-    """Section `realtime`: scheduling that the main loop requests from the kernel.
-
-    Attributes:
-        priority: SCHED_FIFO priority; below 50, that of the kernel's interrupt threads, for which the loop waits.
-        cpu: Processor to stay on; None lets the kernel choose.
-        required: Whether the service refuses to start if a request is denied; else its frames say degraded_timing.
-    """
-
-    priority: Annotated[int, Meta(ge=1, le=99)] = 40
-    cpu: Annotated[int, Meta(ge=0, le=1023)] | None = None
-    required: bool = False

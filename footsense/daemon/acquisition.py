@@ -6,16 +6,14 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from firmware_interface.serial_frames import RECORD_BITS
 from footsense.acquisition.leg_bus import BusTiming, LegBus
 from footsense.acquisition.linux_i2c import LinuxI2cBus
-from footsense.acquisition.mcu_source import McuSource
-from footsense.acquisition.scan_plan import ScanPlan, scan_plan
+from footsense.acquisition.mcu_source import McuSource, Serial
 from footsense.acquisition.scanner import BusScanner, RobotScanner
 from footsense.acquisition.serial_port import SerialLink
 from footsense.clock import MonotonicClock
 from footsense.config import Config
-from footsense.config.sections import Bus, Serial
+from footsense.config.sections import Bus
 from footsense.daemon.simulation import simulated_robot
 from footsense.frames import ELEMENTS, CapFrame, Vector
 from footsense.ports import Clock, SerialPort, WakeupLatency
@@ -61,11 +59,6 @@ class ScanSource:
             if frame.sequence % self.frames_per_scan == 0:
                 scans.append(frame)
         return scans
-
-
-def scan_plan_for(config: Config) -> ScanPlan:
-    """Return the scan plan of a robot whose feet are read over I2C."""
-    return scan_plan(config.conversion_order, config.rate_sps, config.board)
 
 
 class OpenBus(NamedTuple):
@@ -183,15 +176,13 @@ def _open_microcontroller(serial: Serial, robot: SimulatedRobot | None, scene: S
     else:
         mcu = simulated_mcu(robot, scene, serial.rate_hz)
         port = SimulatedSerialPort(mcu, clock, rate_hz=serial.rate_hz, baud=serial.baud)
-    wire_ns = round(RECORD_BITS * 1e9 / serial.baud)
-    source = McuSource(port, clock, serial.legs, rate_hz=serial.rate_hz, wire_ns=wire_ns)
-    return ScanSource(source, clock, wakeups=(own.wakeups,))
+    return ScanSource(McuSource(port, clock, serial), clock, wakeups=(own.wakeups,))
 
 
 def _open_bus_scanners(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -> ScanSource:
     """Open and start the scanners of all I2C buses."""
     buses = open_buses(config, robot, stack)
-    plan = scan_plan_for(config)
+    plan = config.scan_plan
     scanners = []
     for bus, clock, legs in buses:
         scanners.append(BusScanner(legs, clock, bus.channels, plan))

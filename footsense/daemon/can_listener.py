@@ -6,7 +6,7 @@ from firmware_interface.can.all_legs import NODES_OF_FRAME
 from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.can.force import FORCE_ID
 from firmware_interface.can.socketcan import unpack_frame
-from footsense.can.wire import open_wire
+from footsense.can.wire import Can, Interface, open_wire
 from footsense.client import (
     GAIT_EVENT_IDS,
     LINK_IDS,
@@ -134,7 +134,7 @@ class Listener:
 
 
 def open_listener(
-    interface: str,
+    interface: Interface,
     channel: str,
     clock: Clock,
     limits: LinkLimits,
@@ -145,5 +145,5 @@ def open_listener(
     Raises:
         CanError: The channel is missing or down.
     """
-    wire = open_wire(interface, channel, 500_000, [*LINK_IDS, *REPORT_IDS, *GAIT_EVENT_IDS])
+    wire = open_wire(Can(interface=interface, channel=channel), [*LINK_IDS, *REPORT_IDS, *GAIT_EVENT_IDS])
     return Listener(wire, clock, limits, force_step_mn)

@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from footsense.can.channel import ChannelSettings
 from footsense.can.sink import CanSink
 from footsense.config import Config
 from footsense.errors import RecordingError
@@ -32,21 +31,14 @@ def can_sink(
         CanError: The channel is missing or down.
         RecordingError: The log cannot be made, or is not whole at the end.
     """
-    settings = ChannelSettings(
-        interface=config.can.interface,
-        channel=config.can.channel,
-        bitrate=config.can.bitrate,
-        commands=config.can.executes_commands,
-        fd=config.can.fd,
-        log_file=log_file,
-        connect=connect,
-    )
     sink = CanSink(
-        settings,
+        config.can,
         config.legs,
         clock,
         publish_every=config.effective_publish_every,
         force_step_mn=force_step_mn,
+        log_file=log_file,
+        connect=connect,
     )
     with close_at_end(sink.close):
         yield sink

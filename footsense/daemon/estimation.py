@@ -1,7 +1,6 @@
 """Build the estimation pipeline from configuration and models."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,10 +14,9 @@ from footsense.estimation.pipeline import Pipeline
 from footsense.estimation.sensitivity import Sensitivity, sensitivity
 from footsense.estimation.settings import (
     CONVERTER_MAX_PF,
-    ContactLimits,
+    MIN_SWING_RISE_N_PER_S,
     EstimationLimits,
     MountedFeet,
-    TareLimits,
 )
 from footsense.frames import ELEMENTS, Vector
 from footsense.ports import Estimator
@@ -40,19 +38,16 @@ def pipeline_for(models: Models, flags: int) -> Pipeline:
 
     Raises:
         ModelError: A calibration cannot be used for its foot.
-        ConfigError: A limit of `contact` is below the noise of these feet.
+        ConfigError: The limit of `contact` is below the noise of these feet.
     """
     config, network = models.config, models.network
     trained = network.card.trained_inputs
     force_sensitivity = sensitivity(network, len(config.legs), trained.moments)
     estimator, set_temperature = _estimator_and_temperature_setter(models)
     limits = EstimationLimits(
-        tare=TareLimits(
-            window_scans=config.tare.window_scans,
-            noise_limit_ff=config.tare.noise_limit_ff,
-            unloaded_limit_rel=config.tare.unloaded_limit_rel,
-        ),
-        contact=_contact_limits(models, force_sensitivity),
+        tare=config.tare,
+        least_contact_n=contact_threshold_n(models),
+        max_swing_rise_n_per_s=_max_swing_rise_n_per_s(models, force_sensitivity),
         scan_ns=round(config.shortest_scan_ms * 1e6),
         max_age_ns=round(config.effective_max_age_ms * 1e6),
         track_baseline=config.baseline.track,
@@ -106,8 +101,8 @@ def contact_threshold_n(models: Models) -> float:
     return default_n if configured is None else configured
 
 
-def _contact_limits(models: Models, force_sensitivity: Sensitivity) -> ContactLimits:
-    """Return the contact thresholds of a foot type, above the force errors that drift and noise cause.
+def _max_swing_rise_n_per_s(models: Models, force_sensitivity: Sensitivity) -> float:
+    """Return the limit of the rise of the load in swing [N/s], above the force errors that drift causes.
 
     Raises:
         ConfigError: The configured threshold is within the noise of these feet.
@@ -124,5 +119,4 @@ def _contact_limits(models: Models, force_sensitivity: Sensitivity) -> ContactLi
             f"use at least {least_n:.2g}"
         )
     rise_n_per_s = _SWING_RISE_LIMIT_TO_DRIFT_RATIO * MAX_DRIFT_PF_PER_S * n_per_pf
-    limits = ContactLimits(min_threshold_n=threshold_n)
-    return replace(limits, max_swing_rise_n_per_s=max(limits.max_swing_rise_n_per_s, rise_n_per_s))
+    return max(MIN_SWING_RISE_N_PER_S, rise_n_per_s)

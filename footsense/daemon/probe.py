@@ -15,7 +15,7 @@ from footsense.acquisition.scan_plan import ScanPlan
 from footsense.acquisition.scanner import RobotScanner
 from footsense.config import Config
 from footsense.config.sections import Bus
-from footsense.daemon.acquisition import MIN_BUS_SPEED_REL, open_buses, open_scan_source, scan_plan_for
+from footsense.daemon.acquisition import MIN_BUS_SPEED_REL, open_buses, open_scan_source
 from footsense.daemon.estimation import mounted_feet
 from footsense.daemon.models import load_models
 from footsense.daemon.simulation import simulated_robot
@@ -232,7 +232,7 @@ def probe(config: Config, scene: Scene | None) -> ProbeResult:
     diagnoses: list[Diagnosis] = []
     conversions_ns = 0
     if config.buses:  # a microcontroller has its own buses
-        plan = scan_plan_for(config)
+        plan = config.scan_plan
         buses = tuple(_probe_buses(config, scene, plan))
         diagnoses += [diagnosis for report in buses for diagnosis in bus_diagnoses(report, plan)]
         conversions_ns = ELEMENTS * plan.conversion_ns
@@ -297,7 +297,6 @@ def _probed_legs(
                 scans,
                 known.stray_pf[row],
                 known.unloaded_pf[row],
-                noise_limit_ff=config.tare.noise_limit_ff,
-                unloaded_limit_rel=config.tare.unloaded_limit_rel,
+                config.tare,
             )
         yield ProbedLeg(*place, timings[row] if timings else None, scans, faults)

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from footsense import __version__
+from footsense.can.wire import Can
 from footsense.clock import wall_time_iso, wall_time_ns
 from footsense.config import Config
-from footsense.config.sections import Can
 from footsense.daemon.estimation import mounted_feet
 from footsense.daemon.models import Models
 from footsense.errors import RecordingError

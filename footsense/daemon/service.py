@@ -13,9 +13,9 @@ import msgspec
 from firmware_interface.can.force import force_step_mn
 from footsense.can.frame_log import check_log_target
 from footsense.can.sink import CanSink
-from footsense.clock import MonotonicClock, low_latency_interpreter, request_realtime
+from footsense.can.wire import Can
+from footsense.clock import MonotonicClock, Realtime, low_latency_interpreter, request_realtime
 from footsense.config import Config
-from footsense.config.sections import Can, Realtime
 from footsense.daemon.acquisition import check_adapters, open_scan_source
 from footsense.daemon.can_output import can_sink, close_at_end, simulated_can
 from footsense.daemon.estimation import pipeline_for
@@ -226,7 +226,7 @@ def request_scheduling(asked: Realtime | None) -> Flag:
     Raises:
         ConfigError: The scheduling is required and denied.
     """
-    refusals = () if asked is None else request_realtime(asked.priority, asked.cpu)
+    refusals = () if asked is None else request_realtime(asked)
     if asked is not None and asked.required and refusals:
         raise ConfigError(f"realtime.required: {'; '.join(refusals)}; or take `required` away")
     for refusal in refusals:

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterator
 
-from footsense.acquisition.scan_plan import scan_plan
 from footsense.config import Config
 from footsense.daemon.foot_types import check_foot_type, foot_type_folder
 from footsense.errors import ConfigError
@@ -45,7 +44,7 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
     check_foot_type(table, response.foot_type, config)
     for problem in _inapplicable_faults(config, scene):
         raise ConfigError(f"scene: {problem}")
-    plan = scan_plan(config.conversion_order, config.rate_sps, config.board) if config.buses else None
+    plan = config.scan_plan if config.buses else None
     return SimulatedRobot(scene, response, wiring, plan.conversion_wait_ns if plan else math.inf)
 
 

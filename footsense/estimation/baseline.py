@@ -4,6 +4,7 @@ A tare (`tare.py`) gives a baseline: at start without a command, later on comman
 the drift of a foot in swing (`drift.py`); `contact.py` tells swing from stance.
 """
 
+from functools import partial
 from operator import attrgetter
 from typing import NamedTuple
 
@@ -103,8 +104,9 @@ class BaselineTracker:
         self.tares = Tares(limits.tare, feet)
         self._sensitivity = sensitivity
         self._track = limits.track_baseline
+        self._contact = partial(ContactDetector, limits.least_contact_n, limits.max_swing_rise_n_per_s)
         self._baselines = [LegBaseline(leg_pf, limits.tare) for leg_pf in unloaded_pf]
-        self.contacts = [ContactDetector(limits.contact) for _ in unloaded_pf]
+        self.contacts = [self._contact() for _ in unloaded_pf]
         # Near the unloaded distance, where the error of a baseline matters.
         self._closure_per_pf = float(design.plate_distance_um(unloaded_pf).mean()) / (
             design.gap_um * float(unloaded_pf.mean())
@@ -269,5 +271,5 @@ class BaselineTracker:
             if leg not in self.tares.untared:
                 self.tares.restart(leg)
                 self._baselines[leg].discard()
-                self.contacts[leg] = ContactDetector(self.contacts[leg].limits)
+                self.contacts[leg] = self._contact()
                 self._copy_changed_baselines()

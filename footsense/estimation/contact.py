@@ -18,7 +18,7 @@ One element alone makes no contact: the load is a trimmed mean, without the larg
 import math
 from collections import deque
 
-from footsense.estimation.settings import ContactLimits
+from footsense.estimation.settings import MIN_SWING_RISE_N_PER_S
 from footsense.frames import CommandKind, Vector
 
 #: A fall ends contact below this share of the mean load over the last second or so [1].
@@ -39,6 +39,9 @@ _SHAKE_MAX_NS, _SHAKE_MAX_THRESHOLDS = 60_000_000, 2.0
 #: Contact is held for this time after the last load: by then every element has been read again. Elements that are read
 #: one after the other, of a load that falls or rises fast, ring.
 _CONTACT_HOLD_NS = 24_000_000
+#: Time after lift-off from which a swing is confirmed [s]: most of the rubber's quick recovery is over by then, and
+#: half the swing of a fast gait is left.
+_SWING_CONFIRMED_AFTER_S = 0.2
 #: After lift-off a prediction overshoots for this time, and predicts no contact.
 _PREDICTION_OVERSHOOT_NS = 100_000_000
 
@@ -93,18 +96,18 @@ class SwingNoise:
     is the mean peak and five of their standard deviations, or a little over the highest peak of the last minutes.
 
     Args:
-        min_threshold_n: Least threshold [N], which holds until enough of the swing was seen.
+        least_n: Least threshold [N], which holds until enough of the swing was seen.
 
     Attributes:
-        threshold_n: Load above that in swing that is contact [N].
+        contact_n: Load above that in swing that is contact [N].
         sigma_n: Half of the distance from nothing to the mean peak: about the noise of a reading [N].
         block_n: Signal of the present block of swing: load above that in swing [N], NaN where not known.
         end_ns: Time from which the block is complete, and `end_block` is to be called [ns].
     """
 
-    def __init__(self, min_threshold_n: float) -> None:
-        self.threshold_n = self._least_n = min_threshold_n
-        self.sigma_n = min_threshold_n / _THRESHOLD_SIGMAS
+    def __init__(self, least_n: float) -> None:
+        self.contact_n = self._least_n = least_n
+        self.sigma_n = least_n / _THRESHOLD_SIGMAS
         self._n = 0
         self._mean_n = self._variance_n2 = self._highest_n = 0.0
         self.discard_pending(0)
@@ -120,7 +123,7 @@ class SwingNoise:
         known_n = [above_n for above_n in self.block_n if not math.isnan(above_n)]
         self.block_n, self.end_ns = [], t_ns + _PEAK_BLOCK_NS
         waiting = self._waiting
-        is_back = min(known_n, default=math.inf) < _RETURN_THRESHOLD_REL * self.threshold_n
+        is_back = min(known_n, default=math.inf) < _RETURN_THRESHOLD_REL * self.contact_n
         if known_n:
             waiting.append(max(*known_n, 0.0))
         while is_back and len(waiting) > _HELD_BACK_BLOCKS:
@@ -139,18 +142,21 @@ class SwingNoise:
             highest_n = min(
                 _PEAK_MARGIN_REL * self._highest_n, self._mean_n + _MAX_THRESHOLD_SIGMAS * spread_n
             )
-            self.threshold_n = max(self._mean_n + _THRESHOLD_SIGMAS * spread_n, highest_n, self._least_n)
-            self.sigma_n = max(self.threshold_n - self._mean_n, self._least_n) / _THRESHOLD_SIGMAS
+            self.contact_n = max(self._mean_n + _THRESHOLD_SIGMAS * spread_n, highest_n, self._least_n)
+            self.sigma_n = max(self.contact_n - self._mean_n, self._least_n) / _THRESHOLD_SIGMAS
 
 
 class ContactDetector:
     """Contact detector of one leg; in plain Python numbers, faster than arrays for six legs.
 
+    Args:
+        least_n: Least load above that in swing that is contact [N].
+        max_swing_rise_n_per_s: Fastest rise of the load in swing [N/s].
+
     Attributes:
-        limits: Thresholds.
         in_contact: Whether the foot is in contact; False where that is not known.
         raw: Whether the newest load alone is above the threshold.
-        in_swing: Whether swing is confirmed: lifted for `swing_confirmed_after_s`, and the load not about to touch.
+        in_swing: Whether swing is confirmed: lifted for `_SWING_CONFIRMED_AFTER_S`, and the load not about to touch.
         load_n: Load along the leg above its baseline [N], NaN where it is not known.
         drift_n: Largest load that drift and creep alone could produce now [N].
         explained_by_drift: Whether drift and creep could explain the whole load; False where the load is not known.
@@ -159,11 +165,11 @@ class ContactDetector:
         predicted_noise: Threshold of the predicted load.
     """
 
-    def __init__(self, limits: ContactLimits) -> None:
-        self.limits = limits
-        self.noise = SwingNoise(limits.min_threshold_n)
-        self.predicted_noise = SwingNoise(limits.min_threshold_n)
-        self._explained_n = limits.min_threshold_n / 2
+    def __init__(self, least_n: float, max_swing_rise_n_per_s: float = MIN_SWING_RISE_N_PER_S) -> None:
+        self._max_swing_rise_n_per_s = max_swing_rise_n_per_s
+        self.noise = SwingNoise(least_n)
+        self.predicted_noise = SwingNoise(least_n)
+        self._explained_n = least_n / 2
         self._creep_load_n = 0.0
         self.drift_n = 0.0
         self.reset(0)
@@ -214,10 +220,10 @@ class ContactDetector:
         predicted_above_n = predicted_n - swing_load_n
         noise, predicted_noise = self.noise, self.predicted_noise
         overshoots = t_ns - self._lifted_ns <= _PREDICTION_OVERSHOOT_NS
-        is_predicted = predicted_above_n > predicted_noise.threshold_n and not overshoots
-        self.raw = above_n > noise.threshold_n or is_predicted
+        is_predicted = predicted_above_n > predicted_noise.contact_n and not overshoots
+        self.raw = above_n > noise.contact_n or is_predicted
         if self.in_contact:
-            lift_n = 0.5 * noise.threshold_n
+            lift_n = 0.5 * noise.contact_n
             # Measured above the baseline if the load in swing is below it: a foot must be able to leave contact.
             fallen = (
                 load_n < _LIFT_OFF_SHARE_OF_RECENT_MEAN * self._recent_n
@@ -245,11 +251,11 @@ class ContactDetector:
                 self._highest_n, self._window_start_ns = load_n, t_ns
             self._highest_n = max(self._highest_n, load_n)
             highest_n = max(self._highest_n, self._highest_before_n)
-            self.swing_load_n = min(highest_n, swing_load_n + self.limits.max_swing_rise_n_per_s * elapsed_s)
+            self.swing_load_n = min(highest_n, swing_load_n + self._max_swing_rise_n_per_s * elapsed_s)
         self.in_swing = (
             not self.in_contact
             and load_n - self.swing_load_n < 0.5 * self._explained_n
-            and (t_ns - self._lifted_ns) * 1e-9 >= self.limits.swing_confirmed_after_s
+            and (t_ns - self._lifted_ns) * 1e-9 >= _SWING_CONFIRMED_AFTER_S
         )
         pressing_n = max(load_n, 0.0)
         self._recent_n += (pressing_n - self._recent_n) * (
@@ -264,7 +270,7 @@ class ContactDetector:
         self.in_contact = False
         if t_ns - self._touched_ns < _SHAKE_MAX_NS:
             peaks = (self.noise, self._peak_n), (self.predicted_noise, self._predicted_peak_n)
-            if all(peak_n < _SHAKE_MAX_THRESHOLDS * noise.threshold_n for noise, peak_n in peaks):
+            if all(peak_n < _SHAKE_MAX_THRESHOLDS * noise.contact_n for noise, peak_n in peaks):
                 for noise, peak_n in peaks:
                     noise.add_peak(peak_n)
         self._lifted_ns = self._window_start_ns = t_ns

@@ -71,7 +71,7 @@ class LegBaseline:
 
     def __init__(self, unloaded_pf: Vector, limits: TareLimits) -> None:
         self._unloaded_pf = unloaded_pf
-        self._unloaded_limit_pf = limits.unloaded_limit_rel * unloaded_pf
+        self._unloaded_limit_pf = limits.unloaded_limit_pf(unloaded_pf)
         self._limits = limits
         self.discard()
 
@@ -126,7 +126,7 @@ class LegBaseline:
         self._step_pf2 = np.where(
             known, self._step_pf2 + _NEWEST_STEP_WEIGHT * (step_pf2 - self._step_pf2), 0.0
         )
-        if math.sqrt(self._step_pf2.max()) * 1e3 > self._limits.noise_limit_ff:
+        if not self._limits.is_quiet(self._step_pf2.max()):
             self.status = BaselineStatus.NOT_QUIET
             return False
         self.status = BaselineStatus.TRACKING
@@ -174,7 +174,7 @@ class LegBaseline:
     def _set_baseline_of_returned_elements(self, reading_pf: Vector, step_pf2: Vector) -> None:
         """Set the baseline of elements that became usable after the tare, if unloaded and steady."""
         free = np.abs(reading_pf - self._unloaded_pf) <= self._unloaded_limit_pf
-        quiet = np.sqrt(step_pf2) * 1e3 <= self._limits.noise_limit_ff
+        quiet = self._limits.is_quiet(step_pf2)
         adopted = np.isnan(self.baseline_pf) & free & quiet
         self.baseline_pf = np.where(adopted, reading_pf, self.baseline_pf)
         self._tared_pf = np.where(adopted, reading_pf, self._tared_pf)

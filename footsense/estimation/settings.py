@@ -1,15 +1,20 @@
 """What the daemon tells the estimation of a robot: its mounted feet, and the limits of tare, contact and age."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from msgspec import Meta, Struct
+from msgspec.structs import replace
 
 from firmware_interface.chips import fdc1004
 from footsense.foot.capacitor import CapacitorDesign
-from footsense.frames import ELEMENTS, Vector
+from footsense.frames import ELEMENTS, Mask, Vector
 
 #: Least capacitance of an element over the range of an FDC1004 [pF].
 CONVERTER_MAX_PF = fdc1004.capacitance_pf(fdc1004.CODE_MAX)
+#: Least limit of the rise of the load in swing [N/s].
+MIN_SWING_RISE_N_PER_S = 0.5e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,37 +53,48 @@ class MountedFeet:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TareLimits:
-    """Limits of a tare.
+class TareLimits(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Section `tare` of a configuration: when the present readings become the baseline of a foot.
 
     Attributes:
-        window_scans: Scans that are averaged, at least 2.
+        window_scans: Scans that are averaged.
         noise_limit_ff: Largest standard deviation of any element over the window [fF].
-        unloaded_limit_rel: Largest deviation of any element from the free foot's expected reading [1].
+        unloaded_limit_rel: Largest deviation of any element from `unloaded_pf` that counts as unloaded [1]; 3 % of the
+            capacitance are 4 % of the gap.
     """
 
-    window_scans: int
-    noise_limit_ff: float
-    unloaded_limit_rel: float
+    window_scans: Annotated[int, Meta(ge=2, le=1000)] = 8
+    noise_limit_ff: Annotated[float, Meta(gt=0.0, le=1000.0)] = 5.0
+    unloaded_limit_rel: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.03
+
+    def for_uncalibrated_foot(self) -> "TareLimits":
+        """Return the limits for a foot that may read far from its design, as nobody has calibrated it yet."""
+        return replace(self, unloaded_limit_rel=_UNCALIBRATED_UNLOADED_LIMIT_REL)
+
+    def unloaded_limit_pf(self, unloaded_pf: Vector) -> Vector:
+        """Return the largest deviation of each element that counts as unloaded [pF], the shape of `unloaded_pf`."""
+        return self.unloaded_limit_rel * unloaded_pf
+
+    def is_quiet(self, variance_pf2: Vector) -> Mask:
+        """Return whether each variance [pF2] is within the limit of the noise."""
+        within: Mask = np.sqrt(variance_pf2) * 1e3 <= self.noise_limit_ff
+        return within
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ContactLimits:
-    """Thresholds for contact and for a confirmed swing.
+#: Unloaded limit of a foot that is not calibrated [1].
+_UNCALIBRATED_UNLOADED_LIMIT_REL = 0.5
+
+
+class ContactLimits(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Section `contact` of a configuration: when a foot is in contact.
 
     Attributes:
-        min_threshold_n: Least load above that in swing that is contact [N]; more where swings show more noise and
-            shake.
-        max_swing_rise_n_per_s: Fastest rise of the load in swing [N/s]: five times the fastest drift, a
-            fiftieth of a slow load.
-        swing_confirmed_after_s: Time after lift-off from which a swing is confirmed [s]: most of the rubber's quick
-            recovery is over by then, and half the swing of a fast gait is left.
+        threshold_n: Load along the leg, above the reading in swing, from which a foot is in contact [N]; contact ends
+            at half of it. Well above the inertial force of the foot's own mass in swing, well below a stance's load.
+            None: 1.5 % of the feet's largest force, 0.03 N for the paper's.
     """
 
-    min_threshold_n: float
-    max_swing_rise_n_per_s: float = 0.5e-3
-    swing_confirmed_after_s: float = 0.2
+    threshold_n: Annotated[float, Meta(ge=0.002, le=10.0)] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +103,10 @@ class EstimationLimits:
 
     Attributes:
         tare: Limits of a tare.
-        contact: Thresholds of contact.
+        least_contact_n: Least load above that in swing that is contact [N]; more where swings show more noise and
+            shake.
+        max_swing_rise_n_per_s: Fastest rise of the load in swing [N/s]: five times the fastest drift, a fiftieth of a
+            slow load.
         scan_ns: Time of a scan [ns].
         max_age_ns: Age of the oldest reading from which a measurement is stale [ns].
         track_baseline: Whether a baseline follows a foot in swing.
@@ -95,8 +114,9 @@ class EstimationLimits:
     """
 
     tare: TareLimits
-    contact: ContactLimits
+    least_contact_n: float
     scan_ns: int
     max_age_ns: int
+    max_swing_rise_n_per_s: float = MIN_SWING_RISE_N_PER_S
     track_baseline: bool = True
     range_end_pf: float = CONVERTER_MAX_PF

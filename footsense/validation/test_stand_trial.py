@@ -11,9 +11,10 @@ import msgspec
 import numpy as np
 
 from footsense.calibration.session.recorded_session import RecordedSession, read_session
+from footsense.can.wire import Can
 from footsense.clock import stopwatch_ns
 from footsense.config import Config
-from footsense.config.sections import Bus, Can
+from footsense.config.sections import Bus
 from footsense.config.test_stand import Axes, SimulatedSensor, StandConfig
 from footsense.daemon.acquisition import open_scan_source
 from footsense.daemon.foot_types import DEFAULT_FOOT_TYPE

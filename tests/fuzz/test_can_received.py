@@ -21,9 +21,8 @@ from firmware_interface.can.socketcan import (
     pack_frame,
     unpack_frame,
 )
-from footsense.can.channel import ChannelSettings
 from footsense.can.sink import CanSink
-from footsense.can.wire import SocketWire, keep_multicast_local, open_wire
+from footsense.can.wire import Can, SocketWire, keep_multicast_local, open_wire
 from footsense.ports import CanWire
 from tests.fuzz.outcome import TRIED
 from tests.support.can_robot import FakeClock
@@ -57,8 +56,7 @@ def test_any_frames_to_the_service(frames: list[tuple[bytes, int]]) -> None:
     """None stops it; commands name legs that it has, ten a second of each at most, and each frame is counted."""
     there, here = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     clock, executed = FakeClock(), [0] * len(LEGS)
-    settings = ChannelSettings(interface="socketcan", channel="can0", connect=lambda: SocketWire(here))
-    sink = CanSink(settings, LEGS, clock)
+    sink = CanSink(Can(interface="socketcan"), LEGS, clock, connect=lambda: SocketWire(here))
     for frame, step_ns in frames:
         before_ns, clock.t_ns = clock.t_ns, clock.t_ns + step_ns
         if clock.t_ns // _SECOND_NS != before_ns // _SECOND_NS:
@@ -92,7 +90,7 @@ GROUP, PORT = "239.74.163.78", 43113
 @pytest.fixture(scope="module")
 def loopback() -> Iterator[tuple[CanWire, socket.socket]]:
     """Yield an interface on the loopback, and a socket of another program there."""
-    wire = open_wire("udp_multicast", GROUP, 500_000, ())
+    wire = open_wire(Can(interface="udp_multicast", channel=GROUP), ())
     with can.Bus(interface="udp_multicast", channel=GROUP, hop_limit=0, fd=False) as other:
         keep_multicast_local(other.fileno(), GROUP)
         with socket.socket(fileno=os.dup(other.fileno())) as raw:

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from firmware_interface.serial_frames import FRAME_BYTES, Record, encode_record, pack_values, stuff
-from footsense.acquisition.mcu_source import McuSource
+from footsense.acquisition.mcu_source import McuSource, Serial
 from footsense.calibration.writer import write_calibration
 from footsense.config.test_stand import load_test_stand
 from footsense.daemon.foot_types import DEFAULT_FOOT_TYPE
@@ -155,7 +155,7 @@ whole_records = st.builds(
 def test_any_records(pieces: list[bytes]) -> None:
     """Whole records in any order, with any times and values, and frames that are none: every frame says what it is."""
     clock = VirtualClock()
-    source = McuSource(_Line(clock, [bytes(1), *pieces]), clock, ("lf", "rr"), rate_hz=200.0)
+    source = McuSource(_Line(clock, [bytes(1), *pieces]), clock, Serial(device="sim", legs=("lf", "rr")))
     clock.sleep_until_ns(10**9)
     for _ in range(40):
         frame = source.read()

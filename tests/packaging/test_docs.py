@@ -8,7 +8,7 @@ import msgspec
 import pytest
 
 from footsense.cli import main
-from footsense.config import Config, sections
+from footsense.config import Config
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted(
@@ -99,8 +99,8 @@ def test_commands_and_options_of_a_page_exist(page: Path) -> None:
 def test_keys_and_metrics_of_a_page_exist(page: Path) -> None:
     """`section.key` is one of the configuration, and `footsense_...` a metric or a name of the C header files."""
     text = (ROOT / page).read_text(encoding="utf-8")
-    structs = [value for value in vars(sections).values() if isinstance(value, msgspec.StructMeta)]
-    keys = {key for cls in (Config, *structs) for key in cls.__struct_fields__}
+    schema = msgspec.json.schema(Config)
+    keys = {key for one in schema["$defs"].values() for key in one.get("properties", ())}
     dotted = [
         name.replace("[]", "").split(".") for name in re.findall(r"`([a-z_]+(?:\[\])?(?:\.[a-z_]+)+)`", text)
     ]

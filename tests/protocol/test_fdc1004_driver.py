@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from firmware_interface.chips.fdc1004 import RATES
 from footsense.acquisition.boards import fdc1004
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.errors import HardwareError, NackError
@@ -120,7 +121,7 @@ def test_the_done_bit_is_believed_only_without_bits_that_no_converter_sends(
     answer: bytes, reading: Reading
 ) -> None:
     """In FDC_CONF the reserved bits 14 to 12 and 9, and REPEAT, which is never asked for."""
-    done = fdc1004.step(element=0, rate_sps=400).done
+    done = fdc1004.step(0, RATES[400]).done
     assert done is not None
     assert done.decode(answer) is reading
 

@@ -11,8 +11,8 @@ import can
 
 from firmware_interface.can.codes import NODE_IDS, USABLE, State
 from firmware_interface.can.socketcan import unpack_frame
-from footsense.can.channel import ChannelSettings
 from footsense.can.sink import CanSink
+from footsense.can.wire import Can
 from footsense.errors import CanError
 from tests.support.frames import contact_frame
 
@@ -83,14 +83,14 @@ class Robot:
     ) -> None:
         self.clock = FakeClock()
         self.consumer = can.Bus(interface="virtual", channel=channel, preserve_timestamps=True)
-        settings = ChannelSettings(
-            interface="virtual",
-            channel=channel,
+        self.sink = CanSink(
+            Can(interface="virtual", channel=channel, fd=fd),
+            legs,
+            self.clock,
+            publish_every=every,
             log_file=log_file,
-            fd=fd,
             connect=None if wire is None else lambda: wire.open(self.clock.t_ns),
         )
-        self.sink = CanSink(settings, legs, self.clock, publish_every=every)
         self.legs = legs
         self.heard()
 

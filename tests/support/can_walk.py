@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 
 from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.can.socketcan import unpack_frame
-from footsense.can.channel import ChannelSettings
 from footsense.can.sink import CanSink
+from footsense.can.wire import Can
 from footsense.frames import LEGS
 from footsense.sim.can.controller import CanSettings
 from footsense.sim.can.interface import AS_DEPLOYED, SimulatedCan
@@ -52,8 +52,7 @@ class CanWalk:
         self.period_ns = period_ns
         self.heard: list[Heard] = []
         self.n_scans = 0
-        channel_settings = ChannelSettings(interface="simulated", channel="can0", connect=self.can.connect)
-        self.sink = CanSink(channel_settings, legs, self.clock)
+        self.sink = CanSink(Can(interface="socketcan"), legs, self.clock, connect=self.can.connect)
         self._n = len(legs)
 
     def _hear(self, t_ns: int, queued_ns: int, frame: bytes) -> None:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from footsense.estimation.pipeline import Pipeline
 from footsense.estimation.sensitivity import Sensitivity
-from footsense.estimation.settings import ContactLimits, EstimationLimits, MountedFeet, TareLimits
+from footsense.estimation.settings import EstimationLimits, MountedFeet, TareLimits
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import CapFrame, ContactFrame, Flag, Reading, Result
@@ -66,7 +66,7 @@ def pipeline(
         feet,
         EstimationLimits(
             tare=TareLimits(window_scans=WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
-            contact=ContactLimits(min_threshold_n=0.03),
+            least_contact_n=0.03,
             scan_ns=SCAN_NS,
             max_age_ns=MAX_AGE_NS,
         ),

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from footsense.estimation.baseline import BaselineTracker
 from footsense.estimation.sensitivity import Sensitivity
-from footsense.estimation.settings import ContactLimits, EstimationLimits, MountedFeet, TareLimits
+from footsense.estimation.settings import EstimationLimits, MountedFeet, TareLimits
 from footsense.frames import ELEMENTS, CommandResult, Flag
 from tests.support.feet import DESIGN
 
@@ -53,7 +53,7 @@ class Standing:
             DESIGN,
             EstimationLimits(
                 tare=TareLimits(window_scans=WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
-                contact=ContactLimits(min_threshold_n=TOUCH_N),
+                least_contact_n=TOUCH_N,
                 scan_ns=round(SCAN_S * 1e9),
                 max_age_ns=100_000_000,
                 track_baseline=track,

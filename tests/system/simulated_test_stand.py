@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from footsense.can.wire import Can
 from footsense.config import Config
-from footsense.config.sections import Bus, Can
+from footsense.config.sections import Bus
 from footsense.daemon.foot_types import released_path
 from footsense.daemon.loop import Loop
 from footsense.daemon.service import open_service

@@ -8,16 +8,17 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from footsense.can.wire import Can
 from footsense.cli.check_config import check_config
 from footsense.cli.recordings import replay
 from footsense.config import Config
-from footsense.config.sections import Bus, Can, Leg
+from footsense.config.sections import Bus
 from footsense.daemon.foot_types import released_path
 from footsense.daemon.models import load_calibrations
 from footsense.daemon.service import open_service
 from footsense.errors import ModelError
 from footsense.foot.files.checksum_trailer import add_checksum
-from footsense.frames import Cycle, State
+from footsense.frames import Cycle, Leg, State
 from footsense.sim.scene import Scene
 from footsense.sim.scene_loads import Constant
 from tests.support.calibrations import calibration

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from firmware_interface.can.codes import USABLE
-from footsense.acquisition.mcu_source import McuSource
+from footsense.acquisition.mcu_source import McuSource, Serial
 from footsense.acquisition.serial_port import SerialLink
+from footsense.can.wire import Can
 from footsense.config import Config
-from footsense.config.sections import Can, Serial
 from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.models import load_models
 from footsense.daemon.simulation import simulated_robot
@@ -68,7 +68,7 @@ def robot(scene: Scene, faults: LineFaults) -> Robot:
     line = FailingLine(
         simulated_mcu(simulated, scene, rate_hz), simulated.clock, rate_hz=rate_hz, baud=baud, faults=faults
     )
-    source = McuSource(line, simulated.clock, LEGS, rate_hz=rate_hz)
+    source = McuSource(line, simulated.clock, Serial(device="sim", rate_hz=rate_hz))
     return Robot(simulated, source, pipeline_for(load_models(MCU), 0))
 
 
@@ -134,7 +134,7 @@ def test_over_a_real_terminal(tmp_path: Path) -> None:
     clock = HurriedClock()
     with plugged(tmp_path / "usb-mcu") as line:
         device = line.plug()
-        source = McuSource(SerialLink(str(line.name), 921_600, clock), clock, LEGS, rate_hz=200.0)
+        source = McuSource(SerialLink(str(line.name), 921_600, clock), clock, Serial(device=str(line.name)))
         assert (source.read().reading == Reading.NO_ANSWER).all()
         stamps_ns = []
         for _ in range(20):

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from footsense.can.wire import Can
 from footsense.cli.recordings import replay
 from footsense.config import Config
-from footsense.config.sections import Bus, Can
+from footsense.config.sections import Bus
 from footsense.daemon.service import open_service
 from footsense.foot.temperature import UNKNOWN_TEMPERATURE_SIGMA_REL
 from footsense.frames import Cycle, State

@@ -69,9 +69,9 @@ def _write_settings(capdac: int) -> Transaction:
     )
 
 
-def _trigger_transaction(rate_sps: int) -> Transaction:
+def _trigger_transaction(rate: chip.Ad7746Rate) -> Transaction:
     """Return the transaction that starts one conversion."""
-    mode = chip.configuration(chip.MODE_SINGLE, chip.RATES[rate_sps].code)
+    mode = chip.configuration(chip.MODE_SINGLE, rate.code)
     return write_registers(Ad7746Register.CONFIGURATION, mode)
 
 
@@ -80,12 +80,12 @@ def _wait_ns(conversion_ns: int) -> int:
     return round(conversion_ns * (1 + chip.CLOCK_TOLERANCE_REL))
 
 
-def step(element: int, rate_sps: int) -> ConversionStep:
+def step(element: int, rate: chip.Ad7746Rate) -> ConversionStep:
     """Return the transactions of one element's conversion: line selection, trigger, read-out.
 
     Args:
         element: Flat index.
-        rate_sps: Conversions per second, a key of `firmware_interface.chips.ad7746.RATES`.
+        rate: The rate.
     """
     row, column = divmod(element, ROWS)
     return ConversionStep(
@@ -94,7 +94,7 @@ def step(element: int, rate_sps: int) -> ConversionStep:
             Transaction(adg715.ADDRESS, bytes((adg715.line_switch_byte(1 << row),))),
             Transaction(adg715.COLUMN_ADDRESS, bytes((adg715.line_switch_byte(1 << column),))),
         ),
-        trigger=_trigger_transaction(rate_sps),
+        trigger=_trigger_transaction(rate),
         done=None,
     )
 
@@ -141,7 +141,7 @@ def configure_and_measure_capdac(bus: I2cBus, clock: Clock) -> tuple[Reading, fl
     levels_pf = []
     for capdac in (0, _CAPDAC_WITHOUT_LINES):
         bus.transfer(_write_settings(capdac))
-        bus.transfer(_trigger_transaction(_FASTEST_SPS))
+        bus.transfer(_trigger_transaction(chip.RATES[_FASTEST_SPS]))
         start_ns, conversion_ns = clock.now_ns(), chip.RATES[_FASTEST_SPS].conversion_ns
         for wait_ns in (_wait_ns(conversion_ns), round(MAX_WAIT_FACTOR * _wait_ns(conversion_ns))):
             clock.sleep_until_ns(start_ns + wait_ns)
@@ -208,7 +208,7 @@ def decode_temperature(answer: bytes, again: bytes) -> float:
 
 #: The board `ad7746`.
 BOARD = Board(
-    conversion_ns={rate_sps: rate.conversion_ns for rate_sps, rate in chip.RATES.items()},
+    rates=chip.RATES,
     step=step,
     check_identity=reset_and_check_identity,
     configure_and_get_capdac_pf=configure_and_measure_capdac,

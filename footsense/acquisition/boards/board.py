@@ -5,8 +5,9 @@ foot: `fdc1004.board` and `ad7746.board`.
 """
 
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from firmware_interface.chips import ad7746, fdc1004
 from firmware_interface.schedule import ConversionTraffic
 from footsense.errors import WrongChipError
 from footsense.frames import Reading
@@ -104,6 +105,10 @@ def require_identity(answer: bytes, name: str, identity: bytes, address: int, ot
     )
 
 
+#: Code, time and noise of a conversion of either converter.
+ConversionRate = fdc1004.Fdc1004Rate | ad7746.Ad7746Rate
+
+
 class Thermometer(NamedTuple):
     """Transactions of a converter's internal temperature sensor; reading it aborts running conversions.
 
@@ -124,8 +129,8 @@ class Board(NamedTuple):
     """Electronics board of a leg: conversion steps, chip setup, and decoding of the results.
 
     Attributes:
-        conversion_ns: Nominal time of one conversion by conversions per second [ns].
-        step: Conversion of an element, by its flat index and conversions per second.
+        rates: Its rates, by conversions per second.
+        step: Conversion of an element, by its flat index and the rate.
         check_identity: Checks that the connected chip is the right one. Raises HardwareError if no chip answers,
             WrongChipError if another one does, and I2cError.
         configure_and_get_capdac_pf: Sets up the chip of the leg that is connected alone. Returns OK and the capacitance
@@ -140,8 +145,8 @@ class Board(NamedTuple):
         traffic: Least transactions of a scan.
     """
 
-    conversion_ns: Mapping[int, int]
-    step: Callable[[int, int], ConversionStep]
+    rates: Mapping[int, ConversionRate]
+    step: Callable[[int, Any], ConversionStep]
     check_identity: Callable[[I2cBus, Clock], None]
     configure_and_get_capdac_pf: Callable[[I2cBus, Clock], tuple[Reading, float]]
     decode_result: Callable[[list[bytes]], tuple[Reading, float]]
@@ -151,6 +156,6 @@ class Board(NamedTuple):
     thermometer: Thermometer | None
     traffic: ConversionTraffic
 
-    def conversion_wait_ns(self, rate_sps: int) -> int:
+    def conversion_wait_ns(self, rate: ConversionRate) -> int:
         """Return the conversion time of the slowest chip within its clock tolerance [ns]."""
-        return round(self.conversion_ns[rate_sps] * (1 + self.traffic.clock_tolerance_rel))
+        return round(rate.conversion_ns * (1 + self.traffic.clock_tolerance_rel))

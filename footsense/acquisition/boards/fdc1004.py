@@ -46,18 +46,18 @@ READ_CONF = read_register(chip.Fdc1004Register.FDC_CONF)
 _RESET = write_register(chip.Fdc1004Register.FDC_CONF, chip.CONF_RESET.encode(1))
 
 
-def step(element: int, rate_sps: int) -> ConversionStep:
+def step(element: int, rate: chip.Fdc1004Rate) -> ConversionStep:
     """Return the transactions of one element's conversion; measurement slot n converts CIN n, the pin of column n.
 
     Args:
         element: Flat index.
-        rate_sps: Conversions per second: 100, 200 or 400.
+        rate: The rate.
     """
     row, column = divmod(element, ROWS)
     return ConversionStep(
-        results=(ElementResult(element, result_reads(column, rate_sps)),),
+        results=(ElementResult(element, result_reads(column, rate)),),
         select=(Transaction(adg715.ADDRESS, bytes((adg715.line_switch_byte(1 << row),))),),
-        trigger=write_register(chip.Fdc1004Register.FDC_CONF, chip.trigger_config(rate_sps, column)),
+        trigger=write_register(chip.Fdc1004Register.FDC_CONF, chip.trigger_config(rate, column)),
         done=DonePoll(
             READ_CONF, partial(_decode_done, done_bit=chip.CONF_DONE.encode(chip.slot_bit(column)))
         ),
@@ -118,14 +118,14 @@ def _decode_done(conf_answer: bytes, done_bit: int) -> Reading:
     return Reading.OK if word & done_bit else Reading.NOT_READY
 
 
-def result_reads(slot: int, rate_sps: int) -> tuple[Transaction, ...]:
+def result_reads(slot: int, rate: chip.Fdc1004Rate) -> tuple[Transaction, ...]:
     """Return the transactions that read the result of a finished measurement.
 
     At 400 S/s the lower register is not read: the noise of one conversion (0.47 fF) hides its bits (the step of the
     upper one is 0.49 fF, 0.14 fF rms), and to read it would cost six legs a third of the bus.
     """
     upper = chip.result_register(slot)
-    if rate_sps == 400:
+    if rate is chip.RATES[400]:
         return (read_register(upper),)
     return (read_register(upper), read_register(upper + 1))
 
@@ -152,7 +152,7 @@ def decode_result(answers: list[bytes]) -> tuple[Reading, float]:
 
 #: The board `fdc1004`.
 BOARD = Board(
-    conversion_ns={rate_sps: rate.conversion_ns for rate_sps, rate in chip.RATES.items()},
+    rates=chip.RATES,
     step=step,
     check_identity=check_identity,
     configure_and_get_capdac_pf=configure_and_get_capdac_pf,

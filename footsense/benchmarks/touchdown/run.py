@@ -16,7 +16,7 @@ from footsense.benchmarks.latency_vs_error.chain import (
 from footsense.benchmarks.touchdown.touchdowns import CONTACT_THRESHOLD_N, RandomTouchdowns
 from footsense.estimation.pipeline import Pipeline
 from footsense.estimation.sensitivity import sensitivity
-from footsense.estimation.settings import ContactLimits, EstimationLimits, MountedFeet, TareLimits
+from footsense.estimation.settings import EstimationLimits, MountedFeet, TareLimits
 from footsense.foot.gap_contact import capacitance_pf
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, CapFrame, Flag, Mask, Reading, Stamps, Vector
@@ -121,7 +121,7 @@ def _pipeline(context: StudyContext, n_feet: int) -> Pipeline:
         MountedFeet.as_designed(trained.design, n_feet),
         EstimationLimits(
             tare=TareLimits(window_scans=8, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
-            contact=ContactLimits(min_threshold_n=CONTACT_THRESHOLD_N),
+            least_contact_n=CONTACT_THRESHOLD_N,
             scan_ns=scan_ns,
             max_age_ns=4 * scan_ns,
         ),

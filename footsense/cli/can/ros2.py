@@ -5,6 +5,7 @@ from pathlib import Path
 
 import click
 
+from footsense.can.wire import Interface
 from footsense.cli.can.can_options import can_options
 from footsense.cli.options import FILE, StopRequest, duration_option
 from footsense.client import LinkLimits
@@ -31,7 +32,7 @@ _NS_PER_S = 1_000_000_000
 @click.option("--tf", type=FILE, metavar="FRAMES.yaml", help="Frames of the feet; without it lf_foot etc.")
 @duration_option("Stop after this time.")
 def ros2(
-    interface: str,
+    interface: Interface,
     channel: str,
     force_step_mn: int,
     domain: int,

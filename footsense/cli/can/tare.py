@@ -11,7 +11,7 @@ from firmware_interface.can.commands import ANSWER_ID
 from firmware_interface.can.crc8 import COUNTER_PERIOD
 from firmware_interface.can.reports import HEARTBEAT_ID
 from firmware_interface.can.socketcan import pack_frame, unpack_frame
-from footsense.can.wire import open_wire
+from footsense.can.wire import Can, Interface, open_wire
 from footsense.cli.can.can_options import channel_options
 from footsense.client import PendingCommands
 from footsense.clock import MonotonicClock
@@ -53,7 +53,7 @@ class LegTare(NamedTuple):
 @click.command()
 @click.argument("legs", nargs=-1, required=True, metavar="LEG...", type=click.Choice([*NODE_IDS, "all"]))
 @channel_options
-def tare(legs: tuple[str, ...], interface: str, channel: str) -> None:
+def tare(legs: tuple[str, ...], interface: Interface, channel: str) -> None:
     """Take the present readings of each LEG as those of the unloaded foot; `all`: of every leg on CAN.
 
     Sends the command that a gait controller sends, and prints the answers. The service refuses the tare of a foot that
@@ -61,7 +61,7 @@ def tare(legs: tuple[str, ...], interface: str, channel: str) -> None:
     """  # noqa: DOC501 - click shows this text
     accept = [base + node for base in (HEARTBEAT_ID, ANSWER_ID) for node in NODE_IDS.values()]
     failures = []
-    with closing(open_wire(interface, channel, 500_000, accept)) as wire:
+    with closing(open_wire(Can(interface=interface, channel=channel), accept)) as wire:
         try:
             for answer in tare_legs(wire, MonotonicClock(), legs):
                 if answer.result is Result.DONE:

@@ -16,17 +16,25 @@ Source:
     Kay, Fundamentals of Statistical Signal Processing: Estimation Theory, 1993, chapter 3.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
-from footsense.foot.directions import normalized, tangent_frame
+from footsense.foot.directions import angles_between_deg, normalized, tangent_frame
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
-from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, sensed_closure_um
+from footsense.lab.evaluation.evaluate import rms
+from footsense.lab.training.load_cases import (
+    BASELINE_NOISE_PF,
+    FULL_SCALE_PF,
+    NOISE_PF,
+    measured_closure_rel,
+    sensed_closure_um,
+)
 
 #: Step of the central differences: of the force relative to its magnitude, of the normal in radians.
 DIFFERENCE_STEP_REL = 1e-4
@@ -154,3 +162,48 @@ def force_bound(
     inverse = np.linalg.inv(np.linalg.qr(whitened, mode="r"))[:, :3]
     size = np.linalg.norm(force_n, axis=1)
     return Bound(force_n, inverse @ inverse.transpose(0, 2, 1) * (size**2)[:, None, None])
+
+
+def errors_over_bound(
+    foot: Foot,
+    estimate_force_n: Callable[[Vector], Vector],
+    contacts: tuple[Vector, Vector],
+    magnitude_gf: float,
+    n_draws: int,
+    rng: np.random.Generator,
+) -> dict[str, float]:
+    """Return the errors of a force estimator under noise beside the bound, at one magnitude, by name.
+
+    Args:
+        foot: The specimen.
+        estimate_force_n: Returns forces [N], shape (n, 3), of noisy closures over the gap, shape (n, 9).
+        contacts: Contact normals and directions of force, shapes (n, 3); those beyond the converter's range are left
+            out.
+        magnitude_gf: The magnitude [gf].
+        n_draws: Draws of the noise per load.
+        rng: Of the noise.
+    """
+    design = foot.response.design
+    normal, force = contacts[0], contacts[1] * magnitude_gf * GRAM_FORCE_N
+    closure_um = sensed_closure_um(foot, normal, force)
+    in_range = design.capacitance_pf(closure_um).max(axis=1) < FULL_SCALE_PF
+    normal, force, closure_um = normal[in_range], force[in_range], closure_um[in_range]
+    draws = [estimate_force_n(measured_closure_rel(design, closure_um, rng)) for _ in range(n_draws)]
+    angle_deg = angles_between_deg(force, np.stack(draws))
+    excess_gf = np.linalg.norm(draws, axis=-1) / GRAM_FORCE_N - magnitude_gf
+    noiseless = estimate_force_n(closure_um / design.gap_um)
+    bound = force_bound(foot, normal, force, Unknowns.LEANING)
+    known = force_bound(foot, normal, force, Unknowns.CENTRED)
+    return {
+        "magnitude_gf": magnitude_gf,
+        "n": len(force),
+        "n_beyond_range": int((~in_range).sum()),
+        "direction_rms_deg": rms(angle_deg),
+        "noiseless_direction_rms_deg": rms(angles_between_deg(force, noiseless)),
+        "bound_deg": rms(bound.direction_rms_deg),
+        "bound_centred_deg": rms(known.direction_rms_deg),
+        "over_bound": rms(angle_deg) / rms(bound.direction_rms_deg),
+        "median_over_bound": float(np.median(np.sqrt((angle_deg**2).mean(axis=0)) / bound.direction_rms_deg)),
+        "magnitude_rms_gf": rms(excess_gf),
+        "bound_gf": rms(bound.magnitude_rms_gf),
+    }

@@ -7,7 +7,6 @@ import numpy as np
 
 from footsense.estimation.contact import ContactDetector, trimmed_means
 from footsense.estimation.gait import GaitTracker
-from footsense.estimation.settings import ContactLimits
 from footsense.foot.response_table import FootResponse
 from footsense.frames import LEGS, GaitEvent, Mask, Stamps, Vector
 from footsense.lab.evaluation.rough_gait import FRICTION, RoughGait, TrueSlip
@@ -122,7 +121,7 @@ def _run_gait_tracker(
     n_legs, n = readings.closure_rel.shape
     loads, means_n = _estimate_loads_and_trimmed_means(readings, estimator)
     means_n *= n_per_rel
-    contacts = [ContactDetector(ContactLimits(min_threshold_n=_THRESHOLD_N)) for _ in range(n_legs)]
+    contacts = [ContactDetector(_THRESHOLD_N) for _ in range(n_legs)]
     tracker = GaitTracker(n_legs, period_ns=0)
     found = _GaitOutputs([], np.isfinite(loads.force_n[..., 2]), [], [], [], [])
     for k in range(n):

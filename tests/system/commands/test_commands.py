@@ -105,7 +105,7 @@ def test_the_command_tares_legs_and_tells_refusals(scene: str) -> None:
     """All that are heard in the air, one on the ground; and a leg that this robot does not have."""
     with (
         open_service(DEFAULT, load_scene(scene), real_time=False) as service,
-        closing(open_wire("virtual", DEFAULT.can.channel, 500_000, [])) as wire,
+        closing(open_wire(DEFAULT.can, [])) as wire,
     ):
         clock = ServiceTime(service)
         in_the_air = list(tare_legs(wire, clock, ["all"]))

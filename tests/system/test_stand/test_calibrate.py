@@ -10,13 +10,15 @@ import pytest
 from click.testing import CliRunner, Result
 from numpy.typing import NDArray
 
+from footsense.can.wire import Can
 from footsense.cli.calibration import calibrate
 from footsense.config import Config
-from footsense.config.sections import Bus, Can, Tare
+from footsense.config.sections import Bus
 from footsense.config.test_stand import Axes, SimulatedSensor, StandConfig
 from footsense.daemon.service import open_service
 from footsense.daemon.test_stand import StandSession
 from footsense.errors import CalibrationError
+from footsense.estimation.settings import TareLimits
 from footsense.foot.files.calibration_reader import read_calibration
 from footsense.frames import Cycle
 from footsense.recording.mcap_writer import McapFile
@@ -42,7 +44,7 @@ CONFIG = Config(
     can=Can(interface="virtual"),
     board="ad7746",
     feet={"lf": "foot-0007"},
-    tare=Tare(unloaded_limit_rel=0.5),
+    tare=TareLimits(unloaded_limit_rel=0.5),
 )
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from footsense.acquisition.foot_check import FootFault, FootScans, foot_faults
+from footsense.estimation.settings import TareLimits
 from footsense.frames import Cause, Reading
 
 N_SCANS = 6
@@ -15,9 +16,7 @@ def foot(pf: float = 5.4) -> FootScans:
 
 
 def found(scans: FootScans) -> list[FootFault]:
-    return list(
-        foot_faults(scans, np.full(9, 0.1), np.full(9, 5.3), noise_limit_ff=5.0, unloaded_limit_rel=0.03)
-    )
+    return list(foot_faults(scans, np.full(9, 0.1), np.full(9, 5.3), TareLimits()))
 
 
 def test_nothing_is_found_on_a_sound_foot() -> None:

@@ -1,6 +1,7 @@
 """Frames out of a microcontroller's stream, in virtual time, whatever happens to it and to the line."""
 
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,13 +9,12 @@ from numpy.typing import NDArray
 
 from firmware_interface.serial_frames import (
     NO_VALUE_BASE,
-    RECORD_BITS,
     Record,
     RecordFlag,
     encode_record,
     pack_values,
 )
-from footsense.acquisition.mcu_source import McuSource
+from footsense.acquisition.mcu_source import McuSource, Serial
 from footsense.frames import LEGS, CapFrame, Reading
 from footsense.sim.clock import VirtualClock
 from footsense.sim.robot_on_mcu import SimulatedRobotMcu
@@ -23,6 +23,10 @@ from tests.support.failing_line import FailingLine, LineFaults
 MS, S = 1_000_000, 1_000_000_000
 RATE_HZ, BAUD = 200.0, 921_600
 PERIOD_NS = 5 * MS
+
+
+def serial(legs: tuple[Any, ...], baud: int = BAUD) -> Serial:
+    return Serial(device="sim", rate_hz=RATE_HZ, baud=baud, legs=legs)
 
 
 def elements_pf(leg: int, t_ns: int) -> NDArray[np.float64]:
@@ -57,8 +61,7 @@ class Robot:
         mcu = SimulatedRobotMcu({leg: partial(reading_pf, leg) for leg in LEGS}, step_us=step_us)
         mcu.started_ns = -round(starts_us * 1000 / (1 + 40e-6))  # its clock is fast by 40 ppm
         line = FailingLine(mcu, self.clock, rate_hz=RATE_HZ, baud=BAUD, faults=faults)
-        wire_ns = RECORD_BITS * S // BAUD
-        self.source = McuSource(line, self.clock, LEGS, rate_hz=RATE_HZ, wire_ns=wire_ns)
+        self.source = McuSource(line, self.clock, serial(LEGS))
 
     def run(self, until_ns: int) -> list[tuple[int, CapFrame]]:
         """Return the frames until a time, with the time of each."""
@@ -180,7 +183,7 @@ def test_a_leg_that_stops_delays_the_others_no_longer_than_it_is_waited_for() ->
     """Held up at first, then it does not answer and is not waited for; when it is back, it is in the next scan."""
     clock = VirtualClock()
     port = Script(clock)
-    source = McuSource(port, clock, ("lf", "lm"), rate_hz=RATE_HZ)
+    source = McuSource(port, clock, serial(("lf", "lm")))
     port.due = [
         ((n + 10) * PERIOD_NS + MS, line(1, n) + (b"" if 10 <= n < 30 else line(2, n))) for n in range(1, 40)
     ]
@@ -209,7 +212,7 @@ def test_codes_become_readings_and_strangers_are_counted() -> None:
     """A code that nobody knows is garbled; what is over the range has a stamp; a leg that is not there has no row."""
     clock = VirtualClock()
     port = Script(clock)
-    source = McuSource(port, clock, ("rm",), rate_hz=RATE_HZ)
+    source = McuSource(port, clock, serial(("rm",)))
     values = [NO_VALUE_BASE + code for code in (0, 1, 2, 3, 4, 6, 7, 15)] + [-1_000_000]
     # The first came when nobody listened yet.
     port.due = [(MS, line(5, 0)), (60 * MS, line(3, 12) + line(5, 12, values))]
@@ -225,7 +228,7 @@ def test_half_a_record_before_the_line_was_opened_again_is_no_loss() -> None:
     """It is not joined to what comes after, and nothing wrong is counted."""
     clock = VirtualClock()
     port = Script(clock)
-    source = McuSource(port, clock, ("lf",), rate_hz=RATE_HZ)
+    source = McuSource(port, clock, serial(("lf",)))
     port.due = [((n + 10) * PERIOD_NS + MS, line(1, n)) for n in range(1, 6)]
     port.due.append((16 * PERIOD_NS + MS, line(1, 6)[:30]))
     while clock.now_ns() < 15 * PERIOD_NS:
@@ -246,7 +249,7 @@ def test_steps_that_would_end_in_the_future_are_garbled(first: int, faulty_us: i
     """The leg has no reading then, and the stamps of the other are not moved by it, whichever record comes first."""
     clock = VirtualClock()
     port = Script(clock)
-    source = McuSource(port, clock, ("lf", "lm"), rate_hz=RATE_HZ)
+    source = McuSource(port, clock, serial(("lf", "lm"), baud=10**13))
     steps_us = {n: faulty_us if n == 15 else 0 for n in range(1, 40)}
     port.due = [
         (

@@ -14,9 +14,9 @@ import pytest
 from firmware_interface.can.codes import CommandKind
 from firmware_interface.can.commands import encode_command
 from firmware_interface.can.socketcan import pack_frame
-from footsense.can.channel import CanChannel, ChannelSettings
+from footsense.can.channel import CanChannel
 from footsense.can.sink import CanSink
-from footsense.can.wire import keep_multicast_local
+from footsense.can.wire import Can, keep_multicast_local
 from footsense.errors import CanError
 from footsense.frames import CanStatistics
 from tests.support.can_robot import MS, FakeClock, NarrowWire, Robot
@@ -25,7 +25,10 @@ from tests.support.can_robot import MS, FakeClock, NarrowWire, Robot
 def open_sink(interface: str, channel: str, log_file: Path | None = None) -> CanSink:
     """Open a sink of one leg."""
     return CanSink(
-        ChannelSettings(interface=interface, channel=channel, log_file=log_file), ("lf",), FakeClock()
+        Can(interface=interface, channel=channel),  # type: ignore[arg-type]
+        ("lf",),
+        FakeClock(),
+        log_file=log_file,
     )
 
 
@@ -48,13 +51,16 @@ def test_a_channel_that_is_down_is_named_with_the_command_that_brings_it_up(tmp_
     """The error says what to type; no log file is made."""
     wire = NarrowWire()
     wire.error = errno.ENETDOWN
-    settings = ChannelSettings(
-        interface="socketcan", channel="can0", log_file=tmp_path / "walk.log", connect=lambda: wire
-    )
     with pytest.raises(
         CanError, match=r"can0 \(socketcan\) is down; try: ip link set can0 up type can bitrate 500000"
     ):
-        CanSink(settings, ("lf",), FakeClock())
+        CanSink(
+            Can(interface="socketcan"),
+            ("lf",),
+            FakeClock(),
+            log_file=tmp_path / "walk.log",
+            connect=lambda: wire,
+        )
     assert list(tmp_path.iterdir()) == []
 
 
@@ -95,7 +101,7 @@ class SlowWire(NarrowWire):
 def channel_on(wire: SlowWire, monkeypatch: pytest.MonkeyPatch, stats: CanStatistics) -> CanChannel:
     """Open a channel as on a robot, but on this interface."""
     monkeypatch.setattr("footsense.can.channel.open_wire", lambda *_, **__: wire.open_and_wait())
-    return CanChannel(ChannelSettings(interface="socketcan", channel="can0"), (), (), stats)
+    return CanChannel(Can(interface="socketcan"), (), (), stats)
 
 
 def test_an_interface_that_is_gone_is_opened_again_beside_the_loop(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -146,8 +152,7 @@ def test_python_can_s_own_log_is_not_ours() -> None:
 def test_a_local_socket_commands_nothing_and_kills_nothing() -> None:
     """Packets that are no frame, an error frame without data and a command, as any program on this computer sends."""
     group, port = "239.74.163.77", 43113
-    settings = ChannelSettings(interface="udp_multicast", channel=group, commands=False)
-    sink = CanSink(settings, ("lf",), FakeClock())
+    sink = CanSink(Can(interface="udp_multicast", channel=group, commands=False), ("lf",), FakeClock())
     with can.Bus(interface="udp_multicast", channel=group, hop_limit=0, fd=False) as other:
         keep_multicast_local(other.fileno(), group)
         raw = socket.socket(fileno=os.dup(other.fileno()))

@@ -9,7 +9,7 @@ import pytest
 from firmware_interface.can.all_legs import FORCES4_ID, FORCES_ID, decode_forces
 from firmware_interface.can.codes import NODE_IDS, Flag, State
 from footsense.can import wire
-from footsense.can.wire import open_wire
+from footsense.can.wire import Can, open_wire
 from footsense.client import Link, LinkStatus
 from footsense.errors import CanError
 from footsense.frames import ALL_LEGS, LEGS
@@ -81,7 +81,7 @@ def test_a_classic_interface_is_one_clear_line(tmp_path: Path, monkeypatch: pyte
     (tmp_path / "can0").mkdir()
     (tmp_path / "can0" / "mtu").write_text("16\n")
     with pytest.raises(CanError) as caught:
-        open_wire("socketcan", "can0", 500_000, (), fd=True)
+        open_wire(Can(interface="socketcan", fd=True), ())
     line = str(caught.value)
     assert line.startswith(
         "CAN channel can0 (socketcan) is a classic one and sends no frame of CAN FD; take can.fd away"

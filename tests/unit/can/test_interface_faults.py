@@ -97,9 +97,9 @@ def test_an_interface_that_comes_back_is_used_again_soon(
     assert 4.0 < gap[1] < 4.3
     assert walk.sink.stats.reopened == 1
     lost, back = (record.getMessage() for record in caplog.records)
-    assert "can0 (simulated) is down; try: ip link" in lost or "does not exist" in lost
+    assert "can0 (socketcan) is down; try: ip link" in lost or "does not exist" in lost
     assert lost.endswith("no frame goes out until it is back")
-    assert "CAN channel can0 (simulated) is back after" in back
+    assert "CAN channel can0 (socketcan) is back after" in back
 
 
 def test_a_short_is_told_once_and_counted_each_time(caplog: pytest.LogCaptureFixture) -> None:

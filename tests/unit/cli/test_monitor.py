@@ -28,7 +28,7 @@ from firmware_interface.can.reports import (
     encode_fault,
     encode_heartbeat,
 )
-from footsense.can.wire import open_wire
+from footsense.can.wire import Can, open_wire
 from footsense.cli.monitor import COLUMNS, monitor, monitor_tables
 from footsense.cli.tables import json_row
 from footsense.client import LegForce, LegReport, LinkLimits, LinkStatus, Reports
@@ -109,7 +109,9 @@ def test_a_listener_sees_what_a_sink_sends_and_stops_believing_it(request: pytes
     """Over one channel in virtual time: three scans until trust, then silence."""
     robot = Robot(request.node.nodeid, ("lf", "rr"))
     clock = FakeClock()
-    listener = Listener(open_wire("virtual", request.node.nodeid, 500_000, ()), clock, LinkLimits())
+    listener = Listener(
+        open_wire(Can(interface="virtual", channel=request.node.nodeid), ()), clock, LinkLimits()
+    )
     before = plain(listener)[0]
     assert (before["link"], before["state"], before["phase"], before["heartbeat"]) == (
         "stale",
@@ -140,7 +142,9 @@ def test_contact_ground_and_the_last_event_are_shown(request: pytest.FixtureRequ
     """As numbers of JSON, as long as they come; an event stays the last one."""
     robot = Robot(request.node.nodeid)
     clock = FakeClock()
-    listener = Listener(open_wire("virtual", request.node.nodeid, 500_000, ()), clock, LinkLimits())
+    listener = Listener(
+        open_wire(Can(interface="virtual", channel=request.node.nodeid), ()), clock, LinkLimits()
+    )
     robot.publish(0)
     robot.publish(0, gait=gait_frame(0, events=(GaitEvent(GaitEventKind.SLIP, 0, -10 * MS, 0.01),)))
     robot.publish(0)

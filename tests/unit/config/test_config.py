@@ -45,7 +45,7 @@ def test_the_commented_values_are_the_defaults(file: Path) -> None:
     file.write_text(ONE_BUS)
     short, long = load_config(file), load_config(DEPLOY / "footsense.yaml")
     assert (short.board, short.tare, short.max_age_ms) == (long.board, long.tare, long.max_age_ms)
-    assert (short.rate_sps, short.conversion_order) == (long.rate_sps, long.conversion_order)
+    assert short.effective == long.effective
     assert short.publish_every == long.publish_every
     assert (short.baseline, short.contact) == (long.baseline, long.contact)
     assert (short.buses[0].mux, short.buses[0].rate_hz) == (long.buses[0].mux, long.buses[0].rate_hz)

@@ -68,7 +68,9 @@ def test_the_interpreter_is_as_before_when_the_loop_has_ended() -> None:
 
 def test_what_is_not_granted_is_said_line_by_line() -> None:
     """Each refusal names what to raise; one does not hide the next."""
-    lines = answer(WITHOUT_RIGHTS + "print(*clock.request_realtime(40, 1023), sep='\\n')")
+    lines = answer(
+        WITHOUT_RIGHTS + "print(*clock.request_realtime(clock.Realtime(priority=40, cpu=1023)), sep='\\n')"
+    )
     processor, priority, memory = lines
     assert processor.startswith("processor 1023 was not granted: this process may use ")
     assert "SCHED_FIFO 40 was not granted: raise LimitRTPRIO" in priority
@@ -78,7 +80,7 @@ def test_what_is_not_granted_is_said_line_by_line() -> None:
 def test_a_service_that_requires_its_processor_refuses_to_start_without() -> None:
     """One line says what was not granted, and which key asks for it."""
     (line,) = answer("""
-from footsense.config.sections import Realtime
+from footsense.clock import Realtime
 from footsense.daemon.service import request_scheduling
 from footsense.errors import ConfigError
 try:

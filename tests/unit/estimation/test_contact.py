@@ -9,10 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from footsense.estimation.contact import ContactDetector, SwingNoise, trimmed_means
-from footsense.estimation.settings import ContactLimits
 from footsense.frames import CommandKind, Vector
 
-LIMITS = ContactLimits(min_threshold_n=0.03)
 MS = 1_000_000
 
 
@@ -20,7 +18,7 @@ class Leg:
     """A leg whose load is given, read every 25 ms."""
 
     def __init__(self) -> None:
-        self.contact = ContactDetector(LIMITS)
+        self.contact = ContactDetector(0.03)
         self.t_ns = 1_000 * MS
         self.contact.reset(self.t_ns)
 
@@ -193,7 +191,7 @@ def test_commands_only_where_they_are_safe(
     kind: CommandKind, *, in_contact: bool, load_n: float, drift_n: float, says: str | None
 ) -> None:
     """On the ground no STOP and no TARE, unless drift explains the whole load; START and unknown contact always."""
-    contact = ContactDetector(LIMITS)
+    contact = ContactDetector(0.03)
     contact.in_contact, contact.load_n, contact.drift_n = in_contact, load_n, drift_n
     reason = contact.refusal(kind)
     assert reason is None if says is None else reason is not None and says in reason
@@ -229,7 +227,7 @@ class Signal:
             self.noise.block_n.append(value_n)
             if self.t_s * 1e9 >= self.noise.end_ns:
                 self.noise.end_block(round(self.t_s * 1e9))
-        return self.noise.threshold_n
+        return self.noise.contact_n
 
 
 def times_s(duration_s: float) -> Vector:
@@ -263,7 +261,7 @@ def test_a_load_that_comes_slowly_is_not_noise(*, n_per_s: float, noisy: bool) -
     for value_n in rise_n + 1e-3 * rng.normal(size=len(rise_n)) * noisy:
         if value_n > signal.feed([value_n]):
             return
-    raise AssertionError(f"{rise_n[-1]} N are below the threshold of {signal.noise.threshold_n} N")
+    raise AssertionError(f"{rise_n[-1]} N are below the threshold of {signal.noise.contact_n} N")
 
 
 def test_a_bias_of_the_signal_is_part_of_its_noise() -> None:

@@ -11,7 +11,6 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from footsense.estimation.contact import ContactDetector
 from footsense.estimation.gait import GaitTracker
-from footsense.estimation.settings import ContactLimits
 from footsense.frames import GaitEvent, GaitEventKind, GaitFrame, Slip, Vector
 from footsense.ports import LoadEstimate
 
@@ -25,7 +24,7 @@ class Robot:
 
     def __init__(self) -> None:
         self.tracker = GaitTracker(LEGS, period_ns=0)
-        self.contacts = [ContactDetector(ContactLimits(min_threshold_n=0.03)) for _ in range(LEGS)]
+        self.contacts = [ContactDetector(0.03) for _ in range(LEGS)]
         self.now_ns = 1_000_000_000
         for contact in self.contacts:
             contact.reset(self.now_ns)
@@ -168,7 +167,7 @@ def test_a_slide_is_said_once_and_ends_with_the_stance() -> None:
 def test_frames_come_with_events_and_ten_times_a_second() -> None:
     """Between them nothing is published."""
     tracker = GaitTracker(1)
-    contact = ContactDetector(ContactLimits(min_threshold_n=0.03))
+    contact = ContactDetector(0.03)
     found = []
     for k in range(1000):
         now_ns = k * STEP_NS

@@ -11,7 +11,7 @@ from onnx.reference import ReferenceEvaluator
 from footsense.estimation.network import steady_windows
 from footsense.estimation.pipeline import Pipeline
 from footsense.estimation.sensitivity import sensitivity
-from footsense.estimation.settings import ContactLimits, EstimationLimits, MountedFeet, TareLimits
+from footsense.estimation.settings import EstimationLimits, MountedFeet, TareLimits
 from footsense.foot.files.network_card import INPUTS
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, CapFrame, ContactFrame, Reading, State, Vector
@@ -132,7 +132,7 @@ class _LegPipeline:
             MountedFeet.as_designed(design, 1),
             EstimationLimits(
                 tare=TareLimits(window_scans=_WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
-                contact=ContactLimits(min_threshold_n=0.03),
+                least_contact_n=0.03,
                 scan_ns=_SCAN_NS,
                 max_age_ns=_MAX_AGE_NS,
             ),
