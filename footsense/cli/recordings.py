@@ -1,4 +1,4 @@
-"""Commands that read recordings: `footsense export`, `recover`, `replay` and `snapshot`."""
+"""Commands that read recordings: `footsense export`, `replay` and `snapshot`."""
 
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -23,9 +23,8 @@ from footsense.errors import FootsenseError, ModelError, RecordingError, require
 from footsense.progress import file_progress_bar
 from footsense.recording.compare import first_difference, same_processor_and_libraries
 from footsense.recording.machine import platform_versions
-from footsense.recording.recover import SNAPSHOT_KEY, recovered_path, write_snapshot
-from footsense.recording.recover import recover as rewrite
 from footsense.recording.replay import Replay, ReplayClock, ReplaySource
+from footsense.recording.snapshot import SNAPSHOT_KEY, write_snapshot
 
 
 @click.command()
@@ -104,9 +103,7 @@ def _run_replay(
             commands = (*source.commands(), *sink.commands())
             made = loop.run_cycle(scan, commands, temperature_c=recorded.temperature_c)
             if check and not source.lost:
-                if different := first_difference(
-                    recorded.forces, made.forces, exact=exact, legs=recording.legs
-                ):
+                if different := first_difference(recorded, made, exact=exact, legs=recording.legs):
                     raise FootsenseError(f"{file}: {different}")
                 n_equal += 1
             n_frames += 1
@@ -128,19 +125,6 @@ def _require_complete_recording(file: Path, source: ReplaySource, n_equal: int |
         raise RecordingError(f"{source.damage}; before that, {lost}" if lost else str(source.damage))
     if lost:
         raise RecordingError(f"{file}: {lost}")
-
-
-@click.command("recover")
-@click.argument("file", type=FILE)
-@click.option("-o", "--output", type=FILE, help="New file; FILE is left as it is.")
-def recover(file: Path, output: Path | None) -> None:
-    """Rewrite the intact part of the recording FILE, with an index."""
-    target = output or recovered_path(file)
-    with file_progress_bar("recover", file) as on_bytes_read:
-        recovered = rewrite(file, target, on_bytes_read)
-    click.echo(f"{target}: {recovered.n_recovered_cycles} cycles")
-    if recovered.damage is not None:
-        click.echo(f"footsense: {recovered.damage}", err=True)
 
 
 _RecordingWriter = Callable[[Replay, Path], int]

@@ -48,7 +48,7 @@ def check_recording_target(path: Path) -> None:
     if partial.exists() and not path.exists():
         check_not_being_written(partial)
         raise RecordingError(
-            f"{partial}: exists, a recording that was cut short; footsense recover it, or remove it"
+            f"{partial}: exists, a recording that was cut short, and can be read as it is; rename or remove it"
         )
     check_new_file(str(path), path)
 

@@ -85,7 +85,7 @@ def test_the_recording_gives_the_same_forces_again(walk: tuple[Path, dict[str, A
 def test_a_recording_that_was_cut_short_is_replayed_as_far_as_it_is_whole(
     walk: tuple[Path, dict[str, Any]], tmp_path: Path
 ) -> None:
-    """Exit 3, what is lost in one line; `recover` makes a whole file of the rest."""
+    """What is lost in one line, exit 74."""
     content = (walk[0] / "walk.mcap").read_bytes()
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(content[: len(content) * 2 // 3])
@@ -95,10 +95,6 @@ def test_a_recording_that_was_cut_short_is_replayed_as_far_as_it_is_whole(
     assert 0.4 < n_cycles / walk[1]["cycles"] < 0.7
     assert "cut" in result.stderr or "end" in result.stderr
     assert "Traceback" not in result.stderr
-    assert footsense("recover", cut).returncode in {0, 74}
-    [recovered] = [path for path in tmp_path.iterdir() if path != cut]
-    again = footsense("replay", recovered, "--check")
-    assert (again.returncode, int(again.stdout.split()[0])) == (0, n_cycles)
 
 
 @pytest.mark.slow

@@ -15,8 +15,8 @@ import pytest
 from footsense.errors import ConfigError, FootsenseError, RecordingError
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.recorder import Recorder, check_recording_target, partial_path
-from footsense.recording.recover import recover, write_snapshot
 from footsense.recording.replay import Replay
+from footsense.recording.snapshot import write_snapshot
 from footsense.ring.cycle_ring import CycleRing
 from footsense.ring.records import LostCycles, NumberedCycle
 from tests.support.cycles import LEGS, cycle, read_until_damage, same, status
@@ -58,7 +58,7 @@ def test_an_existing_file_is_not_overwritten(tmp_path: Path, ring: CycleRing) ->
     (tmp_path / "cut.mcap.partial").touch()
     for name, wanted in (
         ("walk.mcap", "exists and is not overwritten"),
-        ("cut.mcap", "footsense recover it, or remove it"),
+        ("cut.mcap", "can be read as it is; rename or remove it"),
         ("none/walk.mcap", "there is no directory"),
     ):
         with pytest.raises(RecordingError, match=wanted):
@@ -88,13 +88,12 @@ def test_a_recording_ends_in_mcap(tmp_path: Path, name: str) -> None:
 def test_a_recording_in_the_making_is_told_from_one_that_was_cut_short(
     tmp_path: Path, ring: CycleRing
 ) -> None:
-    """A second recorder and `recover` leave it alone while its writer lives; at its end it is whole."""
+    """A second recorder leaves it alone while its writer lives; at its end it is whole."""
     path = tmp_path / "walk.mcap"
     first = Recorder(path, ring, waits=True)
     ring.observe(cycle(0))
-    for attempt in (lambda: check_recording_target(path), lambda: recover(partial_path(path), path)):
-        with pytest.raises(RecordingError, match=r"partial: is being written by another footsense"):
-            attempt()
+    with pytest.raises(RecordingError, match=r"partial: is being written by another footsense"):
+        check_recording_target(path)
     first.close()
     assert len(list(Replay(path))) == 1
 

@@ -1,23 +1,22 @@
 """A recording gives back every bit that it was given, or says what it cannot give."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mcap.reader import make_reader
 
 from footsense.errors import RecordingError
 from footsense.frames import Cause, CommandResult, Cycle, GaitEvent, GaitEventKind, Result
 from footsense.recording.compare import first_difference, same_processor_and_libraries
 from footsense.recording.machine import platform_versions
 from footsense.recording.mcap_writer import McapFile
-from footsense.recording.recover import recover
 from footsense.recording.replay import Replay, ReplayClock, ReplaySource
 from footsense.ring.records import LostCycles, NumberedCycle
 from tests.support.cycles import LEGS, TARE, cycle, read_until_damage, same, write
-from tests.support.frames import gait_frame
+from tests.support.frames import contact_frame, gait_frame
 
 
 @pytest.fixture(scope="module")
@@ -69,25 +68,6 @@ def test_another_file_is_not_a_recording(scratch: Path, content: bytes) -> None:
         Replay(scratch)
 
 
-def test_recover_makes_a_sound_file(tmp_path: Path, walk: tuple[bytes, list[Cycle]]) -> None:
-    """What is whole in a cut file is in the new one, which the indexed readers of other tools can open."""
-    whole, cycles = walk
-    cut = tmp_path / "walk.mcap.partial"
-    cut.write_bytes(whole[: len(whole) * 2 // 3])
-    recovered = recover(cut, tmp_path / "walk.mcap")
-    read, damage = read_until_damage(tmp_path / "walk.mcap")
-    assert damage is None
-    assert recovered.damage is not None
-    assert recovered.n_recovered_cycles == len(read) > 0
-    assert all(same(a, b) for a, b in zip(cycles, read, strict=False))
-    with (tmp_path / "walk.mcap").open("rb") as file:
-        topics = [channel.topic for _, channel, _ in make_reader(file).iter_messages()]
-    assert topics.count("/scan") == topics.count("/force") == len(read)
-    assert topics.count("/reference") == sum(
-        len(one.reference.t_ns) for one in read if one.reference is not None
-    )
-
-
 def test_replay_gives_scan_commands_and_time(walk: tuple[bytes, list[Cycle]], scratch: Path) -> None:
     """The source and its clock show the loop what it saw when it was recorded."""
     whole, cycles = walk
@@ -118,50 +98,60 @@ def test_replay_counts_what_was_lost(scratch: Path) -> None:
     assert seen == [(0, 0), (4, 3)]
 
 
+def with_forces(**values: Any) -> Cycle:
+    """Return a cycle whose forces have some other values."""
+    one = cycle(0)
+    return one._replace(forces=contact_frame(1_000, 6)._replace(**values))
+
+
 def test_compare_names_the_first_difference() -> None:
     """The difference is told with its leg, field and both values; 1 mN is none on another machine."""
-    then, now = cycle(0).forces, cycle(0).forces
-    then.force_n[3], now.force_n[3] = (0.1, 0.2, np.nan), (0.1, 0.2 + 5e-4, np.nan)
+    force_n = np.full((6, 3), np.nan)
+    force_n[3] = 0.1, 0.2, np.nan
+    then, now = with_forces(force_n=force_n), with_forces(force_n=force_n + np.array([0.0, 5e-4, 0.0]))
     found = first_difference(then, now, exact=True, legs=LEGS)
     assert found == "cycle 0, sent at 0.000 s, leg rf: fy_n was 0.2, is now 0.2005"
-    now.force_n[:], now.sigma_n[:] = then.force_n, then.sigma_n
-    now.force_n[3, 1] += 5e-4
     assert first_difference(then, now, exact=False, legs=LEGS) is None
-    now.state[1] = (then.state[1] + 1) % 10
-    assert "leg lm: state was" in str(first_difference(then, now, exact=False, legs=LEGS))
+    now = with_forces(force_n=force_n + np.array([0.0, 2e-3, 0.0]))
+    assert "leg rf: fy_n was 0.2, is now 0.202" in str(first_difference(then, now, exact=False, legs=LEGS))
+    known = with_forces(force_n=np.nan_to_num(force_n))
+    assert "leg lf: fx_n was None, is now 0.0" in str(first_difference(then, known, exact=False, legs=LEGS))
 
 
 def test_compare_looks_behind_the_state_and_at_the_baseline() -> None:
     """Another cause or another baseline under the same forces is a difference."""
-    then, now = cycle(0).forces, cycle(0).forces
-    then.cause[2], now.cause[2] = Cause.ROW_OPEN, Cause.COLUMN_OPEN
-    found = first_difference(then, now, exact=False, legs=LEGS)
-    assert "leg lr: cause was ROW_OPEN, is now COLUMN_OPEN" in str(found)
-    now.cause[2] = then.cause[2]
-    then.baseline.worst_pf[4], now.baseline.worst_pf[4] = 0.5, 0.5 + 1e-9
-    assert first_difference(then, now, exact=False, legs=LEGS) is None
-    found = first_difference(then, now, exact=True, legs=LEGS)
-    assert "leg rm: baseline_worst_pf was 0.5, is now" in str(found)
+    causes = [np.full(6, cause, np.uint8) for cause in (Cause.ROW_OPEN, Cause.COLUMN_OPEN)]
+    found = first_difference(*(with_forces(cause=cause) for cause in causes), exact=False, legs=LEGS)
+    assert "leg lf: cause was ROW_OPEN, is now COLUMN_OPEN" in str(found)
+    baseline = contact_frame(1_000, 6).baseline
+    then, near, far = (
+        with_forces(baseline=baseline._replace(worst_pf=np.full(6, worst_pf)))
+        for worst_pf in (0.5, 0.5 + 1e-9, 0.5 + 1e-5)
+    )
+    assert first_difference(then, near, exact=False, legs=LEGS) is None
+    for now, exact in ((near, True), (far, False)):
+        found = first_difference(then, now, exact=exact, legs=LEGS)
+        assert "leg lf: baseline_worst_pf was 0.5, is now" in str(found)
 
 
 def test_compare_looks_at_the_gait() -> None:
     """One that was not there or is not there any more, another load share, or an event less is a difference."""
     t_ns = 100_000_000
     event = GaitEvent(GaitEventKind.TOUCHDOWN, 0, t_ns, 0.002)
-    plain = cycle(0).forces
-    then = plain._replace(gait=gait_frame(t_ns, 6, events=(event,)))
+    gait = gait_frame(t_ns, 6, events=(event,))
+    then, plain = with_forces(gait=gait), with_forces()
     share = np.array([0.5, 0.1, 0.1, 0.1, 0.1, 0.1])
     for now, words in (
-        (plain, "had a gait, has none now"),
-        (then._replace(gait=gait_frame(t_ns, 6)), "the gait events were"),
-        (
-            then._replace(gait=gait_frame(t_ns, 6, events=(event,), load_share=share)),
-            "lf: load_share was 0.1666",
-        ),
+        (plain, "had 1 gaits, has 0 now"),
+        (with_forces(gait=gait._replace(events=())), "had 1 gait events, has 0 now"),
+        (with_forces(gait=gait._replace(events=(event._replace(leg=1),))), "leg was lf, is now lm"),
+        (with_forces(gait=gait._replace(load_share=share)), "lf: load_share was 0.1666"),
     ):
         assert words in str(first_difference(then, now, exact=False, legs=LEGS))
-    assert "had no gait, has one now" in str(first_difference(plain, then, exact=False, legs=LEGS))
-    assert first_difference(then, then, exact=True, legs=LEGS) is None
+    assert "had 0 gaits, has 1 now" in str(first_difference(plain, then, exact=False, legs=LEGS))
+    dated = with_forces(gait=gait._replace(events=(event._replace(t_ns=t_ns + 1),)))
+    assert first_difference(then, dated, exact=False, legs=LEGS) is None
+    assert "t_ns was 100000000, is now 100000001" in str(first_difference(then, dated, exact=True, legs=LEGS))
 
 
 def test_the_same_machine_has_the_same_processor_and_libraries() -> None:
