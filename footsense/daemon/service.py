@@ -33,9 +33,8 @@ from footsense.ring.records import ServiceStatus
 from footsense.ring.ring_file import default_ring
 from footsense.sim.can.interface import SimulatedCan
 from footsense.sim.scene import Scene
-from footsense.telemetry.journal import LegStateLogger
 from footsense.telemetry.log_lines import n_lost_log_lines
-from footsense.telemetry.systemd import SystemdNotifier
+from footsense.telemetry.systemd import LegStateLogger, SystemdNotifier
 
 if TYPE_CHECKING:
     from footsense.daemon.test_stand import StandSession
