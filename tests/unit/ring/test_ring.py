@@ -183,6 +183,34 @@ def test_two_processes_at_full_speed(path: Path) -> None:
             writer.kill()
 
 
+#: Counts up as fast as it can, by steps of 254 bytes: of a counter stored byte by byte a part would be less than before.
+COUNT_AT_FULL_SPEED = """
+import pathlib, sys
+sys.path.insert(0, sys.argv[2])
+from footsense.ring.cycle_ring import CycleRing
+from tests.support.cycles import LEGS, status
+ring = CycleRing(pathlib.Path(sys.argv[1]), LEGS, {}, 1.0, status)
+print("ready", flush=True)
+while True:
+    ring._write(bytes(246))
+"""
+
+
+def test_a_counter_never_goes_back(path: Path) -> None:
+    """It is stored as one word; of one that is stored byte by byte, a reader on another core sees a part."""
+    command = [sys.executable, "-c", COUNT_AT_FULL_SPEED, str(path), str(Path(__file__).parents[3])]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as writer:
+        try:
+            assert writer.stdout is not None
+            assert writer.stdout.readline() == "ready\n"
+            with closing(CycleReader(path)) as reader:
+                for _ in range(15):
+                    ends = [reader.end for _ in range(200_000)]
+                    assert ends == sorted(ends)
+        finally:
+            writer.kill()
+
+
 def test_the_end_and_the_restart_of_a_service_are_noticed(path: Path) -> None:
     """A reader of the former service knows, and gets the rest of it; a new one reads the new service."""
     first = CycleRing(path, LEGS, {}, 40.0, status)
