@@ -2,12 +2,12 @@
 
 A frame holds all legs of the robot, row n for the n-th leg of the configuration, because the network runs once for all
 of them. An entry that was not measured is NaN, never a substitute. Arrays are read-only by agreement: a receiver may
-keep a frame.
+keep a frame. The arrays are declared once, here: ring, recording and export store them as their `CycleField` says.
 """
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +61,32 @@ class Reading(IntEnum):
     UNDER_RANGE = 11  #: the code is at the lower end of a range that begins above 0
 
 
+class CycleField(NamedTuple):
+    """How one array of a frame, with one row per leg, is stored: type, shape, keys in JSON.
+
+    Attributes:
+        dtype: Type of its entries, as numpy calls it.
+        row_shape: Shape of a leg's row.
+        json_keys: Keys of a leg's row in JSON: one, or one for each component; none where it is the array's name.
+        max_code: Largest code or mask with a meaning; None for numbers.
+        code_enum: Enumeration by whose names JSON calls the codes; None for numbers.
+    """
+
+    dtype: str
+    row_shape: tuple[int, ...] = ()
+    json_keys: tuple[str, ...] = ()
+    max_code: int | None = None
+    code_enum: type[IntEnum] | None = None
+
+
+_NUMBER, _TIME, _MARK = CycleField("<f8"), CycleField("<i8"), CycleField("u1", max_code=1)
+_OF_ELEMENTS = (ELEMENTS,)
+
+
+def _code(enum: type[IntEnum]) -> CycleField:
+    return CycleField("u1", max_code=max(enum), code_enum=enum)
+
+
 class CapFrame(NamedTuple):
     """Latest capacitance reading of every element of every leg, with time and read result.
 
@@ -75,9 +101,9 @@ class CapFrame(NamedTuple):
     """
 
     sequence: int
-    t_ns: Stamps
-    capacitance_pf: Vector
-    reading: Codes
+    t_ns: Annotated[Stamps, CycleField("<i8", _OF_ELEMENTS)]
+    capacitance_pf: Annotated[Vector, CycleField("<f8", _OF_ELEMENTS)]
+    reading: Annotated[Codes, CycleField("u1", _OF_ELEMENTS, max_code=max(Reading))]
 
 
 class BaselineDrift(NamedTuple):
@@ -90,10 +116,10 @@ class BaselineDrift(NamedTuple):
         moved_ns: Time of the last move or tare [ns], shape (legs,), int64; 0 without a baseline.
     """
 
-    status: Codes
-    mean_pf: Vector
-    worst_pf: Vector
-    moved_ns: Stamps
+    status: Annotated[Codes, _code(BaselineStatus)._replace(json_keys=("baseline_status",))]
+    mean_pf: Annotated[Vector, CycleField("<f8", json_keys=("baseline_mean_pf",))]
+    worst_pf: Annotated[Vector, CycleField("<f8", json_keys=("baseline_worst_pf",))]
+    moved_ns: Annotated[Stamps, CycleField("<i8", json_keys=("baseline_moved_ns",))]
 
     @classmethod
     def none(cls, n_legs: int) -> "BaselineDrift":
@@ -125,8 +151,6 @@ class GaitFrame(NamedTuple):
 
     Attributes:
         t_ns: The time [ns].
-        contact: Debounced contact, shape (legs,).
-        contact_raw: Whether the newest load alone is one of contact, shape (legs,).
         probability: Probability of contact now [1], shape (legs,), NaN where the force is not known.
         touchdown_ns: Time of the last touchdown, back-dated [ns], shape (legs,); 0 if it is not known.
         touchdown_sigma_s: Standard deviation of it [s], shape (legs,), NaN if it is not known.
@@ -138,6 +162,8 @@ class GaitFrame(NamedTuple):
         normal_sigma_rad: Standard deviation of its direction, root of the sum of both squares [rad], shape (legs,).
         tangential_over_normal: Tangential over normal force [1], shape (legs,), NaN where no load tells it.
         tangential_over_normal_sigma: Standard deviation of it [1], shape (legs,).
+        contact: Debounced contact, shape (legs,).
+        contact_raw: Whether the newest load alone is one of contact, shape (legs,).
         slip: Whether the foot slides, shape (legs,), uint8 of `Slip`.
         friction: Coefficient of the ground's friction, learnt from the slips of all legs [1]; NaN until enough slipped.
         all_in_air: Whether every leg is known to be without contact.
@@ -145,19 +171,19 @@ class GaitFrame(NamedTuple):
     """
 
     t_ns: int
-    contact: Mask
-    contact_raw: Mask
-    probability: Vector
-    touchdown_ns: Stamps
-    touchdown_sigma_s: Vector
-    lift_off_ns: Stamps
-    lift_off_sigma_s: Vector
-    load_share: Vector
-    normal: Vector
-    normal_sigma_rad: Vector
-    tangential_over_normal: Vector
-    tangential_over_normal_sigma: Vector
-    slip: Codes
+    probability: Annotated[Vector, _NUMBER]
+    touchdown_ns: Annotated[Stamps, _TIME]
+    touchdown_sigma_s: Annotated[Vector, _NUMBER]
+    lift_off_ns: Annotated[Stamps, _TIME]
+    lift_off_sigma_s: Annotated[Vector, _NUMBER]
+    load_share: Annotated[Vector, _NUMBER]
+    normal: Annotated[Vector, CycleField("<f8", (3,), ("normal_x", "normal_y", "normal_z"))]
+    normal_sigma_rad: Annotated[Vector, _NUMBER]
+    tangential_over_normal: Annotated[Vector, _NUMBER]
+    tangential_over_normal_sigma: Annotated[Vector, _NUMBER]
+    contact: Annotated[Mask, _MARK]
+    contact_raw: Annotated[Mask, _MARK]
+    slip: Annotated[Codes, _code(Slip)]
     friction: float
     all_in_air: bool
     events: tuple[GaitEvent, ...]
@@ -174,21 +200,21 @@ class ContactFrame(NamedTuple):
         sigma_n: Standard deviation of each component [N], shape (legs, 3), NaN where the force is.
         state: Whether the force may be used, and if not, why, shape (legs,), uint8 of `State`.
         fault_mask: Bit e set where element e is not usable, shape (legs,), uint16.
-        flags: Notes on a usable force, shape (legs,), uint8 of `Flag`.
         cause: Cause of the state, shape (legs,), uint8 of `Cause`.
+        flags: Notes on a usable force, shape (legs,), uint8 of `Flag`.
         baseline: Status and drift of the baselines.
         gait: Gait semantics, ten times a second and with every event; None between, and in recordings from before them.
     """
 
     sequence: int
     t_sent_ns: int
-    t_ns: Stamps
-    force_n: Vector
-    sigma_n: Vector
-    state: Codes
-    fault_mask: NDArray[np.uint16]
-    flags: Codes
-    cause: Codes
+    t_ns: Annotated[Stamps, _TIME]
+    force_n: Annotated[Vector, CycleField("<f8", (3,), ("fx_n", "fy_n", "fz_n"))]
+    sigma_n: Annotated[Vector, CycleField("<f8", (3,), ("sigma_x_n", "sigma_y_n", "sigma_z_n"))]
+    state: Annotated[Codes, _code(State)]
+    fault_mask: Annotated[NDArray[np.uint16], CycleField("<u2", max_code=(1 << ELEMENTS) - 1)]
+    cause: Annotated[Codes, _code(Cause)]
+    flags: Annotated[Codes, CycleField("u1", max_code=255)]
     baseline: BaselineDrift
     gait: GaitFrame | None = None
 

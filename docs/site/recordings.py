@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 from docstrings import attributes, table
 
-from footsense.frames import BaselineDrift, CapFrame, ContactFrame, GaitEvent, GaitFrame
+from footsense.frames import BaselineDrift, CapFrame, ContactFrame, CycleField, GaitEvent, GaitFrame
 from footsense.recording import messages
-from footsense.ring.cycle_fields import CYCLE_FIELDS, GAIT_FIELDS, CycleField
+from footsense.ring.records import CYCLE_FIELDS, GAIT_FIELDS
 
 _FRAMES = {"scan": CapFrame, "forces": ContactFrame, "forces.baseline": BaselineDrift, "gait": GaitFrame}
 _TOPICS = {

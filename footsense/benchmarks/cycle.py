@@ -30,8 +30,7 @@ from footsense.ring.cycle_ring import CycleRing
 from footsense.ring.records import ServiceStatus
 from footsense.sim.clock import VirtualClock
 from footsense.sim.scene_files import load_scene
-from footsense.telemetry.journal import LegStateLogger
-from footsense.telemetry.systemd import SystemdNotifier
+from footsense.telemetry.systemd import LegStateLogger, SystemdNotifier
 
 #: Priority of SCHED_FIFO, the default of the service; without it the figures include other processes.
 REALTIME_PRIORITY = Realtime().priority

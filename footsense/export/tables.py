@@ -7,9 +7,9 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
-from footsense.frames import USABLE, GaitEventKind
+from footsense.frames import USABLE, CycleField, GaitEventKind
 from footsense.recording.replay import Replay
-from footsense.ring.cycle_fields import CYCLE_FIELDS, GAIT_FIELDS, CycleField
+from footsense.ring.records import CYCLE_FIELDS, GAIT_FIELDS
 
 #: A row: numbers or names, one for each column; NaN and None stand for values that are not known.
 _Row = list[Any]

@@ -21,25 +21,20 @@ from numpy.typing import NDArray
 
 from footsense.frames import (
     ELEMENTS,
+    CapFrame,
     Command,
     CommandKind,
     CommandResult,
+    ContactFrame,
     Cycle,
+    CycleField,
     GaitEvent,
     GaitEventKind,
     GaitFrame,
     ReferenceSamples,
     Result,
 )
-from footsense.ring.cycle_fields import (
-    CYCLE_FIELDS,
-    GAIT_FIELDS,
-    CycleField,
-    NonNegativeInt64,
-    forces_from_arrays,
-    gait_from_arrays,
-    scan_from_arrays,
-)
+from footsense.ring.records import CYCLE_FIELDS, GAIT_FIELDS, NonNegativeInt64, frame_from_arrays
 
 SCAN, FORCE, EVENT, REFERENCE = "/scan", "/force", "/event", "/reference"
 GAIT, GAIT_EVENT = "/gait", "/gait_event"
@@ -154,7 +149,8 @@ def decode_cycle(parts: defaultdict[str, list[bytes]], legs: Sequence[str], *, h
     sequences = (msgspec.convert(message["sequence"], NonNegativeInt64) for message in (scan, force))
     scan_sequence, force_sequence = sequences
     t_sent_ns = msgspec.convert(force["t_sent_ns"], NonNegativeInt64)
-    forces = forces_from_arrays(force_sequence, t_sent_ns, _arrays(force, legs, _FORCE_FIELDS))
+    arrays = _arrays(force, legs, _FORCE_FIELDS)
+    forces = frame_from_arrays(ContactFrame, arrays, sequence=force_sequence, t_sent_ns=t_sent_ns)
     if parts[GAIT]:
         forces = forces._replace(gait=_decode_gait(_only(parts[GAIT]), parts[GAIT_EVENT], legs))
     commands, outcomes, temperature_c = [], [], None
@@ -169,7 +165,7 @@ def decode_cycle(parts: defaultdict[str, list[bytes]], legs: Sequence[str], *, h
                 values = [event["temperature_c"][leg] for leg in legs]
                 temperature_c = np.array(msgspec.convert(values, list[float | None]), np.float64)
     return Cycle(
-        scan_from_arrays(scan_sequence, _arrays(scan, legs, _SCAN_FIELDS)),
+        frame_from_arrays(CapFrame, _arrays(scan, legs, _SCAN_FIELDS), sequence=scan_sequence),
         tuple(commands),
         forces,
         tuple(outcomes),
@@ -226,9 +222,14 @@ def _decode_gait(message: dict[str, Any], events: Sequence[bytes], legs: Sequenc
         GaitEvent(GaitEventKind[event.kind], legs.index(event.leg), event.t_ns, event.sigma_s)
         for event in read
     )
-    friction = float("nan") if whole.friction is None else whole.friction
-    arrays = _arrays(message, legs, GAIT_FIELDS)
-    return gait_from_arrays(whole.t_ns, friction, whole.all_in_air, found, arrays)
+    return frame_from_arrays(
+        GaitFrame,
+        _arrays(message, legs, GAIT_FIELDS),
+        t_ns=whole.t_ns,
+        friction=float("nan") if whole.friction is None else whole.friction,
+        all_in_air=whole.all_in_air,
+        events=found,
+    )
 
 
 def _arrays(

@@ -22,8 +22,7 @@ from footsense.errors import FootsenseError
 from footsense.frames import Cycle, GaitFrame
 from footsense.ports import Observer
 from footsense.ring import ring_file
-from footsense.ring.cycle_fields import CYCLE_FIELDS, GAIT_FIELDS
-from footsense.ring.records import ServiceStatus
+from footsense.ring.records import CYCLE_FIELDS, GAIT_FIELDS, ServiceStatus
 
 #: Time that the ring holds [s].
 RING_DURATION_S = 30

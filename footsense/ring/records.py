@@ -6,7 +6,7 @@ stand in one binary field in the order of `CYCLE_FIELDS`, so that encoding (`cyc
 
 from collections.abc import Mapping
 from functools import cache
-from typing import Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_origin, get_type_hints
 
 import msgspec
 import numpy as np
@@ -16,23 +16,56 @@ from footsense.errors import FootsenseError
 from footsense.frames import (
     ALL_LEGS,
     ELEMENTS,
+    BaselineDrift,
     CanStatistics,
+    CapFrame,
     Command,
     CommandResult,
+    ContactFrame,
     Cycle,
+    CycleField,
     GaitEvent,
     GaitFrame,
     ReferenceSamples,
     Vector,
 )
-from footsense.ring.cycle_fields import (
-    CYCLE_FIELDS,
-    GAIT_FIELDS,
-    NonNegativeInt64,
-    forces_from_arrays,
-    gait_from_arrays,
-    scan_from_arrays,
-)
+
+#: A counter or time: not negative, 63 bits.
+NonNegativeInt64 = Annotated[int, msgspec.Meta(ge=0, le=(1 << 63) - 1)]
+_Frame = TypeVar("_Frame", CapFrame, BaselineDrift, ContactFrame, GaitFrame)
+
+
+def _fields_of(frame: type[tuple[Any, ...]], place: str) -> dict[str, CycleField]:
+    """Return the arrays of a frame, as it declares them, by their path."""
+    hints = get_type_hints(frame, include_extras=True)
+    declared = {name: hint.__metadata__[0] for name, hint in hints.items() if get_origin(hint) is Annotated}
+    return {
+        f"{place}.{name}": field if field.json_keys else field._replace(json_keys=(name,))
+        for name, field in declared.items()
+    }
+
+
+def _wide_first(fields: dict[str, CycleField]) -> dict[str, CycleField]:
+    """Return fields in an order in which a record has all of them aligned."""
+    return dict(sorted(fields.items(), key=lambda item: -np.dtype(item[1].dtype).itemsize))
+
+
+_PLACES = {CapFrame: "scan", BaselineDrift: "forces.baseline", ContactFrame: "forces", GaitFrame: "gait"}
+_BY_FRAME = {frame: _fields_of(frame, place) for frame, place in _PLACES.items()}
+#: The arrays of a cycle by their path, such as `forces.force_n`, and those of a gait, which few cycles have.
+CYCLE_FIELDS = _wide_first(_BY_FRAME[CapFrame] | _BY_FRAME[ContactFrame] | _BY_FRAME[BaselineDrift])
+GAIT_FIELDS = _wide_first(_BY_FRAME[GaitFrame])
+
+
+def frame_from_arrays(kind: type[_Frame], arrays: Mapping[str, NDArray[Any]], **others: Any) -> _Frame:  # noqa: ANN401 - the values of a frame
+    """Return the frame of some kind made of arrays by their paths, and of its other values."""
+    values: dict[str, Any] = {}
+    for path, field in _BY_FRAME[kind].items():
+        name = path.rpartition(".")[2]
+        values[name] = arrays[path].astype(np.bool_) if field.max_code == 1 else arrays[path]
+    if kind is ContactFrame:
+        others["baseline"] = frame_from_arrays(BaselineDrift, arrays)
+    return kind(**values, **others)
 
 
 class NumberedCycle(NamedTuple):
@@ -161,8 +194,10 @@ def _numbered_cycle(record: _CycleRecord, n_legs: int) -> NumberedCycle:
     require_valid(
         all(0 <= command.leg < n_legs for command in commands), f"a command for none of {n_legs} legs"
     )
-    scan = scan_from_arrays(record.scan_sequence, arrays)
-    forces = forces_from_arrays(record.force_sequence, record.t_sent_ns, arrays)
+    scan = frame_from_arrays(CapFrame, arrays, sequence=record.scan_sequence)
+    forces = frame_from_arrays(
+        ContactFrame, arrays, sequence=record.force_sequence, t_sent_ns=record.t_sent_ns
+    )
     if record.gait is not None:
         forces = forces._replace(gait=_decode_gait(record.gait, n_legs))
     reference = None if record.reference_samples is None else _decode_reference(*record.reference_samples)
@@ -199,7 +234,14 @@ def _decode_gait(record: _GaitRecord, n_legs: int) -> GaitFrame:
         all(0 <= event.leg < n_legs for event in record.events), f"an event of none of {n_legs} legs"
     )
     arrays = _decode_arrays(record.arrays, "gait", n_legs)
-    return gait_from_arrays(record.t_ns, record.friction, record.all_in_air, record.events, arrays)
+    return frame_from_arrays(
+        GaitFrame,
+        arrays,
+        t_ns=record.t_ns,
+        friction=record.friction,
+        all_in_air=record.all_in_air,
+        events=record.events,
+    )
 
 
 def _decode_reference(times: bytes, forces: bytes, saturations: bytes) -> ReferenceSamples:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from footsense.daemon.recording_header import ClosureConversion
 from footsense.frames import ELEMENTS, ContactFrame, Cycle, GaitFrame, Vector
+from footsense.ring.records import GAIT_FIELDS
 
 Table = NDArray[np.float32]
 
@@ -32,8 +33,16 @@ _FRAME_SIGNALS: dict[str, Callable[[ContactFrame], Any]] = {
     "baseline_status": lambda forces: forces.baseline.status,
     "baseline_mean": lambda forces: forces.baseline.mean_pf * 1e3,
 }
-#: Signals of the last gait, by the names that they have there.
-_GAIT_SIGNALS = ("contact", "probability", "load_share", "tangential_over_normal", "friction", "slip")
+#: Signals of the last gait, by the names that they have there: all with one number for each leg, but for times.
+_GAIT_SIGNALS = (
+    "friction",
+    *(
+        name
+        for path, field in GAIT_FIELDS.items()
+        for name in field.json_keys
+        if path.endswith(name) and field.dtype != "<i8"
+    ),
+)
 #: The columns of the table: temperature in degrees Celsius; the closures of the elements over the gap come last.
 SIGNALS = (
     *_FRAME_SIGNALS,

@@ -183,7 +183,7 @@ def test_two_processes_at_full_speed(path: Path) -> None:
             writer.kill()
 
 
-#: Counts up as fast as it can, by steps of 254 bytes: of a counter stored byte by byte a part would be less than before.
+#: Counts up as fast as it can, by 254 bytes: a part of a counter that is stored byte by byte would be less than before.
 COUNT_AT_FULL_SPEED = """
 import pathlib, sys
 sys.path.insert(0, sys.argv[2])
