@@ -9,26 +9,27 @@ from numpy.typing import NDArray
 
 from firmware_interface.chips import fdc1004
 from firmware_interface.conversion_order import CONVERSION_ORDERS
-from footsense.benchmarks.latency_vs_error.chain import (
+from footsense.benchmarks.conversions import (
+    PublishedForces,
     SimulatedReadings,
     conversion_timing,
+    conversion_windows,
+    estimate_forces,
     simulate_conversions,
     true_normals_and_forces_n,
 )
-from footsense.benchmarks.latency_vs_error.latency_and_errors import (
+from footsense.benchmarks.latency_vs_error import (
     TrueLoads,
     latency_and_errors,
+    measure_latency_vs_error,
     settling_ms,
 )
-from footsense.benchmarks.latency_vs_error.publishing import (
-    PublishedForces,
-    conversion_windows,
-    estimate_forces,
-)
+from footsense.benchmarks.touchdown import measure_touchdown_latencies
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.foot.specimen import Foot
 from footsense.lab.evaluation.evaluate_models import open_models
+from footsense.lab.report import StudyContext
 from footsense.ports import LoadEstimate, Window
 from footsense.sim.loads.ground_load import RampContact
 from tests.system.command import run_json
@@ -151,13 +152,13 @@ def test_late_forces_are_found_to_be_late() -> None:
         latency_and_errors(published_late(truth, 0), truth),
         latency_and_errors(published_late(truth, 20 * MS), truth),
     )
-    assert right.error_norm_rms_mn == right.held_error_norm_rms_mn == 0.0
-    assert right.share_within_sigmas == (1.0, 1.0, 1.0, 1.0)
-    assert right.lag_ms == pytest.approx(0.0, abs=0.1)
-    assert late.lag_ms == pytest.approx(20.0, abs=0.1)
-    assert late.held_age_p50_p99_ms[0] == 20.0
-    assert late.error_norm_rms_mn > 30.0
-    assert late.share_within_sigmas[-1] < 0.6
+    assert right["error_norm_rms_mn"] == right["held_error_norm_rms_mn"] == 0.0
+    assert right["share_within_sigmas"] == [1.0, 1.0, 1.0, 1.0]
+    assert right["lag_ms"] == pytest.approx(0.0, abs=0.1)
+    assert late["lag_ms"] == pytest.approx(20.0, abs=0.1)
+    assert late["held_age_p50_p99_ms"][0] == 20.0
+    assert late["error_norm_rms_mn"] > 30.0
+    assert late["share_within_sigmas"][-1] < 0.6
 
 
 def test_a_step_is_settled_when_the_last_wrong_force_is_replaced() -> None:
@@ -167,3 +168,28 @@ def test_a_step_is_settled_when_the_last_wrong_force_is_replaced() -> None:
     truth = TrueLoads.sample(feet, 650 * MS, 1000 * MS)
     found_ms = settling_ms(published_late(truth, 20 * MS, every_ns=10 * MS), truth, starts_ns)
     np.testing.assert_allclose(found_ms, [20.0, 26.0])
+
+
+def test_the_service_s_method_is_ahead_of_simpler_ones() -> None:
+    found = measure_latency_vs_error(
+        StudyContext(models=RELEASED, quick=True, report_progress=lambda _: None)
+    )
+    walk = {
+        (each["method"], each["scan_order"]): each["errors"]["error_norm_rms_mn"]
+        for each in found["loads"]["measured_walk"]["methods"]
+    }
+    assert walk["every conversion", "lo_shu"] < 0.7 * min(
+        error_mn for (method, _), error_mn in walk.items() if not method.startswith("every")
+    )
+    every, fourth, ninth = (point["walk"]["held_error_norm_rms_mn"] for point in found["points"])
+    assert every < fourth < ninth
+
+
+def test_touchdowns_are_reported_within_a_few_conversions() -> None:
+    found = measure_touchdown_latencies(StudyContext(models=RELEASED, quick=True))
+    step_ns, _ = conversion_timing(400)
+    for kind in found["latencies"].values():
+        assert kind["contact_p50_p99_ms"][1] < 60.0
+        # Not before the first conversion that can see it has been sent.
+        assert kind["contact_ms"][0] > -step_ns * 1e-6
+    assert found["false_reports"]["false_contacts_swing_liftoff"][0] == 0

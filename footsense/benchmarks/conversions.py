@@ -1,4 +1,4 @@
-"""Simulated readings of feet with the daemon's conversion timing, noise and quantisation.
+"""Simulated readings of feet with the service's conversion timing, noise and steps, and the forces made of them.
 
 Bus and chips enter by three numbers, which `firmware_interface/` has in closed form: the time between two conversions,
 the time from the middle of a conversion to the sending of its force, and the noise and step of the converter. All feet
@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 
 from firmware_interface.chips import fdc1004
 from firmware_interface.schedule import scan_lower_bounds
-from footsense.foot.capacitor import CapacitorDesign
+from footsense.estimation.network import READINGS, ReadingWindow, steady_windows
+from footsense.foot.files.network_card import TrainedInputs
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, LEGS, Stamps, Vector
+from footsense.ports import Estimator, Window
 from footsense.sim.loads.ground_load import GroundContact
 
 #: Load of one foot at a time [ns].
@@ -26,6 +28,8 @@ FootLoad = Callable[[int], GroundContact]
 BUS_HZ, HOST_COST_NS = 400_000, 40_000
 #: Scans that a tare averages.
 _N_TARE_SCANS = 8
+#: Conversions before the first one that ends a whole window, counted from the end of the first scan.
+_CONVERSIONS_TO_FILL_WINDOW = (READINGS - 1) * ELEMENTS
 #: At 400 S/s the noise exceeds the lower register of a result, which is then not read.
 _SINGLE_REGISTER_RATE_SPS = 400
 
@@ -91,13 +95,6 @@ def quantized_capacitance_pf(capacitance_pf: Vector, rate_sps: int, rng: np.rand
     codes_per_pf = fdc1004.CODES_PER_PF / ((1 << 8) if rate_sps == _SINGLE_REGISTER_RATE_SPS else 1)
     quantized_pf: Vector = np.floor(noisy_pf * codes_per_pf) / codes_per_pf
     return quantized_pf
-
-
-def distance_noise_rel(design: CapacitorDesign, rate_sps: int) -> float:
-    """Return the standard deviation of an unloaded element's plate distance over its gap [1]."""
-    # dC / C = -d(distance) / distance.
-    rest_um = design.plate_distance_um(np.array([design.unloaded_pf]))[0]
-    return float(fdc1004.RATES[rate_sps].noise_ff * 1e-3 / design.unloaded_pf * rest_um / design.gap_um)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -168,3 +165,87 @@ def simulate_conversions(
         plate_distance_rel=design.plate_distance_um(read_pf) / design.gap_um,
         unloaded_plate_distance_rel=design.plate_distance_um(baseline_pf) / design.gap_um,
     )
+
+
+class PublishedForces(NamedTuple):
+    """Forces [N] with standard deviations [N] as sent, and their times.
+
+    Attributes:
+        sent_ns: Time of sending [ns], shape (forces,).
+        newest_reading_ns: Time of the newest reading in each [ns], same shape.
+        force_n: Forces [N], shape (forces, feet, 3).
+        sigma_n: Standard deviations of the forces [N], same shape.
+    """
+
+    sent_ns: Stamps
+    newest_reading_ns: Stamps
+    force_n: Vector
+    sigma_n: Vector
+
+    def every_nth(self, n: int) -> "PublishedForces":
+        """Return every n-th of the published forces."""
+        return PublishedForces(
+            self.sent_ns[::n], self.newest_reading_ns[::n], self.force_n[::n], self.sigma_n[::n]
+        )
+
+
+def conversion_windows(readings: SimulatedReadings) -> Window:
+    """Return the network inputs of all feet after each conversion, from the third full scan on.
+
+    One row for each conversion and foot, the foot fast; no element is missing.
+    """
+    n_feet = len(readings.unloaded_plate_distance_rel)
+    kept = ReadingWindow(n_feet, ELEMENTS * int(readings.t_ns[1] - readings.t_ns[0]))
+    closure_rel, age_s = [], []
+    for plate_distance_rel, t_ns, now_ns in zip(
+        *readings.latest_by_element(), readings.sent_ns[ELEMENTS - 1 :], strict=True
+    ):
+        last = kept.add(plate_distance_rel, t_ns)
+        closure_rel.append(readings.unloaded_plate_distance_rel[:, None] - last.plate_distance_rel)
+        age_s.append((now_ns - last.t_ns) * 1e-9)
+    closures_rel = np.concatenate(closure_rel[_CONVERSIONS_TO_FILL_WINDOW:])
+    ages_s = np.concatenate(age_s[_CONVERSIONS_TO_FILL_WINDOW:])
+    return Window(closures_rel, ages_s, np.zeros(closures_rel[:, 0].shape, bool))
+
+
+def extrapolate_closures(window: Window, degree: int) -> Vector:
+    """Return each element's gap closure extrapolated to the present [1], shape (rows, 9).
+
+    Args:
+        window: The last readings.
+        degree: 0 for the newest reading as it is, 1 for a line through two, 2 for a parabola through three.
+    """
+    readings = range(degree + 1)
+    now_rel = np.zeros(window.missing.shape)
+    for k in readings:
+        weight = np.ones(window.missing.shape)
+        for other in readings:
+            if other != k:
+                weight *= window.age_s[:, other] / (window.age_s[:, other] - window.age_s[:, k])
+        now_rel += weight * window.closure_rel[:, k]
+    return now_rel
+
+
+def estimate_forces(
+    readings: SimulatedReadings, network: Estimator, trained: TrainedInputs, degree: int | None = None
+) -> PublishedForces:
+    """Return the forces estimated after each conversion, from the third full scan on.
+
+    Args:
+        readings: The readings.
+        network: The network.
+        trained: Inputs that the network was trained for, to which closures are clipped.
+        degree: None for the daemon's forces. For comparison, the closures of a foot at rest: extrapolated to the time
+            of sending by polynomials of this degree.
+    """
+    window = conversion_windows(readings)
+    if degree is not None:
+        window = steady_windows(extrapolate_closures(window, degree))
+    closure_rel = np.clip(window.closure_rel, trained.closure_rel_min, trained.closure_rel_max)
+    load = network.estimate(window._replace(closure_rel=closure_rel))
+    force_n, sigma_n = (
+        part.reshape(-1, len(readings.unloaded_plate_distance_rel), 3)
+        for part in (load.force_n, load.sigma_n)
+    )
+    first = READINGS * ELEMENTS - 1
+    return PublishedForces(readings.sent_ns[first:], readings.t_ns[first:], force_n, sigma_n)

@@ -1,1 +1,0 @@
-"""Study `tradeoff`: age of the published forces against force error, over the daemon's whole processing chain."""
