@@ -97,7 +97,7 @@ def record(
     if scene is not None and is_live(test_stand):
         if realtime is False:
             raise ConfigError(
-                "--fast: the force sensor runs in real time; only a simulated one or a file can run faster"
+                "--fast: the force sensor runs in real time; only a simulated one can run faster"
             )
         realtime = True
     paced = options.is_paced(simulated=scene is not None, realtime=realtime, live=live)

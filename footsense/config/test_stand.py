@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-import msgspec
 from msgspec import Meta
 
 from footsense import strict_yaml
@@ -57,17 +56,6 @@ class NetFt(Section, frozen=True, kw_only=True, tag="net_ft", tag_field="kind"):
     port: Annotated[int, Meta(ge=1, le=65_535)] = 49_152
 
 
-class FileSensor(Section, frozen=True, kw_only=True, tag="file", tag_field="kind"):
-    """Recorded force sensor, replayed from the first scan on.
-
-    Attributes:
-        path: A .csv with columns `time_s` (or ms, us), `fx`, `fy`, `fz`; or a recording of a test stand, whose forces
-            are in N and in the foot's axes.
-    """
-
-    path: Annotated[str, Meta(pattern=r"\.(csv|mcap)$", description="a .csv or .mcap file")]
-
-
 class SimulatedSensor(Section, frozen=True, kw_only=True, tag="simulated", tag_field="kind"):
     """Simulated BL Autotech MINI 4/20 under the simulated foot [gf], its axes opposite to the foot's.
 
@@ -104,7 +92,7 @@ class StandConfig(Section, frozen=True, kw_only=True):
         description: One line for people.
     """
 
-    sensor: SerialSensor | NetFt | FileSensor | SimulatedSensor
+    sensor: SerialSensor | NetFt | SimulatedSensor
     axes: Axes
     units: Literal["N", "mN", "kgf", "gf", "lbf"]
     rated: tuple[RatedForce, RatedForce, RatedForce]
@@ -118,16 +106,12 @@ class StandConfig(Section, frozen=True, kw_only=True):
 
 
 def load_test_stand(path: Path) -> StandConfig:
-    """Load a test stand from a YAML file; a recorded sensor's path is relative to the file's folder.
+    """Load a test stand from a YAML file.
 
     Raises:
         ConfigError: The file is missing, is not such YAML, does not fit, or contradicts itself.
     """
-    test_stand = strict_yaml.load(path, StandConfig, check=_contradiction)
-    if not isinstance(test_stand.sensor, FileSensor):
-        return test_stand
-    sensor = msgspec.structs.replace(test_stand.sensor, path=str(path.parent / test_stand.sensor.path))
-    return msgspec.structs.replace(test_stand, sensor=sensor)
+    return strict_yaml.load(path, StandConfig, check=_contradiction)
 
 
 def _contradiction(test_stand: StandConfig) -> strict_yaml.Problem | None:

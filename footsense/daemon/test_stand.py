@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from zlib import crc32
 
 import msgspec
@@ -11,28 +10,23 @@ import numpy as np
 
 from footsense.acquisition.serial_port import SerialLink
 from footsense.calibration.evaluation import estimate_loads
-from footsense.calibration.loads.detection import join_references
 from footsense.calibration.loads.load_set import LoadSet
 from footsense.calibration.loads.press import CalibrationLoad
 from footsense.calibration.session.checks import reference_findings
 from footsense.calibration.session.guide import SessionGuide
 from footsense.config.test_stand import (
-    FileSensor,
     NetFt,
     SerialSensor,
     SimulatedSensor,
     StandConfig,
 )
 from footsense.daemon.acquisition import ScanSource
-from footsense.errors import ConfigError, RecordingError
+from footsense.errors import ConfigError
 from footsense.estimation.network import Network
-from footsense.frames import ReferenceSamples, Vector
+from footsense.frames import Vector
 from footsense.ports import LoadEstimate, ReferenceSensor, Window
-from footsense.recording.replay import Replay
 from footsense.reference.net_ft import NetFtReference
-from footsense.reference.recorded_file import FileReference, read_csv
 from footsense.reference.sample_stream import SampleStream
-from footsense.reference.sample_times import SampleTimes
 from footsense.reference.sensor_mounting import SensorMounting
 from footsense.reference.serial_sensor import LineDecoder, SerialReference
 from footsense.sim.scene import Effects, Fabrication, Scene
@@ -68,7 +62,7 @@ class StandSession:
 
 
 def is_live(test_stand: StandConfig) -> bool:
-    """Return whether the sensor delivers data in real time (neither simulated nor a file)."""
+    """Return whether the sensor delivers data in real time (is not simulated)."""
     return isinstance(test_stand.sensor, SerialSensor | NetFt)
 
 
@@ -83,7 +77,6 @@ def open_sensor(test_stand: StandConfig, row: int, scan_source: ScanSource) -> R
     Raises:
         HardwareError: It is not connected.
         ConfigError: It is simulated, and the robot is not.
-        RecordingError: The recording to play has no reference.
     """
     match test_stand.sensor:
         case SerialSensor() as sensor:
@@ -96,8 +89,6 @@ def open_sensor(test_stand: StandConfig, row: int, scan_source: ScanSource) -> R
             name = f"{sensor.host}:{sensor.port}"
             stream = _sample_stream(name, test_stand, sensor.rate_hz, 1 / sensor.counts_per_force)
             return NetFtReference(sensor.host, sensor.port, stream)
-        case FileSensor() as sensor:
-            return FileReference(_read_recorded_reference(Path(sensor.path), test_stand))
         case SimulatedSensor() as sensor:
             true_force_n_at = scan_source.true_force_n_at
             if true_force_n_at is None:
@@ -116,28 +107,9 @@ def open_sensor(test_stand: StandConfig, row: int, scan_source: ScanSource) -> R
 
 def _sample_stream(name: str, test_stand: StandConfig, rate_hz: float, unit_per_count: float) -> SampleStream:
     """Return the stream converter of a sensor."""
-    times = SampleTimes(rate_hz, round(test_stand.latency_ms * 1e6))
-    return SampleStream(name, _sensor_mounting(test_stand, unit_per_count), times)
-
-
-def _sensor_mounting(test_stand: StandConfig, unit_per_count: float) -> SensorMounting:
-    """Return the conversion from sensor readings to the force on the foot."""
     axes = msgspec.structs.asdict(test_stand.axes)
-    return SensorMounting(axes, test_stand.mount_deg, test_stand.units, unit_per_count, test_stand.rated)
-
-
-def _read_recorded_reference(path: Path, test_stand: StandConfig) -> ReferenceSamples:
-    """Return the samples of a recorded sensor, from a CSV file or a recording.
-
-    Raises:
-        RecordingError: The recording has no reference sensor.
-    """
-    if path.suffix == ".csv":
-        return read_csv(path, _sensor_mounting(test_stand, 1.0), round(test_stand.latency_ms * 1e6))
-    reference = join_references(cycle.reference for cycle in Replay(path) if cycle.reference is not None)
-    if not len(reference.t_ns):
-        raise RecordingError(f"{path}: holds no reference; a recording of `footsense record` does")
-    return reference
+    mounting = SensorMounting(axes, test_stand.mount_deg, test_stand.units, unit_per_count, test_stand.rated)
+    return SampleStream(name, mounting, rate_hz, round(test_stand.latency_ms * 1e6))
 
 
 def session_guide(

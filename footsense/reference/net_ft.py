@@ -19,8 +19,7 @@ import numpy as np
 
 from footsense.errors import ReferenceSensorError
 from footsense.frames import ReferenceSamples
-from footsense.reference.sample_stream import SampleStream
-from footsense.reference.sample_times import SensorRecords
+from footsense.reference.sample_stream import SampleStream, SensorRecords
 
 _REQUEST_STRUCT = struct.Struct(">HHI")
 _HEADER, _STOP, _START = 0x1234, 0x0000, 0x0002

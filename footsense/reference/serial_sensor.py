@@ -3,14 +3,13 @@
 The decoder resynchronises: what is no record is skipped and counted, and the next line is read.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from footsense.frames import ReferenceSamples
 from footsense.ports import SerialPort
-from footsense.reference.sample_stream import SampleStream
-from footsense.reference.sample_times import SensorRecords
+from footsense.reference.sample_stream import SampleStream, SensorRecords
 
 #: Time columns and their unit [ns]; the others are `sequence`, `fx`, `fy`, `fz`, `saturated`, and `-` for unused ones.
 NS_PER_TIME_COLUMN_UNIT = {"time_s": 1_000_000_000, "time_ms": 1_000_000, "time_us": 1_000}
@@ -19,23 +18,6 @@ _MAX_LINE_BYTES = 1024
 #: Limits that only corrupt bytes exceed: a century [ns], a counter of 35 bits, a force whose square overflows nothing.
 #: Without them, one corrupt record would spoil all times or offsets.
 _MAX_NS, _MAX_SEQUENCE, _MAX_FORCE = 4e18, 3e10, 1e12
-
-
-def plausible_values(columns: Sequence[str], texts: Iterable[str | None]) -> list[float] | None:
-    """Return the numbers in the texts of some columns; None if one is missing, NaN, or impossible for a sensor."""
-    values = []
-    for column, text in zip(columns, texts, strict=True):
-        try:
-            value = float(text or "")
-        except ValueError:
-            return None
-        limit = _MAX_SEQUENCE if column == "sequence" else _MAX_FORCE
-        if column in NS_PER_TIME_COLUMN_UNIT:
-            limit = _MAX_NS / NS_PER_TIME_COLUMN_UNIT[column]
-        if not abs(value) <= limit:
-            return None
-        values.append(value)
-    return values
 
 
 class LineDecoder:
@@ -88,12 +70,23 @@ class LineDecoder:
         )
 
     def _parse_line(self, line: bytes) -> list[float] | None:
-        fields = line.decode("ascii", "replace").strip().split(self._separator)
-        if len(fields) != self._n_columns:
+        """Return the numbers of a line; None if one is missing, NaN, or impossible for a sensor."""
+        texts = line.decode("ascii", "replace").strip().split(self._separator)
+        if len(texts) != self._n_columns:
             return None
-        return plausible_values(
-            tuple(self._index_of_name), [fields[index] for index in self._index_of_name.values()]
-        )
+        values = []
+        for column, index in self._index_of_name.items():
+            try:
+                value = float(texts[index])
+            except ValueError:
+                return None
+            limit = _MAX_SEQUENCE if column == "sequence" else _MAX_FORCE
+            if column in NS_PER_TIME_COLUMN_UNIT:
+                limit = _MAX_NS / NS_PER_TIME_COLUMN_UNIT[column]
+            if not abs(value) <= limit:
+                return None
+            values.append(value)
+        return values
 
     def _count_bad_line(self, line: bytes) -> None:
         self.n_bad += 1

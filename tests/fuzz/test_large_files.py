@@ -15,11 +15,9 @@ from footsense.foot.files.calibration_format import HASHED_FILES, MANIFEST
 from footsense.foot.files.calibration_reader import read_calibration
 from footsense.foot.response_table import FootResponse
 from footsense.recording.replay import Replay
-from footsense.reference.recorded_file import read_csv
 from footsense.ring.cycle_reader import CycleReader
 from footsense.sim.scene_files import load_scene
 from tests.fuzz.outcome import refusal
-from tests.fuzz.test_test_stand_bytes import MOUNTING
 from tests.support.calibrations import content
 
 #: More than any computer has as memory, and no room on the disk: a file of zeros that were never written.
@@ -32,7 +30,6 @@ READERS: dict[str, Callable[[Path], object]] = {
     "network": lambda path: Network(path, 1),
     "response": FootResponse.load,
     "recording": Replay,
-    "sensor": lambda path: read_csv(path, MOUNTING, 0),
     "ring": CycleReader,
 }
 

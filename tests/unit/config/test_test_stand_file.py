@@ -40,7 +40,7 @@ def test_the_files_that_come_with_footsense_are_right() -> None:
         (
             "kind: serial",
             "kind: can",
-            "sensor.kind: 'can' is none of serial, net_ft, file, simulated",
+            "sensor.kind: 'can' is none of serial, net_ft, simulated",
         ),
         ("rate_hz: 200", "rate_hz: 0", "sensor.rate_hz"),
     ],

@@ -3,7 +3,6 @@
 import socket
 import struct
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,9 +13,7 @@ from footsense.errors import ReferenceSensorError
 from footsense.frames import Cycle, ReferenceSamples
 from footsense.ports import SerialPort
 from footsense.reference.net_ft import NetFtReference
-from footsense.reference.recorded_file import FileReference, read_csv
-from footsense.reference.sample_stream import SampleStream
-from footsense.reference.sample_times import SampleTimes, SensorRecords
+from footsense.reference.sample_stream import SampleStream, SensorRecords
 from footsense.reference.sensor_mounting import NEWTONS_PER_UNIT, SensorMounting
 from footsense.reference.serial_sensor import LineDecoder, SerialReference
 from footsense.sim.clock import VirtualClock
@@ -55,10 +52,9 @@ def test_a_mounting_turns_scales_and_limits() -> None:
     assert saturated.tolist() == [False, True, True]
 
 
-def stream_of(times: SampleTimes) -> SampleStream:
-    return SampleStream(
-        "sensor", SensorMounting(AGAINST, (0.0, 0.0, 0.0), "gf", 1.0, (4000, 4000, 8000)), times
-    )
+def stream_of(rate_hz: float, latency_ns: int = 0) -> SampleStream:
+    mounting = SensorMounting(AGAINST, (0.0, 0.0, 0.0), "gf", 1.0, (4000, 4000, 8000))
+    return SampleStream("sensor", mounting, rate_hz, latency_ns)
 
 
 class UnpluggableSensor(SimulatedForceSensor):
@@ -81,7 +77,7 @@ def simulated_stand(
     reference = SerialReference(
         port,
         LineDecoder(columns, ","),
-        stream_of(SampleTimes(SAMPLE_RATE_HZ, LINE_TRANSMISSION_NS)),
+        stream_of(SAMPLE_RATE_HZ, LINE_TRANSMISSION_NS),
         b"S",
     )
     return clock, port, reference
@@ -139,8 +135,7 @@ def test_a_sensor_that_is_unplugged_is_missed_and_comes_back(
 @pytest.mark.parametrize("jumps_at", [20, 22, 700], ids=["at once", "between two looks", "later"])
 def test_a_clock_that_jumps_is_followed_anew(jumps_at: int, caplog: pytest.LogCaptureFixture) -> None:
     """The times go on in ours, no sample is taken for missing, and it is said, however early the clock jumps."""
-    times = SampleTimes(200.0, 0)
-    stream = stream_of(times)
+    stream = stream_of(200.0)
     none = np.zeros(1, np.bool_)
     mapped = []
     stream.convert(SensorRecords(np.zeros(0, np.int64), None, np.zeros((0, 3)), none[:0]), 0, 10**12 - 1, b"")
@@ -154,7 +149,7 @@ def test_a_clock_that_jumps_is_followed_anew(jumps_at: int, caplog: pytest.LogCa
         mapped.append(int(said.t_ns[-1]) - now_ns)
     assert max(map(abs, mapped)) < 1_000_000
     assert (stream.statistics.n_samples, stream.statistics.n_missing) == (1200, 0)
-    assert times.n_clock_jumps == 1
+    assert stream.statistics.n_clock_jumps == 1
     assert [record.getMessage() for record in caplog.records] == [
         "sensor: its clock has jumped; the clock map restarts"
     ]
@@ -172,7 +167,7 @@ def test_a_sensor_that_makes_no_sense_ends_the_run(sent: bytes, says: str) -> No
 
     clock, _, _ = simulated_stand()
     port = Port(lambda _: np.zeros(3), clock, 1)
-    reference = SerialReference(port, LineDecoder(LINE_COLUMNS, ","), stream_of(SampleTimes(200.0, 0)), b"S")
+    reference = SerialReference(port, LineDecoder(LINE_COLUMNS, ","), stream_of(200.0), b"S")
     with pytest.raises(ReferenceSensorError, match=says):
         watched(clock, reference, 20.0)
 
@@ -210,7 +205,7 @@ def test_a_net_ft_stream_is_asked_for_and_read() -> None:
         sensor.bind(("127.0.0.1", 0))
         sensor.settimeout(5.0)
         mounting = SensorMounting(AGAINST, (0.0, 0.0, 0.0), "N", 1e-6, (100, 100, 100))
-        stream = SampleStream("net", mounting, SampleTimes(1000.0, 0))
+        stream = SampleStream("net", mounting, 1000.0, 0)
         reference = NetFtReference("127.0.0.1", sensor.getsockname()[1], stream)
         reference.read(0)
         asked, address = sensor.recvfrom(64)
@@ -238,7 +233,7 @@ def test_a_net_ft_that_counts_anew_is_asked_again() -> None:
         reference = NetFtReference(
             "127.0.0.1",
             sensor.getsockname()[1],
-            SampleStream("net", mounting, SampleTimes(10.0, 0)),
+            SampleStream("net", mounting, 10.0, 0),
         )
         reference.read(0)
         _, address = sensor.recvfrom(64)
@@ -286,7 +281,7 @@ def test_a_sensor_of_ones_own_is_recorded_by_the_service() -> None:
 
         port = Port(lambda _: np.zeros(3), clock, 1)
         mounting = SensorMounting(AGAINST, (0.0, 0.0, 0.0), "N", 0.01, (100, 100, 100))
-        service.reference = OwnSensor(port, SampleStream("own", mounting, SampleTimes(400.0, 0)))
+        service.reference = OwnSensor(port, SampleStream("own", mounting, 400.0, 0))
         cycles: list[Cycle] = []
         service.observers.append(Observed(cycles.append))
         service.run(until_ns=500_000_000)
@@ -296,32 +291,3 @@ def test_a_sensor_of_ones_own_is_recorded_by_the_service() -> None:
     assert len(force_n) > 100
     assert np.unique(force_n, axis=0).tolist() == [[0.0, -1.0, 2.0]]
     assert service.reference.statistics.n_samples == len(force_n)
-
-
-def test_a_file_is_played_from_the_first_scan_on(tmp_path: Path) -> None:
-    """Each sample once, when its time has come, with the axes and units of the test stand."""
-    path = tmp_path / "log.csv"
-    path.write_text("time_ms, fx, fy, fz, note\n" + "".join(f"{5 * k},0,0,{-k},x\n" for k in range(10)))
-    reference = FileReference(read_csv(path, SensorMounting(AGAINST, (0, 0, 0), "gf", 1.0, (9, 9, 9)), 0))
-    read = [reference.read(10**9 + t_ms * 1_000_000) for t_ms in (0, 12, 12, 100)]
-    assert [len(part.t_ns) for part in read] == [1, 2, 0, 7]
-    assert read[1].t_ns.tolist() == [10**9 + 5_000_000, 10**9 + 10_000_000]
-    assert read[1].force_n[1, 2] == pytest.approx(2 * NEWTONS_PER_UNIT["gf"])
-    assert read[3].saturated.tolist() == [False] * 6 + [True]
-
-
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("t,fx,fy,fz\n0,0,0,0\n", "first line names t, fx, fy, fz; it needs one of time_s"),
-        ("time_s,fx,fy,fz\n0,0,0\n", "line 2: is not four numbers"),
-        ("time_s,fx,fy,fz\n1,0,0,0\n0.5,0,0,0\n", "not in the order of their times"),
-        ("", "its first line names"),
-    ],
-)
-def test_a_file_that_holds_no_samples_says_so(tmp_path: Path, text: str, says: str) -> None:
-    """One line: where, and what would be right."""
-    path = tmp_path / "log.csv"
-    path.write_text(text)
-    with pytest.raises(ReferenceSensorError, match=says):
-        read_csv(path, SensorMounting(AGAINST, (0, 0, 0), "gf", 1.0, (9, 9, 9)), 0)
