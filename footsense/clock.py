@@ -62,17 +62,15 @@ class Realtime(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     Attributes:
         priority: SCHED_FIFO priority; below 50, that of the kernel's interrupt threads, for which the loop waits.
-        cpu: Processor to stay on; None lets the kernel choose.
         required: Whether the service refuses to start if a request is denied; else its frames say degraded_timing.
     """
 
     priority: Annotated[int, Meta(ge=1, le=99)] = 40
-    cpu: Annotated[int, Meta(ge=0, le=1023)] | None = None
     required: bool = False
 
 
 def request_realtime(asked: Realtime) -> tuple[str, ...]:
-    """Request SCHED_FIFO, CPU affinity and locked memory for this thread and its future threads; return what failed.
+    """Request SCHED_FIFO and locked memory for this thread and its future threads; return what failed.
 
     Args:
         asked: The scheduling.
@@ -83,7 +81,7 @@ def request_realtime(asked: Realtime) -> tuple[str, ...]:
     libc = ctypes.CDLL(None, use_errno=True)
     # Without FIFO this saves 50 us of latency, and needs no right.
     libc.prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
-    return tuple(filter(None, (_set_affinity(asked.cpu), _set_fifo(asked.priority), _lock_memory(libc))))
+    return tuple(filter(None, (_set_fifo(asked.priority), _lock_memory(libc))))
 
 
 @contextmanager
@@ -119,17 +117,6 @@ def fifo_priority(priority: int) -> Iterator[None]:
         yield
     finally:
         os.sched_setscheduler(0, *before)
-
-
-def _set_affinity(cpu: int | None) -> str | None:
-    """Pin this thread to one CPU; return an error message if that is refused."""
-    try:
-        if cpu is not None:
-            os.sched_setaffinity(0, {cpu})
-    except OSError:
-        there = ", ".join(map(str, sorted(os.sched_getaffinity(0))))
-        return f"processor {cpu} was not granted: this process may use {there}"
-    return None
 
 
 def _set_fifo(priority: int) -> str | None:

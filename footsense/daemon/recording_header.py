@@ -1,12 +1,11 @@
 """Header of a recording (configuration, scene, flags, network, calibrations): written by a run, read by a replay."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
 from footsense import __version__
-from footsense.can.wire import Can
 from footsense.clock import wall_time_iso, wall_time_ns
 from footsense.config import Config
 from footsense.daemon.estimation import mounted_feet
@@ -79,13 +78,14 @@ def recorded_flags(recording: "Replay") -> int:
 
 
 def recorded_config(recording: "Replay") -> Config:
-    """Return the configuration of a recording, with CAN replaced by a virtual interface.
+    """Return the configuration of a recording, with CAN replaced by a virtual interface, and without scheduling.
 
     Raises:
         RecordingError: The header has no configuration that this version reads, or one of other legs.
     """
     try:
-        config = msgspec.json.decode(recording.header["config"], type=Config)
+        recorded = msgspec.json.decode(recording.header["config"], type=dict[str, Any])
+        config = msgspec.convert(recorded | {"can": {"interface": "virtual"}, "realtime": None}, Config)
     except (KeyError, msgspec.DecodeError, RecursionError) as error:
         raise RecordingError(
             f"{recording.path}: no configuration that this version reads: {error}"
@@ -93,7 +93,7 @@ def recorded_config(recording: "Replay") -> Config:
     if config.legs != recording.legs:
         then, now = ", ".join(recording.legs), ", ".join(config.legs)
         raise RecordingError(f"{recording.path}: holds the legs {then}, but a configuration of {now}")
-    return msgspec.structs.replace(config, can=Can(interface="virtual"))
+    return config
 
 
 def model_mismatch_reason(header: Mapping[str, str], models: Models) -> str | None:

@@ -23,9 +23,6 @@ _log = logging.getLogger(__name__)
 
 RECORDING_SUFFIX = ".mcap"
 
-#: Processors of this process before the loop takes one of them: those that the unit allows.
-_CPUS_AT_START = os.sched_getaffinity(0)
-
 #: Longest wait for the writer after the end of the service [s].
 FINISH_TIMEOUT_S = 30.0
 
@@ -183,9 +180,7 @@ def _start_writer(path: Path, ring: int) -> tuple[subprocess.Popen[bytes], int]:
     # A blocked signal stays blocked in the child: a Ctrl-C or a stop of the service ends the loop, and then
     # the end of the pipe ends the writer.
     blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
-    of_loop = os.sched_getaffinity(0)
     try:
-        os.sched_setaffinity(0, _CPUS_AT_START)  # the child keeps them
         writer = subprocess.Popen(  # noqa: S603 - our own module
             [sys.executable, "-P", "-m", "footsense.recording.writer", str(path), str(ring)],
             stdin=read_end,
@@ -194,7 +189,6 @@ def _start_writer(path: Path, ring: int) -> tuple[subprocess.Popen[bytes], int]:
             pass_fds=(ring,),
         )
     finally:
-        os.sched_setaffinity(0, of_loop)
         signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
         for fd in (read_end, file, ring):
             os.close(fd)

@@ -97,6 +97,10 @@ def _open_own_file(path: Path, owners: set[int]) -> int:
     """
     try:
         fd = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
+    except FileNotFoundError:
+        raise FootsenseError(
+            f"{path}: no service runs here; start `footsense run`, or name its ring with --ring"
+        ) from None
     except OSError as error:
         is_special = error.errno in {errno.ELOOP, errno.ENXIO}
         raise FootsenseError(

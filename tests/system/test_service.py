@@ -133,7 +133,7 @@ def test_a_snapshot_of_a_running_service(tmp_path: Path) -> None:
     )
     target = tmp_path / "last.mcap"
     arguments = ("snapshot", target, "--config", file)
-    assert "ring: No such file" in one_line_error(footsense(*arguments), 1)
+    assert "ring: no service runs" in one_line_error(footsense(*arguments), 1)
     command = (sys.executable, "-m", "footsense", "run", "--realtime", "--config", str(file))
     with subprocess.Popen(command, stdout=subprocess.DEVNULL) as daemon:
         try:

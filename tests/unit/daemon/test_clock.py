@@ -68,24 +68,24 @@ def test_the_interpreter_is_as_before_when_the_loop_has_ended() -> None:
 
 def test_what_is_not_granted_is_said_line_by_line() -> None:
     """Each refusal names what to raise; one does not hide the next."""
-    lines = answer(
-        WITHOUT_RIGHTS + "print(*clock.request_realtime(clock.Realtime(priority=40, cpu=1023)), sep='\\n')"
-    )
-    processor, priority, memory = lines
-    assert processor.startswith("processor 1023 was not granted: this process may use ")
+    lines = answer(WITHOUT_RIGHTS + "print(*clock.request_realtime(clock.Realtime()), sep='\\n')")
+    priority, memory = lines
     assert "SCHED_FIFO 40 was not granted: raise LimitRTPRIO" in priority
     assert "memory was not locked: LimitMEMLOCK" in memory
 
 
-def test_a_service_that_requires_its_processor_refuses_to_start_without() -> None:
+def test_a_service_that_requires_its_scheduling_refuses_to_start_without() -> None:
     """One line says what was not granted, and which key asks for it."""
-    (line,) = answer("""
+    (line,) = answer(
+        WITHOUT_RIGHTS
+        + """
 from footsense.clock import Realtime
 from footsense.daemon.service import request_scheduling
 from footsense.errors import ConfigError
 try:
-    request_scheduling(Realtime(cpu=1023, required=True))
+    request_scheduling(Realtime(required=True))
 except ConfigError as error:
     print(error)
-""")
-    assert line.startswith("realtime.required: processor 1023 was not granted: this process may use ")
+"""
+    )
+    assert line.startswith("realtime.required: SCHED_FIFO 40 was not granted")

@@ -138,7 +138,7 @@ def test_a_writer_never_counts_a_cycle_that_a_crash_would_lose(tmp_path: Path) -
 def test_a_snapshot_is_a_recording_of_what_the_ring_holds(tmp_path: Path) -> None:
     """Its cycles are counted from 0, and an existing file is refused; without a service there is none."""
     path, target = tmp_path / "ring", tmp_path / "last.mcap"
-    with pytest.raises(FootsenseError, match="ring: No such file"):
+    with pytest.raises(FootsenseError, match="ring: no service runs"):
         write_snapshot(path, target)
     with closing(CycleRing(path, LEGS, {"scene": "flat"}, 40.0, status)) as ring:
         with pytest.raises(RecordingError, match="no cycle yet"):

@@ -224,7 +224,7 @@ def test_the_end_and_the_restart_of_a_service_are_noticed(path: Path) -> None:
     first.close()
     assert not reader.is_still_written()
     assert len(reader.read()) == 1
-    with pytest.raises(FootsenseError, match="No such file"):
+    with pytest.raises(FootsenseError, match="no service runs"):
         CycleReader(path)
     assert free_ring(path) == path
     with closing(CycleRing(path, LEGS, {}, 40.0, status)), closing(CycleReader(path)) as other:
