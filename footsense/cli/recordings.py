@@ -133,9 +133,6 @@ _RecordingWriter = Callable[[Replay, Path], int]
 @click.command("export")
 @click.argument("file", type=FILE)
 @click.option("--ros2", type=FILE, metavar="FOLDER", help="Write a bag: `ros2 bag play FOLDER`.")
-@click.option(
-    "--tf", type=FILE, metavar="FRAMES.yaml", help="Frames of the feet, for the bag; without it lf_foot etc."
-)
 @click.option("--csv", type=FILE, help="Write a table: a row for each leg and cycle, units in the headers.")
 @click.option(
     "--plot", type=FILE, help="Draw forces, states and events: a .png, .svg or .pdf (needs footsense[plot])."
@@ -144,7 +141,6 @@ def export(
     file: Path,
     *,
     ros2: Path | None,
-    tf: Path | None,
     csv: Path | None,
     plot: Path | None,
 ) -> None:
@@ -153,16 +149,12 @@ def export(
     What is not known is never a plausible number: a leg without a usable force has no wrench in a bag, an empty cell in
     a table, and a gap in a picture. A recording that is cut short is converted as far as it is whole (exit 74).
     """  # noqa: DOC501 - click shows this text
-    if tf is not None and ros2 is None:
-        raise click.UsageError("--tf is for a bag: give --ros2 FOLDER too")
     forms: list[tuple[Path, _RecordingWriter]] = []
     if ros2 is not None:
         require("--ros2", "ros2", "rosbags")
         from footsense.ros2.bag import write_bag
-        from footsense.ros2.messages import load_foot_frames
 
-        frames = None if tf is None else load_foot_frames(tf)
-        forms.append((ros2, lambda replay, folder: write_bag(replay, folder, frames)))
+        forms.append((ros2, write_bag))
     if csv is not None:
         from footsense.export.tables import write_csv
 

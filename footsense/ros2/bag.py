@@ -14,7 +14,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from footsense.errors import RecordingError
 from footsense.frames import USABLE, BaselineStatus, Cause, ContactFrame, Slip, State
 from footsense.recording.replay import Replay
-from footsense.ros2.messages import STORE, TF_STATIC, FootFrame, LegSample, LegTopics
+from footsense.ros2.messages import STORE, LegSample, LegTopics
 
 _METADATA_VERSION: Final = 8
 _INFINITE = QosTime(9223372036, 854775807)
@@ -29,10 +29,9 @@ _QOS = Qos(
     liveliness_lease_duration=_INFINITE,
     avoid_ros_namespace_conventions=False,
 )
-_STATIC_QOS = _QOS._replace(depth=1, durability=QosDurability.TRANSIENT_LOCAL)
 
 
-def write_bag(replay: Replay, folder: Path, frames: dict[str, FootFrame] | None = None) -> int:
+def write_bag(replay: Replay, folder: Path) -> int:
     """Write a recording as a ROS 2 bag; return the number of cycles.
 
     A wrench for each new force, a contact state ten times a second and with each event, diagnostics once a second and
@@ -41,7 +40,6 @@ def write_bag(replay: Replay, folder: Path, frames: dict[str, FootFrame] | None 
     Args:
         replay: The recording.
         folder: The new folder.
-        frames: Frames of the feet by leg, see `load_foot_frames`.
 
     Raises:
         RecordingError: The folder exists or cannot be written, or the recording is cut short; then what is whole was
@@ -56,14 +54,9 @@ def write_bag(replay: Replay, folder: Path, frames: dict[str, FootFrame] | None 
         bag = Writer(partial / folder.name, version=_METADATA_VERSION, storage_plugin=StoragePlugin.MCAP)
         bag.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
         with bag:
-            topics = LegTopics(replay.legs, frames)
+            topics = LegTopics(replay.legs)
             connections = {
-                topic: bag.add_connection(
-                    topic,
-                    kind,
-                    typestore=STORE,
-                    offered_qos_profiles=[_STATIC_QOS if topic == TF_STATIC else _QOS],
-                )
+                topic: bag.add_connection(topic, kind, typestore=STORE, offered_qos_profiles=[_QOS])
                 for topic, kind in topics.types.items()
             }
             try:

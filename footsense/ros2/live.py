@@ -23,7 +23,7 @@ from rosbags.interfaces import Nodetype
 
 from footsense.daemon.can_listener import LegSnapshot
 from footsense.errors import FootsenseError
-from footsense.ros2.messages import STORE, TF_STATIC, LegSample
+from footsense.ros2.messages import STORE, LegSample
 
 if TYPE_CHECKING:
     from footsense.client import LegEvent
@@ -105,11 +105,10 @@ class Participant:
             raise FootsenseError(f"no DDS in domain {domain}: {error}; see CYCLONEDDS_URI") from None
 
     def _topic_writer(self, topic: str, kind: str) -> Any:  # noqa: ANN401 - the library is not typed
-        is_static = topic == TF_STATIC
         qos = Qos(
             Policy.Reliability.Reliable(duration(milliseconds=100)),
-            Policy.Durability.TransientLocal if is_static else Policy.Durability.Volatile,
-            Policy.History.KeepLast(1 if is_static else 10),
+            Policy.Durability.Volatile,
+            Policy.History.KeepLast(10),
             Policy.DataRepresentation(use_cdrv0_representation=True),
             Policy.Userdata(f"typehash={STORE.hash_rihs01(kind)};".encode()),
         )

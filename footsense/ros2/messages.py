@@ -1,4 +1,4 @@
-"""ROS 2 messages of the legs as CDR bytes, with their topics: wrench, contact state, diagnostics, poses of the feet.
+"""ROS 2 messages of the legs as CDR bytes, with their topics: wrench, contact state, diagnostics.
 
 A value that is not known is never a plausible number. A leg without a usable force sends no wrench, as a filter that
 received NaN would not recover: its last stamp ages. Its contact state has the status unknown and NaN for the force.
@@ -12,20 +12,16 @@ Source:
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
-import msgspec
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from footsense import strict_yaml
-from footsense.frames import ALL_LEGS, USABLE, BaselineStatus, Cause, Slip, State
+from footsense.frames import USABLE, BaselineStatus, Cause, Slip, State
 from footsense.leg_words import LegPhase, phase_of, word_of
 
 WRENCH = "geometry_msgs/msg/WrenchStamped"
 CONTACT = "whole_body_state_msgs/msg/ContactState"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
-TRANSFORMS = "tf2_msgs/msg/TFMessage"
 
 #: ROS itself does not have this type.
 _CONTACT_DEFINITION = """\
@@ -42,7 +38,6 @@ float64 friction_coefficient
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 STORE.register(get_types_from_msg(_CONTACT_DEFINITION, CONTACT))
 
-TF_STATIC = "/tf_static"
 _DIAGNOSTICS_TOPIC = "/diagnostics"
 _DIAGNOSTICS_PERIOD_NS = 1_000_000_000
 _NAN_VECTOR = (math.nan, math.nan, math.nan)
@@ -51,28 +46,6 @@ _UNKNOWN, _INACTIVE, _ACTIVE, _SLIPPING = range(4)
 _OK, _WARN, _ERROR, _STALE = range(4)
 #: Phases that end by themselves or were commanded.
 _WARNING_PHASES = {LegPhase.DEGRADED, LegPhase.STARTING, LegPhase.TARING, LegPhase.STOPPED}
-
-
-_Metres = Annotated[float, msgspec.Meta(ge=-100, le=100, description="-100 to 100 m")]
-_QuaternionComponent = Annotated[float, msgspec.Meta(ge=-1, le=1, description="-1 to 1")]
-
-
-class FootFrame(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Coordinate frame of a foot on the robot: name, parent frame, position, rotation.
-
-    Attributes:
-        frame: Name of the foot's frame.
-        parent: Name of the link that it is fixed to; None: the frame is published elsewhere.
-        xyz_m: Position of the foot's centre in the parent [m].
-        quaternion_xyzw: Orientation of the foot's frame in the parent; of length 1.
-    """
-
-    frame: str
-    parent: str | None = None
-    xyz_m: tuple[_Metres, _Metres, _Metres] = (0.0, 0.0, 0.0)
-    quaternion_xyzw: tuple[
-        _QuaternionComponent, _QuaternionComponent, _QuaternionComponent, _QuaternionComponent
-    ] = (0.0, 0.0, 0.0, 1.0)
 
 
 class LegSample(NamedTuple):
@@ -120,23 +93,18 @@ class LegTopics:
 
     Args:
         legs: Names of the legs.
-        frames: Frames of the feet that are not named `<leg>_foot`.
 
     Attributes:
         types: Type of the messages of each topic.
     """
 
-    def __init__(self, legs: Sequence[str], frames: dict[str, FootFrame] | None = None) -> None:
-        self._frames = {leg: FootFrame(f"{leg}_foot") for leg in legs} | (frames or {})
-        self._fixed = [frame for frame in self._frames.values() if frame.parent is not None]
+    def __init__(self, legs: Sequence[str]) -> None:
         self._states: list[object] = []
         self._diagnosed_ns: int | None = None
         self.types: dict[str, str] = {}
         for leg in legs:
             self.types |= {f"/footsense/{leg}/wrench": WRENCH, f"/footsense/{leg}/contact": CONTACT}
         self.types[_DIAGNOSTICS_TOPIC] = DIAGNOSTICS
-        if self._fixed:
-            self.types[TF_STATIC] = TRANSFORMS
 
     def due_messages(self, samples: Sequence[LegSample], t_ns: int) -> Iterator[tuple[str, bytes]]:
         """Yield the messages that are due: forces and contacts that are new, diagnostics that changed or once a second.
@@ -146,16 +114,13 @@ class LegTopics:
             t_ns: The present time, since 1970 [ns].
 
         Yields:
-            Topic, and CDR bytes with their header; the poses of the feet before the others, once.
+            Topic, and CDR bytes with their header.
         """
-        if self._diagnosed_ns is None and self._fixed:
-            yield TF_STATIC, _encode_transforms(self._fixed, t_ns)
         for sample in samples:
-            leg, frame = sample.leg, self._frames[sample.leg].frame
-            if sample.is_new_force and (wrench := _encode_wrench(sample, frame)):
-                yield f"/footsense/{leg}/wrench", wrench
+            if sample.is_new_force and sample.t_wall_ns is not None:
+                yield f"/footsense/{sample.leg}/wrench", _encode_wrench(sample, sample.t_wall_ns)
             if sample.is_new_contact:
-                yield f"/footsense/{leg}/contact", _encode_contact(sample, frame)
+                yield f"/footsense/{sample.leg}/contact", _encode_contact(sample)
         states = [(sample.state, sample.cause) for sample in samples]
         last_ns = self._diagnosed_ns
         if last_ns is None or states != self._states or not 0 <= t_ns - last_ns < _DIAGNOSTICS_PERIOD_NS:
@@ -163,43 +128,20 @@ class LegTopics:
             yield _DIAGNOSTICS_TOPIC, _encode_diagnostics(samples, t_ns)
 
 
-def load_foot_frames(path: Path) -> dict[str, FootFrame]:
-    """Return the coordinate frames of the feet from a YAML file, by leg.
-
-    Raises:
-        ConfigError: The file is missing or wrong; the message names the line.
-    """
-    return strict_yaml.load(path, dict[str, FootFrame], check=_first_frame_problem)
+def _frame(leg: str) -> str:
+    """Return the name of a foot's frame: x forward, y left, z along the leg towards the body."""
+    return f"{leg}_foot"
 
 
-def _first_frame_problem(frames: dict[str, FootFrame]) -> strict_yaml.Problem | None:
-    for leg, foot in frames.items():
-        if leg not in ALL_LEGS:
-            return strict_yaml.Problem(leg, f"is no leg; there are {', '.join(ALL_LEGS)}")
-        length = sum(part * part for part in foot.quaternion_xyzw) ** 0.5
-        if abs(length - 1) > 1e-3:
-            return strict_yaml.Problem(f"{leg}.quaternion_xyzw", f"has the length {length:.3f}, not 1")
-    return None
+def _encode_wrench(sample: LegSample, t_wall_ns: int) -> bytes:
+    return _encode(_geometry("WrenchStamped", _header(t_wall_ns, _frame(sample.leg)), _wrench(sample)))
 
 
-def _encode_wrench(sample: LegSample, frame: str) -> bytes | None:
-    """Return a leg's force as a message, stamped with its newest reading's time; None without a usable force.
-
-    Args:
-        sample: The leg.
-        frame: Name of the foot's frame.
-    """
-    if sample.t_wall_ns is None:
-        return None
-    return _encode(_geometry("WrenchStamped", _header(sample.t_wall_ns, frame), _wrench(sample)))
-
-
-def _encode_contact(sample: LegSample, frame: str) -> bytes:
-    """Return a leg's contact as a message; arguments as of `_encode_wrench`."""
+def _encode_contact(sample: LegSample) -> bytes:
     place = _geometry("Point", *_NAN_VECTOR), _geometry("Quaternion", *_NAN_VECTOR, math.nan)
     speed = _geometry("Vector3", *_NAN_VECTOR), _geometry("Vector3", *_NAN_VECTOR)
     contact = STORE.types[CONTACT](
-        name=frame,
+        name=_frame(sample.leg),
         type=_CONTACT_TYPE_LOCOMOTION,
         status=_contact_status(sample),
         pose=_geometry("Pose", *place),
@@ -220,21 +162,6 @@ def _encode_diagnostics(samples: Iterable[LegSample], t_ns: int) -> bytes:
     """
     states = [_diagnostic_status(sample) for sample in samples]
     return _encode(STORE.types[DIAGNOSTICS](_header(t_ns, ""), states))
-
-
-def _encode_transforms(frames: Iterable[FootFrame], t_ns: int) -> bytes:
-    """Return the poses of feet that are fixed to a parent as a message.
-
-    Args:
-        frames: Their frames.
-        t_ns: The present time, since 1970 [ns].
-    """
-    transforms = []
-    for foot in frames:
-        place = _geometry("Vector3", *foot.xyz_m), _geometry("Quaternion", *foot.quaternion_xyzw)
-        header, transform = _header(t_ns, foot.parent or ""), _geometry("Transform", *place)
-        transforms.append(_geometry("TransformStamped", header, foot.frame, transform))
-    return _encode(STORE.types[TRANSFORMS](transforms))
 
 
 def _geometry(kind: str, *values: Any) -> Any:  # noqa: ANN401 - classes that rosbags makes of the definitions

@@ -1,13 +1,12 @@
 """Command `footsense ros2`: publish the forces received from CAN as ROS 2 messages, live."""
 
 from contextlib import closing
-from pathlib import Path
 
 import click
 
 from footsense.can.wire import Interface
 from footsense.cli.can.can_options import can_options
-from footsense.cli.options import FILE, StopRequest, duration_option
+from footsense.cli.options import StopRequest, duration_option
 from footsense.client import LinkLimits
 from footsense.clock import MonotonicClock, wall_time_ns
 from footsense.daemon.can_listener import open_listener
@@ -29,14 +28,12 @@ _NS_PER_S = 1_000_000_000
     show_default=True,
     help="Domain of the ROS 2 nodes; without it $ROS_DOMAIN_ID.",
 )
-@click.option("--tf", type=FILE, metavar="FRAMES.yaml", help="Frames of the feet; without it lf_foot etc.")
 @duration_option("Stop after this time.")
 def ros2(
     interface: Interface,
     channel: str,
     force_step_mn: int,
     domain: int,
-    tf: Path | None,
     duration_s: float,
 ) -> None:
     """Publish the legs on CAN to ROS 2 nodes; ROS itself need not be installed (needs footsense[ros2]).
@@ -45,9 +42,9 @@ def ros2(
     """
     require("footsense ros2", "ros2", "rosbags", "cyclonedds", note=" (on ARM see docs/ros2.md)")
     from footsense.ros2.live import LiveSamples, Participant
-    from footsense.ros2.messages import LegTopics, load_foot_frames
+    from footsense.ros2.messages import LegTopics
 
-    topics = LegTopics(ALL_LEGS, None if tf is None else load_foot_frames(tf))
+    topics = LegTopics(ALL_LEGS)
     participant, live = Participant(domain, topics.types), LiveSamples()
     clock, stop = MonotonicClock(), StopRequest()
     start_ns = clock.now_ns()

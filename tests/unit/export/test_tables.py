@@ -64,7 +64,6 @@ def test_csv_has_every_value(folder: Path, cycles: list[Cycle]) -> None:
         (["export", str(GOLDEN), "--csv", str(GOLDEN)], "is not overwritten"),
         (["export", str(GOLDEN), "--csv", "/nowhere/walk.csv"], "there is no directory /nowhere"),
         (["export", str(GOLDEN), "--plot", "walk.gif"], "a picture ends in .png, .svg, .pdf"),
-        (["export", str(GOLDEN), "--tf", "a.yaml", "--csv", "walk.csv"], "give --ros2"),
         (["export", "missing.mcap", "--csv", "walk.csv"], "missing.mcap"),
     ],
 )

@@ -11,11 +11,11 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from footsense.errors import ConfigError, FootsenseError, RecordingError, require
+from footsense.errors import FootsenseError, RecordingError, require
 from footsense.frames import USABLE, Cycle, State
 from footsense.recording.replay import Replay
 from footsense.ros2.bag import write_bag
-from footsense.ros2.messages import CONTACT, STORE, FootFrame, load_foot_frames
+from footsense.ros2.messages import CONTACT, STORE
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "measured_walk.mcap"
 
@@ -23,8 +23,7 @@ GOLDEN = Path(__file__).parents[2] / "golden" / "measured_walk.mcap"
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("bag") / "walk"
-    frames = {"lf": FootFrame("lf_toe", "lf_tibia", (0.0, 0.0, -0.1))}
-    assert write_bag(Replay(GOLDEN), folder, frames) == 1448
+    assert write_bag(Replay(GOLDEN), folder) == 1448
     return folder
 
 
@@ -58,9 +57,7 @@ def test_wrenches_are_the_recorded_forces(
     stamps = [message.header.stamp.sec * 10**9 + message.header.stamp.nanosec for _, message in wrenches]
     assert stamps == [f.t_ns[row] + offset_ns for f in usable]
     assert [t_ns for t_ns, _ in wrenches] == [f.t_sent_ns + offset_ns for f in usable]
-    assert {message.header.frame_id for _, message in wrenches} == {
-        "lf_toe" if leg == "lf" else f"{leg}_foot"
-    }
+    assert {message.header.frame_id for _, message in wrenches} == {f"{leg}_foot"}
 
 
 def test_contacts_are_the_recorded_gait(
@@ -90,13 +87,6 @@ def test_diagnostics_say_each_change(topics: dict[str, list[tuple[int, Any]]], c
     assert [status.level for status in topics["/diagnostics"][-1][1].status] == [0] * 6
 
 
-def test_a_foot_with_a_parent_has_a_transform(topics: dict[str, list[tuple[int, Any]]]) -> None:
-    ((_, message),) = topics["/tf_static"]
-    (transform,) = message.transforms
-    assert (transform.header.frame_id, transform.child_frame_id) == ("lf_tibia", "lf_toe")
-    assert xyz(transform.transform.translation) == (0.0, 0.0, -0.1)
-
-
 def test_what_humble_and_foxglove_need_is_in_the_file(bag: Path) -> None:
     """Metadata of a version that Humble reads, CDR alone, and definitions; that of the contact is no part of ROS."""
     assert "version: 8\n" in (bag / "metadata.yaml").read_text()
@@ -120,21 +110,6 @@ def test_what_is_whole_of_a_cut_recording_becomes_a_bag(tmp_path: Path) -> None:
         assert reader.message_count > 100
     with pytest.raises(RecordingError, match="exists and is not overwritten"):
         write_bag(Replay(cut), tmp_path / "bag")
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("lx: {frame: a}", "lx"),
-        ("lf: {frame: a, parent: b, quaternion_xyzw: [0, 0, 0, 0.5]}", "length 0.500"),
-        ("lf: {parent: b}", "frame"),
-    ],
-)
-def test_wrong_frames_are_named(tmp_path: Path, text: str, message: str) -> None:
-    path = tmp_path / "frames.yaml"
-    path.write_text(text)
-    with pytest.raises(ConfigError, match=message):
-        load_foot_frames(path)
 
 
 def test_a_missing_package_is_named_with_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:
