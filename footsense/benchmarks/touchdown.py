@@ -15,8 +15,8 @@ from footsense.benchmarks.conversions import (
     latest_conversion_indices,
     quantized_capacitance_pf,
 )
+from footsense.estimation.network import sensitivity
 from footsense.estimation.pipeline import Pipeline
-from footsense.estimation.sensitivity import sensitivity
 from footsense.estimation.settings import EstimationLimits, MountedFeet, TareLimits
 from footsense.foot.gap_contact import capacitance_pf
 from footsense.foot.specimen import Foot

@@ -10,13 +10,14 @@ from footsense.daemon.models import Models
 from footsense.errors import ConfigError
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.drift import MAX_DRIFT_PF_PER_S
+from footsense.estimation.network import sensitivity
 from footsense.estimation.pipeline import Pipeline
-from footsense.estimation.sensitivity import Sensitivity, sensitivity
 from footsense.estimation.settings import (
     CONVERTER_MAX_PF,
     MIN_SWING_RISE_N_PER_S,
     EstimationLimits,
     MountedFeet,
+    Sensitivity,
 )
 from footsense.frames import ELEMENTS, Vector
 from footsense.ports import Estimator

@@ -1,76 +1,245 @@
-"""Baselines of all legs: tares, drift tracking, and contact detection.
+"""Contact of each leg from the level and the rate of its load, and in swing the tracking of its baseline.
 
-A tare (`tare.py`) gives a baseline: at start without a command, later on command. Between tares the baseline follows
-the drift of a foot in swing (`drift.py`); `contact.py` tells swing from stance.
+The load is compared with the load in swing, not with the baseline. In swing that follows the load down once it has been
+low for 50 ms, and up by at most `max_swing_rise_n_per_s`; in stance it stands still. So drift, which is slow, never
+makes contact, however far it goes, and a touchdown, which is fast, is detected in the first reading that is the
+threshold above the load in swing. The threshold follows from the noise and the shake of earlier swings
+(`SwingNoise`). A load that rises more slowly than `max_swing_rise_n_per_s` cannot be told from drift and is not
+detected.
+
+Contact ends when the load is back within `lift_n` of that in swing. After a long stance that may never happen: the
+baseline has drifted meanwhile, and creep of the rubber recovers over minutes. So contact also ends when the load has
+fallen fast to a small part of its recent mean, as soon as drift and creep could explain what is left. A foot that
+carries little without having carried more just before stays in contact indefinitely.
+
+One element alone makes no contact: the load is a trimmed mean, without the largest and the smallest closure.
 """
 
+import math
 from functools import partial
 from operator import attrgetter
-from typing import NamedTuple
 
 import numpy as np
 
-from footsense.estimation.contact import ContactDetector, trimmed_means
-from footsense.estimation.drift import MAX_DRIFT_PF, LegBaseline, baseline_sigma_pf
-from footsense.estimation.sensitivity import Sensitivity
-from footsense.estimation.settings import EstimationLimits, MountedFeet
+from footsense.estimation.drift import UnloadedFeet
+from footsense.estimation.settings import MIN_SWING_RISE_N_PER_S, EstimationLimits, MountedFeet, Sensitivity
+from footsense.estimation.swing_noise import SwingNoise
 from footsense.estimation.tare import Tares
 from footsense.foot.capacitor import CapacitorDesign
-from footsense.frames import (
-    BaselineDrift,
-    BaselineStatus,
-    Cause,
-    Codes,
-    Command,
-    CommandKind,
-    CommandResult,
-    Flag,
-    Mask,
-    Reading,
-    Stamps,
-    Vector,
-)
-from footsense.leg_words import SILENT_READINGS
+from footsense.frames import BaselineStatus, Codes, CommandKind, CommandResult, Flag, Mask, Stamps, Vector
 
-#: Silence after which a baseline is discarded: the foot may have been swapped (a swap takes longer).
-_BASELINE_LOST_AFTER_SILENCE_NS = 250_000_000
-#: The same while a line of the leg's bus is stuck, which may be another leg's fault: a robot that stands would lose all
-#: its forces until each foot's next swing.
-_BASELINE_LOST_AFTER_STUCK_BUS_NS = 3_000_000_000
+#: A fall ends contact below this share of the mean load over the last second or so [1].
+_LIFT_OFF_SHARE_OF_RECENT_MEAN = 0.3
+_RECENT_LOAD_TIME_CONSTANT_S = 1.0
+
+#: Largest creep that may remain after lift-off, over the mean load of the last minutes [1]. An assumption on the safe
+#: side: Prony series of PDMS add 2 to 5 % over minutes; no foot has been measured.
+_MAX_CREEP_REL = 0.05
+_CREEP_LOAD_TIME_CONSTANT_S = 100.0
+
+#: Time for which the load has to be low before that in swing follows it: a negative glitch must not make contact later.
+_SWING_LOAD_FOLLOWS_AFTER_NS = 50_000_000
+
+#: A contact as short as this, that never came above so many times the thresholds, was shake.
+_SHAKE_MAX_NS, _SHAKE_MAX_THRESHOLDS = 60_000_000, 2.0
+
+#: Contact is held for this time after the last load: by then every element has been read again. Elements that are read
+#: one after the other, of a load that falls or rises fast, ring.
+_CONTACT_HOLD_NS = 24_000_000
+#: Time after lift-off from which a swing is confirmed [s]: most of the rubber's quick recovery is over by then, and
+#: half the swing of a fast gait is left.
+_SWING_CONFIRMED_AFTER_S = 0.2
+#: After lift-off a prediction overshoots for this time, and predicts no contact.
+_PREDICTION_OVERSHOOT_NS = 100_000_000
+
+#: Contact is kept for this time without a reading, and unknown afterwards.
+_CONTACT_TIMEOUT_NS = 250_000_000
 
 #: Frames in which every leg gets its turn to follow: two of six legs in one frame, of opposite tripods.
 _FRAMES_PER_TRACKING_ROUND = 3
 
-#: Period of the baselines' uncertainty [ns]; in a tenth of a second they drift by a fifth of a fF.
-_SIGMA_UPDATE_PERIOD_NS = 100_000_000
-
-#: Largest distance of an element's drift from the mean of its leg's [pF]: all drift by 30 fF over 20 K, and elements
-#: differ in that by a fifth.
-MAX_DRIFT_FROM_LEG_MEAN_PF = 20e-3
-
 _status_of = attrgetter("status")
-
 # Plain numbers: an enumeration's arithmetic costs a microsecond each time.
 _CONTACT, _TARE_REFUSED = int(Flag.CONTACT), int(Flag.TARE_REFUSED)
 _HELD, _DRIFT_TOO_FAST = BaselineStatus.HELD, BaselineStatus.DRIFT_TOO_FAST
 
 
-class UnloadedFeet(NamedTuple):
-    """Baselines of all legs with arrays derived from them; replaced when a baseline changes.
+def trimmed_means(closure_rel: Vector) -> list[float]:
+    """Return each leg's mean gap closure [1], without the leg's largest and smallest closure.
+
+    In Python numbers: for six legs, numpy's calls take longer.
+
+    Args:
+        closure_rel: Closures over the gap [1], shape (legs, elements), NaN where there is none.
+
+    Returns:
+        Mean of each leg [1]; NaN for a leg with fewer than three closures.
+
+    Example:
+        >>> import numpy as np
+        >>> trimmed_means(np.array([[0.0, 1.0, 2.0, 9.0, np.nan]]))
+        [1.5]
+    """
+    means_rel = []
+    for closures_rel in closure_rel.tolist():
+        finite = closures_rel
+        if not math.isfinite(sum(closures_rel)):
+            finite = [closure for closure in closures_rel if math.isfinite(closure)]
+        finite.sort()
+        means_rel.append(sum(finite[1:-1]) / (len(finite) - 2) if len(finite) > 2 else math.nan)
+    return means_rel
+
+
+class ContactDetector:
+    """Contact detector of one leg; in plain Python numbers, faster than arrays for six legs.
+
+    Args:
+        least_n: Least load above that in swing that is contact [N].
+        max_swing_rise_n_per_s: Fastest rise of the load in swing [N/s].
 
     Attributes:
-        baseline_pf: Unloaded capacitances without stray [pF], shape (legs, elements), NaN where there is none.
-        plate_distance_rel: Plate distances over the gap [1], shape (legs, elements).
-        untared_legs: Legs without any baseline, shape (legs,).
-        untared_elements_of_tared_legs: Elements without a baseline on legs that have others, shape (legs, elements).
-        complete: Whether every element of every leg has a baseline.
+        in_contact: Whether the foot is in contact; False where that is not known.
+        raw: Whether the newest load alone is above the threshold.
+        in_swing: Whether swing is confirmed: lifted for `_SWING_CONFIRMED_AFTER_S`, and the load not about to touch.
+        load_n: Load along the leg above its baseline [N], NaN where it is not known.
+        drift_n: Largest load that drift and creep alone could produce now [N].
+        explained_by_drift: Whether drift and creep could explain the whole load; False where the load is not known.
+        swing_load_n: Load of the foot in swing [N].
+        noise: Threshold of the load.
+        predicted_noise: Threshold of the predicted load.
     """
 
-    baseline_pf: Vector
-    plate_distance_rel: Vector
-    untared_legs: Mask
-    untared_elements_of_tared_legs: Mask
-    complete: bool
+    def __init__(self, least_n: float, max_swing_rise_n_per_s: float = MIN_SWING_RISE_N_PER_S) -> None:
+        self._max_swing_rise_n_per_s = max_swing_rise_n_per_s
+        self.noise = SwingNoise(least_n)
+        self.predicted_noise = SwingNoise(least_n)
+        self._explained_n = least_n / 2
+        self._creep_load_n = 0.0
+        self.drift_n = 0.0
+        self.reset(0)
+
+    def reset(self, t_ns: int) -> None:
+        """Discard the history, after a new baseline or a long silence of the leg at `t_ns` [ns]."""
+        self.in_contact = self.raw = False
+        self.in_swing = False
+        self.load_n = math.nan
+        self.explained_by_drift = False
+        self.swing_load_n = 0.0
+        self._recent_n = 0.0
+        self._touched_ns = t_ns
+        self._peak_n = self._predicted_peak_n = 0.0
+        self.noise.discard_pending(t_ns)
+        self.predicted_noise.discard_pending(t_ns)
+        # The highest load of the last _SWING_LOAD_FOLLOWS_AFTER_NS to twice that, in two windows.
+        self._highest_before_n = self._highest_n = math.inf
+        self._window_start_ns = t_ns
+        self._t_ns = self._lifted_ns = t_ns
+        self._loaded_ns = t_ns
+
+    def observe(
+        self, load_n: float, baseline_error_n: float, t_ns: int, now_ns: int, predicted_n: float = math.nan
+    ) -> None:
+        """Process the newest load: update contact, confirmed swing, and the load in swing.
+
+        Args:
+            load_n: Load along the leg above its baseline [N], NaN where it is not known.
+            baseline_error_n: Largest error of the baseline [N].
+            t_ns: Stamp of the newest reading [ns].
+            now_ns: Current time [ns].
+            predicted_n: The same load as predicted from the newest reading, which shows a touchdown before most
+                elements have been read again [N]; NaN without a prediction.
+        """
+        self.load_n = load_n
+        if not math.isfinite(load_n):
+            self.in_swing = self.explained_by_drift = False
+            if now_ns - self._t_ns > _CONTACT_TIMEOUT_NS:
+                self.reset(now_ns)
+            return
+        elapsed_s = max(t_ns - self._t_ns, 0) * 1e-9
+        self._t_ns = t_ns
+        self.drift_n = baseline_error_n + _MAX_CREEP_REL * self._creep_load_n
+        self.explained_by_drift = abs(load_n) <= self._explained_n + self.drift_n
+        swing_load_n = self.swing_load_n
+        above_n = load_n - swing_load_n
+        predicted_above_n = predicted_n - swing_load_n
+        noise, predicted_noise = self.noise, self.predicted_noise
+        overshoots = t_ns - self._lifted_ns <= _PREDICTION_OVERSHOOT_NS
+        is_predicted = predicted_above_n > predicted_noise.contact_n and not overshoots
+        self.raw = above_n > noise.contact_n or is_predicted
+        if self.in_contact:
+            lift_n = 0.5 * noise.contact_n
+            # Measured above the baseline if the load in swing is below it: a foot must be able to leave contact.
+            fallen = (
+                load_n < _LIFT_OFF_SHARE_OF_RECENT_MEAN * self._recent_n
+                and load_n - max(swing_load_n, 0.0) < lift_n + self.drift_n
+            )
+            if not (fallen or above_n < lift_n):
+                self._loaded_ns = t_ns
+            elif t_ns - self._loaded_ns >= _CONTACT_HOLD_NS:
+                self._end_contact(load_n, baseline_error_n, t_ns)
+        elif self.raw:
+            self.in_contact = True
+            self._touched_ns = self._loaded_ns = t_ns
+            self._peak_n, self._predicted_peak_n = above_n, predicted_above_n
+            noise.discard_pending(t_ns)
+            predicted_noise.discard_pending(t_ns)
+        else:
+            noise.block_n.append(above_n)
+            if t_ns >= noise.end_ns:
+                noise.end_block(t_ns)
+            predicted_noise.block_n.append(math.nan if overshoots else predicted_above_n)
+            if t_ns >= predicted_noise.end_ns and not overshoots:
+                predicted_noise.end_block(t_ns)
+            if t_ns - self._window_start_ns > _SWING_LOAD_FOLLOWS_AFTER_NS:
+                self._highest_before_n = self._highest_n
+                self._highest_n, self._window_start_ns = load_n, t_ns
+            self._highest_n = max(self._highest_n, load_n)
+            highest_n = max(self._highest_n, self._highest_before_n)
+            self.swing_load_n = min(highest_n, swing_load_n + self._max_swing_rise_n_per_s * elapsed_s)
+        self.in_swing = (
+            not self.in_contact
+            and load_n - self.swing_load_n < 0.5 * self._explained_n
+            and (t_ns - self._lifted_ns) * 1e-9 >= _SWING_CONFIRMED_AFTER_S
+        )
+        pressing_n = max(load_n, 0.0)
+        self._recent_n += (pressing_n - self._recent_n) * (
+            elapsed_s / (_RECENT_LOAD_TIME_CONSTANT_S + elapsed_s)
+        )
+        self._creep_load_n += (pressing_n - self._creep_load_n) * (
+            elapsed_s / (_CREEP_LOAD_TIME_CONSTANT_S + elapsed_s)
+        )
+
+    def _end_contact(self, load_n: float, baseline_error_n: float, t_ns: int) -> None:
+        """End the contact; a contact short and light enough to be shake raises the threshold."""
+        self.in_contact = False
+        if t_ns - self._touched_ns < _SHAKE_MAX_NS:
+            peaks = (self.noise, self._peak_n), (self.predicted_noise, self._predicted_peak_n)
+            if all(peak_n < _SHAKE_MAX_THRESHOLDS * noise.contact_n for noise, peak_n in peaks):
+                for noise, peak_n in peaks:
+                    noise.add_peak(peak_n)
+        self._lifted_ns = self._window_start_ns = t_ns
+        self.noise.discard_pending(t_ns)
+        self.predicted_noise.discard_pending(t_ns)
+        # A foot can be pressed, not pulled: a load in swing below the baseline's error would turn the next reading
+        # into a touchdown.
+        self.swing_load_n = max(load_n, -baseline_error_n)
+        self._highest_before_n = self._highest_n = self.swing_load_n
+
+    def refusal(self, kind: CommandKind) -> str | None:
+        """Return why a command is refused at present (foot in contact); None if it may be executed.
+
+        A controller that leans on a leg must not lose its force by one frame, so a leg in contact is not stopped. Nor
+        is it tared, unless drift and creep could explain its load: then the tare itself decides, since a foot that was
+        lifted as slowly as drift is still in contact here. Where contact is not known, as without a baseline, there is
+        no force to lose: the leg may be stopped, and a tare is decided by its readings. START is always safe.
+        """
+        is_tare = kind is CommandKind.TARE
+        if not self.in_contact or kind is CommandKind.START or (is_tare and self.load_n <= self.drift_n):
+            return None
+        unknown = math.isnan(self.load_n)
+        carries = "its load is not known now" if unknown else f"it carries {self.load_n:.2f} N"
+        limit = f", and drift explains at most {self.drift_n:.2f} N" if is_tare else ""
+        return f"the foot is in contact: {carries}{limit}"
 
 
 class BaselineTracker:
@@ -87,39 +256,22 @@ class BaselineTracker:
     Attributes:
         contacts: Contact of each leg.
         tares: Tares in progress.
-        unloaded: The baselines, and what follows from them; replaced, never written to.
-        sigma_n: Standard deviation of each leg's force by its baseline [N], shape (legs, 3), NaN without one.
+        unloaded: The baselines, and what follows from them.
         flags: CONTACT, and TARE_REFUSED where an older baseline is in use, shape (legs,).
-        drift: Published status and drift.
-        drift_cause: Cause of each leg by its drift, shape (legs,): ELEMENT_DRIFTS where an element drifts unlike the
-            others, else NONE.
     """
 
     def __init__(
         self, feet: MountedFeet, design: CapacitorDesign, limits: EstimationLimits, sensitivity: Sensitivity
     ) -> None:
-        unloaded_pf, n_legs = feet.unloaded_pf, len(feet.names)
-        self._design = design
-        self._gain_rel = feet.gain_rel
-        self.tares = Tares(limits.tare, feet)
-        self._sensitivity = sensitivity
-        self._track = limits.track_baseline
+        self.unloaded = UnloadedFeet(feet, design, limits.tare, sensitivity)
+        self.tares = Tares(limits.tare, feet, self.unloaded)
+        self._n_per_rel, self._track = sensitivity.load_n_per_mean_closure, limits.track_baseline
         self._contact = partial(ContactDetector, limits.least_contact_n, limits.max_swing_rise_n_per_s)
-        self._baselines = [LegBaseline(leg_pf, limits.tare) for leg_pf in unloaded_pf]
-        self.contacts = [self._contact() for _ in unloaded_pf]
-        # Near the unloaded distance, where the error of a baseline matters.
-        self._closure_per_pf = float(design.plate_distance_um(unloaded_pf).mean()) / (
-            design.gap_um * float(unloaded_pf.mean())
-        )
+        self.contacts = [self._contact() for _ in feet.names]
         self._turn = 0
-        self._heard_ns = np.zeros(n_legs, np.int64)
-        self.sigma_n = np.full((n_legs, 3), np.nan)
-        self.flags = np.zeros(n_legs, np.uint8)
-        self.drift = BaselineDrift.none(n_legs)
+        self.flags = np.zeros(len(feet.names), np.uint8)
         self._flags: list[int] = []
-        self._max_errors_n: list[float] = []
         self._swinging: list[int] = []
-        self._copy_changed_baselines()
 
     def process_tares(
         self, capacitance_pf: Vector, reading: Codes, t_ns: Stamps, unusable: Mask, now_ns: int
@@ -133,24 +285,20 @@ class BaselineTracker:
             unusable: Elements to leave out, same shape.
             now_ns: Current time [ns].
         """
-        if np.count_nonzero(reading):
-            self._retare_silent_legs(reading, now_ns)
-        else:
-            self._heard_ns.fill(now_ns)
-        results = []
         tares = self.tares
-        ended = tares.add(capacitance_pf, reading, t_ns, unusable) if tares.in_progress else ()
-        for leg, tared, is_news in ended:
-            if tared.baseline_pf is not None:
-                tared_ns = int(t_ns[leg].max())
-                self._baselines[leg].set_tared(tared.baseline_pf, tared_ns)
-                self.contacts[leg].reset(tared_ns)
-                self._copy_changed_baselines()
-            if is_news:
-                results.append(CommandResult(Command(CommandKind.TARE, leg), tared.result, tared.reason))
-        if now_ns >= self._sigma_due_ns:
-            self._update_sigma(now_ns)
-        return tuple(results)
+        if np.count_nonzero(reading):
+            for leg in tares.restart_silent_legs(reading, now_ns):
+                self.contacts[leg] = self._contact()
+        else:
+            tares.heard_ns.fill(now_ns)
+        results: tuple[CommandResult, ...] = ()
+        if tares.in_progress:
+            tared, results = tares.add(capacitance_pf, reading, t_ns, unusable)
+            for leg in tared:
+                self.contacts[leg].reset(int(t_ns[leg].max()))
+        if now_ns >= self.unloaded.sigma_due_ns:
+            self.unloaded.update_sigma(now_ns)
+        return results
 
     def observe(
         self,
@@ -177,13 +325,13 @@ class BaselineTracker:
         newest_ns = np.maximum.reduce(t_ns, axis=1).tolist()
         swung, swinging = self._swinging, []
         flags = []
-        n_per_rel, track = self._sensitivity.load_n_per_mean_closure, self._track
+        n_per_rel, track = self._n_per_rel, self._track
         refused, untared = self.tares.refused, self.tares.untared
         legs = zip(
-            self._baselines,
+            self.unloaded.legs,
             self.contacts,
             means_rel,
-            self._max_errors_n,
+            self.unloaded.max_errors_n,
             newest_ns,
             predicted_n.tolist(),
             strict=True,
@@ -215,61 +363,10 @@ class BaselineTracker:
         moved = False
         for leg in self._swinging:
             if leg % _FRAMES_PER_TRACKING_ROUND == self._turn:
-                baseline = self._baselines[leg]
+                baseline = self.unloaded.legs[leg]
                 # An element that is missing only for want of a baseline gets one.
                 ignored = missing[leg] & np.isfinite(baseline.baseline_pf)
                 moved |= baseline.track_drift(np.where(ignored, np.nan, capacitance_pf[leg]), t_ns[leg])
-        if moved:
-            self._copy_changed_baselines()
-        elif (statuses := list(map(_status_of, self._baselines))) != self.drift.status.tolist():
-            self.drift = self.drift._replace(status=np.array(statuses, np.uint8))
-
-    def _update_sigma(self, now_ns: int) -> None:
-        # Of the coming period, which ends at a time that does not depend on the legs.
-        self._sigma_due_ns = (now_ns // _SIGMA_UPDATE_PERIOD_NS + 1) * _SIGMA_UPDATE_PERIOD_NS
-        sigma_pf = baseline_sigma_pf(self._variance_pf2, self._updated_ns, self._sigma_due_ns)
-        n_per_pf = self._closure_per_pf * self._sensitivity.load_n_per_mean_closure
-        self._max_errors_n = [n_per_pf * min(3.0 * sigma, MAX_DRIFT_PF) for sigma in sigma_pf.tolist()]
-        self.sigma_n = np.outer(
-            sigma_pf * self._closure_per_pf, self._sensitivity.force_sigma_n_per_baseline_error
-        )
-
-    def _copy_changed_baselines(self) -> None:
-        self._sigma_due_ns = 0
-        legs = self._baselines
-        baseline_pf = np.array([leg.baseline_pf for leg in legs])
-        without_baseline: Mask = np.isnan(baseline_pf)
-        untared_legs: Mask = np.asarray(without_baseline.all(axis=1))
-        self.unloaded = UnloadedFeet(
-            baseline_pf=baseline_pf,
-            plate_distance_rel=self._design.plate_distance_um(baseline_pf)
-            / self._design.gap_um
-            / self._gain_rel,
-            untared_legs=untared_legs,
-            untared_elements_of_tared_legs=without_baseline & ~untared_legs[:, None],
-            complete=not without_baseline.any(),
-        )
-        self._variance_pf2 = np.array([leg.variance_pf2 for leg in legs])
-        self._updated_ns = np.array([leg.updated_ns for leg in legs], np.int64)
-        mean_pf, worst_pf = np.array([leg.offset_pf for leg in legs]).T.copy()
-        self.drift = BaselineDrift(
-            np.array(list(map(_status_of, legs)), np.uint8),
-            mean_pf,
-            worst_pf,
-            np.array([leg.moved_ns for leg in legs], np.int64),
-        )
-        apart = np.abs(worst_pf - mean_pf) > MAX_DRIFT_FROM_LEG_MEAN_PF
-        self.drift_cause = np.where(apart, np.uint8(Cause.ELEMENT_DRIFTS), np.uint8(Cause.NONE))
-
-    def _retare_silent_legs(self, reading: Codes, now_ns: int) -> None:
-        """Discard the baseline of every leg silent for too long, and start a new tare of it."""
-        silent = np.isin(reading, SILENT_READINGS).all(axis=1)
-        self._heard_ns[~silent] = now_ns
-        stuck = (reading == Reading.BUS_STUCK).any(axis=1)
-        allowed_ns = np.where(stuck, _BASELINE_LOST_AFTER_STUCK_BUS_NS, _BASELINE_LOST_AFTER_SILENCE_NS)
-        for leg in np.flatnonzero(now_ns - self._heard_ns >= allowed_ns).tolist():
-            if leg not in self.tares.untared:
-                self.tares.restart(leg)
-                self._baselines[leg].discard()
-                self.contacts[leg] = self._contact()
-                self._copy_changed_baselines()
+        unloaded = self.unloaded
+        if moved or list(map(_status_of, unloaded.legs)) != unloaded.drift.status.tolist():
+            unloaded.update()

@@ -19,8 +19,9 @@ import math
 
 import numpy as np
 
-from footsense.estimation.settings import TareLimits
-from footsense.frames import BaselineStatus, Mask, Stamps, Vector
+from footsense.estimation.settings import MountedFeet, Sensitivity, TareLimits
+from footsense.foot.capacitor import CapacitorDesign
+from footsense.frames import BaselineDrift, BaselineStatus, Cause, Mask, Stamps, Vector
 
 #: Fastest drift [pF/s]: 0.1 K/s of a foot that comes from the sun into the shade, at 1.5 fF/K.
 MAX_DRIFT_PF_PER_S = 0.15e-3
@@ -36,6 +37,12 @@ _READING_VARIANCE_PF2 = 1e-3**2
 _TARE_VARIANCE_PF2 = 0.2e-3**2
 #: Share of the newest step in the mean square of the steps, by which a quiet foot is recognised [1].
 _NEWEST_STEP_WEIGHT = 0.2
+
+#: Largest distance of an element's drift from the mean of its leg's [pF]: all drift by 30 fF over 20 K, and elements
+#: differ in that by a fifth.
+MAX_DRIFT_FROM_LEG_MEAN_PF = 20e-3
+#: Period of the baselines' uncertainty [ns]; in a tenth of a second they drift by a fifth of a fF.
+_SIGMA_UPDATE_PERIOD_NS = 100_000_000
 
 
 def baseline_sigma_pf(variance_pf2: Vector | float, updated_ns: Stamps | int, now_ns: int) -> Vector:
@@ -179,6 +186,80 @@ class LegBaseline:
         self.baseline_pf = np.where(adopted, reading_pf, self.baseline_pf)
         self._tared_pf = np.where(adopted, reading_pf, self._tared_pf)
         self._anchor_pf = np.where(adopted, reading_pf, self._anchor_pf)
+
+
+class UnloadedFeet:
+    """What all feet read unloaded: the baseline of each leg, and the arrays that follow from them.
+
+    Args:
+        feet: The feet.
+        design: The capacitors.
+        limits: Limits of a tare.
+        sensitivity: Forces per closure.
+
+    Attributes:
+        legs: Baseline of each leg; `update` has to follow a change.
+        baseline_pf: Unloaded capacitances without stray [pF], shape (legs, elements), NaN where there is none; replaced
+            like all arrays here, never written to.
+        plate_distance_rel: Plate distances over the gap [1], shape (legs, elements).
+        untared_legs: Legs without any baseline, shape (legs,).
+        untared_elements_of_tared_legs: Elements without a baseline on legs that have others, shape (legs, elements).
+        complete: Whether every element of every leg has a baseline.
+        sigma_n: Standard deviation of each leg's force by its baseline [N], shape (legs, 3), NaN without one.
+        max_errors_n: Largest error of each leg's load by its baseline [N].
+        sigma_due_ns: Time from which both are to be updated [ns].
+        drift: Published status and drift.
+        drift_cause: Cause of each leg by its drift, shape (legs,): ELEMENT_DRIFTS where an element drifts unlike the
+            others, else NONE.
+    """
+
+    def __init__(
+        self, feet: MountedFeet, design: CapacitorDesign, limits: TareLimits, sensitivity: Sensitivity
+    ) -> None:
+        self._design, self._gain_rel, self._sensitivity = design, feet.gain_rel, sensitivity
+        self.legs = [LegBaseline(leg_pf, limits) for leg_pf in feet.unloaded_pf]
+        # Near the unloaded distance, where the error of a baseline matters.
+        self._closure_per_pf = float(design.plate_distance_um(feet.unloaded_pf).mean()) / (
+            design.gap_um * float(feet.unloaded_pf.mean())
+        )
+        self.sigma_n = np.full((len(feet.names), 3), np.nan)
+        self.max_errors_n: list[float] = []
+        self.update()
+
+    def update(self) -> None:
+        """Derive the arrays from the baselines of the legs."""
+        self.sigma_due_ns = 0
+        legs = self.legs
+        self.baseline_pf: Vector = np.array([leg.baseline_pf for leg in legs])
+        self.plate_distance_rel: Vector = (
+            self._design.plate_distance_um(self.baseline_pf) / self._design.gap_um / self._gain_rel
+        )
+        without_baseline: Mask = np.isnan(self.baseline_pf)
+        self.untared_legs: Mask = np.asarray(without_baseline.all(axis=1))
+        self.untared_elements_of_tared_legs: Mask = without_baseline & ~self.untared_legs[:, None]
+        self.complete = not without_baseline.any()
+        self._variance_pf2 = np.array([leg.variance_pf2 for leg in legs])
+        self._updated_ns = np.array([leg.updated_ns for leg in legs], np.int64)
+        mean_pf, worst_pf = np.array([leg.offset_pf for leg in legs]).T.copy()
+        self.drift = BaselineDrift(
+            np.array([leg.status for leg in legs], np.uint8),
+            mean_pf,
+            worst_pf,
+            np.array([leg.moved_ns for leg in legs], np.int64),
+        )
+        apart = np.abs(worst_pf - mean_pf) > MAX_DRIFT_FROM_LEG_MEAN_PF
+        self.drift_cause = np.where(apart, np.uint8(Cause.ELEMENT_DRIFTS), np.uint8(Cause.NONE))
+
+    def update_sigma(self, now_ns: int) -> None:
+        """Set `sigma_n` and `max_errors_n` for the present tenth of a second."""
+        # Of the coming period, which ends at a time that does not depend on the legs.
+        self.sigma_due_ns = (now_ns // _SIGMA_UPDATE_PERIOD_NS + 1) * _SIGMA_UPDATE_PERIOD_NS
+        sigma_pf = baseline_sigma_pf(self._variance_pf2, self._updated_ns, self.sigma_due_ns)
+        n_per_pf = self._closure_per_pf * self._sensitivity.load_n_per_mean_closure
+        self.max_errors_n = [n_per_pf * min(3.0 * sigma, MAX_DRIFT_PF) for sigma in sigma_pf.tolist()]
+        self.sigma_n = np.outer(
+            sigma_pf * self._closure_per_pf, self._sensitivity.force_sigma_n_per_baseline_error
+        )
 
 
 def _clip(values: Vector, low: Vector | float, high: Vector | float) -> Vector:

@@ -1,6 +1,6 @@
 """Gait estimate of all legs, updated with every conversion: contact events, load share, ground normal, friction, slip.
 
-Contact and its thresholds are those of `contact.py`. Slip is looked for on half of the legs in turn, and what changes
+Contact and its thresholds are those of `baseline.py`. Slip is looked for on half of the legs in turn, and what changes
 slowly is computed for the published frames alone.
 
 The network gives the contact point, hence the normal of the ground, and the friction ratio: tangential over normal
@@ -27,7 +27,7 @@ from footsense.estimation.back_dating import (
     lift_off,
     touchdown,
 )
-from footsense.estimation.contact import ContactDetector
+from footsense.estimation.baseline import ContactDetector
 from footsense.frames import GaitEvent, GaitEventKind, GaitFrame, Slip
 from footsense.ports import LoadEstimate
 

@@ -14,10 +14,12 @@ import onnxruntime as ort
 
 from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.errors import ModelError
+from footsense.estimation.baseline import trimmed_means
+from footsense.estimation.settings import Sensitivity
 from footsense.foot.files.checksum_trailer import verified_sha256
 from footsense.foot.files.network_card import INPUTS, METADATA_KEY, OUTPUTS, Signal, read_card
 from footsense.frames import ELEMENTS, Mask, Stamps, Vector
-from footsense.ports import LoadEstimate, Window
+from footsense.ports import Estimator, LoadEstimate, Window
 
 #: Largest file that is read [bytes]; the released network has 80 thousand.
 MAX_FILE_BYTES = 1 << 24
@@ -38,6 +40,13 @@ _SPIKE_THRESHOLD_REL, _NEIGHBOUR_TOLERANCE_REL = 0.1, 0.25
 #: in the order of the magic square.
 _CONVERSIONS_AGO = ELEMENTS - 1 - np.argsort(CONVERSION_ORDERS["lo_shu"]) + ELEMENTS * np.arange(3)[:, None]
 STEADY_AGES_S: Vector = np.asarray(3.2e-3 + 2.7e-3 * _CONVERSIONS_AGO, np.float64)
+
+#: Largest closures of the loads at which the sensitivity is taken [1], and the step of the differences [1].
+_CLOSURE_LEVELS_REL = (0.02, 0.2)
+_DIFFERENCE_STEP_REL = 1e-3
+
+#: Share of a drift that differs between the elements; the rest is common to all. An assumption: no foot was heated.
+_ASSUMED_UNEVEN_DRIFT_SHARE = 0.2
 
 
 class Readings(NamedTuple):
@@ -230,6 +239,51 @@ class Network:
                     f"{path}: gives {load.force_n[0].tolist()} N, sigma {load.sigma_n[0].tolist()} N inside its "
                     "trained range; its weights are corrupt"
                 )
+
+
+def _jacobian_n(estimator: Estimator, n_rows: int, closure_rel: Vector) -> Vector:
+    """Return the derivative of the force by each element's closure [N], shape (9, rows, 3), by central differences.
+
+    Args:
+        estimator: The network.
+        n_rows: Rows that it estimates at once.
+        closure_rel: Closures over the gap at which it is taken [1], shape (elements,).
+    """
+    n = len(closure_rel)
+    steps = _DIFFERENCE_STEP_REL * np.concatenate((np.eye(n), -np.eye(n)))
+    forces_n = np.array(
+        [estimator.estimate(steady_windows(np.tile(row, (n_rows, 1)))).force_n for row in closure_rel + steps]
+    )
+    slopes_n: Vector = (forces_n[:n] - forces_n[n:]) / (2 * _DIFFERENCE_STEP_REL)
+    return slopes_n
+
+
+def sensitivity(estimator: Estimator, n_rows: int, moments: Vector) -> Sensitivity:
+    """Return the largest sensitivity over light and heavy loads, for even closures and for the principal pattern.
+
+    Args:
+        estimator: The network.
+        n_rows: Rows that it estimates at once.
+        moments: Second moments of the closures of its loads, shape (elements, elements).
+    """
+    axes, directions = np.linalg.eigh(moments)
+    # The most common closure pattern: the principal component, its largest entry 1.
+    stance_rel = np.abs(directions[:, axes.argmax()])
+    stance_rel /= stance_rel.max()
+    errors_n = []
+    for level in _CLOSURE_LEVELS_REL:
+        for pattern in (stance_rel, np.ones(len(moments))):
+            slopes_n = _jacobian_n(estimator, n_rows, level * pattern)[:, 0]
+            errors_n.append(
+                np.hypot(slopes_n.sum(axis=0), _ASSUMED_UNEVEN_DRIFT_SHARE * np.linalg.norm(slopes_n, axis=0))
+            )
+    stance_rel = _CLOSURE_LEVELS_REL[-1] * stance_rel
+    rows = np.tile(stance_rel, (n_rows, 1))
+    force_n = estimator.estimate(steady_windows(rows)).force_n
+    return Sensitivity(
+        load_n_per_mean_closure=float(force_n[0, 2] / trimmed_means(stance_rel[None])[0]),
+        force_sigma_n_per_baseline_error=np.max(errors_n, axis=0),
+    )
 
 
 def _read_file(path: Path) -> bytes:

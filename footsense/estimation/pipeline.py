@@ -15,8 +15,7 @@ from footsense.estimation.gait import GaitTracker
 from footsense.estimation.leg_state import LegStateClassifier
 from footsense.estimation.missing_elements import Imputation, missing_sets_containing
 from footsense.estimation.network import STEADY_AGES_S, Readings, ReadingWindow
-from footsense.estimation.sensitivity import Sensitivity
-from footsense.estimation.settings import EstimationLimits, MountedFeet
+from footsense.estimation.settings import EstimationLimits, MountedFeet, Sensitivity
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import (
     IS_USABLE_STATE,
@@ -139,7 +138,7 @@ class Pipeline:
         interrupted = self._no_leg
         if np.count_nonzero(readings.is_consecutive) < readings.is_consecutive.size:
             consistency, interrupted = _with_interrupted_readings_missing(consistency, readings)
-        state, fault_mask, cause = self._valid, self._no_fault, baselines.drift_cause
+        state, fault_mask, cause = self._valid, self._no_fault, baselines.unloaded.drift_cause
         healthy = self._are_healthy(elements, consistency, readings, measured_rel, now_ns)
         if not healthy:
             state, fault_mask, cause = self._legs.classify(
@@ -167,7 +166,7 @@ class Pipeline:
             fault_mask=fault_mask,
             flags=baselines.flags | self._flags,
             cause=cause,
-            baseline=baselines.drift,
+            baseline=baselines.unloaded.drift,
             gait=gait,
         ), results
 
@@ -231,7 +230,7 @@ class Pipeline:
             age_s = _with_usual_ages(age_s, usable, consistency.missing)
         load = self._estimator.estimate(Window(closure_rel, age_s, consistency.missing))
         force_n, sigma_n = load.force_n, load.sigma_n
-        sigma_n = np.hypot(sigma_n, self._baselines.sigma_n)
+        sigma_n = np.hypot(sigma_n, self._baselines.unloaded.sigma_n)
         if not consistency.is_all_ok and consistency.inconsistency_sigma_rel.any():
             inconsistent_n = consistency.inconsistency_sigma_rel * np.linalg.norm(force_n, axis=1)
             sigma_n = np.hypot(sigma_n, inconsistent_n[:, None])

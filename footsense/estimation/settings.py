@@ -1,7 +1,7 @@
 """What the daemon tells the estimation of a robot: its mounted feet, and the limits of tare, contact and age."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from msgspec import Meta, Struct
@@ -95,6 +95,19 @@ class ContactLimits(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     """
 
     threshold_n: Annotated[float, Meta(ge=0.002, le=10.0)] | None = None
+
+
+class Sensitivity(NamedTuple):
+    """Change of estimated load and force per gap closure [N].
+
+    Attributes:
+        load_n_per_mean_closure: Load along the leg over the trimmed mean of the closures [N].
+        force_sigma_n_per_baseline_error: Standard deviation of each component of the force if every baseline is off by
+            one gap, a fifth of that differing between the elements [N], shape (3,).
+    """
+
+    load_n_per_mean_closure: float
+    force_sigma_n_per_baseline_error: Vector
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,10 +10,29 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from footsense.estimation.drift import UnloadedFeet
 from footsense.estimation.elements import OPEN_ELEMENT_THRESHOLD_REL
 from footsense.estimation.settings import MountedFeet, TareLimits
-from footsense.frames import ELEMENTS, Codes, Mask, Reading, Result, Stamps, State, Vector
+from footsense.frames import (
+    ELEMENTS,
+    Codes,
+    Command,
+    CommandKind,
+    CommandResult,
+    Mask,
+    Reading,
+    Result,
+    Stamps,
+    State,
+    Vector,
+)
 from footsense.leg_words import SILENT_READINGS
+
+#: Silence after which a baseline is discarded: the foot may have been swapped (a swap takes longer).
+_BASELINE_LOST_AFTER_SILENCE_NS = 250_000_000
+#: The same while a line of the leg's bus is stuck, which may be another leg's fault: a robot that stands would lose all
+#: its forces until each foot's next swing.
+_BASELINE_LOST_AFTER_STUCK_BUS_NS = 3_000_000_000
 
 
 class TareResult(NamedTuple):
@@ -118,15 +137,18 @@ class Tares:
     Args:
         limits: Limits.
         feet: The feet.
+        unloaded: The baselines, which successful tares set.
 
     Attributes:
         in_progress: Window of every tare in progress, by leg.
         untared: Legs without a baseline.
         refused: Legs with a refused tare that keep an older baseline.
+        heard_ns: Time at which each leg last answered [ns], shape (legs,).
     """
 
-    def __init__(self, limits: TareLimits, feet: MountedFeet) -> None:
-        self._limits, self._feet = limits, feet
+    def __init__(self, limits: TareLimits, feet: MountedFeet, unloaded: UnloadedFeet) -> None:
+        self._limits, self._feet, self._unloaded = limits, feet, unloaded
+        self.heard_ns = np.zeros(len(feet.names), np.int64)
         self.untared = set(range(len(feet.names)))
         self.refused: set[int] = set()
         self.in_progress = {leg: self._new_window(leg) for leg in self.untared}
@@ -143,22 +165,36 @@ class Tares:
         self.in_progress.setdefault(leg, self._new_window(leg))
         self._commanded.add(leg)
 
-    def restart(self, leg: int) -> None:
-        """Start a new tare of a leg whose baseline was discarded."""
-        self.untared.add(leg)
-        self._refusals.pop(leg, None)
-        self.in_progress.setdefault(leg, self._new_window(leg))
+    def restart_silent_legs(self, reading: Codes, now_ns: int) -> list[int]:
+        """Discard the baseline of every leg silent for too long, and start a new tare of it; return these legs.
+
+        Args:
+            reading: How each element answered, shape (legs, elements).
+            now_ns: Current time [ns].
+        """
+        silent = np.isin(reading, SILENT_READINGS).all(axis=1)
+        self.heard_ns[~silent] = now_ns
+        stuck = (reading == Reading.BUS_STUCK).any(axis=1)
+        allowed_ns = np.where(stuck, _BASELINE_LOST_AFTER_STUCK_BUS_NS, _BASELINE_LOST_AFTER_SILENCE_NS)
+        too_long = np.flatnonzero(now_ns - self.heard_ns >= allowed_ns).tolist()
+        lost = [leg for leg in too_long if leg not in self.untared]
+        for leg in lost:
+            self.untared.add(leg)
+            self._refusals.pop(leg, None)
+            self.in_progress.setdefault(leg, self._new_window(leg))
+            self._unloaded.legs[leg].discard()
+        if lost:
+            self._unloaded.update()
+        return lost
 
     def add(
         self, capacitance_pf: Vector, reading: Codes, t_ns: Stamps, unusable: Mask
-    ) -> list[tuple[int, TareResult, bool]]:
-        """Add a frame of all legs to the tares in progress; return the finished tares.
+    ) -> tuple[list[int], tuple[CommandResult, ...]]:
+        """Add a frame of all legs to the tares in progress; return the legs with a new baseline, and the results.
 
-        Returns:
-            Leg and result of every tare that ends, and whether the result is news: a tare without a command repeats a
-            refusal silently, and waits silently for a leg that does not answer.
+        A tare without a command repeats a refusal silently, and waits silently for a leg that does not answer.
         """
-        ended = []
+        tared_legs, results = [], []
         for leg, window in list(self.in_progress.items()):
             tared = window.add(capacitance_pf[leg], reading[leg], t_ns[leg], unusable[leg])
             if tared is None:
@@ -171,6 +207,8 @@ class Tares:
                 self.untared.discard(leg)
                 self.refused.discard(leg)
                 self._refusals.pop(leg, None)
+                self._unloaded.legs[leg].set_tared(tared.baseline_pf, int(t_ns[leg].max()))
+                tared_legs.append(leg)
             elif leg not in self.untared:
                 self.refused.add(leg)
             else:
@@ -179,8 +217,11 @@ class Tares:
                     self._refusals[leg] = tared.result
                 else:
                     is_news = False
-            ended.append((leg, tared, is_news))
-        return ended
+            if is_news:
+                results.append(CommandResult(Command(CommandKind.TARE, leg), tared.result, tared.reason))
+        if tared_legs:
+            self._unloaded.update()
+        return tared_legs, tuple(results)
 
     def _new_window(self, leg: int) -> TareWindow:
         return TareWindow(self._limits, self._feet.unloaded_pf[leg], self._feet.names[leg])

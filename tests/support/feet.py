@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.estimation.pipeline import Pipeline
-from footsense.estimation.sensitivity import Sensitivity
-from footsense.estimation.settings import EstimationLimits, MountedFeet, TareLimits
+from footsense.estimation.settings import EstimationLimits, MountedFeet, Sensitivity, TareLimits
 from footsense.foot.capacitor import CapacitorDesign
 from footsense.foot.files.network_card import TrainedInputs
 from footsense.frames import CapFrame, ContactFrame, Flag, Reading, Result

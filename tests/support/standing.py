@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.estimation.baseline import BaselineTracker
-from footsense.estimation.sensitivity import Sensitivity
-from footsense.estimation.settings import EstimationLimits, MountedFeet, TareLimits
+from footsense.estimation.settings import EstimationLimits, MountedFeet, Sensitivity, TareLimits
 from footsense.frames import ELEMENTS, CommandResult, Flag
 from tests.support.feet import DESIGN
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from footsense.estimation.contact import ContactDetector, trimmed_means
+from footsense.estimation.baseline import ContactDetector, trimmed_means
 from footsense.estimation.gait import GaitTracker
 from footsense.foot.response_table import FootResponse
 from footsense.frames import LEGS, GaitEvent, Mask, Stamps, Vector

@@ -26,7 +26,7 @@ def test_twenty_kelvin_in_ten_minutes_of_walking() -> None:
         worst_ff = max(worst_ff, float(np.abs((feet.baseline_ff - now_ff).mean(axis=1)).max()))
     assert worst_ff * MN_PER_FF < 1.0
     assert np.abs(feet.baseline_ff - drift_ff).max() < 1.5
-    np.testing.assert_allclose(feet.tracker.drift.mean_pf * 1e3, [-30.0, 0.0, 30.0], atol=1.0)
+    np.testing.assert_allclose(feet.tracker.unloaded.drift.mean_pf * 1e3, [-30.0, 0.0, 30.0], atol=1.0)
 
 
 def test_drift_makes_no_contact_even_if_the_baseline_does_not_follow() -> None:
@@ -35,7 +35,7 @@ def test_drift_makes_no_contact_even_if_the_baseline_does_not_follow() -> None:
     for step in range(2400):
         feet.feed(0.0, 0.15 * 0.25 * step * np.array([1.0, -1.0]), 0.25)
         assert not feet.in_contact.any()
-    assert (feet.tracker.drift.status == BaselineStatus.HELD).all()
+    assert (feet.tracker.unloaded.drift.status == BaselineStatus.HELD).all()
     assert np.abs(feet.baseline_ff).max() < 1.0
     feet.feed(1.3 * TOUCH_N, 90.0 * np.array([1.0, -1.0]))
     assert feet.in_contact.all()
@@ -57,11 +57,11 @@ def test_a_stance_of_half_an_hour_is_not_eaten() -> None:
         assert feet.in_contact.all() or step < 4
         if step > 4:
             np.testing.assert_array_equal(feet.tracker.unloaded.baseline_pf, grounded_pf)
-            assert (feet.tracker.drift.status == BaselineStatus.HELD).all()
+            assert (feet.tracker.unloaded.drift.status == BaselineStatus.HELD).all()
         grounded_pf = feet.tracker.unloaded.baseline_pf
     assert np.abs(grounded_pf - before_pf).max() * 1e3 < 2.0
     # Two standard deviations of ten minutes are 20 K: 26 fF after thirty, and 2.7 N per gap along the leg.
-    np.testing.assert_allclose(feet.tracker.sigma_n[:, 2], 0.0171, rtol=0.02)
+    np.testing.assert_allclose(feet.tracker.unloaded.sigma_n[:, 2], 0.0171, rtol=0.02)
 
     moved_ff = {}
     for step in range(round(10.0 / SCAN_S)):
@@ -99,7 +99,7 @@ def test_a_load_as_slow_as_drift_is_followed_up_to_what_drift_explains() -> None
     feet = Standing(1).tared()
     for step in range(4000):
         feet.feed(step * 0.1 / 3600, passed_s=0.1)
-    assert feet.tracker.drift.status[0] == BaselineStatus.DRIFT_TOO_FAST
+    assert feet.tracker.unloaded.drift.status[0] == BaselineStatus.DRIFT_TOO_FAST
     assert not feet.in_contact[0]
     assert feet.baseline_ff.mean() * MN_PER_FF < 1e3 * TOUCH_N / 2
 
@@ -132,7 +132,7 @@ def test_a_baseline_names_why_it_does_not_follow() -> None:
         drift_ff[0] = 12.0 * (-1.0) ** (step + np.arange(9))
         drift_ff[1] = -0.5 * step
         feet.feed(np.array([0.0, 0.0, 0.5, 0.0]), drift_ff)
-    assert feet.tracker.drift.status.tolist() == [
+    assert feet.tracker.unloaded.drift.status.tolist() == [
         BaselineStatus.NOT_QUIET,
         BaselineStatus.DRIFT_TOO_FAST,
         BaselineStatus.HELD,

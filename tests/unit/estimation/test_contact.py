@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from footsense.estimation.contact import ContactDetector, SwingNoise, trimmed_means
+from footsense.estimation.baseline import ContactDetector, trimmed_means
+from footsense.estimation.swing_noise import SwingNoise
 from footsense.frames import CommandKind, Vector
 
 MS = 1_000_000

@@ -9,7 +9,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from footsense.estimation.contact import ContactDetector
+from footsense.estimation.baseline import ContactDetector
 from footsense.estimation.gait import GaitTracker
 from footsense.frames import GaitEvent, GaitEventKind, GaitFrame, Slip, Vector
 from footsense.ports import LoadEstimate

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.estimation.sensitivity import sensitivity
+from footsense.estimation.network import sensitivity
 from footsense.foot.directions import angles_between_deg
 from footsense.frames import GaitEventKind, Mask, Vector
 from footsense.lab.evaluation.rough_walks import RoughWalk, simulate_walk

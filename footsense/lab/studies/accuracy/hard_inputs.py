@@ -8,9 +8,8 @@ import onnx
 from onnx import TensorProto, numpy_helper
 from onnx.reference import ReferenceEvaluator
 
-from footsense.estimation.network import steady_windows
+from footsense.estimation.network import sensitivity, steady_windows
 from footsense.estimation.pipeline import Pipeline
-from footsense.estimation.sensitivity import sensitivity
 from footsense.estimation.settings import EstimationLimits, MountedFeet, TareLimits
 from footsense.foot.files.network_card import INPUTS
 from footsense.foot.specimen import Foot
