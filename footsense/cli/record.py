@@ -2,18 +2,22 @@
 
 import math
 from collections import deque
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 import click
 import msgspec
+import numpy as np
 from msgspec.structs import replace
-from rich.console import Console
+from rich.console import Console, Group
+from rich.text import Text
 
+from footsense.calibration.session.coverage import NextLoad, azimuth_and_elevation_deg
 from footsense.calibration.session.guide import SessionGuide
 from footsense.cli import options
-from footsense.cli.record_view import N_SHOWN_MESSAGES, RecordingView
+from footsense.cli.live import LiveView
 from footsense.cli.tables import echo_figures
 from footsense.config import DEFAULT, Config, load_config
 from footsense.config.contradictions import first_contradiction
@@ -22,7 +26,9 @@ from footsense.daemon.service import open_service
 from footsense.daemon.simulation import is_simulated
 from footsense.daemon.test_stand import StandSession, is_live, practice_scene, session_guide
 from footsense.errors import CalibrationError, ConfigError
-from footsense.frames import ALL_LEGS
+from footsense.foot.force_errors import GRAM_FORCE_N
+from footsense.frames import ALL_LEGS, USABLE, Cycle, State, Vector
+from footsense.leg_words import word_of
 from footsense.ports import ReferenceSensor
 from footsense.sim.scene import Scene
 from footsense.sim.scene_files import load_scene
@@ -31,6 +37,9 @@ from footsense.sim.test_stand.press_sequence import PressSequence
 _NS_PER_S = 1_000_000_000
 #: Time that a simulated test stand runs on after its last press, for the offset of the reference [s].
 _TIME_AFTER_LAST_PRESS_S = 0.5
+
+#: Messages that the picture shows.
+_N_SHOWN_MESSAGES = 4
 
 _FILE_PATH_TYPE = click.Path(dir_okay=False, path_type=Path)
 
@@ -107,15 +116,14 @@ def record(
         service = stack.enter_context(
             open_service(config, scene, record=out, real_time=paced or scene is None, test_stand=run)
         )
-        messages: deque[str] = deque(maxlen=N_SHOWN_MESSAGES)
+        messages: deque[str] = deque(maxlen=_N_SHOWN_MESSAGES)
         report = messages.append if live else click.echo
         guide = session_guide(test_stand, row, wanted, service.network, report)
         service.observers.append(guide)
         if live:
             title = f"{foot} on {leg}, session {run.session}"
-            table = RecordingView(console, guide, messages, row, title)
-            stack.callback(table.close)
-            service.observers.append(table)
+            picture = partial(_picture, guide, messages, row, title)
+            service.observers.append(stack.enter_context(closing(LiveView(console, picture))))
         longest_s = min(duration_s, _session_end_s(scene))
         service.run(
             lambda: stop.requested or guide.coverage.is_complete,
@@ -166,13 +174,50 @@ def _session_end_s(scene: Scene | None) -> float:
     return load.end_ns / _NS_PER_S + _TIME_AFTER_LAST_PRESS_S if isinstance(load, PressSequence) else math.inf
 
 
+def _picture(
+    guide: SessionGuide, messages: deque[str], row: int, title: str, cycle: Cycle, elapsed_s: float
+) -> Group:
+    """Return forces, next load, coverage and messages for a terminal of 80 columns."""
+    state = State(int(cycle.forces.state[row]))
+    foot_n = cycle.forces.force_n[row] if state in USABLE else np.full(3, np.nan)
+    pressed = "pressed" if guide.is_pressed else "free"
+    load = _load_text(guide.coverage.next_load)
+    return Group(
+        Text.assemble(("footsense record  ", "bold"), f"{title}, {elapsed_s:.1f} s"),
+        Text(),
+        Text.assemble(("reference  ", "bold"), _force_text(guide.reference_n), (f"   {pressed}", "dim")),
+        Text.assemble(("foot       ", "bold"), _force_text(foot_n), (f"   {word_of(state)}", "dim")),
+        Text.assemble(("next       ", "bold"), (load, "yellow"), ", hold it still, release"),
+        Text.assemble(("so far     ", "bold"), guide.coverage.progress_text()),
+        *(Text(f"  {line}", "dim" if line.startswith("press") else "bold red") for line in messages),
+    )
+
+
+def _load_text(load: NextLoad) -> str:
+    return (
+        f"{load.magnitude_gf:.0f} gf from azimuth {5 * round(load.azimuth_deg / 5) % 360}, "
+        f"elevation {5 * round(load.elevation_deg / 5):.0f} deg"
+    )
+
+
+def _force_text(force_n: Vector) -> str:
+    """Return a force as text: components, magnitude, azimuth and elevation; a dash for NaN.
+
+    Example:
+        >>> _force_text(np.array([0.0, 0.5, 0.5]))
+        ' +0.000  +0.500  +0.500 N   72.1 gf  az  90  el 45'
+    """
+    if not np.isfinite(force_n).all():
+        return "      -       -       - N"
+    components = " ".join(f"{value + 0.0:+7.3f}" for value in force_n.round(3))
+    azimuth_deg, elevation_deg = azimuth_and_elevation_deg(force_n)
+    size_gf = np.linalg.norm(force_n) / GRAM_FORCE_N
+    return f"{components} N  {size_gf:5.1f} gf  az {round(azimuth_deg) % 360:3d}  el {elevation_deg:2.0f}"
+
+
 def _print_session_summary(out: Path, guide: SessionGuide, sensor: ReferenceSensor | None) -> None:
     click.echo(f"{out}: {guide.coverage.progress_text()}")
-    target = guide.coverage.next_load
-    following = (
-        f"{target.magnitude_gf:.0f} gf from azimuth {target.azimuth_deg:.0f}, "
-        f"elevation {target.elevation_deg:.0f} deg, in another session"
-    )
+    following = f"{_load_text(guide.coverage.next_load)}, in another session"
     figures = {
         "rejected": dict(guide.rejected.most_common()),
         "not complete; next would be": None if guide.coverage.is_complete else following,

@@ -11,14 +11,12 @@ from firmware_interface.can.force import force_step_mn
 from footsense.can.frame_log import check_log_target
 from footsense.child_process import check_new_file
 from footsense.cli.options import FILE, FOLDER, can_log_option, config_option, ring_option
-from footsense.clock import MonotonicClock
 from footsense.config import load_config
 from footsense.daemon.can_output import can_sink
 from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.loop import Loop
 from footsense.daemon.models import load_models
 from footsense.daemon.recording_header import model_mismatch_reason, recorded_config, recorded_flags
-from footsense.daemon.simulation import PacedSource
 from footsense.errors import FootsenseError, ModelError, RecordingError, require
 from footsense.progress import file_progress_bar
 from footsense.recording.compare import first_difference, same_processor_and_libraries
@@ -33,14 +31,13 @@ from footsense.recording.snapshot import SNAPSHOT_KEY, write_snapshot
     "--check", is_flag=True, help="Compare with the recorded forces: exit 1 at the first difference."
 )
 @can_log_option
-@click.option("--realtime", is_flag=True, help="Play at the speed of the recording.")
 @click.option(
     "--calibrations",
     "folder",
     type=FOLDER,
     help="Folder of the calibrations of the recorded feet; default: where it was on the robot.",
 )
-def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool, folder: Path | None) -> None:
+def replay(file: Path, *, check: bool, can_log: Path | None, folder: Path | None) -> None:
     """Run the recorded readings of FILE through the pipeline again and publish the forces.
 
     The recording brings its configuration; its readings meet the same code as those of a robot.
@@ -50,15 +47,11 @@ def replay(file: Path, *, check: bool, can_log: Path | None, realtime: bool, fol
     """
     if can_log is not None:
         check_log_target(can_log, "virtual", "")
-    with ExitStack() as showing:
-        # At the speed of the recording there is nothing to wait for.
-        on_bytes_read = None if realtime else showing.enter_context(file_progress_bar("replay", file))
-        _run_replay(Replay(file, on_bytes_read), folder, can_log, check=check, realtime=realtime)
+    with file_progress_bar("replay", file) as on_bytes_read:
+        _run_replay(Replay(file, on_bytes_read), folder, can_log, check=check)
 
 
-def _run_replay(
-    recording: Replay, folder: Path | None, can_log: Path | None, *, check: bool, realtime: bool
-) -> None:
+def _run_replay(recording: Replay, folder: Path | None, can_log: Path | None, *, check: bool) -> None:
     """Run a recording through the pipeline, and print the result of the comparison.
 
     Raises:
@@ -96,8 +89,7 @@ def _run_replay(
             )
         )
         loop = Loop(pipeline, sink, (), clock)
-        frames = PacedSource(source, clock, MonotonicClock()) if realtime else source
-        while (scan := frames.read()) is not None:
+        while (scan := source.read()) is not None:
             recorded = source.cycle
             assert recorded is not None
             commands = (*source.commands(), *sink.commands())

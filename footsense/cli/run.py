@@ -25,22 +25,40 @@ from footsense.sim.scene_files import load_scene
 from footsense.telemetry.run_statistics import RunStatistics
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from rich.console import Console
 
 _DEFAULT_SCENE = "tripod"
 _NS_PER_S = 1_000_000_000
 
 
-class ProcessAgeAtFirstFrame(Observer):
-    """Observer that stores how long the process took from its start to the first published frame [s]."""
+class RunProgress(Observer):
+    """Observer that keeps how long the process took to its first frame, and moves a progress bar on.
 
-    process_age_s: float | None = None
+    Args:
+        start_ns: Time at the start [ns].
+
+    Attributes:
+        process_age_s: Time from the start of the process to the first published frame [s]; None before it.
+        seconds_done: Takes each new second of the frames' time; None without a bar.
+    """
+
+    def __init__(self, start_ns: int) -> None:
+        self._start_ns = start_ns
+        self._shown_s = 0
+        self.process_age_s: float | None = None
+        self.seconds_done: Callable[[float], None] | None = None
 
     def observe(self, cycle: Cycle) -> None:
-        """Store the process's age at the first cycle."""
-        del cycle
+        """Store the process's age at the first cycle; update the bar at each new second."""
         if self.process_age_s is None:
             self.process_age_s = process_age_ns() * 1e-9
+        if self.seconds_done is not None:
+            now_s = (cycle.forces.t_sent_ns - self._start_ns) // _NS_PER_S
+            if now_s != self._shown_s:
+                self._shown_s = now_s
+                self.seconds_done(now_s)
 
 
 class PageOfRun:
@@ -141,8 +159,8 @@ def run(
             service.legs, service.true_force_n_at, service.network.card.max_trained_force_n
         )
         service.observers.append(statistics)
-        first = ProcessAgeAtFirstFrame()
-        service.observers.append(first)
+        progress = RunProgress(service.clock.now_ns())
+        service.observers.append(progress)
         title = f"{scene_name}, simulated" if scene else "on the robot"
         url = page.wait_for_url() if page is not None else ""
         if page is not None and not live:
@@ -150,23 +168,20 @@ def run(
         if opens_view and url:
             webbrowser.open(url)
         if live:
-            from footsense.cli.live import LiveTable
+            from footsense.cli.live import LegsTable, LiveView
 
-            table = LiveTable(_console(), service.legs, title, service.true_force_n_at, url)
-            stack.callback(table.close)
-            service.observers.append(table)
+            table = LegsTable(service.legs, title, service.true_force_n_at, url)
+            service.observers.append(stack.enter_context(closing(LiveView(_console(), table.render))))
         if scene and not paced and math.isfinite(duration_s):
-            from footsense.cli.live import SimulationProgress
             from footsense.progress import progress_bar
 
-            seconds_done = stack.enter_context(progress_bar("simulated", duration_s))
-            service.observers.append(SimulationProgress(service.clock.now_ns(), seconds_done))
+            progress.seconds_done = stack.enter_context(progress_bar("simulated", duration_s))
         service.run(lambda: stop.requested, service.clock.now_ns() + duration_s * _NS_PER_S)
     figures: dict[str, Any] = {
         "scene": scene_name,
         **statistics.summary(),
         **service.run_counts(),
-        "start_to_first_frame_s": first.process_age_s,
+        "start_to_first_frame_s": progress.process_age_s,
         "resident_mib": resident_mib(),
     }
     if summary == "json":

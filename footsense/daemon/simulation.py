@@ -61,7 +61,7 @@ def _inapplicable_faults(config: Config, scene: Scene) -> Iterator[str]:
 
 
 class PacedSource:
-    """Frame source that plays a virtual or recorded one at the speed of real time.
+    """Frame source that plays a virtual one at the speed of real time.
 
     Args:
         source: The source to slow down.

@@ -85,10 +85,6 @@ class Coverage:
         """Fraction of the force directions covered, for each of `MAGNITUDE_BAND_CENTRES_GF` [1]."""
         return [float(share) for share in (self._nearest_deg <= self.reach_deg).mean(axis=1)]
 
-    def is_covered(self, band: int, direction: Vector) -> bool:
-        """Return whether the loads of a magnitude band cover a direction, a unit vector of shape (3,)."""
-        return bool(self._nearest_deg[band][int(np.argmax(self._directions @ direction))] <= self.reach_deg)
-
     @property
     def is_complete(self) -> bool:
         """Whether there are enough loads, covering the directions in two magnitude bands."""

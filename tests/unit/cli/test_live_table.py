@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from footsense.cli.live import LiveTable
+from footsense.cli.live import LegsTable, LiveView
 from footsense.frames import LEGS, CapFrame, Cycle, State
 from tests.support.frames import contact_frame
 
@@ -41,9 +41,10 @@ def drawn(encoding: str) -> list[str]:
     screen = io.BytesIO()
     file = io.TextIOWrapper(screen, encoding=encoding)
     console = Console(file=file, force_terminal=True, width=80, color_system=None)
-    table = LiveTable(console, LEGS, "tripod, simulated", lambda _: np.full((len(LEGS), 3), 12.3456))
-    table.observe(cycle())
-    table.close()
+    table = LegsTable(LEGS, "tripod, simulated", lambda _: np.full((len(LEGS), 3), 12.3456))
+    view = LiveView(console, table.render)
+    view.observe(cycle())
+    view.close()
     file.flush()
     lines = [line for line in screen.getvalue().decode(encoding).splitlines() if line.startswith(LEGS)]
     return lines[-len(LEGS) :]  # the table is drawn once more when it is closed
