@@ -147,8 +147,7 @@ def soak(*, hours: float, seed: int, jobs: int | None, only: int | None, json_fi
 
     from footsense.clock import stopwatch_ns
     from footsense.validation.processes import run_in_processes
-    from footsense.validation.soak import walk_stretch
-    from footsense.validation.soak_plan import soak_stretches
+    from footsense.validation.soak import soak_stretches, walk_stretch
 
     logging.disable(logging.WARNING)  # the faults are on purpose
     stretches = soak_stretches(hours, seed)

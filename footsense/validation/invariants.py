@@ -1,7 +1,7 @@
 """Checks of every cycle of a simulated walk with faults; each violation is stored with time and leg.
 
 A leg with a fault may be silent, and for the time of its recovery: the others go on. A fault of a bus may delay its
-legs, and a fault of CAN may cost frames there; `tolerances.py` says by how much.
+legs, and a fault of CAN may cost frames there; the functions `tolerated_...` say by how much.
 """
 
 import math
@@ -15,12 +15,96 @@ from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.can.force import FORCE_ID, QUALITY_ID, decode_quality
 from firmware_interface.can.socketcan import unpack_frame
 from firmware_interface.wire_timing import FRAMES_PER_LEG, LONGEST_FRAME_BITS
-from footsense.frames import USABLE, ContactFrame, Cycle, State, Vector
+from footsense.frames import ELEMENTS, USABLE, ContactFrame, Cycle, State, Vector
 from footsense.ports import Observer
 from footsense.sim.can.interface import AS_DEPLOYED
-from footsense.sim.faults.scene_faults import CanFault, Fault
+from footsense.sim.faults.scene_faults import ArbitrationLost, CanFault, Fault, StuckSda, StuckUpstreamBus
 from footsense.sim.faults.schedule import Schedule
-from footsense.validation.tolerances import WalkLimits, tolerated_delays_s, tolerated_spans_s
+
+#: Longest pause until a leg is tried again [s], and after it held a line of the bus [s]; duration of the try [s]; gait
+#: periods until it is tared after that.
+_PAUSE_S, _STUCK_PAUSE_S, _TRY_S, _TARE_PERIODS = 4.0, 16.0, 1.0, 3.0
+#: Delay by the timeouts of each leg that holds the bus [s]; delay by a stuck upstream bus in all [s].
+_STUCK_LEG_DELAY_S, _STUCK_BUS_DELAY_S = 0.085, 0.45
+#: Delay of a leg whose transaction lost the arbitration twice, in scans: this one, and two until its elements have been
+#: read three times in a row again.
+_MAX_ARBITRATION_DELAY_SCANS = 3.4
+
+
+class WalkLimits(NamedTuple):
+    """Limits of the checks of a walk: legs, cycle period [s], age limit [s], gait timing, CAN bit rate.
+
+    Attributes:
+        legs: Names of the legs.
+        cycle_period_s: Period of the cycles without faults, one for each conversion [s].
+        max_age_s: Age limit of a force [s].
+        gait_period_s: Gait period: each leg is in swing once in it [s].
+        checks_start_s: Time from which every leg is tared [s].
+        cycles_per_can_force: Cycles for each force on CAN.
+        standstill_spans_s: Spans without any swing [s].
+        bitrate: Bit rate of CAN [bit/s].
+    """
+
+    legs: tuple[str, ...]
+    cycle_period_s: float
+    max_age_s: float
+    gait_period_s: float
+    checks_start_s: float
+    cycles_per_can_force: int
+    standstill_spans_s: tuple[tuple[float, float], ...] = ()
+    bitrate: int = 500_000
+
+
+def tolerated_spans_s(rules: WalkLimits, script: Sequence[Fault], leg: str) -> list[tuple[float, float]]:
+    """Return the time spans [s] in which a leg may lack a force: its faults and the recoveries from them.
+
+    A leg without an answer is tried again after pauses that double: the last is no longer than the fault.
+    """
+    spans: list[tuple[float, float]] = []
+    for fault in sorted(script, key=lambda fault: fault.at_s):
+        if isinstance(fault, CanFault | ArbitrationLost) or getattr(fault, "leg", leg) != leg:
+            continue
+        overlaps = bool(spans) and fault.at_s <= spans[-1][1]
+        begin_s, end_s = spans.pop() if overlaps else (fault.at_s, 0.0)
+        until_s = max(getattr(fault, "until_s", None) or fault.at_s, fault.at_s)
+        longest_s = _STUCK_PAUSE_S if isinstance(fault, StuckSda | StuckUpstreamBus) else _PAUSE_S
+        recovery_s = min(until_s - begin_s, longest_s) + _TRY_S + _TARE_PERIODS * rules.gait_period_s
+        spans.append((begin_s, max(end_s, _time_after_walking_s(rules, until_s, recovery_s))))
+    return spans
+
+
+def _time_after_walking_s(rules: WalkLimits, t_s: float, walking_s: float) -> float:
+    """Return the time [s] by which the robot has walked for `walking_s` after `t_s`, standstills excluded."""
+    end_s = t_s + walking_s
+    for stand_start_s, until_s in rules.standstill_spans_s:
+        # A stand begins and ends with the legs in the middle of their stance.
+        stood_s = until_s + 2.0 * rules.gait_period_s
+        if stand_start_s < end_s and t_s < stood_s:
+            end_s += stood_s - max(stand_start_s, t_s)
+    return end_s
+
+
+def tolerated_delays_s(script: Sequence[Fault], period_s: float) -> list[tuple[float, float, float]]:
+    """Return start, end and tolerated delay of each I2C bus fault [s], ordered by end.
+
+    Args:
+        script: Faults of the walk.
+        period_s: Period of the cycles without faults [s].
+    """
+    arbitration_s = _MAX_ARBITRATION_DELAY_SCANS * ELEMENTS * period_s
+    recovery_s = _STUCK_PAUSE_S + _TRY_S
+    delays = []
+    for fault in script:
+        if isinstance(fault, StuckSda | StuckUpstreamBus | ArbitrationLost):
+            until_s = np.inf if fault.until_s is None else fault.until_s
+            after_s, delay_s = {
+                StuckSda: (recovery_s, _STUCK_LEG_DELAY_S),
+                StuckUpstreamBus: (recovery_s, _STUCK_BUS_DELAY_S),
+                ArbitrationLost: (arbitration_s, arbitration_s),
+            }[type(fault)]
+            delays.append((fault.at_s, until_s + after_s, delay_s))
+    return sorted(delays, key=lambda delay: delay[1])
+
 
 _NS_PER_S = 1_000_000_000
 #: Name of each leg by its node id.

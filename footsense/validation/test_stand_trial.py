@@ -5,11 +5,13 @@ is mounted anew and the reference has a new offset. The simulator's true forces 
 """
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Final, Literal, NamedTuple
 
 import msgspec
 import numpy as np
 
+from footsense.calibration.loads.load_set import LoadSet
 from footsense.calibration.session.recorded_session import RecordedSession, read_session
 from footsense.can.wire import Can
 from footsense.clock import stopwatch_ns
@@ -31,6 +33,8 @@ from footsense.sim.test_stand.reference_sensor import LINE_TRANSMISSION_NS, RATE
 _TYPICAL_FOOT_SEED = 8
 
 TRIAL_LEG: Final = "lf"
+Protocol = Literal["training", "verification"]
+PROTOCOLS: Final[tuple[Protocol, ...]] = ("training", "verification")
 #: Rise and fall of a press, dwell, and pause before the next [s].
 _RISE_S, _DWELL_S, _PAUSE_S = 0.05, 0.5, 0.5
 #: Accuracy of the rails of the stick [deg].
@@ -56,43 +60,45 @@ class FootBatch(NamedTuple):
     foot_type: str = DEFAULT_FOOT_TYPE
 
 
-class RecordedFootSessions(NamedTuple):
-    """Training and test session of one foot on the simulated test stand, with the true forces.
+class PressedFoot(NamedTuple):
+    """Calibration loads of both sessions of one simulated foot, as read back from their recordings.
 
     Attributes:
-        training: Session for the calibration, 362 presses.
-        test: Session for the evaluation, 180 presses.
-        test_true_force_n: True force of each accepted load of `test` [N], shape (n, 3).
+        training: Accepted loads of the session for the calibration, of 362 presses.
+        test: Accepted loads of the session for the evaluation, of 180.
+        test_true_force_n: True forces of `test` [N], shape (n, 3).
+        n_rejected_test_presses: Presses of the second session that are not accepted.
         training_read_duration_s: Time to read the recording of the first session [s].
     """
 
-    training: RecordedSession
-    test: RecordedSession
+    training: LoadSet
+    test: LoadSet
     test_true_force_n: Vector
+    n_rejected_test_presses: int
     training_read_duration_s: float
 
 
-def record_sessions_of_foot(
-    batch: FootBatch, foot_number: int, folder: Path, *, every_nth_press: int = 1
-) -> RecordedFootSessions:
-    """Simulate and record both sessions of a foot, and return them as read back.
+def press_foot(batch: FootBatch, foot_number: int, *, every_nth_press: int = 1) -> PressedFoot:
+    """Simulate and record both sessions of a foot; return their loads as read back.
 
     Args:
         batch: Batch of the foot.
         foot_number: Number of the foot in it.
-        folder: Folder for the recordings, which must not exist yet.
         every_nth_press: Use one of so many presses.
 
     Raises:
-        FootsenseError: The daemon cannot be started, or a recording exists.
+        FootsenseError: The daemon cannot be started.
     """
     config = _trial_config(batch, foot_number)
-    training, _, read_ns = _record_session(batch, foot_number, config, "training", folder, every_nth_press)
-    test, presses, _ = _record_session(batch, foot_number, config, "verification", folder, every_nth_press)
-    true_force_n = np.array(
-        [presses.contact(TRIAL_LEG, sum(dwell_ns) // 2).force_n for dwell_ns in test.dwells_ns]
+    with TemporaryDirectory(prefix="footsense-test-stand-") as folder:
+        (training, _, read_ns), (test, presses, _) = (
+            _record_session(batch, foot_number, config, protocol, Path(folder), every_nth_press)
+            for protocol in PROTOCOLS
+        )
+    true_force_n = [presses.contact(TRIAL_LEG, sum(dwell_ns) // 2).force_n for dwell_ns in test.dwells_ns]
+    return PressedFoot(
+        training.loads, test.loads, np.array(true_force_n), test.rejected.total(), read_ns * 1e-9
     )
-    return RecordedFootSessions(training, test, true_force_n, read_ns * 1e-9)
 
 
 def foot_name(foot_number: int) -> str:
@@ -104,7 +110,7 @@ def _record_session(
     batch: FootBatch,
     foot_number: int,
     config: Config,
-    protocol: Literal["training", "verification"],
+    protocol: Protocol,
     folder: Path,
     every_nth_press: int,
 ) -> tuple[RecordedSession, ContactSource, int]:

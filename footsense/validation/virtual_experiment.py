@@ -6,7 +6,6 @@ for all, and counted.
 """
 
 from collections.abc import Callable
-from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -20,8 +19,7 @@ from footsense.daemon.foot_types import foot_type_folder
 from footsense.errors import CalibrationError
 from footsense.foot.force_errors import evaluate_force_errors
 from footsense.frames import Vector
-from footsense.validation.pressed_feet import PressedFoot
-from footsense.validation.test_stand_trial import FootBatch, foot_name
+from footsense.validation.test_stand_trial import FootBatch, foot_name, press_foot
 
 #: Numbers of loads that a calibration uses; the last is all there are.
 CALIBRATION_LOAD_COUNTS = (5, 10, 20, 50, 100)
@@ -76,7 +74,6 @@ def evaluate_foot(
     *,
     per_foot_network: PerFootNetwork | None,
     every_nth_press: int,
-    cache_folder: Path | None = None,
 ) -> FootResult:
     """Simulate the sessions of one foot, calibrate it, and return its force errors by estimator.
 
@@ -85,10 +82,9 @@ def evaluate_foot(
         number: Number of the foot in it.
         per_foot_network: Trains a network on one foot without a physical model; None to leave it out.
         every_nth_press: Use one of so many presses.
-        cache_folder: Folder of the loads of pressed feet; None keeps none.
     """
     models = DesignModels.load(foot_type_folder(batch.foot_type))
-    pressed = PressedFoot.from_cache_or_simulation(batch, number, every_nth_press, cache_folder)
+    pressed = press_foot(batch, number, every_nth_press=every_nth_press)
     training, test = (
         correct_baselines_for_creep(models.response, one) for one in (pressed.training, pressed.test)
     )

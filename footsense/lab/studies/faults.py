@@ -5,8 +5,8 @@ from msgspec.structs import replace
 from footsense.config import DEFAULT
 from footsense.frames import ELEMENTS
 from footsense.lab.report import Figures, StudyContext, Values, table
-from footsense.validation.faults.fault_table import simulate_can_faults, simulate_leg_faults
-from footsense.validation.faults.fault_trial import BREAKS_AT_S, DURATION_S, LOAD, PASSES_AT_S
+from footsense.validation.fault_table import simulate_can_faults, simulate_leg_faults
+from footsense.validation.fault_trial import BREAKS_AT_S, DURATION_S, LOAD, PASSES_AT_S
 
 TITLE = "Effect of every fault"
 

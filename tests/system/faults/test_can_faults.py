@@ -7,7 +7,7 @@ import pytest
 from footsense.errors import ConfigError
 from footsense.sim.faults.scene_faults import CanBusOff, CanDown, CanFault, CanNoAck
 from footsense.sim.scene_files import load_scene
-from footsense.validation.faults.can_trial import can_trial
+from footsense.validation.fault_trial import can_trial
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,7 @@ from footsense.ring.cycle_ring import CycleRing
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Fault
 from footsense.telemetry.exporter import ServiceCollector
-from footsense.validation.faults.fault_trial import (
+from footsense.validation.fault_trial import (
     BREAKS_AT_S,
     FAULTY_LEG,
     PASSES_AT_S,

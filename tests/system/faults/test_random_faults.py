@@ -16,7 +16,7 @@ from footsense.frames import USABLE, Cycle
 from footsense.sim.faults.scene_faults import CanBusOff, CanTraffic, Fault, Leg
 from footsense.sim.scene import Effects, Scene
 from footsense.sim.scene_loads import Tripod
-from footsense.validation.invariants import InvariantChecker
+from footsense.validation.invariants import InvariantChecker, WalkLimits
 from footsense.validation.random_faults import (
     CAN_FAULT_TYPES,
     OTHER_TRAFFIC_CAN_IDS,
@@ -24,7 +24,6 @@ from footsense.validation.random_faults import (
     ROBOT_FAULT_TYPES,
     transient_fault,
 )
-from footsense.validation.tolerances import WalkLimits
 
 #: Half of the legs in half of the time: one steps while the other two carry.
 LEGS = ("lf", "lm", "rm")

@@ -9,10 +9,9 @@ from firmware_interface.can.force import FORCE_ID, QUALITY_ID
 from firmware_interface.can.socketcan import pack_frame
 from footsense.frames import LEGS, Cycle, State
 from footsense.sim.faults.scene_faults import Absent, CanDown, ElementDrifts, Fault, StuckSda
-from footsense.validation.invariants import InvariantChecker
+from footsense.validation.invariants import InvariantChecker, WalkLimits
 from footsense.validation.random_faults import random_faults
-from footsense.validation.soak_plan import soak_stretches
-from footsense.validation.tolerances import WalkLimits
+from footsense.validation.soak import soak_stretches
 from tests.support.can_frames import encode_force, encode_quality
 from tests.support.frames import contact_frame
 

@@ -8,7 +8,6 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 from msgspec.structs import asdict
@@ -40,8 +39,6 @@ ESTIMATOR_DESCRIPTIONS = {
     "linear_per_foot": "linear in ΔC, the foot's own loads",
     "network_per_foot": "network on ΔC, the foot's own loads",
 }
-#: Where the loads of pressed feet are kept.
-DEFAULT_CACHE_FOLDER = Path("build") / "experiment"
 _FIGURE_FILE = "experiment.png"
 _DEFAULT_BATCH = FootBatch()
 
@@ -114,7 +111,6 @@ def compute(
     batch: FootBatch = _DEFAULT_BATCH,
     n_feet: int | None = None,
     jobs: int | None = None,
-    kept: Path | None = None,
 ) -> tuple[ExperimentResults, Plots]:
     """Simulate pressing and calibrating feet; return the errors of all estimators with a figure.
 
@@ -123,7 +119,6 @@ def compute(
         batch: Seed and type of the feet.
         n_feet: How many; without it as many as a full or a quick run has.
         jobs: Feet at a time; without it one for each processor.
-        kept: Folder of the loads of pressed feet; without it `build/experiment`, and none if quick.
 
     Raises:
         FootsenseError: No foot could be read.
@@ -132,10 +127,7 @@ def compute(
     n_feet = n_feet or (QUICK_N_FEET if context.quick else N_FEET)
     network = partial(per_foot_force_n, context.response.design, epochs=epochs)
     feet: list[FootResult] = []
-    kept = kept or (None if context.quick else DEFAULT_CACHE_FOLDER)
-    evaluate = partial(
-        evaluate_foot, batch, per_foot_network=network, every_nth_press=every, cache_folder=kept
-    )
+    evaluate = partial(evaluate_foot, batch, per_foot_network=network, every_nth_press=every)
     for one in run_in_processes(evaluate, range(n_feet), jobs or os.cpu_count() or 1):
         feet.append(one)
         context.report_progress(_progress_line(one))

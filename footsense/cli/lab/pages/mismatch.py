@@ -11,7 +11,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from footsense import calibration, estimation, foot
 from footsense.calibration.evaluation import DesignModels
 from footsense.calibration.fit.calibrate import (
     MAX_MEDIAN_MAHALANOBIS_DISTANCE,
@@ -32,7 +31,6 @@ from footsense.lab.other_solids import variant_response
 from footsense.lab.training.load_cases import leaning_normals
 from footsense.sim.foot.fabrication import PAPER_TOLERANCES
 from footsense.sim.test_stand.press_sequence import paper_presses
-from footsense.validation.code_digest import code_digest
 from footsense.validation.mismatch_trial import TrialPlan, run_mismatch_trial
 
 #: Feet, presses used and rows of a full run and of a quick one.
@@ -161,7 +159,6 @@ def run_study(
         "every": plan.every_nth_press,
         "models": hashlib.sha256((context.models / "network.onnx").read_bytes()).hexdigest(),
         "tolerances": str(plan.tolerances),
-        "code": code_digest(calibration, foot, estimation),
     }
     work = partial(evaluate_job, models=context.models.resolve(), tables=kept.resolve(), plan=plan)
     run = workers or job_runner(n_workers=1 if context.quick else DEFAULT_N_LOCAL_WORKERS)

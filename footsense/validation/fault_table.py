@@ -12,15 +12,16 @@ from footsense.config.sections import Mux
 from footsense.sim.faults import scene_faults as faults
 from footsense.sim.faults.scene_faults import CanFault, Fault
 from footsense.sim.scene_loads import Tripod
-from footsense.validation.faults.can_trial import CanFigures, can_trial
-from footsense.validation.faults.fault_trial import (
+from footsense.validation.fault_trial import (
     BREAKS_AT_S,
     FAULTY_LEG,
     LOAD,
     PASSES_AT_S,
     WALK_SCENE,
+    CanFigures,
     FaultFigures,
     PublishedWalk,
+    can_trial,
     fault_figures,
     simulate_walk,
 )
