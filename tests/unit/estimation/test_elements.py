@@ -138,14 +138,6 @@ def test_a_stuck_element_is_told_from_a_drifting_one() -> None:
         assert leg.consistency.stuck[0, 4] == (not follows)
 
 
-def test_a_stuck_element_is_not_trusted_at_rest() -> None:
-    """It is right there; only once it has agreed loaded and free it counts again."""
-    leg = Leg.with_stuck_element()
-    scans = READMITTED_AFTER_NS // SCAN_NS
-    assert leg.missing(pressed(), scans) == [True] * (scans - 1) + [False]
-    assert not leg.consistency.excluded.any()
-
-
 @pytest.mark.parametrize("load", [0.0, 0.15, 1.0])
 def test_a_foot_whose_load_does_not_change_is_sound_again_after_ten_seconds(load: float) -> None:
     """An element that read another leg's for a while, on a foot that hangs, barely stands, or stands."""
@@ -269,17 +261,3 @@ def test_a_sound_foot_in_motion_is_never_blamed(
             1.0 - readings.plate_distance_rel[:, 0], readings.second_largest_motion_rel, none, now_ns
         )
         assert not consistency.excluded.any()
-
-
-def test_after_a_reset_an_inconsistency_is_a_new_one() -> None:
-    """A foot that was changed is given as long as any other before its residuals take an element out."""
-    wrong = pressed()
-    wrong[[0, 2, 4, 7]] = 0.0
-    leg = Leg()
-    for n in range(4):
-        leg.test(wrong)
-        assert leg.consistency.unexplained_legs[0] == (n > 0)
-    leg.consistency.reset(np.array([True]))
-    for unexplained in (False, True):
-        leg.test(wrong)
-        assert leg.consistency.unexplained_legs[0] == unexplained

@@ -8,13 +8,6 @@ from footsense.ports import LoadEstimate, Window
 from tests.support.feet import DESIGN, MAX_AGE_NS, SIGMA_N, WINDOW, Feet, SumOfClosures, unread
 
 
-def test_before_the_first_tare_there_is_no_force() -> None:
-    """STARTING with the first scan, TARING while the window fills, then VALID."""
-    feet = Feet()
-    states = [feet.feed(feet.scan()).state.tolist() for _ in range(WINDOW)]
-    assert states == [[State.STARTING] * 2] + [[State.TARING] * 2] * (WINDOW - 2) + [[State.VALID] * 2]
-
-
 def test_a_frame_of_other_legs_is_refused() -> None:
     """One leg in place of two would pass for both of them."""
     feet = Feet()
@@ -32,18 +25,6 @@ def test_the_force_is_the_network_s_of_normalised_closures(stray_pf: float) -> N
     np.testing.assert_allclose(forces.force_n, 9 * 0.25, rtol=1e-9)
     np.testing.assert_array_equal(forces.sigma_n[0], SIGMA_N)
     assert (forces.flags == Flag.SIMULATED | Flag.CONTACT).all()
-
-
-@pytest.mark.parametrize(
-    ("closure_um", "state"),
-    [(15.0, State.VALID), (17.0, State.OUT_OF_RANGE), (19.5, State.SATURATED), (-2.0, State.OUT_OF_RANGE)],
-)
-def test_loads_beyond_the_training_or_the_gap_have_no_value(closure_um: float, state: State) -> None:
-    """Extrapolation is out_of_range, a shut gap is saturated."""
-    feet = Feet().tared()
-    closures = np.zeros((2, 9))
-    closures[0] = closure_um
-    assert feet.feed(feet.scan(closures)).state.tolist() == [state, State.VALID]
 
 
 def test_an_old_measurement_is_stale() -> None:
@@ -189,14 +170,6 @@ def test_a_network_that_gives_no_number_makes_no_valid_force(what: str, number: 
     assert np.isnan(forces.force_n[0]).all()
     assert np.isnan(forces.sigma_n[0]).all()
     assert np.isfinite(forces.force_n[1]).all()
-
-
-def test_a_tare_of_an_absent_leg_says_so() -> None:
-    """ABSENT, not an element's fault."""
-    feet = Feet().tared()
-    feet.pipeline.execute(Command(CommandKind.TARE, 0))
-    feet.feed(unread(feet.scan(), 0, reading=Reading.NO_ANSWER))
-    assert [(leg, result) for leg, result, _ in feet.outcomes] == [(0, Result.ABSENT)]
 
 
 def test_a_refused_command_keeps_the_baseline_and_says_so() -> None:

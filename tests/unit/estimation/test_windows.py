@@ -79,16 +79,6 @@ def test_a_leg_that_was_silent_has_a_force_with_its_second_scan(n_scans: int) ->
     np.testing.assert_allclose(feet.estimator.window.closure_rel[0], 0.15, rtol=1e-9)
 
 
-def test_after_a_stall_every_leg_waits_for_a_second_scan() -> None:
-    """Readings from before it would be a motion that nobody saw."""
-    feet = Feet().tared()
-    feet.feed(feet.scan(1.0))
-    feet.sequence += 3
-    assert feet.feed(feet.scan(3.0)).state.tolist() == [State.STALE] * 2
-    assert feet.feed(feet.scan(3.0)).state.tolist() == [State.VALID] * 2
-    np.testing.assert_allclose(feet.estimator.window.closure_rel, 0.15, rtol=1e-9)
-
-
 @pytest.mark.parametrize("jump_ns", [-2 * SCAN_NS, -(10**12), 1, SCAN_NS, 10**12])
 def test_an_element_whose_stamp_jumps_is_left_out(jump_ns: int) -> None:
     """Back in time or into the future, by little or much: the leg goes on without it, and is whole soon after."""
