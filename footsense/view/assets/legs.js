@@ -1,26 +1,7 @@
 // The table of the legs: the numbers behind the picture.
 
-import { element, number, percent, setText } from "./format.js";
-
-// Tangential over normal force, and the ground's coefficient of friction where that is known.
-function friction(get) {
-  const ratio = number(get("tangential_over_normal"), 2);
-  return get("tangential_over_normal") >= 0 && get("friction") > 0 ? `${ratio} of ${number(get("friction"), 2)}` : ratio;
-}
-
-const COLUMNS = [
-  ["state", "text", (get, words) => words.states[get("state")].name],
-  ["fx [N]", "", (get) => number(get("fx"), 3, true)],
-  ["fy [N]", "", (get) => number(get("fy"), 3, true)],
-  ["fz [N]", "", (get) => number(get("fz"), 3, true)],
-  ["σ [mN]", "opt", (get) => number(1e3 * Math.max(get("sigma_x"), get("sigma_y"), get("sigma_z")), 0)],
-  ["age [ms]", "", (get) => (Number.isNaN(get("fz")) ? "–" : number(get("age"), 1))],
-  ["contact", "opt", (get) => percent(get("probability"))],
-  ["share", "opt", (get) => percent(get("load_share"))],
-  ["friction", "opt", friction],
-  ["baseline", "opt text", (get, words) => words.baselines[get("baseline_status")]],
-  ["drift [fF]", "opt wide", (get) => number(get("baseline_mean"), 1, true)],
-];
+import { COLUMNS } from "./columns.js";
+import { element, setText } from "./format.js";
 
 export class Legs {
   constructor(parent, hello) {

@@ -1,12 +1,8 @@
 // Signals over time, by uPlot: any signals of any legs.
 
+import { OFFERED } from "./columns.js";
 import { css, element, number } from "./format.js";
 
-const OFFERED = [
-  ["fz", "fz", "N"], ["fx", "fx", "N"], ["fy", "fy", "N"], ["sigma_z", "σz", "N"], ["closure_4", "middle gap", ""],
-  ["probability", "contact", ""], ["load_share", "share", ""], ["tangential_over_normal", "ft / fn", ""], ["age", "age", "ms"],
-  ["baseline_mean", "drift", "fF"], ["temperature", "temperature", "°C"],
-];
 const DASHES = [[], [6, 4], [2, 3], [9, 3, 2, 3]];
 
 export class Plot {
