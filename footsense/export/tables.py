@@ -2,44 +2,31 @@
 
 import csv
 import math
-from collections.abc import Iterator, Mapping
-from operator import attrgetter
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from footsense.frames import USABLE, CycleField, GaitEventKind
+from footsense.frames import USABLE, Cycle, CycleField, GaitEventKind
+from footsense.recording.messages import FORCE_FIELDS, SCAN_FIELDS, leg_objects
 from footsense.recording.replay import Replay
-from footsense.ring.records import CYCLE_FIELDS, GAIT_FIELDS
-
-#: A row: numbers or names, one for each column; NaN and None stand for values that are not known.
-_Row = list[Any]
-
-_FORCE_FIELDS = {path: field for path, field in CYCLE_FIELDS.items() if path.startswith("forces.")}
-_SCAN_FIELDS = {path: field for path, field in CYCLE_FIELDS.items() if path not in _FORCE_FIELDS}
+from footsense.ring.records import GAIT_FIELDS
 
 
-def _columns(fields: Mapping[str, CycleField]) -> tuple[str, ...]:
-    """Return the names of the columns of some fields, one per component."""
-    columns: list[str] = []
+def _columns(fields: Mapping[str, CycleField]) -> Iterator[str]:
+    """Yield the names of the columns of some fields, one per component; those of the elements end in their number."""
     for field in fields.values():
         n_values, names = math.prod(field.row_shape), field.json_keys
-        if len(names) < n_values:
-            names = tuple(f"{names[0]}_{element}" for element in range(n_values))
-        columns += names
-    return tuple(columns)
+        yield from names if len(names) == n_values else (f"{names[0]}_{i}" for i in range(n_values))
 
 
-_GAIT_COLUMNS = _columns(GAIT_FIELDS)
-#: Names of the columns in their order; those of the elements end in the number of the element.
+#: Names of the columns in their order: the keys of a recording's messages.
 COLUMN_NAMES = (
     *("sequence", "t_sent_ns", "leg"),
-    *_columns(_FORCE_FIELDS),
-    *_GAIT_COLUMNS,
+    *_columns(FORCE_FIELDS),
+    *_columns(GAIT_FIELDS),
     *("event", "event_t_ns", "friction"),
-    *_columns(_SCAN_FIELDS),
+    *_columns(SCAN_FIELDS),
 )
-_EMPTY_GAIT_ROW: _Row = [None] * len(_GAIT_COLUMNS)
-_CONTACT_COLUMNS = tuple(_GAIT_COLUMNS.index(name) for name in ("contact", "contact_raw"))
 
 
 def write_csv(replay: Replay, path: Path) -> int:
@@ -55,47 +42,39 @@ def write_csv(replay: Replay, path: Path) -> int:
     """
     n_cycles = 0
     with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(COLUMN_NAMES)
-        for rows in _rows(replay):
-            # None is an empty cell already; NaN is the value that differs from itself.
-            writer.writerows(["" if value != value else value for value in row] for row in rows)  # noqa: PLR0124
+        writer = csv.DictWriter(file, COLUMN_NAMES)
+        writer.writeheader()
+        for cycle in replay:
+            for row in _rows(cycle, replay.legs):
+                writer.writerow({key: _cell(key, value) for key, value in row.items()})
             n_cycles += 1
     return n_cycles
 
 
-def _rows(replay: Replay) -> Iterator[list[_Row]]:
-    """Yield the rows of each cycle, one for each leg."""
-    for cycle in replay:
-        forces, gait = cycle.forces, cycle.forces.gait
-        of_forces, of_scan = _rows_by_leg(cycle, _FORCE_FIELDS), _rows_by_leg(cycle, _SCAN_FIELDS)
-        of_gait = [_EMPTY_GAIT_ROW] * len(replay.legs) if gait is None else _rows_by_leg(forces, GAIT_FIELDS)
-        rows = []
-        for row, leg in enumerate(replay.legs):
-            events = [event for event in gait.events if event.leg == row] if gait else []
-            told = [
-                " ".join(GaitEventKind(event.kind).name for event in events) or None,
-                events[-1].t_ns if events else None,
-                gait.friction if gait else None,
-            ]
-            if int(forces.state[row]) not in USABLE:  # nothing is known about its contact
-                of_gait[row] = [
-                    None if column in _CONTACT_COLUMNS else value for column, value in enumerate(of_gait[row])
-                ]
-            first = [forces.sequence, forces.t_sent_ns, leg]
-            rows.append([*first, *of_forces[row], *of_gait[row], *told, *of_scan[row]])
-        yield rows
+def _rows(cycle: Cycle, legs: Sequence[str]) -> Iterator[dict[str, Any]]:
+    """Yield the row of each leg, values by column."""
+    forces, gait = cycle.forces, cycle.forces.gait
+    of_forces, of_scan = (
+        leg_objects(frame, legs, fields)
+        for frame, fields in ((forces, FORCE_FIELDS), (cycle.scan, SCAN_FIELDS))
+    )
+    of_gait = None if gait is None else leg_objects(gait, legs, GAIT_FIELDS)
+    for row, leg in enumerate(legs):
+        values = {"sequence": forces.sequence, "t_sent_ns": forces.t_sent_ns, "leg": leg, **of_forces[leg]}
+        if gait is not None and of_gait is not None:
+            events = [event for event in gait.events if event.leg == row]
+            values |= of_gait[leg]
+            values["event"] = " ".join(GaitEventKind(event.kind).name for event in events)
+            values["event_t_ns"] = events[-1].t_ns if events else None
+            values["friction"] = gait.friction
+        if int(forces.state[row]) not in USABLE:  # nothing is known about its contact
+            values["contact"] = values["contact_raw"] = None
+        for key, readings in of_scan[leg].items():
+            values |= {f"{key}_{element}": reading for element, reading in enumerate(readings)}
+        yield values
 
 
-def _rows_by_leg(frame: Any, fields: Mapping[str, CycleField]) -> list[_Row]:  # noqa: ANN401 - frames of three kinds
-    """Return one row per leg with the values of a frame's fields, one value per column."""
-    columns: list[list[Any]] = []
-    for path, field in fields.items():
-        array = attrgetter(path)(frame)
-        flat = array.reshape(len(array), -1).T.tolist()
-        if field.code_enum is not None:
-            flat = [[field.code_enum(code).name for code in one] for one in flat]
-        elif field.dtype == "<i8":  # times, 0 for none
-            flat = [[t_ns or None for t_ns in one] for one in flat]
-        columns += flat
-    return [list(row) for row in zip(*columns, strict=True)]
+def _cell(column: str, value: Any) -> Any:  # noqa: ANN401 - numbers and names
+    """Return what stands in a cell: nothing for NaN, and for a time of 0, which is none."""
+    is_unknown = value != value or (value == 0 and "_ns" in column)  # noqa: PLR0124 - NaN differs from itself
+    return None if is_unknown else value

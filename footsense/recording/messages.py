@@ -39,8 +39,8 @@ from footsense.ring.records import CYCLE_FIELDS, GAIT_FIELDS, NonNegativeInt64, 
 SCAN, FORCE, EVENT, REFERENCE = "/scan", "/force", "/event", "/reference"
 GAIT, GAIT_EVENT = "/gait", "/gait_event"
 
-_SCAN_FIELDS = {path: field for path, field in CYCLE_FIELDS.items() if path.startswith("scan.")}
-_FORCE_FIELDS = {path: field for path, field in CYCLE_FIELDS.items() if path.startswith("forces.")}
+SCAN_FIELDS = {path: field for path, field in CYCLE_FIELDS.items() if path.startswith("scan.")}
+FORCE_FIELDS = {path: field for path, field in CYCLE_FIELDS.items() if path.startswith("forces.")}
 _AXES = ("fx_n", "fy_n", "fz_n")
 
 #: Time [ns] and bytes of a message.
@@ -53,7 +53,7 @@ def _numbers(t_ns: int, message: Mapping[str, Any]) -> TimedMessage:
     return t_ns, text.encode()
 
 
-def _leg_objects(frame: Any, legs: Sequence[str], fields: Mapping[str, CycleField]) -> dict[str, Any]:  # noqa: ANN401 - frames of three kinds
+def leg_objects(frame: Any, legs: Sequence[str], fields: Mapping[str, CycleField]) -> dict[str, Any]:  # noqa: ANN401 - frames of three kinds
     """Return the values of each leg in a frame by field key."""
     objects: dict[str, dict[str, Any]] = {leg: {} for leg in legs}
     for path, field in fields.items():
@@ -93,7 +93,7 @@ def _reference(cycle: Cycle, _: Sequence[str]) -> Iterator[TimedMessage]:
 def _gait(cycle: Cycle, legs: Sequence[str]) -> Iterator[TimedMessage]:
     if (gait := cycle.forces.gait) is not None:
         whole = {"t_ns": gait.t_ns, "friction": gait.friction, "all_in_air": gait.all_in_air}
-        yield _numbers(cycle.forces.t_sent_ns, {**whole, **_leg_objects(gait, legs, GAIT_FIELDS)})
+        yield _numbers(cycle.forces.t_sent_ns, {**whole, **leg_objects(gait, legs, GAIT_FIELDS)})
 
 
 def _gait_events(cycle: Cycle, legs: Sequence[str]) -> Iterator[TimedMessage]:
@@ -103,13 +103,13 @@ def _gait_events(cycle: Cycle, legs: Sequence[str]) -> Iterator[TimedMessage]:
 
 
 def _scan(cycle: Cycle, legs: Sequence[str]) -> Iterator[TimedMessage]:
-    rows = _leg_objects(cycle.scan, legs, _SCAN_FIELDS)
+    rows = leg_objects(cycle.scan, legs, SCAN_FIELDS)
     yield _numbers(cycle.forces.t_sent_ns, {"sequence": cycle.scan.sequence, **rows})
 
 
 def _force(cycle: Cycle, legs: Sequence[str]) -> Iterator[TimedMessage]:
     forces = cycle.forces
-    rows = _leg_objects(forces, legs, _FORCE_FIELDS)
+    rows = leg_objects(forces, legs, FORCE_FIELDS)
     yield _numbers(forces.t_sent_ns, {"sequence": forces.sequence, "t_sent_ns": forces.t_sent_ns, **rows})
 
 
@@ -149,7 +149,7 @@ def decode_cycle(parts: defaultdict[str, list[bytes]], legs: Sequence[str], *, h
     sequences = (msgspec.convert(message["sequence"], NonNegativeInt64) for message in (scan, force))
     scan_sequence, force_sequence = sequences
     t_sent_ns = msgspec.convert(force["t_sent_ns"], NonNegativeInt64)
-    arrays = _arrays(force, legs, _FORCE_FIELDS)
+    arrays = _arrays(force, legs, FORCE_FIELDS)
     forces = frame_from_arrays(ContactFrame, arrays, sequence=force_sequence, t_sent_ns=t_sent_ns)
     if parts[GAIT]:
         forces = forces._replace(gait=_decode_gait(_only(parts[GAIT]), parts[GAIT_EVENT], legs))
@@ -165,7 +165,7 @@ def decode_cycle(parts: defaultdict[str, list[bytes]], legs: Sequence[str], *, h
                 values = [event["temperature_c"][leg] for leg in legs]
                 temperature_c = np.array(msgspec.convert(values, list[float | None]), np.float64)
     return Cycle(
-        frame_from_arrays(CapFrame, _arrays(scan, legs, _SCAN_FIELDS), sequence=scan_sequence),
+        frame_from_arrays(CapFrame, _arrays(scan, legs, SCAN_FIELDS), sequence=scan_sequence),
         tuple(commands),
         forces,
         tuple(outcomes),
@@ -280,8 +280,8 @@ def topic_schemas(legs: Sequence[str]) -> dict[str, bytes]:
 
     words = dict.fromkeys(("event", "command", "leg", "result", "reason"), text)
     topics = {
-        SCAN: object_of(sequence=whole, **rows(_SCAN_FIELDS)),
-        FORCE: object_of(sequence=whole, t_sent_ns=whole, **rows(_FORCE_FIELDS)),
+        SCAN: object_of(sequence=whole, **rows(SCAN_FIELDS)),
+        FORCE: object_of(sequence=whole, t_sent_ns=whole, **rows(FORCE_FIELDS)),
         GAIT: object_of(t_ns=whole, friction=number, all_in_air=boolean, **rows(GAIT_FIELDS)),
         GAIT_EVENT: object_of(kind=text, leg=text, t_ns=whole, sigma_s=number),
         EVENT: object_of(**words, n_cycles=whole, temperature_c=object_of(**dict.fromkeys(legs, number))),

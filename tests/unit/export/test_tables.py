@@ -46,7 +46,7 @@ def test_csv_has_every_value(folder: Path, cycles: list[Cycle]) -> None:
         assert pf == [cycle.scan.capacitance_pf[at, 8] for cycle in cycles]
         told = [row["contact"] for row, cycle in zip(of_leg, cycles, strict=True) if cycle.forces.gait]
         meant = [
-            str(bool(cycle.forces.gait.contact[at])) if cycle.forces.state[at] in USABLE else ""
+            str(int(cycle.forces.gait.contact[at])) if cycle.forces.state[at] in USABLE else ""
             for cycle in cycles
             if cycle.forces.gait
         ]
