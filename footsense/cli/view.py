@@ -4,10 +4,9 @@ import asyncio
 import os
 import signal
 import threading
-from contextlib import ExitStack, closing, suppress
+from contextlib import suppress
 from ipaddress import ip_address
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 import msgspec
@@ -18,10 +17,9 @@ from footsense.clock import MonotonicClock
 from footsense.config import load_config
 from footsense.config.sections import PageServer
 from footsense.progress import progress_bar
-
-if TYPE_CHECKING:
-    from footsense.view.live import LiveSource
-    from footsense.view.recorded import RecordingSource
+from footsense.view.live import LiveSource
+from footsense.view.recorded import RecordingSource
+from footsense.view.server import ViewServer
 
 
 def _parse_address(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
@@ -88,40 +86,24 @@ def view(
     drop_realtime()
     with suppress(OSError):  # its unit denies the call, and has set its own
         os.nice(5)  # a viewer never competes with what else the robot's computer does
-    with ExitStack() as stack:
-        source = _open_source(file, ring)
-        stack.enter_context(closing(source))
-        _serve_until_stopped(source, settings.address, settings.port if port is None else port, origins)
+    source = LiveSource(ring, MonotonicClock()) if file is None else RecordingSource(file)
+    server = ViewServer(source, origins)
+    asyncio.run(_serve_until_stopped(server, settings.address, settings.port if port is None else port))
 
 
-def _open_source(file: Path | None, ring: Path | None) -> "LiveSource | RecordingSource":
-    from footsense.view.live import LiveSource
-    from footsense.view.recorded import RecordingSource
-
-    return LiveSource(ring, MonotonicClock()) if file is None else RecordingSource(file)
-
-
-def _serve_until_stopped(
-    source: "LiveSource | RecordingSource", address: str, port: int, origins: tuple[str, ...]
-) -> None:
+async def _serve_until_stopped(server: ViewServer, address: str, port: int) -> None:
     """Serve the page until SIGTERM or SIGINT."""
-    from footsense.view.recorded import RecordingSource
-    from footsense.view.server import ViewServer
-
-    async def serve() -> None:
-        loop, stop = asyncio.get_running_loop(), asyncio.Event()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            loop.add_signal_handler(number, stop.set)
-        async with ViewServer(source, origins).serving(address, port) as url:
-            click.echo(url)
-            if isinstance(source, RecordingSource):
-                threading.Thread(target=_read_with_progress, args=(source,), daemon=True).start()
-            await stop.wait()
-
-    asyncio.run(serve())
+    loop, stop = asyncio.get_running_loop(), asyncio.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, stop.set)
+    async with server.serving(address, port) as url:
+        click.echo(url)
+        if isinstance(server.source, RecordingSource):
+            threading.Thread(target=_read_with_progress, args=(server.source,), daemon=True).start()
+        await stop.wait()
 
 
-def _read_with_progress(recorded: "RecordingSource") -> None:
+def _read_with_progress(recorded: RecordingSource) -> None:
     """Read a recording into memory, with a progress bar on a terminal."""
     with progress_bar("reading", recorded.total_s) as seconds_read:
         recorded.read(seconds_read)

@@ -1,8 +1,8 @@
 """Recording as data source of the page: read once, stored as compressed seconds in a temporary file."""
 
 import math
+import os
 import tempfile
-import threading
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
@@ -54,12 +54,10 @@ class RecordingSource:
         self._end_s = 0.0
         self._done = False
         self.events = EventLog(self._replay.legs, _MAX_EVENTS)
-        self._file = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `close`
-        self._lock = threading.Lock()
+        # Without a buffer: one thread writes, another reads.
+        self._file = tempfile.TemporaryFile(buffering=0)  # noqa: SIM115 - goes with the source
         self._places: list[tuple[int, int]] = []
-        self._compressor = zstandard.ZstdCompressor(level=1)
         self._second: list[tuple[float, Table]] = []
-        self._stopped = False
 
     def _closure_conversion(self) -> ClosureConversion:
         """Return the closure parameters from the header."""
@@ -80,8 +78,6 @@ class RecordingSource:
         """
         try:
             for entry in self._replay.entries():
-                if self._stopped:
-                    return
                 if isinstance(entry, LostCycles):
                     text = f"{entry.n_cycles} cycles were lost"
                     self.events.add(entry.next_t_sent_ns, None, "loss", "fault", text)
@@ -95,7 +91,7 @@ class RecordingSource:
 
     def _add_cycle(self, cycle: Cycle, on_progress: Callable[[float], None]) -> None:
         t_s = self.events.time_s(cycle.forces.t_sent_ns)
-        while math.floor(t_s) > len(self._places) and not self._stopped:
+        while math.floor(t_s) > len(self._places):
             self._store_second()
             on_progress(self._end_s)
         self._second.append((t_s, self._tables.table(cycle, self._baselines.baseline_pf_after(cycle))))
@@ -104,12 +100,9 @@ class RecordingSource:
 
     def _store_second(self) -> None:
         times_s, tables = [t_s for t_s, _ in self._second], [table for _, table in self._second]
-        packed = self._compressor.compress(encode_cycles(1 + len(self._places), times_s, tables))
-        with self._lock:
-            if self._stopped:
-                return
-            place = self._file.seek(0, 2)
-            self._file.write(packed)
+        packed = zstandard.compress(encode_cycles(1 + len(self._places), times_s, tables), level=1)
+        place = self._file.tell()
+        self._file.write(packed)
         self._places.append((place, len(packed)))
         self._second = []
 
@@ -118,10 +111,7 @@ class RecordingSource:
         if not 0 <= number < len(self._places):
             return []
         place, length = self._places[number]
-        with self._lock:
-            self._file.seek(place)
-            packed = self._file.read(length)
-        return [zstandard.ZstdDecompressor().decompress(packed)]
+        return [zstandard.decompress(os.pread(self._file.fileno(), length, place))]
 
     def description(self) -> dict[str, Any]:
         """Return what the page shows of the recording, as JSON values."""
@@ -138,10 +128,8 @@ class RecordingSource:
         }
 
     def close(self) -> None:
-        """Stop reading, and delete the temporary file."""
-        with self._lock:
-            self._stopped = True
-            self._file.close()
+        """Delete the temporary file, once `read` has ended; the end of the process does it too."""
+        self._file.close()
 
 
 class ReconstructedBaselines:

@@ -67,6 +67,9 @@ class ViewServer:
     Args:
         source: The followed service, or a recording.
         origins: Origins of pages that may read by Foxglove's protocol, besides our own and Foxglove's.
+
+    Attributes:
+        source: As given.
     """
 
     def __init__(
@@ -74,7 +77,7 @@ class ViewServer:
         source: LiveSource | RecordingSource,
         origins: Sequence[str] = (),
     ) -> None:
-        self._source = source
+        self.source = source
         self._origins = {*_FOXGLOVE_ORIGINS, *origins}
         self._files = PageFiles()
         self._names = own_host_names()
@@ -136,8 +139,8 @@ class ViewServer:
     async def _poll(self) -> None:
         while True:
             if self._n_clients:
-                if isinstance(self._source, LiveSource):
-                    self._source.poll()
+                if isinstance(self.source, LiveSource):
+                    self.source.poll()
                 if self._foxglove is not None:
                     self._foxglove.publish()
                 async with self._has_polled:
@@ -170,20 +173,20 @@ class ViewServer:
         return None
 
     def _foxglove_problem(self) -> str:
-        if isinstance(self._source, RecordingSource):
-            return f"this is the page of a recording: open {self._source.path.name} itself"
+        if isinstance(self.source, RecordingSource):
+            return f"this is the page of a recording: open {self.source.path.name} itself"
         if find_spec("foxglove") is None:
             return "Foxglove, Lichtblick and PlotJuggler need foxglove-sdk: pip install 'footsense[foxglove]'"
         return ""
 
     async def _session(self, connection: ServerConnection) -> None:
         self._n_clients += 1
-        if isinstance(self._source, LiveSource):
-            self._source.poll()
+        if isinstance(self.source, LiveSource):
+            self.source.poll()
         try:
             with suppress(ConnectionClosed):
-                if connection.subprotocol in FOXGLOVE_PROTOCOLS and isinstance(self._source, LiveSource):
-                    await self._relay_foxglove(connection, self._source)
+                if connection.subprotocol in FOXGLOVE_PROTOCOLS and isinstance(self.source, LiveSource):
+                    await self._relay_foxglove(connection, self.source)
                 else:
                     await self._serve_page(connection)
         finally:
@@ -214,7 +217,7 @@ class ViewServer:
                 answers.cancel()
 
     async def _serve_page(self, connection: ServerConnection) -> None:
-        page = PageSession(self._source)
+        page = PageSession(self.source)
         sender = asyncio.create_task(self._send_new(connection, page))
         try:
             async for text in connection:
