@@ -12,9 +12,9 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from footsense.calibration.fit.rubber_memory import loads_with_creep_corrected_baseline
-from footsense.calibration.loads.load_set import LoadSet
-from footsense.calibration.session.recorded_session import RecordedSession
+from footsense.calibration.loads import LoadSet
+from footsense.calibration.recorded_session import RecordedSession
+from footsense.calibration.rubber_memory import loads_with_creep_corrected_baseline
 from footsense.errors import CalibrationError
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.network import Network, steady_windows

@@ -10,15 +10,15 @@ import msgspec
 from rich.console import Console
 
 import footsense
-from footsense.calibration.evaluation import MAGNITUDE_BANDS, DesignModels, Evaluation
-from footsense.calibration.evaluation import evaluate as evaluate_sessions
-from footsense.calibration.fit.calibrate import (
+from footsense.calibration.calibrate import (
     MAX_MEDIAN_MAHALANOBIS_DISTANCE,
     WARNING_MEDIAN_MAHALANOBIS_DISTANCE,
     CalibrationResult,
     calibrate_sessions,
 )
-from footsense.calibration.session.recorded_session import RecordedSession, read_sessions
+from footsense.calibration.evaluation import MAGNITUDE_BANDS, DesignModels, Evaluation
+from footsense.calibration.evaluation import evaluate as evaluate_sessions
+from footsense.calibration.recorded_session import RecordedSession, read_sessions
 from footsense.calibration.writer import check_calibration_target, write_calibration
 from footsense.cli.options import FILE, FOLDER, foot_option, json_option
 from footsense.cli.tables import Column, echo_figures, echo_json, figures_table, json_row, table

@@ -14,8 +14,7 @@ from msgspec.structs import replace
 from rich.console import Console, Group
 from rich.text import Text
 
-from footsense.calibration.session.coverage import NextLoad, azimuth_and_elevation_deg
-from footsense.calibration.session.guide import SessionGuide
+from footsense.calibration.guide import NextLoad, SessionGuide, azimuth_and_elevation_deg
 from footsense.cli import options
 from footsense.cli.live import LiveView
 from footsense.cli.tables import echo_figures

@@ -9,11 +9,10 @@ import msgspec
 import numpy as np
 
 from footsense.acquisition.serial_port import SerialLink
+from footsense.calibration.checks import reference_findings
 from footsense.calibration.evaluation import estimate_loads
-from footsense.calibration.loads.load_set import LoadSet
-from footsense.calibration.loads.press import CalibrationLoad
-from footsense.calibration.session.checks import reference_findings
-from footsense.calibration.session.guide import SessionGuide
+from footsense.calibration.guide import SessionGuide
+from footsense.calibration.loads import CalibrationLoad, LoadSet
 from footsense.config.test_stand import (
     NetFt,
     SerialSensor,

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from firmware_interface.chips import fdc1004
-from footsense.calibration.evaluation import DesignModels, Estimates
-from footsense.calibration.fit.calibrate import (
+from footsense.calibration.calibrate import (
     WARNING_MEDIAN_MAHALANOBIS_DISTANCE,
     CalibrationResult,
     fit_foot_unchecked,
     require_plausible,
 )
-from footsense.calibration.fit.rubber_memory import correct_baselines_for_creep
-from footsense.calibration.loads.load_set import LoadSet
+from footsense.calibration.evaluation import DesignModels, Estimates
+from footsense.calibration.loads import LoadSet
+from footsense.calibration.rubber_memory import correct_baselines_for_creep
 from footsense.errors import CalibrationError
 from footsense.estimation.elements import ConsistencyTest
 from footsense.estimation.missing_elements import Imputation

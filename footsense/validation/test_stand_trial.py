@@ -11,8 +11,8 @@ from typing import Final, Literal, NamedTuple
 import msgspec
 import numpy as np
 
-from footsense.calibration.loads.load_set import LoadSet
-from footsense.calibration.session.recorded_session import RecordedSession, read_session
+from footsense.calibration.loads import LoadSet
+from footsense.calibration.recorded_session import RecordedSession, read_session
 from footsense.can.wire import Can
 from footsense.clock import stopwatch_ns
 from footsense.config import Config

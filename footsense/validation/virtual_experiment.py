@@ -10,10 +10,10 @@ from collections.abc import Callable
 import msgspec
 import numpy as np
 
+from footsense.calibration.calibrate import calibrate
 from footsense.calibration.evaluation import DesignModels
-from footsense.calibration.fit.calibrate import calibrate
-from footsense.calibration.fit.rubber_memory import correct_baselines_for_creep
-from footsense.calibration.loads.load_set import LoadSet
+from footsense.calibration.loads import LoadSet
+from footsense.calibration.rubber_memory import correct_baselines_for_creep
 from footsense.clock import stopwatch_ns
 from footsense.daemon.foot_types import foot_type_folder
 from footsense.errors import CalibrationError

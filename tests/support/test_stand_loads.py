@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.calibration.evaluation import DesignModels
-from footsense.calibration.loads.load_set import LoadSet
+from footsense.calibration.loads import LoadSet
 from footsense.daemon.foot_types import released_path
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot

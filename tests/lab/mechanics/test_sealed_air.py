@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from footsense.calibration.fit.calibrate import calibrate
+from footsense.calibration.calibrate import calibrate
 from footsense.errors import CalibrationError
 from footsense.foot.gap_contact import CELLS_PER_ELEMENT, N_CELLS, element_means
 from footsense.foot.specimen import ContactLoads, Deviations

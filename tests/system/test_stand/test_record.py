@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from footsense.calibration.session.recorded_session import read_session
+from footsense.calibration.recorded_session import read_session
 from footsense.daemon.foot_types import DEFAULT_FOOT_TYPE
 from footsense.foot.files.calibration_reader import read_calibration
 from footsense.recording.replay import Replay

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from footsense.calibration.fit.calibrate import calibrate
-from footsense.calibration.fit.parameter_fit import fit_parameters
-from footsense.calibration.fit.twin import (
+from footsense.calibration.calibrate import calibrate
+from footsense.calibration.loads import LoadSet
+from footsense.calibration.parameter_fit import fit_parameters
+from footsense.calibration.twin import (
     GAP,
     MOUNT,
     N_PARAMETERS,
@@ -18,7 +19,6 @@ from footsense.calibration.fit.twin import (
     FootTwin,
     reference_gains,
 )
-from footsense.calibration.loads.load_set import LoadSet
 from footsense.errors import CalibrationError
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.network import steady_windows

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from footsense.calibration.session.checks import reference_findings
-from footsense.calibration.session.coverage import MIN_ELEVATION_DEG, Coverage
+from footsense.calibration.checks import reference_findings
+from footsense.calibration.guide import MIN_ELEVATION_DEG, Coverage
 from footsense.config.test_stand import Axes, SimulatedSensor, StandConfig
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.reference.sensor_mounting import NEWTONS_PER_UNIT, SensorMounting

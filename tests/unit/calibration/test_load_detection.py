@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from footsense.calibration.loads.detection import LoadDetector
-from footsense.calibration.loads.press import CalibrationLoad, RejectedPress, Rejection
+from footsense.calibration.detection import LoadDetector
+from footsense.calibration.loads import CalibrationLoad, RejectedPress, Rejection
 from footsense.frames import Cycle, Reading
 from tests.support.feet import DESIGN
 from tests.support.presses import (

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from footsense.calibration.fit.rubber_memory import correct_baselines_for_creep
+from footsense.calibration.rubber_memory import correct_baselines_for_creep
 from footsense.foot.directions import normalized
 from footsense.foot.specimen import Foot
 from footsense.sim.test_stand.press_sequence import paper_presses

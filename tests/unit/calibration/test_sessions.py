@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from footsense.calibration.fit.calibrate import calibrate_sessions
-from footsense.calibration.session.recorded_session import RecordedSession
+from footsense.calibration.calibrate import calibrate_sessions
+from footsense.calibration.recorded_session import RecordedSession
 from footsense.errors import CalibrationError
 from footsense.sim.test_stand.press_sequence import paper_presses
 from tests.support.test_stand_loads import design, load_set, made

@@ -11,11 +11,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from footsense.calibration.evaluation import DesignModels
-from footsense.calibration.fit.calibrate import (
+from footsense.calibration.calibrate import (
     MAX_MEDIAN_MAHALANOBIS_DISTANCE,
     WARNING_MEDIAN_MAHALANOBIS_DISTANCE,
 )
+from footsense.calibration.evaluation import DesignModels
 from footsense.cli.lab.pages.mismatch_rows import MISMATCH_ROWS
 from footsense.errors import FootsenseError
 from footsense.foot.directions import random_directions

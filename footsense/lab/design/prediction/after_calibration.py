@@ -19,7 +19,7 @@ from footsense.frames import ELEMENTS, Vector
 from footsense.lab.design.inputs.processes import Process
 
 #: Errors of a test stand: lean of the stick [deg], uncertain share of a force [1], share of a closure that no model
-#: explains [1], noise of a mean reading [pF]. As in the prior of `calibration/fit/parameter_fit.py`.
+#: explains [1], noise of a mean reading [pF]. As in the prior of `calibration/parameter_fit.py`.
 _STICK_LEAN_DEG, _FORCE_REL, _MODEL_REL, _NOISE_PF = 1.5, 0.015, 0.005, 0.3e-3
 #: Steps of the differences: gap over the designed one, stray [pF], stiffness [1], mount [rad].
 _GAP_STEP_REL, _STRAY_STEP_PF, _STIFFNESS_STEP, _MOUNT_STEP = 0.01, 0.01, 0.01, 2e-3

@@ -12,7 +12,7 @@ import numpy as np
 from msgspec.structs import astuple
 
 from footsense.calibration.evaluation import DesignModels
-from footsense.calibration.session.recorded_session import RecordedSession
+from footsense.calibration.recorded_session import RecordedSession
 from footsense.config.test_stand import StandConfig
 from footsense.errors import CalibrationError
 from footsense.foot.directions import angles_between_deg

@@ -11,14 +11,18 @@ from typing import NamedTuple
 
 import numpy as np
 
+from footsense.calibration.checks import require_consistent_reference, require_one_foot
 from footsense.calibration.evaluation import DesignModels, Estimates
-from footsense.calibration.fit.parameter_fit import ParameterFit, fit_parameters
-from footsense.calibration.fit.predicted_uncertainty import PredictedUncertainty, predict_uncertainty
-from footsense.calibration.fit.rubber_memory import loads_with_creep_corrected_baseline
-from footsense.calibration.fit.twin import GAIN, MOUNT, REFERENCE, STIFFNESS, STRAY, FootTwin, reference_gains
-from footsense.calibration.loads.load_set import LoadSet
-from footsense.calibration.session.checks import require_consistent_reference, require_one_foot
-from footsense.calibration.session.recorded_session import RecordedSession
+from footsense.calibration.loads import LoadSet
+from footsense.calibration.parameter_fit import (
+    ParameterFit,
+    PredictedUncertainty,
+    fit_parameters,
+    predict_uncertainty,
+)
+from footsense.calibration.recorded_session import RecordedSession
+from footsense.calibration.rubber_memory import loads_with_creep_corrected_baseline
+from footsense.calibration.twin import GAIN, MOUNT, REFERENCE, STIFFNESS, STRAY, FootTwin, reference_gains
 from footsense.errors import CalibrationError
 from footsense.foot.directions import rotation
 from footsense.foot.files.calibration_format import HeldOutErrors

@@ -10,9 +10,8 @@ from statistics import fmean
 
 import msgspec
 
-from footsense.calibration.loads.detection import LoadDetector
-from footsense.calibration.loads.load_set import LoadSet
-from footsense.calibration.loads.press import CalibrationLoad, RejectedPress, Rejection, Span
+from footsense.calibration.detection import LoadDetector
+from footsense.calibration.loads import CalibrationLoad, LoadSet, RejectedPress, Rejection, Span
 from footsense.calibration.writer import file_sha256
 from footsense.config.test_stand import StandConfig
 from footsense.errors import CalibrationError, RecordingError

@@ -10,7 +10,7 @@ from enum import Enum, auto
 
 import numpy as np
 
-from footsense.calibration.loads.press import (
+from footsense.calibration.loads import (
     CalibrationLoad,
     Press,
     RejectedPress,
@@ -19,7 +19,7 @@ from footsense.calibration.loads.press import (
     column_means,
     unsaturated_samples_n,
 )
-from footsense.calibration.loads.reduction import reduce_press
+from footsense.calibration.reduction import reduce_press
 from footsense.frames import Codes, Cycle, Reading, ReferenceSamples, Vector
 
 _NS_PER_MS = 1_000_000

@@ -19,9 +19,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from footsense.calibration.fit.twin import N_PARAMETERS, FootTwin
-from footsense.calibration.loads.load_set import LoadSet
-from footsense.calibration.session.recorded_session import RecordedSession
+from footsense.calibration.loads import LoadSet
+from footsense.calibration.recorded_session import RecordedSession
+from footsense.calibration.twin import N_PARAMETERS, FootTwin
 from footsense.foot.directions import normalized
 from footsense.foot.gap_contact import element_means
 from footsense.foot.response_table import FootResponse

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.calibration.loads.press import (
+from footsense.calibration.loads import (
     CalibrationLoad,
     Press,
     RejectedPress,

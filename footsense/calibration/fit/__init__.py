@@ -1,1 +1,0 @@
-"""Fit the parameters of a foot to calibration loads, and predict the remaining force errors."""

@@ -1,1 +1,0 @@
-"""Find the presses in a recording, and reduce each to one calibration load."""

@@ -1,1 +1,0 @@
-"""Sessions on a test stand: live guidance while recording, and reading of the recordings."""
