@@ -5,7 +5,7 @@ from docstrings import table
 from footsense.config import DEFAULT
 from footsense.daemon.service import open_service
 from footsense.ports import WakeupLatency
-from footsense.sim.scene_files import load_scene
+from footsense.sim.scene import load_scene
 from footsense.telemetry.metrics import ServiceMetrics
 
 

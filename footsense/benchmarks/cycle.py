@@ -29,7 +29,7 @@ from footsense.frames import CapFrame, Flag
 from footsense.ring.cycle_ring import CycleRing
 from footsense.ring.records import ServiceStatus
 from footsense.sim.clock import VirtualClock
-from footsense.sim.scene_files import load_scene
+from footsense.sim.scene import load_scene
 from footsense.telemetry.systemd import LegStateLogger, SystemdNotifier
 
 #: Priority of SCHED_FIFO, the default of the service; without it the figures include other processes.

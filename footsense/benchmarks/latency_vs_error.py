@@ -28,8 +28,7 @@ from footsense.foot.directions import angles_between_deg
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, LEGS, Stamps, Vector
 from footsense.sim.loads.ground_load import GroundContact, RampContact
-from footsense.sim.loads.measured_walk import measured_walk
-from footsense.sim.loads.walk import Walk, smooth_stance_reaction
+from footsense.sim.loads.walk import Walk, measured_walk, smooth_stance_reaction
 
 if TYPE_CHECKING:
     from footsense.lab.report import StudyContext

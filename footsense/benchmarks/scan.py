@@ -18,8 +18,7 @@ from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.models import load_models
 from footsense.daemon.simulation import simulated_robot
 from footsense.frames import IS_USABLE_STATE, Flag
-from footsense.sim.scene import Scene
-from footsense.sim.scene_files import load_scene
+from footsense.sim.scene import Scene, load_scene
 
 _N_SCANS = 40
 _HOST_COSTS_US = (0, 40, 100)

@@ -21,7 +21,7 @@ from types import CodeType, FrameType
 import footsense
 from footsense.config import DEFAULT
 from footsense.daemon.service import open_service
-from footsense.sim.scene_files import load_scene
+from footsense.sim.scene import load_scene
 from footsense.telemetry.run_statistics import RunStatistics
 
 #: Conversions before anything is counted: half a second of walk, which includes the tare.

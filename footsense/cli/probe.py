@@ -24,7 +24,7 @@ from footsense.daemon.probe import probe as probe_robot
 from footsense.daemon.simulation import is_simulated
 from footsense.frames import ELEMENTS, ROWS, Cause, Reading, Vector
 from footsense.leg_words import CAUSE_WORDS, word_of
-from footsense.sim.scene_files import load_scene
+from footsense.sim.scene import load_scene
 
 #: Exit code if there is a fault.
 _EXIT_CODE_FAULTY = 1

@@ -29,9 +29,8 @@ from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.frames import ALL_LEGS, USABLE, Cycle, State, Vector
 from footsense.leg_words import word_of
 from footsense.ports import ReferenceSensor
-from footsense.sim.scene import Scene
-from footsense.sim.scene_files import load_scene
-from footsense.sim.test_stand.press_sequence import PressSequence
+from footsense.sim.loads.press_sequence import PressSequence
+from footsense.sim.scene import Scene, load_scene
 
 _NS_PER_S = 1_000_000_000
 #: Time that a simulated test stand runs on after its last press, for the offset of the reference [s].

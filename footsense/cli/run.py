@@ -21,7 +21,7 @@ from footsense.daemon.simulation import is_simulated
 from footsense.frames import FAULT_FREE, Cycle, State
 from footsense.ports import Observer
 from footsense.ring.ring_file import default_ring, free_ring
-from footsense.sim.scene_files import load_scene
+from footsense.sim.scene import load_scene
 from footsense.telemetry.run_statistics import RunStatistics
 
 if TYPE_CHECKING:

@@ -17,9 +17,8 @@ from footsense.config.sections import Bus
 from footsense.daemon.simulation import simulated_robot
 from footsense.frames import ELEMENTS, CapFrame, Vector
 from footsense.ports import Clock, SerialPort, WakeupLatency
-from footsense.sim.bus.serial_port import SimulatedSerialPort
 from footsense.sim.robot import SimulatedRobot
-from footsense.sim.robot_on_mcu import simulated_mcu
+from footsense.sim.robot_on_mcu import SimulatedSerialPort, simulated_mcu
 from footsense.sim.scene import Scene
 
 _log = logging.getLogger(__name__)

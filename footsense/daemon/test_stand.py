@@ -28,10 +28,10 @@ from footsense.reference.net_ft import NetFtReference
 from footsense.reference.sample_stream import SampleStream
 from footsense.reference.sensor_mounting import SensorMounting
 from footsense.reference.serial_sensor import LineDecoder, SerialReference
+from footsense.sim.loads.press_sequence import paper_presses
+from footsense.sim.reference_sensor import LINE_COLUMNS, SAMPLE_RATE_HZ, SimulatedForceSensor
 from footsense.sim.scene import Effects, Fabrication, Scene
 from footsense.sim.scene_loads import CalibrationLoads
-from footsense.sim.test_stand.press_sequence import paper_presses
-from footsense.sim.test_stand.reference_sensor import LINE_COLUMNS, SAMPLE_RATE_HZ, SimulatedForceSensor
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

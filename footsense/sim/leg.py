@@ -7,11 +7,10 @@ from footsense.sim.chips.electronics import leg_electronics
 from footsense.sim.faults.chip_faults import inject_chip_faults
 from footsense.sim.faults.damage import WiredFoot
 from footsense.sim.faults.scene_faults import ChipFault, FootDamage
-from footsense.sim.foot.viscoelastic import ViscoelasticRubber
-from footsense.sim.foot.warming import WarmingFoot
 from footsense.sim.loads.gait_table import GaitTable
 from footsense.sim.loads.ground_load import ContactSource, GroundContact
 from footsense.sim.loads.walk import Walk
+from footsense.sim.rubber import ViscoelasticRubber, WarmingFoot
 from footsense.sim.scene import Scene
 
 

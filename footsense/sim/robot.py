@@ -13,17 +13,17 @@ import numpy as np
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
-from footsense.sim.bus.i2c_bus import SimulatedBus
 from footsense.sim.chips.chip import SimulatedMux
 from footsense.sim.clock import JoinedClock, VirtualClock
+from footsense.sim.fabrication import draw_deviations, with_new_mounting
 from footsense.sim.faults.scene_faults import StuckSda, WireFault
 from footsense.sim.faults.wire_faults import WireFaults
-from footsense.sim.foot.fabrication import draw_deviations, with_new_mounting
-from footsense.sim.foot.warming import relative_compliance_when_warmed
+from footsense.sim.i2c_bus import SimulatedBus
 from footsense.sim.leg import SimulatedLeg
 from footsense.sim.loads.gait_table import GaitTable
 from footsense.sim.loads.ground_load import ContactSource
 from footsense.sim.loads.walk import Walk
+from footsense.sim.rubber import relative_compliance_when_warmed
 from footsense.sim.scene import Scene
 
 

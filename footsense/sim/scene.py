@@ -1,17 +1,22 @@
-"""Schema of a scene file: load, faults and effects of a simulated robot, and fabrication of its feet.
+"""Scenes: load, faults and effects of a simulated robot, and fabrication of its feet, from YAML files.
 
-An effect that a scene does not name is not computed. `scene_files.py` reads scenes.
+An effect that a scene does not name is not computed.
 """
 
 import dataclasses
+import math
+from importlib.resources import files
+from pathlib import Path
 from typing import Annotated
 
 import msgspec
 from msgspec import Meta
 
+from footsense import strict_yaml
+from footsense.errors import ConfigError
 from footsense.sim import scene_loads
+from footsense.sim.fabrication import PAPER_TOLERANCES, REMOUNT_RMS_DEG, FootTolerances
 from footsense.sim.faults.scene_faults import Fault
-from footsense.sim.foot.fabrication import PAPER_TOLERANCES, REMOUNT_RMS_DEG, FootTolerances
 
 
 class ScenePart(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -45,7 +50,7 @@ class Effects(ScenePart, frozen=True):
         trigger_clears_done: Whether a FDC1004 forgets that a conversion was done when the next one is started.
         stray_pf: Capacitance to ground in parallel with every element [pF].
         gap_contact: Whether a closed gap carries load; else its closure is only limited.
-        rubber: Whether the feet creep and show hysteresis (`sim/foot/viscoelastic.py`).
+        rubber: Whether the feet creep and show hysteresis (`sim/rubber.py`).
         warming: Change of temperature; None for none.
         adapter_compares: Whether an I2C adapter compares SDA with what it sends, and times out where it is held; that
             of a Raspberry Pi 0 to 4 does not.
@@ -126,3 +131,77 @@ class Scene(ScenePart, frozen=True):
     effects: Effects = Effects()
     fabrication: Fabrication | None = None
     faults: tuple[Fault, ...] = ()
+
+
+#: Lowest elevation of a contact [deg].
+MIN_FORCE_ELEVATION_DEG = 30
+
+
+def scene_names() -> list[str]:
+    """Return the names of the scenes that come with the package."""
+    folder = files("footsense.sim") / "scenes"
+    return sorted(
+        entry.name.removesuffix(".yaml") for entry in folder.iterdir() if entry.name.endswith(".yaml")
+    )
+
+
+def load_scene(name_or_path: str) -> Scene:
+    """Load and return a scene that comes with the package, by name, or one from a YAML file.
+
+    Raises:
+        ConfigError: There is no such scene, or it is not a valid one.
+    """
+    text_or_path: Path | str = Path(name_or_path)
+    where = None
+    if name_or_path in scene_names():
+        resource = files("footsense.sim") / "scenes" / f"{name_or_path}.yaml"
+        text_or_path, where = resource.read_text(encoding="utf-8"), f"scene {name_or_path}"
+    elif not Path(name_or_path).suffix:
+        raise ConfigError(
+            f"no scene {name_or_path!r}: there are {', '.join(scene_names())}, or give the path of a YAML file"
+        )
+    return strict_yaml.load(
+        text_or_path,
+        Scene,
+        where,
+        check=_contradiction,
+    )
+
+
+def _contradiction(scene: Scene) -> strict_yaml.Problem | None:
+    """Return the first contradiction between keys that are valid each for itself; None if there is none."""
+    problem = _low_elevation_contradiction(scene)
+    if problem is not None:
+        return problem
+    if scene.gait_table and scene.effects.rubber:
+        return strict_yaml.Problem(
+            "effects.rubber", "depends on the past, and a gait_table does not: choose one"
+        )
+    if scene.gait_table and not isinstance(scene.load, scene_loads.Tripod | scene_loads.MeasuredWalk):
+        return strict_yaml.Problem("gait_table", "is for walks: tripod or measured_walk")
+    for n, stand in enumerate(scene.load.stands if isinstance(scene.load, scene_loads.Tripod) else ()):
+        if stand.until_s <= stand.from_s:
+            return strict_yaml.Problem(f"load.stands[{n}].until_s", "must be later than from_s")
+    for n, fault in enumerate(scene.faults):
+        until_s = getattr(fault, "until_s", None)
+        if until_s is not None and until_s <= fault.at_s:
+            return strict_yaml.Problem(f"faults[{n}].until_s", "must be later than at_s")
+    return None
+
+
+def _low_elevation_contradiction(scene: Scene) -> strict_yaml.Problem | None:
+    """Return the first force whose elevation is below the response table's range; None if there is none."""
+    forces: dict[str, scene_loads.ReactionForce] = {}
+    if isinstance(scene.load, scene_loads.Constant):
+        forces = {"load.force_n": scene.load.force_n}
+    elif isinstance(scene.load, scene_loads.CalibrationLoads) and not isinstance(scene.load.presses, str):
+        forces = {f"load.presses[{n}]": force_n for n, force_n in enumerate(scene.load.presses)}
+    for path, (x, y, z) in forces.items():
+        elevation_deg = math.degrees(math.atan2(z, math.hypot(x, y)))
+        if elevation_deg < MIN_FORCE_ELEVATION_DEG:
+            return strict_yaml.Problem(
+                path,
+                f"leans to an elevation of {elevation_deg:.0f} deg; "
+                f"the foot's response is known from {MIN_FORCE_ELEVATION_DEG} deg up",
+            )
+    return None

@@ -8,9 +8,8 @@ from msgspec import Meta
 from footsense.frames import ALL_LEGS
 from footsense.sim.faults.scene_faults import Leg
 from footsense.sim.loads import ground_load
-from footsense.sim.loads.measured_walk import measured_walk
-from footsense.sim.loads.walk import SECOND_LEG_GROUP, Walk, smooth_stance_reaction
-from footsense.sim.test_stand.press_sequence import PressSequence, paper_presses
+from footsense.sim.loads.press_sequence import PressSequence, paper_presses
+from footsense.sim.loads.walk import SECOND_LEG_GROUP, Walk, measured_walk, smooth_stance_reaction
 
 ForceMagnitudeN = Annotated[float, Meta(ge=0.0, le=500.0)]
 Pitch = Annotated[float, Meta(ge=-30.0, le=30.0)]

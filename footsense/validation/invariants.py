@@ -18,8 +18,14 @@ from firmware_interface.wire_timing import FRAMES_PER_LEG, LONGEST_FRAME_BITS
 from footsense.frames import ELEMENTS, USABLE, ContactFrame, Cycle, State, Vector
 from footsense.ports import Observer
 from footsense.sim.can.interface import AS_DEPLOYED
-from footsense.sim.faults.scene_faults import ArbitrationLost, CanFault, Fault, StuckSda, StuckUpstreamBus
-from footsense.sim.faults.schedule import Schedule
+from footsense.sim.faults.scene_faults import (
+    ArbitrationLost,
+    CanFault,
+    Fault,
+    Schedule,
+    StuckSda,
+    StuckUpstreamBus,
+)
 
 #: Longest pause until a leg is tried again [s], and after it held a line of the bus [s]; duration of the try [s]; gait
 #: periods until it is tared after that.

@@ -28,14 +28,14 @@ from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads, Deviations, Foot
 from footsense.frames import ELEMENTS, Mask, Vector
-from footsense.sim.foot.fabrication import REMOUNT_RMS_DEG, FootTolerances, draw_deviations, with_new_mounting
-from footsense.sim.foot.viscoelastic import ViscoelasticRubber
-from footsense.sim.test_stand.press_sequence import paper_presses
-from footsense.sim.test_stand.reference_sensor import (
+from footsense.sim.fabrication import REMOUNT_RMS_DEG, FootTolerances, draw_deviations, with_new_mounting
+from footsense.sim.loads.press_sequence import paper_presses
+from footsense.sim.reference_sensor import (
     RESOLUTION_GF,
     draw_nonlinearity_amplitude_gf,
     nonlinearity_gf,
 )
+from footsense.sim.rubber import ViscoelasticRubber
 
 if TYPE_CHECKING:
     from footsense.foot.parameters import FootParameters

@@ -24,10 +24,10 @@ from footsense.daemon.service import open_service
 from footsense.daemon.test_stand import StandSession
 from footsense.frames import Vector
 from footsense.sim.loads.ground_load import ContactSource
+from footsense.sim.loads.press_sequence import PressSequence, paper_presses
+from footsense.sim.reference_sensor import LINE_TRANSMISSION_NS, RATED_GF
 from footsense.sim.scene import Effects, Fabrication, Scene
 from footsense.sim.scene_loads import CalibrationLoads, Unloaded
-from footsense.sim.test_stand.press_sequence import PressSequence, paper_presses
-from footsense.sim.test_stand.reference_sensor import LINE_TRANSMISSION_NS, RATED_GF
 
 #: Twenty feet of this seed have errors near the mean of 160.
 _TYPICAL_FOOT_SEED = 8

@@ -15,12 +15,11 @@ from footsense.acquisition.scanner import BusScanner, RobotScanner
 from footsense.errors import I2cError, I2cTimeoutError
 from footsense.frames import ELEMENTS, CapFrame, Reading
 from footsense.ports import Transaction
-from footsense.sim.bus.i2c_bus import SimulatedBus
 from footsense.sim.chips.ad7746 import MeanMutualCapacitance, SimulatedAd7746
-from footsense.sim.chips.chip import SimulatedMux
+from footsense.sim.chips.chip import SimulatedLineSwitch, SimulatedMux
 from footsense.sim.chips.fdc1004 import MeanCinCapacitance, SimulatedFdc1004
-from footsense.sim.chips.line_switch import SimulatedLineSwitch
 from footsense.sim.clock import JoinedClock, VirtualClock
+from footsense.sim.i2c_bus import SimulatedBus
 
 TIMEOUT_NS = 20_000_000
 #: A different capacitance for every element, so that a swap shows [pF].

@@ -18,9 +18,9 @@ from footsense.acquisition.linux_i2c import (
 )
 from footsense.errors import HardwareError, I2cError, I2cTimeoutError, NackError
 from footsense.ports import I2cBus, Transaction
-from footsense.sim.bus.i2c_bus import SimulatedBus
 from footsense.sim.chips.chip import SimulatedMux
 from footsense.sim.clock import VirtualClock
+from footsense.sim.i2c_bus import SimulatedBus
 
 MUX = 0x71
 

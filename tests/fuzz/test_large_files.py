@@ -16,7 +16,7 @@ from footsense.foot.files.calibration_reader import read_calibration
 from footsense.foot.response_table import FootResponse
 from footsense.recording.replay import Replay
 from footsense.ring.cycle_reader import CycleReader
-from footsense.sim.scene_files import load_scene
+from footsense.sim.scene import load_scene
 from tests.fuzz.outcome import refusal
 from tests.support.calibrations import content
 

@@ -13,7 +13,7 @@ from footsense.config import DEFAULT, load_config
 from footsense.daemon.recording_header import recorded_config, recorded_flags
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
-from footsense.sim.scene_files import load_scene
+from footsense.sim.scene import load_scene
 from footsense.view.http_answers import is_allowed_origin, is_own_host
 from footsense.view.page_session import Request, decode_request
 from tests.fuzz.outcome import TRIED, anything, refusal

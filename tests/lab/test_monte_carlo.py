@@ -24,7 +24,7 @@ from footsense.lab.monte_carlo.sweeps import (
 )
 from footsense.lab.monte_carlo.workers import job_runner
 from footsense.lab.training.load_cases import paper_verification
-from footsense.sim.foot.fabrication import MIN_DRAWN_OVER_DESIGN, draw_deviations
+from footsense.sim.fabrication import MIN_DRAWN_OVER_DESIGN, draw_deviations
 
 pytestmark = pytest.mark.lab
 

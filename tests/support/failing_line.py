@@ -7,9 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.ports import Clock
-from footsense.sim.bus.serial_port import SimulatedSerialPort
-from footsense.sim.faults.schedule import Span, in_any_span
-from footsense.sim.robot_on_mcu import SimulatedRobotMcu
+from footsense.sim.faults.scene_faults import Span, in_any_span
+from footsense.sim.robot_on_mcu import SimulatedRobotMcu, SimulatedSerialPort
 
 
 class LineFaults(NamedTuple):

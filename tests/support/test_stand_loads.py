@@ -10,7 +10,7 @@ from footsense.calibration.loads import LoadSet
 from footsense.daemon.foot_types import released_path
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
-from footsense.sim.foot.fabrication import FootTolerances, draw_deviations
+from footsense.sim.fabrication import FootTolerances, draw_deviations
 
 Vector = NDArray[np.float64]
 

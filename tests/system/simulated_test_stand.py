@@ -16,7 +16,7 @@ from footsense.foot.parameters import FootParameters
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import ReferenceSamples, SensorStatistics
-from footsense.sim.foot.fabrication import draw_deviations
+from footsense.sim.fabrication import draw_deviations
 from footsense.sim.scene import Fabrication, Scene
 from footsense.sim.scene_loads import CalibrationLoads
 

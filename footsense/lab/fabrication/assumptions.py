@@ -6,7 +6,7 @@ from footsense.errors import ConfigError, FootsenseError
 from footsense.lab.design.inputs.processes import Process, load_processes
 from footsense.lab.design.prediction.after_calibration import gap_sigma_um
 from footsense.lab.geometry import FootDesign
-from footsense.sim.foot.fabrication import FootTolerances
+from footsense.sim.fabrication import FootTolerances
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ import numpy as np
 from footsense.foot.gap_contact import CELLS_PER_ELEMENT, fringe_pf
 from footsense.lab.fabrication.tolerances import LIMIT_OVER_RMS, overlap_area_deviation_rel
 from footsense.lab.geometry import FootDesign
-from footsense.sim.foot.fabrication import FootTolerances
+from footsense.sim.fabrication import FootTolerances
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,7 +13,7 @@ from footsense.lab.design.inputs.materials import youngs_mpa_of
 from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.hardness import shore_a_from_modulus
 from footsense.lab.geometry import FootDesign
-from footsense.sim.foot.fabrication import FootTolerances
+from footsense.sim.fabrication import FootTolerances
 
 #: Printed limit over the assumed rms [1]: 95 % of normal deviates lie within.
 LIMIT_OVER_RMS = 2.0

@@ -16,7 +16,7 @@ import msgspec
 
 from footsense.errors import FootsenseError
 from footsense.progress import progress_bar
-from footsense.sim.foot.fabrication import FootTolerances
+from footsense.sim.fabrication import FootTolerances
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -33,7 +33,7 @@ from footsense.lab.training.load_cases import (
 )
 from footsense.lab.training.paper.mlp import random_layers
 from footsense.lab.training.paper.procedure import HIDDEN_NEURONS, PaperTraining
-from footsense.sim.foot.fabrication import draw_deviations
+from footsense.sim.fabrication import draw_deviations
 
 #: Resolution of the reference sensor's x, y, z (Table II) [N].
 REFERENCE_SENSOR_RESOLUTION_N = np.array([4.0, 4.0, 12.0]) * GRAM_FORCE_N

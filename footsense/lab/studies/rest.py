@@ -38,7 +38,7 @@ from footsense.lab.training.load_cases import (
     random_loads,
     sensed_closure_um,
 )
-from footsense.sim.foot.fabrication import draw_deviations
+from footsense.sim.fabrication import draw_deviations
 
 TITLE = "The released network at rest"
 

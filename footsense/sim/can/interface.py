@@ -27,8 +27,15 @@ from footsense.errors import CanError
 from footsense.ports import CanWire, Clock
 from footsense.sim.can.controller import CanController, CanSettings
 from footsense.sim.can.transmit_queue import OtherSender, QueuedFrame, TransmitQueue
-from footsense.sim.faults.scene_faults import CanBusOff, CanDown, CanFault, CanNoAck, CanQueueFull, CanTraffic
-from footsense.sim.faults.schedule import Schedule
+from footsense.sim.faults.scene_faults import (
+    CanBusOff,
+    CanDown,
+    CanFault,
+    CanNoAck,
+    CanQueueFull,
+    CanTraffic,
+    Schedule,
+)
 
 #: Settings of `deploy/80-can0.network`.
 AS_DEPLOYED = CanSettings(queue_frames=16, head_drop=True, one_shot=True, restart_ns=100_000_000)

@@ -23,7 +23,7 @@ import numpy as np
 from firmware_interface.chips import ad7746 as chip
 from firmware_interface.chips.ad7746 import Ad7746Register
 from footsense.sim.chips.chip import LegChip
-from footsense.sim.faults.schedule import Span, in_any_span
+from footsense.sim.faults.scene_faults import Span, in_any_span
 
 #: Smallest and largest step of a chip's CAPDAC over the nominal one [1]: 17 pF of full scale are guaranteed, 21 pF
 #: typical.

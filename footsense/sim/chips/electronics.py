@@ -10,8 +10,8 @@ from footsense.sim.chips.ad7746 import (
     MeanMutualCapacitance,
     SimulatedAd7746,
 )
+from footsense.sim.chips.chip import SimulatedLineSwitch
 from footsense.sim.chips.fdc1004 import MeanCinCapacitance, SimulatedFdc1004
-from footsense.sim.chips.line_switch import SimulatedLineSwitch
 from footsense.sim.faults.damage import WiredFoot
 from footsense.sim.scene import Effects
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from firmware_interface.chips import fdc1004 as chip
 from footsense.sim.chips.chip import LegChip
-from footsense.sim.faults.schedule import Span, in_any_span
+from footsense.sim.faults.scene_faults import Span, in_any_span
 
 #: Random numbers are drawn so many at a time, which is the same sequence as one by one.
 _NOISE_BATCH_SIZE = 64

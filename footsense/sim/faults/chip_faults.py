@@ -5,11 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from footsense.sim.chips.ad7746 import SimulatedAd7746
-from footsense.sim.chips.chip import SimulatedChip
+from footsense.sim.chips.chip import SimulatedChip, SimulatedLineSwitch
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
-from footsense.sim.chips.line_switch import SimulatedLineSwitch
 from footsense.sim.faults import scene_faults
-from footsense.sim.faults.schedule import Schedule
+from footsense.sim.faults.scene_faults import Schedule
 
 
 class SimulatedEeprom:

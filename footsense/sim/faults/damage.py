@@ -19,9 +19,9 @@ import numpy as np
 
 from footsense.foot.specimen import Foot
 from footsense.frames import ROWS
-from footsense.sim.chips.line_switch import FLOATING_ROW_PF, LineStates
+from footsense.sim.chips.chip import FLOATING_ROW_PF, LineStates
 from footsense.sim.faults import scene_faults
-from footsense.sim.faults.schedule import Schedule
+from footsense.sim.faults.scene_faults import Schedule
 
 #: Capacitance of an element without electrode, or of a column without line: a piece of trace [pF].
 OPEN_ELEMENT_PF = 0.1

@@ -18,8 +18,14 @@ import numpy as np
 from footsense.errors import I2cTimeoutError
 from footsense.sim.chips.chip import SimulatedMux
 from footsense.sim.clock import VirtualClock
-from footsense.sim.faults.scene_faults import ArbitrationLost, MuxReset, StuckSda, StuckUpstreamBus, WireFault
-from footsense.sim.faults.schedule import Schedule
+from footsense.sim.faults.scene_faults import (
+    ArbitrationLost,
+    MuxReset,
+    Schedule,
+    StuckSda,
+    StuckUpstreamBus,
+    WireFault,
+)
 
 #: Retries that `footsense/acquisition/linux_i2c.py` sets.
 KERNEL_RETRIES = 3

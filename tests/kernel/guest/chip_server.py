@@ -29,7 +29,7 @@ from footsense.ports import Transaction
 from footsense.sim.clock import VirtualClock
 from footsense.sim.loads.ground_load import IN_THE_AIR, GroundContact, RampContact
 from footsense.sim.robot import BusWiring, SimulatedRobot
-from footsense.sim.scene_files import load_scene
+from footsense.sim.scene import load_scene
 
 DEVICE = Path("/dev/feet-adapter")
 

@@ -29,7 +29,7 @@ from footsense.lab.fabrication.package import (
 from footsense.lab.fabrication.parts import gerber, sheets, solids
 from footsense.lab.fabrication.parts.flex import flexes
 from footsense.lab.foot_file import FOOT_FILE
-from footsense.sim.foot.fabrication import draw_deviations as sim_fabricate
+from footsense.sim.fabrication import draw_deviations as sim_fabricate
 from tests.lab.released import FOOT_DESIGN, RELEASED
 
 pytestmark = pytest.mark.lab

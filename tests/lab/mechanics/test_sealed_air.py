@@ -12,7 +12,7 @@ from footsense.foot.gap_contact import CELLS_PER_ELEMENT, N_CELLS, element_means
 from footsense.foot.specimen import ContactLoads, Deviations
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.sealed_air import ADIABATIC, AMBIENT_KPA, SealedFoot
-from footsense.sim.test_stand.press_sequence import paper_presses
+from footsense.sim.loads.press_sequence import paper_presses
 from tests.support.test_stand_loads import design, load_set
 
 AMBIENT_MPA = 1e-3 * AMBIENT_KPA

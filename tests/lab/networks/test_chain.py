@@ -35,7 +35,7 @@ from footsense.lab.training.export import OnnxNetwork
 from footsense.lab.training.snapshot.network import Weights
 from footsense.lab.training.snapshot.train import predict
 from footsense.lab.training.symmetric_layers import N_SYMMETRIES
-from footsense.sim.scene_files import load_scene
+from footsense.sim.scene import load_scene
 from footsense.telemetry.run_statistics import RunStatistics
 from tests.lab.networks.windows import assert_symmetric, some_windows
 from tests.lab.released import FOOT_DESIGN as SHIPPED

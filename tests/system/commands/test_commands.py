@@ -13,7 +13,7 @@ from footsense.cli.can.tare import tare_legs
 from footsense.config import DEFAULT
 from footsense.daemon.service import Service, open_service
 from footsense.frames import LEGS, CommandKind, Cycle, Result, State
-from footsense.sim.scene_files import load_scene
+from footsense.sim.scene import load_scene
 from tests.system.command import footsense, one_line_error
 
 NODE_LM = 2

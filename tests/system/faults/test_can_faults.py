@@ -6,7 +6,7 @@ import pytest
 
 from footsense.errors import ConfigError
 from footsense.sim.faults.scene_faults import CanBusOff, CanDown, CanFault, CanNoAck
-from footsense.sim.scene_files import load_scene
+from footsense.sim.scene import load_scene
 from footsense.validation.fault_trial import can_trial
 
 

@@ -13,7 +13,7 @@ import pytest
 from footsense.clock import resident_mib
 from footsense.config import load_config
 from footsense.daemon.service import open_service
-from footsense.sim.scene_files import load_scene
+from footsense.sim.scene import load_scene
 from footsense.telemetry.run_statistics import RunStatistics
 from tests.system.command import robot
 

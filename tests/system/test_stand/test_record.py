@@ -19,8 +19,8 @@ from footsense.daemon.foot_types import DEFAULT_FOOT_TYPE
 from footsense.foot.files.calibration_reader import read_calibration
 from footsense.recording.replay import Replay
 from footsense.sim.clock import VirtualClock
-from footsense.sim.scene_files import load_scene
-from footsense.sim.test_stand.reference_sensor import SimulatedForceSensor
+from footsense.sim.reference_sensor import SimulatedForceSensor
+from footsense.sim.scene import load_scene
 from tests.system.command import TIMEOUT_S, footsense, one_line_error
 
 pytestmark = pytest.mark.slow

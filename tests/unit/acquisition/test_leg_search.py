@@ -11,16 +11,15 @@ from footsense.acquisition.leg_bus import LegBus
 from footsense.acquisition.scan_plan import BusReadings, scan_plan
 from footsense.acquisition.scanner import BusScanner
 from footsense.frames import Reading
-from footsense.sim.bus.i2c_bus import SimulatedBus
-from footsense.sim.chips.chip import SimulatedMux
+from footsense.sim.chips.chip import SimulatedLineSwitch, SimulatedMux
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
-from footsense.sim.chips.line_switch import SimulatedLineSwitch
 from footsense.sim.clock import VirtualClock
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.chip_faults import inject_chip_faults
 from footsense.sim.faults.damage import pin_capacitance_pf
 from footsense.sim.faults.scene_faults import ChipFault, Leg, WireFault
 from footsense.sim.faults.wire_faults import WireFaults
+from footsense.sim.i2c_bus import SimulatedBus
 
 LEGS = {"lf": 0, "lm": 1, "lr": 2}
 #: A different capacitance for every element, so that a swap shows [pF].

@@ -19,9 +19,9 @@ from footsense.clock import MonotonicClock
 from footsense.errors import HardwareError, I2cTimeoutError, NackError
 from footsense.frames import Reading
 from footsense.ports import Transaction
-from footsense.sim.bus.i2c_bus import SimulatedBus
 from footsense.sim.chips.chip import SimulatedMux
 from footsense.sim.clock import VirtualClock
+from footsense.sim.i2c_bus import SimulatedBus
 from tests.contract.boards import AD7746, FDC1004, Robot, distinct
 
 T_CONV_NS = FDC1004.conversion_ns

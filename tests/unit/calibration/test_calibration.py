@@ -26,7 +26,7 @@ from footsense.foot.directions import normalized, rotation
 from footsense.foot.force_errors import evaluate_force_errors
 from footsense.foot.parameters import FootParameters
 from footsense.foot.specimen import ContactLoads, Deviations, Foot
-from footsense.sim.test_stand.press_sequence import paper_presses
+from footsense.sim.loads.press_sequence import paper_presses
 from tests.support.test_stand_loads import design, load_set, made
 
 Vector = NDArray[np.float64]

@@ -11,7 +11,7 @@ from footsense.calibration.guide import MIN_ELEVATION_DEG, Coverage
 from footsense.config.test_stand import Axes, SimulatedSensor, StandConfig
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.reference.sensor_mounting import NEWTONS_PER_UNIT, SensorMounting
-from footsense.sim.test_stand.press_sequence import paper_presses
+from footsense.sim.loads.press_sequence import paper_presses
 from tests.support.presses import direction
 
 

@@ -8,7 +8,7 @@ import pytest
 from footsense.calibration.rubber_memory import correct_baselines_for_creep
 from footsense.foot.directions import normalized
 from footsense.foot.specimen import Foot
-from footsense.sim.test_stand.press_sequence import paper_presses
+from footsense.sim.loads.press_sequence import paper_presses
 from tests.support.test_stand_loads import design, load_set, made
 
 _DRIFT_PF = 0.01

@@ -8,7 +8,7 @@ import pytest
 from footsense.calibration.calibrate import calibrate_sessions
 from footsense.calibration.recorded_session import RecordedSession
 from footsense.errors import CalibrationError
-from footsense.sim.test_stand.press_sequence import paper_presses
+from footsense.sim.loads.press_sequence import paper_presses
 from tests.support.test_stand_loads import design, load_set, made
 
 _FORCE_N = 0.3 * paper_presses("training")[::12]

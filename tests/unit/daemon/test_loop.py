@@ -7,7 +7,7 @@ import pytest
 
 from footsense.config import DEFAULT
 from footsense.daemon.service import open_service
-from footsense.sim.scene_files import load_scene
+from footsense.sim.scene import load_scene
 
 #: One leg comes and goes, one has a converter that stops, one holds the bus: transactions fail in every scan.
 FAULTS = """[{at_s: 0.5, until_s: 1.2, leg: rm, fault: absent}, {at_s: 0.6, leg: lf, fault: stuck_converter},

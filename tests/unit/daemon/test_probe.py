@@ -20,16 +20,14 @@ from footsense.daemon.probe import ProbedBus, ProbeResult, bus_diagnoses, probe
 from footsense.errors import I2cError, I2cTimeoutError, NackError
 from footsense.frames import Reading
 from footsense.ports import I2cBus, Transaction
-from footsense.sim.bus.i2c_bus import SimulatedBus
 from footsense.sim.chips.ad7746 import SimulatedAd7746
-from footsense.sim.chips.chip import LegChip, SimulatedMux
+from footsense.sim.chips.chip import LegChip, SimulatedLineSwitch, SimulatedMux
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
-from footsense.sim.chips.line_switch import SimulatedLineSwitch
 from footsense.sim.clock import VirtualClock
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Fault
-from footsense.sim.scene import Effects
-from footsense.sim.scene_files import load_scene
+from footsense.sim.i2c_bus import SimulatedBus
+from footsense.sim.scene import Effects, load_scene
 from footsense.sim.scene_loads import Constant
 from tests.support.feet import DESIGN
 

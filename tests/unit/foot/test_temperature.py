@@ -8,7 +8,7 @@ from footsense.foot.temperature import (
     UNKNOWN_TEMPERATURE_SIGMA_REL,
     force_factor_and_uncertainty,
 )
-from footsense.sim.foot.warming import STIFFENING_PER_K, relative_compliance_when_warmed
+from footsense.sim.rubber import STIFFENING_PER_K, relative_compliance_when_warmed
 
 
 @pytest.mark.parametrize("kelvin", [-40.0, -20.0, 5.0, 20.0, 60.0])

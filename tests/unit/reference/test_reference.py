@@ -17,13 +17,13 @@ from footsense.reference.sample_stream import SampleStream, SensorRecords
 from footsense.reference.sensor_mounting import NEWTONS_PER_UNIT, SensorMounting
 from footsense.reference.serial_sensor import LineDecoder, SerialReference
 from footsense.sim.clock import VirtualClock
-from footsense.sim.scene_files import load_scene
-from footsense.sim.test_stand.reference_sensor import (
+from footsense.sim.reference_sensor import (
     LINE_COLUMNS,
     LINE_TRANSMISSION_NS,
     SAMPLE_RATE_HZ,
     SimulatedForceSensor,
 )
+from footsense.sim.scene import load_scene
 
 AGAINST = {"x": "-x", "y": "-y", "z": "-z"}
 PERIOD_NS = 5_000_000

@@ -7,19 +7,17 @@ import pytest
 
 from footsense.errors import ConfigError, I2cError, I2cTimeoutError, NackError
 from footsense.ports import Transaction
-from footsense.sim.bus.i2c_bus import SimulatedBus
-from footsense.sim.chips.chip import SimulatedMux
+from footsense.sim.chips.chip import FLOATING_ROW_PF, LineStates, SimulatedLineSwitch, SimulatedMux
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
-from footsense.sim.chips.line_switch import FLOATING_ROW_PF, LineStates, SimulatedLineSwitch
 from footsense.sim.clock import VirtualClock
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.chip_faults import inject_chip_faults
 from footsense.sim.faults.damage import OPEN_ELEMENT_PF, SHORTED_ELEMENT_PF, pin_capacitance_pf
 from footsense.sim.faults.scene_faults import ChipFault, WireFault
 from footsense.sim.faults.wire_faults import WireFaults
-from footsense.sim.foot.warming import DRIFT_PF_PER_K, WarmingFoot
-from footsense.sim.scene import Warming
-from footsense.sim.scene_files import load_scene
+from footsense.sim.i2c_bus import SimulatedBus
+from footsense.sim.rubber import DRIFT_PF_PER_K, WarmingFoot
+from footsense.sim.scene import Warming, load_scene
 
 MUX, SWITCH, CONVERTER = 0x71, 0x49, 0x50
 TIMEOUT_NS = 20_000_000

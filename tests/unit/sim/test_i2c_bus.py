@@ -4,11 +4,10 @@ import pytest
 
 from footsense.errors import NackError
 from footsense.ports import Transaction
-from footsense.sim.bus.i2c_bus import SimulatedBus
-from footsense.sim.chips.chip import SimulatedMux
+from footsense.sim.chips.chip import SimulatedLineSwitch, SimulatedMux
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
-from footsense.sim.chips.line_switch import SimulatedLineSwitch
 from footsense.sim.clock import JoinedClock, VirtualClock
+from footsense.sim.i2c_bus import SimulatedBus
 
 MUX = 0x71
 SWITCH = 0x49

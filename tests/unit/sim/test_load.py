@@ -5,8 +5,7 @@ import pytest
 
 from footsense.frames import LEGS
 from footsense.sim.loads.ground_load import RampContact
-from footsense.sim.loads.measured_walk import measured_strides_by_side, measured_walk
-from footsense.sim.loads.walk import Walk, smooth_stance_reaction
+from footsense.sim.loads.walk import Walk, measured_strides_by_side, measured_walk, smooth_stance_reaction
 
 S = 1_000_000_000
 

@@ -10,18 +10,17 @@ from hypothesis import strategies as st
 from footsense.daemon.foot_types import released_path
 from footsense.errors import ConfigError
 from footsense.foot.response_table import FootResponse
-from footsense.sim.foot.viscoelastic import (
+from footsense.sim.loads.press_sequence import PressSequence, paper_presses
+from footsense.sim.robot import BusWiring, SimulatedRobot
+from footsense.sim.rubber import (
     CREEP_REL,
     CREEP_TIME_S,
     PLAY_OPERATOR_WEIGHTS,
     PLAY_OPERATOR_WIDTHS_N,
     ViscoelasticRubber,
 )
-from footsense.sim.robot import BusWiring, SimulatedRobot
-from footsense.sim.scene import Effects, Fabrication, Scene
-from footsense.sim.scene_files import load_scene
+from footsense.sim.scene import Effects, Fabrication, Scene, load_scene
 from footsense.sim.scene_loads import Unloaded
-from footsense.sim.test_stand.press_sequence import PressSequence, paper_presses
 
 _UP = np.array([0.0, 0.0, 1.0])
 _MS = 1_000_000

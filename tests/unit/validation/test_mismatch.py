@@ -8,8 +8,8 @@ import pytest
 from footsense.foot.directions import normalized, random_directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.specimen import ContactLoads
-from footsense.sim.foot.fabrication import PAPER_TOLERANCES
-from footsense.sim.test_stand.press_sequence import paper_presses
+from footsense.sim.fabrication import PAPER_TOLERANCES
+from footsense.sim.loads.press_sequence import paper_presses
 from footsense.validation.mismatch_trial import (
     UNDISTURBED,
     Disturbance,

@@ -17,7 +17,7 @@ from footsense.errors import FootsenseError
 from footsense.lab.former_page import Plots, Study, StudyContext
 from footsense.lab.training.paper.per_foot_network import per_foot_force_n
 from footsense.lab.training.paper.procedure import EPOCHS
-from footsense.sim.foot.fabrication import PAPER_TOLERANCES, FootTolerances
+from footsense.sim.fabrication import PAPER_TOLERANCES, FootTolerances
 from footsense.validation.processes import run_in_processes
 from footsense.validation.test_stand_trial import FootBatch
 from footsense.validation.virtual_experiment import (

@@ -29,8 +29,8 @@ from footsense.lab.monte_carlo.resumable_run import Job, JobRunner, Tolerances, 
 from footsense.lab.monte_carlo.workers import DEFAULT_N_LOCAL_WORKERS, job_runner
 from footsense.lab.other_solids import variant_response
 from footsense.lab.training.load_cases import leaning_normals
-from footsense.sim.foot.fabrication import PAPER_TOLERANCES
-from footsense.sim.test_stand.press_sequence import paper_presses
+from footsense.sim.fabrication import PAPER_TOLERANCES
+from footsense.sim.loads.press_sequence import paper_presses
 from footsense.validation.mismatch_trial import TrialPlan, run_mismatch_trial
 
 #: Feet, presses used and rows of a full run and of a quick one.

@@ -6,7 +6,7 @@ from footsense.lab.fem.whole import Imperfection
 from footsense.lab.geometry import ThinFilm
 from footsense.lab.monte_carlo.sweeps import PAPER_LIKE_TOLERANCES
 from footsense.lab.other_solids import ALTERNATIVE_MESH, AS_DESIGNED, DesignVariant
-from footsense.sim.test_stand.reference_sensor import MAX_NONLINEARITY_REL
+from footsense.sim.reference_sensor import MAX_NONLINEARITY_REL
 from footsense.validation.mismatch_trial import UNDISTURBED, Disturbance
 
 

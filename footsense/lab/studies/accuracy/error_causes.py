@@ -25,7 +25,7 @@ from footsense.lab.monte_carlo.sweeps import NO_DEVIATIONS, PAPER_LIKE_TOLERANCE
 from footsense.lab.training.load_cases import paper_training, paper_verification
 from footsense.lab.training.paper.per_foot_network import per_foot_force_n
 from footsense.lab.training.paper.procedure import EPOCHS, QUICK_EPOCHS
-from footsense.sim.foot.fabrication import draw_deviations
+from footsense.sim.fabrication import draw_deviations
 
 #: Feet of a full run and of a quick one; processes.
 N_FEET, QUICK_N_FEET, _PROCESSES = 20, 2, 2

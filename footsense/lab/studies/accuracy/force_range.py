@@ -25,7 +25,7 @@ from footsense.foot.specimen import Deviations, Foot
 from footsense.frames import Mask, Vector
 from footsense.lab.former_page import Plots, Study, StudyContext
 from footsense.lab.training.load_cases import FULL_SCALE_PF, leaning_normals
-from footsense.sim.foot.fabrication import PAPER_TOLERANCES, draw_deviations
+from footsense.sim.fabrication import PAPER_TOLERANCES, draw_deviations
 
 #: Azimuths over an eighth of the square, elevations [deg] and forces of the map [N].
 AZIMUTHS_DEG, ELEVATIONS_DEG = (0.0, 15.0, 30.0, 45.0), tuple(float(e) for e in range(35, 91, 5))

@@ -32,8 +32,7 @@ from footsense.lab.training.gait_windows import contact_and_normal_force, window
 from footsense.lab.training.load_cases import measured_closure_rel, paper_verification, random_loads
 from footsense.ports import LoadEstimate, Window
 from footsense.sim.loads.ground_load import ContactSource, RampContact
-from footsense.sim.loads.measured_walk import measured_walk
-from footsense.sim.loads.walk import Walk, smooth_stance_reaction
+from footsense.sim.loads.walk import Walk, measured_walk, smooth_stance_reaction
 
 #: Seed of the gaits that judge; training uses another.
 TEST_GAIT_SEED = 990_001

@@ -39,8 +39,8 @@ from footsense.lab.training.load_cases import (
     sensed_closure_um,
 )
 from footsense.lab.training.paper.procedure import PaperTraining, start_weights_by_seed
-from footsense.sim.foot.fabrication import PAPER_TOLERANCES, FootTolerances, draw_deviations
-from footsense.sim.test_stand.press_sequence import paper_presses
+from footsense.sim.fabrication import PAPER_TOLERANCES, FootTolerances, draw_deviations
+from footsense.sim.loads.press_sequence import paper_presses
 
 #: Feet with the compared cavities.
 FEET_BY_CAVITY: dict[str, type[Foot]] = {"vented": Foot, "sealed": SealedFoot}

@@ -1,6 +1,6 @@
-"""Viscoelastic rubber of a simulated foot: creep under constant load, and hysteresis of loading and unloading.
+"""Rubber of a simulated foot: creep, hysteresis of loading and unloading, and what temperature does to it.
 
-Both act on the load of the elastic solid, as elements in series with the elastic foot:
+Creep and hysteresis act on the load of the elastic solid, as elements in series with the elastic foot:
 
     f_solid = (1 - sum_j w_j) f + sum_j w_j p_j + sum_k c_k z_k
 
@@ -17,7 +17,8 @@ Source:
 
 import numpy as np
 
-from footsense.frames import Vector
+from footsense.frames import ELEMENTS, Vector
+from footsense.sim.scene import Warming
 
 #: Share that creeps [1] and its retardation time [s].
 CREEP_REL = np.array([0.03, 0.02, 0.02])
@@ -67,3 +68,43 @@ class ViscoelasticRubber:
         return self._normal, (
             self._elastic_rel * force_n + self._play_rel @ self._played_n + self._creep_rel @ self._crept_n
         )
+
+
+#: Thermal expansion of the spacer, 310 ppm/K, on an element of 5 pF [pF/K].
+DRIFT_PF_PER_K = -1.5e-3
+#: Standard deviation between the elements of a foot [1].
+DRIFT_SPREAD_REL = 0.2
+#: Shear modulus of PDMS, 1.1 kPa/K of 250 kPa (Lotters 1997) [1/K].
+STIFFENING_PER_K = 4.4e-3
+
+
+def relative_compliance_when_warmed(kelvin: float) -> float:
+    """Return the factor on the gap closures under the same load, for a foot warmed by `kelvin` [1].
+
+    Args:
+        kelvin: Change of temperature [K].
+    """
+    return 1.0 / (1.0 + STIFFENING_PER_K * kelvin)
+
+
+class WarmingFoot:
+    """Temperature change of one foot over time, with its baseline drift and stiffening.
+
+    Args:
+        warming: The change.
+        rng: Source of the differences between its elements.
+    """
+
+    def __init__(self, warming: Warming, rng: np.random.Generator) -> None:
+        self._warming = warming
+        spread_rel = DRIFT_SPREAD_REL * rng.standard_normal(ELEMENTS)
+        self._pf_per_k: list[float] = (DRIFT_PF_PER_K * (1.0 + spread_rel)).tolist()
+
+    def drift_pf(self, t_ns: int) -> list[float]:
+        """Return the baseline drift of each element at a time [pF]."""
+        kelvin = self._warming.temperature_change_k_at(t_ns)
+        return [pf_per_k * kelvin for pf_per_k in self._pf_per_k]
+
+    def relative_compliance(self, t_ns: int) -> float:
+        """Return the factor on the gap closures under the same load at a time [1]; 1 at the start."""
+        return relative_compliance_when_warmed(self._warming.temperature_change_k_at(t_ns))

@@ -1,1 +1,0 @@
-"""Simulated I2C buses and serial ports; every transfer advances virtual time by its bits on the wire."""

@@ -1,1 +1,0 @@
-"""Simulated deviations of a foot from its elastic design: rubber, temperature, fabrication."""

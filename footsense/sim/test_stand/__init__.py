@@ -1,1 +1,0 @@
-"""Simulated test stand: a stick that presses the foot, and the force sensor under the foot."""
