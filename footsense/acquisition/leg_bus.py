@@ -77,26 +77,18 @@ class LegBus:
         mux_address: Address of the mux; None for a leg directly on the adapter.
         reset_line: The mux's RESET pin; None if nothing drives it. Without it, a leg that holds a line low stops all
             legs of its bus for as long as it does.
-        reads_back: Whether the selection is read back after every leg; None: where that takes no time from the scan.
 
     Attributes:
         adapter: As given.
         mux_address: As given.
-        reads_back: As given.
         read_back: Read of the present selection; None without a mux.
     """
 
     def __init__(
-        self,
-        adapter: I2cBus,
-        mux_address: int | None,
-        reset_line: MuxResetLine | None = None,
-        *,
-        reads_back: bool | None = None,
+        self, adapter: I2cBus, mux_address: int | None, reset_line: MuxResetLine | None = None
     ) -> None:
         self.adapter = adapter
         self.mux_address = mux_address
-        self.reads_back = reads_back
         self._reset_line = reset_line
         self._selection: int | None = None
         self.read_back: Transaction | None = None

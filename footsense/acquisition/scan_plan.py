@@ -17,17 +17,14 @@ BOARDS: Mapping[str, Board] = MappingProxyType({"fdc1004": fdc1004.BOARD, "ad774
 
 
 class Scan(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Section `scan` of a configuration: conversion rate and order of the elements.
+    """Section `scan` of a configuration: conversion rate.
 
     Attributes:
         rate_sps: Conversions per second of one converter; a lower rate has less noise: 100, 200 or 400 with board
             `fdc1004`; 9, 11, 13, 16, 26, 50, 84 or 91 with board `ad7746`. None: the board's fastest.
-        order: Order of the elements: `lo_shu` (the magic square) keeps opposite ones at the same mean time, `raster`
-            switches half as many rows; the network is trained for both. None: lo_shu.
     """
 
     rate_sps: Literal[9, 11, 13, 16, 26, 50, 84, 91, 100, 200, 400] | None = None
-    order: Literal["lo_shu", "raster"] | None = None
 
 
 class BusReadings(NamedTuple):
@@ -58,16 +55,15 @@ class ScanPlan(NamedTuple):
     conversion_wait_ns: int
 
 
-def scan_plan(order: str, rate_sps: int, board: str = "fdc1004") -> ScanPlan:
-    """Return the plan of a scan with a board: conversion order and transactions.
+def scan_plan(rate_sps: int, board: str = "fdc1004") -> ScanPlan:
+    """Return the plan of a scan with a board: its conversions, in the order of the magic square.
 
     Args:
-        order: A key of `CONVERSION_ORDERS`.
         rate_sps: Conversions per second, one of the rates of the board's converter.
         board: A key of BOARDS.
 
     Example:
-        >>> plan = scan_plan("lo_shu", 400)
+        >>> plan = scan_plan(400)
         >>> [step.results[0].element for step in plan.steps]
         [5, 0, 7, 6, 4, 2, 1, 8, 3]
         >>> sum(len(step.select_changes) for step in plan.steps)
@@ -75,7 +71,7 @@ def scan_plan(order: str, rate_sps: int, board: str = "fdc1004") -> ScanPlan:
     """
     electronics = BOARDS[board]
     rate = electronics.rates[rate_sps]
-    steps = [electronics.step(element, rate) for element in CONVERSION_ORDERS[order]]
+    steps = [electronics.step(element, rate) for element in CONVERSION_ORDERS["lo_shu"]]
     steps = [
         step._replace(
             select_changes=tuple(write for write in step.select if write not in before.select),

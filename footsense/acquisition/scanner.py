@@ -87,8 +87,6 @@ class BusScanner:
             self.bus_timing = bus_timing(costs, self.plan, len(self.legs))
             self._late_ns = 2 * self.bus_timing.lower_bounds.scan_period_bound_ns // len(self.plan.steps)
             self._check_all, read_back = checks_that_fit(costs, self.plan, len(self.legs))
-            if self._bus.reads_back is not None:
-                read_back = self._bus.reads_back
             self._group.mux_read_back = self._bus.read_back if read_back else None
         for leg in self.legs:
             leg.retry_at_ns = 0

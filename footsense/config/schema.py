@@ -29,7 +29,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         buses: I2C adapters; none with board `mcu`.
         serial: Line to the microcontroller; with board `mcu` only.
         can: CAN channel for the forces. No default: a robot whose forces stay in the process would look healthy.
-        scan: Rate and order of the conversions.
+        scan: Rate of the conversions.
         publish_every: Conversions per force on CAN; a change of a leg's state is sent at once. With board `mcu` every
             record is sent.
         tare: Conditions for a tare.
@@ -131,7 +131,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     @property
     def scan_plan(self) -> ScanPlan:
         """Plan of a scan of feet that are read over I2C."""
-        return scan_plan(self.scan.order or "lo_shu", self.rate_sps, self.board)
+        return scan_plan(self.rate_sps, self.board)
 
     @property
     def effective(self) -> dict[str, object]:
@@ -141,7 +141,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
             "max_age_ms": self.effective_max_age_ms,
         }
         if self.serial is None:
-            values["scan"] = {"rate_sps": self.rate_sps, "order": self.scan.order or "lo_shu"}
+            values["scan"] = {"rate_sps": self.rate_sps}
         return values
 
     @property

@@ -46,15 +46,12 @@ class Mux(Section, frozen=True, kw_only=True):
         address: 7-bit address on the upstream bus.
         reset: Line that drives its RESET pin; None if none does. Only RESET disconnects a leg that holds the bus low:
             without it, such a leg stops all legs of its bus.
-        read_back: Whether it is read back after every leg: another program that switches it, such as i2cset, would make
-            one leg's reading another's. None: where that takes no time from the scan.
     """
 
     address: Annotated[int, Meta(ge=0x70, le=0x77, description="0x70 to 0x77, set by its pins")] = (
         tca9548a.ADDRESS
     )
     reset: ResetLine | None = None
-    read_back: bool | None = None
 
 
 class Bus(Section, frozen=True, kw_only=True):

@@ -90,7 +90,7 @@ def open_buses(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -
     opened = []
     for bus, wires in zip(config.buses, robot.buses, strict=True):
         line = wires.mux if bus.mux.reset else None
-        legs = LegBus(wires, bus.mux_address, line, reads_back=bus.mux.read_back)
+        legs = LegBus(wires, bus.mux_address, line)
         opened.append(OpenBus(bus, wires.clock, legs))
     return opened
 
@@ -116,7 +116,7 @@ def _open_bus(bus: Bus, stack: ExitStack) -> LegBus:
 
         line = LinuxResetLine.open(bus.mux.reset.device, bus.mux.reset.line)
         stack.callback(line.close)
-    return LegBus(adapter, bus.mux_address, line, reads_back=bus.mux.read_back)
+    return LegBus(adapter, bus.mux_address, line)
 
 
 def _log_bus_timing(bus: Bus, timing: BusTiming | None) -> None:

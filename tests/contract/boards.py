@@ -161,9 +161,7 @@ class Robot:
         n_buses: int = 1,
         host_cost_ns: int = 0,
         rate_sps: int | None = None,
-        order: str = "lo_shu",
         clock_error_rel: float = 0.0,
-        reads_back: bool | None = None,
     ) -> None:
         self.converters: list[SimulatedFdc1004 | SimulatedAd7746] = []
         self.switches: list[list[SimulatedLineSwitch]] = []
@@ -183,10 +181,10 @@ class Robot:
             channels = {f"{len(scanners)}{n}": n for n in range(per_bus)}
             scanners.append(
                 BusScanner(
-                    LegBus(bus, 0x71, reads_back=reads_back),
+                    LegBus(bus, 0x71),
                     clock,
                     channels,
-                    scan_plan(order, rate_sps or board.rates_sps[0], board.name),
+                    scan_plan(rate_sps or board.rates_sps[0], board.name),
                 )
             )
         self.board = board

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.errors import I2cError, I2cTimeoutError, NackError
 from footsense.frames import Reading
@@ -61,14 +60,11 @@ def test_a_deaf_line_switch_is_noticed(board: Board, switch: int) -> None:
 
 
 @pytest.mark.parametrize("board_and_switch", [(FDC1004, 0), (AD7746, 0), (AD7746, 1)], ids=str)
-@pytest.mark.parametrize("order", list(CONVERSION_ORDERS))
 @pytest.mark.parametrize("line", range(3))
-def test_a_line_that_is_closed_too_much_is_noticed(
-    board_and_switch: tuple[Board, int], order: str, line: int
-) -> None:
+def test_a_line_that_is_closed_too_much_is_noticed(board_and_switch: tuple[Board, int], line: int) -> None:
     """The wired AND of the legs hides it, so each leg is asked alone in turn; it stays out until it lets go."""
     board, switch = board_and_switch
-    robot = Robot(distinct, board, order=order)
+    robot = Robot(distinct, board)
     period_ns = robot.period_ns(18)
     robot.switches[1][switch].stuck_closed = 1 << line
     start_ns = robot.clock.now_ns()
@@ -88,7 +84,7 @@ def test_a_temperature_costs_no_reading_and_is_no_stall(rate_sps: int) -> None:
     """Every ten seconds, at every rate: each element stays right, and nothing counts as late."""
     robot = Robot(distinct, AD7746, rate_sps=rate_sps)
     robot.read(2)
-    thermometer = scan_plan("lo_shu", rate_sps, "ad7746").board.thermometer
+    thermometer = scan_plan(rate_sps, "ad7746").board.thermometer
     assert thermometer is not None
     n_asked = 0
 
@@ -119,7 +115,7 @@ def test_a_mux_that_is_reset_while_temperatures_are_read_costs_no_reading(
     """
     robot = Robot(distinct, AD7746, n_buses=n_buses)
     robot.read(2)
-    thermometer = scan_plan("lo_shu", 91, "ad7746").board.thermometer
+    thermometer = scan_plan(91, "ad7746").board.thermometer
     assert thermometer is not None
     started: list[int] = []
 
@@ -178,16 +174,15 @@ CHIP_FAULTS = st.lists(
 
 
 @both
-@given(TROUBLES, CHIP_FAULTS, st.sampled_from(list(CONVERSION_ORDERS)))
+@given(TROUBLES, CHIP_FAULTS)
 @settings(max_examples=20)
 def test_whatever_fails_a_reading_is_right_or_missing(
     board: Board,
     troubles: list[tuple[int, int, I2cError]],
     chip_faults: list[tuple[str, int, float]],
-    order: str,
 ) -> None:
     """Random failures of bus and chips: no exception, no wrong number, and all is well some time after the last."""
-    robot = Robot(distinct, board, order=order)
+    robot = Robot(distinct, board)
     robot.read(2)
     scan_ns = 9 * board.conversion_ns
 

@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.errors import I2cError, NackError
 from footsense.frames import Reading
@@ -28,11 +27,10 @@ from tests.contract.boards import (
 @pytest.mark.parametrize(
     ("board", "rate_sps"), [(board, rate_sps) for board in BOTH for rate_sps in board.rates_sps]
 )
-@pytest.mark.parametrize("order", list(CONVERSION_ORDERS))
 @pytest.mark.parametrize("n_buses", [1, 2])
-def test_every_element_lands_at_its_place(board: Board, rate_sps: int, order: str, n_buses: int) -> None:
-    """Each of nine different capacitances is read exactly, on all legs, in whatever order and at every rate."""
-    robot = Robot(distinct, board, order=order, rate_sps=rate_sps, n_buses=n_buses)
+def test_every_element_lands_at_its_place(board: Board, rate_sps: int, n_buses: int) -> None:
+    """Each of nine different capacitances is read exactly, on all legs and at every rate."""
+    robot = Robot(distinct, board, rate_sps=rate_sps, n_buses=n_buses)
     frame = robot.read(2)
     assert (frame.reading == Reading.OK).all()
     assert robot.is_right(frame).all()
@@ -99,25 +97,21 @@ def test_readings_of_all_legs_belong_to_the_same_conversion(board: Board) -> Non
 
 
 @pytest.mark.parametrize(
-    ("board", "order", "error"),
+    ("board", "error"),
     [
-        *(
-            (FDC1004, order, error)
-            for order in CONVERSION_ORDERS
-            for error in (NackError("none"), I2cError("garbled"))
-        ),
-        (AD7746, "lo_shu", NackError("none")),
-        (AD7746, "raster", I2cError("garbled")),
-        *((board, "lo_shu", LateError("not heard")) for board in BOTH),
+        (FDC1004, NackError("none")),
+        (FDC1004, I2cError("garbled")),
+        (AD7746, NackError("none")),
+        *((board, LateError("not heard")) for board in BOTH),
     ],
     ids=lambda value: getattr(value, "name", str(value)),
 )
 @pytest.mark.slow
-def test_one_failed_transaction_never_makes_a_wrong_number(board: Board, order: str, error: I2cError) -> None:
+def test_one_failed_transaction_never_makes_a_wrong_number(board: Board, error: I2cError) -> None:
     """Whichever transaction of a scan fails: every element that is OK then and later is its own capacitance."""
     n_transactions = 160 if board is FDC1004 else 190
     for n_failing in range(n_transactions):
-        robot = Robot(distinct, board, order=order)
+        robot = Robot(distinct, board)
         robot.read(2)
         robot.saboteurs[0].arm(only(n_failing, error))
         for _ in range(4):
@@ -127,15 +121,12 @@ def test_one_failed_transaction_never_makes_a_wrong_number(board: Board, order: 
 
 
 @pytest.mark.parametrize("selection", [0b000001, 0b010100])
-@pytest.mark.parametrize(("host_cost_us", "reads_back"), [(20, None), (100, True)])
 @both
-def test_another_program_that_switches_the_mux_makes_no_wrong_number(
-    board: Board, selection: int, host_cost_us: int, *, reads_back: bool | None
-) -> None:
-    """Whenever in a scan: where the host leaves the time, or if it is to, the mux is read back after every leg."""
+def test_another_program_that_switches_the_mux_makes_no_wrong_number(board: Board, selection: int) -> None:
+    """Whenever in a scan: where the host leaves the time, the mux is read back after every leg."""
     foreign = Transaction(0x71, bytes((selection,)))
     for n_switched in range(0, 400, 19):
-        robot = Robot(distinct, board, host_cost_ns=host_cost_us * 1000, reads_back=reads_back)
+        robot = Robot(distinct, board, host_cost_ns=20_000)
         robot.make_legs_distinct()
         robot.read(2)
         bus = robot.saboteurs[0]
@@ -159,7 +150,7 @@ def test_a_conversion_that_cannot_be_started_is_a_miss(board: Board, error: I2cE
     """Legs are left out after three, and tried again later: whatever the adapter calls the failure, but no timeout."""
     robot = Robot(distinct, board)
     robot.read(2)
-    steps = scan_plan("lo_shu", board.rates_sps[0], board.name).steps
+    steps = scan_plan(board.rates_sps[0], board.name).steps
     triggers = {step.trigger for step in steps}
     robot.saboteurs[0].arm(lambda transaction, n: error if transaction in triggers else None)
     frame = robot.read()

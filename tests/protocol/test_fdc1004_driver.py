@@ -64,7 +64,7 @@ def test_configuration_is_reset_then_one_cin_per_slot() -> None:
 
 def test_the_plan_triggers_one_measurement_at_a_time() -> None:
     """At 400 S/s the triggers are 0x0C80, 0x0C40, 0x0C20; the rows are grounded one by one, the others shielded."""
-    steps = {step.results[0].element: step for step in scan_plan("lo_shu", 400).steps}
+    steps = {step.results[0].element: step for step in scan_plan(400).steps}
     assert [steps[e].trigger.write.hex() for e in (0, 1, 2)] == ["0c0c80", "0c0c40", "0c0c20"]
     assert [steps[e].select for e in (0, 3, 6)] == [
         (Transaction(0x49, bytes((switches,))),) for switches in (0b110001, 0b101010, 0b011100)
@@ -74,16 +74,15 @@ def test_the_plan_triggers_one_measurement_at_a_time() -> None:
 
 def test_slower_rates_read_the_lower_half_of_the_result_too() -> None:
     """Below 400 S/s the bus has time for the register that holds the last 8 bits."""
-    step = scan_plan("lo_shu", 100).steps[0]
+    step = scan_plan(100).steps[0]
     assert step.results[0].element == 5
     assert step.results[0].read == (Transaction(0x50, b"\x04", 2), Transaction(0x50, b"\x05", 2))
 
 
 def test_no_step_reads_a_slot_that_the_next_one_converts() -> None:
     """A result is read while the following conversion runs, so neighbours must use different slots."""
-    for order in ("lo_shu", "raster"):
-        slots = [step.results[0].read[0].write for step in scan_plan(order, 400).steps]
-        assert all(slot != following for slot, following in zip(slots, slots[1:] + slots[:1], strict=True))
+    slots = [step.results[0].read[0].write for step in scan_plan(400).steps]
+    assert all(slot != following for slot, following in zip(slots, slots[1:] + slots[:1], strict=True))
 
 
 @pytest.mark.parametrize(

@@ -55,7 +55,7 @@ class Robot:
             [f for f in script if isinstance(f, WireFault)], LEGS, TIMEOUT_NS, rng, adapter_compares=compares
         )
         bus = SimulatedBus(self.clock, 400_000, 0, mux, chips, faults)
-        plan = scan_plan("lo_shu", 400)
+        plan = scan_plan(400)
         self.scanner = BusScanner(LegBus(bus, 0x71, mux if reset else None), self.clock, LEGS, plan)
         self.scanner.start()
 

@@ -200,7 +200,7 @@ def test_a_mux_whose_selection_cannot_be_read_is_not_switched() -> None:
     """What answers on the upstream bus is told all the same."""
     clock, mux = VirtualClock(), SimulatedMux(0x71)
     wires = LosingArbitration(clock, 400_000, 0, mux, {0: (SimulatedFdc1004(lambda *_: 5.0, None),)})
-    scan = scan_bus(LegBus(wires, 0x71), clock, scan_plan("lo_shu", 400), CHANNELS)
+    scan = scan_bus(LegBus(wires, 0x71), clock, scan_plan(400), CHANNELS)
     assert scan.upstream is not None
     assert (scan.mux_answers, scan.channels, scan.bus_timing) == (False, {}, None)
 
@@ -232,7 +232,7 @@ def test_a_bus_is_scanned_without_a_write_but_the_reset_of_an_ad7746(
     """An AD7746 has no other identity than its values after a reset."""
     clock, mux = VirtualClock(), SimulatedMux(MUX)
     wires = Watched(clock, 400_000, 0, mux, {n: (converter(lambda *_: 5.0, None),) for n in range(2)})
-    scan_bus(LegBus(wires, MUX), clock, scan_plan("lo_shu", rate_sps, board), CHANNELS)
+    scan_bus(LegBus(wires, MUX), clock, scan_plan(rate_sps, board), CHANNELS)
     assert wires.written == written
 
 
@@ -264,7 +264,7 @@ def test_a_leg_directly_on_an_adapter(
     clock = VirtualClock()
     chips = (SimulatedFdc1004(lambda *_: 5.0, None), SimulatedLineSwitch())[:n_chips]
     bus = LegBus(kind(clock, 400_000, 0, None, {0: chips}), None)
-    plan = scan_plan("lo_shu", 400)
+    plan = scan_plan(400)
     scan = scan_bus(bus, clock, plan, {"lf": 0})
     assert (scan.upstream, scan.mux_answers, list(scan.channels)) == (AddressProbe(()), True, [0])
     assert scan.channels[0].outcome is outcome
@@ -283,7 +283,7 @@ def told_of_bus(
     clock, mux = VirtualClock(), SimulatedMux(mux_address)
     chips = {channel: (SimulatedFdc1004(lambda *_: 5.0, None), SimulatedLineSwitch()) for channel in legs_on}
     wires = WithOthers(SimulatedBus(clock, rate_hz, 0, mux, chips), *others)
-    plan = scan_plan("lo_shu", 400)
+    plan = scan_plan(400)
     bus = Bus(device="sim", legs=CHANNELS)  # type: ignore[arg-type]
     seen = scan_bus(LegBus(wires, 0x71), clock, plan, CHANNELS)
     return [
