@@ -6,7 +6,6 @@ import os
 import subprocess
 import sys
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -133,25 +132,22 @@ def trace(*, listed: bool) -> None:
     "--jobs", type=click.IntRange(min=1), help="Processes at a time; without it one for each processor."
 )
 @click.option("--only", type=click.IntRange(min=0), help="Walk this stretch alone, in this process.")
-@click.option(
-    "--json", "json_file", type=click.Path(dir_okay=False, path_type=Path), help="Write all figures here."
-)
-def soak(*, hours: float, seed: int, jobs: int | None, only: int | None, json_file: Path | None) -> None:
+@json_option
+def soak(*, hours: float, seed: int, jobs: int | None, only: int | None, as_json: bool) -> None:
     """Walk for hours with random faults of wires, chips, feet and CAN, and check the invariants.
 
     Stretches of an hour or two have a process each: at 400 and at 100 conversions a second, with every fourth and
     with every force on CAN, warmer and colder by 20 K, with two stands of half an hour. Ends with 1 after a violation;
     its line names the stretch, and --only walks it again.
-    """
-    import msgspec
-
+    """  # noqa: DOC501 - click shows this text
     from footsense.clock import stopwatch_ns
     from footsense.validation.processes import run_in_processes
     from footsense.validation.soak import soak_stretches, walk_stretch
 
     logging.disable(logging.WARNING)  # the faults are on purpose
     stretches = soak_stretches(hours, seed)
-    _check_soak_options(only, len(stretches), json_file)
+    if only is not None and only >= len(stretches):
+        raise click.BadParameter(f"this walk has stretches 0 to {len(stretches) - 1}", param_hint="--only")
     began_ns = stopwatch_ns()
     walks = (
         [walk_stretch(stretches[only])]
@@ -162,39 +158,24 @@ def soak(*, hours: float, seed: int, jobs: int | None, only: int | None, json_fi
     with progress_bar("walked", sum(stretch.hours for stretch in stretches)) as hours_done:
         for result in walks:
             results.append(result)
-            click.echo(result.line)
+            if not as_json:
+                click.echo(result.line)
             hours_done(sum(one.stretch.hours for one in results))
     wall_s = (stopwatch_ns() - began_ns) * 1e-9
     n_violations = sum(sum(result.n_violations.values()) for result in results)
-    click.echo(
-        f"{sum(result.virtual_s for result in results) / 3600.0:.2f} h walked in {wall_s / 60.0:.1f} min, "
-        f"{sum(result.n_injected_faults for result in results)} faults, "
-        f"{sum(result.n_cycles for result in results)} cycles: {n_violations} violations"
-    )
-    for result in results:
-        for rule, t_s, leg, detail in result.first_violations:
-            click.echo(f"  stretch {result.stretch.number}, {t_s:.4f} s, {leg or 'all'}: {rule}: {detail}")
-    if json_file is not None:
-        figures = {
-            "hours": hours,
-            "seed": seed,
-            "wall_s": round(wall_s, 1),
-            "n_violations": n_violations,
-            "stretches": msgspec.to_builtins(sorted(results, key=lambda result: result.stretch.number)),
-        }
-        json_file.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
-    sys.exit(1 if n_violations else 0)
-
-
-def _check_soak_options(only: int | None, n_stretches: int, json_file: Path | None) -> None:
-    """Raise an error for options that would fail only after hours of simulation.
-
-    Raises:
-        click.BadParameter: There is no such stretch, or no folder for the figures.
-    """
-    if only is not None and only >= n_stretches:
-        raise click.BadParameter(f"this walk has stretches 0 to {n_stretches - 1}", param_hint="--only")
-    if json_file is not None and not json_file.parent.is_dir():
-        raise click.BadParameter(
-            f"{json_file}: there is no directory {json_file.parent}", param_hint="--json"
+    if as_json:
+        results.sort(key=lambda result: result.stretch.number)
+        figures = {"hours": hours, "seed": seed, "wall_s": round(wall_s, 1), "n_violations": n_violations}
+        echo_json(figures | {"stretches": results})
+    else:
+        click.echo(
+            f"{sum(result.virtual_s for result in results) / 3600.0:.2f} h walked in {wall_s / 60.0:.1f} min, "
+            f"{sum(result.n_injected_faults for result in results)} faults, "
+            f"{sum(result.n_cycles for result in results)} cycles: {n_violations} violations"
         )
+        for result in results:
+            for rule, t_s, leg, detail in result.first_violations:
+                click.echo(
+                    f"  stretch {result.stretch.number}, {t_s:.4f} s, {leg or 'all'}: {rule}: {detail}"
+                )
+    sys.exit(1 if n_violations else 0)

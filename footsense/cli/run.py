@@ -4,7 +4,8 @@ import math
 import subprocess
 import sys
 import webbrowser
-from contextlib import ExitStack, closing
+from collections.abc import Iterator
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -61,47 +62,27 @@ class RunProgress(Observer):
                 self.seconds_done(now_s)
 
 
-class PageOfRun:
-    """Web page of a run: `footsense view` as a child process beside the main loop.
+@contextmanager
+def _page_of(ring: Path, view: PageServer) -> Iterator[subprocess.Popen[str]]:
+    """Run `footsense view` as a child process beside the main loop; its first line is the URL of the page.
 
     It starts before the loop asks for real-time scheduling, on the configured port or on a free one.
 
-    Args:
-        view: Section `view` of the configuration.
-        ring: The ring of the run.
+    Yields:
+        The process.
     """
-
-    def __init__(self, view: PageServer, ring: Path) -> None:
-        address = ["--ring", str(ring), "--address", view.address]
-        self._command = [sys.executable, "-P", "-m", "footsense", "view", *address, "--with-parent", "--port"]
-        self._process = self._started(view.port)
-
-    def _started(self, port: int) -> subprocess.Popen[str]:
-        return subprocess.Popen(  # noqa: S603 - our own module
-            [*self._command, str(port)],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            text=True,
-        )
-
-    def wait_for_url(self) -> str:
-        """Return the URL of the page once it is served; empty if it cannot be served."""
-        if not (url := self._first_line()):
-            self._process.wait()
-            self._process = self._started(0)
-            url = self._first_line()
-        return url
-
-    def _first_line(self) -> str:
-        assert self._process.stdout is not None
-        with self._process.stdout as output:
-            return output.readline().strip()
-
-    def close(self) -> None:
-        """End the child process."""
-        self._process.terminate()
-        self._process.wait()
+    place = ["--ring", str(ring), "--address", view.address, "--port", str(view.port)]
+    with subprocess.Popen(  # noqa: S603 - our own module
+        [sys.executable, "-P", "-m", "footsense", "view", *place, "--with-parent"],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    ) as page:
+        try:
+            yield page
+        finally:
+            page.terminate()
 
 
 @click.command()
@@ -151,7 +132,7 @@ def run(
         if opens_view or (config_file is None and paced):
             ring = free_ring(config.ring_path or default_ring(is_simulated=scene is not None))
             config = replace(config, ring=str(ring))
-            page = stack.enter_context(closing(PageOfRun(config.view, ring)))
+            page = stack.enter_context(_page_of(ring, config.view))
         service = stack.enter_context(
             open_service(config, scene, record=record, can_log=can_log, real_time=paced or scene is None)
         )
@@ -162,7 +143,7 @@ def run(
         progress = RunProgress(service.clock.now_ns())
         service.observers.append(progress)
         title = f"{scene_name}, simulated" if scene else "on the robot"
-        url = page.wait_for_url() if page is not None else ""
+        url = page.stdout.readline().strip() if page is not None and page.stdout is not None else ""
         if page is not None and not live:
             click.echo(f"footsense  {title}  {url}", err=summary == "json")
         if opens_view and url:

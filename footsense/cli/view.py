@@ -16,6 +16,7 @@ from footsense.cli.options import FILE, config_option, ring_option
 from footsense.clock import MonotonicClock
 from footsense.config import load_config
 from footsense.config.sections import PageServer
+from footsense.errors import ConfigError
 from footsense.progress import progress_bar
 from footsense.view.live import LiveSource
 from footsense.view.recorded import RecordingSource
@@ -57,7 +58,7 @@ def _parse_address(ctx: click.Context, param: click.Parameter, value: str | None
     help="Let web pages of this origin read by Foxglove's protocol, such as http://robot:8080 for a Lichtblick there.",
 )
 @click.option(
-    "--with-parent", is_flag=True, hidden=True, help="End when the process that started this one ends."
+    "--with-parent", is_flag=True, hidden=True, help="For a run: end with it; take a free port if need be."
 )
 def view(
     file: Path | None,
@@ -74,7 +75,7 @@ def view(
     The service may start, end and start again meanwhile. Foxglove, Lichtblick and PlotJuggler connect to the same port,
     with ws:// in place of http://. Who can reach the port can read; only the loopback is served unless an address says
     otherwise.
-    """
+    """  # noqa: DOC501 - click shows this text
     config = load_config(config_file) if config_file else None
     settings = PageServer() if config is None else config.view
     if address is not None:
@@ -87,8 +88,13 @@ def view(
     with suppress(OSError):  # its unit denies the call, and has set its own
         os.nice(5)  # a viewer never competes with what else the robot's computer does
     source = LiveSource(ring, MonotonicClock()) if file is None else RecordingSource(file)
-    server = ViewServer(source, origins)
-    asyncio.run(_serve_until_stopped(server, settings.address, settings.port if port is None else port))
+    port = settings.port if port is None else port
+    try:
+        asyncio.run(_serve_until_stopped(ViewServer(source, origins), settings.address, port))
+    except ConfigError:
+        if not with_parent:
+            raise
+        asyncio.run(_serve_until_stopped(ViewServer(source, origins), settings.address, 0))
 
 
 async def _serve_until_stopped(server: ViewServer, address: str, port: int) -> None:
