@@ -12,9 +12,7 @@ from footsense.errors import RecordingError
 from footsense.frames import Cause, CommandResult, Cycle, GaitEvent, GaitEventKind, Result
 from footsense.recording.compare import first_difference, same_processor_and_libraries
 from footsense.recording.machine import platform_versions
-from footsense.recording.mcap_writer import McapFile
-from footsense.recording.replay import Replay, ReplayClock, ReplaySource
-from footsense.ring.records import LostCycles, NumberedCycle
+from footsense.recording.replay import Replay
 from tests.support.cycles import LEGS, TARE, cycle, read_until_damage, same, write
 from tests.support.frames import contact_frame, gait_frame
 
@@ -66,36 +64,6 @@ def test_another_file_is_not_a_recording(scratch: Path, content: bytes) -> None:
     scratch.write_bytes(content)
     with pytest.raises(RecordingError, match="is not a recording"):
         Replay(scratch)
-
-
-def test_replay_gives_scan_commands_and_time(walk: tuple[bytes, list[Cycle]], scratch: Path) -> None:
-    """The source and its clock show the loop what it saw when it was recorded."""
-    whole, cycles = walk
-    scratch.write_bytes(whole)
-    source = ReplaySource(Replay(scratch))
-    clock = ReplayClock(source)
-    for then in cycles:
-        scan = source.read()
-        assert scan is not None
-        assert scan.sequence == then.scan.sequence
-        assert tuple(source.commands()) == then.started_commands
-        assert source.commands() == []
-        assert clock.now_ns() == then.forces.t_sent_ns
-    assert source.read() is None
-    assert source.damage is None
-
-
-def test_replay_counts_what_was_lost(scratch: Path) -> None:
-    """The source gives the scans on both sides of a gap, and tells the gap with the scan after it."""
-    with scratch.open("wb") as file:
-        recording = McapFile(file.fileno(), {"legs": ",".join(LEGS)})
-        recording.add_entry(NumberedCycle(0, cycle(0)))
-        recording.add_entry(LostCycles(4, 0, 3))
-        recording.add_entry(NumberedCycle(4, cycle(4)))
-        recording.finish()
-    source = ReplaySource(Replay(scratch))
-    seen = [(scan.sequence, source.lost) for scan in iter(source.read, None)]
-    assert seen == [(0, 0), (4, 3)]
 
 
 def with_forces(**values: Any) -> Cycle:

@@ -1,7 +1,6 @@
 """A bag says what the recording says."""
 
 import math
-import sys
 from collections import defaultdict
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from footsense.errors import FootsenseError, RecordingError, require
+from footsense.errors import RecordingError
 from footsense.frames import USABLE, Cycle, State
 from footsense.recording.replay import Replay
 from footsense.ros2.bag import write_bag
@@ -110,9 +109,3 @@ def test_what_is_whole_of_a_cut_recording_becomes_a_bag(tmp_path: Path) -> None:
         assert reader.message_count > 100
     with pytest.raises(RecordingError, match="exists and is not overwritten"):
         write_bag(Replay(cut), tmp_path / "bag")
-
-
-def test_a_missing_package_is_named_with_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "rosbags", None)
-    with pytest.raises(FootsenseError, match=r"--ros2 needs rosbags: pip install 'footsense\[ros2\]'"):
-        require("--ros2", "ros2", "rosbags")
