@@ -16,6 +16,7 @@ The variance of a baseline grows with the time since it last followed.
 """
 
 import math
+from operator import attrgetter
 
 import numpy as np
 
@@ -43,6 +44,8 @@ _NEWEST_STEP_WEIGHT = 0.2
 MAX_DRIFT_FROM_LEG_MEAN_PF = 20e-3
 #: Period of the baselines' uncertainty [ns]; in a tenth of a second they drift by a fifth of a fF.
 _SIGMA_UPDATE_PERIOD_NS = 100_000_000
+
+_values_of = attrgetter("baseline_pf", "variance_pf2", "updated_ns", "offset_pf", "moved_ns", "status")
 
 
 def baseline_sigma_pf(variance_pf2: Vector | float, updated_ns: Stamps | int, now_ns: int) -> Vector:
@@ -229,8 +232,10 @@ class UnloadedFeet:
     def update(self) -> None:
         """Derive the arrays from the baselines of the legs."""
         self.sigma_due_ns = 0
-        legs = self.legs
-        self.baseline_pf: Vector = np.array([leg.baseline_pf for leg in legs])
+        baseline_pf, variance_pf2, updated_ns, offset_pf, moved_ns, status = zip(
+            *map(_values_of, self.legs), strict=True
+        )
+        self.baseline_pf: Vector = np.array(baseline_pf)
         self.plate_distance_rel: Vector = (
             self._design.plate_distance_um(self.baseline_pf) / self._design.gap_um / self._gain_rel
         )
@@ -238,14 +243,10 @@ class UnloadedFeet:
         self.untared_legs: Mask = np.asarray(without_baseline.all(axis=1))
         self.untared_elements_of_tared_legs: Mask = without_baseline & ~self.untared_legs[:, None]
         self.complete = not without_baseline.any()
-        self._variance_pf2 = np.array([leg.variance_pf2 for leg in legs])
-        self._updated_ns = np.array([leg.updated_ns for leg in legs], np.int64)
-        mean_pf, worst_pf = np.array([leg.offset_pf for leg in legs]).T.copy()
+        self._variance_pf2, self._updated_ns = np.array(variance_pf2), np.array(updated_ns, np.int64)
+        mean_pf, worst_pf = np.array(offset_pf).T.copy()
         self.drift = BaselineDrift(
-            np.array([leg.status for leg in legs], np.uint8),
-            mean_pf,
-            worst_pf,
-            np.array([leg.moved_ns for leg in legs], np.int64),
+            np.array(status, np.uint8), mean_pf, worst_pf, np.array(moved_ns, np.int64)
         )
         apart = np.abs(worst_pf - mean_pf) > MAX_DRIFT_FROM_LEG_MEAN_PF
         self.drift_cause = np.where(apart, np.uint8(Cause.ELEMENT_DRIFTS), np.uint8(Cause.NONE))
