@@ -3,7 +3,7 @@
 A study is one module of `footsense.lab.studies` with `TITLE`, `compute(context)` and `text(values)`. `compute` returns
 its figures as a dictionary of numbers, lists and texts, and the drawings; `text` writes the page's Markdown from these
 numbers alone, with `table` and f-strings. Its `quick` form answers in seconds. What the report's first page shows of it
-is in the list `targets`, a dictionary each: `figure`, `target`, `measured` (texts) and `met`.
+is in the list `targets`, made by `target`.
 """
 
 import json
@@ -104,6 +104,11 @@ def spread(values: ArrayLike, digits: int = 2) -> str:
     return (
         f"{given.mean():.{digits}f} +- {given.std(ddof=1):.{digits}f}, worst {np.abs(given).max():.{digits}f}"
     )
+
+
+def target(figure: str, limit: str, measured: str, *, met: bool) -> dict[str, object]:
+    """Return a row of the report's first page: a figure, its limit, what was measured, and whether that is within."""
+    return {"figure": figure, "target": limit, "measured": measured, "met": bool(met)}
 
 
 def study_names() -> tuple[str, ...]:
@@ -226,9 +231,9 @@ def write_list_of_pages(folder: Path) -> Path:
 def _target_rows(pages: Mapping[str, Values]) -> Iterator[tuple[str, str, str, str]]:
     """Yield the cells of each target that the pages measure; one that is missed says so."""
     for name, page in pages.items():
-        for target in page.get("targets", ()):
-            missed = "" if target["met"] else ", **missed**"
-            yield target["figure"], target["target"], target["measured"] + missed, f"[{name}]({name}.md)"
+        for row in page.get("targets", ()):
+            missed = "" if row["met"] else ", **missed**"
+            yield row["figure"], row["target"], row["measured"] + missed, f"[{name}]({name}.md)"
 
 
 def _as_builtin(value: Any) -> Any:

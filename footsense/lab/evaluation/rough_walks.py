@@ -17,13 +17,11 @@ from footsense.lab.training.gait_readings import (
     concatenate_gaits,
     simulate_gait_readings,
 )
-from footsense.lab.training.gait_windows import complete_window_ends, windows_of
+from footsense.lab.training.gait_windows import complete_window_ends, estimate_in_batches, windows_of
 from footsense.ports import Estimator, LoadEstimate, Window
 
 #: Threshold of contact before swings have shown their noise, and error of a baseline [N].
-_THRESHOLD_N, _BASELINE_N = 0.03, 4e-3
-#: Windows of one call.
-_WINDOWS_PER_CALL = 20_000
+THRESHOLD_N, _BASELINE_N = 0.03, 4e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -83,7 +81,7 @@ def simulate_walk(
         [simulate_gait_readings(response, gait.loads, conditions, rng, n) for gait in gaits]
     )
     t_s = STEP_S * np.arange(1.0, n + 1) + readings.send_delay_s.mean(axis=0)
-    found = _run_gait_tracker(readings, estimator, n_per_rel, np.asarray(1e9 * t_s, np.int64))
+    found = run_gait_tracker(readings, estimator, n_per_rel, np.asarray(1e9 * t_s, np.int64))
     return RoughWalk(
         t_s=t_s,
         true_force_n=readings.true_force_at_sending_n.swapaxes(0, 1).astype(np.float64),
@@ -103,9 +101,20 @@ def simulate_walk(
 
 
 @dataclass(slots=True)
-class _GaitOutputs:
-    """Outputs of the gait tracker after each conversion: events, contact, ground normal, friction."""
+class GaitOutputs:
+    """Outputs of the gait tracker after each conversion: events, contact, ground normal, friction.
 
+    Attributes:
+        force_n: Estimated forces [N], shape (n, legs, 3), NaN where there is none.
+        reported: Events, each with the conversion after which it was reported.
+        has_estimate: Whether the force is known, shape (n, legs).
+        contact: Debounced contact of each leg.
+        normal: Normal of the ground.
+        tangential_over_normal: Tangential over normal force [1].
+        estimated_friction_coefficient: Learnt coefficient of friction [1].
+    """
+
+    force_n: Vector
     reported: list[tuple[int, GaitEvent]]
     has_estimate: Mask
     contact: list[Sequence[bool]]
@@ -114,16 +123,16 @@ class _GaitOutputs:
     estimated_friction_coefficient: list[float]
 
 
-def _run_gait_tracker(
+def run_gait_tracker(
     readings: GaitReadings, estimator: Estimator, n_per_rel: float, t_ns: Stamps
-) -> _GaitOutputs:
+) -> GaitOutputs:
     """Return the gait tracker's outputs for readings, conversion by conversion."""
     n_legs, n = readings.closure_rel.shape
     loads, means_n = _estimate_loads_and_trimmed_means(readings, estimator)
     means_n *= n_per_rel
-    contacts = [ContactDetector(_THRESHOLD_N) for _ in range(n_legs)]
+    contacts = [ContactDetector(THRESHOLD_N) for _ in range(n_legs)]
     tracker = GaitTracker(n_legs, period_ns=0)
-    found = _GaitOutputs([], np.isfinite(loads.force_n[..., 2]), [], [], [], [])
+    found = GaitOutputs(loads.force_n, [], np.isfinite(loads.force_n[..., 2]), [], [], [], [])
     for k in range(n):
         load = LoadEstimate(*(part[k] for part in loads))
         now_ns = int(t_ns[k])
@@ -149,12 +158,10 @@ def _estimate_loads_and_trimmed_means(
     windows = windows_of(readings)
     gait, time = np.nonzero(complete_window_ends(readings))
     loads = LoadEstimate(*(np.full((n, n_legs, width), np.nan) for width in (3, 3, 4, 4)))
-    for first in range(0, len(gait), _WINDOWS_PER_CALL):
-        some = slice(first, first + _WINDOWS_PER_CALL)
-        missing = np.zeros(windows.closure_rel[some, 0].shape, bool)
-        load = estimator.estimate(Window(windows.closure_rel[some], windows.age_s[some], missing))
-        for whole, part in zip(loads, load, strict=True):
-            whole[time[some], gait[some]] = part
+    missing = np.zeros(windows.closure_rel[:, 0].shape, bool)
+    found = estimate_in_batches(estimator, Window(windows.closure_rel, windows.age_s, missing))
+    for whole, part in zip(loads, found, strict=True):
+        whole[time, gait] = part
     means = np.full((n, n_legs), np.nan)
     means[time, gait] = trimmed_means(windows.closure_rel[:, 0])
     return loads, means

@@ -153,6 +153,18 @@ def simulate_gait_readings(
     )
 
 
+def loads_of(source: ContactSource, leg: str) -> Callable[[Vector], ContactLoads]:
+    """Return a function from times [s] to the loads of one leg, of a source of contacts."""
+
+    def loads(t_s: Vector) -> ContactLoads:
+        contacts = [source.contact(leg, int(t_ns)) for t_ns in (t_s * 1e9).tolist()]
+        return ContactLoads(
+            np.array([one.normal for one in contacts]), np.array([one.force_n for one in contacts])
+        )
+
+    return loads
+
+
 def simulate_random_gait_readings(
     response: FootResponse, rng: np.random.Generator, n: int, max_n: float
 ) -> GaitReadings:

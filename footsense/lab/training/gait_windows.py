@@ -9,9 +9,12 @@ from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.training.gait_readings import GaitReadings, conversion_elements
 from footsense.lab.training.windowed_network import READINGS_PER_ELEMENT
+from footsense.ports import Estimator, LoadEstimate, Window
 
 #: Conversions before the first window of a gait, beyond those of the window.
 _EXTRA_WARM_UP_CONVERSIONS = 3
+#: Windows of one call of the network.
+_WINDOWS_PER_CALL = 20_000
 
 
 def age_in_conversions_table() -> NDArray[np.intp]:
@@ -30,6 +33,13 @@ def contact_and_normal_force(force_n: Vector, normal: Vector) -> tuple[Vector, V
     safe_n = np.where(pressing_n > 0.0, pressing_n, 1.0)[..., None]
     ratio = np.where(pressing_n[..., None] > 0.0, force_n / safe_n - normal, 0.0)[..., :2]
     return np.concatenate([point, ratio], axis=-1), pressing_n
+
+
+def normals_of_stereographic_points(point: Vector) -> Vector:
+    """Return the unit contact normals, shape (n, 3), of stereographic contact points, shape (n, 2)."""
+    square = (point**2).sum(axis=1, keepdims=True)
+    normal: Vector = np.hstack([2.0 * point, 1.0 - square]) / (1.0 + square)
+    return normal
 
 
 def complete_window_ends(gaits: GaitReadings) -> NDArray[np.bool_]:
@@ -72,3 +82,14 @@ def windows_of(gaits: GaitReadings) -> GaitWindows:
         gaits.true_force_at_sending_n[gait, time].astype(np.float64),
         gaits.true_normal_at_sending[gait, time].astype(np.float64),
     )
+
+
+def estimate_in_batches(estimator: Estimator, window: Window) -> LoadEstimate:
+    """Return the estimates for any number of windows, in batches of bounded size."""
+    firsts = range(0, len(window.missing), _WINDOWS_PER_CALL)
+    batches = [slice(first, first + _WINDOWS_PER_CALL) for first in firsts]
+    parts = [
+        estimator.estimate(Window(window.closure_rel[batch], window.age_s[batch], window.missing[batch]))
+        for batch in batches
+    ]
+    return LoadEstimate(*(np.concatenate(part) for part in zip(*parts, strict=True)))

@@ -1,0 +1,302 @@
+"""Page `hard-cases`: inputs at the limits of foot, network, service and solid; what is expected and what comes out."""
+
+import dataclasses
+import re
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import NamedTuple
+
+import msgspec
+import ngsolve as ng
+import numpy as np
+import onnx
+from msgspec.structs import replace
+from onnx import TensorProto, numpy_helper
+from onnx.reference import ReferenceEvaluator
+
+from footsense.errors import ConfigError, ModelError
+from footsense.estimation.network import sensitivity, steady_windows
+from footsense.estimation.pipeline import Pipeline
+from footsense.estimation.settings import EstimationLimits, MountedFeet, TareLimits
+from footsense.foot.directions import directions
+from footsense.foot.files.network_card import INPUTS
+from footsense.foot.force_errors import GRAM_FORCE_N
+from footsense.foot.gap_contact import N_CELLS, solve_contact_lcp
+from footsense.foot.response_table import FootResponse
+from footsense.foot.specimen import Foot
+from footsense.frames import ELEMENTS, CapFrame, Reading, State, Vector
+from footsense.lab.evaluation.evaluate_models import NETWORK_FILE
+from footsense.lab.fem.centred import solve_centred_closures
+from footsense.lab.fem.mesh import COARSE_MESH, MeshSize, build_quarter_mesh
+from footsense.lab.fem.quarter import QuarterFoot
+from footsense.lab.fem.symmetry_classes import Parity
+from footsense.lab.foot_file import load_foot
+from footsense.lab.geometry import FootDesign, Material
+from footsense.lab.report import Figures, StudyContext, Values, table, target
+from footsense.lab.training.gait_readings import random_gaits
+from footsense.lab.training.gait_windows import windows_of
+from footsense.lab.training.load_cases import paper_verification
+from footsense.ports import Window
+
+TITLE = "Hard cases"
+
+_UP = np.array([[0.0, 0.0, 1.0]])
+#: A mesh for statements that hold on any mesh.
+_UNREFINED_MESH = MeshSize(edge_layers=0, order=2, bar_mm=1.0)
+_SCAN_NS, _MAX_AGE_NS, _TARE_SCANS = 25_000_000, 100_000_000, 4
+#: Scans after a line breaks until its leg has a force again: two readings in a row make a window.
+_SETTLING_SCANS = 3
+#: Allowed difference of float32 from float64: a twentieth of a bit on CAN at rest, a half in motion [N].
+_SINGLE_AT_REST_N, _SINGLE_IN_MOTION_N = 5e-5, 5e-4
+#: Random gaits on which both are compared: seed, rounds, gaits of a round, conversions of each.
+_SEED, _ROUNDS, _GAITS, _CONVERSIONS = 990_100, 3, 70, 1100
+
+
+class _Case(NamedTuple):
+    """An extreme input, what is expected of it, what came out, and whether that is it."""
+
+    name: str
+    expected: str
+    measured: str
+    passed: bool
+
+
+def compute(context: StudyContext) -> tuple[Values, Figures]:
+    """Try every case; the quick form leaves out those that solve a mesh."""
+    groups = {
+        "The foot under load": [*_loads(context.response), *_designs(context.foot_design)],
+        "The network": list(_network(context)),
+        "The service": list(_service(context)),
+    }
+    if not context.quick:
+        groups["The solid"] = list(_materials(context.foot_design))
+    for heading, cases in groups.items():
+        context.report_progress(
+            f"{heading}: {sum(case.passed for case in cases)} of {len(cases)} as expected"
+        )
+    cases = [case for group in groups.values() for case in group]
+    n_passed = sum(case.passed for case in cases)
+    row = target(
+        "hard cases that come out as expected",
+        "all",
+        f"{n_passed} of {len(cases)}",
+        met=n_passed == len(cases),
+    )
+    named = {heading: [case._asdict() for case in group] for heading, group in groups.items()}
+    return {"groups": named, "n_passed": n_passed, "n": len(cases), "targets": [row]}, {}
+
+
+def text(values: Values) -> str:
+    """Return the page's Markdown."""
+    groups = [
+        f"## {heading}\n\n"
+        + table(
+            "case | expected | measured | as expected",
+            [
+                (case["name"], case["expected"], case["measured"], "yes" if case["passed"] else "**no**")
+                for case in group
+            ],
+        )
+        for heading, group in values["groups"].items()
+    ]
+    summary = f"{values['n_passed']} of {values['n']} cases came out as expected."
+    return "\n\n".join([summary, *groups])
+
+
+def _refusal(name: str, error: type[Exception], attempt: Callable[[], object]) -> _Case:
+    """Try what has to raise an error."""
+    try:
+        attempt()
+    except Exception as raised:  # noqa: BLE001  any exception is the measured result
+        first = re.split(r"[;(]|, got| of \w+\(", str(raised))[0].strip()
+        return _Case(name, error.__name__, f"{type(raised).__name__}: {first}", isinstance(raised, error))
+    return _Case(name, error.__name__, "no error", passed=False)
+
+
+def _loads(response: FootResponse) -> Iterator[_Case]:
+    """Yield no load, a small one, loads that close all gaps, contacts at the rim, and numbers that are none."""
+    foot, gap_um = Foot(response), response.design.gap_um
+    none_um = float(np.abs(foot.cell_closures_um(_UP, 0.0 * _UP)).max())
+    yield _Case("no load", "0 um, exactly", f"{none_um:g} um", none_um == 0.0)
+    small_n = 0.1 * GRAM_FORCE_N
+    per_newton = [foot.cell_closures_um(_UP, load * _UP)[0] / load for load in (small_n, 1e-6 * small_n)]
+    apart = float(np.abs(per_newton[0] - per_newton[1]).max() / np.abs(per_newton[1]).max())
+    yield _Case("0.1 gf", "closure per newton as at 1e-7 gf, to 1e-3", f"{apart:.1e}", apart < 1e-3)
+    loads_n = np.linspace(0.0, 200.0, 801)
+    closures_um = foot.cell_closures_um(np.repeat(_UP, len(loads_n), 0), loads_n[:, None] * _UP)
+    shut = (closures_um >= gap_um).sum(axis=1)
+    first_n = float(loads_n[np.argmax(shut > 0)])
+    steady = float(np.diff(closures_um, axis=0).min())
+    yield _Case("first cell closes, upright", "above 1 N", f"{first_n:g} N", first_n > 1.0)
+    yield _Case("closures from 0 to 200 N", "never fall", f"least step {steady:.1e} um", steady > -1e-9)
+    all_n = loads_n[np.argmax(shut == N_CELLS)]
+    radius_mm = float(response.patch_radius_mm(_UP[0], all_n * _UP[0]))
+    everything = bool(shut[-1] == N_CELLS)
+    found = f"{all_n:g} N, patch {radius_mm:.1f} mm" if everything else f"{shut[-1]} of {N_CELLS} at 200 N"
+    yield _Case("all nine gaps closed", "an end, every cell at its gap", found, everything)
+    worst, compliance, gaps_um = 0.0, response.compliance_um_per_n, np.full(N_CELLS, gap_um)
+    for load_n in (2.0, 5.0, 20.0, 100.0):
+        free_um = response.free_closure_um(_UP[0], load_n * _UP[0])
+        solved = solve_contact_lcp(free_um, gaps_um, compliance)
+        off_um = solved.cell_closures_um - (free_um - compliance @ solved.cell_forces_n)
+        worst = max(worst, float(np.abs(off_um).max() / np.abs(free_um).max()))
+    yield _Case("contact at 2 to 100 N", "balance to 1e-9 of the closure", f"{worst:.1e}", worst < 1e-9)
+    low = directions(np.array([0.0, 90.0]), np.array([40.0, 40.0]))
+    closures = response.free_element_closures_um(low, low)
+    turned = float(np.abs(closures[1].reshape(3, 3) - closures[0].reshape(3, 3).T).max())
+    yield _Case("40 deg, at x and at y", "the same turned, to 1e-6 um", f"{turned:.1e} um", turned < 1e-6)
+    below, nan = directions(np.array(0.0), np.array(response.min_elevation_deg - 1.0)), np.full(3, np.nan)
+    free, gaps_um = response.free_element_closures_um, np.full(3, gap_um)
+    yield _refusal("contact below the table", ValueError, partial(free, below, below))
+    yield _refusal("NaN in a normal", ValueError, partial(free, nan, _UP[0]))
+    yield _refusal("NaN in a closure", ValueError, partial(solve_contact_lcp, nan, gaps_um, np.eye(3)))
+    yield _refusal(
+        "indefinite compliance",
+        ArithmeticError,
+        partial(solve_contact_lcp, 1.5 * gaps_um, gaps_um, -np.eye(3)),
+    )
+    silent = foot.capacitance_pf(_UP, nan[None])
+    yield _Case("NaN in a force", "no number", str(silent[0, 0]), bool(np.isnan(silent).all()))
+
+
+def _designs(design: FootDesign) -> Iterator[_Case]:
+    """Yield feet that cannot be, refused before a mesh is solved."""
+    thin = replace(design, plate_mm=1e-5)
+    yield _refusal("plate of 10 nm", ModelError, partial(build_quarter_mesh, thin, COARSE_MESH))
+    wide = msgspec.json.encode(replace(design, sheet_mm=1.5 * design.ball_radius_mm))
+    yield _refusal("sheet wider than the ball", ConfigError, partial(load_foot, wide))
+    for poisson in (0.5, 0.0):
+        other = replace(design, rubber=replace(design.rubber, poisson=poisson))
+        solve = partial(QuarterFoot, other, _UNREFINED_MESH, Parity(1, 1))
+        yield _refusal(f"rubber of nu = {poisson:g}", ModelError, solve)
+
+
+def _materials(design: FootDesign) -> Iterator[_Case]:
+    """Yield extreme materials, each with a finite element solve."""
+    lost = []
+    for poisson in (0.49, 0.499, 0.4999):
+        foot = replace(design, rubber=replace(design.rubber, poisson=poisson))
+        meshes = [dataclasses.replace(_UNREFINED_MESH, order=order) for order in (2, 3)]
+        low, high = (solve_centred_closures(foot, mesh, (90.0,)).closure_um_per_n.sum() for mesh in meshes)
+        lost.append(100.0 * (1.0 - float(low / high)))
+    yield _Case(
+        "nu = 0.49, 0.499, 0.4999",
+        "quadratic below cubic by the same share, to 2 %",
+        ", ".join(f"{value:.2f} %" for value in lost),
+        max(lost) - min(lost) < 2.0,
+    )
+    soft = replace(design, pdms=Material(design.rubber.youngs_mpa / 150.0, design.pdms.poisson))
+    spacer = f"{1000.0 * design.spacer_mm:g} um spacer in a ball of {2.0 * design.ball_radius_mm:g} mm"
+    for name, foot in ((spacer, design), ("sheet 1/150 as stiff as the rubber", soft)):
+        quarter = QuarterFoot(foot, _UNREFINED_MESH, Parity(1, 1))
+        load = quarter.traction_load(ng.CF((0.0, 0.0, 1.0)))
+        rest = quarter.residual_rel(load, quarter.solve(load))
+        yield _Case(name, "residual below 1e-8", f"{rest:.1e}", rest < 1e-8)
+    loose = partial(QuarterFoot, replace(design, spacer_mm=1e30), _UNREFINED_MESH, Parity(1, 1))
+    yield _refusal("a half that nothing holds", ModelError, loose)
+
+
+def _network(context: StudyContext) -> Iterator[_Case]:
+    """Yield extreme inputs of the network alone, and float32 against float64."""
+    network = context.network
+    none_n = float(np.abs(network.force_n(np.zeros((1, ELEMENTS)))).max())
+    yield _Case("no closure", "0 N, exactly", f"{none_n:g} N", none_n == 0.0)
+    tiny_n = float(np.abs(network.force_n(np.full((1, ELEMENTS), 1e-40))).max())
+    yield _Case("closures of 1e-40, subnormal in float32", "below 1 uN", f"{tiny_n:.1e} N", tiny_n < 1e-6)
+    force_n = network.force_n(np.where(np.arange(ELEMENTS) == 4, np.nan, 0.0)[None])
+    yield _Case("one NaN", "no number", str(force_n[0].tolist()), bool(np.isnan(force_n).any()))
+    far_n = network.force_n(np.full((1, ELEMENTS), 10.0))
+    size_n = f"{np.linalg.norm(far_n):.0f} N"
+    yield _Case("closures ten gaps wide", "a finite number", size_n, bool(np.isfinite(far_n).all()))
+    model = onnx.load(context.models / NETWORK_FILE)
+    for stored in model.graph.initializer:
+        if stored.data_type == TensorProto.FLOAT:
+            stored.CopyFrom(numpy_helper.from_array(numpy_helper.to_array(stored).astype(float), stored.name))
+    graph = ReferenceEvaluator(model)
+
+    def apart_n(window: Window) -> float:
+        inputs = {
+            signal.name: np.asarray(part, np.float64).reshape(len(part), signal.width)
+            for signal, part in zip(INPUTS, window, strict=True)
+        }
+        return float(np.abs(network.estimate(window).force_n - graph.run(["force_n"], inputs)[0]).max())
+
+    rested = steady_windows(paper_verification(context.response).closure_um / context.response.design.gap_um)
+    compared = [("180 loads at rest", apart_n(rested), _SINGLE_AT_REST_N)]
+    n, walked_n = 0, 0.0
+    for seed in range(1 if context.quick else _ROUNDS):
+        n_gaits = 4 if context.quick else _GAITS
+        max_n = context.foot_design.loads.max_n
+        windows = windows_of(random_gaits(context.response, _SEED + seed, n_gaits, _CONVERSIONS, max_n))
+        nothing = np.zeros((len(windows.gait), ELEMENTS), bool)
+        n += len(nothing)
+        walked_n = max(walked_n, apart_n(Window(windows.closure_rel, windows.age_s, nothing)))
+    compared.append((f"{n} conversions of random gaits", walked_n, _SINGLE_IN_MOTION_N))
+    for what, found_n, limit_n in compared:
+        name = f"float32 against float64, {what}"
+        yield _Case(name, f"below {1e3 * limit_n:g} mN", f"{1e3 * found_n:.1e} mN", found_n < limit_n)
+
+
+def _service(context: StudyContext) -> Iterator[_Case]:
+    """Yield broken lines and loads beyond the range, with the state of the leg and its force."""
+    design = context.response.design
+    pressed_pf = Foot(context.response).capacitance_pf(_UP, _UP)[0]
+    open_pf = 0.05 * pressed_pf
+
+    def opened(*elements: int) -> Vector:
+        values_pf: Vector = np.where(np.isin(np.arange(ELEMENTS), elements), open_pf, pressed_pf)
+        return values_pf
+
+    # A row without its line floats: every column sees it beside the row that is selected.
+    floating_pf = np.where(np.arange(ELEMENTS) // 3 == 1, 0.0, np.tile(open_pf[3:6], 3))
+    shut_um = np.full(ELEMENTS, 0.97 * design.gap_um)
+    # No load closes one corner alone: something is in its gap, and the force comes from the others.
+    corner_pf = design.capacitance_pf(np.where(np.arange(ELEMENTS) == 0, shut_um, 2.0))
+    pulled_pf = design.capacitance_pf(np.full(ELEMENTS, -0.3 * design.gap_um))
+    cases: list[tuple[str, State, Vector, Reading]] = [
+        ("1 N upright", State.VALID, pressed_pf, Reading.OK),
+        ("one element open", State.DEGRADED, opened(4), Reading.OK),
+        ("one row gone", State.DEGRADED, opened(3, 4, 5) + floating_pf, Reading.OK),
+        ("open on two lines", State.ELEMENT_FAULT, opened(0, 4), Reading.OK),
+        ("one element beyond the converter", State.SATURATED, pressed_pf, Reading.OVER_RANGE),
+        ("one gap closed to 97 %", State.DEGRADED, corner_pf, Reading.OK),
+        ("all gaps closed to 97 %", State.SATURATED, design.capacitance_pf(shut_um), Reading.OK),
+        ("pulled off by 30 % of the gap", State.OUT_OF_RANGE, pulled_pf, Reading.OK),
+        ("no answer", State.ABSENT, pressed_pf, Reading.NO_ANSWER),
+        ("older than the limit", State.STALE, pressed_pf, Reading.OK),
+    ]
+    for name, state, capacitance_pf, reading in cases:
+        age_ns = _MAX_AGE_NS + 1 if state is State.STALE else 0
+        found, force_n, sigma_n = _settled(context, capacitance_pf, reading, age_ns)
+        has_force = bool(np.isfinite(force_n))
+        said = f"fz = {force_n:.3f} N, sigma {1e3 * sigma_n:.1f} mN" if has_force else "no force"
+        passed = found is state and has_force is (state in {State.VALID, State.DEGRADED})
+        yield _Case(name, state.name, f"{found.name}, {said}", passed)
+
+
+def _settled(
+    context: StudyContext, capacitance_pf: Vector, reading: Reading, age_ns: int
+) -> tuple[State, float, float]:
+    """Return state, fz and its sigma [N] of a leg that was tared, from constant readings, after it has settled.
+
+    A reading other than OK is that of the middle element; `age_ns` is that of the last scan.
+    """
+    design, trained = context.response.design, context.trained_inputs
+    limits = EstimationLimits(
+        tare=TareLimits(window_scans=_TARE_SCANS),
+        least_contact_n=0.03,
+        scan_ns=_SCAN_NS,
+        max_age_ns=_MAX_AGE_NS,
+    )
+    feet, rises = MountedFeet.as_designed(design, 1), sensitivity(context.network, 1, trained.moments)
+    pipeline = Pipeline(context.network, trained, feet, limits, rises)
+    unloaded = (np.full(ELEMENTS, design.unloaded_pf), Reading.OK, 0)
+    settling = [(capacitance_pf, reading, 0)] * _SETTLING_SCANS
+    for number, (values_pf, code, late_ns) in enumerate(
+        [*[unloaded] * _TARE_SCANS, *settling, (capacitance_pf, reading, age_ns)], 1
+    ):
+        readings = np.where(np.arange(ELEMENTS) == 4, code, Reading.OK).astype(np.uint8)[None]
+        values = np.where(readings == Reading.OK, values_pf, np.nan)
+        t_ns = np.full((1, ELEMENTS), number * _SCAN_NS)
+        frame, _ = pipeline.process(CapFrame(number, t_ns, values, readings), number * _SCAN_NS + late_ns)
+    return State(int(frame.state[0])), float(frame.force_n[0, 2]), float(frame.sigma_n[0, 2])
