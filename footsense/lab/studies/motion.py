@@ -31,8 +31,7 @@ from footsense.lab.training.gait_windows import (
 )
 from footsense.ports import Window
 from footsense.sim.loads.ground_load import ContactSource
-from footsense.sim.loads.measured_walk import measured_walk
-from footsense.sim.loads.walk import Walk, smooth_stance_reaction
+from footsense.sim.loads.walk import Walk, measured_walk, smooth_stance_reaction
 
 TITLE = "Force in motion, and what a gait controller is told"
 

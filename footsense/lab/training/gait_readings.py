@@ -19,6 +19,7 @@ from footsense.frames import ELEMENTS, Mask, Vector
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, FULL_SCALE_PF, NOISE_PF, sensed_closure_um
 from footsense.lab.training.random_gait import RandomGait
 from footsense.progress import progress_bar
+from footsense.sim.loads.ground_load import ContactSource
 from footsense.sim.rubber import ViscoelasticRubber
 
 #: Share of the gaits that are read in the second order, of those read at another pace, and of those sent later.
