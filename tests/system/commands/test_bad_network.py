@@ -53,13 +53,12 @@ def test_a_contact_that_a_stiff_foot_does_not_show_is_refused(tmp_path: Path) ->
     )
 
 
-def test_a_missing_network(tmp_path: Path) -> None:
-    """The file is named."""
+def test_what_is_no_network(tmp_path: Path) -> None:
+    """A missing file, a folder, and bytes that are no ONNX file, with and without the checksum of one."""
     assert "network.onnx: no such network" in refused(tmp_path)
-
-
-def test_a_corrupt_network(tmp_path: Path) -> None:
-    """Bytes that are no ONNX file, with and without the checksum of one."""
+    (tmp_path / "network.onnx").mkdir()
+    assert "not a file; name the network itself" in refused(tmp_path)
+    (tmp_path / "network.onnx").rmdir()
     (tmp_path / "network.onnx").write_bytes(b"this is no network")
     assert "no checksum at its end" in refused(tmp_path)
     (tmp_path / "network.onnx").write_bytes(add_checksum(b"this is no network"))
@@ -115,9 +114,3 @@ def test_a_network_whose_weights_do_not_fit_its_input_is_told_with_the_reason(tm
     line = refused(tmp_path)
     assert "not a readable ONNX network (" in line
     assert "ncompatible dimensions" in line
-
-
-def test_a_folder_is_no_network(tmp_path: Path) -> None:
-    """It is there, so `no such` would be wrong."""
-    config = robot(tmp_path, more="model: .\n")
-    assert "not a file; name the network itself" in one_line_error(footsense("check-config", config), 66)

@@ -186,7 +186,7 @@ def test_a_terminal_and_a_sensor_on_a_line(tmp_path: Path) -> None:
         os.close(its_end)
     assert asked == b"S\r\n"
     assert process.returncode == 0, drawn[-2000:]
-    for words in (b"50 gf: ", b"reference", b"next", b"not complete; next would be", b"stream starts 1"):
+    for words in (b" % at 50 gf", b"reference", b"next", b"not complete; next would be", b"stream starts 1"):
         assert words in drawn
     session = read_session(out, "foot-0007")
     assert session.name == "one"

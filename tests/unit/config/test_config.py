@@ -138,11 +138,6 @@ def test_a_folder_beside_a_file_of_the_working_directory_is_found(
             ONE_BUS + "stray_pf: {rf: [1, 1, 1, 1]}",
             "stray_pf.rf: a list of 4 is wrong; it has to be a list of 9 (a number for each of",
         ),
-        (ONE_BUS + "unloaded_pf: {lr: [5, 5, 5, 5, 5, 5, 5, 5, 5]}", "unloaded_pf.lr: no bus has the leg lr"),
-        (
-            ONE_BUS.replace("rf: 1", "rf: /dev/i2c-11"),
-            'buses[0].legs.rf: "/dev/i2c-11" is wrong; it has to be a whole number from 0 to 7',
-        ),
         (
             ONE_BUS.replace("legs: {lf: 0, rf: 1}", "leg: lf\n    legs: {rf: 1}"),
             "buses[0].legs: name its legs with their channels of the multiplexer, or under leg the one",

@@ -69,7 +69,6 @@ def test_reads_what_fits() -> None:
             "mux: {address: 0x78}",
             ":1: mux.address: 120 is wrong; it has to be a whole number from 112 to 119 (three pins)",
         ),
-        ("mux: {address: true}", "mux.address: true is wrong; it has to be a whole number"),
         (
             "mux: {address: 1e2}",
             '"1e2" is wrong; it has to be a whole number from 112 to 119 (three pins); YAML',
@@ -81,19 +80,12 @@ def test_reads_what_fits() -> None:
             ":4: legs.rf: 9 is wrong; it has to be a whole number from 0 to 7",
         ),
         (GOOD + "legs: {fl: 1}", ":2: legs.fl: 'fl' is none of lf, rf; did you mean lf?"),
-        (GOOD + "legs: {RF: 1}", "did you mean rf?"),
-        (GOOD + "rate_sps: {a: 1}", ":2: rate_sps: \"{'a': 1}\" is none of 100, 200, 400"),
         (GOOD + "load: [1]", ":2: load: a list of 1 is wrong; it has to be a section of keys"),
-        (
-            GOOD + "stray_pf: {a: 1}",
-            ":2: stray_pf: a section of 1 keys is wrong; it has to be a list, at most 2",
-        ),
         (GOOD + "stray_pf:\n- 1\n- x", ':4: stray_pf[1]: "x" is wrong; it has to be a number'),
         (GOOD + "stray_pf: [1, 2, 3]", "stray_pf: a list of 3 is wrong; it has to be a list, at most 2"),
         (GOOD + "load: {kind: stop}", "load.kind: 'stop' is none of ramp, step; did you mean step?"),
         (GOOD + "load: {kind: [step]}", "load.kind: \"['step']\" is none of ramp, step"),
         (GOOD + "load: {force_n: 1}", "load: the key kind is missing: one of ramp, step"),
-        (GOOD + "load: {kind: step, forc: 1}", "load.forc: unknown key; did you mean force_n?"),
         (GOOD + "quiet: 1", ":2: quiet: 1 is wrong; it has to be true or false"),
         (GOOD + "mux: {address: 0x72}", ":2: the key 'mux' stands twice, first on line 1"),
         (
