@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from firmware_interface.chips import fdc1004
 from firmware_interface.schedule import scan_lower_bounds
 from footsense.estimation.network import READINGS, ReadingWindow, steady_windows
-from footsense.foot.files.network_card import TrainedInputs
+from footsense.foot.network_card import TrainedInputs
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, LEGS, Stamps, Vector
 from footsense.ports import Estimator, Window

@@ -24,8 +24,8 @@ from footsense.calibration.recorded_session import RecordedSession
 from footsense.calibration.rubber_memory import loads_with_creep_corrected_baseline
 from footsense.calibration.twin import GAIN, MOUNT, REFERENCE, STIFFNESS, STRAY, FootTwin, reference_gains
 from footsense.errors import CalibrationError
+from footsense.foot.calibration_files import HeldOutErrors
 from footsense.foot.directions import rotation
-from footsense.foot.files.calibration_format import HeldOutErrors
 from footsense.foot.force_errors import evaluate_force_errors
 from footsense.foot.parameters import FootParameters
 from footsense.frames import Mask

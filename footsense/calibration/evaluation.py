@@ -18,8 +18,8 @@ from footsense.calibration.rubber_memory import loads_with_creep_corrected_basel
 from footsense.errors import CalibrationError
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.network import Network, steady_windows
-from footsense.foot.files.network_card import TrainedInputs
 from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors, evaluate_force_errors
+from footsense.foot.network_card import TrainedInputs
 from footsense.foot.parameters import FootParameters
 from footsense.foot.response_table import FootResponse
 from footsense.frames import ELEMENTS, Mask, Vector

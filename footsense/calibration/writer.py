@@ -15,10 +15,9 @@ import msgspec
 import numpy as np
 
 from footsense.errors import CalibrationError
-from footsense.foot.files import calibration_format
-from footsense.foot.files.calibration_format import Manifest, Parameters
-from footsense.foot.files.calibration_reader import FootCalibration, read_calibration
-from footsense.foot.files.checksum_trailer import verified_sha256
+from footsense.foot import calibration_files
+from footsense.foot.calibration_files import FootCalibration, Manifest, Parameters, read_calibration
+from footsense.foot.network_card import verified_sha256
 from footsense.foot.parameters import FootParameters
 
 
@@ -128,7 +127,7 @@ def check_calibration_target(folder: Path, *, replace: bool) -> None:
             written to.
     """
     try:
-        msgspec.convert(folder.name, calibration_format.FootId)
+        msgspec.convert(folder.name, calibration_files.FootId)
     except msgspec.ValidationError:
         raise CalibrationError(f"{folder.name}: is no identity of a foot, such as foot-0007") from None
     if folder.exists() and not replace:
@@ -145,7 +144,7 @@ def check_calibration_target(folder: Path, *, replace: bool) -> None:
 
 def write_calibration(
     calibrations: Path,
-    manifest: calibration_format.Manifest,
+    manifest: calibration_files.Manifest,
     parameters: FootParameters,
     network: Path,
     *,
@@ -170,16 +169,16 @@ def write_calibration(
     check_calibration_target(folder, replace=replace)
     try:
         content = network.read_bytes()
-        described = calibration_format.Parameters(
-            format=calibration_format.FORMAT,
+        described = calibration_files.Parameters(
+            format=calibration_files.FORMAT,
             network_sha256=verified_sha256(content, str(network)),
             temperature_c=temperature_c,
             **parameters.as_lists(),
         )
         files = {
-            calibration_format.PARAMETERS: _to_json(described),
-            calibration_format.NETWORK: content,
-            calibration_format.CARD: card_text(manifest, described).encode(),
+            calibration_files.PARAMETERS: _to_json(described),
+            calibration_files.NETWORK: content,
+            calibration_files.CARD: card_text(manifest, described).encode(),
         }
         hashes = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
         manifest = msgspec.structs.replace(manifest, files=hashes)
@@ -188,7 +187,7 @@ def write_calibration(
         draft = Path(tempfile.mkdtemp(dir=calibrations, prefix=f".{manifest.foot}."))
         try:
             draft.chmod(0o755)  # the service runs as another user
-            for name, data in {**files, calibration_format.MANIFEST: _to_json(manifest)}.items():
+            for name, data in {**files, calibration_files.MANIFEST: _to_json(manifest)}.items():
                 (draft / name).write_bytes(data)
                 _fsync(draft / name)
             _fsync(draft)

@@ -26,8 +26,7 @@ from footsense.clock import stopwatch_ns, wall_time_iso
 from footsense.daemon.foot_types import released_path
 from footsense.errors import ConfigError, require
 from footsense.estimation.network import Network
-from footsense.foot.files.calibration_format import Manifest
-from footsense.foot.files.calibration_reader import FootCalibration, read_calibration
+from footsense.foot.calibration_files import FootCalibration, Manifest, read_calibration
 from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors
 from footsense.progress import file_progress_bar
 

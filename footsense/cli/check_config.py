@@ -16,7 +16,7 @@ from footsense.config import load_config
 from footsense.config.contradictions import warnings
 from footsense.daemon.estimation import contact_threshold_n, pipeline_for
 from footsense.daemon.models import Models, load_models
-from footsense.foot.files.calibration_reader import FootCalibration
+from footsense.foot.calibration_files import FootCalibration
 
 
 @click.command("check-config")

@@ -14,7 +14,7 @@ from footsense.can.wire import Can
 from footsense.clock import Realtime
 from footsense.config import sections
 from footsense.estimation.settings import ContactLimits, TareLimits
-from footsense.foot.files.calibration_format import FootId
+from footsense.foot.calibration_files import FootId
 from footsense.frames import ELEMENTS, Leg
 
 #: Default of `publish_every`: 92 forces a second, with all other frames 34 % of 500 kbit/s for six legs.

@@ -8,7 +8,7 @@ from footsense.config import Config
 from footsense.daemon.foot_types import check_foot_type, foot_type_folder, foot_type_of
 from footsense.errors import ModelError
 from footsense.estimation.network import Network
-from footsense.foot.files.calibration_reader import FootCalibration, read_calibration
+from footsense.foot.calibration_files import FootCalibration, read_calibration
 
 _log = logging.getLogger(__name__)
 

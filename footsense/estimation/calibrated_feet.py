@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from footsense.foot.parameters import FootParameters
-from footsense.foot.temperature import force_factor_and_uncertainty
+from footsense.foot.parameters import FootParameters, force_factor_and_uncertainty
 from footsense.frames import Vector
 from footsense.ports import Estimator, LoadEstimate, Window
 

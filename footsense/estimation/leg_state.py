@@ -7,7 +7,7 @@ from footsense.estimation.baseline import BaselineTracker
 from footsense.estimation.elements import ConsistencyTest, ElementStatus
 from footsense.estimation.missing_elements import COLUMN_SETS, ROW_SETS, fault_mask
 from footsense.estimation.network import Readings
-from footsense.foot.files.network_card import TrainedInputs
+from footsense.foot.network_card import TrainedInputs
 from footsense.frames import Cause, Codes, Mask, State, Vector
 from footsense.leg_words import STATE_AND_CAUSE_OF_READING
 

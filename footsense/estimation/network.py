@@ -16,8 +16,7 @@ from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.errors import ModelError
 from footsense.estimation.baseline import trimmed_means
 from footsense.estimation.settings import Sensitivity
-from footsense.foot.files.checksum_trailer import verified_sha256
-from footsense.foot.files.network_card import INPUTS, METADATA_KEY, OUTPUTS, Signal, read_card
+from footsense.foot.network_card import INPUTS, METADATA_KEY, OUTPUTS, Signal, read_card, verified_sha256
 from footsense.frames import ELEMENTS, Mask, Stamps, Vector
 from footsense.ports import Estimator, LoadEstimate, Window
 

@@ -16,7 +16,7 @@ from footsense.estimation.leg_state import LegStateClassifier
 from footsense.estimation.missing_elements import Imputation, missing_sets_containing
 from footsense.estimation.network import STEADY_AGES_S, Readings, ReadingWindow
 from footsense.estimation.settings import EstimationLimits, MountedFeet, Sensitivity
-from footsense.foot.files.network_card import TrainedInputs
+from footsense.foot.network_card import TrainedInputs
 from footsense.frames import (
     IS_USABLE_STATE,
     CapFrame,

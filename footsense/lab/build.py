@@ -15,9 +15,8 @@ import numpy as np
 
 from footsense.estimation.missing_elements import MISSING_SETS, Imputation
 from footsense.estimation.network import steady_windows
-from footsense.foot.files.checksum_trailer import add_checksum
-from footsense.foot.files.network_card import FORMAT, INPUTS, OUTPUTS
 from footsense.foot.force_errors import ForceErrors
+from footsense.foot.network_card import FORMAT, INPUTS, OUTPUTS, add_checksum
 from footsense.foot.response_table import FootResponse
 from footsense.lab.evaluation.evaluate import ForceEstimator
 from footsense.lab.evaluation.evaluate_models import (

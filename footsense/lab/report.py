@@ -26,7 +26,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from footsense.errors import FootsenseError
-from footsense.foot.files.network_card import TrainedInputs, read_card
+from footsense.foot.network_card import TrainedInputs, read_card
 from footsense.foot.response_table import FootResponse
 from footsense.lab import studies
 from footsense.lab.evaluation.evaluate_models import open_models

@@ -19,8 +19,7 @@ import msgspec
 import numpy as np
 
 from footsense.foot.directions import tangent_frame
-from footsense.foot.response_table import FootResponse, n_basis_functions, series_basis
-from footsense.foot.symmetry import product_powers
+from footsense.foot.response_table import FootResponse, n_basis_functions, product_powers, series_basis
 from footsense.frames import Vector
 from footsense.lab.fem.adjoint import AdjointFields, solve_cell_closure_fields
 from footsense.lab.fem.elasticity import BondedLayer

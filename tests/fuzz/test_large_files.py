@@ -11,8 +11,7 @@ from footsense.config import load_config
 from footsense.config.test_stand import load_test_stand
 from footsense.daemon.foot_types import DEFAULT_FOOT_TYPE
 from footsense.estimation.network import Network
-from footsense.foot.files.calibration_format import HASHED_FILES, MANIFEST
-from footsense.foot.files.calibration_reader import read_calibration
+from footsense.foot.calibration_files import HASHED_FILES, MANIFEST, read_calibration
 from footsense.foot.response_table import FootResponse
 from footsense.recording.replay import Replay
 from footsense.ring.cycle_reader import CycleReader

@@ -14,8 +14,7 @@ from onnx import ModelProto, TensorProto, helper
 from footsense.daemon.foot_types import released_path
 from footsense.errors import ModelError
 from footsense.estimation.network import Network
-from footsense.foot.files.checksum_trailer import add_checksum
-from footsense.foot.files.network_card import INPUTS, OUTPUTS, read_card
+from footsense.foot.network_card import INPUTS, OUTPUTS, add_checksum, read_card
 from tests.fuzz.outcome import EXAMPLES, NO_MESSAGE, TRIED, anything, judged_with_little_memory, refusal
 from tests.support.networks import ALL_IN, ALL_OUT
 

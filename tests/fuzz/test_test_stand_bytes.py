@@ -16,8 +16,7 @@ from footsense.acquisition.mcu_source import McuSource, Serial
 from footsense.calibration.writer import write_calibration
 from footsense.config.test_stand import load_test_stand
 from footsense.daemon.foot_types import DEFAULT_FOOT_TYPE
-from footsense.foot.files.calibration_format import MANIFEST, PARAMETERS, Manifest
-from footsense.foot.files.calibration_reader import read_calibration
+from footsense.foot.calibration_files import MANIFEST, PARAMETERS, Manifest, read_calibration
 from footsense.frames import Reading, ReferenceSamples
 from footsense.reference.net_ft import NetFtReference
 from footsense.reference.sample_stream import SampleStream

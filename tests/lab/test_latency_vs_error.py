@@ -25,7 +25,7 @@ from footsense.benchmarks.latency_vs_error import (
     settling_ms,
 )
 from footsense.foot.capacitor import CapacitorDesign
-from footsense.foot.files.network_card import TrainedInputs
+from footsense.foot.network_card import TrainedInputs
 from footsense.foot.specimen import Foot
 from footsense.lab.evaluation.evaluate_models import open_models
 from footsense.lab.report import StudyContext

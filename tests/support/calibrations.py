@@ -8,8 +8,7 @@ import numpy as np
 import footsense
 from footsense.calibration.writer import write_calibration
 from footsense.daemon.foot_types import DEFAULT_FOOT_TYPE, released_path
-from footsense.foot.files.calibration_format import HeldOutErrors, Manifest
-from footsense.foot.files.calibration_reader import FootCalibration
+from footsense.foot.calibration_files import FootCalibration, HeldOutErrors, Manifest
 from footsense.foot.force_errors import ForceErrors
 from footsense.foot.parameters import FootParameters
 

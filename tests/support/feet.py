@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from footsense.estimation.pipeline import Pipeline
 from footsense.estimation.settings import EstimationLimits, MountedFeet, Sensitivity, TareLimits
 from footsense.foot.capacitor import CapacitorDesign
-from footsense.foot.files.network_card import TrainedInputs
+from footsense.foot.network_card import TrainedInputs
 from footsense.frames import CapFrame, ContactFrame, Flag, Reading, Result
 from footsense.ports import Estimator, LoadEstimate, Window
 

@@ -9,8 +9,7 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper
 
-from footsense.foot.files.checksum_trailer import add_checksum
-from footsense.foot.files.network_card import FORMAT, INPUTS, METADATA_KEY, OUTPUTS
+from footsense.foot.network_card import FORMAT, INPUTS, METADATA_KEY, OUTPUTS, add_checksum
 from footsense.frames import Vector
 
 FLOAT, DOUBLE = TensorProto.FLOAT, TensorProto.DOUBLE

@@ -17,7 +17,7 @@ from footsense.daemon.foot_types import released_path
 from footsense.daemon.models import load_calibrations
 from footsense.daemon.service import open_service
 from footsense.errors import ModelError
-from footsense.foot.files.checksum_trailer import add_checksum
+from footsense.foot.network_card import add_checksum
 from footsense.frames import Cycle, Leg, State
 from footsense.sim.scene import Scene
 from footsense.sim.scene_loads import Constant

@@ -11,7 +11,7 @@ from footsense.cli.recordings import replay
 from footsense.config import Config
 from footsense.config.sections import Bus
 from footsense.daemon.service import open_service
-from footsense.foot.temperature import UNKNOWN_TEMPERATURE_SIGMA_REL
+from footsense.foot.parameters import UNKNOWN_TEMPERATURE_SIGMA_REL
 from footsense.frames import Cycle, State
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay

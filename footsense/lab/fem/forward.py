@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import ngsolve as ng
 import numpy as np
 
-from footsense.foot.symmetry import FLAT_OF_GRID
+from footsense.foot.response_table import FLAT_OF_GRID
 from footsense.frames import Vector
 from footsense.lab.fem.elasticity import hertz_pressure_shape
 from footsense.lab.fem.mesh import MeshSize, build_quarter_mesh, quarter_cells, quarter_grid

@@ -15,7 +15,7 @@ from netgen.meshing import MeshingParameters
 
 from footsense.errors import ModelError
 from footsense.foot.gap_contact import CELLS_PER_SIDE
-from footsense.foot.symmetry import GRID_SIDE
+from footsense.foot.response_table import GRID_SIDE
 from footsense.frames import ROWS, Vector
 from footsense.lab.fem.solids import EQUAL_WITHIN_MM, bodies, curved_mesh, lies_in_coordinate_plane, square
 from footsense.lab.geometry import FootDesign

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.foot.symmetry import product_powers
+from footsense.foot.response_table import product_powers
 from footsense.frames import Vector
 
 

@@ -19,8 +19,7 @@ from netgen.meshing import MeshingParameters
 from footsense.errors import ModelError
 from footsense.foot.directions import normalized
 from footsense.foot.gap_contact import CELLS_PER_SIDE, N_CELLS
-from footsense.foot.response_table import FootResponse, series_basis
-from footsense.foot.symmetry import FLAT_OF_GRID, GRID_SIDE
+from footsense.foot.response_table import FLAT_OF_GRID, GRID_SIDE, FootResponse, series_basis
 from footsense.frames import Vector
 from footsense.lab.fem.adjoint import SURFACE_QUADRATURE_ORDER
 from footsense.lab.fem.elasticity import BondedLayer, mixed_strain_energy_density, strain_energy_density

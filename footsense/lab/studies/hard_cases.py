@@ -19,9 +19,9 @@ from footsense.estimation.network import sensitivity, steady_windows
 from footsense.estimation.pipeline import Pipeline
 from footsense.estimation.settings import EstimationLimits, MountedFeet, TareLimits
 from footsense.foot.directions import directions
-from footsense.foot.files.network_card import INPUTS
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.gap_contact import N_CELLS, solve_contact_lcp
+from footsense.foot.network_card import INPUTS
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, CapFrame, Reading, State, Vector

@@ -22,7 +22,7 @@ from onnx import TensorProto, helper, numpy_helper
 
 from footsense.errors import ModelError
 from footsense.estimation.network import steady_windows
-from footsense.foot.files.network_card import INPUTS, METADATA_KEY, OUTPUTS, Signal
+from footsense.foot.network_card import INPUTS, METADATA_KEY, OUTPUTS, Signal
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.training.symmetric_layers import (
     N_SYMMETRIES,

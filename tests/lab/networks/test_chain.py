@@ -21,8 +21,8 @@ from footsense.daemon.service import open_service
 from footsense.errors import FootsenseError, ModelError
 from footsense.estimation.missing_elements import MISSING_SETS, Imputation
 from footsense.estimation.network import Network, steady_windows
-from footsense.foot.files.network_card import METADATA_KEY, read_card
 from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
+from footsense.foot.network_card import METADATA_KEY, read_card
 from footsense.foot.response_table import FootResponse
 from footsense.lab.build import MAX_ONNX_DIFFERENCE_REL, QUICK_BUILD, BuildResult, build
 from footsense.lab.evaluation.compare import compare_builds

@@ -13,7 +13,7 @@ from onnx import TensorProto
 
 from footsense.estimation.missing_elements import MISSING_SETS
 from footsense.estimation.network import STEADY_AGES_S
-from footsense.foot.files.network_card import INPUTS, OUTPUTS
+from footsense.foot.network_card import INPUTS, OUTPUTS
 from footsense.lab.symmetry import SYMMETRIES, element_permutation
 from footsense.lab.training.export import OnnxNetwork, onnx_model
 from footsense.lab.training.symmetric_layers import linear_basis

@@ -13,7 +13,7 @@ import pytest
 from footsense.config import DEFAULT
 from footsense.daemon.models import load_models
 from footsense.errors import ModelError
-from footsense.foot.files.checksum_trailer import add_checksum
+from footsense.foot.network_card import add_checksum
 from footsense.frames import Vector
 from tests.support.networks import ALL_IN, ALL_OUT, FLOAT, N_IN, N_OUT, card, network_file
 from tests.system.command import footsense, one_line_error, robot

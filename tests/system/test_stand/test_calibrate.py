@@ -19,7 +19,7 @@ from footsense.daemon.service import open_service
 from footsense.daemon.test_stand import StandSession
 from footsense.errors import CalibrationError
 from footsense.estimation.settings import TareLimits
-from footsense.foot.files.calibration_reader import read_calibration
+from footsense.foot.calibration_files import read_calibration
 from footsense.frames import Cycle
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay

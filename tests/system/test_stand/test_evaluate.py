@@ -10,7 +10,7 @@ from click.testing import CliRunner, Result
 
 from footsense.cli.calibration import evaluate
 from footsense.errors import CalibrationError, ConfigError, FootsenseError, ModelError, RecordingError
-from footsense.foot.files.calibration_format import Manifest
+from footsense.foot.calibration_files import Manifest
 from tests.support.calibrations import calibration
 from tests.system.simulated_test_stand import record, true_parameters
 

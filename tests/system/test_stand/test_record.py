@@ -16,7 +16,7 @@ import pytest
 
 from footsense.calibration.recorded_session import read_session
 from footsense.daemon.foot_types import DEFAULT_FOOT_TYPE
-from footsense.foot.files.calibration_reader import read_calibration
+from footsense.foot.calibration_files import read_calibration
 from footsense.recording.replay import Replay
 from footsense.sim.clock import VirtualClock
 from footsense.sim.reference_sensor import SimulatedForceSensor

@@ -8,8 +8,7 @@ from scipy.spatial.transform import Rotation
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.gait import ground_of
 from footsense.estimation.network import steady_windows
-from footsense.foot.parameters import FootParameters
-from footsense.foot.temperature import UNKNOWN_TEMPERATURE_SIGMA_REL
+from footsense.foot.parameters import UNKNOWN_TEMPERATURE_SIGMA_REL, FootParameters
 from footsense.ports import LoadEstimate, Window
 
 Vector = NDArray[np.float64]

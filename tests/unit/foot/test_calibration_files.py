@@ -15,9 +15,8 @@ import pytest
 from footsense.calibration.writer import check_calibration_target, write_calibration
 from footsense.daemon.foot_types import DEFAULT_FOOT_TYPE, released_path
 from footsense.errors import CalibrationError, FootsenseError, ModelError
-from footsense.foot.files.calibration_format import Manifest
-from footsense.foot.files.calibration_reader import read_calibration
-from footsense.foot.files.checksum_trailer import add_checksum
+from footsense.foot.calibration_files import Manifest, read_calibration
+from footsense.foot.network_card import add_checksum
 from tests.support.calibrations import calibration, content, parameters
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from footsense.errors import ModelError
 from footsense.foot.capacitor import GAP_CLOSED_THRESHOLD_REL
-from footsense.foot.files.network_card import FORMAT, INPUTS, OUTPUTS, read_card
+from footsense.foot.network_card import FORMAT, INPUTS, OUTPUTS, read_card
 from tests.support.networks import CARD, MOMENTS, card, signals
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from footsense.foot.temperature import (
+from footsense.foot.parameters import (
     STIFFNESS_PER_K,
     UNKNOWN_TEMPERATURE_SIGMA_REL,
     force_factor_and_uncertainty,

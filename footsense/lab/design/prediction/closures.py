@@ -14,8 +14,7 @@ import numpy as np
 
 from footsense.foot.directions import normalized, tangent_frame
 from footsense.foot.gap_contact import element_means
-from footsense.foot.response_table import series_basis
-from footsense.foot.symmetry import whole_series
+from footsense.foot.response_table import series_basis, whole_series
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.design.candidates import Candidates
 from footsense.lab.design.prediction.shapes import (

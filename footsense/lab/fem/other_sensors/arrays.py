@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from footsense.foot.force_errors import GRAM_FORCE_N
-from footsense.foot.symmetry import mirrored_series
+from footsense.foot.response_table import mirrored_series
 from footsense.frames import Vector
 from footsense.lab.fem.mesh import MeshSize
 from footsense.lab.fem.other_sensors.block import BlockColumn, solve_column_stress_fields

@@ -17,9 +17,9 @@ from footsense.estimation.missing_elements import Imputation
 from footsense.estimation.network import steady_windows
 from footsense.foot.capacitor import GAP_CLOSED_THRESHOLD_REL
 from footsense.foot.directions import angles_between_deg, direction_grid, random_directions
-from footsense.foot.files.network_card import TrainedInputs
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.gap_contact import N_CELLS
+from footsense.foot.network_card import TrainedInputs
 from footsense.foot.parameters import FootParameters
 from footsense.foot.specimen import Deviations, Foot
 from footsense.frames import Mask, Vector

@@ -22,13 +22,13 @@ from footsense.lab.evaluation.evaluate import (
     capacitance_based_force_estimator,
     elastance_based_force_estimator,
 )
+from footsense.lab.evaluation.sealed_air import ADIABATIC, AMBIENT_KPA, ROOM_TEMPERATURE_K, SealedFoot
 from footsense.lab.former_page import Plots, Study, StudyContext
 from footsense.lab.monte_carlo.resumable_run import Tolerances
 from footsense.lab.monte_carlo.specimens import measure_foot
 from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.monte_carlo.sweeps import CAREFUL_TEST_STAND
 from footsense.lab.plots import subplot_row
-from footsense.lab.sealed_air import ADIABATIC, AMBIENT_KPA, ROOM_TEMPERATURE_K, SealedFoot
 from footsense.lab.studies.mechanics import venting
 from footsense.lab.training.load_cases import (
     FULL_SCALE_PF,
