@@ -121,12 +121,6 @@ class BaselineDrift(NamedTuple):
     worst_pf: Annotated[Vector, CycleField("<f8", json_keys=("baseline_worst_pf",))]
     moved_ns: Annotated[Stamps, CycleField("<i8", json_keys=("baseline_moved_ns",))]
 
-    @classmethod
-    def none(cls, n_legs: int) -> "BaselineDrift":
-        """Return the drift values of legs without a baseline."""
-        nan = np.full(n_legs, np.nan)
-        return cls(np.full(n_legs, BaselineStatus.NONE, np.uint8), nan, nan, np.zeros(n_legs, np.int64))
-
 
 class GaitEvent(NamedTuple):
     """A gait event of one leg (touchdown, lift-off, slip, ...), reported once.

@@ -47,6 +47,7 @@ def contact_frame(
     def codes(name: str, dtype: type = np.uint8) -> Any:
         return np.full(n_legs, values.get(name, 0), dtype)
 
+    nan = np.full(n_legs, np.nan)
     return ContactFrame(
         sequence=sequence,
         t_sent_ns=t_sent_ns,
@@ -57,6 +58,6 @@ def contact_frame(
         fault_mask=codes("fault_mask", np.uint16),
         flags=codes("flags"),
         cause=codes("cause"),
-        baseline=baseline or BaselineDrift.none(n_legs),
+        baseline=baseline or BaselineDrift(codes("none"), nan, nan, codes("never", np.int64)),
         gait=gait,
     )
