@@ -60,21 +60,10 @@ def _calibration(calibration: FootCalibration) -> dict[str, Any]:
     """Return what is known of a leg's calibration: foot, age, and its errors on the loads held out, where known."""
     manifest = calibration.manifest
     age = datetime.fromisoformat(wall_time_iso()) - datetime.fromisoformat(manifest.made)
-    held_out = manifest.held_out
-    errors = held_out and {
-        "with it": {
-            "direction_deg": held_out.calibrated.direction_deg,
-            "magnitude_gf": held_out.calibrated.magnitude_gf,
-        },
-        "without": {
-            "direction_deg": held_out.design_only.direction_deg,
-            "magnitude_gf": held_out.design_only.magnitude_gf,
-        },
-    }
     return {
         "foot": manifest.foot,
         "made": manifest.made,
         "days_ago": age.days,
         "n_loads": manifest.n_loads,
-        "held_out": errors,
+        "held_out": msgspec.to_builtins(manifest.held_out),
     }
