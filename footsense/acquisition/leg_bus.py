@@ -69,6 +69,10 @@ class BusCosts(NamedTuple):
         )
 
 
+class BusStuckError(Exception):
+    """SDA or SCL is held low; the leg that holds it is left out, the other legs restart their scan."""
+
+
 class LegBus:
     """I2C adapter with its legs behind a TCA9548A, or one leg without; an unchanged selection is not written again.
 

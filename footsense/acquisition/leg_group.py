@@ -15,6 +15,8 @@ that fails is left out for the rest of the scan, so that it costs the others no 
 import logging
 from typing import NamedTuple
 
+import numpy as np
+
 from footsense.acquisition.boards.board import (
     CONVERTED,
     ConversionStep,
@@ -22,16 +24,16 @@ from footsense.acquisition.boards.board import (
     ReadBackCheck,
     Thermometer,
 )
-from footsense.acquisition.leg_bus import LegBus
+from footsense.acquisition.leg_bus import BusStuckError, LegBus
 from footsense.acquisition.leg_connection import (
     STUCK_BUS_PAUSE_FACTOR,
     STUCK_LEG_PAUSE_FACTOR,
     LegConnection,
     measure_chip_timing,
 )
-from footsense.acquisition.scan_plan import BusReadings, ScanPlan
+from footsense.acquisition.scan_plan import ScanPlan
 from footsense.errors import I2cError, I2cTimeoutError
-from footsense.frames import Reading
+from footsense.frames import ELEMENTS, CapFrame, Reading
 from footsense.ports import Clock, Transaction
 
 _log = logging.getLogger(__name__)
@@ -41,10 +43,6 @@ _NAN, _OK = float("nan"), Reading.OK
 _MAX_ATTEMPTS = 2
 
 Legs = tuple[LegConnection, ...]
-
-
-class BusStuckError(Exception):
-    """SDA or SCL is held low; the leg that holds it is left out, the other legs restart their scan."""
 
 
 class Conversion(NamedTuple):
@@ -71,22 +69,30 @@ class LegGroup:
         bus: The bus.
         clock: The time that the bus lives in.
         plan: The conversions of one scan.
-        latest: Readings of the whole bus, written over element by element.
 
     Attributes:
+        latest: Latest readings of all elements, written over one by one.
         mux_read_back: Read of the mux's selection, done after a broadcast question and after every leg: another program
             may have switched it. None where that takes time from the scan, and without a mux.
         running: The conversion that runs; without legs if none of the group's is active, None after a restart.
     """
 
-    def __init__(self, legs: Legs, bus: LegBus, clock: Clock, plan: ScanPlan, latest: BusReadings) -> None:
+    def __init__(self, legs: Legs, bus: LegBus, clock: Clock, plan: ScanPlan) -> None:
         self.legs = legs
         self.running: Conversion | None = None
         self.mux_read_back: Transaction | None = None
         self._bus = bus
         self._clock = clock
         self._plan = plan
-        self._latest = latest
+        shape = len(legs), ELEMENTS
+        unread = np.full(shape, Reading.NO_ANSWER, np.uint8)
+        self.latest = CapFrame(0, np.zeros(shape, np.int64), np.full(shape, _NAN), unread)
+
+    def discard(self, rows: int | slice, elements: int | slice, reading: Reading) -> None:
+        """Replace the latest readings of some legs and elements by NaN and the reason for it."""
+        _, t_ns, capacitance_pf, readings = self.latest
+        at = rows, elements
+        t_ns[at], capacitance_pf[at], readings[at] = 0, _NAN, reading
 
     def active_legs(self) -> tuple[Legs, int]:
         """Return the legs without a failure in this scan, and the mux selection that connects all of them."""
@@ -140,10 +146,8 @@ class LegGroup:
         if failed and ends:
             self._set_up_failed_legs(following)
             legs, selection = self.active_legs()
-        if legs:
-            self._exchange(
-                selection, ()
-            )  # connect them while they convert; if that fails, `_start_conversion` tries again
+        if legs:  # connect them while they convert; if that fails, `_start_conversion` tries again
+            self._exchange(selection, ())
         asks_first = self._wait_and_tell_if_poll_comes_first(finished, ask_first=ask_first)
         all_done = False
         if asks_first:
@@ -175,10 +179,10 @@ class LegGroup:
     ) -> None:
         """Discard the readings of a step, and of failed legs whose check covers the scan all those before it."""
         for result in step.results:
-            self._latest.discard((slice(None), result.element), Reading.NO_ANSWER)
+            self.discard(slice(None), result.element, Reading.NO_ANSWER)
             for leg, outcome in failed.items():
                 elements = slice(None) if leg in checked_until_now else result.element
-                self._latest.discard((leg.row, elements), outcome)
+                self.discard(leg.row, elements, outcome)
 
     def _wait_and_tell_if_poll_comes_first(self, conversion: Conversion, *, ask_first: bool) -> bool:
         """Wait until all legs have finished; return whether they are to be asked before the next trigger.
@@ -192,19 +196,15 @@ class LegGroup:
         self._clock.sleep_until_ns(conversion.t_start_ns + round(self._plan.conversion_wait_ns * wait_factor))
         return forgets and conversion.step.done is not None
 
-    def start_temperatures(self, thermometer: Thermometer) -> Legs:
-        """Start a temperature conversion on all active legs; return these legs (none if the bus failed)."""
+    def read_temperatures(self, thermometer: Thermometer) -> None:
+        """Convert and store the temperature of each active leg [degC], of which there is one; end at a failure."""
         legs, selection = self.active_legs()
-        if not legs:
-            return ()
         self.running = None
         if self._exchange(selection, thermometer.start) is None:
             self._bus.forget_selection()
-            return ()
-        return legs
-
-    def read_temperatures(self, thermometer: Thermometer, legs: Legs) -> None:
-        """Read the temperature of each given leg [degC] and store it in the leg; stop at the first failure."""
+            return
+        wait_factor = max(leg.timing.wait_factor for leg in legs)
+        self._clock.sleep_until_ns(self._clock.now_ns() + round(wait_factor * thermometer.wait_ns))
         for leg in legs:
             answers = self._exchange(leg.selection, (thermometer.read, thermometer.read))
             if answers is None:
@@ -250,7 +250,7 @@ class LegGroup:
     def _read_out(
         self, step: ConversionStep, following: ConversionStep, legs: Legs, t_start_ns: int, *, all_done: bool
     ) -> None:
-        t_ns, capacitance_pf, readings = self._latest
+        _, t_ns, capacitance_pf, readings = self.latest
         plan = self._plan
         for leg in legs:
             if not leg.in_scan:  # left out since the conversion began

@@ -1,4 +1,4 @@
-"""Plan of a scan: order of the conversions, and the I2C transactions that they need; the readings that it gives."""
+"""Plan of a scan: order of the conversions, and the I2C transactions that they need."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -9,7 +9,6 @@ from msgspec import Struct
 from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.acquisition.boards import ad7746, fdc1004
 from footsense.acquisition.boards.board import Board, ConversionStep, ReadBackCheck
-from footsense.frames import Codes, Reading, Stamps, Vector
 from footsense.ports import Transaction
 
 #: The boards, by their names in a configuration.
@@ -25,18 +24,6 @@ class Scan(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """
 
     rate_sps: Literal[9, 11, 13, 16, 26, 50, 84, 91, 100, 200, 400] | None = None
-
-
-class BusReadings(NamedTuple):
-    """Latest readings of the legs of one bus; arrays as in `CapFrame`, rows in the order of the bus's legs."""
-
-    t_ns: Stamps
-    capacitance_pf: Vector
-    reading: Codes
-
-    def discard(self, where: tuple[int | slice, int | slice], reading: Reading) -> None:
-        """Replace readings of some legs and elements by NaN and the reason for it."""
-        self.t_ns[where], self.capacitance_pf[where], self.reading[where] = 0, float("nan"), reading
 
 
 class ScanPlan(NamedTuple):

@@ -19,11 +19,11 @@ from typing import Any
 
 import numpy as np
 
-from footsense.acquisition.leg_bus import BusTiming, LegBus, bus_timing, checks_that_fit
+from footsense.acquisition.leg_bus import BusStuckError, BusTiming, LegBus, bus_timing, checks_that_fit
 from footsense.acquisition.leg_connection import LegConnection, probe_due_legs, probe_leg
-from footsense.acquisition.leg_group import BusStuckError, LegGroup
-from footsense.acquisition.scan_plan import BusReadings, ScanPlan
-from footsense.frames import ELEMENTS, ROWS, CapFrame, Reading, Vector
+from footsense.acquisition.leg_group import LegGroup
+from footsense.acquisition.scan_plan import ScanPlan
+from footsense.frames import ROWS, CapFrame, Reading, Vector
 from footsense.ports import Clock
 
 #: Attempts of a conversion on a bus with stuck lines.
@@ -60,10 +60,9 @@ class BusScanner:
         self.legs = tuple(
             LegConnection(name, channel, row) for row, (name, channel) in enumerate(channels.items())
         )
-        shape = len(self.legs), ELEMENTS
-        self.latest = BusReadings(np.zeros(shape, np.int64), np.zeros(shape), np.zeros(shape, np.uint8))
-        self.latest.discard((slice(None), slice(None)), Reading.NO_ANSWER)
-        self._group = LegGroup(self.legs, bus, clock, plan, self.latest)
+        self._group = LegGroup(self.legs, bus, clock, plan)
+        self.latest = self._group.latest
+        self._sequence = 0
         self._position = 0
         self._n_scans = 0
         self._check_all = True
@@ -95,8 +94,8 @@ class BusScanner:
                 with contextlib.suppress(BusStuckError):  # the leg is left out
                     self._group.measure_conversion_time(leg)
 
-    def read_next_step(self) -> BusReadings:
-        """Finish the next conversion of every leg; return a copy of the latest readings of all elements.
+    def read_next_step(self) -> CapFrame:
+        """Finish the next conversion of every leg; return its frame, with a copy of the latest readings.
 
         The conversion after it is then running.
         """
@@ -117,9 +116,11 @@ class BusScanner:
             for leg in self.legs:
                 reason = Reading.DELAYED if leg.in_scan else leg.outcome
                 for result in self.plan.steps[position].results:
-                    self.latest.discard((leg.row, result.element), reason)
-        t_ns, capacitance_pf, reading = self.latest
-        return BusReadings(t_ns.copy(), capacitance_pf.copy(), reading.copy())
+                    self._group.discard(leg.row, result.element, reason)
+        _, t_ns, capacitance_pf, reading = self.latest
+        frame = CapFrame(self._sequence, t_ns.copy(), capacitance_pf.copy(), reading.copy())
+        self._sequence += 1
+        return frame
 
     def disconnect_legs(self) -> None:
         """Disconnect all legs from the bus: select no mux channel."""
@@ -188,11 +189,7 @@ class BusScanner:
         if not self._group.active_legs()[0]:
             return
         self._temperature_due_ns = self.clock.now_ns() + _TEMPERATURE_PERIOD_NS
-        legs = self._group.start_temperatures(thermometer)
-        if legs:
-            wait_factor = max(leg.timing.wait_factor for leg in legs)
-            self.clock.sleep_until_ns(self.clock.now_ns() + round(wait_factor * thermometer.wait_ns))
-        self._group.read_temperatures(thermometer, legs)
+        self._group.read_temperatures(thermometer)
         self.legs[self._n_temperatures % len(self.legs)].is_timed = False
         self._n_temperatures += 1
 
@@ -234,7 +231,7 @@ class RobotScanner:
         if threads and len(self._buses) > 1:
             self._pool = ThreadPoolExecutor(len(self._buses), thread_name_prefix="i2c")
         # Readings on their way, with the time at which they are complete [ns], and the last that have arrived.
-        self._pending: list[Future[tuple[BusReadings, int]] | None] = [None] * len(self._buses)
+        self._pending: list[Future[tuple[CapFrame, int]] | None] = [None] * len(self._buses)
         self._latest = [bus.latest for bus in self._buses]
         self._grace_ns = (
             0 if len(self._buses) == 1 else max(bus.plan.conversion_wait_ns for bus in self._buses)
@@ -280,7 +277,8 @@ class RobotScanner:
                 self._latest[0] = self._buses[0].read_next_step()
             else:
                 self._read_buses()
-        t_ns, capacitance_pf, reading = map(np.concatenate, zip(*self._latest, strict=True))
+        _, *of_buses = zip(*self._latest, strict=True)
+        t_ns, capacitance_pf, reading = map(np.concatenate, of_buses)
         frame = CapFrame(self._sequence, t_ns, capacitance_pf, reading)
         self._sequence += 1
         return frame
@@ -315,6 +313,6 @@ class RobotScanner:
             bus.disconnect_legs()
 
 
-def _read_with_completion_time(bus: BusScanner) -> tuple[BusReadings, int]:
+def _read_with_completion_time(bus: BusScanner) -> tuple[CapFrame, int]:
     """Return the next readings of a bus, and the time at which they were complete [ns]."""
     return bus.read_next_step(), bus.clock.now_ns()

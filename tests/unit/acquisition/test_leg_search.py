@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from footsense.acquisition.leg_bus import LegBus
-from footsense.acquisition.scan_plan import BusReadings, scan_plan
+from footsense.acquisition.scan_plan import scan_plan
 from footsense.acquisition.scanner import BusScanner
-from footsense.frames import Reading
+from footsense.frames import CapFrame, Reading
 from footsense.sim.chips.chip import SimulatedLineSwitch, SimulatedMux
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 from footsense.sim.clock import VirtualClock
@@ -59,14 +59,14 @@ class Robot:
         self.scanner = BusScanner(LegBus(bus, 0x71, mux if reset else None), self.clock, LEGS, plan)
         self.scanner.start()
 
-    def scan(self) -> BusReadings:
+    def scan(self) -> CapFrame:
         """Read to the end of a scan, where settings are checked; a conversion that was lost twice is read again."""
         readings = self.scanner.read_next_step()
         while self.scanner._position:
             readings = self.scanner.read_next_step()
         return readings
 
-    def scan_until(self, t_s: float) -> list[BusReadings]:
+    def scan_until(self, t_s: float) -> list[CapFrame]:
         scans = []
         while self.clock.now_ns() < t_s * 1e9:
             scans.append(self.scan())

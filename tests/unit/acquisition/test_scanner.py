@@ -12,11 +12,11 @@ from firmware_interface.chips.fdc1004 import Fdc1004Register
 from firmware_interface.schedule import scan_lower_bounds
 from footsense.acquisition.boards.fdc1004 import read_register
 from footsense.acquisition.leg_bus import LegBus
-from footsense.acquisition.scan_plan import BusReadings, scan_plan
+from footsense.acquisition.scan_plan import scan_plan
 from footsense.acquisition.scanner import BusScanner, RobotScanner
 from footsense.clock import MonotonicClock
 from footsense.errors import HardwareError, I2cTimeoutError, NackError
-from footsense.frames import Reading
+from footsense.frames import CapFrame, Reading
 from footsense.ports import Transaction
 from footsense.sim.chips.chip import SimulatedMux
 from footsense.sim.clock import VirtualClock
@@ -112,10 +112,10 @@ class HeldBus:
         self.n_read = 0
 
     @property
-    def latest(self) -> BusReadings:
-        return BusReadings(np.full((1, 9), self.n_read), np.ones((1, 9)), np.zeros((1, 9), np.uint8))
+    def latest(self) -> CapFrame:
+        return CapFrame(0, np.full((1, 9), self.n_read), np.ones((1, 9)), np.zeros((1, 9), np.uint8))
 
-    def read_next_step(self) -> BusReadings:
+    def read_next_step(self) -> CapFrame:
         self.lines_free.wait(10)
         self.n_read += 1
         return self.latest
