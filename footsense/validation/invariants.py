@@ -17,6 +17,7 @@ from firmware_interface.can.socketcan import unpack_frame
 from firmware_interface.wire_timing import FRAMES_PER_LEG, LONGEST_FRAME_BITS
 from footsense.frames import ELEMENTS, USABLE, ContactFrame, Cycle, State, Vector
 from footsense.ports import Observer
+from footsense.sim.can.controller import N_MAILBOXES
 from footsense.sim.can.interface import AS_DEPLOYED
 from footsense.sim.faults.scene_faults import (
     ArbitrationLost,
@@ -128,7 +129,7 @@ TOLERATED_CAN_RECOVERY_S = 2.0
 #: Delay of the next cycle by the search for a leg [s].
 _TOLERATED_LEG_SEARCH_DELAY_S = 1.5e-3
 #: Frames ahead of one on the wire: a full queue and the mailboxes, each of which loses to another node's [bits].
-_QUEUE_DRAIN_BITS = 2 * (AS_DEPLOYED.queue_frames + AS_DEPLOYED.n_mailboxes) * LONGEST_FRAME_BITS
+_QUEUE_DRAIN_BITS = 2 * (AS_DEPLOYED.queue_frames + N_MAILBOXES) * LONGEST_FRAME_BITS
 #: Values of the counter in a frame of CAN.
 _COUNTER_VALUES = 15
 

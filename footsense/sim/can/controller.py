@@ -31,6 +31,9 @@ _ERROR_PASSIVE_THRESHOLD = 128
 _BUS_OFF_THRESHOLD = 256
 _CONTROLLER_TX_PASSIVE = 0x20
 
+#: Transmit mailboxes of the controller.
+N_MAILBOXES = 3
+
 
 class CanSettings(NamedTuple):
     """Settings of a simulated CAN interface: transmit queue and controller.
@@ -40,14 +43,12 @@ class CanSettings(NamedTuple):
         head_drop: Whether a full queue drops its oldest frame instead of refusing the newest.
         one_shot: Whether the controller sends each frame once only.
         restart_ns: Time from bus-off to the automatic restart [ns]; 0 for none.
-        n_mailboxes: Transmit mailboxes of the controller.
     """
 
     queue_frames: int
     head_drop: bool
     one_shot: bool
     restart_ns: int
-    n_mailboxes: int = 3
 
 
 class CanController:
@@ -121,7 +122,7 @@ class CanController:
 
     def start_transmission(self, t_ns: int) -> None:
         """Fill the mailboxes from the queue, and start sending a frame if the bus is idle."""
-        while len(self._mailboxes) < self._settings.n_mailboxes and self.running and self._queue.frames:
+        while len(self._mailboxes) < N_MAILBOXES and self.running and self._queue.frames:
             self._mailboxes.append(self._queue.frames.popleft())
         if self._free_ns < math.inf:
             return
