@@ -56,7 +56,12 @@ def close_at_end(close: Callable[[], None]) -> Iterator[None]:
     close()
 
 
+def can_faults(scene: Scene | None) -> list[CanFault]:
+    """Return the CAN faults of a scene; with any, the CAN interface is simulated."""
+    return [fault for fault in scene.faults if isinstance(fault, CanFault)] if scene is not None else []
+
+
 def simulated_can(config: Config, scene: Scene | None, clock: Clock) -> SimulatedCan | None:
     """Return the simulated CAN interface if the scene has CAN faults, else None."""
-    faults = [fault for fault in scene.faults if isinstance(fault, CanFault)] if scene is not None else []
+    faults = can_faults(scene)
     return SimulatedCan(clock, config.can.bitrate, faults) if faults else None

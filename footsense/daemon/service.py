@@ -17,7 +17,7 @@ from footsense.can.wire import Can
 from footsense.clock import MonotonicClock, Realtime, low_latency_interpreter, request_realtime
 from footsense.config import Config
 from footsense.daemon.acquisition import check_adapters, open_scan_source
-from footsense.daemon.can_output import can_sink, close_at_end, simulated_can
+from footsense.daemon.can_output import can_faults, can_sink, close_at_end, simulated_can
 from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.loop import Loop
 from footsense.daemon.models import load_models
@@ -134,7 +134,8 @@ def open_service(
             # Simulated forces must not reach the controller of the real robot, nor readers of its ring.
             config = msgspec.structs.replace(config, can=Can(interface="virtual"), ring=None)
         if can_log is not None:
-            check_log_target(can_log, config.can.interface, config.can.channel)
+            interface = "virtual" if can_faults(scene) else config.can.interface
+            check_log_target(can_log, interface, config.can.channel)
         models = load_models(config)
         # Before any chip is accessed; the recorder's process drops the scheduling that it inherits.
         flags = Flag.SIMULATED

@@ -2,12 +2,19 @@
 
 from pathlib import Path
 
+import can
+import msgspec
 import pytest
 
+from firmware_interface.can.codes import NODE_IDS
+from firmware_interface.can.force import FORCE_ID
+from footsense.can.wire import Can
+from footsense.config import DEFAULT
+from footsense.daemon.service import open_service
 from footsense.errors import ConfigError
 from footsense.sim.faults.scene_faults import CanBusOff, CanDown, CanFault, CanNoAck
 from footsense.sim.scene import load_scene
-from footsense.validation.fault_trial import can_trial
+from footsense.validation.fault_trial import WALK_SCENE, can_trial
 
 
 @pytest.mark.parametrize(
@@ -38,3 +45,18 @@ def test_a_scene_names_what_breaks_on_can(tmp_path: Path) -> None:
     scene.write_text(text % "can_can")
     with pytest.raises(ConfigError, match=r"scene\.yaml.*can_can"):
         load_scene(str(scene))
+
+
+def test_a_robot_on_socketcan_logs_the_frames_of_a_simulated_can_alone(tmp_path: Path) -> None:
+    """A scene that breaks CAN simulates it; the frames of the machine's own interface are `candump`'s."""
+    robot = msgspec.structs.replace(DEFAULT, can=Can(interface="socketcan", channel="can0"))
+    log = tmp_path / "can.log"
+    with (
+        pytest.raises(ConfigError, match="candump -l can0"),
+        open_service(robot, WALK_SCENE, real_time=False, can_log=log),
+    ):
+        pass
+    breaks = msgspec.structs.replace(WALK_SCENE, faults=(CanDown(at_s=0.5),))
+    with open_service(robot, breaks, real_time=False, can_log=log) as service:
+        service.run(until_ns=100_000_000)
+    assert {NODE_IDS[leg] + FORCE_ID for leg in robot.legs} <= {m.arbitration_id for m in can.LogReader(log)}
