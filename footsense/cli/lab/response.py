@@ -33,7 +33,7 @@ def _parse_direction(_: click.Context, __: click.Parameter, text: str) -> tuple[
     help="Azimuth and elevation of the force [deg].",
 )
 @click.option("--force-n", type=float, required=True, help="Its magnitude [N].")
-@click.option("--level", default="contact", show_default=True, help="half-space, linear, contact or full.")
+@click.option("--level", default="contact", show_default=True, help="half-space, linear, contact or mesh.")
 @options.models_option
 @json_option
 def response(
@@ -46,7 +46,7 @@ def response(
 ) -> None:
     """Print closures and capacitances of all elements under one centred load."""  # noqa: DOC501 - click shows this text
     from footsense.lab.evaluation.evaluate_models import open_models
-    from footsense.lab.fidelity.levels import response_json
+    from footsense.lab.evaluation.fidelity_levels import response_json
     from footsense.lab.foot_file import FOOT_FILE, load_foot
 
     folder = models or options.released_folder()

@@ -1,17 +1,12 @@
-"""Elastic energy densities (Hooke at small strain, neo-Hookean at finite strain) for displacement and mixed forms.
+"""Elastic energy densities of small strain (Hooke) for displacement and mixed forms.
 
-    Hooke         W = G eps:eps + lambda/2 (div u)^2,                         eps = (grad u + grad u^T) / 2
-    neo-Hookean   W = G/2 (F:F - 3 - 2 ln J) + lambda/2 (J - 1)^2,            F = 1 + grad u, J = det F
+    W = G eps:eps + lambda/2 (div u)^2,                         eps = (grad u + grad u^T) / 2
 
-The neo-Hookean energy has Hooke's law with the same G and lambda as its limit. Near nu = 1/2 the volume term locks the
-mesh; there the pressure p = lambda (J - 1), or lambda div u, is an unknown of its own,
+Near nu = 1/2 the volume term locks the mesh; there the pressure p = lambda div u is an unknown of its own,
 
-    W = (the shear term) + p (J - 1) - p^2 / (2 lambda),
+    W = G eps:eps + p div u - p^2 / (2 lambda),
 
 which with p one order below u (Taylor-Hood) is stable up to nu = 1/2. `ng.Variation` makes the weak form of an energy.
-
-Source:
-    Bonet and Wood, Nonlinear Continuum Mechanics for Finite Element Analysis, ch. 6 (compressible neo-Hookean).
 """
 
 from dataclasses import dataclass
@@ -23,27 +18,19 @@ from footsense.frames import Vector
 from footsense.lab.geometry import Material, ThinFilm
 
 
-def _shear_energy_and_volume_change(material: Material, u: Any, *, finite_strain: bool) -> tuple[Any, Any]:
-    """Return the shear energy density [MPa] and the relative volume change [1] of a displacement field [mm]."""
-    if finite_strain:
-        gradient = ng.Id(3) + ng.Grad(u)
-        volume = ng.Det(gradient)
-        squares = ng.InnerProduct(gradient, gradient) - 3.0 - 2.0 * ng.log(volume)
-        return 0.5 * material.shear_modulus_mpa * squares, volume - 1.0
+def _shear_energy_density(material: Material, u: Any) -> Any:
     strain = 0.5 * (ng.Grad(u) + ng.Grad(u).trans)
-    return material.shear_modulus_mpa * ng.InnerProduct(strain, strain), ng.div(u)
+    return material.shear_modulus_mpa * ng.InnerProduct(strain, strain)
 
 
-def strain_energy_density(material: Material, u: Any, *, finite_strain: bool = False) -> Any:
+def strain_energy_density(material: Material, u: Any) -> Any:
     """Return the strain energy density [MPa] of a displacement u [mm]; for Poisson's ratios well below 1/2."""
-    shear, growth = _shear_energy_and_volume_change(material, u, finite_strain=finite_strain)
-    return shear + 0.5 * material.lame_lambda_mpa * growth**2
+    return _shear_energy_density(material, u) + 0.5 * material.lame_lambda_mpa * ng.div(u) ** 2
 
 
-def mixed_strain_energy_density(material: Material, u: Any, p: Any, *, finite_strain: bool = False) -> Any:
+def mixed_strain_energy_density(material: Material, u: Any, p: Any) -> Any:
     """Return the energy density [MPa] of displacement u [mm] and pressure p [MPa] (mixed form, saddle point in p)."""
-    shear, growth = _shear_energy_and_volume_change(material, u, finite_strain=finite_strain)
-    return shear + p * growth - p**2 / (2.0 * material.lame_lambda_mpa)
+    return _shear_energy_density(material, u) + p * ng.div(u) - p**2 / (2.0 * material.lame_lambda_mpa)
 
 
 @dataclass(frozen=True, slots=True)

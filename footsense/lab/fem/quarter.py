@@ -75,7 +75,7 @@ class QuarterFoot:
             design: The foot.
             size: Resolution of the mesh.
             parity: The symmetry class.
-            mesh: A mesh of `build_mesh` to share between classes; made if None.
+            mesh: A mesh of `build_quarter_mesh` to share between classes; made if None.
             layer: Joins both bodies; the spacer's bars if None.
 
         Raises:

@@ -7,11 +7,10 @@ import pytest
 
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
+from footsense.lab.evaluation.fidelity_levels import LEVEL_NAMES, fidelity_level, response_json
+from footsense.lab.evaluation.half_space import HalfSpace, normalised_cavity_closure_mm
 from footsense.lab.fem.forward import DirectSolveFoot
 from footsense.lab.fem.mesh import COARSE_MESH
-from footsense.lab.fidelity.half_space import HalfSpace
-from footsense.lab.fidelity.lattice import normalised_cavity_closure_mm
-from footsense.lab.fidelity.levels import LEVEL_NAMES, fidelity_level, response_json
 from tests.lab.released import FOOT_DESIGN, RELEASED
 
 pytestmark = pytest.mark.lab

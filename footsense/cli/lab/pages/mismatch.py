@@ -21,7 +21,6 @@ from footsense.errors import FootsenseError
 from footsense.foot.directions import random_directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.specimen import ContactLoads
-from footsense.lab.fidelity.levels import finite_strain_level
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.former_page import Plots, Study, StudyContext
 from footsense.lab.geometry import LoadRange
@@ -60,7 +59,6 @@ class MismatchResults:
         mahalanobis_distance_and_error: By row: distance of each foot's loads, and its mean centred direction error
             [deg].
         response_tables_cpu_s: Processor time of the tables that this run solved; those that it found are not in it [s].
-        full_solve_cpu_s: Processor time of one load by the full solve; None if not measured [s].
     """
 
     n_feet: int
@@ -69,7 +67,6 @@ class MismatchResults:
     max_over_feet: dict[str, dict[str, float]]
     mahalanobis_distance_and_error: dict[str, list[tuple[float, float]]]
     response_tables_cpu_s: float
-    full_solve_cpu_s: float | None
 
     @property
     def total_cpu_s(self) -> float:
@@ -187,9 +184,6 @@ def run_study(
         max_over_feet=max_over_feet,
         mahalanobis_distance_and_error=error_over_distance,
         response_tables_cpu_s=round(tables_s, 1),
-        full_solve_cpu_s=None
-        if context.quick or rows
-        else _full_solve_cpu_s(context, plan.test_loads_by_name["leaning"], kept),
     )
     return results, {FIGURE: _figure(results)}
 
@@ -250,21 +244,6 @@ def _draw_error_over_mahalanobis(dots: Axes, results: MismatchResults) -> None:
     )
     dots.set_ylim(top=1.8 * dots.get_ylim()[1])
     dots.legend(fontsize="small", loc="lower right")
-
-
-def _full_solve_cpu_s(context: StudyContext, loads: ContactLoads, kept: Path) -> float:
-    """Return the processor time of one finite-strain solve with frictional ground contact, for the first load [s].
-
-    It is measured once, and kept.
-    """
-    file = kept / "full-solve-s.txt"
-    if not file.exists():
-        full = finite_strain_level(context.foot_design)
-        began_s = process_time()
-        full(loads.normal[:1], loads.force_n[:1])
-        file.write_text(f"{process_time() - began_s:.1f}\n", encoding="utf-8")
-        context.report_progress("full solve of one load: done")
-    return float(file.read_text(encoding="utf-8"))
 
 
 def _progress_line(row: dict[str, float]) -> str:

@@ -1,9 +1,9 @@
-"""Fidelity levels by name, coarsest first, and the response of a level to given loads.
+"""Fidelity levels: models of the foot by name, cheapest first, and the response of a level to given loads.
 
 - `half-space`: a formula, see there.
 - `linear`: the response table. Closures may exceed the gap; the capacitance is held at that of a closed gap.
 - `contact`: the table, and closed gaps that carry load. Simulator and training use it.
-- `full`: finite strain, a floor with friction, closed gaps that carry load; half a minute and more per load.
+- `mesh`: as `linear`, with four finite element solves of each load in place of the table.
 
 A level is a function of contact normals and forces, which raises ValueError for a load beyond its range.
 """
@@ -21,11 +21,12 @@ from footsense.foot.gap_contact import capacitance_pf, element_means
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
-from footsense.lab.fidelity.half_space import HalfSpace
+from footsense.lab.evaluation.half_space import HalfSpace
+from footsense.lab.fem.mesh import COARSE_MESH, MeshSize
 from footsense.lab.geometry import FootDesign
 
 #: Names of the fidelity levels, cheapest first.
-LEVEL_NAMES = ("half-space", "linear", "contact", "full")
+LEVEL_NAMES = ("half-space", "linear", "contact", "mesh")
 #: Largest contact patch, over the ball's radius [1]: Hertz assumes a small one.
 MAX_PATCH_RADIUS_REL = 0.3
 
@@ -70,31 +71,22 @@ def gap_contact_response(foot: Foot, normal: Vector, force_n: Vector) -> LevelRe
     return _response_from_cell_closures(foot.response.design, foot.cell_closures_um(normal, force_n))
 
 
-def finite_strain_level(foot_design: FootDesign, *, reduced: bool = False) -> FidelityLevel:
-    """Return the finite-strain fidelity level: a function with one nonlinear solve per load.
-
-    Args:
-        foot_design: The foot.
-        reduced: Whether to leave out finite strain and floor, as `contact` does: small strain under Hertz's patch.
-            The remaining difference from `contact` is the difference of two meshes.
-    """
+def mesh_level(foot_design: FootDesign, size: MeshSize = COARSE_MESH) -> FidelityLevel:
+    """Return the level that solves each load on a mesh of the given size, made and factorised once."""
     # Here, and not above: the finite element library takes a second to load.
-    from footsense.lab.contact.full_solve import FootContactModel
+    from footsense.lab.fem.forward import DirectSolveFoot
 
-    foot = FootContactModel(foot_design, finite_strain=not reduced, floor="hertz" if reduced else "solved")
+    foot = DirectSolveFoot(foot_design, size)
 
     def answer(normal: Vector, force_n: Vector) -> LevelResponse:
-        solutions = [foot.solve(*load) for load in zip(normal, force_n, strict=True)]
-        return LevelResponse(
-            np.stack([solution.closure_um for solution in solutions]),
-            np.stack([solution.capacitance_pf for solution in solutions]),
-        )
+        cells_um = np.stack([foot.cell_closures_um(*load) for load in zip(normal, force_n, strict=True)])
+        return _response_from_cell_closures(foot_design.capacitor, cells_um)
 
     return answer
 
 
 def fidelity_level(name: str, response: FootResponse, foot_design: FootDesign) -> FidelityLevel:
-    """Return the function that computes a foot's response to loads at the named fidelity level.
+    """Return the named level of a foot.
 
     Args:
         name: One of `LEVEL_NAMES`.
@@ -110,7 +102,7 @@ def fidelity_level(name: str, response: FootResponse, foot_design: FootDesign) -
         "half-space": lambda: partial(half_space_response, HalfSpace(foot_design)),
         "linear": lambda: partial(linear_response, response),
         "contact": lambda: partial(gap_contact_response, Foot(response)),
-        "full": lambda: finite_strain_level(foot_design),
+        "mesh": lambda: mesh_level(foot_design),
     }
     return levels[name]()
 
