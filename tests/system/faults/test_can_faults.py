@@ -13,7 +13,6 @@ from footsense.config import DEFAULT
 from footsense.daemon.service import open_service
 from footsense.errors import ConfigError
 from footsense.sim.faults.scene_faults import CanBusOff, CanDown, CanFault, CanNoAck
-from footsense.sim.scene import load_scene
 from footsense.validation.fault_trial import WALK_SCENE, can_trial
 
 
@@ -34,17 +33,6 @@ def test_a_consumer_hears_no_old_force_and_soon_all_legs_again(fault: CanFault, 
     assert 0.38 < figures.longest_silence_s < 0.4 + back_s + 0.05
     assert figures.longest_frame_delay_s < 0.031  # two forces and the time of a full queue
     assert figures.max_age_on_arrival_s < 0.035  # the same, and the age when sent
-
-
-def test_a_scene_names_what_breaks_on_can(tmp_path: Path) -> None:
-    """Beside the faults of legs and buses, in the same list; a name that is none is one line."""
-    scene = tmp_path / "scene.yaml"
-    text = "description: d\nload: {kind: unloaded}\nfaults:\n  - {fault: %s, at_s: 1.0, rate_hz: 100}\n"
-    scene.write_text(text % "can_traffic")
-    assert [fault.at_ns for fault in load_scene(str(scene)).faults] == [1_000_000_000]
-    scene.write_text(text % "can_can")
-    with pytest.raises(ConfigError, match=r"scene\.yaml.*can_can"):
-        load_scene(str(scene))
 
 
 def test_a_robot_on_socketcan_logs_the_frames_of_a_simulated_can_alone(tmp_path: Path) -> None:

@@ -109,12 +109,3 @@ def test_what_cannot_be_evaluated(stand: Path, tmp_path: Path) -> None:
     )
     (tmp_path / "none.mcap").write_text("no recording")
     refusal(tmp_path / "none.mcap", "--foot", "foot-0007", kind=RecordingError)
-
-
-def test_a_recording_that_was_cut_short(stand: Path, tmp_path: Path) -> None:
-    """What is whole of it counts, and the warning says that it is not all."""
-    content = (stand / "session.mcap").read_bytes()
-    (tmp_path / "cut.mcap").write_bytes(content[: int(0.95 * len(content))])
-    result = invoke(tmp_path / "cut.mcap", "--foot", "foot-0007")
-    assert result.exit_code == 0, result.exception
-    assert "loads before that are used" in result.stderr

@@ -180,15 +180,6 @@ def test_firm_loads_that_shut_gaps_lead_nowhere_else(number: int) -> None:
     assert np.abs(found.parameters[STRAY] - made(number).stray_pf).max() < 0.35
 
 
-def test_a_gap_that_never_closes_stays_as_designed_and_unidentified() -> None:
-    """Loads of 50 gf close none, so they identify no gap, and an unidentified parameter does not move."""
-    found = fit_parameters(
-        FootTwin(design().response, load_set(made(1), _LIGHT).median_baseline_pf), load_set(made(1), _LIGHT)
-    )
-    np.testing.assert_allclose(found.parameters[GAP], 0.0, atol=1e-6)
-    assert (found.contraction[GAP] < 0.01).all()
-
-
 def test_a_gap_is_identified_only_by_loads_that_close_it() -> None:
     """One that a neighbour's shutting had moved would let a shut gap pass for an open one on the robot."""
     own = made(0)

@@ -11,7 +11,6 @@ from footsense.calibration.guide import MIN_ELEVATION_DEG, Coverage
 from footsense.config.test_stand import Axes, SimulatedSensor, StandConfig
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.reference.sensor_mounting import NEWTONS_PER_UNIT, SensorMounting
-from footsense.sim.loads.press_sequence import paper_presses
 from tests.support.presses import direction
 
 
@@ -44,14 +43,6 @@ def test_many_loads_are_not_enough_where_they_are_alike(
     for force_n in forces_n:
         coverage.add_load(force_n)
     assert not coverage.is_complete
-
-
-def test_the_papers_protocol_is_enough() -> None:
-    """Its 362 loads are a set of 362."""
-    coverage = Coverage(362)
-    for force_n in paper_presses("training"):
-        coverage.add_load(force_n)
-    assert coverage.is_complete
 
 
 def feet(seed: int, n: int = 12) -> tuple[np.ndarray, np.ndarray]:

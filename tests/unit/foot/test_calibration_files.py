@@ -82,7 +82,6 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
             lambda folder: (folder / "manifest.json").unlink(),
             "manifest.json: missing; a calibration is used whole",
         ),
-        (lambda folder: (folder / "card.md").unlink(), "card.md: missing; a calibration is used whole"),
         (
             lambda folder: change_byte(folder / "parameters.json", b"0.07", b"0.08"),
             "parameters.json: does not match its hash in manifest.json: edited by hand",
@@ -115,7 +114,6 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
         (lambda folder: reseal(folder, files={}), "manifest.json: lists"),
         (other_network, "but the parameters were fitted on"),
         (lambda folder: set_parameter(folder, gain_rel=[1.0] * 8 + [0.0]), "gain_rel: has to be above 0"),
-        (lambda folder: set_parameter(folder, mount=[[1.0, 0.0, 0.0]] * 3), "mount: is no rotation"),
         (
             lambda folder: set_parameter(folder, mount=[[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]]),
             "mount: is no rotation",
@@ -124,7 +122,6 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
             lambda folder: set_parameter(folder, gap_um=[1.0] * 8),
             "parameters.json: does not fit: Expected `array` of length >= 9",
         ),
-        (lambda folder: set_parameter(folder, gap_um=[1.0] * 17), "parameters.json: does not fit: "),
         (lambda folder: set_parameter(folder, temperature_c=126.0), "parameters.json: does not fit: "),
         (
             lambda folder: set_parameter(folder, stray_pf=[float("nan")] * 9),

@@ -9,34 +9,17 @@ from numpy.typing import NDArray
 from footsense.foot.directions import (
     angles_between_deg,
     azimuth_elevation_deg,
-    direction_grid,
     directions,
-    paper_directions,
     random_directions,
     spiral_directions,
     tangent_frame,
 )
-from footsense.foot.response_table import contact_radius_mm
 
 
 def test_angles_of_directions_are_those_they_were_made_of() -> None:
     azimuth_deg, elevation_deg = np.array([-170.0, 0.0, 35.0]), np.array([-20.0, 5.0, 80.0])
     found = azimuth_elevation_deg(3.0 * directions(azimuth_deg, elevation_deg))
     np.testing.assert_allclose(found, [azimuth_deg, elevation_deg], atol=1e-12)
-
-
-def test_a_grid_has_the_azimuth_as_its_slow_index() -> None:
-    grid = direction_grid(np.array([0.0, 90.0]), [0.0, 60.0, 90.0])
-    np.testing.assert_allclose(grid[1], directions(0.0, 60.0), atol=1e-15)
-    np.testing.assert_allclose(grid[3], directions(90.0, 0.0), atol=1e-15)
-
-
-def test_the_paper_trains_between_the_directions_that_it_verifies() -> None:
-    training, verification = paper_directions("training"), paper_directions("verification")
-    assert (training.shape, verification.shape) == ((181, 3), (180, 3))
-    nearest_deg = angles_between_deg(verification[:, None], training[None]).min(axis=1)
-    assert nearest_deg.min() == pytest.approx(5.0)
-    assert nearest_deg.max() < 7.1
 
 
 def test_a_small_angle_keeps_its_digits() -> None:
@@ -67,9 +50,3 @@ def test_directions_over_a_cap_are_uniform_in_area(
     # The height of a uniform direction is uniform.
     assert found[:, 2].mean() == pytest.approx(0.75, abs=0.005)
     np.testing.assert_allclose(found[:, :2].mean(axis=0), 0.0, atol=0.01)
-
-
-def test_the_contact_radius_grows_with_the_cube_root_of_the_force() -> None:
-    one_mm, eight_mm = contact_radius_mm(np.array([1.0, 8.0]), 10.0, 1.5)
-    assert one_mm == pytest.approx((0.75 * 10.0 / 1.5) ** (1 / 3))
-    assert eight_mm == pytest.approx(2.0 * one_mm)

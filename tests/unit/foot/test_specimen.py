@@ -45,19 +45,6 @@ def test_rest_is_each_element_s_own() -> None:
     )
 
 
-@pytest.mark.parametrize("contact", [True, False])
-def test_no_cell_closes_beyond_its_gap(*, contact: bool) -> None:
-    """With contact or with a plain limit; the gap is the specimen's own, and some cells do reach it."""
-    steps = np.linspace(-1.0, 1.0, 9)
-    gap_um = np.repeat(20.0 + steps, CELLS_PER_ELEMENT)
-    cell_closures_um = Foot(RESPONSE, Deviations(gap_um=steps), contact=contact).cell_closures_um(
-        NORMAL, HEAVY_N
-    )
-    assert (RESPONSE.free_closure_um(NORMAL, HEAVY_N) > gap_um).any()
-    assert (cell_closures_um <= gap_um).all()
-    assert (cell_closures_um == gap_um).any()
-
-
 def test_contact_is_what_a_limit_leaves_out() -> None:
     """Cells that yield each for itself feel nothing of a neighbour's contact; those that share a solid do."""
     limited = Foot(RESPONSE, contact=False).cell_closures_um(NORMAL, HEAVY_N)

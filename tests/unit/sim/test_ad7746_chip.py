@@ -144,14 +144,6 @@ def test_a_shorted_excitation_sets_its_bit() -> None:
     assert burst(chip, 0x00, 1, T_CONV_NS) == b"\x0a"
 
 
-def test_a_stuck_converter_never_finishes_but_still_answers() -> None:
-    """No ready bit falls."""
-    chip = chip_on(1.0)
-    chip.stuck_ns = [(0, 1e18)]
-    chip.write(SINGLE, 0)
-    assert burst(chip, 0x00, 1, 10 * T_CONV_NS) == b"\x07"
-
-
 @pytest.mark.parametrize("rate_sps", list(RATES))
 def test_conversion_time_and_noise_are_those_of_its_rate(rate_sps: int) -> None:
     """CAPFS is bits 5 to 3 of CONFIGURATION; noise within what 500 samples can tell."""

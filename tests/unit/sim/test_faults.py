@@ -78,15 +78,6 @@ def test_a_leg_that_holds_sda_blocks_all_until_the_mux_is_reset() -> None:
     assert bench.at(2.0).bus.transfer(ASK_SWITCH) == b"\x00"
 
 
-def test_a_held_trunk_is_not_freed_by_the_mux() -> None:
-    """Nothing behind the mux holds it."""
-    bench = Bench(scene_faults.StuckUpstreamBus(at_s=0.0, until_s=1.0))
-    bench.mux.pulse()
-    with pytest.raises(I2cTimeoutError):
-        bench.select(0)
-    bench.at(1.0).select(0)
-
-
 def test_a_lost_arbitration_is_tried_again_three_times() -> None:
     """Always losing is an error that says so; losing half of the time fails a sixteenth."""
     with pytest.raises(I2cError, match="arbitration lost"):
@@ -110,20 +101,6 @@ def test_a_mux_forgets_its_channels_once() -> None:
         bench.at(1.0).bus.transfer(ASK_SWITCH)
     bench.select(0b11)
     assert bench.bus.transfer(ASK_SWITCH) == b"\x00"
-
-
-def test_chips_come_and_go_as_often_as_is_said() -> None:
-    """Each absence has its own beginning and end."""
-    spans = ((1.0, 2.0), (3.0, 4.0))
-    bench = Bench(on_leg_0=tuple(scene_faults.Absent(at_s=a, until_s=b, leg="lf") for a, b in spans))
-    bench.select(0b01)
-    for t_s, there in ((0.5, True), (1.5, False), (2.5, True), (3.5, False), (4.5, True)):
-        bench.at(t_s)
-        if there:
-            assert bench.word(0xFE) == 0x5449
-        else:
-            with pytest.raises(NackError):
-                bench.word(0xFE)
 
 
 def test_a_wrong_chip_is_an_eeprom() -> None:

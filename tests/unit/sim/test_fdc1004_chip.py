@@ -26,13 +26,6 @@ def word(chip: SimulatedFdc1004, pointer: bytes, t_ns: int) -> int:
     return int.from_bytes(chip.read(2, t_ns), "big")
 
 
-def test_ids() -> None:
-    """Manufacturer and device id stand at 0xFE and 0xFF."""
-    chip = chip_on(5.0)
-    assert word(chip, b"\xfe", 0) == 0x5449
-    assert word(chip, b"\xff", 0) == 0x1004
-
-
 def test_a_conversion_is_not_ready_before_its_time_and_done_until_it_is_read() -> None:
     """0x7FFF and no DONE_1 while it runs; then the result and DONE_1, which reading the result clears."""
     chip = chip_on(5.375)
@@ -78,15 +71,6 @@ def test_reset_forgets_everything() -> None:
     chip.write(b"\x0c\x80\x00", 1000)
     assert word(chip, b"\x09", 2000) == 0x1C00
     assert word(chip, READ_CONF, 10 * T_CONV_NS) == 0
-
-
-def test_a_stuck_converter_never_finishes_but_still_answers() -> None:
-    """The known hang of the part: ids are right, DONE does not come."""
-    chip = chip_on(5.0)
-    chip.stuck_ns = [(0, 1e18)]
-    chip.write(TRIGGER_1_AT_400, 0)
-    assert word(chip, READ_CONF, 10 * T_CONV_NS) & 0xF == 0
-    assert word(chip, b"\xff", 10 * T_CONV_NS) == 0x1004
 
 
 @pytest.mark.parametrize(("capacitance_pf", "msb"), [(16.5, 0x7FFF), (-17.0, 0x8000), (15.9, 0x7F33)])

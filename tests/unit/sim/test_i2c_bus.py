@@ -41,14 +41,6 @@ def test_only_connected_legs_are_on_the_trunk() -> None:
     assert [switch.read(1, 0)[0] for switch in legs.switches] == [0x00, 0x31, 0x00]
 
 
-def test_a_broadcast_reaches_all() -> None:
-    """One write through several channels is taken by every chip behind them."""
-    legs = Legs()
-    legs.write(MUX, 0b101)
-    legs.write(SWITCH, 0x31)
-    assert [switch.read(1, 0)[0] for switch in legs.switches] == [0x31, 0x00, 0x31]
-
-
 def test_answers_to_a_broadcast_read_are_a_wired_and() -> None:
     """One converter that has finished and one that has not read together as one that has not."""
     clock = VirtualClock()

@@ -57,13 +57,6 @@ def test_the_measured_walk_is_what_was_measured_scaled() -> None:
     assert fz_n[:, 1].max() == pytest.approx(1.5 * right.max() / 943.38, abs=0.01)
 
 
-def test_a_constant_load_acts_through_the_centre() -> None:
-    """Its normal is its direction."""
-    normal, force_n = RampContact((0.3, 0.0, 0.4), 0).contact("lf", 0)
-    np.testing.assert_allclose(normal, [0.6, 0, 0.8])
-    np.testing.assert_allclose(force_n, [0.3, 0, 0.4])
-
-
 def test_a_ramp_grows_evenly_and_stays() -> None:
     """In the air before it begins, half of the force at half of the time, all of it from its end on."""
     ramp = RampContact((0.0, 0.6, 0.8), from_ns=S, rise_ns=S // 5)

@@ -166,11 +166,3 @@ def test_random_faults_all_pass() -> None:
         fault.rate_ff_per_s * (fault.until_s - fault.at_s) for fault in drifts if fault.until_s is not None
     ]
     assert sum(drifted_ff) == pytest.approx(0.0, abs=0.5)
-
-
-def test_a_violation_on_can_names_the_leg_of_its_node() -> None:
-    """A robot of three legs keeps the node ids of six."""
-    seen = watching(rules=RULES._replace(legs=("lf", "lm", "rm")))
-    force = pack_frame(FORCE_ID + 5, encode_force(5, 0, State.VALID, (0.0, 0.0, 1.0)))
-    seen.on_delivered(2_000 * MS, 0, force)
-    assert [violation.leg for violation in seen.violations] == ["rm"]

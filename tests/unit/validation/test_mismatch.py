@@ -43,16 +43,6 @@ def test_a_calibrated_foot_reads_leaning_loads(disturbance: Disturbance) -> None
         assert found[f"{test}_all_within_2"] > 0.8
 
 
-def test_more_loads_are_not_worse() -> None:
-    """Of a reference that is off by its linearity, sixty loads teach the foot no more than twenty."""
-    plan, off = _plan(), Disturbance(reference_nonlinearity_rel=0.015)
-    plan = replace(plan, test_loads_by_name={"centred": plan.test_loads_by_name["centred"]})
-    feet = [run_mismatch_trial(design(), design().response, off, plan, number) for number in range(1, 7)]
-    for figure in ("deg", "gf"):
-        many, few = (np.mean([foot[f"centred_{n}_{figure}"] for foot in feet]) for n in ("all", "few"))
-        assert many < 1.1 * few
-
-
 def test_the_rubber_and_the_worn_pole_change_what_is_read() -> None:
     """Each disturbance reaches the readings: none is a row without effect."""
     plan, models = replace(_plan(), every_nth_press=15, n_loads_of_small_calibration=0), design()
