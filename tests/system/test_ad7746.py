@@ -1,6 +1,7 @@
 """Board `ad7746` from end to end, byte for byte: it walks, tells its temperature, and says what is broken."""
 
 from itertools import groupby
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -24,6 +25,7 @@ ROBOT = msgspec.structs.replace(
 SLOW = Tripod(period_s=5.0, duty_rel=0.6, peak_force_n=0.4)
 #: Conversions until all legs are tared.
 TARED = 12 * 9
+AT_2_S: dict[str, Any] = {"at_s": 2.0, "leg": "lm"}
 REAL = Effects(converter_noise=True, converter_clock_rel=0.01)
 
 
@@ -87,34 +89,14 @@ def test_each_converter_tells_its_temperature_every_ten_seconds() -> None:
 @pytest.mark.parametrize(
     ("fault", "state", "cause", "mask"),
     [
-        (
-            scene_faults.ElementOpen(at_s=2.0, leg="lm", element=4),
-            State.DEGRADED,
-            Cause.ELEMENT_OPEN,
-            0b000_010_000,
-        ),
-        (scene_faults.BrokenRow(at_s=2.0, leg="lm", row=0), State.DEGRADED, Cause.ROW_OPEN, 0b000_000_111),
-        (
-            scene_faults.BrokenColumn(at_s=2.0, leg="lm", column=2),
-            State.DEGRADED,
-            Cause.COLUMN_OPEN,
-            0b100_100_100,
-        ),
-        (
-            scene_faults.ElementShorted(at_s=2.0, leg="lm", element=4),
-            State.CONVERTER_FAULT,
-            Cause.CANNOT_EXCITE,
-            None,
-        ),
-        (scene_faults.StuckConverter(at_s=2.0, leg="lm"), State.CONVERTER_FAULT, Cause.NEVER_FINISHES, None),
-        (
-            scene_faults.SwitchIgnoresWrites(at_s=2.0, leg="lm"),
-            State.CONVERTER_FAULT,
-            Cause.SETTINGS_LOST,
-            None,
-        ),
-        (scene_faults.Absent(at_s=2.0, leg="lm"), State.ABSENT, Cause.NO_ANSWER, None),
-        (scene_faults.WrongChip(at_s=2.0, leg="lm"), State.ABSENT, Cause.WRONG_CHIP, None),
+        (scene_faults.ElementOpen(element=4, **AT_2_S), State.DEGRADED, Cause.ELEMENT_OPEN, 0b000_010_000),
+        (scene_faults.BrokenRow(row=0, **AT_2_S), State.DEGRADED, Cause.ROW_OPEN, 0b000_000_111),
+        (scene_faults.BrokenColumn(column=2, **AT_2_S), State.DEGRADED, Cause.COLUMN_OPEN, 0b100_100_100),
+        (scene_faults.ElementShorted(element=4, **AT_2_S), State.CONVERTER_FAULT, Cause.CANNOT_EXCITE, None),
+        (scene_faults.StuckConverter(**AT_2_S), State.CONVERTER_FAULT, Cause.NEVER_FINISHES, None),
+        (scene_faults.SwitchIgnoresWrites(**AT_2_S), State.CONVERTER_FAULT, Cause.SETTINGS_LOST, None),
+        (scene_faults.Absent(**AT_2_S), State.ABSENT, Cause.NO_ANSWER, None),
+        (scene_faults.WrongChip(**AT_2_S), State.ABSENT, Cause.WRONG_CHIP, None),
     ],
     ids=lambda value: type(value).__name__ if isinstance(value, msgspec.Struct) else "",
 )
@@ -131,7 +113,7 @@ def test_what_breaks_has_its_own_words(fault: Fault, state: State, cause: Cause,
 
 def test_a_dip_of_the_supply_passes() -> None:
     """All settings are lost, the CAPDAC's too; the leg is set up afresh, and reads what it read."""
-    brown_out = scene_faults.BrownOut(at_s=2.0, leg="lm")
+    brown_out = scene_faults.BrownOut(**AT_2_S)
     scene = Scene(description="A dip.", load=Unloaded(), effects=REAL, faults=(brown_out,))
     watch = watched(scene, 4.0)
     assert any(cycle.forces.state[1] == State.CONVERTER_FAULT for cycle in watch.cycles)

@@ -6,7 +6,7 @@ breaks. Forces are those of the time of sending, which the transactions with the
 """
 
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import can
 import cantools
@@ -24,6 +24,7 @@ from footsense.ring.cycle_ring import CycleRing
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Fault
 from footsense.telemetry.exporter import ServiceCollector
+from footsense.validation.fault_table import LEG_FAULT_TRIALS
 from footsense.validation.fault_trial import (
     BREAKS_AT_S,
     FAULTY_LEG,
@@ -50,57 +51,29 @@ ON_LEG: dict[str, Any] = {"at_s": BREAKS_AT_S, "leg": FAULTY_LEG}
 PASSING: dict[str, Any] = {**ON_LEG, "until_s": PASSES_AT_S}
 
 
-class Expected(NamedTuple):
-    """What has to become of a fault; times in s, None for never."""
-
-    state: State
-    cause: Cause
-    mask: int
-    shown: float | None
-    recovered: float | None
-
-
 #: After a cable was off, the leg waits for its next swing to be tared; others wait at most for their next try.
 PROBED_S, TARED_S = 0.5, 1.2
 #: An element has to agree again for 0.3 s loaded and as long free.
 TRUSTED_S = 1.0
 
-ON_CHIPS: dict[Fault, Expected] = {
-    scene_faults.Absent(**PASSING): Expected(State.ABSENT, Cause.NO_ANSWER, ALL, SCANS_S, TARED_S),
-    scene_faults.StuckConverter(**PASSING): Expected(
-        State.CONVERTER_FAULT, Cause.NEVER_FINISHES, ALL, SCANS_S, PROBED_S
-    ),
-    scene_faults.WrongChip(**PASSING): Expected(State.ABSENT, Cause.WRONG_CHIP, ALL, SCANS_S, TARED_S),
-    scene_faults.BrownOut(**ON_LEG): Expected(
-        State.CONVERTER_FAULT, Cause.SETTINGS_LOST, ALL, SCANS_S, PROBED_S
-    ),
-    scene_faults.SwitchIgnoresWrites(**PASSING): Expected(
-        State.CONVERTER_FAULT, Cause.SETTINGS_LOST, ALL, SCANS_S, PROBED_S
-    ),
-}
-ON_FOOT: dict[Fault, Expected] = {
-    scene_faults.ElementOpen(element=4, **PASSING): Expected(
-        State.DEGRADED, Cause.ELEMENT_OPEN, 0b000_010_000, SCANS_S, 0.1
-    ),
-    scene_faults.ElementShorted(element=0, **PASSING): Expected(
-        State.DEGRADED, Cause.ELEMENT_SHORTED, 0b001_001_001, SCANS_S, 0.1
-    ),
+#: What has to become of a row of the fault table: state, cause, elements, and within how many seconds it shows and is
+#: over; None for never.
+EXPECTED: dict[str, tuple[State, Cause, int, float, float | None]] = {
+    "cable off and on": (State.ABSENT, Cause.NO_ANSWER, ALL, SCANS_S, TARED_S),
+    "conversions never finish": (State.CONVERTER_FAULT, Cause.NEVER_FINISHES, ALL, SCANS_S, PROBED_S),
+    "another chip at the address": (State.ABSENT, Cause.WRONG_CHIP, ALL, SCANS_S, TARED_S),
+    "supply dips: all settings lost": (State.CONVERTER_FAULT, Cause.SETTINGS_LOST, ALL, SCANS_S, PROBED_S),
+    "row switch ignores writes": (State.CONVERTER_FAULT, Cause.SETTINGS_LOST, ALL, SCANS_S, PROBED_S),
+    "element open": (State.DEGRADED, Cause.ELEMENT_OPEN, 0b000_010_000, SCANS_S, 0.1),
+    "element shorted": (State.DEGRADED, Cause.ELEMENT_SHORTED, 0b001_001_001, SCANS_S, 0.1),
     # It stays as it was in the middle of the stance: that shows when the others let go.
-    scene_faults.ElementStuck(element=0, **PASSING): Expected(
-        State.DEGRADED, Cause.ELEMENT_STUCK, 0b000_000_001, 0.3, TRUSTED_S
-    ),
-    scene_faults.ElementDrifts(element=0, rate_ff_per_s=500.0, **ON_LEG): Expected(
-        State.DEGRADED, Cause.ELEMENT_DRIFTS, 0b000_000_001, 0.5, None
-    ),
-    scene_faults.GapClosed(element=5, **PASSING): Expected(
-        State.DEGRADED, Cause.ELEMENT_SHORTED, 0b000_100_000, SCANS_S, TRUSTED_S
-    ),
-    scene_faults.BrokenRow(row=1, **PASSING): Expected(
-        State.DEGRADED, Cause.ROW_OPEN, 0b000_111_000, SCANS_S, 0.1
-    ),
-    scene_faults.BrokenColumn(column=1, **PASSING): Expected(
-        State.DEGRADED, Cause.COLUMN_OPEN, 0b010_010_010, SCANS_S, 0.1
-    ),
+    "element stuck": (State.DEGRADED, Cause.ELEMENT_STUCK, 0b000_000_001, 0.3, TRUSTED_S),
+    "element drifts, 0.5 pF/s": (State.DEGRADED, Cause.ELEMENT_DRIFTS, 0b000_000_001, 0.5, None),
+    "gap full of water": (State.DEGRADED, Cause.ELEMENT_SHORTED, 0b000_100_000, SCANS_S, TRUSTED_S),
+    "row line broken": (State.DEGRADED, Cause.ROW_OPEN, 0b000_111_000, SCANS_S, 0.1),
+    "column line broken": (State.DEGRADED, Cause.COLUMN_OPEN, 0b010_010_010, SCANS_S, 0.1),
+    # More than can be estimated.
+    "two row lines broken": (State.ELEMENT_FAULT, Cause.ROW_OPEN, 0b111_000_111, SCANS_S, TRUSTED_S),
 }
 
 
@@ -129,34 +102,22 @@ def touches_no_other_leg(broken: PublishedWalk, whole: PublishedWalk) -> bool:
     return len(whole.t_sent_ns) - n <= 1 and all(same) and bool(close.all())
 
 
-@pytest.mark.parametrize(
-    ("fault", "expected"), [*ON_CHIPS.items(), *ON_FOOT.items()], ids=lambda value: type(value).__name__
-)
-def test_a_fault_is_named_passes_and_touches_no_other_leg(
-    fault: Fault, expected: Expected, whole: PublishedWalk
-) -> None:
+@pytest.mark.parametrize("description", EXPECTED)
+def test_a_fault_is_named_passes_and_touches_no_other_leg(description: str, whole: PublishedWalk) -> None:
     """State, cause and elements as the table has them, in time; never a number where the state forbids one."""
-    broken, seen = trial(fault, whole)
-    assert (seen.state, seen.cause, seen.fault_mask) == expected[:3]
+    (row,) = (row for row in LEG_FAULT_TRIALS if row.description == description)
+    broken = simulate_walk(*row.script, config=ROBOT)
+    seen = fault_figures(broken, whole, BREAKS_AT_S, row.fault_end_s)
+    *what, shown_s, recovered_s = EXPECTED[description]
+    assert [seen.state, seen.cause, seen.fault_mask] == what
     assert seen.detection_s is not None
-    assert expected.shown is not None
-    assert seen.detection_s <= expected.shown
-    assert (seen.recovery_s is None) == (expected.recovered is None)
-    assert (seen.recovery_s or 0.0) <= (expected.recovered or 0.0)
+    assert seen.detection_s <= shown_s
+    assert (seen.recovery_s is None) == (recovered_s is None)
+    assert (seen.recovery_s or 0.0) <= (recovered_s or 0.0)
     assert touches_no_other_leg(broken, whole)
     forbidden = ~np.isin(broken.state, [int(state) for state in USABLE])
     assert np.isnan(broken.force_n[forbidden]).all()
     assert np.isfinite(broken.force_n[~forbidden]).all()
-
-
-def test_two_broken_rows_are_more_than_can_be_estimated(whole: PublishedWalk) -> None:
-    """No force, and the mask names all six."""
-    broken = simulate_walk(
-        scene_faults.BrokenRow(row=0, **ON_LEG), scene_faults.BrokenRow(row=2, **ON_LEG), config=ROBOT
-    )
-    seen = fault_figures(broken, whole, BREAKS_AT_S, None)
-    assert (seen.state, seen.cause, seen.fault_mask) == (State.ELEMENT_FAULT, Cause.ROW_OPEN, 0b111_000_111)
-    assert touches_no_other_leg(broken, whole)
 
 
 def test_what_is_left_of_a_foot_is_worth_having(whole: PublishedWalk) -> None:

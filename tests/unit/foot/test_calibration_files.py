@@ -140,15 +140,6 @@ def test_what_is_wrong_is_said(tmp_path: Path, harm: Callable[[Path], Any], said
     assert "\n" not in str(refusal.value)
 
 
-def test_a_network_cut_short(tmp_path: Path) -> None:
-    """The checksum of a network counts inside a calibration as anywhere, hashes made anew or not."""
-    folder = calibration(tmp_path).folder
-    (folder / "network.onnx").write_bytes(released_path("network.onnx").read_bytes()[:-100])
-    reseal(folder)
-    with pytest.raises(ModelError, match="no checksum at its end"):
-        read_calibration(folder, DEFAULT_FOOT_TYPE)
-
-
 def test_a_calibration_is_never_overwritten(tmp_path: Path) -> None:
     """A second one is refused; asked for, it takes the name, and the first is kept under a number and stays whole."""
     first = calibration(tmp_path)

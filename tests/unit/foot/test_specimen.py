@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from footsense.foot.directions import rotation
 from footsense.foot.gap_contact import CELLS_PER_ELEMENT, solve_contact_lcp
 from footsense.foot.specimen import Deviations, Foot
 from tests.unit.foot.test_response_table import DESIGN, UP, made_up, random_normals
@@ -16,12 +16,6 @@ NORMAL = random_normals(4)
 LIGHT_N = 0.05 * NORMAL
 #: Presses some of the cells beyond their gaps, by far.
 HEAVY_N = 20.0 * NORMAL
-
-
-def rotation_about_z(angle_deg: float) -> NDArray[np.float64]:
-    """Return the rotation matrix."""
-    c, s = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def test_a_foot_as_designed_is_the_design() -> None:
@@ -81,7 +75,7 @@ def test_a_stiffer_foot_closes_less() -> None:
 
 def test_a_turned_mount_feels_a_turned_load() -> None:
     """A foot that sits 10 deg about z on its leg reads what a straight one reads of the load turned by 10 deg."""
-    turn = rotation_about_z(10.0)
+    turn = rotation(np.array([0.0, 0.0, np.radians(10.0)]))
     turned = Foot(RESPONSE, Deviations(mount=turn)).cell_closures_um(NORMAL, LIGHT_N)
     straight = Foot(RESPONSE).cell_closures_um(NORMAL @ turn.T, LIGHT_N @ turn.T)
     np.testing.assert_allclose(turned, straight, rtol=1e-12)

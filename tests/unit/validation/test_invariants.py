@@ -11,7 +11,6 @@ from footsense.frames import LEGS, Cycle, State
 from footsense.sim.faults.scene_faults import Absent, CanDown, ElementDrifts, Fault, StuckSda
 from footsense.validation.invariants import InvariantChecker, WalkLimits
 from footsense.validation.random_faults import random_faults
-from footsense.validation.soak import soak_stretches
 from tests.support.can_frames import encode_force, encode_quality
 from tests.support.frames import contact_frame
 
@@ -138,22 +137,6 @@ def test_a_stand_puts_off_the_tare() -> None:
         rules=RULES._replace(standstill_spans_s=((90.0, 1000.0),)),
     )
     assert seen.recovered_s == pytest.approx(1000.0 + 2.0 + 1.0 + 1.0 + 3.0, abs=1.0)
-
-
-def test_a_day_has_every_way_of_walking() -> None:
-    """Whole hours that show what grows, each with a seed of its own; two stands, and warmth that comes and goes."""
-    stretches = soak_stretches(24.0, 3)
-    assert sum(stretch.hours for stretch in stretches) == pytest.approx(24.0)
-    assert min(stretch.hours for stretch in stretches) >= 1.0
-    assert len({stretch.seed for stretch in stretches}) == len(stretches)
-    assert sum(len(stretch.standstill_spans_s) for stretch in stretches) == 2
-    assert sorted(stretch.warming_k for stretch in stretches if stretch.warming_k) == [-20.0, 20.0]
-    assert {(stretch.publish_every, stretch.rate_sps) for stretch in stretches} == {
-        (4, 400),
-        (1, 400),
-        (4, 100),
-    }
-    assert sum(stretch.hours for stretch in soak_stretches(0.3, 1)) == pytest.approx(0.3)
 
 
 def test_random_faults_all_pass() -> None:
