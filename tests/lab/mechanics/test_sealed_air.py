@@ -11,7 +11,7 @@ from footsense.errors import CalibrationError
 from footsense.foot.gap_contact import CELLS_PER_ELEMENT, N_CELLS, element_means
 from footsense.foot.specimen import ContactLoads, Deviations
 from footsense.frames import ELEMENTS, Vector
-from footsense.lab.evaluation.sealed_air import ADIABATIC, AMBIENT_KPA, SealedFoot
+from footsense.lab.fem.sealed_air import ADIABATIC, AMBIENT_KPA, SealedFoot
 from footsense.sim.loads.press_sequence import paper_presses
 from tests.support.test_stand_loads import design, load_set
 

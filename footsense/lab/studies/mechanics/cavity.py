@@ -22,7 +22,7 @@ from footsense.lab.evaluation.evaluate import (
     capacitance_based_force_estimator,
     elastance_based_force_estimator,
 )
-from footsense.lab.evaluation.sealed_air import ADIABATIC, AMBIENT_KPA, ROOM_TEMPERATURE_K, SealedFoot
+from footsense.lab.fem.sealed_air import ADIABATIC, AMBIENT_KPA, ROOM_TEMPERATURE_K, SealedFoot
 from footsense.lab.former_page import Plots, Study, StudyContext
 from footsense.lab.monte_carlo.resumable_run import Tolerances
 from footsense.lab.monte_carlo.specimens import measure_foot

@@ -7,7 +7,7 @@ Source:
 
 import numpy as np
 
-from footsense.lab.evaluation.sealed_air import AMBIENT_KPA, ROOM_TEMPERATURE_K
+from footsense.lab.fem.sealed_air import AMBIENT_KPA, ROOM_TEMPERATURE_K
 
 #: Viscosity of air [Pa s].
 AIR_VISCOSITY_PA_S = 1.8e-5
