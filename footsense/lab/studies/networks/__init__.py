@@ -1,1 +1,0 @@
-"""Studies of the network: size, training, and the paper's procedure."""
