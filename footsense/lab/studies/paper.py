@@ -376,7 +376,7 @@ rates, found on these cases; the search is not counted. Both race to the loss at
 
 {table("against | its rate | times fewer epochs, median (range) | times less processor time | starts that get there", race)}
 
-Right against plain back-propagation; with momentum nothing is left of it.
+Right against plain back-propagation; not so against the same with momentum.
 
 ## Number and size of elements (sections III B to E, Figs. 5, 6 and 8)
 
