@@ -1,14 +1,18 @@
-"""A foot calibrated from loads: its parameters are found, unidentified ones reported, impossible ones refused."""
+"""A foot calibrated from loads and sessions: parameters found, rubber's memory taken off, impossible feet refused."""
 
+from collections import Counter
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from footsense.calibration.calibrate import calibrate
+from footsense.calibration.calibrate import calibrate, calibrate_sessions
 from footsense.calibration.loads import LoadSet
 from footsense.calibration.parameter_fit import fit_parameters
+from footsense.calibration.recorded_session import RecordedSession
+from footsense.calibration.rubber_memory import correct_baselines_for_creep
 from footsense.calibration.twin import (
     GAP,
     MOUNT,
@@ -32,7 +36,6 @@ from tests.support.test_stand_loads import design, load_set, made
 Vector = NDArray[np.float64]
 
 _TRAINING, _JUDGED = paper_presses("training"), paper_presses("verification")[::4]
-_LIGHT = 0.3 * _TRAINING[::12]
 
 
 def _read(loads: LoadSet, foot: FootParameters | None) -> Vector:
@@ -193,3 +196,75 @@ def test_a_gap_is_identified_only_by_loads_that_close_it() -> None:
     assert not shuts.all()
     np.testing.assert_allclose(found.parameters[GAP][~shuts], 0.0, atol=1.0)
     assert (found.contraction[GAP][~shuts] < 0.01).all()
+
+
+_DRIFT_PF = 0.01
+
+
+@pytest.mark.parametrize("every", [3, 18])
+def test_what_the_rubber_remembers_is_taken_off_and_drift_is_left(every: int) -> None:
+    """Play stays in the direction of the press before, creep in that of the last presses; 21 presses tell both."""
+    own, force_n = made(1), paper_presses("training")[::every]
+    loads = load_set(own, force_n, np.random.default_rng(1))
+    mean_n, staying_n = np.zeros(3), [np.zeros(3)]
+    for one_n in force_n[:-1]:
+        mean_n = 0.9 * mean_n + 0.1 * one_n
+        staying_n.append(0.01 * one_n / np.linalg.norm(one_n) + 0.015 * mean_n)
+    contacts = normalized(np.concatenate([force_n[:1], force_n[:-1]]))
+    rested_pf = loads.baseline_pf + np.linspace(0.0, _DRIFT_PF, len(loads))[:, None]
+    remembering_pf = Foot(design().response, own).capacitance_pf(contacts, np.array(staying_n))
+    read_pf = rested_pf + remembering_pf - loads.baseline_pf
+    found_pf = correct_baselines_for_creep(design().response, replace(loads, baseline_pf=read_pf)).baseline_pf
+    assert np.abs(read_pf - rested_pf).mean() > 0.02
+    assert abs((found_pf - rested_pf).mean()) < 0.004
+    assert (found_pf - rested_pf).std() < 0.01
+
+
+def test_an_elastic_foot_is_left_as_it_is() -> None:
+    """Noise of the readings is no memory."""
+    rng = np.random.default_rng(2)
+    loads = load_set(made(2), paper_presses("training")[::12], rng)
+    noisy_pf = loads.baseline_pf + 0.0002 * rng.normal(size=loads.baseline_pf.shape)
+    found_pf = correct_baselines_for_creep(
+        design().response, replace(loads, baseline_pf=noisy_pf)
+    ).baseline_pf
+    np.testing.assert_allclose(found_pf, noisy_pf, atol=0.001)
+
+
+_FORCE_N = 0.3 * paper_presses("training")[::12]
+
+
+def session(name: str, number: int) -> RecordedSession:
+    """Return one of three recordings of a foot, with a third of its loads."""
+    return RecordedSession(
+        path=Path(f"{number}.mcap"),
+        sha256=str(number),
+        name=name,
+        foot="foot-0007",
+        foot_type="aoyagi-3x3",
+        test_stand=None,
+        temperature_c=None,
+        loads=load_set(made(1), _FORCE_N[number::3]),
+        dwells_ns=(),
+        rejected=Counter(),
+        n_lost_cycles=0,
+        damage="",
+    )
+
+
+@pytest.mark.parametrize(("names", "kept"), [("abb", 2 / 3), ("aab", 1 / 3), ("aaa", 1 / 5)])
+def test_a_mounting_is_kept_whole_however_many_recordings_it_has(names: str, kept: float) -> None:
+    """The last of several mountings, or every fifth load of the only one."""
+    sessions = [session(name, number) for number, name in enumerate(names)]
+    held_out = calibrate_sessions(design(), sessions).held_out
+    assert held_out is not None
+    n = sum(len(one.loads) for one in sessions)
+    assert held_out.calibrated.n == pytest.approx(kept * n, abs=1)
+
+
+def test_a_session_that_is_not_there_is_no_judge() -> None:
+    """Those that are there are named, each once."""
+    with pytest.raises(
+        CalibrationError, match=r"--hold-out c: has to be one of several sessions, here are a, b$"
+    ):
+        calibrate_sessions(design(), [session(name, number) for number, name in enumerate("abb")], "c")
