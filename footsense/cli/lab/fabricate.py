@@ -1,4 +1,4 @@
-"""`footsense lab fabricate`: fabrication files of a foot (STEP, Gerber, DXF, drawing)."""
+"""`footsense lab fabricate`: fabrication files of a foot (STEP, Gerber, DXF, documents)."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from footsense.daemon.foot_types import released_path
 from footsense.errors import ConfigError, ModelError, require
 
 #: Libraries of the extra `fabrication`.
-_REQUIRED_PACKAGES = ("ezdxf", "gerbonara", "shapely")
+_REQUIRED_PACKAGES = ("ezdxf", "shapely")
 
 
 @click.command()
@@ -21,10 +21,10 @@ _REQUIRED_PACKAGES = ("ezdxf", "gerbonara", "shapely")
     help="As for `lab design`; without it the first that has the foot's film.",
 )
 def fabricate(*, foot: str, out: Path, process: str | None) -> None:
-    """Write what a workshop needs to make a foot: STEP, Gerber, DXF, drawing, parts, steps, checks.
+    """Write what a workshop needs to make a foot: STEP, Gerber, DXF, parts, tolerances, steps, checklist.
 
-    FOOT is a foot.yaml, a folder with one, or the name of a released foot type. Every file is read back and measured;
-    README.md in the folder lists the figures.
+    FOOT is a foot.yaml, a folder with one, or the name of a released foot type. README.md in the folder says
+    what goes to whom.
     """  # noqa: DOC501 - click shows this text
     require("lab fabricate", "lab,fabrication", *_REQUIRED_PACKAGES)
     from footsense.lab.fabrication.package import write_fabrication_package as write_package
@@ -37,11 +37,10 @@ def fabricate(*, foot: str, out: Path, process: str | None) -> None:
         package = write_package(design, out, process)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from error
-    element = next(iter(package.expected_by_net_pair.values()))
+    element = package.expected
     range_pf = f"{element.min_unloaded_pf:.2f} to {element.max_unloaded_pf:.2f}"
     click.echo(
-        f"wrote {out}, process {package.assumed.process_name}: {len(package.expected_by_net_pair)} elements of "
-        f"{element.unloaded_pf:.2f} pF ({range_pf}); {len(package.checks)} checks of the files passed"
+        f"wrote {out}, process {package.assumed.process_name}: elements of {element.unloaded_pf:.2f} pF ({range_pf})"
     )
 
 

@@ -1,1 +1,1 @@
-"""Fabrication files of a foot: solids, flex artwork, sheets, drawing, documents, each read back and checked."""
+"""Fabrication files of a foot: solids, flex artwork, sheets, and the documents beside them."""

@@ -43,14 +43,11 @@ class ExpectedCapacitance:
         return self.unloaded_pf + self.plate_formula_pf * self.plate_tolerance_rel + self.max_unknown_stray_pf
 
 
-def expected_capacitance(
-    design: FootDesign, overlap_mm2: float, assumed: FootTolerances
-) -> ExpectedCapacitance:
+def expected_capacitance(design: FootDesign, assumed: FootTolerances) -> ExpectedCapacitance:
     """Return the expected capacitance reading of an unloaded element with its limits.
 
     Args:
         design: The foot.
-        overlap_mm2: Area in which its row and its column face each other [mm2].
         assumed: Rms deviations that the design assumed.
     """
     capacitor = design.capacitor
@@ -58,7 +55,7 @@ def expected_capacitance(
     limits_um = LIMIT_OVER_RMS * assumed.gap_um, LIMIT_OVER_RMS * assumed.film_um / design.film_eps_r
     spacing_um = np.full(CELLS_PER_ELEMENT, design.gap_um + design.film_um)
     return ExpectedCapacitance(
-        plate_formula_pf=capacitor.unloaded_pf * overlap_mm2 / capacitor.electrode_area_mm2,
+        plate_formula_pf=capacitor.unloaded_pf,
         fringe_pf=float(fringe_pf(capacitor, spacing_um)[0]),
         plate_tolerance_rel=math.hypot(
             math.hypot(*limits_um) / distance_um, overlap_area_deviation_rel(design.electrode_mm)

@@ -1,6 +1,6 @@
-"""Tolerances of the drawing, derived from the deviations that the design assumed.
+"""Tolerances of the parts, derived from the deviations that the design assumed.
 
-A process has an rms deviation of gap, film, stiffness and mounting; a drawing has limits. Printed are twice the rms.
+A process has an rms deviation of gap, film, stiffness and mounting; a part has limits. Printed are twice the rms.
 Size and offset of the electrodes change all elements by one factor, as a softer rubber does: elastances, and with them
 the closures that the daemon computes, are in proportion to 1 over the area. They are counted as stiffness, and the
 hardness of the rubber has what they leave.
@@ -23,7 +23,7 @@ _HARDNESS_STEP_SHORE_A = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tolerance:
-    """A toleranced dimension of the drawing, with the share of the assumed deviation it uses.
+    """A toleranced dimension, with the share of the assumed deviation it uses.
 
     Attributes:
         name: What it is.
@@ -78,8 +78,8 @@ def hardness_tolerance_shore_a(design: FootDesign, assumed: FootTolerances) -> f
     return math.floor(room / _HARDNESS_STEP_SHORE_A) * _HARDNESS_STEP_SHORE_A
 
 
-def drawing_tolerances(design: FootDesign, assumed: FootTolerances) -> list[Tolerance]:
-    """Return the toleranced dimensions of a foot's drawing.
+def part_tolerances(design: FootDesign, assumed: FootTolerances) -> list[Tolerance]:
+    """Return the toleranced dimensions of a foot.
 
     Args:
         design: The foot.

@@ -1,1 +1,1 @@
-"""Part files: flex artwork (Gerber), sheets (DXF) and solids (STEP), with readers for the checks."""
+"""Part files: flex artwork (Gerber), sheets (DXF) and solids (STEP)."""

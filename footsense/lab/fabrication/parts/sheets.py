@@ -101,14 +101,3 @@ def write_dxf(path: Path, shape: Any, note: str) -> None:
     text = space.add_text(note, height=1.5, dxfattribs={"layer": "NOTE"})
     text.set_placement((low_x, low_y - 4.0))
     document.saveas(path)
-
-
-def read_dxf(path: Path) -> Any:
-    """Return the polygon of a DXF file [mm]: the largest closed line, minus those inside it."""
-    document = ezdxf.readfile(path)
-    rings = [
-        shapely.Polygon([(point[0], point[1]) for point in line.get_points()])
-        for line in document.modelspace().query('LWPOLYLINE[layer=="CUT"]')
-    ]
-    outer, *inner = sorted(rings, key=lambda ring: -ring.area)
-    return outer.difference(shapely.union_all(inner))

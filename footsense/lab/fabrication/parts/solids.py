@@ -15,7 +15,7 @@ from netgen import occ
 from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.parts.flex import flexes
-from footsense.lab.fem.solids import BODY_SIDES, EQUAL_WITHIN_MM, hemisphere
+from footsense.lab.fem.solids import BODY_SIDES, hemisphere
 from footsense.lab.geometry import FootDesign
 
 
@@ -148,18 +148,6 @@ def all_parts(design: FootDesign) -> list[Part]:
     return [*hemispheres(design), *mould(design), socket(design)]
 
 
-def hemisphere_in_mould(design: FootDesign) -> Any:
-    """Return a hemisphere in its position in the mould [mm]."""
-    centre = occ.Pnt(mould_hollow_centres_x_mm(design)[0], 0, 0)
-    return occ.Sphere(centre, design.ball_radius_mm) * occ.HalfSpace(centre, occ.Vec(0, 0, 1))
-
-
-def is_in_plane_through_corner(face: Any, low: Any) -> bool:
-    """Tell whether a face lies in one of the three planes through a box's lowest corner."""
-    _, high = face.bounding_box
-    return any(abs(getattr(high, axis) - getattr(low, axis)) < EQUAL_WITHIN_MM for axis in ("x", "y", "z"))
-
-
 def write_step(part: Part, path: Path) -> None:
     """Write a part as a STEP file without a time stamp: the same foot gives the same bytes."""
     part.solid.name = part.name
@@ -167,11 +155,6 @@ def write_step(part: Part, path: Path) -> None:
     header = f"FILE_NAME('{part.name}','',('footsense'),(''),'Open CASCADE','footsense','');"
     text = re.sub(r"FILE_NAME\(.*?\);", header, path.read_text(), count=1, flags=re.DOTALL)
     path.write_text(re.sub(r"Open CASCADE STEP translator [\d. ]+", part.name, text))
-
-
-def read_step(path: Path) -> Any:
-    """Return the shape of a STEP file [mm]."""
-    return occ.OCCGeometry(str(path)).shape
 
 
 def _cylinder(x_mm: float, y_mm: float, diameter_mm: float, z_mm: tuple[float, float]) -> Any:

@@ -1,4 +1,4 @@
-"""Gerber and drill files read back by an independent parser: copper as polygons with their nets, and drilled holes.
+"""Files of a foot, read back: Gerber and drill files by a parser that did not write them, DXF and STEP.
 
 gerbonara reads, shapely measures; nothing of the writer or of the artwork is used.
 """
@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import ezdxf
 import shapely
 from gerbonara import ExcellonFile, GerberFile
 from gerbonara import graphic_primitives as primitives
 from gerbonara.utils import MM
-
-from footsense.errors import FootsenseError
+from netgen import occ
 
 #: Straight segments by which a polygon approximates a quarter circle.
 _SEGMENTS_PER_QUARTER_CIRCLE = 32
@@ -104,12 +104,26 @@ def _polygon(primitive: Any) -> Any:
     if isinstance(primitive, primitives.Rectangle) and not primitive.rotation:
         u, v = primitive.w / 2.0, primitive.h / 2.0
         return shapely.box(primitive.x - u, primitive.y - v, primitive.x + u, primitive.y + v)
-    raise FootsenseError(
-        f"a Gerber layer has a {type(primitive).__name__}, which no layer of a flex should have"
-    )
+    raise AssertionError(f"no layer of a flex should have a {type(primitive).__name__}")
 
 
 def _attribute_text(attributes: dict[str, Any], name: str) -> str:
     """Return a Gerber attribute's fields joined by commas; empty if the attribute is missing."""
     value = attributes.get(name, "")
     return value if isinstance(value, str) else ",".join(value)
+
+
+def read_dxf(path: Path) -> Any:
+    """Return the polygon of a DXF file [mm]: the largest closed line, minus those inside it."""
+    document = ezdxf.readfile(path)
+    rings = [
+        shapely.Polygon([(point[0], point[1]) for point in line.get_points()])
+        for line in document.modelspace().query('LWPOLYLINE[layer=="CUT"]')
+    ]
+    outer, *inner = sorted(rings, key=lambda ring: -ring.area)
+    return outer.difference(shapely.union_all(inner))
+
+
+def read_step(path: Path) -> Any:
+    """Return the shape of a STEP file [mm]."""
+    return occ.OCCGeometry(str(path)).shape

@@ -1,4 +1,4 @@
-"""Documents of a foot: overview with the results of the checks, bill of materials, assembly steps, checklist."""
+"""Documents of a foot: overview, bill of materials, assembly steps with the tolerances, checklist."""
 
 import csv
 import math
@@ -8,7 +8,6 @@ from typing import Any
 from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.assumptions import AssumedProcess
-from footsense.lab.fabrication.checks import Check
 from footsense.lab.fabrication.expected import ExpectedCapacitance
 from footsense.lab.fabrication.hardness import shore_a_from_modulus
 from footsense.lab.fabrication.parts.flex import GUARD_NET, Flex
@@ -27,9 +26,8 @@ def write_documents(
     design: FootDesign,
     assumed: AssumedProcess,
     flexes: tuple[Flex, Flex],
-    checks: list[Check],
     tolerances: list[Tolerance],
-    elements: dict[tuple[str, str], ExpectedCapacitance],
+    expected: ExpectedCapacitance,
 ) -> None:
     """Write overview, assembly steps, checklist and bill of materials of a foot.
 
@@ -38,9 +36,8 @@ def write_documents(
         design: The foot.
         assumed: What its design assumed.
         flexes: Row flex and column flex.
-        checks: Figures of the files.
-        tolerances: Tolerances of the drawing.
-        elements: Expected reading of each element, by row and column net.
+        tolerances: Tolerances of the parts.
+        expected: Expected reading of each element.
     """
     names: dict[str, Any] = {
         "design": design,
@@ -50,16 +47,16 @@ def write_documents(
         "flexes": flexes,
         "GUARD_NET": GUARD_NET,
         "contacts": {flex.line_kind: connector_contacts(flex) for flex in flexes},
-        "checks": checks,
         "tolerances": tolerances,
-        "elements": list(elements.items()),
+        "expected": expected,
+        "elements": [(row, column) for row in flexes[0].nets for column in flexes[1].nets],
         "shore": shore_a_from_modulus(design.rubber.youngs_mpa),
         "rubber_g": rubber_mass_to_weigh_g(design),
         "film_material": film_material_text(design),
         "UM_PER_MM": UM_PER_MM,
     }
     for name in ("README", "assembly", "checklist"):
-        text = render(f"footsense.lab.fabrication.documents.{name.lower()}", names)
+        text = render(f"footsense.lab.fabrication.{name.lower()}", names)
         (folder / f"{name}.md").write_text(text + "\n")
     with (folder / "bill-of-materials.csv").open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
@@ -83,7 +80,7 @@ def bill_of_materials(
             rubber,
             "step/hemisphere-*.step",
         ),
-        (2, "piece", "plate", pdms, "drawing.pdf"),
+        (2, "piece", "plate", pdms, "assembly.md"),
         (1, "piece", "spacer", f"{design.gap_um:g} um, film or PDMS, laser-cut", "spacer.dxf"),
         (1, "piece", "film", f"{design.film_um:g} um of {film_material_text(design)}", "film.dxf"),
         (1, "set", "mould", "aluminium or acrylic, hollows polished; serves all feet", "step/mould-*.step"),

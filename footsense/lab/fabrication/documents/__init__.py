@@ -1,1 +1,0 @@
-"""Fabrication documents: drawing, picture of the parts, bill of materials, assembly steps, checklist."""
