@@ -23,7 +23,6 @@ from footsense.lab.evaluation.evaluate_models import (
     HELD_OUT_CASES,
     HELD_OUT_SEED,
     NETWORK_FILE,
-    PAPER_362_CASES_ROW_PREFIX,
     RESPONSE_FILE,
     error_table,
     evaluate_models,
@@ -37,16 +36,10 @@ from footsense.lab.similarity import force_unit, loads_in_force_unit, response_i
 from footsense.lab.training import load_cases
 from footsense.lab.training.export import OnnxNetwork, library_versions, load_weights, onnx_model
 from footsense.lab.training.gait_readings import random_gaits
-from footsense.lab.training.load_cases import Cases, paper_training, random_loads
-from footsense.lab.training.snapshot.forward_inversion import forward_model
-from footsense.lab.training.snapshot.train import (
-    SnapshotTrainingSettings,
-    mean_closure_product_matrix,
-    train,
-)
-from footsense.lab.training.snapshot.train import predict as predict_alone
+from footsense.lab.training.load_cases import Cases, random_loads
+from footsense.lab.training.symmetric_layers import Weights, mean_closure_product_matrix
 from footsense.lab.training.train_windowed import WindowTrainingSettings, train_windowed
-from footsense.lab.training.windowed_network import Weights, predict
+from footsense.lab.training.windowed_network import predict
 from footsense.progress import timed_bar
 
 #: Seed of the random loads of the training.
@@ -69,7 +62,6 @@ class BuildSettings:
         random_loads: Number of random loads at rest of the training.
         gaits: Number of random gaits of the training, three seconds each.
         released: Training of the released network.
-        paper_cases_only: Training on the paper's cases alone.
         quick: Whether the model card warns that this is no release.
         start_network: Network of a similar foot that the training starts from; None for random weights.
     """
@@ -78,7 +70,6 @@ class BuildSettings:
     random_loads: int
     gaits: int
     released: WindowTrainingSettings
-    paper_cases_only: SnapshotTrainingSettings
     quick: bool = False
     start_network: Path | None = None
 
@@ -89,7 +80,6 @@ FULL_BUILD = BuildSettings(
     random_loads=200_000,
     gaits=5_000,
     released=WindowTrainingSettings(),
-    paper_cases_only=SnapshotTrainingSettings(steps=6_000, batch=128, masked=False),
 )
 #: A foot like one whose network is at hand: the same mesh and loads, and a short training from its weights.
 SIMILAR_FOOT_BUILD = replace(
@@ -101,7 +91,6 @@ QUICK_BUILD = BuildSettings(
     random_loads=10_000,
     gaits=60,
     released=WindowTrainingSettings(channels=8, steps=1_500, batch=256, rate=1e-2),
-    paper_cases_only=SnapshotTrainingSettings(steps=1_000, batch=128, masked=False),
     quick=True,
 )
 
@@ -130,37 +119,6 @@ _CONVERSIONS_PER_GAIT = 1100
 def _force_estimator(weights: Weights, gap_um: float, unit: float) -> ForceEstimator:
     """Return a function from closures [um] under a steady load to forces [N], by the network."""
     return lambda closure_um: unit * predict(weights, steady_windows(closure_um / gap_um)).force_n
-
-
-def _paper_only_estimators(
-    response: FootResponse, unit: float, settings: SnapshotTrainingSettings, report: Callable[[str], None]
-) -> dict[str, ForceEstimator]:
-    """Return force estimators trained on the paper's 362 cases alone: on elastances, and on inverted closures.
-
-    The response is that in the foot's force unit; the estimators' forces are in newtons.
-
-    If the paper's loads close gaps completely, the inversion has no solution, and its estimator is left out.
-    """
-    training, gap_um = paper_training(response), response.design.gap_um
-    plain = train(training, response.design, settings)
-    alone: dict[str, ForceEstimator] = {
-        f"{PAPER_362_CASES_ROW_PREFIX}_elastance": lambda closure_um: (
-            unit * predict_alone(plain, closure_um / gap_um)[0]
-        )
-    }
-    model = forward_model(response)
-    try:
-        inverted_um = model.element_free_closure_um(training.closure_um)
-    except ArithmeticError as error:
-        report(f"no {PAPER_362_CASES_ROW_PREFIX}: the paper's loads are too large for this foot: {error}")
-        return alone
-    inverted = train(Cases(training.force_n, inverted_um), response.design, settings)
-    return {
-        PAPER_362_CASES_ROW_PREFIX: lambda closure_um: (
-            unit * predict_alone(inverted, model.element_free_closure_um(closure_um) / gap_um)[0]
-        ),
-        **alone,
-    }
 
 
 def _network_card(
@@ -204,7 +162,6 @@ def _network_card(
             },
             "held_out": {"cases": HELD_OUT_CASES, "seed": HELD_OUT_SEED},
             "released": recipe.released.card(),
-            "only_362": recipe.paper_cases_only.card(),
             "weights": weights.n_weights,
             **({} if recipe.start_network is None else {"started_from": recipe.start_network.parent.name}),
         },
@@ -259,8 +216,6 @@ def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable
         recipe = replace(
             recipe, released=replace(recipe.released, min_force_n=loads_unit.min_relative_loss_force_n)
         )
-        alone = _paper_only_estimators(response_in_unit, unit, recipe.paper_cases_only, report)
-        report(f"trained on the paper's 362 cases: {', '.join(alone)}")
         cases = random_loads(response_in_unit, loads_unit, recipe.random_loads, TRAINING_SEED)
         report(f"{recipe.random_loads} random loads, gaps in contact")
         closure_rel = cases.closure_um / design.gap_um
@@ -272,7 +227,7 @@ def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable
         start = None if recipe.start_network is None else load_weights(recipe.start_network)
         weights = train_windowed(gaits, cases, design, recipe.released, imputation, report, start)
         report(f"trained on them: {weights.n_weights} weights")
-        table = error_table(response, loads, _force_estimator(weights, design.gap_um, unit), alone)
+        table = error_table(response, loads, _force_estimator(weights, design.gap_um, unit))
         # The card needs the errors before the file exists, so JAX computes them; the printed ones are of the file.
         card = _network_card(response, loads, recipe, weights, cases, table)
         network = add_checksum(onnx_model(weights, card, unit).SerializeToString())

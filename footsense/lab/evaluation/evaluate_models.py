@@ -34,15 +34,12 @@ from footsense.lab.training.load_cases import (
 RESPONSE_FILE, NETWORK_FILE = "response.npz", "network.onnx"
 #: Seed and size of the held-out random loads.
 HELD_OUT_SEED, HELD_OUT_CASES = 2, 10_000
-#: Rows of the networks trained on the paper's 362 cases alone; without suffix: fed by inversion of the forward model.
-PAPER_362_CASES_ROW_PREFIX = "paper_network_362"
 
 
 def error_table(
     response: FootResponse,
     loads: LoadRange,
     released: ForceEstimator,
-    paper_only_estimators: dict[str, ForceEstimator] | None = None,
 ) -> dict[str, ForceErrors]:
     """Return the force errors of every estimator on the paper's cases and on random loads.
 
@@ -50,7 +47,6 @@ def error_table(
         response: The foot.
         loads: Range of the training loads.
         released: The network trained on random loads.
-        paper_only_estimators: Networks trained on the paper's cases alone by the names of their rows, if at hand.
 
     Returns:
         Rows by name: `paper_*` on the 180 verification cases without noise, `random_*` on held-out random loads
@@ -74,7 +70,6 @@ def error_table(
         ),
         "random_network": (released, test),
     }
-    estimators |= {name: (read, verification) for name, read in (paper_only_estimators or {}).items()}
     return {
         name: evaluate_force_errors(cases.force_n, read(cases.closure_um))
         for name, (read, cases) in estimators.items()
@@ -131,14 +126,10 @@ def require_same_foot(
 
 
 def evaluate_models(folder: Path) -> dict[str, ForceErrors]:
-    """Return the error table of released files; rows of the 362-case networks come from the network's card."""
+    """Return the error table of released files."""
     response, network = open_models(folder)
     loads, gap_um = load_foot(folder / FOOT_FILE).loads, response.design.gap_um
-    table = error_table(response, loads, lambda closure_um: network.force_n(closure_um / gap_um))
-    for name, row in network.card["errors"].items():
-        if name.startswith(PAPER_362_CASES_ROW_PREFIX):
-            table[name] = ForceErrors(**row)
-    return table
+    return error_table(response, loads, lambda closure_um: network.force_n(closure_um / gap_um))
 
 
 def as_json(table: dict[str, ForceErrors]) -> dict[str, Any]:
@@ -147,13 +138,10 @@ def as_json(table: dict[str, ForceErrors]) -> dict[str, Any]:
     Args:
         table: Result of `evaluate_models`.
     """
-    released, alone = table["paper_network"], table.get(PAPER_362_CASES_ROW_PREFIX)
-    linear = table["paper_linear_elastance"]
+    released, linear = table["paper_network"], table["paper_linear_elastance"]
     return {
         "direction_deg": released.direction_deg,
         "magnitude_gf": released.magnitude_gf,
-        "direction_deg_362": alone and alone.direction_deg,
-        "magnitude_gf_362": alone and alone.magnitude_gf,
         "linear_direction_deg": linear.direction_deg,
         "linear_magnitude_gf": linear.magnitude_gf,
         "paper_direction_deg": PAPER_DIRECTION_DEG,

@@ -17,7 +17,6 @@ from footsense.lab.evaluation.evaluate import rms, sigma_coverage_shares
 from footsense.lab.evaluation.evaluate_models import (
     HELD_OUT_CASES,
     HELD_OUT_SEED,
-    PAPER_362_CASES_ROW_PREFIX,
     as_markdown,
     evaluate_models,
 )
@@ -106,11 +105,7 @@ def compute(context: StudyContext) -> tuple[Values, Figures]:
     }
     context.report_progress("held-out loads done")
     n_feet = 2 if quick else _N_FEET
-    errors = {
-        name: row
-        for name, row in evaluate_models(context.models).items()
-        if not name.startswith(PAPER_362_CASES_ROW_PREFIX)
-    }
+    errors = evaluate_models(context.models)
     paper = errors["paper_network"]
     bound = _bounds(context)
     worst = max(row["over_bound"] for row in bound["centred"])

@@ -28,7 +28,7 @@ from footsense.lab.training.load_cases import (
     paper_verification,
     random_loads,
 )
-from footsense.lab.training.snapshot.train import mean_closure_product_matrix
+from footsense.lab.training.symmetric_layers import mean_closure_product_matrix
 from footsense.lab.training.train_windowed import WindowTrainingSettings, train_windowed
 from footsense.lab.training.windowed_network import predict
 from footsense.ports import Window

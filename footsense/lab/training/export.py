@@ -27,6 +27,7 @@ from footsense.frames import ELEMENTS, Vector
 from footsense.lab.training.symmetric_layers import (
     N_SYMMETRIES,
     PATTERN_SOFTENING_REL,
+    Weights,
     linear_basis,
     relative_symmetry_index,
 )
@@ -38,7 +39,6 @@ from footsense.lab.training.windowed_network import (
     READINGS_PER_ELEMENT,
     SIGMA_ROW_OF_OUTPUT,
     ZERO_FEATURE_SCAN_PERIOD_S,
-    Weights,
     element_input_index,
     output_symmetries,
 )

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.frames import ELEMENTS
+from footsense.frames import ELEMENTS, Vector
 from footsense.lab.symmetry import SYMMETRIES, element_permutation
 
 #: Size e below which a pattern means little [1 of the gap]: 40 nm of 20 um.
@@ -22,18 +22,21 @@ PATTERN_SOFTENING_REL = 2e-3
 N_SYMMETRIES = len(SYMMETRIES)
 
 
-class SharedWeights(NamedTuple):
-    """Trained weights of a symmetric network, with `c` channels in each hidden layer; one network derives from it.
+class Weights(NamedTuple):
+    """Trained weights of the windowed network, with `c` channels in each hidden layer.
+
+    Its outputs are force, contact point and friction ratio.
 
     Attributes:
-        linear: Linear paths [N], a weight for each map of `linear_basis`.
+        linear: Linear paths [N], a weight for each map of `linear_basis`, of the paths L, then M.
         w1: First hidden layer, shape (c, inputs).
         b1: Offsets of the first layer, shape (c,).
         w2: Second hidden layer by relative symmetry, shape (c, 8 c), the symmetry slow.
         b2: Offsets of the second layer, shape (c,).
         out: Output layer, shape (c, outputs).
         sigma: Output layer of ln sigma, shape (c, outputs).
-        sigma_offset: Offsets of ln sigma; axes that the square exchanges share one.
+        sigma_offset: Offsets of ln sigma of the force sideways, along z, of contact point and of friction ratio, shape
+            (4,): axes that the square exchanges share one.
     """
 
     linear: Any
@@ -100,7 +103,7 @@ def linear_basis() -> NDArray[np.float64]:
     return np.stack([*fz_maps, *(part for part in fxy_maps if part.any())])
 
 
-def expand_hidden(weights: SharedWeights, n_planes: int, n_scalars: int) -> dict[str, Any]:
+def expand_hidden(weights: Weights, n_planes: int, n_scalars: int) -> dict[str, Any]:
     """Return the matrices and offsets of both hidden layers by name: unit g * c + i is channel i under symmetry g.
 
     Args:
@@ -117,3 +120,13 @@ def expand_hidden(weights: SharedWeights, n_planes: int, n_scalars: int) -> dict
         "w2": jnp.transpose(w2, (2, 3, 1, 0)).reshape(N_SYMMETRIES * c, -1),
         "b2": jnp.tile(weights.b2, N_SYMMETRIES),
     }
+
+
+def mean_closure_product_matrix(closure_rel: Vector) -> Vector:
+    """Return second moments of closures over their rms, averaged over symmetries, shape (elements, elements)."""
+    size = np.sqrt(np.mean(closure_rel**2, axis=-1, keepdims=True) + PATTERN_SOFTENING_REL**2)
+    pattern = closure_rel / size
+    plain = pattern.T @ pattern / len(pattern)
+    maps = [element_permutation(g) for g in SYMMETRIES]
+    even: Vector = np.mean([plain[np.ix_(m, m)] for m in maps], axis=0) + 1e-7 * np.eye(ELEMENTS)
+    return even

@@ -30,13 +30,12 @@ from footsense.lab.training.gait_windows import (
     contact_and_normal_force,
 )
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, LeaningCases
-from footsense.lab.training.symmetric_layers import linear_basis
+from footsense.lab.training.symmetric_layers import Weights, linear_basis
 from footsense.lab.training.windowed_network import (
     FEATURES_PER_ELEMENT,
     FEATURES_PER_FOOT,
     READINGS_PER_ELEMENT,
     Features,
-    Weights,
     element_input_index,
     expand_over_symmetries,
     features,
@@ -48,8 +47,8 @@ _WINDOWS_WITH_MISSING_SHARE, _STEADY_WINDOWS_SHARE = 0.25, 0.45
 #: Share of the steady windows that are read at any pace and in any order, and of those with friction: few of the loads
 #: have much, and they are the hard ones. Friction ratio from which a load counts as one [1].
 _PACED_SHARE, _FRICTION_SHARE, _FRICTION_REL = 0.4, 0.4, 0.1
-#: Weight of the squared error over the squared force beside the likelihood: lower than that of `snapshot/train.py`, as
-#: sudden steps, which nothing can tell, would dominate.
+#: Weight of the squared error over the squared force beside the likelihood; were it larger, sudden steps, which nothing
+#: can tell, would dominate.
 _SQUARED_ERROR_WEIGHT = 10.0
 #: Weight of contact point and friction ratio, and normal force from which they are learnt [N].
 _CONTACT_WEIGHT, _LOADED_N = 0.25, 0.02

@@ -30,7 +30,7 @@ from footsense.lab.symmetry import SYMMETRIES
 from footsense.lab.training.symmetric_layers import (
     N_SYMMETRIES,
     PATTERN_SOFTENING_REL,
-    SharedWeights,
+    Weights,
     expand_hidden,
     hidden_input_index,
     linear_basis,
@@ -53,16 +53,6 @@ ZERO_FEATURE_SCAN_PERIOD_S = 0.02445
 LN_SIGMA_BOUNDS = (-8.0, 3.0)
 #: Least time between two readings of an element [s]; a foot's first reading stands for those before it.
 MIN_READING_INTERVAL_S = 1e-4
-
-
-class Weights(SharedWeights):
-    """Trained weights of a windowed network.
-
-    `linear` holds the paths L, then M. Outputs are force, contact point and friction ratio; `sigma_offset` is of the
-    force sideways, along z, the contact point and the friction ratio, shape (4,).
-    """
-
-    __slots__ = ()
 
 
 class LayerMatrices(NamedTuple):

@@ -32,9 +32,6 @@ from footsense.lab.foot_file import load_foot
 from footsense.lab.symmetry import SYMMETRIES, element_permutation
 from footsense.lab.training import load_cases
 from footsense.lab.training.export import OnnxNetwork
-from footsense.lab.training.snapshot.network import Weights
-from footsense.lab.training.snapshot.train import predict
-from footsense.lab.training.symmetric_layers import N_SYMMETRIES
 from footsense.sim.scene import load_scene
 from footsense.telemetry.run_statistics import RunStatistics
 from tests.lab.networks.windows import assert_symmetric, some_windows
@@ -124,36 +121,6 @@ def test_coverage_of_a_true_sigma_is_that_of_a_gaussian() -> None:
     shares = sigma_coverage_shares(np.zeros_like(sigma), sigma * rng.normal(size=sigma.shape), sigma)
     np.testing.assert_allclose(shares["within_1_sigma"], 0.6827, atol=0.005)
     np.testing.assert_allclose(shares["within_2_sigma"], 0.9545, atol=0.003)
-
-
-def some_weights(channels: int = 3, seed: int = 0) -> Weights:
-    """Return weights that nobody trained."""
-    rng = np.random.default_rng(seed)
-    c, hidden = channels, N_SYMMETRIES * channels
-    shapes = [(5,), (c, 19), (c,), (c, hidden), (c,), (c, 3), (c, 3), (2,)]
-    return Weights(*(rng.normal(0.0, 0.5, shape).astype(np.float32) for shape in shapes))
-
-
-def test_the_study_network_has_the_squares_symmetry_whatever_its_weights() -> None:
-    """By construction: turned closures and masks give turned forces, and sigmas that follow."""
-    weights, rng = some_weights(), np.random.default_rng(1)
-    closure_rel = rng.uniform(-0.05, 0.9, (len(MISSING_SETS), 9))
-    force_n, sigma_n = predict(weights, closure_rel, MISSING_SETS)
-    assert np.ptp(force_n, axis=0).min() > 0.01
-    for symmetry in SYMMETRIES:
-        image = element_permutation(symmetry)
-        closures, masks = np.empty_like(closure_rel), np.empty_like(MISSING_SETS)
-        closures[:, image], masks[:, image] = closure_rel, MISSING_SETS
-        turned_n, turned_sigma_n = predict(weights, closures, masks)
-        np.testing.assert_allclose(turned_n, force_n @ symmetry.T, atol=2e-5)
-        np.testing.assert_allclose(turned_sigma_n, sigma_n @ np.abs(symmetry).T, rtol=1e-3, atol=2e-5)
-
-
-def test_the_pattern_decides_the_direction_and_the_size_scales_it() -> None:
-    """Sigma and force are small for small closures: no load gives exactly no force, and a positive sigma."""
-    force_n, sigma_n = predict(some_weights(), np.zeros((1, 9)))
-    assert (force_n == 0.0).all()
-    assert (sigma_n > 0.0).all()
 
 
 def test_the_chain_estimates_even_when_quick(built: BuildResult) -> None:

@@ -1,1 +1,0 @@
-"""Snapshot network: one scan of closures to a force, symmetric, for training on the 362 cases alone."""
