@@ -56,3 +56,18 @@ def test_an_unknown_study_is_answered_with_those_that_are() -> None:
 def test_a_spread_is_that_of_a_sample_and_a_table_has_its_columns() -> None:
     assert spread([1.0, 2.0, 6.0], 1) == "3.0 +- 2.6, worst 6.0"
     assert table("case | error", [("a", 1)]) == "| case | error |\n|---|---:|\n| a | 1 |"
+
+
+def test_the_front_page_has_the_figures_of_the_pages() -> None:
+    front = (PAGES.parents[1] / "README.md").read_text(encoding="utf-8")
+    motion, rest = (json.loads((PAGES / f"{name}.json").read_text("utf-8")) for name in ("motion", "rest"))
+    rough, paper = motion["rough"], rest["errors"]["paper_network"]
+    for text in (
+        f"{rough['leg_minutes']:.0f} minutes of legs",
+        f"{rough['n_false_touchdowns']} in {rough['swing_minutes']:.0f} min of swing; "
+        f"{rough['contact_correct_share']:.0%}".replace("%", " %"),
+        f"{100 * rough['missed_slide_share']:.0f} % |",
+        f"{paper['direction_deg']:.2f} deg, {paper['magnitude_gf']:.2f} gf; "
+        f"{paper['direction_max_deg']:.1f} deg, {paper['magnitude_max_gf']:.1f} gf",
+    ):
+        assert text in front

@@ -17,7 +17,7 @@ from footsense.foot.specimen import ContactLoads
 from footsense.frames import ELEMENTS
 from footsense.lab.evaluation.evaluate import rms
 from footsense.lab.evaluation.fidelity_levels import LEVEL_NAMES, LevelResponse, fidelity_level, mesh_level
-from footsense.lab.fem.mesh import COARSE_MESH, MeshSize
+from footsense.lab.fem.mesh import COARSE_MESH, RELEASED_MESH
 from footsense.lab.report import Figures, StudyContext, Values, spread, table, target
 from footsense.lab.training.export import onnx_model
 from footsense.lab.training.gait_readings import random_gaits
@@ -100,7 +100,7 @@ def _foot_models(context: StudyContext) -> list[Values]:
     loads = ContactLoads.centred(force_n)
     n_solved = _N_QUICK_MESH_LOADS if context.quick else _N_MESH_LOADS
     some = np.linspace(0, len(force_n) - 1, n_solved).round().astype(int)
-    size = COARSE_MESH if context.quick else MeshSize(**response.provenance["mesh"])
+    size = COARSE_MESH if context.quick else RELEASED_MESH
     answers: dict[str, LevelResponse] = {}
     rows: list[Values] = []
     for name in LEVEL_NAMES:
