@@ -64,10 +64,10 @@ def test_the_front_page_has_the_figures_of_the_pages() -> None:
     rough, paper = motion["rough"], rest["errors"]["paper_network"]
     for text in (
         f"{rough['leg_minutes']:.0f} minutes of legs",
-        f"{rough['n_false_touchdowns']} in {rough['swing_minutes']:.0f} min of swing; "
-        f"{rough['contact_correct_share']:.0%}".replace("%", " %"),
+        f"{rough['n_false_touchdowns']} in {rough['swing_minutes']:.0f} min of swing;",
+        f"; {100 * rough['contact_correct_share']:.0f} %;",
         f"{100 * rough['missed_slide_share']:.0f} % |",
-        f"{paper['direction_deg']:.2f} deg, {paper['magnitude_gf']:.2f} gf; "
-        f"{paper['direction_max_deg']:.1f} deg, {paper['magnitude_max_gf']:.1f} gf",
+        f"{paper['direction_deg']:.2f} deg, {paper['magnitude_gf']:.2f} gf;",
+        f"; {paper['direction_max_deg']:.1f} deg, {paper['magnitude_max_gf']:.1f} gf",
     ):
         assert text in front

@@ -96,7 +96,9 @@ def design(
     out: Path | None,
     as_json: bool,
 ) -> None:
-    """Find feet for a robot: size, rubber, gap and electrodes by its weight, with their predicted errors.
+    """Find feet for a robot, from its weight.
+
+    Size, rubber, gap and electrodes, with their predicted errors.
 
     Writes a description of each foot, ready for `footsense lab build`, and a picture of all that were compared.
     """  # noqa: DOC501 - click shows this text
@@ -150,7 +152,10 @@ def design(
     help="File to write; `footsense/lab/design/prediction/shapes.npz` is the released one.",
 )
 def shapes(*, out: Path) -> None:
-    """Solve the shapes that `lab design` starts from; half an hour, after a change of the solid's model alone."""
+    """Solve the shapes that `design` starts from.
+
+    Half an hour, after a change of the solid's model alone.
+    """
     from footsense.daemon.foot_types import released_path
     from footsense.lab.design.prediction.solving import solve_shapes
     from footsense.lab.foot_file import FOOT_FILE, load_foot

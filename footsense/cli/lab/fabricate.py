@@ -21,7 +21,9 @@ _REQUIRED_PACKAGES = ("ezdxf", "shapely")
     help="As for `lab design`; without it the first that has the foot's film.",
 )
 def fabricate(*, foot: str, out: Path, process: str | None) -> None:
-    """Write what a workshop needs to make a foot: STEP, Gerber, DXF, parts, tolerances, steps, checklist.
+    """Write the files that a foot is made from.
+
+    STEP, Gerber, DXF, parts, tolerances, steps, checklist.
 
     FOOT is a foot.yaml, a folder with one, or the name of a released foot type. README.md in the folder says
     what goes to whom.

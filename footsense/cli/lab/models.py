@@ -35,7 +35,10 @@ if TYPE_CHECKING:
     help="Folder of a similar foot type: the training starts from its network, and is a fifth as long.",
 )
 def build(*, foot: Path | None, out: Path | None, quick: bool, like: Path | None) -> None:
-    """Solve a foot, train its network, write both with their card, and print the error table."""  # noqa: DOC501
+    """Build the models of a foot, and print their errors.
+
+    Solves the foot, trains its network, and writes both with their card.
+    """  # noqa: DOC501
     from footsense.lab.foot_file import FOOT_FILE, load_foot
 
     description = foot or released_path(FOOT_FILE)
@@ -79,7 +82,10 @@ def _require_unique_foot_type(known: Path, description: Path, foot_design: "Foot
 @options.models_option
 @json_option
 def evaluate(*, models: Path | None, as_json: bool) -> None:
-    """Print the error table of the released network beside the paper and the linear read-outs."""
+    """Print the errors of the released network.
+
+    Beside them stand those of the paper and of linear estimates.
+    """
     from footsense.lab.evaluation.evaluate_models import as_json as table_json
     from footsense.lab.evaluation.evaluate_models import as_markdown, evaluate_models
 
@@ -94,7 +100,9 @@ def evaluate(*, models: Path | None, as_json: bool) -> None:
 @click.argument("other", type=FOLDER)
 @options.models_option
 def compare(*, other: Path, models: Path | None) -> None:
-    """Print how far a build in OTHER is from the released files, and by how much its network is worse.
+    """Compare a build in OTHER with the released files.
+
+    Prints how far it is from them, and by how much its network is worse.
 
     Ends with exit code 1 where one is beyond what is tolerated; a better network is none.
     """  # noqa: DOC501 - click shows this text

@@ -44,7 +44,10 @@ def response(
     models: Path | None,
     as_json: bool,
 ) -> None:
-    """Print closures and capacitances of all elements under one centred load."""  # noqa: DOC501 - click shows this text
+    """Print the elements' answer to one centred load.
+
+    Closures and capacitances, by one of the models of the foot.
+    """  # noqa: DOC501 - click shows this text
     from footsense.lab.evaluation.evaluate_models import open_models
     from footsense.lab.evaluation.fidelity_levels import response_json
     from footsense.lab.foot_file import FOOT_FILE, load_foot

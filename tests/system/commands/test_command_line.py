@@ -188,3 +188,9 @@ def test_a_gap_is_replayed_and_not_compared_across(gapped: Path) -> None:
     n_cycles = len(list(Replay(gapped)))
     assert n_cycles > N_BEFORE + N_LOST
     assert replayed.stdout == f"{n_cycles} cycles replayed\n"
+
+
+def test_the_lab_s_commands_are_listed_without_a_truncated_sentence() -> None:
+    shown = CliRunner().invoke(main, ["lab", "--help"]).output
+    assert not [line for line in shown.splitlines() if line.endswith("...")]
+    assert len(shown.splitlines()) <= 24
