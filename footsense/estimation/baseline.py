@@ -25,7 +25,7 @@ from footsense.estimation.drift import UnloadedFeet
 from footsense.estimation.settings import MIN_SWING_RISE_N_PER_S, EstimationLimits, MountedFeet, Sensitivity
 from footsense.estimation.swing_noise import SwingNoise
 from footsense.estimation.tare import Tares
-from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.capacitor import Capacitor
 from footsense.frames import BaselineStatus, Codes, CommandKind, CommandResult, Flag, Mask, Stamps, Vector
 
 #: A fall ends contact below this share of the mean load over the last second or so [1].
@@ -261,7 +261,7 @@ class BaselineTracker:
     """
 
     def __init__(
-        self, feet: MountedFeet, design: CapacitorDesign, limits: EstimationLimits, sensitivity: Sensitivity
+        self, feet: MountedFeet, design: Capacitor, limits: EstimationLimits, sensitivity: Sensitivity
     ) -> None:
         self.unloaded = UnloadedFeet(feet, design, limits.tare, sensitivity)
         self.tares = Tares(limits.tare, feet, self.unloaded)

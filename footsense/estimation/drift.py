@@ -21,7 +21,7 @@ from operator import attrgetter
 import numpy as np
 
 from footsense.estimation.settings import MountedFeet, Sensitivity, TareLimits
-from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.capacitor import Capacitor
 from footsense.frames import BaselineDrift, BaselineStatus, Cause, Mask, Stamps, Vector
 
 #: Fastest drift [pF/s]: 0.1 K/s of a foot that comes from the sun into the shade, at 1.5 fF/K.
@@ -217,7 +217,7 @@ class UnloadedFeet:
     """
 
     def __init__(
-        self, feet: MountedFeet, design: CapacitorDesign, limits: TareLimits, sensitivity: Sensitivity
+        self, feet: MountedFeet, design: Capacitor, limits: TareLimits, sensitivity: Sensitivity
     ) -> None:
         self._design, self._gain_rel, self._sensitivity = design, feet.gain_rel, sensitivity
         self.legs = [LegBaseline(leg_pf, limits) for leg_pf in feet.unloaded_pf]

@@ -8,7 +8,7 @@ from msgspec import Meta, Struct
 from msgspec.structs import replace
 
 from firmware_interface.chips import fdc1004
-from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.capacitor import Capacitor
 from footsense.frames import ELEMENTS, Mask, Vector
 
 #: Least capacitance of an element over the range of an FDC1004 [pF].
@@ -36,12 +36,12 @@ class MountedFeet:
     gain_rel: Vector
     names: tuple[str, ...]
 
-    def distance_times_capacitance_pf(self, design: CapacitorDesign) -> Vector:
+    def distance_times_capacitance_pf(self, design: Capacitor) -> Vector:
         """Return relative plate distance times capacitance of each element (constant) [pF], shape (legs, elements)."""
         return design.plate_distance_um(np.ones(1)) / design.gap_um / self.gain_rel
 
     @classmethod
-    def as_designed(cls, design: CapacitorDesign, n_legs: int, stray_pf: float = 0.0) -> "MountedFeet":
+    def as_designed(cls, design: Capacitor, n_legs: int, stray_pf: float = 0.0) -> "MountedFeet":
         """Return the parameters of feet that are as their design."""
         ones = np.ones((n_legs, ELEMENTS))
         return cls(

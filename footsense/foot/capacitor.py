@@ -1,4 +1,4 @@
-"""Electrical design of a foot's capacitors: conversion between gap closure [um] and capacitance [pF].
+"""Electrical model of a foot's capacitors: conversion between gap closure [um] and capacitance [pF].
 
 One element is two square electrodes with an air gap and a polymer film between them, the gap closing under load:
 
@@ -23,7 +23,7 @@ GAP_CLOSED_THRESHOLD_REL = 0.95
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CapacitorDesign:
+class Capacitor:
     """Designed dimensions and film permittivity of every element of a foot type.
 
     Attributes:
@@ -48,7 +48,7 @@ class CapacitorDesign:
         """Capacitance of an unloaded element as designed, without stray [pF].
 
         Example:
-            >>> sheet = CapacitorDesign(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0)
+            >>> sheet = Capacitor(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0)
             >>> round(sheet.unloaded_pf, 3)
             5.387
         """
@@ -80,7 +80,7 @@ class CapacitorDesign:
             Closure [um]; NaN where an input is.
 
         Example:
-            >>> sheet = CapacitorDesign(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0)
+            >>> sheet = Capacitor(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0)
             >>> pressed = sheet.capacitance_pf(np.array([5.0]))
             >>> round(float(sheet.closure_um(pressed, np.array([sheet.unloaded_pf]))[0]), 9)
             5.0

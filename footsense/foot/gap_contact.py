@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
+from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, Capacitor
 from footsense.frames import ELEMENTS, Mask, Vector
 
 #: Cells along an electrode's side. Flat index of a cell: (element * 6 + forward) * 6 + leftward.
@@ -45,7 +45,7 @@ def element_means(cells: Vector) -> Vector:
     return means
 
 
-def capacitance_pf(design: CapacitorDesign, distance_um: Vector) -> Vector:
+def capacitance_pf(design: Capacitor, distance_um: Vector) -> Vector:
     """Return each element's capacitance without stray [pF], shape (..., 9), from the cells' plate distances [um].
 
     Args:
@@ -58,7 +58,7 @@ def capacitance_pf(design: CapacitorDesign, distance_um: Vector) -> Vector:
     return element_capacitance_pf
 
 
-def fringe_pf(design: CapacitorDesign, spacing_um: Vector) -> Vector:
+def fringe_pf(design: Capacitor, spacing_um: Vector) -> Vector:
     """Return the fringe capacitance of each element's four edges [pF], shape (..., 9), which parallel plates lack.
 
     Beside two facing strips of width w at a distance h, an edge adds per length the field of two half planes,

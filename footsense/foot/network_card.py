@@ -19,7 +19,7 @@ import numpy as np
 from msgspec import Meta
 
 from footsense.errors import ModelError
-from footsense.foot.capacitor import GAP_CLOSED_THRESHOLD_REL, CapacitorDesign
+from footsense.foot.capacitor import GAP_CLOSED_THRESHOLD_REL, Capacitor
 from footsense.frames import ELEMENTS, Vector
 
 #: Key of the card in the file's metadata.
@@ -81,7 +81,7 @@ class TrainedInputs:
         moments: Second moments of the closures, for the imputation of missing ones, shape (elements, elements).
     """
 
-    design: CapacitorDesign
+    design: Capacitor
     closure_rel_min: Vector
     closure_rel_max: Vector
     moments: Vector
@@ -148,7 +148,7 @@ class Card(msgspec.Struct, frozen=True):
     def trained_inputs(self) -> TrainedInputs:
         """Capacitor design and training range, for the pipeline."""
         return TrainedInputs(
-            design=msgspec.convert(self, CapacitorDesign, from_attributes=True),
+            design=msgspec.convert(self, Capacitor, from_attributes=True),
             closure_rel_min=np.array(self.closure_rel_min),
             closure_rel_max=np.array(self.closure_rel_max),
             moments=np.array(self.moments),

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.errors import ModelError
-from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.capacitor import Capacitor
 from footsense.foot.gap_contact import CELLS_PER_SIDE, N_CELLS, element_means
 from footsense.frames import ROWS, Vector
 
@@ -204,7 +204,7 @@ class FootResponse:
     """
 
     foot_type: str
-    design: CapacitorDesign
+    design: Capacitor
     ball_radius_mm: float
     hertz_modulus_mpa: float
     min_elevation_deg: float
@@ -263,7 +263,7 @@ class FootResponse:
             raise ModelError(f"cannot read the foot response {path}: {error.strerror}; {rebuild}") from error
         try:
             parts = _unpack(content)
-            parts["design"] = CapacitorDesign(**parts["design"])
+            parts["design"] = Capacitor(**parts["design"])
             return cls(**parts, sha256=hashlib.sha256(content).hexdigest())
         except Exception as error:  # zipfile, numpy and json raise a dozen types without a common base
             raise ModelError(f"{path} is no whole foot response ({error}); {rebuild}") from error

@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 import numpy as np
 from msgspec import Meta, Struct
 
-from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.capacitor import Capacitor
 from footsense.foot.gap_contact import CELLS_PER_SIDE
 from footsense.foot.response_table import contact_radius_mm
 from footsense.frames import ROWS, Vector
@@ -156,9 +156,9 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     parylene: ThinFilm | None = None
 
     @property
-    def capacitor(self) -> CapacitorDesign:
+    def capacitor(self) -> Capacitor:
         """Gap, film, permittivity and electrode area, as the service's capacitor model needs them."""
-        return CapacitorDesign(
+        return Capacitor(
             gap_um=self.gap_um,
             film_um=self.film_um,
             film_eps_r=self.film_eps_r,

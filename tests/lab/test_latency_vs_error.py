@@ -24,7 +24,7 @@ from footsense.benchmarks.latency_vs_error import (
     measure_latency_vs_error,
     settling_ms,
 )
-from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.capacitor import Capacitor
 from footsense.foot.network_card import TrainedInputs
 from footsense.foot.specimen import Foot
 from footsense.lab.evaluation.evaluate_models import open_models
@@ -38,7 +38,7 @@ pytestmark = pytest.mark.lab
 RELEASED = Path(__file__).parents[2] / "models" / "aoyagi-3x3"
 MS = 1_000_000
 ANY = TrainedInputs(
-    design=CapacitorDesign(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0),
+    design=Capacitor(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0),
     closure_rel_min=np.full(9, -np.inf),
     closure_rel_max=np.full(9, np.inf),
     moments=np.eye(9),

@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 
 from footsense.estimation.pipeline import Pipeline
 from footsense.estimation.settings import EstimationLimits, MountedFeet, Sensitivity, TareLimits
-from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.capacitor import Capacitor
 from footsense.foot.network_card import TrainedInputs
 from footsense.frames import CapFrame, ContactFrame, Flag, Reading, Result
 from footsense.ports import Estimator, LoadEstimate, Window
 
-DESIGN = CapacitorDesign(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0)
+DESIGN = Capacitor(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0)
 WINDOW = 4
 SCAN_NS = 25_000_000
 MAX_AGE_NS = 100_000_000

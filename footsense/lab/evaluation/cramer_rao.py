@@ -22,7 +22,7 @@ from enum import Enum
 
 import numpy as np
 
-from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
+from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, Capacitor
 from footsense.foot.directions import angles_between_deg, normalized, tangent_frame
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.specimen import Foot
@@ -88,7 +88,7 @@ class Bound:
         return variances
 
 
-def closure_sigma_um(design: CapacitorDesign, closure_um: Vector, noise_pf: float = NOISE_PF) -> Vector:
+def closure_sigma_um(design: Capacitor, closure_um: Vector, noise_pf: float = NOISE_PF) -> Vector:
     """Return the standard deviation of measured closures [um] from noise and baseline noise, shape of `closure_um`.
 
     Args:

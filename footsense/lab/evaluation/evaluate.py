@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.capacitor import Capacitor
 from footsense.frames import Vector
 from footsense.lab.training.load_cases import Cases
 
@@ -28,7 +28,7 @@ def _fit_least_squares(features: Vector, force_n: Vector) -> Vector:
     return np.asarray(matrix, dtype=np.float64)
 
 
-def capacitance_based_force_estimator(design: CapacitorDesign, training: Cases) -> ForceEstimator:
+def capacitance_based_force_estimator(design: Capacitor, training: Cases) -> ForceEstimator:
     """Return the least-squares force estimator from capacitance changes, the inputs of the paper's network."""
 
     def change_pf(closure_um: Vector) -> Vector:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.capacitor import Capacitor
 from footsense.foot.directions import directions
 from footsense.foot.gap_contact import capacitance_pf, element_means
 from footsense.foot.response_table import FootResponse
@@ -55,7 +55,7 @@ def half_space_response(model: HalfSpace, normal: Vector, force_n: Vector) -> Le
     return LevelResponse(closure_um, capacitor.capacitance_pf(np.minimum(closure_um, capacitor.gap_um)))
 
 
-def _response_from_cell_closures(capacitor: CapacitorDesign, cell_closures_um: Vector) -> LevelResponse:
+def _response_from_cell_closures(capacitor: Capacitor, cell_closures_um: Vector) -> LevelResponse:
     """Return closures and capacitances of the elements from the closures of their cells [um], shape (n, cells)."""
     distance_um = np.maximum(capacitor.gap_um - cell_closures_um, 0.0) + capacitor.film_equivalent_um
     return LevelResponse(element_means(cell_closures_um), capacitance_pf(capacitor, distance_um))

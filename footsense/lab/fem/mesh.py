@@ -185,7 +185,7 @@ def build_quarter_mesh(design: FootDesign, size: MeshSize) -> Any:
         size: Largest edges.
 
     Returns:
-        The mesh, in mm, foot frame, origin in the middle of the spacer; faces `cell0`.., `bars`, `curved_ground`,
+        The mesh, in mm, foot frame, origin in the middle of the spacer; faces "cell0".., `bars`, `curved_ground`,
         `curved_leg`, `mirror_x` (the plane x = 0), `mirror_y`.
 
     Raises:

@@ -58,7 +58,7 @@ NO_IMPERFECTION = Imperfection()
 
 
 def _mesh(design: FootDesign, size: MeshSize, imperfection: Imperfection) -> Any:
-    """Return the curved mesh of the whole foot; faces `cell0`.. in flat order, `bars`, `curved_ground`, `curved_leg`.
+    """Return the curved mesh of the whole foot; faces "cell0".. in flat order, `bars`, `curved_ground`, `curved_leg`.
 
     Raises:
         ModelError: The mesher gives up, or the bubble is not inside the ground-side ball.

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from footsense.estimation.network import steady_windows
-from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.capacitor import Capacitor
 from footsense.foot.directions import normalized
 from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
 from footsense.foot.response_table import FootResponse
@@ -124,7 +124,7 @@ def _load_and_train_estimators(models: Path, seed: int, epochs: int) -> _Trained
 
 
 def _train_paper_network(
-    design: CapacitorDesign, cases: Cases, rng: np.random.Generator, epochs: int
+    design: Capacitor, cases: Cases, rng: np.random.Generator, epochs: int
 ) -> ForceEstimator:
     """Return the paper's network, trained on capacitance changes, as a force estimator."""
     return PaperTraining(design, cases).train([random_layers(rng, (9, *HIDDEN_NEURONS, 3))], epochs)[0]

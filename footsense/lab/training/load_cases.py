@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from firmware_interface.chips import fdc1004
 from footsense.errors import ModelError
-from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.capacitor import Capacitor
 from footsense.foot.directions import normalized, paper_directions, random_directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
@@ -170,7 +170,7 @@ def _is_maybe_in_range(foot: Foot, normal: Vector, force_n: Vector) -> NDArray[n
     return may
 
 
-def measured_closure_rel(design: CapacitorDesign, closure_um: Vector, rng: np.random.Generator) -> Vector:
+def measured_closure_rel(design: Capacitor, closure_um: Vector, rng: np.random.Generator) -> Vector:
     """Return closures over the gap [1] with the noise of capacitance and baseline added."""
     measured = design.capacitance_pf(closure_um) + NOISE_PF * rng.normal(size=closure_um.shape)
     baseline = design.unloaded_pf + BASELINE_NOISE_PF * rng.normal(size=closure_um.shape)
@@ -178,7 +178,7 @@ def measured_closure_rel(design: CapacitorDesign, closure_um: Vector, rng: np.ra
     return closure_rel
 
 
-def closure_of_designed_foot_um(design: CapacitorDesign, change_pf: Vector) -> Vector:
+def closure_of_designed_foot_um(design: Capacitor, change_pf: Vector) -> Vector:
     """Return the closures [um] that cause the given capacitance changes [pF] on the designed foot.
 
     Estimators of capacitance changes take closures and the design; these closures give them the measured changes.

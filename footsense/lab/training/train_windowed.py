@@ -14,7 +14,7 @@ import numpy as np
 
 from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.estimation.missing_elements import MISSING_SETS, Imputation
-from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, CapacitorDesign
+from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, Capacitor
 from footsense.frames import ELEMENTS
 from footsense.lab.training.fit import (
     TrainingSettings,
@@ -107,7 +107,7 @@ class _TrainingConstants(NamedTuple):
 
 
 def _training_constants(
-    gaits: GaitReadings, steady_loads: LeaningCases, design: CapacitorDesign, imputation: Imputation
+    gaits: GaitReadings, steady_loads: LeaningCases, design: Capacitor, imputation: Imputation
 ) -> _TrainingConstants:
     """Return the training data as JAX arrays."""
     contact, pressing_n = contact_and_normal_force(
@@ -223,7 +223,7 @@ def _random_weights(key: jax.Array, c: int) -> Weights:
 def train_windowed(
     gaits: GaitReadings,
     steady_loads: LeaningCases,
-    design: CapacitorDesign,
+    design: Capacitor,
     settings: WindowTrainingSettings,
     imputation: Imputation,
     report: Any = lambda _: None,

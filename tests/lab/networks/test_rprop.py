@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.capacitor import Capacitor
 from footsense.lab.training.load_cases import Cases
 from footsense.lab.training.paper.mlp import loss, network_outputs, random_layers, stack, train, unstack
 from footsense.lab.training.paper.procedure import NetworkInput, PaperTraining
@@ -169,7 +169,7 @@ def test_stacked_networks_learn_as_if_alone() -> None:
 @pytest.mark.parametrize("network_input", ["capacitance", "closure"])
 def test_a_training_scales_by_its_cases_and_answers_in_newtons(network_input: NetworkInput) -> None:
     """Forces that are linear in the closures are read back to 10 % rms from either input, also in other cases."""
-    design = CapacitorDesign(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0)
+    design = Capacitor(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0)
     rng = np.random.default_rng(5)
     closure_um = rng.uniform(1.0, 8.0, (300, 9))
     force_n = closure_um @ rng.uniform(-0.05, 0.05, (9, 3))

@@ -8,10 +8,10 @@ import pytest
 from numpy.typing import NDArray
 
 from footsense.errors import ModelError
-from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.capacitor import Capacitor
 from footsense.foot.response_table import FORMAT, FootResponse, n_basis_functions, series_basis
 
-DESIGN = CapacitorDesign(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0)
+DESIGN = Capacitor(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0)
 UP = np.array([0.0, 0.0, 1.0])
 
 

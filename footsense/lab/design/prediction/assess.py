@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.capacitor import Capacitor
 from footsense.foot.directions import direction_grid, tangent_frame
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
@@ -96,7 +96,7 @@ def _max_force_readable_in_all_directions_n(foot: Foot, board: Converter, loads:
     return low
 
 
-def closure_sigma_um(board: Converter, design: CapacitorDesign, closure_um: Vector) -> Vector:
+def closure_sigma_um(board: Converter, design: Capacitor, closure_um: Vector) -> Vector:
     """Return the standard deviation of measured closures [um] from a board's noise, shape of `closure_um`."""
     rest_um = design.gap_um + design.film_equivalent_um
     plates = design.unloaded_pf * rest_um

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 import ngsolve as ng
 import numpy as np
 
-from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.capacitor import Capacitor
 from footsense.lab.fem.elasticity import BondedLayer
 from footsense.lab.fem.mesh import MeshSize, build_quarter_mesh
 from footsense.lab.fem.quarter import QuarterFoot
@@ -54,9 +54,9 @@ class GelLayerDesign:
         """The gel as an elastic layer bonded to both plates over their whole area, cavities and bars alike."""
         return BondedLayer(self.gel, self.thickness_mm, "bars|cell.*")
 
-    def equivalent_air_capacitor(self, design: FootDesign) -> CapacitorDesign:
+    def equivalent_air_capacitor(self, design: FootDesign) -> Capacitor:
         """Return an equivalent air capacitor: the gel's thickness as the gap, electrode area times eps_r."""
-        return CapacitorDesign(
+        return Capacitor(
             gap_um=UM_PER_MM * self.thickness_mm,
             film_um=0.0,
             film_eps_r=1.0,

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from footsense.foot import gap_contact
-from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.capacitor import Capacitor
 from footsense.foot.directions import directions, normalized
 from footsense.foot.force_errors import ForceErrors, evaluate_force_errors
 from footsense.foot.specimen import Foot
@@ -67,7 +67,7 @@ class SensorDesign:
     """
 
     name: str
-    capacitor: CapacitorDesign
+    capacitor: Capacitor
     closure_um: Callable[[Vector, Vector], Vector]
     used_range_rel: Callable[[Vector, Vector], float]
 

@@ -1,13 +1,13 @@
 """Network for one individual foot, trained by the paper's procedure on its measured loads alone."""
 
-from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.capacitor import Capacitor
 from footsense.frames import Vector
 from footsense.lab.training.load_cases import Cases, closure_of_designed_foot_um
 from footsense.lab.training.paper.procedure import EPOCHS, PaperTraining, start_weights_by_seed
 
 
 def per_foot_force_n(
-    design: CapacitorDesign, training_pf: Vector, force_n: Vector, test_pf: Vector, epochs: int = EPOCHS
+    design: Capacitor, training_pf: Vector, force_n: Vector, test_pf: Vector, epochs: int = EPOCHS
 ) -> Vector:
     """Return forces [N], (m, 3), estimated by a network trained on one foot's calibration loads.
 

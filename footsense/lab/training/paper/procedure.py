@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from footsense.foot.capacitor import CapacitorDesign
+from footsense.foot.capacitor import Capacitor
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
@@ -47,7 +47,7 @@ class PaperTraining:
     """
 
     def __init__(
-        self, design: CapacitorDesign, training: Cases, network_input: NetworkInput = "capacitance"
+        self, design: Capacitor, training: Cases, network_input: NetworkInput = "capacitance"
     ) -> None:
         self._design, self._input_kind = design, network_input
         fed = self._network_inputs(training.closure_um)
