@@ -19,30 +19,6 @@ def found(scans: FootScans) -> list[FootFault]:
     return list(foot_faults(scans, np.full(9, 0.1), np.full(9, 5.3), TareLimits()))
 
 
-def test_nothing_is_found_on_a_sound_foot() -> None:
-    """Its stray is part of what is expected."""
-    assert found(foot()) == []
-
-
-def test_noise_is_told_by_its_amount_and_judged_by_nothing_else() -> None:
-    """An element that is not quiet has no mean that could be held against what is expected."""
-    scans = foot()
-    scans.capacitance_pf[:, 4] += [1.0, 2.0] * (N_SCANS // 2)
-    (noise,) = found(scans)
-    assert noise.elements == (4,)
-    assert noise.observation.startswith("noise of up to 547.7 fF")
-    assert not noise.foot_may_be_sound
-
-
-def test_another_foot_than_expected_is_fit_to_be_configured() -> None:
-    """The finding names the element that is farthest off."""
-    scans = foot()
-    scans.capacitance_pf[:, 7] = 5.0
-    (off,) = found(scans)
-    assert (off.elements, off.foot_may_be_sound) == ((7,), True)
-    assert "element 7 reads -7.5%" in off.observation
-
-
 @pytest.mark.parametrize(
     ("elements", "value", "reading", "causes"),
     [
@@ -76,6 +52,25 @@ def test_what_is_broken_is_named(
     assert broken == causes
 
 
+@pytest.mark.parametrize(
+    ("element", "added_pf", "says", "may_be_sound"),
+    [
+        # An element that is not quiet has no mean that could be held against what is expected.
+        (4, [1.0, 2.0] * (N_SCANS // 2), "noise of up to 547.7 fF", False),
+        (7, -0.4, "element 7 reads -7.5%", True),
+    ],
+)
+def test_what_is_off_is_told_by_its_amount(
+    element: int, added_pf: float | list[float], says: str, *, may_be_sound: bool
+) -> None:
+    """With the element that is farthest off; another foot than expected is fit to be configured."""
+    scans = foot()
+    scans.capacitance_pf[:, element] += added_pf
+    (off,) = found(scans)
+    assert (off.elements, off.foot_may_be_sound) == ((element,), may_be_sound)
+    assert says in off.observation
+
+
 @pytest.mark.parametrize("column", range(3))
 def test_the_line_that_is_at_ground_is_named(column: int) -> None:
     """All of a column over the range is its line; one over it, and the others open, is that element."""
@@ -89,12 +84,3 @@ def test_the_line_that_is_at_ground_is_named(column: int) -> None:
     (shorted,) = found(scans)
     assert (shorted.cause, shorted.elements) == (Cause.ELEMENT_SHORTED, (6 + column,))
     assert shorted.observation.endswith(f"with it the rest of column {column} cannot be read")
-
-
-def test_a_loose_contact_is_told_from_one_that_is_off() -> None:
-    """Some scans are whole."""
-    scans = foot()
-    scans.reading[:3, 0] = Reading.NO_ANSWER
-    assert scans.chips_fail_intermittently
-    scans.reading[:, 0] = Reading.NO_ANSWER
-    assert not scans.chips_fail_intermittently

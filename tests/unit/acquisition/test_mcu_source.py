@@ -127,17 +127,6 @@ def test_a_reset_is_said_and_costs_a_frame(caplog: pytest.LogCaptureFixture) -> 
     assert "serial line of the microcontroller: " in caplog.text
 
 
-def test_unplugged_no_leg_answers_and_time_goes_on() -> None:
-    """Frames say so every 25 ms; forces are there again with the second scan."""
-    robot = Robot(LineFaults(unplugged_ns=[(2 * S, 3 * S)]))
-    frames = robot.run(5 * S)
-    out = [frame for now_ns, frame in frames if 2.03 * S < now_ns < 3 * S]
-    assert 35 < len(out) < 45
-    assert all((frame.reading == Reading.NO_ANSWER).all() for frame in out)
-    back = [frame for now_ns, frame in frames if now_ns > 3.02 * S]
-    assert not any(frame.reading.any() for frame in back)
-
-
 def test_a_leg_that_does_not_answer_says_so_and_delays_nobody() -> None:
     """Its record comes, without values."""
     robot = Robot(silent=("rm",))

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from footsense.estimation.baseline import ContactDetector, trimmed_means
+from footsense.estimation.baseline import ContactDetector
 from footsense.estimation.swing_noise import SwingNoise
 from footsense.frames import CommandKind, Vector
 
@@ -196,17 +196,6 @@ def test_commands_only_where_they_are_safe(
     contact.in_contact, contact.load_n, contact.drift_n = in_contact, load_n, drift_n
     reason = contact.refusal(kind)
     assert reason is None if says is None else reason is not None and says in reason
-
-
-@given(st.lists(st.floats(-1, 1) | st.just(math.nan), min_size=9, max_size=9))
-def test_the_trimmed_mean_leaves_out_two(closures: list[float]) -> None:
-    """As the definition says, with any readings missing."""
-    known = sorted(value for value in closures if not math.isnan(value))
-    [mean] = trimmed_means(np.array([closures]))
-    if len(known) < 3:
-        assert math.isnan(mean)
-    else:
-        assert mean == pytest.approx(sum(known[1:-1]) / (len(known) - 2), abs=1e-12)
 
 
 STEP_S = 2.7167e-3

@@ -1,7 +1,6 @@
 """The card of a network: format 3, with the daemon's own inputs and outputs, or refused in one line."""
 
 import json
-import math
 from typing import Any
 
 import numpy as np
@@ -72,23 +71,13 @@ def test_another_format_is_named(former: int) -> None:
         ({"outputs": signals("outputs", 0, order="z y x")}, "'z y x', the daemon needs force_n of width 3 in 'N'"),
         ({"outputs": signals("outputs", 3, order="")}, "has contact_sigma of width 4 in '1', '', the daemon needs"),
         ({"closure_rel_max": [0.8] * 3 + [-0.05] + [0.8] * 5}, "element 3 is trained from closure -0.05 to -0.05"),
-        ({"closure_rel_min": [0.0] * 8}, "Expected `array` of length >= 9 - at `$.closure_rel_min`"),
         ({"gap_um": 0.0}, "the card does not fit: Expected `float` > 0.0 - at `$.gap_um`"),
-        ({"gap_um": math.nan}, "the card does not fit"),
-        ({"moments": MOMENTS[:, :8].tolist()}, "Expected `array` of length >= 9 - at `$.moments[0]`"),
         ({"moments": np.triu(MOMENTS).tolist()}, "moments have to be a symmetric, positive definite matrix"),
-        ({"moments": (-MOMENTS).tolist()}, "moments have to be a symmetric, positive definite matrix"),
     ],
 )  # fmt: skip
 def test_what_does_not_fit_is_refused_with_what_is_needed(changes: dict[str, Any], says: str) -> None:
     """Inputs and outputs by name, width, unit and order; range; moments."""
     assert says in refusal(card(**changes))
-
-
-@pytest.mark.parametrize("key", sorted(set(CARD) - {"format"}))
-def test_nothing_may_be_missing(key: str) -> None:
-    """The entry is named."""
-    assert f"missing required field `{key}`" in refusal(card(**{key: None}))
 
 
 def test_no_card_is_no_network_of_ours() -> None:

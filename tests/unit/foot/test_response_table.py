@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from footsense.errors import ModelError
 from footsense.foot.capacitor import Capacitor
-from footsense.foot.response_table import FORMAT, FootResponse, n_basis_functions, series_basis
+from footsense.foot.response_table import FootResponse, n_basis_functions
 
 DESIGN = Capacitor(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0)
 UP = np.array([0.0, 0.0, 1.0])
@@ -64,17 +64,6 @@ def test_the_patch_grows_as_hertz_says() -> None:
     np.testing.assert_allclose((per_newton[1] - per_newton[0]) / 3.0, (per_newton[2] - per_newton[1]) / 5.0)
 
 
-def test_one_load_is_what_many_give() -> None:
-    """Leading axes are only bookkeeping."""
-    foot = made_up()
-    normal, force = random_normals(6), np.random.default_rng(2).normal(size=(6, 3))
-    many = foot.free_element_closures_um(normal.reshape(2, 3, 3), force.reshape(2, 3, 3))
-    assert many.shape == (2, 3, 9)
-    np.testing.assert_allclose(
-        many.reshape(6, 9)[4], foot.free_element_closures_um(normal[4], force[4]), rtol=1e-12
-    )
-
-
 @pytest.mark.parametrize(
     ("normal", "message"),
     [
@@ -105,16 +94,6 @@ def test_a_mirrored_load_closes_the_mirrored_gaps(axis: int, image: list[int]) -
     )
 
 
-def test_basis_is_the_product_of_chebyshev_polynomials() -> None:
-    """T_1 T_0 and T_0 T_1 are the scaled stereographic coordinates themselves."""
-    normal = random_normals(3)
-    basis = series_basis(normal, 2, 30.0)
-    scale = np.tan(np.radians(60.0) / 2.0)
-    plane = normal[:, :2] / (1.0 + normal[:, 2:]) / scale
-    np.testing.assert_allclose(basis[:, [3, 1]], plane, atol=1e-14)
-    np.testing.assert_allclose(basis[:, 2], 2.0 * plane[:, 1] ** 2 - 1.0, atol=1e-14)
-
-
 def test_survives_the_file_and_writes_equal_bytes(tmp_path: Path) -> None:
     """What is saved comes back, and saving twice gives the same hash."""
     foot = made_up()
@@ -128,35 +107,15 @@ def test_survives_the_file_and_writes_equal_bytes(tmp_path: Path) -> None:
     assert (back.compliance_um_per_n == foot.compliance_um_per_n).all()
 
 
-def _without(path: Path, *, key: str = "", format_: int = FORMAT, degree: int = 4) -> None:
-    """Write a table that is wrong in one way."""
-    made_up().save(path)
-    with np.load(path) as stored:
-        parts = dict(stored)
-    about = json.loads(str(parts["description"]))
-    about["format"], about["degree"] = format_, degree
-    parts["description"] = np.array(json.dumps(about))
-    parts.pop(key, None)
-    np.savez(path, **parts)
-
-
-@pytest.mark.parametrize("fault", ["missing", "empty", "cut", "noise", "key", "format", "degree"])
-def test_a_file_that_cannot_be_used_is_one_clear_error(tmp_path: Path, fault: str) -> None:
-    """Whatever is wrong with the file, the error names it and says how to get a good one."""
+def test_a_file_that_cannot_be_used_is_one_clear_error(tmp_path: Path) -> None:
+    """None, another format and another degree are named, and how to get a good one; the fuzz tests damage the rest."""
     path = tmp_path / "response.npz"
-    if fault == "empty":
-        path.write_bytes(b"")
-    elif fault == "noise":
-        path.write_bytes(b"PK\x03\x04" + bytes(range(256)) * 4)
-    elif fault == "cut":
-        made_up().save(path)
-        path.write_bytes(path.read_bytes()[:-200])
-    elif fault == "key":
-        _without(path, key="quarter_compliance")
-    elif fault == "format":
-        _without(path, format_=1)
-    elif fault == "degree":
-        _without(path, degree=5)
-    with pytest.raises(ModelError, match=r"response\.npz.*footsense lab build") as raised:
-        FootResponse.load(path)
-    assert "\n" not in str(raised.value)
+    for key, value in (("", 0), ("format", 1), ("degree", 5)):
+        if key:
+            made_up().save(path)
+            with np.load(path) as stored:
+                parts = dict(stored)
+            about = json.loads(str(parts["description"])) | {key: value}
+            np.savez(path, **(parts | {"description": np.array(json.dumps(about))}))
+        with pytest.raises(ModelError, match=r"response\.npz.*footsense lab build"):
+            FootResponse.load(path)

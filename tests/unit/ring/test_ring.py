@@ -2,7 +2,6 @@
 
 import contextlib
 import errno
-import fcntl
 import functools
 import os
 import socket
@@ -280,17 +279,6 @@ def test_something_else_of_that_name_is_one_line_at_once(path: Path, kind: str) 
         with pytest.raises(FootsenseError, match=rf"ring: ({reason})"):
             attempt()
     assert path.lstat() == before
-
-
-@pytest.mark.parametrize(
-    "content", [b"", b"FSRING01" + bytes(32), b"GARBAGE!" * 999, b"FSRING01" + b"\xff" * 9000]
-)
-def test_a_locked_file_of_something_else_is_one_line(path: Path, content: bytes) -> None:
-    path.write_bytes(content)
-    with path.open("rb") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-        with pytest.raises(FootsenseError, match="does not hold footsense's cycles"):
-            CycleReader(path)
 
 
 def test_a_file_that_cannot_be_created_leaves_nothing_behind(
