@@ -15,13 +15,13 @@ from footsense.acquisition.leg_bus import LegBus
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.acquisition.scanner import BusScanner, RobotScanner
 from footsense.clock import MonotonicClock
-from footsense.errors import HardwareError, I2cTimeoutError, NackError
+from footsense.errors import HardwareError, I2cError, I2cTimeoutError, NackError
 from footsense.frames import CapFrame, Reading
 from footsense.ports import Transaction
 from footsense.sim.chips.chip import SimulatedMux
 from footsense.sim.clock import VirtualClock
 from footsense.sim.i2c_bus import SimulatedBus
-from tests.contract.boards import AD7746, FDC1004, Board, Robot, distinct
+from tests.contract.boards import AD7746, FDC1004, Board, LateError, Robot, Saboteur, distinct, only
 
 
 @pytest.mark.parametrize(
@@ -204,3 +204,16 @@ def test_a_bus_that_times_out_twice_costs_what_was_being_read() -> None:
     assert (delayed == (np.arange(9) == steps[4].results[0].element)).all()
     robot.saboteurs[0].arm(lambda transaction, n: None)
     assert (robot.read().reading == Reading.OK).all()
+
+
+def test_a_selection_that_may_have_been_taken_is_written_again() -> None:
+    """After a failure neither the old legs nor the new ones count as connected."""
+    clock, mux = VirtualClock(), SimulatedMux(0x71)
+    bus = Saboteur(SimulatedBus(clock, 400_000, 0, mux, {}), clock)
+    legs = LegBus(bus, 0x71)
+    legs.connect(0b11)
+    bus.arm(only(0, LateError("not heard")))
+    with pytest.raises(I2cError):
+        legs.connect(0b100)
+    legs.connect(0b11)
+    assert bus.transfer(Transaction(0x71, b"", 1)) == b"\x03"
