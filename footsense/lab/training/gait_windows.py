@@ -1,6 +1,6 @@
 """Input windows of the network (the last three readings of every element) from the readings of gaits."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,18 @@ def age_in_conversions_table() -> NDArray[np.intp]:
     )
     ages: NDArray[np.intp] = (np.arange(ELEMENTS)[None, :, None] - place[:, None, :]) % ELEMENTS
     return ages
+
+
+def conversions_since(ages_in_conversions: Any, order: Any, last_conversion: Any) -> Any:
+    """Return how many conversions ago each reading of n windows was, shape (n, 3, elements), newest first.
+
+    Args:
+        ages_in_conversions: Table of `age_in_conversions_table`; an array of JAX in compiled code.
+        order: Index into `CONVERSION_ORDERS` of each window, shape (n,).
+        last_conversion: Number of the last conversion of each window in its gait, shape (n,).
+    """
+    older = ELEMENTS * np.arange(READINGS_PER_ELEMENT)[:, None]
+    return ages_in_conversions[order, last_conversion % ELEMENTS][:, None] + older
 
 
 def contact_and_normal_force(force_n: Vector, normal: Vector) -> tuple[Vector, Vector]:
@@ -72,8 +84,7 @@ class GaitWindows(NamedTuple):
 def windows_of(gaits: GaitReadings) -> GaitWindows:
     """Return all complete windows of simulated gaits, ordered by gait and time."""
     gait, time = np.nonzero(complete_window_ends(gaits))
-    oldest = ELEMENTS * np.arange(READINGS_PER_ELEMENT)[:, None]
-    since = age_in_conversions_table()[gaits.conversion_order_index[gait], time % ELEMENTS][:, None] + oldest
+    since = conversions_since(age_in_conversions_table(), gaits.conversion_order_index[gait], time)
     age_s = since * gaits.step_s[gait][:, None, None] + gaits.send_delay_s[gait, time][:, None, None]
     return GaitWindows(
         gait,

@@ -28,6 +28,7 @@ from footsense.lab.training.gait_windows import (
     age_in_conversions_table,
     complete_window_ends,
     contact_and_normal_force,
+    conversions_since,
 )
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, LeaningCases
 from footsense.lab.training.symmetric_layers import Weights, linear_basis
@@ -150,10 +151,7 @@ def _gait_windows(data: _TrainingConstants, times_per_gait: int, key: jax.Array,
     """Return closures and ages, (n, 3, elements), and true loads of random windows from gaits."""
     at = data.window_indices[jax.random.randint(key, (n,), 0, len(data.window_indices))]
     gait, time = at // times_per_gait, at % times_per_gait
-    since = (
-        data.ages_in_conversions[data.conversion_order_index[gait], time % ELEMENTS][:, None]
-        + ELEMENTS * jnp.arange(READINGS_PER_ELEMENT)[:, None]
-    )
+    since = conversions_since(data.ages_in_conversions, data.conversion_order_index[gait], time)
     closure_rel = data.closure_rel[at[:, None, None] - since]
     age_s = since * data.step_s[gait][:, None, None] + data.send_delay_s[at][:, None, None]
     return closure_rel, age_s, data.force_n[at], data.contact_point_and_friction[at], data.loaded[at]
@@ -177,9 +175,7 @@ def _steady_windows(data: _TrainingConstants, key: jax.Array, n: int) -> tuple[A
     drawn = jax.random.uniform(k7, (2, n))
     step_s = STEP_S * jnp.where(paced, jnp.exp(low + (high - low) * drawn[0]), 1.0)[:, None, None]
     order = jnp.where(paced, (drawn[1] * len(CONVERSION_ORDERS)).astype(int), 0)
-    since = (
-        data.ages_in_conversions[order, phase][:, None] + ELEMENTS * jnp.arange(READINGS_PER_ELEMENT)[:, None]
-    )
+    since = conversions_since(data.ages_in_conversions, order, phase)
     closure_rel = exact + steep * noise + (1.0 + data.film_thickness_rel) ** 2 * offset
     return (
         closure_rel,
