@@ -16,7 +16,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from footsense.benchmarks.naive import NaiveCycle, has_cantools
-from footsense.can.wire import SocketWire
+from footsense.can.channel import SocketWire
 from footsense.clock import Realtime, fifo_priority, low_latency_interpreter, stopwatch_ns
 from footsense.config import DEFAULT
 from footsense.daemon.acquisition import open_scan_source

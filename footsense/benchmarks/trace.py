@@ -4,7 +4,9 @@ A simulated robot walks, with the CAN sink and the observers of `footsense run -
 recorder, run statistics. While the loop runs, the interpreter's profiler hook counts every Python call of `footsense`
 and `firmware_interface`, clock and loop included; a comprehension or a resumed generator is a call, as it is to the
 interpreter. Left out: the simulator with its clock (`footsense/sim`), the command line, C functions, and libraries.
-What the simulator calls is left out as well.
+What the simulator calls is left out as well. CAN is an interface of python-can here, which is the simulation's
+(`footsense/sim/can/python_can.py`): on a robot `SocketWire` of `footsense/can/channel.py` stands in its place, with one
+`send` for the frames of a cycle and one `receive` a cycle.
 
 A conversion of six legs is one turn of the loop; every fourth sends two frames on CAN per leg. Counted are the
 conversions after the tare. A function counts with more than one call in two conversions; what runs less often (the

@@ -1,4 +1,4 @@
-"""One CAN interface: sends and receives frames, reopens the interface after a failure, logs sent frames.
+"""One CAN interface: sends and receives frames through a socket of Linux, and reopens it after a failure.
 
 A frame that the channel does not accept at once is dropped and counted, never sent later: by then there is a newer one.
 An interface that goes down is tried again with its socket, and one that disappears is opened again, at growing
@@ -10,22 +10,25 @@ How long a frame may stay between the kernel's queue and the wire depends on the
 (`deploy/80-can0.network`).
 """
 
+import contextlib
 import errno
 import logging
+import socket
+import struct
 import threading
 from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from pathlib import Path
 
 from firmware_interface.can.socketcan import (
-    CONTROLLER_PASSIVE,
-    ErrorClass,
+    EXTENDED,
+    FD_FRAME_BYTES,
     is_error,
     is_standard_data,
     unpack_frame,
 )
-from footsense.can.frame_log import CanFrameLog
-from footsense.can.wire import Can, error_text, open_wire
+from footsense.can.bus_health import BusHealth
+from footsense.can.interface import Can, error_text
 from footsense.errors import CanError
 from footsense.frames import CanStatistics
 from footsense.ports import CanWire
@@ -35,82 +38,19 @@ _log = logging.getLogger(__name__)
 #: Shortest and longest time between two attempts to reopen an interface [ns].
 _MIN_BACK_OFF_NS = 50_000_000
 _MAX_BACK_OFF_NS = 250_000_000
-#: Without an error frame, or a full queue, for so long, a bus counts as healthy again [ns].
-_RECOVERED_AFTER_NS = 2_000_000_000
 
+#: Where Linux shows its network interfaces.
+NETWORK_DEVICES_FOLDER = Path("/sys/class/net")
 
-class BusHealth:
-    """Counts CAN error frames and full transmit queues, and logs the start and end of each disturbance.
+#: Error numbers of a full queue of the interface or of the socket.
+_QUEUE_FULL_ERRNOS = frozenset({errno.ENOBUFS, errno.EAGAIN})
 
-    A broken bus is bus-off ten times a second, and a slow one fills its queue with every force; one line tells the
-    begin and one the end.
+#: Most frames of one `receive`; a full bus of 1 Mbit/s carries fewer in a cycle.
+_MAX_RECEIVED_PER_CALL = 1000
 
-    Args:
-        channel: Name of the channel, for the journal.
-        stats: Statistics; counts error frames.
-
-    Attributes:
-        last_error_ns: Time of the last error frame of a disturbance that was logged [ns]; None: healthy.
-        last_full_ns: Time of the last frame for which there was no room [ns]; None: there was room.
-    """
-
-    def __init__(self, channel: str, stats: CanStatistics) -> None:
-        self._channel = channel
-        self._stats = stats
-        self._bus_off_logged = False
-        self._first_bus_off = 0
-        self._first_dropped = 0
-        self.last_error_ns: int | None = None
-        self.last_full_ns: int | None = None
-
-    def log_queue_full(self, t_ns: int) -> None:
-        """Log once that the transmit queue is full; call it before the dropped frames are counted."""
-        if self.last_full_ns is None:
-            self._first_dropped = self._stats.dropped
-            _log.warning(
-                "CAN %s: its queue is full, frames are dropped: nobody acknowledges, other nodes load the bus, or "
-                "there are more forces than it carries (publish_every)",
-                self._channel,
-            )
-        self.last_full_ns = t_ns
-
-    def count_error_frame(self, can_id: int, data: bytes, t_ns: int) -> None:
-        """Count one error frame received at a time [ns], and log a new disturbance."""
-        stats = self._stats
-        stats.bus_errors += 1
-        bus_off = bool(can_id & ErrorClass.BUS_OFF)
-        passive = bool(can_id & ErrorClass.CONTROLLER) and bool(data[1:2] and data[1] & CONTROLLER_PASSIVE)
-        stats.bus_off += bus_off
-        stats.error_passive += passive
-        if self.last_error_ns is None:
-            if not (bus_off or passive):
-                return
-            self._bus_off_logged, self._first_bus_off = False, stats.bus_off - bus_off
-            if passive:
-                _log.warning(
-                    "CAN %s: error passive: nobody acknowledges, or the wires are bad", self._channel
-                )
-        self.last_error_ns = t_ns
-        if bus_off and not self._bus_off_logged:
-            self._bus_off_logged = True
-            _log.warning(
-                "CAN %s: bus-off: the wires are shorted, or the bit rates differ; frames are lost until the "
-                "controller restarts",
-                self._channel,
-            )
-
-    def check_recovery(self, t_ns: int) -> None:
-        """Log the end of each disturbance that has not recurred for two seconds; `t_ns` is the present time [ns]."""
-        if self.last_error_ns is not None and t_ns - self.last_error_ns >= _RECOVERED_AFTER_NS:
-            self.last_error_ns = None
-            n_bus_off = self._stats.bus_off - self._first_bus_off
-            _log.warning("CAN %s: no more errors; bus-off %d times until then", self._channel, n_bus_off)
-        if self.last_full_ns is not None and t_ns - self.last_full_ns >= _RECOVERED_AFTER_NS:
-            self.last_full_ns = None
-            n_dropped = self._stats.dropped - self._first_dropped
-            _log.warning(
-                "CAN %s: takes all frames again; %d were dropped until then", self._channel, n_dropped
-            )
+#: Option for the classes of error frames to receive, and every class.
+#: Source: Linux, include/uapi/linux/can/raw.h and can/error.h.
+_ERROR_FILTER_OPTION, _ALL_ERRORS = 2, 0x1FFF_FFFF
 
 
 class _OpenAttempt(threading.Thread):
@@ -154,12 +94,9 @@ class CanChannel:
         accept: CAN ids that `receive` returns.
         first_frames: First frames; sending them also tests whether the channel is up.
         stats: Statistics of the channel.
-        log_file: File for every frame that a simulation sends: candump `.log`, `.asc` or `.blf`; None for none.
-        connect: Opens another interface than the named one, such as a simulated one, and does not wait; None for
-            python-can's way.
+        connect: Opens an interface of a simulation, and does not wait; None for a socket of Linux.
 
     Raises:
-        RecordingError: The log cannot be opened.
         CanError: The channel is missing or down.
     """
 
@@ -170,13 +107,12 @@ class CanChannel:
         first_frames: Sequence[bytes],
         stats: CanStatistics,
         *,
-        log_file: Path | None = None,
         connect: Callable[[], CanWire] | None = None,
     ) -> None:
         self.stats = stats
         self._accept = frozenset(accept)
         self._explained = partial(error_text, can)
-        self._connect: Callable[[], CanWire] = connect or partial(open_wire, can, self._accept)
+        self._connect: Callable[[], CanWire] = connect or partial(open_socket, can, self._accept)
         self._name = f"CAN channel {can.channel} ({can.interface})"
         self._health = BusHealth(can.channel, stats)
         self._t_ns = 0
@@ -184,17 +120,13 @@ class CanChannel:
         self._due_ns = 0
         self._lost_ns = 0
         self._gone: CanWire | None = None  # lost, and not closed yet
-        self._log: CanFrameLog | None = None
         self._is_real = connect is None
         self._opening: _OpenAttempt | None = None
         self._wire: CanWire | None = self._connect()
         try:
-            # Sent before the log is open, and before the first force defines the time.
-            self._unlogged = self._send_first_frames(first_frames)
-            if log_file is not None:
-                self._log = CanFrameLog(log_file, can.channel)
+            self._send_first_frames(first_frames)
         except BaseException:
-            self._close_socket()
+            self.close()
             raise
 
     def send(self, frames: Sequence[bytes], t_ns: int) -> int:
@@ -219,9 +151,6 @@ class CanChannel:
                     self._health.log_queue_full(t_ns)
         self.stats.sent += taken
         self.stats.dropped += n - taken
-        if self._log is not None and taken:
-            self._log.add(t_ns, [*self._unlogged, *frames[:taken]])
-            self._unlogged = ()
         return taken
 
     def receive(self) -> list[tuple[int, bytes]]:
@@ -246,18 +175,13 @@ class CanChannel:
         return arrived
 
     def close(self) -> None:
-        """Close the CAN socket, and finish the log file.
+        """Close the CAN socket, if one is open."""
+        if self._wire is not None:
+            self._wire.close()
+            self._wire = None
 
-        Raises:
-            RecordingError: The log is incomplete.
-        """
-        self._close_socket()
-        if self._log is not None:
-            log, self._log = self._log, None
-            log.close()
-
-    def _send_first_frames(self, frames: Sequence[bytes]) -> Sequence[bytes]:
-        """Send as many of the frames as the socket accepts; return those that were accepted.
+    def _send_first_frames(self, frames: Sequence[bytes]) -> None:
+        """Send as many of the frames as the socket accepts.
 
         Raises:
             CanError: The channel is down. A full queue is no error: without a listener it fills at once.
@@ -269,7 +193,6 @@ class CanChannel:
             raise CanError(self._explained(error)) from error
         self.stats.sent += taken
         self.stats.dropped += len(frames) - taken
-        return frames[:taken]
 
     def _back_off_after_failure(self, error: OSError) -> None:
         """Double the time until the next attempt to reopen; close the socket unless the interface is only down."""
@@ -300,8 +223,98 @@ class CanChannel:
         self.stats.reopened += 1
         _log.warning("%s is back after %.1f s", self._name, (self._t_ns - self._lost_ns) / 1e9)
 
-    def _close_socket(self) -> None:
-        """Close the socket, if one is open."""
-        if self._wire is not None:
-            self._wire.close()
-            self._wire = None
+
+def _require_fd(channel: str, nominal_bitrate: int) -> None:
+    """Raise an error if an existing interface cannot send CAN FD frames.
+
+    Raises:
+        CanError: It is a classic one.
+    """
+    try:
+        mtu = int((NETWORK_DEVICES_FOLDER / channel / "mtu").read_text())
+    except (OSError, ValueError):
+        return
+    if mtu < FD_FRAME_BYTES:
+        raise CanError(
+            f"CAN channel {channel} (socketcan) is a classic one and sends no frame of CAN FD; take can.fd away, or "
+            f"try: ip link set {channel} down; ip link set {channel} up type can bitrate {nominal_bitrate} "
+            "dbitrate 2000000 fd on"
+        )
+
+
+def open_socket(can: Can, accept: Collection[int]) -> "SocketWire":
+    """Open a raw CAN socket that receives data frames with these 11-bit ids, and all error frames.
+
+    Args:
+        can: The interface; frames of CAN FD are received in any case.
+        accept: CAN ids that the kernel's filter accepts.
+
+    Raises:
+        CanError: There is no such interface, or it is a classic one and is to send frames of CAN FD.
+
+    Source:
+        Linux, Documentation/networking/can.rst, section 4.1.
+    """
+    if can.fd:
+        _require_fd(can.channel, can.bitrate)
+    try:
+        return SocketWire(_bound_socket(can.channel, accept))
+    except OSError as error:
+        raise CanError(error_text(can, error)) from error
+
+
+def _bound_socket(channel: str, accept: Collection[int]) -> socket.socket:
+    raw = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
+    try:
+        filters = b"".join(struct.pack("=II", can_id, EXTENDED | 0x7FF) for can_id in accept)
+        raw.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, filters)
+        raw.setsockopt(socket.SOL_CAN_RAW, _ERROR_FILTER_OPTION, _ALL_ERRORS)
+        raw.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FD_FRAMES, 1)
+        raw.bind((channel,))
+    except BaseException:
+        raw.close()
+        raise
+    return raw
+
+
+class SocketWire:
+    """Open CAN socket, or another socket that preserves message boundaries.
+
+    Timing:
+        One system call for each frame; neither `send` nor `receive` waits.
+    """
+
+    def __init__(self, channel: socket.socket) -> None:
+        self._socket = channel
+        self.close = channel.close
+
+    def send(self, frames: Sequence[bytes], t_ns: int = 0) -> int:
+        """Send frames up to the first for which there is no room; return the number accepted.
+
+        Raises:
+            OSError: The interface is down or gone.
+        """
+        del t_ns
+        for n, frame in enumerate(frames):
+            try:
+                self._socket.send(frame, socket.MSG_DONTWAIT)
+            except OSError as error:
+                if error.errno in _QUEUE_FULL_ERRNOS:
+                    return n
+                raise
+        return len(frames)
+
+    def receive(self) -> list[bytes]:
+        """Return the frames that have arrived, oldest first.
+
+        Raises:
+            OSError: The interface is down or gone.
+        """
+        arrived: list[bytes] = []
+        with contextlib.suppress(BlockingIOError):
+            while len(arrived) < _MAX_RECEIVED_PER_CALL:
+                frame = self._socket.recv(FD_FRAME_BYTES, socket.MSG_DONTWAIT)
+                if not frame:  # the other end of a socket pair is closed
+                    break
+                arrived.append(frame)
+        return arrived

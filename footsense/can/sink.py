@@ -20,7 +20,6 @@ which is their purpose.
 
 from collections.abc import Callable
 from heapq import heapify, heapreplace
-from pathlib import Path
 
 from firmware_interface.can.all_legs import NODES_OF_FRAME, encode_forces
 from firmware_interface.can.codes import NODE_IDS, Flag, NmtState
@@ -30,8 +29,8 @@ from firmware_interface.can.force import ForceQualityEncoder
 from firmware_interface.can.socketcan import pack_fd_frame
 from footsense.can.channel import CanChannel
 from footsense.can.commands import CanCommands
+from footsense.can.interface import Can
 from footsense.can.leg_frames import CanLeg, GaitFrames, heartbeat_frame, heartbeat_of_state
-from footsense.can.wire import Can
 from footsense.frames import CanStatistics, Command, CommandResult, ContactFrame
 from footsense.ports import CanWire, Clock
 
@@ -55,14 +54,12 @@ class CanSink:
         clock: The time of the frames.
         publish_every: Cycles for each `Force`, at least 1.
         force_step_mn: What a bit of a force stands for [mN].
-        log_file: As of `CanChannel`.
         connect: As of `CanChannel`.
 
     Attributes:
         stats: Statistics of the channel.
 
     Raises:
-        RecordingError: The log cannot be opened.
         CanError: The channel is missing or down.
 
     Timing:
@@ -77,7 +74,6 @@ class CanSink:
         *,
         publish_every: int = 1,
         force_step_mn: int = 1,
-        log_file: Path | None = None,
         connect: Callable[[], CanWire] | None = None,
     ) -> None:
         self.stats = CanStatistics()
@@ -87,7 +83,6 @@ class CanSink:
             accept=[COMMAND_ID + node for node in nodes],
             first_frames=[heartbeat_frame(node, NmtState.BOOT) for node in nodes],
             stats=self.stats,
-            log_file=log_file,
             connect=connect,
         )
         self._obeys = can.executes_commands
@@ -213,11 +208,7 @@ class CanSink:
         self._commands.answer(outcome)
 
     def close(self) -> None:
-        """Send each leg's last heartbeat, `stopped`, and close the interface; a second call does nothing.
-
-        Raises:
-            RecordingError: The log is incomplete; the channel is released all the same.
-        """
+        """Send each leg's last heartbeat, `stopped`, and close the interface; a second call does nothing."""
         if self._closed:
             return
         self._closed = True

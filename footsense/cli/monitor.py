@@ -10,7 +10,7 @@ from rich.live import Live
 from rich.text import Text
 
 from firmware_interface.can.codes import Cause, Flag, NmtState, Slip
-from footsense.can.wire import Interface
+from footsense.can.interface import Interface
 from footsense.cli.can.can_options import can_options
 from footsense.cli.options import StopRequest, duration_option
 from footsense.cli.tables import (

@@ -8,7 +8,6 @@ import click
 import msgspec
 
 from firmware_interface.can.force import force_step_mn
-from footsense.can.frame_log import check_log_target
 from footsense.child_process import check_new_file
 from footsense.cli.options import FILE, FOLDER, can_log_option, config_option, ring_option
 from footsense.config import load_config
@@ -23,6 +22,7 @@ from footsense.recording.compare import first_difference, same_processor_and_lib
 from footsense.recording.machine import platform_versions
 from footsense.recording.replay import Replay, ReplayClock, ReplaySource
 from footsense.recording.snapshot import SNAPSHOT_KEY, write_snapshot
+from footsense.sim.can.frame_log import check_log_target
 
 
 @click.command()

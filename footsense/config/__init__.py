@@ -7,7 +7,7 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from footsense.can.wire import Can
+from footsense.can.interface import Can
 from footsense.config.contradictions import first_contradiction
 from footsense.config.schema import Config
 from footsense.config.sections import Bus, Mux, ResetLine

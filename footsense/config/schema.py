@@ -10,7 +10,7 @@ from firmware_interface.chips import fdc1004
 from footsense.acquisition.boards.board import ConversionRate
 from footsense.acquisition.mcu_source import Serial
 from footsense.acquisition.scan_plan import BOARDS, Scan, ScanPlan, scan_plan
-from footsense.can.wire import Can
+from footsense.can.interface import Can
 from footsense.clock import Realtime
 from footsense.config import sections
 from footsense.estimation.settings import ContactLimits, TareLimits

@@ -6,7 +6,7 @@ from firmware_interface.can.all_legs import NODES_OF_FRAME
 from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.can.force import FORCE_ID
 from firmware_interface.can.socketcan import unpack_frame
-from footsense.can.wire import Can, Interface, open_wire
+from footsense.can.interface import Can, Interface
 from footsense.client import (
     GAIT_EVENT_IDS,
     LINK_IDS,
@@ -20,6 +20,7 @@ from footsense.client import (
     LinkStatus,
     Reports,
 )
+from footsense.daemon.can_output import open_wire
 from footsense.errors import CanError
 from footsense.frames import LEGS
 from footsense.ports import CanWire, Clock

@@ -1,14 +1,19 @@
-"""Open the CAN output as configured, on a real interface or on a scene's simulated one."""
+"""Open CAN as configured: on a real interface, on one of python-can, or on a scene's simulated one."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Collection, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
 from pathlib import Path
 
+from footsense.can.channel import open_socket
+from footsense.can.interface import Can, error_text
 from footsense.can.sink import CanSink
 from footsense.config import Config
-from footsense.errors import RecordingError
+from footsense.errors import CanError, RecordingError
 from footsense.ports import CanWire, Clock
+from footsense.sim.can.frame_log import CanFrameLog
 from footsense.sim.can.interface import SimulatedCan
+from footsense.sim.can.python_can import PythonCanWire
 from footsense.sim.faults.scene_faults import CanFault
 from footsense.sim.scene import Scene
 
@@ -31,17 +36,41 @@ def can_sink(
         CanError: The channel is missing or down.
         RecordingError: The log cannot be made, or is not whole at the end.
     """
-    sink = CanSink(
-        config.can,
-        config.legs,
-        clock,
-        publish_every=config.effective_publish_every,
-        force_step_mn=force_step_mn,
-        log_file=log_file,
-        connect=connect,
-    )
-    with close_at_end(sink.close):
+    if connect is None and config.can.interface != "socketcan":
+        connect = partial(open_wire, config.can)
+    with ExitStack() as stack:
+        if log_file is not None:
+            log = CanFrameLog(log_file, config.can.channel, connect or partial(open_wire, config.can))
+            stack.enter_context(close_at_end(log.close))
+            connect = log.connect
+        sink = CanSink(
+            config.can,
+            config.legs,
+            clock,
+            publish_every=config.effective_publish_every,
+            force_step_mn=force_step_mn,
+            connect=connect,
+        )
+        stack.callback(sink.close)
         yield sink
+
+
+def open_wire(can: Can, accept: Collection[int] = ()) -> CanWire:
+    """Open and return a CAN interface: a socket of Linux, or python-can's for those of a simulation.
+
+    Args:
+        can: The interface; frames of CAN FD are received in any case.
+        accept: CAN ids that the kernel's filter accepts, on `socketcan`.
+
+    Raises:
+        CanError: There is no such interface, or it is a classic one and is to send frames of CAN FD.
+    """
+    if can.interface == "socketcan":
+        return open_socket(can, accept)
+    try:
+        return PythonCanWire(can.interface, can.channel)
+    except OSError as error:
+        raise CanError(error_text(can, error)) from error
 
 
 @contextmanager

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from firmware_interface.can.force import force_step_mn
-from footsense.can.frame_log import check_log_target
+from footsense.can.interface import Can
 from footsense.can.sink import CanSink
-from footsense.can.wire import Can
 from footsense.clock import MonotonicClock, Realtime, low_latency_interpreter, request_realtime
 from footsense.config import Config
 from footsense.daemon.acquisition import check_adapters, open_scan_source
@@ -31,6 +30,7 @@ from footsense.recording.recorder import Recorder, check_recording_target
 from footsense.ring.cycle_ring import CycleRing
 from footsense.ring.records import ServiceStatus
 from footsense.ring.ring_file import default_ring
+from footsense.sim.can.frame_log import check_log_target
 from footsense.sim.can.interface import SimulatedCan
 from footsense.sim.scene import Scene
 from footsense.telemetry.log_lines import n_lost_log_lines

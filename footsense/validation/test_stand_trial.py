@@ -13,7 +13,7 @@ import numpy as np
 
 from footsense.calibration.loads import LoadSet
 from footsense.calibration.recorded_session import RecordedSession, read_session
-from footsense.can.wire import Can
+from footsense.can.interface import Can
 from footsense.clock import stopwatch_ns
 from footsense.config import Config
 from footsense.config.sections import Bus

@@ -21,9 +21,12 @@ from firmware_interface.can.socketcan import (
     pack_frame,
     unpack_frame,
 )
+from footsense.can.channel import SocketWire
+from footsense.can.interface import Can
 from footsense.can.sink import CanSink
-from footsense.can.wire import Can, SocketWire, keep_multicast_local, open_wire
+from footsense.daemon.can_output import open_wire
 from footsense.ports import CanWire
+from footsense.sim.can.python_can import keep_multicast_local
 from tests.fuzz.outcome import TRIED
 from tests.support.can_robot import FakeClock
 

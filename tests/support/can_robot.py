@@ -4,6 +4,7 @@ import errno
 import math
 import os
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,11 @@ import can
 
 from firmware_interface.can.codes import NODE_IDS, USABLE, State
 from firmware_interface.can.socketcan import unpack_frame
+from footsense.can.interface import Can
 from footsense.can.sink import CanSink
-from footsense.can.wire import Can
+from footsense.daemon.can_output import open_wire
 from footsense.errors import CanError
+from footsense.sim.can.frame_log import CanFrameLog
 from tests.support.frames import contact_frame
 
 MS = 1_000_000
@@ -83,13 +86,15 @@ class Robot:
     ) -> None:
         self.clock = FakeClock()
         self.consumer = can.Bus(interface="virtual", channel=channel, preserve_timestamps=True)
+        settings = Can(interface="virtual", channel=channel, fd=fd)
+        connect = partial(open_wire, settings) if wire is None else lambda: wire.open(self.clock.t_ns)
+        self.log = None if log_file is None else CanFrameLog(log_file, channel, connect)
         self.sink = CanSink(
-            Can(interface="virtual", channel=channel, fd=fd),
+            settings,
             legs,
             self.clock,
             publish_every=every,
-            log_file=log_file,
-            connect=None if wire is None else lambda: wire.open(self.clock.t_ns),
+            connect=connect if self.log is None else self.log.connect,
         )
         self.legs = legs
         self.heard()
@@ -112,4 +117,6 @@ class Robot:
 
     def close(self) -> None:
         self.sink.close()
+        if self.log is not None:
+            self.log.close()
         self.consumer.shutdown()

@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 
 from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.can.socketcan import unpack_frame
+from footsense.can.interface import Can
 from footsense.can.sink import CanSink
-from footsense.can.wire import Can
 from footsense.frames import LEGS
 from footsense.sim.can.controller import CanSettings
 from footsense.sim.can.interface import AS_DEPLOYED, SimulatedCan

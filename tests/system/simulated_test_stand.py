@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.can.wire import Can
+from footsense.can.interface import Can
 from footsense.config import Config
 from footsense.config.sections import Bus
 from footsense.daemon.foot_types import released_path

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from footsense.can.wire import Can
+from footsense.can.interface import Can
 from footsense.cli.check_config import check_config
 from footsense.cli.recordings import replay
 from footsense.config import Config

@@ -12,7 +12,7 @@ import pytest
 from firmware_interface.can.codes import USABLE
 from footsense.acquisition.mcu_source import McuSource, Serial
 from footsense.acquisition.serial_port import SerialLink
-from footsense.can.wire import Can
+from footsense.can.interface import Can
 from footsense.config import Config
 from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.models import load_models

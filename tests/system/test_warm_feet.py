@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from footsense.can.wire import Can
+from footsense.can.interface import Can
 from footsense.cli.recordings import replay
 from footsense.config import Config
 from footsense.config.sections import Bus

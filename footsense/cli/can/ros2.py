@@ -4,7 +4,7 @@ from contextlib import closing
 
 import click
 
-from footsense.can.wire import Interface
+from footsense.can.interface import Interface
 from footsense.cli.can.can_options import can_options
 from footsense.cli.options import StopRequest, duration_option
 from footsense.client import LinkLimits

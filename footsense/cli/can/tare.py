@@ -11,10 +11,11 @@ from firmware_interface.can.commands import ANSWER_ID
 from firmware_interface.can.crc8 import COUNTER_PERIOD
 from firmware_interface.can.reports import HEARTBEAT_ID
 from firmware_interface.can.socketcan import pack_frame, unpack_frame
-from footsense.can.wire import Can, Interface, open_wire
+from footsense.can.interface import Can, Interface
 from footsense.cli.can.can_options import channel_options
 from footsense.client import PendingCommands
 from footsense.clock import MonotonicClock
+from footsense.daemon.can_output import open_wire
 from footsense.errors import CanError, FootsenseError
 from footsense.ports import CanWire, Clock
 

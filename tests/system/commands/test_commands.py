@@ -8,9 +8,9 @@ import can
 import pytest
 
 from firmware_interface.can.commands import ANSWER_ID, COMMAND_ID, decode_answer, encode_command
-from footsense.can.wire import open_wire
 from footsense.cli.can.tare import tare_legs
 from footsense.config import DEFAULT
+from footsense.daemon.can_output import open_wire
 from footsense.daemon.service import Service, open_service
 from footsense.frames import LEGS, CommandKind, Cycle, Result, State
 from footsense.sim.scene import load_scene

@@ -8,7 +8,7 @@ import pytest
 
 from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.can.force import FORCE_ID
-from footsense.can.wire import Can
+from footsense.can.interface import Can
 from footsense.config import DEFAULT
 from footsense.daemon.service import open_service
 from footsense.errors import ConfigError

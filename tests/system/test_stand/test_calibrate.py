@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from footsense.can.wire import Can
+from footsense.can.interface import Can
 from footsense.cli.calibration import calibrate
 from footsense.config import Config
 from footsense.config.sections import Bus

@@ -9,7 +9,7 @@ from firmware_interface.can.socketcan import (
     error_frame,
     unpack_frame,
 )
-from footsense.can.channel import BusHealth
+from footsense.can.bus_health import BusHealth
 from footsense.frames import CanStatistics
 
 S = 1_000_000_000

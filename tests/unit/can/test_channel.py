@@ -5,6 +5,7 @@ import logging
 import os
 import socket
 import threading
+from functools import partial
 from logging.handlers import BufferingHandler
 from pathlib import Path
 
@@ -15,27 +16,23 @@ from firmware_interface.can.codes import CommandKind
 from firmware_interface.can.commands import encode_command
 from firmware_interface.can.socketcan import pack_frame
 from footsense.can.channel import CanChannel
+from footsense.can.interface import Can
 from footsense.can.sink import CanSink
-from footsense.can.wire import Can, keep_multicast_local
+from footsense.daemon.can_output import open_wire
 from footsense.errors import CanError
 from footsense.frames import CanStatistics
+from footsense.sim.can.frame_log import CanFrameLog
+from footsense.sim.can.python_can import keep_multicast_local
 from tests.support.can_robot import MS, FakeClock, NarrowWire, Robot
-
-
-def open_sink(interface: str, channel: str, log_file: Path | None = None) -> CanSink:
-    """Open a sink of one leg."""
-    return CanSink(
-        Can(interface=interface, channel=channel),  # type: ignore[arg-type]
-        ("lf",),
-        FakeClock(),
-        log_file=log_file,
-    )
 
 
 def test_an_unknown_interface_is_a_can_error(tmp_path: Path) -> None:
     """One line that names the channel; no log file is made."""
+    unknown = Can(interface="telepathy")  # type: ignore[arg-type]
+    log = CanFrameLog(tmp_path / "walk.log", "can0", partial(open_wire, unknown))
     with pytest.raises(CanError, match=r"CAN channel can0 \(telepathy\) cannot be opened"):
-        open_sink("telepathy", "can0", tmp_path / "walk.log")
+        log.connect()
+    log.close()
     assert list(tmp_path.iterdir()) == []
 
 
@@ -44,24 +41,17 @@ def test_a_channel_that_is_not_there_is_a_can_error_with_a_remedy() -> None:
     with pytest.raises(
         CanError, match=r"CAN channel can98 \(socketcan\) (does not exist|needs a kernel with CAN)"
     ):
-        open_sink("socketcan", "can98")
+        CanSink(Can(interface="socketcan", channel="can98"), ("lf",), FakeClock())
 
 
-def test_a_channel_that_is_down_is_named_with_the_command_that_brings_it_up(tmp_path: Path) -> None:
-    """The error says what to type; no log file is made."""
+def test_a_channel_that_is_down_is_named_with_the_command_that_brings_it_up() -> None:
+    """The error says what to type."""
     wire = NarrowWire()
     wire.error = errno.ENETDOWN
     with pytest.raises(
         CanError, match=r"can0 \(socketcan\) is down; try: ip link set can0 up type can bitrate 500000"
     ):
-        CanSink(
-            Can(interface="socketcan"),
-            ("lf",),
-            FakeClock(),
-            log_file=tmp_path / "walk.log",
-            connect=lambda: wire,
-        )
-    assert list(tmp_path.iterdir()) == []
+        CanSink(Can(interface="socketcan"), ("lf",), FakeClock(), connect=lambda: wire)
 
 
 def test_a_bus_on_which_nobody_listens_drops_everything_and_stops_nothing(
@@ -100,7 +90,7 @@ class SlowWire(NarrowWire):
 
 def channel_on(wire: SlowWire, monkeypatch: pytest.MonkeyPatch, stats: CanStatistics) -> CanChannel:
     """Open a channel as on a robot, but on this interface."""
-    monkeypatch.setattr("footsense.can.channel.open_wire", lambda *_, **__: wire.open_and_wait())
+    monkeypatch.setattr("footsense.can.channel.open_socket", lambda *_, **__: wire.open_and_wait())
     return CanChannel(Can(interface="socketcan"), (), (), stats)
 
 
@@ -152,7 +142,8 @@ def test_python_can_s_own_log_is_not_ours() -> None:
 def test_a_local_socket_commands_nothing_and_kills_nothing() -> None:
     """Packets that are no frame, an error frame without data and a command, as any program on this computer sends."""
     group, port = "239.74.163.77", 43113
-    sink = CanSink(Can(interface="udp_multicast", channel=group, commands=False), ("lf",), FakeClock())
+    settings = Can(interface="udp_multicast", channel=group, commands=False)
+    sink = CanSink(settings, ("lf",), FakeClock(), connect=partial(open_wire, settings))
     with can.Bus(interface="udp_multicast", channel=group, hop_limit=0, fd=False) as other:
         keep_multicast_local(other.fileno(), group)
         raw = socket.socket(fileno=os.dup(other.fileno()))

@@ -8,9 +8,10 @@ import pytest
 
 from firmware_interface.can.all_legs import FORCES4_ID, FORCES_ID, decode_forces
 from firmware_interface.can.codes import NODE_IDS, Flag, State
-from footsense.can import wire
-from footsense.can.wire import Can, open_wire
+from footsense.can import channel
+from footsense.can.interface import Can
 from footsense.client import Link, LinkStatus
+from footsense.daemon.can_output import open_wire
 from footsense.errors import CanError
 from footsense.frames import ALL_LEGS, LEGS
 from tests.support.can_robot import MS, Robot
@@ -77,7 +78,7 @@ def test_a_seventh_and_eighth_leg_have_a_frame_of_their_own(request: pytest.Fixt
 
 def test_a_classic_interface_is_one_clear_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Said before it is opened, with both remedies."""
-    monkeypatch.setattr(wire, "NETWORK_DEVICES_FOLDER", tmp_path)
+    monkeypatch.setattr(channel, "NETWORK_DEVICES_FOLDER", tmp_path)
     (tmp_path / "can0").mkdir()
     (tmp_path / "can0" / "mtu").write_text("16\n")
     with pytest.raises(CanError) as caught:

@@ -9,9 +9,9 @@ import pytest
 
 from firmware_interface.can.codes import NmtState
 from firmware_interface.can.reports import decode_heartbeat
-from footsense.can.frame_log import CanFrameLog, check_log_target
 from footsense.errors import ConfigError, FootsenseError, RecordingError
-from tests.support.can_robot import MS, Robot
+from footsense.sim.can.frame_log import CanFrameLog, check_log_target
+from tests.support.can_robot import MS, NarrowWire, Robot
 from tests.support.other_file import opens_instead
 
 
@@ -42,7 +42,7 @@ def test_a_log_is_written_through_nothing_that_appeared_after_the_check(
     """A pipe, a link or a file that another program made there meanwhile."""
     make(tmp_path / "walk.log")
     with pytest.raises(RecordingError, match=r"walk\.log: File exists"):
-        CanFrameLog(tmp_path / "walk.log", "can0")
+        CanFrameLog(tmp_path / "walk.log", "can0", NarrowWire).connect()
 
 
 @pytest.mark.parametrize("suffix", [".log", ".asc", ".blf"])
@@ -79,9 +79,11 @@ def test_a_full_disk_ends_the_log_and_not_the_forces(
     for scan in range(200):
         robot.publish(scan * 20 * MS)
     assert robot.sink.stats.dropped == 0
+    robot.sink.close()
+    assert robot.log is not None
     with pytest.raises(
         RecordingError, match=rf"{name} ended early: No space left on device; what was sent is not"
     ):
-        robot.sink.close()
+        robot.log.close()
     assert decode_heartbeat(0x701, bytes(robot.heard(0x700)[-1].data))[:2] == (1, NmtState.STOPPED)
-    robot.close()
+    robot.consumer.shutdown()

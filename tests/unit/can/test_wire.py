@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from firmware_interface.can.socketcan import FD_FRAME, pack_fd_frame, pack_frame, unpack_frame
-from footsense.can.wire import SocketWire
+from footsense.can.channel import SocketWire
 
 Pair = tuple[SocketWire, socket.socket]
 

@@ -28,11 +28,12 @@ from firmware_interface.can.reports import (
     encode_fault,
     encode_heartbeat,
 )
-from footsense.can.wire import Can, open_wire
+from footsense.can.interface import Can
 from footsense.cli.monitor import COLUMNS, monitor, monitor_tables
 from footsense.cli.tables import json_row
 from footsense.client import LegForce, LegReport, LinkLimits, LinkStatus, Reports
 from footsense.daemon.can_listener import LegSnapshot, Listener
+from footsense.daemon.can_output import open_wire
 from footsense.errors import CanError
 from footsense.frames import LEGS, GaitEvent
 from tests.support.can_robot import MS, FakeClock, Robot

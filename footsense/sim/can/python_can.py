@@ -1,0 +1,136 @@
+"""Interfaces of python-can, on which a simulated robot sends: within the process, or on this computer alone.
+
+python-can neither checks its settings nor ignores files in the home directory, so it gets checked settings and no
+files.
+"""
+
+import contextlib
+import logging
+import os
+import select
+import socket
+import struct
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from firmware_interface.can.socketcan import (
+    ERROR,
+    EXTENDED,
+    REMOTE,
+    pack_fd_frame,
+    pack_frame,
+    unpack_frame,
+)
+
+if TYPE_CHECKING:
+    import can
+
+#: Most frames of one `receive`.
+_MAX_RECEIVED_PER_CALL = 1000
+_CLASSIC_DATA_BYTES = 8
+
+# python-can logs what it also raises, at every attempt; ours is one line at the begin and one at the end.
+logging.getLogger("can").propagate = False
+logging.getLogger("can").addHandler(logging.NullHandler())
+
+
+def keep_multicast_local(descriptor: int, group: str) -> None:
+    """Restrict a multicast socket to the loopback interface, as python-can would receive from any network."""
+    with socket.socket(fileno=os.dup(descriptor)) as local:
+        local.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, b"lo")
+        membership = socket.inet_aton(group) + socket.inet_aton("127.0.0.1")
+        local.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
+
+
+class PythonCanWire:
+    """An interface of python-can; those of a simulation reach no other computer, and what they refuse is dropped.
+
+    Args:
+        interface: Its kind: `virtual` or `udp_multicast`.
+        channel: Its name.
+
+    Raises:
+        OSError: There is no such interface.
+    """
+
+    def __init__(self, interface: str, channel: str) -> None:
+        import can
+        from can.interfaces.virtual import VirtualBus
+
+        options: dict[str, dict[str, Any]] = {
+            "virtual": {"preserve_timestamps": True},
+            "udp_multicast": {"hop_limit": 0},
+        }
+        try:
+            bus = can.Bus(
+                interface=interface, channel=channel, ignore_config=True, **options.get(interface, {})
+            )
+        # NotImplementedError is what python-can raises for an interface that it does not know.
+        except (can.CanError, ValueError, ImportError, NotImplementedError) as error:
+            raise OSError(None, str(error)) from error
+        if interface == "udp_multicast":
+            keep_multicast_local(bus.fileno(), channel)
+        self._bus = bus
+        self._failures = (can.CanError, OSError)
+        self.close = bus.shutdown
+        self._has_arrived: Callable[[], bool]
+        if isinstance(bus, VirtualBus):
+            self._has_arrived = lambda: not bus.queue.empty()
+        else:
+            descriptor = bus.fileno()
+            self._has_arrived = lambda: bool(select.select([descriptor], (), (), 0)[0])
+
+    def send(self, frames: Sequence[bytes], t_ns: int) -> int:
+        """Send frames up to the first that is refused, stamped with a time [ns]; return the number accepted."""
+        for n, frame in enumerate(frames):
+            try:
+                self._bus.send(sent_message(frame, t_ns), timeout=0)
+            except self._failures:
+                return n
+        return len(frames)
+
+    def receive(self) -> list[bytes]:
+        """Return all received frames; the virtual interface's queue would otherwise grow without limit."""
+        arrived = []
+        for _ in range(_MAX_RECEIVED_PER_CALL):
+            # Asked only for what is there: python-can waits by the wall clock, without end where that is set back.
+            if not self._has_arrived():
+                break
+            try:
+                message = self._bus.recv(timeout=0)
+            except self._failures:
+                continue  # a datagram that is no frame
+            if message is None:
+                break
+            pack = pack_fd_frame if message.is_fd else pack_frame
+            # python-can checks the ranges of a message's fields, not their types: an id of 1.5 passes.
+            with contextlib.suppress(TypeError, ValueError, struct.error):
+                arrived.append(pack(_flagged_id(message), bytes(message.data)))
+        return arrived
+
+
+def sent_message(frame: bytes, t_ns: int) -> "can.Message":
+    """Return a packed frame as python-can's message, sent at a time [ns]."""
+    import can
+
+    can_id, data = unpack_frame(frame)
+    is_fd = len(data) > _CLASSIC_DATA_BYTES
+    return can.Message(
+        timestamp=t_ns / 1e9,
+        arbitration_id=can_id,
+        is_extended_id=False,
+        data=data,
+        is_rx=False,
+        is_fd=is_fd,
+        bitrate_switch=is_fd,
+    )
+
+
+def _flagged_id(message: "can.Message") -> int:
+    """Return a message's CAN id with the flag bits of Linux."""
+    return (
+        message.arbitration_id
+        | (EXTENDED if message.is_extended_id else 0)
+        | (REMOTE if message.is_remote_frame else 0)
+        | (ERROR if message.is_error_frame else 0)
+    )
