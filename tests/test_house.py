@@ -21,15 +21,11 @@ SAME_NAMES = {"Results"}
 MORE_MODULES = {"footsense/cli": 13, "footsense/estimation": 13, "footsense/lab": 13}
 #: Words in backticks that are names of other programs, or parts of names.
 WORDS_OF_OTHERS = {
-    "_unexplained",
-    "_unread",
-    "_within_2",
+    "cell0",
     "gpioinfo",
     "metadata_props",
-    "network_deg",
     "pfifo",
     "pfifo_head_drop",
-    "within_1",
 }
 
 

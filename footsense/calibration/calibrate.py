@@ -33,7 +33,7 @@ from footsense.frames import Mask
 #: Fewest loads of a calibration: with fewer, not even the strays are identified.
 MIN_LOADS = 5
 #: Median Mahalanobis distance of nine readings above which the loads are of no foot of the type: feet of the type have
-#: 2 to 4, one with its sheet 0.6 mm off centre 6 (study `mismatch`).
+#: 2 to 4, one with its sheet 0.6 mm off centre 6 (page `experiment`).
 MAX_MEDIAN_MAHALANOBIS_DISTANCE = 8.0
 #: Distance up to which nothing is said.
 WARNING_MEDIAN_MAHALANOBIS_DISTANCE = 4.0

@@ -1,13 +1,10 @@
-"""Plot helpers of the studies: a row of panels, and a mean line with a standard deviation band."""
+"""Plot helper of the studies: a row of panels."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-
-from footsense.lab.monte_carlo.statistics import MeanStd
 
 
 def subplot_row(n: int, width: float, height: float, **options: Any) -> tuple[Figure, list[Axes]]:
@@ -24,10 +21,3 @@ def subplot_row(n: int, width: float, height: float, **options: Any) -> tuple[Fi
     for one in axes:
         one.grid(alpha=0.3)
     return figure, axes
-
-
-def plot_band(axes: Axes, x: Sequence[float], statistics: Sequence[MeanStd], **options: Any) -> None:
-    """Plot means over x with a band of one standard deviation to either side."""
-    mean, std = (np.array([getattr(one, name) for one in statistics]) for name in ("mean", "std"))
-    (line,) = axes.plot(x, mean, "o-", ms=4, **options)
-    axes.fill_between(x, mean - std, mean + std, color=line.get_color(), alpha=0.2, lw=0)

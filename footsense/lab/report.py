@@ -12,7 +12,7 @@ import subprocess
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import import_module
 from multiprocessing import get_context
@@ -49,11 +49,13 @@ class StudyContext:
     Attributes:
         models: Folder of a foot type: its description, response table and network.
         quick: Whether to answer in seconds, with coarse steps and few seeds.
+        scheduler: Address of a dask cluster for the parts of a study; None for processes of this machine.
         report_progress: Receives a line after each step.
     """
 
     models: Path
     quick: bool = False
+    scheduler: str | None = None
     report_progress: Callable[[str], None] = print
 
     @cached_property
@@ -188,16 +190,19 @@ def make_report(folder: Path, context: StudyContext, report: Callable[[str], Non
     """
     for name in study_names():
         with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
-            made = process.submit(_make_page_quietly, name, context.models, folder, quick=context.quick)
+            quiet = replace(context, report_progress=_report_nothing)
+            made = process.submit(_make_page_for_seconds, name, quiet, folder)
             report(f"{name}: {made.result():.0f} s")
     return write_list_of_pages(folder)
 
 
-def _make_page_quietly(name: str, models: Path, folder: Path, *, quick: bool) -> float:
+def _report_nothing(_: str) -> None:
+    """Report nothing, where a lambda could not be pickled."""
+
+
+def _make_page_for_seconds(name: str, context: StudyContext, folder: Path) -> float:
     """Make a page in a process of its own; return its seconds."""
-    context = StudyContext(models=models, quick=quick, report_progress=lambda _: None)
-    _, values = make_page(name, context, folder)
-    return float(values["seconds"])
+    return float(make_page(name, context, folder)[1]["seconds"])
 
 
 def write_list_of_pages(folder: Path) -> Path:

@@ -8,15 +8,17 @@ error of the coarse mesh of a whole foot cancels:
 Bonds are linear: a bar that is not bonded also bears no pressure.
 """
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
+import msgspec
 import ngsolve as ng
 import numpy as np
 from netgen import occ
 from netgen.meshing import MeshingParameters
 
-from footsense.errors import ModelError
 from footsense.foot.directions import normalized
 from footsense.foot.gap_contact import CELLS_PER_SIDE, N_CELLS
 from footsense.foot.response_table import FLAT_OF_GRID, GRID_SIDE, FootResponse, series_basis
@@ -25,10 +27,17 @@ from footsense.lab.fem.adjoint import SURFACE_QUADRATURE_ORDER
 from footsense.lab.fem.elasticity import BondedLayer, mixed_strain_energy_density, strain_energy_density
 from footsense.lab.fem.mesh import COARSE_MESH, MeshSize, is_bar_edge, name_bar_faces
 from footsense.lab.fem.solids import BODY_SIDES, curved_mesh, hemisphere, plate, square
-from footsense.lab.geometry import MIN_FITTED_ELEVATION_DEG, MIN_TABLE_ELEVATION_DEG, UM_PER_MM, FootDesign
+from footsense.lab.geometry import (
+    MIN_FITTED_ELEVATION_DEG,
+    MIN_TABLE_ELEVATION_DEG,
+    UM_PER_MM,
+    FootDesign,
+    ThinFilm,
+)
 from footsense.lab.response import (
     FITTED_PATCH_RADIUS_REL,
     SERIES_DEGREE,
+    make_response,
     mean_over_patch,
     spherical_cap_normals,
 )
@@ -36,20 +45,14 @@ from footsense.lab.response import (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Imperfection:
-    """Assembly errors of a foot: offset sheet, wedge of glue, bubble, partly bonded bar.
+    """Assembly errors of a foot: offset sheet, partly bonded bar.
 
     Attributes:
         sheet_offset_mm: Centre of the sheet from the axis of the balls, along x and y [mm].
-        glue_wedge_mm: Thickness of the glue, as soft as the plate, under the front edge of the ground-side plate [mm];
-            none under the rear edge. It stiffens the plate by the cube of the thickness.
-        bubble_centre_and_radius_mm: Centre x, y, z of a void in the ground-side ball, and its radius [mm]; radius 0
-            for none.
         bonded_width_share: Share of its width over which the bar between front and middle row is bonded [1].
     """
 
     sheet_offset_mm: tuple[float, float] = (0.0, 0.0)
-    glue_wedge_mm: float = 0.0
-    bubble_centre_and_radius_mm: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     bonded_width_share: float = 1.0
 
 
@@ -61,7 +64,7 @@ def _mesh(design: FootDesign, size: MeshSize, imperfection: Imperfection) -> Any
     """Return the curved mesh of the whole foot; faces "cell0".. in flat order, `bars`, `curved_ground`, `curved_leg`.
 
     Raises:
-        ModelError: The mesher gives up, or the bubble is not inside the ground-side ball.
+        ModelError: The mesher gives up.
     """
     size, half = size.scaled_to_foot(design), design.sheet_mm / 2.0
     offset_x, offset_y = imperfection.sheet_offset_mm
@@ -69,8 +72,6 @@ def _mesh(design: FootDesign, size: MeshSize, imperfection: Imperfection) -> Any
     for side, up in BODY_SIDES:
         ball = hemisphere(design, side, up * design.plate_mm, quarter=False)
         ball = ball.Move(occ.Vec(-offset_x, -offset_y, 0.0))
-        if side == "ground" and imperfection.bubble_centre_and_radius_mm[3] > 0.0:
-            ball = _cut_bubble(design, imperfection, ball)
         level_mm = (min(0.0, up * design.plate_mm), max(0.0, up * design.plate_mm))
         solids += [ball, plate(f"pdms_{side}", (-half, -half), half, level_mm, size.plate_mm)]
     step, inside = (
@@ -101,22 +102,6 @@ def _mesh(design: FootDesign, size: MeshSize, imperfection: Imperfection) -> Any
     )
 
 
-def _cut_bubble(design: FootDesign, imperfection: Imperfection, ball: Any) -> Any:
-    """Return the ground-side ball with the spherical void cut out.
-
-    Raises:
-        ModelError: The bubble is not inside the ball.
-    """
-    *centre_mm, radius_mm = imperfection.bubble_centre_and_radius_mm
-    from_centre = np.add(centre_mm, (*imperfection.sheet_offset_mm, design.plate_mm))
-    if not (radius_mm < -from_centre[2] and np.linalg.norm(from_centre) + radius_mm < design.ball_radius_mm):
-        raise ModelError(
-            f"a bubble of {radius_mm:g} mm at {centre_mm} mm is not inside the ground-side ball, which begins at "
-            f"z = {-design.plate_mm:g} mm and has a radius of {design.ball_radius_mm:g} mm"
-        )
-    return ball - occ.Sphere(occ.Pnt(*centre_mm), radius_mm)
-
-
 def solve_whole_foot(
     design: FootDesign, imperfection: Imperfection, size: MeshSize = COARSE_MESH
 ) -> tuple[Vector, Vector]:
@@ -138,10 +123,9 @@ def solve_whole_foot(
     space = ground * leg * p_ground * p_leg
     (u_ground, u_leg, p_g, p_l), (v_ground, v_leg, *_) = space.TnT()
     form = ng.BilinearForm(space, symmetric=True)
-    thicker = 1.0 + imperfection.glue_wedge_mm / design.plate_mm * (0.5 + ng.x / design.sheet_mm)
-    for side, u, p, stiffer in (("ground", u_ground, p_g, thicker**3), ("leg", u_leg, p_l, ng.CF(1.0))):
+    for side, u, p in (("ground", u_ground, p_g), ("leg", u_leg, p_l)):
         form += ng.Variation(mixed_strain_energy_density(design.rubber, u, p) * ng.dx(f"rubber_{side}"))
-        form += ng.Variation(stiffer * strain_energy_density(design.pdms, u) * ng.dx(f"pdms_{side}"))
+        form += ng.Variation(strain_energy_density(design.pdms, u) * ng.dx(f"pdms_{side}"))
     inner, outer = design.half_axis_bar_spans_mm[-1]
     in_bar = ng.IfPos(ng.x - inner, ng.IfPos(outer - ng.x, 1.0, 0.0), 0.0)
     layer = BondedLayer(design.pdms, design.spacer_mm)
@@ -209,4 +193,54 @@ def with_added_response(
         quarter_series=whole[:, :, FLAT_OF_GRID],
         quarter_compliance=stiff.reshape((GRID_SIDE,) * 4),
         sha256="",
+    )
+
+
+#: What differs, by name; the first is what whole feet are compared with.
+_SOLIDS: dict[str, Imperfection | ThinFilm] = {
+    "designed": NO_IMPERFECTION,
+    "gold": ThinFilm(thickness_um=0.1, youngs_mpa=79e3, poisson=0.42),
+    "sheet_off_centre": Imperfection(sheet_offset_mm=(0.6, 0.0)),
+    "bar_not_bonded": Imperfection(bonded_width_share=0.01),
+}
+
+
+def other_tables(
+    design: FootDesign,
+    response: FootResponse,
+    each: Callable[[Callable[[Any], Any], Iterable[Any]], list[Any]],
+) -> dict[str, FootResponse]:
+    """Return the tables of `gold`, which stiffens the plates, `sheet_off_centre` and `bar_not_bonded`.
+
+    Args:
+        design: The released foot.
+        response: Its table.
+        each: Applies a function to each of some parts, such as `compute_each`.
+    """
+    solved = dict(zip(_SOLIDS, each(partial(_solve, design, response), _SOLIDS.values()), strict=True))
+    series, compliance = solved.pop("designed")
+    return {
+        name: one
+        if isinstance(one, FootResponse)
+        else with_added_response(response, design, one[0] - series, one[1] - compliance)
+        for name, one in solved.items()
+    }
+
+
+def _solve(design: FootDesign, response: FootResponse, change: Imperfection | ThinFilm) -> Any:
+    """Return series and compliance of an imperfect whole foot, or the table of one with stiffer plates."""
+    if isinstance(change, ThinFilm):
+        return gilded_table(design, response, change)
+    return solve_whole_foot(design, change)
+
+
+def gilded_table(design: FootDesign, response: FootResponse, gold: ThinFilm) -> FootResponse:
+    """Return the response table of a foot whose plates are stiffened by a film."""
+    gilded, bare = (
+        make_response(one, COARSE_MESH) for one in (msgspec.structs.replace(design, gold=gold), design)
+    )
+    return replace(
+        response,
+        quarter_series=response.quarter_series + gilded.quarter_series - bare.quarter_series,
+        quarter_compliance=response.quarter_compliance + gilded.quarter_compliance - bare.quarter_compliance,
     )

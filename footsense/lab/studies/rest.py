@@ -27,7 +27,6 @@ from footsense.lab.evaluation.maximum_likelihood import (
     maximum_likelihood,
 )
 from footsense.lab.geometry import LoadRange
-from footsense.lab.monte_carlo.resumable_run import Tolerances
 from footsense.lab.report import Figures, StudyContext, Values, table, target
 from footsense.lab.training.load_cases import (
     BASELINE_NOISE_PF,
@@ -37,7 +36,7 @@ from footsense.lab.training.load_cases import (
     random_loads,
     sensed_closure_um,
 )
-from footsense.sim.fabrication import draw_deviations
+from footsense.sim.fabrication import FootTolerances, draw_deviations
 
 TITLE = "The released network at rest"
 
@@ -52,13 +51,13 @@ _MISSING = {
 }
 #: Feet other than the designed one: standard deviations of each batch.
 _BATCHES = {
-    "gaps off by 0.5 um": Tolerances(gap_um=0.5),
-    "gaps off by 2 um": Tolerances(gap_um=2.0),
-    "strays of 0.01 pF": Tolerances(stray_pf=0.01),
-    "strays of 0.1 pF": Tolerances(stray_pf=0.1),
-    "stiffness off by 1 %": Tolerances(stiffness_rel=0.01),
-    "stiffness off by 5 %": Tolerances(stiffness_rel=0.05),
-    "mount off by 1 deg": Tolerances(mount_deg=1.0),
+    "gaps off by 0.5 um": FootTolerances(gap_um=0.5),
+    "gaps off by 2 um": FootTolerances(gap_um=2.0),
+    "strays of 0.01 pF": FootTolerances(stray_pf=0.01),
+    "strays of 0.1 pF": FootTolerances(stray_pf=0.1),
+    "stiffness off by 1 %": FootTolerances(stiffness_rel=0.01),
+    "stiffness off by 5 %": FootTolerances(stiffness_rel=0.05),
+    "mount off by 1 deg": FootTolerances(mount_deg=1.0),
 }
 _N_FEET, _N_LOADS = 20, 500
 _FORCE_BINS_N = (0.0, 0.05, 0.2, 0.5, 1.0, 2.0)
@@ -143,7 +142,7 @@ def compute(context: StudyContext) -> tuple[Values, Figures]:
     }
 
 
-def _coverage_of_feet(context: StudyContext, batch: Tolerances, n_feet: int) -> Values:
+def _coverage_of_feet(context: StudyContext, batch: FootTolerances, n_feet: int) -> Values:
     """Return the sigma coverage over random feet, and that of the foot with the least within two sigma."""
     response, design = context.response, context.response.design
     feet = []

@@ -4,7 +4,7 @@ Source:
     Aoyagi et al., section IV: "each sealed concave space".
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -23,24 +23,20 @@ from footsense.lab.evaluation.evaluate import (
     elastance_based_force_estimator,
 )
 from footsense.lab.fem.sealed_air import ADIABATIC, AMBIENT_KPA, ROOM_TEMPERATURE_K, SealedFoot
-from footsense.lab.former_page import Plots, Study, StudyContext
-from footsense.lab.monte_carlo.resumable_run import Tolerances
-from footsense.lab.monte_carlo.specimens import measure_foot
-from footsense.lab.monte_carlo.statistics import MeanStd
-from footsense.lab.monte_carlo.sweeps import CAREFUL_TEST_STAND
+from footsense.lab.former_page import MeanStd, Plots, Study, StudyContext
 from footsense.lab.plots import subplot_row
 from footsense.lab.studies.mechanics import venting
 from footsense.lab.training.load_cases import (
     FULL_SCALE_PF,
     Cases,
-    closure_of_designed_foot_um,
     paper_training,
-    paper_verification,
     sensed_closure_um,
 )
+from footsense.lab.training.paper.per_foot_network import per_foot_force_n
 from footsense.lab.training.paper.procedure import PaperTraining, start_weights_by_seed
 from footsense.sim.fabrication import PAPER_TOLERANCES, FootTolerances, draw_deviations
 from footsense.sim.loads.press_sequence import paper_presses
+from footsense.validation.made_feet import EXACT_CONDITIONS, PressConditions, PressedFoot
 
 #: Feet with the compared cavities.
 FEET_BY_CAVITY: dict[str, type[Foot]] = {"vented": Foot, "sealed": SealedFoot}
@@ -129,8 +125,14 @@ def _corner_edge_middle_means_um(cell_closures_um: Vector) -> tuple[float, float
     return corner, edge, middle
 
 
+#: A careful test stand: the paper's meter and reference sensor, and a stick set by hand.
+CAREFUL_TEST_STAND = replace(
+    EXACT_CONDITIONS, reading_noise_pf=1e-3, repeatability_rel=0.02, force_noise_steps=0.5, lean_rms_deg=1.0
+)
+
+
 def paper_procedure_errors(
-    foot: Foot, mount: Vector, stand: Tolerances, seed: int, epochs: int
+    foot: Foot, mount: Vector, stand: PressConditions, seed: int, epochs: int
 ) -> ForceErrors:
     """Return the errors of a plain network trained on 362 cases of the foot, over the 180 test cases.
 
@@ -141,23 +143,18 @@ def paper_procedure_errors(
         seed: Seed of the stand's errors and of the start weights.
         epochs: Training epochs.
     """
-    design, rng = foot.response.design, np.random.default_rng((SEED, seed))
-    measured = [
-        measure_foot(foot, mount, cases.force_n, stand, rng)
-        for cases in (paper_training(foot.response), paper_verification(foot.response))
-    ]
-    training, test = (
-        Cases(one.reference_force_n, closure_of_designed_foot_um(design, one.change_pf)) for one in measured
-    )
-    read = PaperTraining(design, training).train(start_weights_by_seed(seed + 1)[-1:], epochs)[0]
-    return evaluate_force_errors(test.force_n, read(test.closure_um))
+    pressed = PressedFoot(foot, mount, stand, np.random.default_rng((SEED, seed)))
+    training, test = (pressed.press_with_stick(paper_presses(name)) for name in ("training", "verification"))
+    change_pf, test_pf = (one.capacitance_pf - one.baseline_pf for one in (training, test))
+    force_n = per_foot_force_n(foot.response.design, seed, epochs, change_pf, training.force_n, test_pf)
+    return evaluate_force_errors(test.force_n, force_n)
 
 
 def errors_over_feet(
     kind: type[Foot],
     response: FootResponse,
     tolerances: FootTolerances,
-    stand: Tolerances,
+    stand: PressConditions,
     n_feet: int,
     epochs: int,
 ) -> tuple[MeanStd, MeanStd]:
@@ -192,7 +189,7 @@ def cavity_performance(context: StudyContext, cavity: str) -> CavityPerformance:
         force_bound(foot, direction, gf * GRAM_FORCE_N * direction, Unknowns.LEANING)
         for gf in CRAMER_RAO_LOADS_GF
     ]
-    own_deg, own_gf = errors_over_feet(kind, response, FootTolerances(), Tolerances(), n_feet, epochs)
+    own_deg, own_gf = errors_over_feet(kind, response, FootTolerances(), EXACT_CONDITIONS, n_feet, epochs)
     made_deg, made_gf = errors_over_feet(kind, response, PAPER_TOLERANCES, CAREFUL_TEST_STAND, n_feet, epochs)
     designed = PaperTraining(design, paper_training(response)).train(start_weights_by_seed(1), epochs)[0]
     misread = evaluate_force_errors(test.force_n, designed(test.closure_um))

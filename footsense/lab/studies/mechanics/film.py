@@ -20,9 +20,8 @@ from footsense.frames import Vector
 from footsense.lab.evaluation.evaluate import elastance_based_force_estimator
 from footsense.lab.fem.mesh import COARSE_MESH, RELEASED_MESH
 from footsense.lab.fem.other_sensors.gel_layer import GelLayerDesign, vertical_closure_um_per_n
-from footsense.lab.former_page import Plots, Study, StudyContext
+from footsense.lab.former_page import MeanStd, Plots, Study, StudyContext
 from footsense.lab.geometry import Material
-from footsense.lab.monte_carlo.statistics import MeanStd
 from footsense.lab.plots import subplot_row
 from footsense.lab.response import make_response
 from footsense.lab.training.load_cases import (

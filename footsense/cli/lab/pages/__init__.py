@@ -1,1 +1,0 @@
-"""Study pages that laboratory commands write, beside those of `footsense.lab.studies`."""

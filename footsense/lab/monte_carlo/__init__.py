@@ -1,1 +1,0 @@
-"""Monte Carlo simulations over fabricated feet, on one machine or a cluster."""
