@@ -38,7 +38,7 @@ TITLE = "Speed against error"
 #: Loads that a mesh is solved for anew.
 _N_MESH_LOADS, _N_QUICK_MESH_LOADS = 12, 1
 #: Channels of each hidden layer, eight units each; starts, and steps of training: far fewer than a released network's.
-_CHANNELS, _QUICK_CHANNELS, _N_SEEDS, _STEPS, _QUICK_STEPS = (4, 14, 28, 40), (4,), 5, 1500, 100
+_CHANNELS, _QUICK_CHANNELS, _N_SEEDS, _STEPS, _QUICK_STEPS = (4, 14, 40), (4,), 5, 1000, 100
 #: Random gaits and loads at rest for training; a quarter as many of another seed for the test.
 _N_GAITS, _N_RESTS, _TRAINING_SEED, _TEST_SEED = 300, 20_000, 11, 12
 #: Conversions of a gait, and true force from which the errors in gaits count [N].
