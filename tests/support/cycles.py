@@ -1,5 +1,6 @@
 """Cycles of random bits, and recordings of them."""
 
+import functools
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -92,6 +93,17 @@ def cycle(
     )
     temperature_c = rng.choice([np.nan, -40.0, 0.1, 1 / 3, 125.0], n_legs) if warm else None
     return Cycle(scan, commands, forces, outcomes, reference, temperature_c)
+
+
+@functools.cache
+def _templates() -> list[Cycle]:
+    return [cycle(number) for number in range(50)]
+
+
+def quick_cycle(number: int) -> Cycle:
+    """Return a cycle of random bits at its own time, made faster than by `cycle`."""
+    template = _templates()[number % 50]
+    return template._replace(forces=template.forces._replace(t_sent_ns=1_000 + number * PERIOD_NS))
 
 
 def plain_cycle(sent_ns: int, states: Sequence[State], **forces: Any) -> Cycle:

@@ -18,7 +18,7 @@ from footsense.recording.replay import Replay
 from footsense.recording.snapshot import write_snapshot
 from footsense.ring.cycle_ring import CycleRing
 from footsense.ring.records import LostCycles, NumberedCycle
-from tests.support.cycles import LEGS, cycle, read_until_damage, same, status
+from tests.support.cycles import LEGS, PERIOD_NS, cycle, quick_cycle, read_until_damage, same, status
 
 #: See prctl(2).
 PR_SET_CHILD_SUBREAPER = 36
@@ -36,19 +36,16 @@ def test_a_recording_is_whole_and_then_named(tmp_path: Path, ring: CycleRing) ->
     path = tmp_path / "walk.mcap"
     recorder = Recorder(path, ring, waits=True)
     assert partial_path(path).exists()
-    shown = [cycle(number) for number in range(100)]
     for number in range(1200):
-        ring.observe(shown[number % 100])
+        ring.observe(quick_cycle(number))
     recorder.close()
     recorder.close()
     assert [p.name for p in tmp_path.iterdir()] == ["walk.mcap"]
     assert recorder.n_lost_cycles == 0
     replay = Replay(path)
     assert (replay.header["scene"], replay.legs) == ("flat", LEGS)
-    n = 0
-    for n, one in enumerate(replay, 1):
-        assert same(shown[(n - 1) % 100], one)
-    assert n == 1200
+    same_as_shown = [same(quick_cycle(number), one) for number, one in enumerate(replay)]
+    assert same_as_shown == [True] * 1200
 
 
 def test_an_existing_file_is_not_overwritten(tmp_path: Path, ring: CycleRing) -> None:
@@ -102,17 +99,15 @@ def test_a_recorder_that_hangs_loses_cycles_and_says_so(tmp_path: Path, ring: Cy
     path = tmp_path / "walk.mcap"
     recorder = Recorder(path, ring, waits=False)
     os.kill(recorder._writer.pid, signal.SIGSTOP)
-    shown = [cycle(number) for number in range(100)]
     n = 1500
     for number in range(n):
-        one = shown[number % 100]
-        ring.observe(one._replace(forces=one.forces._replace(t_sent_ns=number * 25_000_000)))
+        ring.observe(quick_cycle(number))
     assert recorder.n_lost_cycles == 0
     os.kill(recorder._writer.pid, signal.SIGCONT)
     recorder.close()
     lost = recorder.n_lost_cycles
     first, *entries = Replay(path).entries()
-    assert first == LostCycles(lost, lost * 25_000_000, lost)
+    assert first == LostCycles(lost, quick_cycle(lost).forces.t_sent_ns, lost)
     assert 200 < lost < n - 500
     assert [entry[0] for entry in entries] == list(range(lost, n))
 
@@ -124,9 +119,7 @@ def test_a_writer_never_counts_a_cycle_that_a_crash_would_lose(tmp_path: Path) -
     with path.open("wb") as file:
         recording = McapFile(file.fileno(), {"legs": ",".join(LEGS)})
         for number in range(150):
-            one = cycle(number)
-            forces = one.forces._replace(t_sent_ns=1_000 + number)
-            recording.add_entry(NumberedCycle(number, one._replace(forces=forces)))
+            recording.add_entry(NumberedCycle(number, quick_cycle(number)))
             if recording.n_cycles not in seen:
                 seen.add(recording.n_cycles)
                 read, _ = read_until_damage(path)
@@ -142,18 +135,16 @@ def test_a_snapshot_is_a_recording_of_what_the_ring_holds(tmp_path: Path) -> Non
     with closing(CycleRing(path, LEGS, {"scene": "flat"}, 40.0, status)) as ring:
         with pytest.raises(RecordingError, match="no cycle yet"):
             write_snapshot(path, target)
-        shown = [cycle(number) for number in range(100)]
         for number in range(2000):
-            one = shown[number % 100]
-            ring.observe(one._replace(forces=one.forces._replace(t_sent_ns=number * 25_000_000)))
+            ring.observe(quick_cycle(number))
         n = write_snapshot(path, target)
         with pytest.raises(RecordingError, match="exists and is not overwritten"):
             write_snapshot(path, target)
     replay = Replay(target)
     assert (replay.header["scene"], replay.header["snapshot_from_cycle"]) == ("flat", str(2000 - n))
     times_ns = [one.forces.t_sent_ns for one in replay]
-    assert times_ns == [number * 25_000_000 for number in range(2000 - n, 2000)]
-    assert n * 25_000_000 > 30e9
+    assert times_ns == [quick_cycle(number).forces.t_sent_ns for number in range(2000 - n, 2000)]
+    assert n * PERIOD_NS > 30e9
     assert sorted(p.name for p in tmp_path.iterdir()) == ["last.mcap"]
 
 

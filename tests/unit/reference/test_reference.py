@@ -2,7 +2,8 @@
 
 import socket
 import struct
-from collections.abc import Callable
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from footsense.config import DEFAULT
 from footsense.daemon.service import open_service
 from footsense.errors import ReferenceSensorError
-from footsense.frames import Cycle, ReferenceSamples
+from footsense.frames import ReferenceSamples
 from footsense.ports import SerialPort
 from footsense.reference.net_ft import NetFtReference
 from footsense.reference.sample_stream import SampleStream, SensorRecords
@@ -24,6 +25,7 @@ from footsense.sim.reference_sensor import (
     SimulatedForceSensor,
 )
 from footsense.sim.scene import load_scene
+from tests.support.seen import Seen
 
 AGAINST = {"x": "-x", "y": "-y", "z": "-z"}
 PERIOD_NS = 5_000_000
@@ -178,13 +180,12 @@ def test_the_simulated_sensor_is_that_of_the_data_sheet() -> None:
     for seed in range(3):
         load_gf = np.zeros(3)
 
-        def felt_n(
-            _: int, load_gf: np.ndarray[tuple[int], np.dtype[np.float64]] = load_gf
-        ) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-            return load_gf * NEWTONS_PER_UNIT["gf"]
-
         clock = VirtualClock()
-        sensor = SimulatedForceSensor(felt_n, clock, seed)
+        sensor = SimulatedForceSensor(
+            lambda _, load_gf=load_gf: load_gf * NEWTONS_PER_UNIT["gf"],  # type: ignore[misc]
+            clock,
+            seed,
+        )
         sensor.write(b"S")
         read = {}
         for number, share in enumerate((0.0, 0.577, 1.2)):
@@ -199,8 +200,9 @@ def test_the_simulated_sensor_is_that_of_the_data_sheet() -> None:
         assert (read[1.2] == rated_gf).all()
 
 
-def test_a_net_ft_stream_is_asked_for_and_read() -> None:
-    """Requests as the protocol has them; lost, doubled and damaged packets are counted, and a status is no force."""
+@pytest.fixture
+def net_ft() -> Iterator[tuple[NetFtReference, socket.socket, Any]]:
+    """A reference that has just asked for its stream, the socket of its sensor, and its own address."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sensor:
         sensor.bind(("127.0.0.1", 0))
         sensor.settimeout(5.0)
@@ -210,50 +212,41 @@ def test_a_net_ft_stream_is_asked_for_and_read() -> None:
         reference.read(0)
         asked, address = sensor.recvfrom(64)
         assert asked == bytes.fromhex("1234000200000000")
-        for number, status in ((1, 0), (2, 0), (2, 0), (4, 0), (5, 0x80010000)):
-            force = (0, 2_000_000, -3_000_000, 0, 0, 0)
-            sensor.sendto(struct.pack(">III6i", number, 7 * number, status, *force), address)
-        sensor.sendto(b"short", address)
-        said = reference.read(20_000_000)
-        assert said.force_n.tolist() == [[0.0, -2.0, 3.0]] * 4
-        assert said.saturated.tolist() == [False, False, False, True]
-        assert np.diff(said.t_ns).tolist() == [1_000_000, 2_000_000, 1_000_000]
-        figures = reference.statistics
-        assert (figures.n_samples, figures.n_missing, figures.n_bad_records) == (4, 1, 2)
-        reference.close()
-        assert sensor.recv(64) == bytes.fromhex("1234000000000000")
+        yield reference, sensor, address
 
 
-def test_a_net_ft_that_counts_anew_is_asked_again() -> None:
+def test_a_net_ft_stream_is_asked_for_and_read(
+    net_ft: tuple[NetFtReference, socket.socket, Any],
+) -> None:
+    """Requests as the protocol has them; lost, doubled and damaged packets are counted, and a status is no force."""
+    reference, sensor, address = net_ft
+    for number, status in ((1, 0), (2, 0), (2, 0), (4, 0), (5, 0x80010000)):
+        force = (0, 2_000_000, -3_000_000, 0, 0, 0)
+        sensor.sendto(struct.pack(">III6i", number, 7 * number, status, *force), address)
+    sensor.sendto(b"short", address)
+    said = reference.read(20_000_000)
+    assert said.force_n.tolist() == [[0.0, -2.0, 3.0]] * 4
+    assert said.saturated.tolist() == [False, False, False, True]
+    assert np.diff(said.t_ns).tolist() == [1_000_000, 2_000_000, 1_000_000]
+    figures = reference.statistics
+    assert (figures.n_samples, figures.n_missing, figures.n_bad_records) == (4, 1, 2)
+    reference.close()
+    assert sensor.recv(64) == bytes.fromhex("1234000000000000")
+
+
+def test_a_net_ft_that_counts_anew_is_asked_again(
+    net_ft: tuple[NetFtReference, socket.socket, Any],
+) -> None:
     """Whatever made its numbers go back, no sample is missing for longer than a second."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sensor:
-        sensor.bind(("127.0.0.1", 0))
-        sensor.settimeout(5.0)
-        mounting = SensorMounting(AGAINST, (0.0, 0.0, 0.0), "N", 1e-6, (100, 100, 100))
-        reference = NetFtReference(
-            "127.0.0.1",
-            sensor.getsockname()[1],
-            SampleStream("net", mounting, 10.0, 0),
-        )
-        reference.read(0)
-        _, address = sensor.recvfrom(64)
-        said = []
-        for tenth, number in enumerate([900, 901, *range(1, 20)]):
-            sensor.sendto(struct.pack(">III6i", number, 0, 0, *[0] * 6), address)
-            said.append(len(reference.read(100_000_000 * (tenth + 1)).t_ns))
-        assert said[:3] == [1, 1, 0]
-        assert said[-6:] == [1] * 6
-        assert sensor.recvfrom(64)[0] == bytes.fromhex("1234000200000000")
-        reference.close()
-
-
-class Observed:
-    """An observer that hands on what it is shown."""
-
-    def __init__(self, observe: Callable[[Cycle], None]) -> None:
-        self.observe = observe
-
-    def close(self) -> None: ...
+    reference, sensor, address = net_ft
+    said = []
+    for tenth, number in enumerate([900, 901, *range(1, 20)]):
+        sensor.sendto(struct.pack(">III6i", number, 0, 0, *[0] * 6), address)
+        said.append(len(reference.read(100_000_000 * (tenth + 1)).t_ns))
+    assert said[:3] == [1, 1, 0]
+    assert said[-6:] == [1] * 6
+    assert sensor.recvfrom(64)[0] == bytes.fromhex("1234000200000000")
+    reference.close()
 
 
 class OwnSensor:
@@ -282,11 +275,11 @@ def test_a_sensor_of_ones_own_is_recorded_by_the_service() -> None:
         port = Port(lambda _: np.zeros(3), clock, 1)
         mounting = SensorMounting(AGAINST, (0.0, 0.0, 0.0), "N", 0.01, (100, 100, 100))
         service.reference = OwnSensor(port, SampleStream("own", mounting, 400.0, 0))
-        cycles: list[Cycle] = []
-        service.observers.append(Observed(cycles.append))
+        seen = Seen()
+        service.observers.append(seen)
         service.run(until_ns=500_000_000)
-    samples = [cycle.reference for cycle in cycles if cycle.reference is not None]
-    assert len(samples) == len(cycles)
+    samples = [cycle.reference for cycle in seen.cycles if cycle.reference is not None]
+    assert len(samples) == len(seen.cycles)
     force_n = np.concatenate([part.force_n for part in samples])
     assert len(force_n) > 100
     assert np.unique(force_n, axis=0).tolist() == [[0.0, -1.0, 2.0]]

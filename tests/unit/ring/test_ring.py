@@ -2,7 +2,6 @@
 
 import contextlib
 import errno
-import functools
 import os
 import socket
 import subprocess
@@ -17,28 +16,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from footsense.errors import FootsenseError
-from footsense.frames import ALL_LEGS, CanStatistics, CommandResult, Cycle, Result
+from footsense.frames import ALL_LEGS, CanStatistics, CommandResult, Result
 from footsense.ring import ring_file
 from footsense.ring.cycle_reader import CycleReader
 from footsense.ring.cycle_ring import CycleRing, encode_cycle
 from footsense.ring.records import LostCycles, NumberedCycle, ServiceStatus, decode_record
 from footsense.ring.ring_file import free_ring
-from tests.support.cycles import LEGS, PERIOD_NS, TARE, cycle, same, status
+from tests.support.cycles import LEGS, PERIOD_NS, TARE, cycle, quick_cycle, same, status
 
 outcomes = st.lists(
     st.builds(CommandResult, st.just(TARE), st.sampled_from(Result), st.text(max_size=40)), max_size=3
 )
-
-
-@functools.cache
-def _templates() -> list[Cycle]:
-    return [cycle(number) for number in range(50)]
-
-
-def quick_cycle(number: int) -> Cycle:
-    """Return a cycle of random bits at its own time, made faster than by `cycle`."""
-    template = _templates()[number % 50]
-    return template._replace(forces=template.forces._replace(t_sent_ns=1_000 + number * PERIOD_NS))
 
 
 @pytest.fixture
@@ -144,70 +132,60 @@ def test_a_burst_of_a_test_stand_does_not_hide_the_cycle(ring: CycleRing, path: 
     assert same(read.cycle, cycle(0, n_samples=20_000)._replace(reference=None))
 
 
-#: Writes cycles as fast as it can; argv: the file, the top of the checkout.
+#: Opens a ring and writes into it as fast as it can; argv: the file, the top of the checkout, what to write.
 WRITE_AT_FULL_SPEED = """
 import itertools, pathlib, sys
 sys.path.insert(0, sys.argv[2])
 from footsense.ring.cycle_ring import CycleRing
-from tests.support.cycles import LEGS, status
-from tests.unit.ring.test_ring import quick_cycle
+from tests.support.cycles import LEGS, quick_cycle, status
 ring = CycleRing(pathlib.Path(sys.argv[1]), LEGS, {}, 1.0, status)
 shown = [quick_cycle(number) for number in range(1000)]
 print("ready", flush=True)
+if sys.argv[3] == "counter":
+    while True:
+        # By 254 bytes: a part of a counter that is stored byte by byte would be less than before.
+        ring._write(bytes(246))
 for one in itertools.cycle(shown):
     ring.observe(one)
     ring._status_due_ns %= 25_000_000_000
 """
 
 
-def test_two_processes_at_full_speed(path: Path) -> None:
-    """No reader sees half of a counter: every record is whole, no cycle comes twice, none is missed uncounted."""
-    command = [sys.executable, "-c", WRITE_AT_FULL_SPEED, str(path), str(Path(__file__).parents[3])]
+@contextlib.contextmanager
+def written_at_full_speed(path: Path, what: str) -> Iterator[CycleReader]:
+    """Let another process write, and yield a reader."""
+    command = [sys.executable, "-c", WRITE_AT_FULL_SPEED, str(path), str(Path(__file__).parents[3]), what]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as writer:
         try:
             assert writer.stdout is not None
             assert writer.stdout.readline() == "ready\n"
             with closing(CycleReader(path)) as reader:
-                last, n_read = -1, 0
-                while n_read < 5_000:
-                    for entry in reader.read():
-                        if isinstance(entry, LostCycles):
-                            assert last + 1 + entry.n_cycles == entry.next_cycle_number > last + 1
-                            last += entry.n_cycles
-                        else:
-                            assert n_read == 0 or entry.cycle_number == last + 1
-                            last, n_read = entry.cycle_number, n_read + 1
-                assert last > 2 * n_read
+                yield reader
         finally:
             writer.kill()
 
 
-#: Counts up as fast as it can, by 254 bytes: a part of a counter that is stored byte by byte would be less than before.
-COUNT_AT_FULL_SPEED = """
-import pathlib, sys
-sys.path.insert(0, sys.argv[2])
-from footsense.ring.cycle_ring import CycleRing
-from tests.support.cycles import LEGS, status
-ring = CycleRing(pathlib.Path(sys.argv[1]), LEGS, {}, 1.0, status)
-print("ready", flush=True)
-while True:
-    ring._write(bytes(246))
-"""
+def test_two_processes_at_full_speed(path: Path) -> None:
+    """No reader sees half of a counter: every record is whole, no cycle comes twice, none is missed uncounted."""
+    last, n_read = -1, 0
+    with written_at_full_speed(path, "cycles") as reader:
+        while n_read < 5_000:
+            for entry in reader.read():
+                if isinstance(entry, LostCycles):
+                    assert last + 1 + entry.n_cycles == entry.next_cycle_number > last + 1
+                    last += entry.n_cycles
+                else:
+                    assert n_read == 0 or entry.cycle_number == last + 1
+                    last, n_read = entry.cycle_number, n_read + 1
+    assert last > 2 * n_read
 
 
 def test_a_counter_never_goes_back(path: Path) -> None:
     """It is stored as one word; of one that is stored byte by byte, a reader on another core sees a part."""
-    command = [sys.executable, "-c", COUNT_AT_FULL_SPEED, str(path), str(Path(__file__).parents[3])]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as writer:
-        try:
-            assert writer.stdout is not None
-            assert writer.stdout.readline() == "ready\n"
-            with closing(CycleReader(path)) as reader:
-                for _ in range(15):
-                    ends = [reader.end for _ in range(200_000)]
-                    assert ends == sorted(ends)
-        finally:
-            writer.kill()
+    with written_at_full_speed(path, "counter") as reader:
+        for _ in range(15):
+            ends = [reader.end for _ in range(200_000)]
+            assert ends == sorted(ends)
 
 
 def test_the_end_and_the_restart_of_a_service_are_noticed(path: Path) -> None:
