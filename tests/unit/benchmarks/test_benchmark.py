@@ -27,7 +27,7 @@ def test_the_loop_answers_for_every_deadline(scans: list[CapFrame]) -> None:
 
 def test_a_conversion_of_six_legs_stays_within_its_modules_and_calls() -> None:
     """Registers, ring and run statistics included; the simulator is left out."""
-    calls = calls_per_conversion(n=1000)
+    calls = calls_per_conversion(n=300)
     modules = {module for module, _ in functions_called_steadily(calls)}
     for part in ("estimation/network.py", "can/sink.py", "ring/cycle_ring.py"):
         assert f"footsense/{part}" in modules

@@ -66,10 +66,3 @@ def test_a_bar_is_drawn_with_what_the_terminal_has(encoding: str, cell: str) -> 
     """Half the scale is half the cells, more than the scale all of them."""
     lines = drawn(encoding)
     assert [lines[row].count(cell) - lines[row].count(f" {cell}1") for row in (0, 5)] == [5, 10]
-
-
-def test_zero_has_no_minus() -> None:
-    """What rounds to zero does not change its sign from line to line."""
-    line = drawn("utf-8")[0]
-    assert "+0.000" in line
-    assert "-0.000" not in line

@@ -58,21 +58,23 @@ def test_the_default_loads_a_bus_of_500_kbit_by_less_than_40_percent() -> None:
     assert can_bits_per_s(len(DEFAULT.legs), DEFAULT.forces_hz) < 0.4 * 500_000
 
 
-def test_model_and_calibrations_are_found_beside_the_file(file: Path) -> None:
-    """A relative path does not depend on the directory in which the daemon is started."""
-    file.write_text(ONE_BUS + "model: my.onnx")
-    assert load_config(file).model == str(file.parent / "my.onnx")
-    file.write_text(ONE_BUS + "feet: {lf: foot-0007}\ncalibrations: feet/")
-    assert load_config(file).calibrations == str(file.parent / "feet")
-
-
-def test_a_folder_beside_a_file_of_the_working_directory_is_found(
-    file: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("text", "key", "found"),
+    [
+        ("model: my.onnx", "model", "my.onnx"),
+        ("feet: {lf: foot-0007}\ncalibrations: feet/", "calibrations", "feet"),
+        # It keeps a slash, by which it is no released name.
+        ("foot_type: ./my-foot", "foot_type", "my-foot"),
+    ],
+)
+def test_a_relative_path_is_one_beside_the_file(
+    file: Path, monkeypatch: pytest.MonkeyPatch, text: str, key: str, found: str
 ) -> None:
-    """`--config robot.yaml` with `foot_type: ./my-foot`: the folder keeps a slash, by which it is no released name."""
-    file.write_text(ONE_BUS + "foot_type: ./my-foot")
+    """Wherever the daemon is started, there too."""
+    file.write_text(ONE_BUS + text)
+    assert getattr(load_config(file), key) == str(file.parent / found)
     monkeypatch.chdir(file.parent)
-    assert load_config(Path(file.name)).foot_type == str(file.parent / "my-foot")
+    assert getattr(load_config(Path(file.name)), key) == str(file.parent / found)
 
 
 @pytest.mark.parametrize(
@@ -85,11 +87,6 @@ def test_a_folder_beside_a_file_of_the_working_directory_is_found(
         (
             ONE_BUS.replace("socketcan", "vcan"),
             "(a CAN device of Linux: interface: socketcan, channel: can0, or vcan0)",
-        ),
-        (ONE_BUS + "legs: {lf: 0}", ":5: legs: unknown key; legs belongs under buses or serial"),
-        (
-            ONE_BUS.replace("/dev/i2c-1", "i2c-1"),
-            '"i2c-1" is wrong; it has to be text (such as /dev/i2c-1, or sim)',
         ),
         (
             ONE_BUS + "board: ad7746\nscan: {rate_sps: 400}",
@@ -133,10 +130,6 @@ def test_a_folder_beside_a_file_of_the_working_directory_is_found(
             ONE_BUS
             + "feet: {lf: foot-0001}\ncalibrations: feet/\nunloaded_pf: {lf: [5, 5, 5, 5, 5, 5, 5, 5, 5]}",
             "unloaded_pf.lf: the calibration of foot-0001 has it; take this entry away",
-        ),
-        (
-            ONE_BUS + "stray_pf: {rf: [1, 1, 1, 1]}",
-            "stray_pf.rf: a list of 4 is wrong; it has to be a list of 9 (a number for each of",
         ),
         (
             ONE_BUS.replace("legs: {lf: 0, rf: 1}", "leg: lf\n    legs: {rf: 1}"),

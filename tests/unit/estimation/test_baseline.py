@@ -7,16 +7,16 @@ from footsense.frames import BaselineStatus, Result
 from tests.support.standing import MN_PER_FF, SCAN_S, TOUCH_N, Creep, Standing, stance_n
 
 
-def test_twenty_kelvin_in_ten_minutes_of_walking() -> None:
+def test_seven_kelvin_in_two_hundred_seconds_of_walking() -> None:
     """No contact in swing and no stance without, in cold and heat; what is left of the drift is below 1 mN."""
-    drift_ff = np.array([-30.0, 0.0, 30.0])[:, None] * np.linspace(0.8, 1.2, 9)
+    drift_ff = np.array([-10.0, 0.0, 10.0])[:, None] * np.linspace(0.8, 1.2, 9)
     feet = Standing(3).tared()
     worst_ff, t_s, lifted_s = 0.0, 0.0, 0.0
-    while t_s < 600.0:
+    while t_s < 200.0:
         # Nothing is learnt in the middle of a stance: fewer readings there keep the test short.
         passed_s = 0.2 if stance_n(t_s) > 0.999 and stance_n(t_s + 0.2) > 0.999 else SCAN_S
         t_s += passed_s
-        now_ff = drift_ff * t_s / 600.0
+        now_ff = drift_ff * t_s / 200.0
         feet.feed(stance_n(t_s), now_ff, passed_s)
         if stance_n(t_s) > 1.5 * TOUCH_N:
             assert feet.in_contact.all(), t_s
@@ -26,7 +26,7 @@ def test_twenty_kelvin_in_ten_minutes_of_walking() -> None:
         worst_ff = max(worst_ff, float(np.abs((feet.baseline_ff - now_ff).mean(axis=1)).max()))
     assert worst_ff * MN_PER_FF < 1.0
     assert np.abs(feet.baseline_ff - drift_ff).max() < 1.5
-    np.testing.assert_allclose(feet.tracker.unloaded.drift.mean_pf * 1e3, [-30.0, 0.0, 30.0], atol=1.0)
+    np.testing.assert_allclose(feet.tracker.unloaded.drift.mean_pf * 1e3, [-10.0, 0.0, 10.0], atol=1.0)
 
 
 def test_drift_makes_no_contact_even_if_the_baseline_does_not_follow() -> None:

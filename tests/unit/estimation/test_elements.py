@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -126,18 +126,6 @@ def test_residuals_without_a_faulty_element_widen_sigma() -> None:
     assert result.inconsistency_sigma_rel[0] > 0.1
 
 
-def test_a_stuck_element_is_told_from_a_drifting_one() -> None:
-    """Both contradict; one moves with the others."""
-    for follows in (False, True):
-        leg = Leg()
-        for n in range(40):
-            closure_rel = pressed((1.0 + 0.5 * np.sin(n / 3), 0.0, 0.0))
-            closure_rel[4] = closure_rel[4] - 0.5 if follows else -0.3
-            leg.test(closure_rel)
-        assert np.flatnonzero(leg.consistency.excluded).tolist() == [4]
-        assert leg.consistency.stuck[0, 4] == (not follows)
-
-
 @pytest.mark.parametrize("load", [0.0, 0.15, 1.0])
 def test_a_foot_whose_load_does_not_change_is_sound_again_after_ten_seconds(load: float) -> None:
     """An element that read another leg's for a while, on a foot that hangs, barely stands, or stands."""
@@ -243,6 +231,7 @@ def test_an_element_is_not_readmitted_for_what_motion_hides() -> None:
     st.floats(0.05, 2.0),
     st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)),
 )
+@settings(max_examples=30)
 def test_a_sound_foot_in_motion_is_never_blamed(
     order: tuple[int, ...], rise_s: float, size: float, tilt: tuple[float, float]
 ) -> None:

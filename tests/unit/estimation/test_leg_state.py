@@ -2,12 +2,9 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from footsense.estimation.elements import floating_row_crosstalk_pf
-from footsense.estimation.missing_elements import missing_sets_containing
 from footsense.frames import USABLE, CapFrame, Cause, Reading, State
 from tests.support.feet import SCAN_NS, SIGMA_N, WINDOW, Feet
 from tests.support.standing import Standing
@@ -15,25 +12,12 @@ from tests.support.standing import Standing
 #: What an element reads whose line is open [pF].
 OPEN_PF = 0.8
 
-LINES = [{3 * n + k for k in range(3)} for n in range(3)] + [{3 * k + n for k in range(3)} for n in range(3)]
-
 
 def opened(*elements: int) -> NDArray[np.bool_]:
     """Return the mask of one leg, shape (1, 9)."""
     mask = np.zeros((1, 9), bool)
     mask[0, list(elements)] = True
     return mask
-
-
-@given(st.sets(st.integers(0, 8)))
-def test_what_is_missing_is_one_element_or_a_line(elements: set[int]) -> None:
-    """Nothing for none; one stays one; two or three in a line make the line; the rest is beyond the network."""
-    missing = set(np.flatnonzero(missing_sets_containing(opened(*elements))[0]).tolist())
-    lines = [line for line in LINES if elements <= line]
-    if len(elements) < 2:
-        assert missing == elements
-    else:
-        assert missing == (lines[0] if lines else set())
 
 
 def test_only_a_whole_row_floats() -> None:
@@ -56,12 +40,19 @@ def break_line(scan: CapFrame, leg: int, broken: list[int], open_pf: float = OPE
 @pytest.mark.parametrize("stray_pf", [0.0, 1.5])
 @pytest.mark.parametrize("open_pf", [OPEN_PF, 0.0])
 @pytest.mark.parametrize(
-    ("broken", "n_missing"), [([4], 1), ([3, 4, 5], 3), ([2, 5, 8], 3), ([0, 2], 3)], ids=str
+    ("broken", "n_missing", "cause"),
+    [
+        ([4], 1, Cause.ELEMENT_OPEN),
+        ([3, 4, 5], 3, Cause.ROW_OPEN),
+        ([2, 5, 8], 3, Cause.COLUMN_OPEN),
+        ([0, 2], 3, Cause.ELEMENT_OPEN),
+    ],
+    ids=str,
 )
 def test_a_broken_line_is_estimated_from_the_others(
-    broken: list[int], n_missing: int, open_pf: float, stray_pf: float
+    broken: list[int], n_missing: int, cause: Cause, open_pf: float, stray_pf: float
 ) -> None:
-    """DEGRADED with the force of what remains and the network's own sigma; the mask names what is open."""
+    """DEGRADED with the force of what remains and the network's own sigma; mask and cause name what is open."""
     feet = Feet(stray_pf=stray_pf).tared()
     for number in range(5):
         scan = feet.scan(5.0)
@@ -69,19 +60,30 @@ def test_a_broken_line_is_estimated_from_the_others(
         forces = feet.feed(scan)
         assert forces.fault_mask.tolist() == [0, sum(1 << element for element in broken)]
         assert forces.state.tolist() == [State.VALID, State.STALE if number < 2 else State.DEGRADED]
+    assert forces.cause.tolist() == [Cause.NONE, cause]
     np.testing.assert_allclose(forces.force_n, 9 * 0.25, rtol=1e-5)
     np.testing.assert_allclose(forces.sigma_n[0], SIGMA_N)
     np.testing.assert_allclose(forces.sigma_n[1], SIGMA_N * (1 + n_missing))
 
 
-@pytest.mark.parametrize("broken", [[0, 4], [1, 3], [0, 1, 2, 3], list(range(9))], ids=str)
-def test_more_than_a_line_is_an_element_fault(broken: list[int]) -> None:
-    """No value, and the mask names what is open."""
+@pytest.mark.parametrize(
+    ("broken", "cause"),
+    [
+        ([0, 4], Cause.ELEMENT_OPEN),
+        ([1, 3], Cause.ELEMENT_OPEN),
+        ([0, 4, 8], Cause.ELEMENT_OPEN),
+        ([0, 1, 2, 3], Cause.ROW_OPEN),
+    ],
+    ids=str,
+)
+def test_more_than_a_line_is_an_element_fault(broken: list[int], cause: Cause) -> None:
+    """No value; the mask names what is open, and a line is told by all three of its elements."""
     feet = Feet().tared()
     scan = feet.scan(2.0)
     scan.capacitance_pf[1, broken] = 0.8
     forces = feet.feed(scan)
     assert forces.state.tolist() == [State.VALID, State.ELEMENT_FAULT]
+    assert forces.cause.tolist() == [Cause.NONE, cause]
     assert forces.fault_mask.tolist() == [0, sum(1 << element for element in broken)]
     assert np.isnan(forces.force_n[1]).all()
     assert np.isnan(forces.sigma_n[1]).all()
@@ -169,28 +171,6 @@ def test_an_element_over_the_range_of_a_free_foot_is_shorted() -> None:
     for _ in range(WINDOW + 4):
         forces = fresh.feed(over_range(fresh, np.zeros((2, 9)), 4))
     assert forces.state.tolist() == [State.DEGRADED, State.VALID]
-
-
-@pytest.mark.parametrize(
-    ("elements", "cause"),
-    [
-        ([4], Cause.ELEMENT_OPEN),
-        ([0, 2], Cause.ELEMENT_OPEN),
-        ([3, 4, 5], Cause.ROW_OPEN),
-        ([2, 5, 8], Cause.COLUMN_OPEN),
-        ([0, 1, 2, 8], Cause.ROW_OPEN),
-        ([0, 4, 8], Cause.ELEMENT_OPEN),
-    ],
-    ids=str,
-)
-def test_a_line_is_told_from_single_faults(elements: list[int], cause: Cause) -> None:
-    """By all three of its elements."""
-    feet = Feet().tared()
-    for _ in range(4):
-        scan = feet.scan(3.0)
-        scan.capacitance_pf[0, elements] = OPEN_PF
-        forces = feet.feed(scan)
-    assert forces.cause.tolist() == [cause, Cause.NONE]
 
 
 @pytest.mark.parametrize(

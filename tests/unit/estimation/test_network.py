@@ -47,16 +47,6 @@ def test_an_estimate_is_not_overwritten_by_the_next(tmp_path: Path) -> None:
     np.testing.assert_array_equal(first.force_n, kept_n)
 
 
-def test_other_inputs_than_its_own_are_not_taken(tmp_path: Path) -> None:
-    """A window of other feet or another number of readings is an error at once."""
-    network = Network(network_file(tmp_path, card()), 2)
-    window = steady_windows(np.zeros((2, 9)))
-    with pytest.raises(ValueError, match="reshape"):
-        network.estimate(window._replace(closure_rel=window.closure_rel[:, :2]))
-    with pytest.raises(ValueError, match=r"reshape|broadcast"):
-        network.estimate(steady_windows(np.zeros((3, 9))))
-
-
 @pytest.mark.parametrize("wrong", ["width", "type", "name", "missing", "extra"])
 @pytest.mark.parametrize("at", [0, -1])
 @pytest.mark.parametrize("kind", ["input", "output"])

@@ -190,28 +190,6 @@ def test_a_refused_command_keeps_the_baseline_and_says_so() -> None:
     np.testing.assert_allclose(forces.force_n[1], 0, atol=1e-9)
 
 
-def test_a_leg_on_the_ground_is_neither_stopped_nor_tared() -> None:
-    """Refused at once with what it carries; its forces go on, with the flag; START is always safe."""
-    feet = Feet().tared()
-    feet.feed(feet.scan(5.0))
-    stop = feet.pipeline.execute(Command(CommandKind.STOP, 0))
-    assert stop == (
-        Command(CommandKind.STOP, 0),
-        Result.LOADED,
-        "the foot is in contact: it carries 2.25 N",
-    )
-    tare = feet.pipeline.execute(Command(CommandKind.TARE, 1))
-    assert tare is not None
-    assert tare.result is Result.LOADED
-    start = feet.pipeline.execute(Command(CommandKind.START, 0))
-    assert start is not None
-    assert start.result is Result.DONE
-    forces = feet.feed(feet.scan(5.0))
-    assert forces.state.tolist() == [State.VALID] * 2
-    in_contact = Flag.SIMULATED | Flag.CONTACT
-    assert forces.flags.tolist() == [in_contact, in_contact | Flag.TARE_REFUSED]
-
-
 def test_an_element_that_was_missing_at_the_tare_gets_its_baseline_in_swing() -> None:
     """The leg starts DEGRADED without it, and is VALID soon after it is back."""
     feet = Feet(n_legs=1)

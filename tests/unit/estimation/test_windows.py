@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from footsense.estimation.network import STEADY_AGES_S
 from footsense.frames import USABLE, CapFrame, Cause, Reading, State
 from tests.support.feet import DESIGN, MAX_AGE_NS, SCAN_NS, SIGMA_N, WINDOW, Feet, unread
 
@@ -123,24 +122,6 @@ def test_after_start_elements_come_one_by_one() -> None:
     assert seen == [State.STARTING, State.TARING, State.VALID]
 
 
-def test_a_wrong_reading_is_in_no_later_window() -> None:
-    """While it is the newest, sigma is wide; afterwards its neighbours in time stand for it, and nothing moved."""
-    feet = Feet(n_legs=1).tared()
-    states(feet, 3)
-    closures = np.full((1, 9), 2.0)
-    closures[0, 4] = 14.0
-    frames = [feet.feed(feet.scan(closures))]
-    windows = [feet.estimator.window]
-    for _ in range(3):
-        frames.append(feet.feed(feet.scan(2.0)))
-        windows.append(feet.estimator.window)
-    assert {State(int(frame.state[0])) for frame in frames} == {State.VALID}
-    assert frames[0].sigma_n.min() > np.abs(frames[0].force_n - 0.9).max() / 2.0
-    for frame, seen in zip(frames[1:], windows[1:], strict=True):
-        np.testing.assert_allclose(seen.closure_rel, 0.1, rtol=1e-4)
-        np.testing.assert_allclose(frame.force_n[0], 0.9, rtol=1e-4)
-
-
 def test_a_foot_whose_gaps_all_closed_is_back_with_the_next_scan() -> None:
     """SATURATED without a number; of the readings beyond the range the network sees the end of the range."""
     feet = Feet(n_legs=1).tared()
@@ -155,16 +136,6 @@ def test_a_foot_whose_gaps_all_closed_is_back_with_the_next_scan() -> None:
     seen = feet.estimator.window.closure_rel[0]
     np.testing.assert_allclose(seen[0], 0.5)
     assert (seen[1:] > 0.8).all()
-
-
-def test_a_leg_without_a_force_is_at_rest_for_the_network() -> None:
-    """Whatever its readings are: the row is computed with the others, and must cost nothing and break nothing."""
-    feet = Feet().tared()
-    feet.feed(unread(feet.scan(2.0), 0))
-    seen = feet.estimator.window
-    assert not seen.closure_rel[0].any()
-    np.testing.assert_array_equal(seen.age_s[0], STEADY_AGES_S)
-    np.testing.assert_allclose(seen.closure_rel[1, 0], 0.1)
 
 
 def test_a_missing_element_is_imputed_in_every_reading() -> None:

@@ -95,14 +95,9 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
             "manifest.json: calibration format 1, this version reads format 3",
         ),
         (
-            lambda folder: change_byte(folder / "manifest.json", b'"n_loads"', b'"n_load"'),
-            "manifest.json: does not fit: ",
-        ),
-        (
             lambda folder: change_byte(folder / "manifest.json", b"2026-", b"0000-"),
             "manifest.json: does not fit: year 0 is out of range",
         ),
-        (lambda folder: (folder / "manifest.json").write_text("[" * 10_000), "manifest.json: does not fit: "),
         (
             lambda folder: reseal(folder, foot="foot-0008"),
             "foot-0007: the calibration of foot-0008, not of foot-0007",
@@ -118,15 +113,7 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
             lambda folder: set_parameter(folder, mount=[[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]]),
             "mount: is no rotation",
         ),
-        (
-            lambda folder: set_parameter(folder, gap_um=[1.0] * 8),
-            "parameters.json: does not fit: Expected `array` of length >= 9",
-        ),
         (lambda folder: set_parameter(folder, temperature_c=126.0), "parameters.json: does not fit: "),
-        (
-            lambda folder: set_parameter(folder, stray_pf=[float("nan")] * 9),
-            "parameters.json: does not fit: ",
-        ),
     ],
 )
 def test_what_is_wrong_is_said(tmp_path: Path, harm: Callable[[Path], Any], said: str) -> None:

@@ -31,16 +31,6 @@ class Legs:
         self.bus.transfer(Transaction(address, bytes((value,))))
 
 
-def test_only_connected_legs_are_on_the_trunk() -> None:
-    """Before any selection nobody answers; afterwards only the selected leg takes the write."""
-    legs = Legs()
-    with pytest.raises(NackError):
-        legs.write(SWITCH, 0x31)
-    legs.write(MUX, 0b010)
-    legs.write(SWITCH, 0x31)
-    assert [switch.read(1, 0)[0] for switch in legs.switches] == [0x00, 0x31, 0x00]
-
-
 def test_answers_to_a_broadcast_read_are_a_wired_and() -> None:
     """One converter that has finished and one that has not read together as one that has not."""
     clock = VirtualClock()

@@ -223,7 +223,7 @@ def test_a_service_that_ran_before_the_exporter_is_counted_from_now_on(tmp_path:
     """As Prometheus expects of a counter; its states are shown at once."""
     path, registry = tmp_path / "ring", CollectorRegistry()
     with closing(CycleRing(path, LEGS, {}, 400.0, lambda: STATUS)) as ring:
-        for number in range(3000):
+        for number in range(300):
             ring.observe(cycle(number * 10))
         registry.register(ServiceCollector(path))
         assert registry.get_sample_value("footsense_cycles_total") == 100
