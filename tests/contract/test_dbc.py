@@ -1,44 +1,30 @@
 """The DBC of a robot with eight legs: its frames, legs, value tables, flags and periods are those of the codecs."""
 
-from enum import IntEnum, IntFlag
+from enum import IntEnum
 
 import cantools
 import pytest
 
-from firmware_interface.can.all_legs import (
-    FORCES4_ID,
-    FORCES_ID,
-)
+from firmware_interface.can.all_legs import FORCES4_ID, FORCES_ID
 from firmware_interface.can.codes import (
     NODE_IDS,
     BaselineStatus,
     Cause,
     CommandKind,
-    Flag,
     GaitEventKind,
     NmtState,
     Result,
     Slip,
     State,
 )
-from firmware_interface.can.commands import (
-    ANSWER_ID,
-    COMMAND_ID,
-    COMMAND_WORDS,
-)
+from firmware_interface.can.commands import ANSWER_ID, COMMAND_ID
 from firmware_interface.can.dbc import HEXAPOD_DBC, make_dbc
-from firmware_interface.can.force import (
-    FORCE_ID,
-    QUALITY_ID,
-)
-from firmware_interface.can.gait import (
-    GAIT_EVENT_ID,
-    GAIT_ID,
-    GROUND_ID,
-)
+from firmware_interface.can.force import FORCE_ID, QUALITY_ID
+from firmware_interface.can.gait import GAIT_EVENT_ID, GAIT_ID, GROUND_ID
 from firmware_interface.can.reports import BASELINE_ID, FAULT_ID, HEARTBEAT_ID
-from tests.contract.dbc import DBC, LEGS
+from tests.contract.test_dbc_frames import DBC
 
+LEGS = [leg.capitalize() for leg in NODE_IDS]
 SENDERS = {
     "Force": (FORCE_ID, 8, "Footsense"),
     "Quality": (QUALITY_ID, 8, "Footsense"),
@@ -51,11 +37,6 @@ SENDERS = {
     "Answer": (ANSWER_ID, 4, "Footsense"),
     "Heartbeat": (HEARTBEAT_ID, 1, "Footsense"),
 }
-
-
-def camel(names: type[IntEnum] | type[IntFlag]) -> dict[int, str]:
-    """Return an enumeration as a value table of the DBC."""
-    return {member.value: str(member.name).title().replace("_", "") for member in names}
 
 
 def test_the_dbc_of_a_hexapod_is_the_committed_one() -> None:
@@ -83,31 +64,6 @@ def test_every_leg_has_every_frame_and_there_are_no_others() -> None:
     assert not any(message.is_extended_frame for message in DBC.messages)
 
 
-@pytest.mark.parametrize("name", SENDERS)
-def test_the_legs_differ_in_nothing_but_name_and_id(name: str) -> None:
-    """Each leg's frame has the same signals, so that the others' tests hold for all."""
-    first, *others = [
-        [
-            (
-                s.name,
-                s.start,
-                s.length,
-                s.is_signed,
-                s.byte_order,
-                s.scale,
-                s.offset,
-                s.unit,
-                s.choices,
-                s.comment,
-            )
-            for s in DBC.get_message_by_name(name + leg).signals
-        ]
-        for leg in LEGS
-    ]
-    assert all(other == first for other in others)
-    assert all(signal[4] == "little_endian" and signal[9] for signal in first)
-
-
 @pytest.mark.parametrize(
     ("message", "signal", "names"),
     [
@@ -127,18 +83,8 @@ def test_the_legs_differ_in_nothing_but_name_and_id(name: str) -> None:
 def test_value_tables_are_the_enumerations(message: str, signal: str, names: type[IntEnum]) -> None:
     """A new state, command or result has to be entered in both."""
     choices = DBC.get_message_by_name(message).get_signal_by_name(signal).choices
-    assert {code: str(name) for code, name in choices.items()} == camel(names)
-
-
-def test_flags_are_single_bits_and_the_words_are_the_commands() -> None:
-    """Each flag is a signal at its bit behind the counter; each word's letters name its command."""
-    quality = DBC.get_message_by_name("QualityLf")
-    for bit, name in camel(Flag).items():
-        signal = quality.get_signal_by_name(name)
-        assert (1 << (signal.start - 12), signal.length) == (bit, 1)
-    words = DBC.get_message_by_name("CommandLf").get_signal_by_name("Word").choices
-    assert {code: str(name) for code, name in words.items()} == {
-        int.from_bytes(word, "little"): kind.name.title() for kind, word in COMMAND_WORDS.items()
+    assert {code: str(name) for code, name in choices.items()} == {
+        member.value: member.name.title().replace("_", "") for member in names
     }
 
 
