@@ -27,6 +27,7 @@ class Daemon:
 
     Attributes:
         pid: Of the loop's process.
+        said: Messages to systemd, as far as they were waited for.
         signs: Signs of life that it has given since it was ready.
     """
 
@@ -36,6 +37,7 @@ class Daemon:
         self._end = os.pidfd_open(process.pid)
         self.pid = process.pid
         self.signs = 0
+        self.said: list[bytes] = []
 
     def wait_until_ready(self) -> None:
         """Return with the first forces."""
@@ -44,9 +46,7 @@ class Daemon:
 
     def live_on(self, signs: int) -> None:
         """Return when the loop has run for so many signs of life from now on."""
-        with contextlib.suppress(BlockingIOError):
-            while True:
-                self._take(self._notify.recv(4096))
+        self._take_all()
         wanted = self.signs + signs
         while self.signs < wanted:
             self._hear()
@@ -59,8 +59,14 @@ class Daemon:
             raise AssertionError(f"it ended: {self._process.communicate()}")
         return self._take(self._notify.recv(4096))
 
+    def _take_all(self) -> None:
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                self._take(self._notify.recv(4096))
+
     def _take(self, message: bytes) -> bytes:
         self.signs += message == b"WATCHDOG=1"
+        self.said.append(message)
         return message
 
     def child(self, module: str) -> int:
@@ -90,6 +96,7 @@ class Daemon:
         """Ask it to end; return its exit code, its output, and its errors."""
         self._process.send_signal(signal.SIGTERM)
         output, errors = self._process.communicate(timeout=TIMEOUT_S)
+        self._take_all()
         return self._process.returncode, output, errors or ""
 
 

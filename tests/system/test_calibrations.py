@@ -1,7 +1,8 @@
-"""The daemon with calibrations: feet as they were made give the forces that they feel, and another foot gives none."""
+"""The daemon with calibrations: feet as they were made say what they feel, also when warm; another foot gives none."""
 
 import json
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -18,18 +19,30 @@ from footsense.daemon.models import load_calibrations
 from footsense.daemon.service import open_service
 from footsense.errors import ModelError
 from footsense.foot.network_card import add_checksum
+from footsense.foot.parameters import UNKNOWN_TEMPERATURE_SIGMA_REL
 from footsense.frames import Cycle, Leg, State
-from footsense.sim.scene import Scene
+from footsense.recording.mcap_writer import McapFile
+from footsense.recording.replay import Replay
+from footsense.ring.records import NumberedCycle
+from footsense.sim.scene import Effects, Scene, Warming
 from footsense.sim.scene_loads import Constant
 from tests.support.calibrations import calibration
 from tests.support.seen import Seen
 from tests.system.simulated_test_stand import MADE, true_parameters
 
 FORCE_N = (0.3, -0.2, 0.7)
+ROOM_C, KELVIN = 25.0, 20.0
 
 #: Two feet of one batch, with the same load.
 SCENE = Scene(description="pressed", load=Constant(force_n=FORCE_N), lead_in_s=0.6, fabrication=MADE)
 UNTIL_NS = 900_000_000
+
+
+def warm(from_s: float, over_s: float) -> Scene:
+    """Return a scene in which feet carry half of that from 2 s on, and become warm."""
+    effects = Effects(warming=Warming(from_s=from_s, over_s=over_s, kelvin=KELVIN))
+    load = Constant(force_n=(0.2, -0.1, 0.5))
+    return Scene(description="pressed", load=load, lead_in_s=2.0, fabrication=MADE, effects=effects)
 
 
 def config(feet: Path, **mounted: str) -> Config:
@@ -41,18 +54,26 @@ def config(feet: Path, **mounted: str) -> Config:
     )
 
 
-def write_both(feet: Path) -> None:
+def with_thermometers(feet: Path) -> Config:
+    """Return the robot with both feet, on the board that tells temperatures."""
+    return msgspec.structs.replace(config(feet, lf="foot-0007", rf="foot-0008"), board="ad7746")
+
+
+def write_both(feet: Path, **given: Any) -> Path:
     """Write the calibrations of both feet, as a perfect calibration would."""
-    calibration(feet, "foot-0007", parameters=true_parameters(0))
-    calibration(feet, "foot-0008", parameters=true_parameters(1))
+    for number in (0, 1):
+        calibration(feet, f"foot-000{7 + number}", parameters=true_parameters(number), **given)
+    return feet
 
 
-def run(robot: Config, record: Path | None = None) -> list[Cycle]:
+def run(
+    robot: Config, scene: Scene = SCENE, until_ns: float = UNTIL_NS, record: Path | None = None
+) -> list[Cycle]:
     """Run until both feet have been pressed for a while."""
     seen = Seen()
-    with open_service(robot, SCENE, record=record, real_time=False) as service:
+    with open_service(robot, scene, record=record, real_time=False) as service:
         service.observers.append(seen)
-        service.run(until_ns=UNTIL_NS)
+        service.run(until_ns=until_ns)
     return seen.cycles
 
 
@@ -137,3 +158,50 @@ def test_a_recording_knows_its_calibrations(tmp_path: Path) -> None:
     assert "lf was recorded with the calibration " in str(result.exception)
     result = CliRunner().invoke(replay, [str(walk), "--calibrations", str(tmp_path / "new")])
     assert (result.exit_code, "warning: " in result.stderr) == (0, True)
+
+
+def test_a_known_temperature_corrects_and_an_unknown_one_widens(tmp_path: Path) -> None:
+    """20 K make forces 8 % too small; what two converters are off by leaves 1 %, else sigma covers it."""
+    size_n = float(np.linalg.norm((0.2, -0.1, 0.5)))
+    # Warm before the tare, so that only the rubber is another one.
+    at_start = warm(from_s=0.0, over_s=0.01)
+    known, unknown = (
+        run(with_thermometers(write_both(tmp_path / name, temperature_c=at_c)), at_start, 3e9)[-1].forces
+        for name, at_c in (("known", ROOM_C), ("unknown", None))
+    )
+    for forces in (known, unknown):
+        assert forces.state.tolist() == [State.VALID, State.VALID]
+    known_n, unknown_n = (np.linalg.norm(forces.force_n, axis=1) for forces in (known, unknown))
+    # On scans of 0.1 s at rest the network itself is 4 % low.
+    assert np.abs(known_n / size_n - 1.0).max() < 0.045
+    np.testing.assert_allclose(unknown_n / size_n, 1.0 / 1.088, atol=0.02)
+    # The network's own sigma, which slow scans at rest make wide, is in both.
+    assert (unknown.sigma_n[:, 2] > UNKNOWN_TEMPERATURE_SIGMA_REL * unknown_n).all()
+    assert (known.sigma_n[:, 2] < unknown.sigma_n[:, 2]).all()
+
+
+@pytest.mark.slow
+def test_a_replay_is_as_warm_as_the_walk_was(tmp_path: Path) -> None:
+    """Temperatures are recorded when they change; without them the same readings give the forces of a cold foot."""
+    walk = tmp_path / "walk.mcap"
+    robot = with_thermometers(write_both(tmp_path / "feet", temperature_c=ROOM_C))
+    # Warm while they carry, long before they are asked again; their zeros drift along.
+    cycles = run(robot, warm(from_s=5.0, over_s=0.1), 10.6e9, walk)
+    told = [cycle.temperature_c for cycle in cycles if cycle.temperature_c is not None]
+    assert len(told) == 2
+    np.testing.assert_allclose(told[1] - told[0], KELVIN, atol=1e-3)
+    before, after = (cycles[n].forces.force_n[:, 2] for n in (850, -1))
+    assert (after / before).min() > 1.08
+    recorded = [cycle.temperature_c for cycle in Replay(walk) if cycle.temperature_c is not None]
+    np.testing.assert_array_equal(recorded, told)
+    result = CliRunner().invoke(replay, [str(walk), "--check"])
+    assert "cycles equal bit for bit" in result.output, result.exception
+    old = tmp_path / "old.mcap"
+    with old.open("wb") as file:
+        recording = McapFile(file.fileno(), Replay(walk).header)
+        for number, cycle in enumerate(Replay(walk)):
+            recording.add_entry(NumberedCycle(number, cycle._replace(temperature_c=None)))
+        recording.finish()
+    assert CliRunner().invoke(replay, [str(old)]).output == f"{len(cycles)} cycles replayed\n"
+    result = CliRunner().invoke(replay, [str(old), "--check"])
+    assert "leg lf: fx_n was" in str(result.exception)

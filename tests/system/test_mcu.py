@@ -1,9 +1,6 @@
-"""Feet that a microcontroller scans: from its records to forces in virtual time, and over a pseudo-terminal."""
+"""Feet that a microcontroller scans: from its records to forces."""
 
-import os
 from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +8,6 @@ import pytest
 
 from firmware_interface.can.codes import USABLE
 from footsense.acquisition.mcu_source import McuSource, Serial
-from footsense.acquisition.serial_port import SerialLink
 from footsense.can.interface import Can
 from footsense.config import Config
 from footsense.daemon.estimation import pipeline_for
@@ -19,16 +15,15 @@ from footsense.daemon.models import load_models
 from footsense.daemon.simulation import simulated_robot
 from footsense.errors import ConfigError
 from footsense.estimation.pipeline import Pipeline
-from footsense.frames import LEGS, CapFrame, Cause, ContactFrame, Reading, State
+from footsense.frames import CapFrame, Cause, ContactFrame, State
 from footsense.sim.faults.scene_faults import ElementOpen, StuckSda
 from footsense.sim.robot import SimulatedRobot
-from footsense.sim.robot_on_mcu import SimulatedRobotMcu, simulated_mcu
+from footsense.sim.robot_on_mcu import simulated_mcu
 from footsense.sim.scene import Effects, Scene
 from footsense.sim.scene_loads import Constant, MeasuredWalk
 from tests.support.failing_line import FailingLine, LineFaults
-from tests.support.pty_line import HurriedClock, Line
 
-MS, S = 1_000_000, 1_000_000_000
+S = 1_000_000_000
 MCU = Config(board="mcu", serial=Serial(device="sim"), can=Can(interface="virtual"))
 WALK = Scene(
     description="",
@@ -115,42 +110,3 @@ def test_the_feet_and_their_lines_break_as_on_any_board() -> None:
     strange = Scene(description="", load=load, faults=(StuckSda(at_s=1.0, leg="lm"),))
     with pytest.raises(ConfigError, match=r"scene: faults\[0\]: is for chips or wires of an I2C bus"):
         simulated_robot(MCU, strange)
-
-
-@contextmanager
-def plugged(path: Path) -> Iterator[Line]:
-    """Give a name to a pseudo-terminal, and take both away."""
-    line = Line(path)
-    try:
-        yield line
-    finally:
-        line.unplug()
-
-
-def test_over_a_real_terminal(tmp_path: Path) -> None:
-    """The port, the decoder and the clock together: every scan is a frame, out is out, and back is back."""
-    unloaded_pf = np.linspace(5.0, 5.8, 9)
-    mcu = SimulatedRobotMcu(dict.fromkeys(LEGS, lambda _: unloaded_pf), step_us=500)
-    clock = HurriedClock()
-    with plugged(tmp_path / "usb-mcu") as line:
-        device = line.plug()
-        source = McuSource(SerialLink(str(line.name), 921_600, clock), clock, Serial(device=str(line.name)))
-        assert (source.read().reading == Reading.NO_ANSWER).all()
-        stamps_ns = []
-        for _ in range(20):
-            clock.sleep_until_ns(clock.now_ns() + 5 * MS)
-            os.write(device, mcu.scan(clock.now_ns() - 4 * MS))
-            frame = source.read()
-            assert not frame.reading.any()
-            assert frame.capacitance_pf == pytest.approx(np.tile(unloaded_pf, (6, 1)))
-            assert 0 < frame.t_ns.max() <= clock.now_ns()
-            stamps_ns.append(frame.t_ns[0, 0])
-        assert (np.diff(stamps_ns) > 0).all()
-        line.unplug()
-        assert (source.read().reading == Reading.NO_ANSWER).all()
-        device = line.plug()
-        while (frame := source.read()).reading.any():
-            clock.sleep_until_ns(clock.now_ns() + 5 * MS)
-            os.write(device, mcu.scan(clock.now_ns() - 4 * MS))
-        assert frame.capacitance_pf == pytest.approx(np.tile(unloaded_pf, (6, 1)))
-        source.close()

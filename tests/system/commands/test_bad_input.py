@@ -1,9 +1,16 @@
 """Whatever is handed to the command line: one clear line, the right exit code, no traceback, no half-written file."""
 
+import math
 from pathlib import Path
 
+import numpy as np
+import onnx
 import pytest
 
+from footsense.errors import ModelError
+from footsense.estimation.network import Network
+from footsense.foot.network_card import add_checksum
+from tests.support.networks import N_IN, N_OUT, card, network_file
 from tests.system.command import footsense, one_line_error, robot
 
 
@@ -64,3 +71,48 @@ def test_a_page_that_cannot_be_served(
     robot(tmp_path)
     monkeypatch.chdir(tmp_path)
     assert says in one_line_error(footsense("view", "--port", "0", *options), code)
+
+
+@pytest.mark.parametrize(
+    ("weight", "exit_code", "says"),
+    [
+        (1e3, 78, "contact.threshold_n: 0.03 N are lost in the noise of these feet; use at least"),
+        (
+            math.nan,
+            66,
+            "gives [nan, nan, nan] N, sigma [0.0, 0.0, 0.0] N inside its trained range; its weights",
+        ),
+    ],
+)
+def test_a_network_that_cannot_be_right(tmp_path: Path, weight: float, exit_code: int, says: str) -> None:
+    """A foot that shows no contact, and corrupt weights: `check-config` and `run` say the same line."""
+    weights = np.zeros((N_IN, N_OUT))
+    weights[:9, :3] = weight
+    network_file(tmp_path, card(), weights=weights)
+    config = robot(tmp_path, more="model: network.onnx\n")
+    line = one_line_error(footsense("check-config", config), exit_code)
+    assert says in line
+    result = footsense("run", "--config", config, "--duration", "1")
+    assert (result.returncode, result.stderr.splitlines()[-1]) == (exit_code, f"footsense: {line}")
+
+
+def test_what_is_no_network(tmp_path: Path) -> None:
+    """A missing file, a folder, bytes that are no ONNX file, and one whose weights do not fit its input."""
+    path = tmp_path / "network.onnx"
+
+    def refused(content: bytes | None = None) -> str:
+        if content is not None:
+            path.write_bytes(content)
+        with pytest.raises(ModelError) as caught:
+            Network(path, 1)
+        return str(caught.value)
+
+    assert "network.onnx: no such network" in refused()
+    path.mkdir()
+    assert "not a file; name the network itself" in refused()
+    path.rmdir()
+    assert "no checksum at its end" in refused(b"this is no network")
+    assert "not a readable ONNX network" in refused(add_checksum(b"this is no network"))
+    model = onnx.load(str(network_file(tmp_path, card())))
+    model.graph.input[0].type.tensor_type.shape.dim[1].dim_value = 8
+    assert "ncompatible dimensions" in refused(add_checksum(model.SerializeToString()))

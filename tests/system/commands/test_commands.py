@@ -64,29 +64,20 @@ def test_a_tare_is_granted_unloaded_and_refused_loaded(scene: str) -> None:
         can.Bus(interface="virtual", channel=DEFAULT.can.channel) as bus,
         open_service(DEFAULT, load_scene(scene), real_time=False) as service,
     ):
-        controller = Controller(bus, {180: CommandKind.TARE, 540: CommandKind.TARE, 810: CommandKind.STOP})
+        stopped_and_started = {270: CommandKind.STOP, 300: CommandKind.START, 810: CommandKind.STOP}
+        controller = Controller(bus, {180: CommandKind.TARE, 540: CommandKind.TARE, **stopped_and_started})
         service.observers.append(controller)
         service.run(until_ns=2_500_000_000)
     assert controller.answers == [
         (CommandKind.TARE, Result.DONE),
         (CommandKind.TARE, Result.DONE),
+        (CommandKind.STOP, Result.DONE),
+        (CommandKind.START, Result.DONE),
         (CommandKind.TARE, Result.LOADED),
         (CommandKind.STOP, Result.LOADED),
     ]
+    assert controller.states[290] is State.STOPPED
     assert controller.states[-1] is State.VALID
-
-
-def test_a_leg_in_the_air_is_stopped() -> None:
-    """STOPPED, with the answer that it was done."""
-    with (
-        can.Bus(interface="virtual", channel=DEFAULT.can.channel) as bus,
-        open_service(DEFAULT, load_scene("hanging"), real_time=False) as service,
-    ):
-        controller = Controller(bus, {180: CommandKind.STOP})
-        service.observers.append(controller)
-        service.run(until_ns=1_000_000_000)
-    assert controller.answers == [(CommandKind.TARE, Result.DONE), (CommandKind.STOP, Result.DONE)]
-    assert controller.states[-1] is State.STOPPED
 
 
 class ServiceTime(NamedTuple):

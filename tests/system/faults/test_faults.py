@@ -13,17 +13,13 @@ import cantools
 import msgspec
 import numpy as np
 import pytest
-from prometheus_client import CollectorRegistry
 
 import firmware_interface
 from footsense.config import DEFAULT
-from footsense.config.sections import Mux
 from footsense.daemon.service import open_service
 from footsense.frames import USABLE, Cause, State
-from footsense.ring.cycle_ring import CycleRing
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Fault
-from footsense.telemetry.exporter import ServiceCollector
 from footsense.validation.fault_table import LEG_FAULT_TRIALS
 from footsense.validation.fault_trial import (
     BREAKS_AT_S,
@@ -145,26 +141,14 @@ def test_a_leg_that_holds_the_bus_costs_the_others_two_timeouts(whole: Published
     assert (broken.state[broken.t_sent_ns > (BREAKS_AT_S + 0.12) * 1e9][:, others] == State.VALID).all()
 
 
-def test_without_a_reset_pin_a_leg_that_holds_the_bus_stops_all_while_it_does(whole: PublishedWalk) -> None:
-    """Nothing else disconnects it; every leg says why, and all come back when it lets go."""
-    bus = msgspec.structs.replace(ROBOT.buses[0], mux=Mux())
-    broken = simulate_walk(
-        scene_faults.StuckSda(**PASSING), config=msgspec.structs.replace(ROBOT, buses=(bus,))
-    )
-    held = (broken.t_sent_ns > (BREAKS_AT_S + 0.1) * 1e9) & (broken.t_sent_ns < PASSES_AT_S * 1e9)
-    assert (broken.state[held] == State.ABSENT).all()
-    assert (broken.cause[held] == Cause.BUS_STUCK).all()
-    assert (broken.state[-1] == State.VALID).all()
-    assert fault_figures(broken, whole, BREAKS_AT_S, PASSES_AT_S).recovery_s is not None
-
-
 def test_a_trunk_that_is_held_low_stops_all_and_all_come_back(whole: PublishedWalk) -> None:
-    """The RESET pin is of no help there; the next try that gets through brings every leg back at once."""
+    """Every leg says why; the RESET pin is of no help there, and the next try that gets through brings all back."""
     broken = simulate_walk(
         scene_faults.StuckUpstreamBus(at_s=BREAKS_AT_S, until_s=BREAKS_AT_S + 0.1), config=ROBOT
     )
     seen = fault_figures(broken, whole, BREAKS_AT_S, BREAKS_AT_S + 0.1)
     assert seen.longest_gap_s < 0.45
+    assert (broken.cause == Cause.BUS_STUCK).all(axis=1).any()
     assert (broken.state[-1] == State.VALID).all()
 
 
@@ -201,21 +185,12 @@ def test_what_fails_now_and_then_makes_no_error_without_its_sigma(fault: Fault, 
     assert touches_no_other_leg(broken, whole)
 
 
-def test_can_and_metrics_show_it(tmp_path: Path) -> None:
-    """The last force frame, the fault report with its cause and elements, and the counters."""
+def test_can_shows_it(tmp_path: Path) -> None:
+    """The last force frame, and the fault report with its cause and elements."""
     scene = msgspec.structs.replace(WALK_SCENE, faults=(scene_faults.BrokenRow(row=1, **ON_LEG),))
     log = tmp_path / "can.log"
     with open_service(ROBOT, scene, real_time=False, can_log=log) as service:
-        ring = CycleRing(tmp_path / "ring", service.legs, {}, 400.0, service.status)
-        service.observers.append(ring)
-        registry = CollectorRegistry()
-        registry.register(ServiceCollector(tmp_path / "ring"))
         service.run(until_ns=1_000_000_000)
-        faults_total = {
-            leg: registry.get_sample_value("footsense_faults_total", {"leg": leg, "kind": "degraded"})
-            for leg in ("rm", "lm")
-        }
-        state = registry.get_sample_value("footsense_leg_state", {"leg": "rm", "state": "degraded"})
     database = cantools.database.load_file(DBC)
     last: dict[str, dict[str, object]] = {}
     for message in can.LogReader(log):
@@ -226,5 +201,3 @@ def test_can_and_metrics_show_it(tmp_path: Path) -> None:
     assert str(last["FaultRm"]["Cause"]) == "RowOpen"
     assert str(last["ForceLm"]["State"]) == "Valid"
     assert last["QualityRm"]["FaultMask"] == last["FaultRm"]["FaultMask"] == 0b000_111_000
-    assert faults_total == {"rm": 1, "lm": 0}
-    assert state == 1

@@ -8,16 +8,13 @@ import shutil
 import signal
 from pathlib import Path
 
-import can
 import pytest
 
-from firmware_interface.can.force import FORCE_ID, QUALITY_ID
 from footsense.daemon.foot_types import released_path
 from footsense.recording.recorder import partial_path
 from tests.support.cycles import read_until_damage
-from tests.system.command import footsense, robot, serving
+from tests.system.command import footsense, robot
 from tests.system.daemon import SIGN_OF_LIFE_S, Daemon, running
-from tests.system.test_service import scraped
 
 pytestmark = pytest.mark.slow
 
@@ -55,47 +52,26 @@ def test_the_end_of_all_power_costs_less_than_a_second(tmp_path: Path) -> None:
     replays(partial_path(path), cut=True)
 
 
-def test_a_disk_that_gets_full(tmp_path: Path) -> None:
+@pytest.mark.parametrize("breaks", ["its disk", "the writer"])
+def test_a_recording_that_breaks_off(tmp_path: Path, breaks: str) -> None:
     """The forces go on, one line says so at once and one at the end; what is written can be read."""
     path = tmp_path / "walk.mcap"
     with running(tmp_path, "--config", robot(tmp_path), "--record", path) as daemon:
         wait_until_recording(daemon, path)
-        full = partial_path(path).stat().st_size + 100
-        resource.prlimit(daemon.child(WRITER), resource.RLIMIT_FSIZE, (full, full))
+        if breaks == "the writer":
+            os.kill(daemon.child(WRITER), signal.SIGKILL)
+            says = "its writer was killed"
+        else:
+            full = partial_path(path).stat().st_size + 100
+            resource.prlimit(daemon.child(WRITER), resource.RLIMIT_FSIZE, (full, full))
+            says = "File too large"
         daemon.live_on(10)
         code, _, errors = daemon.stop()
     at_once, at_the_end = errors.splitlines()
     assert code == 74
-    assert at_once == f"ERROR: {path}: File too large; the run goes on without its recording"
-    assert re.search(r"File too large; [1-9]\d* of \d+ cycles are missing, the others are in", at_the_end)
+    assert at_once == f"ERROR: {path}: {says}; the run goes on without its recording"
+    assert re.search(says + r"; [1-9]\d* of \d+ cycles are missing, the others are in", at_the_end)
     replays(partial_path(path), cut=True)
-
-
-def test_a_writer_that_is_killed(tmp_path: Path) -> None:
-    """As with a full disk: the loop does not end, nor wait, nor repeat itself."""
-    path = tmp_path / "walk.mcap"
-    with running(tmp_path, "--config", robot(tmp_path), "--record", path) as daemon:
-        daemon.wait_until_ready()
-        os.kill(daemon.child(WRITER), signal.SIGKILL)
-        daemon.live_on(5)
-        code, _, errors = daemon.stop()
-    at_once, at_the_end = errors.splitlines()
-    assert code == 74
-    assert at_once == f"ERROR: {path}: its writer was killed; the run goes on without its recording"
-    assert "its writer was killed" in at_the_end
-
-
-def test_an_exporter_that_is_killed(tmp_path: Path) -> None:
-    """The forces go on, and the next exporter shows the same service."""
-    config = robot(tmp_path, more=f"ring: {tmp_path / 'ring'}\n")
-    with running(tmp_path, "--config", config) as daemon:
-        daemon.wait_until_ready()
-        with serving("exporter", "--config", config, "--port", "0") as (process, _):
-            process.kill()
-        daemon.live_on(5)
-        with serving("exporter", "--config", config, "--port", "0") as (_, url):
-            assert "footsense_up 1.0" in scraped(url)
-        assert daemon.stop()[0] == 0
 
 
 FAULTS = """
@@ -123,42 +99,6 @@ def test_a_log_that_nobody_reads(tmp_path: Path) -> None:
         daemon.live_on(15)
         assert daemon.stop()[0] == 0
     os.close(read_end)
-
-
-#: Read by Python before anything else: the wall clock of the process and its children jumps at every look.
-STEPPING = """
-import itertools, time
-jumps = itertools.cycle([86_400, -3_600_000, 7_000_000])
-now = [1_700_000_000]
-def step(): now[0] += next(jumps); return now[0]
-real_gmtime, real_localtime = time.gmtime, time.localtime
-time.time = lambda: float(step())
-time.time_ns = lambda: step() * 10**9
-time.gmtime = lambda seconds=None: real_gmtime(step() if seconds is None else seconds)
-time.localtime = lambda seconds=None: real_localtime(step() if seconds is None else seconds)
-"""
-
-
-def test_a_wall_clock_that_is_set(tmp_path: Path) -> None:
-    """With a wall clock that jumps by weeks, forces and their times are the same; only the header's date is not."""
-    (tmp_path / "sitecustomize.py").write_text(STEPPING)
-    path, stepped, still = tmp_path / "walk.mcap", tmp_path / "stepped.log", tmp_path / "still.log"
-    options = ("--config", robot(tmp_path), "--duration", "0.7", "--record", path, "--can-log", stepped)
-    with running(
-        tmp_path, *options, env={"PYTHONPATH": f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}"}
-    ) as daemon:
-        assert daemon.wait() == 0
-    replays(path, "--can-log", still)
-    stepped_forces, still_forces = (
-        [
-            (message.timestamp, message.arbitration_id, bytes(message.data))
-            for message in can.LogReader(log)
-            if FORCE_ID < message.arbitration_id < QUALITY_ID + 0x80
-        ]
-        for log in (stepped, still)
-    )
-    assert len(stepped_forces) > 80
-    assert stepped_forces == still_forces
 
 
 def test_files_that_change_under_the_running_service(tmp_path: Path) -> None:

@@ -75,7 +75,7 @@ def test_a_session_ends_with_a_set_that_is_enough(tmp_path: Path) -> None:
 
 
 def test_a_reference_that_contradicts_the_foot_is_reported(tmp_path: Path) -> None:
-    """Wrong units and swapped axes are said as soon as they are known, and at the end; the recording is kept."""
+    """Wrong units and swapped axes are said as soon as they are known, and at the end; `calibrate` refuses them too."""
     out = tmp_path / "one.mcap"
     wrong = SENSOR.replace("units: gf", "units: kgf").replace("{x: -x, y: -y, z: -z}", "{x: y, y: -x, z: -z}")
     done = footsense(
@@ -84,6 +84,8 @@ def test_a_reference_that_contradicts_the_foot_is_reported(tmp_path: Path) -> No
     )
     assert done.returncode == 65
     last = done.stderr.splitlines()[-1]
+    calibrating = footsense("calibrate", out, "--foot", "foot-0007", "--calibrations", tmp_path / "feet")
+    refused = one_line_error(calibrating, 65)
     assert last.startswith(f"footsense: {out} is kept, but do not calibrate with it: ")
     for words in (
         "its readings seem to be in gf, and the test stand's file says units: kgf",
@@ -91,7 +93,8 @@ def test_a_reference_that_contradicts_the_foot_is_reported(tmp_path: Path) -> No
     ):
         assert words in done.stdout
         assert words in last
-    assert len(list(Replay(out))) > 300
+        assert words in refused
+    assert not (tmp_path / "feet").exists()
 
 
 @pytest.mark.parametrize(
