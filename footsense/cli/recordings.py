@@ -1,7 +1,6 @@
 """Commands that read recordings: `footsense export`, `replay` and `snapshot`."""
 
 from collections.abc import Callable
-from contextlib import ExitStack
 from pathlib import Path
 
 import click
@@ -14,15 +13,17 @@ from footsense.config import load_config
 from footsense.daemon.can_output import can_sink
 from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.loop import Loop
-from footsense.daemon.models import load_models
+from footsense.daemon.models import Models, load_models
 from footsense.daemon.recording_header import model_mismatch_reason, recorded_config, recorded_flags
 from footsense.errors import FootsenseError, ModelError, RecordingError, require
 from footsense.progress import file_progress_bar
 from footsense.recording.compare import first_difference, same_processor_and_libraries
 from footsense.recording.machine import platform_versions
-from footsense.recording.replay import Replay, ReplayClock, ReplaySource
+from footsense.recording.replay import Replay
 from footsense.recording.snapshot import SNAPSHOT_KEY, write_snapshot
+from footsense.ring.records import LostCycles
 from footsense.sim.can.frame_log import check_log_target
+from footsense.sim.clock import VirtualClock
 
 
 @click.command()
@@ -48,14 +49,14 @@ def replay(file: Path, *, check: bool, can_log: Path | None, folder: Path | None
     if can_log is not None:
         check_log_target(can_log, "virtual", "")
     with file_progress_bar("replay", file) as on_bytes_read:
-        _run_replay(Replay(file, on_bytes_read), folder, can_log, check=check)
+        recording = Replay(file, on_bytes_read)
+        _run_replay(recording, _recorded_models(recording, folder, check=check), can_log, check=check)
 
 
-def _run_replay(recording: Replay, folder: Path | None, can_log: Path | None, *, check: bool) -> None:
-    """Run a recording through the pipeline, and print the result of the comparison.
+def _recorded_models(recording: Replay, folder: Path | None, *, check: bool) -> Models:
+    """Load the models with which a recording was made; warn where there are only others.
 
     Raises:
-        FootsenseError: A force differs.
         ModelError: The forces cannot be compared: they are of another network.
         RecordingError: They cannot be compared: the recording is a snapshot.
     """
@@ -65,8 +66,6 @@ def _run_replay(recording: Replay, folder: Path | None, can_log: Path | None, *,
             f"{file}: is a snapshot, which begins in the middle of a run: what the service had learnt before is not in "
             "it, so its forces cannot be computed again"
         )
-    source = ReplaySource(recording)
-    clock = ReplayClock(source)
     config = recorded_config(recording)
     if folder is not None and config.calibrations is not None:
         config = msgspec.structs.replace(config, calibrations=str(folder))
@@ -76,45 +75,48 @@ def _run_replay(recording: Replay, folder: Path | None, can_log: Path | None, *,
         if check:
             raise error
         click.echo(f"warning: {error}", err=True)
-    pipeline = pipeline_for(models, recorded_flags(recording))
-    exact = same_processor_and_libraries(recording.header, platform_versions())
-    n_frames = n_equal = 0
-    with ExitStack() as stack:
-        sink = stack.enter_context(
-            can_sink(
-                config,
-                clock,
-                can_log,
-                force_step_mn=force_step_mn(models.network.card.max_trained_force_n),
-            )
-        )
-        loop = Loop(pipeline, sink, (), clock)
-        while (scan := source.read()) is not None:
-            recorded = source.cycle
-            assert recorded is not None
-            commands = (*source.commands(), *sink.commands())
-            made = loop.run_cycle(scan, commands, temperature_c=recorded.temperature_c)
-            if check and not source.lost:
-                if different := first_difference(recorded, made, exact=exact, legs=recording.legs):
-                    raise FootsenseError(f"{file}: {different}")
-                n_equal += 1
-            n_frames += 1
-    how = "bit for bit" if exact else "to 1 mN (another processor or library version)"
-    click.echo(f"{n_equal} cycles equal {how}" if check else f"{n_frames} cycles replayed")
-    _require_complete_recording(file, source, n_equal if check else None)
+    return models
 
 
-def _require_complete_recording(file: Path, source: ReplaySource, n_equal: int | None) -> None:
-    """Raise an error if the recording has gaps or is truncated; call it at its end.
+def _run_replay(recording: Replay, models: Models, can_log: Path | None, *, check: bool) -> None:
+    """Run a recording through the pipeline, and print the result of the comparison.
 
     Raises:
-        RecordingError: It has gaps, or ends early.
+        FootsenseError: A force differs.
+        RecordingError: The recording has gaps, or ends early.
     """
-    lost = f"{source.lost} cycles were lost when it was recorded" if source.lost else ""
-    if lost and n_equal is not None:
+    file, config = recording.path, models.config
+    pipeline = pipeline_for(models, recorded_flags(recording))
+    exact = same_processor_and_libraries(recording.header, platform_versions())
+    clock = VirtualClock()
+    step_mn = force_step_mn(models.network.card.max_trained_force_n)
+    n_frames = n_equal = n_lost = 0
+    damage = None
+    with can_sink(config, clock, can_log, force_step_mn=step_mn) as sink:
+        loop = Loop(pipeline, sink, (), clock)
+        try:
+            for entry in recording.entries():
+                if isinstance(entry, LostCycles):
+                    n_lost += entry.n_cycles
+                    continue
+                recorded = entry.cycle
+                clock.sleep_until_ns(recorded.forces.t_sent_ns)
+                commands = (*recorded.started_commands, *sink.commands())
+                made = loop.run_cycle(recorded.scan, commands, temperature_c=recorded.temperature_c)
+                if check and not n_lost:
+                    if different := first_difference(recorded, made, exact=exact, legs=recording.legs):
+                        raise FootsenseError(f"{file}: {different}")
+                    n_equal += 1
+                n_frames += 1
+        except RecordingError as error:
+            damage = error
+    how = "bit for bit" if exact else "to 1 mN (another processor or library version)"
+    click.echo(f"{n_equal} cycles equal {how}" if check else f"{n_frames} cycles replayed")
+    lost = f"{n_lost} cycles were lost when it was recorded" if n_lost else ""
+    if lost and check:
         lost += f", only the {n_equal} cycles before the first of them were compared"
-    if source.damage is not None:
-        raise RecordingError(f"{source.damage}; before that, {lost}" if lost else str(source.damage))
+    if damage is not None:
+        raise RecordingError(f"{damage}; before that, {lost}" if lost else str(damage))
     if lost:
         raise RecordingError(f"{file}: {lost}")
 

@@ -65,12 +65,14 @@ class McapFile:
     Args:
         fd: Descriptor of the empty file.
         header: Entries of the recording's header; `legs` names the rows of the frames.
+        first_cycle_number: Number in its run of the cycle from which the recording counts.
 
     Attributes:
         n_cycles: Cycles handed to the kernel so far.
     """
 
-    def __init__(self, fd: int, header: Mapping[str, str]) -> None:
+    def __init__(self, fd: int, header: Mapping[str, str], first_cycle_number: int = 0) -> None:
+        self._first_cycle_number = first_cycle_number
         self._legs = header["legs"].split(",")
         self._stream = _UnbufferedFile(fd)
         self._writer = Writer(
@@ -117,9 +119,8 @@ class McapFile:
 
     def _add(self, topic: str, cycle_number: int, t_ns: int, data: bytes) -> None:
         # The sequence field has 32 bits; readers detect a missing chunk by it.
-        self._writer.add_message(
-            self._channels[topic], t_ns, data, publish_time=t_ns, sequence=cycle_number & 0xFFFF_FFFF
-        )
+        sequence = cycle_number - self._first_cycle_number & 0xFFFF_FFFF
+        self._writer.add_message(self._channels[topic], t_ns, data, publish_time=t_ns, sequence=sequence)
 
     def flush(self) -> None:
         """Close the current MCAP chunk, and write all buffered data to the file."""

@@ -1,7 +1,6 @@
 """Recording of the last 30 s of a running service, from its ring."""
 
 import os
-from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
@@ -9,7 +8,6 @@ from footsense.errors import RecordingError
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.recorder import check_recording_target
 from footsense.ring.cycle_reader import CycleReader
-from footsense.ring.records import LostCycles, NumberedCycle
 
 #: Header entry of a snapshot with the number of its first cycle in its run.
 SNAPSHOT_KEY = "snapshot_from_cycle"
@@ -31,12 +29,18 @@ def write_snapshot(ring: Path | None, target: Path) -> int:
     unfinished = target.with_name(f"{target.name}.unfinished")
     with closing(CycleReader(ring)) as reader:
         reader.rewind()
-        first, entries = _renumbered(reader)
+        end, entries = reader.end, reader.read()
+        if not entries:
+            raise RecordingError("the service has no cycle yet")
+        first = entries[0][0]
         try:
             with unfinished.open("wb", buffering=0) as file:
-                recording = McapFile(file.fileno(), {**reader.header, SNAPSHOT_KEY: str(first)})
-                for entry in entries:
-                    recording.add_entry(entry)
+                recording = McapFile(file.fileno(), {**reader.header, SNAPSHOT_KEY: str(first)}, first)
+                while entries:
+                    for entry in entries:
+                        recording.add_entry(entry)
+                    # Not behind the end at the start: a simulation may be faster than this.
+                    entries = reader.read() if reader.position < end else []
                 recording.finish()
                 os.fsync(file.fileno())
             unfinished.rename(target)
@@ -45,28 +49,3 @@ def write_snapshot(ring: Path | None, target: Path) -> int:
         finally:
             unfinished.unlink(missing_ok=True)
     return recording.n_cycles
-
-
-def _renumbered(reader: CycleReader) -> tuple[int, Iterator[NumberedCycle | LostCycles]]:
-    """Return the number of the first cycle that a reader finds, and the entries up to the present, counted from it.
-
-    Raises:
-        RecordingError: There is none.
-    """
-    end, batch = reader.end, reader.read()
-    if not batch:
-        raise RecordingError("the service has no cycle yet")
-    first = batch[0][0]
-
-    def entries() -> Iterator[NumberedCycle | LostCycles]:
-        found = batch
-        while found:
-            for entry in found:
-                if isinstance(entry, NumberedCycle):
-                    yield NumberedCycle(entry.cycle_number - first, entry.cycle)
-                else:
-                    yield entry._replace(next_cycle_number=entry.next_cycle_number - first)
-            # Not behind the end at the start: a simulation may be faster than this.
-            found = reader.read() if reader.position < end else []
-
-    return first, entries()
