@@ -17,7 +17,7 @@ from footsense.clock import MonotonicClock
 from footsense.config import load_config
 from footsense.config.sections import PageServer
 from footsense.errors import ConfigError
-from footsense.progress import progress_bar
+from footsense.progress import file_progress_bar
 from footsense.view.live import LiveSource
 from footsense.view.recorded import RecordingSource
 from footsense.view.server import ViewServer
@@ -51,13 +51,6 @@ def _parse_address(ctx: click.Context, param: click.Parameter, value: str | None
     "--port", type=click.IntRange(0, 65_535), help="TCP port, instead of view.port; 0: any free one."
 )
 @click.option(
-    "--origin",
-    "origins",
-    multiple=True,
-    metavar="URL",
-    help="Let web pages of this origin read by Foxglove's protocol, such as http://robot:8080 for a Lichtblick there.",
-)
-@click.option(
     "--with-parent", is_flag=True, hidden=True, help="For a run: end with it; take a free port if need be."
 )
 def view(
@@ -66,7 +59,6 @@ def view(
     ring: Path | None,
     address: str | None,
     port: int | None,
-    origins: tuple[str, ...],
     *,
     with_parent: bool,
 ) -> None:
@@ -90,11 +82,11 @@ def view(
     source = LiveSource(ring, MonotonicClock()) if file is None else RecordingSource(file)
     port = settings.port if port is None else port
     try:
-        asyncio.run(_serve_until_stopped(ViewServer(source, origins), settings.address, port))
+        asyncio.run(_serve_until_stopped(ViewServer(source), settings.address, port))
     except ConfigError:
         if not with_parent:
             raise
-        asyncio.run(_serve_until_stopped(ViewServer(source, origins), settings.address, 0))
+        asyncio.run(_serve_until_stopped(ViewServer(source), settings.address, 0))
 
 
 async def _serve_until_stopped(server: ViewServer, address: str, port: int) -> None:
@@ -110,6 +102,5 @@ async def _serve_until_stopped(server: ViewServer, address: str, port: int) -> N
 
 
 def _read_with_progress(recorded: RecordingSource) -> None:
-    """Read a recording into memory, with a progress bar on a terminal."""
-    with progress_bar("reading", recorded.total_s) as seconds_read:
-        recorded.read(seconds_read)
+    with file_progress_bar("reading", recorded.path) as on_bytes_read:
+        recorded.read(on_bytes_read)

@@ -2,7 +2,7 @@
 
 import ipaddress
 import socket
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from http import HTTPStatus
 from importlib.resources import files
 from urllib.parse import urlsplit
@@ -28,23 +28,22 @@ _SECURITY_HEADERS = {
 }
 
 
-class PageFiles:
-    """Static files of the web page, by path."""
+def page_files() -> dict[str, tuple[str, bytes]]:
+    """Return content type and content of the files of the web page, by path."""
+    found = {}
+    for entry in files(__package__).joinpath("assets").iterdir():
+        suffix = entry.name[entry.name.rfind(".") :]
+        if entry.is_file() and suffix in _CONTENT_TYPES:
+            found[f"/{entry.name}"] = (_CONTENT_TYPES[suffix], entry.read_bytes())
+    return {**found, "/": found["/index.html"]}
 
-    def __init__(self) -> None:
-        self._files: dict[str, tuple[str, bytes]] = {}
-        for entry in files(__package__).joinpath("assets").iterdir():
-            suffix = entry.name[entry.name.rfind(".") :]
-            if entry.is_file() and suffix in _CONTENT_TYPES:
-                self._files[f"/{entry.name}"] = (_CONTENT_TYPES[suffix], entry.read_bytes())
-        self._files["/"] = self._files["/index.html"]
 
-    def response(self, path: str) -> Response:
-        """Return the HTTP response to a request for a path: the file, or 404."""
-        path = path.partition("?")[0]
-        if path not in self._files:
-            return text_response(HTTPStatus.NOT_FOUND, "no such file; the page is /")
-        return _response(HTTPStatus.OK, *self._files[path])
+def file_response(known: Mapping[str, tuple[str, bytes]], path: str) -> Response:
+    """Return the HTTP response to a request for a path: the file of those known, or 404."""
+    path = path.partition("?")[0]
+    if path not in known:
+        return text_response(HTTPStatus.NOT_FOUND, "no such file; the page is /")
+    return _response(HTTPStatus.OK, *known[path])
 
 
 def text_response(status: HTTPStatus, text: str) -> Response:

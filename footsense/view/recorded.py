@@ -11,7 +11,6 @@ from typing import Any
 import msgspec
 import numpy as np
 import zstandard
-from mcap.reader import make_reader
 
 from footsense.daemon.recording_header import CLOSURE_CONVERSION_KEY, ClosureConversion, recorded_config
 from footsense.errors import RecordingError
@@ -34,7 +33,6 @@ class RecordingSource:
     Attributes:
         service: Number of the service that is shown, as of `LiveSource`: it never changes.
         path: The recording.
-        total_s: Length by its index [s]; 0 without an index.
         events: Its events, as far as it has been read.
 
     Raises:
@@ -50,7 +48,6 @@ class RecordingSource:
         self._tables = SignalTables(self._closure_conversion())
         window_scans = recorded_config(self._replay).tare.window_scans
         self._baselines = ReconstructedBaselines(self._tables.stray_pf, window_scans)
-        self.total_s = _recording_duration_s(path)
         self._end_s = 0.0
         self._done = False
         self.events = EventLog(self._replay.legs, _MAX_EVENTS)
@@ -70,30 +67,24 @@ class RecordingSource:
             unknown = np.full((len(self._replay.legs), ELEMENTS), np.nan).tolist()
             return ClosureConversion(unknown, unknown)
 
-    def read(self, on_progress: Callable[[float], None] = lambda _: None) -> None:
-        """Read the recording to its end or first damage.
-
-        Args:
-            on_progress: Called with the length of the part that has been read [s], once a recorded second.
-        """
+    def read(self, on_bytes_read: Callable[[int], None] | None = None) -> None:
+        """Read the recording to its end or first damage; `on_bytes_read` is as that of `Replay`."""
         try:
-            for entry in self._replay.entries():
+            for entry in Replay(self.path, on_bytes_read).entries():
                 if isinstance(entry, LostCycles):
                     text = f"{entry.n_cycles} cycles were lost"
                     self.events.add(entry.next_t_sent_ns, None, "loss", "fault", text)
                 else:
-                    self._add_cycle(entry.cycle, on_progress)
+                    self._add_cycle(entry.cycle)
         except RecordingError as error:
             self._damage = str(error)
         self._store_second()
         self._done = True
-        on_progress(self._end_s)
 
-    def _add_cycle(self, cycle: Cycle, on_progress: Callable[[float], None]) -> None:
+    def _add_cycle(self, cycle: Cycle) -> None:
         t_s = self.events.time_s(cycle.forces.t_sent_ns)
         while math.floor(t_s) > len(self._places):
             self._store_second()
-            on_progress(self._end_s)
         self._second.append((t_s, self._tables.table(cycle, self._baselines.baseline_pf_after(cycle))))
         self._end_s = t_s
         self.events.add_cycle(cycle)
@@ -123,7 +114,6 @@ class RecordingSource:
         return {
             "problem": self._damage,
             "end": self._end_s if self._done else float(len(self._places)),
-            "total": self.total_s,
             "done": self._done,
         }
 
@@ -167,16 +157,3 @@ class ReconstructedBaselines:
                 self._tared_pf[leg] = np.mean(self._windows[leg], axis=0)
         drift_pf = np.nan_to_num(cycle.forces.baseline.mean_pf)
         return self._tared_pf + drift_pf[:, None]
-
-
-def _recording_duration_s(path: Path) -> float:
-    """Return the duration of a recording from its MCAP index [s]; 0 for a truncated one without index."""
-    try:
-        with path.open("rb") as file:
-            summary = make_reader(file).get_summary()
-    except Exception:  # noqa: BLE001 - the library raises many kinds for damaged bytes; reading names the damage
-        return 0.0
-    if summary is None or summary.statistics is None:
-        return 0.0
-    length_ns = int(summary.statistics.message_end_time) - int(summary.statistics.message_start_time)
-    return max(0.0, length_ns * 1e-9)

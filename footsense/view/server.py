@@ -9,7 +9,7 @@ import asyncio
 import errno
 import logging
 import os
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from http import HTTPStatus
 from importlib.util import find_spec
@@ -24,10 +24,11 @@ from websockets.typing import Subprotocol
 
 from footsense.errors import ConfigError
 from footsense.view.http_answers import (
-    PageFiles,
+    file_response,
     is_allowed_origin,
     is_own_host,
     own_host_names,
+    page_files,
     text_response,
 )
 from footsense.view.live import LiveSource
@@ -66,20 +67,14 @@ class ViewServer:
 
     Args:
         source: The followed service, or a recording.
-        origins: Origins of pages that may read by Foxglove's protocol, besides our own and Foxglove's.
 
     Attributes:
         source: As given.
     """
 
-    def __init__(
-        self,
-        source: LiveSource | RecordingSource,
-        origins: Sequence[str] = (),
-    ) -> None:
+    def __init__(self, source: LiveSource | RecordingSource) -> None:
         self.source = source
-        self._origins = {*_FOXGLOVE_ORIGINS, *origins}
-        self._files = PageFiles()
+        self._files = page_files()
         self._names = own_host_names()
         self._has_polled = asyncio.Condition()
         self._n_clients = 0
@@ -157,9 +152,9 @@ class ViewServer:
                 "Host is none of this computer's names; use its IP address",
             )
         if request.headers.get("Upgrade", "").lower() != "websocket":
-            return self._files.response(request.path)
+            return file_response(self._files, request.path)
         asked = {name.strip() for name in request.headers.get("Sec-WebSocket-Protocol", "").split(",")}
-        others = () if PAGE_PROTOCOL in asked else self._origins
+        others = () if PAGE_PROTOCOL in asked else _FOXGLOVE_ORIGINS
         if not is_allowed_origin(request.headers.get("Origin"), host, others):
             return text_response(HTTPStatus.FORBIDDEN, "pages of other origins may not read this")
         if self._n_clients >= MAX_CLIENTS:

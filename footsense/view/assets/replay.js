@@ -21,10 +21,9 @@ export class Replay {
   }
 
   // How much of the file has been read.
-  progress({ end, total, done }) {
-    this.known = end;
+  progress({ end, done }) {
+    this.known = this.end = end;
     this.done = done;
-    this.end = done ? end : Math.max(total, end);
     $("seek").max = this.end;
     this.marks();
   }
