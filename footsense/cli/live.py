@@ -52,52 +52,46 @@ class LiveView(Observer):
         logging.getLogger().handlers = self._journal
 
 
-class LegsTable:
-    """Table of the legs on a terminal of 80 columns.
+def legs_table(
+    legs: tuple[str, ...],
+    title: str,
+    url: str,
+    true_force_n_at: Callable[[int], Vector] | None,
+    cycle: Cycle,
+    elapsed_s: float,
+) -> Group:
+    """Return the legs after a cycle as a table for a terminal of 80 columns.
 
     Args:
         legs: Names of the legs in the order of the frames' rows.
         title: Source of the frames.
-        true_force_n_at: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
         url: Address of the page; empty without one.
+        true_force_n_at: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
+        cycle: The cycle.
+        elapsed_s: Time since the first one [s].
     """
-
-    def __init__(
-        self,
-        legs: tuple[str, ...],
-        title: str,
-        true_force_n_at: Callable[[int], Vector] | None,
-        url: str = "",
-    ) -> None:
-        self._legs = legs
-        self._title = title
-        self._true_force_n_at = true_force_n_at
-        self._url = url
-
-    def render(self, cycle: Cycle, elapsed_s: float) -> Group:
-        """Return the title and the table after a cycle, `elapsed_s` after the first."""
-        forces = cycle.forces
-        usable = IS_USABLE_STATE[forces.state]
-        force_n = np.where(usable[:, None], forces.force_n, np.nan)
-        age_ms = np.where(usable, forces.age_ns * 1e-6, np.nan).tolist()
-        columns: list[Column[int]] = [
-            Column("leg", lambda row: self._legs[row], "<3"),
-            state_column(lambda row: State(int(forces.state[row]))),
-            force_column("force_n", lambda row: force_n[row].tolist()),
-            Column(
-                "load",
-                lambda row: usable[row],
-                f"<{_BAR_WIDTH_CELLS}",
-                cell=lambda row: _force_bar(force_n[row, 2]),
-            ),
-        ]
-        if self._true_force_n_at is not None:
-            true_n = self._true_force_n_at(forces.t_sent_ns)
-            columns.append(Column("true_n", lambda row: true_n[row, 2], ">8.3f", style=lambda _: "dim"))
-        columns.append(Column("age_ms", lambda row: age_ms[row], ">8.1f"))
-        head = Text.assemble(("footsense  ", "bold"), self._title, (f"   {elapsed_s:5.1f} s", "dim"))
-        head.append(*((f"   {self._url}", "cyan") if self._url else (f"   cycle {forces.sequence}", "dim")))
-        return Group(head, Text(), table(columns, range(len(self._legs))))
+    forces = cycle.forces
+    usable = IS_USABLE_STATE[forces.state]
+    force_n = np.where(usable[:, None], forces.force_n, np.nan)
+    age_ms = np.where(usable, forces.age_ns * 1e-6, np.nan).tolist()
+    columns: list[Column[int]] = [
+        Column("leg", lambda row: legs[row], "<3"),
+        state_column(lambda row: State(int(forces.state[row]))),
+        force_column("force_n", lambda row: force_n[row].tolist()),
+        Column(
+            "load",
+            lambda row: usable[row],
+            f"<{_BAR_WIDTH_CELLS}",
+            cell=lambda row: _force_bar(force_n[row, 2]),
+        ),
+    ]
+    if true_force_n_at is not None:
+        true_n = true_force_n_at(forces.t_sent_ns)
+        columns.append(Column("true_n", lambda row: true_n[row, 2], ">8.3f", style=lambda _: "dim"))
+    columns.append(Column("age_ms", lambda row: age_ms[row], ">8.1f"))
+    head = Text.assemble(("footsense  ", "bold"), title, (f"   {elapsed_s:5.1f} s", "dim"))
+    head.append(*((f"   {url}", "cyan") if url else (f"   cycle {forces.sequence}", "dim")))
+    return Group(head, Text(), table(columns, range(len(legs))))
 
 
 def _force_bar(force_n: float) -> ProgressBar | str:

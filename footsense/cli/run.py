@@ -6,6 +6,7 @@ import sys
 import webbrowser
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -42,24 +43,20 @@ class RunProgress(Observer):
 
     Attributes:
         process_age_s: Time from the start of the process to the first published frame [s]; None before it.
-        seconds_done: Takes each new second of the frames' time; None without a bar.
+        seconds_done: Takes the time of each frame since the start [s]; None without a bar.
     """
 
     def __init__(self, start_ns: int) -> None:
         self._start_ns = start_ns
-        self._shown_s = 0
         self.process_age_s: float | None = None
         self.seconds_done: Callable[[float], None] | None = None
 
     def observe(self, cycle: Cycle) -> None:
-        """Store the process's age at the first cycle; update the bar at each new second."""
+        """Store the process's age at the first cycle; move the bar on."""
         if self.process_age_s is None:
             self.process_age_s = process_age_ns() * 1e-9
         if self.seconds_done is not None:
-            now_s = (cycle.forces.t_sent_ns - self._start_ns) // _NS_PER_S
-            if now_s != self._shown_s:
-                self._shown_s = now_s
-                self.seconds_done(now_s)
+            self.seconds_done((cycle.forces.t_sent_ns - self._start_ns) / _NS_PER_S)
 
 
 @contextmanager
@@ -149,10 +146,10 @@ def run(
         if opens_view and url:
             webbrowser.open(url)
         if live:
-            from footsense.cli.live import LegsTable, LiveView
+            from footsense.cli.live import LiveView, legs_table
 
-            table = LegsTable(service.legs, title, service.true_force_n_at, url)
-            service.observers.append(stack.enter_context(closing(LiveView(_console(), table.render))))
+            picture = partial(legs_table, service.legs, title, url, service.true_force_n_at)
+            service.observers.append(stack.enter_context(closing(LiveView(_console(), picture))))
         if scene and not paced and math.isfinite(duration_s):
             from footsense.progress import progress_bar
 

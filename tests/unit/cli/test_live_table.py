@@ -1,12 +1,13 @@
 """The live table fits into 80 columns and onto any terminal."""
 
 import io
+from functools import partial
 
 import numpy as np
 import pytest
 from rich.console import Console
 
-from footsense.cli.live import LegsTable, LiveView
+from footsense.cli.live import LiveView, legs_table
 from footsense.frames import LEGS, CapFrame, Cycle, State
 from tests.support.frames import contact_frame
 
@@ -41,8 +42,8 @@ def drawn(encoding: str) -> list[str]:
     screen = io.BytesIO()
     file = io.TextIOWrapper(screen, encoding=encoding)
     console = Console(file=file, force_terminal=True, width=80, color_system=None)
-    table = LegsTable(LEGS, "tripod, simulated", lambda _: np.full((len(LEGS), 3), 12.3456))
-    view = LiveView(console, table.render)
+    true_n = np.full((len(LEGS), 3), 12.3456)
+    view = LiveView(console, partial(legs_table, LEGS, "tripod, simulated", "", lambda _: true_n))
     view.observe(cycle())
     view.close()
     file.flush()
