@@ -5,31 +5,20 @@ import logging
 import os
 import subprocess
 import sys
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from footsense.cli.options import json_option
-from footsense.cli.tables import Column, echo_json, figures_table, table
+from footsense.cli.tables import echo_figures, echo_json
 from footsense.errors import FootsenseError
 from footsense.progress import progress_bar, timed_bar
 
 if TYPE_CHECKING:
     from footsense.validation.soak import StretchResult
 
-_CYCLES, _QUICK_CYCLES = 800, 60
-_WAKEUP_S, _QUICK_WAKEUP_S = 10.0, 1.0
-#: Usual durations of the benchmark [s].
-_USUAL_S, _QUICK_USUAL_S = 50.0, 15.0
-#: Figures of a scan, and their format.
-_SCAN_FORMS = {
-    "period_ms": ">.2f",
-    "rate_hz": ">.1f",
-    "over_limit": ">.3f",
-    "over_best": ">.3f",
-    "naive_over_ours": ">.1f",
-}
+#: Cycles, time of the wake-ups [s], and usual duration [s] of the benchmark and its quick form.
+_WHOLE, _QUICK = (800, 10.0, 50.0), (60, 1.0, 15.0)
 
 
 @click.group()
@@ -40,31 +29,12 @@ def dev() -> None:
 @dev.command()
 @json_option
 @click.option("--quick", is_flag=True, help="In seconds: the tails are then of few wake-ups.")
-@click.option("--cycles", type=click.IntRange(min=1), help=f"Cycles to time.  [default: {_CYCLES}]")
-def benchmark(*, as_json: bool, quick: bool, cycles: int | None) -> None:
+def benchmark(*, as_json: bool, quick: bool) -> None:
     """Measure scan, age, cycle, wake-up latency, start and memory, beside their limit or a naive program."""
-    with timed_bar("benchmark", _QUICK_USUAL_S if quick else _USUAL_S):
-        figures = _measure_all(
-            cycles or (_QUICK_CYCLES if quick else _CYCLES), _QUICK_WAKEUP_S if quick else _WAKEUP_S
-        )
-    if as_json:
-        echo_json(figures)
-        return
-    from rich.console import Console
-
-    columns = [
-        Column[tuple[str, dict[str, float]]]("scan of six legs", lambda row: row[0], "<"),
-        *(
-            Column[tuple[str, dict[str, float]]](name, partial(_scan_figure, name), form)
-            for name, form in _SCAN_FORMS.items()
-        ),
-    ]
-    scans = [(name.replace("_", " "), scan) for name, scan in figures.pop("scan").items()]
-    Console(highlight=False).print(table(columns, scans), "", figures_table(figures), sep="\n")
-
-
-def _scan_figure(name: str, row: tuple[str, dict[str, float]]) -> float:
-    return row[1][name]
+    n_cycles, wakeup_s, usual_s = _QUICK if quick else _WHOLE
+    with timed_bar("benchmark", usual_s):
+        figures = _measure_all(n_cycles, wakeup_s)
+    echo_figures(figures, as_json=as_json)
 
 
 def _measure_all(n_cycles: int, wakeup_s: float) -> dict[str, Any]:
@@ -128,12 +98,9 @@ def trace(*, listed: bool) -> None:
 @click.option(
     "--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Of everything random."
 )
-@click.option(
-    "--jobs", type=click.IntRange(min=1), help="Processes at a time; without it one for each processor."
-)
 @click.option("--only", type=click.IntRange(min=0), help="Walk this stretch alone, in this process.")
 @json_option
-def soak(*, hours: float, seed: int, jobs: int | None, only: int | None, as_json: bool) -> None:
+def soak(*, hours: float, seed: int, only: int | None, as_json: bool) -> None:
     """Walk for hours with random faults of wires, chips, feet and CAN, and check the invariants.
 
     Stretches of an hour or two have a process each: at 400 and at 100 conversions a second, with every fourth and
@@ -152,7 +119,7 @@ def soak(*, hours: float, seed: int, jobs: int | None, only: int | None, as_json
     walks = (
         [walk_stretch(stretches[only])]
         if only is not None
-        else run_in_processes(walk_stretch, stretches, jobs or os.cpu_count() or 1, max_parts_per_process=1)
+        else run_in_processes(walk_stretch, stretches, os.cpu_count() or 1, max_parts_per_process=1)
     )
     results: list[StretchResult] = []
     with progress_bar("walked", sum(stretch.hours for stretch in stretches)) as hours_done:
