@@ -132,7 +132,6 @@ def _scan_figures(result: ProbeResult) -> dict[str, float | None]:
     scan_ns = result.scan_period_bound_ns
     return {
         "scan_ms": scan_ns and round(scan_ns * 1e-6, 3),
-        "scan_over_conversions": scan_ns and round(scan_ns / result.scan_conversion_time_ns, 3),
         "frames_hz": scan_ns and round(1e9 / scan_ns, 2),
     }
 

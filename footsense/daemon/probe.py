@@ -20,7 +20,7 @@ from footsense.daemon.estimation import mounted_feet
 from footsense.daemon.models import load_models
 from footsense.daemon.simulation import simulated_robot
 from footsense.errors import HardwareError
-from footsense.frames import ELEMENTS, Reading
+from footsense.frames import Reading
 from footsense.leg_words import SILENT_READINGS, words_of_reading
 from footsense.sim.scene import Scene
 
@@ -92,13 +92,11 @@ class ProbeResult(NamedTuple):
         buses: Every bus.
         legs: Every leg, in the order of the configuration.
         diagnoses: Faults, those of the buses first.
-        scan_conversion_time_ns: Time of the conversions of a scan without any transaction [ns]; 0 without a bus.
     """
 
     buses: tuple[ProbedBus, ...]
     legs: tuple[ProbedLeg, ...]
     diagnoses: tuple[Diagnosis, ...]
-    scan_conversion_time_ns: int
 
     @property
     def scan_period_bound_ns(self) -> int | None:
@@ -230,12 +228,10 @@ def probe(config: Config, scene: Scene | None) -> ProbeResult:
     """
     buses: tuple[ProbedBus, ...] = ()
     diagnoses: list[Diagnosis] = []
-    conversions_ns = 0
     if config.buses:  # a microcontroller has its own buses
         plan = config.scan_plan
         buses = tuple(_probe_buses(config, scene, plan))
         diagnoses += [diagnosis for report in buses for diagnosis in bus_diagnoses(report, plan)]
-        conversions_ns = ELEMENTS * plan.conversion_ns
     feet, timings = None, None
     if all(report.scan.mux_answers for report in buses):
         try:
@@ -244,7 +240,7 @@ def probe(config: Config, scene: Scene | None) -> ProbeResult:
             diagnoses.append(Diagnosis("scan", str(error), "this first: no foot was scanned"))
     legs = tuple(_probed_legs(config, buses, feet, timings))
     diagnoses += [diagnosis for leg in legs for diagnosis in leg_diagnoses(leg)]
-    return ProbeResult(buses, legs, tuple(diagnoses), conversions_ns)
+    return ProbeResult(buses, legs, tuple(diagnoses))
 
 
 def _probe_buses(config: Config, scene: Scene | None, plan: ScanPlan) -> Iterator[ProbedBus]:
