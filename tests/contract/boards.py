@@ -122,12 +122,13 @@ class Saboteur:
     """A bus on which chosen transactions fail.
 
     Attributes:
+        clock: Its time.
         fails: Tells from a transaction and its number since the last arming how it fails; None for not at all.
     """
 
     def __init__(self, bus: SimulatedBus, clock: VirtualClock) -> None:
         self._bus = bus
-        self._clock = clock
+        self.clock = clock
         self._n = 0
         self.fails: Callable[[Transaction, int], I2cError | None] = lambda transaction, n: None
 
@@ -141,7 +142,7 @@ class Saboteur:
             return self._bus.transfer(transaction)
         if isinstance(error, LateError):
             self._bus.transfer(transaction)
-        self._clock.advance_ns(TIMEOUT_NS if isinstance(error, I2cTimeoutError) else 27_500)
+        self.clock.advance_ns(TIMEOUT_NS if isinstance(error, I2cTimeoutError) else 27_500)
         raise error
 
 

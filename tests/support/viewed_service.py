@@ -1,11 +1,15 @@
 """A service as viewers see it: cycles of six standing feet, whose loads and faults a test sets."""
 
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Self
 
 import msgspec
 import numpy as np
 
+from footsense.clock import MonotonicClock
 from footsense.daemon.recording_header import CLOSURE_CONVERSION_KEY, ClosureConversion
 from footsense.frames import (
     BaselineDrift,
@@ -23,6 +27,8 @@ from footsense.frames import (
 )
 from footsense.ring.cycle_ring import CycleRing
 from footsense.ring.records import ServiceStatus
+from footsense.view.live import LiveSource
+from footsense.view.server import ViewServer
 from tests.support.frames import contact_frame, gait_frame
 
 LEGS = ("lf", "lm", "lr", "rf", "rm", "rr")
@@ -134,3 +140,21 @@ class ViewedService:
     def close(self) -> None:
         """End the service: its file goes."""
         self._ring.close()
+
+
+#: How long a conversation with a viewer may take [s].
+TIMEOUT_S = 20
+
+
+@asynccontextmanager
+async def served(path: Path) -> AsyncIterator[str]:
+    """Serve the service of a path; yield host and port."""
+    live = LiveSource(path, MonotonicClock())
+    async with ViewServer(live).serving("127.0.0.1", 0) as url:
+        yield url.removeprefix("http://")
+    live.close()
+
+
+def run(test: Callable[[], Awaitable[None]]) -> None:
+    """Run a conversation to its end."""
+    asyncio.run(asyncio.wait_for(test(), TIMEOUT_S))

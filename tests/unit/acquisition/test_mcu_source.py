@@ -95,25 +95,6 @@ def test_every_element_lands_at_its_place_and_time(step_us: int, starts_us: int)
     assert not any(robot.source.losses.values())
 
 
-def test_lost_and_garbled_bytes_cost_the_record_alone() -> None:
-    """No value is wrong; a leg whose record is missing is held up in that frame, and no other leg is."""
-    robot = Robot(LineFaults(lost_rel=3e-4, corrupt_rel=3e-4))
-    frames = robot.run(20 * S)
-    readings = np.array([frame.reading for _, frame in frames[20:]])
-    assert set(np.unique(readings)) == {Reading.OK, Reading.DELAYED}
-    harmed = (readings == Reading.DELAYED).any(axis=2)
-    losses = robot.source.losses
-    assert 200 < harmed.sum() < 1000
-    assert losses["lost"] == pytest.approx(harmed.sum(), abs=15)
-    assert losses["crc"] > 100
-    assert losses["length"] > 100
-    assert (harmed.sum(axis=1) <= 2).mean() > 0.99
-    for _, frame in frames[20:]:
-        late = late_ns(frame)[frame.reading == Reading.OK]
-        assert (np.abs(late) < 4 * MS).all()
-        assert np.isnan(frame.capacitance_pf[frame.reading != Reading.OK]).all()
-
-
 def test_a_reset_is_said_and_costs_a_frame(caplog: pytest.LogCaptureFixture) -> None:
     """Clock and numbers begin anew; no record counts as lost but the one that was cut off."""
     robot = Robot(LineFaults(resets_ns=[3 * S]))

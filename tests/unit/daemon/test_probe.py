@@ -29,6 +29,7 @@ from footsense.sim.faults.scene_faults import Fault
 from footsense.sim.i2c_bus import SimulatedBus
 from footsense.sim.scene import Effects, load_scene
 from footsense.sim.scene_loads import Constant
+from tests.contract.boards import Saboteur
 from tests.support.feet import DESIGN
 
 HANGING = load_scene("hanging")
@@ -187,85 +188,62 @@ class WithOthers:
             return bytes(transaction.n_read)
 
 
-class LosingArbitration(SimulatedBus):
-    """A bus on which another master talks each time that the mux is asked for its selection."""
+MUX = 0x71
 
-    def transfer(self, transaction: Transaction) -> bytes:
-        if transaction == Transaction(0x71, b"", n_read=1):
-            raise I2cError("arbitration lost")
-        return super().transfer(transaction)
+
+def saboteur(mux: SimulatedMux | None, chips: dict[int, tuple[LegChip, ...]]) -> Saboteur:
+    """Return a bus with these chips, on which transactions may fail."""
+    clock = VirtualClock()
+    return Saboteur(SimulatedBus(clock, 400_000, 0, mux, chips), clock)
 
 
 def test_a_mux_whose_selection_cannot_be_read_is_not_switched() -> None:
-    """What answers on the upstream bus is told all the same."""
-    clock, mux = VirtualClock(), SimulatedMux(0x71)
-    wires = LosingArbitration(clock, 400_000, 0, mux, {0: (SimulatedFdc1004(lambda *_: 5.0, None),)})
-    scan = scan_bus(LegBus(wires, 0x71), clock, scan_plan(400), CHANNELS)
+    """Another master talks each time that it is asked; what answers on the upstream bus is told all the same."""
+    wires = saboteur(SimulatedMux(MUX), {0: (SimulatedFdc1004(lambda *_: 5.0, None),)})
+    question = Transaction(MUX, b"", n_read=1)
+    wires.arm(lambda transaction, n: I2cError("arbitration lost") if transaction == question else None)
+    scan = scan_bus(LegBus(wires, MUX), wires.clock, scan_plan(400), CHANNELS)
     assert scan.upstream is not None
     assert (scan.mux_answers, scan.channels, scan.bus_timing) == (False, {}, None)
 
 
-MUX = 0x71
-
-
-class Watched(SimulatedBus):
-    """A bus that notes what is written to a converter or a line switch."""
-
-    def __init__(self, *wiring: Any) -> None:
-        super().__init__(*wiring)
-        self.written: list[bytes] = []
-
-    def transfer(self, transaction: Transaction) -> bytes:
-        # A write before a read names a register, and an address scan writes nothing.
-        if transaction.address != MUX and transaction.write and not transaction.n_read:
-            self.written.append(transaction.write)
-        return super().transfer(transaction)
-
-
 @pytest.mark.parametrize(
-    ("board", "rate_sps", "converter", "written"),
+    ("board", "rate_sps", "converter", "expected"),
     [("fdc1004", 400, SimulatedFdc1004, []), ("ad7746", 91, SimulatedAd7746, [bytes([RESET_COMMAND])] * 2)],
 )
 def test_a_bus_is_scanned_without_a_write_but_the_reset_of_an_ad7746(
-    board: str, rate_sps: int, converter: Callable[..., LegChip], written: list[bytes]
+    board: str, rate_sps: int, converter: Callable[..., LegChip], expected: list[bytes]
 ) -> None:
     """An AD7746 has no other identity than its values after a reset."""
-    clock, mux = VirtualClock(), SimulatedMux(MUX)
-    wires = Watched(clock, 400_000, 0, mux, {n: (converter(lambda *_: 5.0, None),) for n in range(2)})
-    scan_bus(LegBus(wires, MUX), clock, scan_plan(rate_sps, board), CHANNELS)
-    assert wires.written == written
+    wires = saboteur(SimulatedMux(MUX), {n: (converter(lambda *_: 5.0, None),) for n in range(2)})
+    written = []
 
+    def note(transaction: Transaction, n: int) -> None:
+        # A write before a read names a register, and an address scan writes nothing.
+        if transaction.address != MUX and transaction.write and not transaction.n_read:
+            written.append(transaction.write)
 
-class HeldLow(SimulatedBus):
-    """An adapter whose leg holds a line."""
-
-    def transfer(self, transaction: Transaction) -> bytes:
-        raise I2cTimeoutError(f"held low at {transaction.address:#04x}")
+    wires.arm(note)
+    scan_bus(LegBus(wires, MUX), wires.clock, scan_plan(rate_sps, board), CHANNELS)
+    assert written == expected
 
 
 @pytest.mark.parametrize(
-    ("kind", "n_chips", "outcome", "why"),
+    ("n_chips", "held", "outcome", "why"),
     [
-        (SimulatedBus, 2, Reading.OK, ""),
-        (
-            SimulatedBus,
-            1,
-            Reading.NO_ANSWER,
-            "no line switch answers at 0x49, though a converter does at 0x50",
-        ),
-        (SimulatedBus, 0, Reading.NO_ANSWER, "no answer at 0x50"),
-        (HeldLow, 2, Reading.BUS_STUCK, "held low at 0x"),
+        (2, False, Reading.OK, ""),
+        (1, False, Reading.NO_ANSWER, "no line switch answers at 0x49, though a converter does at 0x50"),
+        (0, False, Reading.NO_ANSWER, "no answer at 0x50"),
+        (2, True, Reading.BUS_STUCK, "held low"),
     ],
 )
-def test_a_leg_directly_on_an_adapter(
-    kind: type[SimulatedBus], n_chips: int, outcome: Reading, why: str
-) -> None:
+def test_a_leg_directly_on_an_adapter(n_chips: int, outcome: Reading, why: str, *, held: bool) -> None:
     """Its chips are those of channel 0; nothing is said of a mux or of what is upstream."""
-    clock = VirtualClock()
     chips = (SimulatedFdc1004(lambda *_: 5.0, None), SimulatedLineSwitch())[:n_chips]
-    bus = LegBus(kind(clock, 400_000, 0, None, {0: chips}), None)
+    wires = saboteur(None, {0: chips})
+    wires.arm(lambda transaction, n: I2cTimeoutError("held low") if held else None)
     plan = scan_plan(400)
-    scan = scan_bus(bus, clock, plan, {"lf": 0})
+    scan = scan_bus(LegBus(wires, None), wires.clock, plan, {"lf": 0})
     assert (scan.upstream, scan.mux_answers, list(scan.channels)) == (AddressProbe(()), True, [0])
     assert scan.channels[0].outcome is outcome
     assert scan.channels[0].why.startswith(why)

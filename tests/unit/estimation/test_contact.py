@@ -66,6 +66,17 @@ def test_a_light_stance_is_contact_for_ever_and_a_fallen_load_is_not() -> None:
     assert leaning.carry(0.4, 4000)
 
 
+def test_creep_follows_the_load_of_the_last_minutes() -> None:
+    """A twentieth of a mean over 100 s, read once a second: 1 N for 100 s, then a load below nothing for as long."""
+    leg = Leg()
+    leg.carry(1.0, 101, each_ns=1000 * MS)
+    stood_n = 1 - (100 / 101) ** 100
+    assert leg.contact.drift_n == pytest.approx(0.05 * stood_n)
+    leg.carry(-0.5, 101, drift_n=0.02, each_ns=1000 * MS)
+    after_n = (stood_n + (1 - stood_n) / 101) * (100 / 101) ** 100
+    assert leg.contact.drift_n == pytest.approx(0.02 + 0.05 * after_n)
+
+
 def test_a_glitch_downwards_makes_no_contact() -> None:
     """One reading of -0.3 N does not lower the floor; a second of it does, and the next step heals that."""
     leg = Leg()
@@ -241,6 +252,12 @@ def test_a_load_that_comes_slowly_is_not_noise(*, n_per_s: float, noisy: bool) -
         if value_n > signal.feed([value_n]):
             return
     raise AssertionError(f"{rise_n[-1]} N are below the threshold of {signal.noise.contact_n} N")
+
+
+def test_a_bias_of_the_signal_is_part_of_its_noise() -> None:
+    """A prediction that reads a little too much in the air has a threshold above that."""
+    noise_n = 1.5e-3 * np.random.default_rng(2).normal(size=2000)
+    assert Signal().feed(1e-3 + noise_n) == pytest.approx(Signal().feed(noise_n) + 1e-3, rel=0.05)
 
 
 def test_the_rise_of_a_touchdown_is_not_learnt() -> None:

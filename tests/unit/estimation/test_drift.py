@@ -74,6 +74,30 @@ def test_the_newest_reading_is_never_used() -> None:
     np.testing.assert_array_equal(moved_pf[1:], moved_pf[:1] * 2)
 
 
+def test_a_lift_off_begins_with_two_new_readings() -> None:
+    """The last reading before a stance confirms nothing after it."""
+    foot = Swinging()
+    foot.read(0.5, 3)
+    foot.baseline.pause_tracking()
+    held_pf = foot.baseline.baseline_pf
+    foot.read(0.6)
+    np.testing.assert_array_equal(foot.baseline.baseline_pf, held_pf)
+    foot.read(0.6)
+    assert (foot.baseline.baseline_pf > held_pf).all()
+
+
+def test_a_frame_counts_only_if_every_element_was_read_anew() -> None:
+    """Nine frames with one new element each are one reading."""
+    foot = Swinging()
+    stamps = np.full(9, foot.t_ns)
+    moved = []
+    for frame in range(27):
+        stamps = stamps.copy()
+        stamps[frame % 9] = foot.t_ns + (frame + 1) * 2_500_000
+        moved.append(foot.baseline.track_drift(UNLOADED_PF + 1e-3, stamps))
+    assert sum(moved) == 2
+
+
 def test_it_stops_where_a_tare_would_be_refused() -> None:
     """DRIFT_TOO_LARGE, element by element; the way back is open."""
     foot = Swinging(UNLOADED_PF * 1.0299)
@@ -82,3 +106,16 @@ def test_it_stops_where_a_tare_would_be_refused() -> None:
     assert foot.baseline.baseline_pf[3] <= 5.4 * 1.03
     foot.read(5.4 * 0.02 * 1e3, 60)
     assert foot.baseline.offset_pf[0] < -0.5e-3
+
+
+def test_an_element_without_a_baseline_gets_one_from_two_quiet_readings() -> None:
+    """And only near what the free foot reads; the offset counts from there."""
+    tared_pf = UNLOADED_PF.copy()
+    tared_pf[[2, 5]] = np.nan
+    foot = Swinging(tared_pf)
+    away_ff = np.zeros(9)
+    away_ff[5] = 500.0
+    foot.read(away_ff + 1.0, 3)
+    assert np.isfinite(foot.baseline.baseline_pf[2])
+    assert np.isnan(foot.baseline.baseline_pf[5])
+    assert np.abs(foot.baseline.offset_pf).max() < 2e-3

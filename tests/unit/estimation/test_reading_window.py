@@ -39,11 +39,6 @@ class Leg:
         self._window.discard_newest(np.isin(np.arange(ELEMENTS), elements)[None])
 
 
-def times_ns(readings: Readings) -> tuple[int, int]:
-    """Return the newest and the oldest time of one leg."""
-    return int(readings.newest_ns[0]), int(readings.oldest_of_newest_ns[0])
-
-
 def test_a_discarded_reading_is_in_no_later_window() -> None:
     """A wrong reading would be a step of the load twice, there and back."""
     leg = Leg()
@@ -73,19 +68,6 @@ def test_motion_is_that_of_the_second_fastest_element() -> None:
     assert leg.read(steps, 5 * SCAN_NS).second_largest_motion_rel == 0.5
     assert leg.read(steps, 6 * SCAN_NS).second_largest_motion_rel == 0.0
     assert leg.read(steps + 1.0, 6 * SCAN_NS + LONG_NS).second_largest_motion_rel == 0.0
-
-
-def test_an_element_without_order_does_not_age_the_leg() -> None:
-    """The age of the readings is that of those that are used."""
-    leg = Leg()
-    leg.scans()
-    stamps = np.full(ELEMENTS, 4 * SCAN_NS)
-    stamps[2] = 0
-    readings = leg.read(3.0, stamps)
-    assert times_ns(readings) == (4 * SCAN_NS, 4 * SCAN_NS)
-    silent = leg.read(np.nan, 0)
-    assert silent.newest_ns.tolist() == [0]
-    assert not silent.is_consecutive.any()
 
 
 @pytest.mark.parametrize("beside", [True, False])

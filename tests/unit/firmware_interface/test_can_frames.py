@@ -165,24 +165,24 @@ def test_a_heartbeat_names_its_node() -> None:
             decode_heartbeat(HEARTBEAT_ID + 6, data)
 
 
-@pytest.mark.parametrize("vector", VECTORS["force"], ids=lambda vector: vector["data"])
-def test_force_vectors(vector: dict[str, Any]) -> None:
+@pytest.mark.parametrize(
+    ("kind", "base", "decode", "encode"),
+    [
+        ("force", FORCE_ID, decode_force, encode_force),
+        ("quality", QUALITY_ID, decode_quality, encode_quality),
+    ],
+)
+def test_force_and_quality_vectors(
+    kind: str, base: int, decode: Callable[[int, bytes], Any], encode: Callable[..., bytes]
+) -> None:
     """The vectors that the C decoder shares hold in both directions."""
-    data = bytes.fromhex(vector["data"])
-    force = decode_force(FORCE_ID + vector["node"], data)
-    assert (force.counter, force.state) == (vector["counter"], vector["state"])
-    assert force.force_n == pytest.approx(numbers_of(vector["force_n"]), nan_ok=True)
-    assert encode_force(*force) == data
-
-
-@pytest.mark.parametrize("vector", VECTORS["quality"], ids=lambda vector: vector["data"])
-def test_quality_vectors(vector: dict[str, Any]) -> None:
-    """The vectors that the C decoder shares hold in both directions."""
-    data = bytes.fromhex(vector["data"])
-    quality = decode_quality(QUALITY_ID + vector["node"], data)
-    assert quality[1:5] == (vector["counter"], vector["flags"], vector["age_ns"], vector["fault_mask"])
-    assert quality.sigma_n == pytest.approx(numbers_of(vector["sigma_n"]), nan_ok=True)
-    assert encode_quality(*quality) == data
+    for vector in VECTORS[kind]:
+        data = bytes.fromhex(vector.pop("data"))
+        *fields, numbers = vector.values()
+        read = decode(base + vector["node"], data)
+        assert read[:-1] == tuple(fields)
+        assert read[-1] == pytest.approx(numbers_of(numbers), nan_ok=True)
+        assert encode(*read) == data
 
 
 @pytest.mark.parametrize("vector", VECTORS["refused"], ids=lambda vector: vector["why"])

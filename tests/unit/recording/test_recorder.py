@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from footsense.errors import ConfigError, FootsenseError, RecordingError
+from footsense.errors import FootsenseError, RecordingError
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.recorder import Recorder, check_recording_target, partial_path
 from footsense.recording.replay import Replay
@@ -71,14 +71,6 @@ def test_a_file_that_appears_during_the_recording_is_not_overwritten(tmp_path: P
         recorder.close()
     assert path.read_text() == "somebody else's"
     assert len(list(Replay(partial_path(path)))) == 1
-
-
-@pytest.mark.parametrize("name", ["walk.txt", "-", "walk", "walk.mcap.partial"])
-def test_a_recording_ends_in_mcap(tmp_path: Path, name: str) -> None:
-    """Another suffix is a mistake, `-` among them; no file is made."""
-    with pytest.raises(ConfigError, match=rf"{name}: the name has to end in \.mcap"):
-        check_recording_target(tmp_path / name)
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_recording_in_the_making_is_told_from_one_that_was_cut_short(

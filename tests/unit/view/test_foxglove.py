@@ -5,7 +5,7 @@ import json
 import struct
 import sys
 from collections import defaultdict
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,14 +18,9 @@ from footsense.clock import MonotonicClock
 from footsense.view.live import LiveSource
 from footsense.view.recorded import RecordingSource
 from footsense.view.server import FOXGLOVE_PROTOCOLS, ViewServer
-from tests.support.viewed_service import ViewedService
+from tests.support.viewed_service import ViewedService, run, served
 
 GOLDEN = Path(__file__).parents[2] / "golden/measured_walk.mcap"
-TIMEOUT_S = 20
-
-
-def run(test: Callable[[], Awaitable[None]]) -> None:
-    asyncio.run(asyncio.wait_for(test(), TIMEOUT_S))
 
 
 class FoxgloveClient:
@@ -42,11 +37,9 @@ class FoxgloveClient:
         self.received: defaultdict[str, list[tuple[int, Any]]] = defaultdict(list)
         self.statuses: list[str] = []
 
-    async def listen(self, url: str, name: str, topics: Sequence[str], publish: Callable[[], None]) -> None:
+    async def listen(self, host: str, name: str, topics: Sequence[str], publish: Callable[[], None]) -> None:
         """Listen until there is a message on each of the topics; then until a status has come, for none."""
-        async with connect(
-            url.replace("http", "ws"), subprotocols=[Subprotocol(name)], max_queue=None
-        ) as server:
+        async with connect(f"ws://{host}/", subprotocols=[Subprotocol(name)], max_queue=None) as server:
             assert server.subprotocol == name
             while not (self.received.keys() >= set(topics) if topics else self.statuses):
                 publish()
@@ -87,11 +80,9 @@ def test_a_program_gets_every_topic(name: str, tmp_path: Path) -> None:
         with ViewedService(tmp_path / "cycles") as service:
             service.force_n[3] = 0.3, 0.0, 0.4
             service.publish()
-            live = LiveSource(tmp_path / "cycles", MonotonicClock())
-            async with ViewServer(live).serving("127.0.0.1", 0) as url:
+            async with served(tmp_path / "cycles") as host:
                 topics = ["/scan", "/force", "/gait"]
-                await client.listen(url, name, topics, lambda: service.publish(20))
-            live.close()
+                await client.listen(host, name, topics, lambda: service.publish(20))
 
     run(test)
     t_ns, values = client.received["/force"][-1]
@@ -104,9 +95,8 @@ def test_a_program_is_told_why_nothing_comes(tmp_path: Path) -> None:
     client = FoxgloveClient()
 
     async def test() -> None:
-        live = LiveSource(tmp_path / "cycles", MonotonicClock())
-        async with ViewServer(live).serving("127.0.0.1", 0) as url:
-            await client.listen(url, FOXGLOVE_PROTOCOLS[0], [], lambda: None)
+        async with served(tmp_path / "cycles") as host:
+            await client.listen(host, FOXGLOVE_PROTOCOLS[0], [], lambda: None)
 
     run(test)
     assert "no service runs" in client.statuses[0]

@@ -4,8 +4,6 @@ import asyncio
 import json
 import socket
 import struct
-from collections.abc import AsyncIterator, Awaitable, Callable
-from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 from urllib.request import urlopen
@@ -21,29 +19,15 @@ from footsense.view.live import LiveSource
 from footsense.view.recorded import RecordingSource
 from footsense.view.server import MAX_CLIENTS, PAGE_PROTOCOL, ViewServer
 from footsense.view.signals import SIGNALS
-from tests.support.viewed_service import LEGS, ViewedService
+from tests.support.viewed_service import LEGS, TIMEOUT_S, ViewedService, run, served
 
 GOLDEN = Path(__file__).parents[2] / "golden/measured_walk.mcap"
 COLUMN = {name: column for column, name in enumerate(SIGNALS)}
-TIMEOUT_S = 20
-
-
-@asynccontextmanager
-async def served(path: Path) -> AsyncIterator[str]:
-    """Serve the service of a path; yield host and port."""
-    live = LiveSource(path, MonotonicClock())
-    async with ViewServer(live).serving("127.0.0.1", 0) as url:
-        yield url.removeprefix("http://")
-    live.close()
 
 
 def page(host: str, **options: Any) -> connect:
     """Open a connection as the page does."""
     return connect(f"ws://{host}/", subprotocols=[PAGE_PROTOCOL], **options)
-
-
-def run(test: Callable[[], Awaitable[None]]) -> None:
-    asyncio.run(asyncio.wait_for(test(), TIMEOUT_S))
 
 
 async def text_of(connection: ClientConnection, kind: str) -> dict[str, object]:
