@@ -1,7 +1,7 @@
 """What a probe says of robots on which something is wrong: where, what, and what to check."""
 
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import msgspec
@@ -21,7 +21,7 @@ from footsense.errors import I2cError, I2cTimeoutError, NackError
 from footsense.frames import Reading
 from footsense.ports import I2cBus, Transaction
 from footsense.sim.chips.ad7746 import SimulatedAd7746
-from footsense.sim.chips.chip import LegChip, SimulatedLineSwitch, SimulatedMux
+from footsense.sim.chips.chip import LegChip, SimulatedChip, SimulatedLineSwitch, SimulatedMux
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 from footsense.sim.clock import VirtualClock
 from footsense.sim.faults import scene_faults
@@ -191,7 +191,7 @@ class WithOthers:
 MUX = 0x71
 
 
-def saboteur(mux: SimulatedMux | None, chips: dict[int, tuple[LegChip, ...]]) -> Saboteur:
+def saboteur(mux: SimulatedMux | None, chips: Mapping[int, Sequence[SimulatedChip]]) -> Saboteur:
     """Return a bus with these chips, on which transactions may fail."""
     clock = VirtualClock()
     return Saboteur(SimulatedBus(clock, 400_000, 0, mux, chips), clock)
