@@ -21,7 +21,7 @@ from footsense.errors import I2cError, I2cTimeoutError, NackError
 from footsense.frames import Reading
 from footsense.ports import I2cBus, Transaction
 from footsense.sim.chips.ad7746 import SimulatedAd7746
-from footsense.sim.chips.chip import LegChip, SimulatedChip, SimulatedLineSwitch, SimulatedMux
+from footsense.sim.chips.chip import SimulatedChip, SimulatedLineSwitch, SimulatedMux
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 from footsense.sim.clock import VirtualClock
 from footsense.sim.faults import scene_faults
@@ -212,7 +212,7 @@ def test_a_mux_whose_selection_cannot_be_read_is_not_switched() -> None:
     [("fdc1004", 400, SimulatedFdc1004, []), ("ad7746", 91, SimulatedAd7746, [bytes([RESET_COMMAND])] * 2)],
 )
 def test_a_bus_is_scanned_without_a_write_but_the_reset_of_an_ad7746(
-    board: str, rate_sps: int, converter: Callable[..., LegChip], expected: list[bytes]
+    board: str, rate_sps: int, converter: Callable[..., SimulatedChip], expected: list[bytes]
 ) -> None:
     """An AD7746 has no other identity than its values after a reset."""
     wires = saboteur(SimulatedMux(MUX), {n: (converter(lambda *_: 5.0, None),) for n in range(2)})
