@@ -1,25 +1,31 @@
 """Legs of either board with given capacitances, the buses that they are on, and the scanner that reads them."""
 
 from collections.abc import Callable
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from firmware_interface.chips import adg715
 from footsense.acquisition.boards.board import CONVERTED
 from footsense.acquisition.leg_bus import LegBus
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.acquisition.scanner import BusScanner, RobotScanner
+from footsense.daemon.foot_types import released_path
 from footsense.errors import I2cError, I2cTimeoutError
+from footsense.foot.response_table import FootResponse
+from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, CapFrame, Reading
 from footsense.ports import Transaction
-from footsense.sim.chips.ad7746 import MeanMutualCapacitance, SimulatedAd7746
+from footsense.sim.chips.ad7746 import SimulatedAd7746
 from footsense.sim.chips.chip import SimulatedLineSwitch, SimulatedMux
-from footsense.sim.chips.fdc1004 import MeanCinCapacitance, SimulatedFdc1004
+from footsense.sim.chips.electronics import leg_electronics
+from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 from footsense.sim.clock import JoinedClock, VirtualClock
+from footsense.sim.faults.damage import WiredFoot
 from footsense.sim.i2c_bus import SimulatedBus
+from footsense.sim.scene import Effects
 
 TIMEOUT_NS = 20_000_000
 #: A different capacitance for every element, so that a swap shows [pF].
@@ -57,61 +63,9 @@ def distinct(element: int, t_ns: int) -> float:
     return float(DISTINCT_PF[element])
 
 
-def column_through(switch: SimulatedLineSwitch, capacitance_pf: Capacitance) -> MeanCinCapacitance:
-    """Return what a pin sees of its column through the rows that the switch grounds."""
-
-    def seen_pf(cin: int, t_start_ns: int, t_end_ns: int) -> float:
-        return sum(
-            share * capacitance_pf(3 * row + cin, (t_start_ns + t_end_ns) // 2)
-            for share, rows in switch.states_between(t_start_ns, t_end_ns)
-            for row in range(3)
-            if rows.selected_mask >> row & 1
-        )
-
-    return seen_pf
-
-
-def crossing_through(
-    rows: SimulatedLineSwitch, columns: SimulatedLineSwitch, capacitance_pf: Capacitance
-) -> MeanMutualCapacitance:
-    """Return what an input sees of the excited rows through the columns that are switched to it."""
-
-    def seen(t_start_ns: int, t_end_ns: int) -> tuple[float, bool]:
-        t_middle_ns, total_pf, until_ns = (t_start_ns + t_end_ns) // 2, 0.0, t_end_ns
-        for row_share, row_states in rows.states_between(t_start_ns, t_end_ns):
-            since_ns = max(row_states.since_ns, t_start_ns)
-            for share, column_states in columns.states_between(since_ns, until_ns):
-                for row, column in ((r, c) for r in range(3) for c in range(3)):
-                    if row_states.selected_mask >> row & column_states.selected_mask >> column & 1:
-                        total_pf += row_share * share * capacitance_pf(3 * row + column, t_middle_ns)
-            until_ns = since_ns
-        return total_pf, False
-
-    return seen
-
-
-def _more_at_a_pin(seen_pf: MeanCinCapacitance, added_pf: float) -> MeanCinCapacitance:
-    return lambda cin, t_start_ns, t_end_ns: seen_pf(cin, t_start_ns, t_end_ns) + added_pf
-
-
-def _more_mutual(seen: MeanMutualCapacitance, added_pf: float) -> MeanMutualCapacitance:
-    def more(t_start_ns: int, t_end_ns: int) -> tuple[float, bool]:
-        pf, shorted = seen(t_start_ns, t_end_ns)
-        return pf + added_pf, shorted
-
-    return more
-
-
-def leg_chips(
-    board: Board, capacitance_pf: Capacitance, channel: int, clock_error_rel: float = 0.0
-) -> tuple[SimulatedFdc1004 | SimulatedAd7746, list[SimulatedLineSwitch]]:
-    """Return converter and line switches of a leg; the CAPDAC's steps are of a size that is each chip's own."""
-    rows, columns = SimulatedLineSwitch(), SimulatedLineSwitch(adg715.COLUMN_ADDRESS)
-    if board is FDC1004:
-        seen_pf = column_through(rows, capacitance_pf)
-        return SimulatedFdc1004(seen_pf, None, clock_error_rel), [rows]
-    seen = crossing_through(rows, columns, capacitance_pf)
-    return SimulatedAd7746(seen, None, clock_error_rel, 0.85 + 0.07 * channel), [rows, columns]
+@cache
+def _designed_foot() -> Foot:
+    return Foot(FootResponse.load(released_path("response.npz")))
 
 
 class LateError(I2cError):
@@ -165,15 +119,23 @@ class Robot:
         clock_error_rel: float = 0.0,
     ) -> None:
         self.converters: list[SimulatedFdc1004 | SimulatedAd7746] = []
-        self.switches: list[list[SimulatedLineSwitch]] = []
+        self.switches: list[tuple[SimulatedLineSwitch, ...]] = []
         self.saboteurs: list[Saboteur] = []
+        self._of_leg_pf = np.zeros((6, 1))
         clocks = [VirtualClock() for _ in range(n_buses)]
         scanners: list[BusScanner] = []
         per_bus = 6 // n_buses
         for clock in clocks:
             legs = {}
             for channel in range(per_bus):
-                converter, switches = leg_chips(board, capacitance_pf, channel, clock_error_rel)
+                leg = len(self.converters)
+
+                def element_pf(t_ns: int, leg: int = leg) -> list[float]:
+                    return [capacitance_pf(e, t_ns) + self._of_leg_pf[leg, 0] for e in range(ELEMENTS)]
+
+                foot = WiredFoot(element_pf, (), _designed_foot())
+                converter, switches = leg_electronics(board.name, foot, Effects(), (0, leg))
+                converter.clock_factor = 1.0 + clock_error_rel
                 self.converters.append(converter)
                 self.switches.append(switches)
                 legs[channel] = (converter, *switches)
@@ -189,7 +151,6 @@ class Robot:
                 )
             )
         self.board = board
-        self._of_leg_pf = np.zeros((6, 1))
         self.clock = JoinedClock(clocks, scanners[0].plan.conversion_wait_ns)
         self.buses = scanners
         self.scanner = RobotScanner(scanners)
@@ -198,11 +159,6 @@ class Robot:
     def make_legs_distinct(self) -> None:
         """Add capacitance to every element of a leg that only that leg has."""
         self._of_leg_pf = np.arange(6)[:, None] / 512
-        for converter, added_pf in zip(self.converters, self._of_leg_pf[:, 0].tolist(), strict=True):
-            if isinstance(converter, SimulatedFdc1004):
-                converter._cin_capacitance_pf = _more_at_a_pin(converter._cin_capacitance_pf, added_pf)
-            else:
-                converter._mutual_capacitance = _more_mutual(converter._mutual_capacitance, added_pf)
 
     def chips(self, leg: int) -> list[SimulatedFdc1004 | SimulatedAd7746 | SimulatedLineSwitch]:
         return [self.converters[leg], *self.switches[leg]]

@@ -7,13 +7,7 @@ import pytest
 
 from footsense.frames import Reading
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
-from tests.contract.boards import (
-    FDC1004,
-    Board,
-    Robot,
-    both,
-    distinct,
-)
+from tests.contract.boards import FDC1004, Board, Robot, both, distinct
 
 
 @both

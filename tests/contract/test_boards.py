@@ -37,39 +37,27 @@ def test_every_element_lands_at_its_place(board: Board, rate_sps: int, n_buses: 
 
 
 @both
-def test_an_absent_leg_costs_only_itself_and_comes_back(board: Board) -> None:
-    """Its elements are NO_ANSWER, all others read on at the same pace; when it answers again it is taken up."""
+@pytest.mark.parametrize("reading", [Reading.NO_ANSWER, Reading.NOT_READY])
+def test_an_absent_leg_or_a_stuck_converter_costs_only_itself(board: Board, reading: Reading) -> None:
+    """The others keep every element and their pace, but for a try and its timing; when it is well it is taken up."""
     robot = Robot(distinct, board)
     period_ns = robot.period_ns()
-    gone_ns = robot.clock.now_ns()
+    away = [(robot.clock.now_ns(), math.inf)]
     for chip in robot.chips(2):
-        chip.absent_ns = [(gone_ns, math.inf)]
-    others = np.delete(np.arange(6), 2)
-    for _ in range(12):
-        before_ns = robot.clock.now_ns()
-        frame = robot.read()
-        assert (frame.reading[2] == Reading.NO_ANSWER).any()
-        assert robot.is_right(frame)[others].all()
-        assert robot.clock.now_ns() - before_ns < 1.05 * period_ns
-    for chip in robot.chips(2):
-        chip.absent_ns = []
-    assert (robot.read(200).reading == Reading.OK).all()
-
-
-@both
-def test_a_stuck_converter_costs_only_itself(board: Board) -> None:
-    """Its elements are NOT_READY; the others keep every element and their pace, but for a try and its timing."""
-    robot = Robot(distinct, board)
-    period_ns = robot.period_ns()
-    robot.converters[4].stuck_ns = [(robot.clock.now_ns(), math.inf)]
+        chip.absent_ns = away if reading == Reading.NO_ANSWER else []
+    robot.converters[2].stuck_ns = away if reading == Reading.NOT_READY else []
+    cost_ns = 0 if reading == Reading.NO_ANSWER else board.probe_ns + 5 * board.conversion_ns
     robot.read()
     for _ in range(60):
         before_ns = robot.clock.now_ns()
         frame = robot.read()
-        assert (frame.reading[4] == Reading.NOT_READY).all()
-        assert robot.is_right(frame)[[0, 1, 2, 3, 5]].all()
-        cost_ns = board.probe_ns + 5 * board.conversion_ns
+        assert (frame.reading[2] == reading).any()
+        assert robot.is_right(frame)[[0, 1, 3, 4, 5]].all()
         assert robot.clock.now_ns() - before_ns < 1.05 * period_ns + cost_ns
+    for chip in robot.chips(2):
+        chip.absent_ns = []
+    robot.converters[2].stuck_ns = []
+    assert (robot.read(200).reading == Reading.OK).all()
 
 
 @both

@@ -258,21 +258,6 @@ def test_both_refuse_codes_that_do_not_exist(vector: dict[str, Any]) -> None:
     assert ours_decodes(*frame) is None
 
 
-@pytest.mark.parametrize(
-    ("name", "place"), [("fault", 5), ("baseline", 2), ("answer", 2), ("gait_event", 2), ("gait", 5)]
-)
-def test_the_vectors_of_events_have_the_highest_code(name: str, place: int) -> None:
-    """A decoder that refuses the newest code is found by the vectors alone."""
-    highest = {
-        "fault": max(Cause),
-        "baseline": max(BaselineStatus),
-        "answer": max(Result),
-        "gait_event": max(GaitEventKind),
-        "gait": max(Slip),
-    }[name]
-    assert max(vector["fields"][place] for vector in FRAMES[name]) == highest
-
-
 @given(st.integers(0, 8), st.integers(0, 16), st.integers(0, 5))
 def test_c_writes_the_commands_of_python_and_none_other(node: int, counter: int, kind: int) -> None:
     """The id is 0 for a node, counter or kind that does not exist."""

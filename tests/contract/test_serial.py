@@ -23,7 +23,6 @@ from firmware_interface.serial_frames import (
     encode_record,
     pack_values,
     stuff,
-    unstuff,
 )
 from footsense.frames import Reading
 from tests.contract import serial_vectors
@@ -128,14 +127,6 @@ def test_what_no_record_has_is_written_by_nobody_and_read_by_nobody(
     decoder = SerialDecoder()
     assert decoder.feed(b"\0" + encode_record(record)) == []
     assert decoder.losses == {"version": 1}
-
-
-@given(st.binary(max_size=254))
-def test_stuffing_is_undone(data: bytes) -> None:
-    """Up to the longest run that needs no more than its lead."""
-    if max(map(len, data.split(b"\0"))) < 254:
-        assert unstuff(stuff(data)) == data
-        assert 0 not in stuff(data)
 
 
 @given(

@@ -1,33 +1,28 @@
 """Cycles of random bits, and recordings of them."""
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
 from footsense.errors import RecordingError
 from footsense.frames import (
-    ELEMENTS,
     BaselineDrift,
-    BaselineStatus,
     CanStatistics,
     CapFrame,
-    Cause,
     Command,
     CommandKind,
     CommandResult,
     ContactFrame,
     Cycle,
-    Flag,
+    CycleField,
     GaitEvent,
     GaitEventKind,
     GaitFrame,
-    Reading,
     ReferenceSamples,
-    Slip,
     State,
 )
 from footsense.recording.mcap_writer import McapFile
@@ -52,42 +47,30 @@ def cycle(
 ) -> Cycle:
     """Return a cycle of random bits, awkward floats among them."""
     rng = np.random.default_rng([seed, number])
-
-    def floats(*shape: int) -> NDArray[np.float64]:
-        values = rng.integers(0, 2**64, shape, dtype=np.uint64).view(np.float64)
-        return np.where(rng.random(shape) < 0.2, rng.choice(AWKWARD, shape), values)
-
-    scan = CapFrame(
-        number,
-        rng.integers(0, 2**63, (n_legs, ELEMENTS)),
-        floats(n_legs, ELEMENTS),
-        rng.choice([int(r) for r in Reading], (n_legs, ELEMENTS)).astype(np.uint8),
+    t_ns = 1_000 + number * PERIOD_NS
+    kinds = rng.choice([int(kind) for kind in GaitEventKind], number % 3).tolist()
+    gait = GaitFrame(
+        t_ns=t_ns,
+        **_arrays(GaitFrame, rng, n_legs),
+        friction=float(rng.choice([np.nan, 0.1, 1 / 3])),
+        all_in_air=bool(number % 2),
+        events=tuple(GaitEvent(GaitEventKind(kind), 0, -number, 1 / 3) for kind in kinds),
     )
     forces = ContactFrame(
         number,
-        1_000 + number * PERIOD_NS,
-        rng.integers(0, 2**63, n_legs),
-        floats(n_legs, 3),
-        floats(n_legs, 3),
-        rng.choice([int(s) for s in State], n_legs).astype(np.uint8),
-        rng.integers(0, 1 << ELEMENTS, n_legs).astype(np.uint16),
-        rng.choice([int(f) for f in Flag], n_legs).astype(np.uint8),
-        rng.choice([int(c) for c in Cause], n_legs).astype(np.uint8),
-        BaselineDrift(
-            rng.choice([int(z) for z in BaselineStatus], n_legs).astype(np.uint8),
-            floats(n_legs),
-            floats(n_legs),
-            rng.integers(0, 2**63, n_legs),
-        ),
-        _gait(rng, floats, number, n_legs) if number % 10 == 1 else None,
+        t_ns,
+        **_arrays(ContactFrame, rng, n_legs),
+        baseline=BaselineDrift(**_arrays(BaselineDrift, rng, n_legs)),
+        gait=gait if number % 10 == 1 else None,
     )
+    scan = CapFrame(number, **_arrays(CapFrame, rng, n_legs))
     commands = (TARE,) if number % 7 == 3 else ()
     reference = (
         None
         if n_samples is None
         else ReferenceSamples(
             rng.integers(0, 2**63, n_samples),
-            floats(n_samples, 3),
+            _floats(rng, n_samples, 3),
             rng.integers(0, 2, n_samples).astype(np.bool_),
         )
     )
@@ -112,34 +95,28 @@ def plain_cycle(sent_ns: int, states: Sequence[State], **forces: Any) -> Cycle:
     return cycle(0, n_legs=n)._replace(forces=contact_frame(sent_ns, n, state=np.array(states), **forces))
 
 
-def _gait(
-    rng: np.random.Generator, floats: Callable[..., NDArray[np.float64]], number: int, n_legs: int
-) -> GaitFrame:
-    """Return a gait of random bits, with up to two events."""
+def _floats(rng: np.random.Generator, *shape: int) -> NDArray[np.float64]:
+    values = rng.integers(0, 2**64, shape, dtype=np.uint64).view(np.float64)
+    return np.where(rng.random(shape) < 0.2, rng.choice(AWKWARD, shape), values)
 
-    def flags() -> NDArray[np.bool_]:
-        return rng.random(n_legs) < 0.5
 
-    kinds = rng.choice([int(kind) for kind in GaitEventKind], number % 3)
-    return GaitFrame(
-        t_ns=1_000 + number * PERIOD_NS,
-        contact=flags(),
-        contact_raw=flags(),
-        probability=floats(n_legs),
-        touchdown_ns=rng.integers(0, 2**63, n_legs),
-        touchdown_sigma_s=floats(n_legs),
-        lift_off_ns=rng.integers(0, 2**63, n_legs),
-        lift_off_sigma_s=floats(n_legs),
-        load_share=floats(n_legs),
-        normal=floats(n_legs, 3),
-        normal_sigma_rad=floats(n_legs),
-        tangential_over_normal=floats(n_legs),
-        tangential_over_normal_sigma=floats(n_legs),
-        slip=rng.choice([int(slip) for slip in Slip], n_legs).astype(np.uint8),
-        friction=float(rng.choice([np.nan, 0.1, 1 / 3])),
-        all_in_air=bool(number % 2),
-        events=tuple(GaitEvent(GaitEventKind(kind), 0, -number, 1 / 3) for kind in kinds.tolist()),
-    )
+@functools.cache
+def _fields(frame: type) -> dict[str, CycleField]:
+    hints = get_type_hints(frame, include_extras=True)
+    return {name: hint.__metadata__[0] for name, hint in hints.items() if hasattr(hint, "__metadata__")}
+
+
+def _arrays(frame: type, rng: np.random.Generator, n_legs: int) -> dict[str, Any]:
+    """Return random bits for each array of a kind of frame, codes and masks up to the largest with a meaning."""
+
+    def drawn(field: CycleField) -> NDArray[Any]:
+        shape = (n_legs, *field.row_shape)
+        if field.max_code is not None:
+            codes = rng.integers(0, field.max_code + 1, shape)
+            return codes.astype(bool if field.max_code == 1 else field.dtype)
+        return rng.integers(0, 2**63, shape) if field.dtype == "<i8" else _floats(rng, *shape)
+
+    return {name: drawn(field) for name, field in _fields(frame).items()}
 
 
 def same(a: Any, b: Any) -> bool:
