@@ -42,7 +42,7 @@ def test_an_absent_leg_or_a_stuck_converter_costs_only_itself(board: Board, read
     """The others keep every element and their pace, but for a try and its timing; when it is well it is taken up."""
     robot = Robot(distinct, board)
     period_ns = robot.period_ns()
-    away = [(robot.clock.now_ns(), math.inf)]
+    away: list[tuple[float, float]] = [(robot.clock.now_ns(), math.inf)]
     for chip in robot.chips(2):
         chip.absent_ns = away if reading == Reading.NO_ANSWER else []
     robot.converters[2].stuck_ns = away if reading == Reading.NOT_READY else []
