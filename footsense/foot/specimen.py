@@ -64,6 +64,8 @@ class Foot:
 
     Attributes:
         response: Response of its type.
+        gap_um: Gap of each element of the free foot [um], shape (elements,).
+        stray_pf: Stray capacitance of each element [pF], shape (elements,) or (1,).
         unloaded_pf: Capacitance of each element of the free foot, stray included [pF], shape (elements,).
 
     Raises:
@@ -75,19 +77,19 @@ class Foot:
     ) -> None:
         own = deviations or Deviations()
         self.response = response
-        self._gap_um = response.design.gap_um + np.broadcast_to(own.gap_um, ELEMENTS)
+        self.gap_um = response.design.gap_um + np.broadcast_to(own.gap_um, ELEMENTS)
         film_um = response.design.film_um + np.broadcast_to(own.film_um, ELEMENTS)
         # A NaN fails every comparison.
-        if not (self._gap_um.min() > 0.0 and film_um.min() > 0.0 and own.stiffness_rel > -1.0):
+        if not (self.gap_um.min() > 0.0 and film_um.min() > 0.0 and own.stiffness_rel > -1.0):
             raise ValueError(
-                f"gaps {self._gap_um.min():g} um, films {film_um.min():g} um and stiffness "
+                f"gaps {self.gap_um.min():g} um, films {film_um.min():g} um and stiffness "
                 f"{1.0 + own.stiffness_rel:g} have to be above 0"
             )
-        self._gap_of_cell_um = np.repeat(self._gap_um, gap_contact.CELLS_PER_ELEMENT)
+        self._gap_of_cell_um = np.repeat(self.gap_um, gap_contact.CELLS_PER_ELEMENT)
         self._film_of_cell_um = np.repeat(film_um, gap_contact.CELLS_PER_ELEMENT) / response.design.film_eps_r
         self._relative_compliance = 1.0 / (1.0 + own.stiffness_rel)
         self._compliance_um_per_n = response.compliance_um_per_n * self._relative_compliance
-        self._stray_pf = own.stray_pf
+        self.stray_pf = own.stray_pf
         self._mount = own.mount
         self._contact = contact
         self._film_um = np.repeat(film_um, gap_contact.CELLS_PER_ELEMENT) if own.fringe else None
@@ -130,7 +132,7 @@ class Foot:
     def _capacitance_pf(self, cell_closures_um: Vector) -> Vector:
         """Return the capacitances, stray included [pF], from cell closures limited to the gaps [um]."""
         distance_um = self._gap_of_cell_um - cell_closures_um + self._film_of_cell_um
-        capacitance_pf = gap_contact.capacitance_pf(self.response.design, distance_um) + self._stray_pf
+        capacitance_pf = gap_contact.capacitance_pf(self.response.design, distance_um) + self.stray_pf
         if self._film_um is not None:
             spacing_um = self._gap_of_cell_um - cell_closures_um + self._film_um
             capacitance_pf += fringe_pf(self.response.design, spacing_um)

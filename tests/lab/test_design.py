@@ -6,20 +6,20 @@ import pytest
 
 from footsense.errors import FootsenseError
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import Foot
+from footsense.foot.specimen import Deviations, Foot
+from footsense.lab.design.assess import assess_foot
 from footsense.lab.design.choice import choose_candidates
-from footsense.lab.design.foot_files import foot_text
-from footsense.lab.design.inputs.boards import converter
-from footsense.lab.design.inputs.materials import load_materials
-from footsense.lab.design.inputs.processes import load_processes
-from footsense.lab.design.inputs.requirements import Requirements
-from footsense.lab.design.prediction.assess import assess_foot
-from footsense.lab.design.prediction.shapes import FootShapeLibrary
+from footsense.lab.design.design import foot_text
+from footsense.lab.design.materials import load_materials
+from footsense.lab.design.processes import load_processes
+from footsense.lab.design.requirements import Requirements, converter
 from footsense.lab.design.screen import TRAINED_RANGE_FACTOR
+from footsense.lab.design.shapes import FootShapeLibrary
+from footsense.lab.evaluation.force_range import force_limits, stated_loads
 from footsense.lab.foot_file import load_foot
 from footsense.lab.geometry import FootDesign, Material
 from footsense.lab.similarity import response_in_force_unit
-from footsense.lab.training.load_cases import sensed_closure_um
+from footsense.lab.training.load_cases import FULL_SCALE_PF, sensed_closure_um
 from tests.lab.released import FOOT_DESIGN, RELEASED
 
 pytestmark = pytest.mark.lab
@@ -79,6 +79,24 @@ def test_the_library_has_the_released_foot(library: FootShapeLibrary) -> None:
         released.free_element_closures_um(normal, normal),
         rtol=0.01,
     )
+
+
+def test_the_range_ends_at_four_fifths_of_the_gap_or_with_the_converter() -> None:
+    """Of a foot with strays and gaps of its own, too; the touch of a first electrode is told beside it."""
+    released = FootResponse.load(RELEASED / "response.npz")
+    stray_pf, gap_um = np.full(9, 0.5), np.linspace(-2.0, 2.0, 9)
+    foot, loads = Foot(released, Deviations(stray_pf=stray_pf, gap_um=gap_um)), stated_loads(30.0)
+    limits = force_limits(foot, loads)
+    capacitance_pf = (
+        foot.capacitance_pf(loads.normal, limits.readable_n[:, None] * loads.direction) - stray_pf
+    )
+    closure_rel = released.design.closure_um(capacitance_pf, foot.unloaded_pf - stray_pf) / foot.gap_um
+    np.testing.assert_allclose(closure_rel.max(axis=1), 0.8, rtol=1e-3)
+    at_end_pf = foot.capacitance_pf(loads.normal, limits.converter_n[:, None] * loads.direction)
+    np.testing.assert_allclose(at_end_pf.max(axis=1), FULL_SCALE_PF, rtol=3e-3)
+    assert (limits.range_n == np.minimum(limits.readable_n, limits.converter_n)).all()
+    cells_um = foot.cell_closures_um(loads.normal, 0.99 * limits.gap_closes_n[:, None] * loads.direction)
+    assert (cells_um < np.repeat(foot.gap_um, 36)).all()
 
 
 def test_a_force_unit_leaves_closures_alone() -> None:

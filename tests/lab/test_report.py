@@ -71,3 +71,15 @@ def test_the_front_page_has_the_figures_of_the_pages() -> None:
         f"; {paper['direction_max_deg']:.1f} deg, {paper['magnitude_max_gf']:.1f} gf",
     ):
         assert text in front
+
+
+def test_the_front_page_has_the_range_of_the_page_design() -> None:
+    front = (PAGES.parents[1] / "README.md").read_text(encoding="utf-8")
+    foot = json.loads((PAGES / "design.json").read_text("utf-8"))["feet"]["aoyagi-3x3"]
+    centred, leaning = foot["limits"][:2]
+    for text in (
+        f"to {centred['range'][0]:.2f} N within 30 deg",
+        f"ends at {centred['converter'][0]:.2f} N",
+        f"leaves {leaning['range'][0]:.2f} and {leaning['converter'][0]:.2f} N",
+    ):
+        assert text in front

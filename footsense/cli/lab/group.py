@@ -22,7 +22,6 @@ def _require_lab_packages() -> None:
 @click.group(
     commands=[
         design.design,
-        design.shapes,
         models.build,
         models.evaluate,
         models.compare,

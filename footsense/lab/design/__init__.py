@@ -1,10 +1,13 @@
 """Design of a foot from a robot's weight, available materials, a converter board and a fabrication process.
 
-inputs        a builder's input, and tables of materials, boards and processes
-prediction    range and errors of any foot, from a few solved shapes
-candidates    all feet that could be made
-screen        range and error of each, vectorised
-choice        Pareto front, conflicts, the nearest design
-drawing       the picture
-foot_files    foot.yaml of each chosen foot
+requirements       a builder's input, and the boards
+materials          table of rubbers and sheets
+processes          table of the ways to make the sheet
+shapes             response of any foot, from a few shapes that `solve_shapes` solved
+candidates         all feet that could be made
+closures, screen   range and error of each, vectorised
+choice             the most accurate of some sizes, or what conflicts
+assess             range and errors of one foot, from its table
+after_calibration  errors that its fabrication leaves
+design             the chosen feet and their files
 """

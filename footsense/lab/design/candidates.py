@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2
 from footsense.frames import Vector
-from footsense.lab.design.inputs.requirements import Requirements
-from footsense.lab.design.prediction.shapes import FootShape, sheet_filling_pitch_mm
+from footsense.lab.design.requirements import Requirements
+from footsense.lab.design.shapes import FootShape, sheet_filling_pitch_mm
 from footsense.lab.geometry import UM_PER_MM
 
 #: Steps of the ball's diameter.

@@ -1,4 +1,4 @@
-"""Choice of a few feet from screened candidates: Pareto front, or the conflicting requirements if there is none."""
+"""Choice of a few feet from screened candidates, or the conflicting requirements if none works."""
 
 import math
 from typing import NamedTuple
@@ -7,12 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.errors import FootsenseError
-from footsense.frames import Vector
 from footsense.lab.design.candidates import Candidates, all_candidates
-from footsense.lab.design.inputs.materials import load_materials
-from footsense.lab.design.inputs.requirements import Requirements
-from footsense.lab.design.prediction.shapes import FootShapeLibrary
+from footsense.lab.design.materials import load_materials
+from footsense.lab.design.requirements import Requirements
 from footsense.lab.design.screen import LIMIT_NAMES, ScreeningResult, screen_candidates
+from footsense.lab.design.shapes import FootShapeLibrary
 
 #: Feet of a size that may be assessed.
 _MAX_ASSESSED_PER_SIZE = 12
@@ -21,25 +20,23 @@ _LARGEST_BALL_MM = 120.0
 
 
 class Choice(NamedTuple):
-    """Screened candidates of a design, their Pareto front, and the chosen feet.
+    """Candidates of a design and their screening.
 
     Attributes:
         manufacturable: All candidates that can be made and read, n of them.
         screened: Their range and error.
-        pareto_front: Rows that no other foot beats in range, error and size at once.
         rows_to_assess: For some sizes of the ball the rows to assess, the most accurate first.
         n_all_candidates: Number of all candidates.
     """
 
     manufacturable: Candidates
     screened: ScreeningResult
-    pareto_front: NDArray[np.intp]
     rows_to_assess: list[NDArray[np.intp]]
     n_all_candidates: int
 
 
 def choose_candidates(library: FootShapeLibrary, requirements: Requirements, keep: int) -> Choice:
-    """Return the Pareto-optimal feet to assess, after screening all candidates.
+    """Return the most accurate feet of some sizes, to be assessed, after screening all candidates.
 
     Args:
         library: The solved shapes.
@@ -56,14 +53,11 @@ def choose_candidates(library: FootShapeLibrary, requirements: Requirements, kee
     if not len(works):
         raise FootsenseError(_conflict_message(library, requirements, feet, screened))
     error = screened.direction_error_bound_deg
-    pareto_front = works[
-        _pareto_rows(np.stack([-screened.range_n[works], error[works], feet.ball_radius_mm[works]], axis=1))
-    ]
     radii = np.unique(feet.ball_radius_mm[works])
     spread = np.unique(np.round(np.linspace(0, len(radii) - 1, min(keep, len(radii)))).astype(int))
     of_radius = [works[feet.ball_radius_mm[works] == radius] for radius in radii[spread]]
     ranked = [rows[np.argsort(error[rows])][:_MAX_ASSESSED_PER_SIZE] for rows in of_radius]
-    return Choice(feet, screened, pareto_front, ranked, len(everything.gap_um))
+    return Choice(feet, screened, ranked, len(everything.gap_um))
 
 
 def _manufacturable_candidates(
@@ -103,16 +97,6 @@ def _manufacturable_candidates(
             "have 0.025 to 0.1 of the ball's radius and 0.2 to 1.5 of the rubber's modulus; use other materials"
         )
     return feet.select(bars & read & known)
-
-
-def _pareto_rows(costs: Vector) -> NDArray[np.intp]:
-    """Return the indices of the Pareto-optimal rows of a cost table of shape (n, k)."""
-    order = np.lexsort(costs.T[::-1])
-    kept: list[int] = []
-    for row in order:
-        if not any((costs[other] <= costs[row]).all() for other in kept):
-            kept.append(int(row))
-    return np.array(kept, np.intp)
 
 
 def _conflict_message(

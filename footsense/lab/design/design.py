@@ -1,4 +1,4 @@
-"""Design of feet from requirements to files: screen candidates, choose, assess, write."""
+"""Design of feet from requirements to files: screen candidates, choose, assess, write each `foot.yaml`."""
 
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -6,144 +6,193 @@ from typing import Any, NamedTuple
 import msgspec
 
 from footsense.errors import FootsenseError
-from footsense.lab.design.choice import Choice, choose_candidates
-from footsense.lab.design.foot_files import DesignedFoot, foot_text, write_foot
-from footsense.lab.design.inputs.requirements import Requirements
-from footsense.lab.design.prediction.assess import ELEVATIONS_DEG, assess_foot
-from footsense.lab.design.prediction.shapes import FootShapeLibrary
-from footsense.lab.design.screen import LIMIT_NAMES
-from footsense.lab.foot_file import load_foot
+from footsense.lab.design.assess import ELEVATIONS_DEG, Assessment, assess_foot
+from footsense.lab.design.candidates import Candidates
+from footsense.lab.design.choice import choose_candidates
+from footsense.lab.design.requirements import Requirements
+from footsense.lab.design.screen import LIMIT_NAMES, TRAINED_RANGE_FACTOR
+from footsense.lab.design.shapes import SHEET_SIDE_OVER_RADIUS, FootShapeLibrary
+from footsense.lab.foot_file import FOOT_FILE, load_foot
+from footsense.lab.geometry import UM_PER_MM, FootDesign
 
 #: Predicted over required range [1]: the ranges of solved tables are up to 2 % below the predicted ones.
 _RANGE_RESERVE_FACTOR = 1.02
+#: Loads of the training that no requirement changes: those of the paper's foot.
+_DEFAULT_LOAD_RANGE = {
+    "friction_angle_deg": 35,
+    "typical_lean_deg": 10,
+    "min_elevation_deg": 30,
+    "centred_share": 0.5,
+}
 
 
-class DesignResult(NamedTuple):
-    """Result of a design: requirements, candidates, chosen feet and picture.
+class DesignedFoot(NamedTuple):
+    """A chosen foot.
 
     Attributes:
-        requirements: The input.
-        choice: All candidates.
-        feet: The chosen ones.
-        picture: The picture's file.
+        name: Its foot type.
+        text: Its description, the content of `foot.yaml`.
+        design: The foot.
+        rubber: Name of the ball's rubber.
+        sheet: Name of the sheet's material.
+        figures: Its predicted figures.
+        limiting_factor: What ends its range.
     """
 
-    requirements: Requirements
-    choice: Choice
-    feet: list[DesignedFoot]
-    picture: Path
+    name: str
+    text: str
+    design: FootDesign
+    rubber: str
+    sheet: str
+    figures: Assessment
+    limiting_factor: str
 
-    def table_rows(self) -> dict[str, list[str]]:
-        """Return the rows of the printed table of chosen feet: one formatted cell per foot, by row name."""
-        table_rows: dict[str, list[str]] = {}
-        max_deg = self.requirements.max_force_to_leg_axis_deg
-        for foot in self.feet:
-            one, design, row = foot.figures, foot.design, foot.candidate_row
-            materials = self.requirements.materials
-            cells = {
-                "ball [mm]": f"{2.0 * design.ball_radius_mm:g}",
-                "rubber": materials.rubbers[int(self.choice.manufacturable.rubber[row])].name,
-                "  modulus [MPa]": f"{design.rubber.youngs_mpa:g}",
-                "sheet": materials.sheets[int(self.choice.manufacturable.sheet[row])].name,
-                "  modulus [MPa] ": f"{design.pdms.youngs_mpa:g}",
-                "plate [mm]": f"{design.plate_mm:g}",
-                "gap [um]": f"{design.gap_um:g}",
-                "film [um]": f"{design.film_um:g}",
-                "pitch [mm]": f"{design.pitch_mm:g}",
-                "electrode [mm]": f"{design.electrode_mm:g}",
-                "cavity": design.cavity,
-                "unloaded [pF]": f"{one.unloaded_pf:.2f}",
-                f"range to {max_deg:g} deg [N]": f"{one.all_directions_range_n:.3g}",
-                **{
-                    f"  at {e} deg [N]": f"{n:.3g}"
-                    for e, n in zip(ELEVATIONS_DEG, one.range_by_elevation_n, strict=True)
-                },
-                "limited by": foot.limiting_factor,
-                **{
-                    f"noise at {size:.3g} N": f"{deg:.2g} deg, {100.0 * rel:.2g} %"
-                    for size, deg, rel in zip(
-                        one.force_levels_n,
-                        one.direction_error_bound_deg,
-                        one.magnitude_error_bound_rel,
-                        strict=True,
-                    )
-                },
-                "made, calibrated": (
-                    f"{one.calibrated_direction_error_deg:.2g} deg, "
-                    f"{100.0 * one.calibrated_magnitude_error_rel:.2g} %"
-                ),
-            }
-            for title, cell in cells.items():
-                table_rows.setdefault(title, []).append(cell)
-        return table_rows
+    def cells(self, reach_deg: float) -> dict[str, str]:
+        """Return the foot's column of the printed table, by row name.
 
-    def json_values(self) -> dict[str, Any]:
-        """Return the predicted figures of the chosen feet as JSON values."""
+        Args:
+            reach_deg: Largest angle between a force and the leg's axis [deg].
+        """
+        one, design = self.figures, self.design
         return {
-            "max_n": self.requirements.max_n,
-            "min_n": self.requirements.min_evaluated_force_n,
-            "candidates": self.choice.n_all_candidates,
-            "scan_s": self.requirements.board.scan_s,
-            "feet": [
-                {
-                    "name": foot.name,
-                    "foot": msgspec.to_builtins(foot.design),
-                    "limit": foot.limiting_factor,
-                    **foot.figures._asdict(),
-                }
-                for foot in self.feet
-            ],
+            "ball [mm]": f"{2.0 * design.ball_radius_mm:g}",
+            "rubber": f"{self.rubber}, {design.rubber.youngs_mpa:g} MPa",
+            "sheet": f"{self.sheet}, {design.pdms.youngs_mpa:g} MPa",
+            "plate [mm]": f"{design.plate_mm:g}",
+            "gap [um]": f"{design.gap_um:g}",
+            "film [um]": f"{design.film_um:g}",
+            "pitch [mm]": f"{design.pitch_mm:g}",
+            "electrode [mm]": f"{design.electrode_mm:g}",
+            "cavity": design.cavity,
+            "unloaded [pF]": f"{one.unloaded_pf:.2f}",
+            f"range to {reach_deg:g} deg [N]": f"{one.all_directions_range_n:.3g}",
+            **{
+                f"  at {elevation} deg [N]": f"{range_n:.3g}"
+                for elevation, range_n in zip(ELEVATIONS_DEG, one.range_by_elevation_n, strict=True)
+            },
+            "limited by": self.limiting_factor,
+            **{
+                f"noise at {force_n:.3g} N": f"{deg:.2g} deg, {100.0 * rel:.2g} %"
+                for force_n, deg, rel in zip(
+                    one.force_levels_n,
+                    one.direction_error_bound_deg,
+                    one.magnitude_error_bound_rel,
+                    strict=True,
+                )
+            },
+            "made, calibrated": f"{one.calibrated_direction_error_deg:.2g} deg, "
+            f"{100.0 * one.calibrated_magnitude_error_rel:.2g} %",
         }
 
+    def json_values(self) -> dict[str, Any]:
+        """Return the foot and its predicted figures as JSON values."""
+        foot = msgspec.to_builtins(self.design)
+        return {"name": self.name, "foot": foot, "limit": self.limiting_factor, **self.figures._asdict()}
 
-def design(requirements: Requirements, name: str, keep: int, folder: Path) -> DesignResult:
-    """Find feet that meet the requirements; write their `foot.yaml` files and the Pareto plot.
+    def write(self, folder: Path) -> Path:
+        """Write the description into a folder of the foot's name and return its path.
+
+        Raises:
+            FootsenseError: The folder cannot be written to.
+        """
+        path = folder / self.name / FOOT_FILE
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(self.text, encoding="utf-8")
+        except OSError as error:
+            raise FootsenseError(
+                f"{path.parent}: cannot be written to: {error.strerror}; choose another folder"
+            ) from error
+        return path
+
+
+def design(requirements: Requirements, name: str, keep: int) -> tuple[list[DesignedFoot], int]:
+    """Return the most accurate foot of each of some sizes that meets the requirements, and how many were compared.
 
     Args:
         requirements: The input.
         name: Beginning of the foot types' names; the diameter of the ball follows.
         keep: Number of feet at most.
-        folder: Existing folder; each foot gets one of its own in it.
 
     Raises:
-        FootsenseError: No foot works, or a file cannot be written.
+        FootsenseError: No foot works.
     """
-    from footsense.lab.design.drawing import draw_design
-
     library = FootShapeLibrary()
     choice = choose_candidates(library, requirements, keep)
-    feet = []
-    for table_rows in choice.rows_to_assess:
-        own = f"{name}-{2.0 * choice.manufacturable.ball_radius_mm[table_rows[0]]:g}mm".replace(".", "-")
-        for row in map(int, table_rows):
-            text = foot_text(
-                own,
-                f"A foot for forces up to {requirements.max_n:.3g} N",
-                choice.manufacturable,
-                row,
-                requirements,
-            )
-            made = load_foot(text.encode())
-            figures = assess_foot(library.response(made), requirements)
+    feet, candidates, materials = [], choice.manufacturable, requirements.materials
+    for rows in choice.rows_to_assess:
+        own = f"{name}-{2.0 * candidates.ball_radius_mm[rows[0]]:g}mm".replace(".", "-")
+        for row in map(int, rows):
+            about = f"A foot for forces up to {requirements.max_n:.3g} N"
+            text = foot_text(own, about, candidates, row, requirements)
+            foot = load_foot(text.encode())
+            figures = assess_foot(library.response(foot), requirements)
             if figures.all_directions_range_n >= _RANGE_RESERVE_FACTOR * requirements.max_n:
-                path = write_foot(folder / own, text)
-                feet.append(
-                    DesignedFoot(
-                        own,
-                        row,
-                        path,
-                        made,
-                        figures,
-                        LIMIT_NAMES[int(choice.screened.limiting_factor_index[row])],
-                    )
-                )
+                rubber = materials.rubbers[int(candidates.rubber[row])].name
+                sheet = materials.sheets[int(candidates.sheet[row])].name
+                limit = LIMIT_NAMES[int(choice.screened.limiting_factor_index[row])]
+                feet.append(DesignedFoot(own, text, foot, rubber, sheet, figures, limit))
                 break
     if not feet:
         raise FootsenseError(
             f"--max-force {requirements.max_n:g} and --ball conflict: feet of these sizes come near and do not reach "
-            f"it; "
-            f"nearest that works: --max-force {0.95 * requirements.max_n:.3g}"
+            f"it; nearest that works: --max-force {0.95 * requirements.max_n:.3g}"
         )
-    picture = folder / "design.png"
-    draw_design(picture, choice, feet, requirements)
-    return DesignResult(requirements, choice, feet, picture)
+    return feet, choice.n_all_candidates
+
+
+def foot_text(name: str, description: str, feet: Candidates, row: int, requirements: Requirements) -> str:
+    """Return the content of `foot.yaml` for a chosen candidate, ready for `footsense lab build`.
+
+    Args:
+        name: Name of the foot type.
+        description: Short description.
+        feet: The candidates.
+        row: The chosen one.
+        requirements: The input, for materials and loads.
+    """
+    radius_mm, plate_mm, gap_um = (
+        float(values[row]) for values in (feet.ball_radius_mm, feet.plate_mm, feet.gap_um)
+    )
+    # The outer elements end where the sheet does, open to its edge: a strip beside them, however narrow, would join the
+    # plates there and take a quarter off the closures.
+    sheet_mm = round(SHEET_SIDE_OVER_RADIUS * radius_mm, 2)
+    pitch_mm = round(float(feet.pitch_mm[row]), 2)
+    film = requirements.process.film[int(feet.film[row])]
+    lengths = {
+        "ball_radius_mm": radius_mm,
+        "sheet_mm": sheet_mm,
+        "plate_mm": plate_mm,
+        "spacer_mm": round((gap_um + film.um) / UM_PER_MM, 5),
+        "pitch_mm": pitch_mm,
+        "electrode_mm": round(sheet_mm - 2.0 * pitch_mm, 2),
+        "gap_um": gap_um,
+        "film_um": film.um,
+        "film_eps_r": film.eps_r,
+    }
+    solids = {
+        "rubber": requirements.materials.rubbers[int(feet.rubber[row])],
+        "pdms": requirements.materials.sheets[int(feet.sheet[row])],
+    }
+    loads = {"max_n": float(f"{TRAINED_RANGE_FACTOR * requirements.max_n:.3g}"), **_DEFAULT_LOAD_RANGE}
+    title = (
+        f"# Designed for {requirements.min_evaluated_force_n:.3g} to {requirements.max_n:.3g} N up to "
+        f"{requirements.max_force_to_leg_axis_deg:g} deg from the leg, board {requirements.board.name}."
+    )
+    lines = [
+        title,
+        f"foot_type: {name}",
+        f"about: {description}",
+        "",
+        *(f"{key}: {value:g}" for key, value in lengths.items()),
+        "cavity: vented",
+        "",
+        *(
+            f"{key}: {{youngs_mpa: {one.material.youngs_mpa:g}, poisson: {one.poisson:g}}}   # {one.name}: {one.source}"
+            for key, one in solids.items()
+        ),
+        "",
+        "loads:",
+        *(f"  {key}: {value:g}" for key, value in loads.items()),
+    ]
+    return "\n".join(lines) + "\n"

@@ -1,8 +1,7 @@
 """Screening of all candidates, vectorised: force range, limiting factor, Cramer-Rao bound of the error.
 
-The range is the largest force in every direction under which no element reads as closed by more than
-`MAX_READABLE_CLOSURE_REL` of its gap, no capacitance exceeds the converter's range, and the contact patch is no wider
-than the response table holds.
+The range is an estimate of `evaluation.force_range` without gap contact, so that hundreds of thousands of feet take
+seconds; the contact patch has to be no wider than the response table holds, too.
 Errors are the Cramer-Rao bound of one scan for an unknown force and contact (`evaluation.cramer_rao`), from the
 smallest force to the largest.
 """
@@ -15,10 +14,10 @@ from numpy.typing import NDArray
 from footsense.foot.directions import tangent_frame
 from footsense.frames import Vector
 from footsense.lab.design.candidates import Candidates
-from footsense.lab.design.inputs.boards import Converter
-from footsense.lab.design.inputs.requirements import MAX_READABLE_CLOSURE_REL, Requirements
-from footsense.lab.design.prediction.closures import ClosureModel, Influence, design_loads
-from footsense.lab.design.prediction.shapes import RUBBER_POISSON, FootShapeLibrary
+from footsense.lab.design.closures import ClosureModel, Influence
+from footsense.lab.design.requirements import Converter, Requirements
+from footsense.lab.design.shapes import RUBBER_POISSON, FootShapeLibrary
+from footsense.lab.evaluation.force_range import MAX_READABLE_CLOSURE_REL, stated_loads
 from footsense.lab.geometry import MIN_FITTED_ELEVATION_DEG, MIN_TABLE_ELEVATION_DEG
 
 #: Feet evaluated at once, which limits memory.
@@ -59,7 +58,7 @@ def screen_candidates(
     library: FootShapeLibrary, requirements: Requirements, feet: Candidates
 ) -> ScreeningResult:
     """Return force range and error bounds of every candidate."""
-    model = ClosureModel(library, design_loads(requirements.max_force_to_leg_axis_deg))
+    model = ClosureModel(library, stated_loads(requirements.max_force_to_leg_axis_deg))
     parts = [
         _screen_batch(model, requirements, feet.select(slice(first, first + _FEET_PER_CALL)))
         for first in range(0, len(feet.gap_um), _FEET_PER_CALL)

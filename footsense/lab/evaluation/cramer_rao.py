@@ -88,18 +88,24 @@ class Bound:
         return variances
 
 
-def closure_sigma_um(design: Capacitor, closure_um: Vector, noise_pf: float = NOISE_PF) -> Vector:
+def closure_sigma_um(
+    design: Capacitor,
+    closure_um: Vector,
+    noise_pf: float = NOISE_PF,
+    baseline_noise_pf: float = BASELINE_NOISE_PF,
+) -> Vector:
     """Return the standard deviation of measured closures [um] from noise and baseline noise, shape of `closure_um`.
 
     Args:
         design: The capacitors.
         closure_um: The closures [um].
         noise_pf: Noise of a conversion [pF, rms].
+        baseline_noise_pf: Noise of a baseline [pF, rms].
     """
     stretch = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2
     now = (design.gap_um - closure_um + design.film_equivalent_um) ** 2
     rest = (design.gap_um + design.film_equivalent_um) ** 2
-    sigma: Vector = np.hypot(now * noise_pf, rest * BASELINE_NOISE_PF) / stretch
+    sigma: Vector = np.hypot(now * noise_pf, rest * baseline_noise_pf) / stretch
     return sigma
 
 
@@ -144,6 +150,7 @@ def force_bound(
     step: float = DIFFERENCE_STEP_REL,
     *,
     noise_pf: float = NOISE_PF,
+    baseline_noise_pf: float = BASELINE_NOISE_PF,
 ) -> Bound:
     """Return the Cramer-Rao bound of the force under each load.
 
@@ -154,10 +161,12 @@ def force_bound(
         unknowns: The unknowns of the estimator.
         step: As for `jacobian_um`.
         noise_pf: Noise of a conversion [pF, rms].
+        baseline_noise_pf: Noise of a baseline [pF, rms].
     """
     closure_um = sensed_closure_um(foot, normal, force_n)
     slope = jacobian_um(foot, normal, force_n, unknowns, step)
-    whitened = slope / closure_sigma_um(foot.response.design, closure_um, noise_pf)[..., None]
+    sigma_um = closure_sigma_um(foot.response.design, closure_um, noise_pf, baseline_noise_pf)
+    whitened = slope / sigma_um[..., None]
     # The inverse of F = J^T J through the triangle of J = Q R: the square of J's condition never appears.
     inverse = np.linalg.inv(np.linalg.qr(whitened, mode="r"))[:, :3]
     size = np.linalg.norm(force_n, axis=1)

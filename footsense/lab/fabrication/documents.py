@@ -5,11 +5,11 @@ import math
 from pathlib import Path
 from typing import Any
 
+from footsense.lab.design.materials import shore_a_from_modulus
+from footsense.lab.design.processes import AssumedProcess
 from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.array import ElementArray
-from footsense.lab.fabrication.assumptions import AssumedProcess
 from footsense.lab.fabrication.expected import ExpectedCapacitance
-from footsense.lab.fabrication.hardness import shore_a_from_modulus
 from footsense.lab.fabrication.parts.flex import GUARD_NET, Flex
 from footsense.lab.fabrication.tolerances import Tolerance
 from footsense.lab.geometry import UM_PER_MM, FootDesign

@@ -4,9 +4,9 @@ import math
 from collections.abc import Iterator
 
 from footsense.errors import ConfigError
+from footsense.lab.design.processes import AssumedProcess
 from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.array import ElementArray
-from footsense.lab.fabrication.assumptions import AssumedProcess
 from footsense.lab.fabrication.parts.flex import flexes
 from footsense.lab.fabrication.tolerances import hardness_tolerance_shore_a, overlap_area_deviation_rel
 from footsense.lab.geometry import UM_PER_MM, FootDesign

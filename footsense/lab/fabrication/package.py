@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from footsense.errors import ConfigError
+from footsense.lab.design.processes import AssumedProcess, assumed_process
 from footsense.lab.fabrication import documents
 from footsense.lab.fabrication.array import ElementArray
-from footsense.lab.fabrication.assumptions import AssumedProcess, assumed_process
 from footsense.lab.fabrication.expected import ExpectedCapacitance, expected_capacitance
 from footsense.lab.fabrication.limits import require_manufacturable
 from footsense.lab.fabrication.parts import gerber, sheets, solids

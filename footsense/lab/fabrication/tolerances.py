@@ -9,9 +9,8 @@ hardness of the rubber has what they leave.
 import math
 from dataclasses import dataclass
 
-from footsense.lab.design.inputs.materials import youngs_mpa_of
+from footsense.lab.design.materials import shore_a_from_modulus, youngs_mpa_of
 from footsense.lab.fabrication import dimensions
-from footsense.lab.fabrication.hardness import shore_a_from_modulus
 from footsense.lab.geometry import FootDesign
 from footsense.sim.fabrication import FootTolerances
 

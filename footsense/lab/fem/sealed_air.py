@@ -65,7 +65,7 @@ class SealedFoot(Foot):
     @cached_property
     def _opening(self) -> Vector:
         """Opening of each cell under a unit pressure in each cavity [um/MPa], shape (324, 9)."""
-        by_cavity = self._compliance_um_per_n.reshape(-1, len(self._gap_um), CELLS_PER_ELEMENT).sum(axis=2)
+        by_cavity = self._compliance_um_per_n.reshape(-1, len(self.gap_um), CELLS_PER_ELEMENT).sum(axis=2)
         opening: Vector = by_cavity * self.response.design.electrode_area_mm2 / CELLS_PER_ELEMENT
         return opening
 
@@ -91,10 +91,10 @@ class SealedFoot(Foot):
         excess_mpa, mean_opening = np.zeros_like(free_um), element_means(self._opening.T).T
         for _ in range(_MAX_NEWTON_STEPS):
             volume, slope = self._volume_and_negative_slope(excess_mpa)
-            rest_um = free_um - excess_mpa @ mean_opening.T - self._gap_um * (1.0 - volume)
-            if (np.abs(rest_um) <= _TOLERANCE_REL * self._gap_um).all():
+            rest_um = free_um - excess_mpa @ mean_opening.T - self.gap_um * (1.0 - volume)
+            if (np.abs(rest_um) <= _TOLERANCE_REL * self.gap_um).all():
                 return excess_mpa
-            matrix = mean_opening + (self._gap_um * slope)[:, :, None] * np.eye(len(self._gap_um))
+            matrix = mean_opening + (self.gap_um * slope)[:, :, None] * np.eye(len(self.gap_um))
             step_mpa = np.asarray(np.linalg.solve(matrix, rest_um[:, :, None])[:, :, 0], np.float64)
             excess_mpa = self._after_newton_step_mpa(excess_mpa, step_mpa)
         raise ArithmeticError(
@@ -108,15 +108,15 @@ class SealedFoot(Foot):
             ArithmeticError: Newton's method does not converge.
         """
         largest_um, share = math.inf, 1.0
-        step_mpa = np.zeros(len(self._gap_um))
+        step_mpa = np.zeros(len(self.gap_um))
         for _ in range(_MAX_NEWTON_STEPS):
             closure_um = solve_contact_lcp(
                 free_um - self._opening @ excess_mpa, self._gap_of_cell_um, self._compliance_um_per_n
             ).cell_closures_um
             volume, slope = self._volume_and_negative_slope(excess_mpa)
-            rest_um = element_means(closure_um) - self._gap_um * (1.0 - volume)
+            rest_um = element_means(closure_um) - self.gap_um * (1.0 - volume)
             size_um = float(np.abs(rest_um).max())
-            if size_um <= _TOLERANCE_REL * self._gap_um.min():
+            if size_um <= _TOLERANCE_REL * self.gap_um.min():
                 return closure_um
             if size_um > largest_um and share > 1e-3:
                 # The set of closed cells changed too much: half of the step.
@@ -128,7 +128,7 @@ class SealedFoot(Foot):
             compliance = self._compliance_um_per_n[:, closed]
             carried = np.linalg.solve(compliance[closed], self._opening[closed])
             stiffness = element_means((self._opening - compliance @ carried).T).T + np.diag(
-                self._gap_um * slope
+                self.gap_um * slope
             )
             newton_mpa = np.asarray(np.linalg.solve(stiffness, rest_um), np.float64)
             moved = self._after_newton_step_mpa(excess_mpa, newton_mpa)

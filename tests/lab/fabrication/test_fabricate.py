@@ -17,8 +17,8 @@ from footsense.config import load_config
 from footsense.errors import ConfigError, FootsenseError
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
+from footsense.lab.design.processes import assumed_process
 from footsense.lab.fabrication.array import ElementArray
-from footsense.lab.fabrication.assumptions import assumed_process
 from footsense.lab.fabrication.limits import manufacturing_problems, require_manufacturable
 from footsense.lab.fabrication.package import FabricationPackage, write_fabrication_package
 from footsense.lab.fabrication.parts import gerber, sheets, solids

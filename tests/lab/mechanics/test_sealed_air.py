@@ -25,7 +25,7 @@ class _PushedFoot(SealedFoot):
         response = design().response
         object.__setattr__(table := replace(response), "compliance_um_per_n", compliance)
         super().__init__(table, **gas)
-        self.gap_um = response.design.gap_um
+        self.designed_gap_um = response.design.gap_um
         self.opening = self._opening
 
     def closures_um(self, free_um: Vector) -> Vector:
@@ -43,7 +43,9 @@ def test_one_cavity_is_boyle_s() -> None:
     for free_um in (15.0, 200.0, -30.0):
         closure_um = foot.closures_um(np.full((1, N_CELLS), free_um))[0, 0]
         excess_mpa = (free_um - closure_um) / (40.0 * 16.0 / CELLS_PER_ELEMENT)
-        assert (AMBIENT_MPA + excess_mpa) * (1.0 - closure_um / foot.gap_um) == pytest.approx(AMBIENT_MPA)
+        assert (AMBIENT_MPA + excess_mpa) * (1.0 - closure_um / foot.designed_gap_um) == pytest.approx(
+            AMBIENT_MPA
+        )
 
 
 @pytest.mark.parametrize("exponent", [1.0, ADIABATIC])
@@ -51,7 +53,9 @@ def test_small_closures_are_those_of_a_spring(exponent: float) -> None:
     """Against the linear law (1 + n p0 K / g) d = d0, on coupled cells."""
     foot = _PushedFoot(coupled(), exponent=exponent)
     free_um = 1e-4 * np.random.default_rng(1).normal(size=(3, N_CELLS))
-    stiffened = np.eye(ELEMENTS) + exponent * AMBIENT_MPA / foot.gap_um * element_means(foot.opening.T).T
+    stiffened = (
+        np.eye(ELEMENTS) + exponent * AMBIENT_MPA / foot.designed_gap_um * element_means(foot.opening.T).T
+    )
     expected_um = np.linalg.solve(stiffened, element_means(free_um).T).T
     found_um = element_means(foot.closures_um(free_um))
     np.testing.assert_allclose(found_um, expected_um, rtol=1e-4, atol=1e-9)
@@ -63,9 +67,9 @@ def test_with_gaps_in_contact_both_laws_hold() -> None:
     foot = _PushedFoot(compliance)
     free_um = 40.0 + 120.0 * np.random.default_rng(2).normal(size=(6, N_CELLS))
     closure_um = foot.closures_um(free_um)
-    closed = closure_um >= foot.gap_um
+    closed = closure_um >= foot.designed_gap_um
     assert 0.1 < closed.mean() < 0.9
-    excess_mpa = AMBIENT_MPA / (1.0 - element_means(closure_um) / foot.gap_um) - AMBIENT_MPA
+    excess_mpa = AMBIENT_MPA / (1.0 - element_means(closure_um) / foot.designed_gap_um) - AMBIENT_MPA
     contact_n = np.linalg.solve(compliance, (free_um - excess_mpa @ foot.opening.T - closure_um).T).T
     assert np.abs(contact_n[~closed]).max() < 1e-6 < contact_n[closed].min() + 2e-6
 

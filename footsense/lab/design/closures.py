@@ -17,55 +17,18 @@ from footsense.foot.gap_contact import element_means
 from footsense.foot.response_table import series_basis, whole_series
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.design.candidates import Candidates
-from footsense.lab.design.prediction.shapes import (
+from footsense.lab.design.shapes import (
     AMPLITUDE_INDEX_OF_ELEMENT,
     RADIUS_MM,
     RUBBER_POISSON,
     YOUNGS_MPA,
     FootShapeLibrary,
 )
+from footsense.lab.evaluation.force_range import LoadDirections
 from footsense.lab.geometry import MIN_FITTED_ELEVATION_DEG
 
 #: Step of the differences by the normal [rad], and degree of the series.
 _STEP, _DEGREE = 1e-3, 12
-#: Angle between force and contact normal of the leaning loads [deg]: at its largest a foot's force is nearly upright,
-#: and friction takes a tenth of it.
-CONTACT_LEAN_DEG = 5.0
-
-
-class LoadDirections(NamedTuple):
-    """Loads without their magnitude: force directions and contact normals, shape (loads, 3) each."""
-
-    direction: Vector
-    normal: Vector
-
-
-def design_loads(max_lean_deg: float) -> LoadDirections:
-    """Return the loads used to judge a design: up to an angle from the leg's axis, centred and leaning."""
-
-    def toward(angle_deg: float, azimuth_deg: float) -> Vector:
-        """Return the unit vector at an angle from the leg's axis and an azimuth [deg]."""
-        angle, azimuth = np.radians(angle_deg), np.radians(azimuth_deg)
-        return np.array([np.sin(angle) * np.cos(azimuth), np.sin(angle) * np.sin(azimuth), np.cos(angle)])
-
-    half = max_lean_deg / 2.0
-    polar = [
-        (0.0, 0.0),
-        (half, 0.0),
-        (half, 45.0),
-        (max_lean_deg, 0.0),
-        (max_lean_deg, 22.5),
-        (max_lean_deg, 45.0),
-    ]
-    centred = np.stack([toward(*one) for one in polar])
-    leaning = np.stack([toward(half, 0.0), toward(max_lean_deg, 45.0)])
-    lean = np.radians(CONTACT_LEAN_DEG)
-    directions, normals = [centred], [centred]
-    for across in tangent_frame(leaning):
-        for sign in (1.0, -1.0):
-            directions.append(leaning)
-            normals.append(np.cos(lean) * leaning + sign * np.sin(lean) * across)
-    return LoadDirections(np.concatenate(directions), np.concatenate(normals))
 
 
 class Influence(NamedTuple):

@@ -13,6 +13,10 @@ from footsense.strict_yaml import Problem, load
 MATERIALS_TABLE = Path(__file__).with_name("materials.yaml")
 
 
+#: Gent's relation is E = e (a + b S) / (100 - S) with these e [MPa], a and b.
+_GENT_MPA, _GENT_A, _GENT_B = 0.0981 / (0.137505 * 2.54), 56.0, 7.62336
+
+
 def youngs_mpa_of(shore_a: float) -> float:
     """Return a rubber's Young's modulus [MPa] from its Shore A hardness, within 20 % up to 80 Shore A.
 
@@ -24,7 +28,18 @@ def youngs_mpa_of(shore_a: float) -> float:
         >>> [round(youngs_mpa_of(shore_a), 1) for shore_a in (50, 70, 90)]
         [2.5, 5.5, 20.8]
     """
-    return 0.0981 * (56.0 + 7.62336 * shore_a) / (0.137505 * (254.0 - 2.54 * shore_a))
+    return _GENT_MPA * (_GENT_A + _GENT_B * shore_a) / (100.0 - shore_a)
+
+
+def shore_a_from_modulus(youngs_mpa: float) -> float:
+    """Return a rubber's Shore A hardness from its Young's modulus [MPa], the inverse of `youngs_mpa_of`.
+
+    Example:
+        >>> round(shore_a_from_modulus(youngs_mpa_of(60.0)), 6)
+        60.0
+    """
+    ratio = youngs_mpa / _GENT_MPA
+    return (100.0 * ratio - _GENT_A) / (_GENT_B + ratio)
 
 
 class Solid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

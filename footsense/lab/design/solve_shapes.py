@@ -1,11 +1,15 @@
 """Finite element solution of the shape library (half an hour on one core), which `shapes` interpolates.
 
+`python -m footsense.lab.design.solve_shapes models/aoyagi-3x3/foot.yaml FILE` writes it; after a change of the solid's
+model alone.
+
 Shapes with one number changed are solved on the mesh of a release. How far two changes are from multiplying is a small
 number that a coarse mesh knows well enough, as its own error is in all four solutions alike:
 
     ln A(i, j) - ln A(i) - ln A(j) + ln A(0)
 """
 
+import sys
 from collections.abc import Callable
 from itertools import combinations
 from pathlib import Path
@@ -14,7 +18,7 @@ import numpy as np
 
 from footsense.foot.response_table import FootResponse
 from footsense.frames import Vector
-from footsense.lab.design.prediction.shapes import (
+from footsense.lab.design.shapes import (
     PAPER_SHAPE,
     SHAPE_INTERPOLATION_NODES,
     FootShape,
@@ -23,6 +27,7 @@ from footsense.lab.design.prediction.shapes import (
     solved_shapes,
 )
 from footsense.lab.fem.mesh import COARSE_MESH, RELEASED_MESH
+from footsense.lab.foot_file import load_foot
 from footsense.lab.geometry import FootDesign
 from footsense.lab.response import make_response
 
@@ -96,3 +101,7 @@ def store_shapes(path: Path, solved: list[FootResponse], pairs: Vector) -> None:
         quarter_compliance=np.stack([one.quarter_compliance for one in solved]).astype(np.float32),
         pairs=pairs.astype(np.float32),
     )
+
+
+if __name__ == "__main__":
+    solve_shapes(load_foot(Path(sys.argv[1])), Path(sys.argv[2]), print)

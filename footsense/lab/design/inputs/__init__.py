@@ -1,1 +1,0 @@
-"""Inputs of a design: requirements (`requirements`), materials, converter boards and fabrication processes."""

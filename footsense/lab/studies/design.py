@@ -1,0 +1,375 @@
+"""Page `design`: range and errors of the released feet, as predicted from solved shapes and from their own tables."""
+
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from footsense.daemon.foot_types import released_path
+from footsense.estimation.calibrated_feet import CalibratedFeet
+from footsense.estimation.network import steady_windows
+from footsense.foot.capacitor import GAP_CLOSED_THRESHOLD_REL
+from footsense.foot.directions import angles_between_deg, direction_grid, random_directions
+from footsense.foot.parameters import FootParameters
+from footsense.foot.specimen import Deviations, Foot
+from footsense.frames import Vector
+from footsense.lab.design.assess import ELEVATIONS_DEG, assess_foot
+from footsense.lab.design.materials import load_materials
+from footsense.lab.design.processes import assumed_process
+from footsense.lab.design.requirements import Requirements, converter
+from footsense.lab.design.shapes import FootShapeLibrary
+from footsense.lab.evaluation.force_range import (
+    MAX_READABLE_CLOSURE_REL,
+    REACH_DEG,
+    STATED_LEAN_DEG,
+    LoadDirections,
+    force_limits,
+    leaning_loads,
+    stated_loads,
+)
+from footsense.lab.foot_file import FOOT_FILE
+from footsense.lab.report import Figures, StudyContext, Values, spread, table, target
+from footsense.lab.training.load_cases import FULL_SCALE_PF, leaning_normals
+from footsense.sim.fabrication import draw_deviations
+
+TITLE = "Designed feet: range and error, predicted and built"
+
+_PAPER_FOOT = "aoyagi-3x3"
+#: Released feet, and the largest force that each is stated for [N]: of the paper's foot the paper's largest load.
+_STATED_N = {_PAPER_FOOT: 1.47, "hexapod-2kg": 12.0, "quadruped-12kg": 150.0}
+#: Angles between force and contact normal at which the limits are stated [deg].
+_LEANS_DEG = (0.0, 14.0, 30.0)
+_N_FEET, _QUICK_N_FEET, _SEED = 20, 2, 0
+_N_LOADS, _QUICK_N_LOADS, _MIN_ELEVATION_DEG = 600, 150, 32.0
+#: Borders of the bands of the largest closure over the element's own gap [1].
+_BANDS_REL = (0.0, 0.5, 0.7, MAX_READABLE_CLOSURE_REL, 0.9, np.inf)
+#: Largest difference of a built figure from its prediction [1].
+_TARGET_DIFFERENCE_REL = 0.04
+#: Errors in words, and the factor to their unit.
+_ERRORS = {
+    "direction_error_bound_deg": ("noise, direction [deg]", 1.0),
+    "magnitude_error_bound_rel": ("noise, magnitude [%]", 100.0),
+    "calibrated_direction_error_deg": ("made and calibrated, direction [deg]", 1.0),
+    "calibrated_magnitude_error_rel": ("made and calibrated, magnitude [%]", 100.0),
+}
+
+
+def compute(context: StudyContext) -> tuple[Values, Figures]:
+    """Assess each released foot from shapes and from its table, then made feet with the released network."""
+    library, feet = FootShapeLibrary(), {}
+    for foot_type, stated_n in _STATED_N.items():
+        models = released_path(FOOT_FILE, foot_type).parent
+        feet[foot_type] = _foot(models, stated_n, library, quick=context.quick)
+        context.report_progress(f"{foot_type} done")
+    differences = [max(_differences(foot)) for foot in feet.values()]
+    designed = {name: foot for name, foot in feet.items() if name != _PAPER_FOOT}
+    values = {
+        "n_feet": _QUICK_N_FEET if context.quick else _N_FEET,
+        "n_loads": _QUICK_N_LOADS if context.quick else _N_LOADS,
+        "feet": feet,
+        "targets": [
+            target(
+                "designed feet, a built figure against its prediction, worst of 3 feet",
+                f"{100 * _TARGET_DIFFERENCE_REL:g} %",
+                f"{100 * max(differences):.1f} %",
+                met=max(differences) <= _TARGET_DIFFERENCE_REL,
+            ),
+            *(
+                target(
+                    f"range of {name}, as designed, and the least of {len(foot['made_range_n'])} made feet",
+                    f"{foot['stated_n']:g} N",
+                    f"{foot['built']['all_directions_range_n']:.3g} N, made {min(foot['made_range_n']):.3g} N",
+                    met=min(foot["made_range_n"]) >= foot["stated_n"],
+                )
+                for name, foot in designed.items()
+            ),
+        ],
+    }
+    return values, {"design.png": _figure(feet)}
+
+
+def _foot(models: Path, stated_n: float, library: FootShapeLibrary, *, quick: bool) -> Values:
+    """Return range and errors of one foot, predicted and built, its limits by lean, and those of made feet."""
+    context = StudyContext(models=models)
+    design, response = context.foot_design, context.response
+    process = assumed_process(design)
+    requirements = Requirements(
+        stated_n,
+        stated_n / 20.0,
+        REACH_DEG,
+        1.0,
+        (20.0, 60.0),
+        load_materials(),
+        process.process,
+        converter("fdc1004"),
+    )
+    tables = {"predicted": library.response(design), "built": response}
+    n_feet = _QUICK_N_FEET if quick else _N_FEET
+    made = [draw_deviations(response, process.rms_deviations, _SEED, foot) for foot in range(n_feet)]
+    within = stated_loads(REACH_DEG)
+    return {
+        "stated_n": stated_n,
+        "trained_n": design.loads.max_n,
+        **{name: assess_foot(one, requirements)._asdict() for name, one in tables.items()},
+        "limits": [_limits(Foot(response), lean_deg, quick=quick) for lean_deg in _LEANS_DEG],
+        "process": process.process_name,
+        "made_range_n": [float(force_limits(Foot(response, one), within).range_n.min()) for one in made],
+        "bands": _bands(context, [Deviations()] * n_feet, made, quick=quick),
+    }
+
+
+def _limits(foot: Foot, lean_deg: float, *, quick: bool) -> Values:
+    """Return each limit under forces up to the reach, contacts leaning by one angle: least and mean over the loads."""
+    azimuths = [0.0, 45.0] if quick else [22.5 * k for k in range(16)]
+    tilted = direction_grid(azimuths, [90.0 - REACH_DEG, 90.0 - REACH_DEG / 2.0])
+    direction = np.concatenate([[[0.0, 0.0, 1.0]], tilted])
+    loads = leaning_loads(direction, lean_deg) if lean_deg else LoadDirections(direction, direction)
+    found = force_limits(foot, loads)
+    named = {
+        "gap_closes": found.gap_closes_n,
+        "range": found.range_n,
+        "converter": found.converter_n,
+    }
+    least = {name: [float(one.min()), float(one.mean())] for name, one in named.items()}
+    return {"lean_deg": lean_deg, "n": len(loads.normal), **least}
+
+
+def _bands(
+    context: StudyContext, designed: list[Deviations], made: list[Deviations], *, quick: bool
+) -> list[Values]:
+    """Return the network's errors by closure band, on the designed foot and on made feet of known parameters."""
+    n = _QUICK_N_LOADS if quick else _N_LOADS
+    errors = [
+        [_closures_and_errors(context, deviations, n, number) for number, deviations in enumerate(feet)]
+        for feet in (designed, made)
+    ]
+    rows = []
+    for low, high in pairwise(_BANDS_REL):
+        row: Values = {"low": low, "high": min(high, 9.0)}
+        for name, feet in zip(("designed", "made"), errors, strict=True):
+            inside = [part[:, (part[0] >= low) & (part[0] < high)] for part in feet]
+            read = [part[1:, ~np.isnan(part[1])] for part in inside]
+            pooled = np.concatenate(read, axis=1)
+            row[name] = {
+                "share": sum(part.shape[1] for part in inside) / (n * len(feet)),
+                "with_force": pooled.shape[1] / max(1, sum(part.shape[1] for part in inside)),
+                "by_foot_deg": [float(part[0].mean()) for part in read if part.shape[1]],
+                "p95_deg": float(np.percentile(pooled[0], 95)) if pooled.size else None,
+                "magnitude_rel": float(pooled[1].mean()) if pooled.size else None,
+                "within_2_sigma": float(pooled[2].mean()) if pooled.size else None,
+            }
+        rows.append(row)
+    return rows
+
+
+def _closures_and_errors(context: StudyContext, own: Deviations, n: int, number: int) -> Vector:
+    """Return largest closure over its gap, direction error [deg], magnitude error [1], share within 2 sigma, (4, n).
+
+    The loads are random, leaning as in the training, from a tenth of its largest force on; NaN is no force.
+    """
+    loads, trained, foot = context.foot_design.loads, context.trained_inputs, Foot(context.response, own)
+    rng = np.random.default_rng((_SEED, number, 1))
+    direction = random_directions(rng, 2 * n, _MIN_ELEVATION_DEG)
+    normal = leaning_normals(loads, rng, direction)
+    reached = np.flatnonzero(normal[:, 2] >= np.sin(np.radians(_MIN_ELEVATION_DEG)))[:n]
+    normal, force_n = normal[reached], direction[reached] * rng.uniform(0.1, 1.0, (n, 1)) * loads.max_n
+    capacitance_pf = foot.capacitance_pf(normal, force_n)
+    stray_pf = np.broadcast_to(foot.stray_pf, foot.unloaded_pf.shape)
+    closure_um = trained.design.closure_um(capacitance_pf - stray_pf, foot.unloaded_pf - stray_pf)
+    closure_rel = closure_um / trained.design.gap_um
+    known = FootParameters(
+        stray_pf=stray_pf,
+        unloaded_pf=foot.unloaded_pf,
+        gap_um=foot.gap_um,
+        stiffness_rel=own.stiffness_rel,
+        mount=own.mount,
+    )
+    read = (closure_rel <= trained.max_usable_closure_rel(foot.gap_um)).all(axis=1)
+    read &= capacitance_pf.max(axis=1) < FULL_SCALE_PF
+    windows = steady_windows(np.where(read[:, None], closure_rel, 0.0))
+    load = CalibratedFeet(context.network, [known] * n).estimate(windows)
+    size_n = np.linalg.norm(force_n, axis=1)
+    magnitude_rel = np.abs(np.linalg.norm(load.force_n, axis=1) / size_n - 1.0)
+    within = (np.abs(load.force_n - force_n) <= 2.0 * load.sigma_n).mean(axis=1)
+    found = np.stack([angles_between_deg(force_n, load.force_n), magnitude_rel, within])
+    return np.concatenate([[(closure_um / foot.gap_um).max(axis=1)], np.where(read, found, np.nan)])
+
+
+def _differences(foot: Values) -> list[float]:
+    """Return how far each built figure is from its prediction, over the prediction [1]."""
+    names = ("all_directions_range_n", "range_by_elevation_n", *_ERRORS)
+    pairs = [(np.array(foot["predicted"][name]), np.array(foot["built"][name])) for name in names]
+    return [float(np.abs(built / predicted - 1.0).max()) for predicted, built in pairs]
+
+
+def _figure(feet: Values) -> Figure:
+    """Return the range over the elevation, predicted and built, and the range of made feet, over the stated force."""
+    figure = Figure(figsize=(10.0, 4.0), layout="constrained")
+    by_elevation, of_made = figure.subplots(1, 2)
+    for number, (name, foot) in enumerate(feet.items()):
+        for source, style in (("predicted", "x"), ("built", "-")):
+            range_rel = np.array(foot[source]["range_by_elevation_n"]) / foot["stated_n"]
+            label = f"{name}, {source}" if source == "built" else None
+            by_elevation.plot(ELEVATIONS_DEG, range_rel, style, color=f"C{number}", label=label)
+        made_rel = np.sort(foot["made_range_n"]) / foot["stated_n"]
+        of_made.plot(np.linspace(0, 1, len(made_rel)), made_rel, "o-", color=f"C{number}", ms=4, label=name)
+    for axes in (by_elevation, of_made):
+        axes.axhline(1.0, color="k", ls=":", lw=1)
+        axes.set(ylabel="range over the stated force", ylim=(0.0, None))
+        axes.grid(alpha=0.3)
+        axes.legend(fontsize=8)
+    by_elevation.set(xlabel="elevation of a centred force [deg]", title="as designed (crosses: predicted)")
+    of_made.set(xlabel="share of the made feet", title=f"made feet, up to {REACH_DEG:g} deg from the leg")
+    return figure
+
+
+def text(values: Values) -> str:
+    """Return the page's Markdown."""
+    feet: dict[str, Any] = values["feet"]
+    ranges = table(
+        "foot | stated [N] | predicted | built | "
+        + " | ".join(f"at {elevation} deg" for elevation in ELEVATIONS_DEG)
+        + f" | {values['n_feet']} made feet | least",
+        [
+            (
+                f"`{name}`",
+                f"{foot['stated_n']:g}",
+                *(f"{foot[source]['all_directions_range_n']:.3g}" for source in ("predicted", "built")),
+                *(f"{range_n:.3g}" for range_n in foot["built"]["range_by_elevation_n"]),
+                f"{np.mean(foot['made_range_n']):.3g} +- {np.std(foot['made_range_n'], ddof=1):.2g}",
+                f"{min(foot['made_range_n']):.3g}",
+            )
+            for name, foot in feet.items()
+        ],
+    )
+    limits = table(
+        "foot | contact leans by [deg] | loads | a first gap begins to close, least (mean) [N] | range | converter ends",
+        [
+            (
+                f"`{name}`",
+                f"{row['lean_deg']:g}",
+                row["n"],
+                *(
+                    f"{row[limit][0]:.3g} ({row[limit][1]:.3g})"
+                    for limit in ("gap_closes", "range", "converter")
+                ),
+            )
+            for name, foot in feet.items()
+            for row in foot["limits"]
+        ],
+    )
+    errors = table(
+        "foot | error | predicted, by force | built, by force | largest difference [%]",
+        [
+            (f"`{name}`", words, *_predicted_and_built(foot, error, factor))
+            for name, foot in feet.items()
+            for error, (words, factor) in _ERRORS.items()
+        ],
+    )
+    bands = table(
+        "foot | largest closure over its gap | loads [%] | with a force [%] | as designed [deg] | 95 % below"
+        f" | {values['n_feet']} made feet, mean of each [deg] | 95 % below | magnitude [%] | within 2 sigma [%]",
+        [
+            (
+                f"`{name}`",
+                f"{row['low']:g} to " + (f"{row['high']:g}" if row["high"] < 1 else "all"),
+                *_band_cells(row),
+            )
+            for name, foot in feet.items()
+            for row in foot["bands"]
+        ],
+    )
+    worst = {name: max(_differences(foot)) for name, foot in feet.items()}
+    return f"""
+`footsense lab design` finds a foot by its predicted range and errors, without a solve: a few shapes solved once, scaled
+and interpolated. Here are the three released feet, as predicted and from their own solved tables ("built": no foot was
+made). Both come from one model of the foot, so this page tells what the shortcut costs, not how good the model is.
+The paper's shape is one of those solved, so that its prediction is no test.
+
+## Range
+
+The range is the largest force that is read in every direction up to {REACH_DEG:g} deg from the leg's axis, centred or with the
+contact normal {STATED_LEAN_DEG:g} deg off the force: no closure above {MAX_READABLE_CLOSURE_REL:g} of its gap, no capacitance above {FULL_SCALE_PF:.0f} pF. *At ... deg* is the
+built range of centred forces at an elevation. *Made feet* deviate from the design by the tolerances of the process that
+it assumes (feet 0 to {values["n_feet"] - 1} of seed {_SEED}: gap, film, stray, stiffness by 20 % rms, mount), with their own gaps and strays
+known; mean, standard deviation over feet, and the least.
+
+{ranges}
+
+`aoyagi-3x3` is stated for the paper's largest load, 150 gf, which it does not reach: beyond the range its closures are
+read up to the converter's end, less surely (last table). The others are stated for what they were designed for, which
+the design reaches and {_n_short(feet)} of the {2 * values["n_feet"]} made feet do not: a rubber softer than designed takes from the range.
+
+![](design.png)
+
+Where gaps begin to close, and where the leg says `saturated`, on the built tables: least force over directions up to
+{REACH_DEG:g} deg from the leg, in brackets the mean. {_LEANS_DEG[1]:g} deg is the rms lean of the training's leaning contacts. The stated range
+holds for contacts that lean by up to {STATED_LEAN_DEG:g} deg: one that leans by {_LEANS_DEG[1]:g} deg leaves {_left_at_lean(feet)}.
+
+{limits}
+
+## Errors
+
+Five forces from a twentieth of the stated one to all of it. *Noise* is the Cramer-Rao bound of one scan for an unknown
+contact, mean over directions; *made and calibrated* what the process's tolerances leave after a calibration, to first
+order. No network is in these figures.
+
+{errors}
+
+The largest difference of a built figure from its prediction, ranges included: {", ".join(f"{100 * one:.1f} % ({name})" for name, one in worst.items())}.
+
+## Where one force cannot be told from another
+
+The released networks under {values["n_loads"]} random loads a foot, without noise, from a tenth of the training's largest force to
+all of it, contacts leaning as in the training, by the largest closure of an element over its own gap. A leg whose
+converter is at its end, or whose gap reads as closed (above {GAP_CLOSED_THRESHOLD_REL:g}), gives no force. Shares of
+loads, magnitude and sigma are of the made feet, whose parameters are known; their direction error is the mean of each
+foot as mean, standard deviation and worst over the feet. *95 % below* is over all loads before it.
+
+{bands}
+
+Above {MAX_READABLE_CLOSURE_REL:g} of the gap closures hardly change with the force, and in a foot of another gap the same closure stands for another
+load, which sigma, that of the designed foot, does not contain. That is why the range ends there.
+"""
+
+
+def _n_short(feet: Values) -> int:
+    """Return how many made feet of the designs do not reach the stated force."""
+    designs = [foot for name, foot in feet.items() if name != _PAPER_FOOT]
+    return sum(range_n < foot["stated_n"] for foot in designs for range_n in foot["made_range_n"])
+
+
+def _left_at_lean(feet: Values) -> str:
+    """Return the range at the middle lean over the stated one, of each design, in words."""
+    parts = [
+        f"{foot['limits'][1]['range'][0]:.3g} of {foot['stated_n']:g} N (`{name}`)"
+        for name, foot in feet.items()
+        if name != _PAPER_FOOT
+    ]
+    return " and ".join(parts)
+
+
+def _predicted_and_built(foot: Values, error: str, factor: float) -> tuple[str, ...]:
+    """Return the cells of an error: predicted, built, and the largest difference of the built one [%]."""
+    predicted, built = (np.atleast_1d(foot[source][error]) for source in ("predicted", "built"))
+    cells = (" / ".join(f"{factor * one:.2g}" for one in part) for part in (predicted, built))
+    return *cells, f"{100 * np.abs(built / predicted - 1.0).max():.1f}"
+
+
+def _band_cells(row: Values) -> tuple[str, ...]:
+    """Return the cells of a closure band, dashes where no foot has a force."""
+    designed, made = row["designed"], row["made"]
+    shares = tuple(f"{100 * made[name]:.0f}" for name in ("share", "with_force"))
+    if not designed["by_foot_deg"] or len(made["by_foot_deg"]) < 2:
+        return *shares, *"------"
+    return (
+        *shares,
+        f"{np.mean(designed['by_foot_deg']):.2f}",
+        f"{designed['p95_deg']:.1f}",
+        spread(made["by_foot_deg"]),
+        f"{made['p95_deg']:.1f}",
+        f"{100 * made['magnitude_rel']:.1f}",
+        f"{100 * made['within_2_sigma']:.0f}",
+    )
