@@ -116,7 +116,7 @@ def record(
         )
         messages: deque[str] = deque(maxlen=_N_SHOWN_MESSAGES)
         report = messages.append if live else click.echo
-        guide = session_guide(test_stand, row, wanted, service.network, report)
+        guide = session_guide(test_stand, row, len(service.legs), wanted, service.network, report)
         service.observers.append(guide)
         if live:
             title = f"{foot} on {leg}, session {run.session}"

@@ -23,7 +23,7 @@ from footsense.daemon.acquisition import ScanSource
 from footsense.errors import ConfigError
 from footsense.estimation.network import Network
 from footsense.frames import Vector
-from footsense.ports import LoadEstimate, ReferenceSensor, Window
+from footsense.ports import ReferenceSensor
 from footsense.reference.net_ft import NetFtReference
 from footsense.reference.sample_stream import SampleStream
 from footsense.reference.sensor_mounting import SensorMounting
@@ -112,36 +112,30 @@ def _sample_stream(name: str, test_stand: StandConfig, rate_hz: float, unit_per_
 
 
 def session_guide(
-    test_stand: StandConfig, row: int, n_wanted: int, network: Network, report: Callable[[str], None]
+    test_stand: StandConfig,
+    row: int,
+    n_rows: int,
+    n_wanted: int,
+    network: Network,
+    report: Callable[[str], None],
 ) -> SessionGuide:
     """Return the observer that guides a calibration session, with force estimates by the foot type's network.
 
     Args:
         test_stand: Its force sensor.
         row: Row of the leg in the frames.
+        n_rows: Rows of the frames, and of the network.
         n_wanted: Number of loads of a complete set.
         network: Network of the design, whose forces check those of the sensor.
         report: Takes each message, one line.
     """
-    one_row = _SingleFootNetwork(network)
 
     def estimate(load: CalibrationLoad) -> Vector:
-        estimates = estimate_loads(LoadSet.from_loads([load]), one_row, network.card.trained_inputs, None)
-        force_n: Vector = estimates.force_n[0]
+        loads = LoadSet.from_loads([load] * n_rows)
+        force_n: Vector = estimate_loads(loads, network, network.card.trained_inputs, None).force_n[0]
         return force_n
 
     return SessionGuide(row, n_wanted, estimate, partial(reference_findings, test_stand), report)
-
-
-class _SingleFootNetwork:
-    """Adapter that runs a network of several rows for a single foot: every row gets the same input."""
-
-    def __init__(self, network: Network) -> None:
-        self._network = network
-
-    def estimate(self, window: Window) -> LoadEstimate:
-        """Return the estimated load of the foot (the first row)."""
-        return LoadEstimate(*(part[:1] for part in self._network.estimate(window)))
 
 
 def practice_scene(foot: str, row: int, session: str) -> Scene:
