@@ -32,7 +32,7 @@ _COMMANDS = {
     "exporter": ("exporter", "Serve the metrics of a running service to Prometheus."),
     "snapshot": ("recordings", "Record the last 30 s of a running service."),
     "replay": ("recordings", "Run a recording through the pipeline again, or check it."),
-    "export": ("recordings", "Convert a recording: ROS 2 bag, CSV, picture."),
+    "export": ("recordings", "Convert a recording: ROS 2 bag, CSV."),
     "check-config": ("check_config", "Print every setting of a file, or its first error."),
     "record": ("record", "Record presses of a foot beside a force sensor."),
     "calibrate": ("calibration", "Calibrate a foot from its recordings on a test stand."),

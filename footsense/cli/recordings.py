@@ -128,20 +128,11 @@ _RecordingWriter = Callable[[Replay, Path], int]
 @click.argument("file", type=FILE)
 @click.option("--ros2", type=FILE, metavar="FOLDER", help="Write a bag: `ros2 bag play FOLDER`.")
 @click.option("--csv", type=FILE, help="Write a table: a row for each leg and cycle, units in the headers.")
-@click.option(
-    "--plot", type=FILE, help="Draw forces, states and events: a .png, .svg or .pdf (needs footsense[plot])."
-)
-def export(
-    file: Path,
-    *,
-    ros2: Path | None,
-    csv: Path | None,
-    plot: Path | None,
-) -> None:
-    """Convert the recording FILE; give one or more of the forms.
+def export(file: Path, *, ros2: Path | None, csv: Path | None) -> None:
+    """Convert the recording FILE; give one or both of the forms.
 
-    What is not known is never a plausible number: a leg without a usable force has no wrench in a bag, an empty cell in
-    a table, and a gap in a picture. A recording that is cut short is converted as far as it is whole (exit 74).
+    What is not known is never a plausible number: a leg without a usable force has no wrench in a bag, and an empty
+    cell in a table. A recording that is cut short is converted as far as it is whole (exit 74).
     """  # noqa: DOC501 - click shows this text
     forms: list[tuple[Path, _RecordingWriter]] = []
     if ros2 is not None:
@@ -153,14 +144,8 @@ def export(
         from footsense.export.tables import write_csv
 
         forms.append((csv, write_csv))
-    if plot is not None:
-        require("--plot", "plot", "matplotlib")
-        from footsense.export.plot import require_picture_suffix, write_plot
-
-        require_picture_suffix(plot)
-        forms.append((plot, write_plot))
     if not forms:
-        raise click.UsageError("say what to write: --ros2 FOLDER, --csv or --plot FILE")
+        raise click.UsageError("say what to write: --ros2 FOLDER or --csv FILE")
     Replay(file)
     for target, _ in forms:
         check_new_file(str(target), target)

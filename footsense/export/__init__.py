@@ -1,1 +1,1 @@
-"""Export of recordings as a table (CSV) and as a plot."""
+"""Export of recordings as a table (CSV)."""

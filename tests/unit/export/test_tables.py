@@ -63,7 +63,6 @@ def test_csv_has_every_value(folder: Path, cycles: list[Cycle]) -> None:
         (["export", str(GOLDEN)], "say what to write"),
         (["export", str(GOLDEN), "--csv", str(GOLDEN)], "is not overwritten"),
         (["export", str(GOLDEN), "--csv", "/nowhere/walk.csv"], "there is no directory /nowhere"),
-        (["export", str(GOLDEN), "--plot", "walk.gif"], "a picture ends in .png, .svg, .pdf"),
         (["export", "missing.mcap", "--csv", "walk.csv"], "missing.mcap"),
     ],
 )
@@ -77,24 +76,12 @@ def test_a_wrong_call_is_one_line(
     assert not list(tmp_path.iterdir())
 
 
-def test_a_picture_shows_what_was_recorded(tmp_path: Path) -> None:
-    """Every leg has a panel; the legend names the states and events that occur, and no others."""
-    picture = tmp_path / "walk.svg"
-    result = CliRunner().invoke(main, ["export", str(GOLDEN), "--plot", str(picture)], catch_exceptions=False)
-    assert "1448 cycles" in result.output
-    text = picture.read_text(encoding="utf-8")
-    for words in ("lf  left front", "rr  right rear", "touchdown", "valid", "taring", "1448 cycles"):
-        assert f"<!-- {words} -->" in text or words in text
-    assert "<!-- absent -->" not in text
-    assert "<!-- slip begins -->" not in text
-
-
 def test_a_package_that_is_missing_is_named_before_anything_is_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Else the other forms would be there already, and the command could not be repeated."""
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
-    words = ["export", str(GOLDEN), "--csv", str(tmp_path / "walk.csv"), "--plot", str(tmp_path / "walk.png")]
+    monkeypatch.setitem(sys.modules, "rosbags", None)
+    words = ["export", str(GOLDEN), "--csv", str(tmp_path / "walk.csv"), "--ros2", str(tmp_path / "bag")]
     result = CliRunner().invoke(main, words)
-    assert "--plot needs " in f"{result.output}{result.exception}"
+    assert "--ros2 needs " in f"{result.output}{result.exception}"
     assert list(tmp_path.iterdir()) == []
