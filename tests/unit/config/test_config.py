@@ -81,10 +81,6 @@ def test_a_relative_path_is_one_beside_the_file(
     ("text", "wanted"),
     [
         (
-            ONE_BUS.replace("rf", "fl"),
-            ":3: buses[0].legs.fl: 'fl' is none of l4, lf, lm, lr, r4, rf, rm, rr; did you mean lf?",
-        ),
-        (
             ONE_BUS.replace("socketcan", "vcan"),
             "(a CAN device of Linux: interface: socketcan, channel: can0, or vcan0)",
         ),

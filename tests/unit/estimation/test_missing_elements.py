@@ -45,15 +45,3 @@ def test_what_stands_in_a_missing_place_has_no_influence(seed: int, missing: Mas
     before = spoilt.copy()
     np.testing.assert_array_equal(imputation.impute(spoilt, mask), imputation.impute(closure_rel, mask))
     np.testing.assert_array_equal(spoilt, before)
-
-
-def test_each_row_has_its_own_mask() -> None:
-    """Rows without a missing element come back as they are, a row without any element left is nothing."""
-    closure_rel = loads(0, n=3)
-    missing = np.zeros((3, 9), bool)
-    missing[1, 4], missing[2] = True, True
-    imputation = Imputation(closure_rel.T @ closure_rel + np.eye(9))
-    filled = imputation.impute(closure_rel, missing)
-    np.testing.assert_array_equal(filled[0], closure_rel[0])
-    np.testing.assert_array_equal(filled[1], imputation.matrix(missing[1]) @ closure_rel[1])
-    np.testing.assert_array_equal(filled[2], 0.0)
