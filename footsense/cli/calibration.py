@@ -115,9 +115,10 @@ def calibrate(
     help="Folder of its calibration; by default ./feet/FOOT, and if that is missing, none.",
 )
 @click.option(
-    "--out",
-    type=FOLDER,
-    help="Folder for a page with figures: error map, patterns, histograms (needs footsense[lab]).",
+    "--map",
+    "error_map",
+    type=click.Path(dir_okay=False, writable=True, path_type=Path),
+    help="Picture of the direction errors over the ball, such as errors.png (needs footsense[lab]).",
 )
 @_foot_type_option
 @json_option
@@ -125,17 +126,17 @@ def evaluate(
     recordings: tuple[Path, ...],
     foot: str,
     folder: Path | None,
-    out: Path | None,
+    error_map: Path | None,
     foot_type_folder: Path | None,
     *,
     as_json: bool,
 ) -> None:
     """Compare a foot's forces with the reference of the test stand, with its calibration and without."""
-    if out is not None:
-        require("--out", "lab", "jinja2", "matplotlib")
+    if error_map is not None:
+        require("--map", "lab", "matplotlib")
         from footsense.cli.lab.options import ensure_writable_folder
 
-        ensure_writable_folder(out)
+        ensure_writable_folder(error_map.parent)
     sessions = _read_sessions(recordings, foot)
     foot_type = sessions[0].foot_type
     models, _ = _load_design_models(foot_type, foot_type_folder)
@@ -161,11 +162,13 @@ def evaluate(
         if (errors := evaluation.errors_of(estimates, band)) is not None
     ]
     figures = _evaluation_figures(foot, foot_type, sessions, calibration, evaluation, rows)
-    if out is not None:
-        from footsense.cli.lab.evaluation_page import write_page
+    if error_map is not None:
+        from footsense.cli.lab.error_map import write_error_map
 
-        page = write_page(out, figures, rows, warnings, evaluation, parameters, models.response)
-        click.echo(f"wrote {page}", err=True)
+        compared = evaluation.is_compared
+        estimates_n = {source: one.force_n[compared] for source, one in evaluation.estimates.items()}
+        write_error_map(error_map, evaluation.reference_n[compared], estimates_n)
+        click.echo(f"wrote {error_map}", err=True)
     if as_json:
         echo_json(figures)
     else:

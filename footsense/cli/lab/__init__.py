@@ -1,1 +1,1 @@
-"""Commands `footsense lab ...`: build and compare models, run studies, make the report."""
+"""Commands `footsense lab ...`: build models, run studies, make the report."""

@@ -1,12 +1,150 @@
-"""Command group `footsense lab`: foot model, network training, studies. Needs the extra `lab`."""
+"""Command group `footsense lab`: model files of a foot, their errors, and the report. Needs the extra `lab`."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
+import msgspec
 
-from footsense.cli.lab import design, fabricate, models, response, study
-from footsense.errors import require
+from footsense.cli.lab import design, fabricate, options
+from footsense.cli.options import FILE, FOLDER, json_option
+from footsense.cli.tables import echo_json
+from footsense.daemon.foot_types import released_path
+from footsense.errors import FootsenseError, require
+
+if TYPE_CHECKING:
+    from footsense.lab.geometry import FootDesign
 
 #: Libraries of the extra.
 _REQUIRED_PACKAGES = ("ngsolve", "jax", "jinja2", "joblib", "optax", "onnx", "scipy")
+
+
+@click.command()
+@click.option(
+    "--foot",
+    type=FILE,
+    help="Description of the foot, a YAML file; without it the released one's.",
+)
+@click.option(
+    "--out",
+    type=FOLDER,
+    help="Folder in which the foot type's own folder is made; without it ./models, quick ones ./models-quick.",
+)
+@click.option("--quick", is_flag=True, help="Coarse mesh, short training: every step, no release.")
+@click.option(
+    "--like",
+    type=FOLDER,
+    help="Folder of a similar foot type: the training starts from its network, and is a fifth as long.",
+)
+def build(*, foot: Path | None, out: Path | None, quick: bool, like: Path | None) -> None:
+    """Build the models of a foot, and print their errors.
+
+    Solves the foot, trains its network, and writes both with their card.
+    """  # noqa: DOC501
+    from footsense.lab.foot_file import FOOT_FILE, load_foot
+
+    description = foot or released_path(FOOT_FILE)
+    foot_design = load_foot(description)
+    folder = (out or Path("models-quick" if quick else "models")) / foot_design.foot_type
+    for known in (folder, released_path(FOOT_FILE, foot_design.foot_type).parent):
+        _require_unique_foot_type(known / FOOT_FILE, description, foot_design)
+    options.ensure_writable_folder(folder)
+    from footsense.lab.build import FULL_BUILD, QUICK_BUILD, SIMILAR_FOOT_BUILD
+    from footsense.lab.build import build as build_models
+    from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, as_markdown
+
+    if quick and like is not None:
+        raise click.UsageError("--quick and --like exclude each other")
+    recipe = QUICK_BUILD if quick else FULL_BUILD
+    if like is not None:
+        recipe = replace(SIMILAR_FOOT_BUILD, start_network=like / NETWORK_FILE)
+
+    report = options.elapsed_time_reporter()
+    built = build_models(description, folder, recipe, report)
+    report(f"wrote {folder}; JAX and ONNX Runtime differ by at most {1000 * built.onnx_difference_n:.4f} mN")
+    click.echo(as_markdown(built.error_table))
+
+
+def _require_unique_foot_type(known: Path, description: Path, foot_design: "FootDesign") -> None:
+    """Raise an error if another foot has this foot type's name (their networks could be confused).
+
+    Raises:
+        FootsenseError: It is.
+    """
+    from footsense.lab.foot_file import load_foot
+
+    if known.exists() and msgspec.structs.replace(load_foot(known), about=foot_design.about) != foot_design:
+        raise FootsenseError(
+            f"{description}: foot_type: {known} describes another foot of the name {foot_design.foot_type}; "
+            "give this one a name of its own, or remove that folder"
+        )
+
+
+@click.command()
+@options.models_option
+@json_option
+def evaluate(*, models: Path | None, as_json: bool) -> None:
+    """Print the errors of the released network.
+
+    Beside them stand those of the paper and of linear estimates.
+    """
+    from footsense.lab.evaluation.evaluate_models import as_json as table_json
+    from footsense.lab.evaluation.evaluate_models import as_markdown, evaluate_models
+
+    errors = evaluate_models(models or options.released_folder())
+    if as_json:
+        echo_json(table_json(errors))
+        return
+    click.echo(as_markdown(errors))
+
+
+@click.command()
+@click.argument("name")
+@options.models_option
+@options.output_option
+@options.quick_option
+@options.scheduler_option
+@json_option
+def study(
+    *, name: str, models: Path | None, output: Path | None, quick: bool, scheduler: str | None, as_json: bool
+) -> None:
+    """Make the page NAME of the report. Another name lists them all."""
+    from footsense.lab.report import StudyContext, make_page, require_study, write_list_of_pages
+
+    require_study(name)
+    folder = options.ensure_report_folder(output, quick=quick)
+    progress = (lambda _: None) if as_json else options.elapsed_time_reporter()
+    context = StudyContext(
+        models=models or options.released_folder(),
+        quick=quick,
+        scheduler=scheduler,
+        report_progress=progress,
+    )
+    markdown, values = make_page(name, context, folder)
+    if models is None:
+        write_list_of_pages(folder)
+    if as_json:
+        echo_json(values)
+        return
+    click.echo(markdown)
+    click.echo(f"wrote {folder / name}.md")
+
+
+@click.command()
+@options.output_option
+@options.quick_option
+@options.scheduler_option
+def report(*, output: Path | None, quick: bool, scheduler: str | None) -> None:
+    """Make all pages of the report anew, about the released foot."""
+    from footsense.lab.report import StudyContext, make_report
+
+    folder = options.ensure_report_folder(output, quick=quick)
+    progress = options.elapsed_time_reporter()
+    context = StudyContext(
+        models=options.released_folder(), quick=quick, scheduler=scheduler, report_progress=progress
+    )
+    progress(f"wrote {make_report(folder, context, progress)}")
 
 
 def _require_lab_packages() -> None:
@@ -19,18 +157,7 @@ def _require_lab_packages() -> None:
     require("the lab", "lab", *_REQUIRED_PACKAGES, note=note)
 
 
-@click.group(
-    commands=[
-        design.design,
-        models.build,
-        models.evaluate,
-        models.compare,
-        fabricate.fabricate,
-        response.response,
-        study.study,
-        study.report,
-    ]
-)
+@click.group(commands=[design.design, build, evaluate, fabricate.fabricate, study, report])
 def lab() -> None:
-    """From rubber to network: build, judge and compare the models, and study the foot."""
+    """From rubber to network: build and judge the models, and study the foot."""
     _require_lab_packages()

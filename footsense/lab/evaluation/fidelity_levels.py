@@ -1,34 +1,143 @@
 """Fidelity levels: models of the foot by name, cheapest first, and the response of a level to given loads.
 
-- `half-space`: a formula, see there.
+- `half-space`: closures from the closed formula of a loaded half-space, without a mesh.
 - `linear`: the response table. Closures may exceed the gap; the capacitance is held at that of a closed gap.
 - `contact`: the table, and closed gaps that carry load. Simulator and training use it.
 - `mesh`: as `linear`, with four finite element solves of each load in place of the table.
 
-A level is a function of contact normals and forces, which raises ValueError for a load beyond its range.
+The formula:
+
+1. Stress. A point force F on the surface of an incompressible half-space stresses it along rays alone,
+
+       sigma = -3 / (2 pi) (F.r) r r / r^5,
+
+   whatever the direction of F: Boussinesq's and Cerruti's solutions at nu = 1/2, where both become radial. Each
+   side of the ball is taken as such a half-space (rubber has nu = 0.49), the contact patch as a point.
+2. Sheet. The normal traction p = -sigma_zz on its plane is averaged over what each element has to carry: the square of
+   one pitch around it, as far as the sheet reaches.
+3. Statics. The sheet alone joins the two hemispheres, a half-space knows nothing of that. The traction
+   a + b x + c y is added with which the sheet carries the whole force and its moment, as in a beam.
+4. Cavities. They close by the pressure on the bars between them (`normalised_cavity_closure_mm`): p times the opening
+   of the lattice over E' = E / (1 - nu^2).
+
+Left out: the patch's size, the ball's and the sheet's edges, the PDMS plates (all is rubber), the shear traction.
+
+Source:
+    Johnson, Contact Mechanics, 1985, sections 3.2 and 3.6 (point forces), 13.2 (waves on a half-space);
+    Koiter, Ingenieur-Archiv 28, 1959 (row of collinear cracks, the exact value).
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from footsense.foot.capacitor import Capacitor
-from footsense.foot.directions import directions
 from footsense.foot.gap_contact import capacitance_pf, element_means
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
-from footsense.lab.evaluation.half_space import HalfSpace
-from footsense.lab.fem.mesh import COARSE_MESH, MeshSize
-from footsense.lab.geometry import FootDesign
+from footsense.lab.fem.mesh import MeshSize
+from footsense.lab.geometry import UM_PER_MM, FootDesign
 
-#: Names of the fidelity levels, cheapest first.
-LEVEL_NAMES = ("half-space", "linear", "contact", "mesh")
-#: Largest contact patch, over the ball's radius [1]: Hertz assumes a small one.
-MAX_PATCH_RADIUS_REL = 0.3
+#: Gauss points along the side of what an element carries: rays are long, so more change a closure by 1e-4.
+_QUADRATURE_POINTS_PER_SIDE = 3
+
+#: Waves of the lattice along each axis, to each side: the sum is then within 1e-3 of its end.
+_N_HARMONICS = 100
+
+
+def normalised_cavity_closure_mm(pitch_mm: float, bar_mm: float, *, crossing: bool = True) -> float:
+    """Return the mean closure of cavities between bars that carry pressure, times E' over the mean pressure [mm].
+
+    Bars that cross at the pitch carry a mean pressure p on a part of the area. Taken as spread evenly over the
+    bars, their pressure bends the half-spaces by u_k = 2 p_k / (E' |k|) for each wave k of the lattice, E' = E / (1
+    - nu^2), and the cavities close by the difference between cavity and bar: an upper bound, since an even pressure
+    is not the one of least energy (10.2 against 9.3 E' / mm for bars along one direction, where the exact value is
+    known).
+
+    Args:
+        pitch_mm: Distance of the bars [mm].
+        bar_mm: Width of the bars [mm].
+        crossing: Bars along both axes, else along one.
+    """
+    order = np.arange(-_N_HARMONICS, _N_HARMONICS + 1.0)
+    open_rel = 1.0 - bar_mm / pitch_mm
+    cavity = open_rel * np.sinc(order * open_rel)
+    if crossing:
+        wave = np.hypot(*np.meshgrid(order, order))
+        cavity, open_rel = np.outer(cavity, cavity), open_rel**2
+    else:
+        wave = np.abs(order)
+    wave[wave == 0.0] = np.inf
+    # The pressure that the cavities do not carry is on the bars. Approach: work of the bars' pressure, both sides.
+    pressure_rel = cavity / (1.0 - open_rel)
+    approach_mm = (pressure_rel**2 * 4.0 * pitch_mm / (2.0 * math.pi * wave)).sum()
+    # The approach is the mean of the closure over everything, and bars do not close.
+    return float(approach_mm / open_rel)
+
+
+class HalfSpace:
+    """Closures of the elements by the closed formula of a loaded elastic half-space.
+
+    Args:
+        design: The foot.
+    """
+
+    def __init__(self, design: FootDesign) -> None:
+        self._design = design
+        place, share = np.polynomial.legendre.leggauss(_QUADRATURE_POINTS_PER_SIDE)
+        half_mm = design.sheet_mm / 2.0
+        centres = np.array(design.element_centres_mm)
+        low = np.maximum(centres - design.pitch_mm / 2.0, -half_mm)
+        high = np.minimum(centres + design.pitch_mm / 2.0, half_mm)
+        along = (low + high)[:, None] / 2.0 + place[:, None] * (high - low)[:, None] / 2.0
+        weight = share[:, None] * (high - low)[:, None] / 2.0
+        shape = (len(centres), _QUADRATURE_POINTS_PER_SIDE, _QUADRATURE_POINTS_PER_SIDE)
+        x_mm = np.broadcast_to(along[:, :, None, 0], shape).reshape(len(centres), -1)
+        y_mm = np.broadcast_to(along[:, None, :, 1], shape).reshape(len(centres), -1)
+        self._point_mm = np.stack([x_mm, y_mm, np.zeros_like(x_mm)], axis=-1)
+        self._area_mm2 = (weight[:, :, None, 0] * weight[:, None, :, 1]).reshape(len(centres), -1)
+        opening_mm = normalised_cavity_closure_mm(design.pitch_mm, design.pitch_mm - design.electrode_mm)
+        self._um_per_mpa = UM_PER_MM * opening_mm / design.rubber.plane_strain_modulus_mpa
+
+    def element_pressure_mpa(self, normal: Vector, force_n: Vector) -> Vector:
+        """Return the mean pressure on each element [MPa], shape (n, 9).
+
+        Args:
+            normal: Inward unit normals of the ball at the contacts, shape (n, 3).
+            force_n: Ground reactions on the foot [N], shape (n, 3).
+        """
+        touch_mm = self._design.touch_point_mm(normal)
+        ray_mm = self._point_mm - touch_mm[:, None, None]
+        squared_mm2 = (ray_mm**2).sum(axis=-1)
+        along_n_mm = np.einsum("nepk,nk->nep", ray_mm, force_n)
+        pressure = 1.5 / math.pi * along_n_mm * ray_mm[..., 2] ** 2 / (squared_mm2**2 * np.sqrt(squared_mm2))
+        # Force and moments (0, 1, 2) of the pressure about the sheet's middle, and the planes that add to each.
+        planes = np.stack([np.ones_like(self._area_mm2), self._point_mm[..., 0], self._point_mm[..., 1]])
+        weighted = planes * self._area_mm2
+        carried = np.einsum("kep,nep->nk", weighted, pressure)
+        moment = np.cross(touch_mm, force_n)
+        wanted = np.stack([force_n[:, 2], -moment[:, 1], moment[:, 0]], axis=1)
+        inertia = np.einsum("kep,lep->kl", weighted, planes)
+        added = np.linalg.solve(inertia, (wanted - carried).T)
+        pressure += np.einsum("kn,kep->nep", added, planes)
+        mean: Vector = (pressure * self._area_mm2).sum(axis=-1) / self._area_mm2.sum(axis=-1)
+        return mean
+
+    def closure_um(self, normal: Vector, force_n: Vector) -> Vector:
+        """Return the mean closure of each element [um], shape (n, 9), under loads as in `element_pressure_mpa`.
+
+        Raises:
+            ValueError: A contact is not on the ground-side hemisphere.
+        """
+        if not normal[:, 2].min(initial=1.0) > 0.0:
+            raise ValueError(
+                f"the ground presses from below, got a contact normal with z = {normal[:, 2].min():.4f}"
+            )
+        return self.element_pressure_mpa(normal, force_n) * self._um_per_mpa
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,108 +158,42 @@ class LevelResponse:
 FidelityLevel = Callable[[Vector, Vector], LevelResponse]
 
 
-def half_space_response(model: HalfSpace, normal: Vector, force_n: Vector) -> LevelResponse:
-    """Return closures by the half-space formula, and capacitances of flat electrodes."""
-    closure_um, capacitor = model.closure_um(normal, force_n), model.design.capacitor
-    return LevelResponse(closure_um, capacitor.capacitance_pf(np.minimum(closure_um, capacitor.gap_um)))
-
-
 def _response_from_cell_closures(capacitor: Capacitor, cell_closures_um: Vector) -> LevelResponse:
     """Return closures and capacitances of the elements from the closures of their cells [um], shape (n, cells)."""
     distance_um = np.maximum(capacitor.gap_um - cell_closures_um, 0.0) + capacitor.film_equivalent_um
     return LevelResponse(element_means(cell_closures_um), capacitance_pf(capacitor, distance_um))
 
 
-def linear_response(response: FootResponse, normal: Vector, force_n: Vector) -> LevelResponse:
-    """Return closures and capacitances by the linear response table, without gap contact."""
-    return _response_from_cell_closures(response.design, response.free_closure_um(normal, force_n))
-
-
-def gap_contact_response(foot: Foot, normal: Vector, force_n: Vector) -> LevelResponse:
-    """Return closures and capacitances of the simulated foot: response table plus contact in closed gaps."""
-    return _response_from_cell_closures(foot.response.design, foot.cell_closures_um(normal, force_n))
-
-
-def mesh_level(foot_design: FootDesign, size: MeshSize = COARSE_MESH) -> FidelityLevel:
-    """Return the level that solves each load on a mesh of the given size, made and factorised once."""
-    # Here, and not above: the finite element library takes a second to load.
-    from footsense.lab.fem.forward import DirectSolveFoot
-
-    foot = DirectSolveFoot(foot_design, size)
-
-    def answer(normal: Vector, force_n: Vector) -> LevelResponse:
-        cells_um = np.stack([foot.cell_closures_um(*load) for load in zip(normal, force_n, strict=True)])
-        return _response_from_cell_closures(foot_design.capacitor, cells_um)
-
-    return answer
-
-
-def fidelity_level(name: str, response: FootResponse, foot_design: FootDesign) -> FidelityLevel:
-    """Return the named level of a foot.
-
-    Args:
-        name: One of `LEVEL_NAMES`.
-        response: The foot's response table.
-        foot_design: The foot of the table.
-
-    Raises:
-        ValueError: There is no such level.
-    """
-    if name not in LEVEL_NAMES:
-        raise ValueError(f"no fidelity level {name!r}; there are {', '.join(LEVEL_NAMES)}")
-    levels: dict[str, Callable[[], FidelityLevel]] = {
-        "half-space": lambda: partial(half_space_response, HalfSpace(foot_design)),
-        "linear": lambda: partial(linear_response, response),
-        "contact": lambda: partial(gap_contact_response, Foot(response)),
-        "mesh": lambda: mesh_level(foot_design),
-    }
-    return levels[name]()
-
-
-def response_json(
-    response: FootResponse,
-    foot_design: FootDesign,
-    direction_deg: tuple[float, float],
-    force_n: float,
-    name: str = "contact",
-) -> dict[str, Any]:
-    """Return closures [um] and capacitances [pF] under a centred load as JSON values.
+def fidelity_levels(
+    response: FootResponse, foot_design: FootDesign, size: MeshSize
+) -> dict[str, Callable[[], FidelityLevel]]:
+    """Return a maker of each fidelity level of a foot by name, cheapest first; what it makes raises ValueError.
 
     Args:
         response: The foot's response table.
         foot_design: The foot of the table.
-        direction_deg: Azimuth and elevation (theta1, theta2) of the force [deg].
-        force_n: Magnitude of the force [N].
-        name: The fidelity level.
-
-    Returns:
-        `level`, `direction_deg`, `force_n`; `closure_um`, `capacitance_pf` (without stray) and `unloaded_pf`;
-        the two as 3 x 3 lists, row 0 the most forward, column 0 the leftmost.
-
-    Raises:
-        ValueError: There is no such level, the load is beyond its range, or the force is not above 0.
+        size: Mesh of the level `mesh`, made and factorised once.
     """
-    if not (np.isfinite(force_n) and force_n > 0.0):
-        raise ValueError(f"a contact presses with more than 0 N, got {force_n:g}")
-    if not np.isfinite(direction_deg).all():
-        raise ValueError(
-            f"a direction is two finite angles, got {direction_deg[0]:g}, {direction_deg[1]:g} deg"
-        )
-    if not 0.0 <= direction_deg[1] <= 90.0:
-        raise ValueError(f"an elevation is between 0 and 90 deg, got {direction_deg[1]:g}")
-    normal = directions(*np.array(direction_deg)[:, None])
-    hertz_patch_radius_mm = float(response.patch_radius_mm(normal, force_n * normal)[0])
-    if hertz_patch_radius_mm > MAX_PATCH_RADIUS_REL * response.ball_radius_mm:
-        raise ValueError(
-            f"{force_n:g} N would flatten the ball over {hertz_patch_radius_mm:.1f} mm; the models hold up to "
-            f"{MAX_PATCH_RADIUS_REL * response.ball_radius_mm:g} mm"
-        )
-    answer = fidelity_level(name, response, foot_design)(normal, force_n * normal)
+
+    def half_space(model: HalfSpace, normal: Vector, force_n: Vector) -> LevelResponse:
+        closure_um, capacitor = model.closure_um(normal, force_n), foot_design.capacitor
+        return LevelResponse(closure_um, capacitor.capacitance_pf(np.minimum(closure_um, capacitor.gap_um)))
+
+    def of_cells(
+        closures_um: Callable[[Vector, Vector], Vector], normal: Vector, force_n: Vector
+    ) -> LevelResponse:
+        return _response_from_cell_closures(foot_design.capacitor, closures_um(normal, force_n))
+
+    def mesh() -> FidelityLevel:
+        # Here, and not above: the finite element library takes a second to load.
+        from footsense.lab.fem.forward import DirectSolveFoot
+
+        one = DirectSolveFoot(foot_design, size).cell_closures_um
+        return partial(of_cells, lambda n, f: np.stack([one(*load) for load in zip(n, f, strict=True)]))
+
     return {
-        "level": name,
-        "direction_deg": list(direction_deg),
-        "force_n": force_n,
-        "closure_um": answer.closure_um.reshape(3, 3).round(4).tolist(),
-        "capacitance_pf": answer.capacitance_pf.reshape(3, 3).round(5).tolist(),
-        "unloaded_pf": round(response.design.unloaded_pf, 5),
+        "half-space": lambda: partial(half_space, HalfSpace(foot_design)),
+        "linear": lambda: partial(of_cells, response.free_closure_um),
+        "contact": lambda: partial(of_cells, Foot(response).cell_closures_um),
+        "mesh": mesh,
     }

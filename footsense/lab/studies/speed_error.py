@@ -16,7 +16,7 @@ from footsense.foot.force_errors import evaluate_force_errors
 from footsense.foot.specimen import ContactLoads
 from footsense.frames import ELEMENTS
 from footsense.lab.evaluation.evaluate import rms
-from footsense.lab.evaluation.fidelity_levels import LEVEL_NAMES, LevelResponse, fidelity_level, mesh_level
+from footsense.lab.evaluation.fidelity_levels import LevelResponse, fidelity_levels
 from footsense.lab.fem.mesh import COARSE_MESH, RELEASED_MESH
 from footsense.lab.report import Figures, StudyContext, Values, spread, table, target
 from footsense.lab.training.export import onnx_model
@@ -103,15 +103,11 @@ def _foot_models(context: StudyContext) -> list[Values]:
     size = COARSE_MESH if context.quick else RELEASED_MESH
     answers: dict[str, LevelResponse] = {}
     rows: list[Values] = []
-    for name in LEVEL_NAMES:
+    for name, make_level in fidelity_levels(response, context.foot_design, size).items():
         on_mesh = name == "mesh"
         normal, own_n = (part[some] if on_mesh else part for part in loads)
         started = default_timer()
-        level = (
-            mesh_level(context.foot_design, size)
-            if on_mesh
-            else fidelity_level(name, response, context.foot_design)
-        )
+        level = make_level()
         before_s = default_timer() - started
         times_s = []
         for _ in range(1 if on_mesh else 3):

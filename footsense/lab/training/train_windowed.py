@@ -1,28 +1,35 @@
 """Training of the windowed network by Muon on random windows of gaits and of steady loads, from one seed.
 
-Every batch draws its windows and its missing elements. A share of the windows is of steady loads, drawn
-from the wide loads of `load_cases`, whose readings differ by noise alone. Loss and linear start are those of `fit.py`;
-beside the force, contact point and friction ratio are learnt where the foot carries a load.
+Every batch draws its windows, its noise and its missing elements. A share of the windows is of steady loads, drawn
+from the wide loads of `load_cases`, whose readings differ by noise alone. Beside the force, contact point and friction
+ratio are learnt where the foot carries a load. Muon orthogonalises the step of each matrix (the rest goes by Adam), so
+that weak patterns are learnt as fast as strong ones; the rate follows a one-cycle schedule.
+
+The loss is the likelihood of the error under the network's sigma, so that cases which noise or a missing row makes
+ambiguous do not dominate it; tempered, and with a share of the plain squared error over the squared force, so that
+they still count. Inputs of the hidden layers are whitened while training, because the patterns that distinguish
+friction from inclination are a hundred times weaker than those of the force; the whitening is then folded into the
+first layer. The linear path starts at the least-squares estimator.
+
+Source:
+    Seitzer et al., On the pitfalls of heteroscedastic uncertainty estimation with probabilistic neural networks, ICLR
+    2022, for the tempering.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optax
+from numpy.typing import NDArray
 
 from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.estimation.missing_elements import MISSING_SETS, Imputation
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, Capacitor
-from footsense.frames import ELEMENTS
-from footsense.lab.training.fit import (
-    TrainingSettings,
-    fit,
-    fit_linear_start,
-    force_likelihood_loss,
-    whitening_transform,
-)
+from footsense.frames import ELEMENTS, Vector
 from footsense.lab.training.gait_readings import PACE_REL, STEP_S, GaitReadings, nominal_send_delay_s
 from footsense.lab.training.gait_windows import (
     age_in_conversions_table,
@@ -42,6 +49,7 @@ from footsense.lab.training.windowed_network import (
     features,
     run,
 )
+from footsense.progress import progress_bar
 
 #: Share of the windows with something missing, and of those of steady loads.
 _WINDOWS_WITH_MISSING_SHARE, _STEADY_WINDOWS_SHARE = 0.25, 0.45
@@ -57,16 +65,34 @@ _CONTACT_WEIGHT, _LOADED_N = 0.25, 0.02
 _JUST_LIFTED_SHARE, _AIR_SHARE = 0.4, 0.02
 #: Steps that are compiled into one call.
 _STEPS_PER_CALL = 500
+#: Tempering of the likelihood by a case's own sigma, the beta of Seitzer et al.: 0 is the likelihood, which neglects
+#: hard cases; 1 is the squared error, which they dominate.
+_LIKELIHOOD_TEMPERING_BETA = 0.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WindowTrainingSettings(TrainingSettings):
-    """Training settings of a windowed network; its cases are windows."""
+class WindowTrainingSettings:
+    """Training settings of a windowed network.
+
+    Attributes:
+        channels: Channels of each of the two hidden layers, eight units each.
+        steps: Steps, a multiple of those of a call.
+        batch: Windows in a step.
+        rate: Highest learning rate.
+        min_force_n: Force below which errors count absolutely [N].
+        seed: Seed of start weights, batches, noise and masks.
+    """
 
     channels: int = 40
     steps: int = 200_000
     batch: int = 1024
     rate: float = 5e-3
+    min_force_n: float = 0.3
+    seed: int = 20090304
+
+    def card(self) -> dict[str, Any]:
+        """Return the training settings as JSON values for the network's card."""
+        return {"optimiser": "muon, cosine one-cycle", **asdict(self)}
 
 
 class Batch(NamedTuple):
@@ -216,13 +242,69 @@ def _random_weights(key: jax.Array, c: int) -> Weights:
     )
 
 
+def _whitening_transform(
+    hidden_inputs: Vector, index: NDArray[np.intp], place: NDArray[np.intp], least_variance: float
+) -> tuple[jax.Array, jax.Array]:
+    """Return whitening matrix (inputs, inputs) and mean (inputs,) of the hidden layer's inputs, symmetrised.
+
+    Args:
+        hidden_inputs: Inputs of the first hidden layer, shape (n, inputs).
+        index: Result of `hidden_input_index`, shape (8, inputs).
+        place: The inputs to whiten: all but the masks.
+        least_variance: Variance along an axis below which the inputs count as constant.
+    """
+    covariance = np.cov(hidden_inputs.T)
+    covariance = np.mean([covariance[np.ix_(row, row)] for row in index], axis=0)
+    mean = np.mean([hidden_inputs.mean(axis=0)[row] for row in index], axis=0)
+    variance, axes = np.linalg.eigh(covariance[np.ix_(place, place)])
+    whiten, shift = np.eye(len(mean)), np.zeros(len(mean))
+    whiten[np.ix_(place, place)] = (axes / np.sqrt(np.maximum(variance, least_variance))) @ axes.T
+    shift[place] = mean[place]
+    return jnp.asarray(whiten, jnp.float32), jnp.asarray(shift, jnp.float32)
+
+
+def _fit_linear_start(inputs: Sequence[Vector], force_n: Vector, min_force_n: float) -> jax.Array:
+    """Return start weights of the network's linear paths [N], by weighted least squares.
+
+    Args:
+        inputs: Closures over the gap [1], shape (n, elements) each.
+        force_n: Forces [N], shape (n, 3).
+        min_force_n: Force below which errors count absolutely [N].
+    """
+    weight = 1.0 / np.sqrt((force_n**2).sum(axis=1, keepdims=True) + min_force_n**2)
+    basis = linear_basis()
+    columns = [np.einsum("ne,beo->nob", part * weight, basis) for part in inputs]
+    flat = np.concatenate(columns, axis=2).reshape(-1, len(basis) * len(columns))
+    solution = np.linalg.lstsq(flat, (force_n * weight).ravel(), rcond=None)
+    return jnp.asarray(solution[0], jnp.float32)
+
+
+def _force_likelihood_loss(
+    force_n: Any, sigma_n: Any, true_n: Any, min_force_n: float, squared_error_weight: float
+) -> Any:
+    """Return the training loss of forces: tempered negative log-likelihood plus relative squared error.
+
+    Args:
+        force_n: Estimated forces [N], shape (n, 3).
+        sigma_n: Their stated sigma [N], same shape.
+        true_n: True forces [N], same shape.
+        min_force_n: Force below which errors count absolutely [N].
+        squared_error_weight: Weight of the squared error.
+    """
+    square = (force_n - true_n) ** 2
+    scale = jnp.sqrt(jnp.sum(true_n**2, axis=-1, keepdims=True) + min_force_n**2)
+    weight = jax.lax.stop_gradient(sigma_n / scale) ** (2.0 * _LIKELIHOOD_TEMPERING_BETA)
+    likelihood = jnp.log(sigma_n) + 0.5 * square / sigma_n**2
+    return jnp.mean(weight * likelihood) + squared_error_weight * jnp.mean(square / scale**2)
+
+
 def train_windowed(
     gaits: GaitReadings,
     steady_loads: LeaningCases,
     design: Capacitor,
     settings: WindowTrainingSettings,
     imputation: Imputation,
-    report: Any = lambda _: None,
+    report: Callable[[str], object] = lambda _: None,
     start: Weights | None = None,
 ) -> Weights:
     """Train the windowed network on random gaits and steady loads; return its weights.
@@ -248,7 +330,7 @@ def train_windowed(
     element_inputs = np.asarray(first.features.hidden_inputs, np.float64)[carries]
     unmasked, masked = (n * ELEMENTS for n in (FEATURES_PER_ELEMENT - 1, FEATURES_PER_ELEMENT))
     place = np.r_[0:unmasked, masked : masked + FEATURES_PER_FOOT]
-    whiten, mean = whitening_transform(element_inputs, element_input_index(), place, 3e-8)
+    whiten, mean = _whitening_transform(element_inputs, element_input_index(), place, 3e-8)
     now, newest, force_n = (
         np.asarray(part, np.float64)
         for part in (
@@ -257,7 +339,7 @@ def train_windowed(
             first.force_n,
         )
     )
-    linear = fit_linear_start((now, now - newest), force_n, settings.min_force_n)
+    linear = _fit_linear_start((now, now - newest), force_n, settings.min_force_n)
 
     def fold_whitening(free: Weights) -> Weights:
         """Return the weights with the input whitening folded into the first layer."""
@@ -270,11 +352,7 @@ def train_windowed(
         force = (load.force_n, load.sigma_n, batch.force_n, settings.min_force_n, _SQUARED_ERROR_WEIGHT)
         apart, sigma = load.contact_point_and_friction - batch.contact_point_and_friction, load.contact_sigma
         likelihood = batch.loaded * (jnp.log(sigma) + 0.5 * apart**2 / sigma**2)
-        return force_likelihood_loss(*force) + _CONTACT_WEIGHT * jnp.mean(likelihood)
-
-    def random_batch(data: _TrainingConstants, key: jax.Array) -> Batch:
-        """Return a random training batch."""
-        return _random_windows_batch(data, times_per_gait, settings.batch, key)
+        return _force_likelihood_loss(*force) + _CONTACT_WEIGHT * jnp.mean(likelihood)
 
     def unfold_whitening(weights: Weights) -> Weights:
         """Return the weights before whitening is folded in: the inverse of `fold_whitening`."""
@@ -283,9 +361,30 @@ def train_windowed(
         )
         return weights._replace(linear=weights.linear - linear, w1=w1, b1=weights.b1 + weights.w1 @ mean)
 
-    def first_weights(key: jax.Array, c: int) -> Weights:
-        """Return random or given initial weights."""
-        return _random_weights(key, c) if start is None else unfold_whitening(start)
+    schedule = optax.cosine_onecycle_schedule(settings.steps, settings.rate, pct_start=0.1)
+    optimiser = optax.contrib.muon(schedule)
 
-    free = fit(first_weights, loss, random_batch, data, settings, _STEPS_PER_CALL, report)
-    return fold_whitening(free)
+    def train_chunk(carry: tuple[Weights, Any], key: jax.Array, data: _TrainingConstants) -> Any:
+        """Return the state after several training steps, as one compiled call."""
+
+        def step(carry: tuple[Weights, Any], key: jax.Array) -> tuple[tuple[Weights, Any], jax.Array]:
+            """Return the state after one training step, and the loss that it started from."""
+            free, state = carry
+            batch = _random_windows_batch(data, times_per_gait, settings.batch, key)
+            now, gradient = jax.value_and_grad(loss)(free, batch)
+            change, state = optimiser.update(gradient, state, free)
+            return (optax.apply_updates(free, change), state), now
+
+        return jax.lax.scan(step, carry, jax.random.split(key, _STEPS_PER_CALL))
+
+    key, *rounds = jax.random.split(jax.random.PRNGKey(settings.seed), 1 + settings.steps // _STEPS_PER_CALL)
+    free = _random_weights(key, settings.channels) if start is None else unfold_whitening(start)
+    carry = (free, optimiser.init(free))
+    compiled = jax.jit(train_chunk)
+    with progress_bar("training", len(rounds)) as rounds_done:
+        for number, key in enumerate(rounds, 1):
+            carry, losses = compiled(carry, key, data)
+            if number % 10 == 0 or number == len(rounds):
+                report(f"step {number * _STEPS_PER_CALL}: loss {float(losses.mean()):.4f}")
+                rounds_done(number)  # after the loss was waited for
+    return fold_whitening(carry[0])
