@@ -168,8 +168,22 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     @property
     def element_centres_mm(self) -> list[tuple[float, float]]:
         """Centre (x, y) of each element [mm], flat index 3 * i + j: row 0 most forward, column 0 leftmost."""
-        along = [self.pitch_mm, 0.0, -self.pitch_mm]
-        return [(x, y) for x in along for y in along]
+        return [(x, y) for x in self.line_mm for y in self.line_mm]
+
+    @property
+    def line_mm(self) -> tuple[float, ...]:
+        """X of each row, the most forward first, and y of each column, the leftmost first [mm]."""
+        return self.pitch_mm, 0.0, -self.pitch_mm
+
+    @property
+    def bar_mm(self) -> float:
+        """Width of the spacer's bars between neighbouring electrodes [mm]."""
+        return self.pitch_mm - self.electrode_mm
+
+    @property
+    def rim_mm(self) -> float:
+        """Width of the sheet outside the outermost electrodes [mm]; 0 where the array fills the sheet."""
+        return max(0.0, (self.sheet_mm - self.array_side_mm) / 2.0)
 
     @property
     def array_side_mm(self) -> float:

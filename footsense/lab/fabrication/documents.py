@@ -8,7 +8,6 @@ from typing import Any
 from footsense.lab.design.materials import shore_a_from_modulus
 from footsense.lab.design.processes import AssumedProcess
 from footsense.lab.fabrication import dimensions
-from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.expected import ExpectedCapacitance
 from footsense.lab.fabrication.parts.flex import GUARD_NET, Flex
 from footsense.lab.fabrication.tolerances import Tolerance
@@ -42,7 +41,6 @@ def write_documents(
     names: dict[str, Any] = {
         "design": design,
         "assumed": assumed,
-        "array": ElementArray.from_design(design),
         "dimensions": dimensions,
         "flexes": flexes,
         "GUARD_NET": GUARD_NET,

@@ -6,82 +6,69 @@ from collections.abc import Iterator
 from footsense.errors import ConfigError
 from footsense.lab.design.processes import AssumedProcess
 from footsense.lab.fabrication import dimensions
-from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.parts.flex import flexes
 from footsense.lab.fabrication.tolerances import hardness_tolerance_shore_a, overlap_area_deviation_rel
 from footsense.lab.geometry import UM_PER_MM, FootDesign
 
-#: Lines to either side that a converter board addresses: an FDC1004 has four inputs, an ADG715 switches four lines.
-MAX_LINES_PER_SIDE = 4
 #: Largest deviation of the overlap of rows and columns that leaves the rubber a tolerance [1].
 _SUGGESTED_AREA_DEVIATION_REL = 0.15
 _ROUNDING_TOLERANCE_MM = 1e-9
 
 
-def require_manufacturable(design: FootDesign, array: ElementArray, assumed: AssumedProcess) -> None:
+def require_manufacturable(design: FootDesign, assumed: AssumedProcess) -> None:
     """Raise an error unless workshops can make a foot and a converter board can address it.
 
     Args:
         design: The foot.
-        array: Its array.
         assumed: What its design assumed.
 
     Raises:
         ConfigError: They cannot, or it cannot; the message begins with the key.
     """
-    problem = next(manufacturing_problems(design, array, assumed), None)
+    problem = next(manufacturing_problems(design, assumed), None)
     if problem is not None:
         raise ConfigError(problem)
 
 
-def manufacturing_problems(design: FootDesign, array: ElementArray, assumed: AssumedProcess) -> Iterator[str]:
+def manufacturing_problems(design: FootDesign, assumed: AssumedProcess) -> Iterator[str]:
     """Yield the reasons why a foot cannot be made, each with its key first and a remedy last.
 
     Args:
         design: The foot.
-        array: Its array.
         assumed: What its design assumed.
     """
-    for lines, word in ((array.row_x_mm, "rows"), (array.column_y_mm, "columns")):
-        if len(lines) > MAX_LINES_PER_SIDE:
-            yield (
-                f"{word}: {len(lines)} {word} do not fit the converter board: the FDC1004 has {MAX_LINES_PER_SIDE} "
-                f"inputs for columns, an ADG715 switches {MAX_LINES_PER_SIDE} rows; use at most {MAX_LINES_PER_SIDE}"
-            )
-    yield from _sheet_problems(array, assumed)
-    yield from _layer_and_hardness_problems(design, array, assumed)
+    yield from _sheet_problems(design, assumed)
+    yield from _layer_and_hardness_problems(design, assumed)
     tail_half, socket_mm = (
-        _wider_tail_width_mm(design, array) / 2.0 + dimensions.TAIL_CHANNEL_PLAY_PER_SIDE_MM,
+        _wider_tail_width_mm(design) / 2.0 + dimensions.TAIL_CHANNEL_PLAY_PER_SIDE_MM,
         dimensions.socket_outer_radius_mm(design.ball_radius_mm),
     )
     inside = socket_mm - dimensions.TAIL_CHANNEL_DEPTH_MM
     if tail_half > inside / math.sqrt(2.0) - 1.0:
         least = math.sqrt(2.0) * (tail_half + 1.0) + design.ball_radius_mm - inside
         yield (
-            f"ball_radius_mm: two tails of {_wider_tail_width_mm(design, array):g} mm do not fit beside each other on "
+            f"ball_radius_mm: two tails of {_wider_tail_width_mm(design):g} mm do not fit beside each other on "
             f"the socket of a ball of {design.ball_radius_mm:g} mm; use at least {math.ceil(10.0 * least) / 10.0:g}"
         )
 
 
-def _sheet_problems(array: ElementArray, assumed: AssumedProcess) -> Iterator[str]:
+def _sheet_problems(design: FootDesign, assumed: AssumedProcess) -> Iterator[str]:
     """Yield the reasons why the gaps between electrodes, the spacer's bars cannot be made."""
-    pitch, bar = array.spacer_bar_width_mm + array.electrode_mm, assumed.process.bar_mm
-    leave = f"electrodes of {array.electrode_mm:g} mm at a pitch of {pitch:g} mm leave"
-    if array.spacer_bar_width_mm < dimensions.MIN_NET_CLEARANCE_MM - _ROUNDING_TOLERANCE_MM:
+    pitch, bar = design.pitch_mm, assumed.process.bar_mm
+    leave = f"electrodes of {design.electrode_mm:g} mm at a pitch of {pitch:g} mm leave"
+    if design.bar_mm < dimensions.MIN_NET_CLEARANCE_MM - _ROUNDING_TOLERANCE_MM:
         yield (
-            f"electrode_mm: {leave} {array.spacer_bar_width_mm:.3g} mm between the nets, a flex needs "
+            f"electrode_mm: {leave} {design.bar_mm:.3g} mm between the nets, a flex needs "
             f"{dimensions.MIN_NET_CLEARANCE_MM:g} and the spacer's bars {bar:g}; use at most {pitch - bar:g}"
         )
-    if array.spacer_bar_width_mm < bar - _ROUNDING_TOLERANCE_MM:
+    if design.bar_mm < bar - _ROUNDING_TOLERANCE_MM:
         yield (
-            f"electrode_mm: {leave} bars of {array.spacer_bar_width_mm:.3g} mm in the spacer, process "
+            f"electrode_mm: {leave} bars of {design.bar_mm:.3g} mm in the spacer, process "
             f"{assumed.process_name} needs {bar:g} to bond; use at most {pitch - bar:g}"
         )
 
 
-def _layer_and_hardness_problems(
-    design: FootDesign, array: ElementArray, assumed: AssumedProcess
-) -> Iterator[str]:
+def _layer_and_hardness_problems(design: FootDesign, assumed: AssumedProcess) -> Iterator[str]:
     """Yield the reasons why gap, film or spacer cannot be made, or why no hardness tolerance remains."""
     gaps, films = assumed.process.gap_um, [film.um for film in assumed.process.film]
     layers = (("gap_um", design.gap_um, gaps, "gap"), ("film_um", design.film_um, films, "film"))
@@ -103,18 +90,18 @@ def _layer_and_hardness_problems(
         )
     if hardness_tolerance_shore_a(design, assumed.rms_deviations) <= 0.0:
         least = (
-            array.electrode_mm
-            * overlap_area_deviation_rel(array.electrode_mm)
+            design.electrode_mm
+            * overlap_area_deviation_rel(design.electrode_mm)
             / _SUGGESTED_AREA_DEVIATION_REL
         )
         yield (
             f"electrode_mm: an offset of {dimensions.FLEX_OFFSET_TOLERANCE_MM:g} mm of electrodes of "
-            f"{array.electrode_mm:g} mm changes their overlap by "
-            f"{overlap_area_deviation_rel(array.electrode_mm):.0%}, more than the design assumes; "
+            f"{design.electrode_mm:g} mm changes their overlap by "
+            f"{overlap_area_deviation_rel(design.electrode_mm):.0%}, more than the design assumes; "
             f"use at least {math.ceil(100.0 * least) / 100.0:g}"
         )
 
 
-def _wider_tail_width_mm(design: FootDesign, array: ElementArray) -> float:
+def _wider_tail_width_mm(design: FootDesign) -> float:
     """Return the width of the wider of the two flex tails [mm]."""
-    return max(2.0 * flex.tail_half_width_mm for flex in flexes(array, design.ball_radius_mm))
+    return max(2.0 * flex.tail_half_width_mm for flex in flexes(design))

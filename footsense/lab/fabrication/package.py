@@ -6,7 +6,6 @@ from pathlib import Path
 from footsense.errors import ConfigError
 from footsense.lab.design.processes import AssumedProcess, assumed_process
 from footsense.lab.fabrication import documents
-from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.expected import ExpectedCapacitance, expected_capacitance
 from footsense.lab.fabrication.limits import require_manufacturable
 from footsense.lab.fabrication.parts import gerber, sheets, solids
@@ -17,19 +16,17 @@ from footsense.lab.geometry import FootDesign
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FabricationPackage:
-    """Parts, tolerances and expected readings of one foot's fabrication files.
+    """Circuits, tolerances and expected readings of one foot's fabrication files.
 
     Attributes:
         assumed: What its design assumed.
         flexes: Row flex and column flex.
-        solid_parts: Its solids.
         tolerances: Tolerances of its parts.
         expected: Expected reading of each element.
     """
 
     assumed: AssumedProcess
     flexes: tuple[Flex, Flex]
-    solid_parts: list[solids.Part]
     tolerances: list[Tolerance]
     expected: ExpectedCapacitance
 
@@ -47,8 +44,8 @@ def write_fabrication_package(
     Raises:
         ConfigError: It cannot be made, or not as exactly as its design assumed; the message begins with the key.
     """
-    array, assumed = ElementArray.from_design(design), assumed_process(design, process)
-    require_manufacturable(design, array, assumed)
+    assumed = assumed_process(design, process)
+    require_manufacturable(design, assumed)
     tolerances = part_tolerances(design, assumed.rms_deviations)
     for row in tolerances:
         if not row.is_within_assumed:
@@ -58,19 +55,18 @@ def write_fabrication_package(
             )
     package = FabricationPackage(
         assumed=assumed,
-        flexes=flexes(array, design.ball_radius_mm),
-        solid_parts=solids.all_parts(design),
+        flexes=flexes(design),
         tolerances=tolerances,
         expected=expected_capacitance(design, assumed.rms_deviations),
     )
     (folder / "step").mkdir(parents=True, exist_ok=True)
-    for part in package.solid_parts:
+    for part in solids.all_parts(design):
         solids.write_step(part, folder / "step" / f"{part.name}.step")
     for flex in package.flexes:
         _write_flex(folder / flex.name, flex)
     shapes = {
-        "spacer": (sheets.spacer_outline(array, design.ball_radius_mm), design.gap_um),
-        "film": (sheets.film_outline(array, design.ball_radius_mm), design.film_um),
+        "spacer": (sheets.spacer_outline(design), design.gap_um),
+        "film": (sheets.film_outline(design), design.film_um),
     }
     for name, (shape, thickness_um) in shapes.items():
         sheets.write_dxf(

@@ -14,15 +14,13 @@ from msgspec.structs import replace
 
 from footsense.cli.lab.group import lab
 from footsense.config import load_config
-from footsense.errors import ConfigError, FootsenseError
+from footsense.errors import FootsenseError
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
 from footsense.lab.design.processes import assumed_process
-from footsense.lab.fabrication.array import ElementArray
-from footsense.lab.fabrication.limits import manufacturing_problems, require_manufacturable
+from footsense.lab.fabrication.limits import manufacturing_problems
 from footsense.lab.fabrication.package import FabricationPackage, write_fabrication_package
-from footsense.lab.fabrication.parts import gerber, sheets, solids
-from footsense.lab.fabrication.parts.flex import flexes
+from footsense.lab.fabrication.parts import sheets, solids
 from footsense.lab.foot_file import FOOT_FILE
 from footsense.sim.fabrication import draw_deviations as sim_fabricate
 from tests.lab.fabrication import file_checks
@@ -30,7 +28,7 @@ from tests.lab.released import FOOT_DESIGN, RELEASED
 
 pytestmark = pytest.mark.lab
 
-ARRAY, ASSUMED = ElementArray.from_design(FOOT_DESIGN), assumed_process(FOOT_DESIGN)
+ASSUMED = assumed_process(FOOT_DESIGN)
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +42,7 @@ def package(folder: Path) -> FabricationPackage:
 
 
 def test_the_files_of_the_released_foot_pass_every_check(package: FabricationPackage, folder: Path) -> None:
-    checks = file_checks.all_checks(folder, FOOT_DESIGN, package.flexes, package.solid_parts)
+    checks = file_checks.all_checks(folder, FOOT_DESIGN, package.flexes)
     assert len(checks) > 20
     assert [check for check in checks if not check.passed] == []
     # Plates of 5.387 pF, as the daemon assumes, and the fringe field beside them.
@@ -91,11 +89,13 @@ def test_the_lines_of_the_checklist_are_of_the_configuration(
 
 def test_a_spacer_without_vents_is_found(package: FabricationPackage, tmp_path: Path) -> None:
     for name, shape in (
-        ("film", sheets.film_outline(ARRAY, 10.0)),
-        ("spacer", sheets.film_outline(ARRAY, 10.0).difference(sheets.spacer_openings(ARRAY))),
+        ("film", sheets.film_outline(FOOT_DESIGN)),
+        ("spacer", sheets.film_outline(FOOT_DESIGN).difference(sheets.spacer_openings(FOOT_DESIGN))),
     ):
         sheets.write_dxf(tmp_path / f"{name}.dxf", shape, name)
-    failed = [check.quantity for check in file_checks.check_sheet_files(tmp_path, ARRAY) if not check.passed]
+    failed = [
+        check.quantity for check in file_checks.check_sheet_files(tmp_path, FOOT_DESIGN) if not check.passed
+    ]
     assert failed == ["open area in the sheet: cavities and vents", "cavities that outer air reaches"]
 
 
@@ -157,7 +157,7 @@ def test_a_hemisphere_of_another_size_is_found(
     larger = solids.hemispheres(replace(FOOT_DESIGN, ball_radius_mm=10.05))[1]
     solids.write_step(larger, tmp_path / "foot" / "step" / "hemisphere-leg.step")
     found = [
-        *file_checks.check_solid_volumes(tmp_path / "foot", package.solid_parts),
+        *file_checks.check_solid_volumes(tmp_path / "foot", FOOT_DESIGN),
         *file_checks.check_hemispheres_and_socket(tmp_path / "foot", FOOT_DESIGN, package.flexes),
     ]
     assert {check.quantity for check in found if not check.passed} == {
@@ -176,8 +176,8 @@ def test_the_flexes_face_each_other_with_their_tails_to_the_left_and_forward(
         assert a * e - b * d == seen
     assert rows.artwork_to_foot((1.0, 0.0)) == (0.0, 1.0)
     assert columns.artwork_to_foot((1.0, 0.0)) == (1.0, 0.0)
-    assert rows.artwork_to_foot((0.0, rows.line_v_mm[0]))[0] == ARRAY.row_x_mm[0]
-    assert columns.artwork_to_foot((0.0, columns.line_v_mm[0]))[1] == ARRAY.column_y_mm[0]
+    assert rows.artwork_to_foot((0.0, rows.line_v_mm[0]))[0] == FOOT_DESIGN.pitch_mm
+    assert columns.artwork_to_foot((0.0, columns.line_v_mm[0]))[1] == FOOT_DESIGN.pitch_mm
 
 
 @pytest.mark.parametrize("radius_mm", [12.0, 20.0, 40.0])
@@ -191,29 +191,8 @@ def test_larger_feet_of_the_same_shape_pass_every_check(tmp_path: Path, radius_m
         electrode_mm=4.0 * size,
     )
     package = write_fabrication_package(foot, tmp_path)
-    checks = file_checks.all_checks(tmp_path, foot, package.flexes, package.solid_parts)
+    checks = file_checks.all_checks(tmp_path, foot, package.flexes)
     assert [check for check in checks if not check.passed] == []
-
-
-@pytest.mark.parametrize(("rows", "columns"), [(2, 2), (4, 4), (2, 4)])
-def test_any_array_is_routed(tmp_path: Path, rows: int, columns: int) -> None:
-    lines = {n: tuple(3.5 * ((n - 1) / 2 - k) for k in range(n)) for n in (rows, columns)}
-    array = ElementArray(row_x_mm=lines[rows], column_y_mm=lines[columns], electrode_mm=2.5, sheet_mm=14.0)
-    require_manufacturable(FOOT_DESIGN, array, ASSUMED)
-    for flex in flexes(array, 10.0):
-        (tmp_path / flex.name).mkdir()
-        files = {"copper": (gerber.COPPER, flex.copper), "profile": (gerber.PROFILE, flex.profile)}
-        for name, (function, shapes) in files.items():
-            (tmp_path / flex.name / f"{name}.gbr").write_text(gerber.gerber_text(function, "", shapes))
-        (tmp_path / flex.name / "drill.drl").write_text(gerber.drill_text("", flex.alignment_holes))
-        assert [check for check in file_checks.check_flex_files(tmp_path, flex) if not check.passed] == []
-    assert [c for c in file_checks.check_overlaps(tmp_path, flexes(array, 10.0)) if not c.passed] == []
-
-
-def test_more_rows_than_the_board_addresses_are_refused() -> None:
-    five = ElementArray(row_x_mm=(4, 2, 0, -2, -4), column_y_mm=(1, -1), electrode_mm=1.5, sheet_mm=14)
-    with pytest.raises(ConfigError, match=r"rows: 5 rows do not fit the converter board.*at most 4"):
-        require_manufacturable(FOOT_DESIGN, five, ASSUMED)
 
 
 @pytest.mark.parametrize(
@@ -275,9 +254,7 @@ def test_a_foot_that_cannot_be_made_is_refused_in_one_line(
 )
 def test_the_value_that_an_error_names_works(requirement: dict[str, Any]) -> None:
     design, keys = replace(FOOT_DESIGN, **requirement), []
-    while problem := next(
-        manufacturing_problems(design, ElementArray.from_design(design), assumed_process(design)), None
-    ):
+    while problem := next(manufacturing_problems(design, assumed_process(design)), None):
         found = re.search(r"use (?:(\w+): |at least |at most |)([\d.]*\d)", problem)
         assert found is not None, problem
         key = found[1] or problem.partition(":")[0]

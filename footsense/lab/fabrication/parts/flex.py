@@ -13,8 +13,8 @@ from typing import Any, Literal
 import shapely
 
 from footsense.lab.fabrication import dimensions
-from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.parts.gerber import Pad, Point, Trace
+from footsense.lab.geometry import FootDesign
 
 LineKind = Literal["row", "column"]
 #: Reference of the contacts in the Gerber files.
@@ -31,15 +31,13 @@ class Flex:
         line_kind: Whether its lines are rows or columns.
         line_v_mm: v of each line [mm], the first line lowest.
         element_u_mm: u of the elements along a line [mm], the nearest to the tail first.
-        array: The array.
-        ball_radius_mm: Radius of the hemispheres [mm].
+        design: The foot.
     """
 
     line_kind: LineKind
     line_v_mm: tuple[float, ...]
     element_u_mm: tuple[float, ...]
-    array: ElementArray
-    ball_radius_mm: float
+    design: FootDesign
 
     @property
     def name(self) -> str:
@@ -74,7 +72,7 @@ class Flex:
         """Length along u over which the traces converge [mm]: at 45 degrees, or steeper near the socket."""
         pairs = zip(self.line_v_mm, self.contact_v_mm[1::2], strict=True)
         room = (
-            dimensions.socket_outer_radius_mm(self.ball_radius_mm)
+            dimensions.socket_outer_radius_mm(self.design.ball_radius_mm)
             - dimensions.INNER_CORNER_RADIUS_MM
             - self.trace_fan_start_u_mm
         )
@@ -93,12 +91,12 @@ class Flex:
     @property
     def tail_end_u_mm(self) -> float:
         """Coordinate u of the tail's end [mm]."""
-        return self.ball_radius_mm + dimensions.TAIL_BEYOND_BALL_MM
+        return self.design.ball_radius_mm + dimensions.TAIL_BEYOND_BALL_MM
 
     @property
     def alignment_holes(self) -> list[tuple[Point, float]]:
         """Centre and diameter [mm] of the alignment holes, on the sides of the foot that have no tail."""
-        far = self.ball_radius_mm + dimensions.ALIGNMENT_HOLE_TO_BALL_MM
+        far = self.design.ball_radius_mm + dimensions.ALIGNMENT_HOLE_TO_BALL_MM
         return [
             ((-far, 0.0), dimensions.ALIGNMENT_HOLE_DIAMETER_MM),
             ((0.0, far), dimensions.ALIGNMENT_HOLE_DIAMETER_MM),
@@ -108,7 +106,7 @@ class Flex:
     def copper(self) -> list[Pad | Trace]:
         """Pads and traces of the copper layer."""
         shapes: list[Pad | Trace] = []
-        side, width = self.array.electrode_mm, dimensions.TRACE_WIDTH_MM
+        side, width = self.design.electrode_mm, dimensions.TRACE_WIDTH_MM
         contact_u = self.tail_end_u_mm - dimensions.TAIL_CONTACT_PAD_LENGTH_MM / 2.0
         for k, (net, v) in enumerate(zip(self.nets, self.line_v_mm, strict=True)):
             shapes += [
@@ -167,7 +165,7 @@ class Flex:
     @property
     def polymer_half_side_mm(self) -> float:
         """Half the side of the polymer inside the ball [mm]: at least the sheet's, and clear of the copper."""
-        return self.array.sheet_mm / 2.0 + max(0.0, dimensions.MIN_COPPER_TO_EDGE_MM - self.array.rim_mm)
+        return self.design.sheet_mm / 2.0 + max(0.0, dimensions.MIN_COPPER_TO_EDGE_MM - self.design.rim_mm)
 
     @cached_property
     def outline(self) -> Any:
@@ -200,22 +198,11 @@ def alignment_ear(half_side_mm: float, hole: Point) -> Any:
     return shapely.union_all([round_end, shapely.MultiPoint([*side, hole])]).convex_hull
 
 
-def flexes(array: ElementArray, ball_radius_mm: float) -> tuple[Flex, Flex]:
-    """Return the row flex and the column flex of an array."""
-    rows, columns = array.row_x_mm, array.column_y_mm
+def flexes(design: FootDesign) -> tuple[Flex, Flex]:
+    """Return the row flex and the column flex of a foot."""
+    elements = design.line_mm
+    lines = tuple(-x for x in elements)
     return (
-        Flex(
-            line_kind="row",
-            line_v_mm=tuple(-x for x in rows),
-            element_u_mm=columns,
-            array=array,
-            ball_radius_mm=ball_radius_mm,
-        ),
-        Flex(
-            line_kind="column",
-            line_v_mm=tuple(-y for y in columns),
-            element_u_mm=rows,
-            array=array,
-            ball_radius_mm=ball_radius_mm,
-        ),
+        Flex(line_kind="row", line_v_mm=lines, element_u_mm=elements, design=design),
+        Flex(line_kind="column", line_v_mm=lines, element_u_mm=elements, design=design),
     )

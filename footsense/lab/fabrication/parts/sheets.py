@@ -14,8 +14,8 @@ import shapely
 from ezdxf import units
 
 from footsense.lab.fabrication import dimensions
-from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.parts.flex import alignment_ear
+from footsense.lab.geometry import FootDesign
 
 #: Lengths are equal within this [mm].
 _ROUNDING_TOLERANCE_MM = 1e-9
@@ -27,9 +27,9 @@ def alignment_hole_centres_mm(ball_radius_mm: float) -> list[tuple[float, float]
     return [(-far, 0.0), (0.0, -far)]
 
 
-def film_outline(array: ElementArray, ball_radius_mm: float) -> Any:
+def film_outline(design: FootDesign) -> Any:
     """Return the outline of the insulating film, a shapely polygon [mm]: the whole sheet with its ears."""
-    half, places = array.sheet_mm / 2.0, alignment_hole_centres_mm(ball_radius_mm)
+    half, places = design.sheet_mm / 2.0, alignment_hole_centres_mm(design.ball_radius_mm)
     whole = shapely.union_all(
         [shapely.box(-half, -half, half, half), *(alignment_ear(half, p) for p in places)]
     )
@@ -40,46 +40,36 @@ def film_outline(array: ElementArray, ball_radius_mm: float) -> Any:
     return whole.difference(shapely.union_all(drilled))
 
 
-def spacer_openings(array: ElementArray) -> Any:
+def spacer_openings(design: FootDesign) -> Any:
     """Return the cavities cut into the spacer [mm]: electrode-sized; without a rim, open to the sheet's edge."""
-    half, edge = array.electrode_mm / 2.0, array.sheet_mm / 2.0
+    half, edge = design.electrode_mm / 2.0, design.sheet_mm / 2.0
 
-    def element_span(lines: tuple[float, ...], k: int) -> tuple[float, float]:
-        """Return low and high coordinate of the opening of row or column k [mm]."""
-        low = -edge if k == len(lines) - 1 and not has_spacer_rim(array) else lines[k] - half
-        return low, edge if k == 0 and not has_spacer_rim(array) else lines[k] + half
-
-    spans = itertools.product(
-        *(
-            [element_span(lines, k) for k in range(len(lines))]
-            for lines in (array.row_x_mm, array.column_y_mm)
-        )
+    outer = half + design.pitch_mm if has_spacer_rim(design) else edge
+    spans = ((design.pitch_mm - half, outer), (-half, half), (-outer, half - design.pitch_mm))
+    return shapely.union_all(
+        [shapely.box(low_x, low_y, x, y) for (low_x, x), (low_y, y) in itertools.product(spans, spans)]
     )
-    return shapely.union_all([shapely.box(low_x, low_y, x, y) for (low_x, x), (low_y, y) in spans])
 
 
-def has_spacer_rim(array: ElementArray) -> bool:
+def has_spacer_rim(design: FootDesign) -> bool:
     """Tell whether the sheet exceeds the array by enough for a closed rim of the spacer."""
-    return array.rim_mm > dimensions.MIN_SPACER_RIM_MM - _ROUNDING_TOLERANCE_MM
+    return design.rim_mm > dimensions.MIN_SPACER_RIM_MM - _ROUNDING_TOLERANCE_MM
 
 
-def vent_channels(array: ElementArray) -> list[Any]:
+def vent_channels(design: FootDesign) -> list[Any]:
     """Return the channels that vent closed cavities to the air, along the rows to the left [mm]."""
-    rows, columns = list(array.row_x_mm), array.column_y_mm
-    if has_spacer_rim(array):
-        ends = columns[-1], array.sheet_mm / 2.0 + 1.0
-    else:
-        if len(columns) < 3:
-            return []
-        rows, ends = rows[1:-1], (columns[-2], columns[0])
+    lines = design.line_mm
+    rows, ends = list(lines), (lines[-1], design.sheet_mm / 2.0 + 1.0)
+    if not has_spacer_rim(design):
+        rows, ends = [0.0], (0.0, lines[0])
     half = dimensions.CAVITY_VENT_WIDTH_MM / 2.0
     return [shapely.box(x - half, ends[0], x + half, ends[1]) for x in rows]
 
 
-def spacer_outline(array: ElementArray, ball_radius_mm: float) -> Any:
+def spacer_outline(design: FootDesign) -> Any:
     """Return the spacer, a shapely polygon [mm]: bars around the cavities, with ears."""
-    openings = shapely.union_all([spacer_openings(array), *vent_channels(array)])
-    return film_outline(array, ball_radius_mm).difference(openings)
+    openings = shapely.union_all([spacer_openings(design), *vent_channels(design)])
+    return film_outline(design).difference(openings)
 
 
 def write_dxf(path: Path, shape: Any, note: str) -> None:

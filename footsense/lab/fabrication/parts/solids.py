@@ -1,4 +1,4 @@
-"""Hemispheres, mould and socket as Open CASCADE solids and STEP files, with volumes by formula.
+"""Hemispheres, mould and socket as Open CASCADE solids and STEP files.
 
 Foot frame, mm. Each hemisphere is centred on its own face of the sheet, as in the finite elements. The mould casts both
 hemispheres of a foot at once, from one batch, so that they are equally stiff.
@@ -13,7 +13,6 @@ from typing import Any
 from netgen import occ
 
 from footsense.lab.fabrication import dimensions
-from footsense.lab.fabrication.array import ElementArray
 from footsense.lab.fabrication.parts.flex import flexes
 from footsense.lab.fem.solids import BODY_SIDES, hemisphere
 from footsense.lab.geometry import FootDesign
@@ -21,28 +20,21 @@ from footsense.lab.geometry import FootDesign
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Part:
-    """One solid part with its name and its volume by formula [mm3].
+    """One solid part.
 
     Attributes:
         name: Its name, and that of its file.
         solid: Shape of Open CASCADE [mm].
-        formula_volume_mm3: Its volume by formula [mm3].
     """
 
     name: str
     solid: Any
-    formula_volume_mm3: float
 
 
 def hemispheres(design: FootDesign) -> list[Part]:
     """Return the ground-side and the leg-side hemisphere as parts."""
-    volume = 2.0 / 3.0 * math.pi * design.ball_radius_mm**3
     return [
-        Part(
-            name=f"hemisphere-{side}",
-            solid=hemisphere(design, side, up * design.plate_mm, quarter=False),
-            formula_volume_mm3=volume,
-        )
+        Part(name=f"hemisphere-{side}", solid=hemisphere(design, side, up * design.plate_mm, quarter=False))
         for side, up in BODY_SIDES
     ]
 
@@ -54,10 +46,8 @@ def mould(design: FootDesign) -> list[Part]:
     half_x, half_y = 2.0 * radius + 1.5 * wall, radius + wall
     body = occ.Box(occ.Pnt(-half_x, -half_y, -(radius + wall)), occ.Pnt(half_x, half_y, 0))
     lid = occ.Box(occ.Pnt(-half_x, -half_y, 0), occ.Pnt(half_x, half_y, wall))
-    body_mm3, lid_mm3 = 4.0 * half_x * half_y * (radius + wall), 4.0 * half_x * half_y * wall
     for x in centres:
         body -= occ.Sphere(occ.Pnt(x, 0, 0), radius)
-        body_mm3 -= 2.0 / 3.0 * math.pi * radius**3
         rim = radius - dimensions.MOULD_VENT_DIAMETER_MM
         bores = [
             (x, 0.0, dimensions.SPRUE_DIAMETER_MM),
@@ -66,18 +56,12 @@ def mould(design: FootDesign) -> list[Part]:
         ]
         for u, v, diameter in bores:
             lid -= _cylinder(u, v, diameter, (-1.0, wall + 1.0))
-            lid_mm3 -= math.pi / 4.0 * diameter**2 * wall
     inset = dimensions.MOULD_DOWEL_DIAMETER_MM
     for sign in (-1.0, 1.0):
         place = (sign * (half_x - inset), sign * (half_y - inset), dimensions.MOULD_DOWEL_DIAMETER_MM)
         body -= _cylinder(*place, (-2.0 * dimensions.MOULD_DOWEL_DIAMETER_MM, 1.0))
         lid -= _cylinder(*place, (-1.0, wall + 1.0))
-        area = math.pi / 4.0 * dimensions.MOULD_DOWEL_DIAMETER_MM**2
-        body_mm3, lid_mm3 = body_mm3 - 2.0 * dimensions.MOULD_DOWEL_DIAMETER_MM * area, lid_mm3 - wall * area
-    return [
-        Part(name="mould-body", solid=body, formula_volume_mm3=body_mm3),
-        Part(name="mould-lid", solid=lid, formula_volume_mm3=lid_mm3),
-    ]
+    return [Part(name="mould-body", solid=body), Part(name="mould-lid", solid=lid)]
 
 
 def mould_hollow_centres_x_mm(design: FootDesign) -> tuple[float, float]:
@@ -88,7 +72,7 @@ def mould_hollow_centres_x_mm(design: FootDesign) -> tuple[float, float]:
 
 def column_and_row_tail_widths_mm(design: FootDesign) -> tuple[float, float]:
     """Return the widths of the column flex's tail (forward) and the row flex's tail (to the left) [mm]."""
-    rows, columns = flexes(ElementArray.from_design(design), design.ball_radius_mm)
+    rows, columns = flexes(design)
     return 2.0 * columns.tail_half_width_mm, 2.0 * rows.tail_half_width_mm
 
 
@@ -119,28 +103,7 @@ def socket(design: FootDesign) -> Part:
     solid -= _cylinder(
         0.85 * inside, 0.0, dimensions.MOULD_VENT_DIAMETER_MM, (top - 1.0, top + 1.0)
     )  # marks forward
-    return Part(name="leg-socket", solid=solid, formula_volume_mm3=_socket_volume_mm3(design))
-
-
-def _socket_volume_mm3(design: FootDesign) -> float:
-    """Return the volume of the socket by formula [mm3]."""
-    outer, hollow = (
-        dimensions.socket_outer_radius_mm(design.ball_radius_mm),
-        design.ball_radius_mm + dimensions.ADHESIVE_THICKNESS_MM,
-    )
-    height, air = (
-        design.ball_radius_mm + dimensions.SOCKET_TOP_THICKNESS_MM,
-        dimensions.MOULD_VENT_DIAMETER_MM / 2.0,
-    )
-    volume: float = math.pi * outer**2 * height - 2.0 / 3.0 * math.pi * hollow**3
-    # What the bore for the adhesive cuts beyond the hollow.
-    volume -= math.pi * air**2 * height - 2.0 / 3.0 * math.pi * (hollow**3 - (hollow**2 - air**2) ** 1.5)
-    for width in column_and_row_tail_widths_mm(design):
-        half = width / 2.0 + dimensions.TAIL_CHANNEL_PLAY_PER_SIDE_MM
-        segment = half * math.sqrt(outer**2 - half**2) + outer**2 * math.asin(half / outer)
-        volume -= height * (segment - 2.0 * half * (outer - dimensions.TAIL_CHANNEL_DEPTH_MM))
-    volume -= dimensions.SCREWS * math.pi / 4.0 * dimensions.CORE_MM**2 * dimensions.CORE_DEPTH_MM
-    return volume - math.pi * air**2  # the forward mark is 1 mm deep
+    return Part(name="leg-socket", solid=solid)
 
 
 def all_parts(design: FootDesign) -> list[Part]:
