@@ -175,7 +175,8 @@ def test_loads_of_no_foot_of_the_type_are_refused() -> None:
         calibrate(design(), mixed)
 
 
-@pytest.mark.parametrize("number", [2, pytest.param(9, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [2, 9])
 def test_firm_loads_that_shut_gaps_lead_nowhere_else(number: int) -> None:
     """All at once end where the light ones point: nothing is far from the twin."""
     found = calibrate(design(), load_set(made(number), _TRAINING[::2], np.random.default_rng(number))).fit

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from footsense.frames import USABLE, CapFrame, Cause, Reading, State
@@ -161,6 +161,7 @@ element_events = st.tuples(
 
 
 @given(st.lists(st.dictionaries(st.integers(0, 17), element_events, max_size=5), min_size=1, max_size=8))
+@settings(max_examples=50)
 def test_no_run_of_bad_scans_makes_a_number_of_nothing(
     scans: list[dict[int, tuple[Reading, float, int]]],
 ) -> None:

@@ -80,7 +80,7 @@ def test_the_table_is_the_foot(relative_compliance: float) -> None:
     """Less than a twentieth of a converter's noise, all over the stance and at a temperature between two tables."""
     foot, walk = Foot(FootResponse.load(released_path("response.npz"))), WALK.build(0)
     table = GaitTable(foot, walk, "lf", (1.0, 0.92))
-    phases = np.random.default_rng(1).uniform(0.0, 0.6, 300)
+    phases = np.random.default_rng(1).uniform(0.0, 0.6, 100)
     contacts = [walk.contact_at_phase("lf", phase) for phase in phases.tolist()]
     exact_pf = foot.capacitance_pf(
         np.array([contact.normal for contact in contacts]),

@@ -59,6 +59,7 @@ def test_a_careless_test_stand_is_refused_and_loads_without_a_force_are_counted(
     assert errors is None or errors["no_force"] > 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "conditions",
     [
