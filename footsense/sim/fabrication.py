@@ -37,7 +37,7 @@ class FootTolerances:
     mount_deg: float = 0.0
 
 
-#: Feet of the paper's quality: a network trained on the design alone errs on them by 15.9 deg and 18.7 gf. The
+#: Tuned to the paper's error: a network trained on the design alone errs on 160 such feet by 15.9 deg and 18.7 gf. The
 #: stray makes the one, the stiffness the other. Twenty feet differ from another twenty by 1.6 deg and 2.3 gf (rms).
 PAPER_TOLERANCES = FootTolerances(gap_um=2.0, film_um=1.0, stray_pf=0.34, stiffness_rel=0.2, mount_deg=3.0)
 #: Rms rotation by taking a foot off and mounting it again [deg].

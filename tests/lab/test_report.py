@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from footsense.errors import FootsenseError
@@ -16,6 +17,7 @@ from footsense.lab.report import (
     table,
     write_list_of_pages,
 )
+from footsense.lab.studies import experiment
 
 pytestmark = pytest.mark.lab
 
@@ -83,3 +85,32 @@ def test_the_front_page_has_the_range_of_the_page_design() -> None:
         f"leaves {leaning['range'][0]:.2f} and {leaning['converter'][0]:.2f} N",
     ):
         assert text in front
+
+
+def test_the_front_page_says_of_made_feet_spread_and_worst() -> None:
+    front = (PAGES.parents[1] / "README.md").read_text(encoding="utf-8")
+    values = json.loads((PAGES / "experiment.json").read_text("utf-8"))
+    assert f"seed {values['seed']}, feet 0 to {values['n_feet'] - 1}" in front
+    assert "tuned to give the paper's error" in front
+    made = values["kinds"]["supposed"]
+    for estimator, test, kind in (
+        ("design", "centred", ""),
+        ("own_network", "centred", ""),
+        *(("few", "centred", kind) for kind in ("", "true_")),
+        *(("all", "centred", kind) for kind in ("", "true_")),
+        ("all", "range", "true_"),
+    ):
+        errors = made[estimator][test]
+        assert f"| {spread(errors[f'{kind}deg'])} deg; {spread(errors[f'{kind}gf'])} gf |" in front
+    worst = {
+        (test, unit): experiment.worst_accepted(values, test, f"true_{unit}")[0]
+        for test in ("centred", "range")
+        for unit in ("deg", "gf")
+    }
+    assert (
+        "worst {:.2f} deg, {:.2f} gf; over the range {:.2f} deg, {:.2f} gf".format(*worst.values()) in front
+    )
+    shares = [np.mean(columns["all"]["range"]["no_force"]) for columns in values["kinds"].values()]
+    assert f"{100 * min(shares):.0f} to {100 * max(shares):.0f} % of the loads have no force" in front
+    n_accepted = {name: len(experiment.accepted(columns, "all")) for name, columns in values["kinds"].items()}
+    assert f"one bar not bonded: {n_accepted['bar_not_bonded']} of {values['n_feet']} pass" in front

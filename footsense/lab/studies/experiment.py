@@ -1,7 +1,8 @@
 """Page `experiment`: made feet. Causes of the paper's error, calibrated feet, and feet of a physics not calibrated for."""
 
+import math
 from collections.abc import Iterable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import lru_cache, partial
 from itertools import pairwise
 from pathlib import Path
@@ -15,8 +16,7 @@ from footsense.calibration.calibrate import (
     WARNING_MEDIAN_MAHALANOBIS_DISTANCE,
 )
 from footsense.calibration.evaluation import DesignModels
-from footsense.foot.directions import random_directions
-from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
+from footsense.foot.force_errors import evaluate_force_errors
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads, Foot
 from footsense.lab.evaluation.evaluate import MEASURED_DIRECTION_DEG, MEASURED_MAGNITUDE_GF
@@ -24,7 +24,7 @@ from footsense.lab.fem.sealed_air import SealedFoot
 from footsense.lab.fem.whole import other_tables
 from footsense.lab.parallel import N_PROCESSES, compute_each
 from footsense.lab.report import Figures, StudyContext, Values, spread, table
-from footsense.lab.training.load_cases import leaning_normals
+from footsense.lab.training.load_cases import leaning_loads
 from footsense.lab.training.paper.per_foot_network import per_foot_force_n
 from footsense.lab.training.paper.procedure import EPOCHS
 from footsense.sim.fabrication import PAPER_TOLERANCES, FootTolerances, draw_deviations
@@ -51,13 +51,10 @@ _N_RANGE, _RANGE_GF, _MIN_ELEVATION_DEG = 180, (20.0, 200.0), 32.0
 
 #: Rms levels of causes: none, and those of feet and test stand on which the paper's procedure errs as in the paper.
 _EXACT = asdict(FootTolerances()) | asdict(EXACT_CONDITIONS)
-_TUNED = _EXACT | asdict(PAPER_TOLERANCES)
-_TUNED |= {
-    "reading_noise_pf": 1e-3,
-    "repeatability_rel": 0.02,
-    "force_noise_steps": 1.1,
-    "lean_rms_deg": 2.15,
-}
+_STAND = replace(
+    EXACT_CONDITIONS, reading_noise_pf=1e-3, repeatability_rel=0.02, force_noise_steps=1.1, lean_rms_deg=2.15
+)
+_TUNED = asdict(PAPER_TOLERANCES) | asdict(_STAND)
 #: The causes in words, and the factor to their unit.
 NONE, ALL = "none", "all"
 _CAUSES = {
@@ -99,7 +96,7 @@ _KINDS = {
     "bar_not_bonded": _Kind("one bar not bonded", table="bar_not_bonded"),
     "tuned_stand": _Kind(
         "calibrated on a test stand tuned to the paper's error",
-        PressConditions(force_noise_steps=_TUNED["force_noise_steps"], lean_rms_deg=_TUNED["lean_rms_deg"]),
+        PressConditions(force_noise_steps=_STAND.force_noise_steps, lean_rms_deg=_STAND.lean_rms_deg),
     ),
     "sealed": _Kind("cavities sealed, as the paper's", foot_model=SealedFoot),
 }
@@ -121,12 +118,14 @@ def compute(context: StudyContext) -> tuple[Values, Figures]:
     errors = np.round(found, 4).reshape(len(sets), n_feet, 2)
     rows = [{"deg": one[:, 0], "gf": one[:, 1]} for one in errors]
     context.report_progress("causes done")
-    names, tables = tuple(_KINDS), {"": context.response}
-    if context.quick:
-        names = _QUICK_KINDS
-    else:
-        tables |= other_tables(context.foot_design, context.response, each)
-    plan = MadeFootPlan(_QUICK_EVERY if context.quick else 1, _test_loads(context))
+    names = _QUICK_KINDS if context.quick else tuple(_KINDS)
+    solved = {} if context.quick else other_tables(context.foot_design, context.response, each)
+    tables = {"": context.response} | solved
+    tests = {
+        "centred": ContactLoads.centred(paper_presses("verification")),
+        "range": leaning_loads(context.foot_design.loads, _N_RANGE, _RANGE_GF, _MIN_ELEVATION_DEG, SEED),
+    }
+    plan = MadeFootPlan(_QUICK_EVERY if context.quick else 1, tests)
     evaluate = partial(_evaluate, context.models.resolve(), plan, epochs)
     parts = [(name, tables[_KINDS[name].table], number) for name in names for number in range(n_feet)]
     feet = each(evaluate, parts)
@@ -163,19 +162,6 @@ def _procedure_errors(folder: Path, epochs: int, part: tuple[dict[str, float], i
     force_n = per_foot_force_n(response.design, number, epochs, change_pf, training.force_n, test_pf)
     errors = evaluate_force_errors(test.force_n, force_n)
     return errors.direction_deg, errors.magnitude_gf
-
-
-def _test_loads(context: StudyContext) -> dict[str, ContactLoads]:
-    """Return the paper's 180 centred loads, and leaning ones over the whole range."""
-    rng = np.random.default_rng(SEED)
-    direction = random_directions(rng, 4 * _N_RANGE, _MIN_ELEVATION_DEG)
-    normal = leaning_normals(context.foot_design.loads, rng, direction)
-    reached = np.flatnonzero(normal[:, 2] >= np.sin(np.radians(_MIN_ELEVATION_DEG)))[:_N_RANGE]
-    size_n = GRAM_FORCE_N * rng.uniform(*_RANGE_GF, (len(reached), 1))
-    return {
-        "centred": ContactLoads.centred(paper_presses("verification")),
-        "range": ContactLoads(normal[reached], size_n * direction[reached]),
-    }
 
 
 def _evaluate(
@@ -219,26 +205,27 @@ def worst_accepted(values: Values, test: str, figure: str) -> tuple[float, str]:
 
 def _targets(values: Values) -> list[Values]:
     made = values["kinds"][SUPPOSED]["all"]["centred"]
-    worst = [max(made[figure]) for figure in ("true_deg", "true_gf")]
-    other = [worst_accepted(values, "centred", figure)[0] for figure in ("true_deg", "true_gf")]
+    figures, n_kinds = ("true_deg", "true_gf"), len(values["kinds"]) - 1
+    other = [worst_accepted(values, "centred", one)[0] for one in figures]
+    worst = {
+        f"{values['n_feet']} made feet": [max(made[one]) for one in figures],
+        f"feet of {n_kinds} other kinds, as far as accepted": other,
+    }
     return [
         {
-            "figure": f"{title}, centred loads, against truth, worst foot",
+            "figure": f"{title}, calibrated with all loads, centred loads, worst foot",
             "target": f"{TARGET_DEG:g} deg, {TARGET_GF:g} gf",
             "measured": f"{deg:.2f} deg, {gf:.2f} gf",
             "met": deg <= TARGET_DEG and gf <= TARGET_GF,
         }
-        for title, (deg, gf) in {
-            f"{values['n_feet']} made feet, calibrated with all loads": worst,
-            f"feet of {len(values['kinds']) - 1} kinds that the calibration does not know and accepts": other,
-        }.items()
+        for title, (deg, gf) in worst.items()
     ]
 
 
 def text(values: Values) -> str:
     """Return the page's Markdown."""
     feet = f"{values['n_feet']} feet"
-    made, levels = values["kinds"][SUPPOSED], values["levels"]
+    made = values["kinds"][SUPPOSED]
     estimators = {
         "own_network": "the paper's procedure: a network trained on the foot's own loads",
         "design": "uncalibrated: the released network",
@@ -246,11 +233,10 @@ def text(values: Values) -> str:
         "all": "calibrated with all loads",
     }
     made_rows: list[tuple[str, ...]] = [(_PAPER, *_PAPER_ERRORS, "-", "-")]
-    made_rows += [
-        (words, *(_spread(made[name]["centred"][figure]) for figure in _FIGURES[:4]))
-        for name, words in estimators.items()
-    ]
+    for name, words in estimators.items():
+        made_rows.append((words, *(_spread(made[name]["centred"][figure]) for figure in _FIGURES[:4])))
     left_out = {name: _percent(made[name]["centred"]["no_force"]) for name in ("design", "all")}
+    n_soft = sum(share > 0.5 for share in made["all"]["centred"]["no_force"])
     passed = {_KINDS[name].words: len(accepted(one, "all")) for name, one in values["kinds"].items()}
     refused = "; ".join(words for words, n in passed.items() if not n)
     partly = "; ".join(
@@ -277,25 +263,25 @@ press to press it cannot learn.
 
 ## Made feet, calibrated
 
-Feet with the tolerances above ({levels["gap_um"]:g} um of each gap, {levels["film_um"]:g} um of each film,
-{levels["stray_pf"]:g} pF of stray, {levels["stiffness_rel"]:.0%} of the stiffness,
-{levels["mount_deg"]:g} deg of the mount, rms), whose rubber creeps and has play, on a careful test stand: the stick
-leans by 1 deg rms, and the reference is as off as its data sheet allows (1.5 % of its range, which acts as up to 4 %
-of a force). Each is pressed {values["n_presses"]} times, of which {np.mean(made["n_loads"]):.0f} loads on average are
+Feet with the tolerances of gap, film, stray, stiffness and mount above, whose rubber creeps and has play, on a careful
+test stand: the stick leans by 1 deg rms, and the reference is as off as its data sheet allows (1.5 % of its range, which
+acts as up to 4 % of a force). Each is pressed {values["n_presses"]} times, of which {np.mean(made["n_loads"]):.0f} loads on average are
 within the converter's range, calibrated by the code of `footsense calibrate`, mounted anew, and read under the paper's
 180 loads. The physics that makes these feet is the one that the calibration and the network know.
 
 {table("estimator | reference [deg] | reference [gf] | truth [deg] | truth [gf]", made_rows)}
 
-Loads without a force are left out: {left_out["design"]} % of the uncalibrated network's, {left_out["all"]} % of
-the calibrated one's. The readings leave out converter, bus and recording, which a test of the whole chain has.
+Loads without a force are left out: {left_out["design"]} % of the uncalibrated network's, {left_out["all"]} % of the calibrated one's,
+most of them of {n_soft} soft feet that have lost more than half; most of the worst figures are theirs. The simulated readings leave
+out converter, bus and recording; a test compares them with those of the whole chain.
 
 ## Feet that the calibration does not know
 
-In each of {len(values["kinds"]) - 1} kinds, one thing differs from what the calibration supposes. They are chosen: the worst of
-22 that were tried, but for leaking cavities, which were refused. Errors are against truth: *centred* on the
-paper's 180 loads of 100 gf, *range* on {values["n_range_loads"]} leaning loads of {_RANGE_GF[0]:g} to {_RANGE_GF[1]:g} gf. On
-{_percent(made["all"]["range"]["no_force"])} % of the range's loads the foot as supposed has no force at all (an element is beyond the converter's range,
+In each of {len(values["kinds"]) - 1} kinds, one thing differs from what the calibration supposes. They are chosen by hand, among them the
+worst of 22 that were tried, but for two of which every calibration was refused: a sheet 1.5 mm off centre, and
+cavities that leak. Errors are against truth: *centred* on the
+paper's 180 loads of 100 gf, *range* on {values["n_range_loads"]} leaning loads of {_RANGE_GF[0]:g} to {_RANGE_GF[1]:g} gf. Of
+the range's loads, {_percent(made["all"]["range"]["no_force"])} % have no force at all with the foot as supposed (an element is beyond the converter's range,
 or a gap closed); **these loads are not in the errors**, and the column *no force* counts them. *Coverage* is the share of
 components of the range within two sigma. A calibration is refused if half of its loads are more than
 {MAX_MEDIAN_MAHALANOBIS_DISTANCE:g} standard deviations from any foot of the type, or leave it too uncertain, and warned
@@ -313,7 +299,7 @@ Calibrated with {N_FEW} loads:
 - All refused with all loads: {refused or "none"}.
 - Refused in part: {partly or "none"}.
 - A floor's capacitance is on no test stand, so nothing warns of it.
-- Finite strain and a floor with friction are no kind.
+- Finite strain and a floor with friction are no kind: a full solve of every load is too dear.
 
 ![](experiment.png)
 
@@ -327,7 +313,10 @@ def _cause_table(values: Values) -> str:
         words, factor = _CAUSES[name]
         level = f"{values['levels'][name] * factor:g}" if name in values["levels"] else "-"
         rows.append((words, level, _spread(errors["deg"]), _spread(errors["gf"])))
-    return table("cause | rms level | [deg] | [gf]", [*rows, (_PAPER, "-", *_PAPER_ERRORS)])
+    return table(
+        "cause | rms level | direction error [deg] | magnitude error [gf]",
+        [*rows, (_PAPER, "-", *_PAPER_ERRORS)],
+    )
 
 
 def _kind_table(values: Values, calibration: str) -> str:
@@ -372,9 +361,12 @@ def _spread(over_feet: list[float | None]) -> str:
 
 def _figure(kinds: Values) -> Figure:
     """Return the figure of each foot's error over the distance of its loads, in zones of trust."""
-    figure = Figure(figsize=(8.5, 4.8), layout="constrained")
+    figure, first, last = (
+        Figure(figsize=(11.0, 4.8), layout="constrained"),
+        1.5,
+        MAX_MEDIAN_MAHALANOBIS_DISTANCE,
+    )
     axes = figure.subplots()
-    last = MAX_MEDIAN_MAHALANOBIS_DISTANCE
     for place, (name, columns) in enumerate(kinds.items()):
         one = columns["all"]
         refused, distance = np.array(one["refused"], bool), np.array(one["distance"])
@@ -383,18 +375,25 @@ def _figure(kinds: Values) -> Figure:
             axes.scatter(distance[which], error_deg[which], s=16, marker=marker, color=f"C{place}")
         axes.scatter([], [], s=16, color=f"C{place}", label=_KINDS[name].words)
         last = max(last, 1.1 * distance.max())
-    edges = (0.0, WARNING_MEDIAN_MAHALANOBIS_DISTANCE, MAX_MEDIAN_MAHALANOBIS_DISTANCE, last)
+    edges = (first, WARNING_MEDIAN_MAHALANOBIS_DISTANCE, MAX_MEDIAN_MAHALANOBIS_DISTANCE, last)
     for span, color, word in zip(
         pairwise(edges), ("C2", "C1", "C3"), ("trust", "check", "refused"), strict=True
     ):
         axes.axvspan(*span, color=color, alpha=0.12, lw=0.0)
-        axes.text(sum(span) / 2.0, 0.97, word, transform=axes.get_xaxis_transform(), ha="center", va="top")
+        axes.text(
+            math.prod(span) ** 0.5, 0.97, word, transform=axes.get_xaxis_transform(), ha="center", va="top"
+        )
     axes.axhline(TARGET_DEG, color="k", ls=":", label="wanted at most")
     axes.set(
-        xlim=(0.0, last),
+        xlim=(first, last),
+        xscale="log",
         yscale="log",
+        xticks=(2, 4, 8, 16, 32),
+        yticks=(0.5, 1, 2, 5),
         xlabel="median distance of the loads from the fitted foot",
         ylabel="direction error, centred loads [deg]",
     )
+    axes.xaxis.set(major_formatter="{x:g}", minor_formatter="")
+    axes.yaxis.set(major_formatter="{x:g}", minor_formatter="")
     figure.legend(fontsize="small", loc="outside right upper")
     return figure

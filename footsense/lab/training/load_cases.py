@@ -17,7 +17,7 @@ from footsense.foot.capacitor import Capacitor
 from footsense.foot.directions import normalized, paper_directions, random_directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import Deviations, Foot
+from footsense.foot.specimen import ContactLoads, Deviations, Foot
 from footsense.frames import Vector
 from footsense.lab.geometry import LoadRange
 from footsense.lab.symmetry import SYMMETRIES, element_permutation
@@ -115,6 +115,26 @@ def leaning_normals(loads: LoadRange, rng: np.random.Generator, direction: Vecto
     sideways = normalized(np.cross(direction, rng.normal(size=(n, 3))))
     normal: Vector = np.cos(angle)[:, None] * direction + np.sin(angle)[:, None] * sideways
     return normal
+
+
+def leaning_loads(
+    loads: LoadRange, n: int, sizes_gf: tuple[float, float], min_elevation_deg: float, seed: int
+) -> ContactLoads:
+    """Return up to n random leaning loads with evenly distributed sizes, whatever the converter can read.
+
+    Args:
+        loads: How far a normal leans.
+        n: How many.
+        sizes_gf: Least and largest force [gf].
+        min_elevation_deg: Lowest elevation of force and normal [deg].
+        seed: Seed of the loads.
+    """
+    rng = np.random.default_rng(seed)
+    direction = random_directions(rng, 4 * n, min_elevation_deg)
+    normal = leaning_normals(loads, rng, direction)
+    reached = np.flatnonzero(normal[:, 2] >= np.sin(np.radians(min_elevation_deg)))[:n]
+    size_n = GRAM_FORCE_N * rng.uniform(*sizes_gf, (len(reached), 1))
+    return ContactLoads(normal[reached], size_n * direction[reached])
 
 
 def random_loads(
