@@ -46,7 +46,7 @@ def cell_colour(browser: Browser, leg: str, element: int) -> str:
 
 
 def test_six_feet_and_the_pressed_one(browser: Browser, cycles: Path, url: str) -> None:
-    """With its closures, arrow, bar, cone, and the numbers beside it."""
+    """With its closures, arrow, bar, cone, the numbers beside it, and its cells."""
     with ViewedService(cycles) as service:
         service.force_n[4] = 0.2, 0.1, 1.2
         browser.look()
@@ -74,16 +74,8 @@ def test_six_feet_and_the_pressed_one(browser: Browser, cycles: Path, url: str) 
         )
         assert tip / cone == pytest.approx(np.hypot(0.2, 0.1) / (0.4 * 1.2), rel=1e-3)
         assert browser.text("#problems .fine") == "Nothing is wrong."
-        assert browser.errors() == []
-
-
-def test_the_cells_of_a_foot(browser: Browser, cycles: Path, url: str) -> None:
-    """Row by row in a frame, with the crossed one in its place, and a line in the plot."""
-    with ViewedService(cycles) as service:
-        service.force_n[4] = 0.2, 0.1, 1.2
+        # Its cells: row by row in a frame, the crossed one in its place, and a line in the plot.
         service.fault_mask[4] = 1 << 8
-        browser.open(url)
-        browser.wait("document.querySelectorAll('[data-leg=rm] .cell').length === 9", service.publish)
         browser.wait("document.querySelector('[data-leg=rm] .dead.on')", lambda: service.publish(5))
         first, second, fourth, last, frame, cross = browser.js(
             "const foot = document.querySelector('[data-leg=rm]');"

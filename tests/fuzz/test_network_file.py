@@ -16,7 +16,7 @@ from footsense.errors import ModelError
 from footsense.estimation.network import Network
 from footsense.foot.network_card import INPUTS, OUTPUTS, add_checksum, read_card
 from tests.fuzz.outcome import EXAMPLES, NO_MESSAGE, TRIED, anything, judged_with_little_memory, refusal
-from tests.support.networks import ALL_IN, ALL_OUT
+from tests.support.networks import network_of_nodes
 
 WHOLE = released_path("network.onnx").read_bytes()
 CARD = json.loads(
@@ -64,53 +64,36 @@ def test_a_name_that_is_no_text(tmp_path: Path) -> None:
         assert refusal(lambda: Network(path, 1), ModelError)
 
 
-def network(tmp_path: Path, *nodes: Any, **constants: Any) -> Path:
-    """Write a network with the released card, made of other nodes."""
-    graph = helper.make_graph(
-        list(nodes),
-        "n",
-        *(
-            [
-                helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", width])
-                for name, width, _ in values
-            ]
-            for values in (ALL_IN, ALL_OUT)
-        ),
-        [
-            helper.make_tensor(name, TensorProto.INT64, np.shape(value), np.ravel(value))
-            for name, value in constants.items()
-        ],
-    )
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
-    helper.set_model_props(model, {"footsense_card": json.dumps(CARD)})
-    path = tmp_path / f"{len(list(tmp_path.iterdir()))}.onnx"
-    path.write_bytes(add_checksum(model.SerializeToString()))
-    return path
-
-
 def test_a_network_that_asks_for_too_much(tmp_path: Path) -> None:
     """Room for 10^18 numbers, a shape of negative size, and outputs of another size than declared."""
-    half = [
-        helper.make_node("Slice", ["age_s", "zero", end, "one"], [name])
-        for name, end in (("sigma_n", "three"), ("contact", "four"), ("contact_sigma", "four"))
-    ]
-    three = {"zero": [0], "three": [3], "four": [4], "one": [1]}
-    files = []
-    for size in ([10**9, 10**9], [1 << 62, 4], [-5, 3], [100_000, 10_000]):
-        room = helper.make_node("ConstantOfShape", ["size"], ["room"])
-        total = helper.make_node("ReduceSum", ["room"], ["sum"], keepdims=0)
-        part = helper.make_node("Slice", ["closure_rel", "zero", "three", "one"], ["part"])
-        add = helper.make_node("Add", ["part", "sum"], ["force_n"])
-        files.append(network(tmp_path, room, total, part, add, *half, size=size, **three))
-    files.append(
-        network(
-            tmp_path,
-            helper.make_node("ConstantOfShape", ["size"], ["force_n"]),
-            *half,
-            size=[7, 3],
-            **three,
+    cut = [
+        helper.make_node("Slice", [value, "zero", end, "one"], [name])
+        for value, end, name in (
+            *(
+                ("age_s", "three", "sigma_n"),
+                ("age_s", "four", "contact"),
+                ("age_s", "four", "contact_sigma"),
+            ),
+            ("closure_rel", "three", "part"),
         )
-    )
+    ]
+    summed = [
+        helper.make_node("ConstantOfShape", ["size"], ["room"]),
+        helper.make_node("ReduceSum", ["room"], ["sum"], keepdims=0),
+        helper.make_node("Add", ["part", "sum"], ["force_n"]),
+    ]
+    files: list[Path] = []
+    for nodes, size in (
+        *((summed, size) for size in ([10**9, 10**9], [1 << 62, 4], [-5, 3], [100_000, 10_000])),
+        ([helper.make_node("ConstantOfShape", ["size"], ["force_n"])], [7, 3]),
+    ):
+        constants = {"size": size, "zero": [0], "three": [3], "four": [4], "one": [1]}
+        tensors = [
+            helper.make_tensor(name, TensorProto.INT64, [len(value)], value)
+            for name, value in constants.items()
+        ]
+        path = tmp_path / f"{len(files)}.onnx"
+        files.append(network_of_nodes(path, json.dumps(CARD), [*cut, *nodes], tensors))
     for line in judged_with_little_memory(1024, *files):
         assert " refused: " in line
 

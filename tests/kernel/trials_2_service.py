@@ -1,5 +1,7 @@
 """Trials of the service: what happens to its process, its machine and its files."""
 
+import pytest
+
 from firmware_interface.can.codes import State
 from tests.kernel.robot import CONFIG, Trial, matching
 
@@ -130,23 +132,18 @@ def test_no_thread_of_another(trial: Trial) -> None:
     trial.row.shown = f"{len(threads)} threads, all footsense's"
 
 
-def test_missing_can(trial: Trial) -> None:
-    """`systemctl start` without can0, which comes later."""
-    run = trial.machine.run
-    run("systemctl stop footsense; ip link del can0")
+@pytest.mark.parametrize(
+    ("device", "away", "back"),
+    [
+        ("can0", "ip link del can0", "ip link add can0 type vcan; ip link set can0 up"),
+        ("/dev/i2c-1", "until modprobe -r i2c-dev; do sleep 0.1; done", "modprobe i2c-dev"),
+    ],
+)
+def test_missing_device(trial: Trial, device: str, away: str, back: str) -> None:
+    """`systemctl start` without {device}, which comes later."""
+    trial.machine.run(f"systemctl stop footsense; {away}")
     took_s = trial.robot.started_within_s()
-    run("ip link add can0 type vcan; ip link set can0 up")
-    trial.recovered()
-    trial.row.shown = f"{trial.can.shown(trial.mark)}; `systemctl start` returned after {took_s:.1f} s"
-    assert took_s <= _LONGEST_BLOCK_S
-
-
-def test_missing_i2c_dev(trial: Trial) -> None:
-    """`systemctl start` without /dev/i2c-1, which comes later."""
-    run = trial.machine.run
-    run("systemctl stop footsense; until modprobe -r i2c-dev; do sleep 0.1; done")
-    took_s = trial.robot.started_within_s()
-    run("modprobe i2c-dev")
+    trial.machine.run(back)
     trial.recovered()
     trial.row.shown = f"{trial.can.shown(trial.mark)}; `systemctl start` returned after {took_s:.1f} s"
     assert took_s <= _LONGEST_BLOCK_S

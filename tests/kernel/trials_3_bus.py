@@ -30,21 +30,11 @@ def test_one_leg_fails(trial: Trial, error: str) -> None:
 
 
 @pytest.mark.parametrize("error", _ERRORS)
-def test_every_transfer_fails(trial: Trial, error: str) -> None:
-    """Every transfer on the bus ends with {error} until all legs are absent."""
+@pytest.mark.parametrize(("chips", "where"), [("all", "on the bus"), ("mux", "to the multiplexer")])
+def test_every_transfer_fails(trial: Trial, chips: str, where: str, error: str) -> None:
+    """Every transfer {where} ends with {error} until all legs are absent."""
     pid = trial.robot.pid
-    trial.chips.do(f"fail all {error}")
-    trial.can.wait_for(State.ABSENT)
-    trial.chips.do("clear")
-    trial.recovered()
-    assert trial.robot.pid == pid
-
-
-@pytest.mark.parametrize("error", _ERRORS)
-def test_multiplexer_fails(trial: Trial, error: str) -> None:
-    """Every transfer to the multiplexer ends with {error} until all legs are absent."""
-    pid = trial.robot.pid
-    trial.chips.do(f"fail mux {error}")
+    trial.chips.do(f"fail {chips} {error}")
     trial.can.wait_for(State.ABSENT)
     trial.chips.do("clear")
     trial.recovered()

@@ -86,6 +86,20 @@ def network_file(
         helper.make_tensor("widths", TensorProto.INT64, [len(widths)], widths),
     ]
 
+    return network_of_nodes(folder / "network.onnx", text, nodes, tensors, inputs=inputs, outputs=outputs)
+
+
+def network_of_nodes(
+    path: Path,
+    text: str | None,
+    nodes: list[onnx.NodeProto],
+    tensors: list[onnx.TensorProto],
+    *,
+    inputs: Values = ALL_IN,
+    outputs: Values = ALL_OUT,
+) -> Path:
+    """Write a network of these nodes and constants, with this card or none and its checksum."""
+
     def declared(values: Values) -> list[onnx.ValueInfoProto]:
         return [helper.make_tensor_value_info(name, kind, ["n", width]) for name, width, kind in values]
 
@@ -93,6 +107,5 @@ def network_file(
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
     if text is not None:
         helper.set_model_props(model, {METADATA_KEY: text})
-    path = folder / "network.onnx"
     path.write_bytes(add_checksum(model.SerializeToString()))
     return path

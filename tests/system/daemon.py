@@ -9,7 +9,6 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 #: Longest wait for anything [s]; what hangs is then seen to.
 TIMEOUT_S = 20
@@ -87,11 +86,6 @@ class Daemon:
         self._process.communicate(timeout=TIMEOUT_S)
         os.close(self._end)
 
-    def wait(self) -> int:
-        """Wait for its own end and return its exit code."""
-        self._process.communicate(timeout=TIMEOUT_S)
-        return self._process.returncode
-
     def stop(self) -> tuple[int, str, str]:
         """Ask it to end; return its exit code, its output, and its errors."""
         self._process.send_signal(signal.SIGTERM)
@@ -115,13 +109,13 @@ def _parent(entry: Path) -> int:
 
 
 @contextlib.contextmanager
-def running(folder: Path, *arguments: str | Path, **options: Any) -> Iterator[Daemon]:
+def running(folder: Path, *arguments: str | Path, stderr: int = subprocess.PIPE) -> Iterator[Daemon]:
     """Run `footsense run --realtime` until the test ends.
 
     Args:
         folder: For its notification socket.
         arguments: More of the command line.
-        options: Of `subprocess.Popen`; `env` adds to the environment.
+        stderr: Where its errors go, as `subprocess.Popen` takes it.
 
     Yields:
         The daemon, from its start on.
@@ -132,12 +126,11 @@ def running(folder: Path, *arguments: str | Path, **options: Any) -> Iterator[Da
         notify.setblocking(False)
         process = subprocess.Popen(
             [sys.executable, "-m", "footsense", "run", "--realtime", *map(str, arguments)],
-            env={**os.environ, **environment, **options.pop("env", {})},
+            env={**os.environ, **environment},
             stdout=subprocess.PIPE,
-            stderr=options.pop("stderr", subprocess.PIPE),
+            stderr=stderr,
             text=True,
             process_group=0,
-            **options,
         )
         daemon = Daemon(process, notify)
         try:

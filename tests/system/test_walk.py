@@ -84,19 +84,14 @@ def test_the_recording_gives_the_same_forces_again(walk: tuple[Path, dict[str, A
 @pytest.mark.slow
 def test_a_run_is_the_same_each_time(tmp_path: Path) -> None:
     """Virtual time: two runs put the same bytes on CAN at the same times, with one bus and with two."""
-    two_buses = Path(__file__).parents[2] / "deploy" / "footsense-two-buses.yaml"
+    two_buses = tmp_path / "two.yaml"
+    deployed = Path(__file__).parents[2] / "deploy" / "footsense-two-buses.yaml"
+    two_buses.write_text(deployed.read_text().replace("socketcan", "virtual").partition("\nmetrics:")[0])
     for options in ((), ("--config", two_buses, "--scene", "tripod")):
-        config = options
-        if options:
-            text = two_buses.read_text().replace("socketcan", "virtual")
-            (tmp_path / "two.yaml").write_text(
-                text[: text.index("\nmetrics:")] if "\nmetrics:" in text else text
-            )
-            config = ("--config", tmp_path / "two.yaml", "--scene", "tripod")
         logs = []
         for n in range(2):
-            log = tmp_path / f"{len(config)}-{n}.log"
-            run_json(*config, "--duration", "2", "--can-log", log)
+            log = tmp_path / f"{len(options)}-{n}.log"
+            run_json(*options, "--duration", "2", "--can-log", log)
             logs.append(log.read_bytes())
         assert logs[0] == logs[1]
         assert len(logs[0]) > 10_000
