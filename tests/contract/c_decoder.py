@@ -69,13 +69,15 @@ def library() -> ctypes.CDLL:
     """Return the decoder as a shared library, built once in a process."""
     folder = Path(mkdtemp(prefix="footsense-c-"))
     try:
-        files = [SOURCES / f"footsense_{name}.c" for name in ("can", "link", "gait")]
+        files = [SOURCES / f"footsense_{name}.c" for name in ("can", "link", "gait", "serial")]
         compile_c(folder, "-shared", "-fPIC", *files, "-o", folder / "footsense.so")
         built = ctypes.CDLL(str(folder / "footsense.so"))
     finally:
         shutil.rmtree(folder)
     built.footsense_get_leg_force.restype = _View
     built.footsense_get_leg_force.argtypes = [ctypes.c_char_p, ctypes.c_uint8, ctypes.c_uint64]
+    built.footsense_encode_record.restype = ctypes.c_uint8
+    built.footsense_crc16.restype = ctypes.c_uint16
     built.footsense_feed.restype = ctypes.c_bool
     built.footsense_feed.argtypes = [
         ctypes.c_char_p,

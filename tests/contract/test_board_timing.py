@@ -11,33 +11,12 @@ from tests.contract.boards import FDC1004, Board, Robot, both, distinct
 
 
 @both
-def test_stamps_are_the_middle_of_each_conversion(board: Board) -> None:
-    """A capacitance that counts time is read as the time of its stamp, for every element on its own."""
-    robot = Robot(lambda element, t_ns: 4.0 + t_ns * 2**-30, board)
-    frame = robot.read(2)
-    np.testing.assert_allclose(frame.capacitance_pf - 4.0, frame.t_ns * 2**-30, atol=2**-11)
-    steps = np.diff(np.sort(frame.t_ns[0]))
-    assert (steps > board.conversion_ns).all()
-    assert (steps < 1.2 * board.conversion_ns).all()
-
-
-@both
-@pytest.mark.parametrize("clock_error_rel", [-0.02, 0.02])
-def test_chips_at_the_end_of_their_tolerance_still_finish_in_time(
-    board: Board, clock_error_rel: float
-) -> None:
-    """The plan waits for the slowest chip that is allowed."""
-    frame = Robot(distinct, board, clock_error_rel=clock_error_rel).read(3)
-    assert (frame.reading == Reading.OK).all()
-
-
-@both
 @pytest.mark.parametrize("host_cost_us", [0, 100])
-@pytest.mark.parametrize("clock_error_rel", [0.03, 0.08, 0.15, 0.24, 0.322])
-def test_chips_slower_than_their_tolerance_get_the_time_that_they_need(
+@pytest.mark.parametrize("clock_error_rel", [-0.02, 0.0, 0.02, 0.03, 0.08, 0.15, 0.24, 0.322])
+def test_chips_get_the_time_that_they_need_and_stamps_are_the_middle_of_it(
     board: Board, host_cost_us: int, clock_error_rel: float
 ) -> None:
-    """Measured at start, to two hundredths; stamps are the middle of the longer conversions."""
+    """Measured at start, to two hundredths; a capacitance that counts time is read as the time of its stamp."""
     robot = Robot(
         lambda element, t_ns: 4.0 + t_ns * 2**-30,
         board,
@@ -46,9 +25,16 @@ def test_chips_slower_than_their_tolerance_get_the_time_that_they_need(
     )
     frame = robot.read(3)
     assert (frame.reading == Reading.OK).all()
-    np.testing.assert_allclose(frame.capacitance_pf - 4.0, frame.t_ns * 2**-30, atol=2**-11)
+    atol = (
+        2**-11 + 0.01 * board.conversion_ns * 2**-30
+    )  # a code, and half of what a clock in its tolerance is off
+    np.testing.assert_allclose(frame.capacitance_pf - 4.0, frame.t_ns * 2**-30, atol=atol)
     for leg in robot.buses[0].legs:
-        assert 1.02 * leg.timing.wait_factor < 1 + clock_error_rel + 0.025
+        assert 1.02 * leg.timing.wait_factor < 1 + max(clock_error_rel, 0.0) + 0.025
+    if not host_cost_us and not clock_error_rel:
+        steps_ns = np.diff(np.sort(frame.t_ns[0]))
+        assert (steps_ns > board.conversion_ns).all()
+        assert (steps_ns < 1.2 * board.conversion_ns).all()
 
 
 @both

@@ -3,10 +3,6 @@
 import ctypes
 import json
 import re
-import shutil
-from collections.abc import Iterator
-from pathlib import Path
-from tempfile import mkdtemp
 from typing import Any
 
 import pytest
@@ -26,7 +22,7 @@ from firmware_interface.serial_frames import (
 )
 from footsense.frames import Reading
 from tests.contract import serial_vectors
-from tests.contract.c_decoder import SOURCES, compile_c
+from tests.contract.c_decoder import SOURCES, library
 
 VECTORS = json.loads(serial_vectors.PATH.read_text())
 
@@ -54,24 +50,12 @@ class _Record(ctypes.Structure):
     )
 
 
-@pytest.fixture(scope="module")
-def encoder() -> Iterator[ctypes.CDLL]:
-    """Return the encoder of C as a shared library."""
-    folder = Path(mkdtemp(prefix="footsense-c-"))
-    compile_c(folder, "-shared", "-fPIC", SOURCES / "footsense_serial.c", "-o", folder / "serial.so")
-    built = ctypes.CDLL(str(folder / "serial.so"))
-    built.footsense_encode_record.restype = ctypes.c_uint8
-    built.footsense_crc16.restype = ctypes.c_uint16
-    yield built
-    shutil.rmtree(folder)
-
-
-def c_encodes(library: ctypes.CDLL, record: Record) -> bytes:
+def c_encodes(record: Record) -> bytes:
     """Return a record as C writes it; nothing if it refuses to."""
     values = (ctypes.c_int32 * 9)(*record.values_af())
     given = _Record(record.leg, record.flags, record.seq, record.step_us, record.t_us, values)
     out = ctypes.create_string_buffer(FRAME_BYTES)
-    n_bytes: int = library.footsense_encode_record(ctypes.byref(given), out)
+    n_bytes: int = library().footsense_encode_record(ctypes.byref(given), out)
     return out.raw[:n_bytes]
 
 
@@ -81,12 +65,12 @@ def test_the_vectors_are_those_that_the_script_makes() -> None:
 
 
 @pytest.mark.parametrize("vector", VECTORS["records"], ids=lambda vector: vector["name"])
-def test_both_write_the_vectors(encoder: ctypes.CDLL, vector: dict[str, Any]) -> None:
+def test_both_write_the_vectors(vector: dict[str, Any]) -> None:
     """Byte for byte, and Python reads them again."""
     leg, seq, flags, step_us, t_us, values = vector["fields"]
     record = Record(leg, seq, RecordFlag(flags), step_us, t_us, pack_values(values))
     line = bytes.fromhex(vector["line"])
-    assert encode_record(record) == c_encodes(encoder, record) == line
+    assert encode_record(record) == c_encodes(record) == line
     assert SerialDecoder().feed(line) == [record]
 
 
@@ -100,30 +84,28 @@ def test_what_is_read_of_a_stream_and_what_is_counted(vector: dict[str, Any], pi
     assert decoder.losses == vector["losses"]
 
 
-def test_the_check_of_the_crc_and_the_golden_bytes_of_the_stuffing(encoder: ctypes.CDLL) -> None:
+def test_the_check_of_the_crc_and_the_golden_bytes_of_the_stuffing() -> None:
     """The catalogue's check value, and the examples of the paper's kind."""
-    assert encoder.footsense_crc16(b"123456789", 9) == 0x29B1
+    assert library().footsense_crc16(b"123456789", 9) == 0x29B1
     for plain, stuffed in (("00", "0101"), ("1122", "031122"), ("110000", "02110101"), ("", "01")):
         assert stuff(bytes.fromhex(plain)).hex() == stuffed
 
 
 @given(records)
-def test_c_writes_what_python_writes(encoder: ctypes.CDLL, record: Record) -> None:
+def test_c_writes_what_python_writes(record: Record) -> None:
     """Any record; and Python reads it."""
     line = encode_record(record)
-    assert c_encodes(encoder, record) == line
+    assert c_encodes(record) == line
     assert len(line) == FRAME_BYTES
     assert line.index(0) == FRAME_BYTES - 1
     assert SerialDecoder().feed(line) == [record]
 
 
 @pytest.mark.parametrize(("leg", "flags"), [(0, 0), (9, 0), (1, 4), (1, 128)])
-def test_what_no_record_has_is_written_by_nobody_and_read_by_nobody(
-    encoder: ctypes.CDLL, leg: int, flags: int
-) -> None:
+def test_what_no_record_has_is_written_by_nobody_and_read_by_nobody(leg: int, flags: int) -> None:
     """C refuses; bytes that say so all the same are counted as another version's."""
     record = serial_vectors.record()._replace(leg=leg, flags=RecordFlag(flags))
-    assert c_encodes(encoder, record) == b""
+    assert c_encodes(record) == b""
     decoder = SerialDecoder()
     assert decoder.feed(b"\0" + encode_record(record)) == []
     assert decoder.losses == {"version": 1}

@@ -123,31 +123,6 @@ def test_what_cannot_begin_leaves_nothing_behind(
     assert not list(tmp_path.glob("one*"))
 
 
-def on_a_terminal(*options: str | Path) -> tuple[subprocess.Popen[bytes], int]:
-    """Start `footsense` with these options; return it, and what it writes on a terminal."""
-    terminal, screen = os.openpty()
-    process = subprocess.Popen(
-        [sys.executable, "-m", "footsense", *map(str, options)],
-        stdin=screen,
-        stdout=screen,
-        stderr=screen,
-        env={**os.environ, "TERM": "xterm", "COLUMNS": "100", "LINES": "40"},
-    )
-    os.close(screen)
-    return process, terminal
-
-
-def last_words(process: subprocess.Popen[bytes], terminal: int) -> bytes:
-    """Return what else a process writes, up to its end."""
-    said = b""
-    with contextlib.suppress(OSError):  # its end of the terminal is closed when it ends
-        while True:
-            said += os.read(terminal, 65536)
-    process.wait(TIMEOUT_S)
-    os.close(terminal)
-    return said
-
-
 def test_a_terminal_and_a_sensor_on_a_line(tmp_path: Path) -> None:
     """Presses are drawn as they happen; the sensor is unplugged, the recording goes on, and Ctrl-C leaves it whole.
 
@@ -163,9 +138,18 @@ def test_a_terminal_and_a_sensor_on_a_line(tmp_path: Path) -> None:
     described = f"""kind: serial, device: {os.ttyname(its_end)}, rate_hz: 200, start: "S\\r\\n",
       columns: [time_us, fx, fy, fz]"""
     file = stand(tmp_path, SENSOR.replace("kind: simulated, linearity_rel: 0.0", described))
-    process, terminal = on_a_terminal(
-        *("record", "--reference", file, "--foot", "foot-0007", "--scene", path, "--loads", "50", out)
+    terminal, screen = os.openpty()
+    process = subprocess.Popen(
+        [
+            *(sys.executable, "-m", "footsense", "record", "--reference", file, "--foot", "foot-0007"),
+            *("--scene", path, "--loads", "50", out),
+        ],
+        stdin=screen,
+        stdout=screen,
+        stderr=screen,
+        env={**os.environ, "TERM": "xterm", "COLUMNS": "100", "LINES": "40"},
     )
+    os.close(screen)
     drawn, asked = b"", b""
     try:
         while not re.search(rb"[6-9] of 50 loads", drawn):
@@ -182,10 +166,14 @@ def test_a_terminal_and_a_sensor_on_a_line(tmp_path: Path) -> None:
         while b": gone" not in drawn:
             drawn += os.read(terminal, 65536)
         process.send_signal(signal.SIGINT)
-        drawn += last_words(process, terminal)
+        with contextlib.suppress(OSError):  # its end of the terminal is closed when it ends
+            while True:
+                drawn += os.read(terminal, 65536)
+        process.wait(TIMEOUT_S)
     finally:
         process.kill()
         process.wait(TIMEOUT_S)
+        os.close(terminal)
         os.close(its_end)
     assert asked == b"S\r\n"
     assert process.returncode == 0, drawn[-2000:]
@@ -196,9 +184,7 @@ def test_a_terminal_and_a_sensor_on_a_line(tmp_path: Path) -> None:
     assert not session.damage
     for load_n in session.loads.force_n:
         assert min(np.abs(load_n - force_n).max() for force_n in np.array(SIX)) < 0.04
-    calibrating = on_a_terminal("calibrate", out, "--foot", "foot-0007", "--calibrations", tmp_path / "feet")
-    said = last_words(*calibrating).decode()
-    assert calibrating[0].returncode == 0, said
-    assert read_calibration(tmp_path / "feet" / "foot-0007", DEFAULT_FOOT_TYPE).manifest.n_loads == len(
-        session.loads
-    )
+    feet = tmp_path / "feet"
+    calibrating = footsense("calibrate", out, "--foot", "foot-0007", "--calibrations", feet)
+    assert calibrating.returncode == 0, calibrating.stderr
+    assert read_calibration(feet / "foot-0007", DEFAULT_FOOT_TYPE).manifest.n_loads == len(session.loads)
