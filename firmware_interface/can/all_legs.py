@@ -30,37 +30,50 @@ Source:
 """
 
 import math
-import struct
 from binascii import crc_hqx
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from firmware_interface.can.codes import USABLE, Flag, State
-from firmware_interface.can.crc8 import COUNTER_PERIOD, FrameError, enum_member
-from firmware_interface.can.force import ALL_ELEMENTS_MASK, FORCE_ID, Force, Quality
+from firmware_interface.can.crc8 import COUNTER_PERIOD, FrameError
+from firmware_interface.can.force import FORCE_ID, Force, Quality
+from firmware_interface.can.signals import Age, Code, Layout, Number, Vector
 
 #: The id of `Force` with node 0, which stands for nodes 1 to 6, and with node 9, which stands for nodes 7 and 8.
 FORCES_ID, FORCES4_ID = FORCE_ID, FORCE_ID + 9
 #: Nodes in each of the frames, in its order.
 NODES_OF_FRAME = {FORCES_ID: range(1, 7), FORCES4_ID: range(7, 9)}
 
-_HEADER_STRUCT = struct.Struct("<HBB")
-_LEG_STRUCT = struct.Struct("<Ihhh")
+_HEADER_BYTES, _LEG_BYTES = 4, 10
 #: Data bytes of each of the frames.
 DATA_BYTES_OF_FRAME = {
-    can_id: _HEADER_STRUCT.size + len(nodes) * _LEG_STRUCT.size for can_id, nodes in NODES_OF_FRAME.items()
+    can_id: _HEADER_BYTES + len(nodes) * _LEG_BYTES for can_id, nodes in NODES_OF_FRAME.items()
 }
 
-_NO_FORCE = -32768
-_MAX_FORCE = 32767
-_FORCE_CODES_PER_N = 1000
-_AGE_STEP_NS, _NO_AGE = 500_000, 0xFF
-# First bits of the mask and of both standard deviations of a leg.
-_MASK_BIT, _SIGMA_XY_BIT, _SIGMA_Z_BIT = 6, 15, 23
-_NO_SIGMA, _SIGMA_CODES_PER_N = 0xFF, 250
-# Rounds up, except for the rounding error of a whole number of bits.
-_CEILING_OFFSET = 1 - 1e-6
 _FLAGS_OF_ALL_LEGS = Flag.SIMULATED | Flag.DEGRADED_TIMING
+
+
+class _Header(NamedTuple):
+    counter: Annotated[int, Code(16, 4)]
+    all_in_air: Annotated[bool, Code(20, 1)]
+    simulated: Annotated[bool, Code(21, 1)]
+    degraded_timing: Annotated[bool, Code(22, 1)]
+    age_ns: Annotated[int | None, Age(24, 8, 500_000)]
+
+
+class _Leg(NamedTuple):
+    state: Annotated[State, Code(0, 4)]
+    contact: Annotated[bool, Code(4, 1)]
+    tare_refused: Annotated[bool, Code(5, 1)]
+    fault_mask: Annotated[int, Code(6, 9)]
+    sigma_xy_n: Annotated[float, Number(15, 8, 250, up=True)]
+    sigma_z_n: Annotated[float, Number(23, 8, 250, up=True)]
+    force_n: Annotated[tuple[float, float, float], Vector(32, 48, Number(0, 16, 1000, signed=True))]
+
+
+_HEADER, _LEG = Layout(_Header), Layout(_Leg)
+_NO_FORCE = (math.nan, math.nan, math.nan)
+_NO_LEG = _Leg(State.ABSENT, False, False, 0, math.nan, math.nan, _NO_FORCE)
 
 
 class Forces(NamedTuple):
@@ -91,34 +104,30 @@ def encode_forces(
 
     The other arguments are those of `ForceQualityEncoder.encode`, for all legs of the robot, and the legs' nodes.
     """
-    no_sigmas = _NO_SIGMA << _SIGMA_XY_BIT | _NO_SIGMA << _SIGMA_Z_BIT
-    slots = dict.fromkeys(NODES_OF_FRAME[can_id], (State.ABSENT | no_sigmas, _NO_FORCE, _NO_FORCE, _NO_FORCE))
-    ages_ns = [0]
-    in_air, common = True, 0
-    for node, leg_ns, code, leg_n, leg_sigma_n, flag, mask in zip(
+    slots = dict.fromkeys(NODES_OF_FRAME[can_id], _NO_LEG)
+    ages_ns: list[int] = []
+    in_air, common = True, Flag(0)
+    for node, leg_ns, code, leg_n, (x_n, y_n, z_n), flag, mask in zip(
         nodes, t_ns, state, force_n, sigma_n, flags, fault_mask, strict=True
     ):
         common |= flag & _FLAGS_OF_ALL_LEGS
         known = code in USABLE and all(map(math.isfinite, leg_n))
-        in_air = in_air and known and not flag & Flag.CONTACT
+        contact = bool(flag & Flag.CONTACT)
+        in_air = in_air and known and not contact
         if node not in slots:
             continue
-        shown = State.ELEMENT_FAULT if code in USABLE and not known else code
-        forces = [_force_code(part_n) if known else _NO_FORCE for part_n in leg_n]
-        x_n, y_n, z_n = leg_sigma_n
+        shown = State.ELEMENT_FAULT if code in USABLE and not known else State(code)
         widest_n = max(x_n, y_n) if math.isfinite(x_n + y_n) else math.nan
-        bits = shown | bool(flag & Flag.CONTACT) << 4 | bool(flag & Flag.TARE_REFUSED) << 5
-        bits |= (mask & ALL_ELEMENTS_MASK) << _MASK_BIT
-        bits |= _sigma_code(widest_n) << _SIGMA_XY_BIT | _sigma_code(z_n) << _SIGMA_Z_BIT
-        slots[node] = (bits, *forces)
+        refused = bool(flag & Flag.TARE_REFUSED)
+        shown_n = leg_n if known else _NO_FORCE
+        slots[node] = _Leg(shown, contact, refused, mask, widest_n, z_n, shown_n)
         if known:
             ages_ns.append(t_sent_ns - leg_ns if leg_ns else -1)
-    age = -(-max(ages_ns) // _AGE_STEP_NS) if min(ages_ns) >= 0 and len(ages_ns) > 1 else _NO_AGE
-    head = (
-        counter | in_air << 4 | bool(common & Flag.SIMULATED) << 5 | bool(common & Flag.DEGRADED_TIMING) << 6
-    )
-    payload = _HEADER_STRUCT.pack(0, head, min(age, _NO_AGE))[2:] + b"".join(
-        [_LEG_STRUCT.pack(*leg) for leg in slots.values()]
+    age_ns = max(ages_ns) if ages_ns and min(ages_ns) >= 0 else None
+    simulated, degraded_timing = Flag.SIMULATED in common, Flag.DEGRADED_TIMING in common
+    head = counter, in_air, simulated, degraded_timing, age_ns
+    payload = _HEADER.pack(head).to_bytes(_HEADER_BYTES, "little")[2:] + b"".join(
+        [_LEG.pack(leg).to_bytes(_LEG_BYTES, "little") for leg in slots.values()]
     )
     return _crc16(can_id, payload).to_bytes(2, "little") + payload
 
@@ -131,52 +140,27 @@ def decode_forces(can_id: int, data: bytes) -> Forces:
     """
     if len(data) != DATA_BYTES_OF_FRAME.get(can_id):
         raise FrameError(f"frame 0x{can_id:03x} of {len(data)} bytes is no frame of all legs")
-    crc, head, age = _HEADER_STRUCT.unpack_from(data)
+    crc = int.from_bytes(data[:2], "little")
     if crc != _crc16(can_id, data[2:]):
         raise FrameError(
             f"frame 0x{can_id:03x} has crc 0x{crc:04x} instead of 0x{_crc16(can_id, data[2:]):04x}"
         )
-    counter = head & 0xF
+    bits = int.from_bytes(data, "little")
+    counter, in_air, simulated, degraded_timing, age_ns = _HEADER.unpack(bits)
     if counter >= COUNTER_PERIOD:
         raise FrameError(f"frame 0x{can_id:03x} has counter {counter}, which is never sent")
-    common = (Flag.SIMULATED if head & 0x20 else 0) | (Flag.DEGRADED_TIMING if head & 0x40 else 0)
-    age_ns = None if age == _NO_AGE else age * _AGE_STEP_NS
+    common = Flag.SIMULATED * simulated | Flag.DEGRADED_TIMING * degraded_timing
     legs = []
-    slots = _LEG_STRUCT.iter_unpack(data[_HEADER_STRUCT.size :])
-    for node, (bits, *codes) in zip(NODES_OF_FRAME[can_id], slots, strict=True):
-        x_n, y_n, z_n = (math.nan if code == _NO_FORCE else code / _FORCE_CODES_PER_N for code in codes)
-        across_n, along_n = _sigma_n(bits >> _SIGMA_XY_BIT), _sigma_n(bits >> _SIGMA_Z_BIT)
-        mask = bits >> _MASK_BIT & ALL_ELEMENTS_MASK
-        flags = Flag(
-            common | (Flag.CONTACT if bits & 0x10 else 0) | (Flag.TARE_REFUSED if bits & 0x20 else 0)
-        )
-        state = enum_member(State, bits & 0xF)
-        own_ns = age_ns if state in USABLE else None
-        legs.append(
-            (
-                Force(node, counter, state, (x_n, y_n, z_n)),
-                Quality(node, counter, flags, own_ns, mask, (across_n, across_n, along_n)),
-            )
-        )
-    return Forces(bool(head & 0x10), tuple(legs))
+    for row, node in enumerate(NODES_OF_FRAME[can_id]):
+        leg = _Leg._make(_LEG.unpack(bits >> 8 * (_HEADER_BYTES + row * _LEG_BYTES)))
+        flags = Flag(common | Flag.CONTACT * leg.contact | Flag.TARE_REFUSED * leg.tare_refused)
+        own_ns = age_ns if leg.state in USABLE else None
+        sigma_n = leg.sigma_xy_n, leg.sigma_xy_n, leg.sigma_z_n
+        force = Force(node, counter, leg.state, leg.force_n)
+        legs.append((force, Quality(node, counter, flags, own_ns, leg.fault_mask, sigma_n)))
+    return Forces(in_air, tuple(legs))
 
 
 def _crc16(can_id: int, payload: bytes) -> int:
     """Return the CRC-16/CCITT-FALSE of a frame's payload and CAN id."""
     return crc_hqx(payload + can_id.to_bytes(2, "little"), 0xFFFF)
-
-
-def _sigma_code(sigma_n: float) -> int:
-    if not sigma_n >= 0.0:
-        return _NO_SIGMA
-    return int(min(sigma_n * _SIGMA_CODES_PER_N + _CEILING_OFFSET, _NO_SIGMA - 1))
-
-
-def _sigma_n(bits: int) -> float:
-    code = bits & _NO_SIGMA
-    return math.nan if code == _NO_SIGMA else code / _SIGMA_CODES_PER_N
-
-
-def _force_code(force_n: float) -> int:
-    """Return the code of a force component [N], clipped to the range."""
-    return round(max(-_MAX_FORCE, min(_MAX_FORCE, force_n * _FORCE_CODES_PER_N)))

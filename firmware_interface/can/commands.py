@@ -7,11 +7,11 @@ Source:
     CiA 301, pre-defined connection set.
 """
 
-import struct
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from firmware_interface.can.codes import CommandKind, Result
-from firmware_interface.can.crc8 import COUNTER_PERIOD, FrameError, enum_member, protect, unpack_protected
+from firmware_interface.can.crc8 import COUNTER_PERIOD, FrameError
+from firmware_interface.can.signals import Code, Codec
 
 #: CAN ids are these plus the node id.
 COMMAND_ID = 0x200
@@ -54,7 +54,15 @@ class CommandFrame(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """Decoded `Answer` frame: result of a command.
+    """Content of an `Answer` frame: result of a command.
+
+    ::
+
+        byte    0        1            2        3
+             +-------+------+-----+------+---+-----+
+             | crc8  |result| cnt | kind | 0 | of  |   of: counter of the command, 15: none
+             +-------+------+-----+------+---+-----+
+                      7..4   3..0         7..4 3..0
 
     Attributes:
         node: CAN node id of the leg, 1..8.
@@ -66,13 +74,20 @@ class Answer(NamedTuple):
 
     node: int
     counter: int
-    result: Result
-    command_kind: int
-    command_counter: int
+    result: Annotated[Result, Code(12, 4)]
+    command_kind: Annotated[int, Code(16, 8)]
+    command_counter: Annotated[int, Code(24, 4)]
 
 
-_COMMAND_STRUCT = struct.Struct("<BBB4s")
-_ANSWER_STRUCT = struct.Struct("<BBB")
+class _Command(NamedTuple):
+    node: int
+    counter: int
+    kind: Annotated[int, Code(16, 8)]
+    word: Annotated[int, Code(32, 32)]
+
+
+COMMAND = Codec(COMMAND_ID, _Command)
+ANSWER = Codec(ANSWER_ID, Answer)
 
 
 def encode_command(node: int, counter: int, kind: CommandKind) -> bytes:
@@ -90,7 +105,7 @@ def encode_command(node: int, counter: int, kind: CommandKind) -> bytes:
         >>> encode_command(1, 0, CommandKind.TARE).hex(" ")
         '98 00 01 00 7a 65 72 6f'
     """
-    return protect(COMMAND_ID + node, _COMMAND_STRUCT.pack(counter, kind, 0, COMMAND_WORDS[kind]))
+    return COMMAND.encode(_Command(node, counter, kind, int.from_bytes(COMMAND_WORDS[kind], "little")))
 
 
 def decode_command(can_id: int, data: bytes) -> CommandFrame:
@@ -100,36 +115,9 @@ def decode_command(can_id: int, data: bytes) -> CommandFrame:
         UnknownCommandError: The crc is right, but kind and word are those of no command.
         FrameError: The id, length, crc or counter is wrong.
     """
-    node, counter, (_, code, _, word) = unpack_protected(can_id, data, COMMAND_ID, _COMMAND_STRUCT)
+    node, counter, code, letters = COMMAND.decode(can_id, data)
+    word = letters.to_bytes(4, "little")
     for kind, known in COMMAND_WORDS.items():
         if code == kind and word == known:
             return CommandFrame(node, counter, kind)
     raise UnknownCommandError(code, counter, word)
-
-
-def encode_answer(node: int, counter: int, result: int, kind: int, command_counter: int) -> bytes:
-    """Return the 4 data bytes of an `Answer` frame.
-
-    ::
-
-        byte    0        1            2        3
-             +-------+------+-----+------+---+-----+
-             | crc8  |result| cnt | kind | 0 | of  |   of: counter of the command, 15: none
-             +-------+------+-----+------+---+-----+
-                      7..4   3..0         7..4 3..0
-
-    Example:
-        >>> encode_answer(1, 3, Result.LOADED, CommandKind.TARE, 0).hex(" ")
-        '6a 23 01 00'
-    """
-    return protect(ANSWER_ID + node, _ANSWER_STRUCT.pack(result << 4 | counter, kind, command_counter))
-
-
-def decode_answer(can_id: int, data: bytes) -> Answer:
-    """Return the content of an `Answer` frame, after checking it.
-
-    Raises:
-        FrameError: The id, length, crc, counter or result is wrong.
-    """
-    node, counter, (head, kind, command_counter) = unpack_protected(can_id, data, ANSWER_ID, _ANSWER_STRUCT)
-    return Answer(node, counter, enum_member(Result, head >> 4), kind, command_counter & 0xF)

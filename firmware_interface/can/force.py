@@ -10,10 +10,11 @@ Units:
 import math
 import struct
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from firmware_interface.can.codes import USABLE, Flag, State
-from firmware_interface.can.crc8 import COLUMN_CRC, ID_CRC, crc8, enum_member, unpack_protected
+from firmware_interface.can.crc8 import COLUMN_CRC, ID_CRC, crc8
+from firmware_interface.can.signals import CEILING_OFFSET, Age, Code, Codec, Number, Vector
 from firmware_interface.can.socketcan import FRAME_BYTES, pack_frame
 
 #: CAN ids are these plus the node id, as CANopen's default transmit PDOs 1 and 2. Source: CiA 301, pre-defined
@@ -23,7 +24,7 @@ QUALITY_ID = 0x280
 
 
 class Force(NamedTuple):
-    """Decoded `Force` frame (8 bytes): state and force of a leg.
+    """Content of a `Force` frame (8 bytes): state and force of a leg.
 
     ::
 
@@ -47,12 +48,12 @@ class Force(NamedTuple):
 
     node: int
     counter: int
-    state: State
-    force_n: tuple[float, float, float]
+    state: Annotated[State, Code(12, 4)]
+    force_n: Annotated[tuple[float, float, float], Vector(16, 48, Number(0, 16, 1000, signed=True))]
 
 
 class Quality(NamedTuple):
-    """Decoded `Quality` frame (8 bytes): flags, age, fault mask and sigma of the force with the same counter.
+    """Content of a `Quality` frame (8 bytes): flags, age, fault mask and sigma of the force with the same counter.
 
     ::
 
@@ -79,18 +80,20 @@ class Quality(NamedTuple):
 
     node: int
     counter: int
-    flags: Flag
-    age_ns: int | None
-    fault_mask: int
-    sigma_n: tuple[float, float, float]
+    flags: Annotated[Flag, Code(12, 4)]
+    age_ns: Annotated[int | None, Age(16, 12, 100_000)]
+    fault_mask: Annotated[int, Code(28, 9)]
+    sigma_n: Annotated[tuple[float, float, float], Vector(37, 27, Number(0, 9, 500, up=True))]
+
+
+FORCE = Codec(FORCE_ID, Force)
+QUALITY = Codec(QUALITY_ID, Quality)
 
 
 #: What a bit of a force may stand for [mN]; a robot with feet for up to 32 N uses the first.
 FORCE_STEPS_MN = (1, 2, 5, 10, 20)
 
 _FORCE_STRUCT = struct.Struct("<Bhhh")
-_QUALITY_STRUCT = struct.Struct("<7s")
-_NO_FORCE = -32768
 _NO_FORCE_N = -32.768
 _MAX_FORCE_N = 32.767
 _FORCE_CODES_PER_N = 1000
@@ -105,10 +108,6 @@ ALL_ELEMENTS_MASK = 0x1FF
 _MASK_BIT, _SIGMA_BIT, _SIGMA_BITS = 20, 29, 9
 _NO_SIGMA, _SIGMA_CODES_PER_N = 0x1FF, 500
 _MAX_SIGMA_N = (_NO_SIGMA - 1) / _SIGMA_CODES_PER_N
-# Rounds up, except for the rounding error of a whole number of bits.
-_CEILING_OFFSET = 1 - 1e-6
-
-_NAN = float("nan")
 
 
 def force_step_mn(max_n: float) -> int:
@@ -195,7 +194,7 @@ class ForceQualityEncoder:
             shift = _SIGMA_BIT
             for component_n in sigmas_n:
                 if 0.0 <= component_n < _MAX_SIGMA_N:
-                    bits |= int(component_n * _SIGMA_CODES_PER_N + _CEILING_OFFSET) << shift
+                    bits |= int(component_n * _SIGMA_CODES_PER_N + CEILING_OFFSET) << shift
                 else:
                     bits |= (_NO_SIGMA - 1 if component_n > 0.0 else _NO_SIGMA) << shift
                 shift += _SIGMA_BITS
@@ -217,35 +216,3 @@ def _sendable_force(state: int, force_n: tuple[float, float, float]) -> tuple[in
         return state, _NO_FORCE_N, _NO_FORCE_N, _NO_FORCE_N
     x_n, y_n, z_n = (max(-_MAX_FORCE_N, min(_MAX_FORCE_N, component)) for component in force_n)
     return state, x_n, y_n, z_n
-
-
-def decode_force(can_id: int, data: bytes) -> Force:
-    """Return the content of a `Force` frame, after checking it.
-
-    Raises:
-        FrameError: The id, length, crc, counter or state is wrong.
-    """
-    node, counter, (head, *codes) = unpack_protected(can_id, data, FORCE_ID, _FORCE_STRUCT)
-    x_n, y_n, z_n = (_NAN if code == _NO_FORCE else code / _FORCE_CODES_PER_N for code in codes)
-    return Force(node, counter, enum_member(State, head >> 4), (x_n, y_n, z_n))
-
-
-def decode_quality(can_id: int, data: bytes) -> Quality:
-    """Return the content of a `Quality` frame, after checking it.
-
-    Raises:
-        FrameError: The id, length, crc or counter is wrong.
-    """
-    node, counter, (payload,) = unpack_protected(can_id, data, QUALITY_ID, _QUALITY_STRUCT)
-    bits = int.from_bytes(payload, "little")
-    age = bits >> 8 & 0xFFF
-    codes = [bits >> _SIGMA_BIT + axis * _SIGMA_BITS & _NO_SIGMA for axis in range(3)]
-    x_n, y_n, z_n = (_NAN if code == _NO_SIGMA else code / _SIGMA_CODES_PER_N for code in codes)
-    return Quality(
-        node=node,
-        counter=counter,
-        flags=Flag(bits >> 4 & 0xF),
-        age_ns=None if age == _NO_AGE else age * _AGE_STEP_NS,
-        fault_mask=bits >> _MASK_BIT & ALL_ELEMENTS_MASK,
-        sigma_n=(x_n, y_n, z_n),
-    )

@@ -6,15 +6,14 @@ from dataclasses import dataclass, field
 
 from firmware_interface.can.codes import Result
 from firmware_interface.can.commands import (
-    ANSWER_ID,
+    ANSWER,
     COMMAND_ID,
     UNSOLICITED_COUNTER,
+    Answer,
     UnknownCommandError,
     decode_command,
-    encode_answer,
 )
 from firmware_interface.can.crc8 import FrameError, next_counter
-from firmware_interface.can.socketcan import pack_frame
 from footsense.can.channel import CanChannel
 from footsense.frames import Command, CommandKind, CommandResult
 from footsense.ports import Clock
@@ -51,9 +50,8 @@ class _LegCommands:
 
     def answer_frame(self, result: int, kind: int, command_counter: int) -> bytes:
         """Return an answer as `struct can_frame`, and advance the answer counter."""
-        data = encode_answer(self.node, self.answer_counter, result, kind, command_counter)
-        self.answer_counter = next_counter(self.answer_counter)
-        return pack_frame(ANSWER_ID + self.node, data)
+        counter, self.answer_counter = self.answer_counter, next_counter(self.answer_counter)
+        return ANSWER.pack(Answer(self.node, counter, Result(result), kind, command_counter))
 
 
 class CanCommands:

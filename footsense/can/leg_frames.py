@@ -1,27 +1,16 @@
 """Content and counters of each leg's reports on CAN: fault report, heartbeat, baseline, gait."""
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cache
+from typing import Any
+
+import numpy as np
 
 from firmware_interface.can.codes import Cause, NmtState, State
 from firmware_interface.can.crc8 import next_counter
-from firmware_interface.can.gait import (
-    GAIT_EVENT_ID,
-    GAIT_ID,
-    GROUND_ID,
-    encode_gait,
-    encode_gait_event,
-    encode_ground,
-)
-from firmware_interface.can.reports import (
-    BASELINE_ID,
-    FAULT_ID,
-    HEARTBEAT_ID,
-    encode_baseline,
-    encode_fault,
-    encode_heartbeat,
-)
+from firmware_interface.can.gait import GAIT, GAIT_EVENT, GROUND, Gait, GaitEventFrame, Ground
+from firmware_interface.can.reports import BASELINE, FAULT, HEARTBEAT_ID, Baseline, Fault, encode_heartbeat
 from firmware_interface.can.socketcan import pack_frame
 from footsense.frames import ContactFrame, GaitEvent, GaitFrame
 
@@ -71,8 +60,8 @@ class CanLeg:
 
     def fault_frame(self, state: int, mask: int, cause: int) -> bytes:
         """Return a fault report as `struct can_frame`; call `set_reported` once it is sent."""
-        data = encode_fault(self.node, self._fault_counter, state, self.reported[0], mask, cause)
-        return pack_frame(FAULT_ID + self.node, data)
+        before = State(self.reported[0])
+        return FAULT.pack(Fault(self.node, self._fault_counter, State(state), before, mask, Cause(cause)))
 
     def set_reported(self, report: tuple[int, int, int]) -> None:
         """Store the fault report that was just sent (state, mask, cause), and advance the fault counter."""
@@ -83,9 +72,8 @@ class CanLeg:
         """Return the leg's baseline as `struct can_frame`: status, mean and worst drift [pF], age [ns]."""
         status, mean_pf, worst_pf, moved_ns = [column[self._row].item() for column in frame.baseline]
         age_ns = frame.t_sent_ns - moved_ns if moved_ns else None
-        data = encode_baseline(self.node, self._baseline_counter, status, mean_pf, worst_pf, age_ns)
-        self._baseline_counter = next_counter(self._baseline_counter)
-        return pack_frame(BASELINE_ID + self.node, data)
+        counter, self._baseline_counter = self._baseline_counter, next_counter(self._baseline_counter)
+        return BASELINE.pack(Baseline(self.node, counter, status, mean_pf, worst_pf, age_ns))
 
 
 #: Period of `Gait` and `Ground` [ns].
@@ -133,10 +121,9 @@ class GaitFrames:
         for event, all_in_air in list(self.events)[:max_frames]:
             node, counter = self._nodes[event.leg], counters[event.leg]
             counters[event.leg] = next_counter(counter)
-            data = encode_gait_event(
-                node, counter, event.kind, now_ns - event.t_ns, event.sigma_s, all_in_air=all_in_air
-            )
-            frames.append(pack_frame(GAIT_EVENT_ID + node, data))
+            age_ns = now_ns - event.t_ns
+            content = GaitEventFrame(node, counter, event.kind, age_ns, event.sigma_s, all_in_air)
+            frames.append(GAIT_EVENT.pack(content))
         return frames
 
     def drop_sent_events(self, n: int) -> None:
@@ -157,23 +144,13 @@ class GaitFrames:
         gait, node, counter = self._gait, self._nodes[row], self._counters[row]
         assert gait is not None
         self._counters[row] = next_counter(counter)
-        contact = encode_gait(
-            node,
-            counter,
-            gait.slip.item(row),
-            gait.probability.item(row),
-            gait.load_share.item(row),
-            contact=gait.contact.item(row),
-            contact_raw=gait.contact_raw.item(row),
-            all_in_air=gait.all_in_air,
+        return (
+            GAIT.pack(Gait(node, counter, *_of_leg(gait, GAIT.layout.signals, row))),
+            GROUND.pack(Ground(node, counter, *_of_leg(gait, GROUND.layout.signals, row))),
         )
-        ground = encode_ground(
-            node,
-            counter,
-            gait.normal[row].tolist(),
-            gait.normal_sigma_rad.item(row),
-            gait.tangential_over_normal.item(row),
-            gait.tangential_over_normal_sigma.item(row),
-            gait.friction,
-        )
-        return pack_frame(GAIT_ID + node, contact), pack_frame(GROUND_ID + node, ground)
+
+
+def _of_leg(gait: GaitFrame, names: Iterable[str], row: int) -> list[Any]:
+    """Return fields of a gait estimate for one leg; those of the frames on CAN have the same names."""
+    fields = [getattr(gait, name) for name in names]
+    return [field[row].tolist() if isinstance(field, np.ndarray) else field for field in fields]

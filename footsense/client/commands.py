@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from firmware_interface.can.codes import NODE_IDS, CommandKind, Result
-from firmware_interface.can.commands import ANSWER_ID, COMMAND_ID, decode_answer, encode_command
+from firmware_interface.can.commands import ANSWER, ANSWER_ID, COMMAND_ID, encode_command
 from firmware_interface.can.crc8 import FrameError, next_counter
 
 
@@ -67,7 +67,7 @@ class PendingCommands:
         if can_id - ANSWER_ID not in self._counters:
             return None
         try:
-            answer = decode_answer(can_id, data)
+            answer = ANSWER.decode(can_id, data)
             kind = CommandKind(answer.command_kind)
         except (FrameError, ValueError):
             return None

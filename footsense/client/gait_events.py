@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from firmware_interface.can.codes import NODE_IDS, GaitEventKind
 from firmware_interface.can.crc8 import FrameError
-from firmware_interface.can.gait import GAIT_EVENT_ID, decode_gait_event
+from firmware_interface.can.gait import GAIT_EVENT, GAIT_EVENT_ID
 
 #: CAN ids of the accepted frames.
 GAIT_EVENT_IDS = tuple(GAIT_EVENT_ID + node for node in NODE_IDS.values())
@@ -53,7 +53,7 @@ class GaitEvents:
         if can_id not in GAIT_EVENT_IDS:
             return None
         try:
-            event = decode_gait_event(can_id, data)
+            event = GAIT_EVENT.decode(can_id, data)
         except FrameError:
             self.n_wrong += 1
             return None

@@ -14,7 +14,7 @@ from typing import NamedTuple
 from firmware_interface.can.all_legs import DATA_BYTES_OF_FRAME, NODES_OF_FRAME, decode_forces
 from firmware_interface.can.codes import NODE_IDS, USABLE, Flag, State
 from firmware_interface.can.crc8 import COUNTER_PERIOD, FrameError
-from firmware_interface.can.force import FORCE_ID, QUALITY_ID, Force, Quality, decode_force, decode_quality
+from firmware_interface.can.force import FORCE, FORCE_ID, QUALITY, QUALITY_ID, Force, Quality
 
 #: CAN ids of the accepted frames.
 LINK_IDS = (*(base + node for base in (FORCE_ID, QUALITY_ID) for node in NODE_IDS.values()), *NODES_OF_FRAME)
@@ -93,7 +93,6 @@ class Link:
     def __init__(self, limits: LinkLimits | None = None, force_step_mn: int = 1) -> None:
         self._limits = limits or LinkLimits()
         self._force_step_mn = force_step_mn
-        self._decoders = ((FORCE_ID, decode_force), (QUALITY_ID, decode_quality))
         self._legs = {node: _LegStateMachine(self._limits) for node in NODE_IDS.values()}
 
     def feed(self, can_id: int, data: bytes, now_ns: int) -> bool:
@@ -110,11 +109,11 @@ class Link:
         if len(data) == DATA_BYTES_OF_FRAME.get(can_id):  # a classic frame with this id is somebody else's
             self._feed_all_legs_frame(can_id, data, now_ns)
             return True
-        for base, decode in self._decoders:
-            if can_id - base in self._legs:
-                leg = self._legs[can_id - base]
+        for codec in (FORCE, QUALITY):
+            if can_id - codec.can_id in self._legs:
+                leg = self._legs[can_id - codec.can_id]
                 try:
-                    half = decode(can_id, data)
+                    half: Force | Quality = codec.decode(can_id, data)
                 except FrameError:
                     leg.process_corrupt_frame(now_ns)
                 else:

@@ -6,16 +6,14 @@ from typing import NamedTuple, TypeVar
 
 from firmware_interface.can.codes import NODE_IDS, BaselineStatus, Cause, NmtState, State
 from firmware_interface.can.crc8 import FrameError
-from firmware_interface.can.gait import GAIT_ID, GROUND_ID, Gait, Ground, decode_gait, decode_ground
+from firmware_interface.can.gait import GAIT, GROUND, Gait, Ground
 from firmware_interface.can.reports import (
-    BASELINE_ID,
-    FAULT_ID,
+    BASELINE,
+    FAULT,
     HEARTBEAT_ID,
     Baseline,
     Fault,
     Heartbeat,
-    decode_baseline,
-    decode_fault,
     decode_heartbeat,
 )
 
@@ -32,10 +30,10 @@ _MAX_REPORT_AGE_NS = {
 Report = TypeVar("Report", Fault, Baseline, Heartbeat, Gait, Ground)
 
 _DECODERS: dict[int, Callable[[int, bytes], Fault | Baseline | Heartbeat | Gait | Ground]] = {
-    FAULT_ID: decode_fault,
-    BASELINE_ID: decode_baseline,
-    GAIT_ID: decode_gait,
-    GROUND_ID: decode_ground,
+    FAULT.can_id: FAULT.decode,
+    BASELINE.can_id: BASELINE.decode,
+    GAIT.can_id: GAIT.decode,
+    GROUND.can_id: GROUND.decode,
     HEARTBEAT_ID: decode_heartbeat,
 }
 

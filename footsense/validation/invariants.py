@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from firmware_interface.can.codes import NODE_IDS
-from firmware_interface.can.force import FORCE_ID, QUALITY_ID, decode_quality
+from firmware_interface.can.force import FORCE_ID, QUALITY, QUALITY_ID
 from firmware_interface.can.socketcan import unpack_frame
 from firmware_interface.wire_timing import FRAMES_PER_LEG, LONGEST_FRAME_BITS
 from footsense.frames import ELEMENTS, USABLE, ContactFrame, Cycle, State, Vector
@@ -286,7 +286,7 @@ class InvariantChecker(Observer):
 
     def _check_age_on_wire(self, can_id: int, data: bytes, wait_ns: int, t_s: float) -> None:
         """Check the age of a force at its arrival on CAN."""
-        quality = decode_quality(can_id, data)
+        quality = QUALITY.decode(can_id, data)
         if quality.age_ns is None or math.isnan(quality.sigma_n[0]):
             return  # no force goes with it
         age_ns = quality.age_ns + wait_ns

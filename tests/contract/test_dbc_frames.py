@@ -17,24 +17,15 @@ from firmware_interface.can.all_legs import (
     encode_forces,
 )
 from firmware_interface.can.codes import NODE_IDS, USABLE, Flag, State
-from firmware_interface.can.commands import decode_answer, decode_command, encode_answer, encode_command
+from firmware_interface.can.commands import ANSWER, decode_command, encode_command
 from firmware_interface.can.crc8 import protect
 from firmware_interface.can.dbc import make_dbc
-from firmware_interface.can.force import decode_force, decode_quality
-from firmware_interface.can.gait import (
-    decode_gait,
-    decode_gait_event,
-    decode_ground,
-    encode_gait,
-    encode_gait_event,
-    encode_ground,
-)
+from firmware_interface.can.force import FORCE, QUALITY
+from firmware_interface.can.gait import GAIT, GAIT_EVENT, GROUND
 from firmware_interface.can.reports import (
-    decode_baseline,
-    decode_fault,
+    BASELINE,
+    FAULT,
     decode_heartbeat,
-    encode_baseline,
-    encode_fault,
     encode_heartbeat,
 )
 from tests.support.can_frames import encode_force, encode_quality
@@ -48,13 +39,13 @@ Numbers = dict[str, Any]
 
 
 class Kind(NamedTuple):
-    """How Python reads a kind of frame and writes it, and what its fields behind the node are, from the DBC's numbers.
+    """How Python reads and writes a kind of frame, and what its fields behind the node are, from the DBC's numbers.
 
     A number that is `NoValue` is NaN.
     """
 
     decode: Callable[[int, bytes], Any]
-    encode: Callable[..., bytes]
+    encode: Callable[[Any], bytes]
     fields: Callable[[Numbers], tuple[Any, ...]]
 
 
@@ -73,59 +64,59 @@ def unit(said: Numbers) -> tuple[float, float, float]:
 
 KINDS = {
     "Force": Kind(
-        decode_force,
-        encode_force,
+        FORCE.decode,
+        lambda content: encode_force(*content),
         lambda n: (n["COUNTER"], n["State"], (n["ForceX"], n["ForceY"], n["ForceZ"])),
     ),
     "Quality": Kind(
-        decode_quality,
-        encode_quality,
+        QUALITY.decode,
+        lambda content: encode_quality(*content),
         lambda n: (
             *(n["COUNTER"], flags(n), none_or_ns(n["Age"], 1e6), n["FaultMask"]),
             (n["SigmaX"], n["SigmaY"], n["SigmaZ"]),
         ),
     ),
     "Fault": Kind(
-        decode_fault,
-        encode_fault,
+        FAULT.decode,
+        FAULT.encode,
         lambda n: tuple(n[s] for s in ("COUNTER", "State", "PreviousState", "FaultMask", "Cause")),
     ),
     "Baseline": Kind(
-        decode_baseline,
-        encode_baseline,
+        BASELINE.decode,
+        BASELINE.encode,
         lambda n: (
             *(n["COUNTER"], n["Status"], n["MeanOffset"] / 1000, n["WorstOffset"] / 1000),
             none_or_ns(n["Age"], 1e9),
         ),
     ),
-    "Command": Kind(decode_command, encode_command, lambda n: (n["COUNTER"], n["Kind"])),
+    "Command": Kind(
+        decode_command, lambda content: encode_command(*content), lambda n: (n["COUNTER"], n["Kind"])
+    ),
     "Answer": Kind(
-        decode_answer,
-        encode_answer,
+        ANSWER.decode,
+        ANSWER.encode,
         lambda n: tuple(n[s] for s in ("COUNTER", "Result", "Kind", "CommandCounter")),
     ),
     "Heartbeat": Kind(
         decode_heartbeat,
-        lambda _, state, degraded: encode_heartbeat(state, degraded_timing=degraded),
+        lambda content: encode_heartbeat(content.state, degraded_timing=content.degraded_timing),
         lambda n: (n["NmtState"], n["DegradedTiming"]),
     ),
     "GaitEvent": Kind(
-        decode_gait_event,
-        lambda *fields: encode_gait_event(*fields[:-1], all_in_air=fields[-1]),
+        GAIT_EVENT.decode,
+        GAIT_EVENT.encode,
         lambda n: (n["COUNTER"], n["Kind"], none_or_ns(n["Age"], 1e6), n["Sigma"] / 1000, n["AllInAir"]),
     ),
     "Gait": Kind(
-        decode_gait,
-        lambda node, counter, contact, raw, air, *others: encode_gait(
-            node, counter, *others, contact=contact, contact_raw=raw, all_in_air=air
-        ),
+        GAIT.decode,
+        GAIT.encode,
         lambda n: tuple(
             n[s] for s in ("COUNTER", "Contact", "ContactRaw", "AllInAir", "Slip", "Probability", "LoadShare")
         ),
     ),
     "Ground": Kind(
-        decode_ground,
-        encode_ground,
+        GROUND.decode,
+        GROUND.encode,
         lambda n: (
             *(n["COUNTER"], unit(n), n["NormalSigma"]),
             *(n["TangentialOverNormal"], n["TangentialOverNormalSigma"], n["Friction"]),
@@ -173,7 +164,7 @@ def test_each_reads_what_the_other_writes(kind: str, data: st.DataObject) -> Non
     ours = decode(message.frame_id, theirs)
     for read, expected in zip(ours, (NODE_IDS[leg], *fields(said)), strict=True):
         assert read == pytest.approx(expected, nan_ok=True)
-    assert encode(*ours) == theirs
+    assert encode(ours) == theirs
 
 
 def test_codes_for_no_value_are_named() -> None:

@@ -22,30 +22,24 @@ from firmware_interface.can.codes import (
     Slip,
     State,
 )
-from firmware_interface.can.commands import (
-    ANSWER_ID,
-    COMMAND_ID,
-    decode_answer,
-    encode_answer,
-    encode_command,
-)
+from firmware_interface.can.commands import ANSWER, ANSWER_ID, COMMAND_ID, Answer, encode_command
 from firmware_interface.can.crc8 import FrameError, protect
 from firmware_interface.can.force import FORCE_ID, QUALITY_ID
 from firmware_interface.can.gait import (
+    GAIT,
+    GAIT_EVENT,
     GAIT_EVENT_ID,
     GAIT_ID,
+    GROUND,
     GROUND_ID,
-    decode_gait,
-    decode_gait_event,
-    decode_ground,
-    encode_gait_event,
+    GaitEventFrame,
 )
 from firmware_interface.can.reports import (
+    BASELINE,
     BASELINE_ID,
+    FAULT,
     FAULT_ID,
     HEARTBEAT_ID,
-    decode_baseline,
-    decode_fault,
     decode_heartbeat,
 )
 from footsense.client import CommandAnswer, GaitEvents, Link, LinkLimits, PendingCommands
@@ -179,16 +173,16 @@ def ours_decodes(name: str, can_id: int, data: bytes) -> tuple[int, ...] | None:
     """Return the same from Python, in the units of C."""
     try:
         if name == "fault":
-            fault = decode_fault(can_id, data)
+            fault = FAULT.decode(can_id, data)
             return (*fault[:4], fault.cause, fault.fault_mask)
         if name == "answer":
-            node, counter, result, kind, asked = decode_answer(can_id, data)
+            node, counter, result, kind, asked = ANSWER.decode(can_id, data)
             return node, result, counter, kind, asked
         if name == "heartbeat":
             return tuple(decode_heartbeat(can_id, data))
         if name in {"gait_event", "gait", "ground"}:
             return gait_in_c_units(name, can_id, data)
-        baseline = decode_baseline(can_id, data)
+        baseline = BASELINE.decode(can_id, data)
     except FrameError:
         return None
     offsets = (-(2**31) if pf != pf else round(pf * 1e6) for pf in (baseline.mean_pf, baseline.worst_pf))  # noqa: PLR0124
@@ -204,14 +198,14 @@ def whole(value: float, per_unit: float, none: int) -> int:
 def gait_in_c_units(name: str, can_id: int, data: bytes) -> tuple[int, ...]:
     """Return a frame of the gait as C says it."""
     if name == "gait_event":
-        event = decode_gait_event(can_id, data)
+        event = GAIT_EVENT.decode(can_id, data)
         age_us = 0xFFFFFFFF if event.age_ns is None else event.age_ns // 1000
         sigma_us = whole(event.sigma_s, 1e6, 0xFFFF)
         return event.node, event.counter, event.kind, event.all_in_air, sigma_us, age_us
     if name == "gait":
-        gait = decode_gait(can_id, data)
+        gait = GAIT.decode(can_id, data)
         return (*gait[:6], whole(gait.probability, 1000, 0xFFFF), whole(gait.load_share, 1000, 0xFFFF))
-    ground = decode_ground(can_id, data)
+    ground = GROUND.decode(can_id, data)
     normal = (whole(part, 1000, -32768) for part in ground.normal[:2])
     ratios = (whole(part, 1000, 0xFFFF) for part in ground[4:])
     return (*ground[:2], *normal, whole(ground.normal_sigma_rad, 1e6, 0xFFFFFFFF), *ratios)
@@ -283,7 +277,9 @@ class _CEvent(ctypes.Structure):
 gait_frames = st.builds(
     lambda node, counter, kind, age_us, harm: (
         GAIT_EVENT_ID + node + (harm == 0),
-        encode_gait_event(node, counter, kind, 1000 * age_us, 0.002, all_in_air=harm == 1)[: 6 - (harm == 2)],
+        GAIT_EVENT.encode(GaitEventFrame(node, counter, kind, 1000 * age_us, 0.002, all_in_air=harm == 1))[
+            : 6 - (harm == 2)
+        ],
     ),
     st.integers(1, 2),
     st.integers(0, 2),
@@ -342,9 +338,14 @@ def test_an_answer_ends_the_command_that_it_names() -> None:
     commands = PendingCommands(first_counter=14)
     assert commands.encode(2, CommandKind.TARE, 0) == (0x202, encode_command(2, 14, CommandKind.TARE))
     assert commands.encode(2, CommandKind.TARE, 10) == (0x202, encode_command(2, 0, CommandKind.TARE))
-    answer = encode_answer(2, 5, Result.LOADED, CommandKind.TARE, 0)
+    answer = ANSWER.encode(Answer(2, 5, Result.LOADED, CommandKind.TARE, 0))
     broken = answer[:-1] + b"\x03"
-    others = [(0x583, answer), (0x582, broken), (0x702, b"\x05"), (0x582, encode_answer(2, 4, 0, 9, 0))]
+    others = [
+        (0x583, answer),
+        (0x582, broken),
+        (0x702, b"\x05"),
+        (0x582, ANSWER.encode(Answer(2, 4, Result.DONE, 9, 0))),
+    ]
     assert [commands.feed(*other, 20) for other in others] == [None] * 4
     assert commands.feed(0x582, answer, 30) == CommandAnswer(2, CommandKind.TARE, Result.LOADED, 20)
     assert commands.feed(0x582, answer, 40) is None

@@ -6,23 +6,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_interface.can.commands import ANSWER_ID, COMMAND_ID, decode_answer, decode_command
+from firmware_interface.can.commands import ANSWER, ANSWER_ID, COMMAND_ID, decode_command
 from firmware_interface.can.crc8 import FrameError, protect
-from firmware_interface.can.force import FORCE_ID, QUALITY_ID, decode_force, decode_quality
-from firmware_interface.can.gait import (
-    GAIT_EVENT_ID,
-    GAIT_ID,
-    GROUND_ID,
-    decode_gait,
-    decode_gait_event,
-    decode_ground,
-)
+from firmware_interface.can.force import FORCE, FORCE_ID, QUALITY, QUALITY_ID
+from firmware_interface.can.gait import GAIT, GAIT_EVENT, GAIT_EVENT_ID, GAIT_ID, GROUND, GROUND_ID
 from firmware_interface.can.reports import (
+    BASELINE,
     BASELINE_ID,
+    FAULT,
     FAULT_ID,
     HEARTBEAT_ID,
-    decode_baseline,
-    decode_fault,
     decode_heartbeat,
 )
 from footsense.client.gait_events import GaitEvents
@@ -31,16 +24,16 @@ from footsense.client.reports import Reports
 from tests.fuzz.outcome import TRIED, refusal
 
 DECODERS: list[tuple[int, int, Callable[[int, bytes], object]]] = [
-    (FORCE_ID, 8, decode_force),
-    (QUALITY_ID, 8, decode_quality),
-    (FAULT_ID, 6, decode_fault),
+    (FORCE_ID, 8, FORCE.decode),
+    (QUALITY_ID, 8, QUALITY.decode),
+    (FAULT_ID, 6, FAULT.decode),
     (COMMAND_ID, 8, decode_command),
-    (ANSWER_ID, 4, decode_answer),
+    (ANSWER_ID, 4, ANSWER.decode),
     (HEARTBEAT_ID, 1, decode_heartbeat),
-    (BASELINE_ID, 8, decode_baseline),
-    (GAIT_EVENT_ID, 6, decode_gait_event),
-    (GAIT_ID, 5, decode_gait),
-    (GROUND_ID, 8, decode_ground),
+    (BASELINE_ID, 8, BASELINE.decode),
+    (GAIT_EVENT_ID, 6, GAIT_EVENT.decode),
+    (GAIT_ID, 5, GAIT.decode),
+    (GROUND_ID, 8, GROUND.decode),
 ]
 
 

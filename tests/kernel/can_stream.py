@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from firmware_interface.can.codes import NODE_IDS, Cause, State
-from firmware_interface.can.force import FORCE_ID, Force, decode_force
-from firmware_interface.can.reports import FAULT_ID, decode_fault
+from firmware_interface.can.force import FORCE, FORCE_ID, Force
+from firmware_interface.can.reports import FAULT, FAULT_ID
 from footsense.frames import LEGS as HEXAPOD
 from tests.kernel.ports import GuestError, LinePort
 
@@ -47,7 +47,7 @@ class Frame(NamedTuple):
     @property
     def force(self) -> Force | None:
         """Its content as a force; None for another frame."""
-        return decode_force(self.can_id, self.data) if self.can_id - FORCE_ID in LEGS else None
+        return FORCE.decode(self.can_id, self.data) if self.can_id - FORCE_ID in LEGS else None
 
 
 class CanStream:
@@ -101,7 +101,7 @@ class CanStream:
         found: dict[str, set[Cause]] = {}
         for frame in self.since(mark):
             if frame.can_id - FAULT_ID in LEGS:
-                found.setdefault(frame.leg, set()).add(decode_fault(frame.can_id, frame.data).cause)
+                found.setdefault(frame.leg, set()).add(FAULT.decode(frame.can_id, frame.data).cause)
         return found
 
     def wait(self, what: str, condition: Callable[[], bool], bound_s: float = BOUND_S) -> None:

@@ -3,7 +3,7 @@
 import pytest
 
 from firmware_interface.can.codes import Cause, Flag, State
-from firmware_interface.can.force import QUALITY_ID, decode_quality
+from firmware_interface.can.force import QUALITY, QUALITY_ID
 from tests.kernel import deploy_page
 from tests.kernel.can_stream import LEGS
 from tests.kernel.robot import Robot, Trial, matching
@@ -41,7 +41,7 @@ def test_a_pressed_foot(trial: Trial) -> None:
     trial.row.shown = "lr (" + ", ".join(f"{part:.2f}" for part in forces["lr"].force_n) + ") N, others 0"
     qualities = [frame for frame in trial.can.since(trial.mark) if frame.can_id - QUALITY_ID in LEGS]
     assert qualities
-    assert not any(decode_quality(frame.can_id, frame.data).flags & Flag.SIMULATED for frame in qualities)
+    assert not any(QUALITY.decode(frame.can_id, frame.data).flags & Flag.SIMULATED for frame in qualities)
 
 
 def test_killed(trial: Trial) -> None:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import can
 import pytest
 
-from firmware_interface.can.commands import ANSWER_ID, COMMAND_ID, decode_answer, encode_command
+from firmware_interface.can.commands import ANSWER, ANSWER_ID, COMMAND_ID, encode_command
 from footsense.cli.can.tare import tare_legs
 from footsense.config import DEFAULT
 from footsense.daemon.can_output import open_wire
@@ -38,7 +38,7 @@ class Controller:
         self.states.append(State(int(cycle.forces.state[1])))
         while (message := self._bus.recv(timeout=0)) is not None:
             if message.arbitration_id == ANSWER_ID + NODE_LM:
-                answer = decode_answer(message.arbitration_id, bytes(message.data))
+                answer = ANSWER.decode(message.arbitration_id, bytes(message.data))
                 self.answers.append((CommandKind(answer.command_kind), Result(answer.result)))
         kind = self._commands.get(cycle.scan.sequence)
         if kind is not None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from firmware_interface.can.codes import GaitEventKind, Slip
-from firmware_interface.can.gait import GAIT_EVENT_ID, GAIT_ID, GROUND_ID, decode_gait_event
+from firmware_interface.can.gait import GAIT_EVENT, GAIT_EVENT_ID, GAIT_ID, GROUND_ID
 from footsense.client import GaitEvents, Reports
 from footsense.frames import LEGS, GaitEvent
 from tests.support.can_robot import MS, NarrowWire, Robot
@@ -103,7 +103,7 @@ def test_an_event_that_the_channel_did_not_take_is_sent_later_and_once(
     for t_ms in (114, 117, 120):
         robot.publish(t_ms * MS)
     robot.publish(123 * MS, gait=gait_frame(123 * MS, events=(TOUCHDOWN._replace(kind=GaitEventKind.SLIP),)))
-    events = [decode_gait_event(*frame) for frame in wire.taken if frame[0] == GAIT_EVENT_ID + 1]
+    events = [GAIT_EVENT.decode(*frame) for frame in wire.taken if frame[0] == GAIT_EVENT_ID + 1]
     assert [(event.counter, event.kind, event.age_ns) for event in events] == [
         (0, GaitEventKind.TOUCHDOWN, 14 * MS),
         (1, GaitEventKind.SLIP, 23 * MS),

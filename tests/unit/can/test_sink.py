@@ -18,8 +18,8 @@ from firmware_interface.can.codes import (
     Result,
     State,
 )
-from firmware_interface.can.force import decode_force, decode_quality
-from firmware_interface.can.reports import decode_baseline, decode_fault, decode_heartbeat
+from firmware_interface.can.force import FORCE, QUALITY
+from firmware_interface.can.reports import BASELINE, FAULT, decode_heartbeat
 from footsense.frames import LEGS, BaselineDrift, Command, CommandResult
 from tests.support.can_robot import MS, NarrowWire, Robot
 
@@ -31,8 +31,8 @@ def test_each_leg_sends_force_and_quality_with_one_counter(request: pytest.Fixtu
         robot.publish(scan * 20 * MS + MS, age_ns=12_300_000)
         messages = robot.heard()
         assert not any(m.is_extended_id for m in messages)
-        forces = [decode_force(m.arbitration_id, bytes(m.data)) for m in messages[:12:2]]
-        qualities = [decode_quality(m.arbitration_id, bytes(m.data)) for m in messages[1:12:2]]
+        forces = [FORCE.decode(m.arbitration_id, bytes(m.data)) for m in messages[:12:2]]
+        qualities = [QUALITY.decode(m.arbitration_id, bytes(m.data)) for m in messages[1:12:2]]
         nodes = [(scan + row + 1) % 6 + 1 for row in range(6)]
         assert [force.node for force in forces] == [quality.node for quality in qualities] == nodes
         assert {force.counter for force in forces} == {q.counter for q in qualities} == {scan % 15}
@@ -54,7 +54,7 @@ def test_every_fourth_cycle_sends_forces_and_the_others_what_else_is_due(
         for can_id in (0x181, 0x281, 0x701)
     }
     assert sent_ms == {0x181: list(range(2, 202, 4)), 0x281: list(range(2, 202, 4)), 0x701: [2, 200]}
-    counters = [decode_force(0x181, bytes(m.data)).counter for m in messages if m.arbitration_id == 0x181]
+    counters = [FORCE.decode(0x181, bytes(m.data)).counter for m in messages if m.arbitration_id == 0x181]
     assert counters == [n % 15 for n in range(50)]
     robot.close()
 
@@ -89,7 +89,7 @@ def test_changes_in_every_cycle_are_sent_with_every_other(request: pytest.Fixtur
 def test_no_number_leaves_under_a_state_that_forbids_it(robot: Robot) -> None:
     """A leg whose state is not usable sends it and `no value`."""
     robot.publish(MS, State.STALE)
-    force = decode_force(0x181, bytes(robot.heard(0x180)[0].data))
+    force = FORCE.decode(0x181, bytes(robot.heard(0x180)[0].data))
     assert force.state == State.STALE
     assert all(math.isnan(component) for component in force.force_n)
 
@@ -98,17 +98,17 @@ def test_a_degraded_leg_sends_its_force_its_sigma_and_what_is_open(robot: Robot)
     """All that a consumer needs to weigh it."""
     robot.publish(MS, State.DEGRADED, fault_mask=0b000111000)
     messages = {m.arbitration_id: bytes(m.data) for m in robot.heard()}
-    force, quality = decode_force(0x181, messages[0x181]), decode_quality(0x281, messages[0x281])
+    force, quality = FORCE.decode(0x181, messages[0x181]), QUALITY.decode(0x281, messages[0x281])
     assert (force.state, force.force_n) == (State.DEGRADED, (0.5, 0.5, 0.5))
     assert (quality.fault_mask, quality.sigma_n) == (0b000111000, (0.01, 0.01, 0.01))
-    assert decode_fault(0x081, messages[0x081])[2:5] == (State.DEGRADED, State.STOPPED, 0b000111000)
+    assert FAULT.decode(0x081, messages[0x081])[2:5] == (State.DEGRADED, State.STOPPED, 0b000111000)
 
 
 def test_a_leg_that_was_not_measured_has_no_age(request: pytest.FixtureRequest) -> None:
     """The stamp 0 means that there was no measurement, not that it is as old as the robot."""
     robot = Robot(request.node.nodeid)
     robot.publish(5 * MS, State.ABSENT, age_ns=5 * MS)
-    assert decode_quality(0x281, bytes(robot.heard(0x280)[0].data)).age_ns is None
+    assert QUALITY.decode(0x281, bytes(robot.heard(0x280)[0].data)).age_ns is None
     robot.close()
 
 
@@ -148,7 +148,7 @@ def test_a_change_is_reported_once(robot: Robot) -> None:
         (State.ELEMENT_FAULT, 6, Cause.COLUMN_OPEN),
     ):
         robot.publish(0, state, fault_mask=mask, cause=cause)
-    reports = [decode_fault(0x081, bytes(m.data)) for m in robot.heard(0x080)]
+    reports = [FAULT.decode(0x081, bytes(m.data)) for m in robot.heard(0x080)]
     assert reports == [
         (1, 0, State.VALID, State.STOPPED, 0, Cause.NONE),
         (1, 1, State.ELEMENT_FAULT, State.VALID, 4, Cause.ELEMENT_OPEN),
@@ -229,7 +229,7 @@ def test_the_baseline_is_sent_once_a_second(robot: Robot) -> None:
     )
     for t_ms in range(20, 2000, 20):
         robot.publish(t_ms * MS, baseline=baseline)
-    none, held = (decode_baseline(0x381, bytes(m.data)) for m in robot.heard(0x380))
+    none, held = (BASELINE.decode(0x381, bytes(m.data)) for m in robot.heard(0x380))
     assert (none.counter, none.status, none.age_ns) == (0, BaselineStatus.NONE, None)
     assert (held.counter, held.status, held.mean_pf, held.worst_pf) == (1, BaselineStatus.HELD, 0.01, -0.02)
     assert held.age_ns == 500 * MS
@@ -273,7 +273,7 @@ def test_a_full_channel_drops_frames_and_the_consumer_sees_the_gap(
     robot.publish(2 * MS)
     arrived = slow.recv(timeout=0)
     assert arrived is not None
-    assert decode_force(0x181, bytes(arrived.data)).counter == 2
+    assert FORCE.decode(0x181, bytes(arrived.data)).counter == 2
     slow.shutdown()
     robot.close()
     counters = [

@@ -3,11 +3,8 @@
 import can
 import pytest
 
-from firmware_interface.can.codes import (
-    CommandKind,
-    Result,
-)
-from firmware_interface.can.commands import UNSOLICITED_COUNTER, decode_answer, encode_command
+from firmware_interface.can.codes import CommandKind, Result
+from firmware_interface.can.commands import ANSWER, UNSOLICITED_COUNTER, encode_command
 from firmware_interface.can.crc8 import protect
 from footsense.frames import Command, CommandResult
 from tests.support.can_robot import MS, Robot
@@ -21,7 +18,7 @@ def test_a_command_arrives_and_its_answer_names_its_counter(robot: Robot) -> Non
     robot.sink.answer(CommandResult(command, Result.LOADED, ""))
     robot.sink.answer(CommandResult(command, Result.DONE, "the service's own tare"))
     robot.publish(20 * MS)
-    answers = [decode_answer(m.arbitration_id, bytes(m.data)) for m in robot.heard(0x580)]
+    answers = [ANSWER.decode(m.arbitration_id, bytes(m.data)) for m in robot.heard(0x580)]
     assert answers == [
         (1, 0, Result.LOADED, CommandKind.TARE, 7),
         (1, 1, Result.DONE, CommandKind.TARE, UNSOLICITED_COUNTER),
@@ -67,7 +64,7 @@ def test_whoever_asks_is_answered(robot: Robot) -> None:
     answers = []
     for kind in (CommandKind.STOP, CommandKind.STOP, CommandKind.TARE):
         robot.sink.answer(CommandResult(Command(kind, 0), Result.DONE, ""))
-        heard = [decode_answer(m.arbitration_id, bytes(m.data)) for m in robot.heard(0x580)]
+        heard = [ANSWER.decode(m.arbitration_id, bytes(m.data)) for m in robot.heard(0x580)]
         answers.append([(answer.command_kind, answer.command_counter) for answer in heard])
     assert answers == [
         [(CommandKind.STOP, 3)],
@@ -89,7 +86,7 @@ def test_an_unknown_command_is_refused_in_words(robot: Robot) -> None:
     """A whole frame that asks for nothing known gets the answer UNKNOWN."""
     robot.ask(protect(0x201, bytes([5, 9, 0]) + b"zero"))
     assert robot.sink.commands() == []
-    answers = [decode_answer(m.arbitration_id, bytes(m.data)) for m in robot.heard(0x580)]
+    answers = [ANSWER.decode(m.arbitration_id, bytes(m.data)) for m in robot.heard(0x580)]
     assert answers == [(1, 0, Result.UNKNOWN, 9, 5)]
     robot.ask(protect(0x201, bytes([6, 9, 0]) + b"zero"))
     assert robot.sink.commands() == []

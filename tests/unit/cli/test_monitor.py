@@ -10,22 +10,16 @@ import pytest
 from click.testing import CliRunner
 from rich.console import Console
 
-from firmware_interface.can.codes import (
-    BaselineStatus,
-    Cause,
-    Flag,
-    GaitEventKind,
-    NmtState,
-    Slip,
-    State,
-)
+from firmware_interface.can.codes import BaselineStatus, Cause, Flag, GaitEventKind, NmtState, Slip, State
 from firmware_interface.can.gait import Gait, Ground
 from firmware_interface.can.reports import (
+    BASELINE,
     BASELINE_ID,
+    FAULT,
     FAULT_ID,
     HEARTBEAT_ID,
-    encode_baseline,
-    encode_fault,
+    Baseline,
+    Fault,
     encode_heartbeat,
 )
 from footsense.can.interface import Can
@@ -194,11 +188,13 @@ def test_reports_are_known_as_long_as_they_come() -> None:
     assert (nothing.cause, nothing.baseline, nothing.node_state, nothing.degraded_timing) == (None,) * 4
     begin_ns = 70_000 * MS
     reports.feed(
-        BASELINE_ID + 3, encode_baseline(3, 0, BaselineStatus.HELD, 0.001, -0.002, 5_000_000_000), begin_ns
+        BASELINE_ID + 3,
+        BASELINE.encode(Baseline(3, 0, BaselineStatus.HELD, 0.001, -0.002, 5_000_000_000)),
+        begin_ns,
     )
     reports.feed(HEARTBEAT_ID + 3, encode_heartbeat(NmtState.OPERATIONAL, degraded_timing=True), begin_ns)
     reports.feed(
-        FAULT_ID + 3, encode_fault(3, 0, State.DEGRADED, State.VALID, 1, Cause.ELEMENT_OPEN), begin_ns
+        FAULT_ID + 3, FAULT.encode(Fault(3, 0, State.DEGRADED, State.VALID, 1, Cause.ELEMENT_OPEN)), begin_ns
     )
     told = reports.leg(3, begin_ns + 600 * MS)
     assert (told.baseline, told.baseline_moved_ago_ns, told.cause) == (

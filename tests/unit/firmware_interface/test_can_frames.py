@@ -8,41 +8,26 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from firmware_interface.can.codes import (
-    USABLE,
-    BaselineStatus,
-    CommandKind,
-    State,
-)
+from firmware_interface.can.codes import USABLE, BaselineStatus, CommandKind, GaitEventKind, State
 from firmware_interface.can.commands import (
+    ANSWER,
     COMMAND_ID,
+    Answer,
     UnknownCommandError,
     decode_command,
-    encode_answer,
     encode_command,
 )
 from firmware_interface.can.crc8 import FrameError, protect
-from firmware_interface.can.force import (
-    FORCE_ID,
-    QUALITY_ID,
-    ForceQualityEncoder,
-    decode_force,
-    decode_quality,
-)
-from firmware_interface.can.gait import (
-    decode_gait_event,
-    decode_ground,
-    encode_gait,
-    encode_gait_event,
-    encode_ground,
-)
+from firmware_interface.can.force import FORCE, FORCE_ID, QUALITY, QUALITY_ID, ForceQualityEncoder
+from firmware_interface.can.gait import GAIT, GAIT_EVENT, GROUND, Gait, GaitEventFrame, Ground
 from firmware_interface.can.reports import (
+    BASELINE,
     BASELINE_ID,
+    FAULT,
     HEARTBEAT_ID,
-    decode_baseline,
+    Baseline,
+    Fault,
     decode_heartbeat,
-    encode_baseline,
-    encode_fault,
 )
 from firmware_interface.can.socketcan import pack_frame
 from tests.support.can_frames import encode_force, encode_quality
@@ -69,7 +54,7 @@ def test_a_usable_force_comes_back_saturated_and_within_half_a_bit(
     node: int, counter: int, state: State, force_n: tuple[float, float, float]
 ) -> None:
     """decode(encode(x)) is x, limited to +-32.767 N and rounded to 1 mN; it is never `no value`."""
-    decoded = decode_force(FORCE_ID + node, encode_force(node, counter, state, force_n))
+    decoded = FORCE.decode(FORCE_ID + node, encode_force(node, counter, state, force_n))
     assert (decoded.node, decoded.counter, decoded.state) == (node, counter, state)
     for wire_n, true_n in zip(decoded.force_n, force_n, strict=True):
         assert wire_n == pytest.approx(max(-32.767, min(32.767, true_n)), abs=0.5001e-3)
@@ -80,7 +65,7 @@ def test_no_force_leaves_under_a_state_that_forbids_it(
     state: State, force_n: tuple[float, float, float]
 ) -> None:
     """Whatever stands in the frame, a consumer sees no number unless the state is usable."""
-    decoded = decode_force(0x181, encode_force(1, 0, state, force_n))
+    decoded = FORCE.decode(0x181, encode_force(1, 0, state, force_n))
     assert decoded.state == state
     assert all(math.isnan(component) for component in decoded.force_n)
 
@@ -89,7 +74,7 @@ def test_no_force_leaves_under_a_state_that_forbids_it(
 @pytest.mark.parametrize("hole", [math.nan, math.inf, -math.inf])
 def test_a_usable_force_with_a_hole_leaves_as_a_fault_without_numbers(hole: float, state: State) -> None:
     """A consumer that looks at the state alone must read neither -32.768 N nor a load that nobody measured."""
-    decoded = decode_force(0x181, encode_force(1, 0, state, (0.1, hole, 40.0)))
+    decoded = FORCE.decode(0x181, encode_force(1, 0, state, (0.1, hole, 40.0)))
     assert decoded.state == State.ELEMENT_FAULT
     assert all(math.isnan(component) for component in decoded.force_n)
 
@@ -101,7 +86,7 @@ def test_quality_comes_back_saturated_and_never_better_than_it_was(
     head: tuple[int, int, int], age_ns: int | None, fault_mask: int, sigma_n: tuple[float, float, float]
 ) -> None:
     """Age and sigma are rounded up; no value stays no value; a sigma too large is 1.02 N."""
-    decoded = decode_quality(QUALITY_ID + head[0], encode_quality(*head, age_ns, fault_mask, sigma_n))
+    decoded = QUALITY.decode(QUALITY_ID + head[0], encode_quality(*head, age_ns, fault_mask, sigma_n))
     assert decoded[:3] == head
     assert decoded.fault_mask == fault_mask
     if age_ns is None or not 0 <= age_ns <= 409_400_000:
@@ -125,8 +110,8 @@ def test_a_zero_comes_back_saturated_and_never_younger(
     node: int, counter: int, status: BaselineStatus, mean_pf: float, worst_pf: float, age_ns: int | None
 ) -> None:
     """Offsets are limited to +-3276.7 fF and rounded, the age is rounded up; none is taken for `no value`."""
-    zero = decode_baseline(
-        BASELINE_ID + node, encode_baseline(node, counter, status, mean_pf, worst_pf, age_ns)
+    zero = BASELINE.decode(
+        BASELINE_ID + node, BASELINE.encode(Baseline(node, counter, status, mean_pf, worst_pf, age_ns))
     )
     assert zero[:3] == (node, counter, status)
     for wire_pf, true_pf in ((zero.mean_pf, mean_pf), (zero.worst_pf, worst_pf)):
@@ -156,8 +141,8 @@ def test_other_bytes_are_no_heartbeat() -> None:
 @pytest.mark.parametrize(
     ("kind", "base", "decode", "encode"),
     [
-        ("force", FORCE_ID, decode_force, encode_force),
-        ("quality", QUALITY_ID, decode_quality, encode_quality),
+        ("force", FORCE_ID, FORCE.decode, encode_force),
+        ("quality", QUALITY_ID, QUALITY.decode, encode_quality),
     ],
 )
 def test_force_and_quality_vectors(
@@ -177,27 +162,21 @@ def test_force_and_quality_vectors(
 def test_refused_vectors(vector: dict[str, Any]) -> None:
     """Frames that must not be used, with the reason."""
     with pytest.raises(FrameError):
-        decode_force(vector["can_id"], bytes.fromhex(vector["data"]))
-
-
-def _ground_bytes(node: int, counter: int, x: float, y: float, *others: float) -> bytes:
-    return encode_ground(node, counter, (x, y, math.sqrt(1.0 - x * x - y * y)), *others)
+        FORCE.decode(vector["can_id"], bytes.fromhex(vector["data"]))
 
 
 #: How the frames of each kind of vector are written, and which of their fields is an age, which None leaves open.
 EVENTS: dict[str, tuple[Callable[..., bytes], int]] = {
-    "fault": (encode_fault, -1),
-    "baseline": (encode_baseline, 5),
+    "fault": (lambda *fields: FAULT.encode(Fault(*fields)), -1),
+    "baseline": (lambda *fields: BASELINE.encode(Baseline(*fields)), 5),
     "command": (lambda node, counter, kind: encode_command(node, counter, CommandKind(kind)), -1),
-    "answer": (encode_answer, -1),
-    "gait_event": (lambda *fields: encode_gait_event(*fields[:-1], all_in_air=fields[-1]), 3),
-    "gait": (
-        lambda node, counter, contact, raw, air, *said: encode_gait(
-            node, counter, *said, contact=contact, contact_raw=raw, all_in_air=air
-        ),
+    "answer": (lambda *fields: ANSWER.encode(Answer(*fields)), -1),
+    "gait_event": (lambda *fields: GAIT_EVENT.encode(GaitEventFrame(*fields)), 3),
+    "gait": (lambda *fields: GAIT.encode(Gait(*fields)), -1),
+    "ground": (
+        lambda node, counter, x, y, *rest: GROUND.encode(Ground(node, counter, (x, y, 0.0), *rest)),
         -1,
     ),
-    "ground": (_ground_bytes, -1),
 }
 
 
@@ -215,10 +194,15 @@ def test_gait_numbers_are_limited_and_never_surer_than_they_were(
     value: float, sigma: float, age_ns: int | None
 ) -> None:
     """Any number leaves as one of its range, or as none; a sigma is rounded up."""
-    event = decode_gait_event(0x301, encode_gait_event(1, 0, 1, age_ns, sigma, all_in_air=False))
+    event = GAIT_EVENT.decode(
+        0x301,
+        GAIT_EVENT.encode(GaitEventFrame(1, 0, GaitEventKind.TOUCHDOWN, age_ns, sigma, all_in_air=False)),
+    )
     if age_ns is None or not 0 <= age_ns <= 6_553_400_000:
         assert event.age_ns is None or abs(event.age_ns - (age_ns or 0)) <= 50_000
-    ground = decode_ground(0x481, encode_ground(1, 0, (value, 0.0, value), sigma, value, sigma, value))
+    ground = GROUND.decode(
+        0x481, GROUND.encode(Ground(1, 0, (value, 0.0, value), sigma, value, sigma, value))
+    )
     for said, true, step, most in (
         (event.sigma_s, sigma, 0.0002, 0.0508),
         (ground.normal_sigma_rad, sigma, 0.0025, 0.315),
