@@ -274,7 +274,7 @@ def text(values: Values) -> str:
         [
             (
                 f"`{name}`",
-                f"{row['low']:g} to " + (f"{row['high']:g}" if row["high"] < 1 else "all"),
+                f"{row['low']:g} " + (f"to {row['high']:g}" if row["high"] < 1 else "and more"),
                 *_band_cells(row),
             )
             for name, foot in feet.items()
@@ -326,7 +326,7 @@ The released networks under {values["n_loads"]} random loads a foot, without noi
 all of it, contacts leaning as in the training, by the largest closure of an element over its own gap. A leg whose
 converter is at its end, or whose gap reads as closed (above {GAP_CLOSED_THRESHOLD_REL:g}), gives no force. Shares of
 loads, magnitude and sigma are of the made feet, whose parameters are known; their direction error is the mean of each
-foot as mean, standard deviation and worst over the feet. *95 % below* is over all loads before it.
+foot as mean, standard deviation and worst over the feet. *95 % below* is of single loads, over all feet.
 
 {bands}
 
