@@ -1,7 +1,7 @@
 """Cycles of random bits, and recordings of them."""
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -31,6 +31,7 @@ from footsense.ring.records import NumberedCycle, ServiceStatus
 from tests.support.frames import contact_frame
 
 LEGS = ("lf", "lm", "lr", "rf", "rm", "rr")
+HEADER = {"legs": ",".join(LEGS), "scene": "test"}
 PERIOD_NS = 25_000_000
 TARE = Command(CommandKind.TARE, 2)
 AWKWARD = np.array([np.nan, np.inf, -np.inf, -0.0, 5e-324, 0.1, 1.7976931348623157e308, 1 / 3])
@@ -137,16 +138,23 @@ def status() -> ServiceStatus:
     return ServiceStatus(CanStatistics(), np.full(54, np.nan).tobytes())
 
 
-def write(path: Path, cycles: list[Cycle], every: int = 10) -> Path:
+def write(path: Path, cycles: Iterable[Cycle], every: int = 10, header: dict[str, str] = HEADER) -> Path:
     """Write a finished recording in this process, a chunk for every so many cycles."""
     with path.open("wb") as file:
-        recording = McapFile(file.fileno(), {"legs": ",".join(LEGS), "scene": "test"})
+        recording = McapFile(file.fileno(), header)
         for number, one in enumerate(cycles):
             recording.add_entry(NumberedCycle(number, one))
             if number % every == every - 1:
                 recording.flush()
         recording.finish()
     return path
+
+
+def without_temperatures(recording: Path, path: Path, **header: str) -> Path:
+    """Write a recording again as of feet that told no temperature."""
+    replay = Replay(recording)
+    cycles = (one._replace(temperature_c=None) for one in replay)
+    return write(path, cycles, header={**replay.header, **header})
 
 
 def read_until_damage(path: Path) -> tuple[list[Cycle], RecordingError | None]:

@@ -21,12 +21,11 @@ from footsense.errors import ModelError
 from footsense.foot.network_card import add_checksum
 from footsense.foot.parameters import UNKNOWN_TEMPERATURE_SIGMA_REL
 from footsense.frames import Cycle, Leg, State
-from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
-from footsense.ring.records import NumberedCycle
 from footsense.sim.scene import Effects, Scene, Warming
 from footsense.sim.scene_loads import Constant
 from tests.support.calibrations import calibration
+from tests.support.cycles import without_temperatures
 from tests.support.seen import Seen
 from tests.system.simulated_test_stand import MADE, true_parameters
 
@@ -196,12 +195,7 @@ def test_a_replay_is_as_warm_as_the_walk_was(tmp_path: Path) -> None:
     np.testing.assert_array_equal(recorded, told)
     result = CliRunner().invoke(replay, [str(walk), "--check"])
     assert "cycles equal bit for bit" in result.output, result.exception
-    old = tmp_path / "old.mcap"
-    with old.open("wb") as file:
-        recording = McapFile(file.fileno(), Replay(walk).header)
-        for number, cycle in enumerate(Replay(walk)):
-            recording.add_entry(NumberedCycle(number, cycle._replace(temperature_c=None)))
-        recording.finish()
+    old = without_temperatures(walk, tmp_path / "old.mcap")
     assert CliRunner().invoke(replay, [str(old)]).output == f"{len(cycles)} cycles replayed\n"
     result = CliRunner().invoke(replay, [str(old), "--check"])
     assert "leg lf: fx_n was" in str(result.exception)

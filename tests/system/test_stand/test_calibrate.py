@@ -16,11 +16,10 @@ from footsense.daemon.service import open_service
 from footsense.daemon.test_stand import StandSession
 from footsense.estimation.settings import TareLimits
 from footsense.foot.calibration_files import read_calibration
-from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
-from footsense.ring.records import NumberedCycle
 from footsense.sim.scene import Scene
 from footsense.sim.scene_loads import CalibrationLoads
+from tests.support.cycles import without_temperatures
 from tests.system.simulated_test_stand import MADE, presses
 
 pytestmark = pytest.mark.slow
@@ -69,12 +68,7 @@ def test_a_calibration_has_the_temperature_of_its_sessions(session: Path, tmp_pa
     calibration = read_calibration(tmp_path / "foot-0007", "aoyagi-3x3")
     assert calibration.calibrated_at_c == pytest.approx(told[0][0])
     assert f"temperature [degC]  {told[0][0]:.4g}" in re.sub("  +", "  ", done.stdout)
-    recording, untold = Replay(session), tmp_path / "untold.mcap"
-    with untold.open("wb") as file:
-        copy = McapFile(file.fileno(), {**recording.header, "session": "untold"})
-        for number, cycle in enumerate(recording):
-            copy.add_entry(NumberedCycle(number, cycle._replace(temperature_c=None)))
-        copy.finish()
+    untold = without_temperatures(session, tmp_path / "untold.mcap", session="untold")
     done = invoke(session, untold, "--calibrations", tmp_path / "both")
     assert done.exit_code == 0, done.exception
     assert np.isnan(read_calibration(tmp_path / "both" / "foot-0007", "aoyagi-3x3").calibrated_at_c)
