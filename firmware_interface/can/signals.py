@@ -28,7 +28,7 @@ Content = TypeVar("Content", bound=tuple[Any, ...])
 
 
 @dataclass(frozen=True)
-class Signal(Generic[Value]):
+class CanSignal(Generic[Value]):
     """Part of a frame that stands for one value.
 
     Attributes:
@@ -54,7 +54,7 @@ class Signal(Generic[Value]):
 
 
 @dataclass(frozen=True)
-class Code(Signal[int]):
+class Code(CanSignal[int]):
     """An integer, a truth value, or a member of an enumeration, which has to fit."""
 
     def to_code(self, value: int) -> int:
@@ -67,7 +67,7 @@ class Code(Signal[int]):
 
 
 @dataclass(frozen=True)
-class Number(Signal[float]):
+class Number(CanSignal[float]):
     """A number, limited to its range; NaN is no value, and so is a negative number in an unsigned field.
 
     Unsigned the largest code is no value and the one before it the largest number, signed the least code is no value.
@@ -101,7 +101,7 @@ class Number(Signal[float]):
 
 
 @dataclass(frozen=True)
-class Vector(Signal[Sequence[float]]):
+class Vector(CanSignal[Sequence[float]]):
     """A vector of three numbers one behind the other; the third of a unit vector may be left out.
 
     Attributes:
@@ -129,7 +129,7 @@ class Vector(Signal[Sequence[float]]):
 
 
 @dataclass(frozen=True)
-class Age(Signal[int | None]):
+class Age(CanSignal[int | None]):
     """A time since something [ns], rounded up; the largest code is no value: None, negative, or above the range.
 
     Attributes:
@@ -167,12 +167,14 @@ class Layout:
 
     def __init__(self, content: Callable[..., Any]) -> None:
         hints = {name: get_args(hint) for name, hint in get_type_hints(content, include_extras=True).items()}
-        kinds = {name: args for name, args in hints.items() if args and isinstance(args[-1], Signal)}
-        self.signals: dict[str, Signal[Any]] = {name: signal for name, (_, signal) in kinds.items()}
+        kinds = {name: args for name, args in hints.items() if args and isinstance(args[-1], CanSignal)}
+        self.signals: dict[str, CanSignal[Any]] = {name: signal for name, (_, signal) in kinds.items()}
         places = [
             (kind, signal, signal.first_bit, (1 << signal.n_bits) - 1) for kind, signal in kinds.values()
         ]
-        self._packed = [(signal.to_code, *place) for _, signal, *place in places]
+        self._packed = [
+            (int if isinstance(signal, Code) else signal.to_code, *place) for _, signal, *place in places
+        ]
         self._unpacked = [(_converter(kind, signal), *place) for kind, signal, *place in places]
         self.n_bits = max(signal.end_bit for signal in self.signals.values())
 
@@ -232,7 +234,7 @@ class Codec(Generic[Content]):
         return self._content(node, counter, *self.layout.unpack(int.from_bytes(data, "little")))
 
 
-def _converter(kind: type, signal: Signal[Any]) -> Callable[[int], Any]:
+def _converter(kind: type, signal: CanSignal[Any]) -> Callable[[int], Any]:
     """Return what makes the value of a field from its code."""
     if not isinstance(signal, Code):
         return signal.to_value

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Iterable, Sequence
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -152,5 +152,5 @@ class GaitFrames:
 
 def _of_leg(gait: GaitFrame, names: Iterable[str], row: int) -> list[Any]:
     """Return fields of a gait estimate for one leg; those of the frames on CAN have the same names."""
-    fields = [getattr(gait, name) for name in names]
+    fields = map(partial(getattr, gait), names)
     return [field[row].tolist() if isinstance(field, np.ndarray) else field for field in fields]
