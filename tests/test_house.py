@@ -18,7 +18,7 @@ Definition = ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
 #: Of the lab alone: each study's results.
 SAME_NAMES = {"Results"}
 #: Rooms that still have more modules; their number may only fall.
-MORE_MODULES = {"footsense/cli": 13, "footsense/estimation": 13, "footsense/lab": 13}
+MORE_MODULES = {"footsense/cli": 13, "footsense/estimation": 13}
 #: Words in backticks that are names of other programs, or parts of names.
 WORDS_OF_OTHERS = {
     "cell0",

@@ -18,12 +18,12 @@ from footsense.estimation.network import steady_windows
 from footsense.foot.force_errors import ForceErrors
 from footsense.foot.network_card import FORMAT, INPUTS, OUTPUTS, add_checksum
 from footsense.foot.response_table import FootResponse
-from footsense.lab.evaluation.evaluate import ForceEstimator
 from footsense.lab.evaluation.evaluate_models import (
     HELD_OUT_CASES,
     HELD_OUT_SEED,
     NETWORK_FILE,
     RESPONSE_FILE,
+    ForceEstimator,
     error_table,
     evaluate_models,
 )
@@ -32,14 +32,12 @@ from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import LoadRange
 from footsense.lab.model_card import readme
 from footsense.lab.response import make_response
-from footsense.lab.similarity import force_unit, loads_in_force_unit, response_in_force_unit
 from footsense.lab.training import load_cases
 from footsense.lab.training.export import OnnxNetwork, library_versions, load_weights, onnx_model
 from footsense.lab.training.gait_readings import random_gaits
 from footsense.lab.training.load_cases import Cases, random_loads
-from footsense.lab.training.symmetric_layers import Weights, mean_closure_product_matrix
 from footsense.lab.training.train_windowed import WindowTrainingSettings, train_windowed
-from footsense.lab.training.windowed_network import predict
+from footsense.lab.training.windowed_network import Weights, mean_closure_product_matrix, predict
 from footsense.progress import timed_bar
 
 #: Seed of the random loads of the training.
@@ -175,6 +173,21 @@ def _rounded_moments(closure_rel: Any) -> Any:
     return np.round(mean_closure_product_matrix(closure_rel), _MOMENT_DECIMALS)
 
 
+def response_in_force_unit(response: FootResponse, unit: float) -> FootResponse:
+    """Return the response table for forces divided by a unit: the same closures, smaller forces.
+
+    Args:
+        response: The foot.
+        unit: The unit [1]; a foot of unit 1 is returned unchanged.
+    """
+    return replace(
+        response,
+        hertz_modulus_mpa=response.hertz_modulus_mpa / unit,
+        quarter_series=response.quarter_series * unit,
+        quarter_compliance=response.quarter_compliance * unit,
+    )
+
+
 def _onnx_difference_n(network: OnnxNetwork, weights: Weights, unit: float, closure_rel: Any) -> float:
     """Return the largest difference of forces between ONNX Runtime and JAX [N], over all sets of missing elements."""
     window = steady_windows(closure_rel, MISSING_SETS[np.arange(len(closure_rel)) % len(MISSING_SETS)])
@@ -208,11 +221,9 @@ def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable
         made.save(Path(temporary) / RESPONSE_FILE)
         response = FootResponse.load(Path(temporary) / RESPONSE_FILE)
         design, loads = response.design, foot_design.loads
-        unit = force_unit(loads)
-        response_in_unit, loads_unit = (
-            response_in_force_unit(response, unit),
-            loads_in_force_unit(loads, unit),
-        )
+        unit = loads.force_unit
+        response_in_unit = response_in_force_unit(response, unit)
+        loads_unit = msgspec.structs.replace(loads, max_n=loads.max_n / unit)
         recipe = replace(
             recipe, released=replace(recipe.released, min_force_n=loads_unit.min_relative_loss_force_n)
         )

@@ -18,6 +18,8 @@ from footsense.foot.gap_contact import CELLS_PER_SIDE
 from footsense.foot.response_table import contact_radius_mm
 from footsense.frames import ROWS, Vector
 
+#: Full load of the paper's foot [N].
+PAPER_MAX_FORCE_N = 2.0
 #: Micrometres in a millimetre.
 UM_PER_MM = 1000.0
 #: Lowest contact normal that a foot's response table answers for [deg].
@@ -95,6 +97,15 @@ class LoadRange(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         float, Meta(ge=MIN_TABLE_ELEVATION_DEG, le=80.0, description="the response table begins at 25 deg")
     ]
     centred_share: _Share
+
+    @property
+    def force_unit(self) -> float:
+        """Unit [1] in which the full load is that of the paper's foot: every foot's network is trained in its own.
+
+        Closures depend on the force over modulus and area alone: in this unit a foot of any range looks to the
+        training like the paper's, and the network's forces are multiplied by it at its output.
+        """
+        return self.max_n / PAPER_MAX_FORCE_N
 
     @property
     def min_training_force_n(self) -> float:

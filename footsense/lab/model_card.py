@@ -9,7 +9,6 @@ from footsense.lab.evaluation.evaluate_models import HELD_OUT_CASES, as_markdown
 from footsense.lab.evaluation.force_range import REACH_DEG, STATED_LEAN_DEG, force_limits, stated_loads
 from footsense.lab.foot_file import FOOT_FILE
 from footsense.lab.geometry import FootDesign
-from footsense.lab.similarity import force_unit
 from footsense.lab.template import render
 
 
@@ -33,7 +32,7 @@ def readme(
         "range_n": force_limits(Foot(response), stated_loads(REACH_DEG)).range_n.min(),
         "REACH_DEG": REACH_DEG,
         "STATED_LEAN_DEG": STATED_LEAN_DEG,
-        "force_unit": force_unit(foot_design.loads),
+        "force_unit": foot_design.loads.force_unit,
         "FOOT_FILE": FOOT_FILE,
         "HELD_OUT_CASES": HELD_OUT_CASES,
     }

@@ -24,10 +24,10 @@ from footsense.frames import Vector
 from footsense.lab.fem.adjoint import AdjointFields, solve_cell_closure_fields
 from footsense.lab.fem.elasticity import BondedLayer
 from footsense.lab.fem.mesh import MeshSize, build_quarter_mesh, quarter_grid
-from footsense.lab.fem.quarter import QuarterFoot
-from footsense.lab.fem.symmetry_classes import (
+from footsense.lab.fem.quarter import (
     SOLVED_CLASSES,
     Parity,
+    QuarterFoot,
     single_cell_series,
     transposed_series,
     whole_foot_compliance,

@@ -8,8 +8,7 @@ import pytest
 if TYPE_CHECKING:
     from footsense.foot.response_table import FootResponse
     from footsense.lab.fem.adjoint import AdjointFields
-    from footsense.lab.fem.quarter import QuarterFoot
-    from footsense.lab.fem.symmetry_classes import Parity
+    from footsense.lab.fem.quarter import Parity, QuarterFoot
 
 collect_ignore_glob = [] if importlib.util.find_spec("ngsolve") else ["test_*.py", "*/test_*.py"]
 
@@ -39,8 +38,7 @@ def mesh() -> Any:
 def quarters(mesh: Any) -> "dict[Parity, QuarterFoot]":
     """Return the factorised symmetry classes of the coarse foot."""
     from footsense.lab.fem.mesh import COARSE_MESH
-    from footsense.lab.fem.quarter import QuarterFoot
-    from footsense.lab.fem.symmetry_classes import SOLVED_CLASSES
+    from footsense.lab.fem.quarter import SOLVED_CLASSES, QuarterFoot
     from tests.lab.released import FOOT_DESIGN
 
     return {parity: QuarterFoot(FOOT_DESIGN, COARSE_MESH, parity, mesh) for parity in SOLVED_CLASSES}

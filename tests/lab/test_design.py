@@ -7,6 +7,7 @@ import pytest
 from footsense.errors import FootsenseError
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations, Foot
+from footsense.lab.build import response_in_force_unit
 from footsense.lab.design.assess import assess_foot
 from footsense.lab.design.choice import choose_candidates
 from footsense.lab.design.design import foot_text
@@ -18,7 +19,6 @@ from footsense.lab.design.shapes import FootShapeLibrary
 from footsense.lab.evaluation.force_range import force_limits, stated_loads
 from footsense.lab.foot_file import load_foot
 from footsense.lab.geometry import FootDesign, Material
-from footsense.lab.similarity import response_in_force_unit
 from footsense.lab.training.load_cases import FULL_SCALE_PF, sensed_closure_um
 from tests.lab.released import FOOT_DESIGN, RELEASED
 

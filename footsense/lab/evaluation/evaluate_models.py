@@ -1,5 +1,6 @@
-"""Error table of a foot type: least-squares estimators and network on the paper's cases and on random loads."""
+"""Reference estimators, and the error table of a foot type on the paper's cases and on random loads."""
 
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -8,19 +9,13 @@ import msgspec
 import numpy as np
 
 from footsense.errors import ModelError
+from footsense.foot.capacitor import Capacitor
 from footsense.foot.force_errors import ForceErrors, evaluate_force_errors
 from footsense.foot.response_table import FootResponse
-from footsense.lab.evaluation.evaluate import (
-    PAPER_DIRECTION_DEG,
-    PAPER_MAGNITUDE_GF,
-    ForceEstimator,
-    capacitance_based_force_estimator,
-    elastance_based_force_estimator,
-)
+from footsense.frames import Vector
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import FootDesign, LoadRange
 from footsense.lab.response import film_provenance
-from footsense.lab.similarity import force_unit
 from footsense.lab.training.export import OnnxNetwork
 from footsense.lab.training.load_cases import (
     Cases,
@@ -29,6 +24,55 @@ from footsense.lab.training.load_cases import (
     paper_verification,
     random_loads,
 )
+
+#: The paper's errors on its verification cases: section III F (simulation) [deg, gf].
+PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF = 2.4, 5.3
+#: The paper's mean errors on its fabricated foot: section V C (experiment) [deg, gf].
+MEASURED_DIRECTION_DEG, MEASURED_MAGNITUDE_GF = 15.9, 18.7
+
+#: Makes forces [N], shape (n, 3), of closures [um], shape (n, 9).
+ForceEstimator = Callable[[Vector], Vector]
+
+
+def rms(values: Vector) -> float:
+    """Return the root mean square of all values."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _fit_least_squares(features: Vector, force_n: Vector) -> Vector:
+    """Return the least-squares matrix from features to forces, without offset."""
+    matrix, *_ = np.linalg.lstsq(features, force_n, rcond=None)
+    return np.asarray(matrix, dtype=np.float64)
+
+
+def capacitance_based_force_estimator(design: Capacitor, training: Cases) -> ForceEstimator:
+    """Return the least-squares force estimator from capacitance changes, the inputs of the paper's network."""
+
+    def change_pf(closure_um: Vector) -> Vector:
+        """Return the capacitance changes [pF] of closures [um]."""
+        return design.capacitance_pf(closure_um) - design.unloaded_pf
+
+    matrix = _fit_least_squares(change_pf(training.closure_um), training.force_n)
+    return lambda closure_um: change_pf(closure_um) @ matrix
+
+
+def elastance_based_force_estimator(training: Cases) -> ForceEstimator:
+    """Return the least-squares force estimator from gap closures, which elastance (1/C) measures."""
+    matrix = _fit_least_squares(training.closure_um, training.force_n)
+    return lambda closure_um: closure_um @ matrix
+
+
+def sigma_coverage_shares(truth_n: Vector, estimate_n: Vector, sigma_n: Vector) -> dict[str, list[float]]:
+    """Return the shares of errors within one and two sigma, per axis; 0.683 and 0.954 if Gaussian.
+
+    Args:
+        truth_n: True forces [N], shape (n, 3).
+        estimate_n: Estimates [N], shape (n, 3).
+        sigma_n: Standard deviations that the estimator states [N], shape (n, 3).
+    """
+    off = np.abs(estimate_n - truth_n) / sigma_n
+    return {f"within_{k}_sigma": np.mean(off < k, axis=0).round(4).tolist() for k in (1, 2)}
+
 
 #: Names of the released files.
 RESPONSE_FILE, NETWORK_FILE = "response.npz", "network.onnx"
@@ -52,7 +96,7 @@ def error_table(
         Rows by name: `paper_*` on the 180 verification cases without noise, `random_*` on held-out random loads
         with the converter's noise, from a tenth of the largest.
     """
-    unit = force_unit(loads)
+    unit = loads.force_unit
     training = paper_training(response, force_unit=unit)
     verification = paper_verification(response, force_unit=unit)
     rng = np.random.default_rng(HELD_OUT_SEED)

@@ -21,8 +21,7 @@ import numpy as np
 from footsense.foot.directions import normalized
 from footsense.frames import Vector
 from footsense.lab.fem.mesh import quarter_cells
-from footsense.lab.fem.quarter import QuarterFoot
-from footsense.lab.fem.symmetry_classes import Parity
+from footsense.lab.fem.quarter import Parity, QuarterFoot
 from footsense.lab.geometry import UM_PER_MM
 
 #: Order of the quadrature rule whose points on the ground-side surface are the samples.

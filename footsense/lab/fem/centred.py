@@ -11,8 +11,7 @@ from footsense.foot.directions import directions
 from footsense.frames import Vector
 from footsense.lab.fem.adjoint import solve_face_closure_fields
 from footsense.lab.fem.mesh import MeshSize, build_quarter_mesh, quarter_cells
-from footsense.lab.fem.quarter import QuarterFoot
-from footsense.lab.fem.symmetry_classes import Parity
+from footsense.lab.fem.quarter import Parity, QuarterFoot
 from footsense.lab.geometry import FootDesign
 from footsense.lab.response import fit_series, mean_over_patch
 

@@ -19,8 +19,7 @@ from footsense.foot.response_table import FLAT_OF_GRID
 from footsense.frames import Vector
 from footsense.lab.fem.elasticity import hertz_pressure_shape
 from footsense.lab.fem.mesh import MeshSize, build_quarter_mesh, quarter_cells, quarter_grid
-from footsense.lab.fem.quarter import QuarterFoot
-from footsense.lab.fem.symmetry_classes import SOLVED_CLASSES, Parity
+from footsense.lab.fem.quarter import SOLVED_CLASSES, Parity, QuarterFoot
 from footsense.lab.geometry import UM_PER_MM, FootDesign
 
 #: Order that the quadrature of a patch has above that of the elements, which are three times as large and more: with 24
@@ -100,11 +99,6 @@ class DirectSolveFoot:
             parity: _QuarterClosureSolver(QuarterFoot(design, size, parity, mesh))
             for parity in SOLVED_CLASSES
         }
-
-    @property
-    def quarter_per_class(self) -> list[QuarterFoot]:
-        """Factorised finite element systems of the three symmetry classes."""
-        return [solved.quarter for solved in self._classes.values()]
 
     def cell_closures_um(self, normal: Vector, force_n: Vector) -> Vector:
         """Return the linear closure of every cell [um], gap contact ignored, shape (324,), by four solves.

@@ -19,14 +19,13 @@ from footsense.calibration.evaluation import DesignModels
 from footsense.foot.force_errors import evaluate_force_errors
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads, Foot
-from footsense.lab.evaluation.evaluate import MEASURED_DIRECTION_DEG, MEASURED_MAGNITUDE_GF
+from footsense.lab.evaluation.evaluate_models import MEASURED_DIRECTION_DEG, MEASURED_MAGNITUDE_GF
 from footsense.lab.fem.sealed_air import SealedFoot
 from footsense.lab.fem.whole import other_tables
 from footsense.lab.parallel import N_PROCESSES, compute_each
 from footsense.lab.report import Figures, StudyContext, Values, spread, table
 from footsense.lab.training.load_cases import leaning_loads
-from footsense.lab.training.paper.per_foot_network import per_foot_force_n
-from footsense.lab.training.paper.procedure import EPOCHS
+from footsense.lab.training.paper_procedure import EPOCHS, per_foot_force_n
 from footsense.sim.fabrication import PAPER_TOLERANCES, FootTolerances, draw_deviations
 from footsense.sim.loads.press_sequence import paper_presses
 from footsense.validation.made_feet import (

@@ -28,8 +28,7 @@ from footsense.frames import ELEMENTS, CapFrame, Reading, State, Vector
 from footsense.lab.evaluation.evaluate_models import NETWORK_FILE
 from footsense.lab.fem.centred import solve_centred_closures
 from footsense.lab.fem.mesh import COARSE_MESH, MeshSize, build_quarter_mesh
-from footsense.lab.fem.quarter import QuarterFoot
-from footsense.lab.fem.symmetry_classes import Parity
+from footsense.lab.fem.quarter import Parity, QuarterFoot
 from footsense.lab.foot_file import load_foot
 from footsense.lab.geometry import FootDesign, Material
 from footsense.lab.report import Figures, StudyContext, Values, table, target

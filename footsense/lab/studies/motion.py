@@ -10,8 +10,7 @@ from footsense.estimation.network import sensitivity
 from footsense.foot.directions import angles_between_deg, directions
 from footsense.foot.specimen import ContactLoads
 from footsense.frames import ELEMENTS, LEGS, Mask, Vector
-from footsense.lab.evaluation.event_scores import score_walks
-from footsense.lab.evaluation.rough_walks import THRESHOLD_N, run_gait_tracker, simulate_walk
+from footsense.lab.evaluation.rough_walks import THRESHOLD_N, run_gait_tracker, score_walks, simulate_walk
 from footsense.lab.report import Figures, StudyContext, Values, spread, table, target
 from footsense.lab.training.gait_readings import (
     STEP_S,

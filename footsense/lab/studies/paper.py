@@ -15,32 +15,31 @@ from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
 from footsense.lab.ball import elevation_circle_map_radius, map_circle
-from footsense.lab.evaluation.evaluate import (
+from footsense.lab.evaluation.evaluate_models import (
     MEASURED_DIRECTION_DEG,
     PAPER_DIRECTION_DEG,
     PAPER_MAGNITUDE_GF,
     capacitance_based_force_estimator,
     elastance_based_force_estimator,
 )
-from footsense.lab.fem.other_sensors.arrays import PAPER_SENSOR_ARRAYS, pressure_patterns, stress_series
-from footsense.lab.fem.other_sensors.block import BLOCK_MESH, COARSE_BLOCK_MESH, half_thickness_mm
+from footsense.lab.fem.paper_sensors import (
+    BLOCK_MESH,
+    COARSE_BLOCK_MESH,
+    PAPER_SENSOR_ARRAYS,
+    half_thickness_mm,
+    pressure_patterns,
+    stress_series,
+)
 from footsense.lab.report import Figures, StudyContext, Values, spread, table, target
 from footsense.lab.training.load_cases import paper_training, paper_verification, sensed_closure_um
-from footsense.lab.training.paper.mlp import (
-    network_outputs,
-    random_layers,
-    stack,
-    train,
-    unstack,
-)
-from footsense.lab.training.paper.procedure import (
+from footsense.lab.training.paper_network import RPROP, network_outputs, random_layers, stack, train, unstack
+from footsense.lab.training.paper_procedure import (
     HIDDEN_NEURONS,
     NetworkInput,
     PaperTraining,
     start_weights_by_seed,
     verification_cases,
 )
-from footsense.lab.training.paper.rprop import RPROP
 
 TITLE = "The paper's simulation, done again"
 

@@ -12,19 +12,22 @@ from footsense.foot.directions import angles_between_deg, normalized, paper_dire
 from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
-from footsense.lab.evaluation.cramer_rao import Unknowns, errors_over_bound, force_bound
-from footsense.lab.evaluation.evaluate import rms, sigma_coverage_shares
+from footsense.lab.evaluation.cramer_rao import (
+    Fit,
+    Unknowns,
+    ambiguous_load_distance_and_angle,
+    clamp_to_min_elevation,
+    errors_over_bound,
+    force_bound,
+    maximum_likelihood,
+)
 from footsense.lab.evaluation.evaluate_models import (
     HELD_OUT_CASES,
     HELD_OUT_SEED,
     as_markdown,
     evaluate_models,
-)
-from footsense.lab.evaluation.maximum_likelihood import (
-    Fit,
-    ambiguous_load_distance_and_angle,
-    clamp_to_min_elevation,
-    maximum_likelihood,
+    rms,
+    sigma_coverage_shares,
 )
 from footsense.lab.geometry import LoadRange
 from footsense.lab.report import Figures, StudyContext, Values, table, target

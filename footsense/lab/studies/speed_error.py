@@ -15,7 +15,7 @@ from footsense.estimation.network import steady_windows
 from footsense.foot.force_errors import evaluate_force_errors
 from footsense.foot.specimen import ContactLoads
 from footsense.frames import ELEMENTS
-from footsense.lab.evaluation.evaluate import rms
+from footsense.lab.evaluation.evaluate_models import rms
 from footsense.lab.evaluation.fidelity_levels import LevelResponse, fidelity_levels
 from footsense.lab.fem.mesh import COARSE_MESH, RELEASED_MESH
 from footsense.lab.report import Figures, StudyContext, Values, spread, table, target
@@ -28,9 +28,8 @@ from footsense.lab.training.load_cases import (
     paper_verification,
     random_loads,
 )
-from footsense.lab.training.symmetric_layers import mean_closure_product_matrix
 from footsense.lab.training.train_windowed import WindowTrainingSettings, train_windowed
-from footsense.lab.training.windowed_network import predict
+from footsense.lab.training.windowed_network import mean_closure_product_matrix, predict
 from footsense.ports import Window
 
 TITLE = "Speed against error"

@@ -24,23 +24,21 @@ from footsense.errors import ModelError
 from footsense.estimation.network import steady_windows
 from footsense.foot.network_card import INPUTS, METADATA_KEY, OUTPUTS, Signal
 from footsense.frames import ELEMENTS, Vector
-from footsense.lab.training.symmetric_layers import (
-    N_SYMMETRIES,
-    PATTERN_SOFTENING_REL,
-    Weights,
-    linear_basis,
-    relative_symmetry_index,
-)
 from footsense.lab.training.windowed_network import (
     LN_SIGMA_BOUNDS,
     MAX_FEATURE,
     MIN_READING_INTERVAL_S,
     N_OUTPUTS,
+    N_SYMMETRIES,
+    PATTERN_SOFTENING_REL,
     READINGS_PER_ELEMENT,
     SIGMA_ROW_OF_OUTPUT,
     ZERO_FEATURE_SCAN_PERIOD_S,
+    Weights,
     element_input_index,
+    linear_basis,
     output_symmetries,
+    relative_symmetry_index,
 )
 from footsense.ports import LoadEstimate, Window
 

@@ -38,15 +38,16 @@ from footsense.lab.training.gait_windows import (
     conversions_since,
 )
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, LeaningCases
-from footsense.lab.training.symmetric_layers import Weights, linear_basis
 from footsense.lab.training.windowed_network import (
     FEATURES_PER_ELEMENT,
     FEATURES_PER_FOOT,
     READINGS_PER_ELEMENT,
     Features,
+    Weights,
     element_input_index,
     expand_over_symmetries,
     features,
+    linear_basis,
     run,
 )
 from footsense.progress import progress_bar
@@ -249,7 +250,7 @@ def _whitening_transform(
 
     Args:
         hidden_inputs: Inputs of the first hidden layer, shape (n, inputs).
-        index: Result of `hidden_input_index`, shape (8, inputs).
+        index: Result of `element_input_index`, shape (8, inputs).
         place: The inputs to whiten: all but the masks.
         least_variance: Variance along an axis below which the inputs count as constant.
     """

@@ -12,8 +12,9 @@ and beside them the mask of missing elements, r and ln T. Two hidden layers of t
     f = L x + M (x - v0) + (s / r) V h2,     s = |x|^2 / number of elements
     sigma_f = r exp(Q h2 + q),    contact point and friction ratio: C h2,    their sigma: exp(R h2 + c)
 
-No load gives exactly no force. The eight symmetries of the square are built in as in `symmetric_layers.py`: a hidden
-channel is eight units, one for each symmetry, that share their weights.
+No load gives exactly no force. The eight symmetries of the square are built in: a hidden channel is eight
+units, one for each symmetry, that share their weights. Unit g applies them to the inputs mapped by the inverse of
+symmetry g; units of the second layer see those of the first by their relative symmetry.
 
 Source:
     Cohen and Welling, Group equivariant convolutional networks, ICML 2016, section 6 (regular representation).
@@ -26,17 +27,14 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.lab.symmetry import SYMMETRIES
-from footsense.lab.training.symmetric_layers import (
-    N_SYMMETRIES,
-    PATTERN_SOFTENING_REL,
-    Weights,
-    expand_hidden,
-    hidden_input_index,
-    linear_basis,
-)
+from footsense.frames import ELEMENTS, Vector
+from footsense.lab.symmetry import SYMMETRIES, element_permutation
 from footsense.ports import LoadEstimate, Window
 
+#: Size e below which a pattern means little [1 of the gap]: 40 nm of 20 um.
+PATTERN_SOFTENING_REL = 2e-3
+#: Symmetries of the square.
+N_SYMMETRIES = len(SYMMETRIES)
 #: Readings of an element in a window.
 READINGS_PER_ELEMENT = 3
 #: Features of an element and of the foot: six of its readings, its mask; size, period.
@@ -53,6 +51,92 @@ ZERO_FEATURE_SCAN_PERIOD_S = 0.02445
 LN_SIGMA_BOUNDS = (-8.0, 3.0)
 #: Least time between two readings of an element [s]; a foot's first reading stands for those before it.
 MIN_READING_INTERVAL_S = 1e-4
+
+
+class Weights(NamedTuple):
+    """Trained weights of the windowed network, with `c` channels in each hidden layer.
+
+    Its outputs are force, contact point and friction ratio.
+
+    Attributes:
+        linear: Linear paths [N], a weight for each map of `linear_basis`, of the paths L, then M.
+        w1: First hidden layer, shape (c, inputs).
+        b1: Offsets of the first layer, shape (c,).
+        w2: Second hidden layer by relative symmetry, shape (c, 8 c), the symmetry slow.
+        b2: Offsets of the second layer, shape (c,).
+        out: Output layer, shape (c, outputs).
+        sigma: Output layer of ln sigma, shape (c, outputs).
+        sigma_offset: Offsets of ln sigma of the force sideways, along z, of contact point and of friction ratio, shape
+            (4,): axes that the square exchanges share one.
+    """
+
+    linear: Any
+    w1: Any
+    b1: Any
+    w2: Any
+    b2: Any
+    out: Any
+    sigma: Any
+    sigma_offset: Any
+
+    @property
+    def n_weights(self) -> int:
+        """Number of trained weights."""
+        return sum(int(part.size) for part in self)
+
+    @property
+    def channels(self) -> int:
+        """Number of channels in a hidden layer."""
+        return int(self.b1.size)
+
+
+def element_input_index() -> NDArray[np.intp]:
+    """Return for each unit and input the index of the shared weight, shape (8, inputs)."""
+    inverse = np.argsort(np.stack([element_permutation(g) for g in SYMMETRIES]), axis=1)
+    planes = [ELEMENTS * plane + inverse for plane in range(FEATURES_PER_ELEMENT)]
+    scalars = np.tile(ELEMENTS * FEATURES_PER_ELEMENT + np.arange(FEATURES_PER_FOOT), (N_SYMMETRIES, 1))
+    return np.concatenate([*planes, scalars], axis=1).astype(np.intp)
+
+
+def relative_symmetry_index() -> NDArray[np.intp]:
+    """Return the index of inverse(g) h among the eight symmetries, shape (8 of g, 8 of h)."""
+    stack = np.stack(SYMMETRIES)
+    products = np.einsum("gji,hjk->ghik", stack, stack)
+    same = np.abs(products[:, :, None] - stack).max(axis=(3, 4)) == 0.0
+    symmetry_index: NDArray[np.intp] = same.argmax(axis=2).astype(np.intp)
+    return symmetry_index
+
+
+def linear_basis() -> NDArray[np.float64]:
+    """Return the basis of linear maps from closures to force with the square's symmetry, (maps, elements, 3).
+
+    Elements that the symmetries exchange share their weights. First come the maps to fz, one for each group of such
+    elements, then those to fx and fy: none of the central element, one of each other group.
+    """
+    images = np.stack([element_permutation(g) for g in SYMMETRIES])
+    fz_maps: list[NDArray[np.float64]] = []
+    fxy_maps: list[NDArray[np.float64]] = []
+    for first in np.unique(images.min(axis=0)):
+        basis = np.zeros((3, ELEMENTS, 3))
+        basis[2, images[:, first], 2] = 1.0
+        fz_maps.append(basis[2])
+        for g, image in zip(
+            SYMMETRIES, images, strict=True
+        ):  # fx and fy from one element, turned in all directions
+            basis[:2, image[first]] += 0.5 * g[:, :2].T
+        one, other = basis[:2]
+        fxy_maps.extend([one] if np.array_equal(one, other) else [one, other])
+    return np.stack([*fz_maps, *(part for part in fxy_maps if part.any())])
+
+
+def mean_closure_product_matrix(closure_rel: Vector) -> Vector:
+    """Return second moments of closures over their rms, averaged over symmetries, shape (elements, elements)."""
+    size = np.sqrt(np.mean(closure_rel**2, axis=-1, keepdims=True) + PATTERN_SOFTENING_REL**2)
+    pattern = closure_rel / size
+    plain = pattern.T @ pattern / len(pattern)
+    maps = [element_permutation(g) for g in SYMMETRIES]
+    even: Vector = np.mean([plain[np.ix_(m, m)] for m in maps], axis=0) + 1e-7 * np.eye(ELEMENTS)
+    return even
 
 
 class LayerMatrices(NamedTuple):
@@ -85,11 +169,6 @@ class Features(NamedTuple):
     closure_rms_rel: Any
 
 
-def element_input_index() -> NDArray[np.intp]:
-    """Return for each unit and input the index of the shared weight, shape (8, inputs)."""
-    return hidden_input_index(FEATURES_PER_ELEMENT, FEATURES_PER_FOOT)
-
-
 def output_symmetries() -> NDArray[np.float64]:
     """Return the matrix of each symmetry on the outputs (one 3D, two 2D vectors), shape (8, 7, 7)."""
     turns = np.zeros((N_SYMMETRIES, N_OUTPUTS, N_OUTPUTS))
@@ -101,11 +180,16 @@ def output_symmetries() -> NDArray[np.float64]:
 
 def expand_over_symmetries(weights: Weights) -> LayerMatrices:
     """Return the full weight matrices of the shared weights: unit g * c + i is channel i under symmetry g."""
-    turns, basis = output_symmetries(), linear_basis()
+    turns, basis, c = output_symmetries(), linear_basis(), weights.channels
+    w1 = weights.w1[:, element_input_index()]  # (c, 8, inputs)
+    w2 = weights.w2.reshape(c, N_SYMMETRIES, c)[:, relative_symmetry_index()]  # (c of unit, g, h, c of input)
     return LayerMatrices(
         closure_to_force=jnp.tensordot(weights.linear[: len(basis)], basis, 1),
         closure_change_to_force=jnp.tensordot(weights.linear[len(basis) :], basis, 1),
-        **expand_hidden(weights, FEATURES_PER_ELEMENT, FEATURES_PER_FOOT),
+        w1=jnp.transpose(w1, (2, 1, 0)).reshape(w1.shape[-1], -1),
+        b1=jnp.tile(weights.b1, N_SYMMETRIES),
+        w2=jnp.transpose(w2, (2, 3, 1, 0)).reshape(N_SYMMETRIES * c, -1),
+        b2=jnp.tile(weights.b2, N_SYMMETRIES),
         out=jnp.einsum("gab,cb->gca", turns, weights.out).reshape(-1, N_OUTPUTS),
         sigma=jnp.einsum("gab,cb->gca", np.abs(turns), weights.sigma).reshape(-1, N_OUTPUTS),
         sigma_offset=weights.sigma_offset[SIGMA_ROW_OF_OUTPUT],

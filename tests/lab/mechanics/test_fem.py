@@ -9,8 +9,7 @@ from msgspec.structs import replace
 
 from footsense.errors import ModelError
 from footsense.lab.fem.mesh import COARSE_MESH, build_quarter_mesh
-from footsense.lab.fem.quarter import QuarterFoot
-from footsense.lab.fem.symmetry_classes import Parity
+from footsense.lab.fem.quarter import Parity, QuarterFoot
 from footsense.lab.geometry import FootDesign, Material
 from tests.lab.mechanics.analytic_benchmarks import HalfSpace, block_errors
 from tests.lab.released import FOOT_DESIGN

@@ -8,17 +8,16 @@ import numpy as np
 import pytest
 
 from footsense.foot.response_table import series_basis
+from footsense.lab.fem.gel_layer import GelLayerDesign, vertical_closure_um_per_n
 from footsense.lab.fem.mesh import COARSE_MESH, build_quarter_mesh
-from footsense.lab.fem.other_sensors.arrays import (
+from footsense.lab.fem.paper_sensors import (
+    COARSE_BLOCK_MESH,
     PAPER_SENSOR_ARRAYS,
     SensorArray,
     pressure_patterns,
     stress_series,
 )
-from footsense.lab.fem.other_sensors.block import COARSE_BLOCK_MESH
-from footsense.lab.fem.other_sensors.gel_layer import GelLayerDesign, vertical_closure_um_per_n
-from footsense.lab.fem.quarter import QuarterFoot
-from footsense.lab.fem.symmetry_classes import Parity
+from footsense.lab.fem.quarter import Parity, QuarterFoot
 from footsense.lab.geometry import MIN_FITTED_ELEVATION_DEG, Material
 from footsense.lab.response import SERIES_DEGREE
 from footsense.lab.studies.mechanics.beyond import inclined_unit_vectors

@@ -16,8 +16,7 @@ from footsense.lab.fem.adjoint import AdjointFields
 from footsense.lab.fem.centred import solve_centred_closures
 from footsense.lab.fem.elasticity import membrane_energy_per_area
 from footsense.lab.fem.mesh import MeshSize, quarter_cells
-from footsense.lab.fem.quarter import QuarterFoot
-from footsense.lab.fem.symmetry_classes import Parity
+from footsense.lab.fem.quarter import Parity, QuarterFoot
 from footsense.lab.geometry import UM_PER_MM, Material, ThinFilm
 from footsense.lab.response import mean_over_patch
 from footsense.lab.symmetry import SYMMETRIES, element_permutation

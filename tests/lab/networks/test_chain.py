@@ -25,8 +25,7 @@ from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
 from footsense.foot.network_card import METADATA_KEY, read_card
 from footsense.foot.response_table import FootResponse
 from footsense.lab.build import MAX_ONNX_DIFFERENCE_REL, QUICK_BUILD, BuildResult, build
-from footsense.lab.evaluation.evaluate import sigma_coverage_shares
-from footsense.lab.evaluation.evaluate_models import open_models
+from footsense.lab.evaluation.evaluate_models import open_models, sigma_coverage_shares
 from footsense.lab.foot_file import load_foot
 from footsense.lab.symmetry import SYMMETRIES, element_permutation
 from footsense.lab.training import load_cases

@@ -7,8 +7,7 @@ from footsense.foot.directions import directions, paper_directions, random_direc
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
-from footsense.lab.evaluation.cramer_rao import Unknowns, force_bound
-from footsense.lab.evaluation.maximum_likelihood import maximum_likelihood
+from footsense.lab.evaluation.cramer_rao import Unknowns, force_bound, maximum_likelihood
 from footsense.lab.training.load_cases import leaning_normals, measured_closure_rel, sensed_closure_um
 from tests.lab.released import FOOT_DESIGN, RELEASED
 

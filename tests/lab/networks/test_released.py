@@ -7,9 +7,14 @@ from numpy.typing import NDArray
 from footsense.estimation.missing_elements import MISSING_SETS, Imputation
 from footsense.estimation.network import steady_windows
 from footsense.foot.specimen import Foot
-from footsense.lab.evaluation.evaluate import PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF, sigma_coverage_shares
-from footsense.lab.evaluation.evaluate_models import evaluate_models, open_models
-from footsense.lab.evaluation.maximum_likelihood import ambiguous_load_distance_and_angle
+from footsense.lab.evaluation.cramer_rao import ambiguous_load_distance_and_angle
+from footsense.lab.evaluation.evaluate_models import (
+    PAPER_DIRECTION_DEG,
+    PAPER_MAGNITUDE_GF,
+    evaluate_models,
+    open_models,
+    sigma_coverage_shares,
+)
 from footsense.lab.model_card import readme
 from footsense.lab.training.load_cases import measured_closure_rel, random_loads
 from tests.lab.released import FOOT_DESIGN, RELEASED

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from footsense.lab.evaluation.rough_gait import RoughGait, SwingShake
-from footsense.lab.evaluation.sliding_ground import INTEGRATION_STEP_S, SlidingGround
+from footsense.lab.evaluation.rough_gait import INTEGRATION_STEP_S, RoughGait, SlidingGround, SwingShake
 
 GROUND = SlidingGround(
     kinetic_friction=0.4, static_over_kinetic_friction=1.2, leg_stiffness_n_per_mm=0.5, max_creep_mm_per_s=0.0

@@ -12,9 +12,7 @@ from hypothesis import strategies as st
 
 from footsense.foot.capacitor import Capacitor
 from footsense.lab.training.load_cases import Cases
-from footsense.lab.training.paper.mlp import loss, network_outputs, random_layers, stack, train, unstack
-from footsense.lab.training.paper.procedure import NetworkInput, PaperTraining
-from footsense.lab.training.paper.rprop import (
+from footsense.lab.training.paper_network import (
     INITIAL_STEP,
     MAX_STEP,
     MIN_STEP,
@@ -22,7 +20,14 @@ from footsense.lab.training.paper.rprop import (
     STEP_GROWTH,
     STEP_SHRINKAGE,
     RpropState,
+    loss,
+    network_outputs,
+    random_layers,
+    stack,
+    train,
+    unstack,
 )
+from footsense.lab.training.paper_procedure import NetworkInput, PaperTraining
 
 pytestmark = pytest.mark.lab
 

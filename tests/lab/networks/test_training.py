@@ -20,9 +20,8 @@ from footsense.lab.training.gait_readings import (
 )
 from footsense.lab.training.gait_windows import contact_and_normal_force, windows_of
 from footsense.lab.training.load_cases import NOISE_PF, random_loads, sensed_closure_um
-from footsense.lab.training.symmetric_layers import mean_closure_product_matrix
 from footsense.lab.training.train_windowed import WindowTrainingSettings, train_windowed
-from footsense.lab.training.windowed_network import predict
+from footsense.lab.training.windowed_network import mean_closure_product_matrix, predict
 from footsense.ports import Window
 from tests.lab.released import FOOT_DESIGN, RELEASED
 

@@ -16,14 +16,15 @@ from footsense.estimation.network import STEADY_AGES_S
 from footsense.foot.network_card import INPUTS, OUTPUTS
 from footsense.lab.symmetry import SYMMETRIES, element_permutation
 from footsense.lab.training.export import OnnxNetwork, onnx_model
-from footsense.lab.training.symmetric_layers import Weights, linear_basis
 from footsense.lab.training.windowed_network import (
     FEATURES_PER_ELEMENT,
     FEATURES_PER_FOOT,
     LN_SIGMA_BOUNDS,
     MAX_FEATURE,
     Features,
+    Weights,
     features,
+    linear_basis,
     predict,
 )
 from footsense.ports import LoadEstimate, Window

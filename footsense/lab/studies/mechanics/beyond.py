@@ -21,7 +21,7 @@ from footsense.foot.directions import (
 from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors, evaluate_force_errors
 from footsense.foot.specimen import Foot
 from footsense.frames import Mask, Vector
-from footsense.lab.evaluation.evaluate import ForceEstimator, elastance_based_force_estimator
+from footsense.lab.evaluation.evaluate_models import ForceEstimator, elastance_based_force_estimator
 from footsense.lab.former_page import Plots, Study, StudyContext
 from footsense.lab.plots import subplot_row
 from footsense.lab.training.load_cases import (

@@ -16,7 +16,7 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.evaluation.cramer_rao import Unknowns, force_bound
-from footsense.lab.evaluation.evaluate import (
+from footsense.lab.evaluation.evaluate_models import (
     MEASURED_DIRECTION_DEG,
     MEASURED_MAGNITUDE_GF,
     capacitance_based_force_estimator,
@@ -32,8 +32,7 @@ from footsense.lab.training.load_cases import (
     paper_training,
     sensed_closure_um,
 )
-from footsense.lab.training.paper.per_foot_network import per_foot_force_n
-from footsense.lab.training.paper.procedure import PaperTraining, start_weights_by_seed
+from footsense.lab.training.paper_procedure import PaperTraining, per_foot_force_n, start_weights_by_seed
 from footsense.sim.fabrication import PAPER_TOLERANCES, FootTolerances, draw_deviations
 from footsense.sim.loads.press_sequence import paper_presses
 from footsense.validation.made_feet import EXACT_CONDITIONS, PressConditions, PressedFoot

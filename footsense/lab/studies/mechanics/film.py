@@ -17,9 +17,9 @@ from footsense.foot.directions import directions, normalized
 from footsense.foot.force_errors import ForceErrors, evaluate_force_errors
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
-from footsense.lab.evaluation.evaluate import elastance_based_force_estimator
+from footsense.lab.evaluation.evaluate_models import elastance_based_force_estimator
+from footsense.lab.fem.gel_layer import GelLayerDesign, vertical_closure_um_per_n
 from footsense.lab.fem.mesh import COARSE_MESH, RELEASED_MESH
-from footsense.lab.fem.other_sensors.gel_layer import GelLayerDesign, vertical_closure_um_per_n
 from footsense.lab.former_page import MeanStd, Plots, Study, StudyContext
 from footsense.lab.geometry import Material
 from footsense.lab.plots import subplot_row
@@ -33,7 +33,7 @@ from footsense.lab.training.load_cases import (
     paper_verification,
     sensed_closure_um,
 )
-from footsense.lab.training.paper.procedure import HIDDEN_NEURONS, PaperTraining, start_weights_by_seed
+from footsense.lab.training.paper_procedure import HIDDEN_NEURONS, PaperTraining, start_weights_by_seed
 
 #: Nothing is singular where the film covers everything: no layers of thin elements.
 FILM_SIZE, COARSE_FILM_SIZE = replace(RELEASED_MESH, edge_layers=0), replace(COARSE_MESH, edge_layers=0)

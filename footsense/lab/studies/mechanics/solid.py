@@ -14,9 +14,8 @@ from footsense.foot.gap_contact import CELLS_PER_SIDE
 from footsense.foot.response_table import FootResponse, contact_radius_mm
 from footsense.frames import Vector
 from footsense.lab.fem.centred import solve_centred_closures
-from footsense.lab.fem.fringe import fringed_and_plate_capacitance_pf
+from footsense.lab.fem.cross_sections import cavity_strip_closure_um, fringed_and_plate_capacitance_pf
 from footsense.lab.fem.mesh import COARSE_MESH, FINEST_MESH, RELEASED_MESH, MeshSize
-from footsense.lab.fem.strip import cavity_strip_closure_um
 from footsense.lab.former_page import Plots, Study, StudyContext
 from footsense.lab.geometry import FootDesign, Material
 from footsense.lab.plots import subplot_row

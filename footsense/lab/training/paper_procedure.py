@@ -17,10 +17,22 @@ from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
 from footsense.frames import Vector
-from footsense.lab.evaluation.evaluate import ForceEstimator
-from footsense.lab.training.load_cases import Cases, paper_training, paper_verification, sensed_closure_um
-from footsense.lab.training.paper.mlp import Layers, network_outputs, random_layers, stack, train, unstack
-from footsense.lab.training.paper.rprop import RPROP
+from footsense.lab.evaluation.evaluate_models import ForceEstimator
+from footsense.lab.training.load_cases import (
+    Cases,
+    closure_of_designed_foot_um,
+    paper_verification,
+    sensed_closure_um,
+)
+from footsense.lab.training.paper_network import (
+    RPROP,
+    Layers,
+    network_outputs,
+    random_layers,
+    stack,
+    train,
+    unstack,
+)
 
 #: Inputs of a network: capacitance changes, as in the paper, or the gap closures that elastance measures.
 NetworkInput = Literal["capacitance", "closure"]
@@ -28,9 +40,7 @@ NetworkInput = Literal["capacitance", "closure"]
 #: Neurons of the two hidden layers, twice the inputs; the paper found its own by trial and error (Table I).
 HIDDEN_NEURONS = (18, 18)
 #: Epochs of training; the paper states none. Four times as many change the errors by less than the seeds do.
-EPOCHS, QUICK_EPOCHS = 5000, 1000
-#: Networks, which differ in their start weights.
-SEEDS, QUICK_SEEDS = 20, 3
+EPOCHS = 5000
 
 
 class PaperTraining:
@@ -91,11 +101,19 @@ def start_weights_by_seed(seeds: int, widths: Sequence[int] = (9, *HIDDEN_NEURON
     return [random_layers(np.random.default_rng(seed), widths) for seed in range(seeds)]
 
 
-def paper_networks(
-    response: FootResponse, *, quick: bool, network_input: NetworkInput = "capacitance"
-) -> list[ForceEstimator]:
-    """Return force estimators trained by the paper's procedure, one per seed; fewer and shorter if quick."""
-    seeds, epochs = (QUICK_SEEDS, QUICK_EPOCHS) if quick else (SEEDS, EPOCHS)
-    return PaperTraining(response.design, paper_training(response), network_input).train(
-        start_weights_by_seed(seeds), epochs
-    )
+def per_foot_force_n(
+    design: Capacitor, seed: int, epochs: int, training_pf: Vector, force_n: Vector, test_pf: Vector
+) -> Vector:
+    """Return forces [N], (m, 3), estimated by a network trained on one foot's calibration loads.
+
+    Args:
+        design: Electrical design of the capacitors, without effect: the inputs are changes of capacitance.
+        seed: Seed of the network's start; each foot has its own.
+        epochs: Training epochs.
+        training_pf: Changes of capacitance under the training loads [pF], shape (n, 9).
+        force_n: Reference forces of the training loads [N], shape (n, 3).
+        test_pf: Changes of capacitance under the other loads [pF], shape (m, 9).
+    """
+    training = PaperTraining(design, Cases(force_n, closure_of_designed_foot_um(design, training_pf)))
+    start = random_layers(np.random.default_rng(seed), (9, *HIDDEN_NEURONS, 3))
+    return training.train([start], epochs)[0](closure_of_designed_foot_um(design, test_pf))

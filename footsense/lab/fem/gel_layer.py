@@ -23,8 +23,7 @@ import numpy as np
 from footsense.foot.capacitor import Capacitor
 from footsense.lab.fem.elasticity import BondedLayer
 from footsense.lab.fem.mesh import MeshSize, build_quarter_mesh
-from footsense.lab.fem.quarter import QuarterFoot
-from footsense.lab.fem.symmetry_classes import Parity
+from footsense.lab.fem.quarter import Parity, QuarterFoot
 from footsense.lab.geometry import UM_PER_MM, FootDesign, Material
 
 
