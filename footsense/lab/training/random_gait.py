@@ -17,7 +17,6 @@ import numpy as np
 
 from footsense.foot.specimen import ContactLoads
 from footsense.frames import Vector
-from footsense.sim.loads.ground_load import IN_THE_AIR, GroundContact
 
 #: Duration of a stance, and of its rise and its fall [s]: bounds of draws that are uniform in the logarithm.
 STANCE_S, FLANK_S = (0.06, 2.0), (0.005, 0.15)
@@ -198,7 +197,6 @@ class RandomGait:
             stance = RandomStance(rng, max_n)
             self._stances.append((start_s, stance))
             start_s += stance.duration_s + rng.uniform(*SWING_DURATION_RANGE_S)
-        self._starts_s = np.array([start for start, _ in self._stances])
 
     def loads(self, t_s: Vector) -> ContactLoads:
         """Return the loads at n times [s]; in swing the normal points up and the force is zero."""
@@ -209,14 +207,3 @@ class RandomGait:
             if on.any():
                 normal[on], force_n[on] = stance.loads(t_s[on] - start_s)
         return ContactLoads(normal, force_n)
-
-    def contact_at(self, t_s: float) -> GroundContact:
-        """Return the true ground contact at one time [s]."""
-        number = int(np.searchsorted(self._starts_s, t_s, "right")) - 1
-        if number < 0:
-            return IN_THE_AIR
-        start_s, stance = self._stances[number]
-        if t_s >= start_s + stance.duration_s:
-            return IN_THE_AIR
-        normal, force_n = stance.loads(np.array([t_s - start_s]))
-        return GroundContact(normal[0], force_n[0])

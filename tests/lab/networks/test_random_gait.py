@@ -13,7 +13,6 @@ from footsense.lab.training.random_gait import (
     RandomGait,
     RandomStance,
 )
-from footsense.sim.loads.ground_load import IN_THE_AIR
 
 MAX_N, DURATION_S = 2.0, 3.0
 T_S = np.arange(0.0, DURATION_S, 2.7e-3)
@@ -45,20 +44,6 @@ def test_in_the_air_there_is_nothing(seed: int) -> None:
     air = np.asarray(~force_n.any(axis=1))
     assert air[T_S < 0.1].all()
     np.testing.assert_array_equal(normal[air & (T_S < 0.1)], np.tile([0.0, 0.0, 1.0], ((T_S < 0.1).sum(), 1)))
-
-
-@given(seeds)
-def test_one_time_is_the_same_as_many(seed: int) -> None:
-    """The simulator asks for one time, training for all at once."""
-    one = gait(seed)
-    normal, force_n = one.loads(T_S)
-    for n in range(0, len(T_S), 37):
-        contact = one.contact_at(float(T_S[n]))
-        if contact is IN_THE_AIR:
-            assert not force_n[n].any()
-        else:
-            np.testing.assert_allclose(contact.force_n, force_n[n], atol=1e-12)
-            np.testing.assert_allclose(contact.normal, normal[n], atol=1e-12)
 
 
 def test_a_seed_is_a_gait() -> None:
