@@ -10,9 +10,11 @@ over the bar either the law t_n = M [u_n] / t of `quarter`, or half of the space
 the cavity.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import ngsolve as ng
+import numpy as np
 from netgen import occ
 
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2
@@ -75,6 +77,18 @@ def fringed_and_plate_capacitance_pf(design: FootDesign, closure_um: float = 0.0
     plate = eps0_pf_per_mm * design.electrode_mm / (gap_mm + film_mm / design.film_eps_r)
     edges = 2.0 * (per_length - plate)
     return (plate + edges) * design.electrode_mm, plate * design.electrode_mm
+
+
+def fringe_readings(design: FootDesign, closures_um: Sequence[float]) -> list[dict[str, float]]:
+    """Return an element's capacitance with and without edges, and the closures that both are read as, by closure."""
+    both_pf = [fringed_and_plate_capacitance_pf(design, closed_um) for closed_um in closures_um]
+    edged_pf, plates_pf = np.array(both_pf).T
+    stray_pf = edged_pf[0] - plates_pf[0]
+    read_um = design.capacitor.closure_um(edged_pf, edged_pf[0])
+    corrected_um = design.capacitor.closure_um(edged_pf - stray_pf, edged_pf[0] - stray_pf)
+    names = ("closed_um", "plates_pf", "edged_pf", "read_um", "corrected_um")
+    columns = (closures_um, plates_pf, edged_pf, read_um, corrected_um)
+    return [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
 
 
 #: Layers of thin elements around the corner of the bar, thickness of each over the next, order of the displacement.

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from footsense.foot.response_table import series_basis
+from footsense.lab.evaluation.off_centre import leaning_normals_to_a_side
 from footsense.lab.fem.gel_layer import GelLayerDesign, vertical_closure_um_per_n
 from footsense.lab.fem.mesh import COARSE_MESH, build_quarter_mesh
 from footsense.lab.fem.paper_sensors import (
@@ -20,7 +21,6 @@ from footsense.lab.fem.paper_sensors import (
 from footsense.lab.fem.quarter import Parity, QuarterFoot
 from footsense.lab.geometry import MIN_FITTED_ELEVATION_DEG, Material
 from footsense.lab.response import SERIES_DEGREE
-from footsense.lab.studies.mechanics.beyond import inclined_unit_vectors
 from tests.lab.released import FOOT_DESIGN
 
 pytestmark = [pytest.mark.lab, pytest.mark.slow]
@@ -84,7 +84,9 @@ def test_the_film_does_not_lock() -> None:
 def test_a_lean_is_the_angle_that_was_asked_for() -> None:
     """Unit normals at the lean from the force, on four sides that balance."""
     force = np.array([[0.3, -0.2, 0.9]])
-    normals = np.concatenate([inclined_unit_vectors(force, 20.0, turn) for turn in (0.0, 90.0, 180.0, 270.0)])
+    normals = np.concatenate(
+        [leaning_normals_to_a_side(force, 20.0, turn) for turn in (0.0, 90.0, 180.0, 270.0)]
+    )
     np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0)
     along = force[0] / np.linalg.norm(force)
     np.testing.assert_allclose(normals @ along, np.cos(np.radians(20.0)))

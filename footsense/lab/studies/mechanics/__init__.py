@@ -1,1 +1,0 @@
-"""Studies of the foot's finite element model and of the capacitor gaps."""
