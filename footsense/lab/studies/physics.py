@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from footsense.foot.directions import directions
 from footsense.foot.response_table import FootResponse
 from footsense.frames import Vector
-from footsense.lab.fem.analytic_cases import errors_of_analytic_cases
+from footsense.lab.analytic_cases import errors_of_analytic_cases
 from footsense.lab.fem.centred import (
     MIN_COUNTED_REL,
     largest_change,

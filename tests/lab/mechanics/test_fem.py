@@ -8,7 +8,7 @@ import pytest
 from msgspec.structs import replace
 
 from footsense.errors import ModelError
-from footsense.lab.fem.analytic_cases import block_errors, half_space_errors
+from footsense.lab.analytic_cases import block_errors, half_space_errors
 from footsense.lab.fem.mesh import COARSE_MESH, build_quarter_mesh
 from footsense.lab.fem.quarter import Parity, QuarterFoot
 from footsense.lab.geometry import FootDesign, Material
