@@ -328,4 +328,5 @@ def score_walks(walks: list[RoughWalk]) -> dict[str, float]:
 
 
 def _rms(errors: Vector) -> float:
-    return float(np.sqrt(np.nanmean(errors**2)))
+    known = errors[np.isfinite(errors)]  # nothing is learnt in a short walk
+    return float(np.sqrt((known**2).mean())) if known.size else np.nan
