@@ -224,24 +224,6 @@ class CanChannel:
         _log.warning("%s is back after %.1f s", self._name, (self._t_ns - self._lost_ns) / 1e9)
 
 
-def _require_fd(channel: str, nominal_bitrate: int) -> None:
-    """Raise an error if an existing interface cannot send CAN FD frames.
-
-    Raises:
-        CanError: It is a classic one.
-    """
-    try:
-        mtu = int((NETWORK_DEVICES_FOLDER / channel / "mtu").read_text())
-    except (OSError, ValueError):
-        return
-    if mtu < FD_FRAME_BYTES:
-        raise CanError(
-            f"CAN channel {channel} (socketcan) is a classic one and sends no frame of CAN FD; take can.fd away, or "
-            f"try: ip link set {channel} down; ip link set {channel} up type can bitrate {nominal_bitrate} "
-            "dbitrate 2000000 fd on"
-        )
-
-
 def open_socket(can: Can, accept: Collection[int]) -> "SocketWire":
     """Open a raw CAN socket that receives data frames with these 11-bit ids, and all error frames.
 
@@ -255,12 +237,20 @@ def open_socket(can: Can, accept: Collection[int]) -> "SocketWire":
     Source:
         Linux, Documentation/networking/can.rst, section 4.1.
     """
-    if can.fd:
-        _require_fd(can.channel, can.bitrate)
+    if can.fd and _is_classic(can.channel):
+        raise CanError(error_text(can, OSError(errno.EMSGSIZE, "")))
     try:
         return SocketWire(_bound_socket(can.channel, accept))
     except OSError as error:
         raise CanError(error_text(can, error)) from error
+
+
+def _is_classic(channel: str) -> bool:
+    """Return whether an interface exists and sends no frame of CAN FD."""
+    try:
+        return int((NETWORK_DEVICES_FOLDER / channel / "mtu").read_text()) < FD_FRAME_BYTES
+    except (OSError, ValueError):
+        return False
 
 
 def _bound_socket(channel: str, accept: Collection[int]) -> socket.socket:

@@ -7,11 +7,10 @@ from dataclasses import dataclass, field
 from firmware_interface.can.codes import Result
 from firmware_interface.can.commands import (
     ANSWER,
+    COMMAND,
     COMMAND_ID,
     UNSOLICITED_COUNTER,
     Answer,
-    UnknownCommandError,
-    decode_command,
 )
 from firmware_interface.can.crc8 import FrameError, next_counter
 from footsense.can.channel import CanChannel
@@ -87,13 +86,14 @@ class CanCommands:
             leg = self._of_id[can_id]
             now_ns = self._clock.now_ns()
             try:
-                _, counter, kind = decode_command(can_id, data)
-            except UnknownCommandError as error:
-                if leg.count_and_accept(now_ns):
-                    self._answer(leg, Result.UNKNOWN, error.kind, error.counter)
-                continue
+                frame = COMMAND.decode(can_id, data)
             except FrameError:
                 continue
+            if not frame.is_known:
+                if leg.count_and_accept(now_ns):
+                    self._answer(leg, Result.UNKNOWN, frame.kind, frame.counter)
+                continue
+            kind, counter = CommandKind(frame.kind), frame.counter
             if (kind, counter) == leg.last_command and now_ns - leg.last_command_ns < _REPETITION_WITHIN_NS:
                 continue
             if not leg.count_and_accept(now_ns):

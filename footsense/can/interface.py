@@ -34,6 +34,11 @@ class Can(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     fd: bool = False
 
     @property
+    def bit_ns(self) -> float:
+        """Duration of a bit on the bus [ns]."""
+        return 1e9 / self.bitrate
+
+    @property
     def executes_commands(self) -> bool:
         """Whether commands received on CAN are executed."""
         return self.interface != "udp_multicast" if self.commands is None else self.commands
@@ -51,5 +56,10 @@ def error_text(can: Can, error: OSError) -> str:
             return f"{name} does not exist; those that do: ip -details link show type can"
         case errno.EAFNOSUPPORT:
             return f"{name} needs a kernel with CAN; try: modprobe can_raw"
+        case errno.EMSGSIZE:
+            return (
+                f"{name} is a classic one and sends no frame of CAN FD; take can.fd away, or try: ip link set "
+                f"{channel} down; ip link set {channel} up type can bitrate {can.bitrate} dbitrate 2000000 fd on"
+            )
         case _:
             return f"{name} cannot be opened: {error.strerror or error}"

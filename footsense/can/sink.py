@@ -52,7 +52,7 @@ class CanSink:
         can: The interface.
         legs: Name of the leg in each row of the frames.
         clock: The time of the frames.
-        publish_every: Cycles for each `Force`, at least 1.
+        cycles_per_force: Cycles for each `Force`, at least 1.
         force_step_mn: What a bit of a force stands for [mN].
         connect: As of `CanChannel`.
 
@@ -72,7 +72,7 @@ class CanSink:
         legs: tuple[str, ...],
         clock: Clock,
         *,
-        publish_every: int = 1,
+        cycles_per_force: int = 1,
         force_step_mn: int = 1,
         connect: Callable[[], CanWire] | None = None,
     ) -> None:
@@ -98,9 +98,9 @@ class CanSink:
         self._encoder = ForceQualityEncoder(nodes)
         self._gait = GaitFrames(nodes)
         self._commands = CanCommands(self._channel, nodes, clock)
-        self._publish_every = publish_every
+        self._cycles_per_force = cycles_per_force
         self._force_step_mn = force_step_mn
-        self._n_cycles = publish_every - 1  # since the last forces
+        self._n_cycles = cycles_per_force - 1  # since the last forces
         self._early = False  # the last forces were sent for a change
         self._sent: list[list[int]] = []  # states, masks, causes and flags of the last forces
         self._counter = 0  # of every Force and Quality of a cycle
@@ -161,7 +161,7 @@ class CanSink:
             present: States, masks, causes and flags of the legs.
         """
         self._n_cycles += 1
-        early = self._n_cycles < self._publish_every
+        early = self._n_cycles < self._cycles_per_force
         if early and (present == self._sent or (self._early and self._n_cycles < 2)):
             return False
         self._n_cycles, self._early, self._sent = 0, early, present

@@ -1,8 +1,10 @@
 """Command `footsense monitor`: the legs on CAN, as a consumer of their forces sees them."""
 
 import math
+from collections.abc import Callable
 from contextlib import ExitStack, closing
 from itertools import count
+from typing import Any
 
 import click
 from rich.console import Console, Group
@@ -113,7 +115,7 @@ def monitor_tables(legs: list[LegSnapshot], title: str) -> Group:
     head = Text.assemble(("footsense monitor  ", "bold"), title)
     if any(leg.force.flags & Flag.SIMULATED for leg in legs):
         head.append("  simulated", "dim")
-    if any(leg.report.degraded_timing for leg in legs):
+    if any(leg.report.heartbeat and leg.report.heartbeat.degraded_timing for leg in legs):
         head.append("  timing degraded", "bold red")
     if any(leg.report.gait and leg.report.gait.all_in_air for leg in legs):
         head.append("  in air", "cyan")
@@ -144,10 +146,9 @@ def _slip_cell(leg: LegSnapshot) -> str:
 
 def _cause(leg: LegSnapshot) -> str | None:
     """Return the cause of a leg's state in words; None if none was reported lately, or for another state."""
-    report = leg.report
-    if not leg.is_current or report.cause is None or report.cause_state is not leg.force.state:
-        return None
-    return word_of(report.cause)
+    fault = leg.report.fault
+    is_present = leg.is_current and fault is not None and fault.state is leg.force.state
+    return word_of(fault.cause) if fault and is_present else None
 
 
 def _elements_out(leg: LegSnapshot) -> list[int] | None:
@@ -165,18 +166,28 @@ def _elements_cell(leg: LegSnapshot) -> str:
 
 
 def _node_cell(leg: LegSnapshot) -> str:
-    state = leg.report.node_state
-    return styled("silent", "bold red") if state is None else _NODE_STATE_WORDS[state]
+    beat = leg.report.heartbeat
+    return styled("silent", "bold red") if beat is None else _NODE_STATE_WORDS[beat.state]
 
 
-def _scaled(value: int | None, scale: float) -> float | None:
+def _scaled(value: float | None, scale: float) -> float | None:
     return None if value is None else value * scale
 
 
+def _entry(path: str, scale: float | None = None) -> Callable[[LegSnapshot], Any]:
+    """Return what reads an entry of a leg's reports, such as "gait.slip", in another unit."""
+    part, _, name = path.partition(".")
+
+    def value(leg: LegSnapshot) -> Any:  # noqa: ANN401 - of any type
+        read = getattr(getattr(leg.report, part), name, None)
+        return read if scale is None else _scaled(read, scale)
+
+    return value
+
+
 def _reported(name: str, form: str = "", *titles: str) -> Column[LegSnapshot]:
-    """Return the column of an entry of a leg's reports, such as "gait.slip"."""
-    part, _, entry = name.partition(".")
-    return Column(name, lambda leg: getattr(getattr(leg.report, part), entry, None), form, titles)
+    """Return the column of an entry of a leg's reports that has its name and unit."""
+    return Column(name, _entry(name), form, titles)
 
 
 _LEG_COLUMN: Column[LegSnapshot] = Column("leg", lambda leg: leg.leg, "<3")
@@ -208,7 +219,7 @@ _GAIT_COLUMNS: list[Column[LegSnapshot]] = [
     _reported("gait.contact_raw"),
     _reported("gait.probability", ">7.1%", "contact"),
     _reported("gait.load_share", ">5.0%", "share"),
-    Column("gait.slip", lambda leg: leg.report.gait and leg.report.gait.slip, "<6", cell=_slip_cell),
+    Column("gait.slip", _entry("gait.slip"), "<6", cell=_slip_cell),
     _reported("gait.all_in_air"),
     _reported("ground.tangential_over_normal", ">8.2f", "friction"),
     _reported("ground.tangential_over_normal_sigma", ">4.2f", "+-"),
@@ -216,25 +227,20 @@ _GAIT_COLUMNS: list[Column[LegSnapshot]] = [
     _reported("ground.normal", ">+8.2f", "normal x", "y"),
     Column(
         "ground.normal_sigma_deg",
-        lambda leg: leg.report.ground and math.degrees(leg.report.ground.normal_sigma_rad),
+        _entry("ground.normal_sigma_rad", math.degrees(1.0)),
         ">8.1f",
         ("+- [deg]",),
     ),
 ]
 _REPORT_COLUMNS: list[Column[LegSnapshot]] = [
-    Column("cause", _cause, "<15", style=lambda leg: "" if leg.report.cause is Cause.NONE else "yellow"),
+    Column("cause", _cause, "<15", style=lambda leg: "" if _cause(leg) == word_of(Cause.NONE) else "yellow"),
     Column("elements_out", _elements_out, "<11", ("elements",), cell=_elements_cell),
-    Column("baseline.status", lambda leg: leg.report.baseline, "<9", ("baseline",)),
-    Column("baseline.mean_ff", lambda leg: leg.report.baseline_mean_offset_pf * 1e3, ">+7.1f", ("mean fF",)),
-    Column("baseline.worst_ff", lambda leg: leg.report.baseline_worst_offset_pf * 1e3, ">+7.1f", ("worst",)),
-    Column(
-        "baseline.moved_s_ago",
-        lambda leg: _scaled(leg.report.baseline_moved_ago_ns, 1e-9),
-        ">7.1f",
-        ("ago [s]",),
-    ),
-    Column("heartbeat", lambda leg: leg.report.node_state, "<7", ("node",), cell=_node_cell),
-    Column("degraded_timing", lambda leg: leg.report.degraded_timing),
+    _reported("baseline.status", "<9", "baseline"),
+    Column("baseline.mean_ff", _entry("baseline.mean_pf", 1e3), ">+7.1f", ("mean fF",)),
+    Column("baseline.worst_ff", _entry("baseline.worst_pf", 1e3), ">+7.1f", ("worst",)),
+    Column("baseline.moved_s_ago", _entry("baseline.age_ns", 1e-9), ">7.1f", ("ago [s]",)),
+    Column("heartbeat", _entry("heartbeat.state"), "<7", ("node",), cell=_node_cell),
+    Column("degraded_timing", _entry("heartbeat.degraded_timing")),
     Column("last_event.kind", lambda leg: leg.event and leg.event.kind),
     Column("last_event.ago_ms", lambda leg: _scaled(leg.event_ago_ns, 1e-6)),
     Column("last_event.sigma_ms", lambda leg: leg.event and leg.event.sigma_s * 1e3),

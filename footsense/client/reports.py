@@ -2,9 +2,9 @@
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
-from firmware_interface.can.codes import NODE_IDS, BaselineStatus, Cause, NmtState, State
+from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.can.crc8 import FrameError
 from firmware_interface.can.gait import GAIT, GROUND, Gait, Ground
 from firmware_interface.can.reports import (
@@ -17,54 +17,34 @@ from firmware_interface.can.reports import (
     decode_heartbeat,
 )
 
-#: Age from which the content of a frame is unknown [ns]: three periods of baseline (1 s), heartbeat (200 ms), and
-#: contact and ground (100 ms).
-_MAX_REPORT_AGE_NS = {
-    Fault: math.inf,
-    Baseline: 3_000_000_000,
-    Heartbeat: 600_000_000,
-    Gait: 300_000_000,
-    Ground: 300_000_000,
-}
-
-Report = TypeVar("Report", Fault, Baseline, Heartbeat, Gait, Ground)
-
-_DECODERS: dict[int, Callable[[int, bytes], Fault | Baseline | Heartbeat | Gait | Ground]] = {
-    FAULT.can_id: FAULT.decode,
-    BASELINE.can_id: BASELINE.decode,
-    GAIT.can_id: GAIT.decode,
-    GROUND.can_id: GROUND.decode,
-    HEARTBEAT_ID: decode_heartbeat,
+#: Of each kind of frame, by its CAN id without the node: field of `LegReport`, decoder, and the age from which its
+#: content is unknown [ns]: three periods of baseline (1 s), heartbeat (200 ms), and contact and ground (100 ms).
+_KINDS: dict[int, tuple[str, Callable[[int, bytes], Any], float]] = {
+    FAULT.can_id: ("fault", FAULT.decode, math.inf),
+    BASELINE.can_id: ("baseline", BASELINE.decode, 3_000_000_000),
+    HEARTBEAT_ID: ("heartbeat", decode_heartbeat, 600_000_000),
+    GAIT.can_id: ("gait", GAIT.decode, 300_000_000),
+    GROUND.can_id: ("ground", GROUND.decode, 300_000_000),
 }
 
 #: CAN ids of the accepted frames.
-REPORT_IDS = tuple(base + node for base in _DECODERS for node in NODE_IDS.values())
+REPORT_IDS = tuple(base + node for base in _KINDS for node in NODE_IDS.values())
 
 
 class LegReport(NamedTuple):
-    """Latest reports of one leg; None or NaN where the present value is unknown.
+    """Latest reports of one leg; None where none arrived lately.
 
     Attributes:
-        cause: Cause of its state. Sent on change alone, so unknown to a client that started later.
-        cause_state: The state sent with the cause.
-        baseline: Status of the baseline tracking.
-        baseline_mean_offset_pf: Offset of the baseline since the last tare, mean over the elements [pF].
-        baseline_worst_offset_pf: Offset of the element with the largest [pF].
-        baseline_moved_ago_ns: Time since the baseline last moved [ns].
-        node_state: NMT state of the heartbeat; None also without heartbeats.
-        degraded_timing: Whether the service runs without the scheduling that it asked for.
+        fault: Its state with the cause. Sent on change alone, so unknown to a client that started later.
+        baseline: Its baseline; `age_ns` is that of the present.
+        heartbeat: State of its node.
         gait: Its contact.
         ground: The ground below its foot.
     """
 
-    cause: Cause | None
-    cause_state: State | None
-    baseline: BaselineStatus | None
-    baseline_mean_offset_pf: float
-    baseline_worst_offset_pf: float
-    baseline_moved_ago_ns: int | None
-    node_state: NmtState | None
-    degraded_timing: bool | None
+    fault: Fault | None = None
+    baseline: Baseline | None = None
+    heartbeat: Heartbeat | None = None
     gait: Gait | None = None
     ground: Ground | None = None
 
@@ -77,7 +57,7 @@ class Reports:
     """
 
     def __init__(self) -> None:
-        self._last: dict[tuple[int, type], tuple[Fault | Baseline | Heartbeat | Gait | Ground, int]] = {}
+        self._last: dict[int, tuple[Any, int]] = {}  # by CAN id: content, and when it arrived
         self.n_wrong = 0
 
     def feed(self, can_id: int, data: bytes, now_ns: int) -> bool:
@@ -90,13 +70,11 @@ class Reports:
         """
         if can_id not in REPORT_IDS:
             return False
-        node = can_id & 0xF
+        _, decode, _ = _KINDS[can_id & ~0xF]
         try:
-            report = _DECODERS[can_id - node](can_id, data)
+            self._last[can_id] = decode(can_id, data), now_ns
         except FrameError:
             self.n_wrong += 1
-        else:
-            self._last[node, type(report)] = report, now_ns
         return True
 
     def leg(self, node: int, now_ns: int) -> LegReport:
@@ -106,31 +84,11 @@ class Reports:
             node: Its CAN node id, 1..8.
             now_ns: The present time [ns].
         """
-        fault, _ = self._latest_and_age_ns(node, Fault, now_ns)
-        baseline, since_ns = self._latest_and_age_ns(node, Baseline, now_ns)
-        beat, _ = self._latest_and_age_ns(node, Heartbeat, now_ns)
-        gait, _ = self._latest_and_age_ns(node, Gait, now_ns)
-        ground, _ = self._latest_and_age_ns(node, Ground, now_ns)
-        baseline_moved_ago_ns = None
-        if baseline is not None and baseline.age_ns is not None:
-            baseline_moved_ago_ns = baseline.age_ns + since_ns
-        return LegReport(
-            cause=fault.cause if fault else None,
-            cause_state=fault.state if fault else None,
-            baseline=baseline.status if baseline else None,
-            baseline_mean_offset_pf=baseline.mean_pf if baseline else float("nan"),
-            baseline_worst_offset_pf=baseline.worst_pf if baseline else float("nan"),
-            baseline_moved_ago_ns=baseline_moved_ago_ns,
-            node_state=beat.state if beat else None,
-            degraded_timing=beat.degraded_timing if beat else None,
-            gait=gait,
-            ground=ground,
-        )
-
-    def _latest_and_age_ns(self, node: int, kind: type[Report], now_ns: int) -> tuple[Report | None, int]:
-        """Return the latest report of a type and its age [ns]; None if there is none, or it is too old."""
-        report, arrived_ns = self._last.get((node, kind), (None, now_ns))
-        since_ns = now_ns - arrived_ns
-        return (
-            report if isinstance(report, kind) and since_ns <= _MAX_REPORT_AGE_NS[kind] else None
-        ), since_ns
+        latest = {}
+        for base, (name, _, max_age_ns) in _KINDS.items():
+            report, arrived_ns = self._last.get(base + node, (None, now_ns))
+            if now_ns - arrived_ns <= max_age_ns:
+                latest[name] = report
+                if isinstance(report, Baseline) and report.age_ns is not None:
+                    latest[name] = report._replace(age_ns=report.age_ns + now_ns - arrived_ns)
+        return LegReport(**latest)

@@ -1,5 +1,6 @@
 """Receiver of every leg's forces and reports on CAN, for `footsense monitor` and `ros2`."""
 
+from collections import Counter
 from typing import NamedTuple
 
 from firmware_interface.can.all_legs import NODES_OF_FRAME
@@ -51,7 +52,7 @@ class LegSnapshot(NamedTuple):
     @property
     def is_current(self) -> bool:
         """Whether frames arrived recently; otherwise the state is the last one received."""
-        silent = self.force.status is LinkStatus.STALE and self.report.node_state is None
+        silent = self.force.status is LinkStatus.STALE and self.report.heartbeat is None
         return self.n_force_frames > 0 and not silent
 
 
@@ -83,7 +84,7 @@ class Listener:
         self._events = GaitEvents()
         self._last_events: dict[int, LegEvent] = {}
         self._last_poll_ns = clock.now_ns()
-        self._n_force_frames = dict.fromkeys(NODE_IDS.values(), 0)
+        self._n_force_frames = Counter[int]()  # by node
 
     def listen(self, until_ns: int) -> None:
         """Receive and decode CAN frames until a time [ns].
@@ -100,11 +101,8 @@ class Listener:
                 raise CanError(f"the CAN channel is gone: {error.strerror or error}") from error
             for can_id, data in map(unpack_frame, frames):
                 if self._link.feed(can_id, data, self._last_poll_ns):
-                    if can_id in NODES_OF_FRAME:
-                        for node in NODES_OF_FRAME[can_id]:
-                            self._n_force_frames[node] += 1
-                    elif can_id & ~0xF == FORCE_ID:
-                        self._n_force_frames[can_id & 0xF] += 1
+                    for node in NODES_OF_FRAME.get(can_id, [can_id - FORCE_ID]):
+                        self._n_force_frames[node] += 1
                 elif event := self._events.feed(can_id, data, self._last_poll_ns):
                     self._last_events[event.node] = event
                 else:
@@ -118,7 +116,7 @@ class Listener:
         snapshots = []
         for leg, node in NODE_IDS.items():
             report = self._reports.leg(node, now_ns)
-            if leg not in LEGS and not self._n_force_frames[node] and report.node_state is None:
+            if leg not in LEGS and not self._n_force_frames[node] and report.heartbeat is None:
                 continue
             event = self._last_events.get(node)
             snapshots.append(

@@ -47,7 +47,7 @@ def can_sink(
             config.can,
             config.legs,
             clock,
-            publish_every=config.effective_publish_every,
+            cycles_per_force=config.effective_publish_every,
             force_step_mn=force_step_mn,
             connect=connect,
         )
@@ -93,4 +93,4 @@ def can_faults(scene: Scene | None) -> list[CanFault]:
 def simulated_can(config: Config, scene: Scene | None, clock: Clock) -> SimulatedCan | None:
     """Return the simulated CAN interface if the scene has CAN faults, else None."""
     faults = can_faults(scene)
-    return SimulatedCan(clock, config.can.bitrate, faults) if faults else None
+    return SimulatedCan(clock, config.can.bit_ns, faults) if faults else None

@@ -69,11 +69,11 @@ def _live_sample(snapshot: LegSnapshot, wall_ns: int) -> LegSample:
     sample = LegSample(
         leg,
         state=force.state,
-        cause=report.cause if report.cause_state is force.state else None,
+        cause=report.fault.cause if report.fault and report.fault.state is force.state else None,
         force_n=force.force_n,
         sigma_n=force.sigma_n,
         fault_mask=force.fault_mask,
-        baseline_status=report.baseline,
+        baseline_status=report.baseline.status if report.baseline else None,
     )
     if force.usable and force.age_ns is not None:
         sample = sample._replace(t_wall_ns=wall_ns - force.age_ns, age_ms=force.age_ns * 1e-6)

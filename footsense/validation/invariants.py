@@ -39,7 +39,7 @@ _MAX_ARBITRATION_DELAY_SCANS = 3.4
 
 
 class WalkLimits(NamedTuple):
-    """Limits of the checks of a walk: legs, cycle period [s], age limit [s], gait timing, CAN bit rate.
+    """Limits of the checks of a walk: legs, cycle period [s], age limit [s], gait timing, bit on CAN [s].
 
     Attributes:
         legs: Names of the legs.
@@ -49,7 +49,7 @@ class WalkLimits(NamedTuple):
         checks_start_s: Time from which every leg is tared [s].
         cycles_per_can_force: Cycles for each force on CAN.
         standstill_spans_s: Spans without any swing [s].
-        bitrate: Bit rate of CAN [bit/s].
+        bit_s: Duration of a bit on CAN [s].
     """
 
     legs: tuple[str, ...]
@@ -59,7 +59,7 @@ class WalkLimits(NamedTuple):
     checks_start_s: float
     cycles_per_can_force: int
     standstill_spans_s: tuple[tuple[float, float], ...] = ()
-    bitrate: int = 500_000
+    bit_s: float = 2e-6
 
 
 def tolerated_spans_s(rules: WalkLimits, script: Sequence[Fault], leg: str) -> list[tuple[float, float]]:
@@ -192,7 +192,7 @@ class InvariantChecker(Observer):
         # A full queue holds so many forces: two of six legs, three of three legs.
         n_forces = math.ceil(AS_DEPLOYED.queue_frames / (FRAMES_PER_LEG * len(rules.legs)))
         force_period_s = rules.cycles_per_can_force * rules.cycle_period_s
-        self._longest_wait_s = n_forces * force_period_s + _QUEUE_DRAIN_BITS / rules.bitrate
+        self._longest_wait_s = n_forces * force_period_s + _QUEUE_DRAIN_BITS * rules.bit_s
         self.violations: list[Violation] = []
         self.n_violations: Counter[str] = Counter()
         self.n_cycles = self.n_checked = self.n_received = self.n_missed = 0

@@ -216,7 +216,7 @@ def walk_stretch(stretch: Stretch) -> StretchResult:
         gait_period_s=stretch.gait_period_s,
         checks_start_s=LEAD_IN_S + 1.0,
         cycles_per_can_force=config.effective_publish_every,
-        bitrate=config.can.bitrate,
+        bit_s=config.can.bit_ns * 1e-9,
     )
     fault_free, _ = _simulate_stretch(config, calm_scene, rules, calm_s)
     begins_s = min(_FIRST_MEMORY_CHECK_AFTER_S, 0.1 * ends_s)

@@ -17,7 +17,7 @@ from firmware_interface.can.all_legs import (
     encode_forces,
 )
 from firmware_interface.can.codes import NODE_IDS, USABLE, Flag, State
-from firmware_interface.can.commands import ANSWER, decode_command, encode_command
+from firmware_interface.can.commands import ANSWER, COMMAND
 from firmware_interface.can.crc8 import protect
 from firmware_interface.can.dbc import make_dbc
 from firmware_interface.can.force import FORCE, QUALITY
@@ -89,9 +89,7 @@ KINDS = {
             none_or_ns(n["Age"], 1e9),
         ),
     ),
-    "Command": Kind(
-        decode_command, lambda content: encode_command(*content), lambda n: (n["COUNTER"], n["Kind"])
-    ),
+    "Command": Kind(COMMAND.decode, COMMAND.encode, lambda n: (n["COUNTER"], n["Kind"], n["Word"])),
     "Answer": Kind(
         ANSWER.decode,
         ANSWER.encode,

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_interface.can.commands import ANSWER, ANSWER_ID, COMMAND_ID, decode_command
+from firmware_interface.can.commands import ANSWER, ANSWER_ID, COMMAND, COMMAND_ID
 from firmware_interface.can.crc8 import FrameError, protect
 from firmware_interface.can.force import FORCE, FORCE_ID, QUALITY, QUALITY_ID
 from firmware_interface.can.gait import GAIT, GAIT_EVENT, GAIT_EVENT_ID, GAIT_ID, GROUND, GROUND_ID
@@ -27,7 +27,7 @@ DECODERS: list[tuple[int, int, Callable[[int, bytes], object]]] = [
     (FORCE_ID, 8, FORCE.decode),
     (QUALITY_ID, 8, QUALITY.decode),
     (FAULT_ID, 6, FAULT.decode),
-    (COMMAND_ID, 8, decode_command),
+    (COMMAND_ID, 8, COMMAND.decode),
     (ANSWER_ID, 4, ANSWER.decode),
     (HEARTBEAT_ID, 1, decode_heartbeat),
     (BASELINE_ID, 8, BASELINE.decode),

@@ -93,7 +93,7 @@ class Robot:
             settings,
             legs,
             self.clock,
-            publish_every=every,
+            cycles_per_force=every,
             connect=connect if self.log is None else self.log.connect,
         )
         self.legs = legs

@@ -17,8 +17,6 @@ from firmware_interface.can.socketcan import CONTROLLER_ACTIVE, ErrorClass, erro
 from firmware_interface.wire_timing import LONGEST_FRAME_BITS, max_can_frame_bits
 from footsense.sim.can.transmit_queue import OtherSender, QueuedFrame, TransmitQueue
 
-_NS_PER_S = 1_000_000_000
-
 #: Bits of an error flag, its delimiter and the pause behind it; more for a controller that is error passive.
 _ERROR_FRAME_BITS = 6 + 8 + 3
 _SUSPEND_TRANSMISSION_BITS = 8
@@ -57,7 +55,7 @@ class CanController:
     Args:
         queue: Transmit queue of the interface.
         settings: Settings of the interface.
-        bitrate: Bit rate of the bus [bit/s].
+        bit_ns: Duration of a bit on the bus [ns].
         others: The other nodes on the bus.
         report_error: Receives the error frames that it reports.
 
@@ -76,13 +74,13 @@ class CanController:
         self,
         queue: TransmitQueue,
         settings: CanSettings,
-        bitrate: int,
+        bit_ns: float,
         others: Sequence[OtherSender],
         report_error: Callable[[bytes], None],
     ) -> None:
         self._queue = queue
         self._settings = settings
-        self._bit_ns = _NS_PER_S / bitrate
+        self._bit_ns = bit_ns
         self._others = others
         self._report_error = report_error
         self._mailboxes: deque[QueuedFrame] = deque()

@@ -49,7 +49,7 @@ class SimulatedCan:
 
     Args:
         clock: The clock; events on the bus are processed whenever a socket is used.
-        bitrate: Bit rate of the bus [bit/s].
+        bit_ns: Duration of a bit on the bus [ns].
         faults: Faults of the bus and of the interface.
         settings: Settings of the interface.
 
@@ -63,7 +63,7 @@ class SimulatedCan:
     def __init__(
         self,
         clock: Clock,
-        bitrate: int,
+        bit_ns: float,
         faults: Sequence[CanFault] = (),
         settings: CanSettings = AS_DEPLOYED,
     ) -> None:
@@ -78,7 +78,7 @@ class SimulatedCan:
         self.up = self.present = True
         self.queue = TransmitQueue(settings.queue_frames, head_drop=settings.head_drop)
         nodes = [sender for sender in self._senders if sender.is_node]
-        self.controller = CanController(self.queue, settings, bitrate, nodes, self._deliver_to_sockets)
+        self.controller = CanController(self.queue, settings, bit_ns, nodes, self._deliver_to_sockets)
 
     def connect(self) -> CanWire:
         """Return a new socket that is bound to the interface.

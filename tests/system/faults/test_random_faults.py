@@ -86,7 +86,7 @@ def walk(publish_every: int, script: list[Fault]) -> InvariantChecker:
         gait_period_s=0.8,
         checks_start_s=TARED_S,
         cycles_per_can_force=publish_every,
-        bitrate=config.can.bitrate,
+        bit_s=config.can.bit_ns * 1e-9,
     )
     scene = msgspec.structs.replace(SCENE, faults=tuple(script))
     with open_service(config, scene, real_time=False) as service:

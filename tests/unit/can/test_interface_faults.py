@@ -51,7 +51,7 @@ class CanWalk:
         period_ns: int = 24 * MS,
     ) -> None:
         self.clock = FakeClock()
-        self.can = SimulatedCan(self.clock, bitrate, faults, settings)
+        self.can = SimulatedCan(self.clock, 1e9 / bitrate, faults, settings)
         self.can.controller.on_delivered = self._hear
         self.period_ns = period_ns
         self.heard: list[Heard] = []

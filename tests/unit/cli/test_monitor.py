@@ -20,6 +20,7 @@ from firmware_interface.can.reports import (
     HEARTBEAT_ID,
     Baseline,
     Fault,
+    Heartbeat,
     encode_heartbeat,
 )
 from footsense.can.interface import Can
@@ -47,14 +48,9 @@ def snapshot(leg: str) -> LegSnapshot:
         age_ns=99_900_000,
     )
     report = LegReport(
-        cause=Cause.ELEMENT_SHORTED,
-        cause_state=State.CONVERTER_FAULT,
-        baseline=BaselineStatus.NOT_QUIET,
-        baseline_mean_offset_pf=-1.2345,
-        baseline_worst_offset_pf=3.2767,
-        baseline_moved_ago_ns=6_553_400_000_000,
-        node_state=NmtState.STOPPED,
-        degraded_timing=True,
+        fault=Fault(1, 0, State.CONVERTER_FAULT, State.VALID, 0, Cause.ELEMENT_SHORTED),
+        baseline=Baseline(1, 0, BaselineStatus.NOT_QUIET, -1.2345, 3.2767, 6_553_400_000_000),
+        heartbeat=Heartbeat(1, NmtState.STOPPED, degraded_timing=True),
         gait=Gait(
             1,
             0,
@@ -184,32 +180,19 @@ def test_a_channel_that_goes_away_is_one_line() -> None:
 def test_reports_are_known_as_long_as_they_come() -> None:
     """A baseline for three seconds, a heartbeat for three beats, a cause until the next; a wrong one is counted."""
     reports = Reports()
-    nothing = reports.leg(3, 0)
-    assert (nothing.cause, nothing.baseline, nothing.node_state, nothing.degraded_timing) == (None,) * 4
+    assert reports.leg(3, 0) == LegReport()
     begin_ns = 70_000 * MS
-    reports.feed(
-        BASELINE_ID + 3,
-        BASELINE.encode(Baseline(3, 0, BaselineStatus.HELD, 0.001, -0.002, 5_000_000_000)),
-        begin_ns,
-    )
-    reports.feed(HEARTBEAT_ID + 3, encode_heartbeat(NmtState.OPERATIONAL, degraded_timing=True), begin_ns)
-    reports.feed(
-        FAULT_ID + 3, FAULT.encode(Fault(3, 0, State.DEGRADED, State.VALID, 1, Cause.ELEMENT_OPEN)), begin_ns
-    )
-    told = reports.leg(3, begin_ns + 600 * MS)
-    assert (told.baseline, told.baseline_moved_ago_ns, told.cause) == (
-        BaselineStatus.HELD,
-        5_600_000_000,
-        Cause.ELEMENT_OPEN,
-    )
-    assert (told.baseline_mean_offset_pf, told.baseline_worst_offset_pf) == (0.001, -0.002)
-    assert (told.node_state, told.degraded_timing) == (NmtState.OPERATIONAL, True)
-    assert reports.leg(3, begin_ns + 601 * MS).node_state is None
-    assert reports.leg(3, begin_ns + 3000 * MS).baseline is BaselineStatus.HELD
-    late = reports.leg(3, begin_ns + 3000 * MS + 1)
-    assert (late.baseline, late.baseline_moved_ago_ns, late.cause) == (None, None, Cause.ELEMENT_OPEN)
-    assert math.isnan(late.baseline_mean_offset_pf)
-    assert math.isnan(late.baseline_worst_offset_pf)
+    baseline = Baseline(3, 0, BaselineStatus.HELD, 0.001, -0.002, 5_000_000_000)
+    beat = Heartbeat(3, NmtState.OPERATIONAL, degraded_timing=True)
+    fault = Fault(3, 0, State.DEGRADED, State.VALID, 1, Cause.ELEMENT_OPEN)
+    reports.feed(BASELINE_ID + 3, BASELINE.encode(baseline), begin_ns)
+    reports.feed(HEARTBEAT_ID + 3, encode_heartbeat(beat.state, degraded_timing=True), begin_ns)
+    reports.feed(FAULT_ID + 3, FAULT.encode(fault), begin_ns)
+    aged = [baseline._replace(age_ns=(5000 + later_ms) * MS) for later_ms in (600, 601, 3000)]
+    assert reports.leg(3, begin_ns + 600 * MS) == LegReport(fault, aged[0], beat)
+    assert reports.leg(3, begin_ns + 601 * MS) == LegReport(fault, aged[1])
+    assert reports.leg(3, begin_ns + 3000 * MS) == LegReport(fault, aged[2])
+    assert reports.leg(3, begin_ns + 3000 * MS + 1) == LegReport(fault)
     assert reports.feed(BASELINE_ID + 3, bytes(8), begin_ns)
     assert reports.feed(BASELINE_ID + 4, bytes(8), begin_ns)
     assert not reports.feed(BASELINE_ID + 9, bytes(8), begin_ns)

@@ -12,6 +12,7 @@ import pytest
 
 from firmware_interface.can.codes import BaselineStatus, Cause, Flag, GaitEventKind, NmtState, Slip, State
 from firmware_interface.can.gait import Gait, Ground
+from firmware_interface.can.reports import Baseline, Fault, Heartbeat
 from footsense.client import LegEvent, LegForce, LegReport, LinkStatus
 from footsense.daemon.can_listener import LegSnapshot
 from footsense.ros2.messages import STORE, LegTopics
@@ -22,7 +23,9 @@ from footsense.ros2.live import LiveSamples, Participant
 NAN = math.nan
 WALL_NS = 1_700_000_000_000_000_000
 _REPORT = LegReport(
-    *(Cause.NONE, State.VALID, BaselineStatus.TRACKING, 0.0, 0.0, 0, NmtState.OPERATIONAL, False),
+    fault=Fault(1, 0, State.VALID, State.TARING, 0, Cause.NONE),
+    baseline=Baseline(1, 0, BaselineStatus.TRACKING, 0.0, 0.0, 0),
+    heartbeat=Heartbeat(1, NmtState.OPERATIONAL, False),
     gait=Gait(1, 0, True, True, False, Slip.SLIPPING, 1.0, 0.5),
     ground=Ground(1, 0, (0.0, 0.6, 0.8), 0.01, 0.3, 0.01, 0.7),
 )

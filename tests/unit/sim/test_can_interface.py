@@ -20,7 +20,7 @@ class Bench:
 
     def __init__(self, *faults: CanFault, settings: CanSettings = PLAIN) -> None:
         self.clock = FakeClock()
-        self.can = SimulatedCan(self.clock, 500_000, faults, settings)
+        self.can = SimulatedCan(self.clock, 2000.0, faults, settings)
         self.wire = self.can.connect()
         self.heard: list[tuple[int, int]] = []  # when, id
         self.can.controller.on_delivered = lambda t_ns, _, frame: self.heard.append(
