@@ -2,7 +2,7 @@
 
     loop's process           writer's process                                 later
     CycleRing ──▶ ring ──▶ CycleReader, writer ──▶ FILE.mcap.partial ──▶ FILE.mcap ──▶ Replay, ReplaySource, compare
-    Recorder starts, waits for, ends the writer    (messages, mcap_writer)     (mcap_reader, replay)
+    Recorder starts, waits for, ends the writer    (messages, mcap_writer)
 
 The loop's process imports `recorder` alone: no MCAP library.
 """

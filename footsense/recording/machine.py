@@ -2,7 +2,7 @@
 
 import platform
 import zlib
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from pathlib import Path
 
 #: Lines of /proc/cpuinfo that name a processor, on x86 and on ARM.
@@ -17,8 +17,8 @@ def platform_versions(cpuinfo: Path = Path("/proc/cpuinfo")) -> dict[str, str]:
     return {
         "processor": _processor_description(cpuinfo),
         "python": platform.python_version(),
-        "numpy": _package_version("numpy"),
-        "onnxruntime": _package_version("onnxruntime"),
+        "numpy": version("numpy"),
+        "onnxruntime": version("onnxruntime"),
     }
 
 
@@ -31,10 +31,3 @@ def _processor_description(cpuinfo: Path) -> str:
     names = " ".join(first_values[key] for key in _PROCESSOR_KEYS if key in first_values)
     features = " ".join(sorted(" ".join(first_values.get(key, "") for key in _CPU_FLAG_KEYS).split()))
     return f"{platform.machine()} {names} [{zlib.crc32(features.encode()):08x}]"
-
-
-def _package_version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "absent"

@@ -84,13 +84,13 @@ class Recorder:
         check_recording_target(path)
         self._path = path.absolute()
         self._ring = ring
-        self._writer, self._alive = _start_writer(self._path, ring.open_for_reading())
+        self._writer = _start_writer(self._path, ring.open_for_reading())
         assert self._writer.stderr is not None
         self._reports = self._writer.stderr.fileno()
         self._rest = b""
         self._words = "its writer was killed"
         self._has_ended = False
-        self._last: dict[str, Any] = {"position": 0, "n_lost": 0}
+        self._last: dict[str, Any] = {"position": 0, "n_lost": 0, "n_cycles": 0}
         if waits:
             ring.before_overwriting = self._wait_until_read
 
@@ -99,11 +99,7 @@ class Recorder:
         """Number of cycles known to be missing in the recording; final after `close`."""
         if not self._has_ended:
             self._read_reports(blocking=False)
-        return int(self._last["n_lost"]) if not self._has_ended else self._ring.n_cycles - self._n_written
-
-    @property
-    def _n_written(self) -> int:
-        return int(self._last.get("n_cycles", 0))
+        return int(self._ring.n_cycles - self._last["n_cycles"] if self._has_ended else self._last["n_lost"])
 
     def _wait_until_read(self, position: int) -> None:
         """Wait until the recorder has read the ring up to a position [bytes], or has ended."""
@@ -118,8 +114,7 @@ class Recorder:
             self._take(data)
             if not data or "failure" in self._last:
                 self._has_ended = True
-                failure = self._failure()
-                _log.error("%s: %s; the run goes on without its recording", self._path, failure)
+                _log.error("%s: %s; the run goes on without its recording", self._path, self._failure)
 
     def _take(self, data: bytes) -> None:
         """Take the newest complete report of those in some bytes."""
@@ -130,6 +125,7 @@ class Recorder:
             except ValueError:  # of an interpreter that fails
                 self._words = line.decode(errors="replace").strip() or self._words
 
+    @property
     def _failure(self) -> str:
         return str(self._last.get("failure", self._words))
 
@@ -139,30 +135,26 @@ class Recorder:
         Raises:
             RecordingError: It is incomplete; what was written is in `FILE.partial`.
         """
-        if self._alive < 0:
+        assert self._writer.stdin is not None
+        if self._writer.stdin.closed:
             return
-        os.close(self._alive)
-        self._alive = -1
-        os.set_blocking(self._reports, True)
         try:
+            # Closes the writer's standard input, which ends it.
             self._take(self._writer.communicate(timeout=FINISH_TIMEOUT_S)[1] + b"\n")
         except subprocess.TimeoutExpired:
             raise RecordingError(
                 f"{self._path}: not whole yet, its writer goes on; the disk is slow"
             ) from None
         self._has_ended = True
-        if failure := self._failure():
+        if failure := self._failure:
             raise RecordingError(
                 f"{self._path}: {failure}; {self.n_lost_cycles} of {self._ring.n_cycles} cycles are missing, "
                 f"the others are in {partial_path(self._path).name}"
             )
 
 
-def _start_writer(path: Path, ring: int) -> tuple[subprocess.Popen[bytes], int]:
-    """Start the child process that writes `path` from a ring; return it and the pipe whose end ends it.
-
-    Returns:
-        The process, and the write end of the pipe.
+def _start_writer(path: Path, ring: int) -> subprocess.Popen[bytes]:
+    """Start the child process that writes `path` from a ring until its standard input ends, and return it.
 
     Raises:
         RecordingError: The file cannot be created.
@@ -176,20 +168,18 @@ def _start_writer(path: Path, ring: int) -> tuple[subprocess.Popen[bytes], int]:
     with contextlib.suppress(OSError):  # network drives without locks are written to all the same
         # The writer inherits the lock with the file; the lock ends when the last process closes the file.
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    read_end, write_end = os.pipe()
     # A blocked signal stays blocked in the child: a Ctrl-C or a stop of the service ends the loop, and then
     # the end of the pipe ends the writer.
     blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
-        writer = subprocess.Popen(  # noqa: S603 - our own module
+        return subprocess.Popen(  # noqa: S603 - our own module
             [sys.executable, "-P", "-m", "footsense.recording.writer", str(path), str(ring)],
-            stdin=read_end,
+            stdin=subprocess.PIPE,
             stdout=file,
             stderr=subprocess.PIPE,
             pass_fds=(ring,),
         )
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
-        for fd in (read_end, file, ring):
-            os.close(fd)
-    return writer, write_end
+        os.close(file)
+        os.close(ring)
