@@ -196,29 +196,32 @@ class ServiceMetrics:
 
 def _status_metrics(status: ServiceStatus) -> Iterator[Metric]:
     """Yield what the service counts itself."""
-    counter, can = CounterMetricFamily, status.can
-    published = "Forces of all legs published, on CAN or dropped."
-    yield counter("footsense_published_forces_total", published, can.published_cycles)
-    yield counter("footsense_can_sent_frames_total", "Frames handed to CAN.", can.sent)
-    yield counter("footsense_can_dropped_frames_total", "Frames that CAN did not take.", can.dropped)
-    yield counter("footsense_can_received_frames_total", "Command frames.", can.received_commands)
-    rejected = "Command frames that were not executed."
-    yield counter("footsense_can_rejected_frames_total", rejected, can.rejected_commands)
-    yield counter("footsense_can_bus_errors_total", "Error frames of the CAN controller.", can.bus_errors)
-    yield counter("footsense_can_bus_off_total", "Times that the controller left the bus.", can.bus_off)
+    can = status.can
     passive = "Times that the controller became error passive, or nobody acknowledged."
-    yield counter("footsense_can_error_passive_total", passive, can.error_passive)
-    yield counter("footsense_can_reopened_total", "Times that the interface came back.", can.reopened)
-    yield counter("footsense_recorder_lost_cycles_total", "Cycles not recorded.", status.n_lost_cycles)
-    yield counter("footsense_log_lost_lines_total", "Log lines without a reader.", status.n_lost_log_lines)
-    if status.wakeup_histogram is None:  # virtual time, in which nothing sleeps
-        return
-    *counts, total = status.wakeup_histogram
-    bounds = [*(f"{bound:g}" for bound in WAKEUP_LATENCY_BUCKET_BOUNDS_S), "+Inf"]
-    buckets = list(zip(bounds, accumulate(counts), strict=True))
-    latency = "Time from the deadline of a sleeping thread to its wake-up."
-    yield HistogramMetricFamily("footsense_wakeup_latency_seconds", latency, buckets, total)
-    overruns = "Deadlines that had passed before the thread could sleep."
-    yield counter("footsense_overruns_total", overruns, status.n_overruns)
-    missed = "Conversions given up because a wake-up came too late; never made up for."
-    yield counter("footsense_missed_deadlines_total", missed, status.n_late_discards)
+    counts = [
+        ("published_forces", "Forces of all legs published, on CAN or dropped.", can.published_cycles),
+        ("can_sent_frames", "Frames handed to CAN.", can.sent),
+        ("can_dropped_frames", "Frames that CAN did not take.", can.dropped),
+        ("can_received_frames", "Command frames.", can.received_commands),
+        ("can_rejected_frames", "Command frames that were not executed.", can.rejected_commands),
+        ("can_bus_errors", "Error frames of the CAN controller.", can.bus_errors),
+        ("can_bus_off", "Times that the controller left the bus.", can.bus_off),
+        ("can_error_passive", passive, can.error_passive),
+        ("can_reopened", "Times that the interface came back.", can.reopened),
+        ("recorder_lost_cycles", "Cycles not recorded.", status.n_lost_cycles),
+        ("log_lost_lines", "Log lines without a reader.", status.n_lost_log_lines),
+    ]
+    if status.wakeup_histogram is not None:  # None in virtual time, in which nothing sleeps
+        *wakeups, total = status.wakeup_histogram
+        bounds = [*(f"{bound:g}" for bound in WAKEUP_LATENCY_BUCKET_BOUNDS_S), "+Inf"]
+        buckets = list(zip(bounds, accumulate(wakeups), strict=True))
+        latency = "Time from the deadline of a sleeping thread to its wake-up."
+        yield HistogramMetricFamily("footsense_wakeup_latency_seconds", latency, buckets, total)
+        overruns = "Deadlines that had passed before the thread could sleep."
+        missed = "Conversions given up because a wake-up came too late; never made up for."
+        counts += [
+            ("overruns", overruns, status.n_overruns),
+            ("missed_deadlines", missed, status.n_late_discards),
+        ]
+    for name, meaning, count in counts:
+        yield CounterMetricFamily(f"footsense_{name}_total", meaning, count)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from footsense.foot.directions import angles_between_deg
-from footsense.frames import FAULT_FREE, IS_USABLE_STATE, Cycle, Stamps, State, Vector
+from footsense.frames import FAULT_FREE, IS_USABLE_STATE, Codes, Cycle, Stamps, State, Vector
 from footsense.ports import Observer
 
 #: Smallest true force of a loaded frame, whose direction is defined, over the feet's largest force [1].
@@ -48,8 +48,8 @@ class RunStatistics(Observer):
         self._magnitude_rel = Histogram(_MAGNITUDE_ERROR_BIN_REL, 2.0)
         self._squared_n2 = np.zeros(3)
         self._valid = 0
-        self._ages_ns: list[Stamps] = []
-        self._pairs_n: list[tuple[Vector, Vector]] = []
+        #: State, age, force and true force of the legs in the cycles that are in no table yet.
+        self._buffer: list[tuple[Codes, Stamps, Vector, Vector]] = []
 
     def observe(self, cycle: Cycle) -> None:
         """Add one cycle to the statistics."""
@@ -58,31 +58,30 @@ class RunStatistics(Observer):
             self._first_ns = forces.t_sent_ns
         self._last_ns = forces.t_sent_ns
         self._cycles += 1
-        self._states[np.arange(len(self._legs)), forces.state] += 1
-        valid = IS_USABLE_STATE[forces.state]
-        if not valid.any():
-            return
-        self._ages_ns.append((forces.t_sent_ns - forces.t_ns)[valid])
-        if self._true_force_n_at is not None:
-            self._pairs_n.append((forces.force_n[valid], self._true_force_n_at(forces.t_sent_ns)[valid]))
-        if len(self._ages_ns) >= _CYCLES_PER_HISTOGRAM_BATCH:
+        true_n = self._true_force_n_at(forces.t_sent_ns) if self._true_force_n_at else forces.force_n
+        self._buffer.append((forces.state, forces.age_ns, forces.force_n, true_n))
+        if len(self._buffer) >= _CYCLES_PER_HISTOGRAM_BATCH:
             self._add_buffered_cycles()
 
     def _add_buffered_cycles(self) -> None:
-        """Add the buffered cycles to the histograms; in a batch this is ten times faster."""
-        if self._ages_ns:
-            self._age_ms.add(np.asarray(np.concatenate(self._ages_ns) * 1e-6, np.float64))
-        if self._pairs_n:
-            estimate_n, true_n = (np.concatenate(part) for part in zip(*self._pairs_n, strict=True))
-            self._squared_n2 += np.square(estimate_n - true_n).sum(axis=0)
-            self._valid += len(estimate_n)
-            size_n = np.linalg.norm(true_n, axis=1)
-            loaded = (size_n >= self._loaded_n) & estimate_n.any(axis=1)
-            self._direction_deg.add(angles_between_deg(true_n[loaded], estimate_n[loaded]))
-            estimated_rel = np.linalg.norm(estimate_n[loaded], axis=1) / size_n[loaded]
-            self._magnitude_rel.add(np.abs(estimated_rel - 1.0))
-        self._ages_ns.clear()
-        self._pairs_n.clear()
+        """Add the buffered cycles to the tables; in a batch this is ten times faster."""
+        if not self._buffer:
+            return
+        state, age_ns, force_n, true_n = (np.array(part) for part in zip(*self._buffer, strict=True))
+        self._buffer.clear()
+        np.add.at(self._states, (np.arange(len(self._legs)), state), 1)
+        valid = IS_USABLE_STATE[state]
+        self._valid += int(valid.sum())
+        self._age_ms.add(age_ns[valid] * 1e-6)
+        if self._true_force_n_at is None:
+            return
+        force_n, true_n = force_n[valid], true_n[valid]
+        self._squared_n2 += np.square(force_n - true_n).sum(axis=0)
+        size_n = np.linalg.norm(true_n, axis=1)
+        loaded = (size_n >= self._loaded_n) & force_n.any(axis=1)
+        self._direction_deg.add(angles_between_deg(true_n[loaded], force_n[loaded]))
+        estimated_rel = np.linalg.norm(force_n[loaded], axis=1) / size_n[loaded]
+        self._magnitude_rel.add(np.abs(estimated_rel - 1.0))
 
     def summary(self) -> dict[str, object]:
         """Return the statistics as plain values; None for a value without samples."""

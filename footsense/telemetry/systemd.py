@@ -96,22 +96,17 @@ class LegStateLogger:
             self._lines[leg] = self._suppressed[leg] = 0
 
 
-def watchdog_ping_interval_ns(environment: Mapping[str, str] = os.environ) -> int | None:
-    """Return the interval of watchdog messages [ns], half of systemd's timeout; None without a watchdog.
-
-    Returns:
-        The interval [ns], or None if systemd expects no watchdog messages of this process.
-    """
-    if environment.get("WATCHDOG_PID", str(os.getpid())) != str(os.getpid()):
-        return None  # meant for the process that started this one
+def notification_period_ns(environment: Mapping[str, str] = os.environ) -> int:
+    """Return the time between two signs of life [ns]: half of systemd's watchdog timeout; 10 s without a watchdog."""
+    is_ours = environment.get("WATCHDOG_PID", str(os.getpid())) == str(os.getpid())  # or of a parent's parent
     timeout_us = environment.get("WATCHDOG_USEC", "")
-    if not timeout_us.isdecimal() or int(timeout_us) == 0:
-        return None
+    if not is_ours or not timeout_us.isdecimal() or int(timeout_us) == 0:
+        return _STATUS_PERIOD_NS
     return int(timeout_us) * 1000 // 2
 
 
 class SystemdNotifier(Observer):
-    """Observer that notifies systemd of readiness, watchdog and status; does nothing without systemd.
+    """Observer that notifies systemd of readiness, life and status; does nothing without systemd.
 
     Args:
         legs: Name of the leg in each row of the frames.
@@ -123,9 +118,8 @@ class SystemdNotifier(Observer):
 
     def __init__(self, legs: tuple[str, ...], environment: Mapping[str, str] = os.environ) -> None:
         self._legs = legs
-        self._interval_ns = watchdog_ping_interval_ns(environment)
-        self._alive_ns: int | None = None
-        self._status_ns = 0
+        self._period_ns = notification_period_ns(environment)
+        self._said_ns: int | None = None
         address = environment.get("NOTIFY_SOCKET", "")
         self._socket: socket.socket | None = None
         if address.startswith(("/", "@")):
@@ -135,17 +129,12 @@ class SystemdNotifier(Observer):
             self._socket.setblocking(False)
 
     def observe(self, cycle: Cycle) -> None:
-        """Notify readiness at the first cycle, and watchdog and status when due."""
+        """Notify readiness at the first cycle, then signs of life, each with the status."""
         now_ns = cycle.forces.t_sent_ns
-        if self._alive_ns is None:
-            self.send(READY="1", STATUS=self._status_line(cycle))
-            self._alive_ns = self._status_ns = now_ns
-        if self._interval_ns is not None and now_ns - self._alive_ns >= self._interval_ns:
-            self.send(WATCHDOG="1")
-            self._alive_ns = now_ns
-        if now_ns - self._status_ns >= _STATUS_PERIOD_NS:
-            self.send(STATUS=self._status_line(cycle))
-            self._status_ns = now_ns
+        if self._said_ns is None or now_ns - self._said_ns >= self._period_ns:
+            sign = "READY" if self._said_ns is None else "WATCHDOG"
+            self._said_ns = now_ns
+            self.send(**{sign: "1"}, STATUS=self._status_line(cycle))
 
     def send(self, **assignments: str) -> None:
         """Send assignments such as `READY="1"` as one message; newlines in values become blanks."""

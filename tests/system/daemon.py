@@ -64,7 +64,7 @@ class Daemon:
                 self._take(self._notify.recv(4096))
 
     def _take(self, message: bytes) -> bytes:
-        self.signs += message == b"WATCHDOG=1"
+        self.signs += message.startswith(b"WATCHDOG=1")
         self.said.append(message)
         return message
 
