@@ -6,7 +6,8 @@ from footsense.foot.specimen import Foot
 from footsense.sim.chips.electronics import leg_electronics
 from footsense.sim.faults.chip_faults import inject_chip_faults
 from footsense.sim.faults.damage import WiredFoot
-from footsense.sim.faults.scene_faults import ChipFault, FootDamage
+from footsense.sim.faults.disturbances import Disturbances
+from footsense.sim.faults.scene_faults import ChipFault, Disturbance, FootDamage
 from footsense.sim.loads.gait_table import GaitTable
 from footsense.sim.loads.ground_load import ContactSource, GroundContact
 from footsense.sim.loads.walk import Walk
@@ -50,10 +51,12 @@ class SimulatedLeg:
         self._last: GroundContact | None = None
         self._last_pf: list[float] = []
         # Faults draw from a stream of their own, so that converters make the same noise with and without them.
-        noise, faults, drift = ((scene.seed, number, *stream) for stream in ((), (1,), (2,)))
+        noise, faults, drift, added = ((scene.seed, number, *stream) for stream in ((), (1,), (2,), (3,)))
         own = [fault for fault in scene.faults if getattr(fault, "leg", None) == leg]
         on_foot = [fault for fault in own if isinstance(fault, FootDamage)]
-        self.wired = WiredFoot(self._undamaged_capacitance_pf, on_foot, foot)
+        disturbing = [each for each in scene.faults if isinstance(each, Disturbance) and leg in each.legs]
+        disturbances = Disturbances(disturbing, np.random.default_rng(added)) if disturbing else None
+        self.wired = WiredFoot(self._undamaged_capacitance_pf, on_foot, foot, disturbances)
         self.chips = inject_chip_faults(
             *leg_electronics(board, self.wired, effects, noise),
             [fault for fault in own if isinstance(fault, ChipFault)],

@@ -142,13 +142,18 @@ def _measured_capacitances_at(foot: WiredFoot, stray_pf: float) -> ElementCapaci
 
     def elements_pf(t_ns: int) -> Vector:
         element_pf = [pf + stray_pf for pf in foot.elements_pf(t_ns)]
-        return np.array(
-            [
-                foot.pin_pf(column, element_pf[column::_COLUMNS], states, t_ns)
-                for states in _SINGLE_ROW_STATES
-                for column in range(_COLUMNS)
-            ]
-        )
+        measured_pf = [
+            foot.pin_pf(column, element_pf[column::_COLUMNS], states, t_ns)
+            for states in _SINGLE_ROW_STATES
+            for column in range(_COLUMNS)
+        ]
+        if foot.disturbances is not None:
+            for n, states in enumerate(_SINGLE_ROW_STATES):
+                for column in range(_COLUMNS):
+                    measured_pf[_COLUMNS * n + column] += foot.disturbances.added_pf(
+                        states.selected_mask, column, t_ns, t_ns + 1
+                    )
+        return np.array(measured_pf)
 
     return elements_pf
 

@@ -8,10 +8,11 @@ import numpy as np
 from footsense.frames import ELEMENTS
 from footsense.sim.faults import scene_faults
 
-#: Kinds of faults of a leg or its bus, kinds of faults of CAN, and the share of the latter.
+#: Kinds of faults of a leg or its bus, of disturbances of readings, of faults of CAN, and the share of the latter.
 ROBOT_FAULT_TYPES: tuple[type[scene_faults.Fault], ...] = get_args(
     scene_faults.ChipFault | scene_faults.FootDamage | scene_faults.WireFault
 )
+DISTURBANCE_TYPES: tuple[type[scene_faults.Fault], ...] = get_args(scene_faults.Disturbance)
 CAN_FAULT_TYPES: tuple[type[scene_faults.Fault], ...] = get_args(scene_faults.CanFault)
 _CAN_FAULT_SHARE_REL = 0.2
 #: Rates of lost acknowledges and corrupt reads.

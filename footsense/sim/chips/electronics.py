@@ -12,7 +12,7 @@ from footsense.sim.chips.ad7746 import (
 )
 from footsense.sim.chips.chip import SimulatedLineSwitch
 from footsense.sim.chips.fdc1004 import MeanCinCapacitance, SimulatedFdc1004
-from footsense.sim.faults.damage import WiredFoot
+from footsense.sim.faults.damage import OPEN_ELEMENT_PF, WiredFoot
 from footsense.sim.scene import Effects
 
 #: Temperature of a scene that does not change it [deg C].
@@ -65,8 +65,15 @@ def _column_pin_capacitance(
     def pin_pf(cin: int, t_start_ns: int, t_end_ns: int) -> float:
         # The load is that of the middle of the conversion; the rows are weighted by their share of it.
         t_ns = (t_start_ns + t_end_ns) // 2
+        total_pf, disturbances = 0.0, foot.disturbances
+        if disturbances is not None:
+            cin = disturbances.column_of_pin(cin, t_ns)
+            total_pf = disturbances.added_pf(
+                rows.states_between(t_start_ns, t_end_ns)[0][1].selected_mask, cin, t_start_ns, t_end_ns
+            )
+            if cin >= ROWS:  # a pin without a line
+                return total_pf + OPEN_ELEMENT_PF
         column_pf = [pf + stray_pf for pf in foot.elements_pf(t_ns)[cin::ROWS]]
-        total_pf = 0.0
         for share, states in rows.states_between(t_start_ns, t_end_ns):
             total_pf += share * foot.pin_pf(cin, column_pf, states, t_ns)
         return total_pf
@@ -83,6 +90,13 @@ def _mutual_capacitance(
         t_ns = (t_start_ns + t_end_ns) // 2
         element_pf = foot.elements_pf(t_ns)
         total_pf, shorted, until_ns = 0.0, False, t_end_ns
+        if foot.disturbances is not None:
+            row_mask, column_mask = (
+                switch.states_between(t_start_ns, t_end_ns)[0][1].selected_mask for switch in (rows, columns)
+            )
+            total_pf = foot.disturbances.added_pf(
+                row_mask, column_mask.bit_length() - 1, t_start_ns, t_end_ns
+            )
         for row_share, row_states in rows.states_between(t_start_ns, t_end_ns):
             since_ns = max(row_states.since_ns, t_start_ns)
             for column_share, column_states in columns.states_between(since_ns, until_ns):

@@ -21,6 +21,7 @@ from footsense.foot.specimen import Foot
 from footsense.frames import ROWS
 from footsense.sim.chips.chip import FLOATING_ROW_PF, LineStates
 from footsense.sim.faults import scene_faults
+from footsense.sim.faults.disturbances import Disturbances
 from footsense.sim.faults.scene_faults import Schedule
 
 #: Capacitance of an element without electrode, or of a column without line: a piece of trace [pF].
@@ -39,6 +40,10 @@ class WiredFoot:
         undamaged_pf: Returns the capacitance of each element without damage at a time [ns], stray not included [pF].
         faults: Faults on this foot.
         foot: The foot.
+        disturbances: What is added to its readings; None for nothing.
+
+    Attributes:
+        disturbances: As given.
     """
 
     def __init__(
@@ -46,7 +51,9 @@ class WiredFoot:
         undamaged_pf: Callable[[int], list[float]],
         faults: Sequence[scene_faults.FootDamage],
         foot: Foot,
+        disturbances: Disturbances | None = None,
     ) -> None:
+        self.disturbances = disturbances
         self._undamaged_pf = undamaged_pf
         self._on_lines = Schedule(
             (fault.span_ns, fault) for fault in faults if isinstance(fault, _ROW_OR_COLUMN_FAULT_TYPES)

@@ -3,14 +3,14 @@
 Each class is one kind of fault; its name in the file is the class name in lower case:
 `{at_s: 3.2, leg: rm, fault: stuck_sda}`. A fault lasts from `at_s` until `until_s`, or to the end without it. The
 mechanism is simulated where the part is that fails: `wire_faults.py` for the wires, `chip_faults.py` for the chips of a
-leg, `damage.py` for the foot, `sim/can/` for the CAN bus.
+leg, `damage.py` for the foot, `disturbances.py` for what adds to its readings, `sim/can/` for the CAN bus.
 """
 
 import math
 import re
 from bisect import bisect_right
 from collections.abc import Iterable
-from typing import Annotated, Generic, Literal, TypeVar
+from typing import Annotated, Generic, Literal, TypeVar, get_args
 
 import msgspec
 from msgspec import Meta
@@ -218,6 +218,89 @@ class BrokenColumn(_LegFault, frozen=True, kw_only=True):
     column: LineIndex
 
 
+# ---------------------------------------------------------------- disturbances of readings
+
+#: Amplitude of a disturbance at a converter's input [fF].
+AmplitudeFf = Annotated[float, Meta(ge=-10_000.0, le=10_000.0)]
+NoiseFf = Annotated[float, Meta(gt=0.0, le=10_000.0)]
+_Duration = Annotated[float, Meta(gt=0.0, le=1e5)]
+
+
+class _Disturbance(_LastingFault, frozen=True, kw_only=True):
+    """A disturbance of the readings of some legs.
+
+    Attributes:
+        legs: The legs; all by default.
+    """
+
+    legs: tuple[Leg, ...] = get_args(Leg)
+
+
+class WhiteNoise(_Disturbance, frozen=True, kw_only=True):
+    """Noise on every reading beside the converter's own: a motor cable beside the foot's.
+
+    Attributes:
+        noise_ff: Standard deviation [fF].
+        common_rel: Share of its variance that all readings of a leg have in common, and that changes slowly [1].
+    """
+
+    noise_ff: NoiseFf
+    common_rel: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
+
+
+class Tone(_Disturbance, frozen=True, kw_only=True):
+    """A sine on every reading, averaged over each conversion and aliased by the scan: a motor's commutation, mains."""
+
+    amplitude_ff: AmplitudeFf
+    frequency_hz: Annotated[float, Meta(gt=0.0, le=1e6)]
+
+
+class NoiseBursts(_Disturbance, frozen=True, kw_only=True):
+    """White noise for the first `active_s` of each period: a motor that works in one phase of the gait."""
+
+    noise_ff: NoiseFf
+    period_s: _Duration
+    active_s: _Duration
+
+
+class Impulses(_Disturbance, frozen=True, kw_only=True):
+    """Single readings off by `amplitude_ff`, each with a probability: sparks, electrostatic discharge."""
+
+    amplitude_ff: AmplitudeFf
+    rate_rel: Probability
+
+
+class GroundShift(_Disturbance, frozen=True, kw_only=True):
+    """All nine readings shift alike: the potential of the ground around a foot, or its shield, changes."""
+
+    amplitude_ff: AmplitudeFf
+
+
+class ColumnShift(_Disturbance, frozen=True, kw_only=True):
+    """The readings of a column shift: the cable of its line moves, or gets moist."""
+
+    amplitude_ff: AmplitudeFf
+    column: LineIndex
+
+
+class RowShift(_Disturbance, frozen=True, kw_only=True):
+    """The readings of a row shift: the cable of its line moves, or gets moist."""
+
+    amplitude_ff: AmplitudeFf
+    row: LineIndex
+
+
+class Leakage(_Disturbance, frozen=True, kw_only=True):
+    """A wet tail of the foot: columns shift unevenly, the first the most, towards `amplitude_ff`."""
+
+    amplitude_ff: AmplitudeFf
+    time_constant_s: _Duration = 2.0
+
+
+class ChannelsShifted(_Disturbance, frozen=True, kw_only=True):
+    """Each measurement converts the next pin: seen of FDC1004 after a reset (TI E2E 1217779)."""
+
+
 # ---------------------------------------------------------------- the CAN bus
 
 
@@ -253,5 +336,16 @@ WireFault = StuckSda | StuckUpstreamBus | ArbitrationLost | MuxReset
 FootDamage = (
     ElementOpen | ElementShorted | ElementStuck | ElementDrifts | GapClosed | BrokenRow | BrokenColumn
 )
+Disturbance = (
+    WhiteNoise
+    | Tone
+    | NoiseBursts
+    | Impulses
+    | GroundShift
+    | ColumnShift
+    | RowShift
+    | Leakage
+    | ChannelsShifted
+)
 CanFault = CanNoAck | CanBusOff | CanDown | CanQueueFull | CanTraffic
-Fault = ChipFault | WireFault | FootDamage | CanFault
+Fault = ChipFault | WireFault | FootDamage | Disturbance | CanFault

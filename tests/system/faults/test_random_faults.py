@@ -17,6 +17,7 @@ from footsense.sim.scene_loads import Tripod
 from footsense.validation.invariants import InvariantChecker, WalkLimits
 from footsense.validation.random_faults import (
     CAN_FAULT_TYPES,
+    DISTURBANCE_TYPES,
     OTHER_TRAFFIC_CAN_IDS,
     READ_ERROR_RATES_REL,
     ROBOT_FAULT_TYPES,
@@ -105,7 +106,7 @@ def walk(publish_every: int, script: list[Fault]) -> InvariantChecker:
 
 def test_every_kind_of_fault_may_break() -> None:
     """None is forgotten when one is added."""
-    assert set(ROBOT_FAULT_TYPES + CAN_FAULT_TYPES) == set(get_args(Fault))
+    assert set(ROBOT_FAULT_TYPES + DISTURBANCE_TYPES + CAN_FAULT_TYPES) == set(get_args(Fault))
     assert set(LEGS) <= set(get_args(Leg))
 
 
