@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from footsense.errors import ModelError
 from footsense.foot.capacitor import Capacitor
+from footsense.foot.directions import random_directions
 from footsense.foot.response_table import FootResponse, n_basis_functions
 
 DESIGN = Capacitor(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0)
@@ -35,12 +36,9 @@ def made_up(seed: int = 0, degree: int = 4) -> FootResponse:
     )
 
 
-def random_normals(n: int, lowest_deg: float = 30.0) -> NDArray[np.float64]:
-    """Return unit vectors above an elevation."""
-    rng = np.random.default_rng(1)
-    z = rng.uniform(np.sin(np.radians(lowest_deg)), 1.0, n)
-    azimuth = rng.uniform(0.0, 2.0 * np.pi, n)
-    return np.column_stack([np.sqrt(1 - z**2) * np.cos(azimuth), np.sqrt(1 - z**2) * np.sin(azimuth), z])
+def random_normals(n: int) -> NDArray[np.float64]:
+    """Return unit vectors above the elevation of the table."""
+    return random_directions(np.random.default_rng(1), n, 30.0)
 
 
 def test_is_linear_in_the_force_for_a_fixed_patch() -> None:

@@ -52,71 +52,46 @@ def test_a_reset_restores_the_registers_and_silences_the_chip_for_200_us() -> No
     assert registers[:0x0F].hex() == "07" + 6 * "00" + "000003a000008000"
 
 
-def test_writes_run_through_the_registers_too() -> None:
-    """One burst sets six of them; the status cannot be written."""
-    chip = chip_on(1.0)
-    chip.write(b"\x07\x80\x00\x0b\x00\xa1\x00", 0)
-    chip.write(b"\x00\x00", 0)
-    assert burst(chip, 0x07, 6, 0) == b"\x80\x00\x0b\x00\xa1\x00"
-    assert burst(chip, 0x00, 1, 0) == b"\x07"
-
-
-def test_a_single_conversion_ends_in_its_time_and_leaves_the_chip_idle() -> None:
-    """RDY and RDYCAP fall, and rise once the data is read; what was read stays."""
+@pytest.mark.parametrize(
+    "steps",
+    [
+        # One burst sets six registers; the status cannot be written.
+        [(0, b"\x07\x80\x00\x0b\x00\xa1\x00"), (0, b"\x00\x00"), (0, 0x07, "80000b00a100"), (0, 0x00, "07")],
+        # A single conversion ends in its time and leaves the chip idle: RDY and RDYCAP fall, and rise once the data is
+        # read; what was read stays.
+        [
+            (0, SINGLE),
+            *((T_CONV_NS - 1, 0x00, "07000000"), (T_CONV_NS - 1, 0x0A, "02")),
+            *((T_CONV_NS, 0x0A, "00"), (T_CONV_NS, 0x00, "02c00000"), (99 * T_CONV_NS, 0x00, "07c00000")),
+        ],
+        # A result stays unread while the next conversion runs: it can be read during that.
+        [
+            *((0, SINGLE), (T_CONV_NS, SINGLE), (T_CONV_NS + 1000, 0x00, "02c00000")),
+            *((T_CONV_NS + 2000, 0x00, "07"), (2 * T_CONV_NS, 0x00, "02")),
+        ],
+        # A second start abandons the conversion that runs, and ends in its own time.
+        [(0, SINGLE), (5 * MS_NS, SINGLE), (T_CONV_NS + 1, 0x00, "07"), (T_CONV_NS + 5 * MS_NS, 0x00, "02")],
+        # Idle, which is mode 0 whatever some libraries take it for, and power-down convert nothing.
+        [(0, b"\x0a\x00"), (200 * MS_NS, 0x01, "000000")],
+        [(0, b"\x0a\x03"), (200 * MS_NS, 0x01, "000000")],
+        # Without CAPEN there is no conversion, without EXCA nothing arrives.
+        [(0, b"\x07\x00"), (0, SINGLE), (200 * MS_NS, 0x01, "000000")],
+        [(0, b"\x09\x03"), (0, SINGLE), (200 * MS_NS, 0x01, "800000")],
+        # A temperature adds its own 20.1 ms; RDY falls with the last; 25 deg C is 0x80C800.
+        [
+            *((0, BOTH), (0, SINGLE), (T_CONV_NS, 0x00, "06"), (T_CONV_NS + 20_099_999, 0x00, "06")),
+            *((T_CONV_NS + 20_100_000, 0x00, "00c0000080c800"), (T_CONV_NS + 20_100_000, 0x00, "07")),
+        ],
+    ],
+)
+def test_registers_and_times(steps: list[tuple[int, bytes] | tuple[int, int, str]]) -> None:
+    """At times [ns] writes, and reads from a register on, of a chip that measures half of its range."""
     chip = chip_on(2.048)
-    chip.write(SINGLE, 0)
-    assert burst(chip, 0x00, 4, T_CONV_NS - 1) == b"\x07\x00\x00\x00"
-    assert burst(chip, 0x0A, 1, T_CONV_NS - 1) == b"\x02"
-    assert burst(chip, 0x0A, 1, T_CONV_NS) == b"\x00"
-    assert burst(chip, 0x00, 4, T_CONV_NS) == b"\x02\xc0\x00\x00"
-    assert burst(chip, 0x00, 4, 99 * T_CONV_NS) == b"\x07\xc0\x00\x00"
-
-
-def test_a_result_stays_unread_while_the_next_conversion_runs() -> None:
-    """This is what lets a result be read during the next conversion."""
-    chip = chip_on(2.048)
-    chip.write(SINGLE, 0)
-    chip.write(SINGLE, T_CONV_NS)
-    assert burst(chip, 0x00, 4, T_CONV_NS + 1000) == b"\x02\xc0\x00\x00"
-    assert burst(chip, 0x00, 4, T_CONV_NS + 2000)[0] == 0x07
-    assert burst(chip, 0x00, 4, 2 * T_CONV_NS)[0] == 0x02
-
-
-def test_a_second_start_abandons_the_conversion_that_runs() -> None:
-    """The first one never ends; the second does, in its own time."""
-    chip = chip_on(2.048)
-    chip.write(SINGLE, 0)
-    chip.write(SINGLE, T_CONV_NS // 2)
-    assert burst(chip, 0x00, 1, T_CONV_NS + 1) == b"\x07"
-    assert burst(chip, 0x00, 1, T_CONV_NS // 2 + T_CONV_NS) == b"\x02"
-
-
-@pytest.mark.parametrize("configuration", [b"\x0a\x00", b"\x0a\x03"])
-def test_idle_and_power_down_convert_nothing(configuration: bytes) -> None:
-    """Mode 0 is idle, whatever some libraries take it for."""
-    assert code_of(chip_on(2.048), configuration) == 0
-
-
-def test_without_enable_or_excitation_there_is_no_capacitance() -> None:
-    """CAPEN off: no conversion at all; EXCA off: nothing arrives."""
-    chip = chip_on(2.048)
-    chip.write(b"\x07\x00", 0)
-    assert code_of(chip) == 0
-    chip = chip_on(2.048)
-    chip.write(b"\x09\x03", 0)
-    assert code_of(chip) == 0x800000
-
-
-def test_temperature_adds_its_own_conversion() -> None:
-    """11 ms and 20.1 ms, one after the other; RDY falls with the last; 25 deg C is 0x80C800."""
-    chip = chip_on(0.0)
-    chip.write(BOTH, 0)
-    chip.write(SINGLE, 0)
-    ends_ns = T_CONV_NS + 20_100_000
-    assert burst(chip, 0x00, 1, T_CONV_NS) == b"\x06"
-    assert burst(chip, 0x00, 1, ends_ns - 1) == b"\x06"
-    assert burst(chip, 0x00, 7, ends_ns) == b"\x00\x80\x00\x00\x80\xc8\x00"
-    assert burst(chip, 0x00, 1, ends_ns) == b"\x07"
+    for t_ns, what, *read in steps:
+        if isinstance(what, bytes):
+            chip.write(what, t_ns)
+        else:
+            assert burst(chip, what, len(read[0]) // 2, t_ns).hex() == read[0], (t_ns, what)
 
 
 @pytest.mark.parametrize(("capacitance_pf", "code"), [(4.2, 0xFFFFFF), (-4.2, 0), (4.0, 0xFD0000)])

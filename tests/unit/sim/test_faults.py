@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from footsense.errors import ConfigError, I2cError, I2cTimeoutError, NackError
+from footsense.errors import ConfigError, I2cError, NackError
 from footsense.ports import Transaction
 from footsense.sim.chips.chip import FLOATING_ROW_PF, LineStates, SimulatedLineSwitch, SimulatedMux
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
@@ -59,25 +59,6 @@ class Bench:
         return int.from_bytes(self.bus.transfer(Transaction(CONVERTER, bytes((pointer,)), 2)), "big")
 
 
-def test_a_leg_that_holds_sda_blocks_all_until_the_mux_is_reset() -> None:
-    """Only while its channel is connected; not even the mux can then be told to disconnect it."""
-    bench = Bench(scene_faults.StuckSda(at_s=1.0, until_s=2.0, leg="lf"))
-    bench.select(0b11)
-    bench.at(1.0)
-    for transaction in (ASK_SWITCH, Transaction(MUX, b"\x00")):
-        before_ns = bench.clock.now_ns()
-        with pytest.raises(I2cTimeoutError):
-            bench.bus.transfer(transaction)
-        assert bench.clock.now_ns() - before_ns == TIMEOUT_NS
-    bench.mux.pulse()
-    bench.select(0b10)
-    assert bench.bus.transfer(ASK_SWITCH) == b"\x00"
-    bench.select(0b01)
-    with pytest.raises(I2cTimeoutError):
-        bench.bus.transfer(ASK_SWITCH)
-    assert bench.at(2.0).bus.transfer(ASK_SWITCH) == b"\x00"
-
-
 def test_a_lost_arbitration_is_tried_again_three_times() -> None:
     """Always losing is an error that says so; losing half of the time fails a sixteenth."""
     with pytest.raises(I2cError, match="arbitration lost"):
@@ -101,16 +82,6 @@ def test_a_mux_forgets_its_channels_once() -> None:
         bench.at(1.0).bus.transfer(ASK_SWITCH)
     bench.select(0b11)
     assert bench.bus.transfer(ASK_SWITCH) == b"\x00"
-
-
-def test_a_wrong_chip_is_an_eeprom() -> None:
-    """It reads on from a pointer of its own, and keeps what a converter would take for a trigger."""
-    bench = Bench(on_leg_0=(scene_faults.WrongChip(at_s=0.0, until_s=1.0, leg="lf"),))
-    bench.select(0b01)
-    assert (bench.word(0xFE), bench.word(0xFF)) == (0xFEFF, 0xFF00)
-    bench.bus.transfer(Transaction(CONVERTER, b"\x0c\x0c\x80"))
-    assert bench.word(0x0C) == 0x0C80
-    assert bench.at(1.0).word(0xFE) == 0x5449
 
 
 @pytest.mark.parametrize("rate_rel", [0.1, 1.0])

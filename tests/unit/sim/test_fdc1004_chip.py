@@ -9,6 +9,7 @@ from firmware_interface.chips.fdc1004 import CODES_PER_PF, RATES
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 
 TRIGGER_1_AT_400 = b"\x0c\x0c\x80"
+TRIGGER_2_AT_400 = b"\x0c\x0c\x40"
 READ_CONF = b"\x0c"
 MEAS1_MSB = b"\x00"
 T_CONV_NS = 2_500_000
@@ -26,51 +27,47 @@ def word(chip: SimulatedFdc1004, pointer: bytes, t_ns: int) -> int:
     return int.from_bytes(chip.read(2, t_ns), "big")
 
 
-def test_a_conversion_is_not_ready_before_its_time_and_done_until_it_is_read() -> None:
-    """0x7FFF and no DONE_1 while it runs; then the result and DONE_1, which reading the result clears."""
+@pytest.mark.parametrize(
+    "steps",
+    [
+        # 0x7FFF and no DONE_1 while it runs; then the result and DONE_1, which reading the result clears; and again.
+        [
+            *(
+                (0, TRIGGER_1_AT_400, None),
+                (T_CONV_NS - 1, MEAS1_MSB, 0x7FFF),
+                (T_CONV_NS - 1, READ_CONF, 0x0C80),
+            ),
+            *((T_CONV_NS, READ_CONF, 0x0C88), (T_CONV_NS, MEAS1_MSB, 0x2B00), (T_CONV_NS, READ_CONF, 0x0C80)),
+            *((T_CONV_NS, TRIGGER_1_AT_400, None), (2 * T_CONV_NS - 1, MEAS1_MSB, 0x7FFF)),
+            *((2 * T_CONV_NS - 1, READ_CONF, 0x0C80), (2 * T_CONV_NS, MEAS1_MSB, 0x2B00)),
+        ],
+        # A trigger of two measurements without repeat starts neither, so DONE never comes.
+        [(0, b"\x0c\x0c\xc0", None), (10 * T_CONV_NS, READ_CONF, 0x0CC0)],
+        # A second trigger abandons the running conversion: DONE_2 alone comes, in its own time.
+        [
+            *((0, TRIGGER_1_AT_400, None), (T_CONV_NS // 2, TRIGGER_2_AT_400, None)),
+            (10 * T_CONV_NS, READ_CONF, 0x0C44),
+        ],
+        # A result stays while another slot converts, so that it can be read then.
+        [
+            *((0, TRIGGER_1_AT_400, None), (T_CONV_NS, TRIGGER_2_AT_400, None)),
+            (T_CONV_NS + 1000, MEAS1_MSB, 0x2B00),
+        ],
+        # Bit 15 of 0x0C restores the reset values and stops a conversion.
+        [
+            *((0, TRIGGER_1_AT_400, None), (1000, b"\x0c\x80\x00", None)),
+            *((2000, b"\x09", 0x1C00), (10 * T_CONV_NS, READ_CONF, 0)),
+        ],
+    ],
+)
+def test_registers_and_times(steps: list[tuple[int, bytes, int | None]]) -> None:
+    """At times [ns] writes, and the words read behind them, of a chip that measures 5.375 pF."""
     chip = chip_on(5.375)
-    chip.write(TRIGGER_1_AT_400, 0)
-    assert word(chip, MEAS1_MSB, T_CONV_NS - 1) == 0x7FFF
-    assert word(chip, READ_CONF, T_CONV_NS - 1) == 0x0C80
-    assert word(chip, READ_CONF, T_CONV_NS) == 0x0C88
-    assert word(chip, MEAS1_MSB, T_CONV_NS) == 0x2B00
-    assert word(chip, READ_CONF, T_CONV_NS) == 0x0C80
-    chip.write(TRIGGER_1_AT_400, T_CONV_NS)
-    assert word(chip, MEAS1_MSB, 2 * T_CONV_NS - 1) == 0x7FFF
-    assert word(chip, READ_CONF, 2 * T_CONV_NS - 1) == 0x0C80
-    assert word(chip, MEAS1_MSB, 2 * T_CONV_NS) == 0x2B00
-
-
-def test_only_one_measurement_at_a_time_without_repeat() -> None:
-    """A trigger of two measurements starts neither, so DONE never comes."""
-    chip = chip_on(5.0)
-    chip.write(b"\x0c\x0c\xc0", 0)
-    assert word(chip, READ_CONF, 10 * T_CONV_NS) & 0xF == 0
-
-
-def test_a_second_trigger_abandons_the_running_conversion() -> None:
-    """The first measurement never gets done; the second does, in its own time."""
-    chip = chip_on(5.0)
-    chip.write(TRIGGER_1_AT_400, 0)
-    chip.write(b"\x0c\x0c\x40", T_CONV_NS // 2)
-    assert word(chip, READ_CONF, 10 * T_CONV_NS) & 0xF == 0b0100
-
-
-def test_a_result_stays_while_another_slot_converts() -> None:
-    """This is what lets a result be read during the next conversion."""
-    chip = chip_on(5.375)
-    chip.write(TRIGGER_1_AT_400, 0)
-    chip.write(b"\x0c\x0c\x40", T_CONV_NS)
-    assert word(chip, MEAS1_MSB, T_CONV_NS + 1000) == 0x2B00
-
-
-def test_reset_forgets_everything() -> None:
-    """Bit 15 of 0x0C restores the reset values and stops a conversion."""
-    chip = chip_on(5.0)
-    chip.write(TRIGGER_1_AT_400, 0)
-    chip.write(b"\x0c\x80\x00", 1000)
-    assert word(chip, b"\x09", 2000) == 0x1C00
-    assert word(chip, READ_CONF, 10 * T_CONV_NS) == 0
+    for t_ns, written, read in steps:
+        if read is None:
+            chip.write(written, t_ns)
+        else:
+            assert word(chip, written, t_ns) == read, (t_ns, written)
 
 
 @pytest.mark.parametrize(("capacitance_pf", "msb"), [(16.5, 0x7FFF), (-17.0, 0x8000), (15.9, 0x7F33)])

@@ -1,17 +1,15 @@
 """A simulated test stand: presses, viscoelastic rubber, feet as made."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from footsense.daemon.foot_types import released_path
 from footsense.errors import ConfigError
-from footsense.foot.response_table import FootResponse
 from footsense.sim.loads.press_sequence import PressSequence, paper_presses
-from footsense.sim.robot import BusWiring, SimulatedRobot
 from footsense.sim.rubber import (
     CREEP_REL,
     CREEP_TIME_S,
@@ -19,8 +17,7 @@ from footsense.sim.rubber import (
     PLAY_OPERATOR_WIDTHS_N,
     ViscoelasticRubber,
 )
-from footsense.sim.scene import Effects, Fabrication, Scene, load_scene
-from footsense.sim.scene_loads import Unloaded
+from footsense.sim.scene import load_scene
 
 _UP = np.array([0.0, 0.0, 1.0])
 _MS = 1_000_000
@@ -87,32 +84,9 @@ def test_the_loop_is_as_wide_as_its_plays_and_the_rubber_is_at_rest_at_first() -
     )
 
 
-def test_made_feet_differ_and_are_the_same_each_time() -> None:
-    """Each leg has its own foot; the numbers name them."""
-    response = FootResponse.load(released_path("response.npz"))
-
-    def unloaded_pf(first: int) -> list[float]:
-        scene = Scene(
-            description="feet as made",
-            load=Unloaded(),
-            effects=Effects(gap_contact=True),
-            fabrication=Fabrication(first=first, gap_um=2.0, stray_pf=0.3),
-        )
-        robot = SimulatedRobot(scene, response, [BusWiring(400_000, 0x71, {"lf": 0, "lm": 1})])
-        return [float(foot.unloaded_pf[0]) for foot in robot.feet.values()]
-
-    assert unloaded_pf(0) == unloaded_pf(0)
-    assert unloaded_pf(0)[1] == unloaded_pf(1)[0] != unloaded_pf(0)[0]
-
-
-def test_a_press_below_the_known_response_is_refused_by_its_number(
-    tmp_path_factory: pytest.TempPathFactory,
-) -> None:
+def test_a_press_below_the_known_response_is_refused_by_its_number(tmp_path: Path) -> None:
     """One line that names the press."""
-    file = tmp_path_factory.mktemp("scene") / "low.yaml"
-    file.write_text(
-        "description: low\nload: {kind: calibration_loads, presses: [[0, 0, 1], [1, 0, 0.1]]}\n",
-        encoding="utf-8",
-    )
+    file = tmp_path / "low.yaml"
+    file.write_text("description: low\nload: {kind: calibration_loads, presses: [[0, 0, 1], [1, 0, 0.1]]}\n")
     with pytest.raises(ConfigError, match=r"presses\[1\].*elevation of 6 deg"):
         load_scene(str(file))
