@@ -29,16 +29,8 @@ def main() -> int:
     while not failed and (not n_rounds or (options.seed is None and clock.now_ns() < end_ns)):
         seed = int.from_bytes(os.urandom(4)) if options.seed is None else options.seed
         print(f"fuzz: round {n_rounds + 1}, --seed {seed}", flush=True)
-        command = [
-            sys.executable,
-            "-m",
-            "pytest",
-            "-q",
-            "-x",
-            f"--hypothesis-seed={seed}",
-            str(Path(__file__).parent),
-        ]
-        failed = subprocess.run(command, env=environment, check=False).returncode
+        tests = ["-m", "pytest", "-q", "-x", f"--hypothesis-seed={seed}", str(Path(__file__).parent)]
+        failed = subprocess.run([sys.executable, *tests], env=environment, check=False).returncode
         n_rounds += 1
     return failed
 

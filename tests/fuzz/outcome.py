@@ -5,6 +5,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
@@ -23,12 +24,17 @@ TRIED = settings(
 )
 
 
+def nested(leaves: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
+    """Return leaves, and lists and dictionaries of them."""
+    return st.recursive(
+        leaves | st.text(max_size=8),
+        lambda inner: st.lists(inner, max_size=9) | st.dictionaries(st.text(max_size=4), inner, max_size=3),
+        max_leaves=9,
+    )
+
+
 #: Whatever JSON can say.
-anything = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8) | st.just(10**400),
-    lambda inner: st.lists(inner, max_size=9) | st.dictionaries(st.text(max_size=4), inner, max_size=3),
-    max_leaves=9,
-)
+anything = nested(st.none() | st.booleans() | st.integers() | st.floats() | st.just(10**400))
 #: JSON that is none of what is expected: nesting and numbers without end, and the wrong kind.
 NO_MESSAGE = ("", "[" * 100_000, '{"format":' * 50_000, "1" * 10_000, "{}", "null", "[]", '{"format": 2e400}')
 

@@ -56,9 +56,8 @@ def test_damaged_anywhere(file: Path, whole: bytes, data: st.DataObject) -> None
             case 0:
                 damaged[at] ^= 1 << data.draw(st.integers(0, 7))
             case 1:
-                damaged[at : at + 8] = struct.pack(
-                    "<Q", data.draw(st.sampled_from([0, 1, 2**31, 2**40, 2**64 - 1]))
-                )
+                number = data.draw(st.sampled_from([0, 1, 2**31, 2**40, 2**64 - 1]))
+                damaged[at : at + 8] = struct.pack("<Q", number)
             case 2:
                 del damaged[at : at + length]
             case _:

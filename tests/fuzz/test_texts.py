@@ -21,37 +21,24 @@ from tests.fuzz.outcome import TRIED, anything, refusal
 ROBOT = "buses: [{device: sim, legs: {lf: 0, rf: 1}}]\ncan: {interface: virtual}\n"
 SCENE = "description: x\nload: {kind: tripod, period_s: 1.0, peak_force_n: [0, 0, 1]}\nseed: 3\n"
 
-pieces = st.sampled_from(
-    [
-        *("buses:", "legs:", "{lf: 0}", "load:", "kind: tripod", "faults:", "- ", "seed: ", "description: "),
-        *(
-            "&a ",
-            "*a",
-            "<<: ",
-            "!!python/object:os.system ",
-            "---\n",
-            "...\n",
-            "? ",
-            "| ",
-            "> ",
-            "%YAML 1.1\n",
-        ),
-        *(
-            "1e999",
-            ".nan",
-            "-.inf",
-            "9" * 5000,
-            "0x" + "f" * 400,
-            "1:2:3",
-            "2020-01-01",
-            "~",
-            "\x00",
-            "\ufeff",
-            "\u2028",
-        ),
-        *("\n", "\n  ", " ", ":", "{", "}", "[", "]", ",", "'", '"', "#"),
-    ]
-)
+words = "buses: legs: load: seed: !!python/object:os.system ? | > 1e999 .nan -.inf 1:2:3 2020-01-01 ~"
+parts = [
+    "{lf: 0}",
+    "kind: tripod",
+    "- ",
+    "&a ",
+    "*a",
+    "<<: ",
+    "---\n",
+    "...\n",
+    "%YAML 1.1\n",
+    "9" * 5000,
+    "\x00",
+    "\ufeff",
+    "\u2028",
+    "\n  ",
+]
+pieces = st.sampled_from([*words.split(), *parts, *"\n :{}[],'\"#"])
 texts = st.text(max_size=60) | st.lists(pieces, max_size=25).map("".join)
 
 
@@ -75,17 +62,14 @@ LEVELS = "".join(f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]\n" for n in ran
     "text",
     [
         "a0: &a0 [1]\n" + LEVELS,
-        "&a [*a, *a]",
         "[" * 250_000,
         "{a: " * 60_000,
         "- " * 130_000,
         "seed: " + "9" * 200_000,
         "seed: 1e" + "9" * 10_000,
         "? " * 130_000,
-        "a: &a {b: *a}",
         "x: " + "'" * 200_000,
         "\n".join(f"k{n}: {n}" for n in range(9_000)),
-        "description: x\ndescription: y",
     ],
 )
 def test_bombs(tmp_path: Path, text: str) -> None:
