@@ -10,7 +10,7 @@ import json
 import os
 import subprocess
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -42,7 +42,7 @@ README = "README.md"
 _QUICK_NOTICE = "**Quick form: coarse steps, few cases and seeds. Its figures are no results.**"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class StudyContext:
     """What a study is given.
 
@@ -83,16 +83,21 @@ class StudyContext:
         return read_card(json.dumps(self.network.card), str(self.models)).trained_inputs
 
 
-def table(headings: str, rows: Iterable[Sequence[object]]) -> str:
+def table(headings: str, rows: Iterable[Any] | Mapping[str, Values], cells: str = "") -> str:
     """Return a Markdown table; its first column is text, the others are numbers.
 
     Args:
         headings: Of the columns, separated by ` | `.
-        rows: Cells of each row, formatted by the caller.
+        rows: Cells of each row, formatted by the caller; with `cells`, the values of each row by key, and in a mapping
+            each row's key as `name`.
+        cells: Formats of a row's cells, separated by ` | `, such as `{mesh} | {wall_s:.1f}`.
     """
-    n_columns = headings.count(" | ") + 1
-    lines = [f"| {headings} |", "|---|" + "---:|" * (n_columns - 1)]
-    return "\n".join(lines + ["| " + " | ".join(map(str, row)) + " |" for row in rows])
+    each: Iterable[Any] = rows
+    if isinstance(rows, Mapping):
+        each = ({"name": name} | row for name, row in rows.items())
+    written = (cells.format(**row) if cells else " | ".join(map(str, row)) for row in each)
+    head = [f"| {headings} |", "|---|" + "---:|" * headings.count(" | ")]
+    return "\n".join([*head, *(f"| {row} |" for row in written)])
 
 
 def spread(values: ArrayLike, digits: int = 2) -> str:
@@ -253,10 +258,15 @@ def _as_builtin(value: Any) -> Any:
 
 
 def _commit() -> str:
-    """Return the commit of this code, with `+` if files differ from it; `unknown` outside a checkout."""
-    command = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--abbrev=8", "--dirty=+"]
+    """Return the commit of this code, with `+` if its files differ from it; `unknown` outside a checkout."""
     try:
-        done = subprocess.run(command, capture_output=True, text=True, check=True)  # noqa: S603
-        return done.stdout.strip()
+        # Pages that a report has made already are no code.
+        changed = _git("status", "--porcelain", "--", "footsense", "firmware_interface")
+        return _git("rev-parse", "--short=8", "HEAD") + ("+" if changed else "")
     except (OSError, subprocess.CalledProcessError):
         return "unknown"
+
+
+def _git(*arguments: str) -> str:
+    command = ["git", "-C", str(Path(__file__).parents[2]), *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()  # noqa: S603

@@ -1,6 +1,7 @@
 """Every page of the report in its quick form, and the committed pages."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -57,7 +58,9 @@ def test_an_unknown_study_is_answered_with_those_that_are() -> None:
 
 def test_a_spread_is_that_of_a_sample_and_a_table_has_its_columns() -> None:
     assert spread([1.0, 2.0, 6.0], 1) == "3.0 +- 2.6, worst 6.0"
-    assert table("case | error", [("a", 1)]) == "| case | error |\n|---|---:|\n| a | 1 |"
+    written = "| case | error |\n|---|---:|\n| a | 1.0 |"
+    assert table("case | error", [("a", 1.0)]) == written
+    assert table("case | error", {"a": {"deg": 1.0}}, "{name} | {deg:.1f}") == written
 
 
 def test_the_front_page_has_the_figures_of_the_pages() -> None:
@@ -73,6 +76,29 @@ def test_the_front_page_has_the_figures_of_the_pages() -> None:
         f"; {paper['direction_max_deg']:.1f} deg, {paper['magnitude_max_gf']:.1f} gf",
     ):
         assert text in front
+
+
+def test_errors_of_starts_feet_and_draws_stand_on_several() -> None:
+    """One start, one foot or one draw of gains behind a row would make a table of luck."""
+    motion, paper, speed, experiment_ = (
+        json.loads((PAGES / f"{name}.json").read_text("utf-8"))
+        for name in ("motion", "paper", "speed-error", "experiment")
+    )
+    spreads = [
+        *((draws["direction_deg"], 20) for draws in motion["wrong_gains"].values()),
+        *((row["direction_deg"], 5) for row in paper["sizes"]),
+        *((row["direction_deg"][test], 5) for row in speed["sizes"] for test in ("gaits", "rest")),
+        *((cause["deg"], 20) for cause in experiment_["causes"].values()),
+        (experiment_["kinds"]["supposed"]["own_network"]["centred"]["deg"], 20),
+    ]
+    for errors, n in spreads:
+        assert len(set(errors)) == n
+
+
+def test_each_figure_of_the_paper_has_its_page() -> None:
+    text = (PAGES.parent / "paper-figures.md").read_text("utf-8")
+    named = set(re.findall(r"\(report/([a-z-]+)\.md\)", text))
+    assert {"paper", "rest", "physics", "experiment", "outlook"} <= named <= set(study_names())
 
 
 def test_the_front_page_has_the_range_of_the_page_design() -> None:

@@ -16,6 +16,7 @@ from footsense.errors import FootsenseError, require
 if TYPE_CHECKING:
     from footsense.lab.geometry import FootDesign
 
+_RELEASED_MODELS = released_path("network.onnx").parent
 #: Libraries of the extra.
 _REQUIRED_PACKAGES = ("ngsolve", "jax", "jinja2", "joblib", "optax", "onnx", "scipy")
 
@@ -82,26 +83,12 @@ def _require_unique_foot_type(known: Path, description: Path, foot_design: "Foot
 
 
 @click.command()
-@options.models_option
-@json_option
-def evaluate(*, models: Path | None, as_json: bool) -> None:
-    """Print the errors of the released network.
-
-    Beside them stand those of the paper and of linear estimates.
-    """
-    from footsense.lab.evaluation.evaluate_models import as_json as table_json
-    from footsense.lab.evaluation.evaluate_models import as_markdown, evaluate_models
-
-    errors = evaluate_models(models or options.released_folder())
-    if as_json:
-        echo_json(table_json(errors))
-        return
-    click.echo(as_markdown(errors))
-
-
-@click.command()
 @click.argument("name")
-@options.models_option
+@click.option(
+    "--models",
+    type=FOLDER,
+    help="Folder of a foot type, as `lab build` makes it; without it the released one's.",
+)
 @options.output_option
 @options.quick_option
 @options.scheduler_option
@@ -115,12 +102,7 @@ def study(
     require_study(name)
     folder = options.ensure_report_folder(output, quick=quick)
     progress = (lambda _: None) if as_json else options.elapsed_time_reporter()
-    context = StudyContext(
-        models=models or options.released_folder(),
-        quick=quick,
-        scheduler=scheduler,
-        report_progress=progress,
-    )
+    context = StudyContext(models or _RELEASED_MODELS, quick, scheduler, progress)
     markdown, values = make_page(name, context, folder)
     if models is None:
         write_list_of_pages(folder)
@@ -141,23 +123,12 @@ def report(*, output: Path | None, quick: bool, scheduler: str | None) -> None:
 
     folder = options.ensure_report_folder(output, quick=quick)
     progress = options.elapsed_time_reporter()
-    context = StudyContext(
-        models=options.released_folder(), quick=quick, scheduler=scheduler, report_progress=progress
-    )
+    context = StudyContext(_RELEASED_MODELS, quick, scheduler, progress)
     progress(f"wrote {make_report(folder, context, progress)}")
 
 
-def _require_lab_packages() -> None:
-    """Raise FootsenseError unless the libraries of the extra `lab` are installed.
-
-    Raises:
-        FootsenseError: One is not.
-    """
+@click.group(commands=[design.design, build, fabricate.fabricate, study, report])
+def lab() -> None:
+    """From rubber to network: design, build and draw a foot, and study it."""
     note = ", or in a checkout .venv/bin/pip install -e '.[lab]' (there is no ngsolve for ARM)"
     require("the lab", "lab", *_REQUIRED_PACKAGES, note=note)
-
-
-@click.group(commands=[design.design, build, evaluate, fabricate.fabricate, study, report])
-def lab() -> None:
-    """From rubber to network: build and judge the models, and study the foot."""
-    _require_lab_packages()

@@ -8,14 +8,8 @@ import click
 
 from footsense.cli.options import FOLDER
 from footsense.clock import stopwatch_ns
-from footsense.daemon.foot_types import released_path
 from footsense.errors import FootsenseError
 
-models_option = click.option(
-    "--models",
-    type=FOLDER,
-    help="Folder of a foot type, as `lab build` makes it; without it the released one's.",
-)
 output_option = click.option(
     "--output",
     type=FOLDER,
@@ -41,11 +35,6 @@ def ensure_report_folder(output: Path | None, *, quick: bool) -> Path:
     folder = output or Path("docs") / ("report-quick" if quick else "report")
     ensure_writable_folder(folder)
     return folder
-
-
-def released_folder() -> Path:
-    """Return the folder of the released foot type's model files."""
-    return released_path("network.onnx").parent
 
 
 def ensure_writable_folder(folder: Path) -> None:

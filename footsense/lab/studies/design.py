@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from footsense.daemon.foot_types import released_path
 from footsense.estimation.calibrated_feet import CalibratedFeet
@@ -87,7 +86,7 @@ def compute(context: StudyContext) -> tuple[Values, Figures]:
             ),
         ],
     }
-    return values, {"design.png": _figure(feet)}
+    return values, {}
 
 
 def _foot(models: Path, stated_n: float, library: FootShapeLibrary, *, quick: bool) -> Values:
@@ -204,27 +203,6 @@ def _differences(foot: Values) -> list[float]:
     return [float(np.abs(built / predicted - 1.0).max()) for predicted, built in pairs]
 
 
-def _figure(feet: Values) -> Figure:
-    """Return the range over the elevation, predicted and built, and the range of made feet, over the stated force."""
-    figure = Figure(figsize=(10.0, 4.0), layout="constrained")
-    by_elevation, of_made = figure.subplots(1, 2)
-    for number, (name, foot) in enumerate(feet.items()):
-        for source, style in (("predicted", "x"), ("built", "-")):
-            range_rel = np.array(foot[source]["range_by_elevation_n"]) / foot["stated_n"]
-            label = f"{name}, {source}" if source == "built" else None
-            by_elevation.plot(ELEVATIONS_DEG, range_rel, style, color=f"C{number}", label=label)
-        made_rel = np.sort(foot["made_range_n"]) / foot["stated_n"]
-        of_made.plot(np.linspace(0, 1, len(made_rel)), made_rel, "o-", color=f"C{number}", ms=4, label=name)
-    for axes in (by_elevation, of_made):
-        axes.axhline(1.0, color="k", ls=":", lw=1)
-        axes.set(ylabel="range over the stated force", ylim=(0.0, None))
-        axes.grid(alpha=0.3)
-        axes.legend(fontsize=8)
-    by_elevation.set(xlabel="elevation of a centred force [deg]", title="as designed (crosses: predicted)")
-    of_made.set(xlabel="share of the made feet", title=f"made feet, up to {REACH_DEG:g} deg from the leg")
-    return figure
-
-
 def text(values: Values) -> str:
     """Return the page's Markdown."""
     feet: dict[str, Any] = values["feet"]
@@ -301,8 +279,6 @@ known; mean, standard deviation over feet, and the least.
 `aoyagi-3x3` is stated for the paper's largest load, 150 gf, which it does not reach: beyond the range its closures are
 read up to the converter's end, less surely (last table). The others are stated for what they were designed for, which
 the design reaches and {_n_short(feet)} of the {2 * values["n_feet"]} made feet do not: a rubber softer than designed takes from the range.
-
-![](design.png)
 
 Where gaps begin to close, and where the leg says `saturated`, on the built tables: least force over directions up to
 {REACH_DEG:g} deg from the leg, in brackets the mean. {_LEANS_DEG[1]:g} deg is the rms lean of the training's leaning contacts. The stated range

@@ -3,7 +3,6 @@
 from functools import partial
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from footsense.estimation.missing_elements import Imputation
 from footsense.estimation.network import sensitivity
@@ -71,7 +70,6 @@ def compute(context: StudyContext) -> tuple[Values, Figures]:
         walks.append(simulate_walk(context.response, context.network, n_per_rel, max_n, (0, number), n))
         context.report_progress(f"rough walk {number + 1} done")
     rough = score_walks(walks)
-    touchdowns, latencies_ms = _touchdowns(context, n_per_rel)
     walk = next(row for row in gaits if row["load"] == "measured walk")
     values = {
         "n_random_gaits": 6 if context.quick else _N_GAITS,
@@ -79,7 +77,7 @@ def compute(context: StudyContext) -> tuple[Values, Figures]:
         "wrong_gains": wrong_gains,
         "rough": rough,
         "n_walks": len(walks),
-        "touchdowns": touchdowns,
+        "touchdowns": _touchdowns(context, n_per_rel),
         "targets": [
             target(
                 "measured walk, direction, mean / 95 % below (one walk, two legs)",
@@ -107,7 +105,7 @@ def compute(context: StudyContext) -> tuple[Values, Figures]:
             ),
         ],
     }
-    return values, {"motion-touchdown.png": _figure(latencies_ms)}
+    return values, {}
 
 
 def _walked(
@@ -212,11 +210,10 @@ def _friction_ratio(ratio: Vector, normal: Vector) -> Vector:
     return friction_ratio
 
 
-def _touchdowns(context: StudyContext, n_per_rel: float) -> tuple[list[Values], dict[str, Vector]]:
-    """Return latency of contact and error of force after touchdowns of each manner, and all latencies [ms]."""
+def _touchdowns(context: StudyContext, n_per_rel: float) -> list[Values]:
+    """Return latency of contact and error of force after touchdowns of each manner."""
     n_feet, n_touchdowns = (2, 3) if context.quick else (_N_FEET, _N_TOUCHDOWNS)
     rows: list[Values] = []
-    latencies_ms: dict[str, Vector] = {}
     for manner, (full_n, rise_s, aside_deg) in _TOUCHDOWNS.items():
         rng = np.random.default_rng(len(rows))
         starts_s = np.cumsum(rng.uniform(*_CYCLE_S, (n_feet, n_touchdowns)), axis=1)
@@ -244,7 +241,6 @@ def _touchdowns(context: StudyContext, n_per_rel: float) -> tuple[list[Values], 
                 first_ms.append(1e3 * (sent_s[heard[0]] - crossed_s) if len(heard) else np.inf)
                 judged = (sent_s > crossed_s) & (sent_s < crossed_s + _FORCE_ERROR_S)
                 squares_n2.append(np.nanmean(error_n[judged, foot] ** 2))
-        latencies_ms[manner] = np.array(first_ms)
         p50_ms, p99_ms = np.percentile(first_ms, (50, 99), method="nearest")
         rows.append(
             {
@@ -255,7 +251,7 @@ def _touchdowns(context: StudyContext, n_per_rel: float) -> tuple[list[Values], 
                 "force_rms_error_mn": 1e3 * np.sqrt(np.mean(squares_n2)),
             }
         )
-    return rows, latencies_ms
+    return rows
 
 
 def _touchdown_loads(
@@ -270,37 +266,14 @@ def _touchdown_loads(
     return ContactLoads(np.tile(normal, (len(t_s), 1)), pressing_n[:, None] * normal)
 
 
-def _figure(latencies_ms: dict[str, Vector]) -> Figure:
-    figure = Figure(figsize=(7.0, 3.4), layout="constrained")
-    axes = figure.subplots()
-    for manner, all_ms in latencies_ms.items():
-        share = 100 * np.arange(1, len(all_ms) + 1) / len(all_ms)
-        axes.step(np.sort(all_ms), share, where="post", label=manner)
-    axes.set(
-        xlabel=f"time since {1e3 * THRESHOLD_N:g} mN along the leg [ms]", ylabel="reported touchdowns [%]"
-    )
-    axes.legend(fontsize=8)
-    axes.grid(alpha=0.3)
-    return figure
-
-
 def text(values: Values) -> str:
     """Return the page's Markdown."""
     gaits = table(
         "load | direction mean / 95 % below [deg] | fx / fy / fz rms [mN] | within 2 sigma | beyond 5 | friction ratio"
         " | normal [deg]",
-        [
-            (
-                row["load"],
-                f"{row['direction_deg']:.2f} / {row['direction_p95_deg']:.1f}",
-                " / ".join(f"{part:.0f}" for part in row["rms_mn"]),
-                f"{row['within_2_sigma']:.1%}",
-                f"{row['beyond_5_sigma']:.2%}",
-                f"{row['friction_error']:.4f}",
-                f"{row['normal_error_deg']:.2f}",
-            )
-            for row in values["gaits"]
-        ],
+        values["gaits"],
+        "{load} | {direction_deg:.2f} / {direction_p95_deg:.1f} | {rms_mn[0]:.0f} / {rms_mn[1]:.0f} / {rms_mn[2]:.0f}"
+        " | {within_2_sigma:.1%} | {beyond_5_sigma:.2%} | {friction_error:.4f} | {normal_error_deg:.2f}",
     )
     gains = table(
         "gains off by, standard deviation | direction, mean of a draw [deg] | within 2 sigma, mean of the draws",
@@ -311,15 +284,8 @@ def text(values: Values) -> str:
     )
     touchdowns = table(
         "touchdown | number | contact after, median / 99 % below [ms] | fz in the 50 ms after it, rms [mN]",
-        [
-            (
-                row["manner"],
-                row["n"],
-                f"{row['latency_p50_ms']:.1f} / {row['latency_p99_ms']:.1f}",
-                f"{row['force_rms_error_mn']:.0f}",
-            )
-            for row in values["touchdowns"]
-        ],
+        values["touchdowns"],
+        "{manner} | {n} | {latency_p50_ms:.1f} / {latency_p99_ms:.1f} | {force_rms_error_mn:.0f}",
     )
     n_draws = len(next(iter(values["wrong_gains"].values()))["direction_deg"])
     return f"""
@@ -347,8 +313,6 @@ contact; feet without tremor in swing, on hard ground within 5 ms or as softly a
 after every conversion.
 
 {touchdowns}
-
-![](motion-touchdown.png)
 
 ## On rough ground
 

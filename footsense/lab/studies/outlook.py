@@ -7,7 +7,6 @@ Source:
 from collections.abc import Sequence
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.lab.evaluation.evaluate_models import (
@@ -81,23 +80,7 @@ def compute(context: StudyContext) -> tuple[Values, Figures]:
         "air": air,
         "film": film_against_gaps(design, response, n, epochs, quick=quick),
     }
-    return values, {"outlook.png": _figure(lean, second)}
-
-
-def _figure(lean: list[Values], second: list[Values]) -> Figure:
-    """Return the figure of mean direction errors over the lean and over the second load, a curve per estimator."""
-    figure = Figure(figsize=(8.4, 3.9), layout="constrained")
-    labels = ("lean of the contact normal [deg]", "second load over the floor's [1]")
-    panels = figure.subplots(1, 2, sharey=True)
-    for axes, rows, label in zip(panels, (lean, second), labels, strict=True):
-        for name in rows[0]["errors"]:
-            errors_deg = [row["errors"][name]["direction_deg"] for row in rows]
-            axes.semilogy([row["x"] for row in rows], errors_deg, "o-", ms=4, label=name)
-        axes.set(xlabel=label)
-        axes.grid(alpha=0.3, which="both")
-    panels[0].set(ylabel="mean direction error [deg]")
-    panels[0].legend(fontsize=8)
-    return figure
+    return values, {}
 
 
 _ESTIMATORS_HEADING = " | ".join(f"{name}: deg, gf" for name in (_NETWORK, _CENTRED, _LEANING))
@@ -222,8 +205,6 @@ The contact normal leans from the force, as with friction or on a slope: {_gf(LE
 {", ".join(f"{one:g}" for one in LEANING_ELEVATIONS_DEG)} deg and 36 azimuths, the contact to four sides of each.
 
 {leaning}
-
-![](outlook.png)
 
 - A leaning force has a moment about the middle of the sheet: at {values["lean"][1]["x"]:g} deg its line passes {values["lever_mm"]:.1f} mm beside. A
   linear read-out of centred loads takes that moment for inclination: {deg("lean", 0, _CENTRED)} deg without lean, {deg("lean", 1, _CENTRED)} deg at

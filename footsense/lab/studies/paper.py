@@ -92,7 +92,7 @@ def compute(context: StudyContext) -> tuple[Values, Figures]:
             )
         ],
     }
-    return values, {"paper-map.png": map_figure, "paper-pattern.png": _pattern_figure(pattern_pf)}
+    return values, {"paper-map.png": map_figure}
 
 
 def _pattern_pf(context: StudyContext) -> Vector:
@@ -272,17 +272,6 @@ def _map(context: StudyContext) -> tuple[Figure, Values]:
     }
 
 
-def _pattern_figure(change_pf: Vector) -> Figure:
-    figure = Figure(figsize=(3.8, 3.2), layout="constrained")
-    axes = figure.subplots()
-    shown = axes.imshow(change_pf / change_pf.max(), vmin=0.0, vmax=1.0, cmap="viridis")
-    for (row, column), value in np.ndenumerate(change_pf / change_pf.max()):
-        axes.text(column, row, f"{value:.2f}", ha="center", va="center", color="w" if value < 0.6 else "k")
-    axes.set(xticks=[], yticks=[], title="forward", xlabel="rear")
-    figure.colorbar(shown, ax=axes, label="change over the largest [1]")
-    return figure
-
-
 def text(values: Values) -> str:
     """Return the page's Markdown."""
     procedure, n = values["procedure"], values["n_seeds"]
@@ -334,6 +323,10 @@ def text(values: Values) -> str:
     ]
     best = min(values["sizes"], key=lambda row: np.mean(row["direction_deg"]))
     pattern_pf = np.array(values["pattern_pf"])
+    pattern = [
+        (row, *(f"{one:.2f}" for one in changes))
+        for row, changes in zip(("front", "middle", "rear"), pattern_pf / pattern_pf.max(), strict=True)
+    ]
     block, thick = values["block_mm"]
     error_map = values["map"]
     return f"""The foot, loads and training of the paper's simulation, each part from {n} starts of the networks (0 to {n - 1}): mean, standard
@@ -345,7 +338,7 @@ does. [The paper, figure by figure](../paper-figures.md) says what is done other
 Changes of capacitance under {_MAGNITUDE_GF:g} gf at ({_PATTERN_DEG[0]:g}, {_PATTERN_DEG[1]:g}) deg, largest {pattern_pf.max():.2f} pF beside {values["unloaded_pf"]:.3f} pF unloaded. The
 paper draws the figure, normalised, and gives no numbers.
 
-![](paper-pattern.png)
+{table("change over the largest | left | middle | right", pattern)}
 
 The force leans forward, so the ground touches the ball at the rear; the front row changes more all the same: the force
 goes through the middle of the ball, and the front has to balance the rear.

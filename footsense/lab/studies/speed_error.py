@@ -7,7 +7,6 @@ from timeit import Timer, default_timer
 import ngsolve as ng
 import numpy as np
 import onnxruntime
-from matplotlib.figure import Figure
 
 from footsense.benchmarks.latency_vs_error import measure_latency_vs_error
 from footsense.estimation.missing_elements import Imputation
@@ -79,7 +78,7 @@ def compute(context: StudyContext) -> tuple[Values, Figures]:
             ),
         ],
     }
-    return values, {"speed-error.png": _figure(values)}
+    return values, {}
 
 
 def _point(published: Values, rate_sps: int, every: int) -> Values:
@@ -196,56 +195,14 @@ def _times_us(models: list[bytes]) -> list[float]:
     return [1e6 * float(seconds) / _RUNS for seconds in fastest]
 
 
-def _figure(values: Values) -> Figure:
-    """Return error over time: of the models of the foot, of the sizes, and of the rates."""
-    figure = Figure(figsize=(11.0, 3.6), layout="constrained")
-    models, sizes, rates = figure.subplots(1, 3)
-    for row in values["models"]:
-        if row["model"] != "contact":
-            models.plot(row["seconds"], 100 * row["closure_rel"], "o")
-            place = (row["seconds"], 100 * row["closure_rel"])
-            models.annotate(row["model"], place, xytext=(5, 5), textcoords="offset points", fontsize=8)
-    models.set(
-        xscale="log", yscale="log", xlabel="time of a load [s]", ylabel="closures off `contact`, rms [%]"
-    )
-    models.margins(0.25)
-    for name, label in (("gaits", "random gaits"), ("rest", "loads at rest")):
-        errors = np.array([row["direction_deg"][name] for row in values["sizes"]])
-        times_us = [row["six_legs_us"] for row in values["sizes"]]
-        sizes.errorbar(
-            times_us, errors.mean(axis=1), errors.std(axis=1, ddof=1), fmt="o-", capsize=3, label=label
-        )
-    sizes.set(xlabel="network, six legs [us]", ylabel="direction error, mean [deg]", ylim=(0, None))
-    sizes.legend(fontsize=8)
-    for rate_sps in sorted({point["rate_sps"] for point in values["published"]["points"]}):
-        own = [point for point in values["published"]["points"] if point["rate_sps"] == rate_sps]
-        ages_ms = [point["walk"]["held_age_p50_p99_ms"][0] for point in own]
-        errors_mn = [point["walk"]["held_error_norm_rms_mn"] for point in own]
-        rates.plot(ages_ms, errors_mn, "o-", label=f"{rate_sps} S/s")
-    rates.set(xlabel="age of the last force, median [ms]", ylabel="its error, walk, rms [mN]")
-    rates.legend(fontsize=8)
-    for axes in (models, sizes, rates):
-        axes.grid(alpha=0.3)
-    return figure
-
-
 def text(values: Values) -> str:
     """Return the page's Markdown."""
     models = table(
-        "model | a load [ms] | before the first [s] | loads | closures off, rms | direction off, mean / worst [deg]"
+        "model | a load [s] | before the first [s] | loads | closures off, rms | direction off, mean / worst [deg]"
         " | magnitude [gf]",
-        [
-            (
-                row["model"],
-                f"{1e3 * row['seconds']:.3g}",
-                f"{row['before_s']:.2g}",
-                row["n"],
-                "reference" if row["model"] == "contact" else f"{row['closure_rel']:.1%}",
-                f"{row['direction_deg']:.2f} / {row['direction_max_deg']:.1f}",
-                f"{row['magnitude_gf']:.2f}",
-            )
-            for row in values["models"]
-        ],
+        values["models"],
+        "{model} | {seconds:.3g} | {before_s:.2g} | {n} | {closure_rel:.1%} | {direction_deg:.2f} / {direction_max_deg:.1f}"
+        " | {magnitude_gf:.2f}",
     )
     sizes = table(
         "weights | six legs [us] | random gaits, direction [deg] | loads at rest, direction [deg]",
@@ -253,38 +210,26 @@ def text(values: Values) -> str:
             (
                 row["weights"],
                 f"{row['six_legs_us']:.0f}",
-                spread(row["direction_deg"]["gaits"]),
-                spread(row["direction_deg"]["rest"]),
+                *(spread(row["direction_deg"][test]) for test in ("gaits", "rest")),
             )
             for row in values["sizes"]
         ],
     )
-    methods = [
-        (
-            load["title"],
-            f"{one['method']}, {one['scan_order']}",
-            f"{one['errors']['error_norm_rms_mn']:.0f}",
-            f"{one['errors']['held_error_norm_rms_mn']:.0f}",
-            " / ".join(f"{part:.1f}" for part in one["errors"]["direction_error_mean_p95_deg"]),
-            f"{one['errors']['lag_ms']:.1f}",
-        )
-        for load in values["published"]["loads"].values()
-        for one in load["methods"]
-    ]
-    points = [
-        (
-            point["rate_sps"],
-            point["publish_every"],
-            f"{point['forces_hz']:.0f}",
-            f"{point['can_kbit_s']:.0f}",
-            " / ".join(f"{age:.0f}" for age in point["walk"]["held_age_p50_p99_ms"]),
-            f"{point['standing_noise_norm_rms_mn']:.2f}",
-            f"{point['walk']['held_error_norm_rms_mn']:.0f}",
-            f"{point['walk']['error_norm_rms_mn']:.0f}",
-        )
-        for point in values["published"]["points"]
-    ]
     published = values["published"]
+    methods = table(
+        "load | published, order of the scan | error when sent, rms [mN] | at any time [mN] | direction mean / 95 % [deg] | lag [ms]",
+        [load | one for load in published["loads"].values() for one in load["methods"]],
+        "{title} | {method}, {scan_order} | {errors[error_norm_rms_mn]:.0f} | {errors[held_error_norm_rms_mn]:.0f}"
+        " | {errors[direction_error_mean_p95_deg][0]:.1f} / {errors[direction_error_mean_p95_deg][1]:.1f} | {errors[lag_ms]:.1f}",
+    )
+    points = table(
+        "S/s | conversions per force | forces/s | CAN [kbit/s] | age of the last force, median / 99 % [ms] | noise, standing [mN]"
+        " | walk, at any time [mN] | when sent [mN]",
+        published["points"],
+        "{rate_sps} | {publish_every} | {forces_hz:.0f} | {can_kbit_s:.0f}"
+        " | {walk[held_age_p50_p99_ms][0]:.0f} / {walk[held_age_p50_p99_ms][1]:.0f} | {standing_noise_norm_rms_mn:.2f}"
+        " | {walk[held_error_norm_rms_mn]:.0f} | {walk[error_norm_rms_mn]:.0f}",
+    )
     return f"""
 ## Models of the foot
 
@@ -313,11 +258,9 @@ Six legs on a bus of 400 kHz with 40 us of the host per transaction: a conversio
 the shift of the truth that fits it best. One seed of noise; {published["strides"]} strides of six legs, steps at {published["scan_phases"]} phases of the scan. Beside
 the service's method stand the newest readings as they are, and readings extrapolated to the time of sending.
 
-{table("load | published, order of the scan | error when sent, rms [mN] | at any time [mN] | direction mean / 95 % [deg] | lag [ms]", methods)}
+{methods}
 
-{table("S/s | conversions per force | forces/s | CAN [kbit/s] | age of the last force, median / 99 % [ms] | noise, standing [mN] | walk, at any time [mN] | when sent [mN]", points)}
-
-![](speed-error.png)
+{points}
 
 The error on a walk is limited by age, not by noise.
 """

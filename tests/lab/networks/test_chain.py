@@ -4,7 +4,6 @@ import fcntl
 import json
 import os
 import shutil
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -268,16 +267,6 @@ def test_a_foot_type_that_nobody_built_is_one_clear_error() -> None:
             load_models(msgspec.structs.replace(DEFAULT, foot_type=name))
 
 
-def test_evaluate_prints_the_figures_as_json(built: BuildResult, folder: Path) -> None:
-    """What CI and the report read: the figures that the project lives by, through the released file."""
-    result = CliRunner().invoke(lab, ["evaluate", "--models", str(folder), "--json"])
-    assert result.exit_code == 0, result.output
-    figures = json.loads(result.output)
-    assert figures["table"] == {name: asdict(row) for name, row in built.error_table.items()}
-    assert figures["direction_deg"] == built.error_table["paper_network"].direction_deg
-    assert figures["paper_direction_deg"] == 2.4
-
-
 @pytest.mark.parametrize("content", [None, b"", b"not a model"])
 def test_a_bad_network_is_one_clear_error(tmp_path: Path, content: bytes | None) -> None:
     """Missing, empty or foreign: the error names the file and the command."""
@@ -291,7 +280,7 @@ def test_a_bad_network_is_one_clear_error(tmp_path: Path, content: bytes | None)
 def test_without_the_extra_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     """A robot's install has no lab: the command says so and names the extra."""
     monkeypatch.setattr("footsense.errors.find_spec", lambda _: None)
-    result = CliRunner().invoke(lab, ["evaluate"])
+    result = CliRunner().invoke(lab, ["study", "rest"])
     assert isinstance(result.exception, FootsenseError)
     assert "pip install 'footsense[lab]', or in a checkout" in str(result.exception)
 

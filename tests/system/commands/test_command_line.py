@@ -51,7 +51,7 @@ def gapped(walk: Path, tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("command", [*COMMANDS, "lab build", "lab evaluate"])
+@pytest.mark.parametrize("command", [*COMMANDS, "lab build", "lab study"])
 def test_help_is_for_its_user(command: str) -> None:
     """Neither the errors of a Python function nor marks for its tools stand in it."""
     result = CliRunner().invoke(main, [*command.split(), "--help"])
