@@ -7,7 +7,7 @@ the `description` of a field's `msgspec.Meta`.
 
 import json
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from types import UnionType
@@ -18,8 +18,6 @@ from msgspec import inspect
 
 from footsense.errors import ConfigError
 from footsense.plain_yaml import YamlError, YamlReader, item_path, read_text
-
-_NUMBER_PATTERN = re.compile(r"[-+]?\d+(\.\d*)?([eE][-+]?\d+)?")
 
 T = TypeVar("T")
 
@@ -69,13 +67,13 @@ def load(
         result = msgspec.convert(data, type_)
         problem = check(result) if check else None
     except msgspec.ValidationError as error:
-        problem = _first_problem(data, type_, "", type_) or Problem("", str(error))
+        problem = _first_problem(data, type_, "") or Problem("", str(error))
     if problem:
         raise ConfigError(f"{where}:{reader.line_of(problem.path)}: {problem}")
     return result
 
 
-def _first_problem(value: Any, hint: Any, path: str, root: Any) -> Problem | None:  # noqa: ANN401 - type hints
+def _first_problem(value: Any, hint: Any, path: str) -> Problem | None:  # noqa: ANN401 - type hints
     """Return the first place where plain data do not fit a type, in plain words; None if they fit."""
     try:
         msgspec.convert(value, hint)
@@ -85,7 +83,7 @@ def _first_problem(value: Any, hint: Any, path: str, root: Any) -> Problem | Non
         return None
     structs = [part for part in _parts(hint) if hasattr(part, "__struct_fields__")]
     if isinstance(value, dict) and structs:
-        return _struct_problem(value, structs, path, root)
+        return _struct_problem(value, structs, path)
     for part in _parts(hint):
         kind, arguments = get_origin(part), get_args(part)
         items: Iterable[tuple[str, Any, Any]] = ()
@@ -100,12 +98,12 @@ def _first_problem(value: Any, hint: Any, path: str, root: Any) -> Problem | Non
                 for n, (item, of_item) in enumerate(zip(value, hints, strict=False))
             )
         for place, item, of_item in items:
-            if problem := _first_problem(item, of_item, place, root):
+            if problem := _first_problem(item, of_item, place):
                 return problem
     return Problem(path, _value_fault(value, inspect.type_info(hint)))
 
 
-def _struct_problem(value: dict[str, Any], structs: Sequence[Any], path: str, root: Any) -> Problem | None:  # noqa: ANN401
+def _struct_problem(value: dict[str, Any], structs: Sequence[Any], path: str) -> Problem | None:
     """Return the first fault of a section that is one of some structs, by its tag if there are several."""
     tag = structs[0].__struct_config__.tag_field
     by_kind = {struct.__struct_config__.tag: struct for struct in structs}
@@ -118,12 +116,14 @@ def _struct_problem(value: dict[str, Any], structs: Sequence[Any], path: str, ro
     known = [*fields] if tag is None else [tag, *fields]
     for key in value:
         if key not in known:
-            return Problem(item_path(path, key), f"unknown key; {_key_remedy(key, known, root)}")
+            near = _nearest(key, known)
+            remedy = f"did you mean {near}?" if near else f"there are {', '.join(known)}"
+            return Problem(item_path(path, key), f"unknown key; {remedy}")
     for name, field in fields.items():
         if field.required and name not in value:
             return Problem(path, f"the key {name} is missing: {_wanted(inspect.type_info(field.type))}")
     problems = (
-        _first_problem(value[name], field.type, item_path(path, name), root)
+        _first_problem(value[name], field.type, item_path(path, name))
         for name, field in fields.items()
         if name in value
     )
@@ -149,11 +149,7 @@ def _value_fault(value: object, info: inspect.Type) -> str:
     got = "an empty value" if value is None else json.dumps(value)[:40]
     if isinstance(value, dict | list):
         got = f"a section of {len(value)} keys" if isinstance(value, dict) else f"a list of {len(value)}"
-    text = f"{got} is wrong; it has to be {_wanted(info)}"
-    wants_number = any(isinstance(type_, inspect.IntType | inspect.FloatType) for type_, _ in _members(info))
-    if wants_number and isinstance(value, str) and _NUMBER_PATTERN.fullmatch(value):
-        text += f"; YAML reads that as text, write {float(value):g}"
-    return text
+    return f"{got} is wrong; it has to be {_wanted(info)}"
 
 
 def _members(info: inspect.Type, hint: str = "") -> list[tuple[inspect.Type, str]]:
@@ -206,26 +202,6 @@ def _word_fault(word: object, choices: Sequence[object]) -> str:
     near = _nearest(str(word), [choice for choice in choices if isinstance(choice, str)])
     remedy = f"; did you mean {near}?" if near else ""
     return f"{str(word)[:40]!r} is none of {', '.join(map(str, choices))}{remedy}"
-
-
-def _key_remedy(word: str, known: Sequence[str], root: Any) -> str:  # noqa: ANN401
-    """Return where an unknown key belongs, the nearest key, or all keys."""
-    if homes := list(dict.fromkeys(_homes(word, root, ""))):
-        return f"{word} belongs under {' or '.join(homes)}"
-    near = _nearest(word, known)
-    return f"did you mean {near}?" if near else f"there are {', '.join(known)}"
-
-
-def _homes(word: str, hint: Any, path: str) -> Iterator[str]:  # noqa: ANN401
-    """Yield the paths of all sections that have a key of this name."""
-    for part in _parts(hint):
-        if hasattr(part, "__struct_fields__"):
-            for field in msgspec.structs.fields(part):
-                if field.encode_name == word:
-                    yield path or "the top level"
-                yield from _homes(word, field.type, item_path(path, field.encode_name))
-        elif get_origin(part) in (list, tuple):
-            yield from _homes(word, get_args(part)[0], path)
 
 
 def _nearest(word: str, choices: Sequence[str]) -> str | None:

@@ -17,7 +17,6 @@ import numpy as np
 import firmware_interface
 from firmware_interface.can import crc8
 from firmware_interface.chips import tca9548a
-from footsense.acquisition.scan_plan import scan_plan
 from footsense.config import Config
 from footsense.config.sections import Bus
 from footsense.daemon.estimation import pipeline_for
@@ -28,7 +27,7 @@ from footsense.ports import Clock, I2cBus, Transaction
 
 def sequential_scan(bus: I2cBus, clock: Clock, config: Config) -> None:
     """Convert and read every element of every leg of the first bus, one after the other."""
-    plan = scan_plan(config.rate_sps, config.board)
+    plan = config.scan_plan
     for channel in config.buses[0].channels.values():
         for step in plan.steps:
             bus.transfer(

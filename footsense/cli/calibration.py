@@ -27,7 +27,7 @@ from footsense.daemon.foot_types import released_path
 from footsense.errors import ConfigError, require
 from footsense.estimation.network import Network
 from footsense.foot.calibration_files import FootCalibration, Manifest, read_calibration
-from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors
+from footsense.foot.force_errors import ForceErrors
 from footsense.progress import file_progress_bar
 
 _recordings_argument = click.argument("recordings", nargs=-1, required=True, type=FILE)
@@ -71,7 +71,6 @@ def calibrate(
     began_ns = stopwatch_ns()
     check_calibration_target(folder / foot, replace=replace)
     sessions = _read_sessions(recordings, foot)
-    _echo_warnings([line for session in sessions for line in session.warnings])
     models, design = _load_design_models(sessions[0].foot_type, foot_type_folder)
     result = calibrate_sessions(models, sessions, hold_out)
     manifest = Manifest(
@@ -148,13 +147,13 @@ def evaluate(
             calibration.parameters,
         )
     evaluation = evaluate_sessions(sessions, models, parameters)
-    warnings = [line for session in sessions for line in session.warnings]
     used = set() if calibration is None else set(calibration.manifest.recordings.values())
     if fitted := [str(session.path) for session in sessions if session.sha256 in used]:
-        warnings.append(
-            f"the calibration was fitted on {', '.join(fitted)}: its errors there are smaller than on other loads"
+        click.echo(
+            f"warning: the calibration was fitted on {', '.join(fitted)}: its errors there are smaller than on "
+            "other loads",
+            err=True,
         )
-    _echo_warnings(warnings)
     rows = [
         ErrorRow(band.name, source, errors)
         for band in MAGNITUDE_BANDS
@@ -193,8 +192,6 @@ ERROR_COLUMNS: list[Column[ErrorRow]] = [
     Column("direction_p95_deg", lambda row: row.errors.direction_p95_deg, ">.2f", ("p95",)),
     Column("magnitude_gf", lambda row: row.errors.magnitude_gf, ">.2f", ("gf",)),
     Column("magnitude_p95_gf", lambda row: row.errors.magnitude_p95_gf, ">.2f", ("p95",)),
-    Column("magnitude_n", lambda row: row.errors.magnitude_gf * GRAM_FORCE_N, ">.4f", ("N",)),
-    Column("magnitude_p95_n", lambda row: row.errors.magnitude_p95_gf * GRAM_FORCE_N, ">.4f", ("p95",)),
 ]
 
 
@@ -248,13 +245,13 @@ def _calibration_figures(
 
 
 def _read_sessions(recordings: tuple[Path, ...], foot: str) -> list[RecordedSession]:
+    """Read recordings of a foot, and print what is doubtful in them."""
     with file_progress_bar("read", *recordings) as on_bytes_read:
-        return read_sessions(recordings, foot, on_bytes_read)
-
-
-def _echo_warnings(lines: Sequence[str]) -> None:
-    for line in lines:
-        click.echo(f"warning: {line}", err=True)
+        sessions = read_sessions(recordings, foot, on_bytes_read)
+    for session in sessions:
+        for line in session.warnings:
+            click.echo(f"warning: {line}", err=True)
+    return sessions
 
 
 def _load_design_models(foot_type: str, folder: Path | None) -> tuple[DesignModels, Path]:

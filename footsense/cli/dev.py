@@ -72,19 +72,17 @@ def _start_and_memory() -> dict[str, float]:
 
 
 @dev.command()
-@click.option("--list", "listed", is_flag=True, help="List modules and functions with their calls.")
-def trace(*, listed: bool) -> None:
-    """Count the modules, functions and Python calls of one conversion of six legs."""
+def trace() -> None:
+    """List the modules and functions of one conversion of six legs with their calls, and count them."""
     from footsense.benchmarks.trace import calls_per_conversion, functions_called_steadily
 
     calls = calls_per_conversion()
     steady = set(functions_called_steadily(calls))
-    if listed:
-        for module in sorted({module for module, _ in calls}):
-            inside = {name: n for (path, name), n in calls.items() if path == module}
-            click.echo(f"{sum(inside.values()):8.1f} {module}")
-            for name, n in sorted(inside.items(), key=lambda function: -function[1]):
-                click.echo(f"{n:17.2f} {name}{'' if (module, name) in steady else '  (rare)'}")
+    for module in sorted({module for module, _ in calls}):
+        inside = {name: n for (path, name), n in calls.items() if path == module}
+        click.echo(f"{sum(inside.values()):8.1f} {module}")
+        for name, n in sorted(inside.items(), key=lambda function: -function[1]):
+            click.echo(f"{n:17.2f} {name}{'' if (module, name) in steady else '  (rare)'}")
     click.echo(
         f"{len({module for module, _ in steady})} modules, {len(steady)} functions, "
         f"{sum(calls.values()):.0f} calls per conversion of six legs"

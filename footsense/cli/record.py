@@ -20,10 +20,10 @@ from footsense.cli.live import LiveView
 from footsense.cli.tables import echo_figures
 from footsense.config import DEFAULT, Config, load_config
 from footsense.config.contradictions import first_contradiction
-from footsense.config.test_stand import load_test_stand
+from footsense.config.test_stand import SimulatedSensor, load_test_stand
 from footsense.daemon.service import open_service
 from footsense.daemon.simulation import is_simulated
-from footsense.daemon.test_stand import StandSession, is_live, practice_scene, session_guide
+from footsense.daemon.test_stand import StandSession, practice_scene, session_guide
 from footsense.errors import CalibrationError, ConfigError
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.frames import ALL_LEGS, USABLE, Cycle, State, Vector
@@ -101,7 +101,7 @@ def record(
         scene = practice_scene(foot, row, session)
     console = Console()
     live = console.is_terminal
-    if scene is not None and is_live(test_stand):
+    if scene is not None and not isinstance(test_stand.sensor, SimulatedSensor):
         if realtime is False:
             raise ConfigError(
                 "--fast: the force sensor runs in real time; only a simulated one can run faster"

@@ -1,6 +1,5 @@
 """Command `footsense run`: the service (daemon), on a robot or in simulation."""
 
-import math
 import subprocess
 import sys
 import webbrowser
@@ -15,48 +14,21 @@ from msgspec.structs import replace
 
 from footsense.cli import options
 from footsense.cli.tables import echo_json, figures_table
-from footsense.clock import process_age_ns, resident_mib
+from footsense.clock import resident_mib
 from footsense.config import DEFAULT, load_config
 from footsense.config.sections import PageServer
 from footsense.daemon.service import open_service
 from footsense.daemon.simulation import is_simulated
-from footsense.frames import FAULT_FREE, Cycle, State
-from footsense.ports import Observer
+from footsense.frames import FAULT_FREE, State
 from footsense.ring.ring_file import default_ring, free_ring
 from footsense.sim.scene import load_scene
 from footsense.telemetry.run_statistics import RunStatistics
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from rich.console import Console
 
 _DEFAULT_SCENE = "tripod"
 _NS_PER_S = 1_000_000_000
-
-
-class RunProgress(Observer):
-    """Observer that keeps how long the process took to its first frame, and moves a progress bar on.
-
-    Args:
-        start_ns: Time at the start [ns].
-
-    Attributes:
-        process_age_s: Time from the start of the process to the first published frame [s]; None before it.
-        seconds_done: Takes the time of each frame since the start [s]; None without a bar.
-    """
-
-    def __init__(self, start_ns: int) -> None:
-        self._start_ns = start_ns
-        self.process_age_s: float | None = None
-        self.seconds_done: Callable[[float], None] | None = None
-
-    def observe(self, cycle: Cycle) -> None:
-        """Store the process's age at the first cycle; move the bar on."""
-        if self.process_age_s is None:
-            self.process_age_s = process_age_ns() * 1e-9
-        if self.seconds_done is not None:
-            self.seconds_done((cycle.forces.t_sent_ns - self._start_ns) / _NS_PER_S)
 
 
 @contextmanager
@@ -137,8 +109,6 @@ def run(
             service.legs, service.true_force_n_at, service.network.card.max_trained_force_n
         )
         service.observers.append(statistics)
-        progress = RunProgress(service.clock.now_ns())
-        service.observers.append(progress)
         title = f"{scene_name}, simulated" if scene else "on the robot"
         url = page.stdout.readline().strip() if page is not None and page.stdout is not None else ""
         if page is not None and not live:
@@ -150,16 +120,11 @@ def run(
 
             picture = partial(legs_table, service.legs, title, url, service.true_force_n_at)
             service.observers.append(stack.enter_context(closing(LiveView(_console(), picture))))
-        if scene and not paced and math.isfinite(duration_s):
-            from footsense.progress import progress_bar
-
-            progress.seconds_done = stack.enter_context(progress_bar("simulated", duration_s))
         service.run(lambda: stop.requested, service.clock.now_ns() + duration_s * _NS_PER_S)
     figures: dict[str, Any] = {
         "scene": scene_name,
         **statistics.summary(),
         **service.run_counts(),
-        "start_to_first_frame_s": progress.process_age_s,
         "resident_mib": resident_mib(),
     }
     if summary == "json":

@@ -5,7 +5,6 @@ import os
 import signal
 import threading
 from contextlib import suppress
-from ipaddress import ip_address
 from pathlib import Path
 
 import click
@@ -23,30 +22,11 @@ from footsense.view.recorded import RecordingSource
 from footsense.view.server import ViewServer
 
 
-def _parse_address(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
-    """Return a valid IP address; refuse the option otherwise.
-
-    Raises:
-        BadParameter: It is none.
-    """
-    del ctx, param
-    try:
-        return None if value is None else str(ip_address(value))
-    except ValueError:
-        raise click.BadParameter(
-            f"{value!r} is no IP address; 127.0.0.1 serves this computer alone"
-        ) from None
-
-
 @click.command()
 @click.argument("file", type=FILE, required=False)
 @config_option("all defaults of its section `view`")
 @ring_option
-@click.option(
-    "--address",
-    callback=_parse_address,
-    help="IP address to serve on, instead of view.address; 0.0.0.0 for every network.",
-)
+@click.option("--address", help="Address to serve on, instead of view.address; 0.0.0.0 for every network.")
 @click.option(
     "--port", type=click.IntRange(0, 65_535), help="TCP port, instead of view.port; 0: any free one."
 )

@@ -193,11 +193,10 @@ def leg_diagnoses(report: ProbedLeg) -> Iterator[Diagnosis]:
             f"{location}: its chips answer now and then; {n_lost} of {scans.reading.size} readings were lost"
         )
         yield Diagnosis(report.leg, observation, "its plug and cable: a loose contact")
-    elif chips is not None and chips.outcome is Reading.BUS_STUCK:
-        words = words_of_reading(chips.outcome)
-        yield Diagnosis(report.leg, f"{location}: {words.meaning}", words.remedy)
     elif chips is not None and chips_fail:
-        yield Diagnosis(report.leg, f"{location}: {chips.why}", words_of_reading(chips.outcome).remedy)
+        words = words_of_reading(chips.outcome)
+        why = words.meaning if chips.outcome is Reading.BUS_STUCK else chips.why
+        yield Diagnosis(report.leg, f"{location}: {why}", words.remedy)
     if report.timing is not None and report.timing.wait_factor > 1.0:
         slower = f"{100 * (report.timing.wait_factor - 1):.0f} %"
         observation = (

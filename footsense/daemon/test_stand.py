@@ -13,12 +13,7 @@ from footsense.calibration.checks import reference_findings
 from footsense.calibration.evaluation import estimate_loads
 from footsense.calibration.guide import SessionGuide
 from footsense.calibration.loads import CalibrationLoad, LoadSet
-from footsense.config.test_stand import (
-    NetFt,
-    SerialSensor,
-    SimulatedSensor,
-    StandConfig,
-)
+from footsense.config.test_stand import NetFt, SerialSensor, SimulatedSensor, StandConfig
 from footsense.daemon.acquisition import ScanSource
 from footsense.errors import ConfigError
 from footsense.estimation.network import Network
@@ -58,11 +53,6 @@ class StandSession:
             "leg": self.leg,
             "reference": msgspec.json.encode(self.test_stand).decode(),
         }
-
-
-def is_live(test_stand: StandConfig) -> bool:
-    """Return whether the sensor delivers data in real time (is not simulated)."""
-    return isinstance(test_stand.sensor, SerialSensor | NetFt)
 
 
 def open_sensor(test_stand: StandConfig, row: int, scan_source: ScanSource) -> ReferenceSensor:

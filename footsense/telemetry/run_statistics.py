@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from footsense.clock import process_age_ns
 from footsense.foot.directions import angles_between_deg
 from footsense.frames import FAULT_FREE, IS_USABLE_STATE, Codes, Cycle, Stamps, State, Vector
 from footsense.ports import Observer
@@ -41,6 +42,7 @@ class RunStatistics(Observer):
         self._loaded_n = LOADED_THRESHOLD_REL * max_n
         self._true_force_n_at = true_force_n_at
         self._cycles = 0
+        self._process_age_s: float | None = None
         self._first_ns = self._last_ns = 0
         self._states = np.zeros((len(legs), len(State)), np.int64)
         self._age_ms = Histogram(_AGE_BIN_MS, 500.0)
@@ -56,6 +58,7 @@ class RunStatistics(Observer):
         forces = cycle.forces
         if self._cycles == 0:
             self._first_ns = forces.t_sent_ns
+            self._process_age_s = process_age_ns() * 1e-9
         self._last_ns = forces.t_sent_ns
         self._cycles += 1
         true_n = self._true_force_n_at(forces.t_sent_ns) if self._true_force_n_at else forces.force_n
@@ -89,6 +92,7 @@ class RunStatistics(Observer):
         span_s = (self._last_ns - self._first_ns) * 1e-9
         summary: dict[str, object] = {
             "cycles": self._cycles,
+            "start_to_first_frame_s": self._process_age_s,
             "cycle_rate_hz": (self._cycles - 1) / span_s if span_s > 0 else None,
             "age_ms": {"p50": self._age_ms.quantile(0.5), "p99": self._age_ms.quantile(0.99)},
             "states": {
