@@ -17,26 +17,10 @@ from firmware_interface.can.codes import (
     Slip,
     State,
 )
-from firmware_interface.can.commands import ANSWER_ID, COMMAND_ID
 from firmware_interface.can.dbc import HEXAPOD_DBC, make_dbc
-from firmware_interface.can.force import FORCE_ID, QUALITY_ID
-from firmware_interface.can.gait import GAIT_EVENT_ID, GAIT_ID, GROUND_ID
-from firmware_interface.can.reports import BASELINE_ID, FAULT_ID, HEARTBEAT_ID
-from tests.contract.test_dbc_frames import DBC
+from tests.contract.test_frames import DBC, FRAMES, dbc_name
 
 LEGS = [leg.capitalize() for leg in NODE_IDS]
-SENDERS = {
-    "Force": (FORCE_ID, 8, "Footsense"),
-    "Quality": (QUALITY_ID, 8, "Footsense"),
-    "Baseline": (BASELINE_ID, 8, "Footsense"),
-    "Fault": (FAULT_ID, 6, "Footsense"),
-    "GaitEvent": (GAIT_EVENT_ID, 6, "Footsense"),
-    "Gait": (GAIT_ID, 5, "Footsense"),
-    "Ground": (GROUND_ID, 8, "Footsense"),
-    "Command": (COMMAND_ID, 8, "GaitController"),
-    "Answer": (ANSWER_ID, 4, "Footsense"),
-    "Heartbeat": (HEARTBEAT_ID, 1, "Footsense"),
-}
 
 
 def test_the_dbc_of_a_hexapod_is_the_committed_one() -> None:
@@ -51,15 +35,15 @@ def test_the_dbc_of_a_hexapod_is_the_committed_one() -> None:
 
 
 def test_every_leg_has_every_frame_and_there_are_no_others() -> None:
-    """Names, ids, lengths and senders are those of the codecs."""
+    """Names, ids and senders are those of the codecs."""
     expected = {
-        name + leg: (base + NODE_IDS[leg.lower()], length, sender)
-        for name, (base, length, sender) in SENDERS.items()
-        for leg in LEGS
+        dbc_name(kind, leg): (frame.base + node, "GaitController" if kind == "command" else "Footsense")
+        for kind, frame in FRAMES.items()
+        for leg, node in NODE_IDS.items()
     }
-    expected |= {"Forces": (FORCES_ID, 64, "Footsense"), "Forces4": (FORCES4_ID, 24, "Footsense")}
-    assert {m.name: (m.frame_id, m.length, m.senders[0]) for m in DBC.messages} == expected
-    assert [message.name for message in DBC.messages if message.is_fd] == ["Forces", "Forces4"]
+    expected |= {"Forces": (FORCES_ID, "Footsense"), "Forces4": (FORCES4_ID, "Footsense")}
+    assert {m.name: (m.frame_id, m.senders[0]) for m in DBC.messages} == expected
+    assert [(m.name, m.length) for m in DBC.messages if m.is_fd] == [("Forces", 64), ("Forces4", 24)]
     assert DBC.get_message_by_name("Forces4").dbc.attributes["CANFD_BRS"].value == 1
     assert not any(message.is_extended_frame for message in DBC.messages)
 

@@ -2,7 +2,6 @@
 
 import ctypes
 import json
-import math
 import re
 from pathlib import Path
 from typing import Any
@@ -22,25 +21,13 @@ from firmware_interface.can.codes import (
     Slip,
     State,
 )
-from firmware_interface.can.commands import ANSWER, ANSWER_ID, COMMAND_ID, Answer, encode_command
-from firmware_interface.can.crc8 import FrameError, protect
+from firmware_interface.can.commands import ANSWER, COMMAND_ID, Answer, encode_command
+from firmware_interface.can.crc8 import protect
 from firmware_interface.can.force import FORCE_ID, QUALITY_ID
 from firmware_interface.can.gait import (
-    GAIT,
     GAIT_EVENT,
     GAIT_EVENT_ID,
-    GAIT_ID,
-    GROUND,
-    GROUND_ID,
     GaitEventFrame,
-)
-from firmware_interface.can.reports import (
-    BASELINE,
-    BASELINE_ID,
-    FAULT,
-    FAULT_ID,
-    HEARTBEAT_ID,
-    decode_heartbeat,
 )
 from footsense.client import CommandAnswer, GaitEvents, Link, LinkLimits, PendingCommands
 from tests.contract import link_vectors
@@ -48,7 +35,6 @@ from tests.contract.c_decoder import SOURCES, CLink, compile_c, in_c_units, libr
 from tests.support.can_frames import encode_force, encode_quality
 
 LINK = json.loads(link_vectors.PATH.read_text())
-FRAMES = json.loads(link_vectors.PATH.with_name("can_frames.json").read_text())
 
 
 def test_the_vectors_are_those_that_the_script_makes() -> None:
@@ -139,117 +125,6 @@ def test_both_see_the_same_in_any_frames(
                 view = ours.leg(node, at_us * 1000)
                 assert theirs.look(node, at_us) == in_c_units(view)
                 assert not view.usable or (view.age_ns is not None and view.age_ns <= limits.max_age_ns)
-
-
-def c_decodes(name: str, can_id: int, data: bytes) -> tuple[int, ...] | None:
-    """Return the fields that C reads from a frame of events, each as a number; None if it refuses the frame."""
-    fields = {
-        "fault": "node counter state previous cause fault_mask:H",
-        "baseline": "node counter status mean_af:i worst_af:i age_ms:I",
-        "answer": "node result counter kind command_counter",
-        "gait_event": "node counter kind all_in_air:? sigma_us:H age_us:I",
-        "gait": "node counter contact:? contact_raw:? all_in_air:? slip probability:H load_share:H",
-        "ground": "node counter normal_x:h normal_y:h sigma:I use:H use_sigma:H friction:H",
-        "heartbeat": "node state degraded_timing:?",
-    }[name]
-    kinds = {
-        "B": ctypes.c_uint8,
-        "H": ctypes.c_uint16,
-        "h": ctypes.c_int16,
-        "i": ctypes.c_int32,
-        "I": ctypes.c_uint32,
-        "?": ctypes.c_bool,
-    }
-    named = [(field.partition(":")[0], kinds[field.partition(":")[2] or "B"]) for field in fields.split()]
-    out = type(name, (ctypes.Structure,), {"_fields_": named})()
-    decode = getattr(library(), f"footsense_decode_{name}")
-    decode.restype = ctypes.c_bool
-    if not decode(ctypes.c_uint16(can_id), data, ctypes.c_uint8(len(data)), ctypes.byref(out)):
-        return None
-    return tuple(getattr(out, field) for field, _ in named)
-
-
-def ours_decodes(name: str, can_id: int, data: bytes) -> tuple[int, ...] | None:
-    """Return the same from Python, in the units of C."""
-    try:
-        if name == "fault":
-            fault = FAULT.decode(can_id, data)
-            return (*fault[:4], fault.cause, fault.fault_mask)
-        if name == "answer":
-            node, counter, result, kind, asked = ANSWER.decode(can_id, data)
-            return node, result, counter, kind, asked
-        if name == "heartbeat":
-            return tuple(decode_heartbeat(can_id, data))
-        if name in {"gait_event", "gait", "ground"}:
-            return gait_in_c_units(name, can_id, data)
-        baseline = BASELINE.decode(can_id, data)
-    except FrameError:
-        return None
-    offsets = (-(2**31) if pf != pf else round(pf * 1e6) for pf in (baseline.mean_pf, baseline.worst_pf))  # noqa: PLR0124
-    age_ms = 0xFFFFFFFF if baseline.age_ns is None else baseline.age_ns // 1_000_000
-    return (baseline.node, baseline.counter, baseline.status, *offsets, age_ms)
-
-
-def whole(value: float, per_unit: float, none: int) -> int:
-    """Return a number as C says it."""
-    return none if math.isnan(value) else round(value * per_unit)
-
-
-def gait_in_c_units(name: str, can_id: int, data: bytes) -> tuple[int, ...]:
-    """Return a frame of the gait as C says it."""
-    if name == "gait_event":
-        event = GAIT_EVENT.decode(can_id, data)
-        age_us = 0xFFFFFFFF if event.age_ns is None else event.age_ns // 1000
-        sigma_us = whole(event.sigma_s, 1e6, 0xFFFF)
-        return event.node, event.counter, event.kind, event.all_in_air, sigma_us, age_us
-    if name == "gait":
-        gait = GAIT.decode(can_id, data)
-        return (*gait[:6], whole(gait.probability, 1000, 0xFFFF), whole(gait.load_share, 1000, 0xFFFF))
-    ground = GROUND.decode(can_id, data)
-    normal = (whole(part, 1000, -32768) for part in ground.normal[:2])
-    ratios = (whole(part, 1000, 0xFFFF) for part in ground[4:])
-    return (*ground[:2], *normal, whole(ground.normal_sigma_rad, 1e6, 0xFFFFFFFF), *ratios)
-
-
-EVENTS = {
-    "fault": (FAULT_ID, 6),
-    "baseline": (BASELINE_ID, 8),
-    "answer": (ANSWER_ID, 4),
-    "heartbeat": (HEARTBEAT_ID, 1),
-    "gait_event": (GAIT_EVENT_ID, 6),
-    "gait": (GAIT_ID, 5),
-    "ground": (GROUND_ID, 8),
-}
-
-
-@given(
-    st.sampled_from(sorted(EVENTS)), st.integers(0, 9), st.binary(min_size=8, max_size=8), st.integers(0, 8)
-)
-def test_both_read_and_refuse_the_same_events(name: str, node: int, payload: bytes, harm: int) -> None:
-    """Any contents, with one byte too many or one bit wrong now and then."""
-    base, length = EVENTS[name]
-    data = (payload + payload)[: length + (harm == 0)]
-    if length > 1:
-        data = protect(base + node, data[1:])
-    if harm == 1:
-        data = bytes([data[0] ^ 1]) + data[1:]
-    assert c_decodes(name, base + node, data) == ours_decodes(name, base + node, data)
-
-
-@pytest.mark.parametrize("name", ["fault", "baseline", "answer", "gait_event", "gait", "ground"])
-def test_both_read_the_vectors_of_events(name: str) -> None:
-    """Every vector is read, and by both alike."""
-    for vector in FRAMES[name]:
-        can_id, data = EVENTS[name][0] + vector["fields"][0], bytes.fromhex(vector["data"])
-        assert c_decodes(name, can_id, data) == ours_decodes(name, can_id, data) is not None
-
-
-@pytest.mark.parametrize("vector", FRAMES["refused_events"], ids=lambda vector: vector["why"])
-def test_both_refuse_codes_that_do_not_exist(vector: dict[str, Any]) -> None:
-    """The first code beyond the highest of each kind, under a right crc."""
-    frame = vector["kind"], vector["can_id"], bytes.fromhex(vector["data"])
-    assert c_decodes(*frame) is None
-    assert ours_decodes(*frame) is None
 
 
 @given(st.integers(0, 8), st.integers(0, 16), st.integers(0, 5))

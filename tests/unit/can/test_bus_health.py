@@ -42,14 +42,16 @@ def test_each_illness_is_told_with_its_own_number_of_bus_offs(caplog: pytest.Log
     health.check_recovery(100 * S)
     assert caplog.records == []
     for begin_ns, n_bus_off in ((100 * S, 3), (200 * S, 2)):
+        note(health, ErrorClass.CONTROLLER, begin_ns, TX_PASSIVE)
         for n in range(n_bus_off):
             note(health, ErrorClass.BUS_OFF, begin_ns + n)
         health.check_recovery(begin_ns + 99 * S)
         health.check_recovery(begin_ns + 99 * S)
     lines = [record.getMessage() for record in caplog.records]
     off = "CAN can0: bus-off: the wires are shorted, or the bit rates differ; frames are lost until the controller "
-    assert lines[::2] == [off + "restarts"] * 2
-    assert lines[1::2] == [f"CAN can0: no more errors; bus-off {n} times until then" for n in (3, 2)]
+    assert lines[::3] == ["CAN can0: error passive: nobody acknowledges, or the wires are bad"] * 2
+    assert lines[1::3] == [off + "restarts"] * 2
+    assert lines[2::3] == [f"CAN can0: no more errors; bus-off {n} times until then" for n in (3, 2)]
 
 
 def test_a_queue_that_is_full_now_and_then_is_told_once_and_at_its_end(

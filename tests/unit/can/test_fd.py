@@ -3,11 +3,10 @@
 from pathlib import Path
 
 import can
-import numpy as np
 import pytest
 
 from firmware_interface.can.all_legs import FORCES4_ID, FORCES_ID, decode_forces
-from firmware_interface.can.codes import NODE_IDS, Flag, State
+from firmware_interface.can.codes import NODE_IDS, Flag
 from footsense.can import channel
 from footsense.can.interface import Can
 from footsense.client import Link, LinkStatus
@@ -44,22 +43,6 @@ def test_one_frame_has_the_forces_of_all_legs(request: pytest.FixtureRequest, tm
     robot.close()
     logged = [message for message in can.LogReader(log) if message.arbitration_id == FORCES_ID]
     assert [message.is_fd and len(message.data) == 64 for message in logged] == [True] * 4
-
-
-def test_legs_in_the_air_and_legs_without_a_force_are_told(request: pytest.FixtureRequest) -> None:
-    """A leg that the robot does not have is absent; no number stands under a state that forbids it."""
-    robot = Robot(request.node.nodeid, ("lf", "rr"), fd=True)
-    robot.publish(MS)
-    (message,) = (m for m in robot.heard() if m.arbitration_id == FORCES_ID)
-    forces = decode_forces(FORCES_ID, bytes(message.data))
-    assert forces.all_in_air
-    assert [force.state for force, _ in forces.legs] == [State.VALID, *[State.ABSENT] * 4, State.VALID]
-    robot.publish(2 * MS, State.STALE)
-    (message,) = (m for m in robot.heard() if m.arbitration_id == FORCES_ID)
-    forces = decode_forces(FORCES_ID, bytes(message.data))
-    assert not forces.all_in_air
-    assert all(np.isnan(force.force_n).all() and quality.age_ns is None for force, quality in forces.legs)
-    robot.close()
 
 
 def test_a_seventh_and_eighth_leg_have_a_frame_of_their_own(request: pytest.FixtureRequest) -> None:

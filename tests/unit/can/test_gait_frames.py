@@ -1,9 +1,7 @@
 """The legs' gait on CAN, and what a client makes of it."""
 
-import math
 from collections.abc import Iterator
 
-import numpy as np
 import pytest
 
 from firmware_interface.can.codes import GaitEventKind, Slip
@@ -58,36 +56,6 @@ def test_contact_and_ground_come_ten_times_a_second(robot: Robot) -> None:
     assert leg.ground[3:] == pytest.approx((0.05, 0.2, 0.012, 0.6))
     gone = reports.leg(1, 301 * MS)
     assert (gone.gait, gone.ground) == (None, None)
-
-
-def test_what_is_not_known_has_no_value(robot: Robot) -> None:
-    """NaN stays NaN; all feet in the air are said."""
-    nan = np.full(1, np.nan)
-    unknown = gait_frame(
-        MS,
-        contact=np.zeros(1, bool),
-        all_in_air=True,
-        probability=nan,
-        load_share=nan,
-        normal=np.full((1, 3), np.nan),
-        normal_sigma_rad=nan,
-        tangential_over_normal=nan,
-        tangential_over_normal_sigma=nan,
-        friction=math.nan,
-        slip=np.full(1, Slip.UNKNOWN, np.uint8),
-    )
-    robot.publish(MS, gait=unknown)
-    robot.publish(4 * MS)
-    reports = Reports()
-    for message in robot.heard():
-        reports.feed(message.arbitration_id, bytes(message.data), 0)
-    leg = reports.leg(1, 0)
-    assert leg.gait is not None
-    assert leg.ground is not None
-    assert leg.gait.all_in_air
-    assert leg.gait.slip is Slip.UNKNOWN
-    numbers = (leg.gait.probability, leg.gait.load_share, *leg.ground.normal, *leg.ground[3:])
-    assert all(map(math.isnan, numbers))
 
 
 def test_an_event_that_the_channel_did_not_take_is_sent_later_and_once(

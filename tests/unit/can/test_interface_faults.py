@@ -157,37 +157,6 @@ def test_the_deployed_settings_are_what_keeps_old_frames_away(
     assert sum(h.wait_ns > MAX_AGE_NS for h in walk.heard) == n_late
 
 
-@pytest.mark.parametrize("unplugged", [False, True])
-def test_an_interface_that_comes_back_is_used_again_soon(
-    *, unplugged: bool, caplog: pytest.LogCaptureFixture
-) -> None:
-    """Down, or unplugged and new: the sink drops and counts, tries again, and says each once."""
-    walk = CanWalk([CanDown(at_s=0.5, until_s=4.0, unplugged=unplugged)])
-    walk.walk(6.0)
-    times_s = [h.t_ns / 1e9 for h in walk.forces(1)]
-    (gap,) = [(a, b) for a, b in itertools.pairwise(times_s) if b - a > 0.1]
-    assert gap[0] < 0.5
-    assert 4.0 < gap[1] < 4.3
-    assert walk.sink.stats.reopened == 1
-    lost, back = (record.getMessage() for record in caplog.records)
-    assert "can0 (socketcan) is down; try: ip link" in lost or "does not exist" in lost
-    assert lost.endswith("no frame goes out until it is back")
-    assert "CAN channel can0 (socketcan) is back after" in back
-
-
-def test_a_short_is_told_once_and_counted_each_time(caplog: pytest.LogCaptureFixture) -> None:
-    """A bus that is bus-off ten times a second does not fill the journal."""
-    walk = CanWalk([CanBusOff(at_s=0.5, until_s=2.5)])
-    walk.walk(6.0)
-    lines = [record.getMessage() for record in caplog.records]
-    assert walk.sink.stats.bus_off == walk.can.controller.n_bus_off > 10
-    assert [line.partition(";")[0] for line in lines] == [
-        "CAN can0: error passive: nobody acknowledges, or the wires are bad",
-        "CAN can0: bus-off: the wires are shorted, or the bit rates differ",
-        "CAN can0: no more errors",
-    ]
-
-
 def test_a_full_queue_costs_all_legs_the_same() -> None:
     """A scan that is cut somewhere lets the next begin with the leg that came off badly."""
     interface = CanSettings(queue_frames=5, head_drop=False, one_shot=False, restart_ns=0)
@@ -212,15 +181,6 @@ def test_more_than_the_bus_takes_thins_the_scans_and_ages_none() -> None:
     heard = [len(walk.forces(node)) for node in range(1, 7)]
     assert 0.5 * walk.n_scans < min(heard) <= max(heard) < walk.n_scans
     assert walk.worst_wait_ms < 6.0
-
-
-def test_a_fault_report_that_found_no_room_goes_out_later() -> None:
-    """With the fault as it then is; a report is not lost, however long the bus was away."""
-    walk = CanWalk([CanDown(at_s=0.01, until_s=1.0)])
-    walk.walk(3.0)
-    reports = [h for h in walk.heard if h.can_id >> 4 == 0x08]
-    assert [h.can_id for h in reports] == [0x081, 0x082, 0x083, 0x084, 0x085, 0x086]
-    assert {h.data[1] & 0xF for h in reports} == {0}
 
 
 def test_six_legs_leave_no_trace_of_a_day_in_memory() -> None:

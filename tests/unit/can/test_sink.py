@@ -1,6 +1,5 @@
 """What the sink sends, and when."""
 
-import math
 from pathlib import Path
 from typing import Any
 
@@ -83,32 +82,6 @@ def test_changes_in_every_cycle_are_sent_with_every_other(request: pytest.Fixtur
     robot.publish(20 * MS, fault_mask=20)
     robot.publish(21 * MS, fault_mask=20)
     assert [round(m.timestamp * 1e3) for m in robot.heard(0x180)] == [0, *range(1, 22, 2)]
-    robot.close()
-
-
-def test_no_number_leaves_under_a_state_that_forbids_it(robot: Robot) -> None:
-    """A leg whose state is not usable sends it and `no value`."""
-    robot.publish(MS, State.STALE)
-    force = FORCE.decode(0x181, bytes(robot.heard(0x180)[0].data))
-    assert force.state == State.STALE
-    assert all(math.isnan(component) for component in force.force_n)
-
-
-def test_a_degraded_leg_sends_its_force_its_sigma_and_what_is_open(robot: Robot) -> None:
-    """All that a consumer needs to weigh it."""
-    robot.publish(MS, State.DEGRADED, fault_mask=0b000111000)
-    messages = {m.arbitration_id: bytes(m.data) for m in robot.heard()}
-    force, quality = FORCE.decode(0x181, messages[0x181]), QUALITY.decode(0x281, messages[0x281])
-    assert (force.state, force.force_n) == (State.DEGRADED, (0.5, 0.5, 0.5))
-    assert (quality.fault_mask, quality.sigma_n) == (0b000111000, (0.01, 0.01, 0.01))
-    assert FAULT.decode(0x081, messages[0x081])[2:5] == (State.DEGRADED, State.STOPPED, 0b000111000)
-
-
-def test_a_leg_that_was_not_measured_has_no_age(request: pytest.FixtureRequest) -> None:
-    """The stamp 0 means that there was no measurement, not that it is as old as the robot."""
-    robot = Robot(request.node.nodeid)
-    robot.publish(5 * MS, State.ABSENT, age_ns=5 * MS)
-    assert QUALITY.decode(0x281, bytes(robot.heard(0x280)[0].data)).age_ns is None
     robot.close()
 
 
@@ -209,17 +182,6 @@ def test_the_tares_of_a_start_are_told_a_few_a_scan(request: pytest.FixtureReque
     robot.close()
 
 
-def test_heartbeats_tell_degraded_timing(robot: Robot) -> None:
-    """As the flag of the forces, to the last one."""
-    robot.publish(0, flags=Flag.DEGRADED_TIMING)
-    robot.sink.close()
-    beats = [decode_heartbeat(0x701, bytes(m.data)) for m in robot.heard(0x700)]
-    assert [(beat.state, beat.degraded_timing) for beat in beats] == [
-        (NmtState.OPERATIONAL, True),
-        (NmtState.STOPPED, True),
-    ]
-
-
 def test_the_baseline_is_sent_once_a_second(robot: Robot) -> None:
     """Where it stands, and how long ago it moved; of a leg without one, that there is none."""
     robot.publish(0)
@@ -283,10 +245,15 @@ def test_a_full_channel_drops_frames_and_the_consumer_sees_the_gap(
 
 
 def test_closing_says_stopped_for_every_leg_and_twice_is_once(request: pytest.FixtureRequest) -> None:
-    """The last thing that a consumer hears of each leg is `stopped`."""
+    """The last thing that a consumer hears of each leg is `stopped`, with degraded timing as the forces had it."""
     robot = Robot(request.node.nodeid, ("lf", "rr"))
+    robot.publish(0, flags=Flag.DEGRADED_TIMING)
     robot.sink.close()
     robot.sink.close()
-    last = [decode_heartbeat(m.arbitration_id, bytes(m.data))[:2] for m in robot.heard()]
-    assert last == [(1, NmtState.STOPPED), (6, NmtState.STOPPED)]
+    beats = [decode_heartbeat(m.arbitration_id, bytes(m.data)) for m in robot.heard(0x700)]
+    assert beats == [
+        (1, NmtState.OPERATIONAL, True),
+        (1, NmtState.STOPPED, True),
+        (6, NmtState.STOPPED, True),
+    ]
     robot.consumer.shutdown()

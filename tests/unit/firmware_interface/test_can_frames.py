@@ -1,8 +1,4 @@
-import json
 import math
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import example, given
@@ -10,28 +6,21 @@ from hypothesis import strategies as st
 
 from firmware_interface.can.codes import USABLE, BaselineStatus, CommandKind, GaitEventKind, State
 from firmware_interface.can.commands import (
-    ANSWER,
     COMMAND,
     COMMAND_ID,
-    Answer,
-    encode_command,
 )
 from firmware_interface.can.crc8 import FrameError, protect
 from firmware_interface.can.force import FORCE, FORCE_ID, QUALITY, QUALITY_ID, ForceQualityEncoder
-from firmware_interface.can.gait import GAIT, GAIT_EVENT, GROUND, Gait, GaitEventFrame, Ground
+from firmware_interface.can.gait import GAIT_EVENT, GROUND, GaitEventFrame, Ground
 from firmware_interface.can.reports import (
     BASELINE,
     BASELINE_ID,
-    FAULT,
     HEARTBEAT_ID,
     Baseline,
-    Fault,
     decode_heartbeat,
 )
 from firmware_interface.can.socketcan import pack_frame
 from tests.support.can_frames import encode_force, encode_quality
-
-VECTORS = json.loads((Path(__file__).parents[3] / "firmware_interface/vectors/can_frames.json").read_text())
 
 nodes = st.integers(1, 8)
 counters = st.integers(0, 14)
@@ -39,11 +28,6 @@ masks = st.integers(0, 0x1FF)
 numbers = st.floats(allow_nan=False)
 vectors = st.tuples(numbers, numbers, numbers)
 forces = st.tuples(*[st.floats(allow_nan=False, allow_infinity=False)] * 3)
-
-
-def numbers_of(values: list[float | None]) -> tuple[float, ...]:
-    """Return a vector of the JSON file, in which null stands for no value."""
-    return tuple(math.nan if value is None else value for value in values)
 
 
 @given(nodes, counters, st.sampled_from(sorted(USABLE)), forces)
@@ -134,57 +118,6 @@ def test_other_bytes_are_no_heartbeat() -> None:
     for data in (b"", b"\x42", b"\x05\x05"):
         with pytest.raises(FrameError, match="is no heartbeat"):
             decode_heartbeat(HEARTBEAT_ID + 6, data)
-
-
-@pytest.mark.parametrize(
-    ("kind", "base", "decode", "encode"),
-    [
-        ("force", FORCE_ID, FORCE.decode, encode_force),
-        ("quality", QUALITY_ID, QUALITY.decode, encode_quality),
-    ],
-)
-def test_force_and_quality_vectors(
-    kind: str, base: int, decode: Callable[[int, bytes], Any], encode: Callable[..., bytes]
-) -> None:
-    """The vectors that the C decoder shares hold in both directions."""
-    for vector in VECTORS[kind]:
-        data = bytes.fromhex(vector.pop("data"))
-        *fields, numbers = vector.values()
-        read = decode(base + vector["node"], data)
-        assert read[:-1] == tuple(fields)
-        assert read[-1] == pytest.approx(numbers_of(numbers), nan_ok=True)
-        assert encode(*read) == data
-
-
-@pytest.mark.parametrize("vector", VECTORS["refused"], ids=lambda vector: vector["why"])
-def test_refused_vectors(vector: dict[str, Any]) -> None:
-    """Frames that must not be used, with the reason."""
-    with pytest.raises(FrameError):
-        FORCE.decode(vector["can_id"], bytes.fromhex(vector["data"]))
-
-
-#: How the frames of each kind of vector are written, and which of their fields is an age, which None leaves open.
-EVENTS: dict[str, tuple[Callable[..., bytes], int]] = {
-    "fault": (lambda *fields: FAULT.encode(Fault(*fields)), -1),
-    "baseline": (lambda *fields: BASELINE.encode(Baseline(*fields)), 5),
-    "command": (lambda node, counter, kind: encode_command(node, counter, CommandKind(kind)), -1),
-    "answer": (lambda *fields: ANSWER.encode(Answer(*fields)), -1),
-    "gait_event": (lambda *fields: GAIT_EVENT.encode(GaitEventFrame(*fields)), 3),
-    "gait": (lambda *fields: GAIT.encode(Gait(*fields)), -1),
-    "ground": (
-        lambda node, counter, x, y, *rest: GROUND.encode(Ground(node, counter, (x, y, 0.0), *rest)),
-        -1,
-    ),
-}
-
-
-@pytest.mark.parametrize("kind", EVENTS)
-def test_event_vectors(kind: str) -> None:
-    """The vectors that the C code shares are what is written here; `tests/contract` reads them, and others."""
-    encode, age_at = EVENTS[kind]
-    for vector in VECTORS[kind]:
-        fields = [math.nan if v is None and n != age_at else v for n, v in enumerate(vector["fields"])]
-        assert encode(*fields).hex() == vector["data"]
 
 
 @given(st.floats(), st.floats(), st.one_of(st.none(), st.integers()))
