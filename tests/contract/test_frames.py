@@ -62,7 +62,7 @@ class Field(NamedTuple):
     c_type: str = "B"
     per_unit: float = 1
 
-    def of(self, content: Any) -> Any:
+    def of(self, content: Any) -> float:
         """Return the number of a decoded frame; NaN for none."""
         name, *parts = self.name.split(".")
         value = reduce(
@@ -70,7 +70,7 @@ class Field(NamedTuple):
             parts,
             getattr(content, name),
         )
-        return math.nan if value is None else value
+        return math.nan if value is None else float(value)
 
     def in_c(self, content: Any) -> int:
         """Return it as C says it."""
