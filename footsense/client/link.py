@@ -7,6 +7,7 @@ Source:
     AUTOSAR FO R22-11, PRS E2EProtocol, E2E state machine; here with a timeout and an age limit.
 """
 
+import math
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
@@ -19,8 +20,7 @@ from firmware_interface.can.force import FORCE, FORCE_ID, QUALITY, QUALITY_ID, F
 #: CAN ids of the accepted frames.
 LINK_IDS = (*(base + node for base in (FORCE_ID, QUALITY_ID) for node in NODE_IDS.values()), *NODES_OF_FRAME)
 
-_NAN = float("nan")
-_NO_FORCE = (_NAN, _NAN, _NAN)
+_NO_FORCE = (math.nan, math.nan, math.nan)
 
 
 class LinkStatus(IntEnum):
@@ -155,8 +155,7 @@ class _LegStateMachine:
 
     def __init__(self, limits: LinkLimits) -> None:
         self._limits = limits
-        self._force: Force | None = None  # the last one complete with its quality
-        self._quality: Quality | None = None
+        self._last: tuple[Force, Quality] | None = None  # the last force that is complete
         self._state = State.ABSENT  # as last reported
         self._arrived_ns = 0
         self._next: dict[type, Force | Quality] = {}  # the halves received so far
@@ -167,7 +166,7 @@ class _LegStateMachine:
 
     def process_frame(self, half: Force | Quality, now_ns: int) -> None:
         """Process a `Force` or `Quality` frame with a valid CRC."""
-        if not self._is_silent(now_ns) and self._force and half.counter == self._force.counter:
+        if not self._is_silent(now_ns) and self._last and half.counter == self._last[0].counter:
             self._mark_repeated()
             return
         counters = {other.counter for other in self._next.values()}
@@ -194,34 +193,33 @@ class _LegStateMachine:
 
     def force_at(self, now_ns: int) -> LegForce:
         """Return the latest force, and whether it may be used at `now_ns`."""
-        status = self._status_at(now_ns)
-        state, force, quality = self._state, self._force, self._quality
+        status, state = self._status_at(now_ns), self._state
+        if self._last is None:
+            return LegForce(status, False, state, Flag(0), 0, _NO_FORCE, _NO_FORCE, None)
+        force, quality = self._last
         allowed = state == State.VALID or (state == State.DEGRADED and self._limits.accept_degraded)
         usable = status in {LinkStatus.OK, LinkStatus.LOST} and allowed
-        flags, mask = (quality.flags, quality.fault_mask) if quality else (Flag(0), 0)
-        if (
-            not usable
-            or force is None
-            or quality is None
-            or quality.age_ns is None
-            or _has_invalid_component(force)
-        ):
-            return LegForce(status, False, state, flags, mask, _NO_FORCE, _NO_FORCE, None)
+        if not usable or quality.age_ns is None or any(map(math.isnan, force.force_n)):
+            return LegForce(
+                status, False, state, quality.flags, quality.fault_mask, _NO_FORCE, _NO_FORCE, None
+            )
         age_ns = quality.age_ns + now_ns - self._arrived_ns
-        return LegForce(status, True, state, flags, mask, force.force_n, quality.sigma_n, age_ns)
+        return LegForce(
+            status, True, state, quality.flags, quality.fault_mask, force.force_n, quality.sigma_n, age_ns
+        )
 
     def _accept_force(self, force: Force, quality: Quality, now_ns: int) -> None:
         """Store a force once both of its frames (`Force`, `Quality`) have arrived."""
         counts, delta = True, 1
-        if self._is_silent(now_ns) or self._force is None:
+        if self._is_silent(now_ns) or self._last is None:
             self._reset(LinkStatus.STALE)  # after a silence the sender may have restarted: ignore the counter
         else:
-            delta = (force.counter - self._force.counter) % COUNTER_PERIOD
+            delta = (force.counter - self._last[0].counter) % COUNTER_PERIOD
             if delta > self._limits.max_delta:
                 self._reset(LinkStatus.WRONG)
                 self._wrong_ns = now_ns
                 counts = False
-        self._force, self._quality, self._state = force, quality, force.state
+        self._last, self._state = (force, quality), force.state
         self._arrived_ns = self._next_ns
         self._n_good += counts
         if self._has_enough_good_forces():
@@ -243,7 +241,7 @@ class _LegStateMachine:
 
     def _is_silent(self, now_ns: int) -> bool:
         """Return whether no complete force has arrived yet, or none for longer than the timeout."""
-        return self._force is None or _has_elapsed(now_ns, self._arrived_ns, self._limits.timeout_ns)
+        return self._last is None or _has_elapsed(now_ns, self._arrived_ns, self._limits.timeout_ns)
 
     def _status_at(self, now_ns: int) -> LinkStatus:
         """Return the status of the forces at a time [ns]."""
@@ -257,15 +255,10 @@ class _LegStateMachine:
 
     def _is_too_old(self, now_ns: int) -> bool:
         """Return whether the latest force is older than the age limit."""
-        age_ns = self._quality.age_ns if self._quality else None
+        age_ns = self._last[1].age_ns if self._last else None
         return age_ns is None or _has_elapsed(now_ns, self._arrived_ns, self._limits.max_age_ns - age_ns)
 
 
 def _has_elapsed(now_ns: int, since_ns: int, limit_ns: int) -> bool:
     """Return whether more than `limit_ns` has passed since `since_ns`; True if the clock ran backwards."""
     return not 0 <= now_ns - since_ns <= limit_ns
-
-
-def _has_invalid_component(force: Force) -> bool:
-    """Return whether a component of the force is not a number."""
-    return any(component != component for component in force.force_n)  # noqa: PLR0124 - NaN

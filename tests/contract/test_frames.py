@@ -33,6 +33,7 @@ from firmware_interface.can.reports import (
     decode_heartbeat,
     encode_heartbeat,
 )
+from firmware_interface.can.signals import Codec
 from tests.contract.c_decoder import library
 from tests.support.can_frames import encode_force, encode_quality
 
@@ -118,56 +119,45 @@ class Frame(NamedTuple):
         return [field.in_c(content) for field in self.fields if field.c_type]
 
 
-HEAD = (Field("node"), Field("counter", "COUNTER"))
+def frame_of(codec: Codec[Any], *fields: Field, encode: Callable[[Any], bytes] | None = None) -> Frame:
+    """Return the frame of a codec, with its fields behind node and counter."""
+    head = Field("node"), Field("counter", "COUNTER")
+    return Frame(codec.can_id, codec.decode, encode or codec.encode, (*head, *fields))
+
+
 FRAMES = {
-    "force": Frame(
-        FORCE.can_id,
-        FORCE.decode,
-        lambda content: encode_force(*content),
-        (
-            *(*HEAD, Field("state", "State")),
-            *(Field(f"force_n.{n}", f"Force{axis}", 1, "h", 1e3) for n, axis in enumerate("XYZ")),
-        ),
+    "force": frame_of(
+        FORCE,
+        Field("state", "State"),
+        *(Field(f"force_n.{n}", f"Force{axis}", 1, "h", 1e3) for n, axis in enumerate("XYZ")),
+        encode=lambda content: encode_force(*content),
     ),
-    "quality": Frame(
-        QUALITY.can_id,
-        QUALITY.decode,
-        lambda content: encode_quality(*content),
-        (
-            *(*HEAD, Field("flags"), Field("fault_mask", "FaultMask", 1, "H")),
-            *(Field(f"sigma_n.{n}", f"Sigma{axis}", 1, "H", 1e3) for n, axis in enumerate("XYZ")),
-            Field("age_ns", "Age", 1e6, "I", 1e-3),
-            *(Field(f"flags.{f.name}", str(f.name).title().replace("_", ""), 1, "") for f in Flag),
-        ),
+    "quality": frame_of(
+        QUALITY,
+        Field("flags"),
+        Field("fault_mask", "FaultMask", 1, "H"),
+        *(Field(f"sigma_n.{n}", f"Sigma{axis}", 1, "H", 1e3) for n, axis in enumerate("XYZ")),
+        Field("age_ns", "Age", 1e6, "I", 1e-3),
+        *(Field(f"flags.{f.name}", str(f.name).title().replace("_", ""), 1, "") for f in Flag),
+        encode=lambda content: encode_quality(*content),
     ),
-    "fault": Frame(
-        FAULT.can_id,
-        FAULT.decode,
-        FAULT.encode,
-        (
-            *(*HEAD, Field("state", "State"), Field("previous", "PreviousState"), Field("cause", "Cause")),
-            Field("fault_mask", "FaultMask", 1, "H"),
-        ),
+    "fault": frame_of(
+        FAULT,
+        Field("state", "State"),
+        Field("previous", "PreviousState"),
+        Field("cause", "Cause"),
+        Field("fault_mask", "FaultMask", 1, "H"),
     ),
-    "baseline": Frame(
-        BASELINE.can_id,
-        BASELINE.decode,
-        BASELINE.encode,
-        (
-            *(*HEAD, Field("status", "Status"), Field("mean_pf", "MeanOffset", 1e-3, "i", 1e6)),
-            *(Field("worst_pf", "WorstOffset", 1e-3, "i", 1e6), Field("age_ns", "Age", 1e9, "I", 1e-6)),
-        ),
+    "baseline": frame_of(
+        BASELINE,
+        Field("status", "Status"),
+        Field("mean_pf", "MeanOffset", 1e-3, "i", 1e6),
+        Field("worst_pf", "WorstOffset", 1e-3, "i", 1e6),
+        Field("age_ns", "Age", 1e9, "I", 1e-6),
     ),
-    "command": Frame(
-        COMMAND.can_id,
-        COMMAND.decode,
-        COMMAND.encode,
-        (*HEAD, Field("kind", "Kind"), Field("word", "Word")),
-    ),
+    "command": frame_of(COMMAND, Field("kind", "Kind"), Field("word", "Word")),
     "answer": Frame(
-        ANSWER.can_id,
-        ANSWER.decode,
-        ANSWER.encode,
+        *(ANSWER.can_id, ANSWER.decode, ANSWER.encode),
         (
             *(Field("node"), Field("result", "Result"), Field("counter", "COUNTER")),
             *(Field("command_kind", "Kind"), Field("command_counter", "CommandCounter")),
@@ -179,39 +169,30 @@ FRAMES = {
         lambda content: encode_heartbeat(content.state, degraded_timing=content.degraded_timing),
         (Field("node"), Field("state", "NmtState"), Field("degraded_timing", "DegradedTiming", 1, "?")),
     ),
-    "gait_event": Frame(
-        GAIT_EVENT.can_id,
-        GAIT_EVENT.decode,
-        GAIT_EVENT.encode,
-        (
-            *(*HEAD, Field("kind", "Kind"), Field("all_in_air", "AllInAir", 1, "?")),
-            *(Field("sigma_s", "Sigma", 1e-3, "H", 1e6), Field("age_ns", "Age", 1e6, "I", 1e-3)),
-        ),
+    "gait_event": frame_of(
+        GAIT_EVENT,
+        Field("kind", "Kind"),
+        Field("all_in_air", "AllInAir", 1, "?"),
+        Field("sigma_s", "Sigma", 1e-3, "H", 1e6),
+        Field("age_ns", "Age", 1e6, "I", 1e-3),
     ),
-    "gait": Frame(
-        GAIT.can_id,
-        GAIT.decode,
-        GAIT.encode,
-        (
-            *(*HEAD, Field("contact", "Contact", 1, "?"), Field("contact_raw", "ContactRaw", 1, "?")),
-            *(Field("all_in_air", "AllInAir", 1, "?"), Field("slip", "Slip")),
-            *(
-                Field("probability", "Probability", 1, "H", 1e3),
-                Field("load_share", "LoadShare", 1, "H", 1e3),
-            ),
-        ),
+    "gait": frame_of(
+        GAIT,
+        Field("contact", "Contact", 1, "?"),
+        Field("contact_raw", "ContactRaw", 1, "?"),
+        Field("all_in_air", "AllInAir", 1, "?"),
+        Field("slip", "Slip"),
+        Field("probability", "Probability", 1, "H", 1e3),
+        Field("load_share", "LoadShare", 1, "H", 1e3),
     ),
-    "ground": Frame(
-        GROUND.can_id,
-        GROUND.decode,
-        GROUND.encode,
-        (
-            *(*HEAD, Field("normal.0", "NormalX", 1, "h", 1e3), Field("normal.1", "NormalY", 1, "h", 1e3)),
-            Field("normal_sigma_rad", "NormalSigma", 1, "I", 1e6),
-            Field("tangential_over_normal", "TangentialOverNormal", 1, "H", 1e3),
-            Field("tangential_over_normal_sigma", "TangentialOverNormalSigma", 1, "H", 1e3),
-            Field("friction", "Friction", 1, "H", 1e3),
-        ),
+    "ground": frame_of(
+        GROUND,
+        Field("normal.0", "NormalX", 1, "h", 1e3),
+        Field("normal.1", "NormalY", 1, "h", 1e3),
+        Field("normal_sigma_rad", "NormalSigma", 1, "I", 1e6),
+        Field("tangential_over_normal", "TangentialOverNormal", 1, "H", 1e3),
+        Field("tangential_over_normal_sigma", "TangentialOverNormalSigma", 1, "H", 1e3),
+        Field("friction", "Friction", 1, "H", 1e3),
     ),
 }
 #: C writes commands, and reads all others.
