@@ -122,12 +122,17 @@ class CanChannel:
         self._gone: CanWire | None = None  # lost, and not closed yet
         self._is_real = connect is None
         self._opening: _OpenAttempt | None = None
-        self._wire: CanWire | None = self._connect()
+        wire = self._connect()
         try:
-            self._send_first_frames(first_frames)
-        except BaseException:
-            self.close()
-            raise
+            taken = wire.send(
+                first_frames, 0
+            )  # without a listener the queue is full at once, which is no error
+        except OSError as error:
+            wire.close()
+            raise CanError(self._explained(error)) from error
+        self._wire: CanWire | None = wire
+        stats.sent += taken
+        stats.dropped += len(first_frames) - taken
 
     def send(self, frames: Sequence[bytes], t_ns: int) -> int:
         """Send frames without waiting, and drop those that do not fit; return the number accepted.
@@ -146,7 +151,9 @@ class CanChannel:
                 self._back_off_after_failure(error)
             else:
                 if self._back_off_ns:
-                    self._log_recovery_and_reset_back_off()
+                    self._back_off_ns = 0
+                    self.stats.reopened += 1
+                    _log.warning("%s is back after %.1f s", self._name, (t_ns - self._lost_ns) / 1e9)
                 if taken < n:
                     self._health.log_queue_full(t_ns)
         self.stats.sent += taken
@@ -180,20 +187,6 @@ class CanChannel:
             self._wire.close()
             self._wire = None
 
-    def _send_first_frames(self, frames: Sequence[bytes]) -> None:
-        """Send as many of the frames as the socket accepts.
-
-        Raises:
-            CanError: The channel is down. A full queue is no error: without a listener it fills at once.
-        """
-        assert self._wire is not None
-        try:
-            taken = self._wire.send(frames, 0)
-        except OSError as error:
-            raise CanError(self._explained(error)) from error
-        self.stats.sent += taken
-        self.stats.dropped += len(frames) - taken
-
     def _back_off_after_failure(self, error: OSError) -> None:
         """Double the time until the next attempt to reopen; close the socket unless the interface is only down."""
         if error.errno != errno.ENETDOWN and self._wire is not None:
@@ -216,12 +209,6 @@ class CanChannel:
         if self._wire is None:
             self._back_off_after_failure(OSError(None, opening.error))
         return self._wire
-
-    def _log_recovery_and_reset_back_off(self) -> None:
-        """Log that the interface works again, and reset the back-off."""
-        self._back_off_ns = 0
-        self.stats.reopened += 1
-        _log.warning("%s is back after %.1f s", self._name, (self._t_ns - self._lost_ns) / 1e9)
 
 
 def open_socket(can: Can, accept: Collection[int]) -> "SocketWire":

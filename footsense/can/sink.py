@@ -20,6 +20,7 @@ which is their purpose.
 
 from collections.abc import Callable
 from heapq import heapify, heapreplace
+from typing import Any
 
 from firmware_interface.can.all_legs import NODES_OF_FRAME, encode_forces
 from firmware_interface.can.codes import NODE_IDS, Flag, NmtState
@@ -126,7 +127,10 @@ class CanSink:
         gait = self._gait
         if frame.gait is not None:
             gait.queue_gait(frame.gait)
-        unreported = [] if present == self._reported else self._unreported_fault_changes(present)
+        unreported: list[tuple[CanLeg, Any]] = []
+        if present != self._reported:
+            of_legs = zip(self._legs, zip(*present, strict=True), strict=True)
+            unreported = [(leg, report) for leg, report in of_legs if leg.reported != report]
         reports = unreported[:_MAX_EXTRA_FRAMES]
         frames = gait.event_frames(t_ns, _MAX_EXTRA_FRAMES - len(reports)) if gait.events else []
         n_events = n_before = len(frames)
@@ -172,22 +176,12 @@ class CanSink:
         force_n, sigma_n = frame.force_n, frame.sigma_n
         if self._force_step_mn != 1:
             force_n, sigma_n = force_n / self._force_step_mn, sigma_n / self._force_step_mn
-        legs = (
-            frame.t_ns.tolist(),
-            states,
-            force_n.tolist(),
-            sigma_n.tolist(),
-            self._flags,
-            masks,
-        )
+        legs = (frame.t_ns.tolist(), states, force_n.tolist(), sigma_n.tolist(), self._flags, masks)
         counter, self._counter = self._counter, (self._counter + 1) % COUNTER_PERIOD
         self.stats.published_cycles += 1
         if self._fd_ids:
             return [
-                pack_fd_frame(
-                    can_id,
-                    encode_forces(can_id, counter, frame.t_sent_ns, self._nodes, *legs),
-                )
+                pack_fd_frame(can_id, encode_forces(can_id, counter, frame.t_sent_ns, self._nodes, *legs))
                 for can_id in self._fd_ids
             ]
         forces = self._encoder.encode(counter, frame.t_sent_ns, *legs)
@@ -218,17 +212,6 @@ class CanSink:
         ]
         self._channel.send(last, self._clock.now_ns())
         self._channel.close()
-
-    def _unreported_fault_changes(
-        self, present: list[list[int]]
-    ) -> list[tuple[CanLeg, tuple[int, int, int]]]:
-        """Return the legs whose state, mask or cause has changed since their last report, with the new values."""
-        of_legs = zip(self._legs, zip(*present, strict=True), strict=True)
-        return [
-            (leg, (state, mask, cause))
-            for leg, (state, mask, cause) in of_legs
-            if leg.reported != (state, mask, cause)
-        ]
 
     def _add_heartbeats_and_baselines(
         self, frames: list[bytes], frame: ContactFrame, states: list[int], max_frames: int
