@@ -137,23 +137,9 @@ def design(
         f"board {board}: {1e3 * requirements.board.noise_pf:.2g} fF of noise, "
         f"{1e3 * requirements.board.scan_s:.1f} ms for a scan"
     )
-    _print({foot.name: foot.cells(reach) for foot in feet})
+    columns = [foot.cells(reach) for foot in feet]
+    click.echo(" " * 22 + "".join(f"{foot.name:>28}" for foot in feet))
+    for title in columns[0]:
+        click.echo(f"{title:22}" + "".join(f"{cells[title]:>28}" for cells in columns))
     for path in paths:
         click.echo(f"wrote {path}")
-
-
-def _print(columns: dict[str, dict[str, str]]) -> None:
-    """Print the table of figures, one column per foot."""
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False, padding=(0, 1))
-    table.add_column("", no_wrap=True)
-    for name in columns:
-        table.add_column(name, justify="right", no_wrap=True)
-    for title in next(iter(columns.values())):
-        table.add_row(escape(title), *(cells[title] for cells in columns.values()))
-    console = Console()
-    console.width = max(console.width, 22 + 28 * len(columns))  # a table that is cut off is of no use
-    console.print(table)

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from footsense.foot.directions import angles_between_deg
 from footsense.frames import Vector
-from footsense.lab.ball import elevation_circle_map_radius, map_circle, map_position
+from footsense.lab.ball import map_circle, map_position
 
 #: The paper's mean error in the experiment, section V C [deg].
 PAPER_DEG = 15.9
@@ -29,25 +29,16 @@ def write_error_map(path: Path, reference_n: Vector, estimates_n: Mapping[str, V
         estimates_n: Estimates by source [N], same shape.
     """
     figure = Figure(figsize=(4.3 * len(estimates_n) + 0.9, 4.9), layout="constrained")
-    row = np.atleast_1d(figure.subplots(1, len(estimates_n)))
     magnitude_n = np.linalg.norm(reference_n, axis=1)
     direction = reference_n / magnitude_n[:, None]
     # Heavy loads are drawn first, so that smaller dots in the same direction stay visible.
     order = np.argsort(-magnitude_n)
+    row = np.atleast_1d(figure.subplots(1, len(estimates_n)))
     for axes, (name, force_n) in zip(row, estimates_n.items(), strict=True):
         error_deg = angles_between_deg(reference_n, force_n)
         for elevation_deg in _MAP_CIRCLE_ELEVATIONS_DEG:
-            axes.plot(
-                *map_circle(np.array([0.0, 0.0, 1.0]), 90.0 - elevation_deg), color="0.6", lw=0.7, ls=":"
-            )
-            axes.text(
-                0.0,
-                elevation_circle_map_radius(elevation_deg),
-                f"{elevation_deg:g} deg",
-                fontsize=7,
-                color="0.4",
-                ha="center",
-            )
+            circle = map_circle(np.array([0.0, 0.0, 1.0]), 90.0 - elevation_deg)
+            axes.plot(*circle, color="0.6", lw=0.7, ls=":")
         dots = axes.scatter(
             *map_position(direction[order]),
             s=8.0 + 45.0 * magnitude_n[order],
@@ -56,21 +47,15 @@ def write_error_map(path: Path, reference_n: Vector, estimates_n: Mapping[str, V
             edgecolors="k",
             linewidths=0.3,
         )
-        mean_deg = float(error_deg.mean())
-        axes.plot(
-            *map_circle(_MEAN_ERROR_CIRCLE_CENTRE, mean_deg), "r-", lw=1.8, label=f"mean, {mean_deg:.2f} deg"
+        for mean_deg, style, whose in (
+            (float(error_deg.mean()), "r-", "mean"),
+            (PAPER_DEG, "r--", "the paper's"),
+        ):
+            circle = map_circle(_MEAN_ERROR_CIRCLE_CENTRE, mean_deg)
+            axes.plot(*circle, style, label=f"{whose}, {mean_deg:.2f} deg")
+        axes.set(
+            aspect="equal", xticks=[], yticks=[], frame_on=False, title=f"{name}\nforward", xlabel="rear"
         )
-        axes.plot(
-            *map_circle(_MEAN_ERROR_CIRCLE_CENTRE, PAPER_DEG),
-            "r--",
-            lw=1.2,
-            label=f"the paper's, {PAPER_DEG} deg",
-        )
-        axes.set(aspect="equal", xticks=[], yticks=[], frame_on=False, xlabel="rear")
-        axes.set_title(f"{name}\nforward", fontsize=10)
         axes.legend(fontsize=8, loc="lower left")
-    row[0].set_ylabel("right")
-    row[-1].yaxis.set_label_position("right")
-    row[-1].set_ylabel("left")
     figure.colorbar(dots, ax=list(row), label="direction error [deg]", shrink=0.8)
     figure.savefig(path, dpi=110, bbox_inches="tight", metadata={"Software": None})

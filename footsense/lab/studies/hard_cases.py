@@ -1,4 +1,4 @@
-"""Page `hard-cases`: inputs at the limits of foot, network, service and solid; what is expected and what comes out."""
+"""Page `hard-cases`: inputs at the limits of foot, network and solid; what is expected and what comes out."""
 
 import re
 from collections.abc import Callable, Iterator
@@ -14,16 +14,14 @@ from onnx import TensorProto, numpy_helper
 from onnx.reference import ReferenceEvaluator
 
 from footsense.errors import ConfigError, ModelError
-from footsense.estimation.network import sensitivity, steady_windows
-from footsense.estimation.pipeline import Pipeline
-from footsense.estimation.settings import EstimationLimits, MountedFeet, TareLimits
+from footsense.estimation.network import steady_windows
 from footsense.foot.directions import directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.gap_contact import N_CELLS, solve_contact_lcp
 from footsense.foot.network_card import INPUTS
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
-from footsense.frames import ELEMENTS, CapFrame, Reading, State, Vector
+from footsense.frames import ELEMENTS
 from footsense.lab.evaluation.evaluate_models import NETWORK_FILE
 from footsense.lab.fem.mesh import COARSE_MESH, MeshSize, build_quarter_mesh
 from footsense.lab.fem.quarter import Parity, QuarterFoot
@@ -40,9 +38,6 @@ TITLE = "Hard cases"
 _UP = np.array([[0.0, 0.0, 1.0]])
 #: A mesh for statements that hold on any mesh.
 _UNREFINED_MESH = MeshSize(edge_layers=0, order=2, bar_mm=1.0)
-_SCAN_NS, _MAX_AGE_NS, _TARE_SCANS = 25_000_000, 100_000_000, 4
-#: Scans after a line breaks until its leg has a force again: two readings in a row make a window.
-_SETTLING_SCANS = 3
 #: Allowed difference of float32 from float64: a twentieth of a bit on CAN at rest, a half in motion [N].
 _SINGLE_AT_REST_N, _SINGLE_IN_MOTION_N = 5e-5, 5e-4
 #: Random gaits on which both are compared: seed, rounds, gaits of a round, conversions of each.
@@ -63,7 +58,6 @@ def compute(context: StudyContext) -> tuple[Values, Figures]:
     groups = {
         "The foot under load": [*_loads(context.response), *_designs(context.foot_design)],
         "The network": list(_network(context)),
-        "The service": list(_service(context)),
     }
     if not context.quick:
         groups["The solid"] = list(_materials(context.foot_design))
@@ -90,7 +84,10 @@ def text(values: Values) -> str:
         told = [case | {"told": "yes" if case["passed"] else "**no**"} for case in group]
         cells = "{name} | {expected} | {measured} | {told}"
         groups.append(f"## {heading}\n\n" + table("case | expected | measured | as expected", told, cells))
-    summary = f"{values['n_passed']} of {values['n']} cases came out as expected."
+    summary = (
+        f"{values['n_passed']} of {values['n']} cases came out as expected. What the service says of broken lines is on the "
+        "page [faults](faults.md), what rubber near a Poisson's ratio of 0.5 costs on [physics](physics.md)."
+    )
     return "\n\n".join([summary, *groups])
 
 
@@ -214,68 +211,3 @@ def _network(context: StudyContext) -> Iterator[_Case]:
     for what, found_n, limit_n in compared:
         name = f"float32 against float64, {what}"
         yield _Case(name, f"below {1e3 * limit_n:g} mN", f"{1e3 * found_n:.1e} mN", found_n < limit_n)
-
-
-def _service(context: StudyContext) -> Iterator[_Case]:
-    """Yield broken lines and loads beyond the range, with the state of the leg and its force."""
-    design = context.response.design
-    pressed_pf = Foot(context.response).capacitance_pf(_UP, _UP)[0]
-    open_pf = 0.05 * pressed_pf
-
-    def opened(*elements: int) -> Vector:
-        values_pf: Vector = np.where(np.isin(np.arange(ELEMENTS), elements), open_pf, pressed_pf)
-        return values_pf
-
-    # A row without its line floats: every column sees it beside the row that is selected.
-    floating_pf = np.where(np.arange(ELEMENTS) // 3 == 1, 0.0, np.tile(open_pf[3:6], 3))
-    shut_um = np.full(ELEMENTS, 0.97 * design.gap_um)
-    # No load closes one corner alone: something is in its gap, and the force comes from the others.
-    corner_pf = design.capacitance_pf(np.where(np.arange(ELEMENTS) == 0, shut_um, 2.0))
-    pulled_pf = design.capacitance_pf(np.full(ELEMENTS, -0.3 * design.gap_um))
-    cases: list[tuple[str, State, Vector, Reading]] = [
-        ("1 N upright", State.VALID, pressed_pf, Reading.OK),
-        ("one element open", State.DEGRADED, opened(4), Reading.OK),
-        ("one row gone", State.DEGRADED, opened(3, 4, 5) + floating_pf, Reading.OK),
-        ("open on two lines", State.ELEMENT_FAULT, opened(0, 4), Reading.OK),
-        ("one element beyond the converter", State.SATURATED, pressed_pf, Reading.OVER_RANGE),
-        ("one gap closed to 97 %", State.DEGRADED, corner_pf, Reading.OK),
-        ("all gaps closed to 97 %", State.SATURATED, design.capacitance_pf(shut_um), Reading.OK),
-        ("pulled off by 30 % of the gap", State.OUT_OF_RANGE, pulled_pf, Reading.OK),
-        ("no answer", State.ABSENT, pressed_pf, Reading.NO_ANSWER),
-        ("older than the limit", State.STALE, pressed_pf, Reading.OK),
-    ]
-    for name, state, capacitance_pf, reading in cases:
-        age_ns = _MAX_AGE_NS + 1 if state is State.STALE else 0
-        found, force_n, sigma_n = _settled(context, capacitance_pf, reading, age_ns)
-        has_force = bool(np.isfinite(force_n))
-        said = f"fz = {force_n:.3f} N, sigma {1e3 * sigma_n:.1f} mN" if has_force else "no force"
-        passed = found is state and has_force is (state in {State.VALID, State.DEGRADED})
-        yield _Case(name, state.name, f"{found.name}, {said}", passed)
-
-
-def _settled(
-    context: StudyContext, capacitance_pf: Vector, reading: Reading, age_ns: int
-) -> tuple[State, float, float]:
-    """Return state, fz and its sigma [N] of a leg that was tared, from constant readings, after it has settled.
-
-    A reading other than OK is that of the middle element; `age_ns` is that of the last scan.
-    """
-    design, trained = context.response.design, context.trained_inputs
-    limits = EstimationLimits(
-        tare=TareLimits(window_scans=_TARE_SCANS),
-        least_contact_n=0.03,
-        scan_ns=_SCAN_NS,
-        max_age_ns=_MAX_AGE_NS,
-    )
-    feet, rises = MountedFeet.as_designed(design, 1), sensitivity(context.network, 1, trained.moments)
-    pipeline = Pipeline(context.network, trained, feet, limits, rises)
-    unloaded = (np.full(ELEMENTS, design.unloaded_pf), Reading.OK, 0)
-    settling = [(capacitance_pf, reading, 0)] * _SETTLING_SCANS
-    for number, (values_pf, code, late_ns) in enumerate(
-        [*[unloaded] * _TARE_SCANS, *settling, (capacitance_pf, reading, age_ns)], 1
-    ):
-        readings = np.where(np.arange(ELEMENTS) == 4, code, Reading.OK).astype(np.uint8)[None]
-        values = np.where(readings == Reading.OK, values_pf, np.nan)
-        t_ns = np.full((1, ELEMENTS), number * _SCAN_NS)
-        frame, _ = pipeline.process(CapFrame(number, t_ns, values, readings), number * _SCAN_NS + late_ns)
-    return State(int(frame.state[0])), float(frame.force_n[0, 2]), float(frame.sigma_n[0, 2])

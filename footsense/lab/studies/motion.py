@@ -321,31 +321,23 @@ after every conversion.
 
 
 def _rough_text(rough: Values, n_walks: int) -> str:
-    rows = [
-        (
-            f"touchdown after the first load, median / 95 % below ({rough['n_touchdowns']} of over 0.1 N)",
-            f"{rough['touchdown_delay_p50_ms']:.1f} / {rough['touchdown_delay_p95_ms']:.1f} ms",
-        ),
-        ("touchdowns missed", f"{rough['missed_touchdown_share']:.1%}"),
-        (f"false touchdowns in {rough['swing_minutes']:.1f} min of swing", rough["n_false_touchdowns"]),
-        (
-            "time of touchdown, back-dated, rms; over its sigma",
-            f"{rough['touchdown_time_error_rms_ms']:.1f} ms; {rough['touchdown_time_error_rms_sigmas']:.2f}",
-        ),
-        ("time of lift-off, back-dated, rms", f"{rough['lift_off_time_error_rms_ms']:.1f} ms"),
-        ("contact right, of all conversions", f"{rough['contact_correct_share']:.1%}"),
-        ("tangential over normal force, mean error", f"{rough['tangential_over_normal_error']:.3f}"),
-        ("ground normal, mean error", f"{rough['normal_error_deg']:.1f} deg"),
-        (
-            f"way slid until a slip is said, mean ({rough['n_slides']} slides of over 5 mm)",
-            f"{rough['slide_before_report_mm']:.1f} mm",
-        ),
-        ("slides missed, of these", f"{rough['missed_slide_share']:.1%}"),
-        ("slides beyond the converter's range, which no force can tell", rough["n_slides_beyond_range"]),
-        ("false slips, far below the ground's friction", rough["n_false_slips"]),
-        ("slips said of feet at the cone that do not move", rough["n_slips_without_slide"]),
-        ("coefficient of friction learnt, rms error", f"{rough['friction_coefficient_error_rms']:.3f}"),
-    ]
+    figures = {
+        "touchdown after the first load, median / 95 % below ({n_touchdowns} of over 0.1 N)": "{touchdown_delay_p50_ms:.1f} / {touchdown_delay_p95_ms:.1f} ms",
+        "touchdowns missed": "{missed_touchdown_share:.1%}",
+        "false touchdowns in {swing_minutes:.1f} min of swing": "{n_false_touchdowns}",
+        "time of touchdown, back-dated, rms; over its sigma": "{touchdown_time_error_rms_ms:.1f} ms; {touchdown_time_error_rms_sigmas:.2f}",
+        "time of lift-off, back-dated, rms": "{lift_off_time_error_rms_ms:.1f} ms",
+        "contact right, of all conversions": "{contact_correct_share:.1%}",
+        "tangential over normal force, mean error": "{tangential_over_normal_error:.3f}",
+        "ground normal, mean error": "{normal_error_deg:.1f} deg",
+        "way slid until a slip is said, mean ({n_slides} slides of over 5 mm)": "{slide_before_report_mm:.1f} mm",
+        "slides missed, of these": "{missed_slide_share:.1%}",
+        "slides beyond the converter's range, which no force can tell": "{n_slides_beyond_range}",
+        "false slips, far below the ground's friction": "{n_false_slips}",
+        "slips said of feet at the cone that do not move": "{n_slips_without_slide}",
+        "coefficient of friction learnt, rms error": "{friction_coefficient_error_rms:.3f}",
+    }
+    rows = [(said.format(**rough), figure.format(**rough)) for said, figure in figures.items()]
     return f"""{n_walks} walks of six feet, {rough["leg_minutes"]:.0f} minutes of legs after 10 s in which thresholds and friction are learnt: random
 stances on stones and slopes of up to 30 deg, hard and soft ground of coefficients 0.2 to 0.6 on which feet stick, creep
 and slide, and in three stances of ten are dragged over 5 to 30 mm; in swing the foot's own inertia shakes the sensor.

@@ -83,18 +83,19 @@ def compute(context: StudyContext) -> tuple[Values, Figures]:
     return values, {}
 
 
-_ESTIMATORS_HEADING = " | ".join(f"{name}: deg, gf" for name in (_NETWORK, _CENTRED, _LEANING))
-
-
-def _error_cells(row: Values) -> list[object]:
-    """Return the number of loads, and of each estimator mean / 95 % / worst direction and mean magnitude error."""
-    cells: list[object] = [row["errors"][_NETWORK]["n"]]
-    for one in row["errors"].values():
-        deg = " / ".join(
-            f"{one[name]:.2f}" for name in ("direction_deg", "direction_p95_deg", "direction_max_deg")
-        )
-        cells.append(f"{deg}, {one['magnitude_gf']:.1f}")
-    return cells
+_ESTIMATORS = (_NETWORK, _CENTRED, _LEANING)
+_ESTIMATORS_HEADING = " | ".join(f"{name}: deg, gf" for name in _ESTIMATORS)
+#: Number of loads, and of each estimator mean / 95 % / worst direction and mean magnitude error.
+_ERROR_CELLS = " | ".join(
+    [
+        f"{{errors[{_NETWORK}][n]}}",
+        *(
+            f"{{errors[{name}][direction_deg]:.2f}} / {{errors[{name}][direction_p95_deg]:.2f}}"
+            f" / {{errors[{name}][direction_max_deg]:.2f}}, {{errors[{name}][magnitude_gf]:.1f}}"
+            for name in _ESTIMATORS
+        ),
+    ]
+)
 
 
 def _deg_and_gf(pairs: Sequence[Sequence[float]]) -> tuple[str, str]:
@@ -106,69 +107,56 @@ def _up_to(force_n: float) -> str:
     return f"{force_n:.1f}" if force_n < MAX_SEARCHED_N else f"above {MAX_SEARCHED_N:.0f}"
 
 
-def _air_table(air: Values) -> str:
-    """Return the table of sealed beside vented cavities."""
-    kinds = [air["by_kind"][name] for name in ("vented", "sealed")]
-    rows: list[tuple[str, ...]] = [
-        ("range of the converter, upright [N]", *(_up_to(kind["range_n"]) for kind in kinds)),
-        ("first cell closed at, upright [N]", *(_up_to(kind["closing_n"]) for kind in kinds)),
-    ]
-    for k, name in enumerate(("corner", "edge", "middle")):
-        closures = (f"{kind['um_per_n'][k]:.3f}" for kind in kinds)
-        rows.append((f"mean closure of the {name}, light upright force [um/N]", *closures))
-    for k, name in enumerate(("change of capacitance", "elastance")):
-        linear = (" / ".join(f"{one:.2f}" for one in kind["linear"][k]) for kind in kinds)
-        rows.append((f"designed foot, linear in {name} [deg / gf]", *linear))
+def _beside(headings: str, columns: Sequence[dict[str, str]]) -> str:
+    """Return a table of the same figures of several feet side by side."""
+    return table(headings, [(name, *(cells[name] for cells in columns)) for name in columns[0]])
+
+
+def _air_cells(kind: Values) -> dict[str, str]:
+    """Return the figures of sealed or vented cavities."""
+    cells = {
+        "range of the converter, upright [N]": _up_to(kind["range_n"]),
+        "first cell closed at, upright [N]": _up_to(kind["closing_n"]),
+    }
+    for name, um_per_n in zip(("corner", "edge", "middle"), kind["um_per_n"], strict=True):
+        cells[f"mean closure of the {name}, light upright force [um/N]"] = f"{um_per_n:.3f}"
+    for name, errors in zip(("change of capacitance", "elastance"), kind["linear"], strict=True):
+        cells[f"designed foot, linear in {name} [deg / gf]"] = " / ".join(f"{one:.2f}" for one in errors)
     for key, name in (
         ("exact", "designed foot, paper's procedure"),
         ("made", "made feet, paper's procedure on each"),
         ("as_vented", "designed foot, networks of the vented one"),
     ):
-        for k, unit in enumerate(("deg", "gf")):
-            rows.append((f"{name} [{unit}]", *(_deg_and_gf(kind[key])[k] for kind in kinds)))
-    for k, gf in enumerate(BOUND_GF):
-        bounds = (" / ".join(f"{one:.3f}" for one in kind["bound"][k]) for kind in kinds)
-        rows.append((f"Cramer-Rao bound at {gf:g} gf, rms [deg / gf]", *bounds))
-    return table("figure | vented | sealed", rows)
+        cells[f"{name} [deg]"], cells[f"{name} [gf]"] = _deg_and_gf(kind[key])
+    for gf, bound in zip(BOUND_GF, kind["bound"], strict=True):
+        cells[f"Cramer-Rao bound at {gf:g} gf, rms [deg / gf]"] = " / ".join(f"{one:.3f}" for one in bound)
+    return cells
 
 
-def _film_table(film: Values) -> str:
-    """Return the table of the film beside the gaps."""
-    designs = [film["designs"][name] for name in ("gaps", "film")]
-    columns = []
-    for one in designs:
-        upright_n, inclined_n = one["range_n"]
-        linear = (f"{error:.2f}" for error in one["linear"])
-        figures = (f"{one[key]:.2f}" for key in ("unloaded_pf", "um_per_n", "pf_per_n"))
-        ranges = (f"{upright_n:.1f}", f"{inclined_n:.1f}")
-        columns.append((*figures, *ranges, *linear, *_deg_and_gf(one["networks"])))
-    names = (
-        "unloaded capacitance [pF]",
-        "mean closure, upright [um/N]",
-        "sensitivity, upright [pF/N]",
-        "range, upright [N]",
-        "range, elevation 45 deg [N]",
-        "linear read-out [deg]",
-        "linear read-out [gf]",
-        "networks [deg]",
-        "networks [gf]",
-    )
-    return table("figure | gaps | film", zip(names, *columns, strict=True))
+def _film_cells(one: Values) -> dict[str, str]:
+    """Return the figures of the film or of the gaps."""
+    (upright_n, inclined_n), (deg, gf), networks = one["range_n"], one["linear"], _deg_and_gf(one["networks"])
+    return {
+        "unloaded capacitance [pF]": f"{one['unloaded_pf']:.2f}",
+        "mean closure, upright [um/N]": f"{one['um_per_n']:.2f}",
+        "sensitivity, upright [pF/N]": f"{one['pf_per_n']:.2f}",
+        "range, upright / elevation 45 deg [N]": f"{upright_n:.1f} / {inclined_n:.1f}",
+        "linear read-out [deg / gf]": f"{deg:.2f} / {gf:.2f}",
+        "networks [deg]": networks[0],
+        "networks [gf]": networks[1],
+    }
 
 
 def text(values: Values) -> str:
     """Return the page's Markdown."""
     leaning = table(
-        f"lean [deg] | loads | {_ESTIMATORS_HEADING} | in range at {_gf(IN_RANGE_GF)} [%]",
-        [(f"{row['x']:g}", *_error_cells(row), f"{100 * row['in_range']:.0f}") for row in values["lean"]],
+        f"lean [deg] | loads | {_ESTIMATORS_HEADING} | in range at {_gf(IN_RANGE_GF)}",
+        values["lean"],
+        "{x:g} | " + _ERROR_CELLS + " | {in_range:.0%}",
     )
-    second = table(
-        f"second over floor | loads | {_ESTIMATORS_HEADING}",
-        [(f"{row['x']:g}", *_error_cells(row)) for row in values["second"]],
-    )
-    by_angle = table(
-        f"contacts apart [deg] | loads | {_ESTIMATORS_HEADING}",
-        [(row["x"], *_error_cells(row)) for row in values["by_angle"]],
+    second, by_angle = (
+        table(f"{what} | loads | {_ESTIMATORS_HEADING}", values[rows], "{x} | " + _ERROR_CELLS)
+        for what, rows in (("second over floor", "second"), ("contacts apart [deg]", "by_angle"))
     )
     confinement = table(
         "Poisson's ratio | confined modulus [kPa] | width of the rim that yields [mm] | mean closure [um/N]",
@@ -177,9 +165,6 @@ def text(values: Values) -> str:
             for poisson, confined, rim_mm, closure_um in values["film"]["by_poisson"]
         ],
     )
-
-    def deg(rows: str, k: int, name: str) -> str:
-        return f"{values[rows][k]['errors'][name]['direction_deg']:.2f}"
 
     n, epochs, air, film = values["n"], values["epochs"], values["air"], values["film"]
     sealed = air["by_kind"]["sealed"]
@@ -207,10 +192,8 @@ The contact normal leans from the force, as with friction or on a slope: {_gf(LE
 {leaning}
 
 - A leaning force has a moment about the middle of the sheet: at {values["lean"][1]["x"]:g} deg its line passes {values["lever_mm"]:.1f} mm beside. A
-  linear read-out of centred loads takes that moment for inclination: {deg("lean", 0, _CENTRED)} deg without lean, {deg("lean", 1, _CENTRED)} deg at
-  {values["lean"][1]["x"]:g}. The paper's protocol cannot show this, as all of its loads are centred.
-- The released network, trained on leans up to {values["trained_lean_deg"]:.0f} deg, has {deg("lean", 0, _NETWORK)} deg without lean and {deg("lean", -2, _NETWORK)} at {values["lean"][-2]["x"]:g} deg; a
-  linear read-out of the same kind of loads {deg("lean", 0, _LEANING)} and {deg("lean", -2, _LEANING)} deg.
+  linear read-out of centred loads takes that moment for inclination. The paper's protocol cannot show this, as all of
+  its loads are centred. The released network is trained on leans up to {values["trained_lean_deg"]:.0f} deg.
 - The moment closes gaps on one side: of loads of {_gf(IN_RANGE_GF)}, {100 * values["lean"][3]["in_range"]:.0f} % are within the converter's range at {values["lean"][3]["x"]:g} deg of lean,
   {100 * values["lean"][-2]["in_range"]:.0f} % at {values["lean"][-2]["x"]:g}.
 
@@ -226,10 +209,9 @@ With a second load of {ANGLES_SECOND_REL:g} of the floor's, by the angle between
 
 {by_angle}
 
-- Contacts without friction are centred loads one by one, so a linear read-out of centred loads is nearly right for both:
-  {deg("second", 0, _CENTRED)} deg with the floor alone, {deg("second", -1, _CENTRED)} deg with a second load as large.
-- The released network, trained on one contact of any lean, goes from {deg("second", 0, _NETWORK)} to {deg("second", -1, _NETWORK)} deg, the worse the farther the
-  contacts are apart: two contacts make patterns that no single one makes.
+- Contacts without friction are centred loads one by one, so a linear read-out of centred loads is nearly right for both.
+- The released network, trained on one contact of any lean, errs the more the farther the contacts are apart: two
+  contacts make patterns that no single one makes.
 - Nine closures tell a leaning contact or a second one, but only if it is known which.
 
 ## A ball that is much deformed
@@ -247,7 +229,7 @@ one, and worst of {n} starts (designed foot), or of {n} feet with a start each, 
 left out, though the converter could not read some of those of soft vented feet. Ranges are searched
 up to {MAX_SEARCHED_N:g} N.
 
-{_air_table(air)}
+{_beside("figure | vented | sealed", [_air_cells(air["by_kind"][name]) for name in ("vented", "sealed")])}
 
 - The air is {softest:.1f} to {stiffest:.1f} times as stiff as the solid, by the pattern of closures, and stiffest against patterns that the
   solid yields to most: a sealed corner closes less than the middle, a vented one more. Air that keeps its heat would let
@@ -268,7 +250,7 @@ converter's {1e3 * NOISE_PF:g} fF of noise. The range of the gaps ends at {FULL_
 {MAX_STRAIN_REL:.0%}; the film needs the converter's offset. Errors: 362 loads for the training, the 180 for the test, {NOISE_DRAWS} draws of noise;
 networks on closures 9-{HIDDEN_NEURONS[0]}-{HIDDEN_NEURONS[1]}-3, {n} starts.
 
-{_film_table(film)}
+{_beside("figure | gaps | film", [_film_cells(one) for one in (gaps, gel)])}
 
 - The film is {film["youngs_mpa"][1] / film["youngs_mpa"][0]:.0f} times softer than PDMS and yet has {gel["pf_per_n"] / gaps["pf_per_n"]:.2f} times the sensitivity: between two plates it cannot spread,
   and resists with a confined modulus of {1e3 * film["confined_mpa"]:.0f} kPa. The gaps close by bending of the plates, which nothing resists.
