@@ -54,16 +54,14 @@ def _foot_description_path(foot: str) -> Path:
     """
     from footsense.lab.foot_file import FOOT_FILE
 
-    path = Path(foot)
-    released = released_path(FOOT_FILE, foot)
-    if path.is_file():
-        return path
-    if (path / FOOT_FILE).is_file():
-        return path / FOOT_FILE
-    if "/" not in foot and released.is_file():
-        return released
+    candidates = [Path(foot), Path(foot) / FOOT_FILE]
+    if "/" not in foot:
+        candidates.append(released_path(FOOT_FILE, foot))
+    for path in candidates:
+        if path.is_file():
+            return path
     known = sorted(
-        folder.name for folder in released_path(FOOT_FILE).parent.parent.iterdir() if folder.is_dir()
+        folder.parent.name for folder in released_path(FOOT_FILE).parents[1].glob(f"*/{FOOT_FILE}")
     )
     raise ModelError(
         f"no foot {foot}: neither a file, nor a folder with {FOOT_FILE}, nor a released foot type ({', '.join(known)})"

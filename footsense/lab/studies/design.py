@@ -115,7 +115,7 @@ def _foot(models: Path, stated_n: float, library: FootShapeLibrary, *, quick: bo
         "limits": [_limits(Foot(response), lean_deg, quick=quick) for lean_deg in _LEANS_DEG],
         "process": process.process_name,
         "made_range_n": [float(force_limits(Foot(response, one), within).range_n.min()) for one in made],
-        "bands": _bands(context, [Deviations()] * n_feet, made, quick=quick),
+        "bands": _bands(context, made, quick=quick),
     }
 
 
@@ -135,30 +135,20 @@ def _limits(foot: Foot, lean_deg: float, *, quick: bool) -> Values:
     return {"lean_deg": lean_deg, "n": len(loads.normal), **least}
 
 
-def _bands(
-    context: StudyContext, designed: list[Deviations], made: list[Deviations], *, quick: bool
-) -> list[Values]:
-    """Return the network's errors by closure band, on the designed foot and on made feet of known parameters."""
-    n = _QUICK_N_LOADS if quick else _N_LOADS
-    errors = [
-        [_closures_and_errors(context, deviations, n, number) for number, deviations in enumerate(feet)]
-        for feet in (designed, made)
-    ]
-    rows = []
+def _bands(context: StudyContext, made: list[Deviations], *, quick: bool) -> list[Values]:
+    """Return the network's errors by closure band, on made feet of known parameters."""
+    n, rows = _QUICK_N_LOADS if quick else _N_LOADS, []
+    feet = [_closures_and_errors(context, deviations, n, number) for number, deviations in enumerate(made)]
     for low, high in pairwise(_BANDS_REL):
-        row: Values = {"low": low, "high": min(high, 9.0)}
-        for name, feet in zip(("designed", "made"), errors, strict=True):
-            inside = [part[:, (part[0] >= low) & (part[0] < high)] for part in feet]
-            read = [part[1:, ~np.isnan(part[1])] for part in inside]
-            pooled = np.concatenate(read, axis=1)
-            row[name] = {
-                "share": sum(part.shape[1] for part in inside) / (n * len(feet)),
-                "with_force": pooled.shape[1] / max(1, sum(part.shape[1] for part in inside)),
-                "by_foot_deg": [float(part[0].mean()) for part in read if part.shape[1]],
-                "p95_deg": float(np.percentile(pooled[0], 95)) if pooled.size else None,
-                "magnitude_rel": float(pooled[1].mean()) if pooled.size else None,
-                "within_2_sigma": float(pooled[2].mean()) if pooled.size else None,
-            }
+        inside = [part[1:, (part[0] >= low) & (part[0] < high)] for part in feet]
+        read = [part[:, ~np.isnan(part[0])] for part in inside]
+        n_inside, pooled = sum(part.shape[1] for part in inside), np.concatenate(read, axis=1)
+        row = {"low": low, "high": min(high, 9.0), "share": n_inside / (n * len(feet))}
+        row["with_force"] = pooled.shape[1] / max(1, n_inside)
+        if pooled.size:
+            row["by_foot_deg"] = [float(part[0].mean()) for part in read if part.shape[1]]
+            row["p95_deg"] = float(np.percentile(pooled[0], 95))
+            row["magnitude_rel"], row["within_2_sigma"] = pooled[1:].mean(axis=1).tolist()
         rows.append(row)
     return rows
 
@@ -224,19 +214,9 @@ def text(values: Values) -> str:
     )
     limits = table(
         "foot | contact leans by [deg] | loads | a first gap begins to close, least (mean) [N] | range | converter ends",
-        [
-            (
-                f"`{name}`",
-                f"{row['lean_deg']:g}",
-                row["n"],
-                *(
-                    f"{row[limit][0]:.3g} ({row[limit][1]:.3g})"
-                    for limit in ("gap_closes", "range", "converter")
-                ),
-            )
-            for name, foot in feet.items()
-            for row in foot["limits"]
-        ],
+        [{"foot": name} | row for name, foot in feet.items() for row in foot["limits"]],
+        "`{foot}` | {lean_deg:g} | {n} | {gap_closes[0]:.3g} ({gap_closes[1]:.3g}) | {range[0]:.3g} ({range[1]:.3g})"
+        " | {converter[0]:.3g} ({converter[1]:.3g})",
     )
     errors = table(
         "foot | error | predicted, by force | built, by force | largest difference [%]",
@@ -247,17 +227,9 @@ def text(values: Values) -> str:
         ],
     )
     bands = table(
-        "foot | largest closure over its gap | loads [%] | with a force [%] | as designed [deg] | 95 % below"
-        f" | {values['n_feet']} made feet, mean of each [deg] | 95 % below | magnitude [%] | within 2 sigma [%]",
-        [
-            (
-                f"`{name}`",
-                f"{row['low']:g} " + (f"to {row['high']:g}" if row["high"] < 1 else "and more"),
-                *_band_cells(row),
-            )
-            for name, foot in feet.items()
-            for row in foot["bands"]
-        ],
+        "foot | largest closure over its gap | loads | with a force"
+        f" | direction, {values['n_feet']} feet, mean of each [deg] | 95 % below | magnitude | within 2 sigma",
+        [(f"`{name}`", *_band_cells(row)) for name, foot in feet.items() for row in foot["bands"]],
     )
     worst = {name: max(_differences(foot)) for name, foot in feet.items()}
     return f"""
@@ -300,9 +272,9 @@ The largest difference of a built figure from its prediction, ranges included: {
 
 The released networks under {values["n_loads"]} random loads a foot, without noise, from a tenth of the training's largest force to
 all of it, contacts leaning as in the training, by the largest closure of an element over its own gap. A leg whose
-converter is at its end, or whose gap reads as closed (above {GAP_CLOSED_THRESHOLD_REL:g}), gives no force. Shares of
-loads, magnitude and sigma are of the made feet, whose parameters are known; their direction error is the mean of each
-foot as mean, standard deviation and worst over the feet. *95 % below* is of single loads, over all feet.
+converter is at its end, or whose gap reads as closed (above {GAP_CLOSED_THRESHOLD_REL:g}), gives no force. The feet
+are the made ones, with their parameters known; the direction error is the mean of each foot as mean, standard deviation
+and worst over the feet. *95 % below* is of single loads, over all feet.
 
 {bands}
 
@@ -336,16 +308,9 @@ def _predicted_and_built(foot: Values, error: str, factor: float) -> tuple[str, 
 
 def _band_cells(row: Values) -> tuple[str, ...]:
     """Return the cells of a closure band, dashes where no foot has a force."""
-    designed, made = row["designed"], row["made"]
-    shares = tuple(f"{100 * made[name]:.0f}" for name in ("share", "with_force"))
-    if not designed["by_foot_deg"] or len(made["by_foot_deg"]) < 2:
-        return *shares, *"------"
-    return (
-        *shares,
-        f"{np.mean(designed['by_foot_deg']):.2f}",
-        f"{designed['p95_deg']:.1f}",
-        spread(made["by_foot_deg"]),
-        f"{made['p95_deg']:.1f}",
-        f"{100 * made['magnitude_rel']:.1f}",
-        f"{100 * made['within_2_sigma']:.0f}",
-    )
+    band = f"{row['low']:g} " + (f"to {row['high']:g}" if row["high"] < 1 else "and more")
+    cells = (band, f"{row['share']:.0%}", f"{row['with_force']:.0%}")
+    if len(row.get("by_foot_deg", ())) < 2:
+        return *cells, *"----"
+    errors = (f"{row['p95_deg']:.1f}", f"{row['magnitude_rel']:.1%}", f"{row['within_2_sigma']:.0%}")
+    return *cells, spread(row["by_foot_deg"]), *errors

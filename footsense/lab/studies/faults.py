@@ -63,26 +63,13 @@ _OTHER_FOOT = (
 
 
 def _can_text(faults: Values) -> str:
+    times = ("longest_silence_s", "recovery_s", "longest_frame_delay_s", "max_age_on_arrival_s")
     rows = table(
-        "fault | received [%] | silence [ms] | recovery [ms] | delay [ms] | oldest [ms] | dropped | bus-off",
-        [
-            (
-                fault,
-                f"{100 * found['received_share']:.1f}",
-                *(
-                    _ms(found[time])
-                    for time in (
-                        "longest_silence_s",
-                        "recovery_s",
-                        "longest_frame_delay_s",
-                        "max_age_on_arrival_s",
-                    )
-                ),
-                found["n_dropped_before_sending"],
-                found["n_bus_off"],
-            )
-            for fault, found in faults.items()
-        ],
+        "fault | received | silence [ms] | recovery [ms] | delay [ms] | oldest [ms] | dropped | bus-off",
+        {name: found | {time: _ms(found[time]) for time in times} for name, found in faults.items()},
+        "{name} | {received_share:.1%} | "
+        + " | ".join(f"{{{time}}}" for time in times)
+        + " | {n_dropped_before_sending} | {n_bus_off}",
     )
     return f"""## Faults of CAN
 

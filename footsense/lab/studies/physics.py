@@ -223,40 +223,31 @@ def text(values: Values) -> str:
         "{poisson:g} | {corner_um:.3f} | {loss_rel:.2%}",
     )
     law_um, solid_um = values["spacer"]
-    simplified = table(
-        "simplified or left out | what changes | by [%]",
-        [
-            *(
-                (
-                    f"{_FILMS[name][0]}",
-                    "closure of an element, worst, "
-                    + " / ".join(f"{e:g}" for e in _ELEVATIONS_DEG[: len(by)])
-                    + " deg",
-                    " / ".join(f"{100 * one:+.2f}" for one in by),
-                )
-                for name, by in values["films"].items()
-            ),
-            (
-                "floor of cement, taken as rigid",
-                "closure of an element, worst, 1 N",
-                f"{100 * values['floor_rel']:+.0e}",
-            ),
-            (
-                f"spacer of {values['spacer_um']:g} um that may bulge, taken as a law",
-                "closure of a cavity under pressure, plane strain",
-                f"{100 * (law_um / solid_um - 1.0):+.3f}",
-            ),
-            (
-                "cells of 6 x 6, each flat",
-                "capacitance of an element at 1 N, worst",
-                f"{100 * values['cell_rel']:.3f}",
-            ),
-            *(
-                (name, "response, rms over rms", f"{100 * values['stated'][key]:.3f}")
-                for key, name in _STATED.items()
-            ),
-        ],
-    )
+    elevations = " / ".join(f"{elevation:g}" for elevation in _ELEVATIONS_DEG)
+    simplified = [
+        (
+            _FILMS[name][0],
+            f"closure of an element, worst, {elevations} deg",
+            " / ".join(f"{one:+.2%}" for one in by),
+        )
+        for name, by in values["films"].items()
+    ]
+    simplified += [
+        (
+            "floor of cement, taken as rigid",
+            "closure of an element, worst, 1 N",
+            f"{100 * values['floor_rel']:+.0e}%",
+        ),
+        (
+            f"spacer of {values['spacer_um']:g} um that may bulge, taken as a law",
+            "closure of a cavity under pressure, plane strain",
+            f"{law_um / solid_um - 1.0:+.3%}",
+        ),
+        ("cells of 6 x 6, each flat", "capacitance of an element at 1 N, worst", f"{values['cell_rel']:.3%}"),
+    ]
+    simplified += [
+        (name, "response, rms over rms", f"{values['stated'][key]:.3%}") for key, name in _STATED.items()
+    ]
     rest, *closed = values["fringe"]
     fringe = table(
         "closed by [um] | plates [pF] | with edges [pF] | change off by | read as [um] | with the stray taken off [um]",
@@ -318,7 +309,7 @@ coarse mesh without layers, quadratic against cubic elements: the loss is that m
 
 The released foot has neither gold nor parylene in its solid; `foot.yaml` can name both (`gold`, `parylene`).
 
-{simplified}
+{table("simplified or left out | what changes | by", simplified)}
 
 ## Edges of the electrodes
 
