@@ -1,9 +1,9 @@
 """Pages of the report: what a study is given, how its page is written, and all of them in turn.
 
 A study is one module of `footsense.lab.studies` with `TITLE`, `compute(context)` and `text(values)`. `compute` returns
-its figures as a dictionary of numbers, lists and texts, and the drawings; `text` writes the page's Markdown from these
-numbers alone, with `table` and f-strings. Its `quick` form answers in seconds. What the report's first page shows of it
-is in the list `targets`, made by `target`.
+its figures as a dictionary of numbers, lists and texts, and puts what it draws into the context; `text` writes the
+page's Markdown from these numbers alone, with `table` and f-strings. Its `quick` form answers in seconds. What the
+report's first page shows of it is in the list `targets`, made by `target`.
 """
 
 import json
@@ -12,7 +12,7 @@ import subprocess
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib import import_module
 from multiprocessing import get_context
@@ -35,8 +35,6 @@ from footsense.lab.geometry import FootDesign
 from footsense.lab.training.export import OnnxNetwork
 
 Values = dict[str, Any]
-#: Figures of matplotlib by file name, such as `motion.png`.
-Figures = dict[str, Figure]
 
 README = "README.md"
 _QUICK_NOTICE = "**Quick form: coarse steps, few cases and seeds. Its figures are no results.**"
@@ -51,12 +49,14 @@ class StudyContext:
         quick: Whether to answer in seconds, with coarse steps and few seeds.
         scheduler: Address of a dask cluster for the parts of a study; None for processes of this machine.
         report_progress: Receives a line after each step.
+        drawings: What a study draws, by file name.
     """
 
     models: Path
     quick: bool = False
     scheduler: str | None = None
     report_progress: Callable[[str], None] = print
+    drawings: dict[str, Figure] = field(default_factory=dict)
 
     @cached_property
     def _released_models(self) -> tuple[FootResponse, OnnxNetwork]:
@@ -148,7 +148,7 @@ def make_page(name: str, context: StudyContext, folder: Path) -> tuple[str, Valu
     """
     study = import_module(f"{studies.__name__}.{name.replace('-', '_')}")
     started, load = default_timer(), os.getloadavg()[0]
-    computed, figures = study.compute(context)
+    computed = study.compute(context)
     made = {
         "study": name,
         "title": study.TITLE,
@@ -162,7 +162,7 @@ def make_page(name: str, context: StudyContext, folder: Path) -> tuple[str, Valu
     }
     values: Values = json.loads(json.dumps(made | computed, default=_as_builtin))
     folder.mkdir(parents=True, exist_ok=True)
-    for file, figure in figures.items():
+    for file, figure in context.drawings.items():
         figure.savefig(folder / file, dpi=110, bbox_inches="tight", metadata={"Software": None})
     markdown = page_text(values)
     (folder / f"{name}.md").write_text(markdown, encoding="utf-8")

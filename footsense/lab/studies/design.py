@@ -29,7 +29,7 @@ from footsense.lab.evaluation.force_range import (
     stated_loads,
 )
 from footsense.lab.foot_file import FOOT_FILE
-from footsense.lab.report import Figures, StudyContext, Values, spread, table, target
+from footsense.lab.report import StudyContext, Values, spread, table, target
 from footsense.lab.training.load_cases import FULL_SCALE_PF, leaning_normals
 from footsense.sim.fabrication import draw_deviations
 
@@ -55,7 +55,7 @@ _ERRORS = {
 }
 
 
-def compute(context: StudyContext) -> tuple[Values, Figures]:
+def compute(context: StudyContext) -> Values:
     """Assess each released foot from shapes and from its table, then made feet with the released network."""
     library, feet = FootShapeLibrary(), {}
     for foot_type, stated_n in _STATED_N.items():
@@ -64,7 +64,7 @@ def compute(context: StudyContext) -> tuple[Values, Figures]:
         context.report_progress(f"{foot_type} done")
     differences = [max(_differences(foot)) for foot in feet.values()]
     designed = {name: foot for name, foot in feet.items() if name != _PAPER_FOOT}
-    values = {
+    return {
         "n_feet": _QUICK_N_FEET if context.quick else _N_FEET,
         "n_loads": _QUICK_N_LOADS if context.quick else _N_LOADS,
         "feet": feet,
@@ -86,7 +86,6 @@ def compute(context: StudyContext) -> tuple[Values, Figures]:
             ),
         ],
     }
-    return values, {}
 
 
 def _foot(models: Path, stated_n: float, library: FootShapeLibrary, *, quick: bool) -> Values:

@@ -22,7 +22,7 @@ from footsense.lab.evaluation.evaluate_models import MEASURED_DIRECTION_DEG, MEA
 from footsense.lab.fem.sealed_air import SealedFoot
 from footsense.lab.fem.whole import other_tables
 from footsense.lab.parallel import N_PROCESSES, compute_each
-from footsense.lab.report import Figures, StudyContext, Values, spread, table, target
+from footsense.lab.report import StudyContext, Values, spread, table, target
 from footsense.lab.training.load_cases import leaning_loads
 from footsense.lab.training.paper_procedure import EPOCHS, per_foot_force_n
 from footsense.sim.fabrication import PAPER_TOLERANCES, FootTolerances, draw_deviations
@@ -105,7 +105,7 @@ _QUICK_CAUSES = (NONE, "lean_rms_deg", ALL)
 _FIGURES = ("deg", "gf", "true_deg", "true_gf", "no_force", "within_2_sigma")
 
 
-def compute(context: StudyContext) -> tuple[Values, Figures]:
+def compute(context: StudyContext) -> Values:
     """Run the paper's procedure with each cause of error, then calibrate the feet of each kind."""
     n_feet, epochs = (_QUICK_N_FEET, _QUICK_EPOCHS) if context.quick else (_N_FEET, EPOCHS)
     each = partial(compute_each, scheduler=context.scheduler, n_processes=1 if context.quick else N_PROCESSES)
@@ -140,7 +140,8 @@ def compute(context: StudyContext) -> tuple[Values, Figures]:
         "kinds": kinds,
     }
     values["targets"] = _targets(values)
-    return values, {"experiment.png": _figure(kinds)}
+    context.drawings["experiment.png"] = _figure(kinds)
+    return values
 
 
 @lru_cache(maxsize=1)

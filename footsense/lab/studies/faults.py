@@ -4,14 +4,14 @@ from msgspec.structs import replace
 
 from footsense.config import DEFAULT
 from footsense.frames import ELEMENTS
-from footsense.lab.report import Figures, StudyContext, Values, table
+from footsense.lab.report import StudyContext, Values, table
 from footsense.validation.fault_table import simulate_can_faults, simulate_leg_faults
 from footsense.validation.fault_trial import BREAKS_AT_S, DURATION_S, LOAD, PASSES_AT_S
 
 TITLE = "Effect of every fault"
 
 
-def compute(context: StudyContext) -> tuple[Values, Figures]:
+def compute(context: StudyContext) -> Values:
     """Walk once with each fault; faults of CAN, which no foot changes, for the default foot only."""
     foot = context.foot_design
     other = foot.foot_type != DEFAULT.foot_type
@@ -26,7 +26,7 @@ def compute(context: StudyContext) -> tuple[Values, Figures]:
             for fault, found in legs.items()
         },
         "can_faults": {fault: found._asdict() for fault, found in can.items()},
-    }, {}
+    }
 
 
 def text(values: Values) -> str:

@@ -27,7 +27,7 @@ from footsense.lab.fem.mesh import COARSE_MESH, MeshSize, build_quarter_mesh
 from footsense.lab.fem.quarter import Parity, QuarterFoot
 from footsense.lab.foot_file import load_foot
 from footsense.lab.geometry import FootDesign, Material
-from footsense.lab.report import Figures, StudyContext, Values, table, target
+from footsense.lab.report import StudyContext, Values, table, target
 from footsense.lab.training.gait_readings import random_gaits
 from footsense.lab.training.gait_windows import windows_of
 from footsense.lab.training.load_cases import paper_verification
@@ -53,7 +53,7 @@ class _Case(NamedTuple):
     passed: bool
 
 
-def compute(context: StudyContext) -> tuple[Values, Figures]:
+def compute(context: StudyContext) -> Values:
     """Try every case; the quick form leaves out those that solve a mesh."""
     groups = {
         "The foot under load": [*_loads(context.response), *_designs(context.foot_design)],
@@ -74,7 +74,7 @@ def compute(context: StudyContext) -> tuple[Values, Figures]:
         met=n_passed == len(cases),
     )
     named = {heading: [case._asdict() for case in group] for heading, group in groups.items()}
-    return {"groups": named, "n_passed": n_passed, "n": len(cases), "targets": [row]}, {}
+    return {"groups": named, "n_passed": n_passed, "n": len(cases), "targets": [row]}
 
 
 def text(values: Values) -> str:

@@ -10,7 +10,7 @@ from footsense.foot.directions import angles_between_deg, directions
 from footsense.foot.specimen import ContactLoads
 from footsense.frames import ELEMENTS, LEGS, Mask, Vector
 from footsense.lab.evaluation.rough_walks import THRESHOLD_N, run_gait_tracker, score_walks, simulate_walk
-from footsense.lab.report import Figures, StudyContext, Values, spread, table, target
+from footsense.lab.report import StudyContext, Values, spread, table, target
 from footsense.lab.training.gait_readings import (
     STEP_S,
     GaitReadings,
@@ -59,7 +59,7 @@ _N_FEET, _N_TOUCHDOWNS, _CYCLE_S, _STANCE_S, _LIFT_S = 6, 25, (0.9, 1.1), 0.35, 
 _FORCE_ERROR_S = 0.05
 
 
-def compute(context: StudyContext) -> tuple[Values, Figures]:
+def compute(context: StudyContext) -> Values:
     """Estimate the force in gaits, walks, and touchdowns; score what is reported of walks on rough ground."""
     gaits, wrong_gains = _gaits(context)
     context.report_progress("gaits done")
@@ -71,7 +71,7 @@ def compute(context: StudyContext) -> tuple[Values, Figures]:
         context.report_progress(f"rough walk {number + 1} done")
     rough = score_walks(walks)
     walk = next(row for row in gaits if row["load"] == "measured walk")
-    values = {
+    return {
         "n_random_gaits": 6 if context.quick else _N_GAITS,
         "gaits": gaits,
         "wrong_gains": wrong_gains,
@@ -105,7 +105,6 @@ def compute(context: StudyContext) -> tuple[Values, Figures]:
             ),
         ],
     }
-    return values, {}
 
 
 def _walked(

@@ -32,7 +32,7 @@ from footsense.lab.evaluation.sealed_cavities import (
     MAX_SEARCHED_N,
     sealed_against_vented,
 )
-from footsense.lab.report import Figures, StudyContext, Values, spread, table
+from footsense.lab.report import StudyContext, Values, spread, table
 from footsense.lab.training.load_cases import (
     FULL_SCALE_PF,
     NOISE_PF,
@@ -48,7 +48,7 @@ _NETWORK, _CENTRED, _LEANING = "released network", "linear, centred loads", "lin
 _N, _QUICK_N, _EPOCHS, _QUICK_EPOCHS = 10, 2, 3000, 200
 
 
-def compute(context: StudyContext) -> tuple[Values, Figures]:
+def compute(context: StudyContext) -> Values:
     """Read loads off centre and beside a second one, then compare sealed with vented cavities, and a film with gaps."""
     design, response, quick = context.foot_design, context.response, context.quick
     network, gap_um = context.network, response.design.gap_um
@@ -67,7 +67,7 @@ def compute(context: StudyContext) -> tuple[Values, Figures]:
     n, epochs = (_QUICK_N, _QUICK_EPOCHS) if quick else (_N, _EPOCHS)
     air = sealed_against_vented(response, n, epochs)
     context.report_progress("sealed air done")
-    values = {
+    return {
         "n": n,
         "epochs": epochs,
         "lean": lean,
@@ -80,7 +80,6 @@ def compute(context: StudyContext) -> tuple[Values, Figures]:
         "air": air,
         "film": film_against_gaps(design, response, n, epochs, quick=quick),
     }
-    return values, {}
 
 
 _ESTIMATORS = (_NETWORK, _CENTRED, _LEANING)

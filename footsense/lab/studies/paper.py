@@ -30,7 +30,7 @@ from footsense.lab.fem.paper_sensors import (
     pressure_patterns,
     stress_series,
 )
-from footsense.lab.report import Figures, StudyContext, Values, spread, table, target
+from footsense.lab.report import StudyContext, Values, spread, table, target
 from footsense.lab.training.load_cases import paper_training, paper_verification, sensed_closure_um
 from footsense.lab.training.paper_network import RPROP, network_outputs, random_layers, stack, train, unstack
 from footsense.lab.training.paper_procedure import (
@@ -58,7 +58,7 @@ _MAP_LEVELS_DEG = (0.0, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 _MAP_POINTS, _MIN_ELEVATION_DEG = 91, 30.0
 
 
-def compute(context: StudyContext) -> tuple[Values, Figures]:
+def compute(context: StudyContext) -> Values:
     """Do each part of the paper's simulation again; every network from five starts."""
     seeds = _QUICK_SEEDS if context.quick else _SEEDS
     epochs = _QUICK_EPOCHS if context.quick else _EPOCHS
@@ -70,9 +70,9 @@ def compute(context: StudyContext) -> tuple[Values, Figures]:
     race = _race(context, seeds)
     context.report_progress("RPROP done")
     arrays = _arrays(context, seeds)
-    map_figure, error_map = _map(context)
+    context.drawings["paper-map.png"], error_map = _map(context)
     own = float(np.mean(procedure["capacitance"]["direction_deg"]["100"]))
-    values = {
+    return {
         "n_seeds": seeds,
         "epochs": epochs,
         "unloaded_pf": context.response.design.unloaded_pf,
@@ -92,7 +92,6 @@ def compute(context: StudyContext) -> tuple[Values, Figures]:
             )
         ],
     }
-    return values, {"paper-map.png": map_figure}
 
 
 def _pattern_pf(context: StudyContext) -> Vector:

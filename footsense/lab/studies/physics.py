@@ -1,9 +1,9 @@
 """Page `physics`: the solid against finer meshes and known solutions, and what each simplification of it costs."""
 
-import os
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from time import process_time
 from typing import Any
 
 import msgspec
@@ -22,7 +22,7 @@ from footsense.lab.fem.centred import (
 from footsense.lab.fem.cross_sections import cavity_strip_closure_um, fringe_readings
 from footsense.lab.fem.mesh import COARSE_MESH, FINEST_MESH, RELEASED_MESH, MeshSize
 from footsense.lab.geometry import FootDesign, Material, ThinFilm
-from footsense.lab.report import Figures, StudyContext, Values, table, target
+from footsense.lab.report import StudyContext, Values, table, target
 from footsense.lab.response import make_response
 
 TITLE = "How exact the solid is"
@@ -75,13 +75,13 @@ _FINITE_STRAIN = {
 }
 
 
-def compute(context: StudyContext) -> tuple[Values, Figures]:
+def compute(context: StudyContext) -> Values:
     """Solve the foot on several meshes and with other materials, and known cases; compare."""
     design, response, quick = context.foot_design, context.response, context.quick
     meshes, closure_um_per_n = _meshes(context)
     worst = max(meshes[-1 if quick else 2]["error_rel"], default=float("nan"))
     cell_um, cell_rel = variation_inside_cells(response, _ELEVATIONS_DEG)
-    values = {
+    return {
         "meshes": meshes,
         "table": None if quick else _table_from_nothing(context),
         "analytic": errors_of_analytic_cases(quick=quick),
@@ -108,16 +108,12 @@ def compute(context: StudyContext) -> tuple[Values, Figures]:
             )
         ],
     }
-    return values, {}
 
 
-def _timed(step: Callable[[], Any]) -> tuple[Any, float, float]:
-    """Return the result of a step, its wall-clock time, and that of all processors [s]."""
-    before = os.times()
-    result = step()
-    after = os.times()
-    processor_s = after.user + after.system - before.user - before.system
-    return result, after.elapsed - before.elapsed, processor_s
+def _timed(step: Callable[[], Any]) -> tuple[Any, float]:
+    """Return the result of a step, and the time of all processors [s]."""
+    before_s = process_time()
+    return step(), process_time() - before_s
 
 
 def _meshes(context: StudyContext) -> tuple[list[Values], Vector]:
@@ -128,11 +124,11 @@ def _meshes(context: StudyContext) -> tuple[list[Values], Vector]:
     solved = []
     for name, size in (_QUICK_MESHES if context.quick else _MESHES).items():
         elevations_deg = _ELEVATIONS_DEG[: 1 if context.quick or size is FINEST_MESH else 2]
-        found, wall_s, processor_s = _timed(
+        found, processor_s = _timed(
             partial(solve_centred_closures, context.foot_design, size, elevations_deg)
         )
         closures_um = found.closure_um_per_n
-        solved.append((name, size.order, found.n_unknowns, wall_s, processor_s, closures_um))
+        solved.append((name, size.order, found.n_unknowns, processor_s, closures_um))
         context.report_progress(f"mesh {name}: {found.n_unknowns} unknowns, {processor_s:.1f} s")
     best = [solved[-1][-1][0], None if context.quick else solved[-2][-1][1]]
     rows = [
@@ -140,7 +136,6 @@ def _meshes(context: StudyContext) -> tuple[list[Values], Vector]:
             "mesh": name,
             "order": order,
             "unknowns": unknowns,
-            "wall_s": wall_s,
             "processor_s": processor_s,
             "corner_um": closures_um[0].max(),
             "error_rel": [
@@ -149,7 +144,7 @@ def _meshes(context: StudyContext) -> tuple[list[Values], Vector]:
                 if own is not of and not np.array_equal(own, of)
             ],
         }
-        for name, order, unknowns, wall_s, processor_s, closures_um in solved
+        for name, order, unknowns, processor_s, closures_um in solved
     ]
     (released_um,) = (one[-1] for one in solved if one[0] in (_RELEASED, next(iter(_QUICK_MESHES))))
     return rows, released_um
@@ -157,13 +152,13 @@ def _meshes(context: StudyContext) -> tuple[list[Values], Vector]:
 
 def _table_from_nothing(context: StudyContext) -> Values:
     """Return the time of solving the released table anew, and its largest difference from the released one."""
-    made, wall_s, processor_s = _timed(
+    made, processor_s = _timed(
         partial(make_response, context.foot_design, RELEASED_MESH, context.report_progress)
     )
     up = directions(0.0, list(_ELEVATIONS_DEG))
     old_um, new_um = (one.free_element_closures_um(up, up) for one in (context.response, made))
     change = max(abs(largest_change(new, old)) for new, old in zip(new_um, old_um, strict=True))
-    return {"wall_s": wall_s, "processor_s": processor_s, "change_rel": change}
+    return {"processor_s": processor_s, "change_rel": change}
 
 
 def _loss_of_quadratic_elements(context: StudyContext, poisson: float) -> Values:
@@ -205,12 +200,12 @@ def _change_by_a_cement_floor(design: FootDesign, response: FootResponse) -> flo
 def text(values: Values) -> str:
     """Return the page's Markdown."""
     meshes = table(
-        "mesh | order | unknowns | wall [s] | processor [s] | corner, upright [um] | worst, upright / 40 deg",
+        "mesh | order | unknowns | processor [s] | corner, upright [um] | worst, upright / 40 deg",
         [
             row | {"worst": " / ".join(f"{error:.2%}" for error in row["error_rel"])}
             for row in values["meshes"]
         ],
-        "{mesh} | {order} | {unknowns} | {wall_s:.1f} | {processor_s:.1f} | {corner_um:.3f} | {worst}",
+        "{mesh} | {order} | {unknowns} | {processor_s:.1f} | {corner_um:.3f} | {worst}",
     )
     analytic = table(
         "Poisson's ratio | constant strain [1] | order of displacement / gradient | dent under a patch | stress below it",
@@ -271,8 +266,8 @@ def text(values: Values) -> str:
     from_nothing = (
         "The quick form does not make the table anew."
         if made is None
-        else f"From nothing to the released response table (243 solves) it takes {made['wall_s']:.0f} s, "
-        f"{made['processor_s']:.0f} s of processor; the table made here differs from the released one by "
+        else f"From nothing to the released response table (243 solves) it takes {made['processor_s']:.0f} s "
+        f"of processor; the table made here differs from the released one by "
         f"{100 * made['change_rel']:.1g} % in its worst closure under the loads above."
     )
     return f"""Everything on this page is computed and nothing measured on rubber: it says how exactly the equations are solved, and what

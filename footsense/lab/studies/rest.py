@@ -23,7 +23,7 @@ from footsense.lab.evaluation.evaluate_models import (
     sigma_coverage_shares,
 )
 from footsense.lab.geometry import LoadRange
-from footsense.lab.report import Figures, StudyContext, Values, table, target
+from footsense.lab.report import StudyContext, Values, table, target
 from footsense.lab.training.load_cases import (
     BASELINE_NOISE_PF,
     NOISE_PF,
@@ -64,7 +64,7 @@ _TARGET_OVER_BOUND = 1.2
 _AMBIGUITY_ELEVATIONS_DEG = np.arange(40.0, 49.01, 0.5)
 
 
-def compute(context: StudyContext) -> tuple[Values, Figures]:
+def compute(context: StudyContext) -> Values:
     """Evaluate the network on the paper's and on held-out loads, with missing elements, and on other feet."""
     network, loads, quick = context.network, context.foot_design.loads, context.quick
     cases = random_loads(context.response, loads, 2000 if quick else HELD_OUT_CASES, HELD_OUT_SEED)
@@ -100,7 +100,7 @@ def compute(context: StudyContext) -> tuple[Values, Figures]:
     paper = errors["paper_network"]
     bound = _bounds(context)
     worst = max(row["over_bound"] for row in bound["centred"])
-    values = {
+    return {
         "weights": network.card["training"]["weights"],
         "min_evaluated_force_n": loads.min_evaluated_force_n,
         "errors": {name: asdict(row) for name, row in errors.items()},
@@ -127,7 +127,6 @@ def compute(context: StudyContext) -> tuple[Values, Figures]:
             ),
         ],
     }
-    return values, {}
 
 
 def _coverage_of_feet(context: StudyContext, batch: FootTolerances, n_feet: int) -> Values:

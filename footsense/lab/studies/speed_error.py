@@ -17,7 +17,7 @@ from footsense.frames import ELEMENTS
 from footsense.lab.evaluation.evaluate_models import rms
 from footsense.lab.evaluation.fidelity_levels import LevelResponse, fidelity_levels
 from footsense.lab.fem.mesh import COARSE_MESH, RELEASED_MESH
-from footsense.lab.report import Figures, StudyContext, Values, spread, table, target
+from footsense.lab.report import StudyContext, Values, spread, table, target
 from footsense.lab.training.export import onnx_model
 from footsense.lab.training.gait_readings import random_gaits
 from footsense.lab.training.gait_windows import windows_of
@@ -46,7 +46,7 @@ _LEGS, _RUNS, _N_TIMINGS = 6, 200, 25
 _SHOWN_LOADS = ("measured_walk", "step")
 
 
-def compute(context: StudyContext) -> tuple[Values, Figures]:
+def compute(context: StudyContext) -> Values:
     """Measure time and error of foot models, networks of several sizes, and rates of converting and publishing."""
     ng.ngsglobals.msg_level = 0
     published = measure_latency_vs_error(context)
@@ -57,7 +57,7 @@ def compute(context: StudyContext) -> tuple[Values, Figures]:
     table_s = next(row["seconds"] for row in models if row["model"] == "linear")
     mesh_s = next(row["seconds"] for row in models if row["model"] == "mesh")
     held = _point(published, 400, 4)["walk"]["held_error_norm_rms_mn"]
-    values = {
+    return {
         "models": models,
         "n_seeds": 2 if context.quick else _N_SEEDS,
         "steps": _QUICK_STEPS if context.quick else _STEPS,
@@ -78,7 +78,6 @@ def compute(context: StudyContext) -> tuple[Values, Figures]:
             ),
         ],
     }
-    return values, {}
 
 
 def _point(published: Values, rate_sps: int, every: int) -> Values:
