@@ -3,6 +3,7 @@
 import json
 import re
 from pathlib import Path
+from shutil import copyfile
 
 import numpy as np
 import pytest
@@ -51,6 +52,14 @@ def test_a_committed_page_is_the_text_of_its_figures(file: Path) -> None:
     assert page_text(values) == file.with_suffix(".md").read_text(encoding="utf-8")
 
 
+def test_the_committed_list_has_all_pages(tmp_path: Path) -> None:
+    for name in study_names():
+        copyfile(PAGES / f"{name}.json", tmp_path / f"{name}.json")
+    written = write_list_of_pages(tmp_path).read_text("utf-8")
+    assert written == (PAGES / "README.md").read_text("utf-8")
+    assert all(f"| [{name}]({name}.md) |" in written for name in study_names())
+
+
 def test_an_unknown_study_is_answered_with_those_that_are() -> None:
     with pytest.raises(FootsenseError, match=r"no study 'x': there are .*faults"):
         require_study("x")
@@ -67,6 +76,7 @@ def test_the_front_page_has_the_figures_of_the_pages() -> None:
     front = (PAGES.parents[1] / "README.md").read_text(encoding="utf-8")
     motion, rest = (json.loads((PAGES / f"{name}.json").read_text("utf-8")) for name in ("motion", "rest"))
     rough, paper = motion["rough"], rest["errors"]["paper_network"]
+    assert "use one response table, with vented cavities (the paper's are sealed)" in " ".join(front.split())
     for text in (
         f"{rough['leg_minutes']:.0f} minutes of legs",
         f"{rough['n_false_touchdowns']} in {rough['swing_minutes']:.0f} min of swing;",

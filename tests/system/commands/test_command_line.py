@@ -60,6 +60,14 @@ def test_help_is_for_its_user(command: str) -> None:
     assert "\\f" not in result.output
 
 
+def test_the_help_of_the_lab_fits_a_terminal() -> None:
+    lines = CliRunner().invoke(main, ["lab", "--help"]).output.splitlines()
+    assert len(lines) <= 24
+    commands = lines[lines.index("Commands:") + 1 :]
+    assert all(len(line) <= 80 and line.endswith(".") and not line.endswith("...") for line in commands)
+    assert [line.split()[0] for line in commands] == ["build", "design", "fabricate", "report", "study"]
+
+
 def test_the_help_is_one_screen_with_a_line_for_each_command() -> None:
     """No sentence is cut or folded; a word that is no command is answered with the nearest."""
     lines = CliRunner().invoke(main, ["--help"]).output.splitlines()
