@@ -127,10 +127,7 @@ class CanSink:
         gait = self._gait
         if frame.gait is not None:
             gait.queue_gait(frame.gait)
-        unreported: list[tuple[CanLeg, Any]] = []
-        if present != self._reported:
-            of_legs = zip(self._legs, zip(*present, strict=True), strict=True)
-            unreported = [(leg, report) for leg, report in of_legs if leg.reported != report]
+        unreported = [] if present == self._reported else self._unreported_fault_changes(present)
         reports = unreported[:_MAX_EXTRA_FRAMES]
         frames = gait.event_frames(t_ns, _MAX_EXTRA_FRAMES - len(reports)) if gait.events else []
         n_events = n_before = len(frames)
@@ -212,6 +209,11 @@ class CanSink:
         ]
         self._channel.send(last, self._clock.now_ns())
         self._channel.close()
+
+    def _unreported_fault_changes(self, present: list[list[int]]) -> list[tuple[CanLeg, Any]]:
+        """Return the legs whose state, mask or cause has changed since their last report, with the new values."""
+        of_legs = zip(self._legs, zip(*present, strict=True), strict=True)
+        return [(leg, report) for leg, report in of_legs if leg.reported != report]
 
     def _add_heartbeats_and_baselines(
         self, frames: list[bytes], frame: ContactFrame, states: list[int], max_frames: int
