@@ -5,6 +5,11 @@ import re
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any, get_args
+
+import msgspec
+
+from footsense.config import Config
 
 ROOT = Path(__file__).parents[1]
 MODULES = {
@@ -17,6 +22,8 @@ Definition = ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
 
 #: Rooms that still have more modules; their number may only fall.
 MORE_MODULES = {"footsense/cli": 13, "footsense/estimation": 13}
+#: Keys of a configuration that are a quantity of feet or buses, whoever sets it.
+QUANTITIES = {"rate_hz", "stray_pf", "unloaded_pf", "foot_type"}
 #: Words in backticks that are names of other programs, or parts of names.
 WORDS_OF_OTHERS = {
     "cell0",
@@ -44,6 +51,24 @@ def test_rooms_can_be_seen_at_once() -> None:
     assert [str(path) for path, text in MODULES.items() if text.count("\n") > 400] == []
     folders = Counter(path.parent for path in MODULES if path.name != "__init__.py")
     assert {str(folder): n for folder, n in folders.items() if n > 12} == MORE_MODULES
+
+
+def keys_of(hint: Any) -> Iterator[str]:
+    for field in msgspec.structs.fields(hint) if hasattr(hint, "__struct_fields__") else ():
+        yield field.encode_name
+        yield from keys_of(field.type)
+    for part in get_args(hint):
+        yield from keys_of(part)
+
+
+def test_a_key_of_the_configuration_is_in_three_files() -> None:
+    """Of what a robot runs; a key of one word may mean something else elsewhere."""
+    served = [
+        text for path, text in MODULES.items() if not {"lab", "benchmarks", "validation"} & {*path.parts}
+    ]
+    keys = {key for key in keys_of(Config) if "_" in key} - QUANTITIES
+    files = {key: sum(re.search(rf"\b{key}\b", text) is not None for text in served) for key in keys}
+    assert {key: n for key, n in files.items() if n > 3} == {}
 
 
 def names_of(node: Definition) -> set[str]:

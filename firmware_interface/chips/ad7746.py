@@ -80,7 +80,7 @@ class Ad7746Rate(NamedTuple):
         """Expected rms noise [fF], of the chip and of the wires to a foot.
 
         Example:
-            >>> [round(RATES[rate_sps].noise_ff, 2) for rate_sps in (91, 50, 9)]
+            >>> [round(RATES[sps].noise_ff, 2) for sps in (91, 50, 9)]
             [0.93, 0.66, 0.28]
         """
         return hypot(self.chip_noise_ff, WIRE_NOISE_FF_PER_RTHZ * sqrt(self.bandwidth_hz))

@@ -1,6 +1,6 @@
 """Serial port of Linux, reopened after it was unplugged; the only module that imports pyserial.
 
-pyserial sets up the line at any baud rate; bytes are read from its descriptor, with one system call instead of the two
+pyserial sets up the line at any bit rate; bytes are read from its descriptor, with one system call instead of the two
 or three of its `read`.
 """
 
@@ -32,7 +32,7 @@ class SerialLink:
 
     Args:
         device: Its name.
-        baud: Bits per second; without effect on a USB device that is no UART adapter.
+        bits_per_s: Bits per second; without effect on a USB device that is no UART adapter.
         clock: The time to wait in.
 
     Attributes:
@@ -42,10 +42,10 @@ class SerialLink:
         HardwareError: It is missing, is in use, or this user may not use it.
     """
 
-    def __init__(self, device: str, baud: int, clock: Clock) -> None:
+    def __init__(self, device: str, bits_per_s: int, clock: Clock) -> None:
         self.n_opened = 0
         self._device = device
-        self._baud = baud
+        self._bits_per_s = bits_per_s
         self._clock = clock
         self._poll = select.poll()
         self._port: serial.Serial | None = None
@@ -104,7 +104,7 @@ class SerialLink:
             HardwareError: It cannot be opened.
         """
         try:
-            port = serial.Serial(self._device, self._baud, timeout=0, exclusive=True)
+            port = serial.Serial(self._device, self._bits_per_s, timeout=0, exclusive=True)
         except (OSError, ValueError, termios.error) as error:
             why = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
             raise HardwareError(

@@ -26,8 +26,6 @@ from footsense.frames import ELEMENTS, ROWS, Cause, Reading, Vector
 from footsense.leg_words import CAUSE_WORDS, word_of
 from footsense.sim.scene import load_scene
 
-#: Exit code if there is a fault.
-_EXIT_CODE_FAULTY = 1
 _DEFAULT_SCENE = "hanging"
 _CHIP_NAMES = {
     fdc1004.ADDRESS: "FDC1004",
@@ -67,15 +65,17 @@ def probe(config_file: Path | None, scene_name: str | None, *, as_json: bool) ->
             probe_picture(result, f"scene {scene_name}, simulated" if scene_name else str(config_file))
         )
     if result.diagnoses:
-        sys.exit(_EXIT_CODE_FAULTY)
+        sys.exit(1)
 
 
 def probe_json(result: ProbeResult) -> dict[str, Any]:
     """Return buses, legs, shortest scan and diagnoses as plain values."""
+    scan_ns = result.scan_period_bound_ns
     return {
         "buses": [_bus_figures(report) for report in result.buses],
         "legs": {leg.leg: json_row(_LEG_COLUMNS, leg) for leg in result.legs},
-        **_scan_figures(result),
+        "scan_ms": scan_ns and round(scan_ns * 1e-6, 3),
+        "frames_hz": scan_ns and round(1e9 / scan_ns, 2),
         "diagnoses": [diagnosis._asdict() for diagnosis in result.diagnoses],
     }
 
@@ -83,15 +83,19 @@ def probe_json(result: ProbeResult) -> dict[str, Any]:
 def probe_picture(result: ProbeResult, title: str) -> Group:
     """Return the whole output of a probe for a terminal of 80 columns."""
     parts: list[RenderableType] = [Text.assemble(("footsense probe  ", "bold"), title), Text()]
-    for report in result.buses:
-        parts += [_shortened(_bus_figures(report)), Text()]
+    figures = probe_json(result)
+    for bus in figures["buses"]:
+        # The legs' table has the channels.
+        n_left_out = len(bus["not_scanned"] or ())
+        note = f"{n_left_out} addresses: this adapter does not support empty writes" if n_left_out else None
+        parts += [figures_table(bus | {"channels": None, "not_scanned": note}), Text()]
     parts += [table(_LEG_COLUMNS, result.legs), Text()]
     if scanned := [leg for leg in result.legs if leg.scans is not None]:
         parts += [
             Text("every foot from above, forwards up: pF of each element", "dim"),
             Columns([_foot_marks(leg) for leg in scanned], width=_ELEMENT_WIDTH * ROWS + _FOOT_SPACING_CELLS),
         ]
-    parts += [figures_table(_scan_figures(result)), Text()]
+    parts += [figures_table({name: figures[name] for name in ("scan_ms", "frames_hz")}), Text()]
     if not result.diagnoses:
         parts.append(Text("No faults.", "green"))
     else:
@@ -128,14 +132,6 @@ def element_marks(report: ProbedLeg) -> list[tuple[str, bool]]:
     return marks
 
 
-def _scan_figures(result: ProbeResult) -> dict[str, float | None]:
-    scan_ns = result.scan_period_bound_ns
-    return {
-        "scan_ms": scan_ns and round(scan_ns * 1e-6, 3),
-        "frames_hz": scan_ns and round(1e9 / scan_ns, 2),
-    }
-
-
 def _bus_figures(report: ProbedBus) -> dict[str, Any]:
     """Return the result of one bus as plain values: chips found, addresses, timing; None for what is not known."""
     bus, scan, drivers = report
@@ -163,13 +159,6 @@ def _bus_figures(report: ProbedBus) -> dict[str, Any]:
 def _addresses(addresses: Iterable[int], names: Mapping[int, str]) -> dict[str, str]:
     """Return the names of I2C addresses by their hexadecimal text; "?" for an unknown one."""
     return {f"{address:#04x}": names.get(address, "?") for address in addresses}
-
-
-def _shortened(figures: dict[str, Any]) -> RenderableType:
-    """Return figures of a bus as text: the legs' table has the channels; addresses not scanned are counted."""
-    n_left_out = len(figures["not_scanned"] or ())
-    note = f"{n_left_out} addresses: this adapter does not support empty writes" if n_left_out else None
-    return figures_table(figures | {"channels": None, "not_scanned": note})
 
 
 def _chips_cell(leg: ProbedLeg) -> str:

@@ -6,6 +6,7 @@ from contextlib import ExitStack, closing
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import click
 import msgspec
@@ -25,6 +26,7 @@ from footsense.daemon.service import open_service
 from footsense.daemon.simulation import is_simulated
 from footsense.daemon.test_stand import StandSession, practice_scene, session_guide
 from footsense.errors import CalibrationError, ConfigError
+from footsense.foot.calibration_files import FootId
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.frames import ALL_LEGS, USABLE, Cycle, State, Vector
 from footsense.leg_words import word_of
@@ -149,18 +151,17 @@ def _with_foot_on_leg(config: Config, leg: str, foot: str) -> Config:
     """
     if leg not in config.legs:
         raise ConfigError(f"--leg {leg}: is no leg of this configuration; it has {', '.join(config.legs)}")
-    plain = msgspec.to_builtins(config)
-    if (other := plain["feet"].get(leg, foot)) != foot:
+    feet: dict[Any, str] = {**config.feet}
+    if (other := feet.get(leg, foot)) != foot:
         raise ConfigError(
             f"--foot {foot}: the configuration says that {other} is on {leg}; correct one of them"
         )
-    # A foot that is not calibrated may read far from its design; its tare is accepted.
-    tare = msgspec.to_builtins(config.tare.for_uncalibrated_foot())
-    changed = {"feet": {**plain["feet"], leg: foot}, "calibrations": None, "tare": tare}
     try:
-        config = msgspec.convert(plain | changed, Config)
+        feet[leg] = msgspec.convert(foot, FootId)
     except msgspec.ValidationError:
         raise ConfigError(f"--foot {foot}: is no identity of a foot, such as foot-0007") from None
+    # A foot that is not calibrated may read far from its design; its tare is accepted.
+    config = replace(config, feet=feet, calibrations=None, tare=config.tare.for_uncalibrated_foot())
     if problem := first_contradiction(config):
         raise ConfigError(f"--foot {foot}: {problem}")
     return config

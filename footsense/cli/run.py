@@ -121,10 +121,17 @@ def run(
             picture = partial(legs_table, service.legs, title, url, service.true_force_n_at)
             service.observers.append(stack.enter_context(closing(LiveView(_console(), picture))))
         service.run(lambda: stop.requested, service.clock.now_ns() + duration_s * _NS_PER_S)
+    can = service.sink.stats
     figures: dict[str, Any] = {
         "scene": scene_name,
         **statistics.summary(),
-        **service.run_counts(),
+        "can": {
+            "published": can.published_cycles,
+            "sent": can.sent,
+            "dropped": can.dropped,
+            "rejected_commands": can.rejected_commands,
+        },
+        "cycles_not_recorded": service.recorder and service.recorder.n_lost_cycles,
         "resident_mib": resident_mib(),
     }
     if summary == "json":

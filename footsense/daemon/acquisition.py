@@ -4,7 +4,6 @@ import logging
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 from footsense.acquisition.leg_bus import BusTiming, LegBus
 from footsense.acquisition.linux_i2c import LinuxI2cBus
@@ -60,22 +59,8 @@ class ScanSource:
         return scans
 
 
-class OpenBus(NamedTuple):
-    """Open I2C bus with its configuration and clock.
-
-    Attributes:
-        bus_config: Its configuration.
-        clock: Its clock.
-        legs: Path to the chips of its legs.
-    """
-
-    bus_config: Bus
-    clock: Clock
-    legs: LegBus
-
-
-def open_buses(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -> list[OpenBus]:
-    """Open the I2C adapters and reset lines of every bus; return the open buses.
+def open_buses(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -> list[tuple[LegBus, Clock]]:
+    """Open the I2C adapters and reset lines of every bus; return the way to the legs of each, and its clock.
 
     Args:
         config: The robot.
@@ -86,13 +71,11 @@ def open_buses(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -
         HardwareError: An adapter or a reset line is missing.
     """
     if robot is None:
-        return [OpenBus(bus, MonotonicClock(), _open_bus(bus, stack)) for bus in config.buses]
-    opened = []
-    for bus, wires in zip(config.buses, robot.buses, strict=True):
-        line = wires.mux if bus.mux.reset else None
-        legs = LegBus(wires, bus.mux_address, line)
-        opened.append(OpenBus(bus, wires.clock, legs))
-    return opened
+        return [(_open_bus(bus, stack), MonotonicClock()) for bus in config.buses]
+    return [
+        (LegBus(wires, bus.mux_address, wires.mux if bus.mux.reset else None), wires.clock)
+        for bus, wires in zip(config.buses, robot.buses, strict=True)
+    ]
 
 
 def check_adapters(config: Config) -> None:
@@ -174,7 +157,7 @@ def _open_microcontroller(serial: Serial, robot: SimulatedRobot | None, scene: S
         port: SerialPort = SerialLink(serial.device, serial.baud, clock)
     else:
         mcu = simulated_mcu(robot, scene, serial.rate_hz)
-        port = SimulatedSerialPort(mcu, clock, rate_hz=serial.rate_hz, baud=serial.baud)
+        port = SimulatedSerialPort(mcu, clock, rate_hz=serial.rate_hz, bits_per_s=serial.baud)
     return ScanSource(McuSource(port, clock, serial), clock, wakeups=(own.wakeups,))
 
 
@@ -182,9 +165,10 @@ def _open_bus_scanners(config: Config, robot: SimulatedRobot | None, stack: Exit
     """Open and start the scanners of all I2C buses."""
     buses = open_buses(config, robot, stack)
     plan = config.scan_plan
-    scanners = []
-    for bus, clock, legs in buses:
-        scanners.append(BusScanner(legs, clock, bus.channels, plan))
+    scanners = [
+        BusScanner(legs, clock, bus.channels, plan)
+        for bus, (legs, clock) in zip(config.buses, buses, strict=True)
+    ]
     source = RobotScanner(scanners, threads=robot is None)
     stack.callback(source.close)
     source.start()
@@ -194,6 +178,6 @@ def _open_bus_scanners(config: Config, robot: SimulatedRobot | None, stack: Exit
         source,
         MonotonicClock(),
         ELEMENTS,
-        wakeups=tuple(bus.clock.wakeups for bus in buses if isinstance(bus.clock, MonotonicClock)),
+        wakeups=tuple(clock.wakeups for _, clock in buses if isinstance(clock, MonotonicClock)),
         converter_temperature_c=source.temperature_c if plan.board.thermometer else None,
     )

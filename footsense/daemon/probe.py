@@ -246,10 +246,9 @@ def _probe_buses(config: Config, scene: Scene | None, plan: ScanPlan) -> Iterato
     """Yield the scan result of every bus."""
     robot = None if scene is None else simulated_robot(config, scene)
     with ExitStack() as stack:
-        for opened in open_buses(config, robot, stack):
-            bus = opened.bus_config
+        for bus, (legs, clock) in zip(config.buses, open_buses(config, robot, stack), strict=True):
             drivers = kernel_drivers(bus.device) if robot is None else {}
-            scan = scan_bus(opened.legs, opened.clock, plan, bus.channels, drivers)
+            scan = scan_bus(legs, clock, plan, bus.channels, drivers)
             yield ProbedBus(bus, scan, drivers)
 
 

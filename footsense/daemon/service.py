@@ -86,19 +86,6 @@ class Service(Loop):
             n_lost_cycles=self.recorder.n_lost_cycles if self.recorder else 0,
         )
 
-    def run_counts(self) -> dict[str, object]:
-        """Return the numbers of forces published, frames sent, and of frames, commands and cycles lost."""
-        stats = self.sink.stats
-        return {
-            "can": {
-                "published": stats.published_cycles,
-                "sent": stats.sent,
-                "dropped": stats.dropped,
-                "rejected_commands": stats.rejected_commands,
-            },
-            "cycles_not_recorded": self.recorder.n_lost_cycles if self.recorder else None,
-        }
-
 
 @contextmanager
 def open_service(

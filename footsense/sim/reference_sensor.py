@@ -29,7 +29,7 @@ SAMPLE_RATE_HZ = 200
 _SAMPLE_PERIOD_NS = 1_000_000_000 // SAMPLE_RATE_HZ
 #: Columns of a line: the sensor's time, and the forces in whole gf.
 LINE_COLUMNS = ("time_us", "fx", "fy", "fz")
-#: Duration of a line of 24 characters at 115200 baud [ns].
+#: Duration of a line of 24 characters at 115200 bit/s [ns].
 LINE_TRANSMISSION_NS = 2_083_000
 #: Noise that dithers the quantisation, so that averaging helps [steps].
 _DITHER_NOISE_STEPS = 0.5

@@ -165,18 +165,18 @@ class SimulatedSerialPort:
         mcu: The controller at the other end.
         clock: Virtual clock: a wait for bytes moves it.
         rate_hz: Scans per second.
-        baud: Bits per second.
+        bits_per_s: Bits per second.
 
     Attributes:
         n_opened: Times that it has been opened.
     """
 
-    def __init__(self, mcu: SimulatedRobotMcu, clock: Clock, *, rate_hz: float, baud: int) -> None:
+    def __init__(self, mcu: SimulatedRobotMcu, clock: Clock, *, rate_hz: float, bits_per_s: int) -> None:
         self.n_opened = 1
         self._mcu = mcu
         self._clock = clock
         self._period_ns = round(1e9 / rate_hz)
-        self._byte_ns = RECORD_BITS * 1_000_000_000 // (FRAME_BYTES * baud)
+        self._byte_ns = RECORD_BITS * 1_000_000_000 // (FRAME_BYTES * bits_per_s)
         self._due: deque[tuple[int, bytes]] = deque()
         self._next_ns = clock.now_ns() + self._period_ns  # first conversion of the scan that comes next
 

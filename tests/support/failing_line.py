@@ -34,14 +34,14 @@ class FailingLine(SimulatedSerialPort):
         mcu: The controller at the other end.
         clock: Virtual clock.
         rate_hz: Scans per second.
-        baud: Bits per second.
+        bits_per_s: Bits per second.
         faults: Faults of the line.
     """
 
     def __init__(
-        self, mcu: SimulatedRobotMcu, clock: Clock, *, rate_hz: float, baud: int, faults: LineFaults
+        self, mcu: SimulatedRobotMcu, clock: Clock, *, rate_hz: float, bits_per_s: int, faults: LineFaults
     ) -> None:
-        super().__init__(mcu, clock, rate_hz=rate_hz, baud=baud)
+        super().__init__(mcu, clock, rate_hz=rate_hz, bits_per_s=bits_per_s)
         self._faults = faults
         self._controller = mcu
         self._resets_ns = deque(sorted(faults.resets_ns))

@@ -61,7 +61,11 @@ def robot(scene: Scene, faults: LineFaults) -> Robot:
     assert MCU.serial
     rate_hz, baud = MCU.serial.rate_hz, MCU.serial.baud
     line = FailingLine(
-        simulated_mcu(simulated, scene, rate_hz), simulated.clock, rate_hz=rate_hz, baud=baud, faults=faults
+        simulated_mcu(simulated, scene, rate_hz),
+        simulated.clock,
+        rate_hz=rate_hz,
+        bits_per_s=baud,
+        faults=faults,
     )
     source = McuSource(line, simulated.clock, Serial(device="sim", rate_hz=rate_hz))
     return Robot(simulated, source, pipeline_for(load_models(MCU), 0))

@@ -60,7 +60,7 @@ class Robot:
 
         mcu = SimulatedRobotMcu({leg: partial(reading_pf, leg) for leg in LEGS}, step_us=step_us)
         mcu.started_ns = -round(starts_us * 1000 / (1 + 40e-6))  # its clock is fast by 40 ppm
-        line = FailingLine(mcu, self.clock, rate_hz=RATE_HZ, baud=BAUD, faults=faults)
+        line = FailingLine(mcu, self.clock, rate_hz=RATE_HZ, bits_per_s=BAUD, faults=faults)
         self.source = McuSource(line, self.clock, serial(LEGS))
 
     def run(self, until_ns: int) -> list[tuple[int, CapFrame]]:
