@@ -12,7 +12,6 @@ import msgspec
 
 from footsense.child_process import drop_realtime, end_with_parent
 from footsense.cli.options import FILE, config_option, ring_option
-from footsense.clock import MonotonicClock
 from footsense.config import load_config
 from footsense.config.sections import PageServer
 from footsense.errors import ConfigError
@@ -59,7 +58,7 @@ def view(
     drop_realtime()
     with suppress(OSError):  # its unit denies the call, and has set its own
         os.nice(5)  # a viewer never competes with what else the robot's computer does
-    source = LiveSource(ring, MonotonicClock()) if file is None else RecordingSource(file)
+    source = LiveSource(ring) if file is None else RecordingSource(file)
     port = settings.port if port is None else port
     try:
         asyncio.run(_serve_until_stopped(ViewServer(source), settings.address, port))

@@ -37,8 +37,6 @@ _OTHER_CYCLE_BYTES = 100
 _ROOM_REL = 1.1
 #: Blocks that a reader begins with: the last second.
 _N_RECENT_BLOCKS = 10
-#: Longest reason of a command's result [characters].
-_MAX_REASON_CHARACTERS = 10_000
 
 #: Integers of numpy become Python's.
 _encode = msgspec.msgpack.Encoder(enc_hook=np.generic.item).encode
@@ -53,8 +51,6 @@ def encode_cycle(cycle_number: int, cycle: Cycle) -> bytes:
         2 us for six legs.
     """
     scan, commands, forces, outcomes, reference, temperature_c = cycle
-    if outcomes:
-        outcomes = tuple(outcome._replace(reason=_encodable_text(outcome.reason)) for outcome in outcomes)
     return _encode(
         (
             *("cycle", cycle_number, scan.sequence, forces.sequence, forces.t_sent_ns),
@@ -70,11 +66,6 @@ def encode_cycle(cycle_number: int, cycle: Cycle) -> bytes:
 def _gait_entries(gait: GaitFrame) -> tuple[object, ...]:
     arrays = b"".join(map(np.ndarray.tobytes, _gait_arrays_of(gait)))
     return (gait.t_ns, gait.friction, gait.all_in_air, gait.events, arrays)
-
-
-def _encodable_text(reason: str) -> str:
-    """Return a reason, cut to `_MAX_REASON_CHARACTERS`, with unencodable characters (lone surrogates) escaped."""
-    return reason[:_MAX_REASON_CHARACTERS].encode(errors="backslashreplace").decode()
 
 
 def _overwrite_at_once(position: int) -> None:

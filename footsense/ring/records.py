@@ -191,9 +191,9 @@ def decode_record(record: bytes, n_legs: int) -> NumberedCycle | ServiceStatus:
 def _numbered_cycle(record: _CycleRecord, n_legs: int) -> NumberedCycle:
     arrays = _decode_arrays(record.arrays, "cycle", n_legs)
     commands = (*record.started_commands, *(outcome.command for outcome in record.ended_commands))
-    require_valid(
-        all(0 <= command.leg < n_legs for command in commands), f"a command for none of {n_legs} legs"
-    )
+    legs = [command.leg for command in commands]
+    legs += [event.leg for event in record.gait.events] if record.gait is not None else []
+    require_valid(all(0 <= leg < n_legs for leg in legs), f"a command or event of none of {n_legs} legs")
     scan = frame_from_arrays(CapFrame, arrays, sequence=record.scan_sequence)
     forces = frame_from_arrays(
         ContactFrame, arrays, sequence=record.force_sequence, t_sent_ns=record.t_sent_ns
@@ -230,13 +230,9 @@ def _decode_arrays(data: bytes, frame: Literal["cycle", "gait"], n_legs: int) ->
 
 
 def _decode_gait(record: _GaitRecord, n_legs: int) -> GaitFrame:
-    require_valid(
-        all(0 <= event.leg < n_legs for event in record.events), f"an event of none of {n_legs} legs"
-    )
-    arrays = _decode_arrays(record.arrays, "gait", n_legs)
     return frame_from_arrays(
         GaitFrame,
-        arrays,
+        _decode_arrays(record.arrays, "gait", n_legs),
         t_ns=record.t_ns,
         friction=record.friction,
         all_in_air=record.all_in_air,

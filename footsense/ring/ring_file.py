@@ -75,22 +75,15 @@ def open_ring(path: Path) -> int:
     Raises:
         FootsenseError: There is none, its service has ended, or something else has its name.
     """
-    fd = _open_own_file(path, {os.geteuid(), _owner_of(path.parent)})
+    fd = _open_own_file(path, or_of_its_folder=True)
     if not is_locked(fd):
         os.close(fd)
         raise FootsenseError(f"{path}: its service has ended")
     return fd
 
 
-def _owner_of(folder: Path) -> int:
-    try:
-        return folder.stat().st_uid
-    except OSError:
-        return os.geteuid()
-
-
-def _open_own_file(path: Path, owners: set[int]) -> int:
-    """Open a regular file of one of some users for reading.
+def _open_own_file(path: Path, *, or_of_its_folder: bool = False) -> int:
+    """Open a regular file of this user for reading, or one of whom its folder belongs to.
 
     Raises:
         FootsenseError: It is missing, or something else.
@@ -107,6 +100,7 @@ def _open_own_file(path: Path, owners: set[int]) -> int:
             f"{path}: {'is not a regular file' if is_special else error.strerror}"
         ) from error
     status = os.fstat(fd)
+    owners = {os.geteuid(), path.parent.stat().st_uid} if or_of_its_folder else {os.geteuid()}
     if not stat.S_ISREG(status.st_mode) or status.st_uid not in owners:
         os.close(fd)
         reason = "belongs to another user" if stat.S_ISREG(status.st_mode) else "is not a regular file"
@@ -122,7 +116,7 @@ def check_replaceable(path: Path) -> None:
     """
     if not path.is_symlink() and not path.exists():
         return
-    fd = _open_own_file(path, {os.geteuid()})
+    fd = _open_own_file(path)
     try:
         if is_locked(fd):
             raise FootsenseError(f"{path}: another running service writes this file")

@@ -1,6 +1,7 @@
 """Export of a recording as a ROS 2 bag: a folder with an MCAP file of CDR messages, for `ros2 bag play`.
 
 Version 8 of the metadata: Humble reads it, as later distributions do; in version 9 Humble cannot read the QoS profiles.
+None are written, so that the topics are played with ROS's own: reliable, volatile, the last ten.
 """
 
 import shutil
@@ -8,7 +9,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
 from footsense.errors import RecordingError
@@ -17,18 +17,6 @@ from footsense.recording.replay import Replay
 from footsense.ros2.messages import STORE, LegSample, LegTopics
 
 _METADATA_VERSION: Final = 8
-_INFINITE = QosTime(9223372036, 854775807)
-_QOS = Qos(
-    history=QosHistory.KEEP_LAST,
-    depth=10,
-    reliability=QosReliability.RELIABLE,
-    durability=QosDurability.VOLATILE,
-    deadline=_INFINITE,
-    lifespan=_INFINITE,
-    liveliness=QosLiveliness.AUTOMATIC,
-    liveliness_lease_duration=_INFINITE,
-    avoid_ros_namespace_conventions=False,
-)
 
 
 def write_bag(replay: Replay, folder: Path) -> int:
@@ -56,7 +44,7 @@ def write_bag(replay: Replay, folder: Path) -> int:
         with bag:
             topics = LegTopics(replay.legs)
             connections = {
-                topic: bag.add_connection(topic, kind, typestore=STORE, offered_qos_profiles=[_QOS])
+                topic: bag.add_connection(topic, kind, typestore=STORE)
                 for topic, kind in topics.types.items()
             }
             try:

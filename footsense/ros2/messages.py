@@ -11,7 +11,7 @@ Source:
 """
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -118,14 +118,17 @@ class LegTopics:
         """
         for sample in samples:
             if sample.is_new_force and sample.t_wall_ns is not None:
-                yield f"/footsense/{sample.leg}/wrench", _encode_wrench(sample, sample.t_wall_ns)
+                header = _header(sample.t_wall_ns, _frame(sample.leg))
+                stamped = _geometry("WrenchStamped", header, _wrench(sample))
+                yield f"/footsense/{sample.leg}/wrench", _encode(stamped)
             if sample.is_new_contact:
                 yield f"/footsense/{sample.leg}/contact", _encode_contact(sample)
         states = [(sample.state, sample.cause) for sample in samples]
         last_ns = self._diagnosed_ns
         if last_ns is None or states != self._states or not 0 <= t_ns - last_ns < _DIAGNOSTICS_PERIOD_NS:
             self._states, self._diagnosed_ns = list(states), t_ns
-            yield _DIAGNOSTICS_TOPIC, _encode_diagnostics(samples, t_ns)
+            statuses = [_diagnostic_status(sample) for sample in samples]
+            yield _DIAGNOSTICS_TOPIC, _encode(STORE.types[DIAGNOSTICS](_header(t_ns, ""), statuses))
 
 
 def _frame(leg: str) -> str:
@@ -133,35 +136,20 @@ def _frame(leg: str) -> str:
     return f"{leg}_foot"
 
 
-def _encode_wrench(sample: LegSample, t_wall_ns: int) -> bytes:
-    return _encode(_geometry("WrenchStamped", _header(t_wall_ns, _frame(sample.leg)), _wrench(sample)))
-
-
 def _encode_contact(sample: LegSample) -> bytes:
+    unknown = _geometry("Vector3", *_NAN_VECTOR)
     place = _geometry("Point", *_NAN_VECTOR), _geometry("Quaternion", *_NAN_VECTOR, math.nan)
-    speed = _geometry("Vector3", *_NAN_VECTOR), _geometry("Vector3", *_NAN_VECTOR)
     contact = STORE.types[CONTACT](
         name=_frame(sample.leg),
         type=_CONTACT_TYPE_LOCOMOTION,
         status=_contact_status(sample),
         pose=_geometry("Pose", *place),
-        velocity=_geometry("Twist", *speed),
+        velocity=_geometry("Twist", unknown, unknown),
         wrench=_wrench(sample),
         surface_normal=_geometry("Vector3", *sample.ground_normal),
         friction_coefficient=sample.friction_coefficient,
     )
     return _encode(contact)
-
-
-def _encode_diagnostics(samples: Iterable[LegSample], t_ns: int) -> bytes:
-    """Return the states of all legs as a message.
-
-    Args:
-        samples: The legs.
-        t_ns: The present time, since 1970 [ns].
-    """
-    states = [_diagnostic_status(sample) for sample in samples]
-    return _encode(STORE.types[DIAGNOSTICS](_header(t_ns, ""), states))
 
 
 def _geometry(kind: str, *values: Any) -> Any:  # noqa: ANN401 - classes that rosbags makes of the definitions

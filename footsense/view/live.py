@@ -11,7 +11,6 @@ import numpy as np
 from footsense.daemon.recording_header import CLOSURE_CONVERSION_KEY, ClosureConversion
 from footsense.errors import FootsenseError
 from footsense.frames import ELEMENTS, CanStatistics, Cycle
-from footsense.ports import Clock
 from footsense.ring.cycle_reader import CycleReader
 from footsense.ring.records import LostCycles
 from footsense.view.events import EventLog
@@ -20,8 +19,6 @@ from footsense.view.signals import SignalTables, Table
 #: Cycles that are kept for viewers [1]: a browser that comes back gets these, and no backlog.
 _MAX_KEPT_CYCLES = 512
 _MAX_KEPT_EVENTS = 200
-#: Period of looking for a new service, and whether the present one lives [ns].
-_SERVICE_CHECK_PERIOD_NS = 250_000_000
 
 
 class ViewedCycle(NamedTuple):
@@ -45,7 +42,6 @@ class LiveSource:
 
     Args:
         path: The service's ring; None for where it is by default.
-        clock: The machine's clock.
 
     Attributes:
         service: Number of the service that is followed; 0 before the first, one more with each restart.
@@ -54,11 +50,9 @@ class LiveSource:
         problem: Why no cycles come; empty while they do.
     """
 
-    def __init__(self, path: Path | None, clock: Clock) -> None:
+    def __init__(self, path: Path | None) -> None:
         self._path = path
-        self._clock = clock
         self._reader: CycleReader | None = None
-        self._look_ns = 0
         self._scene: dict[str, Any] = {}
         self._can = CanStatistics()
         self._cycles: deque[ViewedCycle] = deque(maxlen=_MAX_KEPT_CYCLES)
@@ -69,10 +63,8 @@ class LiveSource:
         self.problem = ""
 
     def poll(self) -> None:
-        """Read the new cycles; without a service, look for one from time to time."""
-        now_ns = self._clock.now_ns()
-        if now_ns >= self._look_ns:
-            self._look_ns = now_ns + _SERVICE_CHECK_PERIOD_NS
+        """Read the new cycles; without a service, look for one."""
+        if self._reader is None:
             self._find_service()
         if self._reader is None:
             return
@@ -82,9 +74,13 @@ class LiveSource:
             self.problem = str(error)
             self.close()
             return
-        status = self._reader.status
-        unknown_pf = np.full((len(self.legs), ELEMENTS), np.nan)
-        baseline_pf = unknown_pf if status is None else status.baseline_pf
+        if not entries and not self._reader.is_still_written():
+            self.problem = "the service has ended"
+            self.close()
+            return
+        baseline_pf = np.full((len(self.legs), ELEMENTS), np.nan)
+        if (status := self._reader.status) is not None:
+            self._can, baseline_pf = status.can, status.baseline_pf
         for entry in entries:
             if isinstance(entry, LostCycles):
                 continue
@@ -95,13 +91,7 @@ class LiveSource:
             self.events.add_cycle(cycle)
 
     def _find_service(self) -> None:
-        """Open the ring of a service; notice if the service has ended."""
-        if self._reader is not None and self._reader.is_still_written():
-            if self._reader.status is not None:
-                self._can = self._reader.status.can
-            return
-        ended = self._reader is not None
-        self.close()
+        """Open the ring of a service, if one runs."""
         try:
             reader = CycleReader(self._path)
             conversion = msgspec.json.decode(reader.header[CLOSURE_CONVERSION_KEY], type=ClosureConversion)
@@ -110,7 +100,7 @@ class LiveSource:
             self.problem = f"{reader.path}: its header is of another version of footsense ({error})"
             return
         except FootsenseError as error:
-            self.problem = "the service has ended" if ended or self.service else f"no service runs: {error}"
+            self.problem = "the service has ended" if self.service else f"no service runs: {error}"
             return
         self._reader, self.legs = reader, reader.legs
         self._tables = SignalTables(conversion)
@@ -126,13 +116,9 @@ class LiveSource:
 
     def description(self) -> dict[str, Any]:
         """Return what the page shows of the service, as JSON values."""
-        title = (
-            self._scene.get("description", "")
-            if self._scene
-            else "on the robot"
-            if self.legs
-            else "no service"
-        )
+        title = "on the robot" if self.legs else "no service"
+        if self._scene:
+            title = self._scene.get("description", "")
         return {"mode": "live", "title": title, "legs": self.legs, "simulated": bool(self._scene)}
 
     def status(self) -> dict[str, Any]:

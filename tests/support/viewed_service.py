@@ -9,7 +9,6 @@ from typing import Self
 import msgspec
 import numpy as np
 
-from footsense.clock import MonotonicClock
 from footsense.daemon.recording_header import CLOSURE_CONVERSION_KEY, ClosureConversion
 from footsense.frames import (
     BaselineDrift,
@@ -149,7 +148,7 @@ TIMEOUT_S = 20
 @asynccontextmanager
 async def served(path: Path) -> AsyncIterator[str]:
     """Serve the service of a path; yield host and port."""
-    live = LiveSource(path, MonotonicClock())
+    live = LiveSource(path)
     async with ViewServer(live).serving("127.0.0.1", 0) as url:
         yield url.removeprefix("http://")
     live.close()

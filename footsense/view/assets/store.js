@@ -41,7 +41,6 @@ export class Store {
 
   has(number) { return this.segments.some((segment) => segment.number === number); }
   get end() { const last = this.segments.at(-1); return last ? last.t[last.n - 1] : NaN; }
-  get start() { return this.segments.length ? this.segments[0].t[0] : NaN; }
 
   // The last cycle at or before a time.
   at(t) {

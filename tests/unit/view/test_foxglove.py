@@ -14,7 +14,6 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 from websockets.typing import Subprotocol
 
-from footsense.clock import MonotonicClock
 from footsense.view.live import LiveSource
 from footsense.view.recorded import RecordingSource
 from footsense.view.server import FOXGLOVE_PROTOCOLS, ViewServer
@@ -118,5 +117,5 @@ def test_a_recording_and_a_missing_extra_refuse_in_one_line(
     recorded.close()
     assert told == "footsense view: this is the page of a recording: open measured_walk.mcap itself\n"
     monkeypatch.setitem(sys.modules, "foxglove", None)
-    told = asyncio.run(refusal(ViewServer(LiveSource(tmp_path / "cycles", MonotonicClock()))))
+    told = asyncio.run(refusal(ViewServer(LiveSource(tmp_path / "cycles"))))
     assert told.endswith("need foxglove-sdk: pip install 'footsense[foxglove]'\n")

@@ -13,7 +13,6 @@ import pytest
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from footsense.clock import MonotonicClock
 from footsense.errors import ConfigError
 from footsense.view.live import LiveSource
 from footsense.view.recorded import RecordingSource
@@ -243,7 +242,7 @@ def test_a_busy_port_is_one_line(tmp_path: Path) -> None:
         port = taken.getsockname()[1]
 
         async def test() -> None:
-            server = ViewServer(LiveSource(tmp_path / "cycles", MonotonicClock()))
+            server = ViewServer(LiveSource(tmp_path / "cycles"))
             wanted = f"127.0.0.1:{port}: Address already in use; choose another port: --port, or view.port"
             with pytest.raises(ConfigError, match=wanted):
                 async with server.serving("127.0.0.1", port):
