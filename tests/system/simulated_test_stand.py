@@ -1,50 +1,35 @@
-"""A simulated test stand: one foot as made, pressed by a stick, recorded beside an exact reference."""
+"""A simulated test stand: one foot as made, pressed by a stick, recorded beside a simulated force sensor."""
 
-from collections.abc import Callable
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.can.interface import Can
 from footsense.config import Config
 from footsense.config.sections import Bus
+from footsense.config.test_stand import Axes, SimulatedSensor, StandConfig
 from footsense.daemon.foot_types import released_path
-from footsense.daemon.loop import Loop
 from footsense.daemon.service import open_service
+from footsense.daemon.test_stand import StandSession
+from footsense.estimation.settings import TareLimits
 from footsense.foot.parameters import FootParameters
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Foot
-from footsense.frames import ReferenceSamples, SensorStatistics
 from footsense.sim.fabrication import draw_deviations
 from footsense.sim.scene import Fabrication, Scene
 from footsense.sim.scene_loads import CalibrationLoads
 
-_SAMPLE_NS = 5_000_000
-
 #: How badly the feet of these tests are made: enough that the network of the design alone errs by many degrees.
 MADE = Fabrication(gap_um=3.0, stray_pf=0.1, stiffness_rel=0.08, mount_deg=4.0)
 
-Felt = Callable[[int], NDArray[np.float64]]
-
-
-class ExactReference:
-    """A reference sensor that says what the foot feels, 200 times a second."""
-
-    def __init__(self, true_force_n_at: Felt) -> None:
-        self.statistics = SensorStatistics()
-        self._true_force_n_at = true_force_n_at
-        self._next_ns = 0
-
-    def read(self, now_ns: int) -> ReferenceSamples:
-        """Return the samples since the last call."""
-        t_ns = np.arange(self._next_ns, now_ns + 1, _SAMPLE_NS)
-        self._next_ns = int(t_ns[-1]) + _SAMPLE_NS if len(t_ns) else self._next_ns
-        force_n = np.array([self._true_force_n_at(int(t))[0] for t in t_ns]).reshape(-1, 3)
-        return ReferenceSamples(t_ns, force_n, np.zeros(len(t_ns), bool))
-
-    def close(self) -> None:
-        """Nothing is held."""
+STAND = StandConfig(
+    sensor=SimulatedSensor(seed=1, linearity_rel=0.0),
+    axes=Axes(x="-x", y="-y", z="-z"),
+    units="gf",
+    rated=(4000.0, 4000.0, 8000.0),
+    latency_ms=2.1,
+)
 
 
 def presses(n: int, seed: int = 1) -> tuple[tuple[float, float, float], ...]:
@@ -58,20 +43,26 @@ def presses(n: int, seed: int = 1) -> tuple[tuple[float, float, float], ...]:
     return tuple((float(x), float(y), float(z)) for x, y, z in force_n)
 
 
-def record(path: Path, foot: str = "foot-0007", n: int = 24, *, reference: bool = True) -> Path:
-    """Record a session of `n` loads on the left front leg and return its file."""
+def record(
+    path: Path, n: int = 24, *, board: Literal["fdc1004", "ad7746"] = "fdc1004", reference: bool = True
+) -> Path:
+    """Record a session of `n` loads on the left front leg, foot-0007, and return its file."""
     config = Config(
-        buses=(Bus(device="sim", legs={"lf": 0}),), can=Can(interface="virtual"), feet={"lf": foot}
+        buses=(Bus(device="sim", legs={"lf": 0}),),
+        can=Can(interface="virtual"),
+        board=board,
+        feet={"lf": "foot-0007"},
+        tare=TareLimits(unloaded_limit_rel=0.5),
     )
-    load = CalibrationLoads(presses=presses(n), rise_s=0.1, dwell_s=0.4, pause_s=0.4)
-    scene = Scene(description="a test stand", load=load, fabrication=MADE)
-    end_ns = load.build(round(scene.lead_in_s * 1e9)).end_ns + 200_000_000
-    with open_service(config, scene, record=path, real_time=False) as service:
-        true_force_n_at, clock = service.true_force_n_at, service.clock
-        assert true_force_n_at is not None
-        sensor = ExactReference(true_force_n_at) if reference else None
-        loop = Loop(service.pipeline, service.sink, service.observers, clock, sensor)
-        loop.run_until(service.source, lambda: clock.now_ns() >= end_ns)
+    forces_n, held_s = presses(n), 0.4
+    if board == "ad7746":  # its range ends below a shut gap, and it is slow
+        forces_n, held_s = tuple((0.5 * x, 0.5 * y, 0.5 * z) for x, y, z in forces_n), 0.8
+    load = CalibrationLoads(presses=forces_n, rise_s=0.1, dwell_s=held_s, pause_s=held_s)
+    scene = Scene(description="a test stand", load=load, lead_in_s=2.0, fabrication=MADE)
+    end_ns = load.build(round(scene.lead_in_s * 1e9)).end_ns + 500_000_000
+    session = StandSession(test_stand=STAND, leg="lf", foot="foot-0007", session="one") if reference else None
+    with open_service(config, scene, record=path, real_time=False, test_stand=session) as service:
+        service.run(until_ns=end_ns)
     return path
 
 
