@@ -264,7 +264,7 @@ class BaselineTracker:
         self, feet: MountedFeet, design: Capacitor, limits: EstimationLimits, sensitivity: Sensitivity
     ) -> None:
         self.unloaded = UnloadedFeet(feet, design, limits.tare, sensitivity)
-        self.tares = Tares(limits.tare, feet, self.unloaded)
+        self.tares = Tares(limits.tare, feet)
         self._n_per_rel, self._track = sensitivity.load_n_per_mean_closure, limits.track_baseline
         self._contact = partial(ContactDetector, limits.least_contact_n, limits.max_swing_rise_n_per_s)
         self.contacts = [self._contact() for _ in feet.names]
@@ -285,19 +285,27 @@ class BaselineTracker:
             unusable: Elements to leave out, same shape.
             now_ns: Current time [ns].
         """
-        tares = self.tares
+        tares, unloaded = self.tares, self.unloaded
+        lost: list[int] = []
         if np.count_nonzero(reading):
-            for leg in tares.restart_silent_legs(reading, now_ns):
+            lost = tares.restart_silent_legs(reading, now_ns)
+            for leg in lost:
+                unloaded.legs[leg].discard()
                 self.contacts[leg] = self._contact()
         else:
             tares.heard_ns.fill(now_ns)
+        tared_pf: dict[int, Vector] = {}
         results: tuple[CommandResult, ...] = ()
         if tares.in_progress:
-            tared, results = tares.add(capacitance_pf, reading, t_ns, unusable)
-            for leg in tared:
-                self.contacts[leg].reset(int(t_ns[leg].max()))
-        if now_ns >= self.unloaded.sigma_due_ns:
-            self.unloaded.update_sigma(now_ns)
+            tared_pf, results = tares.add(capacitance_pf, reading, t_ns, unusable)
+            for leg, baseline_pf in tared_pf.items():
+                newest_ns = int(t_ns[leg].max())
+                unloaded.legs[leg].set_tared(baseline_pf, newest_ns)
+                self.contacts[leg].reset(newest_ns)
+        if lost or tared_pf:
+            unloaded.update()
+        if now_ns >= unloaded.sigma_due_ns:
+            unloaded.update_sigma(now_ns)
         return results
 
     def observe(

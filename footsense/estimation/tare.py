@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.estimation.drift import UnloadedFeet
 from footsense.estimation.elements import OPEN_ELEMENT_THRESHOLD_REL
 from footsense.estimation.settings import MountedFeet, TareLimits
 from footsense.frames import (
@@ -137,7 +136,6 @@ class Tares:
     Args:
         limits: Limits.
         feet: The feet.
-        unloaded: The baselines, which successful tares set.
 
     Attributes:
         in_progress: Window of every tare in progress, by leg.
@@ -146,8 +144,8 @@ class Tares:
         heard_ns: Time at which each leg last answered [ns], shape (legs,).
     """
 
-    def __init__(self, limits: TareLimits, feet: MountedFeet, unloaded: UnloadedFeet) -> None:
-        self._limits, self._feet, self._unloaded = limits, feet, unloaded
+    def __init__(self, limits: TareLimits, feet: MountedFeet) -> None:
+        self._limits, self._feet = limits, feet
         self.heard_ns = np.zeros(len(feet.names), np.int64)
         self.untared = set(range(len(feet.names)))
         self.refused: set[int] = set()
@@ -166,7 +164,7 @@ class Tares:
         self._commanded.add(leg)
 
     def restart_silent_legs(self, reading: Codes, now_ns: int) -> list[int]:
-        """Discard the baseline of every leg silent for too long, and start a new tare of it; return these legs.
+        """Start a new tare of every leg silent for too long, whose baseline is to be discarded; return these legs.
 
         Args:
             reading: How each element answered, shape (legs, elements).
@@ -182,19 +180,16 @@ class Tares:
             self.untared.add(leg)
             self._refusals.pop(leg, None)
             self.in_progress.setdefault(leg, self._new_window(leg))
-            self._unloaded.legs[leg].discard()
-        if lost:
-            self._unloaded.update()
         return lost
 
     def add(
         self, capacitance_pf: Vector, reading: Codes, t_ns: Stamps, unusable: Mask
-    ) -> tuple[list[int], tuple[CommandResult, ...]]:
-        """Add a frame of all legs to the tares in progress; return the legs with a new baseline, and the results.
+    ) -> tuple[dict[int, Vector], tuple[CommandResult, ...]]:
+        """Add a frame of all legs to the tares in progress; return new baselines by leg [pF], and the results.
 
         A tare without a command repeats a refusal silently, and waits silently for a leg that does not answer.
         """
-        tared_legs, results = [], []
+        tared_pf, results = {}, []
         for leg, window in list(self.in_progress.items()):
             tared = window.add(capacitance_pf[leg], reading[leg], t_ns[leg], unusable[leg])
             if tared is None:
@@ -207,8 +202,7 @@ class Tares:
                 self.untared.discard(leg)
                 self.refused.discard(leg)
                 self._refusals.pop(leg, None)
-                self._unloaded.legs[leg].set_tared(tared.baseline_pf, int(t_ns[leg].max()))
-                tared_legs.append(leg)
+                tared_pf[leg] = tared.baseline_pf
             elif leg not in self.untared:
                 self.refused.add(leg)
             else:
@@ -219,9 +213,7 @@ class Tares:
                     is_news = False
             if is_news:
                 results.append(CommandResult(Command(CommandKind.TARE, leg), tared.result, tared.reason))
-        if tared_legs:
-            self._unloaded.update()
-        return tared_legs, tuple(results)
+        return tared_pf, tuple(results)
 
     def _new_window(self, leg: int) -> TareWindow:
         return TareWindow(self._limits, self._feet.unloaded_pf[leg], self._feet.names[leg])
