@@ -15,7 +15,8 @@ from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 from firmware_interface.chips import tca9548a
-from footsense.acquisition.leg_bus import BusTiming, LegBus, bus_timing, release_sda
+from footsense.acquisition.bus_timing import BusTiming, measure_bus_timing
+from footsense.acquisition.leg_bus import LegBus, release_sda
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.errors import HardwareError, I2cError, I2cTimeoutError, NackError, WrongChipError
 from footsense.frames import Reading
@@ -125,18 +126,18 @@ def scan_bus(
     try:
         bus.free_bus()
         upstream = probe_addresses(bus.adapter, claimed)  # a stuck line times out
-        has_mux = _select_and_check_read_back(bus, 0)
+        has_mux = _select_and_check_read_back(bus, bus.mux_address, 0)
     except I2cError as error:
         _log.info("the upstream bus: %s", error)
     if upstream is None or not has_mux:
         return BusScan(upstream, mux_answers=False, channels={}, bus_timing=None)
-    costs = bus.measure_costs(clock)
-    limits = None if costs is None else bus_timing(costs, plan, max(len(legs), 1))
+    timing = measure_bus_timing(bus, clock, plan, max(len(legs), 1))
     known = {*claimed, *upstream.answering, *upstream.unprobeable}
     channels = {}
     for channel in range(tca9548a.N_CHANNELS):
         try:
-            if not _select_and_check_read_back(bus, tca9548a.channel_control_byte(channel)):
+            selection = tca9548a.channel_control_byte(channel)
+            if not _select_and_check_read_back(bus, bus.mux_address, selection):
                 return BusScan(upstream, mux_answers=False, channels={}, bus_timing=None)
             channels[channel] = _scan_channel(
                 bus.adapter, clock, plan, known, is_leg=channel in legs.values()
@@ -148,24 +149,24 @@ def scan_bus(
         except I2cError as error:
             channels[channel] = ChannelScan((), Reading.DELAYED, str(error))
     bus.free_bus()
-    return BusScan(upstream, mux_answers=True, channels=channels, bus_timing=limits)
+    return BusScan(upstream, mux_answers=True, channels=channels, bus_timing=timing)
 
 
 def _scan_leg_alone(bus: LegBus, clock: Clock, plan: ScanPlan, claimed: Collection[int]) -> BusScan:
     """Return the chips of a leg that is directly on its adapter."""
-    limits = None
+    timing = None
     try:
         found = _scan_channel(bus.adapter, clock, plan, claimed, is_leg=True)
-        if found.outcome is Reading.OK and (costs := bus.measure_costs(clock)):
-            limits = bus_timing(costs, plan, 1)
+        if found.outcome is Reading.OK:
+            timing = measure_bus_timing(bus, clock, plan, 1)
     except I2cTimeoutError as error:
         found = ChannelScan((), Reading.BUS_STUCK, str(error))
     except I2cError as error:
         found = ChannelScan((), Reading.DELAYED, str(error))
-    return BusScan(AddressProbe(()), mux_answers=True, channels={0: found}, bus_timing=limits)
+    return BusScan(AddressProbe(()), mux_answers=True, channels={0: found}, bus_timing=timing)
 
 
-def _select_and_check_read_back(bus: LegBus, selection: int) -> bool:
+def _select_and_check_read_back(bus: LegBus, mux_address: int, selection: int) -> bool:
     """Select mux channels, and return whether the mux reads them back, as no other chip would.
 
     Raises:
@@ -173,10 +174,10 @@ def _select_and_check_read_back(bus: LegBus, selection: int) -> bool:
         I2cError: The transaction failed otherwise.
     """
     try:
-        bus.connect(selection)
-        return bus.read_back is not None and bus.adapter.transfer(bus.read_back) == bytes((selection,))
+        read_back = bus.connect(selection).transfer(Transaction(mux_address, b"", n_read=1))
     except NackError:
         return False
+    return read_back == bytes((selection,))
 
 
 def _scan_channel(

@@ -9,7 +9,7 @@ The clock of a converter is inaccurate: the plan waits 2 % longer than the nomin
 and so do the legs that convert at the same time; else the lines of the next element would be switched before it has
 finished, which nothing would show. A conversion is started while the result of the one before is still to be asked for:
 whether a chip then still says that it was done is in no data sheet. Of a chip that does not, the question comes first
-(`leg_group.py`). A leg is timed when it is found, and again when it is late.
+(`scanner.py`). A leg is timed when it is found, and again when it is late.
 """
 
 import logging
@@ -17,13 +17,13 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from firmware_interface.chips import tca9548a
-from footsense.acquisition.boards.board import MAX_WAIT_FACTOR, ConversionStep
+from footsense.acquisition.boards.board import MAX_WAIT_FACTOR, Board, ConversionStep, Thermometer
 from footsense.acquisition.leg_bus import LegBus, release_sda
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.errors import HardwareError, I2cError, I2cTimeoutError, WrongChipError
 from footsense.frames import Codes, Reading
 from footsense.leg_words import words_of_reading
-from footsense.ports import Clock, I2cBus
+from footsense.ports import Clock, I2cBus, Transaction
 
 _log = logging.getLogger(__name__)
 
@@ -34,7 +34,7 @@ _LATE_SCANS_BEFORE_TIMING = 2
 _FIRST_PAUSE_NS = 250_000_000
 _MAX_PAUSE_NS = 4_000_000_000
 #: Factor on the pause of a leg that holds a line low, and of a leg on a stuck bus, whose try costs no other leg.
-STUCK_LEG_PAUSE_FACTOR, STUCK_BUS_PAUSE_FACTOR = 4.0, 0.25
+_STUCK_LEG_PAUSE_FACTOR, _STUCK_BUS_PAUSE_FACTOR = 4.0, 0.25
 
 #: Readings that count as a miss, the gravest first.
 _MISSES = (
@@ -176,21 +176,26 @@ class LegConnection:
         self._pause_ns = min(2 * self._pause_ns, _MAX_PAUSE_NS)
 
 
-def measure_chip_timing(bus: I2cBus, clock: Clock, plan: ScanPlan) -> ChipTiming | None:
-    """Measure and return the conversion time of the only connected leg's converter; None if it does not finish.
-
-    All rates of a chip come from one clock, so that the fastest is measured. Its last conversion is left running.
-
-    Args:
-        bus: The leg's bus.
-        clock: The time that it lives in.
-        plan: The scan.
-
-    Returns:
-        Its timing; None if it does not finish.
+def time_converter(bus: LegBus, leg: LegConnection, plan: ScanPlan, clock: Clock) -> None:
+    """Measure and store the conversion time of a leg's converter; keep the old one if no conversion finishes.
 
     Raises:
-        I2cError: A transaction failed.
+        I2cTimeoutError: A line is held low.
+    """
+    try:
+        timing = _measured_timing(bus.connect(leg.selection), plan, clock)
+    except I2cTimeoutError:
+        raise
+    except I2cError:
+        bus.forget_selection()
+    else:
+        leg.set_timing(timing or leg.timing)
+
+
+def _measured_timing(bus: I2cBus, plan: ScanPlan, clock: Clock) -> ChipTiming | None:
+    """Return the conversion time of the only connected leg's converter; None if it does not finish.
+
+    All rates of a chip come from one clock, so that the fastest is measured. Its last conversion is left running.
     """
     board = plan.board
     rate = board.rates[max(board.rates)]
@@ -240,7 +245,7 @@ def probe_leg(
     try:
         connected = bus.connect(leg.selection)
     except I2cTimeoutError as error:
-        leg.leave_scan(Reading.BUS_STUCK, clock.now_ns(), str(error), STUCK_BUS_PAUSE_FACTOR)
+        leg.leave_scan(Reading.BUS_STUCK, clock.now_ns(), str(error), _STUCK_BUS_PAUSE_FACTOR)
         for other in bus_legs:
             if not other.in_scan:
                 other.retry_at_ns = max(other.retry_at_ns, leg.retry_at_ns)
@@ -265,7 +270,7 @@ def _set_up_leg(bus: I2cBus, leg: LegConnection, plan: ScanPlan, clock: Clock) -
             if step is leg.doubted and any(bus.transfer(ask) != held for ask, held in step.select_checks):
                 reading = Reading.MISCONFIGURED
     except I2cTimeoutError as error:
-        leg.leave_scan(Reading.BUS_STUCK, now_ns, str(error), STUCK_LEG_PAUSE_FACTOR)
+        leg.leave_scan(Reading.BUS_STUCK, now_ns, str(error), _STUCK_LEG_PAUSE_FACTOR)
     except WrongChipError as error:
         leg.leave_scan(Reading.WRONG_CHIP, now_ns, str(error))
     except HardwareError as error:
@@ -295,3 +300,81 @@ def probe_due_legs(bus: LegBus, legs: Sequence[LegConnection], plan: ScanPlan, c
             leg.outcome = outcome
         elif leg.outcome is Reading.BUS_STUCK:
             return
+
+
+def set_up_failed_legs(
+    bus: LegBus, legs: Sequence[LegConnection], first: ConversionStep, board: Board
+) -> None:
+    """Set up again the legs that failed in this scan, for the first conversion of the next scan.
+
+    The others still convert: the leg's lines are set alone, and a result that its converter holds is discarded. A
+    conversion that has finished by now was late; else the converter hangs.
+
+    Raises:
+        I2cTimeoutError: A line is held low.
+    """
+    for leg in legs:
+        if not leg.in_scan or leg.outcome is Reading.OK:
+            continue
+        if leg.unfinished is not None and (done := leg.unfinished.done) is not None:
+            leg.count_late_scan(is_late=bus.poll(leg.selection, done) is Reading.OK)
+            leg.unfinished = None
+        if bus.exchange(leg.selection, (*first.select, *board.make_ready)) is None:
+            continue
+        held = bus.exchange(leg.selection, tuple(check.read for check in first.select_checks))
+        if held is not None:
+            is_set = held == [check.expected for check in first.select_checks]
+            leg.outcome = Reading.OK if is_set else Reading.MISCONFIGURED
+
+
+def read_temperatures(
+    bus: LegBus, legs: Sequence[LegConnection], selection: int, thermometer: Thermometer, clock: Clock
+) -> None:
+    """Convert and store the temperature of some legs [degC]; end at a failure.
+
+    Args:
+        bus: The bus.
+        legs: The legs, at least one.
+        selection: Mux selection that connects all of them.
+        thermometer: Transactions of their converters.
+        clock: The time that the bus lives in.
+
+    Raises:
+        I2cTimeoutError: A line is held low.
+    """
+    if bus.exchange(selection, thermometer.start) is None:
+        return
+    wait_factor = max(leg.timing.wait_factor for leg in legs)
+    clock.sleep_until_ns(clock.now_ns() + round(wait_factor * thermometer.wait_ns))
+    for leg in legs:
+        answers = bus.exchange(leg.selection, (thermometer.read, thermometer.read))
+        if answers is None:
+            return
+        leg.temperature_c = thermometer.decode(*answers)
+
+
+def leave_out_stuck_legs(bus: LegBus, legs: Sequence[LegConnection], read: Transaction, clock: Clock) -> None:
+    """Leave out the legs that hold SDA or SCL low, after a transaction timed out; all legs if the bus stays stuck.
+
+    No answer shows which of the connected legs holds the line: the whole bus is blocked. So all are disconnected and
+    asked one by one; the leg whose question times out is left out. Each costs one more adapter timeout.
+
+    Args:
+        bus: The bus.
+        legs: All legs of the bus.
+        read: Read of a leg's chip that changes nothing.
+        clock: The time that the bus lives in.
+    """
+    free = bus.free_bus()
+    for leg in legs:
+        if not leg.in_scan:
+            continue
+        if not free:
+            why = "the bus is held low and does not get free"
+            leg.leave_scan(Reading.BUS_STUCK, clock.now_ns(), why, _STUCK_BUS_PAUSE_FACTOR)
+            continue
+        try:
+            bus.exchange(leg.selection, (read,))
+        except I2cTimeoutError:
+            free = bus.free_bus()
+            leg.leave_scan(Reading.BUS_STUCK, clock.now_ns(), pause_factor=_STUCK_LEG_PAUSE_FACTOR)

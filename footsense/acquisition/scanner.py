@@ -1,47 +1,81 @@
-"""Scanners of a bus and of the robot: conversions in sequence, restarts, retries of missing legs, frames.
+"""Scanner of a bus: conversions of all its legs in sequence, restarts, searches of missing legs, frames.
 
-All legs of a bus are read together (`leg_group.py`). A line that is held low blocks the bus: the leg that holds it is
-left out at once, and all conversions restart. Where a conversion leaves no time for the checks of lines and settings,
-they are made in one step a scan, in turn. Once a second all legs are asked whether a conversion is done before the next
-one starts: one that is late would get the lines of the next element, which nothing else shows. Its converter is timed
-again between two scans. There temperature sensors are read every ten seconds, too; the converter that has one shows
-only by a timing that it is late, and so one of them is timed with each.
+One conversion of six legs, with what overlaps it and what cannot:
 
-Several buses convert at the same time, each in a thread of its own: the adapter's system call releases the interpreter.
-A frame is complete when the slowest bus is. A bus that is later than the first one by a whole conversion, such as one
-on which a line is held low, does not delay the others: they go on with its last readings, until it is there again.
+      conversion k-1 runs                      conversion k runs
+    ──────────────────────┤ lines, trigger k ├────────────────────────────────────────┤ lines, trigger k+1 ...
+                                               done? (all) │ leg 1 │ ... │ leg 6 │ check, rejoin (all)
+
+`lines` (the element's row, and its column where that is switched) and `trigger` go to all legs at once. Whether the
+conversions are done, and whether lines and settings are held, is asked of all legs in one read: the answers are a wired
+AND, and only when the result differs is each leg asked alone. A result is read while the next conversion runs. A leg
+that fails is left out for the rest of the scan, so that it costs the others no time.
+
+A line that is held low blocks the bus: the leg that holds it is left out, and all conversions restart. Where a
+conversion leaves no time for the checks of lines and settings, they are made in one step a scan, in turn. Once a second
+all legs are asked whether they are done before the next conversion starts: one that is late would get the lines of the
+next element, which nothing else shows. It is timed again between two scans. There temperature sensors are read every
+ten seconds, too; a converter with one shows only by a timing that it is late, so one of them is timed with each.
 """
 
-import contextlib
-from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
-from footsense.acquisition.leg_bus import BusStuckError, BusTiming, LegBus, bus_timing, checks_that_fit
-from footsense.acquisition.leg_connection import LegConnection, probe_due_legs, probe_leg
-from footsense.acquisition.leg_group import LegGroup
+from footsense.acquisition.boards.board import (
+    CONVERTED,
+    ConversionStep,
+    ElementResult,
+)
+from footsense.acquisition.bus_timing import BusTiming, measure_bus_timing
+from footsense.acquisition.leg_bus import LegBus
+from footsense.acquisition.leg_connection import (
+    LegConnection,
+    leave_out_stuck_legs,
+    probe_due_legs,
+    probe_leg,
+    read_temperatures,
+    set_up_failed_legs,
+    time_converter,
+)
 from footsense.acquisition.scan_plan import ScanPlan
-from footsense.frames import ROWS, CapFrame, Reading, Vector
-from footsense.ports import Clock
+from footsense.errors import I2cTimeoutError
+from footsense.frames import ELEMENTS, ROWS, CapFrame, Reading, Vector
+from footsense.ports import Clock, Transaction
 
-#: Attempts of a conversion on a bus with stuck lines.
-_CONVERSION_ATTEMPTS = 2
+_NAN, _OK = float("nan"), Reading.OK
+#: Attempts of a transaction before it counts as failed, and of a conversion on a bus with stuck lines.
+_MAX_ATTEMPTS = 2
 #: Period of the temperature readings, and least time between two timings of converters [ns]: each costs the legs of the
 #: bus some conversions.
 _TEMPERATURE_PERIOD_NS, _TIMING_PAUSE_NS = 10_000_000_000, 1_000_000_000
 #: Time between two questions whether a leg is late [ns]: each takes as long as a transaction.
 _LATENESS_PERIOD_NS = 1_000_000_000
 
+Legs = list[LegConnection]
+
+
+class Conversion(NamedTuple):
+    """A running conversion of the legs of a bus.
+
+    Attributes:
+        t_start_ns: Time at the end of its trigger [ns].
+        legs: Legs that convert; none if a transaction failed, or if no leg is active.
+        lines_selected: Whether lines were selected for it, or left from the step before.
+    """
+
+    t_start_ns: int
+    legs: Legs
+    lines_selected: bool
+
 
 class BusScanner:
-    """Scanner of all legs on one I2C bus: makes the next conversion of every leg per call.
+    """Frame source of all legs on one I2C bus, whose converters run in parallel: one write reaches all of them.
 
     Args:
         bus: The bus.
         clock: The time that the bus lives in.
-        channels: Channel of each leg by name, in the order of the rows of its scans.
+        channels: Channel of each leg by name, in the order of the rows of its frames.
         plan: The conversions of one scan.
 
     Attributes:
@@ -60,20 +94,20 @@ class BusScanner:
         self.legs = tuple(
             LegConnection(name, channel, row) for row, (name, channel) in enumerate(channels.items())
         )
-        self._group = LegGroup(self.legs, bus, clock, plan)
-        self.latest = self._group.latest
-        self._sequence = 0
+        shape = len(self.legs), ELEMENTS
+        unread = np.full(shape, Reading.NO_ANSWER, np.uint8)
+        self.latest = CapFrame(0, np.zeros(shape, np.int64), np.full(shape, _NAN), unread)
+        self.bus_timing: BusTiming | None = None
+        self.n_late_discards = 0
+        # The conversion that runs, and its step; None after a restart.
+        self._running: Conversion | None = None
         self._position = 0
-        self._n_scans = 0
+        self._sequence = self._n_scans = 0
         self._check_all = True
         self._late_ns = 2 * plan.conversion_wait_ns
-        self._asked_alone: LegConnection | None = None
-        self._asked_element = 0
         self._temperature_due_ns = self._timing_due_ns = self._lateness_due_ns = 0
         self._n_temperatures = 0
         self._timed: LegConnection | None = None  # last
-        self.bus_timing: BusTiming | None = None
-        self.n_late_discards = 0
 
     def start(self) -> None:
         """Measure the bus timing, and set up every leg's chips; missing legs are tried again later.
@@ -81,102 +115,258 @@ class BusScanner:
         Raises:
             HardwareError: The mux does not answer, or a line is stuck: no leg can be reached.
         """
-        costs = self._bus.measure_costs(self.clock)
-        if costs is not None:
-            self.bus_timing = bus_timing(costs, self.plan, len(self.legs))
-            self._late_ns = 2 * self.bus_timing.lower_bounds.scan_period_bound_ns // len(self.plan.steps)
-            self._check_all, read_back = checks_that_fit(costs, self.plan, len(self.legs))
-            self._group.mux_read_back = self._bus.read_back if read_back else None
+        timing = measure_bus_timing(self._bus, self.clock, self.plan, len(self.legs))
+        if timing is not None:
+            self.bus_timing = timing
+            self._late_ns = 2 * timing.lower_bounds.scan_period_bound_ns // len(self.plan.steps)
+            self._check_all = timing.all_checks_fit
         for leg in self.legs:
-            leg.retry_at_ns = 0
             probe_leg(self._bus, leg, self.legs, self.plan, self.clock)
             if leg.in_scan:
-                with contextlib.suppress(BusStuckError):  # the leg is left out
-                    self._group.measure_conversion_time(leg)
+                try:
+                    time_converter(self._bus, leg, self.plan, self.clock)
+                except I2cTimeoutError:
+                    self._leave_out_stuck_legs()
 
-    def read_next_step(self) -> CapFrame:
-        """Finish the next conversion of every leg; return its frame, with a copy of the latest readings.
+    def read(self) -> CapFrame:
+        """Finish the next conversion of every leg; return its readings with the latest ones of all other elements.
 
-        The conversion after it is then running.
+        The conversion after it is then running. The first frame is a whole scan.
         """
-        position = self._position
-        for _ in range(_CONVERSION_ATTEMPTS):
-            try:
-                if position == 0:
-                    self._read_temperatures()
-                    self._time_late_leg()
-                self._start_missing_conversion()
-                self._finish_conversion()
-            except BusStuckError:
-                self._position = position
-                self._group.running = None
-            else:
-                break
-        else:
-            for leg in self.legs:
-                reason = Reading.DELAYED if leg.in_scan else leg.outcome
-                for result in self.plan.steps[position].results:
-                    self._group.discard(leg.row, result.element, reason)
+        for _ in range(1 if self._sequence else len(self.plan.steps)):
+            self._convert()
         _, t_ns, capacitance_pf, reading = self.latest
         frame = CapFrame(self._sequence, t_ns.copy(), capacitance_pf.copy(), reading.copy())
         self._sequence += 1
         return frame
 
-    def disconnect_legs(self) -> None:
+    def temperature_c(self) -> Vector:
+        """Return the temperature of each leg's converter [degC], shape (legs,), at most ten seconds old.
+
+        NaN for a board without a sensor, and for a leg that is out of the scan.
+        """
+        return np.array([leg.temperature_c for leg in self.legs])
+
+    def close(self) -> None:
         """Disconnect all legs from the bus: select no mux channel."""
         self._bus.disconnect_legs()
 
+    def _convert(self) -> None:
+        """Finish a conversion, again from its start if a line was held low meanwhile; then it has no readings."""
+        for _ in range(_MAX_ATTEMPTS):
+            try:
+                if self._position == 0:
+                    self._read_temperatures()
+                    self._time_late_leg()
+                self._start_missing_conversion()
+                self._finish_conversion_and_start_next()
+            except I2cTimeoutError:
+                self._leave_out_stuck_legs()
+            else:
+                return
+        lost = {leg: Reading.DELAYED if leg.in_scan else leg.outcome for leg in self.legs}
+        self._discard_readings(self.plan.steps[self._position], lost, set())
+
+    def _leave_out_stuck_legs(self) -> None:
+        self._running = None
+        leave_out_stuck_legs(self._bus, self.legs, self.plan.steps[0].select_checks[0].read, self.clock)
+
+    def _discard(self, rows: int | slice, elements: int | slice, reading: Reading) -> None:
+        """Replace the latest readings of some legs and elements by NaN and the reason for it."""
+        _, t_ns, capacitance_pf, readings = self.latest
+        at = rows, elements
+        t_ns[at], capacitance_pf[at], readings[at] = 0, _NAN, reading
+
+    def _active_legs(self) -> tuple[Legs, int]:
+        """Return the legs without a failure in this scan, and the mux selection that connects all of them."""
+        active: Legs = []
+        selection = 0
+        for leg in self.legs:
+            if leg.in_scan and leg.outcome is _OK:
+                active.append(leg)
+                selection |= leg.selection
+        return active, selection
+
     def _start_missing_conversion(self) -> None:
-        """Start a conversion if none runs, or if the loop was delayed for too long."""
-        running = self._group.running
+        """Start a conversion if none runs, or if the loop was delayed for too long; old results are read away."""
+        running = self._running
         is_late = running is not None and self.clock.now_ns() > running.t_start_ns + self._late_ns
         self.n_late_discards += is_late
         if running is None or is_late:
-            self._group.restart(self.plan.steps[self._position])
+            legs, selection = self._active_legs()
+            if legs:
+                self._bus.exchange(selection, self.plan.board.make_ready)
+            step = self.plan.steps[self._position]
+            self._running = self._start_conversion(legs, selection, step, step.select)
 
-    def _finish_conversion(self) -> None:
-        steps, n = self.plan.steps, self._position
-        self._position = (n + 1) % len(steps)
-        ask_first = n == 0 and self.clock.now_ns() >= self._lateness_due_ns
-        if ask_first:
-            self._lateness_due_ns = self.clock.now_ns() + _LATENESS_PERIOD_NS
-        alone = None
-        if len(self.legs) > 1 and any(result.element == self._asked_element for result in steps[n].results):
-            alone = self._asked_alone
-        self._group.finish_conversion_and_start_next(
-            steps[n],
-            steps[self._position],
-            checked=self._check_all or n == self._n_scans % len(steps),
-            in_turn=not self._check_all,
-            ask_first=ask_first,
-            alone=alone,
-        )
-        if self._position == 0:
-            self._n_scans += 1
+    def _start_conversion(
+        self, legs: Legs, selection: int, step: ConversionStep, select: tuple[Transaction, ...]
+    ) -> Conversion:
+        for _ in range(_MAX_ATTEMPTS if legs else 0):
+            if self._bus.exchange(selection, (*select, step.trigger)) is not None:
+                return Conversion(self.clock.now_ns(), legs, bool(select))
+        return Conversion(self.clock.now_ns(), [], bool(select))
+
+    def _finish_conversion_and_start_next(self) -> None:
+        """Wait for the running conversion, start the next one, and read the finished one meanwhile."""
+        steps, position, finished = self.plan.steps, self._position, self._running
+        assert finished is not None
+        following_position = (position + 1) % len(steps)
+        step, following, ends = steps[position], steps[following_position], following_position == 0
+        alone = self._leg_asked_alone(step)
+        if alone is not None:
+            self._check_lines_of_leg(alone, step)
+        if self._check_all or position == self._n_scans % len(steps):
+            self._check_settings(step, finished)
+        legs, selection = self._active_legs()
+        failed = {leg: leg.outcome for leg in self.legs if leg.outcome is not _OK}
+        if failed and ends:
+            set_up_failed_legs(self._bus, self.legs, following, self.plan.board)
+            legs, selection = self._active_legs()
+        if legs:  # connect them while they convert; if that fails, `_start_conversion` tries again
+            self._bus.exchange(selection, ())
+        asks_first = self._wait_and_tell_if_poll_comes_first(step, finished)
+        all_done = asks_first and self._mark_late_as_failed(step, legs, selection)
+        if asks_first:
+            failed |= {leg: leg.outcome for leg in legs if leg.outcome is not _OK}
+            legs, selection = self._active_legs()
+        select = following.select_changes if finished.legs else following.select
+        self._running = self._start_conversion(legs, selection, following, select)
+        checked_until_now = {
+            leg
+            for leg, outcome in failed.items()
+            if ends or leg is alone or (not self._check_all and outcome is Reading.MISCONFIGURED)
+        }
+        self._discard_readings(step, failed, checked_until_now)
+        if read := [leg for leg in finished.legs if leg not in failed]:
+            if not asks_first and step.done is not None and self._running.legs:
+                all_done = self._bus.poll(selection, step.done) is _OK
+            self._read_out(step, following, read, finished.t_start_ns, all_done=all_done)
+        self._position = following_position
+        if ends:
             self._end_scan()
 
-    def _end_scan(self) -> None:
-        """Count the readings missed in the scan, and search for legs that were left out of it.
+    def _discard_readings(
+        self,
+        step: ConversionStep,
+        failed: dict[LegConnection, Reading],
+        checked_until_now: set[LegConnection],
+    ) -> None:
+        """Discard the readings of a step, and of failed legs whose check covers the scan all those before it."""
+        for result in step.results:
+            self._discard(slice(None), result.element, Reading.NO_ANSWER)
+            for leg, outcome in failed.items():
+                self._discard(leg.row, slice(None) if leg in checked_until_now else result.element, outcome)
 
-        Choose the leg that is asked for its lines by itself in the next scan: one a scan, in one of the diagonal
-        elements, which have all rows and columns; one in four scans where that takes time.
+    def _wait_and_tell_if_poll_comes_first(self, step: ConversionStep, running: Conversion) -> bool:
+        """Wait until all legs have finished; return whether they are to be asked before the next trigger.
+
+        It is so if a chip's DONE bit is cleared by that, and once a second.
+        """
+        wait_factor, asks_first = 1.0, False
+        if self._position == 0 and (now_ns := self.clock.now_ns()) >= self._lateness_due_ns:
+            self._lateness_due_ns, asks_first = now_ns + _LATENESS_PERIOD_NS, True
+        for leg in running.legs:
+            wait_factor = max(wait_factor, leg.timing.wait_factor)
+            asks_first |= not leg.timing.keeps_done_bit
+        self.clock.sleep_until_ns(running.t_start_ns + round(self.plan.conversion_wait_ns * wait_factor))
+        return asks_first and step.done is not None
+
+    def _read_out(
+        self, step: ConversionStep, following: ConversionStep, legs: Legs, t_start_ns: int, *, all_done: bool
+    ) -> None:
+        _, t_ns, capacitance_pf, readings = self.latest
+        for leg in legs:
+            if not leg.in_scan:  # left out since the conversion began
+                continue
+            for result in step.results:
+                at = leg.row, result.element
+                reading, capacitance_pf[at] = self._read_leg(leg, step, result, all_done=all_done)
+                readings[at] = reading
+                if reading in CONVERTED:
+                    excess_ns = round((leg.timing.wait_factor - 1) * self.plan.conversion_wait_ns)
+                    t_ns[at] = t_start_ns + (self.plan.conversion_ns + excess_ns) // 2
+                else:
+                    leg.outcome = reading
+                    # It was triggered again before it was asked, and that conversion runs alone.
+                    leg.unfinished = following if reading is Reading.NOT_READY else None
+
+    def _read_leg(
+        self, leg: LegConnection, step: ConversionStep, result: ElementResult, *, all_done: bool
+    ) -> tuple[Reading, float]:
+        reading = Reading.NO_ANSWER
+        for _ in range(_MAX_ATTEMPTS):
+            if step.done is not None and not all_done:
+                reading = self._bus.poll(leg.selection, step.done)
+                if reading is Reading.NOT_READY:
+                    break
+                if reading is not _OK:
+                    continue
+            answers = self._bus.exchange(leg.selection, result.read)
+            if answers is not None:
+                reading, capacitance_pf = self.plan.board.decode_result(answers)
+                return reading, capacitance_pf + leg.capdac_offset_pf
+            reading = Reading.NO_ANSWER
+        return reading, _NAN
+
+    def _mark_late_as_failed(self, step: ConversionStep, legs: Legs, selection: int) -> bool:
+        """Mark each leg as failed whose conversion has not finished before the next trigger; return if the others have.
+
+        A chip whose DONE bit that clears has to say it now. Of another one an answer that is lost is asked for again.
+        """
+        assert step.done is not None
+        if not legs or self._bus.poll(selection, step.done) is _OK:
+            return True
+        for leg in legs:
+            outcome = self._bus.poll(leg.selection, step.done)
+            if outcome is Reading.NOT_READY or not leg.timing.keeps_done_bit:
+                leg.outcome = outcome
+                leg.unfinished = step
+        return not all(leg.timing.keeps_done_bit for leg in legs)
+
+    def _check_settings(self, step: ConversionStep, running: Conversion) -> None:
+        """Read back line and chip settings during a conversion; mark each leg as failed whose check fails."""
+        checks = step.select_checks if running.lines_selected else ()
+        for check in (*checks, *step.setting_checks):
+            legs, selection = self._active_legs()
+            if legs and self._bus.check(selection, check) is not _OK:
+                for leg in legs:
+                    leg.outcome = self._bus.check(leg.selection, check)
+
+    def _leg_asked_alone(self, step: ConversionStep) -> LegConnection | None:
+        """Return the leg that is asked for the lines of a step by itself, as a wired AND may hide wrong ones.
+
+        One leg a scan, or in four where that takes time, in a diagonal element: these have all rows and columns.
         """
         turn, skipped = divmod(self._n_scans, 1 if self._check_all else 4)
         visit, row = divmod(turn, len(self.legs))
-        self._asked_alone = None if skipped else self.legs[row]
-        self._asked_element = visit % ROWS * (ROWS + 1)
-        now_ns, missing = self.clock.now_ns(), False
-        any_bad: list[bool] = np.any(self.latest.reading, axis=1).tolist()
-        for leg, bad in zip(self.legs, any_bad, strict=True):
-            if leg.in_scan and (bad or leg.is_suspect):
-                leg.count_misses(self.latest.reading[leg.row], now_ns)
-            missing |= not leg.in_scan
-        if missing:
+        element = visit % ROWS * (ROWS + 1)
+        if skipped or len(self.legs) == 1 or element not in [result.element for result in step.results]:
+            return None
+        return self.legs[row]
+
+    def _check_lines_of_leg(self, leg: LegConnection, step: ConversionStep) -> None:
+        """Ask a leg alone for its lines; leave it out if they are wrong twice."""
+        if not leg.in_scan or leg.outcome is not _OK:
+            return
+        for check in step.select_checks:
+            answer = self._bus.check(leg.selection, check)
+            if answer is not _OK and self._bus.check(leg.selection, check) is Reading.MISCONFIGURED:
+                leg.doubted = step
+                leg.leave_scan(Reading.MISCONFIGURED, self.clock.now_ns())
+                return
+
+    def _end_scan(self) -> None:
+        """Count the readings missed in the scan, and search for legs that were left out of it."""
+        self._n_scans += 1
+        for leg, readings in zip(self.legs, self.latest.reading, strict=True):
+            if leg.in_scan and (leg.is_suspect or readings.any()):
+                leg.count_misses(readings, self.clock.now_ns())
+        if not all(leg.in_scan for leg in self.legs):
             probe_due_legs(self._bus, self.legs, self.plan, self.clock)
-        running = self._group.running
-        if running is not None and not running.legs:
-            # A leg that was found meanwhile begins with a whole conversion, not with the rest of a wait.
-            self._group.running = None
+            if self._running is not None and not self._running.legs:
+                # A leg that was found meanwhile begins with a whole conversion, not with the rest of a wait.
+                self._running = None
 
     def _read_temperatures(self) -> None:
         """Read the temperature of all converters if that is due; discards running conversions.
@@ -186,12 +376,14 @@ class BusScanner:
         thermometer = self.plan.board.thermometer
         if thermometer is None or self.clock.now_ns() < self._temperature_due_ns:
             return
-        if not self._group.active_legs()[0]:
+        legs, selection = self._active_legs()
+        if not legs:
             return
         self._temperature_due_ns = self.clock.now_ns() + _TEMPERATURE_PERIOD_NS
-        self._group.read_temperatures(thermometer)
         self.legs[self._n_temperatures % len(self.legs)].is_timed = False
         self._n_temperatures += 1
+        self._running = None
+        read_temperatures(self._bus, legs, selection, thermometer, self.clock)
 
     def _time_late_leg(self) -> None:
         """Time the converter of a leg that was late or has just been found; discards running conversions.
@@ -204,115 +396,5 @@ class BusScanner:
         if late:
             self._timing_due_ns = self.clock.now_ns() + _TIMING_PAUSE_NS
             self._timed = next((leg for leg in late if leg is not self._timed), late[0])
-            self._group.measure_conversion_time(self._timed)
-
-
-class _SequentialExecutor(Executor):
-    """Executor that runs each task at once in the calling thread: for one bus, and for simulated buses."""
-
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:  # noqa: ANN401 - as its base
-        done: Future[Any] = Future()
-        done.set_result(fn(*args, **kwargs))
-        return done
-
-
-class RobotScanner:
-    """Frame source of a robot whose chips are on one or more I2C buses.
-
-    Args:
-        buses: One scanner a bus; the rows of a frame are the legs of the first bus, then of the second, and so on.
-        threads: Whether each bus gets a thread; without, they are read in turn, as in virtual time.
-    """
-
-    def __init__(self, buses: Sequence[BusScanner], *, threads: bool = False) -> None:
-        self._buses = tuple(buses)
-        self._sequence = 0
-        self._pool: Executor = _SequentialExecutor()
-        if threads and len(self._buses) > 1:
-            self._pool = ThreadPoolExecutor(len(self._buses), thread_name_prefix="i2c")
-        # Readings on their way, with the time at which they are complete [ns], and the last that have arrived.
-        self._pending: list[Future[tuple[CapFrame, int]] | None] = [None] * len(self._buses)
-        self._latest = [bus.latest for bus in self._buses]
-        self._grace_ns = (
-            0 if len(self._buses) == 1 else max(bus.plan.conversion_wait_ns for bus in self._buses)
-        )
-
-    @property
-    def legs(self) -> list[LegConnection]:
-        """Connection states of all legs, in the order of the frame's rows."""
-        return [leg for bus in self._buses for leg in bus.legs]
-
-    @property
-    def n_late_discards(self) -> int:
-        """Number of times that conversions were discarded because the loop was delayed."""
-        return sum(bus.n_late_discards for bus in self._buses)
-
-    def temperature_c(self) -> Vector:
-        """Return the temperature of each leg's converter [degC], shape (legs,), at most ten seconds old.
-
-        NaN for a board without a sensor, and for a leg that is out of the scan.
-        """
-        return np.array([leg.temperature_c for leg in self.legs])
-
-    def start(self) -> None:
-        """Find and set up the chips of all buses.
-
-        Raises:
-            HardwareError: The mux of a bus does not answer.
-        """
-        for bus in self._buses:
-            bus.start()
-        if isinstance(self._pool, _SequentialExecutor):
-            ready_ns = max(bus.clock.now_ns() for bus in self._buses)
-            for bus in self._buses:
-                bus.clock.sleep_until_ns(ready_ns)
-
-    def read(self) -> CapFrame:
-        """Make the next conversion of every leg; return its readings with the latest ones of all other elements.
-
-        The first frame is a whole scan.
-        """
-        for _ in range(1 if self._sequence else len(self._buses[0].plan.steps)):
-            if len(self._buses) == 1:
-                self._latest[0] = self._buses[0].read_next_step()
-            else:
-                self._read_buses()
-        _, *of_buses = zip(*self._latest, strict=True)
-        t_ns, capacitance_pf, reading = map(np.concatenate, of_buses)
-        frame = CapFrame(self._sequence, t_ns, capacitance_pf, reading)
-        self._sequence += 1
-        return frame
-
-    def _read_buses(self) -> None:
-        """Start reading all buses that are not busy, and copy the readings that are complete."""
-        fresh = []
-        for n, bus in enumerate(self._buses):
-            if self._pending[n] is None:
-                self._pending[n] = self._pool.submit(_read_with_completion_time, bus)
-                fresh.append(n)
-        running = [pending for n in fresh if (pending := self._pending[n]) is not None]
-        _, others = wait(running, return_when=FIRST_COMPLETED)
-        wait(others, timeout=self._grace_ns * 1e-9 if self._sequence else None)
-        ready_ns = {
-            n: each.result()[1] for n, each in enumerate(self._pending) if each is not None and each.done()
-        }
-        latest_ns = min(ready_ns[n] for n in fresh if n in ready_ns) + self._grace_ns
-        now_ns = max(
-            t_ns for n, t_ns in ready_ns.items() if n in fresh and (t_ns <= latest_ns or not self._sequence)
-        )
-        for n, t_ns in ready_ns.items():
-            pending = self._pending[n]
-            if t_ns <= now_ns and pending is not None:
-                self._latest[n] = pending.result()[0]
-                self._pending[n] = None
-
-    def close(self) -> None:
-        """End the threads of the buses, and disconnect all legs."""
-        self._pool.shutdown()
-        for bus in self._buses:
-            bus.disconnect_legs()
-
-
-def _read_with_completion_time(bus: BusScanner) -> tuple[CapFrame, int]:
-    """Return the next readings of a bus, and the time at which they were complete [ns]."""
-    return bus.read_next_step(), bus.clock.now_ns()
+            self._running = None
+            time_converter(self._bus, self._timed, self.plan, self.clock)

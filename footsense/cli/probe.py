@@ -135,9 +135,8 @@ def element_marks(report: ProbedLeg) -> list[tuple[str, bool]]:
 def _bus_figures(report: ProbedBus) -> dict[str, Any]:
     """Return the result of one bus as plain values: chips found, addresses, timing; None for what is not known."""
     bus, scan, drivers = report
-    costs, limits = (
-        (None, None) if scan.bus_timing is None else (scan.bus_timing.costs, scan.bus_timing.lower_bounds)
-    )
+    timing = scan.bus_timing
+    limits = timing and timing.lower_bounds
     return {
         "device": bus.device,
         "mux": None if bus.leg else {"address": f"{bus.mux.address:#04x}", "answers": scan.mux_answers},
@@ -148,8 +147,8 @@ def _bus_figures(report: ProbedBus) -> dict[str, Any]:
             str(number): _addresses(chips.answering, _CHIP_NAMES) for number, chips in scan.channels.items()
         },
         "configured_rate_hz": bus.rate_hz,
-        "rate_hz": costs and round(costs.bus_hz),
-        "host_cost_us": costs and round(costs.host_ns_per_transaction * 1e-3, 1),
+        "rate_hz": timing and round(timing.bus_hz),
+        "host_cost_us": timing and round(timing.host_ns_per_transaction * 1e-3, 1),
         "conversion_limit_ms": limits and round(limits.conversion_bound_ns * 1e-6, 3),
         "readout_limit_ms": limits and round(limits.readout_bound_ns * 1e-6, 3),
         "limit": limits and limits.limiting_factor,

@@ -5,10 +5,12 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 
-from footsense.acquisition.leg_bus import BusTiming, LegBus
+from footsense.acquisition.bus_timing import BusTiming
+from footsense.acquisition.leg_bus import LegBus
 from footsense.acquisition.linux_i2c import LinuxI2cBus
 from footsense.acquisition.mcu_source import McuSource, Serial
-from footsense.acquisition.scanner import BusScanner, RobotScanner
+from footsense.acquisition.robot_scanner import RobotScanner
+from footsense.acquisition.scanner import BusScanner
 from footsense.acquisition.serial_port import SerialLink
 from footsense.clock import MonotonicClock
 from footsense.config import Config
@@ -41,7 +43,7 @@ class ScanSource:
             None where no converter has a sensor.
     """
 
-    source: RobotScanner | McuSource
+    source: BusScanner | RobotScanner | McuSource
     clock: Clock
     frames_per_scan: int = 1
     response_sha256: str | None = None
@@ -107,12 +109,12 @@ def _log_bus_timing(bus: Bus, timing: BusTiming | None) -> None:
     if timing is None:
         return
     _log.info("%s: %s", bus.device, timing)
-    if timing.costs.bus_hz < MIN_BUS_SPEED_REL * bus.rate_hz:
+    if timing.bus_hz < MIN_BUS_SPEED_REL * bus.rate_hz:
         _log.warning(
             "%s runs at %.0f kHz, not at the %.0f kHz of the configuration: a Raspberry Pi's follows the core clock; "
             "set core_freq_min, or correct rate_hz",
             bus.device,
-            timing.costs.bus_hz * 1e-3,
+            timing.bus_hz * 1e-3,
             bus.rate_hz * 1e-3,
         )
 
@@ -169,7 +171,7 @@ def _open_bus_scanners(config: Config, robot: SimulatedRobot | None, stack: Exit
         BusScanner(legs, clock, bus.channels, plan)
         for bus, (legs, clock) in zip(config.buses, buses, strict=True)
     ]
-    source = RobotScanner(scanners, threads=robot is None)
+    source = scanners[0] if len(scanners) == 1 else RobotScanner(scanners, threads=robot is None)
     stack.callback(source.close)
     source.start()
     for bus, scanner in zip(config.buses, scanners, strict=True):

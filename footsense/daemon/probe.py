@@ -11,8 +11,8 @@ from footsense.acquisition.bus_scan import BusScan, ChannelScan, leg_chip_addres
 from footsense.acquisition.foot_check import CHIP_FAULT_READINGS, FootFault, FootScans, foot_faults
 from footsense.acquisition.leg_connection import ChipTiming
 from footsense.acquisition.linux_i2c import kernel_drivers
+from footsense.acquisition.mcu_source import McuSource
 from footsense.acquisition.scan_plan import ScanPlan
-from footsense.acquisition.scanner import RobotScanner
 from footsense.config import Config
 from footsense.config.sections import Bus
 from footsense.daemon.acquisition import MIN_BUS_SPEED_REL, open_buses, open_scan_source
@@ -131,9 +131,9 @@ def _bus_faults(report: ProbedBus, plan: ScanPlan) -> Iterator[tuple[str, str]]:
             )
     if not scan.mux_answers:
         yield _missing_mux_fault(report)
-    if scan.bus_timing is not None and scan.bus_timing.costs.bus_hz < MIN_BUS_SPEED_REL * bus.rate_hz:
+    if scan.bus_timing is not None and scan.bus_timing.bus_hz < MIN_BUS_SPEED_REL * bus.rate_hz:
         yield (
-            f"it runs at {scan.bus_timing.costs.bus_hz * 1e-3:.0f} kHz, {bus.rate_hz * 1e-3:.0f} kHz are configured",
+            f"it runs at {scan.bus_timing.bus_hz * 1e-3:.0f} kHz, {bus.rate_hz * 1e-3:.0f} kHz are configured",
             "dtparam=i2c_arm_baudrate and core_freq_min on a Raspberry Pi, or correct rate_hz",
         )
     skipped = [leg for leg, channel in bus.channels.items() if channel not in scan.channels]
@@ -257,7 +257,7 @@ def _scan_feet(config: Config, scene: Scene | None) -> tuple[list[FootScans], li
     with open_scan_source(config, scene) as started:
         frames = started.read_whole_scans(_N_DISCARDED_SCANS + _N_FOOT_SCANS)[_N_DISCARDED_SCANS:]
         timings = None
-        if isinstance(started.source, RobotScanner):
+        if not isinstance(started.source, McuSource):
             timings = [leg.timing if leg.is_timed else None for leg in started.source.legs]
     capacitance_pf = np.stack([frame.capacitance_pf for frame in frames], axis=1)
     reading = np.stack([frame.reading for frame in frames], axis=1)

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from footsense.acquisition.boards.board import CONVERTED
 from footsense.acquisition.leg_bus import LegBus
+from footsense.acquisition.robot_scanner import RobotScanner
 from footsense.acquisition.scan_plan import scan_plan
-from footsense.acquisition.scanner import BusScanner, RobotScanner
+from footsense.acquisition.scanner import BusScanner
 from footsense.daemon.foot_types import released_path
 from footsense.errors import I2cError, I2cTimeoutError
 from footsense.foot.response_table import FootResponse

@@ -8,7 +8,6 @@ import pytest
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.errors import I2cError, NackError
 from footsense.frames import Reading
-from footsense.ports import Transaction
 from tests.contract.boards import (
     AD7746,
     BOTH,
@@ -17,7 +16,6 @@ from tests.contract.boards import (
     Board,
     LateError,
     Robot,
-    Saboteur,
     both,
     distinct,
     only,
@@ -106,30 +104,6 @@ def test_one_failed_transaction_never_makes_a_wrong_number(board: Board, error: 
             frame = robot.read()
             robot.assert_honest(frame)
         assert (frame.reading == Reading.OK).all()
-
-
-@pytest.mark.parametrize("selection", [0b000001, 0b010100])
-@both
-def test_another_program_that_switches_the_mux_makes_no_wrong_number(board: Board, selection: int) -> None:
-    """Whenever in a scan: where the host leaves the time, the mux is read back after every leg."""
-    foreign = Transaction(0x71, bytes((selection,)))
-    for n_switched in range(0, 400, 19):
-        robot = Robot(distinct, board, host_cost_ns=20_000)
-        robot.make_legs_distinct()
-        robot.read(2)
-        bus = robot.saboteurs[0]
-
-        def switch(transaction: Transaction, n: int, bus: Saboteur = bus, at: int = n_switched) -> None:
-            del transaction
-            if n == at:
-                bus._bus.transfer(foreign)
-
-        bus.arm(switch)
-        for _ in range(3):
-            frame = robot.read()
-            robot.assert_honest(frame)
-            assert (frame.t_ns[frame.reading == Reading.OK] > 0).all()
-        assert (robot.read(3).reading == Reading.OK).all()
 
 
 @both

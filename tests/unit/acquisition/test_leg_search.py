@@ -61,9 +61,9 @@ class Robot:
 
     def scan(self) -> CapFrame:
         """Read to the end of a scan, where settings are checked; a conversion that was lost twice is read again."""
-        readings = self.scanner.read_next_step()
+        readings = self.scanner.read()
         while self.scanner._position:
-            readings = self.scanner.read_next_step()
+            readings = self.scanner.read()
         return readings
 
     def scan_until(self, t_s: float) -> list[CapFrame]:
@@ -206,6 +206,6 @@ def test_legs_that_are_found_together_begin_with_a_whole_conversion() -> None:
     robot = Robot([scene_faults.StuckUpstreamBus(at_s=0.1, until_s=0.3)])
     looks_ns = []
     while robot.clock.now_ns() < 1_500_000_000:
-        robot.scanner.read_next_step()
+        robot.scanner.read()
         looks_ns.append(robot.clock.now_ns())
     assert min(np.diff(looks_ns)) > 2_000_000
