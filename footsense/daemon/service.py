@@ -142,14 +142,13 @@ def open_service(
             pace = MonotonicClock()
             source, wakeups = PacedSource(source, scan.clock, pace), (pace.wakeups,)
         can = simulated_can(config, scene, scan.clock)
-        connect = can.connect if can is not None else None
         sink = stack.enter_context(
             can_sink(
                 config,
                 scan.clock,
                 can_log,
                 force_step_mn=force_step_mn(models.network.card.max_trained_force_n),
-                connect=connect,
+                connect=can.connect if can is not None else None,
             )
         )
         reference = None

@@ -26,14 +26,13 @@ def test_its_readings_can_be_pasted_into_the_configuration(tmp_path: Path) -> No
 
 
 def test_a_fault_is_told_and_ends_with_1(tmp_path: Path) -> None:
-    """In words for a person, and as JSON for a script."""
+    """As JSON for a script, with the line that a person reads."""
     scene, config = tmp_path / "faulty.yaml", robot(tmp_path)
     scene.write_text(FAULTY)
-    shown = footsense("probe", "--config", config, "--scene", scene)
-    assert shown.returncode == 1
-    assert "rf: the line of column 2 is interrupted" in shown.stdout
     result = footsense("probe", "--config", config, "--scene", scene, "--json")
     assert result.returncode == 1
     figures = json.loads(result.stdout)
     assert figures["legs"]["rf"]["faults"] == [{"cause": "column_open", "elements": [2, 5, 8]}]
     assert figures["buses"][0]["host_cost_us"] == 40.0
+    (diagnosis,) = figures["diagnoses"]
+    assert (diagnosis["location"], diagnosis["observation"]) == ("rf", "the line of column 2 is interrupted")
