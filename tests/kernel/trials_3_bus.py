@@ -4,7 +4,7 @@ import pytest
 
 from firmware_interface.can.codes import Cause, State
 from footsense.frames import LEGS
-from tests.kernel.robot import CONFIG, Trial, matching
+from tests.kernel.robot import CONFIG, Trial
 
 #: SILENT: the transfer ends with the adapter's timeout.
 _ERRORS = ("ENXIO", "EREMOTEIO", "ETIMEDOUT", "EAGAIN", "EIO", "SILENT")
@@ -39,17 +39,6 @@ def test_every_transfer_fails(trial: Trial, chips: str, where: str, error: str) 
     trial.chips.do("clear")
     trial.recovered()
     assert trial.robot.pid == pid
-
-
-def test_held_line_without_reset(trial: Trial) -> None:
-    """A leg, lm, holds SDA until all legs are absent; no RESET pin."""
-    pid = trial.robot.pid
-    trial.chips.do("hold lm")
-    trial.can.wait_for(State.ABSENT)
-    trial.chips.do("clear")
-    trial.recovered()
-    assert trial.robot.pid == pid
-    assert Cause.BUS_STUCK in trial.can.causes(trial.mark)["lm"]
 
 
 def test_held_line_with_reset(trial: Trial) -> None:
@@ -153,12 +142,3 @@ def test_foreign_switches(trial: Trial) -> None:
     trial.row.shown = (
         f"{trial.can.shown(trial.mark)}; {len(trial.machine.journal(cursor))} lines in the journal"
     )
-
-
-def test_servers_restart(trial: Trial) -> None:
-    """All chips lose their power: they come back without their settings."""
-    pid = trial.robot.pid
-    trial.machine.run("systemctl restart chips")
-    trial.recovered()
-    assert trial.robot.pid == pid
-    assert matching(trial.machine.run("systemctl is-active chips").splitlines(), "^active")

@@ -15,17 +15,6 @@ def test_can_down_and_up(trial: Trial) -> None:
     assert len(lines) <= 4, lines
 
 
-def test_can_away_for_long(trial: Trial) -> None:
-    """The interface can0 deleted for 6 s."""
-    pid, cursor = trial.robot.pid, trial.machine.journal_cursor
-    trial.machine.run("ip link del can0; sleep 6; ip link add can0 type vcan; ip link set can0 up")
-    trial.recovered()
-    assert trial.robot.pid == pid
-    lines = trial.machine.journal(cursor)
-    assert len(lines) <= 4, lines
-    trial.row.shown = f"{trial.can.shown(trial.mark)}; {len(lines)} lines in the journal"
-
-
 def test_network_lock_is_held(trial: Trial) -> None:
     """The kernel's network lock (RTNL) is held for 4 s while can0 is down."""
     pid = trial.robot.pid
