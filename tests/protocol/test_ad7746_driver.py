@@ -33,18 +33,11 @@ def test_the_chip_is_recognised_by_what_a_reset_leaves() -> None:
     assert clock.now_ns() == 200_000
 
 
-@pytest.mark.parametrize(
-    ("answer", "hint"),
-    [
-        (b"\xff" * 8, "no chip drives the lines"),
-        (b"\x00" * 8, "SDA is held low"),
-        (b"\x19\x00" * 4, "LM75, a TMP102, an ADS1115 or an ADG715 strapped to 0x48"),
-    ],
-)
-def test_another_chip_is_explained_in_words(answer: bytes, hint: str) -> None:
-    """What a wrong answer usually means is part of the error."""
+def test_another_chip_is_explained_in_words() -> None:
+    """The chips that also have this address are part of the error."""
+    hint = "LM75, a TMP102, an ADS1115 or an ADG715 strapped to 0x48"
     with (
-        ScriptedBus((RESET, b""), (READ_SETTINGS, answer)) as bus,
+        ScriptedBus((RESET, b""), (READ_SETTINGS, b"\x19\x00" * 4)) as bus,
         pytest.raises(WrongChipError, match=f" at 0x48, an AD7746 after a reset says .*{hint}"),
     ):
         ad7746.reset_and_check_identity(bus, VirtualClock())
