@@ -103,7 +103,8 @@ class ViewServer:
             remedy = "view.address has to be an address of this machine, such as 127.0.0.1"
             if error.errno in {errno.EADDRINUSE, errno.EACCES}:
                 remedy = "choose another port: --port, or view.port"
-            why = os.strerror(error.errno) if error.errno else str(error)
+            # A name that is not found has a negative number, which is none of the system's.
+            why = os.strerror(error.errno) if (error.errno or 0) > 0 else error.strerror or str(error)
             raise ConfigError(f"the page cannot be served on {address}:{port}: {why}; {remedy}") from error
         async with server:
             poller = asyncio.create_task(self._poll())

@@ -28,6 +28,7 @@ from tests.system.command import footsense, one_line_error, robot
         ("run --scene scene.yaml", 78, "did you mean period_s"),
         ("view --port 0 none.mcap", 74, "none.mcap"),
         ("view --port 0 --address 192.0.2.1", 78, "the page cannot be served on 192.0.2.1"),
+        ("view --port 0 --address no.invalid", 78, "the page cannot be served on no.invalid:0: "),
     ],
 )
 def test_what_is_not_there_or_not_right(tmp_path: Path, command: str, exit_code: int, says: str) -> None:
