@@ -104,7 +104,9 @@ class ViewServer:
             if error.errno in {errno.EADDRINUSE, errno.EACCES}:
                 remedy = "choose another port: --port, or view.port"
             # A name that is not found has a negative number, which is none of the system's.
-            why = os.strerror(error.errno) if (error.errno or 0) > 0 else error.strerror or str(error)
+            why = (
+                os.strerror(error.errno) if error.errno and error.errno > 0 else error.strerror or str(error)
+            )
             raise ConfigError(f"the page cannot be served on {address}:{port}: {why}; {remedy}") from error
         async with server:
             poller = asyncio.create_task(self._poll())

@@ -99,7 +99,7 @@ def test_no_step_reads_a_slot_that_the_next_one_converts() -> None:
 def test_results_are_two_s_complement_with_19_fractional_bits(
     answers: list[bytes], reading: Reading, expected_pf: float
 ) -> None:
-    """Also just below zero, where a well-known driver jumps by 32 pF; an end of the range is no number, nor are reserved bits."""
+    """Also just below zero, where a known driver jumps by 32 pF; an end of the range and reserved bits are none."""
     got, value_pf = fdc1004.decode_result(answers)
     assert got is reading
     np.testing.assert_equal(value_pf, expected_pf)
