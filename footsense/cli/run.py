@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from footsense.cli import options
 from footsense.cli.tables import echo_json, figures_table
-from footsense.clock import resident_mib
+from footsense.clock import process_age_ns, resident_mib
 from footsense.config import DEFAULT, load_config
 from footsense.config.sections import PageServer
 from footsense.daemon.service import open_service
@@ -106,7 +106,7 @@ def run(
             open_service(config, scene, record=record, can_log=can_log, real_time=paced or scene is None)
         )
         statistics = RunStatistics(
-            service.legs, service.true_force_n_at, service.network.card.max_trained_force_n
+            service.legs, service.true_force_n_at, service.network.card.max_trained_force_n, process_age_ns
         )
         service.observers.append(statistics)
         title = f"{scene_name}, simulated" if scene else "on the robot"

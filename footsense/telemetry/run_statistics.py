@@ -8,7 +8,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from footsense.clock import process_age_ns
 from footsense.foot.directions import angles_between_deg
 from footsense.frames import FAULT_FREE, IS_USABLE_STATE, Codes, Cycle, Stamps, State, Vector
 from footsense.ports import Observer
@@ -30,6 +29,7 @@ class RunStatistics(Observer):
         legs: Name of the leg in each row of the frames.
         true_force_n_at: Returns the true force on each foot at a time [ns -> N, shape (legs, 3)]; None if unknown.
         max_n: Largest force of the feet [N].
+        process_age_ns: Returns the time since the start of the process [ns].
     """
 
     def __init__(
@@ -37,7 +37,9 @@ class RunStatistics(Observer):
         legs: tuple[str, ...],
         true_force_n_at: Callable[[int], Vector] | None,
         max_n: float = 2.0,
+        process_age_ns: Callable[[], int] = int,
     ) -> None:
+        self._process_age_ns = process_age_ns
         self._legs = legs
         self._loaded_n = LOADED_THRESHOLD_REL * max_n
         self._true_force_n_at = true_force_n_at
@@ -58,7 +60,7 @@ class RunStatistics(Observer):
         forces = cycle.forces
         if self._cycles == 0:
             self._first_ns = forces.t_sent_ns
-            self._process_age_s = process_age_ns() * 1e-9
+            self._process_age_s = self._process_age_ns() * 1e-9
         self._last_ns = forces.t_sent_ns
         self._cycles += 1
         true_n = self._true_force_n_at(forces.t_sent_ns) if self._true_force_n_at else forces.force_n
