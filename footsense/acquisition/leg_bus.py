@@ -85,7 +85,12 @@ class LegBus:
             I2cTimeoutError: A line is held low.
         """
         try:
-            return list(map(self.connect(selection).transfer, transactions))
+            if selection != self._selection:  # as `connect`, without a call for each transaction
+                self._selection = None
+                if self._writes:
+                    self.adapter.transfer(self._writes[selection])
+                self._selection = selection
+            return list(map(self.adapter.transfer, transactions))
         except I2cTimeoutError:
             raise
         except I2cError:
