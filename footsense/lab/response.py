@@ -57,7 +57,7 @@ def fit_series(field: AdjointFields, degree: int = SERIES_DEGREE) -> Vector:
     series = np.zeros((n_basis_functions(degree), field.influence_um_per_n.shape[1], 3))
     for component in range(3):
         sign_x, sign_y = field.parity.mirror_image_signs(component)
-        has_parity = ((-1) ** i == sign_x) & ((-1) ** j == sign_y)
+        has_parity = (sign_x * (-1) ** i >= 0) & (sign_y * (-1) ** j >= 0)
         values = field.influence_um_per_n[used, :, component] * root
         series[has_parity, :, component] = np.linalg.lstsq(basis[:, has_parity], values, rcond=1e-10)[0]
     return series
@@ -91,6 +91,16 @@ def mean_over_patch(
             basis += part / 12.0 * series_basis(around, SERIES_DEGREE, MIN_FITTED_ELEVATION_DEG)
     patch_response_um_per_n: Vector = basis @ point_series
     return patch_response_um_per_n
+
+
+def patch_series(point: Vector, foot_design: FootDesign) -> Vector:
+    """Return the series G2 of the contact patch [um/N per mm2] that belongs to a series G0, in its shape."""
+    normal = spherical_cap_normals(MIN_TABLE_ELEVATION_DEG)
+    basis = series_basis(normal, SERIES_DEGREE, MIN_FITTED_ELEVATION_DEG)
+    flat, radius_mm = point.reshape(len(point), -1), FITTED_PATCH_RADIUS_REL * foot_design.ball_radius_mm
+    growth = (mean_over_patch(flat, normal, radius_mm, foot_design) - basis @ flat) / radius_mm**2
+    series = np.asarray(np.linalg.lstsq(basis, growth, rcond=1e-10)[0], np.float64)
+    return series.reshape(point.shape)
 
 
 def spherical_cap_normals(lowest_deg: float, rings: int = 40, spokes: int = 96) -> Vector:
@@ -173,13 +183,8 @@ def tabulate_response(
     compliance = (compliance + compliance.transpose(1, 0, 3, 2)) / 2.0
     normal = spherical_cap_normals(MIN_TABLE_ELEVATION_DEG)
     basis = series_basis(normal, SERIES_DEGREE, MIN_FITTED_ELEVATION_DEG)
-    flat = point.reshape(len(point), -1)
-    on_disc = basis @ flat
-    hertz_patch_radius_mm = FITTED_PATCH_RADIUS_REL * foot_design.ball_radius_mm
-    growth = (
-        mean_over_patch(flat, normal, hertz_patch_radius_mm, foot_design) - on_disc
-    ) / hertz_patch_radius_mm**2
-    patch = np.linalg.lstsq(basis, growth, rcond=1e-10)[0].reshape(point.shape)
+    on_disc = basis @ point.reshape(len(point), -1)
+    patch = patch_series(point, foot_design)
     shorter = series_basis(normal, SERIES_DEGREE - 4, MIN_FITTED_ELEVATION_DEG) @ lower.reshape(
         len(lower), -1
     )

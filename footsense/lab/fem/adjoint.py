@@ -20,8 +20,8 @@ import numpy as np
 
 from footsense.foot.directions import normalized
 from footsense.frames import Vector
-from footsense.lab.fem.mesh import quarter_cells
-from footsense.lab.fem.quarter import Parity, QuarterFoot
+from footsense.lab.fem.mesh import cavity_cells
+from footsense.lab.fem.quarter import NO_MIRRORS, Parity, QuarterFoot
 from footsense.lab.geometry import UM_PER_MM
 
 #: Order of the quadrature rule whose points on the ground-side surface are the samples.
@@ -30,7 +30,7 @@ SURFACE_QUADRATURE_ORDER = 5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AdjointFields:
-    """The adjoint fields of one symmetry class, sampled on the ground-side surface of the quarter.
+    """The adjoint fields of one symmetry class, sampled on the ground-side surface.
 
     Attributes:
         parity: The class.
@@ -50,7 +50,8 @@ class AdjointFields:
 
 def solve_cell_closure_fields(quarter: QuarterFoot) -> AdjointFields:
     """Return the adjoint fields of the mean closure [um] of each gap cell, sampled on the ground-side surface."""
-    faces = [(cell.name, quarter.design.cavity_cell_area_mm2) for cell in quarter_cells(quarter.design)]
+    cells = cavity_cells(quarter.design, quarter=quarter.parity != NO_MIRRORS)
+    faces = [(cell.name, quarter.design.cavity_cell_area_mm2) for cell in cells]
     return solve_face_closure_fields(quarter, faces)
 
 
@@ -76,7 +77,7 @@ def solve_functional_fields(
     """
     mesh, rule = quarter.mesh, ng.IntegrationRule(ng.TRIG, SURFACE_QUADRATURE_ORDER)
     points = mesh.MapToAllElements(rule, mesh.Boundaries("curved_ground"))
-    radial = np.asarray((ng.CF((ng.x, ng.y, ng.z + quarter.sphere_centre_depth_mm)))(points))
+    radial = np.asarray((ng.CF((ng.x, ng.y, ng.z)) - ng.CF(quarter.ball_centre_mm))(points))
     # The area element of the curved map: norm of the cross product of its two columns.
     jacobian = np.asarray(ng.specialcf.JacobianMatrix(3, 2)(points)).reshape(-1, 3, 2)
     area = np.linalg.norm(np.cross(jacobian[:, :, 0], jacobian[:, :, 1]), axis=1)

@@ -41,17 +41,19 @@ class BondedLayer:
         material: Material of the layer.
         thickness_mm: Thickness of the layer [mm].
         face_pattern: Faces of the mesh that it covers.
+        bonded_share: Share of it that is bonded [1], which may be a function of the place.
     """
 
     material: Material
     thickness_mm: float
     face_pattern: str = "bars"
+    bonded_share: Any = 1.0
 
     def traction(self, jump: Any) -> Any:
         """Return the traction [MPa] of a displacement jump u_ground - u_leg [mm] across the layer."""
         shear, confined = self.material.shear_modulus_mpa, self.material.confined_modulus_mpa
         across = (shear, shear, confined)
-        return ng.CF(tuple(across[k] / self.thickness_mm * jump[k] for k in range(3)))
+        return ng.CF(tuple(self.bonded_share * across[k] / self.thickness_mm * jump[k] for k in range(3)))
 
 
 def membrane_energy_per_area(film: ThinFilm, u: Any) -> Any:

@@ -10,7 +10,7 @@ factorised, odd under x and even under y, is solved as its transpose: x and y of
 The patch is round on the sphere, p ~ sqrt(1 - |x - x_c|^2 / a^2), and its integral is made exact by scaling.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import ngsolve as ng
 import numpy as np
@@ -27,15 +27,8 @@ from footsense.lab.geometry import UM_PER_MM, FootDesign
 EXTRA_PATCH_QUADRATURE_ORDER = 60
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _HertzLoad:
-    """Hertz contact load: centre, force and radius of a pressure patch on the ground-side ball.
-
-    Attributes:
-        centre_mm: Centre of the patch on the sphere [mm], shape (3,).
-        force_n: Resultant force [N], shape (3,).
-        patch_radius_mm: Radius a of the patch [mm].
-    """
+class _HertzLoad(NamedTuple):
+    """A pressure patch on the ground-side ball: centre [mm], resultant force [N], radius [mm]."""
 
     centre_mm: Vector
     force_n: Vector

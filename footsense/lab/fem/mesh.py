@@ -1,4 +1,4 @@
-"""Mesh of the foot's quarter x > 0, y > 0: coarse in smooth regions, graded towards singular edges.
+"""Mesh of the foot, or of its quarter x > 0, y > 0: coarse in smooth regions, graded towards singular edges.
 
 The stress is singular at the edges of the spacer's bars and where the sheet's rim meets the hemispheres. Halving the
 elements there gains a factor of two in error for eight times the work; instead the edges get one layer of thin
@@ -82,7 +82,7 @@ FINEST_MESH = MeshSize(
 
 @dataclass(frozen=True, slots=True)
 class CavityCell:
-    """One square cell of an element's cavity, in the meshed quarter.
+    """One square cell of an element's cavity.
 
     Attributes:
         name: Name of its face in the mesh.
@@ -103,6 +103,11 @@ class CavityCell:
 
 def quarter_cells(design: FootDesign) -> list[CavityCell]:
     """Return the cavity cells in x > 0, y > 0; of an element on a mirror plane only those on this side."""
+    return cavity_cells(design, quarter=True)
+
+
+def cavity_cells(design: FootDesign, *, quarter: bool) -> list[CavityCell]:
+    """Return the cavity cells of a foot, in flat order, or those of its quarter."""
     step = design.electrode_mm / CELLS_PER_SIDE
     cells: list[CavityCell] = []
     for element, (x_mm, y_mm) in enumerate(design.element_centres_mm):
@@ -110,7 +115,7 @@ def quarter_cells(design: FootDesign) -> list[CavityCell]:
             for j in range(CELLS_PER_SIDE):
                 x = x_mm + design.electrode_mm / 2.0 - (i + 0.5) * step
                 y = y_mm + design.electrode_mm / 2.0 - (j + 0.5) * step
-                if x > 0.0 and y > 0.0:
+                if not quarter or (x > 0.0 and y > 0.0):
                     cells.append(CavityCell(f"cell{len(cells)}", element, i, j, x, y))
     return cells
 
@@ -143,14 +148,7 @@ def name_mirrors_and_size_ground(shape: Any, size: MeshSize) -> None:
             face.maxh = size.surface_mm
 
 
-def name_bar_faces(shape: Any) -> None:
-    """Name the faces of the spacer's bars (ribs between the cavities), where the two plates are joined."""
-    for face in shape.faces:
-        if lies_in_coordinate_plane(face, "z") and not (face.name or "").startswith("cell"):
-            face.name = "bars"
-
-
-def is_bar_edge(design: FootDesign, edge: Any) -> bool:
+def _is_bar_edge(design: FootDesign, edge: Any) -> bool:
     """Tell whether an edge is the border between a spacer bar and a cavity, not the crossing of two bars."""
     low, high = edge.bounding_box
     bars_mm = design.half_axis_bar_spans_mm
@@ -178,11 +176,20 @@ def _is_sheet_border_edge(design: FootDesign, edge: Any) -> bool:
 
 
 def build_quarter_mesh(design: FootDesign, size: MeshSize) -> Any:
-    """Return the curved finite element mesh of the quarter foot.
+    """Return the curved finite element mesh of the quarter foot; as `build_mesh`."""
+    return build_mesh(design, size, quarter=True)
+
+
+def build_mesh(
+    design: FootDesign, size: MeshSize, sheet_offset_mm: tuple[float, float] = (0.0, 0.0), *, quarter: bool
+) -> Any:
+    """Return the curved finite element mesh of a foot or of its quarter.
 
     Args:
         design: The foot.
         size: Largest edges.
+        sheet_offset_mm: Centre of the sheet, which stays in the origin, from the axis of the balls [mm].
+        quarter: Whether to mesh x > 0, y > 0 alone.
 
     Returns:
         The mesh, in mm, foot frame, origin in the middle of the spacer; faces "cell0".., `bars`, `curved_ground`,
@@ -195,15 +202,18 @@ def build_quarter_mesh(design: FootDesign, size: MeshSize) -> Any:
     if not thinnest_mm > _MIN_THICKNESS_MM:  # NaN is refused too
         raise ModelError(f"no part of a foot is thinner than {_MIN_THICKNESS_MM:g} mm, got {design}")
     size, step = size.scaled_to_foot(design), design.electrode_mm / CELLS_PER_SIDE
-    solids = bodies(design, size.plate_mm, quarter=True)
-    shape = occ.Glue([*solids, *(_cell_face(cell, step) for cell in quarter_cells(design))])
-    name_bar_faces(shape)
+    solids = bodies(design, size.plate_mm, sheet_offset_mm, quarter=quarter)
+    cells = cavity_cells(design, quarter=quarter)
+    shape = occ.Glue([*solids, *(_cell_face(cell, step) for cell in cells)])
+    for face in shape.faces:
+        if lies_in_coordinate_plane(face, "z") and not (face.name or "").startswith("cell"):
+            face.name = "bars"
     name_mirrors_and_size_ground(shape, size)
     for edge in shape.edges:
-        if is_bar_edge(design, edge):
+        if _is_bar_edge(design, edge):
             edge.maxh = size.bar_mm
             edge.hpref = 1
-        elif _is_sheet_border_edge(design, edge):
+        elif quarter and _is_sheet_border_edge(design, edge):
             edge.hpref = 1
     parameters = MeshingParameters(maxh=size.ball_mm, grading=size.grading)
     try:

@@ -121,9 +121,9 @@ class QuarterBlock(QuarterFoot):
     """
 
     @property
-    def sphere_centre_depth_mm(self) -> float:
-        """Depth of the ground-side ball's centre below the block's middle: half its thickness [mm]."""
-        return half_thickness_mm(self.design)
+    def ball_centre_mm(self) -> tuple[float, float, float]:
+        """Centre of the ground-side ball: half the block's thickness below its middle [mm]."""
+        return 0.0, 0.0, -half_thickness_mm(self.design)
 
     def _finite_element_space(self, order: int) -> Any:
         displacement = ng.VectorH1(self.mesh, order=order, **self._dirichlet_arguments("curved_leg"))

@@ -48,8 +48,9 @@ class Parity:
     """Parity (even or odd) of a displacement field under the mirrors x -> -x and y -> -y.
 
     Attributes:
-        x: +1 if the field is its own mirror image under x -> -x, -1 if it is the opposite of it.
-        y: +1 if the field is its own mirror image under y -> -y, -1 if it is the opposite of it.
+        x: +1 if the field is its own mirror image under x -> -x, -1 if it is the opposite, 0 if it is neither: the
+            foot is solved as a whole.
+        y: The same under y -> -y.
     """
 
     x: int
@@ -59,7 +60,7 @@ class Parity:
         """Return the mirror planes on which displacement component 0..2 vanishes, joined by `|`."""
         planes = []
         for axis, (plane, parity) in enumerate((("mirror_x", self.x), ("mirror_y", self.y))):
-            if (component == axis) == (parity > 0):
+            if parity and (component == axis) == (parity > 0):
                 planes.append(plane)
         return "|".join(planes)
 
@@ -73,6 +74,8 @@ class Parity:
         return np.concatenate([half, self.y * np.flip(half, axis + 1)], axis + 1)
 
 
+#: A foot that is not its own mirror image, solved as a whole.
+NO_MIRRORS = Parity(0, 0)
 #: The classes that are solved; (-1, 1) is the transpose of (1, -1).
 SOLVED_CLASSES = (Parity(1, 1), Parity(1, -1), Parity(-1, -1))
 
@@ -176,9 +179,9 @@ class QuarterFoot:
             raise ModelError(f"the stiffness of the foot is singular: nothing holds a part of {design}")
 
     @property
-    def sphere_centre_depth_mm(self) -> float:
-        """Depth of the ground-side ball's centre below the middle of the sheet [mm]."""
-        return self.design.plate_mm
+    def ball_centre_mm(self) -> tuple[float, float, float]:
+        """Centre of the ground-side ball from the middle of the sheet [mm]."""
+        return 0.0, 0.0, -self.design.plate_mm
 
     def _dirichlet_arguments(self, held: str) -> dict[str, str]:
         """Return per component the faces with zero displacement: clamped ones, and mirror planes by parity."""

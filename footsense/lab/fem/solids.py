@@ -53,20 +53,29 @@ def plate(
     return solid
 
 
-def bodies(design: FootDesign, plate_edge_mm: float, *, quarter: bool) -> list[Any]:
+def bodies(
+    design: FootDesign,
+    plate_edge_mm: float,
+    sheet_offset_mm: tuple[float, float] = (0.0, 0.0),
+    *,
+    quarter: bool,
+) -> list[Any]:
     """Return hemisphere and plate of the ground side, then of the leg side; the plates meet in the plane z = 0.
 
     Args:
         design: The foot.
         plate_edge_mm: Largest edge of the mesh in the plates [mm].
+        sheet_offset_mm: Centre of the sheet, which stays in the origin, from the axis of the balls [mm].
         quarter: Whether to cut off x < 0 and y < 0.
     """
     half_mm, solids = design.sheet_mm / 2.0, []
+    to_axis = occ.Vec(-sheet_offset_mm[0], -sheet_offset_mm[1], 0.0)
     lowest_mm = 0.0 if quarter else -half_mm
     for side, up in BODY_SIDES:
         flat_mm = up * design.plate_mm
         level_mm = (min(0.0, flat_mm), max(0.0, flat_mm))
-        solids.append(hemisphere(design, side, flat_mm, quarter=quarter))
+        ball = hemisphere(design, side, flat_mm, quarter=quarter)
+        solids.append(ball.Move(to_axis) if any(sheet_offset_mm) else ball)
         solids.append(plate(f"pdms_{side}", (lowest_mm, lowest_mm), half_mm, level_mm, plate_edge_mm))
     return solids
 
