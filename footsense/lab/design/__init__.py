@@ -5,9 +5,8 @@ materials          table of rubbers and sheets
 processes          table of the ways to make the sheet
 shapes             response of any foot, from a few shapes that `solve_shapes` solved
 candidates         all feet that could be made
-closures, screen   range and error of each, vectorised
+screen             closures, range and error of each, vectorised
 choice             the most accurate of some sizes, or what conflicts
-assess             range and errors of one foot, from its table
-after_calibration  errors that its fabrication leaves
+assess             range and errors of one foot, from its table, and errors that calibration leaves
 design             the chosen feet and their files
 """

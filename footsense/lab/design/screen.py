@@ -4,6 +4,14 @@ The range is an estimate of `evaluation.force_range` without gap contact, so tha
 seconds; the contact patch has to be no wider than the response table holds, too.
 Errors are the Cramer-Rao bound of one scan for an unknown force and contact (`evaluation.cramer_rao`), from the
 smallest force to the largest.
+
+Mean closures and their derivatives by force and contact are without gap contact. In the units of the solved feet (10
+mm, 5.2 MPa) a foot's closure under a force f at a contact of normal n is
+
+    d = s |f| [w0 + a^2 w2] . f / |f|,      s = A (5.2 / E) (10 / R)
+    a^2 = 100 (3/4 (1 - nu^2) |f . n| / (E R^2))^(2/3)
+
+with w0, w2 and their slopes by the normal the weighted sum of those of the solved shapes.
 """
 
 from typing import NamedTuple
@@ -11,13 +19,21 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.foot.directions import tangent_frame
-from footsense.frames import Vector
+from footsense.foot.directions import normalized, tangent_frame
+from footsense.foot.gap_contact import element_means
+from footsense.foot.response_table import series_basis, whole_series
+from footsense.frames import ELEMENTS, Vector
 from footsense.lab.design.candidates import Candidates
-from footsense.lab.design.closures import ClosureModel, Influence
-from footsense.lab.design.requirements import Converter, Requirements
-from footsense.lab.design.shapes import RUBBER_POISSON, FootShapeLibrary
-from footsense.lab.evaluation.force_range import MAX_READABLE_CLOSURE_REL, stated_loads
+from footsense.lab.design.requirements import Requirements
+from footsense.lab.design.shapes import (
+    AMPLITUDE_INDEX_OF_ELEMENT,
+    RADIUS_MM,
+    RUBBER_POISSON,
+    YOUNGS_MPA,
+    FootShapeLibrary,
+)
+from footsense.lab.evaluation.cramer_rao import closure_sigma_um
+from footsense.lab.evaluation.force_range import MAX_READABLE_CLOSURE_REL, LoadDirections, stated_loads
 from footsense.lab.geometry import MIN_FITTED_ELEVATION_DEG, MIN_TABLE_ELEVATION_DEG
 
 #: Feet evaluated at once, which limits memory.
@@ -28,6 +44,107 @@ _N_FORCE_LEVELS = 3
 TRAINED_RANGE_FACTOR = 1.5
 #: What ends a foot's range, by number.
 LIMIT_NAMES = ("gap", "converter", "patch")
+#: Step of the differences by the normal [rad], and degree of the series.
+_STEP, _DEGREE = 1e-3, 12
+
+
+class Influence(NamedTuple):
+    """Closure per newton of n feet under m loads, by element [um/N].
+
+    Attributes:
+        point_force_um_per_n: Of a point force, and its slopes by two turns of the normal [um/N], shape (n, m, 3, 3, 9).
+        patch_correction_um_per_n: The same of the contact patch, for (F/N)^(2/3) = 1 [um/N].
+    """
+
+    point_force_um_per_n: Vector
+    patch_correction_um_per_n: Vector
+
+
+class ClosureModel:
+    """Closures of candidate feet under given loads, interpolated from the shape library.
+
+    Args:
+        library: The solved shapes.
+        loads: The loads.
+
+    Attributes:
+        loads: The loads.
+        unevenness: Variance of an electrode's cell closures over their squared mean, paper's shape, shape (m, 9).
+    """
+
+    def __init__(self, library: FootShapeLibrary, loads: LoadDirections) -> None:
+        """Create the model: evaluate the solved shapes at the loads."""
+        self._library, self.loads = library, loads
+        self._across = np.stack(tangent_frame(loads.normal), axis=1)
+        whole = [[whole_series(part, _DEGREE) for part in shape] for shape in library.series]
+        # shapes, point or patch, products, xyz, elements
+        series = element_means(np.moveaxis(np.array(whole), -1, -2))
+        basis = self._basis()
+        self._at = basis @ series.reshape(*series.shape[:3], -1)
+        cells = np.einsum("mp,pec,mc->me", basis[: len(loads.normal)], whole[0][0], loads.direction)
+        cells = cells.reshape(len(cells), ELEMENTS, -1)
+        self.unevenness = cells.var(axis=2) / cells.mean(axis=2) ** 2
+
+    def _basis(self) -> Vector:
+        """Return the response series' products at the normals, and their derivatives, (3 loads, products)."""
+        normal = self.loads.normal
+        rows = [series_basis(normal, _DEGREE, MIN_FITTED_ELEVATION_DEG)]
+        for turn in range(2):
+            ahead, behind = (
+                series_basis(
+                    normalized(normal + sign * _STEP * self._across[:, turn]),
+                    _DEGREE,
+                    MIN_FITTED_ELEVATION_DEG,
+                )
+                for sign in (1.0, -1.0)
+            )
+            rows.append((ahead - behind) / (2.0 * _STEP))
+        return np.concatenate(rows)
+
+    def influence(self, feet: Candidates) -> Influence:
+        """Return the closures per newton of a batch of feet (12 kB of memory each)."""
+        weights = self._library.interpolation_weights(feet.shape)
+        amplitudes = self._library.interpolated_response_amplitudes_um_per_n(weights)
+        amplitude = amplitudes[:, AMPLITUDE_INDEX_OF_ELEMENT]
+        size = RADIUS_MM / feet.ball_radius_mm
+        relative_compliance = (YOUNGS_MPA / feet.rubber_mpa) * size
+        m = len(self.loads.normal)
+        whole = (weights * relative_compliance[:, None]) @ self._at.reshape(len(self._at), -1)
+        whole = whole.reshape(len(weights), 2, 3, m, 3, ELEMENTS).swapaxes(2, 3)
+        whole = whole * amplitude[:, None, None, None, None, :]
+        patch_rel2 = (0.75 * (1.0 - RUBBER_POISSON**2) / (feet.rubber_mpa * feet.ball_radius_mm**2)) ** (
+            2.0 / 3.0
+        )
+        return Influence(whole[:, 0], RADIUS_MM**2 * patch_rel2[:, None, None, None, None] * whole[:, 1])
+
+    def closures_and_jacobian_um(self, influence: Influence, force_n: Vector) -> tuple[Vector, Vector]:
+        """Return closures [um], (n, m, 9), and their derivatives by the unknowns, (n, m, 9, 5).
+
+        Args:
+            influence: Of the feet.
+            force_n: Magnitude of each load [N], shape (n, m).
+
+        Returns:
+            The slopes are by the force's components over its magnitude [um], then by two turns of the normal [um/rad].
+        """
+        direction, normal = self.loads
+        pressing = (direction * normal).sum(axis=1)
+        grown = (force_n * pressing) ** (2.0 / 3.0)
+        unit = (
+            influence.point_force_um_per_n
+            + grown[:, :, None, None, None] * influence.patch_correction_um_per_n
+        )
+        # per newton, by force component, at the normal and its turns: shape (n, m, 3 turns, 9)
+        along = np.einsum("nmtce,mc->nmte", unit, direction)
+        patch = np.einsum("nmce,mc->nme", influence.patch_correction_um_per_n[:, :, 0], direction)
+        closure = force_n[..., None] * along[:, :, 0]
+        # The patch grows with the pressing force: d(p^(2/3)) = 2/3 p^(2/3) dp / p.
+        growth = (2.0 / 3.0) * grown[..., None] * patch / pressing[:, None]
+        by_force = unit[:, :, 0] + growth[:, :, None, :] * normal[:, :, None]
+        leaning = np.einsum("mtc,mc->mt", self._across, direction)
+        by_normal = along[:, :, 1:] + growth[:, :, None, :] * leaning[:, :, None]
+        slopes = np.concatenate([by_force, by_normal], axis=2) * force_n[..., None, None]
+        return closure, np.moveaxis(slopes, 2, 3)
 
 
 class ScreeningResult(NamedTuple):
@@ -38,13 +155,11 @@ class ScreeningResult(NamedTuple):
         limiting_factor_index: What ends it, a number in `LIMIT_NAMES`, shape (n,).
         direction_error_bound_deg: Cramer-Rao bound of the direction, mean over loads [deg rms], shape (n,); NaN if the
             largest force is beyond the range.
-        magnitude_error_bound_rel: The same of the magnitude over the force [1].
     """
 
     range_n: Vector
     limiting_factor_index: NDArray[np.intp]
     direction_error_bound_deg: Vector
-    magnitude_error_bound_rel: Vector
 
 
 def patch_limit_n(feet: Candidates) -> Vector:
@@ -74,12 +189,12 @@ def _screen_batch(model: ClosureModel, requirements: Requirements, feet: Candida
     by_converter = _force_at_closure_n(model, influence, feet, np.maximum(readable, 1e-9))
     limits = np.stack([by_gap, by_converter, patch_limit_n(feet) / TRAINED_RANGE_FACTOR])
     range_n, limit = limits.min(axis=0), limits.argmin(axis=0)
-    direction, magnitude = np.full((2, len(range_n)), np.nan)
+    direction_deg = np.full(len(range_n), np.nan)
     able = np.flatnonzero(range_n >= requirements.max_n)
     if len(able):
         some = Influence(influence.point_force_um_per_n[able], influence.patch_correction_um_per_n[able])
-        direction[able], magnitude[able] = _mean_error_bounds(model, some, feet.select(able), requirements)
-    return ScreeningResult(range_n, limit, direction, magnitude)
+        direction_deg[able] = _direction_error_bounds_deg(model, some, feet.select(able), requirements)
+    return ScreeningResult(range_n, limit, direction_deg)
 
 
 def _force_at_closure_n(
@@ -111,30 +226,22 @@ def _force_at_closure_n(
     return least
 
 
-def closure_sigma_um(board: Converter, feet: Candidates, closure_um: Vector) -> Vector:
-    """Return the standard deviation of measured closures [um] by candidate, shape of `closure_um`."""
-    shape = (-1, *(1,) * (closure_um.ndim - 1))
-    open_um, plates = feet.unloaded_distance_um.reshape(shape), feet.eps0_area_pf_um.reshape(shape)
-    now, rest = (open_um - closure_um) ** 2 * board.noise_pf, open_um**2 * board.baseline_noise_pf
-    sigma: Vector = np.hypot(now, rest) / plates
-    return sigma
-
-
-def _mean_error_bounds(
+def _direction_error_bounds_deg(
     model: ClosureModel, influence: Influence, feet: Candidates, requirements: Requirements
-) -> tuple[Vector, Vector]:
-    """Return Cramer-Rao bounds of direction [deg] and relative magnitude [1], averaged over loads, (n,) each."""
-    direction = model.loads.direction
+) -> Vector:
+    """Return Cramer-Rao bounds of the direction [deg], averaged over loads, shape (n,)."""
+    direction, board = model.loads.direction, requirements.board
     across = np.stack(tangent_frame(direction), axis=1)
-    angles, sizes = [], []
+    open_um, plates = feet.unloaded_distance_um[:, None, None], feet.eps0_area_pf_um[:, None, None]
+    angles = []
     for force_n in np.geomspace(requirements.min_evaluated_force_n, requirements.max_n, _N_FORCE_LEVELS):
         closure, slopes = model.closures_and_jacobian_um(
             influence, np.full((len(feet.gap_um), len(direction)), force_n)
         )
-        whitened = slopes / closure_sigma_um(requirements.board, feet, closure)[..., None]
+        sigma_um = closure_sigma_um(open_um, plates, closure, board.noise_pf, board.baseline_noise_pf)
+        whitened = slopes / sigma_um[..., None]
         information = np.einsum("nmei,nmej->nmij", whitened, whitened)
         covariance = np.linalg.inv(information)[..., :3, :3]  # over the squared force
         angles.append(np.einsum("mtc,nmcd,mtd->nm", across, covariance, across))
-        sizes.append(np.einsum("mc,nmcd,md->nm", direction, covariance, direction))
-    direction_bound_deg = np.degrees(np.sqrt(np.array(angles)).mean(axis=(0, 2)))
-    return direction_bound_deg, np.sqrt(np.array(sizes)).mean(axis=(0, 2))
+    bound_deg: Vector = np.degrees(np.sqrt(np.array(angles)).mean(axis=(0, 2)))
+    return bound_deg

@@ -16,7 +16,6 @@ from pathlib import Path
 
 import numpy as np
 
-from footsense.foot.response_table import FootResponse
 from footsense.frames import Vector
 from footsense.lab.design.shapes import (
     PAPER_SHAPE,
@@ -42,7 +41,7 @@ _SOLVED_PAIR_VALUE_INDICES = {
 
 
 def solve_shapes(reference_design: FootDesign, path: Path, report: Callable[[str], None]) -> None:
-    """Solve all shapes of the library by finite elements and write their file.
+    """Solve all shapes of the library by finite elements and write their file, in single precision.
 
     Args:
         reference_design: Any foot, for what the shape does not contain.
@@ -60,10 +59,15 @@ def solve_shapes(reference_design: FootDesign, path: Path, report: Callable[[str
         report(f"{shape}, coarse")
         return np.log(response_amplitudes(made.quarter_series, made.quarter_compliance))
 
-    store_shapes(path, fine, pair_interaction_corrections(coarse_ln_amplitudes))
+    np.savez_compressed(
+        path,
+        quarter_series=np.stack([one.quarter_series for one in fine]).astype(np.float32),
+        quarter_compliance=np.stack([one.quarter_compliance for one in fine]).astype(np.float32),
+        pairs=_pair_interaction_corrections(coarse_ln_amplitudes).astype(np.float32),
+    )
 
 
-def pair_interaction_corrections(ln_amplitude: Callable[[FootShape], Vector]) -> Vector:
+def _pair_interaction_corrections(ln_amplitude: Callable[[FootShape], Vector]) -> Vector:
     """Return the correction of the interpolation where two dimensions change together, shape (shapes, shapes, 4).
 
     Args:
@@ -91,16 +95,6 @@ def pair_interaction_corrections(ln_amplitude: Callable[[FootShape], Vector]) ->
     )
     pairs[:, -2] = pairs[:, -1] * nearer / farther
     return pairs
-
-
-def store_shapes(path: Path, solved: list[FootResponse], pairs: Vector) -> None:
-    """Write the solved shapes to a file, in the order of `solved_shapes`, in single precision."""
-    np.savez_compressed(
-        path,
-        quarter_series=np.stack([one.quarter_series for one in solved]).astype(np.float32),
-        quarter_compliance=np.stack([one.quarter_compliance for one in solved]).astype(np.float32),
-        pairs=pairs.astype(np.float32),
-    )
 
 
 if __name__ == "__main__":

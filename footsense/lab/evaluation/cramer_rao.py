@@ -21,7 +21,7 @@ Source:
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -63,12 +63,6 @@ class Bound:
     covariance_n2: Vector
 
     @property
-    def component_sigma_n(self) -> Vector:
-        """Least standard deviation of each force component [N], shape (n, 3)."""
-        sigma: Vector = np.sqrt(np.diagonal(self.covariance_n2, axis1=1, axis2=2))
-        return sigma
-
-    @property
     def magnitude_rms_gf(self) -> Vector:
         """Least rms error of the force magnitude [gf], shape (n,)."""
         along = normalized(self.true_force_n)
@@ -79,20 +73,15 @@ class Bound:
     @property
     def direction_rms_deg(self) -> Vector:
         """Least rms angle between estimated and true force [deg], shape (n,)."""
-        rms: Vector = np.degrees(np.sqrt(self._angular_variances().sum(axis=1)))
-        return rms
-
-    def _angular_variances(self) -> Vector:
-        """Return the direction variances along the error ellipse's axes [rad2], shape (n, 2), smaller first."""
         across = np.stack(tangent_frame(normalized(self.true_force_n)), axis=1)
-        plane = np.einsum("nai,nij,nbj->nab", across, self.covariance_n2, across)
-        squared = (self.true_force_n**2).sum(axis=1)[:, None]
-        variances: Vector = np.maximum(np.linalg.eigvalsh(plane), 0.0) / squared
-        return variances
+        variance = np.einsum("nai,nij,naj->n", across, self.covariance_n2, across)
+        rms: Vector = np.degrees(np.sqrt(variance / (self.true_force_n**2).sum(axis=1)))
+        return rms
 
 
 def closure_sigma_um(
-    design: Capacitor,
+    open_um: Any,
+    plates_pf_um: Any,
     closure_um: Vector,
     noise_pf: float = NOISE_PF,
     baseline_noise_pf: float = BASELINE_NOISE_PF,
@@ -100,16 +89,26 @@ def closure_sigma_um(
     """Return the standard deviation of measured closures [um] from noise and baseline noise, shape of `closure_um`.
 
     Args:
-        design: The capacitors.
+        open_um: Distance of the unloaded electrodes [um], as of air.
+        plates_pf_um: Capacitance times that distance [pF um].
         closure_um: The closures [um].
         noise_pf: Noise of a conversion [pF, rms].
         baseline_noise_pf: Noise of a baseline [pF, rms].
     """
-    stretch = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2
-    now = (design.gap_um - closure_um + design.film_equivalent_um) ** 2
-    rest = (design.gap_um + design.film_equivalent_um) ** 2
-    sigma: Vector = np.hypot(now * noise_pf, rest * baseline_noise_pf) / stretch
+    now, rest = (open_um - closure_um) ** 2 * noise_pf, open_um**2 * baseline_noise_pf
+    sigma: Vector = np.hypot(now, rest) / plates_pf_um
     return sigma
+
+
+def _sigma_on_foot_um(
+    design: Capacitor,
+    closure_um: Vector,
+    noise_pf: float = NOISE_PF,
+    baseline_noise_pf: float = BASELINE_NOISE_PF,
+) -> Vector:
+    open_um = design.gap_um + design.film_equivalent_um
+    plates_pf_um = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2
+    return closure_sigma_um(open_um, plates_pf_um, closure_um, noise_pf, baseline_noise_pf)
 
 
 def jacobian_um(
@@ -168,7 +167,7 @@ def force_bound(
     """
     closure_um = sensed_closure_um(foot, normal, force_n)
     slope = jacobian_um(foot, normal, force_n, unknowns, step)
-    sigma_um = closure_sigma_um(foot.response.design, closure_um, noise_pf, baseline_noise_pf)
+    sigma_um = _sigma_on_foot_um(foot.response.design, closure_um, noise_pf, baseline_noise_pf)
     whitened = slope / sigma_um[..., None]
     # The inverse of F = J^T J through the triangle of J = Q R: the square of J's condition never appears.
     inverse = np.linalg.inv(np.linalg.qr(whitened, mode="r"))[:, :3]
@@ -256,7 +255,7 @@ def maximum_likelihood(foot: Foot, closure_um: Vector, start: tuple[Vector, Vect
     normal, force = start
     for _ in range(rounds):
         explained = sensed_closure_um(foot, normal, force)
-        sigma = closure_sigma_um(design, explained)[..., None]
+        sigma = _sigma_on_foot_um(design, explained)[..., None]
         slope = jacobian_um(foot, normal, force, Unknowns.LEANING) / sigma
         step = (np.linalg.pinv(slope) @ ((closure_um - explained)[..., None] / sigma))[..., 0]
         step *= np.minimum(
@@ -266,7 +265,7 @@ def maximum_likelihood(foot: Foot, closure_um: Vector, start: tuple[Vector, Vect
         force = force + np.linalg.norm(force, axis=1, keepdims=True) * step[:, :3]
         normal = clamp_to_min_elevation(normalized(turned))
     explained = sensed_closure_um(foot, normal, force)
-    misfit = np.linalg.norm((closure_um - explained) / closure_sigma_um(design, explained), axis=1)
+    misfit = np.linalg.norm((closure_um - explained) / _sigma_on_foot_um(design, explained), axis=1)
     return Fit(normal, force, misfit)
 
 

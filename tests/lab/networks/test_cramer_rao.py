@@ -49,7 +49,7 @@ def test_the_best_fit_of_noisy_scans_scatters_as_the_bound_says(
     fit = maximum_likelihood(foot, measured, (normal, force), rounds=4)
     scatter = np.sqrt(np.mean((fit.force_n - force) ** 2, axis=0))
     # 400 draws know a standard deviation to 4 %.
-    np.testing.assert_allclose(scatter, bound.component_sigma_n[0], rtol=0.12)
+    np.testing.assert_allclose(scatter, np.sqrt(np.diagonal(bound.covariance_n2[0])), rtol=0.12)
     size_gf = np.linalg.norm(fit.force_n, axis=1) / GRAM_FORCE_N - 60.0
     assert np.sqrt(np.mean(size_gf**2)) == pytest.approx(bound.magnitude_rms_gf[0], rel=0.12)
     # Five closures' worth of freedom is fitted away from nine: what is left is chi squared with four degrees.
