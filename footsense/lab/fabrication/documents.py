@@ -8,9 +8,8 @@ from typing import Any
 from footsense.lab.design.materials import shore_a_from_modulus
 from footsense.lab.design.processes import AssumedProcess
 from footsense.lab.fabrication import dimensions
-from footsense.lab.fabrication.expected import ExpectedCapacitance
 from footsense.lab.fabrication.parts.flex import GUARD_NET, Flex
-from footsense.lab.fabrication.tolerances import Tolerance
+from footsense.lab.fabrication.tolerances import ExpectedCapacitance, Tolerance
 from footsense.lab.geometry import UM_PER_MM, FootDesign
 from footsense.lab.template import render
 
@@ -116,16 +115,8 @@ def film_material_text(design: FootDesign) -> str:
 
 def rubber_mass_to_weigh_g(design: FootDesign) -> float:
     """Return the mass of rubber to weigh for both hemispheres of a foot, casting excess included [g]."""
-    return (
-        _CASTING_EXCESS_FACTOR
-        * 2.0
-        * 2.0
-        / 3.0
-        * math.pi
-        * design.ball_radius_mm**3
-        / 1000.0
-        * _RUBBER_DENSITY_G_PER_CM3
-    )
+    ball_cm3 = 4.0 / 3.0 * math.pi * design.ball_radius_mm**3 / 1000.0
+    return _CASTING_EXCESS_FACTOR * _RUBBER_DENSITY_G_PER_CM3 * ball_cm3
 
 
 def connector_contacts(flex: Flex) -> list[dict[str, str]]:

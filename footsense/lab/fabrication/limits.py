@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterator
 
-from footsense.errors import ConfigError
 from footsense.lab.design.processes import AssumedProcess
 from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.parts.flex import flexes
@@ -15,21 +14,6 @@ _SUGGESTED_AREA_DEVIATION_REL = 0.15
 _ROUNDING_TOLERANCE_MM = 1e-9
 
 
-def require_manufacturable(design: FootDesign, assumed: AssumedProcess) -> None:
-    """Raise an error unless workshops can make a foot and a converter board can address it.
-
-    Args:
-        design: The foot.
-        assumed: What its design assumed.
-
-    Raises:
-        ConfigError: They cannot, or it cannot; the message begins with the key.
-    """
-    problem = next(manufacturing_problems(design, assumed), None)
-    if problem is not None:
-        raise ConfigError(problem)
-
-
 def manufacturing_problems(design: FootDesign, assumed: AssumedProcess) -> Iterator[str]:
     """Yield the reasons why a foot cannot be made, each with its key first and a remedy last.
 
@@ -39,15 +23,13 @@ def manufacturing_problems(design: FootDesign, assumed: AssumedProcess) -> Itera
     """
     yield from _sheet_problems(design, assumed)
     yield from _layer_and_hardness_problems(design, assumed)
-    tail_half, socket_mm = (
-        _wider_tail_width_mm(design) / 2.0 + dimensions.TAIL_CHANNEL_PLAY_PER_SIDE_MM,
-        dimensions.socket_outer_radius_mm(design.ball_radius_mm),
-    )
-    inside = socket_mm - dimensions.TAIL_CHANNEL_DEPTH_MM
+    tail_mm = 2.0 * flexes(design)[0].tail_half_width_mm
+    tail_half = tail_mm / 2.0 + dimensions.TAIL_CHANNEL_PLAY_PER_SIDE_MM
+    inside = dimensions.socket_outer_radius_mm(design.ball_radius_mm) - dimensions.TAIL_CHANNEL_DEPTH_MM
     if tail_half > inside / math.sqrt(2.0) - 1.0:
         least = math.sqrt(2.0) * (tail_half + 1.0) + design.ball_radius_mm - inside
         yield (
-            f"ball_radius_mm: two tails of {_wider_tail_width_mm(design):g} mm do not fit beside each other on "
+            f"ball_radius_mm: two tails of {tail_mm:g} mm do not fit beside each other on "
             f"the socket of a ball of {design.ball_radius_mm:g} mm; use at least {math.ceil(10.0 * least) / 10.0:g}"
         )
 
@@ -89,19 +71,11 @@ def _layer_and_hardness_problems(design: FootDesign, assumed: AssumedProcess) ->
             f"{spacer_um:g} um; use {filled_um / UM_PER_MM:g}"
         )
     if hardness_tolerance_shore_a(design, assumed.rms_deviations) <= 0.0:
-        least = (
-            design.electrode_mm
-            * overlap_area_deviation_rel(design.electrode_mm)
-            / _SUGGESTED_AREA_DEVIATION_REL
-        )
+        overlap_rel = overlap_area_deviation_rel(design.electrode_mm)
+        least = design.electrode_mm * overlap_rel / _SUGGESTED_AREA_DEVIATION_REL
         yield (
             f"electrode_mm: an offset of {dimensions.FLEX_OFFSET_TOLERANCE_MM:g} mm of electrodes of "
             f"{design.electrode_mm:g} mm changes their overlap by "
-            f"{overlap_area_deviation_rel(design.electrode_mm):.0%}, more than the design assumes; "
+            f"{overlap_rel:.0%}, more than the design assumes; "
             f"use at least {math.ceil(100.0 * least) / 100.0:g}"
         )
-
-
-def _wider_tail_width_mm(design: FootDesign) -> float:
-    """Return the width of the wider of the two flex tails [mm]."""
-    return max(2.0 * flex.tail_half_width_mm for flex in flexes(design))

@@ -1,33 +1,29 @@
 """Fabrication package: all files of a foot in one folder."""
 
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from footsense.errors import ConfigError
 from footsense.lab.design.processes import AssumedProcess, assumed_process
 from footsense.lab.fabrication import documents
-from footsense.lab.fabrication.expected import ExpectedCapacitance, expected_capacitance
-from footsense.lab.fabrication.limits import require_manufacturable
+from footsense.lab.fabrication.limits import manufacturing_problems
 from footsense.lab.fabrication.parts import gerber, sheets, solids
 from footsense.lab.fabrication.parts.flex import Flex, flexes
-from footsense.lab.fabrication.tolerances import Tolerance, part_tolerances
+from footsense.lab.fabrication.tolerances import ExpectedCapacitance, expected_capacitance, part_tolerances
 from footsense.lab.geometry import FootDesign
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FabricationPackage:
-    """Circuits, tolerances and expected readings of one foot's fabrication files.
+class FabricationPackage(NamedTuple):
+    """Process, circuits and expected readings of one foot's fabrication files.
 
     Attributes:
         assumed: What its design assumed.
         flexes: Row flex and column flex.
-        tolerances: Tolerances of its parts.
         expected: Expected reading of each element.
     """
 
     assumed: AssumedProcess
     flexes: tuple[Flex, Flex]
-    tolerances: list[Tolerance]
     expected: ExpectedCapacitance
 
 
@@ -45,7 +41,8 @@ def write_fabrication_package(
         ConfigError: It cannot be made, or not as exactly as its design assumed; the message begins with the key.
     """
     assumed = assumed_process(design, process)
-    require_manufacturable(design, assumed)
+    for problem in manufacturing_problems(design, assumed):
+        raise ConfigError(problem)
     tolerances = part_tolerances(design, assumed.rms_deviations)
     for row in tolerances:
         if not row.is_within_assumed:
@@ -54,14 +51,11 @@ def write_fabrication_package(
                 f"assumes ({row.assumed_text})"
             )
     package = FabricationPackage(
-        assumed=assumed,
-        flexes=flexes(design),
-        tolerances=tolerances,
-        expected=expected_capacitance(design, assumed.rms_deviations),
+        assumed, flexes(design), expected_capacitance(design, assumed.rms_deviations)
     )
     (folder / "step").mkdir(parents=True, exist_ok=True)
-    for part in solids.all_parts(design):
-        solids.write_step(part, folder / "step" / f"{part.name}.step")
+    for name, solid in solids.all_parts(design).items():
+        solids.write_step(name, solid, folder / "step" / f"{name}.step")
     for flex in package.flexes:
         _write_flex(folder / flex.name, flex)
     shapes = {

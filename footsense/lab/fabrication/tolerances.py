@@ -1,4 +1,4 @@
-"""Tolerances of the parts, derived from the deviations that the design assumed.
+"""Tolerances of the parts and of the unloaded readings, derived from the deviations that the design assumed.
 
 A process has an rms deviation of gap, film, stiffness and mounting; a part has limits. Printed are twice the rms.
 Size and offset of the electrodes change all elements by one factor, as a softer rubber does: elastances, and with them
@@ -7,8 +7,11 @@ hardness of the rubber has what they leave.
 """
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
+import numpy as np
+
+from footsense.foot.gap_contact import CELLS_PER_ELEMENT, fringe_pf
 from footsense.lab.design.materials import shore_a_from_modulus, youngs_mpa_of
 from footsense.lab.fabrication import dimensions
 from footsense.lab.geometry import FootDesign
@@ -20,8 +23,7 @@ LIMIT_OVER_RMS = 2.0
 _HARDNESS_STEP_SHORE_A = 0.5
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tolerance:
+class Tolerance(NamedTuple):
     """A toleranced dimension, with the share of the assumed deviation it uses.
 
     Attributes:
@@ -93,48 +95,57 @@ def part_tolerances(design: FootDesign, assumed: FootTolerances) -> list[Toleran
     side, mpa = design.electrode_mm, design.rubber.youngs_mpa
     shore, shore_limit = shore_a_from_modulus(mpa), hardness_tolerance_shore_a(design, assumed)
     by_rubber = max(abs(youngs_mpa_of(shore + s * shore_limit) / mpa - 1.0) for s in (-1.0, 1.0))
-    rows = [
-        ("spacer (gap)", design.gap_um, gap_limit, "um", gap_limit, gap, f"gap +-{gap:.3g} um"),
-        ("film", design.film_um, film_limit, "um", film_limit, film, f"film +-{film:.3g} um"),
-        (
-            "electrode side",
-            side,
-            dimensions.ETCH_DEVIATION_MM,
-            "mm",
-            etch_area_deviation_rel(side),
-            stiffness,
-            "",
-        ),
-        (
-            "offset of the flexes",
-            0.0,
-            dimensions.FLEX_OFFSET_TOLERANCE_MM,
-            "mm",
-            offset_overlap_loss_rel(side),
-            stiffness,
-            "",
-        ),
-        (
-            "hardness",
-            round(shore),
-            shore_limit,
-            "Shore A",
-            math.hypot(by_rubber, overlap_area_deviation_rel(side)),
-            stiffness,
-            "",
-        ),
-        ("angle on the leg", 0.0, play_deg, "deg", play_deg, mount_deg, f"mounting +-{mount_deg:.3g} deg"),
-    ]
-    common = f"stiffness +-{stiffness:.0%}"
+    area_text = f"stiffness +-{stiffness:.0%}"
+    etched, offset = etch_area_deviation_rel(side), offset_overlap_loss_rel(side)
+    softer = math.hypot(by_rubber, overlap_area_deviation_rel(side))
+    rubber_text, mount_text = f"{area_text}, with size and offset", f"mounting +-{mount_deg:.3g} deg"
+    etch_mm, offset_mm = dimensions.ETCH_DEVIATION_MM, dimensions.FLEX_OFFSET_TOLERANCE_MM
     return [
-        Tolerance(
-            name=name,
-            nominal=nominal,
-            max_deviation=round(limit, 2),
-            unit=unit,
-            used_of_assumed=used,
-            max_assumed_deviation=allowed,
-            assumed_text=text or (common if name != "hardness" else f"{common}, with size and offset"),
-        )
-        for name, nominal, limit, unit, used, allowed, text in rows
+        Tolerance("spacer (gap)", design.gap_um, gap_limit, "um", gap_limit, gap, f"gap +-{gap:.3g} um"),
+        Tolerance("film", design.film_um, film_limit, "um", film_limit, film, f"film +-{film:.3g} um"),
+        Tolerance("electrode side", side, etch_mm, "mm", etched, stiffness, area_text),
+        Tolerance("offset of the flexes", 0.0, offset_mm, "mm", offset, stiffness, area_text),
+        Tolerance("hardness", round(shore), shore_limit, "Shore A", softer, stiffness, rubber_text),
+        Tolerance("angle on the leg", 0.0, round(play_deg, 2), "deg", play_deg, mount_deg, mount_text),
     ]
+
+
+class ExpectedCapacitance(NamedTuple):
+    """Expected reading of an unloaded element of a finished foot [pF], without the wiring's own.
+
+    Attributes:
+        plate_formula_pf: Capacitance of its plates.
+        fringe_pf: Capacitance of the field at their edges.
+        max_unknown_stray_pf: Largest stray capacitance that the design assumed to be unknown.
+        unloaded_pf: The reading.
+        min_unloaded_pf: Lowest reading within the tolerances and the assumed stray.
+        max_unloaded_pf: Highest.
+    """
+
+    plate_formula_pf: float
+    fringe_pf: float
+    max_unknown_stray_pf: float
+    unloaded_pf: float
+    min_unloaded_pf: float
+    max_unloaded_pf: float
+
+
+def expected_capacitance(design: FootDesign, assumed: FootTolerances) -> ExpectedCapacitance:
+    """Return the expected capacitance reading of an unloaded element with its limits.
+
+    Args:
+        design: The foot.
+        assumed: Rms deviations that the design assumed.
+    """
+    capacitor = design.capacitor
+    distance_um = design.gap_um + capacitor.film_equivalent_um
+    limits_um = LIMIT_OVER_RMS * assumed.gap_um, LIMIT_OVER_RMS * assumed.film_um / design.film_eps_r
+    spacing_um = np.full(CELLS_PER_ELEMENT, design.gap_um + design.film_um)
+    plate_pf, edge_pf = capacitor.unloaded_pf, float(fringe_pf(capacitor, spacing_um)[0])
+    plate_rel = math.hypot(
+        math.hypot(*limits_um) / distance_um, overlap_area_deviation_rel(design.electrode_mm)
+    )
+    stray_pf, unloaded_pf = LIMIT_OVER_RMS * assumed.stray_pf, plate_pf + edge_pf
+    low_pf = unloaded_pf - plate_pf * plate_rel - stray_pf
+    high_pf = unloaded_pf + plate_pf * plate_rel + stray_pf
+    return ExpectedCapacitance(plate_pf, edge_pf, stray_pf, unloaded_pf, low_pf, high_pf)

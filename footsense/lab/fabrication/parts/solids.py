@@ -6,7 +6,6 @@ hemispheres of a foot at once, from one batch, so that they are equally stiff.
 
 import math
 import re
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,29 +17,8 @@ from footsense.lab.fem.solids import BODY_SIDES, hemisphere
 from footsense.lab.geometry import FootDesign
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Part:
-    """One solid part.
-
-    Attributes:
-        name: Its name, and that of its file.
-        solid: Shape of Open CASCADE [mm].
-    """
-
-    name: str
-    solid: Any
-
-
-def hemispheres(design: FootDesign) -> list[Part]:
-    """Return the ground-side and the leg-side hemisphere as parts."""
-    return [
-        Part(name=f"hemisphere-{side}", solid=hemisphere(design, side, up * design.plate_mm, quarter=False))
-        for side, up in BODY_SIDES
-    ]
-
-
-def mould(design: FootDesign) -> list[Part]:
-    """Return body (two hollows, open upwards at z = 0) and lid of the casting mould as parts."""
+def _mould(design: FootDesign) -> tuple[Any, Any]:
+    """Return body (two hollows, open upwards at z = 0) and lid of the casting mould."""
     radius, wall = design.ball_radius_mm, dimensions.MOULD_WALL_MM
     centres = mould_hollow_centres_x_mm(design)
     half_x, half_y = 2.0 * radius + 1.5 * wall, radius + wall
@@ -61,7 +39,7 @@ def mould(design: FootDesign) -> list[Part]:
         place = (sign * (half_x - inset), sign * (half_y - inset), dimensions.MOULD_DOWEL_DIAMETER_MM)
         body -= _cylinder(*place, (-2.0 * dimensions.MOULD_DOWEL_DIAMETER_MM, 1.0))
         lid -= _cylinder(*place, (-1.0, wall + 1.0))
-    return [Part(name="mould-body", solid=body), Part(name="mould-lid", solid=lid)]
+    return body, lid
 
 
 def mould_hollow_centres_x_mm(design: FootDesign) -> tuple[float, float]:
@@ -76,12 +54,10 @@ def column_and_row_tail_widths_mm(design: FootDesign) -> tuple[float, float]:
     return 2.0 * columns.tail_half_width_mm, 2.0 * rows.tail_half_width_mm
 
 
-def socket(design: FootDesign) -> Part:
-    """Return the leg's socket as a part: it holds the whole curved surface of the leg-side hemisphere."""
-    outer, hollow = (
-        dimensions.socket_outer_radius_mm(design.ball_radius_mm),
-        design.ball_radius_mm + dimensions.ADHESIVE_THICKNESS_MM,
-    )
+def _socket(design: FootDesign) -> Any:
+    """Return the leg's socket: it holds the whole curved surface of the leg-side hemisphere."""
+    outer = dimensions.socket_outer_radius_mm(design.ball_radius_mm)
+    hollow = design.ball_radius_mm + dimensions.ADHESIVE_THICKNESS_MM
     rim = design.plate_mm
     top = rim + design.ball_radius_mm + dimensions.SOCKET_TOP_THICKNESS_MM
     solid = _cylinder(0.0, 0.0, 2.0 * outer, (rim, top)) - occ.Sphere(occ.Pnt(0, 0, rim), hollow)
@@ -103,21 +79,26 @@ def socket(design: FootDesign) -> Part:
     solid -= _cylinder(
         0.85 * inside, 0.0, dimensions.MOULD_VENT_DIAMETER_MM, (top - 1.0, top + 1.0)
     )  # marks forward
-    return Part(name="leg-socket", solid=solid)
+    return solid
 
 
-def all_parts(design: FootDesign) -> list[Part]:
-    """Return all solid parts of a foot."""
-    return [*hemispheres(design), *mould(design), socket(design)]
+def all_parts(design: FootDesign) -> dict[str, Any]:
+    """Return all solid parts of a foot, shapes of Open CASCADE [mm], by the name of the file."""
+    parts = {
+        f"hemisphere-{side}": hemisphere(design, side, up * design.plate_mm, quarter=False)
+        for side, up in BODY_SIDES
+    }
+    parts["mould-body"], parts["mould-lid"] = _mould(design)
+    return {**parts, "leg-socket": _socket(design)}
 
 
-def write_step(part: Part, path: Path) -> None:
-    """Write a part as a STEP file without a time stamp: the same foot gives the same bytes."""
-    part.solid.name = part.name
-    part.solid.WriteStep(str(path))
-    header = f"FILE_NAME('{part.name}','',('footsense'),(''),'Open CASCADE','footsense','');"
+def write_step(name: str, solid: Any, path: Path) -> None:
+    """Write a named solid as a STEP file without a time stamp: the same foot gives the same bytes."""
+    solid.name = name
+    solid.WriteStep(str(path))
+    header = f"FILE_NAME('{name}','',('footsense'),(''),'Open CASCADE','footsense','');"
     text = re.sub(r"FILE_NAME\(.*?\);", header, path.read_text(), count=1, flags=re.DOTALL)
-    path.write_text(re.sub(r"Open CASCADE STEP translator [\d. ]+", part.name, text))
+    path.write_text(re.sub(r"Open CASCADE STEP translator [\d. ]+", name, text))
 
 
 def _cylinder(x_mm: float, y_mm: float, diameter_mm: float, z_mm: tuple[float, float]) -> Any:
