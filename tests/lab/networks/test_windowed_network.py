@@ -222,18 +222,6 @@ def test_the_period_of_the_scan_is_seen_and_its_unit_is_not() -> None:
     np.testing.assert_allclose(slower[:, -1] - seen[:, -1], np.log(2.0))
 
 
-def test_the_linear_path_is_of_the_size_of_the_load() -> None:
-    """Without hidden layers, twice the closures are twice the force and sigma."""
-    weights = some_weights()
-    straight = weights._replace(out=np.zeros_like(weights.out), sigma=np.zeros_like(weights.sigma))
-    window = some_windows()
-    once, twice = (
-        in_double(straight, window._replace(closure_rel=size * window.closure_rel)) for size in (1.0, 2.0)
-    )
-    np.testing.assert_allclose(twice.force_n, 2.0 * once.force_n, rtol=1e-12)
-    np.testing.assert_allclose(twice.sigma_n, 2.0 * once.sigma_n, rtol=1e-3)
-
-
 def test_the_file_holds_each_weight_once() -> None:
     """In the old format that every runtime reads, with the card's inputs and outputs and any number of rows."""
     weights = some_weights(5)
