@@ -107,14 +107,21 @@ def quarter_cells(design: FootDesign) -> list[CavityCell]:
 
 
 def cavity_cells(design: FootDesign, *, quarter: bool) -> list[CavityCell]:
-    """Return the cavity cells of a foot, in flat order, or those of its quarter."""
+    """Return the cavity cells of a foot, in flat order, or those of its quarter.
+
+    The mesh follows the last bit of a centre, so each kind keeps the sum that its tables were made with.
+    """
     step = design.electrode_mm / CELLS_PER_SIDE
     cells: list[CavityCell] = []
     for element, (x_mm, y_mm) in enumerate(design.element_centres_mm):
         for i in range(CELLS_PER_SIDE):
             for j in range(CELLS_PER_SIDE):
-                x = x_mm + design.electrode_mm / 2.0 - (i + 0.5) * step
-                y = y_mm + design.electrode_mm / 2.0 - (j + 0.5) * step
+                x, y = (
+                    centre_mm + design.electrode_mm / 2.0 - (k + 0.5) * step
+                    if quarter
+                    else centre_mm + (design.electrode_mm - step) / 2.0 - k * step
+                    for centre_mm, k in ((x_mm, i), (y_mm, j))
+                )
                 if not quarter or (x > 0.0 and y > 0.0):
                     cells.append(CavityCell(f"cell{len(cells)}", element, i, j, x, y))
     return cells
