@@ -69,7 +69,8 @@ class LinuxI2cBus:
         """Open a device file such as /dev/i2c-1, lock it, and shorten the adapter's timeout.
 
         Raises:
-            HardwareError: There is no such adapter, this user may not use it, or another process holds the lock.
+            HardwareError: There is no such adapter, this user may not use it, it does SMBus commands only, or another
+                process holds the lock.
         """
         return cls(_open(device), device)
 
@@ -120,13 +121,19 @@ def _open(device: str) -> smbus2.SMBus:
     """Open an I2C adapter, lock it, and shorten its timeout.
 
     Raises:
-        HardwareError: It is missing, this user may not use it, or another process holds the lock.
+        HardwareError: It is missing, this user may not use it, it does SMBus commands only, or another process holds
+            the lock.
     """
     try:
         adapter = smbus2.SMBus(device)
     except OSError as error:
         why = _OPEN_ERROR_TEXTS.get(error.errno or 0, error.strerror)
         raise HardwareError(f"{device}: {why}") from error
+    if not adapter.funcs & smbus2.I2cFunc.I2C:
+        adapter.close()
+        raise HardwareError(
+            f"{device}: this adapter does SMBus commands only (no I2C_FUNC_I2C); use one that does plain I2C"
+        )
     try:
         fcntl.flock(adapter.fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

@@ -33,6 +33,7 @@ class KernelAdapter:
         self.control = 0
         self.closed = False
         self.fails_with: int | None = None
+        self.funcs = smbus2.I2cFunc.I2C
         self.calls: list[list[tuple[int, int, int]]] = []
 
     def i2c_rdwr(self, *messages: smbus2.i2c_msg) -> None:
@@ -155,11 +156,13 @@ class Node:
     def __init__(self, path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         self.path = path
         self.opened: list[KernelAdapter] = []
+        self.funcs = smbus2.I2cFunc.I2C | smbus2.I2cFunc.SMBUS_QUICK
         path.touch()
         monkeypatch.setattr("smbus2.SMBus", self._open)
 
     def _open(self, device: str) -> KernelAdapter:
         self.opened.append(KernelAdapter(os.open(device, os.O_RDWR)))
+        self.opened[-1].funcs = self.funcs
         return self.opened[-1]
 
     def unplug(self) -> None:
@@ -201,6 +204,17 @@ def test_an_adapter_is_locked_against_a_second_process(
     assert node.opened[1].closed
     first.close()
     LinuxI2cBus.open(str(node.path)).close()
+
+
+def test_an_adapter_that_does_smbus_commands_only_is_one_clear_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It would open, and then refuse every transaction as if no chip answered."""
+    node = Node(tmp_path / "i2c-1", monkeypatch)
+    node.funcs = smbus2.I2cFunc.SMBUS_QUICK | smbus2.I2cFunc.SMBUS_BYTE
+    with pytest.raises(HardwareError, match=f"^{node.path}: this adapter does SMBus commands only"):
+        LinuxI2cBus.open(str(node.path))
+    assert node.opened[0].closed
 
 
 @pytest.mark.parametrize(
