@@ -11,6 +11,8 @@ from typing import Any
 
 import yaml
 
+from footsense.regular_file import read_regular
+
 #: Longest text that is read [bytes]; a hand-written file has a few thousand.
 MAX_BYTES = 262_144
 #: Deepest nesting: the reader recurses.
@@ -44,8 +46,7 @@ def read_text(source: Path | str | bytes) -> str:
     """
     try:
         if isinstance(source, Path):
-            with source.open("rb") as file:
-                source = file.read(MAX_BYTES + 1)
+            source = read_regular(source, MAX_BYTES)
         if len(source) > MAX_BYTES:
             raise YamlError(f"has more than the {MAX_BYTES} bytes that are read")
         return source.decode() if isinstance(source, bytes) else source
@@ -55,8 +56,8 @@ def read_text(source: Path | str | bytes) -> str:
         ) from None
     except FileNotFoundError:
         raise YamlError("no such file") from None
-    except (OSError, ValueError) as error:  # ValueError: a path with a null character
-        raise YamlError(f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    except OSError as error:
+        raise YamlError(f"cannot be read: {error.strerror}") from None
 
 
 class YamlReader:

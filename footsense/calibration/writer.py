@@ -19,6 +19,7 @@ from footsense.foot import calibration_files
 from footsense.foot.calibration_files import FootCalibration, Manifest, Parameters, read_calibration
 from footsense.foot.network_card import verified_sha256
 from footsense.foot.parameters import FootParameters
+from footsense.regular_file import open_regular, read_regular
 
 
 def card_text(manifest: Manifest, parameters: Parameters) -> str:
@@ -113,7 +114,7 @@ def file_sha256(path: Path) -> str:
         CalibrationError: It cannot be read.
     """
     try:
-        with path.open("rb") as file:
+        with os.fdopen(open_regular(path), "rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
         raise CalibrationError(f"{path}: cannot be read: {error.strerror}") from None
@@ -168,7 +169,7 @@ def write_calibration(
     folder = calibrations / manifest.foot
     check_calibration_target(folder, replace=replace)
     try:
-        content = network.read_bytes()
+        content = read_regular(network, calibration_files.MAX_FILE_BYTES)
         described = calibration_files.Parameters(
             format=calibration_files.FORMAT,
             network_sha256=verified_sha256(content, str(network)),

@@ -41,16 +41,14 @@ _TIME_AFTER_LAST_PRESS_S = 0.5
 #: Messages that the picture shows.
 _N_SHOWN_MESSAGES = 4
 
-_FILE_PATH_TYPE = click.Path(dir_okay=False, path_type=Path)
-
 
 @click.command()
-@click.argument("out", type=_FILE_PATH_TYPE)
+@click.argument("out", type=options.FILE)
 @click.option(
     "--reference",
     "test_stand_file",
     required=True,
-    type=_FILE_PATH_TYPE,
+    type=options.FILE,
     help="YAML file of the test stand's force sensor.",
 )
 @options.foot_option

@@ -19,6 +19,7 @@ from footsense.estimation.settings import Sensitivity
 from footsense.foot.network_card import INPUTS, METADATA_KEY, OUTPUTS, Signal, read_card, verified_sha256
 from footsense.frames import ELEMENTS, Mask, Stamps, Vector
 from footsense.ports import Estimator, LoadEstimate, Window
+from footsense.regular_file import read_regular
 
 #: Largest file that is read [bytes]; the released network has 80 thousand.
 MAX_FILE_BYTES = 1 << 24
@@ -292,17 +293,11 @@ def _read_file(path: Path) -> bytes:
         ModelError: The file is missing, cannot be read, or is too large.
     """
     try:
-        if path.exists() and not path.is_file():
-            raise ModelError(f"{path}: not a file; name the network itself")
-        with path.open("rb") as file:
-            content = file.read(MAX_FILE_BYTES + 1)
+        return read_regular(path, MAX_FILE_BYTES)
     except FileNotFoundError as error:
         raise ModelError(f"{path}: no such network ({error.strerror})") from error
     except OSError as error:
         raise ModelError(f"{path}: cannot be read: {error.strerror}") from error
-    if len(content) > MAX_FILE_BYTES:
-        raise ModelError(f"{path}: has over {MAX_FILE_BYTES} bytes, more than a network of feet")
-    return content
 
 
 def _check_shapes(

@@ -26,6 +26,7 @@ from footsense.errors import ModelError
 from footsense.foot.force_errors import ForceErrors
 from footsense.foot.network_card import Format, PerElement, verified_sha256
 from footsense.foot.parameters import COLDEST_C, WARMEST_C, FootParameters
+from footsense.regular_file import read_regular
 
 FORMAT = 3
 
@@ -225,17 +226,13 @@ def _read_file(path: Path) -> bytes:
         ModelError: It is missing, cannot be read, or is too large.
     """
     try:
-        with path.open("rb") as file:
-            content = file.read(MAX_FILE_BYTES + 1)
+        return read_regular(path, MAX_FILE_BYTES)
     except FileNotFoundError:
         raise ModelError(
             f"{path}: missing; a calibration is used whole or not at all, copy it again"
         ) from None
     except OSError as error:
         raise ModelError(f"{path}: cannot be read: {error.strerror}") from None
-    if len(content) > MAX_FILE_BYTES:
-        raise ModelError(f"{path}: has more than the {MAX_FILE_BYTES} bytes that are read")
-    return content
 
 
 def _decode_json(path: Path, content: bytes, kind: type[_Struct]) -> _Struct:

@@ -27,6 +27,7 @@ from footsense.errors import ModelError
 from footsense.foot.capacitor import Capacitor
 from footsense.foot.gap_contact import CELLS_PER_SIDE, N_CELLS, element_means
 from footsense.frames import ROWS, Vector
+from footsense.regular_file import read_regular
 
 #: Cells along a side of the grid.
 GRID_SIDE = ROWS * CELLS_PER_SIDE
@@ -257,8 +258,7 @@ class FootResponse:
         """
         rebuild = "rebuild it with `footsense lab build`"
         try:
-            with path.open("rb") as file:
-                content = file.read(MAX_FILE_BYTES + 1)
+            content = read_regular(path, MAX_FILE_BYTES)
         except OSError as error:
             raise ModelError(f"cannot read the foot response {path}: {error.strerror}; {rebuild}") from error
         try:

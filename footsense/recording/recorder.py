@@ -17,6 +17,7 @@ from typing import Any
 
 from footsense.child_process import check_new_file
 from footsense.errors import ConfigError, RecordingError
+from footsense.regular_file import open_regular
 from footsense.ring.cycle_ring import CycleRing
 
 _log = logging.getLogger(__name__)
@@ -57,7 +58,7 @@ def check_not_being_written(partial: Path) -> None:
         RecordingError: Its writer, which holds a lock on it, runs.
     """
     with contextlib.suppress(OSError):  # a file that cannot be opened is reported where it is needed
-        fd = os.open(partial, os.O_RDONLY | os.O_CLOEXEC)
+        fd = open_regular(partial)
         try:
             fcntl.flock(fd, fcntl.LOCK_SH | fcntl.LOCK_NB)
         except BlockingIOError:

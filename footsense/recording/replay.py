@@ -22,6 +22,7 @@ from footsense.errors import RecordingError
 from footsense.frames import Cycle
 from footsense.recording import messages
 from footsense.recording.mcap_writer import HEADER_CRC_KEY, MCAP_PROFILE, METADATA_NAME, header_crc
+from footsense.regular_file import open_regular
 from footsense.ring.records import LostCycles, NumberedCycle, legs_in_header, require_valid
 
 #: Largest chunk that is unpacked [bytes]; footsense's have 64 KiB.
@@ -78,7 +79,7 @@ class Replay:
     def _read_header(self) -> dict[str, str]:
         path = self.path
         try:
-            with path.open("rb") as file:
+            with os.fdopen(open_regular(path), "rb") as file:
                 records = StreamReader(_BoundedFile(file), emit_chunks=True).records
                 container, metadata = next(records), next(records)
         except OSError as error:
@@ -101,7 +102,7 @@ class Replay:
         Raises:
             RecordingError: The file ends before its end mark, or is damaged; the message names the byte.
         """
-        with self.path.open("rb") as file:
+        with os.fdopen(open_regular(self.path), "rb") as file:
             assembly = _CycleAssembly(self.legs)
             good = 0
             try:

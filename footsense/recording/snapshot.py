@@ -34,7 +34,8 @@ def write_snapshot(ring: Path | None, target: Path) -> int:
             raise RecordingError("the service has no cycle yet")
         first = entries[0][0]
         try:
-            with unfinished.open("wb", buffering=0) as file:
+            unfinished.unlink(missing_ok=True)  # of a snapshot that was killed
+            with unfinished.open("xb", buffering=0) as file:
                 recording = McapFile(file.fileno(), {**reader.header, SNAPSHOT_KEY: str(first)}, first)
                 while entries:
                     for entry in entries:

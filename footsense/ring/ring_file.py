@@ -20,15 +20,14 @@ without a lock is left over from a process that was killed.
 """
 
 import contextlib
-import errno
 import fcntl
 import mmap
 import os
-import stat
 import struct
 from pathlib import Path
 
 from footsense.errors import FootsenseError
+from footsense.regular_file import open_regular
 
 MAGIC = b"FSRING01"
 #: Places of the counters, in words of 8 bytes.
@@ -89,22 +88,17 @@ def _open_own_file(path: Path, *, or_of_its_folder: bool = False) -> int:
         FootsenseError: It is missing, or something else.
     """
     try:
-        fd = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
+        fd = open_regular(path, os.O_NOFOLLOW)
     except FileNotFoundError:
         raise FootsenseError(
             f"{path}: no service runs here; start `footsense run`, or name its ring with --ring"
         ) from None
     except OSError as error:
-        is_special = error.errno in {errno.ELOOP, errno.ENXIO}
-        raise FootsenseError(
-            f"{path}: {'is not a regular file' if is_special else error.strerror}"
-        ) from error
-    status = os.fstat(fd)
+        raise FootsenseError(f"{path}: {error.strerror}") from error
     owners = {os.geteuid(), path.parent.stat().st_uid} if or_of_its_folder else {os.geteuid()}
-    if not stat.S_ISREG(status.st_mode) or status.st_uid not in owners:
+    if os.fstat(fd).st_uid not in owners:
         os.close(fd)
-        reason = "belongs to another user" if stat.S_ISREG(status.st_mode) else "is not a regular file"
-        raise FootsenseError(f"{path}: {reason}")
+        raise FootsenseError(f"{path}: belongs to another user")
     return fd
 
 

@@ -22,6 +22,7 @@ from onnx import TensorProto, helper, numpy_helper
 
 from footsense.errors import ModelError
 from footsense.estimation.network import steady_windows
+from footsense.foot.calibration_files import MAX_FILE_BYTES
 from footsense.foot.network_card import INPUTS, METADATA_KEY, OUTPUTS, Signal
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.training.windowed_network import (
@@ -41,6 +42,7 @@ from footsense.lab.training.windowed_network import (
     relative_symmetry_index,
 )
 from footsense.ports import LoadEstimate, Window
+from footsense.regular_file import read_regular
 
 #: The format of onnxruntime 1.18; newer ones gain nothing for ten matrix products.
 IR_VERSION, OPSET = 8, 17
@@ -145,7 +147,10 @@ def load_weights(path: Path) -> Weights:
         ModelError: It is no network of this layout.
     """
     try:
-        stored = {one.name: numpy_helper.to_array(one) for one in onnx.load(path).graph.initializer}
+        content = read_regular(path, MAX_FILE_BYTES)
+        stored = {
+            one.name: numpy_helper.to_array(one) for one in onnx.load_from_string(content).graph.initializer
+        }
         return Weights(*(np.asarray(stored[name], np.float32) for name in Weights._fields))
     except Exception as error:  # protobuf raises types of its own
         raise ModelError(f"{path} holds no weights to start from ({error})") from error
@@ -167,7 +172,8 @@ class OnnxNetwork:
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         try:
-            self._session = onnxruntime.InferenceSession(path.read_bytes(), options, ["CPUExecutionProvider"])
+            content = read_regular(path, MAX_FILE_BYTES)
+            self._session = onnxruntime.InferenceSession(content, options, ["CPUExecutionProvider"])
             self.card = json.loads(self._session.get_modelmeta().custom_metadata_map[METADATA_KEY])
         except Exception as error:  # the runtime's own exceptions share no documented base
             why = str(error).splitlines()[0]

@@ -88,7 +88,7 @@ def test_what_is_no_network(tmp_path: Path) -> None:
 
     assert "network.onnx: no such network" in refused()
     path.mkdir()
-    assert "not a file; name the network itself" in refused()
+    assert "cannot be read: Is a directory" in refused()
     path.rmdir()
     assert "no checksum at its end" in refused(b"this is no network")
     assert "not a readable ONNX network" in refused(add_checksum(b"this is no network"))

@@ -21,6 +21,7 @@ from footsense.sim.clock import VirtualClock
 from tests.support.other_file import opens_instead
 from tests.system.command import TIMEOUT_S, footsense, one_line_error
 
+GOLDEN = Path(__file__).parents[2] / "golden/measured_walk.mcap"
 N_BEFORE, N_LOST = 30, 7
 COMMANDS = main.list_commands(Context(main))
 
@@ -137,24 +138,23 @@ def test_an_output_that_cannot_be_written_is_one_line(arguments: tuple[str, ...]
 
 
 def test_ctrl_c_ends_a_command_without_a_traceback(tmp_path: Path) -> None:
-    """Exit 130, as shells have it; the command here waits for its file."""
+    """Exit 130, as shells have it, and no half-written table."""
     signal.signal(
         signal.SIGINT, signal.default_int_handler
     )  # a child of tests in the background would ignore it
-    fifo = tmp_path / "robot.yaml"
-    os.mkfifo(fifo)
-    with (
-        subprocess.Popen(
-            [sys.executable, "-m", "footsense", "check-config", str(fifo)],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        ) as process,
-        fifo.open("w"),
-    ):  # opens when the command has opened its end
+    table = tmp_path / "walk.csv"
+    with subprocess.Popen(
+        [sys.executable, "-m", "footsense", "export", str(GOLDEN), "--csv", str(table)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        while not table.exists() and process.poll() is None:
+            os.sched_yield()
         process.send_signal(signal.SIGINT)
         output, errors = process.communicate(timeout=TIMEOUT_S)
     assert (process.returncode, output, errors) == (130, "", "")
+    assert not table.exists()
 
 
 def test_a_gap_is_replayed_and_not_compared_across(gapped: Path) -> None:

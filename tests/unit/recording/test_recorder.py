@@ -123,6 +123,7 @@ def test_a_snapshot_is_a_recording_of_what_the_ring_holds(tmp_path: Path) -> Non
             write_snapshot(path, target)
         for number in range(2000):
             ring.observe(quick_cycle(number))
+        os.mkfifo(tmp_path / "last.mcap.unfinished")
         n = write_snapshot(path, target)
         with pytest.raises(RecordingError, match="exists and is not overwritten"):
             write_snapshot(path, target)

@@ -236,7 +236,7 @@ def _other_owner(path: Path) -> None:
 
 OTHERS: dict[str, tuple[Callable[[Path], object], str]] = {
     "fifo": (os.mkfifo, "is not a regular file"),
-    "directory": (Path.mkdir, "is not a regular file"),
+    "directory": (Path.mkdir, "Is a directory"),
     "symlink": (lambda path: path.symlink_to("/dev/null"), "is not a regular file"),
     "dangling symlink": (lambda path: path.symlink_to("none"), "is not a regular file"),
     "socket": (_socket, "is not a regular file"),
