@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from itertools import islice
-from operator import itemgetter
+from operator import attrgetter, itemgetter
 from typing import NamedTuple
 
 #: Conversions that are kept: the hold of a contact, and the fall before it.
@@ -41,21 +41,30 @@ class LegLoads(NamedTuple):
     scan_mean_n: list[float]
 
 
+_load_of, _scan_mean_of = attrgetter("load_n"), attrgetter("scan_mean_n")
+
+
 def touchdown(loads: Sequence[LegLoads], row: int) -> BackDated:
     """Return the back-dated time of a touchdown, for a leg whose load has just exceeded the threshold.
 
     Loads rise from nothing with a small slope: the time at which the load passed a fifth of what it is now tells how
-    fast it rises, and the touchdown is half as long before.
+    fast it rises, and the touchdown is half as long before. Where the estimate for the time does not show the load
+    yet, the mean of the scan does.
 
     Args:
         loads: Last loads, oldest first.
         row: Row of the leg.
+
+    Returns:
+        A time from half as long before the searched loads as they last, to the newest of them.
     """
-    t_ns, load_n = loads[-1].t_ns, loads[-1].load_n[row]
-    passed_n = _PASSED_LOAD_REL * load_n
-    later_ns, later_n = t_ns, load_n
+    newest = loads[-1]
+    t_ns = newest.t_ns
+    of_leg = _load_of if newest.load_n[row] > 0.0 else _scan_mean_of
+    later_ns, later_n = t_ns, of_leg(newest)[row]
+    passed_n = _PASSED_LOAD_REL * later_n if later_n > 0.0 else -math.inf
     for past in islice(reversed(loads), 1, 1 + _N_SEARCHED_LOADS):
-        past_n = past.load_n[row]
+        past_n = of_leg(past)[row]
         if math.isnan(past_n):
             break
         if past_n < passed_n:
@@ -75,6 +84,9 @@ def lift_off(loads: Sequence[LegLoads], row: int) -> BackDated:
     Args:
         loads: Last loads, oldest first.
         row: Row of the leg.
+
+    Returns:
+        A time that is not after the newest load.
     """
     known_loads: list[tuple[int, float]] = []
     for past in reversed(loads):
@@ -89,4 +101,4 @@ def lift_off(loads: Sequence[LegLoads], row: int) -> BackDated:
             if mean_n > _FIT_UPPER_LOAD_REL * most_n:
                 high_ns = t_ns
     fall_ns = round((low_ns - high_ns) * _FIT_LOWER_LOAD_REL / (_FIT_UPPER_LOAD_REL - _FIT_LOWER_LOAD_REL))
-    return BackDated(low_ns + fall_ns - _FALL_LAG_NS, _FALL_SIGMA_S)
+    return BackDated(min(low_ns + fall_ns - _FALL_LAG_NS, loads[-1].t_ns), _FALL_SIGMA_S)

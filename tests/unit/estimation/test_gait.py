@@ -5,10 +5,11 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
+from footsense.estimation.back_dating import LegLoads, lift_off, touchdown
 from footsense.estimation.baseline import ContactDetector
 from footsense.estimation.gait import GaitTracker
 from footsense.frames import GaitEvent, GaitEventKind, GaitFrame, Slip, Vector
@@ -106,6 +107,28 @@ def test_times_are_back_dated_along_the_flanks() -> None:
         assert abs(t_ns[0] - true_ns) < 3e9 * sigma_s[0] + 5e6
         assert sigma_s[0] < 0.02
     assert len(robot.events) == 2 * LEGS
+
+
+loads_n = st.floats(-1e3, 1e3) | st.sampled_from([0.0, -0.01, math.nan])
+
+
+@given(
+    st.lists(st.tuples(loads_n, loads_n), max_size=39),
+    loads_n.filter(math.isfinite),
+    loads_n.filter(math.isfinite),
+)
+@example([(-0.01, 0.0)], -0.01, 0.04)
+@example([(-0.002, 0.0)], -0.01, 0.04)
+def test_a_time_is_dated_back_within_the_loads_that_tell_it(
+    before_n: list[tuple[float, float]], load_n: float, mean_n: float
+) -> None:
+    """Whatever the estimates are, and where a scan shows a load that the estimate for the time does not."""
+    rows = [*before_n, (load_n, mean_n)]
+    loads = [LegLoads(number * STEP_NS, [at_n], [scan_n]) for number, (at_n, scan_n) in enumerate(rows, 1)]
+    now_ns = len(rows) * STEP_NS
+    for dated, longest_conversions in ((touchdown(loads, 0), 1.5 * 12), (lift_off(loads, 0), 40)):
+        assert 0 <= now_ns - dated.t_ns <= longest_conversions * STEP_NS + 17_000_000
+        assert 0.0 < dated.sigma_s < 0.02
 
 
 def test_a_force_that_is_not_known_is_no_event() -> None:
