@@ -19,9 +19,9 @@ static uint8_t crc8_byte(uint8_t crc, uint8_t byte)
     return crc;
 }
 
-uint8_t footsense_crc8(uint16_t id, const uint8_t *data, uint8_t len)
+uint8_t footsense_crc8(uint32_t id, const uint8_t *data, uint8_t len)
 {
-    uint8_t crc = crc8_byte(crc8_byte(0, (uint8_t)(id & 0xFFu)), (uint8_t)(id >> 8));
+    uint8_t crc = crc8_byte(crc8_byte(0, (uint8_t)(id & 0xFFu)), (uint8_t)(id >> 8 & 0xFFu));
     for (uint8_t i = 1; i < len; i++) {
         crc = crc8_byte(crc, data[i]);
     }
@@ -29,12 +29,12 @@ uint8_t footsense_crc8(uint16_t id, const uint8_t *data, uint8_t len)
 }
 
 /* The node of an id, or 0 if the id is not `base` plus a leg. */
-static uint8_t node_of(uint16_t id, uint16_t base)
+static uint8_t node_of(uint32_t id, uint32_t base)
 {
     return (id > base && id <= base + FOOTSENSE_LEGS) ? (uint8_t)(id - base) : 0;
 }
 
-static bool is_whole(uint16_t id, const uint8_t *data, uint8_t len, uint16_t base, uint8_t expected_len)
+static bool is_whole(uint32_t id, const uint8_t *data, uint8_t len, uint32_t base, uint8_t expected_len)
 {
     return node_of(id, base) != 0 && len == expected_len && data[0] == footsense_crc8(id, data, len)
            && (data[1] & 0x0Fu) < FOOTSENSE_COUNTER_PERIOD;
@@ -61,7 +61,7 @@ static uint64_t bits_of(const uint8_t *data)
     return bits;
 }
 
-bool footsense_decode_force(uint16_t id, const uint8_t *data, uint8_t len, footsense_force *out)
+bool footsense_decode_force(uint32_t id, const uint8_t *data, uint8_t len, footsense_force *out)
 {
     if (!is_whole(id, data, len, FOOTSENSE_FORCE_ID, 8) || data[1] >> 4 > LAST_STATE) {
         return false;
@@ -82,7 +82,7 @@ static uint16_t sigma_of(uint32_t bits, unsigned n_bits, unsigned step_mn)
     return (bits & none) == none ? FOOTSENSE_NO_SIGMA : (uint16_t)((bits & none) * step_mn);
 }
 
-bool footsense_decode_quality(uint16_t id, const uint8_t *data, uint8_t len, footsense_quality *out)
+bool footsense_decode_quality(uint32_t id, const uint8_t *data, uint8_t len, footsense_quality *out)
 {
     if (!is_whole(id, data, len, FOOTSENSE_QUALITY_ID, 8)) {
         return false;
@@ -109,18 +109,18 @@ static uint16_t crc16_byte(uint16_t crc, uint8_t byte)
     return crc;
 }
 
-bool footsense_is_forces(uint16_t id, uint8_t len)
+bool footsense_is_forces(uint32_t id, uint8_t len)
 {
     return (id == FOOTSENSE_FORCES_ID && len == FOOTSENSE_FORCES_BYTES)
            || (id == FOOTSENSE_FORCES4_ID && len == FOOTSENSE_FORCES4_BYTES);
 }
 
-uint8_t footsense_first_node(uint16_t id)
+uint8_t footsense_first_node(uint32_t id)
 {
     return id == FOOTSENSE_FORCES4_ID ? FOOTSENSE_FORCES_LEGS + 1u : 1u;
 }
 
-bool footsense_decode_forces(uint16_t id, const uint8_t *data, uint8_t len, footsense_forces *out)
+bool footsense_decode_forces(uint32_t id, const uint8_t *data, uint8_t len, footsense_forces *out)
 {
     if (!footsense_is_forces(id, len) || (data[2] & 0x0Fu) >= FOOTSENSE_COUNTER_PERIOD) {
         return false;
@@ -129,7 +129,7 @@ bool footsense_decode_forces(uint16_t id, const uint8_t *data, uint8_t len, foot
     for (uint8_t i = 2; i < len; i++) {
         crc = crc16_byte(crc, data[i]);
     }
-    crc = crc16_byte(crc16_byte(crc, (uint8_t)(id & 0xFFu)), (uint8_t)(id >> 8));
+    crc = crc16_byte(crc16_byte(crc, (uint8_t)(id & 0xFFu)), (uint8_t)(id >> 8 & 0xFFu));
     if (crc != u16(data)) {
         return false;
     }
@@ -164,7 +164,7 @@ bool footsense_decode_forces(uint16_t id, const uint8_t *data, uint8_t len, foot
     return true;
 }
 
-bool footsense_decode_fault(uint16_t id, const uint8_t *data, uint8_t len, footsense_fault *out)
+bool footsense_decode_fault(uint32_t id, const uint8_t *data, uint8_t len, footsense_fault *out)
 {
     if (!is_whole(id, data, len, FOOTSENSE_FAULT_ID, 6) || data[1] >> 4 > LAST_STATE
         || (data[2] & 0x0Fu) > LAST_STATE || data[5] > LAST_CAUSE) {
@@ -174,7 +174,7 @@ bool footsense_decode_fault(uint16_t id, const uint8_t *data, uint8_t len, foots
     out->counter = data[1] & 0x0Fu;
     out->state = data[1] >> 4;
     out->previous = data[2] & 0x0Fu;
-    out->fault_mask = u16(data + 3);
+    out->fault_mask = u16(data + 3) & 0x1FFu;
     out->cause = data[5];
     return true;
 }
@@ -184,7 +184,7 @@ static int32_t offset_af(int16_t code)
     return code == INT16_MIN ? FOOTSENSE_NO_OFFSET : code * 100;
 }
 
-bool footsense_decode_baseline(uint16_t id, const uint8_t *data, uint8_t len, footsense_baseline *out)
+bool footsense_decode_baseline(uint32_t id, const uint8_t *data, uint8_t len, footsense_baseline *out)
 {
     if (!is_whole(id, data, len, FOOTSENSE_BASELINE_ID, 8) || data[1] >> 4 > LAST_BASELINE_STATUS) {
         return false;
@@ -199,7 +199,7 @@ bool footsense_decode_baseline(uint16_t id, const uint8_t *data, uint8_t len, fo
     return true;
 }
 
-bool footsense_decode_answer(uint16_t id, const uint8_t *data, uint8_t len, footsense_answer *out)
+bool footsense_decode_answer(uint32_t id, const uint8_t *data, uint8_t len, footsense_answer *out)
 {
     if (!is_whole(id, data, len, FOOTSENSE_ANSWER_ID, 4) || data[1] >> 4 > LAST_RESULT) {
         return false;
@@ -212,7 +212,7 @@ bool footsense_decode_answer(uint16_t id, const uint8_t *data, uint8_t len, foot
     return true;
 }
 
-bool footsense_decode_gait_event(uint16_t id, const uint8_t *data, uint8_t len, footsense_gait_event *out)
+bool footsense_decode_gait_event(uint32_t id, const uint8_t *data, uint8_t len, footsense_gait_event *out)
 {
     if (!is_whole(id, data, len, FOOTSENSE_GAIT_EVENT_ID, 6) || data[1] >> 4 < FOOTSENSE_TOUCHDOWN
         || data[1] >> 4 > FOOTSENSE_SLIP_END) {
@@ -228,7 +228,7 @@ bool footsense_decode_gait_event(uint16_t id, const uint8_t *data, uint8_t len, 
     return true;
 }
 
-bool footsense_decode_gait(uint16_t id, const uint8_t *data, uint8_t len, footsense_gait *out)
+bool footsense_decode_gait(uint32_t id, const uint8_t *data, uint8_t len, footsense_gait *out)
 {
     if (!is_whole(id, data, len, FOOTSENSE_GAIT_ID, 5) || (data[2] & 3u) > FOOTSENSE_SLIP_SLIPPING) {
         return false;
@@ -257,7 +257,7 @@ static uint16_t ratio(uint64_t bits, int shift, uint32_t mask)
     return code == mask ? FOOTSENSE_NO_RATIO : (uint16_t)(code * 4u);
 }
 
-bool footsense_decode_ground(uint16_t id, const uint8_t *data, uint8_t len, footsense_ground *out)
+bool footsense_decode_ground(uint32_t id, const uint8_t *data, uint8_t len, footsense_ground *out)
 {
     if (!is_whole(id, data, len, FOOTSENSE_GROUND_ID, 8)) {
         return false;
@@ -278,7 +278,7 @@ bool footsense_decode_ground(uint16_t id, const uint8_t *data, uint8_t len, foot
     return true;
 }
 
-bool footsense_decode_heartbeat(uint16_t id, const uint8_t *data, uint8_t len, footsense_heartbeat *out)
+bool footsense_decode_heartbeat(uint32_t id, const uint8_t *data, uint8_t len, footsense_heartbeat *out)
 {
     if (node_of(id, FOOTSENSE_HEARTBEAT_ID) == 0 || len != 1) {
         return false;

@@ -17,18 +17,24 @@ extern "C" {
 #endif
 
 /* CAN ids are these plus the node id of the leg: 1 lf, 2 lm, 3 lr, 4 rf, 5 rm, 6 rr, 7 l4, 8 r4. */
-#define FOOTSENSE_FAULT_ID 0x080u
-#define FOOTSENSE_FORCES_ID 0x180u  /* nodes 1 to 6 in one frame of CAN FD */
-#define FOOTSENSE_FORCES4_ID 0x189u /* nodes 7 and 8 in one frame of CAN FD */
-#define FOOTSENSE_FORCE_ID 0x180u
-#define FOOTSENSE_COMMAND_ID 0x200u
-#define FOOTSENSE_QUALITY_ID 0x280u
-#define FOOTSENSE_GAIT_EVENT_ID 0x300u
-#define FOOTSENSE_BASELINE_ID 0x380u
-#define FOOTSENSE_GAIT_ID 0x400u
-#define FOOTSENSE_GROUND_ID 0x480u
-#define FOOTSENSE_ANSWER_ID 0x580u
-#define FOOTSENSE_HEARTBEAT_ID 0x700u
+#define FOOTSENSE_FAULT_ID 0x100u
+#define FOOTSENSE_FORCE_ID 0x108u
+#define FOOTSENSE_COMMAND_ID 0x110u
+#define FOOTSENSE_QUALITY_ID 0x118u
+#define FOOTSENSE_GAIT_EVENT_ID 0x120u
+#define FOOTSENSE_BASELINE_ID 0x128u
+#define FOOTSENSE_GAIT_ID 0x130u
+#define FOOTSENSE_GROUND_ID 0x138u
+#define FOOTSENSE_ANSWER_ID 0x140u
+#define FOOTSENSE_HEARTBEAT_ID 0x148u
+/* These stand alone. */
+#define FOOTSENSE_FORCES_ID 0x159u  /* nodes 1 to 6 in one frame of CAN FD */
+#define FOOTSENSE_FORCES4_ID 0x15Au /* nodes 7 and 8 in one frame of CAN FD */
+
+/* Set these beside the id of a received frame, as linux/can.h does: no such frame is of footsense. */
+#define FOOTSENSE_EXTENDED 0x80000000u /* a frame with an id of 29 bits */
+#define FOOTSENSE_REMOTE 0x40000000u   /* a remote frame */
+#define FOOTSENSE_ERROR 0x20000000u    /* an error frame */
 
 #define FOOTSENSE_LEGS 8u /* that a robot may have */
 #define FOOTSENSE_FORCES_LEGS 6u /* in one frame of CAN FD */
@@ -177,21 +183,21 @@ typedef struct {
 
 /* CRC-8 of AUTOSAR E2E profile 11 variant A: polynomial 0x1D, start 0, over the CAN id and all bytes behind the
  * first of `data`. */
-uint8_t footsense_crc8(uint16_t id, const uint8_t *data, uint8_t len);
+uint8_t footsense_crc8(uint32_t id, const uint8_t *data, uint8_t len);
 
-bool footsense_decode_force(uint16_t id, const uint8_t *data, uint8_t len, footsense_force *out);
-bool footsense_decode_forces(uint16_t id, const uint8_t *data, uint8_t len, footsense_forces *out);
+bool footsense_decode_force(uint32_t id, const uint8_t *data, uint8_t len, footsense_force *out);
+bool footsense_decode_forces(uint32_t id, const uint8_t *data, uint8_t len, footsense_forces *out);
 /* Whether id and length are those of a frame of CAN FD with the forces of several legs; and the first node of it. */
-bool footsense_is_forces(uint16_t id, uint8_t len);
-uint8_t footsense_first_node(uint16_t id);
-bool footsense_decode_quality(uint16_t id, const uint8_t *data, uint8_t len, footsense_quality *out);
-bool footsense_decode_fault(uint16_t id, const uint8_t *data, uint8_t len, footsense_fault *out);
-bool footsense_decode_baseline(uint16_t id, const uint8_t *data, uint8_t len, footsense_baseline *out);
-bool footsense_decode_answer(uint16_t id, const uint8_t *data, uint8_t len, footsense_answer *out);
-bool footsense_decode_gait_event(uint16_t id, const uint8_t *data, uint8_t len, footsense_gait_event *out);
-bool footsense_decode_gait(uint16_t id, const uint8_t *data, uint8_t len, footsense_gait *out);
-bool footsense_decode_ground(uint16_t id, const uint8_t *data, uint8_t len, footsense_ground *out);
-bool footsense_decode_heartbeat(uint16_t id, const uint8_t *data, uint8_t len, footsense_heartbeat *out);
+bool footsense_is_forces(uint32_t id, uint8_t len);
+uint8_t footsense_first_node(uint32_t id);
+bool footsense_decode_quality(uint32_t id, const uint8_t *data, uint8_t len, footsense_quality *out);
+bool footsense_decode_fault(uint32_t id, const uint8_t *data, uint8_t len, footsense_fault *out);
+bool footsense_decode_baseline(uint32_t id, const uint8_t *data, uint8_t len, footsense_baseline *out);
+bool footsense_decode_answer(uint32_t id, const uint8_t *data, uint8_t len, footsense_answer *out);
+bool footsense_decode_gait_event(uint32_t id, const uint8_t *data, uint8_t len, footsense_gait_event *out);
+bool footsense_decode_gait(uint32_t id, const uint8_t *data, uint8_t len, footsense_gait *out);
+bool footsense_decode_ground(uint32_t id, const uint8_t *data, uint8_t len, footsense_ground *out);
+bool footsense_decode_heartbeat(uint32_t id, const uint8_t *data, uint8_t len, footsense_heartbeat *out);
 
 /* Writes the 8 bytes of a command and returns its CAN id, or 0 if node, counter or kind does not exist. Each
  * command of a leg takes the next counter: the answer repeats it. */

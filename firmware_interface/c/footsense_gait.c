@@ -2,7 +2,7 @@
 
 static const uint64_t REPEAT_US = 1000000u;
 
-bool footsense_take_event(footsense_events *events, uint16_t id, const uint8_t *data, uint8_t len, uint64_t now_us,
+bool footsense_take_event(footsense_events *events, uint32_t id, const uint8_t *data, uint8_t len, uint64_t now_us,
                           footsense_event *out)
 {
     footsense_gait_event event;

@@ -29,7 +29,7 @@ typedef struct {
 } footsense_event;
 
 /* Takes a frame of any id, which arrived at `now_us`. Returns whether it was a new event; otherwise leaves *out. */
-bool footsense_take_event(footsense_events *events, uint16_t id, const uint8_t *data, uint8_t len, uint64_t now_us,
+bool footsense_take_event(footsense_events *events, uint32_t id, const uint8_t *data, uint8_t len, uint64_t now_us,
                           footsense_event *out);
 
 #ifdef __cplusplus

@@ -113,7 +113,7 @@ static void take_half(const footsense_link *link, footsense_leg *leg, const foot
     }
 }
 
-static void feed_all(footsense_link *link, uint16_t id, const uint8_t *data, uint8_t len, uint64_t now_us)
+static void feed_all(footsense_link *link, uint32_t id, const uint8_t *data, uint8_t len, uint64_t now_us)
 {
     footsense_forces all;
     bool whole = footsense_decode_forces(id, data, len, &all);
@@ -130,7 +130,7 @@ static void feed_all(footsense_link *link, uint16_t id, const uint8_t *data, uin
     }
 }
 
-bool footsense_feed(footsense_link *link, uint16_t id, const uint8_t *data, uint8_t len, uint64_t now_us)
+bool footsense_feed(footsense_link *link, uint32_t id, const uint8_t *data, uint8_t len, uint64_t now_us)
 {
     if (footsense_is_forces(id, len)) {
         feed_all(link, id, data, len, now_us);
@@ -196,7 +196,8 @@ footsense_leg_force footsense_get_leg_force(const footsense_link *link, uint8_t 
                   && (view.state == FOOTSENSE_VALID
                       || (view.state == FOOTSENSE_DEGRADED && link->limits.accept_degraded));
     for (int axis = 0; axis < 3; axis++) {
-        view.usable = view.usable && leg->force.force_mn[axis] != FOOTSENSE_NO_FORCE;
+        view.usable = view.usable && leg->force.force_mn[axis] != FOOTSENSE_NO_FORCE
+                      && leg->quality.sigma_mn[axis] != FOOTSENSE_NO_SIGMA;
     }
     if (view.usable) {
         memcpy(view.force_mn, leg->force.force_mn, sizeof view.force_mn);

@@ -36,11 +36,11 @@ from typing import Annotated, NamedTuple
 
 from firmware_interface.can.codes import USABLE, Flag, State
 from firmware_interface.can.crc8 import COUNTER_PERIOD, FrameError
-from firmware_interface.can.force import FORCE_ID, Force, Quality
+from firmware_interface.can.force import Force, Quality
 from firmware_interface.can.signals import Age, Code, Layout, Number, Vector
 
-#: The id of `Force` with node 0, which stands for nodes 1 to 6, and with node 9, which stands for nodes 7 and 8.
-FORCES_ID, FORCES4_ID = FORCE_ID, FORCE_ID + 9
+#: Behind the ids of the frames of single legs.
+FORCES_ID, FORCES4_ID = 0x159, 0x15A
 #: Nodes in each of the frames, in its order.
 NODES_OF_FRAME = {FORCES_ID: range(1, 7), FORCES4_ID: range(7, 9)}
 
@@ -111,13 +111,13 @@ def encode_forces(
         nodes, t_ns, state, force_n, sigma_n, flags, fault_mask, strict=True
     ):
         common |= flag & _FLAGS_OF_ALL_LEGS
-        known = code in USABLE and all(map(math.isfinite, leg_n))
+        known = code in USABLE and all(map(math.isfinite, leg_n)) and x_n >= 0.0 <= y_n and z_n >= 0.0
         contact = bool(flag & Flag.CONTACT)
         in_air = in_air and known and not contact
         if node not in slots:
             continue
         shown = State.ELEMENT_FAULT if code in USABLE and not known else State(code)
-        widest_n = max(x_n, y_n) if math.isfinite(x_n + y_n) else math.nan
+        widest_n = math.nan if math.isnan(x_n + y_n) else max(x_n, y_n)
         refused = bool(flag & Flag.TARE_REFUSED)
         shown_n = leg_n if known else _NO_FORCE
         slots[node] = _Leg(shown, contact, refused, mask, widest_n, z_n, shown_n)

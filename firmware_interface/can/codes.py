@@ -113,7 +113,7 @@ class Result(IntEnum):
 
 
 class NmtState(IntEnum):
-    """CANopen state of a node (one per leg), as sent in its heartbeat.
+    """State of a node (one per leg) in its heartbeat, with the codes of CANopen.
 
     Source:
         CiA 301, heartbeat protocol.

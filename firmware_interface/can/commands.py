@@ -1,10 +1,6 @@
 """CAN frames of the commands to a leg, and of the answers to them.
 
-Both are protected as `crc8` describes. The ids are CANopen's, so that a CANopen tool shows a request and an answer;
-their contents are footsense's own.
-
-Source:
-    CiA 301, pre-defined connection set.
+Both are protected as `crc8` describes.
 """
 
 from typing import Annotated, NamedTuple
@@ -14,8 +10,8 @@ from firmware_interface.can.crc8 import COUNTER_PERIOD
 from firmware_interface.can.signals import Code, Codec
 
 #: CAN ids are these plus the node id.
-COMMAND_ID = 0x200
-ANSWER_ID = 0x580
+COMMAND_ID = 0x110
+ANSWER_ID = 0x140
 
 #: Word of each command beside its kind, so that no stray frame is a command.
 #: Source: CiA 404 starts an auto-zero by writing "zero" to object 0x6125; the others follow it.

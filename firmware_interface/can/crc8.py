@@ -97,6 +97,17 @@ def next_counter(counter: int) -> int:
     return (counter + 1) % COUNTER_PERIOD
 
 
+def kind_and_node(can_id: int) -> tuple[int, int]:
+    """Return the two parts of the CAN id of a leg's frame: the id of its kind, and the node id.
+
+    Example:
+        >>> kind_and_node(0x10A)
+        (264, 2)
+    """
+    node = (can_id - 1) % len(NODE_IDS) + 1
+    return can_id - node, node
+
+
 def node_of(can_id: int, base: int) -> int:
     """Return the node id contained in a CAN id; raise an error if it has another base id.
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from firmware_interface.can.all_legs import DATA_BYTES_OF_FRAME, FORCES4_ID, FORCES_ID, NODES_OF_FRAME
 from firmware_interface.can.codes import NODE_IDS
+from firmware_interface.can.crc8 import kind_and_node
 
 #: The description of a hexapod's frames.
 HEXAPOD_DBC = Path(__file__).with_name("footsense.dbc")
@@ -20,7 +21,6 @@ _SIDES, _PLACES = {"l": "left", "r": "right"}, {"f": "front", "m": "middle", "r"
 _LEG_NAMES = {leg: f"{_SIDES[leg[0]]} {_PLACES[leg[1]]}" for leg in NODE_IDS}
 _NUMBER_WORDS = ("one", "two", "three", "four", "five", "six", "seven", "eight")
 _CAN_ID_PATTERN = re.compile(r'(?:BO_|CM_ SG_|CM_ BO_|VAL_|BA_ "\w+" BO_) (\d+) ')
-_NODE_MASK = 0x7F
 _FORCE_SIGNAL_PATTERN = re.compile(r"( SG_ (?:Force|Sigma)\w+ : \S+ )\((\S+),0\) \[(\S+)\|(\S+)\] \"N\"")
 
 
@@ -47,7 +47,7 @@ def make_dbc(legs: Sequence[str], force_step_mn: int = 1) -> str:
             text += block
             if not set(nodes).isdisjoint(NODES_OF_FRAME[FORCES4_ID]):
                 text += _forces4_lines(block)
-        elif can_id & _NODE_MASK == 1:
+        elif can_id < FORCES_ID and kind_and_node(can_id)[1] == 1:
             for node in nodes:
                 text += _leg_frame_lines(block, can_id, node, names[node])
     return (

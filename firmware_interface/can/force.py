@@ -17,10 +17,9 @@ from firmware_interface.can.crc8 import COLUMN_CRC, ID_CRC, crc8
 from firmware_interface.can.signals import CEILING_OFFSET, Age, Code, Codec, Number, Vector
 from firmware_interface.can.socketcan import FRAME_BYTES, pack_frame
 
-#: CAN ids are these plus the node id, as CANopen's default transmit PDOs 1 and 2. Source: CiA 301, pre-defined
-#: connection set.
-FORCE_ID = 0x180
-QUALITY_ID = 0x280
+#: CAN ids are these plus the node id.
+FORCE_ID = 0x108
+QUALITY_ID = 0x118
 
 
 class Force(NamedTuple):
@@ -35,9 +34,9 @@ class Force(NamedTuple):
                       7..4  3..0
 
     All three components are sent, with the state VALID or DEGRADED, or none: under any other state they are "no
-    value", and a force with a component that is NaN or infinite is sent as ELEMENT_FAULT. A component above 32.767 N
-    saturates there, which is not "no value". Of feet for larger forces every bit, of sigma too, stands for
-    `force_step_mn` times as much, on all frames of the robot.
+    value", and a force with a component that is NaN or infinite, or without a sigma, is sent as ELEMENT_FAULT. A
+    component above 32.767 N saturates there, which is not "no value". Of feet for larger forces every bit, of sigma
+    too, stands for `force_step_mn` times as much, on all frames of the robot.
 
     Attributes:
         node: CAN node id of the leg, 1..8.
@@ -175,13 +174,17 @@ class ForceQualityEncoder:
         at = 8
         legs = zip(t_ns, state, force_n, sigma_n, flags, fault_mask, strict=True)
         for leg_t_ns, code, (x_n, y_n, z_n), sigmas_n, flag, mask in legs:
+            sigma_x_n, sigma_y_n, sigma_z_n = sigmas_n
             if not (
                 -_MAX_FORCE_N <= x_n <= _MAX_FORCE_N
                 and -_MAX_FORCE_N <= y_n <= _MAX_FORCE_N
                 and -_MAX_FORCE_N <= z_n <= _MAX_FORCE_N
                 and code in USABLE
+                and sigma_x_n >= 0.0
+                and sigma_y_n >= 0.0
+                and sigma_z_n >= 0.0
             ):
-                code, x_n, y_n, z_n = _sendable_force(code, (x_n, y_n, z_n))  # noqa: PLW2901
+                code, x_n, y_n, z_n = _sendable_force(code, (x_n, y_n, z_n), sigmas_n)  # noqa: PLW2901
             x, y, z = (
                 round(x_n * _FORCE_CODES_PER_N),
                 round(y_n * _FORCE_CODES_PER_N),
@@ -208,9 +211,11 @@ class ForceQualityEncoder:
         return [sent[start : start + FRAME_BYTES] for start in range(0, len(sent), FRAME_BYTES)]
 
 
-def _sendable_force(state: int, force_n: tuple[float, float, float]) -> tuple[int, float, float, float]:
-    """Return state and force as sent: no force in unusable states, clipped to the range, a fault if not finite."""
-    if state in USABLE and not all(map(math.isfinite, force_n)):
+def _sendable_force(
+    state: int, force_n: tuple[float, float, float], sigma_n: Sequence[float]
+) -> tuple[int, float, float, float]:
+    """Return state and force as sent: clipped; none in unusable states; a fault if not finite or without sigma."""
+    if state in USABLE and not (all(map(math.isfinite, force_n)) and all(n >= 0.0 for n in sigma_n)):
         state = State.ELEMENT_FAULT
     if state not in USABLE:
         return state, _NO_FORCE_N, _NO_FORCE_N, _NO_FORCE_N

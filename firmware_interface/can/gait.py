@@ -1,7 +1,6 @@
 """CAN frames `GaitEvent`, `Gait` and `Ground` of a leg; protected as `crc8` describes.
 
 An event is sent at once, with the time that has passed since it happened; `Gait` and `Ground` come ten times a second.
-The nodes are footsense's own, so that the ids are free: CANopen's second and third receive PDO and fourth transmit PDO.
 
 Units:
     Times ns and s, angles rad, ratios 1; on the wire as in the layouts.
@@ -12,10 +11,10 @@ from typing import Annotated, NamedTuple
 from firmware_interface.can.codes import GaitEventKind, Slip
 from firmware_interface.can.signals import Age, Code, Codec, Number, Vector
 
-#: CAN ids are these plus the node id. Source: CiA 301, pre-defined connection set.
-GAIT_EVENT_ID = 0x300
-GAIT_ID = 0x400
-GROUND_ID = 0x480
+#: CAN ids are these plus the node id.
+GAIT_EVENT_ID = 0x120
+GAIT_ID = 0x130
+GROUND_ID = 0x138
 
 
 class GaitEventFrame(NamedTuple):

@@ -1,11 +1,11 @@
 """CAN frames `Fault` (fault report), `Heartbeat` and `Baseline` of a leg.
 
-Fault report and baseline are protected as `crc8` describes. The ids are CANopen's, so that a CANopen tool shows an
-emergency and a heartbeat; other contents are footsense's own. A baseline that tracks temperature takes a force away
-from the consumer unseen: the bus carries its offset since the last tare, the time of its last move, and why it holds.
+Fault report and baseline are protected as `crc8` describes; the heartbeat has the byte of CANopen's, and an id of ours.
+A baseline that tracks temperature takes a force away from the consumer unseen: the bus carries its offset since the
+last tare, the time of its last move, and why it holds.
 
 Source:
-    CiA 301, pre-defined connection set and heartbeat protocol.
+    CiA 301, heartbeat protocol.
 """
 
 from typing import Annotated, NamedTuple
@@ -15,10 +15,9 @@ from firmware_interface.can.crc8 import FrameError, node_of
 from firmware_interface.can.signals import Age, Code, Codec, Number
 
 #: CAN ids are these plus the node id.
-FAULT_ID = 0x080
-HEARTBEAT_ID = 0x700
-#: As CANopen's default transmit PDO 3.
-BASELINE_ID = 0x380
+FAULT_ID = 0x100
+HEARTBEAT_ID = 0x148
+BASELINE_ID = 0x128
 
 
 class Fault(NamedTuple):
@@ -103,10 +102,7 @@ BASELINE = Codec(BASELINE_ID, Baseline)
 
 
 def encode_heartbeat(state: NmtState, *, degraded_timing: bool = False) -> bytes:
-    """Return the data byte of a `Heartbeat` frame (CANopen format, no CRC).
-
-    Degraded timing sets the bit that CiA 301 keeps at 0. A CANopen tool then shows no valid state, as intended, or
-    the plain state if it masks the bit out, as node guarding does. In normal operation the byte is CANopen's.
+    """Return the data byte of a `Heartbeat` frame (no CRC): CANopen's state, and degraded timing as bit 7.
 
     Example:
         >>> encode_heartbeat(NmtState.OPERATIONAL).hex()

@@ -53,8 +53,8 @@ def pack_frame(can_id: int, data: bytes) -> bytes:
     """Return a `struct can_frame` with at most 8 data bytes; `can_id` includes the flag bits.
 
     Example:
-        >>> pack_frame(0x701, bytes([5])).hex(" ", 4)
-        '01070000 01000000 05000000 00000000'
+        >>> pack_frame(0x149, bytes([5])).hex(" ", 4)
+        '49010000 01000000 05000000 00000000'
     """
     return _FRAME.pack(can_id, len(data), data)
 
@@ -68,8 +68,8 @@ def pack_fd_frame(can_id: int, data: bytes) -> bytes:
     """Return a `struct canfd_frame` with at most 64 data bytes.
 
     Example:
-        >>> pack_fd_frame(0x180, bytes(64))[:8].hex(" ", 4)
-        '80010000 40050000'
+        >>> pack_fd_frame(0x159, bytes(64))[:8].hex(" ", 4)
+        '59010000 40050000'
     """
     return _FD_FRAME.pack(can_id, len(data), FD_FRAME | FD_BIT_RATE, data)
 
@@ -78,8 +78,8 @@ def unpack_frame(frame: bytes) -> tuple[int, bytes]:
     """Return CAN id (with flag bits) and data of a `struct can_frame` or, by its length, a `struct canfd_frame`.
 
     Example:
-        >>> unpack_frame(pack_frame(0x701, b"on"))
-        (1793, b'on')
+        >>> unpack_frame(pack_frame(0x149, b"on"))
+        (329, b'on')
     """
     can_id, length = _HEAD.unpack_from(frame)
     return can_id, frame[8 : 8 + length]

@@ -199,7 +199,7 @@ class _LegStateMachine:
         force, quality = self._last
         allowed = state == State.VALID or (state == State.DEGRADED and self._limits.accept_degraded)
         usable = status in {LinkStatus.OK, LinkStatus.LOST} and allowed
-        if not usable or quality.age_ns is None or any(map(math.isnan, force.force_n)):
+        if not usable or quality.age_ns is None or any(map(math.isnan, force.force_n + quality.sigma_n)):
             return LegForce(
                 status, False, state, quality.flags, quality.fault_mask, _NO_FORCE, _NO_FORCE, None
             )

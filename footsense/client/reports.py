@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from firmware_interface.can.codes import NODE_IDS
-from firmware_interface.can.crc8 import FrameError
+from firmware_interface.can.crc8 import FrameError, kind_and_node
 from firmware_interface.can.gait import GAIT, GROUND, Gait, Ground
 from firmware_interface.can.reports import (
     BASELINE,
@@ -70,7 +70,7 @@ class Reports:
         """
         if can_id not in REPORT_IDS:
             return False
-        _, decode, _ = _KINDS[can_id & ~0xF]
+        _, decode, _ = _KINDS[kind_and_node(can_id)[0]]
         try:
             self._last[can_id] = decode(can_id, data), now_ns
         except FrameError:

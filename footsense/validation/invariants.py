@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from firmware_interface.can.codes import NODE_IDS
+from firmware_interface.can.crc8 import kind_and_node
 from firmware_interface.can.force import FORCE_ID, QUALITY, QUALITY_ID
 from firmware_interface.can.socketcan import unpack_frame
 from firmware_interface.wire_timing import FRAMES_PER_LEG, LONGEST_FRAME_BITS
@@ -240,7 +241,7 @@ class InvariantChecker(Observer):
         """
         can_id, data = unpack_frame(frame)
         t_s = t_ns / _NS_PER_S
-        kind, node = can_id & ~0x7F, can_id & 0x7F
+        kind, node = kind_and_node(can_id)
         if kind not in {FORCE_ID, QUALITY_ID}:
             return
         wait_ns = t_ns - queued_ns

@@ -20,7 +20,7 @@ READ_ERROR_RATES_REL = (0.01, 0.05, 0.3)
 #: Largest rate of lost arbitrations; beyond, the bus belongs to the other master.
 _MAX_ARBITRATION_LOSS_REL = 0.05
 #: Ids of another node on CAN: above all of ours in priority, among them, and below.
-OTHER_TRAFFIC_CAN_IDS = (0x000, 0x183, 0x7FF)
+OTHER_TRAFFIC_CAN_IDS = (0x000, 0x10B, 0x7FF)
 #: More than a bus carries at 500 kbit/s.
 _FLOODING_RATE_HZ = 5_000.0
 #: Durations of a fault, and mean time between two starts [s].

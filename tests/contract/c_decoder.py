@@ -81,7 +81,7 @@ def library() -> ctypes.CDLL:
     built.footsense_feed.restype = ctypes.c_bool
     built.footsense_feed.argtypes = [
         ctypes.c_char_p,
-        ctypes.c_uint16,
+        ctypes.c_uint32,
         ctypes.c_char_p,
         ctypes.c_uint8,
         ctypes.c_uint64,

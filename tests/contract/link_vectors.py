@@ -5,12 +5,15 @@ Make them anew with `python -m tests.contract.link_vectors`.
 """
 
 import json
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from firmware_interface.can.all_legs import FORCES_ID
 from firmware_interface.can.codes import State
 from firmware_interface.can.crc8 import protect
 from firmware_interface.can.force import FORCE_ID, QUALITY_ID
+from firmware_interface.can.reports import HEARTBEAT_ID
 from tests.support.can_frames import encode_force, encode_quality
 
 __all__ = ["PATH", "document"]
@@ -32,10 +35,12 @@ def force(counter: int, state: State = State.VALID, node: int = NODE) -> tuple[i
     return FORCE_ID + node, encode_force(node, counter, state, FORCE_N)
 
 
-def quality(counter: int, age_us: int | None = 15_000, node: int = NODE) -> tuple[int, bytes]:
+def quality(
+    counter: int, age_us: int | None = 15_000, sigma_n: tuple[float, float, float] = SIGMA_N
+) -> tuple[int, bytes]:
     """Return id and data of a quality."""
     age_ns = None if age_us is None else age_us * 1000
-    return QUALITY_ID + node, encode_quality(node, counter, 0, age_ns, 0, SIGMA_N)
+    return QUALITY_ID + NODE, encode_quality(NODE, counter, 0, age_ns, 0, sigma_n)
 
 
 @dataclass
@@ -187,10 +192,11 @@ def cases() -> list[Case]:
         Case("frames of other legs and of other kinds say nothing about this one")
         .trusted()
         .feed(_spoilt(force(3, node=5)), OK)
-        .feed((0x181, b""), OK)
-        .feed((0x700 + NODE, b"\x04"), OK)
-        .feed((0x180, bytes(8)), OK)
-        .feed((0x187, bytes(8)), OK),
+        .feed((FORCE_ID + 1, b""), OK)
+        .feed((HEARTBEAT_ID + NODE, b"\x04"), OK)
+        .feed((FORCES_ID, bytes(8)), OK)
+        .feed((FORCE_ID + 8, bytes(8)), OK)
+        .feed((FORCE_ID, bytes(8)), OK),
         Case("too short, and a counter that is never sent")
         .trusted()
         .feed((FORCE_ID + NODE, force(3)[1][:7]), WRONG)
@@ -228,6 +234,12 @@ def cases() -> list[Case]:
         .look(PERIOD_US, OK)
         .feed(_holed(3), OK)
         .feed(quality(3), OK, usable=False)
+        .pair(4, OK, used_before=False),
+        Case("a valid force without a sigma is not used, and the next one is")
+        .trusted()
+        .look(PERIOD_US, OK)
+        .feed(force(3), OK)
+        .feed(quality(3, sigma_n=(0.02, 0.02, math.nan)), OK, usable=False)
         .pair(4, OK, used_before=False),
         Case("degraded forces where they are accepted", {"accept_degraded": True})
         .trusted()

@@ -106,7 +106,7 @@ class Frame(NamedTuple):
         out = type(name, (ctypes.Structure,), {"_fields_": named})()
         decode = getattr(library(), f"footsense_decode_{name}")
         decode.restype = ctypes.c_bool
-        if not decode(ctypes.c_uint16(can_id), data, ctypes.c_uint8(len(data)), ctypes.byref(out)):
+        if not decode(ctypes.c_uint32(can_id), data, ctypes.c_uint8(len(data)), ctypes.byref(out)):
             return None
         return [getattr(out, field) for field, _ in named]
 

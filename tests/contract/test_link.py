@@ -29,6 +29,7 @@ from firmware_interface.can.gait import (
     GAIT_EVENT_ID,
     GaitEventFrame,
 )
+from firmware_interface.can.socketcan import ERROR, EXTENDED, REMOTE
 from footsense.client import CommandAnswer, GaitEvents, Link, LinkLimits, PendingCommands
 from tests.contract import link_vectors
 from tests.contract.c_decoder import SOURCES, CLink, compile_c, in_c_units, library
@@ -93,7 +94,7 @@ def streams(draw: st.DrawFn) -> list[tuple[int, int, bytes]]:
         if harm == "q":
             sent.reverse()
         if harm == "f":
-            sent = [(draw(st.integers(0x180, 0x28F)), draw(st.binary(max_size=8)))]
+            sent = [(draw(st.integers(0x108, 0x15F)), draw(st.binary(max_size=8)))]
         if harm == "c":
             sent[0] = (sent[0][0], protect(sent[0][0], draw(st.binary(min_size=7, max_size=7))))
         if harm == "x":
@@ -125,6 +126,18 @@ def test_both_see_the_same_in_any_frames(
                 view = ours.leg(node, at_us * 1000)
                 assert theirs.look(node, at_us) == in_c_units(view)
                 assert not view.usable or (view.age_ns is not None and view.age_ns <= limits.max_age_ns)
+
+
+@pytest.mark.parametrize("flag", [EXTENDED, REMOTE, ERROR])
+def test_frames_of_other_kinds_are_not_ours(flag: int) -> None:
+    """An extended, a remote and an error frame whose lower bits are the id of a leg's force change nothing."""
+    can_id = FORCE_ID + 1
+    data = encode_force(1, 0, State.VALID, (0.1, -0.2, 0.5))
+    ours, theirs = Link(), CLink(LinkLimits())
+    assert ours.feed(can_id, data, 0) is theirs.feed(can_id, data, 0) is True
+    assert ours.feed(can_id | flag, data, 0) is theirs.feed(can_id | flag, data, 0) is False
+    header = (SOURCES / "footsense_can.h").read_text()
+    assert re.search(rf"#define FOOTSENSE_(EXTENDED|REMOTE|ERROR) 0x{flag:X}u", header)
 
 
 @given(st.integers(0, 8), st.integers(0, 16), st.integers(0, 5))
@@ -173,7 +186,7 @@ def test_both_take_the_same_events_and_none_twice(traffic: list[tuple[tuple[int,
     for (can_id, data), step_us in traffic:
         t_us += step_us
         event, out = ours.feed(can_id, data, 1000 * t_us), _CEvent()
-        frame = ctypes.c_uint16(can_id), data, ctypes.c_uint8(len(data))
+        frame = ctypes.c_uint32(can_id), data, ctypes.c_uint8(len(data))
         taken = take(state, *frame, ctypes.c_uint64(t_us), ctypes.byref(out))
         assert taken == (event is not None)
         if event is not None:
@@ -211,19 +224,19 @@ def test_the_example_in_the_readme_compiles(tmp_path: Path) -> None:
 def test_an_answer_ends_the_command_that_it_names() -> None:
     """Each command has its own counter; what answers nothing that is open, or is broken, ends nothing."""
     commands = PendingCommands(first_counter=14)
-    assert commands.encode(2, CommandKind.TARE, 0) == (0x202, encode_command(2, 14, CommandKind.TARE))
-    assert commands.encode(2, CommandKind.TARE, 10) == (0x202, encode_command(2, 0, CommandKind.TARE))
+    assert commands.encode(2, CommandKind.TARE, 0) == (0x112, encode_command(2, 14, CommandKind.TARE))
+    assert commands.encode(2, CommandKind.TARE, 10) == (0x112, encode_command(2, 0, CommandKind.TARE))
     answer = ANSWER.encode(Answer(2, 5, Result.LOADED, CommandKind.TARE, 0))
     broken = answer[:-1] + b"\x03"
     others = [
-        (0x583, answer),
-        (0x582, broken),
-        (0x702, b"\x05"),
-        (0x582, ANSWER.encode(Answer(2, 4, Result.DONE, 9, 0))),
+        (0x143, answer),
+        (0x142, broken),
+        (0x14A, b"\x05"),
+        (0x142, ANSWER.encode(Answer(2, 4, Result.DONE, 9, 0))),
     ]
     assert [commands.feed(*other, 20) for other in others] == [None] * 4
-    assert commands.feed(0x582, answer, 30) == CommandAnswer(2, CommandKind.TARE, Result.LOADED, 20)
-    assert commands.feed(0x582, answer, 40) is None
+    assert commands.feed(0x142, answer, 30) == CommandAnswer(2, CommandKind.TARE, Result.LOADED, 20)
+    assert commands.feed(0x142, answer, 40) is None
     assert commands.pop_overdue(50, 50) == []
     assert commands.pop_overdue(51, 50) == [(2, CommandKind.TARE)]
     assert commands.pop_overdue(99, 50) == []

@@ -34,15 +34,15 @@ from tests.support.can_robot import FakeClock
 LEGS = tuple(NODE_IDS)
 _SECOND_NS = 1_000_000_000
 
-any_ids = st.integers(0x200, 0x208) | st.integers(0, 0x7FF) | st.integers(0, 2**32 - 1)
+any_ids = st.integers(0x110, 0x118) | st.integers(0, 0x7FF) | st.integers(0, 2**32 - 1)
 commands = st.builds(
-    lambda node, counter, kind: pack_frame(0x200 + node, encode_command(node, counter, kind)),
+    lambda node, counter, kind: pack_frame(0x110 + node, encode_command(node, counter, kind)),
     st.integers(1, 6),
     st.integers(0, 14),
     st.sampled_from(CommandKind),
 )
 protected = st.builds(
-    lambda node, data: pack_frame(0x200 + node, protect(0x200 + node, data)),
+    lambda node, data: pack_frame(0x110 + node, protect(0x110 + node, data)),
     st.integers(1, 6),
     st.binary(max_size=7),
 )
@@ -79,7 +79,7 @@ def test_padding_of_a_frame_is_not_taken_for_its_kind() -> None:
     """A program on this computer may leave anything in the unused bytes; the frame behind it is still received."""
     there, here = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     wire = SocketWire(here)
-    stop = pack_frame(0x201, encode_command(1, 0, CommandKind.STOP))
+    stop = pack_frame(0x111, encode_command(1, 0, CommandKind.STOP))
     for _ in range(2):
         there.send(stop[:5] + b"\xff\xff\xff" + stop[8:])
     assert [unpack_frame(frame)[1] for frame in wire.receive()] == [stop[8:]] * 2
@@ -105,7 +105,7 @@ packable = nested(
     st.none() | st.booleans() | st.integers(-(2**63), 2**64 - 1) | st.floats() | st.binary(max_size=70)
 )
 _FIELDS = msgpack.unpackb(
-    pack_message(can.Message(arbitration_id=0x201, data=bytes(8), is_extended_id=False))
+    pack_message(can.Message(arbitration_id=0x111, data=bytes(8), is_extended_id=False))
 )
 messages = st.builds(
     lambda name, value, size: msgpack.packb({**_FIELDS, "dlc": size, "data": bytes(size), name: value}),

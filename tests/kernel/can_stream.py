@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from firmware_interface.can.codes import NODE_IDS, Cause, State
+from firmware_interface.can.crc8 import kind_and_node
 from firmware_interface.can.force import FORCE, FORCE_ID, Force
 from firmware_interface.can.reports import FAULT, FAULT_ID
 from footsense.frames import LEGS as HEXAPOD
@@ -42,7 +43,7 @@ class Frame(NamedTuple):
     @property
     def leg(self) -> str:
         """Leg that it is about; empty for none."""
-        return LEGS.get(self.can_id & 0x7F, "")
+        return LEGS.get(kind_and_node(self.can_id)[1], "")
 
     @property
     def force(self) -> Force | None:

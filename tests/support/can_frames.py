@@ -7,11 +7,14 @@ from firmware_interface.can.codes import State
 from firmware_interface.can.force import ForceQualityEncoder
 
 _NAN_N = (math.nan, math.nan, math.nan)
+_SIGMA_N = (0.01, 0.01, 0.01)
 
 
-def encode_force(node: int, counter: int, state: int, force_n: Sequence[float]) -> bytes:
+def encode_force(
+    node: int, counter: int, state: int, force_n: Sequence[float], sigma_n: Sequence[float] = _SIGMA_N
+) -> bytes:
     """Return the 8 data bytes of `Force`; arguments as in `Force`."""
-    force, _ = ForceQualityEncoder((node,)).encode(counter, 0, [0], [state], [force_n], [_NAN_N], [0], [0])
+    force, _ = ForceQualityEncoder((node,)).encode(counter, 0, [0], [state], [force_n], [sigma_n], [0], [0])
     return force[8:]
 
 

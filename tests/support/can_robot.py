@@ -111,7 +111,7 @@ class Robot:
         messages = list(iter(lambda: self.consumer.recv(timeout=0), None))
         return [m for m in messages if base is None or m.arbitration_id - base in NODE_IDS.values()]
 
-    def ask(self, data: bytes, can_id: int = 0x201) -> None:
+    def ask(self, data: bytes, can_id: int = 0x111) -> None:
         """Send a command frame."""
         self.consumer.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
 

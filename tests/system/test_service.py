@@ -9,6 +9,7 @@ from urllib.request import urlopen
 import can
 import pytest
 
+from firmware_interface.can.codes import NODE_IDS
 from tests.system.command import TIMEOUT_S, footsense, one_line_error, robot, serving
 from tests.system.daemon import running
 
@@ -57,9 +58,9 @@ def test_it_gets_ready_shows_metrics_and_stops_cleanly(tmp_path: Path, config: t
     heartbeats = {
         message.arbitration_id: bytes(message.data)
         for message in can.LogReader(tmp_path / "can.log")
-        if message.arbitration_id > 0x700
+        if message.arbitration_id - 0x148 in NODE_IDS.values()
     }
-    assert heartbeats == {0x701: b"\x04", 0x704: b"\x04"}
+    assert heartbeats == {0x149: b"\x04", 0x14C: b"\x04"}
     result = footsense("replay", tmp_path / "walk.mcap", "--check")
     assert (result.returncode, result.stderr) == (0, "")
 

@@ -52,7 +52,7 @@ def test_every_frame_decodes_with_plain_cantools_and_is_protected_right(
     for can_id, values in counters.items():
         assert all(b == (a + 1) % 15 for a, b in pairwise(values)), hex(can_id)
     for node in range(1, 7):
-        assert len(counters[0x180 + node]) == len(counters[0x280 + node]) == walk[1]["can"]["published"]
+        assert len(counters[0x108 + node]) == len(counters[0x118 + node]) == walk[1]["can"]["published"]
     assert 0.25 <= walk[1]["can"]["published"] / walk[1]["cycles"] < 0.3
     assert n_frames == walk[1]["can"]["sent"]
     assert walk[1]["can"]["dropped"] == 0

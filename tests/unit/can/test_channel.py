@@ -98,7 +98,7 @@ def test_an_interface_that_is_gone_is_opened_again_beside_the_loop(monkeypatch: 
     """While the kernel's lock is held for seconds, sending goes on and drops; then the interface is back."""
     wire, stats = SlowWire(), CanStatistics()
     channel = channel_on(wire, monkeypatch, stats)
-    frames = [pack_frame(0x181, bytes(8))]
+    frames = [pack_frame(0x109, bytes(8))]
     wire.gone = True
     for n in range(100):
         assert channel.send(frames, n * 10 * MS) == 0
@@ -118,7 +118,7 @@ def test_an_interface_that_is_down_keeps_its_socket(monkeypatch: pytest.MonkeyPa
     """Nothing is opened or closed for it, so that nothing waits; it is tried again until it is up."""
     wire, stats = SlowWire(), CanStatistics()
     channel = channel_on(wire, monkeypatch, stats)
-    frames = [pack_frame(0x181, bytes(8))]
+    frames = [pack_frame(0x109, bytes(8))]
     wire.error = errno.ENETDOWN
     for n in range(100):
         assert channel.send(frames, n * 10 * MS) == 0
@@ -152,7 +152,7 @@ def test_a_local_socket_commands_nothing_and_kills_nothing() -> None:
         other.send(can.Message(is_error_frame=True, arbitration_id=0x4, is_extended_id=True))
         other.send(
             can.Message(
-                arbitration_id=0x201, data=encode_command(1, 0, CommandKind.TARE), is_extended_id=False
+                arbitration_id=0x111, data=encode_command(1, 0, CommandKind.TARE), is_extended_id=False
             )
         )
         for _ in range(100):

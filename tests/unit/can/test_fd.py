@@ -26,11 +26,11 @@ def test_one_frame_has_the_forces_of_all_legs(request: pytest.FixtureRequest, tm
         robot.publish(n * 11 * MS, age_ns=12_300_000, flags=Flag.CONTACT, gait=gait_frame(n * 11 * MS, 6))
         messages = robot.heard()
         assert [m.is_fd and m.bitrate_switch for m in messages] == [
-            m.arbitration_id == 0x180 for m in messages
+            m.arbitration_id == FORCES_ID for m in messages
         ]
         (all_legs,) = (bytes(m.data) for m in messages if m.arbitration_id == FORCES_ID)
         assert not any(
-            m.arbitration_id - base in NODE_IDS.values() for m in messages for base in (0x180, 0x280)
+            m.arbitration_id - base in NODE_IDS.values() for m in messages for base in (0x108, 0x118)
         )
         forces = decode_forces(FORCES_ID, all_legs)
         assert not forces.all_in_air

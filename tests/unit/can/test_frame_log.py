@@ -65,7 +65,7 @@ def test_the_log_holds_what_was_sent_at_the_forces_time(
     elapsed_s = [m.timestamp - boot.timestamp for m in logged]
     assert elapsed_s == pytest.approx([m.timestamp - 1.0 for m in heard], abs=1e-5)
     assert bytes(boot.data + last.data) == bytes([NmtState.BOOT, NmtState.STOPPED])
-    assert suffix != ".log" or log_file.read_text().startswith(f"(1.000000) {request.node.nodeid} 701#")
+    assert suffix != ".log" or log_file.read_text().startswith(f"(1.000000) {request.node.nodeid} 149#")
 
 
 @pytest.mark.parametrize("name", ["walk.log", "walk.asc", "walk.blf"])
@@ -85,5 +85,5 @@ def test_a_full_disk_ends_the_log_and_not_the_forces(
         RecordingError, match=rf"{name} ended early: No space left on device; what was sent is not"
     ):
         robot.log.close()
-    assert decode_heartbeat(0x701, bytes(robot.heard(0x700)[-1].data))[:2] == (1, NmtState.STOPPED)
+    assert decode_heartbeat(0x149, bytes(robot.heard(0x148)[-1].data))[:2] == (1, NmtState.STOPPED)
     robot.consumer.shutdown()

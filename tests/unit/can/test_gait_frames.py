@@ -88,7 +88,7 @@ def test_a_client_takes_no_event_twice(robot: Robot) -> None:
     assert events.feed(*frame, 2 * MS) is None
     assert events.feed(frame[0], bytes(6), 3 * MS) is None
     assert events.n_wrong == 1
-    assert events.feed(0x181, bytes(8), 3 * MS) is None
+    assert events.feed(0x109, bytes(8), 3 * MS) is None
     assert events.feed(*frame, 2000 * MS) is not None
 
 

@@ -9,6 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from firmware_interface.can.codes import NODE_IDS
+from firmware_interface.can.crc8 import kind_and_node
+from firmware_interface.can.force import FORCE_ID, QUALITY_ID
 from firmware_interface.can.socketcan import unpack_frame
 from footsense.can.interface import Can
 from footsense.can.sink import CanSink
@@ -75,14 +77,15 @@ class CanWalk:
 
     def forces(self, node: int | None = None) -> list[Heard]:
         """Return the Force frames that were heard, of one node or of all."""
-        ids = {0x180 + n for n in ([node] if node else NODE_IDS.values())}
+        ids = {FORCE_ID + n for n in ([node] if node else NODE_IDS.values())}
         return [frame for frame in self.heard if frame.can_id in ids]
 
     @property
     def worst_wait_ms(self) -> float:
         """Longest that a Force or Quality was under way [ms]."""
         return max(
-            (h.wait_ns / MS for h in self.heard if h.can_id >> 7 in {0x180 >> 7, 0x280 >> 7}), default=0.0
+            (h.wait_ns / MS for h in self.heard if kind_and_node(h.can_id)[0] in {FORCE_ID, QUALITY_ID}),
+            default=0.0,
         )
 
 
@@ -100,7 +103,7 @@ def faults(draw: st.DrawFn) -> CanFault:
     span = {"at_s": at_s, "until_s": at_s + draw(lengths)}
     kind = draw(st.sampled_from([CanNoAck, CanBusOff, CanDown, CanQueueFull, CanTraffic]))
     if kind is CanTraffic:
-        can_id = draw(st.sampled_from([0x000, 0x183, 0x7FF]))
+        can_id = draw(st.sampled_from([0x000, 0x10B, 0x7FF]))
         return CanTraffic(can_id=can_id, rate_hz=draw(st.floats(1.0, 1800.0)), **span)
     if kind is CanDown:
         return CanDown(unplugged=draw(st.booleans()), **span)
@@ -166,11 +169,12 @@ def test_a_full_queue_costs_all_legs_the_same() -> None:
     assert walk.sink.stats.dropped > 0
     assert max(heard) - min(heard) <= 2
     qualities = {
-        (h.can_id & 0xF, h.data[1] & 0xF, h.t_ns // walk.period_ns)
+        (node, h.data[1] & 0xF, h.t_ns // walk.period_ns)
         for h in walk.heard
-        if h.can_id >> 4 == 0x28
+        for kind, node in [kind_and_node(h.can_id)]
+        if kind == QUALITY_ID
     }
-    forces = {(h.can_id & 0xF, h.data[1] & 0xF, h.t_ns // walk.period_ns) for h in walk.forces()}
+    forces = {(h.can_id - FORCE_ID, h.data[1] & 0xF, h.t_ns // walk.period_ns) for h in walk.forces()}
     assert len(forces - qualities) == 0
 
 

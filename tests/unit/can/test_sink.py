@@ -17,6 +17,7 @@ from firmware_interface.can.codes import (
     Result,
     State,
 )
+from firmware_interface.can.crc8 import kind_and_node
 from firmware_interface.can.force import FORCE, QUALITY
 from firmware_interface.can.reports import BASELINE, FAULT, decode_heartbeat
 from footsense.frames import LEGS, BaselineDrift, Command, CommandResult
@@ -50,10 +51,10 @@ def test_every_fourth_cycle_sends_forces_and_the_others_what_else_is_due(
     messages = robot.heard()
     sent_ms = {
         can_id: [round(m.timestamp * 1e3) for m in messages if m.arbitration_id == can_id]
-        for can_id in (0x181, 0x281, 0x701)
+        for can_id in (0x109, 0x119, 0x149)
     }
-    assert sent_ms == {0x181: list(range(2, 202, 4)), 0x281: list(range(2, 202, 4)), 0x701: [2, 200]}
-    counters = [FORCE.decode(0x181, bytes(m.data)).counter for m in messages if m.arbitration_id == 0x181]
+    assert sent_ms == {0x109: list(range(2, 202, 4)), 0x119: list(range(2, 202, 4)), 0x149: [2, 200]}
+    counters = [FORCE.decode(0x109, bytes(m.data)).counter for m in messages if m.arbitration_id == 0x109]
     assert counters == [n % 15 for n in range(50)]
     robot.close()
 
@@ -70,7 +71,7 @@ def test_a_change_is_sent_at_once(request: pytest.FixtureRequest, change: dict[s
         robot.heard()
         for n in range(at, at + 6):
             robot.publish(n * MS, **change)
-        assert [round(m.timestamp * 1e3) for m in robot.heard(0x180)] == [at, at + 4]
+        assert [round(m.timestamp * 1e3) for m in robot.heard(0x108)] == [at, at + 4]
         robot.close()
 
 
@@ -81,7 +82,7 @@ def test_changes_in_every_cycle_are_sent_with_every_other(request: pytest.Fixtur
         robot.publish(n * MS, fault_mask=n)
     robot.publish(20 * MS, fault_mask=20)
     robot.publish(21 * MS, fault_mask=20)
-    assert [round(m.timestamp * 1e3) for m in robot.heard(0x180)] == [0, *range(1, 22, 2)]
+    assert [round(m.timestamp * 1e3) for m in robot.heard(0x108)] == [0, *range(1, 22, 2)]
     robot.close()
 
 
@@ -89,11 +90,11 @@ def test_heartbeats_come_at_5_hz_and_missed_ones_are_not_made_up_for(robot: Robo
     """One each 200 ms by the clock; after a stall one, not a burst."""
     for t_ms in range(0, 1000, 20):
         robot.publish(t_ms * MS)
-    assert len(robot.heard(0x700)) == 5
+    assert len(robot.heard(0x148)) == 5
     robot.publish(5010 * MS)
     robot.publish(5190 * MS)
     robot.publish(5200 * MS)
-    assert [m.timestamp for m in robot.heard(0x700)] == [5.01, 5.2]
+    assert [m.timestamp for m in robot.heard(0x148)] == [5.01, 5.2]
 
 
 def test_heartbeats_tell_waiting_and_stopped_legs(robot: Robot) -> None:
@@ -101,8 +102,8 @@ def test_heartbeats_tell_waiting_and_stopped_legs(robot: Robot) -> None:
     waiting = {State.ABSENT, State.STARTING, State.CONVERTER_FAULT, State.NO_BASELINE, State.TARING}
     for number, state in enumerate(State):
         robot.publish(number * 200 * MS, state)
-        (beat,) = robot.heard(0x700)
-        assert decode_heartbeat(0x701, bytes(beat.data))[1] == (
+        (beat,) = robot.heard(0x148)
+        assert decode_heartbeat(0x149, bytes(beat.data))[1] == (
             NmtState.PRE_OPERATIONAL
             if state in waiting
             else NmtState.STOPPED
@@ -121,7 +122,7 @@ def test_a_change_is_reported_once(robot: Robot) -> None:
         (State.ELEMENT_FAULT, 6, Cause.COLUMN_OPEN),
     ):
         robot.publish(0, state, fault_mask=mask, cause=cause)
-    reports = [FAULT.decode(0x081, bytes(m.data)) for m in robot.heard(0x080)]
+    reports = [FAULT.decode(0x101, bytes(m.data)) for m in robot.heard(0x100)]
     assert reports == [
         (1, 0, State.VALID, State.STOPPED, 0, Cause.NONE),
         (1, 1, State.ELEMENT_FAULT, State.VALID, 4, Cause.ELEMENT_OPEN),
@@ -136,8 +137,8 @@ def test_what_does_not_fit_beside_the_forces_waits_for_the_next_scan(request: py
     kinds = []
     for scan in range(4):
         robot.publish(scan * 20 * MS)
-        kinds.append([m.arbitration_id & ~7 for m in robot.heard()][12:])
-    assert kinds == [[0x080] * 4, [0x080] * 2 + [0x700, 0x380], [0x700], []]
+        kinds.append([kind_and_node(m.arbitration_id)[0] for m in robot.heard()][12:])
+    assert kinds == [[0x100] * 4, [0x100] * 2 + [0x148, 0x128], [0x148], []]
     robot.close()
 
 
@@ -152,8 +153,8 @@ def test_each_fault_report_goes_out_once_whatever_part_of_a_scan_is_taken(
         wire.room = room if scan == 0 else 100
         robot.publish(scan * 20 * MS)
     robot.close()
-    reported = sorted(can_id for can_id, _ in wire.taken if can_id - 0x080 in NODE_IDS.values())
-    assert reported == [0x080 + NODE_IDS[leg] for leg in LEGS]
+    reported = sorted(can_id for can_id, _ in wire.taken if can_id - 0x100 in NODE_IDS.values())
+    assert reported == [0x100 + NODE_IDS[leg] for leg in LEGS]
 
 
 def test_each_leg_boots_before_anything_else(request: pytest.FixtureRequest) -> None:
@@ -161,7 +162,7 @@ def test_each_leg_boots_before_anything_else(request: pytest.FixtureRequest) -> 
     wire = NarrowWire()
     robot = Robot(request.node.nodeid, LEGS, wire=wire)
     robot.close()
-    assert wire.taken[:6] == [(0x700 + node, bytes([NmtState.BOOT])) for node in range(1, 7)]
+    assert wire.taken[:6] == [(0x148 + node, bytes([NmtState.BOOT])) for node in range(1, 7)]
 
 
 def test_the_tares_of_a_start_are_told_a_few_a_scan(request: pytest.FixtureRequest) -> None:
@@ -177,8 +178,8 @@ def test_the_tares_of_a_start_are_told_a_few_a_scan(request: pytest.FixtureReque
         robot.publish(scan * 20 * MS)
         events = robot.heard()[12:]
         assert len(events) <= 4
-        told += [m.arbitration_id for m in events if m.arbitration_id >> 7 == 0x580 >> 7]
-    assert sorted(told) == [0x580 + node for node in range(1, 7)]
+        told += [m.arbitration_id for m in events if kind_and_node(m.arbitration_id)[0] == 0x140]
+    assert sorted(told) == [0x140 + node for node in range(1, 7)]
     robot.close()
 
 
@@ -191,7 +192,7 @@ def test_the_baseline_is_sent_once_a_second(robot: Robot) -> None:
     )
     for t_ms in range(20, 2000, 20):
         robot.publish(t_ms * MS, baseline=baseline)
-    none, held = (BASELINE.decode(0x381, bytes(m.data)) for m in robot.heard(0x380))
+    none, held = (BASELINE.decode(0x129, bytes(m.data)) for m in robot.heard(0x128))
     assert (none.counter, none.status, none.age_ns) == (0, BaselineStatus.NONE, None)
     assert (held.counter, held.status, held.mean_pf, held.worst_pf) == (1, BaselineStatus.HELD, 0.01, -0.02)
     assert held.age_ns == 500 * MS
@@ -235,11 +236,11 @@ def test_a_full_channel_drops_frames_and_the_consumer_sees_the_gap(
     robot.publish(2 * MS)
     arrived = slow.recv(timeout=0)
     assert arrived is not None
-    assert FORCE.decode(0x181, bytes(arrived.data)).counter == 2
+    assert FORCE.decode(0x109, bytes(arrived.data)).counter == 2
     slow.shutdown()
     robot.close()
     counters = [
-        int(line.split("#")[1][3], 16) for line in log_file.read_text().splitlines() if " 181#" in line
+        int(line.split("#")[1][3], 16) for line in log_file.read_text().splitlines() if " 109#" in line
     ]
     assert counters == [0, 2]
 
@@ -250,7 +251,7 @@ def test_closing_says_stopped_for_every_leg_and_twice_is_once(request: pytest.Fi
     robot.publish(0, flags=Flag.DEGRADED_TIMING)
     robot.sink.close()
     robot.sink.close()
-    beats = [decode_heartbeat(m.arbitration_id, bytes(m.data)) for m in robot.heard(0x700)]
+    beats = [decode_heartbeat(m.arbitration_id, bytes(m.data)) for m in robot.heard(0x148)]
     assert beats == [
         (1, NmtState.OPERATIONAL, True),
         (1, NmtState.STOPPED, True),

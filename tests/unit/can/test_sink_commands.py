@@ -17,7 +17,7 @@ def test_a_command_arrives_and_its_answer_names_its_counter(robot: Robot) -> Non
     robot.sink.answer(CommandResult(command, Result.LOADED, ""))
     robot.sink.answer(CommandResult(command, Result.DONE, "the service's own tare"))
     robot.publish(20 * MS)
-    answers = [ANSWER.decode(m.arbitration_id, bytes(m.data)) for m in robot.heard(0x580)]
+    answers = [ANSWER.decode(m.arbitration_id, bytes(m.data)) for m in robot.heard(0x140)]
     assert answers == [
         (1, 0, Result.LOADED, CommandKind.TARE, 7),
         (1, 1, Result.DONE, CommandKind.TARE, UNSOLICITED_COUNTER),
@@ -33,7 +33,7 @@ def test_bad_and_repeated_commands_are_counted_and_ignored(robot: Robot) -> None
     robot.ask(good)
     assert robot.sink.commands() == [Command(CommandKind.STOP, 0)]
     assert (robot.sink.stats.received_commands, robot.sink.stats.rejected_commands) == (4, 3)
-    assert robot.heard(0x580) == []
+    assert robot.heard(0x140) == []
 
 
 def test_a_flood_of_commands_is_cut_to_ten_a_second(robot: Robot) -> None:
@@ -63,7 +63,7 @@ def test_whoever_asks_is_answered(robot: Robot) -> None:
     answers = []
     for kind in (CommandKind.STOP, CommandKind.STOP, CommandKind.TARE):
         robot.sink.answer(CommandResult(Command(kind, 0), Result.DONE, ""))
-        heard = [ANSWER.decode(m.arbitration_id, bytes(m.data)) for m in robot.heard(0x580)]
+        heard = [ANSWER.decode(m.arbitration_id, bytes(m.data)) for m in robot.heard(0x140)]
         answers.append([(answer.command_kind, answer.command_counter) for answer in heard])
     assert answers == [
         [(CommandKind.STOP, 3)],
@@ -83,22 +83,22 @@ def test_a_restarted_consumer_may_begin_with_the_same_counter(robot: Robot) -> N
 
 def test_an_unknown_command_is_refused_in_words(robot: Robot) -> None:
     """A whole frame that asks for nothing known gets the answer UNKNOWN."""
-    robot.ask(protect(0x201, bytes([5, 9, 0]) + b"zero"))
+    robot.ask(protect(0x111, bytes([5, 9, 0]) + b"zero"))
     assert robot.sink.commands() == []
-    answers = [ANSWER.decode(m.arbitration_id, bytes(m.data)) for m in robot.heard(0x580)]
+    answers = [ANSWER.decode(m.arbitration_id, bytes(m.data)) for m in robot.heard(0x140)]
     assert answers == [(1, 0, Result.UNKNOWN, 9, 5)]
-    robot.ask(protect(0x201, bytes([6, 9, 0]) + b"zero"))
+    robot.ask(protect(0x111, bytes([6, 9, 0]) + b"zero"))
     assert robot.sink.commands() == []
     assert robot.sink.stats.rejected_commands == 2
 
 
 def test_foreign_traffic_neither_hides_a_command_nor_piles_up(robot: Robot) -> None:
     """Frames of others are taken from the channel with the commands."""
-    for can_id in (0x123, 0x202, 0x7FF):
+    for can_id in (0x123, 0x112, 0x201, 0x7FF):
         robot.ask(b"foreign", can_id)
     tare = encode_command(1, 0, CommandKind.TARE)
-    robot.consumer.send(can.Message(arbitration_id=0x201, data=tare, is_extended_id=True))
-    robot.consumer.send(can.Message(arbitration_id=0x201, is_remote_frame=True, dlc=8, is_extended_id=False))
+    robot.consumer.send(can.Message(arbitration_id=0x111, data=tare, is_extended_id=True))
+    robot.consumer.send(can.Message(arbitration_id=0x111, is_remote_frame=True, dlc=8, is_extended_id=False))
     robot.consumer.send(can.Message(is_error_frame=True))
     robot.ask(tare)
     assert len(robot.sink.commands()) == 1

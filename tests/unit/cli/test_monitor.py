@@ -11,6 +11,7 @@ from click.testing import CliRunner
 from rich.console import Console
 
 from firmware_interface.can.codes import BaselineStatus, Cause, Flag, GaitEventKind, NmtState, Slip, State
+from firmware_interface.can.force import FORCE_ID
 from firmware_interface.can.gait import Gait, Ground
 from firmware_interface.can.reports import (
     BASELINE,
@@ -195,7 +196,7 @@ def test_reports_are_known_as_long_as_they_come() -> None:
     assert reports.leg(3, begin_ns + 3000 * MS + 1) == LegReport(fault)
     assert reports.feed(BASELINE_ID + 3, bytes(8), begin_ns)
     assert reports.feed(BASELINE_ID + 4, bytes(8), begin_ns)
-    assert not reports.feed(BASELINE_ID + 9, bytes(8), begin_ns)
+    assert not reports.feed(FORCE_ID + 3, bytes(8), begin_ns)
     assert reports.n_wrong == 2
 
 

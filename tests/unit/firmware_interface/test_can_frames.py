@@ -4,6 +4,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from firmware_interface.can.all_legs import FORCES_ID, decode_forces, encode_forces
 from firmware_interface.can.codes import USABLE, BaselineStatus, CommandKind, GaitEventKind, State
 from firmware_interface.can.commands import (
     COMMAND,
@@ -48,7 +49,7 @@ def test_no_force_leaves_under_a_state_that_forbids_it(
     state: State, force_n: tuple[float, float, float]
 ) -> None:
     """Whatever stands in the frame, a consumer sees no number unless the state is usable."""
-    decoded = FORCE.decode(0x181, encode_force(1, 0, state, force_n))
+    decoded = FORCE.decode(0x109, encode_force(1, 0, state, force_n))
     assert decoded.state == state
     assert all(math.isnan(component) for component in decoded.force_n)
 
@@ -56,10 +57,17 @@ def test_no_force_leaves_under_a_state_that_forbids_it(
 @pytest.mark.parametrize("state", sorted(USABLE))
 @pytest.mark.parametrize("hole", [math.nan, math.inf, -math.inf])
 def test_a_usable_force_with_a_hole_leaves_as_a_fault_without_numbers(hole: float, state: State) -> None:
-    """A consumer that looks at the state alone must read neither -32.768 N nor a load that nobody measured."""
-    decoded = FORCE.decode(0x181, encode_force(1, 0, state, (0.1, hole, 40.0)))
-    assert decoded.state == State.ELEMENT_FAULT
-    assert all(math.isnan(component) for component in decoded.force_n)
+    """A consumer that looks at the state alone must read neither -32.768 N nor a load that nobody measured.
+
+    The same holds for a sigma that is not known; one that is too large for its field is.
+    """
+    pairs = [((0.1, hole, 40.0), (0.1, 0.1, 0.1)), ((0.1, 0.2, 40.0), (0.1, 0.1, hole))]
+    for force_n, sigma_n in pairs[: 1 if hole == math.inf else 2]:
+        decoded = FORCE.decode(0x109, encode_force(1, 0, state, force_n, sigma_n))
+        of_all = encode_forces(FORCES_ID, 0, 1, [1], [1], [state], [force_n], [sigma_n], [0], [0])
+        for said in (decoded, decode_forces(FORCES_ID, of_all).legs[0][0]):
+            assert said.state == State.ELEMENT_FAULT
+            assert all(math.isnan(component) for component in said.force_n)
 
 
 @given(st.tuples(nodes, counters, st.integers(0, 7)), st.one_of(st.none(), st.integers()), masks, vectors)
@@ -126,13 +134,13 @@ def test_gait_numbers_are_limited_and_never_surer_than_they_were(
 ) -> None:
     """Any number leaves as one of its range, or as none; a sigma is rounded up."""
     event = GAIT_EVENT.decode(
-        0x301,
+        0x121,
         GAIT_EVENT.encode(GaitEventFrame(1, 0, GaitEventKind.TOUCHDOWN, age_ns, sigma, all_in_air=False)),
     )
     if age_ns is None or not 0 <= age_ns <= 6_553_400_000:
         assert event.age_ns is None or abs(event.age_ns - (age_ns or 0)) <= 50_000
     ground = GROUND.decode(
-        0x481, GROUND.encode(Ground(1, 0, (value, 0.0, value), sigma, value, sigma, value))
+        0x139, GROUND.encode(Ground(1, 0, (value, 0.0, value), sigma, value, sigma, value))
     )
     for said, true, step, most in (
         (event.sigma_s, sigma, 0.0002, 0.0508),
@@ -170,7 +178,7 @@ def test_legs_encoded_together_are_those_encoded_one_by_one(data: st.DataObject)
         nodes, legs, zip(together[::2], together[1::2], strict=True), strict=True
     ):
         age_ns = t_sent_ns - t_ns if t_ns else None
-        force = encode_force(node, counter, state, force_n)
+        force = encode_force(node, counter, state, force_n, sigma_n)
         quality = encode_quality(node, counter, flags, age_ns, mask, sigma_n)
         assert pair == (pack_frame(FORCE_ID + node, force), pack_frame(QUALITY_ID + node, quality))
         assert force == protect(FORCE_ID + node, force[1:])

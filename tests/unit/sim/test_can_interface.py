@@ -11,7 +11,7 @@ from footsense.sim.faults.scene_faults import CanBusOff, CanDown, CanFault, CanN
 from tests.support.can_robot import MS, FakeClock
 
 FRAME_NS = 270_000  # 135 bits at 500 kbit/s
-SCAN = [pack_frame(0x181 + n, bytes(8)) for n in range(12)]
+SCAN = [pack_frame(0x109 + n, bytes(8)) for n in range(12)]
 PLAIN = CanSettings(queue_frames=10, head_drop=False, one_shot=False, restart_ns=100 * MS)
 
 
@@ -39,7 +39,7 @@ def test_frames_take_their_bits_one_after_the_other() -> None:
     bench = Bench()
     bench.wire.send(SCAN, 0)
     bench.wait_until(MS * 100)
-    assert bench.heard == [((n + 1) * FRAME_NS, 0x181 + n) for n in range(12)]
+    assert bench.heard == [((n + 1) * FRAME_NS, 0x109 + n) for n in range(12)]
 
 
 def test_a_full_queue_refuses_the_newest_or_drops_the_oldest() -> None:
@@ -49,7 +49,7 @@ def test_a_full_queue_refuses_the_newest_or_drops_the_oldest() -> None:
     bench = Bench(settings=PLAIN._replace(head_drop=True))
     assert [bench.wire.send(SCAN, 0), bench.wire.send(SCAN, 0)] == [12, 12]
     bench.wait_until(MS * 100)
-    assert [can_id - 0x181 for _, can_id in bench.heard] == [0, 1, 2, *range(2, 12)]
+    assert [can_id - 0x109 for _, can_id in bench.heard] == [0, 1, 2, *range(2, 12)]
 
 
 def test_a_frame_that_nobody_acknowledges_is_sent_until_somebody_does_or_once() -> None:
