@@ -43,6 +43,9 @@ SCAN_FIELDS = {path: field for path, field in CYCLE_FIELDS.items() if path.start
 FORCE_FIELDS = {path: field for path, field in CYCLE_FIELDS.items() if path.startswith("forces.")}
 _AXES = ("fx_n", "fy_n", "fz_n")
 
+#: Time on the clock of a run [ns], of which a sum with the time since 1970 has 64 bits: within 36 years.
+_SentTime = Annotated[int, msgspec.Meta(ge=0, le=1 << 60)]
+_Int64 = Annotated[int, msgspec.Meta(ge=-(1 << 63), le=(1 << 63) - 1)]
 #: Time [ns] and bytes of a message.
 TimedMessage = tuple[int, bytes]
 
@@ -148,7 +151,7 @@ def decode_cycle(parts: defaultdict[str, list[bytes]], legs: Sequence[str], *, h
     scan, force = (_only(parts[topic]) for topic in (SCAN, FORCE))
     sequences = (msgspec.convert(message["sequence"], NonNegativeInt64) for message in (scan, force))
     scan_sequence, force_sequence = sequences
-    t_sent_ns = msgspec.convert(force["t_sent_ns"], NonNegativeInt64)
+    t_sent_ns = msgspec.convert(force["t_sent_ns"], _SentTime)
     arrays = _arrays(force, legs, FORCE_FIELDS)
     forces = frame_from_arrays(ContactFrame, arrays, sequence=force_sequence, t_sent_ns=t_sent_ns)
     if parts[GAIT]:
@@ -186,7 +189,7 @@ def _command(event: Mapping[str, Any], legs: Sequence[str]) -> Command:
 
 
 class _ReferenceSample(msgspec.Struct):
-    t_ns: Annotated[int, msgspec.Meta(ge=-(1 << 63), le=(1 << 63) - 1)]
+    t_ns: _Int64
     fx_n: float | None
     fy_n: float | None
     fz_n: float | None
@@ -211,7 +214,7 @@ class _GaitMessage(msgspec.Struct):
 class _GaitEventMessage(msgspec.Struct):
     kind: str
     leg: str
-    t_ns: int
+    t_ns: _Int64
     sigma_s: float
 
 

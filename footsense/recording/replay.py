@@ -8,14 +8,15 @@ byte.
 import os
 import struct
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import msgspec
 from mcap.exceptions import McapError
+from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, DataEnd, Header, Message, Metadata
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.stream_reader import StreamReader, get_chunk_data_stream
 from zstandard import ZstdError, frame_content_size
 
 from footsense.errors import RecordingError
@@ -25,8 +26,15 @@ from footsense.recording.mcap_writer import HEADER_CRC_KEY, MCAP_PROFILE, METADA
 from footsense.regular_file import open_regular
 from footsense.ring.records import LostCycles, NumberedCycle, legs_in_header, require_valid
 
-#: Largest chunk that is unpacked [bytes]; footsense's have 64 KiB.
-MAX_CHUNK_BYTES = 1 << 24
+#: Largest record that is read, and chunk that is unpacked [bytes]; footsense's chunks have 64 KiB.
+MAX_CHUNK_BYTES = 1 << 20
+#: Most records of a chunk that are read [1]; footsense's smallest messages fill one with a thousand.
+MAX_CHUNK_RECORDS = 4096
+#: Largest cycle that is read: its messages' bytes, and their number [1]. A record of the ring has room for 16 000
+#: samples of a reference.
+MAX_CYCLE_BYTES, MAX_CYCLE_MESSAGES = 1 << 22, 20_000
+#: Longest time from one cycle to the next [ns]: a day.
+MAX_GAP_NS = 86_400_000_000_000
 
 #: Errors of the libraries below on damaged bytes.
 _DAMAGE_ERRORS = (
@@ -128,7 +136,12 @@ class Replay:
         return (entry.cycle for entry in self.entries() if isinstance(entry, NumberedCycle))
 
 
-def _chunk_records(chunk: Any) -> list[Any]:  # noqa: ANN401 - the library is not typed
+def _chunk_records(chunk: Any) -> Iterator[Any]:  # noqa: ANN401 - the library is not typed
+    """Yield the channels and messages of a chunk.
+
+    Raises:
+        ValueError: It is larger than any that is written, or damaged.
+    """
     require_valid(chunk.uncompressed_crc != 0, "a chunk has no checksum")
     require_valid(chunk.uncompressed_size <= MAX_CHUNK_BYTES, "a chunk is larger than any that is written")
     # The library would allocate the size that the compressed data claim.
@@ -136,7 +149,18 @@ def _chunk_records(chunk: Any) -> list[Any]:  # noqa: ANN401 - the library is no
         chunk.compression == "zstd" and frame_content_size(chunk.data) == chunk.uncompressed_size,
         "a chunk is not packed as it says",
     )
-    return list(breakup_chunk(chunk, validate_crc=True))
+    stream, n_bytes = get_chunk_data_stream(chunk, validate_crc=True)
+    for _ in range(MAX_CHUNK_RECORDS):
+        if stream.count >= n_bytes:
+            return
+        opcode, length = stream.read1(), stream.read8()
+        if opcode == Opcode.CHANNEL:
+            yield Channel.read(stream)
+        elif opcode == Opcode.MESSAGE:
+            yield Message.read(stream, length)
+        else:
+            stream.read(length)
+    require_valid(False, "a chunk has more records than any that is written")
 
 
 class _CycleAssembly:
@@ -158,14 +182,14 @@ class _CycleAssembly:
         self._expected = 0
         #: Messages of the cycle that is not complete yet, by topic, and their bytes.
         self._parts: defaultdict[str, list[bytes]] = defaultdict(list)
-        self._n_bytes = 0
+        self._n_bytes = self._n_messages = 0
         self._t_first_ns = 0
 
-    def entries_of(self, records: list[Any]) -> Iterator[NumberedCycle | LostCycles]:
+    def entries_of(self, records: Iterable[Any]) -> Iterator[NumberedCycle | LostCycles]:
         """Yield the cycles and losses that some records complete."""
         for record in records:
             if isinstance(record, Channel):
-                self._topics[record.id] = record.topic
+                self._topics[record.id] = record.topic if record.topic in messages.ENCODERS else ""
             elif isinstance(record, Message):
                 yield from self._add_message(self._topics[record.channel_id], record)
 
@@ -177,17 +201,23 @@ class _CycleAssembly:
             yield LostCycles(self._expected, message.log_time, n_lost)
             return
         self._n_bytes += len(message.data)
-        require_valid(self._n_bytes <= MAX_CHUNK_BYTES, "a cycle is larger than any that is written")
+        self._n_messages += 1
+        require_valid(
+            self._n_bytes <= MAX_CYCLE_BYTES and self._n_messages <= MAX_CYCLE_MESSAGES,
+            "a cycle is larger than any that is written",
+        )
         self._parts[topic].append(message.data)
         if topic == messages.FORCE:
             # Every cycle of a test stand's recording has a reference, possibly without samples.
             has_reference = messages.REFERENCE in self._topics.values()
             cycle = messages.decode_cycle(self._parts, self._legs, has_reference=has_reference)
             self._parts.clear()
-            self._n_bytes = 0
+            self._n_bytes = self._n_messages = 0
             if self.n_cycles == 0:
                 self._t_first_ns = cycle.forces.t_sent_ns
-            self.span_ns = cycle.forces.t_sent_ns - self._t_first_ns
+            span_ns = cycle.forces.t_sent_ns - self._t_first_ns
+            require_valid(0 <= span_ns - self.span_ns <= MAX_GAP_NS, "its time jumps")
+            self.span_ns = span_ns
             self.n_cycles += 1
             yield NumberedCycle(self._expected, cycle)
             self._expected += 1

@@ -5,6 +5,7 @@ None are written, so that the topics are played with ROS's own: reliable, volati
 """
 
 import shutil
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
@@ -54,6 +55,10 @@ def write_bag(replay: Replay, folder: Path) -> int:
                     n_cycles += 1
             except RecordingError as error:
                 damage = error
+            except struct.error:
+                damage = RecordingError(
+                    f"{replay.path}: a time after cycle {n_cycles} is none that ROS 2 can write"
+                )
         (partial / folder.name).rename(folder)
     except OSError as error:
         raise RecordingError(f"{folder}: cannot be written: {error.strerror}") from None

@@ -53,7 +53,9 @@ class RecordingSource:
         self.events = EventLog(self._replay.legs, _MAX_EVENTS)
         # Without a buffer: one thread writes, another reads.
         self._file = tempfile.TemporaryFile(buffering=0)  # noqa: SIM115 - goes with the source
-        self._places: list[tuple[int, int]] = []
+        #: Place and length of each second that has cycles, by its number.
+        self._places: dict[int, tuple[int, int]] = {}
+        self._number = 0
         self._second: list[tuple[float, Table]] = []
 
     def _closure_conversion(self) -> ClosureConversion:
@@ -83,24 +85,25 @@ class RecordingSource:
 
     def _add_cycle(self, cycle: Cycle) -> None:
         t_s = self.events.time_s(cycle.forces.t_sent_ns)
-        while math.floor(t_s) > len(self._places):
+        if math.floor(t_s) > self._number:
             self._store_second()
+            self._number = math.floor(t_s)
         self._second.append((t_s, self._tables.table(cycle, self._baselines.baseline_pf_after(cycle))))
         self._end_s = t_s
         self.events.add_cycle(cycle)
 
     def _store_second(self) -> None:
         times_s, tables = [t_s for t_s, _ in self._second], [table for _, table in self._second]
-        packed = zstandard.compress(encode_cycles(1 + len(self._places), times_s, tables), level=1)
+        packed = zstandard.compress(encode_cycles(1 + self._number, times_s, tables), level=1)
         place = self._file.tell()
         self._file.write(packed)
-        self._places.append((place, len(packed)))
+        self._places[self._number] = place, len(packed)
         self._second = []
 
     def encoded_second(self, number: int) -> list[bytes]:
         """Return the binary message of one second of the recording; an empty list if there is no such second."""
-        if not 0 <= number < len(self._places):
-            return []
+        if number not in self._places:  # a gap, or not read yet
+            return [encode_cycles(1 + number, [], [])] if 0 <= number < self._number else []
         place, length = self._places[number]
         return [zstandard.decompress(os.pread(self._file.fileno(), length, place))]
 
@@ -113,7 +116,7 @@ class RecordingSource:
         """Return how much has been read, as JSON values."""
         return {
             "problem": self._damage,
-            "end": self._end_s if self._done else float(len(self._places)),
+            "end": self._end_s if self._done else float(self._number),
             "done": self._done,
         }
 

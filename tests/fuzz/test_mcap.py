@@ -2,6 +2,7 @@
 
 import json
 import struct
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -139,12 +140,68 @@ def test_a_chunk_that_unpacks_to_gigabytes(file: Path, whole: bytes) -> None:
         assert says in line
 
 
-def with_chunk(whole: bytes, packed: bytes, declared: int) -> bytes:
-    """Return a recording whose first chunk is replaced."""
+def record(opcode: int, content: bytes) -> bytes:
+    return struct.pack("<BQ", opcode, len(content)) + content
+
+
+def channel(number: int, topic: str) -> bytes:
+    return record(4, struct.pack("<HHI", number, 0, len(topic)) + topic.encode() + struct.pack("<II", 0, 0))
+
+
+def message(channel_number: int, data: bytes) -> bytes:
+    return record(5, struct.pack("<HIQQ", channel_number, 0, 0, 0) + data)
+
+
+REFERENCE = channel(1, messages.REFERENCE)
+#: Chunks of few bytes that take much memory or time, how often each comes, and what is said of it.
+BOMBS = {
+    "spaces around a gait": (
+        [channel(1, messages.GAIT) + message(1, b" " * 1_000_000)],
+        100,
+        "a cycle is larger",
+    ),
+    "samples": ([REFERENCE + 4000 * message(1, b"{}")], 100, "a cycle is larger"),
+    "channels": ([40_000 * channel(1, "")], 1, "more records"),
+    "records of no kind": ([110_000 * record(0x80, b"")], 1, "more records"),
+    "topics": ((channel(n, f"{n}" * 180_000) for n in range(100, 600)), 1, "0 cycles are whole"),
+    "a chunk": ([bytes(2 << 20)], 1, "a chunk is larger"),
+}
+
+
+@pytest.mark.parametrize("kind", BOMBS)
+def test_a_few_bytes_do_not_take_memory(file: Path, whole: bytes, kind: str) -> None:
+    """However well they are packed: refused, in the memory that any recording may take."""
+    chunks, n, says = BOMBS[kind]
+    head, packed = whole[: first_chunk(whole)], []
+    for data in chunks:
+        compressed = zstandard.compress(data)
+        content = struct.pack("<QQQII", 0, 1, len(data), zlib.crc32(data), 4) + b"zstd"
+        packed.append(record(6, content + struct.pack("<Q", len(compressed)) + compressed))
+    file.write_bytes(head + n * b"".join(packed))
+    assert file.stat().st_size < 500_000
+    (line,) = judged_with_little_memory(100, file)
+    assert says in line
+
+
+def test_a_time_that_no_run_reaches_is_damage(file: Path) -> None:
+    """A clock that jumps by years, goes back, or stands where its sum with the time since 1970 has no 64 bits."""
+    for t_ns, n_whole in ((2**59, 3), (0, 3), (2**61, 3)):
+        late = [*CYCLES[:3], CYCLES[3]._replace(forces=CYCLES[3].forces._replace(t_sent_ns=t_ns))]
+        found, damage = read_until_damage(write(file, late))
+        assert (len(found), "3 cycles are whole" in str(damage)) == (n_whole, True)
+
+
+def first_chunk(whole: bytes) -> int:
+    """Return where the first chunk of a recording begins."""
     at = 8
     while whole[at] != 0x06:  # opcode, length, content
         at += 9 + struct.unpack_from("<Q", whole, at + 1)[0]
+    return at
+
+
+def with_chunk(whole: bytes, packed: bytes, declared: int) -> bytes:
+    """Return a recording whose first chunk is replaced."""
+    at = first_chunk(whole)
     name = b"zstd"
     content = struct.pack("<QQQII", 0, 1, declared, 0xDEADBEEF, len(name)) + name
-    content += struct.pack("<Q", len(packed)) + packed
-    return whole[:at] + b"\x06" + struct.pack("<Q", len(content)) + content
+    return whole[:at] + record(6, content + struct.pack("<Q", len(packed)) + packed)

@@ -15,6 +15,7 @@ from footsense.frames import USABLE, Cycle, State
 from footsense.recording.replay import Replay
 from footsense.ros2.bag import write_bag
 from footsense.ros2.messages import CONTACT, STORE
+from tests.support.cycles import write
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "measured_walk.mcap"
 
@@ -109,3 +110,16 @@ def test_what_is_whole_of_a_cut_recording_becomes_a_bag(tmp_path: Path) -> None:
         assert reader.message_count > 100
     with pytest.raises(RecordingError, match="exists and is not overwritten"):
         write_bag(Replay(cut), tmp_path / "bag")
+
+
+def test_a_time_that_ros_cannot_write_is_one_line(tmp_path: Path, cycles: list[Cycle]) -> None:
+    """Its seconds have 31 bits; what was before is in the bag."""
+    late = cycles[3]._replace(forces=cycles[3].forces._replace(t_sent_ns=cycles[2].forces.t_sent_ns + 10**13))
+    header = Replay(GOLDEN).header
+    limit_ns = 2**31 * 10**9 - cycles[2].forces.t_sent_ns - 10**9
+    path = write(
+        tmp_path / "late.mcap", [*cycles[:3], late], header={**header, "wall_offset_ns": str(limit_ns)}
+    )
+    with pytest.raises(RecordingError, match="a time after cycle 3 is none that ROS 2 can write"):
+        write_bag(Replay(path), tmp_path / "bag")
+    assert (tmp_path / "bag").exists()
