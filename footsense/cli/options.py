@@ -2,6 +2,7 @@
 
 import math
 import signal
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
@@ -87,13 +88,24 @@ def is_paced(*, simulated: bool, realtime: bool | None, live: bool) -> bool:
 
 
 class StopRequest:
-    """Flag `requested` that becomes true when SIGTERM or SIGINT arrives; creating it installs the signal handlers."""
+    """Whether SIGTERM or SIGINT has arrived; creating it installs the signal handlers.
+
+    Until somebody asks for the first time, a signal ends the process by itself, well: a start may wait for something.
+    """
 
     def __init__(self) -> None:
-        self.requested = False
+        self._is_asked = self._has_arrived = False
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, self._set_stop)
 
+    @property
+    def requested(self) -> bool:
+        """Whether a signal has arrived."""
+        self._is_asked = True
+        return self._has_arrived
+
     def _set_stop(self, number: int, frame: FrameType | None) -> None:
         del number, frame
-        self.requested = True
+        is_first, self._has_arrived = not self._has_arrived, True
+        if is_first and not self._is_asked:  # a second one does not disturb what the first one closes
+            sys.exit()

@@ -10,9 +10,13 @@ Source:
 
 import json
 import os
+import tempfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from typing import Self
 
+from mcap.data_stream import RecordBuilder
+from mcap.records import ChunkIndex
 from mcap.writer import CompressionType, Writer
 
 from footsense.recording import messages
@@ -59,6 +63,28 @@ class _UnbufferedFile:
         """Do nothing: there is no buffer."""
 
 
+class _ChunkIndices:
+    """Indices of the chunks, kept in a temporary file until the end: the library's list takes 80 MB an hour."""
+
+    def __init__(self) -> None:
+        self._file = tempfile.TemporaryFile(dir="/var/tmp")  # noqa: SIM115 - a disk; goes with the recording
+
+    def append(self, index: ChunkIndex) -> None:
+        builder = RecordBuilder()
+        index.write(builder)
+        self._file.write(builder.end())
+
+    def __iter__(self) -> Iterator[Self]:
+        """Yield what writes them all, as the library asks each."""
+        yield self
+
+    def write(self, builder: RecordBuilder) -> None:
+        with self._file:
+            self._file.seek(0)
+            while block := self._file.read(1 << 16):
+                builder.write(block)
+
+
 class McapFile:
     """MCAP file of a recording that is being written.
 
@@ -78,6 +104,7 @@ class McapFile:
         self._writer = Writer(
             self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD, enable_data_crcs=True
         )
+        self._writer._Writer__chunk_indices = _ChunkIndices()  # noqa: SLF001 - the library has no other way
         self._writer.start(profile=MCAP_PROFILE)
         self._writer.add_metadata(METADATA_NAME, {**header, HEADER_CRC_KEY: header_crc(header)})
         self._schemas = messages.topic_schemas(self._legs)

@@ -149,8 +149,8 @@ class Recorder:
         self._has_ended = True
         if failure := self._failure:
             raise RecordingError(
-                f"{self._path}: {failure}; {self.n_lost_cycles} of {self._ring.n_cycles} cycles are missing, "
-                f"the others are in {partial_path(self._path).name}"
+                f"{self._path}: {failure}; {self.n_lost_cycles} of {self._ring.n_cycles} cycles are missing"
+                + (f", the others are in {partial_path(self._path).name}" if self._last["n_cycles"] else "")
             )
 
 

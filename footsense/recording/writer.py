@@ -1,9 +1,10 @@
 """Child process that writes a recording from the ring: `python -m footsense.recording.writer FILE RING`.
 
 RING is the number of a descriptor of the ring. Standard output is the open `FILE.partial`, which is renamed to FILE at
-the end. Standard input is a pipe that ends when the service stops or is killed. Standard error gets a line of JSON for
-what has been read, and at last one for the whole. `footsense.recording.recorder` starts this process with SIGINT and
-SIGTERM blocked, so that it finishes the recording in each case.
+the end; without a cycle there is no recording, and the file is removed. Standard input is a pipe that ends when the
+service stops or is killed. Standard error gets a line of JSON for what has been read and written, and at last one for
+the whole. `footsense.recording.recorder` starts this process with SIGINT and SIGTERM blocked, so that it finishes the
+recording in each case.
 """
 
 import contextlib
@@ -16,6 +17,7 @@ from pathlib import Path
 from footsense.child_process import drop_realtime
 from footsense.errors import FootsenseError, RecordingError
 from footsense.recording.mcap_writer import McapFile
+from footsense.recording.recorder import partial_path
 from footsense.ring.cycle_reader import CycleReader
 from footsense.ring.records import LostCycles
 
@@ -35,6 +37,7 @@ def _write_until_end(file: McapFile, reader: CycleReader, alive: int, report: in
     end = select.poll()
     end.register(alive, 0)  # without events, poll still reports the end of the pipe
     n_read = n_lost = 0
+    told: dict[str, int] = {}
     while True:
         # Looked at first: what was written before the end is read after it.
         has_ended = end.poll(0 if n_read >= _MIN_BATCH_WITHOUT_PAUSE_BYTES else _READ_PERIOD_MS)
@@ -43,12 +46,14 @@ def _write_until_end(file: McapFile, reader: CycleReader, alive: int, report: in
             file.add_entry(entry)
             n_lost += entry.n_cycles if isinstance(entry, LostCycles) else 0
         n_read = reader.position - start
-        if n_read:
-            _report(report, position=reader.position, n_lost=n_lost)
-        elif has_ended:
-            return
-        else:
+        if not n_read:
+            if has_ended:
+                return
             file.flush()
+        state = {"position": reader.position, "n_lost": n_lost, "n_cycles": file.n_cycles}
+        if state != told:
+            _report(report, **state)
+            told = state
 
 
 def _remove_partial_suffix(path: Path) -> None:
@@ -59,7 +64,7 @@ def _remove_partial_suffix(path: Path) -> None:
     """
     if path.exists():
         raise RecordingError("it appeared in the meantime and is not overwritten")
-    path.with_name(path.name + ".partial").rename(path)
+    partial_path(path).rename(path)
 
 
 def main(path: Path, ring: int, alive: int = 0, fd: int = 1, report: int = 2) -> int:
@@ -73,7 +78,7 @@ def main(path: Path, ring: int, alive: int = 0, fd: int = 1, report: int = 2) ->
         report: Descriptor for the reports.
 
     Returns:
-        The exit code: 0 if the recording is complete and has its name.
+        The exit code: 0 if the recording is complete and has its name, or has no cycle.
     """
     drop_realtime()
     failure, file = "", None
@@ -85,11 +90,14 @@ def main(path: Path, ring: int, alive: int = 0, fd: int = 1, report: int = 2) ->
         _write_until_end(file, reader, alive, report)
         file.finish()
         os.fsync(fd)
-        _remove_partial_suffix(path)
+        if file.n_cycles:
+            _remove_partial_suffix(path)
     except OSError as error:
         failure = error.strerror or str(error)
     except FootsenseError as error:
         failure = str(error)
+    if file is None or not file.n_cycles:  # of a start that was refused, or ended
+        partial_path(path).unlink(missing_ok=True)
     os.set_blocking(report, True)
     _report(report, n_cycles=file.n_cycles if file else 0, failure=failure)
     return 1 if failure else 0

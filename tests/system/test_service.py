@@ -1,5 +1,6 @@
 """The daemon as systemd sees it: ready, alive, and cleanly gone; its metrics as Prometheus sees them."""
 
+import os
 import re
 import signal
 import socket
@@ -10,6 +11,8 @@ import can
 import pytest
 
 from firmware_interface.can.codes import NODE_IDS
+from footsense.recording.recorder import partial_path
+from footsense.recording.replay import Replay
 from tests.system.command import TIMEOUT_S, footsense, one_line_error, robot, serving
 from tests.system.daemon import running
 
@@ -63,6 +66,18 @@ def test_it_gets_ready_shows_metrics_and_stops_cleanly(tmp_path: Path, config: t
     assert heartbeats == {0x149: b"\x04", 0x14C: b"\x04"}
     result = footsense("replay", tmp_path / "walk.mcap", "--check")
     assert (result.returncode, result.stderr) == (0, "")
+
+
+def test_sigterm_during_the_start_ends_it(tmp_path: Path) -> None:
+    """Well, at once, and without a recording of nothing."""
+    path = tmp_path / "walk.mcap"
+    with running(tmp_path, "--config", robot(tmp_path), "--record", path) as daemon:
+        while not partial_path(path).exists() and not path.exists():
+            os.sched_yield()
+        code, _, errors = daemon.stop()
+    assert (code, errors) == (0, "")
+    assert not partial_path(path).exists()
+    assert not path.exists() or any(Replay(path))  # the test was slower than the start
 
 
 def test_a_metrics_port_in_use_costs_metrics_and_no_forces(config: tuple[Path, int]) -> None:

@@ -5,11 +5,13 @@ import os
 import signal
 import subprocess
 import sys
+import tracemalloc
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
 import pytest
+from mcap.reader import make_reader
 
 from footsense.errors import FootsenseError, RecordingError
 from footsense.recording.mcap_writer import McapFile
@@ -46,6 +48,51 @@ def test_a_recording_is_whole_and_then_named(tmp_path: Path, ring: CycleRing) ->
     assert (replay.header["scene"], replay.legs) == ("flat", LEGS)
     same_as_shown = [same(quick_cycle(number), one) for number, one in enumerate(replay)]
     assert same_as_shown == [True] * 1200
+
+
+def test_a_recording_without_a_cycle_leaves_no_file(tmp_path: Path, ring: CycleRing) -> None:
+    """As of a start that was refused or ended."""
+    Recorder(tmp_path / "walk.mcap", ring, waits=True).close()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_killed_writer_s_cycles_are_counted(tmp_path: Path, ring: CycleRing) -> None:
+    """Those that it had written are not among the missing."""
+    path = tmp_path / "walk.mcap"
+    recorder = Recorder(path, ring, waits=True)
+    for number in range(300):
+        ring.observe(quick_cycle(number))
+    while recorder._last["n_cycles"] < 300:
+        recorder._read_reports(blocking=True)
+    os.kill(recorder._writer.pid, signal.SIGKILL)
+    for number in range(300, 350):
+        ring.observe(quick_cycle(number))
+    with pytest.raises(RecordingError, match=r"was killed; 50 of 350 cycles are missing, the others are in"):
+        recorder.close()
+    assert len(read_until_damage(partial_path(path))[0]) == 300
+
+
+def test_a_recording_of_hours_takes_no_more_memory(tmp_path: Path) -> None:
+    """The index of its chunks is not kept in memory, and is in the file in the end."""
+    path = tmp_path / "walk.mcap"
+    with path.open("wb") as file:
+        recording = McapFile(file.fileno(), {"legs": ",".join(LEGS)})
+
+        def write(n_chunks: int) -> None:
+            for _ in range(n_chunks):
+                recording.add_entry(LostCycles(0, 0, 1))
+                recording.flush()
+
+        write(100)
+        tracemalloc.start()
+        write(2000)
+        assert tracemalloc.get_traced_memory()[0] < 100_000
+        tracemalloc.stop()
+        recording.finish()
+    with path.open("rb") as whole:
+        summary = make_reader(whole).get_summary()
+    assert summary is not None
+    assert len(summary.chunk_indexes) == 2100
 
 
 def test_what_was_cut_short_is_not_overwritten(tmp_path: Path, ring: CycleRing) -> None:
@@ -110,6 +157,7 @@ def test_a_writer_never_counts_a_cycle_that_a_crash_would_lose(tmp_path: Path) -
                 seen.add(recording.n_cycles)
                 read, _ = read_until_damage(path)
                 assert recording.n_cycles <= len(read) <= recording.n_cycles + 1
+        recording.finish()
     assert len(seen) > 2
 
 
