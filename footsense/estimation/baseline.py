@@ -264,7 +264,7 @@ class BaselineTracker:
         self, feet: MountedFeet, design: Capacitor, limits: EstimationLimits, sensitivity: Sensitivity
     ) -> None:
         self.unloaded = UnloadedFeet(feet, design, limits.tare, sensitivity)
-        self.tares = Tares(limits.tare, feet)
+        self.tares = Tares(limits.tare, feet, limits.scan_ns)
         self._n_per_rel, self._track = sensitivity.load_n_per_mean_closure, limits.track_baseline
         self._contact = partial(ContactDetector, limits.least_contact_n, limits.max_swing_rise_n_per_s)
         self.contacts = [self._contact() for _ in feet.names]
@@ -297,7 +297,7 @@ class BaselineTracker:
         tared_pf: dict[int, Vector] = {}
         results: tuple[CommandResult, ...] = ()
         if tares.in_progress:
-            tared_pf, results = tares.add(capacitance_pf, reading, t_ns, unusable)
+            tared_pf, results = tares.add(capacitance_pf, reading, t_ns, unusable, now_ns, self._tare_refusal)
             for leg, baseline_pf in tared_pf.items():
                 newest_ns = int(t_ns[leg].max())
                 unloaded.legs[leg].set_tared(baseline_pf, newest_ns)
@@ -307,6 +307,9 @@ class BaselineTracker:
         if now_ns >= unloaded.sigma_due_ns:
             unloaded.update_sigma(now_ns)
         return results
+
+    def _tare_refusal(self, leg: int) -> str | None:
+        return self.contacts[leg].refusal(CommandKind.TARE)
 
     def observe(
         self,

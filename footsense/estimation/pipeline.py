@@ -16,6 +16,7 @@ from footsense.estimation.leg_state import LegStateClassifier
 from footsense.estimation.missing_elements import Imputation, missing_sets_containing
 from footsense.estimation.network import STEADY_AGES_S, Readings, ReadingWindow
 from footsense.estimation.settings import EstimationLimits, MountedFeet, Sensitivity
+from footsense.estimation.tare import SETTLING_SCANS
 from footsense.foot.network_card import TrainedInputs
 from footsense.frames import (
     IS_USABLE_STATE,
@@ -31,9 +32,6 @@ from footsense.frames import (
     Vector,
 )
 from footsense.ports import Estimator, LoadEstimate, Window
-
-#: Scans after which a step of the load has passed through all readings that the network sees.
-_N_SETTLING_SCANS = 4
 
 
 class Pipeline:
@@ -71,7 +69,7 @@ class Pipeline:
         self._window = ReadingWindow(n_legs, limits.scan_ns)
         self._elements = ElementClassifier(feet, limits.range_end_pf)
         self._baselines = BaselineTracker(feet, design, limits, sensitivity)
-        self._consistency = ConsistencyTest(n_legs, self._imputation, _N_SETTLING_SCANS * limits.scan_ns)
+        self._consistency = ConsistencyTest(n_legs, self._imputation, SETTLING_SCANS * limits.scan_ns)
         self._legs = LegStateClassifier(
             trained, feet.gap_um, limits.max_age_ns, self._baselines, self._consistency
         )
@@ -93,7 +91,7 @@ class Pipeline:
         reason = self._baselines.contacts[command.leg].refusal(command.kind)
         if reason is not None:
             if is_tare:
-                tares.refused.add(command.leg)
+                tares.refuse(command.leg)
             return CommandResult(command, Result.LOADED, reason)
         if is_tare:
             tares.command(command.leg)

@@ -3,8 +3,12 @@
 A tare averages a window of scans. It is refused, with the numbers that decided it, if the readings move (the foot is
 not quiet) or differ from those of the free foot. Every tare is compared with the same expected readings, so that many
 small steps cannot lead into a load. Missing elements are left out; they have no baseline until they are back.
+
+Every tare ends: with a baseline, or with a refusal, at the latest after `MAX_WINDOWS` times the window and the time in
+which a reading settles. One that waited for as long as it takes would be done by itself, when nobody expects it.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +31,9 @@ from footsense.frames import (
 )
 from footsense.leg_words import SILENT_READINGS
 
+#: Time that a tare may take over that of its window [1], and scans in which a step has passed through the readings.
+MAX_WINDOWS = 3
+SETTLING_SCANS = 4
 #: Silence after which a baseline is discarded: the foot may have been swapped (a swap takes longer).
 _BASELINE_LOST_AFTER_SILENCE_NS = 250_000_000
 #: The same while a line of the leg's bus is stuck, which may be another leg's fault: a robot that stands would lose all
@@ -54,11 +61,15 @@ class TareWindow:
     Args:
         limits: Limits.
         unloaded_pf: Expected reading of the free foot [pF], shape (elements,).
+        scan_ns: Time of a scan [ns].
         foot: Name of the foot that `unloaded_pf` was measured on; empty where it is a design value.
     """
 
-    def __init__(self, limits: TareLimits, unloaded_pf: Vector, foot: str = "") -> None:
+    def __init__(self, limits: TareLimits, unloaded_pf: Vector, scan_ns: int, foot: str = "") -> None:
         self._limits = limits
+        self._longest_ns = (MAX_WINDOWS * limits.window_scans + SETTLING_SCANS) * scan_ns
+        self._started_ns = 0  # at the first frame
+        self._n_unsteady = np.zeros(ELEMENTS, np.int64)
         self._foot = foot
         self._unloaded_pf = unloaded_pf
         self._readings_pf: list[Vector] = []
@@ -71,32 +82,44 @@ class TareWindow:
         reading: Codes,
         t_ns: Stamps,
         unusable: Mask,
+        now_ns: int,
     ) -> TareResult | None:
-        """Add the leg's readings of one scan; return the result once there are enough scans, else None.
+        """Add the leg's readings of one scan; return the result once there are enough scans or too few, else None.
 
         Args:
             capacitance_pf: Readings without stray [pF], shape (elements,), NaN where there is none.
             reading: How each element answered, shape (elements,).
             t_ns: Stamp of each [ns], shape (elements,).
             unusable: Elements to leave out, shape (elements,).
+            now_ns: Current time [ns].
 
         Returns:
-            None while the window is not full. A frame counts if every element has been read anew since the one
-            before; a failed reading ends the tare at once.
+            None while the window is not full and has time. A frame counts if every element has been read anew since
+            the one before; a failed reading ends the tare at once.
         """
         if np.isin(reading, SILENT_READINGS).any():
             return TareResult(Result.ABSENT, "the leg does not answer")
         failed = np.flatnonzero((reading != Reading.OK) & ~unusable)
         if failed.size:
             return TareResult(Result.ELEMENT_FAULT, f"elements {_element_list_text(failed)} give no reading")
-        if not (np.isfinite(capacitance_pf) | unusable).all() or t_ns[~unusable].min() <= self._newest_ns:
+        self._started_ns = self._started_ns or now_ns
+        unsteady = ~(np.isfinite(capacitance_pf) | unusable)
+        if not unsteady.any() and t_ns[~unusable].min() > self._newest_ns:
+            self._newest_ns = int(t_ns.max())
+            self._left_out = self._left_out | unusable
+            self._readings_pf.append(capacitance_pf)
+            if len(self._readings_pf) == self._limits.window_scans:
+                return self._tare_result(np.stack(self._readings_pf))
+        self._n_unsteady += unsteady
+        if now_ns - self._started_ns < self._longest_ns:
             return None
-        self._newest_ns = int(t_ns.max())
-        self._left_out = self._left_out | unusable
-        self._readings_pf.append(capacitance_pf)
-        if len(self._readings_pf) < self._limits.window_scans:
-            return None
-        return self._tare_result(np.stack(self._readings_pf))
+        most = self._n_unsteady.max()
+        late = self._n_unsteady == most if most else ~unusable & (t_ns <= self._newest_ns)
+        return TareResult(
+            Result.ELEMENT_FAULT,
+            f"elements {_element_list_text(np.flatnonzero(late))} give no steady readings: "
+            f"{len(self._readings_pf)} of {self._limits.window_scans} scans in {self._longest_ns * 1e-9:.1f} s",
+        )
 
     def _tare_result(self, readings_pf: Vector) -> TareResult:
         """Return the result of a tare from the collected readings [pF], shape (scans, elements)."""
@@ -136,6 +159,7 @@ class Tares:
     Args:
         limits: Limits.
         feet: The feet.
+        scan_ns: Time of a scan [ns].
 
     Attributes:
         in_progress: Window of every tare in progress, by leg.
@@ -144,8 +168,8 @@ class Tares:
         heard_ns: Time at which each leg last answered [ns], shape (legs,).
     """
 
-    def __init__(self, limits: TareLimits, feet: MountedFeet) -> None:
-        self._limits, self._feet = limits, feet
+    def __init__(self, limits: TareLimits, feet: MountedFeet, scan_ns: int) -> None:
+        self._limits, self._feet, self._scan_ns = limits, feet, scan_ns
         self.heard_ns = np.zeros(len(feet.names), np.int64)
         self.untared = set(range(len(feet.names)))
         self.refused: set[int] = set()
@@ -159,9 +183,15 @@ class Tares:
         return {leg: State.NO_BASELINE if leg in self._refusals else State.TARING for leg in self.untared}
 
     def command(self, leg: int) -> None:
-        """Start a tare on command, unless one is in progress already."""
+        """Start a tare on command, unless one is in progress already: both then end together."""
         self.in_progress.setdefault(leg, self._new_window(leg))
         self._commanded.add(leg)
+
+    def refuse(self, leg: int) -> None:
+        """Refuse a tare of a leg with a baseline, and with it the one in progress: the refusal answers both."""
+        self.refused.add(leg)
+        self._commanded.discard(leg)
+        self.in_progress.pop(leg, None)
 
     def restart_silent_legs(self, reading: Codes, now_ns: int) -> list[int]:
         """Start a new tare of every leg silent for too long, whose baseline is to be discarded; return these legs.
@@ -183,17 +213,33 @@ class Tares:
         return lost
 
     def add(
-        self, capacitance_pf: Vector, reading: Codes, t_ns: Stamps, unusable: Mask
+        self,
+        capacitance_pf: Vector,
+        reading: Codes,
+        t_ns: Stamps,
+        unusable: Mask,
+        now_ns: int,
+        contact_refusal: Callable[[int], str | None],
     ) -> tuple[dict[int, Vector], tuple[CommandResult, ...]]:
         """Add a frame of all legs to the tares in progress; return new baselines by leg [pF], and the results.
 
         A tare without a command repeats a refusal silently, and waits silently for a leg that does not answer.
+
+        Args:
+            capacitance_pf: Readings without stray [pF], shape (legs, elements), NaN where there is none.
+            reading: How each element answered, same shape.
+            t_ns: Stamp of each [ns], same shape.
+            unusable: Elements to leave out, same shape.
+            now_ns: Current time [ns].
+            contact_refusal: Returns why a leg must not be tared now, as its foot is in contact; None if it may.
         """
         tared_pf, results = {}, []
         for leg, window in list(self.in_progress.items()):
-            tared = window.add(capacitance_pf[leg], reading[leg], t_ns[leg], unusable[leg])
+            tared = window.add(capacitance_pf[leg], reading[leg], t_ns[leg], unusable[leg], now_ns)
             if tared is None:
                 continue
+            if tared.baseline_pf is not None and (in_contact := contact_refusal(leg)):
+                tared = TareResult(Result.LOADED, in_contact)
             del self.in_progress[leg]
             commanded = leg in self._commanded
             self._commanded.discard(leg)
@@ -216,7 +262,7 @@ class Tares:
         return tared_pf, tuple(results)
 
     def _new_window(self, leg: int) -> TareWindow:
-        return TareWindow(self._limits, self._feet.unloaded_pf[leg], self._feet.names[leg])
+        return TareWindow(self._limits, self._feet.unloaded_pf[leg], self._scan_ns, self._feet.names[leg])
 
 
 def _element_list_text(elements: NDArray[np.intp]) -> str:

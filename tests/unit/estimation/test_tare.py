@@ -10,13 +10,14 @@ UNLOADED_PF = np.full(9, 5.4)
 LIMITS = TareLimits(window_scans=4, noise_limit_ff=5.0, unloaded_limit_rel=0.03)
 NONE = np.zeros(9, bool)
 OK = np.zeros(9, np.uint8)
+SCAN_NS = 25_000_000
 
 
 def tare(readings_pf: np.ndarray, missing: np.ndarray = NONE, foot: str = "") -> TareResult | None:
     """Return the tared over scans of these readings, shape (9,), one after the other."""
-    window = TareWindow(LIMITS, UNLOADED_PF, foot)
+    window = TareWindow(LIMITS, UNLOADED_PF, SCAN_NS, foot)
     for number in range(LIMITS.window_scans):
-        tared = window.add(readings_pf, OK, np.full(9, 1 + number), missing)
+        tared = window.add(readings_pf, OK, np.full(9, 1 + number), missing, 1 + number)
     return tared
 
 
@@ -43,16 +44,16 @@ def test_an_open_element_is_called_open_and_not_loaded() -> None:
 
 def test_a_frame_counts_once_every_element_has_been_read_anew() -> None:
     """Conversion by conversion it takes nine frames for one; what settles or was never read does not count."""
-    window = TareWindow(LIMITS, UNLOADED_PF)
-    assert window.add(UNLOADED_PF, OK, np.zeros(9, np.int64), NONE) is None
-    assert window.add(np.full(9, np.nan), OK, np.full(9, 1), NONE) is None
+    window = TareWindow(LIMITS, UNLOADED_PF, SCAN_NS)
+    assert window.add(UNLOADED_PF, OK, np.zeros(9, np.int64), NONE, 1) is None
+    assert window.add(np.full(9, np.nan), OK, np.full(9, 1), NONE, 1) is None
     stamps = np.zeros(9, np.int64)
     frames = 0
     tared = None
     while tared is None:
         stamps[frames % 9] = frames + 1
         frames += 1
-        tared = window.add(UNLOADED_PF, OK, stamps.copy(), NONE)
+        tared = window.add(UNLOADED_PF, OK, stamps.copy(), NONE, 1 + frames)
     assert (tared.result, frames) == (Result.DONE, 4 * 9)
 
 
@@ -61,11 +62,16 @@ def test_a_reading_that_fails_ends_it() -> None:
     for code, expected in ((Reading.NO_ANSWER, Result.ABSENT), (Reading.NOT_READY, Result.ELEMENT_FAULT)):
         reading = OK.copy()
         reading[[2, 3]] = code
-        tared = TareWindow(LIMITS, UNLOADED_PF).add(UNLOADED_PF, reading, np.ones(9, np.int64), NONE)
+        tared = TareWindow(LIMITS, UNLOADED_PF, SCAN_NS).add(
+            UNLOADED_PF, reading, np.ones(9, np.int64), NONE, 1
+        )
         assert tared is not None
         assert tared.result is expected
         reason = tared.reason
     assert reason == "elements 2, 3 give no reading"
     assert (
-        TareWindow(LIMITS, UNLOADED_PF).add(UNLOADED_PF, reading, np.ones(9, np.int64), reading != 0) is None
+        TareWindow(LIMITS, UNLOADED_PF, SCAN_NS).add(
+            UNLOADED_PF, reading, np.ones(9, np.int64), reading != 0, 1
+        )
+        is None
     )
