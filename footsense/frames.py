@@ -196,6 +196,7 @@ class ContactFrame(NamedTuple):
         fault_mask: Bit e set where element e is not usable, shape (legs,), uint16.
         cause: Cause of the state, shape (legs,), uint8 of `Cause`.
         flags: Notes on a usable force, shape (legs,), uint8 of `Flag`.
+        noise_ff: Noise of each leg's readings, measured while it runs [fF], shape (legs,).
         baseline: Status and drift of the baselines.
         gait: Gait semantics, ten times a second and with every event; None between, and in recordings from before them.
     """
@@ -209,6 +210,7 @@ class ContactFrame(NamedTuple):
     fault_mask: Annotated[NDArray[np.uint16], CycleField("<u2", max_code=(1 << ELEMENTS) - 1)]
     cause: Annotated[Codes, _code(Cause)]
     flags: Annotated[Codes, CycleField("u1", max_code=255)]
+    noise_ff: Annotated[Vector, _NUMBER]
     baseline: BaselineDrift
     gait: GaitFrame | None = None
 

@@ -107,6 +107,10 @@ CAUSE_WORDS = {
         "its converter cannot drive the rows", "a row line that is shorted or leaks to ground", "drive"
     ),
     Cause.CALIBRATION_STALE: Words(),
+    Cause.NOISY: Words(
+        "its readings are noisy",
+        "motor cables beside its cable, its shield, and what `footsense probe` shows with motors on",
+    ),
 }
 
 #: State and cause that a reading of a leg's chips gives the leg, the most severe last.

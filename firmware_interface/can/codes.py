@@ -63,6 +63,9 @@ class Cause(IntEnum):
     DELAYED = 14  #: the loop or the bus was delayed
     CANNOT_EXCITE = 15  #: the converter cannot drive the leg's rows: a short, or a leak to ground
     CALIBRATION_STALE = 16  #: reserved: nothing sends it
+    NOISY = (
+        17  #: the readings have more noise than a tare allows: the force is given, with a sigma that has it
+    )
 
 
 class BaselineStatus(IntEnum):

@@ -22,8 +22,8 @@ from operator import attrgetter
 import numpy as np
 
 from footsense.estimation.drift import UnloadedFeet
+from footsense.estimation.noise import ReadingNoise, SwingNoise
 from footsense.estimation.settings import MIN_SWING_RISE_N_PER_S, EstimationLimits, MountedFeet, Sensitivity
-from footsense.estimation.swing_noise import SwingNoise
 from footsense.estimation.tare import Tares
 from footsense.foot.capacitor import Capacitor
 from footsense.frames import BaselineStatus, Codes, CommandKind, CommandResult, Flag, Mask, Stamps, Vector
@@ -31,6 +31,10 @@ from footsense.frames import BaselineStatus, Codes, CommandKind, CommandResult, 
 #: A fall ends contact below this share of the mean load over the last second or so [1].
 _LIFT_OFF_SHARE_OF_RECENT_MEAN = 0.3
 _RECENT_LOAD_TIME_CONSTANT_S = 1.0
+
+#: So does a fall below this share of it [1] to a load that is steady for this time, and so many thresholds at most: all
+#: readings of the foot have shifted in its stance.
+_SHIFTED_SHARE_OF_RECENT_MEAN, _STEADY_NS, _MAX_SHIFT_THRESHOLDS = 0.15, 50_000_000, 2.0
 
 #: Largest creep that may remain after lift-off, over the mean load of the last minutes [1]. An assumption on the safe
 #: side: Prony series of PDMS add 2 to 5 % over minutes; no foot has been measured.
@@ -66,8 +70,6 @@ _HELD, _DRIFT_TOO_FAST = BaselineStatus.HELD, BaselineStatus.DRIFT_TOO_FAST
 
 def trimmed_means(closure_rel: Vector) -> list[float]:
     """Return each leg's mean gap closure [1], without the leg's largest and smallest closure.
-
-    In Python numbers: for six legs, numpy's calls take longer.
 
     Args:
         closure_rel: Closures over the gap [1], shape (legs, elements), NaN where there is none.
@@ -126,7 +128,8 @@ class ContactDetector:
         self.explained_by_drift = False
         self.swing_load_n = 0.0
         self._recent_n = 0.0
-        self._touched_ns = t_ns
+        self._touched_ns = self._steady_since_ns = t_ns
+        self._steady_n = 0.0
         self._peak_n = self._predicted_peak_n = 0.0
         self.noise.discard_pending(t_ns)
         self.predicted_noise.discard_pending(t_ns)
@@ -173,13 +176,13 @@ class ContactDetector:
                 load_n < _LIFT_OFF_SHARE_OF_RECENT_MEAN * self._recent_n
                 and load_n - max(swing_load_n, 0.0) < lift_n + self.drift_n
             )
-            if not (fallen or above_n < lift_n):
+            if not (above_n < lift_n or fallen or self._has_shifted(load_n, above_n, t_ns)):
                 self._loaded_ns = t_ns
             elif t_ns - self._loaded_ns >= _CONTACT_HOLD_NS:
                 self._end_contact(load_n, baseline_error_n, t_ns)
         elif self.raw:
             self.in_contact = True
-            self._touched_ns = self._loaded_ns = t_ns
+            self._touched_ns = self._loaded_ns = self._steady_since_ns = t_ns
             self._peak_n, self._predicted_peak_n = above_n, predicted_above_n
             noise.discard_pending(t_ns)
             predicted_noise.discard_pending(t_ns)
@@ -207,6 +210,16 @@ class ContactDetector:
         )
         self._creep_load_n += (pressing_n - self._creep_load_n) * (
             elapsed_s / (_CREEP_LOAD_TIME_CONSTANT_S + elapsed_s)
+        )
+
+    def _has_shifted(self, load_n: float, above_n: float, t_ns: int) -> bool:
+        """Return whether a load in contact is a shift of all readings, and the foot is in the air."""
+        if abs(load_n - self._steady_n) > 0.5 * self.noise.contact_n:
+            self._steady_n, self._steady_since_ns = load_n, t_ns
+        return (
+            t_ns - self._steady_since_ns >= _STEADY_NS
+            and load_n < _SHIFTED_SHARE_OF_RECENT_MEAN * self._recent_n
+            and above_n < _MAX_SHIFT_THRESHOLDS * self.noise.contact_n
         )
 
     def _end_contact(self, load_n: float, baseline_error_n: float, t_ns: int) -> None:
@@ -252,6 +265,7 @@ class BaselineTracker:
         design: The capacitors.
         limits: Limits of tare and contact, and whether baselines follow a foot in swing.
         sensitivity: Forces per closure.
+        noise: Noise of each leg's readings.
 
     Attributes:
         contacts: Contact of each leg.
@@ -261,9 +275,14 @@ class BaselineTracker:
     """
 
     def __init__(
-        self, feet: MountedFeet, design: Capacitor, limits: EstimationLimits, sensitivity: Sensitivity
+        self,
+        feet: MountedFeet,
+        design: Capacitor,
+        limits: EstimationLimits,
+        sensitivity: Sensitivity,
+        noise: ReadingNoise,
     ) -> None:
-        self.unloaded = UnloadedFeet(feet, design, limits.tare, sensitivity)
+        self.unloaded = UnloadedFeet(feet, design, limits.tare, sensitivity, noise)
         self.tares = Tares(limits.tare, feet, limits.scan_ns)
         self._n_per_rel, self._track = sensitivity.load_n_per_mean_closure, limits.track_baseline
         self._contact = partial(ContactDetector, limits.least_contact_n, limits.max_swing_rise_n_per_s)
@@ -336,7 +355,7 @@ class BaselineTracker:
         newest_ns = np.maximum.reduce(t_ns, axis=1).tolist()
         swung, swinging = self._swinging, []
         flags = []
-        n_per_rel, track = self._n_per_rel, self._track
+        n_per_rel = self._n_per_rel
         refused, untared = self.tares.refused, self.tares.untared
         legs = zip(
             self.unloaded.legs,
@@ -354,15 +373,10 @@ class BaselineTracker:
             flags.append(flag | _TARE_REFUSED if leg in refused else flag)
             if leg in untared:
                 continue
-            if in_contact or not (track and contact.in_swing):
-                held = _HELD
-            elif not contact.explained_by_drift:
-                held = _DRIFT_TOO_FAST
-            else:
+            if contact.in_swing:
                 swinging.append(leg)
-                continue
-            if leg in swung or baseline.status is not held:
-                baseline.pause_tracking(held)
+            elif leg in swung or baseline.status is not _HELD:
+                baseline.pause_tracking()
         self._swinging = swinging
         self._track_drift(capacitance_pf, t_ns, missing)
         if flags != self._flags:
@@ -377,7 +391,9 @@ class BaselineTracker:
                 baseline = self.unloaded.legs[leg]
                 # An element that is missing only for want of a baseline gets one.
                 ignored = missing[leg] & np.isfinite(baseline.baseline_pf)
-                moved |= baseline.track_drift(np.where(ignored, np.nan, capacitance_pf[leg]), t_ns[leg])
+                pf = np.where(ignored, np.nan, capacitance_pf[leg])
+                held = None if self.contacts[leg].explained_by_drift else _DRIFT_TOO_FAST
+                moved |= baseline.observe_swing(pf, t_ns[leg], held if self._track else _HELD)
         unloaded = self.unloaded
         if moved or list(map(_status_of, unloaded.legs)) != unloaded.drift.status.tolist():
             unloaded.update()

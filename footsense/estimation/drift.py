@@ -20,6 +20,7 @@ from operator import attrgetter
 
 import numpy as np
 
+from footsense.estimation.noise import ReadingNoise
 from footsense.estimation.settings import MountedFeet, Sensitivity, TareLimits
 from footsense.foot.capacitor import Capacitor
 from footsense.frames import BaselineDrift, BaselineStatus, Cause, Mask, Stamps, Vector
@@ -38,6 +39,10 @@ _READING_VARIANCE_PF2 = 1e-3**2
 _TARE_VARIANCE_PF2 = 0.2e-3**2
 #: Share of the newest step in the mean square of the steps, by which a quiet foot is recognised [1].
 _NEWEST_STEP_WEIGHT = 0.2
+#: Share of the newest scan in what the readings in swing differ from the baseline [1].
+_NEWEST_LEFT_WEIGHT = 0.4
+#: Noise at which a leg is no longer noisy, over the limit above which it is [1].
+_QUIET_AGAIN_REL = 0.7
 
 #: Largest distance of an element's drift from the mean of its leg's [pF]: all drift by 30 fF over 20 K, and elements
 #: differ in that by a fifth.
@@ -45,7 +50,9 @@ MAX_DRIFT_FROM_LEG_MEAN_PF = 20e-3
 #: Period of the baselines' uncertainty [ns]; in a tenth of a second they drift by a fifth of a fF.
 _SIGMA_UPDATE_PERIOD_NS = 100_000_000
 
-_values_of = attrgetter("baseline_pf", "variance_pf2", "updated_ns", "offset_pf", "moved_ns", "status")
+_values_of = attrgetter(
+    "baseline_pf", "variance_pf2", "updated_ns", "offset_pf", "moved_ns", "status", "left_pf"
+)
 
 
 def baseline_sigma_pf(variance_pf2: Vector | float, updated_ns: Stamps | int, now_ns: int) -> Vector:
@@ -75,6 +82,8 @@ class LegBaseline:
         status: State of the drift tracking.
         moved_ns: Time of the last tare or move [ns]; 0 without a baseline.
         offset_pf: Distance since the last tare, mean over the elements and worst element [pF]; NaN without a baseline.
+        left_pf: What the readings in swing differ from the baseline, shape (elements,) [pF]: more than drift explains,
+            such as a cable that has moved.
         variance_pf2: Variance at `updated_ns` [pF^2], NaN without a baseline.
         updated_ns: Time of the last filter step [ns].
     """
@@ -91,6 +100,7 @@ class LegBaseline:
         self.status = BaselineStatus.NONE
         self.moved_ns = 0
         self.offset_pf = (math.nan, math.nan)
+        self.left_pf = np.zeros_like(self._unloaded_pf)
         self.variance_pf2 = math.nan
         self.updated_ns = 0
         self._before: tuple[Vector, int] | None = None
@@ -102,25 +112,27 @@ class LegBaseline:
         self._tared_pf = self._anchor_pf = self.baseline_pf
         self.moved_ns = self.updated_ns = t_ns
         self.offset_pf = (0.0, 0.0)
+        self.left_pf = np.zeros_like(self._unloaded_pf)
         self.variance_pf2 = _TARE_VARIANCE_PF2
         self.pause_tracking()
 
-    def pause_tracking(self, reason: BaselineStatus = BaselineStatus.HELD) -> None:
-        """Pause drift tracking and leave the baseline unchanged; `reason` becomes the status."""
+    def pause_tracking(self) -> None:
+        """Pause drift tracking and leave the baseline unchanged."""
         self._before = None
-        self.status = reason
+        self.status = BaselineStatus.HELD
 
-    def track_drift(self, capacitance_pf: Vector, t_ns: Stamps) -> bool:
-        """Update the baseline from readings in swing, if drift and creep could explain them; return whether it did.
+    def observe_swing(self, capacitance_pf: Vector, t_ns: Stamps, held: BaselineStatus | None) -> bool:
+        """Compare readings in swing with the baseline, and let that follow them; return whether it did either.
 
         Nothing happens until every element has been read anew since the last call that counted.
 
         Args:
             capacitance_pf: Readings without stray [pF], shape (elements,), NaN where there is none to be used.
             t_ns: Stamp of each [ns], same shape.
+            held: Why the baseline does not follow them, its status then; None if it does.
 
         Returns:
-            Whether the baseline was updated.
+            Whether the baseline, or what is left of it, was updated.
         """
         newest_ns = int(t_ns.max())
         before, self._before = self._before, (capacitance_pf, newest_ns)
@@ -139,6 +151,13 @@ class LegBaseline:
         if not self._limits.is_quiet(self._step_pf2.max()):
             self.status = BaselineStatus.NOT_QUIET
             return False
+        left_pf = before_pf - self.baseline_pf
+        self.left_pf = self.left_pf + _NEWEST_LEFT_WEIGHT * np.where(
+            np.isfinite(left_pf), left_pf - self.left_pf, 0.0
+        )
+        if held is not None:
+            self.status = held
+            return True
         self.status = BaselineStatus.TRACKING
         self._update_baseline(before_pf, known, newest_ns)
         if np.isnan(self.baseline_pf).any():
@@ -199,6 +218,7 @@ class UnloadedFeet:
         design: The capacitors.
         limits: Limits of a tare.
         sensitivity: Forces per closure.
+        noise: Noise of each leg's readings, measured while it runs.
 
     Attributes:
         legs: Baseline of each leg; `update` has to follow a change.
@@ -208,18 +228,28 @@ class UnloadedFeet:
         untared_legs: Legs without any baseline, shape (legs,).
         untared_elements_of_tared_legs: Elements without a baseline on legs that have others, shape (legs, elements).
         complete: Whether every element of every leg has a baseline.
-        sigma_n: Standard deviation of each leg's force by its baseline [N], shape (legs, 3), NaN without one.
+        sigma_n: Standard deviation of each leg's force by its baseline, by what its readings in swing differ from that,
+            and by noise [N], shape (legs, 3), NaN without a baseline.
+        noise_ff: Noise of each leg's readings [fF], shape (legs,).
         max_errors_n: Largest error of each leg's load by its baseline [N].
         sigma_due_ns: Time from which both are to be updated [ns].
         drift: Published status and drift.
-        drift_cause: Cause of each leg by its drift, shape (legs,): ELEMENT_DRIFTS where an element drifts unlike the
-            others, else NONE.
+        cause: Cause of each leg whose force can be used, shape (legs,): ELEMENT_DRIFTS where an element drifts unlike
+            the others, NOISY where readings have more noise than a tare allows, else NONE.
     """
 
     def __init__(
-        self, feet: MountedFeet, design: Capacitor, limits: TareLimits, sensitivity: Sensitivity
+        self,
+        feet: MountedFeet,
+        design: Capacitor,
+        limits: TareLimits,
+        sensitivity: Sensitivity,
+        noise: ReadingNoise,
     ) -> None:
         self._design, self._gain_rel, self._sensitivity = design, feet.gain_rel, sensitivity
+        self._noise, self._limits = noise, limits
+        self.noise_ff = np.zeros(len(feet.names))
+        self._noisy: Mask = np.zeros(len(feet.names), bool)
         self.legs = [LegBaseline(leg_pf, limits) for leg_pf in feet.unloaded_pf]
         # Near the unloaded distance, where the error of a baseline matters.
         self._closure_per_pf = float(design.plate_distance_um(feet.unloaded_pf).mean()) / (
@@ -232,7 +262,7 @@ class UnloadedFeet:
     def update(self) -> None:
         """Derive the arrays from the baselines of the legs."""
         self.sigma_due_ns = 0
-        baseline_pf, variance_pf2, updated_ns, offset_pf, moved_ns, status = zip(
+        baseline_pf, variance_pf2, updated_ns, offset_pf, moved_ns, status, left_pf = zip(
             *map(_values_of, self.legs), strict=True
         )
         self.baseline_pf: Vector = np.array(baseline_pf)
@@ -248,19 +278,39 @@ class UnloadedFeet:
         self.drift = BaselineDrift(
             np.array(status, np.uint8), mean_pf, worst_pf, np.array(moved_ns, np.int64)
         )
-        apart = np.abs(worst_pf - mean_pf) > MAX_DRIFT_FROM_LEG_MEAN_PF
-        self.drift_cause = np.where(apart, np.uint8(Cause.ELEMENT_DRIFTS), np.uint8(Cause.NONE))
+        self._apart: Mask = np.abs(worst_pf - mean_pf) > MAX_DRIFT_FROM_LEG_MEAN_PF
+        self._set_cause()
+        per_load_n = self._closure_per_pf * np.tensordot(
+            np.array(left_pf), self._sensitivity.force_n_per_closure, (1, 1)
+        )
+        self._left_n = np.sqrt(np.square(per_load_n).mean(axis=1))
+
+    def _set_cause(self) -> None:
+        cause = np.where(self._noisy, np.uint8(Cause.NOISY), np.uint8(Cause.NONE))
+        self.cause = np.where(self._apart, np.uint8(Cause.ELEMENT_DRIFTS), cause)
 
     def update_sigma(self, now_ns: int) -> None:
-        """Set `sigma_n` and `max_errors_n` for the present tenth of a second."""
+        """Set `sigma_n`, `max_errors_n`, `noise_ff` and `cause` for the present tenth of a second."""
         # Of the coming period, which ends at a time that does not depend on the legs.
         self.sigma_due_ns = (now_ns // _SIGMA_UPDATE_PERIOD_NS + 1) * _SIGMA_UPDATE_PERIOD_NS
         sigma_pf = baseline_sigma_pf(self._variance_pf2, self._updated_ns, self.sigma_due_ns)
         n_per_pf = self._closure_per_pf * self._sensitivity.load_n_per_mean_closure
         self.max_errors_n = [n_per_pf * min(3.0 * sigma, MAX_DRIFT_PF) for sigma in sigma_pf.tolist()]
-        self.sigma_n = np.outer(
-            sigma_pf * self._closure_per_pf, self._sensitivity.force_sigma_n_per_baseline_error
+        noise_rel = np.sqrt(self._noise.variance_rel)
+        self.noise_ff = noise_rel / self._closure_per_pf * 1e3
+        shown_pf = self.noise_ff * 1e-3 / np.where(self._noisy, _QUIET_AGAIN_REL, 1.0)
+        noisy = ~self._limits.is_quiet(shown_pf * shown_pf)
+        if not np.array_equal(noisy, self._noisy):
+            self._noisy = noisy
+            self._set_cause()
+        by_baseline_n, by_noise_n = (
+            np.outer(*each)
+            for each in (
+                (sigma_pf * self._closure_per_pf, self._sensitivity.force_sigma_n_per_baseline_error),
+                (noise_rel, self._sensitivity.force_sigma_n_per_reading_noise),
+            )
         )
+        self.sigma_n = np.sqrt(by_baseline_n**2 + by_noise_n**2 + self._left_n**2)
 
 
 def _clip(values: Vector, low: Vector | float, high: Vector | float) -> Vector:

@@ -89,7 +89,7 @@ class LegStateClassifier:
             for kind, (worse, _) in STATE_AND_CAUSE_OF_READING.items():
                 state[(reading == kind).any(axis=1)] = worse
         state[self.stopped] = State.STOPPED
-        cause = baselines.unloaded.drift_cause.copy()
+        cause = baselines.unloaded.cause.copy()
         cause[state == State.SATURATED] = Cause.GAP_CLOSED
         cause[(excluded & ~stuck).any(axis=1)] = Cause.ELEMENT_DRIFTS
         cause[stuck.any(axis=1)] = Cause.ELEMENT_STUCK

@@ -242,24 +242,29 @@ class Network:
 
 
 def _jacobian_n(estimator: Estimator, n_rows: int, closure_rel: Vector) -> Vector:
-    """Return the derivative of the force by each element's closure [N], shape (9, rows, 3), by central differences.
+    """Return the derivative of the force by each reading's closure [N], shape (3, 9, 3), by central differences.
+
+    The first axis has the readings of an element, newest first.
 
     Args:
         estimator: The network.
         n_rows: Rows that it estimates at once.
         closure_rel: Closures over the gap at which it is taken [1], shape (elements,).
     """
-    n = len(closure_rel)
-    steps = _DIFFERENCE_STEP_REL * np.concatenate((np.eye(n), -np.eye(n)))
-    forces_n = np.array(
-        [estimator.estimate(steady_windows(np.tile(row, (n_rows, 1)))).force_n for row in closure_rel + steps]
-    )
-    slopes_n: Vector = (forces_n[:n] - forces_n[n:]) / (2 * _DIFFERENCE_STEP_REL)
+    steady = steady_windows(np.tile(closure_rel, (n_rows, 1)))
+    slopes_n: Vector = np.empty((READINGS, ELEMENTS, 3))
+    for at in np.ndindex(READINGS, ELEMENTS):
+        forces_n = []
+        for step_rel in (_DIFFERENCE_STEP_REL, -_DIFFERENCE_STEP_REL):
+            stepped_rel = steady.closure_rel.copy()
+            stepped_rel[:, *at] += step_rel
+            forces_n.append(estimator.estimate(steady._replace(closure_rel=stepped_rel)).force_n[0])
+        slopes_n[at] = (forces_n[0] - forces_n[1]) / (2 * _DIFFERENCE_STEP_REL)
     return slopes_n
 
 
 def sensitivity(estimator: Estimator, n_rows: int, moments: Vector) -> Sensitivity:
-    """Return the largest sensitivity over light and heavy loads, for even closures and for the principal pattern.
+    """Return the sensitivity at light and heavy loads, for even closures and for the principal pattern.
 
     Args:
         estimator: The network.
@@ -270,19 +275,26 @@ def sensitivity(estimator: Estimator, n_rows: int, moments: Vector) -> Sensitivi
     # The most common closure pattern: the principal component, its largest entry 1.
     stance_rel = np.abs(directions[:, axes.argmax()])
     stance_rel /= stance_rel.max()
-    errors_n = []
-    for level in _CLOSURE_LEVELS_REL:
-        for pattern in (stance_rel, np.ones(len(moments))):
-            slopes_n = _jacobian_n(estimator, n_rows, level * pattern)[:, 0]
-            errors_n.append(
-                np.hypot(slopes_n.sum(axis=0), _ASSUMED_UNEVEN_DRIFT_SHARE * np.linalg.norm(slopes_n, axis=0))
-            )
+    of_readings_n = np.array(
+        [
+            _jacobian_n(estimator, n_rows, level * pattern)
+            for level in _CLOSURE_LEVELS_REL
+            for pattern in (stance_rel, np.ones(len(moments)))
+        ]
+    )
+    of_elements_n = of_readings_n.sum(axis=1)
+    errors_n = np.hypot(
+        of_elements_n.sum(axis=1), _ASSUMED_UNEVEN_DRIFT_SHARE * np.linalg.norm(of_elements_n, axis=1)
+    )
     stance_rel = _CLOSURE_LEVELS_REL[-1] * stance_rel
     rows = np.tile(stance_rel, (n_rows, 1))
     force_n = estimator.estimate(steady_windows(rows)).force_n
     return Sensitivity(
         load_n_per_mean_closure=float(force_n[0, 2] / trimmed_means(stance_rel[None])[0]),
-        force_sigma_n_per_baseline_error=np.max(errors_n, axis=0),
+        force_sigma_n_per_baseline_error=errors_n.max(axis=0),
+        force_n_per_closure=of_elements_n,
+        # The mean over the loads: the network weighs the same noise up to six times more at one than at another.
+        force_sigma_n_per_reading_noise=np.sqrt((of_readings_n**2).sum(axis=(1, 2)).mean(axis=0)),
     )
 
 

@@ -15,6 +15,7 @@ from footsense.estimation.gait import GaitTracker
 from footsense.estimation.leg_state import LegStateClassifier
 from footsense.estimation.missing_elements import Imputation, missing_sets_containing
 from footsense.estimation.network import STEADY_AGES_S, Readings, ReadingWindow
+from footsense.estimation.noise import ReadingNoise
 from footsense.estimation.settings import EstimationLimits, MountedFeet, Sensitivity
 from footsense.estimation.tare import SETTLING_SCANS
 from footsense.foot.network_card import TrainedInputs
@@ -32,6 +33,9 @@ from footsense.frames import (
     Vector,
 )
 from footsense.ports import Estimator, LoadEstimate, Window
+
+#: Noise is measured in one of so many frames: a third of a scan of an I2C bus, whose frames have one new reading.
+_FRAMES_PER_NOISE_MEASUREMENT = 3
 
 
 class Pipeline:
@@ -68,7 +72,8 @@ class Pipeline:
         self._imputation = Imputation(trained.moments)
         self._window = ReadingWindow(n_legs, limits.scan_ns)
         self._elements = ElementClassifier(feet, limits.range_end_pf)
-        self._baselines = BaselineTracker(feet, design, limits, sensitivity)
+        self._noise = ReadingNoise(n_legs, trained.moments)
+        self._baselines = BaselineTracker(feet, design, limits, sensitivity, self._noise)
         self._consistency = ConsistencyTest(n_legs, self._imputation, SETTLING_SCANS * limits.scan_ns)
         self._legs = LegStateClassifier(
             trained, feet.gap_um, limits.max_age_ns, self._baselines, self._consistency
@@ -126,6 +131,8 @@ class Pipeline:
         results = baselines.process_tares(pf, scan.reading, scan.t_ns, elements.unusable, now_ns)
         readings = self._window.add(self._distance_pf / pf, scan.t_ns)
         missing = self._missing_before_test(elements)
+        if scan.sequence % _FRAMES_PER_NOISE_MEASUREMENT == 0:
+            self._noise.observe(readings.plate_distance_rel)
         closure_rel = baselines.unloaded.plate_distance_rel[:, None] - readings.plate_distance_rel
         measured_rel = closure_rel[:, 0]
         consistency = self._consistency.test(
@@ -136,7 +143,7 @@ class Pipeline:
         interrupted = self._no_leg
         if np.count_nonzero(readings.is_consecutive) < readings.is_consecutive.size:
             consistency, interrupted = _with_interrupted_readings_missing(consistency, readings)
-        state, fault_mask, cause = self._valid, self._no_fault, baselines.unloaded.drift_cause
+        state, fault_mask, cause = self._valid, self._no_fault, baselines.unloaded.cause
         healthy = self._are_healthy(elements, consistency, readings, measured_rel, now_ns)
         if not healthy:
             state, fault_mask, cause = self._legs.classify(
@@ -164,6 +171,7 @@ class Pipeline:
             fault_mask=fault_mask,
             flags=baselines.flags | self._flags,
             cause=cause,
+            noise_ff=baselines.unloaded.noise_ff,
             baseline=baselines.unloaded.drift,
             gait=gait,
         ), results

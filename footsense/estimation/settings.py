@@ -104,10 +104,16 @@ class Sensitivity(NamedTuple):
         load_n_per_mean_closure: Load along the leg over the trimmed mean of the closures [N].
         force_sigma_n_per_baseline_error: Standard deviation of each component of the force if every baseline is off by
             one gap, a fifth of that differing between the elements [N], shape (3,).
+        force_n_per_closure: Change of the force by each element's closure, at light and heavy loads [N], shape
+            (loads, elements, 3).
+        force_sigma_n_per_reading_noise: Standard deviation of each component of the force if every reading has noise of
+            one gap, independent of all others [N], shape (3,).
     """
 
     load_n_per_mean_closure: float
     force_sigma_n_per_baseline_error: Vector
+    force_n_per_closure: Vector
+    force_sigma_n_per_reading_noise: Vector
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -238,11 +238,12 @@ def _decode_gait(message: dict[str, Any], events: Sequence[bytes], legs: Sequenc
 def _arrays(
     message: Mapping[str, Any], legs: Sequence[str], fields: Mapping[str, CycleField]
 ) -> dict[str, NDArray[Any]]:
-    """Return the fields of all legs as arrays; null becomes NaN."""
+    """Return the fields of all legs as arrays; null, and a number that older recordings do not have, become NaN."""
     rows = [message[leg] for leg in legs]
     arrays = {}
     for path, field in fields.items():
-        values = [[row[key] for key in field.json_keys] for row in rows]
+        is_number = field.dtype == "<f8"
+        values = [[row.get(key) if is_number else row[key] for key in field.json_keys] for row in rows]
         if field.code_enum is not None:
             arrays[path] = np.array([field.code_enum[name] for (name,) in values], field.dtype)
         else:

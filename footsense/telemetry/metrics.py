@@ -38,7 +38,7 @@ _AGE_BUCKET_BOUNDS_S = (
     *(0.01, 0.012, 0.015, 0.02, 0.03, 0.05, 0.1, 0.2, 0.5),
 )
 _FAULTS = [state for state in State if state not in FAULT_FREE]
-_FARADS_PER_PF = 1e-12
+_FARADS_PER_PF, _FARADS_PER_FF = 1e-12, 1e-15
 
 
 class ServiceMetrics:
@@ -144,6 +144,8 @@ class ServiceMetrics:
         offset = "offset of the baseline since the last tare; NaN without one."
         yield codes("footsense_leg_state", "1 for the leg's state.", State, forces.state.tolist())
         yield codes("footsense_leg_phase", "1 for the leg's phase.", LegPhase, phases)
+        noise_f = forces.noise_ff * _FARADS_PER_FF
+        yield gauge("footsense_reading_noise_farads", "Noise of a leg's readings.", noise_f)
         yield codes("footsense_leg_cause", "1 for the cause of the state.", Cause, forces.cause.tolist())
         yield gauge("footsense_leg_contact", "1 while the foot is in contact with the ground.", touches)
         yield GaugeMetricFamily("footsense_degraded_timing", "1 without the scheduling asked for.", degraded)

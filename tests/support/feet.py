@@ -69,7 +69,12 @@ def pipeline(
             scan_ns=SCAN_NS,
             max_age_ns=MAX_AGE_NS,
         ),
-        Sensitivity(load_n_per_mean_closure=9.0, force_sigma_n_per_baseline_error=BASELINE_N),
+        Sensitivity(
+            load_n_per_mean_closure=9.0,
+            force_sigma_n_per_baseline_error=BASELINE_N,
+            force_n_per_closure=np.zeros((1, 9, 3)),
+            force_sigma_n_per_reading_noise=np.zeros(3),
+        ),
         Flag.SIMULATED,
     )
 

@@ -58,6 +58,7 @@ def contact_frame(
         fault_mask=codes("fault_mask", np.uint16),
         flags=codes("flags"),
         cause=codes("cause"),
+        noise_ff=codes("noise_ff", np.float64),
         baseline=baseline or BaselineDrift(codes("none"), nan, nan, codes("never", np.int64)),
         gait=gait,
     )

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.estimation.baseline import BaselineTracker
+from footsense.estimation.noise import ReadingNoise
 from footsense.estimation.settings import EstimationLimits, MountedFeet, Sensitivity, TareLimits
 from footsense.frames import ELEMENTS, CommandResult, Flag
 from tests.support.feet import DESIGN
@@ -20,7 +21,10 @@ NOISE_FF = 0.47
 #: Closures that 1 N makes on the elements, over the gap [1]; their trimmed mean is 0.4.
 PER_NEWTON = 0.4 * np.array([0.9, 1.05, 0.9, 1.05, 1.2, 1.05, 0.9, 1.05, 0.9])
 SENSITIVITY = Sensitivity(
-    load_n_per_mean_closure=2.5, force_sigma_n_per_baseline_error=np.array([1.0, 1.0, 2.7])
+    load_n_per_mean_closure=2.5,
+    force_sigma_n_per_baseline_error=np.array([1.0, 1.0, 2.7]),
+    force_n_per_closure=np.zeros((1, 9, 3)),
+    force_sigma_n_per_reading_noise=np.zeros(3),
 )
 #: What an even drift does to the force along the leg [mN/fF]; HARDWARE's 1.5 fF/K are 1 mN/K.
 MN_PER_FF = 0.66
@@ -58,6 +62,7 @@ class Standing:
                 track_baseline=track,
             ),
             SENSITIVITY,
+            ReadingNoise(n_legs, np.eye(ELEMENTS)),
         )
         self.outcomes: list[CommandResult] = []
         self.t_ns = 1_000_000_000

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from footsense.estimation.baseline import ContactDetector
-from footsense.estimation.swing_noise import SwingNoise
+from footsense.estimation.noise import SwingNoise
 from footsense.frames import CommandKind, Vector
 
 MS = 1_000_000

@@ -32,7 +32,9 @@ class Swinging:
     def read(self, offset_ff: float | np.ndarray, n: int = 1, passed_ns: int = S // 40) -> None:
         for _ in range(n):
             self.t_ns += passed_ns
-            self.baseline.track_drift(UNLOADED_PF + np.asarray(offset_ff) * 1e-3, np.full(9, self.t_ns))
+            self.baseline.observe_swing(
+                UNLOADED_PF + np.asarray(offset_ff) * 1e-3, np.full(9, self.t_ns), None
+            )
 
 
 @given(
@@ -94,7 +96,7 @@ def test_a_frame_counts_only_if_every_element_was_read_anew() -> None:
     for frame in range(27):
         stamps = stamps.copy()
         stamps[frame % 9] = foot.t_ns + (frame + 1) * 2_500_000
-        moved.append(foot.baseline.track_drift(UNLOADED_PF + 1e-3, stamps))
+        moved.append(foot.baseline.observe_swing(UNLOADED_PF + 1e-3, stamps, None))
     assert sum(moved) == 2
 
 

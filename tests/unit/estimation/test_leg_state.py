@@ -207,4 +207,4 @@ def test_an_element_that_drifts_apart_is_a_cause() -> None:
         drifts_ff[1, 1:] = 0.0
         for _ in range(4):
             feet.feed(0.0, drifts_ff, passed_s=2.5)
-    assert feet.tracker.unloaded.drift_cause.tolist() == [Cause.NONE, Cause.ELEMENT_DRIFTS]
+    assert feet.tracker.unloaded.cause.tolist() == [Cause.NONE, Cause.ELEMENT_DRIFTS]

@@ -1,0 +1,68 @@
+"""Noise of readings is measured while a foot moves; its motion is not taken for noise."""
+
+import numpy as np
+import pytest
+
+from footsense.estimation.noise import ReadingNoise
+from footsense.frames import ELEMENTS, Vector
+
+SCAN_S = 0.0225
+#: A foot whose loads move all closures, and three patterns beside that.
+_PATTERNS = np.linalg.qr(np.column_stack((np.ones(ELEMENTS), np.eye(ELEMENTS)[:, :8])))[0]
+MOMENTS = (_PATTERNS * np.array([1.0, 0.1, 0.1, 0.03, 0.01, 3e-3, 3e-3, 1e-3, 4e-4])) @ _PATTERNS.T
+NOISE_REL = 5e-3
+
+
+def measured_rel(load: Vector, noise_rel: Vector) -> Vector:
+    """Return the noise of one leg after each scan, whose common closure and noise are given scan by scan."""
+    random = np.random.default_rng(2)
+    readings = 1.3 - load[:, None] + noise_rel[:, None] * random.standard_normal((len(load), ELEMENTS))
+    noise, found = ReadingNoise(1, MOMENTS), []
+    for scan in range(2, len(load)):
+        window = readings[scan - 2 : scan + 1][::-1][None]
+        for _ in range(3):  # a frame has one new reading of each leg
+            noise.observe(window)
+        found.append(float(np.sqrt(noise.variance_rel[0])))
+    return np.array(found)
+
+
+def steps(n: int) -> Vector:
+    """Return the closures of steps of 1 s: half of it a stance that rises and falls within 0.1 s."""
+    phase = (np.arange(n) * SCAN_S) % 1.0
+    stance = np.clip(np.minimum(phase, 0.5 - phase) / 0.1, 0.0, 1.0)
+    closure_rel: Vector = 0.3 * stance * stance * (3.0 - 2.0 * stance)
+    return closure_rel
+
+
+@pytest.mark.parametrize("load", [np.full(400, 0.2), steps(400)], ids=["standing", "walking"])
+def test_white_noise_is_measured_standing_and_walking(load: Vector) -> None:
+    """Held at its largest of the last second: four scans of four patterns are off by a fifth, rms."""
+    found = measured_rel(load, np.full(400, NOISE_REL))[100:]
+    assert found.min() > 0.75 * NOISE_REL
+    assert found.max() < 2.2 * NOISE_REL
+
+
+def test_steps_are_no_noise() -> None:
+    quiet = 1e-4
+    assert measured_rel(steps(400), np.full(400, quiet)).max() < 3.0 * quiet
+
+
+def test_bursts_are_held_between_them_and_forgotten_after_them() -> None:
+    """Bursts of 0.15 s twice a second, for 4 s of 12."""
+    t_s = SCAN_S * np.arange(550)
+    bursts = (t_s % 0.5 < 0.15) & (t_s < 4.0)
+    found = measured_rel(np.zeros(550), np.where(bursts, NOISE_REL, 1e-4))
+    assert found[45:175].min() > 0.4 * NOISE_REL
+    assert found[-1] < 0.05 * NOISE_REL
+
+
+def test_a_leg_with_unread_elements_keeps_its_noise() -> None:
+    noise = ReadingNoise(2, MOMENTS)
+    window = np.random.default_rng(0).normal(1.0, NOISE_REL, (2, 3, ELEMENTS))
+    for _ in range(50):
+        noise.observe(window)
+    before = noise.variance_rel.copy()
+    window[1, 0, 4] = np.nan
+    noise.observe(window)
+    assert np.isfinite(noise.variance_rel).all()
+    assert noise.variance_rel[1] == pytest.approx(before[1], rel=0.02)
