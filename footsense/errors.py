@@ -21,6 +21,11 @@ systemd itself begin at 2, where `5` is NOTINSTALLED. A wrong command line ends 
 from importlib.util import find_spec
 
 
+def printable_line(text: str) -> str:
+    """Return a text as one line without control characters."""
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in " ".join(text.split()))
+
+
 class FootsenseError(Exception):
     """Base class of all expected errors; the message is one line of text for the user."""
 
@@ -28,8 +33,7 @@ class FootsenseError(Exception):
 
     def __str__(self) -> str:
         """Return the message as one line without control characters, safe to print on a terminal."""
-        line = " ".join(super().__str__().split())
-        return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in line)
+        return printable_line(super().__str__())
 
 
 class ConfigError(FootsenseError):

@@ -1,9 +1,10 @@
 """Header of a recording (configuration, scene, flags, network, calibrations): written by a run, read by a replay."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import msgspec
+import numpy as np
 
 from footsense import __version__
 from footsense.clock import wall_time_iso, wall_time_ns
@@ -11,7 +12,7 @@ from footsense.config import Config
 from footsense.daemon.estimation import mounted_feet
 from footsense.daemon.models import Models
 from footsense.errors import RecordingError
-from footsense.frames import Flag
+from footsense.frames import ELEMENTS, Flag
 from footsense.recording.machine import platform_versions
 from footsense.sim.scene import Scene
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 _CALIBRATIONS_KEY = "calibrations"
 #: Key of the parameters that convert readings into gap closures; older recordings lack it.
-CLOSURE_CONVERSION_KEY = "elements"
+_CLOSURE_CONVERSION_KEY = "elements"
 
 
 def recording_header(models: Models, scene: Scene | None, flags: Flag, now_ns: int) -> dict[str, str]:
@@ -41,7 +42,7 @@ def recording_header(models: Models, scene: Scene | None, flags: Flag, now_ns: i
         "feet": ",".join(f"{leg}={foot}" for leg, foot in config.feet.items()),
         _CALIBRATIONS_KEY: ",".join(hashes),
         **platform_versions(),
-        CLOSURE_CONVERSION_KEY: msgspec.json.encode(closure_conversion(models)).decode(),
+        _CLOSURE_CONVERSION_KEY: msgspec.json.encode(closure_conversion(models)).decode(),
     }
 
 
@@ -63,6 +64,22 @@ def closure_conversion(models: Models) -> ClosureConversion:
     feet = mounted_feet(models)
     distance_pf = feet.distance_times_capacitance_pf(models.network.card.trained_inputs.design)
     return ClosureConversion(feet.stray_pf.tolist(), distance_pf.tolist())
+
+
+def recorded_closure_conversion(header: Mapping[str, str], legs: Sequence[str]) -> ClosureConversion:
+    """Return the parameters in the header of a ring or recording.
+
+    Raises:
+        ValueError: It has none, or those of other legs.
+    """
+    try:
+        found = msgspec.json.decode(header[_CLOSURE_CONVERSION_KEY], type=ClosureConversion)
+    except KeyError:
+        raise ValueError("it does not tell how to compute closures") from None
+    for values in (found.stray_pf, found.distance_times_capacitance_pf):
+        if np.shape(values) != (len(legs), ELEMENTS):
+            raise ValueError("its elements are those of other legs")
+    return found
 
 
 def recorded_flags(recording: "Replay") -> int:

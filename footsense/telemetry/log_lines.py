@@ -16,6 +16,8 @@ import socket
 import stat
 from collections.abc import Callable
 
+from footsense.errors import printable_line
+
 #: Up to this length a pipe takes a line whole or not at all [bytes]. Source: pipe(7), PIPE_BUF.
 _PIPE_ATOMIC_WRITE_BYTES = 4096
 
@@ -78,8 +80,8 @@ def n_lost_log_lines() -> int:
 
 
 def _encoded_line(text: str) -> bytes:
-    """Return a text as one UTF-8 line of limited length."""
-    data = " ".join(text.splitlines()).encode(errors="backslashreplace")
+    """Return a text as one printable UTF-8 line of limited length, whoever wrote a part of it."""
+    data = printable_line(text).encode()
     return data[: _PIPE_ATOMIC_WRITE_BYTES // 2 - 1] + b"\n"
 
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
-from footsense.daemon.recording_header import CLOSURE_CONVERSION_KEY, ClosureConversion
+from footsense.daemon.recording_header import recorded_closure_conversion
 from footsense.errors import FootsenseError
 from footsense.frames import ELEMENTS, CanStatistics, Cycle
 from footsense.ring.cycle_reader import CycleReader
@@ -94,13 +94,15 @@ class LiveSource:
         """Open the ring of a service, if one runs."""
         try:
             reader = CycleReader(self._path)
-            conversion = msgspec.json.decode(reader.header[CLOSURE_CONVERSION_KEY], type=ClosureConversion)
-            self._scene = msgspec.json.decode(reader.header.get("scene") or "{}", type=dict[str, Any])
-        except (KeyError, msgspec.MsgspecError) as error:
-            self.problem = f"{reader.path}: its header is of another version of footsense ({error})"
-            return
         except FootsenseError as error:
             self.problem = "the service has ended" if self.service else f"no service runs: {error}"
+            return
+        try:
+            conversion = recorded_closure_conversion(reader.header, reader.legs)
+            self._scene = msgspec.json.decode(reader.header.get("scene") or "{}", type=dict[str, Any])
+        except (ValueError, RecursionError) as error:
+            reader.close()
+            self.problem = f"{reader.path}: its header is of another version of footsense ({error})"
             return
         self._reader, self.legs = reader, reader.legs
         self._tables = SignalTables(conversion)

@@ -50,7 +50,10 @@ def decode_request(message: str | bytes) -> Request:
     """
     if isinstance(message, bytes):
         raise ValueError("a binary message, and only text is meant")  # noqa: TRY004 - one error for all rubbish
-    return _decoder.decode(message)
+    try:
+        return _decoder.decode(message)
+    except RecursionError:
+        raise ValueError("a message nested without end") from None
 
 
 class PageSession:

@@ -8,11 +8,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 import zstandard
 
-from footsense.daemon.recording_header import CLOSURE_CONVERSION_KEY, ClosureConversion, recorded_config
+from footsense.daemon.recording_header import ClosureConversion, recorded_closure_conversion, recorded_config
 from footsense.errors import RecordingError
 from footsense.frames import ELEMENTS, CommandKind, Cycle, Result, Vector
 from footsense.recording.replay import Replay
@@ -61,11 +60,9 @@ class RecordingSource:
     def _closure_conversion(self) -> ClosureConversion:
         """Return the closure parameters from the header."""
         try:
-            return msgspec.json.decode(self._replay.header[CLOSURE_CONVERSION_KEY], type=ClosureConversion)
-        except (KeyError, msgspec.MsgspecError):
-            self._damage = (
-                "the closures of the gaps are unknown: the header does not tell how to compute them"
-            )
+            return recorded_closure_conversion(self._replay.header, self._replay.legs)
+        except ValueError as error:
+            self._damage = f"the closures of the gaps are unknown, by the header: {error}"
             unknown = np.full((len(self._replay.legs), ELEMENTS), np.nan).tolist()
             return ClosureConversion(unknown, unknown)
 

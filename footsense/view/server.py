@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 from websockets.asyncio.client import connect
 from websockets.asyncio.connection import Connection
 from websockets.asyncio.server import Server, ServerConnection, serve
+from websockets.datastructures import MultipleValuesError
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 from websockets.typing import Subprotocol
@@ -50,6 +51,8 @@ _WRITE_BUFFER_BYTES = 32_768
 _MAX_REQUEST_BYTES = 65_536
 #: Time in which a connection has to ask for something [s].
 _OPEN_TIMEOUT_S = 5.0
+#: Lines of the log about viewers, and characters that each quotes.
+_MAX_WARNINGS_PER_MINUTE, _MAX_WARNING_CHARACTERS = 10, 200
 #: WebSocket's close code for a message that breaks the rules.
 _CLOSE_CODE_POLICY_VIOLATION = 1008
 
@@ -78,6 +81,7 @@ class ViewServer:
         self._names = own_host_names()
         self._has_polled = asyncio.Condition()
         self._n_clients = 0
+        self._minute = self._n_warnings = 0
         self._foxglove: FoxgloveFeed | None = None
 
     @asynccontextmanager
@@ -148,6 +152,17 @@ class ViewServer:
     def _answer_http(self, connection: ServerConnection, request: Request) -> Response | None:
         """Return the HTTP response to a request: a file or a refusal; None to accept a WebSocket."""
         del connection
+        try:
+            return self._answer_headers(request)
+        except MultipleValuesError as error:
+            return text_response(HTTPStatus.BAD_REQUEST, f"the header {error.args[0]} comes more than once")
+
+    def _answer_headers(self, request: Request) -> Response | None:
+        """Return the response to a request, as `_answer_http`.
+
+        Raises:
+            MultipleValuesError: A header that decides comes more than once.
+        """
         host = request.headers.get("Host")
         if not is_own_host(host, self._names):
             return text_response(
@@ -156,7 +171,8 @@ class ViewServer:
             )
         if request.headers.get("Upgrade", "").lower() != "websocket":
             return file_response(self._files, request.path)
-        asked = {name.strip() for name in request.headers.get("Sec-WebSocket-Protocol", "").split(",")}
+        protocols = ",".join(request.headers.get_all("Sec-WebSocket-Protocol"))
+        asked = {name.strip() for name in protocols.split(",")}
         others = () if PAGE_PROTOCOL in asked else _FOXGLOVE_ORIGINS
         if not is_allowed_origin(request.headers.get("Origin"), host, others):
             return text_response(HTTPStatus.FORBIDDEN, "pages of other origins may not read this")
@@ -166,9 +182,18 @@ class ViewServer:
             )
         problem = self._foxglove_problem() if asked.intersection(FOXGLOVE_PROTOCOLS) else ""
         if problem:
-            _log.warning("no connection to Foxglove: %s", problem)
+            self._warn("no connection to Foxglove: %s", problem)
             return text_response(HTTPStatus.NOT_IMPLEMENTED, problem)
         return None
+
+    def _warn(self, text: str, why: str) -> None:
+        """Log what a viewer did, a few times a minute: whoever reaches the port can do it without end."""
+        minute = int(asyncio.get_running_loop().time() // 60)
+        if minute != self._minute:
+            self._minute, self._n_warnings = minute, 0
+        self._n_warnings += 1
+        if self._n_warnings <= _MAX_WARNINGS_PER_MINUTE:
+            _log.warning(text, why[:_MAX_WARNING_CHARACTERS])
 
     def _foxglove_problem(self) -> str:
         if isinstance(self.source, RecordingSource):
@@ -222,7 +247,7 @@ class ViewServer:
                 try:
                     answers = page.handle_message(text)
                 except ValueError as error:
-                    _log.warning("a viewer sent no message of its protocol, and was dismissed: %s", error)
+                    self._warn("a viewer sent no message of its protocol, and was dismissed: %s", str(error))
                     await connection.close(_CLOSE_CODE_POLICY_VIOLATION, "no message of this protocol")
                     return
                 for answer in answers:

@@ -9,7 +9,7 @@ from typing import Self
 import msgspec
 import numpy as np
 
-from footsense.daemon.recording_header import CLOSURE_CONVERSION_KEY, ClosureConversion
+from footsense.daemon.recording_header import ClosureConversion
 from footsense.frames import (
     BaselineDrift,
     BaselineStatus,
@@ -39,7 +39,7 @@ UNLOADED_PF, DISTANCE_PF = 5.387, 7.083
 _SHAPE = 6, 9
 HEADER = {
     "scene": '{"description": "six feet under a thumb"}',
-    CLOSURE_CONVERSION_KEY: msgspec.json.encode(
+    "elements": msgspec.json.encode(
         ClosureConversion(np.zeros(_SHAPE).tolist(), np.full(_SHAPE, DISTANCE_PF).tolist())
     ).decode(),
 }

@@ -61,6 +61,12 @@ def test_exporter_and_page_always_come_back_and_may_do_little(unit: Path, comman
     assert all(exporter[key] == service[key] for key in hardened - {"RestrictAddressFamilies"})
 
 
+def test_no_unit_takes_the_memory_of_the_robot() -> None:
+    """Each has a bound, the loop's the largest."""
+    bounds = [parsed(unit)["Service"]["MemoryMax"] for unit in (UNIT, EXPORTER, VIEW)]
+    assert bounds == ["512M", "256M", "256M"]
+
+
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd-analyze here")
 @pytest.mark.parametrize("unit", [UNIT, EXPORTER, VIEW])
 def test_systemd_has_no_complaint(tmp_path: Path, unit: Path) -> None:

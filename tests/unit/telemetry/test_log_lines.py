@@ -80,9 +80,9 @@ def test_a_record_is_one_line_whatever_it_says(ends: tuple[int, int]) -> None:
     reader, writer = ends
     log = NonBlockingLogHandler(writer)
     log.setFormatter(logging.Formatter("%(levelname)s: %(message)s"))
-    log.emit(record("a\nERROR: b"))
+    log.emit(record("a\nERROR: b\x1b[31m"))
     broken = record("leg %d")
     broken.args = ("lf",)
     log.emit(broken)
-    assert drained(reader) == [b"WARNING: a ERROR: b", b"WARNING: leg %d"]
+    assert drained(reader) == [b"WARNING: a ERROR: b\\x1b[31m", b"WARNING: leg %d"]
     log.close()

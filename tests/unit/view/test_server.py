@@ -18,7 +18,7 @@ from footsense.view.live import LiveSource
 from footsense.view.recorded import RecordingSource
 from footsense.view.server import MAX_CLIENTS, PAGE_PROTOCOL, ViewServer
 from footsense.view.signals import SIGNALS
-from tests.support.viewed_service import LEGS, TIMEOUT_S, ViewedService, run, served
+from tests.support.viewed_service import HEADER, LEGS, TIMEOUT_S, ViewedService, run, served
 
 GOLDEN = Path(__file__).parents[2] / "golden/measured_walk.mcap"
 COLUMN = {name: column for column, name in enumerate(SIGNALS)}
@@ -185,6 +185,7 @@ RUBBISH: list[str | bytes] = [
     b"\x00\xff",
     "x" * 100_000,
     "\N{SNOWMAN}" * 100,
+    '{"x": ' + "[" * 60_000,
 ]
 
 
@@ -207,6 +208,61 @@ def test_rubbish_ends_the_connection_and_nothing_else(
     lines = [record.getMessage() for record in caplog.records if record.name.startswith("footsense")]
     assert len(lines) == len(RUBBISH) - 1  # the longest is refused before it is read
     assert all("\n" not in line and "was dismissed" in line for line in lines)
+
+
+def test_rubbish_without_end_does_not_fill_the_log(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Ten lines a minute, and little of what is quoted."""
+
+    async def test() -> None:
+        async with served(tmp_path / "cycles") as host:
+            for _ in range(30):
+                async with page(host) as browser:
+                    await browser.send('{"type": "' + "x" * 60_000 + '"}')
+                    with pytest.raises(ConnectionClosed):
+                        await drain(browser)
+
+    run(test)
+    lines = [record.getMessage() for record in caplog.records if record.name.startswith("footsense")]
+    assert 0 < len(lines) <= 20  # a new minute may have begun
+    assert all(len(line) < 300 for line in lines)
+
+
+def test_a_doubled_header_is_refused_with_a_reason(tmp_path: Path) -> None:
+    """One of two hosts, or two origins, might be the right one; protocols may come in several."""
+
+    async def test() -> None:
+        async with served(tmp_path / "cycles") as host:
+            for name in ("Host", "Upgrade", "Origin"):
+                reader, writer = await asyncio.open_connection(*host.split(":"))
+                headers = ["Upgrade: websocket", f"Host: {host}", f"Origin: http://{host}", f"{name}: x"]
+                writer.write("\r\n".join(["GET / HTTP/1.1", *headers, "\r\n"]).encode())
+                answer = (await reader.read()).decode()
+                assert answer.startswith("HTTP/1.1 400 ")
+                assert f"the header {name} comes more than once" in answer
+                writer.close()
+            async with page(host, additional_headers={"Sec-WebSocket-Protocol": "other"}) as browser:
+                assert (await text_of(browser, "hello"))["mode"] == "live"
+
+    run(test)
+
+
+HEADERS_OF_OTHERS = {
+    "a scene without end": {**HEADER, "scene": '{"a":' * 100_000},
+    "no closures": {"scene": ""},
+    "closures of other legs": {**HEADER, "elements": '{"stray_pf": [[0.0]], "distance_pf": [[0.0]]}'},
+}
+
+
+@pytest.mark.parametrize("kind", HEADERS_OF_OTHERS)
+def test_a_ring_of_another_version_is_told_and_kept_open_by_nobody(tmp_path: Path, kind: str) -> None:
+    path = tmp_path / "cycles"
+    with ViewedService(path, HEADERS_OF_OTHERS[kind]):
+        live = LiveSource(path)
+        n_opened = len([*Path("/proc/self/fd").iterdir()])
+        for _ in range(3):
+            live.poll()
+            assert "its header is of another version of footsense" in live.problem
+        assert len([*Path("/proc/self/fd").iterdir()]) == n_opened
 
 
 def test_a_recording_comes_second_by_second(tmp_path: Path) -> None:
