@@ -67,8 +67,8 @@ def max_can_frame_bits(n_data: int) -> int:
 LONGEST_FRAME_BITS = max_can_frame_bits(8)
 
 #: Frames of a leg beside Force and Quality in a second, by their bytes of data: heartbeats (1), `Gait` (5), gait events
-#: of two steps with a slip each (6), `Ground` and `Baseline` (8).
-_OTHER_FRAMES_HZ_BY_DATA_BYTES = {1: 5, 5: 10, 6: 8, 8: 11}
+#: of two steps with a slip each (6), `Ground`, `Baseline` and `Identity` (8).
+_OTHER_FRAMES_HZ_BY_DATA_BYTES = {1: 5, 5: 10, 6: 8, 8: 12}
 
 
 #: The most bits of a CAN FD frame with 64 bytes of data: 22 before them, 133 stuff bits, stuff count and crc with their
@@ -86,7 +86,7 @@ def can_bits_per_s(n_legs: int, forces_hz: float, *, fd: bool = False) -> float:
 
     Example:
         >>> round(can_bits_per_s(6, 92.0)), round(can_bits_per_s(6, 92.0, fd=True))
-        (171720, 88184)
+        (172530, 88994)
     """
     others = sum(
         per_s * max_can_frame_bits(n_data) for n_data, per_s in _OTHER_FRAMES_HZ_BY_DATA_BYTES.items()

@@ -51,6 +51,12 @@ static int16_t i16(const uint8_t *bytes)
     return (int16_t)(value >= 0x8000 ? value - 0x10000 : value);
 }
 
+static int32_t force_of(const uint8_t *bytes)
+{
+    int16_t code = i16(bytes);
+    return code == INT16_MIN ? FOOTSENSE_NO_FORCE : code;
+}
+
 /* The bits behind the crc of a frame of 8 bytes. */
 static uint64_t bits_of(const uint8_t *data)
 {
@@ -70,7 +76,7 @@ bool footsense_decode_force(uint32_t id, const uint8_t *data, uint8_t len, foots
     out->counter = data[1] & 0x0Fu;
     out->state = data[1] >> 4;
     for (int axis = 0; axis < 3; axis++) {
-        out->force_mn[axis] = i16(data + 2 + 2 * axis);
+        out->force_mn[axis] = force_of(data + 2 + 2 * axis);
     }
     return true;
 }
@@ -152,7 +158,7 @@ bool footsense_decode_forces(uint32_t id, const uint8_t *data, uint8_t len, foot
         force->counter = quality->counter = data[2] & 0x0Fu;
         force->state = bits & 0x0Fu;
         for (int axis = 0; axis < 3; axis++) {
-            force->force_mn[axis] = i16(part + 4 + 2 * axis);
+            force->force_mn[axis] = force_of(part + 4 + 2 * axis);
             quality->sigma_mn[axis] = sigma_of(bits >> (axis < 2 ? 15 : 23), 8, 4);
         }
         quality->flags = (uint8_t)(common | (bits & 0x10u ? FOOTSENSE_CONTACT : 0)
@@ -275,6 +281,19 @@ bool footsense_decode_ground(uint32_t id, const uint8_t *data, uint8_t len, foot
     out->tangential_over_normal_permille = ratio(bits, 31, 0x1FFu);
     out->tangential_over_normal_sigma_permille = ratio(bits, 40, 0x3Fu);
     out->friction_permille = ratio(bits, 46, 0x1FFu);
+    return true;
+}
+
+bool footsense_decode_identity(uint32_t id, const uint8_t *data, uint8_t len, footsense_identity *out)
+{
+    if (!is_whole(id, data, len, FOOTSENSE_IDENTITY_ID, 8)) {
+        return false;
+    }
+    out->node = node_of(id, FOOTSENSE_IDENTITY_ID);
+    out->counter = data[1] & 0x0Fu;
+    out->version = data[2];
+    out->force_step_mn = data[3];
+    out->foot_type_hash = u16(data + 4) | (uint32_t)u16(data + 6) << 16;
     return true;
 }
 

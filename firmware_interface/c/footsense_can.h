@@ -27,6 +27,7 @@ extern "C" {
 #define FOOTSENSE_GROUND_ID 0x138u
 #define FOOTSENSE_ANSWER_ID 0x140u
 #define FOOTSENSE_HEARTBEAT_ID 0x148u
+#define FOOTSENSE_IDENTITY_ID 0x150u
 /* These stand alone. */
 #define FOOTSENSE_FORCES_ID 0x159u  /* nodes 1 to 6 in one frame of CAN FD */
 #define FOOTSENSE_FORCES4_ID 0x15Au /* nodes 7 and 8 in one frame of CAN FD */
@@ -36,6 +37,8 @@ extern "C" {
 #define FOOTSENSE_REMOTE 0x40000000u   /* a remote frame */
 #define FOOTSENSE_ERROR 0x20000000u    /* an error frame */
 
+#define FOOTSENSE_PROTOCOL_VERSION 2u /* of the frames that this file reads */
+
 #define FOOTSENSE_LEGS 8u /* that a robot may have */
 #define FOOTSENSE_FORCES_LEGS 6u /* in one frame of CAN FD */
 #define FOOTSENSE_FORCES_BYTES 64u
@@ -43,7 +46,7 @@ extern "C" {
 #define FOOTSENSE_COUNTER_PERIOD 15u /* counters run 0..14 */
 
 /* No value. None of these is ever a measurement. */
-#define FOOTSENSE_NO_FORCE INT16_MIN
+#define FOOTSENSE_NO_FORCE INT32_MIN
 #define FOOTSENSE_NO_SIGMA UINT16_MAX
 #define FOOTSENSE_NO_OFFSET INT32_MIN
 #define FOOTSENSE_NO_AGE UINT32_MAX
@@ -97,15 +100,15 @@ typedef struct {
     uint8_t node;
     uint8_t counter;
     uint8_t state;       /* enum footsense_state */
-    int16_t force_mn[3]; /* ground reaction on the foot, x forward, y left, z up the leg; FOOTSENSE_NO_FORCE */
-} footsense_force;
+    int32_t force_mn[3]; /* ground reaction on the foot, x forward, y left, z up the leg; FOOTSENSE_NO_FORCE; */
+} footsense_force;       /* times the force_step_mn of the leg's footsense_identity */
 
 typedef struct {
     uint8_t node;
     uint8_t counter;     /* equal to that of its force */
     uint8_t flags;       /* enum footsense_flag */
     uint16_t fault_mask; /* bit e: element e is not usable */
-    uint16_t sigma_mn[3]; /* standard deviation; 1020: or more; FOOTSENSE_NO_SIGMA */
+    uint16_t sigma_mn[3]; /* standard deviation; 1020: or more; FOOTSENSE_NO_SIGMA; times force_step_mn too */
     uint32_t age_us;     /* from the measurement to the send; FOOTSENSE_NO_AGE: unknown, or above 409.4 ms */
 } footsense_quality;
 
@@ -149,6 +152,15 @@ typedef struct {
     uint8_t state;        /* CANopen NMT state: 0 boot, 4 stopped, 5 operational, 127 pre-operational */
     bool degraded_timing; /* the service runs without the scheduling that it asked for */
 } footsense_heartbeat;
+
+/* What a consumer needs to read the forces of a leg; sent each second. Every version has this layout. */
+typedef struct {
+    uint8_t node;
+    uint8_t counter;
+    uint8_t version;         /* of all frames; FOOTSENSE_PROTOCOL_VERSION, or this file cannot read them */
+    uint8_t force_step_mn;   /* what a bit of a force stands for */
+    uint32_t foot_type_hash; /* first four bytes of the SHA-256 of the name of the foot type, the first the highest */
+} footsense_identity;
 
 typedef struct {
     uint8_t node;
@@ -197,6 +209,7 @@ bool footsense_decode_answer(uint32_t id, const uint8_t *data, uint8_t len, foot
 bool footsense_decode_gait_event(uint32_t id, const uint8_t *data, uint8_t len, footsense_gait_event *out);
 bool footsense_decode_gait(uint32_t id, const uint8_t *data, uint8_t len, footsense_gait *out);
 bool footsense_decode_ground(uint32_t id, const uint8_t *data, uint8_t len, footsense_ground *out);
+bool footsense_decode_identity(uint32_t id, const uint8_t *data, uint8_t len, footsense_identity *out);
 bool footsense_decode_heartbeat(uint32_t id, const uint8_t *data, uint8_t len, footsense_heartbeat *out);
 
 /* Writes the 8 bytes of a command and returns its CAN id, or 0 if node, counter or kind does not exist. Each

@@ -2,6 +2,9 @@
 
 #include <string.h>
 
+/* Shortest silence of a leg in which its service may have been started anew, with other feet. */
+static const uint32_t RESTART_US = 300000u;
+
 /* Whether more than `limit` has passed; a clock that ran backwards has run out. */
 static bool is_over(uint64_t now_us, uint64_t since_us, uint32_t limit_us)
 {
@@ -39,9 +42,30 @@ static void take_repeated(const footsense_link *link, footsense_leg *leg)
     }
 }
 
+static void take_identity(footsense_leg *leg, const footsense_identity *identity, uint64_t now_us)
+{
+    if (leg->identity.node != 0 && (identity->version != leg->identity.version
+                                    || identity->force_step_mn != leg->identity.force_step_mn)) {
+        distrust(leg, FOOTSENSE_LINK_STALE);
+    }
+    leg->identity = *identity;
+    leg->identity_us = now_us;
+}
+
+static bool is_known(const footsense_identity *identity)
+{
+    uint8_t step = identity->force_step_mn;
+    return identity->version == FOOTSENSE_PROTOCOL_VERSION
+           && (step == 1 || step == 2 || step == 5 || step == 10 || step == 20);
+}
+
 /* Both halves of a force are there. */
 static void take_force(const footsense_link *link, footsense_leg *leg, uint64_t now_us)
 {
+    if (leg->heard && is_over(now_us, leg->arrived_us, RESTART_US)
+        && is_over(now_us, leg->identity_us, RESTART_US)) {
+        leg->identity.node = 0;
+    }
     uint8_t delta = (uint8_t)((leg->next_counter + FOOTSENSE_COUNTER_PERIOD - leg->force.counter)
                               % FOOTSENSE_COUNTER_PERIOD);
     bool counts = true;
@@ -136,6 +160,13 @@ bool footsense_feed(footsense_link *link, uint32_t id, const uint8_t *data, uint
         feed_all(link, id, data, len, now_us);
         return true;
     }
+    if (id > FOOTSENSE_IDENTITY_ID && id <= FOOTSENSE_IDENTITY_ID + FOOTSENSE_LEGS) {
+        footsense_identity identity;
+        if (footsense_decode_identity(id, data, len, &identity)) {
+            take_identity(&link->legs[identity.node - 1u], &identity, now_us);
+        } /* or the next one comes in a second */
+        return true;
+    }
     bool is_force = id > FOOTSENSE_FORCE_ID && id <= FOOTSENSE_FORCE_ID + FOOTSENSE_LEGS;
     bool is_quality = id > FOOTSENSE_QUALITY_ID && id <= FOOTSENSE_QUALITY_ID + FOOTSENSE_LEGS;
     if (!is_force && !is_quality) {
@@ -172,7 +203,11 @@ static footsense_status status_of(const footsense_link *link, const footsense_le
     if (leg->status != FOOTSENSE_LINK_WRONG && has_force(leg->force.state) && is_too_old(link, leg, now_us)) {
         return FOOTSENSE_LINK_STALE;
     }
-    return leg->status;
+    if (leg->status == FOOTSENSE_LINK_STALE || leg->status == FOOTSENSE_LINK_WRONG
+        || (leg->identity.node != 0 && is_known(&leg->identity))) {
+        return leg->status;
+    }
+    return leg->identity.node != 0 ? FOOTSENSE_LINK_REFUSED : FOOTSENSE_LINK_UNKNOWN;
 }
 
 footsense_leg_force footsense_get_leg_force(const footsense_link *link, uint8_t node, uint64_t now_us)
@@ -200,8 +235,10 @@ footsense_leg_force footsense_get_leg_force(const footsense_link *link, uint8_t 
                       && leg->quality.sigma_mn[axis] != FOOTSENSE_NO_SIGMA;
     }
     if (view.usable) {
-        memcpy(view.force_mn, leg->force.force_mn, sizeof view.force_mn);
-        memcpy(view.sigma_mn, leg->quality.sigma_mn, sizeof view.sigma_mn);
+        for (int axis = 0; axis < 3; axis++) {
+            view.force_mn[axis] = leg->force.force_mn[axis] * leg->identity.force_step_mn;
+            view.sigma_mn[axis] = (uint16_t)(leg->quality.sigma_mn[axis] * leg->identity.force_step_mn);
+        }
         view.age_us = leg->quality.age_us + (uint32_t)(now_us - leg->arrived_us);
     }
     return view;

@@ -1,6 +1,6 @@
 /* Whether each leg's force may be used now. C99, no allocation, no floats, no clock of its own.
  *
- * Feed it every frame that arrives, and read a leg whenever you need a force. Each leg has one of five statuses:
+ * Feed it every frame that arrives, and read a leg whenever you need a force. Each leg has one of seven statuses:
  *
  *     OK        the last force is valid, in sequence, and young enough
  *     LOST      the same, but up to max_delta - 1 forces before it did not arrive
@@ -8,6 +8,8 @@
  *     WRONG     a frame failed its check (crc, length, counter, code, or a counter more than max_delta ahead), and
  *               fewer than min_good forces have come since
  *     STALE     no force for `timeout_us`, or fewer than min_good since then; or the force is older than `max_age_us`
+ *     UNKNOWN  in sequence, but no `Identity` has told their step and version yet, which it does each second
+ *     REFUSED       in sequence, but of a version or a step that this code does not know
  *
  *                    any frame fails its check, or more than max_delta ahead
  *          +----------------------------------------------------------------> WRONG --+
@@ -20,7 +22,8 @@
  * A force may be used in OK and LOST, if its state is VALID, or DEGRADED where you accept that. It has arrived when its
  * `Force` and the `Quality` of the same counter have, in either order: `Quality` has the age, without which a force may
  * be of any age. The age is that in `Quality` plus the time since the first of the two arrived. A `Force` with a state
- * that forbids its use ends the use of the last force at once.
+ * that forbids its use ends the use of the last force at once. A leg that was silent for 0.3 s may have been started
+ * anew, with other feet: its forces wait for the next `Identity`.
  */
 #ifndef FOOTSENSE_LINK_H
 #define FOOTSENSE_LINK_H
@@ -36,7 +39,9 @@ typedef enum {
     FOOTSENSE_LINK_OK = 1,
     FOOTSENSE_LINK_LOST = 2,
     FOOTSENSE_LINK_REPEATED = 3,
-    FOOTSENSE_LINK_WRONG = 4
+    FOOTSENSE_LINK_WRONG = 4,
+    FOOTSENSE_LINK_UNKNOWN = 5,
+    FOOTSENSE_LINK_REFUSED = 6
 } footsense_status;
 
 typedef struct {
@@ -57,8 +62,8 @@ typedef struct {
     uint8_t state;        /* enum footsense_state, as last reported */
     uint8_t flags;        /* enum footsense_flag */
     uint16_t fault_mask;
-    int16_t force_mn[3];  /* FOOTSENSE_NO_FORCE unless usable; times the step of feet above 32 N */
-    uint16_t sigma_mn[3]; /* FOOTSENSE_NO_SIGMA unless usable; likewise */
+    int32_t force_mn[3];  /* FOOTSENSE_NO_FORCE unless usable */
+    uint16_t sigma_mn[3]; /* FOOTSENSE_NO_SIGMA unless usable */
     uint32_t age_us;      /* of the measurement, now; FOOTSENSE_NO_AGE unless usable */
 } footsense_leg_force;
 
@@ -77,6 +82,8 @@ typedef struct {
     uint64_t wrong_us;
     uint8_t n_good;
     footsense_status status;
+    footsense_identity identity; /* node 0: none */
+    uint64_t identity_us;
 } footsense_leg;
 
 typedef struct {
@@ -87,9 +94,8 @@ typedef struct {
 /* Begins with every leg STALE. `limits` is copied. */
 void footsense_link_init(footsense_link *link, const footsense_limits *limits);
 
-/* Takes a frame of any id; returns whether it was a `Force` or `Quality` of a leg, or the
- * CAN FD frame of all legs, valid or not. `now_us` is the time
- * of arrival on a clock that does not step; 64 bits do not wrap. */
+/* Takes a frame of any id; returns whether it was a `Force`, `Quality` or `Identity` of a leg, or the CAN FD frame of all
+ * legs, valid or not. `now_us` is the time of arrival on a clock that does not step; 64 bits do not wrap. */
 bool footsense_feed(footsense_link *link, uint32_t id, const uint8_t *data, uint8_t len, uint64_t now_us);
 
 /* Force of the leg of `node`, 1..8, at `now_us`. Any other node is STALE and not usable. */

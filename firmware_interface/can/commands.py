@@ -88,6 +88,6 @@ def encode_command(node: int, counter: int, kind: CommandKind) -> bytes:
 
     Example:
         >>> encode_command(1, 0, CommandKind.TARE).hex(" ")
-        '98 00 01 00 7a 65 72 6f'
+        '67 00 01 00 7a 65 72 6f'
     """
     return COMMAND.encode(CommandFrame(node, counter, kind, COMMAND_WORDS[kind]))

@@ -36,7 +36,7 @@ class Force(NamedTuple):
     All three components are sent, with the state VALID or DEGRADED, or none: under any other state they are "no
     value", and a force with a component that is NaN or infinite, or without a sigma, is sent as ELEMENT_FAULT. A
     component above 32.767 N saturates there, which is not "no value". Of feet for larger forces every bit, of sigma
-    too, stands for `force_step_mn` times as much, on all frames of the robot.
+    too, stands for `force_step_mn` times as much, on all frames of the robot: the frame `Identity` tells it.
 
     Attributes:
         node: CAN node id of the leg, 1..8.
@@ -168,7 +168,7 @@ class ForceQualityEncoder:
             >>> legs = [0], [State.VALID], [(0.5, -0.25, 1.0)], [(0.01, 0.01, 0.02)], [Flag.SIMULATED], [0]
             >>> force, quality = ForceQualityEncoder([1]).encode(0, 12_300_000, *legs)
             >>> force[8:].hex(" ")
-            '9c 10 f4 01 06 ff e8 03'
+            '63 10 f4 01 06 ff e8 03'
         """
         frames = self._frames
         at = 8

@@ -1,6 +1,6 @@
-"""CAN frames `Fault` (fault report), `Heartbeat` and `Baseline` of a leg.
+"""CAN frames `Fault` (fault report), `Heartbeat`, `Baseline` and `Identity` of a leg.
 
-Fault report and baseline are protected as `crc8` describes; the heartbeat has the byte of CANopen's, and an id of ours.
+All but the heartbeat are protected as `crc8` describes; that has the byte of CANopen's, and an id of ours.
 A baseline that tracks temperature takes a force away from the consumer unseen: the bus carries its offset since the
 last tare, the time of its last move, and why it holds.
 
@@ -8,16 +8,22 @@ Source:
     CiA 301, heartbeat protocol.
 """
 
+from hashlib import sha256
 from typing import Annotated, NamedTuple
 
 from firmware_interface.can.codes import BaselineStatus, Cause, NmtState, State
 from firmware_interface.can.crc8 import FrameError, node_of
+from firmware_interface.can.force import FORCE_STEPS_MN
 from firmware_interface.can.signals import Age, Code, Codec, Number
 
 #: CAN ids are these plus the node id.
 FAULT_ID = 0x100
 HEARTBEAT_ID = 0x148
 BASELINE_ID = 0x128
+IDENTITY_ID = 0x150
+
+#: Version of the frames of this folder. Number 1 told no version, and had other ids.
+PROTOCOL_VERSION = 2
 
 
 class Fault(NamedTuple):
@@ -97,8 +103,50 @@ class Baseline(NamedTuple):
     age_ns: Annotated[int | None, Age(48, 16, 100_000_000, saturates=True)]
 
 
+class Identity(NamedTuple):
+    """Content of an `Identity` frame: what a consumer needs to read the leg's forces. Every version has this layout.
+
+    ::
+
+        byte    0        1          2         3        4 .. 7
+             +-------+----+-----+---------+--------+-------------+
+             | crc8  | 0  | cnt | version |  step  |  foot type  |
+             +-------+----+-----+---------+--------+-------------+
+                      7..4 3..0
+
+    Attributes:
+        node: CAN node id of the leg, 1..8.
+        counter: Sequence counter of the frame, 0..14.
+        version: Version of all frames, `PROTOCOL_VERSION`.
+        force_step_mn: What a bit of a force stands for [mN], and half of a bit of its sigma.
+        foot_type_hash: `foot_type_hash` of the foot's type.
+    """
+
+    node: int
+    counter: int
+    version: Annotated[int, Code(16, 8)]
+    force_step_mn: Annotated[int, Code(24, 8)]
+    foot_type_hash: Annotated[int, Code(32, 32)]
+
+    @property
+    def is_known(self) -> bool:
+        """Whether the decoders of this folder can read the leg's forces."""
+        return self.version == PROTOCOL_VERSION and self.force_step_mn in FORCE_STEPS_MN
+
+
 FAULT = Codec(FAULT_ID, Fault)
 BASELINE = Codec(BASELINE_ID, Baseline)
+IDENTITY = Codec(IDENTITY_ID, Identity)
+
+
+def foot_type_hash(foot_type: str) -> int:
+    """Return the number that stands for a foot type on CAN: the first four bytes of the SHA-256 of its name.
+
+    Example:
+        >>> f"{foot_type_hash('aoyagi-3x3'):08x}"
+        'abfbaaed'
+    """
+    return int.from_bytes(sha256(foot_type.encode()).digest()[:4], "big")
 
 
 def encode_heartbeat(state: NmtState, *, degraded_timing: bool = False) -> bytes:

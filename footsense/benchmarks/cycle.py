@@ -68,12 +68,12 @@ def open_service_cycle() -> Iterator[ServiceCycle]:
         The cycle; its ring exists until the end.
     """
     channel, far_end = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
-    clock, wire, models = VirtualClock(), SocketWire(channel), load_models(DEFAULT)
+    clock, wire, models = VirtualClock(), SocketWire(channel), load_models(_CONFIG)
     pipeline = pipeline_for(models, Flag.SIMULATED)
     with (
         far_end,
         TemporaryDirectory(dir="/dev/shm") as folder,
-        can_sink(_CONFIG, clock, None, connect=lambda: wire) as sink,
+        can_sink(models, clock, None, lambda: wire) as sink,
     ):
         ring = Path(folder) / "ring"
         header = recording_header(models, None, Flag.SIMULATED, clock.now_ns())

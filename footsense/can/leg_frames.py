@@ -1,4 +1,4 @@
-"""Content and counters of each leg's reports on CAN: fault report, heartbeat, baseline, gait."""
+"""Content and counters of each leg's reports on CAN: fault report, heartbeat, baseline, identity, gait."""
 
 from collections import deque
 from collections.abc import Iterable, Sequence
@@ -10,7 +10,16 @@ import numpy as np
 from firmware_interface.can.codes import Cause, NmtState, State
 from firmware_interface.can.crc8 import next_counter
 from firmware_interface.can.gait import GAIT, GAIT_EVENT, GROUND, Gait, GaitEventFrame, Ground
-from firmware_interface.can.reports import BASELINE, FAULT, HEARTBEAT_ID, Baseline, Fault, encode_heartbeat
+from firmware_interface.can.reports import (
+    BASELINE,
+    FAULT,
+    HEARTBEAT_ID,
+    IDENTITY,
+    Baseline,
+    Fault,
+    Identity,
+    encode_heartbeat,
+)
 from firmware_interface.can.socketcan import pack_frame
 from footsense.frames import ContactFrame, GaitEvent, GaitFrame
 
@@ -39,20 +48,21 @@ def heartbeat_of_state(node: int, state: int, degraded_timing: bool) -> bytes:  
 
 
 class CanLeg:
-    """Fault reports and baseline frames of one leg, with their counters.
+    """Fault reports, baselines and identities of one leg, with their counters.
 
     Args:
         row: Its row in the frames.
-        node: Its CAN node id, 1..8.
+        identity: Its first `Identity`, with its node.
 
     Attributes:
         node: Its CAN node id.
         reported: State, element mask and cause of the last fault report that was sent.
     """
 
-    def __init__(self, row: int, node: int) -> None:
+    def __init__(self, row: int, identity: Identity) -> None:
         self._row = row
-        self.node = node
+        self.node = identity.node
+        self._identity = identity
         self._fault_counter = 0
         self._baseline_counter = 0
         # As if stopped until now: the first state is a change, and a consumer that was here before receives it.
@@ -74,6 +84,12 @@ class CanLeg:
         age_ns = frame.t_sent_ns - moved_ns if moved_ns else None
         counter, self._baseline_counter = self._baseline_counter, next_counter(self._baseline_counter)
         return BASELINE.pack(Baseline(self.node, counter, status, mean_pf, worst_pf, age_ns))
+
+    def identity_frame(self) -> bytes:
+        """Return the leg's identity as `struct can_frame`."""
+        identity = self._identity
+        self._identity = identity._replace(counter=next_counter(identity.counter))
+        return IDENTITY.pack(identity)
 
 
 #: Period of `Gait` and `Ground` [ns].

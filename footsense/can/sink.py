@@ -1,9 +1,9 @@
 """CAN output of the daemon: which frames are sent in which cycle.
 
 Every n-th cycle sends `Force` and `Quality` of every leg, and so does a cycle in which a leg's state, cause, element
-mask or flags change; heartbeats go out at 5 Hz, `Baseline` at 1 Hz, `Gait` and `Ground` at 10 Hz, a gait event at once,
-and a fault report when the state, the mask or the cause changes. The
-counters advance over frames that the channel did not take, so the consumer sees the gap.
+mask or flags change; heartbeats go out at 5 Hz, `Baseline` and `Identity` at 1 Hz, `Gait` and `Ground` at 10 Hz, a
+gait event at once, and a fault report when the state, the mask or the cause changes. The counters advance over frames
+that the channel did not take, so the consumer sees the gap.
 
 Changes in two cycles in a row share the frames of the second: six legs take 500 kbit/s for longer than a conversion.
 
@@ -27,6 +27,14 @@ from firmware_interface.can.codes import NODE_IDS, Flag, NmtState
 from firmware_interface.can.commands import COMMAND_ID
 from firmware_interface.can.crc8 import COUNTER_PERIOD
 from firmware_interface.can.force import ForceQualityEncoder
+from firmware_interface.can.reports import (
+    BASELINE_ID,
+    HEARTBEAT_ID,
+    IDENTITY_ID,
+    PROTOCOL_VERSION,
+    Identity,
+    foot_type_hash,
+)
 from firmware_interface.can.socketcan import pack_fd_frame
 from footsense.can.channel import CanChannel
 from footsense.can.commands import CanCommands
@@ -42,8 +50,8 @@ _MAX_EXTRA_FRAMES = 4
 #: A plain number: arithmetic with an enumeration costs a microsecond each time.
 _DEGRADED_TIMING = int(Flag.DEGRADED_TIMING)
 
-_HEARTBEAT_PERIOD_NS = 200_000_000
-_BASELINE_PERIOD_NS = 1_000_000_000
+#: Period of the frames that each leg sends at times of its own [ns].
+_PERIODS_NS = {HEARTBEAT_ID: 200_000_000, BASELINE_ID: 1_000_000_000, IDENTITY_ID: 1_000_000_000}
 
 
 class CanSink:
@@ -55,6 +63,7 @@ class CanSink:
         clock: The time of the frames.
         cycles_per_force: Cycles for each `Force`, at least 1.
         force_step_mn: What a bit of a force stands for [mN].
+        foot_type: Type of the feet.
         connect: As of `CanChannel`.
 
     Attributes:
@@ -64,7 +73,8 @@ class CanSink:
         CanError: The channel is missing or down.
 
     Timing:
-        Never waits. Six legs: 12 frames for each force, 30 heartbeats, 6 baselines and 120 frames of the gait a second.
+        Never waits. Six legs: 12 frames for each force, 30 heartbeats, 12 baselines and identities, 120 frames of
+        the gait a second.
     """
 
     def __init__(
@@ -75,14 +85,19 @@ class CanSink:
         *,
         cycles_per_force: int = 1,
         force_step_mn: int = 1,
+        foot_type: str = "",
         connect: Callable[[], CanWire] | None = None,
     ) -> None:
         self.stats = CanStatistics()
         nodes = [NODE_IDS[leg] for leg in legs]
+        identity = Identity(0, 0, PROTOCOL_VERSION, force_step_mn, foot_type_hash(foot_type))
+        self._legs = [CanLeg(row, identity._replace(node=node)) for row, node in enumerate(nodes)]
+        boot = [heartbeat_frame(node, NmtState.BOOT) for node in nodes]
         self._channel = CanChannel(
             can,
             accept=[COMMAND_ID + node for node in nodes],
-            first_frames=[heartbeat_frame(node, NmtState.BOOT) for node in nodes],
+            # A consumer has to know the step before the first force.
+            first_frames=boot + [leg.identity_frame() for leg in self._legs],
             stats=self.stats,
             connect=connect,
         )
@@ -95,7 +110,6 @@ class CanSink:
         ]
         self._nodes = nodes
         self._clock = clock
-        self._legs = [CanLeg(row, node) for row, node in enumerate(nodes)]
         self._encoder = ForceQualityEncoder(nodes)
         self._gait = GaitFrames(nodes)
         self._commands = CanCommands(self._channel, nodes, clock)
@@ -107,20 +121,20 @@ class CanSink:
         self._counter = 0  # of every Force and Quality of a cycle
         self._first = 0  # frame that is sent first
         self._reported: list[list[int]] = []  # states, masks and causes without an outstanding report
-        # Due time [ns], period [ns] and row of each heartbeat and baseline, as a heap; the legs' phases are spread over
-        # the period, so that their frames do not pile up in one cycle.
+        # Due time [ns], period [ns], kind and row of each heartbeat, baseline and identity, as a heap; the legs' phases
+        # are spread over the period, so that their frames do not pile up in one cycle; identities have just been sent.
         now_ns = clock.now_ns()
         self._due = [
-            (now_ns + row * period_ns // len(nodes), period_ns, row)
+            (now_ns + (row + (kind == IDENTITY_ID)) * period_ns // len(nodes), period_ns, kind, row)
             for row in range(len(nodes))
-            for period_ns in (_HEARTBEAT_PERIOD_NS, _BASELINE_PERIOD_NS)
+            for kind, period_ns in _PERIODS_NS.items()
         ]
         heapify(self._due)
         self._flags = [0] * len(nodes)
         self._closed = False
 
     def publish(self, frame: ContactFrame) -> None:
-        """Send the gait events, forces, fault reports, heartbeats, baselines and gait frames that are due."""
+        """Send the gait events, forces, reports, heartbeats, baselines, identities and gait frames that are due."""
         t_ns = frame.t_sent_ns
         present = [frame.state.tolist(), frame.fault_mask.tolist(), frame.cause.tolist()]
         self._flags = frame.flags.tolist()
@@ -138,7 +152,7 @@ class CanSink:
             frames.append(leg.fault_frame(*report))
         max_frames = _MAX_EXTRA_FRAMES - len(reports) - n_events
         if t_ns >= self._due[0][0]:
-            max_frames = self._add_heartbeats_and_baselines(frames, frame, present[0], max_frames)
+            max_frames = self._add_periodic_frames(frames, frame, present[0], max_frames)
         if self._commands.unsolicited:
             unsolicited = self._commands.pop_unsolicited_frames(max_frames)
             max_frames -= len(unsolicited)
@@ -215,21 +229,26 @@ class CanSink:
         of_legs = zip(self._legs, zip(*present, strict=True), strict=True)
         return [(leg, report) for leg, report in of_legs if leg.reported != report]
 
-    def _add_heartbeats_and_baselines(
+    def _add_periodic_frames(
         self, frames: list[bytes], frame: ContactFrame, states: list[int], max_frames: int
     ) -> int:
-        """Append the heartbeats and baselines that are due, at most `max_frames`; return how many more there may be.
+        """Append the heartbeats, baselines and identities that are due, at most `max_frames`; return how many more fit.
 
         Missed ones are not made up for.
         """
         now_ns, due = frame.t_sent_ns, self._due
         while max_frames and now_ns >= due[0][0]:
-            due_ns, period_ns, row = due[0]
-            if period_ns == _HEARTBEAT_PERIOD_NS:
+            due_ns, period_ns, kind, row = due[0]
+            leg = self._legs[row]
+            if kind == HEARTBEAT_ID:
                 degraded_timing = bool(self._flags[row] & _DEGRADED_TIMING)
-                frames.append(heartbeat_of_state(self._legs[row].node, states[row], degraded_timing))
+                frames.append(heartbeat_of_state(leg.node, states[row], degraded_timing))
+            elif kind == BASELINE_ID:
+                frames.append(leg.baseline_frame(frame))
             else:
-                frames.append(self._legs[row].baseline_frame(frame))
-            heapreplace(due, (due_ns + (1 + (now_ns - due_ns) // period_ns) * period_ns, period_ns, row))
+                frames.append(leg.identity_frame())
+            heapreplace(
+                due, (due_ns + (1 + (now_ns - due_ns) // period_ns) * period_ns, period_ns, kind, row)
+            )
             max_frames -= 1
         return max_frames

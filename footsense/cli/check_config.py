@@ -9,6 +9,7 @@ import msgspec
 
 from firmware_interface.can.dbc import make_dbc
 from firmware_interface.can.force import force_step_mn
+from firmware_interface.can.reports import foot_type_hash
 from footsense.cli.options import FILE, json_option
 from footsense.cli.tables import echo_figures
 from footsense.clock import wall_time_iso
@@ -30,8 +31,10 @@ def check_config(file: Path, dbc: Path | None, *, as_json: bool) -> None:
     config = load_config(file)
     models = load_models(config)
     pipeline_for(models, 0)  # raises as a run would
-    step_mn = force_step_mn(models.network.card.max_trained_force_n)
-    echo_figures(_settings(models) | {"force_step_mn": step_mn}, as_json=as_json)
+    card = models.network.card
+    step_mn = force_step_mn(card.max_trained_force_n)
+    told = {"force_step_mn": step_mn, "foot_type_hash": f"{foot_type_hash(card.foot_type):08x}"}
+    echo_figures(_settings(models) | told, as_json=as_json)
     if dbc is not None:
         dbc.write_text(make_dbc(config.legs, step_mn), "utf-8")
         click.echo(f"wrote {dbc}", err=True)

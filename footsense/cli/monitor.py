@@ -65,7 +65,6 @@ _NODE_STATE_WORDS = {
 def monitor(
     interface: Interface,
     channel: str,
-    force_step_mn: int,
     max_age_ms: int,
     duration_s: float,
     *,
@@ -84,9 +83,7 @@ def monitor(
     end_ns = start_ns + duration_s * _NS_PER_S
     is_plain = as_json or not console.is_terminal
     with ExitStack() as stack:
-        listener = stack.enter_context(
-            closing(open_listener(interface, channel, clock, limits, force_step_mn))
-        )
+        listener = stack.enter_context(closing(open_listener(interface, channel, clock, limits)))
         live = (
             None if is_plain else stack.enter_context(Live(console=console, auto_refresh=False, screen=False))
         )
@@ -240,6 +237,8 @@ _REPORT_COLUMNS: list[Column[LegSnapshot]] = [
     Column("baseline.worst_ff", _entry("baseline.worst_pf", 1e3), ">+7.1f", ("worst",)),
     Column("baseline.moved_s_ago", _entry("baseline.age_ns", 1e-9), ">7.1f", ("ago [s]",)),
     Column("heartbeat", _entry("heartbeat.state"), "<7", ("node",), cell=_node_cell),
+    Column("force_step_mn", lambda leg: leg.identity and leg.identity.force_step_mn),
+    Column("foot_type_hash", lambda leg: leg.identity and f"{leg.identity.foot_type_hash:08x}"),
     Column("degraded_timing", _entry("heartbeat.degraded_timing")),
     Column("last_event.kind", lambda leg: leg.event and leg.event.kind),
     Column("last_event.ago_ms", lambda leg: _scaled(leg.event_ago_ns, 1e-6)),

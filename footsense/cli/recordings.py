@@ -6,7 +6,6 @@ from pathlib import Path
 import click
 import msgspec
 
-from firmware_interface.can.force import force_step_mn
 from footsense.child_process import check_new_file
 from footsense.cli.options import FILE, FOLDER, can_log_option, config_option, ring_option
 from footsense.config import load_config
@@ -85,14 +84,13 @@ def _run_replay(recording: Replay, models: Models, can_log: Path | None, *, chec
         FootsenseError: A force differs.
         RecordingError: The recording has gaps, or ends early.
     """
-    file, config = recording.path, models.config
+    file = recording.path
     pipeline = pipeline_for(models, recorded_flags(recording))
     exact = same_processor_and_libraries(recording.header, platform_versions())
     clock = VirtualClock()
-    step_mn = force_step_mn(models.network.card.max_trained_force_n)
     n_frames = n_equal = n_lost = 0
     damage = None
-    with can_sink(config, clock, can_log, force_step_mn=step_mn) as sink:
+    with can_sink(models, clock, can_log) as sink:
         loop = Loop(pipeline, sink, (), clock)
         try:
             for entry in recording.entries():

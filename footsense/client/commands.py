@@ -36,7 +36,7 @@ class PendingCommands:
     Example:
         >>> can_id, data = PendingCommands().encode(1, CommandKind.TARE, now_ns=0)
         >>> hex(can_id), data.hex(" ")
-        ('0x111', '98 00 01 00 7a 65 72 6f')
+        ('0x111', '67 00 01 00 7a 65 72 6f')
     """
 
     def __init__(self, first_counter: int = 0) -> None:

@@ -1,6 +1,6 @@
 """State machine that decides whether each leg's force may be used; in C: `firmware_interface/c/footsense_link.h`.
 
-Feed it every frame that arrives, and read a leg whenever a force is needed. `footsense_link.h` explains the five
+Feed it every frame that arrives, and read a leg whenever a force is needed. `footsense_link.h` explains the
 statuses, when a force may be used, and why it needs its `Quality`; both implementations run on the same vectors.
 
 Source:
@@ -8,6 +8,7 @@ Source:
 """
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
@@ -16,9 +17,16 @@ from firmware_interface.can.all_legs import DATA_BYTES_OF_FRAME, NODES_OF_FRAME,
 from firmware_interface.can.codes import NODE_IDS, USABLE, Flag, State
 from firmware_interface.can.crc8 import COUNTER_PERIOD, FrameError
 from firmware_interface.can.force import FORCE, FORCE_ID, QUALITY, QUALITY_ID, Force, Quality
+from firmware_interface.can.reports import IDENTITY, IDENTITY_ID, Identity
 
 #: CAN ids of the accepted frames.
-LINK_IDS = (*(base + node for base in (FORCE_ID, QUALITY_ID) for node in NODE_IDS.values()), *NODES_OF_FRAME)
+LINK_IDS = (
+    *(base + node for base in (FORCE_ID, QUALITY_ID, IDENTITY_ID) for node in NODE_IDS.values()),
+    *NODES_OF_FRAME,
+)
+
+#: Shortest silence of a leg in which its service may have been started anew, with other feet [ns].
+_RESTART_NS = 300_000_000
 
 _NO_FORCE = (math.nan, math.nan, math.nan)
 
@@ -31,6 +39,8 @@ class LinkStatus(IntEnum):
     LOST = 2  #: the same, but up to `max_delta` - 1 forces before it did not arrive
     REPEATED = 3  #: the last frame came again: its counter has not advanced
     WRONG = 4  #: a frame failed its check or too many were lost; fewer than `min_good` forces have come since
+    UNKNOWN = 5  #: forces come, but their step and version are not known yet: `Identity` comes once a second
+    REFUSED = 6  #: `Identity` tells a version or a force step that this decoder does not know
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,8 +91,6 @@ class Link:
 
     Args:
         limits: Limits for using a force; None for the defaults.
-        force_step_mn: What a bit of a force stands for [mN]: 1, but for feet of more than 32 N, for which
-            `footsense check-config` names it.
 
     Example:
         >>> link = Link()
@@ -90,10 +98,8 @@ class Link:
         <LinkStatus.STALE: 0>
     """
 
-    def __init__(self, limits: LinkLimits | None = None, force_step_mn: int = 1) -> None:
-        self._limits = limits or LinkLimits()
-        self._force_step_mn = force_step_mn
-        self._legs = {node: _LegStateMachine(self._limits) for node in NODE_IDS.values()}
+    def __init__(self, limits: LinkLimits | None = None) -> None:
+        self._legs = {node: _LegStateMachine(limits or LinkLimits()) for node in NODE_IDS.values()}
 
     def feed(self, can_id: int, data: bytes, now_ns: int) -> bool:
         """Process any CAN frame; return whether its id is that of a force frame, even if the frame is invalid.
@@ -104,10 +110,14 @@ class Link:
             now_ns: Time of arrival, on a clock that does not step [ns].
 
         Returns:
-            Whether it was a `Force` or `Quality` of a leg, or the `Forces` of all, valid or not.
+            Whether it was a `Force`, `Quality` or `Identity` of a leg, or the `Forces` of all, valid or not.
         """
         if len(data) == DATA_BYTES_OF_FRAME.get(can_id):  # a classic frame with this id is somebody else's
             self._feed_all_legs_frame(can_id, data, now_ns)
+            return True
+        if can_id - IDENTITY_ID in self._legs:
+            with suppress(FrameError):  # the next one comes in a second
+                self._legs[can_id - IDENTITY_ID].process_identity(IDENTITY.decode(can_id, data), now_ns)
             return True
         for codec in (FORCE, QUALITY):
             if can_id - codec.can_id in self._legs:
@@ -140,18 +150,23 @@ class Link:
             node: Its CAN node id, 1..8.
             now_ns: The present time [ns].
         """
-        read = self._legs[node].force_at(now_ns)
-        if self._force_step_mn == 1:
-            return read
-        force_n, sigma_n = (
-            (x * self._force_step_mn, y * self._force_step_mn, z * self._force_step_mn)
-            for x, y, z in (read.force_n, read.sigma_n)
-        )
-        return read._replace(force_n=force_n, sigma_n=sigma_n)
+        return self._legs[node].force_at(now_ns)
+
+    def identity(self, node: int) -> Identity | None:
+        """Return version, force step and foot type of a leg, as last told; None if they are not known.
+
+        Args:
+            node: Its CAN node id, 1..8.
+        """
+        return self._legs[node].identity
 
 
 class _LegStateMachine:
-    """State machine of one leg's forces."""
+    """State machine of one leg's forces.
+
+    Attributes:
+        identity: What was told last of the frames of the leg.
+    """
 
     def __init__(self, limits: LinkLimits) -> None:
         self._limits = limits
@@ -163,6 +178,14 @@ class _LegStateMachine:
         self._wrong_ns = 0
         self._n_good = 0
         self._status = LinkStatus.STALE
+        self.identity: Identity | None = None
+        self._identity_ns = 0
+
+    def process_identity(self, identity: Identity, now_ns: int) -> None:
+        """Process an `Identity` frame with a valid CRC; forces from before another one are not used."""
+        if self.identity is not None and identity[2:4] != self.identity[2:4]:
+            self._reset(LinkStatus.STALE)
+        self.identity, self._identity_ns = identity, now_ns
 
     def process_frame(self, half: Force | Quality, now_ns: int) -> None:
         """Process a `Force` or `Quality` frame with a valid CRC."""
@@ -203,13 +226,17 @@ class _LegStateMachine:
             return LegForce(
                 status, False, state, quality.flags, quality.fault_mask, _NO_FORCE, _NO_FORCE, None
             )
-        age_ns = quality.age_ns + now_ns - self._arrived_ns
-        return LegForce(
-            status, True, state, quality.flags, quality.fault_mask, force.force_n, quality.sigma_n, age_ns
-        )
+        assert self.identity is not None
+        step, age_ns = self.identity.force_step_mn, quality.age_ns + now_ns - self._arrived_ns
+        force_n, sigma_n = ((x * step, y * step, z * step) for x, y, z in (force.force_n, quality.sigma_n))
+        return LegForce(status, True, state, quality.flags, quality.fault_mask, force_n, sigma_n, age_ns)
 
     def _accept_force(self, force: Force, quality: Quality, now_ns: int) -> None:
         """Store a force once both of its frames (`Force`, `Quality`) have arrived."""
+        if self._last and all(
+            _has_elapsed(now_ns, t_ns, _RESTART_NS) for t_ns in (self._arrived_ns, self._identity_ns)
+        ):
+            self.identity = None
         counts, delta = True, 1
         if self._is_silent(now_ns) or self._last is None:
             self._reset(LinkStatus.STALE)  # after a silence the sender may have restarted: ignore the counter
@@ -251,7 +278,9 @@ class _LegStateMachine:
         # Only a force ages; a state without force stays valid.
         if self._status is not LinkStatus.WRONG and self._state in USABLE and self._is_too_old(now_ns):
             return LinkStatus.STALE
-        return self._status
+        if self._status in {LinkStatus.STALE, LinkStatus.WRONG} or (self.identity and self.identity.is_known):
+            return self._status
+        return LinkStatus.REFUSED if self.identity else LinkStatus.UNKNOWN
 
     def _is_too_old(self, now_ns: int) -> bool:
         """Return whether the latest force is older than the age limit."""

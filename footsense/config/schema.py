@@ -17,7 +17,7 @@ from footsense.estimation.settings import ContactLimits, TareLimits
 from footsense.foot.calibration_files import FootId
 from footsense.frames import ELEMENTS, Leg
 
-#: Default of `publish_every`: 92 forces a second, with all other frames 34 % of 500 kbit/s for six legs.
+#: Default of `publish_every`: 92 forces a second, with all other frames 35 % of 500 kbit/s for six legs.
 DEFAULT_PUBLISH_EVERY = 4
 
 

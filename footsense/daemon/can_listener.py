@@ -6,6 +6,7 @@ from typing import NamedTuple
 from firmware_interface.can.all_legs import NODES_OF_FRAME
 from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.can.force import FORCE_ID
+from firmware_interface.can.reports import PROTOCOL_VERSION, Identity
 from firmware_interface.can.socketcan import unpack_frame
 from footsense.can.interface import Can, Interface
 from footsense.client import (
@@ -40,6 +41,7 @@ class LegSnapshot(NamedTuple):
         n_force_frames: `Force` frames received so far, those of all legs counted.
         event: Its last gait event; None before the first.
         event_ago_ns: Time since it happened [ns]; None if that is not known.
+        identity: Version, force step and foot type; None before the first was received.
     """
 
     leg: str
@@ -48,6 +50,7 @@ class LegSnapshot(NamedTuple):
     n_force_frames: int
     event: LegEvent | None = None
     event_ago_ns: int | None = None
+    identity: Identity | None = None
 
     @property
     def is_current(self) -> bool:
@@ -63,23 +66,16 @@ class Listener:
         wire: The open channel.
         clock: The time of arrival.
         limits: Limits for using a force.
-        force_step_mn: What a bit of a force stands for [mN].
 
     Attributes:
         close: Closes the channel.
     """
 
-    def __init__(
-        self,
-        wire: CanWire,
-        clock: Clock,
-        limits: LinkLimits,
-        force_step_mn: int = 1,
-    ) -> None:
+    def __init__(self, wire: CanWire, clock: Clock, limits: LinkLimits) -> None:
         self._wire = wire
         self.close = wire.close
         self._clock = clock
-        self._link = Link(limits, force_step_mn)
+        self._link = Link(limits)
         self._reports = Reports()
         self._events = GaitEvents()
         self._last_events: dict[int, LegEvent] = {}
@@ -92,7 +88,7 @@ class Listener:
         A frame counts as arrived at the previous poll: the age may be 5 ms too high, never too low.
 
         Raises:
-            CanError: The channel is down or gone.
+            CanError: The channel is down or gone, or a leg's frames are of a version that is not known.
         """
         while (now_ns := self._clock.now_ns()) < until_ns:
             try:
@@ -107,8 +103,19 @@ class Listener:
                     self._last_events[event.node] = event
                 else:
                     self._reports.feed(can_id, data, self._last_poll_ns)
+            self._refuse_unknown_identities()
             self._last_poll_ns = now_ns
             self._clock.sleep_until_ns(min(until_ns, now_ns + _POLL_PERIOD_NS))
+
+    def _refuse_unknown_identities(self) -> None:
+        for leg, node in NODE_IDS.items():
+            told = self._link.identity(node)
+            if told is not None and not told.is_known:
+                raise CanError(
+                    f"the service of leg {leg} sends version {told.version} of the CAN frames with forces in steps of "
+                    f"{told.force_step_mn} mN, which this footsense (version {PROTOCOL_VERSION}) cannot read: install "
+                    "the same footsense on both computers"
+                )
 
     def snapshot(self) -> list[LegSnapshot]:
         """Return the latest values of every leg at the present time: a hexapod's legs, and others received."""
@@ -127,22 +134,17 @@ class Listener:
                     self._n_force_frames[node],
                     event,
                     None if event is None or event.t_ns is None else now_ns - event.t_ns,
+                    self._link.identity(node),
                 )
             )
         return snapshots
 
 
-def open_listener(
-    interface: Interface,
-    channel: str,
-    clock: Clock,
-    limits: LinkLimits,
-    force_step_mn: int = 1,
-) -> Listener:
+def open_listener(interface: Interface, channel: str, clock: Clock, limits: LinkLimits) -> Listener:
     """Open a CAN interface for listening only; arguments as of `Listener`.
 
     Raises:
         CanError: The channel is missing or down.
     """
     wire = open_wire(Can(interface=interface, channel=channel), [*LINK_IDS, *REPORT_IDS, *GAIT_EVENT_IDS])
-    return Listener(wire, clock, limits, force_step_mn)
+    return Listener(wire, clock, limits)

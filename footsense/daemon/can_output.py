@@ -5,10 +5,12 @@ from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 
+from firmware_interface.can.force import force_step_mn
 from footsense.can.channel import open_socket
 from footsense.can.interface import Can, error_text
 from footsense.can.sink import CanSink
 from footsense.config import Config
+from footsense.daemon.models import Models
 from footsense.errors import CanError, RecordingError
 from footsense.ports import CanWire, Clock
 from footsense.sim.can.frame_log import CanFrameLog
@@ -20,14 +22,9 @@ from footsense.sim.scene import Scene
 
 @contextmanager
 def can_sink(
-    config: Config,
-    clock: Clock,
-    log_file: Path | None,
-    *,
-    force_step_mn: int = 1,
-    connect: Callable[[], CanWire] | None = None,
+    models: Models, clock: Clock, log_file: Path | None, connect: Callable[[], CanWire] | None = None
 ) -> Iterator[CanSink]:
-    """Open the CAN output during a `with` block; at its end, send every leg's heartbeat `stopped`.
+    """Open the CAN output of a robot during a `with` block; at its end, send every leg's heartbeat `stopped`.
 
     Yields:
         The sink.
@@ -36,6 +33,7 @@ def can_sink(
         CanError: The channel is missing or down.
         RecordingError: The log cannot be made, or is not whole at the end.
     """
+    config, card = models.config, models.network.card
     if connect is None and config.can.interface != "socketcan":
         connect = partial(open_wire, config.can)
     with ExitStack() as stack:
@@ -48,7 +46,8 @@ def can_sink(
             config.legs,
             clock,
             cycles_per_force=config.effective_publish_every,
-            force_step_mn=force_step_mn,
+            force_step_mn=force_step_mn(card.max_trained_force_n),
+            foot_type=card.foot_type,
             connect=connect,
         )
         stack.callback(sink.close)

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from firmware_interface.can.force import force_step_mn
 from footsense.can.interface import Can
 from footsense.can.sink import CanSink
 from footsense.clock import MonotonicClock, Realtime, low_latency_interpreter, request_realtime
@@ -143,13 +142,7 @@ def open_service(
             source, wakeups = PacedSource(source, scan.clock, pace), (pace.wakeups,)
         can = simulated_can(config, scene, scan.clock)
         sink = stack.enter_context(
-            can_sink(
-                config,
-                scan.clock,
-                can_log,
-                force_step_mn=force_step_mn(models.network.card.max_trained_force_n),
-                connect=can.connect if can is not None else None,
-            )
+            can_sink(models, scan.clock, can_log, can.connect if can is not None else None)
         )
         reference = None
         if test_stand is not None:

@@ -54,7 +54,7 @@ class _View(ctypes.Structure):
         ("state", ctypes.c_uint8),
         ("flags", ctypes.c_uint8),
         ("fault_mask", ctypes.c_uint16),
-        ("force_mn", ctypes.c_int16 * 3),
+        ("force_mn", ctypes.c_int32 * 3),
         ("sigma_mn", ctypes.c_uint16 * 3),
         ("age_us", ctypes.c_uint32),
     )
@@ -126,7 +126,7 @@ class CLink:
 
 def in_c_units(view: LegForce) -> tuple[object, ...]:
     """Return a view of Python as C says it."""
-    forces = tuple(-32768 if force_n != force_n else round(force_n * 1000) for force_n in view.force_n)  # noqa: PLR0124
+    forces = tuple(-(2**31) if force_n != force_n else round(force_n * 1000) for force_n in view.force_n)  # noqa: PLR0124
     sigmas = tuple(65535 if sigma_n != sigma_n else round(sigma_n * 1000) for sigma_n in view.sigma_n)  # noqa: PLR0124
     age_us = 0xFFFFFFFF if view.age_ns is None else view.age_ns // 1000
     return (*view[:5], forces, sigmas, age_us)

@@ -13,7 +13,7 @@ from firmware_interface.can.all_legs import FORCES_ID
 from firmware_interface.can.codes import State
 from firmware_interface.can.crc8 import protect
 from firmware_interface.can.force import FORCE_ID, QUALITY_ID
-from firmware_interface.can.reports import HEARTBEAT_ID
+from firmware_interface.can.reports import HEARTBEAT_ID, IDENTITY, IDENTITY_ID, PROTOCOL_VERSION, Identity
 from tests.support.can_frames import encode_force, encode_quality
 
 __all__ = ["PATH", "document"]
@@ -28,6 +28,7 @@ FORCE_N = (0.1, -0.05, 0.8)
 SIGMA_N = (0.02, 0.02, 0.04)
 
 STALE, OK, LOST, REPEATED, WRONG = "stale", "ok", "lost", "repeated", "wrong"
+UNKNOWN, REFUSED = "unknown", "refused"
 
 
 def force(counter: int, state: State = State.VALID, node: int = NODE) -> tuple[int, bytes]:
@@ -43,14 +44,27 @@ def quality(
     return QUALITY_ID + NODE, encode_quality(NODE, counter, 0, age_ns, 0, sigma_n)
 
 
+def identity(version: int = PROTOCOL_VERSION, step_mn: int = 1) -> tuple[int, bytes]:
+    """Return id and data of an identity."""
+    return IDENTITY_ID + NODE, IDENTITY.encode(Identity(NODE, 0, version, step_mn, 0x01020304))
+
+
 @dataclass
 class Case:
-    """One sequence: steps of time, frame (None to look only), and what is expected after it."""
+    """One sequence: steps of time, frame (None to look only), and what is expected after it.
+
+    Unless `identified` is false, the first is the identity of the frames.
+    """
 
     name: str
     limits: dict[str, int | bool] = field(default_factory=dict)
     steps: list[list[int | str | bool | None]] = field(default_factory=list)
     t_us: int = 1_000_000
+    identified: bool = True
+
+    def __post_init__(self) -> None:
+        if self.identified:
+            self.feed(identity(), STALE)
 
     def feed(self, frame: tuple[int, bytes], status: str, *, usable: bool | None = None) -> "Case":
         """Add a frame. `usable` is said where the status alone does not tell."""
@@ -103,6 +117,11 @@ def _holed(counter: int) -> tuple[int, bytes]:
     """Return a force that no service sends: its state is VALID, and its second component is the code of no value."""
     can_id = FORCE_ID + NODE
     return can_id, protect(can_id, bytes((State.VALID << 4 | counter, 100, 0, 0, 0x80, 100, 0)))
+
+
+def _silent(name: str, for_us: int) -> Case:
+    """Return a case whose leg is trusted, and then has nothing complete for a time, up to the next pair."""
+    return Case(name).trusted().look(for_us - PERIOD_US - GAP_US, STALE)
 
 
 def cases() -> list[Case]:
@@ -241,6 +260,42 @@ def cases() -> list[Case]:
         .feed(force(3), OK)
         .feed(quality(3, sigma_n=(0.02, 0.02, math.nan)), OK, usable=False)
         .pair(4, OK, used_before=False),
+        Case("no identity: in order and not used, until one comes; a damaged one is none", identified=False)
+        .pair(0, STALE)
+        .pair(1, STALE)
+        .pair(2, UNKNOWN, before=STALE)
+        .feed(_spoilt(identity()), UNKNOWN)
+        .feed(identity(), OK),
+        Case("a version or a step that is not known is refused", identified=False)
+        .feed(identity(version=PROTOCOL_VERSION + 1), STALE)
+        .pair(0, STALE)
+        .pair(1, STALE)
+        .pair(2, REFUSED, before=STALE)
+        .feed(identity(step_mn=3), STALE)
+        .pair(3, STALE)
+        .pair(4, STALE)
+        .pair(5, REFUSED, before=STALE),
+        Case("another step ends the use of what came before, and the same one does not")
+        .trusted()
+        .feed(identity(), OK)
+        .feed(identity(step_mn=10), STALE)
+        .pair(3, STALE)
+        .pair(4, STALE)
+        .pair(5, OK, before=STALE),
+        _silent("a silence in which no service can start anew needs no other identity", 300_000)
+        .pair(3, STALE)
+        .pair(4, STALE)
+        .pair(5, OK, before=STALE),
+        _silent("after a longer one its forces wait for the next identity", 300_001)
+        .pair(3, STALE)
+        .pair(4, STALE)
+        .pair(5, UNKNOWN, before=STALE)
+        .feed(identity(), OK),
+        _silent("or for one that came just before them", 300_001)
+        .feed(identity(), STALE)
+        .pair(3, STALE)
+        .pair(4, STALE)
+        .pair(5, OK, before=STALE),
         Case("degraded forces where they are accepted", {"accept_degraded": True})
         .trusted()
         .pair(3, OK, state=State.DEGRADED),

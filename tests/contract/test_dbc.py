@@ -73,13 +73,14 @@ def test_value_tables_are_the_enumerations(message: str, signal: str, names: typ
 
 
 def test_cyclic_frames_tell_their_period_and_the_others_have_none() -> None:
-    """Heartbeats come at 5 Hz, baselines at 1 Hz, gaits at 10 Hz, forces with every fourth conversion."""
+    """Heartbeats at 5 Hz, baselines and identities at 1 Hz, gaits at 10 Hz, forces with every fourth conversion."""
     assert {m.name: m.cycle_time for m in DBC.messages if m.cycle_time} == {
         name + leg: period
         for name, period in (
             ("Force", 11),
             ("Quality", 11),
             ("Baseline", 1000),
+            ("Identity", 1000),
             ("Gait", 100),
             ("Ground", 100),
             ("Heartbeat", 200),

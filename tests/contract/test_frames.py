@@ -30,6 +30,7 @@ from firmware_interface.can.reports import (
     BASELINE,
     FAULT,
     HEARTBEAT_ID,
+    IDENTITY,
     decode_heartbeat,
     encode_heartbeat,
 )
@@ -129,7 +130,7 @@ FRAMES = {
     "force": frame_of(
         FORCE,
         Field("state", "State"),
-        *(Field(f"force_n.{n}", f"Force{axis}", 1, "h", 1e3) for n, axis in enumerate("XYZ")),
+        *(Field(f"force_n.{n}", f"Force{axis}", 1, "i", 1e3) for n, axis in enumerate("XYZ")),
         encode=lambda content: encode_force(*content),
     ),
     "quality": frame_of(
@@ -154,6 +155,12 @@ FRAMES = {
         Field("mean_pf", "MeanOffset", 1e-3, "i", 1e6),
         Field("worst_pf", "WorstOffset", 1e-3, "i", 1e6),
         Field("age_ns", "Age", 1e9, "I", 1e-6),
+    ),
+    "identity": frame_of(
+        IDENTITY,
+        Field("version", "Version"),
+        Field("force_step_mn", "ForceStep"),
+        Field("foot_type_hash", "FootTypeHash", 1, "I"),
     ),
     "command": frame_of(COMMAND, Field("kind", "Kind"), Field("word", "Word")),
     "answer": Frame(

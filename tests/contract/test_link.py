@@ -2,6 +2,7 @@
 
 import ctypes
 import json
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,7 @@ from firmware_interface.can.gait import (
     GAIT_EVENT_ID,
     GaitEventFrame,
 )
+from firmware_interface.can.reports import IDENTITY, IDENTITY_ID, PROTOCOL_VERSION, Identity
 from firmware_interface.can.socketcan import ERROR, EXTENDED, REMOTE
 from footsense.client import CommandAnswer, GaitEvents, Link, LinkLimits, PendingCommands
 from tests.contract import link_vectors
@@ -64,7 +66,7 @@ def fd_frames(draw: st.DrawFn, counter: int) -> tuple[int, bytes]:
     nodes = NODES_OF_FRAME[can_id][:2]
     states = draw(st.tuples(*[st.sampled_from([State.VALID, State.VALID, State.DEGRADED, State.STALE])] * 2))
     t_sent_ns = draw(st.sampled_from([15_000_001, 200_000_001]))
-    sigma_n = [(0.01, float("nan"), 2.0), (float("nan"), 0.1, 0.2)]
+    sigma_n = [(0.01, 0.02, 2.0), (math.nan, 0.1, 0.2)]
     force_n = [(0.1, -0.2, 40.0), (0.0, float("nan"), 1.0)]
     data = bytearray(
         encode_forces(can_id, counter, t_sent_ns, nodes, [1, 1], states, force_n, sigma_n, [9, 4], [5, 0])
@@ -74,20 +76,28 @@ def fd_frames(draw: st.DrawFn, counter: int) -> tuple[int, bytes]:
     return can_id, bytes(data)
 
 
+def identity_of(node: int, version: int = PROTOCOL_VERSION, step_mn: int = 1) -> tuple[int, bytes]:
+    """Return id and data of an `Identity`."""
+    return IDENTITY_ID + node, IDENTITY.encode(Identity(node, 0, version, step_mn, 7))
+
+
 @st.composite
 def streams(draw: st.DrawFn) -> list[tuple[int, int, bytes]]:
     """Return frames of two legs with times in us: mostly what a service sends, with every kind of harm."""
-    frames, t_us, counter = [], 0, draw(st.integers(0, 14))
-    for harm in draw(st.lists(st.sampled_from(["none"] * 12 + list("lhqfcszxbdd")), max_size=40)):
-        t_us += draw(st.sampled_from([0, 100, 25_000, 25_000, 25_000, 99_999, 100_001]))
+    frames = [(0, *identity_of(node)) for node in draw(st.sampled_from([(), (1,), *[range(1, 9)] * 4]))]
+    t_us, counter = 0, draw(st.integers(0, 14))
+    for harm in draw(st.lists(st.sampled_from(["none"] * 12 + list("lhqfcszxddi")), max_size=40)):
+        step_us = draw(st.sampled_from([0, 100, *[25_000] * 5, 99_999, 100_001, 300_001, -200_000]))
+        t_us = max(0, t_us + step_us)
         step = draw(st.integers(2, 14)) if harm == "l" else 0 if harm == "z" else 1
         counter = (counter + step) % 15
         state = draw(st.sampled_from(State)) if harm == "s" else State.VALID
         node = draw(st.sampled_from([1, 1, 1, 2]))
         age_ns = draw(st.sampled_from([15_000_000, 15_000_000, 99_000_000, 100_100_000, None]))
+        sigma_n = draw(st.sampled_from([*[(0.01, 2.0, 0.02)] * 4, (0.01, 2.0, math.nan)]))
         sent = [
             (FORCE_ID + node, encode_force(node, counter, state, (0.1, -0.2, 40.0))),
-            (QUALITY_ID + node, encode_quality(node, counter, 9, age_ns, 5, (0.01, 2.0, float("nan")))),
+            (QUALITY_ID + node, encode_quality(node, counter, 9, age_ns, 5, sigma_n)),
         ]
         if harm == "h":
             del sent[draw(st.integers(0, 1))]
@@ -99,10 +109,11 @@ def streams(draw: st.DrawFn) -> list[tuple[int, int, bytes]]:
             sent[0] = (sent[0][0], protect(sent[0][0], draw(st.binary(min_size=7, max_size=7))))
         if harm == "x":
             sent[1] = (sent[1][0] ^ 3, sent[1][1])
+        if harm == "i":
+            told = identity_of(node, draw(st.sampled_from([2, 2, 3])), draw(st.integers(0, 21)))
+            sent = draw(st.permutations([*sent, told]))
         if harm == "d":
             sent = [draw(fd_frames(counter))]
-        if harm == "b":
-            t_us = max(0, t_us - draw(st.integers(0, 200_000)))
         frames += [(t_us + 270 * place, *frame) for place, frame in enumerate(sent)]
     return frames
 
@@ -126,6 +137,9 @@ def test_both_see_the_same_in_any_frames(
                 view = ours.leg(node, at_us * 1000)
                 assert theirs.look(node, at_us) == in_c_units(view)
                 assert not view.usable or (view.age_ns is not None and view.age_ns <= limits.max_age_ns)
+                assert not view.usable or all(sigma_n >= 0.0 for sigma_n in view.sigma_n)
+                told = ours.identity(node)
+                assert not view.usable or (told is not None and told.is_known)
 
 
 @pytest.mark.parametrize("flag", [EXTENDED, REMOTE, ERROR])

@@ -72,7 +72,11 @@ class NarrowWire:
 
 
 class Robot:
-    """A sink on a channel of its own, and a consumer that listens to it."""
+    """A sink on a channel of its own, and a consumer that listens to it.
+
+    Attributes:
+        boot: Frames that were sent before the first cycle.
+    """
 
     def __init__(
         self,
@@ -83,6 +87,7 @@ class Robot:
         every: int = 1,
         *,
         fd: bool = False,
+        step_mn: int = 1,
     ) -> None:
         self.clock = FakeClock()
         self.consumer = can.Bus(interface="virtual", channel=channel, preserve_timestamps=True)
@@ -94,10 +99,12 @@ class Robot:
             legs,
             self.clock,
             cycles_per_force=every,
+            force_step_mn=step_mn,
+            foot_type="aoyagi-3x3",
             connect=connect if self.log is None else self.log.connect,
         )
         self.legs = legs
-        self.heard()
+        self.boot = self.heard()
 
     def publish(self, t_ns: int, state: State = State.VALID, age_ns: int = 0, **changed: Any) -> None:
         """Publish one frame at a time at which its measurement is `age_ns` old; `changed` as in `contact_frame`."""

@@ -10,7 +10,7 @@ import pytest
 
 from firmware_interface.can.all_legs import FORCES4_ID
 from firmware_interface.can.codes import NODE_IDS
-from firmware_interface.can.force import FORCE_ID, force_step_mn
+from firmware_interface.can.force import FORCE_ID
 from footsense.client import Link
 from tests.system.command import run_json
 
@@ -41,11 +41,11 @@ def walked(
 def test_a_robot_walks_on_its_feet(
     tmp_path: Path, foot_type: str, legs: str, scene: str, max_n: float, peak_n: float
 ) -> None:
-    """At most 2 deg and 3 % on average, and a consumer reads the forces off CAN with the step of these feet."""
+    """At most 2 deg and 3 % on average, and a consumer reads the forces off CAN with the step that it tells."""
     figures, log = walked(tmp_path, legs, "interface: virtual", scene, f"foot_type: {foot_type}\n")
     assert figures["magnitude_error_rel"]["mean"] < 0.03
     assert figures["direction_error_deg"]["loaded_from_n"] == pytest.approx(0.05 * max_n)
-    link = Link(force_step_mn=force_step_mn(max_n))
+    link = Link()
     largest_n: dict[int, float] = defaultdict(float)
     for message in can.LogReader(log):
         now_ns = round(message.timestamp * 1e9)

@@ -1,11 +1,10 @@
-"""Options (interface, channel, force unit) of the commands that receive from CAN."""
+"""Options (interface, channel) of the commands that receive from CAN."""
 
 from collections.abc import Callable
 from typing import Any
 
 import click
 
-from firmware_interface.can.force import FORCE_STEPS_MN
 from footsense.config.contradictions import is_multicast
 
 #: Default channel of each interface; the multicast address is that of python-can and of deploy/simulated.yaml.
@@ -41,22 +40,7 @@ _channel_option = click.option(
     "--channel", callback=_channel_or_default, help="Name of the channel. Default: can0, or 239.74.163.2."
 )
 
-#: For robots whose feet carry more than 32 N.
-_force_step_option = click.option(
-    "--force-step-mn",
-    type=click.Choice([str(step) for step in FORCE_STEPS_MN]),
-    default="1",
-    show_default=True,
-    callback=lambda _ctx, _param, value: int(value),
-    help="What a bit of a force stands for, as `footsense check-config` names it: 1 for feet of up to 32 N.",
-)
-
-
-def channel_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a command the options `--interface` and `--channel`."""
-    return _interface_option(_channel_option(command))
-
 
 def can_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a command the options `--interface`, `--channel` and `--force-step-mn`."""
-    return channel_options(_force_step_option(command))
+    """Give a command the options `--interface` and `--channel`."""
+    return _interface_option(_channel_option(command))

@@ -32,7 +32,6 @@ _NS_PER_S = 1_000_000_000
 def ros2(
     interface: Interface,
     channel: str,
-    force_step_mn: int,
     domain: int,
     duration_s: float,
 ) -> None:
@@ -50,7 +49,7 @@ def ros2(
     start_ns = clock.now_ns()
     n_published = 0
     limits = LinkLimits(accept_degraded=True)
-    with closing(open_listener(interface, channel, clock, limits, force_step_mn)) as listener:
+    with closing(open_listener(interface, channel, clock, limits)) as listener:
         click.echo(f"{channel} to ROS 2, domain {domain}; Ctrl-C ends it")
         while not stop.requested and (now_ns := clock.now_ns()) < start_ns + duration_s * _NS_PER_S:
             listener.listen(now_ns + _PUBLISH_PERIOD_NS)

@@ -12,7 +12,7 @@ from firmware_interface.can.crc8 import COUNTER_PERIOD
 from firmware_interface.can.reports import HEARTBEAT_ID
 from firmware_interface.can.socketcan import pack_frame, unpack_frame
 from footsense.can.interface import Can, Interface
-from footsense.cli.can.can_options import channel_options
+from footsense.cli.can.can_options import can_options
 from footsense.client import PendingCommands
 from footsense.clock import MonotonicClock
 from footsense.daemon.can_output import open_wire
@@ -53,7 +53,7 @@ class LegTare(NamedTuple):
 
 @click.command()
 @click.argument("legs", nargs=-1, required=True, metavar="LEG...", type=click.Choice([*NODE_IDS, "all"]))
-@channel_options
+@can_options
 def tare(legs: tuple[str, ...], interface: Interface, channel: str) -> None:
     """Take the present readings of each LEG as those of the unloaded foot; `all`: of every leg on CAN.
 

@@ -13,6 +13,7 @@ from click.testing import CliRunner
 from footsense.cli import main
 from footsense.config import DEFAULT
 from footsense.daemon.can_output import can_sink
+from footsense.daemon.models import load_models
 from footsense.errors import HardwareError
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
@@ -114,7 +115,10 @@ def test_a_lost_log_does_not_hide_what_came_before(tmp_path: Path, monkeypatch: 
     """The first error is the one that is told, whatever the end of the log adds to it."""
     log = tmp_path / "a.log"
     opens_instead(monkeypatch, log, Path("/dev/full"))
-    with pytest.raises(HardwareError, match="the bus is gone"), can_sink(DEFAULT, VirtualClock(), log):
+    with (
+        pytest.raises(HardwareError, match="the bus is gone"),
+        can_sink(load_models(DEFAULT), VirtualClock(), log),
+    ):
         raise HardwareError("the bus is gone")
 
 

@@ -83,7 +83,7 @@ def test_neither_drives_nor_master_take_a_frame_of_ours_for_theirs(
     robot = Robot(request.node.nodeid, ALL_LEGS, fd=fd)
     send_every_kind(robot)
     sent = {message.arbitration_id for message in robot.heard()}
-    assert len(sent) == (8 * 7 + 2 if fd else 8 * 9)
+    assert len(sent) == (8 * 8 + 2 if fd else 8 * 10)
     assert [pump(drives), pump(master)] == [set(), set()]
     assert master.scanner.nodes == drives.scanner.nodes == []
     assert {master[node].nmt.state for node in NODES} == {"INITIALISING"}

@@ -64,7 +64,7 @@ def test_a_bus_on_which_nobody_listens_drops_everything_and_stops_nothing(
     robot.publish(1)
     assert robot.sink.commands() == []
     robot.close()
-    assert (robot.sink.stats.sent, robot.sink.stats.dropped, len(wire.opened_ns)) == (0, 7, 1)
+    assert (robot.sink.stats.sent, robot.sink.stats.dropped, len(wire.opened_ns)) == (0, 8, 1)
     (line,) = (record.getMessage() for record in caplog.records)
     assert "its queue is full, frames are dropped" in line
 

@@ -57,7 +57,7 @@ def test_the_log_holds_what_was_sent_at_the_forces_time(
     heard = robot.heard()
     robot.close()
     with can.LogReader(log_file, relative_timestamp=False) as reader:
-        boot, *logged, last = reader
+        boot, _identity, *logged, last = reader
     assert [(m.arbitration_id, bytes(m.data)) for m in logged] == [
         (m.arbitration_id, bytes(m.data)) for m in heard
     ]

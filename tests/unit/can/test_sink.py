@@ -19,7 +19,15 @@ from firmware_interface.can.codes import (
 )
 from firmware_interface.can.crc8 import kind_and_node
 from firmware_interface.can.force import FORCE, QUALITY
-from firmware_interface.can.reports import BASELINE, FAULT, decode_heartbeat
+from firmware_interface.can.reports import (
+    BASELINE,
+    FAULT,
+    IDENTITY,
+    IDENTITY_ID,
+    PROTOCOL_VERSION,
+    decode_heartbeat,
+    foot_type_hash,
+)
 from footsense.frames import LEGS, BaselineDrift, Command, CommandResult
 from tests.support.can_robot import MS, NarrowWire, Robot
 
@@ -158,11 +166,12 @@ def test_each_fault_report_goes_out_once_whatever_part_of_a_scan_is_taken(
 
 
 def test_each_leg_boots_before_anything_else(request: pytest.FixtureRequest) -> None:
-    """The first frames of all are heartbeats that say so."""
+    """The first frames of all are heartbeats that say so, and what a consumer needs to read the forces."""
     wire = NarrowWire()
     robot = Robot(request.node.nodeid, LEGS, wire=wire)
     robot.close()
     assert wire.taken[:6] == [(0x148 + node, bytes([NmtState.BOOT])) for node in range(1, 7)]
+    assert [can_id for can_id, _ in wire.taken[6:]][:6] == [IDENTITY_ID + node for node in range(1, 7)]
 
 
 def test_the_tares_of_a_start_are_told_a_few_a_scan(request: pytest.FixtureRequest) -> None:
@@ -198,6 +207,22 @@ def test_the_baseline_is_sent_once_a_second(robot: Robot) -> None:
     assert held.age_ns == 500 * MS
 
 
+def test_each_leg_tells_every_second_how_its_forces_are_read(request: pytest.FixtureRequest) -> None:
+    """Before the first force and then once a second, spread over it: version, force step, foot type."""
+    robot = Robot(request.node.nodeid, LEGS, step_mn=10)
+    for t_ms in range(0, 3000, 10):
+        robot.publish(t_ms * MS)
+    heard = robot.heard(IDENTITY_ID)
+    told = [IDENTITY.decode(m.arbitration_id, bytes(m.data)) for m in [*robot.boot[6:], *heard]]
+    content = PROTOCOL_VERSION, 10, foot_type_hash("aoyagi-3x3")
+    assert {identity[2:] for identity in told} == {content}
+    assert sorted((identity.node, identity.counter) for identity in told) == [
+        (node, n) for node in range(1, 7) for n in range(4 if node < 6 else 3)
+    ]
+    assert len({m.timestamp for m in heard}) == len(heard)
+    robot.close()
+
+
 def test_an_interface_that_is_gone_is_tried_at_growing_intervals(
     request: pytest.FixtureRequest, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -225,12 +250,14 @@ def test_a_full_channel_drops_frames_and_the_consumer_sees_the_gap(
     request: pytest.FixtureRequest, tmp_path: Path
 ) -> None:
     """What does not go out is counted, is not in the log, and never comes later."""
-    slow = can.Bus(interface="virtual", channel=request.node.nodeid, rx_queue_size=4)
+    slow = can.Bus(interface="virtual", channel=request.node.nodeid, rx_queue_size=5)
     log_file = tmp_path / "sent.log"
-    robot = Robot(request.node.nodeid, log_file=log_file)  # the boot heartbeat is the first of the four
+    robot = Robot(
+        request.node.nodeid, log_file=log_file
+    )  # boot heartbeat and identity are the first of the five
     robot.publish(0)  # Force, Quality, a fault report; a heartbeat and a baseline find no room
     robot.publish(MS)
-    assert (robot.sink.stats.sent, robot.sink.stats.dropped) == (4, 4)
+    assert (robot.sink.stats.sent, robot.sink.stats.dropped) == (5, 4)
     while slow.recv(timeout=0):
         pass
     robot.publish(2 * MS)

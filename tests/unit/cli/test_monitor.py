@@ -19,11 +19,16 @@ from firmware_interface.can.reports import (
     FAULT,
     FAULT_ID,
     HEARTBEAT_ID,
+    IDENTITY,
+    IDENTITY_ID,
     Baseline,
     Fault,
     Heartbeat,
+    Identity,
     encode_heartbeat,
+    foot_type_hash,
 )
+from firmware_interface.can.socketcan import pack_frame
 from footsense.can.interface import Can
 from footsense.cli.monitor import COLUMNS, monitor, monitor_tables
 from footsense.cli.tables import json_row
@@ -99,11 +104,11 @@ def plain(listener: Listener) -> list[dict[str, Any]]:
 
 def test_a_listener_sees_what_a_sink_sends_and_stops_believing_it(request: pytest.FixtureRequest) -> None:
     """Over one channel in virtual time: three scans until trust, then silence."""
-    robot = Robot(request.node.nodeid, ("lf", "rr"))
     clock = FakeClock()
     listener = Listener(
         open_wire(Can(interface="virtual", channel=request.node.nodeid), ()), clock, LinkLimits()
     )
+    robot = Robot(request.node.nodeid, ("lf", "rr"), step_mn=10)
     before = plain(listener)[0]
     assert (before["link"], before["state"], before["phase"], before["heartbeat"]) == (
         "stale",
@@ -120,6 +125,7 @@ def test_a_listener_sees_what_a_sink_sends_and_stops_believing_it(request: pytes
     assert (left["forces"], left["heartbeat"], left["force_n"]) == (4, "operational", [0.5, 0.5, 0.5])
     assert 15.0 <= left["age_ms"] <= 45.0
     assert right["usable"]
+    assert (left["force_step_mn"], left["foot_type_hash"]) == (10, f"{foot_type_hash('aoyagi-3x3'):08x}")
     assert all(other["state"] is None and other["force_n"] == [None] * 3 for other in others)
 
     listener.listen(clock.t_ns + 700 * MS)
@@ -128,6 +134,23 @@ def test_a_listener_sees_what_a_sink_sends_and_stops_believing_it(request: pytes
     assert (left["force_n"], left["age_ms"], left["contact"]) == ([None] * 3, None, None)
     assert (left["state"], left["cause"], left["elements_out"]) == (None, None, None)
     robot.close()
+
+
+@pytest.mark.parametrize(("version", "step_mn"), [(3, 1), (2, 7)])
+def test_frames_that_it_cannot_read_are_one_clear_line(
+    request: pytest.FixtureRequest, version: int, step_mn: int
+) -> None:
+    """A version and a step that came later: no force that is ten times too little."""
+    wire = open_wire(Can(interface="virtual", channel=request.node.nodeid), ())
+    listener = Listener(wire, FakeClock(), LinkLimits())
+    told = IDENTITY.encode(Identity(2, 0, version, step_mn, 0))
+    sender = open_wire(Can(interface="virtual", channel=request.node.nodeid), ())
+    sender.send([pack_frame(IDENTITY_ID + 2, told)], 0)
+    with pytest.raises(CanError, match=rf"lm .*version {version} .*{step_mn} mN.* install") as caught:
+        listener.listen(20 * MS)
+    assert "\n" not in str(caught.value)
+    sender.close()
+    listener.close()
 
 
 def test_contact_ground_and_the_last_event_are_shown(request: pytest.FixtureRequest) -> None:

@@ -141,7 +141,7 @@ def test_a_relative_path_is_one_beside_the_file(
         ),
         (
             ONE_BUS.replace("{lf: 0, rf: 1}", "{lf: 0, rf: 1, lm: 2, rm: 3}") + "publish_every: 1",
-            "400 forces/s take 447 kbit/s, more than 70% of 500 kbit/s; use 1000000, or publish_every: 2",
+            "400 forces/s take 448 kbit/s, more than 70% of 500 kbit/s; use 1000000, or publish_every: 2",
         ),
         (ONE_BUS + "feet: {lm: foot-0001}", "feet.lm: no bus has the leg lm; the legs are lf, rf"),
         (
