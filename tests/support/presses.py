@@ -15,7 +15,7 @@ Vector = NDArray[np.float64]
 
 SCAN_NS = 24_400_000
 SAMPLE_NS = 5_000_000
-NOISE_FF = 0.47
+NOISE_FF = 0.916
 #: Noise of a sample [N], half of 4, 4 and 12 gf, and its offset.
 SAMPLE_NOISE_N = np.array([2.0, 2.0, 6.0]) * 9.80665e-3
 OFFSET_N = np.array([0.3, -0.2, 1.1])

@@ -17,7 +17,7 @@ SCAN_S = 0.0244
 CONVERSION_S = SCAN_S / ELEMENTS
 TOUCH_N = 0.03
 WINDOW = 8
-NOISE_FF = 0.47
+NOISE_FF = 0.916
 #: Closures that 1 N makes on the elements, over the gap [1]; their trimmed mean is 0.4.
 PER_NEWTON = 0.4 * np.array([0.9, 1.05, 0.9, 1.05, 1.2, 1.05, 0.9, 1.05, 0.9])
 SENSITIVITY = Sensitivity(

@@ -42,6 +42,16 @@ class CommonNoise:
         )
         return self._value
 
+    def mixed_with(self, own: float, share_rel: float, t_ns: int) -> float:
+        """Return the sum of it and of white noise of unit variance, of unit variance too.
+
+        Args:
+            own: The white noise.
+            share_rel: Share of the variance that it has [1].
+            t_ns: Time, which does not go back [ns].
+        """
+        return math.sqrt(1.0 - share_rel) * own + math.sqrt(share_rel) * self.at(t_ns)
+
 
 class Disturbances:
     """All disturbances of one leg.
@@ -82,8 +92,7 @@ class Disturbances:
         draw = self._random.standard_normal
         match each:
             case scene_faults.WhiteNoise(noise_ff=noise_ff, common_rel=share):
-                own, common = draw(), self._common.at(t_ns)
-                return noise_ff * (math.sqrt(1.0 - share) * own + math.sqrt(share) * common)
+                return noise_ff * self._common.mixed_with(draw(), share, t_ns)
             case scene_faults.NoiseBursts(noise_ff=noise_ff, period_s=period_s, active_s=active_s):
                 active = ((t_ns - each.at_ns) * 1e-9) % period_s < active_s
                 return noise_ff * draw() if active else 0.0
