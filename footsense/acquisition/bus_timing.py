@@ -39,6 +39,10 @@ class BusTiming(NamedTuple):
     conversions_ns: int
     all_checks_fit: bool
 
+    def with_whole_results(self, plan: ScanPlan, n_legs: int) -> "BusTiming":
+        """Return the timing of the same bus if whole results have to be read of its legs' chips."""
+        return _timing(self.bus_hz, self.host_ns_per_transaction, plan, n_legs, whole_results=True)
+
     def __str__(self) -> str:
         """Return the timing as one line of text for the log."""
         bound_ns = self.lower_bounds.scan_period_bound_ns
@@ -84,6 +88,12 @@ def _measured(bus: I2cBus, clock: Clock, address: int, plan: ScanPlan, n_legs: i
     short_bits = transaction_bits(0, _SHORT_READ_BYTES)
     bit_ns = max(long_ns - short_ns, 1.0) / (transaction_bits(0, _LONG_READ_BYTES) - short_bits)
     host_ns = max(short_ns - BUS_FREE_NS - short_bits * bit_ns, 0.0)
+    return _timing(1e9 / bit_ns, host_ns, plan, n_legs, whole_results=False)
+
+
+def _timing(bus_hz: float, host_ns: float, plan: ScanPlan, n_legs: int, *, whole_results: bool) -> BusTiming:
+    """Return the timing of a bus with given costs; read of each result is the value or the whole."""
+    bit_ns = 1e9 / bus_hz
 
     def total_ns(transactions: Iterable[Transaction]) -> float:
         return sum(
@@ -93,18 +103,20 @@ def _measured(bus: I2cBus, clock: Clock, address: int, plan: ScanPlan, n_legs: i
 
     step = plan.steps[0]
     select, ask = Transaction(0, b"\0"), [step.done.read] if step.done else []
-    each_leg = [select, *(read for result in step.results for read in result.read)]
+    result = step.results[0]
+    reads = result.read if whole_results else result.read_value
+    each_leg = [select, *reads]
     checks = [check.read for check in (*step.select_checks, plan.board.setting_check)]
     limits = scan_lower_bounds(
         n_legs=n_legs,
         conversion_ns=plan.conversion_ns,
-        bus_hz=1e9 / bit_ns,
+        bus_hz=bus_hz,
         host_cost_ns=host_ns,
-        n_result_reads=len(step.results[0].read),
+        n_result_reads=len(reads),
         traffic=plan.board.traffic,
     )
     return BusTiming(
-        bus_hz=1e9 / bit_ns,
+        bus_hz=bus_hz,
         host_ns_per_transaction=host_ns,
         lower_bounds=limits,
         conversions_ns=len(plan.steps) * plan.conversion_ns,

@@ -9,15 +9,16 @@ The clock of a converter is inaccurate: the plan waits 2 % longer than the nomin
 and so do the legs that convert at the same time; else the lines of the next element would be switched before it has
 finished, which nothing would show. A conversion is started while the result of the one before is still to be asked for:
 whether a chip then still says that it was done is in no data sheet. Of a chip that does not, the question comes first
-(`scanner.py`). A leg is timed when it is found, and again when it is late.
+(`scanner.py`). A leg is timed when it is found, and again when it is late (`boards/chip_timing.py`). After it was left
+out its results are read whole, as another chip may have come back, until it is timed again.
 """
 
 import logging
 from collections.abc import Sequence
-from typing import NamedTuple
 
 from firmware_interface.chips import tca9548a
-from footsense.acquisition.boards.board import MAX_WAIT_FACTOR, Board, ConversionStep, Thermometer
+from footsense.acquisition.boards.board import Board, ConversionStep, Thermometer
+from footsense.acquisition.boards.chip_timing import ChipTiming, measure_chip_timing
 from footsense.acquisition.leg_bus import LegBus, release_sda
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.errors import HardwareError, I2cError, I2cTimeoutError, WrongChipError
@@ -45,22 +46,6 @@ _MISSES = (
     Reading.BUS_STUCK,
     Reading.EXCITATION,
 )
-#: Halvings of the range of a slow chip: to a hundredth.
-_N_BISECTIONS = 5
-#: What the clock of a slow chip may drift until it is measured again [1].
-_TIMING_DRIFT_REL = 0.01
-
-
-class ChipTiming(NamedTuple):
-    """Measured conversion time of one leg's converter, over the wait of the scan plan.
-
-    Attributes:
-        wait_factor: Time after which it has finished, over the wait of the plan, at least 1 [1].
-        keeps_done_bit: Whether it says that a conversion is done after the next one was started.
-    """
-
-    wait_factor: float = 1.0
-    keeps_done_bit: bool = True
 
 
 class LegConnection:
@@ -172,61 +157,26 @@ class LegConnection:
         self.is_suspect = True
         self.outcome = outcome
         self.temperature_c = float("nan")
+        self.timing = self.timing._replace(reads_whole_result=True)  # another chip may come back
         self.retry_at_ns = now_ns + round(pause_factor * self._pause_ns)
         self._pause_ns = min(2 * self._pause_ns, _MAX_PAUSE_NS)
 
 
 def time_converter(bus: LegBus, leg: LegConnection, plan: ScanPlan, clock: Clock) -> None:
-    """Measure and store the conversion time of a leg's converter; keep the old one if no conversion finishes.
+    """Measure and store the timing of a leg's converter; keep the old one if no conversion finishes.
 
     Raises:
         I2cTimeoutError: A line is held low.
     """
     try:
-        timing = _measured_timing(bus.connect(leg.selection), plan, clock)
+        first, second = (step.results[0].element for step in plan.steps[:2])
+        timing = measure_chip_timing(bus.connect(leg.selection), plan.board, (first, second), clock)
     except I2cTimeoutError:
         raise
     except I2cError:
         bus.forget_selection()
     else:
         leg.set_timing(timing or leg.timing)
-
-
-def _measured_timing(bus: I2cBus, plan: ScanPlan, clock: Clock) -> ChipTiming | None:
-    """Return the conversion time of the only connected leg's converter; None if it does not finish.
-
-    All rates of a chip come from one clock, so that the fastest is measured. Its last conversion is left running.
-    """
-    board = plan.board
-    rate = board.rates[max(board.rates)]
-    step, following = (board.step(each.results[0].element, rate) for each in plan.steps[:2])
-
-    def finishes_in_time(wait_factor: float, *, next_started: bool) -> bool:
-        for transaction in board.make_ready:
-            bus.transfer(transaction)
-        before_ns = clock.now_ns()
-        bus.transfer(step.trigger)
-        # The next trigger, which takes as long as this one, ends the conversion when the time is over.
-        clock.sleep_until_ns(before_ns + round(wait_factor * board.conversion_wait_ns(rate)))
-        if next_started:
-            bus.transfer(following.trigger)
-        if step.done is not None:
-            return step.done.decode(bus.transfer(step.done.read)) is Reading.OK
-        answers = list(map(bus.transfer, step.results[0].read))
-        return board.decode_result(answers)[0] is not Reading.NOT_READY
-
-    if finishes_in_time(1.0, next_started=True):
-        return ChipTiming()
-    if not finishes_in_time(MAX_WAIT_FACTOR, next_started=False):
-        return None
-    keeps_done_bit = finishes_in_time(MAX_WAIT_FACTOR, next_started=True)
-    if not keeps_done_bit and finishes_in_time(1.0, next_started=False):
-        return ChipTiming(keeps_done_bit=False)
-    low, high = 1.0, MAX_WAIT_FACTOR
-    for _ in range(_N_BISECTIONS):
-        middle = (low + high) / 2
-        low, high = (low, middle) if finishes_in_time(middle, next_started=keeps_done_bit) else (middle, high)
-    return ChipTiming(high * (1 + _TIMING_DRIFT_REL), keeps_done_bit)
 
 
 def probe_leg(

@@ -22,11 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.acquisition.boards.board import (
-    CONVERTED,
-    ConversionStep,
-    ElementResult,
-)
+from footsense.acquisition.boards.board import CONVERTED, ConversionStep, ElementResult
 from footsense.acquisition.bus_timing import BusTiming, measure_bus_timing
 from footsense.acquisition.leg_bus import LegBus
 from footsense.acquisition.leg_connection import (
@@ -46,11 +42,9 @@ from footsense.ports import Clock, Transaction
 _NAN, _OK = float("nan"), Reading.OK
 #: Attempts of a transaction before it counts as failed, and of a conversion on a bus with stuck lines.
 _MAX_ATTEMPTS = 2
-#: Period of the temperature readings, and least time between two timings of converters [ns]: each costs the legs of the
-#: bus some conversions.
-_TEMPERATURE_PERIOD_NS, _TIMING_PAUSE_NS = 10_000_000_000, 1_000_000_000
-#: Time between two questions whether a leg is late [ns]: each takes as long as a transaction.
-_LATENESS_PERIOD_NS = 1_000_000_000
+#: Periods of the temperature readings and of the question whether a leg is late, and least time between two timings of
+#: converters [ns]: each costs the legs of the bus some conversions, or a transaction.
+_TEMPERATURE_PERIOD_NS, _LATENESS_PERIOD_NS, _TIMING_PAUSE_NS = 10_000_000_000, 1_000_000_000, 1_000_000_000
 
 Legs = list[LegConnection]
 
@@ -127,6 +121,9 @@ class BusScanner:
                     time_converter(self._bus, leg, self.plan, self.clock)
                 except I2cTimeoutError:
                     self._leave_out_stuck_legs()
+        if timing is not None and any(leg.is_timed and leg.timing.reads_whole_result for leg in self.legs):
+            self.bus_timing = timing = timing.with_whole_results(self.plan, len(self.legs))
+            self._check_all = timing.all_checks_fit
 
     def read(self) -> CapFrame:
         """Finish the next conversion of every leg; return its readings with the latest ones of all other elements.
@@ -192,7 +189,8 @@ class BusScanner:
         running = self._running
         is_late = running is not None and self.clock.now_ns() > running.t_start_ns + self._late_ns
         self.n_late_discards += is_late
-        if running is None or is_late:
+        # A trigger that failed may have been taken all the same.
+        if running is None or is_late or not running.legs:
             legs, selection = self._active_legs()
             if legs:
                 self._bus.exchange(selection, self.plan.board.make_ready)
@@ -226,9 +224,11 @@ class BusScanner:
         if legs:  # connect them while they convert; if that fails, `_start_conversion` tries again
             self._bus.exchange(selection, ())
         asks_first = self._wait_and_tell_if_poll_comes_first(step, finished)
-        all_done = asks_first and self._mark_late_as_failed(step, legs, selection)
+        all_done = False
         if asks_first:
-            failed |= {leg: leg.outcome for leg in legs if leg.outcome is not _OK}
+            converting = [leg for leg in finished.legs if leg not in failed]
+            all_done = self._mark_late_as_failed(step, converting)
+            failed |= {leg: leg.outcome for leg in converting if leg.outcome is not _OK}
             legs, selection = self._active_legs()
         select = following.select_changes if finished.legs else following.select
         self._running = self._start_conversion(legs, selection, following, select)
@@ -302,20 +302,21 @@ class BusScanner:
                     break
                 if reading is not _OK:
                     continue
-            answers = self._bus.exchange(leg.selection, result.read)
+            read = result.read if leg.timing.reads_whole_result else result.read_value
+            answers = self._bus.exchange(leg.selection, read)
             if answers is not None:
                 reading, capacitance_pf = self.plan.board.decode_result(answers)
                 return reading, capacitance_pf + leg.capdac_offset_pf
             reading = Reading.NO_ANSWER
         return reading, _NAN
 
-    def _mark_late_as_failed(self, step: ConversionStep, legs: Legs, selection: int) -> bool:
+    def _mark_late_as_failed(self, step: ConversionStep, legs: Legs) -> bool:
         """Mark each leg as failed whose conversion has not finished before the next trigger; return if the others have.
 
         A chip whose DONE bit that clears has to say it now. Of another one an answer that is lost is asked for again.
         """
         assert step.done is not None
-        if not legs or self._bus.poll(selection, step.done) is _OK:
+        if not legs or self._bus.poll(sum(leg.selection for leg in legs), step.done) is _OK:
             return True
         for leg in legs:
             outcome = self._bus.poll(leg.selection, step.done)
@@ -364,9 +365,6 @@ class BusScanner:
                 leg.count_misses(readings, self.clock.now_ns())
         if not all(leg.in_scan for leg in self.legs):
             probe_due_legs(self._bus, self.legs, self.plan, self.clock)
-            if self._running is not None and not self._running.legs:
-                # A leg that was found meanwhile begins with a whole conversion, not with the rest of a wait.
-                self._running = None
 
     def _read_temperatures(self) -> None:
         """Read the temperature of all converters if that is due; discards running conversions.

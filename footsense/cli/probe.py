@@ -180,6 +180,15 @@ def _range_cell(values: Callable[[FootScans], Vector], form: str) -> Callable[[P
     return cell
 
 
+def _reads_cell(leg: ProbedLeg) -> str:
+    """Return which registers of a result are read, as the converter was found to need it."""
+    if leg.timing is None:
+        return EMPTY_CELL
+    return ("both" if leg.timing.reads_whole_result else "upper") + (
+        "" if leg.timing.keeps_done_bit else ", first"
+    )
+
+
 def _foot_cell(leg: ProbedLeg) -> str:
     if leg.scans is None:
         return styled("not scanned", "bold red")
@@ -208,6 +217,13 @@ _LEG_COLUMNS: list[Column[ProbedLeg]] = [
     Column("chips", lambda leg: leg.chips and leg.chips.outcome),
     Column("slowness_rel", lambda leg: leg.timing and leg.timing.wait_factor),
     Column("keeps_done", lambda leg: leg.timing and leg.timing.keeps_done_bit),
+    Column(
+        "done_needs_both_reads",
+        lambda leg: leg.timing and leg.timing.reads_whole_result,
+        "<1",
+        ("reads",),
+        cell=_reads_cell,
+    ),
     Column(
         "mean_pf",
         lambda leg: leg.scans and leg.scans.mean_pf.tolist(),

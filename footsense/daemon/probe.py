@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from footsense.acquisition.boards.chip_timing import ChipTiming
 from footsense.acquisition.bus_scan import BusScan, ChannelScan, leg_chip_addresses, scan_bus
 from footsense.acquisition.foot_check import CHIP_FAULT_READINGS, FootFault, FootScans, foot_faults
-from footsense.acquisition.leg_connection import ChipTiming
 from footsense.acquisition.linux_i2c import kernel_drivers
 from footsense.acquisition.mcu_source import McuSource
 from footsense.acquisition.scan_plan import ScanPlan

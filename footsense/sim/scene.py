@@ -47,7 +47,12 @@ class Effects(ScenePart, frozen=True):
     Attributes:
         converter_noise: Whether conversions have white noise, by rate.
         converter_clock_rel: Largest deviation of a converter's clock; each chip draws its own [1].
+        common_noise_rel: Share of the variance of that noise that changes slowly, and that all channels of a leg have
+            in common [1]; 0.8 was seen of a scanned rubber sensor (18 unloaded recordings of CoinFT-TRACE).
         trigger_clears_done: Whether a FDC1004 forgets that a conversion was done when the next one is started.
+        done_needs_both_reads: Whether it forgets that only after both registers of the result have been read, instead
+            of the upper one alone.
+        keeps_old_result: Whether a result of a FDC1004 that is being converted still reads as the old one.
         stray_pf: Capacitance to ground in parallel with every element [pF].
         gap_contact: Whether a closed gap carries load; else its closure is only limited.
         rubber: Whether the feet creep and show hysteresis (`sim/rubber.py`).
@@ -59,7 +64,10 @@ class Effects(ScenePart, frozen=True):
 
     converter_noise: bool = False
     converter_clock_rel: Annotated[float, Meta(ge=0.0, le=0.1)] = 0.0
+    common_noise_rel: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
     trigger_clears_done: bool = False
+    done_needs_both_reads: bool = False
+    keeps_old_result: bool = False
     stray_pf: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.0
     gap_contact: bool = False
     rubber: bool = False

@@ -11,6 +11,7 @@ from footsense.config import DEFAULT, Config
 from footsense.config.sections import Mux
 from footsense.sim.faults import scene_faults as faults
 from footsense.sim.faults.scene_faults import CanFault, Fault
+from footsense.sim.scene import Effects
 from footsense.sim.scene_loads import Tripod
 from footsense.validation.fault_trial import (
     BREAKS_AT_S,
@@ -34,13 +35,13 @@ class FaultTrial(NamedTuple):
         description: The fault in words.
         script: The fault as in a scene.
         config: The robot.
-        adapter_timeout_ms: Timeout of the adapter for a held line [ms].
+        effects: Effects of the simulation.
     """
 
     description: str
     script: tuple[Fault, ...]
     config: Config = DEFAULT
-    adapter_timeout_ms: float = 20.0
+    effects: Effects = WALK_SCENE.effects
 
     @property
     def fault_end_s(self) -> float | None:
@@ -61,6 +62,22 @@ def _faults_on_trial_leg(kind: Callable[..., Fault], **values: float) -> tuple[F
     return (kind(leg=FAULTY_LEG, **_FAULT_SPAN, **values),)
 
 
+_SLOW_ADAPTER = msgspec.structs.replace(WALK_SCENE.effects, adapter_timeout_ms=1000.0)
+
+#: A hang of each kind of FDC1004, which the scanner ends with a reset.
+_HANG_TRIALS = tuple(
+    FaultTrial(
+        f"converter hangs until it is reset{kind}",
+        (faults.HungConverter(leg=FAULTY_LEG, at_s=BREAKS_AT_S),),
+        effects=msgspec.structs.replace(WALK_SCENE.effects, **dict.fromkeys(names, True)),
+    )
+    for kind, *names in (
+        ("",),
+        ("; DONE needs both reads", "done_needs_both_reads"),
+        ("; the old result stays", "keeps_old_result"),
+        ("; both of that", "done_needs_both_reads", "keeps_old_result"),
+    )
+)
 _STUCK_SDA_FAULTS = _faults_on_trial_leg(faults.StuckSda)
 
 LEG_FAULT_TRIALS = (
@@ -74,12 +91,13 @@ LEG_FAULT_TRIALS = (
         _faults_on_trial_leg(faults.CorruptReads, rate_rel=_TRANSFER_FAULT_PROBABILITY),
     ),
     FaultTrial("conversions never finish", _faults_on_trial_leg(faults.StuckConverter)),
+    *_HANG_TRIALS,
     FaultTrial("another chip at the address", _faults_on_trial_leg(faults.WrongChip)),
     FaultTrial("supply dips: all settings lost", (faults.BrownOut(leg=FAULTY_LEG, at_s=BREAKS_AT_S),)),
     FaultTrial("row switch ignores writes", _faults_on_trial_leg(faults.SwitchIgnoresWrites)),
     FaultTrial("SDA held low by the leg", _STUCK_SDA_FAULTS),
     FaultTrial("the same, RESET pin not wired", _STUCK_SDA_FAULTS, config=_CONFIG_WITHOUT_RESET_LINE),
-    FaultTrial("the same with RESET, adapter waits 1 s", _STUCK_SDA_FAULTS, adapter_timeout_ms=1000.0),
+    FaultTrial("the same with RESET, adapter waits 1 s", _STUCK_SDA_FAULTS, effects=_SLOW_ADAPTER),
     FaultTrial(
         "SDA held low on the upstream bus, 0.1 s",
         (faults.StuckUpstreamBus(at_s=BREAKS_AT_S, until_s=BREAKS_AT_S + _BUS_STUCK_DURATION_S),),
@@ -91,7 +109,7 @@ LEG_FAULT_TRIALS = (
     FaultTrial("mux reset", (faults.MuxReset(at_s=BREAKS_AT_S),)),
     FaultTrial("element open", _faults_on_trial_leg(faults.ElementOpen, element=4)),
     FaultTrial("element shorted", _faults_on_trial_leg(faults.ElementShorted, element=0)),
-    FaultTrial("element stuck", _faults_on_trial_leg(faults.ElementStuck, element=0)),
+    FaultTrial("element stuck", _faults_on_trial_leg(faults.ElementStuck, element=8)),
     FaultTrial(
         "element drifts, 0.5 pF/s", _faults_on_trial_leg(faults.ElementDrifts, element=0, rate_ff_per_s=500.0)
     ),
@@ -142,9 +160,8 @@ def simulate_leg_faults(
     whole = simulate_walk(config=msgspec.structs.replace(DEFAULT, foot_type=foot_type), load=load)
     found = {"nothing": _fault_free_figures(whole)}
     for trial in islice(LEG_FAULT_TRIALS, None, None, _QUICK_EVERY_NTH_TRIAL if quick else 1):
-        effects = msgspec.structs.replace(WALK_SCENE.effects, adapter_timeout_ms=trial.adapter_timeout_ms)
         config = msgspec.structs.replace(trial.config, foot_type=foot_type)
-        broken = simulate_walk(*trial.script, config=config, effects=effects, load=load)
+        broken = simulate_walk(*trial.script, config=config, effects=trial.effects, load=load)
         found[trial.description] = fault_figures(broken, whole, BREAKS_AT_S, trial.fault_end_s)
         report(trial.description)
     return found

@@ -29,6 +29,7 @@ from footsense.sim.i2c_bus import SimulatedBus
 from footsense.sim.scene import Effects
 
 TIMEOUT_NS = 20_000_000
+_NO_EFFECTS = Effects()
 #: A different capacitance for every element, so that a swap shows [pF].
 DISTINCT_PF = 5.0 + 0.125 * np.arange(9)
 
@@ -118,6 +119,7 @@ class Robot:
         host_cost_ns: int = 0,
         rate_sps: int | None = None,
         clock_error_rel: float = 0.0,
+        effects: Effects = _NO_EFFECTS,
     ) -> None:
         self.converters: list[SimulatedFdc1004 | SimulatedAd7746] = []
         self.switches: list[tuple[SimulatedLineSwitch, ...]] = []
@@ -135,7 +137,7 @@ class Robot:
                     return [capacitance_pf(e, t_ns) + self._of_leg_pf[leg, 0] for e in range(ELEMENTS)]
 
                 foot = WiredFoot(element_pf, (), _designed_foot())
-                converter, switches = leg_electronics(board.name, foot, Effects(), (0, leg))
+                converter, switches = leg_electronics(board.name, foot, effects, (0, leg))
                 converter.clock_factor = 1.0 + clock_error_rel
                 self.converters.append(converter)
                 self.switches.append(switches)

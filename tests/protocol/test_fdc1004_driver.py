@@ -69,7 +69,7 @@ def test_the_plan_triggers_one_measurement_at_a_time() -> None:
     assert [steps[e].select for e in (0, 3, 6)] == [
         (Transaction(0x49, bytes((switches,))),) for switches in (0b110001, 0b101010, 0b011100)
     ]
-    assert steps[4].results[0].read == (Transaction(0x50, b"\x02", 2),)
+    assert steps[4].results[0].read_value == (Transaction(0x50, b"\x02", 2),)
 
 
 def test_slower_rates_read_the_lower_half_of_the_result_too() -> None:
@@ -91,6 +91,8 @@ def test_no_step_reads_a_slot_that_the_next_one_converts() -> None:
         ([b"\x2b\x00"], Reading.OK, 5.375),
         ([b"\x2b\x00", b"\x01\x00"], Reading.OK, 5.375 + 2**-19),
         ([b"\xff\xff", b"\xff\x00"], Reading.OK, -(2**-19)),
+        ([b"\x00\x00"], Reading.UNDER_RANGE, NAN),  # as after a reset
+        ([b"\x00\x00", b"\x01\x00"], Reading.OK, 2**-19),
         ([b"\x7f\xff"], Reading.OVER_RANGE, NAN),
         ([b"\x80\x00"], Reading.OVER_RANGE, NAN),
         ([b"\x2b\x00", b"\x01\x04"], Reading.CORRUPT, NAN),

@@ -89,7 +89,7 @@ def step(element: int, rate: chip.Ad7746Rate) -> ConversionStep:
     """
     row, column = divmod(element, ROWS)
     return ConversionStep(
-        results=(ElementResult(element, (READ_RESULT,)),),
+        results=(ElementResult(element, (READ_RESULT,), (READ_RESULT,)),),
         select=(
             Transaction(adg715.ADDRESS, bytes((adg715.line_switch_byte(1 << row),))),
             Transaction(adg715.COLUMN_ADDRESS, bytes((adg715.line_switch_byte(1 << column),))),

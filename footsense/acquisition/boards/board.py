@@ -43,11 +43,13 @@ class ElementResult(NamedTuple):
 
     Attributes:
         element: Flat index of the element.
-        read: Reads of the result from the leg's converter.
+        read: Reads of the whole result from the leg's converter; by these any chip forgets that a conversion is done.
+        read_value: Those of them that the value needs, for a chip that forgets by these alone.
     """
 
     element: int
     read: tuple[Transaction, ...]
+    read_value: tuple[Transaction, ...]
 
 
 class ConversionStep(NamedTuple):
@@ -135,10 +137,10 @@ class Board(NamedTuple):
             WrongChipError if another one does, and I2cError.
         configure_and_get_capdac_pf: Sets up the chip of the leg that is connected alone. Returns OK and the capacitance
             that its CAPDAC subtracts from each result [pF], or the reason why the chip cannot be used. Raises I2cError.
-        decode_result: Reading and capacitance [pF] of the answers to `ElementResult.read`, CAPDAC not included; NaN
-            unless the reading is OK.
-        make_ready: Brings a converter in an unknown state to where it can convert: its settings, and no
-            result left to be read.
+        decode_result: Reading and capacitance [pF] of the answers to `ElementResult.read` or `read_value`, CAPDAC not
+            included; NaN unless the reading is OK.
+        make_ready: Brings a converter in an unknown state to where it can convert: its settings, no conversion that
+            would still end, and no result left to be read.
         setting_check: The settings of the converter, which a dip of its supply resets; asked once a scan.
         range_end_pf: Least capacitance of an element over the range [pF].
         thermometer: Its temperature sensor; None if it has none.

@@ -22,8 +22,7 @@ import numpy as np
 
 from firmware_interface.chips import ad7746 as chip
 from firmware_interface.chips.ad7746 import Ad7746Register
-from footsense.sim.chips.chip import LegChip
-from footsense.sim.faults.scene_faults import Span, in_any_span
+from footsense.sim.chips.chip import SimulatedConverter
 
 #: Smallest and largest step of a chip's CAPDAC over the nominal one [1]: 17 pF of full scale are guaranteed, 21 pF
 #: typical.
@@ -38,7 +37,7 @@ _CAP, _VT = chip.NOT_RDYCAP, chip.NOT_RDYVT
 MeanMutualCapacitance = Callable[[int, int], tuple[float, bool]]
 
 
-class SimulatedAd7746(LegChip):
+class SimulatedAd7746(SimulatedConverter):
     """Simulated AD7746 capacitance converter at register level, with conversions and noise.
 
     Args:
@@ -47,10 +46,6 @@ class SimulatedAd7746(LegChip):
         clock_error_rel: Relative excess of its conversion times [1].
         capdac_gain_rel: Size of its CAPDAC steps over the nominal one [1].
         temperature_c: Returns the reading of its thermometer at a time [ns], error included [deg C].
-
-    Attributes:
-        stuck_ns: Spans in which its conversions do not finish [ns].
-        clock_factor: Its conversion times over the nominal ones [1].
     """
 
     def __init__(
@@ -61,11 +56,8 @@ class SimulatedAd7746(LegChip):
         capdac_gain_rel: float = 1.0,
         temperature_c: Callable[[int], float] = lambda t_ns: 25.0,  # noqa: ARG005 - the same at any time
     ) -> None:
-        super().__init__(chip.ADDRESS)
-        self.stuck_ns: list[Span] = []
+        super().__init__(chip.ADDRESS, noise, clock_error_rel)
         self._mutual_capacitance = mutual_capacitance
-        self._noise = noise
-        self.clock_factor = 1.0 + clock_error_rel
         self._capdac_step_pf = chip.CAPDAC_STEP_PF * capdac_gain_rel
         self._temperature_c = temperature_c
         self.power_up(-chip.RESET_NS)
@@ -102,6 +94,7 @@ class SimulatedAd7746(LegChip):
 
     def power_up(self, t_ns: int) -> None:
         """Reset all registers to their power-up values, as a reset command does; no answer for 200 us."""
+        super().power_up(t_ns)
         self._registers = bytearray(chip.N_REGISTERS)
         self._registers[Ad7746Register.STATUS] = chip.NOT_RDY | _CAP | _VT
         settings = chip.RESET_VALUES
@@ -131,7 +124,7 @@ class SimulatedAd7746(LegChip):
         """Store the results of all conversions that end by `t_ns` [ns]."""
         while self._running and self._running[0][2] <= t_ns:
             kind, start_ns, end_ns = self._running[0]
-            if in_any_span(self.stuck_ns, end_ns):
+            if not self.finishes(end_ns):
                 return
             del self._running[0]
             data = Ad7746Register.CAP_DATA if kind == _CAP else Ad7746Register.VT_DATA
@@ -159,9 +152,8 @@ class SimulatedAd7746(LegChip):
         registers[Ad7746Register.STATUS] |= chip.EXCERR if shorted else 0
         if registers[Ad7746Register.CAPDAC_A] & chip.CAPDAC_ENABLE:
             capacitance_pf -= (registers[Ad7746Register.CAPDAC_A] & chip.CAPDAC_MAX) * self._capdac_step_pf
-        if self._noise is not None:
-            rate = _RATE_OF_CODE[registers[Ad7746Register.CONFIGURATION] >> 3 & 0x07]
-            capacitance_pf += rate.noise_ff * 1e-3 * self._noise.standard_normal()
+        rate = _RATE_OF_CODE[registers[Ad7746Register.CONFIGURATION] >> 3 & 0x07]
+        capacitance_pf += rate.noise_ff * 1e-3 * self.unit_noise(end_ns)
         code = round(capacitance_pf * chip.ZERO_CODE / chip.FULL_SCALE_PF) + chip.ZERO_CODE
         return min(max(code, 0), chip.CODE_MAX)
 

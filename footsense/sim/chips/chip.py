@@ -6,10 +6,18 @@ Source:
 
 from abc import ABC, abstractmethod
 from collections import deque
+from collections.abc import Iterator
+from itertools import repeat
 from typing import NamedTuple, Protocol
 
+import numpy as np
+
 from firmware_interface.chips import adg715
+from footsense.sim.faults.disturbances import CommonNoise
 from footsense.sim.faults.scene_faults import Span, in_any_span
+
+#: Random numbers are drawn so many at a time, which is the same sequence as one by one.
+_NOISE_BATCH_SIZE = 64
 
 
 class SimulatedChip(Protocol):
@@ -59,6 +67,57 @@ class LegChip(ABC):
     @abstractmethod
     def power_up(self, t_ns: int) -> None:
         """Reset the chip to its power-up state at `t_ns` [ns]."""
+
+
+class SimulatedConverter(LegChip):
+    """Base class of the capacitance converters: when conversions end, and their noise.
+
+    Args:
+        address: Address on the bus.
+        noise: Source of its noise; None for none.
+        clock_error_rel: Relative excess of its conversion times [1].
+
+    Attributes:
+        stuck_ns: Spans in which its conversions do not finish [ns].
+        hangs_ns: Times from which on it converts nothing until it is reset [ns].
+        clock_factor: Its conversion times over the nominal ones [1].
+    """
+
+    def __init__(self, address: int, noise: np.random.Generator | None, clock_error_rel: float) -> None:
+        super().__init__(address)
+        self.stuck_ns: list[Span] = []
+        self.hangs_ns: list[float] = []
+        self.clock_factor = 1.0 + clock_error_rel
+        self._common_noise: tuple[float, CommonNoise] | None = None
+        self._white_noise = repeat(0.0) if noise is None else _unit_noise(noise)
+        self._reset_ns = 0
+
+    def power_up(self, t_ns: int) -> None:
+        """Reset the chip to its power-up state at `t_ns` [ns]; it hangs no more."""
+        self._reset_ns = t_ns
+
+    def finishes(self, end_ns: int) -> bool:
+        """Return whether a conversion that is to end at a time [ns] does."""
+        hangs = any(self._reset_ns <= hang_ns <= end_ns for hang_ns in self.hangs_ns)
+        return not (hangs or in_any_span(self.stuck_ns, end_ns))
+
+    def share_noise(self, share_rel: float, random: np.random.Generator) -> None:
+        """Make a share [1] of the variance of its noise change slowly, which all channels then have in common."""
+        self._common_noise = share_rel, CommonNoise(random)
+
+    def unit_noise(self, t_ns: int) -> float:
+        """Return the noise of a conversion that ends at a time [ns], of unit variance."""
+        white = next(self._white_noise)
+        if self._common_noise is None:
+            return white
+        share_rel, common = self._common_noise
+        return common.mixed_with(white, share_rel, t_ns)
+
+
+def _unit_noise(noise: np.random.Generator) -> Iterator[float]:
+    """Yield normal noise of standard deviation 1, drawn in batches."""
+    while True:
+        yield from noise.standard_normal(_NOISE_BATCH_SIZE).tolist()
 
 
 class SimulatedMux:

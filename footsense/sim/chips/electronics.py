@@ -19,7 +19,7 @@ from footsense.sim.scene import Effects
 ROOM_TEMPERATURE_C = 25.0
 
 #: Random streams of a leg besides that of its noise.
-_CAPDAC_DRAW, _THERMOMETER_DRAW = 4, 5
+_CAPDAC_DRAW, _THERMOMETER_DRAW, _COMMON_NOISE_DRAW = 4, 5, 7
 
 
 def leg_electronics(
@@ -35,12 +35,19 @@ def leg_electronics(
     """
     random = np.random.default_rng(seed)
     noise = random if effects.converter_noise else None
+    common_noise = None
+    if noise is not None and effects.common_noise_rel:
+        common_noise = np.random.default_rng((*seed, _COMMON_NOISE_DRAW))
     clock_error_rel = effects.converter_clock_rel * random.uniform(-1, 1)
     rows = SimulatedLineSwitch(adg715.ADDRESS)
     if board == "fdc1004":
         pins = _column_pin_capacitance(foot, rows, effects.stray_pf)
         chip = SimulatedFdc1004(pins, noise, clock_error_rel)
         chip.trigger_clears_done = effects.trigger_clears_done
+        chip.done_needs_both_reads = effects.done_needs_both_reads
+        chip.keeps_old_result = effects.keeps_old_result
+        if common_noise is not None:
+            chip.share_noise(effects.common_noise_rel, common_noise)
         return chip, (rows,)
     columns = SimulatedLineSwitch(adg715.COLUMN_ADDRESS)
     error_k = np.random.default_rng((*seed, _THERMOMETER_DRAW)).uniform(-1, 1) * MAX_TEMPERATURE_ERROR_K
@@ -54,6 +61,8 @@ def leg_electronics(
             ROOM_TEMPERATURE_C + error_k + (warming.temperature_change_k_at(t_ns) if warming else 0.0)
         ),
     )
+    if common_noise is not None:
+        converter.share_noise(effects.common_noise_rel, common_noise)
     return converter, (rows, columns)
 
 

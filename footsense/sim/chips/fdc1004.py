@@ -3,32 +3,34 @@
 It shares only register addresses with the driver. Simulated (sections of the data sheet, SNOSCY5):
 - one conversion at a time: a trigger with several measurements and no REPEAT starts none (8.5.3.1), and a trigger
   during a conversion aborts it;
-- DONE_n is set when measurement n ends and cleared when its result is read (8.5.3.4); whether another trigger clears it
-  too is not said: both kinds of chip are simulated;
-- a result that was never converted, or is being converted, reads as 0x7FFFFF;
+- DONE_n is set when measurement n ends and cleared once its result has been read (8.5.3.4). Not said is whether that
+  takes the upper register or both, whether another trigger clears it too, and whether a result that is being converted
+  still reads as the old one or as 0x7FFFFF (seen: TI E2E 863522): all kinds of chip are simulated;
+- after a reset results and FDC_CONF read as 0, CONF_MEASn as 0x1C00 (table 1; the last also TI E2E 793359);
+- a measurement of CINa against CINb converts their difference, with CHA below CHB (8.6.1.2); other pairs start none;
+- a chip that hangs converts nothing until its RST bit or its supply resets it (seen: TI E2E 404389, 801150);
 - the CAPDAC subtracts its steps from the capacitance of a pin;
-- the result clips at the ends of the 24-bit range; white noise by rate.
-Not simulated: REPEAT, offset and gain calibration, supply dependence, noise and temperature of the CAPDAC.
+- the result clips at the ends of the 24-bit range; noise by rate, of which the channels may have a part in common.
+Not verified, neither in the data sheet nor on a chip: that the address of a reserved register is not acknowledged; that
+a measurement with CHA not below CHB starts nothing. Not simulated: REPEAT, offset and gain calibration, supply
+dependence, noise and temperature of the CAPDAC.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import cache
-from itertools import repeat
 from typing import NamedTuple
 
 import numpy as np
 
 from firmware_interface.chips import fdc1004 as chip
-from footsense.sim.chips.chip import LegChip
-from footsense.sim.faults.scene_faults import Span, in_any_span
-
-#: Random numbers are drawn so many at a time, which is the same sequence as one by one.
-_NOISE_BATCH_SIZE = 64
+from footsense.errors import NackError
+from footsense.sim.chips.chip import SimulatedConverter
 
 _RATE_OF_CODE = {rate.code: rate for rate in chip.RATES.values()}
 _FDC_CONF = int(chip.Fdc1004Register.FDC_CONF)
 _MEAS1_MSB, _MEAS4_LSB = int(chip.Fdc1004Register.MEAS1_MSB), int(chip.Fdc1004Register.MEAS4_LSB)
 _CONF_MEAS1, _GAIN_CAL_CIN4 = int(chip.Fdc1004Register.CONF_MEAS1), int(chip.Fdc1004Register.GAIN_CAL_CIN4)
+_MANUFACTURER_ID = int(chip.Fdc1004Register.MANUFACTURER_ID)
 _RESET, _DONE = chip.CONF_RESET.encode(1), chip.CONF_DONE.encode(0xF)
 
 #: Mean capacitance [pF] that a CIN pin (0..3) saw to ground between two times [ns].
@@ -54,20 +56,29 @@ def _conversion_of_word(word: int) -> _Conversion | None:
     return _Conversion(chip.N_SLOTS - triggers.bit_length(), rate.conversion_ns, rate.noise_ff * 1e-3)
 
 
+class _Measurement(NamedTuple):
+    """What a CONF_MEASn value measures: pins (0..3), the negative one None for ground, and CAPDAC steps to subtract."""
+
+    cin: int
+    negative_cin: int | None
+    capdac: int
+
+
 @cache
-def _pin_and_capdac(config: int) -> tuple[int, int]:
-    """Return the pin (CINx) that a CONF_MEASn value measures, and the CAPDAC steps that it subtracts."""
-    takes_off = chip.MEAS_CHB.decode(config) == chip.CHB_CAPDAC
-    return chip.MEAS_CHA.decode(config), chip.MEAS_CAPDAC.decode(config) if takes_off else 0
+def _measurement_of_config(config: int) -> _Measurement | None:
+    """Return what a CONF_MEASn value measures; None for a pair of inputs that cannot be measured."""
+    positive, negative = chip.MEAS_CHA.decode(config), chip.MEAS_CHB.decode(config)
+    if negative == chip.CHB_CAPDAC:
+        measured = _Measurement(positive, None, chip.MEAS_CAPDAC.decode(config))
+    elif negative == chip.CHB_DISABLED:
+        measured = _Measurement(positive, None, 0)
+    else:
+        measured = _Measurement(positive, negative, 0)
+    differs = measured.negative_cin is None or positive < measured.negative_cin < chip.N_SLOTS
+    return measured if positive < chip.N_SLOTS and differs else None
 
 
-def _unit_noise(noise: np.random.Generator) -> Iterator[float]:
-    """Yield normal noise of standard deviation 1, drawn in batches."""
-    while True:
-        yield from noise.standard_normal(_NOISE_BATCH_SIZE).tolist()
-
-
-class SimulatedFdc1004(LegChip):
+class SimulatedFdc1004(SimulatedConverter):
     """Simulated FDC1004 capacitance converter at register level, with conversions and noise.
 
     Args:
@@ -76,9 +87,9 @@ class SimulatedFdc1004(LegChip):
         clock_error_rel: Relative excess of its conversion times [1].
 
     Attributes:
-        stuck_ns: Spans in which its conversions do not finish [ns].
-        clock_factor: Its conversion times over the nominal ones [1].
         trigger_clears_done: Whether the trigger of a measurement clears the DONE bits of the others.
+        done_needs_both_reads: Whether DONE_n stays until the lower register of a result has been read after the upper.
+        keeps_old_result: Whether a result that is being converted still reads as the old one.
     """
 
     def __init__(
@@ -87,28 +98,33 @@ class SimulatedFdc1004(LegChip):
         noise: np.random.Generator | None,
         clock_error_rel: float = 0.0,
     ) -> None:
-        super().__init__(chip.ADDRESS)
-        self.stuck_ns: list[Span] = []
-        self.trigger_clears_done = False
+        super().__init__(chip.ADDRESS, noise, clock_error_rel)
+        self.trigger_clears_done = self.done_needs_both_reads = self.keeps_old_result = False
         self._cin_capacitance_pf = cin_capacitance_pf
-        self._noise = repeat(0.0) if noise is None else _unit_noise(noise)
-        self.clock_factor = 1.0 + clock_error_rel
         self._pointer = 0
         self.power_up(0)
 
     def power_up(self, t_ns: int) -> None:
         """Reset registers, results and conversion to their power-up state."""
+        super().power_up(t_ns)
         self._registers = dict(chip.RESET_VALUES)
-        self._results = [chip.CODE_MAX] * chip.N_SLOTS
-        self._conf = 0
-        self._done = 0
+        self._results = [0] * chip.N_SLOTS
+        self._conf = self._done = 0
+        # Slots of which the upper register was read since their results came.
+        self._upper_read = 0
         self._running: _Conversion | None = None
         self._started_ns = self._ends_ns = t_ns
 
     def write(self, data: bytes, t_ns: int) -> None:
-        """Process written bytes: a register pointer and, if two bytes follow, the register's new value."""
+        """Process written bytes: a register pointer and, if two bytes follow, the register's new value.
+
+        Raises:
+            NackError: There is no such register.
+        """
         self._finish_conversions_by(t_ns)
         self._pointer = data[0]
+        if _GAIN_CAL_CIN4 < self._pointer < _MANUFACTURER_ID:
+            raise NackError(f"no acknowledge of the register address {self._pointer:#04x}")
         if len(data) < 3:
             return
         word = data[1] << 8 | data[2]
@@ -133,27 +149,35 @@ class SimulatedFdc1004(LegChip):
         self._running = conversion = _conversion_of_word(word)
         if conversion is None:
             return
+        if _measurement_of_config(self._registers[_CONF_MEAS1 + conversion.slot]) is None:
+            self._running = None
+            return
         if self.trigger_clears_done:
             self._done = 0
-        self._results[conversion.slot] = chip.CODE_MAX
+        if not self.keeps_old_result:
+            self._results[conversion.slot] = chip.CODE_MAX
         self._started_ns = t_ns
         self._ends_ns = t_ns + round(conversion.nominal_duration_ns * self.clock_factor)
 
     def _finish_conversions_by(self, t_ns: int) -> None:
         """Store the result of the conversion, if it ends by `t_ns` [ns]."""
         conversion = self._running
-        if conversion is None or t_ns < self._ends_ns or in_any_span(self.stuck_ns, self._ends_ns):
+        if conversion is None or t_ns < self._ends_ns or not self.finishes(self._ends_ns):
             return
         self._running = None
         self._results[conversion.slot] = self._convert(conversion)
         self._done |= chip.slot_bit(conversion.slot)
+        self._upper_read &= ~chip.slot_bit(conversion.slot)
 
     def _convert(self, conversion: _Conversion) -> int:
         """Return the 24-bit code of a conversion, with noise, clipped to the range."""
-        cin, capdac = _pin_and_capdac(self._registers[_CONF_MEAS1 + conversion.slot])
-        capacitance_pf = self._cin_capacitance_pf(cin, self._started_ns, self._ends_ns)
-        capacitance_pf -= capdac * chip.CAPDAC_STEP_PF
-        capacitance_pf += conversion.noise_rms_pf * next(self._noise)
+        measured = _measurement_of_config(self._registers[_CONF_MEAS1 + conversion.slot])
+        assert measured is not None
+        capacitance_pf = self._cin_capacitance_pf(measured.cin, self._started_ns, self._ends_ns)
+        if measured.negative_cin is not None:
+            capacitance_pf -= self._cin_capacitance_pf(measured.negative_cin, self._started_ns, self._ends_ns)
+        capacitance_pf -= measured.capdac * chip.CAPDAC_STEP_PF
+        capacitance_pf += conversion.noise_rms_pf * self.unit_noise(self._ends_ns)
         return min(max(round(capacitance_pf * chip.CODES_PER_PF), chip.CODE_MIN), chip.CODE_MAX)
 
     def _read_register(self, address: int) -> int:
@@ -161,9 +185,12 @@ class SimulatedFdc1004(LegChip):
             return self._conf | chip.CONF_DONE.encode(self._done)
         if _MEAS1_MSB <= address <= _MEAS4_LSB:
             slot, lower = divmod(address, 2)
-            code = self._results[slot] & 0xFFFFFF
+            code, bit = self._results[slot] & 0xFFFFFF, chip.slot_bit(slot)
             if lower:
+                self._done &= ~(self._upper_read & bit)
                 return (code & 0xFF) << 8
-            self._done &= ~chip.slot_bit(slot)
+            self._upper_read |= bit
+            if not self.done_needs_both_reads:
+                self._done &= ~bit
             return code >> 8
         return self._registers.get(address, 0)

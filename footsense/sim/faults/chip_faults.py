@@ -104,6 +104,8 @@ def inject_chip_faults(
                 switches[0].ignores_writes_ns.append(fault.span_ns)
             case scene_faults.StuckConverter():
                 converter.stuck_ns.append(fault.span_ns)
+            case scene_faults.HungConverter():
+                converter.hangs_ns.append(fault.at_ns)
             case _:
                 pass
     failing: list[SimulatedChip] = []

@@ -134,6 +134,12 @@ class StuckConverter(_LegFault, frozen=True, kw_only=True):
     """The leg's converter never finishes a conversion."""
 
 
+class HungConverter(_Fault, frozen=True, kw_only=True):
+    """The leg's converter converts nothing from then on, until it is reset: seen of FDC1004 (TI E2E 404389, 801150)."""
+
+    leg: Leg
+
+
 class WrongChip(_LegFault, frozen=True, kw_only=True):
     """An EEPROM answers at the address of the leg's converter."""
 
@@ -331,7 +337,16 @@ class CanTraffic(_LastingFault, frozen=True, kw_only=True):
     rate_hz: Annotated[float, Meta(gt=0.0, le=10_000.0)]
 
 
-ChipFault = Absent | NackAtRandom | CorruptReads | StuckConverter | WrongChip | BrownOut | SwitchIgnoresWrites
+ChipFault = (
+    Absent
+    | NackAtRandom
+    | CorruptReads
+    | StuckConverter
+    | HungConverter
+    | WrongChip
+    | BrownOut
+    | SwitchIgnoresWrites
+)
 WireFault = StuckSda | StuckUpstreamBus | ArbitrationLost | MuxReset
 FootDamage = (
     ElementOpen | ElementShorted | ElementStuck | ElementDrifts | GapClosed | BrokenRow | BrokenColumn

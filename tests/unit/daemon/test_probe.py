@@ -61,6 +61,11 @@ def test_the_clock_of_each_converter_and_what_it_keeps_is_told() -> None:
     found = probe(DEFAULT, msgspec.structs.replace(HANGING, effects=Effects(trigger_clears_done=True)))
     assert found.diagnoses == ()
     assert {leg["keeps_done"] for leg in probe_json(found)["legs"].values()} == {False}
+    assert shown(found).count("upper, first") == 6
+    found = probe(DEFAULT, msgspec.structs.replace(HANGING, effects=Effects(done_needs_both_reads=True)))
+    assert found.diagnoses == ()
+    assert {leg["done_needs_both_reads"] for leg in probe_json(found)["legs"].values()} == {True}
+    assert shown(found).count("both") == 6
 
 
 def test_nothing_is_wrong_with_a_sound_robot() -> None:
@@ -72,10 +77,10 @@ def test_nothing_is_wrong_with_a_sound_robot() -> None:
     figures = probe_json(found)
     assert figures["buses"][0]["rate_hz"] == pytest.approx(400_000, rel=1e-3)
     assert figures["scan_ms"] == pytest.approx(1.065 * 22.5, abs=0.02)
-    assert 0.3 < figures["legs"]["rm"]["noise_ff"][4] < 0.7
+    assert 0.6 < figures["legs"]["rm"]["noise_ff"][4] < 1.4  # 0.916, of 20 scans
     text = shown(found)
     assert max(map(len, text.splitlines())) <= 80
-    assert text.count("sound") == 6
+    assert text.count("sound") == text.count("upper") == 6
 
 
 @pytest.mark.parametrize(
