@@ -37,7 +37,7 @@ WALK_SCENE = Scene(
 )
 
 #: Fields of a frame that are kept.
-_KEPT_FRAME_FIELDS = ("t_sent_ns", "t_ns", "state", "cause", "fault_mask", "force_n", "sigma_n")
+_KEPT_FRAME_FIELDS = ("t_sent_ns", "t_ns", "state", "cause", "flags", "fault_mask", "force_n", "sigma_n")
 
 
 class PublishedWalk(NamedTuple):
@@ -49,6 +49,7 @@ class PublishedWalk(NamedTuple):
         t_ns: Time of the newest readings [ns].
         state: `State` of each leg.
         cause: `Cause` of each leg.
+        flags: `Flag` of each leg.
         fault_mask: Elements that are not usable.
         force_n: Forces [N], NaN without one.
         sigma_n: Their standard deviations [N].
@@ -60,6 +61,7 @@ class PublishedWalk(NamedTuple):
     t_ns: Stamps
     state: Codes
     cause: Codes
+    flags: Codes
     fault_mask: NDArray[np.uint16]
     force_n: Vector
     sigma_n: Vector
@@ -92,11 +94,26 @@ def simulate_walk(
         ConfigError: The robot has no such leg or bus.
         ModelError: The released network or the response table is missing.
     """
-    observer = _FrameCollector()
     scene = msgspec.structs.replace(WALK_SCENE, load=load, faults=faults, effects=effects)
+    return simulate_scene(scene, config, DURATION_S)
+
+
+def simulate_scene(scene: Scene, config: Config, duration_s: float) -> PublishedWalk:
+    """Simulate a scene; return its published frames.
+
+    Args:
+        scene: The scene.
+        config: The robot, with its feet.
+        duration_s: Length of it [s].
+
+    Raises:
+        ConfigError: The robot has no leg or bus that a fault names.
+        ModelError: The released network or the response table is missing.
+    """
+    observer = _FrameCollector()
     with open_service(config, scene, real_time=False) as running:
         running.observers.append(observer)
-        running.run(until_ns=DURATION_S * 1e9)
+        running.run(until_ns=duration_s * 1e9)
         true_force_n_at = running.true_force_n_at
         assert true_force_n_at is not None, "a scene is simulated"
         frames = observer.frames
@@ -163,11 +180,11 @@ def fault_figures(
     affected = shows & IS_USABLE_STATE[faulty.state[:, row]]
     over_sigma = error_n[affected, row] / faulty.sigma_n[affected, row]
     return FaultFigures(
-        state=State(_most_frequent_code(faulty.state[lasting, row], State.VALID)),
+        state=State(most_frequent_code(faulty.state[lasting, row], State.VALID)),
         cause=Cause(
-            _most_frequent_code(faulty.cause[lasting & (faulty.cause[:, row] != Cause.NONE), row], Cause.NONE)
+            most_frequent_code(faulty.cause[lasting & (faulty.cause[:, row] != Cause.NONE), row], Cause.NONE)
         ),
-        fault_mask=_most_frequent_code(faulty.fault_mask[lasting, row], 0),
+        fault_mask=most_frequent_code(faulty.fault_mask[lasting, row], 0),
         detection_s=float(t_s[showing[0]] - start_s) if len(showing) else None,
         recovery_s=max(float(t_s[showing[-1] + 1] - over_s), 0.0) if recovered else None,
         longest_gap_s=max(_longest_gap_s(faulty, number, start_s) for number in others),
@@ -177,7 +194,7 @@ def fault_figures(
     )
 
 
-def _most_frequent_code(values: NDArray[np.unsignedinteger], otherwise: int) -> int:
+def most_frequent_code(values: NDArray[np.unsignedinteger], otherwise: int) -> int:
     """Return the most frequent code, or `otherwise` without values."""
     return int(Counter(values.tolist()).most_common(1)[0][0]) if len(values) else int(otherwise)
 
