@@ -244,7 +244,8 @@ def _match_slip_reports(walk: RoughWalk, leg: int) -> _SlipReports:
                 at_cone += 1
         firm = where[pressing_n[where] > MIN_FRICTION_FORCE_N]
         if len(firm) and slides.slid_mm[firm[-1]] - slides.slid_mm[firm[0]] > SLID_MM:
-            if np.isfinite(walk.told.force_n[firm[moving[firm]], leg, 2]).mean() < MIN_KNOWN_FORCE_SHARE:
+            known = np.isfinite(walk.told.force_n[firm[moving[firm]], leg, 2])
+            if known.size and known.mean() < MIN_KNOWN_FORCE_SHARE:
                 n_beyond_range += 1
                 continue
             begun_mm = slides.slid_mm[firm[0]]
