@@ -150,7 +150,7 @@ typedef struct {
 typedef struct {
     uint8_t node;
     uint8_t state;        /* CANopen NMT state: 0 boot, 4 stopped, 5 operational, 127 pre-operational */
-    bool degraded_timing; /* the service runs without the scheduling that it asked for */
+    bool degraded_timing; /* the service runs without the scheduling that it asked for, or a simulation lags */
 } footsense_heartbeat;
 
 /* What a consumer needs to read the forces of a leg; sent each second. Every version has this layout. */

@@ -38,7 +38,7 @@ class Flag(IntFlag):
     """Flags of a usable force: notes that do not forbid its use."""
 
     SIMULATED = 1  #: from the simulator, not from a foot
-    DEGRADED_TIMING = 2  #: the loop did not get the scheduling that it asked for
+    DEGRADED_TIMING = 2  #: the loop lacks the scheduling that it asked for, or a simulation lags
     TARE_REFUSED = 4  #: the last tare was refused; the older baseline is in use
     CONTACT = 8  #: the foot is in contact with the ground, with hysteresis
 

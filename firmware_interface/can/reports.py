@@ -60,7 +60,7 @@ class Heartbeat(NamedTuple):
     Attributes:
         node: CAN node id of the leg, 1..8.
         state: State of the node.
-        degraded_timing: Whether the service runs without the scheduling that it asked for.
+        degraded_timing: Whether the service runs without the scheduling that it asked for, or a simulation lags.
     """
 
     node: int

@@ -15,8 +15,10 @@ from footsense.cli.tables import echo_figures
 from footsense.clock import wall_time_iso
 from footsense.config import load_config
 from footsense.config.contradictions import warnings
+from footsense.daemon.can_output import frames_destination
 from footsense.daemon.estimation import contact_threshold_n, pipeline_for
 from footsense.daemon.models import Models, load_models
+from footsense.daemon.simulation import is_simulated
 from footsense.foot.calibration_files import FootCalibration
 
 
@@ -33,7 +35,12 @@ def check_config(file: Path, dbc: Path | None, *, as_json: bool) -> None:
     pipeline_for(models, 0)  # raises as a run would
     card = models.network.card
     step_mn = force_step_mn(card.max_trained_force_n)
-    told = {"force_step_mn": step_mn, "foot_type_hash": f"{foot_type_hash(card.foot_type):08x}"}
+    told: dict[str, Any] = {
+        "force_step_mn": step_mn,
+        "foot_type_hash": f"{foot_type_hash(card.foot_type):08x}",
+    }
+    if is_simulated(config):
+        told["can_frames"] = frames_destination(config, None)
     echo_figures(_settings(models) | told, as_json=as_json)
     if dbc is not None:
         dbc.write_text(make_dbc(config.legs, step_mn), "utf-8")

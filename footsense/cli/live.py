@@ -12,7 +12,7 @@ from rich.progress_bar import ProgressBar
 from rich.text import Text
 
 from footsense.cli.tables import Column, force_column, state_column, table
-from footsense.frames import IS_USABLE_STATE, Cycle, State, Vector
+from footsense.frames import IS_USABLE_STATE, Cycle, Flag, State, Vector
 from footsense.ports import Observer
 
 _REDRAW_PERIOD_NS = 66_000_000
@@ -91,6 +91,8 @@ def legs_table(
     columns.append(Column("age_ms", lambda row: age_ms[row], ">8.1f"))
     head = Text.assemble(("footsense  ", "bold"), title, (f"   {elapsed_s:5.1f} s", "dim"))
     head.append(*((f"   {url}", "cyan") if url else (f"   cycle {forces.sequence}", "dim")))
+    if (forces.flags & Flag.DEGRADED_TIMING).any():
+        head.append("  timing degraded", "bold red")
     return Group(head, Text(), table(columns, range(len(legs))))
 
 

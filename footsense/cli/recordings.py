@@ -15,6 +15,7 @@ from footsense.daemon.loop import Loop
 from footsense.daemon.models import Models, load_models
 from footsense.daemon.recording_header import model_mismatch_reason, recorded_config, recorded_flags
 from footsense.errors import FootsenseError, ModelError, RecordingError, require
+from footsense.frames import Flag
 from footsense.progress import file_progress_bar
 from footsense.recording.compare import first_difference, same_processor_and_libraries
 from footsense.recording.machine import platform_versions
@@ -100,6 +101,7 @@ def _run_replay(recording: Replay, models: Models, can_log: Path | None, *, chec
                 recorded = entry.cycle
                 clock.sleep_until_ns(recorded.forces.t_sent_ns)
                 commands = (*recorded.started_commands, *sink.commands())
+                pipeline.set_degraded_timing(bool((recorded.forces.flags & Flag.DEGRADED_TIMING).any()))
                 made = loop.run_cycle(recorded.scan, commands, temperature_c=recorded.temperature_c)
                 if check and not n_lost:
                     if different := first_difference(recorded, made, exact=exact, legs=recording.legs):

@@ -17,6 +17,7 @@ from footsense.cli.tables import echo_json, figures_table
 from footsense.clock import process_age_ns, resident_mib
 from footsense.config import DEFAULT, load_config
 from footsense.config.sections import PageServer
+from footsense.daemon.can_output import frames_destination
 from footsense.daemon.service import open_service
 from footsense.daemon.simulation import is_simulated
 from footsense.frames import FAULT_FREE, State
@@ -109,6 +110,8 @@ def run(
             service.legs, service.true_force_n_at, service.network.card.max_trained_force_n, process_age_ns
         )
         service.observers.append(statistics)
+        if scene and summary != "json":
+            click.echo(frames_destination(config, scene))
         title = f"{scene_name}, simulated" if scene else "on the robot"
         url = page.stdout.readline().strip() if page is not None and page.stdout is not None else ""
         if page is not None and not live:

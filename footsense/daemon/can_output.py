@@ -11,6 +11,7 @@ from footsense.can.interface import Can, error_text
 from footsense.can.sink import CanSink
 from footsense.config import Config
 from footsense.daemon.models import Models
+from footsense.daemon.simulation import is_simulated
 from footsense.errors import CanError, RecordingError
 from footsense.ports import CanWire, Clock
 from footsense.sim.can.frame_log import CanFrameLog
@@ -70,6 +71,19 @@ def open_wire(can: Can, accept: Collection[int] = ()) -> CanWire:
         return PythonCanWire(can.interface, can.channel)
     except OSError as error:
         raise CanError(error_text(can, error)) from error
+
+
+def frames_destination(config: Config, scene: Scene | None) -> str:
+    """Return in one line where the CAN frames of a simulation go."""
+    interface, channel = config.can.interface, config.can.channel
+    if interface == "virtual" or can_faults(scene) or not is_simulated(config):
+        return "simulated; its CAN frames stay within this process"
+    if interface == "udp_multicast":
+        return (
+            f"simulated; its CAN frames go to programs on this computer alone: footsense monitor --interface "
+            f"udp_multicast --channel {channel}"
+        )
+    return f"simulated, but its CAN frames go out on {channel} of this computer, with the flag Simulated"
 
 
 @contextmanager

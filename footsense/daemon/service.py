@@ -135,11 +135,13 @@ def open_service(
             LegStateLogger(legs, on_test_stand=test_stand is not None),
             SystemdNotifier(legs),
         ]
+        pipeline = pipeline_for(models, flags)
         source: FrameSource = scan.source
         wakeups = scan.wakeups
         if scene is not None and real_time:
             pace = MonotonicClock()
-            source, wakeups = PacedSource(source, scan.clock, pace), (pace.wakeups,)
+            source = PacedSource(source, scan.clock, pace, pipeline.set_degraded_timing)
+            wakeups = (pace.wakeups,)
         can = simulated_can(config, scene, scan.clock)
         sink = stack.enter_context(
             can_sink(models, scan.clock, can_log, can.connect if can is not None else None)
@@ -155,7 +157,7 @@ def open_service(
             true_force_n_at=scan.true_force_n_at,
             source=source,
             network=models.network,
-            pipeline=pipeline_for(models, flags),
+            pipeline=pipeline,
             sink=sink,
             observers=observers,
             clock=scan.clock,

@@ -1,7 +1,8 @@
 """Build the simulated robot of a configuration and a scene; play virtual time at the speed of real time."""
 
+import logging
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from footsense.config import Config
 from footsense.daemon.foot_types import check_foot_type, foot_type_folder
@@ -12,6 +13,11 @@ from footsense.ports import Clock, FrameSource
 from footsense.sim.faults.scene_faults import ChipFault, WireFault
 from footsense.sim.robot import BusWiring, SimulatedRobot
 from footsense.sim.scene import Scene
+
+_log = logging.getLogger(__name__)
+
+#: Lag behind real time from which a simulation's forces are too late for a consumer: the age limit of one [ns].
+_MAX_LAG_NS = 100_000_000
 
 
 def is_simulated(config: Config) -> bool:
@@ -67,20 +73,37 @@ class PacedSource:
         source: The source to slow down.
         played: The time that its frames are in.
         real: The time to play them in.
+        set_lagging: Called when the source begins to lag behind real time, and when it has caught up.
     """
 
-    def __init__(self, source: FrameSource, played: Clock, real: Clock) -> None:
+    def __init__(
+        self, source: FrameSource, played: Clock, real: Clock, set_lagging: Callable[[bool], None]
+    ) -> None:
         self._source = source
         self._played = played
         self._real = real
+        self._set_lagging = set_lagging
         self._offset_ns: int | None = None
+        self._is_lagging = False
+        self._has_lagged = False
 
     def read(self) -> CapFrame | None:
         """Return the next frame, delayed until it is due by the real clock."""
         scan = self._source.read()
         if self._offset_ns is None:
             self._offset_ns = self._real.now_ns() - self._played.now_ns()
-        self._real.sleep_until_ns(self._played.now_ns() + self._offset_ns)
+        due_ns = self._played.now_ns() + self._offset_ns
+        lag_ns = self._real.now_ns() - due_ns
+        if self._is_lagging != (lag_ns > (0 if self._is_lagging else _MAX_LAG_NS)):
+            self._is_lagging = not self._is_lagging
+            self._set_lagging(self._is_lagging)
+            if not self._has_lagged:
+                self._has_lagged = True
+                _log.warning(
+                    "the simulation cannot keep pace with real time on this computer; while it lags, the frames say "
+                    "degraded_timing"
+                )
+        self._real.sleep_until_ns(due_ns)
         return scan
 
     def close(self) -> None:

@@ -27,6 +27,7 @@ from footsense.frames import (
     CommandKind,
     CommandResult,
     ContactFrame,
+    Flag,
     Mask,
     Result,
     State,
@@ -47,7 +48,7 @@ class Pipeline:
         feet: The mounted feet.
         limits: Limits of tare, contact and age, and the time of a scan.
         sensitivity: Forces per closure.
-        flags: Flags of every frame.
+        flags: Flags of every frame, but for `set_degraded_timing`.
         set_temperature: Called with the temperature of each leg's foot [degC], shape (legs,), NaN where it is not
             measured; None if no estimator uses it.
     """
@@ -103,6 +104,11 @@ class Pipeline:
             return None
         self._legs.stopped[command.leg] = command.kind is CommandKind.STOP
         return CommandResult(command, Result.DONE, f"{command.kind.name.lower()} executed")
+
+    def set_degraded_timing(self, degraded: bool) -> None:  # noqa: FBT001 - a callback with one value
+        """Set or clear the flag `DEGRADED_TIMING` of all legs, from the next frame on."""
+        others = self._flags & ~np.uint8(Flag.DEGRADED_TIMING)
+        self._flags = others | np.uint8(Flag.DEGRADED_TIMING * degraded)
 
     def set_temperature(self, temperature_c: Vector) -> None:
         """Set the temperature of each leg's foot [degC], shape (legs,); NaN where not measured."""

@@ -148,7 +148,11 @@ class ServiceMetrics:
         yield gauge("footsense_reading_noise_farads", "Noise of a leg's readings.", noise_f)
         yield codes("footsense_leg_cause", "1 for the cause of the state.", Cause, forces.cause.tolist())
         yield gauge("footsense_leg_contact", "1 while the foot is in contact with the ground.", touches)
-        yield GaugeMetricFamily("footsense_degraded_timing", "1 without the scheduling asked for.", degraded)
+        yield GaugeMetricFamily(
+            "footsense_degraded_timing",
+            "1 without the scheduling asked for, and in a simulation that lags.",
+            degraded,
+        )
         status = baseline.status.tolist()
         yield codes(
             "footsense_baseline_status", "1 for the status of drift tracking.", BaselineStatus, status

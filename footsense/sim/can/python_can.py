@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 #: Most frames of one `receive`.
 _MAX_RECEIVED_PER_CALL = 1000
 _CLASSIC_DATA_BYTES = 8
+#: Whether a socket receives from groups that it has not joined. Source: Linux, ip(7) and include/uapi/linux/in.h.
+_IP_MULTICAST_ALL = 49
 
 # python-can logs what it also raises, at every attempt; ours is one line at the begin and one at the end.
 logging.getLogger("can").propagate = False
@@ -35,9 +37,13 @@ logging.getLogger("can").addHandler(logging.NullHandler())
 
 
 def keep_multicast_local(descriptor: int, group: str) -> None:
-    """Restrict a multicast socket to the loopback interface, as python-can would receive from any network."""
+    """Restrict a multicast socket to its group and to the loopback interface.
+
+    It would receive from any network, and from every group that any program on this computer has joined.
+    """
     with socket.socket(fileno=os.dup(descriptor)) as local:
         local.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, b"lo")
+        local.setsockopt(socket.IPPROTO_IP, _IP_MULTICAST_ALL, 0)
         membership = socket.inet_aton(group) + socket.inet_aton("127.0.0.1")
         local.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
 

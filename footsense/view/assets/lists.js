@@ -20,7 +20,11 @@ export function problems(sample, hello) {
         check: "that nothing presses the foot and it hangs still; then `footsense tare`" });
     }
   });
-  if (hello.legs.some((_, row) => sample.get(row, "flags") & FLAG.DEGRADED_TIMING)) {
+  const timing = hello.legs.map((_, row) => sample.get(row, "flags")).find((flags) => flags & FLAG.DEGRADED_TIMING);
+  if (timing & FLAG.SIMULATED) {
+    found.push({ leg: "", phase: "degraded", name: "timing degraded", what: "the simulation cannot keep pace with real time",
+      check: "what else runs on this computer" });
+  } else if (timing) {
     found.push({ leg: "", phase: "degraded", name: "timing degraded", what: "the loop runs without the scheduling that it asked for",
       check: "`realtime` in the configuration, and the rights of the service; its log names what was refused" });
   }

@@ -139,6 +139,20 @@ def test_python_can_s_own_log_is_not_ours() -> None:
     assert heard.buffer == []
 
 
+def test_two_groups_on_one_computer_do_not_hear_each_other() -> None:
+    """Neither what footsense sends on the other channel nor what another program does; each hears its own."""
+    here, there, same = (
+        open_wire(Can(interface="udp_multicast", channel=f"239.74.163.{n}"), ()) for n in (81, 82, 81)
+    )
+    frames = [pack_frame(0x109, bytes([n])) for n in (1, 2)]
+    there.send(frames[1:], 0)  # handed over before the next is sent: loopback has no queue
+    here.send(frames[:1], 0)
+    heard = [[frame for frame in wire.receive() if frame in frames] for wire in (same, there)]
+    assert heard == [frames[:1], frames[1:]]
+    for wire in (here, there, same):
+        wire.close()
+
+
 def test_a_local_socket_commands_nothing_and_kills_nothing() -> None:
     """Packets that are no frame, an error frame without data and a command, as any program on this computer sends."""
     group, port = "239.74.163.77", 43113

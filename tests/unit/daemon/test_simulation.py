@@ -1,0 +1,127 @@
+"""What a simulation says of itself: where its frames go, and that this computer is too slow for it."""
+
+import logging
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from firmware_interface.can.codes import Flag, NmtState
+from firmware_interface.can.reports import HEARTBEAT_ID, decode_heartbeat
+from footsense.can.interface import Can
+from footsense.cli import main
+from footsense.config import DEFAULT
+from footsense.daemon.can_output import frames_destination
+from footsense.daemon.estimation import pipeline_for
+from footsense.daemon.loop import Loop
+from footsense.daemon.models import load_models
+from footsense.daemon.service import open_service
+from footsense.daemon.simulation import PacedSource
+from footsense.frames import LEGS, CapFrame, Cycle, Reading
+from footsense.ports import Observer
+from footsense.sim.scene import load_scene
+from tests.support.can_robot import MS, FakeClock, Robot
+
+PERIOD_NS = 20 * MS
+
+
+class SlowSource:
+    """A simulation whose frames take real time.
+
+    Attributes:
+        played: Time of its frames.
+        real: Time that it takes.
+        cost_ns: Of each frame, in turn [ns].
+    """
+
+    def __init__(self, played: FakeClock, real: FakeClock, cost_ns: list[int]) -> None:
+        self.played, self.real, self.cost_ns = played, real, iter(cost_ns)
+
+    def read(self) -> CapFrame | None:
+        """Return the next frame, or None after the last."""
+        cost_ns = next(self.cost_ns, None)
+        if cost_ns is None:
+            return None
+        self.played.t_ns += PERIOD_NS
+        self.real.t_ns += cost_ns
+        shape = len(LEGS), 9
+        nothing = np.full(shape, np.nan)
+        t_ns, reading = np.zeros(shape, np.int64), np.full(shape, Reading.NO_ANSWER, np.uint8)
+        return CapFrame(self.played.t_ns, t_ns, nothing, reading)
+
+    def close(self) -> None: ...
+
+
+class _Flags(Observer):
+    def __init__(self) -> None:
+        self.degraded: list[bool] = []
+
+    def observe(self, cycle: Cycle) -> None:
+        self.degraded.append(bool((cycle.forces.flags & Flag.DEGRADED_TIMING).all()))
+
+
+def test_a_simulation_that_lags_says_so_in_frames_and_heartbeats(
+    request: pytest.FixtureRequest, caplog: pytest.LogCaptureFixture
+) -> None:
+    """From 0.1 s behind real time until it has caught up, and in one line of the log for the whole run."""
+    robot = Robot(request.node.nodeid, LEGS)
+    real = FakeClock()
+    slow, fast = [70 * MS] * 10, [0] * 40
+    pipeline = pipeline_for(load_models(DEFAULT), Flag.SIMULATED)
+    source = PacedSource(
+        SlowSource(robot.clock, real, [*fast[:5], *slow, *fast, *slow, *fast]),
+        robot.clock,
+        real,
+        pipeline.set_degraded_timing,
+    )
+    flags = _Flags()
+    with caplog.at_level(logging.WARNING):
+        Loop(pipeline, robot.sink, [flags], robot.clock).run_until(source, stop=lambda: False)
+    assert flags.degraded[:7] == [False] * 7
+    assert (
+        flags.degraded[7:30] == [True] * 23
+    )  # three cycles make 150 ms of lag, ten 500 ms, which 25 fast ones take off
+    assert flags.degraded.count(True) == 2 * flags.degraded[:55].count(True)
+    assert not flags.degraded[-1]
+    beats = [decode_heartbeat(m.arbitration_id, bytes(m.data)) for m in robot.heard(HEARTBEAT_ID)]
+    assert {beat.degraded_timing for beat in beats if beat.state is NmtState.PRE_OPERATIONAL} == {False, True}
+    (line,) = (r.getMessage() for r in caplog.records if "pace" in r.getMessage())
+    assert "cannot keep pace with real time" in line
+    robot.close()
+
+
+def test_a_recording_with_changes_of_the_timing_replays_bit_for_bit(tmp_path: Path) -> None:
+    """The flag is of the computer that recorded: the replay takes it from there."""
+    file, cycles = tmp_path / "late.mcap", iter(range(100))
+    with open_service(DEFAULT, load_scene("hanging"), real_time=False, record=file) as service:
+        for n, degraded in ((20, True), (40, False)):
+            service.run_until(service.source, stop=lambda n=n: next(cycles) >= n)  # type: ignore[misc]
+            service.pipeline.set_degraded_timing(degraded)
+        service.run_until(service.source, stop=lambda: next(cycles) >= 60)
+    result = CliRunner().invoke(main, ["replay", str(file), "--check"])
+    assert (result.exit_code, "cycles equal" in result.output) == (0, True), result.output
+
+
+@pytest.mark.parametrize(
+    ("can", "device", "says"),
+    [
+        ({"interface": "virtual"}, "sim", "stay within this process"),
+        ({"interface": "socketcan"}, "/dev/i2c-1", "stay within this process"),
+        ({"interface": "socketcan", "channel": "can3"}, "sim", "go out on can3 of this computer"),
+        (
+            {"interface": "udp_multicast", "channel": "239.74.163.9"},
+            "sim",
+            "on this computer alone: footsense monitor --interface udp_multicast --channel 239.74.163.9",
+        ),
+    ],
+)
+def test_a_simulation_says_where_its_frames_go(can: dict[str, str], device: str, says: str) -> None:
+    """In one line; a scene in place of a real robot's buses reaches nobody."""
+    buses = msgspec.structs.replace(DEFAULT.buses[0], device=device)
+    config = msgspec.structs.replace(DEFAULT, buses=(buses,), can=Can(**can))  # type: ignore[arg-type]
+    line = frames_destination(config, load_scene("tripod"))
+    assert says in line
+    assert line.startswith("simulated")
+    assert "\n" not in line
