@@ -43,6 +43,29 @@ _COMMANDS = {
 }
 
 
+def _log_all(ctx: click.Context, param: click.Parameter, value: bool) -> None:  # noqa: FBT001 - click's signature
+    del ctx, param
+    if value:
+        logging.getLogger().setLevel(logging.INFO)
+
+
+_VERBOSE = click.Option(
+    ["--verbose", "-v"],
+    is_flag=True,
+    expose_value=False,
+    callback=_log_all,
+    help="Log what is found and done, not only faults.",
+)
+
+
+def _take_verbose(command: click.Command) -> None:
+    """Let a command, and the commands of a group, take -v behind their names as well."""
+    if _VERBOSE not in command.params:
+        command.params.append(_VERBOSE)
+    for inner in command.commands.values() if isinstance(command, click.Group) else ():
+        _take_verbose(inner)
+
+
 class LazyGroup(click.Group):
     """Click command group that imports a command's module only when the command is used."""
 
@@ -63,6 +86,7 @@ class LazyGroup(click.Group):
             return None
         module = importlib.import_module(f"footsense.cli.{_COMMANDS[cmd_name][0]}")
         command: click.Command = getattr(module, cmd_name.replace("-", "_"))
+        _take_verbose(command)
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -112,12 +136,10 @@ def _log_handler() -> logging.Handler:
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(footsense.__version__)
-@click.option("--verbose", "-v", is_flag=True, help="Log what is found and done, not only faults.")
-def main(*, verbose: bool) -> None:
+def main() -> None:
     """Contact forces of a legged robot's soft capacitive feet."""
     # journald adds time and unit, and takes the level from the line.
-    logging.basicConfig(
-        level=logging.INFO if verbose else logging.WARNING,
-        format="%(levelname)s: %(message)s",
-        handlers=[_log_handler()],
-    )
+    logging.basicConfig(format="%(levelname)s: %(message)s", handlers=[_log_handler()])
+
+
+main.params.append(_VERBOSE)

@@ -119,6 +119,8 @@ def _run_replay(recording: Replay, models: Models, can_log: Path | None, *, chec
         raise RecordingError(f"{damage}; before that, {lost}" if lost else str(damage))
     if lost:
         raise RecordingError(f"{file}: {lost}")
+    if check and not n_equal:
+        raise RecordingError(f"{file}: has no cycle, nothing was compared")
 
 
 _RecordingWriter = Callable[[Replay, Path], int]

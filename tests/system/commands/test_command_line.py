@@ -1,5 +1,6 @@
 """What every command promises its user: help without internals, one line for what goes wrong, the right exit code."""
 
+import logging
 import os
 import signal
 import subprocess
@@ -19,6 +20,7 @@ from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
 from footsense.ring.records import LostCycles, NumberedCycle
 from footsense.sim.clock import VirtualClock
+from tests.support.cycles import write
 from tests.support.other_file import opens_instead
 from tests.system.command import TIMEOUT_S, footsense, one_line_error
 
@@ -76,6 +78,32 @@ def test_the_help_is_one_screen_with_a_line_for_each_command() -> None:
     assert [line.split()[0] for line in lines[lines.index("Commands:") + 1 :]] == COMMANDS
     assert len(lines) <= 40
     assert "No such command 'rum'. Did you mean run?" in CliRunner().invoke(main, ["rum"]).output
+
+
+@pytest.mark.parametrize("arguments", ["", "-v check-config", "check-config -v", "check-config --verbose"])
+def test_the_log_is_asked_for_before_or_behind_a_command(arguments: str) -> None:
+    """Without it only faults are logged."""
+    root, file = logging.getLogger(), Path(__file__).parents[3] / "deploy/simulated.yaml"
+    root.setLevel(logging.WARNING)
+    result = CliRunner().invoke(main, [*(arguments or "check-config").split(), str(file)])
+    level = root.level
+    root.setLevel(logging.WARNING)
+    assert result.exit_code == 0, result.output
+    assert level == (logging.INFO if arguments else logging.WARNING)
+
+
+@pytest.mark.parametrize("command", [*COMMANDS, "dev trace", "lab study"])
+def test_every_command_takes_verbose(command: str) -> None:
+    assert "-v, --verbose" in CliRunner().invoke(main, [*command.split(), "--help"]).output
+
+
+def test_a_check_of_nothing_fails(tmp_path: Path) -> None:
+    """A recording without a cycle is whole, and says nothing about forces."""
+    path = write(tmp_path / "none.mcap", [], header=Replay(GOLDEN).header)
+    result = CliRunner().invoke(main, ["replay", str(path), "--check"])
+    assert result.exit_code == 74
+    assert "has no cycle, nothing was compared" in result.output
+    assert CliRunner().invoke(main, ["replay", str(path)]).exit_code == 0
 
 
 @pytest.mark.parametrize("duration", ["nan", "0"])
