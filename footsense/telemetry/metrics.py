@@ -205,29 +205,39 @@ def _status_metrics(status: ServiceStatus) -> Iterator[Metric]:
     can = status.can
     passive = "Times that the controller became error passive, or nobody acknowledged."
     counts = [
-        ("published_forces", "Forces of all legs published, on CAN or dropped.", can.published_cycles),
-        ("can_sent_frames", "Frames handed to CAN.", can.sent),
-        ("can_dropped_frames", "Frames that CAN did not take.", can.dropped),
-        ("can_received_frames", "Command frames.", can.received_commands),
-        ("can_rejected_frames", "Command frames that were not executed.", can.rejected_commands),
-        ("can_bus_errors", "Error frames of the CAN controller.", can.bus_errors),
-        ("can_bus_off", "Times that the controller left the bus.", can.bus_off),
-        ("can_error_passive", passive, can.error_passive),
-        ("can_reopened", "Times that the interface came back.", can.reopened),
-        ("recorder_lost_cycles", "Cycles not recorded.", status.n_lost_cycles),
-        ("log_lost_lines", "Log lines without a reader.", status.n_lost_log_lines),
+        (
+            "footsense_published_forces_total",
+            "Forces of all legs published, on CAN or dropped.",
+            can.published_cycles,
+        ),
+        ("footsense_can_sent_frames_total", "Frames handed to CAN.", can.sent),
+        ("footsense_can_dropped_frames_total", "Frames that CAN did not take.", can.dropped),
+        ("footsense_can_received_frames_total", "Command frames.", can.received_commands),
+        (
+            "footsense_can_rejected_frames_total",
+            "Command frames that were not executed.",
+            can.rejected_commands,
+        ),
+        ("footsense_can_bus_errors_total", "Error frames of the CAN controller.", can.bus_errors),
+        ("footsense_can_bus_off_total", "Times that the controller left the bus.", can.bus_off),
+        ("footsense_can_error_passive_total", passive, can.error_passive),
+        ("footsense_can_reopened_total", "Times that the interface came back.", can.reopened),
+        ("footsense_recorder_lost_cycles_total", "Cycles not recorded.", status.n_lost_cycles),
+        ("footsense_log_lost_lines_total", "Log lines without a reader.", status.n_lost_log_lines),
     ]
     if status.wakeup_histogram is not None:  # None in virtual time, in which nothing sleeps
         *wakeups, total = status.wakeup_histogram
         bounds = [*(f"{bound:g}" for bound in WAKEUP_LATENCY_BUCKET_BOUNDS_S), "+Inf"]
         buckets = list(zip(bounds, accumulate(wakeups), strict=True))
         latency = "Time from the deadline of a sleeping thread to its wake-up."
-        yield HistogramMetricFamily("footsense_wakeup_latency_seconds", latency, buckets, total)
+        yield HistogramMetricFamily(
+            "footsense_footsense_wakeup_latency_seconds_total", latency, buckets, total
+        )
         overruns = "Deadlines that had passed before the thread could sleep."
         missed = "Conversions given up because a wake-up came too late; never made up for."
         counts += [
-            ("overruns", overruns, status.n_overruns),
-            ("missed_deadlines", missed, status.n_late_discards),
+            ("footsense_overruns_total", overruns, status.n_overruns),
+            ("footsense_missed_deadlines_total", missed, status.n_late_discards),
         ]
     for name, meaning, count in counts:
-        yield CounterMetricFamily(f"footsense_{name}_total", meaning, count)
+        yield CounterMetricFamily(name, meaning, count)
