@@ -134,7 +134,7 @@ def element_marks(report: ProbedLeg) -> list[tuple[str, bool]]:
 
 def _bus_figures(report: ProbedBus) -> dict[str, Any]:
     """Return the result of one bus as plain values: chips found, addresses, timing; None for what is not known."""
-    bus, scan, drivers = report
+    bus, scan, drivers = report[:3]
     timing = scan.bus_timing
     limits = timing and timing.lower_bounds
     return {

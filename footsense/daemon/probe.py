@@ -10,6 +10,7 @@ import numpy as np
 from footsense.acquisition.boards.chip_timing import ChipTiming
 from footsense.acquisition.bus_scan import BusScan, ChannelScan, leg_chip_addresses, scan_bus
 from footsense.acquisition.foot_check import CHIP_FAULT_READINGS, FootFault, FootScans, foot_faults
+from footsense.acquisition.leg_bus import LegBus
 from footsense.acquisition.linux_i2c import kernel_drivers
 from footsense.acquisition.mcu_source import McuSource
 from footsense.acquisition.scan_plan import ScanPlan
@@ -19,9 +20,10 @@ from footsense.daemon.acquisition import MIN_BUS_SPEED_REL, open_buses, open_sca
 from footsense.daemon.estimation import mounted_feet
 from footsense.daemon.models import load_models
 from footsense.daemon.simulation import simulated_robot
-from footsense.errors import HardwareError
+from footsense.errors import HardwareError, I2cError, I2cTimeoutError
 from footsense.frames import Reading
 from footsense.leg_words import SILENT_READINGS, words_of_reading
+from footsense.ports import Clock, I2cBus, Transaction
 from footsense.sim.scene import Scene
 
 _MUX_ADDRESSES = range(0x70, 0x78)
@@ -48,11 +50,15 @@ class ProbedBus(NamedTuple):
         bus_config: Its configuration.
         scan: Addresses, mux, channels and timing found on it.
         kernel_drivers: Kernel drivers by the address that each holds; those addresses were not scanned.
+        n_repeated: Transactions that passed only when they were repeated: with the mux, or after a time-out.
+        failure: Why the scan was given up; empty if it was not.
     """
 
     bus_config: Bus
     scan: BusScan
     kernel_drivers: Mapping[int, str]
+    n_repeated: int = 0
+    failure: str = ""
 
 
 class ProbedLeg(NamedTuple):
@@ -108,13 +114,21 @@ class ProbeResult(NamedTuple):
 
 def bus_diagnoses(report: ProbedBus, plan: ScanPlan) -> Iterator[Diagnosis]:
     """Yield the faults that concern a whole bus."""
+    device = report.bus_config.device
+    loose = "plugs and cables, pull-ups, and the supply of the mux: a loose contact"
+    if report.n_repeated:
+        now_and_then = "passed only when repeated: its lines or its mux fail now and then"
+        yield Diagnosis(device, f"{report.n_repeated} transactions {now_and_then}", loose)
+    if report.failure:
+        yield Diagnosis(device, report.failure, loose)
+        return
     for observation, advice in _bus_faults(report, plan):
-        yield Diagnosis(report.bus_config.device, observation, advice)
+        yield Diagnosis(device, observation, advice)
 
 
 def _bus_faults(report: ProbedBus, plan: ScanPlan) -> Iterator[tuple[str, str]]:
     """Yield observation and advice for each fault of a bus."""
-    bus, scan, drivers = report
+    bus, scan, drivers = report[:3]
     if scan.upstream is None:
         needs_wire = not bus.mux.reset
         wire = "; only the mux's RESET pin frees a leg that holds it: wire one" if needs_wire else ""
@@ -157,7 +171,7 @@ def _bus_faults(report: ProbedBus, plan: ScanPlan) -> Iterator[tuple[str, str]]:
 
 def _missing_mux_fault(report: ProbedBus) -> tuple[str, str]:
     """Return observation and advice for a mux that does not answer."""
-    bus, scan, drivers = report
+    bus, scan, drivers = report[:3]
     assert scan.upstream is not None
     address = bus.mux.address
     if address in drivers:
@@ -208,6 +222,8 @@ def leg_diagnoses(report: ProbedLeg) -> Iterator[Diagnosis]:
         yield Diagnosis(report.leg, fault.observation, fault.advice)
 
 
+#: How often a transaction is repeated that fails.
+_N_REPEATS = 2
 #: Scans for the noise: they give its standard deviation to a sixth.
 _N_FOOT_SCANS = 20
 #: Scans before them: converters that were just set up may still settle, and legs that fail are left out.
@@ -233,10 +249,13 @@ def probe(config: Config, scene: Scene | None) -> ProbeResult:
         diagnoses += [diagnosis for report in buses for diagnosis in bus_diagnoses(report, plan)]
     feet, timings = None, None
     if all(report.scan.mux_answers for report in buses):
-        try:
-            feet, timings = _scan_feet(config, scene)
-        except HardwareError as error:
-            diagnoses.append(Diagnosis("scan", str(error), "this first: no foot was scanned"))
+        for is_last in (False, True):  # a bus may fail now and then
+            try:
+                feet, timings = _scan_feet(config, scene)
+                break
+            except HardwareError as error:
+                if is_last:
+                    diagnoses.append(Diagnosis("scan", str(error), "this first: no foot was scanned"))
     legs = tuple(_probed_legs(config, buses, feet, timings))
     diagnoses += [diagnosis for leg in legs for diagnosis in leg_diagnoses(leg)]
     return ProbeResult(buses, legs, tuple(diagnoses))
@@ -248,8 +267,49 @@ def _probe_buses(config: Config, scene: Scene | None, plan: ScanPlan) -> Iterato
     with ExitStack() as stack:
         for bus, (legs, clock) in zip(config.buses, open_buses(config, robot, stack), strict=True):
             drivers = kernel_drivers(bus.device) if robot is None else {}
-            scan = scan_bus(legs, clock, plan, bus.channels, drivers)
-            yield ProbedBus(bus, scan, drivers)
+            yield probed_bus(bus, legs, clock, plan, drivers)
+
+
+class _RepeatingBus:
+    """Bus that repeats what fails: a probe is made where something fails now and then, and has to get to its end."""
+
+    def __init__(self, bus: I2cBus, mux_address: int | None) -> None:
+        self._bus = bus
+        self._mux_address = mux_address
+        self.n_repeated = 0
+
+    def transfer(self, transaction: Transaction) -> bytes:
+        n_left, is_of_bus = _N_REPEATS, False
+        while True:
+            try:
+                answer = self._bus.transfer(transaction)
+            except I2cError as error:
+                if n_left == 0:
+                    raise
+                n_left -= 1
+                # An acknowledge that a leg loses is seen in its readings.
+                is_of_bus |= isinstance(error, I2cTimeoutError) or transaction.address == self._mux_address
+            else:
+                self.n_repeated += is_of_bus
+                return answer
+
+
+def probed_bus(bus: Bus, legs: LegBus, clock: Clock, plan: ScanPlan, drivers: Mapping[int, str]) -> ProbedBus:
+    """Return the chips found on a bus, also on one that fails now and then.
+
+    Args:
+        bus: Its configuration.
+        legs: The way to its legs.
+        clock: Its clock.
+        plan: The scan to come.
+        drivers: Kernel drivers by the address that each holds.
+    """
+    legs.adapter = repeating = _RepeatingBus(legs.adapter, bus.mux_address)
+    try:
+        scan, failure = scan_bus(legs, clock, plan, bus.channels, drivers), ""
+    except HardwareError as error:
+        scan, failure = BusScan(None, mux_answers=False, channels={}, bus_timing=None), str(error)
+    return ProbedBus(bus, scan, drivers, repeating.n_repeated, failure)
 
 
 def _scan_feet(config: Config, scene: Scene | None) -> tuple[list[FootScans], list[ChipTiming | None] | None]:

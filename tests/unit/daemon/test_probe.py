@@ -16,7 +16,7 @@ from footsense.acquisition.scan_plan import scan_plan
 from footsense.cli.probe import element_marks, probe_json, probe_picture, unloaded_yaml
 from footsense.config import DEFAULT, Config
 from footsense.config.sections import Bus, Mux
-from footsense.daemon.probe import ProbedBus, ProbeResult, bus_diagnoses, probe
+from footsense.daemon.probe import ProbedBus, ProbeResult, bus_diagnoses, probe, probed_bus
 from footsense.errors import I2cError, I2cTimeoutError, NackError
 from footsense.frames import Reading
 from footsense.ports import I2cBus, Transaction
@@ -231,6 +231,40 @@ def test_a_bus_is_scanned_without_a_write_but_the_reset_of_an_ad7746(
     wires.arm(note)
     scan_bus(LegBus(wires, MUX), wires.clock, scan_plan(rate_sps, board), CHANNELS)
     assert written == expected
+
+
+def test_a_bus_that_fails_now_and_then_is_probed_to_the_end() -> None:
+    """A time-out while it is timed, and each seventh acknowledge of the mux lost: told, with all that is there."""
+    chips = {n: (SimulatedFdc1004(lambda *_: 5.0, None), SimulatedLineSwitch()) for n in range(2)}
+    wires = saboteur(SimulatedMux(MUX), chips)
+    n_asked = {"long": 0, "mux": 0}
+
+    def fails(transaction: Transaction, n: int) -> I2cError | None:
+        n_asked["long"] += transaction.n_read == 33
+        n_asked["mux"] += transaction.address == MUX
+        if transaction.n_read == 33 and n_asked["long"] == 3:
+            return I2cTimeoutError("held low")
+        return NackError("lost") if transaction.address == MUX and n_asked["mux"] % 7 == 0 else None
+
+    wires.arm(fails)
+    bus, plan = Bus(device="sim", legs=CHANNELS), scan_plan(400)  # type: ignore[arg-type]
+    found = probed_bus(bus, LegBus(wires, MUX), wires.clock, plan, {})
+    assert {channel: found.scan.channels[channel].outcome for channel in (0, 1)} == dict.fromkeys(
+        (0, 1), Reading.OK
+    )
+    assert found.scan.bus_timing is not None
+    (told,) = bus_diagnoses(found, plan)
+    assert "passed only when repeated" in told.observation
+
+
+def test_a_bus_that_fails_without_end_is_a_diagnosis() -> None:
+    """And no end of the probe: what stops the scan is told with what to check."""
+    wires = saboteur(SimulatedMux(MUX), {})
+    wires.arm(lambda transaction, n: I2cTimeoutError("held low") if transaction.n_read == 33 else None)
+    bus, plan = Bus(device="sim", legs=CHANNELS), scan_plan(400)  # type: ignore[arg-type]
+    found = probed_bus(bus, LegBus(wires, MUX), wires.clock, plan, {})
+    (told,) = bus_diagnoses(found, plan)
+    assert "the mux (TCA9548A) at 0x71 cannot be reached: held low" in told.observation
 
 
 @pytest.mark.parametrize(
