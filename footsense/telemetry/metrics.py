@@ -230,9 +230,7 @@ def _status_metrics(status: ServiceStatus) -> Iterator[Metric]:
         bounds = [*(f"{bound:g}" for bound in WAKEUP_LATENCY_BUCKET_BOUNDS_S), "+Inf"]
         buckets = list(zip(bounds, accumulate(wakeups), strict=True))
         latency = "Time from the deadline of a sleeping thread to its wake-up."
-        yield HistogramMetricFamily(
-            "footsense_footsense_wakeup_latency_seconds_total", latency, buckets, total
-        )
+        yield HistogramMetricFamily("footsense_wakeup_latency_seconds", latency, buckets, total)
         overruns = "Deadlines that had passed before the thread could sleep."
         missed = "Conversions given up because a wake-up came too late; never made up for."
         counts += [
