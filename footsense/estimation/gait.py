@@ -375,8 +375,9 @@ class GaitTracker:
 def _contact_probability(contact: ContactDetector, above_n: float) -> float:
     """Return the probability of contact, from the load's distance to the threshold; NaN if unknown."""
     noise, predicted = contact.noise, contact.predicted_noise
-    measured = (contact.load_n - contact.swing_load_n - noise.contact_n) / noise.sigma_n
-    estimated = (above_n - predicted.contact_n) / predicted.sigma_n
+    uncertain_n = contact.uncertain_n
+    measured = (contact.load_n - contact.swing_load_n - max(noise.contact_n, uncertain_n)) / noise.sigma_n
+    estimated = (above_n - max(predicted.contact_n, uncertain_n)) / predicted.sigma_n
     if not math.isfinite(measured + estimated):
         return math.nan
     sigmas = max(measured, estimated)

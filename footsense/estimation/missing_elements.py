@@ -7,6 +7,8 @@ foot is A = S_mo S_oo^-1, with S = E[x x^T] of the closures. A linear read-out o
 linear estimate from those that remain; the network gets the mask of the imputed ones and does the rest.
 """
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -116,3 +118,27 @@ class Imputation:
         for row in np.flatnonzero(missing.any(axis=1)):
             imputed[row] = imputed[row] @ self.matrix(missing[row]).T
         return imputed
+
+
+def trimmed_means(closure_rel: Vector) -> list[float]:
+    """Return each leg's mean gap closure [1], without the leg's largest and smallest closure.
+
+    Args:
+        closure_rel: Closures over the gap [1], shape (legs, elements), NaN where there is none.
+
+    Returns:
+        Mean of each leg [1]; NaN for a leg with fewer than three closures.
+
+    Example:
+        >>> import numpy as np
+        >>> trimmed_means(np.array([[0.0, 1.0, 2.0, 9.0, np.nan]]))
+        [1.5]
+    """
+    means_rel = []
+    for closures_rel in closure_rel.tolist():
+        finite = closures_rel
+        if not math.isfinite(sum(closures_rel)):
+            finite = [closure for closure in closures_rel if math.isfinite(closure)]
+        finite.sort()
+        means_rel.append(sum(finite[1:-1]) / (len(finite) - 2) if len(finite) > 2 else math.nan)
+    return means_rel

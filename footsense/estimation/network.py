@@ -14,7 +14,7 @@ import onnxruntime as ort
 
 from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.errors import ModelError
-from footsense.estimation.baseline import trimmed_means
+from footsense.estimation.missing_elements import trimmed_means
 from footsense.estimation.settings import Sensitivity
 from footsense.foot.network_card import INPUTS, METADATA_KEY, OUTPUTS, Signal, read_card, verified_sha256
 from footsense.frames import ELEMENTS, Mask, Stamps, Vector

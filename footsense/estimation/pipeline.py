@@ -165,7 +165,12 @@ class Pipeline:
         age_s: Vector = np.asarray((now_ns - readings.t_ns) * 1e-9, np.float64)
         load, state = self._estimate_loads(closure_rel, age_s, consistency, state, healthy=healthy)
         force_n = load.force_n
-        baselines.observe(measured_rel, force_n[:, 2], pf, scan.t_ns, consistency.missing, now_ns)
+        if interrupted is not self._no_leg:
+            # What a line that breaks adds to the other elements is no load.
+            measured_rel = np.where(interrupted[:, None], np.nan, measured_rel)
+        baselines.observe(
+            measured_rel, force_n[:, 2], load.sigma_n[:, 2], pf, scan.t_ns, consistency.missing, now_ns
+        )
         gait = self._gait.observe(load, baselines.contacts, now_ns)
         return ContactFrame(
             sequence=scan.sequence,

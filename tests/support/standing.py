@@ -104,7 +104,9 @@ class Standing:
         self.outcomes += self.tracker.process_tares(capacitance_pf, reading, self._stamps, missing, now_ns)
         closure_rel = DESIGN.closure_um(capacitance_pf, self.tracker.unloaded.baseline_pf) / DESIGN.gap_um
         unpredicted_n = np.full(len(capacitance_pf), np.nan)
-        self.tracker.observe(closure_rel, unpredicted_n, capacitance_pf, self._stamps, missing, now_ns)
+        self.tracker.observe(
+            closure_rel, unpredicted_n, unpredicted_n, capacitance_pf, self._stamps, missing, now_ns
+        )
 
     def tared(self) -> "Standing":
         """Hang in the air until the tare is done and the swing confirmed."""

@@ -5,8 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.estimation.baseline import ContactDetector, trimmed_means
+from footsense.estimation.baseline import ContactDetector
 from footsense.estimation.gait import GaitTracker
+from footsense.estimation.missing_elements import trimmed_means
 from footsense.foot.directions import angles_between_deg
 from footsense.foot.response_table import FootResponse
 from footsense.frames import LEGS, GaitEvent, GaitEventKind, Mask, Stamps, Vector
@@ -118,10 +119,14 @@ def run_gait_tracker(
     for k in range(n):
         load = LoadEstimate(*(part[k] for part in loads))
         now_ns = int(t_ns[k])
-        for contact, mean_n, predicted_n in zip(
-            contacts, means_n[k].tolist(), load.force_n[:, 2].tolist(), strict=True
+        for contact, mean_n, predicted_n, sigma_n in zip(
+            contacts,
+            means_n[k].tolist(),
+            load.force_n[:, 2].tolist(),
+            load.sigma_n[:, 2].tolist(),
+            strict=True,
         ):
-            contact.observe(mean_n, _BASELINE_N, now_ns, now_ns, predicted_n)
+            contact.observe(mean_n, _BASELINE_N, now_ns, now_ns, predicted_n, sigma_n)
         frame = tracker.observe(load, contacts, now_ns)
         assert frame is not None
         events += [(k, event) for event in frame.events]

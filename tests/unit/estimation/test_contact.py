@@ -33,10 +33,12 @@ class Leg:
         [same] = in_contact
         return same
 
-    def predict(self, predicted_n: float, load_n: float = 0.0, after_ms: float = 2.7) -> bool:
+    def predict(
+        self, predicted_n: float, load_n: float = 0.0, after_ms: float = 2.7, sigma_n: float = math.nan
+    ) -> bool:
         """Read one element more, of which a prediction makes a load before the others show it."""
         self.t_ns += round(after_ms * MS)
-        self.contact.observe(load_n, 0.0, self.t_ns, self.t_ns, predicted_n)
+        self.contact.observe(load_n, 0.0, self.t_ns, self.t_ns, predicted_n, sigma_n)
         return self.contact.in_contact
 
 
@@ -130,6 +132,18 @@ def test_a_touch_is_predicted_and_held_until_all_have_been_read() -> None:
     other.carry(0.0, 20)
     assert other.predict(0.05)
     assert not other.predict(0.0, after_ms=31.0)
+
+
+def test_a_load_that_sigma_does_not_allow_is_no_contact_and_not_learnt() -> None:
+    """A line that breaks in swing: half a newton, measured and predicted, with a sigma of twice as much."""
+    leg = Leg()
+    leg.carry(0.0, 20)
+    for _ in range(40):
+        assert not leg.predict(0.5, load_n=0.5, sigma_n=1.0)
+        leg.carry(0.0, 2)
+    assert leg.contact.predicted_noise.contact_n == leg.contact.noise.contact_n == 0.03
+    assert leg.predict(0.05, sigma_n=0.04)
+    assert leg.predict(0.5, load_n=0.5, sigma_n=1.0), "a contact does not end as its force gets uncertain"
 
 
 def test_a_prediction_that_rings_after_lift_off_predicts_nothing() -> None:

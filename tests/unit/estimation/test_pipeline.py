@@ -173,6 +173,28 @@ def test_a_network_that_gives_no_number_makes_no_valid_force(what: str, number: 
     assert np.isfinite(forces.force_n[1]).all()
 
 
+def test_an_implausible_reading_in_swing_makes_no_contact() -> None:
+    """One element that is read while its line breaks: the force is sent with a sigma of its size, and is no touch."""
+    feet = Feet(n_legs=1).tared()
+    closure_um = np.zeros((1, 9))
+    closure_um[0, 4] = 6.0
+    forces = feet.feed(feet.scan(closure_um))
+    assert forces.force_n[0, 2] == pytest.approx(0.3)
+    assert forces.sigma_n[0, 2] > forces.force_n[0, 2]
+    assert forces.flags.tolist() == [Flag.SIMULATED]
+    assert feet.feed(feet.scan(5.0)).flags.tolist() == [Flag.SIMULATED | Flag.CONTACT]
+
+
+def test_what_a_breaking_line_adds_to_the_others_is_no_load() -> None:
+    """A floating row raises every reading until all of its elements are known to be open: not even its mean is one."""
+    feet = Feet(n_legs=1).tared()
+    for _ in range(2):
+        scan = feet.scan(2.0)
+        scan.capacitance_pf[0, 8] = 0.3
+        forces = feet.feed(scan)
+        assert (forces.state.tolist(), forces.flags.tolist()) == ([State.STALE], [Flag.SIMULATED])
+
+
 def test_a_refused_command_keeps_the_baseline_and_says_so() -> None:
     """The old baseline stays in use, the frames carry the flag until a tare succeeds."""
     feet = Feet().tared()
