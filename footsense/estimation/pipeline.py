@@ -4,7 +4,6 @@ A leg whose force must not be used gets a state that says why, and NaN instead o
 of sending: the network sees the last readings of every element with their ages.
 """
 
-import math
 from collections.abc import Callable
 
 import numpy as np
@@ -35,6 +34,8 @@ from footsense.frames import (
 )
 from footsense.ports import Estimator, LoadEstimate, Window
 
+#: Largest sigma of a usable force, over the largest force of the training [1]: with a larger one nothing is known.
+_MAX_SIGMA_REL = 0.5
 #: Noise is measured in one of so many frames: a third of a scan of an I2C bus, whose frames have one new reading.
 _FRAMES_PER_NOISE_MEASUREMENT = 3
 
@@ -251,12 +252,18 @@ class Pipeline:
         if not consistency.is_all_ok and consistency.inconsistency_sigma_rel.any():
             inconsistent_n = consistency.inconsistency_sigma_rel * np.linalg.norm(force_n, axis=1)
             sigma_n = np.hypot(sigma_n, inconsistent_n[:, None])
-        if healthy and math.isfinite(np.vdot(force_n, sigma_n)):
+        max_n, max_sigma_n = self._trained.max_force_n, _MAX_SIGMA_REL * self._trained.max_force_n
+        # Of all legs together, in few calls: what is within it is so leg by leg. A NaN is never.
+        if (
+            healthy
+            and np.vdot(force_n, force_n) <= max_n * max_n
+            and np.vdot(sigma_n, sigma_n) <= max_sigma_n * max_sigma_n
+        ):
             return load._replace(sigma_n=sigma_n), state
         usable = IS_USABLE_STATE[state]
-        finite = usable & np.isfinite(force_n + sigma_n).all(axis=1)
-        force_n[~finite] = sigma_n[~finite] = np.nan
-        state = np.where(usable & ~finite, np.uint8(State.OUT_OF_RANGE), state)
+        told = usable & (np.linalg.norm(force_n, axis=1) <= max_n) & (sigma_n <= max_sigma_n).all(axis=1)
+        force_n[~told] = sigma_n[~told] = np.nan
+        state = np.where(usable & ~told, np.uint8(State.OUT_OF_RANGE), state)
         return load._replace(sigma_n=sigma_n), state
 
 

@@ -79,12 +79,14 @@ class TrainedInputs:
         closure_rel_min: Smallest training input of each element [1], shape (elements,).
         closure_rel_max: Largest training input of each element [1], shape (elements,).
         moments: Second moments of the closures, for the imputation of missing ones, shape (elements, elements).
+        max_force_n: Largest force of the training [N].
     """
 
     design: Capacitor
     closure_rel_min: Vector
     closure_rel_max: Vector
     moments: Vector
+    max_force_n: float
 
     def gap_closed_threshold_over_design_gap(self, gap_um: Vector) -> Vector:
         """Return the closure over the design's gap above which a gap counts as closed [1], shape as given.
@@ -152,6 +154,7 @@ class Card(msgspec.Struct, frozen=True):
             closure_rel_min=np.array(self.closure_rel_min),
             closure_rel_max=np.array(self.closure_rel_max),
             moments=np.array(self.moments),
+            max_force_n=self.max_trained_force_n,
         )
 
 

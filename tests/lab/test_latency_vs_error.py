@@ -42,6 +42,7 @@ ANY = TrainedInputs(
     closure_rel_min=np.full(9, -np.inf),
     closure_rel_max=np.full(9, np.inf),
     moments=np.eye(9),
+    max_force_n=np.inf,
 )
 
 

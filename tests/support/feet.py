@@ -16,6 +16,8 @@ DESIGN = Capacitor(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2
 WINDOW = 4
 SCAN_NS = 25_000_000
 MAX_AGE_NS = 100_000_000
+#: Above the sum of all closures in range, along all three axes.
+MAX_FORCE_N = 13.0
 SIGMA_N = np.array([0.01, 0.01, 0.02])
 #: No uncertainty by the baseline: sigma is the network's; `test_baseline` tests the baseline's.
 BASELINE_N = np.zeros(3)
@@ -61,6 +63,7 @@ def pipeline(
             closure_rel_min=np.full(9, -0.05),
             closure_rel_max=np.full(9, 0.8),
             moments=ALIKE,
+            max_force_n=MAX_FORCE_N,
         ),
         feet,
         EstimationLimits(

@@ -5,7 +5,7 @@ import pytest
 
 from footsense.frames import Cause, Command, CommandKind, Flag, Reading, Result, State
 from footsense.ports import LoadEstimate, Window
-from tests.support.feet import DESIGN, MAX_AGE_NS, SIGMA_N, WINDOW, Feet, SumOfClosures, unread
+from tests.support.feet import DESIGN, MAX_AGE_NS, MAX_FORCE_N, SIGMA_N, WINDOW, Feet, SumOfClosures, unread
 
 
 def test_a_frame_of_other_legs_is_refused() -> None:
@@ -150,9 +150,9 @@ def test_a_foot_s_own_gap_says_when_it_is_shut(closure_um: float, states: list[S
 
 
 @pytest.mark.parametrize("what", ["force", "sigma"])
-@pytest.mark.parametrize("number", [np.nan, np.inf])
-def test_a_network_that_gives_no_number_makes_no_valid_force(what: str, number: float) -> None:
-    """A force or a sigma that is none is OUT_OF_RANGE everywhere: on CAN, in the tally, in the recording."""
+@pytest.mark.parametrize("number", [np.nan, np.inf, 1.01 * MAX_FORCE_N])
+def test_a_force_that_the_network_was_not_trained_for_is_none(what: str, number: float) -> None:
+    """A force beyond the training or a sigma of that size is OUT_OF_RANGE: on CAN, in the tally, in the recording."""
 
     class Hole(SumOfClosures):
         broken = False
