@@ -37,7 +37,7 @@ def sequential_scan(bus: I2cBus, clock: Clock, config: Config) -> None:
                 bus.transfer(write)
             bus.transfer(step.trigger)
             clock.sleep_until_ns(clock.now_ns() + plan.conversion_wait_ns)
-            for read in (*([step.done.read] if step.done else []), *step.results[0].read):
+            for read in (*([step.done.read] if step.done else []), *step.results[0].read_value):
                 bus.transfer(read)
 
 

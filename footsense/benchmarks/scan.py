@@ -18,7 +18,7 @@ from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.models import load_models
 from footsense.daemon.simulation import simulated_robot
 from footsense.frames import IS_USABLE_STATE, Flag
-from footsense.sim.scene import Scene, load_scene
+from footsense.sim.scene import Effects, Scene, load_scene
 
 _N_SCANS = 40
 _HOST_COSTS_US = (0, 40, 100)
@@ -52,14 +52,43 @@ def measure_all_scan_periods() -> dict[str, dict[str, float]]:
     }
 
 
-def _measure_scan_periods(config: Config, host_cost_us: int) -> dict[str, float]:
-    """Return the scan periods of six legs at 400 kHz, of the daemon and of a naive loop, and their ratios."""
-    scene = replace(load_scene("hanging"), host_cost_us=float(host_cost_us))
+def measure_converter_kinds() -> dict[str, dict[str, float]]:
+    """Return the scan periods with each kind of FDC1004 [ms], by bus configuration and host cost.
+
+    A chip may clear its DONE bit when the upper register of a result is read, or both, or by the next trigger as well.
+    """
+    kinds = {
+        "upper_read_ms": Effects(),
+        "upper_read_asked_first_ms": Effects(trigger_clears_done=True),
+        "both_read_ms": Effects(done_needs_both_reads=True),
+        "both_read_asked_first_ms": Effects(done_needs_both_reads=True, trigger_clears_done=True),
+    }
+    return {
+        f"{name}_{host_cost_us}us": {
+            kind: 1e-6 * _scan_period_ns(_CONFIGURATIONS[name], _hanging(host_cost_us, effects))
+            for kind, effects in kinds.items()
+        }
+        for name, host_cost_us in itertools.product(("one_bus", "two_buses"), _HOST_COSTS_US)
+    }
+
+
+def _hanging(host_cost_us: int, effects: Effects) -> Scene:
+    return replace(load_scene("hanging"), host_cost_us=float(host_cost_us), effects=effects)
+
+
+def _scan_period_ns(config: Config, scene: Scene) -> float:
+    """Return the mean scan period of the daemon [ns]."""
     with open_scan_source(config, scene) as scan_source:
         scan_source.read_whole_scans(1)
         start_ns = scan_source.clock.now_ns()
         scan_source.read_whole_scans(_N_SCANS)
-        period_ns = (scan_source.clock.now_ns() - start_ns) / _N_SCANS
+        return (scan_source.clock.now_ns() - start_ns) / _N_SCANS
+
+
+def _measure_scan_periods(config: Config, host_cost_us: int) -> dict[str, float]:
+    """Return the scan periods of six legs at 400 kHz, of the daemon and of a naive loop, and their ratios."""
+    scene = _hanging(host_cost_us, load_scene("hanging").effects)
+    period_ns = _scan_period_ns(config, scene)
     # Two buses are scanned side by side also by a naive program with two threads.
     naive_ns = _naive_scan_period_ns(config, scene)
     return {

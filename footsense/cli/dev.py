@@ -41,6 +41,7 @@ def _measure_all(n_cycles: int, wakeup_s: float) -> dict[str, Any]:
     from footsense.benchmarks.cycle import N_WARM_UP_CYCLES, compare_cycle_durations, simulated_walk_frames
     from footsense.benchmarks.scan import (
         measure_all_scan_periods,
+        measure_converter_kinds,
         min_scan_period_by_conversions_ms,
         newest_reading_age_ms,
     )
@@ -49,6 +50,7 @@ def _measure_all(n_cycles: int, wakeup_s: float) -> dict[str, Any]:
     scans = simulated_walk_frames(N_WARM_UP_CYCLES + n_cycles)
     return {
         "scan": measure_all_scan_periods(),
+        "converter_kinds": measure_converter_kinds(),
         "conversion_limit_ms": min_scan_period_by_conversions_ms(),
         "age_ms": newest_reading_age_ms(),
         "cycle_us": compare_cycle_durations(scans),

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import replace
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -256,6 +257,8 @@ def probe(config: Config, scene: Scene | None) -> ProbeResult:
             except HardwareError as error:
                 if is_last:
                     diagnoses.append(Diagnosis("scan", str(error), "this first: no foot was scanned"))
+    if timings is not None:
+        buses = tuple(_with_needed_reads(buses, timings, config.scan_plan))
     legs = tuple(_probed_legs(config, buses, feet, timings))
     diagnoses += [diagnosis for leg in legs for diagnosis in leg_diagnoses(leg)]
     return ProbeResult(buses, legs, tuple(diagnoses))
@@ -310,6 +313,19 @@ def probed_bus(bus: Bus, legs: LegBus, clock: Clock, plan: ScanPlan, drivers: Ma
     except HardwareError as error:
         scan, failure = BusScan(None, mux_answers=False, channels={}, bus_timing=None), str(error)
     return ProbedBus(bus, scan, drivers, repeating.n_repeated, failure)
+
+
+def _with_needed_reads(
+    buses: tuple[ProbedBus, ...], timings: list[ChipTiming | None], plan: ScanPlan
+) -> Iterator[ProbedBus]:
+    """Yield the buses with the limits of the registers that have to be read of their legs' converters."""
+    of_legs = iter(timings)
+    for report in buses:
+        own = list(islice(of_legs, len(report.bus_config.channels)))
+        timing = report.scan.bus_timing
+        if timing is not None and any(each is not None and each.reads_whole_result for each in own):
+            timing = timing.with_whole_results(plan, len(own))
+        yield report._replace(scan=report.scan._replace(bus_timing=timing))
 
 
 def _scan_feet(config: Config, scene: Scene | None) -> tuple[list[FootScans], list[ChipTiming | None] | None]:

@@ -109,7 +109,7 @@ LEG_FAULT_TRIALS = (
     FaultTrial("mux reset", (faults.MuxReset(at_s=BREAKS_AT_S),)),
     FaultTrial("element open", _faults_on_trial_leg(faults.ElementOpen, element=4)),
     FaultTrial("element shorted", _faults_on_trial_leg(faults.ElementShorted, element=0)),
-    FaultTrial("element stuck", _faults_on_trial_leg(faults.ElementStuck, element=8)),
+    FaultTrial("element stuck", _faults_on_trial_leg(faults.ElementStuck, element=0)),
     FaultTrial(
         "element drifts, 0.5 pF/s", _faults_on_trial_leg(faults.ElementDrifts, element=0, rate_ff_per_s=500.0)
     ),

@@ -13,6 +13,8 @@ from footsense.frames import CapFrame, Reading
 from footsense.ports import I2cBus, Transaction
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 from footsense.sim.scene import Effects
+from footsense.validation.converter_kinds import KINDS as KINDS_OF_TABLE
+from footsense.validation.converter_kinds import converter_kind_figures
 from tests.contract.boards import FDC1004, Robot, distinct
 
 KINDS = [
@@ -186,3 +188,38 @@ def test_a_flipped_bit_leaves_out_no_register(bit: int, monkeypatch: pytest.Monk
         robot.scanner.start()
         assert noisy.n_right < 0
         assert all(leg.timing.reads_whole_result for leg in robot.buses[0].legs)
+
+
+@pytest.mark.parametrize(
+    ("n_buses", "host_cost_us", "cost_rel"),
+    [(1, 0, 0.0), (1, 40, 0.073), (1, 100, 0.453), (2, 0, 0.0), (2, 40, 0.0), (2, 100, 0.002)],
+)
+def test_reading_both_registers_costs_what_the_bus_takes(
+    n_buses: int, host_cost_us: int, cost_rel: float
+) -> None:
+    """Nothing where conversions are the limit, and all of it where the read-out is; the scanner plans with it."""
+    robots = [
+        Robot(
+            distinct,
+            n_buses=n_buses,
+            host_cost_ns=host_cost_us * 1000,
+            effects=Effects(done_needs_both_reads=needs_both),
+        )
+        for needs_both in (False, True)
+    ]
+    upper_ns, both_ns = (robot.period_ns(18) for robot in robots)
+    assert both_ns / upper_ns - 1 == pytest.approx(cost_rel, abs=0.003)
+    timing = robots[1].buses[0].bus_timing
+    assert timing is not None
+    assert (
+        timing.lower_bounds.scan_period_bound_ns < both_ns < 1.03 * timing.lower_bounds.scan_period_bound_ns
+    )
+
+
+@pytest.mark.parametrize("kind", ["upper register | 0x7FFFFF", "both registers, next trigger | old result"])
+def test_the_table_of_kinds_has_no_wrong_reading(kind: str) -> None:
+    """On feet under a growing load, with a clock 7 % slow; one leg hangs for a third of a second."""
+    figures = converter_kind_figures(KINDS_OF_TABLE[kind], 0.07)
+    assert figures.n_wrong == 0
+    assert 0.95 < figures.ok_rel < 0.97
+    assert 26.0 < figures.scan_ms < 28.0

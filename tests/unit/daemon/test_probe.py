@@ -62,8 +62,10 @@ def test_the_clock_of_each_converter_and_what_it_keeps_is_told() -> None:
     assert found.diagnoses == ()
     assert {leg["keeps_done"] for leg in probe_json(found)["legs"].values()} == {False}
     assert shown(found).count("upper, first") == 6
-    found = probe(DEFAULT, msgspec.structs.replace(HANGING, effects=Effects(done_needs_both_reads=True)))
+    both = Effects(done_needs_both_reads=True)
+    found = probe(DEFAULT, msgspec.structs.replace(HANGING, effects=both, host_cost_us=100.0))
     assert found.diagnoses == ()
+    assert probe_json(found)["scan_ms"] == pytest.approx(38, abs=1)
     assert {leg["done_needs_both_reads"] for leg in probe_json(found)["legs"].values()} == {True}
     assert shown(found).count("both") == 6
 
