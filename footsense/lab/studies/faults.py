@@ -5,6 +5,12 @@ from msgspec.structs import replace
 from footsense.config import DEFAULT
 from footsense.frames import ELEMENTS
 from footsense.lab.report import StudyContext, Values, table
+from footsense.validation.converter_kinds import (
+    HANGS_AFTER,
+    HOST_COST_US,
+    N_SCANS,
+    simulate_converter_kinds,
+)
 from footsense.validation.disturbance_table import (
     BEGINS_S,
     ENDS_S,
@@ -30,6 +36,7 @@ def compute(context: StudyContext) -> Values:
     disturbed = simulate_disturbances(
         context.report_progress, quick=context.quick, foot_type=foot_type, max_n=foot.loads.max_n
     )
+    kinds = {} if other else simulate_converter_kinds(context.report_progress, quick=context.quick)
     can = {} if other else simulate_can_faults(context.report_progress, quick=context.quick)
     return {
         "peak_vertical_force_n": load.peak_force_n,
@@ -44,6 +51,10 @@ def compute(context: StudyContext) -> Values:
                 for scene, found in of_scenes.items()
             }
             for words, of_scenes in disturbed.items()
+        },
+        "converter_kinds": {
+            kind: {clock: figures._asdict() for clock, figures in by_clock.items()}
+            for kind, by_clock in kinds.items()
         },
         "can_faults": {fault: found._asdict() for fault, found in can.items()},
     }
@@ -75,7 +86,7 @@ and is used again after a tare.
 
 {_disturbances_text(values)}
 
-{_can_text(values["can_faults"]) if values["can_faults"] else _OTHER_FOOT}
+{_independent_text(values) if values["can_faults"] else _OTHER_FOOT}
 """
 
 
@@ -116,6 +127,37 @@ Noise is measured while the robot runs, and is in sigma; above the limit of a ta
 readings shows in the next swing, as what the foot in the air reads beside its baseline, and is in sigma from then on.
 While a foot stands, a shift along a pattern that a load has too cannot be told from that load: nine readings, and five
 unknowns of a contact. Channels that a converter shifts by one look like an open last column."""
+
+
+def _independent_text(values: Values) -> str:
+    """Return what does not depend on the feet."""
+    return _kinds_text(values["converter_kinds"]) + "\n\n" + _can_text(values["can_faults"])
+
+
+def _kinds_text(kinds: Values) -> str:
+    clocks = next(iter(kinds.values()))
+    rows = table(
+        "DONE cleared by | while converting | " + " | ".join(f"clock {clock} slow" for clock in clocks),
+        [
+            (
+                *kind.split(" | "),
+                *(
+                    f"{100 * at['ok_rel']:.1f}%, {at['n_wrong']}, {at['scan_ms']:.1f}"
+                    for at in by_clock.values()
+                ),
+            )
+            for kind, by_clock in kinds.items()
+        ],
+    )
+    return f"""## Converters as the data sheet allows them to be
+
+What clears the DONE bit of a FDC1004 is not said, nor what a result reads as that is being converted. Each cell is
+{N_SCANS} scans of six legs on one bus at {HOST_COST_US:g} us a transaction, with feet that are pressed ever harder, and
+the converter of one leg hanging after scan {HANGS_AFTER} until footsense resets it: share of the readings that are OK,
+how many of them are not of their conversion, time of a scan [ms]. `footsense dev benchmark` has the cost of each kind on
+one bus and two.
+
+{rows}"""
 
 
 def _can_text(faults: Values) -> str:
