@@ -2,6 +2,7 @@
 
 import logging
 import math
+import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
@@ -196,9 +197,14 @@ def _open_ring(
 def _open_recorder(stack: ExitStack, path: Path | None, ring: CycleRing, *, waits: bool) -> Recorder | None:
     if path is None:
         return None
-    recorder = Recorder(path, ring, waits=waits)
-    stack.enter_context(close_at_end(recorder.close))
-    return recorder
+    # A signal that ends the start waits until it closes the recorder, too.
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    try:
+        recorder = Recorder(path, ring, waits=waits)
+        stack.enter_context(close_at_end(recorder.close))
+        return recorder
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
 
 
 def request_scheduling(asked: Realtime | None) -> Flag:
