@@ -7,7 +7,7 @@
 # make lock      renews the versions and hashes that all of these install: deploy/ and tests/requirements.lock
 # make golden    the recorded walk anew that every change is replayed against; only for a change that is meant to change forces
 # make kernel-test         the service as deployed, on a Debian kernel in an emulator; needs Debian 12 and root
-# make kernel-test-short   the first of these trials, as CI runs them after the tests; does nothing where it cannot
+# make kernel-test-short   the first of these trials, a part of CI's verdict; does nothing where it cannot
 # NEWEST=1 behind any of them installs the newest packages in place of the locked ones, in .venv-newest.
 # All make their own environment; only Python 3.11+, make and git are needed.
 
