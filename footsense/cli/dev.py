@@ -101,7 +101,7 @@ def trace() -> None:
 @click.option("--only", type=click.IntRange(min=0), help="Walk this stretch alone, in this process.")
 @json_option
 def soak(*, hours: float, seed: int, only: int | None, as_json: bool) -> None:
-    """Walk for hours with random faults of wires, chips, feet and CAN, and check the invariants.
+    """Walk for hours with random faults and disturbances of wires, chips, feet and CAN, and check the invariants.
 
     Stretches of an hour or two have a process each: at 400 and at 100 conversions a second, with every fourth and
     with every force on CAN, warmer and colder by 20 K, with two stands of half an hour. Ends with 1 after a violation;

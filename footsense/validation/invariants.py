@@ -1,7 +1,7 @@
 """Checks of every cycle of a simulated walk with faults; each violation is stored with time and leg.
 
 A leg with a fault may be silent, and for the time of its recovery: the others go on. A fault of a bus may delay its
-legs, and a fault of CAN may cost frames there; the functions `tolerated_...` say by how much.
+legs, and a fault of CAN may cost frames there; `tolerances.py` says by how much, and which forces may be wrong.
 """
 
 import math
@@ -16,110 +16,39 @@ from firmware_interface.can.crc8 import kind_and_node
 from firmware_interface.can.force import FORCE_ID, QUALITY, QUALITY_ID
 from firmware_interface.can.socketcan import unpack_frame
 from firmware_interface.wire_timing import FRAMES_PER_LEG, LONGEST_FRAME_BITS
-from footsense.frames import ELEMENTS, USABLE, ContactFrame, Cycle, State, Vector
+from footsense.frames import (
+    ELEMENTS,
+    USABLE,
+    ContactFrame,
+    Cycle,
+    GaitEvent,
+    GaitEventKind,
+    Mask,
+    State,
+    Vector,
+)
 from footsense.ports import Observer
 from footsense.sim.can.controller import N_MAILBOXES
 from footsense.sim.can.interface import AS_DEPLOYED
-from footsense.sim.faults.scene_faults import (
-    ArbitrationLost,
-    CanFault,
-    Fault,
-    Schedule,
-    StuckSda,
-    StuckUpstreamBus,
+from footsense.sim.faults.scene_faults import CanFault, Fault, Schedule
+from footsense.validation.tolerances import (
+    WalkLimits,
+    tolerated_delays_s,
+    tolerated_spans_s,
+    tolerated_touch_spans_s,
+    tolerated_wrong_spans_s,
 )
-
-#: Longest pause until a leg is tried again [s], and after it held a line of the bus [s]; duration of the try [s]; gait
-#: periods until it is tared after that.
-_PAUSE_S, _STUCK_PAUSE_S, _TRY_S, _TARE_PERIODS = 4.0, 16.0, 1.0, 3.0
-#: Delay by the timeouts of each leg that holds the bus [s]; delay by a stuck upstream bus in all [s].
-_STUCK_LEG_DELAY_S, _STUCK_BUS_DELAY_S = 0.085, 0.45
-#: Delay of a leg whose transaction lost the arbitration twice, in scans: this one, and two until its elements have been
-#: read three times in a row again.
-_MAX_ARBITRATION_DELAY_SCANS = 3.4
-
-
-class WalkLimits(NamedTuple):
-    """Limits of the checks of a walk: legs, cycle period [s], age limit [s], gait timing, bit on CAN [s].
-
-    Attributes:
-        legs: Names of the legs.
-        cycle_period_s: Period of the cycles without faults, one for each conversion [s].
-        max_age_s: Age limit of a force [s].
-        gait_period_s: Gait period: each leg is in swing once in it [s].
-        checks_start_s: Time from which every leg is tared [s].
-        cycles_per_can_force: Cycles for each force on CAN.
-        standstill_spans_s: Spans without any swing [s].
-        bit_s: Duration of a bit on CAN [s].
-    """
-
-    legs: tuple[str, ...]
-    cycle_period_s: float
-    max_age_s: float
-    gait_period_s: float
-    checks_start_s: float
-    cycles_per_can_force: int
-    standstill_spans_s: tuple[tuple[float, float], ...] = ()
-    bit_s: float = 2e-6
-
-
-def tolerated_spans_s(rules: WalkLimits, script: Sequence[Fault], leg: str) -> list[tuple[float, float]]:
-    """Return the time spans [s] in which a leg may lack a force: its faults and the recoveries from them.
-
-    A leg without an answer is tried again after pauses that double: the last is no longer than the fault.
-    """
-    spans: list[tuple[float, float]] = []
-    for fault in sorted(script, key=lambda fault: fault.at_s):
-        if isinstance(fault, CanFault | ArbitrationLost) or getattr(fault, "leg", leg) != leg:
-            continue
-        overlaps = bool(spans) and fault.at_s <= spans[-1][1]
-        begin_s, end_s = spans.pop() if overlaps else (fault.at_s, 0.0)
-        until_s = max(getattr(fault, "until_s", None) or fault.at_s, fault.at_s)
-        longest_s = _STUCK_PAUSE_S if isinstance(fault, StuckSda | StuckUpstreamBus) else _PAUSE_S
-        recovery_s = min(until_s - begin_s, longest_s) + _TRY_S + _TARE_PERIODS * rules.gait_period_s
-        spans.append((begin_s, max(end_s, _time_after_walking_s(rules, until_s, recovery_s))))
-    return spans
-
-
-def _time_after_walking_s(rules: WalkLimits, t_s: float, walking_s: float) -> float:
-    """Return the time [s] by which the robot has walked for `walking_s` after `t_s`, standstills excluded."""
-    end_s = t_s + walking_s
-    for stand_start_s, until_s in rules.standstill_spans_s:
-        # A stand begins and ends with the legs in the middle of their stance.
-        stood_s = until_s + 2.0 * rules.gait_period_s
-        if stand_start_s < end_s and t_s < stood_s:
-            end_s += stood_s - max(stand_start_s, t_s)
-    return end_s
-
-
-def tolerated_delays_s(script: Sequence[Fault], period_s: float) -> list[tuple[float, float, float]]:
-    """Return start, end and tolerated delay of each I2C bus fault [s], ordered by end.
-
-    Args:
-        script: Faults of the walk.
-        period_s: Period of the cycles without faults [s].
-    """
-    arbitration_s = _MAX_ARBITRATION_DELAY_SCANS * ELEMENTS * period_s
-    recovery_s = _STUCK_PAUSE_S + _TRY_S
-    delays = []
-    for fault in script:
-        if isinstance(fault, StuckSda | StuckUpstreamBus | ArbitrationLost):
-            until_s = np.inf if fault.until_s is None else fault.until_s
-            after_s, delay_s = {
-                StuckSda: (recovery_s, _STUCK_LEG_DELAY_S),
-                StuckUpstreamBus: (recovery_s, _STUCK_BUS_DELAY_S),
-                ArbitrationLost: (arbitration_s, arbitration_s),
-            }[type(fault)]
-            delays.append((fault.at_s, until_s + after_s, delay_s))
-    return sorted(delays, key=lambda delay: delay[1])
-
 
 _NS_PER_S = 1_000_000_000
 #: Name of each leg by its node id.
 _LEG_OF_NODE = {node: leg for leg, node in NODE_IDS.items()}
 _USABLE = frozenset(int(state) for state in USABLE)
-#: Limit of an error in sigmas.
-_ERROR_THRESHOLD_SIGMAS = 5.0
+#: Limit of an error in sigmas, and the time for which it may be beyond [scans]: 30 ms at the full rate.
+_ERROR_THRESHOLD_SIGMAS, _MAX_WRONG_SCANS = 5.0, 1.25
+#: Events that say that a foot touches the ground, and the time before and after for which the ground was away from one
+#: that is known to be free [scans]: the network rings after a load, and an event is dated to a scan.
+_CONTACT_EVENTS = frozenset({GaitEventKind.TOUCHDOWN, GaitEventKind.SLIP})
+_FREE_BEFORE_SCANS, _FREE_AFTER_SCANS = 4.0, 1.25
 #: Violations that are kept; the others are counted.
 _MAX_KEPT_VIOLATIONS = 20
 
@@ -164,7 +93,7 @@ class InvariantChecker(Observer):
         violations: The first violations.
         n_violations: Number of violations by invariant.
         n_cycles: Cycles checked.
-        n_checked: Usable forces of which the error was checked.
+        n_checked: Usable forces of which the error was checked: those of legs without what cannot be observed.
         n_beyond: Those with an error beyond 5 sigma, by axis, shape (3,).
         n_received: Frames of `Force` that reached the other nodes.
         n_missed: Frames of `Force` that were lost while CAN was broken.
@@ -180,6 +109,12 @@ class InvariantChecker(Observer):
         spans_of = [tolerated_spans_s(rules, script, leg) for leg in rules.legs]
         self._tolerated = [Schedule((span_s, span_s) for span_s in spans_s) for spans_s in spans_of]
         self.recovered_s = max((until_s for spans_s in spans_of for _, until_s in spans_s), default=0.0)
+        self._scan_s = ELEMENTS * rules.cycle_period_s
+        wrong_of = [tolerated_wrong_spans_s(rules, script, leg) for leg in rules.legs]
+        self._tolerated_wrong = [Schedule((span_s, span_s) for span_s in spans_s) for spans_s in wrong_of]
+        touches_of = [tolerated_touch_spans_s(rules, script, leg) for leg in rules.legs]
+        self._tolerated_touch = [Schedule((span_s, span_s) for span_s in spans_s) for spans_s in touches_of]
+        self._wrong_since_s: list[float | None] = [None] * len(rules.legs)
         self._can_broken_s = [
             (fault.at_s, fault.until_s + TOLERATED_CAN_RECOVERY_S)
             for fault in script
@@ -229,7 +164,9 @@ class InvariantChecker(Observer):
             elif t_s - self._good_s[leg] > self._on_time_s + self._tolerated_delay_s(self._good_s[leg], t_s):
                 detail = f"{State(state).name}, cause {frame.cause[leg]}"
                 self._add_violation("the other legs go on", t_s, name, detail)
-        self._count_errors_beyond_5_sigma(frame, np.flatnonzero(usable).tolist())
+        self._check_errors(frame, usable, t_s)
+        if frame.gait is not None:
+            self._check_events(frame.gait.events, frame.t_sent_ns)
 
     def on_delivered(self, t_ns: int, queued_ns: int, frame: bytes) -> None:
         """Check a CAN frame that other nodes received.
@@ -277,13 +214,40 @@ class InvariantChecker(Observer):
             delay_s for start_s, end_s, delay_s in self._delays_s if start_s <= until_s and from_s <= end_s
         )
 
-    def _count_errors_beyond_5_sigma(self, frame: ContactFrame, usable: Sequence[int]) -> None:
-        """Count force errors beyond 5 sigma on the legs with a usable force."""
-        true_n = self._true_force_n_at(frame.t_sent_ns)
-        self.n_checked += len(usable)
-        for leg in usable:
-            error_n = np.abs(frame.force_n[leg] - true_n[leg])
-            self.n_beyond += error_n > _ERROR_THRESHOLD_SIGMAS * frame.sigma_n[leg]
+    def _check_errors(self, frame: ContactFrame, usable: Sequence[bool], t_s: float) -> None:
+        """Count the errors of usable forces beyond 5 sigma, and check how long they last, where none is tolerated."""
+        error_n = np.abs(frame.force_n - self._true_force_n_at(frame.t_sent_ns))
+        beyond: Mask = np.greater(error_n, _ERROR_THRESHOLD_SIGMAS * frame.sigma_n)
+        for leg, axes in enumerate(beyond):
+            since_s = self._wrong_since_s[leg]
+            if not usable[leg] or self._tolerated_wrong[leg].at(t_s):
+                self._wrong_since_s[leg] = None
+                continue
+            self.n_checked += 1
+            if not axes.any():
+                self._wrong_since_s[leg] = None
+                continue
+            self.n_beyond += axes
+            if since_s is None:
+                self._wrong_since_s[leg] = t_s
+            elif t_s - since_s > _MAX_WRONG_SCANS * self._scan_s:
+                self._wrong_since_s[leg] = math.inf  # noted once
+                detail = f"{frame.force_n[leg]} N, sigma {frame.sigma_n[leg]} N"
+                self._add_violation("no force is wrong for long", t_s, self._rules.legs[leg], detail)
+
+    def _check_events(self, events: Sequence[GaitEvent], now_ns: int) -> None:
+        """Check that a foot which touches the ground, or slides on it, is there."""
+        for kind, leg, t_ns, _ in events:
+            before_ns, after_ns = (
+                round(scans * self._scan_s * _NS_PER_S) for scans in (_FREE_BEFORE_SCANS, _FREE_AFTER_SCANS)
+            )
+            around_ns = (t_ns - before_ns, t_ns, t_ns + after_ns, now_ns)
+            is_free = not any(self._true_force_n_at(at_ns)[leg].any() for at_ns in around_ns)
+            if kind in _CONTACT_EVENTS and is_free and not self._tolerated_touch[leg].at(now_ns / _NS_PER_S):
+                name = GaitEventKind(kind).name
+                self._add_violation(
+                    "no foot in the air touches", now_ns / _NS_PER_S, self._rules.legs[leg], name
+                )
 
     def _check_age_on_wire(self, can_id: int, data: bytes, wait_ns: int, t_s: float) -> None:
         """Check the age of a force at its arrival on CAN."""

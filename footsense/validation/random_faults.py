@@ -15,7 +15,14 @@ ROBOT_FAULT_TYPES: tuple[type[scene_faults.Fault], ...] = get_args(
 DISTURBANCE_TYPES: tuple[type[scene_faults.Fault], ...] = get_args(scene_faults.Disturbance)
 CAN_FAULT_TYPES: tuple[type[scene_faults.Fault], ...] = get_args(scene_faults.CanFault)
 _CAN_FAULT_SHARE_REL = 0.2
-#: Rates of lost acknowledges and corrupt reads.
+#: Noise [fF], shifts and impulses up or down [fF], and tones [Hz]: from what is hardly seen to many times what a tare
+#: allows.
+MAX_NOISE_FF, MAX_AMPLITUDE_FF, MAX_FREQUENCY_HZ = 30.0, 200.0, 5_000.0
+#: Shares of noise that all readings of a leg have in common.
+COMMON_NOISE_RELS = (0.0, 0.8)
+#: Bursts of noise: the drive of one phase of the gait [s].
+_BURST_PERIOD_S, _BURST_S = 0.5, 0.15
+#: Rates of lost acknowledges, corrupt reads and impulses.
 READ_ERROR_RATES_REL = (0.01, 0.05, 0.3)
 #: Largest rate of lost arbitrations; beyond, the bus belongs to the other master.
 _MAX_ARBITRATION_LOSS_REL = 0.05
@@ -25,12 +32,14 @@ OTHER_TRAFFIC_CAN_IDS = (0x000, 0x10B, 0x7FF)
 _FLOODING_RATE_HZ = 5_000.0
 #: Durations of a fault, and mean time between two starts [s].
 _MIN_DURATION_S, _MAX_DURATION_S, _MEAN_INTERVAL_S = 0.05, 6.0, 30.0
+#: Mean time between two starts in a short walk, over its duration [1].
+_SHORT_WALK_INTERVAL_REL = 0.1
 
 
 def random_faults(
     rng: np.random.Generator, legs: tuple[str, ...], from_s: float, until_s: float
 ) -> tuple[scene_faults.Fault, ...]:
-    """Return random faults of 0.05 s to 6 s each, at independent random times.
+    """Return random faults of 0.05 s to 6 s each, at independent random times; in a short walk closer together.
 
     Args:
         rng: Source of randomness.
@@ -38,10 +47,11 @@ def random_faults(
         from_s: Earliest start [s].
         until_s: Latest end [s].
     """
+    interval_s = min(_MEAN_INTERVAL_S, _SHORT_WALK_INTERVAL_REL * (until_s - from_s))
     script: list[scene_faults.Fault] = []
     at_s = from_s
     while True:
-        at_s = round(at_s + rng.exponential(_MEAN_INTERVAL_S), 4)
+        at_s = round(at_s + rng.exponential(interval_s), 4)
         lasts_s = round(float(np.exp(rng.uniform(np.log(_MIN_DURATION_S), np.log(_MAX_DURATION_S)))), 4)
         if at_s + lasts_s >= until_s:
             return tuple(script)
@@ -59,7 +69,8 @@ def random_transient_fault(
         at_s: Start [s].
         lasts_s: Duration [s].
     """
-    kinds = CAN_FAULT_TYPES if rng.random() < _CAN_FAULT_SHARE_REL else ROBOT_FAULT_TYPES
+    of_legs = ROBOT_FAULT_TYPES + DISTURBANCE_TYPES
+    kinds = CAN_FAULT_TYPES if rng.random() < _CAN_FAULT_SHARE_REL else of_legs
     kind = kinds[int(rng.integers(len(kinds)))]
     return transient_fault(
         kind,
@@ -74,6 +85,10 @@ def random_transient_fault(
         unplugged=bool(rng.integers(2)),
         can_id=int(rng.choice(OTHER_TRAFFIC_CAN_IDS)),
         rate_hz=float(rng.uniform(1.0, 1800.0)),
+        noise_ff=float(rng.uniform(1.0, MAX_NOISE_FF)),
+        common_rel=float(rng.choice(COMMON_NOISE_RELS)),
+        amplitude_ff=float(rng.uniform(-MAX_AMPLITUDE_FF, MAX_AMPLITUDE_FF)),
+        frequency_hz=float(np.exp(rng.uniform(0.0, np.log(MAX_FREQUENCY_HZ)))),
     )
 
 
@@ -88,6 +103,8 @@ def transient_fault(kind: type[scene_faults.Fault], **values: Any) -> list[scene
         values["rate_hz"] = _FLOODING_RATE_HZ
     if kind is scene_faults.ArbitrationLost:
         values["rate_rel"] = min(values["rate_rel"], _MAX_ARBITRATION_LOSS_REL)
+    if kind in DISTURBANCE_TYPES:
+        values |= {"legs": (values["leg"],), "period_s": _BURST_PERIOD_S, "active_s": _BURST_S}
     fault = kind(**{name: values[name] for name in kind.__struct_fields__ if name in values})
     if not isinstance(fault, scene_faults.ElementDrifts):
         return [fault]

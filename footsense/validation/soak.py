@@ -4,7 +4,6 @@ Everything runs in virtual time and follows from the seed, so that a stretch wit
 Every stretch begins with a walk without faults, which measures the share of errors beyond 5 sigma.
 """
 
-import math
 from collections import Counter
 
 import msgspec
@@ -17,8 +16,9 @@ from footsense.frames import State
 from footsense.sim.faults.scene_faults import CanTraffic
 from footsense.sim.scene import Effects, Scene, Warming
 from footsense.sim.scene_loads import Standstill, Tripod
-from footsense.validation.invariants import InvariantChecker, Violation, WalkLimits
+from footsense.validation.invariants import InvariantChecker, Violation
 from footsense.validation.random_faults import random_faults
+from footsense.validation.tolerances import WalkLimits
 
 #: Hours of a day at the full rate.
 _FAST_GAIT_HOURS = 4.0
@@ -131,8 +131,10 @@ def robot_and_fault_free_scene(stretch: Stretch, *, warming_time_scale: float = 
 
 
 _NS_PER_S = 1_000_000_000
-#: Length of the walk without faults [gait periods].
-_N_FAULT_FREE_GAIT_PERIODS = 200
+#: Length of the walk without faults [gait periods], and its largest share of that with faults [1].
+_N_FAULT_FREE_GAIT_PERIODS, _MAX_FAULT_FREE_REL = 200, 0.25
+#: Longest gap between two frames of a healthy robot [conversions].
+_MAX_HEALTHY_GAP_CONVERSIONS = 1.5
 #: Time of the first look at the memory [s]: everything has been used once by then.
 _FIRST_MEMORY_CHECK_AFTER_S = 120.0
 #: Standard deviations of a count that are chance.
@@ -141,9 +143,12 @@ _MAX_CHANCE_EXCESS_SIGMAS = 5.0
 _N_CORRELATED_FRAMES = 20
 #: Growth of memory within the variation of the allocator, over an hour at least [MiB/h].
 _MAX_GROWTH_MIB_PER_H = 2.0
-#: Time without faults at the end [s].
-_FAULT_FREE_TAIL_S = 60.0
+#: Time without faults at the end [s]: more than the recovery from several that overlap.
+_FAULT_FREE_TAIL_S = 20.0
 _RARE_ERRORS_RULE, _MEMORY_RULE = "no error beyond 5 sigma more often than calibrated", "memory does not grow"
+#: Period of the cycles over that of the conversions without their transactions [1].
+_CONVERSION_REL = 1.08
+_GAP_RULE = "a healthy robot's frames have no gap"
 
 
 class StretchResult(msgspec.Struct, frozen=True, kw_only=True):
@@ -207,11 +212,11 @@ def walk_stretch(stretch: Stretch) -> StretchResult:
         ModelError: The released network or the response table is missing.
     """
     ends_s = 3600.0 * stretch.hours
-    calm_s = LEAD_IN_S + _N_FAULT_FREE_GAIT_PERIODS * stretch.gait_period_s
+    calm_s = min(LEAD_IN_S + _N_FAULT_FREE_GAIT_PERIODS * stretch.gait_period_s, _MAX_FAULT_FREE_REL * ends_s)
     config, calm_scene = robot_and_fault_free_scene(stretch, warming_time_scale=calm_s / ends_s)
     rules = WalkLimits(
         legs=config.legs,
-        cycle_period_s=math.inf,
+        cycle_period_s=_CONVERSION_REL / stretch.rate_sps,
         max_age_s=config.effective_max_age_ms * 1e-3,
         gait_period_s=stretch.gait_period_s,
         checks_start_s=LEAD_IN_S + 1.0,
@@ -223,9 +228,8 @@ def walk_stretch(stretch: Stretch) -> StretchResult:
     # The last fault ends in time for all legs to recover.
     last_s = ends_s - _FAULT_FREE_TAIL_S - 3.0 * stretch.gait_period_s
     script = random_faults(np.random.default_rng(stretch.seed), config.legs, begins_s, last_s)
-    rules = rules._replace(
-        cycle_period_s=calm_s / fault_free.n_cycles, standstill_spans_s=stretch.standstill_spans_s
-    )
+    period_s = calm_s / fault_free.n_cycles
+    rules = rules._replace(cycle_period_s=period_s, standstill_spans_s=stretch.standstill_spans_s)
     config, scene = robot_and_fault_free_scene(stretch)
     began_ns = stopwatch_ns()
     with_faults, (warm_mib, end_mib) = _simulate_stretch(
@@ -233,7 +237,9 @@ def walk_stretch(stretch: Stretch) -> StretchResult:
     )
     wall_s = (stopwatch_ns() - began_ns) / _NS_PER_S
     growth_mib_per_h = (end_mib - warm_mib) / (max(ends_s - _FIRST_MEMORY_CHECK_AFTER_S, 1.0) / 3600.0)
-    violations = _too_frequent_errors(fault_free, with_faults, ends_s)
+    violations = fault_free.violations + _too_frequent_errors(fault_free, with_faults, ends_s)
+    if fault_free.longest_gap_s > _MAX_HEALTHY_GAP_CONVERSIONS * period_s:
+        violations.append(Violation(_GAP_RULE, calm_s, "", f"{1e3 * fault_free.longest_gap_s:.1f} ms"))
     if stretch.hours >= 1.0 and growth_mib_per_h > _MAX_GROWTH_MIB_PER_H:
         violations.append(Violation(_MEMORY_RULE, ends_s, "", f"{warm_mib:.1f} to {end_mib:.1f} MiB"))
     return StretchResult(

@@ -14,15 +14,20 @@ from footsense.frames import USABLE
 from footsense.sim.faults.scene_faults import CanBusOff, CanTraffic, Fault, Leg
 from footsense.sim.scene import Effects, Scene
 from footsense.sim.scene_loads import Tripod
-from footsense.validation.invariants import InvariantChecker, WalkLimits
+from footsense.validation.invariants import InvariantChecker
 from footsense.validation.random_faults import (
     CAN_FAULT_TYPES,
+    COMMON_NOISE_RELS,
     DISTURBANCE_TYPES,
+    MAX_AMPLITUDE_FF,
+    MAX_FREQUENCY_HZ,
+    MAX_NOISE_FF,
     OTHER_TRAFFIC_CAN_IDS,
     READ_ERROR_RATES_REL,
     ROBOT_FAULT_TYPES,
     transient_fault,
 )
+from footsense.validation.tolerances import WalkLimits
 from tests.support.seen import Seen
 
 #: Half of the legs in half of the time: one steps while the other two carry.
@@ -44,11 +49,11 @@ lengths = st.floats(0.002, 0.6).map(lambda t_s: round(t_s, 3))
 
 
 @st.composite
-def faults(draw: st.DrawFn) -> list[Fault]:
-    """A fault of any kind that passes."""
+def faults(draw: st.DrawFn, kinds: tuple[type[Fault], ...]) -> list[Fault]:
+    """A fault of any of some kinds, which passes."""
     at_s = draw(times)
     return transient_fault(
-        draw(st.sampled_from(ROBOT_FAULT_TYPES + CAN_FAULT_TYPES)),
+        draw(st.sampled_from(kinds)),
         leg=draw(st.sampled_from(LEGS)),
         at_s=at_s,
         until_s=round(at_s + draw(lengths), 3),
@@ -60,10 +65,16 @@ def faults(draw: st.DrawFn) -> list[Fault]:
         unplugged=draw(st.booleans()),
         can_id=draw(st.sampled_from(OTHER_TRAFFIC_CAN_IDS)),
         rate_hz=draw(st.floats(1.0, 1800.0)),
+        noise_ff=draw(st.floats(1.0, MAX_NOISE_FF)),
+        common_rel=draw(st.sampled_from(COMMON_NOISE_RELS)),
+        amplitude_ff=draw(st.floats(-MAX_AMPLITUDE_FF, MAX_AMPLITUDE_FF)),
+        frequency_hz=draw(st.floats(1.0, MAX_FREQUENCY_HZ)),
     )
 
 
-scripts = st.lists(faults(), max_size=6).map(lambda found: [fault for some in found for fault in some])
+def scripts(*kinds: type[Fault]) -> st.SearchStrategy[list[Fault]]:
+    """Up to six of them."""
+    return st.lists(faults(kinds), max_size=6).map(lambda found: [fault for some in found for fault in some])
 
 
 def robot(publish_every: int) -> Config:
@@ -124,7 +135,7 @@ def test_the_invariants_hold_whatever_breaks(publish_every: int, n_walks: int) -
     tally: list[InvariantChecker] = []
 
     @settings(max_examples=n_walks, derandomize=True, database=None, deadline=None)
-    @given(scripts)
+    @given(scripts(*ROBOT_FAULT_TYPES, *DISTURBANCE_TYPES, *CAN_FAULT_TYPES))
     def whatever_breaks(script: list[Fault]) -> None:
         tally.append(walk(publish_every, script))
 

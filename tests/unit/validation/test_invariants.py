@@ -7,12 +7,24 @@ import pytest
 
 from firmware_interface.can.force import FORCE_ID, QUALITY_ID
 from firmware_interface.can.socketcan import pack_frame
-from footsense.frames import LEGS, Cycle, State
-from footsense.sim.faults.scene_faults import Absent, CanDown, ElementDrifts, Fault, StuckSda
-from footsense.validation.invariants import InvariantChecker, WalkLimits
+from footsense.frames import LEGS, Cycle, GaitEvent, GaitEventKind, State
+from footsense.sim.faults.scene_faults import (
+    Absent,
+    BrokenRow,
+    CanDown,
+    ChannelsShifted,
+    ColumnShift,
+    ElementDrifts,
+    Fault,
+    StuckSda,
+    Tone,
+    WhiteNoise,
+)
+from footsense.validation.invariants import InvariantChecker
 from footsense.validation.random_faults import random_faults
+from footsense.validation.tolerances import WalkLimits
 from tests.support.can_frames import encode_force, encode_quality
-from tests.support.frames import contact_frame
+from tests.support.frames import contact_frame, gait_frame
 
 MS = 1_000_000
 RULES = WalkLimits(
@@ -106,6 +118,52 @@ def test_a_leg_is_tolerated_for_what_breaks_on_it_alone(fault: Fault, *, tolerat
     assert "the other legs go on" in violated(seen)
 
 
+@pytest.mark.parametrize(
+    ("script", "after_s"),
+    [
+        ([], 0.0),
+        ([Tone(legs=("lf", "lm"), at_s=0.1, until_s=9.0, amplitude_ff=50.0, frequency_hz=61.0)], 0.0),
+        ([ColumnShift(legs=("rm",), at_s=0.1, until_s=9.0, amplitude_ff=50.0, column=1)], 0.0),
+        ([ColumnShift(legs=("lf",), at_s=0.1, until_s=9.0, amplitude_ff=50.0, column=1)], 1.6),
+        ([ChannelsShifted(legs=("lf",), at_s=0.1, until_s=2.0)], 3.5),
+    ],
+)
+def test_a_force_that_stays_wrong_is_noticed(script: list[Fault], after_s: float) -> None:
+    """Beyond five sigmas for longer than a scan takes; after a shift, when a swing has shown the baseline."""
+    seen = watching(*script)
+    force_n = np.zeros((6, 3))
+    force_n[0, 1] = 0.06
+    for number in range(200):
+        now = cycle(number, 24.0 * (number + 1), force_n=force_n, sigma_n=np.full((6, 3), 0.01))
+        seen.observe(now)
+        if seen.violations:
+            break
+    assert violated(seen) - {"the other legs go on"} == {"no force is wrong for long"}
+    assert seen.violations[-1].t_s == pytest.approx(after_s + 0.3, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("script", "kind", "noticed"),
+    [
+        ([], GaitEventKind.TOUCHDOWN, True),
+        ([], GaitEventKind.SLIP, True),
+        ([], GaitEventKind.LIFT_OFF, False),
+        ([BrokenRow(leg="lf", at_s=0.5, until_s=2.0, row=1)], GaitEventKind.TOUCHDOWN, False),
+        ([BrokenRow(leg="lf", at_s=0.1, until_s=2.0, row=1)], GaitEventKind.TOUCHDOWN, True),
+        ([BrokenRow(leg="rf", at_s=0.5, until_s=2.0, row=1)], GaitEventKind.TOUCHDOWN, True),
+        ([WhiteNoise(legs=("lf",), at_s=0.1, until_s=2.0, noise_ff=9.0)], GaitEventKind.TOUCHDOWN, False),
+    ],
+)
+def test_a_touchdown_in_the_air_is_noticed(
+    script: list[Fault], kind: GaitEventKind, *, noticed: bool
+) -> None:
+    """Unless something that moves the readings at once, as a touchdown does, happened to the leg."""
+    seen = watching(*script)
+    event = GaitEvent(kind, 0, 590 * MS, 0.002)
+    seen.observe(cycle(0, 600.0, gait=gait_frame(600 * MS, 6, events=(event,))))
+    assert ("no foot in the air touches" in violated(seen)) is noticed
+
+
 def hear(seen: InvariantChecker, counter: int, t_ms: int, wait_ms: int = 1, age_ms: int = 12) -> None:
     force = pack_frame(FORCE_ID + 2, encode_force(2, counter, State.VALID, (0.0, 0.0, 1.0)))
     quality = pack_frame(QUALITY_ID + 2, encode_quality(2, counter, 0, age_ms * MS, 0, (0.01, 0.01, 0.01)))
@@ -142,7 +200,7 @@ def test_a_stand_puts_off_the_tare() -> None:
 def test_random_faults_all_pass() -> None:
     """Every kind comes, within its time; a drift is taken back."""
     script = random_faults(np.random.default_rng(1), LEGS, 10.0, 10_000.0)
-    assert len({type(fault) for fault in script}) == 24
+    assert len({type(fault) for fault in script}) == 33
     assert all(fault.at_s >= 10.0 and (getattr(fault, "until_s", 0.0) or 0.0) < 10_000.0 for fault in script)
     drifts = [fault for fault in script if isinstance(fault, ElementDrifts)]
     drifted_ff = [
