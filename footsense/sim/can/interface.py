@@ -78,7 +78,7 @@ class SimulatedCan:
         self.up = self.present = True
         self.queue = TransmitQueue(settings.queue_frames, head_drop=settings.head_drop)
         nodes = [sender for sender in self._senders if sender.is_node]
-        self.controller = CanController(self.queue, settings, bit_ns, nodes, self._deliver_to_sockets)
+        self.controller = CanController(self.queue, settings, bit_ns, nodes, self.deliver_to_sockets)
 
     def connect(self) -> CanWire:
         """Return a new socket that is bound to the interface.
@@ -149,8 +149,8 @@ class SimulatedCan:
         self.controller.no_ack = any(isinstance(fault, CanNoAck) for fault in acting)
         self.controller.shorted = any(isinstance(fault, CanBusOff) for fault in acting)
 
-    def _deliver_to_sockets(self, frame: bytes) -> None:
-        """Append an error frame of the controller to the receive buffer of every socket."""
+    def deliver_to_sockets(self, frame: bytes) -> None:
+        """Append a frame of another node, or an error frame of the controller, to what every socket receives."""
         for socket in self._sockets:
             socket.unread.append(frame)
 

@@ -1,5 +1,6 @@
 """Whatever breaks, wherever, whenever: the invariants hold in every cycle, and in the end all legs are back."""
 
+from collections import Counter
 from typing import get_args
 
 import msgspec
@@ -8,9 +9,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from firmware_interface.can.codes import NODE_IDS
+from firmware_interface.can.commands import ANSWER, ANSWER_ID, COMMAND_ID, UNSOLICITED_COUNTER, encode_command
+from firmware_interface.can.crc8 import kind_and_node
+from firmware_interface.can.socketcan import pack_frame, unpack_frame
 from footsense.config import DEFAULT, Config
 from footsense.daemon.service import open_service
-from footsense.frames import USABLE
+from footsense.estimation.tare import MAX_WINDOWS, SETTLING_SCANS
+from footsense.frames import ELEMENTS, USABLE, CommandKind, Cycle
+from footsense.sim.can.interface import SimulatedCan
 from footsense.sim.faults.scene_faults import CanBusOff, CanTraffic, Fault, Leg
 from footsense.sim.scene import Effects, Scene
 from footsense.sim.scene_loads import Tripod
@@ -43,6 +50,8 @@ TARED_S, BREAKS_S = 1.2, 1.3
 PERIOD_S = 0.0027
 #: Standard deviations of a count that are chance, and neighbouring frames that count as one.
 CHANCE, AS_ONE = 5.0, 20
+#: Cycles until the answer to a TARE: its windows, the scans in which a step settles, and those that the frames wait.
+LONGEST_ANSWER_CYCLES = ELEMENTS * (MAX_WINDOWS * DEFAULT.tare.window_scans + SETTLING_SCANS + 2)
 
 times = st.floats(BREAKS_S, 2.0).map(lambda t_s: round(t_s, 3))
 lengths = st.floats(0.002, 0.6).map(lambda t_s: round(t_s, 3))
@@ -75,6 +84,46 @@ def faults(draw: st.DrawFn, kinds: tuple[type[Fault], ...]) -> list[Fault]:
 def scripts(*kinds: type[Fault]) -> st.SearchStrategy[list[Fault]]:
     """Up to six of them."""
     return st.lists(faults(kinds), max_size=6).map(lambda found: [fault for some in found for fault in some])
+
+
+commands = st.tuples(st.floats(0.1, 2.5), st.sampled_from(LEGS), st.sampled_from(CommandKind))
+
+
+class Consumer:
+    """Another node that sends commands, and hears the answers; it observes the service to know the time.
+
+    Attributes:
+        waiting: Node, kind and counter of each command without an answer, and the cycle after which it was sent.
+        slowest: Most cycles until an answer.
+    """
+
+    def __init__(self, can: SimulatedCan, script: list[tuple[float, str, CommandKind]]) -> None:
+        self._can, self._script = can, sorted(script, reverse=True)
+        self._counters = Counter[str]()
+        self._n_cycles = 0
+        self.waiting: dict[tuple[int, int, int], int] = {}
+        self.slowest = 0
+        can.controller.on_delivered = self.hear
+
+    def observe(self, cycle: Cycle) -> None:
+        self._n_cycles += 1
+        while self._script and self._script[-1][0] * 1e9 <= cycle.forces.t_sent_ns:
+            _, leg, kind = self._script.pop()
+            node, counter = NODE_IDS[leg], self._counters[leg]
+            self._counters[leg] += 1
+            self.waiting[node, kind, counter] = self._n_cycles
+            self._can.deliver_to_sockets(pack_frame(COMMAND_ID + node, encode_command(node, counter, kind)))
+
+    def hear(self, _t_ns: int, _queued_ns: int, frame: bytes) -> None:
+        can_id, data = unpack_frame(frame)
+        if kind_and_node(can_id)[0] != ANSWER_ID:
+            return
+        answer = ANSWER.decode(can_id, data)
+        if answer.command_counter != UNSOLICITED_COUNTER:
+            sent = self.waiting.pop((answer.node, answer.command_kind, answer.command_counter))
+            self.slowest = max(self.slowest, self._n_cycles - sent)
+
+    def close(self) -> None: ...
 
 
 def robot(publish_every: int) -> Config:
@@ -125,6 +174,23 @@ def test_every_kind_of_fault_may_break() -> None:
 def test_a_full_queue_goes_out_after_a_bus_off() -> None:
     """16 frames are three forces of three legs: older by a force than with six legs."""
     walk(4, [CanBusOff(at_s=2.0, until_s=2.5)])
+
+
+@pytest.mark.slow
+@settings(max_examples=6, derandomize=True, database=None, deadline=None)
+@given(scripts(*ROBOT_FAULT_TYPES, *DISTURBANCE_TYPES), st.lists(commands, min_size=3, max_size=9))
+def test_every_command_has_one_answer_whatever_breaks(
+    script: list[Fault], asked: list[tuple[float, str, CommandKind]]
+) -> None:
+    """Within the scans of a tare, and the frames that CAN has to send first."""
+    scene = msgspec.structs.replace(SCENE, faults=(CanTraffic(at_s=0.0, can_id=0x7FF, rate_hz=1.0), *script))
+    with open_service(robot(4), scene, real_time=False) as service:
+        assert service.simulated_can is not None
+        consumer = Consumer(service.simulated_can, asked)
+        service.observers.append(consumer)
+        service.run(until_ns=4_000_000_000)
+    assert consumer.waiting == {}
+    assert consumer.slowest <= LONGEST_ANSWER_CYCLES
 
 
 @pytest.mark.parametrize(("publish_every", "n_walks"), [(4, 6), (1, 2)])
