@@ -32,6 +32,7 @@ from footsense.sim.can.controller import N_MAILBOXES
 from footsense.sim.can.interface import AS_DEPLOYED
 from footsense.sim.faults.scene_faults import CanFault, Fault, Schedule
 from footsense.validation.tolerances import (
+    MAX_UNOBSERVABLE_N,
     WalkLimits,
     tolerated_delays_s,
     tolerated_spans_s,
@@ -215,20 +216,20 @@ class InvariantChecker(Observer):
         )
 
     def _check_errors(self, frame: ContactFrame, usable: Sequence[bool], t_s: float) -> None:
-        """Count the errors of usable forces beyond 5 sigma, and check how long they last, where none is tolerated."""
-        error_n = np.abs(frame.force_n - self._true_force_n_at(frame.t_sent_ns))
-        beyond: Mask = np.greater(error_n, _ERROR_THRESHOLD_SIGMAS * frame.sigma_n)
+        """Count the errors of usable forces beyond 5 sigma, and check how long they last."""
+        tolerated = [bool(spans.at(t_s)) for spans in self._tolerated_wrong]
+        allowed_n = (
+            _ERROR_THRESHOLD_SIGMAS * frame.sigma_n + MAX_UNOBSERVABLE_N * np.array(tolerated)[:, None]
+        )
+        beyond: Mask = np.greater(np.abs(frame.force_n - self._true_force_n_at(frame.t_sent_ns)), allowed_n)
         for leg, axes in enumerate(beyond):
+            if usable[leg] and not tolerated[leg]:
+                self.n_checked += 1
+                self.n_beyond += axes
             since_s = self._wrong_since_s[leg]
-            if not usable[leg] or self._tolerated_wrong[leg].at(t_s):
+            if not (usable[leg] and axes.any()):
                 self._wrong_since_s[leg] = None
-                continue
-            self.n_checked += 1
-            if not axes.any():
-                self._wrong_since_s[leg] = None
-                continue
-            self.n_beyond += axes
-            if since_s is None:
+            elif since_s is None:
                 self._wrong_since_s[leg] = t_s
             elif t_s - since_s > _MAX_WRONG_SCANS * self._scan_s:
                 self._wrong_since_s[leg] = math.inf  # noted once

@@ -42,6 +42,8 @@ UNOBSERVABLE: dict[type[Fault], bool] = {
     ColumnShift: False,  # a load to one side
     RowShift: False,  # a load ahead or behind
 }
+#: Error beyond 5 sigma that it may have [N]: of a foot that carries 0.9 N, with the amplitudes of `random_faults.py`.
+MAX_UNOBSERVABLE_N = 0.2
 #: Gait periods until a swing has shown the baseline.
 _UNTIL_SWING_PERIODS = 1.5
 #: Scans in which a line or an element that opens or comes back may read like a touch, before all of it has been read.

@@ -119,20 +119,21 @@ def test_a_leg_is_tolerated_for_what_breaks_on_it_alone(fault: Fault, *, tolerat
 
 
 @pytest.mark.parametrize(
-    ("script", "after_s"),
+    ("script", "wrong_n", "after_s"),
     [
-        ([], 0.0),
-        ([Tone(legs=("lf", "lm"), at_s=0.1, until_s=9.0, amplitude_ff=50.0, frequency_hz=61.0)], 0.0),
-        ([ColumnShift(legs=("rm",), at_s=0.1, until_s=9.0, amplitude_ff=50.0, column=1)], 0.0),
-        ([ColumnShift(legs=("lf",), at_s=0.1, until_s=9.0, amplitude_ff=50.0, column=1)], 1.6),
-        ([ChannelsShifted(legs=("lf",), at_s=0.1, until_s=2.0)], 3.5),
+        ([], 0.06, 0.0),
+        ([Tone(legs=("lf", "lm"), at_s=0.1, until_s=9.0, amplitude_ff=50.0, frequency_hz=61.0)], 0.06, 0.0),
+        ([ColumnShift(legs=("rm",), at_s=0.1, until_s=9.0, amplitude_ff=50.0, column=1)], 0.06, 0.0),
+        ([ColumnShift(legs=("lf",), at_s=0.1, until_s=9.0, amplitude_ff=50.0, column=1)], 0.06, 1.6),
+        ([ChannelsShifted(legs=("lf",), at_s=0.1, until_s=2.0)], 0.06, 3.5),
+        ([ChannelsShifted(legs=("lf",), at_s=0.1, until_s=2.0)], 0.5, 0.0),
     ],
 )
-def test_a_force_that_stays_wrong_is_noticed(script: list[Fault], after_s: float) -> None:
+def test_a_force_that_stays_wrong_is_noticed(script: list[Fault], wrong_n: float, after_s: float) -> None:
     """Beyond five sigmas for longer than a scan takes; after a shift, when a swing has shown the baseline."""
     seen = watching(*script)
     force_n = np.zeros((6, 3))
-    force_n[0, 1] = 0.06
+    force_n[0, 1] = wrong_n
     for number in range(200):
         now = cycle(number, 24.0 * (number + 1), force_n=force_n, sigma_n=np.full((6, 3), 0.01))
         seen.observe(now)
