@@ -117,6 +117,7 @@ class CanSink:
         self._force_step_mn = force_step_mn
         self._n_cycles = cycles_per_force - 1  # since the last forces
         self._early = False  # the last forces were sent for a change
+        self._is_behind_others = False  # and one cycle after others
         self._sent: list[list[int]] = []  # states, masks, causes and flags of the last forces
         self._counter = 0  # of every Force and Quality of a cycle
         self._first = 0  # frame that is sent first
@@ -142,15 +143,18 @@ class CanSink:
         if frame.gait is not None:
             gait.queue_gait(frame.gait)
         unreported = [] if present == self._reported else self._unreported_fault_changes(present)
-        reports = unreported[:_MAX_EXTRA_FRAMES]
-        frames = gait.event_frames(t_ns, _MAX_EXTRA_FRAMES - len(reports)) if gait.events else []
+        are_forces_due = self._are_forces_due([*present, self._flags])
+        # Behind the forces of the cycle before, a full queue has no room but for forces: the others wait for a cycle.
+        max_extra_frames = 0 if are_forces_due and self._is_behind_others else _MAX_EXTRA_FRAMES
+        reports = unreported[:max_extra_frames]
+        frames = gait.event_frames(t_ns, max_extra_frames - len(reports)) if gait.events else []
         n_events = n_before = len(frames)
-        if self._are_forces_due([*present, self._flags]):
+        if are_forces_due:
             frames += self._force_frames(frame, *present[:2])
             n_before = len(frames)
         for leg, report in reports:
             frames.append(leg.fault_frame(*report))
-        max_frames = _MAX_EXTRA_FRAMES - len(reports) - n_events
+        max_frames = max_extra_frames - len(reports) - n_events
         if t_ns >= self._due[0][0]:
             max_frames = self._add_periodic_frames(frames, frame, present[0], max_frames)
         if self._commands.unsolicited:
@@ -179,6 +183,7 @@ class CanSink:
         early = self._n_cycles < self._cycles_per_force
         if early and (present == self._sent or (self._early and self._n_cycles < 2)):
             return False
+        self._is_behind_others = early and self._n_cycles < 2
         self._n_cycles, self._early, self._sent = 0, early, present
         return True
 

@@ -94,6 +94,18 @@ def test_changes_in_every_cycle_are_sent_with_every_other(request: pytest.Fixtur
     robot.close()
 
 
+def test_forces_right_behind_others_fit_into_the_queue(request: pytest.FixtureRequest) -> None:
+    """16 frames and what left it within a cycle: reports and heartbeats wait for the next cycle."""
+    robot = Robot(request.node.nodeid, LEGS, every=4)
+    robot.heard()
+    n_sent = []
+    for n in range(5):
+        robot.publish(n * MS, cause=Cause.DELAYED if n else Cause.NONE)
+        n_sent.append(len(robot.heard()))
+    assert n_sent == [16, 12, 4, 4, 0]
+    robot.close()
+
+
 def test_heartbeats_come_at_5_hz_and_missed_ones_are_not_made_up_for(robot: Robot) -> None:
     """One each 200 ms by the clock; after a stall one, not a burst."""
     for t_ms in range(0, 1000, 20):
