@@ -13,6 +13,7 @@ from footsense.sim.faults.scene_faults import (
     ColumnShift,
     Disturbance,
     ElementDrifts,
+    ElementStuck,
     Fault,
     FootDamage,
     GroundShift,
@@ -36,6 +37,7 @@ _MAX_ARBITRATION_DELAY_SCANS = 3.4
 #: True for what changes as long as it lasts; what steps is wrong for so long after its begin and its end alone.
 UNOBSERVABLE: dict[type[Fault], bool] = {
     ElementDrifts: True,  # one gap that closes slowly, as under a load beside it
+    ElementStuck: True,  # a gap that stands still: until the others' closures leave a residual beyond its limit
     Leakage: True,  # columns that drift: a load that moves to one side
     ChannelsShifted: True,  # the readings of a load beside the one that is there
     GroundShift: False,  # a load along the leg, on a foot that stands
