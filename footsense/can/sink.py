@@ -18,6 +18,7 @@ The loop drives all of this, the heartbeats too. It turns even if no leg answers
 which is their purpose.
 """
 
+import math
 from collections.abc import Callable
 from heapq import heapify, heapreplace
 from typing import Any
@@ -36,6 +37,7 @@ from firmware_interface.can.reports import (
     foot_type_hash,
 )
 from firmware_interface.can.socketcan import pack_fd_frame
+from firmware_interface.wire_timing import FRAMES_PER_LEG, LONGEST_FRAME_BITS
 from footsense.can.channel import CanChannel
 from footsense.can.commands import CanCommands
 from footsense.can.interface import Can
@@ -43,9 +45,9 @@ from footsense.can.leg_frames import CanLeg, GaitFrames, heartbeat_frame, heartb
 from footsense.frames import CanStatistics, Command, CommandResult, ContactFrame
 from footsense.ports import CanWire, Clock
 
-#: Most frames beside Force and Quality in one cycle; the others wait for the next. The interface's queue has room for
-#: so many (`deploy/80-can0.network`).
-_MAX_EXTRA_FRAMES = 4
+#: Frames that the interface's queue has room for (`deploy/80-can0.network`), and most beside Force and Quality in one
+#: cycle; the others wait for the next.
+_QUEUE_FRAMES, _MAX_EXTRA_FRAMES = 16, 4
 
 #: A plain number: arithmetic with an enumeration costs a microsecond each time.
 _DEGRADED_TIMING = int(Flag.DEGRADED_TIMING)
@@ -108,6 +110,9 @@ class CanSink:
             for can_id, of_frame in NODES_OF_FRAME.items()
             if can.fd and not set(nodes).isdisjoint(of_frame)
         ]
+        self._n_force_frames = len(self._fd_ids) or FRAMES_PER_LEG * len(nodes)
+        # Our frames in the queue by now, if no other node sends, and the time of a frame on the bus [ns].
+        self._n_queued, self._t_ns, self._frame_ns = 0.0, clock.now_ns(), LONGEST_FRAME_BITS * can.bit_ns
         self._nodes = nodes
         self._clock = clock
         self._encoder = ForceQualityEncoder(nodes)
@@ -117,7 +122,6 @@ class CanSink:
         self._force_step_mn = force_step_mn
         self._n_cycles = cycles_per_force - 1  # since the last forces
         self._early = False  # the last forces were sent for a change
-        self._is_behind_others = False  # and one cycle after others
         self._sent: list[list[int]] = []  # states, masks, causes and flags of the last forces
         self._counter = 0  # of every Force and Quality of a cycle
         self._first = 0  # frame that is sent first
@@ -143,9 +147,11 @@ class CanSink:
         if frame.gait is not None:
             gait.queue_gait(frame.gait)
         unreported = [] if present == self._reported else self._unreported_fault_changes(present)
+        self._n_queued = max(0.0, self._n_queued - (t_ns - self._t_ns) / self._frame_ns)
+        self._t_ns = t_ns
         are_forces_due = self._are_forces_due([*present, self._flags])
-        # Behind the forces of the cycle before, a full queue has no room but for forces: the others wait for a cycle.
-        max_extra_frames = 0 if are_forces_due and self._is_behind_others else _MAX_EXTRA_FRAMES
+        room = _QUEUE_FRAMES - math.ceil(self._n_queued) - are_forces_due * self._n_force_frames
+        max_extra_frames = min(_MAX_EXTRA_FRAMES, max(room, 0))
         reports = unreported[:max_extra_frames]
         frames = gait.event_frames(t_ns, max_extra_frames - len(reports)) if gait.events else []
         n_events = n_before = len(frames)
@@ -166,6 +172,7 @@ class CanSink:
         if not frames:
             return
         taken = self._channel.send(frames, t_ns)
+        self._n_queued += taken
         gait.drop_sent_events(min(n_events, taken))
         n_reported = min(len(reports), max(0, taken - n_before))
         for leg, report in reports[:n_reported]:
@@ -181,9 +188,10 @@ class CanSink:
         """
         self._n_cycles += 1
         early = self._n_cycles < self._cycles_per_force
-        if early and (present == self._sent or (self._early and self._n_cycles < 2)):
+        flickers = self._early and self._n_cycles < 2
+        is_full = self._n_queued + self._n_force_frames > _QUEUE_FRAMES
+        if early and (present == self._sent or flickers or is_full):
             return False
-        self._is_behind_others = early and self._n_cycles < 2
         self._n_cycles, self._early, self._sent = 0, early, present
         return True
 
