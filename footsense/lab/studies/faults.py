@@ -3,7 +3,7 @@
 from msgspec.structs import replace
 
 from footsense.config import DEFAULT
-from footsense.frames import ELEMENTS
+from footsense.frames import ELEMENTS, State
 from footsense.lab.report import StudyContext, Values, table
 from footsense.validation.converter_kinds import (
     HANGS_AFTER,
@@ -101,7 +101,7 @@ def _disturbances_text(values: Values) -> str:
             f"{words}, {scene}",
             f"{1e3 * found['error_n']:.0f}",
             f"{1e3 * found['sigma_n']:.0f}",
-            f"{found['within']:.1%}" + ("" if found["within"] >= _WANTED_SHARE else ", **missed**"),
+            f"{found['within']:.1%}" + (", **missed**" if _is_missed(found) else ""),
             f"{found['usable']:.0%}",
             _camel(found["state"]),
             "-" if found["cause"] == "none" else _camel(found["cause"]),
@@ -118,15 +118,16 @@ def _disturbances_text(values: Values) -> str:
 What disturbs without breaking anything: it begins {BEGINS_S:g} s after the start, after the tare, on all six legs, and
 stays to the end at {ENDS_S:g} s. One draw each. The standing feet carry {STANDING_N} times half of their largest force,
 the walks have half of it as their peak. Wanted are {_WANTED_SHARE:.0%} of the errors of usable forces within
-{WANTED_SIGMAS:g} sigma. The figures are of the service with the released network, which the same response table made
-that makes the readings.
+{WANTED_SIGMAS:g} sigma, or a leg that is not `Valid`. The figures are of the service with the released network, which the
+same response table made that makes the readings.
 
 {within}
 
 Noise is measured while the robot runs, and is in sigma; above the limit of a tare it is the cause `noisy`. A shift of
 readings shows in the next swing, as what the foot in the air reads beside its baseline, and is in sigma from then on.
 While a foot stands, a shift along a pattern that a load has too cannot be told from that load: nine readings, and five
-unknowns of a contact. Channels that a converter shifts by one look like an open last column."""
+unknowns of a contact. Channels that a converter shifts by one look like an open last column: the leg is `Degraded`,
+and its sigma does not cover the error."""
 
 
 def _independent_text(values: Values) -> str:
@@ -158,6 +159,10 @@ how many of them are not of their conversion, time of a scan [ms]. `footsense de
 one bus and two.
 
 {rows}"""
+
+
+def _is_missed(found: Values) -> bool:
+    return bool(found["within"] < _WANTED_SHARE) and found["state"] == State.VALID.name.lower()
 
 
 def _can_text(faults: Values) -> str:
