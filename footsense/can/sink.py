@@ -45,9 +45,9 @@ from footsense.can.leg_frames import CanLeg, GaitFrames, heartbeat_frame, heartb
 from footsense.frames import CanStatistics, Command, CommandResult, ContactFrame
 from footsense.ports import CanWire, Clock
 
-#: Frames that the interface's queue has room for (`deploy/80-can0.network`), and most beside Force and Quality in one
-#: cycle; the others wait for the next.
-_QUEUE_FRAMES, _MAX_EXTRA_FRAMES = 16, 4
+#: Most frames beside Force and Quality in one cycle, for which the interface's queue has room too
+#: (`deploy/80-can0.network`); the others wait for the next.
+_MAX_EXTRA_FRAMES = 4
 
 #: A plain number: arithmetic with an enumeration costs a microsecond each time.
 _DEGRADED_TIMING = int(Flag.DEGRADED_TIMING)
@@ -111,6 +111,7 @@ class CanSink:
             if can.fd and not set(nodes).isdisjoint(of_frame)
         ]
         self._n_force_frames = len(self._fd_ids) or FRAMES_PER_LEG * len(nodes)
+        self._queue_frames = FRAMES_PER_LEG * len(nodes) + _MAX_EXTRA_FRAMES
         # Our frames in the queue by now, if no other node sends, and the time of a frame on the bus [ns].
         self._n_queued, self._t_ns, self._frame_ns = 0.0, clock.now_ns(), LONGEST_FRAME_BITS * can.bit_ns
         self._nodes = nodes
@@ -150,8 +151,9 @@ class CanSink:
         self._n_queued = max(0.0, self._n_queued - (t_ns - self._t_ns) / self._frame_ns)
         self._t_ns = t_ns
         are_forces_due = self._are_forces_due([*present, self._flags])
-        room = _QUEUE_FRAMES - math.ceil(self._n_queued) - are_forces_due * self._n_force_frames
-        max_extra_frames = min(_MAX_EXTRA_FRAMES, max(room, 0))
+        room = self._queue_frames - math.ceil(self._n_queued) - are_forces_due * self._n_force_frames
+        # One always: where forces alone fill the bus, heartbeats and reports come all the same.
+        max_extra_frames = min(_MAX_EXTRA_FRAMES, max(room, 1))
         reports = unreported[:max_extra_frames]
         frames = gait.event_frames(t_ns, max_extra_frames - len(reports)) if gait.events else []
         n_events = n_before = len(frames)
@@ -172,7 +174,7 @@ class CanSink:
         if not frames:
             return
         taken = self._channel.send(frames, t_ns)
-        self._n_queued += taken
+        self._n_queued = min(self._n_queued + taken, self._queue_frames)
         gait.drop_sent_events(min(n_events, taken))
         n_reported = min(len(reports), max(0, taken - n_before))
         for leg, report in reports[:n_reported]:
@@ -189,7 +191,7 @@ class CanSink:
         self._n_cycles += 1
         early = self._n_cycles < self._cycles_per_force
         flickers = self._early and self._n_cycles < 2
-        is_full = self._n_queued + self._n_force_frames > _QUEUE_FRAMES
+        is_full = self._n_queued + self._n_force_frames > self._queue_frames
         if early and (present == self._sent or flickers or is_full):
             return False
         self._n_cycles, self._early, self._sent = 0, early, present
