@@ -110,12 +110,12 @@ def run(
             service.legs, service.true_force_n_at, service.network.card.max_trained_force_n, process_age_ns
         )
         service.observers.append(statistics)
-        if scene and summary != "json":
-            click.echo(frames_destination(config, scene))
         title = f"{scene_name}, simulated" if scene else "on the robot"
         url = page.stdout.readline().strip() if page is not None and page.stdout is not None else ""
         if page is not None and not live:
             click.echo(f"footsense  {title}  {url}", err=summary == "json")
+        if scene and summary != "json":
+            click.echo(frames_destination(config, scene))
         if opens_view and url:
             webbrowser.open(url)
         if live:
