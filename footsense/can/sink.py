@@ -45,9 +45,9 @@ from footsense.can.leg_frames import CanLeg, GaitFrames, heartbeat_frame, heartb
 from footsense.frames import CanStatistics, Command, CommandResult, ContactFrame
 from footsense.ports import CanWire, Clock
 
-#: Most frames beside Force and Quality in one cycle, for which the interface's queue has room too
-#: (`deploy/80-can0.network`); the others wait for the next.
-_MAX_EXTRA_FRAMES = 4
+#: Most frames beside Force and Quality in one cycle, for which the interface's queue has room too; the others wait for
+#: the next. Least room of the queue, that of six legs (`deploy/80-can0.network`).
+_MAX_EXTRA_FRAMES, _LEAST_QUEUE_FRAMES = 4, 16
 
 #: A plain number: arithmetic with an enumeration costs a microsecond each time.
 _DEGRADED_TIMING = int(Flag.DEGRADED_TIMING)
@@ -111,7 +111,7 @@ class CanSink:
             if can.fd and not set(nodes).isdisjoint(of_frame)
         ]
         self._n_force_frames = len(self._fd_ids) or FRAMES_PER_LEG * len(nodes)
-        self._queue_frames = FRAMES_PER_LEG * len(nodes) + _MAX_EXTRA_FRAMES
+        self._queue_frames = max(FRAMES_PER_LEG * len(nodes) + _MAX_EXTRA_FRAMES, _LEAST_QUEUE_FRAMES)
         # Our frames in the queue by now, if no other node sends, and the time of a frame on the bus [ns].
         self._n_queued, self._t_ns, self._frame_ns = 0.0, clock.now_ns(), LONGEST_FRAME_BITS * can.bit_ns
         self._nodes = nodes
