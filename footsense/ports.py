@@ -212,7 +212,7 @@ class LoadEstimate(NamedTuple):
     contact_sigma: Vector
 
 
-class Estimator(Protocol):
+class LoadEstimator(Protocol):
     """Interface of the network that estimates the loads of feet from their last readings."""
 
     def estimate(self, window: Window) -> LoadEstimate:

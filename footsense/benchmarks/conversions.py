@@ -16,9 +16,9 @@ from firmware_interface.chips import fdc1004
 from firmware_interface.schedule import scan_lower_bounds
 from footsense.estimation.network import READINGS, ReadingWindow, steady_windows
 from footsense.foot.network_card import TrainedInputs
-from footsense.foot.specimen import Foot
+from footsense.foot.specimen import Specimen
 from footsense.frames import ELEMENTS, LEGS, Stamps, Vector
-from footsense.ports import Estimator, Window
+from footsense.ports import LoadEstimator, Window
 from footsense.sim.loads.ground_load import GroundContact
 
 #: Load of one foot at a time [ns].
@@ -134,7 +134,7 @@ def true_normals_and_forces_n(feet: Sequence[FootLoad], t_ns: Stamps) -> tuple[V
 
 
 def simulate_conversions(
-    foot: Foot, feet: Sequence[FootLoad], order: tuple[int, ...], rate_sps: int, until_ns: int, seed: int
+    foot: Specimen, feet: Sequence[FootLoad], order: tuple[int, ...], rate_sps: int, until_ns: int, seed: int
 ) -> SimulatedReadings:
     """Return simulated readings of several feet of one type, from time 0 on.
 
@@ -227,7 +227,7 @@ def extrapolate_closures(window: Window, degree: int) -> Vector:
 
 
 def estimate_forces(
-    readings: SimulatedReadings, network: Estimator, trained: TrainedInputs, degree: int | None = None
+    readings: SimulatedReadings, network: LoadEstimator, trained: TrainedInputs, degree: int | None = None
 ) -> PublishedForces:
     """Return the forces estimated after each conversion, from the third full scan on.
 

@@ -25,7 +25,7 @@ from footsense.benchmarks.conversions import (
 )
 from footsense.config import DEFAULT
 from footsense.foot.directions import angles_between_deg
-from footsense.foot.specimen import Foot
+from footsense.foot.specimen import Specimen
 from footsense.frames import ELEMENTS, LEGS, Stamps, Vector
 from footsense.sim.loads.ground_load import GroundContact, RampContact
 from footsense.sim.loads.walk import Walk, measured_walk, smooth_stance_reaction
@@ -230,7 +230,7 @@ def settling_ms(published: PublishedForces, truth: TrueLoads, starts_ns: Sequenc
 
 def _by_method(load: _LoadCase, context: "StudyContext") -> Iterator[dict[str, Any]]:
     """Yield latency and errors of every publishing method under one load, and its settling time after a step."""
-    foot, truth = Foot(context.response), load.truth
+    foot, truth = Specimen(context.response), load.truth
     readings = {
         name: simulate_conversions(foot, truth.feet, order, 400, truth.evaluation_end_ns, _SEED)
         for name, order in CONVERSION_ORDERS.items()
@@ -255,7 +255,7 @@ def _operating_points(rate_sps: int, truth: TrueLoads, context: "StudyContext") 
     standing_feet: Sequence[FootLoad] = [
         partial(RampContact(STANDING_FORCE_N, 0).contact, leg) for leg in LEGS
     ]
-    foot, order = Foot(context.response), CONVERSION_ORDERS["lo_shu"]
+    foot, order = Specimen(context.response), CONVERSION_ORDERS["lo_shu"]
     walk, standing = (
         estimate_forces(
             simulate_conversions(foot, feet, order, rate_sps, truth.evaluation_end_ns, seed),

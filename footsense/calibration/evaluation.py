@@ -23,7 +23,7 @@ from footsense.foot.network_card import TrainedInputs
 from footsense.foot.parameters import FootParameters
 from footsense.foot.response_table import FootResponse
 from footsense.frames import ELEMENTS, Mask, Vector
-from footsense.ports import Estimator
+from footsense.ports import LoadEstimator
 
 #: Sources of estimates: the network of the design alone, and with the foot's calibration.
 DESIGN_ONLY, CALIBRATED = "network alone", "with calibration"
@@ -125,7 +125,7 @@ class Evaluation(NamedTuple):
 
 
 def estimate_loads(
-    loads: LoadSet, network: Estimator, trained_inputs: TrainedInputs, foot: FootParameters | None
+    loads: LoadSet, network: LoadEstimator, trained_inputs: TrainedInputs, foot: FootParameters | None
 ) -> Estimates:
     """Return the forces that a robot would estimate from the readings of calibration loads.
 

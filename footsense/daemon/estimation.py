@@ -20,7 +20,7 @@ from footsense.estimation.settings import (
     Sensitivity,
 )
 from footsense.frames import ELEMENTS, Vector
-from footsense.ports import Estimator
+from footsense.ports import LoadEstimator
 
 #: Smallest limit of the rise of the load in swing, over the fastest drift [1].
 _SWING_RISE_LIMIT_TO_DRIFT_RATIO = 5.0
@@ -81,7 +81,9 @@ def mounted_feet(models: Models) -> MountedFeet:
     )
 
 
-def _estimator_and_temperature_setter(models: Models) -> tuple[Estimator, Callable[[Vector], None] | None]:
+def _estimator_and_temperature_setter(
+    models: Models,
+) -> tuple[LoadEstimator, Callable[[Vector], None] | None]:
     """Return the feet's estimator, and the function that takes their temperature (None uncalibrated)."""
     if not models.calibrations_by_leg:
         return models.network, None

@@ -6,7 +6,7 @@ import numpy as np
 
 from footsense.foot.parameters import FootParameters, force_factor_and_uncertainty
 from footsense.frames import Vector
-from footsense.ports import Estimator, LoadEstimate, Window
+from footsense.ports import LoadEstimate, LoadEstimator, Window
 
 
 class CalibratedFeet:
@@ -23,7 +23,7 @@ class CalibratedFeet:
 
     def __init__(
         self,
-        network: Estimator,
+        network: LoadEstimator,
         feet: Sequence[FootParameters | None],
         calibrated_at: Sequence[float | None] = (),
     ) -> None:

@@ -18,7 +18,7 @@ from footsense.estimation.missing_elements import trimmed_means
 from footsense.estimation.settings import Sensitivity
 from footsense.foot.network_card import INPUTS, METADATA_KEY, OUTPUTS, Signal, read_card, verified_sha256
 from footsense.frames import ELEMENTS, Mask, Stamps, Vector
-from footsense.ports import Estimator, LoadEstimate, Window
+from footsense.ports import LoadEstimate, LoadEstimator, Window
 from footsense.regular_file import read_regular
 
 #: Largest file that is read [bytes]; the released network has 80 thousand.
@@ -241,7 +241,7 @@ class Network:
                 )
 
 
-def _jacobian_n(estimator: Estimator, n_rows: int, closure_rel: Vector) -> Vector:
+def _jacobian_n(estimator: LoadEstimator, n_rows: int, closure_rel: Vector) -> Vector:
     """Return the derivative of the force by each reading's closure [N], shape (3, 9, 3), by central differences.
 
     The first axis has the readings of an element, newest first.
@@ -263,7 +263,7 @@ def _jacobian_n(estimator: Estimator, n_rows: int, closure_rel: Vector) -> Vecto
     return slopes_n
 
 
-def sensitivity(estimator: Estimator, n_rows: int, moments: Vector) -> Sensitivity:
+def sensitivity(estimator: LoadEstimator, n_rows: int, moments: Vector) -> Sensitivity:
     """Return the sensitivity at light and heavy loads, for even closures and for the principal pattern.
 
     Args:

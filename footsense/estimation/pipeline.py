@@ -32,7 +32,7 @@ from footsense.frames import (
     State,
     Vector,
 )
-from footsense.ports import Estimator, LoadEstimate, Window
+from footsense.ports import LoadEstimate, LoadEstimator, Window
 
 #: Largest sigma of a usable force, over the largest force of the training [1]: with a larger one nothing is known.
 _MAX_SIGMA_REL = 0.5
@@ -56,7 +56,7 @@ class Pipeline:
 
     def __init__(
         self,
-        estimator: Estimator,
+        estimator: LoadEstimator,
         trained: TrainedInputs,
         feet: MountedFeet,
         limits: EstimationLimits,

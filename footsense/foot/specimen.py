@@ -54,7 +54,7 @@ class Deviations:
     fringe: bool = False
 
 
-class Foot:
+class Specimen:
     """One fabricated foot: loads to capacitances, with its deviations from the design.
 
     Args:

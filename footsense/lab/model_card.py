@@ -4,7 +4,7 @@ from typing import Any
 
 from footsense.foot.force_errors import ForceErrors
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import Foot
+from footsense.foot.specimen import Specimen
 from footsense.lab.evaluation.evaluate_models import HELD_OUT_CASES, as_markdown
 from footsense.lab.evaluation.force_range import REACH_DEG, STATED_LEAN_DEG, force_limits, stated_loads
 from footsense.lab.foot_file import FOOT_FILE
@@ -29,7 +29,7 @@ def readme(
         "error_table": as_markdown(table),
         "onnx_difference_n": onnx_difference_n,
         "quick": quick,
-        "range_n": force_limits(Foot(response), stated_loads(REACH_DEG)).range_n.min(),
+        "range_n": force_limits(Specimen(response), stated_loads(REACH_DEG)).range_n.min(),
         "REACH_DEG": REACH_DEG,
         "STATED_LEAN_DEG": STATED_LEAN_DEG,
         "force_unit": foot_design.loads.force_unit,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from footsense.foot.specimen import Foot
+from footsense.foot.specimen import Specimen
 from footsense.sim.chips.electronics import leg_electronics
 from footsense.sim.faults.chip_faults import inject_chip_faults
 from footsense.sim.faults.damage import WiredFoot
@@ -38,7 +38,7 @@ class SimulatedLeg:
         number: int,
         scene: Scene,
         load: ContactSource,
-        foot: Foot,
+        foot: Specimen,
         table: GaitTable | None = None,
         board: str = "fdc1004",
     ) -> None:

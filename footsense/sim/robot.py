@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import Foot
+from footsense.foot.specimen import Specimen
 from footsense.frames import Vector
 from footsense.sim.chips.chip import SimulatedMux
 from footsense.sim.clock import JoinedClock, VirtualClock
@@ -43,20 +43,20 @@ class BusWiring(NamedTuple):
     board: str = "fdc1004"
 
 
-def _feet(scene: Scene, response: FootResponse, legs: Sequence[str]) -> dict[str, Foot]:
+def _feet(scene: Scene, response: FootResponse, legs: Sequence[str]) -> dict[str, Specimen]:
     """Return the foot of each leg: the same designed foot for all, or one fabricated foot per leg."""
     made, contact = scene.fabrication, scene.effects.gap_contact
     if made is None:
-        return dict.fromkeys(legs, Foot(response, contact=contact))
+        return dict.fromkeys(legs, Specimen(response, contact=contact))
     feet = {}
     for number, leg in enumerate(legs, made.first):
         own = draw_deviations(response, made.tolerances, made.seed, number)
         own = with_new_mounting(own, made.remount_deg, made.seed, number, made.mounting)
-        feet[leg] = Foot(response, own, contact=contact)
+        feet[leg] = Specimen(response, own, contact=contact)
     return feet
 
 
-def _gait_tables(scene: Scene, load: ContactSource, feet: dict[str, Foot]) -> dict[str, GaitTable]:
+def _gait_tables(scene: Scene, load: ContactSource, feet: dict[str, Specimen]) -> dict[str, GaitTable]:
     """Return the precomputed capacitance table of each leg; legs with the same foot and load share one."""
     if not isinstance(load, Walk):
         return {}

@@ -24,7 +24,7 @@ from footsense.errors import CalibrationError
 from footsense.foot.directions import normalized
 from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import ContactLoads, Deviations, Foot
+from footsense.foot.specimen import ContactLoads, Deviations, Specimen
 from footsense.frames import ELEMENTS, Mask, Vector
 from footsense.sim.fabrication import (
     PAPER_TOLERANCES,
@@ -59,7 +59,7 @@ SEED = 0
 #: Trains on changes of capacitance [pF], shape (n, 9), and forces [N], shape (n, 3); returns those of other changes.
 PerFootNetwork = Callable[[Vector, Vector, Vector], Vector]
 #: A foot of a response table with its deviations.
-FootModel = Callable[[FootResponse, Deviations], Foot]
+FootModel = Callable[[FootResponse, Deviations], Specimen]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,7 +113,7 @@ class PressedFoot:
     """
 
     def __init__(
-        self, foot: Foot, mount: Vector, conditions: PressConditions, rng: np.random.Generator
+        self, foot: Specimen, mount: Vector, conditions: PressConditions, rng: np.random.Generator
     ) -> None:
         self._foot, self._mount, self._conditions, self._rng = foot, mount, conditions, rng
         self._min_sine = np.sin(np.radians(foot.response.min_elevation_deg))
@@ -191,7 +191,7 @@ def evaluate_made_foot(
     conditions: PressConditions,
     plan: MadeFootPlan,
     number: int,
-    foot_model: FootModel = Foot,
+    foot_model: FootModel = Specimen,
     per_foot_network: PerFootNetwork | None = None,
 ) -> dict[str, Any]:
     """Make one foot with the paper's tolerances, calibrate it as shipped, and return its force errors.

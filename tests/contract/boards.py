@@ -16,7 +16,7 @@ from footsense.acquisition.scanner import BusScanner
 from footsense.daemon.foot_types import released_path
 from footsense.errors import I2cError, I2cTimeoutError
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import Foot
+from footsense.foot.specimen import Specimen
 from footsense.frames import ELEMENTS, CapFrame, Reading
 from footsense.ports import Transaction
 from footsense.sim.chips.ad7746 import SimulatedAd7746
@@ -66,8 +66,8 @@ def distinct(element: int, t_ns: int) -> float:
 
 
 @cache
-def _designed_foot() -> Foot:
-    return Foot(FootResponse.load(released_path("response.npz")))
+def _designed_foot() -> Specimen:
+    return Specimen(FootResponse.load(released_path("response.npz")))
 
 
 class LateError(I2cError):

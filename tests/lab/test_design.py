@@ -6,7 +6,7 @@ import pytest
 
 from footsense.errors import FootsenseError
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import Deviations, Foot
+from footsense.foot.specimen import Deviations, Specimen
 from footsense.lab.build import response_in_force_unit
 from footsense.lab.design.assess import assess_foot
 from footsense.lab.design.choice import choose_candidates
@@ -63,7 +63,7 @@ def test_a_foot_of_another_size_and_modulus_closes_alike(library: FootShapeLibra
     )
     normal = np.array([[0.0, 0.0, 1.0], [0.5, 0.0, np.sqrt(0.75)]])
     closures = [
-        sensed_closure_um(Foot(library.response(foot)), normal, force * normal) / foot.gap_um
+        sensed_closure_um(Specimen(library.response(foot)), normal, force * normal) / foot.gap_um
         for foot, force in ((small, 1.9), (large, 12.0 * 1.9))
     ]
     assert closures[0].max() > 0.85  # gaps touch
@@ -85,7 +85,7 @@ def test_the_range_ends_at_four_fifths_of_the_gap_or_with_the_converter() -> Non
     """Of a foot with strays and gaps of its own, too; the touch of a first electrode is told beside it."""
     released = FootResponse.load(RELEASED / "response.npz")
     stray_pf, gap_um = np.full(9, 0.5), np.linspace(-2.0, 2.0, 9)
-    foot, loads = Foot(released, Deviations(stray_pf=stray_pf, gap_um=gap_um)), stated_loads(30.0)
+    foot, loads = Specimen(released, Deviations(stray_pf=stray_pf, gap_um=gap_um)), stated_loads(30.0)
     limits = force_limits(foot, loads)
     capacitance_pf = (
         foot.capacitance_pf(loads.normal, limits.readable_n[:, None] * loads.direction) - stray_pf
@@ -105,8 +105,8 @@ def test_a_force_unit_leaves_closures_alone() -> None:
     normal = np.array([[0.0, 0.0, 1.0], [0.5, 0.3, np.sqrt(0.66)]])
     scaled = response_in_force_unit(released, 6.0)
     np.testing.assert_allclose(
-        sensed_closure_um(Foot(scaled), normal, 0.3 * normal),
-        sensed_closure_um(Foot(released), normal, 1.8 * normal),
+        sensed_closure_um(Specimen(scaled), normal, 0.3 * normal),
+        sensed_closure_um(Specimen(released), normal, 1.8 * normal),
         rtol=1e-9,
     )
     assert response_in_force_unit(released, 1.0).hertz_modulus_mpa == released.hertz_modulus_mpa

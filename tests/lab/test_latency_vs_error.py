@@ -26,7 +26,7 @@ from footsense.benchmarks.latency_vs_error import (
 )
 from footsense.foot.capacitor import Capacitor
 from footsense.foot.network_card import TrainedInputs
-from footsense.foot.specimen import Foot
+from footsense.foot.specimen import Specimen
 from footsense.lab.evaluation.evaluate_models import open_models
 from footsense.lab.report import StudyContext
 from footsense.ports import LoadEstimate, Window
@@ -117,7 +117,7 @@ def test_every_fourth_force_is_one_of_all() -> None:
 def test_a_converted_foot_reads_its_load() -> None:
     """At rest the tare; under a load every element is pressed, by what the foot says to noise and step."""
     response, _ = open_models(RELEASED)
-    foot, load = Foot(response), RampContact((0.0, 0.0, 0.5), 100 * MS)
+    foot, load = Specimen(response), RampContact((0.0, 0.0, 0.5), 100 * MS)
     said = simulate_conversions(
         foot, [partial(load.contact, "lf")], CONVERSION_ORDERS["lo_shu"], 100, 400 * MS, seed=1
     )

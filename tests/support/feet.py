@@ -10,7 +10,7 @@ from footsense.estimation.settings import EstimationLimits, MountedFeet, Sensiti
 from footsense.foot.capacitor import Capacitor
 from footsense.foot.network_card import TrainedInputs
 from footsense.frames import CapFrame, ContactFrame, Flag, Reading, Result
-from footsense.ports import Estimator, LoadEstimate, Window
+from footsense.ports import LoadEstimate, LoadEstimator, Window
 
 DESIGN = Capacitor(gap_um=20.0, film_um=17.0, film_eps_r=2.7, electrode_area_mm2=16.0)
 WINDOW = 4
@@ -51,7 +51,7 @@ class SumOfClosures:
 
 
 def pipeline(
-    estimator: Estimator, n_legs: int = 2, stray_pf: float = 0.0, **own: NDArray[np.float64]
+    estimator: LoadEstimator, n_legs: int = 2, stray_pf: float = 0.0, **own: NDArray[np.float64]
 ) -> Pipeline:
     """Return one of feet as designed; `own` says otherwise of their `gap_um` and `gain_rel`."""
     feet = MountedFeet.as_designed(DESIGN, n_legs, stray_pf)

@@ -9,7 +9,7 @@ from footsense.calibration.evaluation import DesignModels
 from footsense.calibration.loads import LoadSet
 from footsense.daemon.foot_types import released_path
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import Deviations, Foot
+from footsense.foot.specimen import Deviations, Specimen
 from footsense.sim.fabrication import FootTolerances, draw_deviations
 
 Vector = NDArray[np.float64]
@@ -46,7 +46,7 @@ def load_set(
         rubber_rel: Root mean square share of each force that the rubber's memory adds [1].
         response: Response of its type; None for the released one.
     """
-    foot = Foot(response or design().response, own)
+    foot = Specimen(response or design().response, own)
     normal = force_n / np.linalg.norm(force_n, axis=1, keepdims=True)
     noise = np.zeros((3, *force_n.shape)) if rng is None else rng.normal(size=(3, *force_n.shape))
     leaning = normal + np.cross(np.radians(lean_deg) * np.sqrt(0.5) * noise[0], normal)

@@ -15,7 +15,7 @@ from footsense.daemon.test_stand import StandSession
 from footsense.estimation.settings import TareLimits
 from footsense.foot.parameters import FootParameters
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import Foot
+from footsense.foot.specimen import Specimen
 from footsense.sim.fabrication import draw_deviations
 from footsense.sim.scene import Fabrication, Scene
 from footsense.sim.scene_loads import CalibrationLoads
@@ -72,7 +72,7 @@ def true_parameters(number: int = 0) -> FootParameters:
     made = draw_deviations(response, MADE.tolerances, MADE.seed, MADE.first + number)
     return FootParameters(
         stray_pf=made.stray_pf,
-        unloaded_pf=Foot(response, made).unloaded_pf,
+        unloaded_pf=Specimen(response, made).unloaded_pf,
         gap_um=response.design.gap_um + made.gap_um,
         stiffness_rel=made.stiffness_rel,
         mount=made.mount,

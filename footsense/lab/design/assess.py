@@ -22,7 +22,7 @@ import numpy as np
 from footsense.foot.directions import direction_grid, rotation, tangent_frame
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import Deviations, Foot
+from footsense.foot.specimen import Deviations, Specimen
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.design.processes import Process
 from footsense.lab.design.requirements import Requirements
@@ -71,7 +71,7 @@ class Assessment(NamedTuple):
 
 def assess_foot(response: FootResponse, requirements: Requirements) -> Assessment:
     """Return predicted range and force errors of a foot from its response table."""
-    foot, board = Foot(response), requirements.board
+    foot, board = Specimen(response), requirements.board
     grid = np.concatenate([direction_grid(_AZIMUTHS_DEG, [float(e)]) for e in ELEVATIONS_DEG])
     centred_n = force_limits(foot, LoadDirections(grid, grid), board.range_end_pf).range_n
     loads = stated_loads(requirements.max_force_to_leg_axis_deg)
@@ -116,9 +116,9 @@ def _force_errors_after_calibration(
     test = direction_grid([0.0, 22.5, 45.0], [90.0 - max_lean_deg / 2.0, 90.0 - max_lean_deg])
     force_n = np.concatenate([pressed_n, 0.6 * max_n * test])
     direction = force_n / np.linalg.norm(force_n, axis=1, keepdims=True)
-    by_load = jacobian_um(Foot(response), direction, force_n, Unknowns.LEANING)
+    by_load = jacobian_um(Specimen(response), direction, force_n, Unknowns.LEANING)
     by_deviation = _deviation_jacobian_um(response, direction, force_n)
-    closure_um = sensed_closure_um(Foot(response), direction, force_n)
+    closure_um = sensed_closure_um(Specimen(response), direction, force_n)
     design, tolerances = response.design, process.rms_deviations(response.design.gap_um)
     sigma = (
         tolerances.gap_um,
@@ -160,7 +160,7 @@ def _deviation_jacobian_um(response: FootResponse, normal: Vector, force_n: Vect
     ]
     columns = []
     for step, (ahead, behind) in pairs:
-        change_um = sensed_closure_um(Foot(response, ahead), normal, force_n)
-        change_um -= sensed_closure_um(Foot(response, behind), normal, force_n)
+        change_um = sensed_closure_um(Specimen(response, ahead), normal, force_n)
+        change_um -= sensed_closure_um(Specimen(response, behind), normal, force_n)
         columns.append(change_um / (2.0 * step))
     return np.stack(columns, 2)

@@ -28,7 +28,7 @@ import numpy as np
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, Capacitor
 from footsense.foot.directions import angles_between_deg, directions, normalized, tangent_frame
 from footsense.foot.force_errors import GRAM_FORCE_N
-from footsense.foot.specimen import Foot
+from footsense.foot.specimen import Specimen
 from footsense.frames import Vector
 from footsense.lab.evaluation.evaluate_models import rms
 from footsense.lab.training.load_cases import (
@@ -112,7 +112,7 @@ def _sigma_on_foot_um(
 
 
 def jacobian_um(
-    foot: Foot, normal: Vector, force_n: Vector, unknowns: Unknowns, step: float = DIFFERENCE_STEP_REL
+    foot: Specimen, normal: Vector, force_n: Vector, unknowns: Unknowns, step: float = DIFFERENCE_STEP_REL
 ) -> Vector:
     """Return the Jacobian of the measured closures by the unknowns, by central differences, gap contact included.
 
@@ -145,7 +145,7 @@ def jacobian_um(
 
 
 def force_bound(
-    foot: Foot,
+    foot: Specimen,
     normal: Vector,
     force_n: Vector,
     unknowns: Unknowns,
@@ -176,7 +176,7 @@ def force_bound(
 
 
 def errors_over_bound(
-    foot: Foot,
+    foot: Specimen,
     estimate_force_n: Callable[[Vector], Vector],
     contacts: tuple[Vector, Vector],
     magnitude_gf: float,
@@ -242,7 +242,9 @@ class Fit(NamedTuple):
     misfit_sigmas: Vector
 
 
-def maximum_likelihood(foot: Foot, closure_um: Vector, start: tuple[Vector, Vector], rounds: int = 8) -> Fit:
+def maximum_likelihood(
+    foot: Specimen, closure_um: Vector, start: tuple[Vector, Vector], rounds: int = 8
+) -> Fit:
     """Return force and contact normal fitted to measured closures, by step-limited Gauss-Newton.
 
     Args:
@@ -277,7 +279,7 @@ def clamp_to_min_elevation(unit_vectors: Vector) -> Vector:
 
 
 def ambiguous_load_distance_and_angle(
-    foot: Foot, magnitude_gf: float, elevation_deg: Vector
+    foot: Specimen, magnitude_gf: float, elevation_deg: Vector
 ) -> tuple[Vector, Vector]:
     """Return distance [sigma of the noise] and force angle [deg] from centred loads to a most similar other load.
 

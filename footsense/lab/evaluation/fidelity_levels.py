@@ -37,7 +37,7 @@ import numpy as np
 from footsense.foot.capacitor import Capacitor
 from footsense.foot.gap_contact import capacitance_pf, element_means
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import Foot
+from footsense.foot.specimen import Specimen
 from footsense.frames import Vector
 from footsense.lab.fem.mesh import MeshSize
 from footsense.lab.geometry import UM_PER_MM, FootDesign
@@ -194,6 +194,6 @@ def fidelity_levels(
     return {
         "half-space": lambda: partial(half_space, HalfSpace(foot_design)),
         "linear": lambda: partial(of_cells, response.free_closure_um),
-        "contact": lambda: partial(of_cells, Foot(response).cell_closures_um),
+        "contact": lambda: partial(of_cells, Specimen(response).cell_closures_um),
         "mesh": mesh,
     }

@@ -14,7 +14,7 @@ from footsense.foot import gap_contact
 from footsense.foot.capacitor import Capacitor
 from footsense.foot.directions import directions, normalized
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import Foot
+from footsense.foot.specimen import Specimen
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.evaluation.evaluate_models import elastance_based_force_estimator
 from footsense.lab.evaluation.sealed_cavities import SMALL_N, UPWARD, largest_force_n, mean_errors
@@ -53,7 +53,7 @@ def film_against_gaps(
         epochs: Of the networks' training.
         quick: Whether to solve on a coarse mesh, for two of Poisson's ratios.
     """
-    foot = Foot(response)
+    foot = Specimen(response)
     film = GelLayerDesign(thickness_mm=design.spacer_mm)
     # Nothing is singular where the film covers everything: no layers of thin elements.
     size, coarse = (replace(one, edge_layers=0) for one in (RELEASED_MESH, COARSE_MESH))

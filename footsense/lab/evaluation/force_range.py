@@ -10,7 +10,7 @@ import numpy as np
 
 from footsense.foot.directions import tangent_frame
 from footsense.foot.gap_contact import CELLS_PER_ELEMENT
-from footsense.foot.specimen import Foot
+from footsense.foot.specimen import Specimen
 from footsense.frames import Mask, Vector
 from footsense.lab.training.load_cases import FULL_SCALE_PF
 
@@ -52,7 +52,7 @@ class ForceLimits(NamedTuple):
         return np.minimum(self.readable_n, self.converter_n)
 
 
-def force_limits(foot: Foot, loads: LoadDirections, range_end_pf: float = FULL_SCALE_PF) -> ForceLimits:
+def force_limits(foot: Specimen, loads: LoadDirections, range_end_pf: float = FULL_SCALE_PF) -> ForceLimits:
     """Return the limits of a foot along given loads, by bisection, gap contact included.
 
     Args:

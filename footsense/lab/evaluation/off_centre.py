@@ -19,7 +19,7 @@ from footsense.foot.directions import (
 )
 from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import Foot
+from footsense.foot.specimen import Specimen
 from footsense.frames import Mask, Vector
 from footsense.lab.evaluation.evaluate_models import ForceEstimator
 from footsense.lab.training.load_cases import FULL_SCALE_PF, measured_closure_rel
@@ -47,7 +47,7 @@ class ComparedEstimators:
 
     def __init__(self, response: FootResponse, force_n: dict[str, ForceEstimator]) -> None:
         self.response, self._force_n = response, force_n
-        self._foot = Foot(response)
+        self._foot = Specimen(response)
 
     def measured_um(self, free_um: Vector) -> tuple[Vector, Mask]:
         """Return noisy closures [um], shape (n, 9), and which loads are within the converter's range, shape (n,)."""

@@ -20,7 +20,7 @@ from footsense.lab.training.gait_readings import (
     simulate_gait_readings,
 )
 from footsense.lab.training.gait_windows import complete_window_ends, estimate_in_batches, windows_of
-from footsense.ports import Estimator, LoadEstimate, Window
+from footsense.ports import LoadEstimate, LoadEstimator, Window
 
 #: Threshold of contact before swings have shown their noise, and error of a baseline [N].
 THRESHOLD_N, _BASELINE_N = 0.03, 4e-3
@@ -69,7 +69,7 @@ class RoughWalk(NamedTuple):
 
 def simulate_walk(
     response: FootResponse,
-    estimator: Estimator,
+    estimator: LoadEstimator,
     n_per_rel: float,
     max_n: float,
     seed: tuple[int, int],
@@ -107,7 +107,7 @@ def simulate_walk(
 
 
 def run_gait_tracker(
-    readings: GaitReadings, estimator: Estimator, n_per_rel: float, t_ns: Stamps
+    readings: GaitReadings, estimator: LoadEstimator, n_per_rel: float, t_ns: Stamps
 ) -> GaitOutputs:
     """Return the gait tracker's outputs for readings, conversion by conversion."""
     n_legs, n = readings.closure_rel.shape
@@ -135,7 +135,7 @@ def run_gait_tracker(
 
 
 def _estimate_loads_and_trimmed_means(
-    readings: GaitReadings, estimator: Estimator
+    readings: GaitReadings, estimator: LoadEstimator
 ) -> tuple[LoadEstimate, Vector]:
     """Return load estimates (n, legs, ...) and trimmed means of closures (n, legs); NaN where no window is complete."""
     n_legs, n = readings.closure_rel.shape

@@ -14,7 +14,7 @@ from footsense.foot.directions import normalized, paper_directions
 from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
 from footsense.foot.gap_contact import CELLS_PER_ELEMENT, element_means
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import Foot
+from footsense.foot.specimen import Specimen
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.evaluation.cramer_rao import Unknowns, force_bound
 from footsense.lab.evaluation.evaluate_models import (
@@ -63,7 +63,7 @@ def sealed_against_vented(response: FootResponse, n: int, epochs: int) -> dict[s
         epochs: Of the networks' training.
     """
     design, starts = response.design, start_weights_by_seed(n)
-    kinds: dict[str, type[Foot]] = {"vented": Foot, "sealed": SealedFoot}
+    kinds: dict[str, type[Specimen]] = {"vented": Specimen, "sealed": SealedFoot}
     cases = {name: _paper_cases(kind(response)) for name, kind in kinds.items()}
     networks = {
         name: PaperTraining(design, training).train(starts, epochs) for name, (training, _) in cases.items()
@@ -87,7 +87,7 @@ def sealed_against_vented(response: FootResponse, n: int, epochs: int) -> dict[s
     return {"by_kind": by_kind, **_drifts(response)}
 
 
-def _paper_cases(foot: Foot) -> tuple[Cases, Cases]:
+def _paper_cases(foot: Specimen) -> tuple[Cases, Cases]:
     """Return the paper's 362 and 180 loads on a foot, with the closures that its changes of capacitance stand for."""
     training, test = (
         Cases(
@@ -102,7 +102,7 @@ def _paper_cases(foot: Foot) -> tuple[Cases, Cases]:
 
 
 def _made_foot_errors(
-    kind: type[Foot], response: FootResponse, number: int, start: Layers, epochs: int
+    kind: type[Specimen], response: FootResponse, number: int, start: Layers, epochs: int
 ) -> tuple[float, float]:
     """Return the errors of the paper's procedure on a made foot, whose readings and references are exact."""
     training, test = _paper_cases(kind(response, draw_deviations(response, PAPER_TOLERANCES, 0, number)))
@@ -110,13 +110,13 @@ def _made_foot_errors(
     return mean_errors(test, read(test.closure_um))
 
 
-def _small_closures(foot: Foot) -> Vector:
+def _small_closures(foot: Specimen) -> Vector:
     """Return the mean closures of a corner, an edge and the middle under a light upright force [um/N]."""
     closures: Vector = element_means(foot.cell_closures_um(UPWARD, SMALL_N * UPWARD))[0, [0, 1, 4]] / SMALL_N
     return closures
 
 
-def _reach(foot: Foot) -> dict[str, Any]:
+def _reach(foot: Specimen) -> dict[str, Any]:
     """Return sensitivity, upright ranges, and bounds of a designed foot."""
     direction = paper_directions("verification")
     bounds = [

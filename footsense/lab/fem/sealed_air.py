@@ -19,7 +19,7 @@ import numpy as np
 
 from footsense.foot.gap_contact import CELLS_PER_ELEMENT, element_means, solve_contact_lcp
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import Deviations, Foot
+from footsense.foot.specimen import Deviations, Specimen
 from footsense.frames import Vector
 
 #: Pressure of the standard atmosphere [kPa].
@@ -36,7 +36,7 @@ _TOLERANCE_REL = 1e-10
 _MIN_REMAINING_PRESSURE_REL = 0.2
 
 
-class SealedFoot(Foot):
+class SealedFoot(Specimen):
     """A foot with sealed cavities, one amount of air in all.
 
     Args:

@@ -12,7 +12,7 @@ from footsense.estimation.network import steady_windows
 from footsense.foot.capacitor import GAP_CLOSED_THRESHOLD_REL
 from footsense.foot.directions import angles_between_deg, direction_grid, random_directions
 from footsense.foot.parameters import FootParameters
-from footsense.foot.specimen import Deviations, Foot
+from footsense.foot.specimen import Deviations, Specimen
 from footsense.frames import Vector
 from footsense.lab.design.assess import ELEVATIONS_DEG, assess_foot
 from footsense.lab.design.materials import load_materials
@@ -111,14 +111,14 @@ def _foot(models: Path, stated_n: float, library: FootShapeLibrary, *, quick: bo
         "stated_n": stated_n,
         "trained_n": design.loads.max_n,
         **{name: assess_foot(one, requirements)._asdict() for name, one in tables.items()},
-        "limits": [_limits(Foot(response), lean_deg, quick=quick) for lean_deg in _LEANS_DEG],
+        "limits": [_limits(Specimen(response), lean_deg, quick=quick) for lean_deg in _LEANS_DEG],
         "process": process.process_name,
-        "made_range_n": [float(force_limits(Foot(response, one), within).range_n.min()) for one in made],
+        "made_range_n": [float(force_limits(Specimen(response, one), within).range_n.min()) for one in made],
         "bands": _bands(context, made, quick=quick),
     }
 
 
-def _limits(foot: Foot, lean_deg: float, *, quick: bool) -> Values:
+def _limits(foot: Specimen, lean_deg: float, *, quick: bool) -> Values:
     """Return each limit under forces up to the reach, contacts leaning by one angle: least and mean over the loads."""
     azimuths = [0.0, 45.0] if quick else [22.5 * k for k in range(16)]
     tilted = direction_grid(azimuths, [90.0 - REACH_DEG, 90.0 - REACH_DEG / 2.0])
@@ -157,7 +157,7 @@ def _closures_and_errors(context: StudyContext, own: Deviations, n: int, number:
 
     The loads are random, leaning as in the training, from a tenth of its largest force on; NaN is no force.
     """
-    loads, trained, foot = context.foot_design.loads, context.trained_inputs, Foot(context.response, own)
+    loads, trained, foot = context.foot_design.loads, context.trained_inputs, Specimen(context.response, own)
     rng = np.random.default_rng((_SEED, number, 1))
     direction = random_directions(rng, 2 * n, _MIN_ELEVATION_DEG)
     normal = leaning_normals(loads, rng, direction)

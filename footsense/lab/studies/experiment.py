@@ -17,7 +17,7 @@ from footsense.calibration.calibrate import (
 from footsense.calibration.evaluation import DesignModels
 from footsense.foot.force_errors import evaluate_force_errors
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import ContactLoads, Foot
+from footsense.foot.specimen import ContactLoads, Specimen
 from footsense.lab.evaluation.evaluate_models import MEASURED_DIRECTION_DEG, MEASURED_MAGNITUDE_GF
 from footsense.lab.fem.sealed_air import SealedFoot
 from footsense.lab.fem.whole import other_tables
@@ -76,7 +76,7 @@ class _Kind(NamedTuple):
     words: str
     conditions: PressConditions = PressConditions()
     table: str = ""
-    foot_model: FootModel = Foot
+    foot_model: FootModel = Specimen
 
 
 _PAPER, _PAPER_ERRORS = "the paper, measured", (f"{MEASURED_DIRECTION_DEG:g}", f"{MEASURED_MAGNITUDE_GF:g}")
@@ -155,7 +155,7 @@ def _procedure_errors(folder: Path, epochs: int, part: tuple[dict[str, float], i
     tolerances = FootTolerances(**{name: levels[name] for name in asdict(PAPER_TOLERANCES)})
     stand = PressConditions(**{name: levels[name] for name in asdict(EXACT_CONDITIONS)})
     own = draw_deviations(response, tolerances, SEED, number)
-    foot = PressedFoot(Foot(response, own), own.mount, stand, np.random.default_rng((SEED, number, 1)))
+    foot = PressedFoot(Specimen(response, own), own.mount, stand, np.random.default_rng((SEED, number, 1)))
     training, test = (foot.press_with_stick(paper_presses(name)) for name in ("training", "verification"))
     change_pf, test_pf = (one.capacitance_pf - one.baseline_pf for one in (training, test))
     force_n = per_foot_force_n(response.design, number, epochs, change_pf, training.force_n, test_pf)

@@ -20,7 +20,7 @@ from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.gap_contact import N_CELLS, solve_contact_lcp
 from footsense.foot.network_card import INPUTS
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import Foot
+from footsense.foot.specimen import Specimen
 from footsense.frames import ELEMENTS
 from footsense.lab.evaluation.evaluate_models import NETWORK_FILE
 from footsense.lab.fem.mesh import COARSE_MESH, MeshSize, build_quarter_mesh
@@ -103,7 +103,7 @@ def _refusal(name: str, error: type[Exception], attempt: Callable[[], object]) -
 
 def _loads(response: FootResponse) -> Iterator[_Case]:
     """Yield no load, a small one, loads that close all gaps, contacts at the rim, and numbers that are none."""
-    foot, gap_um = Foot(response), response.design.gap_um
+    foot, gap_um = Specimen(response), response.design.gap_um
     none_um = float(np.abs(foot.cell_closures_um(_UP, 0.0 * _UP)).max())
     yield _Case("no load", "0 um, exactly", f"{none_um:g} um", none_um == 0.0)
     small_n = 0.1 * GRAM_FORCE_N

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from footsense.foot.directions import angles_between_deg, directions, paper_directions
 from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
-from footsense.foot.specimen import Foot
+from footsense.foot.specimen import Specimen
 from footsense.frames import Vector
 from footsense.lab.ball import elevation_circle_map_radius, map_circle
 from footsense.lab.evaluation.evaluate_models import (
@@ -97,7 +97,7 @@ def compute(context: StudyContext) -> Values:
 def _pattern_pf(context: StudyContext) -> Vector:
     """Return the changes of capacitance under the load of Fig. 17 [pF], shape (3, 3)."""
     normal = directions(*np.array(_PATTERN_DEG)[:, None])
-    foot = Foot(context.response)
+    foot = Specimen(context.response)
     loaded_pf = foot.capacitance_pf(normal, _MAGNITUDE_GF * GRAM_FORCE_N * normal)[0]
     change_pf: Vector = (loaded_pf - foot.unloaded_pf).reshape(3, 3)
     return change_pf
@@ -243,7 +243,7 @@ def _map(context: StudyContext) -> tuple[Figure, Values]:
     normal = np.stack([-2.0 * up, -2.0 * right, 1.0 - squared], axis=-1) / (1.0 + squared)[..., None]
     on_map = normal[..., 2] >= np.sin(np.radians(_MIN_ELEVATION_DEG))
     force_n = normal[on_map] * _MAGNITUDE_GF * GRAM_FORCE_N
-    closure_um = sensed_closure_um(Foot(context.response), normal[on_map], force_n)
+    closure_um = sensed_closure_um(Specimen(context.response), normal[on_map], force_n)
     found_n = context.network.force_n(closure_um / context.response.design.gap_um)
     error_deg = np.full(right.shape, np.nan)
     error_deg[on_map] = angles_between_deg(force_n, found_n)

@@ -9,7 +9,7 @@ from footsense.estimation.missing_elements import MISSING_SETS, Imputation
 from footsense.estimation.network import steady_windows
 from footsense.foot.directions import paper_directions, random_directions
 from footsense.foot.force_errors import evaluate_force_errors
-from footsense.foot.specimen import Foot
+from footsense.foot.specimen import Specimen
 from footsense.frames import Vector
 from footsense.lab.evaluation.cramer_rao import (
     ambiguous_load_distance_and_angle,
@@ -154,7 +154,7 @@ def _leaning_contacts(loads: LoadRange, rng: np.random.Generator, n: int) -> tup
 def _bounds(context: StudyContext) -> Values:
     """Return the network's errors under noise beside the bound, by magnitude, for centred and leaning loads."""
     rng, magnitudes_gf = np.random.default_rng(1), _MAGNITUDES_GF[:: 3 if context.quick else 1]
-    straight, foot = paper_directions("verification"), Foot(context.response)
+    straight, foot = paper_directions("verification"), Specimen(context.response)
     loads = {
         "centred": (straight, straight),
         "leaning": _leaning_contacts(context.foot_design.loads, rng, _N_LEANING),
@@ -170,7 +170,7 @@ def _bounds(context: StudyContext) -> Values:
 
 def _ambiguity(context: StudyContext) -> list[Values]:
     """Return for some magnitudes the centred load near a diagonal whose readings are most like another load's."""
-    foot, rows = Foot(context.response), []
+    foot, rows = Specimen(context.response), []
     for magnitude_gf in (20.0, 50.0, 100.0, 150.0)[: 1 if context.quick else None]:
         distance, apart_deg = ambiguous_load_distance_and_angle(foot, magnitude_gf, _AMBIGUITY_ELEVATIONS_DEG)
         nearest = int(np.argmin(distance))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import ContactLoads, Foot
+from footsense.foot.specimen import ContactLoads, Specimen
 from footsense.frames import ELEMENTS, Mask, Vector
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, FULL_SCALE_PF, NOISE_PF, sensed_closure_um
 from footsense.lab.training.random_gait import RandomGait
@@ -75,7 +75,7 @@ def _equivalent_elastic_load(
     return normals, forces
 
 
-def _gait_closures_um(foot: Foot, t_s: Vector, normal: Vector, force_n: Vector) -> Vector:
+def _gait_closures_um(foot: Specimen, t_s: Vector, normal: Vector, force_n: Vector) -> Vector:
     """Return the closures at the times [um], shape (n, elements)."""
     closure_um = np.zeros((len(t_s), ELEMENTS))
     loaded = force_n.any(axis=1)
@@ -130,7 +130,7 @@ def simulate_gait_readings(
     normal, force_n = (
         _equivalent_elastic_load(t_s, *read, conditions.viscous_rel) if conditions.viscous_rel else read
     )
-    closure_um = _gait_closures_um(Foot(response), t_s, normal, force_n)
+    closure_um = _gait_closures_um(Specimen(response), t_s, normal, force_n)
     element = conversion_elements(conditions.conversion_order_index, n)
     capacitance_pf = design.capacitance_pf(closure_um[np.arange(n), element])
     measured_pf = np.minimum(capacitance_pf + NOISE_PF * rng.normal(size=n), FULL_SCALE_PF)

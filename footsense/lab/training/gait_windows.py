@@ -9,7 +9,7 @@ from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.training.gait_readings import GaitReadings, conversion_elements
 from footsense.lab.training.windowed_network import READINGS_PER_ELEMENT
-from footsense.ports import Estimator, LoadEstimate, Window
+from footsense.ports import LoadEstimate, LoadEstimator, Window
 
 #: Conversions before the first window of a gait, beyond those of the window.
 _EXTRA_WARM_UP_CONVERSIONS = 3
@@ -95,7 +95,7 @@ def windows_of(gaits: GaitReadings) -> GaitWindows:
     )
 
 
-def estimate_in_batches(estimator: Estimator, window: Window) -> LoadEstimate:
+def estimate_in_batches(estimator: LoadEstimator, window: Window) -> LoadEstimate:
     """Return the estimates for any number of windows, in batches of bounded size."""
     firsts = range(0, len(window.missing), _WINDOWS_PER_CALL)
     batches = [slice(first, first + _WINDOWS_PER_CALL) for first in firsts]

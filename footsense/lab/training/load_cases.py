@@ -17,7 +17,7 @@ from footsense.foot.capacitor import Capacitor
 from footsense.foot.directions import normalized, paper_directions, random_directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import ContactLoads, Deviations, Foot
+from footsense.foot.specimen import ContactLoads, Deviations, Specimen
 from footsense.frames import Vector
 from footsense.lab.geometry import LoadRange
 from footsense.lab.symmetry import SYMMETRIES, element_permutation
@@ -69,7 +69,7 @@ class LeaningCases(Cases):
     normal: Vector
 
 
-def sensed_closure_um(foot: Foot, normal: Vector, force_n: Vector) -> Vector:
+def sensed_closure_um(foot: Specimen, normal: Vector, force_n: Vector) -> Vector:
     """Return the closures that the service would compute [um], (n, elements), from simulated capacitances.
 
     Args:
@@ -84,7 +84,7 @@ def sensed_closure_um(foot: Foot, normal: Vector, force_n: Vector) -> Vector:
     return foot.response.design.closure_um(np.concatenate(parts), foot.unloaded_pf)
 
 
-def _centred_cases(foot: Foot, direction: Vector, magnitudes_gf: list[float]) -> Cases:
+def _centred_cases(foot: Specimen, direction: Vector, magnitudes_gf: list[float]) -> Cases:
     """Return the cases of centred loads: every direction at every magnitude."""
     force = np.concatenate([direction * magnitude * GRAM_FORCE_N for magnitude in magnitudes_gf])
     return Cases(force, sensed_closure_um(foot, np.tile(direction, (len(magnitudes_gf), 1)), force))
@@ -95,14 +95,16 @@ def paper_training(
 ) -> Cases:
     """Return the paper's 362 training cases (section III F): 181 directions at 50 and 150 gf, times a force unit."""
     sizes_gf = [50.0 * force_unit, 150.0 * force_unit]
-    return _centred_cases(Foot(response, deviations), paper_directions("training"), sizes_gf)
+    return _centred_cases(Specimen(response, deviations), paper_directions("training"), sizes_gf)
 
 
 def paper_verification(
     response: FootResponse, deviations: Deviations | None = None, *, force_unit: float = 1.0
 ) -> Cases:
     """Return the paper's 180 test cases (section III F): angles shifted by 5 deg, 100 gf, times a force unit."""
-    return _centred_cases(Foot(response, deviations), paper_directions("verification"), [100.0 * force_unit])
+    return _centred_cases(
+        Specimen(response, deviations), paper_directions("verification"), [100.0 * force_unit]
+    )
 
 
 def leaning_normals(loads: LoadRange, rng: np.random.Generator, direction: Vector) -> Vector:
@@ -150,7 +152,7 @@ def random_loads(
         ModelError: Hardly any of the loads is within the converter's range.
     """
     rng = np.random.default_rng(seed)
-    foot = Foot(response, deviations)
+    foot = Specimen(response, deviations)
     lowest_z = np.sin(np.radians(loads.min_elevation_deg))
     forces, normals, closures, found = [], [], [], 0
     for _ in range(_MAX_DRAWS_PER_LOAD):
@@ -180,7 +182,7 @@ def random_loads(
     )
 
 
-def _is_maybe_in_range(foot: Foot, normal: Vector, force_n: Vector) -> NDArray[np.bool_]:
+def _is_maybe_in_range(foot: Specimen, normal: Vector, force_n: Vector) -> NDArray[np.bool_]:
     """Return which loads may be within the converter's range, before contact is solved, shape (n,)."""
     may = np.empty(len(force_n), bool)
     for first in range(0, len(force_n), _LOADS_PER_CALL):

@@ -15,7 +15,7 @@ import numpy as np
 from footsense.foot.capacitor import Capacitor
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import Foot
+from footsense.foot.specimen import Specimen
 from footsense.frames import Vector
 from footsense.lab.evaluation.evaluate_models import ForceEstimator
 from footsense.lab.training.load_cases import (
@@ -93,7 +93,7 @@ def verification_cases(response: FootResponse, magnitude_gf: float) -> Cases:
     direction = paper_verification(response).force_n
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     force_n = direction * magnitude_gf * GRAM_FORCE_N
-    return Cases(force_n, sensed_closure_um(Foot(response), direction, force_n))
+    return Cases(force_n, sensed_closure_um(Specimen(response), direction, force_n))
 
 
 def start_weights_by_seed(seeds: int, widths: Sequence[int] = (9, *HIDDEN_NEURONS, 3)) -> list[Layers]:

@@ -17,7 +17,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from footsense.foot.specimen import Foot
+from footsense.foot.specimen import Specimen
 from footsense.frames import ROWS
 from footsense.sim.chips.chip import FLOATING_ROW_PF, LineStates
 from footsense.sim.faults import scene_faults
@@ -50,7 +50,7 @@ class WiredFoot:
         self,
         undamaged_pf: Callable[[int], list[float]],
         faults: Sequence[scene_faults.FootDamage],
-        foot: Foot,
+        foot: Specimen,
         disturbances: Disturbances | None = None,
     ) -> None:
         self.disturbances = disturbances

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from footsense.foot.specimen import Foot
+from footsense.foot.specimen import Specimen
 from footsense.sim.loads.walk import Walk
 
 #: Time between two points of a table [ns]: error of 0.03 fF where no gap closes.
@@ -31,7 +31,7 @@ class GaitTable:
     """
 
     def __init__(
-        self, foot: Foot, walk: Walk, leg: str, compliance_bounds_rel: tuple[float, float] = (1.0, 1.0)
+        self, foot: Specimen, walk: Walk, leg: str, compliance_bounds_rel: tuple[float, float] = (1.0, 1.0)
     ) -> None:
         self.unloaded_pf: list[float] = foot.unloaded_pf.tolist()
         self._n_steps = math.ceil(walk.duty_rel * walk.period_ns / TABLE_STEP_NS)

@@ -16,7 +16,7 @@ from footsense.cli.lab.group import lab
 from footsense.config import load_config
 from footsense.errors import FootsenseError
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import Deviations, Foot
+from footsense.foot.specimen import Deviations, Specimen
 from footsense.lab.design.processes import assumed_process
 from footsense.lab.fabrication.limits import manufacturing_problems
 from footsense.lab.fabrication.package import FabricationPackage, write_fabrication_package
@@ -58,7 +58,7 @@ def test_the_command_gives_the_same_bytes(package: FabricationPackage, folder: P
 
 
 def test_a_foot_with_its_fringe_field_reads_as_expected(package: FabricationPackage) -> None:
-    foot = Foot(FootResponse.load(RELEASED / "response.npz"), Deviations(fringe=True))
+    foot = Specimen(FootResponse.load(RELEASED / "response.npz"), Deviations(fringe=True))
     assert [package.expected.unloaded_pf] * 9 == pytest.approx(foot.unloaded_pf, rel=1e-3)
 
 
@@ -68,7 +68,7 @@ def test_most_fabricated_elements_read_within_the_limits(package: FabricationPac
         replace_deviations(sim_fabricate(response, ASSUMED.rms_deviations, 1, foot), fringe=True)
         for foot in range(60)
     ]
-    readings = np.array([Foot(response, deviations).unloaded_pf for deviations in own])
+    readings = np.array([Specimen(response, deviations).unloaded_pf for deviations in own])
     within = (element.min_unloaded_pf < readings) & (readings < element.max_unloaded_pf)
     assert 0.95 < within.mean() < 1.0
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import Foot
+from footsense.foot.specimen import Specimen
 from footsense.lab.evaluation.fidelity_levels import HalfSpace, fidelity_levels, normalised_cavity_closure_mm
 from footsense.lab.fem.forward import DirectSolveFoot
 from footsense.lab.fem.mesh import COARSE_MESH
@@ -67,5 +67,5 @@ def test_levels_differ_once_a_gap_closes(released: FootResponse) -> None:
         linear(NORMAL, firm).closure_um.max() > FOOT_DESIGN.gap_um >= contact(NORMAL, firm).closure_um.max()
     )
     np.testing.assert_allclose(
-        contact(NORMAL, firm).capacitance_pf, Foot(released).capacitance_pf(NORMAL, firm), rtol=1e-12
+        contact(NORMAL, firm).capacitance_pf, Specimen(released).capacitance_pf(NORMAL, firm), rtol=1e-12
     )

@@ -13,7 +13,7 @@ from footsense.foot.directions import directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.gap_contact import ContactSolution, closures_for_closed_cells_um, solve_contact_lcp
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import Foot
+from footsense.foot.specimen import Specimen
 
 pytestmark = pytest.mark.lab
 
@@ -146,7 +146,7 @@ def test_a_foot_under_load_keeps_all_conditions(azimuth: float, elevation: float
 
 def test_from_no_load_to_everything_shut_without_a_jump(released: FootResponse) -> None:
     """Closures never fall, never leap by more than the load's step could move them, and end at the gap."""
-    foot, gap_um = Foot(released), released.design.gap_um
+    foot, gap_um = Specimen(released), released.design.gap_um
     steps_n = np.concatenate([np.linspace(0.0, 5.0, 101), np.geomspace(5.0, 200.0, 60)[1:]])
     closure_um = foot.cell_closures_um(np.repeat(UP, len(steps_n), 0), UP * steps_n[:, None])
     rise_um = np.diff(closure_um, axis=0)
@@ -159,7 +159,7 @@ def test_from_no_load_to_everything_shut_without_a_jump(released: FootResponse) 
 
 def test_a_tenth_of_a_gram_keeps_its_relative_accuracy(released: FootResponse) -> None:
     """0.1 gf and a millionth of it: closures per newton differ by the patch alone, which is below 1e-3."""
-    foot = Foot(released)
+    foot = Specimen(released)
     small_n = 0.1 * GRAM_FORCE_N
     forces_n = np.array([small_n, 1e-6 * small_n])
     per_newton = foot.cell_closures_um(np.repeat(UP, 2, 0), UP * forces_n[:, None]) / forces_n[:, None]

@@ -6,19 +6,19 @@ import pytest
 from footsense.foot.directions import directions, paper_directions, random_directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import Foot
+from footsense.foot.specimen import Specimen
 from footsense.lab.evaluation.cramer_rao import Unknowns, force_bound, maximum_likelihood
 from footsense.lab.training.load_cases import leaning_normals, measured_closure_rel, sensed_closure_um
 from tests.lab.released import FOOT_DESIGN, RELEASED
 
 
 @pytest.fixture(scope="module")
-def foot() -> Foot:
+def foot() -> Specimen:
     """Return the released foot as designed."""
-    return Foot(FootResponse.load(RELEASED / "response.npz"))
+    return Specimen(FootResponse.load(RELEASED / "response.npz"))
 
 
-def test_the_step_of_the_differences_does_not_matter(foot: Foot) -> None:
+def test_the_step_of_the_differences_does_not_matter(foot: Specimen) -> None:
     loads, rng = FOOT_DESIGN.loads, np.random.default_rng(3)
     direction = random_directions(rng, 60, 45.0)
     normal = leaning_normals(loads, rng, direction)
@@ -37,7 +37,7 @@ def test_the_step_of_the_differences_does_not_matter(foot: Foot) -> None:
     ("azimuth", "elevation", "lean"), [(20.0, 60.0, 0.0), (100.0, 75.0, 20.0), (5.0, 45.0, 0.0)]
 )
 def test_the_best_fit_of_noisy_scans_scatters_as_the_bound_says(
-    foot: Foot, azimuth: float, elevation: float, lean: float
+    foot: Specimen, azimuth: float, elevation: float, lean: float
 ) -> None:
     draws = 400
     force = directions(np.full(draws, azimuth), np.full(draws, elevation)) * 60.0 * GRAM_FORCE_N
@@ -56,7 +56,7 @@ def test_the_best_fit_of_noisy_scans_scatters_as_the_bound_says(
     assert np.mean(fit.misfit_sigmas**2) == pytest.approx(4.0, rel=0.15)
 
 
-def test_knowing_that_a_load_is_centred_never_hurts(foot: Foot) -> None:
+def test_knowing_that_a_load_is_centred_never_hurts(foot: Specimen) -> None:
     direction = paper_directions("verification")
     for gf in (20.0, 100.0):
         force = direction * gf * GRAM_FORCE_N

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from footsense.estimation.missing_elements import MISSING_SETS, Imputation
 from footsense.estimation.network import steady_windows
-from footsense.foot.specimen import Foot
+from footsense.foot.specimen import Specimen
 from footsense.lab.evaluation.cramer_rao import ambiguous_load_distance_and_angle
 from footsense.lab.evaluation.evaluate_models import (
     PAPER_DIRECTION_DEG,
@@ -62,7 +62,7 @@ def test_light_loads_have_a_twin_and_heavy_ones_none() -> None:
     apart = {}
     for magnitude_gf in (20.0, 100.0):
         sigmas, angle_deg = ambiguous_load_distance_and_angle(
-            Foot(response), magnitude_gf, np.arange(43.0, 46.0, 0.5)
+            Specimen(response), magnitude_gf, np.arange(43.0, 46.0, 0.5)
         )
         assert angle_deg.min() > 60.0
         apart[magnitude_gf] = sigmas.min()

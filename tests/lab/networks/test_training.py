@@ -6,7 +6,7 @@ import pytest
 from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.estimation.missing_elements import Imputation
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import ContactLoads, Foot
+from footsense.foot.specimen import ContactLoads, Specimen
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.evaluation.evaluate_models import open_models
 from footsense.lab.training.gait_readings import (
@@ -63,7 +63,7 @@ def test_a_reading_is_of_its_own_time_and_the_truth_of_the_sending(
     )
     np.testing.assert_allclose(gait.send_delay_s, NOMINAL_SEND_DELAY_S, atol=2e-4)
     normal, force_n = rising(t_s)
-    exact_rel = sensed_closure_um(Foot(response), normal, force_n) / response.design.gap_um
+    exact_rel = sensed_closure_um(Specimen(response), normal, force_n) / response.design.gap_um
     error_rel = gait.closure_rel[0] - exact_rel[np.arange(N), conversion_elements(order, N)]
     assert np.abs(error_rel).max() < 5e-3
     in_another_order = gait.closure_rel[0] - exact_rel[np.arange(N), conversion_elements(1 - order, N)]

@@ -29,7 +29,7 @@ from footsense.estimation.network import steady_windows
 from footsense.foot.directions import normalized, rotation
 from footsense.foot.force_errors import evaluate_force_errors
 from footsense.foot.parameters import FootParameters
-from footsense.foot.specimen import ContactLoads, Deviations, Foot
+from footsense.foot.specimen import ContactLoads, Deviations, Specimen
 from footsense.sim.loads.press_sequence import paper_presses
 from tests.support.test_stand_loads import design, load_set, made
 
@@ -53,13 +53,13 @@ def test_the_twin_reads_what_the_simulated_foot_reads(number: int) -> None:
     """Written from the elastance, it knows no film; the simulator has gap and film of its own."""
     own = made(number)
     force_n = np.concatenate([_TRAINING[::40], 2.0 * _TRAINING[5::60]])
-    foot = Foot(design().response, own)
+    foot = Specimen(design().response, own)
     parameters = np.zeros(N_PARAMETERS)
     parameters[STRAY], parameters[GAP] = own.stray_pf, own.gap_um
     parameters[STIFFNESS] = own.stiffness_rel
     load = ContactLoads.centred(force_n)
     turned = replace(own, mount=np.eye(3))
-    straight = Foot(design().response, turned).capacitance_pf(load.normal, force_n)
+    straight = Specimen(design().response, turned).capacitance_pf(load.normal, force_n)
     np.testing.assert_allclose(
         FootTwin(design().response, foot.unloaded_pf).capacitance_pf(parameters, load), straight
     )
@@ -67,7 +67,7 @@ def test_the_twin_reads_what_the_simulated_foot_reads(number: int) -> None:
     turned = replace(own, mount=rotation(parameters[MOUNT]))
     np.testing.assert_allclose(
         FootTwin(design().response, foot.unloaded_pf).capacitance_pf(parameters, load),
-        Foot(design().response, turned).capacitance_pf(load.normal, force_n),
+        Specimen(design().response, turned).capacitance_pf(load.normal, force_n),
     )
 
 
@@ -117,7 +117,7 @@ def test_an_offset_sheet_and_a_crooked_reference_are_told_from_the_foot() -> Non
     inside[:, :2] += offset
     reached = inside[:, 2] > 0.5
     normal = (normalized(inside) @ own.mount)[reached]
-    foot, force_n = Foot(design().response, own), force_n[reached]
+    foot, force_n = Specimen(design().response, own), force_n[reached]
     loads = LoadSet(
         force_n=force_n * (1.02, 0.99, 0.98),
         sigma_n=np.full(force_n.shape, 0.003),
@@ -213,7 +213,7 @@ def test_what_the_rubber_remembers_is_taken_off_and_drift_is_left(every: int) ->
         staying_n.append(0.01 * one_n / np.linalg.norm(one_n) + 0.015 * mean_n)
     contacts = normalized(np.concatenate([force_n[:1], force_n[:-1]]))
     rested_pf = loads.baseline_pf + np.linspace(0.0, _DRIFT_PF, len(loads))[:, None]
-    remembering_pf = Foot(design().response, own).capacitance_pf(contacts, np.array(staying_n))
+    remembering_pf = Specimen(design().response, own).capacitance_pf(contacts, np.array(staying_n))
     read_pf = rested_pf + remembering_pf - loads.baseline_pf
     found_pf = correct_baselines_for_creep(design().response, replace(loads, baseline_pf=read_pf)).baseline_pf
     assert np.abs(read_pf - rested_pf).mean() > 0.02

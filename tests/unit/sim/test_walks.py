@@ -5,7 +5,7 @@ import pytest
 
 from footsense.daemon.foot_types import released_path
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import Foot
+from footsense.foot.specimen import Specimen
 from footsense.frames import LEGS
 from footsense.sim.loads.gait_table import GaitTable
 from footsense.sim.loads.ground_load import RampContact
@@ -78,7 +78,7 @@ MS = 1_000_000
 @pytest.mark.parametrize("relative_compliance", [1.0, 0.9983, 0.9277])
 def test_the_table_is_the_foot(relative_compliance: float) -> None:
     """Less than a twentieth of a converter's noise, all over the stance and at a temperature between two tables."""
-    foot, walk = Foot(FootResponse.load(released_path("response.npz"))), WALK.build(0)
+    foot, walk = Specimen(FootResponse.load(released_path("response.npz"))), WALK.build(0)
     table = GaitTable(foot, walk, "lf", (1.0, 0.92))
     phases = np.random.default_rng(1).uniform(0.0, 0.6, 100)
     contacts = [walk.contact_at_phase("lf", phase) for phase in phases.tolist()]

@@ -8,7 +8,7 @@ import pytest
 from footsense.calibration.recorded_session import read_session
 from footsense.foot.directions import normalized, random_directions
 from footsense.foot.force_errors import GRAM_FORCE_N
-from footsense.foot.specimen import ContactLoads, Foot
+from footsense.foot.specimen import ContactLoads, Specimen
 from footsense.sim.fabrication import (
     MIN_DRAWN_OVER_DESIGN,
     PAPER_TOLERANCES,
@@ -83,7 +83,7 @@ def test_an_exact_stand_reads_the_foot_itself() -> None:
     response = design().response
     own = draw_deviations(response, PAPER_TOLERANCES, SEED, 0)
     force_n = paper_presses("verification")[::20]
-    foot = Foot(response, own)
+    foot = Specimen(response, own)
     pressed = PressedFoot(foot, own.mount, EXACT_CONDITIONS, np.random.default_rng(0))
     read = pressed.press_with_stick(force_n)
     np.testing.assert_allclose(read.force_n, force_n, atol=1e-12)
@@ -98,7 +98,7 @@ def test_a_press_through_chips_bus_and_recording_reads_the_same(tmp_path: Path) 
     own = draw_deviations(response, MADE.tolerances, MADE.seed, MADE.first)
     session = read_session(record(tmp_path / "session.mcap"), "foot-0007")
     foot = PressedFoot(
-        Foot(response, own, contact=False), own.mount, EXACT_CONDITIONS, np.random.default_rng(0)
+        Specimen(response, own, contact=False), own.mount, EXACT_CONDITIONS, np.random.default_rng(0)
     )
     read = foot.press_with_stick(np.array(presses(24)))
     recorded = session.loads
