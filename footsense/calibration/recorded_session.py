@@ -131,7 +131,7 @@ def read_session(
     if foot not in leg_of:
         raise CalibrationError(
             f"{path}: a recording of {', '.join(leg_of) or 'feet without names'}, not of {foot}; "
-            "`footsense record --foot` names the one on the test stand"
+            "`footsense test-stand record --foot` names the one on the test stand"
         )
     row = recording.legs.index(leg_of[foot])
     detector, presses = LoadDetector(row), list[CalibrationLoad | RejectedPress | None]()
@@ -154,7 +154,7 @@ def read_session(
         damage = str(error)
     if not n_samples:
         raise CalibrationError(
-            f"{path}: holds no sample of a reference sensor; record it with `footsense record --reference`"
+            f"{path}: holds no sample of a reference sensor; record it with `footsense test-stand record`"
         )
     presses.append(detector.finish())
     loads = [press for press in presses if isinstance(press, CalibrationLoad)]

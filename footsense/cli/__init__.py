@@ -34,10 +34,8 @@ _COMMANDS = {
     "replay": ("recordings", "Run a recording through the pipeline again, or check it."),
     "export": ("recordings", "Convert a recording: ROS 2 bag, CSV."),
     "check-config": ("check_config", "Print every setting of a file, or its first error."),
-    "record": ("record", "Record presses of a foot beside a force sensor."),
-    "calibrate": ("calibration", "Calibrate a foot from its recordings on a test stand."),
-    "evaluate": ("calibration", "Compare a foot's forces with the reference of a test stand."),
     "probe": ("probe", "Check buses and feet, and name what to check."),
+    "test-stand": ("test_stand", "Record a foot beside a force sensor, and calibrate it."),
     "dev": ("dev", "Measure and test footsense itself: benchmark, soak, trace."),
     "lab": ("lab.group", "From rubber to network (needs footsense[lab])."),
 }
@@ -67,12 +65,22 @@ def _take_verbose(command: click.Command) -> None:
 
 
 class LazyGroup(click.Group):
-    """Click command group that imports a command's module only when the command is used."""
+    """Click command group that imports a command's module only when the command is used.
+
+    Args:
+        args: What click gives a group.
+        modules: Module and help line of each command by its name, in the order of use.
+        extra: What click gives a group by name.
+    """
+
+    def __init__(self, *args: Any, modules: dict[str, tuple[str, str]], **extra: Any) -> None:  # noqa: ANN401 - click's
+        super().__init__(*args, **extra)
+        self.modules = modules
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the command names, in the order in which they are usually needed."""
         del ctx
-        return list(_COMMANDS)
+        return list(self.modules)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import and return a command; None for an unknown name.
@@ -80,20 +88,30 @@ class LazyGroup(click.Group):
         Raises:
             UsageError: There is none of this name, but one of nearly this name.
         """
-        if cmd_name not in _COMMANDS:
-            if near := get_close_matches(cmd_name, _COMMANDS, n=1):
-                ctx.fail(f"No such command {cmd_name!r}. Did you mean {near[0]}?")
+        if cmd_name not in self.modules:
+            paths = self._paths(ctx)
+            if near := get_close_matches(cmd_name, paths, n=1):
+                ctx.fail(f"No such command {cmd_name!r}. Did you mean {paths[near[0]]}?")
             return None
-        module = importlib.import_module(f"footsense.cli.{_COMMANDS[cmd_name][0]}")
+        module = importlib.import_module(f"footsense.cli.{self.modules[cmd_name][0]}")
         command: click.Command = getattr(module, cmd_name.replace("-", "_"))
         _take_verbose(command)
         return command
+
+    def _paths(self, ctx: click.Context) -> dict[str, str]:
+        """Return what to type for each command by its name, those of the groups as well."""
+        paths = {name: name for name in self.modules}
+        for name in self.modules:
+            command = self.get_command(ctx, name)
+            if isinstance(command, click.Group):
+                paths |= {inner: f"{name} {inner}" for inner in command.list_commands(ctx)}
+        return paths
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the list of commands for `--help`."""
         del ctx
         with formatter.section("Commands"):
-            formatter.write_dl([(name, line) for name, (_, line) in _COMMANDS.items()])
+            formatter.write_dl([(name, line) for name, (_, line) in self.modules.items()])
 
     def invoke(self, ctx: click.Context) -> Any:  # noqa: ANN401 - click's signature
         """Run a command; print an expected error as one line, and exit with its exit code."""
@@ -134,7 +152,7 @@ def _log_handler() -> logging.Handler:
         return logging.StreamHandler()
 
 
-@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=LazyGroup, modules=_COMMANDS, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(footsense.__version__)
 def main() -> None:
     """Contact forces of a legged robot's soft capacitive feet."""

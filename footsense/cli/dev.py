@@ -26,7 +26,7 @@ def dev() -> None:
     """Measure and test footsense itself: benchmark, soak, trace."""
 
 
-@dev.command()
+@dev.command(short_help="Measure scan, cycle, latency, start and memory.")
 @json_option
 @click.option("--quick", is_flag=True, help="In seconds: the tails are then of few wake-ups.")
 def benchmark(*, as_json: bool, quick: bool) -> None:
@@ -73,7 +73,7 @@ def _start_and_memory() -> dict[str, float]:
     return {"start_s": answer["start_to_first_frame_s"], "resident_mib": answer["resident_mib"]}
 
 
-@dev.command()
+@dev.command(short_help="List the functions that one conversion calls.")
 def trace() -> None:
     """List the modules and functions of one conversion of six legs with their calls, and count them."""
     from footsense.benchmarks.trace import calls_per_conversion, functions_called_steadily
@@ -91,7 +91,7 @@ def trace() -> None:
     )
 
 
-@dev.command()
+@dev.command(short_help="Walk for hours with random faults, and check the invariants.")
 @click.option(
     "--hours", type=click.FloatRange(min=0.05), default=24.0, show_default=True, help="Virtual time [h]."
 )

@@ -164,7 +164,7 @@ def read_calibration(folder: Path, foot_type: str, foot: str | None = None) -> F
     """
     if not folder.is_dir():
         raise ModelError(
-            f"{folder}: no such calibration; `footsense calibrate` makes one from recordings of the foot"
+            f"{folder}: no such calibration; `footsense test-stand calibrate` makes one from recordings of the foot"
         )
     path = folder / MANIFEST
     manifest = _decode_json(path, _read_file(path), Manifest)

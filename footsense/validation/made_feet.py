@@ -1,6 +1,6 @@
 """Simulated feet with fabrication tolerances: pressed on a test stand, calibrated, mounted anew and evaluated.
 
-Fit, network and limits are those of `footsense calibrate`. A press is read once, in the middle of its dwell, with the
+Fit, network and limits are those of `footsense test-stand calibrate`. A press is read once, in mid-dwell, with the
 rubber's memory of the presses before; converters, bus and recording are left out, which takes a hundredth of the time.
 """
 
@@ -257,7 +257,7 @@ def _is_in_converter_range(loads: LoadSet) -> Mask:
 
 
 def _judged(fit: CalibrationResult) -> dict[str, float]:
-    """Return the distance of a calibration's loads, and whether `footsense calibrate` would warn of it or refuse it."""
+    """Return the distance of a calibration's loads, and whether the calibration would warn of it or refuse it."""
     distance = fit.median_mahalanobis_distance
     try:
         require_plausible(fit)

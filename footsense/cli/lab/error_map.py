@@ -1,4 +1,4 @@
-"""Picture of `footsense evaluate --map`: direction errors over the ball (the paper's Fig. 19); needs matplotlib."""
+"""Picture of `footsense test-stand evaluate --map`: direction errors over the ball (the paper's Fig. 19)."""
 
 from collections.abc import Mapping
 from pathlib import Path

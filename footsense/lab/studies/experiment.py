@@ -265,7 +265,7 @@ press to press it cannot learn.
 Feet with the tolerances of gap, film, stray, stiffness and mount above, whose rubber creeps and has play, on a careful
 test stand: the stick leans by 1 deg rms, and the reference is as off as its data sheet allows (1.5 % of its range, which
 acts as up to 4 % of a force). Each is pressed {values["n_presses"]} times, of which {np.mean(made["n_loads"]):.0f} loads on average are
-within the converter's range, calibrated by the code of `footsense calibrate`, mounted anew, and read under the paper's
+within the converter's range, calibrated by the code of `footsense test-stand calibrate`, mounted anew, and read under the paper's
 180 loads. The physics that makes these feet is the one that the calibration and the network know.
 
 {table("estimator | reference [deg] | reference [gf] | truth [deg] | truth [gf]", made_rows)}

@@ -64,20 +64,31 @@ def test_help_is_for_its_user(command: str) -> None:
     assert "\\f" not in result.output
 
 
-def test_the_help_of_the_lab_fits_a_terminal() -> None:
-    lines = CliRunner().invoke(main, ["lab", "--help"]).output.splitlines()
-    assert len(lines) <= 24
+@pytest.mark.parametrize(
+    ("group", "names"),
+    [
+        ("", COMMANDS),
+        ("dev", ["benchmark", "soak", "trace"]),
+        ("lab", ["build", "design", "fabricate", "report", "study"]),
+        ("test-stand", ["record", "calibrate", "evaluate"]),
+    ],
+)
+def test_the_help_is_one_screen_with_a_line_for_each_command(group: str, names: list[str]) -> None:
+    """No sentence is cut or folded."""
+    lines = CliRunner().invoke(main, [*group.split(), "--help"]).output.splitlines()
+    assert len(lines) <= 30
     commands = lines[lines.index("Commands:") + 1 :]
     assert all(len(line) <= 80 and line.endswith(".") and not line.endswith("...") for line in commands)
-    assert [line.split()[0] for line in commands] == ["build", "design", "fabricate", "report", "study"]
+    assert [line.split()[0] for line in commands] == names
+    assert len(names) <= 16
 
 
-def test_the_help_is_one_screen_with_a_line_for_each_command() -> None:
-    """No sentence is cut or folded; a word that is no command is answered with the nearest."""
-    lines = CliRunner().invoke(main, ["--help"]).output.splitlines()
-    assert [line.split()[0] for line in lines[lines.index("Commands:") + 1 :]] == COMMANDS
-    assert len(lines) <= 40
-    assert "No such command 'rum'. Did you mean run?" in CliRunner().invoke(main, ["rum"]).output
+@pytest.mark.parametrize(
+    ("typed", "meant"),
+    [("rum", "run"), ("calibrate", "test-stand calibrate"), ("benchmark", "dev benchmark")],
+)
+def test_what_is_no_command_is_answered_with_the_nearest(typed: str, meant: str) -> None:
+    assert f"No such command {typed!r}. Did you mean {meant}?" in CliRunner().invoke(main, [typed]).output
 
 
 @pytest.mark.parametrize("arguments", ["", "-v check-config", "check-config -v", "check-config --verbose"])

@@ -12,7 +12,7 @@ import click
 import pytest
 
 from footsense.calibration.writer import write_calibration
-from footsense.cli import main
+from footsense.cli import LazyGroup, main
 from footsense.daemon.foot_types import released_path
 from footsense.foot.response_table import FootResponse
 from tests.fuzz.outcome import refusal
@@ -28,7 +28,7 @@ FILE = "FILE"
 SERVER = """
 import importlib, json, os, signal, sys
 import footsense.cli
-for module, _ in footsense.cli._COMMANDS.values():
+for module, _ in footsense.cli.main.modules.values():
     importlib.import_module(f"footsense.cli.{module}")
 for line in sys.stdin:
     folder, *arguments = json.loads(line)
@@ -95,11 +95,11 @@ READERS = (
     Read("view FILE", RECORDING),
     Read("replay FILE", RECORDING),
     Read("export FILE --csv a.csv", RECORDING),
-    Read("calibrate FILE --foot foot-0007", RECORDING),
-    Read("evaluate FILE --foot foot-0007", RECORDING),
-    Read("record a.mcap --foot foot-0007 --reference FILE"),
-    Read("record a.mcap --foot foot-0007 --reference stand.yaml --config FILE"),
-    Read("record a.mcap --foot foot-0007 --reference stand.yaml --scene FILE"),
+    Read("test-stand calibrate FILE --foot foot-0007", RECORDING),
+    Read("test-stand evaluate FILE --foot foot-0007", RECORDING),
+    Read("test-stand record a.mcap --foot foot-0007 --reference FILE"),
+    Read("test-stand record a.mcap --foot foot-0007 --reference stand.yaml --config FILE"),
+    Read("test-stand record a.mcap --foot foot-0007 --reference stand.yaml --scene FILE"),
 )
 OTHERS: dict[str, Callable[[Path, bytes], object]] = {
     "fifo": lambda path, _: os.mkfifo(path),
@@ -110,20 +110,32 @@ OTHERS: dict[str, Callable[[Path, bytes], object]] = {
 }
 
 
+def commands_of(group: LazyGroup) -> Iterator[tuple[str, click.Command]]:
+    """Yield each command with what a user types for it, those of groups as well."""
+    for name in group.list_commands(click.Context(group)):
+        command = group.get_command(click.Context(group), name)
+        assert command is not None
+        if isinstance(command, LazyGroup):
+            yield from ((f"{name} {inner}", found) for inner, found in commands_of(command))
+        yield name, command
+
+
 def test_the_table_has_every_file_argument() -> None:
     """Of the commands that a robot needs; `lab` needs minutes of imports."""
     reads_nothing = {"--record", "--can-log", "--dbc", "--csv", "--ros2", "--map", "out", "target"}
     follows_a_ring = {("view", "--ring"), ("exporter", "--ring")}  # until there is one
+    commands = dict(commands_of(main))
     named = set()
-    for name in main.list_commands(click.Context(main)):
-        command = main.get_command(click.Context(main), name)
-        assert command is not None
+    for name, command in commands.items():
         for option in command.params:
             if (isinstance(option.type, click.Path) and option.type.file_okay) or option.name == "scene_name":
                 named.add((name, option.opts[0]))
     named = {(name, option) for name, option in named if option not in reads_nothing} - follows_a_ring
     tried = {
-        (read.command.split()[0], before if before.startswith("--") else "argument")
+        (
+            next(name for name in commands if read.command.startswith(f"{name} ")),
+            before if before.startswith("--") else "argument",
+        )
         for read in READERS
         for before, word in zip(read.command.split(), read.command.split()[1:], strict=False)
         if word == FILE

@@ -1,4 +1,4 @@
-"""`footsense calibrate` on a simulated stand: what it takes from a recording beside the loads, and what it refuses."""
+"""`footsense test-stand calibrate` on a simulated stand: what it takes from a recording, and what it refuses."""
 
 import re
 from pathlib import Path
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from footsense.cli.calibration import calibrate
+from footsense.cli.test_stand.calibration import calibrate
 from footsense.foot.calibration_files import read_calibration
 from footsense.recording.replay import Replay
 from tests.support.cycles import without_temperatures

@@ -1,4 +1,4 @@
-"""`footsense evaluate` on a simulated stand: before and after, what it draws, and what it refuses."""
+"""`footsense test-stand evaluate` on a simulated stand: before and after, what it draws, and what it refuses."""
 
 import json
 import shutil
@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
-from footsense.cli.calibration import evaluate
+from footsense.cli.test_stand.calibration import evaluate
 from footsense.errors import CalibrationError, ConfigError, FootsenseError, ModelError, RecordingError
 from footsense.foot.calibration_files import Manifest
 from tests.support.calibrations import calibration

@@ -57,7 +57,18 @@ def test_a_session_ends_with_a_set_that_is_enough(tmp_path: Path) -> None:
     """Six presses make a set of five; their forces are those of the stick, and the recording replays bit for bit."""
     out = tmp_path / "one.mcap"
     done = footsense(
-        *("record", "--reference", stand(tmp_path), "--foot", "foot-0007", "--leg", "rm", "--loads", "5"),
+        *(
+            "test-stand",
+            "record",
+            "--reference",
+            stand(tmp_path),
+            "--foot",
+            "foot-0007",
+            "--leg",
+            "rm",
+            "--loads",
+            "5",
+        ),
         *("--scene", scene(tmp_path, SIX + SIX), "--session", "a", out),
     )
     assert done.returncode == 0, done.stderr
@@ -79,12 +90,14 @@ def test_a_reference_that_contradicts_the_foot_is_reported(tmp_path: Path) -> No
     out = tmp_path / "one.mcap"
     wrong = SENSOR.replace("units: gf", "units: kgf").replace("{x: -x, y: -y, z: -z}", "{x: y, y: -x, z: -z}")
     done = footsense(
-        *("record", "--reference", stand(tmp_path, wrong), "--foot", "foot-0007"),
+        *("test-stand", "record", "--reference", stand(tmp_path, wrong), "--foot", "foot-0007"),
         *("--scene", scene(tmp_path, SIX), out),
     )
     assert done.returncode == 65
     last = done.stderr.splitlines()[-1]
-    calibrating = footsense("calibrate", out, "--foot", "foot-0007", "--calibrations", tmp_path / "feet")
+    calibrating = footsense(
+        "test-stand", "calibrate", out, "--foot", "foot-0007", "--calibrations", tmp_path / "feet"
+    )
     refused = one_line_error(calibrating, 65)
     assert last.startswith(f"footsense: {out} is kept, but do not calibrate with it: ")
     for words in (
@@ -118,7 +131,7 @@ def test_what_cannot_begin_leaves_nothing_behind(
 ) -> None:
     """One line, the right exit code, and no file."""
     out = tmp_path / "one.mcap"
-    done = footsense("record", "--reference", stand(tmp_path, text), *options, out)
+    done = footsense("test-stand", "record", "--reference", stand(tmp_path, text), *options, out)
     assert says in one_line_error(done, exit_code)
     assert not list(tmp_path.glob("one*"))
 
@@ -141,7 +154,17 @@ def test_a_terminal_and_a_sensor_on_a_line(tmp_path: Path) -> None:
     terminal, screen = os.openpty()
     process = subprocess.Popen(
         [
-            *(sys.executable, "-m", "footsense", "record", "--reference", file, "--foot", "foot-0007"),
+            *(
+                sys.executable,
+                "-m",
+                "footsense",
+                "test-stand",
+                "record",
+                "--reference",
+                file,
+                "--foot",
+                "foot-0007",
+            ),
             *("--scene", path, "--loads", "50", out),
         ],
         stdin=screen,
@@ -185,6 +208,6 @@ def test_a_terminal_and_a_sensor_on_a_line(tmp_path: Path) -> None:
     for load_n in session.loads.force_n:
         assert min(np.abs(load_n - force_n).max() for force_n in np.array(SIX)) < 0.04
     feet = tmp_path / "feet"
-    calibrating = footsense("calibrate", out, "--foot", "foot-0007", "--calibrations", feet)
+    calibrating = footsense("test-stand", "calibrate", out, "--foot", "foot-0007", "--calibrations", feet)
     assert calibrating.returncode == 0, calibrating.stderr
     assert read_calibration(feet / "foot-0007", DEFAULT_FOOT_TYPE).manifest.n_loads == len(session.loads)

@@ -77,7 +77,7 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("harm", "said"),
     [
-        (shutil.rmtree, "foot-0007: no such calibration; `footsense calibrate` makes one"),
+        (shutil.rmtree, "foot-0007: no such calibration; `footsense test-stand calibrate` makes one"),
         (
             lambda folder: (folder / "manifest.json").unlink(),
             "manifest.json: missing; a calibration is used whole",

@@ -1,4 +1,4 @@
-"""Commands `footsense calibrate` and `evaluate`: a foot's test-stand recordings to its calibration, and its errors."""
+"""Commands `footsense test-stand calibrate` and `evaluate`: recordings of a foot to its calibration and errors."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -66,7 +66,7 @@ def calibrate(
 ) -> None:
     """Fit the parameters in which a foot differs from its design, and write its calibration.
 
-    The RECORDINGS are those of `footsense record --reference`, one or more of each session.
+    The RECORDINGS are those of `footsense test-stand record --reference`, one or more of each session.
     """
     began_ns = stopwatch_ns()
     check_calibration_target(folder / foot, replace=replace)
@@ -183,7 +183,7 @@ class ErrorRow(NamedTuple):
     errors: ForceErrors
 
 
-#: The errors of `footsense evaluate`, in JSON and as a table.
+#: The errors of `footsense test-stand evaluate`, in JSON and as a table.
 ERROR_COLUMNS: list[Column[ErrorRow]] = [
     Column("", lambda row: row.band, "<1", ("magnitude",)),
     Column("", lambda row: row.source, "<1", ("forces by the",)),

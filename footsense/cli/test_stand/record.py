@@ -1,4 +1,4 @@
-"""Command `footsense record`: guided recording of calibration loads on a test stand."""
+"""Command `footsense test-stand record`: guided recording of calibration loads on a test stand."""
 
 import math
 from collections import deque
@@ -180,7 +180,7 @@ def _picture(
     pressed = "pressed" if guide.is_pressed else "free"
     load = _load_text(guide.coverage.next_load)
     return Group(
-        Text.assemble(("footsense record  ", "bold"), f"{title}, {elapsed_s:.1f} s"),
+        Text.assemble(("footsense test-stand record  ", "bold"), f"{title}, {elapsed_s:.1f} s"),
         Text(),
         Text.assemble(("reference  ", "bold"), _force_text(guide.reference_n), (f"   {pressed}", "dim")),
         Text.assemble(("foot       ", "bold"), _force_text(foot_n), (f"   {word_of(state)}", "dim")),
