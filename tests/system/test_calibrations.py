@@ -10,8 +10,8 @@ import pytest
 from click.testing import CliRunner
 
 from footsense.can.interface import Can
-from footsense.cli.check_config import check_config
 from footsense.cli.recordings import replay
+from footsense.cli.setup.check_config import check_config
 from footsense.config import Config
 from footsense.config.sections import Bus
 from footsense.daemon.foot_types import released_path

@@ -1,12 +1,17 @@
 """The configuration says what it means, and refuses what contradicts itself with the path and the remedy."""
 
+import json
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
 from firmware_interface.wire_timing import can_bits_per_s
-from footsense.cli.check_config import check_config
+from footsense.cli.setup.check_config import (
+    UNCALIBRATED_DIRECTION_DEG,
+    UNCALIBRATED_WORST_DIRECTION_DEG,
+    check_config,
+)
 from footsense.config import DEFAULT, load_config
 from footsense.config.contradictions import warnings
 from footsense.config.sections import Metrics
@@ -174,13 +179,30 @@ def test_what_is_allowed_but_often_a_mistake_is_warned_of(
     assert [warning.partition(":")[0] for warning in warnings(load_config(file))] == warned_of
 
 
-def test_check_config_explains_a_file() -> None:
-    """The command says where each leg is and where the forces go."""
-    result = CliRunner().invoke(check_config, [str(DEPLOY / "footsense-two-buses.yaml")])
-    assert result.exit_code == 0
-    said = " ".join(result.output.split())
-    assert (
-        "buses, /dev/i2c-3 device /dev/i2c-3, legs rf 0, rm 1, rr 2, rate [Hz] 400000, mux address 0x71"
-        in said
-    )
-    assert "can interface socketcan, channel can0, bitrate 500000" in said
+def test_check_config_explains_a_file(file: Path) -> None:
+    """Where each leg is, where its forces go, how much of CAN that takes, and what to expect of feet as they come."""
+    said = said_of(DEPLOY / "footsense-two-buses.yaml")
+    assert "/dev/i2c-3 board fdc1004, multiplexer 0x71, channels rf 0, rm 1, rr 2" in said
+    assert "CAN can0, of whose 500 kbit/s up to 37 % are taken" in said
+    assert "page http://127.0.0.1:8765, " in said
+    assert "no foot named on lf, lm, lr, rf, rm, rr: uncalibrated, expect 12.5 deg" in said
+    assert "max age" not in said
+    file.write_text(ONE_BUS + "feet: {rf: foot-0007}\n")
+    said = said_of(file)
+    assert "no foot named on lf: uncalibrated, expect" in said
+    assert "no folder of calibrations for foot-0007 on rf: uncalibrated, expect" in said
+    settings = json.loads(CliRunner().invoke(check_config, [str(file), "--json"]).stdout)
+    assert (settings["uncalibrated"], settings["max_age_ms"]) == (["lf", "rf"], 90)
+
+
+def said_of(file: Path) -> str:
+    result = CliRunner().invoke(check_config, [str(file)])
+    assert result.exit_code == 0, result.output
+    return " ".join(result.output.split())
+
+
+def test_what_to_expect_of_an_uncalibrated_foot_is_what_the_report_has() -> None:
+    report = json.loads((DEPLOY.parent / "docs/report/experiment.json").read_text())
+    errors_deg = report["kinds"]["supposed"]["design"]["centred"]["deg"]
+    assert round(sum(errors_deg) / len(errors_deg), 1) == UNCALIBRATED_DIRECTION_DEG
+    assert round(max(errors_deg), 1) == UNCALIBRATED_WORST_DIRECTION_DEG

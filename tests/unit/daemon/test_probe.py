@@ -13,7 +13,7 @@ from footsense.acquisition.bus_scan import AddressProbe, scan_bus
 from footsense.acquisition.leg_bus import LegBus
 from footsense.acquisition.mcu_source import Serial
 from footsense.acquisition.scan_plan import scan_plan
-from footsense.cli.probe import element_marks, probe_json, probe_picture, unloaded_yaml
+from footsense.cli.setup.probe import element_marks, probe_json, probe_picture, unloaded_yaml
 from footsense.config import DEFAULT, Config
 from footsense.config.sections import Bus, Mux
 from footsense.daemon.probe import ProbedBus, ProbeResult, bus_diagnoses, probe, probed_bus

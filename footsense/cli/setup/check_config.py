@@ -1,0 +1,167 @@
+"""Command `footsense check-config FILE`: check and explain a configuration file."""
+
+import logging
+from collections.abc import Iterator
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import click
+import msgspec
+
+from firmware_interface.can.dbc import make_dbc
+from firmware_interface.can.force import force_step_mn
+from firmware_interface.can.reports import foot_type_hash
+from firmware_interface.wire_timing import can_bits_per_s
+from footsense.cli.options import FILE, json_option
+from footsense.cli.tables import echo_figures, echo_json
+from footsense.clock import wall_time_iso
+from footsense.config import Config, load_config
+from footsense.config.contradictions import warnings
+from footsense.daemon.can_output import frames_destination
+from footsense.daemon.estimation import contact_threshold_n, pipeline_for
+from footsense.daemon.models import Models, load_models
+from footsense.daemon.simulation import is_simulated
+from footsense.foot.calibration_files import FootCalibration
+
+#: Direction error of 20 simulated feet as they are made, read without a calibration: their mean, and the worst foot's
+#: [deg]. Source: docs/report/experiment.md, row "uncalibrated: the released network", against the reference.
+UNCALIBRATED_DIRECTION_DEG, UNCALIBRATED_WORST_DIRECTION_DEG = 12.5, 23.3
+
+
+@click.command("check-config")
+@click.argument("file", type=FILE)
+@click.option(
+    "--dbc", type=click.Path(dir_okay=False, path_type=Path), help="Write the DBC of this robot's CAN frames."
+)
+@json_option
+def check_config(file: Path, dbc: Path | None, *, as_json: bool) -> None:
+    """Say what the configuration FILE makes of a robot, or name its first error and the remedy.
+
+    With -v every setting follows, defaults too.
+    """
+    config = load_config(file)
+    models = load_models(config)
+    pipeline_for(models, 0)  # raises as a run would
+    card = models.network.card
+    step_mn = force_step_mn(card.max_trained_force_n)
+    settings = _settings(models) | {
+        "can_load_rel": round(_can_load_rel(config), 3),
+        "force_step_mn": step_mn,
+        "foot_type_hash": f"{foot_type_hash(card.foot_type):08x}",
+        "uncalibrated": [leg for leg in config.legs if leg not in models.calibrations_by_leg],
+    }
+    if as_json:
+        echo_json(settings)
+    else:
+        click.echo(f"{file} is right.\n")
+        echo_figures(_explanation(models), as_json=False)
+        click.echo("".join(f"\n{line}" for line in _uncalibrated(models)) or "\nevery foot is calibrated")
+        if logging.getLogger().isEnabledFor(logging.INFO):
+            click.echo("\nEvery setting:")
+            echo_figures(settings, as_json=False)
+    if dbc is not None:
+        dbc.write_text(make_dbc(config.legs, step_mn), "utf-8")
+        click.echo(f"wrote {dbc}", err=True)
+    for warning in warnings(config):
+        click.echo(f"warning: {warning}", err=True)
+
+
+def _can_load_rel(config: Config) -> float:
+    """Return the share of the bit rate that all frames of the robot take [1]."""
+    return can_bits_per_s(len(config.legs), config.forces_hz, fd=config.can.fd) / config.can.bitrate
+
+
+def _explanation(models: Models) -> dict[str, str]:
+    """Return what somebody needs to know first, by what it is about."""
+    config, card = models.config, models.network.card
+    told = {"legs": " ".join(config.legs)}
+    if config.serial is not None:
+        told["serial"] = (
+            f"{config.serial.device}, a microcontroller that sends {config.serial.rate_hz:g} scans/s"
+        )
+    for bus in config.buses:
+        channels = ", ".join(f"{leg} {channel}" for leg, channel in bus.channels.items())
+        place = (
+            f"multiplexer {bus.mux.address:#04x}, channels {channels}"
+            if bus.leg is None
+            else f"{bus.leg} alone"
+        )
+        told[bus.device] = f"board {config.board}, {place}"
+    told["feet"] = f"of type {card.foot_type}, for forces up to {card.max_trained_force_n:g} N"
+    for leg, calibration in models.calibrations_by_leg.items():
+        known = _calibration(calibration)
+        errors = calibration.manifest.held_out
+        error = (
+            "its error is unknown"
+            if errors is None
+            else f"{errors.calibrated.direction_deg:.1f} deg of error"
+        )
+        told[f"foot on {leg}"] = f"{known['foot']}, calibrated {known['days_ago']} days ago: {error}"
+    told["forces"] = (
+        f"up to {config.forces_hz:.0f} a second of each leg; contact from {contact_threshold_n(models):.2g} N, "
+        f"stale when older than {config.effective_max_age_ms:g} ms"
+    )
+    told["CAN"] = _can_text(config)
+    told["page"] = f"http://{config.view.address}:{config.view.port}, served by `footsense view`"
+    told["metrics"] = (
+        f"http://{config.metrics.address}:{config.metrics.port}/metrics, served by `footsense exporter`"
+    )
+    return told
+
+
+def _can_text(config: Config) -> str:
+    """Return where the frames go, and how much of the bus they take."""
+    can = config.can
+    load = f"{can.channel}, of whose {can.bitrate * 1e-3:g} kbit/s up to {100 * _can_load_rel(config):.0f} % are taken"
+    if is_simulated(config):
+        return frames_destination(config, None) + (f"; {load}" if can.interface == "socketcan" else "")
+    stays = {"virtual": "within the process alone", "udp_multicast": f"{can.channel}, on this computer alone"}
+    return stays.get(can.interface, load)
+
+
+def _uncalibrated(models: Models) -> Iterator[str]:
+    """Yield for the legs without a calibration why, and how wrong their forces are to be expected."""
+    feet: dict[str, str] = dict(models.config.feet.items())
+    legs = [leg for leg in models.config.legs if leg not in models.calibrations_by_leg]
+    unnamed = [leg for leg in legs if leg not in feet]
+    reasons = [f"no foot named on {', '.join(unnamed)}"] if unnamed else []
+    reasons += [f"no folder of calibrations for {feet[leg]} on {leg}" for leg in legs if leg in feet]
+    expected = (
+        f"expect {UNCALIBRATED_DIRECTION_DEG:g} deg of direction error, {UNCALIBRATED_WORST_DIRECTION_DEG:g} of the "
+        "worst foot"
+    )
+    if is_simulated(models.config):
+        expected = f"as simulated feet are by design; of made ones {expected}"
+    for reason in reasons:
+        yield f"{reason}: uncalibrated, {expected}"
+
+
+def _settings(models: Models) -> dict[str, Any]:
+    """Return the settings by their keys in the file, those that depend on others filled in, and what the feet are."""
+    config, card = models.config, models.network.card
+    settings: dict[str, Any] = msgspec.to_builtins(config)
+    for bus in settings["buses"]:
+        bus["mux"]["address"] = f"{bus['mux']['address']:#04x}"
+    settings["buses"] = {bus["device"]: bus for bus in settings["buses"]}
+    design = card.trained_inputs.design
+    return settings | {
+        **config.effective,
+        "contact": {"threshold_n": contact_threshold_n(models)},
+        "calibrations": {leg: _calibration(foot) for leg, foot in models.calibrations_by_leg.items()},
+        "network_sha256": models.network.sha256,
+        "designed": {"unloaded_pf": design.unloaded_pf, "gap_um": design.gap_um},
+    }
+
+
+def _calibration(calibration: FootCalibration) -> dict[str, Any]:
+    """Return what is known of a leg's calibration: foot, age, and its errors on the loads held out, where known."""
+    manifest = calibration.manifest
+    age = datetime.fromisoformat(wall_time_iso()) - datetime.fromisoformat(manifest.made)
+    return {
+        "foot": manifest.foot,
+        "made": manifest.made,
+        "days_ago": age.days,
+        "n_loads": manifest.n_loads,
+        "held_out": msgspec.to_builtins(manifest.held_out),
+    }
