@@ -92,6 +92,11 @@ class CalibrationError(FootsenseError):
     exit_code = 65
 
 
+def install_line(extra: str) -> str:
+    """Return what installs an extra of footsense, which is on no index: it is installed from its clone."""
+    return f"in the clone of footsense: pip install -e '.[{extra}]'"
+
+
 def require(user: str, extra: str, *packages: str, note: str = "") -> None:
     """Raise an error that names the extra of footsense to install, unless some packages are installed.
 
@@ -105,4 +110,4 @@ def require(user: str, extra: str, *packages: str, note: str = "") -> None:
         FootsenseError: One is missing.
     """
     if missing := [name for name in packages if find_spec(name) is None]:
-        raise FootsenseError(f"{user} needs {', '.join(missing)}: pip install 'footsense[{extra}]'{note}")
+        raise FootsenseError(f"{user} needs {', '.join(missing)}; {install_line(extra)}{note}")

@@ -7,6 +7,9 @@ from msgspec import Meta, Struct
 
 Interface = Literal["virtual", "socketcan", "udp_multicast"]
 
+#: Default channel of each interface that other programs hear; the address of a group is that of python-can.
+DEFAULT_CHANNELS = {"socketcan": "can0", "udp_multicast": "239.74.163.2"}
+
 
 class Can(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Section `can` of a configuration: CAN interface on which forces are published.

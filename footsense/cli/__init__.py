@@ -26,9 +26,9 @@ _EXIT_CODE_INTERRUPTED = 130
 _COMMANDS = {
     "run": ("run", "Read the feet, estimate their forces, publish them on CAN."),
     "monitor": ("monitor", "Show the legs on CAN, as a consumer of their forces sees them."),
-    "tare": ("can.tare", "Take the readings of legs as unloaded, by CAN."),
+    "tare": ("can.tare", "Zero the forces of legs whose feet hang free."),
     "view": ("view", "Serve the page of a running service to browsers."),
-    "ros2": ("can.ros2", "Publish the legs on CAN to ROS 2 (needs footsense[ros2])."),
+    "ros2": ("can.ros2", "Publish the legs on CAN to ROS 2 (extra ros2)."),
     "exporter": ("exporter", "Serve the metrics of a running service to Prometheus."),
     "snapshot": ("recordings", "Record the last 30 s of a running service."),
     "replay": ("recordings", "Run a recording through the pipeline again, or check it."),
@@ -37,7 +37,7 @@ _COMMANDS = {
     "probe": ("setup.probe", "Check buses and feet, and name what to check."),
     "test-stand": ("test_stand", "Record a foot beside a force sensor, and calibrate it."),
     "dev": ("dev", "Measure and test footsense itself: benchmark, soak, trace."),
-    "lab": ("lab.group", "From rubber to network (needs footsense[lab])."),
+    "lab": ("lab.group", "From rubber to network: design and build a foot (extra lab)."),
 }
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from firmware_interface.can.force import force_step_mn
 from footsense.can.channel import open_socket
-from footsense.can.interface import Can, error_text
+from footsense.can.interface import DEFAULT_CHANNELS, Can, error_text
 from footsense.can.sink import CanSink
 from footsense.config import Config
 from footsense.daemon.models import Models
@@ -79,9 +79,10 @@ def frames_destination(config: Config, scene: Scene | None) -> str:
     if interface == "virtual" or can_faults(scene) or not is_simulated(config):
         return "simulated; its CAN frames stay within this process"
     if interface == "udp_multicast":
+        named = "" if channel == DEFAULT_CHANNELS[interface] else f" --channel {channel}"
         return (
-            f"simulated; its CAN frames go to programs on this computer alone: footsense monitor --interface "
-            f"udp_multicast --channel {channel}"
+            "simulated; its CAN frames go to programs on this computer alone: footsense monitor --interface "
+            f"udp_multicast{named}"
         )
     return f"simulated, but its CAN frames go out on {channel} of this computer, with the flag Simulated"
 

@@ -1,4 +1,4 @@
-"""Offline tools: finite element model of a foot, network training, studies. Needs the extra `footsense[lab]`.
+"""Offline tools: finite element model of a foot, network training, studies. Needs the extra `lab`.
 
 geometry, foot_file    a foot type as numbers, from its foot.yaml
 fem, response          adjoint solves of the elastic foot, and the response table of them (foot/response_table.py)

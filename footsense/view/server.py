@@ -23,7 +23,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 from websockets.typing import Subprotocol
 
-from footsense.errors import ConfigError
+from footsense.errors import ConfigError, install_line
 from footsense.view.http_answers import (
     file_response,
     is_allowed_origin,
@@ -199,7 +199,7 @@ class ViewServer:
         if isinstance(self.source, RecordingSource):
             return f"this is the page of a recording: open {self.source.path.name} itself"
         if find_spec("foxglove") is None:
-            return "Foxglove, Lichtblick and PlotJuggler need foxglove-sdk: pip install 'footsense[foxglove]'"
+            return f"Foxglove, Lichtblick and PlotJuggler need foxglove-sdk; {install_line('foxglove')}"
         return ""
 
     async def _session(self, connection: ServerConnection) -> None:

@@ -88,4 +88,4 @@ def test_the_lab_names_its_extra(robot: Path, tmp_path: Path) -> None:
     refused = run(robot / "footsense", "lab", "build", cwd=tmp_path)
     assert refused.returncode != 0
     (line,) = refused.stderr.splitlines()
-    assert "footsense[lab]" in line
+    assert "'.[lab]'" in line

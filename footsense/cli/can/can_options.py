@@ -1,23 +1,34 @@
-"""Options (interface, channel) of the commands that receive from CAN."""
+"""Options of the commands that receive from CAN: the robot's file, or interface and channel."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import click
 
+from footsense.can.interface import DEFAULT_CHANNELS
+from footsense.cli.options import FILE
+from footsense.config import load_config
 from footsense.config.contradictions import is_multicast
+from footsense.errors import ConfigError
 
-#: Default channel of each interface; the multicast address is that of python-can and of deploy/simulated.yaml.
-_DEFAULT_CHANNELS = {"socketcan": "can0", "udp_multicast": "239.74.163.2"}
 
-_interface_option = click.option(
-    "--interface",
-    type=click.Choice(list(_DEFAULT_CHANNELS)),
-    default="socketcan",
-    is_eager=True,  # the default of the channel depends on it
-    show_default=True,
-    help="udp_multicast: a simulation on this computer, without CAN.",
-)
+def _take_from_file(ctx: click.Context, param: click.Parameter, value: Path | None) -> None:
+    """Let interface and channel of a robot's file be the defaults of the options.
+
+    Raises:
+        ConfigError: It is no such file, or no other program hears its frames.
+    """
+    del param
+    if value is None:
+        return
+    can = load_config(value).can
+    if can.interface not in DEFAULT_CHANNELS:
+        raise ConfigError(
+            f"{value}: can.interface: the frames of {can.interface} stay within the service's process; "
+            "with udp_multicast other programs on this computer hear them"
+        )
+    ctx.default_map = {"interface": can.interface, "channel": can.channel}
 
 
 def _channel_or_default(ctx: click.Context, param: click.Parameter, value: str | None) -> str:
@@ -28,19 +39,41 @@ def _channel_or_default(ctx: click.Context, param: click.Parameter, value: str |
     """
     del param
     interface = ctx.params["interface"]
-    name = value or _DEFAULT_CHANNELS[interface]
+    name = value or DEFAULT_CHANNELS[interface]
     if interface == "udp_multicast" and not is_multicast(name):
         raise click.BadParameter(
-            f"{name} is no IPv4 multicast address; try {_DEFAULT_CHANNELS[interface]}", param_hint="--channel"
+            f"{name} is no IPv4 multicast address; try {DEFAULT_CHANNELS[interface]}", param_hint="--channel"
         )
     return name
 
 
-_channel_option = click.option(
-    "--channel", callback=_channel_or_default, help="Name of the channel. Default: can0, or 239.74.163.2."
+#: In the order in which they are read; each is the default of the next.
+_OPTIONS = (
+    click.option(
+        "--config",
+        type=FILE,
+        is_eager=True,
+        expose_value=False,
+        callback=_take_from_file,
+        help="YAML file of the robot, which names its CAN interface.",
+    ),
+    click.option(
+        "--interface",
+        type=click.Choice(list(DEFAULT_CHANNELS)),
+        default="socketcan",
+        is_eager=True,
+        help="Without a file: socketcan (default), or udp_multicast for a simulation on this computer.",
+    ),
+    click.option(
+        "--channel",
+        callback=_channel_or_default,
+        help="Without a file: name of the channel. Default: can0, or 239.74.163.2.",
+    ),
 )
 
 
 def can_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a command the options `--interface` and `--channel`."""
-    return _interface_option(_channel_option(command))
+    """Give a command the options `--config`, `--interface` and `--channel`."""
+    for option in reversed(_OPTIONS):
+        command = option(command)
+    return command

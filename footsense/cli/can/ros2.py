@@ -35,7 +35,7 @@ def ros2(
     domain: int,
     duration_s: float,
 ) -> None:
-    """Publish the legs on CAN to ROS 2 nodes; ROS itself need not be installed (needs footsense[ros2]).
+    """Publish the legs on CAN to ROS 2 nodes; ROS itself need not be installed (extra ros2).
 
     Only listens on CAN. A leg without a usable force sends no wrench; its contact state and /diagnostics say so.
     """

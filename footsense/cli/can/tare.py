@@ -1,5 +1,6 @@
 """Command `footsense tare`: command the service over CAN to take the present readings of legs as unloaded."""
 
+import sys
 from collections.abc import Collection, Iterator
 from contextlib import closing
 from typing import NamedTuple
@@ -19,8 +20,8 @@ from footsense.daemon.can_output import open_wire
 from footsense.errors import CanError, FootsenseError
 from footsense.ports import CanWire, Clock
 
-#: Time in which a running service sends two heartbeats of each leg [ns].
-_HEARTBEAT_TIMEOUT_NS = 500_000_000
+#: Time in which a running service sends five heartbeats of each leg, and one that lags at least one [ns].
+_HEARTBEAT_TIMEOUT_NS = 1_000_000_000
 #: Time in which a tare ends, also of slow converters [ns].
 _ANSWER_TIMEOUT_NS = 20_000_000_000
 _POLL_PERIOD_NS = 5_000_000
@@ -42,11 +43,13 @@ class LegTare(NamedTuple):
 
     Attributes:
         leg: Name of the leg.
+        is_heard: Whether its heartbeat was heard.
         result: DONE, or why it was refused; None without an answer.
         response_s: From the command to the answer [s].
     """
 
     leg: str
+    is_heard: bool = True
     result: Result | None = None
     response_s: float = 0.0
 
@@ -58,23 +61,30 @@ def tare(legs: tuple[str, ...], interface: Interface, channel: str) -> None:
     """Take the present readings of each LEG as those of the unloaded foot; `all`: of every leg on CAN.
 
     Sends the command that a gait controller sends, and prints the answers. The service refuses the tare of a foot that
-    is loaded or moves; then, and without an answer, the command ends with exit code 1.
+    is loaded or moves; then, and without an answer in 20 s, the command ends with exit code 1.
     """  # noqa: DOC501 - click shows this text
     accept = [base + node for base in (HEARTBEAT_ID, ANSWER_ID) for node in NODE_IDS.values()]
-    failures = []
+    is_done = True
     with closing(open_wire(Can(interface=interface, channel=channel), accept)) as wire:
         try:
             for answer in tare_legs(wire, MonotonicClock(), legs):
                 if answer.result is Result.DONE:
                     click.echo(f"{answer.leg}: tared in {answer.response_s:.2f} s")
-                elif answer.result is None:
-                    failures.append(f"{answer.leg}: no answer on {channel}; is the service running there?")
                 else:
-                    failures.append(f"{answer.leg}: not tared: {_REFUSALS[answer.result]}")
+                    is_done = False
+                    click.echo(f"footsense: {answer.leg}: not tared: {_reason(answer, channel)}", err=True)
         except OSError as error:
             raise CanError(f"the CAN channel is gone: {error.strerror or error}") from error
-    if failures:
-        raise FootsenseError(" | ".join(failures))
+    sys.exit(0 if is_done else FootsenseError.exit_code)
+
+
+def _reason(answer: LegTare, channel: str) -> str:
+    if answer.result is not None:
+        return _REFUSALS[answer.result]
+    if not answer.is_heard:
+        which = "no leg is" if answer.leg == "all" else "it is not"
+        return f"{which} heard on {channel}; is the service running, and is this its channel?"
+    return "it is heard, but does not answer; if its channel is udp_multicast, `can.commands: true` has to be set"
 
 
 def tare_legs(wire: CanWire, clock: Clock, legs: Collection[str]) -> Iterator[LegTare]:
@@ -95,7 +105,7 @@ def tare_legs(wire: CanWire, clock: Clock, legs: Collection[str]) -> Iterator[Le
     start_ns = clock.now_ns()
     heard = {can_id - HEARTBEAT_ID for can_id, _ in _received(wire, clock, start_ns + _HEARTBEAT_TIMEOUT_NS)}
     named = [leg for leg, node in NODE_IDS.items() if leg in legs or ("all" in legs and node in heard)]
-    yield from (LegTare(leg) for leg in named or ["all"] if NODE_IDS.get(leg) not in heard)
+    yield from (LegTare(leg, is_heard=False) for leg in named or ["all"] if NODE_IDS.get(leg) not in heard)
     waiting = {NODE_IDS[leg]: leg for leg in named if NODE_IDS[leg] in heard}
     commands = PendingCommands(start_ns // _COUNTER_STEP_NS % COUNTER_PERIOD)
     for node in waiting:
@@ -106,7 +116,8 @@ def tare_legs(wire: CanWire, clock: Clock, legs: Collection[str]) -> Iterator[Le
         for can_id, data in _received(wire, clock, clock.now_ns() + _ANSWER_TIMEOUT_NS):
             answer = commands.feed(can_id, data, clock.now_ns())
             if answer is not None:
-                yield LegTare(waiting.pop(answer.node), answer.result, answer.response_time_ns / _NS_PER_S)
+                response_s = answer.response_time_ns / _NS_PER_S
+                yield LegTare(waiting.pop(answer.node), result=answer.result, response_s=response_s)
             if not waiting:
                 return
         yield from map(LegTare, waiting.values())

@@ -130,5 +130,4 @@ def report(*, output: Path | None, quick: bool, scheduler: str | None) -> None:
 @click.group(commands=[design.design, build, fabricate.fabricate, study, report])
 def lab() -> None:
     """From rubber to network: design, build and draw a foot, and study it."""
-    note = ", or in a checkout .venv/bin/pip install -e '.[lab]' (there is no ngsolve for ARM)"
-    require("the lab", "lab", *_REQUIRED_PACKAGES, note=note)
+    require("the lab", "lab", *_REQUIRED_PACKAGES, note=" (there is no ngsolve for ARM)")

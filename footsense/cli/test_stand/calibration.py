@@ -117,7 +117,7 @@ def calibrate(
     "--map",
     "error_map",
     type=click.Path(dir_okay=False, writable=True, path_type=Path),
-    help="Picture of the direction errors over the ball, such as errors.png (needs footsense[lab]).",
+    help="Picture of the direction errors over the ball, such as errors.png (extra lab).",
 )
 @_foot_type_option
 @json_option

@@ -14,7 +14,7 @@ from footsense.daemon.can_output import open_wire
 from footsense.daemon.service import Service, open_service
 from footsense.frames import LEGS, CommandKind, Cycle, Result, State
 from footsense.sim.scene import load_scene
-from tests.system.command import footsense, one_line_error
+from tests.system.command import footsense, one_line_error, robot
 
 NODE_LM = 2
 SCENE = """
@@ -107,6 +107,18 @@ def test_the_command_tares_legs_and_tells_refusals(scene: str) -> None:
 
 
 def test_a_tare_without_a_service_is_one_line() -> None:
-    result = footsense("tare", "lf", "rr", "--interface", "udp_multicast", "--channel", "239.74.163.77")
-    line = "lf: no answer on 239.74.163.77; is the service running there?"
-    assert one_line_error(result, 1) == f"{line} | {line.replace('lf', 'rr')}"
+    result = footsense("tare", "lf", "--interface", "udp_multicast", "--channel", "239.74.163.77")
+    says = "lf: not tared: it is not heard on 239.74.163.77; is the service running, and is this its channel?"
+    assert one_line_error(result, 1) == says
+
+
+def test_the_channel_is_that_of_the_robot_file(tmp_path: Path) -> None:
+    """An option has precedence; what stays within the service's process is refused."""
+    file = robot(tmp_path, interface="udp_multicast", channel="239.74.163.78")
+    assert "not heard on 239.74.163.78" in one_line_error(footsense("tare", "lf", "--config", file), 1)
+    other = footsense("tare", "lf", "--config", file, "--channel", "239.74.163.79")
+    assert "not heard on 239.74.163.79" in one_line_error(other, 1)
+    file = robot(tmp_path)
+    assert "stay within the service's process" in one_line_error(
+        footsense("tare", "lf", "--config", file), 78
+    )

@@ -118,4 +118,4 @@ def test_a_recording_and_a_missing_extra_refuse_in_one_line(
     assert told == "footsense view: this is the page of a recording: open measured_walk.mcap itself\n"
     monkeypatch.setitem(sys.modules, "foxglove", None)
     told = asyncio.run(refusal(ViewServer(LiveSource(tmp_path / "cycles"))))
-    assert told.endswith("need foxglove-sdk: pip install 'footsense[foxglove]'\n")
+    assert told.endswith("need foxglove-sdk; in the clone of footsense: pip install -e '.[foxglove]'\n")
