@@ -125,12 +125,8 @@ def monitor_tables(legs: list[LegSnapshot], title: str) -> Group:
     )
 
 
-def _contact(leg: LegSnapshot) -> bool | None:
-    return bool(leg.force.flags & Flag.CONTACT) if leg.force.usable else None
-
-
 def _contact_cell(leg: LegSnapshot) -> str:
-    contact = _contact(leg)
+    contact = leg.force.contact
     return EMPTY_CELL if contact is None else styled("down", "cyan") if contact else "up"
 
 
@@ -208,7 +204,7 @@ _FORCE_COLUMNS: list[Column[LegSnapshot]] = [
         cell=lambda leg: value_text(max(leg.force.sigma_n), ".3f"),
     ),
     Column("age_ms", lambda leg: _scaled(leg.force.age_ns, 1e-6), ">8.1f"),
-    Column("contact", _contact, "<4", ("foot",), cell=_contact_cell),
+    Column("contact", lambda leg: leg.force.contact, "<4", ("foot",), cell=_contact_cell),
     Column("simulated", lambda leg: bool(leg.force.flags & Flag.SIMULATED) if leg.is_current else None),
 ]
 _GAIT_COLUMNS: list[Column[LegSnapshot]] = [

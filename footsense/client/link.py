@@ -85,6 +85,16 @@ class LegForce(NamedTuple):
     sigma_n: tuple[float, float, float]
     age_ns: int | None
 
+    @property
+    def age_s(self) -> float:
+        """Present age of the measurement [s]; NaN unless usable."""
+        return math.nan if self.age_ns is None else self.age_ns * 1e-9
+
+    @property
+    def contact(self) -> bool | None:
+        """Whether the foot is in contact with the ground; None unless usable."""
+        return Flag.CONTACT in self.flags if self.usable else None
+
 
 class Link:
     """Receiver of all legs' forces on CAN, which decides whether each may be used; the caller supplies the times.

@@ -1,11 +1,11 @@
-"""Receiver of every leg's forces and reports on CAN, for `footsense monitor` and `ros2`."""
+"""Receiver of every leg's forces and reports on CAN, for `footsense.connect`, `footsense monitor` and `ros2`."""
 
 from collections import Counter
 from typing import NamedTuple
 
 from firmware_interface.can.all_legs import NODES_OF_FRAME
 from firmware_interface.can.codes import NODE_IDS
-from firmware_interface.can.force import FORCE_ID
+from firmware_interface.can.force import QUALITY_ID
 from firmware_interface.can.reports import PROTOCOL_VERSION, Identity
 from firmware_interface.can.socketcan import unpack_frame
 from footsense.can.interface import Can, Interface
@@ -38,7 +38,7 @@ class LegSnapshot(NamedTuple):
         leg: Its name.
         force: Its force and whether it may be used.
         report: Its last reports.
-        n_force_frames: `Force` frames received so far, those of all legs counted.
+        n_force_frames: Forces received so far, each by its last frame, `Quality`; those of all legs counted.
         event: Its last gait event; None before the first.
         event_ago_ns: Time since it happened [ns]; None if that is not known.
         identity: Version, force step and foot type; None before the first was received.
@@ -83,29 +83,36 @@ class Listener:
         self._n_force_frames = Counter[int]()  # by node
 
     def listen(self, until_ns: int) -> None:
-        """Receive and decode CAN frames until a time [ns].
+        """Receive and decode CAN frames until a time [ns]; errors as of `poll`."""
+        while (now_ns := self._clock.now_ns()) < until_ns:
+            self.poll()
+            self._clock.sleep_until_ns(min(until_ns, now_ns + _POLL_PERIOD_NS))
 
-        A frame counts as arrived at the previous poll: the age may be 5 ms too high, never too low.
+    def poll(self) -> list[LegEvent]:
+        """Receive and decode the CAN frames that have arrived, without waiting; return the gait events among them.
+
+        A frame counts as arrived at the previous poll: its age may be too high, by the time between two, never too low.
 
         Raises:
             CanError: The channel is down or gone, or a leg's frames are of a version that is not known.
         """
-        while (now_ns := self._clock.now_ns()) < until_ns:
-            try:
-                frames = self._wire.receive()
-            except OSError as error:
-                raise CanError(f"the CAN channel is gone: {error.strerror or error}") from error
-            for can_id, data in map(unpack_frame, frames):
-                if self._link.feed(can_id, data, self._last_poll_ns):
-                    for node in NODES_OF_FRAME.get(can_id, [can_id - FORCE_ID]):
-                        self._n_force_frames[node] += 1
-                elif event := self._events.feed(can_id, data, self._last_poll_ns):
-                    self._last_events[event.node] = event
-                else:
-                    self._reports.feed(can_id, data, self._last_poll_ns)
-            self._refuse_unknown_identities()
-            self._last_poll_ns = now_ns
-            self._clock.sleep_until_ns(min(until_ns, now_ns + _POLL_PERIOD_NS))
+        now_ns, events = self._clock.now_ns(), []
+        try:
+            frames = self._wire.receive()
+        except OSError as error:
+            raise CanError(f"the CAN channel is gone: {error.strerror or error}") from error
+        for can_id, data in map(unpack_frame, frames):
+            if self._link.feed(can_id, data, self._last_poll_ns):
+                for node in NODES_OF_FRAME.get(can_id, [can_id - QUALITY_ID]):
+                    self._n_force_frames[node] += 1
+            elif event := self._events.feed(can_id, data, self._last_poll_ns):
+                self._last_events[event.node] = event
+                events.append(event)
+            else:
+                self._reports.feed(can_id, data, self._last_poll_ns)
+        self._refuse_unknown_identities()
+        self._last_poll_ns = now_ns
+        return events
 
     def _refuse_unknown_identities(self) -> None:
         for leg, node in NODE_IDS.items():

@@ -1,0 +1,9 @@
+"""The public interface of the package `footsense`: everything in `footsense.__all__`, one module per thing.
+
+feet        connect(...)              -> Feet                 forces of a running service, from CAN
+recording   read(...), simulate(...)  -> Recording            arrays of a walk
+foot        Foot(...)                 force -> capacitance    the model of a foot type
+estimator   Estimator(...)            capacitance -> force    the service's own estimation, on arrays
+
+Nothing else in the package imports these; `footsense/__init__.py` does when one is asked for.
+"""

@@ -1,0 +1,188 @@
+"""Walks as arrays: `footsense.read` of a recording, `footsense.simulate` of a simulated robot."""
+
+import warnings
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from msgspec.structs import replace
+from numpy.typing import NDArray
+
+from footsense.api.events import FootEvent
+from footsense.can.interface import Can
+from footsense.config import DEFAULT, load_config
+from footsense.daemon.service import open_service
+from footsense.errors import FootsenseError, RecordingError
+from footsense.frames import IS_USABLE_STATE, Codes, Cycle, Flag, Mask, State, Vector
+from footsense.ports import Observer
+from footsense.recording.replay import Replay
+from footsense.sim.scene import load_scene
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_NS_PER_S = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Recording:
+    """A recorded or simulated walk: n cycles of all legs, as arrays.
+
+    Arrays hold the legs in the order of `legs`: `walk.force_n[:, walk.legs.index("lf")]`.
+
+    Attributes:
+        legs: Name of each leg.
+        t_s: Time of each cycle, which its forces are valid for [s], shape (n,), 0 at the first.
+        force_n: Ground reaction on each foot in the foot's frame: x forward, y left, z along the leg towards the body
+            [N], shape (n, legs, 3); NaN unless usable.
+        sigma_n: Standard deviation of each component [N], same shape.
+        state: Code of each leg's state, shape (n, legs), uint8 of `State`; `walk.state == footsense.State.VALID`.
+        contact: Whether each foot is in contact with the ground, shape (n, legs); False unless usable.
+        capacitance_pf: Latest reading of each element, stray included [pF], shape (n, legs, 9), NaN where there is
+            none; element 3 * row + column, row 0 the most forward, column 0 the leftmost. A cycle is one conversion:
+            of each leg one element is new.
+        reading_t_s: Time of each of these readings, on the axis of `t_s` [s], same shape, NaN where there is none.
+        events: Touchdowns, lift-offs and slips, in the order in which they were noticed.
+        true_force_n: The force that each simulated foot felt at `t_s` [N], shape (n, legs, 3); None of a recording.
+    """
+
+    legs: tuple[str, ...]
+    t_s: Vector
+    force_n: Vector
+    sigma_n: Vector
+    state: Codes
+    contact: Mask
+    capacitance_pf: Vector
+    reading_t_s: Vector
+    events: tuple[FootEvent, ...]
+    true_force_n: Vector | None = None
+
+    @property
+    def usable(self) -> Mask:
+        """Whether the force of each leg may be used: its state is VALID or DEGRADED, shape (n, legs)."""
+        return np.asarray(IS_USABLE_STATE[self.state])
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Return a table of pandas with a row for each cycle and leg, units in the names of the columns.
+
+        Columns: `t_s`, `leg`, `fx_n`, `fy_n`, `fz_n`, `sigma_x_n`, `sigma_y_n`, `sigma_z_n`, `state` by its name,
+        `usable`, `contact`, `capacitance_pf_` with the number of each element, and of a simulation
+        `true_fx_n`, `true_fy_n` and `true_fz_n`.
+
+        Raises:
+            FootsenseError: pandas is not installed.
+        """
+        try:
+            import pandas as pd
+        except ImportError:
+            raise FootsenseError("to_dataframe() needs pandas: pip install pandas") from None
+        n, n_legs = self.state.shape
+        columns: dict[str, Any] = {
+            "t_s": np.repeat(self.t_s, n_legs),
+            "leg": pd.Categorical(np.tile(np.array(self.legs), n), self.legs),
+        }
+
+        def add(names: Iterable[str], values: Vector) -> None:
+            columns.update(zip(names, values.reshape(n * n_legs, -1).T, strict=True))
+
+        add(("fx_n", "fy_n", "fz_n"), self.force_n)
+        add(("sigma_x_n", "sigma_y_n", "sigma_z_n"), self.sigma_n)
+        columns["state"] = pd.Categorical.from_codes(self.state.ravel(), [state.name for state in State])
+        columns["usable"], columns["contact"] = self.usable.ravel(), self.contact.ravel()
+        add((f"capacitance_pf_{element}" for element in range(9)), self.capacitance_pf)
+        if self.true_force_n is not None:
+            add(("true_fx_n", "true_fy_n", "true_fz_n"), self.true_force_n)
+        return pd.DataFrame(columns)
+
+
+def read(path: str | Path) -> Recording:
+    """Read a recording made by `footsense run --record`, `footsense snapshot` or `footsense record`.
+
+    A recording that is cut short is read as far as it is whole, with a warning that says how far.
+
+    Args:
+        path: The `.mcap` file, or the `.mcap.partial` of a run that was killed.
+
+    Raises:
+        RecordingError: It is missing, not a recording of footsense, or has no whole cycle.
+    """
+    replay = Replay(Path(path))
+    cycles: list[Cycle] = []
+    try:
+        cycles.extend(replay)
+    except RecordingError as error:
+        if not cycles:
+            raise
+        warnings.warn(str(error), stacklevel=2)
+    if not cycles:
+        raise RecordingError(f"{path}: has no cycle")
+    return _recording(cycles, replay.legs)
+
+
+def simulate(
+    scene: str | Path = "tripod", *, duration_s: float = 5.0, config: str | Path | None = None
+) -> Recording:
+    """Simulate a walking robot: its feet, chips, buses and the service, in virtual time.
+
+    In the first second of the scenes that come with footsense all feet hang in the air and are tared.
+
+    Args:
+        scene: Name of a scene, such as `tripod`, `measured_walk` or `faults`, or path of a YAML file.
+        duration_s: Time of the robot [s]; it takes about as long on a slow computer, less on others.
+        config: Configuration file of the robot, whose buses are then simulated; None for six legs with the feet
+            `aoyagi-3x3`.
+
+    Raises:
+        ConfigError: Scene or configuration is missing or wrong.
+        ValueError: The duration is not above 0.
+    """
+    if not duration_s > 0.0:
+        raise ValueError(f"duration_s is above 0, got {duration_s:g}")
+    robot = DEFAULT if config is None else load_config(Path(config))
+    robot = replace(robot, can=Can(interface="virtual"), ring=None)
+    recorder = _CycleList()
+    with open_service(robot, load_scene(str(scene)), real_time=False) as service:
+        service.observers.append(recorder)
+        service.run(until_ns=service.clock.now_ns() + duration_s * _NS_PER_S)
+        return _recording(recorder.cycles, service.legs, service.true_force_n_at)
+
+
+class _CycleList(Observer):
+    def __init__(self) -> None:
+        self.cycles: list[Cycle] = []
+
+    def observe(self, cycle: Cycle) -> None:
+        """Keep a cycle."""
+        self.cycles.append(cycle)
+
+
+def _recording(
+    cycles: Sequence[Cycle], legs: tuple[str, ...], true_force_n_at: Callable[[int], Vector] | None = None
+) -> Recording:
+    start_ns = cycles[0].forces.t_sent_ns
+
+    def time_s(t_ns: NDArray[np.int64]) -> Vector:
+        return np.where(t_ns == 0, np.nan, (t_ns - start_ns) * 1e-9)
+
+    forces, scans = [cycle.forces for cycle in cycles], [cycle.scan for cycle in cycles]
+    state, flags = np.array([frame.state for frame in forces]), np.array([frame.flags for frame in forces])
+    events = [event for frame in forces if frame.gait is not None for event in frame.gait.events]
+    return Recording(
+        legs=legs,
+        t_s=np.array([frame.t_sent_ns - start_ns for frame in forces]) * 1e-9,
+        force_n=np.array([frame.force_n for frame in forces]),
+        sigma_n=np.array([frame.sigma_n for frame in forces]),
+        state=state,
+        contact=(flags & Flag.CONTACT != 0) & IS_USABLE_STATE[state],
+        capacitance_pf=np.array([scan.capacitance_pf for scan in scans]),
+        reading_t_s=time_s(np.array([scan.t_ns for scan in scans])),
+        events=tuple(
+            FootEvent.of((event.t_ns - start_ns) * 1e-9, legs[event.leg], event.kind, event.sigma_s)
+            for event in events
+        ),
+        true_force_n=None
+        if true_force_n_at is None
+        else np.array([true_force_n_at(frame.t_sent_ns) for frame in forces]),
+    )
