@@ -33,6 +33,7 @@ _UNITS = {
     "gf": "gf",
     "hz": "Hz",
     "mib": "MiB",
+    "mm": "mm",
     "mn": "mN",
     "ms": "ms",
     "n": "N",

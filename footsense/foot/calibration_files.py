@@ -149,12 +149,12 @@ class FootCalibration:
     calibrated_at_c: float
 
 
-def read_calibration(folder: Path, foot_type: str, foot: str | None = None) -> FootCalibration:
+def read_calibration(folder: Path, foot_type: str | None = None, foot: str | None = None) -> FootCalibration:
     """Load the calibration in a folder, and check it for completeness, checksums and the foot.
 
     Args:
         folder: The folder.
-        foot_type: Type that the foot has to be of.
+        foot_type: Type that the foot has to be of; None for any.
         foot: The foot that it has to be for; None for the one that the folder is named after, without the number of a
             replaced calibration: `foot-0007`, `foot-0007.1`.
 
@@ -175,7 +175,7 @@ def read_calibration(folder: Path, foot_type: str, foot: str | None = None) -> F
         raise ModelError(
             f"{folder}: the calibration of {manifest.foot}, not of {foot}; it stays in the folder of its foot"
         )
-    if manifest.foot_type != foot_type:
+    if foot_type not in {None, manifest.foot_type}:
         raise ModelError(
             f"{folder}: for foot type {manifest.foot_type!r}, this robot's feet are {foot_type!r}; "
             f"take the calibration of a {foot_type} foot"
