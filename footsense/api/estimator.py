@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from footsense.daemon.foot_types import foot_type_folder
 from footsense.estimation.network import Network, sensitivity, steady_windows
 from footsense.estimation.pipeline import Pipeline
 from footsense.estimation.settings import EstimationLimits, MountedFeet, TareLimits
+from footsense.foot.type_folders import foot_type_folder
 from footsense.frames import (
     ELEMENTS,
     IS_USABLE_STATE,

@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from footsense.daemon.foot_types import foot_type_folder
 from footsense.foot.directions import normalized
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Specimen
+from footsense.foot.type_folders import foot_type_folder
 from footsense.frames import ELEMENTS, Vector
 
 

@@ -30,7 +30,7 @@ def dev() -> None:
 @json_option
 @click.option("--quick", is_flag=True, help="In seconds: the tails are then of few wake-ups.")
 def benchmark(*, as_json: bool, quick: bool) -> None:
-    """Measure scan, age, cycle, wake-up latency, start and memory, beside their limit or a naive program."""
+    """Measure scan, age, cycle, virtual feet, latency, start and memory, beside a limit or a naive program."""
     n_cycles, wakeup_s, usual_s = _QUICK if quick else _WHOLE
     with timed_bar("benchmark", usual_s):
         figures = _measure_all(n_cycles, wakeup_s)
@@ -45,6 +45,7 @@ def _measure_all(n_cycles: int, wakeup_s: float) -> dict[str, Any]:
         min_scan_period_by_conversions_ms,
         newest_reading_age_ms,
     )
+    from footsense.benchmarks.virtual_feet import measure_virtual_feet
     from footsense.benchmarks.wakeup_latency import measure_wakeup_latency
 
     scans = simulated_walk_frames(N_WARM_UP_CYCLES + n_cycles)
@@ -54,6 +55,7 @@ def _measure_all(n_cycles: int, wakeup_s: float) -> dict[str, Any]:
         "conversion_limit_ms": min_scan_period_by_conversions_ms(),
         "age_ms": newest_reading_age_ms(),
         "cycle_us": compare_cycle_durations(scans),
+        "virtual_feet": measure_virtual_feet(),
         "wakeup_latency_us": measure_wakeup_latency(scans, wakeup_s),
         **_start_and_memory(),
     }

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from footsense.config import Config
-from footsense.daemon.foot_types import check_foot_type, foot_type_folder, foot_type_of
+from footsense.daemon.foot_types import check_foot_type, foot_type_of
 from footsense.errors import ModelError
 from footsense.estimation.network import Network
 from footsense.foot.calibration_files import FootCalibration, read_calibration
+from footsense.foot.type_folders import foot_type_folder
 
 _log = logging.getLogger(__name__)
 

@@ -5,9 +5,10 @@ import math
 from collections.abc import Callable, Iterator
 
 from footsense.config import Config
-from footsense.daemon.foot_types import check_foot_type, foot_type_folder
+from footsense.daemon.foot_types import check_foot_type
 from footsense.errors import ConfigError
 from footsense.foot.response_table import FootResponse
+from footsense.foot.type_folders import foot_type_folder
 from footsense.frames import CapFrame
 from footsense.ports import Clock, FrameSource
 from footsense.sim.faults.scene_faults import ChipFault, WireFault

@@ -35,7 +35,7 @@ from footsense.frames import (
 from footsense.ports import LoadEstimate, LoadEstimator, Window
 
 #: Largest sigma of a usable force, over the largest force of the training [1]: with a larger one nothing is known.
-_MAX_SIGMA_REL = 0.5
+MAX_SIGMA_REL = 0.5
 #: Noise is measured in one of so many frames: a third of a scan of an I2C bus, whose frames have one new reading.
 _FRAMES_PER_NOISE_MEASUREMENT = 3
 
@@ -252,7 +252,7 @@ class Pipeline:
         if not consistency.is_all_ok and consistency.inconsistency_sigma_rel.any():
             inconsistent_n = consistency.inconsistency_sigma_rel * np.linalg.norm(force_n, axis=1)
             sigma_n = np.hypot(sigma_n, inconsistent_n[:, None])
-        max_n, max_sigma_n = self._trained.max_force_n, _MAX_SIGMA_REL * self._trained.max_force_n
+        max_n, max_sigma_n = self._trained.max_force_n, MAX_SIGMA_REL * self._trained.max_force_n
         # Of all legs together, in few calls: what is within it is so leg by leg. A NaN is never.
         if (
             healthy

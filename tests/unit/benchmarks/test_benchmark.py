@@ -4,6 +4,7 @@ import pytest
 
 from footsense.benchmarks.cycle import N_WARM_UP_CYCLES, compare_cycle_durations, simulated_walk_frames
 from footsense.benchmarks.trace import calls_per_conversion, functions_called_steadily
+from footsense.benchmarks.virtual_feet import measure_virtual_feet
 from footsense.benchmarks.wakeup_latency import measure_wakeup_latency
 from footsense.frames import CapFrame
 
@@ -23,6 +24,11 @@ def test_the_loop_answers_for_every_deadline(scans: list[CapFrame]) -> None:
     """It runs in a process of its own, under the scheduling that it was granted."""
     figures = measure_wakeup_latency(scans, seconds=0.05)
     assert all(tail > 0 for case in ("quiet", "loaded") for tail in figures[case].values())
+
+
+def test_a_batch_is_far_faster_than_feet_one_by_one() -> None:
+    """A step of six feet takes a millisecond."""
+    assert measure_virtual_feet(n_steps=1)["foot_steps_hz"] > 6_000
 
 
 def test_a_conversion_of_six_legs_stays_within_its_modules_and_calls() -> None:

@@ -1,0 +1,28 @@
+"""Folders of the foot types: those that come with footsense by name, others by path."""
+
+from pathlib import Path
+
+from footsense.errors import ModelError
+
+
+def released_folder(foot_type: str) -> Path:
+    """Return the folder of a released foot type: in the installed package, or in a source checkout."""
+    package = Path(__file__).parents[1]
+    installed = package / "models" / foot_type
+    return installed if installed.exists() else package.parent / "models" / foot_type
+
+
+def foot_type_folder(foot_type: str) -> Path:
+    """Return the folder of a foot type: a released one by name, or any folder if the name has a slash.
+
+    Raises:
+        ModelError: There is no such foot type.
+    """
+    if "/" not in foot_type:
+        folder = released_folder(foot_type)
+        remedy = f"a folder of your own is written with a slash, such as ./{foot_type}"
+    else:
+        folder, remedy = Path(foot_type), "`footsense lab build --foot` makes one"
+    if not folder.is_dir():
+        raise ModelError(f"foot_type: no foot type {foot_type}: {folder} is not a folder; {remedy}")
+    return folder
