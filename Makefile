@@ -2,7 +2,7 @@
 # make install   the same without the walk: `. .venv/bin/activate`, then footsense
 # make test      format, lint, types, import contracts, and the fast tests: a change is good
 # make test-all  the same with all tests: meshes, the page in a browser, packaging, studies, random faults
-# make docs      the documentation site: build/site/docs/index.html
+# make docs      the reference pages anew from the code, and the documentation site: build/site/docs/index.html
 # make fuzz      an hour of other and more examples for the tests in tests/fuzz
 # make lock      renews the versions and hashes that all of these install: deploy/ and tests/requirements.lock
 # make golden    the recorded walk anew that every change is replayed against; only for a change that is meant to change forces
@@ -44,6 +44,7 @@ check: $(VENV)/dev.stamp
 
 # A link that leads nowhere, or a page that is in no table of contents, ends it.
 docs: $(VENV)/dev.stamp
+	$(BIN)/python docs/site/reference.py
 	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going --jobs auto -c docs/site . build/site
 	@echo build/site/docs/index.html
 

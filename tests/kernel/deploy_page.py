@@ -9,8 +9,6 @@ from typing import NamedTuple
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "deploy" / "README.md"
 
-#: Blocks that are not executed, by their first words, with the reason.
-NOT_EXECUTED = {"ls /dev/serial": "this machine has no serial line"}
 #: What is done before a command, by its first words: the other way to install, at the top of the checkout, where the
 #: first way has put nothing.
 BEFORE = {
@@ -48,13 +46,12 @@ class Command(NamedTuple):
 
 
 def commands(page: Path = PAGE) -> list[Command]:
-    """Return the commands of all blocks that are executed, in the order of the page."""
+    """Return the commands of all blocks, in the order of the page."""
     _, *parts = _SECTION.split(page.read_text(encoding="utf-8"))
     return [
         Command(title, text)
         for title, body in zip(parts[::2], parts[1::2], strict=True)
         for block in _BLOCK.findall(body)
-        if not block.startswith(tuple(NOT_EXECUTED))
         for text in _complete(block)
     ]
 

@@ -1,6 +1,8 @@
 """What the documentation names exists."""
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import click
@@ -54,6 +56,17 @@ def test_links_and_paths_of_a_page_exist(page: Path) -> None:
         if not found and not path.startswith(("my-", "walk", "/")):
             missing.append(path)
     assert not missing
+
+
+def test_the_reference_is_what_the_code_says() -> None:
+    """The generated parts of the pages are committed; `make docs` writes them anew."""
+    checked = subprocess.run(
+        [sys.executable, ROOT / "docs/site/reference.py", "--check"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert checked.returncode == 0, checked.stderr
 
 
 def test_documents_that_code_refers_to_exist() -> None:

@@ -1,0 +1,63 @@
+"""Write the generated parts of the documentation from the code, or say which are not what the code gives.
+
+A page has them between a line `<!-- generated: NAME -->`, or with an argument behind the name, and a line
+`<!-- end -->`; what stands around them is written by hand. `make docs` writes them, and a test checks them.
+"""
+
+import re
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import c_headers
+import can_frames
+import commands
+import configuration
+import leg_words
+import metrics
+import python_api
+import recordings
+
+ROOT = Path(__file__).parents[2]
+PAGES = ROOT / "docs"
+
+_PART = re.compile(
+    r"^(?P<mark><!-- generated: (?P<name>[\w-]+)(?: (?P<argument>\S+))? -->)\n.*?^<!-- end -->$",
+    re.MULTILINE | re.DOTALL,
+)
+_GENERATORS: dict[str, Callable[..., str]] = {
+    "c-header": lambda path: c_headers.markdown(ROOT / path),
+    "can-frames": can_frames.markdown,
+    "causes": leg_words.causes,
+    "commands": commands.markdown,
+    "configuration": configuration.markdown,
+    "metrics": metrics.markdown,
+    "python": python_api.markdown,
+    "recordings": recordings.markdown,
+    "states": leg_words.states,
+}
+
+
+def _generated(part: re.Match[str]) -> str:
+    arguments = [part["argument"]] if part["argument"] else []
+    return f"{part['mark']}\n\n{_GENERATORS[part['name']](*arguments).strip()}\n\n<!-- end -->"
+
+
+def outdated() -> Iterator[tuple[Path, str]]:
+    """Yield each page whose generated parts are not what the code gives, with its text as it should be."""
+    for path in sorted(PAGES.rglob("*.md")):
+        text = path.read_text(encoding="utf-8")
+        if (current := _PART.sub(_generated, text)) != text:
+            yield path, current
+
+
+if __name__ == "__main__":
+    pages = list(outdated())
+    if sys.argv[1:] == ["--check"]:
+        if pages:
+            names = ", ".join(str(path.relative_to(ROOT)) for path, _ in pages)
+            sys.exit(f"{names}: not what the code says; run `make docs`, and commit what it writes")
+    else:
+        for path, text in pages:
+            path.write_text(text, encoding="utf-8")
+            print(path.relative_to(ROOT))
