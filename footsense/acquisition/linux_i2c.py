@@ -155,6 +155,12 @@ def adapter_and_parents(device: str, folder: Path = _ADAPTERS) -> list[str]:
     return [f"/dev/{part}" for part in path.parts if re.fullmatch(r"i2c-\d+", part)] or [device]
 
 
+def adapter_names(folder: Path = _ADAPTERS) -> dict[str, str]:
+    """Return what every I2C adapter calls itself, by its device file, in the order of their numbers."""
+    numbers = sorted(int(path.name.removeprefix("i2c-")) for path in folder.glob("i2c-*"))
+    return {f"/dev/i2c-{n}": (folder / f"i2c-{n}" / "name").read_text().strip() for n in numbers}
+
+
 def kernel_drivers(device: str, folder: Path = _ADAPTERS) -> dict[int, str]:
     """Return the kernel drivers bound to an adapter's chips: I2C address to driver name."""
     number = device.removeprefix("/dev/i2c-")

@@ -41,6 +41,8 @@ _MAX_BACK_OFF_NS = 250_000_000
 
 #: Where Linux shows its network interfaces.
 NETWORK_DEVICES_FOLDER = Path("/sys/class/net")
+#: What the file `type` of a CAN interface holds there. Source: Linux, include/uapi/linux/if_arp.h.
+_ARPHRD_CAN = "280\n"
 
 #: Error numbers of a full queue of the interface or of the socket.
 _QUEUE_FULL_ERRNOS = frozenset({errno.ENOBUFS, errno.EAGAIN})
@@ -230,6 +232,14 @@ def open_socket(can: Can, accept: Collection[int]) -> "SocketWire":
         return SocketWire(_bound_socket(can.channel, accept))
     except OSError as error:
         raise CanError(error_text(can, error)) from error
+
+
+def can_interfaces() -> list[str]:
+    """Return the names of this computer's CAN interfaces, virtual ones last."""
+    names = [
+        path.parent.name for path in NETWORK_DEVICES_FOLDER.glob("*/type") if path.read_text() == _ARPHRD_CAN
+    ]
+    return sorted(names, key=lambda name: (name.startswith("vcan"), name))
 
 
 def _is_classic(channel: str) -> bool:

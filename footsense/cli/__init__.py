@@ -34,6 +34,7 @@ _COMMANDS = {
     "replay": ("recordings", "Run a recording through the pipeline again, or check it."),
     "export": ("recordings", "Convert a recording: ROS 2 bag, CSV."),
     "info": ("info", "Say what a file of footsense holds, or what is installed here."),
+    "init": ("setup.init", "Find a robot's adapters and feet, and write its file."),
     "check-config": ("setup.check_config", "Say what a robot file means, or its first error."),
     "probe": ("setup.probe", "Check buses and feet, and name what to check."),
     "test-stand": ("test_stand", "Record a foot beside a force sensor, and calibrate it."),

@@ -3,7 +3,6 @@
 import logging
 import math
 import sys
-import textwrap
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -16,11 +15,12 @@ from rich.text import Text
 
 from firmware_interface.chips import ad7746, adg715, fdc1004
 from footsense.acquisition.foot_check import FootScans
-from footsense.cli.options import config_option, json_option
+from footsense.cli.options import FILE, config_option, json_option
+from footsense.cli.setup.robot_file import check_is_new, found_part, unloaded_yaml
 from footsense.cli.tables import EMPTY_CELL, Column, echo_json, figures_table, json_row, styled, table
 from footsense.config import DEFAULT, load_config
-from footsense.daemon.probe import ProbedBus, ProbedLeg, ProbeResult
-from footsense.daemon.probe import probe as probe_robot
+from footsense.daemon.setup.probe import ProbedBus, ProbedLeg, ProbeResult
+from footsense.daemon.setup.probe import probe as probe_robot
 from footsense.daemon.simulation import is_simulated
 from footsense.frames import ELEMENTS, ROWS, Cause, Reading, Vector
 from footsense.leg_words import CAUSE_WORDS, word_of
@@ -45,14 +45,22 @@ _FOOT_SPACING_CELLS = 3
     "scene_name",
     help="Simulate this scene: a name or a YAML file. Its feet should hang free, as in `hanging`.",
 )
+@click.option(
+    "--write",
+    "part",
+    type=FILE,
+    help="Write the legs that answer and their readings to this new file, as a robot's file has them.",
+)
 @json_option
-def probe(config_file: Path | None, scene_name: str | None, *, as_json: bool) -> None:
+def probe(config_file: Path | None, scene_name: str | None, part: Path | None, *, as_json: bool) -> None:
     """Scan the buses, measure their timing, and read every element of the free feet.
 
     Unknown addresses are only asked for an acknowledge, as `i2cdetect` does. Exit code 1 if there is a fault.
     """
     console = Console(highlight=False)
     config = load_config(config_file) if config_file else DEFAULT
+    if part is not None:
+        check_is_new(part)
     if scene_name is None and is_simulated(config):
         scene_name = _DEFAULT_SCENE
     # The diagnoses replace the scanner's own warnings about legs.
@@ -64,6 +72,9 @@ def probe(config_file: Path | None, scene_name: str | None, *, as_json: bool) ->
         console.print(
             probe_picture(result, f"scene {scene_name}, simulated" if scene_name else str(config_file))
         )
+    if part is not None:
+        part.write_text(found_part(config, result), "utf-8")
+        click.echo(f"wrote {part}", err=True)
     if result.diagnoses:
         sys.exit(1)
 
@@ -96,24 +107,21 @@ def probe_picture(result: ProbeResult, title: str) -> Group:
             Columns([_foot_marks(leg) for leg in scanned], width=_ELEMENT_WIDTH * ROWS + _FOOT_SPACING_CELLS),
         ]
     parts += [figures_table({name: figures[name] for name in ("scan_ms", "frames_hz")}), Text()]
-    if not result.diagnoses:
-        parts.append(Text("No faults.", "green"))
-    else:
-        parts.append(Text(f"{len(result.diagnoses)} wrong:", "bold red"))
-    for location, observation, advice in result.diagnoses:
-        parts.append(Padding(Text.assemble((location, "bold"), f": {observation}"), (0, 0, 0, 2)))
-        parts.append(Padding(Text(f"check {advice}", "dim"), (0, 0, 0, 6)))
+    parts += diagnoses_lines(result)
     if yaml := unloaded_yaml(result):
         parts += [Text(), Text("For the configuration, if these feet hang free:", "dim"), Text(yaml)]
     return Group(*parts)
 
 
-def unloaded_yaml(result: ProbeResult) -> str:
-    """Return the readings of all fault-free feet as YAML for `unloaded_pf`; empty without any."""
-    readings = [(report.leg, report.unloaded_pf) for report in result.legs]
-    lines = [f"  {leg}: [{', '.join(f'{pf:.3f}' for pf in values)}]" for leg, values in readings if values]
-    folded = [textwrap.fill(line, 79, subsequent_indent=" " * 7) for line in lines]
-    return "\n".join(["unloaded_pf:", *folded]) if folded else ""
+def diagnoses_lines(result: ProbeResult) -> list[RenderableType]:
+    """Return what is wrong, and what to check, as lines for a terminal."""
+    if not result.diagnoses:
+        return [Text("No faults.", "green")]
+    lines: list[RenderableType] = [Text(f"{len(result.diagnoses)} wrong:", "bold red")]
+    for location, observation, advice in result.diagnoses:
+        lines.append(Padding(Text.assemble((location, "bold"), f": {observation}"), (0, 0, 0, 2)))
+        lines.append(Padding(Text(f"check {advice}", "dim"), (0, 0, 0, 6)))
+    return lines
 
 
 def element_marks(report: ProbedLeg) -> list[tuple[str, bool]]:

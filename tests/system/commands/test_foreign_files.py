@@ -128,7 +128,7 @@ def commands_of(group: LazyGroup) -> Iterator[tuple[str, click.Command]]:
 
 def test_the_table_has_every_file_argument() -> None:
     """Of the commands that a robot needs; `lab` needs minutes of imports."""
-    reads_nothing = {"--record", "--can-log", "--dbc", "--csv", "--ros2", "--map", "out", "target"}
+    reads_nothing = {"--record", "--can-log", "--dbc", "--csv", "--ros2", "--map", "--write", "out", "target"}
     follows_a_ring = {("view", "--ring"), ("exporter", "--ring")}  # until there is one
     commands = dict(commands_of(main))
     named = set()

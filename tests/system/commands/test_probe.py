@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 from footsense.config import load_config
-from tests.system.command import footsense, robot
+from tests.system.command import footsense, one_line_error, robot
 
 FAULTY = """
 description: A robot with a wire off.
@@ -15,14 +15,18 @@ faults: [{at_s: 0, fault: broken_column, leg: rf, column: 2}]
 
 
 def test_its_readings_can_be_pasted_into_the_configuration(tmp_path: Path) -> None:
-    """The lines at its end are YAML that the configuration takes; nothing is wrong, so that it ends with 0."""
-    config = robot(tmp_path)
-    result = footsense("probe", "--config", config)
+    """The lines at its end, and what it writes, are YAML that the configuration takes; it ends with 0."""
+    config, part = robot(tmp_path), tmp_path / "part.yaml"
+    result = footsense("probe", "--config", config, "--write", part)
     assert result.returncode == 0, result.stderr
-    assert result.stderr == ""
+    assert result.stderr == f"wrote {part}\n"
     snippet = result.stdout[result.stdout.index("unloaded_pf:") :]
     pasted = load_config(robot(tmp_path, more=snippet))
     assert set(pasted.unloaded_pf) == {"lf", "rf"}
+    part.write_text(part.read_text() + "can: {interface: virtual}\n")
+    assert load_config(part).unloaded_pf == pasted.unloaded_pf
+    again = one_line_error(footsense("probe", "--config", config, "--write", part), 78)
+    assert again == f"{part}: exists and is not overwritten; name another file, or remove it"
 
 
 def test_a_fault_is_told_and_ends_with_1(tmp_path: Path) -> None:

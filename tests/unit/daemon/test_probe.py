@@ -13,10 +13,11 @@ from footsense.acquisition.bus_scan import AddressProbe, scan_bus
 from footsense.acquisition.leg_bus import LegBus
 from footsense.acquisition.mcu_source import Serial
 from footsense.acquisition.scan_plan import scan_plan
-from footsense.cli.setup.probe import element_marks, probe_json, probe_picture, unloaded_yaml
+from footsense.cli.setup.probe import element_marks, probe_json, probe_picture
+from footsense.cli.setup.robot_file import unloaded_yaml
 from footsense.config import DEFAULT, Config
 from footsense.config.sections import Bus, Mux
-from footsense.daemon.probe import ProbedBus, ProbeResult, bus_diagnoses, probe, probed_bus
+from footsense.daemon.setup.probe import ProbedBus, ProbeResult, bus_diagnoses, probe, probed_bus
 from footsense.errors import I2cError, I2cTimeoutError, NackError
 from footsense.frames import Reading
 from footsense.ports import I2cBus, Transaction

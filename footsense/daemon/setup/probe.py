@@ -27,7 +27,8 @@ from footsense.leg_words import SILENT_READINGS, words_of_reading
 from footsense.ports import Clock, I2cBus, Transaction
 from footsense.sim.scene import Scene
 
-_MUX_ADDRESSES = range(0x70, 0x78)
+#: Addresses that a TCA9548A may be strapped to.
+MUX_ADDRESSES = range(0x70, 0x78)
 
 
 class Diagnosis(NamedTuple):
@@ -185,7 +186,7 @@ def _missing_mux_fault(report: ProbedBus) -> tuple[str, str]:
             f"the chip at {address:#04x} does not read back what is written, as a TCA9548A does",
             "which chip that is; LED and servo drivers have such addresses too",
         )
-    others = ", ".join(f"{other:#04x}" for other in scan.upstream.answering if other in _MUX_ADDRESSES)
+    others = ", ".join(f"{other:#04x}" for other in scan.upstream.answering if other in MUX_ADDRESSES)
     if others:
         return (
             f"no mux (TCA9548A) answers at {address:#04x}; {others} does",

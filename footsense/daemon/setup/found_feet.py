@@ -1,0 +1,190 @@
+"""Find the feet of a robot that has no file yet: on I2C adapters, or behind the serial port of a microcontroller."""
+
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from msgspec.structs import replace
+
+from footsense.acquisition.bus_scan import leg_chip_addresses, probe_addresses, scan_bus
+from footsense.acquisition.leg_bus import LegBus
+from footsense.acquisition.linux_i2c import LinuxI2cBus, adapter_names, kernel_drivers
+from footsense.acquisition.mcu_source import Serial
+from footsense.acquisition.scan_plan import BOARDS, ScanPlan, scan_plan
+from footsense.can.interface import Can
+from footsense.clock import MonotonicClock
+from footsense.config import DEFAULT, Config
+from footsense.config.sections import Bus, Mux
+from footsense.daemon.acquisition import open_scan_source
+from footsense.daemon.setup.probe import MUX_ADDRESSES
+from footsense.daemon.simulation import simulated_robot
+from footsense.errors import ConfigError, HardwareError
+from footsense.frames import ALL_LEGS, LEGS
+from footsense.leg_words import SILENT_READINGS
+from footsense.ports import Clock, I2cBus
+from footsense.sim.scene import Scene
+
+#: Device of a simulated robot.
+SIMULATED = "sim"
+
+_SERIAL_PORTS = Path("/dev/serial/by-id")
+#: Legs of robots that have fewer than six, in the order of their channels.
+_LEGS_OF_N = {1: ("lf",), 2: ("lf", "rf"), 4: ("lf", "lr", "rf", "rr")}
+#: Scans of a microcontroller that are waited for.
+_N_SCANS = 20
+
+
+class FoundFeet(NamedTuple):
+    """Feet whose converters answer on one I2C adapter.
+
+    Attributes:
+        device: The adapter.
+        board: Their electronics, a key of BOARDS.
+        mux_address: Address of their multiplexer; None for one foot directly on the adapter.
+        channels: Channel of each foot; 0 without a multiplexer.
+    """
+
+    device: str
+    board: str
+    mux_address: int | None
+    channels: tuple[int, ...]
+
+    def bus(self, legs: Sequence[str]) -> Bus:
+        """Return the section of a configuration that has these feet on these legs."""
+        if self.mux_address is None:
+            return Bus(device=self.device, leg=legs[0])  # type: ignore[arg-type]
+        channels = dict(zip(legs, self.channels, strict=True))
+        return Bus(device=self.device, mux=Mux(address=self.mux_address), legs=channels)  # type: ignore[arg-type]
+
+
+def devices() -> dict[str, str]:
+    """Return what this computer's I2C adapters and serial ports call themselves, by their device files."""
+    ports = sorted(_SERIAL_PORTS.glob("*"))
+    return adapter_names() | {str(port): "serial port" for port in ports}
+
+
+def find_feet(device: str, adapter: I2cBus, clock: Clock, claimed: Collection[int] = ()) -> FoundFeet | None:
+    """Return the feet that answer on an adapter; None if there are none.
+
+    Every address is asked for an acknowledge. Only what then answers at an address of a multiplexer is written to, and
+    switched only if it reads back as one.
+
+    Args:
+        device: Name of the adapter.
+        adapter: The adapter.
+        clock: Its clock.
+        claimed: Addresses that drivers of the kernel hold.
+
+    Raises:
+        I2cError: A line is held low, or the multiplexer fails.
+    """
+    answering = set(probe_addresses(adapter, claimed).answering)
+    plans = {name: scan_plan(max(board.rates), name) for name, board in BOARDS.items()}
+    alone = [name for name, plan in plans.items() if answering >= {*leg_chip_addresses(plan)}]
+    found = [FoundFeet(device, name, None, (0,)) for name in alone]
+    for address in sorted(answering.intersection(MUX_ADDRESSES)):
+        found += _feet_behind(device, LegBus(adapter, address), clock, plans, claimed)
+    return max(found, key=lambda feet: len(feet.channels), default=None)
+
+
+def _feet_behind(
+    device: str, bus: LegBus, clock: Clock, plans: dict[str, ScanPlan], claimed: Collection[int]
+) -> Iterator[FoundFeet]:
+    """Yield the feet of each board behind a multiplexer."""
+    scan = scan_bus(bus, clock, next(iter(plans.values())), {}, claimed)
+    for name, plan in plans.items():
+        converter = leg_chip_addresses(plan)[0]
+        channels = tuple(number for number, chips in scan.channels.items() if converter in chips.answering)
+        if channels:
+            yield FoundFeet(device, name, bus.mux_address, channels)
+
+
+def robot_on(devices: Sequence[str], legs: Sequence[str], can: Can, scene: Scene) -> Config:
+    """Return the configuration of a robot with the feet that answer on some devices.
+
+    Args:
+        devices: I2C adapters, one serial port, or `sim`.
+        legs: Names of the legs, in the order of devices and channels; none for those usual for so many feet. A
+            microcontroller names its legs itself.
+        can: Where its forces go.
+        scene: Scene of a simulated robot.
+
+    Raises:
+        HardwareError: No foot answers, or a device is missing.
+        ConfigError: The legs do not fit the feet.
+    """
+    serial = [device for device in devices if device.startswith(("/dev/tty", "/dev/serial/"))]
+    if serial:
+        if len(devices) > 1:
+            raise ConfigError(f"{serial[0]}: a microcontroller scans all feet; name this device alone")
+        return _robot_on_microcontroller(serial[0], can)
+    found = [feet for device in devices if (feet := _open_and_find(device, legs or LEGS, scene)) is not None]
+    if not found:
+        names = ", ".join(devices)
+        raise HardwareError(
+            f"{names}: no foot answers, neither behind a TCA9548A nor directly; check supply and wires, or write the "
+            "file by hand: deploy/footsense.yaml"
+        )
+    return robot_of(found, legs, can)
+
+
+def robot_of(found: Sequence[FoundFeet], legs: Sequence[str], can: Can) -> Config:
+    """Return the configuration of a robot with these feet.
+
+    Raises:
+        ConfigError: They are of two boards, or the legs do not fit them.
+    """
+    boards = {feet.board for feet in found}
+    if len(boards) > 1:
+        raise ConfigError(
+            f"feet of the boards {' and '.join(sorted(boards))} answer; a robot has feet of one board"
+        )
+    n = sum(len(feet.channels) for feet in found)
+    if legs and len(legs) != n:
+        raise ConfigError(f"{n} feet answer, and {len(legs)} legs are named: {' '.join(legs)}")
+    left = iter(legs or _usual_legs(found))
+    buses = tuple(feet.bus([next(left) for _ in feet.channels]) for feet in found)
+    return Config(board=boards.pop(), buses=buses, can=can)  # type: ignore[arg-type]
+
+
+def _usual_legs(found: Sequence[FoundFeet]) -> Sequence[str]:
+    """Return the legs of a robot with so many feet; of six legs of which some are missing, those by their channels.
+
+    Raises:
+        ConfigError: They are more than a robot has.
+    """
+    channels = [channel for feet in found for channel in feet.channels]
+    if len(channels) > len(ALL_LEGS):
+        raise ConfigError(f"{len(channels)} feet answer; a robot has at most {len(ALL_LEGS)}")
+    by_channel = tuple(ALL_LEGS[channel] for channel in channels)
+    return _LEGS_OF_N.get(len(channels)) or (by_channel if len(found) == 1 else ALL_LEGS[: len(channels)])
+
+
+def _open_and_find(device: str, legs: Sequence[str], scene: Scene) -> FoundFeet | None:
+    """Open an adapter and return the feet on it; those of a simulated one are on these legs."""
+    if device == SIMULATED:
+        wired = Bus(device=device, legs={leg: channel for channel, leg in enumerate(legs)})  # type: ignore[misc]
+        wires = simulated_robot(replace(DEFAULT, buses=(wired,)), scene).buses[0]
+        return find_feet(device, wires, wires.clock)
+    with closing(LinuxI2cBus.open(device)) as adapter:
+        return find_feet(device, adapter, MonotonicClock(), kernel_drivers(device))
+
+
+def _robot_on_microcontroller(device: str, can: Can) -> Config:
+    """Return the configuration of a robot with the legs of which a microcontroller sends records.
+
+    Raises:
+        HardwareError: It sends none, or the port is missing.
+    """
+    config = Config(board="mcu", serial=Serial(device=device, legs=ALL_LEGS), can=can)  # type: ignore[arg-type]
+    with open_scan_source(config, None) as started:
+        readings = np.stack([frame.reading for frame in started.read_whole_scans(_N_SCANS)])
+    is_silent = np.isin(readings, SILENT_READINGS).all(axis=(0, 2))
+    legs = tuple(ALL_LEGS[row] for row in np.flatnonzero(~is_silent))
+    if not legs:
+        raise HardwareError(
+            f"{device}: no record of a microcontroller in {_N_SCANS} scans; is its firmware footsense's?"
+        )
+    return replace(config, serial=Serial(device=device, legs=legs))  # type: ignore[arg-type]
