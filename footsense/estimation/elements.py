@@ -22,7 +22,8 @@ or column without which the rest is consistent is left out at once; one that sta
 been consistent for a while both under load and unloaded: unloaded, an element stuck at its baseline reads right, and
 under load, where the limit is wider, a drifting one may. A foot that stands or hangs for long shows only one of both:
 after ten seconds an element that is consistent there is believed as any other is. If no such set explains the
-residuals, the force is given with a wider sigma.
+residuals, the force is given with a wider sigma, and so it is from a quarter of the limit on: an element that has just
+come off, and stands still under a load that rolls away, is wrong before it contradicts the others.
 """
 
 import math
@@ -39,8 +40,9 @@ OPEN_ELEMENT_THRESHOLD_REL = 0.5
 
 #: Limit of an element's residual: over its gap [1], and over the root mean square of the others [1].
 RESIDUAL_LIMIT, RESIDUAL_LIMIT_REL = 0.03, 0.4
-#: Share of the largest residual that goes into sigma [1]: its root mean square in fast gaits and steps is a third.
-RESIDUAL_SHARE_IN_SIGMA = 0.5
+#: Residual from which it is added to sigma, over the gap [1], and over the root mean square of the others [1]: sigma of
+#: healthy feet in a tripod gait grows by 3 %.
+UNCERTAIN_RESIDUAL, UNCERTAIN_RESIDUAL_REL = 0.01, 0.1
 #: Predicted closure from which the motion of an element can be tested [1].
 MIN_PREDICTED_MOTION_REL = 0.08
 #: Time for which an excluded element has to be consistent, loaded and unloaded each, until it is readmitted [ns].
@@ -159,11 +161,12 @@ class ConsistencyTest:
         self._imputation = imputation
         self._settling_time_ns = settling_time_ns
         shape = (n_legs, ELEMENTS)
-        # The second limit over the root of the sum of squares.
-        self._limit_rel_of_sum = np.array(RESIDUAL_LIMIT_REL / math.sqrt(ELEMENTS))
+        # As arrays: they are multiplied in every cycle.
+        self._root_mean_of_sum = np.array(1.0 / math.sqrt(ELEMENTS))
+        self._limit_rel = np.array(RESIDUAL_LIMIT_REL)
         self._residual_matrices = np.stack(list(map(imputation.residual_matrix, MISSING_SETS)))
         self._whole = np.ascontiguousarray(self._residual_matrices[0].T)
-        self._no_inconsistency, self._no_leg = np.zeros(n_legs), np.zeros(n_legs, bool)
+        self._no_leg = np.zeros(n_legs, bool)
         self.unexplained_legs = self._no_leg
         self._all_trusted = True  # no element is suspected or excluded
         self._hold_ns = round(CAUSE_CONFIRMATION_TIME_REL * settling_time_ns)
@@ -194,20 +197,19 @@ class ConsistencyTest:
             now_ns: Current time [ns].
         """
         residual = np.abs(closure_rel @ self._whole)
-        sum_rel2 = np.add.reduce(closure_rel * closure_rel, axis=1, keepdims=True)
+        largest = np.maximum.reduce(residual, axis=1)
+        rms_rel = self._root_mean_of_sum * np.sqrt(np.add.reduce(closure_rel * closure_rel, axis=1))
         # A NaN is never consistent: its leg is tested by itself, like a leg with a missing element.
-        consistent = residual <= (RESIDUAL_LIMIT + motion_rel[:, None]) + self._limit_rel_of_sum * np.sqrt(
-            sum_rel2
-        )
+        consistent = largest <= (RESIDUAL_LIMIT + motion_rel) + self._limit_rel * rms_rel
+        inconsistency_rel = _inconsistency_rel(largest, rms_rel, motion_rel)
         if (
             self._all_trusted
             and np.count_nonzero(consistent) == consistent.size
             and not np.count_nonzero(missing)
         ):
             self._t_ns, self.unexplained_legs = now_ns, self._no_leg
-            return ConsistencyResult(missing, self._no_inconsistency, is_all_ok=True)
-        suspicious = ~consistent.all(axis=1) | missing.any(axis=1) | self._suspected.any(axis=1)
-        inconsistency_rel = np.zeros(len(closure_rel))
+            return ConsistencyResult(missing, inconsistency_rel, is_all_ok=True)
+        suspicious = ~consistent | missing.any(axis=1) | self._suspected.any(axis=1)
         self.unexplained_legs = np.zeros(len(closure_rel), bool)
         if suspicious.any():
             missing = missing.copy()
@@ -230,22 +232,19 @@ class ConsistencyTest:
         if self.excluded[leg].any():
             self._readmit(leg, closure_rel, motion_rel, missing, now_ns)
             self._update_closure_extremes(leg, closure_rel, missing)
-        excess = self._max_residual_to_limit_ratio(closure_rel, missing, motion_rel)
-        if excess <= 1.0:
+        largest, rms_rel = self._largest_residual(closure_rel, missing)
+        inconsistency_rel = float(_inconsistency_rel(largest, rms_rel, motion_rel))
+        if largest <= _residual_limit_rel(rms_rel, motion_rel):
             # What motion could explain neither clears a suspicion nor feeds it.
-            if self._max_residual_to_limit_ratio(closure_rel, missing) <= 1.0:
+            if largest <= _residual_limit_rel(rms_rel):
                 self._suspected[leg] = self._inconsistent[leg] = False
-            return 0.0
+            return inconsistency_rel
         isolated = self._isolate(closure_rel, missing, motion_rel)
         suspected = isolated & ~missing
         if not self._inconsistent[leg] or not np.array_equal(suspected, self._suspected[leg]):
             self._inconsistent[leg] = True
             self._suspected[leg], self._suspected_since_ns[leg] = suspected, now_ns
             self._extremes[:, 0, leg], self._extremes[:, 1, leg] = np.inf, -np.inf
-        rms = float(np.sqrt(np.square(closure_rel[~missing]).mean()))
-        inconsistency_rel = float(
-            RESIDUAL_SHARE_IN_SIGMA * excess * _residual_limit_rel(rms, motion_rel) / max(rms, RESIDUAL_LIMIT)
-        )
         if now_ns - self._suspected_since_ns[leg] < self._hold_ns:
             return inconsistency_rel
         missing |= isolated
@@ -265,17 +264,18 @@ class ConsistencyTest:
         if not np.isfinite(closure_rel[excluded]).all():
             return
         elapsed_ns = min(now_ns - self._t_ns, self._settling_time_ns)
-        if self._max_residual_to_limit_ratio(closure_rel, missing & ~excluded, motion_rel) > 1.0:
+        largest, rms_rel = self._largest_residual(closure_rel, missing & ~excluded)
+        if largest > _residual_limit_rel(rms_rel, motion_rel):
             # Not all at once: a load in motion is not over at once.
             self._consistent_ns[leg] = np.maximum(
                 self._consistent_ns[leg] - READMISSION_TIME_LOSS_RATE * elapsed_ns, 0
             )
-        elif self._max_residual_to_limit_ratio(closure_rel, missing & ~excluded) <= 1.0:
-            largest = np.abs(self._with_imputed(closure_rel, missing)[excluded]).max()
-            unloaded = largest < RESIDUAL_LIMIT
+        elif largest <= _residual_limit_rel(rms_rel):
+            predicted = np.abs(self._with_imputed(closure_rel, missing)[excluded]).max()
+            unloaded = predicted < RESIDUAL_LIMIT
             tells = not (unloaded and self.stuck[leg].any())
             self._consistent_ns[leg] += np.where(
-                [unloaded, largest > MIN_PREDICTED_MOTION_REL, tells], elapsed_ns, 0
+                [unloaded, predicted > MIN_PREDICTED_MOTION_REL, tells], elapsed_ns, 0
             )
         *both_ns, all_ns = self._consistent_ns[leg].tolist()
         if min(both_ns) >= READMITTED_AFTER_NS or all_ns >= READMITTED_CONSTANT_LOAD_AFTER_NS:
@@ -299,17 +299,13 @@ class ConsistencyTest:
         )
         return stuck
 
-    def _max_residual_to_limit_ratio(
-        self, closure_rel: Vector, missing: Mask, motion_rel: float = 0.0
-    ) -> float:
-        """Return the largest residual of the elements present, over the residual limit [1]."""
+    def _largest_residual(self, closure_rel: Vector, missing: Mask) -> tuple[float, float]:
+        """Return the largest residual of the elements present, and the root mean square of their closures [1]."""
         kept = closure_rel[~missing]
         if kept.size < 2:
-            return 0.0
+            return 0.0, 0.0
         residual = self._imputation.residual_matrix(missing) @ np.where(missing, 0.0, closure_rel)
-        return float(
-            np.abs(residual).max() / _residual_limit_rel(np.sqrt(np.square(kept).mean()), motion_rel)
-        )
+        return float(np.abs(residual).max()), float(np.sqrt(np.square(kept).mean()))
 
     def _isolate(self, closure_rel: Vector, missing: Mask, motion_rel: float) -> Mask:
         """Return the smallest trained set of missing elements that makes the others consistent; else `missing`."""
@@ -324,7 +320,14 @@ class ConsistencyTest:
         return missing
 
 
-def _residual_limit_rel(rms_rel: Vector | float, motion_rel: float) -> Vector:
+def _inconsistency_rel(residual: Vector | float, rms_rel: Vector | float, motion_rel: Vector | float) -> Vector:
+    """Return sigma over the force [1] for the largest residual of a foot whose closures have this rms and motion."""
+    uncertain = np.maximum(residual - motion_rel - UNCERTAIN_RESIDUAL - UNCERTAIN_RESIDUAL_REL * rms_rel, 0.0)
+    inconsistency_rel: Vector = uncertain / np.maximum(rms_rel, RESIDUAL_LIMIT)
+    return inconsistency_rel
+
+
+def _residual_limit_rel(rms_rel: Vector | float, motion_rel: float = 0.0) -> Vector:
     """Return the residual limit for a foot whose closures have this rms and motion [1]."""
     limit: Vector = RESIDUAL_LIMIT + motion_rel + np.multiply(RESIDUAL_LIMIT_REL, rms_rel)
     return limit

@@ -249,7 +249,7 @@ class Pipeline:
         load = self._estimator.estimate(Window(closure_rel, age_s, consistency.missing))
         force_n, sigma_n = load.force_n, load.sigma_n
         sigma_n = np.hypot(sigma_n, self._baselines.unloaded.sigma_n)
-        if not consistency.is_all_ok and consistency.inconsistency_sigma_rel.any():
+        if np.count_nonzero(consistency.inconsistency_sigma_rel):
             inconsistent_n = consistency.inconsistency_sigma_rel * np.linalg.norm(force_n, axis=1)
             sigma_n = np.hypot(sigma_n, inconsistent_n[:, None])
         max_n, max_sigma_n = self._trained.max_force_n, MAX_SIGMA_REL * self._trained.max_force_n

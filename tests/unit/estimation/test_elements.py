@@ -126,6 +126,21 @@ def test_residuals_without_a_faulty_element_widen_sigma() -> None:
     assert result.inconsistency_sigma_rel[0] > 0.1
 
 
+def test_an_element_that_begins_to_stand_still_widens_sigma() -> None:
+    """By what it contradicts the others, before that is enough to leave it out."""
+    wrong_by = np.linspace(0.0, 0.12, 4)
+    leg, sigmas_rel = Leg(), []
+    for by in wrong_by:
+        closure_rel = pressed()
+        closure_rel[0] -= by
+        result = leg.test(closure_rel)
+        assert not result.missing.any()
+        sigmas_rel.append(float(result.inconsistency_sigma_rel[0]))
+    assert sigmas_rel[0] == 0.0
+    assert np.all(np.diff(sigmas_rel[1:]) > 0.0)
+    assert sigmas_rel[-1] > wrong_by[-1]
+
+
 @pytest.mark.parametrize("load", [0.0, 0.15, 1.0])
 def test_a_foot_whose_load_does_not_change_is_sound_again_after_ten_seconds(load: float) -> None:
     """An element that read another leg's for a while, on a foot that hangs, barely stands, or stands."""
