@@ -161,12 +161,11 @@ class ConsistencyTest:
         self._imputation = imputation
         self._settling_time_ns = settling_time_ns
         shape = (n_legs, ELEMENTS)
-        # As arrays: they are multiplied in every cycle.
-        self._root_mean_of_sum = np.array(1.0 / math.sqrt(ELEMENTS))
-        self._limit_rel = np.array(RESIDUAL_LIMIT_REL)
+        # As an array, for speed: over the root of the sum of squares.
+        self._uncertain_rel_of_sum = np.array(UNCERTAIN_RESIDUAL_REL / math.sqrt(ELEMENTS))
         self._residual_matrices = np.stack(list(map(imputation.residual_matrix, MISSING_SETS)))
         self._whole = np.ascontiguousarray(self._residual_matrices[0].T)
-        self._no_leg = np.zeros(n_legs, bool)
+        self._no_inconsistency, self._no_leg = np.zeros(n_legs), np.zeros(n_legs, bool)
         self.unexplained_legs = self._no_leg
         self._all_trusted = True  # no element is suspected or excluded
         self._hold_ns = round(CAUSE_CONFIRMATION_TIME_REL * settling_time_ns)
@@ -196,17 +195,18 @@ class ConsistencyTest:
             missing: Elements that the network does without, `excluded` included.
             now_ns: Current time [ns].
         """
-        residual = np.abs(closure_rel @ self._whole)
-        largest = np.maximum.reduce(residual, axis=1)
-        rms_rel = self._root_mean_of_sum * np.sqrt(np.add.reduce(closure_rel * closure_rel, axis=1))
-        # A NaN is never consistent: its leg is tested by itself, like a leg with a missing element.
-        consistent = largest <= (RESIDUAL_LIMIT + motion_rel) + self._limit_rel * rms_rel
+        largest = np.maximum.reduce(np.abs(closure_rel @ self._whole), axis=1)
+        sum_rel2 = np.add.reduce(closure_rel * closure_rel, axis=1)
+        # A NaN is never certain: its leg is tested by itself, like a leg with a missing element.
+        certain = largest - motion_rel <= UNCERTAIN_RESIDUAL + self._uncertain_rel_of_sum * np.sqrt(sum_rel2)
+        is_all_sound = self._all_trusted and not np.count_nonzero(missing)
+        if is_all_sound and np.count_nonzero(certain) == certain.size:
+            self._t_ns, self.unexplained_legs = now_ns, self._no_leg
+            return ConsistencyResult(missing, self._no_inconsistency, is_all_ok=True)
+        rms_rel = np.sqrt(sum_rel2 / ELEMENTS)
         inconsistency_rel = _inconsistency_rel(largest, rms_rel, motion_rel)
-        if (
-            self._all_trusted
-            and np.count_nonzero(consistent) == consistent.size
-            and not np.count_nonzero(missing)
-        ):
+        consistent = largest <= _residual_limit_rel(rms_rel, motion_rel)
+        if is_all_sound and consistent.all():
             self._t_ns, self.unexplained_legs = now_ns, self._no_leg
             return ConsistencyResult(missing, inconsistency_rel, is_all_ok=True)
         suspicious = ~consistent | missing.any(axis=1) | self._suspected.any(axis=1)
@@ -320,14 +320,16 @@ class ConsistencyTest:
         return missing
 
 
-def _inconsistency_rel(residual: Vector | float, rms_rel: Vector | float, motion_rel: Vector | float) -> Vector:
+def _inconsistency_rel(
+    residual: Vector | float, rms_rel: Vector | float, motion_rel: Vector | float
+) -> Vector:
     """Return sigma over the force [1] for the largest residual of a foot whose closures have this rms and motion."""
     uncertain = np.maximum(residual - motion_rel - UNCERTAIN_RESIDUAL - UNCERTAIN_RESIDUAL_REL * rms_rel, 0.0)
     inconsistency_rel: Vector = uncertain / np.maximum(rms_rel, RESIDUAL_LIMIT)
     return inconsistency_rel
 
 
-def _residual_limit_rel(rms_rel: Vector | float, motion_rel: float = 0.0) -> Vector:
+def _residual_limit_rel(rms_rel: Vector | float, motion_rel: Vector | float = 0.0) -> Vector:
     """Return the residual limit for a foot whose closures have this rms and motion [1]."""
     limit: Vector = RESIDUAL_LIMIT + motion_rel + np.multiply(RESIDUAL_LIMIT_REL, rms_rel)
     return limit

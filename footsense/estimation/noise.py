@@ -6,6 +6,9 @@ only noise is left. In fast motion even that little exceeds the noise; a second 
 against the first differences, as that of noise is. Over walks that leaves the swings, the turns, and the plateaus of
 the stances: a healthy walk then measures 1.1 to 1.6 times the noise of its converter, and white noise of 20 fF as 21.
 
+Each leg has one variance. Where the noise is on one element, row or column alone (20 fF, in a tripod gait), at least
+99 % of the errors are within 2 sigma all the same.
+
 Noise comes faster than it goes: a burst in each step is held over the steps.
 """
 
