@@ -204,7 +204,7 @@ class ConsistencyTest:
             self._t_ns, self.unexplained_legs = now_ns, self._no_leg
             return ConsistencyResult(missing, self._no_inconsistency, is_all_ok=True)
         rms_rel = np.sqrt(sum_rel2 / ELEMENTS)
-        inconsistency_rel = _inconsistency_rel(largest, rms_rel, motion_rel)
+        inconsistency_rel = inconsistency_sigma_rel(largest, rms_rel, motion_rel)
         consistent = largest <= _residual_limit_rel(rms_rel, motion_rel)
         if is_all_sound and consistent.all():
             self._t_ns, self.unexplained_legs = now_ns, self._no_leg
@@ -233,7 +233,7 @@ class ConsistencyTest:
             self._readmit(leg, closure_rel, motion_rel, missing, now_ns)
             self._update_closure_extremes(leg, closure_rel, missing)
         largest, rms_rel = self._largest_residual(closure_rel, missing)
-        inconsistency_rel = float(_inconsistency_rel(largest, rms_rel, motion_rel))
+        inconsistency_rel = float(inconsistency_sigma_rel(largest, rms_rel, motion_rel))
         if largest <= _residual_limit_rel(rms_rel, motion_rel):
             # What motion could explain neither clears a suspicion nor feeds it.
             if largest <= _residual_limit_rel(rms_rel):
@@ -320,7 +320,7 @@ class ConsistencyTest:
         return missing
 
 
-def _inconsistency_rel(
+def inconsistency_sigma_rel(
     residual: Vector | float, rms_rel: Vector | float, motion_rel: Vector | float
 ) -> Vector:
     """Return sigma over the force [1] for the largest residual of a foot whose closures have this rms and motion."""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from firmware_interface.chips import fdc1004
 from firmware_interface.conversion_order import CONVERSION_ORDERS
-from footsense.estimation.elements import RESIDUAL_LIMIT, RESIDUAL_LIMIT_REL, RESIDUAL_SHARE_IN_SIGMA
+from footsense.estimation.elements import inconsistency_sigma_rel
 from footsense.estimation.missing_elements import Imputation
 from footsense.estimation.network import READINGS, Network, sensitivity
 from footsense.estimation.pipeline import MAX_SIGMA_REL
@@ -280,6 +280,4 @@ class VirtualFeet:
         worst_rel = np.abs(newest_rel @ self._residual).max(axis=1)
         moved_rel = np.abs(np.diff(self._closure_rel, axis=1)).max(axis=1)
         rms_rel = np.sqrt(np.square(newest_rel).mean(axis=1))
-        limit_rel = RESIDUAL_LIMIT + np.sort(moved_rel, axis=1)[:, -2] + RESIDUAL_LIMIT_REL * rms_rel
-        share: Vector = RESIDUAL_SHARE_IN_SIGMA * worst_rel / np.maximum(rms_rel, RESIDUAL_LIMIT)
-        return np.where(worst_rel > limit_rel, share, 0.0)
+        return inconsistency_sigma_rel(worst_rel, rms_rel, np.sort(moved_rel, axis=1)[:, -2])
