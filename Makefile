@@ -3,6 +3,7 @@
 # make test      format, lint, types, import contracts, and the fast tests: a change is good
 # make test-all  the same with all tests: meshes, the page in a browser, packaging, studies, random faults
 # make docs      the reference pages anew from the code, and the documentation site: build/site/docs/index.html
+# make release   wheel and sdist in dist/, each installed in a clean environment, where the README's five lines run; tags nothing
 # make fuzz      an hour of other and more examples for the tests in tests/fuzz
 # make lock      renews the versions and hashes that all of these install: deploy/ and tests/requirements.lock
 # make golden    the recorded walk anew that every change is replayed against; only for a change that is meant to change forces
@@ -19,7 +20,7 @@ UV     := url=$${UV_DEFAULT_INDEX:-$$($(BIN)/pip config list | sed -n "s/.*\.ind
 	env $${url:+UV_DEFAULT_INDEX=$$url} $(BIN)/uv pip
 SYNC   := $(UV) install --quiet --python $(BIN)/python
 
-.PHONY: run install test test-all check slow-tests docs kernel-test kernel-test-short fuzz lock format golden clean newest
+.PHONY: run install test test-all check slow-tests docs release kernel-test kernel-test-short fuzz lock format golden clean newest
 
 run: $(VENV)/robot.stamp
 	$(BIN)/footsense run --realtime --duration 30
@@ -47,6 +48,9 @@ docs: $(VENV)/dev.stamp
 	$(BIN)/python docs/site/reference.py
 	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going --jobs auto -c docs/site . build/site
 	@echo build/site/docs/index.html
+
+release: $(VENV)/dev.stamp
+	$(BIN)/python -m tests.packaging.release
 
 kernel-test: $(VENV)/dev.stamp
 	$(BIN)/python -m tests.kernel

@@ -4,13 +4,11 @@ It needs a package index, as the set-up of the checkout does.
 """
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from tests.packaging.release import ROOT, build, install, read_forces, run
 
 #: Packages of the lab and of development that a robot does not carry.
 NOT_ON_A_ROBOT = {
@@ -27,10 +25,6 @@ NOT_ON_A_ROBOT = {
 }
 
 
-def run(*command: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False, timeout=120)
-
-
 pytestmark = pytest.mark.slow
 
 
@@ -38,18 +32,9 @@ pytestmark = pytest.mark.slow
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return an environment with the packages of the lock file and the wheel."""
     place = tmp_path_factory.mktemp("robot")
-    uv = Path(sys.executable).parent / "uv"
-    alone = ("--offline", "--no-build-isolation", "--python", sys.executable)
-    built = run(uv, "build", "--wheel", *alone, "--out-dir", place, ROOT, cwd=place)
-    assert built.returncode == 0, built.stdout + built.stderr
-    (wheel,) = place.glob("*.whl")
+    wheel = build("wheel", place)
     assert wheel.stat().st_size < 10e6
-    assert run(sys.executable, "-m", "venv", place / "venv", cwd=place).returncode == 0
-    lock = ROOT / "deploy/requirements.lock"
-    for options in (("--require-hashes", "-r", lock), ("--no-index", "--no-deps", wheel)):
-        installed = run(place / "venv/bin/pip", "install", "--quiet", *options, cwd=place)
-        assert installed.returncode == 0, installed.stderr
-    return place / "venv/bin"
+    return install(wheel, place)
 
 
 def test_the_robot_carries_no_lab(robot: Path, tmp_path: Path) -> None:
@@ -74,6 +59,14 @@ def test_the_installed_daemon_walks(robot: Path, tmp_path: Path) -> None:
     assert walked.returncode == 0, walked.stderr
     assert json.loads(walked.stdout)["cycles"] > 0
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_five_lines_of_the_readme_read_forces(robot: Path, tmp_path: Path) -> None:
+    """Force, sigma, age and contact of a leg, some ninety times a second, until the service ends."""
+    lines = read_forces(robot, tmp_path, channel="239.74.163.91")
+    usable = [line for line in lines if " True " in line]
+    assert len(usable) > 200
+    assert any(line.endswith("True True") for line in usable)
 
 
 def test_the_locked_packages_give_the_same_forces(robot: Path, tmp_path: Path) -> None:
