@@ -98,7 +98,7 @@ class Recording:
 
 
 def read(path: str | Path) -> Recording:
-    """Read a recording made by `footsense run --record`, `footsense snapshot` or `footsense record`.
+    """Read a recording made by `footsense run --record`, `footsense snapshot` or `footsense test-stand record`.
 
     A recording that is cut short is read as far as it is whole, with a warning that says how far.
 
