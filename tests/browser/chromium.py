@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import Any, Self
 
 from selenium import webdriver
+from selenium.webdriver import ActionChains
 from selenium.webdriver.chrome.options import Options
 from selenium.webdriver.chrome.service import Service
+from selenium.webdriver.common.by import By
 from selenium.webdriver.support.ui import WebDriverWait
 
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
@@ -87,6 +89,23 @@ class Browser:
             "for (const key of arguments[0]) document.body.dispatchEvent(new KeyboardEvent('keydown', {0}))"
         )
         self.js(pressed.replace("{0}", "{key, bubbles: true}"), keys)
+
+    def point(self, selector: str, share: float) -> ActionChains:
+        """Move the mouse over an element; `share` is the place over its width, from the left."""
+        element = self.driver.find_element(By.CSS_SELECTOR, selector)
+        actions = ActionChains(self.driver, duration=0)
+        across = round((share - 0.5) * element.size["width"])
+        actions.move_to_element_with_offset(element, across, 0).perform()
+        return actions
+
+    def drag(self, selector: str, first: float, last: float) -> None:
+        """Drag the mouse over an element, from one share of its width to another."""
+        self.point(selector, first).click_and_hold().perform()
+        self.point(selector, last).release().perform()
+
+    def double_click(self, selector: str) -> None:
+        """Double-click in the middle of an element."""
+        self.point(selector, 0.5).double_click().perform()
 
     def text(self, selector: str) -> str:
         """Return the text of the first element of a CSS selector."""

@@ -56,7 +56,7 @@ def test_six_feet_and_the_pressed_one(browser: Browser, cycles: Path, url: str) 
         )
         assert browser.text("#title") == "six feet under a thumb"
         assert browser.text("[data-leg=rm] .fz") == "1.20 N"
-        assert browser.text("tr[data-leg=rm]").startswith("RMvalid+0.200+0.100+1.20020")
+        assert browser.text("tr[data-leg=rm]").startswith("RMvalidcontact+0.200+0.100+1.20020")
         assert browser.text("[data-leg=lf] .fz") == "0.00 N"
         assert cell_colour(browser, "rm", 8) != cell_colour(browser, "rm", 0) != cell_colour(browser, "lf", 0)
         # Forward is up and left is left: the arrow of a force forwards and to the left.
@@ -89,9 +89,6 @@ def test_six_feet_and_the_pressed_one(browser: Browser, cycles: Path, url: str) 
         assert np.subtract(frame[2:], last[2:]) == pytest.approx(np.subtract(first[:2], frame[:2]))
         assert np.add(last[:2], last[2:]) == pytest.approx(np.add(cross[:2], cross[2:]))
         assert cell_colour(browser, "rm", 7) != cell_colour(browser, "rm", 0)
-        browser.js("document.querySelector('[data-signal=closure_4]').click()")
-        browser.wait("footsense.plot.pairs.length === 12", service.publish)
-        assert browser.js("return document.querySelectorAll('#chart .uplot').length") == 1
         assert browser.errors() == []
 
 
@@ -212,6 +209,126 @@ def test_a_recording_is_played_and_stepped(browser: Browser) -> None:
         browser.wait("document.querySelectorAll('#robot .contact').length >= 3")
         assert re.match(r"2\.00 / 4\.0 s", browser.text("#time"))
         assert t < 2.0
+        browser.point("[data-leg=rr] .u-over", 0.999)
+        browser.wait("document.querySelector('.at').textContent.startsWith('3.9')")
+        assert browser.errors() == []
+
+
+#: The texts that are drawn on the plots, with their places [px]; and the lines, with colour and dashes.
+WATCH_CANVAS = """
+const drawing = CanvasRenderingContext2D.prototype, { fillText, stroke } = drawing;
+Object.assign(footsense, { texts: [], lines: new Set() });
+drawing.fillText = function (text, x, y) {
+  const half = this.measureText(text).width / 2, place = this.canvas.getBoundingClientRect();
+  footsense.texts.push([text, x - half, x + half, y + 12, place.width, place.height]);
+  fillText.apply(this, arguments);
+};
+drawing.stroke = function () {
+  footsense.lines.add(`${this.strokeStyle} ${this.getLineDash()}`);
+  stroke.apply(this, arguments);
+};"""
+
+
+@pytest.mark.parametrize("height", [720, 837])
+def test_all_is_whole_with_six_faults(browser: Browser, cycles: Path, url: str, height: int) -> None:
+    """Table, faults and times are in the window, and the lanes of six like legs do not touch."""
+    with ViewedService(cycles) as service:
+        service.state[:], service.cause[:] = State.DEGRADED, Cause.ROW_OPEN
+        service.state[5], service.cause[5] = State.CONVERTER_FAULT, Cause.NEVER_FINISHES
+        service.fault_mask[:] = 0b111
+        service.force_n[:, 2] = 0.6
+        browser.look(1280, height)
+        browser.open(url)
+        browser.wait(f"{SIX_FEET} && document.querySelectorAll('#problems li').length === 6", service.publish)
+        browser.js(WATCH_CANVAS)
+        browser.wait("footsense.texts.some(([text]) => / s$/.test(text))", service.publish)
+        for room, parts in {"#legs": "tr", "#problems": "li", "#chart": ".lane canvas"}.items():
+            top, bottom, *edges = browser.js(
+                "const edges = (node) => { const box = node.getBoundingClientRect(); return [box.top, box.bottom] };"
+                "const [room, parts] = [...arguments].map((text) => [...document.querySelectorAll(text)]);"
+                "return [...edges(room[0]), ...parts.flatMap(edges)]",
+                room,
+                f"{room} {parts}",
+            )
+            assert len(edges) >= 12
+            assert 0 < top <= edges[0]
+            assert edges == sorted(edges)
+            assert edges[-1] <= bottom <= height
+        assert (
+            browser.js(
+                "const legs = document.querySelector('#legs'); return legs.scrollWidth - legs.clientWidth"
+            )
+            == 0
+        )
+        for text, left, right, under, width, depth in browser.js("return footsense.texts"):
+            if text.endswith(" s"):
+                assert 0 <= left < right <= width, text
+                assert under <= depth, text
+        browser.look()
+
+
+def test_a_plot_is_pointed_at_and_zoomed(browser: Browser, cycles: Path, url: str) -> None:
+    """It shows the values of each leg under the mouse; what is drawn over fills it until a double click."""
+    with ViewedService(cycles) as service:
+        browser.open(url)
+        browser.wait(SIX_FEET, service.publish)
+
+        def rise() -> None:
+            for _ in range(20):
+                service.force_n[:, 2] = 0.5 + 0.001 * service.n + 0.1 * np.arange(6)
+                service.publish()
+
+        browser.wait("footsense.store.end > 1", rise)
+        browser.js("document.querySelector('#pause').click()")
+
+        def point(share: float) -> tuple[float, float, float]:
+            browser.point("[data-leg=lm] .u-over", share)
+            drawn = browser.js("return footsense.frames")
+            browser.wait(f"footsense.frames > {drawn + 10}")
+            at = browser.text("#chart .at").removesuffix(" s")
+            lf, rr = (browser.text(f".lane[data-leg={leg}] .values") for leg in ("lf", "rr"))
+            return float(at), float(lf), float(rr)
+
+        (t_0, _, _), (t_1, first, _), (t_2, second, last) = point(0.01), point(0.25), point(0.75)
+        assert last - second == pytest.approx(0.5, abs=2e-3)
+        assert second - first == pytest.approx(0.001 * (t_2 - t_1) / 2.7e-3, abs=3e-3)
+        assert t_2 - t_1 == pytest.approx(0.5 * browser.js("return footsense.store.end"), rel=0.05)
+        browser.drag("[data-leg=lm] .u-over", 0.25, 0.75)
+        browser.wait("footsense.plot.zoom")
+        assert (point(0.01)[0], point(0.99)[0]) == pytest.approx((t_1, t_2), abs=0.03)
+        browser.double_click("[data-leg=lm] .u-over")
+        browser.wait("!footsense.plot.zoom")
+        assert point(0.01)[0] == pytest.approx(t_0, abs=0.03)
+
+
+def test_the_plot_says_what_a_line_is_and_what_has_no_data(browser: Browser, cycles: Path, url: str) -> None:
+    """The chosen signals have the colour and the dashes of their lines; a leg alone or a signal may have no data."""
+    with ViewedService(cycles) as service:
+        service.state[5], service.cause[5] = State.ABSENT, Cause.NO_ANSWER
+        service.force_n[:] = 0.1, 0.2, 0.6
+        browser.open(url)
+        browser.wait(SIX_FEET, service.publish)
+        for signal in ("fx", "fy", "temperature"):
+            browser.js(f"document.querySelector('[data-signal={signal}]').click()")
+        browser.wait("footsense.store.end > 0.5", lambda: service.publish(20))
+        browser.js(WATCH_CANVAS)
+        browser.wait("footsense.lines.size > 4", service.publish)
+        legend = browser.js(
+            "const any = document.createElement('canvas').getContext('2d');"
+            "return ['fz', 'fx', 'fy'].map((name) => {"
+            " const line = document.querySelector(`[data-signal=${name}] svg`);"
+            " any.strokeStyle = getComputedStyle(line).color;"
+            " return `${any.strokeStyle} ${line.firstChild.getAttribute('stroke-dasharray')}` })"
+        )
+        assert len(set(legend)) == 3
+        assert set(legend) <= set(browser.js("return [...footsense.lines]"))
+        assert browser.text(".lane[data-leg=lf] p") == "temperature: no data"
+        assert (
+            browser.text(".lane[data-leg=rr] p")
+            == "fz: no data, fx: no data, fy: no data, temperature: no data"
+        )
+        browser.keys("6")
+        assert browser.js("return document.querySelectorAll('#chart .uplot').length") == 5
         assert browser.errors() == []
 
 

@@ -58,12 +58,13 @@ class ViewedService:
         state: State of each leg, shape (6,).
         cause: Cause of each, shape (6,).
         fault_mask: Elements out of each, shape (6,).
+        n: Cycles so far.
     """
 
     def __init__(self, path: Path, header: dict[str, str] = HEADER) -> None:
         status = ServiceStatus(CanStatistics(), np.full(_SHAPE, UNLOADED_PF).tobytes())
         self._ring = CycleRing(path, LEGS, header, 370.0, lambda: status)
-        self._n = 0
+        self.n = 0
         self.force_n = np.zeros((6, 3))
         self.state = np.full(6, State.VALID, np.uint8)
         self.cause = np.full(6, Cause.NONE, np.uint8)
@@ -72,8 +73,8 @@ class ViewedService:
     def publish(self, n: int = 1) -> None:
         """Publish some cycles with the present values."""
         for _ in range(n):
-            self._n += 1
-            self._ring.observe(self.cycle(self._n))
+            self.n += 1
+            self._ring.observe(self.cycle(self.n))
 
     def cycle(self, number: int) -> Cycle:
         """Return a cycle with the present values."""

@@ -2,7 +2,7 @@
 
 import { css, number } from "./format.js";
 
-const AHEAD_S = 4, BEHIND_S = 9, KEPT_S = 60;
+const AHEAD_S = 11, BEHIND_S = 11, KEPT_S = 60;
 const COLOURS = { fault: "--bad", warning: "--warn", good: "--good" };
 const $ = (id) => document.getElementById(id);
 

@@ -1,13 +1,14 @@
 // The robot from above: each foot's closures as a heat map, its force as an arrow, the load along the leg as a bar.
 
-import { FLAG, css, number, setText, svg } from "./format.js";
+import { footing } from "./columns.js";
+import { css, number, setText, svg } from "./format.js";
 
 const PLACES = {
   lf: [112, 112], lm: [112, 306], lr: [112, 500], rf: [408, 112], rm: [408, 306], rr: [408, 500], l4: [112, 694], r4: [408, 694],
 };
 const ROWS = 3, GAP = 3, HALF = 54; // of the cells of a foot: rows, room between, and half the side
 const FULL_LOAD_N = 1.5; // of the bar; it grows with the largest load
-const REACH_PX = 74; // of the longest arrow, or the widest cone
+const REACH_PX = 48; // of the longest arrow, or the widest cone: it stays in its foot's frame
 const STEPS = [0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100];
 
 export class Robot {
@@ -103,12 +104,15 @@ class Foot {
     this.head = svg("path", { class: "head", d: "M0 0 L-11 5.5 L-11 -5.5 Z" });
     const name = svg("text", { class: "name", x: x - side, y: y - side - 8 });
     name.textContent = leg.toUpperCase();
-    this.force = svg("text", { x: x + side, y: y - side - 8, "text-anchor": "end", class: "fz" });
+    this.force = svg("tspan", { class: "fz" });
+    this.error = svg("tspan", { class: "small" });
     this.state = svg("text", { x: x - side, y: y + side + 17 });
-    this.ground = svg("text", { x: x + side, y: y + side + 17, "text-anchor": "end", class: "small" });
+    this.ground = svg("text", { x: x + side + 12, y: y + side + 17, "text-anchor": "end", class: "small" });
+    const room = { x: x - side, y: y - side, width: 2 * side, height: 2 * side }; // an <svg> in it cuts what is outside
     this.group.append(
-      this.frame, ...this.cells, ...this.dead, svg("rect", { class: "rail", ...rail, y: y - side, height: 2 * side }),
-      this.load, this.cone, this.sigma, this.halo, this.arrow, this.head, name, this.force, this.state, this.ground,
+      this.frame, ...this.cells, ...this.dead, svg("rect", { class: "rail", ...rail, y: y - side, height: 2 * side }), this.load,
+      svg("svg", { ...room, viewBox: Object.values(room).join(" ") }, this.cone, this.sigma, this.halo, this.arrow, this.head),
+      name, svg("text", { x: x - side + 34, y: y - side - 8 }, this.force, this.error), this.state, this.ground,
     );
   }
 
@@ -128,8 +132,7 @@ class Foot {
     }
     const fx = get("fx"), fy = get("fy"), fz = get("fz");
     const usable = !Number.isNaN(fz);
-    const contact = usable && Boolean(get("flags") & FLAG.CONTACT);
-    const slips = get("slip") === 2;
+    const ground = footing(get), contact = ground === "contact" || ground === "slips", slips = ground === "slips";
     const friction = get("friction"), ratio = get("tangential_over_normal");
     const near = contact && ratio > 0.8 * friction;
     const css = `foot${contact ? " contact" : ""}${slips ? " slips" : ""}${near ? " near" : ""}`
@@ -146,9 +149,10 @@ class Foot {
     this.load.setAttribute("y", this.y + this.side - height);
     this.load.setAttribute("height", height);
     setText(this.force, usable ? `${number(fz, 2)} N` : "– N");
+    setText(this.error, usable ? ` ±${number(get("sigma_z"), 2)}` : "");
     setText(this.state, state.name);
     this.state.setAttribute("class", state.phase);
-    setText(this.ground, slips ? "slips" : state.name.length > 8 ? "" : contact ? "contact" : usable ? "swing" : "");
+    setText(this.ground, ground);
   }
 
   // From above, x forward is up on the screen and y left is left.

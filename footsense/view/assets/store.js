@@ -40,6 +40,7 @@ export class Store {
   }
 
   has(number) { return this.segments.some((segment) => segment.number === number); }
+  get begin() { return this.segments[0]?.t[0] ?? 0; }
   get end() { const last = this.segments.at(-1); return last ? last.t[last.n - 1] : NaN; }
 
   // The last cycle at or before a time.

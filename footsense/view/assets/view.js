@@ -9,7 +9,7 @@ import { Replay } from "./replay.js";
 import { Robot } from "./robot.js";
 import { Store } from "./store.js";
 
-const PLOT_S = 10, TEXT_MS = 100, PLOT_MS = 33;
+const PLOT_S = 10, SHORTEST_PLOT_S = 0.1, TEXT_MS = 100, PLOT_MS = 33;
 const STALE_MS = 500; // without a new cycle for so long, the picture is old
 
 const $ = (id) => document.getElementById(id);
@@ -100,8 +100,9 @@ function draw(now) {
   }
   if (now >= plotDue) {
     plotDue = now + PLOT_MS;
-    const ahead = page.replay ? PLOT_S / 4 : 0;
-    page.plot.draw(page.store, t - PLOT_S + ahead, t + ahead, t);
+    const begin = page.replay ? 0 : page.store.begin, end = page.replay ? page.replay.end : t;
+    const from = Math.max(begin, Math.min(t + (page.replay ? PLOT_S / 4 : 0), end) - PLOT_S);
+    page.plot.draw(page.store, from, Math.max(Math.min(from + PLOT_S, end), from + SHORTEST_PLOT_S), t);
   }
 }
 
