@@ -48,13 +48,20 @@ def footsense(*arguments: str | Path) -> Iterator[str]:
             process.terminate()
 
 
+def pause(browser: Browser) -> None:
+    """Pause the page, and wait until its slower texts are of the same time."""
+    browser.js("document.querySelector('#pause').click()")
+    drawn = browser.js("return footsense.frames")
+    browser.wait(f"footsense.frames > {drawn + 20}")
+
+
 def walk(browser: Browser) -> None:
     """Draw a walk, on a screen and on a phone."""
     with footsense("run", "--scene", "measured_walk", "--realtime") as url:
         browser.look(1280, 800)
         browser.open(url)
         browser.wait("footsense.store?.end > 9 && document.querySelectorAll('#robot .contact').length === 3")
-        browser.js("document.querySelector('#pause').click()")
+        pause(browser)
         browser.picture(FOLDER / "view-live.png")
         browser.look(390, 844, dark=True)
         browser.wait("innerWidth === 390 && footsense.frames > 10")
@@ -67,9 +74,9 @@ def fault(browser: Browser, folder: Path) -> None:
     with footsense("run", "--scene", folder / "scene.yaml", "--realtime") as url:
         browser.look(1280, 800)
         browser.open(url)
-        browser.wait("footsense.store?.end > 9 && document.querySelector('[data-leg=lm].contact')")
-        browser.js("document.querySelector('#pause').click()")
-        browser.wait("document.querySelectorAll('#problems li').length === 2")
+        browser.wait("footsense.store?.end > 9 && document.querySelectorAll('#problems li').length === 2")
+        browser.wait("document.querySelector('[data-leg=lm].contact')")
+        pause(browser)
         browser.picture(FOLDER / "view-fault.png")
 
 
