@@ -146,6 +146,11 @@ def word_of(code: IntEnum) -> str:
     return code.name.lower().replace("_", " ")
 
 
+def contact_word(contact: bool | None) -> str:  # noqa: FBT001 - a state, not an option
+    """Return what a foot does, as far as it is known: `contact`, `swing`, or nothing."""
+    return "" if contact is None else "contact" if contact else "swing"
+
+
 def phase_of(state: State) -> LegPhase:
     """Return the operating phase that a leg state belongs to."""
     if state is State.NO_BASELINE:

@@ -11,8 +11,9 @@ from rich.logging import RichHandler
 from rich.progress_bar import ProgressBar
 from rich.text import Text
 
-from footsense.cli.tables import Column, force_column, state_column, table
-from footsense.frames import IS_USABLE_STATE, Cycle, Flag, State, Vector
+from footsense.cli.tables import Column, contact_column, fitting, force_columns, state_column, table
+from footsense.frames import IS_USABLE_STATE, Cause, Cycle, Flag, State, Vector
+from footsense.leg_words import word_of
 from footsense.ports import Observer
 
 _REDRAW_PERIOD_NS = 66_000_000
@@ -53,6 +54,7 @@ class LiveView(Observer):
 
 
 def legs_table(
+    console: Console,
     legs: tuple[str, ...],
     title: str,
     url: str,
@@ -60,9 +62,10 @@ def legs_table(
     cycle: Cycle,
     elapsed_s: float,
 ) -> Group:
-    """Return the legs after a cycle as a table for a terminal of 80 columns.
+    """Return the legs after a cycle as a table.
 
     Args:
+        console: Terminal whose width it has at most.
         legs: Names of the legs in the order of the frames' rows.
         title: Source of the frames.
         url: Address of the page; empty without one.
@@ -77,23 +80,28 @@ def legs_table(
     columns: list[Column[int]] = [
         Column("leg", lambda row: legs[row], "<3"),
         state_column(lambda row: State(int(forces.state[row]))),
-        force_column("force_n", lambda row: force_n[row].tolist()),
+        contact_column(lambda row: bool(forces.flags[row] & Flag.CONTACT) if usable[row] else None),
+        *force_columns("force_n", lambda row: force_n[row].tolist()),
         Column(
             "load",
             lambda row: usable[row],
             f"<{_BAR_WIDTH_CELLS}",
             cell=lambda row: _force_bar(force_n[row, 2]),
+            worth=3,
         ),
     ]
     if true_force_n_at is not None:
         true_n = true_force_n_at(forces.t_sent_ns)
-        columns.append(Column("true_n", lambda row: true_n[row, 2], ">8.3f", style=lambda _: "dim"))
-    columns.append(Column("age_ms", lambda row: age_ms[row], ">8.1f"))
-    head = Text.assemble(("footsense  ", "bold"), title, (f"   {elapsed_s:5.1f} s", "dim"))
-    head.append(*((f"   {url}", "cyan") if url else (f"   cycle {forces.sequence}", "dim")))
+        columns.append(Column("true_n", lambda row: true_n[row, 2], ">8.3f", style=lambda _: "dim", worth=4))
+    columns.append(Column("age_ms", lambda row: age_ms[row], ">8.1f", worth=2))
+    columns.append(Column("cause", lambda row: word_of(Cause(int(forces.cause[row]))), "<15", worth=1))
+    head = Text.assemble(("footsense  ", "bold"), (f"{elapsed_s:.1f} s", "dim"), overflow="ellipsis")
+    head.no_wrap = True
     if (forces.flags & Flag.DEGRADED_TIMING).any():
         head.append("  timing degraded", "bold red")
-    return Group(head, Text(), table(columns, range(len(legs))))
+    head.append(f"  {title}")
+    head.append(*((f"  {url}", "cyan") if url else (f"  cycle {forces.sequence}", "dim")))
+    return Group(head, Text(), table(fitting(columns, console.width), range(len(legs))))
 
 
 def _force_bar(force_n: float) -> ProgressBar | str:

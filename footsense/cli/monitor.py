@@ -3,11 +3,12 @@
 import math
 from collections.abc import Callable
 from contextlib import ExitStack, closing
+from dataclasses import replace
 from itertools import count
 from typing import Any
 
 import click
-from rich.console import Console, Group
+from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.text import Text
 
@@ -18,8 +19,10 @@ from footsense.cli.options import StopRequest, duration_option
 from footsense.cli.tables import (
     EMPTY_CELL,
     Column,
+    contact_column,
     echo_json,
-    force_column,
+    fitting,
+    force_columns,
     json_row,
     state_column,
     styled,
@@ -96,38 +99,49 @@ def monitor(
                 return
             t_s = round((t_ns - start_ns) * 1e-9, 3)
             if live is not None:
-                live.update(monitor_tables(listener.snapshot(), f"{channel}   {t_s:5.1f} s"), refresh=True)
+                legs = listener.snapshot()
+                live.update(monitor_tables(legs, channel, t_s, console.width), refresh=True)
             elif step % _REDRAWS_PER_LINE == 0:
-                for snapshot in listener.snapshot():
+                legs = listener.snapshot()
+                if not legs and step == _REDRAWS_PER_LINE:
+                    click.echo(f"footsense: {_silence(channel)}", err=True)
+                for snapshot in legs:
                     echo_json({"t_s": t_s, **json_row(COLUMNS, snapshot)}, indent=0)
 
 
-def monitor_tables(legs: list[LegSnapshot], title: str) -> Group:
-    """Return the picture of all legs, for a terminal of 80 columns and 22 lines.
+def monitor_tables(legs: list[LegSnapshot], channel: str, t_s: float, width: int) -> Group:
+    """Return the picture of all legs; that of six has 22 lines.
 
     Args:
         legs: The legs as their frames show them.
-        title: Channel and time.
+        channel: Name of the channel.
+        t_s: Time since the start [s].
+        width: Columns of the terminal.
     """
-    head = Text.assemble(("footsense monitor  ", "bold"), title)
+    head = Text.assemble(("footsense monitor  ", "bold"), f"{channel}  {t_s:.1f} s", overflow="ellipsis")
+    head.no_wrap = True
     if any(leg.force.flags & Flag.SIMULATED for leg in legs):
         head.append("  simulated", "dim")
     if any(leg.report.heartbeat and leg.report.heartbeat.degraded_timing for leg in legs):
         head.append("  timing degraded", "bold red")
     if any(leg.report.gait and leg.report.gait.all_in_air for leg in legs):
         head.append("  in air", "cyan")
-    return Group(
-        head,
-        *(
-            table([_LEG_COLUMN, *columns], legs)
-            for columns in (_FORCE_COLUMNS, _GAIT_COLUMNS, _REPORT_COLUMNS)
-        ),
-    )
+    heads = [head]
+    if not any(leg.is_current for leg in legs):
+        heads.append(Text(_silence(channel), "bold red"))
+    tables = [
+        table(fitting([_LEG_COLUMN, *columns], width), legs)
+        for columns in (_FORCE_COLUMNS, _GAIT_COLUMNS, _REPORT_COLUMNS)
+    ]
+    return Group(*heads, *(tables if legs else ()))
 
 
-def _contact_cell(leg: LegSnapshot) -> str:
-    contact = leg.force.contact
-    return EMPTY_CELL if contact is None else styled("down", "cyan") if contact else "up"
+def _silence(channel: str) -> str:
+    return f"no frames on {channel}; is the service running?"
+
+
+def _state_cell(leg: LegSnapshot) -> RenderableType:
+    return _STATE_COLUMN.cells(leg)[0] if leg.is_current else styled("silent", "bold red")
 
 
 def _slip_cell(leg: LegSnapshot) -> str:
@@ -178,61 +192,66 @@ def _entry(path: str, scale: float | None = None) -> Callable[[LegSnapshot], Any
     return value
 
 
-def _reported(name: str, form: str = "", *titles: str) -> Column[LegSnapshot]:
+def _reported(name: str, form: str = "", *titles: str, worth: int = 9) -> Column[LegSnapshot]:
     """Return the column of an entry of a leg's reports that has its name and unit."""
-    return Column(name, _entry(name), form, titles)
+    return Column(name, _entry(name), form, titles, worth=worth)
 
 
 _LEG_COLUMN: Column[LegSnapshot] = Column("leg", lambda leg: leg.leg, "<3")
+_STATE_COLUMN: Column[LegSnapshot] = state_column(lambda leg: leg.force.state if leg.is_current else None)
 _FORCE_COLUMNS: list[Column[LegSnapshot]] = [
-    state_column(lambda leg: leg.force.state if leg.is_current else None),
+    replace(_STATE_COLUMN, cell=_state_cell),
     Column(
         "link",
         lambda leg: leg.force.status,
         "<8",
         style=lambda leg: _LINK_STYLES.get(leg.force.status, "bold red"),
+        worth=1,
     ),
     Column("forces", lambda leg: leg.n_force_frames),
     Column("phase", lambda leg: phase_of(leg.force.state) if leg.is_current else None),
     Column("usable", lambda leg: leg.force.usable),
-    force_column("force_n", lambda leg: leg.force.force_n),
+    contact_column(lambda leg: leg.force.contact),
+    *force_columns("force_n", lambda leg: leg.force.force_n),
     Column(
         "sigma_n",
         lambda leg: leg.force.sigma_n,
         ">5",
         ("sigma",),
         cell=lambda leg: value_text(max(leg.force.sigma_n), ".3f"),
+        worth=3,
     ),
-    Column("age_ms", lambda leg: _scaled(leg.force.age_ns, 1e-6), ">8.1f"),
-    Column("contact", lambda leg: leg.force.contact, "<4", ("foot",), cell=_contact_cell),
+    Column("age_ms", lambda leg: _scaled(leg.force.age_ns, 1e-6), ">8.1f", worth=4),
+    Column("rate_hz", lambda leg: leg.rate_hz, ">4", ("Hz",), worth=2),
     Column("simulated", lambda leg: bool(leg.force.flags & Flag.SIMULATED) if leg.is_current else None),
 ]
 _GAIT_COLUMNS: list[Column[LegSnapshot]] = [
     _reported("gait.contact"),
     _reported("gait.contact_raw"),
     _reported("gait.probability", ">7.1%", "contact"),
-    _reported("gait.load_share", ">5.0%", "share"),
-    Column("gait.slip", _entry("gait.slip"), "<6", cell=_slip_cell),
+    _reported("gait.load_share", ">5.0%", "share", worth=8),
+    Column("gait.slip", _entry("gait.slip"), "<6", cell=_slip_cell, worth=7),
     _reported("gait.all_in_air"),
-    _reported("ground.tangential_over_normal", ">8.2f", "friction"),
-    _reported("ground.tangential_over_normal_sigma", ">4.2f", "+-"),
-    _reported("ground.friction", ">4.2f", "cone"),
-    _reported("ground.normal", ">+8.2f", "normal x", "y"),
+    _reported("ground.tangential_over_normal", ">8.2f", "friction", worth=6),
+    _reported("ground.tangential_over_normal_sigma", ">4.2f", "+-", worth=4),
+    _reported("ground.friction", ">4.2f", "cone", worth=5),
+    _reported("ground.normal", ">+8.2f", "normal x", "y", worth=2),
     Column(
         "ground.normal_sigma_deg",
         _entry("ground.normal_sigma_rad", math.degrees(1.0)),
         ">8.1f",
         ("+- [deg]",),
+        worth=1,
     ),
 ]
 _REPORT_COLUMNS: list[Column[LegSnapshot]] = [
     Column("cause", _cause, "<15", style=lambda leg: "" if _cause(leg) == word_of(Cause.NONE) else "yellow"),
-    Column("elements_out", _elements_out, "<11", ("elements",), cell=_elements_cell),
-    _reported("baseline.status", "<9", "baseline"),
-    Column("baseline.mean_ff", _entry("baseline.mean_pf", 1e3), ">+7.1f", ("mean fF",)),
-    Column("baseline.worst_ff", _entry("baseline.worst_pf", 1e3), ">+7.1f", ("worst",)),
-    Column("baseline.moved_s_ago", _entry("baseline.age_ns", 1e-9), ">7.1f", ("ago [s]",)),
-    Column("heartbeat", _entry("heartbeat.state"), "<7", ("node",), cell=_node_cell),
+    Column("elements_out", _elements_out, "<11", ("elements",), cell=_elements_cell, worth=8),
+    _reported("baseline.status", "<9", "baseline", worth=6),
+    Column("baseline.mean_ff", _entry("baseline.mean_pf", 1e3), ">+7.1f", ("mean fF",), worth=4),
+    Column("baseline.worst_ff", _entry("baseline.worst_pf", 1e3), ">+7.1f", ("worst",), worth=5),
+    Column("baseline.moved_s_ago", _entry("baseline.age_ns", 1e-9), ">7.1f", ("ago [s]",), worth=3),
+    Column("heartbeat", _entry("heartbeat.state"), "<7", ("node",), cell=_node_cell, worth=7),
     Column("force_step_mn", lambda leg: leg.identity and leg.identity.force_step_mn),
     Column("foot_type_hash", lambda leg: leg.identity and f"{leg.identity.foot_type_hash:08x}"),
     Column("degraded_timing", _entry("heartbeat.degraded_timing")),

@@ -121,8 +121,9 @@ def run(
         if live:
             from footsense.cli.live import LiveView, legs_table
 
-            picture = partial(legs_table, service.legs, title, url, service.true_force_n_at)
-            service.observers.append(stack.enter_context(closing(LiveView(_console(), picture))))
+            console = _console()
+            picture = partial(legs_table, console, service.legs, title, url, service.true_force_n_at)
+            service.observers.append(stack.enter_context(closing(LiveView(console, picture))))
         service.run(lambda: stop.requested, service.clock.now_ns() + duration_s * _NS_PER_S)
     can = service.sink.stats
     figures: dict[str, Any] = {

@@ -17,12 +17,14 @@ import click
 import msgspec
 
 from firmware_interface.can.codes import State
-from footsense.leg_words import LegPhase, phase_of, word_of
+from footsense.leg_words import LegPhase, contact_word, phase_of, word_of
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.table import Table
 
+#: Columns of the terminal between two of a table.
+_SPACE = 2
 #: Cell of an unknown value.
 EMPTY_CELL = "[dim]-[/]"
 
@@ -67,6 +69,7 @@ class Column(Generic[Row]):
         titles: Headings; several for a value of several parts. None: that of the name.
         style: Style of the cell of a row; None for a plain one.
         cell: Text of the cell, with markup; None for the value in the form and style.
+        worth: A terminal that is too narrow loses the columns of the least worth first, those of one worth together.
     """
 
     name: str
@@ -75,6 +78,7 @@ class Column(Generic[Row]):
     titles: tuple[str, ...] | None = None
     style: Callable[[Row], str] | None = None
     cell: Callable[[Row], "RenderableType"] | None = None
+    worth: int = 9
 
     @property
     def headings(self) -> tuple[str, ...]:
@@ -82,6 +86,17 @@ class Column(Generic[Row]):
         if not self.form:
             return ()
         return (heading(self.name.rpartition(".")[2]),) if self.titles is None else self.titles
+
+    @property
+    def width(self) -> int:
+        """Width in a table, with the space behind it; 0 if the value is in JSON alone."""
+        return sum(max(self.least_width, len(title)) + _SPACE for title in self.headings)
+
+    @property
+    def least_width(self) -> int:
+        """Least width of its cells, of the form."""
+        found = re.search(r"\d+", self.form)
+        return int(found[0]) if found else 0
 
     def cells(self, row: Row) -> list["RenderableType"]:
         """Return the cells of a row, one under each heading."""
@@ -94,20 +109,30 @@ class Column(Generic[Row]):
         return [f"[{style}]{text}[/]" if style else text for text in texts]
 
 
+def fitting(columns: Iterable[Column[Row]], width: int) -> list[Column[Row]]:
+    """Return the columns that fit into a width, without those of the least worth."""
+    shown = [column for column in columns if column.form]
+    while sum(column.width for column in shown) - _SPACE > width:
+        least = min(column.worth for column in shown)
+        if not (kept := [column for column in shown if column.worth > least]):
+            break
+        shown = kept
+    return shown
+
+
 def table(columns: Iterable[Column[Row]], rows: Iterable[Row]) -> "Table":
     """Return a table with a line for each row, of those columns that have a form."""
     from rich.markup import escape
     from rich.table import Table
 
     shown = [column for column in columns if column.form]
-    drawn = Table(box=None, pad_edge=False, padding=(0, 1))
+    drawn = Table(box=None, pad_edge=False, padding=(0, _SPACE // 2))
     for column in shown:
-        found = re.search(r"\d+", column.form)
         for title in column.headings:
             drawn.add_column(
                 escape(title),
                 justify="right" if column.form[0] == ">" else "left",
-                min_width=int(found[0]) if found else None,
+                min_width=column.least_width or None,
                 no_wrap=True,
             )
     for row in rows:
@@ -212,12 +237,29 @@ def state_column(state: Callable[[Row], State | None]) -> Column[Row]:
         found = state(row)
         return "" if found is None else _PHASE_STYLES[phase_of(found)]
 
-    return Column("state", state, "<15", style=style)
+    return Column("state", state, "<15", style=style, worth=8)
 
 
-def force_column(name: str, force_n: Callable[[Row], Sequence[float]]) -> Column[Row]:
-    """Return the column of a force [N] in its three components; one that rounds to zero has no sign."""
-    return Column(name, force_n, ">+z7.3f", ("fx [N]", "fy [N]", "fz [N]"))
+def contact_column(contact: Callable[[Row], bool | None]) -> Column[Row]:
+    """Return the column of whether a foot is in contact."""
+    style = {None: "dim", True: "cyan", False: ""}
+    return Column(
+        "contact",
+        contact,
+        "<7",
+        ("foot",),
+        cell=lambda row: styled(contact_word(contact(row)) or "-", style[contact(row)]),
+        worth=6,
+    )
+
+
+def force_columns(name: str, force_n: Callable[[Row], Sequence[float]]) -> list[Column[Row]]:
+    """Return the columns of a force [N] in its three components; one that rounds to zero has no sign."""
+    parts: list[Column[Row]] = [
+        Column("", lambda row: force_n(row)[0:2], ">+z7.3f", ("fx [N]", "fy [N]"), worth=5),
+        Column("", lambda row: force_n(row)[2], ">+z7.3f", ("fz [N]",), worth=7),
+    ]
+    return [Column(name, force_n), *parts]
 
 
 def _plain(value: Any) -> Any:  # noqa: ANN401 - whatever JSON has

@@ -1,6 +1,6 @@
 """Receiver of every leg's forces and reports on CAN, for `footsense.connect`, `footsense monitor` and `ros2`."""
 
-from collections import Counter
+from collections import Counter, defaultdict, deque
 from typing import NamedTuple
 
 from firmware_interface.can.all_legs import NODES_OF_FRAME
@@ -24,11 +24,13 @@ from footsense.client import (
 )
 from footsense.daemon.can_output import open_wire
 from footsense.errors import CanError
-from footsense.frames import LEGS
 from footsense.ports import CanWire, Clock
 
-#: Period of reading the channel [ns].
+#: Period of reading the channel, and time over which forces are counted for their rate [ns].
 _POLL_PERIOD_NS = 5_000_000
+_NS_PER_S = 1_000_000_000
+#: Most forces of a leg in a second: a bus of 1 Mbit/s carries fewer.
+_MAX_ARRIVALS = 10_000
 
 
 class LegSnapshot(NamedTuple):
@@ -39,6 +41,7 @@ class LegSnapshot(NamedTuple):
         force: Its force and whether it may be used.
         report: Its last reports.
         n_force_frames: Forces received so far, each by its last frame, `Quality`; those of all legs counted.
+        rate_hz: Forces in the last second; None before one has passed.
         event: Its last gait event; None before the first.
         event_ago_ns: Time since it happened [ns]; None if that is not known.
         identity: Version, force step and foot type; None before the first was received.
@@ -48,6 +51,7 @@ class LegSnapshot(NamedTuple):
     force: LegForce
     report: LegReport
     n_force_frames: int
+    rate_hz: int | None = None
     event: LegEvent | None = None
     event_ago_ns: int | None = None
     identity: Identity | None = None
@@ -81,6 +85,9 @@ class Listener:
         self._last_events: dict[int, LegEvent] = {}
         self._last_poll_ns = clock.now_ns()
         self._n_force_frames = Counter[int]()  # by node
+        self._began_ns = clock.now_ns()
+        #: Times of arrival of each node's forces in the last second [ns].
+        self._arrivals_ns: defaultdict[int, deque[int]] = defaultdict(lambda: deque(maxlen=_MAX_ARRIVALS))
 
     def listen(self, until_ns: int) -> None:
         """Receive and decode CAN frames until a time [ns]; errors as of `poll`."""
@@ -105,6 +112,7 @@ class Listener:
             if self._link.feed(can_id, data, self._last_poll_ns):
                 for node in NODES_OF_FRAME.get(can_id, [can_id - QUALITY_ID]):
                     self._n_force_frames[node] += 1
+                    self._arrivals_ns[node].append(now_ns)
             elif event := self._events.feed(can_id, data, self._last_poll_ns):
                 self._last_events[event.node] = event
                 events.append(event)
@@ -125,13 +133,16 @@ class Listener:
                 )
 
     def snapshot(self) -> list[LegSnapshot]:
-        """Return the latest values of every leg at the present time: a hexapod's legs, and others received."""
+        """Return the latest values of every leg that was heard, at the present time."""
         now_ns = self._clock.now_ns()
         snapshots = []
         for leg, node in NODE_IDS.items():
             report = self._reports.leg(node, now_ns)
-            if leg not in LEGS and not self._n_force_frames[node] and report.heartbeat is None:
+            if not self._n_force_frames[node] and report.heartbeat is None:
                 continue
+            arrivals_ns = self._arrivals_ns[node]
+            while arrivals_ns and arrivals_ns[0] <= now_ns - _NS_PER_S:
+                arrivals_ns.popleft()
             event = self._last_events.get(node)
             snapshots.append(
                 LegSnapshot(
@@ -139,6 +150,7 @@ class Listener:
                     self._link.leg(node, now_ns),
                     report,
                     self._n_force_frames[node],
+                    len(arrivals_ns) if now_ns >= self._began_ns + _NS_PER_S else None,
                     event,
                     None if event is None or event.t_ns is None else now_ns - event.t_ns,
                     self._link.identity(node),

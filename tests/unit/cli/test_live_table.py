@@ -1,4 +1,4 @@
-"""The live table fits into 80 columns and onto any terminal."""
+"""The live table fits onto any terminal: it loses what is worth least, and never a leg's name."""
 
 import io
 from functools import partial
@@ -37,24 +37,28 @@ def cycle() -> Cycle:
     )
 
 
-def drawn(encoding: str) -> list[str]:
-    """Return what a terminal of 80 columns and this encoding shows after one cycle."""
+def drawn(encoding: str, width: int = 80) -> list[str]:
+    """Return the headings and legs that a terminal of this width and encoding shows after one cycle."""
     screen = io.BytesIO()
     file = io.TextIOWrapper(screen, encoding=encoding)
-    console = Console(file=file, force_terminal=True, width=80, color_system=None)
+    console = Console(file=file, force_terminal=True, width=width, color_system=None)
     true_n = np.full((len(LEGS), 3), 12.3456)
-    view = LiveView(console, partial(legs_table, LEGS, "tripod, simulated", "", lambda _: true_n))
+    view = LiveView(console, partial(legs_table, console, LEGS, "tripod, simulated", "", lambda _: true_n))
     view.observe(cycle())
     view.close()
     file.flush()
-    lines = [line for line in screen.getvalue().decode(encoding).splitlines() if line.startswith(LEGS)]
-    return lines[-len(LEGS) :]  # the table is drawn once more when it is closed
+    lines = [
+        line
+        for line in screen.getvalue().decode(encoding).splitlines()
+        if line.startswith((*LEGS, "leg", "footsense"))
+    ]
+    return lines[-len(LEGS) - 2 :]  # the table is drawn once more when it is closed
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "latin-1", "ascii"])
 def test_each_leg_is_one_line_of_at_most_80_columns(encoding: str) -> None:
     """The longest state beside the largest numbers breaks no line, in whatever encoding the terminal has."""
-    lines = drawn(encoding)
+    _, _, *lines = drawn(encoding)
     assert [line[:2] for line in lines] == list(LEGS)
     assert max(map(len, lines)) <= 80
     for line, state in zip(lines, STATES, strict=True):
@@ -65,5 +69,24 @@ def test_each_leg_is_one_line_of_at_most_80_columns(encoding: str) -> None:
 @pytest.mark.parametrize(("encoding", "cell"), [("utf-8", "━"), ("latin-1", "-"), ("ascii", "-")])
 def test_a_bar_is_drawn_with_what_the_terminal_has(encoding: str, cell: str) -> None:
     """Half the scale is half the cells, more than the scale all of them."""
-    lines = drawn(encoding)
+    _, _, *lines = drawn(encoding)
     assert [lines[row].count(cell) - lines[row].count(f" {cell}1") for row in (0, 5)] == [5, 10]
+
+
+@pytest.mark.parametrize(
+    ("width", "headings"),
+    [
+        (120, "leg state foot fx [N] fy [N] fz [N] load true [N] age [ms] cause"),
+        (80, "leg state foot fx [N] fy [N] fz [N] load true [N]"),
+        (60, "leg state foot fx [N] fy [N] fz [N]"),
+        (40, "leg state foot fz [N]"),
+        (20, "leg state"),
+        (4, "leg"),
+    ],
+)
+def test_a_narrow_terminal_loses_what_is_worth_least(width: int, headings: str) -> None:
+    """Nothing is cut or folded but the line above, whose end is worth least."""
+    head, titles, *lines = drawn("utf-8", width)
+    assert " ".join(titles.split()) == headings
+    assert [line[:2] for line in lines] == list(LEGS)
+    assert max(map(len, (head, titles, *lines))) <= width

@@ -80,7 +80,7 @@ def test_each_force_is_published_once_and_each_change_at_once() -> None:
     event = LegEvent(1, GaitEventKind.TOUCHDOWN, 0, 0.001, False)
 
     def due(t_ms: int, n_frames: int, force: LegForce = _FORCE, event: LegEvent | None = None) -> list[str]:
-        snapshot, t_ns = LegSnapshot("lf", force, _REPORT, n_frames, event), t_ms * 1_000_000
+        snapshot, t_ns = LegSnapshot("lf", force, _REPORT, n_frames, event=event), t_ms * 1_000_000
         samples = live.samples([snapshot], WALL_NS + t_ns, t_ns)
         return [topic.rpartition("/")[2] for topic, _ in topics.due_messages(samples, WALL_NS + t_ns)]
 
