@@ -17,6 +17,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 
 from footsense.frames import FAULT_FREE, Cause, CommandKind, Cycle, Flag, Result, State
+from footsense.leg_words import word_of
 from footsense.ports import Observer
 
 _log = logging.getLogger(__name__)
@@ -70,11 +71,11 @@ class LegStateLogger:
         rows = zip(self._legs, *self._last, states, causes, strict=True)
         for leg, (_, state_before, cause_before, state, cause) in enumerate(rows):
             if (state_before, cause_before) != (state, cause) and state not in self._unlogged:
-                now, reason = State(state), Cause(cause).name.lower()
-                change = f"{State(state_before).name.lower()} -> {now.name.lower()}"
+                now, reason = State(state), word_of(Cause(cause))
+                change = f"{word_of(State(state_before))} -> {word_of(now)}"
                 change += f" ({reason})" if cause else ""
                 if state == state_before:
-                    change = f"{now.name.lower()}: {Cause(cause_before).name.lower()} -> {reason}"
+                    change = f"{word_of(now)}: {word_of(Cause(cause_before))} -> {reason}"
                 # A valid leg may have a cause too, such as an element that drifts.
                 level = logging.WARNING if cause or now not in FAULT_FREE else logging.INFO
                 self._log_line(leg, level, change)
@@ -154,6 +155,6 @@ class SystemdNotifier(Observer):
     def _status_line(self, cycle: Cycle) -> str:
         """Return the status text: the state of each leg."""
         states = zip(self._legs, cycle.forces.state.tolist(), strict=True)
-        status = ", ".join(f"{leg} {State(state).name.lower()}" for leg, state in states)
+        status = ", ".join(f"{leg} {word_of(State(state))}" for leg, state in states)
         degraded = any(flags & Flag.DEGRADED_TIMING for flags in cycle.forces.flags.tolist())
         return f"degraded timing; {status}" if degraded else status

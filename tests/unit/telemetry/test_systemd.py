@@ -39,8 +39,8 @@ def test_a_change_of_state_or_cause_is_one_line(caplog: pytest.LogCaptureFixture
         journal.observe(at(1, State.ABSENT, cause))
     journal.observe(at(1, State.STARTING))
     assert lines(caplog) == [
-        "WARNING leg lm: starting -> absent (no_answer)",
-        "WARNING leg lm: absent: no_answer -> bus_stuck",
+        "WARNING leg lm: starting -> absent (no answer)",
+        "WARNING leg lm: absent: no answer -> bus stuck",
         "INFO leg lm: absent -> starting",
     ]
 
@@ -53,7 +53,7 @@ def test_a_foot_on_a_bench_contradicts_its_design_in_silence(caplog: pytest.LogC
     journal.observe(at(0.1, State.DEGRADED, Cause.ELEMENT_DRIFTS))
     assert not lines(caplog)
     journal.observe(at(0.2, State.ABSENT, Cause.NO_ANSWER))
-    assert lines(caplog) == ["WARNING leg lm: degraded -> absent (no_answer)"]
+    assert lines(caplog) == ["WARNING leg lm: degraded -> absent (no answer)"]
 
 
 def test_a_leg_that_flickers_fills_no_journal(caplog: pytest.LogCaptureFixture) -> None:
