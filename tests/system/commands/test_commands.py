@@ -92,15 +92,17 @@ class ServiceTime(NamedTuple):
         self.service.run(until_ns=max(t_ns, self.now_ns() + 100_000_000))
 
 
-def test_the_command_tares_legs_and_tells_refusals(scene: str) -> None:
+def test_the_command_tares_legs_and_tells_refusals(tmp_path: Path) -> None:
     """All that are heard in the air, one on the ground; and a leg that this robot does not have."""
+    file = tmp_path / "pressed.yaml"
+    file.write_text(SCENE.replace("lead_in_s: 1.0", "lead_in_s: 3.0"))
     with (
-        open_service(DEFAULT, load_scene(scene), real_time=False) as service,
+        open_service(DEFAULT, load_scene(str(file)), real_time=False) as service,
         closing(open_wire(DEFAULT.can, [])) as wire,
     ):
         clock = ServiceTime(service)
         in_the_air = list(tare_legs(wire, clock, ["all"]))
-        clock.sleep_until_ns(2_000_000_000)
+        clock.sleep_until_ns(4_000_000_000)
         on_the_ground = {answer.leg: answer.result for answer in tare_legs(wire, clock, ["lm", "l4"])}
     assert on_the_ground == {"l4": None, "lm": Result.LOADED}
     assert {answer.leg: answer.result for answer in in_the_air} == dict.fromkeys(LEGS, Result.DONE)
