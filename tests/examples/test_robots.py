@@ -8,6 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.contract.c_decoder import SOURCES, compile_c
+from tests.system.command import footsense
+
 EXAMPLES = Path(__file__).parents[2] / "examples"
 TIMEOUT_S = 120
 
@@ -33,3 +36,23 @@ def test_a_robot_in_mujoco_walks_and_its_feet_publish(tmp_path: Path) -> None:
     assert walked_m > 0.15
     assert 90.0 < usable_percent < 99.9
     assert (tmp_path / "foot.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.slow
+def test_a_controller_in_c_lets_no_tripod_swing_on_feet_that_it_does_not_know(tmp_path: Path) -> None:
+    log, program = tmp_path / "walk.log", tmp_path / "gait_controller"
+    footsense("run", "--scene", "faults", "--duration", "5", "--fast", "--summary", "json", "--can-log", log)
+    sources = [EXAMPLES / "gait_controller.c", *SOURCES.glob("footsense_*.c")]
+    compile_c(tmp_path, "-I", SOURCES, *sources, "-o", program)
+    with log.open("rb") as frames:
+        told = subprocess.run([program], stdin=frames, capture_output=True, text=True, check=True).stdout
+    found = [(float(t_s), text) for t_s, text in re.findall(r"^ *([\d.]+) s  (.*)$", told, re.MULTILINE)]
+    walked = [text for t_s, text in found if t_s < 2.0]
+    assert walked[:6] == [f"{leg} used: link 1, state 1" for leg in ("lf", "lm", "lr", "rf", "rm", "rr")]
+    assert {"left tripod may swing", "right tripod may swing", "right tripod has to stand"} <= set(walked)
+    # lf loses an element at 2.0 s, lm a row at 2.5 s: one of each tripod. rf is gone from 3.5 s on.
+    since = {text: t_s for t_s, text in reversed(found)}
+    assert 2.0 < since["lf refused: link 1, state 7"] < 2.1
+    assert 2.5 < since["lm refused: link 1, state 7"] < 2.6
+    assert 3.5 < since["rf refused: link 1, state 0"] < 3.6
+    assert not [text for t_s, text in found if t_s > 2.6 and "may swing" in text]
