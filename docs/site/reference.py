@@ -13,6 +13,7 @@ import c_headers
 import can_frames
 import commands
 import configuration
+import example_programs
 import leg_words
 import metrics
 import python_api
@@ -31,6 +32,7 @@ _GENERATORS: dict[str, Callable[..., str]] = {
     "causes": leg_words.causes,
     "commands": commands.markdown,
     "configuration": configuration.markdown,
+    "examples": example_programs.markdown,
     "metrics": metrics.markdown,
     "python": python_api.markdown,
     "recordings": recordings.markdown,
