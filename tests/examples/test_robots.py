@@ -1,12 +1,17 @@
 """The examples with a robot or a sensor beside footsense, run as their users would."""
 
+import contextlib
+import json
 import os
 import re
+import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from mcap.reader import make_reader
 
 from tests.contract.c_decoder import SOURCES, compile_c
 from tests.system.command import footsense
@@ -27,6 +32,25 @@ def run_example(name: str, *arguments: str | Path, **environment: str) -> str:
     )
     assert done.returncode == 0, done.stderr
     return done.stdout
+
+
+@contextlib.contextmanager
+def running_example(name: str, *arguments: str | Path, **environment: str) -> Iterator[subprocess.Popen[str]]:
+    """Run an example until it is interrupted; it has said its first line."""
+    with subprocess.Popen(
+        [sys.executable, EXAMPLES / name, *arguments],
+        env=os.environ | environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    ) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline()
+            yield process
+        finally:
+            process.send_signal(signal.SIGINT)
+            process.communicate(timeout=TIMEOUT_S)
 
 
 @pytest.mark.slow
@@ -56,3 +80,22 @@ def test_a_controller_in_c_lets_no_tripod_swing_on_feet_that_it_does_not_know(tm
     assert 2.5 < since["lm refused: link 1, state 7"] < 2.6
     assert 3.5 < since["rf refused: link 1, state 0"] < 3.6
     assert not [text for t_s, text in found if t_s > 2.6 and "may swing" in text]
+
+
+@pytest.mark.slow
+def test_a_sensor_without_a_driver_is_recorded_beside_a_foot(tmp_path: Path) -> None:
+    """Its presses of 1 N, with the sign of the force on the foot, each sample once."""
+    stand, out = tmp_path / "stand.yaml", tmp_path / "session.mcap"
+    with running_example("own_reference_sensor.py", stand) as sensor:
+        options = ("--foot", "foot-0007", "--scene", "hanging", "--duration", "5")
+        footsense("test-stand", "record", "--reference", stand, *options, out)
+    assert sensor.returncode == 0
+    with out.open("rb") as stream:
+        found = [
+            json.loads(message.data) for _, _, message in make_reader(stream).iter_messages(["/reference"])
+        ]
+    forces_n = sorted(sample["fz_n"] for sample in found)
+    assert len(found) > 400
+    assert forces_n[0] == 0.0
+    assert forces_n[-1] == pytest.approx(1.0, abs=0.001)
+    assert {(sample["fx_n"], sample["fy_n"], sample["saturated"]) for sample in found} == {(0.0, 0.0, False)}
