@@ -21,11 +21,12 @@ _MEMBER = re.compile(r"^    (\w+) = (\S+)(?:  #: (.*))?$", re.MULTILINE)
 
 
 def markdown(module: str) -> str:
-    """Return a section for each public name of a module: what it is called with, and what its docstring says."""
+    """Return a section for each public name of a module, functions first: what it is called with, and its docstring."""
     found = importlib.import_module(module)
     classes = [name for name, value in vars(found).items() if getattr(value, "__module__", "") == module]
+    public = [(name, getattr(found, name)) for name in getattr(found, "__all__", classes)]
     return "\n".join(
-        _section(module, name, getattr(found, name)) for name in getattr(found, "__all__", classes)
+        _section(module, *each) for each in sorted(public, key=lambda each: inspect.isclass(each[1]))
     )
 
 
