@@ -22,7 +22,16 @@ from footsense.calibration.parameter_fit import (
 )
 from footsense.calibration.recorded_session import RecordedSession
 from footsense.calibration.rubber_memory import loads_with_creep_corrected_baseline
-from footsense.calibration.twin import GAIN, MOUNT, REFERENCE, STIFFNESS, STRAY, FootTwin, reference_gains
+from footsense.calibration.twin import (
+    GAIN,
+    GAP,
+    MOUNT,
+    REFERENCE,
+    STIFFNESS,
+    STRAY,
+    FootTwin,
+    reference_gains,
+)
 from footsense.errors import CalibrationError
 from footsense.foot.calibration_files import HeldOutErrors
 from footsense.foot.directions import rotation
@@ -30,6 +39,8 @@ from footsense.foot.force_errors import evaluate_force_errors
 from footsense.foot.parameters import FootParameters
 from footsense.frames import Mask
 
+#: Contraction of a parameter's uncertainty by the loads below which they tell nothing of it [1].
+_MIN_CONTRACTION = 0.05
 #: Fewest loads of a calibration: with fewer, not even the strays are identified.
 MIN_LOADS = 5
 #: Median Mahalanobis distance of nine readings above which the loads are of no foot of the type: feet of the type have
@@ -68,6 +79,13 @@ class CalibrationResult(NamedTuple):
     def median_mahalanobis_distance(self) -> float:
         """Median Mahalanobis distance of the calibration loads from the fitted model [1]."""
         return float(np.median(self.fit.mahalanobis_distance))
+
+    @property
+    def not_identified(self) -> dict[str, list[int]]:
+        """Numbers of the elements, by parameter, of which the loads tell nothing: there the foot is as designed."""
+        parts = {"stray_pf": STRAY, "gap_um": GAP, "gain_rel": GAIN}
+        unknown = {name: self.fit.contraction[part] < _MIN_CONTRACTION for name, part in parts.items()}
+        return {name: np.flatnonzero(mask).tolist() for name, mask in unknown.items() if mask.any()}
 
 
 def calibrate_sessions(

@@ -90,9 +90,9 @@ class MagnitudeBand(NamedTuple):
 #: All loads, and one magnitude of the paper in each of the others.
 MAGNITUDE_BANDS = (
     MagnitudeBand("all", 0.0, np.inf),
-    MagnitudeBand("below 75 gf", 0.0, 75.0),
-    MagnitudeBand("75 to 125 gf", 75.0, 125.0),
-    MagnitudeBand("from 125 gf", 125.0, np.inf),
+    MagnitudeBand("below 0.74 N", 0.0, 75.0),
+    MagnitudeBand("0.74 to 1.23 N", 75.0, 125.0),
+    MagnitudeBand("from 1.23 N", 125.0, np.inf),
 )
 
 

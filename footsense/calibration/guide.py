@@ -56,13 +56,14 @@ class Coverage:
         n_wanted: Number of loads of a complete set.
 
     Attributes:
+        directions: The directions to cover, unit vectors, shape (n, 3).
         reach_deg: Angle up to which a load covers a direction [deg].
         counts: Loads in each band.
     """
 
     def __init__(self, n_wanted: int) -> None:
         self._wanted = n_wanted
-        self._directions = spiral_directions(_N_DIRECTIONS, MIN_ELEVATION_DEG)
+        self.directions = spiral_directions(_N_DIRECTIONS, MIN_ELEVATION_DEG)
         per_band = max(n_wanted / N_BANDS_TO_COVER, 1.0)
         cap_sr = 2 * math.pi * (1 - math.sin(math.radians(MIN_ELEVATION_DEG)))
         self.reach_deg = math.degrees(
@@ -81,13 +82,19 @@ class Coverage:
         """Add an accepted load with this force [N], shape (3,)."""
         band = nearest_band(float(np.linalg.norm(force_n)) / GRAM_FORCE_N)
         self.counts[band] += 1
-        angle_deg = angles_between_deg(self._directions, force_n)
+        angle_deg = angles_between_deg(self.directions, force_n)
         self._nearest_deg[band] = np.minimum(self._nearest_deg[band], angle_deg)
 
     @property
     def covered_directions_rel(self) -> list[float]:
         """Fraction of the force directions covered, for each of `MAGNITUDE_BAND_CENTRES_GF` [1]."""
         return [float(share) for share in (self._nearest_deg <= self.reach_deg).mean(axis=1)]
+
+    @property
+    def n_covering_bands(self) -> Vector:
+        """Number of bands whose loads cover each of `directions`, shape (n,)."""
+        n: Vector = (self._nearest_deg <= self.reach_deg).sum(axis=0)
+        return n
 
     @property
     def is_complete(self) -> bool:
@@ -105,14 +112,14 @@ class Coverage:
         )[:N_BANDS_TO_COVER]
         band = min(fullest, key=lambda band: shares[band])
         azimuth_deg, elevation_deg = azimuth_and_elevation_deg(
-            self._directions[int(np.argmax(self._nearest_deg[band]))]
+            self.directions[int(np.argmax(self._nearest_deg[band]))]
         )
         return NextLoad(azimuth_deg, elevation_deg, MAGNITUDE_BAND_CENTRES_GF[band])
 
     def progress_text(self) -> str:
         """Return the number of loads and the covered fraction of directions as one line of text."""
         shares = ", ".join(
-            f"{100 * share:.0f} % at {gf:.0f} gf"
+            f"{100 * share:.0f} % at {gf * GRAM_FORCE_N:.1f} N"
             for gf, share in zip(MAGNITUDE_BAND_CENTRES_GF, self.covered_directions_rel, strict=True)
         )
         return f"{self.n_loads} of {self._wanted} loads; directions covered: {shares}"
@@ -219,9 +226,9 @@ class SessionGuide:
         self._loads.append(load)
         self._estimate_n.append(self._estimate(load))
         azimuth_deg, elevation_deg = map(round, azimuth_and_elevation_deg(load.force_n))
-        magnitude_gf = np.linalg.norm(load.force_n) / GRAM_FORCE_N
         self.report(
-            f"press {number}: {magnitude_gf:.0f} gf from azimuth {azimuth_deg % 360}, elevation {elevation_deg} deg"
+            f"press {number}: {np.linalg.norm(load.force_n):.2f} N towards azimuth {azimuth_deg % 360}, "
+            f"elevation {elevation_deg} deg"
         )
         findings = self._check(self.load_reference_forces_n, np.array(self._estimate_n))
         # The same finding with a slightly different figure is not reported again.

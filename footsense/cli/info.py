@@ -15,11 +15,10 @@ import numpy as np
 
 import footsense
 from footsense.cli.options import FILE
-from footsense.cli.tables import echo_figures
+from footsense.cli.tables import echo_figures, errors_text
 from footsense.errors import FootsenseError, RecordingError
 from footsense.estimation.network import Network
 from footsense.foot.calibration_files import MANIFEST, read_calibration
-from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors
 from footsense.foot.response_table import FootResponse
 from footsense.frames import FAULT_FREE, Cause, ContactFrame, Flag, State
 from footsense.leg_words import word_of
@@ -217,20 +216,12 @@ def _print_calibration(folder: Path) -> None:
             "loads": manifest.n_loads,
             "sessions": manifest.n_sessions,
             "held_out": held_out and held_out.protocol,
-            "as designed": held_out and _errors_text(held_out.design_only),
-            "calibrated": held_out and _errors_text(held_out.calibrated),
+            "as designed": held_out and errors_text(held_out.design_only),
+            "calibrated": held_out and errors_text(held_out.calibrated),
             "calibrated_at_c": calibration.calibrated_at_c,
             "network_sha256": calibration.network_sha256,
             "recordings_sha256": manifest.recordings,
         },
-    )
-
-
-def _errors_text(errors: ForceErrors) -> str:
-    mean_mn, p95_mn = (1e3 * GRAM_FORCE_N * gf for gf in (errors.magnitude_gf, errors.magnitude_p95_gf))
-    return (
-        f"direction {errors.direction_deg:.1f} deg, p95 {errors.direction_p95_deg:.1f} deg; "
-        f"magnitude {mean_mn:.0f} mN, p95 {p95_mn:.0f} mN; of {errors.n} loads"
     )
 
 

@@ -17,6 +17,7 @@ import click
 import msgspec
 
 from firmware_interface.can.codes import State
+from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors
 from footsense.leg_words import LegPhase, contact_word, phase_of, word_of
 
 if TYPE_CHECKING:
@@ -191,6 +192,15 @@ def echo_figures(figures: Mapping[str, Any], *, as_json: bool) -> None:
     from rich.console import Console
 
     Console(highlight=False).print(figures_table(figures))
+
+
+def errors_text(errors: ForceErrors) -> str:
+    """Return force errors in words."""
+    mean_mn, p95_mn = (1e3 * GRAM_FORCE_N * gf for gf in (errors.magnitude_gf, errors.magnitude_p95_gf))
+    return (
+        f"direction {errors.direction_deg:.1f} deg, p95 {errors.direction_p95_deg:.1f} deg; "
+        f"magnitude {mean_mn:.0f} mN, p95 {p95_mn:.0f} mN; of {errors.n} loads"
+    )
 
 
 def heading(name: str) -> str:

@@ -21,14 +21,23 @@ from footsense.calibration.evaluation import evaluate as evaluate_sessions
 from footsense.calibration.recorded_session import RecordedSession, read_sessions
 from footsense.calibration.writer import check_calibration_target, write_calibration
 from footsense.cli.options import FILE, FOLDER, foot_option, json_option
-from footsense.cli.tables import Column, echo_figures, echo_json, figures_table, json_row, table
+from footsense.cli.tables import Column, echo_figures, echo_json, errors_text, figures_table, json_row, table
 from footsense.clock import stopwatch_ns, wall_time_iso
 from footsense.daemon.foot_types import released_path
 from footsense.errors import ConfigError, require
 from footsense.estimation.network import Network
-from footsense.foot.calibration_files import FootCalibration, Manifest, read_calibration
-from footsense.foot.force_errors import ForceErrors
+from footsense.foot.calibration_files import FootCalibration, HeldOutErrors, Manifest, read_calibration
+from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors
 from footsense.progress import file_progress_bar
+
+_MN_PER_GF = 1e3 * GRAM_FORCE_N
+
+#: Parameters of single elements, and why loads may tell nothing of them.
+_WHY_NOT_IDENTIFIED = {
+    "stray_pf": "too few loads from their side",
+    "gap_um": "no load closes them",
+    "gain_rel": "too few loads from their side",
+}
 
 _recordings_argument = click.argument("recordings", nargs=-1, required=True, type=FILE)
 _foot_type_option = click.option(
@@ -92,7 +101,11 @@ def calibrate(
         replace=replace,
     )
     took_s = (stopwatch_ns() - began_ns) * 1e-9
-    echo_figures(_calibration_figures(calibration, result, took_s), as_json=as_json)
+    figures = _calibration_figures(calibration, result, took_s)
+    if as_json:
+        echo_json(figures)
+    else:
+        echo_figures(_in_words(figures, result.held_out), as_json=False)
     if result.median_mahalanobis_distance > WARNING_MEDIAN_MAHALANOBIS_DISTANCE:
         click.echo(
             f"warning: the median distance of the loads from the fitted foot is more than usual, 2 to "
@@ -190,8 +203,8 @@ ERROR_COLUMNS: list[Column[ErrorRow]] = [
     Column("loads", lambda row: row.errors.n, ">1"),
     Column("direction_deg", lambda row: row.errors.direction_deg, ">.2f", ("deg",)),
     Column("direction_p95_deg", lambda row: row.errors.direction_p95_deg, ">.2f", ("p95",)),
-    Column("magnitude_gf", lambda row: row.errors.magnitude_gf, ">.2f", ("gf",)),
-    Column("magnitude_p95_gf", lambda row: row.errors.magnitude_p95_gf, ">.2f", ("p95",)),
+    Column("magnitude_mn", lambda row: _MN_PER_GF * row.errors.magnitude_gf, ">.1f", ("mN",)),
+    Column("magnitude_p95_mn", lambda row: _MN_PER_GF * row.errors.magnitude_p95_gf, ">.1f", ("p95",)),
 ]
 
 
@@ -235,6 +248,7 @@ def _calibration_figures(
         "temperature_c": result.temperature_c,
         "stiffness_rel": parameters.stiffness_rel,
         **{name: getattr(parameters, name).tolist() for name in ("stray_pf", "gap_um", "gain_rel")},
+        "not_identified": result.not_identified,
         "distance": result.median_mahalanobis_distance,
         "predicted": {
             "direction_deg": predicted.median_direction_error_deg,
@@ -242,6 +256,23 @@ def _calibration_figures(
         },
         "held_out": msgspec.to_builtins(result.held_out),
     }
+
+
+def _in_words(figures: dict[str, Any], held_out: HeldOutErrors | None) -> dict[str, Any]:
+    """Return the figures of a calibration for people: what the loads do not tell in one line for each parameter."""
+    told = dict(figures)
+    for name, unknown in figures["not_identified"].items():
+        values = enumerate(figures[name])
+        told[name] = {f"element {n}": value for n, value in values if n not in unknown}
+    told["not_identified"] = {
+        name: f"as designed for elements {' '.join(map(str, unknown))}, {_WHY_NOT_IDENTIFIED[name]}"
+        for name, unknown in figures["not_identified"].items()
+    }
+    if held_out is not None:
+        told["held_out"] = held_out.protocol
+        told["as designed"] = errors_text(held_out.design_only)
+        told["calibrated"] = errors_text(held_out.calibrated)
+    return told
 
 
 def _read_sessions(recordings: tuple[Path, ...], foot: str) -> list[RecordedSession]:

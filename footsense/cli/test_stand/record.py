@@ -13,12 +13,14 @@ import msgspec
 import numpy as np
 from msgspec.structs import replace
 from rich.console import Console, Group
+from rich.table import Table
 from rich.text import Text
 
 from footsense.calibration.guide import NextLoad, SessionGuide, azimuth_and_elevation_deg
 from footsense.cli import options
 from footsense.cli.live import LiveView
 from footsense.cli.tables import echo_figures
+from footsense.cli.test_stand.compass import Compass, legend
 from footsense.config import DEFAULT, Config, load_config
 from footsense.config.contradictions import first_contradiction
 from footsense.config.test_stand import SimulatedSensor, load_test_stand
@@ -84,7 +86,7 @@ def record(
     """Record calibration loads of a foot beside a force sensor to the new file OUT.
 
     Press the foot, hold it still for a second, release it; the picture shows what is covered and what to press next.
-    The set is complete when there are enough loads, and in two of the bands of 50, 100 and 150 gf 95 % of the
+    The set is complete when there are enough loads, and for two of 0.5, 1.0 and 1.5 N 95 % of the
     directions from 40 deg of elevation up are within reach of one. Ctrl-C ends the session before; the recording is
     whole then, too. Without --config, a simulated foot is pressed.
     """  # noqa: DOC501 - click shows this text
@@ -120,7 +122,7 @@ def record(
         service.observers.append(guide)
         if live:
             title = f"{foot} on {leg}, session {run.session}"
-            picture = partial(_picture, guide, messages, row, title)
+            picture = partial(_picture, guide, Compass(guide.coverage), messages, row, title)
             service.observers.append(stack.enter_context(closing(LiveView(console, picture))))
         longest_s = min(duration_s, _session_end_s(scene))
         service.run(
@@ -172,27 +174,46 @@ def _session_end_s(scene: Scene | None) -> float:
 
 
 def _picture(
-    guide: SessionGuide, messages: deque[str], row: int, title: str, cycle: Cycle, elapsed_s: float
+    guide: SessionGuide,
+    compass: Compass,
+    messages: deque[str],
+    row: int,
+    title: str,
+    cycle: Cycle,
+    elapsed_s: float,
 ) -> Group:
-    """Return forces, next load, coverage and messages for a terminal of 80 columns."""
+    """Return forces, compass, next load, coverage and messages for a terminal of 80 columns and 24 lines."""
     state = State(int(cycle.forces.state[row]))
     foot_n = cycle.forces.force_n[row] if state in USABLE else np.full(3, np.nan)
-    pressed = "pressed" if guide.is_pressed else "free"
-    load = _load_text(guide.coverage.next_load)
+    pressed_n = guide.reference_n if guide.is_pressed else np.full(3, np.nan)
+    side_by_side = Table.grid(padding=(0, 3))
+    side_by_side.add_row(
+        compass.draw(pressed_n),
+        Group(
+            Text("next: ", "bold").append(_load_text(guide.coverage.next_load), "yellow"),
+            Text("hold it still for a second, release\n"),
+            legend(),
+            Text("\nso far: ", "bold").append(guide.coverage.progress_text(), ""),
+        ),
+    )
     return Group(
         Text.assemble(("footsense test-stand record  ", "bold"), f"{title}, {elapsed_s:.1f} s"),
-        Text(),
-        Text.assemble(("reference  ", "bold"), _force_text(guide.reference_n), (f"   {pressed}", "dim")),
+        Text("             fx [N]  fy [N]  fz [N]", "dim"),
+        Text.assemble(
+            ("reference  ", "bold"),
+            _force_text(guide.reference_n),
+            ("   pressed" if guide.is_pressed else "   free", "dim"),
+        ),
         Text.assemble(("foot       ", "bold"), _force_text(foot_n), (f"   {word_of(state)}", "dim")),
-        Text.assemble(("next       ", "bold"), (load, "yellow"), ", hold it still, release"),
-        Text.assemble(("so far     ", "bold"), guide.coverage.progress_text()),
+        Text(),
+        side_by_side,
         *(Text(f"  {line}", "dim" if line.startswith("press") else "bold red") for line in messages),
     )
 
 
 def _load_text(load: NextLoad) -> str:
     return (
-        f"{load.magnitude_gf:.0f} gf from azimuth {5 * round(load.azimuth_deg / 5) % 360}, "
+        f"{load.magnitude_gf * GRAM_FORCE_N:.1f} N towards azimuth {5 * round(load.azimuth_deg / 5) % 360}, "
         f"elevation {5 * round(load.elevation_deg / 5):.0f} deg"
     )
 
@@ -202,14 +223,14 @@ def _force_text(force_n: Vector) -> str:
 
     Example:
         >>> _force_text(np.array([0.0, 0.5, 0.5]))
-        ' +0.000  +0.500  +0.500 N   72.1 gf  az  90  el 45'
+        ' +0.000  +0.500  +0.500  of  0.71 N  az  90  el 45'
     """
     if not np.isfinite(force_n).all():
-        return "      -       -       - N"
+        return "      -       -       -"
     components = " ".join(f"{value + 0.0:+7.3f}" for value in force_n.round(3))
     azimuth_deg, elevation_deg = azimuth_and_elevation_deg(force_n)
-    size_gf = np.linalg.norm(force_n) / GRAM_FORCE_N
-    return f"{components} N  {size_gf:5.1f} gf  az {round(azimuth_deg) % 360:3d}  el {elevation_deg:2.0f}"
+    size_n = np.linalg.norm(force_n)
+    return f"{components}  of {size_n:5.2f} N  az {round(azimuth_deg) % 360:3d}  el {elevation_deg:2.0f}"
 
 
 def _print_session_summary(out: Path, guide: SessionGuide, sensor: ReferenceSensor | None) -> None:

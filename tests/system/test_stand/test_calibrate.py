@@ -29,6 +29,12 @@ def test_a_calibration_has_the_temperature_of_its_sessions(tmp_path: Path) -> No
     calibration = read_calibration(tmp_path / "foot-0007", "aoyagi-3x3")
     assert calibration.calibrated_at_c == pytest.approx(told[0][0])
     assert f"temperature [degC]  {told[0][0]:.4g}" in re.sub("  +", "  ", done.stdout)
+    text = " ".join(done.stdout.split())
+    (unknown,) = re.findall(
+        r"not identified gap \[um\] as designed for elements ([0-8 ]+), no load closes them", text
+    )
+    told = re.findall(r"element ([0-8]) ", text[text.index("gap [um]") : text.index("gain [1]")])
+    assert sorted(unknown.split() + told) == list("012345678")
     untold = without_temperatures(session, tmp_path / "untold.mcap", session="untold")
     done = invoke(session, untold, "--calibrations", tmp_path / "both")
     assert done.exit_code == 0, done.exception

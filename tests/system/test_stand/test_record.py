@@ -73,8 +73,10 @@ def test_a_session_ends_with_a_set_that_is_enough(tmp_path: Path) -> None:
     )
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
-    assert re.fullmatch(r"press 2: 5[0-2] gf from azimuth 1(19|20|21), elevation (59|60|61) deg", lines[1])
-    assert lines[6].startswith(f"{out}: 6 of 5 loads; directions covered: 100 % at 50 gf")
+    assert re.fullmatch(
+        r"press 2: 0\.(49|50|51) N towards azimuth 1(19|20|21), elevation (59|60|61) deg", lines[1]
+    )
+    assert lines[6].startswith(f"{out}: 6 of 5 loads; directions covered: 100 % at 0.5 N")
     assert ", missing 0, bad records 0, saturated 0," in " ".join(done.stdout.split())
     header = Replay(out).header
     assert (header["foot"], header["session"], header["leg"]) == ("foot-0007", "a", "rm")
@@ -200,7 +202,14 @@ def test_a_terminal_and_a_sensor_on_a_line(tmp_path: Path) -> None:
         os.close(its_end)
     assert asked == b"S\r\n"
     assert process.returncode == 0, drawn[-2000:]
-    for words in (b" % at 50 gf", b"reference", b"next", b"not complete; next would be", b"stream starts 1"):
+    for words in (
+        b" % at 0.5 N",
+        b"press here next",
+        b"reference",
+        b"next",
+        b"not complete; next would be",
+        b"stream starts 1",
+    ):
         assert words in drawn
     session = read_session(out, "foot-0007")
     assert session.name == "one"

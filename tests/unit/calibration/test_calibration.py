@@ -179,8 +179,11 @@ def test_loads_of_no_foot_of_the_type_are_refused() -> None:
 @pytest.mark.parametrize("number", [2, 9])
 def test_firm_loads_that_shut_gaps_lead_nowhere_else(number: int) -> None:
     """All at once end where the light ones point: nothing is far from the twin."""
-    found = calibrate(design(), load_set(made(number), _TRAINING[::2], np.random.default_rng(number))).fit
+    result = calibrate(design(), load_set(made(number), _TRAINING[::2], np.random.default_rng(number)))
+    found = result.fit
     assert np.median(found.mahalanobis_distance) < 5.0
+    assert list(result.not_identified) in ([], ["gap_um"])
+    np.testing.assert_allclose(found.parameters[GAP][result.not_identified.get("gap_um", [])], 0.0, atol=1.0)
     assert np.abs(found.parameters[STRAY] - made(number).stray_pf).max() < 0.35
 
 

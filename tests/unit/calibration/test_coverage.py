@@ -8,6 +8,7 @@ import pytest
 
 from footsense.calibration.checks import reference_findings
 from footsense.calibration.guide import MIN_ELEVATION_DEG, Coverage
+from footsense.cli.test_stand.compass import Compass
 from footsense.config.test_stand import Axes, SimulatedSensor, StandConfig
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.reference.sensor_mounting import NEWTONS_PER_UNIT, SensorMounting
@@ -114,3 +115,17 @@ def test_wrong_axes_without_a_fitting_map_are_reported() -> None:
     (line,) = judged(-forces_n, forces_n, "N", ["x", "y", "z"], (0, 0, 0))
     assert "180 deg away" in line
     assert "press from more sides" in line
+
+
+def test_the_compass_points_at_what_is_missing() -> None:
+    """A load towards the left is marked on the left; the next load, and the force just now, in their directions."""
+    coverage = Coverage(40)
+    for magnitude_n in (0.5, 1.5):
+        coverage.add_load(magnitude_n * direction(90.0, 50.0))
+    drawn = Compass(coverage).draw(direction(180.0, 50.0)).plain.splitlines()
+    assert (drawn[0].strip(), drawn[-1].strip()) == ("forward", "back")
+    left, middle, right = 8, 16, 24
+    assert (drawn[6][left], drawn[6][right], drawn[2][middle], drawn[10][middle]) == ("#", ".", ".", "+")
+    assert sum(line.count("X") for line in drawn) == 1
+    coverage.add_load(0.5 * direction(270.0, 50.0))
+    assert Compass(coverage).draw(np.full(3, np.nan)).plain.splitlines()[6][right] == "o"
