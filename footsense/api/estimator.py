@@ -100,7 +100,8 @@ class Estimator:
 
         Args:
             capacitance_pf: Readings of the elements [pF], shape (n, 9) of one foot, or (n, feet, 9); element
-                3 * row + column, row 0 the most forward, column 0 the leftmost. NaN where an element gave none.
+                3 * row + column, row 0 the most forward, column 0 the leftmost. NaN where an element gave none: it
+                counts as open.
             t_s: Times that the forces are to be valid for [s], shape (n,), increasing.
             reading_t_s: Time of each reading [s], of the shape of the readings, none later than its row of `t_s`; an
                 element with the time of the row before was not read again. The force is extrapolated from the last
@@ -155,10 +156,12 @@ class Estimator:
             capacitance_pf = np.concatenate([np.broadcast_to(free_pf, of_elements_s.shape), capacitance_pf])
         # The time 0 stands for no reading.
         start_s = t_s[0] - 1.0
-        has_reading = np.isfinite(capacitance_pf) & np.isfinite(reading_t_s)
-        t_ns = np.where(has_reading, np.rint((reading_t_s - start_s) * 1e9), 0.0).astype(np.int64)
+        has_time = np.isfinite(reading_t_s)
+        t_ns = np.where(has_time, np.rint((reading_t_s - start_s) * 1e9), 0.0).astype(np.int64)
         now_ns = np.rint((t_s - start_s) * 1e9).astype(np.int64)
-        reading = np.where(has_reading, Reading.OK, Reading.NOT_READY).astype(np.uint8)
+        # An element without a number has lost its electrode; without a time it has not been read yet.
+        is_open = np.isnan(capacitance_pf) & has_time
+        reading = np.where(is_open, Reading.UNDER_RANGE, Reading.OK).astype(np.uint8)
         pipeline = self._pipeline(n_feet, round(scan_s * 1e9), is_scanned=is_scanned)
         frames = [
             pipeline.process(CapFrame(row, t_ns[row], capacitance_pf[row], reading[row]), int(now_ns[row]))[0]
@@ -242,7 +245,7 @@ def _refuse_scanned_walk(capacitance_pf: Vector) -> None:
     Raises:
         ValueError: They are.
     """
-    n_changed = (capacitance_pf[1:] != capacitance_pf[:-1]).sum(axis=-1)
+    n_changed = (np.abs(np.diff(capacitance_pf, axis=0)) > 0.0).sum(axis=-1)
     if len(n_changed) > ELEMENTS and np.median(n_changed) == 1:
         raise ValueError(
             "capacitance_pf: has one new reading in each row, as a Recording has; give their times too: "

@@ -6,15 +6,15 @@ from collections.abc import Iterator
 from types import TracebackType
 from typing import Literal, Self
 
-from firmware_interface.can.codes import NODE_IDS
+from firmware_interface.can.codes import NODE_IDS, Result
 from footsense.api.events import FootEvent
-from footsense.can.interface import DEFAULT_CHANNELS
+from footsense.api.tare import tare_on
+from footsense.can.interface import DEFAULT_CHANNELS, Can
 from footsense.client import LegEvent, LegForce, LinkLimits, LinkStatus
 from footsense.clock import MonotonicClock
 from footsense.config.contradictions import is_multicast
 from footsense.daemon.can_listener import LegSnapshot, Listener, open_listener
-from footsense.errors import CanError
-from footsense.ports import Clock
+from footsense.errors import CanError, FootsenseError
 
 #: Period of reading the channel [s]: an age is too high by up to so much.
 _POLL_PERIOD_S = 0.002
@@ -33,7 +33,7 @@ def connect(
 ) -> "Feet":
     """Connect to a running service over CAN, and wait until its forces can be read: about a second.
 
-    It only listens.
+    It only listens, but for `Feet.tare`.
 
     Args:
         channel: Network interface such as `can0` or `vcan0`; with `udp_multicast` a multicast address. None for `can0`,
@@ -59,29 +59,26 @@ def connect(
     name = channel or DEFAULT_CHANNELS[interface]
     if interface == "udp_multicast" and not is_multicast(name):
         raise CanError(f"channel {name!r}: no IPv4 multicast address; try {DEFAULT_CHANNELS[interface]}")
-    clock = MonotonicClock()
-    return Feet(
-        open_listener(interface, name, clock, LinkLimits(accept_degraded=True)), clock, name, timeout_s
-    )
+    limits = LinkLimits(accept_degraded=True)
+    listener = open_listener(interface, name, MonotonicClock(), limits)
+    return Feet(listener, Can(interface=interface, channel=name), timeout_s)
 
 
 class Feet:
     """Feet of a robot whose service is heard on CAN; made by `connect`.
 
-    Iterating gives one mapping a cycle, leg name to `LegForce`, with the forces just received. The newest one is given:
-    a slow loop skips cycles and never works through a backlog. In a silence it gives the legs every 100 ms, none of
-    them usable, and ends after `timeout_s`.
-
-    A thread receives; what it does not hear in time is not usable.
+    Iterating gives one mapping a cycle, from the leg's name to its `LegForce`. It is always the newest: a slow loop
+    skips cycles, and never works through a backlog. In a silence the mapping comes every 100 ms, with no usable leg,
+    and after the timeout of `connect` the loop ends. A thread of its own receives meanwhile.
 
     Attributes:
         legs: Names of the legs that are heard, in the order of their CAN node ids.
         events: Gait events that arrived with the last mapping, oldest first.
     """
 
-    def __init__(self, listener: Listener, clock: Clock, name: str, timeout_s: float) -> None:
+    def __init__(self, listener: Listener, can: Can, timeout_s: float) -> None:
         self.events: tuple[FootEvent, ...] = ()
-        self._listener, self._clock, self._timeout_s = listener, clock, timeout_s
+        self._listener, self._can, self._timeout_s = listener, can, timeout_s
         self._news = threading.Condition()
         self._stop = threading.Event()
         self._error: CanError | None = None
@@ -90,7 +87,7 @@ class Feet:
         self._thread = threading.Thread(target=self._receive, name="footsense", daemon=True)
         self._thread.start()
         try:
-            self.legs = self._wait_until_readable(name)
+            self.legs = self._wait_until_readable()
         except BaseException:
             self.close()
             raise
@@ -123,6 +120,27 @@ class Feet:
                 self._given = self._counts()
             silent_s = 0.0 if arrived else silent_s + _SILENCE_S
             yield forces
+
+    def tare(self, *legs: str) -> None:
+        """Take the present readings of legs as those of the unloaded foot, as `footsense tare` does; waits for it.
+
+        The service refuses it for a foot that is loaded or moves.
+
+        Args:
+            legs: Names of the legs; none for all.
+
+        Raises:
+            FootsenseError: A leg was not tared; the message says which, and why.
+        """
+        refused = [
+            f"{answer.leg}: not tared: {answer.refusal(self._can.channel)}"
+            for answer in tare_on(self._can, legs or self.legs)
+            if answer.result is not Result.DONE
+        ]
+        if unknown := set(legs) - NODE_IDS.keys():
+            refused += [f"{leg}: no leg has this name" for leg in sorted(unknown)]
+        if refused:
+            raise FootsenseError(" | ".join(refused))
 
     def close(self) -> None:
         """Stop receiving, and close the channel."""
@@ -158,8 +176,9 @@ class Feet:
         return {leg.leg: leg.n_force_frames for leg in self._heard()}
 
     def _has_new_cycle(self) -> bool:
-        """Return whether every leg has a new force, or one has two: a frame of another was lost."""
-        new = [n - self._given.get(leg, 0) for leg, n in self._counts().items()]
+        """Return whether every leg that is not silent has a new force, or one has two: another's was lost."""
+        current = [leg for leg in self._heard() if leg.force.status is not LinkStatus.STALE]
+        new = [leg.n_force_frames - self._given.get(leg.leg, 0) for leg in current]
         return bool(new) and (min(new) > 0 or max(new) > 1)
 
     def _forces(self) -> dict[str, LegForce]:
@@ -168,16 +187,22 @@ class Feet:
         self._pending_events.clear()
         return forces
 
-    def _wait_until_readable(self, name: str) -> tuple[str, ...]:
-        def are_readable() -> bool:
-            heard = self._heard()
-            return bool(heard) and all(leg.force.status in _READABLE for leg in heard)
+    def _wait_until_readable(self) -> tuple[str, ...]:
+        """Wait until the forces of every leg that is heard can be read; return the legs.
+
+        Raises:
+            CanError: Those of none can be read in time.
+        """
+
+        def readable() -> list[bool]:
+            return [leg.force.status in _READABLE for leg in self._heard()]
 
         with self._news:
-            if not self._news.wait_for(are_readable, self._timeout_s) and not any(
-                leg.force.status in _READABLE for leg in self._heard()
-            ):
-                raise CanError(f"no forces on {name} in {self._timeout_s:g} s; is the service running there?")
+            self._news.wait_for(lambda: readable() and all(readable()), self._timeout_s)
+            if not any(readable()):
+                what = "no forces that can be read yet" if readable() else "no forces"
+                remedy = "is the service running, and is this its channel?"
+                raise CanError(f"{what} on {self._can.channel} within {self._timeout_s:g} s; {remedy}")
             self._given = self._counts()
             self._pending_events.clear()
         return tuple(self._given)

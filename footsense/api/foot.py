@@ -57,8 +57,12 @@ class Foot:
         """
         force = _vectors(force_n, "force_n")
         if normal is None:
-            in_the_air = ~force.any(axis=-1, keepdims=True)
-            normals = normalized(np.where(in_the_air, (0.0, 0.0, 1.0), force))
+            # Of the largest component first: the square of a tiny one is 0.
+            largest = np.abs(force).max(axis=-1, keepdims=True)
+            in_the_air = largest == 0.0
+            normals = normalized(
+                np.where(in_the_air, (0.0, 0.0, 1.0), force / np.where(in_the_air, 1.0, largest))
+            )
         else:
             normals = _vectors(normal, "normal")
             length = np.linalg.norm(normals, axis=-1, keepdims=True)

@@ -1,29 +1,38 @@
 """Walks as arrays: `footsense.read` of a recording, `footsense.simulate` of a simulated robot."""
 
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from array import array
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from msgspec.structs import replace
-from numpy.typing import NDArray
 
 from footsense.api.events import FootEvent
 from footsense.can.interface import Can
 from footsense.config import DEFAULT, load_config
 from footsense.daemon.service import open_service
 from footsense.errors import FootsenseError, RecordingError
-from footsense.frames import IS_USABLE_STATE, Codes, Cycle, Flag, Mask, State, Vector
+from footsense.frames import IS_USABLE_STATE, Codes, Cycle, Flag, GaitEvent, Mask, State, Vector
 from footsense.ports import Observer
 from footsense.recording.replay import Replay
+from footsense.ring.records import CYCLE_FIELDS
 from footsense.sim.scene import load_scene
 
 if TYPE_CHECKING:
     import pandas as pd
 
-_NS_PER_S = 1_000_000_000
+#: Arrays of a cycle that are kept, in the order in which `_CycleCollector` unpacks them.
+_ARRAYS = {
+    path: attrgetter(path)
+    for path in (
+        *("scan.t_ns", "scan.capacitance_pf"),
+        *("forces.force_n", "forces.sigma_n", "forces.state", "forces.flags"),
+    )
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -109,16 +118,17 @@ def read(path: str | Path) -> Recording:
         RecordingError: It is missing, not a recording of footsense, or has no whole cycle.
     """
     replay = Replay(Path(path))
-    cycles: list[Cycle] = []
+    collected = _CycleCollector(replay.legs)
     try:
-        cycles.extend(replay)
+        for cycle in replay:
+            collected.observe(cycle)
     except RecordingError as error:
-        if not cycles:
+        if not collected.n_cycles:
             raise
         warnings.warn(str(error), stacklevel=2)
-    if not cycles:
+    if not collected.n_cycles:
         raise RecordingError(f"{path}: has no cycle")
-    return _recording(cycles, replay.legs)
+    return collected.recording()
 
 
 def simulate(
@@ -142,47 +152,65 @@ def simulate(
         raise ValueError(f"duration_s is above 0, got {duration_s:g}")
     robot = DEFAULT if config is None else load_config(Path(config))
     robot = replace(robot, can=Can(interface="virtual"), ring=None)
-    recorder = _CycleList()
     with open_service(robot, load_scene(str(scene)), real_time=False) as service:
-        service.observers.append(recorder)
-        service.run(until_ns=service.clock.now_ns() + duration_s * _NS_PER_S)
-        return _recording(recorder.cycles, service.legs, service.true_force_n_at)
+        collected = _CycleCollector(service.legs, service.true_force_n_at)
+        service.observers.append(collected)
+        service.run(until_ns=service.clock.now_ns() + duration_s * 1e9)
+    return collected.recording()
 
 
-class _CycleList(Observer):
-    def __init__(self) -> None:
-        self.cycles: list[Cycle] = []
+class _CycleCollector(Observer):
+    """Observer that collects the arrays of cycles, without an object for each.
+
+    Args:
+        legs: Name of the leg in each row of the frames.
+        true_force_n_at: True force on each foot at a time [ns -> N, shape (legs, 3)]; None if it is not known.
+
+    Attributes:
+        n_cycles: Cycles so far.
+    """
+
+    def __init__(self, legs: tuple[str, ...], true_force_n_at: Callable[[int], Vector] | None = None) -> None:
+        self.n_cycles = 0
+        self._legs = legs
+        self._true_force_n_at = true_force_n_at
+        self._sent_ns = array("q")
+        self._bytes = {path: bytearray() for path in _ARRAYS}
+        self._true_force_bytes = bytearray()
+        self._events: list[GaitEvent] = []
 
     def observe(self, cycle: Cycle) -> None:
-        """Keep a cycle."""
-        self.cycles.append(cycle)
+        """Add a cycle."""
+        self.n_cycles += 1
+        self._sent_ns.append(cycle.forces.t_sent_ns)
+        for path, value_of in _ARRAYS.items():
+            self._bytes[path] += value_of(cycle).astype(CYCLE_FIELDS[path].dtype, copy=False).tobytes()
+        if self._true_force_n_at is not None:
+            self._true_force_bytes += self._true_force_n_at(cycle.forces.t_sent_ns).tobytes()
+        if cycle.forces.gait is not None:
+            self._events += cycle.forces.gait.events
 
-
-def _recording(
-    cycles: Sequence[Cycle], legs: tuple[str, ...], true_force_n_at: Callable[[int], Vector] | None = None
-) -> Recording:
-    start_ns = cycles[0].forces.t_sent_ns
-
-    def time_s(t_ns: NDArray[np.int64]) -> Vector:
-        return np.where(t_ns == 0, np.nan, (t_ns - start_ns) * 1e-9)
-
-    forces, scans = [cycle.forces for cycle in cycles], [cycle.scan for cycle in cycles]
-    state, flags = np.array([frame.state for frame in forces]), np.array([frame.flags for frame in forces])
-    events = [event for frame in forces if frame.gait is not None for event in frame.gait.events]
-    return Recording(
-        legs=legs,
-        t_s=np.array([frame.t_sent_ns - start_ns for frame in forces]) * 1e-9,
-        force_n=np.array([frame.force_n for frame in forces]),
-        sigma_n=np.array([frame.sigma_n for frame in forces]),
-        state=state,
-        contact=(flags & Flag.CONTACT != 0) & IS_USABLE_STATE[state],
-        capacitance_pf=np.array([scan.capacitance_pf for scan in scans]),
-        reading_t_s=time_s(np.array([scan.t_ns for scan in scans])),
-        events=tuple(
-            FootEvent.of((event.t_ns - start_ns) * 1e-9, legs[event.leg], event.kind, event.sigma_s)
-            for event in events
-        ),
-        true_force_n=None
-        if true_force_n_at is None
-        else np.array([true_force_n_at(frame.t_sent_ns) for frame in forces]),
-    )
+    def recording(self) -> Recording:
+        """Return the collected cycles, at least one."""
+        n, n_legs = self.n_cycles, len(self._legs)
+        read_ns, capacitance_pf, force_n, sigma_n, state, flags = (
+            np.frombuffer(values, CYCLE_FIELDS[path].dtype).reshape(n, n_legs, *CYCLE_FIELDS[path].row_shape)
+            for path, values in self._bytes.items()
+        )
+        true_force_n = np.frombuffer(self._true_force_bytes).reshape(-1, n_legs, 3)
+        start_ns = self._sent_ns[0]
+        return Recording(
+            legs=self._legs,
+            t_s=(np.array(self._sent_ns) - start_ns) * 1e-9,
+            force_n=force_n,
+            sigma_n=sigma_n,
+            state=state,
+            contact=(flags & Flag.CONTACT != 0) & IS_USABLE_STATE[state],
+            capacitance_pf=capacitance_pf,
+            reading_t_s=np.where(read_ns == 0, np.nan, (read_ns - start_ns) * 1e-9),
+            events=tuple(
+                FootEvent.of((event.t_ns - start_ns) * 1e-9, self._legs[event.leg], event.kind, event.sigma_s)
+                for event in self._events
+            ),
+            true_force_n=true_force_n if len(true_force_n) else None,
+        )

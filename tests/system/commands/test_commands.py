@@ -8,7 +8,7 @@ import can
 import pytest
 
 from firmware_interface.can.commands import ANSWER, ANSWER_ID, COMMAND_ID, encode_command
-from footsense.cli.can.tare import tare_legs
+from footsense.api.tare import tare_legs
 from footsense.config import DEFAULT
 from footsense.daemon.can_output import open_wire
 from footsense.daemon.service import Service, open_service

@@ -1,0 +1,170 @@
+"""Feet that are heard on CAN: what a real sink sends on a channel of the process, as a program gets it."""
+
+import errno
+import math
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import closing
+
+import pytest
+
+import footsense
+from footsense.api.feet import Feet
+from footsense.can.interface import Can
+from footsense.client import LinkLimits
+from footsense.daemon.can_listener import Listener
+from footsense.daemon.can_output import open_wire
+from footsense.errors import CanError
+from footsense.frames import Flag, GaitEvent, GaitEventKind, State
+from tests.support.can_robot import MS, Robot
+from tests.support.frames import gait_frame
+
+#: Time from one cycle to the next [ns].
+CYCLE_NS = 11 * MS
+
+
+class Heard:
+    """A robot that is heard, whose time advances from cycle to cycle alone.
+
+    Attributes:
+        robot: The robot.
+        t_ns: Time of its last cycle.
+    """
+
+    def __init__(self, channel: str) -> None:
+        self.robot = Robot(channel, legs=("lf", "rf"))
+        self.t_ns = self.robot.clock.t_ns = 1000 * MS  # all identities are due then
+        self._can = Can(interface="virtual", channel=channel)
+        limits = LinkLimits(accept_degraded=True)
+        self._listener = Listener(open_wire(self._can), self.robot.clock, limits)
+
+    def cycle(self, **changed: object) -> None:
+        """Publish the forces of one cycle; `changed` as in `contact_frame`."""
+        self.t_ns += CYCLE_NS
+        self.robot.publish(self.t_ns, age_ns=3 * MS, **changed)  # type: ignore[arg-type]
+
+    def connect(self, timeout_s: float = 0.05) -> Feet:
+        return Feet(self._listener, self._can, timeout_s)
+
+
+@pytest.fixture
+def heard(request: pytest.FixtureRequest) -> Iterator[Heard]:
+    heard = Heard(request.node.nodeid)
+    yield heard
+    heard.robot.close()
+
+
+def connected(heard: Heard) -> Feet:
+    for _ in range(6):
+        heard.cycle()
+    return heard.connect()
+
+
+def test_a_cycle_is_the_force_of_each_leg_by_its_name(heard: Heard) -> None:
+    with connected(heard) as feet:
+        assert feet.legs == ("lf", "rf")
+        heard.cycle(flags=Flag.CONTACT)
+        forces = next(iter(feet))
+        assert list(forces) == ["lf", "rf"]
+        left = forces["lf"]
+        assert left.force_n == pytest.approx((0.5, 0.5, 0.5))
+        assert left.sigma_n == pytest.approx((0.01, 0.01, 0.01))
+        assert (left.usable, left.contact, left.state) == (True, True, footsense.State.VALID)
+        # The age when sent, and at most the time since the last look at the channel.
+        assert 0.003 <= left.age_s <= 0.003 + CYCLE_NS * 1e-9
+
+
+@pytest.mark.parametrize(
+    ("state", "usable"), [(State.DEGRADED, True), (State.ABSENT, False), (State.NO_BASELINE, False)]
+)
+def test_what_must_not_be_used_is_no_number(heard: Heard, state: State, *, usable: bool) -> None:
+    with connected(heard) as feet:
+        heard.cycle(state=state)
+        left = next(iter(feet))["lf"]
+        assert (left.state, left.usable) == (state, usable)
+        assert (
+            math.isnan(left.force_n[2]) is math.isnan(left.sigma_n[2]) is math.isnan(left.age_s) is not usable
+        )
+        assert left.contact is (False if usable else None)
+
+
+def test_an_event_comes_once_with_its_leg_and_time(heard: Heard) -> None:
+    with connected(heard) as feet:
+        cycles = iter(feet)
+        touchdown = GaitEvent(GaitEventKind.TOUCHDOWN, 1, heard.t_ns - 20 * MS, 0.002)
+        heard.cycle(gait=gait_frame(heard.t_ns, 2, events=(touchdown,)))
+        next(cycles)
+        (event,) = feet.events
+        assert (event.leg, event.kind) == ("rf", "touchdown")
+        assert event.t_s == pytest.approx(touchdown.t_ns * 1e-9, abs=0.012)
+        heard.cycle()
+        next(cycles)
+        assert feet.events == ()
+
+
+def test_a_slow_loop_gets_the_newest_forces_and_no_backlog(heard: Heard) -> None:
+    with connected(heard) as feet:
+        cycles = iter(feet)
+        for force_n in (0.1, 0.2, 0.3):
+            heard.cycle(force_n=force_n)
+        while feet.latest()["rf"].force_n[2] != pytest.approx(0.3):
+            pass
+        assert next(cycles)["lf"].force_n[2] == pytest.approx(0.3)
+        heard.cycle(force_n=0.4)
+        assert next(cycles)["lf"].force_n[2] == pytest.approx(0.4)
+
+
+def test_in_a_silence_no_leg_is_usable_and_then_the_loop_ends(heard: Heard) -> None:
+    with connected(heard) as feet:
+        assert feet.latest()["lf"].usable
+        heard.robot.clock.t_ns += 200 * MS
+        assert [forces["lf"].usable for forces in feet] == [False]
+
+
+def test_a_leg_that_falls_silent_holds_up_no_other(heard: Heard) -> None:
+    """Of two services on a bus one ends: its leg stays, without a force."""
+    with connected(heard) as feet, closing(Robot(feet._can.channel, legs=("lf",))) as alone:
+        cycles = iter(feet)
+        n_before = feet._counts()["lf"]
+        for k in range(1, 15):
+            heard.robot.clock.t_ns = heard.t_ns + k * CYCLE_NS
+            alone.publish(heard.robot.clock.t_ns)
+            while feet._counts()["lf"] < n_before + k:
+                pass
+        next(cycles)
+        alone.publish(heard.robot.clock.t_ns + CYCLE_NS)
+        forces = next(cycles)
+        assert (forces["lf"].usable, forces["rf"].usable) == (True, False)
+
+
+class Gone:
+    """A channel that is gone."""
+
+    def send(self, frames: Sequence[bytes], t_ns: int) -> int:
+        raise NotImplementedError
+
+    def receive(self) -> list[bytes]:
+        raise OSError(errno.ENODEV, os.strerror(errno.ENODEV))
+
+    def close(self) -> None: ...
+
+
+def test_what_is_wrong_with_a_channel_is_said(heard: Heard) -> None:
+    with pytest.raises(CanError, match=r"^no forces on .* within 0.05 s; is the service running"):
+        heard.connect()
+    gone = Listener(Gone(), heard.robot.clock, LinkLimits())
+    with pytest.raises(CanError, match="the CAN channel is gone: No such device"):
+        Feet(gone, Can(interface="virtual"), 1.0)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"interface": "slcan"}, "interface 'slcan': use one of socketcan, udp_multicast"),
+        ({"channel": "can0", "interface": "udp_multicast"}, "no IPv4 multicast address; try 239.74.163.2"),
+        ({"channel": "no-such-can"}, "CAN channel no-such-can"),
+    ],
+)
+def test_a_wrong_channel_is_refused_in_one_line(given: dict[str, str], message: str) -> None:
+    with pytest.raises(footsense.FootsenseError, match=message):
+        footsense.connect(**given)  # type: ignore[arg-type]

@@ -1,0 +1,171 @@
+"""A foot type forwards and backwards: forces to capacitances, and capacitances to forces."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import array_shapes, arrays
+
+import footsense
+from footsense.errors import ModelError
+from footsense.frames import Vector
+
+FOOT = footsense.Foot("aoyagi-3x3")
+ESTIMATOR = footsense.Estimator("aoyagi-3x3")
+#: Times of some scans a hundredth of a second apart [s].
+T_S = 0.01 * np.arange(60)
+
+
+def stances(n_feet: int = 1) -> Vector:
+    """Return forces of feet that hang for 0.3 s and then stand on sloping ground [N], shape (60, feet, 3)."""
+    force_n = np.zeros((len(T_S), n_feet, 3))
+    for foot in range(n_feet):
+        force_n[30:, foot] = (0.05 * foot, 0.1, 0.4 + 0.1 * foot)
+    return force_n
+
+
+@given(arrays(np.float64, array_shapes(max_dims=3, max_side=3), elements=st.floats(0.0, 1.2)))
+def test_a_foot_takes_forces_of_any_leading_shape(fz_n: Vector) -> None:
+    """Each force gives what it gives alone."""
+    force_n = np.stack([0.2 * fz_n, -0.1 * fz_n, fz_n], axis=-1)
+    pf = FOOT.capacitance_pf(force_n)
+    assert pf.shape == (*fz_n.shape, 9)
+    for at in np.ndindex(fz_n.shape):
+        np.testing.assert_allclose(pf[at], FOOT.capacitance_pf(force_n[at]), rtol=1e-12)
+        if fz_n[at] == 0.0:
+            np.testing.assert_allclose(pf[at], FOOT.unloaded_pf, rtol=1e-12)
+
+
+def test_a_normal_off_the_force_moves_the_contact() -> None:
+    force_n = [0.0, 0.0, 0.5]
+    middle, ahead = FOOT.capacitance_pf(force_n, normal=[[0.0, 0.0, 3.0], [-0.3, 0.0, 1.0]])
+    np.testing.assert_allclose(middle, FOOT.capacitance_pf(force_n))
+    # The ground leans towards the tail: the ball touches ahead of its middle, and the first row closes.
+    assert ahead[:3].sum() > middle[:3].sum()
+    assert ahead[6:].sum() < middle[6:].sum()
+
+
+@pytest.mark.parametrize(
+    ("force_n", "normal", "message"),
+    [
+        ([0.0, 1.0], None, r"force_n: its last axis has the three components x, y, z; got shape \(2,\)"),
+        ([0.0, 0.0, np.nan], None, "force_n: has a number that is not finite"),
+        ([0.0, 0.0, 1.0], [0.0, 0.0, 0.0], "normal: one has no length"),
+        ([0.0, 1.0, 0.0], None, "reaches down to an elevation of 25 deg"),
+    ],
+)
+def test_loads_without_a_meaning_are_refused(force_n: Any, normal: Any, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        FOOT.capacitance_pf(force_n, normal)
+
+
+def test_a_recorded_walk_gives_the_forces_of_the_service_again() -> None:
+    """Of its readings and their times, to a tenth of a mN: the service knows the rate of its converters."""
+    walk = footsense.simulate("measured_walk", duration_s=1.8)
+    forces = ESTIMATOR.run(walk.capacitance_pf, walk.t_s, walk.reading_t_s)
+    np.testing.assert_array_equal(forces.state, walk.state)
+    np.testing.assert_allclose(forces.force_n, walk.force_n, atol=1e-4)
+    np.testing.assert_allclose(forces.sigma_n, walk.sigma_n, atol=1e-4)
+    np.testing.assert_array_equal(forces.contact, walk.contact)
+    assert walk.true_force_n is not None
+    error_n = (forces.force_n - walk.true_force_n)[(walk.t_s > 1.1) & forces.usable.all(axis=1)]
+    assert (np.sqrt((error_n**2).mean(axis=(0, 1))) < (0.015, 0.01, 0.02)).all()
+
+
+def test_scans_read_at_once_give_the_forces_of_their_rows() -> None:
+    """After the eight scans of the tare, at any rate."""
+    for period_s in (0.001, 0.1):
+        forces = ESTIMATOR.run(FOOT.capacitance_pf(stances(3)), period_s * np.arange(len(T_S)))
+        assert forces.force_n.shape == (len(T_S), 3, 3)
+        assert not forces.usable[:7].any()
+        assert forces.usable[10:].all()
+        np.testing.assert_allclose(forces.force_n[10:], stances(3)[10:], atol=0.012)
+        assert forces.contact[35:].all()
+        assert not forces.contact[:30].any()
+        assert (forces.sigma_n[35:] > 0.0).all()
+
+
+def test_with_the_unloaded_capacitances_the_first_row_has_a_force() -> None:
+    """Also of a foot that stands from the beginning, and whose elements are not all as designed."""
+    gain_rel = 1.0 + 0.05 * np.linspace(-1.0, 1.0, 9)
+    standing_pf = gain_rel * FOOT.capacitance_pf(stances()[30:, 0])
+    t_s = T_S[: len(standing_pf)]
+    assert not ESTIMATOR.run(standing_pf, t_s).usable.any()
+    given_n = footsense.Estimator(unloaded_pf=gain_rel * FOOT.unloaded_pf).run(standing_pf, t_s)
+    assert given_n.force_n.shape == (len(t_s), 3)
+    assert given_n.usable.all()
+    assert given_n.contact[-1]
+    np.testing.assert_allclose(given_n.force_n, stances()[30:, 0], atol=0.05)
+
+
+@settings(max_examples=5)
+@given(st.permutations(range(4)))
+def test_each_foot_is_estimated_by_itself(order: list[int]) -> None:
+    pf = FOOT.capacitance_pf(stances(4))
+    together, alone = ESTIMATOR.run(pf[:, order], T_S), ESTIMATOR.run(pf[:, order[0]], T_S)
+    np.testing.assert_allclose(together.force_n[:, 0], alone.force_n, atol=1e-6)
+    np.testing.assert_array_equal(together.state[:, 0], alone.state)
+
+
+def test_an_element_without_readings_makes_a_foot_degraded() -> None:
+    pf = FOOT.capacitance_pf(stances(2))
+    pf[:, 0, 4] = np.nan
+    forces = ESTIMATOR.run(pf, T_S)
+    assert forces.state[-1].tolist() == [footsense.State.DEGRADED, footsense.State.VALID]
+    assert forces.usable[-1].all()
+    np.testing.assert_allclose(forces.force_n[-1, 0], stances(2)[-1, 0], atol=0.1)
+
+
+WALK_PF = np.repeat(FOOT.capacitance_pf(stances()[:, 0]), 1, axis=0)
+
+
+@pytest.mark.parametrize(
+    ("given_arrays", "message"),
+    [
+        (
+            (WALK_PF[:, :8], T_S),
+            r"capacitance_pf: its last axis has the nine elements of a foot; got shape \(60, 8\)",
+        ),
+        ((WALK_PF[0], T_S), r"capacitance_pf: shape \(n, 9\) or \(n, feet, 9\), got \(9,\)"),
+        ((WALK_PF, T_S[1:]), r"t_s: a time for each of the 60 rows of readings, got shape \(59,\)"),
+        ((WALK_PF, T_S[::-1]), "t_s: the times do not increase"),
+        (
+            (WALK_PF, np.full(60, np.nan)),
+            "t_s: the times do not increase from row to row, or one is not finite",
+        ),
+        (
+            (WALK_PF * 1e3, T_S),
+            r"is in pF, about 5 pF of an element; the median is 5.68e\+03, which looks like fF",
+        ),
+        ((WALK_PF * 1e-12, T_S), "the median is 5.68e-12, which looks like F"),
+        ((WALK_PF * np.nan, T_S), "capacitance_pf: has no finite number"),
+        ((WALK_PF, T_S, T_S), r"reading_t_s: a time for each reading, shape \(60, 9\), got \(60,\)"),
+        (
+            (WALK_PF, T_S, np.tile(T_S[:, None] + 0.1, 9)),
+            "reading_t_s: a reading is later than the time of its row",
+        ),
+        ((WALK_PF, T_S, -np.tile(T_S[:, None], 9)), "reading_t_s: the times of an element go back"),
+    ],
+)
+def test_arrays_that_do_not_fit_are_refused_in_one_line(
+    given_arrays: tuple[Vector, ...], message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        ESTIMATOR.run(*given_arrays)
+
+
+def test_a_scanned_walk_without_its_times_is_refused() -> None:
+    """Each element would be taken to be as new as the newest."""
+    walk = footsense.read("tests/golden/measured_walk.mcap")
+    with pytest.raises(
+        ValueError, match=r"give their times too: run\(walk.capacitance_pf, walk.t_s, walk.reading"
+    ):
+        ESTIMATOR.run(walk.capacitance_pf, walk.t_s)
+
+
+@pytest.mark.parametrize("kind", [footsense.Foot, footsense.Estimator])
+def test_an_unknown_foot_type_is_refused_in_one_line(kind: type) -> None:
+    with pytest.raises(ModelError, match="no foot type nobody"):
+        kind("nobody")
