@@ -5,5 +5,6 @@ recording   read(...), simulate(...)  -> Recording            arrays of a walk
 foot        Foot(...)                 force -> capacitance    the model of a foot type
 estimator   Estimator(...)            capacitance -> force    the service's own estimation, on arrays
 
-Nothing else in the package imports these; `footsense/__init__.py` does when one is asked for.
+`footsense/__init__.py` imports one when it is asked for. Nothing else in the package does, but for `tare`, which the
+command `footsense tare` shares with `Feet.tare`.
 """

@@ -132,13 +132,15 @@ class Feet:
         Raises:
             FootsenseError: A leg was not tared; the message says which, and why.
         """
+        if unknown := set(legs) - NODE_IDS.keys():
+            raise FootsenseError(
+                f"no leg is named {', '.join(sorted(unknown))}; there are {', '.join(self.legs)}"
+            )
         refused = [
             f"{answer.leg}: not tared: {answer.refusal(self._can.channel)}"
             for answer in tare_on(self._can, legs or self.legs)
             if answer.result is not Result.DONE
         ]
-        if unknown := set(legs) - NODE_IDS.keys():
-            refused += [f"{leg}: no leg has this name" for leg in sorted(unknown)]
         if refused:
             raise FootsenseError(" | ".join(refused))
 

@@ -137,6 +137,14 @@ def test_a_leg_that_falls_silent_holds_up_no_other(heard: Heard) -> None:
         assert (forces["lf"].usable, forces["rf"].usable) == (True, False)
 
 
+def test_a_tare_of_a_leg_that_no_robot_has_says_which_there_are(heard: Heard) -> None:
+    with (
+        connected(heard) as feet,
+        pytest.raises(footsense.FootsenseError, match="named left; there are lf, rf"),
+    ):
+        feet.tare("lf", "left")
+
+
 class Gone:
     """A channel that is gone."""
 
