@@ -1,0 +1,21 @@
+"""Tare the feet of a running robot, which have to hang free and still: what they read now is then no force.
+
+In another terminal: footsense run --config deploy/simulated.yaml --scene hanging --realtime.
+"""
+
+import sys
+
+import footsense
+
+with footsense.connect(
+    *sys.argv[1:2], interface="udp_multicast"
+) as feet:  # on a robot: footsense.connect("can0")
+    before = feet.latest()
+    for leg in feet.legs:  # or all at once: feet.tare()
+        try:
+            feet.tare(leg)
+        except footsense.FootsenseError as refused:
+            print(refused)
+        else:
+            fz_n, now_n = before[leg].force_n[2], feet.latest()[leg].force_n[2]
+            print(f"{leg}: tared; read {1000 * fz_n:.1f} mN before, {1000 * now_n:.1f} mN now")

@@ -1,0 +1,27 @@
+"""Print each touchdown of a running robot, and when it was relative to now, then how long each stance lasted.
+
+In another terminal: footsense run --config deploy/simulated.yaml --realtime. Ends when the robot is silent for 2 s.
+"""
+
+import sys
+import time
+
+import footsense
+
+touched_s: dict[str, float] = {}
+
+with footsense.connect(
+    *sys.argv[1:2], interface="udp_multicast"
+) as feet:  # on a robot: footsense.connect("can0")
+    for forces in feet:
+        for event in feet.events:  # those that came with these forces, each once
+            if event.kind == "touchdown":
+                touched_s[event.leg] = event.t_s
+                ago_ms = 1000 * (time.monotonic() - event.t_s)
+                fz_n = forces[event.leg].force_n[2]
+                sigma_ms = 1000 * event.sigma_s
+                print(f"{event.leg}: touchdown {ago_ms:.0f} ms ago, +- {sigma_ms:.0f} ms; now {fz_n:.2f} N")
+            elif event.kind == "lift_off" and event.leg in touched_s:
+                print(f"{event.leg}: lift-off after {event.t_s - touched_s.pop(event.leg):.2f} s")
+            elif event.kind == "slip":
+                print(f"{event.leg}: slips")

@@ -1,0 +1,91 @@
+"""The examples of the Python interface, run as their users would: beside a simulated robot, or on arrays."""
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from tests.examples.test_robots import EXAMPLES, run_example
+from tests.system.command import robot
+from tests.system.daemon import Daemon, running
+
+GOLDEN = Path(__file__).parents[1] / "golden/measured_walk.mcap"
+TIMEOUT_S = 60
+PRESSED = """
+description: Every foot is pressed a second after the start.
+load: {kind: constant, force_n: [0.1, 0.0, 0.5]}
+lead_in_s: 1.0
+"""
+
+
+@contextmanager
+def walking(folder: Path, channel: str, *arguments: str | Path) -> Iterator[Daemon]:
+    """Run a simulated robot that is heard on a multicast address, and obeys."""
+    file = robot(folder, interface="udp_multicast", channel=f"{channel}, commands: true")
+    with running(folder, "--config", file, *arguments) as service:
+        service.wait_until_ready()
+        yield service
+
+
+@pytest.mark.parametrize(
+    ("name", "channel", "wanted"),
+    [
+        (
+            "read_forces.py",
+            "239.74.163.101",
+            r"lf: .* 0\.[3-9]\d\d N, z \+- 0\.\d+ N, +\d+\.\d ms old, contact$",
+        ),
+        ("touchdown.py", "239.74.163.102", r"lf: lift-off after [01]\.\d\d s$"),
+    ],
+)
+def test_a_program_beside_a_walking_robot_ends_with_it(
+    tmp_path: Path, name: str, channel: str, wanted: str
+) -> None:
+    with walking(tmp_path, channel) as service:
+        command = [sys.executable, "-W", "error", "-u", str(EXAMPLES / name), channel]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as program:
+            assert program.stdout is not None
+            assert any(re.match(wanted, line.rstrip()) for line in program.stdout), program.communicate()
+            service.stop()
+            _, errors = program.communicate(timeout=TIMEOUT_S)
+    assert (program.returncode, errors) == (0, "")
+
+
+def test_feet_in_the_air_are_tared(tmp_path: Path) -> None:
+    with walking(tmp_path, "239.74.163.103", "--scene", "hanging"):
+        told = run_example("tare.py", "239.74.163.103").splitlines()
+    assert len(told) == 2
+    assert all(
+        re.fullmatch(r"[lr]f: tared; read -?\d+\.\d mN before, -?\d\.\d mN now", line) for line in told
+    )
+
+
+@pytest.mark.slow
+def test_the_tare_of_loaded_feet_is_refused_in_words(tmp_path: Path) -> None:
+    scene = tmp_path / "pressed.yaml"
+    scene.write_text(PRESSED)
+    with walking(tmp_path, "239.74.163.104", "--scene", scene) as service:
+        service.live_on(20)  # the feet are down
+        told = run_example("tare.py", "239.74.163.104").splitlines()
+    assert [line[2:] for line in told] == 2 * [
+        ": not tared: the foot is in contact, or its readings are not those of an unloaded foot"
+    ]
+
+
+def test_a_recording_is_drawn(tmp_path: Path) -> None:
+    told = run_example("plot_recording.py", GOLDEN, tmp_path / "walk.png", MPLBACKEND="Agg")
+    assert re.findall(r"usable (\d\d)% .* contact (\d\d)%", told)[0] == ("96", "59")
+    assert (tmp_path / "walk.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_foot_is_pressed_and_its_readings_give_the_forces_back() -> None:
+    assert "\n [8.17 7.62 8.17]]" in run_example("simulate_foot.py")
+    told = run_example("estimate_array.py")
+    assert told.startswith("usable: 100% of 400 rows, in contact: 100%")
+    wrong_mn = [float(figure) for figure in re.findall(r"wrong by (\d+\.\d) mN", told)]
+    assert len(wrong_mn) == 3
+    assert max(wrong_mn) < 10.0
