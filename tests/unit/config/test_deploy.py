@@ -121,6 +121,7 @@ def test_the_page_has_every_exit_code_and_none_is_systemd_s() -> None:
     """The labels of systemd begin at 2; from 64 to 78 it shows those of sysexits.h."""
     kinds: list[type[FootsenseError]] = [FootsenseError, *FootsenseError.__subclasses__()]
     codes = {kind.exit_code for kind in kinds}
-    listed = re.findall(r"^\| (\d+)(?: `\w+`)? \|", (DEPLOY / "README.md").read_text(), re.MULTILINE)
+    page = (DEPLOY.parent / "docs/troubleshooting.md").read_text()
+    listed = re.findall(r"^\| (\d+)(?: `\w+`)? \|", page, re.MULTILINE)
     assert {str(code) for code in codes} | {"0", "2", "130"} == set(listed)
     assert all(64 <= code <= 78 for code in codes - {1})
