@@ -95,7 +95,8 @@ class YamlReader:
             line = _line(mark) if mark else None
             if line and _INDENTED_WITH_TAB.match("".join(self._text.splitlines()[line - 1 : line])):
                 raise YamlError("the line begins with a tab; YAML is indented with spaces", line) from None
-            raise YamlError(f"is not valid YAML: {getattr(error, 'problem', None) or error}", line) from None
+            problem = getattr(error, "problem", None) or error
+            raise YamlError(f"is not valid YAML, here or just above: {problem}", line) from None
         if data is None:
             raise YamlError("is empty")
         return data

@@ -187,6 +187,8 @@ def _wanted(info: inspect.Type) -> str:
     for type_, hint in _members(info):
         if isinstance(type_, inspect.LiteralType):
             texts.append(f"one of {', '.join(map(str, type_.values))}")
+        elif isinstance(type_, inspect.StrType) and hint:
+            texts.append(f"text {hint}" if hint.startswith("such as") else hint)
         elif type(type_) in _TYPE_WORDS:
             found = ((words, getattr(type_, name, None)) for name, words in _BOUND_WORDS.items())
             bounds = (

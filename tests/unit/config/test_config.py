@@ -195,6 +195,20 @@ def test_check_config_explains_a_file(file: Path) -> None:
     assert (settings["uncalibrated"], settings["max_age_ms"]) == (["lf", "rf"], 90)
 
 
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        ("/dev/i2c-1", 'buses[0].device: "i2c-1" is wrong; it has to be text such as /dev/i2c-1, or sim'),
+        ("socketcan}", 'can.channel: "a/b" is wrong; it has to be a network interface such as can0'),
+    ],
+)
+def test_a_text_that_does_not_fit_is_answered_with_one_that_does(file: Path, wrong: str, says: str) -> None:
+    file.write_text(ONE_BUS.replace(wrong, {"/dev/i2c-1": "i2c-1"}.get(wrong, "socketcan, channel: a/b}")))
+    with pytest.raises(ConfigError) as caught:
+        load_config(file)
+    assert str(caught.value).endswith(says)
+
+
 def said_of(file: Path) -> str:
     result = CliRunner().invoke(check_config, [str(file)])
     assert result.exit_code == 0, result.output

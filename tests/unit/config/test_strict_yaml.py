@@ -92,7 +92,7 @@ def test_reads_what_fits() -> None:
         (GOOD + "stray_pf: !!set {}", ":2: the tag tag:yaml.org,2002:set is not supported; take it away"),
         ("mux: &m {address: 0x71}", ":1: aliases (& and *) are not supported; write the values out"),
         ("- a", "robot.yaml:1: a list of 1 is wrong; it has to be a section of keys"),
-        ("mux: [", "is not valid YAML"),
+        ("mux: [", "is not valid YAML, here or just above: "),
         (GOOD + "---\n" + GOOD, "robot.yaml: holds several documents, separated by ---; one is read"),
         ("", "robot.yaml: is empty"),
         ("---\n", "robot.yaml: is empty"),
