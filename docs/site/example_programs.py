@@ -13,5 +13,5 @@ def markdown() -> str:
     """Return a table of all examples, with links from a page of `docs/reference`."""
     files = sorted(path for path in _FOLDER.iterdir() if path.suffix in {".py", ".c"})
     lines = [(path.name, _FIRST_LINE.match(path.read_text(encoding="utf-8"))) for path in files]
-    rows = [[f"[`{name}`](../../examples/{name})", line[1]] for name, line in lines if line]
+    rows = [[f"[{name}](../../examples/{name})", line[1]] for name, line in lines if line]
     return table(["example", "shows"], rows)
