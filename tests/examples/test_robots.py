@@ -7,16 +7,18 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import islice
 from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
 
 from tests.contract.c_decoder import SOURCES, compile_c
-from tests.system.command import footsense
+from tests.system.command import footsense, robot
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
+ROOT = Path(__file__).parents[2]
+EXAMPLES = ROOT / "examples"
 TIMEOUT_S = 120
 
 
@@ -35,22 +37,26 @@ def run_example(name: str, *arguments: str | Path, **environment: str) -> str:
 
 
 @contextlib.contextmanager
-def running_example(name: str, *arguments: str | Path, **environment: str) -> Iterator[subprocess.Popen[str]]:
-    """Run an example until it is interrupted; it has said its first line."""
+def running(command: Sequence[str | Path], **environment: str) -> Iterator[subprocess.Popen[str]]:
+    """Run a command until it is interrupted."""
     with subprocess.Popen(
-        [sys.executable, EXAMPLES / name, *arguments],
+        command,
         env=os.environ | environment,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
     ) as process:
         try:
-            assert process.stdout is not None
-            assert process.stdout.readline()
             yield process
         finally:
             process.send_signal(signal.SIGINT)
             process.communicate(timeout=TIMEOUT_S)
+
+
+def running_example(
+    name: str, *arguments: str | Path, **environment: str
+) -> contextlib.AbstractContextManager[subprocess.Popen[str]]:
+    return running([sys.executable, EXAMPLES / name, *arguments], **environment)
 
 
 @pytest.mark.slow
@@ -87,6 +93,8 @@ def test_a_sensor_without_a_driver_is_recorded_beside_a_foot(tmp_path: Path) -> 
     """Its presses of 1 N, with the sign of the force on the foot, each sample once."""
     stand, out = tmp_path / "stand.yaml", tmp_path / "session.mcap"
     with running_example("own_reference_sensor.py", stand) as sensor:
+        assert sensor.stdout is not None
+        assert sensor.stdout.readline().startswith(f"{stand}: the sensor is /dev/")
         options = ("--foot", "foot-0007", "--scene", "hanging", "--duration", "5")
         footsense("test-stand", "record", "--reference", stand, *options, out)
     assert sensor.returncode == 0
@@ -99,3 +107,27 @@ def test_a_sensor_without_a_driver_is_recorded_beside_a_foot(tmp_path: Path) -> 
     assert forces_n[0] == 0.0
     assert forces_n[-1] == pytest.approx(1.0, abs=0.001)
     assert {(sample["fx_n"], sample["fy_n"], sample["saturated"]) for sample in found} == {(0.0, 0.0, False)}
+
+
+@pytest.mark.slow
+def test_a_ros2_node_tells_each_load_and_what_is_not_known_any_more(tmp_path: Path) -> None:
+    pytest.importorskip("cyclonedds", reason="no wheel for this processor or Python: docs/ros2.md")
+    here = {
+        "CYCLONEDDS_URI": "<General><Interfaces><NetworkInterface name='lo' multicast='true'/></Interfaces></General>",
+        "ROS_DOMAIN_ID": str(100 + os.getpid() % 100),
+        "PYTHONPATH": os.pathsep.join(map(str, (ROOT / "tests/examples/ros2_stand_in", ROOT))),
+    }
+    config = robot(tmp_path, interface="udp_multicast", channel=f"239.74.164.{os.getpid() % 250 + 1}")
+    service = [sys.executable, "-m", "footsense"]
+    with (
+        running([*service, "ros2", "--config", config], **here),
+        running_example("ros2_node.py", **here) as node,
+        running([*service, "run", "--config", config, "--realtime", "--summary", "json"]) as walk,
+    ):
+        assert node.stdout is not None
+        # Ten lines a second.
+        told = (dict(re.findall(r"(\w\w) (unknown|-?[\d.]+ N)", line)) for line in islice(node.stdout, 600))
+        assert any(legs["lf"] != "unknown" and float(legs["lf"].removesuffix(" N")) > 0.3 for legs in told)
+        assert any(legs["lf"] != "unknown" and float(legs["lf"].removesuffix(" N")) < 0.05 for legs in told)
+        walk.send_signal(signal.SIGINT)
+        assert any(set(legs.values()) == {"unknown"} for legs in told)
