@@ -10,6 +10,7 @@ from footsense.acquisition.mcu_source import Serial
 from footsense.acquisition.scan_plan import BOARDS, Scan
 from footsense.config.schema import DEFAULT_PUBLISH_EVERY, Config
 from footsense.config.sections import PCA9685_ALLCALL_ADDRESS, Bus, Mux
+from footsense.foot.type_folders import released_names, unknown_name_remedy
 from footsense.strict_yaml import Problem
 
 #: Largest share of the CAN bit rate for all frames of footsense; the rest is the robot's.
@@ -120,7 +121,10 @@ def _can_rules(config: Config) -> Iterator[_Rule]:
 
 
 def _foot_rules(config: Config) -> Iterator[_Rule]:
-    feet = config.feet
+    foot_type, feet = config.foot_type, config.feet
+    # With a network of its own the name may be of any foot type.
+    unknown = config.model is None and "/" not in foot_type and foot_type not in released_names()
+    yield unknown, "foot_type", f"no foot type {foot_type}: {unknown_name_remedy(foot_type)}"
     yield from _repeated(
         [(f"feet.{leg}", foot, leg) for leg, foot in feet.items()], "{} is already mounted on {}"
     )

@@ -12,6 +12,18 @@ def released_folder(foot_type: str) -> Path:
     return installed if installed.exists() else package.parent / "models" / foot_type
 
 
+def released_names() -> list[str]:
+    """Return the names of the released foot types."""
+    beside_the_default = released_folder("aoyagi-3x3").parent
+    return sorted(path.parent.name for path in beside_the_default.glob("*/foot.yaml"))
+
+
+def unknown_name_remedy(foot_type: str) -> str:
+    """Return what to write in place of a name that is no released foot type's."""
+    names = ", ".join(released_names())
+    return f"there are {names}; a folder of your own is written with a slash, such as ./{foot_type}"
+
+
 def foot_type_folder(foot_type: str) -> Path:
     """Return the folder of a foot type: a released one by name, or any folder if the name has a slash.
 
@@ -19,10 +31,9 @@ def foot_type_folder(foot_type: str) -> Path:
         ModelError: There is no such foot type.
     """
     if "/" not in foot_type:
-        folder = released_folder(foot_type)
-        remedy = f"a folder of your own is written with a slash, such as ./{foot_type}"
+        folder, remedy = released_folder(foot_type), unknown_name_remedy(foot_type)
     else:
-        folder, remedy = Path(foot_type), "`footsense lab build --foot` makes one"
+        folder, remedy = Path(foot_type), "it is not a folder; `footsense lab build --foot` makes one"
     if not folder.is_dir():
-        raise ModelError(f"foot_type: no foot type {foot_type}: {folder} is not a folder; {remedy}")
+        raise ModelError(f"foot_type: no foot type {foot_type}: {remedy}")
     return folder

@@ -28,6 +28,10 @@ from footsense.foot.calibration_files import FootCalibration
 #: [deg]. Source: docs/report/experiment.md, row "uncalibrated: the released network", against the reference.
 UNCALIBRATED_DIRECTION_DEG, UNCALIBRATED_WORST_DIRECTION_DEG = 12.5, 23.3
 
+#: Largest force that the released feet, as designed, read in every direction up to 30 deg from the leg [N].
+#: Source: docs/report/design.md, range, "built".
+USABLE_RANGE_N = {"aoyagi-3x3": 1.07, "hexapod-2kg": 12.7, "quadruped-12kg": 157.0}
+
 
 @click.command("check-config")
 @click.argument("file", type=FILE)
@@ -88,7 +92,9 @@ def _explanation(models: Models) -> dict[str, str]:
             else f"{bus.leg} alone"
         )
         told[bus.device] = f"board {config.board}, {place}"
-    told["feet"] = f"of type {card.foot_type}, for forces up to {card.max_trained_force_n:g} N"
+    usable_n = USABLE_RANGE_N.get(card.foot_type)
+    usable = "" if usable_n is None else f"usable up to {usable_n:g} N within 30 deg of the leg; "
+    told["feet"] = f"of type {card.foot_type}, {usable}largest trained force {card.max_trained_force_n:g} N"
     for leg, calibration in models.calibrations_by_leg.items():
         known = _calibration(calibration)
         errors = calibration.manifest.held_out
@@ -99,10 +105,12 @@ def _explanation(models: Models) -> dict[str, str]:
         )
         told[f"foot on {leg}"] = f"{known['foot']}, calibrated {known['days_ago']} days ago: {error}"
     told["forces"] = (
-        f"up to {config.forces_hz:.0f} a second of each leg; contact from {contact_threshold_n(models):.2g} N, "
+        f"up to {config.forces_hz:.0f} forces/s on CAN of each leg; contact from {contact_threshold_n(models):.2g} N, "
         f"stale when older than {config.effective_max_age_ms:g} ms"
     )
     told["CAN"] = _can_text(config)
+    if (step_mn := force_step_mn(card.max_trained_force_n)) != 1:
+        told["CAN"] += f"; force step {step_mn} mN"
     told["page"] = f"http://{config.view.address}:{config.view.port}, served by `footsense view`"
     told["metrics"] = (
         f"http://{config.metrics.address}:{config.metrics.port}/metrics, served by `footsense exporter`"

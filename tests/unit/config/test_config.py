@@ -10,6 +10,7 @@ from firmware_interface.wire_timing import can_bits_per_s
 from footsense.cli.setup.check_config import (
     UNCALIBRATED_DIRECTION_DEG,
     UNCALIBRATED_WORST_DIRECTION_DEG,
+    USABLE_RANGE_N,
     check_config,
 )
 from footsense.config import DEFAULT, load_config
@@ -150,6 +151,10 @@ def test_a_relative_path_is_one_beside_the_file(
         ),
         (ONE_BUS + "feet: {lm: foot-0001}", "feet.lm: no bus has the leg lm; the legs are lf, rf"),
         (
+            ONE_BUS + "foot_type: quadruped",
+            "robot.yaml:5: foot_type: no foot type quadruped: there are aoyagi-3x3, hexapod-2kg, quadruped-12kg; a ",
+        ),
+        (
             ONE_BUS.split("can:", maxsplit=1)[0],
             "robot.yaml:1: the key can is missing: a section of keys (interface: socketcan, channel: can0 on a robot)",
         ),
@@ -186,7 +191,14 @@ def test_check_config_explains_a_file(file: Path) -> None:
     assert "CAN can0, of whose 500 kbit/s up to 37 % are taken" in said
     assert "page http://127.0.0.1:8765, " in said
     assert "no foot named on lf, lm, lr, rf, rm, rr: uncalibrated, expect 12.5 deg" in said
+    assert (
+        "of type aoyagi-3x3, usable up to 1.07 N within 30 deg of the leg; largest trained force 2 N" in said
+    )
+    assert "forces up to 100 forces/s on CAN of each leg" in said
+    assert "force step" not in said
     assert "max age" not in said
+    file.write_text(ONE_BUS + "foot_type: quadruped-12kg\n")
+    assert "; force step 10 mN" in said_of(file)
     file.write_text(ONE_BUS + "feet: {rf: foot-0007}\n")
     said = said_of(file)
     assert "no foot named on lf: uncalibrated, expect" in said
@@ -220,3 +232,9 @@ def test_what_to_expect_of_an_uncalibrated_foot_is_what_the_report_has() -> None
     errors_deg = report["kinds"]["supposed"]["design"]["centred"]["deg"]
     assert round(sum(errors_deg) / len(errors_deg), 1) == UNCALIBRATED_DIRECTION_DEG
     assert round(max(errors_deg), 1) == UNCALIBRATED_WORST_DIRECTION_DEG
+
+
+def test_the_usable_range_of_the_released_feet_is_what_the_report_has() -> None:
+    feet = json.loads((DEPLOY.parent / "docs/report/design.json").read_text())["feet"]
+    built_n = {name: float(f"{foot['built']['all_directions_range_n']:.3g}") for name, foot in feet.items()}
+    assert built_n == USABLE_RANGE_N
