@@ -7,17 +7,15 @@ import sys
 
 import footsense
 
-with footsense.connect(
-    *sys.argv[1:2], interface="udp_multicast"
-) as feet:  # on a robot: footsense.connect("can0")
+# On a robot: footsense.connect("can0").
+with footsense.connect(*sys.argv[1:2], interface="udp_multicast") as feet:
     for forces in feet:
         for leg, force in forces.items():
             if not force.usable:  # a fault, a tare, or too old: hold no force from before
                 print(f"{leg}: no force: {force.state.name}, link {force.status.name}")
                 continue
-            fx_n, fy_n, fz_n = (
-                force.force_n
-            )  # on the foot, in its frame: forward, left, along the leg to the body
+            # On the foot, in its frame: forward, left, along the leg to the body.
+            fx_n, fy_n, fz_n = force.force_n
             what = "contact" if force.contact else "swing"
             print(
                 f"{leg}: {fx_n:6.3f} {fy_n:6.3f} {fz_n:6.3f} N, z +- {force.sigma_n[2]:.3f} N, "

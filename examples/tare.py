@@ -7,9 +7,8 @@ import sys
 
 import footsense
 
-with footsense.connect(
-    *sys.argv[1:2], interface="udp_multicast"
-) as feet:  # on a robot: footsense.connect("can0")
+# On a robot: footsense.connect("can0").
+with footsense.connect(*sys.argv[1:2], interface="udp_multicast") as feet:
     before = feet.latest()
     for leg in feet.legs:  # or all at once: feet.tare()
         try:

@@ -10,9 +10,8 @@ import footsense
 
 touched_s: dict[str, float] = {}
 
-with footsense.connect(
-    *sys.argv[1:2], interface="udp_multicast"
-) as feet:  # on a robot: footsense.connect("can0")
+# On a robot: footsense.connect("can0").
+with footsense.connect(*sys.argv[1:2], interface="udp_multicast") as feet:
     for forces in feet:
         for event in feet.events:  # those that came with these forces, each once
             if event.kind == "touchdown":

@@ -122,9 +122,10 @@ class Feet:
             yield forces
 
     def tare(self, *legs: str) -> None:
-        """Take the present readings of legs as those of the unloaded foot, as `footsense tare` does; waits for it.
+        """Take the present readings of legs as those of the unloaded foot, and wait until it is done: 0.2 s.
 
-        The service refuses it for a foot that is loaded or moves.
+        The service refuses the tare of a foot that is loaded or moves. A service on `udp_multicast` executes no command
+        without `can.commands: true` in its file, as `deploy/simulated.yaml` has it.
 
         Args:
             legs: Names of the legs; none for all.
@@ -138,7 +139,7 @@ class Feet:
             )
         refused = [
             f"{answer.leg}: not tared: {answer.refusal(self._can.channel)}"
-            for answer in tare_on(self._can, legs or self.legs)
+            for answer in tare_on(self._can, legs or self.legs, [NODE_IDS[leg] for leg in self.legs])
             if answer.result is not Result.DONE
         ]
         if refused:

@@ -59,8 +59,8 @@ class LegTare(NamedTuple):
         return "it is heard, but does not answer; if its channel is udp_multicast, `can.commands: true` has to be set"
 
 
-def tare_on(can: Can, legs: Collection[str]) -> Iterator[LegTare]:
-    """Tare legs on a channel; arguments and yields as of `tare_legs`.
+def tare_on(can: Can, legs: Collection[str], heard: Collection[int] = ()) -> Iterator[LegTare]:
+    """Tare legs on a channel; arguments as of `tare_legs`.
 
     Yields:
         Each leg, as its answer arrives.
@@ -71,18 +71,21 @@ def tare_on(can: Can, legs: Collection[str]) -> Iterator[LegTare]:
     accept = [base + node for base in (HEARTBEAT_ID, ANSWER_ID) for node in NODE_IDS.values()]
     with closing(open_wire(can, accept)) as wire:
         try:
-            yield from tare_legs(wire, MonotonicClock(), legs)
+            yield from tare_legs(wire, MonotonicClock(), legs, heard)
         except OSError as error:
             raise CanError(f"the CAN channel is gone: {error.strerror or error}") from error
 
 
-def tare_legs(wire: CanWire, clock: Clock, legs: Collection[str]) -> Iterator[LegTare]:
+def tare_legs(
+    wire: CanWire, clock: Clock, legs: Collection[str], heard: Collection[int] = ()
+) -> Iterator[LegTare]:
     """Tare legs by commands on CAN.
 
     Args:
         wire: The open channel.
         clock: The time.
         legs: Names of legs; `all` stands for every leg that is heard.
+        heard: CAN node ids of the legs that are heard; none to listen for their heartbeats first, a second.
 
     Yields:
         Each leg, as its answer arrives; without an answer those that are not heard, and those that take too long.
@@ -92,7 +95,9 @@ def tare_legs(wire: CanWire, clock: Clock, legs: Collection[str]) -> Iterator[Le
         OSError: It is down or gone.
     """
     start_ns = clock.now_ns()
-    heard = {can_id - HEARTBEAT_ID for can_id, _ in _received(wire, clock, start_ns + _HEARTBEAT_TIMEOUT_NS)}
+    heard = heard or {
+        can_id - HEARTBEAT_ID for can_id, _ in _received(wire, clock, start_ns + _HEARTBEAT_TIMEOUT_NS)
+    }
     named = [leg for leg, node in NODE_IDS.items() if leg in legs or ("all" in legs and node in heard)]
     yield from (LegTare(leg, is_heard=False) for leg in named or ["all"] if NODE_IDS.get(leg) not in heard)
     waiting = {NODE_IDS[leg]: leg for leg in named if NODE_IDS[leg] in heard}

@@ -1,5 +1,6 @@
 """A foot type forwards and backwards: forces to capacitances, and capacitances to forces."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ import footsense
 from footsense.errors import ModelError
 from footsense.frames import Vector
 
+GOLDEN = Path(__file__).parents[2] / "golden" / "measured_walk.mcap"
 FOOT = footsense.Foot("aoyagi-3x3")
 ESTIMATOR = footsense.Estimator("aoyagi-3x3")
 #: Times of some scans a hundredth of a second apart [s].
@@ -62,16 +64,23 @@ def test_loads_without_a_meaning_are_refused(force_n: Any, normal: Any, message:
 
 
 def test_a_recorded_walk_gives_the_forces_of_the_service_again() -> None:
-    """Of its readings and their times, to a tenth of a mN: the service knows the rate of its converters."""
-    walk = footsense.simulate("measured_walk", duration_s=1.8)
+    """Of its readings and their times; another processor may round otherwise."""
+    walk = footsense.read(GOLDEN)
     forces = ESTIMATOR.run(walk.capacitance_pf, walk.t_s, walk.reading_t_s)
     np.testing.assert_array_equal(forces.state, walk.state)
     np.testing.assert_allclose(forces.force_n, walk.force_n, atol=1e-4)
-    np.testing.assert_allclose(forces.sigma_n, walk.sigma_n, atol=1e-4)
+
+
+@pytest.mark.slow
+def test_the_forces_of_a_simulated_walk_are_those_that_its_feet_felt() -> None:
+    walk = footsense.simulate("tripod", duration_s=5.0)
+    forces = ESTIMATOR.run(walk.capacitance_pf, walk.t_s, walk.reading_t_s)
+    np.testing.assert_allclose(forces.sigma_n, walk.sigma_n, atol=1e-3)
     np.testing.assert_array_equal(forces.contact, walk.contact)
     assert walk.true_force_n is not None
-    error_n = (forces.force_n - walk.true_force_n)[(walk.t_s > 1.1) & forces.usable.all(axis=1)]
-    assert (np.sqrt((error_n**2).mean(axis=(0, 1))) < (0.015, 0.01, 0.02)).all()
+    assert forces.usable[walk.t_s > 0.3].all()
+    error_n = (forces.force_n - walk.true_force_n)[walk.t_s > 0.9]
+    assert (np.sqrt((error_n**2).mean(axis=(0, 1))) < (0.015, 0.005, 0.016)).all()
 
 
 def test_scans_read_at_once_give_the_forces_of_their_rows() -> None:
@@ -118,7 +127,7 @@ def test_an_element_without_readings_makes_a_foot_degraded() -> None:
     np.testing.assert_allclose(forces.force_n[-1, 0], stances(2)[-1, 0], atol=0.1)
 
 
-WALK_PF = np.repeat(FOOT.capacitance_pf(stances()[:, 0]), 1, axis=0)
+WALK_PF = FOOT.capacitance_pf(stances()[:, 0])
 
 
 @pytest.mark.parametrize(
@@ -158,7 +167,7 @@ def test_arrays_that_do_not_fit_are_refused_in_one_line(
 
 def test_a_scanned_walk_without_its_times_is_refused() -> None:
     """Each element would be taken to be as new as the newest."""
-    walk = footsense.read("tests/golden/measured_walk.mcap")
+    walk = footsense.read(GOLDEN)
     with pytest.raises(
         ValueError, match=r"give their times too: run\(walk.capacitance_pf, walk.t_s, walk.reading"
     ):

@@ -101,6 +101,7 @@ def test_wrong_simulations_are_refused_in_one_line() -> None:
         footsense.simulate(duration_s=0.0)
 
 
+@pytest.mark.slow  # pandas is imported
 def test_a_table_has_a_row_for_each_cycle_and_leg(simulated: footsense.Recording) -> None:
     table = simulated.to_dataframe()
     n, n_legs = simulated.state.shape
