@@ -13,16 +13,17 @@ import click
 from msgspec.structs import replace
 
 from footsense.cli import options
-from footsense.cli.tables import echo_json, figures_table
+from footsense.cli.tables import echo_figures, echo_json
 from footsense.clock import process_age_ns, resident_mib
-from footsense.config import DEFAULT, load_config
+from footsense.config import DEFAULT, Config, load_config
 from footsense.config.sections import PageServer
 from footsense.daemon.can_output import frames_destination
+from footsense.daemon.foot_types import foot_type_of
 from footsense.daemon.service import open_service
 from footsense.daemon.simulation import is_simulated
 from footsense.frames import FAULT_FREE, State
 from footsense.ring.ring_file import default_ring, free_ring
-from footsense.sim.scene import load_scene
+from footsense.sim.scene import load_scene, scene_names
 from footsense.telemetry.run_statistics import RunStatistics
 
 if TYPE_CHECKING:
@@ -92,7 +93,7 @@ def run(
     """
     config = load_config(config_file) if config_file else DEFAULT
     if scene_name is None and is_simulated(config):
-        scene_name = _DEFAULT_SCENE
+        scene_name = _default_scene(config)
     scene = load_scene(scene_name) if scene_name else None
     live = summary is None and _console().is_terminal
     paced = options.is_paced(simulated=scene is not None, realtime=realtime, live=live or opens_view)
@@ -146,7 +147,13 @@ def run(
             leg: {s: n for s, n in of_leg.items() if State[s.upper()] not in FAULT_FREE}
             for leg, of_leg in figures["states"].items()
         }
-        _console().print(figures_table(figures | {"states": states}))
+        echo_figures(figures | {"states": states}, as_json=False)
+
+
+def _default_scene(config: Config) -> str:
+    """Return the scene of the foot type, which has the forces of its robot; for one without a scene a tripod gait."""
+    name = foot_type_of(config).replace("-", "_")
+    return name if name in scene_names() else _DEFAULT_SCENE
 
 
 def _console() -> "Console":

@@ -26,10 +26,11 @@ ROBOTS = [
 def walked(
     folder: Path, legs: str, can_options: str, scene: str, more: str = ""
 ) -> tuple[dict[str, Any], Path]:
-    """Walk for four seconds without a fault; return the figures and the CAN log."""
+    """Walk for four seconds in the scene of the feet, without a fault; return the figures and the CAN log."""
     config, log = folder / "robot.yaml", folder / "walk.log"
     config.write_text(f"buses: [{{device: sim, legs: {{{legs}}}}}]\ncan: {{{can_options}}}\n{more}")
-    figures = run_json("--config", config, "--scene", scene, "--duration", "4", "--can-log", log)
+    figures = run_json("--config", config, "--duration", "4", "--can-log", log)
+    assert figures["scene"] == scene
     assert figures["faults"] == 0
     assert figures["direction_error_deg"]["mean"] < 2.0
     return figures, log
