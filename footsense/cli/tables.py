@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 #: Columns of the terminal between two of a table.
 _SPACE = 2
+#: Columns in which no value is folded, for a file or another program.
+_UNFOLDED_WIDTH = 1_000_000
 #: Cell of an unknown value.
 EMPTY_CELL = "[dim]-[/]"
 
@@ -191,7 +193,14 @@ def echo_figures(figures: Mapping[str, Any], *, as_json: bool) -> None:
         return
     from rich.console import Console
 
-    Console(highlight=False).print(figures_table(figures))
+    console = Console(highlight=False)
+    if console.is_terminal:
+        console.print(figures_table(figures))
+        return
+    with console.capture() as lines:
+        console.width = _UNFOLDED_WIDTH
+        console.print(figures_table(figures))
+    click.echo("\n".join(line.rstrip() for line in lines.get().splitlines()))
 
 
 def errors_text(errors: ForceErrors) -> str:

@@ -20,9 +20,10 @@ MS = 1_000_000
 
 
 def told(*arguments: str | Path, exit_code: int = 0) -> dict[str, str]:
-    """Return the lines of `footsense info` by their first column."""
-    result = CliRunner().invoke(main, ["info", *map(str, arguments)], env={"COLUMNS": "200"})
+    """Return the lines of `footsense info` by their first column: no value is folded where no terminal is."""
+    result = CliRunner().invoke(main, ["info", *map(str, arguments)], env={"COLUMNS": "40"})
     assert result.exit_code == exit_code, result.output
+    assert not [line for line in result.stdout.splitlines() if line != line.rstrip()]
     lines = (line.split("  ", 1) for line in result.stdout.splitlines())
     return {name: value.strip() for name, value in lines}
 
