@@ -60,7 +60,11 @@ def connect(
     if interface == "udp_multicast" and not is_multicast(name):
         raise CanError(f"channel {name!r}: no IPv4 multicast address; try {DEFAULT_CHANNELS[interface]}")
     limits = LinkLimits(accept_degraded=True)
-    listener = open_listener(interface, name, MonotonicClock(), limits)
+    try:
+        listener = open_listener(interface, name, MonotonicClock(), limits)
+    except CanError as error:
+        hint = "; of a simulation: interface='udp_multicast'" if interface == "socketcan" else ""
+        raise CanError(f"{error}{hint}") from None
     return Feet(listener, Can(interface=interface, channel=name), timeout_s)
 
 

@@ -231,7 +231,7 @@ def open_socket(can: Can, accept: Collection[int]) -> "SocketWire":
     try:
         return SocketWire(_bound_socket(can.channel, accept))
     except OSError as error:
-        raise CanError(error_text(can, error)) from error
+        raise CanError(error_text(can, error)) from None
 
 
 def can_interfaces() -> list[str]:

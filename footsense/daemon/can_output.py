@@ -70,7 +70,7 @@ def open_wire(can: Can, accept: Collection[int] = ()) -> CanWire:
     try:
         return PythonCanWire(can.interface, can.channel)
     except OSError as error:
-        raise CanError(error_text(can, error)) from error
+        raise CanError(error_text(can, error)) from None
 
 
 def frames_destination(config: Config, scene: Scene | None) -> str:

@@ -72,6 +72,7 @@ def test_a_cycle_is_the_force_of_each_leg_by_its_name(heard: Heard) -> None:
         assert (left.usable, left.contact, left.state) == (True, True, footsense.State.VALID)
         # The age when sent, and at most the time since the last look at the channel.
         assert 0.003 <= left.age_s <= 0.003 + CYCLE_NS * 1e-9
+        assert left._replace(age_ns=5_854_839).age_s == 0.005855
 
 
 @pytest.mark.parametrize(
@@ -170,9 +171,13 @@ def test_what_is_wrong_with_a_channel_is_said(heard: Heard) -> None:
     [
         ({"interface": "slcan"}, "interface 'slcan': use one of socketcan, udp_multicast"),
         ({"channel": "can0", "interface": "udp_multicast"}, "no IPv4 multicast address; try 239.74.163.2"),
-        ({"channel": "no-such-can"}, "CAN channel no-such-can"),
+        (
+            {"channel": "no-such-can"},
+            r"CAN channel no-such-can .*; of a simulation: interface='udp_multicast'$",
+        ),
     ],
 )
 def test_a_wrong_channel_is_refused_in_one_line(given: dict[str, str], message: str) -> None:
-    with pytest.raises(footsense.FootsenseError, match=message):
+    with pytest.raises(footsense.FootsenseError, match=message) as caught:
         footsense.connect(**given)  # type: ignore[arg-type]
+    assert caught.value.__cause__ is None
