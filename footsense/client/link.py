@@ -88,7 +88,7 @@ class LegForce(NamedTuple):
     @property
     def age_s(self) -> float:
         """Present age of the measurement [s]; NaN unless usable."""
-        return math.nan if self.age_ns is None else self.age_ns * 1e-9
+        return math.nan if self.age_ns is None else round(self.age_ns * 1e-9, 6)
 
     @property
     def contact(self) -> bool | None:

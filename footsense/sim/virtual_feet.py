@@ -188,7 +188,7 @@ class VirtualFeet:
         self._t_s, self._force_n = t_s, force_n.copy()
         while self._unsent and self._unsent[0][0] + SEND_DELAY_S <= t_s:
             self._middle_s, self._published = self._unsent.pop(0)
-        return self._published._replace(age_s=t_s - self._middle_s)
+        return self._published._replace(age_s=round(t_s - self._middle_s, 6))
 
     def _convert_until(self, t_s: float, force_n: Vector) -> None:
         """Run the conversions up to a time [s], and estimate the forces that are not out of date by then."""
