@@ -2,6 +2,7 @@
 
 import math
 import threading
+from collections import deque
 from collections.abc import Iterator
 from types import TracebackType
 from typing import Literal, Self
@@ -20,6 +21,8 @@ from footsense.errors import CanError, FootsenseError
 _POLL_PERIOD_S = 0.002
 #: Silence after which no force is usable, as `LinkLimits` has it, and after which the legs are given once more [s].
 _SILENCE_S = 0.1
+#: Most events that wait for the next mapping, the newest.
+_MAX_EVENTS = 1000
 #: Statuses of a leg whose forces can be read.
 _READABLE = {LinkStatus.OK, LinkStatus.LOST, LinkStatus.REPEATED}
 _LEG_OF_NODE = {node: leg for leg, node in NODE_IDS.items()}
@@ -86,7 +89,7 @@ class Feet:
         self._news = threading.Condition()
         self._stop = threading.Event()
         self._error: CanError | None = None
-        self._pending_events: list[LegEvent] = []
+        self._pending_events: deque[LegEvent] = deque(maxlen=_MAX_EVENTS)
         self._given: dict[str, int] = {}  # forces of each leg when a cycle was last given
         self._thread = threading.Thread(target=self._receive, name="footsense", daemon=True)
         self._thread.start()
@@ -164,15 +167,15 @@ class Feet:
         self.close()
 
     def _receive(self) -> None:
-        while not self._stop.wait(_POLL_PERIOD_S):
+        while self._error is None and not self._stop.wait(_POLL_PERIOD_S):
+            n_before = self._listener.n_forces
             with self._news:
                 try:
                     self._pending_events += self._listener.poll()
                 except CanError as error:
                     self._error = error
-                self._news.notify_all()
-            if self._error is not None:
-                return
+                if self._error is not None or self._listener.n_forces > n_before:
+                    self._news.notify_all()
 
     def _heard(self) -> list[LegSnapshot]:
         if self._error is not None:

@@ -89,6 +89,11 @@ class Listener:
         #: Times of arrival of each node's forces in the last second [ns].
         self._arrivals_ns: defaultdict[int, deque[int]] = defaultdict(lambda: deque(maxlen=_MAX_ARRIVALS))
 
+    @property
+    def n_forces(self) -> int:
+        """Forces of all legs received so far."""
+        return self._n_force_frames.total()
+
     def listen(self, until_ns: int) -> None:
         """Receive and decode CAN frames until a time [ns]; errors as of `poll`."""
         while (now_ns := self._clock.now_ns()) < until_ns:
