@@ -38,7 +38,7 @@ class LinkStatus(IntEnum):
     OK = 1  #: the last force is valid, in sequence, and young enough
     LOST = 2  #: the same, but up to `max_delta` - 1 forces before it did not arrive
     REPEATED = 3  #: the last frame came again: its counter has not advanced
-    WRONG = 4  #: a frame failed its check or too many were lost; fewer than `min_good` forces have come since
+    WRONG = 4  #: a check failed, too many frames were lost or two services send; until `min_good` forces have come
     UNKNOWN = 5  #: forces come, but their step and version are not known yet: `Identity` comes once a second
     REFUSED = 6  #: `Identity` tells a version or a force step that this decoder does not know
 
