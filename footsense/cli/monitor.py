@@ -32,6 +32,7 @@ from footsense.cli.tables import (
 from footsense.client import LinkLimits, LinkStatus
 from footsense.clock import MonotonicClock
 from footsense.daemon.can_listener import LegSnapshot, open_listener
+from footsense.errors import FootsenseError
 from footsense.frames import ELEMENTS, ROWS
 from footsense.leg_words import phase_of, word_of
 
@@ -75,8 +76,9 @@ def monitor(
 ) -> None:
     """Show the legs on CAN: state, force with its age and uncertainty, and the cause of a fault.
 
-    Only listens. A force is shown if a consumer that accepts degraded legs may use it.
-    """
+    Only listens. A force is shown if a consumer that accepts degraded legs may use it. Where no frame came in the
+    duration the command ends with exit code 1.
+    """  # noqa: DOC501 - click shows this text
     limit_ns = max_age_ms * 1_000_000
     limits = LinkLimits(max_age_ns=limit_ns, timeout_ns=limit_ns, accept_degraded=True)
     console = Console()
@@ -93,6 +95,8 @@ def monitor(
         for step in count(1):
             t_ns = start_ns + step * _REDRAW_PERIOD_NS
             if t_ns > end_ns:
+                if not listener.snapshot():
+                    raise FootsenseError(f"no frames on {channel} in {duration_s:g} s")
                 return
             listener.listen(t_ns)
             if stop.requested:

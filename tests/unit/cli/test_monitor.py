@@ -35,7 +35,7 @@ from footsense.cli.tables import json_row
 from footsense.client import LegForce, LegReport, LinkLimits, LinkStatus, Reports
 from footsense.daemon.can_listener import LegSnapshot, Listener
 from footsense.daemon.can_output import open_wire
-from footsense.errors import CanError
+from footsense.errors import CanError, FootsenseError
 from footsense.frames import LEGS, GaitEvent
 from tests.support.can_robot import MS, FakeClock, Robot
 from tests.support.frames import gait_frame
@@ -279,3 +279,11 @@ def test_a_channel_that_cannot_be_is_refused_with_one_that_can() -> None:
     result = CliRunner().invoke(monitor, ["--interface", "udp_multicast", "--channel", "can0"])
     assert result.exit_code == 2
     assert "can0 is no IPv4 multicast address; try 239.74.163.2" in result.output
+
+
+def test_a_channel_on_which_nothing_was_heard_is_a_failure() -> None:
+    result = CliRunner().invoke(
+        monitor, ["--interface", "udp_multicast", "--channel", "239.74.163.77", "--duration", "0.3"]
+    )
+    assert isinstance(result.exception, FootsenseError)
+    assert str(result.exception) == "no frames on 239.74.163.77 in 0.3 s"
