@@ -5,16 +5,19 @@ documents, NaN and infinities.
 """
 
 import math
+import os
 import re
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from footsense.regular_file import read_regular
+from footsense.regular_file import open_regular, read_regular
 
 #: Longest text that is read [bytes]; a hand-written file has a few thousand.
 MAX_BYTES = 262_144
+#: How a recording begins, which is taken for a robot's file at times.
+_MCAP_MAGIC = b"\x89MCAP0\r\n"
 #: Deepest nesting: the reader recurses.
 MAX_DEPTH = 30
 
@@ -46,6 +49,9 @@ def read_text(source: Path | str | bytes) -> str:
     """
     try:
         if isinstance(source, Path):
+            with os.fdopen(open_regular(source), "rb") as file:
+                if file.read(len(_MCAP_MAGIC)) == _MCAP_MAGIC:
+                    raise YamlError(f"is a recording; what is in it tells: footsense info {source}")
             source = read_regular(source, MAX_BYTES)
         if len(source) > MAX_BYTES:
             raise YamlError(f"has more than the {MAX_BYTES} bytes that are read")

@@ -25,6 +25,7 @@ from tests.system.command import footsense, one_line_error, robot
             78,
             "no scene 'moonwalk': there are faults, hanging, hexapod_2kg, measured_walk",
         ),
+        ("check-config walk.mcap", 78, "is a recording; what is in it tells: footsense info walk.mcap"),
         ("run --scene scene.yaml", 78, "did you mean period_s"),
         ("view --port 0 none.mcap", 74, "none.mcap"),
         ("view --port 0 --address 192.0.2.1", 78, "the page cannot be served on 192.0.2.1"),
@@ -34,6 +35,7 @@ from tests.system.command import footsense, one_line_error, robot
 def test_what_is_not_there_or_not_right(tmp_path: Path, command: str, exit_code: int, says: str) -> None:
     """One line says what is missing, without usage, and nothing is left behind."""
     (tmp_path / "scene.yaml").write_text("description: x\nload: {kind: tripod, perod_s: 1}\n")
+    (tmp_path / "walk.mcap").write_bytes(b"\x89MCAP0\r\n" + bytes(300_000))
     for name, wrong in {
         "i2c": {"device": "/dev/i2c-77"},
         "can": {"interface": "socketcan", "channel": "can77"},
@@ -41,7 +43,7 @@ def test_what_is_not_there_or_not_right(tmp_path: Path, command: str, exit_code:
         (tmp_path / name).mkdir()
         robot(tmp_path / name, **wrong)
     assert says in one_line_error(footsense(*command.split(), cwd=tmp_path), exit_code)
-    assert {path.name for path in tmp_path.iterdir()} == {"scene.yaml", "i2c", "can"}
+    assert {path.name for path in tmp_path.iterdir()} == {"scene.yaml", "walk.mcap", "i2c", "can"}
 
 
 def test_a_configuration_with_a_typo(tmp_path: Path) -> None:
