@@ -71,6 +71,13 @@ def connect(
     return Feet(listener, Can(interface=interface, channel=name), timeout_s)
 
 
+class _Forces(dict[str, LegForce]):
+    """Force of each leg by its name; a leg that is not heard is named, with those that are."""
+
+    def __missing__(self, leg: str) -> LegForce:
+        raise KeyError(f"{leg}: no such leg is heard; there are {', '.join(self)}")
+
+
 class Feet:
     """Feet of a robot whose service is heard on CAN; made by `connect`.
 
@@ -192,7 +199,7 @@ class Feet:
         return bool(new) and (min(new) > 0 or max(new) > 1)
 
     def _forces(self) -> dict[str, LegForce]:
-        forces = {leg.leg: leg.force for leg in self._heard()}
+        forces = _Forces({leg.leg: leg.force for leg in self._heard()})
         self.events = tuple(map(_foot_event, self._pending_events))
         self._pending_events.clear()
         return forces

@@ -12,9 +12,12 @@ from footsense.config import load_config
 from footsense.config.contradictions import is_multicast
 from footsense.errors import ConfigError
 
+#: Key in the context of a command of the legs of the robot's file.
+LEGS_OF_FILE = "footsense.legs"
+
 
 def _take_from_file(ctx: click.Context, param: click.Parameter, value: Path | None) -> None:
-    """Let interface and channel of a robot's file be the defaults of the options.
+    """Let interface and channel of a robot's file be the defaults of the options, and keep its legs.
 
     Raises:
         ConfigError: It is no such file, or no other program hears its frames.
@@ -22,12 +25,14 @@ def _take_from_file(ctx: click.Context, param: click.Parameter, value: Path | No
     del param
     if value is None:
         return
-    can = load_config(value).can
+    config = load_config(value)
+    can = config.can
     if can.interface not in DEFAULT_CHANNELS:
         raise ConfigError(
             f"{value}: can.interface: the frames of {can.interface} stay within the service's process; "
             "with udp_multicast other programs on this computer hear them"
         )
+    ctx.meta[LEGS_OF_FILE] = config.legs
     ctx.default_map = {"interface": can.interface, "channel": can.channel}
 
 

@@ -7,12 +7,32 @@ import click
 from firmware_interface.can.codes import NODE_IDS, Result
 from footsense.api.tare import tare_on
 from footsense.can.interface import Can, Interface
-from footsense.cli.can.can_options import can_options
+from footsense.cli.can.can_options import LEGS_OF_FILE, can_options
 from footsense.errors import FootsenseError
 
 
+def _legs_of_robot(ctx: click.Context, param: click.Parameter, legs: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the legs.
+
+    Raises:
+        BadParameter: The robot of `--config` has not all of them.
+    """
+    del param
+    there = ctx.meta.get(LEGS_OF_FILE, NODE_IDS)
+    if absent := set(legs) - {*there, "all"}:
+        raise click.BadParameter(f"{', '.join(sorted(absent))}: this robot has {', '.join(there)}")
+    return legs
+
+
 @click.command()
-@click.argument("legs", nargs=-1, required=True, metavar="LEG...", type=click.Choice([*NODE_IDS, "all"]))
+@click.argument(
+    "legs",
+    nargs=-1,
+    required=True,
+    metavar="LEG...",
+    type=click.Choice([*NODE_IDS, "all"]),
+    callback=_legs_of_robot,
+)
 @can_options
 def tare(legs: tuple[str, ...], interface: Interface, channel: str) -> None:
     """Take the present readings of each LEG as those of the unloaded foot; `all`: of every leg on CAN.

@@ -118,6 +118,8 @@ def test_the_channel_is_that_of_the_robot_file(tmp_path: Path) -> None:
     """An option has precedence; what stays within the service's process is refused."""
     file = robot(tmp_path, interface="udp_multicast", channel="239.74.163.78")
     assert "not heard on 239.74.163.78" in one_line_error(footsense("tare", "lf", "--config", file), 1)
+    absent = footsense("tare", "lf", "lm", "--config", file)
+    assert (absent.returncode, "lm: this robot has lf, rf" in absent.stderr) == (2, True)
     other = footsense("tare", "lf", "--config", file, "--channel", "239.74.163.79")
     assert "not heard on 239.74.163.79" in one_line_error(other, 1)
     file = robot(tmp_path)

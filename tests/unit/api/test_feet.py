@@ -72,6 +72,8 @@ def test_a_cycle_is_the_force_of_each_leg_by_its_name(heard: Heard) -> None:
         assert (left.usable, left.contact, left.state) == (True, True, footsense.State.VALID)
         # The age when sent, and at most the time since the last look at the channel.
         assert 0.003 <= left.age_s <= 0.003 + CYCLE_NS * 1e-9
+        with pytest.raises(KeyError, match="lm: no such leg is heard; there are lf, rf"):
+            forces["lm"]
         assert left._replace(age_ns=5_854_839).age_s == 0.005855
 
 
