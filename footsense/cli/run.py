@@ -117,6 +117,8 @@ def run(
             click.echo(f"footsense  {title}  {url}", err=summary == "json")
         if scene and summary != "json":
             click.echo(frames_destination(config, scene))
+        if page is None and summary is None and (paced or scene is None):
+            click.echo(f"page: run footsense view --config {config_file}")
         if opens_view and url:
             webbrowser.open(url)
         if live:

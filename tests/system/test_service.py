@@ -97,6 +97,16 @@ def test_a_metrics_port_in_use_costs_metrics_and_no_forces(config: tuple[Path, i
     assert re.search(rf"192\.0\.2\.1:{port}: Cannot assign .*; metrics\.address has to be", line)
 
 
+def test_a_run_of_a_configuration_says_how_to_see_it(tmp_path: Path) -> None:
+    """While it lasts: a simulation that is over in a moment has nothing to show."""
+    config = robot(tmp_path)
+    line = f"page: run footsense view --config {config}"
+    assert (
+        line in footsense("run", "--config", config, "--duration", "1", "--realtime").stdout.splitlines()[:2]
+    )
+    assert "page:" not in footsense("run", "--config", config, "--duration", "1").stdout
+
+
 def test_a_ring_that_cannot_be_written_costs_no_forces_and_no_recording(tmp_path: Path) -> None:
     """One warning names the file; the recorder reads one without a name."""
     config = robot(tmp_path, more=f"ring: {tmp_path / 'none' / 'ring'}\n")
