@@ -83,3 +83,5 @@ async def _serve_until_stopped(server: ViewServer, address: str, port: int) -> N
 def _read_with_progress(recorded: RecordingSource) -> None:
     with file_progress_bar("reading", recorded.path) as on_bytes_read:
         recorded.read(on_bytes_read)
+    if problem := recorded.status()["problem"]:
+        click.echo(f"footsense: {problem}", err=True)

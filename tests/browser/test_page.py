@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from footsense.clock import MonotonicClock
-from footsense.frames import Cause, State
+from footsense.frames import Cause, Flag, State
 from tests.browser.chromium import MISSING, Browser
 from tests.support.viewed_service import LEGS, ViewedService
 from tests.system.command import serving
@@ -156,18 +156,41 @@ def test_a_broken_leg_says_what_to_do(browser: Browser, cycles: Path, url: str) 
         assert browser.errors() == []
 
 
+def test_refused_tares_are_one_line(browser: Browser, cycles: Path, url: str) -> None:
+    """With the command to try as code; a single leg is named like any other."""
+    with ViewedService(cycles) as service:
+        service.flags[:] = Flag.TARE_REFUSED
+        browser.open(url)
+        browser.wait(f"{SIX_FEET} && document.querySelector('#problems li')", service.publish)
+        assert browser.text("#problems ul") == (
+            "tare refused of LF, LM, LR, RF, RM, RR \N{EM DASH} the older baseline is in use. "
+            "Check that nothing presses the foot and it hangs still; then footsense tare."
+        )
+        assert browser.text("#problems code") == "footsense tare"
+        service.flags[1:] = 0
+        browser.wait(
+            "document.querySelector('#problems ul').textContent.startsWith('LFtare refused')", service.publish
+        )
+
+
 def test_the_service_and_the_viewer_start_again(browser: Browser, cycles: Path, tmp_path: Path) -> None:
     """The page says what is missing and what to do, keeps the last values, and goes on by itself."""
     with serving("view", "--port", "0", "--ring", cycles) as (viewer, url):
         browser.open(url)
+        assert (
+            browser.js("return fetch('/').then((page) => page.text())").count('<section id="empty" hidden>')
+            == 1
+        )
         browser.wait("document.querySelector('#banner')?.textContent.includes('No service runs')")
         assert "Start it with footsense run" in browser.text("#banner")
+        assert not browser.js("return document.querySelector('#empty').hidden")
         with ViewedService(cycles) as service:
             service.force_n[:, 2] = 0.4
             browser.wait(f"{SIX_FEET} && document.body.dataset.link === 'live'", service.publish)
             assert browser.js("return document.querySelector('#banner').hidden")
         browser.wait("document.body.dataset.link === 'ended'")
         assert "The service has ended" in browser.text("#banner")
+        assert browser.js("return document.querySelector('#empty').hidden")
         assert browser.text("[data-leg=lm] .fz") == "0.40 N"
         with ViewedService(cycles) as service:
             service.force_n[:, 2] = 0.6
@@ -212,6 +235,20 @@ def test_a_recording_is_played_and_stepped(browser: Browser) -> None:
         browser.point("[data-leg=rr] .u-over", 0.999)
         browser.wait("document.querySelector('.at').textContent.startsWith('3.9')")
         assert browser.errors() == []
+
+
+def test_a_cut_recording_is_told_by_its_name(browser: Browser, tmp_path: Path) -> None:
+    """As it is written; and what is wrong with the legs does not deny it."""
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(GOLDEN.read_bytes()[:400_000])
+    with serving("view", "--port", "0", cut) as (viewer, url):
+        browser.open(url)
+        browser.wait(f"{SIX_FEET} && document.querySelector('#problems .fine')")
+        assert browser.text("#banner").startswith(f"{cut}: ")
+        browser.wait("document.querySelector('#problems .fine').textContent === 'Nothing else is wrong.'")
+        viewer.terminate()
+        assert viewer.stderr is not None
+        assert viewer.stderr.read().startswith(f"footsense: {cut}: ")
 
 
 #: The texts that are drawn on the plots, with their places [px]; and the lines, with colour and dashes.
@@ -329,6 +366,14 @@ def test_the_plot_says_what_a_line_is_and_what_has_no_data(browser: Browser, cyc
         )
         browser.keys("6")
         assert browser.js("return document.querySelectorAll('#chart .uplot').length") == 5
+        service.n += 100  # cycles that never come
+        browser.wait("footsense.store.end > 1", lambda: service.publish(20))
+        browser.wait("footsense.plot.shown[0].uplot.data[1].includes(null)")
+        gaps_s = browser.js(
+            "const [times, fz] = footsense.plot.shown[0].uplot.data;"
+            "return times.map((t, k) => (fz[k] === null ? times[k + 1] - times[k - 1] : 0))"
+        )
+        assert max(gaps_s) >= 100 * 2.7e-3
         assert browser.errors() == []
 
 

@@ -58,6 +58,7 @@ class ViewedService:
         state: State of each leg, shape (6,).
         cause: Cause of each, shape (6,).
         fault_mask: Elements out of each, shape (6,).
+        flags: Flags of each beside contact and simulation, shape (6,).
         n: Cycles so far.
     """
 
@@ -69,6 +70,7 @@ class ViewedService:
         self.state = np.full(6, State.VALID, np.uint8)
         self.cause = np.full(6, Cause.NONE, np.uint8)
         self.fault_mask = np.zeros(6, np.uint16)
+        self.flags = np.zeros(6, np.uint8)
 
     def publish(self, n: int = 1) -> None:
         """Publish some cycles with the present values."""
@@ -102,7 +104,7 @@ class ViewedService:
             sigma_n=np.where(np.isnan(force_n), np.nan, 0.02),
             state=self.state,
             fault_mask=self.fault_mask,
-            flags=flags,
+            flags=flags | self.flags,
             cause=self.cause,
             baseline=baseline,
             gait=self._gait(t_ns, force_n, contact) if number % 36 == 1 else None,

@@ -25,6 +25,9 @@ export function svg(name, attributes = {}, ...children) {
   return node;
 }
 
+// The parts of a text in which commands and keys stand between backticks.
+export const withCode = (text) => text.split("`").map((part, k) => (k % 2 ? element("code", {}, part) : part));
+
 // Sets a text only if it has changed: an unchanged one would still be laid out again.
 export function setText(node, text) {
   if (node.textContent !== text) node.textContent = text;

@@ -1,12 +1,12 @@
 // What is wrong and what to do, and the events.
 
-import { FLAG, element, number } from "./format.js";
+import { FLAG, element, number, withCode } from "./format.js";
 
 const SHOWN_EVENTS = 200;
 
 // The problems of the legs at one time.
 export function problems(sample, hello) {
-  const found = [];
+  const found = [], refused = [];
   hello.legs.forEach((leg, row) => {
     const state = hello.words.states[sample.get(row, "state")], cause = hello.words.causes[sample.get(row, "cause")];
     const flags = sample.get(row, "flags");
@@ -16,10 +16,14 @@ export function problems(sample, hello) {
         what: cause?.what || state.what, check: cause?.check || state.check,
       });
     } else if (flags & FLAG.TARE_REFUSED) {
-      found.push({ leg, phase: "degraded", name: "tare refused", what: "its older baseline is in use",
-        check: "that nothing presses the foot and it hangs still; then `footsense tare`" });
+      refused.push(leg);
     }
   });
+  if (refused.length) {
+    found.push({ leg: refused.length > 1 ? "" : refused[0], phase: "degraded",
+      name: refused.length > 1 ? `tare refused of ${refused.join(", ").toUpperCase()}` : "tare refused",
+      what: "the older baseline is in use", check: "that nothing presses the foot and it hangs still; then `footsense tare`" });
+  }
   const timing = hello.legs.map((_, row) => sample.get(row, "flags")).find((flags) => flags & FLAG.DEGRADED_TIMING);
   if (timing & FLAG.SIMULATED) {
     found.push({ leg: "", phase: "degraded", name: "timing degraded", what: "the simulation cannot keep pace with real time",
@@ -37,16 +41,17 @@ export class Problems {
     this.shown = null;
   }
 
-  draw(found) {
-    const key = JSON.stringify(found);
+  // Shows the problems of the legs; the banner's text is another one, or empty.
+  draw(found, banner) {
+    const key = JSON.stringify([found, Boolean(banner)]);
     if (key === this.shown) return;
     this.shown = key;
     const list = found.length
       ? element("ul", {}, ...found.map(({ leg, phase, name, what, check }) =>
         element("li", {}, element("b", {}, leg.toUpperCase()),
           element("span", {}, element("span", { class: phase }, name), ` — ${what}. `,
-            element("span", { class: "check" }, check ? `Check ${check}.` : "")))))
-      : element("p", { class: "fine" }, "Nothing is wrong.");
+            element("span", { class: "check" }, ...withCode(check ? `Check ${check}.` : ""))))))
+      : element("p", { class: "fine" }, banner ? "Nothing else is wrong." : "Nothing is wrong.");
     this.parent.replaceChildren(element("h2", {}, "What is wrong"), list);
   }
 }

@@ -2,6 +2,8 @@
 
 const KEPT_S = 60;
 const SEGMENT = 512;
+// No line joins two cycles between which others are missing.
+const GAP_S = 0.05, GAP_PERIODS = 4;
 
 export class Store {
   constructor(signals, legs) {
@@ -58,13 +60,20 @@ export class Store {
     return null;
   }
 
-  // Times of the cycles between two times, and values of some (leg, column) pairs.
+  // Times of the cycles between two times, and values of some (leg, column) pairs; null in each gap.
   between(t0, t1, pairs) {
     const times = [], values = pairs.map(() => []);
+    let period = Infinity;
     for (const { n, t, v } of this.segments) {
       if (t[n - 1] < t0 || t[0] > t1) continue;
       for (let k = 0; k < n; k++) {
         if (t[k] < t0 || t[k] > t1) continue;
+        const elapsed = times.length ? t[k] - times.at(-1) : Infinity;
+        if (times.length && elapsed > Math.max(GAP_S, GAP_PERIODS * period)) {
+          times.push((times.at(-1) + t[k]) / 2);
+          values.forEach((column) => column.push(null));
+        }
+        period = Math.min(period, elapsed);
         times.push(t[k]);
         for (let p = 0; p < pairs.length; p++) {
           const value = v[k * this.stride + pairs[p][0] * this.width + pairs[p][1]];

@@ -1,7 +1,7 @@
 // The page: connects to the server, keeps the cycles, and draws the newest, or those of a recording.
 
 import { Connection } from "./connection.js";
-import { element } from "./format.js";
+import { withCode } from "./format.js";
 import { Legs } from "./legs.js";
 import { Events, Problems, problems } from "./lists.js";
 import { Plot } from "./plot.js";
@@ -35,13 +35,14 @@ const connection = new Connection({
     $("replay").hidden = message.mode !== "replay";
     $("pause").hidden = message.mode === "replay";
     document.body.classList.toggle("empty", !message.legs.length);
+    $("empty").hidden = message.legs.length > 0;
     if (!message.legs.length) return;
     page.robot = new Robot($("robot"), message);
     page.legs = new Legs($("legs"), message);
     page.plot = new Plot($("plot"), message);
     page.replay = message.mode === "replay" ? new Replay(page.store, connection, events) : null;
   },
-  status(message) { page.problem = message.problem; page.status = message; page.replay?.progress(message); },
+  status(message) { page.problem = message.problem; page.status = message; page.replay?.progress(message); status(); },
   events(message) { events.add(message.events, Boolean(page.replay)); page.replay?.marks(); },
   cycles(kind, t, v) {
     page.arrived = performance.now();
@@ -57,9 +58,7 @@ function banner(text) {
   node.hidden = !text;
   if (text === node.dataset.text) return;
   node.dataset.text = text;
-  // Commands stand between backticks.
-  const parts = `${text.slice(0, 1).toUpperCase()}${text.slice(1)}`.split("`");
-  node.replaceChildren(...parts.map((part, k) => (k % 2 ? element("code", {}, part) : part)));
+  node.replaceChildren(...withCode(text));
 }
 
 // ---------------------------------------------------------------- drawing
@@ -95,7 +94,7 @@ function draw(now) {
   if (now >= textDue) {
     textDue = now + TEXT_MS;
     page.legs.draw(sample);
-    problemList.draw(problems(sample, page.hello));
+    problemList.draw(problems(sample, page.hello), $("banner").dataset.text);
     if (page.replay) events.show(t);
   }
   if (now >= plotDue) {
@@ -116,8 +115,9 @@ function status() {
     [link, text] = ["replay", "recording"];
     problem = page.problem;
   } else if (page.problem) {
-    [link, text] = ["ended", page.store?.segments.length ? "ended" : "no service"];
-    problem = `${page.problem}. ${page.store?.segments.length ? "The values are the last ones. " : ""}`
+    const why = page.problem, shown = page.store?.segments.length;
+    [link, text] = ["ended", shown ? "ended" : "no service"];
+    problem = `${why[0].toUpperCase()}${why.slice(1)}. ${shown ? "The values are the last ones. " : ""}`
       + "Start it with `footsense run`, or look into its log: `journalctl -u footsense`.";
   } else if (page.paused !== null) {
     [link, text] = ["paused", "paused"];
