@@ -25,7 +25,7 @@ def markdown() -> str:
         seen.add(struct)
         title = f"`{path}`" if path else "The file"
         summary = (struct.__doc__ or "").strip().partition("\n")[0]
-        parts.append(f"## {title}\n\n{summary}\n\n{_rows(struct)}")
+        parts.append(f"## {title}\n\n{summary}\n\n{rows(struct)}")
         for field in msgspec.structs.fields(struct):
             hint = typing.get_type_hints(struct, include_extras=True)[field.name]
             for inner, mark in _structs(hint):
@@ -33,12 +33,13 @@ def markdown() -> str:
     return "\n".join(parts)
 
 
-def _rows(struct: type) -> str:
+def rows(struct: type) -> str:
+    """Return a table of the keys of a mapping."""
     hints, words = typing.get_type_hints(struct, include_extras=True), attributes(struct)
     rows: list[list[object]] = []
     for field in msgspec.structs.fields(struct):
         meaning = re.sub(r"\bNone\b", "null", words[field.name])
-        rows.append([f"`{field.encode_name}`", _type(hints[field.name]), _default(field), meaning])
+        rows.append([f"`{field.encode_name}`", type_words(hints[field.name]), _default(field), meaning])
     return table(["key", "type", "default", "meaning"], rows)
 
 
@@ -62,20 +63,21 @@ def _structs(hint: Any) -> Iterator[tuple[type, str]]:  # noqa: ANN401 - a type
             yield struct, mark + more
 
 
-def _type(hint: Any) -> str:  # noqa: ANN401 - a type
+def type_words(hint: Any) -> str:  # noqa: ANN401 - a type
+    """Return what a type accepts, in words."""
     origin, inner = get_origin(hint), get_args(hint)
     words: str
     if origin is typing.Annotated:
         words = _annotated(inner)
     elif origin in {typing.Union, types.UnionType}:
-        words = " or ".join(_type(one) for one in inner)
+        words = " or ".join(dict.fromkeys(type_words(one) for one in inner))
     elif origin is typing.Literal:
         words = ", ".join(f"`{value}`" for value in inner)
     elif origin in {tuple, list}:
-        several = inner[:1] if inner[-1] is Ellipsis else inner
-        words = f"list of {', '.join(dict.fromkeys(_type(one) for one in several))}"
+        items = [type_words(one) for one in (inner[:1] if inner[-1] is Ellipsis else inner)]
+        words = f"list of {', '.join(items[:1] if len(set(items)) == 1 else items)}"
     elif origin is dict:
-        words = f"{_type(inner[0])}: {_type(inner[1])}"
+        words = f"{type_words(inner[0])}: {type_words(inner[1])}"
     elif isinstance(hint, type) and issubclass(hint, msgspec.Struct):
         words = "mapping"
     else:
@@ -84,7 +86,7 @@ def _type(hint: Any) -> str:  # noqa: ANN401 - a type
 
 
 def _annotated(inner: tuple[Any, ...]) -> str:
-    kind, metas = _type(inner[0]), [one for one in inner[1:] if isinstance(one, msgspec.Meta)]
+    kind, metas = type_words(inner[0]), [one for one in inner[1:] if isinstance(one, msgspec.Meta)]
     for meta in metas:
         low, high = (
             (meta.ge if meta.ge is not None else meta.gt),
@@ -96,7 +98,11 @@ def _annotated(inner: tuple[Any, ...]) -> str:
             above = "above " if meta.gt is not None else ""
             below = "below " if meta.lt is not None else ""
             kind += (
-                f" {above}{low:g} to {below}{high:g}" if None not in {low, high} else f" from {low} to {high}"
+                f" {above}{low:g} to {below}{high:g}"
+                if None not in {low, high}
+                else f" {above or 'from '}{low:g}"
+                if low is not None
+                else f" up to {below}{high:g}"
             )
         if meta.description:
             kind += f" ({meta.description})"

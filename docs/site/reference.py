@@ -18,6 +18,7 @@ import leg_words
 import metrics
 import python_api
 import recordings
+import scenes
 
 ROOT = Path(__file__).parents[2]
 PAGES = ROOT / "docs"
@@ -36,6 +37,8 @@ _GENERATORS: dict[str, Callable[..., str]] = {
     "metrics": metrics.markdown,
     "python": python_api.markdown,
     "recordings": recordings.markdown,
+    "scene": scenes.markdown,
+    "scene-faults": scenes.faults,
     "states": leg_words.states,
 }
 

@@ -9,8 +9,10 @@ import click
 import msgspec
 import pytest
 
+from footsense import strict_yaml
 from footsense.cli import main
 from footsense.config import Config
+from footsense.sim.scene import Scene
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted(
@@ -67,6 +69,12 @@ def test_the_reference_is_what_the_code_says() -> None:
         check=False,
     )
     assert checked.returncode == 0, checked.stderr
+
+
+def test_the_scene_on_the_page_of_scenes_is_one() -> None:
+    page = (ROOT / "docs/reference/scenes.md").read_text(encoding="utf-8")
+    text = page.split("```yaml\n")[1].split("```")[0]
+    assert [type(fault).__name__ for fault in strict_yaml.load(text, Scene).faults] == ["BrokenRow"]
 
 
 def test_documents_that_code_refers_to_exist() -> None:
