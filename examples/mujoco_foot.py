@@ -48,7 +48,7 @@ force_n, sigma_n = (np.array([getattr(one, name)[0, 2] for one in told]) for nam
 figure, axes = plt.subplots(2, 1, figsize=(9, 6), layout="constrained")
 for axis, (first_s, last_s) in zip(axes, ((1.0, 4.0), (2.35, 2.6)), strict=True):
     axis.plot(time_s, felt_n, label="the foot feels")
-    axis.step(time_s, force_n, where="post", label="footsense publishes; a gap where it knows no force")
+    axis.step(time_s, force_n, where="post", label="footsense publishes, two sigma; gap: no force known")
     axis.fill_between(time_s, force_n - 2 * sigma_n, force_n + 2 * sigma_n, step="post", alpha=0.3)
     axis.set(xlim=(first_s, last_s), ylim=(-3, 12), xlabel="time [s]", ylabel="left front foot, z [N]")
 axes[0].legend(loc="upper right")
