@@ -329,7 +329,7 @@ def test_a_plot_is_pointed_at_and_zoomed(browser: Browser, cycles: Path, url: st
         (t_0, _, _), (t_1, first, _), (t_2, second, last) = point(0.01), point(0.25), point(0.75)
         assert last - second == pytest.approx(0.5, abs=2e-3)
         assert second - first == pytest.approx(0.001 * (t_2 - t_1) / 2.7e-3, abs=3e-3)
-        assert t_2 - t_1 == pytest.approx(0.5 * browser.js("return footsense.store.end"), rel=0.05)
+        assert t_2 - t_1 == pytest.approx(0.5 * browser.js("return footsense.paused"), rel=0.05)
         browser.drag("[data-leg=lm] .u-over", 0.25, 0.75)
         browser.wait("footsense.plot.zoom")
         assert (point(0.01)[0], point(0.99)[0]) == pytest.approx((t_1, t_2), abs=0.03)
