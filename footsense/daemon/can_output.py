@@ -1,14 +1,18 @@
 """Open CAN as configured: on a real interface, on one of python-can, or on a scene's simulated one."""
 
+import logging
 from collections.abc import Callable, Collection, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 
 from firmware_interface.can.force import force_step_mn
+from firmware_interface.can.socketcan import unpack_frame
 from footsense.can.channel import open_socket
 from footsense.can.interface import DEFAULT_CHANNELS, Can, error_text
 from footsense.can.sink import CanSink
+from footsense.client import LINK_IDS
+from footsense.clock import MonotonicClock
 from footsense.config import Config
 from footsense.daemon.models import Models
 from footsense.daemon.simulation import is_simulated
@@ -19,6 +23,12 @@ from footsense.sim.can.interface import SimulatedCan
 from footsense.sim.can.python_can import PythonCanWire
 from footsense.sim.faults.scene_faults import CanFault
 from footsense.sim.scene import Scene
+
+_log = logging.getLogger(__name__)
+
+#: Time in which a service that sends forces every 11 to 25 ms is heard, also one that lags, and the period of
+#: reading [ns].
+_LISTENING_NS, _POLL_PERIOD_NS = 200_000_000, 5_000_000
 
 
 @contextmanager
@@ -37,6 +47,8 @@ def can_sink(
     config, card = models.config, models.network.card
     if connect is None and config.can.interface != "socketcan":
         connect = partial(open_wire, config.can)
+        if config.can.interface == "udp_multicast":
+            _warn_of_another_service(config.can)
     with ExitStack() as stack:
         if log_file is not None:
             log = CanFrameLog(log_file, config.can.channel, connect or partial(open_wire, config.can))
@@ -71,6 +83,26 @@ def open_wire(can: Can, accept: Collection[int] = ()) -> CanWire:
         return PythonCanWire(can.interface, can.channel)
     except OSError as error:
         raise CanError(error_text(can, error)) from None
+
+
+def _warn_of_another_service(can: Can) -> None:
+    with closing(open_wire(can)) as wire:
+        if another_sends(wire, MonotonicClock()):
+            _log.warning(
+                "another service already sends on %s: who hears both can use the forces of neither; end one, or give "
+                "this one another can.channel",
+                can.channel,
+            )
+
+
+def another_sends(wire: CanWire, clock: Clock) -> bool:
+    """Listen on a channel for a moment; return whether forces arrive on it."""
+    end_ns = clock.now_ns() + _LISTENING_NS
+    while (now_ns := clock.now_ns()) < end_ns:
+        if any(can_id in LINK_IDS for can_id, _ in map(unpack_frame, wire.receive())):
+            return True
+        clock.sleep_until_ns(min(end_ns, now_ns + _POLL_PERIOD_NS))
+    return False
 
 
 def frames_destination(config: Config, scene: Scene | None) -> str:

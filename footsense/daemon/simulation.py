@@ -4,6 +4,8 @@ import logging
 import math
 from collections.abc import Callable, Iterator
 
+from msgspec.structs import replace
+
 from footsense.config import Config
 from footsense.daemon.foot_types import check_foot_type
 from footsense.errors import ConfigError
@@ -33,7 +35,7 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
 
     Raises:
         ModelError: The response table of its feet is missing, unreadable, or of another foot type.
-        ConfigError: A fault of the scene is for a leg, bus that the robot does not have.
+        ConfigError: A fault of the scene is for a bus that the robot does not have.
     """
     wiring = [
         BusWiring(
@@ -51,18 +53,28 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
     check_foot_type(table, response.foot_type, config)
     for problem in _inapplicable_faults(config, scene):
         raise ConfigError(f"scene: {problem}")
+    scene = _without_absent_legs(scene, config.legs)
     plan = config.scan_plan if config.buses else None
     return SimulatedRobot(scene, response, wiring, plan.conversion_wait_ns if plan else math.inf)
+
+
+def _without_absent_legs(scene: Scene, legs: tuple[str, ...]) -> Scene:
+    """Return a scene without the faults of legs that a robot does not have."""
+    legs_of_faults = [getattr(fault, "leg", None) for fault in scene.faults]
+    absent = [leg for leg in legs_of_faults if leg is not None and leg not in legs]
+    if absent:
+        named, there = ", ".join(dict.fromkeys(absent)), ", ".join(legs)
+        _log.warning("the scene's faults of %s are left out: this robot has %s", named, there)
+    faults = zip(legs_of_faults, scene.faults, strict=True)
+    return replace(scene, faults=tuple(fault for leg, fault in faults if leg not in absent))
 
 
 def _inapplicable_faults(config: Config, scene: Scene) -> Iterator[str]:
     """Yield the faults of a scene that this robot cannot have, as text."""
     for n, fault in enumerate(scene.faults):
-        leg, bus = getattr(fault, "leg", None), getattr(fault, "bus", None)
+        bus = getattr(fault, "bus", None)
         if config.serial is not None and isinstance(fault, ChipFault | WireFault):
             yield f"faults[{n}]: is for chips or wires of an I2C bus, which the board mcu does not have"
-        if leg is not None and leg not in config.legs:
-            yield f"faults[{n}].leg: {leg} is no leg of this robot; it has {', '.join(config.legs)}"
         if bus is not None and bus >= len(config.buses):
             yield f"faults[{n}].bus: {bus} is no bus of this robot; it has 0 to {len(config.buses) - 1}"
 

@@ -1,6 +1,7 @@
 """What a simulation says of itself: where its frames go, and that this computer is too slow for it."""
 
 import logging
+from contextlib import closing
 from pathlib import Path
 
 import msgspec
@@ -9,17 +10,20 @@ import pytest
 from click.testing import CliRunner
 
 from firmware_interface.can.codes import Flag, NmtState
+from firmware_interface.can.commands import COMMAND_ID
+from firmware_interface.can.force import FORCE_ID
 from firmware_interface.can.reports import HEARTBEAT_ID, decode_heartbeat
+from firmware_interface.can.socketcan import pack_frame
 from footsense.can.interface import Can
 from footsense.cli import main
 from footsense.config import DEFAULT
-from footsense.daemon.can_output import frames_destination
+from footsense.daemon.can_output import another_sends, frames_destination, open_wire
 from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.loop import Loop
 from footsense.daemon.models import load_models
 from footsense.daemon.service import open_service
 from footsense.daemon.simulation import PacedSource
-from footsense.frames import LEGS, CapFrame, Cycle, Reading
+from footsense.frames import LEGS, CapFrame, Cycle, Reading, State
 from footsense.ports import Observer
 from footsense.sim.scene import load_scene
 from tests.support.can_robot import MS, FakeClock, Robot
@@ -52,6 +56,14 @@ class SlowSource:
         return CapFrame(self.played.t_ns, t_ns, nothing, reading)
 
     def close(self) -> None: ...
+
+
+class _States(Observer):
+    def __init__(self) -> None:
+        self.last: list[State] = []
+
+    def observe(self, cycle: Cycle) -> None:
+        self.last = [State(state) for state in cycle.forces.state.tolist()]
 
 
 class _Flags(Observer):
@@ -125,3 +137,28 @@ def test_a_simulation_says_where_its_frames_go(can: dict[str, str], device: str,
     assert says in line
     assert line.startswith("simulated")
     assert "\n" not in line
+
+
+def test_faults_of_legs_that_a_robot_does_not_have_are_left_out(caplog: pytest.LogCaptureFixture) -> None:
+    """Those of its own legs stay."""
+    wired = msgspec.structs.replace(DEFAULT.buses[0], legs={"lf": 0, "rf": 1})
+    config = msgspec.structs.replace(DEFAULT, buses=(wired,))
+    with open_service(config, load_scene("faults"), real_time=False) as service:
+        states = _States()
+        service.observers.append(states)
+        service.run(until_ns=4_000_000_000)
+    (line,) = (r.getMessage() for r in caplog.records if "faults" in r.getMessage())
+    assert line == "the scene's faults of lm, lr, rm are left out: this robot has lf, rf"
+    assert states.last == [State.DEGRADED, State.ABSENT]
+
+
+@pytest.mark.parametrize(("can_id", "sends"), [(FORCE_ID + 1, True), (COMMAND_ID + 1, False)])
+def test_another_service_on_a_channel_is_heard(
+    request: pytest.FixtureRequest, can_id: int, *, sends: bool
+) -> None:
+    """By its forces, at once; a controller that sends commands is none."""
+    clock, can = FakeClock(), Can(interface="virtual", channel=request.node.nodeid)
+    with closing(open_wire(can)) as heard, closing(open_wire(can)) as other:
+        other.send([pack_frame(can_id, bytes(8))], 0)
+        assert another_sends(heard, clock) is sends
+    assert clock.t_ns == (0 if sends else 200 * MS)
