@@ -124,7 +124,8 @@ class Replay:
                     self._on_read(good)
                 require_valid(False, "no end mark")
             except _DAMAGE_ERRORS as error:
-                why = " ".join(str(error).split())[:80] or "the file ends there"
+                text = "a record is not whole" if isinstance(error, struct.error) else str(error)
+                why = " ".join(text.split())[:80] or "the file ends there"
                 size = os.fstat(file.fileno()).st_size
                 raise RecordingError(
                     f"{self.path}: cut short or damaged at byte {good} of {size} ({why}): {assembly.n_cycles} "

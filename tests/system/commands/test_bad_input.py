@@ -11,7 +11,9 @@ from footsense.errors import ModelError
 from footsense.estimation.network import Network
 from footsense.foot.network_card import add_checksum
 from tests.support.networks import N_IN, N_OUT, card, network_file
-from tests.system.command import footsense, one_line_error, robot
+from tests.system.command import footsense, one_line_error, robot, serving
+
+GOLDEN = Path(__file__).parents[2] / "golden/measured_walk.mcap"
 
 
 @pytest.mark.parametrize(
@@ -44,6 +46,19 @@ def test_what_is_not_there_or_not_right(tmp_path: Path, command: str, exit_code:
         robot(tmp_path / name, **wrong)
     assert says in one_line_error(footsense(*command.split(), cwd=tmp_path), exit_code)
     assert {path.name for path in tmp_path.iterdir()} == {"scene.yaml", "walk.mcap", "i2c", "can"}
+
+
+def test_the_damage_of_a_recording_that_is_served_is_told_on_the_terminal(tmp_path: Path) -> None:
+    """Below the address of the page, without words of Python."""
+    file = tmp_path / "walk.mcap"
+    file.write_bytes(GOLDEN.read_bytes()[:194_348])  # in the length of a record
+    with serving("view", "--port", "0", file) as (process, url):
+        assert url.startswith("http://")
+        assert process.stderr is not None
+        line = process.stderr.readline()
+    assert line.startswith(
+        f"footsense: {file}: cut short or damaged at byte 194343 of 194348 (a record is not whole)"
+    )
 
 
 def test_a_configuration_with_a_typo(tmp_path: Path) -> None:
