@@ -39,6 +39,8 @@ def run_example(name: str, *arguments: str | Path, **environment: str) -> str:
 @contextlib.contextmanager
 def running(command: Sequence[str | Path], **environment: str) -> Iterator[subprocess.Popen[str]]:
     """Run a command until it is interrupted."""
+    # A program started where SIGINT is ignored, as in the background of a shell, would ignore it too.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     with subprocess.Popen(
         command,
         env=os.environ | environment,
