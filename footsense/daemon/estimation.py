@@ -9,12 +9,12 @@ from footsense.acquisition.scan_plan import BOARDS
 from footsense.daemon.models import Models
 from footsense.errors import ConfigError
 from footsense.estimation.calibrated_feet import CalibratedFeet
-from footsense.estimation.drift import MAX_DRIFT_PF_PER_S
+from footsense.estimation.drift import load_n_per_pf, max_swing_rise_n_per_s
 from footsense.estimation.network import sensitivity
 from footsense.estimation.pipeline import Pipeline
 from footsense.estimation.settings import (
     CONVERTER_MAX_PF,
-    MIN_SWING_RISE_N_PER_S,
+    DEFAULT_CONTACT_THRESHOLD_REL,
     EstimationLimits,
     MountedFeet,
     Sensitivity,
@@ -22,10 +22,6 @@ from footsense.estimation.settings import (
 from footsense.frames import ELEMENTS, Vector
 from footsense.ports import LoadEstimator
 
-#: Smallest limit of the rise of the load in swing, over the fastest drift [1].
-_SWING_RISE_LIMIT_TO_DRIFT_RATIO = 5.0
-#: Contact threshold over the feet's largest force, where none is configured [1].
-_DEFAULT_CONTACT_THRESHOLD_REL = 0.015
 #: Least contact threshold over the standard deviation of an element's noise [1].
 _MIN_CONTACT_THRESHOLD_TO_NOISE = 5.0
 
@@ -100,7 +96,7 @@ def _estimator_and_temperature_setter(
 def contact_threshold_n(models: Models) -> float:
     """Return the contact threshold [N]: configured, or a fraction of the largest force that the network knows."""
     configured = models.config.contact.threshold_n
-    default_n = round(_DEFAULT_CONTACT_THRESHOLD_REL * models.network.card.max_trained_force_n, 6)
+    default_n = round(DEFAULT_CONTACT_THRESHOLD_REL * models.network.card.max_trained_force_n, 6)
     return default_n if configured is None else configured
 
 
@@ -110,10 +106,7 @@ def _max_swing_rise_n_per_s(models: Models, force_sensitivity: Sensitivity) -> f
     Raises:
         ConfigError: The configured threshold is within the noise of these feet.
     """
-    design = models.network.card.trained_inputs.design
-    # dC / C = -d(distance) / distance.
-    distance_um = float(design.plate_distance_um(np.array([design.unloaded_pf]))[0])
-    n_per_pf = force_sensitivity.load_n_per_mean_closure * distance_um / design.unloaded_pf / design.gap_um
+    n_per_pf = load_n_per_pf(models.network.card.trained_inputs.design, force_sensitivity)
     threshold_n = contact_threshold_n(models)
     least_n = _MIN_CONTACT_THRESHOLD_TO_NOISE * models.config.conversion_rate.noise_ff * 1e-3 * n_per_pf
     if threshold_n < least_n:
@@ -121,5 +114,4 @@ def _max_swing_rise_n_per_s(models: Models, force_sensitivity: Sensitivity) -> f
             f"contact.threshold_n: {threshold_n:g} N are lost in the noise of these feet; "
             f"use at least {least_n:.2g}"
         )
-    rise_n_per_s = _SWING_RISE_LIMIT_TO_DRIFT_RATIO * MAX_DRIFT_PF_PER_S * n_per_pf
-    return max(MIN_SWING_RISE_N_PER_S, rise_n_per_s)
+    return max_swing_rise_n_per_s(n_per_pf)

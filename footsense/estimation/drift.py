@@ -21,7 +21,7 @@ from operator import attrgetter
 import numpy as np
 
 from footsense.estimation.noise import ReadingNoise
-from footsense.estimation.settings import MountedFeet, Sensitivity, TareLimits
+from footsense.estimation.settings import MIN_SWING_RISE_N_PER_S, MountedFeet, Sensitivity, TareLimits
 from footsense.foot.capacitor import Capacitor
 from footsense.frames import BaselineDrift, BaselineStatus, Cause, Mask, Stamps, Vector
 
@@ -49,6 +49,26 @@ _QUIET_AGAIN_REL = 0.7
 MAX_DRIFT_FROM_LEG_MEAN_PF = 20e-3
 #: Period of the baselines' uncertainty [ns]; in a tenth of a second they drift by a fifth of a fF.
 _SIGMA_UPDATE_PERIOD_NS = 100_000_000
+
+#: Smallest limit of the rise of the load in swing, over the fastest drift [1].
+_SWING_RISE_LIMIT_TO_DRIFT_RATIO = 5.0
+
+
+def load_n_per_pf(design: Capacitor, sensitivity: Sensitivity) -> float:
+    """Return the load along the leg for one picofarad more on every element of the free foot [N/pF]."""
+    # dC / C = -d(distance) / distance.
+    distance_um = float(design.plate_distance_um(np.array([design.unloaded_pf]))[0])
+    return sensitivity.load_n_per_mean_closure * distance_um / design.unloaded_pf / design.gap_um
+
+
+def max_swing_rise_n_per_s(n_per_pf: float) -> float:
+    """Return the limit of the rise of the load in swing [N/s], above the force errors that drift causes.
+
+    Args:
+        n_per_pf: As of `load_n_per_pf`.
+    """
+    return max(MIN_SWING_RISE_N_PER_S, _SWING_RISE_LIMIT_TO_DRIFT_RATIO * MAX_DRIFT_PF_PER_S * n_per_pf)
+
 
 _values_of = attrgetter(
     "baseline_pf", "variance_pf2", "updated_ns", "offset_pf", "moved_ns", "status", "left_pf"

@@ -85,6 +85,10 @@ class TareLimits(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 _UNCALIBRATED_UNLOADED_LIMIT_REL = 0.5
 
 
+#: Contact threshold over the feet's largest force, where none is configured [1].
+DEFAULT_CONTACT_THRESHOLD_REL = 0.015
+
+
 class ContactLimits(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Section `contact` of a configuration: when a foot is in contact.
 

@@ -227,7 +227,13 @@ def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable
         recipe = replace(
             recipe, released=replace(recipe.released, min_force_n=loads_unit.min_relative_loss_force_n)
         )
-        cases = random_loads(response_in_unit, loads_unit, recipe.random_loads, TRAINING_SEED)
+        cases = random_loads(
+            response_in_unit,
+            loads_unit,
+            recipe.random_loads,
+            TRAINING_SEED,
+            max_overloaded=load_cases.MAX_OVERLOADED,
+        )
         report(f"{recipe.random_loads} random loads, gaps in contact")
         closure_rel = cases.closure_um / design.gap_um
         imputation = Imputation(_rounded_moments(cases.with_symmetric_copies().closure_um / design.gap_um))

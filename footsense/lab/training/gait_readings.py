@@ -160,6 +160,30 @@ def loads_of(source: ContactSource, leg: str) -> Callable[[Vector], ContactLoads
     return loads
 
 
+def draw_conditions(rng: np.random.Generator, slowest_rel: float = PACE_REL[1]) -> ReadingConditions:
+    """Return random conditions of a gait.
+
+    Args:
+        rng: Source of the draws.
+        slowest_rel: Slowest conversion over the usual one [1].
+    """
+    order = int(rng.random() < _RASTER_SHARE)
+    pace_rel = (
+        float(np.exp(rng.uniform(*np.log((PACE_REL[0], slowest_rel)))))
+        if rng.random() < _PACED_SHARE
+        else 1.0
+    )
+    step_s = STEP_S * pace_rel * (1.0 + _CLOCK_REL * rng.normal())
+    late_s = rng.uniform(0.0, _LATEST_S) if rng.random() < _LATE_SHARE else 0.0
+    return ReadingConditions(
+        conversion_order_index=order,
+        step_s=step_s,
+        send_delay_s=nominal_send_delay_s(step_s) + late_s,
+        viscous_rel=rng.uniform(0.0, _MOST_VISCOUS) if rng.random() < _VISCOUS_SHARE else 0.0,
+        baseline_drift_rms_pf=_DRIFT_PF if rng.random() < _DRIFT_SHARE else 0.0,
+    )
+
+
 def simulate_random_gait_readings(
     response: FootResponse, rng: np.random.Generator, n: int, max_n: float
 ) -> GaitReadings:
@@ -171,18 +195,10 @@ def simulate_random_gait_readings(
         n: Number of conversions.
         max_n: Full load of the foot [N].
     """
-    order = int(rng.random() < _RASTER_SHARE)
-    pace_rel = float(np.exp(rng.uniform(*np.log(PACE_REL)))) if rng.random() < _PACED_SHARE else 1.0
-    step_s = STEP_S * pace_rel * (1.0 + _CLOCK_REL * rng.normal())
-    late_s = rng.uniform(0.0, _LATEST_S) if rng.random() < _LATE_SHARE else 0.0
-    conditions = ReadingConditions(
-        conversion_order_index=order,
-        step_s=step_s,
-        send_delay_s=nominal_send_delay_s(step_s) + late_s,
-        viscous_rel=rng.uniform(0.0, _MOST_VISCOUS) if rng.random() < _VISCOUS_SHARE else 0.0,
-        baseline_drift_rms_pf=_DRIFT_PF if rng.random() < _DRIFT_SHARE else 0.0,
+    conditions = draw_conditions(rng)
+    return simulate_gait_readings(
+        response, RandomGait(rng, max_n, n * conditions.step_s).loads, conditions, rng, n
     )
-    return simulate_gait_readings(response, RandomGait(rng, max_n, n * step_s).loads, conditions, rng, n)
 
 
 def concatenate_gaits(gaits: list[GaitReadings]) -> GaitReadings:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.training.gait_readings import GaitReadings, conversion_elements
+from footsense.lab.training.load_cases import MAX_OVERLOADED
 from footsense.lab.training.windowed_network import READINGS_PER_ELEMENT
 from footsense.ports import LoadEstimate, LoadEstimator, Window
 
@@ -55,11 +56,14 @@ def normals_of_stereographic_points(point: Vector) -> Vector:
 
 
 def complete_window_ends(gaits: GaitReadings) -> NDArray[np.bool_]:
-    """Return the mask of conversions that end a complete window, its newest readings in range, shape (m, n)."""
+    """Return the mask of conversions that end a complete window for which there is a force, shape (m, n).
+
+    At most `MAX_OVERLOADED` of its newest readings are beyond the converter's range.
+    """
     warm_up = READINGS_PER_ELEMENT * ELEMENTS + _EXTRA_WARM_UP_CONVERSIONS
     beyond = (~gaits.in_range).cumsum(axis=1)
     whole = np.zeros(beyond.shape, bool)
-    whole[:, warm_up:] = beyond[:, warm_up:] == beyond[:, warm_up - ELEMENTS : -ELEMENTS]
+    whole[:, warm_up:] = beyond[:, warm_up:] - beyond[:, warm_up - ELEMENTS : -ELEMENTS] <= MAX_OVERLOADED
     return whole
 
 

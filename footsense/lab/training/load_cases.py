@@ -22,8 +22,10 @@ from footsense.frames import Vector
 from footsense.lab.geometry import LoadRange
 from footsense.lab.symmetry import SYMMETRIES, element_permutation
 
-#: Noise of one conversion and of the baseline [pF, rms], as the card's sigma is measured with.
-NOISE_PF, BASELINE_NOISE_PF = 0.5e-3, 0.2e-3
+#: Noise of one conversion at 400 a second, and of the baseline [pF, rms], as the card's sigma is measured with.
+NOISE_PF, BASELINE_NOISE_PF = 1e-3 * fdc1004.RATES[400].noise_ff, 0.2e-3
+#: Most elements beyond the converter's range with which there still is a force.
+MAX_OVERLOADED = 3
 #: Free mean closure from which an element is beyond the converter's range for certain [1 of the gap]: loads within full
 #: scale stay below 1.2.
 CERTAIN_SATURATION_CLOSURE_REL = 1.5
@@ -140,13 +142,19 @@ def leaning_loads(
 
 
 def random_loads(
-    response: FootResponse, loads: LoadRange, n: int, seed: int, deviations: Deviations | None = None
+    response: FootResponse,
+    loads: LoadRange,
+    n: int,
+    seed: int,
+    deviations: Deviations | None = None,
+    *,
+    max_overloaded: int = 0,
 ) -> LeaningCases:
-    """Return n random load cases within the converter's range.
+    """Return n random load cases within the converter's range, but for a number of elements.
 
     Half of the magnitudes are uniform up to the largest, half uniform in the logarithm from a light touch, so that
-    light and firm steps are equally frequent. Gaps may close in part; loads that drive an element beyond the
-    converter's full scale are drawn again: the daemon reports them as saturated.
+    light and firm steps are equally frequent. Gaps may close in part; loads that drive more elements beyond the
+    converter's full scale are drawn again. The others' closures are those of the full scale: at least so much.
 
     Raises:
         ModelError: Hardly any of the loads is within the converter's range.
@@ -165,11 +173,15 @@ def random_loads(
         )
         reached = np.flatnonzero(normal[:, 2] >= lowest_z)
         reached = reached[
-            _is_maybe_in_range(foot, normal[reached], (direction * magnitude[:, None])[reached])
+            _is_maybe_in_range(
+                foot, normal[reached], (direction * magnitude[:, None])[reached], max_overloaded
+            )
         ]
         force, normal = (direction * magnitude[:, None])[reached], normal[reached]
         closure = sensed_closure_um(foot, normal, force)
-        in_range = response.design.capacitance_pf(closure).max(axis=1) < FULL_SCALE_PF
+        full_scale_um = response.design.closure_um(np.array([FULL_SCALE_PF]), foot.unloaded_pf)
+        in_range = (closure >= full_scale_um).sum(axis=1) <= max_overloaded
+        closure = np.minimum(closure, full_scale_um)
         forces.append(force[in_range])
         closures.append(closure[in_range])
         normals.append(normal[in_range])
@@ -182,13 +194,16 @@ def random_loads(
     )
 
 
-def _is_maybe_in_range(foot: Specimen, normal: Vector, force_n: Vector) -> NDArray[np.bool_]:
+def _is_maybe_in_range(
+    foot: Specimen, normal: Vector, force_n: Vector, max_overloaded: int
+) -> NDArray[np.bool_]:
     """Return which loads may be within the converter's range, before contact is solved, shape (n,)."""
     may = np.empty(len(force_n), bool)
     for first in range(0, len(force_n), _LOADS_PER_CALL):
         some = slice(first, first + _LOADS_PER_CALL)
         free_um = foot.response.free_element_closures_um(normal[some], force_n[some])
-        may[some] = free_um.max(axis=1) < CERTAIN_SATURATION_CLOSURE_REL * foot.response.design.gap_um
+        deciding_um = np.partition(free_um, -1 - max_overloaded, axis=1)[:, -1 - max_overloaded]
+        may[some] = deciding_um < CERTAIN_SATURATION_CLOSURE_REL * foot.response.design.gap_um
     return may
 
 

@@ -62,6 +62,9 @@ _PACED_SHARE, _FRICTION_SHARE, _FRICTION_REL = 0.4, 0.4, 0.1
 _SQUARED_ERROR_WEIGHT = 10.0
 #: Weight of contact point and friction ratio, and normal force from which they are learnt [N].
 _CONTACT_WEIGHT, _LOADED_N = 0.25, 0.02
+#: Weight of the angle between a force and the true one [1/rad], force from which it counts, and size of the forces that
+#: have no direction [N].
+_ANGLE_WEIGHT, _DIRECTION_N, _SMALL_N = 3.0, 0.1, 1e-3
 #: Shares of the windows in the air, just after lift-off and long after, that are used.
 _JUST_LIFTED_SHARE, _AIR_SHARE = 0.4, 0.02
 #: Steps that are compiled into one call.
@@ -299,6 +302,15 @@ def _force_likelihood_loss(
     return jnp.mean(weight * likelihood) + squared_error_weight * jnp.mean(square / scale**2)
 
 
+def _mean_angle_rad(force_n: Any, true_n: Any) -> Any:
+    """Return the mean angle between forces and true ones of a batch [rad], for small angles; of loads alone."""
+    size_n, true_size_n = (
+        jnp.sqrt(jnp.sum(one**2, axis=-1, keepdims=True) + _SMALL_N**2) for one in (force_n, true_n)
+    )
+    apart = jnp.sqrt(jnp.sum((force_n / size_n - true_n / true_size_n) ** 2, axis=-1) + 1e-6)
+    return jnp.mean(jnp.where(true_size_n[:, 0] > _DIRECTION_N, apart, 0.0))
+
+
 def train_windowed(
     gaits: GaitReadings,
     steady_loads: LeaningCases,
@@ -353,7 +365,11 @@ def train_windowed(
         force = (load.force_n, load.sigma_n, batch.force_n, settings.min_force_n, _SQUARED_ERROR_WEIGHT)
         apart, sigma = load.contact_point_and_friction - batch.contact_point_and_friction, load.contact_sigma
         likelihood = batch.loaded * (jnp.log(sigma) + 0.5 * apart**2 / sigma**2)
-        return _force_likelihood_loss(*force) + _CONTACT_WEIGHT * jnp.mean(likelihood)
+        return (
+            _force_likelihood_loss(*force)
+            + _CONTACT_WEIGHT * jnp.mean(likelihood)
+            + _ANGLE_WEIGHT * _mean_angle_rad(load.force_n, batch.force_n)
+        )
 
     def unfold_whitening(weights: Weights) -> Weights:
         """Return the weights before whitening is folded in: the inverse of `fold_whitening`."""

@@ -1,0 +1,282 @@
+"""The service's estimation on the feet of a walking robot: readings of a log, run through the whole pipeline.
+
+Every conversion reads the next element of all feet under the load at its middle; the pipeline gets each as a frame, as
+from a bus, and what it says is kept beside what the feet felt at the time of sending. In swing the foot's own mass
+pulls at the sensor, by the accelerations of the log.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_interface.chips import fdc1004
+from footsense.estimation.drift import load_n_per_pf, max_swing_rise_n_per_s
+from footsense.estimation.network import sensitivity
+from footsense.estimation.pipeline import Pipeline
+from footsense.estimation.settings import (
+    DEFAULT_CONTACT_THRESHOLD_REL,
+    EstimationLimits,
+    MountedFeet,
+    TareLimits,
+)
+from footsense.foot.network_card import TrainedInputs
+from footsense.foot.response_table import FootResponse
+from footsense.foot.specimen import ContactLoads, Specimen
+from footsense.frames import ELEMENTS, CapFrame, Codes, GaitEvent, Mask, Reading, Vector
+from footsense.lab.training.gait_readings import NOMINAL_SEND_DELAY_S, STEP_S, conversion_elements
+from footsense.lab.walkers.simulate import WalkerLog
+from footsense.ports import LoadEstimator
+from footsense.sim.rubber import ViscoelasticRubber
+
+#: Time in the air before a log, in which the feet are tared, and time in which its first loads rise [s].
+LEAD_IN_S, _RISE_S = 0.7, 0.1
+#: Mass of the outer rubber half of a ball of 10 mm radius [kg], and radius [mm].
+_OUTER_HALF_KG, _OUTER_HALF_MM = 2.3e-3, 10.0
+_GRAVITY_M_S2 = 9.80665
+_NOISE_PF = 1e-3 * fdc1004.RATES[400].noise_ff
+_FULL_SCALE_PF = fdc1004.capacitance_pf(fdc1004.CODE_MAX)
+#: Loads that are turned into capacitances at once, which limits memory.
+_LOADS_PER_CALL = 2048
+#: Scans without a reading from which a measurement is stale, as of the service.
+_MAX_AGE_SCANS = 2.0
+
+
+class WalkerLoads(NamedTuple):
+    """Loads of the feet of a robot at n times, and what its sensors feel besides.
+
+    Attributes:
+        t_s: Times [s], shape (n,).
+        force_n: Ground reactions [N], shape (n, legs, 3).
+        normal: Contact normals, same shape; up in the air.
+        slip_m_s: Velocity of the contact points along the ground [m/s], same shape.
+        felt_n: Forces on the sensors [N], same shape: in swing with those of the foot's own mass.
+        friction: Coefficient of friction.
+    """
+
+    t_s: Vector
+    force_n: Vector
+    normal: Vector
+    slip_m_s: Vector
+    felt_n: Vector
+    friction: float
+
+    def at(self, t_s: Vector) -> "WalkerLoads":
+        """Return the loads at other times [s], linearly interpolated."""
+        place = np.clip(np.searchsorted(self.t_s, t_s, "right") - 1, 0, len(self.t_s) - 2)
+        share = np.clip((t_s - self.t_s[place]) / (self.t_s[place + 1] - self.t_s[place]), 0.0, 1.0)[
+            :, None, None
+        ]
+        force_n, slip_m_s, felt_n = (
+            (1.0 - share) * part[place] + share * part[place + 1]
+            for part in (self.force_n, self.slip_m_s, self.felt_n)
+        )
+        # Of a touch, the air's normal says nothing.
+        loaded: Mask = np.asarray(self.force_n.any(axis=2))
+        first, second = loaded[place], loaded[place + 1]
+        mixed = (1.0 - share) * self.normal[place] + share * self.normal[place + 1]
+        normal = np.where(
+            (first & second)[..., None],
+            mixed,
+            np.where(first[..., None], self.normal[place], self.normal[place + 1]),
+        )
+        normal = normal / np.linalg.norm(normal, axis=2, keepdims=True)
+        return self._replace(t_s=t_s, force_n=force_n, normal=normal, slip_m_s=slip_m_s, felt_n=felt_n)
+
+
+def walker_loads(log: WalkerLog, scale: float, ball_radius_mm: float) -> WalkerLoads:
+    """Return the loads of a log after a lead-in in the air.
+
+    Args:
+        log: The log.
+        scale: Factor on its forces [1].
+        ball_radius_mm: Radius of the foot's ball [mm], for its mass.
+    """
+    n_before = round(LEAD_IN_S / (log.t_s[1] - log.t_s[0]))
+    n_legs = len(log.legs)
+    t_s = np.concatenate([np.linspace(0.0, LEAD_IN_S, n_before, endpoint=False), LEAD_IN_S + log.t_s])
+    risen = np.clip(log.t_s / _RISE_S, 0.0, 1.0)[:, None, None]
+    air = np.zeros((n_before, n_legs, 3))
+    force_n = np.concatenate([air, scale * risen * log.force_n])
+    kg = _OUTER_HALF_KG * (ball_radius_mm / _OUTER_HALF_MM) ** 3
+    inertial_n = -kg * (log.acceleration_m_s2 - (0.0, 0.0, _GRAVITY_M_S2))
+    in_air = ~log.force_n.any(axis=2, keepdims=True)
+    felt_n = force_n + np.concatenate([air, np.where(in_air, inertial_n, 0.0)])
+    up = np.tile([0.0, 0.0, 1.0], (n_before, n_legs, 1))
+    return WalkerLoads(
+        t_s,
+        force_n,
+        np.concatenate([up, log.normal]),
+        np.concatenate([air, log.slip_m_s]),
+        felt_n,
+        log.friction,
+    )
+
+
+class WalkerReadings(NamedTuple):
+    """Readings of the feet of a robot, one conversion after another.
+
+    Attributes:
+        t_s: Middle of each conversion [s], shape (n,).
+        element: Element that it read, shape (n,).
+        capacitance_pf: What was read [pF], shape (n, legs).
+        loads: True loads at the times of sending.
+    """
+
+    t_s: Vector
+    element: NDArray[np.intp]
+    capacitance_pf: Vector
+    loads: WalkerLoads
+
+
+def read_walker(
+    foot: Specimen, loads: WalkerLoads, seed: int, *, viscous_rel: float = 0.0, noise_rel: float = 1.0
+) -> WalkerReadings:
+    """Return simulated readings of the feet of a robot.
+
+    Args:
+        foot: The foot on every leg.
+        loads: Their loads.
+        seed: Seed of the noise.
+        viscous_rel: Creep and lag of the rubber over those of the simulated rubber [1].
+        noise_rel: Noise over the converter's [1].
+    """
+    rng = np.random.default_rng(seed)
+    n = int((loads.t_s[-1] - STEP_S) / STEP_S)
+    t_s = np.asarray(STEP_S * np.arange(1.0, n + 1), np.float64)
+    element = conversion_elements(0, n)
+    read = loads.at(t_s)
+    n_legs = loads.force_n.shape[1]
+    capacitance_pf = np.empty((n, n_legs))
+    for leg in range(n_legs):
+        normal, force_n = read.normal[:, leg], read.felt_n[:, leg]
+        if viscous_rel:
+            normal, force_n = _effective_loads(t_s, ContactLoads(normal, force_n), viscous_rel)
+        whole_pf = np.tile(foot.unloaded_pf, (n, 1))
+        rows = np.flatnonzero(force_n.any(axis=1))
+        for first in range(0, len(rows), _LOADS_PER_CALL):
+            some = rows[first : first + _LOADS_PER_CALL]
+            whole_pf[some] = foot.capacitance_pf(normal[some], force_n[some])
+        capacitance_pf[:, leg] = whole_pf[np.arange(n), element]
+    capacitance_pf += noise_rel * _NOISE_PF * rng.normal(size=capacitance_pf.shape)
+    return WalkerReadings(t_s, element, capacitance_pf, loads.at(t_s + NOMINAL_SEND_DELAY_S))
+
+
+def _effective_loads(t_s: Vector, loads: ContactLoads, amount: float) -> ContactLoads:
+    """Return the loads that would deform an elastic foot as much as these do one that creeps and lags."""
+    rubber, forces, normals = ViscoelasticRubber(), np.empty_like(loads.force_n), loads.normal.copy()
+    for k, t_ns in enumerate((t_s * 1e9).astype(np.int64).tolist()):
+        normals[k], sensed_n = rubber.next_effective_load(t_ns, loads.normal[k], loads.force_n[k])
+        forces[k] = loads.force_n[k] + amount * (sensed_n - loads.force_n[k])
+    return ContactLoads(normals, forces)
+
+
+class WalkerOutputs(NamedTuple):
+    """What the pipeline said after each of n conversions, beside the truth at the times of sending.
+
+    Attributes:
+        t_s: Times of sending [s], shape (n,).
+        true: True loads at them.
+        force_n: Forces [N], shape (n, legs, 3), NaN where there is none.
+        sigma_n: Their standard deviations [N], same shape.
+        state: State of each leg, shape (n, legs).
+        cause: Cause, same shape.
+        fault_mask: Faulty elements, same shape.
+        contact: Whether contact is reported, same shape.
+        friction: Reported coefficient of friction [1], shape (n,).
+        events: Every event, with the row of the conversion after which it was reported.
+    """
+
+    t_s: Vector
+    true: WalkerLoads
+    force_n: Vector
+    sigma_n: Vector
+    state: Codes
+    cause: Codes
+    fault_mask: Vector
+    contact: Mask
+    friction: Vector
+    events: list[tuple[int, GaitEvent]]
+
+
+def pipeline_of(
+    estimator: LoadEstimator, trained: TrainedInputs, max_force_n: float, n_legs: int
+) -> Pipeline:
+    """Return the service's pipeline for feet as designed, on board `fdc1004`.
+
+    Args:
+        estimator: The network, for the number of legs.
+        trained: Inputs that it was trained for.
+        max_force_n: Largest force of its training [N].
+        n_legs: Number of legs.
+    """
+    force_sensitivity = sensitivity(estimator, n_legs, trained.moments)
+    scan_ns = round(1e9 * ELEMENTS * STEP_S)
+    limits = EstimationLimits(
+        tare=TareLimits(),
+        least_contact_n=DEFAULT_CONTACT_THRESHOLD_REL * max_force_n,
+        max_swing_rise_n_per_s=max_swing_rise_n_per_s(load_n_per_pf(trained.design, force_sensitivity)),
+        scan_ns=scan_ns,
+        max_age_ns=round(_MAX_AGE_SCANS * scan_ns),
+    )
+    return Pipeline(
+        estimator, trained, MountedFeet.as_designed(trained.design, n_legs), limits, force_sensitivity
+    )
+
+
+def run_pipeline(pipeline: Pipeline, readings: WalkerReadings) -> WalkerOutputs:
+    """Return what a pipeline says of readings, conversion by conversion."""
+    n, n_legs = readings.capacitance_pf.shape
+    t_ns = np.zeros((n_legs, ELEMENTS), np.int64)
+    capacitance_pf = np.full((n_legs, ELEMENTS), np.nan)
+    reading = np.full((n_legs, ELEMENTS), Reading.NOT_READY, np.uint8)
+    sent_ns = (1e9 * (readings.t_s + NOMINAL_SEND_DELAY_S)).astype(np.int64).tolist()
+    read_ns = (1e9 * readings.t_s).astype(np.int64).tolist()
+    over = readings.capacitance_pf >= _FULL_SCALE_PF
+    frames, events = [], []
+    contact, friction = np.zeros((n, n_legs), bool), np.full(n, np.nan)
+    known = np.nan
+    for k, element in enumerate(readings.element.tolist()):
+        t_ns[:, element] = read_ns[k]
+        capacitance_pf[:, element] = np.where(over[k], np.nan, readings.capacitance_pf[k])
+        reading[:, element] = np.where(over[k], Reading.OVER_RANGE, Reading.OK)
+        frame, _ = pipeline.process(
+            CapFrame(k, t_ns.copy(), capacitance_pf.copy(), reading.copy()), sent_ns[k]
+        )
+        frames.append((frame.force_n, frame.sigma_n, frame.state, frame.cause, frame.fault_mask))
+        contact[k] = [leg.in_contact for leg in pipeline._baselines.contacts]  # noqa: SLF001
+        if frame.gait is not None:
+            events += [(k, event) for event in frame.gait.events]
+            known = frame.gait.friction
+        friction[k] = known
+    force_n, sigma_n, state, cause, fault_mask = (np.array(part) for part in zip(*frames, strict=True))
+    return WalkerOutputs(
+        t_s=readings.loads.t_s,
+        true=readings.loads,
+        force_n=force_n,
+        sigma_n=sigma_n,
+        state=state,
+        cause=cause,
+        fault_mask=fault_mask,
+        contact=contact,
+        friction=friction,
+        events=events,
+    )
+
+
+def run_walker(
+    response: FootResponse,
+    estimator: LoadEstimator,
+    trained: TrainedInputs,
+    log: WalkerLog,
+    scale: float,
+    *,
+    max_force_n: float,
+    ball_radius_mm: float,
+    seed: int,
+    viscous_rel: float = 0.0,
+) -> WalkerOutputs:
+    """Return what the service would say of one run of a robot; arguments as of the parts above."""
+    loads = walker_loads(log, scale, ball_radius_mm)
+    readings = read_walker(Specimen(response), loads, seed, viscous_rel=viscous_rel)
+    return run_pipeline(pipeline_of(estimator, trained, max_force_n, len(log.legs)), readings)

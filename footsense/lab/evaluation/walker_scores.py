@@ -1,0 +1,279 @@
+"""How right the service's forces, contacts, times, slips and diagnoses are on the feet of walking robots."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from footsense.frames import IS_USABLE_STATE, GaitEventKind, Mask, State, Vector
+from footsense.lab.evaluation.walker_runs import LEAD_IN_S, WalkerOutputs
+
+#: Time after the lead-in in which nothing counts: the robot comes to stand, and swings show their noise [s].
+WARM_UP_S = 1.0
+#: Over the peak of a run [1]: normal force of a touch's first load, and force from which directions count.
+FIRST_LOAD_REL, LOADED_REL = 0.01, 0.1
+#: Gaps between loads that are one touch, and shortest touch and swing before it that count [s].
+_MERGED_S, MIN_TOUCH_S = 0.025, 0.03
+#: Time after a touch and before its end that are not mid-stance [s].
+AFTER_TOUCH_S, BEFORE_END_S = 0.04, 0.03
+#: Time after a touch within which a report belongs to it [s].
+_REPORT_AFTER_S = 0.08
+#: Sliding: speed of the contact point [m/s] and normal force over the peak [1] from which a foot slides; way of a slide
+#: that counts [m], time after the touch from which one is a later slide [s], and time within which a slip belongs to
+#: a slide [s].
+SLIDE_M_S, _SLIDE_LOAD_REL, SLIDE_M, LATER_S, _SLIP_WITHIN_S = 0.02, 0.05, 5e-3, 0.015, 0.06
+
+
+class Touch(NamedTuple):
+    """One touch of a leg: first load and end [s], and whether the leg was in the air long enough before it."""
+
+    start_s: float
+    end_s: float
+    counts: bool
+
+
+def touches(outputs: WalkerOutputs, leg: int, peak_n: float) -> list[Touch]:
+    """Return the touches of a leg that last, after the warm-up, by the truth."""
+    t_s = outputs.t_s
+    pressing_n = (outputs.true.force_n[:, leg] * outputs.true.normal[:, leg]).sum(axis=1)
+    loaded = np.concatenate([[False], pressing_n > FIRST_LOAD_REL * peak_n, [False]])
+    edges = np.flatnonzero(np.diff(loaded.astype(int)))
+    spans: list[list[float]] = []
+    for first, last in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        start_s, end_s = float(t_s[first]), float(t_s[min(last, len(t_s) - 1)])
+        if spans and start_s - spans[-1][1] < _MERGED_S:
+            spans[-1][1] = end_s
+        else:
+            spans.append([start_s, end_s])
+    found, before_s = [], -np.inf
+    for start_s, end_s in spans:
+        swung = start_s - before_s > MIN_TOUCH_S
+        in_time = start_s > LEAD_IN_S + WARM_UP_S and end_s + _REPORT_AFTER_S < t_s[-1]
+        found.append(Touch(start_s, end_s, bool(swung and in_time and end_s - start_s > MIN_TOUCH_S)))
+        before_s = end_s
+    return found
+
+
+def force_scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
+    """Return the errors of the forces of a run: direction [deg], share without a force, coverage of sigma."""
+    truth, t_s = outputs.true.force_n, outputs.t_s
+    size_n = np.linalg.norm(truth, axis=2)
+    counted = (t_s > LEAD_IN_S + WARM_UP_S)[:, None]
+    loaded = (size_n > LOADED_REL * peak_n) & counted
+    usable = IS_USABLE_STATE[outputs.state]
+    since_s, before_s = _times_in_touch(outputs, peak_n)
+    angle_deg = np.full(size_n.shape, np.nan)
+    both = loaded & usable
+    found_n = np.linalg.norm(outputs.force_n[both], axis=1)
+    cosine = (outputs.force_n[both] * truth[both]).sum(axis=1) / np.maximum(found_n * size_n[both], 1e-12)
+    angle_deg[both] = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    middle = (since_s > AFTER_TOUCH_S) & (before_s > BEFORE_END_S)
+    error_n = outputs.force_n - truth
+    off = np.abs(error_n / outputs.sigma_n)
+    used = usable & counted
+    early = used & (since_s < AFTER_TOUCH_S)
+    bins = [early & (since_s >= low) & (since_s < low + 0.01) for low in (0.0, 0.01, 0.02, 0.03)]
+    return {
+        "direction_deg": _mean(angle_deg[loaded]),
+        "direction_p95_deg": _percentile(angle_deg[loaded], 95.0),
+        "mid_stance_deg": _mean(angle_deg[loaded & middle]),
+        "early_deg": _mean(angle_deg[loaded & (since_s < AFTER_TOUCH_S)]),
+        "no_force_share": _share(~usable[loaded]),
+        "overload_share": _share((outputs.state == State.DEGRADED)[loaded]),
+        "rms_rel": np.sqrt(np.mean(error_n[both] ** 2, axis=0)) / peak_n
+        if both.any()
+        else np.full(3, np.nan),
+        "within_2_sigma": _share(off[used] < 2.0),
+        "beyond_5_sigma": _share(off[used] > 5.0),
+        "within_2_sigma_early": [_share(off[one] < 2.0) for one in bins],
+        "beyond_5_sigma_early": [_share(off[one] > 5.0) for one in bins],
+        "sigma_median_rel": float(np.median(outputs.sigma_n[used])) / peak_n,
+        "n_loaded": int(loaded.sum()),
+    }
+
+
+def _times_in_touch(outputs: WalkerOutputs, peak_n: float) -> tuple[Vector, Vector]:
+    """Return the time since the start and until the end of each leg's touch [s], shape (n, legs); NaN in the air."""
+    since_s, before_s = np.full((2, *outputs.state.shape), np.nan)
+    for leg in range(outputs.state.shape[1]):
+        for touch in touches(outputs, leg, peak_n):
+            rows = (outputs.t_s >= touch.start_s) & (outputs.t_s < touch.end_s)
+            since_s[rows, leg] = outputs.t_s[rows] - touch.start_s
+            before_s[rows, leg] = touch.end_s - outputs.t_s[rows]
+    return since_s, before_s
+
+
+def contact_scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
+    """Return what became of each touch of a run, and touchdowns in the air."""
+    delays_ms, errors_ms, sigmas_ms, lifts_ms, lift_errors_ms, lift_sigmas_ms = [], [], [], [], [], []
+    n_touches = n_missed = n_twice = n_air = n_unmatched_lifts = 0
+    for leg in range(outputs.state.shape[1]):
+        every = touches(outputs, leg, peak_n)
+        reports = [(float(outputs.t_s[row]), event) for row, event in outputs.events if event.leg == leg]
+        down = [one for one in reports if one[1].kind is GaitEventKind.TOUCHDOWN]
+        up = [one for one in reports if one[1].kind is GaitEventKind.LIFT_OFF]
+        for sent_s, _ in down:
+            late = sent_s > LEAD_IN_S + WARM_UP_S
+            # Of any touch, however short: the sensor's first scan after it included.
+            n_air += late and not any(
+                touch.start_s - 1e-3 <= sent_s < touch.end_s + _MERGED_S for touch in every
+            )
+        for touch, after_s in zip(every, [*(one.start_s for one in every[1:]), np.inf], strict=True):
+            if not touch.counts:
+                continue
+            n_touches += 1
+            own = [one for one in down if touch.start_s <= one[0] < touch.end_s]
+            n_missed += not own
+            n_twice += len(own) > 1
+            if own:
+                sent_s, event = own[0]
+                delays_ms.append(1e3 * (sent_s - touch.start_s))
+                errors_ms.append(1e3 * (1e-9 * event.t_ns - touch.start_s))
+                sigmas_ms.append(1e3 * event.sigma_s)
+                ends = [one for one in up if sent_s < one[0] < after_s]
+                lifts_ms.append(1e3 * (ends[-1][0] - touch.end_s) if ends else np.inf)
+                if ends:
+                    lift_errors_ms.append(1e3 * (1e-9 * ends[-1][1].t_ns - touch.end_s))
+                    lift_sigmas_ms.append(1e3 * ends[-1][1].sigma_s)
+        kinds = [
+            event.kind
+            for _, event in reports
+            if event.kind in (GaitEventKind.TOUCHDOWN, GaitEventKind.LIFT_OFF)
+        ]
+        n_unmatched_lifts += sum(
+            kind is GaitEventKind.LIFT_OFF and before is not GaitEventKind.TOUCHDOWN
+            for before, kind in zip([None, *kinds], kinds, strict=False)
+        )
+    errors, sigmas = np.array(errors_ms), np.array(sigmas_ms)
+    lift_errors, lift_sigmas = np.array(lift_errors_ms), np.array(lift_sigmas_ms)
+    return {
+        "n_touches": n_touches,
+        "n_missed": n_missed,
+        "n_twice": n_twice,
+        "n_in_air": int(n_air),
+        "n_lift_offs_alone": n_unmatched_lifts,
+        "delays_ms": delays_ms,
+        "errors_ms": errors_ms,
+        "sigmas_ms": sigmas_ms,
+        "lift_off_delays_ms": lifts_ms,
+        "delay_p50_ms": _percentile(np.array(delays_ms), 50.0),
+        "delay_p99_ms": _percentile(np.array(delays_ms), 99.0),
+        "bias_ms": _mean(errors),
+        "rms_over_sigma": float(np.sqrt(_mean((errors / sigmas) ** 2))) if len(errors) else np.nan,
+        "lift_off_delay_p50_ms": _percentile(np.array(lifts_ms), 50.0),
+        "lift_off_delay_p95_ms": _percentile(np.array(lifts_ms), 95.0),
+        "lift_off_bias_ms": _mean(lift_errors),
+        "lift_off_rms_over_sigma": float(np.sqrt(_mean((lift_errors / lift_sigmas) ** 2)))
+        if len(lift_errors)
+        else np.nan,
+    }
+
+
+class Slide(NamedTuple):
+    """One slide of a foot: start [s], end [s], way [m], and time from the touch to its start [s]."""
+
+    start_s: float
+    end_s: float
+    way_m: float
+    after_touch_s: float
+
+
+def slides(outputs: WalkerOutputs, leg: int, peak_n: float) -> list[Slide]:
+    """Return the slides of a leg by the truth, of any way, after the warm-up."""
+    t_s, true = outputs.t_s, outputs.true
+    pressing_n = (true.force_n[:, leg] * true.normal[:, leg]).sum(axis=1)
+    speed_m_s = np.linalg.norm(true.slip_m_s[:, leg], axis=1)
+    slide = (speed_m_s > SLIDE_M_S) & (pressing_n > _SLIDE_LOAD_REL * peak_n)
+    step_s, found = float(t_s[1] - t_s[0]), []
+    for touch in touches(outputs, leg, peak_n):
+        rows = np.flatnonzero((t_s >= touch.start_s) & (t_s < touch.end_s))
+        inside = np.concatenate([[False], slide[rows], [False]])
+        edges = np.flatnonzero(np.diff(inside.astype(int)))
+        for first, last in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+            start_s = float(t_s[rows[first]])
+            if start_s > LEAD_IN_S + WARM_UP_S:
+                way_m = float(speed_m_s[rows[first:last]].sum() * step_s)
+                found.append(
+                    Slide(start_s, start_s + (last - first) * step_s, way_m, start_s - touch.start_s)
+                )
+    return found
+
+
+def slip_scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
+    """Return which slides of a run were reported, and which slips are none."""
+    n_slips = n_false = n_later = n_found = n_early = n_early_found = 0
+    delays_ms, legs = [], outputs.state.shape[1]
+    for leg in range(legs):
+        every = slides(outputs, leg, peak_n)
+        sent_s = [
+            float(outputs.t_s[row])
+            for row, event in outputs.events
+            if event.leg == leg
+            and event.kind is GaitEventKind.SLIP
+            and outputs.t_s[row] > LEAD_IN_S + WARM_UP_S
+        ]
+        n_slips += len(sent_s)
+        n_false += sum(
+            not any(one.start_s - 5e-3 <= at_s < one.end_s + _SLIP_WITHIN_S for one in every)
+            for at_s in sent_s
+        )
+        for one in every:
+            if one.way_m < SLIDE_M:
+                continue
+            own = [at_s for at_s in sent_s if one.start_s - 5e-3 <= at_s < one.end_s + _SLIP_WITHIN_S]
+            if one.after_touch_s > LATER_S:
+                n_later += 1
+                n_found += bool(own)
+                if own:
+                    delays_ms.append(1e3 * (own[0] - one.start_s))
+            else:
+                n_early += 1
+                n_early_found += bool(own)
+    return {
+        "n_slips": n_slips,
+        "n_false_slips": n_false,
+        "n_later_slides": n_later,
+        "n_later_found": n_found,
+        "n_early_slides": n_early,
+        "n_early_found": n_early_found,
+        "slip_delays_ms": delays_ms,
+        "walked_s": float(outputs.t_s[-1] - LEAD_IN_S - WARM_UP_S),
+        "friction": float(outputs.friction[-1]),
+        "true_friction": outputs.true.friction,
+    }
+
+
+def fault_scores(outputs: WalkerOutputs) -> dict[str, Any]:
+    """Return how often a healthy foot was called faulty, and how often a state without a force came and went."""
+    faulty = (
+        (outputs.fault_mask != 0) & (outputs.state != State.SATURATED) & (outputs.t_s > LEAD_IN_S)[:, None]
+    )
+    starts = int((np.diff(faulty.astype(int), axis=0) > 0).sum())
+    degraded = (outputs.state == State.DEGRADED) & (outputs.cause == 0) & (outputs.t_s > LEAD_IN_S)[:, None]
+    return {
+        "n_element_faults": starts,
+        "n_degraded_without_cause": int((np.diff(degraded.astype(int), axis=0) > 0).sum()),
+    }
+
+
+def scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
+    """Return all scores of a run whose loads peak at a force [N]."""
+    return {
+        **force_scores(outputs, peak_n),
+        **contact_scores(outputs, peak_n),
+        **slip_scores(outputs, peak_n),
+        **fault_scores(outputs),
+    }
+
+
+def _mean(values: Vector) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if known.size else float("nan")
+
+
+def _percentile(values: Vector, share: float) -> float:
+    known = values[~np.isnan(values)]
+    return float(np.percentile(known, share, method="nearest")) if known.size else float("nan")
+
+
+def _share(mask: Mask) -> float:
+    return float(mask.mean()) if mask.size else float("nan")

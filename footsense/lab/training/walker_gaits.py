@@ -1,0 +1,108 @@
+"""Simulated readings of feet of walking robots, for training: their impacts, bounces and leaning forces.
+
+A log is of one robot; its loads are turned about the foot's axis, mirrored, scaled and made slower or faster at
+random, so that a few minutes of walking are as many gaits as a network needs.
+"""
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+from joblib import Parallel, delayed
+
+from footsense.foot.response_table import FootResponse
+from footsense.foot.specimen import ContactLoads
+from footsense.frames import Mask, Vector
+from footsense.lab.training.gait_readings import (
+    GaitReadings,
+    concatenate_gaits,
+    draw_conditions,
+    simulate_gait_readings,
+)
+from footsense.lab.walkers.simulate import WalkerLog
+from footsense.progress import progress_bar
+
+#: Force that one in a thousand loaded samples exceeds, over the largest force of the training [1], and its speed over
+#: that of the log [1].
+_PEAK_REL, _SPEED_REL = (0.05, 0.9), (0.75, 1.4)
+#: Slowest conversion over the usual one [1]: a log ends.
+_SLOWEST_REL = 1.6
+
+
+def _loads(
+    log: WalkerLog, leg: int, scale: float, turn: Vector, start_s: float, speed_rel: float, t_s: Vector
+) -> ContactLoads:
+    """Return the loads of a foot of a log at n times [s], the log repeated."""
+    step_s = log.t_s[1] - log.t_s[0]
+    position = np.mod(start_s + speed_rel * t_s, log.t_s[-1]) / step_s
+    first = position.astype(int)
+    share = (position - first)[:, None]
+    force_n, normal = scale * log.force_n[:, leg] @ turn.T, log.normal[:, leg] @ turn.T
+    after = np.minimum(first + 1, len(force_n) - 1)
+    loaded: Mask = np.asarray(force_n.any(axis=1))
+    # Of a foot in the air, the normal says nothing.
+    mixed = np.where(
+        (loaded[first] & loaded[after])[:, None],
+        (1.0 - share) * normal[first] + share * normal[after],
+        np.where(loaded[first][:, None], normal[first], normal[after]),
+    )
+    return ContactLoads(
+        mixed / np.linalg.norm(mixed, axis=1, keepdims=True),
+        (1.0 - share) * force_n[first] + share * force_n[after],
+    )
+
+
+def _walker_gait(
+    response: FootResponse,
+    logs: Sequence[WalkerLog],
+    peaks_n: Sequence[float],
+    n: int,
+    max_n: float,
+    seed: np.random.SeedSequence,
+) -> GaitReadings:
+    """Return the readings of a random foot of a random log."""
+    rng = np.random.default_rng(seed)
+    number = int(rng.integers(len(logs)))
+    log = logs[number]
+    scale = rng.uniform(*_PEAK_REL) * max_n / peaks_n[number]
+    around, mirror = rng.uniform(0.0, 2.0 * np.pi), rng.choice((-1.0, 1.0))
+    sin, cos = np.sin(around), np.cos(around)
+    turn = np.array([[cos, -mirror * sin, 0.0], [sin, mirror * cos, 0.0], [0.0, 0.0, 1.0]])
+    loads = partial(
+        _loads,
+        log,
+        int(rng.integers(len(log.legs))),
+        scale,
+        turn,
+        rng.uniform(0.0, log.t_s[-1]),
+        float(np.exp(rng.uniform(*np.log(_SPEED_REL)))),
+    )
+    conditions = draw_conditions(rng, slowest_rel=_SLOWEST_REL)
+    return simulate_gait_readings(response, loads, conditions, rng, n)
+
+
+def walker_gaits(
+    response: FootResponse, logs: Sequence[WalkerLog], seed: int, m: int, n: int, max_n: float, jobs: int = 1
+) -> GaitReadings:
+    """Return simulated readings of m gaits of n conversions, of random feet of logs.
+
+    Args:
+        response: Response of the foot.
+        logs: Logs of walking robots.
+        seed: Seed of the draws; the same gives the same, on any number of processes.
+        m: Number of gaits.
+        n: Conversions of each.
+        max_n: Largest force of the training [N].
+        jobs: Processes.
+    """
+    peaks_n = [log.peak_n() for log in logs]
+    making = Parallel(n_jobs=jobs, return_as="generator")(
+        delayed(_walker_gait)(response, logs, peaks_n, n, max_n, own)
+        for own in np.random.SeedSequence((seed, 1)).spawn(m)
+    )
+    made: list[GaitReadings] = []
+    with progress_bar("walkers", m) as gaits_done:
+        for gait in making:
+            made.append(gait)
+            gaits_done(len(made))
+    return concatenate_gaits(made)

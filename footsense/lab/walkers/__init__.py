@@ -1,0 +1,1 @@
+"""Walking robots of a physics engine, whose feet are ours: loads to train, select and judge by."""
