@@ -93,12 +93,11 @@ class Robot:
 
     def neutral_m(self, leg: str) -> Vector:
         """Return the place of a foot in the middle of a stance, in the body's frame [m], shape (3,)."""
-        place = self.legs[leg]
-        hip: Vector = np.array(place.hip_m)
+        x, y, z = self.legs[leg].hip_m
         if self.kind == "quadruped":
-            return hip + np.array([0.0, place.side * self.hip_m, -self.height_m])
+            return np.array([x, y + self.legs[leg].side * self.hip_m, z - self.height_m])
         out = self._outward_rad(leg)
-        return hip + np.array([self.reach_m * np.cos(out), self.reach_m * np.sin(out), -self.height_m])
+        return np.array([x + self.reach_m * np.cos(out), y + self.reach_m * np.sin(out), z - self.height_m])
 
     def _outward_rad(self, leg: str) -> float:
         """Return the angle about z at which a hexapod's leg points outward [rad]."""
