@@ -6,6 +6,7 @@ Nothing is written before everything is made, and a file appears whole or not at
 import tempfile
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -34,10 +35,12 @@ from footsense.lab.model_card import readme
 from footsense.lab.response import make_response
 from footsense.lab.training import load_cases
 from footsense.lab.training.export import OnnxNetwork, library_versions, load_weights, onnx_model
-from footsense.lab.training.gait_readings import random_gaits
+from footsense.lab.training.gait_readings import concatenate_gaits, random_gaits
 from footsense.lab.training.load_cases import Cases, random_loads
 from footsense.lab.training.train_windowed import WindowTrainingSettings, train_windowed
+from footsense.lab.training.walker_gaits import walker_gaits
 from footsense.lab.training.windowed_network import Weights, mean_closure_product_matrix, predict
+from footsense.lab.walkers.split import training_logs
 from footsense.progress import timed_bar
 
 #: Seed of the random loads of the training.
@@ -58,7 +61,7 @@ class BuildSettings:
     Attributes:
         mesh: Resolution of the solid's mesh.
         random_loads: Number of random loads at rest of the training.
-        gaits: Number of random gaits of the training, three seconds each.
+        gaits: Number of random gaits of the training, three seconds each, and as many of walking robots.
         released: Training of the released network.
         quick: Whether the model card warns that this is no release.
         start_network: Network of a similar foot that the training starts from; None for random weights.
@@ -76,18 +79,18 @@ class BuildSettings:
 FULL_BUILD = BuildSettings(
     mesh=RELEASED_MESH,
     random_loads=200_000,
-    gaits=5_000,
+    gaits=3_000,
     released=WindowTrainingSettings(),
 )
 #: A foot like one whose network is at hand: the same mesh and loads, and a short training from its weights.
 SIMILAR_FOOT_BUILD = replace(
-    FULL_BUILD, random_loads=60_000, gaits=2_500, released=WindowTrainingSettings(steps=40_000, rate=3e-3)
+    FULL_BUILD, random_loads=60_000, gaits=1_500, released=WindowTrainingSettings(steps=40_000, rate=3e-3)
 )
 #: Every step of the chain in half a minute; its numbers are no release.
 QUICK_BUILD = BuildSettings(
     mesh=COARSE_MESH,
     random_loads=10_000,
-    gaits=60,
+    gaits=30,
     released=WindowTrainingSettings(channels=8, steps=1_500, batch=256, rate=1e-2),
     quick=True,
 )
@@ -155,6 +158,7 @@ def _network_card(
             },
             "random_gaits": {
                 "gaits": recipe.gaits,
+                "gaits_of_robots": recipe.gaits,
                 "conversions": _CONVERSIONS_PER_GAIT,
                 "seed": TRAINING_SEED,
             },
@@ -237,10 +241,15 @@ def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable
         report(f"{recipe.random_loads} random loads, gaps in contact")
         closure_rel = cases.closure_um / design.gap_um
         imputation = Imputation(_rounded_moments(cases.with_symmetric_copies().closure_um / design.gap_um))
-        gaits = random_gaits(
-            response_in_unit, TRAINING_SEED, recipe.gaits, _CONVERSIONS_PER_GAIT, loads_unit.max_n, jobs=2
+        own, robots = (
+            make(TRAINING_SEED, recipe.gaits, _CONVERSIONS_PER_GAIT, loads_unit.max_n, jobs=2)
+            for make in (
+                partial(random_gaits, response_in_unit),
+                partial(walker_gaits, response_in_unit, training_logs(report, quick=recipe.quick)),
+            )
         )
-        report(f"{recipe.gaits} random gaits of {_CONVERSIONS_PER_GAIT} conversions")
+        gaits = concatenate_gaits([own, robots])
+        report(f"{recipe.gaits} random gaits and as many of robots, of {_CONVERSIONS_PER_GAIT} conversions")
         start = None if recipe.start_network is None else load_weights(recipe.start_network)
         weights = train_windowed(gaits, cases, design, recipe.released, imputation, report, start)
         report(f"trained on them: {weights.n_weights} weights")

@@ -4,12 +4,28 @@ from functools import partial
 
 import numpy as np
 
+from footsense.daemon.foot_types import released_path
 from footsense.estimation.missing_elements import Imputation
-from footsense.estimation.network import sensitivity
-from footsense.foot.directions import angles_between_deg, directions
-from footsense.foot.specimen import ContactLoads
+from footsense.foot.directions import angles_between_deg
 from footsense.frames import ELEMENTS, LEGS, Mask, Vector
-from footsense.lab.evaluation.rough_walks import THRESHOLD_N, run_gait_tracker, score_walks, simulate_walk
+from footsense.lab.evaluation.walker_judgement import (
+    LANDINGS,
+    PAPER_PEAK_N,
+    JudgedRun,
+    draw,
+    judge,
+    pooled,
+)
+from footsense.lab.evaluation.walker_scores import (
+    AFTER_TOUCH_S,
+    BEFORE_END_S,
+    FIRST_LOAD_REL,
+    LATER_S,
+    LOADED_REL,
+    MIN_TOUCH_S,
+    SLIDE_M,
+)
+from footsense.lab.foot_file import FOOT_FILE
 from footsense.lab.report import StudyContext, Values, spread, table, target
 from footsense.lab.training.gait_readings import (
     STEP_S,
@@ -27,6 +43,7 @@ from footsense.lab.training.gait_windows import (
     normals_of_stereographic_points,
     windows_of,
 )
+from footsense.lab.walkers.split import JUDGEMENT
 from footsense.ports import Window
 from footsense.sim.loads.ground_load import ContactSource
 from footsense.sim.loads.walk import Walk, measured_walk, smooth_stance_reaction
@@ -44,40 +61,37 @@ _WALK_START_NS = 200_000_000
 _NOTHING = np.zeros(ELEMENTS, bool)
 #: Standard deviations of wrong gains [1], and draws of a foot's nine gains.
 _GAIN_ERRORS_REL, _N_DRAWS = (0.003, 0.01, 0.03), 20
-#: Walks on rough ground, and conversions of each: a minute.
-_N_WALKS, _ROUGH_CONVERSIONS, _QUICK_ROUGH_CONVERSIONS = 8, 22_000, 7_000
-#: Touchdowns: full load [N], time to it [s], distance of the contact from the middle of the ball [deg].
-_TOUCHDOWNS = {
-    "hard, upright": (0.5, 5e-3, 0.0),
-    "hard, 25 deg aside": (0.5, 5e-3, 25.0),
-    "soft, upright": (1.0, 0.144, 0.0),
-    "soft, 25 deg aside": (1.0, 0.144, 25.0),
-}
-#: Feet of each manner, touchdowns of each foot, time between two, on the ground, and of lifting [s].
-_N_FEET, _N_TOUCHDOWNS, _CYCLE_S, _STANCE_S, _LIFT_S = 6, 25, (0.9, 1.1), 0.35, 0.05
-#: Time after a touchdown in which the error of the force counts [s].
-_FORCE_ERROR_S = 0.05
+#: Released feet beside the paper's, judged by their own robots at real newtons.
+_OWN_ROBOTS = ("hexapod-2kg", "quadruped-12kg")
+#: Runs of a quick page.
+_QUICK_RUNS = slice(1, None, 12)
 
 
 def compute(context: StudyContext) -> Values:
-    """Estimate the force in gaits, walks, and touchdowns; score what is reported of walks on rough ground."""
+    """Judge the feet by walking robots; estimate the force in random gaits and walks."""
     gaits, wrong_gains = _gaits(context)
     context.report_progress("gaits done")
-    n_per_rel = sensitivity(context.network, 1, context.trained_inputs.moments).load_n_per_mean_closure
-    n = _QUICK_ROUGH_CONVERSIONS if context.quick else _ROUGH_CONVERSIONS
-    max_n, walks = context.foot_design.loads.max_n, []
-    for number in range(1 if context.quick else _N_WALKS):
-        walks.append(simulate_walk(context.response, context.network, n_per_rel, max_n, (0, number), n))
-        context.report_progress(f"rough walk {number + 1} done")
-    rough = score_walks(walks)
+    folders = [context.models, *(released_path(FOOT_FILE, name).parent for name in _OWN_ROBOTS)]
+    runs = JUDGEMENT[_QUICK_RUNS] if context.quick else JUDGEMENT
+    judged = judge(folders, runs, scheduler=context.scheduler)
+    context.report_progress("walking robots done")
+    own_type = context.foot_design.foot_type
+    by_foot = {
+        name: [one for one in judged if one.foot_type == name]
+        for name in dict.fromkeys(one.foot_type for one in judged)
+    }
+    for name, runs_of_foot in by_foot.items():
+        context.drawings[f"motion-{name}.png"] = draw(runs_of_foot, name)
+    creeping = judge(folders[:1], runs[::4], viscous_rel=1.0, scheduler=context.scheduler)
+    together = {name: pooled(runs_of_foot) for name, runs_of_foot in by_foot.items()}
     walk = next(row for row in gaits if row["load"] == "measured walk")
     return {
         "n_random_gaits": 6 if context.quick else _N_GAITS,
         "gaits": gaits,
         "wrong_gains": wrong_gains,
-        "rough": rough,
-        "n_walks": len(walks),
-        "touchdowns": _touchdowns(context, n_per_rel),
+        "runs": {name: [_row(one) for one in runs_of_foot] for name, runs_of_foot in by_foot.items()},
+        "pooled": together,
+        "creeping": [_row(one) for one in creeping],
         "targets": [
             target(
                 "measured walk, direction, mean / 95 % below (one walk, two legs)",
@@ -85,26 +99,103 @@ def compute(context: StudyContext) -> Values:
                 f"{walk['direction_deg']:.1f} / {walk['direction_p95_deg']:.1f} deg",
                 met=walk["direction_deg"] <= 0.8 and walk["direction_p95_deg"] <= 3.0,
             ),
-            target(
-                f"false touchdowns on rough ground, in {rough['swing_minutes']:.1f} min of swing",
-                "0",
-                f"{rough['n_false_touchdowns']}",
-                met=rough["n_false_touchdowns"] == 0,
-            ),
-            target(
-                "contact right, rough ground, of all conversions",
-                "95 %",
-                f"{rough['contact_correct_share']:.0%}",
-                met=rough["contact_correct_share"] >= 0.95,
-            ),
-            target(
-                "slides missed, rough ground, of those within range",
-                "2 %",
-                f"{rough['missed_slide_share']:.1%} of {rough['n_slides']}",
-                met=rough["missed_slide_share"] <= 0.02,
+            *_walker_targets(
+                together[own_type], {name: together[name] for name in together if name != own_type}
             ),
         ],
     }
+
+
+def _row(one: JudgedRun) -> Values:
+    """Return what the page says of one run; landings count apart."""
+    kept = {key: value for key, value in one.scores.items() if not key.endswith("_ms") or "p" in key}
+    for key in ("delays_ms", "errors_ms", "sigmas_ms", "lift_off_delays_ms", "slip_delays_ms"):
+        kept.pop(key, None)
+    return kept | {
+        "run": one.run.name,
+        "peak_n": one.peak_n,
+        "is_landing": one.run.gait in LANDINGS,
+        "bias_ms": one.scores["bias_ms"],
+    }
+
+
+def _walker_targets(own: Values, others: dict[str, Values]) -> list[dict[str, object]]:
+    """Return the targets of walking robots; landings do not count in the worst gait and in time without a force."""
+    touches = max(own["n_touches"], 1)
+    low, high = own["rms_over_sigma"]
+    hour = own["n_false_slips_gripping"] / max(own["gripping_hours"], 1e-9)
+    rows = [
+        target(
+            "walking robots, direction, mean over gaits / worst gait but landings",
+            "4.7 / 8 deg",
+            f"{own['direction_deg']:.1f} / {own['worst_direction_deg']:.1f} deg",
+            met=own["direction_deg"] <= 4.7 and own["worst_direction_deg"] <= 8.0,
+        ),
+        target(
+            "walking robots, direction in mid-stance, mean over gaits / worst gait but landings",
+            "2.7 / 5.5 deg",
+            f"{own['mid_stance_deg']:.1f} / {own['worst_mid_stance_deg']:.1f} deg",
+            met=own["mid_stance_deg"] <= 2.7 and own["worst_mid_stance_deg"] <= 5.5,
+        ),
+        target(
+            f"touchdowns of over {1e3 * MIN_TOUCH_S:g} ms found / in the air / twice, of {touches}",
+            "99 % / 0 / 0",
+            f"{1.0 - own['n_missed'] / touches:.1%} / {own['n_in_air']} / {own['n_twice']}",
+            met=own["n_missed"] <= 0.01 * touches and own["n_in_air"] == own["n_twice"] == 0,
+        ),
+        target(
+            "touchdown sent after the first load, median",
+            "6 ms",
+            f"{own['delay_p50_ms']:.1f} ms",
+            met=own["delay_p50_ms"] <= 6.0,
+        ),
+        target(
+            "back-dating of touchdowns, worst bias of a gait; rms over sigma, least and most of a gait",
+            "1 ms; 0.8 to 1.2",
+            f"{own['worst_bias_ms']:.1f} ms; {low:.2f} to {high:.2f}",
+            met=own["worst_bias_ms"] <= 1.0 and low >= 0.8 and high <= 1.2,
+        ),
+        target(
+            "lift-off known after, median",
+            "20 ms",
+            f"{own['lift_off_delay_p50_ms']:.0f} ms",
+            met=own["lift_off_delay_p50_ms"] <= 20.0,
+        ),
+        target(
+            f"false slips an hour of walking, friction 0.8, of {60 * own['gripping_hours']:.0f} min",
+            "1",
+            f"{hour:.1f}",
+            met=hour <= 1.0,
+        ),
+        target(
+            f"slides that begin later, friction up to 0.3, found, of {own['n_later_slides']}",
+            "60 %",
+            f"{own['later_found_share']:.0%}",
+            met=own["later_found_share"] >= 0.6,
+        ),
+        target(
+            "elements called faulty on healthy feet of walking robots",
+            "0",
+            f"{own['n_element_faults']}",
+            met=own["n_element_faults"] == 0,
+        ),
+        target(
+            "errors within 2 sigma / beyond 5 sigma, worst gait",
+            "93 % / 0.3 %",
+            f"{own['least_within_2_sigma']:.1%} / {own['most_beyond_5_sigma']:.2%}",
+            met=own["least_within_2_sigma"] >= 0.93 and own["most_beyond_5_sigma"] <= 0.003,
+        ),
+    ]
+    rows += [
+        target(
+            f"{name} on its robot, loaded time without a force, mean / worst gait but landings",
+            "1 % in the worst gait",
+            f"{found['no_force_share']:.1%} / {found['worst_no_force_share']:.1%}",
+            met=found["worst_no_force_share"] <= 0.01,
+        )
+        for name, found in others.items()
+    ]
+    return rows
 
 
 def _walked(
@@ -209,62 +300,6 @@ def _friction_ratio(ratio: Vector, normal: Vector) -> Vector:
     return friction_ratio
 
 
-def _touchdowns(context: StudyContext, n_per_rel: float) -> list[Values]:
-    """Return latency of contact and error of force after touchdowns of each manner."""
-    n_feet, n_touchdowns = (2, 3) if context.quick else (_N_FEET, _N_TOUCHDOWNS)
-    rows: list[Values] = []
-    for manner, (full_n, rise_s, aside_deg) in _TOUCHDOWNS.items():
-        rng = np.random.default_rng(len(rows))
-        starts_s = np.cumsum(rng.uniform(*_CYCLE_S, (n_feet, n_touchdowns)), axis=1)
-        n = int((starts_s.max() + 1.0) / STEP_S)
-        azimuth_deg = rng.uniform(0.0, 360.0, n_feet)
-        normals = directions(azimuth_deg, np.full(n_feet, 90.0 - aside_deg))
-        feet = [
-            partial(_touchdown_loads, own_s, normal, full_n, rise_s)
-            for own_s, normal in zip(starts_s, normals, strict=True)
-        ]
-        readings = concatenate_gaits(
-            [simulate_gait_readings(context.response, foot, ReadingConditions(), rng, n) for foot in feet]
-        )
-        sent_s = STEP_S * np.arange(1.0, n + 1) + readings.send_delay_s.mean(axis=0)
-        told = run_gait_tracker(readings, context.network, n_per_rel, np.asarray(1e9 * sent_s, np.int64))
-        contact = np.array(told.contact, bool)
-        error_n = told.force_n[..., 2] - readings.true_force_at_sending_n[..., 2].T
-        first_ms, squares_n2 = [], []
-        for foot in range(n_feet):
-            along_n = feet[foot](np.arange(0.0, sent_s[-1], 1e-4)).force_n[:, 2]
-            for start_s in starts_s[foot].tolist():
-                after = along_n[round(start_s * 1e4) :]
-                crossed_s = start_s + np.argmax(after > THRESHOLD_N) * 1e-4
-                heard = np.flatnonzero(contact[:, foot] & (sent_s > start_s))
-                first_ms.append(1e3 * (sent_s[heard[0]] - crossed_s) if len(heard) else np.inf)
-                judged = (sent_s > crossed_s) & (sent_s < crossed_s + _FORCE_ERROR_S)
-                squares_n2.append(np.nanmean(error_n[judged, foot] ** 2))
-        p50_ms, p99_ms = np.percentile(first_ms, (50, 99), method="nearest")
-        rows.append(
-            {
-                "manner": manner,
-                "n": len(first_ms),
-                "latency_p50_ms": p50_ms,
-                "latency_p99_ms": p99_ms,
-                "force_rms_error_mn": 1e3 * np.sqrt(np.mean(squares_n2)),
-            }
-        )
-    return rows
-
-
-def _touchdown_loads(
-    starts_s: Vector, normal: Vector, full_n: float, rise_s: float, t_s: Vector
-) -> ContactLoads:
-    """Return the loads of one foot [N]: it touches down at these times, rises within `rise_s` and is lifted."""
-    place = np.searchsorted(starts_s, t_s, "right") - 1
-    since_s = np.where(place >= 0, t_s - starts_s[place], np.inf)
-    risen = np.clip(since_s / rise_s, 0.0, 1.0)
-    risen = risen if rise_s < 0.01 else 0.5 - 0.5 * np.cos(np.pi * risen)
-    pressing_n = full_n * risen * np.clip((_STANCE_S - since_s) / _LIFT_S, 0.0, 1.0)
-    return ContactLoads(np.tile(normal, (len(t_s), 1)), pressing_n[:, None] * normal)
-
-
 def text(values: Values) -> str:
     """Return the page's Markdown."""
     gaits = table(
@@ -280,11 +315,6 @@ def text(values: Values) -> str:
             (gain, spread(found["direction_deg"]), f"{np.mean(found['within_2_sigma']):.0%}")
             for gain, found in values["wrong_gains"].items()
         ],
-    )
-    touchdowns = table(
-        "touchdown | number | contact after, median / 99 % below [ms] | fz in the 50 ms after it, rms [mN]",
-        values["touchdowns"],
-        "{manner} | {n} | {latency_p50_ms:.1f} / {latency_p99_ms:.1f} | {force_rms_error_mn:.0f}",
     )
     n_draws = len(next(iter(values["wrong_gains"].values()))["direction_deg"])
     return f"""
@@ -305,44 +335,76 @@ added to sigma there.
 
 {gains}
 
-## Touchdown
+## Walking robots
 
-From a load of {1e3 * THRESHOLD_N:g} mN along the leg, the threshold before swings have shown their noise, until a frame that is sent says
-contact; feet without tremor in swing, on hard ground within 5 ms or as softly as a step of the walk. A frame goes out
-after every conversion.
-
-{touchdowns}
-
-## On rough ground
-
-{_rough_text(values["rough"], values["n_walks"])}
+{_walker_text(values)}
 """
 
 
-def _rough_text(rough: Values, n_walks: int) -> str:
-    figures = {
-        "touchdown after the first load, median / 95 % below ({n_touchdowns} of over 0.1 N)": "{touchdown_delay_p50_ms:.1f} / {touchdown_delay_p95_ms:.1f} ms",
-        "touchdowns missed": "{missed_touchdown_share:.1%}",
-        "false touchdowns in {swing_minutes:.1f} min of swing": "{n_false_touchdowns}",
-        "time of touchdown, back-dated, rms; over its sigma": "{touchdown_time_error_rms_ms:.1f} ms; {touchdown_time_error_rms_sigmas:.2f}",
-        "time of lift-off, back-dated, rms": "{lift_off_time_error_rms_ms:.1f} ms",
-        "contact right, of all conversions": "{contact_correct_share:.1%}",
-        "tangential over normal force, mean error": "{tangential_over_normal_error:.3f}",
-        "ground normal, mean error": "{normal_error_deg:.1f} deg",
-        "way slid until a slip is said, mean ({n_slides} slides of over 5 mm)": "{slide_before_report_mm:.1f} mm",
-        "slides missed, of these": "{missed_slide_share:.1%}",
-        "slides beyond the converter's range, which no force can tell": "{n_slides_beyond_range}",
-        "false slips, far below the ground's friction": "{n_false_slips}",
-        "slips said of feet at the cone that do not move": "{n_slips_without_slide}",
-        "coefficient of friction learnt, rms error": "{friction_coefficient_error_rms:.3f}",
-    }
-    rows = [(said.format(**rough), figure.format(**rough)) for said, figure in figures.items()]
-    return f"""{n_walks} walks of six feet, {rough["leg_minutes"]:.0f} minutes of legs after 10 s in which thresholds and friction are learnt: random
-stances on stones and slopes of up to 30 deg, hard and soft ground of coefficients 0.2 to 0.6 on which feet stick, creep
-and slide, and in three stances of ten are dragged over 5 to 30 mm; in swing the foot's own inertia shakes the sensor.
-Contact and the rest are what the service's own estimation says.
+def _walker_text(values: Values) -> str:
+    """Return the section of walking robots."""
+    force_head = (
+        "robot, gait, ground | peak [N] | direction mean / 95 % below [deg] | mid-stance [deg] | first 40 ms [deg]"
+        " | no force | overload | within 2 sigma | beyond 5"
+    )
+    force_cells = (
+        "{run} | {peak_n:.3g} | {direction_deg:.1f} / {direction_p95_deg:.1f} | {mid_stance_deg:.1f} | {early_deg:.1f}"
+        " | {no_force_share:.1%} | {overload_share:.1%} | {within_2_sigma:.1%} | {beyond_5_sigma:.2%}"
+    )
+    contact_head = (
+        "robot, gait, ground | touches | missed / twice / in the air | sent after, median / 99 % [ms] | bias [ms]"
+        " | rms over sigma | lift-off after, median / 95 % [ms] | slides later: found | false slips"
+    )
+    contact_cells = (
+        "{run} | {n_touches} | {n_missed} / {n_twice} / {n_in_air} | {delay_p50_ms:.1f} / {delay_p99_ms:.1f}"
+        " | {bias_ms:.1f} | {rms_over_sigma:.2f} | {lift_off_delay_p50_ms:.0f} / {lift_off_delay_p95_ms:.0f}"
+        " | {n_later_found} of {n_later_slides} | {n_false_slips}"
+    )
+    first, *others = values["runs"]
+    early = table(
+        "robot, gait, ground | within 2 sigma, by 10 ms after the touch | beyond 5 sigma",
+        [
+            (
+                row["run"],
+                ", ".join(f"{100 * one:.0f}" for one in row["within_2_sigma_early"]) + " %",
+                ", ".join(f"{100 * one:.1f}" for one in row["beyond_5_sigma_early"]) + " %",
+            )
+            for row in values["runs"][first]
+            if row["n_touches"]
+        ],
+    )
+    parts = [
+        f"""Robots of a physics engine (`footsense/lab/walkers`): a hexapod of 2 kg and a quadruped of 12 kg, open-loop gaits with
+joint PD, {len(values["runs"][first])} runs of 12 s. Robots, grounds and seeds of these runs are in no training and no choice of a threshold. The
+whole estimation of the service runs on each conversion's readings, noise of the converter and the foot's own mass in
+swing included; the response table that makes them is the network's. On `{first}` each run is scaled to a peak of
+{PAPER_PEAK_N:g} N (one loaded millisecond in a thousand is above). A frame counts as loaded from {LOADED_REL:.0%} of the peak; mid-stance is from {1e3 * AFTER_TOUCH_S:g} ms
+after the touch to {1e3 * BEFORE_END_S:g} ms before its end. A touch begins when the normal force exceeds {FIRST_LOAD_REL:.0%} of the peak. A slide counts
+that goes over {1e3 * SLIDE_M:g} mm, as *later* if it begins more than {1e3 * LATER_S:g} ms after the touch.
 
-{table("said | figure", rows)}
+![The force that the first foot felt, and what was published, in each run](motion-{first}.png)
 
-A foot that sticks at the cone and one that slides there have the same friction ratio: with force alone, without inertia
-or joint angles, the difference cannot be told, and both are said to slip."""
+{table(force_head, values["runs"][first], force_cells)}
+
+{table(contact_head, values["runs"][first], contact_cells)}
+
+{early}"""
+    ]
+    parts += [
+        f"""### {name}, its own robot, real newtons
+
+![The force that the first foot felt, and what was published, in each run](motion-{name}.png)
+
+{table(force_head, values["runs"][name], force_cells)}
+
+{table(contact_head, values["runs"][name], contact_cells)}"""
+        for name in others
+    ]
+    parts.append(
+        f"""### Rubber that creeps and lags
+
+Every fourth run on `{first}`, with the simulated rubber's creep and lag.
+
+{table(force_head, values["creeping"], force_cells)}"""
+    )
+    return "\n\n".join(parts)

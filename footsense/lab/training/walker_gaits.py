@@ -6,6 +6,7 @@ random, so that a few minutes of walking are as many gaits as a network needs.
 
 from collections.abc import Sequence
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -29,52 +30,47 @@ _PEAK_REL, _SPEED_REL = (0.05, 0.9), (0.75, 1.4)
 _SLOWEST_REL = 1.6
 
 
-def _loads(
-    log: WalkerLog, leg: int, scale: float, turn: Vector, start_s: float, speed_rel: float, t_s: Vector
-) -> ContactLoads:
-    """Return the loads of a foot of a log at n times [s], the log repeated."""
-    step_s = log.t_s[1] - log.t_s[0]
-    position = np.mod(start_s + speed_rel * t_s, log.t_s[-1]) / step_s
-    first = position.astype(int)
-    share = (position - first)[:, None]
-    force_n, normal = scale * log.force_n[:, leg] @ turn.T, log.normal[:, leg] @ turn.T
-    after = np.minimum(first + 1, len(force_n) - 1)
-    loaded: Mask = np.asarray(force_n.any(axis=1))
-    # Of a foot in the air, the normal says nothing.
-    mixed = np.where(
-        (loaded[first] & loaded[after])[:, None],
-        (1.0 - share) * normal[first] + share * normal[after],
-        np.where(loaded[first][:, None], normal[first], normal[after]),
-    )
-    return ContactLoads(
-        mixed / np.linalg.norm(mixed, axis=1, keepdims=True),
-        (1.0 - share) * force_n[first] + share * force_n[after],
-    )
+class _FootLog(NamedTuple):
+    """What one foot of a log feels, and the force that one in a thousand loaded samples of the robot exceeds [N]."""
+
+    step_s: float
+    force_n: Vector
+    normal: Vector
+    peak_n: float
+
+    @property
+    def duration_s(self) -> float:
+        return (len(self.force_n) - 1) * self.step_s
+
+    def loads(self, turn: Vector, start_s: float, speed_rel: float, t_s: Vector) -> ContactLoads:
+        """Return the loads at n times [s], in a turned frame, the log repeated."""
+        position = np.mod(start_s + speed_rel * t_s, self.duration_s) / self.step_s
+        first = position.astype(int)
+        share, after = (position - first)[:, None], first + 1
+        loaded: Mask = np.asarray(self.force_n.any(axis=1))
+        # Of a foot in the air, the normal says nothing.
+        normal = np.where(
+            (loaded[first] & loaded[after])[:, None],
+            (1.0 - share) * self.normal[first] + share * self.normal[after],
+            np.where(loaded[first][:, None], self.normal[first], self.normal[after]),
+        )
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        force_n = (1.0 - share) * self.force_n[first] + share * self.force_n[after]
+        return ContactLoads(normal @ turn.T, force_n @ turn.T)
 
 
 def _walker_gait(
-    response: FootResponse,
-    logs: Sequence[WalkerLog],
-    peaks_n: Sequence[float],
-    n: int,
-    max_n: float,
-    seed: np.random.SeedSequence,
+    response: FootResponse, log: _FootLog, n: int, max_n: float, rng: np.random.Generator
 ) -> GaitReadings:
-    """Return the readings of a random foot of a random log."""
-    rng = np.random.default_rng(seed)
-    number = int(rng.integers(len(logs)))
-    log = logs[number]
-    scale = rng.uniform(*_PEAK_REL) * max_n / peaks_n[number]
+    """Return the readings of a foot of a log under random conditions."""
+    scale = rng.uniform(*_PEAK_REL) * max_n / log.peak_n
     around, mirror = rng.uniform(0.0, 2.0 * np.pi), rng.choice((-1.0, 1.0))
     sin, cos = np.sin(around), np.cos(around)
     turn = np.array([[cos, -mirror * sin, 0.0], [sin, mirror * cos, 0.0], [0.0, 0.0, 1.0]])
     loads = partial(
-        _loads,
-        log,
-        int(rng.integers(len(log.legs))),
-        scale,
+        log._replace(force_n=scale * log.force_n).loads,
         turn,
-        rng.uniform(0.0, log.t_s[-1]),
+        rng.uniform(0.0, log.duration_s),
         float(np.exp(rng.uniform(*np.log(_SPEED_REL)))),
     )
     conditions = draw_conditions(rng, slowest_rel=_SLOWEST_REL)
@@ -95,10 +91,14 @@ def walker_gaits(
         max_n: Largest force of the training [N].
         jobs: Processes.
     """
-    peaks_n = [log.peak_n() for log in logs]
+    feet = [
+        _FootLog(float(log.t_s[1] - log.t_s[0]), log.force_n[:, leg], log.normal[:, leg], peak_n)
+        for log, peak_n in ((log, log.peak_n()) for log in logs)
+        for leg in range(len(log.legs))
+    ]
+    rngs = [np.random.default_rng(own) for own in np.random.SeedSequence((seed, 1)).spawn(m)]
     making = Parallel(n_jobs=jobs, return_as="generator")(
-        delayed(_walker_gait)(response, logs, peaks_n, n, max_n, own)
-        for own in np.random.SeedSequence((seed, 1)).spawn(m)
+        delayed(_walker_gait)(response, feet[rng.integers(len(feet))], n, max_n, rng) for rng in rngs
     )
     made: list[GaitReadings] = []
     with progress_bar("walkers", m) as gaits_done:

@@ -1,0 +1,199 @@
+"""Judgement of the feet by walking robots: each judging run through the service's pipeline, scored and drawn."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from footsense.estimation.network import Network
+from footsense.foot.response_table import FootResponse
+from footsense.foot.specimen import Specimen
+from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, RESPONSE_FILE
+from footsense.lab.evaluation.walker_runs import (
+    LEAD_IN_S,
+    WalkerOutputs,
+    pipeline_of,
+    read_walker,
+    run_pipeline,
+    walker_loads,
+)
+from footsense.lab.evaluation.walker_scores import WARM_UP_S, scores
+from footsense.lab.foot_file import FOOT_FILE, load_foot
+from footsense.lab.parallel import compute_each
+from footsense.lab.walkers.split import JUDGEMENT, WalkerRun
+
+#: Peak of the paper's foot's loads, to which each log is scaled [N].
+PAPER_PEAK_N = 1.0
+#: Seed of the readings' noise.
+_SEED = 20_000
+#: Time that a picture shows [s].
+_SHOWN_S = 1.5
+#: Gaits whose landings are hard: their forces are beyond what a walking robot makes.
+LANDINGS = ("landing",)
+
+
+class JudgedRun(NamedTuple):
+    """One run on a foot: foot type, the run, its peak force [N], scores, and what a picture shows."""
+
+    foot_type: str
+    run: WalkerRun
+    peak_n: float
+    scores: dict[str, Any]
+    shown: dict[str, Any]
+
+
+def judge_run(models: Sequence[Path], *, viscous_rel: float, run: WalkerRun) -> list[JudgedRun]:
+    """Return the scores of one run on feet.
+
+    The paper's foot gets forces scaled to a peak of `PAPER_PEAK_N`, a foot of the robot's own the real ones.
+
+    Args:
+        models: Folder of each foot type.
+        viscous_rel: Creep and lag of the rubber over those of the simulated rubber [1].
+        run: The run.
+    """
+    log, judged = run.log(), []
+    for folder in models:
+        design, response = load_foot(folder / FOOT_FILE), FootResponse.load(folder / RESPONSE_FILE)
+        network = Network(folder / NETWORK_FILE, len(log.legs))
+        scale = 1.0 if design.foot_type == run.robot else PAPER_PEAK_N / log.peak_n()
+        readings = read_walker(
+            Specimen(response),
+            walker_loads(log, scale, design.ball_radius_mm),
+            _SEED + run.seed,
+            viscous_rel=viscous_rel,
+        )
+        card = network.card
+        pipeline = pipeline_of(network, card.trained_inputs, card.max_trained_force_n, len(log.legs))
+        outputs, peak_n = run_pipeline(pipeline, readings), scale * log.peak_n()
+        judged.append(JudgedRun(design.foot_type, run, peak_n, scores(outputs, peak_n), _shown(outputs)))
+    return judged
+
+
+def _shown(outputs: WalkerOutputs) -> dict[str, Any]:
+    """Return what a picture shows of the first foot: the begin of the judged time."""
+    first_s = LEAD_IN_S + WARM_UP_S + 2.0
+    rows = (outputs.t_s >= first_s) & (outputs.t_s < first_s + _SHOWN_S)
+    return {
+        "t_s": outputs.t_s[rows] - first_s,
+        "true_n": outputs.true.force_n[rows, 0],
+        "force_n": outputs.force_n[rows, 0],
+        "sigma_n": outputs.sigma_n[rows, 0],
+    }
+
+
+def judge(
+    models: Sequence[Path],
+    runs: Sequence[WalkerRun] = JUDGEMENT,
+    *,
+    viscous_rel: float = 0.0,
+    scheduler: str | None = None,
+) -> list[JudgedRun]:
+    """Return the scores of runs on feet; each foot but the paper's gets the runs of its own robot.
+
+    Args:
+        models: Folders of the foot types, the paper's first.
+        runs: The runs.
+        viscous_rel: Creep and lag of the rubber over those of the simulated rubber [1].
+        scheduler: As of `compute_each`.
+    """
+    parts = [
+        (run, tuple(folder for n, folder in enumerate(models) if not n or folder.name == run.robot))
+        for run in runs
+    ]
+    judged = compute_each(partial(_judge_part, viscous_rel), parts, scheduler=scheduler)
+    return [one for each in judged for one in each]
+
+
+def _judge_part(viscous_rel: float, part: tuple[WalkerRun, tuple[Path, ...]]) -> list[JudgedRun]:
+    run, models = part
+    return judge_run(models, viscous_rel=viscous_rel, run=run)
+
+
+def pooled(judged: Sequence[JudgedRun]) -> dict[str, Any]:
+    """Return the figures of all runs together: means over runs, worst runs, and sums of events."""
+    rows = [one.scores for one in judged]
+    walking = [one.scores for one in judged if one.run.gait not in LANDINGS]
+
+    def over(key: str, of: list[dict[str, Any]], how: Callable[[Any], Any]) -> float:
+        known = np.array([row[key] for row in of], float)
+        known = known[np.isfinite(known)]
+        return float(how(known)) if known.size else float("nan")
+
+    delays_ms = np.concatenate([np.array(row["delays_ms"]) for row in rows])
+    lifts_ms = np.concatenate([np.array(row["lift_off_delays_ms"]) for row in rows])
+    touched = [row for row in rows if row["n_touches"] >= _MIN_TOUCHES]
+    gripping = [row for row in rows if row["true_friction"] >= _GRIP]
+    slippery = [row for row in rows if row["true_friction"] <= _SLIPPERY]
+    slip_delays_ms = np.array([delay for row in slippery for delay in row["slip_delays_ms"]])
+    n_later = sum(row["n_later_slides"] for row in slippery)
+    return {
+        "n_runs": len(rows),
+        "direction_deg": over("direction_deg", rows, np.mean),
+        "worst_direction_deg": over("direction_deg", walking, np.max),
+        "mid_stance_deg": over("mid_stance_deg", rows, np.mean),
+        "worst_mid_stance_deg": over("mid_stance_deg", walking, np.max),
+        "early_deg": over("early_deg", rows, np.mean),
+        "no_force_share": over("no_force_share", walking, np.mean),
+        "worst_no_force_share": over("no_force_share", walking, np.max),
+        "least_within_2_sigma": over("within_2_sigma", rows, np.min),
+        "most_beyond_5_sigma": over("beyond_5_sigma", rows, np.max),
+        "n_touches": sum(row["n_touches"] for row in rows),
+        "n_missed": sum(row["n_missed"] for row in rows),
+        "n_in_air": sum(row["n_in_air"] for row in rows),
+        "n_twice": sum(row["n_twice"] for row in rows),
+        "n_lift_offs_alone": sum(row["n_lift_offs_alone"] for row in rows),
+        "delay_p50_ms": float(np.percentile(delays_ms, 50)),
+        "delay_p99_ms": float(np.percentile(delays_ms, 99)),
+        "bias_ms": over("bias_ms", touched, np.mean),
+        "worst_bias_ms": over("bias_ms", touched, lambda known: np.abs(known).max()),
+        "rms_over_sigma": [over("rms_over_sigma", touched, np.min), over("rms_over_sigma", touched, np.max)],
+        "lift_off_delay_p50_ms": float(np.percentile(lifts_ms, 50, method="nearest")),
+        "lift_off_delay_p95_ms": float(np.percentile(lifts_ms, 95, method="nearest")),
+        "n_false_slips_gripping": sum(row["n_false_slips"] for row in gripping),
+        "gripping_hours": sum(row["walked_s"] for row in gripping) / 3600.0,
+        "n_later_slides": n_later,
+        "later_found_share": sum(row["n_later_found"] for row in slippery) / max(n_later, 1),
+        "slip_delay_p50_ms": float(np.percentile(slip_delays_ms, 50))
+        if slip_delays_ms.size
+        else float("nan"),
+        "n_element_faults": sum(row["n_element_faults"] for row in rows),
+        "n_degraded_without_cause": sum(row["n_degraded_without_cause"] for row in rows),
+    }
+
+
+#: Touches from which a run's back-dating has a mean, and coefficients of ground that grips and that is slippery.
+_MIN_TOUCHES, _GRIP, _SLIPPERY = 8, 0.75, 0.3
+
+
+def draw(judged: Sequence[JudgedRun], title: str) -> Figure:
+    """Return a picture of each gait: the force that the first foot felt along its leg, and what was published."""
+    n_rows = (len(judged) + 2) // 3
+    figure = Figure(figsize=(15.0, 2.2 * n_rows), layout="constrained")
+    figure.suptitle(title)
+    axes = figure.subplots(n_rows, 3, squeeze=False).ravel()
+    for axis, one in zip(axes, judged, strict=False):
+        shown = one.shown
+        t_s, force_n, sigma_n = shown["t_s"], shown["force_n"], shown["sigma_n"]
+        colours = ("tab:blue", "tab:orange", "tab:green")
+        for k, colour in enumerate(colours):
+            axis.plot(t_s, shown["true_n"][:, k], color=colour, lw=0.8, ls=":")
+            axis.plot(t_s, force_n[:, k], color=colour, lw=1.0, label=f"f{'xyz'[k]}")
+            axis.fill_between(
+                t_s,
+                force_n[:, k] - 2 * sigma_n[:, k],
+                force_n[:, k] + 2 * sigma_n[:, k],
+                color=colour,
+                alpha=0.2,
+            )
+        axis.set_title(one.run.name, fontsize=9)
+        axis.set_ylim(-0.5 * one.peak_n, 1.25 * one.peak_n)
+    for axis in axes[len(judged) :]:
+        axis.set_axis_off()
+    axes[0].legend(fontsize=7, loc="upper right", title="dotted: felt; band: 2 sigma", title_fontsize=7)
+    figure.supxlabel("time [s]", fontsize=9)
+    figure.supylabel("force [N]", fontsize=9)
+    return figure
