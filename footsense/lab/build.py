@@ -80,11 +80,14 @@ FULL_BUILD = BuildSettings(
     mesh=RELEASED_MESH,
     random_loads=200_000,
     gaits=3_000,
-    released=WindowTrainingSettings(),
+    released=WindowTrainingSettings(channels=80),
 )
 #: A foot like one whose network is at hand: the same mesh and loads, and a short training from its weights.
 SIMILAR_FOOT_BUILD = replace(
-    FULL_BUILD, random_loads=60_000, gaits=1_500, released=WindowTrainingSettings(steps=40_000, rate=3e-3)
+    FULL_BUILD,
+    random_loads=60_000,
+    gaits=1_500,
+    released=WindowTrainingSettings(channels=80, steps=20_000, rate=3e-3),
 )
 #: Every step of the chain in half a minute; its numbers are no release.
 QUICK_BUILD = BuildSettings(

@@ -41,6 +41,7 @@ from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, Leani
 from footsense.lab.training.windowed_network import (
     FEATURES_PER_ELEMENT,
     FEATURES_PER_FOOT,
+    N_SYMMETRIES,
     READINGS_PER_ELEMENT,
     Features,
     Weights,
@@ -62,6 +63,9 @@ _PACED_SHARE, _FRICTION_SHARE, _FRICTION_REL = 0.4, 0.4, 0.1
 _SQUARED_ERROR_WEIGHT = 10.0
 #: Weight of contact point and friction ratio, and normal force from which they are learnt [N].
 _CONTACT_WEIGHT, _LOADED_N = 0.25, 0.02
+#: Weight of what an error exceeds so many of its sigmas by: errors have longer tails than a normal distribution, and a
+#: controller trusts sigma in them.
+_TAIL_WEIGHT, _TAIL_SIGMAS = 8.0, 3.0
 #: Weight of the angle between a force and the true one [1/rad], force from which it counts, and size of the forces that
 #: have no direction [N].
 _ANGLE_WEIGHT, _DIRECTION_N, _SMALL_N = 3.0, 0.1, 1e-3
@@ -246,6 +250,29 @@ def _random_weights(key: jax.Array, c: int) -> Weights:
     )
 
 
+def _widened(weights: Weights, channels: int, key: jax.Array) -> Weights:
+    """Return the weights with more channels, whose outputs are nothing yet."""
+    old, new = weights.channels, _random_weights(key, channels)
+    if old == channels:
+        return weights
+    # Of each relative symmetry, the channels of the layer before.
+    w2 = np.array(new.w2).reshape(channels, N_SYMMETRIES, channels)
+    w2[:old] = 0.0
+    w2[:old, :, :old] = np.asarray(weights.w2).reshape(old, N_SYMMETRIES, old)
+
+    def stacked(mine: Any, others: Any) -> jax.Array:
+        return jnp.concatenate([jnp.asarray(mine), jnp.asarray(others)[old:]])
+
+    return weights._replace(
+        w1=stacked(weights.w1, new.w1),
+        b1=stacked(weights.b1, new.b1),
+        w2=jnp.asarray(w2.reshape(channels, -1)),
+        b2=stacked(weights.b2, new.b2),
+        out=stacked(weights.out, jnp.zeros_like(new.out)),
+        sigma=stacked(weights.sigma, new.sigma),
+    )
+
+
 def _whitening_transform(
     hidden_inputs: Vector, index: NDArray[np.intp], place: NDArray[np.intp], least_variance: float
 ) -> tuple[jax.Array, jax.Array]:
@@ -299,7 +326,12 @@ def _force_likelihood_loss(
     scale = jnp.sqrt(jnp.sum(true_n**2, axis=-1, keepdims=True) + min_force_n**2)
     weight = jax.lax.stop_gradient(sigma_n / scale) ** (2.0 * _LIKELIHOOD_TEMPERING_BETA)
     likelihood = jnp.log(sigma_n) + 0.5 * square / sigma_n**2
-    return jnp.mean(weight * likelihood) + squared_error_weight * jnp.mean(square / scale**2)
+    beyond = jnp.maximum(jnp.sqrt(square + 1e-12) / sigma_n - _TAIL_SIGMAS, 0.0)
+    return (
+        jnp.mean(weight * likelihood)
+        + squared_error_weight * jnp.mean(square / scale**2)
+        + _TAIL_WEIGHT * jnp.mean(beyond)
+    )
 
 
 def _mean_angle_rad(force_n: Any, true_n: Any) -> Any:
@@ -395,7 +427,11 @@ def train_windowed(
         return jax.lax.scan(step, carry, jax.random.split(key, _STEPS_PER_CALL))
 
     key, *rounds = jax.random.split(jax.random.PRNGKey(settings.seed), 1 + settings.steps // _STEPS_PER_CALL)
-    free = _random_weights(key, settings.channels) if start is None else unfold_whitening(start)
+    free = (
+        _random_weights(key, settings.channels)
+        if start is None
+        else _widened(unfold_whitening(start), settings.channels, key)
+    )
     carry = (free, optimiser.init(free))
     compiled = jax.jit(train_chunk)
     with progress_bar("training", len(rounds)) as rounds_done:
