@@ -12,7 +12,7 @@ from joblib import Parallel, delayed
 
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads
-from footsense.frames import Mask, Vector
+from footsense.frames import Vector
 from footsense.lab.training.gait_readings import (
     GaitReadings,
     concatenate_gaits,
@@ -21,6 +21,7 @@ from footsense.lab.training.gait_readings import (
 )
 from footsense.lab.walkers.simulate import WalkerLog
 from footsense.progress import progress_bar
+from footsense.sim.loads.load_log import RowsBetween
 
 #: Force that one in a thousand loaded samples exceeds, over the largest force of the training [1], and its speed over
 #: that of the log [1].
@@ -33,23 +34,9 @@ def _loads(
     log: WalkerLog, leg: int, scale: float, turn: Vector, start_s: float, speed_rel: float, t_s: Vector
 ) -> ContactLoads:
     """Return the loads of a foot of a log at n times [s], the log repeated."""
-    step_s = log.t_s[1] - log.t_s[0]
-    position = np.mod(start_s + speed_rel * t_s, log.t_s[-1]) / step_s
-    first = position.astype(int)
-    share = (position - first)[:, None]
-    force_n, normal = scale * log.force_n[:, leg] @ turn.T, log.normal[:, leg] @ turn.T
-    after = np.minimum(first + 1, len(force_n) - 1)
-    loaded: Mask = np.asarray(force_n.any(axis=1))
-    # Of a foot in the air, the normal says nothing.
-    mixed = np.where(
-        (loaded[first] & loaded[after])[:, None],
-        (1.0 - share) * normal[first] + share * normal[after],
-        np.where(loaded[first][:, None], normal[first], normal[after]),
-    )
-    return ContactLoads(
-        mixed / np.linalg.norm(mixed, axis=1, keepdims=True),
-        (1.0 - share) * force_n[first] + share * force_n[after],
-    )
+    rows = RowsBetween.of(log.t_s, np.mod(start_s + speed_rel * t_s, log.t_s[-1]))
+    force_n, normal = log.force_n[:, leg], log.normal[:, leg]
+    return ContactLoads(rows.normals(normal, force_n) @ turn.T, scale * rows.values(force_n) @ turn.T)
 
 
 def _walker_gait(
