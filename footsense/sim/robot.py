@@ -22,6 +22,7 @@ from footsense.sim.i2c_bus import SimulatedBus
 from footsense.sim.leg import SimulatedLeg
 from footsense.sim.loads.gait_table import GaitTable
 from footsense.sim.loads.ground_load import ContactSource
+from footsense.sim.loads.load_log import RepeatedLog
 from footsense.sim.loads.walk import Walk
 from footsense.sim.rubber import relative_compliance_when_warmed
 from footsense.sim.scene import Scene
@@ -76,6 +77,9 @@ class SimulatedRobot:
         buses: Wiring of each bus.
         grace_ns: Time that a user of all buses waits for the later ones [ns].
 
+    Raises:
+        ConfigError: The scene's log is none, or lacks a leg.
+
     Attributes:
         clock: Clock of a user of all buses.
         buses: The buses.
@@ -90,6 +94,8 @@ class SimulatedRobot:
         self._load = scene.load.build(round(scene.lead_in_s * 1e9))
         self.response_sha256 = response.sha256
         self._legs = tuple(leg for wiring in buses for leg in wiring.channels)
+        if isinstance(self._load, RepeatedLog):
+            self._load.require_legs(self._legs)
         self.feet = _feet(scene, response, self._legs)
         tables = _gait_tables(scene, self._load, self.feet) if scene.gait_table else {}
         self.legs: dict[str, SimulatedLeg] = {}

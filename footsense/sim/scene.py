@@ -11,12 +11,14 @@ from typing import Annotated
 
 import msgspec
 from msgspec import Meta
+from msgspec.structs import replace
 
 from footsense import strict_yaml
 from footsense.errors import ConfigError
 from footsense.sim import scene_loads
 from footsense.sim.fabrication import PAPER_TOLERANCES, REMOUNT_RMS_DEG, FootTolerances
 from footsense.sim.faults.scene_faults import Fault
+from footsense.sim.loads.ground_load import MIN_ELEVATION_DEG
 
 
 class ScenePart(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -141,10 +143,6 @@ class Scene(ScenePart, frozen=True):
     faults: tuple[Fault, ...] = ()
 
 
-#: Lowest elevation of a contact [deg].
-MIN_FORCE_ELEVATION_DEG = 30
-
-
 def scene_names() -> list[str]:
     """Return the names of the scenes that come with the package."""
     folder = files("footsense.sim") / "scenes"
@@ -168,12 +166,11 @@ def load_scene(name_or_path: str) -> Scene:
         raise ConfigError(
             f"no scene {name_or_path!r}: there are {', '.join(scene_names())}, or give the path of a YAML file"
         )
-    return strict_yaml.load(
-        text_or_path,
-        Scene,
-        where,
-        check=_contradiction,
-    )
+    scene = strict_yaml.load(text_or_path, Scene, where, check=_contradiction)
+    if isinstance(scene.load, scene_loads.LogLoads):
+        file = str(Path(name_or_path).parent / scene.load.file)
+        return replace(scene, load=replace(scene.load, file=file))
+    return scene
 
 
 def _contradiction(scene: Scene) -> strict_yaml.Problem | None:
@@ -206,10 +203,10 @@ def _low_elevation_contradiction(scene: Scene) -> strict_yaml.Problem | None:
         forces = {f"load.presses[{n}]": force_n for n, force_n in enumerate(scene.load.presses)}
     for path, (x, y, z) in forces.items():
         elevation_deg = math.degrees(math.atan2(z, math.hypot(x, y)))
-        if elevation_deg < MIN_FORCE_ELEVATION_DEG:
+        if elevation_deg < MIN_ELEVATION_DEG:
             return strict_yaml.Problem(
                 path,
                 f"leans to an elevation of {elevation_deg:.0f} deg; "
-                f"the foot's response is known from {MIN_FORCE_ELEVATION_DEG} deg up",
+                f"the foot's response is known from {MIN_ELEVATION_DEG} deg up",
             )
     return None

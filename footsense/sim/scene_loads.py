@@ -1,5 +1,6 @@
 """Schemas of a scene's key `load`; each builds the true load of the feet over time."""
 
+from pathlib import Path
 from typing import Annotated, Literal
 
 import msgspec
@@ -8,6 +9,7 @@ from msgspec import Meta
 from footsense.frames import ALL_LEGS
 from footsense.sim.faults.scene_faults import Leg
 from footsense.sim.loads import ground_load
+from footsense.sim.loads.load_log import RepeatedLog
 from footsense.sim.loads.press_sequence import PressSequence, paper_presses
 from footsense.sim.loads.walk import SECOND_LEG_GROUP, Walk, measured_walk, smooth_stance_reaction
 
@@ -153,4 +155,25 @@ class CalibrationLoads(_Load, frozen=True, kw_only=True, tag="calibration_loads"
         )
 
 
-Load = Unloaded | Constant | Tripod | MeasuredWalk | CalibrationLoads
+class LogLoads(_Load, frozen=True, kw_only=True, tag="log"):
+    """What the feet of a robot felt, from a file of numpy arrays as `footsense lab walk` writes it, again and again.
+
+    Attributes:
+        file: The file, relative to that of the scene: `legs`, `t_s`, `force_n` and `normal`.
+        peak_force_n: Force to which the log is scaled, the largest but for a thousandth of the loaded samples [N];
+            None for the forces of the file.
+    """
+
+    file: Annotated[str, Meta(min_length=1)]
+    peak_force_n: Annotated[float, Meta(gt=0.0, le=500.0)] | None = None
+
+    def build(self, from_ns: int) -> RepeatedLog:
+        """Return the loads, starting at `from_ns` [ns].
+
+        Raises:
+            ConfigError: The file is no log.
+        """
+        return RepeatedLog(Path(self.file), from_ns, self.peak_force_n)
+
+
+Load = Unloaded | Constant | Tripod | MeasuredWalk | CalibrationLoads | LogLoads

@@ -27,6 +27,7 @@ from footsense.frames import ELEMENTS, CapFrame, Codes, GaitEvent, Mask, Reading
 from footsense.lab.training.gait_readings import NOMINAL_SEND_DELAY_S, STEP_S, conversion_elements
 from footsense.lab.walkers.simulate import WalkerLog
 from footsense.ports import LoadEstimator
+from footsense.sim.loads.load_log import RowsBetween
 from footsense.sim.rubber import ViscoelasticRubber
 
 #: Time in the air before a log, in which the feet are tared, and time in which its first loads rise [s].
@@ -63,24 +64,9 @@ class WalkerLoads(NamedTuple):
 
     def at(self, t_s: Vector) -> "WalkerLoads":
         """Return the loads at other times [s], linearly interpolated."""
-        place = np.clip(np.searchsorted(self.t_s, t_s, "right") - 1, 0, len(self.t_s) - 2)
-        share = np.clip((t_s - self.t_s[place]) / (self.t_s[place + 1] - self.t_s[place]), 0.0, 1.0)[
-            :, None, None
-        ]
-        force_n, slip_m_s, felt_n = (
-            (1.0 - share) * part[place] + share * part[place + 1]
-            for part in (self.force_n, self.slip_m_s, self.felt_n)
-        )
-        # Of a touch, the air's normal says nothing.
-        loaded: Mask = np.asarray(self.force_n.any(axis=2))
-        first, second = loaded[place], loaded[place + 1]
-        mixed = (1.0 - share) * self.normal[place] + share * self.normal[place + 1]
-        normal = np.where(
-            (first & second)[..., None],
-            mixed,
-            np.where(first[..., None], self.normal[place], self.normal[place + 1]),
-        )
-        normal = normal / np.linalg.norm(normal, axis=2, keepdims=True)
+        rows = RowsBetween.of(self.t_s, t_s)
+        force_n, slip_m_s, felt_n = map(rows.values, (self.force_n, self.slip_m_s, self.felt_n))
+        normal = rows.normals(self.normal, self.force_n)
         return self._replace(t_s=t_s, force_n=force_n, normal=normal, slip_m_s=slip_m_s, felt_n=felt_n)
 
 

@@ -13,7 +13,7 @@ from joblib import Parallel, delayed
 
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads
-from footsense.frames import Mask, Vector
+from footsense.frames import Vector
 from footsense.lab.training.gait_readings import (
     GaitReadings,
     concatenate_gaits,
@@ -22,6 +22,7 @@ from footsense.lab.training.gait_readings import (
 )
 from footsense.lab.walkers.simulate import WalkerLog
 from footsense.progress import progress_bar
+from footsense.sim.loads.load_log import RowsBetween
 
 #: Force that one in a thousand loaded samples exceeds, over the largest force of the training [1], and its speed over
 #: that of the log [1].
@@ -33,30 +34,16 @@ _SLOWEST_REL = 1.6
 class _FootLog(NamedTuple):
     """What one foot of a log feels, and the force that one in a thousand loaded samples of the robot exceeds [N]."""
 
-    step_s: float
+    t_s: Vector
     force_n: Vector
     normal: Vector
     peak_n: float
 
-    @property
-    def duration_s(self) -> float:
-        return (len(self.force_n) - 1) * self.step_s
-
     def loads(self, turn: Vector, start_s: float, speed_rel: float, t_s: Vector) -> ContactLoads:
         """Return the loads at n times [s], in a turned frame, the log repeated."""
-        position = np.mod(start_s + speed_rel * t_s, self.duration_s) / self.step_s
-        first = position.astype(int)
-        share, after = (position - first)[:, None], first + 1
-        loaded: Mask = np.asarray(self.force_n.any(axis=1))
-        # Of a foot in the air, the normal says nothing.
-        normal = np.where(
-            (loaded[first] & loaded[after])[:, None],
-            (1.0 - share) * self.normal[first] + share * self.normal[after],
-            np.where(loaded[first][:, None], self.normal[first], self.normal[after]),
-        )
-        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-        force_n = (1.0 - share) * self.force_n[first] + share * self.force_n[after]
-        return ContactLoads(normal @ turn.T, force_n @ turn.T)
+        rows = RowsBetween.of(self.t_s, np.mod(start_s + speed_rel * t_s, self.t_s[-1]))
+        normal = rows.normals(self.normal, self.force_n)
+        return ContactLoads(normal @ turn.T, rows.values(self.force_n) @ turn.T)
 
 
 def _walker_gait(
@@ -70,7 +57,7 @@ def _walker_gait(
     loads = partial(
         log._replace(force_n=scale * log.force_n).loads,
         turn,
-        rng.uniform(0.0, log.duration_s),
+        rng.uniform(0.0, log.t_s[-1]),
         float(np.exp(rng.uniform(*np.log(_SPEED_REL)))),
     )
     conditions = draw_conditions(rng, slowest_rel=_SLOWEST_REL)
@@ -92,7 +79,7 @@ def walker_gaits(
         jobs: Processes.
     """
     feet = [
-        _FootLog(float(log.t_s[1] - log.t_s[0]), log.force_n[:, leg], log.normal[:, leg], peak_n)
+        _FootLog(log.t_s, log.force_n[:, leg], log.normal[:, leg], peak_n)
         for log, peak_n in ((log, log.peak_n()) for log in logs)
         for leg in range(len(log.legs))
     ]

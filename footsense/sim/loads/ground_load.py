@@ -33,6 +33,9 @@ class ContactSource(Protocol):
         ...
 
 
+#: Lowest elevation of a contact that the responses of feet are known for [deg].
+MIN_ELEVATION_DEG = 30
+
 _UP = np.array([0.0, 0.0, 1.0])
 IN_THE_AIR = GroundContact(_UP, np.zeros(3))
 

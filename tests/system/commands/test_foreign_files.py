@@ -15,6 +15,7 @@ from footsense.calibration.writer import write_calibration
 from footsense.cli import LazyGroup, main
 from footsense.daemon.foot_types import released_path
 from footsense.foot.response_table import FootResponse
+from footsense.sim.loads.load_log import RepeatedLog
 from tests.fuzz.outcome import refusal
 from tests.support.calibrations import content
 from tests.system.command import robot
@@ -182,8 +183,9 @@ def folder_for(reader: Read, folder: Path) -> Path:
 
 
 @pytest.mark.parametrize("kind", OTHERS)
-def test_a_response_table_is_one_line(tmp_path: Path, kind: str) -> None:
-    """The table of simulated feet, which no argument of its own names."""
-    path = tmp_path / "response.npz"
+def test_a_response_table_and_a_log_of_loads_are_one_line(tmp_path: Path, kind: str) -> None:
+    """What a simulation reads that no argument names: the table of its feet, and the file of a scene."""
+    path = tmp_path / "named.npz"
     OTHERS[kind](path, b"PK")
     assert refusal(lambda: FootResponse.load(path))
+    assert refusal(lambda: RepeatedLog(path, 0))
