@@ -12,8 +12,8 @@ pytestmark = pytest.mark.lab
 STEP_S, NOMINAL_SEND_DELAY_S, N, BEYOND = 3e-3, 4e-3, 90, 50
 
 
-def numbered(order: int) -> GaitReadings:
-    """Return one gait whose readings and hundredths of newtons are the numbers of the conversions, one beyond range."""
+def numbered(order: int, n_beyond: int = 1) -> GaitReadings:
+    """Return one gait whose readings and hundredths of newtons are the numbers of the conversions, some beyond range."""
     numbers = np.arange(N)
     force_n = np.zeros((1, N, 3), np.float32)
     force_n[0, :, 2] = numbers / 100
@@ -22,7 +22,7 @@ def numbered(order: int) -> GaitReadings:
         step_s=np.array([STEP_S]),
         send_delay_s=np.full((1, N), NOMINAL_SEND_DELAY_S),
         closure_rel=numbers[None].astype(np.float32),
-        in_range=(numbers != BEYOND)[None],
+        in_range=((numbers < BEYOND) | (numbers >= BEYOND + n_beyond))[None],
         true_force_at_sending_n=force_n,
         true_normal_at_sending=np.tile(np.array([0.0, 0.0, 1.0], np.float32), (1, N, 1)),
     )
@@ -44,7 +44,12 @@ def test_a_window_holds_the_last_three_readings_of_every_element(order: int) -> 
     )
 
 
-def test_only_whole_windows_count() -> None:
-    """None with a newest reading beyond the range, and none of the first scans."""
-    now = windows_of(numbered(0)).closure_rel.max(axis=(1, 2))
-    np.testing.assert_array_equal(now, [*range(30, BEYOND), *range(BEYOND + 9, N)])
+@pytest.mark.parametrize(
+    ("n_beyond", "left_out"), [(3, []), (4, [BEYOND + 3, *range(BEYOND + 4, BEYOND + 9)])]
+)
+def test_windows_count_with_three_readings_beyond_the_range_at_most(
+    n_beyond: int, left_out: list[int]
+) -> None:
+    """And none of the first scans."""
+    now = windows_of(numbered(0, n_beyond)).closure_rel.max(axis=(1, 2))
+    np.testing.assert_array_equal(now, [k for k in range(30, N) if k not in left_out])
