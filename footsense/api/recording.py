@@ -15,12 +15,12 @@ from footsense.api.events import FootEvent
 from footsense.can.interface import Can
 from footsense.config import DEFAULT, load_config
 from footsense.daemon.service import open_service
+from footsense.daemon.walker_scene import scene_of
 from footsense.errors import FootsenseError, RecordingError
 from footsense.frames import IS_USABLE_STATE, Codes, Cycle, Flag, GaitEvent, Mask, State, Vector
 from footsense.ports import Observer
 from footsense.recording.replay import Replay
 from footsense.ring.records import CYCLE_FIELDS
-from footsense.sim.scene import load_scene
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -139,7 +139,8 @@ def simulate(
     In the first second of the scenes that come with footsense all feet hang in the air and are tared.
 
     Args:
-        scene: Name of a scene, such as `tripod`, `measured_walk` or `faults`, or path of a YAML file.
+        scene: Name of a scene, such as `tripod`, `measured_walk` or `faults`, path of a YAML file, or such as
+            `walker:trot-fast` for the foot type's robot in MuJoCo (extra `walkers`).
         duration_s: Time of the robot [s]; it takes about as long on a slow computer, less on others.
         config: Configuration file of the robot, whose buses are then simulated; None for six legs with the feet
             `aoyagi-3x3`.
@@ -152,7 +153,7 @@ def simulate(
         raise ValueError(f"duration_s is above 0, got {duration_s:g}")
     robot = DEFAULT if config is None else load_config(Path(config))
     robot = replace(robot, can=Can(interface="virtual"), ring=None)
-    with open_service(robot, load_scene(str(scene)), real_time=False) as service:
+    with open_service(robot, scene_of(str(scene), robot, duration_s), real_time=False) as service:
         collected = _CycleCollector(service.legs, service.true_force_n_at)
         service.observers.append(collected)
         service.run(until_ns=service.clock.now_ns() + duration_s * 1e9)

@@ -21,9 +21,10 @@ from footsense.daemon.can_output import frames_destination
 from footsense.daemon.foot_types import foot_type_of
 from footsense.daemon.service import open_service
 from footsense.daemon.simulation import is_simulated
+from footsense.daemon.walker_scene import PREFIX, scene_of
 from footsense.frames import FAULT_FREE, State
 from footsense.ring.ring_file import default_ring, free_ring
-from footsense.sim.scene import load_scene, scene_names
+from footsense.sim.scene import scene_names
 from footsense.telemetry.run_statistics import RunStatistics
 
 if TYPE_CHECKING:
@@ -61,7 +62,8 @@ def _page_of(ring: Path, view: PageServer) -> Iterator[subprocess.Popen[str]]:
 @click.option(
     "--scene",
     "scene_name",
-    help="Simulate this scene: a name (tripod, measured_walk, hanging, faults) or a YAML file.",
+    help="Simulate this scene: a name (tripod, measured_walk, hanging, faults), a YAML file, or walker:GAIT or "
+    "walker:GAIT:GROUND for a robot that walks in MuJoCo, such as walker:trot-fast (extra walkers).",
 )
 @options.duration_option("Stop after this time of the robot.")
 @click.option("--record", type=options.FILE, help="Record every reading and force to this .mcap file.")
@@ -94,7 +96,7 @@ def run(
     config = load_config(config_file) if config_file else DEFAULT
     if scene_name is None and is_simulated(config):
         scene_name = _default_scene(config)
-    scene = load_scene(scene_name) if scene_name else None
+    scene = scene_of(scene_name, config, duration_s) if scene_name else None
     live = summary is None and _console().is_terminal
     paced = options.is_paced(simulated=scene is not None, realtime=realtime, live=live or opens_view)
     stop = options.StopRequest()
@@ -116,6 +118,8 @@ def run(
         if page is not None and not live:
             click.echo(f"footsense  {title}  {url}", err=summary == "json")
         if scene and summary != "json":
+            if scene_name and scene_name.startswith(PREFIX):
+                click.echo(scene.description)
             click.echo(frames_destination(config, scene))
         if page is None and summary is None and (paced or scene is None):
             click.echo(f"page: run footsense view --config {config_file}")

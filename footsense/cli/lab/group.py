@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 import msgspec
 
-from footsense.cli.lab import design, fabricate, options
+from footsense.cli.lab import design, fabricate, options, walk
 from footsense.cli.options import FILE, FOLDER, json_option
 from footsense.cli.tables import echo_json
 from footsense.daemon.foot_types import released_path
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 _RELEASED_MODELS = released_path("network.onnx").parent
 #: Libraries of the extra.
-_REQUIRED_PACKAGES = ("ngsolve", "jax", "jinja2", "joblib", "optax", "onnx", "scipy")
+_REQUIRED_PACKAGES = ("ngsolve", "jax", "jinja2", "joblib", "mujoco", "optax", "onnx", "scipy")
 
 
 @click.command()
@@ -127,7 +127,9 @@ def report(*, output: Path | None, quick: bool, scheduler: str | None) -> None:
     progress(f"wrote {make_report(folder, context, progress)}")
 
 
-@click.group(commands=[design.design, build, fabricate.fabricate, study, report])
-def lab() -> None:
+@click.group(commands=[design.design, build, fabricate.fabricate, walk.walk, study, report])
+@click.pass_context
+def lab(ctx: click.Context) -> None:
     """From rubber to network: design, build and draw a foot, and study it."""
-    require("the lab", "lab", *_REQUIRED_PACKAGES, note=" (there is no ngsolve for ARM)")
+    if ctx.invoked_subcommand != walk.walk.name:  # which has an extra of its own
+        require("the lab", "lab", *_REQUIRED_PACKAGES, note=" (there is no ngsolve for ARM)")

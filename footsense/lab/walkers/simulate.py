@@ -14,11 +14,14 @@ from footsense.errors import ConfigError
 from footsense.frames import Vector
 from footsense.lab.walkers.gaits import GAITS, STAND_S, Gait
 from footsense.lab.walkers.robots import GRAVITY_M_S2, N_ROUGH, ROBOTS, ROUGH_SIZE_REL, GroundModel, Robot
+from footsense.sim.loads.load_log import peak_n, read_log_arrays
 
 #: Step of the physics and of a log [s].
 STEP_S, LOG_STEP_S = 5e-4, 1e-3
 #: Lean of a body that has fallen, cosine; height over that of a stance, from which it lies on the ground [1].
 _FALLEN_COS, _FALLEN_HEIGHT_REL = 0.4, 0.3
+#: Shortest swing before a touch that counts [s].
+_LEAST_SWING_S = 0.03
 #: From one fall of a landing robot to its next [s].
 _LANDING_PERIOD_S = 1.2
 #: Step of differences of the feet's places [m].
@@ -27,6 +30,10 @@ _DIFFERENCE_M = 1e-5
 _GRAVITY_SHARE = (0.7, 1.0)
 #: Correlation length of rough ground over the shank [1].
 _ROUGH_LENGTH_REL = 0.5
+
+
+class FallError(ConfigError):
+    """The robot falls."""
 
 
 class WalkerLog(NamedTuple):
@@ -53,29 +60,43 @@ class WalkerLog(NamedTuple):
 
     def peak_n(self) -> float:
         """Return the force that one in a thousand loaded samples exceeds [N]."""
-        size_n = np.linalg.norm(self.force_n, axis=2)
-        return float(np.percentile(size_n[size_n > 0.0], 99.9))
+        return peak_n(self.force_n)
+
+    def n_touches(self) -> int:
+        """Return how often a foot touches the ground, after some time in the air."""
+        n_touches = 0
+        for leg in range(len(self.legs)):
+            loaded = np.concatenate([[True], self.force_n[:, leg].any(axis=1)])
+            edges = np.diff(loaded.astype(int))
+            left, touched = np.flatnonzero(edges < 0), np.flatnonzero(edges > 0)
+            swings = touched - left[: len(touched)]
+            n_touches += int((swings > _LEAST_SWING_S / LOG_STEP_S).sum())
+        return n_touches
 
     def save(self, path: Path) -> None:
-        """Write the log as a compressed file of numpy arrays, in single precision."""
+        """Write the log as a compressed file of numpy arrays, in single precision but for the times.
+
+        Raises:
+            OSError: It cannot be written.
+        """
         arrays: dict[str, Any] = {
-            name: part.astype(np.float32) if isinstance(part, np.ndarray) else np.array(part)
+            name: part.astype(np.float32) if getattr(part, "ndim", 0) > 1 else np.array(part)
             for name, part in self._asdict().items()
         }
-        np.savez_compressed(path, **arrays)
+        with path.open("wb") as file:
+            np.savez_compressed(file, **arrays)
 
     @classmethod
     def load(cls, path: Path) -> "WalkerLog":
-        """Return the log of a file that `save` wrote."""
-        with np.load(path) as arrays:
-            parts = {
-                name: arrays[name].astype(np.float64)
-                for name in cls._fields
-                if name not in ("legs", "friction")
-            }
-            return cls(
-                **parts, legs=tuple(str(leg) for leg in arrays["legs"]), friction=float(arrays["friction"])
-            )
+        """Return the log of a file that `save` wrote.
+
+        Raises:
+            ConfigError: It is no such file.
+        """
+        arrays = read_log_arrays(path, cls._fields)
+        legs, friction = arrays.pop("legs").tolist(), float(arrays.pop("friction"))
+        parts = {name: part.astype(np.float64) for name, part in arrays.items()}
+        return cls(**parts, legs=tuple(legs), friction=friction)
 
 
 def simulate_walker(
@@ -91,11 +112,12 @@ def simulate_walker(
         duration_s: Duration after the robot has stood for a moment [s].
 
     Raises:
-        ConfigError: There is no such robot or gait, or the robot falls.
+        ConfigError: There is no such robot or gait.
+        FallError: The robot falls.
     """
-    for name, known in ((robot_name, ROBOTS), (gait_name, GAITS)):
+    for kind, name, known in (("robot", robot_name, ROBOTS), ("gait", gait_name, GAITS)):
         if name not in known:
-            raise ConfigError(f"no {name!r}: there are {', '.join(known)}")
+            raise ConfigError(f"no {kind} {name!r}: there are {', '.join(known)}")
     robot, gait = ROBOTS[robot_name], GAITS[gait_name]
     rng = np.random.default_rng(seed)
     model = mujoco.MjModel.from_xml_string(robot.mjcf(ground, STEP_S))
@@ -123,9 +145,11 @@ def simulate_walker(
         if falls and k % round(robot.time_rel * _LANDING_PERIOD_S / STEP_S) == n_settle // 2:
             _lift(data, falls * rng.uniform(0.3, 1.0), rng)
         mujoco.mj_step(model, data)
-        up = data.xmat[1, 8]
-        if up < _FALLEN_COS or not np.isfinite(data.qpos[2]):
-            raise ConfigError(f"{robot_name} falls in gait {gait_name} after {t_s[k]:.2f} s on this ground")
+        stands = data.xmat[1, 8] > _FALLEN_COS and data.qpos[2] > _FALLEN_HEIGHT_REL * robot.height_m
+        if not stands:  # nor does a place that is no number
+            raise FallError(f"{robot_name} falls in gait {gait_name} after {t_s[k]:.2f} s on this ground")
+        if ground.rough_rel:
+            _keep_on_field(model, data, _cell_m(robot))
         if k % every == 0 and k >= n_settle:
             log.add(data)
     return log.log()
@@ -156,10 +180,24 @@ def _lift(data: Any, height_m: float, rng: np.random.Generator) -> None:
     data.qvel[3:6] = 0.3 * rng.normal(size=3)
 
 
+def _cell_m(robot: Robot) -> float:
+    """Return the distance of two points of a rough ground [m]."""
+    return 2.0 * ROUGH_SIZE_REL * robot.shank_m / (N_ROUGH - 1)
+
+
+def _keep_on_field(model: Any, data: Any, cell_m: float) -> None:
+    """Set robot and ground back together before the robot comes to the field's edge: its heights are periodic."""
+    cells = np.rint(data.qpos[:2] / cell_m).astype(int)
+    if np.abs(cells).max() < N_ROUGH // 4:
+        return
+    data.qpos[:2] -= cell_m * cells
+    heights = model.hfield_data.reshape(N_ROUGH, N_ROUGH)
+    model.hfield_data[:] = np.roll(heights, (-cells[1], -cells[0]), (0, 1)).ravel()
+
+
 def _rough_heights(robot: Robot, rng: np.random.Generator) -> Vector:
     """Return the heights of rough ground over twice its half height, flat where the robot starts, 0 to 1."""
-    n = N_ROUGH
-    cell_m = 2.0 * ROUGH_SIZE_REL * robot.shank_m / n
+    n, cell_m = N_ROUGH, _cell_m(robot)
     frequency = np.hypot(np.fft.fftfreq(n, cell_m)[:, None], np.fft.rfftfreq(n, cell_m))
     smooth = np.exp(-0.5 * (2.0 * np.pi * frequency * _ROUGH_LENGTH_REL * robot.shank_m / 2.0) ** 2)
     heights = np.fft.irfft2(np.fft.rfft2(rng.normal(size=(n, n))) * smooth, s=(n, n))

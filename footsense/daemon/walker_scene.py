@@ -1,0 +1,71 @@
+"""Scenes `walker:GAIT` and `walker:GAIT:GROUND`: the robot of a foot type walks on its feet in a physics engine.
+
+The part of the lab that simulates it is imported where such a scene is named, which no robot does.
+"""
+
+import math
+
+from footsense.config import Config
+from footsense.daemon.foot_types import foot_type_of
+from footsense.errors import ConfigError, require
+from footsense.progress import timed_bar
+from footsense.sim.scene import Effects, Scene, load_scene
+from footsense.sim.scene_loads import LogLoads
+
+PREFIX = "walker:"
+#: Robot of each foot type, and force to which its loads are scaled [N]; None for those of the robot.
+_ROBOTS: dict[str, tuple[str, float | None]] = {
+    "aoyagi-3x3": ("hexapod-300g", 1.0),
+    "hexapod-2kg": ("hexapod-2kg", None),
+    "quadruped-12kg": ("quadruped-12kg", None),
+}
+#: Walk where no duration is given, and shortest and longest one that is simulated; the rest repeats it [s].
+_USUAL_S, _SHORTEST_S, _LONGEST_S = 20.0, 2.0, 60.0
+_SEED = 1
+#: Usual time of a second of a walk [s].
+_COST_REL = 0.35
+
+
+def scene_of(name: str, config: Config, duration_s: float = math.inf) -> Scene:
+    """Return a scene by its name, the path of its file, or as `walker:GAIT` and `walker:GAIT:GROUND`.
+
+    Args:
+        name: Which scene.
+        config: The robot, whose foot type says which robot walks.
+        duration_s: Duration of the run [s]; of a walk so much is simulated, up to a minute.
+
+    Raises:
+        ConfigError: There is no such scene, it is not a valid one, or no robot that walks has this foot or its legs.
+    """
+    if not name.startswith(PREFIX):
+        return load_scene(name)
+    foot_type = foot_type_of(config)
+    if foot_type not in _ROBOTS:
+        raise ConfigError(
+            f"scene {name}: no robot is known that walks on foot type {foot_type!r}, only on {', '.join(_ROBOTS)}; "
+            "`footsense lab walk` writes the log of one, which a scene of kind log scales to your foot"
+        )
+    require(f"scene {name}", "walkers", "mujoco")
+    from footsense.lab.walkers.robots import ROBOTS
+    from footsense.lab.walkers.split import WalkerRun, cache_folder
+
+    gait, _, ground = name.removeprefix(PREFIX).partition(":")
+    robot, peak_force_n = _ROBOTS[foot_type]
+    legs = ROBOTS[robot].legs
+    if absent := [leg for leg in config.legs if leg not in legs]:
+        raise ConfigError(f"scene {name}: {robot} has the legs {', '.join(legs)}, not {', '.join(absent)}")
+    longest_s = _USUAL_S if math.isinf(duration_s) else math.ceil(duration_s)
+    walk_s = min(max(longest_s, _SHORTEST_S), _LONGEST_S)
+    run = WalkerRun(robot, gait, ground or "flat", _SEED, walk_s)
+    try:
+        with timed_bar("the robot walks", _COST_REL * walk_s):
+            file = run.saved(cache_folder())
+    except ConfigError as error:
+        raise ConfigError(f"scene {name}: {error}") from None
+    loads = "its own forces" if peak_force_n is None else f"forces scaled to {peak_force_n:g} N"
+    return Scene(
+        description=f"{robot} walks in MuJoCo, {gait} on {run.ground}: {loads}, repeated every {walk_s:g} s",
+        load=LogLoads(file=str(file), peak_force_n=peak_force_n),
+        host_cost_us=40.0,
+        effects=Effects(converter_noise=True, converter_clock_rel=0.01, gap_contact=True),
+    )
