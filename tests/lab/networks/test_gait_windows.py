@@ -13,7 +13,7 @@ STEP_S, NOMINAL_SEND_DELAY_S, N, BEYOND = 3e-3, 4e-3, 90, 50
 
 
 def numbered(order: int, n_beyond: int = 1) -> GaitReadings:
-    """Return one gait whose readings and hundredths of newtons are the numbers of the conversions, some beyond range."""
+    """Return one gait; its readings and hundredths of newtons are the numbers of the conversions, some beyond range."""
     numbers = np.arange(N)
     force_n = np.zeros((1, N, 3), np.float32)
     force_n[0, :, 2] = numbers / 100
