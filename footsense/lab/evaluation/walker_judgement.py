@@ -23,7 +23,8 @@ from footsense.lab.evaluation.walker_runs import (
 from footsense.lab.evaluation.walker_scores import WARM_UP_S, scores
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.parallel import compute_each
-from footsense.lab.walkers.split import JUDGEMENT, WalkerRun
+from footsense.lab.walkers.simulate import WalkerLog
+from footsense.lab.walkers.split import JUDGEMENT, WalkerRun, cache_folder
 
 #: Peak of the paper's foot's loads, to which each log is scaled [N].
 PAPER_PEAK_N = 1.0
@@ -55,7 +56,7 @@ def judge_run(models: Sequence[Path], *, viscous_rel: float, run: WalkerRun) -> 
         viscous_rel: Creep and lag of the rubber over those of the simulated rubber [1].
         run: The run.
     """
-    log, judged = run.log(), []
+    log, judged = WalkerLog.load(run.saved(cache_folder())), []
     for folder in models:
         design, response = load_foot(folder / FOOT_FILE), FootResponse.load(folder / RESPONSE_FILE)
         network = Network(folder / NETWORK_FILE, len(log.legs))

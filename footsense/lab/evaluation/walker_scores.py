@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from footsense.frames import IS_USABLE_STATE, GaitEventKind, Mask, State, Vector
+from footsense.frames import IS_USABLE_STATE, Cause, GaitEventKind, Mask, State, Vector
 from footsense.lab.evaluation.walker_runs import LEAD_IN_S, WalkerOutputs
 
 #: Time after the lead-in in which nothing counts: the robot comes to stand, and swings show their noise [s].
@@ -17,6 +17,15 @@ _MERGED_S, MIN_TOUCH_S = 0.025, 0.03
 AFTER_TOUCH_S, BEFORE_END_S = 0.04, 0.03
 #: Time after a touch within which a report belongs to it [s].
 _REPORT_AFTER_S = 0.08
+#: Causes of a faulty element or line.
+_ELEMENT_FAULTS = (
+    Cause.ELEMENT_OPEN,
+    Cause.ELEMENT_SHORTED,
+    Cause.ELEMENT_DRIFTS,
+    Cause.ELEMENT_STUCK,
+    Cause.ROW_OPEN,
+    Cause.COLUMN_OPEN,
+)
 #: Sliding: speed of the contact point [m/s] and normal force over the peak [1] from which a foot slides; way of a slide
 #: that counts [m], time after the touch from which one is a later slide [s], and time within which a slip belongs to
 #: a slide [s].
