@@ -31,6 +31,14 @@ can: {interface: socketcan}
 MCU = "board: mcu\nserial: {device: sim}\ncan: {interface: virtual}\n"
 
 
+@pytest.mark.parametrize(
+    ("interface", "channel"), [("socketcan", "can0"), ("udp_multicast", "239.74.163.2"), ("virtual", "can0")]
+)
+def test_the_channel_follows_the_interface(file: Path, interface: str, channel: str) -> None:
+    file.write_text(ONE_BUS.replace("socketcan", interface))
+    assert load_config(file).can.channel == channel
+
+
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     return tmp_path / "robot.yaml"
