@@ -105,10 +105,15 @@ def another_sends(wire: CanWire, clock: Clock) -> bool:
     return False
 
 
+def others_hear(config: Config, scene: Scene | None) -> bool:
+    """Return whether other programs receive the CAN frames of a simulation."""
+    return config.can.interface != "virtual" and not can_faults(scene) and is_simulated(config)
+
+
 def frames_destination(config: Config, scene: Scene | None) -> str:
     """Return in one line on which channel the CAN frames of a simulation go, and who hears them."""
     interface, channel = config.can.interface, config.can.channel
-    if interface == "virtual" or can_faults(scene) or not is_simulated(config):
+    if not others_hear(config, scene):
         return "simulated; its CAN frames stay within this process"
     if interface == "udp_multicast":
         named = "" if channel == DEFAULT_CHANNELS[interface] else f" --channel {channel}"
