@@ -78,6 +78,11 @@ _OPTIONS = (
 )
 
 
+def silence_text(channel: str) -> str:
+    """Return what is told of a channel on which nothing is heard."""
+    return f"no frames on {channel}; is the service running?"
+
+
 def can_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Give a command the options `--config`, `--interface` and `--channel`.
 
