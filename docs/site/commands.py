@@ -19,7 +19,12 @@ def markdown() -> str:
 def _contexts(command: click.Command, parent: click.Context | None = None) -> Iterator[click.Context]:
     name = None if parent else "footsense"
     context = click.Context(
-        command, parent, name or command.name, terminal_width=_WIDTH, max_content_width=_WIDTH
+        command,
+        parent,
+        name or command.name,
+        terminal_width=_WIDTH,
+        max_content_width=_WIDTH,
+        **command.context_settings,
     )
     yield context
     if isinstance(command, click.Group):

@@ -50,7 +50,7 @@ def _default(field: msgspec.structs.FieldInfo) -> str:
     if isinstance(value, msgspec.Struct):
         return "its defaults"
     text = msgspec.json.encode(value).decode().strip('"')
-    return f"`{text}`"
+    return f"`{text}`" if text else "*see meaning*"
 
 
 def _structs(hint: Any) -> Iterator[tuple[type, str]]:  # noqa: ANN401 - a type

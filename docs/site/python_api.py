@@ -5,6 +5,7 @@ import enum
 import importlib
 import inspect
 import re
+import textwrap
 from collections.abc import Iterator
 from typing import Any
 
@@ -17,7 +18,7 @@ _SECTION = re.compile(
     r"^(Args|Attributes|Returns|Yields|Raises|Example|Source):(:?)\n((?:(?: {4}.*)?\n)+)", re.MULTILINE
 )
 _ENTRY = re.compile(r"^([*\w][\w, *]*): ", re.MULTILINE)
-_MEMBER = re.compile(r"^    (\w+) = (\S+)(?:  #: (.*))?$", re.MULTILINE)
+_COMMENT = re.compile(r"#: (.*)$", re.MULTILINE)
 
 
 def markdown(module: str) -> str:
@@ -35,11 +36,7 @@ def _section(module: str, name: str, documented: Any) -> str:  # noqa: ANN401 - 
     if module not in _TOLD_APART and getattr(documented, "__module__", "").startswith(_TOLD_APART):
         return f"`{name}`: see [below](#{name.lower()}).\n"
     if inspect.isclass(documented) and issubclass(documented, enum.Enum):
-        rows = [
-            [f"`{member}`", value, words]
-            for member, value, words in _MEMBER.findall(inspect.getsource(documented))
-        ]
-        parts += [_prose(documented), table(["name", "value", "meaning"], rows)]
+        parts += [_prose(documented), table(["name", "value", "meaning"], list(_enum_rows(documented)))]
     elif callable(documented):
         parts += [_code(f"{name}{_signature(documented)}"), _prose(documented)]
         if inspect.isclass(documented):
@@ -49,6 +46,28 @@ def _section(module: str, name: str, documented: Any) -> str:  # noqa: ANN401 - 
     else:
         parts.append(_code(f"{name} = {_value(documented)}"))
     return "\n".join(parts)
+
+
+def _enum_rows(documented: type[enum.Enum]) -> Iterator[list[str]]:
+    """Yield name, value and comment of each member, as the source has them, on whatever lines."""
+    source = inspect.cleandoc("\n" + inspect.getsource(documented))
+    (node,) = ast.parse(source).body
+    assert isinstance(node, ast.ClassDef)
+    lines = source.splitlines()
+    for member in node.body:
+        if isinstance(member, ast.Assign):
+            comment = _COMMENT.search("\n".join(lines[member.lineno - 1 : member.end_lineno]))
+            yield [
+                f"`{ast.unparse(member.targets[0])}`",
+                _source_of(member.value, source),
+                comment[1] if comment else "",
+            ]
+
+
+def _source_of(node: ast.expr, source: str) -> str:
+    text = ast.get_source_segment(source, node)
+    assert text is not None
+    return text
 
 
 def _members(documented: type) -> Iterator[tuple[str, object]]:
@@ -82,10 +101,14 @@ def _parameters(arguments: ast.arguments) -> list[str]:
     defaults = [None] * (len(plain) - len(arguments.defaults)) + list(arguments.defaults)
     for one, default in zip(plain, defaults, strict=True):
         found.append(ast.unparse(one) + (f" = {ast.unparse(default)}" if default else ""))
-    if arguments.kwonlyargs:
+    if arguments.vararg:
+        found.append(f"*{ast.unparse(arguments.vararg)}")
+    elif arguments.kwonlyargs:
         found.append("*")
     for one, default in zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True):
         found.append(ast.unparse(one) + (f" = {ast.unparse(default)}" if default else ""))
+    if arguments.kwarg:
+        found.append(f"**{ast.unparse(arguments.kwarg)}")
     return [text for text in found if text not in {"self", "cls"}]
 
 
@@ -114,7 +137,7 @@ def _code(text: str) -> str:
 def _prose(documented: object) -> str:
     """Return a docstring as Markdown: sections as lists, examples as code."""
     text = inspect.cleandoc(getattr(documented, "__doc__", None) or "") + "\n"
-    text = _SECTION.sub(lambda part: _list(part[1], inspect.cleandoc(part[3])) + "\n", text)
+    text = _SECTION.sub(lambda part: _list(part[1], textwrap.dedent(part[3]).strip()) + "\n", text)
     return re.sub(r"\n{3,}", "\n\n", text).strip() + "\n"
 
 

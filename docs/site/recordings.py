@@ -57,7 +57,8 @@ def _section(topic: str, words: str, fields: Mapping[str, CycleField], start: st
 
 def _meaning(words: str) -> str:
     """Return the description of an array as that of a leg's entry."""
-    words = re.sub(r", shape \([^)]*\)|, (?:u?int\d+|float64)(?: of (?=`))?", "", words)
+    words = re.sub(r", u?int\d+ of (`\w+`)", r" (\1)", words)
+    words = re.sub(r", shape \([^)]*\)|, (?:u?int\d+|float64)", "", words)
     return re.sub(r"\bNaN\b", "null", words)
 
 

@@ -31,6 +31,38 @@ ADDRESSES = range(0x08, 0x78)
 _ADDRESSES_PROBED_BY_READ = {*range(0x30, 0x38), *range(0x50, 0x60)}
 
 
+class TimeLimitedBus:
+    """Bus whose scan ends after a while: some adapters need up to a second to tell that no chip answers.
+
+    Args:
+        bus: The bus.
+        clock: Its clock.
+        device: Name of its adapter.
+        limit_s: Time from now on in which transactions may begin [s].
+    """
+
+    def __init__(self, bus: I2cBus, clock: Clock, device: str, limit_s: float) -> None:
+        self._bus, self._clock, self._device, self._limit_s = bus, clock, device, limit_s
+        self._end_ns = clock.now_ns() + round(limit_s * 1e9)
+        self._n = 0
+
+    def transfer(self, transaction: Transaction) -> bytes:
+        """Do one transaction.
+
+        Raises:
+            HardwareError: The time is over.
+            I2cError: The transaction failed.
+        """
+        if self._clock.now_ns() > self._end_ns:
+            raise HardwareError(
+                f"{self._device}: the scan was given up after {self._limit_s:g} s: this adapter does "
+                f"{self._n / self._limit_s:.1f} transactions/s, as it tells slowly that no chip answers; use another "
+                "one, or write the robot's file by hand: deploy/footsense.yaml"
+            )
+        self._n += 1
+        return self._bus.transfer(transaction)
+
+
 class AddressProbe(NamedTuple):
     """Result of an address scan: I2C addresses that answered, and those that were not probed.
 

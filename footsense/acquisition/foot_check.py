@@ -134,7 +134,8 @@ def foot_faults(
             f"a tare is refused above {limits.unloaded_limit_rel:.1%}"
         )
         advice = (
-            "that nothing presses the foot; then put its readings below into the configuration as unloaded_pf"
+            "that nothing presses the foot; then calibrate it beside a force sensor; without one, its readings below as"
+            " unloaded_pf let it be tared, and its forces stay those of the design"
         )
         broken.append(FootFault(Cause.NONE, _indices(off), observation, advice, foot_may_be_sound=True))
     return tuple(broken)

@@ -138,16 +138,18 @@ class LegConnection:
         if self._misses >= _MISSED_SCANS_BEFORE_LEAVING:
             self.leave_scan(missing[0], now_ns)
 
-    def leave_scan(self, outcome: Reading, now_ns: int, why: str = "", pause_factor: float = 1.0) -> None:
+    def leave_scan(
+        self, outcome: Reading, now_ns: int, why: str | None = "", pause_factor: float = 1.0
+    ) -> None:
         """Leave the leg out of the scan, and delay the next try, twice as long each time.
 
         Args:
             outcome: Why.
             now_ns: The time now [ns].
-            why: The same in words; by default the meaning of the reading.
+            why: The same in words; by default the meaning of the reading. None for no line: its bus has one.
             pause_factor: Factor on the pause.
         """
-        if outcome is not self.outcome or self._pause_ns == _FIRST_PAUSE_NS:
+        if why is not None and (outcome is not self.outcome or self._pause_ns == _FIRST_PAUSE_NS):
             _log.warning(
                 "leg %s: %s; left out of the scan and tried again later",
                 self.name,
@@ -315,16 +317,21 @@ def leave_out_stuck_legs(bus: LegBus, legs: Sequence[LegConnection], read: Trans
         read: Read of a leg's chip that changes nothing.
         clock: The time that the bus lives in.
     """
-    free = bus.free_bus()
+    free, behind = bus.free_bus(), []
     for leg in legs:
         if not leg.in_scan:
             continue
         if not free:
-            why = "the bus is held low and does not get free"
-            leg.leave_scan(Reading.BUS_STUCK, clock.now_ns(), why, _STUCK_BUS_PAUSE_FACTOR)
+            leg.leave_scan(Reading.BUS_STUCK, clock.now_ns(), None, _STUCK_BUS_PAUSE_FACTOR)
+            behind.append(leg.name)
             continue
         try:
             bus.exchange(leg.selection, (read,))
         except I2cTimeoutError:
             free = bus.free_bus()
             leg.leave_scan(Reading.BUS_STUCK, clock.now_ns(), pause_factor=_STUCK_LEG_PAUSE_FACTOR)
+    if behind:
+        _log.warning(
+            "the bus of %s is held low and does not get free; they are left out of the scan and tried again later",
+            ", ".join(behind),
+        )

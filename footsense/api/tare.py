@@ -1,6 +1,6 @@
 """Tare of legs by commands on CAN, as a gait controller sends them: for `Feet.tare` and `footsense tare`."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import closing
 from typing import NamedTuple
 
@@ -18,8 +18,8 @@ from footsense.ports import CanWire, Clock
 
 #: Time in which a running service sends five heartbeats of each leg, and one that lags at least one [ns].
 _HEARTBEAT_TIMEOUT_NS = 1_000_000_000
-#: Time in which a tare ends, also of slow converters [ns].
-_ANSWER_TIMEOUT_NS = 20_000_000_000
+#: Time in which a tare ends, also of slow converters, and in which it usually does [ns].
+_ANSWER_TIMEOUT_NS, _USUAL_ANSWER_NS = 20_000_000_000, 1_000_000_000
 _POLL_PERIOD_NS = 5_000_000
 _NS_PER_S = 1_000_000_000
 #: Unit in which the time of the start chooses the first counter [ns]: not that of a command of a moment ago.
@@ -27,7 +27,10 @@ _COUNTER_STEP_NS = 100_000_000
 
 _REFUSALS = {
     Result.NOT_QUIET: "its readings move more than noise does; let the foot hang still",
-    Result.LOADED: "the foot is in contact, or its readings are not those of an unloaded foot",
+    Result.LOADED: (
+        "the foot is in contact, or reads otherwise than a free one; lift it so that nothing presses it, and tare it "
+        "again (simulated: footsense run --scene hanging)"
+    ),
     Result.ELEMENT_FAULT: "an element gives no usable reading; `footsense probe` names it",
     Result.ABSENT: "its chips do not answer",
     Result.UNKNOWN: "the service knows no such command",
@@ -59,7 +62,13 @@ class LegTare(NamedTuple):
         return "it is heard, but does not answer; if its channel is udp_multicast, `can.commands: true` has to be set"
 
 
-def tare_on(can: Can, legs: Collection[str], heard: Collection[int] = ()) -> Iterator[LegTare]:
+#: Called with the legs whose answer takes longer than usual, and the time after which they are given up [s].
+OnWait = Callable[[Collection[str], float], None]
+
+
+def tare_on(
+    can: Can, legs: Collection[str], heard: Collection[int] = (), on_wait: OnWait | None = None
+) -> Iterator[LegTare]:
     """Tare legs on a channel; arguments as of `tare_legs`.
 
     Yields:
@@ -71,13 +80,17 @@ def tare_on(can: Can, legs: Collection[str], heard: Collection[int] = ()) -> Ite
     accept = [base + node for base in (HEARTBEAT_ID, ANSWER_ID) for node in NODE_IDS.values()]
     with closing(open_wire(can, accept)) as wire:
         try:
-            yield from tare_legs(wire, MonotonicClock(), legs, heard)
+            yield from tare_legs(wire, MonotonicClock(), legs, heard, on_wait)
         except OSError as error:
             raise CanError(f"the CAN channel is gone: {error.strerror or error}") from error
 
 
 def tare_legs(
-    wire: CanWire, clock: Clock, legs: Collection[str], heard: Collection[int] = ()
+    wire: CanWire,
+    clock: Clock,
+    legs: Collection[str],
+    heard: Collection[int] = (),
+    on_wait: OnWait | None = None,
 ) -> Iterator[LegTare]:
     """Tare legs by commands on CAN.
 
@@ -86,6 +99,7 @@ def tare_legs(
         clock: The time.
         legs: Names of legs; `all` stands for every leg that is heard.
         heard: CAN node ids of the legs that are heard; none to listen for their heartbeats first, a second.
+        on_wait: Called once if answers take longer than usual; None for nobody to tell.
 
     Yields:
         Each leg, as its answer arrives; without an answer those that are not heard, and those that take too long.
@@ -107,13 +121,18 @@ def tare_legs(
         if not wire.send([pack_frame(*commands.encode(node, CommandKind.TARE, now_ns))], now_ns):
             raise CanError("CAN takes no frame; is another node on the bus?")
     if waiting:
-        for can_id, data in _received(wire, clock, clock.now_ns() + _ANSWER_TIMEOUT_NS):
-            answer = commands.feed(can_id, data, clock.now_ns())
+        sent_ns = clock.now_ns()
+        for can_id, data in _received(wire, clock, sent_ns + _ANSWER_TIMEOUT_NS):
+            now_ns = clock.now_ns()
+            answer = commands.feed(can_id, data, now_ns)
             if answer is not None:
                 response_s = answer.response_time_ns / _NS_PER_S
                 yield LegTare(waiting.pop(answer.node), result=answer.result, response_s=response_s)
             if not waiting:
                 return
+            if on_wait is not None and now_ns > sent_ns + _USUAL_ANSWER_NS:
+                on_wait(waiting.values(), _ANSWER_TIMEOUT_NS / _NS_PER_S)
+                on_wait = None
         yield from map(LegTare, waiting.values())
 
 

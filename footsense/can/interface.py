@@ -4,6 +4,7 @@ import errno
 from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
+from msgspec.structs import force_setattr
 
 Interface = Literal["virtual", "socketcan", "udp_multicast"]
 
@@ -16,7 +17,8 @@ class Can(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     Attributes:
         interface: `socketcan` on the robot; `virtual` stays within the process, `udp_multicast` on this computer.
-        channel: Name of the network interface; with `udp_multicast` an address such as 239.74.163.2.
+        channel: Name of the network interface, by default can0; with `udp_multicast` an address, by default
+            239.74.163.2.
         bitrate: Bit rate [bit/s], to compute the bus load; the kernel sets it (deploy/README.md).
         commands: Whether commands are executed. None: those of a CAN bus, but not those of `udp_multicast`, which every
             program on this computer can send.
@@ -29,12 +31,19 @@ class Can(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     ]
     channel: Annotated[
         str, Meta(pattern=r"^[^\s/]{1,15}$", description="a network interface such as can0")
-    ] = "can0"
+    ] = ""
     bitrate: Annotated[int, Meta(ge=10_000, le=1_000_000, description="classic CAN ends at 1 Mbit/s")] = (
         500_000
     )
     commands: bool | None = None
     fd: bool = False
+
+    def __post_init__(self) -> None:
+        """Set the channel that belongs to the interface where none is named."""
+        if not self.channel:
+            force_setattr(
+                self, "channel", DEFAULT_CHANNELS.get(self.interface, DEFAULT_CHANNELS["socketcan"])
+            )
 
     @property
     def bit_ns(self) -> float:

@@ -14,6 +14,7 @@ import click
 import numpy as np
 
 import footsense
+from footsense.cli.file_kinds import kind_of_text
 from footsense.cli.options import FILE
 from footsense.cli.tables import echo_figures, errors_text
 from footsense.errors import FootsenseError, RecordingError
@@ -51,14 +52,14 @@ def info(file: Path | None) -> None:
         with os.fdopen(open_regular(file), "rb") as stream:
             begin = stream.read(8)
     except OSError as error:
-        raise FootsenseError(f"{file}: cannot be read: {error.strerror}") from None
+        raise RecordingError(f"{file}: cannot be read: {error.strerror}") from None
     for magic, print_file in _KINDS.items():
         if begin.startswith(magic):
             print_file(file)
             return
-    raise FootsenseError(
-        f"{file}: is no recording, network, response table or calibration; a robot's file: footsense check-config"
-    )
+    if (kind := kind_of_text(file)) is not None:
+        raise FootsenseError(f"{file}: is {kind[0]}: {kind[1]}")
+    raise FootsenseError(f"{file}: is no recording, network, response table or calibration")
 
 
 def _installed() -> dict[str, Any]:

@@ -11,7 +11,15 @@ from rich.logging import RichHandler
 from rich.progress_bar import ProgressBar
 from rich.text import Text
 
-from footsense.cli.tables import Column, contact_column, fitting, force_columns, state_column, table
+from footsense.cli.tables import (
+    Column,
+    contact_column,
+    fitting,
+    force_columns,
+    left_out_text,
+    state_column,
+    table,
+)
 from footsense.frames import IS_USABLE_STATE, Cause, Cycle, Flag, State, Vector
 from footsense.leg_words import word_of
 from footsense.ports import Observer
@@ -101,7 +109,8 @@ def legs_table(
         head.append("  timing degraded", "bold red")
     head.append(f"  {title}")
     head.append(*((f"  {url}", "cyan") if url else (f"  cycle {forces.sequence}", "dim")))
-    return Group(head, Text(), table(fitting(columns, console.width), range(len(legs))))
+    rows = table(fitting(columns, console.width), range(len(legs)))
+    return Group(head, Text(left_out_text(columns, console.width), "dim", no_wrap=True), rows)
 
 
 def _force_bar(force_n: float) -> ProgressBar | str:

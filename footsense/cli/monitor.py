@@ -1,6 +1,7 @@
 """Command `footsense monitor`: the legs on CAN, as a consumer of their forces sees them."""
 
 import math
+import sys
 from collections.abc import Callable
 from contextlib import ExitStack, closing
 from dataclasses import replace
@@ -14,7 +15,7 @@ from rich.text import Text
 
 from firmware_interface.can.codes import Cause, Flag, NmtState, Slip
 from footsense.can.interface import Interface
-from footsense.cli.can.can_options import can_options
+from footsense.cli.can.can_options import can_options, silence_text
 from footsense.cli.options import StopRequest, duration_option
 from footsense.cli.tables import (
     EMPTY_CELL,
@@ -95,9 +96,11 @@ def monitor(
         for step in count(1):
             t_ns = start_ns + step * _REDRAW_PERIOD_NS
             if t_ns > end_ns:
-                if not listener.snapshot():
-                    raise FootsenseError(f"no frames on {channel} in {duration_s:g} s")
-                return
+                if listener.snapshot():
+                    return
+                if step > _REDRAWS_PER_LINE:  # the picture says so, or the line after the first second
+                    sys.exit(FootsenseError.exit_code)
+                raise FootsenseError(silence_text(channel))
             listener.listen(t_ns)
             if stop.requested:
                 return
@@ -108,7 +111,7 @@ def monitor(
             elif step % _REDRAWS_PER_LINE == 0:
                 legs = listener.snapshot()
                 if not legs and step == _REDRAWS_PER_LINE:
-                    click.echo(f"footsense: {_silence(channel)}", err=True)
+                    click.echo(f"footsense: {silence_text(channel)}", err=True)
                 for snapshot in legs:
                     echo_json({"t_s": t_s, **json_row(COLUMNS, snapshot)}, indent=0)
 
@@ -132,16 +135,12 @@ def monitor_tables(legs: list[LegSnapshot], channel: str, t_s: float, width: int
         head.append("  in air", "cyan")
     heads = [head]
     if not any(leg.is_current for leg in legs):
-        heads.append(Text(_silence(channel), "bold red"))
+        heads.append(Text(silence_text(channel), "bold red"))
     tables = [
         table(fitting([_LEG_COLUMN, *columns], width), legs)
         for columns in (_FORCE_COLUMNS, _GAIT_COLUMNS, _REPORT_COLUMNS)
     ]
     return Group(*heads, *(tables if legs else ()))
-
-
-def _silence(channel: str) -> str:
-    return f"no frames on {channel}; is the service running?"
 
 
 def _state_cell(leg: LegSnapshot) -> RenderableType:
@@ -236,10 +235,10 @@ _GAIT_COLUMNS: list[Column[LegSnapshot]] = [
     _reported("gait.load_share", ">5.0%", "share", worth=8),
     Column("gait.slip", _entry("gait.slip"), "<6", cell=_slip_cell, worth=7),
     _reported("gait.all_in_air"),
-    _reported("ground.tangential_over_normal", ">8.2f", "friction", worth=6),
+    _reported("ground.tangential_over_normal", ">5.2f", "ft/fn", worth=6),
     _reported("ground.tangential_over_normal_sigma", ">4.2f", "+-", worth=4),
-    _reported("ground.friction", ">4.2f", "cone", worth=5),
-    _reported("ground.normal", ">+8.2f", "normal x", "y", worth=2),
+    _reported("ground.friction", ">8.2f", "friction", worth=5),
+    _reported("ground.normal", ">+6.2f", "normal x", "y", worth=2),
     Column(
         "ground.normal_sigma_deg",
         _entry("ground.normal_sigma_rad", math.degrees(1.0)),

@@ -33,7 +33,8 @@ json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON."
 pace_option = click.option(
     "--realtime/--fast",
     default=None,
-    help="Pace a simulation with the wall clock, or not. Default: paced if a live picture is shown.",
+    help="Pace a simulation with the wall clock, or not. Default: paced if a live picture is shown, or if others "
+    "hear its CAN frames.",
 )
 
 
@@ -71,20 +72,20 @@ def _duration_s(ctx: click.Context, param: click.Parameter, value: float | None)
     return math.inf if value is None else value
 
 
-def is_paced(*, simulated: bool, realtime: bool | None, live: bool) -> bool:
+def is_paced(*, simulated: bool, realtime: bool | None, followed: bool) -> bool:
     """Return whether a simulation runs at the speed of real time.
 
     Args:
         simulated: Whether there is a simulation to pace.
         realtime: The option `--realtime/--fast`; None without it.
-        live: Whether a live picture is shown.
+        followed: Whether a live picture is shown, or other programs hear its CAN frames.
 
     Raises:
         ConfigError: There is none, and the option is given.
     """
     if not simulated and realtime is not None:
         raise ConfigError("--realtime and --fast are for simulations; this configuration names real buses")
-    return simulated and (live if realtime is None else realtime)
+    return simulated and (followed if realtime is None else realtime)
 
 
 class StopRequest:

@@ -17,7 +17,7 @@ from footsense.cli.tables import echo_figures, echo_json
 from footsense.clock import process_age_ns, resident_mib
 from footsense.config import DEFAULT, Config, load_config
 from footsense.config.sections import PageServer
-from footsense.daemon.can_output import frames_destination
+from footsense.daemon.can_output import frames_destination, others_hear
 from footsense.daemon.foot_types import foot_type_of
 from footsense.daemon.service import open_service
 from footsense.daemon.simulation import is_simulated
@@ -62,7 +62,7 @@ def _page_of(ring: Path, view: PageServer) -> Iterator[subprocess.Popen[str]]:
 @click.option(
     "--scene",
     "scene_name",
-    help="Simulate this scene: a name (tripod, measured_walk, hanging, faults), a YAML file, or walker:GAIT or "
+    help=f"Simulate this scene: a name ({', '.join(scene_names())}), a YAML file, or walker:GAIT or "
     "walker:GAIT:GROUND for a robot that walks in MuJoCo, such as walker:trot-fast (extra walkers).",
 )
 @options.duration_option("Stop after this time of the robot.")
@@ -98,7 +98,8 @@ def run(
         scene_name = _default_scene(config)
     scene = scene_of(scene_name, config, duration_s) if scene_name else None
     live = summary is None and _console().is_terminal
-    paced = options.is_paced(simulated=scene is not None, realtime=realtime, live=live or opens_view)
+    followed = live or opens_view or others_hear(config, scene)
+    paced = options.is_paced(simulated=scene is not None, realtime=realtime, followed=followed)
     stop = options.StopRequest()
     with ExitStack() as stack:
         page = None

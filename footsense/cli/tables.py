@@ -112,6 +112,14 @@ class Column(Generic[Row]):
         return [f"[{style}]{text}[/]" if style else text for text in texts]
 
 
+def left_out_text(columns: Iterable[Column[Row]], width: int) -> str:
+    """Return in words which columns do not fit into a width; empty if all do."""
+    every = [column for column in columns if column.form]
+    shown = fitting(every, width)
+    titles = [title for column in every if column not in shown for title in column.headings]
+    return f"a wider terminal shows {', '.join(titles)}, too" if titles else ""
+
+
 def fitting(columns: Iterable[Column[Row]], width: int) -> list[Column[Row]]:
     """Return the columns that fit into a width, without those of the least worth."""
     shown = [column for column in columns if column.form]

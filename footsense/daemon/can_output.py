@@ -105,16 +105,21 @@ def another_sends(wire: CanWire, clock: Clock) -> bool:
     return False
 
 
+def others_hear(config: Config, scene: Scene | None) -> bool:
+    """Return whether other programs receive the CAN frames of a simulation."""
+    return config.can.interface != "virtual" and not can_faults(scene) and is_simulated(config)
+
+
 def frames_destination(config: Config, scene: Scene | None) -> str:
-    """Return in one line where the CAN frames of a simulation go."""
+    """Return in one line on which channel the CAN frames of a simulation go, and who hears them."""
     interface, channel = config.can.interface, config.can.channel
-    if interface == "virtual" or can_faults(scene) or not is_simulated(config):
+    if not others_hear(config, scene):
         return "simulated; its CAN frames stay within this process"
     if interface == "udp_multicast":
         named = "" if channel == DEFAULT_CHANNELS[interface] else f" --channel {channel}"
         return (
-            "simulated; its CAN frames go to programs on this computer alone: footsense monitor --interface "
-            f"udp_multicast{named}"
+            f"simulated; its CAN frames go out on {channel}, to programs on this computer alone: footsense monitor "
+            f"--interface udp_multicast{named}"
         )
     return f"simulated, but its CAN frames go out on {channel} of this computer, with the flag Simulated"
 

@@ -33,6 +33,8 @@ _STATUS_PERIOD_NS = 10_000_000_000
 class LegStateLogger:
     """Observer that logs each leg's changes of state and cause, and the results of commands.
 
+    Faults and their ends are warnings, the steps between them and those of a healthy start are not.
+
     Args:
         legs: Names of the legs in the order of the frames' rows.
         on_test_stand: Whether a foot without a calibration is pressed on a test stand, whose changes are not logged.
@@ -43,6 +45,7 @@ class LegStateLogger:
         self._unlogged = _UNLOGGED_ON_TEST_STAND if on_test_stand else frozenset[State]()
         # The first state of every leg, which is not logged.
         self._last = (bytes([State.STARTING] * len(legs)), bytes(len(legs)))
+        self._has_fault = [False] * len(legs)
         self._lines = [0] * len(legs)
         self._suppressed = [0] * len(legs)
         self._minute = 0
@@ -77,8 +80,10 @@ class LegStateLogger:
                 if state == state_before:
                     change = f"{word_of(now)}: {word_of(Cause(cause_before))} -> {reason}"
                 # A valid leg may have a cause too, such as an element that drifts.
-                level = logging.WARNING if cause or now not in FAULT_FREE else logging.INFO
-                self._log_line(leg, level, change)
+                is_fault = bool(cause) or now not in FAULT_FREE
+                is_end = self._has_fault[leg] and now is State.VALID and not cause
+                self._has_fault[leg] = is_fault or (self._has_fault[leg] and not is_end)
+                self._log_line(leg, logging.WARNING if is_fault or is_end else logging.INFO, change)
 
     def _log_line(self, leg: int, level: int, text: str) -> None:
         """Log one message about a leg, unless its limit per minute is reached."""

@@ -71,6 +71,30 @@ def test_the_reference_is_what_the_code_says() -> None:
     assert checked.returncode == 0, checked.stderr
 
 
+#: What a generator leaves of a text that it did not take apart rightly.
+_TORN = {
+    "a sentence as a parameter": r"^- `[^`]*\s[^`]*`:",
+    "a word at a name": r"\w`\w+`[.,;]? \|",
+    "a code without its number": r"^\| `[A-Z_0-9]+` \| (?!\d|0x)",
+    "help without -h": r"^  --help ",
+}
+
+
+@pytest.mark.parametrize("torn", _TORN)
+def test_the_reference_has_whole_names_and_sentences(torn: str) -> None:
+    pages = (ROOT / "docs/reference").glob("*.md")
+    found = [
+        line
+        for page in pages
+        for line in re.findall(f"{_TORN[torn]}.*", page.read_text(encoding="utf-8"), re.MULTILINE)
+    ]
+    assert not found
+
+
+def test_a_method_of_the_reference_has_all_its_parameters() -> None:
+    assert "Feet.tare(*legs: str)" in (ROOT / "docs/reference/python.md").read_text(encoding="utf-8")
+
+
 def test_the_scene_on_the_page_of_scenes_is_one() -> None:
     page = (ROOT / "docs/reference/scenes.md").read_text(encoding="utf-8")
     text = page.split("```yaml\n")[1].split("```")[0]

@@ -1,6 +1,7 @@
 """Options of the commands that receive from CAN: the robot's file, or interface and channel."""
 
 from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
 from typing import Any
 
@@ -10,14 +11,14 @@ from footsense.can.interface import DEFAULT_CHANNELS
 from footsense.cli.options import FILE
 from footsense.config import load_config
 from footsense.config.contradictions import is_multicast
-from footsense.errors import ConfigError
+from footsense.errors import CanError, ConfigError
 
-#: Key in the context of a command of the legs of the robot's file.
-LEGS_OF_FILE = "footsense.legs"
+#: Key in the context of a command of the robot's file, as a configuration.
+ROBOT = "footsense.robot"
 
 
 def _take_from_file(ctx: click.Context, param: click.Parameter, value: Path | None) -> None:
-    """Let interface and channel of a robot's file be the defaults of the options, and keep its legs.
+    """Let interface and channel of a robot's file be the defaults of the options, and keep the robot.
 
     Raises:
         ConfigError: It is no such file, or no other program hears its frames.
@@ -32,7 +33,7 @@ def _take_from_file(ctx: click.Context, param: click.Parameter, value: Path | No
             f"{value}: can.interface: the frames of {can.interface} stay within the service's process; "
             "with udp_multicast other programs on this computer hear them"
         )
-    ctx.meta[LEGS_OF_FILE] = config.legs
+    ctx.meta[ROBOT] = config
     ctx.default_map = {"interface": can.interface, "channel": can.channel}
 
 
@@ -77,8 +78,26 @@ _OPTIONS = (
 )
 
 
+def silence_text(channel: str) -> str:
+    """Return what is told of a channel on which nothing is heard."""
+    return f"no frames on {channel}; is the service running?"
+
+
 def can_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a command the options `--config`, `--interface` and `--channel`."""
+    """Give a command the options `--config`, `--interface` and `--channel`.
+
+    Where the interface was not chosen and CAN fails, the error names the one of a simulation.
+    """
+
+    @wraps(command)
+    def told(*arguments: Any, **options: Any) -> Any:  # noqa: ANN401 - the command's own
+        try:
+            return command(*arguments, **options)
+        except CanError as error:
+            if options["interface"] != "socketcan" or ROBOT in click.get_current_context().meta:
+                raise
+            raise CanError(f"{error}; of a simulation: --interface udp_multicast") from None
+
     for option in reversed(_OPTIONS):
-        command = option(command)
-    return command
+        told = option(told)
+    return told

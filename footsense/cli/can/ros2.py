@@ -5,7 +5,7 @@ from contextlib import closing
 import click
 
 from footsense.can.interface import Interface
-from footsense.cli.can.can_options import can_options
+from footsense.cli.can.can_options import can_options, silence_text
 from footsense.cli.options import StopRequest, duration_option
 from footsense.client import LinkLimits
 from footsense.clock import MonotonicClock, wall_time_ns
@@ -47,14 +47,18 @@ def ros2(
     participant, live = Participant(domain, topics.types), LiveSamples()
     clock, stop = MonotonicClock(), StopRequest()
     start_ns = clock.now_ns()
-    n_published = 0
+    n_published, is_silent = 0, False
     limits = LinkLimits(accept_degraded=True)
     with closing(open_listener(interface, channel, clock, limits)) as listener:
         click.echo(f"{channel} to ROS 2, domain {domain}; Ctrl-C ends it")
         while not stop.requested and (now_ns := clock.now_ns()) < start_ns + duration_s * _NS_PER_S:
             listener.listen(now_ns + _PUBLISH_PERIOD_NS)
             wall_ns = wall_time_ns()
-            samples = live.samples(listener.snapshot(), wall_ns, clock.now_ns())
+            legs = listener.snapshot()
+            if not legs and not is_silent and now_ns > start_ns + _NS_PER_S:
+                is_silent = True
+                click.echo(f"footsense: {silence_text(channel)}", err=True)
+            samples = live.samples(legs, wall_ns, clock.now_ns())
             for topic, cdr in topics.due_messages(samples, wall_ns):
                 participant.publish(topic, cdr)
                 n_published += 1

@@ -1,14 +1,15 @@
 """Command `footsense tare`: command the service over CAN to take the present readings of legs as unloaded."""
 
 import sys
+from collections.abc import Collection
 
 import click
 
 from firmware_interface.can.codes import NODE_IDS, Result
 from footsense.api.tare import tare_on
 from footsense.can.interface import Can, Interface
-from footsense.cli.can.can_options import LEGS_OF_FILE, can_options
-from footsense.errors import FootsenseError
+from footsense.cli.can.can_options import ROBOT, can_options
+from footsense.errors import ConfigError, FootsenseError
 
 
 def _legs_of_robot(ctx: click.Context, param: click.Parameter, legs: tuple[str, ...]) -> tuple[str, ...]:
@@ -16,11 +17,19 @@ def _legs_of_robot(ctx: click.Context, param: click.Parameter, legs: tuple[str, 
 
     Raises:
         BadParameter: The robot of `--config` has not all of them.
+        ConfigError: It executes no commands.
     """
     del param
-    there = ctx.meta.get(LEGS_OF_FILE, NODE_IDS)
-    if absent := set(legs) - {*there, "all"}:
-        raise click.BadParameter(f"{', '.join(sorted(absent))}: this robot has {', '.join(there)}")
+    robot = ctx.meta.get(ROBOT)
+    if robot is None:
+        return legs
+    if absent := set(legs) - {*robot.legs, "all"}:
+        raise click.BadParameter(f"{', '.join(sorted(absent))}: this robot has {', '.join(robot.legs)}")
+    if not robot.can.executes_commands:
+        raise ConfigError(
+            f"can.commands: this robot executes no commands on {robot.can.channel}; set `commands: true` under can in "
+            "its file, and start its service again"
+        )
     return legs
 
 
@@ -40,8 +49,12 @@ def tare(legs: tuple[str, ...], interface: Interface, channel: str) -> None:
     Sends the command that a gait controller sends, and prints the answers. The service refuses the tare of a foot that
     is loaded or moves; then, and without an answer in 20 s, the command ends with exit code 1.
     """
+
+    def tell_wait(waiting: Collection[str], limit_s: float) -> None:
+        click.echo(f"waiting for an answer of {', '.join(waiting)}, up to {limit_s:g} s", err=True)
+
     is_done = True
-    for answer in tare_on(Can(interface=interface, channel=channel), legs):
+    for answer in tare_on(Can(interface=interface, channel=channel), legs, on_wait=tell_wait):
         if answer.result is Result.DONE:
             click.echo(f"{answer.leg}: tared in {answer.response_s:.2f} s")
         else:

@@ -13,6 +13,7 @@ from firmware_interface.can.dbc import make_dbc
 from firmware_interface.can.force import force_step_mn
 from firmware_interface.can.reports import foot_type_hash
 from firmware_interface.wire_timing import can_bits_per_s
+from footsense.cli.file_kinds import ROBOT, kind_of_text
 from footsense.cli.options import FILE, json_option
 from footsense.cli.tables import echo_figures, echo_json
 from footsense.clock import wall_time_iso
@@ -22,11 +23,12 @@ from footsense.daemon.can_output import frames_destination
 from footsense.daemon.estimation import contact_threshold_n, pipeline_for
 from footsense.daemon.models import Models, load_models
 from footsense.daemon.simulation import is_simulated
+from footsense.errors import ConfigError
 from footsense.foot.calibration_files import FootCalibration
 
-#: Direction error of 20 simulated feet as they are made, read without a calibration: their mean, and the worst foot's
-#: [deg]. Source: docs/report/experiment.md, row "uncalibrated: the released network", against the reference.
-UNCALIBRATED_DIRECTION_DEG, UNCALIBRATED_WORST_DIRECTION_DEG = 12.5, 23.3
+#: Direction error of 20 simulated feet of this type as they are made, read without a calibration: their mean, and the
+#: worst foot's [deg]. Source: docs/report/experiment.md, row "uncalibrated: the released network", column reference.
+UNCALIBRATED_TYPE, UNCALIBRATED_DIRECTION_DEG, UNCALIBRATED_WORST_DIRECTION_DEG = "aoyagi-3x3", 12.5, 23.3
 
 #: Largest force that the released feet, as designed, read in every direction up to 30 deg from the leg [N].
 #: Source: docs/report/design.md, range, "built".
@@ -43,8 +45,13 @@ def check_config(file: Path, dbc: Path | None, *, as_json: bool) -> None:
     """Say what the configuration FILE makes of a robot, or name its first error and the remedy.
 
     With -v every setting follows, defaults too.
-    """
-    config = load_config(file)
+    """  # noqa: DOC501 - click shows this text
+    try:
+        config = load_config(file)
+    except ConfigError:
+        if (kind := kind_of_text(file)) is not None and kind[0] != ROBOT:
+            raise ConfigError(f"{file}: is {kind[0]}, not a robot's: {kind[1]}") from None
+        raise
     models = load_models(config)
     pipeline_for(models, 0)  # raises as a run would
     card = models.network.card
@@ -135,9 +142,15 @@ def _uncalibrated(models: Models) -> Iterator[str]:
     unnamed = [leg for leg in legs if leg not in feet]
     reasons = [f"no foot named on {', '.join(unnamed)}"] if unnamed else []
     reasons += [f"no folder of calibrations for {feet[leg]} on {leg}" for leg in legs if leg in feet]
+    foot_type = models.network.card.foot_type
     expected = (
         f"expect {UNCALIBRATED_DIRECTION_DEG:g} deg of direction error, {UNCALIBRATED_WORST_DIRECTION_DEG:g} of the "
         "worst foot"
+        + (
+            ""
+            if foot_type == UNCALIBRATED_TYPE
+            else f", as of {UNCALIBRATED_TYPE}: {foot_type} was not tried"
+        )
     )
     if is_simulated(models.config):
         expected = f"as simulated feet are by design; of made ones {expected}"

@@ -4,25 +4,28 @@ import logging
 from pathlib import Path
 
 import click
+from msgspec.structs import replace
 from rich.console import Console, Group
 
 from footsense import strict_yaml
 from footsense.can.channel import can_interfaces
 from footsense.can.interface import Can
 from footsense.cli.options import FILE
+from footsense.cli.setup.check_config import USABLE_RANGE_N
 from footsense.cli.setup.probe import diagnoses_lines
 from footsense.cli.setup.robot_file import check_is_new, robot_file
-from footsense.config import Config
+from footsense.config import DEFAULT, Config
 from footsense.config.contradictions import first_contradiction
 from footsense.daemon.setup.found_feet import SIMULATED, devices, robot_on
 from footsense.daemon.setup.probe import probe
 from footsense.daemon.simulation import is_simulated
 from footsense.errors import ConfigError
+from footsense.foot.type_folders import released_names
 from footsense.frames import ALL_LEGS
 from footsense.sim.scene import load_scene
 
 #: Where forces go without a CAN interface: to programs on this computer.
-_LOCAL_CAN = Can(interface="udp_multicast", channel="239.74.163.2")
+_LOCAL_CAN = Can(interface="udp_multicast", commands=True)
 
 
 @click.command()
@@ -37,8 +40,16 @@ _LOCAL_CAN = Can(interface="udp_multicast", channel="239.74.163.2")
 @click.option(
     "--legs", "legs_text", default="", help="Legs in the order of their channels, such as 'lf lr rf rr'."
 )
+@click.option(
+    "--foot-type",
+    type=click.Choice(released_names()),
+    help="Type of the feet, by the largest force on one; without it you are asked, or with --device it is "
+    f"{DEFAULT.foot_type}.",
+)
 @click.option("--can", "can_name", help="CAN interface for the forces. Default: the first of this computer.")
-def init(target: Path, chosen: tuple[str, ...], legs_text: str, can_name: str | None) -> None:
+def init(
+    target: Path, chosen: tuple[str, ...], legs_text: str, foot_type: str | None, can_name: str | None
+) -> None:
     """Find the adapters and feet of a robot, and write its FILE (robot.yaml), which is never overwritten.
 
     Unknown addresses are only asked for an acknowledge, as `i2cdetect` does.
@@ -58,6 +69,16 @@ def init(target: Path, chosen: tuple[str, ...], legs_text: str, can_name: str | 
             usual = " ".join(config.legs)
             answer = click.prompt("Their legs, in this order", default=legs_text or usual)
             config = robot_on(chosen, _legs(answer), can, scene) if answer != usual else config
+        if asks and foot_type is None:
+            usable = ", ".join(f"{name} up to {USABLE_RANGE_N[name]:g} N" for name in released_names())
+            click.echo(f"Types of feet, by the force on one: {usable}")
+            foot_type = click.prompt(
+                "Their type",
+                type=click.Choice(released_names()),
+                default=DEFAULT.foot_type,
+                show_choices=False,
+            )
+        config = replace(config, foot_type=foot_type or DEFAULT.foot_type)
         if asks and not is_simulated(config):
             hang_free = click.confirm("Do all feet hang free, with nothing that presses them?", default=False)
     except click.Abort:

@@ -3,18 +3,18 @@
 import logging
 import math
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 from rich.columns import Columns
 from rich.console import Console, Group, RenderableType
 from rich.padding import Padding
 from rich.text import Text
 
 from firmware_interface.chips import ad7746, adg715, fdc1004
-from footsense.acquisition.foot_check import FootScans
 from footsense.cli.options import FILE, config_option, json_option
 from footsense.cli.setup.robot_file import check_is_new, found_part, unloaded_yaml
 from footsense.cli.tables import EMPTY_CELL, Column, echo_json, figures_table, json_row, styled, table
@@ -22,7 +22,7 @@ from footsense.config import DEFAULT, load_config
 from footsense.daemon.setup.probe import ProbedBus, ProbedLeg, ProbeResult
 from footsense.daemon.setup.probe import probe as probe_robot
 from footsense.daemon.simulation import is_simulated
-from footsense.frames import ELEMENTS, ROWS, Cause, Reading, Vector
+from footsense.frames import ELEMENTS, ROWS, Cause, Reading
 from footsense.leg_words import CAUSE_WORDS, word_of
 from footsense.sim.scene import load_scene
 
@@ -103,13 +103,20 @@ def probe_picture(result: ProbeResult, title: str) -> Group:
     parts += [table(_LEG_COLUMNS, result.legs), Text()]
     if scanned := [leg for leg in result.legs if leg.scans is not None]:
         parts += [
-            Text("every foot from above, forwards up: pF of each element", "dim"),
+            Text(
+                "every foot from above, forwards up: pF of each element; above, least and largest of all nine",
+                "dim",
+            ),
             Columns([_foot_marks(leg) for leg in scanned], width=_ELEMENT_WIDTH * ROWS + _FOOT_SPACING_CELLS),
         ]
     parts += [figures_table({name: figures[name] for name in ("scan_ms", "frames_hz")}), Text()]
     parts += diagnoses_lines(result)
     if yaml := unloaded_yaml(result):
-        parts += [Text(), Text("For the configuration, if these feet hang free:", "dim"), Text(yaml)]
+        parts += [
+            Text(),
+            Text("For the configuration, if these feet hang free and have no calibration:", "dim"),
+            Text(yaml),
+        ]
     return Group(*parts)
 
 
@@ -176,16 +183,20 @@ def _chips_cell(leg: ProbedLeg) -> str:
     return styled(", ".join(answering) or "nobody", "" if names else "bold red")
 
 
-def _range_cell(values: Callable[[FootScans], Vector], form: str) -> Callable[[ProbedLeg], str]:
-    """Return a function from a leg to the smallest and largest value of its sound elements."""
+def _elements_cell(leg: ProbedLeg) -> str:
+    """Return the smallest and largest reading of all elements, sound or not; a dash for one that gives no number."""
+    if leg.scans is None or not np.isfinite(leg.scans.mean_pf).any():
+        return EMPTY_CELL
+    least_pf, most_pf = leg.scans.mean_pf.min(), np.nanmax(leg.scans.mean_pf)
+    return f"{'-' if math.isnan(least_pf) else f'{least_pf:.2f}'}..{most_pf:.2f}"
 
-    def cell(leg: ProbedLeg) -> str:
-        if leg.scans is None:
-            return EMPTY_CELL
-        sound = values(leg.scans)[[not faulty for _, faulty in element_marks(leg)]]
-        return form.format(sound.min(), sound.max()) if sound.size else EMPTY_CELL
 
-    return cell
+def _noise_cell(leg: ProbedLeg) -> str:
+    """Return the largest noise of the sound elements; that of the others is no noise."""
+    if leg.scans is None:
+        return EMPTY_CELL
+    sound_ff = leg.scans.noise_ff[[not faulty for _, faulty in element_marks(leg)]]
+    return f"{sound_ff.max():.2f}" if sound_ff.size else EMPTY_CELL
 
 
 def _reads_cell(leg: ProbedLeg) -> str:
@@ -236,14 +247,14 @@ _LEG_COLUMNS: list[Column[ProbedLeg]] = [
         "mean_pf",
         lambda leg: leg.scans and leg.scans.mean_pf.tolist(),
         ">1",
-        ("C0 [pF]",),
-        cell=_range_cell(lambda scans: scans.mean_pf, "{0:.2f}..{1:.2f}"),
+        ("all 9 [pF]",),
+        cell=_elements_cell,
     ),
     Column(
         "noise_ff",
         lambda leg: leg.scans and leg.scans.noise_ff.tolist(),
         ">1",
-        cell=_range_cell(lambda scans: scans.noise_ff, "{1:.2f}"),
+        cell=_noise_cell,
     ),
     Column("reading", lambda leg: leg.scans and [Reading(code) for code in leg.scans.worst_reading]),
     Column(

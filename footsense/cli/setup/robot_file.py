@@ -9,6 +9,7 @@ from msgspec.structs import replace
 from footsense.config import Config
 from footsense.daemon.setup.probe import ProbeResult
 from footsense.errors import ConfigError
+from footsense.foot.type_folders import released_names
 
 _BOARD_PARTS = {
     "fdc1004": "an FDC1004 and an ADG715 in every foot",
@@ -56,7 +57,12 @@ def robot_file(config: Config, found: ProbeResult, names: Mapping[str, str], *, 
     ]
     if can.interface == "socketcan":
         lines.append(_commented(f"  bitrate: {can.bitrate}", "as systemd-networkd or `ip link` sets it"))
+    if can.commands:
+        lines.append(_commented("  commands: true", "`footsense tare`, by any program on this computer"))
     lines += [
+        "",
+        f"# Type of all feet: {', '.join(released_names())}; or, with a slash, a folder of your own.",
+        f"foot_type: {config.foot_type}",
         "",
         "# Which foot is on which leg, and the folder of their calibrations (`footsense test-stand calibrate`).",
         f"# feet: {{{config.legs[0]}: foot-0001}}",

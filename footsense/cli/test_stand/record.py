@@ -24,6 +24,7 @@ from footsense.cli.test_stand.compass import Compass, legend
 from footsense.config import DEFAULT, Config, load_config
 from footsense.config.contradictions import first_contradiction
 from footsense.config.test_stand import SimulatedSensor, load_test_stand
+from footsense.daemon.can_output import others_hear
 from footsense.daemon.service import open_service
 from footsense.daemon.simulation import is_simulated
 from footsense.daemon.test_stand import StandSession, practice_scene, session_guide
@@ -109,7 +110,8 @@ def record(
                 "--fast: the force sensor runs in real time; only a simulated one can run faster"
             )
         realtime = True
-    paced = options.is_paced(simulated=scene is not None, realtime=realtime, live=live)
+    followed = live or others_hear(config, scene)
+    paced = options.is_paced(simulated=scene is not None, realtime=realtime, followed=followed)
     run = StandSession(test_stand=test_stand, leg=leg, foot=foot, session=session)
     stop = options.StopRequest()
     with ExitStack() as stack:

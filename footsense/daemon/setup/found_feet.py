@@ -8,7 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from msgspec.structs import replace
 
-from footsense.acquisition.bus_scan import leg_chip_addresses, probe_addresses, scan_bus
+from footsense.acquisition.bus_scan import (
+    ADDRESSES,
+    TimeLimitedBus,
+    leg_chip_addresses,
+    probe_addresses,
+    scan_bus,
+)
 from footsense.acquisition.leg_bus import LegBus
 from footsense.acquisition.linux_i2c import LinuxI2cBus, adapter_names, kernel_drivers
 from footsense.acquisition.mcu_source import Serial
@@ -32,6 +38,8 @@ SIMULATED = "sim"
 _SERIAL_PORTS = Path("/dev/serial/by-id")
 #: Legs of robots that have fewer than six, in the order of their channels.
 _LEGS_OF_N = {1: ("lf",), 2: ("lf", "rf"), 4: ("lf", "lr", "rf", "rr")}
+#: Longest search of one adapter [s]; it does some 150 transactions.
+_SEARCH_LIMIT_S = 20.0
 #: Scans of a microcontroller that are waited for.
 _N_SCANS = 20
 
@@ -79,7 +87,9 @@ def find_feet(device: str, adapter: I2cBus, clock: Clock, claimed: Collection[in
 
     Raises:
         I2cError: A line is held low, or the multiplexer fails.
+        HardwareError: The adapter is too slow to be searched.
     """
+    adapter = TimeLimitedBus(adapter, clock, device, _SEARCH_LIMIT_S)
     answering = set(probe_addresses(adapter, claimed).answering)
     plans = {name: scan_plan(max(board.rates), name) for name, board in BOARDS.items()}
     alone = [name for name, plan in plans.items() if answering >= {*leg_chip_addresses(plan)}]
@@ -92,8 +102,10 @@ def find_feet(device: str, adapter: I2cBus, clock: Clock, claimed: Collection[in
 def _feet_behind(
     device: str, bus: LegBus, clock: Clock, plans: dict[str, ScanPlan], claimed: Collection[int]
 ) -> Iterator[FoundFeet]:
-    """Yield the feet of each board behind a multiplexer."""
-    scan = scan_bus(bus, clock, next(iter(plans.values())), {}, claimed)
+    """Yield the feet of each board behind a multiplexer, whose channels are asked for the chips of feet alone."""
+    chips_of_feet = {address for plan in plans.values() for address in leg_chip_addresses(plan)}
+    skipped = {*claimed} | ({*ADDRESSES} - chips_of_feet)
+    scan = scan_bus(bus, clock, next(iter(plans.values())), {}, skipped)
     for name, plan in plans.items():
         converter = leg_chip_addresses(plan)[0]
         channels = tuple(number for number, chips in scan.channels.items() if converter in chips.answering)

@@ -1,6 +1,6 @@
 """Probe of the configured buses and unloaded feet: what is found, and faults as text: where, what, what to check."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import replace
 from itertools import islice
@@ -9,7 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.acquisition.boards.chip_timing import ChipTiming
-from footsense.acquisition.bus_scan import BusScan, ChannelScan, leg_chip_addresses, scan_bus
+from footsense.acquisition.bus_scan import (
+    BusScan,
+    ChannelScan,
+    TimeLimitedBus,
+    leg_chip_addresses,
+    scan_bus,
+)
 from footsense.acquisition.foot_check import CHIP_FAULT_READINGS, FootFault, FootScans, foot_faults
 from footsense.acquisition.leg_bus import LegBus
 from footsense.acquisition.linux_i2c import kernel_drivers
@@ -21,7 +27,7 @@ from footsense.daemon.acquisition import MIN_BUS_SPEED_REL, open_buses, open_sca
 from footsense.daemon.estimation import mounted_feet
 from footsense.daemon.models import load_models
 from footsense.daemon.simulation import simulated_robot
-from footsense.errors import HardwareError, I2cError, I2cTimeoutError
+from footsense.errors import HardwareError, I2cError, I2cTimeoutError, NackError
 from footsense.frames import Reading
 from footsense.leg_words import SILENT_READINGS, words_of_reading
 from footsense.ports import Clock, I2cBus, Transaction
@@ -224,8 +230,10 @@ def leg_diagnoses(report: ProbedLeg) -> Iterator[Diagnosis]:
         yield Diagnosis(report.leg, fault.observation, fault.advice)
 
 
-#: How often a transaction is repeated that fails.
+#: How often a transaction is repeated that fails, unless it asks an address where no chip has to be.
 _N_REPEATS = 2
+#: Longest scan of the addresses of one bus [s]; it takes some 1200 transactions.
+_SCAN_LIMIT_S = 60.0
 #: Scans for the noise: they give its standard deviation to a sixth.
 _N_FOOT_SCANS = 20
 #: Scans before them: converters that were just set up may still settle, and legs that fail are left out.
@@ -277,9 +285,10 @@ def _probe_buses(config: Config, scene: Scene | None, plan: ScanPlan) -> Iterato
 class _RepeatingBus:
     """Bus that repeats what fails: a probe is made where something fails now and then, and has to get to its end."""
 
-    def __init__(self, bus: I2cBus, mux_address: int | None) -> None:
+    def __init__(self, bus: I2cBus, mux_address: int | None, chips: Collection[int]) -> None:
         self._bus = bus
         self._mux_address = mux_address
+        self._expected = {mux_address, *chips}
         self.n_repeated = 0
 
     def transfer(self, transaction: Transaction) -> bytes:
@@ -288,7 +297,8 @@ class _RepeatingBus:
             try:
                 answer = self._bus.transfer(transaction)
             except I2cError as error:
-                if n_left == 0:
+                is_nobody = isinstance(error, NackError) and transaction.address not in self._expected
+                if n_left == 0 or is_nobody:
                     raise
                 n_left -= 1
                 # An acknowledge that a leg loses is seen in its readings.
@@ -308,7 +318,8 @@ def probed_bus(bus: Bus, legs: LegBus, clock: Clock, plan: ScanPlan, drivers: Ma
         plan: The scan to come.
         drivers: Kernel drivers by the address that each holds.
     """
-    legs.adapter = repeating = _RepeatingBus(legs.adapter, bus.mux_address)
+    limited = TimeLimitedBus(legs.adapter, clock, bus.device, _SCAN_LIMIT_S)
+    legs.adapter = repeating = _RepeatingBus(limited, bus.mux_address, leg_chip_addresses(plan))
     try:
         scan, failure = scan_bus(legs, clock, plan, bus.channels, drivers), ""
     except HardwareError as error:

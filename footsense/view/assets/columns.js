@@ -3,7 +3,7 @@
 import { FLAG, number, percent } from "./format.js";
 
 // Tangential over normal force, and the ground's coefficient of friction where that is known.
-function friction(get) {
+function ratioAndFriction(get) {
   const ratio = number(get("tangential_over_normal"), 2);
   return get("tangential_over_normal") >= 0 && get("friction") > 0 ? `${ratio} of ${number(get("friction"), 2)}` : ratio;
 }
@@ -24,7 +24,7 @@ export const COLUMNS = [
   ["σ [mN]", "opt", (get) => number(1e3 * Math.max(get("sigma_x"), get("sigma_y"), get("sigma_z")), 0)],
   ["age [ms]", "", (get) => (Number.isNaN(get("fz")) ? "–" : number(get("age"), 1))],
   ["share", "opt", (get) => percent(get("load_share"))],
-  ["friction", "opt", friction],
+  ["ft/fn", "opt", ratioAndFriction],
   ["baseline", "opt text", (get, words) => words.baselines[get("baseline_status")]],
   ["drift [fF]", "opt wide", (get) => number(get("baseline_mean"), 1, true)],
 ];
@@ -32,6 +32,6 @@ export const COLUMNS = [
 // Signal, label, unit and digits of each curve.
 export const OFFERED = [
   ["fz", "fz", "N", 3], ["fx", "fx", "N", 3], ["fy", "fy", "N", 3], ["sigma_z", "σz", "N", 3], ["closure_4", "middle gap", "", 2],
-  ["probability", "contact", "", 2], ["load_share", "share", "", 2], ["tangential_over_normal", "ft / fn", "", 2],
+  ["probability", "contact", "", 2], ["load_share", "share", "", 2], ["tangential_over_normal", "ft/fn", "", 2],
   ["age", "age", "ms", 1], ["baseline_mean", "drift", "fF", 1], ["temperature", "temperature", "°C", 1],
 ];

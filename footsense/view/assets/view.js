@@ -117,8 +117,9 @@ function status() {
   } else if (page.problem) {
     const why = page.problem, shown = page.store?.segments.length;
     [link, text] = ["ended", shown ? "ended" : "no service"];
-    problem = `${why[0].toUpperCase()}${why.slice(1)}. ${shown ? "The values are the last ones. " : ""}`
-      + "Start it with `footsense run`, or look into its log: `journalctl -u footsense`.";
+    problem = `${why[0].toUpperCase()}${why.slice(1)}.`;
+    // Without values the page says below what to start.
+    if (shown) problem += " The values are the last ones. Start it with `footsense run`, or look into its log: `journalctl -u footsense`.";
   } else if (page.paused !== null) {
     [link, text] = ["paused", "paused"];
   } else if (old || !page.arrived) {

@@ -1,5 +1,6 @@
 """Commands by CAN, from a controller on the same bus: obeyed, answered, and refused with a reason."""
 
+from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import NamedTuple
@@ -7,13 +8,17 @@ from typing import NamedTuple
 import can
 import pytest
 
+from firmware_interface.can.codes import NODE_IDS, NmtState
 from firmware_interface.can.commands import ANSWER, ANSWER_ID, COMMAND_ID, encode_command
+from firmware_interface.can.reports import HEARTBEAT_ID, encode_heartbeat
+from firmware_interface.can.socketcan import pack_frame
 from footsense.api.tare import tare_legs
 from footsense.config import DEFAULT
 from footsense.daemon.can_output import open_wire
 from footsense.daemon.service import Service, open_service
 from footsense.frames import LEGS, CommandKind, Cycle, Result, State
 from footsense.sim.scene import load_scene
+from tests.support.can_robot import FakeClock
 from tests.system.command import footsense, one_line_error, robot
 
 NODE_LM = 2
@@ -108,15 +113,49 @@ def test_the_command_tares_legs_and_tells_refusals(tmp_path: Path) -> None:
     assert {answer.leg: answer.result for answer in in_the_air} == dict.fromkeys(LEGS, Result.DONE)
 
 
+class NoAnswer(NamedTuple):
+    """A wire on which a leg is heard that answers no command."""
+
+    def send(self, frames: Sequence[bytes], t_ns: int) -> int:
+        del t_ns
+        return len(frames)
+
+    def receive(self) -> list[bytes]:
+        return [pack_frame(HEARTBEAT_ID + NODE_IDS["lf"], encode_heartbeat(NmtState.OPERATIONAL))]
+
+    def close(self) -> None:
+        pass
+
+
+def test_a_wait_for_an_answer_is_told_once() -> None:
+    clock, told = FakeClock(), list[tuple[float, list[str], float]]()
+    answers = tare_legs(
+        NoAnswer(), clock, ["lf"], on_wait=lambda legs, s: told.append((clock.t_ns / 1e9, [*legs], s))
+    )
+    assert [answer.result for answer in answers] == [None]
+    ((at_s, legs, limit_s),) = told
+    assert 2.0 < at_s < 2.1  # it listens for a second before
+    assert (legs, limit_s) == (["lf"], 20.0)
+
+
 def test_a_tare_without_a_service_is_one_line() -> None:
     result = footsense("tare", "lf", "--interface", "udp_multicast", "--channel", "239.74.163.77")
     says = "lf: not tared: it is not heard on 239.74.163.77; is the service running, and is this its channel?"
     assert one_line_error(result, 1) == says
 
 
+@pytest.mark.parametrize("command", ["monitor", "tare lf"])
+def test_without_can_a_command_names_the_channel_of_a_simulation(command: str) -> None:
+    result = footsense(*command.split(), "--channel", "can98")
+    assert one_line_error(result, 71).endswith("; of a simulation: --interface udp_multicast")
+
+
 def test_the_channel_is_that_of_the_robot_file(tmp_path: Path) -> None:
-    """An option has precedence; what stays within the service's process is refused."""
+    """An option has precedence; what stays within the service's process, or is not executed, is refused at once."""
     file = robot(tmp_path, interface="udp_multicast", channel="239.74.163.78")
+    line = one_line_error(footsense("tare", "lf", "--config", file), 78)
+    assert "can.commands: this robot executes no commands on 239.74.163.78; set `commands: true`" in line
+    file = robot(tmp_path, interface="udp_multicast", channel="239.74.163.78, commands: true")
     assert "not heard on 239.74.163.78" in one_line_error(footsense("tare", "lf", "--config", file), 1)
     absent = footsense("tare", "lf", "lm", "--config", file)
     assert (absent.returncode, "lm: this robot has lf, rf" in absent.stderr) == (2, True)

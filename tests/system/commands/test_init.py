@@ -12,11 +12,16 @@ from tests.system.command import footsense, one_line_error
 
 def test_from_nothing_to_forces(tmp_path: Path) -> None:
     """What it writes is right and runs; a second one is refused and leaves the first as it is."""
-    result = footsense("init", "--device", "sim", "--legs", "lf,lr,rf,rr", cwd=tmp_path)
+    result = footsense(
+        *("init", "--device", "sim", "--legs", "lf,lr,rf,rr", "--foot-type", "quadruped-12kg"), cwd=tmp_path
+    )
     assert result.returncode == 0, result.stderr
     file = tmp_path / "robot.yaml"
     written = file.read_text()
-    assert load_config(file).legs == ("lf", "lr", "rf", "rr")
+    robot = load_config(file)
+    assert robot.legs == ("lf", "lr", "rf", "rr")
+    assert robot.foot_type == "quadruped-12kg"
+    assert robot.can.executes_commands
     assert "robot.yaml is right" in footsense("check-config", "robot.yaml", cwd=tmp_path).stdout
     run = footsense(
         "run", "--config", "robot.yaml", "--duration", "1", "--fast", "--summary", "text", cwd=tmp_path
@@ -31,9 +36,11 @@ def test_it_asks_what_it_is_not_told(tmp_path: Path) -> None:
     """Enter takes what is offered: without hardware a simulated robot, with the legs of a hexapod."""
     file, n_devices = tmp_path / "robot.yaml", len(devices())
     simulated = n_devices + 1 if n_devices else ""
-    result = CliRunner().invoke(main, ["init", str(file)], input=f"{simulated}\n\n")
+    result = CliRunner().invoke(main, ["init", str(file)], input=f"{simulated}\n\nhexapod-2kg\n")
     assert result.exit_code == 0, result.output
-    assert load_config(file).legs == ("lf", "lm", "lr", "rf", "rm", "rr")
+    robot = load_config(file)
+    assert robot.legs == ("lf", "lm", "lr", "rf", "rm", "rr")
+    assert robot.foot_type == "hexapod-2kg"
 
 
 def test_what_cannot_be_is_one_line_and_writes_nothing(tmp_path: Path) -> None:

@@ -77,8 +77,11 @@ def test_a_bus_without_its_mux_is_an_error_at_start() -> None:
         scanner.start()
 
 
-def test_a_stuck_bus_costs_the_other_bus_nothing_and_comes_back() -> None:
-    """SDA held low on one of two buses: its legs are silent, and the others keep their pace through each timeout."""
+def test_a_stuck_bus_costs_the_other_bus_nothing_and_comes_back(caplog: pytest.LogCaptureFixture) -> None:
+    """SDA held low on one of two buses: its legs are silent, and the others keep their pace through each timeout.
+
+    The journal has a line of the bus, and none that blames a leg.
+    """
     robot = Robot(distinct, n_buses=2)
     period_ns = robot.period_ns()
     robot.saboteurs[1].arm(lambda transaction, n: I2cTimeoutError("a line is held low"))
@@ -95,6 +98,8 @@ def test_a_stuck_bus_costs_the_other_bus_nothing_and_comes_back() -> None:
     assert robot.clock.now_ns() - before_ns < 1.001 * 400 * period_ns
     robot.saboteurs[1].arm(lambda transaction, n: None)
     assert (robot.read(400).reading == Reading.OK).all()
+    (line,) = [record.getMessage() for record in caplog.records if "held low" in record.getMessage()]
+    assert line.startswith("the bus of 10, 11, 12 is held low")
 
 
 class HeldBus:

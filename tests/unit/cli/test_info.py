@@ -77,8 +77,27 @@ def test_a_response_table_has_its_type() -> None:
     assert told(released_path("response.npz"))["foot type"] == "aoyagi-3x3"
 
 
-def test_a_file_of_a_robot_has_its_own_command() -> None:
-    robot = Path(__file__).parents[3] / "deploy/footsense.yaml"
-    result = CliRunner().invoke(main, ["info", str(robot)])
-    assert (result.exit_code, result.output.count("\n")) == (1, 1)
-    assert "footsense check-config" in result.output
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("deploy/footsense.yaml", "is a robot's file: footsense check-config "),
+        ("deploy/test-stand.yaml", "is a test stand's file: footsense test-stand record --reference "),
+        ("footsense/sim/scenes/tripod.yaml", "is a scene: footsense run --scene "),
+        ("models/hexapod-2kg/foot.yaml", "is the design of a foot: footsense lab build --foot "),
+    ],
+)
+def test_a_text_of_footsense_is_told_with_the_command_that_reads_it(name: str, says: str) -> None:
+    """As are the frames of a candump log."""
+    file = Path(__file__).parents[3] / name
+    result = CliRunner().invoke(main, ["info", str(file)])
+    assert (result.exit_code, result.output) == (1, f"footsense: {file}: {says}{file}\n")
+
+
+def test_a_log_of_can_frames_and_a_missing_file_are_told(tmp_path: Path) -> None:
+    """A missing file has the exit code of the other commands that read recordings."""
+    log = tmp_path / "walk.log"
+    log.write_text("(0.012345) can0 109#0011223344556677\n")
+    result = CliRunner().invoke(main, ["info", str(log)])
+    assert "is a log of CAN frames" in result.output
+    log.unlink()
+    assert CliRunner().invoke(main, ["info", str(log)]).exit_code == 74

@@ -90,3 +90,13 @@ def test_a_narrow_terminal_loses_what_is_worth_least(width: int, headings: str) 
     assert " ".join(titles.split()) == headings
     assert [line[:2] for line in lines] == list(LEGS)
     assert max(map(len, (head, titles, *lines))) <= width
+
+
+@pytest.mark.parametrize(
+    ("width", "left_out"), [(120, ""), (80, "a wider terminal shows age [ms], cause, too")]
+)
+def test_what_a_narrow_terminal_leaves_out_is_named(width: int, left_out: str) -> None:
+    screen = io.StringIO()
+    console = Console(file=screen, width=width, color_system=None)
+    console.print(legs_table(console, LEGS, "tripod", "", lambda _: np.zeros((len(LEGS), 3)), cycle(), 1.0))
+    assert screen.getvalue().splitlines()[1].strip() == left_out

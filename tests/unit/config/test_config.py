@@ -31,6 +31,14 @@ can: {interface: socketcan}
 MCU = "board: mcu\nserial: {device: sim}\ncan: {interface: virtual}\n"
 
 
+@pytest.mark.parametrize(
+    ("interface", "channel"), [("socketcan", "can0"), ("udp_multicast", "239.74.163.2"), ("virtual", "can0")]
+)
+def test_the_channel_follows_the_interface(file: Path, interface: str, channel: str) -> None:
+    file.write_text(ONE_BUS.replace("socketcan", interface))
+    assert load_config(file).can.channel == channel
+
+
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     return tmp_path / "robot.yaml"
@@ -198,13 +206,25 @@ def test_check_config_explains_a_file(file: Path) -> None:
     assert "force step" not in said
     assert "max age" not in said
     file.write_text(ONE_BUS + "foot_type: quadruped-12kg\n")
-    assert "; force step 10 mN" in said_of(file)
+    said = said_of(file)
+    assert "; force step 10 mN" in said
+    assert "23.3 of the worst foot, as of aoyagi-3x3: quadruped-12kg was not tried" in said
     file.write_text(ONE_BUS + "feet: {rf: foot-0007}\n")
     said = said_of(file)
     assert "no foot named on lf: uncalibrated, expect" in said
+    assert "not tried" not in said
     assert "no folder of calibrations for foot-0007 on rf: uncalibrated, expect" in said
     settings = json.loads(CliRunner().invoke(check_config, [str(file), "--json"]).stdout)
     assert (settings["uncalibrated"], settings["max_age_ms"]) == (["lf", "rf"], 90)
+
+
+def test_a_file_of_something_else_is_told_as_what_it_is() -> None:
+    file = DEPLOY / "test-stand.yaml"
+    result = CliRunner().invoke(check_config, [str(file)])
+    assert isinstance(result.exception, ConfigError)
+    assert str(result.exception) == (
+        f"{file}: is a test stand's file, not a robot's: footsense test-stand record --reference {file}"
+    )
 
 
 @pytest.mark.parametrize(

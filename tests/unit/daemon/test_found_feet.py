@@ -12,7 +12,7 @@ from footsense.cli.setup.robot_file import found_part, robot_file
 from footsense.config import DEFAULT, load_config
 from footsense.daemon.setup.found_feet import FoundFeet, find_feet, robot_of
 from footsense.daemon.setup.probe import probe
-from footsense.errors import ConfigError, NackError
+from footsense.errors import ConfigError, HardwareError, NackError
 from footsense.ports import Transaction
 from footsense.sim.chips.ad7746 import SimulatedAd7746
 from footsense.sim.chips.chip import SimulatedChip, SimulatedLineSwitch, SimulatedMux
@@ -62,6 +62,28 @@ def test_feet_are_found_wherever_they_answer(
 def test_a_bus_without_feet_has_none() -> None:
     assert found_on(0x71, (), fdc1004) is None
     assert found_on(None, (0,), lambda: (SimulatedLineSwitch(),)) is None
+
+
+class SlowAdapter:
+    """An adapter that needs a second to tell that no chip answers, as some of graphics cards do."""
+
+    def __init__(self, clock: VirtualClock) -> None:
+        self._clock = clock
+
+    def transfer(self, transaction: Transaction) -> bytes:
+        self._clock.sleep_until_ns(self._clock.now_ns() + 1_000_000_000)
+        raise NackError(f"nobody at {transaction.address:#04x}")
+
+
+def test_the_search_of_a_slow_adapter_ends_and_says_why() -> None:
+    """112 addresses would take two minutes, and those behind a multiplexer a quarter of an hour."""
+    clock = VirtualClock()
+    with pytest.raises(
+        HardwareError,
+        match=r"/dev/i2c-1: the scan was given up after 20 s: this adapter does 1\.[01] transactions/s",
+    ):
+        find_feet("/dev/i2c-1", SlowAdapter(clock), clock)
+    assert clock.now_ns() < 25e9
 
 
 class ServoBoard:

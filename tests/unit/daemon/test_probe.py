@@ -141,6 +141,14 @@ def test_feet_of_other_boards_are_judged_alike(config: Config, scan_ms: float | 
     assert "see below" in shown(found)
 
 
+@pytest.mark.parametrize(("board", "cell"), [("fdc1004", "0.84..6.23"), ("ad7746", "-..5.39")])
+def test_the_range_of_a_foot_is_that_of_all_its_elements(board: str, cell: str) -> None:
+    """The open ones of a row too, whether their converter reads them or is under its range."""
+    scene = msgspec.structs.replace(HANGING, faults=(scene_faults.BrokenRow(at_s=0, leg="lm", row=1),))
+    picture = shown(probe(msgspec.structs.replace(DEFAULT, board=board), scene))
+    assert next(line.split()[-4] for line in picture.splitlines() if line.startswith("lm ")) == cell
+
+
 def test_the_column_of_a_shorted_element_is_lost() -> None:
     """Each element is marked in its place; the other legs' readings fit a terminal."""
     found = probed(scene_faults.ElementShorted(at_s=0, leg="lm", element=8))

@@ -17,7 +17,7 @@ from firmware_interface.can.socketcan import pack_frame
 from footsense.can.interface import Can
 from footsense.cli import main
 from footsense.config import DEFAULT
-from footsense.daemon.can_output import another_sends, frames_destination, open_wire
+from footsense.daemon.can_output import another_sends, frames_destination, open_wire, others_hear
 from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.loop import Loop
 from footsense.daemon.models import load_models
@@ -122,6 +122,7 @@ def test_a_recording_with_changes_of_the_timing_replays_bit_for_bit(tmp_path: Pa
         ({"interface": "virtual"}, "sim", "stay within this process"),
         ({"interface": "socketcan"}, "/dev/i2c-1", "stay within this process"),
         ({"interface": "socketcan", "channel": "can3"}, "sim", "go out on can3 of this computer"),
+        ({"interface": "udp_multicast"}, "sim", "go out on 239.74.163.2, to programs on this computer alone"),
         (
             {"interface": "udp_multicast", "channel": "239.74.163.9"},
             "sim",
@@ -130,13 +131,14 @@ def test_a_recording_with_changes_of_the_timing_replays_bit_for_bit(tmp_path: Pa
     ],
 )
 def test_a_simulation_says_where_its_frames_go(can: dict[str, str], device: str, says: str) -> None:
-    """In one line; a scene in place of a real robot's buses reaches nobody."""
+    """In one line; a scene in place of a real robot's buses reaches nobody. What others hear is paced."""
     buses = msgspec.structs.replace(DEFAULT.buses[0], device=device)
     config = msgspec.structs.replace(DEFAULT, buses=(buses,), can=Can(**can))  # type: ignore[arg-type]
     line = frames_destination(config, load_scene("tripod"))
     assert says in line
     assert line.startswith("simulated")
     assert "\n" not in line
+    assert others_hear(config, load_scene("tripod")) == ("go out on" in line)
 
 
 def test_faults_of_legs_that_a_robot_does_not_have_are_left_out(caplog: pytest.LogCaptureFixture) -> None:

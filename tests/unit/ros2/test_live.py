@@ -9,10 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from click.testing import CliRunner
 
 from firmware_interface.can.codes import BaselineStatus, Cause, Flag, GaitEventKind, NmtState, Slip, State
 from firmware_interface.can.gait import Gait, Ground
 from firmware_interface.can.reports import Baseline, Fault, Heartbeat
+from footsense.cli import main
 from footsense.client import LegEvent, LegForce, LegReport, LinkStatus
 from footsense.daemon.can_listener import LegSnapshot
 from footsense.ros2.messages import STORE, LegTopics
@@ -118,3 +120,20 @@ def test_a_second_participant_reads_what_was_published(monkeypatch: pytest.Monke
         assert reader.stdout is not None
         told = [json.loads(line) for line in reader.stdout]
     assert told == [[1_700_000_000, 5, "lf_foot", 0.25, -0.5, 1.0]] * 3
+
+
+def test_a_silent_channel_is_told() -> None:
+    """After a second, once, as the monitor tells it."""
+    options = [
+        "--interface",
+        "udp_multicast",
+        "--channel",
+        "239.74.163.76",
+        "--duration",
+        "1.5",
+        "--domain",
+        "97",
+    ]
+    result = CliRunner().invoke(main, ["ros2", *options])
+    assert result.exit_code == 0, result.output
+    assert result.output.count("no frames on 239.74.163.76; is the service running?") == 1

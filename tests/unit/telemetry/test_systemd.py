@@ -32,16 +32,23 @@ def lines(caplog: pytest.LogCaptureFixture) -> list[str]:
 
 
 def test_a_change_of_state_or_cause_is_one_line(caplog: pytest.LogCaptureFixture) -> None:
-    """It says what was, what is, and why; a state that stays says nothing."""
+    """It says what was, what is, and why; the end of a fault is told as its beginning, a state that stays is not."""
     caplog.set_level(logging.INFO)
     journal = LegStateLogger(LEGS)
     for cause in (Cause.NO_ANSWER, Cause.NO_ANSWER, Cause.BUS_STUCK):
         journal.observe(at(1, State.ABSENT, cause))
     journal.observe(at(1, State.STARTING))
+    for _ in range(2):
+        for state in (State.TARING, State.VALID):
+            journal.observe(at(1, state))
     assert lines(caplog) == [
         "WARNING leg lm: starting -> absent (no answer)",
         "WARNING leg lm: absent: no answer -> bus stuck",
         "INFO leg lm: absent -> starting",
+        "INFO leg lm: starting -> taring",
+        "WARNING leg lm: taring -> valid",
+        "INFO leg lm: valid -> taring",
+        "INFO leg lm: taring -> valid",
     ]
 
 
