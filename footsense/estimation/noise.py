@@ -2,9 +2,11 @@
 
 **Readings.** The second difference of an element's last three readings holds its noise and the curvature of its load.
 Loads move the closures of a foot along few patterns: along the four directions in which its loads vary least, almost
-only noise is left. In fast motion even that little exceeds the noise; a second difference counts only where it is large
-against the first differences, as that of noise is. Over walks that leaves the swings, the turns, and the plateaus of
-the stances: a healthy walk then measures 1.1 to 1.6 times the noise of its converter, and white noise of 20 fF as 21.
+only noise is left, as long as the load moves little within a scan. In motion the elements are read under different
+loads, and no pattern fits. So a measurement counts only where the first differences along the other five directions
+are as small as those of noise, and the noise is the median of those that count among the last 20, of at least 6: of
+noise two in five count, of the impacts and the shaking swings of walking robots one in a hundred. A leg that never
+rests keeps the noise that it had before.
 
 Each leg has one variance. Where the noise is on one element, row or column alone (20 fF, in a tripod gait), at least
 99 % of the errors are within 2 sigma all the same.
@@ -17,14 +19,15 @@ from collections import deque
 
 import numpy as np
 
-from footsense.frames import Mask, Vector
+from footsense.frames import Vector
 
 #: Directions of least variation along which noise is measured.
 _N_DIRECTIONS = 4
-#: Mean first difference over the noise, below which the load does not move [1].
-_MOTION_LIMIT_REL = 0.7
-#: Measurements over which noise is averaged, and over which it fades: three a scan.
-_AVERAGED, _FADING = 12, 120
+#: Mean square of the first differences along a direction of the loads, over the noise's variance, below which the load
+#: does not move [1]; that of noise is 2.
+_MOTION_LIMIT_REL2 = 2.0
+#: Last measurements, and those of them that have to count; measurements over which noise fades: three a scan.
+_LAST, _LEAST, _FADING = 20, 6, 120
 
 
 class ReadingNoise:
@@ -41,7 +44,11 @@ class ReadingNoise:
     def __init__(self, n_legs: int, moments: Vector) -> None:
         _, directions = np.linalg.eigh(moments)
         # White noise of variance 1 has second differences of variance 6.
-        self._directions = directions[:, :_N_DIRECTIONS] / math.sqrt(6.0 * _N_DIRECTIONS)
+        self._noise_directions = directions[:, :_N_DIRECTIONS] / math.sqrt(6.0 * _N_DIRECTIONS)
+        self._load_directions = directions[:, _N_DIRECTIONS:] / math.sqrt(len(moments) - _N_DIRECTIONS)
+        # Measurements that count, else infinite.
+        self._last_rel = np.full((n_legs, _LAST), np.inf)
+        self._turn, self._legs = 0, np.arange(n_legs)
         self._recent_rel = np.zeros(n_legs)
         self.variance_rel = np.zeros(n_legs)
 
@@ -51,12 +58,16 @@ class ReadingNoise:
         A leg without three readings of every element keeps its noise.
         """
         steps = plate_distance_rel[:, :2] - plate_distance_rel[:, 1:]
-        along = (steps[:, 0] - steps[:, 1]) @ self._directions
+        along = (steps[:, 0] - steps[:, 1]) @ self._noise_directions
         newest_rel = np.add.reduce(along * along, axis=1)
-        moved_rel = np.abs(np.add.reduce(steps, axis=2)).max(axis=1) / steps.shape[2]
-        still: Mask = moved_rel * moved_rel < _MOTION_LIMIT_REL**2 * newest_rel
-        recent = self._recent_rel
-        recent += np.where(still, newest_rel - recent, 0.0) / _AVERAGED
+        across = steps @ self._load_directions
+        moved_rel = np.add.reduce(across * across, axis=2).max(axis=1)
+        last_rel = self._last_rel
+        last_rel[:, self._turn] = np.where(moved_rel < _MOTION_LIMIT_REL2 * newest_rel, newest_rel, np.inf)
+        self._turn = (self._turn + 1) % _LAST
+        n_counting = np.add.reduce(last_rel < np.inf, axis=1)
+        median_rel = np.sort(last_rel, axis=1)[self._legs, n_counting // 2]
+        self._recent_rel = recent = np.where(n_counting >= _LEAST, median_rel, self._recent_rel)
         held = self.variance_rel
         self.variance_rel = np.maximum(recent, held + (recent - held) / _FADING)
 
