@@ -10,10 +10,6 @@ ambiguous do not dominate it; tempered, and with a share of the plain squared er
 they still count. Inputs of the hidden layers are whitened while training, because the patterns that distinguish
 friction from inclination are a hundred times weaker than those of the force; the whitening is then folded into the
 first layer. The linear path starts at the least-squares estimator.
-
-Source:
-    Seitzer et al., On the pitfalls of heteroscedastic uncertainty estimation with probabilistic neural networks, ICLR
-    2022, for the tempering.
 """
 
 from collections.abc import Callable, Sequence
@@ -38,6 +34,7 @@ from footsense.lab.training.gait_windows import (
     conversions_since,
 )
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, LeaningCases
+from footsense.lab.training.losses import ANGLE_WEIGHT, force_likelihood_loss, mean_angle_rad
 from footsense.lab.training.windowed_network import (
     FEATURES_PER_ELEMENT,
     FEATURES_PER_FOOT,
@@ -63,19 +60,10 @@ _PACED_SHARE, _FRICTION_SHARE, _FRICTION_REL = 0.4, 0.4, 0.1
 _SQUARED_ERROR_WEIGHT = 10.0
 #: Weight of contact point and friction ratio, and normal force from which they are learnt [N].
 _CONTACT_WEIGHT, _LOADED_N = 0.25, 0.02
-#: Weight of what an error exceeds so many of its sigmas by: errors have longer tails than a normal distribution, and a
-#: controller trusts sigma in them.
-_TAIL_WEIGHT, _TAIL_SIGMAS = 8.0, 3.0
-#: Weight of the angle between a force and the true one [1/rad], force from which it counts, and size of the forces that
-#: have no direction [N].
-_ANGLE_WEIGHT, _DIRECTION_N, _SMALL_N = 3.0, 0.1, 1e-3
 #: Shares of the windows in the air, just after lift-off and long after, that are used.
 _JUST_LIFTED_SHARE, _AIR_SHARE = 0.4, 0.02
 #: Steps that are compiled into one call.
 _STEPS_PER_CALL = 500
-#: Tempering of the likelihood by a case's own sigma, the beta of Seitzer et al.: 0 is the likelihood, which neglects
-#: hard cases; 1 is the squared error, which they dominate.
-_LIKELIHOOD_TEMPERING_BETA = 0.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -310,39 +298,6 @@ def _fit_linear_start(inputs: Sequence[Vector], force_n: Vector, min_force_n: fl
     return jnp.asarray(solution[0], jnp.float32)
 
 
-def _force_likelihood_loss(
-    force_n: Any, sigma_n: Any, true_n: Any, min_force_n: float, squared_error_weight: float
-) -> Any:
-    """Return the training loss of forces: tempered negative log-likelihood plus relative squared error.
-
-    Args:
-        force_n: Estimated forces [N], shape (n, 3).
-        sigma_n: Their stated sigma [N], same shape.
-        true_n: True forces [N], same shape.
-        min_force_n: Force below which errors count absolutely [N].
-        squared_error_weight: Weight of the squared error.
-    """
-    square = (force_n - true_n) ** 2
-    scale = jnp.sqrt(jnp.sum(true_n**2, axis=-1, keepdims=True) + min_force_n**2)
-    weight = jax.lax.stop_gradient(sigma_n / scale) ** (2.0 * _LIKELIHOOD_TEMPERING_BETA)
-    likelihood = jnp.log(sigma_n) + 0.5 * square / sigma_n**2
-    beyond = jnp.maximum(jnp.sqrt(square + 1e-12) / sigma_n - _TAIL_SIGMAS, 0.0)
-    return (
-        jnp.mean(weight * likelihood)
-        + squared_error_weight * jnp.mean(square / scale**2)
-        + _TAIL_WEIGHT * jnp.mean(beyond)
-    )
-
-
-def _mean_angle_rad(force_n: Any, true_n: Any) -> Any:
-    """Return the mean angle between forces and true ones of a batch [rad], for small angles; of loads alone."""
-    size_n, true_size_n = (
-        jnp.sqrt(jnp.sum(one**2, axis=-1, keepdims=True) + _SMALL_N**2) for one in (force_n, true_n)
-    )
-    apart = jnp.sqrt(jnp.sum((force_n / size_n - true_n / true_size_n) ** 2, axis=-1) + 1e-6)
-    return jnp.mean(jnp.where(true_size_n[:, 0] > _DIRECTION_N, apart, 0.0))
-
-
 def train_windowed(
     gaits: GaitReadings,
     steady_loads: LeaningCases,
@@ -398,9 +353,9 @@ def train_windowed(
         apart, sigma = load.contact_point_and_friction - batch.contact_point_and_friction, load.contact_sigma
         likelihood = batch.loaded * (jnp.log(sigma) + 0.5 * apart**2 / sigma**2)
         return (
-            _force_likelihood_loss(*force)
+            force_likelihood_loss(*force)
             + _CONTACT_WEIGHT * jnp.mean(likelihood)
-            + _ANGLE_WEIGHT * _mean_angle_rad(load.force_n, batch.force_n)
+            + ANGLE_WEIGHT * mean_angle_rad(load.force_n, batch.force_n)
         )
 
     def unfold_whitening(weights: Weights) -> Weights:
