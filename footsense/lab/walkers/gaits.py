@@ -18,7 +18,7 @@ _LOAD_FLANK = 0.15
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Gait:
+class WalkerGait:
     """An open-loop gait; times and speeds of a robot with a shank of 0.21 m.
 
     Attributes:
@@ -126,18 +126,18 @@ class Gait:
 
 
 #: The gaits by name.
-GAITS: dict[str, Gait] = {
+GAITS: dict[str, WalkerGait] = {
     gait.name: gait
     for gait in (
-        Gait(name="walk", period_s=1.0, duty_rel=0.78, forward_m_s=0.25, wave=True),
-        Gait(name="trot-slow", period_s=0.7, duty_rel=0.6, forward_m_s=0.3, lift_rel=0.2),
-        Gait(name="trot-fast", period_s=0.4, duty_rel=0.54, forward_m_s=0.6, lift_rel=0.25),
-        Gait(name="tripod", period_s=0.9, duty_rel=0.58, forward_m_s=0.25),
-        Gait(name="tripod-fast", period_s=0.5, duty_rel=0.55, forward_m_s=0.45),
-        Gait(name="turn", period_s=0.7, duty_rel=0.6, turn_rad_s=0.7),
-        Gait(name="sideways", period_s=0.7, duty_rel=0.6, left_m_s=0.2),
-        Gait(name="stand", push_rel=0.35),
-        Gait(name="hop", period_s=0.8, hop_rel=0.3),
-        Gait(name="landing", drop_rel=0.6),
+        WalkerGait(name="walk", period_s=1.0, duty_rel=0.78, forward_m_s=0.25, wave=True),
+        WalkerGait(name="trot-slow", period_s=0.7, duty_rel=0.6, forward_m_s=0.3, lift_rel=0.2),
+        WalkerGait(name="trot-fast", period_s=0.4, duty_rel=0.54, forward_m_s=0.6, lift_rel=0.25),
+        WalkerGait(name="tripod", period_s=0.9, duty_rel=0.58, forward_m_s=0.25),
+        WalkerGait(name="tripod-fast", period_s=0.5, duty_rel=0.55, forward_m_s=0.45),
+        WalkerGait(name="turn", period_s=0.7, duty_rel=0.6, turn_rad_s=0.7),
+        WalkerGait(name="sideways", period_s=0.7, duty_rel=0.6, left_m_s=0.2),
+        WalkerGait(name="stand", push_rel=0.35),
+        WalkerGait(name="hop", period_s=0.8, hop_rel=0.3),
+        WalkerGait(name="landing", drop_rel=0.6),
     )
 }

@@ -12,7 +12,7 @@ import numpy as np
 
 from footsense.errors import ConfigError
 from footsense.frames import Vector
-from footsense.lab.walkers.gaits import GAITS, STAND_S, Gait
+from footsense.lab.walkers.gaits import GAITS, STAND_S, WalkerGait
 from footsense.lab.walkers.robots import GRAVITY_M_S2, N_ROUGH, ROBOTS, ROUGH_SIZE_REL, GroundModel, Robot
 from footsense.sim.loads.load_log import peak_n, read_log_arrays
 
@@ -155,7 +155,7 @@ def simulate_walker(
     return log.log()
 
 
-def _gravity_angles_rad(robot: Robot, gait: Gait, feet_m: Vector, t_s: Vector, share: float) -> Vector:
+def _gravity_angles_rad(robot: Robot, gait: WalkerGait, feet_m: Vector, t_s: Vector, share: float) -> Vector:
     """Return by how much the drives' angles lead for their torques to carry the robot [rad], shape (n, joints)."""
     load_rel = gait.load_shares(robot, t_s)
     leads = []

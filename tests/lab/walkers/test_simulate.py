@@ -9,7 +9,7 @@ import pytest
 
 from footsense.frames import Vector
 from footsense.lab.walkers import simulate
-from footsense.lab.walkers.gaits import GAITS, Gait
+from footsense.lab.walkers.gaits import GAITS, WalkerGait
 from footsense.lab.walkers.robots import GRAVITY_M_S2, ROBOTS, GroundModel
 from footsense.lab.walkers.simulate import FallError, WalkerLog, simulate_walker
 from footsense.lab.walkers.split import GROUNDS
@@ -27,7 +27,7 @@ def pressing_n(log: WalkerLog) -> Vector:
 def test_a_standing_robot_weighs_what_it_weighs_on_upright_feet(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(GAITS, "still", Gait(name="still"))
+    monkeypatch.setitem(GAITS, "still", WalkerGait(name="still"))
     log = simulate_walker(name, "still", FLAT, 1, 0.5)
     weight_n = ROBOTS[name].mass_kg * GRAVITY_M_S2
     assert pressing_n(log)[200:].sum(axis=1) == pytest.approx(weight_n, rel=0.03)
