@@ -6,7 +6,7 @@ Robots, grounds and seeds of the three parts differ. Whoever tunes anything look
 import hashlib
 import os
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -150,23 +150,6 @@ def cache_folder() -> Path:
     for source in sorted(Path(__file__).parent.glob("*.py")):
         key.update(source.read_bytes())
     return Path(place).expanduser() / "footsense" / "walkers" / key.hexdigest()[:16]
-
-
-def saved_logs(
-    runs: tuple[WalkerRun, ...], folder: Path | None = None
-) -> Iterator[tuple[WalkerRun, WalkerLog]]:
-    """Yield the runs with their logs, from a folder where they are kept once simulated.
-
-    Args:
-        runs: The runs.
-        folder: Where the logs are kept; None for `cache_folder`.
-
-    Raises:
-        FallError: A robot falls.
-    """
-    folder = folder or cache_folder()
-    for run in runs:
-        yield run, WalkerLog.load(run.saved(folder))
 
 
 def _saved_or_fall(run: WalkerRun, folder: Path) -> Path | FallError:

@@ -9,6 +9,7 @@ import pytest
 from footsense.errors import ConfigError
 from footsense.lab.walkers import split
 from footsense.lab.walkers.robots import GroundModel
+from footsense.lab.walkers.simulate import WalkerLog
 from footsense.lab.walkers.split import GROUNDS, JUDGEMENT, SELECTION, TRAINING, WalkerRun
 
 PARTS = (TRAINING, SELECTION, JUDGEMENT)
@@ -31,7 +32,7 @@ def test_a_run_is_simulated_once(tmp_path: Path) -> None:
     run = WalkerRun("hexapod-300g", "tripod", "tiles", 1, 0.1)
     file = run.saved(tmp_path)
     written_ns = file.stat().st_mtime_ns
-    ((_, log),) = split.saved_logs((run,), tmp_path)
+    log = WalkerLog.load(run.saved(tmp_path))
     assert file.stat().st_mtime_ns == written_ns
     made = run.log()
     assert log.legs == made.legs
