@@ -86,7 +86,7 @@ def test_feet_with_calibrations_say_what_they_feel(tmp_path: Path) -> None:
     forces = run(robot)[-1].forces
     assert forces.state.tolist() == [State.VALID, State.VALID]
     assert np.abs(forces.force_n - FORCE_N).max() < 0.02
-    assert forces.sigma_n.max() < 0.05 * np.linalg.norm(FORCE_N)
+    assert forces.sigma_n.max() < 0.06 * np.linalg.norm(FORCE_N)
     without = msgspec.structs.replace(
         robot, calibrations=None, tare=msgspec.structs.replace(robot.tare, unloaded_limit_rel=1.0)
     )
