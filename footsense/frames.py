@@ -193,7 +193,7 @@ class ContactFrame(NamedTuple):
         force_n: Ground reaction on the foot in the foot frame [N], shape (legs, 3), NaN unless the state is USABLE.
         sigma_n: Standard deviation of each component [N], shape (legs, 3), NaN where the force is.
         state: Whether the force may be used, and if not, why, shape (legs,), uint8 of `State`.
-        fault_mask: Bit e set where element e is not usable, shape (legs,), uint16.
+        fault_mask: Bit e set where element e is not usable or overloaded, shape (legs,), uint16.
         cause: Cause of the state, shape (legs,), uint8 of `Cause`.
         flags: Notes on a usable force, shape (legs,), uint8 of `Flag`.
         noise_ff: Noise of each leg's readings, measured while it runs [fF], shape (legs,).

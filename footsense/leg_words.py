@@ -16,7 +16,7 @@ class LegPhase(IntEnum):
     STARTING = 1  #: they answer, but readings or a tare are missing for a force
     TARING = 2  #: a tare is being taken
     VALID = 3  #: forces come
-    DEGRADED = 4  #: forces come from fewer elements
+    DEGRADED = 4  #: forces come from fewer elements, or from overloaded ones
     FAULTED = 5  #: something is broken, delayed or out of range
     STOPPED = 6  #: the leg was stopped by command
 
@@ -42,20 +42,22 @@ STATE_WORDS = {
         "no tare has succeeded yet", "that nothing presses the foot and it hangs still; then `footsense tare`"
     ),
     State.TARING: Words("a tare is being taken", "that nothing presses the foot and it hangs still"),
-    State.SATURATED: Words("a gap is closed, or a code is at the end of its range", "what presses the foot"),
+    State.SATURATED: Words("too many elements are overloaded for a force", "what presses the foot"),
     State.ELEMENT_FAULT: Words(
         "too many elements give no number", "the foot's plug; `footsense probe` names the lines"
     ),
     State.CONVERTER_FAULT: Words("its converter answers, but its conversions do not finish"),
     State.STALE: Words("its measurement is older than the limit"),
     State.OUT_OF_RANGE: Words(
-        "its load is outside those of the network's training", "whether this foot is made for such a load"
+        "its readings, or the force from them, are outside those of the network's training",
+        "whether this foot is made for such a load",
     ),
     State.STOPPED: Words(
         "it was stopped by command", "whether it is to go on: the command START publishes its forces again"
     ),
     State.DEGRADED: Words(
-        "its force comes from fewer elements", "the foot's plug; `footsense probe` names the lines"
+        "its force comes from fewer elements, or from overloaded ones",
+        "the foot's plug; `footsense probe` names the lines",
     ),
     State.STARTING: Words("its first readings are incomplete"),
 }
@@ -83,7 +85,7 @@ CAUSE_WORDS = {
         "single elements have lost their electrode", "the foot's plug, then the elements' traces", "open"
     ),
     Cause.ELEMENT_SHORTED: Words(
-        "an element reads more than any load can cause", "whether its electrodes touch; its trace", "short"
+        "an element reads more than the others explain", "whether its electrodes touch; its trace", "short"
     ),
     Cause.ELEMENT_STUCK: Words("an element no longer moves, not even by its noise", "its solder joints"),
     Cause.ELEMENT_DRIFTS: Words(
@@ -95,8 +97,10 @@ CAUSE_WORDS = {
     Cause.COLUMN_OPEN: Words(
         "the line of a column is interrupted", "the plug, then the column's trace and the chip's pin", "open"
     ),
-    Cause.GAP_CLOSED: Words(
-        "a gap is closed: too much load to measure", "water in the gap, and what presses the foot", "closed"
+    Cause.OVERLOAD: Words(
+        "elements are loaded beyond their range",
+        "what presses the foot; if nothing does, water in a gap",
+        "over",
     ),
     Cause.DELAYED: Words(
         "its readings came too late",

@@ -107,7 +107,7 @@ typedef struct {
     uint8_t node;
     uint8_t counter;     /* equal to that of its force */
     uint8_t flags;       /* enum footsense_flag */
-    uint16_t fault_mask; /* bit e: element e is not usable */
+    uint16_t fault_mask; /* bit e: element e is not usable or overloaded */
     uint16_t sigma_mn[3]; /* standard deviation; 1020: or more; FOOTSENSE_NO_SIGMA; times force_step_mn too */
     uint32_t age_us;     /* from the measurement to the send; FOOTSENSE_NO_AGE: unknown, or above 409.4 ms */
 } footsense_quality;

@@ -17,13 +17,17 @@ class State(IntEnum):
     VALID = 1  #: the force may be used
     NO_BASELINE = 2  #: no tare has succeeded yet
     TARING = 3  #: a tare is being taken
-    SATURATED = 4  #: a gap is closed, or a code is at the end of its range
+    SATURATED = 4  #: more elements are overloaded than a force can be given with
     ELEMENT_FAULT = 5  #: an element is open, shorted or gives no number; see the element mask
     CONVERTER_FAULT = 6  #: the converter answers but its conversions do not finish
     STALE = 7  #: the measurement is older than the age limit
-    OUT_OF_RANGE = 8  #: the load lies outside what the network was trained on
+    OUT_OF_RANGE = (
+        8  #: the readings, or force and sigma from them, lie outside what the network was trained on
+    )
     STOPPED = 9  #: the leg was stopped by command
-    DEGRADED = 10  #: an element, row or column is missing: the force is estimated from the others, with a larger sigma
+    DEGRADED = (
+        10  #: an element, row or column is missing, or up to three elements are overloaded: a larger sigma
+    )
     STARTING = 11  #: the chips answer; the first readings are incomplete
 
 
@@ -54,12 +58,12 @@ class Cause(IntEnum):
     SETTINGS_LOST = 5  #: a chip has lost its settings: a dip of its supply, or a switch that does not respond
     CORRUPT = 6  #: answers that no healthy chip gives
     ELEMENT_OPEN = 7  #: single elements have lost their electrode
-    ELEMENT_SHORTED = 8  #: an element reads more than any load can cause
+    ELEMENT_SHORTED = 8  #: an element reads more than the others explain
     ELEMENT_STUCK = 9  #: an element no longer moves, not even by its noise
     ELEMENT_DRIFTS = 10  #: an element's baseline has drifted away from the others'
     ROW_OPEN = 11  #: the line of a row is interrupted
     COLUMN_OPEN = 12  #: the line of a column is interrupted
-    GAP_CLOSED = 13  #: a gap is closed: more load than the foot can measure
+    OVERLOAD = 13  #: elements are loaded beyond their range: a gap is closed, or a code is at the end
     DELAYED = 14  #: the loop or the bus was delayed
     CANNOT_EXCITE = 15  #: the converter cannot drive the leg's rows: a short, or a leak to ground
     CALIBRATION_STALE = 16  #: reserved: nothing sends it

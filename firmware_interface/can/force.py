@@ -73,7 +73,7 @@ class Quality(NamedTuple):
         counter: Sequence counter of the frame, 0..14.
         flags: Properties of the force that do not forbid its use.
         age_ns: From the measurement to the send [ns], in steps of 0.1 ms; None: unknown, or above 409.4 ms.
-        fault_mask: Bit e set where element e is not usable, 9 bits.
+        fault_mask: Bit e set where element e is not usable or overloaded, 9 bits.
         sigma_n: Standard deviation of each component [N]; NaN: no value; 1.02: or more.
     """
 

@@ -42,7 +42,7 @@ class Fault(NamedTuple):
         counter: Sequence counter of the frame, 0..14.
         state: State from now on.
         previous: State until now.
-        fault_mask: Bit e set where element e is not usable, 9 bits.
+        fault_mask: Bit e set where element e is not usable or overloaded, 9 bits.
         cause: Cause of the state, as far as it is known.
     """
 

@@ -162,8 +162,8 @@ def _over_range_faults(over: Mask, opened: Mask) -> list[FootFault]:
                 faults.append(FootFault(Cause.ELEMENT_SHORTED, (element,), observation, advice))
             else:
                 observation = f"element {element} is over the converter's range: its gap is closed"
-                advice = CAUSE_WORDS[Cause.GAP_CLOSED].remedy
-                faults.append(FootFault(Cause.GAP_CLOSED, (element,), observation, advice))
+                advice = CAUSE_WORDS[Cause.OVERLOAD].remedy
+                faults.append(FootFault(Cause.OVERLOAD, (element,), observation, advice))
     return faults
 
 

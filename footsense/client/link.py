@@ -70,7 +70,7 @@ class LegForce(NamedTuple):
         usable: Whether the force may be used.
         state: Last reported state of the leg; ABSENT before the first report.
         flags: Flags of the last force.
-        fault_mask: Bit e set where element e is not usable.
+        fault_mask: Bit e set where element e is not usable or overloaded.
         force_n: Ground reaction on the foot in the foot frame [N]; NaN unless usable.
         sigma_n: Standard deviation of each component [N]; NaN unless usable.
         age_ns: Present age of the measurement [ns]; None unless usable.

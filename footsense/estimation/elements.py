@@ -2,8 +2,9 @@
 
 **Masks of elements**, each of the shape (legs, elements):
 
-- `opened`, `over_range`: what the reading alone shows. Pressing only adds capacitance, so an element that has lost half
-  of its unloaded capacitance is open.
+- `opened`, `over_range`: what the reading alone shows. Pressing adds capacitance, and a force that leans, of 1.5 times
+  the range with the friction of rubber, takes 57 % of it at most: an element that has lost 65 % is open.
+- `overloaded`: over-range ones, and those with a larger closure than the network was trained for.
 - `excluded`: elements that have contradicted the others, until they agree again.
 - `unusable`: what a tare leaves out: sets with open or excluded elements, and with over-range ones without a baseline.
 - `missing`: what the network does without, always one of `MISSING_SETS` or nothing: sets with open or excluded
@@ -18,12 +19,18 @@ for the residual is at most 14 % of the others' closures.
 The elements are read one after the other, so a load in motion leaves a residual as well, at most about as large as the
 closures move from one reading to the next: the limit is wider by that. A larger residual has a cause: an electrode that
 came off and no longer moves, one that drifts, a flipped bit, or a line that broke during the scan. So an element, row
-or column without which the rest is consistent is left out at once; one that stays suspected is excluded, until it has
-been consistent for a while both under load and unloaded: unloaded, an element stuck at its baseline reads right, and
-under load, where the limit is wider, a drifting one may. A foot that stands or hangs for long shows only one of both:
-after ten seconds an element that is consistent there is believed as any other is. If no such set explains the
-residuals, the force is given with a wider sigma, and so it is from a quarter of the limit on: an element that has just
-come off, and stands still under a load that rolls away, is wrong before it contradicts the others.
+or column without which the rest is consistent is suspected. An impact of some milliseconds, which two or three elements
+see, leaves the same residual for a scan. So an element is isolated, and named, if it still contradicts the others when
+it is read again a scan later, and stands still. Until then, and where no set explains the residuals, the state stays
+and sigma is wider. It is so from a quarter of the limit on: an element that has just come off, and stands still under a
+load that rolls away, is wrong before it contradicts the others.
+
+One that stays isolated is excluded, until it has been consistent for a while both under load and unloaded: unloaded, an
+element stuck at its baseline reads right, and under load, where the limit is wider, a drifting one may. A foot that
+stands or hangs for long shows only one of both: after ten seconds an element that is consistent there is readmitted.
+
+An overloaded element is closed at least as far as it reads. It predicts no other, and contradicts only if the others
+predict less: then it is shorted, or its gap is full of water.
 """
 
 import math
@@ -31,12 +38,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.estimation.missing_elements import MISSING_SETS, Imputation, missing_sets_containing
+from footsense.estimation.missing_elements import (
+    MAX_OVERLOADED,
+    MISSING_SETS,
+    Imputation,
+    missing_sets_containing,
+)
+from footsense.estimation.network import Readings
 from footsense.estimation.settings import MountedFeet
 from footsense.frames import ELEMENTS, ROWS, CapFrame, Mask, Reading, Vector
 
 #: Capacitance below which an element is open, over its unloaded capacitance [1].
-OPEN_ELEMENT_THRESHOLD_REL = 0.5
+OPEN_ELEMENT_THRESHOLD_REL = 0.35
 
 #: Limit of an element's residual: over its gap [1], and over the root mean square of the others [1].
 RESIDUAL_LIMIT, RESIDUAL_LIMIT_REL = 0.03, 0.4
@@ -51,13 +64,14 @@ READMITTED_AFTER_NS = 300_000_000
 READMITTED_CONSTANT_LOAD_AFTER_NS = 10_000_000_000
 #: Rate at which it loses that time while it is inconsistent [1].
 READMISSION_TIME_LOSS_RATE = 4
-#: Time for which residuals have to have the same cause before it is acted on, over the time of a step [1].
+#: Time for which an element is suspected before it is isolated, over the time of a step [1]: a scan.
 CAUSE_CONFIRMATION_TIME_REL = 0.25
+#: A reading stands still that differs from the two before by less than this share of its residual [1].
+STEADY_BELOW_SHARE_OF_RESIDUAL = 0.25
 #: An element that moves less than this share of what the others predict is stuck [1].
 STUCK_BELOW_SHARE_OF_PREDICTED = 0.3
 
-# Elements that remain of a foot without each of the missing sets; the sets of one element, and the rows and columns.
-_N_KEPT = (~MISSING_SETS).sum(axis=1)
+# The sets of one element, and the rows and columns.
 _SINGLE_ELEMENTS, _LINES = slice(1, 1 + ELEMENTS), slice(1 + ELEMENTS, None)
 
 
@@ -153,8 +167,8 @@ class ConsistencyTest:
 
     Attributes:
         excluded: Elements excluded until their readings are consistent again.
-        stuck: Those of them that do not follow the load; the others follow it with an offset.
-        unexplained_legs: Legs with residuals that neither motion nor a missing element explains, shape (legs,).
+        isolated: Those, and the elements with a confirmed suspicion that contradict the others in this frame.
+        stuck: Isolated elements that do not follow the load; the others follow it with an offset.
     """
 
     def __init__(self, n_legs: int, imputation: Imputation, settling_time_ns: int) -> None:
@@ -163,15 +177,17 @@ class ConsistencyTest:
         shape = (n_legs, ELEMENTS)
         # As an array, for speed: over the root of the sum of squares.
         self._uncertain_rel_of_sum = np.array(UNCERTAIN_RESIDUAL_REL / math.sqrt(ELEMENTS))
-        self._residual_matrices = np.stack(list(map(imputation.residual_matrix, MISSING_SETS)))
-        self._whole = np.ascontiguousarray(self._residual_matrices[0].T)
-        self._no_inconsistency, self._no_leg = np.zeros(n_legs), np.zeros(n_legs, bool)
-        self.unexplained_legs = self._no_leg
+        self._whole = imputation.residuals(np.eye(ELEMENTS), MISSING_SETS[0], MISSING_SETS[0])
+        self._no_inconsistency = np.zeros(n_legs)
         self._all_trusted = True  # no element is suspected or excluded
         self._hold_ns = round(CAUSE_CONFIRMATION_TIME_REL * settling_time_ns)
         self._inconsistent = np.zeros(n_legs, bool)
         self._suspected = np.zeros(shape, bool)
         self._suspected_since_ns = np.zeros(n_legs, np.int64)
+        self._t_of_readings_ns = np.zeros(shape, np.int64)
+        self._confirmed = np.zeros(n_legs, bool)
+        self._no_element = np.zeros(shape, bool)
+        self.isolated = self._no_element
         self.excluded = np.zeros(shape, bool)
         self.stuck = np.zeros(shape, bool)
         self._consistent_ns = np.zeros((n_legs, 3), np.int64)  # unloaded, loaded, in all
@@ -184,74 +200,99 @@ class ConsistencyTest:
         for marks in (self.excluded, self._suspected, self.stuck, self._inconsistent):
             marks[legs] = False
 
-    def test(self, closure_rel: Vector, motion_rel: Vector, missing: Mask, now_ns: int) -> ConsistencyResult:
+    def test(
+        self, closure_rel: Vector, readings: Readings, missing: Mask, overloaded: Mask, now_ns: int
+    ) -> ConsistencyResult:
         """Test the elements of a frame; return the missing and the inconsistent ones.
 
         Args:
             closure_rel: Newest closures over the gap [1], shape (legs, elements); a leg with a NaN that is not missing
                 is not tested.
-            motion_rel: Second largest change of an element over its last readings [1], shape (legs,): one element
-                alone is no motion.
+            readings: The readings that they are of.
             missing: Elements that the network does without, `excluded` included.
+            overloaded: Elements that are closed at least as far as they read.
             now_ns: Current time [ns].
         """
+        # One element alone is no motion.
+        motion_rel = readings.second_largest_motion_rel
         largest = np.maximum.reduce(np.abs(closure_rel @ self._whole), axis=1)
         sum_rel2 = np.add.reduce(closure_rel * closure_rel, axis=1)
         # A NaN is never certain: its leg is tested by itself, like a leg with a missing element.
         certain = largest - motion_rel <= UNCERTAIN_RESIDUAL + self._uncertain_rel_of_sum * np.sqrt(sum_rel2)
-        is_all_sound = self._all_trusted and not np.count_nonzero(missing)
+        self.isolated = self._no_element
+        is_all_sound = self._all_trusted and not np.count_nonzero(missing | overloaded)
         if is_all_sound and np.count_nonzero(certain) == certain.size:
-            self._t_ns, self.unexplained_legs = now_ns, self._no_leg
+            self._t_ns = now_ns
             return ConsistencyResult(missing, self._no_inconsistency, is_all_ok=True)
         rms_rel = np.sqrt(sum_rel2 / ELEMENTS)
         inconsistency_rel = inconsistency_sigma_rel(largest, rms_rel, motion_rel)
         consistent = largest <= _residual_limit_rel(rms_rel, motion_rel)
         if is_all_sound and consistent.all():
-            self._t_ns, self.unexplained_legs = now_ns, self._no_leg
+            self._t_ns = now_ns
             return ConsistencyResult(missing, inconsistency_rel, is_all_ok=True)
-        suspicious = ~consistent | missing.any(axis=1) | self._suspected.any(axis=1)
-        self.unexplained_legs = np.zeros(len(closure_rel), bool)
+        suspicious = ~consistent | (missing | overloaded | self._suspected).any(axis=1)
         if suspicious.any():
-            missing = missing.copy()
+            missing, self.isolated = missing.copy(), self.excluded.copy()
             for leg in np.flatnonzero(suspicious).tolist():
                 inconsistency_rel[leg] = self._test_leg(
-                    leg, closure_rel[leg], float(motion_rel[leg]), missing[leg], now_ns
+                    leg, closure_rel[leg], readings, missing[leg], overloaded[leg], now_ns
                 )
         self._t_ns = now_ns
         self._all_trusted = not (self._suspected.any() or self.excluded.any())
-        if self.excluded.any():
-            self.stuck |= self.excluded & self._is_stuck()
+        measured, predicted = self._extremes[:, 1] - self._extremes[:, 0]
+        stands_still = measured < STUCK_BELOW_SHARE_OF_PREDICTED * predicted
+        is_stuck = (predicted > MIN_PREDICTED_MOTION_REL) & stands_still
+        self.stuck = self.isolated & (self.stuck & self.excluded | is_stuck)
         return ConsistencyResult(missing, inconsistency_rel, is_all_ok=False)
 
     def _test_leg(
-        self, leg: int, closure_rel: Vector, motion_rel: float, missing: Mask, now_ns: int
+        self,
+        leg: int,
+        closure_rel: Vector,
+        readings: Readings,
+        missing: Mask,
+        overloaded: Mask,
+        now_ns: int,
     ) -> float:
         # Adds isolated elements to `missing`, shape (elements,); returns the inconsistency [1].
         if not np.isfinite(closure_rel[~missing]).all():
             return 0.0
+        if np.count_nonzero(overloaded & ~missing) > MAX_OVERLOADED:
+            # The others tell too little, and there is no force.
+            self._suspected[leg] = self._inconsistent[leg] = False
+            return 0.0
+        is_new = readings.t_ns[leg, 0] != self._t_of_readings_ns[leg]
+        self._t_of_readings_ns[leg] = readings.t_ns[leg, 0]
+        motion_rel = float(readings.second_largest_motion_rel[leg])
         if self.excluded[leg].any():
-            self._readmit(leg, closure_rel, motion_rel, missing, now_ns)
-            self._update_closure_extremes(leg, closure_rel, missing)
-        largest, rms_rel = self._largest_residual(closure_rel, missing)
+            self._readmit(leg, closure_rel, motion_rel, missing, overloaded, now_ns)
+            self._update_closure_extremes(leg, closure_rel, missing | overloaded)
+        largest, rms_rel = self._largest_residuals(closure_rel, missing, overloaded)
         inconsistency_rel = float(inconsistency_sigma_rel(largest, rms_rel, motion_rel))
-        if largest <= _residual_limit_rel(rms_rel, motion_rel):
+        limit_rel = _residual_limit_rel(rms_rel, motion_rel)
+        if largest <= limit_rel:
             # What motion could explain neither clears a suspicion nor feeds it.
             if largest <= _residual_limit_rel(rms_rel):
                 self._suspected[leg] = self._inconsistent[leg] = False
             return inconsistency_rel
-        isolated = self._isolate(closure_rel, missing, motion_rel)
+        isolated = self._isolate(closure_rel, missing, overloaded, motion_rel)
         suspected = isolated & ~missing
         if not self._inconsistent[leg] or not np.array_equal(suspected, self._suspected[leg]):
-            self._inconsistent[leg] = True
+            self._inconsistent[leg], self._confirmed[leg] = True, False
             self._suspected[leg], self._suspected_since_ns[leg] = suspected, now_ns
             self._extremes[:, 0, leg], self._extremes[:, 1, leg] = np.inf, -np.inf
-        if now_ns - self._suspected_since_ns[leg] < self._hold_ns:
+        elif (read_again := suspected & is_new).any():
+            off_rel = np.abs(self._imputation.residuals(closure_rel, missing | isolated, overloaded))
+            moved_rel = np.nan_to_num(np.abs(readings.changes_rel[leg])).max(axis=0)
+            stands_still = moved_rel < STEADY_BELOW_SHARE_OF_RESIDUAL * off_rel
+            self._confirmed[leg] |= (read_again & stands_still).any()
+        self._update_closure_extremes(leg, closure_rel, missing | isolated | overloaded)
+        # Whether an overloaded element stands still is not known.
+        hold_ns = self._settling_time_ns if (suspected & overloaded).any() else self._hold_ns
+        if not self._confirmed[leg] or now_ns - self._suspected_since_ns[leg] < hold_ns:
             return inconsistency_rel
         missing |= isolated
-        if not suspected.any():
-            self.unexplained_legs[leg] = True
-            return inconsistency_rel
-        self._update_closure_extremes(leg, closure_rel, missing)
+        self.isolated[leg] |= suspected
         if now_ns - self._suspected_since_ns[leg] < self._settling_time_ns:
             return inconsistency_rel
         self.excluded[leg] |= suspected
@@ -259,19 +300,27 @@ class ConsistencyTest:
         self._consistent_ns[leg] = 0
         return 0.0
 
-    def _readmit(self, leg: int, closure_rel: Vector, motion_rel: float, missing: Mask, now_ns: int) -> None:
+    def _readmit(
+        self,
+        leg: int,
+        closure_rel: Vector,
+        motion_rel: float,
+        missing: Mask,
+        overloaded: Mask,
+        now_ns: int,
+    ) -> None:
         excluded = self.excluded[leg]
         if not np.isfinite(closure_rel[excluded]).all():
             return
         elapsed_ns = min(now_ns - self._t_ns, self._settling_time_ns)
-        largest, rms_rel = self._largest_residual(closure_rel, missing & ~excluded)
+        largest, rms_rel = self._largest_residuals(closure_rel, missing & ~excluded, overloaded)
         if largest > _residual_limit_rel(rms_rel, motion_rel):
             # Not all at once: a load in motion is not over at once.
             self._consistent_ns[leg] = np.maximum(
                 self._consistent_ns[leg] - READMISSION_TIME_LOSS_RATE * elapsed_ns, 0
             )
         elif largest <= _residual_limit_rel(rms_rel):
-            predicted = np.abs(self._with_imputed(closure_rel, missing)[excluded]).max()
+            predicted = np.abs(self._with_imputed(closure_rel, missing | overloaded)[excluded]).max()
             unloaded = predicted < RESIDUAL_LIMIT
             tells = not (unloaded and self.stuck[leg].any())
             self._consistent_ns[leg] += np.where(
@@ -280,38 +329,36 @@ class ConsistencyTest:
         *both_ns, all_ns = self._consistent_ns[leg].tolist()
         if min(both_ns) >= READMITTED_AFTER_NS or all_ns >= READMITTED_CONSTANT_LOAD_AFTER_NS:
             missing &= ~excluded
-            self.excluded[leg] = self.stuck[leg] = False
+            self.excluded[leg] = self.isolated[leg] = self.stuck[leg] = False
 
-    def _update_closure_extremes(self, leg: int, closure_rel: Vector, missing: Mask) -> None:
-        both = np.stack([closure_rel, self._with_imputed(closure_rel, missing)])
+    def _update_closure_extremes(self, leg: int, closure_rel: Vector, unknown: Mask) -> None:
+        both = np.stack([closure_rel, self._with_imputed(closure_rel, unknown)])
         extremes = self._extremes[:, :, leg]
         extremes[:, 0] = np.fmin(extremes[:, 0], both)
         extremes[:, 1] = np.fmax(extremes[:, 1], both)
 
-    def _with_imputed(self, closure_rel: Vector, missing: Mask) -> Vector:
-        imputed: Vector = self._imputation.impute(closure_rel[None], missing[None])[0]
+    def _with_imputed(self, closure_rel: Vector, unknown: Mask) -> Vector:
+        imputed: Vector = self._imputation.impute(closure_rel[None], unknown[None])[0]
         return imputed
 
-    def _is_stuck(self) -> Mask:
-        measured, predicted = self._extremes[:, 1] - self._extremes[:, 0]
-        stuck: Mask = (predicted > MIN_PREDICTED_MOTION_REL) & (
-            measured < STUCK_BELOW_SHARE_OF_PREDICTED * predicted
-        )
-        return stuck
+    def _largest_residuals(
+        self, closure_rel: Vector, missing: Mask, overloaded: Mask
+    ) -> tuple[Vector, Vector]:
+        """Return the largest residual of the elements that are not missing, and the rms of their closures [1].
 
-    def _largest_residual(self, closure_rel: Vector, missing: Mask) -> tuple[float, float]:
-        """Return the largest residual of the elements present, and the root mean square of their closures [1]."""
-        kept = closure_rel[~missing]
-        if kept.size < 2:
-            return 0.0, 0.0
-        residual = self._imputation.residual_matrix(missing) @ np.where(missing, 0.0, closure_rel)
-        return float(np.abs(residual).max()), float(np.sqrt(np.square(kept).mean()))
+        Args:
+            closure_rel: Closures over the gap [1], shape (elements,).
+            missing: Missing elements, shape (..., elements).
+            overloaded: Overloaded elements, shape (elements,).
+        """
+        residual = self._imputation.residuals(closure_rel, missing, overloaded)
+        mean_rel2 = np.square(np.where(missing, 0.0, closure_rel)).sum(axis=-1) / (~missing).sum(axis=-1)
+        return np.where(missing, 0.0, np.abs(residual)).max(axis=-1), np.sqrt(mean_rel2)
 
-    def _isolate(self, closure_rel: Vector, missing: Mask, motion_rel: float) -> Mask:
+    def _isolate(self, closure_rel: Vector, missing: Mask, overloaded: Mask, motion_rel: float) -> Mask:
         """Return the smallest trained set of missing elements that makes the others consistent; else `missing`."""
-        known = np.where(MISSING_SETS, 0.0, closure_rel)
-        residual = np.abs(np.einsum("sij,sj->si", self._residual_matrices, known)).max(axis=1)
-        excess = residual / _residual_limit_rel(np.sqrt(np.square(known).sum(axis=1) / _N_KEPT), motion_rel)
+        residual, rms_rel = self._largest_residuals(closure_rel, MISSING_SETS, overloaded)
+        excess = residual / _residual_limit_rel(rms_rel, motion_rel)
         excess[(missing & ~MISSING_SETS).any(axis=1)] = np.inf
         for sets in (_SINGLE_ELEMENTS, _LINES):
             if excess[sets].min() <= 1.0:

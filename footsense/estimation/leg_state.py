@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from footsense.estimation.baseline import BaselineTracker
 from footsense.estimation.elements import ConsistencyTest, ElementStatus
-from footsense.estimation.missing_elements import COLUMN_SETS, ROW_SETS, fault_mask
+from footsense.estimation.missing_elements import COLUMN_SETS, MAX_OVERLOADED, ROW_SETS, fault_mask
 from footsense.estimation.network import Readings
 from footsense.foot.network_card import TrainedInputs
 from footsense.frames import Cause, Codes, Mask, State, Vector
@@ -25,7 +25,7 @@ class LegStateClassifier:
     Attributes:
         stopped: Legs that a command has stopped, shape (legs,).
         closure_min_rel: Least closures over the gap that the network can use [1], shape (legs, elements).
-        closure_max_rel: Largest ones [1], same shape.
+        closure_max_rel: Largest ones [1], same shape; a larger one is an overload.
     """
 
     def __init__(
@@ -40,7 +40,6 @@ class LegStateClassifier:
         # One row per leg: to broadcast a single one takes twice as long as the comparison.
         self.closure_min_rel = np.tile(trained.closure_rel_min, (n_legs, 1))
         self.closure_max_rel = trained.max_usable_closure_rel(gap_um)
-        self._closed_rel = trained.gap_closed_threshold_over_design_gap(gap_um)
         self._max_age_ns = max_age_ns
         self._baselines, self._consistency = baselines, consistency
         self.stopped: Mask = np.zeros(n_legs, bool)
@@ -51,6 +50,7 @@ class LegStateClassifier:
         elements: ElementStatus,
         missing_before_test: Mask,
         missing: Mask,
+        overloaded: Mask,
         interrupted_legs: Mask,
         closure_rel: Vector,
         readings: Readings,
@@ -63,35 +63,34 @@ class LegStateClassifier:
             elements: Status of the elements.
             missing_before_test: Elements that the network did without before the consistency test.
             missing: Elements that it does without.
+            overloaded: Elements over the converter's range or above `closure_max_rel`, shape (legs, elements).
             interrupted_legs: Legs of which it cannot do without all elements with interrupted readings, shape (legs,).
             closure_rel: Measured closures over the gap [1], shape (legs, elements).
             readings: The last readings of the elements.
             now_ns: Current time [ns].
         """
-        baselines, excluded, stuck = self._baselines, self._consistency.excluded, self._consistency.stuck
-        shorted = elements.over_range & (missing_before_test | excluded)
-        isolated = missing & ~missing_before_test
-        faulty = elements.opened | baselines.unloaded.untared_elements_of_tared_legs | excluded | isolated
+        baselines, isolated, stuck = self._baselines, self._consistency.isolated, self._consistency.stuck
+        shorted = elements.over_range & (missing_before_test | isolated)
+        left_out = isolated | missing & ~missing_before_test
+        faulty = elements.opened | baselines.unloaded.untared_elements_of_tared_legs | left_out
         kept = ~missing
-        out_of_range = (closure_rel < self.closure_min_rel) | (closure_rel > self.closure_max_rel)
-        closed = closure_rel > self._closed_rel
-        saturated = closed & kept | elements.over_range & ~shorted
+        n_overloaded = (overloaded & kept).sum(axis=1)
         state = np.full(len(reading), State.VALID, np.uint8)
-        state[missing.any(axis=1) | self._consistency.unexplained_legs] = State.DEGRADED
-        state[(out_of_range & kept).any(axis=1)] = State.OUT_OF_RANGE
+        state[missing.any(axis=1) | (n_overloaded > 0)] = State.DEGRADED
+        state[((closure_rel < self.closure_min_rel) & kept).any(axis=1)] = State.OUT_OF_RANGE
         state[(now_ns - readings.oldest_of_newest_ns > self._max_age_ns) | interrupted_legs] = State.STALE
         for leg, untared_state in baselines.tares.states.items():
             state[leg] = untared_state
         state[(state == State.TARING) & interrupted_legs] = State.STARTING
-        state[saturated.any(axis=1)] = State.SATURATED
+        state[n_overloaded > MAX_OVERLOADED] = State.SATURATED
         state[(faulty & kept).any(axis=1)] = State.ELEMENT_FAULT
         if reading.any():
             for kind, (worse, _) in STATE_AND_CAUSE_OF_READING.items():
                 state[(reading == kind).any(axis=1)] = worse
         state[self.stopped] = State.STOPPED
         cause = baselines.unloaded.cause.copy()
-        cause[state == State.SATURATED] = Cause.GAP_CLOSED
-        cause[(excluded & ~stuck).any(axis=1)] = Cause.ELEMENT_DRIFTS
+        cause[n_overloaded > 0] = Cause.OVERLOAD
+        cause[(isolated & ~stuck).any(axis=1)] = Cause.ELEMENT_DRIFTS
         cause[stuck.any(axis=1)] = Cause.ELEMENT_STUCK
         cause[elements.opened.any(axis=1)] = Cause.ELEMENT_OPEN
         # An open line shows as all three of its elements being open. A shorted element ties its column to its row and
@@ -104,4 +103,4 @@ class LegStateClassifier:
             for kind, (_, reason) in STATE_AND_CAUSE_OF_READING.items():
                 cause[(reading == kind).any(axis=1)] = reason
         cause[(state == State.STALE) & (cause == Cause.NONE)] = Cause.DELAYED
-        return state, fault_mask((reading != 0) | faulty | closed), cause
+        return state, fault_mask((reading != 0) | faulty | overloaded), cause

@@ -23,6 +23,11 @@ MISSING_SETS: Mask = np.concatenate(
     [np.zeros((1, ELEMENTS), bool), np.eye(ELEMENTS, dtype=bool), ROW_SETS, COLUMN_SETS]
 )
 
+#: Elements of a foot that may be overloaded under a force: as many as in the windows of the training.
+MAX_OVERLOADED = 3
+#: Residuals beside overloaded elements over those without [1]: a closed gap takes load from the elements beside it.
+_OVERLOAD_RESIDUAL_REL = 1.5
+
 # Bit of each element in a pattern of elements.
 _BITS = (1 << _ELEMENT).astype(np.uint16)
 _PATTERNS = (np.arange(1 << ELEMENTS)[:, None] & _BITS) > 0
@@ -69,7 +74,7 @@ class Imputation:
 
     def __init__(self, moments: Vector) -> None:
         self._moments = moments
-        # The matrices of each mask of missing elements.
+        # The matrices of each mask of missing elements, and of missing and overloaded ones.
         self._imputing: dict[bytes, Vector] = {}
         self._residual: dict[bytes, Vector] = {}
 
@@ -88,21 +93,46 @@ class Imputation:
                 matrix[np.ix_(missing, kept)] = np.linalg.solve(read, self._moments[np.ix_(kept, missing)]).T
         return self._imputing[key]
 
-    def residual_matrix(self, missing: Mask) -> Vector:
-        """Return the matrix R, shape (elements, elements), that gives the residuals R @ closures of the others.
+    def residuals(self, closure_rel: Vector, missing: Mask, overloaded: Mask) -> Vector:
+        """Return the difference of each closure from its prediction by all others that are known [1], shape (..., 9).
 
-        Each is the difference of a closure from its prediction by all others that are not missing.
+        Known are those that are neither missing nor overloaded. An overloaded element is closed at least as far as it
+        reads, so it differs only where it reads more than predicted. Beside overloaded elements all residuals are
+        scaled to those of feet without: by the certainty of the predictions, and by `_OVERLOAD_RESIDUAL_REL`.
 
         Args:
-            missing: Missing elements, shape (elements,).
+            closure_rel: Closures over the gap [1], shape (..., elements); anything where missing, NaN included.
+            missing: Missing elements, shape (..., elements).
+            overloaded: Overloaded elements, shape (elements,).
         """
-        key = missing.tobytes()
+        read_rel = np.where(missing & np.isnan(closure_rel), 0.0, closure_rel)
+        residuals: Vector = (self._residual_matrices(missing, overloaded) @ read_rel[..., None])[..., 0]
+        if np.count_nonzero(overloaded):
+            return np.where(overloaded, np.maximum(residuals, 0.0), residuals) / _OVERLOAD_RESIDUAL_REL
+        return residuals
+
+    def _residual_matrices(self, missing: Mask, overloaded: Mask) -> Vector:
+        key = missing.tobytes() + overloaded.tobytes()
         if key not in self._residual:
-            kept = np.flatnonzero(~missing)
-            self._residual[key] = matrix = np.zeros_like(self._moments)
-            precision = np.linalg.inv(self._moments[np.ix_(kept, kept)])
-            matrix[np.ix_(kept, kept)] = precision / precision.diagonal()[:, None]
+            of_all, of_known = map(self._unscaled_residual_matrices, (missing, missing | overloaded))
+            # Of the loads: the smaller the more certain the predictions.
+            rms_all, rms_known = (
+                np.sqrt(np.einsum("...ij,jk,...ik->...i", each, self._moments, each))
+                for each in (of_all, of_known)
+            )
+            self._residual[key] = of_known * (rms_all / rms_known)[..., None]
         return self._residual[key]
+
+    def _unscaled_residual_matrices(self, unknown: Mask) -> Vector:
+        known = ~unknown
+        are_known = known[..., :, None] & known[..., None, :]
+        ones = unknown[..., None] * np.eye(ELEMENTS)
+        precision = np.linalg.inv(np.where(are_known, self._moments, ones))
+        of_known = np.where(are_known, precision, 0.0)
+        predicting = np.where(unknown[..., :, None] & known[..., None, :], self._moments, 0.0) @ of_known
+        scale = np.diagonal(precision, axis1=-2, axis2=-1)[..., None]
+        matrices: Vector = of_known / scale + ones - predicting
+        return matrices
 
     def impute(self, closure_rel: Vector, missing: Mask) -> Vector:
         """Return the closures with the missing ones imputed, same shape.

@@ -58,6 +58,7 @@ class Readings(NamedTuple):
         is_consecutive: Elements whose newest two readings follow on one another, shape (legs, elements).
         newest_ns: Time of each leg's newest reading [ns], shape (legs,); 0 without one.
         oldest_of_newest_ns: Time of the oldest of the newest readings of each leg's whole elements [ns], shape (legs,).
+        changes_rel: Changes of the plate distances from one reading to the next [1], shape (legs, 2, 9).
         second_largest_motion_rel: Second largest change of an element from one reading to the next [1], shape (legs,).
     """
 
@@ -66,6 +67,7 @@ class Readings(NamedTuple):
     is_consecutive: Mask
     newest_ns: Stamps
     oldest_of_newest_ns: Stamps
+    changes_rel: Vector
     second_largest_motion_rel: Vector
 
 
@@ -124,6 +126,7 @@ class ReadingWindow:
             in_order[:, 0],
             newest_ns,
             of_whole_ns.min(axis=1),
+            steps_rel,
             moved_rel[:, ELEMENTS - 2],
         )
 

@@ -26,6 +26,9 @@ _N_DIRECTIONS = 4
 #: Mean square of the first differences along a direction of the loads, over the noise's variance, below which the load
 #: does not move [1]; that of noise is 2.
 _MOTION_LIMIT_REL2 = 2.0
+#: Largest share of one step in the sum of the squares of all [1]: an impact of a few milliseconds, which one or two
+#: elements see, is no noise.
+_LARGEST_STEP_SHARE = 0.33
 #: Last measurements, and those of them that have to count; measurements over which noise fades: three a scan.
 _LAST, _LEAST, _FADING = 20, 6, 120
 
@@ -62,8 +65,12 @@ class ReadingNoise:
         newest_rel = np.add.reduce(along * along, axis=1)
         across = steps @ self._load_directions
         moved_rel = np.add.reduce(across * across, axis=2).max(axis=1)
+        squares = (steps * steps).reshape(len(steps), -1)
+        spread = squares.max(axis=1) < _LARGEST_STEP_SHARE * np.add.reduce(squares, axis=1)
         last_rel = self._last_rel
-        last_rel[:, self._turn] = np.where(moved_rel < _MOTION_LIMIT_REL2 * newest_rel, newest_rel, np.inf)
+        last_rel[:, self._turn] = np.where(
+            spread & (moved_rel < _MOTION_LIMIT_REL2 * newest_rel), newest_rel, np.inf
+        )
         self._turn = (self._turn + 1) % _LAST
         n_counting = np.add.reduce(last_rel < np.inf, axis=1)
         median_rel = np.sort(last_rel, axis=1)[self._legs, n_counting // 2]

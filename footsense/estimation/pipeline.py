@@ -142,9 +142,10 @@ class Pipeline:
             self._noise.observe(readings.plate_distance_rel)
         closure_rel = baselines.unloaded.plate_distance_rel[:, None] - readings.plate_distance_rel
         measured_rel = closure_rel[:, 0]
-        consistency = self._consistency.test(
-            measured_rel, readings.second_largest_motion_rel, missing, now_ns
-        )
+        overloaded = measured_rel > self._legs.closure_max_rel
+        if not elements.all_readings_ok:
+            overloaded |= elements.over_range
+        consistency = self._consistency.test(measured_rel, readings, missing, overloaded, now_ns)
         if not consistency.is_all_ok:
             self._window.discard_newest(consistency.missing & ~missing)
         interrupted = self._no_leg
@@ -158,6 +159,7 @@ class Pipeline:
                 elements,
                 missing,
                 consistency.missing,
+                overloaded,
                 interrupted,
                 measured_rel,
                 readings,
@@ -169,6 +171,8 @@ class Pipeline:
         if interrupted is not self._no_leg:
             # What a line that breaks adds to the other elements is no load.
             measured_rel = np.where(interrupted[:, None], np.nan, measured_rel)
+        if np.count_nonzero(overloaded):
+            pf = np.where(overloaded, np.nan, pf)  # nor is at least so much a reading in swing
         baselines.observe(
             measured_rel, force_n[:, 2], load.sigma_n[:, 2], pf, scan.t_ns, consistency.missing, now_ns
         )
@@ -210,12 +214,11 @@ class Pipeline:
         if not (elements.all_readings_ok and consistency.is_all_ok):
             return False
         legs = self._legs
-        out_of_range = (measured_rel < legs.closure_min_rel) | (measured_rel > legs.closure_max_rel)
         oldest_ns = min(readings.oldest_of_newest_ns.tolist())
         return (
             oldest_ns > 0
             and now_ns - oldest_ns <= self._max_age_ns
-            and not np.count_nonzero(out_of_range)
+            and not np.count_nonzero(measured_rel < legs.closure_min_rel)
             and not np.count_nonzero(legs.stopped)
         )
 
@@ -249,10 +252,9 @@ class Pipeline:
         load = self._estimator.estimate(Window(closure_rel, age_s, consistency.missing))
         force_n, sigma_n = load.force_n, load.sigma_n
         sigma_n = np.hypot(sigma_n, self._baselines.unloaded.sigma_n)
-        if np.count_nonzero(consistency.inconsistency_sigma_rel):
-            inconsistent_n = consistency.inconsistency_sigma_rel * np.linalg.norm(force_n, axis=1)
-            sigma_n = np.hypot(sigma_n, inconsistent_n[:, None])
         max_n, max_sigma_n = self._trained.max_force_n, MAX_SIGMA_REL * self._trained.max_force_n
+        if np.count_nonzero(consistency.inconsistency_sigma_rel):
+            sigma_n = with_inconsistency(sigma_n, consistency.inconsistency_sigma_rel, force_n, max_sigma_n)
         # Of all legs together, in few calls: what is within it is so leg by leg. A NaN is never.
         if (
             healthy
@@ -265,6 +267,22 @@ class Pipeline:
         force_n[~told] = sigma_n[~told] = np.nan
         state = np.where(usable & ~told, np.uint8(State.OUT_OF_RANGE), state)
         return load._replace(sigma_n=sigma_n), state
+
+
+def with_inconsistency(
+    sigma_n: Vector, inconsistency_sigma_rel: Vector, force_n: Vector, max_sigma_n: float
+) -> Vector:
+    """Return sigma [N], shape (legs, 3), with the part for residuals, which alone never takes a force away.
+
+    Args:
+        sigma_n: Sigma without it [N], same shape.
+        inconsistency_sigma_rel: That part over the force [1], shape (legs,).
+        force_n: The forces [N], shape (legs, 3).
+        max_sigma_n: Largest sigma of a usable force [N].
+    """
+    inconsistent_n = (inconsistency_sigma_rel * np.linalg.norm(force_n, axis=1))[:, None]
+    widened_n: Vector = np.minimum(np.hypot(sigma_n, inconsistent_n), np.maximum(sigma_n, max_sigma_n))
+    return widened_n
 
 
 def _without_future_readings(scan: CapFrame, now_ns: int) -> CapFrame:

@@ -14,7 +14,7 @@ import msgspec
 import ngsolve as ng
 import numpy as np
 
-from footsense.estimation.missing_elements import MISSING_SETS, Imputation
+from footsense.estimation.missing_elements import MAX_OVERLOADED, MISSING_SETS, Imputation
 from footsense.estimation.network import steady_windows
 from footsense.foot.force_errors import ForceErrors
 from footsense.foot.network_card import FORMAT, INPUTS, OUTPUTS, add_checksum
@@ -239,7 +239,7 @@ def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable
             loads_unit,
             recipe.random_loads,
             TRAINING_SEED,
-            max_overloaded=load_cases.MAX_OVERLOADED,
+            max_overloaded=MAX_OVERLOADED,
         )
         report(f"{recipe.random_loads} random loads, gaps in contact")
         closure_rel = cases.closure_um / design.gap_um

@@ -61,7 +61,7 @@ class LegSample(NamedTuple):
         cause: Cause of the state; None if unknown.
         force_n: Ground reaction on the foot in the foot frame [N]; NaN unless usable.
         sigma_n: Standard deviation of each component [N]; NaN unless usable.
-        fault_mask: Bit e set where element e is not usable.
+        fault_mask: Bit e set where element e is not usable or overloaded.
         age_ms: Age of the newest reading when the sample was taken [ms]; NaN unless usable.
         baseline_status: Status of the baseline tracking; None if unknown.
         contact: Debounced contact; None if unknown.

@@ -6,8 +6,8 @@ time of sending from the last three readings of each element, which are publishe
 a usable force are the service's.
 
 Left out: rubber's memory, temperature and differences between made feet; faults but for breaks of a cable; the way over
-CAN (up to 3 ms of frames for six legs); the search for the element that contradicts the others, so that no foot is
-`DEGRADED`. The error of a baseline is constant, where the service's follows the swing.
+CAN (up to 3 ms of frames for six legs); the search for the element that contradicts the others, so that only overload
+makes a foot `DEGRADED`. The error of a baseline is constant, where the service's follows the swing.
 """
 
 from typing import NamedTuple
@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 from firmware_interface.chips import fdc1004
 from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.estimation.elements import inconsistency_sigma_rel
-from footsense.estimation.missing_elements import Imputation
+from footsense.estimation.missing_elements import MAX_OVERLOADED, Imputation
 from footsense.estimation.network import READINGS, Network, sensitivity
-from footsense.estimation.pipeline import MAX_SIGMA_REL
-from footsense.foot.capacitor import GAP_CLOSED_THRESHOLD_REL
+from footsense.estimation.pipeline import MAX_SIGMA_REL, with_inconsistency
 from footsense.foot.gap_contact import CELLS_PER_ELEMENT
 from footsense.foot.response_table import FootResponse, series_basis
 from footsense.foot.specimen import Specimen
@@ -103,8 +102,11 @@ class VirtualFeet:
         self._trained = trained = self._network.card.trained_inputs
         self._design = design = trained.design
         self._specimen = Specimen(response)
-        # What each closure differs from that which the others tell.
-        self._residual = Imputation(trained.moments).residual_matrix(np.zeros(ELEMENTS, bool)).T
+        self._imputation = Imputation(trained.moments)
+        # What each closure differs from that which the others tell, without overload.
+        self._none = np.zeros(ELEMENTS, bool)
+        self._residual = self._imputation.residuals(np.eye(ELEMENTS), self._none, self._none)
+        self._max_closure_rel = trained.max_usable_closure_rel(np.full(ELEMENTS, design.gap_um))
         self._random = np.random.default_rng(seed)
         self._break_probability = -np.expm1(-cable_breaks_per_s * PUBLISH_EVERY * STEP_S)
         # Coefficients of the cells of each element: shape (elements, products, 2 * 3 * cells).
@@ -113,8 +115,6 @@ class VirtualFeet:
             coefficients.transpose(3, 1, 0, 2, 4).reshape(ELEMENTS, coefficients.shape[1], -1), np.float32
         )
         unloaded_pf = np.array([design.unloaded_pf])
-        full_scale_rel = design.closure_um(np.array([_FULL_SCALE_PF]), unloaded_pf)[0] / design.gap_um
-        self._saturated_rel = min(GAP_CLOSED_THRESHOLD_REL, float(full_scale_rel) - 1e-9)
         self._lowest_z = np.sin(np.radians(response.min_elevation_deg))
         alone = sensitivity(Network(folder / "network.onnx", 1), 1, trained.moments)
         closure_per_pf = design.plate_distance_um(unloaded_pf) / design.gap_um / unloaded_pf
@@ -123,8 +123,8 @@ class VirtualFeet:
             _NOISE_SIGMA_PF * alone.force_sigma_n_per_reading_noise,
         )
         self._closure_rel = np.zeros((n_feet, READINGS, ELEMENTS))
-        # Elements with a cell that was closed when they were read last.
-        self._closed = np.zeros((n_feet, ELEMENTS), bool)
+        # Elements with a cell that was closed when they were read last, and those over the converter's range then.
+        self._closed, self._over_range = np.zeros((2, n_feet, ELEMENTS), bool)
         self._none_missing = np.zeros((n_feet, ELEMENTS), bool)
         self._baseline_pf = np.full(n_feet, design.unloaded_pf)
         self._force_n = np.zeros((n_feet, 3))
@@ -152,6 +152,7 @@ class VirtualFeet:
             feet: Which, shape (n,).
         """
         self._closure_rel[feet] = self._force_n[feet] = 0.0
+        self._over_range[feet] = False
         self._absent_until_s[feet] = self._stale_until_s[feet] = -np.inf
         error_pf = _BASELINE_ERROR_PF * self._random.normal(size=np.count_nonzero(feet))
         self._baseline_pf[feet] = self._design.unloaded_pf + error_pf
@@ -238,6 +239,7 @@ class VirtualFeet:
             closure_um[touching] = cells_um.reshape(-1, ELEMENTS, CELLS_PER_ELEMENT)[:, element]
         capacitance_pf[rows] = design.capacitance_pf(closure_um).mean(axis=1)
         capacitance_pf += _NOISE_PF * self._random.normal(size=len(capacitance_pf))
+        self._over_range[:, element] = capacitance_pf >= _FULL_SCALE_PF
         measured_um = design.closure_um(np.minimum(capacitance_pf, _FULL_SCALE_PF), self._baseline_pf)
         readings = self._closure_rel[:, :, element]
         readings[:, 1:] = readings[:, :-1].copy()
@@ -256,28 +258,35 @@ class VirtualFeet:
         age_s = np.broadcast_to(SEND_DELAY_S + STEP_S * since, closure_rel.shape)
         load = self._network.estimate(Window(closure_rel, age_s, self._none_missing))
         force_n, size_n = load.force_n, np.linalg.norm(load.force_n, axis=1)
-        inconsistent_n = self._inconsistency_rel() * size_n
-        sigma_n = np.sqrt(load.sigma_n**2 + self._sigma_n**2 + inconsistent_n[:, None] ** 2)
+        max_sigma_n = MAX_SIGMA_REL * trained.max_force_n
+        overloaded = self._over_range | (newest_rel > self._max_closure_rel)
+        n_overloaded = overloaded.sum(axis=1)
+        sigma_n = with_inconsistency(
+            np.hypot(load.sigma_n, self._sigma_n), self._inconsistency_rel(overloaded), force_n, max_sigma_n
+        )
         out_of_range = (
             (newest_rel < trained.closure_rel_min).any(axis=1)
-            | (newest_rel > trained.closure_rel_max).any(axis=1)
             | (size_n > trained.max_force_n)
-            | (sigma_n > MAX_SIGMA_REL * trained.max_force_n).any(axis=1)
+            | (sigma_n > max_sigma_n).any(axis=1)
             | self._force_n.any(axis=1) & (self._normal[:, 2] < self._lowest_z)
         )
-        state = np.full(len(force_n), State.VALID, np.uint8)
+        state = np.where(n_overloaded > 0, np.uint8(State.DEGRADED), np.uint8(State.VALID))
         state[out_of_range] = State.OUT_OF_RANGE
         state[sent_s < self._stale_until_s] = State.STALE
-        state[(newest_rel >= self._saturated_rel).any(axis=1)] = State.SATURATED
+        state[n_overloaded > MAX_OVERLOADED] = State.SATURATED
         state[sent_s < self._absent_until_s] = State.ABSENT
         usable = IS_USABLE_STATE[state]
         force_n[~usable] = sigma_n[~usable] = np.nan
         return VirtualForces(force_n, sigma_n, state, usable, np.nan)
 
-    def _inconsistency_rel(self) -> Vector:
+    def _inconsistency_rel(self, overloaded: Mask) -> Vector:
         """Return the sigma by elements that contradict the others, over the force [1], shape (n,): the service's."""
         newest_rel = self._closure_rel[:, 0]
         worst_rel = np.abs(newest_rel @ self._residual).max(axis=1)
+        for mask in np.unique(overloaded[overloaded.any(axis=1)], axis=0):
+            rows = (overloaded == mask).all(axis=1)
+            residuals = self._imputation.residuals(newest_rel[rows], self._none, mask)
+            worst_rel[rows] = np.abs(residuals).max(axis=1)
         moved_rel = np.abs(np.diff(self._closure_rel, axis=1)).max(axis=1)
         rms_rel = np.sqrt(np.square(newest_rel).mean(axis=1))
         return inconsistency_sigma_rel(worst_rel, rms_rel, np.sort(moved_rel, axis=1)[:, -2])

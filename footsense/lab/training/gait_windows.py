@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_interface.conversion_order import CONVERSION_ORDERS
+from footsense.estimation.missing_elements import MAX_OVERLOADED
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.training.gait_readings import GaitReadings, conversion_elements
-from footsense.lab.training.load_cases import MAX_OVERLOADED
 from footsense.lab.training.windowed_network import READINGS_PER_ELEMENT
 from footsense.ports import LoadEstimate, LoadEstimator, Window
 

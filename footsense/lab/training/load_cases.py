@@ -24,8 +24,6 @@ from footsense.lab.symmetry import SYMMETRIES, element_permutation
 
 #: Noise of one conversion at 400 a second, and of the baseline [pF, rms], as the card's sigma is measured with.
 NOISE_PF, BASELINE_NOISE_PF = 1e-3 * fdc1004.RATES[400].noise_ff, 0.2e-3
-#: Most elements beyond the converter's range with which there still is a force.
-MAX_OVERLOADED = 3
 #: Free mean closure from which an element is beyond the converter's range for certain [1 of the gap]: loads within full
 #: scale stay below 1.2.
 CERTAIN_SATURATION_CLOSURE_REL = 1.5

@@ -25,7 +25,7 @@ def found(scans: FootScans) -> list[FootFault]:
         (ALL, 0.1, Reading.OK, [(Cause.ELEMENT_OPEN, ALL)]),
         ((0, 3, 6), np.nan, Reading.OVER_RANGE, [(Cause.ELEMENT_SHORTED, (0, 3, 6))]),
         ((2,), np.nan, Reading.UNDER_RANGE, [(Cause.ELEMENT_OPEN, (2,))]),
-        ((2,), np.nan, Reading.OVER_RANGE, [(Cause.GAP_CLOSED, (2,))]),
+        ((2,), np.nan, Reading.OVER_RANGE, [(Cause.OVERLOAD, (2,))]),
         (ALL, np.nan, Reading.EXCITATION, [(Cause.CANNOT_EXCITE, ALL)]),
         ((8,), np.nan, Reading.CORRUPT, [(Cause.CORRUPT, ALL)]),
         ((8,), np.nan, Reading.DELAYED, [(Cause.DELAYED, ALL)]),

@@ -90,13 +90,21 @@ def test_more_than_a_line_is_an_element_fault(broken: list[int], cause: Cause) -
 
 
 @pytest.mark.parametrize(
-    ("closure_um", "state"), [(17.0, State.OUT_OF_RANGE), (19.5, State.SATURATED), (-2.0, State.OUT_OF_RANGE)]
+    ("elements", "closure_um", "state"),
+    [
+        ([2], -2.0, State.OUT_OF_RANGE),
+        ([0, 1, 2], 19.5, State.DEGRADED),
+        ([0, 1, 2, 6], 17.0, State.SATURATED),
+    ],
+    ids=str,
 )
-def test_the_elements_that_remain_are_judged_as_ever(closure_um: float, state: State) -> None:
+def test_the_elements_that_remain_are_judged_as_ever(
+    elements: list[int], closure_um: float, state: State
+) -> None:
     """A degraded leg is no excuse for a load beyond the training or the gap."""
     feet = Feet().tared()
     closures = np.zeros((2, 9))
-    closures[0, 2] = closure_um
+    closures[0, elements] = closure_um
     for _ in range(3):
         scan = feet.scan(closures)
         break_line(scan, 0, [3, 4, 5])
@@ -142,34 +150,62 @@ def test_a_line_that_comes_and_goes_is_no_load(broken: list[int], first: int) ->
     assert states[8:] == [State.STALE] * 2 + [State.VALID] * 4
 
 
-def over_range(feet: Feet, closures: NDArray[np.float64], element: int) -> CapFrame:
-    """Return a scan in which one element of the first leg is beyond the converter's range."""
-    scan = feet.scan(closures)
-    scan.capacitance_pf[0, element], scan.reading[0, element] = np.nan, Reading.OVER_RANGE
+def over_range(feet: Feet, closure_um: float, *elements: int) -> CapFrame:
+    """Return a scan in which some elements of the first leg are beyond the converter's range."""
+    scan = feet.scan(closure_um)
+    scan.capacitance_pf[0, elements], scan.reading[0, elements] = np.nan, Reading.OVER_RANGE
     return scan
 
 
-def test_an_element_over_the_range_of_a_pressed_foot_is_pressed() -> None:
-    """The others say so: no force."""
+@pytest.mark.parametrize("elements", [(4,), (0, 8), (0, 1, 2), (2, 3, 7)], ids=str)
+def test_up_to_three_elements_of_a_pressed_foot_may_be_over_the_range(elements: tuple[int, ...]) -> None:
+    """DEGRADED for as long as it lasts, with the network's force and sigma of the end of the range."""
     feet = Feet().tared()
     for _ in range(8):
-        forces = feet.feed(over_range(feet, np.full((2, 9), 16.0), 4))
-    assert forces.state.tolist() == [State.SATURATED, State.VALID]
-    assert forces.cause.tolist() == [Cause.GAP_CLOSED, Cause.NONE]
+        forces = feet.feed(over_range(feet, 15.9, *elements))
+        assert forces.state.tolist() == [State.DEGRADED, State.VALID]
+        assert forces.cause.tolist() == [Cause.OVERLOAD, Cause.NONE]
+        assert forces.fault_mask.tolist() == [sum(1 << element for element in elements), 0]
+    np.testing.assert_array_equal(feet.estimator.window.closure_rel[0, 0, list(elements)], 0.8)
+    np.testing.assert_allclose(forces.force_n[0], 9 * 0.795, rtol=0.01)
+    np.testing.assert_allclose(forces.sigma_n[0], SIGMA_N)
+    assert feet.feed(feet.scan(15.0)).state.tolist() == [State.VALID, State.VALID]
+
+
+def test_with_four_elements_over_the_range_there_is_no_force_for_as_long() -> None:
+    feet = Feet().tared()
+    for n, state in ((4, State.SATURATED), (3, State.DEGRADED), (9, State.SATURATED), (0, State.VALID)):
+        forces = feet.feed(over_range(feet, 15.9, *range(n)))
+        assert forces.state.tolist() == [state, State.VALID]
+        assert forces.cause[0] == (Cause.OVERLOAD if n else Cause.NONE)
+        assert np.isnan(forces.force_n[0]).all() == (state == State.SATURATED)
+
+
+@pytest.mark.parametrize("closure_um", [16.1, 18.0, 19.5])
+def test_a_closure_above_those_of_the_training_is_overload(closure_um: float) -> None:
+    """Whether the gap is closed or not: the network gets the largest closure of its training."""
+    feet = Feet().tared()
+    closures = np.full((2, 9), 15.0)
+    closures[0, 4] = closure_um
+    forces = feet.feed(feet.scan(closures))
+    assert (forces.state[0], forces.cause[0]) == (State.DEGRADED, Cause.OVERLOAD)
+    assert feet.estimator.window.closure_rel[0, 0, 4] == 0.8
 
 
 def test_an_element_over_the_range_of_a_free_foot_is_shorted() -> None:
-    """Once that has lasted: the force is that of the others. A tare does without it, too."""
+    """Once that has lasted: the force is that of the others. Until then sigma is wide. A tare does without it, too."""
     feet = Feet().tared()
-    states = [int(feet.feed(over_range(feet, np.full((2, 9), 5.0), 4)).state[0]) for _ in range(8)]
-    assert states[:4] == [State.SATURATED] * 4
-    forces = feet.feed(over_range(feet, np.full((2, 9), 5.0), 4))
+    for scan in range(9):
+        forces = feet.feed(over_range(feet, 5.0, 4))
+        if scan < 4:
+            assert (forces.state[0], forces.cause[0]) == (State.DEGRADED, Cause.OVERLOAD)
+            assert (forces.sigma_n[0] > 0.2 * forces.force_n[0]).all()
     assert forces.state.tolist() == [State.DEGRADED, State.VALID]
     assert (forces.cause[0], forces.fault_mask[0]) == (Cause.ELEMENT_SHORTED, 1 << 4)
     np.testing.assert_allclose(forces.force_n[0], 9 * 0.25, rtol=1e-5)
     fresh = Feet()
     for _ in range(WINDOW + 4):
-        forces = fresh.feed(over_range(fresh, np.zeros((2, 9)), 4))
+        forces = fresh.feed(over_range(fresh, 0.0, 4))
     assert forces.state.tolist() == [State.DEGRADED, State.VALID]
 
 

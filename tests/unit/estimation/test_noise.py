@@ -47,6 +47,24 @@ def test_steps_are_no_noise() -> None:
     assert measured_rel(steps(400), np.full(400, quiet)).max() < 3.0 * quiet
 
 
+@pytest.mark.parametrize("hit_rel", [(0.6, 0.2), (0.1, 0.06), (0.06, 0.04)], ids=str)
+def test_impacts_are_no_noise(hit_rel: tuple[float, float]) -> None:
+    """Of a few milliseconds, three a second, seen by one or two elements."""
+    quiet = 2e-4
+    rng, noise = np.random.default_rng(3), ReadingNoise(1, MOMENTS)
+    readings = 1.3 + quiet * rng.standard_normal((400, ELEMENTS))
+    for scan in range(20, 400, 15):
+        readings[scan, rng.permutation(ELEMENTS)[:2]] -= hit_rel
+    found = []
+    for scan in range(2, len(readings)):
+        window = readings[scan - 2 : scan + 1][::-1][None]
+        for _ in range(3):
+            noise.observe(window)
+        found.append(float(np.sqrt(noise.variance_rel[0])))
+    assert max(found) < 5.0 * quiet
+    assert np.median(found) < 3.0 * quiet
+
+
 def test_bursts_are_held_between_them_and_forgotten_after_them() -> None:
     """Bursts of 0.15 s twice a second, for 4 s of 12."""
     t_s = SCAN_S * np.arange(550)

@@ -133,8 +133,8 @@ def test_a_new_foot_is_not_mistrusted_for_the_old_one() -> None:
         (11.0, [State.VALID, State.VALID, State.VALID]),
         (12.0, [State.SATURATED, State.VALID, State.VALID]),
         (15.6, [State.SATURATED, State.VALID, State.VALID]),
-        (16.4, [State.SATURATED, State.OUT_OF_RANGE, State.VALID]),
-        (23.0, [State.SATURATED, State.SATURATED, State.OUT_OF_RANGE]),
+        (16.4, [State.SATURATED, State.SATURATED, State.VALID]),
+        (23.0, [State.SATURATED, State.SATURATED, State.SATURATED]),
     ],
 )
 def test_a_foot_s_own_gap_says_when_it_is_shut(closure_um: float, states: list[State]) -> None:
@@ -171,6 +171,23 @@ def test_a_force_that_the_network_was_not_trained_for_is_none(what: str, number:
     assert np.isnan(forces.force_n[0]).all()
     assert np.isnan(forces.sigma_n[0]).all()
     assert np.isfinite(forces.force_n[1]).all()
+
+
+@pytest.mark.parametrize("strength", [1.0, 5.0])
+def test_a_contradiction_of_a_moment_widens_sigma_alone(strength: float) -> None:
+    """As an impact that one element sees: the state stays, and the force, with a sigma of up to half of the largest."""
+
+    class Strong(SumOfClosures):
+        def estimate(self, window: Window) -> LoadEstimate:
+            load = super().estimate(window)
+            return load._replace(force_n=strength * load.force_n)
+
+    feet = Feet(n_legs=1, estimator=Strong()).tared()
+    hit = feet.feed(feet.scan(np.where(np.arange(9) == 4, 15.0, 0.0)[None]))
+    assert (hit.sigma_n > hit.force_n).all()
+    assert (hit.sigma_n == 0.5 * MAX_FORCE_N).all() == (strength > 1.0)
+    for forces in (hit, feet.feed(feet.scan())):
+        assert (forces.state.tolist(), forces.cause.tolist()) == ([State.VALID], [Cause.NONE])
 
 
 def test_an_implausible_reading_in_swing_makes_no_contact() -> None:

@@ -130,7 +130,7 @@ def test_a_foot_whose_gaps_all_closed_is_back_with_the_next_scan() -> None:
         scan = feet.scan()
         scan.capacitance_pf[:], scan.reading[:] = np.nan, Reading.OVER_RANGE
         forces = feet.feed(scan)
-        assert (forces.state[0], forces.cause[0]) == (State.SATURATED, Cause.GAP_CLOSED)
+        assert (forces.state[0], forces.cause[0]) == (State.SATURATED, Cause.OVERLOAD)
         assert np.isnan(forces.force_n).all()
     assert states(feet, 1, 10.0) == [State.VALID]
     seen = feet.estimator.window.closure_rel[0]
