@@ -6,7 +6,7 @@ from footsense.foot.force_errors import ForceErrors
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Specimen
 from footsense.lab.evaluation.evaluate_models import HELD_OUT_CASES, as_markdown
-from footsense.lab.evaluation.force_range import REACH_DEG, STATED_LEAN_DEG, force_limits, stated_loads
+from footsense.lab.evaluation.force_range import CENTRED_DEG, LEANS_DEG, force_range
 from footsense.lab.foot_file import FOOT_FILE
 from footsense.lab.geometry import FootDesign
 from footsense.lab.template import render
@@ -29,9 +29,9 @@ def readme(
         "error_table": as_markdown(table),
         "onnx_difference_n": onnx_difference_n,
         "quick": quick,
-        "range_n": force_limits(Specimen(response), stated_loads(REACH_DEG)).range_n.min(),
-        "REACH_DEG": REACH_DEG,
-        "STATED_LEAN_DEG": STATED_LEAN_DEG,
+        "range": force_range(Specimen(response), foot_design.loads.max_n),
+        "CENTRED_DEG": CENTRED_DEG,
+        "LEANS_DEG": LEANS_DEG,
         "force_unit": foot_design.loads.force_unit,
         "FOOT_FILE": FOOT_FILE,
         "HELD_OUT_CASES": HELD_OUT_CASES,

@@ -20,27 +20,28 @@ _POSITIVE = click.FloatRange(min=0, min_open=True)
 @click.option(
     "--load-factor",
     type=_POSITIVE,
-    default=1.8,
+    default=2.2,
     show_default=True,
-    help="Largest force of a gait on a foot over its share of the weight: about 1.2 for a walk, 2 to 3 for a trot.",
+    help="Largest normal load in a gait over the foot's share of the weight: 2 for a tripod or a slow trot, 2.2 for a "
+    "fast one, 3.4 to 5 for hops.",
 )
-@click.option("--max-force", type=_POSITIVE, help="Largest force on a foot [N]; in place of --mass.")
+@click.option("--max-load", type=_POSITIVE, help="Largest normal load of a foot [N]; in place of --mass.")
 @click.option(
-    "--min-force",
+    "--min-load",
     type=_POSITIVE,
-    help="Smallest force that matters [N]; without it a twentieth of the largest.",
+    help="Smallest normal load that matters [N]; without it a twentieth of the largest.",
 )
 @click.option(
-    "--reach",
-    type=click.FloatRange(5, 55),
+    "--lean",
+    type=click.FloatRange(5, 35),
     default=30.0,
     show_default=True,
-    help="Largest angle between force and leg [deg].",
+    help="Largest angle between force and contact normal [deg]: a friction of 0.577 is 30.",
 )
 @click.option(
     "--error",
     type=_POSITIVE,
-    default=1.0,
+    default=2.5,
     show_default=True,
     help="Largest direction error that the converter's noise may cause, mean over the range [deg].",
 )
@@ -69,9 +70,9 @@ def design(
     mass: float | None,
     legs: int,
     load_factor: float,
-    max_force: float | None,
-    min_force: float | None,
-    reach: float,
+    max_load: float | None,
+    min_load: float | None,
+    lean: float,
     error: float,
     ball: tuple[float, float],
     board: str,
@@ -93,17 +94,22 @@ def design(
     from footsense.lab.design import materials as material_table
     from footsense.lab.design import processes as process_table
     from footsense.lab.design.design import design as design_feet
-    from footsense.lab.design.requirements import Requirements, converter, largest_force_n
+    from footsense.lab.design.requirements import (
+        PITCH_DEG,
+        Requirements,
+        converter,
+        largest_normal_load_n,
+    )
 
-    if (mass is None) == (max_force is None):
-        raise click.UsageError("give one of --mass, --max-force")
-    largest_n = max_force or largest_force_n(mass or 0.0, legs, load_factor)
+    if (mass is None) == (max_load is None):
+        raise click.UsageError("give one of --mass, --max-load")
+    largest_n = max_load or largest_normal_load_n(mass or 0.0, legs, load_factor)
     known = process_table.load_processes(processes or process_table.PROCESSES_TABLE)
     if process not in known:
         raise FootsenseError(f"--process {process}: not in the table, which has {', '.join(known)}")
-    least_n = min_force or largest_n / 20.0
+    least_n = min_load or largest_n / 20.0
     if least_n >= largest_n:
-        raise FootsenseError(f"--min-force {least_n:g} is not below the largest force, {largest_n:g} N")
+        raise FootsenseError(f"--min-load {least_n:g} is not below the largest load, {largest_n:g} N")
     if ball[0] > ball[1]:
         raise FootsenseError(f"--ball {ball[0]:g} {ball[1]:g}: the least diameter comes first")
     folder = out or Path("design")
@@ -112,7 +118,7 @@ def design(
     requirements = Requirements(
         largest_n,
         least_n,
-        reach,
+        lean,
         error,
         ball,
         at_hand.select_materials(material),
@@ -124,8 +130,9 @@ def design(
     if as_json:
         echo_json(
             {
-                "max_n": largest_n,
-                "min_n": least_n,
+                "max_load_n": largest_n,
+                "min_load_n": least_n,
+                "lean_deg": lean,
                 "candidates": n_compared,
                 "scan_s": requirements.board.scan_s,
                 "feet": [foot.json_values() for foot in feet],
@@ -133,11 +140,12 @@ def design(
         )
         return
     click.echo(
-        f"{n_compared} feet compared for {least_n:.3g} to {largest_n:.3g} N up to {reach:g} deg from the leg\n"
+        f"{n_compared} feet compared for normal loads of {least_n:.3g} to {largest_n:.3g} N, upright or pitched by "
+        f"{PITCH_DEG:g} deg, the force leaning up to {lean:g} deg\n"
         f"board {board}: {1e3 * requirements.board.noise_pf:.2g} fF of noise, "
         f"{1e3 * requirements.board.scan_s:.1f} ms for a scan"
     )
-    columns = [foot.cells(reach) for foot in feet]
+    columns = [foot.cells for foot in feet]
     click.echo(" " * 22 + "".join(f"{foot.name:>28}" for foot in feet))
     for title in columns[0]:
         click.echo(f"{title:22}" + "".join(f"{cells[title]:>28}" for cells in columns))

@@ -30,9 +30,9 @@ from footsense.foot.calibration_files import FootCalibration
 #: worst foot's [deg]. Source: docs/report/experiment.md, row "uncalibrated: the released network", column reference.
 UNCALIBRATED_TYPE, UNCALIBRATED_DIRECTION_DEG, UNCALIBRATED_WORST_DIRECTION_DEG = "aoyagi-3x3", 12.5, 23.3
 
-#: Largest force that the released feet, as designed, read in every direction up to 30 deg from the leg [N].
-#: Source: docs/report/design.md, range, "built".
-USABLE_RANGE_N = {"aoyagi-3x3": 1.07, "hexapod-2kg": 12.7, "quadruped-12kg": 157.0}
+#: Largest normal load that the released feet read, as designed, if the force leans from an upright contact normal by 14
+#: and by 30 deg, to the worst side [N]. Source: docs/report/design.md, "upright".
+READ_LOADS_N = {"aoyagi-3x3": (0.648, 0.363), "hexapod-2kg": (25.4, 13.8), "quadruped-12kg": (251.0, 144.0)}
 
 
 @click.command("check-config")
@@ -99,9 +99,10 @@ def _explanation(models: Models) -> dict[str, str]:
             else f"{bus.leg} alone"
         )
         told[bus.device] = f"board {config.board}, {place}"
-    usable_n = USABLE_RANGE_N.get(card.foot_type)
-    usable = "" if usable_n is None else f"usable up to {usable_n:g} N within 30 deg of the leg; "
-    told["feet"] = f"of type {card.foot_type}, {usable}largest trained force {card.max_trained_force_n:g} N"
+    read = ""
+    if (read_n := READ_LOADS_N.get(card.foot_type)) is not None:
+        read = "read up to {:g} N of normal load if the force leans 14 deg, {:g} N if 30; ".format(*read_n)
+    told["feet"] = f"of type {card.foot_type}, {read}largest trained force {card.max_trained_force_n:g} N"
     for leg, calibration in models.calibrations_by_leg.items():
         known = _calibration(calibration)
         errors = calibration.manifest.held_out

@@ -11,7 +11,7 @@ from footsense import strict_yaml
 from footsense.can.channel import can_interfaces
 from footsense.can.interface import Can
 from footsense.cli.options import FILE
-from footsense.cli.setup.check_config import USABLE_RANGE_N
+from footsense.cli.setup.check_config import READ_LOADS_N
 from footsense.cli.setup.probe import diagnoses_lines
 from footsense.cli.setup.robot_file import check_is_new, robot_file
 from footsense.config import DEFAULT, Config
@@ -70,8 +70,8 @@ def init(
             answer = click.prompt("Their legs, in this order", default=legs_text or usual)
             config = robot_on(chosen, _legs(answer), can, scene) if answer != usual else config
         if asks and foot_type is None:
-            usable = ", ".join(f"{name} up to {USABLE_RANGE_N[name]:g} N" for name in released_names())
-            click.echo(f"Types of feet, by the force on one: {usable}")
+            usable = ", ".join(f"{name} up to {READ_LOADS_N[name][0]:g} N" for name in released_names())
+            click.echo(f"Types of feet, by the load on one: {usable}")
             foot_type = click.prompt(
                 "Their type",
                 type=click.Choice(released_names()),

@@ -1,4 +1,4 @@
-"""Range and force errors of a foot from its response table, gap contact included, by direction.
+"""Range and force errors of a foot from its response table, gap contact included.
 
 The same figures come from a response between the solved shapes, as a prediction, and from the table of a built foot, as
 the measurement to compare it with.
@@ -27,32 +27,35 @@ from footsense.frames import ELEMENTS, Vector
 from footsense.lab.design.processes import Process
 from footsense.lab.design.requirements import Requirements
 from footsense.lab.evaluation.cramer_rao import Unknowns, force_bound, jacobian_um
-from footsense.lab.evaluation.force_range import LoadDirections, force_limits, stated_loads
+from footsense.lab.evaluation.force_range import force_range, load_limits
+from footsense.lab.geometry import FootDesign
 from footsense.lab.training.load_cases import sensed_closure_um
 
-#: Elevations at which the range is stated [deg], and azimuths over which the least counts [deg].
-ELEVATIONS_DEG, _AZIMUTHS_DEG = (90, 75, 60, 45, 35), [0.0, 22.5, 45.0]
-#: Forces at which the errors are stated, between the smallest and the largest.
-N_FORCE_LEVELS = 5
+#: Loads at which the errors are stated, between the smallest and the largest.
+_N_LOAD_LEVELS = 5
 #: Errors of a test stand: lean of the stick [deg], uncertain share of a force [1], share of a closure that no model
 #: explains [1], noise of a mean reading [pF]. As in the prior of `calibration/parameter_fit.py`.
 _STICK_LEAN_DEG, _FORCE_REL, _MODEL_REL, _NOISE_PF = 1.5, 0.015, 0.005, 0.3e-3
 #: Steps of the differences: gap over the designed one, stray [pF], stiffness [1], mount [rad].
 _GAP_STEP_REL, _STRAY_STEP_PF, _STIFFNESS_STEP, _MOUNT_STEP = 0.01, 0.01, 0.01, 2e-3
-#: Presses: azimuths and elevations [deg], and magnitudes over the largest force [1].
+#: Presses: azimuths and elevations [deg], and magnitudes over the largest load [1].
 _PRESS_AZIMUTHS_DEG, _PRESS_ELEVATIONS_DEG = [30.0 * k for k in range(12)], [55.0, 75.0]
 _PRESS_SIZES_REL = (0.35, 0.8)
+#: Centred forces after calibration: azimuths and elevations [deg], and magnitude over the largest load [1].
+_TEST_AZIMUTHS_DEG, _TEST_ELEVATIONS_DEG, _TEST_SIZE_REL = [0.0, 22.5, 45.0], [75.0, 60.0], 0.6
 
 
 class Assessment(NamedTuple):
-    """Predicted range [N] and force errors of one foot, by direction.
+    """Predicted range [N] and force errors of one foot.
 
     Attributes:
         unloaded_pf: Capacitance of an unloaded element [pF].
-        range_by_elevation_n: Largest centred force at each of `ELEVATIONS_DEG` [N].
-        all_directions_range_n: Largest force in every direction of the design, leaning contacts included [N].
-        force_levels_n: Force magnitudes of the following errors [N], shape (levels,).
-        direction_error_bound_deg: Cramer-Rao bound of the direction, mean over directions [deg rms], shape (levels,).
+        upright_range_n: Largest normal loads by lean, as `ForceRange` [N], shape (3,).
+        centred_range_n: Largest centred force, likewise [N].
+        design_range_n: Largest normal load under every load of the design [N].
+        load_levels_n: Normal loads of the following errors [N], shape (levels,).
+        direction_error_bound_deg: Cramer-Rao bound of the direction, mean over the design's loads [deg rms], shape
+            (levels,).
         magnitude_error_bound_rel: The same of the magnitude over the force [1].
         calibrated_direction_error_deg: Error of the direction from the fabrication tolerances that calibration leaves
             [deg rms].
@@ -60,61 +63,62 @@ class Assessment(NamedTuple):
     """
 
     unloaded_pf: float
-    range_by_elevation_n: Vector
-    all_directions_range_n: float
-    force_levels_n: Vector
+    upright_range_n: Vector
+    centred_range_n: float
+    design_range_n: float
+    load_levels_n: Vector
     direction_error_bound_deg: Vector
     magnitude_error_bound_rel: Vector
     calibrated_direction_error_deg: float
     calibrated_magnitude_error_rel: float
 
 
-def assess_foot(response: FootResponse, requirements: Requirements) -> Assessment:
+def assess_foot(foot_design: FootDesign, response: FootResponse, requirements: Requirements) -> Assessment:
     """Return predicted range and force errors of a foot from its response table."""
     foot, board = Specimen(response), requirements.board
-    grid = np.concatenate([direction_grid(_AZIMUTHS_DEG, [float(e)]) for e in ELEVATIONS_DEG])
-    centred_n = force_limits(foot, LoadDirections(grid, grid), board.range_end_pf).range_n
-    loads = stated_loads(requirements.max_force_to_leg_axis_deg)
-    levels_n = np.geomspace(requirements.min_evaluated_force_n, requirements.max_n, N_FORCE_LEVELS)
+    loads, stated = requirements.loads, force_range(foot, foot_design.loads.max_n, board.range_end_pf)
+    levels_n = np.geomspace(requirements.min_load_n, requirements.max_load_n, _N_LOAD_LEVELS)
     bounds = [
         force_bound(
             foot,
             loads.normal,
-            force_n * loads.direction,
+            load_n * loads.force_n,
             Unknowns.LEANING,
             noise_pf=board.noise_pf,
             baseline_noise_pf=board.baseline_noise_pf,
         )
-        for force_n in levels_n
+        for load_n in levels_n
+    ]
+    magnitude_rel = [
+        GRAM_FORCE_N * (one.magnitude_rms_gf / np.linalg.norm(one.true_force_n, axis=1)).mean()
+        for one in bounds
     ]
     return Assessment(
         response.design.unloaded_pf,
-        centred_n.reshape(len(ELEVATIONS_DEG), -1).min(axis=1),
-        float(force_limits(foot, loads, board.range_end_pf).range_n.min()),
+        stated.upright_n,
+        stated.centred_n,
+        float(load_limits(foot, loads, board.range_end_pf).range_n.min()),
         levels_n,
         np.array([bound.direction_rms_deg.mean() for bound in bounds]),
-        GRAM_FORCE_N * np.array([bound.magnitude_rms_gf.mean() for bound in bounds]) / levels_n,
-        *_force_errors_after_calibration(
-            response, requirements.process, requirements.max_force_to_leg_axis_deg, requirements.max_n
-        ),
+        np.array(magnitude_rel),
+        *_force_errors_after_calibration(response, requirements.process, requirements.max_load_n),
     )
 
 
 def _force_errors_after_calibration(
-    response: FootResponse, process: Process, max_lean_deg: float, max_n: float
+    response: FootResponse, process: Process, max_load_n: float
 ) -> tuple[float, float]:
-    """Return rms direction [deg] and relative magnitude errors [1] after calibration, over the design loads.
+    """Return rms direction [deg] and relative magnitude errors [1] after calibration, over centred forces.
 
     Args:
         response: Response table of the foot.
         process: Its tolerances.
-        max_lean_deg: Largest angle between a force and the leg's axis [deg].
-        max_n: Largest force [N].
+        max_load_n: Largest normal load [N].
     """
     presses = direction_grid(_PRESS_AZIMUTHS_DEG, _PRESS_ELEVATIONS_DEG)
-    pressed_n = np.concatenate([size * max_n * presses for size in _PRESS_SIZES_REL])
-    test = direction_grid([0.0, 22.5, 45.0], [90.0 - max_lean_deg / 2.0, 90.0 - max_lean_deg])
-    force_n = np.concatenate([pressed_n, 0.6 * max_n * test])
+    pressed_n = np.concatenate([size * max_load_n * presses for size in _PRESS_SIZES_REL])
+    test = direction_grid(_TEST_AZIMUTHS_DEG, _TEST_ELEVATIONS_DEG)
+    force_n = np.concatenate([pressed_n, _TEST_SIZE_REL * max_load_n * test])
     direction = force_n / np.linalg.norm(force_n, axis=1, keepdims=True)
     by_load = jacobian_um(Specimen(response), direction, force_n, Unknowns.LEANING)
     by_deviation = _deviation_jacobian_um(response, direction, force_n)

@@ -103,23 +103,23 @@ def _conflict_message(
     library: FootShapeLibrary, requirements: Requirements, feet: Candidates, screened: ScreeningResult
 ) -> str:
     """Return the message naming the requirements that no candidate meets, and the nearest design that works."""
-    able = screened.range_n >= requirements.max_n
+    able = screened.range_n >= requirements.max_load_n
     if able.any():
         best = int(np.nanargmin(screened.direction_error_bound_deg))
         thinnest = min(requirements.process.gap_um)
         return (
-            f"--min-force {requirements.min_evaluated_force_n:g} and --max-force {requirements.max_n:g} conflict at "
+            f"--min-load {requirements.min_load_n:g} and --max-load {requirements.max_load_n:g} conflict at "
             f"--error {requirements.max_noise_direction_error_deg:g}: the noise of board {requirements.board.name} "
             f"alone gives {screened.direction_error_bound_deg[best]:.2g} deg over this range, "
             f"with the gap of {feet.gap_um[best]:g} um (the process makes {thinnest:g} um and more); "
-            f"nearest that works: --min-force {_lowest_feasible_min_force_n(library, requirements, feet):.2g}"
+            f"nearest that works: --min-load {_lowest_feasible_min_load_n(library, requirements, feet):.2g}"
         )
     best = int(np.argmax(screened.range_n))
     rubbers = requirements.materials.rubbers
     text = (
-        f"--max-force {requirements.max_n:g} and --ball {requirements.ball_diameter_range_mm[1]:g} conflict: no "
-        f"rubber and gap at "
-        f"hand carry more than {screened.range_n[best]:.3g} N on such a ball "
+        f"--max-load {requirements.max_load_n:g} and --ball {requirements.ball_diameter_range_mm[1]:g} conflict: no "
+        f"rubber and gap at hand carry more than {screened.range_n[best]:.3g} N on such a ball, the force leaning "
+        f"{requirements.lean_deg:g} deg "
         f"({rubbers[int(feet.rubber[best])].name}, gap {feet.gap_um[best]:g} um, ends "
         f"by the {LIMIT_NAMES[int(screened.limiting_factor_index[best])]})"
     )
@@ -130,8 +130,8 @@ def _conflict_message(
         others = _manufacturable_candidates(library, larger, all_candidates(larger))
     except FootsenseError:
         others = feet
-    carries = screen_candidates(library, larger, others).range_n >= requirements.max_n
-    nearest = f"--max-force {0.99 * screened.range_n[best]:.3g}"
+    carries = screen_candidates(library, larger, others).range_n >= requirements.max_load_n
+    nearest = f"--max-load {0.99 * screened.range_n[best]:.3g}"
     harder = requirements._replace(materials=load_materials())
     if carries.any():
         nearest = (
@@ -140,20 +140,20 @@ def _conflict_message(
         )
     else:
         others = _manufacturable_candidates(library, harder, all_candidates(harder))
-        carries = screen_candidates(library, harder, others).range_n >= requirements.max_n
+        carries = screen_candidates(library, harder, others).range_n >= requirements.max_load_n
         if carries.any():
             nearest = f"a rubber of {others.rubber_mpa[carries].min():g} MPa, or {nearest}"
     return f"{text}; nearest that works: {nearest}"
 
 
-def _lowest_feasible_min_force_n(
+def _lowest_feasible_min_load_n(
     library: FootShapeLibrary, requirements: Requirements, feet: Candidates
 ) -> float:
-    """Return the lowest minimum force at which some candidate meets the required error [N]."""
-    low, high = np.log(requirements.min_evaluated_force_n), np.log(requirements.max_n)
+    """Return the lowest minimum load at which some candidate meets the required error [N]."""
+    low, high = np.log(requirements.min_load_n), np.log(requirements.max_load_n)
     for _ in range(8):
         middle = (low + high) / 2.0
-        trial = requirements._replace(min_evaluated_force_n=float(np.exp(middle)))
+        trial = requirements._replace(min_load_n=float(np.exp(middle)))
         bound_deg = screen_candidates(library, trial, feet).direction_error_bound_deg
         if np.nanmin(bound_deg) <= requirements.max_noise_direction_error_deg:
             high = middle

@@ -6,12 +6,13 @@ from typing import Any, NamedTuple
 import msgspec
 
 from footsense.errors import FootsenseError
-from footsense.lab.design.assess import ELEVATIONS_DEG, Assessment, assess_foot
+from footsense.lab.design.assess import Assessment, assess_foot
 from footsense.lab.design.candidates import Candidates
 from footsense.lab.design.choice import choose_candidates
-from footsense.lab.design.requirements import Requirements
+from footsense.lab.design.requirements import PITCH_DEG, Requirements
 from footsense.lab.design.screen import LIMIT_NAMES, TRAINED_RANGE_FACTOR
 from footsense.lab.design.shapes import SHEET_SIDE_OVER_RADIUS, FootShapeLibrary
+from footsense.lab.evaluation.force_range import CENTRED_DEG, LEANS_DEG
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import UM_PER_MM, FootDesign
 
@@ -47,12 +48,9 @@ class DesignedFoot(NamedTuple):
     figures: Assessment
     limiting_factor: str
 
-    def cells(self, reach_deg: float) -> dict[str, str]:
-        """Return the foot's column of the printed table, by row name.
-
-        Args:
-            reach_deg: Largest angle between a force and the leg's axis [deg].
-        """
+    @property
+    def cells(self) -> dict[str, str]:
+        """The foot's column of the printed table, by row name."""
         one, design = self.figures, self.design
         return {
             "ball [mm]": f"{2.0 * design.ball_radius_mm:g}",
@@ -65,16 +63,17 @@ class DesignedFoot(NamedTuple):
             "electrode [mm]": f"{design.electrode_mm:g}",
             "cavity": design.cavity,
             "unloaded [pF]": f"{one.unloaded_pf:.2f}",
-            f"range to {reach_deg:g} deg [N]": f"{one.all_directions_range_n:.3g}",
+            "range, designed [N]": f"{one.design_range_n:.3g}",
             **{
-                f"  at {elevation} deg [N]": f"{range_n:.3g}"
-                for elevation, range_n in zip(ELEVATIONS_DEG, one.range_by_elevation_n, strict=True)
+                f"  upright, leaning {lean:g}": f"{range_n:.3g}"
+                for lean, range_n in zip(LEANS_DEG, one.upright_range_n, strict=True)
             },
+            f"  centred, {CENTRED_DEG:g} deg": f"{one.centred_range_n:.3g}",
             "limited by": self.limiting_factor,
             **{
-                f"noise at {force_n:.3g} N": f"{deg:.2g} deg, {100.0 * rel:.2g} %"
-                for force_n, deg, rel in zip(
-                    one.force_levels_n,
+                f"noise at {load_n:.3g} N": f"{deg:.2g} deg, {100.0 * rel:.2g} %"
+                for load_n, deg, rel in zip(
+                    one.load_levels_n,
                     one.direction_error_bound_deg,
                     one.magnitude_error_bound_rel,
                     strict=True,
@@ -123,11 +122,11 @@ def design(requirements: Requirements, name: str, keep: int) -> tuple[list[Desig
     for rows in choice.rows_to_assess:
         own = f"{name}-{2.0 * candidates.ball_radius_mm[rows[0]]:g}mm".replace(".", "-")
         for row in map(int, rows):
-            about = f"A foot for forces up to {requirements.max_n:.3g} N"
+            about = f"A foot for normal loads up to {requirements.max_load_n:.3g} N"
             text = foot_text(own, about, candidates, row, requirements)
             foot = load_foot(text.encode())
-            figures = assess_foot(library.response(foot), requirements)
-            if figures.all_directions_range_n >= _RANGE_RESERVE_FACTOR * requirements.max_n:
+            figures = assess_foot(foot, library.response(foot), requirements)
+            if figures.design_range_n >= _RANGE_RESERVE_FACTOR * requirements.max_load_n:
                 rubber = materials.rubbers[int(candidates.rubber[row])].name
                 sheet = materials.sheets[int(candidates.sheet[row])].name
                 limit = LIMIT_NAMES[int(choice.screened.limiting_factor_index[row])]
@@ -135,8 +134,8 @@ def design(requirements: Requirements, name: str, keep: int) -> tuple[list[Desig
                 break
     if not feet:
         raise FootsenseError(
-            f"--max-force {requirements.max_n:g} and --ball conflict: feet of these sizes come near and do not reach "
-            f"it; nearest that works: --max-force {0.95 * requirements.max_n:.3g}"
+            f"--max-load {requirements.max_load_n:g} and --ball conflict: feet of these sizes come near and do not "
+            f"reach it; nearest that works: --max-load {0.95 * requirements.max_load_n:.3g}"
         )
     return feet, choice.n_all_candidates
 
@@ -174,10 +173,11 @@ def foot_text(name: str, description: str, feet: Candidates, row: int, requireme
         "rubber": requirements.materials.rubbers[int(feet.rubber[row])],
         "pdms": requirements.materials.sheets[int(feet.sheet[row])],
     }
-    loads = {"max_n": float(f"{TRAINED_RANGE_FACTOR * requirements.max_n:.3g}"), **_DEFAULT_LOAD_RANGE}
+    loads = {"max_n": float(f"{TRAINED_RANGE_FACTOR * requirements.max_load_n:.3g}"), **_DEFAULT_LOAD_RANGE}
     title = (
-        f"# Designed for {requirements.min_evaluated_force_n:.3g} to {requirements.max_n:.3g} N up to "
-        f"{requirements.max_force_to_leg_axis_deg:g} deg from the leg, board {requirements.board.name}."
+        f"# Designed for normal loads of {requirements.min_load_n:.3g} to {requirements.max_load_n:.3g} N, upright or "
+        f"pitched by {PITCH_DEG:g} deg,\n"
+        f"# forces leaning from the normal by up to {requirements.lean_deg:g} deg, board {requirements.board.name}."
     )
     lines = [
         title,

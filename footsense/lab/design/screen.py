@@ -1,15 +1,15 @@
-"""Screening of all candidates, vectorised: force range, limiting factor, Cramer-Rao bound of the error.
+"""Screening of all candidates, vectorised: range, limiting factor, Cramer-Rao bound of the error.
 
 The range is an estimate of `evaluation.force_range` without gap contact, so that hundreds of thousands of feet take
 seconds; the contact patch has to be no wider than the response table holds, too.
 Errors are the Cramer-Rao bound of one scan for an unknown force and contact (`evaluation.cramer_rao`), from the
-smallest force to the largest.
+smallest load to the largest.
 
 Mean closures and their derivatives by force and contact are without gap contact. In the units of the solved feet (10
-mm, 5.2 MPa) a foot's closure under a force f at a contact of normal n is
+mm, 5.2 MPa) a foot's closure under a force f = N u of the normal load N, u . n = 1 with the contact's normal n, is
 
-    d = s |f| [w0 + a^2 w2] . f / |f|,      s = A (5.2 / E) (10 / R)
-    a^2 = 100 (3/4 (1 - nu^2) |f . n| / (E R^2))^(2/3)
+    d = s N [w0 + a^2 w2] . u,      s = A (5.2 / E) (10 / R)
+    a^2 = 100 (3/4 (1 - nu^2) N / (E R^2))^(2/3)
 
 with w0, w2 and their slopes by the normal the weighted sum of those of the solved shapes.
 """
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from footsense.foot.directions import normalized, tangent_frame
 from footsense.foot.gap_contact import element_means
 from footsense.foot.response_table import series_basis, whole_series
+from footsense.foot.specimen import ContactLoads
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.design.candidates import Candidates
 from footsense.lab.design.requirements import Requirements
@@ -33,15 +34,16 @@ from footsense.lab.design.shapes import (
     FootShapeLibrary,
 )
 from footsense.lab.evaluation.cramer_rao import closure_sigma_um
-from footsense.lab.evaluation.force_range import MAX_READABLE_CLOSURE_REL, LoadDirections, stated_loads
+from footsense.lab.evaluation.force_range import MAX_READABLE_CLOSURE_REL
 from footsense.lab.geometry import MIN_FITTED_ELEVATION_DEG, MIN_TABLE_ELEVATION_DEG
 
 #: Feet evaluated at once, which limits memory.
 _FEET_PER_CALL = 2000
-#: Forces between the smallest and the largest at which errors are evaluated, evenly in the logarithm.
-_N_FORCE_LEVELS = 3
-#: The foot is trained beyond its range by this factor, and its patch has to be in the table there too [1].
-TRAINED_RANGE_FACTOR = 1.5
+#: Loads between the smallest and the largest at which errors are evaluated, evenly in the logarithm.
+_N_LOAD_LEVELS = 3
+#: Largest force of the training over the largest normal load, so that it covers what an overload leaves; the patch has
+#: to be in the table there too [1].
+TRAINED_RANGE_FACTOR = 2.0
 #: What ends a foot's range, by number.
 LIMIT_NAMES = ("gap", "converter", "patch")
 #: Step of the differences by the normal [rad], and degree of the series.
@@ -65,14 +67,14 @@ class ClosureModel:
 
     Args:
         library: The solved shapes.
-        loads: The loads.
+        loads: The loads, each of 1 N along its normal.
 
     Attributes:
         loads: The loads.
         unevenness: Variance of an electrode's cell closures over their squared mean, paper's shape, shape (m, 9).
     """
 
-    def __init__(self, library: FootShapeLibrary, loads: LoadDirections) -> None:
+    def __init__(self, library: FootShapeLibrary, loads: ContactLoads) -> None:
         """Create the model: evaluate the solved shapes at the loads."""
         self._library, self.loads = library, loads
         self._across = np.stack(tangent_frame(loads.normal), axis=1)
@@ -81,7 +83,7 @@ class ClosureModel:
         series = element_means(np.moveaxis(np.array(whole), -1, -2))
         basis = self._basis()
         self._at = basis @ series.reshape(*series.shape[:3], -1)
-        cells = np.einsum("mp,pec,mc->me", basis[: len(loads.normal)], whole[0][0], loads.direction)
+        cells = np.einsum("mp,pec,mc->me", basis[: len(loads.normal)], whole[0][0], loads.force_n)
         cells = cells.reshape(len(cells), ELEMENTS, -1)
         self.unevenness = cells.var(axis=2) / cells.mean(axis=2) ** 2
 
@@ -117,44 +119,40 @@ class ClosureModel:
         )
         return Influence(whole[:, 0], RADIUS_MM**2 * patch_rel2[:, None, None, None, None] * whole[:, 1])
 
-    def closures_and_jacobian_um(self, influence: Influence, force_n: Vector) -> tuple[Vector, Vector]:
+    def closures_and_jacobian_um(self, influence: Influence, load_n: float) -> tuple[Vector, Vector]:
         """Return closures [um], (n, m, 9), and their derivatives by the unknowns, (n, m, 9, 5).
 
         Args:
             influence: Of the feet.
-            force_n: Magnitude of each load [N], shape (n, m).
+            load_n: Normal load [N].
 
         Returns:
-            The slopes are by the force's components over its magnitude [um], then by two turns of the normal [um/rad].
+            The slopes are by the force's components over the normal load [um], then by two turns of the normal
+            [um/rad].
         """
-        direction, normal = self.loads
-        pressing = (direction * normal).sum(axis=1)
-        grown = (force_n * pressing) ** (2.0 / 3.0)
-        unit = (
-            influence.point_force_um_per_n
-            + grown[:, :, None, None, None] * influence.patch_correction_um_per_n
-        )
-        # per newton, by force component, at the normal and its turns: shape (n, m, 3 turns, 9)
-        along = np.einsum("nmtce,mc->nmte", unit, direction)
-        patch = np.einsum("nmce,mc->nme", influence.patch_correction_um_per_n[:, :, 0], direction)
-        closure = force_n[..., None] * along[:, :, 0]
-        # The patch grows with the pressing force: d(p^(2/3)) = 2/3 p^(2/3) dp / p.
-        growth = (2.0 / 3.0) * grown[..., None] * patch / pressing[:, None]
+        normal, force = self.loads
+        grown = load_n ** (2.0 / 3.0)
+        unit = influence.point_force_um_per_n + grown * influence.patch_correction_um_per_n
+        # per newton of normal load, at the normal and its turns: shape (n, m, 3 turns, 9)
+        along = np.einsum("nmtce,mc->nmte", unit, force)
+        patch = np.einsum("nmce,mc->nme", influence.patch_correction_um_per_n[:, :, 0], force)
+        # The patch grows with the normal load: d(N^(2/3)) = 2/3 N^(2/3) dN / N.
+        growth = (2.0 / 3.0) * grown * patch
         by_force = unit[:, :, 0] + growth[:, :, None, :] * normal[:, :, None]
-        leaning = np.einsum("mtc,mc->mt", self._across, direction)
+        leaning = np.einsum("mtc,mc->mt", self._across, force)
         by_normal = along[:, :, 1:] + growth[:, :, None, :] * leaning[:, :, None]
-        slopes = np.concatenate([by_force, by_normal], axis=2) * force_n[..., None, None]
-        return closure, np.moveaxis(slopes, 2, 3)
+        slopes = np.concatenate([by_force, by_normal], axis=2) * load_n
+        return load_n * along[:, :, 0], np.moveaxis(slopes, 2, 3)
 
 
 class ScreeningResult(NamedTuple):
-    """Force range [N], limiting factor and error bounds of n candidates.
+    """Range [N], limiting factor and error bounds of n candidates.
 
     Attributes:
-        range_n: Largest force in every direction of the design [N], shape (n,).
+        range_n: Largest normal load under every load of the design [N], shape (n,).
         limiting_factor_index: What ends it, a number in `LIMIT_NAMES`, shape (n,).
         direction_error_bound_deg: Cramer-Rao bound of the direction, mean over loads [deg rms], shape (n,); NaN if the
-            largest force is beyond the range.
+            largest load is beyond the range.
     """
 
     range_n: Vector
@@ -163,7 +161,7 @@ class ScreeningResult(NamedTuple):
 
 
 def patch_limit_n(feet: Candidates) -> Vector:
-    """Return the force at which the contact patch reaches the response table's largest angle [N], shape (n,)."""
+    """Return the normal load at which the contact patch reaches the response table's largest angle [N], shape (n,)."""
     widest = np.radians(MIN_TABLE_ELEVATION_DEG - MIN_FITTED_ELEVATION_DEG)
     limit: Vector = widest**3 * feet.rubber_mpa * feet.ball_radius_mm**2 / (0.75 * (1.0 - RUBBER_POISSON**2))
     return limit
@@ -172,8 +170,8 @@ def patch_limit_n(feet: Candidates) -> Vector:
 def screen_candidates(
     library: FootShapeLibrary, requirements: Requirements, feet: Candidates
 ) -> ScreeningResult:
-    """Return force range and error bounds of every candidate."""
-    model = ClosureModel(library, stated_loads(requirements.max_force_to_leg_axis_deg))
+    """Return range and error bounds of every candidate."""
+    model = ClosureModel(library, requirements.loads)
     parts = [
         _screen_batch(model, requirements, feet.select(slice(first, first + _FEET_PER_CALL)))
         for first in range(0, len(feet.gap_um), _FEET_PER_CALL)
@@ -182,33 +180,31 @@ def screen_candidates(
 
 
 def _screen_batch(model: ClosureModel, requirements: Requirements, feet: Candidates) -> ScreeningResult:
-    """Return force range and error bounds of one batch of candidates."""
+    """Return range and error bounds of one batch of candidates."""
     influence = model.influence(feet)
-    by_gap = _force_at_closure_n(model, influence, feet, MAX_READABLE_CLOSURE_REL * feet.gap_um)
+    by_gap = _load_at_closure_n(model, influence, feet, MAX_READABLE_CLOSURE_REL * feet.gap_um)
     readable = feet.unloaded_distance_um - feet.eps0_area_pf_um / requirements.board.range_end_pf
-    by_converter = _force_at_closure_n(model, influence, feet, np.maximum(readable, 1e-9))
+    by_converter = _load_at_closure_n(model, influence, feet, np.maximum(readable, 1e-9))
     limits = np.stack([by_gap, by_converter, patch_limit_n(feet) / TRAINED_RANGE_FACTOR])
     range_n, limit = limits.min(axis=0), limits.argmin(axis=0)
     direction_deg = np.full(len(range_n), np.nan)
-    able = np.flatnonzero(range_n >= requirements.max_n)
+    able = np.flatnonzero(range_n >= requirements.max_load_n)
     if len(able):
         some = Influence(influence.point_force_um_per_n[able], influence.patch_correction_um_per_n[able])
         direction_deg[able] = _direction_error_bounds_deg(model, some, feet.select(able), requirements)
     return ScreeningResult(range_n, limit, direction_deg)
 
 
-def _force_at_closure_n(
+def _load_at_closure_n(
     model: ClosureModel, influence: Influence, feet: Candidates, closure_um: Vector
 ) -> Vector:
-    """Return the least force at which some element reaches a given closure, over all loads [N], shape (n,).
+    """Return the least normal load at which some element reaches a given closure, over all loads [N], shape (n,).
 
     An electrode that bends reads as closed a little more than its mean: its closest parts count most.
     """
-    direction, normal = model.loads
-    pressing = (direction * normal).sum(axis=1) ** (2.0 / 3.0)
-    point = np.einsum("nmce,mc->nme", influence.point_force_um_per_n[:, :, 0], direction)
-    patch = (
-        np.einsum("nmce,mc->nme", influence.patch_correction_um_per_n[:, :, 0], direction) * pressing[:, None]
+    point, patch = (
+        np.einsum("nmce,mc->nme", one[:, :, 0], model.loads.force_n)
+        for one in (influence.point_force_um_per_n, influence.patch_correction_um_per_n)
     )
     read, open_um = closure_um[:, None, None], feet.unloaded_distance_um[:, None, None]
     # The mean d of distances D - d that reads as r: d + v d^2 / (D - d) = r to second order, v the relative variance.
@@ -216,13 +212,13 @@ def _force_at_closure_n(
     total = open_um + read
     wanted = (total - np.sqrt(total**2 - 4.0 * even * read * open_um)) / (2.0 * even)
     most = 1e6
-    force = np.clip(wanted / np.maximum(point, 1e-12), 0.0, most)
+    load = np.clip(wanted / np.maximum(point, 1e-12), 0.0, most)
     for _ in range(12):
-        # Newton for F point + F^(5/3) patch = wanted; the patch's part is small and may be negative.
-        grown = force ** (2.0 / 3.0)
+        # Newton for N point + N^(5/3) patch = wanted; the patch's part is small and may be negative.
+        grown = load ** (2.0 / 3.0)
         slope = np.maximum(point + (5.0 / 3.0) * grown * patch, 0.2 * np.maximum(point, 1e-12))
-        force = np.clip(force - (force * (point + grown * patch) - wanted) / slope, 0.0, most)
-    least: Vector = force.min(axis=(1, 2))
+        load = np.clip(load - (load * (point + grown * patch) - wanted) / slope, 0.0, most)
+    least: Vector = load.min(axis=(1, 2))
     return least
 
 
@@ -230,18 +226,16 @@ def _direction_error_bounds_deg(
     model: ClosureModel, influence: Influence, feet: Candidates, requirements: Requirements
 ) -> Vector:
     """Return Cramer-Rao bounds of the direction [deg], averaged over loads, shape (n,)."""
-    direction, board = model.loads.direction, requirements.board
-    across = np.stack(tangent_frame(direction), axis=1)
+    force, board = model.loads.force_n, requirements.board
+    across = np.stack(tangent_frame(normalized(force)), axis=1)
     open_um, plates = feet.unloaded_distance_um[:, None, None], feet.eps0_area_pf_um[:, None, None]
     angles = []
-    for force_n in np.geomspace(requirements.min_evaluated_force_n, requirements.max_n, _N_FORCE_LEVELS):
-        closure, slopes = model.closures_and_jacobian_um(
-            influence, np.full((len(feet.gap_um), len(direction)), force_n)
-        )
+    for load_n in np.geomspace(requirements.min_load_n, requirements.max_load_n, _N_LOAD_LEVELS):
+        closure, slopes = model.closures_and_jacobian_um(influence, float(load_n))
         sigma_um = closure_sigma_um(open_um, plates, closure, board.noise_pf, board.baseline_noise_pf)
         whitened = slopes / sigma_um[..., None]
         information = np.einsum("nmei,nmej->nmij", whitened, whitened)
-        covariance = np.linalg.inv(information)[..., :3, :3]  # over the squared force
-        angles.append(np.einsum("mtc,nmcd,mtd->nm", across, covariance, across))
+        covariance = np.linalg.inv(information)[..., :3, :3]  # over the squared normal load
+        angles.append(np.einsum("mtc,nmcd,mtd->nm", across, covariance, across) / (force**2).sum(axis=1))
     bound_deg: Vector = np.degrees(np.sqrt(np.array(angles)).mean(axis=(0, 2)))
     return bound_deg

@@ -1,4 +1,8 @@
-"""Range of a foot: forces at which a gap begins to close, a reading stops telling loads apart, the converter ends.
+"""Range of a foot: the largest normal load at which every element is still read, by how far the force leans.
+
+Ground presses a robot's foot along its normal, which is nearly upright in the frame of the foot, and friction leans the
+force from it. A force that leans passes beside the middle of the ball and bends the sheet: the gap of one corner closes
+at a fraction of the load that a centred force, of any direction, needs. Hence a range is a normal load, and a lean.
 
 The one place where a range is computed from a response table: for designs, for the report, and for the model cards.
 """
@@ -8,38 +12,48 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.foot.directions import tangent_frame
+from footsense.foot.directions import direction_grid, tangent_frame
 from footsense.foot.gap_contact import CELLS_PER_ELEMENT
-from footsense.foot.specimen import Specimen
+from footsense.foot.specimen import ContactLoads, Specimen
 from footsense.frames import Mask, Vector
 from footsense.lab.training.load_cases import FULL_SCALE_PF
 
 #: Closure over the gap up to which a load is read [1]: beyond, different loads have nearly the same closures (page
 #: `design` of the report).
 MAX_READABLE_CLOSURE_REL = 0.8
-#: Largest angle between a force and the leg's axis within a stated range [deg], where no other is asked for.
-REACH_DEG = 30.0
-#: Angle between force and contact normal of the leaning loads within a stated range [deg]: at its largest a foot's
-#: force is nearly upright, and friction takes a tenth of it.
-STATED_LEAN_DEG = 5.0
-#: Bisections of each force, up to this multiple of the one that would close the gap if the foot were linear.
+#: Angles between an upright contact normal and the force at which a range is stated [deg]: a force along the normal,
+#: the rms lean of the training's leaning loads, and a friction of 0.577.
+LEANS_DEG = (0.0, 14.0, 30.0)
+#: Angle from the foot's axis of the centred forces at which a range is stated beside them [deg].
+CENTRED_DEG = 30.0
+#: Normal of level ground under an upright foot, shape (1, 3).
+UPRIGHT = np.array([[0.0, 0.0, 1.0]])
+_AZIMUTHS_DEG = 45.0 * np.arange(8)
+#: Bisections of each load, up to this multiple of the one that would close the gap if the foot were linear.
 _BISECTIONS, _LARGEST_OVER_LINEAR = 14, 4.0
 
 
-class LoadDirections(NamedTuple):
-    """Loads without their magnitude: force directions and contact normals, shape (loads, 3) each."""
+class ForceRange(NamedTuple):
+    """Largest normal loads at which a force is given without an overload [N], in the worst azimuth.
 
-    direction: Vector
-    normal: Vector
+    Every element is read, and the force is not above the largest of the training.
+
+    Attributes:
+        upright_n: Of an upright contact normal and a force that leans from it by `LEANS_DEG`, shape (3,).
+        centred_n: Of a centred force, `CENTRED_DEG` from the foot's axis; its normal load is its magnitude.
+    """
+
+    upright_n: Vector
+    centred_n: float
 
 
-class ForceLimits(NamedTuple):
-    """Least forces at which a foot reaches its limits, along n loads [N], shape (n,) each.
+class LoadLimits(NamedTuple):
+    """Least normal loads at which a foot reaches its limits, along n loads [N], shape (n,) each.
 
     Attributes:
         gap_closes_n: A gap begins to close: part of an electrode touches.
         readable_n: A closure reads as more than `MAX_READABLE_CLOSURE_REL` of its gap.
-        converter_n: A capacitance exceeds the converter's range; the leg says `saturated`.
+        converter_n: A capacitance exceeds the converter's range.
     """
 
     gap_closes_n: Vector
@@ -48,21 +62,54 @@ class ForceLimits(NamedTuple):
 
     @property
     def range_n(self) -> Vector:
-        """Largest force that is read along each load [N]."""
+        """Largest normal load that is read along each load [N]."""
         return np.minimum(self.readable_n, self.converter_n)
 
 
-def force_limits(foot: Specimen, loads: LoadDirections, range_end_pf: float = FULL_SCALE_PF) -> ForceLimits:
+def force_range(foot: Specimen, max_force_n: float, range_end_pf: float = FULL_SCALE_PF) -> ForceRange:
+    """Return the range of a foot.
+
+    Args:
+        foot: The foot, as for `load_limits`.
+        max_force_n: Largest force of the training [N].
+        range_end_pf: Largest capacitance that the converter reads [pF].
+    """
+
+    def least_n(loads: ContactLoads) -> float:
+        trained_n = max_force_n / np.linalg.norm(loads.force_n, axis=1)
+        return float(np.minimum(load_limits(foot, loads, range_end_pf).range_n, trained_n).min())
+
+    tilted = direction_grid(_AZIMUTHS_DEG, [90.0 - CENTRED_DEG])
+    upright_n = [least_n(friction_loads(UPRIGHT, lean_deg)) for lean_deg in LEANS_DEG]
+    return ForceRange(np.array(upright_n), least_n(friction_loads(tilted, 0.0)))
+
+
+def friction_loads(normal: Vector, lean_deg: float) -> ContactLoads:
+    """Return loads of 1 N along each contact normal, their forces leaning from it to eight sides, 8 n of them.
+
+    Args:
+        normal: Contact normals, shape (n, 3).
+        lean_deg: Angle between normal and force [deg]; 0 for one load of each normal, centred.
+    """
+    if lean_deg == 0.0:
+        return ContactLoads.centred(normal)
+    first, second = tangent_frame(normal)
+    sideways = np.concatenate([np.cos(a) * first + np.sin(a) * second for a in np.radians(_AZIMUTHS_DEG)])
+    upward = np.tile(normal, (len(_AZIMUTHS_DEG), 1))
+    return ContactLoads(upward, upward + np.tan(np.radians(lean_deg)) * sideways)
+
+
+def load_limits(foot: Specimen, loads: ContactLoads, range_end_pf: float = FULL_SCALE_PF) -> LoadLimits:
     """Return the limits of a foot along given loads, by bisection, gap contact included.
 
     Args:
         foot: The foot, as designed or with deviations that are known: strays are taken off, and the gaps are its own.
-        loads: The loads.
+        loads: The loads, each of 1 N along its normal.
         range_end_pf: Largest capacitance that the converter reads [pF].
     """
     gap_um, design = foot.gap_um, foot.response.design
     unloaded_pf = foot.unloaded_pf - foot.stray_pf
-    free_um = foot.response.free_element_closures_um(loads.normal, loads.direction).max(axis=1)
+    free_um = foot.response.free_element_closures_um(loads.normal, loads.force_n).max(axis=1)
     most_n = _LARGEST_OVER_LINEAR * gap_um.max() / free_um
     touching_um = (1.0 - 1e-9) * np.repeat(gap_um, CELLS_PER_ELEMENT)
 
@@ -85,44 +132,8 @@ def force_limits(foot: Specimen, loads: LoadDirections, range_end_pf: float = FU
         high: Vector = most_n
         for _ in range(_BISECTIONS):
             middle = (low + high) / 2.0
-            beyond = is_beyond(middle[:, None] * loads.direction)
+            beyond = is_beyond(middle[:, None] * loads.force_n)
             low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
         return low
 
-    return ForceLimits(*map(least_n, (touches, is_unreadable, is_over_range)))
-
-
-def stated_loads(max_lean_deg: float) -> LoadDirections:
-    """Return the loads over which the range of a design is stated: up to an angle from the leg's axis.
-
-    Centred ones, and contacts whose normal leans from the force by `STATED_LEAN_DEG` to four sides.
-
-    Args:
-        max_lean_deg: Largest angle between force and the leg's axis [deg].
-    """
-    half = max_lean_deg / 2.0
-    polar = ((0, 0), (half, 0), (half, 45), (max_lean_deg, 0), (max_lean_deg, 22.5), (max_lean_deg, 45))
-    centred = np.stack([_unit_vector(*one) for one in polar])
-    leaning = leaning_loads(
-        np.stack([_unit_vector(half, 0), _unit_vector(max_lean_deg, 45)]), STATED_LEAN_DEG
-    )
-    return LoadDirections(*(np.concatenate([centred, part]) for part in leaning))
-
-
-def leaning_loads(direction: Vector, lean_deg: float) -> LoadDirections:
-    """Return loads along each direction whose contact normals lean from it to four sides, (4 n, 3) each.
-
-    Args:
-        direction: Directions of the force, shape (n, 3).
-        lean_deg: Angle between force and contact normal [deg].
-    """
-    lean = np.radians(lean_deg)
-    sideways = [sign * across for across in tangent_frame(direction) for sign in (1.0, -1.0)]
-    normal = [np.cos(lean) * direction + np.sin(lean) * one for one in sideways]
-    return LoadDirections(np.tile(direction, (4, 1)), np.concatenate(normal))
-
-
-def _unit_vector(angle_deg: float, azimuth_deg: float) -> Vector:
-    """Return the unit vector at an angle from the leg's axis and an azimuth [deg]."""
-    angle, azimuth = np.radians(angle_deg), np.radians(azimuth_deg)
-    return np.array([np.sin(angle) * np.cos(azimuth), np.sin(angle) * np.sin(azimuth), np.cos(angle)])
+    return LoadLimits(*map(least_n, (touches, is_unreadable, is_over_range)))

@@ -10,23 +10,23 @@ from footsense.daemon.foot_types import released_path
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.network import steady_windows
 from footsense.foot.capacitor import GAP_CLOSED_THRESHOLD_REL
-from footsense.foot.directions import angles_between_deg, direction_grid, random_directions
+from footsense.foot.directions import angles_between_deg, random_directions
 from footsense.foot.parameters import FootParameters
 from footsense.foot.specimen import Deviations, Specimen
 from footsense.frames import Vector
-from footsense.lab.design.assess import ELEVATIONS_DEG, assess_foot
+from footsense.lab.design.assess import assess_foot
 from footsense.lab.design.materials import load_materials
 from footsense.lab.design.processes import assumed_process
-from footsense.lab.design.requirements import Requirements, converter
+from footsense.lab.design.requirements import PITCH_DEG, Requirements, converter
+from footsense.lab.design.screen import TRAINED_RANGE_FACTOR
 from footsense.lab.design.shapes import FootShapeLibrary
 from footsense.lab.evaluation.force_range import (
+    CENTRED_DEG,
+    LEANS_DEG,
     MAX_READABLE_CLOSURE_REL,
-    REACH_DEG,
-    STATED_LEAN_DEG,
-    LoadDirections,
-    force_limits,
-    leaning_loads,
-    stated_loads,
+    UPRIGHT,
+    friction_loads,
+    load_limits,
 )
 from footsense.lab.foot_file import FOOT_FILE
 from footsense.lab.report import StudyContext, Values, spread, table, target
@@ -36,10 +36,7 @@ from footsense.sim.fabrication import draw_deviations
 TITLE = "Designed feet: range and error, predicted and built"
 
 _PAPER_FOOT = "aoyagi-3x3"
-#: Released feet, and the largest force that each is stated for [N]: of the paper's foot the paper's largest load.
-_STATED_N = {_PAPER_FOOT: 1.47, "hexapod-2kg": 12.0, "quadruped-12kg": 150.0}
-#: Angles between force and contact normal at which the limits are stated [deg].
-_LEANS_DEG = (0.0, 14.0, 30.0)
+_FOOT_TYPES = (_PAPER_FOOT, "hexapod-2kg", "quadruped-12kg")
 _N_FEET, _QUICK_N_FEET, _SEED = 20, 2, 0
 _N_LOADS, _QUICK_N_LOADS, _MIN_ELEVATION_DEG = 600, 150, 32.0
 #: Borders of the bands of the largest closure over the element's own gap [1].
@@ -58,9 +55,9 @@ _ERRORS = {
 def compute(context: StudyContext) -> Values:
     """Assess each released foot from shapes and from its table, then made feet with the released network."""
     library, feet = FootShapeLibrary(), {}
-    for foot_type, stated_n in _STATED_N.items():
+    for foot_type in _FOOT_TYPES:
         models = released_path(FOOT_FILE, foot_type).parent
-        feet[foot_type] = _foot(models, stated_n, library, quick=context.quick)
+        feet[foot_type] = _foot(models, library, quick=context.quick)
         context.report_progress(f"{foot_type} done")
     differences = [max(_differences(foot)) for foot in feet.values()]
     designed = {name: foot for name, foot in feet.items() if name != _PAPER_FOOT}
@@ -77,9 +74,10 @@ def compute(context: StudyContext) -> Values:
             ),
             *(
                 target(
-                    f"range of {name}, as designed, and the least of {len(foot['made_range_n'])} made feet",
-                    f"{foot['stated_n']:g} N",
-                    f"{foot['built']['all_directions_range_n']:.3g} N, made {min(foot['made_range_n']):.3g} N",
+                    f"normal load that {name} reads, the force leaning {LEANS_DEG[-1]:g} deg, as designed, and the "
+                    f"least of {len(foot['made_range_n'])} made feet",
+                    f"{foot['stated_n']:.3g} N",
+                    f"{foot['built']['upright_range_n'][-1]:.3g} N, made {min(foot['made_range_n']):.3g} N",
                     met=min(foot["made_range_n"]) >= foot["stated_n"],
                 )
                 for name, foot in designed.items()
@@ -88,15 +86,15 @@ def compute(context: StudyContext) -> Values:
     }
 
 
-def _foot(models: Path, stated_n: float, library: FootShapeLibrary, *, quick: bool) -> Values:
+def _foot(models: Path, library: FootShapeLibrary, *, quick: bool) -> Values:
     """Return range and errors of one foot, predicted and built, its limits by lean, and those of made feet."""
     context = StudyContext(models=models)
     design, response = context.foot_design, context.response
-    process = assumed_process(design)
+    process, stated_n = assumed_process(design), design.loads.max_n / TRAINED_RANGE_FACTOR
     requirements = Requirements(
         stated_n,
         stated_n / 20.0,
-        REACH_DEG,
+        LEANS_DEG[-1],
         1.0,
         (20.0, 60.0),
         load_materials(),
@@ -106,32 +104,28 @@ def _foot(models: Path, stated_n: float, library: FootShapeLibrary, *, quick: bo
     tables = {"predicted": library.response(design), "built": response}
     n_feet = _QUICK_N_FEET if quick else _N_FEET
     made = [draw_deviations(response, process.rms_deviations, _SEED, foot) for foot in range(n_feet)]
-    within = stated_loads(REACH_DEG)
+    leaning = friction_loads(UPRIGHT, LEANS_DEG[-1])
     return {
         "stated_n": stated_n,
         "trained_n": design.loads.max_n,
-        **{name: assess_foot(one, requirements)._asdict() for name, one in tables.items()},
-        "limits": [_limits(Specimen(response), lean_deg, quick=quick) for lean_deg in _LEANS_DEG],
+        **{name: assess_foot(design, one, requirements)._asdict() for name, one in tables.items()},
+        "limits": [_limits(Specimen(response), lean_deg) for lean_deg in LEANS_DEG],
         "process": process.process_name,
-        "made_range_n": [float(force_limits(Specimen(response, one), within).range_n.min()) for one in made],
+        "made_range_n": [float(load_limits(Specimen(response, one), leaning).range_n.min()) for one in made],
         "bands": _bands(context, made, quick=quick),
     }
 
 
-def _limits(foot: Specimen, lean_deg: float, *, quick: bool) -> Values:
-    """Return each limit under forces up to the reach, contacts leaning by one angle: least and mean over the loads."""
-    azimuths = [0.0, 45.0] if quick else [22.5 * k for k in range(16)]
-    tilted = direction_grid(azimuths, [90.0 - REACH_DEG, 90.0 - REACH_DEG / 2.0])
-    direction = np.concatenate([[[0.0, 0.0, 1.0]], tilted])
-    loads = leaning_loads(direction, lean_deg) if lean_deg else LoadDirections(direction, direction)
-    found = force_limits(foot, loads)
+def _limits(foot: Specimen, lean_deg: float) -> Values:
+    """Return each limit under upright contacts with forces leaning by one angle: least and mean over the azimuths."""
+    found = load_limits(foot, friction_loads(UPRIGHT, lean_deg))
     named = {
         "gap_closes": found.gap_closes_n,
         "range": found.range_n,
         "converter": found.converter_n,
     }
     least = {name: [float(one.min()), float(one.mean())] for name, one in named.items()}
-    return {"lean_deg": lean_deg, "n": len(loads.normal), **least}
+    return {"lean_deg": lean_deg, **least}
 
 
 def _bands(context: StudyContext, made: list[Deviations], *, quick: bool) -> list[Values]:
@@ -187,7 +181,7 @@ def _closures_and_errors(context: StudyContext, own: Deviations, n: int, number:
 
 def _differences(foot: Values) -> list[float]:
     """Return how far each built figure is from its prediction, over the prediction [1]."""
-    names = ("all_directions_range_n", "range_by_elevation_n", *_ERRORS)
+    names = ("design_range_n", "upright_range_n", "centred_range_n", *_ERRORS)
     pairs = [(np.array(foot["predicted"][name]), np.array(foot["built"][name])) for name in names]
     return [float(np.abs(built / predicted - 1.0).max()) for predicted, built in pairs]
 
@@ -197,14 +191,15 @@ def text(values: Values) -> str:
     feet: dict[str, Any] = values["feet"]
     ranges = table(
         "foot | stated [N] | predicted | built | "
-        + " | ".join(f"at {elevation} deg" for elevation in ELEVATIONS_DEG)
-        + f" | {values['n_feet']} made feet | least",
+        + " | ".join(f"upright, {lean_deg:g} deg" for lean_deg in LEANS_DEG)
+        + f" | centred | {values['n_feet']} made feet | least",
         [
             (
                 f"`{name}`",
-                f"{foot['stated_n']:g}",
-                *(f"{foot[source]['all_directions_range_n']:.3g}" for source in ("predicted", "built")),
-                *(f"{range_n:.3g}" for range_n in foot["built"]["range_by_elevation_n"]),
+                f"{foot['stated_n']:.3g}",
+                *(f"{foot[source]['design_range_n']:.3g}" for source in ("predicted", "built")),
+                *(f"{range_n:.3g}" for range_n in foot["built"]["upright_range_n"]),
+                f"{foot['built']['centred_range_n']:.3g}",
                 f"{np.mean(foot['made_range_n']):.3g} +- {np.std(foot['made_range_n'], ddof=1):.2g}",
                 f"{min(foot['made_range_n']):.3g}",
             )
@@ -212,9 +207,10 @@ def text(values: Values) -> str:
         ],
     )
     limits = table(
-        "foot | contact leans by [deg] | loads | a first gap begins to close, least (mean) [N] | range | converter ends",
+        "foot | force leans by [deg] | a first gap begins to close, least (mean) [N] | every element is read"
+        " | converter ends",
         [{"foot": name} | row for name, foot in feet.items() for row in foot["limits"]],
-        "`{foot}` | {lean_deg:g} | {n} | {gap_closes[0]:.3g} ({gap_closes[1]:.3g}) | {range[0]:.3g} ({range[1]:.3g})"
+        "`{foot}` | {lean_deg:g} | {gap_closes[0]:.3g} ({gap_closes[1]:.3g}) | {range[0]:.3g} ({range[1]:.3g})"
         " | {converter[0]:.3g} ({converter[1]:.3g})",
     )
     errors = table(
@@ -239,28 +235,32 @@ The paper's shape is one of those solved, so that its prediction is no test.
 
 ## Range
 
-The range is the largest force that is read in every direction up to {REACH_DEG:g} deg from the leg's axis, centred or with the
-contact normal {STATED_LEAN_DEG:g} deg off the force: no closure above {MAX_READABLE_CLOSURE_REL:g} of its gap, no capacitance above {FULL_SCALE_PF:.0f} pF. *At ... deg* is the
-built range of centred forces at an elevation. *Made feet* deviate from the design by the tolerances of the process that
-it assumes (feet 0 to {values["n_feet"] - 1} of seed {_SEED}: gap, film, stray, stiffness by 20 % rms, mount), with their own gaps and strays
-known; mean, standard deviation over feet, and the least.
+The range is the largest normal load at which a force is given without an overload: no closure above {MAX_READABLE_CLOSURE_REL:g} of its gap,
+no capacitance above {FULL_SCALE_PF:.0f} pF, no force above the training's largest. Ground presses a foot along its normal, and friction
+leans the force from it; the gap of one corner then closes at a fraction of the load.
+
+| column | loads |
+|---|---|
+| predicted, built | what a design is made for: normals upright or pitched by {PITCH_DEG:g} deg, forces leaning from them by up to {LEANS_DEG[-1]:g} deg, a friction of 0.577 |
+| upright, {", ".join(f"{lean_deg:g}" for lean_deg in LEANS_DEG)} deg | an upright normal, the force leaning from it to the worst side; {LEANS_DEG[1]:g} deg is the rms lean of the training's leaning loads; built |
+| centred | a force through the middle of the ball, {CENTRED_DEG:g} deg off the foot's axis; built |
+| made feet | as upright, {LEANS_DEG[-1]:g} deg, of feet that deviate from the design by the tolerances of its process (feet 0 to {values["n_feet"] - 1} of seed {_SEED}: gap, film, stray, stiffness by 20 % rms, mount), their own gaps and strays known; mean, standard deviation, and the least |
 
 {ranges}
 
-`aoyagi-3x3` is stated for the paper's largest load, 150 gf, which it does not reach: beyond the range its closures are
-read up to the converter's end, less surely (last table). The others are stated for what they were designed for, which
-the design reaches and {_n_short(feet)} of the {2 * values["n_feet"]} made feet do not: a rubber softer than designed takes from the range.
+*Stated* is the load of the design, of which the training's largest force is {TRAINED_RANGE_FACTOR:g} times. `{_PAPER_FOOT}` is the paper's, not designed
+for forces that lean. The designs read what they are stated for, {_n_short(feet)} of their {2 * values["n_feet"]} made feet do not: a rubber softer than
+designed takes from the range.
 
-Where gaps begin to close, and where the leg says `saturated`, on the built tables: least force over directions up to
-{REACH_DEG:g} deg from the leg, in brackets the mean. {_LEANS_DEG[1]:g} deg is the rms lean of the training's leaning contacts. The stated range
-holds for contacts that lean by up to {STATED_LEAN_DEG:g} deg: one that leans by {_LEANS_DEG[1]:g} deg leaves {_left_at_lean(feet)}.
+Where gaps begin to close, and where the converter ends, on the built tables: least normal load over the azimuths, in
+brackets the mean.
 
 {limits}
 
 ## Errors
 
-Five forces from a twentieth of the stated one to all of it. *Noise* is the Cramer-Rao bound of one scan for an unknown
-contact, mean over directions; *made and calibrated* what the process's tolerances leave after a calibration, to first
+Five normal loads from a twentieth of the stated one to all of it. *Noise* is the Cramer-Rao bound of one scan for an unknown
+contact, mean over the loads of a design; *made and calibrated* what the process's tolerances leave after a calibration, to first
 order. No network is in these figures.
 
 {errors}
@@ -283,19 +283,9 @@ load, which sigma, that of the designed foot, does not contain. That is why the 
 
 
 def _n_short(feet: Values) -> int:
-    """Return how many made feet of the designs do not reach the stated force."""
+    """Return how many made feet of the designs do not reach the stated load."""
     designs = [foot for name, foot in feet.items() if name != _PAPER_FOOT]
     return sum(range_n < foot["stated_n"] for foot in designs for range_n in foot["made_range_n"])
-
-
-def _left_at_lean(feet: Values) -> str:
-    """Return the range at the middle lean over the stated one, of each design, in words."""
-    parts = [
-        f"{foot['limits'][1]['range'][0]:.3g} of {foot['stated_n']:g} N (`{name}`)"
-        for name, foot in feet.items()
-        if name != _PAPER_FOOT
-    ]
-    return " and ".join(parts)
 
 
 def _predicted_and_built(foot: Values, error: str, factor: float) -> tuple[str, ...]:
