@@ -172,7 +172,7 @@ def test_the_outer_elements_end_with_the_sheet(library: FootShapeLibrary) -> Non
 
 @pytest.mark.parametrize("foot_type", ["hexapod-2kg", "quadruped-12kg"])
 def test_a_released_foot_is_as_predicted(library: FootShapeLibrary, foot_type: str) -> None:
-    """Ranges and errors of the solved table are within 4 % of the prediction without a mesh, and it reads its load."""
+    """Ranges and errors of the solved table are within 8 % of the prediction without a mesh, and it reads its load."""
     folder = RELEASED.parent / foot_type
     design, built = load_foot(folder / "foot.yaml"), FootResponse.load(folder / "response.npz")
     asked = requirements(design.loads.max_n / TRAINED_RANGE_FACTOR, (20.0, 60.0))
@@ -180,7 +180,7 @@ def test_a_released_foot_is_as_predicted(library: FootShapeLibrary, foot_type: s
         assess_foot(design, response, asked) for response in (library.response(design), built)
     )
     for name, value in predicted._asdict().items():
-        np.testing.assert_allclose(value, getattr(measured, name), rtol=0.04, err_msg=name)
+        np.testing.assert_allclose(value, getattr(measured, name), rtol=0.08, err_msg=name)
     assert measured.design_range_n >= asked.max_load_n
 
 

@@ -31,8 +31,8 @@ from footsense.foot.calibration_files import FootCalibration
 UNCALIBRATED_TYPE, UNCALIBRATED_DIRECTION_DEG, UNCALIBRATED_WORST_DIRECTION_DEG = "aoyagi-3x3", 12.5, 23.3
 
 #: Largest normal load that the released feet read, as designed, if the force leans from an upright contact normal by 14
-#: and by 30 deg, to the worst side [N]. Source: docs/report/design.md, "upright".
-READ_LOADS_N = {"aoyagi-3x3": (0.648, 0.363), "hexapod-2kg": (25.4, 13.8), "quadruped-12kg": (251.0, 144.0)}
+#: and by 30 deg, to the worst side [N]. Source: docs/report/design.md, limits by lean.
+READ_LOADS_N = {"aoyagi-3x3": (0.648, 0.363), "hexapod-2kg": (28.5, 15.4), "quadruped-12kg": (276.0, 146.0)}
 
 
 @click.command("check-config")

@@ -10,7 +10,7 @@ from firmware_interface.wire_timing import can_bits_per_s
 from footsense.cli.setup.check_config import (
     UNCALIBRATED_DIRECTION_DEG,
     UNCALIBRATED_WORST_DIRECTION_DEG,
-    USABLE_RANGE_N,
+    READ_LOADS_N,
     check_config,
 )
 from footsense.config import DEFAULT, load_config
@@ -200,7 +200,8 @@ def test_check_config_explains_a_file(file: Path) -> None:
     assert "page http://127.0.0.1:8765, " in said
     assert "no foot named on lf, lm, lr, rf, rm, rr: uncalibrated, expect 12.5 deg" in said
     assert (
-        "of type aoyagi-3x3, usable up to 1.07 N within 30 deg of the leg; largest trained force 2 N" in said
+        "of type aoyagi-3x3, read up to 0.648 N of normal load if the force leans 14 deg, 0.363 N if 30; "
+        "largest trained force 2 N" in said
     )
     assert "forces up to 100 forces/s on CAN of each leg" in said
     assert "force step" not in said
@@ -254,7 +255,10 @@ def test_what_to_expect_of_an_uncalibrated_foot_is_what_the_report_has() -> None
     assert round(max(errors_deg), 1) == UNCALIBRATED_WORST_DIRECTION_DEG
 
 
-def test_the_usable_range_of_the_released_feet_is_what_the_report_has() -> None:
+def test_the_loads_that_the_released_feet_read_are_those_of_the_report() -> None:
     feet = json.loads((DEPLOY.parent / "docs/report/design.json").read_text())["feet"]
-    built_n = {name: float(f"{foot['built']['all_directions_range_n']:.3g}") for name, foot in feet.items()}
-    assert built_n == USABLE_RANGE_N
+    read_n = {
+        name: tuple(float(f"{one['range'][0]:.3g}") for one in foot["limits"] if one["lean_deg"])
+        for name, foot in feet.items()
+    }
+    assert read_n == READ_LOADS_N
