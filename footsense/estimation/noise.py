@@ -4,7 +4,12 @@
 Loads move the closures of a foot along few patterns: along the four directions in which its loads vary least, almost
 only noise is left. In fast motion even that little exceeds the noise; a second difference counts only where it is large
 against the first differences, as that of noise is. Over walks that leaves the swings, the turns, and the plateaus of
-the stances: a healthy walk then measures 1.1 to 1.6 times the noise of its converter, and white noise of 20 fF as 21.
+the stances.
+
+Where a foot that rolls begins to lift off, its closures turn while their mean stands still: one measurement then shows
+twenty times the noise. So a measurement counts as three times the present noise at most. Noise that stays passes this
+limit at once: it rises from 1 fF to 20 fF within 0.2 s. Healthy walks measure 1.0 to 1.8 times the noise of their
+converters, up to 2.4 times under the loads of a person, and white noise of 20 fF as 25.
 
 Each leg has one variance. Where the noise is on one element, row or column alone (20 fF, in a tripod gait), at least
 99 % of the errors are within 2 sigma all the same.
@@ -23,6 +28,9 @@ from footsense.frames import Mask, Vector
 _N_DIRECTIONS = 4
 #: Mean first difference over the noise, below which the load does not move [1].
 _MOTION_LIMIT_REL = 0.7
+#: Largest variance that one measurement counts as, over the present one [1]; least variance that this is of [1]: below
+#: any converter's noise.
+_MAX_GROWTH_REL, _LEAST_VARIANCE_REL = 9.0, 1e-4**2
 #: Measurements over which noise is averaged, and over which it fades: three a scan.
 _AVERAGED, _FADING = 12, 120
 
@@ -56,7 +64,8 @@ class ReadingNoise:
         moved_rel = np.abs(np.add.reduce(steps, axis=2)).max(axis=1) / steps.shape[2]
         still: Mask = moved_rel * moved_rel < _MOTION_LIMIT_REL**2 * newest_rel
         recent = self._recent_rel
-        recent += np.where(still, newest_rel - recent, 0.0) / _AVERAGED
+        counted_rel = np.minimum(newest_rel, _MAX_GROWTH_REL * np.maximum(recent, _LEAST_VARIANCE_REL))
+        recent += np.where(still, counted_rel - recent, 0.0) / _AVERAGED
         held = self.variance_rel
         self.variance_rel = np.maximum(recent, held + (recent - held) / _FADING)
 

@@ -47,6 +47,23 @@ def test_steps_are_no_noise() -> None:
     assert measured_rel(steps(400), np.full(400, quiet)).max() < 3.0 * quiet
 
 
+def test_a_single_measurement_is_no_noise_and_noise_that_stays_is_found_at_once() -> None:
+    """A foot that rolls and lifts off has one whose mean stands still, and that is twenty times the noise."""
+    quiet, loud, random = 1e-4, 2e-3, np.random.default_rng(3)
+
+    def windows(n: int, noise_rel: float) -> Vector:
+        of_noise: Vector = 1.0 + noise_rel * random.standard_normal((n, 1, 3, ELEMENTS))
+        return of_noise
+
+    noise = ReadingNoise(1, MOMENTS)
+    for window in (*windows(100, quiet), *windows(1, loud)):
+        noise.observe(window)
+    assert float(np.sqrt(noise.variance_rel[0])) < 2.0 * quiet
+    for window in windows(int(3 * 0.2 / SCAN_S), loud):  # three a scan, 0.2 s
+        noise.observe(window)
+    assert float(np.sqrt(noise.variance_rel[0])) > 0.5 * loud
+
+
 def test_bursts_are_held_between_them_and_forgotten_after_them() -> None:
     """Bursts of 0.15 s twice a second, for 4 s of 12."""
     t_s = SCAN_S * np.arange(550)
