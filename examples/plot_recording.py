@@ -1,16 +1,23 @@
 """Draw the force along each leg in a recorded walk, with two sigma, touchdowns, and gaps where there is no force.
 
 footsense run --duration 6 --record walk.mcap, pip install matplotlib,
-then: python examples/plot_recording.py walk.mcap walk.png
+then: python examples/plot_recording.py walk.mcap walk.png, or without names for these two.
 """
 
 import sys
 
-import matplotlib.pyplot as plt
-
 import footsense
 
-walk = footsense.read(sys.argv[1])
+try:
+    import matplotlib.pyplot as plt
+except ImportError:
+    sys.exit("plot_recording.py needs matplotlib: pip install matplotlib")
+
+names = [*sys.argv[1:], *("walk.mcap", "walk.png")[len(sys.argv) - 1 :]]
+try:
+    walk = footsense.read(names[0])
+except footsense.FootsenseError as error:
+    sys.exit(f"{error}; usage: plot_recording.py [RECORDING.mcap [PICTURE.png]]")
 figure, axes = plt.subplots(
     len(walk.legs), 1, sharex=True, sharey=True, squeeze=False, figsize=(10, 8), layout="constrained"
 )
@@ -27,4 +34,5 @@ for number, (leg, axis) in enumerate(zip(walk.legs, axes[:, 0], strict=True)):
     print(f"{leg}: usable {usable:.0%} of the time, in contact {in_contact:.0%}")
 axes[0, 0].set_title("force along the leg, two sigma, and touchdowns (dotted)")
 axes[-1, 0].set_xlabel("time [s]")
-figure.savefig(sys.argv[2])
+figure.savefig(names[1])
+print(names[1])

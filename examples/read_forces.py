@@ -1,11 +1,14 @@
 """Print the force on each foot of a running robot, ninety times a second, with what tells whether to use it.
 
-In another terminal: footsense run --config deploy/simulated.yaml --realtime. Ends when the robot is silent for 2 s.
+In another terminal: footsense run --config deploy/simulated.yaml. Ends when the robot is silent for 2 s.
 """
 
+import signal
 import sys
 
 import footsense
+
+signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # `| head` ends it without a word
 
 # On a robot: footsense.connect("can0").
 with footsense.connect(*sys.argv[1:2], interface="udp_multicast") as feet:

@@ -1,6 +1,6 @@
 """A ROS 2 node takes the forces that `footsense ros2` publishes, and leaves out each leg whose force has become old.
 
-    footsense run --config deploy/simulated.yaml --realtime      # or the service of a robot
+    footsense run --config deploy/simulated.yaml                 # or the service of a robot
     footsense ros2 --config deploy/simulated.yaml                # the extra ros2
     python examples/ros2_node.py                                 # in a shell with ROS 2, the same ROS_DOMAIN_ID
 

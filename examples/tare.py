@@ -1,6 +1,6 @@
 """Tare the feet of a running robot, which have to hang free and still: what they read now is then no force.
 
-In another terminal: footsense run --config deploy/simulated.yaml --scene hanging --realtime.
+In another terminal: footsense run --config deploy/simulated.yaml --scene hanging.
 """
 
 import sys

@@ -1,13 +1,15 @@
 """Print each touchdown of a running robot, and when it was relative to now, then how long each stance lasted.
 
-In another terminal: footsense run --config deploy/simulated.yaml --realtime. Ends when the robot is silent for 2 s.
+In another terminal: footsense run --config deploy/simulated.yaml. Ends when the robot is silent for 2 s.
 """
 
+import signal
 import sys
 import time
 
 import footsense
 
+signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # `| head` ends it without a word
 touched_s: dict[str, float] = {}
 
 # On a robot: footsense.connect("can0").
@@ -17,7 +19,9 @@ with footsense.connect(*sys.argv[1:2], interface="udp_multicast") as feet:
             if event.kind == "touchdown":
                 touched_s[event.leg] = event.t_s
                 ago_ms = 1000 * (time.monotonic() - event.t_s)
-                fz_n = forces[event.leg].force_n[2]
+                fz_n = forces[event.leg].force_n[
+                    2
+                ]  # little yet: its direction tells nothing before half of the load
                 sigma_ms = 1000 * event.sigma_s
                 print(f"{event.leg}: touchdown {ago_ms:.0f} ms ago, +- {sigma_ms:.0f} ms; now {fz_n:.2f} N")
             elif event.kind == "lift_off" and event.leg in touched_s:

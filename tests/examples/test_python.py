@@ -1,6 +1,7 @@
 """The examples of the Python interface, run as their users would: beside a simulated robot, or on arrays."""
 
 import re
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -73,6 +74,38 @@ def test_the_tare_of_loaded_feet_is_refused_in_words(tmp_path: Path) -> None:
         told = run_example("tare.py", "239.74.163.104").splitlines()
     refusal = ": not tared: the foot is in contact, or reads otherwise than a free one; lift it "
     assert [line[2:][: len(refusal)] for line in told] == [refusal] * 2
+
+
+@pytest.mark.slow
+def test_a_program_whose_reader_goes_says_nothing(tmp_path: Path) -> None:
+    """As in `read_forces.py | head`."""
+    with walking(tmp_path, "239.74.163.105"):
+        command = [sys.executable, "-u", str(EXAMPLES / "read_forces.py"), "239.74.163.105"]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as program:
+            assert program.stdout is not None
+            assert program.stdout.readline().startswith("lf: ")
+            program.stdout.close()
+            assert program.wait(TIMEOUT_S) == -signal.SIGPIPE
+            assert program.stderr is not None
+            assert program.stderr.read() == ""
+
+
+@pytest.mark.parametrize(
+    ("fails", "says"),
+    [
+        ("pass", "walk.mcap: "),
+        ("sys.modules['matplotlib'] = None", "plot_recording.py needs matplotlib: pip install matplotlib"),
+    ],
+)
+def test_a_plot_without_recording_or_matplotlib_is_one_line(tmp_path: Path, fails: str, says: str) -> None:
+    program = f"import runpy, sys; {fails}; runpy.run_path({str(EXAMPLES / 'plot_recording.py')!r})"
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(
+        command, cwd=tmp_path, capture_output=True, text=True, timeout=TIMEOUT_S, check=False
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith(says)
+    assert done.stderr.count("\n") == 1
 
 
 def test_a_recording_is_drawn(tmp_path: Path) -> None:

@@ -12,6 +12,10 @@ from firmware_interface.can.all_legs import FORCES4_ID
 from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.can.force import FORCE_ID
 from footsense.client import Link
+from footsense.config import load_config
+from footsense.frames import Cause
+from footsense.sim.scene import load_scene
+from footsense.validation.fault_trial import simulate_scene
 from tests.system.command import run_json
 
 pytestmark = pytest.mark.slow
@@ -58,6 +62,19 @@ def test_a_robot_walks_on_its_feet(
     assert len(largest_n) == len(legs.split(","))
     for force_n in largest_n.values():
         assert force_n == pytest.approx(peak_n, rel=0.1)  # a rising load is extrapolated
+
+
+@pytest.mark.parametrize(
+    ("foot_type", "legs", "scene"), [one[:3] for one in ROBOTS], ids=[one[0] for one in ROBOTS]
+)
+def test_healthy_feet_are_not_noisy(tmp_path: Path, foot_type: str, legs: str, scene: str) -> None:
+    """In a walk they roll, and lift off twelve times: their motion is not taken for noise."""
+    config = tmp_path / "robot.yaml"
+    config.write_text(
+        f"buses: [{{device: sim, legs: {{{legs}}}}}]\ncan: {{interface: virtual}}\nfoot_type: {foot_type}\n"
+    )
+    walk = simulate_scene(load_scene(scene), load_config(config), 12.0)
+    assert Cause.NOISY not in walk.cause
 
 
 def test_eight_legs_walk_in_two_groups_of_four(tmp_path: Path) -> None:
