@@ -8,9 +8,9 @@ from click.testing import CliRunner
 
 from firmware_interface.wire_timing import can_bits_per_s
 from footsense.cli.setup.check_config import (
+    READ_LOADS_N,
     UNCALIBRATED_DIRECTION_DEG,
     UNCALIBRATED_WORST_DIRECTION_DEG,
-    READ_LOADS_N,
     check_config,
 )
 from footsense.config import DEFAULT, load_config
