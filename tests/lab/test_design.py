@@ -162,7 +162,7 @@ def test_the_papers_foot_comes_out_of_its_own_numbers(library: FootShapeLibrary)
 
 def test_the_outer_elements_end_with_the_sheet(library: FootShapeLibrary) -> None:
     """A strip beside them, were it of rounding alone, would join the plates and take a quarter off the closures."""
-    asked = requirements(12.0, (30.0, 30.0), "urethane-90a", "tpu-80a")
+    asked = requirements(12.0, (36.0, 36.0), "urethane-90a", "tpu-85a")
     choice = choose_candidates(library, asked, 1)
     found = load_foot(
         foot_text("again", "Thirty", choice.manufacturable, int(choice.rows_to_assess[0][0]), asked).encode()
