@@ -1,5 +1,6 @@
 # make run       a six-legged robot walks in simulation for half a minute; its foot forces, live; a page in the browser
 # make install   the same without the walk: `. .venv/bin/activate`, then footsense
+# make help      this text
 # make test      format, lint, types, import contracts, and the fast tests: a change is good
 # make test-all  the same with all tests: meshes, the page in a browser, packaging, studies, random faults
 # make docs      the reference pages anew from the code, and the documentation site: build/site/docs/index.html
@@ -20,17 +21,26 @@ UV     := url=$${UV_DEFAULT_INDEX:-$$($(BIN)/pip config list | sed -n "s/.*\.ind
 	env $${url:+UV_DEFAULT_INDEX=$$url} $(BIN)/uv pip
 SYNC   := $(UV) install --quiet --python $(BIN)/python
 
-.PHONY: run install test test-all check slow-tests docs release kernel-test kernel-test-short fuzz lock format golden clean newest
+# What is done is said by `echo`, not by the recipes' text.
+.SILENT:
+.PHONY: run help install test test-all check slow-tests docs release kernel-test kernel-test-short fuzz lock format golden clean newest
 
 run: $(VENV)/robot.stamp
 	$(BIN)/footsense run --realtime --duration 30
 
+# The lines above.
+help:
+	sed -n '/^#/!q; s/^# //p' $(firstword $(MAKEFILE_LIST))
+
 install: $(VENV)/robot.stamp
+	echo "installed; next: . $(BIN)/activate, then footsense run"
 
 test: check
+	echo "the fast tests"
 	$(BIN)/pytest -n auto --dist worksteal -m "not slow"
 
 test-all: check
+	echo "all tests"
 	$(BIN)/pytest -n auto --dist worksteal
 
 # What test-all runs and test does not.
@@ -38,6 +48,7 @@ slow-tests: $(VENV)/dev.stamp
 	$(BIN)/pytest -n auto --dist worksteal -m slow
 
 check: $(VENV)/dev.stamp
+	echo "format, lint, types, import contracts"
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
@@ -45,9 +56,10 @@ check: $(VENV)/dev.stamp
 
 # A link that leads nowhere, or a page that is in no table of contents, ends it.
 docs: $(VENV)/dev.stamp
+	echo "the reference pages, then the site"
 	$(BIN)/python docs/site/reference.py
 	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going --jobs auto -c docs/site . build/site
-	@echo build/site/docs/index.html
+	echo build/site/docs/index.html
 
 release: $(VENV)/dev.stamp
 	$(BIN)/python -m tests.packaging.release
@@ -74,6 +86,7 @@ clean:
 
 # ---------------------------------------------------------------- environments
 $(BIN)/python:
+	echo "the first time: making $(VENV), a minute or two"
 	$(PYTHON) -c 'import sys; sys.exit("footsense needs Python 3.11 or newer; try: make PYTHON=python3.11") if sys.version_info < (3, 11) else None'
 	$(PYTHON) -m venv $(VENV)
 
@@ -81,30 +94,32 @@ $(BIN)/python:
 $(BIN)/uv: tests/requirements.lock $(BIN)/python
 	sed -n '/^uv==/,/[^\\]$$/p' $< >$(VENV)/uv.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes --only-binary :all: -r $(VENV)/uv.txt
-	@touch $@
+	touch $@
 
 ifdef NEWEST
 # On each call, as an index may have something newer each time. The group is a table of pyproject.toml, not part of the wheel.
 $(VENV)/robot.stamp: $(BIN)/uv newest
 	$(SYNC) --upgrade --editable .
-	@touch $@
+	touch $@
 
 $(VENV)/dev.stamp: $(BIN)/uv newest
 	$(SYNC) --upgrade --editable '.[lab]' --group dev
-	@touch $@
+	touch $@
 else
 # The project itself, without a look at any index: what builds it is in both locks.
 EDITABLE := $(SYNC) --offline --no-deps --no-build-isolation --editable .
 
 $(VENV)/robot.stamp: deploy/requirements.lock pyproject.toml $(BIN)/uv
+	echo "installing footsense and the packages of $<"
 	$(SYNC) --require-hashes -r $<
 	$(EDITABLE)
-	@touch $@
+	touch $@
 
 $(VENV)/dev.stamp: tests/requirements.lock pyproject.toml $(BIN)/uv
+	echo "installing footsense and the packages of $<"
 	$(SYNC) --require-hashes -r $<
 	$(EDITABLE)
-	@touch $@ $(VENV)/robot.stamp
+	touch $@ $(VENV)/robot.stamp
 endif
 
 # Of wheels alone: a source package would build itself with packages that have no hash here. The second has the versions of

@@ -1,14 +1,17 @@
 """The service's estimation on arrays: capacitances to forces, `footsense.Estimator`."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.network import Network, sensitivity, steady_windows
 from footsense.estimation.pipeline import Pipeline
 from footsense.estimation.settings import EstimationLimits, MountedFeet, TareLimits
+from footsense.foot.calibration_files import FootCalibration, read_calibration
 from footsense.foot.type_folders import foot_type_folder
 from footsense.frames import (
     ELEMENTS,
@@ -21,8 +24,9 @@ from footsense.frames import (
     Reading,
     Vector,
 )
-from footsense.ports import LoadEstimate, Window
+from footsense.ports import LoadEstimate, LoadEstimator, Window
 
+_DEFAULT_FOOT_TYPE = "aoyagi-3x3"
 #: Age of a measurement at which it is stale, over the time of a scan [1], as the service has it.
 _MAX_AGE_SCANS = 4
 #: Contact threshold over the largest force of the training [1], as the service has it.
@@ -65,13 +69,16 @@ class Estimator:
     """Estimates the forces of feet from arrays of capacitances, with the stages and the network of the service.
 
     The baseline, the reading of each element of the free foot, is the mean of the first eight scans: the feet have to
-    hang free and still in them, within 3 % of the design's capacitance. Else, and until then, the state is TARING or
-    NO_BASELINE and there is no force. With `unloaded_pf` the baseline is that from the first row on. As in the service,
-    it then follows slow drift while a foot hangs in the air. Feet are taken as designed, without stray capacitance.
+    hang free and still in them, within 3 % of the capacitance of the calibration, or of the design. Else, and until
+    then, the state is TARING or NO_BASELINE and there is no force. With `unloaded_pf` the baseline is that from the
+    first row on. As in the service, it then follows slow drift while a foot hangs in the air. Feet without a
+    calibration are taken as designed, without stray capacitance.
 
     Args:
         foot_type: A released foot type: `aoyagi-3x3`, `hexapod-2kg` or `quadruped-12kg`; or, with a slash, the folder
-            of another.
+            of another. None for that of the calibration, and without one for `aoyagi-3x3`.
+        calibration: Folder of a foot's calibration, or a file in it, as `footsense test-stand calibrate` writes it: the
+            readings are then of this foot. Of a robot take an `Estimator` for each leg.
         unloaded_pf: Reading of each element of the free foot [pF], shape (9,), or (feet, 9); None to take the first
             scans.
 
@@ -79,7 +86,7 @@ class Estimator:
         foot_type: Name of the foot type.
 
     Raises:
-        ModelError: There is no such foot type.
+        ModelError: There is no such foot type or calibration, or the calibration is damaged or of another foot type.
         ValueError: `unloaded_pf` has another shape, or is not in pF.
 
     Example::
@@ -88,8 +95,19 @@ class Estimator:
         forces = footsense.Estimator("aoyagi-3x3").run(walk.capacitance_pf, walk.t_s, walk.reading_t_s)
     """
 
-    def __init__(self, foot_type: str = "aoyagi-3x3", *, unloaded_pf: ArrayLike | None = None) -> None:
-        self._network_file = foot_type_folder(foot_type) / "network.onnx"
+    def __init__(
+        self,
+        foot_type: str | None = None,
+        *,
+        calibration: str | Path | None = None,
+        unloaded_pf: ArrayLike | None = None,
+    ) -> None:
+        self._calibration = None if calibration is None else _read_calibration(Path(calibration), foot_type)
+        self._network_file = (
+            foot_type_folder(foot_type or _DEFAULT_FOOT_TYPE) / "network.onnx"
+            if self._calibration is None
+            else self._calibration.network
+        )
         self.foot_type = Network(self._network_file, 1).card.foot_type
         self._unloaded_pf = None if unloaded_pf is None else _capacitances(unloaded_pf, "unloaded_pf")
 
@@ -172,17 +190,33 @@ class Estimator:
     def _pipeline(self, n_feet: int, scan_ns: int, *, is_scanned: bool) -> Pipeline:
         network = Network(self._network_file, n_feet)
         trained = network.card.trained_inputs
-        feet = MountedFeet.as_designed(trained.design, n_feet)
-        if self._unloaded_pf is not None:
-            feet = replace(feet, unloaded_pf=np.broadcast_to(self._unloaded_pf, feet.unloaded_pf.shape))
         limits = EstimationLimits(
             tare=TareLimits(),
             least_contact_n=_CONTACT_THRESHOLD_REL * trained.max_force_n,
             scan_ns=scan_ns,
             max_age_ns=_MAX_AGE_SCANS * scan_ns,
         )
-        estimator = network if is_scanned else SteadyEstimator(network)
+        estimator: LoadEstimator = network if is_scanned else SteadyEstimator(network)
+        if self._calibration is not None:
+            estimator = CalibratedFeet(estimator, [self._calibration.parameters] * n_feet)
+        feet = self._mounted_feet(MountedFeet.as_designed(trained.design, n_feet))
         return Pipeline(estimator, trained, feet, limits, sensitivity(network, n_feet, trained.moments))
+
+    def _mounted_feet(self, designed: MountedFeet) -> MountedFeet:
+        """Return the feet as they are calibrated, and as their unloaded readings are given."""
+        feet, shape = designed, designed.stray_pf.shape
+        if self._calibration is not None:
+            known = self._calibration.parameters
+            feet = replace(
+                feet,
+                stray_pf=np.broadcast_to(known.stray_pf, shape),
+                unloaded_pf=np.broadcast_to(known.unloaded_pf - known.stray_pf, shape),
+                gap_um=np.broadcast_to(known.gap_um, shape),
+                gain_rel=np.broadcast_to(known.gain_rel, shape),
+            )
+        if self._unloaded_pf is not None:
+            feet = replace(feet, unloaded_pf=np.broadcast_to(self._unloaded_pf, shape) - feet.stray_pf)
+        return feet
 
 
 class SteadyEstimator:
@@ -198,6 +232,14 @@ class SteadyEstimator:
     def estimate(self, window: Window) -> LoadEstimate:
         """Return the load of the newest readings of each foot, as if they had not changed for three scans."""
         return self._network.estimate(steady_windows(window.closure_rel[:, 0], window.missing))
+
+
+def _read_calibration(path: Path, foot_type: str | None) -> FootCalibration:
+    """Return the calibration in a folder, or in that of a file; of any foot type for None."""
+    name = (
+        None if foot_type is None else Network(foot_type_folder(foot_type) / "network.onnx", 1).card.foot_type
+    )
+    return read_calibration(path.parent if path.is_file() else path, name)
 
 
 def _capacitances(values: ArrayLike, name: str) -> Vector:

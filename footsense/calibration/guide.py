@@ -122,7 +122,7 @@ class Coverage:
             f"{100 * share:.0f} % at {gf * GRAM_FORCE_N:.1f} N"
             for gf, share in zip(MAGNITUDE_BAND_CENTRES_GF, self.covered_directions_rel, strict=True)
         )
-        return f"{self.n_loads} of {self._wanted} loads; directions covered: {shares}"
+        return f"{self.n_loads} loads, at least {self._wanted} wanted; directions covered: {shares}"
 
 
 def nearest_band(magnitude_gf: float) -> int:

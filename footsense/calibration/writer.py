@@ -17,9 +17,12 @@ import numpy as np
 from footsense.errors import CalibrationError
 from footsense.foot import calibration_files
 from footsense.foot.calibration_files import FootCalibration, Manifest, Parameters, read_calibration
+from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.network_card import verified_sha256
 from footsense.foot.parameters import FootParameters
 from footsense.regular_file import open_regular, read_regular
+
+_MN_PER_GF = 1e3 * GRAM_FORCE_N
 
 
 def card_text(manifest: Manifest, parameters: Parameters) -> str:
@@ -83,7 +86,7 @@ def _error_table(manifest: Manifest) -> str:
         return "Unknown: no load was held out."
     rows = [
         f"| {name} | {e.direction_deg:.2f} / {e.direction_p95_deg:.2f} / {e.direction_max_deg:.2f} | "
-        f"{e.magnitude_gf:.2f} / {e.magnitude_p95_gf:.2f} / {e.magnitude_max_gf:.2f} |"
+        f"{' / '.join(f'{_MN_PER_GF * gf:.1f}' for gf in (e.magnitude_gf, e.magnitude_p95_gf, e.magnitude_max_gf))} |"
         for name, e in (
             ("network of the design alone", held_out.design_only),
             ("with this calibration", held_out.calibrated),
@@ -91,7 +94,7 @@ def _error_table(manifest: Manifest) -> str:
     ]
     return f"""{held_out.protocol}, {_count_with_plural(held_out.calibrated.n, "load")}:
 
-| mean / p95 / largest | direction [deg] | magnitude [gf] |
+| mean / p95 / largest | direction [deg] | magnitude [mN] |
 |---|---:|---:|
 {chr(10).join(rows)}"""
 

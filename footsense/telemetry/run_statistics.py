@@ -101,7 +101,7 @@ class RunStatistics(Observer):
                 leg: {State(s).name.lower(): int(n) for s, n in enumerate(counts) if n}
                 for leg, counts in zip(self._legs, self._states, strict=True)
             },
-            "faults": int(self._states.sum() - self._states[:, sorted(FAULT_FREE)].sum()),
+            "faulty_leg_cycles": int(self._states.sum() - self._states[:, sorted(FAULT_FREE)].sum()),
         }
         if self._true_force_n_at is not None:
             rmse_n = np.sqrt(self._squared_n2 / self._valid).tolist() if self._valid else [None] * 3

@@ -35,7 +35,7 @@ def walked(
     config.write_text(f"buses: [{{device: sim, legs: {{{legs}}}}}]\ncan: {{{can_options}}}\n{more}")
     figures = run_json("--config", config, "--duration", "4", "--can-log", log)
     assert figures["scene"] == scene
-    assert figures["faults"] == 0
+    assert figures["faulty_leg_cycles"] == 0
     assert figures["direction_error_deg"]["mean"] < 2.0
     return figures, log
 

@@ -62,7 +62,7 @@ def test_the_forces_are_those_that_the_feet_felt(walk: tuple[Path, dict[str, Any
     """Errors against the truth at the time of sending: a heel strike is in them."""
     figures = walk[1]
     assert figures["cycle_rate_hz"] == pytest.approx(364, abs=5)
-    assert figures["faults"] == 0
+    assert figures["faulty_leg_cycles"] == 0
     assert max(figures["force_rmse_n"].values()) < 0.2
     assert figures["direction_error_deg"]["mean"] < 5.0
     assert figures["direction_error_deg"]["loaded_frames"] > 500

@@ -260,7 +260,8 @@ def _calibration_figures(
 
 def _in_words(figures: dict[str, Any], held_out: HeldOutErrors | None) -> dict[str, Any]:
     """Return the figures of a calibration for people: what the loads do not tell in one line for each parameter."""
-    told = dict(figures)
+    told = {"stiffness" if name == "stiffness_rel" else name: value for name, value in figures.items()}
+    told["stiffness"] = f"{figures['stiffness_rel']:+.1%} of the design's"
     for name, unknown in figures["not_identified"].items():
         values = enumerate(figures[name])
         told[name] = {f"element {n}": value for n, value in values if n not in unknown}

@@ -213,7 +213,7 @@ def test_a_robot_walks_on_feet_of_another_type(built: BuildResult, folder: Path,
         robot.run(until_ns=2_000_000_000)
     assert robot.network.card.foot_type == "large-3x3"
     found: dict[str, Any] = statistics.summary()
-    assert found["faults"] == 0
+    assert found["faulty_leg_cycles"] == 0
     assert found["direction_error_deg"]["loaded_frames"] > 30
     assert found["direction_error_deg"]["mean"] < 5.0
 

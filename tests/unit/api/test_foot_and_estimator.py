@@ -12,6 +12,7 @@ from hypothesis.extra.numpy import array_shapes, arrays
 import footsense
 from footsense.errors import ModelError
 from footsense.frames import Vector
+from tests.support.calibrations import as_designed, calibration, parameters
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "measured_walk.mcap"
 FOOT = footsense.Foot("aoyagi-3x3")
@@ -107,6 +108,28 @@ def test_with_the_unloaded_capacitances_the_first_row_has_a_force() -> None:
     assert given_n.usable.all()
     assert given_n.contact[-1]
     np.testing.assert_allclose(given_n.force_n, stances()[30:, 0], atol=0.05)
+
+
+@pytest.mark.parametrize("name", ["foot-0007", "foot-0007/manifest.json"])
+def test_a_calibrated_foot_is_read_by_its_calibration(tmp_path: Path, name: str) -> None:
+    """Its strays, its stiffness and its mount; by the design alone it would not be tared at all."""
+    turned = parameters().mount
+    made = as_designed(
+        stray_pf=np.full(9, 0.4),
+        unloaded_pf=np.full(9, FOOT.unloaded_pf + 0.4),
+        stiffness_rel=0.2,
+        mount=turned,
+    )
+    calibration(tmp_path, parameters=made)
+    pf = FOOT.capacitance_pf(stances()[:, 0]) + 0.4
+    estimator = footsense.Estimator(calibration=tmp_path / name)
+    assert estimator.foot_type == "aoyagi-3x3"
+    forces = estimator.run(pf, T_S)
+    assert forces.usable[10:].all()
+    np.testing.assert_allclose(forces.force_n[10:], stances()[10:, 0] @ (1.2 * turned), atol=0.015)
+    assert not ESTIMATOR.run(pf, T_S).usable.any()
+    with pytest.raises(ModelError, match="for foot type 'aoyagi-3x3', this robot's feet are 'hexapod-2kg'"):
+        footsense.Estimator("hexapod-2kg", calibration=tmp_path / name)
 
 
 @settings(max_examples=5)

@@ -68,6 +68,7 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     for said in (
         "362 loads in 3 sessions",
         "15.90 / 30.00 / 40.00",
+        "| direction [deg] | magnitude [mN] |",
         "4.0 deg off",
         again.manifest.recordings_sha256,
     ):

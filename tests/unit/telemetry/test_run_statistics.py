@@ -53,7 +53,7 @@ def test_a_fault_with_a_force_counts_as_an_error_too(
     statistics = RunStatistics(("lf",), lambda t_ns: np.array([[0.0, 0.0, 1.0]]))
     statistics.observe(cycle(0, force_n, state))
     summary = statistics.summary()
-    assert (summary["states"], summary["faults"]) == ({"lf": {state.name.lower(): 1}}, 1)
+    assert (summary["states"], summary["faulty_leg_cycles"]) == ({"lf": {state.name.lower(): 1}}, 1)
     assert summary["force_rmse_n"] == dict(zip("xyz", rmse_n, strict=True))
     p50_ms = summary["age_ms"]["p50"]  # type: ignore[index]
     assert p50_ms == (age_ms and pytest.approx(age_ms, abs=0.06))
