@@ -182,7 +182,7 @@ def test_the_service_and_the_viewer_start_again(browser: Browser, cycles: Path, 
             == 1
         )
         browser.wait("document.querySelector('#banner')?.textContent.includes('No service runs')")
-        assert "Start it with footsense run" in browser.text("#banner")
+        assert "start footsense run" in browser.text("#banner")
         assert not browser.js("return document.querySelector('#empty').hidden")
         with ViewedService(cycles) as service:
             service.force_n[:, 2] = 0.4

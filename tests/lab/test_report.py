@@ -39,7 +39,7 @@ def test_a_study_makes_its_page_in_its_quick_form(name: str, tmp_path: Path) -> 
     text = (tmp_path / f"{name}.md").read_text(encoding="utf-8")
     assert "Quick form" in text
     assert "|---" in text
-    shown = {part.partition(")")[0] for part in text.split("![](")[1:]}
+    shown = set(re.findall(r"!\[[^\]]*\]\(([^)]*)\)", text))
     assert shown == {file.name for file in tmp_path.glob("*.png")}
     assert json.loads((tmp_path / f"{name}.json").read_text(encoding="utf-8"))["quick"] is True
     assert f"[{name}]({name}.md)" in write_list_of_pages(tmp_path).read_text(encoding="utf-8")
