@@ -215,7 +215,7 @@ def test_a_robot_walks_on_feet_of_another_type(built: BuildResult, folder: Path,
     found: dict[str, Any] = statistics.summary()
     assert found["faulty_leg_cycles"] < 500  # of 1450: a quick network's sigma is at times half of its range
     assert found["direction_error_deg"]["loaded_frames"] > 30
-    assert found["direction_error_deg"]["mean"] < 8.0
+    assert found["direction_error_deg"]["mean"] < 15.0
 
 
 @pytest.mark.parametrize("name", ["network.onnx", "response.npz"])
