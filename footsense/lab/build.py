@@ -248,7 +248,7 @@ def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable
             make(TRAINING_SEED, recipe.gaits, _CONVERSIONS_PER_GAIT, loads_unit.max_n, jobs=2)
             for make in (
                 partial(random_gaits, response_in_unit),
-                partial(walker_gaits, response_in_unit, training_logs(report, quick=recipe.quick)),
+                partial(walker_gaits, response_in_unit, training_logs(report, quick=recipe.quick), unit),
             )
         )
         gaits = concatenate_gaits([own, robots])

@@ -243,7 +243,7 @@ def test_a_cut_recording_is_told_by_its_name(browser: Browser, tmp_path: Path) -
     cut.write_bytes(GOLDEN.read_bytes()[:400_000])
     with serving("view", "--port", "0", cut) as (viewer, url):
         browser.open(url)
-        browser.wait(f"{SIX_FEET} && document.querySelector('#problems .fine')")
+        browser.wait(f"{SIX_FEET} && document.querySelector('#banner').textContent")
         assert browser.text("#banner").startswith(f"{cut}: ")
         browser.wait("document.querySelector('#problems .fine').textContent === 'Nothing else is wrong.'")
         viewer.terminate()

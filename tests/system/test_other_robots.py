@@ -46,9 +46,9 @@ def walked(
 def test_a_robot_walks_on_its_feet(
     tmp_path: Path, foot_type: str, legs: str, scene: str, max_n: float, peak_n: float
 ) -> None:
-    """At most 2 deg and 3 % on average, and a consumer reads the forces off CAN with the step that it tells."""
+    """At most 2 deg and 5 % on average, and a consumer reads the forces off CAN with the step that it tells."""
     figures, log = walked(tmp_path, legs, "interface: virtual", scene, f"foot_type: {foot_type}\n")
-    assert figures["magnitude_error_rel"]["mean"] < 0.03
+    assert figures["magnitude_error_rel"]["mean"] < 0.05
     assert figures["direction_error_deg"]["loaded_from_n"] == pytest.approx(0.05 * max_n)
     link = Link()
     largest_n: dict[int, float] = defaultdict(float)

@@ -32,9 +32,6 @@ from footsense.sim.rubber import ViscoelasticRubber
 
 #: Time in the air before a log, in which the feet are tared, and time in which its first loads rise [s].
 LEAD_IN_S, _RISE_S = 0.7, 0.1
-#: Mass of the outer rubber half of a ball of 10 mm radius [kg], and radius [mm].
-_OUTER_HALF_KG, _OUTER_HALF_MM = 2.3e-3, 10.0
-_GRAVITY_M_S2 = 9.80665
 _NOISE_PF = 1e-3 * fdc1004.RATES[400].noise_ff
 _FULL_SCALE_PF = fdc1004.capacitance_pf(fdc1004.CODE_MAX)
 #: Loads that are turned into capacitances at once, which limits memory.
@@ -84,10 +81,7 @@ def walker_loads(log: WalkerLog, scale: float, ball_radius_mm: float) -> WalkerL
     risen = np.clip(log.t_s / _RISE_S, 0.0, 1.0)[:, None, None]
     air = np.zeros((n_before, n_legs, 3))
     force_n = np.concatenate([air, scale * risen * log.force_n])
-    kg = _OUTER_HALF_KG * (ball_radius_mm / _OUTER_HALF_MM) ** 3
-    inertial_n = -kg * (log.acceleration_m_s2 - (0.0, 0.0, _GRAVITY_M_S2))
-    in_air = ~log.force_n.any(axis=2, keepdims=True)
-    felt_n = force_n + np.concatenate([air, np.where(in_air, inertial_n, 0.0)])
+    felt_n = force_n + np.concatenate([air, log.inertial_n(ball_radius_mm)])
     up = np.tile([0.0, 0.0, 1.0], (n_before, n_legs, 1))
     return WalkerLoads(
         t_s,

@@ -113,6 +113,7 @@ def simulate_gait_readings(
     conditions: ReadingConditions,
     rng: np.random.Generator,
     n: int,
+    felt: Callable[[Vector], ContactLoads] | None = None,
 ) -> GaitReadings:
     """Return the simulated readings of one gait, as arrays with a first axis of length 1.
 
@@ -122,11 +123,12 @@ def simulate_gait_readings(
         conditions: How it is read.
         rng: Source of the noise.
         n: Number of conversions.
+        felt: The same with what the sensor feels besides; None for nothing.
     """
     design = response.design
     send_delay_s = conditions.send_delay_s + _JITTER_S * rng.normal(size=n)
     t_s: Vector = np.asarray(conditions.step_s * np.arange(1.0, n + 1), np.float64)
-    read, sent = loads(t_s), loads(t_s + send_delay_s)
+    read, sent = (felt or loads)(t_s), loads(t_s + send_delay_s)
     normal, force_n = (
         _equivalent_elastic_load(t_s, *read, conditions.viscous_rel) if conditions.viscous_rel else read
     )

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 
 #: Weight of what an error exceeds so many of its sigmas by: errors have longer tails than a normal distribution, and a
 #: controller trusts sigma in them.
-_TAIL_WEIGHT, _TAIL_SIGMAS = 8.0, 3.0
+_TAIL_WEIGHT, _TAIL_SIGMAS = 2.0, 3.0
 #: Weight of the angle between a force and the true one [1/rad], force from which it counts, and size of the forces that
 #: have no direction [N].
 ANGLE_WEIGHT, _DIRECTION_N, _SMALL_N = 3.0, 0.1, 1e-3

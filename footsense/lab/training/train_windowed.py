@@ -61,7 +61,7 @@ _SQUARED_ERROR_WEIGHT = 10.0
 #: Weight of contact point and friction ratio, and normal force from which they are learnt [N].
 _CONTACT_WEIGHT, _LOADED_N = 0.25, 0.02
 #: Shares of the windows in the air, just after lift-off and long after, that are used.
-_JUST_LIFTED_SHARE, _AIR_SHARE = 0.4, 0.02
+_JUST_LIFTED_SHARE, _AIR_SHARE = 0.4, 0.15
 #: Steps that are compiled into one call.
 _STEPS_PER_CALL = 500
 

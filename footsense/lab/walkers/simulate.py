@@ -32,6 +32,11 @@ _GRAVITY_SHARE = (0.7, 1.0)
 _ROUGH_LENGTH_REL = 0.5
 
 
+#: Mass of the outer rubber half of a ball of 10 mm radius [kg], and that radius [mm].
+_OUTER_HALF_KG, _OUTER_HALF_MM = 2.3e-3, 10.0
+_GRAVITY_M_S2 = 9.80665
+
+
 class FallError(ConfigError):
     """The robot falls."""
 
@@ -61,6 +66,17 @@ class WalkerLog(NamedTuple):
     def peak_n(self) -> float:
         """Return the force that one in a thousand loaded samples exceeds [N]."""
         return peak_n(self.force_n)
+
+    def inertial_n(self, ball_radius_mm: float) -> Vector:
+        """Return what the sensors feel of the foot's own mass in the air, tared hanging at rest [N], as `force_n`.
+
+        Args:
+            ball_radius_mm: Radius of the foot's ball [mm], for its mass.
+        """
+        kg = _OUTER_HALF_KG * (ball_radius_mm / _OUTER_HALF_MM) ** 3
+        in_air = ~self.force_n.any(axis=2, keepdims=True)
+        inertial_n: Vector = np.where(in_air, -kg * (self.acceleration_m_s2 - (0.0, 0.0, _GRAVITY_M_S2)), 0.0)
+        return inertial_n
 
     def n_touches(self) -> int:
         """Return how often a foot touches the ground, after some time in the air."""
