@@ -159,7 +159,7 @@ class GaitFrame(NamedTuple):
         contact: Debounced contact, shape (legs,).
         contact_raw: Whether the newest load alone is one of contact, shape (legs,).
         slip: Whether the foot slides, shape (legs,), uint8 of `Slip`.
-        friction: Coefficient of the ground's friction, learnt from the slips of all legs [1]; NaN until enough slipped.
+        friction: Coefficient of the ground's friction, as configured [1]; NaN if not, and then no slip is told.
         all_in_air: Whether every leg is known to be without contact.
         events: What was noticed since the last frame.
     """

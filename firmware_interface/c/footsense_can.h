@@ -190,7 +190,7 @@ typedef struct {
     uint32_t normal_sigma_urad; /* standard deviation of its direction; 315000: or more; UINT32_MAX: no value */
     uint16_t tangential_over_normal_permille;       /* 2040: or more; FOOTSENSE_NO_RATIO */
     uint16_t tangential_over_normal_sigma_permille; /* standard deviation of it; 248: or more; FOOTSENSE_NO_RATIO */
-    uint16_t friction_permille;                     /* coefficient that the slips of all legs taught; FOOTSENSE_NO_RATIO */
+    uint16_t friction_permille;                     /* coefficient of the ground as configured; FOOTSENSE_NO_RATIO */
 } footsense_ground;
 
 /* CRC-8 of AUTOSAR E2E profile 11 variant A: polynomial 0x1D, start 0, over the CAN id and all bytes behind the

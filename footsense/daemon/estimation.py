@@ -1,5 +1,6 @@
 """Build the estimation pipeline from configuration and models."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -47,6 +48,7 @@ def pipeline_for(models: Models, flags: int) -> Pipeline:
         max_swing_rise_n_per_s=_max_swing_rise_n_per_s(models, force_sensitivity),
         scan_ns=round(config.shortest_scan_ms * 1e6),
         max_age_ns=round(config.effective_max_age_ms * 1e6),
+        friction=math.nan if config.contact.friction is None else config.contact.friction,
         track_baseline=config.baseline.track,
         range_end_pf=BOARDS[config.board].range_end_pf if config.board in BOARDS else CONVERTER_MAX_PF,
     )

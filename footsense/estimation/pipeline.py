@@ -83,7 +83,7 @@ class Pipeline:
         # Of healthy legs; shared by their frames and never written to.
         self._valid = np.full(n_legs, State.VALID, np.uint8)
         self._no_fault, self._no_leg = np.zeros(n_legs, np.uint16), np.zeros(n_legs, bool)
-        self._gait = GaitTracker(n_legs)
+        self._gait = GaitTracker(n_legs, limits.friction)
         self._set_temperature = set_temperature
 
     @property

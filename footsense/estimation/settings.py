@@ -1,5 +1,6 @@
 """What the daemon tells the estimation of a robot: its mounted feet, and the limits of tare, contact and age."""
 
+import math
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
@@ -96,9 +97,12 @@ class ContactLimits(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         threshold_n: Load along the leg, above the reading in swing, from which a foot is in contact [N]; contact ends
             at half of it. Well above the inertial force of the foot's own mass in swing, well below a stance's load.
             None: 1.5 % of the feet's largest force, 0.03 N for the paper's.
+        friction: Coefficient of friction of the ground [1]: a foot slips where its tangential over normal force comes
+            to it. None: not known, and no slip is told.
     """
 
     threshold_n: Annotated[float, Meta(ge=0.002, le=10.0)] | None = None
+    friction: Annotated[float, Meta(ge=0.1, le=2.0)] | None = None
 
 
 class Sensitivity(NamedTuple):
@@ -132,6 +136,7 @@ class EstimationLimits:
             slow load.
         scan_ns: Time of a scan [ns].
         max_age_ns: Age of the oldest reading from which a measurement is stale [ns].
+        friction: Coefficient of friction of the ground [1]; NaN where it is not known.
         track_baseline: Whether a baseline follows a foot in swing.
         range_end_pf: Least capacitance of an element over the converter's range [pF].
     """
@@ -140,6 +145,7 @@ class EstimationLimits:
     least_contact_n: float
     scan_ns: int
     max_age_ns: int
+    friction: float = math.nan
     max_swing_rise_n_per_s: float = MIN_SWING_RISE_N_PER_S
     track_baseline: bool = True
     range_end_pf: float = CONVERTER_MAX_PF

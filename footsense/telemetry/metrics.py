@@ -180,7 +180,7 @@ class ServiceMetrics:
         sigma = f"Standard deviation of the ground's normal; {untold}"
         yield gauge("footsense_ground_normal_sigma_radians", sigma, gait.normal_sigma_rad)
         yield self._codes("footsense_leg_slip", "1 for whether the foot slides.", Slip, gait.slip.tolist())
-        friction = "Coefficient of friction that slips have taught; NaN until then."
+        friction = "Coefficient of friction of the ground, as configured; NaN if not."
         yield GaugeMetricFamily("footsense_ground_friction_coefficient", friction, gait.friction)
         in_air = "1 while every leg is known to be without contact."
         yield GaugeMetricFamily("footsense_all_in_air", in_air, float(gait.all_in_air))

@@ -68,7 +68,9 @@ def judge_run(models: Sequence[Path], *, viscous_rel: float, run: WalkerRun) -> 
             viscous_rel=viscous_rel,
         )
         card = network.card
-        pipeline = pipeline_of(network, card.trained_inputs, card.max_trained_force_n, len(log.legs))
+        pipeline = pipeline_of(
+            network, card.trained_inputs, card.max_trained_force_n, len(log.legs), log.friction
+        )
         outputs, peak_n = run_pipeline(pipeline, readings), scale * log.peak_n()
         judged.append(JudgedRun(design.foot_type, run, peak_n, scores(outputs, peak_n), _shown(outputs)))
     return judged
@@ -156,6 +158,8 @@ def pooled(judged: Sequence[JudgedRun]) -> dict[str, Any]:
         "lift_off_delay_p95_ms": float(np.percentile(lifts_ms, 95, method="nearest")),
         "n_false_slips_gripping": sum(row["n_false_slips"] for row in gripping),
         "gripping_hours": sum(row["walked_s"] for row in gripping) / 3600.0,
+        "n_slips": sum(row["n_slips"] for row in rows),
+        "n_slips_off_cone": sum(row["n_slips_off_cone"] for row in rows),
         "n_later_slides": n_later,
         "later_found_share": sum(row["n_later_found"] for row in slippery) / max(n_later, 1),
         "slip_delay_p50_ms": float(np.percentile(slip_delays_ms, 50))

@@ -8,7 +8,9 @@ from footsense.lab.evaluation.walker_scores import (
     LATER_S,
     LOADED_REL,
     MIN_TOUCH_S,
+    NEAR_CONE,
     SLIDE_M,
+    SLIDE_M_S,
 )
 from footsense.lab.report import Values, table, target
 
@@ -81,6 +83,12 @@ def walker_targets(own: Values, others: dict[str, Values]) -> list[dict[str, obj
             met=own["later_found_share"] >= 0.6,
         ),
         target(
+            f"slips told of a foot that is not at its cone, of {own['n_slips']}",
+            "0",
+            f"{own['n_slips_off_cone']}",
+            met=own["n_slips_off_cone"] == 0,
+        ),
+        target(
             "elements called faulty on healthy feet of walking robots",
             "0",
             f"{own['n_element_faults']}",
@@ -117,12 +125,12 @@ def walker_text(values: Values) -> str:
     )
     contact_head = (
         "robot, gait, ground | touches | missed / twice / in the air | sent after, median / 99 % [ms] | bias [ms]"
-        " | rms over sigma | lift-off after, median / 95 % [ms] | slides later: found | false slips"
+        " | rms over sigma | lift-off after, median / 95 % [ms] | slides later: found | slips: all / false / off the cone"
     )
     contact_cells = (
         "{run} | {n_touches} | {n_missed} / {n_twice} / {n_in_air} | {delay_p50_ms:.1f} / {delay_p99_ms:.1f}"
         " | {bias_ms:.1f} | {rms_over_sigma:.2f} | {lift_off_delay_p50_ms:.0f} / {lift_off_delay_p95_ms:.0f}"
-        " | {n_later_found} of {n_later_slides} | {n_false_slips}"
+        " | {n_later_found} of {n_later_slides} | {n_slips} / {n_false_slips} / {n_slips_off_cone}"
     )
     first, *others = values["runs"]
     early = table(
@@ -144,7 +152,9 @@ whole estimation of the service runs on each conversion's readings, noise of the
 swing included; the response table that makes them is the network's. On `{first}` each run is scaled to a peak of
 {PAPER_PEAK_N:g} N (one loaded millisecond in a thousand is above). A frame counts as loaded from {LOADED_REL:.0%} of the peak; mid-stance is from {1e3 * AFTER_TOUCH_S:g} ms
 after the touch to {1e3 * BEFORE_END_S:g} ms before its end. A touch begins when the normal force exceeds {FIRST_LOAD_REL:.0%} of the peak. A slide counts
-that goes over {1e3 * SLIDE_M:g} mm, as *later* if it begins more than {1e3 * LATER_S:g} ms after the touch.
+that goes over {1e3 * SLIDE_M:g} mm, as *later* if it begins more than {1e3 * LATER_S:g} ms after the touch. Slips are told of a foot at the cone of the
+ground's coefficient, which is configured (`contact.friction`); without it none is told. A slip is *false* where the foot
+does not slide faster than {1e3 * SLIDE_M_S:g} mm/s, *off the cone* where its true ratio is not within {NEAR_CONE:g} of the coefficient.
 
 ![The force that the first foot felt, and what was published, in each run](motion-{first}.png)
 

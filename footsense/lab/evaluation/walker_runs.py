@@ -161,9 +161,7 @@ class WalkerOutputs(NamedTuple):
         sigma_n: Their standard deviations [N], same shape.
         state: State of each leg, shape (n, legs).
         cause: Cause, same shape.
-        fault_mask: Faulty elements, same shape.
         contact: Whether contact is reported, same shape.
-        friction: Reported coefficient of friction [1], shape (n,).
         events: Every event, with the row of the conversion after which it was reported.
     """
 
@@ -173,14 +171,12 @@ class WalkerOutputs(NamedTuple):
     sigma_n: Vector
     state: Codes
     cause: Codes
-    fault_mask: Vector
     contact: Mask
-    friction: Vector
     events: list[tuple[int, GaitEvent]]
 
 
 def pipeline_of(
-    estimator: LoadEstimator, trained: TrainedInputs, max_force_n: float, n_legs: int
+    estimator: LoadEstimator, trained: TrainedInputs, max_force_n: float, n_legs: int, friction: float
 ) -> Pipeline:
     """Return the service's pipeline for feet as designed, on board `fdc1004`.
 
@@ -189,6 +185,7 @@ def pipeline_of(
         trained: Inputs that it was trained for.
         max_force_n: Largest force of its training [N].
         n_legs: Number of legs.
+        friction: Coefficient of friction of the ground, as if configured [1].
     """
     force_sensitivity = sensitivity(estimator, n_legs, trained.moments)
     scan_ns = round(1e9 * ELEMENTS * STEP_S)
@@ -198,6 +195,7 @@ def pipeline_of(
         max_swing_rise_n_per_s=max_swing_rise_n_per_s(load_n_per_pf(trained.design, force_sensitivity)),
         scan_ns=scan_ns,
         max_age_ns=round(_MAX_AGE_SCANS * scan_ns),
+        friction=friction,
     )
     return Pipeline(
         estimator, trained, MountedFeet.as_designed(trained.design, n_legs), limits, force_sensitivity
@@ -214,8 +212,7 @@ def run_pipeline(pipeline: Pipeline, readings: WalkerReadings) -> WalkerOutputs:
     read_ns = (1e9 * readings.t_s).astype(np.int64).tolist()
     over = readings.capacitance_pf >= _FULL_SCALE_PF
     frames, events = [], []
-    contact, friction = np.zeros((n, n_legs), bool), np.full(n, np.nan)
-    known = np.nan
+    contact = np.zeros((n, n_legs), bool)
     for k, element in enumerate(readings.element.tolist()):
         t_ns[:, element] = read_ns[k]
         capacitance_pf[:, element] = np.where(over[k], np.nan, readings.capacitance_pf[k])
@@ -223,13 +220,11 @@ def run_pipeline(pipeline: Pipeline, readings: WalkerReadings) -> WalkerOutputs:
         frame, _ = pipeline.process(
             CapFrame(k, t_ns.copy(), capacitance_pf.copy(), reading.copy()), sent_ns[k]
         )
-        frames.append((frame.force_n, frame.sigma_n, frame.state, frame.cause, frame.fault_mask))
+        frames.append((frame.force_n, frame.sigma_n, frame.state, frame.cause))
         contact[k] = [leg.in_contact for leg in pipeline._baselines.contacts]  # noqa: SLF001
         if frame.gait is not None:
             events += [(k, event) for event in frame.gait.events]
-            known = frame.gait.friction
-        friction[k] = known
-    force_n, sigma_n, state, cause, fault_mask = (np.array(part) for part in zip(*frames, strict=True))
+    force_n, sigma_n, state, cause = (np.array(part) for part in zip(*frames, strict=True))
     return WalkerOutputs(
         t_s=readings.loads.t_s,
         true=readings.loads,
@@ -237,9 +232,7 @@ def run_pipeline(pipeline: Pipeline, readings: WalkerReadings) -> WalkerOutputs:
         sigma_n=sigma_n,
         state=state,
         cause=cause,
-        fault_mask=fault_mask,
         contact=contact,
-        friction=friction,
         events=events,
     )
 
@@ -259,4 +252,4 @@ def run_walker(
     """Return what the service would say of one run of a robot; arguments as of the parts above."""
     loads = walker_loads(log, scale, ball_radius_mm)
     readings = read_walker(Specimen(response), loads, seed, viscous_rel=viscous_rel)
-    return run_pipeline(pipeline_of(estimator, trained, max_force_n, len(log.legs)), readings)
+    return run_pipeline(pipeline_of(estimator, trained, max_force_n, len(log.legs), log.friction), readings)

@@ -30,6 +30,8 @@ _ELEMENT_FAULTS = (
 #: that counts [m], time after the touch from which one is a later slide [s], and time within which a slip belongs to
 #: a slide [s].
 SLIDE_M_S, _SLIDE_LOAD_REL, SLIDE_M, LATER_S, _SLIP_WITHIN_S = 0.02, 0.05, 5e-3, 0.015, 0.06
+#: Ratio below the ground's coefficient from which a foot is at its cone [1].
+NEAR_CONE = 0.05
 
 
 class Touch(NamedTuple):
@@ -207,12 +209,23 @@ def slides(outputs: WalkerOutputs, leg: int, peak_n: float) -> list[Slide]:
     return found
 
 
+def _ratios(outputs: WalkerOutputs, leg: int, peak_n: float) -> Vector:
+    """Return the true tangential over normal force of a leg [1], shape (n,); 0 where it carries next to nothing."""
+    force_n, normal = outputs.true.force_n[:, leg], outputs.true.normal[:, leg]
+    pressing_n = (force_n * normal).sum(axis=1)
+    tangential_n = np.linalg.norm(force_n - pressing_n[:, None] * normal, axis=1)
+    carries = pressing_n > _SLIDE_LOAD_REL * peak_n
+    ratios: Vector = np.divide(tangential_n, pressing_n, out=np.zeros_like(pressing_n), where=carries)
+    return ratios
+
+
 def slip_scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
     """Return which slides of a run were reported, and which slips are none."""
-    n_slips = n_false = n_later = n_found = n_early = n_early_found = 0
+    n_slips = n_false = n_off_cone = n_later = n_found = n_early = n_early_found = 0
     delays_ms, legs = [], outputs.state.shape[1]
     for leg in range(legs):
         every = slides(outputs, leg, peak_n)
+        near_s = outputs.t_s[_ratios(outputs, leg, peak_n) > outputs.true.friction - NEAR_CONE]
         sent_s = [
             float(outputs.t_s[row])
             for row, event in outputs.events
@@ -225,6 +238,7 @@ def slip_scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
             not any(one.start_s - 5e-3 <= at_s < one.end_s + _SLIP_WITHIN_S for one in every)
             for at_s in sent_s
         )
+        n_off_cone += sum(not ((near_s > at_s - _SLIP_WITHIN_S) & (near_s <= at_s)).any() for at_s in sent_s)
         for one in every:
             if one.way_m < SLIDE_M:
                 continue
@@ -240,22 +254,20 @@ def slip_scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
     return {
         "n_slips": n_slips,
         "n_false_slips": n_false,
+        "n_slips_off_cone": n_off_cone,
         "n_later_slides": n_later,
         "n_later_found": n_found,
         "n_early_slides": n_early,
         "n_early_found": n_early_found,
         "slip_delays_ms": delays_ms,
         "walked_s": float(outputs.t_s[-1] - LEAD_IN_S - WARM_UP_S),
-        "friction": float(outputs.friction[-1]),
         "true_friction": outputs.true.friction,
     }
 
 
 def fault_scores(outputs: WalkerOutputs) -> dict[str, Any]:
     """Return how often a healthy foot was called faulty, and how often a state without a force came and went."""
-    faulty = (
-        (outputs.fault_mask != 0) & (outputs.state != State.SATURATED) & (outputs.t_s > LEAD_IN_S)[:, None]
-    )
+    faulty = np.isin(outputs.cause, _ELEMENT_FAULTS) & (outputs.t_s > LEAD_IN_S)[:, None]
     starts = int((np.diff(faulty.astype(int), axis=0) > 0).sum())
     degraded = (outputs.state == State.DEGRADED) & (outputs.cause == 0) & (outputs.t_s > LEAD_IN_S)[:, None]
     return {

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from footsense.estimation.calibrated_feet import CalibratedFeet
-from footsense.estimation.gait import ground_of
+from footsense.estimation.ground import ground_of
 from footsense.estimation.network import steady_windows
 from footsense.foot.parameters import UNKNOWN_TEMPERATURE_SIGMA_REL, FootParameters
 from footsense.ports import LoadEstimate, Window
