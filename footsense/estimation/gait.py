@@ -1,6 +1,6 @@
 """Gait estimate of all legs, updated with every conversion: contact events, load share, ground normal, friction, slip.
 
-Contact and its thresholds are those of `baseline.py`, ground and slip those of `ground.py`. Slip is looked for on half
+Contact and its thresholds are those of `contact.py`, ground and slip those of `ground.py`. Slip is looked for on half
 of the legs in turn, and what changes slowly is computed for the published frames alone.
 """
 
@@ -17,7 +17,7 @@ from footsense.estimation.back_dating import (
     lift_off,
     touchdown,
 )
-from footsense.estimation.baseline import ContactDetector
+from footsense.estimation.contact import ContactDetector
 from footsense.estimation.ground import NO_GROUND, SlipDetector, ground_of
 from footsense.frames import GaitEvent, GaitEventKind, GaitFrame, Slip
 from footsense.ports import LoadEstimate
@@ -111,7 +111,7 @@ class GaitTracker:
             kinds, dated = [GaitEventKind.TOUCHDOWN], touchdown(self._loads, row)
             own, other = self._touchdowns, self._lift_offs
         else:
-            kinds, dated = [GaitEventKind.LIFT_OFF], lift_off(self._loads, row)
+            kinds, dated = [GaitEventKind.LIFT_OFF], lift_off(self._loads[-1].t_ns)
             own, other = self._lift_offs, self._touchdowns
             if was_slipping:
                 kinds.insert(0, GaitEventKind.SLIP_END)
@@ -160,10 +160,9 @@ class GaitTracker:
 
 def _contact_probability(contact: ContactDetector, above_n: float) -> float:
     """Return the probability of contact, from the load's distance to the threshold; NaN if unknown."""
-    noise, predicted = contact.noise, contact.predicted_noise
-    uncertain_n = contact.uncertain_n
-    measured = (contact.load_n - contact.swing_load_n - max(noise.contact_n, uncertain_n)) / noise.sigma_n
-    estimated = (above_n - max(predicted.contact_n, uncertain_n)) / predicted.sigma_n
+    measured_n = contact.load_n - contact.swing_load_n - contact.threshold_n
+    measured = measured_n / contact.noise.sigma_n
+    estimated = (above_n - contact.predicted_threshold_n) / contact.predicted_noise.sigma_n
     if not math.isfinite(measured + estimated):
         return math.nan
     sigmas = max(measured, estimated)

@@ -94,24 +94,22 @@ _PEAK_DECAY_REL, _PEAK_MARGIN_REL = 0.0005, 1.2
 
 
 class SwingNoise:
-    """Contact threshold of one load signal of one leg, learnt from the signal's peaks in swing.
+    """Noise of one load signal of one leg in swing, learnt from the signal's peaks.
 
     The peaks of short blocks of swing are kept, but for the blocks just before a touchdown, which may hold its rise,
     and for those from which the signal does not come back: shake passes, a load that comes slowly stays. The threshold
     is the mean peak and five of their standard deviations, or a little over the highest peak of the last minutes.
 
     Args:
-        least_n: Least threshold [N], which holds until enough of the swing was seen.
+        least_n: Least threshold [N].
 
     Attributes:
-        contact_n: Load above that in swing that is contact [N].
+        contact_n: Load above that in swing that noise and shake do not reach [N]; infinite until enough was seen.
         sigma_n: Half of the distance from nothing to the mean peak: about the noise of a reading [N].
-        block_n: Signal of the present block of swing: load above that in swing [N], NaN where not known.
-        end_ns: Time from which the block is complete, and `end_block` is to be called [ns].
     """
 
     def __init__(self, least_n: float) -> None:
-        self.contact_n = self._least_n = least_n
+        self.contact_n, self._least_n = math.inf, least_n
         self.sigma_n = least_n / _THRESHOLD_SIGMAS
         self._n = 0
         self._mean_n = self._variance_n2 = self._highest_n = 0.0
@@ -120,15 +118,24 @@ class SwingNoise:
     def discard_pending(self, t_ns: int) -> None:
         """Discard peaks not learnt yet, because of a contact or a new swing from `t_ns` [ns] on."""
         self._waiting: deque[float] = deque(maxlen=_MAX_SHAKE_BLOCKS)
-        self.block_n: list[float] = []
-        self.end_ns = t_ns + _PEAK_BLOCK_NS
+        self._block_n: list[float] = []
+        self._end_ns = t_ns + _PEAK_BLOCK_NS
 
-    def end_block(self, t_ns: int) -> None:
-        """End the present time block at `t_ns` [ns], and learn the peaks of earlier blocks."""
-        known_n = [above_n for above_n in self.block_n if not math.isnan(above_n)]
-        self.block_n, self.end_ns = [], t_ns + _PEAK_BLOCK_NS
-        waiting = self._waiting
-        is_back = min(known_n, default=math.inf) < _RETURN_THRESHOLD_REL * self.contact_n
+    def add(self, above_n: float, threshold_n: float, t_ns: int) -> None:
+        """Add a value of the signal in swing, and at the end of a block learn the peaks of earlier ones.
+
+        Args:
+            above_n: Load above that in swing [N], NaN where not known; one above the threshold does not count.
+            threshold_n: Present threshold of the signal [N].
+            t_ns: Current time [ns].
+        """
+        if above_n <= threshold_n:
+            self._block_n.append(above_n)
+        if t_ns < self._end_ns:
+            return
+        known_n, waiting = self._block_n, self._waiting
+        self._block_n, self._end_ns = [], t_ns + _PEAK_BLOCK_NS
+        is_back = min(known_n, default=math.inf) < _RETURN_THRESHOLD_REL * threshold_n
         if known_n:
             waiting.append(max(*known_n, 0.0))
         while is_back and len(waiting) > _HELD_BACK_BLOCKS:

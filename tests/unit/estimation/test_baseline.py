@@ -18,7 +18,9 @@ def test_seven_kelvin_in_two_hundred_seconds_of_walking() -> None:
         t_s += passed_s
         now_ff = drift_ff * t_s / 200.0
         feet.feed(stance_n(t_s), now_ff, passed_s)
-        if stance_n(t_s) > 1.5 * TOUCH_N:
+        if stance_n(t_s) > (
+            1.5 * TOUCH_N if t_s > 20.0 else 0.4
+        ):  # until swings are known, a share of the load
             assert feet.in_contact.all(), t_s
             lifted_s = t_s
         elif stance_n(t_s) == 0.0 and t_s - lifted_s > 0.1:
