@@ -45,9 +45,9 @@ _LIFT_OFF_REL, _LIFT_OFF_SHARE = 0.7, 0.2
 #: A contact as short as this, that never came above so many times the thresholds, was shake.
 _SHAKE_MAX_NS, _SHAKE_MAX_THRESHOLDS = 60_000_000, 2.0
 
-#: Contact is held for this time after the last load: elements that are read one after the other, of a load that falls
-#: or rises fast, ring.
-_CONTACT_HOLD_NS = 14_000_000
+#: Contact is held for this time after the last load, and for the other after a touchdown: elements that are read one
+#: after the other, of a load that falls or rises fast, ring, and not all show a touch that a prediction tells.
+_CONTACT_HOLD_NS, _TOUCHDOWN_HOLD_NS = 14_000_000, 27_000_000
 #: Time after lift-off from which a swing is confirmed [s]: most of the rubber's quick recovery is over by then, and
 #: half the swing of a fast gait is left.
 _SWING_CONFIRMED_AFTER_S = 0.2
@@ -154,7 +154,7 @@ class ContactDetector:
             )
             if not (above_n < lift_n or fallen):
                 self._loaded_ns = t_ns
-            elif t_ns - self._loaded_ns >= _CONTACT_HOLD_NS:
+            elif t_ns - self._loaded_ns >= _CONTACT_HOLD_NS and t_ns - self._touched_ns >= _TOUCHDOWN_HOLD_NS:
                 self._end_contact(load_n, baseline_error_n, t_ns)
         elif self.raw:
             self.in_contact = True
