@@ -27,6 +27,10 @@ from footsense.frames import CommandKind
 _LIFT_OFF_SHARE_OF_RECENT_MEAN = 0.3
 _RECENT_LOAD_TIME_CONSTANT_S = 1.0
 
+#: So does a fall below this share of it [1] to a load that is steady for this time, and so many thresholds at most: all
+#: readings of the foot have shifted in its stance.
+_SHIFTED_SHARE_OF_RECENT_MEAN, _STEADY_NS, _MAX_SHIFT_THRESHOLDS = 0.15, 50_000_000, 2.0
+
 #: Largest creep that may remain after lift-off, over the mean load of the last minutes [1]. An assumption on the safe
 #: side: Prony series of PDMS add 2 to 5 % over minutes; no foot has been measured.
 _MAX_CREEP_REL = 0.05
@@ -68,8 +72,8 @@ class ContactDetector:
     Attributes:
         in_contact: Whether the foot is in contact; False where that is not known.
         raw: Whether the newest load alone is above the threshold.
-        threshold_n: Load above that in swing that is contact [N].
-        predicted_threshold_n: The same of the predicted load [N].
+        touch_n: Load above that in swing that is contact [N].
+        predicted_touch_n: The same of the predicted load [N].
         in_swing: Whether swing is confirmed: lifted for `_SWING_CONFIRMED_AFTER_S`, and the load not about to touch.
         load_n: Load along the leg above its baseline [N], NaN where it is not known.
         drift_n: Largest load that drift and creep alone could produce now [N].
@@ -83,7 +87,7 @@ class ContactDetector:
         self._max_swing_rise_n_per_s = max_swing_rise_n_per_s
         self.noise = SwingNoise(least_n)
         self.predicted_noise = SwingNoise(least_n)
-        self._least_n = self.threshold_n = self.predicted_threshold_n = least_n
+        self._least_n = self.touch_n = self.predicted_touch_n = least_n
         self._explained_n = least_n / 2
         self._creep_load_n = self._heavy_n = self.drift_n = 0.0
         self.reset(0)
@@ -92,13 +96,14 @@ class ContactDetector:
         """Discard the history, after a new baseline or a long silence of the leg at `t_ns` [ns]."""
         self.in_contact = self.raw = self.in_swing = self.explained_by_drift = False
         self.load_n = math.nan
-        self.swing_load_n = self._recent_n = 0.0
+        self.swing_load_n = self._recent_n = self._steady_n = 0.0
         self._peak_n = self._predicted_peak_n = 0.0
         self.noise.discard_pending(t_ns)
         self.predicted_noise.discard_pending(t_ns)
         # The highest load of the last _SWING_LOAD_FOLLOWS_AFTER_NS to twice that, in two windows.
         self._highest_before_n = self._highest_n = math.inf
         self._t_ns = self._window_start_ns = self._touched_ns = self._loaded_ns = self._lifted_ns = t_ns
+        self._steady_since_ns = t_ns
 
     def observe(
         self,
@@ -141,10 +146,10 @@ class ContactDetector:
         noise_n = max(self._least_n, min(shake_n, noise.contact_n))
         predicted_noise_n = max(self._least_n, min(shake_n, predicted_noise.contact_n))
         # Of a threshold and NaN, `max` is the threshold.
-        self.threshold_n = max(noise_n, sigma_n)
-        self.predicted_threshold_n = max(predicted_noise_n, sigma_n)
-        is_predicted = predicted_above_n > self.predicted_threshold_n and not overshoots
-        self.raw = above_n > self.threshold_n or is_predicted
+        self.touch_n = max(noise_n, sigma_n)
+        self.predicted_touch_n = max(predicted_noise_n, sigma_n)
+        is_predicted = predicted_above_n > self.predicted_touch_n and not overshoots
+        self.raw = above_n > self.touch_n or is_predicted
         if self.in_contact:
             lift_n = max(self._explained_n, min(_LIFT_OFF_REL * noise_n, _LIFT_OFF_SHARE * self._recent_n))
             # Measured above the baseline if the load in swing is below it: a foot must be able to leave contact.
@@ -152,22 +157,20 @@ class ContactDetector:
                 load_n < _LIFT_OFF_SHARE_OF_RECENT_MEAN * self._recent_n
                 and load_n - max(swing_load_n, 0.0) < lift_n + self.drift_n
             )
-            if not (above_n < lift_n or fallen):
+            if not (above_n < lift_n or fallen or self._has_shifted(load_n, above_n, t_ns)):
                 self._loaded_ns = t_ns
             elif t_ns - self._loaded_ns >= _CONTACT_HOLD_NS and t_ns - self._touched_ns >= _TOUCHDOWN_HOLD_NS:
                 self._end_contact(load_n, baseline_error_n, t_ns)
         elif self.raw:
             self.in_contact = True
-            self._touched_ns = self._loaded_ns = t_ns
+            self._touched_ns = self._loaded_ns = self._steady_since_ns = t_ns
             self._peak_n, self._predicted_peak_n = above_n, predicted_above_n
             noise.discard_pending(t_ns)
             predicted_noise.discard_pending(t_ns)
         else:
-            # What only sigma keeps from being contact is no noise of a swing.
-            noise.add(above_n, noise_n, t_ns)
-            if not overshoots:
-                predicted_noise.add(predicted_above_n, predicted_noise_n, t_ns)
-            self._follow_swing(load_n, t_ns, elapsed_s)
+            self._observe_swing(
+                load_n, noise_n, math.nan if overshoots else predicted_n, predicted_noise_n, elapsed_s
+            )
         self.in_swing = (
             not self.in_contact
             and load_n - self.swing_load_n < 0.5 * self._explained_n
@@ -181,23 +184,46 @@ class ContactDetector:
             elapsed_s / (_CREEP_LOAD_TIME_CONSTANT_S + elapsed_s)
         )
 
-    def _follow_swing(self, load_n: float, t_ns: int, elapsed_s: float) -> None:
+    def _has_shifted(self, load_n: float, above_n: float, t_ns: int) -> bool:
+        """Return whether a load in contact is a shift of all readings, and the foot is in the air."""
+        if abs(load_n - self._steady_n) > self._explained_n:
+            self._steady_n, self._steady_since_ns = load_n, t_ns
+        return (
+            t_ns - self._steady_since_ns >= _STEADY_NS
+            and load_n < _SHIFTED_SHARE_OF_RECENT_MEAN * self._recent_n
+            and above_n < _MAX_SHIFT_THRESHOLDS * self.touch_n
+        )
+
+    def _observe_swing(
+        self, load_n: float, noise_n: float, predicted_n: float, predicted_noise_n: float, elapsed_s: float
+    ) -> None:
+        """Learn the noise of a swing, and follow its load."""
+        t_ns, swing_load_n = self._t_ns, self.swing_load_n
+        for noise, signal_n, touch_n in (
+            (self.noise, load_n, noise_n),
+            (self.predicted_noise, predicted_n, predicted_noise_n),
+        ):
+            # What only sigma keeps from being contact is no noise.
+            if signal_n - swing_load_n <= touch_n:
+                noise.block_n.append(signal_n - swing_load_n)
+            if t_ns >= noise.end_ns:
+                noise.end_block(t_ns, touch_n)
         if t_ns - self._window_start_ns > _SWING_LOAD_FOLLOWS_AFTER_NS:
             self._highest_before_n = self._highest_n
             self._highest_n, self._window_start_ns = load_n, t_ns
         self._highest_n = max(self._highest_n, load_n)
         highest_n = max(self._highest_n, self._highest_before_n)
-        self.swing_load_n = min(highest_n, self.swing_load_n + self._max_swing_rise_n_per_s * elapsed_s)
+        self.swing_load_n = min(highest_n, swing_load_n + self._max_swing_rise_n_per_s * elapsed_s)
 
     def _end_contact(self, load_n: float, baseline_error_n: float, t_ns: int) -> None:
         """End the contact; a contact short and light enough to be shake raises the threshold."""
         self.in_contact = False
         if t_ns - self._touched_ns < _SHAKE_MAX_NS:
             peaks = (
-                (self.noise, self._peak_n, self.threshold_n),
-                (self.predicted_noise, self._predicted_peak_n, self.predicted_threshold_n),
+                (self.noise, self._peak_n, self.touch_n),
+                (self.predicted_noise, self._predicted_peak_n, self.predicted_touch_n),
             )
-            if all(peak_n < _SHAKE_MAX_THRESHOLDS * threshold_n for _, peak_n, threshold_n in peaks):
+            if all(peak_n < _SHAKE_MAX_THRESHOLDS * touch_n for _, peak_n, touch_n in peaks):
                 for noise, peak_n, _ in peaks:
                     noise.add_peak(peak_n)
         self._lifted_ns = self._window_start_ns = t_ns

@@ -12,7 +12,6 @@ The ratio cannot distinguish a foot that sticks at the cone from one that slides
 import math
 from typing import NamedTuple
 
-from footsense.estimation.back_dating import BackDated
 from footsense.frames import Slip
 from footsense.ports import LoadEstimate
 
@@ -27,8 +26,6 @@ _CONE_MARGIN, _MAX_SLIP_RATIO_SIGMA = 0.04, 0.12
 _SLIP_STARTS_AFTER, _SLIP_ENDS_AFTER = 2, 3
 #: From the beginning or end of a slip to the first estimate that shows it [ns].
 _SLIP_DETECTION_LAG_NS = 9_600_000
-#: Standard deviation of the time of a slip [s].
-_SLIP_TIME_SIGMA_S = 0.01
 
 
 class GroundEstimate(NamedTuple):
@@ -110,8 +107,8 @@ class SlipDetector:
         # Checks in a row at the cone or away from it, and the time of the first of them [ns].
         self._at_cone, self._run, self._since_ns = False, 0, 0
 
-    def observe(self, ground: GroundEstimate, now_ns: int) -> BackDated | None:
-        """Process the newest friction ratio; return the time at which a slip started or ended, else None.
+    def observe(self, ground: GroundEstimate, now_ns: int) -> int | None:
+        """Process the newest friction ratio; return the time at which a slip started or ended [ns], else None.
 
         Args:
             ground: The ground below the foot.
@@ -120,7 +117,7 @@ class SlipDetector:
         ratio, slips = ground.tangential_over_normal, self.state is Slip.SLIPPING
         if math.isnan(ratio - self._cone):
             self.state, self._run = Slip.UNKNOWN, 0
-            return BackDated(now_ns - _SLIP_DETECTION_LAG_NS, _SLIP_TIME_SIGMA_S) if slips else None
+            return now_ns - _SLIP_DETECTION_LAG_NS if slips else None
         if ground.tangential_over_normal_sigma > _MAX_SLIP_RATIO_SIGMA:
             # As in the first scan of a stance; a reported slip continues.
             self._run = 0
@@ -136,4 +133,4 @@ class SlipDetector:
         if at_cone is slips or self._run < (_SLIP_STARTS_AFTER if at_cone else _SLIP_ENDS_AFTER):
             return None
         self.state = Slip.SLIPPING if at_cone else Slip.NONE
-        return BackDated(self._since_ns - _SLIP_DETECTION_LAG_NS, _SLIP_TIME_SIGMA_S)
+        return self._since_ns - _SLIP_DETECTION_LAG_NS

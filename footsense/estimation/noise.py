@@ -106,6 +106,8 @@ class SwingNoise:
     Attributes:
         contact_n: Load above that in swing that noise and shake do not reach [N]; infinite until enough was seen.
         sigma_n: Half of the distance from nothing to the mean peak: about the noise of a reading [N].
+        block_n: Signal of the present block of swing below its threshold [N].
+        end_ns: Time from which the block is complete, and `end_block` is to be called [ns].
     """
 
     def __init__(self, least_n: float) -> None:
@@ -118,24 +120,19 @@ class SwingNoise:
     def discard_pending(self, t_ns: int) -> None:
         """Discard peaks not learnt yet, because of a contact or a new swing from `t_ns` [ns] on."""
         self._waiting: deque[float] = deque(maxlen=_MAX_SHAKE_BLOCKS)
-        self._block_n: list[float] = []
-        self._end_ns = t_ns + _PEAK_BLOCK_NS
+        self.block_n: list[float] = []
+        self.end_ns = t_ns + _PEAK_BLOCK_NS
 
-    def add(self, above_n: float, threshold_n: float, t_ns: int) -> None:
-        """Add a value of the signal in swing, and at the end of a block learn the peaks of earlier ones.
+    def end_block(self, t_ns: int, touch_n: float) -> None:
+        """End the present block of swing at `t_ns` [ns], and learn the peaks of earlier ones.
 
         Args:
-            above_n: Load above that in swing [N], NaN where not known; one above the threshold does not count.
-            threshold_n: Present threshold of the signal [N].
             t_ns: Current time [ns].
+            touch_n: Present threshold of the signal [N].
         """
-        if above_n <= threshold_n:
-            self._block_n.append(above_n)
-        if t_ns < self._end_ns:
-            return
-        known_n, waiting = self._block_n, self._waiting
-        self._block_n, self._end_ns = [], t_ns + _PEAK_BLOCK_NS
-        is_back = min(known_n, default=math.inf) < _RETURN_THRESHOLD_REL * threshold_n
+        known_n, waiting = self.block_n, self._waiting
+        self.block_n, self.end_ns = [], t_ns + _PEAK_BLOCK_NS
+        is_back = min(known_n, default=math.inf) < _RETURN_THRESHOLD_REL * touch_n
         if known_n:
             waiting.append(max(*known_n, 0.0))
         while is_back and len(waiting) > _HELD_BACK_BLOCKS:

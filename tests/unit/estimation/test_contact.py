@@ -241,10 +241,13 @@ class Signal:
         """Observe values [N], and return the threshold [N]."""
         for value_n in values_n:
             self.t_s += STEP_S
-            self.noise.add(value_n, self.threshold_n(), round(self.t_s * 1e9))
-        return self.threshold_n()
+            if value_n <= self.touch_n():
+                self.noise.block_n.append(value_n)
+            if self.t_s * 1e9 >= self.noise.end_ns:
+                self.noise.end_block(round(self.t_s * 1e9), self.touch_n())
+        return self.touch_n()
 
-    def threshold_n(self) -> float:
+    def touch_n(self) -> float:
         """Return the threshold of a foot that carried 1 N in its stance [N]."""
         return max(LEAST_N, min(0.25, self.noise.contact_n))
 
@@ -280,7 +283,7 @@ def test_a_load_that_comes_slowly_is_not_noise(*, n_per_s: float, noisy: bool) -
     for value_n in rise_n + 1e-3 * rng.normal(size=len(rise_n)) * noisy:
         if value_n > signal.feed([value_n]):
             return
-    raise AssertionError(f"{rise_n[-1]} N are below the threshold of {signal.threshold_n()} N")
+    raise AssertionError(f"{rise_n[-1]} N are below the threshold of {signal.touch_n()} N")
 
 
 def test_a_bias_of_the_signal_is_part_of_its_noise() -> None:

@@ -9,9 +9,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from footsense.estimation.back_dating import LegLoads, touchdown
 from footsense.estimation.contact import ContactDetector
-from footsense.estimation.gait import GaitTracker
+from footsense.estimation.gait import GaitTracker, LegLoads, touchdown
 from footsense.frames import GaitEvent, GaitEventKind, GaitFrame, Slip, Vector
 from footsense.ports import LoadEstimate
 

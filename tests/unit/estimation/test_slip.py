@@ -26,9 +26,9 @@ class Foot:
             ground = NO_GROUND._replace(
                 pressing_n=1.0, tangential_over_normal=ratio, tangential_over_normal_sigma=sigma
             )
-            slip = self.detector.observe(ground, self.now_ns)
-            if slip is not None:
-                self.slips.append((self.detector.state, slip.t_ns))
+            t_ns = self.detector.observe(ground, self.now_ns)
+            if t_ns is not None:
+                self.slips.append((self.detector.state, t_ns))
             self.now_ns += STEP_NS
 
 
