@@ -132,9 +132,10 @@ def contact_scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
             if not touch.counts:
                 continue
             n_touches += 1
-            own = [one for one in down if touch.start_s <= one[0] < touch.end_s]
+            inside = [one for one in down if touch.start_s <= one[0] < touch.end_s]
+            n_twice += len(inside) > 1
+            own = [one for one in inside if one[0] < touch.start_s + _REPORT_AFTER_S]
             n_missed += not own
-            n_twice += len(own) > 1
             if own:
                 sent_s, event = own[0]
                 delays_ms.append(1e3 * (sent_s - touch.start_s))
