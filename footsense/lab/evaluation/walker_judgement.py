@@ -144,6 +144,7 @@ def pooled(judged: Sequence[JudgedRun]) -> dict[str, Any]:
         "worst_no_force_share": over("no_force_share", walking, np.max),
         "least_within_2_sigma": over("within_2_sigma", rows, np.min),
         "most_beyond_5_sigma": over("beyond_5_sigma", rows, np.max),
+        "n_off_by_peak": sum(row["n_off_by_peak"] for row in walking),
         "n_touches": sum(row["n_touches"] for row in rows),
         "n_missed": sum(row["n_missed"] for row in rows),
         "n_in_air": sum(row["n_in_air"] for row in rows),

@@ -99,6 +99,7 @@ def force_scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
         "beyond_5_sigma_early": [_share(off[one] > 5.0) for one in bins],
         "sigma_median_rel": float(np.median(outputs.sigma_n[used])) / peak_n,
         "n_loaded": int(loaded.sum()),
+        "n_off_by_peak": int((np.linalg.norm(error_n[used], axis=1) > peak_n).sum()),
     }
 
 
