@@ -11,7 +11,7 @@ from footsense import strict_yaml
 from footsense.can.channel import can_interfaces
 from footsense.can.interface import Can
 from footsense.cli.options import FILE
-from footsense.cli.setup.check_config import READ_LOADS_N
+from footsense.cli.setup.check_config import RANGES_N
 from footsense.cli.setup.probe import diagnoses_lines
 from footsense.cli.setup.robot_file import check_is_new, robot_file
 from footsense.config import DEFAULT, Config
@@ -43,7 +43,7 @@ _LOCAL_CAN = Can(interface="udp_multicast", commands=True)
 @click.option(
     "--foot-type",
     type=click.Choice(released_names()),
-    help="Type of the feet, by the largest force on one; without it you are asked, or with --device it is "
+    help="Type of the feet, by the largest load on one; without it you are asked, or with --device it is "
     f"{DEFAULT.foot_type}.",
 )
 @click.option("--can", "can_name", help="CAN interface for the forces. Default: the first of this computer.")
@@ -70,8 +70,9 @@ def init(
             answer = click.prompt("Their legs, in this order", default=legs_text or usual)
             config = robot_on(chosen, _legs(answer), can, scene) if answer != usual else config
         if asks and foot_type is None:
-            usable = ", ".join(f"{name} up to {READ_LOADS_N[name][0]:g} N" for name in released_names())
-            click.echo(f"Types of feet, by the load on one: {usable}")
+            click.echo("Types of feet, by the largest normal load on one if the force leans 14 deg, and 30:")
+            for name in released_names():
+                click.echo("  {}: {:g} N, {:g} N".format(name, *RANGES_N[name]))
             foot_type = click.prompt(
                 "Their type",
                 type=click.Choice(released_names()),
