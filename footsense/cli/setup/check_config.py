@@ -30,8 +30,8 @@ from footsense.foot.calibration_files import FootCalibration
 #: worst foot's [deg]. Source: docs/report/experiment.md, row "uncalibrated: the released network", column reference.
 UNCALIBRATED_TYPE, UNCALIBRATED_DIRECTION_DEG, UNCALIBRATED_WORST_DIRECTION_DEG = "aoyagi-3x3", 12.5, 23.3
 
-#: Largest normal load of the released feet, as designed, with a force and no overload, if the force leans from an upright
-#: contact normal by 14 and by 30 deg, to the worst side [N]. Source: their model cards, and docs/report/design.md.
+#: Largest normal load of the released feet, as designed, with a force and no overload, if the force leans from an
+#: upright contact normal by 14 and by 30 deg, to the worst side [N]. Source: model cards, and docs/report/design.md.
 RANGES_N = {"aoyagi-3x3": (0.648, 0.363), "hexapod-2kg": (27.9, 15.4), "quadruped-12kg": (251.0, 146.0)}
 
 
