@@ -17,10 +17,13 @@ def _legs_of_robot(ctx: click.Context, param: click.Parameter, legs: tuple[str, 
     """Return the legs.
 
     Raises:
+        UsageError: None is named.
         BadParameter: The robot of `--config` has not all of them.
         ConfigError: It executes no commands.
     """
     del param
+    if not legs:
+        raise click.UsageError(f"name the legs to tare: all, or some of {', '.join(NODE_IDS)}")
     robot = ctx.meta.get(ROBOT)
     if robot is None:
         return legs
@@ -38,7 +41,6 @@ def _legs_of_robot(ctx: click.Context, param: click.Parameter, legs: tuple[str, 
 @click.argument(
     "legs",
     nargs=-1,
-    required=True,
     metavar="LEG...",
     type=click.Choice([*NODE_IDS, "all"]),
     callback=_legs_of_robot,

@@ -1,6 +1,7 @@
 """Command `footsense init`: find a robot's adapters and feet, and write its file."""
 
 import logging
+from collections.abc import Callable
 from pathlib import Path
 
 import click
@@ -66,9 +67,7 @@ def init(
         click.echo(_found_text(config))
         hang_free = False
         if asks and config.serial is None:
-            usual = " ".join(config.legs)
-            answer = click.prompt("Their legs, in this order", default=legs_text or usual)
-            config = robot_on(chosen, _legs(answer), can, scene) if answer != usual else config
+            config = _with_asked_legs(config, legs_text, lambda legs: robot_on(chosen, legs, can, scene))
         if asks and foot_type is None:
             click.echo("Types of feet, by the largest normal load on one if the force leans 14 deg, and 30:")
             for name in released_names():
@@ -111,6 +110,17 @@ def _asked_devices(names: dict[str, str]) -> tuple[str, ...]:
         if all(part.isdecimal() and 1 <= int(part) <= len(choices) for part in numbers):
             return tuple([*choices][int(part) - 1] for part in numbers)
         click.echo(f"{answer}: not among 1 to {len(choices)}")
+
+
+def _with_asked_legs(config: Config, legs_text: str, robot_of: Callable[[list[str]], Config]) -> Config:
+    """Ask for the legs until they are right, and return the robot that has them."""
+    usual = " ".join(config.legs)
+    while True:
+        answer = click.prompt("Their legs, in this order", default=legs_text or usual)
+        try:
+            return config if answer == usual else robot_of(_legs(answer))
+        except ConfigError as error:
+            click.echo(str(error))
 
 
 def _can(name: str | None, *, is_real: bool) -> Can:

@@ -166,6 +166,14 @@ def test_a_tare_without_a_service_is_one_line() -> None:
     assert one_line_error(result, 1) == says
 
 
+def test_a_tare_of_no_leg_says_which_there_are() -> None:
+    result = footsense("tare")
+    assert (result.returncode, result.stderr.splitlines()[-1]) == (
+        2,
+        "Error: name the legs to tare: all, or some of lf, lm, lr, rf, rm, rr, l4, r4",
+    )
+
+
 @pytest.mark.parametrize("command", ["monitor", "tare lf"])
 def test_without_can_a_command_names_the_channel_of_a_simulation(command: str) -> None:
     result = footsense(*command.split(), "--channel", "can98")
