@@ -139,9 +139,9 @@ class Feet:
     def tare(self, *legs: str) -> None:
         """Take the present readings of legs as those of the unloaded foot, and wait until it is done: 0.2 s.
 
-        The service refuses the tare of a foot that is loaded or moves. A command that follows another within 0.15 s
-        waits, since the service answers ten a second. A service on `udp_multicast` executes no command
-        without `can.commands: true` in its file, as `deploy/simulated.yaml` has it.
+        The service refuses the tare of a foot that is loaded or moves. A command within 0.15 s of the last one waits:
+        the service answers ten a second. A service on `udp_multicast` executes no command without
+        `can.commands: true` in its file, as `deploy/simulated.yaml` has it.
 
         Args:
             legs: Names of the legs; none for all.
