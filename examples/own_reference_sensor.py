@@ -5,6 +5,9 @@
 
 `footsense test-stand record` reads lines of text from any serial port, and a pseudo-terminal is one. Put the calls of
 your sensor's library into `read_sensor`, and its units, range and axes into STAND.
+
+The force that `read_sensor` returns here is invented, and is not that of a simulated foot's presses: some are refused,
+and the recording ends with "do not calibrate with it", as it should where a sensor measures another force.
 """
 
 import math

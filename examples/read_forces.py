@@ -8,7 +8,8 @@ import sys
 
 import footsense
 
-signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # `| head` ends it without a word
+for end in (signal.SIGPIPE, signal.SIGINT):  # `| head` and Ctrl-C end it without a word
+    signal.signal(end, signal.SIG_DFL)
 
 # On a robot: footsense.connect("can0").
 with footsense.connect(*sys.argv[1:2], interface="udp_multicast") as feet:

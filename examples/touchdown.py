@@ -9,7 +9,8 @@ import time
 
 import footsense
 
-signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # `| head` ends it without a word
+for end in (signal.SIGPIPE, signal.SIGINT):  # `| head` and Ctrl-C end it without a word
+    signal.signal(end, signal.SIG_DFL)
 touched_s: dict[str, float] = {}
 
 # On a robot: footsense.connect("can0").
@@ -19,12 +20,11 @@ with footsense.connect(*sys.argv[1:2], interface="udp_multicast") as feet:
             if event.kind == "touchdown":
                 touched_s[event.leg] = event.t_s
                 ago_ms = 1000 * (time.monotonic() - event.t_s)
-                fz_n = forces[event.leg].force_n[
-                    2
-                ]  # little yet: its direction tells nothing before half of the load
+                # Little yet: the direction tells nothing before half of the load.
+                fz_n = forces[event.leg].force_n[2]
                 sigma_ms = 1000 * event.sigma_s
                 print(f"{event.leg}: touchdown {ago_ms:.0f} ms ago, +- {sigma_ms:.0f} ms; now {fz_n:.2f} N")
             elif event.kind == "lift_off" and event.leg in touched_s:
                 print(f"{event.leg}: lift-off after {event.t_s - touched_s.pop(event.leg):.2f} s")
-            elif event.kind == "slip":
+            elif event.kind == "slip":  # told only where the robot's file has `contact.friction`
                 print(f"{event.leg}: slips")

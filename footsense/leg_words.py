@@ -53,7 +53,8 @@ STATE_WORDS = {
         "whether this foot is made for such a load",
     ),
     State.STOPPED: Words(
-        "it was stopped by command", "whether it is to go on: the command START publishes its forces again"
+        "it was stopped by command",
+        "whether it is to go on: the command START, in Python `Feet.start`, publishes its forces again",
     ),
     State.DEGRADED: Words(
         "its force comes from fewer elements, or from overloaded ones",

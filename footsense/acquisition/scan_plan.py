@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Literal, NamedTuple
+from typing import Annotated, NamedTuple
 
-from msgspec import Struct
+from msgspec import Meta, Struct
 
 from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.acquisition.boards import ad7746, fdc1004
@@ -23,7 +23,7 @@ class Scan(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
             `fdc1004`; 9, 11, 13, 16, 26, 50, 84 or 91 with board `ad7746`. None: the board's fastest.
     """
 
-    rate_sps: Literal[9, 11, 13, 16, 26, 50, 84, 91, 100, 200, 400] | None = None
+    rate_sps: Annotated[int, Meta(ge=1)] | None = None
 
 
 class ScanPlan(NamedTuple):

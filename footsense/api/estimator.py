@@ -39,6 +39,8 @@ _UNITS = {"F": 1e12, "nF": 1e3, "fF": 1e-3, "aF": 1e-6}
 _SCANS_OF_A_TARE = 12
 #: Rounding of times [s].
 _ROUNDING_S = 1e-9
+#: Longest scan of any board, and far beyond [s].
+_LONGEST_SCAN_S = 2.0
 
 
 class EstimatedForces(NamedTuple):
@@ -249,7 +251,9 @@ def _capacitances(values: ArrayLike, name: str) -> Vector:
         ValueError: They have another shape, no finite number, or another unit than pF.
     """
     pf = np.asarray(values, np.float64)
-    if pf.ndim == 0 or pf.shape[-1] != ELEMENTS or not pf.size:
+    if pf.ndim and not pf.size:
+        raise ValueError(f"{name}: has no readings; got shape {pf.shape}")
+    if pf.ndim == 0 or pf.shape[-1] != ELEMENTS:
         raise ValueError(f"{name}: its last axis has the nine elements of a foot; got shape {pf.shape}")
     if not np.isfinite(pf).any():
         raise ValueError(f"{name}: has no finite number")
@@ -278,6 +282,10 @@ def _reading_times(values: ArrayLike, capacitance_pf: Vector, t_s: Vector) -> Ve
         raise ValueError("reading_t_s: a reading is later than the time of its row in t_s")
     if (np.diff(read_s, axis=0) < 0.0).any():
         raise ValueError("reading_t_s: the times of an element go back")
+    if (scan_s := _scan_s(read_s)) > _LONGEST_SCAN_S:
+        raise ValueError(
+            f"reading_t_s: {scan_s:g} s from one reading of an element to its next; are they in ms?"
+        )
     return read_s
 
 

@@ -3,13 +3,13 @@
 import math
 import threading
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from types import TracebackType
 from typing import Literal, Self
 
-from firmware_interface.can.codes import NODE_IDS, Result
+from firmware_interface.can.codes import NODE_IDS, CommandKind, Result
+from footsense.api.commands import Commander
 from footsense.api.events import FootEvent
-from footsense.api.tare import tare_on
 from footsense.can.interface import DEFAULT_CHANNELS, Can
 from footsense.client import LegEvent, LegForce, LinkLimits, LinkStatus
 from footsense.clock import MonotonicClock
@@ -36,7 +36,7 @@ def connect(
 ) -> "Feet":
     """Connect to a running service over CAN, and wait until its forces can be read: about a second.
 
-    It only listens, but for `Feet.tare`.
+    It only listens, but for `Feet.tare`, `Feet.stop` and `Feet.start`.
 
     Args:
         channel: Network interface such as `can0` or `vcan0`; with `udp_multicast` a multicast address. None for `can0`,
@@ -93,6 +93,7 @@ class Feet:
     def __init__(self, listener: Listener, can: Can, timeout_s: float) -> None:
         self.events: tuple[FootEvent, ...] = ()
         self._listener, self._can, self._timeout_s = listener, can, timeout_s
+        self._commander = Commander(MonotonicClock())
         self._news = threading.Condition()
         self._stop = threading.Event()
         self._error: CanError | None = None
@@ -138,8 +139,9 @@ class Feet:
     def tare(self, *legs: str) -> None:
         """Take the present readings of legs as those of the unloaded foot, and wait until it is done: 0.2 s.
 
-        The service refuses the tare of a foot that is loaded or moves. A service on `udp_multicast` executes no command
-        without `can.commands: true` in its file, as `deploy/simulated.yaml` has it.
+        The service refuses the tare of a foot that is loaded or moves. A command within 0.15 s of the last one waits:
+        the service answers ten a second. A service on `udp_multicast` executes no command without
+        `can.commands: true` in its file, as `deploy/simulated.yaml` has it.
 
         Args:
             legs: Names of the legs; none for all.
@@ -147,17 +149,44 @@ class Feet:
         Raises:
             FootsenseError: A leg was not tared; the message says which, and why.
         """
+        self._command(CommandKind.TARE, legs or self.legs)
+
+    def stop(self, leg: str) -> None:
+        """Publish no force of a leg until `start`: its state becomes `STOPPED`, also for all other programs.
+
+        The service refuses it for a foot in contact.
+
+        Args:
+            leg: Name of the leg.
+
+        Raises:
+            FootsenseError: It was not stopped; the message says why.
+        """
+        self._command(CommandKind.STOP, [leg])
+
+    def start(self, leg: str) -> None:
+        """Publish the forces of a leg again after `stop`.
+
+        Args:
+            leg: Name of the leg.
+
+        Raises:
+            FootsenseError: It was not started; the message says why.
+        """
+        self._command(CommandKind.START, [leg])
+
+    def _command(self, kind: CommandKind, legs: Collection[str]) -> None:
         if unknown := set(legs) - NODE_IDS.keys():
             raise FootsenseError(
                 f"no leg is named {', '.join(sorted(unknown))}; there are {', '.join(self.legs)}"
             )
-        refused = [
-            f"{answer.leg}: not tared: {answer.refusal(self._can.channel)}"
-            for answer in tare_on(self._can, legs or self.legs, [NODE_IDS[leg] for leg in self.legs])
-            if answer.result is not Result.DONE
-        ]
+        refused: dict[str, list[str]] = {}
+        heard = [NODE_IDS[leg] for leg in self.legs]
+        for answer in self._commander.command_on(self._can, kind, legs, heard):
+            if answer.result is not Result.DONE:
+                refused.setdefault(answer.refusal(self._can.channel), []).append(answer.leg)
         if refused:
-            raise FootsenseError(" | ".join(refused))
+            raise FootsenseError(" | ".join(f"{', '.join(which)}: {why}" for why, which in refused.items()))
 
     def close(self) -> None:
         """Stop receiving, and close the channel."""

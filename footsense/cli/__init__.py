@@ -30,7 +30,7 @@ _COMMANDS = {
     "view": ("view", "Serve the page of a running service to browsers."),
     "ros2": ("can.ros2", "Publish the legs on CAN to ROS 2 (extra ros2)."),
     "exporter": ("exporter", "Serve the metrics of a running service to Prometheus."),
-    "snapshot": ("recordings", "Record the last 30 s of a running service."),
+    "snapshot": ("recordings", "Record the last 30 s or more of a running service."),
     "replay": ("recordings", "Run a recording through the pipeline again, or check it."),
     "export": ("recordings", "Convert a recording: ROS 2 bag, CSV."),
     "info": ("info", "Say what a file of footsense holds, or what is installed here."),

@@ -25,6 +25,7 @@ from footsense.cli.tables import (
     fitting,
     force_columns,
     json_row,
+    left_out_text,
     state_column,
     styled,
     table,
@@ -117,7 +118,7 @@ def monitor(
 
 
 def monitor_tables(legs: list[LegSnapshot], channel: str, t_s: float, width: int) -> Group:
-    """Return the picture of all legs; that of six has 22 lines.
+    """Return the picture of all legs; that of six has at most 23 lines.
 
     Args:
         legs: The legs as their frames show them.
@@ -134,12 +135,12 @@ def monitor_tables(legs: list[LegSnapshot], channel: str, t_s: float, width: int
     if any(leg.report.gait and leg.report.gait.all_in_air for leg in legs):
         head.append("  in air", "cyan")
     heads = [head]
+    groups = [[_LEG_COLUMN, *columns] for columns in (_FORCE_COLUMNS, _GAIT_COLUMNS, _REPORT_COLUMNS)]
     if not any(leg.is_current for leg in legs):
         heads.append(Text(silence_text(channel), "bold red"))
-    tables = [
-        table(fitting([_LEG_COLUMN, *columns], width), legs)
-        for columns in (_FORCE_COLUMNS, _GAIT_COLUMNS, _REPORT_COLUMNS)
-    ]
+    elif any(left_out_text(columns, width) for columns in groups):
+        heads.append(Text("a wider terminal shows more", "dim", no_wrap=True))
+    tables = [table(fitting(columns, width), legs) for columns in groups]
     return Group(*heads, *(tables if legs else ()))
 
 

@@ -175,7 +175,7 @@ def _convert(file: Path, target: Path, write: _RecordingWriter) -> None:
 @config_option("the service's ring where it is by default")
 @ring_option
 def snapshot(target: Path, config_file: Path | None, ring: Path | None) -> None:
-    """Write the last 30 s of the running service to the recording OUT.mcap."""
+    """Write the last 30 s or more of the running service to the recording OUT.mcap: all that its ring holds."""
     if ring is None and config_file is not None:
         ring = load_config(config_file).ring_path
     n_cycles = write_snapshot(ring, target)

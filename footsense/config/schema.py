@@ -67,7 +67,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     foot_type: Annotated[
         str,
         Meta(
-            pattern=r"^(.*/)?[a-z0-9][a-z0-9-]{0,39}$",
+            pattern=r"^(.*/[a-z0-9][a-z0-9-]{0,39}|[A-Za-z0-9][\w-]{0,39})$",
             description="such as aoyagi-3x3, or ./models/my-foot for a folder",
         ),
     ] = "aoyagi-3x3"

@@ -3,6 +3,7 @@
 The part of the lab that simulates it is imported where such a scene is named, which no robot does.
 """
 
+import logging
 import math
 
 from footsense.config import Config
@@ -11,6 +12,8 @@ from footsense.errors import ConfigError, require
 from footsense.progress import timed_bar
 from footsense.sim.scene import Effects, Scene, load_scene
 from footsense.sim.scene_loads import LogLoads
+
+_log = logging.getLogger(__name__)
 
 PREFIX = "walker:"
 #: Robot of each foot type, and force to which its loads are scaled [N]; None for those of the robot.
@@ -37,9 +40,17 @@ def scene_of(name: str, config: Config, duration_s: float = math.inf) -> Scene:
     Raises:
         ConfigError: There is no such scene, it is not a valid one, or no robot that walks has this foot or its legs.
     """
-    if not name.startswith(PREFIX):
-        return load_scene(name)
     foot_type = foot_type_of(config)
+    if not name.startswith(PREFIX):
+        scene = load_scene(name)
+        if scene.foot_type not in {None, foot_type}:
+            _log.warning(
+                "scene %s: its loads are for foot type %s, these feet are %s",
+                name,
+                scene.foot_type,
+                foot_type,
+            )
+        return scene
     if foot_type not in _ROBOTS:
         raise ConfigError(
             f"scene {name}: no robot is known that walks on foot type {foot_type!r}, only on {', '.join(_ROBOTS)}; "

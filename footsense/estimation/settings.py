@@ -94,9 +94,9 @@ class ContactLimits(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     """Section `contact` of a configuration: when a foot is in contact.
 
     Attributes:
-        threshold_n: Load along the leg, above the reading in swing, from which a foot is in contact [N]; contact ends
-            at half of it. Well above the inertial force of the foot's own mass in swing, well below a stance's load.
-            None: 1.5 % of the feet's largest force, 0.03 N for the paper's.
+        threshold_n: Least load along the leg, above that in swing, from which a foot is in contact [N]; more where
+            swings show more noise and shake, up to a quarter of the heaviest load of the last ten seconds. None: 1.5 %
+            of the largest force that the feet's network is trained for, 0.03 N for the paper's.
         friction: Coefficient of friction of the ground [1]: a foot slips where its tangential over normal force comes
             to it. None: not known, and no slip is told.
     """

@@ -1,5 +1,6 @@
 """Folders of the foot types: those that come with footsense by name, others by path."""
 
+from difflib import get_close_matches
 from pathlib import Path
 
 from footsense.errors import ModelError
@@ -20,8 +21,9 @@ def released_names() -> list[str]:
 
 def unknown_name_remedy(foot_type: str) -> str:
     """Return what to write in place of a name that is no released foot type's."""
-    names = ", ".join(released_names())
-    return f"there are {names}; a folder of your own is written with a slash, such as ./{foot_type}"
+    names = released_names()
+    near = "".join(f"did you mean {name}? " for name in get_close_matches(foot_type.lower(), names, n=1))
+    return f"{near}there are {', '.join(names)}; a folder of your own is written with a slash, such as ./{foot_type}"
 
 
 def foot_type_folder(foot_type: str) -> Path:

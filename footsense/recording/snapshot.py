@@ -14,7 +14,7 @@ SNAPSHOT_KEY = "snapshot_from_cycle"
 
 
 def write_snapshot(ring: Path | None, target: Path) -> int:
-    """Write the last 30 s of a running service to a recording, whole or not at all; return the number of its cycles.
+    """Write what a service's ring holds, 30 s or more, to a recording, or nothing; return the number of cycles.
 
     Args:
         ring: The service's ring; None for where it is by default.

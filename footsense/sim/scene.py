@@ -122,6 +122,7 @@ class Scene(ScenePart, frozen=True):
     Attributes:
         description: One line for the reader.
         load: Load of the feet.
+        foot_type: Foot type that the load is made for; with another a warning says so. None: of no certain one.
         lead_in_s: Time before the load, all feet in the air: the feet are tared in it [s].
         host_cost_us: Cost of every I2C transaction on the host [us].
         seed: Seed of everything random.
@@ -134,6 +135,7 @@ class Scene(ScenePart, frozen=True):
 
     description: str
     load: scene_loads.Load
+    foot_type: str | None = None
     lead_in_s: Annotated[float, Meta(ge=0.0)] = 1.0
     host_cost_us: Annotated[float, Meta(ge=0.0, le=10_000.0)] = 0.0
     seed: Annotated[int, Meta(ge=0)] = 1
@@ -166,16 +168,21 @@ def load_scene(name_or_path: str) -> Scene:
         raise ConfigError(
             f"no scene {name_or_path!r}: there are {', '.join(scene_names())}, or give the path of a YAML file"
         )
-    scene = strict_yaml.load(text_or_path, Scene, where, check=_contradiction)
+    folder = Path(name_or_path).parent
+    scene = strict_yaml.load(text_or_path, Scene, where, lambda scene: _contradiction(scene, folder))
     if isinstance(scene.load, scene_loads.LogLoads):
-        file = str(Path(name_or_path).parent / scene.load.file)
-        return replace(scene, load=replace(scene.load, file=file))
+        return replace(scene, load=replace(scene.load, file=str(folder / scene.load.file)))
     return scene
 
 
-def _contradiction(scene: Scene) -> strict_yaml.Problem | None:
-    """Return the first contradiction between keys that are valid each for itself; None if there is none."""
-    problem = _low_elevation_contradiction(scene)
+def _contradiction(scene: Scene, folder: Path) -> strict_yaml.Problem | None:
+    """Return the first contradiction between keys that are valid each for itself; None if there is none.
+
+    Args:
+        scene: The scene.
+        folder: The folder of its file, beside which a log lies.
+    """
+    problem = _missing_log(scene, folder) or _low_elevation_contradiction(scene)
     if problem is not None:
         return problem
     if scene.gait_table and scene.effects.rubber:
@@ -192,6 +199,15 @@ def _contradiction(scene: Scene) -> strict_yaml.Problem | None:
         if until_s is not None and until_s <= fault.at_s:
             return strict_yaml.Problem(f"faults[{n}].until_s", "must be later than at_s")
     return None
+
+
+def _missing_log(scene: Scene, folder: Path) -> strict_yaml.Problem | None:
+    """Return that the log of loads is missing; None if it is there, or none is needed."""
+    if not isinstance(scene.load, scene_loads.LogLoads) or (folder / scene.load.file).exists():
+        return None
+    return strict_yaml.Problem(
+        "load.file", f"{folder / scene.load.file}: no such file; `footsense lab walk` writes one"
+    )
 
 
 def _low_elevation_contradiction(scene: Scene) -> strict_yaml.Problem | None:

@@ -60,7 +60,9 @@ class LegStateLogger:
             self._log_changes(*present)
             self._last = present
         for outcome in cycle.ended_commands:
-            level = logging.INFO if outcome.result is Result.DONE else logging.WARNING
+            # A leg that is stopped has no force, and that it goes on ends this.
+            is_usual = outcome.result is Result.DONE and outcome.command.kind is CommandKind.TARE
+            level = logging.INFO if is_usual else logging.WARNING
             command = CommandKind(outcome.command.kind).name.lower()
             result = "done" if outcome.result is Result.DONE else "refused"
             self._log_line(outcome.command.leg, level, f"{command} {result}: {outcome.reason}")

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+import footsense
 from tests.examples.test_robots import EXAMPLES, run_example
 from tests.system.command import robot
 from tests.system.daemon import Daemon, running
@@ -59,6 +60,12 @@ def test_a_program_beside_a_walking_robot_ends_with_it(
 def test_feet_in_the_air_are_tared(tmp_path: Path) -> None:
     with walking(tmp_path, "239.74.163.103", "--scene", "hanging"):
         told = run_example("tare.py", "239.74.163.103").splitlines()
+        with footsense.connect("239.74.163.103", interface="udp_multicast") as feet:
+            feet.stop("lf")
+            stopped = next(forces for forces in feet if not forces["lf"].usable)
+            feet.start("lf")
+            assert any(forces["lf"].usable for forces in feet)
+    assert (stopped["lf"].state, stopped["rf"].usable) == (footsense.State.STOPPED, True)
     assert len(told) == 2
     assert all(
         re.fullmatch(r"[lr]f: tared; read -?\d+\.\d mN before, -?\d\.\d mN now", line) for line in told
@@ -72,6 +79,14 @@ def test_the_tare_of_loaded_feet_is_refused_in_words(tmp_path: Path) -> None:
     with walking(tmp_path, "239.74.163.104", "--scene", scene) as service:
         service.live_on(20)  # the feet are down
         told = run_example("tare.py", "239.74.163.104").splitlines()
+        with footsense.connect("239.74.163.104", interface="udp_multicast") as feet:
+            for _ in range(2):  # the second at once, and answered too
+                with pytest.raises(
+                    footsense.FootsenseError, match=r"^lf, rf: not tared: the foot is in contact"
+                ):
+                    feet.tare()
+            with pytest.raises(footsense.FootsenseError, match=r"^lf: not stopped: the foot is in contact"):
+                feet.stop("lf")
     refusal = ": not tared: the foot is in contact, or reads otherwise than a free one; lift it "
     assert [line[2:][: len(refusal)] for line in told] == [refusal] * 2
 

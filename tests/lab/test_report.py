@@ -115,7 +115,7 @@ def test_the_front_page_has_the_figures_of_the_pages() -> None:
         experiment.worst_accepted(made, "centred", f"true_{unit}")[0] for unit in ("deg", "gf")
     )
     worst_uncalibrated_n = 1e-3 * _MN_PER_GF * max(uncalibrated["true_gf"])
-    leaning_n = [foot["limits"][1]["range"][0] for foot in design["feet"].values()]
+    ranges_n = [foot["built"]["upright_range_n"][1:] for foot in design["feet"].values()]
     for text in (
         f"{own['n_runs']} runs of a hexapod and a quadruped: direction {own['direction_deg']:.1f} deg on average",
         f"the worst gait, hopping: {own['worst_direction_deg']:.1f} deg",
@@ -125,6 +125,9 @@ def test_the_front_page_has_the_figures_of_the_pages() -> None:
         f"the worst of these feet: {deg.max():.2f} deg, {_MN_PER_GF * gf.max():.0f} mN",
         f"does not know: {worst_deg:.2f} deg, {_MN_PER_GF * worst_gf:.0f} mN",
         f"without calibration: {max(uncalibrated['true_deg']):.0f} deg, {worst_uncalibrated_n:.2f} N",
-        "force leaning by 14 deg: {:.2f} N, {:.1f} N, {:.0f} N".format(*leaning_n),
+        *(
+            f"leaning by {lean_deg} deg: {small:.2f} N, {middle:.1f} N, {large:.0f} N"
+            for lean_deg, (small, middle, large) in zip((14, 30), zip(*ranges_n, strict=True), strict=True)
+        ),
     ):
         assert text in front

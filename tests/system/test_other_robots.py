@@ -22,8 +22,8 @@ pytestmark = pytest.mark.slow
 
 #: Foot type, legs, scene, largest force of its training and of the scene [N].
 ROBOTS = [
-    ("hexapod-2kg", "lf: 0, lm: 1, lr: 2, rf: 3, rm: 4, rr: 5", "hexapod_2kg", 18.0, 11.8),
-    ("quadruped-12kg", "lf: 0, lr: 1, rf: 2, rr: 3", "quadruped_12kg", 225.0, 147.0),
+    ("hexapod-2kg", "lf: 0, lm: 1, lr: 2, rf: 3, rm: 4, rr: 5", "hexapod_2kg", 28.8, 11.8),
+    ("quadruped-12kg", "lf: 0, lr: 1, rf: 2, rr: 3", "quadruped_12kg", 259.0, 147.0),
 ]
 
 

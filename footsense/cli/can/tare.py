@@ -5,10 +5,11 @@ from collections.abc import Collection
 
 import click
 
-from firmware_interface.can.codes import NODE_IDS, Result
-from footsense.api.tare import tare_on
+from firmware_interface.can.codes import NODE_IDS, CommandKind, Result
+from footsense.api.commands import Commander
 from footsense.can.interface import Can, Interface
 from footsense.cli.can.can_options import ROBOT, can_options
+from footsense.clock import MonotonicClock
 from footsense.errors import ConfigError, FootsenseError
 
 
@@ -16,10 +17,13 @@ def _legs_of_robot(ctx: click.Context, param: click.Parameter, legs: tuple[str, 
     """Return the legs.
 
     Raises:
+        UsageError: None is named.
         BadParameter: The robot of `--config` has not all of them.
         ConfigError: It executes no commands.
     """
     del param
+    if not legs:
+        raise click.UsageError(f"name the legs to tare: all, or some of {', '.join(NODE_IDS)}")
     robot = ctx.meta.get(ROBOT)
     if robot is None:
         return legs
@@ -37,7 +41,6 @@ def _legs_of_robot(ctx: click.Context, param: click.Parameter, legs: tuple[str, 
 @click.argument(
     "legs",
     nargs=-1,
-    required=True,
     metavar="LEG...",
     type=click.Choice([*NODE_IDS, "all"]),
     callback=_legs_of_robot,
@@ -54,10 +57,11 @@ def tare(legs: tuple[str, ...], interface: Interface, channel: str) -> None:
         click.echo(f"waiting for an answer of {', '.join(waiting)}, up to {limit_s:g} s", err=True)
 
     is_done = True
-    for answer in tare_on(Can(interface=interface, channel=channel), legs, on_wait=tell_wait):
+    can = Can(interface=interface, channel=channel)
+    for answer in Commander(MonotonicClock()).command_on(can, CommandKind.TARE, legs, on_wait=tell_wait):
         if answer.result is Result.DONE:
             click.echo(f"{answer.leg}: tared in {answer.response_s:.2f} s")
         else:
             is_done = False
-            click.echo(f"footsense: {answer.leg}: not tared: {answer.refusal(channel)}", err=True)
+            click.echo(f"footsense: {answer.leg}: {answer.refusal(channel)}", err=True)
     sys.exit(0 if is_done else FootsenseError.exit_code)

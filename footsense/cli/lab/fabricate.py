@@ -42,7 +42,8 @@ def fabricate(*, foot: str, out: Path, process: str | None) -> None:
     element = package.expected
     range_pf = f"{element.min_unloaded_pf:.2f} to {element.max_unloaded_pf:.2f}"
     click.echo(
-        f"wrote {out}, process {package.assumed.process_name}: elements of {element.unloaded_pf:.2f} pF ({range_pf})"
+        f"wrote {out}, process {package.assumed.process_name}: elements of {element.unloaded_pf:.2f} pF ({range_pf}), "
+        f"{element.plate_formula_pf:.2f} as designed and {element.fringe_pf:.2f} of the field at their edges"
     )
 
 

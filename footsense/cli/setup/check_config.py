@@ -30,9 +30,9 @@ from footsense.foot.calibration_files import FootCalibration
 #: worst foot's [deg]. Source: docs/report/experiment.md, row "uncalibrated: the released network", column reference.
 UNCALIBRATED_TYPE, UNCALIBRATED_DIRECTION_DEG, UNCALIBRATED_WORST_DIRECTION_DEG = "aoyagi-3x3", 12.5, 23.3
 
-#: Largest normal load that the released feet read, as designed, if the force leans from an upright contact normal by 14
-#: and by 30 deg, to the worst side [N]. Source: docs/report/design.md, limits by lean.
-READ_LOADS_N = {"aoyagi-3x3": (0.648, 0.363), "hexapod-2kg": (28.5, 15.4), "quadruped-12kg": (276.0, 146.0)}
+#: Largest normal load of the released feet, as designed, with a force and no overload, if the force leans from an
+#: upright contact normal by 14 and by 30 deg, to the worst side [N]. Source: model cards, and docs/report/design.md.
+RANGES_N = {"aoyagi-3x3": (0.648, 0.363), "hexapod-2kg": (27.9, 15.4), "quadruped-12kg": (251.0, 146.0)}
 
 
 @click.command("check-config")
@@ -99,10 +99,13 @@ def _explanation(models: Models) -> dict[str, str]:
             else f"{bus.leg} alone"
         )
         told[bus.device] = f"board {config.board}, {place}"
-    read = ""
-    if (read_n := READ_LOADS_N.get(card.foot_type)) is not None:
-        read = "read up to {:g} N of normal load if the force leans 14 deg, {:g} N if 30; ".format(*read_n)
-    told["feet"] = f"of type {card.foot_type}, {read}largest trained force {card.max_trained_force_n:g} N"
+    told["feet"] = f"of type {card.foot_type}, "
+    if (range_n := RANGES_N.get(card.foot_type)) is not None:
+        told["feet"] += (
+            "for normal loads up to {:g} N if the force leans 14 deg, {:g} N if 30; ".format(*range_n)
+            + "less exact beyond, while at most three elements are overloaded; "
+        )
+    told["feet"] += f"no force above {card.max_trained_force_n:g} N, the largest of the training"
     for leg, calibration in models.calibrations_by_leg.items():
         known = _calibration(calibration)
         errors = calibration.manifest.held_out

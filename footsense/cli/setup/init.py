@@ -1,6 +1,7 @@
 """Command `footsense init`: find a robot's adapters and feet, and write its file."""
 
 import logging
+from collections.abc import Callable
 from pathlib import Path
 
 import click
@@ -11,7 +12,7 @@ from footsense import strict_yaml
 from footsense.can.channel import can_interfaces
 from footsense.can.interface import Can
 from footsense.cli.options import FILE
-from footsense.cli.setup.check_config import READ_LOADS_N
+from footsense.cli.setup.check_config import RANGES_N
 from footsense.cli.setup.probe import diagnoses_lines
 from footsense.cli.setup.robot_file import check_is_new, robot_file
 from footsense.config import DEFAULT, Config
@@ -43,7 +44,7 @@ _LOCAL_CAN = Can(interface="udp_multicast", commands=True)
 @click.option(
     "--foot-type",
     type=click.Choice(released_names()),
-    help="Type of the feet, by the largest force on one; without it you are asked, or with --device it is "
+    help="Type of the feet, by the largest load on one; without it you are asked, or with --device it is "
     f"{DEFAULT.foot_type}.",
 )
 @click.option("--can", "can_name", help="CAN interface for the forces. Default: the first of this computer.")
@@ -66,12 +67,11 @@ def init(
         click.echo(_found_text(config))
         hang_free = False
         if asks and config.serial is None:
-            usual = " ".join(config.legs)
-            answer = click.prompt("Their legs, in this order", default=legs_text or usual)
-            config = robot_on(chosen, _legs(answer), can, scene) if answer != usual else config
+            config = _with_asked_legs(config, legs_text, lambda legs: robot_on(chosen, legs, can, scene))
         if asks and foot_type is None:
-            usable = ", ".join(f"{name} up to {READ_LOADS_N[name][0]:g} N" for name in released_names())
-            click.echo(f"Types of feet, by the load on one: {usable}")
+            click.echo("Types of feet, by the largest normal load on one if the force leans 14 deg, and 30:")
+            for name in released_names():
+                click.echo("  {}: {:g} N, {:g} N".format(name, *RANGES_N[name]))
             foot_type = click.prompt(
                 "Their type",
                 type=click.Choice(released_names()),
@@ -110,6 +110,17 @@ def _asked_devices(names: dict[str, str]) -> tuple[str, ...]:
         if all(part.isdecimal() and 1 <= int(part) <= len(choices) for part in numbers):
             return tuple([*choices][int(part) - 1] for part in numbers)
         click.echo(f"{answer}: not among 1 to {len(choices)}")
+
+
+def _with_asked_legs(config: Config, legs_text: str, robot_of: Callable[[list[str]], Config]) -> Config:
+    """Ask for the legs until they are right, and return the robot that has them."""
+    usual = " ".join(config.legs)
+    while True:
+        answer = click.prompt("Their legs, in this order", default=legs_text or usual)
+        try:
+            return config if answer == usual else robot_of(_legs(answer))
+        except ConfigError as error:
+            click.echo(str(error))
 
 
 def _can(name: str | None, *, is_real: bool) -> Can:

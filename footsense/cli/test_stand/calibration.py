@@ -185,6 +185,8 @@ def evaluate(
         echo_json(figures)
     else:
         console = Console(highlight=False)
+        if not console.is_terminal:
+            console.width = 200  # no line of a file or a pipe is folded
         console.print(figures_table(figures | {"bands": None}), table(ERROR_COLUMNS, rows))
 
 

@@ -12,7 +12,7 @@ from firmware_interface.can.codes import NODE_IDS, NmtState
 from firmware_interface.can.commands import ANSWER, ANSWER_ID, COMMAND_ID, encode_command
 from firmware_interface.can.reports import HEARTBEAT_ID, encode_heartbeat
 from firmware_interface.can.socketcan import pack_frame
-from footsense.api.tare import tare_legs
+from footsense.api.commands import Commander
 from footsense.config import DEFAULT
 from footsense.daemon.can_output import open_wire
 from footsense.daemon.service import Service, open_service
@@ -86,15 +86,16 @@ def test_a_tare_is_granted_unloaded_and_refused_loaded(scene: str) -> None:
 
 
 class ServiceTime(NamedTuple):
-    """The clock of a simulated service, which runs on while a consumer sleeps, for 0.1 s at least."""
+    """The clock of a simulated service, which runs on while a consumer sleeps, for a time at least."""
 
     service: Service
+    step_ns: int = 100_000_000
 
     def now_ns(self) -> int:
         return self.service.clock.now_ns()
 
     def sleep_until_ns(self, t_ns: int) -> None:
-        self.service.run(until_ns=max(t_ns, self.now_ns() + 100_000_000))
+        self.service.run(until_ns=max(t_ns, self.now_ns() + self.step_ns))
 
 
 def test_the_command_tares_legs_and_tells_refusals(tmp_path: Path) -> None:
@@ -106,11 +107,29 @@ def test_the_command_tares_legs_and_tells_refusals(tmp_path: Path) -> None:
         closing(open_wire(DEFAULT.can, [])) as wire,
     ):
         clock = ServiceTime(service)
-        in_the_air = list(tare_legs(wire, clock, ["all"]))
+        commander = Commander(clock)
+        in_the_air = list(commander.command(wire, CommandKind.TARE, ["all"]))
         clock.sleep_until_ns(4_000_000_000)
-        on_the_ground = {answer.leg: answer.result for answer in tare_legs(wire, clock, ["lm", "l4"])}
+        on_the_ground = {
+            answer.leg: answer.result for answer in commander.command(wire, CommandKind.TARE, ["lm", "l4"])
+        }
     assert on_the_ground == {"l4": None, "lm": Result.LOADED}
     assert {answer.leg: answer.result for answer in in_the_air} == dict.fromkeys(LEGS, Result.DONE)
+
+
+def test_each_of_many_commands_in_a_row_has_an_answer(scene: str) -> None:
+    """A refusal comes at once; what is commanded again then is neither a repetition nor one too many in a second."""
+    with (
+        open_service(DEFAULT, load_scene(scene), real_time=False) as service,
+        closing(open_wire(DEFAULT.can, [])) as wire,
+    ):
+        clock = ServiceTime(service, step_ns=20_000_000)
+        clock.sleep_until_ns(2_500_000_000)
+        commander = Commander(clock)
+        kinds = [CommandKind.TARE] * 12 + [CommandKind.STOP, CommandKind.START]
+        answers = [next(commander.command(wire, kind, ["lm"], [NODE_LM])) for kind in kinds]
+    assert [answer.result for answer in answers] == [Result.LOADED] * 13 + [Result.DONE]
+    assert answers[-2].refusal("can0").startswith("not stopped: the foot is in contact")
 
 
 class NoAnswer(NamedTuple):
@@ -129,8 +148,11 @@ class NoAnswer(NamedTuple):
 
 def test_a_wait_for_an_answer_is_told_once() -> None:
     clock, told = FakeClock(), list[tuple[float, list[str], float]]()
-    answers = tare_legs(
-        NoAnswer(), clock, ["lf"], on_wait=lambda legs, s: told.append((clock.t_ns / 1e9, [*legs], s))
+    answers = Commander(clock).command(
+        NoAnswer(),
+        CommandKind.TARE,
+        ["lf"],
+        on_wait=lambda legs, s: told.append((clock.t_ns / 1e9, [*legs], s)),
     )
     assert [answer.result for answer in answers] == [None]
     ((at_s, legs, limit_s),) = told
@@ -142,6 +164,14 @@ def test_a_tare_without_a_service_is_one_line() -> None:
     result = footsense("tare", "lf", "--interface", "udp_multicast", "--channel", "239.74.163.77")
     says = "lf: not tared: it is not heard on 239.74.163.77; is the service running, and is this its channel?"
     assert one_line_error(result, 1) == says
+
+
+def test_a_tare_of_no_leg_says_which_there_are() -> None:
+    result = footsense("tare")
+    assert (result.returncode, result.stderr.splitlines()[-1]) == (
+        2,
+        "Error: name the legs to tare: all, or some of lf, lm, lr, rf, rm, rr, l4, r4",
+    )
 
 
 @pytest.mark.parametrize("command", ["monitor", "tare lf"])

@@ -43,6 +43,16 @@ def test_it_asks_what_it_is_not_told(tmp_path: Path) -> None:
     assert robot.foot_type == "hexapod-2kg"
 
 
+def test_a_wrong_answer_is_asked_again(tmp_path: Path) -> None:
+    """Names that are no legs', or one of them twice, do not end the questions."""
+    file, n_devices = tmp_path / "robot.yaml", len(devices())
+    simulated = n_devices + 1 if n_devices else ""
+    result = CliRunner().invoke(main, ["init", str(file)], input=f"{simulated}\nlf xx\nlf lf\nlf rf\n\n")
+    assert result.exit_code == 0, result.output
+    assert "xx: no leg has this name" in result.output
+    assert load_config(file).legs == ("lf", "rf")
+
+
 def test_what_cannot_be_is_one_line_and_writes_nothing(tmp_path: Path) -> None:
     """No answer, a name that is no leg's, an adapter that is not there."""
     for arguments, exit_code, says in (

@@ -160,6 +160,7 @@ WALK_PF = FOOT.capacitance_pf(stances()[:, 0])
             (WALK_PF[:, :8], T_S),
             r"capacitance_pf: its last axis has the nine elements of a foot; got shape \(60, 8\)",
         ),
+        ((WALK_PF[:0], T_S[:0]), r"capacitance_pf: has no readings; got shape \(0, 9\)"),
         ((WALK_PF[0], T_S), r"capacitance_pf: shape \(n, 9\) or \(n, feet, 9\), got \(9,\)"),
         ((WALK_PF, T_S[1:]), r"t_s: a time for each of the 60 rows of readings, got shape \(59,\)"),
         ((WALK_PF, T_S[::-1]), "t_s: the times do not increase"),
@@ -179,6 +180,7 @@ WALK_PF = FOOT.capacitance_pf(stances()[:, 0])
             "reading_t_s: a reading is later than the time of its row",
         ),
         ((WALK_PF, T_S, -np.tile(T_S[:, None], 9)), "reading_t_s: the times of an element go back"),
+        ((WALK_PF, T_S * 1e3, np.tile(T_S[:, None] * 1e3, 9)), "to its next; are they in ms"),
     ],
 )
 def test_arrays_that_do_not_fit_are_refused_in_one_line(

@@ -125,3 +125,11 @@ def test_without_pandas_the_error_says_what_to_install(
         footsense.FootsenseError, match=r"^to_dataframe\(\) needs pandas: pip install pandas$"
     ):
         simulated.to_dataframe()
+
+
+def test_a_scene_for_other_feet_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    """The loads of a hexapod of 2 kg are far beyond the paper's foot."""
+    footsense.simulate("hexapod_2kg", duration_s=0.1)
+    assert caplog.messages == [
+        "scene hexapod_2kg: its loads are for foot type hexapod-2kg, these feet are aoyagi-3x3"
+    ]

@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 from firmware_interface.wire_timing import can_bits_per_s
 from footsense.cli.setup.check_config import (
-    READ_LOADS_N,
+    RANGES_N,
     UNCALIBRATED_DIRECTION_DEG,
     UNCALIBRATED_WORST_DIRECTION_DEG,
     check_config,
@@ -102,6 +102,7 @@ def test_a_relative_path_is_one_beside_the_file(
             ONE_BUS + "board: ad7746\nscan: {rate_sps: 400}",
             ":6: scan.rate_sps: 400 is no rate of the board ad7746; use one of 9, 11, 13, 16, 26, 50, 84, 91",
         ),
+        (ONE_BUS + "scan: {rate_sps: 300}", "300 is no rate of the board fdc1004; use one of 100, 200, 400"),
         (
             ONE_BUS.replace("rf: 1", "rf: 0"),
             ":3: buses[0].legs.rf: channel 0 is already that of lf; free",
@@ -160,7 +161,11 @@ def test_a_relative_path_is_one_beside_the_file(
         (ONE_BUS + "feet: {lm: foot-0001}", "feet.lm: no bus has the leg lm; the legs are lf, rf"),
         (
             ONE_BUS + "foot_type: quadruped",
-            "robot.yaml:5: foot_type: no foot type quadruped: there are aoyagi-3x3, hexapod-2kg, quadruped-12kg; a ",
+            "robot.yaml:5: foot_type: no foot type quadruped: did you mean quadruped-12kg? there are aoyagi-3x3, ",
+        ),
+        (
+            ONE_BUS + "foot_type: hexapod_2kg",
+            "no foot type hexapod_2kg: did you mean hexapod-2kg? there are ",
         ),
         (
             ONE_BUS.split("can:", maxsplit=1)[0],
@@ -200,8 +205,9 @@ def test_check_config_explains_a_file(file: Path) -> None:
     assert "page http://127.0.0.1:8765, " in said
     assert "no foot named on lf, lm, lr, rf, rm, rr: uncalibrated, expect 12.5 deg" in said
     assert (
-        "of type aoyagi-3x3, read up to 0.648 N of normal load if the force leans 14 deg, 0.363 N if 30; "
-        "largest trained force 2 N" in said
+        "of type aoyagi-3x3, for normal loads up to 0.648 N if the force leans 14 deg, 0.363 N if 30; less exact "
+        "beyond, while at most three elements are overloaded; no force above 2 N, the largest of the training"
+        in said
     )
     assert "forces up to 100 forces/s on CAN of each leg" in said
     assert "force step" not in said
@@ -255,10 +261,14 @@ def test_what_to_expect_of_an_uncalibrated_foot_is_what_the_report_has() -> None
     assert round(max(errors_deg), 1) == UNCALIBRATED_WORST_DIRECTION_DEG
 
 
-def test_the_loads_that_the_released_feet_read_are_those_of_the_report() -> None:
+def test_the_ranges_of_the_released_feet_are_those_of_the_report_and_of_their_cards() -> None:
     feet = json.loads((DEPLOY.parent / "docs/report/design.json").read_text())["feet"]
-    read_n = {
-        name: tuple(float(f"{one['range'][0]:.3g}") for one in foot["limits"] if one["lean_deg"])
+    ranges_n = {
+        name: tuple(float(f"{range_n:.3g}") for range_n in foot["built"]["upright_range_n"][1:])
         for name, foot in feet.items()
     }
-    assert read_n == READ_LOADS_N
+    assert ranges_n == RANGES_N
+    for name, by_lean_n in RANGES_N.items():
+        card = (DEPLOY.parent / "models" / name / "README.md").read_text()
+        for lean_deg, range_n in zip((14, 30), by_lean_n, strict=True):
+            assert f"| leaning {lean_deg} deg from the normal, to the worst side | {range_n:g} |" in card

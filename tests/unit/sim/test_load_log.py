@@ -61,6 +61,11 @@ def scene(folder: Path) -> Path:
     return file
 
 
+def test_a_scene_without_its_log_says_where_it_names_it(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"scene\.yaml:2: load\.file: .*walk\.npz: no such file"):
+        load_scene(str(scene(tmp_path)))
+
+
 def test_a_scene_names_a_log_beside_it_and_needs_a_log_of_every_leg(tmp_path: Path) -> None:
     """The truth is the log's; another robot would have legs in the air that should walk."""
     saved(tmp_path)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from footsense.frames import Cause, Cycle, Flag, State
+from footsense.frames import Cause, Command, CommandKind, CommandResult, Cycle, Flag, Result, State
 from footsense.telemetry.systemd import LegStateLogger, SystemdNotifier, notification_period_ns
 from tests.support.cycles import LEGS, plain_cycle
 
@@ -49,6 +49,19 @@ def test_a_change_of_state_or_cause_is_one_line(caplog: pytest.LogCaptureFixture
         "WARNING leg lm: taring -> valid",
         "INFO leg lm: valid -> taring",
         "INFO leg lm: taring -> valid",
+    ]
+
+
+def test_a_leg_that_is_stopped_is_told_and_a_tare_is_not(caplog: pytest.LogCaptureFixture) -> None:
+    """A terminal shows warnings: a leg has no force because somebody commanded it."""
+    caplog.set_level(logging.WARNING)
+    journal = LegStateLogger(LEGS)
+    for kind in (CommandKind.TARE, CommandKind.STOP, CommandKind.START):
+        outcome = CommandResult(Command(kind, 1), Result.DONE, f"{kind.name.lower()} executed")
+        journal.observe(at(1, State.VALID)._replace(ended_commands=(outcome,)))
+    assert lines(caplog) == [
+        "WARNING leg lm: stop done: stop executed",
+        "WARNING leg lm: start done: start executed",
     ]
 
 
