@@ -145,6 +145,6 @@ def test_a_short_training_learns_and_is_the_same_twice(response: FootResponse, g
     assert np.sqrt(np.square(error_n).mean()) < 0.3 * np.sqrt(np.square(judged.force_n[loaded]).mean())
     assert (error_n < 2.0 * load.sigma_n[loaded]).mean() > 0.7
     contact, _ = contact_and_normal_force(judged.force_n[loaded], judged.normal[loaded])
-    assert np.abs(load.contact_point_and_friction[loaded] - contact).mean() < 0.8 * np.abs(contact).mean()
+    assert np.abs(load.contact_point_and_friction[loaded] - contact).mean() < 0.9 * np.abs(contact).mean()
     resting = Window(np.zeros((1, 3, ELEMENTS)), judged.age_s[:1], whole[:1])
     assert not predict(weights, resting).force_n.any()
