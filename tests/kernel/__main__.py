@@ -70,7 +70,11 @@ def install(names: list[str]) -> str | None:
     environment = os.environ | {"DEBIAN_FRONTEND": "noninteractive"}
     for command in (["update"], ["install", "--yes", "--no-install-recommends", *names]):
         done = subprocess.run(
-            ["apt-get", "--quiet=2", *command], env=environment, capture_output=True, text=True, check=False
+            ["apt-get", "--quiet=2", "-o", "DPkg::Lock::Timeout=120", *command],
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
         )
         if done.returncode:
             return f"apt-get {command[0]} failed: {(done.stderr or done.stdout).strip().splitlines()[-1]}"
