@@ -39,7 +39,8 @@ STATE_WORDS = {
     State.ABSENT: Words("its chips do not answer"),
     State.VALID: Words("its force may be used"),
     State.NO_BASELINE: Words(
-        "no tare has succeeded yet", "that nothing presses the foot and it hangs still; then `footsense tare`"
+        "no tare has succeeded yet",
+        "that nothing presses the foot and it hangs still; then `footsense tare LEG`",
     ),
     State.TARING: Words("a tare is being taken", "that nothing presses the foot and it hangs still"),
     State.SATURATED: Words("too many elements are overloaded for a force", "what presses the foot"),

@@ -22,7 +22,7 @@ export function problems(sample, hello) {
   if (refused.length) {
     found.push({ leg: refused.length > 1 ? "" : refused[0], phase: "degraded",
       name: refused.length > 1 ? `tare refused of ${refused.join(", ").toUpperCase()}` : "tare refused",
-      what: "the older baseline is in use", check: "that nothing presses the foot and it hangs still; then `footsense tare`" });
+      what: "the older baseline is in use", check: "that nothing presses the foot and it hangs still; then `footsense tare LEG`" });
   }
   const timing = hello.legs.map((_, row) => sample.get(row, "flags")).find((flags) => flags & FLAG.DEGRADED_TIMING);
   if (timing & FLAG.SIMULATED) {

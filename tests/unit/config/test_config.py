@@ -203,7 +203,7 @@ def test_check_config_explains_a_file(file: Path) -> None:
     assert "/dev/i2c-3 board fdc1004, multiplexer 0x71, channels rf 0, rm 1, rr 2" in said
     assert "CAN can0, of whose 500 kbit/s up to 37 % are taken" in said
     assert "page http://127.0.0.1:8765, " in said
-    assert "no foot named on lf, lm, lr, rf, rm, rr: uncalibrated, expect 12.5 deg" in said
+    assert "no foot named on lf, lm, lr, rf, rm, rr: uncalibrated, expect 12.7 deg" in said
     assert (
         "of type aoyagi-3x3, for normal loads up to 0.648 N if the force leans 14 deg, 0.363 N if 30; less exact "
         "beyond, while at most three elements are overloaded; no force above 2 N, the largest of the training"
