@@ -16,15 +16,19 @@ class ConversionTraffic(NamedTuple):
     """I2C bytes of one conversion on a board (start, done poll, result read), and which lines are switched.
 
     Attributes:
-        switches_columns: Whether the columns are switched as well: every step then changes the row or the column at
-            least, and there is an order in which none changes both. Else row after row is switched.
-        n_start_bytes: Bytes of the write that starts a conversion.
-        done_poll_bytes: Bytes written and read to ask all legs whether they are done; None if their results show it.
+        n_switches: Fewest switches of lines in a scan: none without line switches; one for each row; or one for each
+            element where columns are switched too, as every step then changes the row or the column at least, and there
+            is an order in which none changes both.
+        n_converters: Converters of a leg, each of which converts an element at the same time.
+        n_start_bytes: Bytes of the write that starts a conversion of one of them.
+        done_poll_bytes: Bytes written and read to ask one of them, on all legs, whether it is done; None if the results
+            show it.
         result_part_read_bytes: Bytes written and read for one part of a result.
         clock_tolerance_rel: Largest deviation of a converter's clock [1].
     """
 
-    switches_columns: bool
+    n_switches: int
+    n_converters: int
     n_start_bytes: int
     done_poll_bytes: tuple[int, int] | None
     result_part_read_bytes: tuple[int, int]
@@ -32,14 +36,19 @@ class ConversionTraffic(NamedTuple):
 
 
 FDC1004_TRAFFIC = ConversionTraffic(
-    switches_columns=False,
+    n_switches=adg715.N_LINES,
+    n_converters=1,
     n_start_bytes=3,
     done_poll_bytes=(1, 2),
     result_part_read_bytes=(1, 2),
     clock_tolerance_rel=fdc1004.CLOCK_TOLERANCE_REL,
 )
+FDC1004_COLUMNS_TRAFFIC = FDC1004_TRAFFIC._replace(
+    n_switches=0, n_converters=adg715.N_LINES, done_poll_bytes=(0, 2)
+)
 AD7746_TRAFFIC = ConversionTraffic(
-    switches_columns=True,
+    n_switches=_ELEMENTS,
+    n_converters=1,
     n_start_bytes=2,
     done_poll_bytes=None,
     result_part_read_bytes=(1, 4),
@@ -51,7 +60,8 @@ class ScanLowerBounds(NamedTuple):
     """Lower bounds of the scan period by conversion time and by read-out time; the larger one applies.
 
     Attributes:
-        conversion_bound_ns: All conversions by a slow chip, and what cannot overlap with them [ns].
+        conversion_bound_ns: All conversions by a slow chip, and what cannot overlap with them [ns]: switches of lines,
+            and the start of the next conversion, which without such a switch may end with the one before.
         readout_bound_ns: All read-outs of all legs [ns].
     """
 
@@ -97,6 +107,11 @@ def scan_lower_bounds(
         ... )
         >>> limits.limiting_factor, round(limits.scan_period_bound_ns * 1e-6, 1)
         ('conversion', 102.8)
+        >>> limits = scan_lower_bounds(
+        ...     n_legs=3, conversion_ns=2_500_000, bus_hz=400_000, host_cost_ns=40_000, traffic=FDC1004_COLUMNS_TRAFFIC
+        ... )
+        >>> limits.limiting_factor, round(limits.scan_period_bound_ns / 7.5e6, 3)
+        ('read-out', 1.027)
     """
 
     def transaction_ns(n_write: int, n_read: int = 0) -> int:
@@ -107,6 +122,7 @@ def scan_lower_bounds(
     read = n_result_reads * transaction_ns(*traffic.result_part_read_bytes)
     wait = round(conversion_ns * (1 + traffic.clock_tolerance_rel))
     # A line switch takes a byte, as the selection of a channel does.
-    lines = (_ELEMENTS if traffic.switches_columns else adg715.N_LINES) * select
-    readout = select + start + ask + n_legs * (select + read)
-    return ScanLowerBounds(_ELEMENTS * (wait + start) + lines, _ELEMENTS * readout + lines)
+    lines, n_steps = traffic.n_switches * select, _ELEMENTS // traffic.n_converters
+    readout = select + n_legs * select + traffic.n_converters * (start + ask + n_legs * read)
+    conversions = n_steps * (wait + start) if traffic.n_switches else n_steps * wait
+    return ScanLowerBounds(conversions + lines, n_steps * readout + lines)

@@ -135,9 +135,13 @@ class BusScan(NamedTuple):
 
 
 def leg_chip_addresses(plan: ScanPlan) -> tuple[int, ...]:
-    """Return the I2C addresses of a leg's chips: the converter's first, then the line switches'."""
-    step = plan.steps[0]
-    return (step.trigger.address, *(select.address for select in step.select))
+    """Return the I2C addresses of a leg's chips: the converters' first, then the line switches'."""
+    return (*converter_addresses(plan), *(select.address for select in plan.steps[0].select))
+
+
+def converter_addresses(plan: ScanPlan) -> tuple[int, ...]:
+    """Return the I2C addresses of a leg's converters."""
+    return tuple(result.trigger.address for result in plan.steps[0].results)
 
 
 def scan_bus(
@@ -224,7 +228,6 @@ def _scan_channel(
     answering = probe_addresses(bus, skipped).answering
     if not is_leg:
         return ChannelScan(answering, Reading.OK)
-    converter, *switches = leg_chip_addresses(plan)
     try:
         plan.board.check_identity(bus, clock)
     except I2cTimeoutError:
@@ -235,8 +238,9 @@ def _scan_channel(
         return ChannelScan(answering, Reading.DELAYED, str(error))
     except HardwareError as error:
         return ChannelScan(answering, Reading.NO_ANSWER, str(error))
-    for address in switches:
+    for address in leg_chip_addresses(plan)[len(converter_addresses(plan)) :]:
         if address not in answering and address not in skipped:
+            converter = converter_addresses(plan)[0]
             why = f"no line switch answers at {address:#04x}, though a converter does at {converter:#04x}"
             return ChannelScan(answering, Reading.NO_ANSWER, why)
     return ChannelScan(answering, Reading.OK)

@@ -10,7 +10,6 @@ from collections.abc import Iterable
 from statistics import median
 from typing import NamedTuple
 
-from firmware_interface.chips import adg715
 from firmware_interface.schedule import ScanLowerBounds, scan_lower_bounds
 from firmware_interface.wire_timing import BUS_FREE_NS, transaction_bits
 from footsense.acquisition.leg_bus import LegBus
@@ -39,6 +38,10 @@ class BusTiming(NamedTuple):
     conversions_ns: int
     all_checks_fit: bool
 
+    def bus_time_ns(self, transaction: Transaction) -> int:
+        """Return the time of a transaction on the wire [ns]: without what the host adds, and the time between two."""
+        return round(transaction_bits(len(transaction.write), transaction.n_read) * 1e9 / self.bus_hz)
+
     def with_whole_results(self, plan: ScanPlan, n_legs: int) -> "BusTiming":
         """Return the timing of the same bus if whole results have to be read of its legs' chips."""
         return _timing(self.bus_hz, self.host_ns_per_transaction, plan, n_legs, whole_results=True)
@@ -54,7 +57,7 @@ class BusTiming(NamedTuple):
 
 
 def measure_bus_timing(bus: LegBus, clock: Clock, plan: ScanPlan, n_legs: int) -> BusTiming | None:
-    """Measure a bus by reads of its mux, or of the line switch of a leg without one; return its scan limits.
+    """Measure a bus by reads of its mux, or of a chip of a leg without one; return its scan limits.
 
     Returns:
         The timing; None if a leg without a mux does not answer.
@@ -64,7 +67,7 @@ def measure_bus_timing(bus: LegBus, clock: Clock, plan: ScanPlan, n_legs: int) -
     """
     if bus.mux_address is None:
         with contextlib.suppress(I2cError):
-            return _measured(bus.adapter, clock, adg715.ADDRESS, plan, n_legs)
+            return _measured(bus.adapter, clock, plan.harmless_read.address, plan, n_legs)
         return None
     mux = f"the mux (TCA9548A) at {bus.mux_address:#04x}"
     try:
@@ -101,18 +104,17 @@ def _timing(bus_hz: float, host_ns: float, plan: ScanPlan, n_legs: int, *, whole
             for each in transactions
         )
 
-    step = plan.steps[0]
-    select, ask = Transaction(0, b"\0"), [step.done.read] if step.done else []
-    result = step.results[0]
-    reads = result.read if whole_results else result.read_value
-    each_leg = [select, *reads]
-    checks = [check.read for check in (*step.select_checks, plan.board.setting_check)]
+    select, step = Transaction(0, b"\0"), plan.steps[0]
+    reads = [read for each in step.results for read in (each.read if whole_results else each.read_value)]
+    others = [done.read for done in step.done_after_start]
+    others += [result.trigger for result in step.results[1:]]
+    checks = [check.read for check in (*step.select_checks, *plan.steps[-1].setting_checks)]
     limits = scan_lower_bounds(
         n_legs=n_legs,
         conversion_ns=plan.conversion_ns,
         bus_hz=bus_hz,
         host_cost_ns=host_ns,
-        n_result_reads=len(reads),
+        n_result_reads=len(reads) // len(step.results),
         traffic=plan.board.traffic,
     )
     return BusTiming(
@@ -120,7 +122,8 @@ def _timing(bus_hz: float, host_ns: float, plan: ScanPlan, n_legs: int, *, whole
         host_ns_per_transaction=host_ns,
         lower_bounds=limits,
         conversions_ns=len(plan.steps) * plan.conversion_ns,
-        all_checks_fit=total_ns([*ask, select, *each_leg * n_legs, *checks]) <= plan.conversion_wait_ns,
+        all_checks_fit=total_ns([*others, select, *[select, *reads] * n_legs, *checks])
+        <= plan.conversion_wait_ns,
     )
 
 

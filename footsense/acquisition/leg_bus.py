@@ -7,13 +7,18 @@ in the control byte of a TCA9548A; a leg without a mux has bit 0.
 
 import contextlib
 import logging
+from collections.abc import Callable
 
-from footsense.acquisition.boards.board import DonePoll, ReadBackCheck
+from footsense.acquisition.boards.board import DonePoll, ElementResult, ReadBackCheck
 from footsense.errors import I2cError, I2cTimeoutError, NackError
 from footsense.frames import Reading
 from footsense.ports import I2cBus, MuxResetLine, Transaction
 
 _log = logging.getLogger(__name__)
+
+_NAN = float("nan")
+#: Attempts of a transaction before it counts as failed, and of a conversion on a bus with stuck lines.
+MAX_ATTEMPTS = 2
 
 #: Nine clocks with SDA released: address 0x7F and the bit to read are eight ones, and no chip may acknowledge them.
 #: Source: UM10204, section 3.1.16 (bus clear) and table 4 (reserved addresses).
@@ -105,6 +110,45 @@ class LegBus:
         """
         answers = self.exchange(selection, (done.read,))
         return Reading.NO_ANSWER if answers is None else done.decode(answers[0])
+
+    def read_result(
+        self,
+        selection: int,
+        result: ElementResult,
+        decode: Callable[[list[bytes]], tuple[Reading, float]],
+        *,
+        whole: bool,
+        is_done: bool,
+    ) -> tuple[Reading, float]:
+        """Read the result of a converter, and try again once if that fails.
+
+        Args:
+            selection: The leg.
+            result: The conversion.
+            decode: `Board.decode_result`.
+            whole: Whether to read all its registers.
+            is_done: Whether it is known to be done; else it is asked first.
+
+        Returns:
+            The reading, and the capacitance [pF], NaN unless it is OK; NOT_READY if it is not done, NO_ANSWER if the
+            converter does not answer.
+
+        Raises:
+            I2cTimeoutError: A line is held low.
+        """
+        reading = Reading.NO_ANSWER
+        for _ in range(MAX_ATTEMPTS):
+            if result.done is not None and not is_done:
+                reading = self.poll(selection, result.done)
+                if reading is Reading.NOT_READY:
+                    break
+                if reading is not Reading.OK:
+                    continue
+            answers = self.exchange(selection, result.read if whole else result.read_value)
+            if answers is not None:
+                return decode(answers)
+            reading = Reading.NO_ANSWER
+        return reading, _NAN
 
     def check(self, selection: int, check: ReadBackCheck) -> Reading:
         """Ask some legs for a setting; MISCONFIGURED if it is another one, NO_ANSWER if that fails.

@@ -15,10 +15,11 @@ out its results are read whole, as another chip may have come back, until it is 
 
 import logging
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from firmware_interface.chips import tca9548a
 from footsense.acquisition.boards.board import Board, ConversionStep, Thermometer
-from footsense.acquisition.boards.chip_timing import ChipTiming, measure_chip_timing
+from footsense.acquisition.boards.chip_timing import ChipTiming, measure_chip_timings
 from footsense.acquisition.leg_bus import LegBus, release_sda
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.errors import HardwareError, I2cError, I2cTimeoutError, WrongChipError
@@ -55,6 +56,7 @@ class LegConnection:
         name: Name of the leg, for messages.
         channel: Mux channel.
         row: Row of the leg in the readings of its bus.
+        n_converters: Number of its converters.
 
     Attributes:
         selection: Control byte of the mux that connects the leg alone.
@@ -63,14 +65,15 @@ class LegConnection:
         is_suspect: Whether `count_misses` needs the next scan even if no reading is missing.
         retry_at_ns: Time at which a leg that was left out is tried again [ns].
         capdac_offset_pf: Capacitance that the converter's CAPDAC subtracts from each result [pF].
-        timing: Timing of its converter.
+        timings: Timing of each of its converters.
+        timing: The slower way of all of them.
         is_timed: Whether that was measured, and it has not been late since.
         unfinished: Step of the scan that had not finished when it was asked for; None for none.
         doubted: Step whose lines it did not read back alone, for the next try; None for none.
         temperature_c: Last temperature of the converter [degC]; NaN without one.
     """
 
-    def __init__(self, name: str, channel: int, row: int) -> None:
+    def __init__(self, name: str, channel: int, row: int, n_converters: int = 1) -> None:
         self.name = name
         self.row = row
         self.selection = tca9548a.channel_control_byte(channel)
@@ -80,6 +83,7 @@ class LegConnection:
         self.retry_at_ns = 0
         self.capdac_offset_pf = 0.0
         self.timing = ChipTiming()
+        self.timings = (self.timing,) * n_converters
         self.is_timed = False
         self.unfinished: ConversionStep | None = None
         self._n_late_scans = 0
@@ -87,6 +91,7 @@ class LegConnection:
         self.temperature_c = float("nan")
         self._misses = 0
         self._pause_ns = _FIRST_PAUSE_NS
+        self._has_several_converters, self._why = n_converters > 1, ""
 
     def join_scan(self, offset_pf: float) -> None:
         """Add the leg to the scan, after its chips were found and set up.
@@ -94,23 +99,32 @@ class LegConnection:
         Args:
             offset_pf: Capacitance that the converter's CAPDAC subtracts from each result [pF].
         """
-        _log.info("leg %s: converter and line switches answer", self.name)
+        answering = "all converters" if self._has_several_converters else "converter and line switches"
+        _log.info("leg %s: %s answer", self.name, answering)
         self.capdac_offset_pf = offset_pf
         self.doubted = None
         self.in_scan = True
         self.outcome = Reading.OK
         self._misses = 0
 
-    def set_timing(self, timing: ChipTiming) -> None:
-        """Store the measured timing of the leg's converter; log a slow converter once."""
-        if timing.wait_factor > 1.0 >= self.timing.wait_factor:
-            _log.warning(
-                "leg %s: its conversions take up to %.0f %% longer than the slowest converter may; those of the legs "
-                "beside it wait for them",
-                self.name,
-                100 * (timing.wait_factor - 1),
-            )
-        self.timing = timing
+    def set_timings(self, timings: Sequence[ChipTiming | None]) -> None:
+        """Store the measured timings of the leg's converters, None for as before; log a slow converter once."""
+        measured = tuple(new or old for new, old in zip(timings, self.timings, strict=True))
+        for column, (new, old) in enumerate(zip(measured, self.timings, strict=True)):
+            if new.wait_factor > 1.0 >= old.wait_factor:
+                _log.warning(
+                    "leg %s%s: its conversions take up to %.0f %% longer than the slowest converter may; those of the "
+                    "legs beside it wait for them",
+                    self.name,
+                    f", column {column}" if len(measured) > 1 else "",
+                    100 * (new.wait_factor - 1),
+                )
+        self.timings = measured
+        self.timing = ChipTiming(
+            max(each.wait_factor for each in measured),
+            all(each.keeps_done_bit for each in measured),
+            any(each.reads_whole_result for each in measured),
+        )
         self.is_timed = True
         self._n_late_scans = 0
 
@@ -149,7 +163,10 @@ class LegConnection:
             why: The same in words; by default the meaning of the reading. None for no line: its bus has one.
             pause_factor: Factor on the pause.
         """
-        if why is not None and (outcome is not self.outcome or self._pause_ns == _FIRST_PAUSE_NS):
+        # Which of several converters it is, only a try tells.
+        is_told = bool(why) and self._has_several_converters and why != self._why
+        if why is not None and (outcome is not self.outcome or self._pause_ns == _FIRST_PAUSE_NS or is_told):
+            self._why = why
             _log.warning(
                 "leg %s: %s; left out of the scan and tried again later",
                 self.name,
@@ -159,26 +176,44 @@ class LegConnection:
         self.is_suspect = True
         self.outcome = outcome
         self.temperature_c = float("nan")
-        self.timing = self.timing._replace(reads_whole_result=True)  # another chip may come back
+        # Another chip may come back.
+        self.timings = tuple(each._replace(reads_whole_result=True) for each in self.timings)
+        self.timing = self.timing._replace(reads_whole_result=True)
         self.retry_at_ns = now_ns + round(pause_factor * self._pause_ns)
         self._pause_ns = min(2 * self._pause_ns, _MAX_PAUSE_NS)
 
 
+Legs = list[LegConnection]
+
+
+class Conversion(NamedTuple):
+    """A running conversion of the legs of a bus.
+
+    Attributes:
+        t_starts_ns: Time at the end of the trigger of each converter of a leg [ns].
+        legs: Legs that convert; none if a transaction failed, or if no leg is active.
+        lines_selected: Whether lines were selected for it, or left from the step before.
+    """
+
+    t_starts_ns: Sequence[int]
+    legs: Legs
+    lines_selected: bool
+
+
 def time_converter(bus: LegBus, leg: LegConnection, plan: ScanPlan, clock: Clock) -> None:
-    """Measure and store the timing of a leg's converter; keep the old one if no conversion finishes.
+    """Measure and store the timing of a leg's converters; keep the old one of those that finish no conversion.
 
     Raises:
         I2cTimeoutError: A line is held low.
     """
     try:
-        first, second = (step.results[0].element for step in plan.steps[:2])
-        timing = measure_chip_timing(bus.connect(leg.selection), plan.board, (first, second), clock)
+        timings = measure_chip_timings(bus.connect(leg.selection), plan.board, clock)
     except I2cTimeoutError:
         raise
     except I2cError:
         bus.forget_selection()
     else:
-        leg.set_timing(timing or leg.timing)
+        leg.set_timings(timings)
 
 
 def probe_leg(
@@ -268,8 +303,9 @@ def set_up_failed_legs(
     for leg in legs:
         if not leg.in_scan or leg.outcome is Reading.OK:
             continue
-        if leg.unfinished is not None and (done := leg.unfinished.done) is not None:
-            leg.count_late_scan(is_late=bus.poll(leg.selection, done) is Reading.OK)
+        if leg.unfinished is not None and (asked := leg.unfinished.done):
+            late = [bus.poll(leg.selection, each) is Reading.OK for each in asked]
+            leg.count_late_scan(is_late=all(late))
             leg.unfinished = None
         if bus.exchange(leg.selection, (*first.select, *board.make_ready)) is None:
             continue

@@ -6,21 +6,24 @@ from typing import Annotated, NamedTuple
 
 from msgspec import Meta, Struct
 
-from firmware_interface.conversion_order import CONVERSION_ORDERS
-from footsense.acquisition.boards import ad7746, fdc1004
+from firmware_interface.schedule import ScanLowerBounds
+from footsense.acquisition.boards import ad7746, fdc1004, fdc1004_columns
 from footsense.acquisition.boards.board import Board, ConversionStep, ReadBackCheck
 from footsense.ports import Transaction
 
 #: The boards, by their names in a configuration.
-BOARDS: Mapping[str, Board] = MappingProxyType({"fdc1004": fdc1004.BOARD, "ad7746": ad7746.BOARD})
+BOARDS: Mapping[str, Board] = MappingProxyType(
+    {"fdc1004": fdc1004.BOARD, "fdc1004_columns": fdc1004_columns.BOARD, "ad7746": ad7746.BOARD}
+)
 
 
 class Scan(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Section `scan` of a configuration: conversion rate.
 
     Attributes:
-        rate_sps: Conversions per second of one converter; a lower rate has less noise: 100, 200 or 400 with board
-            `fdc1004`; 9, 11, 13, 16, 26, 50, 84 or 91 with board `ad7746`. None: the board's fastest.
+        rate_sps: Conversions per second of one converter; a lower rate has less noise: 100, 200 or 400 with boards
+            `fdc1004` and `fdc1004_columns`; 9, 11, 13, 16, 26, 50, 84 or 91 with board `ad7746`. None: the board's
+            fastest.
     """
 
     rate_sps: Annotated[int, Meta(ge=1)] | None = None
@@ -41,9 +44,34 @@ class ScanPlan(NamedTuple):
     conversion_ns: int
     conversion_wait_ns: int
 
+    @property
+    def harmless_read(self) -> Transaction:
+        """Read of a chip of a leg that changes nothing: of a line switch, or of a converter's setting without one."""
+        return (*self.steps[0].select_checks, *self.board.setting_checks)[0].read
+
+
+#: Read-out of a scan over its conversions, above which a bus is too slow for the rate asked [1].
+_TOLERATED_READOUT_REL = 1.06
+
+
+def bus_overload(plan: ScanPlan, bounds: ScanLowerBounds) -> str | None:
+    """Return that a bus does not carry the rate of a plan, and which it does, in words; None if it does.
+
+    Args:
+        plan: The plan.
+        bounds: Limits of the scan on that bus.
+    """
+    if bounds.readout_bound_ns <= _TOLERATED_READOUT_REL * len(plan.steps) * plan.conversion_ns:
+        return None
+    carried_hz, asked_hz = 1e9 * len(plan.steps) / bounds.readout_bound_ns, 1e9 / plan.conversion_ns
+    return (
+        f"carries at most {carried_hz:.0f} conversions/s of each converter, {asked_hz:.0f} are asked for; share its "
+        "legs between more buses, or lower scan.rate_sps"
+    )
+
 
 def scan_plan(rate_sps: int, board: str = "fdc1004") -> ScanPlan:
-    """Return the plan of a scan with a board: its conversions, in the order of the magic square.
+    """Return the plan of a scan with a board: its conversions, in the board's order.
 
     Args:
         rate_sps: Conversions per second, one of the rates of the board's converter.
@@ -55,20 +83,27 @@ def scan_plan(rate_sps: int, board: str = "fdc1004") -> ScanPlan:
         [5, 0, 7, 6, 4, 2, 1, 8, 3]
         >>> sum(len(step.select_changes) for step in plan.steps)
         6
+        >>> [[result.element for result in step.results] for step in scan_plan(400, "fdc1004_columns").steps]
+        [[0, 1, 2], [3, 4, 5], [6, 7, 8]]
     """
     electronics = BOARDS[board]
     rate = electronics.rates[rate_sps]
-    steps = [electronics.step(element, rate) for element in CONVERSION_ORDERS["lo_shu"]]
+    steps = [electronics.step(element, rate) for element in electronics.order]
+    asked = [tuple(result.done for result in step.results if result.done is not None) for step in steps]
     steps = [
         step._replace(
+            done=done,
+            done_after_start=step.done_after_start or done,
             select_changes=tuple(write for write in step.select if write not in before.select),
             select_checks=tuple(
                 ReadBackCheck(Transaction(write.address, b"", n_read=1), write.write) for write in step.select
             ),
         )
-        for step, before in zip(steps, steps[-1:] + steps[:-1], strict=True)
+        for step, before, done in zip(steps, steps[-1:] + steps[:-1], asked, strict=True)
     ]
-    steps[-1] = steps[-1]._replace(setting_checks=(electronics.setting_check,))
+    # One a step, so that none is much longer than the others.
+    for n, check in enumerate(electronics.setting_checks, -len(electronics.setting_checks)):
+        steps[n] = steps[n]._replace(setting_checks=(check,))
     return ScanPlan(
         board=electronics,
         steps=tuple(steps),

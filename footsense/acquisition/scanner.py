@@ -9,7 +9,8 @@ One conversion of six legs, with what overlaps it and what cannot:
 `lines` (the element's row, and its column where that is switched) and `trigger` go to all legs at once. Whether the
 conversions are done, and whether lines and settings are held, is asked of all legs in one read: the answers are a wired
 AND, and only when the result differs is each leg asked alone. A result is read while the next conversion runs. A leg
-that fails is left out for the rest of the scan, so that it costs the others no time.
+that fails is left out for the rest of the scan, so that it costs the others no time. Several converters of a leg are
+triggered, asked and read one after the other. Without lines a trigger ends with the conversion before it.
 
 A line that is held low blocks the bus: the leg that holds it is left out, and all conversions restart. Where a
 conversion leaves no time for the checks of lines and settings, they are made in one step a scan, in turn. Once a second
@@ -18,15 +19,17 @@ next element, which nothing else shows. It is timed again between two scans. The
 ten seconds, too; a converter with one shows only by a timing that it is late, so one of them is timed with each.
 """
 
-from typing import NamedTuple
+from itertools import repeat
 
 import numpy as np
 
-from footsense.acquisition.boards.board import CONVERTED, ConversionStep, ElementResult
+from footsense.acquisition.boards.board import CONVERTED, ConversionStep
 from footsense.acquisition.bus_timing import BusTiming, measure_bus_timing
-from footsense.acquisition.leg_bus import LegBus
+from footsense.acquisition.leg_bus import MAX_ATTEMPTS, LegBus
 from footsense.acquisition.leg_connection import (
+    Conversion,
     LegConnection,
+    Legs,
     leave_out_stuck_legs,
     probe_due_legs,
     probe_leg,
@@ -39,28 +42,12 @@ from footsense.errors import I2cTimeoutError
 from footsense.frames import ELEMENTS, ROWS, CapFrame, Reading, Vector
 from footsense.ports import Clock, Transaction
 
-_NAN, _OK = float("nan"), Reading.OK
-#: Attempts of a transaction before it counts as failed, and of a conversion on a bus with stuck lines.
-_MAX_ATTEMPTS = 2
+_NAN, _OK, _ALL_OK = float("nan"), Reading.OK, {Reading.OK}
+#: Scans between two questions of a leg alone, where they take time.
+_ALONE_EVERY = 4
 #: Periods of the temperature readings and of the question whether a leg is late, and least time between two timings of
 #: converters [ns]: each costs the legs of the bus some conversions, or a transaction.
 _TEMPERATURE_PERIOD_NS, _LATENESS_PERIOD_NS, _TIMING_PAUSE_NS = 10_000_000_000, 1_000_000_000, 1_000_000_000
-
-Legs = list[LegConnection]
-
-
-class Conversion(NamedTuple):
-    """A running conversion of the legs of a bus.
-
-    Attributes:
-        t_start_ns: Time at the end of its trigger [ns].
-        legs: Legs that convert; none if a transaction failed, or if no leg is active.
-        lines_selected: Whether lines were selected for it, or left from the step before.
-    """
-
-    t_start_ns: int
-    legs: Legs
-    lines_selected: bool
 
 
 class BusScanner:
@@ -86,7 +73,8 @@ class BusScanner:
         self.clock = clock
         self.plan = plan
         self.legs = tuple(
-            LegConnection(name, channel, row) for row, (name, channel) in enumerate(channels.items())
+            LegConnection(name, channel, row, len(plan.steps[0].results))
+            for row, (name, channel) in enumerate(channels.items())
         )
         shape = len(self.legs), ELEMENTS
         unread = np.full(shape, Reading.NO_ANSWER, np.uint8)
@@ -99,6 +87,8 @@ class BusScanner:
         self._sequence = self._n_scans = 0
         self._check_all = True
         self._late_ns = 2 * plan.conversion_wait_ns
+        self._wait_ns = plan.conversion_wait_ns  # of the conversion that runs
+        self._lead_ns = 0  # time on the wire of the trigger that ends it, where no line is switched
         self._temperature_due_ns = self._timing_due_ns = self._lateness_due_ns = 0
         self._n_temperatures = 0
         self._timed: LegConnection | None = None  # last
@@ -114,6 +104,8 @@ class BusScanner:
             self.bus_timing = timing
             self._late_ns = 2 * timing.lower_bounds.scan_period_bound_ns // len(self.plan.steps)
             self._check_all = timing.all_checks_fit
+            if not self.plan.steps[0].select:
+                self._lead_ns = timing.bus_time_ns(self.plan.steps[0].results[0].trigger)
         for leg in self.legs:
             probe_leg(self._bus, leg, self.legs, self.plan, self.clock)
             if leg.in_scan:
@@ -150,7 +142,7 @@ class BusScanner:
 
     def _convert(self) -> None:
         """Finish a conversion, again from its start if a line was held low meanwhile; then it has no readings."""
-        for _ in range(_MAX_ATTEMPTS):
+        for _ in range(MAX_ATTEMPTS):
             try:
                 if self._position == 0:
                     self._read_temperatures()
@@ -166,7 +158,7 @@ class BusScanner:
 
     def _leave_out_stuck_legs(self) -> None:
         self._running = None
-        leave_out_stuck_legs(self._bus, self.legs, self.plan.steps[0].select_checks[0].read, self.clock)
+        leave_out_stuck_legs(self._bus, self.legs, self.plan.harmless_read, self.clock)
 
     def _discard(self, rows: int | slice, elements: int | slice, reading: Reading) -> None:
         """Replace the latest readings of some legs and elements by NaN and the reason for it."""
@@ -187,23 +179,32 @@ class BusScanner:
     def _start_missing_conversion(self) -> None:
         """Start a conversion if none runs, or if the loop was delayed for too long; old results are read away."""
         running = self._running
-        is_late = running is not None and self.clock.now_ns() > running.t_start_ns + self._late_ns
+        is_late = running is not None and self.clock.now_ns() > running.t_starts_ns[0] + self._late_ns
         self.n_late_discards += is_late
         # A trigger that failed may have been taken all the same.
         if running is None or is_late or not running.legs:
             legs, selection = self._active_legs()
             if legs:
                 self._bus.exchange(selection, self.plan.board.make_ready)
-            step = self.plan.steps[self._position]
+            step, self._running = self.plan.steps[self._position], None
             self._running = self._start_conversion(legs, selection, step, step.select)
 
     def _start_conversion(
         self, legs: Legs, selection: int, step: ConversionStep, select: tuple[Transaction, ...]
     ) -> Conversion:
-        for _ in range(_MAX_ATTEMPTS if legs else 0):
-            if self._bus.exchange(selection, (*select, step.trigger)) is not None:
-                return Conversion(self.clock.now_ns(), legs, bool(select))
-        return Conversion(self.clock.now_ns(), [], bool(select))
+        """Select lines and start the converters of the legs, each but the first when its conversion before is over."""
+        before, t_starts_ns = self._running, [0] * len(step.results)
+        for _ in range(MAX_ATTEMPTS if legs else 0):
+            writes = select
+            for k, result in enumerate(step.results):
+                if k and before is not None:
+                    self.clock.sleep_until_ns(before.t_starts_ns[k] + self._wait_ns - self._lead_ns)
+                if self._bus.exchange(selection, (*writes, result.trigger)) is None:
+                    break
+                t_starts_ns[k], writes = self.clock.now_ns(), ()
+            else:
+                return Conversion(t_starts_ns, legs, bool(select))
+        return Conversion([self.clock.now_ns()] * len(step.results), [], bool(select))
 
     def _finish_conversion_and_start_next(self) -> None:
         """Wait for the running conversion, start the next one, and read the finished one meanwhile."""
@@ -214,7 +215,8 @@ class BusScanner:
         alone = self._leg_asked_alone(step)
         if alone is not None:
             self._check_lines_of_leg(alone, step)
-        if self._check_all or position == self._n_scans % len(steps):
+        in_turn = position == self._n_scans % len(steps) and (step.select or self._n_scans % _ALONE_EVERY)
+        if self._check_all or in_turn:
             self._check_settings(step, finished)
         legs, selection = self._active_legs()
         failed = {leg: leg.outcome for leg in self.legs if leg.outcome is not _OK}
@@ -239,9 +241,9 @@ class BusScanner:
         }
         self._discard_readings(step, failed, checked_until_now)
         if read := [leg for leg in finished.legs if leg not in failed]:
-            if not asks_first and step.done is not None and self._running.legs:
-                all_done = self._bus.poll(selection, step.done) is _OK
-            self._read_out(step, following, read, finished.t_start_ns, all_done=all_done)
+            if not asks_first and step.done and self._running.legs:
+                all_done = {*map(self._bus.poll, repeat(selection), step.done_after_start)} == _ALL_OK
+            self._read_out(step, following, read, finished, all_done=all_done)
         self._position = following_position
         if ends:
             self._end_scan()
@@ -269,61 +271,55 @@ class BusScanner:
         for leg in running.legs:
             wait_factor = max(wait_factor, leg.timing.wait_factor)
             asks_first |= not leg.timing.keeps_done_bit
-        self.clock.sleep_until_ns(running.t_start_ns + round(self.plan.conversion_wait_ns * wait_factor))
-        return asks_first and step.done is not None
+        self._wait_ns = round(self.plan.conversion_wait_ns * wait_factor)
+        asks_first &= bool(step.done)
+        # Next is a question for all converters of a leg, or a trigger of the first, which acts when it ends.
+        t_ns = running.t_starts_ns[-1] if asks_first else running.t_starts_ns[0] - self._lead_ns
+        self.clock.sleep_until_ns(t_ns + self._wait_ns)
+        return asks_first
 
     def _read_out(
-        self, step: ConversionStep, following: ConversionStep, legs: Legs, t_start_ns: int, *, all_done: bool
+        self, step: ConversionStep, following: ConversionStep, legs: Legs, ran: Conversion, *, all_done: bool
     ) -> None:
         _, t_ns, capacitance_pf, readings = self.latest
+        decode = self.plan.board.decode_result
         for leg in legs:
             if not leg.in_scan:  # left out since the conversion began
                 continue
-            for result in step.results:
+            for k, result in enumerate(step.results):
                 at = leg.row, result.element
-                reading, capacitance_pf[at] = self._read_leg(leg, step, result, all_done=all_done)
+                reading, pf = self._bus.read_result(
+                    leg.selection, result, decode, whole=leg.timing.reads_whole_result, is_done=all_done
+                )
+                capacitance_pf[at] = pf + leg.capdac_offset_pf
                 readings[at] = reading
                 if reading in CONVERTED:
-                    excess_ns = round((leg.timing.wait_factor - 1) * self.plan.conversion_wait_ns)
-                    t_ns[at] = t_start_ns + (self.plan.conversion_ns + excess_ns) // 2
+                    excess_ns = round((leg.timings[k].wait_factor - 1) * self.plan.conversion_wait_ns)
+                    t_ns[at] = ran.t_starts_ns[k] + (self.plan.conversion_ns + excess_ns) // 2
                 else:
-                    leg.outcome = reading
                     # It was triggered again before it was asked, and that conversion runs alone.
+                    leg.outcome = reading
                     leg.unfinished = following if reading is Reading.NOT_READY else None
-
-    def _read_leg(
-        self, leg: LegConnection, step: ConversionStep, result: ElementResult, *, all_done: bool
-    ) -> tuple[Reading, float]:
-        reading = Reading.NO_ANSWER
-        for _ in range(_MAX_ATTEMPTS):
-            if step.done is not None and not all_done:
-                reading = self._bus.poll(leg.selection, step.done)
-                if reading is Reading.NOT_READY:
+                    for each in step.results:  # a silent converter may be at the address of another
+                        self._discard(leg.row, each.element, reading)
                     break
-                if reading is not _OK:
-                    continue
-            read = result.read if leg.timing.reads_whole_result else result.read_value
-            answers = self._bus.exchange(leg.selection, read)
-            if answers is not None:
-                reading, capacitance_pf = self.plan.board.decode_result(answers)
-                return reading, capacitance_pf + leg.capdac_offset_pf
-            reading = Reading.NO_ANSWER
-        return reading, _NAN
 
     def _mark_late_as_failed(self, step: ConversionStep, legs: Legs) -> bool:
         """Mark each leg as failed whose conversion has not finished before the next trigger; return if the others have.
 
         A chip whose DONE bit that clears has to say it now. Of another one an answer that is lost is asked for again.
         """
-        assert step.done is not None
-        if not legs or self._bus.poll(sum(leg.selection for leg in legs), step.done) is _OK:
-            return True
-        for leg in legs:
-            outcome = self._bus.poll(leg.selection, step.done)
-            if outcome is Reading.NOT_READY or not leg.timing.keeps_done_bit:
-                leg.outcome = outcome
-                leg.unfinished = step
-        return not all(leg.timing.keeps_done_bit for leg in legs)
+        selection, all_done = sum(leg.selection for leg in legs), True
+        for done in step.done if legs else ():
+            if self._bus.poll(selection, done) is _OK:
+                continue
+            all_done = False
+            for leg in legs:
+                outcome = self._bus.poll(leg.selection, done)
+                if leg.outcome is _OK and (outcome is Reading.NOT_READY or not leg.timing.keeps_done_bit):
+                    leg.outcome = outcome
+                    leg.unfinished = step
+        return all_done or not all(leg.timing.keeps_done_bit for leg in legs)
 
     def _check_settings(self, step: ConversionStep, running: Conversion) -> None:
         """Read back line and chip settings during a conversion; mark each leg as failed whose check fails."""
@@ -338,8 +334,9 @@ class BusScanner:
         """Return the leg that is asked for the lines of a step by itself, as a wired AND may hide wrong ones.
 
         One leg a scan, or in four where that takes time, in a diagonal element: these have all rows and columns.
+        Without lines it is asked for the settings of a converter, in place of all legs.
         """
-        turn, skipped = divmod(self._n_scans, 1 if self._check_all else 4)
+        turn, skipped = divmod(self._n_scans, 1 if self._check_all else _ALONE_EVERY)
         visit, row = divmod(turn, len(self.legs))
         element = visit % ROWS * (ROWS + 1)
         if skipped or len(self.legs) == 1 or element not in [result.element for result in step.results]:
@@ -347,11 +344,14 @@ class BusScanner:
         return self.legs[row]
 
     def _check_lines_of_leg(self, leg: LegConnection, step: ConversionStep) -> None:
-        """Ask a leg alone for its lines; leave it out if they are wrong twice."""
+        """Ask a leg alone for its lines, or its settings without; leave it out if they are wrong twice."""
         if not leg.in_scan or leg.outcome is not _OK:
             return
-        for check in step.select_checks:
+        for check in step.select_checks or step.setting_checks:
             answer = self._bus.check(leg.selection, check)
+            if answer is Reading.MISCONFIGURED and not step.select:  # given back, unless it is another chip
+                leg.outcome = answer
+                self._bus.exchange(leg.selection, self.plan.board.make_ready)
             if answer is not _OK and self._bus.check(leg.selection, check) is Reading.MISCONFIGURED:
                 leg.doubted = step
                 leg.leave_scan(Reading.MISCONFIGURED, self.clock.now_ns())

@@ -35,10 +35,11 @@ def sequential_scan(bus: I2cBus, clock: Clock, config: Config) -> None:
             )
             for write in step.select:
                 bus.transfer(write)
-            bus.transfer(step.trigger)
-            clock.sleep_until_ns(clock.now_ns() + plan.conversion_wait_ns)
-            for read in (*([step.done.read] if step.done else []), *step.results[0].read_value):
-                bus.transfer(read)
+            for result in step.results:  # one after the other, also those of converters of their own
+                bus.transfer(result.trigger)
+                clock.sleep_until_ns(clock.now_ns() + plan.conversion_wait_ns)
+                for read in (*([result.done.read] if result.done else []), *result.read_value):
+                    bus.transfer(read)
 
 
 def has_cantools() -> bool:

@@ -8,8 +8,8 @@ import itertools
 import numpy as np
 from msgspec.structs import replace
 
-from firmware_interface import schedule
 from firmware_interface.schedule import scan_lower_bounds
+from footsense.acquisition.scan_plan import BOARDS
 from footsense.benchmarks.naive import sequential_scan
 from footsense.config import DEFAULT, Config
 from footsense.config.sections import Bus
@@ -25,17 +25,26 @@ _HOST_COSTS_US = (0, 40, 100)
 #: Forces of each leg of which the age is measured, after the tare.
 _N_AGE_SAMPLES = 120
 
-_TWO_BUSES = replace(
-    DEFAULT,
-    buses=(
+_BUSES = {
+    "one_bus": DEFAULT.buses,
+    "two_buses": (
         Bus(device="sim0", legs={"lf": 0, "lm": 1, "lr": 2}),
         Bus(device="sim1", legs={"rf": 0, "rm": 1, "rr": 2}),
     ),
-)
+    "three_buses": (
+        Bus(device="sim0", legs={"lf": 0, "rf": 1}),
+        Bus(device="sim1", legs={"lm": 0, "rm": 1}),
+        Bus(device="sim2", legs={"lr": 0, "rr": 1}),
+    ),
+}
 _CONFIGURATIONS = {
     "one_bus": DEFAULT,
-    "two_buses": _TWO_BUSES,
+    "two_buses": replace(DEFAULT, buses=_BUSES["two_buses"]),
     "ad7746": replace(DEFAULT, board="ad7746"),
+    **{
+        f"columns_{name}": replace(DEFAULT, board="fdc1004_columns", buses=buses)
+        for name, buses in _BUSES.items()
+    },
 }
 
 
@@ -116,7 +125,7 @@ def _scan_period_lower_bound_ns(config: Config, bus: Bus, host_cost_us: int) -> 
         conversion_ns=config.conversion_rate.conversion_ns,
         bus_hz=bus.rate_hz,
         host_cost_ns=host_cost_us * 1e3,
-        traffic=schedule.AD7746_TRAFFIC if config.board == "ad7746" else schedule.FDC1004_TRAFFIC,
+        traffic=BOARDS[config.board].traffic,
     ).scan_period_bound_ns
 
 

@@ -13,7 +13,12 @@ from footsense.daemon.can_output import can_sink
 from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.loop import Loop
 from footsense.daemon.models import Models, load_models
-from footsense.daemon.recording_header import model_mismatch_reason, recorded_config, recorded_flags
+from footsense.daemon.recording_header import (
+    board_mismatch_reason,
+    model_mismatch_reason,
+    recorded_config,
+    recorded_flags,
+)
 from footsense.errors import FootsenseError, ModelError, RecordingError, require
 from footsense.frames import Flag
 from footsense.progress import file_progress_bar
@@ -58,7 +63,8 @@ def _recorded_models(recording: Replay, folder: Path | None, *, check: bool) -> 
 
     Raises:
         ModelError: The forces cannot be compared: they are of another network.
-        RecordingError: They cannot be compared: the recording is a snapshot.
+        RecordingError: They cannot be compared: the recording is a snapshot. Or its readings are of another board than
+            its configuration.
     """
     file = recording.path
     if check and SNAPSHOT_KEY in recording.header:
@@ -70,6 +76,9 @@ def _recorded_models(recording: Replay, folder: Path | None, *, check: bool) -> 
     if folder is not None and config.calibrations is not None:
         config = msgspec.structs.replace(config, calibrations=str(folder))
     models = load_models(config)
+    first = next((entry for entry in recording.entries() if not isinstance(entry, LostCycles)), None)
+    if first is not None and (reason := board_mismatch_reason(first.cycle.scan, config)):
+        raise RecordingError(f"{file}: {reason}")
     if difference := model_mismatch_reason(recording.header, models):
         error = ModelError(f"{file}: {difference}")
         if check:

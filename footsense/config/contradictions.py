@@ -5,9 +5,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from ipaddress import IPv4Address
 from typing import Any
 
+from firmware_interface.schedule import scan_lower_bounds
 from firmware_interface.wire_timing import can_bits_per_s
 from footsense.acquisition.mcu_source import Serial
-from footsense.acquisition.scan_plan import BOARDS, Scan
+from footsense.acquisition.scan_plan import BOARDS, Scan, bus_overload
 from footsense.config.schema import DEFAULT_PUBLISH_EVERY, Config
 from footsense.config.sections import PCA9685_ALLCALL_ADDRESS, Bus, Mux
 from footsense.foot.type_folders import released_names, unknown_name_remedy
@@ -156,12 +157,28 @@ def _repeated(entries: Iterable[tuple[str, int | str, str]], message: str) -> It
         yield value in owner_of, path, message.format(value, owner_of.setdefault(value, owner))
 
 
+def _bus_overload(config: Config, bus: Bus) -> str | None:
+    """Return that a bus does not carry the configured rate even if its host costs nothing, in words; else None."""
+    plan = config.scan_plan
+    bounds = scan_lower_bounds(
+        n_legs=len(bus.channels),
+        conversion_ns=plan.conversion_ns,
+        bus_hz=bus.rate_hz,
+        host_cost_ns=0.0,
+        n_result_reads=len(plan.steps[0].results[0].read_value),
+        traffic=plan.board.traffic,
+    )
+    return bus_overload(plan, bounds)
+
+
 def _doubts(config: Config) -> Iterator[_Rule]:
     """Yield rules about what is allowed but often a mistake."""
     for i, bus in enumerate(config.buses):
         is_allcall = bus.mux.address == PCA9685_ALLCALL_ADDRESS
         allcall = "0x70 is also the ALLCALL address of PCA9685 servo boards; prefer 0x71"
         yield is_allcall, f"buses[{i}].mux.address", allcall
+        overload = _bus_overload(config, bus)
+        yield overload is not None, f"buses[{i}]", f"{bus.device} {overload}"
     address = config.metrics.address
     is_public = address not in ("127.0.0.1", "::1", "localhost")
     yield is_public, "metrics.address", f"the network reads {address} without a password"

@@ -15,7 +15,7 @@ from footsense.clock import Realtime
 from footsense.config import sections
 from footsense.estimation.settings import ContactLimits, TareLimits
 from footsense.foot.calibration_files import FootId
-from footsense.frames import ELEMENTS, Leg
+from footsense.frames import Leg
 
 #: Default of `publish_every`: 92 forces a second, with all other frames 35 % of 500 kbit/s for six legs.
 DEFAULT_PUBLISH_EVERY = 4
@@ -52,7 +52,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         realtime: Scheduling to request; None for none.
     """
 
-    board: Literal["fdc1004", "ad7746", "mcu"] = "fdc1004"
+    board: Literal["fdc1004", "fdc1004_columns", "ad7746", "mcu"] = "fdc1004"
     buses: Annotated[tuple[sections.Bus, ...], Meta(max_length=8)] = ()
     serial: Serial | None = None
     can: Annotated[Can, Meta(description="interface: socketcan, channel: can0 on a robot")]
@@ -101,7 +101,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         """Shortest duration of a scan [ms]: of all conversions, or the microcontroller's period."""
         if self.serial is not None:
             return 1e3 / self.serial.rate_hz
-        return ELEMENTS * self.conversion_rate.conversion_ns * 1e-6
+        return len(self.scan_plan.steps) * self.conversion_rate.conversion_ns * 1e-6
 
     @property
     def effective_publish_every(self) -> int:

@@ -10,13 +10,14 @@ from footsense.acquisition.leg_bus import LegBus
 from footsense.acquisition.linux_i2c import LinuxI2cBus
 from footsense.acquisition.mcu_source import McuSource, Serial
 from footsense.acquisition.robot_scanner import RobotScanner
+from footsense.acquisition.scan_plan import ScanPlan, bus_overload
 from footsense.acquisition.scanner import BusScanner
 from footsense.acquisition.serial_port import SerialLink
 from footsense.clock import MonotonicClock
 from footsense.config import Config
 from footsense.config.sections import Bus
 from footsense.daemon.simulation import simulated_robot
-from footsense.frames import ELEMENTS, CapFrame, Vector
+from footsense.frames import CapFrame, Vector
 from footsense.ports import Clock, SerialPort, WakeupLatency
 from footsense.sim.robot import SimulatedRobot
 from footsense.sim.robot_on_mcu import SimulatedSerialPort, simulated_mcu
@@ -104,8 +105,8 @@ def _open_bus(bus: Bus, stack: ExitStack) -> LegBus:
     return LegBus(adapter, bus.mux_address, line)
 
 
-def _log_bus_timing(bus: Bus, timing: BusTiming | None) -> None:
-    """Log a bus's scan limits, and a warning if it is slower than configured."""
+def _log_bus_timing(bus: Bus, timing: BusTiming | None, plan: ScanPlan) -> None:
+    """Log a bus's scan limits, and a warning if it is slower than configured, or too slow for several converters."""
     if timing is None:
         return
     _log.info("%s: %s", bus.device, timing)
@@ -117,6 +118,9 @@ def _log_bus_timing(bus: Bus, timing: BusTiming | None) -> None:
             timing.bus_hz * 1e-3,
             bus.rate_hz * 1e-3,
         )
+    overload = bus_overload(plan, timing.lower_bounds)
+    if overload is not None and len(plan.steps[0].results) > 1:
+        _log.warning("%s %s", bus.device, overload)
 
 
 @contextmanager
@@ -175,11 +179,11 @@ def _open_bus_scanners(config: Config, robot: SimulatedRobot | None, stack: Exit
     stack.callback(source.close)
     source.start()
     for bus, scanner in zip(config.buses, scanners, strict=True):
-        _log_bus_timing(bus, scanner.bus_timing)
+        _log_bus_timing(bus, scanner.bus_timing, plan)
     return ScanSource(
         source,
         MonotonicClock(),
-        ELEMENTS,
+        len(plan.steps),
         wakeups=tuple(clock.wakeups for _, clock in buses if isinstance(clock, MonotonicClock)),
         converter_temperature_c=source.temperature_c if plan.board.thermometer else None,
     )

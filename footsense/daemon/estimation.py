@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from firmware_interface.schedule import scan_lower_bounds
 from footsense.acquisition.scan_plan import BOARDS
+from footsense.config import Config
 from footsense.daemon.models import Models
 from footsense.errors import ConfigError
 from footsense.estimation.calibrated_feet import CalibratedFeet
@@ -25,6 +27,8 @@ from footsense.ports import LoadEstimator
 
 #: Least contact threshold over the standard deviation of an element's noise [1].
 _MIN_CONTACT_THRESHOLD_TO_NOISE = 5.0
+#: Planning value of the time that the host adds to each transaction: of a Raspberry Pi 4 [ns].
+_HOST_COST_NS = 40_000
 
 
 def pipeline_for(models: Models, flags: int) -> Pipeline:
@@ -46,7 +50,7 @@ def pipeline_for(models: Models, flags: int) -> Pipeline:
         tare=config.tare,
         least_contact_n=contact_threshold_n(models),
         max_swing_rise_n_per_s=_max_swing_rise_n_per_s(models, force_sensitivity),
-        scan_ns=round(config.shortest_scan_ms * 1e6),
+        scan_ns=_usual_scan_ns(config),
         max_age_ns=round(config.effective_max_age_ms * 1e6),
         friction=math.nan if config.contact.friction is None else config.contact.friction,
         track_baseline=config.baseline.track,
@@ -55,6 +59,25 @@ def pipeline_for(models: Models, flags: int) -> Pipeline:
     return Pipeline(
         estimator, trained, mounted_feet(models), limits, force_sensitivity, flags, set_temperature
     )
+
+
+def _usual_scan_ns(config: Config) -> int:
+    """Return the time of a scan [ns]: of its conversions; of several converters a leg, as their buses can read them."""
+    conversions_ns = round(config.shortest_scan_ms * 1e6)
+    if config.board not in BOARDS or BOARDS[config.board].traffic.n_converters == 1:
+        return conversions_ns
+    bounds = (
+        scan_lower_bounds(
+            n_legs=len(bus.channels),
+            conversion_ns=config.conversion_rate.conversion_ns,
+            bus_hz=bus.rate_hz,
+            host_cost_ns=_HOST_COST_NS,
+            n_result_reads=len(config.scan_plan.steps[0].results[0].read_value),
+            traffic=BOARDS[config.board].traffic,
+        )
+        for bus in config.buses
+    )
+    return max(conversions_ns, *(bound.scan_period_bound_ns for bound in bounds))
 
 
 def mounted_feet(models: Models) -> MountedFeet:

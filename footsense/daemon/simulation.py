@@ -13,7 +13,15 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.type_folders import foot_type_folder
 from footsense.frames import CapFrame
 from footsense.ports import Clock, FrameSource
-from footsense.sim.faults.scene_faults import ChipFault, WireFault
+from footsense.sim.faults.scene_faults import (
+    BrokenRow,
+    ChipFault,
+    ConvertersCollide,
+    ConverterSilent,
+    SwitchIgnoresWrites,
+    TranslatorDead,
+    WireFault,
+)
 from footsense.sim.robot import BusWiring, SimulatedRobot
 from footsense.sim.scene import Scene
 
@@ -21,6 +29,7 @@ _log = logging.getLogger(__name__)
 
 #: Lag behind real time from which a simulation's forces are too late for a consumer: the age limit of one [ns].
 _MAX_LAG_NS = 100_000_000
+_FAULTS_OF_COLUMNS = (ConverterSilent, ConvertersCollide, TranslatorDead)
 
 
 def is_simulated(config: Config) -> bool:
@@ -75,6 +84,10 @@ def _inapplicable_faults(config: Config, scene: Scene) -> Iterator[str]:
         bus = getattr(fault, "bus", None)
         if config.serial is not None and isinstance(fault, ChipFault | WireFault):
             yield f"faults[{n}]: is for chips or wires of an I2C bus, which the board mcu does not have"
+        if isinstance(fault, _FAULTS_OF_COLUMNS) and config.board != "fdc1004_columns":
+            yield f"faults[{n}]: is for board fdc1004_columns, which has a converter a column; this is {config.board}"
+        if isinstance(fault, SwitchIgnoresWrites | BrokenRow) and config.board == "fdc1004_columns":
+            yield f"faults[{n}]: is for row lines and their switch, which the board fdc1004_columns does not have"
         if bus is not None and bus >= len(config.buses):
             yield f"faults[{n}].bus: {bus} is no bus of this robot; it has 0 to {len(config.buses) - 1}"
 

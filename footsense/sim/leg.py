@@ -25,11 +25,11 @@ class SimulatedLeg:
         load: The load of the scene.
         foot: The foot on this leg.
         table: Capacitances of the foot over a gait cycle; None to compute each load.
-        board: Electronics: `fdc1004` or `ad7746`.
+        board: Electronics: `fdc1004`, `fdc1004_columns` or `ad7746`.
 
     Attributes:
         wired: The foot behind the electronics.
-        chips: The chips as their bus sees them, the converter first.
+        chips: The chips as their bus sees them, the converters first.
     """
 
     def __init__(

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from footsense.config import DEFAULT, Config
-from footsense.config.sections import Mux
+from footsense.config.sections import Bus, Mux
 from footsense.sim.faults import scene_faults as faults
 from footsense.sim.faults.scene_faults import CanFault, Fault
 from footsense.sim.scene import Effects
@@ -80,6 +80,30 @@ _HANG_TRIALS = tuple(
 )
 _STUCK_SDA_FAULTS = _faults_on_trial_leg(faults.StuckSda)
 
+#: Faults of board `fdc1004_columns`, with two buses; the column is that of a converter.
+_COLUMNS = msgspec.structs.replace(
+    DEFAULT,
+    board="fdc1004_columns",
+    buses=(
+        Bus(device="sim0", mux=DEFAULT.buses[0].mux, legs={"lf": 0, "lm": 1, "lr": 2}),
+        Bus(device="sim1", mux=DEFAULT.buses[0].mux, legs={"rf": 0, "rm": 1, "rr": 2}),
+    ),
+)
+_COLUMNS_TRIALS = tuple(
+    FaultTrial(f"board fdc1004_columns: {words}", script, config=_COLUMNS)
+    for words, script in (
+        ("cable off and on", _faults_on_trial_leg(faults.Absent)),
+        ("one converter silent", _faults_on_trial_leg(faults.ConverterSilent, column=1)),
+        ("two converters at one address", _faults_on_trial_leg(faults.ConvertersCollide, column=2)),
+        ("address translator dead", _faults_on_trial_leg(faults.TranslatorDead)),
+        ("one converter hangs", (faults.HungConverter(leg=FAULTY_LEG, at_s=BREAKS_AT_S, column=1),)),
+        ("supply dips: all settings lost", (faults.BrownOut(leg=FAULTY_LEG, at_s=BREAKS_AT_S),)),
+        ("SDA held low by the leg", _STUCK_SDA_FAULTS),
+        ("element open", _faults_on_trial_leg(faults.ElementOpen, element=4)),
+        ("column plug off", _faults_on_trial_leg(faults.BrokenColumn, column=1)),
+    )
+)
+
 LEG_FAULT_TRIALS = (
     FaultTrial("cable off and on", _faults_on_trial_leg(faults.Absent)),
     FaultTrial(
@@ -120,6 +144,7 @@ LEG_FAULT_TRIALS = (
         "two row lines broken",
         _faults_on_trial_leg(faults.BrokenRow, row=0) + _faults_on_trial_leg(faults.BrokenRow, row=2),
     ),
+    *_COLUMNS_TRIALS,
 )
 
 CAN_FAULT_TRIALS: dict[str, CanFault] = {
@@ -157,12 +182,18 @@ def simulate_leg_faults(
     Raises:
         ModelError: The feet's network or response table is missing.
     """
-    whole = simulate_walk(config=msgspec.structs.replace(DEFAULT, foot_type=foot_type), load=load)
-    found = {"nothing": _fault_free_figures(whole)}
+
+    def whole_walk(config: Config) -> PublishedWalk:
+        return simulate_walk(config=msgspec.structs.replace(config, foot_type=foot_type), load=load)
+
+    whole = {DEFAULT.board: whole_walk(DEFAULT)}
+    found = {"nothing": _fault_free_figures(whole[DEFAULT.board])}
     for trial in islice(LEG_FAULT_TRIALS, None, None, _QUICK_EVERY_NTH_TRIAL if quick else 1):
         config = msgspec.structs.replace(trial.config, foot_type=foot_type)
         broken = simulate_walk(*trial.script, config=config, effects=trial.effects, load=load)
-        found[trial.description] = fault_figures(broken, whole, BREAKS_AT_S, trial.fault_end_s)
+        if config.board not in whole:
+            whole[config.board] = whole_walk(config)
+        found[trial.description] = fault_figures(broken, whole[config.board], BREAKS_AT_S, trial.fault_end_s)
         report(trial.description)
     return found
 

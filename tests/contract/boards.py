@@ -1,6 +1,6 @@
-"""Legs of either board with given capacitances, the buses that they are on, and the scanner that reads them."""
+"""Legs of a board with given capacitances, the buses that they are on, and the scanner that reads them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import NamedTuple
 
@@ -24,7 +24,9 @@ from footsense.sim.chips.chip import SimulatedLineSwitch, SimulatedMux
 from footsense.sim.chips.electronics import leg_electronics
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 from footsense.sim.clock import JoinedClock, VirtualClock
+from footsense.sim.faults.chip_faults import inject_chip_faults
 from footsense.sim.faults.damage import WiredFoot
+from footsense.sim.faults.scene_faults import ChipFault
 from footsense.sim.i2c_bus import SimulatedBus
 from footsense.sim.scene import Effects
 
@@ -45,6 +47,7 @@ class Board(NamedTuple):
         conversion_ns: A conversion at the fastest [ns].
         exact_pf: How far a reading may be off [pF]: two codes, one of them of the measured CAPDAC.
         probe_ns: What a try of a leg that does not finish its conversions costs the others [ns].
+        n_steps: Conversions of a scan.
     """
 
     name: str
@@ -52,12 +55,15 @@ class Board(NamedTuple):
     conversion_ns: int
     exact_pf: float
     probe_ns: int
+    n_steps: int = ELEMENTS
 
 
 FDC1004 = Board("fdc1004", (400, 200, 100), 2_500_000, 0.0, 7_000_000)
 AD7746 = Board("ad7746", (91, 84, 50, 26, 16, 13, 11, 9), 11_000_000, 2e-6, 15_000_000)
+COLUMNS = Board("fdc1004_columns", (400, 200, 100), 2_500_000, 0.0, 21_000_000, 3)
 BOTH = (FDC1004, AD7746)
 both = pytest.mark.parametrize("board", BOTH, ids=lambda board: board.name)
+every = pytest.mark.parametrize("board", [*BOTH, COLUMNS], ids=lambda board: board.name)
 
 
 def distinct(element: int, t_ns: int) -> float:
@@ -120,8 +126,10 @@ class Robot:
         rate_sps: int | None = None,
         clock_error_rel: float = 0.0,
         effects: Effects = _NO_EFFECTS,
+        faults: Sequence[tuple[int, ChipFault]] = (),
     ) -> None:
         self.converters: list[SimulatedFdc1004 | SimulatedAd7746] = []
+        self.converters_of_leg: list[tuple[SimulatedFdc1004 | SimulatedAd7746, ...]] = []
         self.switches: list[tuple[SimulatedLineSwitch, ...]] = []
         self.saboteurs: list[Saboteur] = []
         self._of_leg_pf = np.zeros((6, 1))
@@ -137,11 +145,14 @@ class Robot:
                     return [capacitance_pf(e, t_ns) + self._of_leg_pf[leg, 0] for e in range(ELEMENTS)]
 
                 foot = WiredFoot(element_pf, (), _designed_foot())
-                converter, switches = leg_electronics(board.name, foot, effects, (0, leg))
-                converter.clock_factor = 1.0 + clock_error_rel
-                self.converters.append(converter)
+                converters, switches = leg_electronics(board.name, foot, effects, (0, leg))
+                for converter in converters:
+                    converter.clock_factor += clock_error_rel
+                self.converters.append(converters[0])
+                self.converters_of_leg.append(converters)
                 self.switches.append(switches)
-                legs[channel] = (converter, *switches)
+                own = [fault for of_leg, fault in faults if of_leg == leg]
+                legs[channel] = inject_chip_faults(converters, switches, own, np.random.default_rng(1))
             bus = Saboteur(SimulatedBus(clock, 400_000, host_cost_ns, SimulatedMux(0x71), legs), clock)
             self.saboteurs.append(bus)
             channels = {f"{len(scanners)}{n}": n for n in range(per_bus)}
@@ -164,7 +175,7 @@ class Robot:
         self._of_leg_pf = np.arange(6)[:, None] / 512
 
     def chips(self, leg: int) -> list[SimulatedFdc1004 | SimulatedAd7746 | SimulatedLineSwitch]:
-        return [self.converters[leg], *self.switches[leg]]
+        return [*self.converters_of_leg[leg], *self.switches[leg]]
 
     def is_right(self, frame: CapFrame) -> NDArray[np.bool_]:
         """Tell which readings are their own capacitances."""
@@ -188,7 +199,7 @@ class Robot:
     def read(self, n: int = 1) -> CapFrame:
         """Return the frame that completes a scan, the last of `n` scans."""
         for _ in range(n):
-            while (frame := self.convert()).sequence % ELEMENTS:
+            while (frame := self.convert()).sequence % self.board.n_steps:
                 pass
         return frame
 

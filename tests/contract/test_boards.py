@@ -11,6 +11,7 @@ from footsense.frames import Reading
 from tests.contract.boards import (
     AD7746,
     BOTH,
+    COLUMNS,
     DISTINCT_PF,
     FDC1004,
     Board,
@@ -18,12 +19,13 @@ from tests.contract.boards import (
     Robot,
     both,
     distinct,
+    every,
     only,
 )
 
 
 @pytest.mark.parametrize(
-    ("board", "rate_sps"), [(board, rate_sps) for board in BOTH for rate_sps in board.rates_sps]
+    ("board", "rate_sps"), [(board, rate_sps) for board in (*BOTH, COLUMNS) for rate_sps in board.rates_sps]
 )
 @pytest.mark.parametrize("n_buses", [1, 2])
 def test_every_element_lands_at_its_place(board: Board, rate_sps: int, n_buses: int) -> None:
@@ -34,7 +36,7 @@ def test_every_element_lands_at_its_place(board: Board, rate_sps: int, n_buses: 
     assert robot.is_right(frame).all()
 
 
-@both
+@every
 @pytest.mark.parametrize("reading", [Reading.NO_ANSWER, Reading.NOT_READY])
 def test_an_absent_leg_or_a_stuck_converter_costs_only_itself(board: Board, reading: Reading) -> None:
     """The others keep every element and their pace, but for a try and its timing; when it is well it is taken up."""
@@ -58,7 +60,7 @@ def test_an_absent_leg_or_a_stuck_converter_costs_only_itself(board: Board, read
     assert (robot.read(200).reading == Reading.OK).all()
 
 
-@both
+@every
 def test_a_leg_that_is_missing_at_start_is_looked_for_again(board: Board) -> None:
     """The others start without it; once it is plugged in it takes part."""
     robot = Robot(distinct, board)
@@ -71,7 +73,7 @@ def test_a_leg_that_is_missing_at_start_is_looked_for_again(board: Board) -> Non
     assert robot.is_right(frame).all()
 
 
-@both
+@every
 def test_readings_of_all_legs_belong_to_the_same_conversion(board: Board) -> None:
     """A broadcast triggers all legs at once: their stamps are equal to the nanosecond, and frames count from 0."""
     robot = Robot(distinct, board)
@@ -113,7 +115,7 @@ def test_a_conversion_that_cannot_be_started_is_a_miss(board: Board, error: I2cE
     robot = Robot(distinct, board)
     robot.read(2)
     steps = scan_plan(board.rates_sps[0], board.name).steps
-    triggers = {step.trigger for step in steps}
+    triggers = {step.results[0].trigger for step in steps}
     robot.saboteurs[0].arm(lambda transaction, n: error if transaction in triggers else None)
     frame = robot.read()
     assert (frame.reading[:, steps[0].results[0].element] == Reading.OK).all()  # it was running before

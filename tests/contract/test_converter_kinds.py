@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from footsense.acquisition.boards.fdc1004 import READ_CONF, read_register
+from firmware_interface.chips.fdc1004 import Fdc1004Register
+from footsense.acquisition.boards.fdc1004 import read_register
 from footsense.frames import CapFrame, Reading
 from footsense.ports import I2cBus, Transaction
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
@@ -21,6 +22,7 @@ KINDS = [
     Effects(trigger_clears_done=trigger, done_needs_both_reads=both, keeps_old_result=keeps)
     for trigger, both, keeps in itertools.product((False, True), repeat=3)
 ]
+READ_CONF = read_register(Fdc1004Register.FDC_CONF)
 LOWER_REGISTERS = [read_register(register) for register in (1, 3, 5)]
 
 

@@ -97,7 +97,9 @@ def test_a_chip_of_no_use_says_why() -> None:
 def test_the_rate_stands_in_the_configuration_register(rate_sps: int, configuration: int) -> None:
     """CAPFS is bits 5 to 3 of 0x0A, not of the set-up at 0x07, and mode 2 is single; mode 0 would be idle."""
     plan = scan_plan(rate_sps, "ad7746")
-    assert {step.trigger for step in plan.steps} == {Transaction(0x48, bytes((0x0A, configuration)))}
+    assert {step.results[0].trigger for step in plan.steps} == {
+        Transaction(0x48, bytes((0x0A, configuration)))
+    }
 
 
 def test_an_element_is_a_row_at_the_excitation_and_a_column_at_the_input() -> None:
@@ -174,5 +176,9 @@ def test_a_lost_capdac_is_asked_for_once_a_scan() -> None:
 def test_nothing_but_the_lines_and_the_start_is_written_for_an_element() -> None:
     """The CAPDAC stays as it is between elements: its steps are no measure."""
     for step in scan_plan(91, "ad7746").steps:
-        written = [write.write[0] for write in (*step.select_changes, step.trigger) if write.address == 0x48]
+        written = [
+            write.write[0]
+            for write in (*step.select_changes, step.results[0].trigger)
+            if write.address == 0x48
+        ]
         assert written == [0x0A]

@@ -65,7 +65,7 @@ def test_configuration_is_reset_then_one_cin_per_slot() -> None:
 def test_the_plan_triggers_one_measurement_at_a_time() -> None:
     """At 400 S/s the triggers are 0x0C80, 0x0C40, 0x0C20; the rows are grounded one by one, the others shielded."""
     steps = {step.results[0].element: step for step in scan_plan(400).steps}
-    assert [steps[e].trigger.write.hex() for e in (0, 1, 2)] == ["0c0c80", "0c0c40", "0c0c20"]
+    assert [steps[e].results[0].trigger.write.hex() for e in (0, 1, 2)] == ["0c0c80", "0c0c40", "0c0c20"]
     assert [steps[e].select for e in (0, 3, 6)] == [
         (Transaction(0x49, bytes((switches,))),) for switches in (0b110001, 0b101010, 0b011100)
     ]
@@ -123,6 +123,6 @@ def test_the_done_bit_is_believed_only_without_bits_that_no_converter_sends(
     answer: bytes, reading: Reading
 ) -> None:
     """In FDC_CONF the reserved bits 14 to 12 and 9, and REPEAT, which is never asked for."""
-    done = fdc1004.step(0, RATES[400]).done
+    done = fdc1004.step(0, RATES[400]).results[0].done
     assert done is not None
     assert done.decode(answer) is reading

@@ -13,6 +13,7 @@ from firmware_interface import schedule
 from firmware_interface.chips import ad7746 as chip
 from firmware_interface.chips import adg715
 from firmware_interface.chips.ad7746 import Ad7746Register
+from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.acquisition.boards.board import (
     MAX_WAIT_FACTOR,
     Board,
@@ -89,13 +90,11 @@ def step(element: int, rate: chip.Ad7746Rate) -> ConversionStep:
     """
     row, column = divmod(element, ROWS)
     return ConversionStep(
-        results=(ElementResult(element, (READ_RESULT,), (READ_RESULT,)),),
+        results=(ElementResult(element, _trigger_transaction(rate), None, (READ_RESULT,), (READ_RESULT,)),),
         select=(
             Transaction(adg715.ADDRESS, bytes((adg715.line_switch_byte(1 << row),))),
             Transaction(adg715.COLUMN_ADDRESS, bytes((adg715.line_switch_byte(1 << column),))),
         ),
-        trigger=_trigger_transaction(rate),
-        done=None,
     )
 
 
@@ -209,15 +208,18 @@ def decode_temperature(answer: bytes, again: bytes) -> float:
 #: The board `ad7746`.
 BOARD = Board(
     rates=chip.RATES,
+    order=CONVERSION_ORDERS["lo_shu"],
     step=step,
     check_identity=reset_and_check_identity,
     configure_and_get_capdac_pf=configure_and_measure_capdac,
     decode_result=decode_result,
     make_ready=(_write_settings(SCAN_CAPDAC), READ_RESULT),
     # Without its CAPDAC setting a chip reads another capacitance; without the others it does not convert.
-    setting_check=ReadBackCheck(
-        read_registers(Ad7746Register.CAPDAC_A, 4),
-        bytes((chip.capdac(SCAN_CAPDAC), 0)) + chip.RESET_VALUES[-2:],
+    setting_checks=(
+        ReadBackCheck(
+            read_registers(Ad7746Register.CAPDAC_A, 4),
+            bytes((chip.capdac(SCAN_CAPDAC), 0)) + chip.RESET_VALUES[-2:],
+        ),
     ),
     range_end_pf=SCAN_CAPDAC * chip.CAPDAC_STEP_PF * (1 - _CAPDAC_STEP_TOLERANCE_REL) + chip.FULL_SCALE_PF,
     thermometer=Thermometer(

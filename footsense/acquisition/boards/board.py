@@ -1,7 +1,6 @@
 """Data types of an electronics board as the scanner uses it: transactions of an element, and their decoding.
 
-Each of the two boards is a value of `Board`, which the module of its converter makes for the rows and columns of a
-foot: `fdc1004.board` and `ad7746.board`.
+Each board is a value of `Board`, which the module of its converter makes for the rows and columns of a foot.
 """
 
 from collections.abc import Callable, Mapping
@@ -39,37 +38,42 @@ class DonePoll(NamedTuple):
 
 
 class ElementResult(NamedTuple):
-    """Result of one element of a conversion.
+    """Conversion of one element by one converter: trigger, polling, read-out.
 
     Attributes:
         element: Flat index of the element.
+        trigger: Write that starts the conversion.
+        done: The question whether it is done; None where the result itself shows it.
         read: Reads of the whole result from the leg's converter; by these any chip forgets that a conversion is done.
         read_value: Those of them that the value needs, for a chip that forgets by these alone.
     """
 
     element: int
+    trigger: Transaction
+    done: DonePoll | None
     read: tuple[Transaction, ...]
     read_value: tuple[Transaction, ...]
 
 
 class ConversionStep(NamedTuple):
-    """Transactions of one conversion of a leg: line selection, trigger, polling, read-out, checks.
+    """Transactions of one conversion of a leg: line selection, conversions, checks.
 
     Attributes:
-        results: The elements that are converted at the same time, one for each converter of the leg.
+        results: The elements that are converted at the same time, one for each converter of the leg, in the order in
+            which these are started.
         select: Writes that select the elements' lines, one for each line switch.
-        trigger: Write that starts the conversion.
-        done: The question whether it is done; None where the results themselves show it.
+        done: The questions of `results` whether they are done; none where the results themselves show it.
+        done_after_start: The same for when the next conversion has just been started.
         select_changes: The writes of `select` that are needed after the step before.
         select_checks: Positions of the line switches: a broadcast write is acknowledged even if one leg misses it, and
             a wrong line reads as a plausible capacitance.
-        setting_checks: Settings of the converter; in the last step of a scan only.
+        setting_checks: Settings of a converter; each is asked for in one of the last steps of a scan.
     """
 
     results: tuple[ElementResult, ...]
     select: tuple[Transaction, ...]
-    trigger: Transaction
-    done: DonePoll | None
+    done: tuple[DonePoll, ...] = ()
+    done_after_start: tuple[DonePoll, ...] = ()
     select_changes: tuple[Transaction, ...] = ()
     select_checks: tuple[ReadBackCheck, ...] = ()
     setting_checks: tuple[ReadBackCheck, ...] = ()
@@ -132,28 +136,31 @@ class Board(NamedTuple):
 
     Attributes:
         rates: Its rates, by conversions per second.
-        step: Conversion of an element, by its flat index and the rate.
-        check_identity: Checks that the connected chip is the right one. Raises HardwareError if no chip answers,
-            WrongChipError if another one does, and I2cError.
-        configure_and_get_capdac_pf: Sets up the chip of the leg that is connected alone. Returns OK and the capacitance
-            that its CAPDAC subtracts from each result [pF], or the reason why the chip cannot be used. Raises I2cError.
+        order: Arguments of `step` in the order of a scan.
+        step: A conversion, by the flat index of its element, or of the first of its elements, and the rate.
+        check_identity: Checks that the connected converters are the right ones. Raises HardwareError if one does not
+            answer, WrongChipError if another chip does, and I2cError.
+        configure_and_get_capdac_pf: Sets up the converters of the leg that is connected alone. Returns OK and the
+            capacitance that its CAPDAC subtracts from each result [pF], or the reason why the chip cannot be used.
+            Raises I2cError.
         decode_result: Reading and capacitance [pF] of the answers to `ElementResult.read` or `read_value`, CAPDAC not
             included; NaN unless the reading is OK.
-        make_ready: Brings a converter in an unknown state to where it can convert: its settings, no conversion that
+        make_ready: Brings converters in an unknown state to where they can convert: their settings, no conversion that
             would still end, and no result left to be read.
-        setting_check: The settings of the converter, which a dip of its supply resets; asked once a scan.
+        setting_checks: The settings of each converter, which a dip of its supply resets; asked once a scan.
         range_end_pf: Least capacitance of an element over the range [pF].
         thermometer: Its temperature sensor; None if it has none.
         traffic: Least transactions of a scan.
     """
 
     rates: Mapping[int, ConversionRate]
+    order: tuple[int, ...]
     step: Callable[[int, Any], ConversionStep]
     check_identity: Callable[[I2cBus, Clock], None]
     configure_and_get_capdac_pf: Callable[[I2cBus, Clock], tuple[Reading, float]]
     decode_result: Callable[[list[bytes]], tuple[Reading, float]]
     make_ready: tuple[Transaction, ...]
-    setting_check: ReadBackCheck
+    setting_checks: tuple[ReadBackCheck, ...]
     range_end_pf: float
     thermometer: Thermometer | None
     traffic: ConversionTraffic

@@ -9,9 +9,9 @@ is not known for certain counts as the slower way.
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from footsense.acquisition.boards.board import MAX_WAIT_FACTOR, Board, ConversionStep
+from footsense.acquisition.boards.board import MAX_WAIT_FACTOR, Board, ElementResult
 from footsense.frames import Reading
-from footsense.ports import Clock, I2cBus
+from footsense.ports import Clock, I2cBus, Transaction
 
 #: Halvings of the range of a slow chip: to a hundredth.
 _N_BISECTIONS = 5
@@ -22,7 +22,7 @@ _N_AGREEING_ANSWERS = 3
 
 
 class ChipTiming(NamedTuple):
-    """Measured conversion time of one leg's converter, over the wait of the scan plan, and how it forgets.
+    """Measured conversion time of a converter, over the wait of the scan plan, and how it forgets.
 
     Attributes:
         wait_factor: Time after which it has finished, over the wait of the plan, at least 1 [1].
@@ -38,73 +38,84 @@ class ChipTiming(NamedTuple):
 
 @dataclass(frozen=True)
 class _Trial:
-    """Trials of the only connected leg's converter: two conversions that follow each other in a scan.
+    """Trials of a converter of the only connected leg: two conversions that follow each other in a scan.
 
     Attributes:
         bus: The bus.
         board: The leg's electronics.
+        make_ready: The converter's part of `Board.make_ready`.
         wait_ns: Time after which a chip within its tolerance has finished [ns].
-        step: The first conversion.
+        first: The first conversion.
         following: The second one.
         clock: The time that the bus lives in.
     """
 
     bus: I2cBus
     board: Board
+    make_ready: tuple[Transaction, ...]
     wait_ns: int
-    step: ConversionStep
-    following: ConversionStep
+    first: ElementResult
+    following: ElementResult
     clock: Clock
 
     def finishes_in_time(self, wait_factor: float, *, next_started: bool) -> bool:
         """Convert; return whether that is done after a wait, with the next conversion started or not."""
-        for transaction in self.board.make_ready:
+        for transaction in self.make_ready:
             self.bus.transfer(transaction)
         before_ns = self.clock.now_ns()
-        self.bus.transfer(self.step.trigger)
+        self.bus.transfer(self.first.trigger)
         # The next trigger, which takes as long as this one, ends the conversion when the time is over.
         self.clock.sleep_until_ns(before_ns + round(wait_factor * self.wait_ns))
         if next_started:
             self.bus.transfer(self.following.trigger)
-        if self.step.done is not None:
+        if self.first.done is not None:
             return self._done_answers(1) == {Reading.OK}
-        answers = list(map(self.bus.transfer, self.step.results[0].read))
+        answers = list(map(self.bus.transfer, self.first.read))
         return self.board.decode_result(answers)[0] is not Reading.NOT_READY
 
     def reads_whole_result(self) -> bool:
         """Read the value of the conversion that has just finished; return whether its DONE bit may still be set."""
-        if self.step.done is None:
+        if self.first.done is None:
             return False
         before = self._done_answers(_N_AGREEING_ANSWERS)
-        for transaction in self.step.results[0].read_value:
+        for transaction in self.first.read_value:
             self.bus.transfer(transaction)
         return before != {Reading.OK} or self._done_answers(_N_AGREEING_ANSWERS) != {Reading.NOT_READY}
 
     def _done_answers(self, n: int) -> set[Reading]:
-        done = self.step.done
+        done = self.first.done
         assert done is not None
         return {done.decode(self.bus.transfer(done.read)) for _ in range(n)}
 
 
-def measure_chip_timing(
-    bus: I2cBus, board: Board, elements: tuple[int, int], clock: Clock
-) -> ChipTiming | None:
-    """Return the timing of the only connected leg's converter; None if its conversions do not finish.
+def measure_chip_timings(bus: I2cBus, board: Board, clock: Clock) -> list[ChipTiming | None]:
+    """Return the timing of each converter of the only connected leg; None of one whose conversions do not finish.
 
     All rates of a chip come from one clock, so that the fastest is measured. Its last conversion is left running.
 
     Args:
         bus: The bus.
         board: The leg's electronics.
-        elements: Two elements that follow each other in the scan.
         clock: The time that the bus lives in.
 
     Raises:
         I2cError: A transaction failed.
     """
     rate = board.rates[max(board.rates)]
-    step, following = (board.step(element, rate) for element in elements)
-    trial = _Trial(bus, board, board.conversion_wait_ns(rate), step, following, clock)
+    steps = (board.step(element, rate) for element in board.order[:2])
+    trials = []
+    for first, following in zip(*(step.results for step in steps), strict=True):
+        own = tuple(each for each in board.make_ready if each.address == first.trigger.address)
+        trials.append(_Trial(bus, board, own, board.conversion_wait_ns(rate), first, following, clock))
+    return list(map(_measure_chip_timing, trials))
+
+
+def _measure_chip_timing(trial: _Trial) -> ChipTiming | None:
+    """Return the timing of a converter; None if its conversions do not finish.
+
+    Raises:
+        I2cError: A transaction failed.
+    """
     if trial.finishes_in_time(1.0, next_started=True):
         return ChipTiming(reads_whole_result=trial.reads_whole_result())
     if not trial.finishes_in_time(MAX_WAIT_FACTOR, next_started=False):

@@ -9,6 +9,7 @@ from functools import partial
 from firmware_interface import schedule
 from firmware_interface.chips import adg715
 from firmware_interface.chips import fdc1004 as chip
+from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.acquisition.boards.board import (
     Board,
     ConversionStep,
@@ -32,18 +33,14 @@ _IDENTITY = {
 }
 
 
-def write_register(register: int, word: int) -> Transaction:
-    """Return the transaction that writes one 16-bit register."""
-    return Transaction(chip.ADDRESS, bytes((register, word >> 8, word & 0xFF)))
+def write_register(register: int, word: int, address: int = chip.ADDRESS) -> Transaction:
+    """Return the transaction that writes one 16-bit register of the chip at an address."""
+    return Transaction(address, bytes((register, word >> 8, word & 0xFF)))
 
 
-def read_register(register: int) -> Transaction:
-    """Return the transaction that reads one 16-bit register."""
-    return Transaction(chip.ADDRESS, bytes((register,)), n_read=2)
-
-
-READ_CONF = read_register(chip.Fdc1004Register.FDC_CONF)
-_RESET = write_register(chip.Fdc1004Register.FDC_CONF, chip.CONF_RESET.encode(1))
+def read_register(register: int, address: int = chip.ADDRESS) -> Transaction:
+    """Return the transaction that reads one 16-bit register of the chip at an address."""
+    return Transaction(address, bytes((register,)), n_read=2)
 
 
 def step(element: int, rate: chip.Fdc1004Rate) -> ConversionStep:
@@ -55,12 +52,8 @@ def step(element: int, rate: chip.Fdc1004Rate) -> ConversionStep:
     """
     row, column = divmod(element, ROWS)
     return ConversionStep(
-        results=(_result(element, column, rate),),
+        results=(element_result(element, column, rate),),
         select=(Transaction(adg715.ADDRESS, bytes((adg715.line_switch_byte(1 << row),))),),
-        trigger=write_register(chip.Fdc1004Register.FDC_CONF, chip.trigger_config(rate, column)),
-        done=DonePoll(
-            READ_CONF, partial(_decode_done, done_bit=chip.CONF_DONE.encode(chip.slot_bit(column)))
-        ),
     )
 
 
@@ -77,14 +70,30 @@ def check_identity(bus: I2cBus, clock: Clock) -> None:
         I2cError: The transaction failed otherwise.
     """
     del clock
+    check_identity_at(bus, chip.ADDRESS, "another mux channel")
+
+
+def check_identity_at(bus: I2cBus, address: int, cause_of_silence: str) -> None:
+    """Raise an error unless an FDC1004 answers at an address; see `check_identity`.
+
+    Args:
+        bus: Its bus.
+        address: The address.
+        cause_of_silence: What may be wrong if no chip answers, besides wires and supply.
+
+    Raises:
+        HardwareError: No chip answers.
+        WrongChipError: Another chip answers.
+        I2cError: The transaction failed otherwise.
+    """
     try:
-        answers = [bus.transfer(read_register(register)) for register in _IDENTITY]
+        answers = [bus.transfer(read_register(register, address)) for register in _IDENTITY]
     except NackError as error:
         raise HardwareError(
-            f"no answer at {chip.ADDRESS:#04x}: broken wire, no 3.3 V, or another mux channel"
+            f"no answer at {address:#04x}: broken wire, no 3.3 V, or {cause_of_silence}"
         ) from error
     identity = b"".join(word.to_bytes(2, "big") for word in _IDENTITY.values())
-    require_identity(b"".join(answers), "an FDC1004", identity, chip.ADDRESS, "a 24Cxx EEPROM")
+    require_identity(b"".join(answers), "an FDC1004", identity, address, "a 24Cxx EEPROM")
 
 
 def configure_and_get_capdac_pf(bus: I2cBus, clock: Clock) -> tuple[Reading, float]:
@@ -101,14 +110,23 @@ def configure_and_get_capdac_pf(bus: I2cBus, clock: Clock) -> tuple[Reading, flo
         I2cError: A write was not acknowledged.
     """
     del clock
-    bus.transfer(_RESET)
-    for slot in range(ROWS):  # section 8.6.1.2
-        bus.transfer(write_register(chip.Fdc1004Register.CONF_MEAS1 + slot, chip.measurement_config(slot)))
+    for write in set_up_at(chip.ADDRESS):
+        bus.transfer(write)
     return Reading.OK, 0.0
 
 
+def set_up_at(address: int) -> tuple[Transaction, ...]:
+    """Return the writes that reset the chip at an address, and configure measurement n as CIN n without CAPDAC."""
+    first = chip.Fdc1004Register.CONF_MEAS1
+    return (
+        write_register(chip.Fdc1004Register.FDC_CONF, chip.CONF_RESET.encode(1), address),
+        # Section 8.6.1.2.
+        *(write_register(first + slot, chip.measurement_config(slot), address) for slot in range(ROWS)),
+    )
+
+
 def _decode_done(conf_answer: bytes, done_bit: int) -> Reading:
-    """Return the reading (OK or NOT_READY, ...) decoded from an answer to READ_CONF.
+    """Return the reading (OK or NOT_READY, ...) decoded from the answer to a read of FDC_CONF.
 
     Bits that no FDC1004 sends, reserved ones and REPEAT, which is never asked for, make it CORRUPT.
     """
@@ -118,15 +136,34 @@ def _decode_done(conf_answer: bytes, done_bit: int) -> Reading:
     return Reading.OK if word & done_bit else Reading.NOT_READY
 
 
-def _result(element: int, slot: int, rate: chip.Fdc1004Rate) -> ElementResult:
-    """Return an element with the transactions that read the result of its measurement.
+def element_result(
+    element: int, slot: int, rate: chip.Fdc1004Rate, address: int = chip.ADDRESS
+) -> ElementResult:
+    """Return an element with the transactions of its measurement, a slot of the chip at an address.
 
     At 400 S/s the value does not need the lower register: the noise of one conversion (0.92 fF) hides its bits (the
     step of the upper one is 0.49 fF, 0.14 fF rms), and to read it would cost six legs a third of the bus.
     """
     upper = chip.result_register(slot)
-    read = (read_register(upper), read_register(upper + 1))
-    return ElementResult(element, read, read[:1] if rate is chip.RATES[400] else read)
+    read = (read_register(upper, address), read_register(upper + 1, address))
+    return ElementResult(
+        element,
+        trigger=write_register(chip.Fdc1004Register.FDC_CONF, chip.trigger_config(rate, slot), address),
+        done=DonePoll(
+            read_register(chip.Fdc1004Register.FDC_CONF, address),
+            partial(_decode_done, done_bit=chip.CONF_DONE.encode(chip.slot_bit(slot))),
+        ),
+        read=read,
+        read_value=read[:1] if rate is chip.RATES[400] else read,
+    )
+
+
+def setting_check_at(address: int) -> ReadBackCheck:
+    """Return the check of the second measurement's configuration, which reads as the first one's after a reset."""
+    return ReadBackCheck(
+        read_register(chip.Fdc1004Register.CONF_MEAS1 + 1, address),
+        chip.measurement_config(1).to_bytes(2, "big"),
+    )
 
 
 def decode_result(answers: list[bytes]) -> tuple[Reading, float]:
@@ -155,19 +192,19 @@ def decode_result(answers: list[bytes]) -> tuple[Reading, float]:
 #: The board `fdc1004`.
 BOARD = Board(
     rates=chip.RATES,
+    order=CONVERSION_ORDERS["lo_shu"],
     step=step,
     check_identity=check_identity,
     configure_and_get_capdac_pf=configure_and_get_capdac_pf,
     decode_result=decode_result,
-    # Another measurement, which nobody reads, ends the one that runs: that would set its DONE bit after these reads.
     make_ready=(
+        # Where the bus is the limit, a chip that was reset would lose these from one check of it to the next.
+        *set_up_at(chip.ADDRESS)[1:],
+        # Another measurement, which nobody reads, ends the one that runs: its DONE bit would be set after these reads.
         write_register(chip.Fdc1004Register.FDC_CONF, chip.trigger_config(chip.RATES[100], chip.N_SLOTS - 1)),
         *(read_register(register) for register in range(2 * ROWS)),
     ),
-    # The second column's configuration: after a reset it reads as the first column's.
-    setting_check=ReadBackCheck(
-        read_register(chip.Fdc1004Register.CONF_MEAS1 + 1), chip.measurement_config(1).to_bytes(2, "big")
-    ),
+    setting_checks=(setting_check_at(chip.ADDRESS),),
     range_end_pf=chip.capacitance_pf(chip.CODE_MAX),
     thermometer=None,
     traffic=schedule.FDC1004_TRAFFIC,

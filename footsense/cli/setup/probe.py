@@ -14,7 +14,8 @@ from rich.console import Console, Group, RenderableType
 from rich.padding import Padding
 from rich.text import Text
 
-from firmware_interface.chips import ad7746, adg715, fdc1004
+from firmware_interface.chips import ad7746, adg715
+from firmware_interface.chips.ltc4317 import COLUMN_ADDRESSES
 from footsense.cli.options import FILE, config_option, json_option
 from footsense.cli.setup.robot_file import check_is_new, found_part, unloaded_yaml
 from footsense.cli.tables import EMPTY_CELL, Column, echo_json, figures_table, json_row, styled, table
@@ -28,7 +29,7 @@ from footsense.sim.scene import load_scene
 
 _DEFAULT_SCENE = "hanging"
 _CHIP_NAMES = {
-    fdc1004.ADDRESS: "FDC1004",
+    **dict.fromkeys(COLUMN_ADDRESSES, "FDC1004"),
     ad7746.ADDRESS: "AD7746",
     adg715.ADDRESS: "ADG715",
     adg715.COLUMN_ADDRESS: "ADG715",

@@ -11,6 +11,7 @@ from msgspec.structs import replace
 from footsense.acquisition.bus_scan import (
     ADDRESSES,
     TimeLimitedBus,
+    converter_addresses,
     leg_chip_addresses,
     probe_addresses,
     scan_bus,
@@ -96,7 +97,12 @@ def find_feet(device: str, adapter: I2cBus, clock: Clock, claimed: Collection[in
     found = [FoundFeet(device, name, None, (0,)) for name in alone]
     for address in sorted(answering.intersection(MUX_ADDRESSES)):
         found += _feet_behind(device, LegBus(adapter, address), clock, plans, claimed)
-    return max(found, key=lambda feet: len(feet.channels), default=None)
+    # Of two boards that answer on as many channels, the one with more converters: the other has some of its addresses.
+    return max(
+        found,
+        key=lambda feet: (len(feet.channels), len(converter_addresses(plans[feet.board]))),
+        default=None,
+    )
 
 
 def _feet_behind(
@@ -107,8 +113,10 @@ def _feet_behind(
     skipped = {*claimed} | ({*ADDRESSES} - chips_of_feet)
     scan = scan_bus(bus, clock, next(iter(plans.values())), {}, skipped)
     for name, plan in plans.items():
-        converter = leg_chip_addresses(plan)[0]
-        channels = tuple(number for number, chips in scan.channels.items() if converter in chips.answering)
+        converters = set(converter_addresses(plan))
+        channels = tuple(
+            number for number, chips in scan.channels.items() if converters <= {*chips.answering}
+        )
         if channels:
             yield FoundFeet(device, name, bus.mux_address, channels)
 

@@ -18,6 +18,7 @@ from footsense.acquisition.bus_scan import (
 )
 from footsense.acquisition.foot_check import CHIP_FAULT_READINGS, FootFault, FootScans, foot_faults
 from footsense.acquisition.leg_bus import LegBus
+from footsense.acquisition.leg_connection import LegConnection
 from footsense.acquisition.linux_i2c import kernel_drivers
 from footsense.acquisition.mcu_source import McuSource
 from footsense.acquisition.scan_plan import ScanPlan
@@ -77,9 +78,10 @@ class ProbedLeg(NamedTuple):
         device: Device of its bus.
         channel: Channel of the mux; None without one.
         chips: Chips that answer there; None if they could not be scanned.
-        timing: Timing of its converter; None if it was not measured.
+        timing: Timing of its converter, the slower way of several; None if it was not measured.
         scans: Scans of its foot; None if there are none.
         faults: Faults of the foot.
+        slow_columns: Columns whose converters are slower than they may be, of a leg with several.
     """
 
     leg: str
@@ -89,6 +91,7 @@ class ProbedLeg(NamedTuple):
     timing: ChipTiming | None
     scans: FootScans | None
     faults: tuple[FootFault, ...]
+    slow_columns: tuple[int, ...] = ()
 
     @property
     def unloaded_pf(self) -> list[float] | None:
@@ -220,6 +223,8 @@ def leg_diagnoses(report: ProbedLeg) -> Iterator[Diagnosis]:
         why = words.meaning if chips.outcome is Reading.BUS_STUCK else chips.why
         yield Diagnosis(report.leg, f"{location}: {why}", words.remedy)
     if report.timing is not None and report.timing.wait_factor > 1.0:
+        if report.slow_columns:
+            location += f", column {', '.join(map(str, report.slow_columns))}"
         slower = f"{100 * (report.timing.wait_factor - 1):.0f} %"
         observation = (
             f"{location}: its conversions take {slower} longer than the slowest converter may; "
@@ -257,18 +262,18 @@ def probe(config: Config, scene: Scene | None) -> ProbeResult:
         plan = config.scan_plan
         buses = tuple(_probe_buses(config, scene, plan))
         diagnoses += [diagnosis for report in buses for diagnosis in bus_diagnoses(report, plan)]
-    feet, timings = None, None
+    feet, of_chips = None, None
     if all(report.scan.mux_answers for report in buses):
         for is_last in (False, True):  # a bus may fail now and then
             try:
-                feet, timings = _scan_feet(config, scene)
+                feet, of_chips = _scan_feet(config, scene)
                 break
             except HardwareError as error:
                 if is_last:
                     diagnoses.append(Diagnosis("scan", str(error), "this first: no foot was scanned"))
-    if timings is not None:
-        buses = tuple(_with_needed_reads(buses, timings, config.scan_plan))
-    legs = tuple(_probed_legs(config, buses, feet, timings))
+    if of_chips is not None:
+        buses = tuple(_with_needed_reads(buses, [timing for timing, _ in of_chips], config.scan_plan))
+    legs = tuple(_probed_legs(config, buses, feet, of_chips))
     diagnoses += [diagnosis for leg in legs for diagnosis in leg_diagnoses(leg)]
     return ProbeResult(buses, legs, tuple(diagnoses))
 
@@ -340,23 +345,32 @@ def _with_needed_reads(
         yield report._replace(scan=report.scan._replace(bus_timing=timing))
 
 
-def _scan_feet(config: Config, scene: Scene | None) -> tuple[list[FootScans], list[ChipTiming | None] | None]:
-    """Return the readings of each foot over some scans, and its converter's timing; None with a microcontroller."""
+#: Timing of a leg's converters, None if not measured, and the columns of several that are slow.
+_LegTiming = tuple[ChipTiming | None, tuple[int, ...]]
+
+
+def _scan_feet(config: Config, scene: Scene | None) -> tuple[list[FootScans], list[_LegTiming] | None]:
+    """Return the readings of each foot over some scans, and its converters' timing; None with a microcontroller."""
     with open_scan_source(config, scene) as started:
         frames = started.read_whole_scans(_N_DISCARDED_SCANS + _N_FOOT_SCANS)[_N_DISCARDED_SCANS:]
         timings = None
         if not isinstance(started.source, McuSource):
-            timings = [leg.timing if leg.is_timed else None for leg in started.source.legs]
+            timings = [_timing_of(leg) for leg in started.source.legs]
     capacitance_pf = np.stack([frame.capacitance_pf for frame in frames], axis=1)
     reading = np.stack([frame.reading for frame in frames], axis=1)
     return [FootScans(*of_leg) for of_leg in zip(capacitance_pf, reading, strict=True)], timings
+
+
+def _timing_of(leg: LegConnection) -> _LegTiming:
+    slow = [column for column, timing in enumerate(leg.timings) if timing.wait_factor > 1.0]
+    return leg.timing if leg.is_timed else None, tuple(slow) if len(leg.timings) > 1 else ()
 
 
 def _probed_legs(
     config: Config,
     buses: tuple[ProbedBus, ...],
     feet: list[FootScans] | None,
-    timings: list[ChipTiming | None] | None,
+    of_chips: list[_LegTiming] | None,
 ) -> Iterator[ProbedLeg]:
     """Yield the result of every leg, in the order of the configuration."""
     leg_channels: list[tuple[str, str, int | None, ChannelScan | None]] = []
@@ -381,4 +395,5 @@ def _probed_legs(
                 known.unloaded_pf[row],
                 config.tare,
             )
-        yield ProbedLeg(*place, timings[row] if timings else None, scans, faults)
+        timing, slow = of_chips[row] if of_chips else (None, ())
+        yield ProbedLeg(*place, timing, scans, faults, slow)

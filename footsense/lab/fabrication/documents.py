@@ -19,6 +19,27 @@ _RUBBER_DENSITY_G_PER_CM3 = 1.1
 _CASTING_EXCESS_FACTOR = 1.3
 
 
+#: Parts of the electronics of board `fdc1004_columns`, in place of the FDC1004, the ADG715 and the two connectors of
+#: board `fdc1004`: quantity, part, specification (firmware_interface/README.md).
+_COLUMNS_ELECTRONICS = (
+    (3, "FDC1004", "capacitance-to-digital converter, one for each column"),
+    (1, "LTC4317", "dual address translator: columns 1 and 2 at 0x51 and 0x52"),
+    (2, "resistor", "976 kOhm, 1 %, XORL1 and XORL2 to VCC"),
+    (1, "resistor", "102 kOhm, 1 %, XORL1 to GND"),
+    (1, "resistor", "182 kOhm, 1 %, XORL2 to GND"),
+    (4, "resistor", "15 kOhm, pull-up of SDA and SCL of both outputs"),
+    (4, "capacitor", "100 nF, at each supply pin"),
+    (3, "capacitor", "1 uF, at each FDC1004"),
+    (
+        1,
+        "connector of the elements",
+        "21 contacts: of each column three lines between four of its guard (SHLD1)",
+    ),
+    (1, "connector of the common electrode", "2 contacts: GND"),
+    (1, "connector of the leg", "4 contacts: 3.3 V, GND, SDA, SCL"),
+)
+
+
 def write_documents(
     folder: Path,
     design: FootDesign,
@@ -59,6 +80,9 @@ def write_documents(
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["quantity", "unit", "part", "specification", "file"])
         writer.writerows(bill_of_materials(design, flexes))
+    with (folder / "electronics-fdc1004_columns.csv").open("w", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerows([("quantity", "part", "specification"), *_COLUMNS_ELECTRONICS])
 
 
 def bill_of_materials(

@@ -1,4 +1,6 @@
-"""The chips of one leg, wired to its foot: a capacitance converter and the line switches in front of it."""
+"""The chips of one leg, wired to its foot: capacitance converters, and the line switches in front of them."""
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,36 +21,44 @@ from footsense.sim.scene import Effects
 ROOM_TEMPERATURE_C = 25.0
 
 #: Random streams of a leg besides that of its noise.
-_CAPDAC_DRAW, _THERMOMETER_DRAW, _COMMON_NOISE_DRAW = 4, 5, 7
+_CAPDAC_DRAW, _THERMOMETER_DRAW, _COMMON_NOISE_DRAW, _COLUMN_DRAW = 4, 5, 7, 8
 
 
-def leg_electronics(
-    board: str, foot: WiredFoot, effects: Effects, seed: tuple[int, int]
-) -> tuple[SimulatedFdc1004 | SimulatedAd7746, tuple[SimulatedLineSwitch, ...]]:
-    """Return the chips of one fault-free leg: converter, then line switches (rows first).
+class LegElectronics(NamedTuple):
+    """The chips of one fault-free leg.
+
+    Attributes:
+        converters: Its converters, each with its own address.
+        switches: Its line switches, that of the rows first.
+    """
+
+    converters: tuple[SimulatedFdc1004, ...] | tuple[SimulatedAd7746]
+    switches: tuple[SimulatedLineSwitch, ...]
+
+
+def leg_electronics(board: str, foot: WiredFoot, effects: Effects, seed: tuple[int, int]) -> LegElectronics:
+    """Return the chips of one fault-free leg.
 
     Args:
-        board: `fdc1004` or `ad7746`.
+        board: `fdc1004`, `fdc1004_columns` or `ad7746`.
         foot: The foot behind them.
         effects: Noise, clock error, stray and warming.
         seed: Seeds of the scene and of the leg.
     """
+    if board == "fdc1004_columns":
+        return LegElectronics(
+            tuple(_column_converter(foot, column, effects, seed) for column in range(ROWS)), ()
+        )
+    rows = SimulatedLineSwitch(adg715.ADDRESS)
+    if board == "fdc1004":
+        pins = _column_pin_capacitance(foot, rows, effects.stray_pf)
+        return LegElectronics((_fdc1004(pins, effects, seed),), (rows,))
     random = np.random.default_rng(seed)
     noise = random if effects.converter_noise else None
     common_noise = None
     if noise is not None and effects.common_noise_rel:
         common_noise = np.random.default_rng((*seed, _COMMON_NOISE_DRAW))
     clock_error_rel = effects.converter_clock_rel * random.uniform(-1, 1)
-    rows = SimulatedLineSwitch(adg715.ADDRESS)
-    if board == "fdc1004":
-        pins = _column_pin_capacitance(foot, rows, effects.stray_pf)
-        chip = SimulatedFdc1004(pins, noise, clock_error_rel)
-        chip.trigger_clears_done = effects.trigger_clears_done
-        chip.done_needs_both_reads = effects.done_needs_both_reads
-        chip.keeps_old_result = effects.keeps_old_result
-        if common_noise is not None:
-            chip.share_noise(effects.common_noise_rel, common_noise)
-        return chip, (rows,)
     columns = SimulatedLineSwitch(adg715.COLUMN_ADDRESS)
     error_k = np.random.default_rng((*seed, _THERMOMETER_DRAW)).uniform(-1, 1) * MAX_TEMPERATURE_ERROR_K
     warming = effects.warming
@@ -63,7 +73,52 @@ def leg_electronics(
     )
     if common_noise is not None:
         converter.share_noise(effects.common_noise_rel, common_noise)
-    return converter, (rows, columns)
+    return LegElectronics((converter,), (rows, columns))
+
+
+def _fdc1004(pins: MeanCinCapacitance, effects: Effects, seed: tuple[int, ...]) -> SimulatedFdc1004:
+    """Return a fault-free FDC1004 with its own noise and clock."""
+    random = np.random.default_rng(seed)
+    noise = random if effects.converter_noise else None
+    chip = SimulatedFdc1004(pins, noise, effects.converter_clock_rel * random.uniform(-1, 1))
+    chip.trigger_clears_done = effects.trigger_clears_done
+    chip.done_needs_both_reads = effects.done_needs_both_reads
+    chip.keeps_old_result = effects.keeps_old_result
+    if noise is not None and effects.common_noise_rel:
+        common_noise = np.random.default_rng((*seed, _COMMON_NOISE_DRAW))
+        chip.share_noise(effects.common_noise_rel, common_noise)
+    return chip
+
+
+def _column_converter(
+    foot: WiredFoot, column: int, effects: Effects, seed: tuple[int, int]
+) -> SimulatedFdc1004:
+    """Return the fault-free converter of a column of board `fdc1004_columns`, of its own kind."""
+    stream = (_COLUMN_DRAW, column) if column else ()
+    chip = _fdc1004(_element_pin_capacitance(foot, column, effects.stray_pf), effects, (*seed, *stream))
+    odd = effects.odd_column
+    if odd is not None and odd.column == column:
+        chip.clock_factor += odd.slower_rel
+        chip.trigger_clears_done = odd.trigger_clears_done
+        chip.done_needs_both_reads = odd.done_needs_both_reads
+    return chip
+
+
+def _element_pin_capacitance(foot: WiredFoot, column: int, stray_pf: float) -> MeanCinCapacitance:
+    """Return the capacitance function of a converter of board `fdc1004_columns`: a pin for each row of its column."""
+
+    def pin_pf(cin: int, t_start_ns: int, t_end_ns: int) -> float:
+        t_ns, row = (t_start_ns + t_end_ns) // 2, cin
+        added_pf, disturbances = 0.0, foot.disturbances
+        if disturbances is not None:
+            row = disturbances.column_of_pin(cin, t_ns)  # of this board the pins are rows
+            added_pf = disturbances.added_pf(1 << row, column, t_start_ns, t_end_ns)
+        if row >= ROWS:  # a pin without a line
+            return added_pf + OPEN_ELEMENT_PF
+        element = row * ROWS + column
+        return added_pf + foot.element_pin_pf(element, foot.elements_pf(t_ns)[element] + stray_pf, t_ns)
+
+    return pin_pf
 
 
 def _column_pin_capacitance(

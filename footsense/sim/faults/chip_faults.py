@@ -5,10 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from footsense.sim.chips.ad7746 import SimulatedAd7746
-from footsense.sim.chips.chip import SimulatedChip, SimulatedLineSwitch
+from footsense.sim.chips.chip import SimulatedChip, SimulatedConverter, SimulatedLineSwitch
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
+from footsense.sim.chips.ltc4317 import translated_columns
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Schedule
+
+_Converter = SimulatedFdc1004 | SimulatedAd7746
 
 
 class SimulatedEeprom:
@@ -77,41 +80,47 @@ class _FailingChip:
         return bytes(answer)
 
 
+def _inject_fault(chip: _Converter | SimulatedLineSwitch, fault: scene_faults.ChipFault) -> None:
+    """Inject a fault that a chip simulates by itself."""
+    match fault:
+        case scene_faults.Absent() | scene_faults.ConverterSilent():
+            chip.absent_ns.append(fault.span_ns)
+        case scene_faults.BrownOut():
+            chip.brown_outs_ns.append(fault.at_ns)
+        case scene_faults.StuckConverter() if isinstance(chip, SimulatedConverter):
+            chip.stuck_ns.append(fault.span_ns)
+        case scene_faults.HungConverter() if isinstance(chip, SimulatedConverter):
+            chip.hangs_ns.append(fault.at_ns)
+        case _:
+            pass
+
+
 def inject_chip_faults(
-    converter: SimulatedFdc1004 | SimulatedAd7746,
+    converters: Sequence[_Converter],
     switches: Sequence[SimulatedLineSwitch],
     faults: Sequence[scene_faults.ChipFault],
     rng: np.random.Generator,
 ) -> tuple[SimulatedChip, ...]:
-    """Return a leg's chips with its faults injected, the converter first.
+    """Return a leg's chips with its faults injected, the converters first.
 
     Args:
-        converter: The leg's converter.
+        converters: The leg's converters; behind an address translator are those of columns 1 and 2, if there are three.
         switches: The leg's line switches, that of the rows first.
         faults: Faults on the chips of this leg.
         rng: Source of random acknowledges and bits.
     """
-    chips = (converter, *switches)
+    chips = (*converters, *switches)
     for fault in faults:
-        match fault:
-            case scene_faults.Absent():
-                for chip in chips:
-                    chip.absent_ns.append(fault.span_ns)
-            case scene_faults.BrownOut():
-                for chip in chips:
-                    chip.brown_outs_ns.append(fault.at_ns)
-            case scene_faults.SwitchIgnoresWrites():
-                switches[0].ignores_writes_ns.append(fault.span_ns)
-            case scene_faults.StuckConverter():
-                converter.stuck_ns.append(fault.span_ns)
-            case scene_faults.HungConverter():
-                converter.hangs_ns.append(fault.at_ns)
-            case _:
-                pass
+        if isinstance(fault, scene_faults.SwitchIgnoresWrites) and switches:
+            switches[0].ignores_writes_ns.append(fault.span_ns)
+        hit = chips if isinstance(fault, scene_faults.Absent | scene_faults.BrownOut) else converters
+        column = getattr(fault, "column", None)
+        for chip in hit if column is None else hit[column : column + 1]:
+            _inject_fault(chip, fault)
     failing: list[SimulatedChip] = []
-    for chip, kinds in zip(
-        chips, (_WRAPPED_CONVERTER_FAULT_TYPES, *(_WRAPPED_CHIP_FAULT_TYPES for _ in switches)), strict=True
-    ):
+    for chip in chips:
+        kinds = _WRAPPED_CHIP_FAULT_TYPES if chip in switches else _WRAPPED_CONVERTER_FAULT_TYPES
         own = [fault for fault in faults if isinstance(fault, kinds)]
         failing.append(_FailingChip(chip, own, rng) if own else chip)
-    return tuple(failing)
+    n = len(converters)
+    return (*(translated_columns(failing[:n], faults) if n > 1 else failing[:n]), *failing[n:])

@@ -6,6 +6,9 @@ ties the pin to the row line. A row at ground then exceeds any range. A row at t
 whichever row is selected, because the shield driver delivers the charge that the converter counts: one shorted element
 disables the others of its column. That follows from the wiring and was not measured.
 
+Board `fdc1004_columns`: each element has a pin, against one electrode that is at ground, so that no row has a line. A
+column whose plug is off loses its three lines; a short ties one pin to ground.
+
 Board `ad7746`: the input measures each element between an excited row and a selected column; all other lines are at
 ground, so that a broken line disables its own elements only. A short ties a row to a column. With both selected it
 exceeds any range; with the row selected it shorts the excitation; with the column selected it grounds the input, which
@@ -100,6 +103,19 @@ class WiredFoot:
             return OPEN_ELEMENT_PF
         shorted_rows = sum({1 << element // ROWS for element in shorted if element % ROWS == cin})
         return pin_capacitance_pf(column_pf, states, broken_rows, shorted_rows)
+
+    def element_pin_pf(self, element: int, pf: float, t_ns: int) -> float:
+        """Return the capacitance to ground of the pin of an element [pF], with damage to its lines.
+
+        Args:
+            element: Its flat index.
+            pf: Capacitance to its row, stray included [pF].
+            t_ns: Time [ns].
+        """
+        _, broken_columns, shorted = self._line_damage(t_ns)
+        if broken_columns >> element % ROWS & 1:
+            return OPEN_ELEMENT_PF
+        return SHORTED_ELEMENT_PF if element in shorted else pf
 
     def mutual_pf(
         self, element_pf: list[float], rows: LineStates, columns: LineStates, t_ns: int

@@ -57,6 +57,15 @@ def test_the_command_gives_the_same_bytes(package: FabricationPackage, folder: P
     assert [f for f in files if (folder / f).read_bytes() != (tmp_path / f).read_bytes()] == []
 
 
+def test_the_electronics_of_the_other_board_are_listed(package: FabricationPackage, folder: Path) -> None:
+    """Three converters and one translator; that their flexes are not drawn is said."""
+    del package
+    parts = (folder / "electronics-fdc1004_columns.csv").read_text().splitlines()
+    assert parts[0] == "quantity,part,specification"
+    assert [line.split(",")[:2] for line in parts[1:3]] == [["3", "FDC1004"], ["1", "LTC4317"]]
+    assert "are not among these files" in (folder / "README.md").read_text()
+
+
 def test_a_foot_with_its_fringe_field_reads_as_expected(package: FabricationPackage) -> None:
     foot = Specimen(FootResponse.load(RELEASED / "response.npz"), Deviations(fringe=True))
     assert [package.expected.unloaded_pf] * 9 == pytest.approx(foot.unloaded_pf, rel=1e-3)

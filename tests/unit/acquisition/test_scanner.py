@@ -204,7 +204,7 @@ def test_a_bus_that_times_out_twice_costs_what_was_being_read() -> None:
     for _ in range(1 + 4):
         robot.convert()
     steps = scan_plan(400).steps
-    triggers = {step.trigger for step in steps}
+    triggers = {step.results[0].trigger for step in steps}
     robot.saboteurs[0].arm(lambda sent, n: I2cTimeoutError("held low") if sent in triggers else None)
     delayed = robot.convert().reading == Reading.DELAYED
     assert (delayed == (np.arange(9) == steps[4].results[0].element)).all()

@@ -45,7 +45,14 @@ def file(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize(
-    "name", ["footsense.yaml", "footsense-two-buses.yaml", "footsense-mcu.yaml", "footsense-ad7746.yaml"]
+    "name",
+    [
+        "footsense.yaml",
+        "footsense-two-buses.yaml",
+        "footsense-mcu.yaml",
+        "footsense-ad7746.yaml",
+        "footsense-columns.yaml",
+    ],
 )
 def test_the_examples_are_right(name: str) -> None:
     """The example files hold all six legs and nothing to warn of."""
@@ -203,7 +210,10 @@ def test_check_config_explains_a_file(file: Path) -> None:
     assert "/dev/i2c-3 board fdc1004, multiplexer 0x71, channels rf 0, rm 1, rr 2" in said
     assert "CAN can0, of whose 500 kbit/s up to 37 % are taken" in said
     assert "page http://127.0.0.1:8765, " in said
-    assert "no foot named on lf, lm, lr, rf, rm, rr: uncalibrated, expect 12.7 deg" in said
+    assert (
+        f"no foot named on lf, lm, lr, rf, rm, rr: uncalibrated, expect {UNCALIBRATED_DIRECTION_DEG} deg"
+        in said
+    )
     assert (
         "of type aoyagi-3x3, for normal loads up to 0.648 N if the force leans 14 deg, 0.363 N if 30; less exact "
         "beyond, while at most three elements are overloaded; no force above 2 N, the largest of the training"
@@ -215,7 +225,10 @@ def test_check_config_explains_a_file(file: Path) -> None:
     file.write_text(ONE_BUS + "foot_type: quadruped-12kg\n")
     said = said_of(file)
     assert "; force step 10 mN" in said
-    assert "23.3 of the worst foot, as of aoyagi-3x3: quadruped-12kg was not tried" in said
+    assert (
+        f"{UNCALIBRATED_WORST_DIRECTION_DEG} of the worst foot, as of aoyagi-3x3: quadruped-12kg was not tried"
+        in said
+    )
     file.write_text(ONE_BUS + "feet: {rf: foot-0007}\n")
     said = said_of(file)
     assert "no foot named on lf: uncalibrated, expect" in said

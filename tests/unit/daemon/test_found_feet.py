@@ -17,6 +17,7 @@ from footsense.ports import Transaction
 from footsense.sim.chips.ad7746 import SimulatedAd7746
 from footsense.sim.chips.chip import SimulatedChip, SimulatedLineSwitch, SimulatedMux
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
+from footsense.sim.chips.ltc4317 import translated_columns
 from footsense.sim.clock import VirtualClock
 from footsense.sim.faults import scene_faults
 from footsense.sim.i2c_bus import SimulatedBus
@@ -28,6 +29,10 @@ SOCKET = Can(interface="socketcan", channel="can0")
 
 def fdc1004() -> Sequence[SimulatedChip]:
     return SimulatedFdc1004(lambda *_: 5.0, None), SimulatedLineSwitch()
+
+
+def fdc1004_columns() -> Sequence[SimulatedChip]:
+    return translated_columns([SimulatedFdc1004(lambda *_: 5.0, None) for _ in range(3)], ())
 
 
 def found_on(
@@ -50,6 +55,8 @@ def found_on(
         (0x71, (0, 1, 2, 3, 4, 5), fdc1004, "fdc1004"),
         (0x74, (2, 7), lambda: (SimulatedAd7746(lambda *_: (5.0, False), None),), "ad7746"),
         (None, (0,), fdc1004, "fdc1004"),
+        (0x71, (0, 3), fdc1004_columns, "fdc1004_columns"),
+        (None, (0,), fdc1004_columns, "fdc1004_columns"),
     ],
 )
 def test_feet_are_found_wherever_they_answer(
