@@ -295,7 +295,8 @@ def set_up_failed_legs(
     """Set up again the legs that failed in this scan, for the first conversion of the next scan.
 
     The others still convert: the leg's lines are set alone, and a result that its converter holds is discarded. A
-    conversion that has finished by now was late; else the converter hangs.
+    conversion that has finished by now was late; else the converter hangs, or was reset: then its settings are lost. A
+    board without lines is made ready with its settings.
 
     Raises:
         I2cTimeoutError: A line is held low.
@@ -309,9 +310,10 @@ def set_up_failed_legs(
             leg.unfinished = None
         if bus.exchange(leg.selection, (*first.select, *board.make_ready)) is None:
             continue
-        held = bus.exchange(leg.selection, tuple(check.read for check in first.select_checks))
+        checks = (*first.select_checks, *board.setting_checks) if first.select_checks else ()
+        held = bus.exchange(leg.selection, tuple(check.read for check in checks))
         if held is not None:
-            is_set = held == [check.expected for check in first.select_checks]
+            is_set = held == [check.expected for check in checks]
             leg.outcome = Reading.OK if is_set else Reading.MISCONFIGURED
 
 

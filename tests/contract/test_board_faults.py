@@ -136,7 +136,7 @@ def test_a_result_from_before_a_stall_is_not_used(board: Board, *, hangs: bool) 
     now_ns = robot.clock.now_ns()
     robot.converters[0].write(b"\x0c", now_ns)  # the conversion that had been running finishes
     if hangs:
-        robot.converters[0].stuck_ns = [(now_ns, now_ns + 2.0 * board.conversion_ns)]
+        robot.converters[0].stuck_ns = [(now_ns, now_ns + 1.5 * board.conversion_ns)]
     frame = robot.read()
     assert (frame.reading[0] == (Reading.NOT_READY if hangs else Reading.OK)).all()
     assert (frame.reading[1:] == Reading.OK).all()

@@ -197,10 +197,8 @@ BOARD = Board(
     check_identity=check_identity,
     configure_and_get_capdac_pf=configure_and_get_capdac_pf,
     decode_result=decode_result,
+    # Another measurement, which nobody reads, ends the one that runs: that would set its DONE bit after these reads.
     make_ready=(
-        # Where the bus is the limit, a chip that was reset would lose these from one check of it to the next.
-        *set_up_at(chip.ADDRESS)[1:],
-        # Another measurement, which nobody reads, ends the one that runs: its DONE bit would be set after these reads.
         write_register(chip.Fdc1004Register.FDC_CONF, chip.trigger_config(chip.RATES[100], chip.N_SLOTS - 1)),
         *(read_register(register) for register in range(2 * ROWS)),
     ),
