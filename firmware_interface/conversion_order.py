@@ -13,4 +13,10 @@ column, so that a converter with a measurement slot for each column reads from o
 """
 
 #: Flat indices of the elements of a foot in the order of their conversion, by the order's name.
-CONVERSION_ORDERS = {"lo_shu": (5, 0, 7, 6, 4, 2, 1, 8, 3), "raster": tuple(range(9))}
+CONVERSION_ORDERS = {
+    "lo_shu": (5, 0, 7, 6, 4, 2, 1, 8, 3),
+    "raster": tuple(range(9)),
+    "rows": tuple(range(9)),
+}
+#: Elements that one conversion reads, in the same order of names.
+ELEMENTS_AT_ONCE = {"lo_shu": 1, "raster": 1, "rows": 3}

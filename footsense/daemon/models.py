@@ -4,11 +4,13 @@ import logging
 from dataclasses import dataclass
 from pathlib import Path
 
+from footsense.acquisition.scan_plan import BOARDS
 from footsense.config import Config
 from footsense.daemon.foot_types import check_foot_type, foot_type_of
 from footsense.errors import ModelError
 from footsense.estimation.network import Network
 from footsense.foot.calibration_files import FootCalibration, read_calibration
+from footsense.foot.network_card import NETWORK_FILES
 from footsense.foot.type_folders import foot_type_folder
 
 _log = logging.getLogger(__name__)
@@ -20,7 +22,8 @@ class Models:
 
     Attributes:
         config: The robot.
-        network: Network of the calibrations, of the configuration, or of the foot type.
+        network: Network of the calibrations, of the configuration, or of the foot type; with board `fdc1004_columns`
+            of one of the latter two.
         calibrations_by_leg: Calibrations of the feet by leg.
     """
 
@@ -36,11 +39,36 @@ def load_models(config: Config) -> Models:
         ModelError: One is missing, damaged, or made for another foot type.
     """
     calibrations = load_calibrations(config)
-    path = Path(config.model) if config.model else foot_type_folder(config.foot_type) / "network.onnx"
-    path = next((calibration.network for calibration in calibrations.values()), path)
+    scan = scan_of(config)
+    path = Path(config.model) if config.model else foot_type_folder(config.foot_type) / NETWORK_FILES[scan]
+    fitted_on = next((calibration.network for calibration in calibrations.values()), None)
+    if fitted_on is not None and scan == "elements":
+        path = fitted_on
+    remedy = (
+        f"`footsense lab build --board {config.board if scan == 'rows' else 'fdc1004'}` makes its network"
+    )
+    if scan == "rows" and not path.exists():
+        raise ModelError(f"{path}: no such network for board {config.board}; {remedy}")
     network = Network(path, n_rows=len(config.legs))
     check_foot_type(path, network.card.foot_type, config)
+    if network.card.scan != scan:
+        raise ModelError(
+            f"{path}: a network for a scan of {network.card.scan}; board {config.board} converts {scan}: {remedy}"
+        )
+    if fitted_on not in {None, path}:
+        # The parameters are of the foot and its table, not of a scan.
+        table = Network(fitted_on, 1).card.response_sha256
+        if table != network.card.response_sha256:
+            raise ModelError(
+                f"{path}: trained on another response table than {fitted_on}; calibrate the feet again"
+            )
     return Models(config, network, calibrations)
+
+
+def scan_of(config: Config) -> str:
+    """Return what a conversion of a robot's board reads, a key of `NETWORK_FILES`."""
+    several = config.board in BOARDS and BOARDS[config.board].traffic.n_converters > 1
+    return "rows" if several else "elements"
 
 
 def load_calibrations(config: Config) -> dict[str, FootCalibration]:

@@ -12,7 +12,7 @@ The checksum is one more entry of the ONNX metadata, so every tool still reads t
 
 import hashlib
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 import numpy as np
@@ -25,6 +25,9 @@ from footsense.frames import ELEMENTS, Vector
 #: Key of the card in the file's metadata.
 METADATA_KEY = "footsense_card"
 FORMAT = 3
+#: Files of a foot type's networks, by what a conversion of their scan reads: one element, or a row (board
+#: `fdc1004_columns`).
+NETWORK_FILES = {"elements": "network.onnx", "rows": "network-rows.onnx"}
 
 _CONTACT_ORDER_TEXT = "contact point x y, stereographic, then tangential over normal force x y, foot frame"
 
@@ -139,6 +142,7 @@ class Card(msgspec.Struct, frozen=True):
     closure_rel_max: PerElement
     moments: Annotated[list[PerElement], _OfElements]
     response_sha256: str
+    scan: Literal["elements", "rows"] = "elements"
     training: _Training = _Training()
 
     @property

@@ -17,12 +17,11 @@ import numpy as np
 from footsense.estimation.missing_elements import MAX_OVERLOADED, MISSING_SETS, Imputation
 from footsense.estimation.network import steady_windows
 from footsense.foot.force_errors import ForceErrors
-from footsense.foot.network_card import FORMAT, INPUTS, OUTPUTS, add_checksum
+from footsense.foot.network_card import FORMAT, INPUTS, NETWORK_FILES, OUTPUTS, add_checksum
 from footsense.foot.response_table import FootResponse
 from footsense.lab.evaluation.evaluate_models import (
     HELD_OUT_CASES,
     HELD_OUT_SEED,
-    NETWORK_FILE,
     RESPONSE_FILE,
     ForceEstimator,
     error_table,
@@ -63,6 +62,7 @@ class BuildSettings:
         random_loads: Number of random loads at rest of the training.
         gaits: Number of random gaits of the training, three seconds each, and as many of walking robots.
         released: Training of the released network.
+        scan: What a conversion reads, `elements` or `rows`.
         quick: Whether the model card warns that this is no release.
         start_network: Network of a similar foot that the training starts from; None for random weights.
     """
@@ -71,6 +71,7 @@ class BuildSettings:
     random_loads: int
     gaits: int
     released: WindowTrainingSettings
+    scan: str = "elements"
     quick: bool = False
     start_network: Path | None = None
 
@@ -116,6 +117,8 @@ class BuildResult:
 
 #: Usual time of the response table [s], as in the report.
 _EXPECTED_SOLVE_S = 33.0
+#: Elements that a conversion reads, by the scan of a network.
+_ELEMENTS_OF_CONVERSION = {"elements": 1, "rows": 3}
 #: Conversions of a gait.
 _CONVERSIONS_PER_GAIT = 1100
 
@@ -150,6 +153,7 @@ def _network_card(
         ],
         "moments": _rounded_moments(seen_rel).tolist(),
         "response_sha256": response.sha256,
+        "scan": recipe.scan,
         "training": {
             "random_loads": {
                 "cases": recipe.random_loads,
@@ -207,7 +211,8 @@ def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable
 
     Args:
         foot_file: Description of the foot.
-        output: Folder for response.npz, network.onnx, README.md and a copy of the description; made if missing.
+        output: Folder for response.npz, the network, a copy of the description, and README.md beside a network of
+            elements; made if missing.
         recipe: How fine and how long.
         report: Receives a line after each step.
 
@@ -245,7 +250,14 @@ def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable
         closure_rel = cases.closure_um / design.gap_um
         imputation = Imputation(_rounded_moments(cases.with_symmetric_copies().closure_um / design.gap_um))
         own, robots = (
-            make(TRAINING_SEED, recipe.gaits, _CONVERSIONS_PER_GAIT, loads_unit.max_n, jobs=2)
+            make(
+                TRAINING_SEED,
+                recipe.gaits,
+                _CONVERSIONS_PER_GAIT,
+                loads_unit.max_n,
+                jobs=2,
+                at_once=_ELEMENTS_OF_CONVERSION[recipe.scan],
+            )
             for make in (
                 partial(random_gaits, response_in_unit),
                 partial(walker_gaits, response_in_unit, training_logs(report, quick=recipe.quick), unit),
@@ -260,15 +272,19 @@ def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable
         # The card needs the errors before the file exists, so JAX computes them; the printed ones are of the file.
         card = _network_card(response, loads, recipe, weights, cases, table)
         network = add_checksum(onnx_model(weights, card, unit).SerializeToString())
-        (Path(temporary) / NETWORK_FILE).write_bytes(network)
-        parity = _onnx_difference_n(OnnxNetwork(Path(temporary) / NETWORK_FILE), weights, unit, closure_rel)
+        network_file = NETWORK_FILES[recipe.scan]
+        (Path(temporary) / network_file).write_bytes(network)
+        parity = _onnx_difference_n(OnnxNetwork(Path(temporary) / network_file), weights, unit, closure_rel)
         most_n = MAX_ONNX_DIFFERENCE_REL * loads.max_n
         if not parity <= most_n:
             raise ArithmeticError(f"ONNX Runtime and JAX differ by {parity:.2e} N, more than {most_n:.0e} N")
         (Path(temporary) / FOOT_FILE).write_bytes(description)
-        table = evaluate_models(Path(temporary))
-        text = readme(foot_design, made, card, table, parity, quick=recipe.quick)
-        (Path(temporary) / "README.md").write_text(text, encoding="utf-8")
-        for name in (FOOT_FILE, RESPONSE_FILE, NETWORK_FILE, "README.md"):
+        table = evaluate_models(Path(temporary), network_file)
+        names = [FOOT_FILE, RESPONSE_FILE, network_file]
+        if recipe.scan == "elements":
+            text = readme(foot_design, made, card, table, parity, quick=recipe.quick)
+            (Path(temporary) / "README.md").write_text(text, encoding="utf-8")
+            names.append("README.md")
+        for name in names:
             (Path(temporary) / name).replace(output / name)
     return BuildResult(table, card, parity)

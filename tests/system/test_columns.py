@@ -13,9 +13,12 @@ from footsense.cli import main
 from footsense.config import DEFAULT, Config
 from footsense.config.contradictions import warnings
 from footsense.config.sections import Bus
+from footsense.daemon.foot_types import released_path
+from footsense.daemon.models import load_models
 from footsense.daemon.recording_header import board_mismatch_reason
 from footsense.daemon.service import open_service
-from footsense.errors import ConfigError
+from footsense.errors import ConfigError, ModelError
+from footsense.foot.network_card import NETWORK_FILES
 from footsense.frames import USABLE, Cause, Cycle, State, Vector
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Fault
@@ -139,3 +142,20 @@ def test_readings_of_another_board_are_told() -> None:
         assert reason is not None
         assert reason.startswith(f"its readings are of {found} element")
         assert robot.board in reason
+
+
+def test_a_network_of_another_board_is_one_clear_line(tmp_path: Path) -> None:
+    """Of either; and a foot type that has none for the board says what makes it."""
+    files = {scan: released_path(name) for scan, name in NETWORK_FILES.items()}
+    for robot, of_other in ((ROBOT, files["elements"]), (DEFAULT, files["rows"])):
+        with pytest.raises(
+            ModelError, match=f"a network for a scan of .*; board {robot.board} converts .*lab build"
+        ):
+            load_models(msgspec.structs.replace(robot, model=str(of_other)))
+    for file in files["elements"].parent.iterdir():
+        if file.name != NETWORK_FILES["rows"]:
+            (tmp_path / file.name).symlink_to(file)
+    with pytest.raises(
+        ModelError, match=r"no such network for board fdc1004_columns; .*--board fdc1004_columns"
+    ):
+        load_models(msgspec.structs.replace(ROBOT, foot_type=str(tmp_path)))

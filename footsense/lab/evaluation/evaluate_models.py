@@ -120,8 +120,12 @@ def error_table(
     }
 
 
-def open_models(folder: Path) -> tuple[FootResponse, OnnxNetwork]:
+def open_models(folder: Path, network_file: str = NETWORK_FILE) -> tuple[FootResponse, OnnxNetwork]:
     """Return response table and network from the folder of a foot type.
+
+    Args:
+        folder: The folder.
+        network_file: Name of the network.
 
     Raises:
         ConfigError: The foot's description is missing, or does not fit.
@@ -129,11 +133,11 @@ def open_models(folder: Path) -> tuple[FootResponse, OnnxNetwork]:
             foot than the one described beside them.
     """
     response = FootResponse.load(folder / RESPONSE_FILE)
-    network = OnnxNetwork(folder / NETWORK_FILE)
+    network = OnnxNetwork(folder / network_file)
     require_same_foot(load_foot(folder / FOOT_FILE), response, network.card, folder)
     if network.card.get("response_sha256") != response.sha256:
         raise ModelError(
-            f"{folder / NETWORK_FILE} was not trained on {folder / RESPONSE_FILE}: "
+            f"{folder / network_file} was not trained on {folder / RESPONSE_FILE}: "
             "the card names another hash; rebuild both with `footsense lab build`"
         )
     return response, network
@@ -169,9 +173,14 @@ def require_same_foot(
             )
 
 
-def evaluate_models(folder: Path) -> dict[str, ForceErrors]:
-    """Return the error table of released files."""
-    response, network = open_models(folder)
+def evaluate_models(folder: Path, network_file: str = NETWORK_FILE) -> dict[str, ForceErrors]:
+    """Return the error table of released files.
+
+    Args:
+        folder: The folder of a foot type.
+        network_file: Name of the network.
+    """
+    response, network = open_models(folder, network_file)
     loads, gap_um = load_foot(folder / FOOT_FILE).loads, response.design.gap_um
     return error_table(response, loads, lambda closure_um: network.force_n(closure_um / gap_um))
 

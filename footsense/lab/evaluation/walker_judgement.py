@@ -9,11 +9,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from footsense.estimation.network import Network
+from footsense.foot.network_card import NETWORK_FILES
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Specimen
-from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, RESPONSE_FILE
+from footsense.lab.evaluation.evaluate_models import RESPONSE_FILE
 from footsense.lab.evaluation.walker_runs import (
     LEAD_IN_S,
+    SCAN_TIMES,
     WalkerOutputs,
     pipeline_of,
     read_walker,
@@ -46,7 +48,9 @@ class JudgedRun(NamedTuple):
     shown: dict[str, Any]
 
 
-def judge_run(models: Sequence[Path], *, viscous_rel: float, run: WalkerRun) -> list[JudgedRun]:
+def judge_run(
+    models: Sequence[Path], *, viscous_rel: float, run: WalkerRun, scan: str = "elements"
+) -> list[JudgedRun]:
     """Return the scores of one run on feet.
 
     The paper's foot gets forces scaled to a peak of `PAPER_PEAK_N`, a foot of the robot's own the real ones.
@@ -55,21 +59,28 @@ def judge_run(models: Sequence[Path], *, viscous_rel: float, run: WalkerRun) -> 
         models: Folder of each foot type.
         viscous_rel: Creep and lag of the rubber over those of the simulated rubber [1].
         run: The run.
+        scan: What a conversion reads, a key of `NETWORK_FILES`.
     """
     log, judged = WalkerLog.load(run.saved(cache_folder())), []
     for folder in models:
         design, response = load_foot(folder / FOOT_FILE), FootResponse.load(folder / RESPONSE_FILE)
-        network = Network(folder / NETWORK_FILE, len(log.legs))
+        network = Network(folder / NETWORK_FILES[scan], len(log.legs))
         scale = 1.0 if design.foot_type == run.robot else PAPER_PEAK_N / log.peak_n()
         readings = read_walker(
             Specimen(response),
             walker_loads(log, scale, design.ball_radius_mm),
             _SEED + run.seed,
+            scan=SCAN_TIMES[scan],
             viscous_rel=viscous_rel,
         )
         card = network.card
         pipeline = pipeline_of(
-            network, card.trained_inputs, card.max_trained_force_n, len(log.legs), log.friction
+            network,
+            card.trained_inputs,
+            card.max_trained_force_n,
+            len(log.legs),
+            log.friction,
+            SCAN_TIMES[scan],
         )
         outputs, peak_n = run_pipeline(pipeline, readings), scale * log.peak_n()
         judged.append(JudgedRun(design.foot_type, run, peak_n, scores(outputs, peak_n), _shown(outputs)))
@@ -92,6 +103,7 @@ def judge(
     models: Sequence[Path],
     runs: Sequence[WalkerRun] = JUDGEMENT,
     *,
+    scan: str = "elements",
     viscous_rel: float = 0.0,
     scheduler: str | None = None,
 ) -> list[JudgedRun]:
@@ -100,6 +112,7 @@ def judge(
     Args:
         models: Folders of the foot types, the paper's first.
         runs: The runs.
+        scan: What a conversion reads, a key of `NETWORK_FILES`.
         viscous_rel: Creep and lag of the rubber over those of the simulated rubber [1].
         scheduler: As of `compute_each`.
     """
@@ -107,13 +120,13 @@ def judge(
         (run, tuple(folder for n, folder in enumerate(models) if not n or folder.name == run.robot))
         for run in runs
     ]
-    judged = compute_each(partial(_judge_part, viscous_rel), parts, scheduler=scheduler)
+    judged = compute_each(partial(_judge_part, viscous_rel, scan), parts, scheduler=scheduler)
     return [one for each in judged for one in each]
 
 
-def _judge_part(viscous_rel: float, part: tuple[WalkerRun, tuple[Path, ...]]) -> list[JudgedRun]:
+def _judge_part(viscous_rel: float, scan: str, part: tuple[WalkerRun, tuple[Path, ...]]) -> list[JudgedRun]:
     run, models = part
-    return judge_run(models, viscous_rel=viscous_rel, run=run)
+    return judge_run(models, viscous_rel=viscous_rel, run=run, scan=scan)
 
 
 def pooled(judged: Sequence[JudgedRun]) -> dict[str, Any]:

@@ -1,8 +1,8 @@
 """The service's estimation on the feet of a walking robot: readings of a log, run through the whole pipeline.
 
-Every conversion reads the next element of all feet under the load at its middle; the pipeline gets each as a frame, as
-from a bus, and what it says is kept beside what the feet felt at the time of sending. In swing the foot's own mass
-pulls at the sensor, by the accelerations of the log.
+Every conversion reads the next element, or row, of all feet under the load at its middle; the pipeline gets each as a
+frame, as from a bus, and what it says is kept beside what the feet felt at the time of sending. In swing the foot's own
+mass pulls at the sensor, by the accelerations of the log.
 """
 
 from typing import NamedTuple
@@ -21,9 +21,8 @@ from footsense.estimation.settings import (
     TareLimits,
 )
 from footsense.foot.network_card import TrainedInputs
-from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads, Specimen
-from footsense.frames import ELEMENTS, CapFrame, Codes, GaitEvent, Mask, Reading, Vector
+from footsense.frames import ELEMENTS, ROWS, CapFrame, Codes, GaitEvent, Mask, Reading, Vector
 from footsense.lab.training.gait_readings import NOMINAL_SEND_DELAY_S, STEP_S, conversion_elements
 from footsense.lab.walkers.simulate import WalkerLog
 from footsense.ports import LoadEstimator
@@ -93,24 +92,53 @@ def walker_loads(log: WalkerLog, scale: float, ball_radius_mm: float) -> WalkerL
     )
 
 
+class ScanTimes(NamedTuple):
+    """Times of the scan of a board whose six legs are read at 400 conversions a second: as its simulation shows them.
+
+    Attributes:
+        elements: Elements of each conversion of a scan, shape (conversions, elements at once).
+        step_s: From one conversion to the next [s].
+        send_delay_s: From the middle of a conversion to the sending of its force [s].
+    """
+
+    elements: NDArray[np.intp]
+    step_s: float
+    send_delay_s: float
+
+
+#: By the scan of a network: board `fdc1004` on one bus, and `fdc1004_columns` on two, at 40 us a transaction.
+SCAN_TIMES = {
+    "elements": ScanTimes(conversion_elements(0, ELEMENTS)[:, None], STEP_S, NOMINAL_SEND_DELAY_S),
+    "rows": ScanTimes(np.arange(ELEMENTS).reshape(ROWS, ROWS), 2.5913e-3, 3.4083e-3),
+}
+
+
 class WalkerReadings(NamedTuple):
     """Readings of the feet of a robot, one conversion after another.
 
     Attributes:
+        scan: Their scan.
         t_s: Middle of each conversion [s], shape (n,).
-        element: Element that it read, shape (n,).
-        capacitance_pf: What was read [pF], shape (n, legs).
+        elements: Elements that it read, shape (n, elements at once).
+        capacitance_pf: What was read [pF], shape (n, legs, elements at once).
         loads: True loads at the times of sending.
     """
 
+    scan: ScanTimes
     t_s: Vector
-    element: NDArray[np.intp]
+    elements: NDArray[np.intp]
     capacitance_pf: Vector
     loads: WalkerLoads
 
 
 def read_walker(
-    foot: Specimen, loads: WalkerLoads, seed: int, *, viscous_rel: float = 0.0, noise_rel: float = 1.0
+    foot: Specimen,
+    loads: WalkerLoads,
+    seed: int,
+    *,
+    scan: ScanTimes = SCAN_TIMES["elements"],
+    viscous_rel: float = 0.0,
+    noise_rel: float = 1.0,
 ) -> WalkerReadings:
     """Return simulated readings of the feet of a robot.
 
@@ -118,16 +146,17 @@ def read_walker(
         foot: The foot on every leg.
         loads: Their loads.
         seed: Seed of the noise.
+        scan: How the feet are read.
         viscous_rel: Creep and lag of the rubber over those of the simulated rubber [1].
         noise_rel: Noise over the converter's [1].
     """
     rng = np.random.default_rng(seed)
-    n = int((loads.t_s[-1] - STEP_S) / STEP_S)
-    t_s = np.asarray(STEP_S * np.arange(1.0, n + 1), np.float64)
-    element = conversion_elements(0, n)
+    n = int((loads.t_s[-1] - scan.step_s) / scan.step_s)
+    t_s = np.asarray(scan.step_s * np.arange(1.0, n + 1), np.float64)
+    elements = scan.elements[np.arange(n) % len(scan.elements)]
     read = loads.at(t_s)
     n_legs = loads.force_n.shape[1]
-    capacitance_pf = np.empty((n, n_legs))
+    capacitance_pf = np.empty((n, n_legs, elements.shape[1]))
     for leg in range(n_legs):
         normal, force_n = read.normal[:, leg], read.felt_n[:, leg]
         if viscous_rel:
@@ -137,9 +166,9 @@ def read_walker(
         for first in range(0, len(rows), _LOADS_PER_CALL):
             some = rows[first : first + _LOADS_PER_CALL]
             whole_pf[some] = foot.capacitance_pf(normal[some], force_n[some])
-        capacitance_pf[:, leg] = whole_pf[np.arange(n), element]
+        capacitance_pf[:, leg] = np.take_along_axis(whole_pf, elements, axis=1)
     capacitance_pf += noise_rel * _NOISE_PF * rng.normal(size=capacitance_pf.shape)
-    return WalkerReadings(t_s, element, capacitance_pf, loads.at(t_s + NOMINAL_SEND_DELAY_S))
+    return WalkerReadings(scan, t_s, elements, capacitance_pf, loads.at(t_s + scan.send_delay_s))
 
 
 def _effective_loads(t_s: Vector, loads: ContactLoads, amount: float) -> ContactLoads:
@@ -176,9 +205,14 @@ class WalkerOutputs(NamedTuple):
 
 
 def pipeline_of(
-    estimator: LoadEstimator, trained: TrainedInputs, max_force_n: float, n_legs: int, friction: float
+    estimator: LoadEstimator,
+    trained: TrainedInputs,
+    max_force_n: float,
+    n_legs: int,
+    friction: float,
+    scan: ScanTimes = SCAN_TIMES["elements"],
 ) -> Pipeline:
-    """Return the service's pipeline for feet as designed, on board `fdc1004`.
+    """Return the service's pipeline for feet as designed.
 
     Args:
         estimator: The network, for the number of legs.
@@ -186,9 +220,10 @@ def pipeline_of(
         max_force_n: Largest force of its training [N].
         n_legs: Number of legs.
         friction: Coefficient of friction of the ground, as if configured [1].
+        scan: How the feet are read.
     """
     force_sensitivity = sensitivity(estimator, n_legs, trained.moments)
-    scan_ns = round(1e9 * ELEMENTS * STEP_S)
+    scan_ns = round(1e9 * len(scan.elements) * scan.step_s)
     limits = EstimationLimits(
         tare=TareLimits(),
         least_contact_n=DEFAULT_CONTACT_THRESHOLD_REL * max_force_n,
@@ -204,19 +239,19 @@ def pipeline_of(
 
 def run_pipeline(pipeline: Pipeline, readings: WalkerReadings) -> WalkerOutputs:
     """Return what a pipeline says of readings, conversion by conversion."""
-    n, n_legs = readings.capacitance_pf.shape
+    n, n_legs, _ = readings.capacitance_pf.shape
     t_ns = np.zeros((n_legs, ELEMENTS), np.int64)
     capacitance_pf = np.full((n_legs, ELEMENTS), np.nan)
     reading = np.full((n_legs, ELEMENTS), Reading.NOT_READY, np.uint8)
-    sent_ns = (1e9 * (readings.t_s + NOMINAL_SEND_DELAY_S)).astype(np.int64).tolist()
+    sent_ns = (1e9 * (readings.t_s + readings.scan.send_delay_s)).astype(np.int64).tolist()
     read_ns = (1e9 * readings.t_s).astype(np.int64).tolist()
     over = readings.capacitance_pf >= _FULL_SCALE_PF
     frames, events = [], []
     contact = np.zeros((n, n_legs), bool)
-    for k, element in enumerate(readings.element.tolist()):
-        t_ns[:, element] = read_ns[k]
-        capacitance_pf[:, element] = np.where(over[k], np.nan, readings.capacitance_pf[k])
-        reading[:, element] = np.where(over[k], Reading.OVER_RANGE, Reading.OK)
+    for k, elements in enumerate(readings.elements.tolist()):
+        t_ns[:, elements] = read_ns[k]
+        capacitance_pf[:, elements] = np.where(over[k], np.nan, readings.capacitance_pf[k])
+        reading[:, elements] = np.where(over[k], Reading.OVER_RANGE, Reading.OK)
         frame, _ = pipeline.process(
             CapFrame(k, t_ns.copy(), capacitance_pf.copy(), reading.copy()), sent_ns[k]
         )
@@ -235,21 +270,3 @@ def run_pipeline(pipeline: Pipeline, readings: WalkerReadings) -> WalkerOutputs:
         contact=contact,
         events=events,
     )
-
-
-def run_walker(
-    response: FootResponse,
-    estimator: LoadEstimator,
-    trained: TrainedInputs,
-    log: WalkerLog,
-    scale: float,
-    *,
-    max_force_n: float,
-    ball_radius_mm: float,
-    seed: int,
-    viscous_rel: float = 0.0,
-) -> WalkerOutputs:
-    """Return what the service would say of one run of a robot; arguments as of the parts above."""
-    loads = walker_loads(log, scale, ball_radius_mm)
-    readings = read_walker(Specimen(response), loads, seed, viscous_rel=viscous_rel)
-    return run_pipeline(pipeline_of(estimator, trained, max_force_n, len(log.legs), log.friction), readings)

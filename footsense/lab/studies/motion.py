@@ -1,18 +1,23 @@
 """Page `motion`: forces of feet that move, what a gait controller is told of them, and when."""
 
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
 from footsense.daemon.foot_types import released_path
 from footsense.estimation.missing_elements import Imputation
 from footsense.foot.directions import angles_between_deg
+from footsense.foot.network_card import NETWORK_FILES
 from footsense.frames import ELEMENTS, LEGS, Mask, Vector
 from footsense.lab.evaluation.walker_judgement import draw, judge, pooled
-from footsense.lab.evaluation.walker_page import row_of, walker_targets, walker_text
+from footsense.lab.evaluation.walker_page import WalkerLimits, row_of, walker_targets, walker_text
+from footsense.lab.evaluation.walker_runs import SCAN_TIMES
 from footsense.lab.foot_file import FOOT_FILE
 from footsense.lab.report import StudyContext, Values, spread, table, target
+from footsense.lab.training.export import OnnxNetwork
 from footsense.lab.training.gait_readings import (
+    SCANS_OF_NETWORK,
     STEP_S,
     GaitReadings,
     ReadingConditions,
@@ -29,7 +34,7 @@ from footsense.lab.training.gait_windows import (
     windows_of,
 )
 from footsense.lab.walkers.split import JUDGEMENT
-from footsense.ports import Window
+from footsense.ports import LoadEstimator, Window
 from footsense.sim.loads.ground_load import ContactSource
 from footsense.sim.loads.walk import Walk, measured_walk, smooth_stance_reaction
 
@@ -52,13 +57,34 @@ _OWN_ROBOTS = ("hexapod-2kg", "quadruped-12kg")
 _QUICK_RUNS = slice(1, None, 12)
 
 
+class Wanted(NamedTuple):
+    """Limits of errors of direction, mean and 95 % below [deg], by load, and of walking robots."""
+
+    direction_deg: dict[str, tuple[float, float]]
+    robots: WalkerLimits
+
+
 def compute(context: StudyContext) -> Values:
     """Judge the feet by walking robots; estimate the force in random gaits and walks."""
-    gaits, wrong_gains = _gaits(context)
+    wanted = Wanted({"measured walk": (0.8, 3.0)}, WalkerLimits())
+    return compute_of(context, "elements", "motion", wanted)
+
+
+def compute_of(context: StudyContext, scan: str, page: str, wanted: Wanted) -> Values:
+    """Judge the feet with the networks of a scan; see `compute`.
+
+    Args:
+        context: As of every study.
+        scan: What a conversion reads, a key of `NETWORK_FILES`.
+        page: Name of the page, for its pictures.
+        wanted: What is wanted of them.
+    """
+    network = OnnxNetwork(context.models / NETWORK_FILES[scan])
+    gaits, wrong_gains = _gaits(context, network, scan)
     context.report_progress("gaits done")
     folders = [context.models, *(released_path(FOOT_FILE, name).parent for name in _OWN_ROBOTS)]
     runs = JUDGEMENT[_QUICK_RUNS] if context.quick else JUDGEMENT
-    judged = judge(folders, runs, scheduler=context.scheduler)
+    judged = judge(folders, runs, scan=scan, scheduler=context.scheduler)
     context.report_progress("walking robots done")
     own_type = context.foot_design.foot_type
     by_foot = {
@@ -66,10 +92,10 @@ def compute(context: StudyContext) -> Values:
         for name in dict.fromkeys(one.foot_type for one in judged)
     }
     for name, runs_of_foot in by_foot.items():
-        context.drawings[f"motion-{name}.png"] = draw(runs_of_foot, name)
-    creeping = judge(folders[:1], runs[::4], viscous_rel=1.0, scheduler=context.scheduler)
+        context.drawings[f"{page}-{name}.png"] = draw(runs_of_foot, name)
+    creeping = judge(folders[:1], runs[::4], scan=scan, viscous_rel=1.0, scheduler=context.scheduler)
     together = {name: pooled(runs_of_foot) for name, runs_of_foot in by_foot.items()}
-    walk = next(row for row in gaits if row["load"] == "measured walk")
+    by_load = {row["load"]: row for row in gaits}
     return {
         "n_random_gaits": 6 if context.quick else _N_GAITS,
         "gaits": gaits,
@@ -78,24 +104,36 @@ def compute(context: StudyContext) -> Values:
         "pooled": together,
         "creeping": [row_of(one) for one in creeping],
         "targets": [
-            target(
-                "measured walk, direction, mean / 95 % below (one walk, two legs)",
-                "0.8 / 3 deg",
-                f"{walk['direction_deg']:.1f} / {walk['direction_p95_deg']:.1f} deg",
-                met=walk["direction_deg"] <= 0.8 and walk["direction_p95_deg"] <= 3.0,
+            *(
+                target(
+                    f"{load}, direction, mean / 95 % below",
+                    f"{mean_deg:g} / {p95_deg:g} deg",
+                    f"{by_load[load]['direction_deg']:.2f} / {by_load[load]['direction_p95_deg']:.1f} deg",
+                    met=by_load[load]["direction_deg"] <= mean_deg
+                    and by_load[load]["direction_p95_deg"] <= p95_deg,
+                )
+                for load, (mean_deg, p95_deg) in wanted.direction_deg.items()
             ),
             *walker_targets(
-                together[own_type], {name: together[name] for name in together if name != own_type}
+                together[own_type],
+                {name: together[name] for name in together if name != own_type},
+                wanted.robots,
             ),
         ],
     }
 
 
 def _walked(
-    context: StudyContext, source: ContactSource, legs: tuple[str, ...], viscous_rel: float = 0.0
+    context: StudyContext, scan: str, source: ContactSource, legs: tuple[str, ...], viscous_rel: float = 0.0
 ) -> GaitReadings:
+    times = SCAN_TIMES[scan]
     n = 400 if context.quick else _WALK_CONVERSIONS
-    conditions = ReadingConditions(viscous_rel=viscous_rel)
+    conditions = ReadingConditions(
+        conversion_order_index=SCANS_OF_NETWORK[times.elements.shape[1]][0],
+        step_s=times.step_s,
+        send_delay_s=times.send_delay_s,
+        viscous_rel=viscous_rel,
+    )
     return concatenate_gaits(
         [
             simulate_gait_readings(
@@ -106,12 +144,13 @@ def _walked(
     )
 
 
-def _gaits(context: StudyContext) -> tuple[list[Values], Values]:
+def _gaits(context: StudyContext, network: LoadEstimator, scan: str) -> tuple[list[Values], Values]:
     """Return the errors in gaits and walks, and those of direction with wrong gains, draw by draw [deg]."""
     n_gaits = 6 if context.quick else _N_GAITS
     max_n = context.foot_design.loads.max_n
-    random = random_gaits(context.response, _SEED, n_gaits, _CONVERSIONS, max_n)
-    at_usual_pace = (random.conversion_order_index == 0) & (
+    at_once = SCAN_TIMES[scan].elements.shape[1]
+    random = random_gaits(context.response, _SEED, n_gaits, _CONVERSIONS, max_n, at_once=at_once)
+    at_usual_pace = (random.conversion_order_index == SCANS_OF_NETWORK[at_once][0]) & (
         np.abs(random.step_s / STEP_S - 1.0) < _USUAL_RATE_REL
     )
     usual = select_gaits(random, at_usual_pace)
@@ -124,15 +163,15 @@ def _gaits(context: StudyContext) -> tuple[list[Values], Values]:
         from_ns=_WALK_START_NS,
     )
     sides = ("rf", "lf")
-    walked = _walked(context, walk, sides)
+    walked = _walked(context, scan, walk, sides)
     middle, row = np.arange(ELEMENTS) == 4, np.arange(ELEMENTS) < 3
-    errors = partial(_errors, context)
+    errors = partial(_errors, context, network)
     rows = [
         errors("random gaits", usual),
         errors("random gaits at another pace", select_gaits(random, ~at_usual_pace)),
         errors("measured walk", walked),
-        errors("tripod", _walked(context, tripod, ("rf",))),
-        errors("walk, rubber creeps and lags", _walked(context, walk, sides, viscous_rel=1.0)),
+        errors("tripod", _walked(context, scan, tripod, ("rf",))),
+        errors("walk, rubber creeps and lags", _walked(context, scan, walk, sides, viscous_rel=1.0)),
         errors("walk, middle element missing", walked, missing=middle),
         errors("walk, row 0 missing", walked, missing=row),
     ]
@@ -150,6 +189,7 @@ def _gaits(context: StudyContext) -> tuple[list[Values], Values]:
 
 def _errors(
     context: StudyContext,
+    network: LoadEstimator,
     load: str,
     gaits: GaitReadings,
     missing: Mask = _NOTHING,
@@ -162,7 +202,7 @@ def _errors(
         closure_rel = closure_rel * gain[windows.gait][:, None]
     closure_rel = closure_rel @ Imputation(context.trained_inputs.moments).matrix(missing).T
     found = estimate_in_batches(
-        context.network, Window(closure_rel, windows.age_s, np.tile(missing, (len(closure_rel), 1)))
+        network, Window(closure_rel, windows.age_s, np.tile(missing, (len(closure_rel), 1)))
     )
     loaded = np.linalg.norm(force_n, axis=1) > _DIRECTION_N
     error_n = (found.force_n - force_n)[loaded]
@@ -195,6 +235,11 @@ def _friction_ratio(ratio: Vector, normal: Vector) -> Vector:
 
 def text(values: Values) -> str:
     """Return the page's Markdown."""
+    return text_of(values, "motion")
+
+
+def text_of(values: Values, page: str) -> str:
+    """Return the Markdown of a page of motion, by its name."""
     gaits = table(
         "load | direction mean / 95 % below [deg] | fx / fy / fz rms [mN] | within 2 sigma | beyond 5 | friction ratio"
         " | normal [deg]",
@@ -230,5 +275,5 @@ added to sigma there.
 
 ## Walking robots
 
-{walker_text(values)}
+{walker_text(values, page)}
 """

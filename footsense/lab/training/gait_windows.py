@@ -8,18 +8,18 @@ from numpy.typing import NDArray
 from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.estimation.missing_elements import MAX_OVERLOADED
 from footsense.frames import ELEMENTS, Vector
-from footsense.lab.training.gait_readings import GaitReadings, conversion_elements
+from footsense.lab.training.gait_readings import AT_ONCE, GaitReadings, conversion_elements
 from footsense.lab.training.windowed_network import READINGS_PER_ELEMENT
 from footsense.ports import LoadEstimate, LoadEstimator, Window
 
-#: Conversions before the first window of a gait, beyond those of the window.
-_EXTRA_WARM_UP_CONVERSIONS = 3
+#: Readings before the first window of a gait, beyond those of the window.
+_EXTRA_WARM_UP_READINGS = 3
 #: Windows of one call of the network.
 _WINDOWS_PER_CALL = 20_000
 
 
-def age_in_conversions_table() -> NDArray[np.intp]:
-    """Return the age of each element's newest reading in conversions, by order and last conversion, (orders, 9, 9)."""
+def readings_since_table() -> NDArray[np.intp]:
+    """Return how many readings ago each element's newest was, by order and last reading, (orders, 9, 9)."""
     place = np.argsort(
         [conversion_elements(order, ELEMENTS) for order in range(len(CONVERSION_ORDERS))], axis=1
     )
@@ -27,16 +27,16 @@ def age_in_conversions_table() -> NDArray[np.intp]:
     return ages
 
 
-def conversions_since(ages_in_conversions: Any, order: Any, last_conversion: Any) -> Any:
-    """Return how many conversions ago each reading of n windows was, shape (n, 3, elements), newest first.
+def readings_since(table: Any, order: Any, last_reading: Any) -> Any:
+    """Return how many readings ago each one of n windows was, shape (n, 3, elements), newest first.
 
     Args:
-        ages_in_conversions: Table of `age_in_conversions_table`; an array of JAX in compiled code.
+        table: Table of `readings_since_table`; an array of JAX in compiled code.
         order: Index into `CONVERSION_ORDERS` of each window, shape (n,).
-        last_conversion: Number of the last conversion of each window in its gait, shape (n,).
+        last_reading: Number of the last reading of each window in its gait, shape (n,).
     """
     older = ELEMENTS * np.arange(READINGS_PER_ELEMENT)[:, None]
-    return ages_in_conversions[order, last_conversion % ELEMENTS][:, None] + older
+    return table[order, last_reading % ELEMENTS][:, None] + older
 
 
 def contact_and_normal_force(force_n: Vector, normal: Vector) -> tuple[Vector, Vector]:
@@ -56,14 +56,18 @@ def normals_of_stereographic_points(point: Vector) -> Vector:
 
 
 def complete_window_ends(gaits: GaitReadings) -> NDArray[np.bool_]:
-    """Return the mask of conversions that end a complete window for which there is a force, shape (m, n).
+    """Return the mask of readings that end a complete window for which there is a force, shape (m, n).
+
+    The last one of each conversion, where it reads a row.
 
     At most `MAX_OVERLOADED` of its newest readings are beyond the converter's range.
     """
-    warm_up = READINGS_PER_ELEMENT * ELEMENTS + _EXTRA_WARM_UP_CONVERSIONS
+    warm_up = READINGS_PER_ELEMENT * ELEMENTS + _EXTRA_WARM_UP_READINGS
     beyond = (~gaits.in_range).cumsum(axis=1)
     whole = np.zeros(beyond.shape, bool)
     whole[:, warm_up:] = beyond[:, warm_up:] - beyond[:, warm_up - ELEMENTS : -ELEMENTS] <= MAX_OVERLOADED
+    at_once = AT_ONCE[gaits.conversion_order_index][:, None]
+    whole &= np.arange(beyond.shape[1]) % at_once == at_once - 1
     return whole
 
 
@@ -88,8 +92,12 @@ class GaitWindows(NamedTuple):
 def windows_of(gaits: GaitReadings) -> GaitWindows:
     """Return all complete windows of simulated gaits, ordered by gait and time."""
     gait, time = np.nonzero(complete_window_ends(gaits))
-    since = conversions_since(age_in_conversions_table(), gaits.conversion_order_index[gait], time)
-    age_s = since * gaits.step_s[gait][:, None, None] + gaits.send_delay_s[gait, time][:, None, None]
+    order = gaits.conversion_order_index[gait]
+    since = readings_since(readings_since_table(), order, time)
+    age_s = (
+        since // AT_ONCE[order][:, None, None] * gaits.step_s[gait][:, None, None]
+        + gaits.send_delay_s[gait, time][:, None, None]
+    )
     return GaitWindows(
         gait,
         gaits.closure_rel[gait[:, None, None], time[:, None, None] - since].astype(np.float64),

@@ -22,23 +22,29 @@ import numpy as np
 import optax
 from numpy.typing import NDArray
 
-from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.estimation.missing_elements import MISSING_SETS, Imputation
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, Capacitor
 from footsense.frames import ELEMENTS, Vector
-from footsense.lab.training.gait_readings import PACE_REL, STEP_S, GaitReadings, nominal_send_delay_s
+from footsense.lab.training.gait_readings import (
+    AT_ONCE,
+    PACE_REL,
+    SCANS_OF_NETWORK,
+    STEP_S,
+    GaitReadings,
+    nominal_send_delay_s,
+)
 from footsense.lab.training.gait_windows import (
-    age_in_conversions_table,
     complete_window_ends,
     contact_and_normal_force,
-    conversions_since,
+    readings_since,
+    readings_since_table,
 )
+from footsense.lab.training.initial_weights import random_weights, widened
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, LeaningCases
 from footsense.lab.training.losses import ANGLE_WEIGHT, force_likelihood_loss, mean_angle_rad
 from footsense.lab.training.windowed_network import (
     FEATURES_PER_ELEMENT,
     FEATURES_PER_FOOT,
-    N_SYMMETRIES,
     READINGS_PER_ELEMENT,
     Features,
     Weights,
@@ -118,7 +124,9 @@ class _TrainingConstants(NamedTuple):
     step_s: Any
     conversion_order_index: Any
     window_indices: Any
-    ages_in_conversions: Any
+    readings_since: Any
+    readings_at_once: Any
+    steady_orders: Any
     steady_closure_rel: Any
     steady_force_n: Any
     steady_contact_point_and_friction: Any
@@ -144,6 +152,7 @@ def _training_constants(
     drawn = rng.random(carries.shape)
     share = np.where(carries, 1.0, np.where(lately, _JUST_LIFTED_SHARE, _AIR_SHARE))
     where = np.flatnonzero((complete_window_ends(gaits) & (drawn < share)).ravel())
+    usual = int(np.bincount(gaits.conversion_order_index).argmax())
     plates_um = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2
     single = jnp.float32
     return _TrainingConstants(
@@ -155,7 +164,10 @@ def _training_constants(
         step_s=jnp.asarray(gaits.step_s, single),
         conversion_order_index=jnp.asarray(gaits.conversion_order_index),
         window_indices=jnp.asarray(where),
-        ages_in_conversions=jnp.asarray(age_in_conversions_table()),
+        readings_since=jnp.asarray(readings_since_table()),
+        readings_at_once=jnp.asarray(AT_ONCE),
+        # Of the gaits' own scan, and element by element, as a network is asked about loads at rest.
+        steady_orders=jnp.asarray(list(dict.fromkeys([usual, *SCANS_OF_NETWORK[1]]))),
         steady_closure_rel=jnp.asarray(steady_loads.closure_um / design.gap_um, single),
         steady_force_n=jnp.asarray(steady_loads.force_n, single),
         steady_contact_point_and_friction=jnp.asarray(steady_contact, single),
@@ -173,9 +185,13 @@ def _gait_windows(data: _TrainingConstants, times_per_gait: int, key: jax.Array,
     """Return closures and ages, (n, 3, elements), and true loads of random windows from gaits."""
     at = data.window_indices[jax.random.randint(key, (n,), 0, len(data.window_indices))]
     gait, time = at // times_per_gait, at % times_per_gait
-    since = conversions_since(data.ages_in_conversions, data.conversion_order_index[gait], time)
+    order = data.conversion_order_index[gait]
+    since = readings_since(data.readings_since, order, time)
     closure_rel = data.closure_rel[at[:, None, None] - since]
-    age_s = since * data.step_s[gait][:, None, None] + data.send_delay_s[at][:, None, None]
+    age_s = (
+        since // data.readings_at_once[order][:, None, None] * data.step_s[gait][:, None, None]
+        + data.send_delay_s[at][:, None, None]
+    )
     return closure_rel, age_s, data.force_n[at], data.contact_point_and_friction[at], data.loaded[at]
 
 
@@ -196,8 +212,11 @@ def _steady_windows(data: _TrainingConstants, key: jax.Array, n: int) -> tuple[A
     low, high = np.log(PACE_REL)
     drawn = jax.random.uniform(k7, (2, n))
     step_s = STEP_S * jnp.where(paced, jnp.exp(low + (high - low) * drawn[0]), 1.0)[:, None, None]
-    order = jnp.where(paced, (drawn[1] * len(CONVERSION_ORDERS)).astype(int), 0)
-    since = conversions_since(data.ages_in_conversions, order, phase)
+    order = data.steady_orders[jnp.where(paced, (drawn[1] * len(data.steady_orders)).astype(int), 0)]
+    at_once = data.readings_at_once[order]
+    # A row ends with its last reading.
+    since = readings_since(data.readings_since, order, phase // at_once * at_once + at_once - 1)
+    since //= at_once[:, None, None]
     closure_rel = exact + steep * noise + (1.0 + data.film_thickness_rel) ** 2 * offset
     return (
         closure_rel,
@@ -220,45 +239,6 @@ def _random_windows_batch(data: _TrainingConstants, times_per_gait: int, n: int,
     which = jnp.where(jax.random.uniform(k4, (n,)) < _WINDOWS_WITH_MISSING_SHARE, which, 0)
     closure_rel = jnp.einsum("nab,nsb->nsa", data.imputation_matrices[which], closure_rel)
     return Batch(features(closure_rel, age_s, data.missing_masks[which]), force_n, contact, loaded)
-
-
-def _random_weights(key: jax.Array, c: int) -> Weights:
-    """Return random initial weights; the linear path starts at zero, as a correction to least squares."""
-    n_inputs = FEATURES_PER_ELEMENT * ELEMENTS + FEATURES_PER_FOOT
-    k1, k2, k3, k4 = jax.random.split(key, 4)
-    return Weights(
-        linear=jnp.zeros(2 * len(linear_basis())),
-        w1=jax.random.normal(k1, (c, n_inputs)) / np.sqrt(12.0),
-        b1=0.5 * jax.random.normal(k2, (c,)),
-        w2=jax.random.normal(k3, (c, 8 * c)) / np.sqrt(8.0 * c),
-        b2=jnp.zeros(c),
-        out=0.3 * jax.random.normal(k4, (c, 7)) / np.sqrt(8.0 * c),
-        sigma=jnp.zeros((c, 7)),
-        sigma_offset=jnp.array([-3.0, -4.0, -2.5, -2.0]),
-    )
-
-
-def _widened(weights: Weights, channels: int, key: jax.Array) -> Weights:
-    """Return the weights with more channels, whose outputs are nothing yet."""
-    old, new = weights.channels, _random_weights(key, channels)
-    if old == channels:
-        return weights
-    # Of each relative symmetry, the channels of the layer before.
-    w2 = np.array(new.w2).reshape(channels, N_SYMMETRIES, channels)
-    w2[:old] = 0.0
-    w2[:old, :, :old] = np.asarray(weights.w2).reshape(old, N_SYMMETRIES, old)
-
-    def stacked(mine: Any, others: Any) -> jax.Array:
-        return jnp.concatenate([jnp.asarray(mine), jnp.asarray(others)[old:]])
-
-    return weights._replace(
-        w1=stacked(weights.w1, new.w1),
-        b1=stacked(weights.b1, new.b1),
-        w2=jnp.asarray(w2.reshape(channels, -1)),
-        b2=stacked(weights.b2, new.b2),
-        out=stacked(weights.out, jnp.zeros_like(new.out)),
-        sigma=stacked(weights.sigma, new.sigma),
-    )
 
 
 def _whitening_transform(
@@ -383,9 +363,9 @@ def train_windowed(
 
     key, *rounds = jax.random.split(jax.random.PRNGKey(settings.seed), 1 + settings.steps // _STEPS_PER_CALL)
     free = (
-        _random_weights(key, settings.channels)
+        random_weights(key, settings.channels)
         if start is None
-        else _widened(unfold_whitening(start), settings.channels, key)
+        else widened(unfold_whitening(start), settings.channels, key)
     )
     carry = (free, optimiser.init(free))
     compiled = jax.jit(train_chunk)

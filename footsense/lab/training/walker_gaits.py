@@ -57,7 +57,7 @@ class _FootLog(NamedTuple):
 
 
 def _walker_gait(
-    response: FootResponse, log: _FootLog, n: int, max_n: float, rng: np.random.Generator
+    response: FootResponse, log: _FootLog, n: int, max_n: float, at_once: int, rng: np.random.Generator
 ) -> GaitReadings:
     """Return the readings of a foot of a log under random conditions."""
     scale = rng.uniform(*_PEAK_REL) * max_n / log.peak_n
@@ -69,7 +69,7 @@ def _walker_gait(
         partial(log.scaled(max_n, scale, speed_rel).loads, turn, start_s, speed_rel, felt)
         for felt in (False, True)
     )
-    conditions = draw_conditions(rng, slowest_rel=_SLOWEST_REL)
+    conditions = draw_conditions(rng, at_once, slowest_rel=_SLOWEST_REL)
     return simulate_gait_readings(response, loads, conditions, rng, n, felt)
 
 
@@ -82,6 +82,7 @@ def walker_gaits(
     n: int,
     max_n: float,
     jobs: int = 1,
+    at_once: int = 1,
 ) -> GaitReadings:
     """Return simulated readings of m gaits of n conversions, of random feet of logs.
 
@@ -94,6 +95,7 @@ def walker_gaits(
         n: Conversions of each.
         max_n: Largest force of the training [N].
         jobs: Processes.
+        at_once: Elements that a conversion reads, a key of `SCANS_OF_NETWORK`.
     """
     feet = [
         _FootLog(log.t_s, log.force_n[:, leg], inertial_n[:, leg], log.normal[:, leg], peak_n)
@@ -104,7 +106,7 @@ def walker_gaits(
     ]
     rngs = [np.random.default_rng(own) for own in np.random.SeedSequence((seed, 1)).spawn(m)]
     making = Parallel(n_jobs=jobs, return_as="generator")(
-        delayed(_walker_gait)(response, feet[rng.integers(len(feet))], n, max_n, rng) for rng in rngs
+        delayed(_walker_gait)(response, feet[rng.integers(len(feet))], n, max_n, at_once, rng) for rng in rngs
     )
     made: list[GaitReadings] = []
     with progress_bar("walkers", m) as gaits_done:

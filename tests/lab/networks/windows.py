@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from footsense.estimation.missing_elements import MISSING_SETS
 from footsense.lab.symmetry import SYMMETRIES, element_permutation
-from footsense.lab.training.gait_windows import age_in_conversions_table
+from footsense.lab.training.gait_windows import readings_since_table
 from footsense.ports import LoadEstimate, Window
 
 STEP_S, NOMINAL_SEND_DELAY_S = 2.7e-3, 3.2e-3
@@ -16,7 +16,7 @@ STEP_S, NOMINAL_SEND_DELAY_S = 2.7e-3, 3.2e-3
 def some_windows(n: int = 40, seed: int = 1) -> Window:
     """Return windows of feet in motion, in every phase of a scan and with every set of missing elements."""
     rng = np.random.default_rng(seed)
-    since = age_in_conversions_table()[0, np.arange(n) % 9][:, None] + 9 * np.arange(3)[:, None]
+    since = readings_since_table()[0, np.arange(n) % 9][:, None] + 9 * np.arange(3)[:, None]
     age_s = (
         NOMINAL_SEND_DELAY_S
         + STEP_S * (1.0 + 4.0 * rng.random((n, 1, 1)) * (rng.random((n, 1, 1)) < 0.3)) * since
