@@ -1,4 +1,4 @@
-"""Weights that the training of the windowed network starts from: random ones, or another network's with more channels."""
+"""Start weights of the windowed network: random ones, or another network's with more channels."""
 
 from typing import Any
 
