@@ -21,7 +21,6 @@ from footsense.estimation.settings import (
     TareLimits,
 )
 from footsense.foot.network_card import TrainedInputs
-from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads, Specimen
 from footsense.frames import ELEMENTS, CapFrame, Codes, GaitEvent, Mask, Reading, Vector
 from footsense.lab.training.gait_readings import NOMINAL_SEND_DELAY_S, STEP_S, conversion_elements
@@ -235,21 +234,3 @@ def run_pipeline(pipeline: Pipeline, readings: WalkerReadings) -> WalkerOutputs:
         contact=contact,
         events=events,
     )
-
-
-def run_walker(
-    response: FootResponse,
-    estimator: LoadEstimator,
-    trained: TrainedInputs,
-    log: WalkerLog,
-    scale: float,
-    *,
-    max_force_n: float,
-    ball_radius_mm: float,
-    seed: int,
-    viscous_rel: float = 0.0,
-) -> WalkerOutputs:
-    """Return what the service would say of one run of a robot; arguments as of the parts above."""
-    loads = walker_loads(log, scale, ball_radius_mm)
-    readings = read_walker(Specimen(response), loads, seed, viscous_rel=viscous_rel)
-    return run_pipeline(pipeline_of(estimator, trained, max_force_n, len(log.legs), log.friction), readings)
