@@ -236,6 +236,7 @@ _GAIT_COLUMNS: list[Column[LegSnapshot]] = [
     _reported("gait.load_share", ">5.0%", "share", worth=8),
     Column("gait.slip", _entry("gait.slip"), "<6", cell=_slip_cell, worth=7),
     _reported("gait.all_in_air"),
+    Column("gait.ago_ms", lambda leg: _scaled(leg.report.gait_ago_ns, 1e-6)),
     _reported("ground.tangential_over_normal", ">5.2f", "ft/fn", worth=6),
     _reported("ground.tangential_over_normal_sigma", ">4.2f", "+-", worth=4),
     _reported("ground.friction", ">8.2f", "friction", worth=5),
