@@ -10,12 +10,12 @@ from typing import Any
 
 import click
 from rich.console import Console, Group, RenderableType
-from rich.live import Live
 from rich.text import Text
 
 from firmware_interface.can.codes import Cause, Flag, NmtState, Slip
 from footsense.can.interface import Interface
 from footsense.cli.can.can_options import can_options, silence_text
+from footsense.cli.live import Picture
 from footsense.cli.options import StopRequest, duration_option
 from footsense.cli.tables import (
     EMPTY_CELL,
@@ -91,9 +91,7 @@ def monitor(
     is_plain = as_json or not console.is_terminal
     with ExitStack() as stack:
         listener = stack.enter_context(closing(open_listener(interface, channel, clock, limits)))
-        live = (
-            None if is_plain else stack.enter_context(Live(console=console, auto_refresh=False, screen=False))
-        )
+        live = None if is_plain else stack.enter_context(Picture(console))
         for step in count(1):
             t_ns = start_ns + step * _REDRAW_PERIOD_NS
             if t_ns > end_ns:
