@@ -35,6 +35,7 @@ _MISSED_SCANS_BEFORE_LEAVING = 3
 _LATE_SCANS_BEFORE_TIMING = 2
 _FIRST_PAUSE_NS = 250_000_000
 _MAX_PAUSE_NS = 4_000_000_000
+_NS_PER_S = 1_000_000_000
 #: Factor on the pause of a leg that holds a line low, and of a leg on a stuck bus, whose try costs no other leg.
 _STUCK_LEG_PAUSE_FACTOR, _STUCK_BUS_PAUSE_FACTOR = 4.0, 0.25
 
@@ -168,9 +169,10 @@ class LegConnection:
         if why is not None and (outcome is not self.outcome or self._pause_ns == _FIRST_PAUSE_NS or is_told):
             self._why = why
             _log.warning(
-                "leg %s: %s; left out of the scan and tried again later",
+                "leg %s: %s; left out of the scan, and tried again at least every %g s",
                 self.name,
                 why or words_of_reading(outcome).meaning,
+                pause_factor * _MAX_PAUSE_NS / _NS_PER_S,
             )
         self.in_scan = False
         self.is_suspect = True
@@ -370,6 +372,8 @@ def leave_out_stuck_legs(bus: LegBus, legs: Sequence[LegConnection], read: Trans
             leg.leave_scan(Reading.BUS_STUCK, clock.now_ns(), pause_factor=_STUCK_LEG_PAUSE_FACTOR)
     if behind:
         _log.warning(
-            "the bus of %s is held low and does not get free; they are left out of the scan and tried again later",
+            "the bus of %s is held low and does not get free; they are left out of the scan, and tried again at least "
+            "every %g s",
             ", ".join(behind),
+            _STUCK_BUS_PAUSE_FACTOR * _MAX_PAUSE_NS / _NS_PER_S,
         )

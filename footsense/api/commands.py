@@ -1,7 +1,6 @@
 """Commands to legs on CAN, as a gait controller sends them: for `Feet.tare`, `start`, `stop`, and `footsense tare`."""
 
 from collections.abc import Callable, Collection, Iterator
-from contextlib import closing
 from typing import NamedTuple
 
 from firmware_interface.can.codes import NODE_IDS, CommandKind, Result
@@ -79,6 +78,15 @@ class LegAnswer(NamedTuple):
         )
 
 
+def open_command_wire(can: Can) -> CanWire:
+    """Open a channel for commands, and for heartbeats and answers alone; close it.
+
+    Raises:
+        CanError: The channel is missing or down.
+    """
+    return open_wire(can, [base + node for base in (HEARTBEAT_ID, ANSWER_ID) for node in NODE_IDS.values()])
+
+
 #: Called with the legs whose answer takes longer than usual, and the time after which they are given up [s].
 OnWait = Callable[[Collection[str], float], None]
 
@@ -97,41 +105,11 @@ class Commander:
         self._clock = clock
         self._free_ns = 0
 
-    def command_on(
-        self,
-        can: Can,
-        kind: CommandKind,
-        legs: Collection[str],
-        heard: Collection[int] = (),
-        on_wait: OnWait | None = None,
-    ) -> Iterator[LegAnswer]:
-        """Command legs on a channel; the other arguments as of `command`.
-
-        Args:
-            can: The channel.
-            kind: The command.
-            legs: Names of legs.
-            heard: CAN node ids of the legs that are heard.
-            on_wait: Called once if answers take longer than usual.
-
-        Yields:
-            Each leg, as its answer arrives.
-
-        Raises:
-            CanError: The channel is missing, down or gone, or takes no frame.
-        """
-        accept = [base + node for base in (HEARTBEAT_ID, ANSWER_ID) for node in NODE_IDS.values()]
-        with closing(open_wire(can, accept)) as wire:
-            try:
-                yield from self.command(wire, kind, legs, heard, on_wait)
-            except OSError as error:
-                raise CanError(f"the CAN channel is gone: {error.strerror or error}") from error
-
     def command(
         self,
         wire: CanWire,
         kind: CommandKind,
-        legs: Collection[str],
+        legs: Collection[str] = (),
         heard: Collection[int] = (),
         on_wait: OnWait | None = None,
     ) -> Iterator[LegAnswer]:
@@ -140,7 +118,7 @@ class Commander:
         Args:
             wire: The channel.
             kind: The command.
-            legs: Names of legs; `all` stands for every leg that is heard.
+            legs: Names of legs; none for every leg that is heard.
             heard: CAN node ids of the legs that are heard; none to listen for their heartbeats first, a second.
             on_wait: Called once if answers take longer than usual; None for nobody to tell.
 
@@ -148,27 +126,33 @@ class Commander:
             Each leg, as its answer arrives; without an answer those that are not heard, and those that take too long.
 
         Raises:
-            CanError: The channel takes no frame.
-            OSError: It is down or gone.
+            CanError: The channel is down or gone, or takes no frame.
         """
-        clock = self._clock
-        if (start_ns := clock.now_ns()) < self._free_ns:
-            clock.sleep_until_ns(self._free_ns)
-            start_ns = clock.now_ns()
-        heard = heard or {can_id - HEARTBEAT_ID for can_id, _ in self._received(wire, _HEARTBEAT_TIMEOUT_NS)}
-        named = [leg for leg, node in NODE_IDS.items() if leg in legs or ("all" in legs and node in heard)]
-        yield from (
-            LegAnswer(leg, kind, is_heard=False) for leg in named or ["all"] if NODE_IDS.get(leg) not in heard
-        )
-        waiting = {NODE_IDS[leg]: leg for leg in named if NODE_IDS[leg] in heard}
-        commands = PendingCommands(start_ns // _COUNTER_STEP_NS % COUNTER_PERIOD)
-        for node in waiting:
-            now_ns = clock.now_ns()
-            if not wire.send([pack_frame(*commands.encode(node, kind, now_ns))], now_ns):
-                raise CanError("CAN takes no frame; is another node on the bus?")
-            self._free_ns = now_ns + _COMMAND_PERIOD_NS
-        if waiting:
-            yield from self._answers(wire, kind, waiting, commands, on_wait)
+        try:
+            clock = self._clock
+            if (start_ns := clock.now_ns()) < self._free_ns:
+                clock.sleep_until_ns(self._free_ns)
+                start_ns = clock.now_ns()
+            heard = heard or {
+                can_id - HEARTBEAT_ID for can_id, _ in self._received(wire, _HEARTBEAT_TIMEOUT_NS)
+            }
+            named = [leg for leg, node in NODE_IDS.items() if (leg in legs if legs else node in heard)]
+            yield from (
+                LegAnswer(leg, kind, is_heard=False)
+                for leg in named or ["all"]
+                if NODE_IDS.get(leg) not in heard
+            )
+            waiting = {NODE_IDS[leg]: leg for leg in named if NODE_IDS[leg] in heard}
+            commands = PendingCommands(start_ns // _COUNTER_STEP_NS % COUNTER_PERIOD)
+            for node in waiting:
+                now_ns = clock.now_ns()
+                if not wire.send([pack_frame(*commands.encode(node, kind, now_ns))], now_ns):
+                    raise CanError("CAN takes no frame; is another node on the bus?")
+                self._free_ns = now_ns + _COMMAND_PERIOD_NS
+            if waiting:
+                yield from self._answers(wire, kind, waiting, commands, on_wait)
+        except OSError as error:
+            raise CanError(f"the CAN channel is gone: {error.strerror or error}") from error
 
     def _answers(
         self,

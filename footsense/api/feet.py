@@ -4,11 +4,12 @@ import math
 import threading
 from collections import deque
 from collections.abc import Collection, Iterator
+from contextlib import closing
 from types import TracebackType
 from typing import Literal, Self
 
 from firmware_interface.can.codes import NODE_IDS, CommandKind, Result
-from footsense.api.commands import Commander
+from footsense.api.commands import Commander, open_command_wire
 from footsense.api.events import FootEvent
 from footsense.can.interface import DEFAULT_CHANNELS, Can
 from footsense.client import LegEvent, LegForce, LinkLimits, LinkStatus
@@ -83,7 +84,8 @@ class Feet:
 
     Iterating gives one mapping a cycle, from the leg's name to its `LegForce`. It is always the newest: a slow loop
     skips cycles, and never works through a backlog. In a silence the mapping comes every 100 ms, with no usable leg,
-    and after the timeout of `connect` the loop ends. A thread of its own receives meanwhile.
+    and after the timeout of `connect` the loop ends; Ctrl-C raises `KeyboardInterrupt` in it. A thread of its own
+    receives meanwhile.
 
     Attributes:
         legs: Names of the legs that are heard, in the order of their CAN node ids.
@@ -144,7 +146,7 @@ class Feet:
         `can.commands: true` in its file, as `deploy/simulated.yaml` has it.
 
         Args:
-            legs: Names of the legs; none for all.
+            legs: Names of the legs; none for all that are heard, as with the command `footsense tare`.
 
         Raises:
             FootsenseError: A leg was not tared; the message says which, and why.
@@ -182,9 +184,10 @@ class Feet:
             )
         refused: dict[str, list[str]] = {}
         heard = [NODE_IDS[leg] for leg in self.legs]
-        for answer in self._commander.command_on(self._can, kind, legs, heard):
-            if answer.result is not Result.DONE:
-                refused.setdefault(answer.refusal(self._can.channel), []).append(answer.leg)
+        with closing(open_command_wire(self._can)) as wire:
+            for answer in self._commander.command(wire, kind, legs, heard):
+                if answer.result is not Result.DONE:
+                    refused.setdefault(answer.refusal(self._can.channel), []).append(answer.leg)
         if refused:
             raise FootsenseError(" | ".join(f"{', '.join(which)}: {why}" for why, which in refused.items()))
 

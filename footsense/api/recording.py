@@ -112,7 +112,8 @@ def read(path: str | Path) -> Recording:
     A recording that is cut short is read as far as it is whole, with a warning that says how far.
 
     Args:
-        path: The `.mcap` file, or the `.mcap.partial` of a run that was killed.
+        path: The `.mcap` file; after a power cut or on a full disk the `.mcap.partial`. The recording of a service
+            that was killed is whole: its writer is a process of its own.
 
     Raises:
         RecordingError: It is missing, not a recording of footsense, or has no whole cycle.

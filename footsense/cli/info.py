@@ -86,7 +86,8 @@ class _Contents:
         first_ns: Time of the first cycle [ns].
         last_ns: Time of the last one [ns].
         begin_ns: First time of each fault [ns], by row, state and cause.
-        total_ns: Its duration in all [ns].
+        total_ns: Its duration in all [ns]: each time up to the next cycle, so that nothing is behind the last one.
+        present: Faults of the last cycle.
     """
 
     n_cycles: int = 0
@@ -96,17 +97,22 @@ class _Contents:
     last_ns: int = 0
     begin_ns: dict[tuple[int, State, Cause], int] = field(default_factory=dict)
     total_ns: Counter[tuple[int, State, Cause]] = field(default_factory=Counter)
+    present: list[tuple[int, State, Cause]] = field(default_factory=list)
 
     def add(self, forces: ContactFrame) -> None:
         """Add the next cycle."""
         t_ns = forces.t_sent_ns
         if not self.n_cycles:
             self.first_ns = self.last_ns = t_ns
-        faulty = forces.cause.astype(bool) | ~_IS_FAULT_FREE[forces.state]
-        for row in faulty.nonzero()[0].tolist():
-            fault = row, State(int(forces.state[row])), Cause(int(forces.cause[row]))
-            self.begin_ns.setdefault(fault, t_ns)
+        for fault in self.present:
             self.total_ns[fault] += t_ns - self.last_ns
+        faulty = forces.cause.astype(bool) | ~_IS_FAULT_FREE[forces.state]
+        self.present = [
+            (row, State(int(forces.state[row])), Cause(int(forces.cause[row])))
+            for row in faulty.nonzero()[0].tolist()
+        ]
+        for fault in self.present:
+            self.begin_ns.setdefault(fault, t_ns)
         self.flags |= int(np.bitwise_or.reduce(forces.flags))
         self.n_cycles, self.last_ns = self.n_cycles + 1, t_ns
 

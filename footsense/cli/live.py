@@ -29,6 +29,25 @@ _BAR_WIDTH_CELLS = 10
 _BAR_FULL_SCALE_N = 1.2
 
 
+class Picture(Live):
+    """Picture that is redrawn in its place; on an empty screen after a resize, which folds or moves the last one.
+
+    Args:
+        console: Terminal to draw on.
+    """
+
+    def __init__(self, console: Console) -> None:
+        super().__init__(console=console, auto_refresh=False)
+        self._size = console.size
+
+    def refresh(self) -> None:
+        """Redraw the picture."""
+        if self.console.size != self._size:
+            self._size = self.console.size
+            self.console.clear()
+        super().refresh()
+
+
 class LiveView(Observer):
     """Observer that redraws a display on the terminal fifteen times a second of the frames' time.
 
@@ -41,7 +60,7 @@ class LiveView(Observer):
         self._render = render
         self._start_ns: int | None = None
         self._drawn_ns = -_REDRAW_PERIOD_NS
-        self._live = Live(console=console, auto_refresh=False)
+        self._live = Picture(console)
         self._live.start()
         self._journal = logging.getLogger().handlers
         logging.getLogger().handlers = [RichHandler(console=console, show_time=False, show_path=False)]

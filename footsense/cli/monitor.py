@@ -10,12 +10,12 @@ from typing import Any
 
 import click
 from rich.console import Console, Group, RenderableType
-from rich.live import Live
 from rich.text import Text
 
 from firmware_interface.can.codes import Cause, Flag, NmtState, Slip
 from footsense.can.interface import Interface
 from footsense.cli.can.can_options import can_options, silence_text
+from footsense.cli.live import Picture
 from footsense.cli.options import StopRequest, duration_option
 from footsense.cli.tables import (
     EMPTY_CELL,
@@ -91,9 +91,7 @@ def monitor(
     is_plain = as_json or not console.is_terminal
     with ExitStack() as stack:
         listener = stack.enter_context(closing(open_listener(interface, channel, clock, limits)))
-        live = (
-            None if is_plain else stack.enter_context(Live(console=console, auto_refresh=False, screen=False))
-        )
+        live = None if is_plain else stack.enter_context(Picture(console))
         for step in count(1):
             t_ns = start_ns + step * _REDRAW_PERIOD_NS
             if t_ns > end_ns:
@@ -236,6 +234,7 @@ _GAIT_COLUMNS: list[Column[LegSnapshot]] = [
     _reported("gait.load_share", ">5.0%", "share", worth=8),
     Column("gait.slip", _entry("gait.slip"), "<6", cell=_slip_cell, worth=7),
     _reported("gait.all_in_air"),
+    Column("gait.ago_ms", lambda leg: _scaled(leg.report.gait_ago_ns, 1e-6)),
     _reported("ground.tangential_over_normal", ">5.2f", "ft/fn", worth=6),
     _reported("ground.tangential_over_normal_sigma", ">4.2f", "+-", worth=4),
     _reported("ground.friction", ">8.2f", "friction", worth=5),

@@ -122,7 +122,7 @@ def run(
             if scene_name and scene_name.startswith(PREFIX):
                 click.echo(scene.description)
             click.echo(frames_destination(config, scene))
-        if page is None and summary is None and (paced or scene is None):
+        if page is None and service.is_viewable and summary is None and (paced or scene is None):
             click.echo(f"page: run footsense view --config {config_file}")
         if opens_view and url:
             webbrowser.open(url)

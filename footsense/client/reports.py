@@ -40,6 +40,7 @@ class LegReport(NamedTuple):
         heartbeat: State of its node.
         gait: Its contact.
         ground: The ground below its foot.
+        gait_ago_ns: Time since its contact arrived, and the ground with it [ns].
     """
 
     fault: Fault | None = None
@@ -47,6 +48,7 @@ class LegReport(NamedTuple):
     heartbeat: Heartbeat | None = None
     gait: Gait | None = None
     ground: Ground | None = None
+    gait_ago_ns: int | None = None
 
 
 class Reports:
@@ -84,11 +86,13 @@ class Reports:
             node: Its CAN node id, 1..8.
             now_ns: The present time [ns].
         """
-        latest = {}
+        latest: dict[str, Any] = {}
         for base, (name, _, max_age_ns) in _KINDS.items():
             report, arrived_ns = self._last.get(base + node, (None, now_ns))
             if now_ns - arrived_ns <= max_age_ns:
                 latest[name] = report
+                if isinstance(report, Gait):
+                    latest["gait_ago_ns"] = now_ns - arrived_ns
                 if isinstance(report, Baseline) and report.age_ns is not None:
                     latest[name] = report._replace(age_ns=report.age_ns + now_ns - arrived_ns)
         return LegReport(**latest)

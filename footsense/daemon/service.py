@@ -55,6 +55,7 @@ class Service(Loop):
         n_late_discards: Returns how often readings were discarded, as the loop or a record came too late.
         wakeups: Wake-up latency of each thread's clock; none in virtual time.
         recorder: Recorder, if the run is recorded.
+        is_viewable: Whether its ring is a file, which the page and other programs read.
     """
 
     sink: CanSink
@@ -67,6 +68,7 @@ class Service(Loop):
     n_late_discards: Callable[[], int]
     wakeups: Sequence[WakeupLatency]
     recorder: Recorder | None = None
+    is_viewable: bool = False
 
     def run(self, stop: Callable[[], bool] = bool, until_ns: float = math.inf) -> None:
         """Run the main loop until `stop` returns true, or until a time of the clock [ns]."""
@@ -188,9 +190,12 @@ def _open_ring(
     legs, rate_hz = config.legs, config.frames_hz
     if path is not None:
         try:
-            return CycleRing(path, legs, header, rate_hz, service.status)
+            ring = CycleRing(path, legs, header, rate_hz, service.status)
         except FootsenseError as error:
             _log.warning("%s; the forces go on without metrics, page and snapshot", error)
+        else:
+            service.is_viewable = True
+            return ring
     return CycleRing(None, legs, header, rate_hz, service.status) if is_recorded else None
 
 

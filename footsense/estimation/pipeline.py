@@ -103,8 +103,9 @@ class Pipeline:
         if is_tare:
             tares.command(command.leg)
             return None
-        self._legs.stopped[command.leg] = command.kind is CommandKind.STOP
-        return CommandResult(command, Result.DONE, f"{command.kind.name.lower()} executed")
+        is_stop = command.kind is CommandKind.STOP
+        self._legs.stopped[command.leg] = is_stop
+        return CommandResult(command, Result.DONE, f"{'stopped' if is_stop else 'started'} by command")
 
     def set_degraded_timing(self, degraded: bool) -> None:  # noqa: FBT001 - a callback with one value
         """Set or clear the flag `DEGRADED_TIMING` of all legs, from the next frame on."""

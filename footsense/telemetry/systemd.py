@@ -60,12 +60,10 @@ class LegStateLogger:
             self._log_changes(*present)
             self._last = present
         for outcome in cycle.ended_commands:
-            # A leg that is stopped has no force, and that it goes on ends this.
-            is_usual = outcome.result is Result.DONE and outcome.command.kind is CommandKind.TARE
-            level = logging.INFO if is_usual else logging.WARNING
             command = CommandKind(outcome.command.kind).name.lower()
-            result = "done" if outcome.result is Result.DONE else "refused"
-            self._log_line(outcome.command.leg, level, f"{command} {result}: {outcome.reason}")
+            is_done = outcome.result is Result.DONE
+            text = outcome.reason if is_done else f"{command} refused: {outcome.reason}"
+            self._log_line(outcome.command.leg, logging.INFO if is_done else logging.WARNING, text)
 
     def close(self) -> None:
         """Log the number of messages suppressed in the last minute."""

@@ -108,10 +108,12 @@ def test_a_run_of_a_configuration_says_how_to_see_it(tmp_path: Path) -> None:
 
 
 def test_a_ring_that_cannot_be_written_costs_no_forces_and_no_recording(tmp_path: Path) -> None:
-    """One warning names the file; the recorder reads one without a name."""
+    """One warning names the file, and no line a page; the recorder reads one without a name."""
     config = robot(tmp_path, more=f"ring: {tmp_path / 'none' / 'ring'}\n")
-    result = footsense("run", "--config", config, "--duration", "1", "--record", tmp_path / "walk.mcap")
-    assert result.returncode == 0
+    result = footsense(
+        "run", "--config", config, "--duration", "1", "--realtime", "--record", tmp_path / "walk.mcap"
+    )
+    assert (result.returncode, "page:" in result.stdout) == (0, False)
     assert result.stderr == (
         f"WARNING: {tmp_path}/none/ring: cannot be written: No such file or directory; "
         "the forces go on without metrics, page and snapshot\n"

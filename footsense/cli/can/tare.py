@@ -2,11 +2,12 @@
 
 import sys
 from collections.abc import Collection
+from contextlib import closing
 
 import click
 
 from firmware_interface.can.codes import NODE_IDS, CommandKind, Result
-from footsense.api.commands import Commander
+from footsense.api.commands import Commander, open_command_wire
 from footsense.can.interface import Can, Interface
 from footsense.cli.can.can_options import ROBOT, can_options
 from footsense.clock import MonotonicClock
@@ -17,17 +18,14 @@ def _legs_of_robot(ctx: click.Context, param: click.Parameter, legs: tuple[str, 
     """Return the legs.
 
     Raises:
-        UsageError: None is named.
         BadParameter: The robot of `--config` has not all of them.
         ConfigError: It executes no commands.
     """
     del param
-    if not legs:
-        raise click.UsageError(f"name the legs to tare: all, or some of {', '.join(NODE_IDS)}")
     robot = ctx.meta.get(ROBOT)
     if robot is None:
         return legs
-    if absent := set(legs) - {*robot.legs, "all"}:
+    if absent := set(legs) - set(robot.legs):
         raise click.BadParameter(f"{', '.join(sorted(absent))}: this robot has {', '.join(robot.legs)}")
     if not robot.can.executes_commands:
         raise ConfigError(
@@ -41,13 +39,13 @@ def _legs_of_robot(ctx: click.Context, param: click.Parameter, legs: tuple[str, 
 @click.argument(
     "legs",
     nargs=-1,
-    metavar="LEG...",
-    type=click.Choice([*NODE_IDS, "all"]),
+    metavar="[LEG]...",
+    type=click.Choice([*NODE_IDS]),
     callback=_legs_of_robot,
 )
 @can_options
 def tare(legs: tuple[str, ...], interface: Interface, channel: str) -> None:
-    """Take the present readings of each LEG as those of the unloaded foot; `all`: of every leg on CAN.
+    """Take the present readings of each LEG as those of the unloaded foot; without LEG, of all on CAN.
 
     Sends the command that a gait controller sends, and prints the answers. The service refuses the tare of a foot that
     is loaded or moves; then, and without an answer in 20 s, the command ends with exit code 1.
@@ -58,10 +56,11 @@ def tare(legs: tuple[str, ...], interface: Interface, channel: str) -> None:
 
     is_done = True
     can = Can(interface=interface, channel=channel)
-    for answer in Commander(MonotonicClock()).command_on(can, CommandKind.TARE, legs, on_wait=tell_wait):
-        if answer.result is Result.DONE:
-            click.echo(f"{answer.leg}: tared in {answer.response_s:.2f} s")
-        else:
-            is_done = False
-            click.echo(f"footsense: {answer.leg}: {answer.refusal(channel)}", err=True)
+    with closing(open_command_wire(can)) as wire:
+        for answer in Commander(MonotonicClock()).command(wire, CommandKind.TARE, legs, on_wait=tell_wait):
+            if answer.result is Result.DONE:
+                click.echo(f"{answer.leg}: tared in {answer.response_s:.2f} s")
+            else:
+                is_done = False
+                click.echo(f"footsense: {answer.leg}: {answer.refusal(channel)}", err=True)
     sys.exit(0 if is_done else FootsenseError.exit_code)

@@ -108,7 +108,7 @@ def test_the_command_tares_legs_and_tells_refusals(tmp_path: Path) -> None:
     ):
         clock = ServiceTime(service)
         commander = Commander(clock)
-        in_the_air = list(commander.command(wire, CommandKind.TARE, ["all"]))
+        in_the_air = list(commander.command(wire, CommandKind.TARE))
         clock.sleep_until_ns(4_000_000_000)
         on_the_ground = {
             answer.leg: answer.result for answer in commander.command(wire, CommandKind.TARE, ["lm", "l4"])
@@ -160,18 +160,14 @@ def test_a_wait_for_an_answer_is_told_once() -> None:
     assert (legs, limit_s) == (["lf"], 20.0)
 
 
-def test_a_tare_without_a_service_is_one_line() -> None:
-    result = footsense("tare", "lf", "--interface", "udp_multicast", "--channel", "239.74.163.77")
-    says = "lf: not tared: it is not heard on 239.74.163.77; is the service running, and is this its channel?"
+@pytest.mark.parametrize(
+    ("legs", "who"), [(["lf"], "lf: not tared: it is not"), ([], "all: not tared: no leg is")]
+)
+def test_a_tare_without_a_service_is_one_line(legs: list[str], who: str) -> None:
+    """Of a leg, or of all as none is named."""
+    result = footsense("tare", *legs, "--interface", "udp_multicast", "--channel", "239.74.163.77")
+    says = f"{who} heard on 239.74.163.77; is the service running, and is this its channel?"
     assert one_line_error(result, 1) == says
-
-
-def test_a_tare_of_no_leg_says_which_there_are() -> None:
-    result = footsense("tare")
-    assert (result.returncode, result.stderr.splitlines()[-1]) == (
-        2,
-        "Error: name the legs to tare: all, or some of lf, lm, lr, rf, rm, rr, l4, r4",
-    )
 
 
 @pytest.mark.parametrize("command", ["monitor", "tare lf"])

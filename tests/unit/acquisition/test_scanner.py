@@ -100,6 +100,7 @@ def test_a_stuck_bus_costs_the_other_bus_nothing_and_comes_back(caplog: pytest.L
     assert (robot.read(400).reading == Reading.OK).all()
     (line,) = [record.getMessage() for record in caplog.records if "held low" in record.getMessage()]
     assert line.startswith("the bus of 10, 11, 12 is held low")
+    assert line.endswith("tried again at least every 1 s")
 
 
 class HeldBus:

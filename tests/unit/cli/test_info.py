@@ -46,9 +46,9 @@ def test_a_recording_has_its_identity_and_duration() -> None:
 
 
 def test_the_faults_of_a_recording_are_told_by_leg(tmp_path: Path) -> None:
-    """With begin and duration in all; a recording that is cut short is told as far as it is whole."""
+    """With begin and duration, none behind the last cycle; one that is cut short is told as far as it is whole."""
     bad, good = (State.ABSENT, Cause.NO_ANSWER), (State.VALID, Cause.NONE)
-    of_rf = [good, good, bad, bad, good, bad, good]
+    of_rf = [good, good, bad, bad, good, bad, good, bad]
     cycles = [
         plain_cycle(
             (1 + 100 * n) * MS,

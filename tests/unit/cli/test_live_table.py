@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from footsense.cli.live import LiveView, legs_table
+from footsense.cli.live import LiveView, Picture, legs_table
 from footsense.frames import LEGS, CapFrame, Cycle, State
 from tests.support.frames import contact_frame
 
@@ -100,3 +100,17 @@ def test_what_a_narrow_terminal_leaves_out_is_named(width: int, left_out: str) -
     console = Console(file=screen, width=width, color_system=None)
     console.print(legs_table(console, LEGS, "tripod", "", lambda _: np.zeros((len(LEGS), 3)), cycle(), 1.0))
     assert screen.getvalue().splitlines()[1].strip() == left_out
+
+
+def test_after_a_resize_the_table_is_drawn_on_an_empty_screen() -> None:
+    """A terminal that is narrower has folded the lines of the last picture, and they would stay."""
+    screen = io.StringIO()
+    console = Console(file=screen, force_terminal=True, width=80, height=30, color_system=None)
+    with Picture(console) as picture:
+        picture.update("one", refresh=True)
+        assert "\x1b[2J" not in screen.getvalue()
+        console.width = 60
+        picture.update("two", refresh=True)
+        picture.update("three", refresh=True)
+    assert screen.getvalue().count("\x1b[2J") == 1
+    assert screen.getvalue().index("\x1b[2J") < screen.getvalue().index("two")

@@ -226,6 +226,7 @@ def test_contact_ground_and_the_last_event_are_shown(request: pytest.FixtureRequ
         "load_share": 1.0,
         "slip": "none",
         "all_in_air": False,
+        "ago_ms": 50.0,
     }
     assert left["ground"]["normal"] == pytest.approx([0.28, 0.0, 0.96])
     assert (left["ground"]["tangential_over_normal"], left["ground"]["friction"]) == (0.2, 0.6)

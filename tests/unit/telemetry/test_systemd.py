@@ -52,16 +52,17 @@ def test_a_change_of_state_or_cause_is_one_line(caplog: pytest.LogCaptureFixture
     ]
 
 
-def test_a_leg_that_is_stopped_is_told_and_a_tare_is_not(caplog: pytest.LogCaptureFixture) -> None:
-    """A terminal shows warnings: a leg has no force because somebody commanded it."""
-    caplog.set_level(logging.WARNING)
-    journal = LegStateLogger(LEGS)
-    for kind in (CommandKind.TARE, CommandKind.STOP, CommandKind.START):
-        outcome = CommandResult(Command(kind, 1), Result.DONE, f"{kind.name.lower()} executed")
+def test_a_refused_command_is_a_warning_and_an_executed_one_is_not(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO)
+    journal, stop = LegStateLogger(LEGS), Command(CommandKind.STOP, 1)
+    for outcome in (
+        CommandResult(stop, Result.DONE, "stopped by command"),
+        CommandResult(stop, Result.LOADED, "the foot is in contact"),
+    ):
         journal.observe(at(1, State.VALID)._replace(ended_commands=(outcome,)))
-    assert lines(caplog) == [
-        "WARNING leg lm: stop done: stop executed",
-        "WARNING leg lm: start done: start executed",
+    assert lines(caplog)[-2:] == [
+        "INFO leg lm: stopped by command",
+        "WARNING leg lm: stop refused: the foot is in contact",
     ]
 
 
