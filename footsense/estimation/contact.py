@@ -68,6 +68,7 @@ class ContactDetector:
     Args:
         least_n: Least load above that in swing that is contact [N].
         max_swing_rise_n_per_s: Fastest rise of the load in swing [N/s].
+        prediction_sigmas: Sigmas within which a predicted load is none [1].
 
     Attributes:
         in_contact: Whether the foot is in contact; False where that is not known.
@@ -83,10 +84,16 @@ class ContactDetector:
         predicted_noise: Noise of the predicted load.
     """
 
-    def __init__(self, least_n: float, max_swing_rise_n_per_s: float = MIN_SWING_RISE_N_PER_S) -> None:
+    def __init__(
+        self,
+        least_n: float,
+        max_swing_rise_n_per_s: float = MIN_SWING_RISE_N_PER_S,
+        prediction_sigmas: float = 1.0,
+    ) -> None:
         self._max_swing_rise_n_per_s = max_swing_rise_n_per_s
         self.noise = SwingNoise(least_n)
         self.predicted_noise = SwingNoise(least_n)
+        self._prediction_sigmas = prediction_sigmas
         self._least_n = self.touch_n = self.predicted_touch_n = least_n
         self._explained_n = least_n / 2
         self._creep_load_n = self._heavy_n = self.drift_n = 0.0
@@ -147,7 +154,7 @@ class ContactDetector:
         predicted_noise_n = max(self._least_n, min(shake_n, predicted_noise.contact_n))
         # Of a threshold and NaN, `max` is the threshold.
         self.touch_n = max(noise_n, sigma_n)
-        self.predicted_touch_n = max(predicted_noise_n, sigma_n)
+        self.predicted_touch_n = max(predicted_noise_n, self._prediction_sigmas * sigma_n)
         is_predicted = predicted_above_n > self.predicted_touch_n and not overshoots
         self.raw = above_n > self.touch_n or is_predicted
         if self.in_contact:

@@ -31,16 +31,33 @@ _FORCE_KNOWN_IN_CONTACT = (True, True)
 _CONVERSIONS_PER_CHECK = 2
 #: Share of the load at the touchdown [1] whose passing dates it, and the loads among which it is looked for.
 _PASSED_LOAD_REL, _N_SEARCHED_LOADS = 0.4, 12
-#: Time from the touchdown to the contact: a constant [s], and over the time since that passing [1]; and the spread of
-#: both. Fitted to 1577 touches of the walkers' selection, without hops and landings.
-_LAG_S, _LAG_SIGMA_S = 8.7e-3, 3.0e-3
+#: Time from the touchdown to the contact, over the time since that passing [1], and its spread.
 _SINCE_REL, _SINCE_SIGMA_REL = 0.7, 0.4
 #: Conversions that are kept.
 N_BUFFERED_CONVERSIONS = 1 + _N_SEARCHED_LOADS
-#: Time from the end of a load to the end of the contact [ns], and its spread [s]; of the same touches.
-_FALL_LAG_NS, _FALL_SIGMA_S = 24_000_000, 5.5e-3
 #: Standard deviation of the time of a slip [s].
 _SLIP_TIME_SIGMA_S = 0.01
+
+
+class EventLags(NamedTuple):
+    """Times from events to their detection, and their spread.
+
+    Attributes:
+        touch_s: From a touchdown to the contact [s], besides the part that its rise tells.
+        touch_sigma_s: Spread of that [s].
+        fall_s: From the end of a load to the end of the contact [s].
+        fall_sigma_s: Spread of that [s].
+    """
+
+    touch_s: float
+    touch_sigma_s: float
+    fall_s: float
+    fall_sigma_s: float
+
+
+#: Of scans of single elements and of rows. Fitted to the touches of the walkers' selection, without hops and landings.
+ELEMENTS_LAGS = EventLags(8.7e-3, 3.0e-3, 24e-3, 5.5e-3)
+ROWS_LAGS = EventLags(5.7e-3, 1.7e-3, 13e-3, 5.5e-3)
 
 
 class BackDated(NamedTuple):
@@ -67,7 +84,7 @@ class LegLoads(NamedTuple):
 _load_of, _scan_mean_of = attrgetter("load_n"), attrgetter("scan_mean_n")
 
 
-def touchdown(loads: Sequence[LegLoads], row: int) -> BackDated:
+def touchdown(loads: Sequence[LegLoads], row: int, lags: EventLags = ELEMENTS_LAGS) -> BackDated:
     """Return the back-dated time of a touchdown, for a leg whose load has just exceeded the threshold.
 
     Loads rise from nothing with a small slope: the time at which the load passed two fifths of what it is now tells how
@@ -76,9 +93,10 @@ def touchdown(loads: Sequence[LegLoads], row: int) -> BackDated:
     Args:
         loads: Last loads, oldest first.
         row: Row of the leg.
+        lags: Usual lags.
 
     Returns:
-        A time within the searched loads and `_LAG_S` before.
+        A time within the searched loads and the usual lag before.
     """
     newest = loads[-1]
     t_ns = newest.t_ns
@@ -94,16 +112,16 @@ def touchdown(loads: Sequence[LegLoads], row: int) -> BackDated:
             break
         later_ns, later_n = past.t_ns, past_n
     since_s = (t_ns - later_ns) * 1e-9
-    back_s = _LAG_S + _SINCE_REL * since_s
-    return BackDated(t_ns - round(back_s * 1e9), math.hypot(_LAG_SIGMA_S, _SINCE_SIGMA_REL * since_s))
+    back_s = lags.touch_s + _SINCE_REL * since_s
+    return BackDated(t_ns - round(back_s * 1e9), math.hypot(lags.touch_sigma_s, _SINCE_SIGMA_REL * since_s))
 
 
-def lift_off(t_ns: int) -> BackDated:
+def lift_off(t_ns: int, lags: EventLags) -> BackDated:
     """Return the back-dated time of a lift-off that is told now [ns].
 
     The same time before, whatever the load did: a line through its fall spreads more.
     """
-    return BackDated(t_ns - _FALL_LAG_NS, _FALL_SIGMA_S)
+    return BackDated(t_ns - round(lags.fall_s * 1e9), lags.fall_sigma_s)
 
 
 _NO_TIME = BackDated(0, math.nan)
@@ -115,12 +133,18 @@ class GaitTracker:
     Args:
         n_legs: Legs of a frame.
         friction: Coefficient of friction of the ground [1]; NaN where it is not known.
+        lags: Usual lags of its events.
         period_ns: Period of the frames without an event [ns]; 0 for a frame of each conversion.
     """
 
     def __init__(
-        self, n_legs: int, friction: float = math.nan, period_ns: int = GAIT_FRAME_PERIOD_NS
+        self,
+        n_legs: int,
+        friction: float = math.nan,
+        lags: EventLags = ELEMENTS_LAGS,
+        period_ns: int = GAIT_FRAME_PERIOD_NS,
     ) -> None:
+        self._lags = lags
         self._friction = friction
         self._slips = [SlipDetector(friction) for _ in range(n_legs)]
         self._loads: deque[LegLoads] = deque(maxlen=N_BUFFERED_CONVERSIONS)
@@ -181,10 +205,10 @@ class GaitTracker:
                 self._touchdowns[row] = self._lift_offs[row] = _NO_TIME
             return []
         if in_contact:
-            kinds, dated = [GaitEventKind.TOUCHDOWN], touchdown(self._loads, row)
+            kinds, dated = [GaitEventKind.TOUCHDOWN], touchdown(self._loads, row, self._lags)
             own, other = self._touchdowns, self._lift_offs
         else:
-            kinds, dated = [GaitEventKind.LIFT_OFF], lift_off(self._loads[-1].t_ns)
+            kinds, dated = [GaitEventKind.LIFT_OFF], lift_off(self._loads[-1].t_ns, self._lags)
             own, other = self._lift_offs, self._touchdowns
             if was_slipping:
                 kinds.insert(0, GaitEventKind.SLIP_END)

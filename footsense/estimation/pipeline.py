@@ -10,7 +10,7 @@ import numpy as np
 
 from footsense.estimation.baseline import BaselineTracker
 from footsense.estimation.elements import ConsistencyResult, ConsistencyTest, ElementClassifier, ElementStatus
-from footsense.estimation.gait import GaitTracker
+from footsense.estimation.gait import ELEMENTS_LAGS, ROWS_LAGS, GaitTracker
 from footsense.estimation.leg_state import LegStateClassifier
 from footsense.estimation.missing_elements import Imputation, missing_sets_containing
 from footsense.estimation.network import STEADY_AGES_S, Readings, ReadingWindow
@@ -83,7 +83,7 @@ class Pipeline:
         # Of healthy legs; shared by their frames and never written to.
         self._valid = np.full(n_legs, State.VALID, np.uint8)
         self._no_fault, self._no_leg = np.zeros(n_legs, np.uint16), np.zeros(n_legs, bool)
-        self._gait = GaitTracker(n_legs, limits.friction)
+        self._gait = GaitTracker(n_legs, limits.friction, ROWS_LAGS if limits.is_fast_scan else ELEMENTS_LAGS)
         self._set_temperature = set_temperature
 
     @property
