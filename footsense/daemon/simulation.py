@@ -16,10 +16,8 @@ from footsense.ports import Clock, FrameSource
 from footsense.sim.faults.scene_faults import (
     BrokenRow,
     ChipFault,
-    ConvertersCollide,
-    ConverterSilent,
+    ColumnsFault,
     SwitchIgnoresWrites,
-    TranslatorDead,
     WireFault,
 )
 from footsense.sim.robot import BusWiring, SimulatedRobot
@@ -29,7 +27,6 @@ _log = logging.getLogger(__name__)
 
 #: Lag behind real time from which a simulation's forces are too late for a consumer: the age limit of one [ns].
 _MAX_LAG_NS = 100_000_000
-_FAULTS_OF_COLUMNS = (ConverterSilent, ConvertersCollide, TranslatorDead)
 
 
 def is_simulated(config: Config) -> bool:
@@ -84,7 +81,7 @@ def _inapplicable_faults(config: Config, scene: Scene) -> Iterator[str]:
         bus = getattr(fault, "bus", None)
         if config.serial is not None and isinstance(fault, ChipFault | WireFault):
             yield f"faults[{n}]: is for chips or wires of an I2C bus, which the board mcu does not have"
-        if isinstance(fault, _FAULTS_OF_COLUMNS) and config.board != "fdc1004_columns":
+        if isinstance(fault, ColumnsFault) and config.board != "fdc1004_columns":
             yield f"faults[{n}]: is for board fdc1004_columns, which has a converter a column; this is {config.board}"
         if isinstance(fault, SwitchIgnoresWrites | BrokenRow) and config.board == "fdc1004_columns":
             yield f"faults[{n}]: is for row lines and their switch, which the board fdc1004_columns does not have"

@@ -8,9 +8,13 @@ import numpy as np
 from footsense.frames import ELEMENTS
 from footsense.sim.faults import scene_faults
 
-#: Kinds of faults of a leg or its bus, of disturbances of readings, of faults of CAN, and the share of the latter.
-ROBOT_FAULT_TYPES: tuple[type[scene_faults.Fault], ...] = get_args(
-    scene_faults.ChipFault | scene_faults.FootDamage | scene_faults.WireFault
+#: Kinds of faults that board `fdc1004_columns` alone can have; of a leg or its bus with any board, of disturbances of
+#: readings, of faults of CAN, and the share of the latter.
+COLUMNS_FAULT_TYPES: tuple[type[scene_faults.Fault], ...] = get_args(scene_faults.ColumnsFault)
+ROBOT_FAULT_TYPES: tuple[type[scene_faults.Fault], ...] = tuple(
+    kind
+    for kind in get_args(scene_faults.ChipFault | scene_faults.FootDamage | scene_faults.WireFault)
+    if kind not in COLUMNS_FAULT_TYPES
 )
 DISTURBANCE_TYPES: tuple[type[scene_faults.Fault], ...] = get_args(scene_faults.Disturbance)
 CAN_FAULT_TYPES: tuple[type[scene_faults.Fault], ...] = get_args(scene_faults.CanFault)
@@ -103,6 +107,8 @@ def transient_fault(kind: type[scene_faults.Fault], **values: Any) -> list[scene
         values["rate_hz"] = _FLOODING_RATE_HZ
     if kind is scene_faults.ArbitrationLost:
         values["rate_rel"] = min(values["rate_rel"], _MAX_ARBITRATION_LOSS_REL)
+    if kind in (scene_faults.StuckConverter, scene_faults.HungConverter):
+        values["column"] = None
     if kind in DISTURBANCE_TYPES:
         values |= {"legs": (values["leg"],), "period_s": _BURST_PERIOD_S, "active_s": _BURST_S}
     fault = kind(**{name: values[name] for name in kind.__struct_fields__ if name in values})

@@ -164,9 +164,9 @@ def test_refused_tares_are_one_line(browser: Browser, cycles: Path, url: str) ->
         browser.wait(f"{SIX_FEET} && document.querySelector('#problems li')", service.publish)
         assert browser.text("#problems ul") == (
             "tare refused of LF, LM, LR, RF, RM, RR \N{EM DASH} the older baseline is in use. "
-            "Check that nothing presses the foot and it hangs still; then footsense tare."
+            "Check that nothing presses the foot and it hangs still; then footsense tare LEG."
         )
-        assert browser.text("#problems code") == "footsense tare"
+        assert browser.text("#problems code") == "footsense tare LEG"
         service.flags[1:] = 0
         browser.wait(
             "document.querySelector('#problems ul').textContent.startsWith('LFtare refused')", service.publish

@@ -364,15 +364,15 @@ class CanTraffic(_LastingFault, frozen=True, kw_only=True):
     rate_hz: Annotated[float, Meta(gt=0.0, le=10_000.0)]
 
 
+#: Faults that board `fdc1004_columns` alone can have.
+ColumnsFault = ConverterSilent | ConvertersCollide | TranslatorDead
 ChipFault = (
     Absent
     | NackAtRandom
     | CorruptReads
     | StuckConverter
     | HungConverter
-    | ConverterSilent
-    | ConvertersCollide
-    | TranslatorDead
+    | ColumnsFault
     | WrongChip
     | BrownOut
     | SwitchIgnoresWrites
