@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from selenium import webdriver
+from selenium.common.exceptions import JavascriptException
 from selenium.webdriver import ActionChains
 from selenium.webdriver.chrome.options import Options
 from selenium.webdriver.chrome.service import Service
@@ -75,7 +76,8 @@ class Browser:
             each()
             return self.js(f"return {condition}")
 
-        return WebDriverWait(self.driver, _TIMEOUT_S, 0.03).until(found, condition)
+        # A page that is not drawn yet has nothing that the expression asks.
+        return WebDriverWait(self.driver, _TIMEOUT_S, 0.03, (JavascriptException,)).until(found, condition)
 
     def cpu_s(self) -> float:
         """Return the processor time that the page's thread has taken [s]: scripts, layout and painting."""
