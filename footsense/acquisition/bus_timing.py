@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from statistics import median
 from typing import NamedTuple
 
-from firmware_interface.schedule import ScanLowerBounds, scan_lower_bounds
+from firmware_interface.schedule import ScanLowerBounds
 from firmware_interface.wire_timing import BUS_FREE_NS, transaction_bits
 from footsense.acquisition.leg_bus import LegBus
 from footsense.acquisition.scan_plan import ScanPlan
@@ -109,14 +109,7 @@ def _timing(bus_hz: float, host_ns: float, plan: ScanPlan, n_legs: int, *, whole
     others = [done.read for done in step.done_after_start]
     others += [result.trigger for result in step.results[1:]]
     checks = [check.read for check in (*step.select_checks, *plan.steps[-1].setting_checks)]
-    limits = scan_lower_bounds(
-        n_legs=n_legs,
-        conversion_ns=plan.conversion_ns,
-        bus_hz=bus_hz,
-        host_cost_ns=host_ns,
-        n_result_reads=len(reads) // len(step.results),
-        traffic=plan.board.traffic,
-    )
+    limits = plan.lower_bounds(n_legs, bus_hz, host_ns, whole_results=whole_results)
     return BusTiming(
         bus_hz=bus_hz,
         host_ns_per_transaction=host_ns,

@@ -6,7 +6,7 @@ from typing import Annotated, NamedTuple
 
 from msgspec import Meta, Struct
 
-from firmware_interface.schedule import ScanLowerBounds
+from firmware_interface.schedule import ScanLowerBounds, scan_lower_bounds
 from footsense.acquisition.boards import ad7746, fdc1004, fdc1004_columns
 from footsense.acquisition.boards.board import Board, ConversionStep, ReadBackCheck
 from footsense.ports import Transaction
@@ -43,6 +43,27 @@ class ScanPlan(NamedTuple):
     steps: tuple[ConversionStep, ...]
     conversion_ns: int
     conversion_wait_ns: int
+
+    def lower_bounds(
+        self, n_legs: int, bus_hz: float, host_cost_ns: float, *, whole_results: bool = False
+    ) -> ScanLowerBounds:
+        """Return the limits of the scan on a bus.
+
+        Args:
+            n_legs: Legs on the bus.
+            bus_hz: Its clock [Hz].
+            host_cost_ns: Time that the host adds to each transaction [ns].
+            whole_results: Whether a converter has both registers of a result read.
+        """
+        result = self.steps[0].results[0]
+        return scan_lower_bounds(
+            n_legs=n_legs,
+            conversion_ns=self.conversion_ns,
+            bus_hz=bus_hz,
+            host_cost_ns=host_cost_ns,
+            n_result_reads=len(result.read if whole_results else result.read_value),
+            traffic=self.board.traffic,
+        )
 
     @property
     def harmless_read(self) -> Transaction:

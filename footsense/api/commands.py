@@ -31,7 +31,7 @@ DONE_WORDS = {CommandKind.TARE: "tared", CommandKind.START: "started", CommandKi
 _LOADED = {
     CommandKind.TARE: (
         "the foot is in contact, or reads otherwise than a free one; lift it so that nothing presses it, and tare it "
-        "again (simulated: footsense run --scene hanging)"
+        "again (simulated: start the service again with --scene hanging)"
     ),
     CommandKind.STOP: "the foot is in contact, and a leg that stands keeps its force; lift it first",
 }

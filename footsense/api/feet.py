@@ -89,7 +89,7 @@ class Feet:
 
     Attributes:
         legs: Names of the legs that are heard, in the order of their CAN node ids.
-        events: Gait events that arrived with the last mapping, oldest first.
+        events: Gait events that arrived with the last mapping, oldest first, each a `FootEvent`.
     """
 
     def __init__(self, listener: Listener, can: Can, timeout_s: float) -> None:

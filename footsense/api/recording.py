@@ -35,7 +35,7 @@ _ARRAYS = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Recording:
     """A recorded or simulated walk: n cycles of all legs, as arrays.
 
@@ -67,6 +67,14 @@ class Recording:
     reading_t_s: Vector
     events: tuple[FootEvent, ...]
     true_force_n: Vector | None = None
+
+    def __repr__(self) -> str:
+        """Return what the walk is, without its arrays."""
+        duration_s = float(self.t_s[-1]) if len(self.t_s) else 0.0
+        return (
+            f"<Recording of {', '.join(self.legs)}: {len(self.t_s)} cycles in {duration_s:.3g} s, "
+            f"{len(self.events)} events>"
+        )
 
     @property
     def usable(self) -> Mask:

@@ -238,7 +238,10 @@ class _LegStateMachine:
             )
         assert self.identity is not None
         step, age_ns = self.identity.force_step_mn, quality.age_ns + now_ns - self._arrived_ns
-        force_n, sigma_n = ((x * step, y * step, z * step) for x, y, z in (force.force_n, quality.sigma_n))
+        force_n, sigma_n = (
+            (round(x * step, 3), round(y * step, 3), round(z * step, 3))  # of a step of whole mN
+            for x, y, z in (force.force_n, quality.sigma_n)
+        )
         return LegForce(status, True, state, quality.flags, quality.fault_mask, force_n, sigma_n, age_ns)
 
     def _accept_force(self, force: Force, quality: Quality, now_ns: int) -> None:

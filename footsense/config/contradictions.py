@@ -5,7 +5,6 @@ from collections.abc import Iterable, Iterator, Mapping
 from ipaddress import IPv4Address
 from typing import Any
 
-from firmware_interface.schedule import scan_lower_bounds
 from firmware_interface.wire_timing import can_bits_per_s
 from footsense.acquisition.mcu_source import Serial
 from footsense.acquisition.scan_plan import BOARDS, Scan, bus_overload
@@ -160,15 +159,7 @@ def _repeated(entries: Iterable[tuple[str, int | str, str]], message: str) -> It
 def _bus_overload(config: Config, bus: Bus) -> str | None:
     """Return that a bus does not carry the configured rate even if its host costs nothing, in words; else None."""
     plan = config.scan_plan
-    bounds = scan_lower_bounds(
-        n_legs=len(bus.channels),
-        conversion_ns=plan.conversion_ns,
-        bus_hz=bus.rate_hz,
-        host_cost_ns=0.0,
-        n_result_reads=len(plan.steps[0].results[0].read_value),
-        traffic=plan.board.traffic,
-    )
-    return bus_overload(plan, bounds)
+    return bus_overload(plan, plan.lower_bounds(len(bus.channels), bus.rate_hz, host_cost_ns=0.0))
 
 
 def _doubts(config: Config) -> Iterator[_Rule]:

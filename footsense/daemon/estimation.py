@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from firmware_interface.schedule import scan_lower_bounds
 from footsense.acquisition.scan_plan import BOARDS
 from footsense.config import Config
 from footsense.daemon.models import Models
@@ -66,17 +65,8 @@ def _usual_scan_ns(config: Config) -> int:
     conversions_ns = round(config.shortest_scan_ms * 1e6)
     if config.board not in BOARDS or BOARDS[config.board].traffic.n_converters == 1:
         return conversions_ns
-    bounds = (
-        scan_lower_bounds(
-            n_legs=len(bus.channels),
-            conversion_ns=config.conversion_rate.conversion_ns,
-            bus_hz=bus.rate_hz,
-            host_cost_ns=_HOST_COST_NS,
-            n_result_reads=len(config.scan_plan.steps[0].results[0].read_value),
-            traffic=BOARDS[config.board].traffic,
-        )
-        for bus in config.buses
-    )
+    plan = config.scan_plan
+    bounds = [plan.lower_bounds(len(bus.channels), bus.rate_hz, _HOST_COST_NS) for bus in config.buses]
     return max(conversions_ns, *(bound.scan_period_bound_ns for bound in bounds))
 
 

@@ -10,13 +10,13 @@ import numpy as np
 
 from footsense.estimation.baseline import BaselineTracker
 from footsense.estimation.elements import ConsistencyResult, ConsistencyTest, ElementClassifier, ElementStatus
-from footsense.estimation.gait import ELEMENTS_LAGS, ROWS_LAGS, GaitTracker
 from footsense.estimation.leg_state import LegStateClassifier
 from footsense.estimation.missing_elements import Imputation, missing_sets_containing
 from footsense.estimation.network import STEADY_AGES_S, Readings, ReadingWindow
 from footsense.estimation.noise import ReadingNoise
 from footsense.estimation.settings import EstimationLimits, MountedFeet, Sensitivity
 from footsense.estimation.tare import SETTLING_SCANS
+from footsense.estimation.walking.gait import ELEMENTS_LAGS, ROWS_LAGS, GaitTracker
 from footsense.foot.network_card import TrainedInputs
 from footsense.frames import (
     IS_USABLE_STATE,

@@ -60,7 +60,7 @@ def test_each_chip_is_reset_and_set_up() -> None:
     writes = ("0c8000", "081c00", "093c00", "0a5c00")
     script = [(Transaction(at, bytes.fromhex(write)), b"") for at in ADDRESSES for write in writes]
     with ScriptedBus(*script) as bus:
-        assert fdc1004_columns.configure_and_get_capdac_pf(bus, VirtualClock()) == (Reading.OK, 0.0)
+        assert fdc1004_columns.BOARD.configure_and_get_capdac_pf(bus, VirtualClock()) == (Reading.OK, 0.0)
     assert list(fdc1004_columns.BOARD.make_ready) == [write for write, _ in script]
 
 

@@ -1,6 +1,6 @@
 """Board `ad7746` from end to end, byte for byte: it walks, tells its temperature, and says what is broken."""
 
-from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import msgspec
@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 
 from footsense.config import DEFAULT
-from footsense.daemon.service import open_service
 from footsense.frames import USABLE, Cause, Cycle, State, Vector
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Fault
 from footsense.sim.scene import Effects, Scene, Warming
 from footsense.sim.scene_loads import Tripod, Unloaded
-from tests.support.seen import Seen
+from tests.support.seen import walked as walk_and_see
 
 ROBOT = msgspec.structs.replace(
     DEFAULT,
@@ -29,18 +28,7 @@ AT_2_S: dict[str, Any] = {"at_s": 2.0, "leg": "lm"}
 REAL = Effects(converter_noise=True, converter_clock_rel=0.01)
 
 
-def walked(
-    scene: Scene, until_s: float, felt: Callable[[Cycle, Vector], None] = lambda cycle, true_n: None
-) -> list[Cycle]:
-    """Return the cycles of a scene; `felt` is shown each with what the feet felt when it was sent [N]."""
-    with open_service(ROBOT, scene, real_time=False) as running:
-        seen = Seen()
-        running.observers.append(seen)
-        running.run(until_ns=until_s * 1e9)
-        assert running.true_force_n_at is not None
-        for cycle in seen.cycles:
-            felt(cycle, running.true_force_n_at(cycle.forces.t_sent_ns))
-    return seen.cycles
+walked = partial(walk_and_see, robot=ROBOT)
 
 
 def test_it_walks() -> None:

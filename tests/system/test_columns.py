@@ -1,6 +1,6 @@
 """Board `fdc1004_columns` from end to end: it walks on two buses, and says what is broken or does not fit."""
 
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,6 @@ from footsense.config.sections import Bus
 from footsense.daemon.foot_types import released_path
 from footsense.daemon.models import load_models
 from footsense.daemon.recording_header import board_mismatch_reason
-from footsense.daemon.service import open_service
 from footsense.errors import ConfigError, ModelError
 from footsense.foot.network_card import NETWORK_FILES
 from footsense.frames import USABLE, Cause, Cycle, State, Vector
@@ -24,7 +23,7 @@ from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Fault
 from footsense.sim.scene import Effects, Scene
 from footsense.sim.scene_loads import Tripod, Unloaded
-from tests.support.seen import Seen
+from tests.support.seen import walked as walk_and_see
 
 TWO_BUSES = (
     Bus(device="sim0", legs={"lf": 0, "lm": 1, "lr": 2}),
@@ -35,22 +34,7 @@ REAL = Effects(converter_noise=True, converter_clock_rel=0.01)
 AT_1_S: dict[str, Any] = {"at_s": 1.0, "leg": "lm"}
 
 
-def walked(
-    scene: Scene,
-    until_s: float,
-    felt: Callable[[Cycle, Vector], None] = lambda cycle, true_n: None,
-    robot: Config = ROBOT,
-    record: Path | None = None,
-) -> list[Cycle]:
-    """Return the cycles of a scene; `felt` is shown each with what the feet felt when it was sent [N]."""
-    with open_service(robot, scene, real_time=False, record=record) as running:
-        seen = Seen()
-        running.observers.append(seen)
-        running.run(until_ns=until_s * 1e9)
-        assert running.true_force_n_at is not None
-        for cycle in seen.cycles:
-            felt(cycle, running.true_force_n_at(cycle.forces.t_sent_ns))
-    return seen.cycles
+walked = partial(walk_and_see, robot=ROBOT)
 
 
 def test_it_walks_and_replays(tmp_path: Path) -> None:

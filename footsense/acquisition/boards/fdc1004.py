@@ -96,25 +96,6 @@ def check_identity_at(bus: I2cBus, address: int, cause_of_silence: str) -> None:
     require_identity(b"".join(answers), "an FDC1004", identity, address, "a 24Cxx EEPROM")
 
 
-def configure_and_get_capdac_pf(bus: I2cBus, clock: Clock) -> tuple[Reading, float]:
-    """Reset the chip, and configure measurement n as CIN n to ground without CAPDAC; return the outcome.
-
-    Args:
-        bus: Its bus.
-        clock: Not used: the chip needs no wait.
-
-    Returns:
-        OK, and 0 pF for the CAPDAC.
-
-    Raises:
-        I2cError: A write was not acknowledged.
-    """
-    del clock
-    for write in set_up_at(chip.ADDRESS):
-        bus.transfer(write)
-    return Reading.OK, 0.0
-
-
 def set_up_at(address: int) -> tuple[Transaction, ...]:
     """Return the writes that reset the chip at an address, and configure measurement n as CIN n without CAPDAC."""
     first = chip.Fdc1004Register.CONF_MEAS1
@@ -123,6 +104,28 @@ def set_up_at(address: int) -> tuple[Transaction, ...]:
         # Section 8.6.1.2.
         *(write_register(first + slot, chip.measurement_config(slot), address) for slot in range(ROWS)),
     )
+
+
+def configure_and_get_capdac_pf(
+    bus: I2cBus, clock: Clock, writes: tuple[Transaction, ...] = set_up_at(chip.ADDRESS)
+) -> tuple[Reading, float]:
+    """Reset the converters of a leg, and configure them; return the outcome.
+
+    Args:
+        bus: Its bus.
+        clock: Not used: the chip needs no wait.
+        writes: Those of `set_up_at` of each.
+
+    Returns:
+        OK, and 0 pF for the CAPDAC.
+
+    Raises:
+        I2cError: A write was not acknowledged.
+    """
+    del clock
+    for write in writes:
+        bus.transfer(write)
+    return Reading.OK, 0.0
 
 
 def _decode_done(conf_answer: bytes, done_bit: int) -> Reading:

@@ -6,6 +6,8 @@ address translator (`firmware_interface/chips/ltc4317.py`; ADR 0028). Each is tr
 it is done; the bytes are those of board `fdc1004`.
 """
 
+from functools import partial
+
 from firmware_interface import schedule
 from firmware_interface.chips import fdc1004 as chip
 from firmware_interface.chips.ltc4317 import COLUMN_ADDRESSES
@@ -76,25 +78,6 @@ def _acknowledges(bus: I2cBus, address: int) -> bool:
     return True
 
 
-def configure_and_get_capdac_pf(bus: I2cBus, clock: Clock) -> tuple[Reading, float]:
-    """Reset and configure all converters of a leg; see `fdc1004.set_up_at`.
-
-    Args:
-        bus: Its bus.
-        clock: Not used: the chips need no wait.
-
-    Returns:
-        OK, and 0 pF for the CAPDAC.
-
-    Raises:
-        I2cError: A write was not acknowledged.
-    """
-    del clock
-    for write in _SET_UP:
-        bus.transfer(write)
-    return Reading.OK, 0.0
-
-
 def decode_result(answers: list[bytes]) -> tuple[Reading, float]:
     """Return reading and capacitance [pF] of a result, as `fdc1004.decode_result`; MISCONFIGURED for a code of zero.
 
@@ -110,7 +93,7 @@ BOARD = fdc1004.BOARD._replace(
     order=tuple(range(0, ROWS * ROWS, ROWS)),
     step=step,
     check_identity=check_identity,
-    configure_and_get_capdac_pf=configure_and_get_capdac_pf,
+    configure_and_get_capdac_pf=partial(fdc1004.configure_and_get_capdac_pf, writes=_SET_UP),
     decode_result=decode_result,
     # A reset, which leaves neither a conversion nor a result, takes a third of the time of the reads of all results.
     make_ready=_SET_UP,

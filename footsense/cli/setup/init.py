@@ -61,7 +61,7 @@ def init(
     asks = not chosen
     try:
         chosen = chosen or _asked_devices(names)
-        can = _can(can_name, is_real=SIMULATED not in chosen)
+        can = _can(can_name, is_real=not any(device.startswith(SIMULATED) for device in chosen))
         scene = load_scene("hanging")
         config = robot_on(chosen, _legs(legs_text), can, scene)
         click.echo(_found_text(config))

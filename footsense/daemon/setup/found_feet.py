@@ -125,7 +125,7 @@ def robot_on(devices: Sequence[str], legs: Sequence[str], can: Can, scene: Scene
     """Return the configuration of a robot with the feet that answer on some devices.
 
     Args:
-        devices: I2C adapters, one serial port, or `sim`.
+        devices: I2C adapters, one serial port, or `sim`, `sim1`, ... for simulated buses, which share the legs.
         legs: Names of the legs, in the order of devices and channels; none for those usual for so many feet. A
             microcontroller names its legs itself.
         can: Where its forces go.
@@ -140,7 +140,14 @@ def robot_on(devices: Sequence[str], legs: Sequence[str], can: Can, scene: Scene
         if len(devices) > 1:
             raise ConfigError(f"{serial[0]}: a microcontroller scans all feet; name this device alone")
         return _robot_on_microcontroller(serial[0], can)
-    found = [feet for device in devices if (feet := _open_and_find(device, legs or LEGS, scene)) is not None]
+    if len({*devices}) < len(devices):
+        raise ConfigError(f"{' '.join(devices)}: a device is named twice; simulated buses are sim, sim1, ...")
+    simulated = [device for device in devices if device.startswith(SIMULATED)]
+    wired = np.array_split(legs or LEGS, len(simulated) or 1)
+    legs_of = {device: part.tolist() for device, part in zip(simulated, wired, strict=False)}
+    found = [
+        feet for device in devices if (feet := _open_and_find(device, legs_of.get(device), scene)) is not None
+    ]
     if not found:
         names = ", ".join(devices)
         raise HardwareError(
@@ -182,9 +189,9 @@ def _usual_legs(found: Sequence[FoundFeet]) -> Sequence[str]:
     return _LEGS_OF_N.get(len(channels)) or (by_channel if len(found) == 1 else ALL_LEGS[: len(channels)])
 
 
-def _open_and_find(device: str, legs: Sequence[str], scene: Scene) -> FoundFeet | None:
+def _open_and_find(device: str, legs: Sequence[str] | None, scene: Scene) -> FoundFeet | None:
     """Open an adapter and return the feet on it; those of a simulated one are on these legs."""
-    if device == SIMULATED:
+    if legs is not None:
         wired = Bus(device=device, legs={leg: channel for channel, leg in enumerate(legs)})  # type: ignore[misc]
         wires = simulated_robot(replace(DEFAULT, buses=(wired,)), scene).buses[0]
         return find_feet(device, wires, wires.clock)

@@ -119,7 +119,7 @@ function status() {
     [link, text] = ["ended", shown ? "ended" : "no service"];
     problem = `${why[0].toUpperCase()}${why.slice(1)}.`;
     // Without values the page says below what to start.
-    if (shown) problem += " The values are the last ones. Start it with `footsense run`, or look into its log: `journalctl -u footsense`.";
+    if (shown) problem += " The values are the last ones. Start it again as before, or look into its log: `journalctl -u footsense`.";
   } else if (page.paused !== null) {
     [link, text] = ["paused", "paused"];
   } else if (old || !page.arrived) {

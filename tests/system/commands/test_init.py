@@ -32,6 +32,18 @@ def test_from_nothing_to_forces(tmp_path: Path) -> None:
     assert file.read_text() == written
 
 
+def test_simulated_buses_share_the_legs(tmp_path: Path) -> None:
+    """Their devices are `sim`, `sim1`, ..., as in a file that is written by hand."""
+    result = footsense("init", "--device", "sim", "--device", "sim1", "--legs", "lf lr rf rr", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    robot = load_config(tmp_path / "robot.yaml")
+    assert [(bus.device, list(bus.legs)) for bus in robot.buses] == [
+        ("sim", ["lf", "lr"]),
+        ("sim1", ["rf", "rr"]),
+    ]
+    assert robot.can.interface == "udp_multicast"
+
+
 def test_it_asks_what_it_is_not_told(tmp_path: Path) -> None:
     """Enter takes what is offered: without hardware a simulated robot, with the legs of a hexapod."""
     file, n_devices = tmp_path / "robot.yaml", len(devices())
@@ -58,6 +70,11 @@ def test_what_cannot_be_is_one_line_and_writes_nothing(tmp_path: Path) -> None:
     for arguments, exit_code, says in (
         ("", 78, "nothing was written: a question has no answer; `footsense init --device sim`"),
         ("--device sim --legs lf,fl", 78, "fl: no leg has this name; there are lf lm lr rf rm rr l4 r4"),
+        (
+            "--device sim --device sim",
+            78,
+            "sim sim: a device is named twice; simulated buses are sim, sim1, ...",
+        ),
         ("--device /dev/i2c-77", 69, "/dev/i2c-77: no such I2C adapter"),
         ("--device /dev/ttyACM77", 69, "/dev/ttyACM77"),
     ):

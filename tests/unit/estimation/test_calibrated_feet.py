@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from footsense.estimation.calibrated_feet import CalibratedFeet
-from footsense.estimation.ground import ground_of
 from footsense.estimation.network import steady_windows
+from footsense.estimation.walking.ground import ground_of
 from footsense.foot.parameters import UNKNOWN_TEMPERATURE_SIGMA_REL, FootParameters
 from footsense.ports import LoadEstimate, Window
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from footsense.estimation.contact import ContactDetector
 from footsense.estimation.noise import SwingNoise
+from footsense.estimation.walking.contact import ContactDetector
 from footsense.frames import CommandKind, Vector
 
 MS = 1_000_000
@@ -132,6 +132,19 @@ def test_a_touch_is_predicted_and_held_until_all_have_been_read() -> None:
     other.carry(0.0, 20)
     assert other.predict(0.05)
     assert not other.predict(0.0, after_ms=31.0)
+
+
+def test_a_prediction_of_a_fast_scan_needs_more_sigmas() -> None:
+    """A foot that slows down before it touches is pulled by its own mass, and a fast scan predicts a load from that."""
+    usual, fast = Leg(), Leg()
+    fast.contact = ContactDetector(0.03, prediction_sigmas=2.0)
+    fast.contact.reset(fast.t_ns)
+    usual.carry(0.0, 10)
+    fast.carry(0.0, 10)
+    assert usual.predict(0.15, sigma_n=0.1)
+    assert not fast.predict(0.15, sigma_n=0.1)
+    assert fast.predict(0.25, sigma_n=0.1)
+    assert fast.contact.predicted_touch_n == 0.2
 
 
 def test_a_load_that_sigma_does_not_allow_is_no_contact_and_not_learnt() -> None:

@@ -9,8 +9,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from footsense.estimation.contact import ContactDetector
-from footsense.estimation.gait import GaitTracker, LegLoads, touchdown
+from footsense.estimation.walking.contact import ContactDetector
+from footsense.estimation.walking.gait import GaitTracker, LegLoads, touchdown
 from footsense.frames import GaitEvent, GaitEventKind, GaitFrame, Slip, Vector
 from footsense.ports import LoadEstimate
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from footsense.estimation.ground import NO_GROUND, SlipDetector
+from footsense.estimation.walking.ground import NO_GROUND, SlipDetector
 from footsense.frames import Slip
 
 STEP_NS = 5_433_400

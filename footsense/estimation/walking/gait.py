@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.estimation.contact import ContactDetector
-from footsense.estimation.ground import NO_GROUND, SlipDetector, ground_of
+from footsense.estimation.walking.contact import ContactDetector
+from footsense.estimation.walking.ground import NO_GROUND, SlipDetector, ground_of
 from footsense.frames import GaitEvent, GaitEventKind, GaitFrame, Slip
 from footsense.ports import LoadEstimate
 
