@@ -60,6 +60,8 @@ def connect(
     """
     if interface not in DEFAULT_CHANNELS:
         raise CanError(f"interface {interface!r}: use one of {', '.join(DEFAULT_CHANNELS)}")
+    if channel in DEFAULT_CHANNELS:
+        raise CanError(f"channel {channel!r} is an interface: connect(interface={channel!r})")
     name = channel or DEFAULT_CHANNELS[interface]
     if interface == "udp_multicast" and not is_multicast(name):
         raise CanError(f"channel {name!r}: no IPv4 multicast address; try {DEFAULT_CHANNELS[interface]}")

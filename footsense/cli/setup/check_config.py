@@ -99,13 +99,11 @@ def _explanation(models: Models) -> dict[str, str]:
             else f"{bus.leg} alone"
         )
         told[bus.device] = f"board {config.board}, {place}"
-    told["feet"] = f"of type {card.foot_type}, "
+    told["feet"] = f"of type {card.foot_type}"
     if (range_n := RANGES_N.get(card.foot_type)) is not None:
-        told["feet"] += (
-            "for normal loads up to {:g} N if the force leans 14 deg, {:g} N if 30; ".format(*range_n)
-            + "less exact beyond, while at most three elements are overloaded; "
-        )
-    told["feet"] += f"no force above {card.max_trained_force_n:g} N, the largest of the training"
+        told["range"] = "normal loads up to {:g} N if the force leans 14 deg, {:g} N if 30".format(*range_n)
+        told["overload"] = "forces go on, less exact, while at most three elements are overloaded"
+    told["no force"] = f"above {card.max_trained_force_n:g} N, the largest of the training"
     for leg, calibration in models.calibrations_by_leg.items():
         known = _calibration(calibration)
         errors = calibration.manifest.held_out

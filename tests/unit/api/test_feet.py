@@ -172,6 +172,7 @@ def test_what_is_wrong_with_a_channel_is_said(heard: Heard) -> None:
     ("given", "message"),
     [
         ({"interface": "slcan"}, "interface 'slcan': use one of socketcan, udp_multicast"),
+        ({"channel": "udp_multicast"}, r"is an interface: connect\(interface='udp_multicast'\)$"),
         ({"channel": "can0", "interface": "udp_multicast"}, "no IPv4 multicast address; try 239.74.163.2"),
         (
             {"channel": "no-such-can"},
