@@ -185,11 +185,13 @@ class Feet:
                 f"no leg is named {', '.join(sorted(unknown))}; there are {', '.join(self.legs)}"
             )
         refused: dict[str, list[str]] = {}
-        heard = [NODE_IDS[leg] for leg in self.legs]
         with closing(open_command_wire(self._can)) as wire:
-            for answer in self._commander.command(wire, kind, legs, heard):
+            for answer in self._commander.command(wire, kind, legs, self._heard_nodes()):
                 if answer.result is not Result.DONE:
-                    refused.setdefault(answer.refusal(self._can.channel), []).append(answer.leg)
+                    # A service may have ended while the answer was waited for.
+                    is_heard = answer.is_heard and NODE_IDS[answer.leg] in self._heard_nodes()
+                    why = answer._replace(is_heard=is_heard).refusal(self._can.channel)
+                    refused.setdefault(why, []).append(answer.leg)
         if refused:
             raise FootsenseError(" | ".join(f"{', '.join(which)}: {why}" for why, which in refused.items()))
 
@@ -222,6 +224,10 @@ class Feet:
         if self._error is not None:
             raise self._error
         return [leg for leg in self._listener.snapshot() if leg.n_force_frames]
+
+    def _heard_nodes(self) -> list[int]:
+        with self._news:
+            return [NODE_IDS[leg.leg] for leg in self._heard() if leg.is_current]
 
     def _counts(self) -> dict[str, int]:
         return {leg.leg: leg.n_force_frames for leg in self._heard()}

@@ -26,7 +26,7 @@ from footsense.ports import Observer
 
 _REDRAW_PERIOD_NS = 66_000_000
 _BAR_WIDTH_CELLS = 10
-_BAR_FULL_SCALE_N = 1.2
+_BAR_FULL_SCALE_REL = 0.6
 
 
 class Picture(Live):
@@ -86,6 +86,7 @@ def legs_table(
     title: str,
     url: str,
     true_force_n_at: Callable[[int], Vector] | None,
+    max_force_n: float,
     cycle: Cycle,
     elapsed_s: float,
 ) -> Group:
@@ -97,6 +98,7 @@ def legs_table(
         title: Source of the frames.
         url: Address of the page; empty without one.
         true_force_n_at: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
+        max_force_n: Largest force of the feet [N], for the bars.
         cycle: The cycle.
         elapsed_s: Time since the first one [s].
     """
@@ -113,7 +115,7 @@ def legs_table(
             "load",
             lambda row: usable[row],
             f"<{_BAR_WIDTH_CELLS}",
-            cell=lambda row: _force_bar(force_n[row, 2]),
+            cell=lambda row: _force_bar(force_n[row, 2] / max_force_n),
             worth=3,
         ),
     ]
@@ -132,12 +134,12 @@ def legs_table(
     return Group(head, Text(left_out_text(columns, console.width), "dim", no_wrap=True), rows)
 
 
-def _force_bar(force_n: float) -> ProgressBar | str:
-    if math.isnan(force_n):
+def _force_bar(force_rel: float) -> ProgressBar | str:
+    if math.isnan(force_rel):
         return ""
     return ProgressBar(
-        _BAR_FULL_SCALE_N,
-        max(force_n, 0.0),
+        _BAR_FULL_SCALE_REL,
+        max(force_rel, 0.0),
         width=_BAR_WIDTH_CELLS,
         complete_style="cyan",
         finished_style="cyan",

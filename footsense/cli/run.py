@@ -130,7 +130,10 @@ def run(
             from footsense.cli.live import LiveView, legs_table
 
             console = _console()
-            picture = partial(legs_table, console, service.legs, title, url, service.true_force_n_at)
+            max_force_n = service.network.card.max_trained_force_n
+            picture = partial(
+                legs_table, console, service.legs, title, url, service.true_force_n_at, max_force_n
+            )
             service.observers.append(stack.enter_context(closing(LiveView(console, picture))))
         service.run(lambda: stop.requested, service.clock.now_ns() + duration_s * _NS_PER_S)
     can = service.sink.stats

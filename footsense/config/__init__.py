@@ -8,10 +8,10 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from footsense.can.interface import Can
-from footsense.config.contradictions import first_contradiction
+from footsense.config.contradictions import first_contradiction, missing_folder
 from footsense.config.schema import Config
 from footsense.config.sections import Bus, Mux, ResetLine
-from footsense.strict_yaml import load
+from footsense.strict_yaml import Problem, load
 
 __all__ = ["DEFAULT", "Config", "load_config"]
 
@@ -39,11 +39,14 @@ def load_config(path: Path) -> Config:
         the file.
 
     Raises:
-        ConfigError: The file is missing, is not such YAML, does not fit, or contradicts itself.
+        ConfigError: The file is missing, is not such YAML, does not fit, contradicts itself, or a folder is missing.
     """
-    config = load(path, Config, check=first_contradiction)
+    parent = path.parent.absolute()
+
+    def check(config: Config) -> Problem | None:
+        return first_contradiction(config) or missing_folder(config, parent)
+
+    config = load(path, Config, check=check)
     folder = config.foot_type if "/" in config.foot_type else None
     paths = {"model": config.model, "calibrations": config.calibrations, "foot_type": folder}
-    return replace(
-        config, **{key: str(path.parent.absolute() / value) for key, value in paths.items() if value}
-    )
+    return replace(config, **{key: str(parent / value) for key, value in paths.items() if value})

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from ipaddress import IPv4Address
+from pathlib import Path
 from typing import Any
 
 from firmware_interface.wire_timing import can_bits_per_s
@@ -23,6 +24,23 @@ _Rule = tuple[bool, str, str]
 def first_contradiction(config: Config) -> Problem | None:
     """Return the first contradiction between settings of a configuration; None if there is none."""
     return next((Problem(path, message) for broken, path, message in _rules(config) if broken), None)
+
+
+def missing_folder(config: Config, parent: Path) -> Problem | None:
+    """Return the first folder of a foot type or calibration that is not there; None if all are.
+
+    Args:
+        config: The configuration.
+        parent: Folder of its file, in which relative paths are.
+    """
+    if "/" in config.foot_type and not (folder := parent / config.foot_type).is_dir():
+        remedy = "`footsense lab build --foot` makes one"
+        return Problem("foot_type", f"no foot type {config.foot_type}: {folder} is not a folder; {remedy}")
+    for leg, foot in config.feet.items() if config.calibrations else ():
+        if not (folder := parent / config.calibrations / foot).is_dir():
+            remedy = "`footsense test-stand calibrate` makes one from recordings of the foot"
+            return Problem(f"feet.{leg}", f"{folder}: no such calibration; {remedy}")
+    return None
 
 
 def warnings(config: Config) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ low for 50 ms, and up by at most `max_swing_rise_n_per_s`; in stance it stands s
 makes contact, however far it goes, and a touchdown, which is fast, is detected in the first reading that is the
 threshold above the load in swing. In swing the foot's own mass pulls at the sensor, on a light robot as much as light
 loads do: the threshold is a share of the heaviest load of the last seconds, and less where the noise of earlier swings
-allows it (`SwingNoise`). A load within its own sigma is none: readings that contradict one another, as where a line
+allows it (`SwingNoise`). Shake that makes a contact all the same is learnt when that ends, short and light. A load within its own sigma is none: readings that contradict one another, as where a line
 breaks, make a force with a sigma of its size. A load that rises more slowly than `max_swing_rise_n_per_s` cannot be
 told from drift and is not detected.
 
@@ -39,19 +39,22 @@ _CREEP_LOAD_TIME_CONSTANT_S = 100.0
 #: Time for which the load has to be low before that in swing follows it: a negative glitch must not make contact later.
 _SWING_LOAD_FOLLOWS_AFTER_NS = 50_000_000
 
-#: Share of the heaviest load that is contact, whatever the swing shows [1], and time in which that load is forgotten
-#: [s]. Chosen on the walkers' selection: with the noise of swings alone every third touch of a light robot was missed,
-#: since its shake had made contact before.
+#: Share of the heaviest load that is contact, whatever the swing shows, and below which a contact is light [1], and
+#: time in which that load is forgotten [s]. Chosen on the walkers' selection: with the noise of swings alone every third
+#: touch of a light robot was missed, since its shake had made contact before.
 _HEAVY_REL, _HEAVY_MEMORY_S = 0.25, 10.0
 #: Load that ends contact over that which begins it, and over the recent mean [1].
 _LIFT_OFF_REL, _LIFT_OFF_SHARE = 0.7, 0.2
 
-#: A contact as short as this, that never came above so many times the thresholds, was shake.
-_SHAKE_MAX_NS, _SHAKE_MAX_THRESHOLDS = 60_000_000, 2.0
+#: A contact as short as this is shake if it is light: so is one below so many least thresholds, where a foot has not
+#: carried yet.
+_SHAKE_MAX_NS, _LIGHT_THRESHOLDS = 150_000_000, 2.0
 
 #: Contact is held for this time after the last load, and for the other after a touchdown: elements that are read one
 #: after the other, of a load that falls or rises fast, ring, and not all show a touch that a prediction tells.
 _CONTACT_HOLD_NS, _TOUCHDOWN_HOLD_NS = 14_000_000, 27_000_000
+#: For so long after a touchdown that is not light, a foot bounces, and contact is held as after a touchdown.
+_BOUNCES_NS = 100_000_000
 #: Time after lift-off from which a swing is confirmed [s]: most of the rubber's quick recovery is over by then, and
 #: half the swing of a fast gait is left.
 _SWING_CONFIRMED_AFTER_S = 0.2
@@ -152,7 +155,7 @@ class ContactDetector:
         shake_n = _HEAVY_REL * self._heavy_n
         noise_n = max(self._least_n, min(shake_n, noise.contact_n))
         predicted_noise_n = max(self._least_n, min(shake_n, predicted_noise.contact_n))
-        # Of a threshold and NaN, `max` is the threshold.
+        # Of a number and NaN, in this order, `max` is the number.
         self.touch_n = max(noise_n, sigma_n)
         self.predicted_touch_n = max(predicted_noise_n, self._prediction_sigmas * sigma_n)
         is_predicted = predicted_above_n > self.predicted_touch_n and not overshoots
@@ -164,14 +167,18 @@ class ContactDetector:
                 load_n < _LIFT_OFF_SHARE_OF_RECENT_MEAN * self._recent_n
                 and load_n - max(swing_load_n, 0.0) < lift_n + self.drift_n
             )
+            self._peak_n = max(self._peak_n, above_n)
+            self._predicted_peak_n = max(self._predicted_peak_n, predicted_above_n)
             if not (above_n < lift_n or fallen or self._has_shifted(load_n, above_n, t_ns)):
                 self._loaded_ns = t_ns
-            elif t_ns - self._loaded_ns >= _CONTACT_HOLD_NS and t_ns - self._touched_ns >= _TOUCHDOWN_HOLD_NS:
+            elif t_ns - self._touched_ns >= _TOUCHDOWN_HOLD_NS and t_ns - self._loaded_ns >= self._hold_ns(
+                t_ns
+            ):
                 self._end_contact(load_n, baseline_error_n, t_ns)
         elif self.raw:
             self.in_contact = True
             self._touched_ns = self._loaded_ns = self._steady_since_ns = t_ns
-            self._peak_n, self._predicted_peak_n = above_n, predicted_above_n
+            self._peak_n, self._predicted_peak_n = above_n, max(0.0, predicted_above_n)
             noise.discard_pending(t_ns)
             predicted_noise.discard_pending(t_ns)
         else:
@@ -190,6 +197,15 @@ class ContactDetector:
         self._creep_load_n += (pressing_n - self._creep_load_n) * (
             elapsed_s / (_CREEP_LOAD_TIME_CONSTANT_S + elapsed_s)
         )
+
+    @property
+    def _is_light(self) -> bool:
+        """Whether the load of this contact could be of the foot's own mass: it never came to much."""
+        return self._peak_n < max(_HEAVY_REL * self._heavy_n, _LIGHT_THRESHOLDS * self._least_n)
+
+    def _hold_ns(self, t_ns: int) -> int:
+        bounces = t_ns - self._touched_ns < _BOUNCES_NS and not self._is_light
+        return _TOUCHDOWN_HOLD_NS if bounces else _CONTACT_HOLD_NS
 
     def _has_shifted(self, load_n: float, above_n: float, t_ns: int) -> bool:
         """Return whether a load in contact is a shift of all readings, and the foot is in the air."""
@@ -223,16 +239,11 @@ class ContactDetector:
         self.swing_load_n = min(highest_n, swing_load_n + self._max_swing_rise_n_per_s * elapsed_s)
 
     def _end_contact(self, load_n: float, baseline_error_n: float, t_ns: int) -> None:
-        """End the contact; a contact short and light enough to be shake raises the threshold."""
+        """End the contact; a contact short and light enough to be shake raises the threshold above its peak."""
         self.in_contact = False
-        if t_ns - self._touched_ns < _SHAKE_MAX_NS:
-            peaks = (
-                (self.noise, self._peak_n, self.touch_n),
-                (self.predicted_noise, self._predicted_peak_n, self.predicted_touch_n),
-            )
-            if all(peak_n < _SHAKE_MAX_THRESHOLDS * touch_n for _, peak_n, touch_n in peaks):
-                for noise, peak_n, _ in peaks:
-                    noise.add_peak(peak_n)
+        if t_ns - self._touched_ns < _SHAKE_MAX_NS and self._is_light:
+            self.noise.add_peak(self._peak_n)
+            self.predicted_noise.add_peak(self._predicted_peak_n)
         self._lifted_ns = self._window_start_ns = t_ns
         self.noise.discard_pending(t_ns)
         self.predicted_noise.discard_pending(t_ns)

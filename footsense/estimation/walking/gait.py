@@ -8,7 +8,6 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from itertools import islice
-from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -26,13 +25,13 @@ _MAX_EXPONENT = 13.8
 _LOGISTIC_SLOPE = 1.7
 #: State of a leg whose force is known and whose foot is in contact.
 _FORCE_KNOWN_IN_CONTACT = (True, True)
+#: Time without a known force after which a contact that began or ended meanwhile has no event any more [ns].
+_LONGEST_GAP_NS = 250_000_000
 
 #: Slips are looked for on half of the legs in turn: the next conversion has mostly the same readings.
 _CONVERSIONS_PER_CHECK = 2
 #: Share of the load at the touchdown [1] whose passing dates it, and the loads among which it is looked for.
-_PASSED_LOAD_REL, _N_SEARCHED_LOADS = 0.4, 12
-#: Time from the touchdown to the contact, over the time since that passing [1], and its spread.
-_SINCE_REL, _SINCE_SIGMA_REL = 0.7, 0.4
+_PASSED_LOAD_REL, _N_SEARCHED_LOADS = 0.3, 24
 #: Conversions that are kept.
 N_BUFFERED_CONVERSIONS = 1 + _N_SEARCHED_LOADS
 #: Standard deviation of the time of a slip [s].
@@ -45,19 +44,24 @@ class EventLags(NamedTuple):
     Attributes:
         touch_s: From a touchdown to the contact [s], besides the part that its rise tells.
         touch_sigma_s: Spread of that [s].
+        rise_rel: That part, over the time since the load passed a share of what it is at the contact [1].
+        rise_sigma_rel: Spread of that [1].
         fall_s: From the end of a load to the end of the contact [s].
         fall_sigma_s: Spread of that [s].
     """
 
     touch_s: float
     touch_sigma_s: float
+    rise_rel: float
+    rise_sigma_rel: float
     fall_s: float
     fall_sigma_s: float
 
 
-#: Of scans of single elements and of rows. Fitted to the touches of the walkers' selection, without hops and landings.
-ELEMENTS_LAGS = EventLags(8.7e-3, 3.0e-3, 24e-3, 5.5e-3)
-ROWS_LAGS = EventLags(5.7e-3, 1.7e-3, 13e-3, 5.5e-3)
+#: Of scans of single elements and of rows. Fitted to the touches of the walkers' training and selection, without hops
+#: and landings.
+ELEMENTS_LAGS = EventLags(12.6e-3, 4.0e-3, 0.62, 0.35, 24e-3, 5.5e-3)
+ROWS_LAGS = EventLags(6.25e-3, 1.8e-3, 0.93, 0.25, 13e-3, 5.5e-3)
 
 
 class BackDated(NamedTuple):
@@ -68,27 +72,22 @@ class BackDated(NamedTuple):
 
 
 class LegLoads(NamedTuple):
-    """Estimated loads of all legs after one conversion, each relative to the leg's load in swing; NaN if unknown.
+    """Loads of all legs after one conversion, each the mean of a scan above the leg's load in swing.
 
     Attributes:
-        t_ns: Time of the estimate [ns].
-        load_n: Loads as estimated for that time [N].
-        scan_mean_n: Loads that are means of a scan [N].
+        t_ns: Time at which they were known [ns].
+        load_n: Loads [N]; NaN if unknown.
     """
 
     t_ns: int
     load_n: list[float]
-    scan_mean_n: list[float]
-
-
-_load_of, _scan_mean_of = attrgetter("load_n"), attrgetter("scan_mean_n")
 
 
 def touchdown(loads: Sequence[LegLoads], row: int, lags: EventLags = ELEMENTS_LAGS) -> BackDated:
     """Return the back-dated time of a touchdown, for a leg whose load has just exceeded the threshold.
 
-    Loads rise from nothing with a small slope: the time at which the load passed two fifths of what it is now tells how
-    fast it rises. Where the estimate for the time does not show the load yet, the mean of the scan does.
+    Loads rise from nothing with a small slope: the time since two loads in a row were below three tenths of what it is
+    now tells how fast it rises. The mean of a scan tells it better than the estimate for the time, which rings.
 
     Args:
         loads: Last loads, oldest first.
@@ -96,24 +95,31 @@ def touchdown(loads: Sequence[LegLoads], row: int, lags: EventLags = ELEMENTS_LA
         lags: Usual lags.
 
     Returns:
-        A time within the searched loads and the usual lag before.
+        A time within the searched loads and the usual lag before; only the lag before, where a prediction made the
+        contact, and the mean does not show it yet.
     """
-    newest = loads[-1]
-    t_ns = newest.t_ns
-    of_leg = _load_of if newest.load_n[row] > 0.0 else _scan_mean_of
-    later_ns, later_n = t_ns, of_leg(newest)[row]
-    passed_n = _PASSED_LOAD_REL * later_n if later_n > 0.0 else -math.inf
+    t_ns = later_ns = loads[-1].t_ns
+    later_n = loads[-1].load_n[row]
+    passed_n = _PASSED_LOAD_REL * later_n
+    below: LegLoads | None = None
     for past in islice(reversed(loads), 1, 1 + _N_SEARCHED_LOADS):
-        past_n = of_leg(past)[row]
-        if math.isnan(past_n):
+        past_n = past.load_n[row]
+        if not (later_n > 0.0 and math.isfinite(past_n)):
             break
-        if past_n < passed_n:
-            later_ns -= round((later_ns - past.t_ns) * (later_n - passed_n) / (later_n - past_n))
+        if past_n >= passed_n:
+            later_ns, later_n, below = past.t_ns, past_n, None
+        elif below is None:
+            below = past  # one alone may be of a row that feels little
+        else:
             break
-        later_ns, later_n = past.t_ns, past_n
+    if below is not None:
+        below_n = below.load_n[row]
+        later_ns -= round((later_ns - below.t_ns) * (later_n - passed_n) / (later_n - below_n))
     since_s = (t_ns - later_ns) * 1e-9
-    back_s = lags.touch_s + _SINCE_REL * since_s
-    return BackDated(t_ns - round(back_s * 1e9), math.hypot(lags.touch_sigma_s, _SINCE_SIGMA_REL * since_s))
+    back_s = lags.touch_s + lags.rise_rel * since_s
+    return BackDated(
+        t_ns - round(back_s * 1e9), math.hypot(lags.touch_sigma_s, lags.rise_sigma_rel * since_s)
+    )
 
 
 def lift_off(t_ns: int, lags: EventLags) -> BackDated:
@@ -152,6 +158,9 @@ class GaitTracker:
         self._period_ns, self._due_ns = period_ns, 0
         # Whether the force is known, and whether the foot is in contact, of each leg.
         self._states = [(False, False)] * n_legs
+        # Contact of each leg when its force was last known, and when that was; None: not known for long.
+        self._told: list[bool | None] = [None] * n_legs
+        self._known_ns = [0] * n_legs
         self._touchdowns, self._lift_offs = [_NO_TIME] * n_legs, [_NO_TIME] * n_legs
 
     def observe(
@@ -170,7 +179,7 @@ class GaitTracker:
             above_n.append(force_n - swing_load_n)
             mean_n.append(contact.load_n - swing_load_n)
             states.append((math.isfinite(force_n + contact.load_n), contact.in_contact))
-        self._loads.append(LegLoads(now_ns, above_n, mean_n))
+        self._loads.append(LegLoads(now_ns, mean_n))
         events: list[GaitEvent] = []
         if states != self._states:
             for row, (before, now) in enumerate(zip(self._states, states, strict=True)):
@@ -192,28 +201,36 @@ class GaitTracker:
         return self._gait_frame(load, contacts, above_n, now_ns, tuple(events))
 
     def _contact_events(self, row: int, before: tuple[bool, bool], now: tuple[bool, bool]) -> list[GaitEvent]:
-        # A contact that began or ended while the force was not known has no event, and no time.
         is_known, in_contact = now
         slip = self._slips[row]
         was_slipping = slip.state is Slip.SLIPPING
-        if not (is_known and in_contact):
+        if now != _FORCE_KNOWN_IN_CONTACT:
             slip.reset_stance()
-        if before == (True, in_contact):
+        now_ns = self._loads[-1].t_ns
+        if before[0]:
+            self._known_ns[row] = now_ns
+        if not is_known:
             return []
-        if not (is_known and before[0]):
-            if before[1] != in_contact:
-                self._touchdowns[row] = self._lift_offs[row] = _NO_TIME
+        # A contact that began or ended while the force was not known for long has no event, and no time.
+        unknown_ns, told = now_ns - self._known_ns[row], self._told[row]
+        self._told[row] = in_contact
+        if told is None or unknown_ns > _LONGEST_GAP_NS:
+            self._touchdowns[row] = self._lift_offs[row] = _NO_TIME
+            return []
+        if told is in_contact:
             return []
         if in_contact:
             kinds, dated = [GaitEventKind.TOUCHDOWN], touchdown(self._loads, row, self._lags)
             own, other = self._touchdowns, self._lift_offs
         else:
-            kinds, dated = [GaitEventKind.LIFT_OFF], lift_off(self._loads[-1].t_ns, self._lags)
+            kinds, dated = [GaitEventKind.LIFT_OFF], lift_off(now_ns, self._lags)
             own, other = self._lift_offs, self._touchdowns
             if was_slipping:
                 kinds.insert(0, GaitEventKind.SLIP_END)
         # A foot cannot touch before it was lifted, nor be lifted before it touched.
-        own[row] = BackDated(max(dated.t_ns, other[row].t_ns + 1), dated.sigma_s)
+        own[row] = BackDated(
+            max(dated.t_ns, other[row].t_ns + 1), math.hypot(dated.sigma_s, 0.5e-9 * unknown_ns)
+        )
         return [GaitEvent(kind, row, *own[row]) for kind in kinds]
 
     def _gait_frame(

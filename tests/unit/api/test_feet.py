@@ -9,6 +9,7 @@ from contextlib import closing
 import pytest
 
 import footsense
+from footsense.api.commands import Commander
 from footsense.api.feet import Feet
 from footsense.can.interface import Can
 from footsense.client import LinkLimits
@@ -146,6 +147,16 @@ def test_a_tare_of_a_leg_that_no_robot_has_says_which_there_are(heard: Heard) ->
         pytest.raises(footsense.FootsenseError, match="named left; there are lf, rf"),
     ):
         feet.tare("lf", "left")
+
+
+def test_a_tare_of_a_service_that_has_ended_says_so(heard: Heard) -> None:
+    with connected(heard) as feet:
+        feet._commander = Commander(heard.robot.clock)
+        heard.robot.clock.t_ns += 3000 * MS
+        with pytest.raises(
+            footsense.FootsenseError, match="lf: not tared: it is not heard on .* is the service running"
+        ):
+            feet.tare("lf")
 
 
 class Gone:

@@ -43,7 +43,9 @@ def drawn(encoding: str, width: int = 80) -> list[str]:
     file = io.TextIOWrapper(screen, encoding=encoding)
     console = Console(file=file, force_terminal=True, width=width, color_system=None)
     true_n = np.full((len(LEGS), 3), 12.3456)
-    view = LiveView(console, partial(legs_table, console, LEGS, "tripod, simulated", "", lambda _: true_n))
+    view = LiveView(
+        console, partial(legs_table, console, LEGS, "tripod, simulated", "", lambda _: true_n, 2.0)
+    )
     view.observe(cycle())
     view.close()
     file.flush()
@@ -98,7 +100,9 @@ def test_a_narrow_terminal_loses_what_is_worth_least(width: int, headings: str) 
 def test_what_a_narrow_terminal_leaves_out_is_named(width: int, left_out: str) -> None:
     screen = io.StringIO()
     console = Console(file=screen, width=width, color_system=None)
-    console.print(legs_table(console, LEGS, "tripod", "", lambda _: np.zeros((len(LEGS), 3)), cycle(), 1.0))
+    console.print(
+        legs_table(console, LEGS, "tripod", "", lambda _: np.zeros((len(LEGS), 3)), 2.0, cycle(), 1.0)
+    )
     assert screen.getvalue().splitlines()[1].strip() == left_out
 
 

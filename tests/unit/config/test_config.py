@@ -92,6 +92,8 @@ def test_a_relative_path_is_one_beside_the_file(
     file: Path, monkeypatch: pytest.MonkeyPatch, text: str, key: str, found: str
 ) -> None:
     """Wherever the daemon is started, there too."""
+    for folder in ("feet/foot-0007", "my-foot"):
+        (file.parent / folder).mkdir(parents=True)
     file.write_text(ONE_BUS + text)
     assert getattr(load_config(file), key) == str(file.parent / found)
     monkeypatch.chdir(file.parent)
@@ -140,6 +142,8 @@ def test_a_relative_path_is_one_beside_the_file(
         (MCU.replace("sim", "sim, legs: [lf, rf, lf]"), "serial.legs[2]: lf is named twice"),
         (ONE_BUS + "feet: {lf: foot-0001, rf: foot-0001}", "feet.rf: foot-0001 is already mounted on lf"),
         (ONE_BUS + "calibrations: feet/", "calibrations: no foot is named; name them under feet"),
+        (ONE_BUS + "feet: {lf: foot-0007}\ncalibrations: feet/", ":5: feet.lf: "),
+        (ONE_BUS + "foot_type: ./my-foot", ":5: foot_type: no foot type ./my-foot: "),
         (
             ONE_BUS + "feet: {lf: foot-0001}\ncalibrations: feet/\nmodel: my.onnx",
             "model: each calibration brings the network that it was fitted on; take model or calibrations away",

@@ -185,6 +185,37 @@ def test_shake_of_a_foot_that_carries_ten_times_as_much_is_no_contact() -> None:
     assert shaking.carry(0.3)
 
 
+def test_shake_that_makes_contact_is_learnt() -> None:
+    """A tenth of what the foot carries, for 20 ms of each swing, after a rest: in contact in the first swings alone."""
+    leg = Leg()
+    leg.carry(0.0, 500, each_ns=2 * MS)
+    contacts = []
+    for _ in range(20):
+        leg.carry(0.0, 50, each_ns=2 * MS)
+        for _ in range(10):
+            leg.predict(0.1, 0.1, 2)
+        contacts.append(leg.contact.in_contact)
+        for _ in range(30):
+            leg.predict(0.0, 0.0, 2)
+        assert not leg.contact.in_contact
+        leg.predict(1.0, 1.0, 2)
+        assert leg.carry(1.0, 100, each_ns=2 * MS)
+        for _ in range(30):
+            leg.predict(0.0, 0.0, 2)
+    assert not any(contacts[3:])
+
+
+def test_a_bounce_is_no_lift_off() -> None:
+    """The load after an impact may be gone for 20 ms; after 100 ms of stance it may not."""
+    leg = Leg()
+    leg.carry(0.0, 50, each_ns=2 * MS)
+    assert leg.carry(1.0, 10, each_ns=2 * MS)
+    assert leg.carry(0.0, 10, each_ns=2 * MS)
+    assert leg.carry(0.3, 50, each_ns=2 * MS)
+    assert leg.carry(0.0, 6, each_ns=2 * MS)
+    assert not leg.carry(0.0, 4, each_ns=2 * MS)
+
+
 def test_silence_is_not_contact() -> None:
     """Believed for a quarter of a second without a reading, unknown then; found again at the first reading."""
     leg = Leg()
