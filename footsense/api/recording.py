@@ -45,8 +45,8 @@ class Recording:
         legs: Name of each leg.
         t_s: Time of each cycle, which its forces are valid for [s], shape (n,), 0 at the first.
         force_n: Ground reaction on each foot in the foot's frame: x forward, y left, z along the leg towards the body
-            [N], shape (n, legs, 3); NaN unless usable. Weigh it by `sigma_n`: where readings contradict one another, as in
-            the cycle in which a line breaks, it may be far off.
+            [N], shape (n, legs, 3); NaN unless usable. Weigh it by `sigma_n`: where readings contradict one another, as
+            in the cycle in which a line breaks, it may be far off.
         sigma_n: Standard deviation of each component [N], same shape.
         state: Code of each leg's state, shape (n, legs), uint8 of `State`; `walk.state == footsense.State.VALID`.
         contact: Whether each foot is in contact with the ground, shape (n, legs); False unless usable.

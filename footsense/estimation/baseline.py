@@ -44,6 +44,7 @@ class BaselineTracker:
         tares: Tares in progress.
         unloaded: The baselines, and what follows from them.
         flags: CONTACT, and TARE_REFUSED where an older baseline is in use, shape (legs,).
+        shake_sigma_n: Force of the foot's own mass in swing, which is none of the ground [N], shape (legs, 1).
     """
 
     def __init__(
@@ -66,6 +67,7 @@ class BaselineTracker:
         self.contacts = [self._contact() for _ in feet.names]
         self._turn = 0
         self.flags = np.zeros(len(feet.names), np.uint8)
+        self.shake_sigma_n = np.zeros((len(feet.names), 1))
         self._flags: list[int] = []
         self._swinging: list[int] = []
 
@@ -165,6 +167,8 @@ class BaselineTracker:
         self._track_drift(capacitance_pf, t_ns, missing)
         if flags != self._flags:
             self._flags, self.flags = flags, np.array(flags, np.uint8)
+            shakes_n = [0.0 if leg.in_contact else leg.noise.shake_n for leg in self.contacts]
+            self.shake_sigma_n = np.array(shakes_n)[:, None]
 
     def _track_drift(self, capacitance_pf: Vector, t_ns: Stamps, missing: Mask) -> None:
         """Update the baselines of those legs in swing whose turn it is; arguments as of `observe`."""

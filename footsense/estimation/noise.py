@@ -106,6 +106,7 @@ class SwingNoise:
     Attributes:
         contact_n: Load above that in swing that noise and shake do not reach [N]; infinite until enough was seen.
         sigma_n: Half of the distance from nothing to the mean peak: about the noise of a reading [N].
+        shake_n: Mean peak [N]: how much the foot's own mass pulls.
         block_n: Signal of the present block of swing below its threshold [N].
         end_ns: Time from which the block is complete, and `end_block` is to be called [ns].
     """
@@ -114,7 +115,7 @@ class SwingNoise:
         self.contact_n, self._least_n = math.inf, least_n
         self.sigma_n = least_n / _THRESHOLD_SIGMAS
         self._n = 0
-        self._mean_n = self._variance_n2 = self._highest_n = 0.0
+        self.shake_n = self._variance_n2 = self._highest_n = 0.0
         self.discard_pending(0)
 
     def discard_pending(self, t_ns: int) -> None:
@@ -142,14 +143,14 @@ class SwingNoise:
         """Update the threshold with the peak load [N] of one block of swing."""
         self._n += 1
         share = 1.0 / min(self._n, _AVERAGED_BLOCKS)
-        off_n = peak_n - self._mean_n
-        self._mean_n += share * off_n
-        self._variance_n2 += share * (off_n * (peak_n - self._mean_n) - self._variance_n2)
+        off_n = peak_n - self.shake_n
+        self.shake_n += share * off_n
+        self._variance_n2 += share * (off_n * (peak_n - self.shake_n) - self._variance_n2)
         self._highest_n = max(peak_n, (1.0 - _PEAK_DECAY_REL) * self._highest_n)
         if self._n >= _MIN_BLOCKS:
             spread_n = math.sqrt(max(self._variance_n2, 0.0))
             highest_n = min(
-                _PEAK_MARGIN_REL * self._highest_n, self._mean_n + _MAX_THRESHOLD_SIGMAS * spread_n
+                _PEAK_MARGIN_REL * self._highest_n, self.shake_n + _MAX_THRESHOLD_SIGMAS * spread_n
             )
-            self.contact_n = max(self._mean_n + _THRESHOLD_SIGMAS * spread_n, highest_n, self._least_n)
-            self.sigma_n = max(self.contact_n - self._mean_n, self._least_n) / _THRESHOLD_SIGMAS
+            self.contact_n = max(self.shake_n + _THRESHOLD_SIGMAS * spread_n, highest_n, self._least_n)
+            self.sigma_n = max(self.contact_n - self.shake_n, self._least_n) / _THRESHOLD_SIGMAS

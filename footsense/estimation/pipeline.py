@@ -183,7 +183,7 @@ class Pipeline:
             t_sent_ns=now_ns,
             t_ns=readings.newest_ns,
             force_n=force_n,
-            sigma_n=load.sigma_n,
+            sigma_n=np.hypot(load.sigma_n, baselines.shake_sigma_n),
             state=state,
             fault_mask=fault_mask,
             flags=baselines.flags | self._flags,

@@ -5,9 +5,9 @@ low for 50 ms, and up by at most `max_swing_rise_n_per_s`; in stance it stands s
 makes contact, however far it goes, and a touchdown, which is fast, is detected in the first reading that is the
 threshold above the load in swing. In swing the foot's own mass pulls at the sensor, on a light robot as much as light
 loads do: the threshold is a share of the heaviest load of the last seconds, and less where the noise of earlier swings
-allows it (`SwingNoise`). Shake that makes a contact all the same is learnt when that ends, short and light. A load within its own sigma is none: readings that contradict one another, as where a line
-breaks, make a force with a sigma of its size. A load that rises more slowly than `max_swing_rise_n_per_s` cannot be
-told from drift and is not detected.
+allows it (`SwingNoise`). Shake that makes a contact all the same is learnt when that ends, short and light. A load
+within its own sigma is none: readings that contradict one another, as where a line breaks, make a force with a sigma of
+its size. A load that rises more slowly than `max_swing_rise_n_per_s` cannot be told from drift and is not detected.
 
 Contact ends when the load is back to a small part of that of the stance. After a long stance that may never happen: the
 baseline has drifted meanwhile, and creep of the rubber recovers over minutes. So contact also ends when the load has
@@ -40,15 +40,15 @@ _CREEP_LOAD_TIME_CONSTANT_S = 100.0
 _SWING_LOAD_FOLLOWS_AFTER_NS = 50_000_000
 
 #: Share of the heaviest load that is contact, whatever the swing shows, and below which a contact is light [1], and
-#: time in which that load is forgotten [s]. Chosen on the walkers' selection: with the noise of swings alone every third
-#: touch of a light robot was missed, since its shake had made contact before.
+#: time in which that load is forgotten [s]. Chosen on the walkers' selection: with the noise of swings alone every
+#: third touch of a light robot was missed, since its shake had made contact before.
 _HEAVY_REL, _HEAVY_MEMORY_S = 0.25, 10.0
 #: Load that ends contact over that which begins it, and over the recent mean [1].
 _LIFT_OFF_REL, _LIFT_OFF_SHARE = 0.7, 0.2
 
-#: A contact as short as this is shake if it is light: so is one below so many least thresholds, where a foot has not
-#: carried yet.
-_SHAKE_MAX_NS, _LIGHT_THRESHOLDS = 150_000_000, 2.0
+#: A contact as short as this is shake if it is light. One below so many least thresholds is light, where a foot has not
+#: carried yet, and none above so many: no foot's own mass pulled so much in the walkers' gaits.
+_SHAKE_MAX_NS, _LIGHT_THRESHOLDS = 150_000_000, (2.0, 4.0)
 
 #: Contact is held for this time after the last load, and for the other after a touchdown: elements that are read one
 #: after the other, of a load that falls or rises fast, ring, and not all show a touch that a prediction tells.
@@ -201,7 +201,8 @@ class ContactDetector:
     @property
     def _is_light(self) -> bool:
         """Whether the load of this contact could be of the foot's own mass: it never came to much."""
-        return self._peak_n < max(_HEAVY_REL * self._heavy_n, _LIGHT_THRESHOLDS * self._least_n)
+        limit_n = max(_HEAVY_REL * self._heavy_n, _LIGHT_THRESHOLDS[0] * self._least_n)
+        return self._peak_n < min(limit_n, _LIGHT_THRESHOLDS[1] * self._least_n)
 
     def _hold_ns(self, t_ns: int) -> int:
         bounces = t_ns - self._touched_ns < _BOUNCES_NS and not self._is_light

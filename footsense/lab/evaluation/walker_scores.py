@@ -222,7 +222,10 @@ def _ratios(outputs: WalkerOutputs, leg: int, peak_n: float) -> Vector:
 
 
 def slip_scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
-    """Return which slides of a run were reported, and which slips are none."""
+    """Return which slides of a run were reported, and which slips are none.
+
+    A slide is found by a slip that is told as it begins or soon after, and by one that was told before and is not over.
+    """
     n_slips = n_false = n_off_cone = n_later = n_found = n_early = n_early_found = 0
     delays_ms, legs = [], outputs.state.shape[1]
     for leg in range(legs):
@@ -235,6 +238,12 @@ def slip_scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
             and event.kind is GaitEventKind.SLIP
             and outputs.t_s[row] > LEAD_IN_S + WARM_UP_S
         ]
+        ends_s = [
+            float(outputs.t_s[row])
+            for row, event in outputs.events
+            if event.leg == leg and event.kind is GaitEventKind.SLIP_END
+        ]
+        over_s = [min((end_s for end_s in ends_s if end_s > at_s), default=np.inf) for at_s in sent_s]
         n_slips += len(sent_s)
         n_false += sum(
             not any(one.start_s - 5e-3 <= at_s < one.end_s + _SLIP_WITHIN_S for one in every)
@@ -244,12 +253,16 @@ def slip_scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
         for one in every:
             if one.way_m < SLIDE_M:
                 continue
-            own = [at_s for at_s in sent_s if one.start_s - 5e-3 <= at_s < one.end_s + _SLIP_WITHIN_S]
+            own = [
+                at_s
+                for at_s, end_s in zip(sent_s, over_s, strict=True)
+                if at_s < one.end_s + _SLIP_WITHIN_S and end_s > one.start_s
+            ]
             if one.after_touch_s > LATER_S:
                 n_later += 1
                 n_found += bool(own)
                 if own:
-                    delays_ms.append(1e3 * (own[0] - one.start_s))
+                    delays_ms.append(1e3 * max(own[0] - one.start_s, 0.0))
             else:
                 n_early += 1
                 n_early_found += bool(own)

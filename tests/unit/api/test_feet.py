@@ -154,7 +154,7 @@ def test_a_tare_of_a_service_that_has_ended_says_so(heard: Heard) -> None:
         feet._commander = Commander(heard.robot.clock)
         heard.robot.clock.t_ns += 3000 * MS
         with pytest.raises(
-            footsense.FootsenseError, match="lf: not tared: it is not heard on .* is the service running"
+            footsense.FootsenseError, match=r"lf: not tared: it is not heard on .*; is the service running"
         ):
             feet.tare("lf")
 
