@@ -36,8 +36,8 @@ def missing_folder(config: Config, parent: Path) -> Problem | None:
     if "/" in config.foot_type and not (folder := parent / config.foot_type).is_dir():
         remedy = "`footsense lab build --foot` makes one"
         return Problem("foot_type", f"no foot type {config.foot_type}: {folder} is not a folder; {remedy}")
-    for leg, foot in config.feet.items() if config.calibrations else ():
-        if not (folder := parent / config.calibrations / foot).is_dir():
+    for leg, foot in config.feet.items() if config.calibrations is not None else ():
+        if not (folder := parent / str(config.calibrations) / foot).is_dir():
             remedy = "`footsense test-stand calibrate` makes one from recordings of the foot"
             return Problem(f"feet.{leg}", f"{folder}: no such calibration; {remedy}")
     return None
