@@ -78,8 +78,10 @@ format: $(VENV)/dev.stamp
 	$(BIN)/ruff check --fix .
 
 golden: $(VENV)/robot.stamp
-	rm -f tests/golden/measured_walk.mcap
+	rm -f tests/golden/*.mcap
 	$(BIN)/footsense run --scene measured_walk --duration 4 --record tests/golden/measured_walk.mcap --summary text
+	$(BIN)/footsense run --config tests/golden/small.yaml --scene measured_walk --duration 2 \
+	    --record tests/golden/small_board.mcap --summary text
 
 clean:
 	rm -rf .venv .venv-newest dist build

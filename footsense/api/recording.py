@@ -52,7 +52,7 @@ class Recording:
         contact: Whether each foot is in contact with the ground, shape (n, legs); False unless usable.
         capacitance_pf: Latest reading of each element, stray included [pF], shape (n, legs, 9), NaN where there is
             none; element 3 * row + column, row 0 the most forward, column 0 the leftmost. A cycle is one conversion:
-            of each leg one element is new.
+            of each leg one row is new, or one element where a foot has one converter.
         reading_t_s: Time of each of these readings, on the axis of `t_s` [s], same shape, NaN where there is none.
         events: Touchdowns, lift-offs and slips, in the order in which they were noticed.
         true_force_n: The force that each simulated foot felt at `t_s` [N], shape (n, legs, 3); None of a recording.

@@ -18,7 +18,7 @@ from msgspec.structs import replace
 from footsense.benchmarks.naive import NaiveCycle, has_cantools
 from footsense.can.channel import SocketWire
 from footsense.clock import Realtime, fifo_priority, low_latency_interpreter, stopwatch_ns
-from footsense.config import DEFAULT
+from footsense.config import SMALL_BOARD
 from footsense.daemon.acquisition import open_scan_source
 from footsense.daemon.can_output import can_sink
 from footsense.daemon.estimation import pipeline_for
@@ -37,7 +37,7 @@ REALTIME_PRIORITY = Realtime().priority
 #: Cycles at the begin, in which the feet are tared.
 N_WARM_UP_CYCLES = 120
 #: The service, with a force on CAN for every cycle: each cycle does all the work.
-_CONFIG = replace(DEFAULT, publish_every=1)
+_CONFIG = replace(SMALL_BOARD, publish_every=1)
 #: Cycles in a row of one program before the turn of the next.
 _CYCLES_BEFORE_NEXT_PROGRAM = 25
 #: Time from the newest reading of a frame until its forces are sent [ns].
@@ -82,9 +82,9 @@ def open_service_cycle() -> Iterator[ServiceCycle]:
             return ServiceStatus(can=sink.stats, baseline=pipeline.baseline_pf.tobytes())
 
         observers = (
-            LegStateLogger(DEFAULT.legs),
-            SystemdNotifier(DEFAULT.legs, {}),
-            CycleRing(ring, DEFAULT.legs, header, DEFAULT.frames_hz, status),
+            LegStateLogger(SMALL_BOARD.legs),
+            SystemdNotifier(SMALL_BOARD.legs, {}),
+            CycleRing(ring, SMALL_BOARD.legs, header, SMALL_BOARD.frames_hz, status),
         )
         loop = Loop(pipeline, sink, observers, clock)
 
@@ -106,7 +106,9 @@ def open_service_cycle() -> Iterator[ServiceCycle]:
 
 def simulated_walk_frames(n: int) -> list[CapFrame]:
     """Return the simulated capacitance frames of `n` conversions of six walking legs."""
-    with open_scan_source(DEFAULT, replace(load_scene("measured_walk"), host_cost_us=40.0)) as scan_source:
+    with open_scan_source(
+        SMALL_BOARD, replace(load_scene("measured_walk"), host_cost_us=40.0)
+    ) as scan_source:
         return [scan_source.source.read() for _ in range(n)]
 
 
@@ -124,7 +126,7 @@ def compare_cycle_durations(scans: list[CapFrame]) -> dict[str, float | None]:
     Returns:
         `p50`, `p99`, and `naive_p50`, `naive_over_cycle`, which are None where cantools is not installed.
     """
-    naive = NaiveCycle(DEFAULT) if has_cantools() else None
+    naive = NaiveCycle(SMALL_BOARD) if has_cantools() else None
     ours_ns: list[int] = []
     naive_ns: list[int] = []
     with (

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from firmware_interface.schedule import scan_lower_bounds
 from footsense.acquisition.scan_plan import BOARDS
 from footsense.benchmarks.naive import sequential_scan
-from footsense.config import DEFAULT, Config
+from footsense.config import SMALL_BOARD, Config
 from footsense.config.sections import Bus
 from footsense.daemon.acquisition import open_scan_source
 from footsense.daemon.estimation import pipeline_for
@@ -26,7 +26,7 @@ _HOST_COSTS_US = (0, 40, 100)
 _N_AGE_SAMPLES = 120
 
 _BUSES = {
-    "one_bus": DEFAULT.buses,
+    "one_bus": SMALL_BOARD.buses,
     "two_buses": (
         Bus(device="sim0", legs={"lf": 0, "lm": 1, "lr": 2}),
         Bus(device="sim1", legs={"rf": 0, "rm": 1, "rr": 2}),
@@ -38,11 +38,11 @@ _BUSES = {
     ),
 }
 _CONFIGURATIONS = {
-    "one_bus": DEFAULT,
-    "two_buses": replace(DEFAULT, buses=_BUSES["two_buses"]),
-    "ad7746": replace(DEFAULT, board="ad7746"),
+    "one_bus": SMALL_BOARD,
+    "two_buses": replace(SMALL_BOARD, buses=_BUSES["two_buses"]),
+    "ad7746": replace(SMALL_BOARD, board="ad7746"),
     **{
-        f"columns_{name}": replace(DEFAULT, board="fdc1004_columns", buses=buses)
+        f"columns_{name}": replace(SMALL_BOARD, board="fdc1004_columns", buses=buses)
         for name, buses in _BUSES.items()
     },
 }
@@ -50,7 +50,7 @@ _CONFIGURATIONS = {
 
 def min_scan_period_by_conversions_ms() -> float:
     """Return the lower bound of the scan period by conversion time [ms]: nine conversions of the default board."""
-    return DEFAULT.shortest_scan_ms
+    return SMALL_BOARD.shortest_scan_ms
 
 
 def measure_all_scan_periods() -> dict[str, dict[str, float]]:
@@ -131,7 +131,7 @@ def _scan_period_lower_bound_ns(config: Config, bus: Bus, host_cost_us: int) -> 
 
 def newest_reading_age_ms() -> dict[str, float]:
     """Return the age of the newest reading at sending [ms], for one bus at 40 us per transaction."""
-    config = DEFAULT
+    config = SMALL_BOARD
     scene = replace(load_scene("tripod"), host_cost_us=40.0)
     ages_ns: list[int] = []
     with open_scan_source(config, scene) as scan_source:

@@ -21,7 +21,7 @@ from tempfile import TemporaryDirectory
 from types import CodeType, FrameType
 
 import footsense
-from footsense.config import DEFAULT
+from footsense.config import DEFAULT, Config
 from footsense.daemon.service import open_service
 from footsense.sim.scene import load_scene
 from footsense.telemetry.run_statistics import RunStatistics
@@ -39,11 +39,12 @@ _EXCLUDED_PATHS = ("footsense/sim/", "footsense/cli/", "footsense/benchmarks/")
 Calls = dict[tuple[str, str], float]
 
 
-def calls_per_conversion(n: int = _COUNTED_CONVERSIONS) -> Calls:
+def calls_per_conversion(n: int = _COUNTED_CONVERSIONS, config: Config = DEFAULT) -> Calls:
     """Return the mean number of calls per conversion of each function of the service, in a simulated walk.
 
     Args:
         n: Conversions to count.
+        config: The robot.
 
     Returns:
         Calls per conversion by module and qualified name.
@@ -57,7 +58,7 @@ def calls_per_conversion(n: int = _COUNTED_CONVERSIONS) -> Calls:
     scene = load_scene("measured_walk")
     with (
         TemporaryDirectory() as folder,
-        open_service(DEFAULT, scene, real_time=False, record=Path(folder) / "walk.mcap") as service,
+        open_service(config, scene, real_time=False, record=Path(folder) / "walk.mcap") as service,
     ):
         service.observers.append(RunStatistics(service.legs, service.true_force_n_at))
         service.run(_stop_after_iterations(_WARM_UP_CONVERSIONS))

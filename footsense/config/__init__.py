@@ -13,10 +13,10 @@ from footsense.config.schema import Config
 from footsense.config.sections import Bus, Mux, ResetLine
 from footsense.strict_yaml import Problem, load
 
-__all__ = ["DEFAULT", "Config", "load_config"]
+__all__ = ["DEFAULT", "SMALL_BOARD", "Config", "load_config"]
 
-#: Simulation that runs without a file: six legs behind one multiplexer, CAN within the process.
-DEFAULT = Config(
+#: Simulated robot of six legs with a converter in every foot, behind one multiplexer; CAN within the process.
+SMALL_BOARD = Config(
     buses=(
         Bus(
             device="sim",
@@ -25,6 +25,24 @@ DEFAULT = Config(
         ),
     ),
     can=Can(interface="virtual"),
+)
+
+#: Simulation that runs without a file: three converters in every foot, on two buses.
+DEFAULT = replace(
+    SMALL_BOARD,
+    board="fdc1004_columns",
+    buses=(
+        Bus(
+            device="sim0",
+            mux=Mux(reset=ResetLine(device="sim", line=0)),
+            legs={"lf": 0, "lm": 1, "lr": 2},
+        ),
+        Bus(
+            device="sim1",
+            mux=Mux(reset=ResetLine(device="sim", line=1)),
+            legs={"rf": 0, "rm": 1, "rr": 2},
+        ),
+    ),
 )
 
 

@@ -55,14 +55,26 @@ def load_models(config: Config) -> Models:
         raise ModelError(
             f"{path}: a network for a scan of {network.card.scan}; board {config.board} converts {scan}: {remedy}"
         )
-    if fitted_on not in {None, path}:
-        # The parameters are of the foot and its table, not of a scan.
-        table = Network(fitted_on, 1).card.response_sha256
-        if table != network.card.response_sha256:
-            raise ModelError(
-                f"{path}: trained on another response table than {fitted_on}; calibrate the feet again"
-            )
+    if fitted_on is not None:
+        check_response_table(path, network, fitted_on)
     return Models(config, network, calibrations)
+
+
+def check_response_table(path: Path, network: Network, fitted_on: Path) -> None:
+    """Raise an error unless a calibration goes with a network: its parameters are of the foot's table, not of a scan.
+
+    Args:
+        path: File of the network.
+        network: The network.
+        fitted_on: File of the network on which the calibration was fitted.
+
+    Raises:
+        ModelError: They were trained on different response tables.
+    """
+    if fitted_on != path and Network(fitted_on, 1).card.response_sha256 != network.card.response_sha256:
+        raise ModelError(
+            f"{path}: trained on another response table than {fitted_on}; calibrate the feet again"
+        )
 
 
 def scan_of(config: Config) -> str:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.acquisition.scanner import BusScanner
-from footsense.config import DEFAULT
+from footsense.config import SMALL_BOARD
 from footsense.daemon.acquisition import open_buses
 from footsense.daemon.simulation import simulated_robot
 from footsense.frames import Reading
@@ -70,7 +70,7 @@ def converter_kind_figures(effects: Effects, clock_error_rel: float) -> KindFigu
         host_cost_us=HOST_COST_US,
         effects=effects,
     )
-    robot = simulated_robot(DEFAULT, scene)
+    robot = simulated_robot(SMALL_BOARD, scene)
     chips = [leg.chips[0] for leg in robot.legs.values()]
     for chip in chips:
         assert isinstance(chip, SimulatedFdc1004)
@@ -78,8 +78,8 @@ def converter_kind_figures(effects: Effects, clock_error_rel: float) -> KindFigu
     # The feet are alike, and so are their loads.
     true_pf = cache(next(iter(robot.legs.values())).wired.elements_pf)
     with ExitStack() as stack:
-        ((bus, clock),) = open_buses(DEFAULT, robot, stack)
-        scanner = BusScanner(bus, clock, DEFAULT.buses[0].channels, DEFAULT.scan_plan)
+        ((bus, clock),) = open_buses(SMALL_BOARD, robot, stack)
+        scanner = BusScanner(bus, clock, SMALL_BOARD.buses[0].channels, SMALL_BOARD.scan_plan)
         scanner.start()
         n_ok = n_wrong = 0
         start_ns, scan_ns = clock.now_ns(), 0.0

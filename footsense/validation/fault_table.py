@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
-from footsense.config import DEFAULT, Config
+from footsense.config import SMALL_BOARD, Config
 from footsense.config.sections import Bus, Mux
 from footsense.sim.faults import scene_faults as faults
 from footsense.sim.faults.scene_faults import CanFault, Fault
@@ -40,7 +40,7 @@ class FaultTrial(NamedTuple):
 
     description: str
     script: tuple[Fault, ...]
-    config: Config = DEFAULT
+    config: Config = SMALL_BOARD
     effects: Effects = WALK_SCENE.effects
 
     @property
@@ -50,7 +50,7 @@ class FaultTrial(NamedTuple):
 
 
 _CONFIG_WITHOUT_RESET_LINE = msgspec.structs.replace(
-    DEFAULT, buses=tuple(msgspec.structs.replace(bus, mux=Mux()) for bus in DEFAULT.buses)
+    SMALL_BOARD, buses=tuple(msgspec.structs.replace(bus, mux=Mux()) for bus in SMALL_BOARD.buses)
 )
 _TRANSFER_FAULT_PROBABILITY = 0.02
 _BUS_STUCK_DURATION_S = 0.1
@@ -82,11 +82,11 @@ _STUCK_SDA_FAULTS = _faults_on_trial_leg(faults.StuckSda)
 
 #: Faults of board `fdc1004_columns`, with two buses; the column is that of a converter.
 _COLUMNS = msgspec.structs.replace(
-    DEFAULT,
+    SMALL_BOARD,
     board="fdc1004_columns",
     buses=(
-        Bus(device="sim0", mux=DEFAULT.buses[0].mux, legs={"lf": 0, "lm": 1, "lr": 2}),
-        Bus(device="sim1", mux=DEFAULT.buses[0].mux, legs={"rf": 0, "rm": 1, "rr": 2}),
+        Bus(device="sim0", mux=SMALL_BOARD.buses[0].mux, legs={"lf": 0, "lm": 1, "lr": 2}),
+        Bus(device="sim1", mux=SMALL_BOARD.buses[0].mux, legs={"rf": 0, "rm": 1, "rr": 2}),
     ),
 )
 _COLUMNS_TRIALS = tuple(
@@ -168,7 +168,7 @@ def simulate_leg_faults(
     report: Callable[[str], None],
     *,
     quick: bool = False,
-    foot_type: str = DEFAULT.foot_type,
+    foot_type: str = SMALL_BOARD.foot_type,
     load: Tripod = LOAD,
 ) -> dict[str, FaultFigures]:
     """Simulate a walk without faults and one per fault of legs, buses and feet; return the effects by description.
@@ -186,8 +186,8 @@ def simulate_leg_faults(
     def whole_walk(config: Config) -> PublishedWalk:
         return simulate_walk(config=msgspec.structs.replace(config, foot_type=foot_type), load=load)
 
-    whole = {DEFAULT.board: whole_walk(DEFAULT)}
-    found = {"nothing": _fault_free_figures(whole[DEFAULT.board])}
+    whole = {SMALL_BOARD.board: whole_walk(SMALL_BOARD)}
+    found = {"nothing": _fault_free_figures(whole[SMALL_BOARD.board])}
     for trial in islice(LEG_FAULT_TRIALS, None, None, _QUICK_EVERY_NTH_TRIAL if quick else 1):
         config = msgspec.structs.replace(trial.config, foot_type=foot_type)
         broken = simulate_walk(*trial.script, config=config, effects=trial.effects, load=load)

@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from footsense.clock import resident_mib, stopwatch_ns
-from footsense.config import DEFAULT, Config
+from footsense.config import SMALL_BOARD, Config
 from footsense.daemon.service import open_service
 from footsense.frames import State
 from footsense.sim.faults.scene_faults import CanTraffic
@@ -94,12 +94,12 @@ def robot_and_fault_free_scene(stretch: Stretch, *, warming_time_scale: float = 
         warming_time_scale: Factor on start and duration of the warming, each 10 min. A warmer foot reads too small a
             force, which no sigma covers: a shorter walk of comparison needs the whole warming.
     """
-    bitrate = 1_000_000 if stretch.publish_every == 1 else DEFAULT.can.bitrate
+    bitrate = 1_000_000 if stretch.publish_every == 1 else SMALL_BOARD.can.bitrate
     config = msgspec.structs.replace(
-        DEFAULT,
-        scan=msgspec.structs.replace(DEFAULT.scan, rate_sps=stretch.rate_sps),
+        SMALL_BOARD,
+        scan=msgspec.structs.replace(SMALL_BOARD.scan, rate_sps=stretch.rate_sps),
         publish_every=stretch.publish_every,
-        can=msgspec.structs.replace(DEFAULT.can, bitrate=bitrate),
+        can=msgspec.structs.replace(SMALL_BOARD.can, bitrate=bitrate),
     )
     warming_s = 600.0 * warming_time_scale
     scene = Scene(

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from footsense.config import DEFAULT, load_config
+from footsense.config import SMALL_BOARD, load_config
 from footsense.daemon.recording_header import recorded_config, recorded_flags
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
@@ -80,7 +80,7 @@ def test_bombs(tmp_path: Path, text: str) -> None:
     assert refusal(lambda: load_config(file))
 
 
-CONFIG: dict[str, Any] = json.loads(msgspec.json.encode(DEFAULT))
+CONFIG: dict[str, Any] = json.loads(msgspec.json.encode(SMALL_BOARD))
 
 
 @given(

@@ -3,9 +3,11 @@
 import json
 from collections import defaultdict
 from collections.abc import Iterator
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
+import pytest
 from mcap.reader import make_reader
 
 from footsense.frames import State
@@ -14,11 +16,14 @@ from footsense.recording.replay import Replay
 from tests.system.command import footsense
 
 GOLDEN = Path(__file__).parent / "measured_walk.mcap"
+#: Of board `fdc1004_columns`, and of `fdc1004`.
+BOTH = pytest.mark.parametrize("file", [GOLDEN, GOLDEN.with_name("small_board.mcap")], ids=attrgetter("stem"))
 
 
-def test_the_golden_walk_is_a_walk() -> None:
-    """Four seconds of six legs that are tared, carry and swing: a replay of nothing would prove nothing."""
-    cycles = list(Replay(GOLDEN))
+@BOTH
+def test_the_golden_walk_is_a_walk(file: Path) -> None:
+    """Seconds of six legs that are tared, carry and swing: a replay of nothing would prove nothing."""
+    cycles = list(Replay(file))
     assert len(cycles) > 150
     fz_n = [cycle.forces.force_n[:, 2] for cycle in cycles if (cycle.forces.state == State.VALID).all()]
     assert len(fz_n) > 120
@@ -26,11 +31,12 @@ def test_the_golden_walk_is_a_walk() -> None:
     assert all(min(forces) < 0.01 for forces in zip(*fz_n, strict=True))
 
 
-def test_the_golden_walk_gives_the_same_forces() -> None:
+@BOTH
+def test_the_golden_walk_gives_the_same_forces(file: Path) -> None:
     """Bit for bit on the machine that recorded it, to 1 mN on any other."""
-    result = footsense("replay", GOLDEN, "--check")
+    result = footsense("replay", file, "--check")
     assert (result.returncode, result.stderr) == (0, "")
-    assert result.stdout.startswith(f"{len(list(Replay(GOLDEN)))} cycles equal")
+    assert result.stdout.startswith(f"{len(list(Replay(file)))} cycles equal")
 
 
 def paths(value: object) -> Iterator[str]:

@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from footsense.config import DEFAULT
+from footsense.config import SMALL_BOARD
 from footsense.frames import USABLE, Cause, Cycle, State, Vector
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Fault
@@ -16,9 +16,9 @@ from footsense.sim.scene_loads import Tripod, Unloaded
 from tests.support.seen import walked as walk_and_see
 
 ROBOT = msgspec.structs.replace(
-    DEFAULT,
+    SMALL_BOARD,
     board="ad7746",
-    buses=(msgspec.structs.replace(DEFAULT.buses[0], legs={"lf": 0, "lm": 1, "rm": 4}),),
+    buses=(msgspec.structs.replace(SMALL_BOARD.buses[0], legs={"lf": 0, "lm": 1, "rm": 4}),),
 )
 #: Slow steps on soft ground: a scan is a tenth of a second.
 SLOW = Tripod(period_s=5.0, duty_rel=0.6, peak_force_n=0.4)

@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from footsense.cli import main
-from footsense.config import DEFAULT, Config
+from footsense.config import SMALL_BOARD, Config
 from footsense.config.contradictions import warnings
 from footsense.config.sections import Bus
 from footsense.daemon.foot_types import released_path
@@ -29,7 +29,7 @@ TWO_BUSES = (
     Bus(device="sim0", legs={"lf": 0, "lm": 1, "lr": 2}),
     Bus(device="sim1", legs={"rf": 0, "rm": 1, "rr": 2}),
 )
-ROBOT = msgspec.structs.replace(DEFAULT, board="fdc1004_columns", buses=TWO_BUSES)
+ROBOT = msgspec.structs.replace(SMALL_BOARD, board="fdc1004_columns", buses=TWO_BUSES)
 REAL = Effects(converter_noise=True, converter_clock_rel=0.01)
 AT_1_S: dict[str, Any] = {"at_s": 1.0, "leg": "lm"}
 
@@ -90,7 +90,7 @@ def test_what_breaks_has_its_own_words(fault: Fault, state: State, cause: Cause,
     [
         (ROBOT, scene_faults.BrokenRow(row=1, **AT_1_S), "is for row lines and their switch"),
         (ROBOT, scene_faults.SwitchIgnoresWrites(**AT_1_S), "is for row lines and their switch"),
-        (DEFAULT, scene_faults.TranslatorDead(**AT_1_S), "is for board fdc1004_columns"),
+        (SMALL_BOARD, scene_faults.TranslatorDead(**AT_1_S), "is for board fdc1004_columns"),
     ],
 )
 def test_a_fault_of_a_part_that_a_board_does_not_have_is_refused(
@@ -103,7 +103,7 @@ def test_a_fault_of_a_part_that_a_board_does_not_have_is_refused(
 
 def test_a_bus_that_does_not_carry_the_rate_says_which_it_does(caplog: pytest.LogCaptureFixture) -> None:
     """Before the start by its clock alone, at the start as it was measured; two buses are enough at 40 us."""
-    one_bus = msgspec.structs.replace(ROBOT, buses=DEFAULT.buses)
+    one_bus = msgspec.structs.replace(ROBOT, buses=SMALL_BOARD.buses)
     (told,) = [text for text in warnings(one_bus) if text.startswith("buses[0]")]
     assert "sim carries at most 328 conversions/s of each converter, 400 are asked for" in told
     assert not [text for text in warnings(ROBOT) if text.startswith("buses")]
@@ -118,10 +118,10 @@ def test_a_bus_that_does_not_carry_the_rate_says_which_it_does(caplog: pytest.Lo
 def test_readings_of_another_board_are_told() -> None:
     """A configuration of one board does not fit a recording of the other: three elements have one time, or one."""
     scene = Scene(description="It hangs.", load=Unloaded())
-    of_rows, of_elements = (walked(scene, 0.3, robot=robot)[-1].scan for robot in (ROBOT, DEFAULT))
+    of_rows, of_elements = (walked(scene, 0.3, robot=robot)[-1].scan for robot in (ROBOT, SMALL_BOARD))
     assert board_mismatch_reason(of_rows, ROBOT) is None
-    assert board_mismatch_reason(of_elements, DEFAULT) is None
-    for scan, robot, found in ((of_rows, DEFAULT, 3), (of_elements, ROBOT, 1)):
+    assert board_mismatch_reason(of_elements, SMALL_BOARD) is None
+    for scan, robot, found in ((of_rows, SMALL_BOARD, 3), (of_elements, ROBOT, 1)):
         reason = board_mismatch_reason(scan, robot)
         assert reason is not None
         assert reason.startswith(f"its readings are of {found} element")
@@ -131,7 +131,7 @@ def test_readings_of_another_board_are_told() -> None:
 def test_a_network_of_another_board_is_one_clear_line(tmp_path: Path) -> None:
     """Of either; and a foot type that has none for the board says what makes it."""
     files = {scan: released_path(name) for scan, name in NETWORK_FILES.items()}
-    for robot, of_other in ((ROBOT, files["elements"]), (DEFAULT, files["rows"])):
+    for robot, of_other in ((ROBOT, files["elements"]), (SMALL_BOARD, files["rows"])):
         with pytest.raises(
             ModelError, match=f"a network for a scan of .*; board {robot.board} converts .*lab build"
         ):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from footsense.config import DEFAULT
+from footsense.config import SMALL_BOARD
 from footsense.daemon.service import open_service
 from footsense.foot.directions import angles_between_deg
 from footsense.frames import LEGS, ContactFrame, Cycle, State, Vector
@@ -15,7 +15,7 @@ from footsense.sim import VirtualFeet
 from footsense.sim.faults.scene_faults import Absent
 from footsense.sim.scene import Scene, load_scene
 
-PUBLISH_EVERY = DEFAULT.effective_publish_every
+PUBLISH_EVERY = SMALL_BOARD.effective_publish_every
 #: Begin of what is compared, and steps of the consumer [s].
 FROM_S, STEP_S = 2.0, 1e-3
 #: Of the forces that are published.
@@ -44,7 +44,7 @@ class Kept(Observer):
 
 def served(scene: Scene, foot_type: str, duration_s: float) -> list[ContactFrame]:
     kept = Kept()
-    with open_service(replace(DEFAULT, foot_type=foot_type), scene, real_time=False) as service:
+    with open_service(replace(SMALL_BOARD, foot_type=foot_type), scene, real_time=False) as service:
         service.observers.append(kept)
         service.run(lambda: bool(kept.frames) and kept.frames[-1].t_sent_ns > duration_s * 1e9)
     return kept.frames

@@ -169,8 +169,12 @@ def setting_check_at(address: int) -> ReadBackCheck:
     )
 
 
-def decode_result(answers: list[bytes]) -> tuple[Reading, float]:
+def decode_result(answers: list[bytes], of_zero: Reading = Reading.UNDER_RANGE) -> tuple[Reading, float]:
     """Return reading and capacitance [pF] decoded from the answers to the reads of a result, both or the upper one.
+
+    Args:
+        answers: The answers.
+        of_zero: Reading of a code of zero.
 
     Returns:
         The reading, and the capacitance [pF], NaN unless the reading is OK.
@@ -188,7 +192,7 @@ def decode_result(answers: list[bytes]) -> tuple[Reading, float]:
         return Reading.OVER_RANGE, _NAN
     # No line has so little capacitance, but a chip that was reset after it was asked whether it is done reads so.
     if upper == b"\0\0" == lower:
-        return Reading.UNDER_RANGE, _NAN
+        return of_zero, _NAN
     return Reading.OK, int.from_bytes(upper + lower[:1], "big", signed=True) / chip.CODES_PER_PF
 
 

@@ -78,23 +78,15 @@ def _acknowledges(bus: I2cBus, address: int) -> bool:
     return True
 
 
-def decode_result(answers: list[bytes]) -> tuple[Reading, float]:
-    """Return reading and capacitance [pF] of a result, as `fdc1004.decode_result`; MISCONFIGURED for a code of zero.
-
-    No pin has so little, as nothing drives an element's other side: the converter was reset after it was asked whether
-    it was done, and what it converts now is its first pin.
-    """
-    reading, capacitance_pf = fdc1004.decode_result(answers)
-    return (Reading.MISCONFIGURED if reading is Reading.UNDER_RANGE else reading), capacitance_pf
-
-
 #: The board `fdc1004_columns`.
 BOARD = fdc1004.BOARD._replace(
     order=tuple(range(0, ROWS * ROWS, ROWS)),
     step=step,
     check_identity=check_identity,
     configure_and_get_capdac_pf=partial(fdc1004.configure_and_get_capdac_pf, writes=_SET_UP),
-    decode_result=decode_result,
+    # No pin has so little, as nothing drives an element's other side: the converter was reset after it was asked
+    # whether it was done, and what it converts now is its first pin.
+    decode_result=partial(fdc1004.decode_result, of_zero=Reading.MISCONFIGURED),
     # A reset, which leaves neither a conversion nor a result, takes a third of the time of the reads of all results.
     make_ready=_SET_UP,
     setting_checks=tuple(map(fdc1004.setting_check_at, COLUMN_ADDRESSES)),

@@ -21,7 +21,7 @@ from footsense.cli import options
 from footsense.cli.live import LiveView
 from footsense.cli.tables import echo_figures
 from footsense.cli.test_stand.compass import Compass, legend
-from footsense.config import DEFAULT, Config, load_config
+from footsense.config import SMALL_BOARD, Config, load_config
 from footsense.config.contradictions import first_contradiction
 from footsense.config.test_stand import SimulatedSensor, load_test_stand
 from footsense.daemon.can_output import others_hear
@@ -139,9 +139,9 @@ def record(
 
 
 def _one_leg_simulation(leg: str) -> Config:
-    bus = DEFAULT.buses[0]
+    bus = SMALL_BOARD.buses[0]
     return replace(
-        DEFAULT, buses=(replace(bus, legs={name: at for name, at in bus.legs.items() if name == leg}),)
+        SMALL_BOARD, buses=(replace(bus, legs={name: at for name, at in bus.legs.items() if name == leg}),)
     )
 
 

@@ -22,7 +22,7 @@ from footsense.acquisition.mcu_source import Serial
 from footsense.acquisition.scan_plan import BOARDS, ScanPlan, scan_plan
 from footsense.can.interface import Can
 from footsense.clock import MonotonicClock
-from footsense.config import DEFAULT, Config
+from footsense.config import SMALL_BOARD, Config
 from footsense.config.sections import Bus, Mux
 from footsense.daemon.acquisition import open_scan_source
 from footsense.daemon.setup.probe import MUX_ADDRESSES
@@ -193,7 +193,7 @@ def _open_and_find(device: str, legs: Sequence[str] | None, scene: Scene) -> Fou
     """Open an adapter and return the feet on it; those of a simulated one are on these legs."""
     if legs is not None:
         wired = Bus(device=device, legs={leg: channel for channel, leg in enumerate(legs)})  # type: ignore[misc]
-        wires = simulated_robot(replace(DEFAULT, buses=(wired,)), scene).buses[0]
+        wires = simulated_robot(replace(SMALL_BOARD, buses=(wired,)), scene).buses[0]
         return find_feet(device, wires, wires.clock)
     with closing(LinuxI2cBus.open(device)) as adapter:
         return find_feet(device, adapter, MonotonicClock(), kernel_drivers(device))

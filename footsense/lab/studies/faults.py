@@ -2,7 +2,7 @@
 
 from msgspec.structs import replace
 
-from footsense.config import DEFAULT
+from footsense.config import SMALL_BOARD
 from footsense.frames import ELEMENTS, State
 from footsense.lab.report import StudyContext, Values, table
 from footsense.validation.converter_kinds import (
@@ -29,9 +29,9 @@ _WANTED_SHARE = 0.95
 def compute(context: StudyContext) -> Values:
     """Walk once with each fault; faults of CAN, which no foot changes, for the default foot only."""
     foot = context.foot_design
-    other = foot.foot_type != DEFAULT.foot_type
+    other = foot.foot_type != SMALL_BOARD.foot_type
     load = replace(LOAD, peak_force_n=0.5 * foot.loads.max_n)
-    foot_type = str(context.models.resolve()) if other else DEFAULT.foot_type
+    foot_type = str(context.models.resolve()) if other else SMALL_BOARD.foot_type
     legs = simulate_leg_faults(context.report_progress, quick=context.quick, foot_type=foot_type, load=load)
     disturbed = simulate_disturbances(
         context.report_progress, quick=context.quick, foot_type=foot_type, max_n=foot.loads.max_n

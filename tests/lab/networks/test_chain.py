@@ -15,7 +15,7 @@ import pytest
 from click.testing import CliRunner
 
 from footsense.cli.lab.group import lab
-from footsense.config import DEFAULT, load_config
+from footsense.config import SMALL_BOARD, load_config
 from footsense.config.sections import Bus
 from footsense.daemon.models import load_models
 from footsense.daemon.service import open_service
@@ -178,7 +178,7 @@ def test_a_network_of_rows_stands_beside_that_of_elements(
     kept = {file.name: file.read_bytes() for file in beside.iterdir() if file.name != "network-rows.onnx"}
     assert kept == before
     robot = msgspec.structs.replace(
-        DEFAULT,
+        SMALL_BOARD,
         board="fdc1004_columns",
         buses=(Bus(device="sim0", legs={"lf": 0, "rf": 1}),),
         foot_type=str(beside),
@@ -258,7 +258,7 @@ def test_files_of_another_foot_type_are_refused(
     del built
     mixed = shutil.copytree(folder, tmp_path / FOOT_DESIGN.foot_type)
     shutil.copy(RELEASED / name, mixed)
-    config = msgspec.structs.replace(DEFAULT, foot_type=str(mixed))
+    config = msgspec.structs.replace(SMALL_BOARD, foot_type=str(mixed))
     refused = f"{name}: made for foot type 'aoyagi-3x3', these feet are 'large-3x3'"
     with (
         pytest.raises(ModelError, match=refused),
@@ -274,7 +274,7 @@ def test_a_foot_type_that_nobody_built_is_one_clear_error() -> None:
         ("./large-3x3", "lab build"),
     ):
         with pytest.raises(ModelError, match=f"foot_type: no foot type {name}: .*{remedy}"):
-            load_models(msgspec.structs.replace(DEFAULT, foot_type=name))
+            load_models(msgspec.structs.replace(SMALL_BOARD, foot_type=name))
 
 
 @pytest.mark.parametrize("content", [None, b"", b"not a model"])

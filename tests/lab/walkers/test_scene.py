@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 import footsense
 import footsense.errors
-from footsense.config import DEFAULT, load_config
+from footsense.config import SMALL_BOARD, load_config
 from footsense.daemon.walker_scene import scene_of
 from footsense.errors import ConfigError, FootsenseError
 from footsense.lab.walkers.robots import GRAVITY_M_S2
@@ -74,7 +74,7 @@ def test_a_scene_that_cannot_be_is_one_line(config: Path, monkeypatch: pytest.Mo
         ),
         (
             "walker:walk",
-            replace(DEFAULT, foot_type="quadruped-12kg"),
+            replace(SMALL_BOARD, foot_type="quadruped-12kg"),
             "has the legs lf, lr, rf, rr, not lm, rm",
         ),
     ):
@@ -99,6 +99,6 @@ def test_a_walk_is_written_for_a_scene(config: Path, tmp_path: Path) -> None:
     (tmp_path / "scene.yaml").write_text(
         "description: x\nload: {kind: log, file: walk.npz, peak_force_n: 0.5}\n"
     )
-    load = scene_of(str(tmp_path / "scene.yaml"), DEFAULT).load.build(0)
+    load = scene_of(str(tmp_path / "scene.yaml"), SMALL_BOARD).load.build(0)
     felt_n = [np.linalg.norm(load.contact("lm", ms * 1_000_000).force_n) for ms in range(100, 1500)]
     assert 0.2 < max(felt_n) < 0.6

@@ -12,7 +12,7 @@ from click import Context
 from click.testing import CliRunner
 
 from footsense.cli import main
-from footsense.config import DEFAULT
+from footsense.config import SMALL_BOARD
 from footsense.daemon.can_output import can_sink
 from footsense.daemon.models import load_models
 from footsense.errors import HardwareError
@@ -156,7 +156,7 @@ def test_a_lost_log_does_not_hide_what_came_before(tmp_path: Path, monkeypatch: 
     opens_instead(monkeypatch, log, Path("/dev/full"))
     with (
         pytest.raises(HardwareError, match="the bus is gone"),
-        can_sink(load_models(DEFAULT), VirtualClock(), log),
+        can_sink(load_models(SMALL_BOARD), VirtualClock(), log),
     ):
         raise HardwareError("the bus is gone")
 

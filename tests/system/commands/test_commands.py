@@ -13,7 +13,7 @@ from firmware_interface.can.commands import ANSWER, ANSWER_ID, COMMAND_ID, encod
 from firmware_interface.can.reports import HEARTBEAT_ID, encode_heartbeat
 from firmware_interface.can.socketcan import pack_frame
 from footsense.api.commands import Commander
-from footsense.config import DEFAULT
+from footsense.config import SMALL_BOARD
 from footsense.daemon.can_output import open_wire
 from footsense.daemon.service import Service, open_service
 from footsense.frames import LEGS, CommandKind, Cycle, Result, State
@@ -66,8 +66,8 @@ def scene(tmp_path: Path) -> str:
 def test_a_tare_is_granted_unloaded_and_refused_loaded(scene: str) -> None:
     """The start's own tare is told too; then DONE in the air, LOADED on the ground, where no leg is stopped either."""
     with (
-        can.Bus(interface="virtual", channel=DEFAULT.can.channel) as bus,
-        open_service(DEFAULT, load_scene(scene), real_time=False) as service,
+        can.Bus(interface="virtual", channel=SMALL_BOARD.can.channel) as bus,
+        open_service(SMALL_BOARD, load_scene(scene), real_time=False) as service,
     ):
         stopped_and_started = {270: CommandKind.STOP, 300: CommandKind.START, 810: CommandKind.STOP}
         controller = Controller(bus, {180: CommandKind.TARE, 540: CommandKind.TARE, **stopped_and_started})
@@ -103,8 +103,8 @@ def test_the_command_tares_legs_and_tells_refusals(tmp_path: Path) -> None:
     file = tmp_path / "pressed.yaml"
     file.write_text(SCENE.replace("lead_in_s: 1.0", "lead_in_s: 3.0"))
     with (
-        open_service(DEFAULT, load_scene(str(file)), real_time=False) as service,
-        closing(open_wire(DEFAULT.can, [])) as wire,
+        open_service(SMALL_BOARD, load_scene(str(file)), real_time=False) as service,
+        closing(open_wire(SMALL_BOARD.can, [])) as wire,
     ):
         clock = ServiceTime(service)
         commander = Commander(clock)
@@ -120,8 +120,8 @@ def test_the_command_tares_legs_and_tells_refusals(tmp_path: Path) -> None:
 def test_each_of_many_commands_in_a_row_has_an_answer(scene: str) -> None:
     """A refusal comes at once; what is commanded again then is neither a repetition nor one too many in a second."""
     with (
-        open_service(DEFAULT, load_scene(scene), real_time=False) as service,
-        closing(open_wire(DEFAULT.can, [])) as wire,
+        open_service(SMALL_BOARD, load_scene(scene), real_time=False) as service,
+        closing(open_wire(SMALL_BOARD.can, [])) as wire,
     ):
         clock = ServiceTime(service, step_ns=20_000_000)
         clock.sleep_until_ns(2_500_000_000)

@@ -9,7 +9,7 @@ import pytest
 from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.can.force import FORCE_ID
 from footsense.can.interface import Can
-from footsense.config import DEFAULT
+from footsense.config import SMALL_BOARD
 from footsense.daemon.service import open_service
 from footsense.errors import ConfigError
 from footsense.sim.faults.scene_faults import CanBusOff, CanDown, CanFault, CanNoAck
@@ -37,7 +37,7 @@ def test_a_consumer_hears_no_old_force_and_soon_all_legs_again(fault: CanFault, 
 
 def test_a_robot_on_socketcan_logs_the_frames_of_a_simulated_can_alone(tmp_path: Path) -> None:
     """A scene that breaks CAN simulates it; the frames of the machine's own interface are `candump`'s."""
-    robot = msgspec.structs.replace(DEFAULT, can=Can(interface="socketcan", channel="can0"))
+    robot = msgspec.structs.replace(SMALL_BOARD, can=Can(interface="socketcan", channel="can0"))
     log = tmp_path / "can.log"
     with (
         pytest.raises(ConfigError, match="candump -l can0"),

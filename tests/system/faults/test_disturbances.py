@@ -4,7 +4,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from footsense.config import DEFAULT
+from footsense.config import SMALL_BOARD
 from footsense.frames import Cause, Flag, State
 from footsense.validation.disturbance_table import DISTURBANCES, ENDS_S, figures, scenes
 from footsense.validation.fault_trial import PublishedWalk, simulate_scene
@@ -14,7 +14,7 @@ SCENES = scenes(2.0)
 
 def walk(disturbance: str, scene: str) -> PublishedWalk:
     script = DISTURBANCES[disturbance]
-    return simulate_scene(msgspec.structs.replace(SCENES[scene], faults=script), DEFAULT, ENDS_S)
+    return simulate_scene(msgspec.structs.replace(SCENES[scene], faults=script), SMALL_BOARD, ENDS_S)
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from footsense.config import DEFAULT
+from footsense.config import SMALL_BOARD
 from footsense.config.sections import Mux
 from footsense.frames import USABLE, Cause, State
 from footsense.sim.faults import scene_faults
@@ -32,7 +32,7 @@ from footsense.validation.fault_trial import (
 
 #: A leg of each tripod, and the one on which things break.
 ROBOT = msgspec.structs.replace(
-    DEFAULT, buses=(msgspec.structs.replace(DEFAULT.buses[0], legs={"lf": 0, "lm": 1, "rm": 4}),)
+    SMALL_BOARD, buses=(msgspec.structs.replace(SMALL_BOARD.buses[0], legs={"lf": 0, "lm": 1, "rm": 4}),)
 )
 
 #: Two scans: a line may break after its own elements were read, and it takes a second whole scan to tell motion.
@@ -57,7 +57,7 @@ EXPECTED: dict[str, tuple[State, Cause, int, float, float | None]] = {
         (
             row.description
             for row in LEG_FAULT_TRIALS
-            if "hangs" in row.description and row.config.board == DEFAULT.board
+            if "hangs" in row.description and row.config.board == SMALL_BOARD.board
         ),
         (State.CONVERTER_FAULT, Cause.NEVER_FINISHES, ALL, 0.025, PROBED_S),
     ),

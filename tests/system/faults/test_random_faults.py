@@ -13,7 +13,7 @@ from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.can.commands import ANSWER, ANSWER_ID, COMMAND_ID, UNSOLICITED_COUNTER, encode_command
 from firmware_interface.can.crc8 import kind_and_node
 from firmware_interface.can.socketcan import pack_frame, unpack_frame
-from footsense.config import DEFAULT, Config
+from footsense.config import SMALL_BOARD, Config
 from footsense.daemon.service import open_service
 from footsense.estimation.tare import MAX_WINDOWS, SETTLING_SCANS
 from footsense.frames import ELEMENTS, USABLE, CommandKind, Cycle
@@ -52,7 +52,7 @@ PERIOD_S = 0.0027
 #: Standard deviations of a count that are chance, and neighbouring frames that count as one.
 CHANCE, AS_ONE = 5.0, 20
 #: Cycles until the answer to a TARE: its windows, the scans in which a step settles, and those that the frames wait.
-LONGEST_ANSWER_CYCLES = ELEMENTS * (MAX_WINDOWS * DEFAULT.tare.window_scans + SETTLING_SCANS + 2)
+LONGEST_ANSWER_CYCLES = ELEMENTS * (MAX_WINDOWS * SMALL_BOARD.tare.window_scans + SETTLING_SCANS + 2)
 
 times = st.floats(BREAKS_S, 2.0).map(lambda t_s: round(t_s, 3))
 lengths = st.floats(0.002, 0.6).map(lambda t_s: round(t_s, 3))
@@ -129,10 +129,10 @@ class Consumer:
 
 def robot(publish_every: int) -> Config:
     return msgspec.structs.replace(
-        DEFAULT,
-        buses=(msgspec.structs.replace(DEFAULT.buses[0], legs={"lf": 0, "lm": 1, "rm": 4}),),
+        SMALL_BOARD,
+        buses=(msgspec.structs.replace(SMALL_BOARD.buses[0], legs={"lf": 0, "lm": 1, "rm": 4}),),
         publish_every=publish_every,
-        can=msgspec.structs.replace(DEFAULT.can, bitrate=1_000_000),
+        can=msgspec.structs.replace(SMALL_BOARD.can, bitrate=1_000_000),
     )
 
 

@@ -13,7 +13,7 @@ from footsense.cli.setup.check_config import (
     UNCALIBRATED_WORST_DIRECTION_DEG,
     check_config,
 )
-from footsense.config import DEFAULT, load_config
+from footsense.config import SMALL_BOARD, load_config
 from footsense.config.contradictions import warnings
 from footsense.config.sections import Metrics
 from footsense.errors import ConfigError
@@ -57,7 +57,7 @@ def file(tmp_path: Path) -> Path:
 def test_the_examples_are_right(name: str) -> None:
     """The example files hold all six legs and nothing to warn of."""
     config = load_config(DEPLOY / name)
-    assert config.legs == LEGS == DEFAULT.legs
+    assert config.legs == LEGS == SMALL_BOARD.legs
     assert warnings(config) == ()
 
 
@@ -76,7 +76,7 @@ def test_the_commented_values_are_the_defaults(file: Path) -> None:
 
 def test_the_default_loads_a_bus_of_500_kbit_by_less_than_40_percent() -> None:
     """All frames of six legs, events of two steps a second included."""
-    assert can_bits_per_s(len(DEFAULT.legs), DEFAULT.forces_hz) < 0.4 * 500_000
+    assert can_bits_per_s(len(SMALL_BOARD.legs), SMALL_BOARD.forces_hz) < 0.4 * 500_000
 
 
 @pytest.mark.parametrize(

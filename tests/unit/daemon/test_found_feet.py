@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from footsense.acquisition.linux_i2c import adapter_names
 from footsense.can.interface import Can
 from footsense.cli.setup.robot_file import found_part, robot_file
-from footsense.config import DEFAULT, load_config
+from footsense.config import SMALL_BOARD, load_config
 from footsense.daemon.setup.found_feet import FoundFeet, find_feet, robot_of
 from footsense.daemon.setup.probe import probe
 from footsense.errors import ConfigError, HardwareError, NackError
@@ -135,9 +135,9 @@ def test_legs_have_the_names_that_so_many_have(
 
 def test_a_file_of_a_real_robot_is_right_and_says_what_was_found(tmp_path: Path) -> None:
     """It is read as the configuration that it was made of; readings are in force only of feet that hang free."""
-    bus = replace(DEFAULT.buses[0], device="/dev/i2c-1")
-    config = replace(DEFAULT, buses=(replace(bus, mux=type(bus.mux)()),), can=SOCKET)
-    found = probe(DEFAULT, HANGING)
+    bus = replace(SMALL_BOARD.buses[0], device="/dev/i2c-1")
+    config = replace(SMALL_BOARD, buses=(replace(bus, mux=type(bus.mux)()),), can=SOCKET)
+    found = probe(SMALL_BOARD, HANGING)
     file = tmp_path / "robot.yaml"
     for hang_free in (False, True):
         text = robot_file(config, found, {"/dev/i2c-1": "bcm2835 (i2c@7e804000)"}, hang_free=hang_free)
@@ -151,9 +151,9 @@ def test_a_file_of_a_real_robot_is_right_and_says_what_was_found(tmp_path: Path)
 
 def test_the_part_that_a_probe_writes_has_the_legs_that_answer(tmp_path: Path) -> None:
     """Not one that is unplugged."""
-    found = probe(DEFAULT, replace(HANGING, faults=(scene_faults.Absent(at_s=0, leg="lm"),)))
+    found = probe(SMALL_BOARD, replace(HANGING, faults=(scene_faults.Absent(at_s=0, leg="lm"),)))
     file = tmp_path / "part.yaml"
-    file.write_text(found_part(DEFAULT, found) + "can: {interface: virtual}\n")
+    file.write_text(found_part(SMALL_BOARD, found) + "can: {interface: virtual}\n")
     read = load_config(file)
     assert read.legs == ("lf", "lr", "rf", "rm", "rr")
     assert set(read.unloaded_pf) == {*read.legs}

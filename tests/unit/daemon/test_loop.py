@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from footsense.config import DEFAULT
+from footsense.config import SMALL_BOARD
 from footsense.daemon.service import open_service
 from footsense.sim.scene import load_scene
 
@@ -23,7 +23,7 @@ def test_the_loop_leaves_nothing_to_collect(faults: str, tmp_path: Path) -> None
         f"faults: {faults}\n"
     )
     cycles = iter(range(80))
-    with open_service(DEFAULT, load_scene(str(scene)), real_time=False) as service:
+    with open_service(SMALL_BOARD, load_scene(str(scene)), real_time=False) as service:
         service.run_until(service.source, stop=lambda: next(cycles) >= 30)
         gc.collect()
         gc.disable()

@@ -15,7 +15,7 @@ from footsense.acquisition.mcu_source import Serial
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.cli.setup.probe import element_marks, probe_json, probe_picture
 from footsense.cli.setup.robot_file import unloaded_yaml
-from footsense.config import DEFAULT, Config
+from footsense.config import SMALL_BOARD, Config
 from footsense.config.sections import Bus, Mux
 from footsense.daemon.setup.probe import ProbedBus, ProbeResult, bus_diagnoses, probe, probed_bus
 from footsense.errors import I2cError, I2cTimeoutError, NackError
@@ -37,7 +37,7 @@ HANGING = load_scene("hanging")
 CHANNELS = {"lf": 0, "lm": 1}
 
 
-def probed(*broken: Fault, config: Config = DEFAULT) -> ProbeResult:
+def probed(*broken: Fault, config: Config = SMALL_BOARD) -> ProbeResult:
     return probe(config, msgspec.structs.replace(HANGING, faults=broken))
 
 
@@ -52,19 +52,21 @@ def test_the_clock_of_each_converter_and_what_it_keeps_is_told() -> None:
     sound = probed()
     assert "400000" in shown(sound)
     assert {leg["slowness_rel"] for leg in probe_json(sound)["legs"].values()} == {1.0}
-    found = probe(DEFAULT, msgspec.structs.replace(HANGING, seed=2, effects=Effects(converter_clock_rel=0.1)))
+    found = probe(
+        SMALL_BOARD, msgspec.structs.replace(HANGING, seed=2, effects=Effects(converter_clock_rel=0.1))
+    )
     slow = [leg.leg for leg in found.legs if leg.timing and leg.timing.wait_factor > 1.0]
     assert 0 < len(slow) < 6
     assert [diagnosis.location for diagnosis in found.diagnoses] == slow
     assert all(
         "longer than the slowest converter may" in diagnosis.observation for diagnosis in found.diagnoses
     )
-    found = probe(DEFAULT, msgspec.structs.replace(HANGING, effects=Effects(trigger_clears_done=True)))
+    found = probe(SMALL_BOARD, msgspec.structs.replace(HANGING, effects=Effects(trigger_clears_done=True)))
     assert found.diagnoses == ()
     assert {leg["keeps_done"] for leg in probe_json(found)["legs"].values()} == {False}
     assert shown(found).count("upper, first") == 6
     both = Effects(done_needs_both_reads=True)
-    found = probe(DEFAULT, msgspec.structs.replace(HANGING, effects=both, host_cost_us=100.0))
+    found = probe(SMALL_BOARD, msgspec.structs.replace(HANGING, effects=both, host_cost_us=100.0))
     assert found.diagnoses == ()
     assert probe_json(found)["scan_ms"] == pytest.approx(38, abs=1)
     assert {leg["done_needs_both_reads"] for leg in probe_json(found)["legs"].values()} == {True}
@@ -124,8 +126,8 @@ def test_a_fault_on_one_leg_is_one_line_on_that_leg(broken: Fault, what: str, ch
 @pytest.mark.parametrize(
     ("config", "scan_ms"),
     [
-        (msgspec.structs.replace(DEFAULT, board="ad7746"), 102.1),
-        (msgspec.structs.replace(DEFAULT, board="mcu", buses=(), serial=Serial(device="sim")), None),
+        (msgspec.structs.replace(SMALL_BOARD, board="ad7746"), 102.1),
+        (msgspec.structs.replace(SMALL_BOARD, board="mcu", buses=(), serial=Serial(device="sim")), None),
     ],
     ids=["ad7746", "mcu"],
 )
@@ -141,7 +143,7 @@ def test_feet_of_other_boards_are_judged_alike(config: Config, scan_ms: float | 
     assert "see below" in shown(found)
 
 
-COLUMNS = msgspec.structs.replace(DEFAULT, board="fdc1004_columns")
+COLUMNS = msgspec.structs.replace(SMALL_BOARD, board="fdc1004_columns")
 
 
 @pytest.mark.parametrize(
@@ -179,7 +181,7 @@ def test_the_column_of_a_slow_converter_is_told() -> None:
 def test_the_range_of_a_foot_is_that_of_all_its_elements(board: str, cell: str) -> None:
     """The open ones of a row too, whether their converter reads them or is under its range."""
     scene = msgspec.structs.replace(HANGING, faults=(scene_faults.BrokenRow(at_s=0, leg="lm", row=1),))
-    picture = shown(probe(msgspec.structs.replace(DEFAULT, board=board), scene))
+    picture = shown(probe(msgspec.structs.replace(SMALL_BOARD, board=board), scene))
     assert next(line.split()[-4] for line in picture.splitlines() if line.startswith("lm ")) == cell
 
 
@@ -203,9 +205,9 @@ def test_a_trunk_that_is_held_is_the_bus_s_fault_alone() -> None:
 
 def test_a_leg_that_nothing_disconnects_hides_those_behind_it() -> None:
     """Without a RESET line the rest of the bus cannot be looked at: that is said, and what to wire."""
-    bus = msgspec.structs.replace(DEFAULT.buses[0], mux=Mux())
+    bus = msgspec.structs.replace(SMALL_BOARD.buses[0], mux=Mux())
     found = probed(
-        scene_faults.StuckSda(at_s=0, leg="rm"), config=msgspec.structs.replace(DEFAULT, buses=(bus,))
+        scene_faults.StuckSda(at_s=0, leg="rm"), config=msgspec.structs.replace(SMALL_BOARD, buses=(bus,))
     )
     told = {diagnosis.location: diagnosis for diagnosis in found.diagnoses}
     assert told["sim"].observation.startswith("rr could not be scanned")
@@ -216,7 +218,7 @@ def test_a_leg_that_nothing_disconnects_hides_those_behind_it() -> None:
 def test_a_foot_that_is_pressed_or_another_one_says_by_how_much() -> None:
     """Its readings are offered all the same: only its maker knows whether it hangs free."""
     scene = msgspec.structs.replace(HANGING, load=Constant(force_n=(0.0, 0.0, 0.5)), lead_in_s=0.0)
-    found = probe(DEFAULT, scene)
+    found = probe(SMALL_BOARD, scene)
     assert len(found.diagnoses) == 6
     assert "from the expected capacitance of the free foot" in found.diagnoses[0].observation
     assert all(leg.unloaded_pf is not None for leg in found.legs)

@@ -16,7 +16,7 @@ from firmware_interface.can.reports import HEARTBEAT_ID, decode_heartbeat
 from firmware_interface.can.socketcan import pack_frame
 from footsense.can.interface import Can
 from footsense.cli import main
-from footsense.config import DEFAULT
+from footsense.config import SMALL_BOARD
 from footsense.daemon.can_output import another_sends, frames_destination, open_wire, others_hear
 from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.loop import Loop
@@ -81,7 +81,7 @@ def test_a_simulation_that_lags_says_so_in_frames_and_heartbeats(
     robot = Robot(request.node.nodeid, LEGS)
     real = FakeClock()
     slow, fast = [70 * MS] * 10, [0] * 40
-    pipeline = pipeline_for(load_models(DEFAULT), Flag.SIMULATED)
+    pipeline = pipeline_for(load_models(SMALL_BOARD), Flag.SIMULATED)
     source = PacedSource(
         SlowSource(robot.clock, real, [*fast[:5], *slow, *fast, *slow, *fast]),
         robot.clock,
@@ -107,7 +107,7 @@ def test_a_simulation_that_lags_says_so_in_frames_and_heartbeats(
 def test_a_recording_with_changes_of_the_timing_replays_bit_for_bit(tmp_path: Path) -> None:
     """The flag is of the computer that recorded: the replay takes it from there."""
     file, cycles = tmp_path / "late.mcap", iter(range(100))
-    with open_service(DEFAULT, load_scene("hanging"), real_time=False, record=file) as service:
+    with open_service(SMALL_BOARD, load_scene("hanging"), real_time=False, record=file) as service:
         for n, degraded in ((20, True), (40, False)):
             service.run_until(service.source, stop=lambda n=n: next(cycles) >= n)  # type: ignore[misc]
             service.pipeline.set_degraded_timing(degraded)
@@ -132,8 +132,8 @@ def test_a_recording_with_changes_of_the_timing_replays_bit_for_bit(tmp_path: Pa
 )
 def test_a_simulation_says_where_its_frames_go(can: dict[str, str], device: str, says: str) -> None:
     """In one line; a scene in place of a real robot's buses reaches nobody. What others hear is paced."""
-    buses = msgspec.structs.replace(DEFAULT.buses[0], device=device)
-    config = msgspec.structs.replace(DEFAULT, buses=(buses,), can=Can(**can))  # type: ignore[arg-type]
+    buses = msgspec.structs.replace(SMALL_BOARD.buses[0], device=device)
+    config = msgspec.structs.replace(SMALL_BOARD, buses=(buses,), can=Can(**can))  # type: ignore[arg-type]
     line = frames_destination(config, load_scene("tripod"))
     assert says in line
     assert line.startswith("simulated")
@@ -143,8 +143,8 @@ def test_a_simulation_says_where_its_frames_go(can: dict[str, str], device: str,
 
 def test_faults_of_legs_that_a_robot_does_not_have_are_left_out(caplog: pytest.LogCaptureFixture) -> None:
     """Those of its own legs stay."""
-    wired = msgspec.structs.replace(DEFAULT.buses[0], legs={"lf": 0, "rf": 1})
-    config = msgspec.structs.replace(DEFAULT, buses=(wired,))
+    wired = msgspec.structs.replace(SMALL_BOARD.buses[0], legs={"lf": 0, "rf": 1})
+    config = msgspec.structs.replace(SMALL_BOARD, buses=(wired,))
     with open_service(config, load_scene("faults"), real_time=False) as service:
         states = _States()
         service.observers.append(states)

@@ -108,8 +108,8 @@ def test_the_released_network_reads_an_unloaded_foot_as_nothing() -> None:
 def test_the_library_starts_no_thread_and_writes_no_file(tmp_path: Path) -> None:
     """Its telemetry would inherit the loop's scheduling, and leave an identity of the robot in the home directory."""
     program = (
-        "import os; from footsense.daemon.models import load_models; from footsense.config import DEFAULT;"
-        "load_models(DEFAULT); print(len(os.listdir('/proc/self/task')))"
+        "import os; from footsense.daemon.models import load_models; from footsense.config import SMALL_BOARD;"
+        "load_models(SMALL_BOARD); print(len(os.listdir('/proc/self/task')))"
     )
     environment = {name: value for name, value in os.environ.items() if not name.startswith("ORT_")}
     done = subprocess.run(

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from footsense.config import DEFAULT
+from footsense.config import SMALL_BOARD
 from footsense.daemon.service import open_service
 from footsense.errors import ReferenceSensorError
 from footsense.frames import ReferenceSamples
@@ -265,7 +265,7 @@ class OwnSensor:
 
 def test_a_sensor_of_ones_own_is_recorded_by_the_service() -> None:
     """Its samples stand in the cycles, in newtons on the foot, at their times."""
-    with open_service(DEFAULT, load_scene("hanging"), real_time=False) as service:
+    with open_service(SMALL_BOARD, load_scene("hanging"), real_time=False) as service:
         clock = service.clock
 
         class Port(SimulatedForceSensor):
