@@ -1,14 +1,15 @@
 """Table of all faults of a scene: one simulated walk each, with its report on CAN and its effect on other legs."""
 
 from collections.abc import Callable
+from functools import partial
 from itertools import islice
 from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
 
-from footsense.config import SMALL_BOARD, Config
-from footsense.config.sections import Bus, Mux
+from footsense.config import DEFAULT, SMALL_BOARD, Config
+from footsense.config.sections import Mux
 from footsense.sim.faults import scene_faults as faults
 from footsense.sim.faults.scene_faults import CanFault, Fault
 from footsense.sim.scene import Effects
@@ -27,20 +28,25 @@ from footsense.validation.fault_trial import (
     simulate_walk,
 )
 
+#: Robots of the table, by their board.
+ROBOTS = {robot.board: robot for robot in (DEFAULT, SMALL_BOARD)}
+
 
 class FaultTrial(NamedTuple):
-    """One row of the fault table: description, faults, configuration.
+    """One row of the fault table: description, faults, robots.
 
     Attributes:
         description: The fault in words.
         script: The fault as in a scene.
-        config: The robot.
+        boards: The boards that can have it, keys of `ROBOTS`.
+        has_reset: Whether the RESET pins of the multiplexers are wired.
         effects: Effects of the simulation.
     """
 
     description: str
     script: tuple[Fault, ...]
-    config: Config = SMALL_BOARD
+    boards: tuple[str, ...] = tuple(ROBOTS)
+    has_reset: bool = True
     effects: Effects = WALK_SCENE.effects
 
     @property
@@ -48,12 +54,19 @@ class FaultTrial(NamedTuple):
         """End of the fault [s]; None for a permanent or a momentary fault."""
         return max((getattr(fault, "until_s", None) or 0.0 for fault in self.script), default=0.0) or None
 
+    def robot(self, board: str) -> Config:
+        """Return the robot of a board."""
+        robot = ROBOTS[board]
+        if self.has_reset:
+            return robot
+        buses = tuple(msgspec.structs.replace(bus, mux=Mux()) for bus in robot.buses)
+        return msgspec.structs.replace(robot, buses=buses)
 
-_CONFIG_WITHOUT_RESET_LINE = msgspec.structs.replace(
-    SMALL_BOARD, buses=tuple(msgspec.structs.replace(bus, mux=Mux()) for bus in SMALL_BOARD.buses)
-)
+
 _TRANSFER_FAULT_PROBABILITY = 0.02
 _BUS_STUCK_DURATION_S = 0.1
+#: Boards that switch their rows.
+_SWITCHED = ("fdc1004",)
 _FAULT_SPAN: dict[str, Any] = {"at_s": BREAKS_AT_S, "until_s": PASSES_AT_S}
 
 
@@ -80,27 +93,14 @@ _HANG_TRIALS = tuple(
 )
 _STUCK_SDA_FAULTS = _faults_on_trial_leg(faults.StuckSda)
 
-#: Faults of board `fdc1004_columns`, with two buses; the column is that of a converter.
-_COLUMNS = msgspec.structs.replace(
-    SMALL_BOARD,
-    board="fdc1004_columns",
-    buses=(
-        Bus(device="sim0", mux=SMALL_BOARD.buses[0].mux, legs={"lf": 0, "lm": 1, "lr": 2}),
-        Bus(device="sim1", mux=SMALL_BOARD.buses[0].mux, legs={"rf": 0, "rm": 1, "rr": 2}),
-    ),
-)
+#: Faults of the converter that a foot has for each column.
 _COLUMNS_TRIALS = tuple(
-    FaultTrial(f"board fdc1004_columns: {words}", script, config=_COLUMNS)
+    FaultTrial(words, script, boards=("fdc1004_columns",))
     for words, script in (
-        ("cable off and on", _faults_on_trial_leg(faults.Absent)),
         ("one converter silent", _faults_on_trial_leg(faults.ConverterSilent, column=1)),
         ("two converters at one address", _faults_on_trial_leg(faults.ConvertersCollide, column=2)),
         ("address translator dead", _faults_on_trial_leg(faults.TranslatorDead)),
         ("one converter hangs", (faults.HungConverter(leg=FAULTY_LEG, at_s=BREAKS_AT_S, column=1),)),
-        ("supply dips: all settings lost", (faults.BrownOut(leg=FAULTY_LEG, at_s=BREAKS_AT_S),)),
-        ("SDA held low by the leg", _STUCK_SDA_FAULTS),
-        ("element open", _faults_on_trial_leg(faults.ElementOpen, element=4)),
-        ("column plug off", _faults_on_trial_leg(faults.BrokenColumn, column=1)),
     )
 )
 
@@ -118,9 +118,9 @@ LEG_FAULT_TRIALS = (
     *_HANG_TRIALS,
     FaultTrial("another chip at the address", _faults_on_trial_leg(faults.WrongChip)),
     FaultTrial("supply dips: all settings lost", (faults.BrownOut(leg=FAULTY_LEG, at_s=BREAKS_AT_S),)),
-    FaultTrial("row switch ignores writes", _faults_on_trial_leg(faults.SwitchIgnoresWrites)),
+    FaultTrial("row switch ignores writes", _faults_on_trial_leg(faults.SwitchIgnoresWrites), _SWITCHED),
     FaultTrial("SDA held low by the leg", _STUCK_SDA_FAULTS),
-    FaultTrial("the same, RESET pin not wired", _STUCK_SDA_FAULTS, config=_CONFIG_WITHOUT_RESET_LINE),
+    FaultTrial("the same, RESET pin not wired", _STUCK_SDA_FAULTS, has_reset=False),
     FaultTrial("the same with RESET, adapter waits 1 s", _STUCK_SDA_FAULTS, effects=_SLOW_ADAPTER),
     FaultTrial(
         "SDA held low on the upstream bus, 0.1 s",
@@ -138,11 +138,12 @@ LEG_FAULT_TRIALS = (
         "element drifts, 0.5 pF/s", _faults_on_trial_leg(faults.ElementDrifts, element=0, rate_ff_per_s=500.0)
     ),
     FaultTrial("gap full of water", _faults_on_trial_leg(faults.GapClosed, element=5)),
-    FaultTrial("row line broken", _faults_on_trial_leg(faults.BrokenRow, row=1)),
+    FaultTrial("row line broken", _faults_on_trial_leg(faults.BrokenRow, row=1), _SWITCHED),
     FaultTrial("column line broken", _faults_on_trial_leg(faults.BrokenColumn, column=1)),
     FaultTrial(
         "two row lines broken",
         _faults_on_trial_leg(faults.BrokenRow, row=0) + _faults_on_trial_leg(faults.BrokenRow, row=2),
+        _SWITCHED,
     ),
     *_COLUMNS_TRIALS,
 )
@@ -166,15 +167,17 @@ _QUICK_EVERY_NTH_TRIAL = 6
 
 def simulate_leg_faults(
     report: Callable[[str], None],
+    board: str = DEFAULT.board,
     *,
     quick: bool = False,
-    foot_type: str = SMALL_BOARD.foot_type,
+    foot_type: str = DEFAULT.foot_type,
     load: Tripod = LOAD,
 ) -> dict[str, FaultFigures]:
     """Simulate a walk without faults and one per fault of legs, buses and feet; return the effects by description.
 
     Args:
         report: Called with the words of each row as it is complete.
+        board: Board of the robot, a key of `ROBOTS`.
         quick: Whether only every sixth fault is walked.
         foot_type: The feet, as in a configuration.
         load: The walk.
@@ -182,18 +185,14 @@ def simulate_leg_faults(
     Raises:
         ModelError: The feet's network or response table is missing.
     """
-
-    def whole_walk(config: Config) -> PublishedWalk:
-        return simulate_walk(config=msgspec.structs.replace(config, foot_type=foot_type), load=load)
-
-    whole = {SMALL_BOARD.board: whole_walk(SMALL_BOARD)}
-    found = {"nothing": _fault_free_figures(whole[SMALL_BOARD.board])}
-    for trial in islice(LEG_FAULT_TRIALS, None, None, _QUICK_EVERY_NTH_TRIAL if quick else 1):
-        config = msgspec.structs.replace(trial.config, foot_type=foot_type)
+    of_feet = partial(msgspec.structs.replace, foot_type=foot_type)
+    whole = simulate_walk(config=of_feet(ROBOTS[board]), load=load)
+    found = {"nothing": _fault_free_figures(whole)}
+    trials = [trial for trial in LEG_FAULT_TRIALS if board in trial.boards]
+    for trial in trials[:: _QUICK_EVERY_NTH_TRIAL if quick else 1]:
+        config = of_feet(trial.robot(board))
         broken = simulate_walk(*trial.script, config=config, effects=trial.effects, load=load)
-        if config.board not in whole:
-            whole[config.board] = whole_walk(config)
-        found[trial.description] = fault_figures(broken, whole[config.board], BREAKS_AT_S, trial.fault_end_s)
+        found[trial.description] = fault_figures(broken, whole, BREAKS_AT_S, trial.fault_end_s)
         report(trial.description)
     return found
 

@@ -124,8 +124,8 @@ def test_the_front_page_has_the_figures_of_the_pages() -> None:
         + " and ".join(f"{one['direction_deg']:.1f}" for one in others)
         + " deg",
         f"the worst gait, hopping: {own['worst_direction_deg']:.1f} deg; hard landings",
-        f"walking robots: direction {of_small['direction_deg']:.1f} deg on average, "
-        f"{of_small['mid_stance_deg']:.1f} deg in mid-stance",
+        f"walking robots: direction {of_small['direction_deg']:.1f} deg on average",
+        f"on average, {of_small['mid_stance_deg']:.1f} deg in mid-stance; the smooth walk",
         f"the worst gait {of_small['worst_direction_deg']:.1f} deg; hard landings",
         f"{100 * (1 - n_missed / n_touches):.0f} % of {n_touches} touchdowns are told",
         f"{n_in_air} false ones in the air; on the smallest foot {own['n_in_air']} for {own['n_touches']} touches",
