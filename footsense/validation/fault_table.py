@@ -29,7 +29,7 @@ from footsense.validation.fault_trial import (
 )
 
 #: Robots of the table, by their board.
-ROBOTS = {robot.board: robot for robot in (DEFAULT, SMALL_BOARD)}
+ROBOTS: dict[str, Config] = {robot.board: robot for robot in (DEFAULT, SMALL_BOARD)}
 
 
 class FaultTrial(NamedTuple):

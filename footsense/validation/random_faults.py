@@ -16,6 +16,8 @@ ROBOT_FAULT_TYPES: tuple[type[scene_faults.Fault], ...] = tuple(
     for kind in get_args(scene_faults.ChipFault | scene_faults.FootDamage | scene_faults.WireFault)
     if kind not in COLUMNS_FAULT_TYPES
 )
+#: Kinds that only a board has that switches its rows.
+_SWITCHED_FAULT_TYPES = (scene_faults.BrokenRow, scene_faults.SwitchIgnoresWrites)
 DISTURBANCE_TYPES: tuple[type[scene_faults.Fault], ...] = get_args(scene_faults.Disturbance)
 CAN_FAULT_TYPES: tuple[type[scene_faults.Fault], ...] = get_args(scene_faults.CanFault)
 _CAN_FAULT_SHARE_REL = 0.2
@@ -40,8 +42,17 @@ _MIN_DURATION_S, _MAX_DURATION_S, _MEAN_INTERVAL_S = 0.05, 6.0, 30.0
 _SHORT_WALK_INTERVAL_REL = 0.1
 
 
+def robot_fault_types(board: str) -> tuple[type[scene_faults.Fault], ...]:
+    """Return the kinds of faults that a leg with a board or its bus can have."""
+    if board != "fdc1004_columns":
+        return ROBOT_FAULT_TYPES
+    return (
+        tuple(kind for kind in ROBOT_FAULT_TYPES if kind not in _SWITCHED_FAULT_TYPES) + COLUMNS_FAULT_TYPES
+    )
+
+
 def random_faults(
-    rng: np.random.Generator, legs: tuple[str, ...], from_s: float, until_s: float
+    rng: np.random.Generator, legs: tuple[str, ...], from_s: float, until_s: float, board: str = "fdc1004"
 ) -> tuple[scene_faults.Fault, ...]:
     """Return random faults of 0.05 s to 6 s each, at independent random times; in a short walk closer together.
 
@@ -50,6 +61,7 @@ def random_faults(
         legs: Legs that may have a fault.
         from_s: Earliest start [s].
         until_s: Latest end [s].
+        board: Board of the robot.
     """
     interval_s = min(_MEAN_INTERVAL_S, _SHORT_WALK_INTERVAL_REL * (until_s - from_s))
     script: list[scene_faults.Fault] = []
@@ -59,11 +71,11 @@ def random_faults(
         lasts_s = round(float(np.exp(rng.uniform(np.log(_MIN_DURATION_S), np.log(_MAX_DURATION_S)))), 4)
         if at_s + lasts_s >= until_s:
             return tuple(script)
-        script += random_transient_fault(rng, str(rng.choice(legs)), at_s, lasts_s)
+        script += random_transient_fault(rng, str(rng.choice(legs)), at_s, lasts_s, board)
 
 
 def random_transient_fault(
-    rng: np.random.Generator, leg: str, at_s: float, lasts_s: float
+    rng: np.random.Generator, leg: str, at_s: float, lasts_s: float, board: str
 ) -> list[scene_faults.Fault]:
     """Return a random fault of any type that leaves no lasting effect; for a drifting element, two faults.
 
@@ -72,8 +84,9 @@ def random_transient_fault(
         leg: The leg of a fault that is not of all legs.
         at_s: Start [s].
         lasts_s: Duration [s].
+        board: Board of the robot.
     """
-    of_legs = ROBOT_FAULT_TYPES + DISTURBANCE_TYPES
+    of_legs = robot_fault_types(board) + DISTURBANCE_TYPES
     kinds = CAN_FAULT_TYPES if rng.random() < _CAN_FAULT_SHARE_REL else of_legs
     kind = kinds[int(rng.integers(len(kinds)))]
     return transient_fault(

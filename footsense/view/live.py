@@ -90,6 +90,14 @@ class LiveSource:
             self._n += 1
             self.events.add_cycle(cycle)
 
+    def catch_up(self) -> None:
+        """Read all that came while nobody looked, and go on with another service if that has ended."""
+        place = None
+        while place != (place := (self.service, self._n)):
+            self.poll()
+            if self._reader is None:
+                self.poll()
+
     def _find_service(self) -> None:
         """Open the ring of a service, if one runs."""
         try:

@@ -205,7 +205,7 @@ class ViewServer:
     async def _session(self, connection: ServerConnection) -> None:
         self._n_clients += 1
         if isinstance(self.source, LiveSource):
-            self.source.poll()
+            self.source.catch_up()
         try:
             with suppress(ConnectionClosed):
                 if connection.subprotocol in FOXGLOVE_PROTOCOLS and isinstance(self.source, LiveSource):

@@ -22,12 +22,12 @@ ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "docs/images"
 GOLDEN = ROOT / "tests/golden/measured_walk.mcap"
 SCENE = """\
-description: Six legs walk, one has lost a row, another does not answer.
+description: Six legs walk, one has lost a column, another does not answer.
 load: {kind: tripod, period_s: 1.2, duty_rel: 0.6, peak_force_n: 1.0, friction_rel: 0.15, pitch_deg: 10}
 host_cost_us: 40
 effects: {converter_noise: true, converter_clock_rel: 0.01, gap_contact: true}
 faults:
-  - {at_s: 2.0, leg: lm, fault: broken_row, row: 0}
+  - {at_s: 2.0, leg: lm, fault: broken_column, column: 0}
   - {at_s: 3.0, leg: rr, fault: absent}
 """
 #: The terminal in a page of its own: a dark window with the text that rich has drawn.

@@ -98,7 +98,7 @@ def test_a_method_of_the_reference_has_all_its_parameters() -> None:
 def test_the_scene_on_the_page_of_scenes_is_one() -> None:
     page = (ROOT / "docs/reference/scenes.md").read_text(encoding="utf-8")
     text = page.split("```yaml\n")[1].split("```")[0]
-    assert [type(fault).__name__ for fault in strict_yaml.load(text, Scene).faults] == ["BrokenRow"]
+    assert [type(fault).__name__ for fault in strict_yaml.load(text, Scene).faults] == ["BrokenColumn"]
 
 
 def test_documents_that_code_refers_to_exist() -> None:

@@ -80,6 +80,7 @@ class ContactDetector:
         predicted_touch_n: The same of the predicted load [N].
         in_swing: Whether swing is confirmed: lifted for `_SWING_CONFIRMED_AFTER_S`, and the load not about to touch.
         load_n: Load along the leg above its baseline [N], NaN where it is not known.
+        carried_n: The same of the force as of now, or that where there is no force [N].
         drift_n: Largest load that drift and creep alone could produce now [N].
         explained_by_drift: Whether drift and creep could explain the whole load; False where the load is not known.
         swing_load_n: Load of the foot in swing [N].
@@ -105,7 +106,7 @@ class ContactDetector:
     def reset(self, t_ns: int) -> None:
         """Discard the history, after a new baseline or a long silence of the leg at `t_ns` [ns]."""
         self.in_contact = self.raw = self.in_swing = self.explained_by_drift = False
-        self.load_n = math.nan
+        self.load_n = self.carried_n = math.nan
         self.swing_load_n = self._recent_n = self._steady_n = 0.0
         self._peak_n = self._predicted_peak_n = 0.0
         self.noise.discard_pending(t_ns)
@@ -136,6 +137,7 @@ class ContactDetector:
             sigma_n: Standard deviation of the prediction [N], same.
         """
         self.load_n = load_n
+        self.carried_n = predicted_n if math.isfinite(predicted_n) else load_n
         if not math.isfinite(load_n):
             self.in_swing = self.explained_by_drift = False
             if now_ns - self._t_ns > _CONTACT_TIMEOUT_NS:
@@ -265,6 +267,6 @@ class ContactDetector:
         if not self.in_contact or kind is CommandKind.START or (is_tare and self.load_n <= self.drift_n):
             return None
         unknown = math.isnan(self.load_n)
-        carries = "its load is not known now" if unknown else f"it carries {self.load_n:.2f} N"
+        carries = "its load is not known now" if unknown else f"it carries {self.carried_n:.2f} N"
         limit = f", and drift explains at most {self.drift_n:.2f} N" if is_tare else ""
         return f"the foot is in contact: {carries}{limit}"

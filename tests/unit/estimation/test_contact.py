@@ -264,7 +264,8 @@ def test_commands_only_where_they_are_safe(
 ) -> None:
     """On the ground no STOP and no TARE, unless drift explains the whole load; START and unknown contact always."""
     contact = ContactDetector(0.03)
-    contact.in_contact, contact.load_n, contact.drift_n = in_contact, load_n, drift_n
+    contact.in_contact, contact.drift_n = in_contact, drift_n
+    contact.load_n = contact.carried_n = load_n
     reason = contact.refusal(kind)
     assert reason is None if says is None else reason is not None and says in reason
 

@@ -124,6 +124,28 @@ def test_a_service_that_ends_and_starts_again(tmp_path: Path) -> None:
     run(test)
 
 
+def test_what_came_while_nobody_looked_is_not_shown_as_new(tmp_path: Path) -> None:
+    """The last page saw a service that has ended; the next one sees what its successor wrote last, at once."""
+
+    async def test() -> None:
+        path = tmp_path / "cycles"
+        async with served(path) as host:
+            with ViewedService(path) as service:
+                service.publish(3)
+                async with page(host) as browser:
+                    await cycles_of(browser)
+                service.publish(300)
+            with ViewedService(path) as service:
+                service.publish(1)
+                service.force_n[:, 2] = 0.7
+                service.publish(1500)
+                async with page(host) as browser:
+                    _, tables = await cycles_of(browser)
+                    assert tables[-1, 0, 2] == pytest.approx(0.7)
+
+    run(test)
+
+
 def test_other_names_and_origins_are_refused(tmp_path: Path) -> None:
     """A site whose name points here, and a page of another origin; Foxglove's own pages may read its protocol."""
 
