@@ -32,6 +32,8 @@ READINGS = 3
 #: Longest time between two readings of an element, over the time of a scan [1]: after a stall, older readings are not
 #: mixed with newer ones.
 MAX_READING_INTERVAL_SCANS = 1.75
+#: And time within which they always do [ns]: of a fast scan, legs that are set up on its bus delay two conversions.
+_ALWAYS_CONSECUTIVE_NS = 20_000_000
 
 #: Smallest spike that is taken for a wrong reading [1], and change over it of the readings beside it [1].
 _SPIKE_THRESHOLD_REL, _NEIGHBOUR_TOLERANCE_REL = 0.1, 0.25
@@ -82,7 +84,7 @@ class ReadingWindow:
     def __init__(self, n_legs: int, scan_ns: int) -> None:
         self._distance_rel = np.full((n_legs, READINGS, ELEMENTS), np.nan)
         self._t_ns = np.zeros((n_legs, READINGS, ELEMENTS), np.int64)
-        self._longest_ns = np.array(round(MAX_READING_INTERVAL_SCANS * scan_ns))
+        self._longest_ns = np.array(max(round(MAX_READING_INTERVAL_SCANS * scan_ns), _ALWAYS_CONSECUTIVE_NS))
 
     def add(self, plate_distance_rel: Vector, t_ns: Stamps) -> Readings:
         """Add the new readings of a frame; return the last three readings of every element.

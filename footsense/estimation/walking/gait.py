@@ -174,11 +174,13 @@ class GaitTracker:
             now_ns: Current time [ns].
         """
         above_n, mean_n, states = [], [], []
-        for force_n, contact in zip(load.force_n[:, 2].tolist(), contacts, strict=True):
+        for force_n, contact, told in zip(load.force_n[:, 2].tolist(), contacts, self._told, strict=True):
             swing_load_n = contact.swing_load_n
             above_n.append(force_n - swing_load_n)
             mean_n.append(contact.load_n - swing_load_n)
-            states.append((math.isfinite(force_n + contact.load_n), contact.in_contact))
+            # One that began without a known force begins here with a load that is known.
+            in_contact = contact.in_contact and (contact.raw or told is not False)
+            states.append((math.isfinite(force_n + contact.load_n), in_contact))
         self._loads.append(LegLoads(now_ns, mean_n))
         events: list[GaitEvent] = []
         if states != self._states:

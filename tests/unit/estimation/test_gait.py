@@ -181,6 +181,15 @@ def test_a_touch_while_the_force_is_not_known_is_told_when_it_is(n_unknown: int)
     ]
 
 
+def test_a_contact_that_is_over_when_the_force_is_known_again_was_none() -> None:
+    """As of readings that contradict one another, of a foot in the air."""
+    robot = Robot()
+    robot.step(np.zeros(LEGS), 100)
+    robot.step(np.full(LEGS, np.nan), mean_n=np.full(LEGS, 0.08))
+    robot.step(np.zeros(LEGS), 40)
+    assert not robot.events
+
+
 def test_a_start_in_stance_is_no_touchdown() -> None:
     """Feet that carry when their force is first known have touched before; what a restart sees is no event."""
     robot = Robot()
