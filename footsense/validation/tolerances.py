@@ -18,6 +18,7 @@ from footsense.sim.faults.scene_faults import (
     FootDamage,
     GroundShift,
     Leakage,
+    NackAtRandom,
     RowShift,
     StuckSda,
     StuckUpstreamBus,
@@ -28,6 +29,8 @@ from footsense.sim.faults.scene_faults import (
 _PAUSE_S, _STUCK_PAUSE_S, _TRY_S, _TARE_PERIODS = 4.0, 16.0, 1.0, 3.0
 #: Delay by the timeouts of each leg that holds the bus [s]; delay by a stuck upstream bus in all [s].
 _STUCK_LEG_DELAY_S, _STUCK_BUS_DELAY_S = 0.085, 0.45
+#: Delay where the conversions of a leg are timed anew that was late, once a second at most [s].
+_TIMING_DELAY_S = 0.0075
 #: Delay of a leg whose transaction lost the arbitration twice, in scans: this one, and two until its elements have been
 #: read three times in a row again.
 _MAX_ARBITRATION_DELAY_SCANS = 3.4
@@ -121,10 +124,11 @@ def tolerated_delays_s(script: Sequence[Fault], period_s: float) -> list[tuple[f
     recovery_s = _STUCK_PAUSE_S + _TRY_S
     delays = []
     for fault in script:
-        if isinstance(fault, StuckSda | StuckUpstreamBus | ArbitrationLost):
+        if isinstance(fault, StuckSda | StuckUpstreamBus | ArbitrationLost | NackAtRandom):
             until_s = np.inf if fault.until_s is None else fault.until_s
             after_s, delay_s = {
                 StuckSda: (recovery_s, _STUCK_LEG_DELAY_S),
+                NackAtRandom: (recovery_s, _TIMING_DELAY_S),
                 StuckUpstreamBus: (recovery_s, _STUCK_BUS_DELAY_S),
                 ArbitrationLost: (arbitration_s, arbitration_s),
             }[type(fault)]

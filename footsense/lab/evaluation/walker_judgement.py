@@ -36,6 +36,8 @@ _SEED = 20_000
 _SHOWN_S = 1.5
 #: Gaits whose landings are hard: their forces are beyond what a walking robot makes.
 LANDINGS = ("landing",)
+#: Gaits in which all feet are in the air, where what is tared hanging has the foot's weight as a load.
+FLIGHTS = ("hop", *LANDINGS)
 
 
 class JudgedRun(NamedTuple):
@@ -157,11 +159,19 @@ def pooled(judged: Sequence[JudgedRun]) -> dict[str, Any]:
         "worst_no_force_share": over("no_force_share", walking, np.max),
         "least_within_2_sigma": over("within_2_sigma", rows, np.min),
         "most_beyond_5_sigma": over("beyond_5_sigma", rows, np.max),
+        "beyond_5_sigma_sudden": float(
+            np.average(
+                [row["beyond_5_sigma_sudden"] for row in rows if row["beyond_5_sigma"]],
+                weights=[row["beyond_5_sigma"] for row in rows if row["beyond_5_sigma"]],
+            )
+        ),
         "n_off_by_peak": sum(row["n_off_by_peak"] for row in walking),
         "n_touches": sum(row["n_touches"] for row in rows),
         "n_missed": sum(row["n_missed"] for row in rows),
         "n_in_air": sum(row["n_in_air"] for row in rows),
+        "n_in_air_walking": sum(one.scores["n_in_air"] for one in judged if one.run.gait not in FLIGHTS),
         "n_twice": sum(row["n_twice"] for row in rows),
+        "n_almost_off": sum(row["n_almost_off"] for row in rows),
         "n_lift_offs_alone": sum(row["n_lift_offs_alone"] for row in rows),
         "delay_p50_ms": float(np.percentile(delays_ms, 50)),
         "delay_p99_ms": float(np.percentile(delays_ms, 99)),

@@ -162,6 +162,7 @@ def walker_text(values: Values, page: str) -> str:
         " | {n_later_found} of {n_later_slides} | {n_slips} / {n_false_slips} / {n_slips_off_cone}"
     )
     first, *others = values["runs"]
+    own = values["pooled"][first]
     early = table(
         "robot, gait, ground | within 2 sigma, by 10 ms after the touch | beyond 5 sigma",
         [
@@ -191,7 +192,17 @@ does not slide faster than {1e3 * SLIDE_M_S:g} mm/s, *off the cone* where its tr
 
 {table(contact_head, values["runs"][first], contact_cells)}
 
-{early}"""
+{early}
+
+Why contact and sigma miss what is wanted of them:
+
+- Of {own["n_in_air"]} touchdowns in the air {own["n_in_air"] - own["n_in_air_walking"]} are in hops and landings, where the foot's own mass pulls at the
+  sensor as much as a light robot loads it. On the feet of the robots' own size, which weigh less beside their loads, there are {sum(values["pooled"][name]["n_in_air"] for name in others)}.
+- In {own["n_almost_off"]} of the {own["n_twice"]} touches that are told twice the load falls below a twentieth of the peak in between.
+- A touchdown is told from the second conversion that reads it: one reading of a load that has just begun is within the
+  noise and the shake of swings.
+- {own["beyond_5_sigma_sudden"]:.0%} of the errors beyond 5 sigma are where the force has changed by more than a tenth of the peak within two
+  conversions before it is sent: no reading knows of that yet."""
     ]
     parts += [
         f"""### {name}, its own robot, real newtons

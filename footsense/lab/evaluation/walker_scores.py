@@ -17,6 +17,10 @@ _MERGED_S, MIN_TOUCH_S = 0.025, 0.03
 AFTER_TOUCH_S, BEFORE_END_S = 0.04, 0.03
 #: Time after a touch within which a report belongs to it [s].
 _REPORT_AFTER_S = 0.08
+#: Conversions before the sending of a force of which it knows nothing: the newest reading is as old.
+_READ_BEFORE = 2
+#: Load over the peak [1] below which a foot has almost left the ground within a touch.
+_ALMOST_OFF_REL = 0.05
 #: Causes of a faulty element or line.
 _ELEMENT_FAULTS = (
     Cause.ELEMENT_OPEN,
@@ -80,6 +84,9 @@ def force_scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
     middle = (since_s > AFTER_TOUCH_S) & (before_s > BEFORE_END_S)
     error_n = outputs.force_n - truth
     off = np.abs(error_n / outputs.sigma_n)
+    changed_n = np.zeros_like(size_n)
+    changed_n[_READ_BEFORE:] = np.linalg.norm(truth[_READ_BEFORE:] - truth[:-_READ_BEFORE], axis=2)
+    sudden = np.repeat((changed_n > LOADED_REL * peak_n)[:, :, None], 3, axis=2)
     used = usable & counted
     early = used & (since_s < AFTER_TOUCH_S)
     bins = [early & (since_s >= low) & (since_s < low + 0.01) for low in (0.0, 0.01, 0.02, 0.03)]
@@ -95,6 +102,7 @@ def force_scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
         else np.full(3, np.nan),
         "within_2_sigma": _share(off[used] < 2.0),
         "beyond_5_sigma": _share(off[used] > 5.0),
+        "beyond_5_sigma_sudden": _share(sudden[used][off[used] > 5.0]),
         "within_2_sigma_early": [_share(off[one] < 2.0) for one in bins],
         "beyond_5_sigma_early": [_share(off[one] > 5.0) for one in bins],
         "sigma_median_rel": float(np.median(outputs.sigma_n[used])) / peak_n,
@@ -117,7 +125,8 @@ def _times_in_touch(outputs: WalkerOutputs, peak_n: float) -> tuple[Vector, Vect
 def contact_scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
     """Return what became of each touch of a run, and touchdowns in the air."""
     delays_ms, errors_ms, sigmas_ms, lifts_ms, lift_errors_ms, lift_sigmas_ms = [], [], [], [], [], []
-    n_touches = n_missed = n_twice = n_air = n_unmatched_lifts = 0
+    n_touches = n_missed = n_twice = n_almost_off = n_air = n_unmatched_lifts = 0
+    pressing_rel = (outputs.true.force_n * outputs.true.normal).sum(axis=2) / peak_n
     for leg in range(outputs.state.shape[1]):
         every = touches(outputs, leg, peak_n)
         reports = [(float(outputs.t_s[row]), event) for row, event in outputs.events if event.leg == leg]
@@ -135,6 +144,9 @@ def contact_scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
             n_touches += 1
             inside = [one for one in down if touch.start_s <= one[0] < touch.end_s]
             n_twice += len(inside) > 1
+            if len(inside) > 1:
+                between = (outputs.t_s > inside[0][0]) & (outputs.t_s < inside[1][0])
+                n_almost_off += bool(pressing_rel[between, leg].min() < _ALMOST_OFF_REL)
             own = [one for one in inside if one[0] < touch.start_s + _REPORT_AFTER_S]
             n_missed += not own
             if own:
@@ -162,6 +174,7 @@ def contact_scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
         "n_touches": n_touches,
         "n_missed": n_missed,
         "n_twice": n_twice,
+        "n_almost_off": n_almost_off,
         "n_in_air": int(n_air),
         "n_lift_offs_alone": n_unmatched_lifts,
         "delays_ms": delays_ms,
