@@ -115,6 +115,15 @@ def contact_threshold_n(models: Models) -> float:
     return default_n if configured is None else configured
 
 
+def unloaded_limit_n(models: Models) -> float:
+    """Return the load along the leg from which a tare is refused, of feet as designed [N]."""
+    trained = models.network.card.trained_inputs
+    n_per_pf = load_n_per_pf(
+        trained.design, sensitivity(models.network, len(models.config.legs), trained.moments)
+    )
+    return models.config.tare.mean_limit_rel * trained.design.unloaded_pf * n_per_pf
+
+
 def _max_swing_rise_n_per_s(models: Models, force_sensitivity: Sensitivity) -> float:
     """Return the limit of the rise of the load in swing [N/s], above the force errors that drift causes.
 

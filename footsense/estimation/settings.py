@@ -61,7 +61,7 @@ class TareLimits(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         window_scans: Scans that are averaged.
         noise_limit_ff: Largest standard deviation of any element over the window [fF].
         unloaded_limit_rel: Largest deviation of any element from `unloaded_pf` that counts as unloaded [1]; 3 % of the
-            capacitance are 4 % of the gap.
+            capacitance are 4 % of the gap. A third of it more on the mean of all elements, as by a load, is loaded.
     """
 
     window_scans: Annotated[int, Meta(ge=2, le=1000)] = 8
@@ -71,6 +71,11 @@ class TareLimits(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     def for_uncalibrated_foot(self) -> "TareLimits":
         """Return the limits for a foot that may read far from its design, as nobody has calibrated it yet."""
         return replace(self, unloaded_limit_rel=_UNCALIBRATED_UNLOADED_LIMIT_REL)
+
+    @property
+    def mean_limit_rel(self) -> float:
+        """Largest mean of the deviations of all elements that counts as unloaded [1]: of a light load, or 30 K."""
+        return self.unloaded_limit_rel / 3.0
 
     def unloaded_limit_pf(self, unloaded_pf: Vector) -> Vector:
         """Return the largest deviation of each element that counts as unloaded [pF], the shape of `unloaded_pf`."""

@@ -134,15 +134,22 @@ class TareWindow:
         baseline_pf = np.where(self._left_out, np.nan, readings_pf.mean(axis=0))
         deviation_rel = np.where(self._left_out, 0.0, baseline_pf / self._unloaded_pf - 1)
         worst = int(np.abs(deviation_rel).argmax())
+        what = "the foot is not unloaded" + (f", or another than {self._foot}" if self._foot else "")
         if abs(deviation_rel[worst]) > self._limits.unloaded_limit_rel:
             opened = deviation_rel[worst] < OPEN_ELEMENT_THRESHOLD_REL - 1
-            what = "the foot is not unloaded" + (f", or another than {self._foot}" if self._foot else "")
             return TareResult(
                 Result.ELEMENT_FAULT if opened else Result.LOADED,
                 f"{'an element is open' if opened else what}: element {worst} reads "
                 f"{baseline_pf[worst]:.3f} pF, {deviation_rel[worst]:+.1%} from the {self._unloaded_pf[worst]:.3f} pF "
                 f"expected of {self._foot or 'the free foot (unloaded_pf)'}, "
                 f"at most {self._limits.unloaded_limit_rel:.1%} is allowed",
+            )
+        mean_rel = float(deviation_rel[~self._left_out].mean())
+        if mean_rel > self._limits.mean_limit_rel:
+            return TareResult(
+                Result.LOADED,
+                f"{what}: its elements read {mean_rel:+.1%} on average from what is expected of "
+                f"{self._foot or 'the free foot (unloaded_pf)'}, at most {self._limits.mean_limit_rel:+.1%} is allowed",
             )
         left_out = _element_list_text(np.flatnonzero(self._left_out))
         without = f" without elements {left_out}" if left_out else ""

@@ -20,7 +20,7 @@ from footsense.clock import wall_time_iso
 from footsense.config import Config, load_config
 from footsense.config.contradictions import warnings
 from footsense.daemon.can_output import frames_destination
-from footsense.daemon.estimation import contact_threshold_n, pipeline_for
+from footsense.daemon.estimation import contact_threshold_n, pipeline_for, unloaded_limit_n
 from footsense.daemon.models import Models, load_models
 from footsense.daemon.simulation import is_simulated
 from footsense.errors import ConfigError
@@ -103,6 +103,9 @@ def _explanation(models: Models) -> dict[str, str]:
     if (range_n := RANGES_N.get(card.foot_type)) is not None:
         told["range"] = "normal loads up to {:g} N if the force leans 14 deg, {:g} N if 30".format(*range_n)
         told["overload"] = "forces go on, less exact, while at most three elements are overloaded"
+    told["tare"] = (
+        f"of feet that carry less than {unloaded_limit_n(models):.2g} N: more is refused, less may be drift"
+    )
     told["no force"] = f"above {card.max_trained_force_n:g} N, the largest of the training"
     for leg, calibration in models.calibrations_by_leg.items():
         known = _calibration(calibration)

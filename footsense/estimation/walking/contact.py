@@ -267,6 +267,8 @@ class ContactDetector:
         if not self.in_contact or kind is CommandKind.START or (is_tare and self.load_n <= self.drift_n):
             return None
         unknown = math.isnan(self.load_n)
-        carries = "its load is not known now" if unknown else f"it carries {self.carried_n:.2f} N"
+        carries = (
+            "its load is not known now" if unknown else f"it carries {max(self.carried_n, self.load_n):.2f} N"
+        )
         limit = f", and drift explains at most {self.drift_n:.2f} N" if is_tare else ""
         return f"the foot is in contact: {carries}{limit}"

@@ -67,9 +67,9 @@ def test_many_small_tares_do_not_lead_into_a_load() -> None:
         for _ in range(WINDOW):
             feet.feed(feet.scan(0.06 * step))
     results = [result for _, result, _ in feet.outcomes]
-    assert set(results[:10]) == {Result.DONE}
+    assert set(results[:4]) == {Result.DONE}
     assert results[-1] is Result.LOADED
-    assert (feet.pipeline.baseline_pf < 1.03 * DESIGN.unloaded_pf).all()
+    assert (feet.pipeline.baseline_pf < 1.01 * DESIGN.unloaded_pf).all()
 
 
 def test_a_tare_makes_no_jump_in_the_force() -> None:

@@ -1,7 +1,9 @@
 """The window of a tare: what counts, what is left out, and what it says when it refuses."""
 
 import numpy as np
+import pytest
 
+import footsense
 from footsense.estimation.settings import TareLimits
 from footsense.estimation.tare import TareResult, TareWindow
 from footsense.frames import Reading, Result
@@ -29,6 +31,21 @@ def test_another_foot_is_refused_by_name() -> None:
     assert tared.reason == (
         "the foot is not unloaded, or another than foot-0008: element 0 reads 4.752 pF, -12.0% from the 5.400 pF "
         "expected of foot-0008, at most 3.0% is allowed"
+    )
+
+
+@pytest.mark.parametrize(("foot_type", "standing_n"), [("hexapod-2kg", 3.3), ("quadruped-12kg", 29.4)])
+def test_a_foot_on_which_its_robot_stands_is_loaded(foot_type: str, standing_n: float) -> None:
+    """On all its feet, each of which carries little of its range: no element reads 3 % more, but all read 2.4 %."""
+    foot = footsense.Foot(foot_type)
+    free_pf, standing_pf = foot.capacitance_pf(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, standing_n]]))
+    assert np.abs(standing_pf / free_pf - 1.0).max() < LIMITS.unloaded_limit_rel
+    tared = tare(UNLOADED_PF * standing_pf / free_pf)
+    assert tared is not None
+    assert (tared.result, tared.baseline_pf) == (Result.LOADED, None)
+    assert tared.reason == (
+        "the foot is not unloaded: its elements read +2.4% on average from what is expected of the free foot "
+        "(unloaded_pf), at most +1.0% is allowed"
     )
 
 
