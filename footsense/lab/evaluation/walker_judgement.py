@@ -159,12 +159,8 @@ def pooled(judged: Sequence[JudgedRun]) -> dict[str, Any]:
         "worst_no_force_share": over("no_force_share", walking, np.max),
         "least_within_2_sigma": over("within_2_sigma", rows, np.min),
         "most_beyond_5_sigma": over("beyond_5_sigma", rows, np.max),
-        "beyond_5_sigma_sudden": float(
-            np.average(
-                [row["beyond_5_sigma_sudden"] for row in rows if row["beyond_5_sigma"]],
-                weights=[row["beyond_5_sigma"] for row in rows if row["beyond_5_sigma"]],
-            )
-        ),
+        "beyond_5_sigma_sudden": sum(row["n_beyond_5_sigma_sudden"] for row in rows)
+        / max(sum(row["n_beyond_5_sigma"] for row in rows), 1),
         "n_off_by_peak": sum(row["n_off_by_peak"] for row in walking),
         "n_touches": sum(row["n_touches"] for row in rows),
         "n_missed": sum(row["n_missed"] for row in rows),

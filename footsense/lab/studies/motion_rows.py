@@ -9,7 +9,12 @@ from footsense.lab.studies.motion import Wanted, compute_of, text_of
 TITLE = "Force in motion of feet that read a row at once"
 
 _WANTED = Wanted(
-    {"random gaits": (0.9, 2.5), "measured walk": (0.45, 1.1), "tripod": (0.35, 0.8)},
+    {
+        "random gaits": (0.9, 2.5),
+        "measured walk": (0.45, 1.1),
+        "tripod": (0.35, 0.8),
+        "trot of a robot dog": (1.0, 3.0),
+    },
     WalkerLimits(direction_deg=(2.4, 4.0), mid_stance_deg=(1.1, math.inf), delay_ms=3.0),
 )
 
