@@ -47,7 +47,8 @@ class Recording:
         force_n: Ground reaction on each foot in the foot's frame: x forward, y left, z along the leg towards the body
             [N], shape (n, legs, 3); NaN unless usable. Weigh it by `sigma_n`: where readings contradict one another, as
             in the cycle in which a line breaks, it may be far off.
-        sigma_n: Standard deviation of each component [N], same shape.
+        sigma_n: Standard deviation of each component [N], same shape; in the air larger than what is seen there, as a
+            touch may have begun since the readings.
         state: Code of each leg's state, shape (n, legs), uint8 of `State`; `walk.state == footsense.State.VALID`.
         contact: Whether each foot is in contact with the ground, shape (n, legs); False unless usable.
         capacitance_pf: Latest reading of each element, stray included [pF], shape (n, legs, 9), NaN where there is

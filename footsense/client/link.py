@@ -72,7 +72,8 @@ class LegForce(NamedTuple):
         flags: Flags of the last force.
         fault_mask: Bit e set where element e is not usable or overloaded.
         force_n: Ground reaction on the foot in the foot frame [N]; NaN unless usable.
-        sigma_n: Standard deviation of each component [N]; NaN unless usable.
+        sigma_n: Standard deviation of each component [N]; NaN unless usable. In the air a fiftieth of the largest force
+            along the leg, far above the noise: a touch may have begun since the readings.
         age_ns: Present age of the measurement [ns]; None unless usable.
     """
 

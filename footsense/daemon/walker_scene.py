@@ -45,7 +45,7 @@ def scene_of(name: str, config: Config, duration_s: float = math.inf) -> Scene:
         scene = load_scene(name)
         if scene.foot_type not in {None, foot_type}:
             _log.warning(
-                "scene %s: its loads are for foot type %s, these feet are %s and may not feel them",
+                "scene %s: its loads are for foot type %s; these feet, %s, may be overloaded by them, or not feel them",
                 name,
                 scene.foot_type,
                 foot_type,

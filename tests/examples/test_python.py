@@ -67,9 +67,7 @@ def test_feet_in_the_air_are_tared(tmp_path: Path) -> None:
             assert any(forces["lf"].usable for forces in feet)
     assert (stopped["lf"].state, stopped["rf"].usable) == (footsense.State.STOPPED, True)
     assert len(told) == 2
-    assert all(
-        re.fullmatch(r"[lr]f: tared; read -?\d+\.\d mN before, -?\d\.\d mN now", line) for line in told
-    )
+    assert all(re.fullmatch(r"[lr]f: tared; reads -?\d\.\d mN now", line) for line in told)
 
 
 @pytest.mark.slow

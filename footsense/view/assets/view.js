@@ -119,12 +119,14 @@ function status() {
     [link, text] = ["ended", shown ? "ended" : "no service"];
     problem = `${why[0].toUpperCase()}${why.slice(1)}.`;
     // Without values the page says below what to start.
-    if (shown) problem += " The values are the last ones. Start it again as before, or look into its log: `journalctl -u footsense`.";
+    if (shown) problem += " The values are the last ones. Start it again as before"
+      + ($("simulated").hidden ? ", or look into its log: `journalctl -u footsense`." : "; what it said stands in its terminal.");
   } else if (page.paused !== null) {
     [link, text] = ["paused", "paused"];
   } else if (old || !page.arrived) {
     [link, text] = [page.arrived ? "ended" : "connecting", page.arrived ? "no new cycles" : "connecting"];
-    if (page.arrived) problem = "The service runs, but its loop has stopped: look into its log, `journalctl -u footsense`.";
+    if (page.arrived) problem = "The service runs, but its loop has stopped: look into "
+      + ($("simulated").hidden ? "its log, `journalctl -u footsense`." : "its terminal.");
   } else if (page.status?.bus_off && !page.status.can_sent) {
     problem = "CAN: the controller is off the bus. Check its termination, its bit rate and whether another node is on.";
   }
