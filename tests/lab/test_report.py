@@ -107,6 +107,10 @@ def test_the_front_page_has_the_figures_of_the_pages() -> None:
     )
     own, *others = (motion["pooled"][name] for name in design["feet"])
     of_small = small["pooled"]["aoyagi-3x3"]
+    walk, trot = (
+        next(row for row in motion["gaits"] if row["load"] == load)
+        for load in ("measured walk", "trot of a robot dog")
+    )
     feet = made["kinds"]["supposed"]
     n_touches, n_missed, n_in_air = (
         sum(robot[key] for robot in others) for key in ("n_touches", "n_missed", "n_in_air")
@@ -127,6 +131,8 @@ def test_the_front_page_has_the_figures_of_the_pages() -> None:
         f"walking robots: direction {of_small['direction_deg']:.1f} deg on average",
         f"on average, {of_small['mid_stance_deg']:.1f} deg in mid-stance; the smooth walk",
         f"the worst gait {of_small['worst_direction_deg']:.1f} deg; hard landings",
+        f"direction {walk['direction_deg']:.1f} deg on average, 1 force in 20 more than {walk['direction_p95_deg']:.1f} deg",
+        f"robot dog's trot {trot['direction_deg']:.1f} and {trot['direction_p95_deg']:.1f} deg",
         f"{100 * (1 - n_missed / n_touches):.0f} % of {n_touches} touchdowns are told",
         f"{n_in_air} false ones in the air; on the smallest foot {own['n_in_air']} for {own['n_touches']} touches",
         f"mean of {len(deg)} feet: direction {deg.mean():.2f} deg, magnitude {_MN_PER_GF * gf.mean():.0f} mN",
