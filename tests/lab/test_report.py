@@ -131,7 +131,7 @@ def test_the_front_page_has_the_figures_of_the_pages() -> None:
         f"walking robots: direction {of_small['direction_deg']:.1f} deg on average",
         f"on average, {of_small['mid_stance_deg']:.1f} deg in mid-stance; the smooth walk",
         f"the worst gait {of_small['worst_direction_deg']:.1f} deg; hard landings",
-        f"direction {walk['direction_deg']:.1f} deg on average, 1 force in 20 more than {walk['direction_p95_deg']:.1f}",
+        f"{walk['direction_deg']:.1f} deg on average, 1 force in 20 more than {walk['direction_p95_deg']:.1f}",
         f"robot dog's trot {trot['direction_deg']:.1f} and {trot['direction_p95_deg']:.1f} deg",
         f"{100 * (1 - n_missed / n_touches):.0f} % of {n_touches} touchdowns are told",
         f"{n_in_air} false ones in the air; on the smallest foot {own['n_in_air']} for {own['n_touches']} touches",
