@@ -33,15 +33,18 @@ from footsense.cli.tables import (
 )
 from footsense.client import LinkLimits, LinkStatus
 from footsense.clock import MonotonicClock
-from footsense.daemon.can_listener import LegSnapshot, open_listener
+from footsense.daemon.can_listener import LegSnapshot, Listener, open_listener
 from footsense.errors import FootsenseError
 from footsense.frames import ELEMENTS, ROWS
 from footsense.leg_words import phase_of, word_of
+from footsense.ports import Clock
 
 _NS_PER_S = 1_000_000_000
 _REDRAW_PERIOD_NS = 200_000_000
 #: Pictures in the time between two lines of JSON, a second.
 _REDRAWS_PER_LINE = 5
+#: Pictures in which `Identity` has come.
+_LONGEST_IDENTITY_PERIODS = 6
 _LINK_STYLES = {LinkStatus.OK: "green", LinkStatus.LOST: "yellow", LinkStatus.REPEATED: "yellow"}
 #: State of the node in a heartbeat, in words short enough for the last column.
 _NODE_STATE_WORDS = {
@@ -86,11 +89,12 @@ def monitor(
     console = Console()
     clock = MonotonicClock()
     stop = StopRequest()
-    start_ns = clock.now_ns()
-    end_ns = start_ns + duration_s * _NS_PER_S
     is_plain = as_json or not console.is_terminal
     with ExitStack() as stack:
         listener = stack.enter_context(closing(open_listener(interface, channel, clock, limits)))
+        _wait_until_known(listener, clock)
+        start_ns = clock.now_ns()
+        end_ns = start_ns + duration_s * _NS_PER_S
         live = None if is_plain else stack.enter_context(Picture(console))
         for step in count(1):
             t_ns = start_ns + step * _REDRAW_PERIOD_NS
@@ -113,6 +117,14 @@ def monitor(
                     click.echo(f"footsense: {silence_text(channel)}", err=True)
                 for snapshot in legs:
                     echo_json({"t_s": t_s, **json_row(COLUMNS, snapshot)}, indent=0)
+
+
+def _wait_until_known(listener: Listener, clock: Clock) -> None:
+    """Listen until each leg that is heard has told the step of its forces, which it does once a second."""
+    for _ in range(_LONGEST_IDENTITY_PERIODS):
+        listener.listen(clock.now_ns() + _REDRAW_PERIOD_NS)
+        if not any(leg.force.status is LinkStatus.UNKNOWN for leg in listener.snapshot()):
+            return
 
 
 def monitor_tables(legs: list[LegSnapshot], channel: str, t_s: float, width: int) -> Group:

@@ -98,7 +98,9 @@ class LegStateLogger:
         self._minute = minute
         for leg, count in enumerate(self._suppressed):
             if count:
-                _log.warning("leg %s: %d more changes within the minute", self._legs[leg], count)
+                _log.warning(
+                    "leg %s: its state changed %d times more within the minute", self._legs[leg], count
+                )
             self._lines[leg] = self._suppressed[leg] = 0
 
 

@@ -85,7 +85,7 @@ def test_a_leg_that_flickers_fills_no_journal(caplog: pytest.LogCaptureFixture) 
     journal.observe(at(61, State.STALE))
     journal.close()
     assert len(lines(caplog)) == 11
-    assert lines(caplog)[-1] == "WARNING leg lm: 20 more changes within the minute"
+    assert lines(caplog)[-1] == "WARNING leg lm: its state changed 20 times more within the minute"
 
 
 @pytest.fixture(params=["path", "abstract"])
