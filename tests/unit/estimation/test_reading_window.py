@@ -39,6 +39,16 @@ class Leg:
         self._window.discard_newest(np.isin(np.arange(ELEMENTS), elements)[None])
 
 
+@pytest.mark.parametrize(("gap_ns", "follows"), [(20_000_000, True), (20_000_001, False)])
+def test_a_fast_scan_may_pause_for_20_ms(gap_ns: int, *, follows: bool) -> None:
+    """As long as a leg takes that is set up on the same bus: more than two scans of rows."""
+    window = ReadingWindow(1, 7_800_000)
+    for t_ns in (10_000_000, 17_800_000):
+        window.add(np.ones((1, ELEMENTS)), np.full((1, ELEMENTS), t_ns))
+    readings = window.add(np.ones((1, ELEMENTS)), np.full((1, ELEMENTS), 17_800_000 + gap_ns))
+    assert readings.is_consecutive.all() == follows
+
+
 def test_a_discarded_reading_is_in_no_later_window() -> None:
     """A wrong reading would be a step of the load twice, there and back."""
     leg = Leg()
