@@ -1,19 +1,12 @@
-"""Progress bars with the time left, for commands longer than two seconds; silent without a terminal."""
+"""Progress bars with the time left, for commands longer than two seconds; silent without a terminal.
+
+Rich is imported where a bar is drawn: it would cost a service a tenth of a second at its start.
+"""
 
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    Progress,
-    TaskProgressColumn,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 
 
 def stderr_is_terminal() -> bool:
@@ -35,6 +28,9 @@ def progress_bar(title: str, total: float) -> Iterator[Callable[[float], None]]:
     if not stderr_is_terminal():
         yield lambda _: None
         return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(title, total=total)
@@ -60,6 +56,9 @@ def timed_bar(title: str, expected_s: float) -> Iterator[None]:
     if not (stderr_is_terminal() and expected_s):
         yield
         return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
     usual = f"of usually {expected_s // 60:.0f}:{expected_s % 60:02.0f}"
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn(usual))
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
