@@ -12,7 +12,6 @@ from footsense.acquisition.mcu_source import McuSource, Serial
 from footsense.acquisition.robot_scanner import RobotScanner
 from footsense.acquisition.scan_plan import ScanPlan, bus_overload
 from footsense.acquisition.scanner import BusScanner
-from footsense.acquisition.serial_port import SerialLink
 from footsense.clock import MonotonicClock
 from footsense.config import Config
 from footsense.config.sections import Bus
@@ -160,6 +159,8 @@ def _open_microcontroller(serial: Serial, robot: SimulatedRobot | None, scene: S
     own = MonotonicClock()
     clock: Clock = own if robot is None else robot.clock
     if robot is None or scene is None:
+        from footsense.acquisition.serial_port import SerialLink  # pyserial is not loaded for I2C
+
         port: SerialPort = SerialLink(serial.device, serial.baud, clock)
     else:
         mcu = simulated_mcu(robot, scene, serial.rate_hz)

@@ -11,7 +11,6 @@ from firmware_interface.can.socketcan import unpack_frame
 from footsense.can.channel import open_socket
 from footsense.can.interface import DEFAULT_CHANNELS, Can, error_text
 from footsense.can.sink import CanSink
-from footsense.client import LINK_IDS
 from footsense.clock import MonotonicClock
 from footsense.config import Config
 from footsense.daemon.models import Models
@@ -97,6 +96,8 @@ def _warn_of_another_service(can: Can) -> None:
 
 def another_sends(wire: CanWire, clock: Clock) -> bool:
     """Listen on a channel for a moment; return whether forces arrive on it."""
+    from footsense.client import LINK_IDS  # on UDP alone: a service on a robot starts without
+
     end_ns = clock.now_ns() + _LISTENING_NS
     while (now_ns := clock.now_ns()) < end_ns:
         if any(can_id in LINK_IDS for can_id, _ in map(unpack_frame, wire.receive())):

@@ -257,15 +257,18 @@ def _jacobian_n(estimator: LoadEstimator, n_rows: int, closure_rel: Vector) -> V
         closure_rel: Closures over the gap at which it is taken [1], shape (elements,).
     """
     steady = steady_windows(np.tile(closure_rel, (n_rows, 1)))
-    slopes_n: Vector = np.empty((READINGS, ELEMENTS, 3))
-    for at in np.ndindex(READINGS, ELEMENTS):
-        forces_n = []
-        for step_rel in (_DIFFERENCE_STEP_REL, -_DIFFERENCE_STEP_REL):
-            stepped_rel = steady.closure_rel.copy()
-            stepped_rel[:, *at] += step_rel
-            forces_n.append(estimator.estimate(steady._replace(closure_rel=stepped_rel)).force_n[0])
-        slopes_n[at] = (forces_n[0] - forces_n[1]) / (2 * _DIFFERENCE_STEP_REL)
-    return slopes_n
+    # Each row of a batch has another reading changed, up or down.
+    reading = np.repeat(np.arange(READINGS * ELEMENTS), 2)
+    step_rel = np.tile([_DIFFERENCE_STEP_REL, -_DIFFERENCE_STEP_REL], READINGS * ELEMENTS)
+    forces_n: Vector = np.empty((len(reading), 3))
+    for start in range(0, len(reading), n_rows):
+        part = slice(start, start + n_rows)
+        stepped_rel = steady.closure_rel.copy()
+        stepped_rel.reshape(n_rows, -1)[np.arange(len(reading[part])), reading[part]] += step_rel[part]
+        load = estimator.estimate(steady._replace(closure_rel=stepped_rel))
+        forces_n[part] = load.force_n[: len(reading[part])]
+    up_n, down_n = forces_n.reshape(READINGS, ELEMENTS, 2, 3).transpose(2, 0, 1, 3)
+    return (up_n - down_n) / (2 * _DIFFERENCE_STEP_REL)
 
 
 def sensitivity(estimator: LoadEstimator, n_rows: int, moments: Vector) -> Sensitivity:

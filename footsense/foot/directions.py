@@ -103,7 +103,7 @@ def paper_directions(protocol: Literal["training", "verification"]) -> Vector:
     return ring if protocol == "verification" else np.concatenate([ring, [[0.0, 0.0, 1.0]]])
 
 
-def random_directions(rng: np.random.Generator, n: int, lowest_elevation_deg: float) -> Vector:
+def random_directions(rng: "np.random.Generator", n: int, lowest_elevation_deg: float) -> Vector:
     """Return n random unit vectors above an elevation [deg], uniform in area, shape (n, 3)."""
     z = rng.uniform(math.sin(math.radians(lowest_elevation_deg)), 1.0, n)
     azimuth = rng.uniform(0.0, 2.0 * math.pi, n)

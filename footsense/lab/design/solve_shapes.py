@@ -24,6 +24,7 @@ from footsense.lab.design.shapes import (
     design_of_shape,
     response_amplitudes,
     solved_shapes,
+    stored_steps,
 )
 from footsense.lab.fem.mesh import COARSE_MESH, RELEASED_MESH
 from footsense.lab.foot_file import load_foot
@@ -41,7 +42,7 @@ _SOLVED_PAIR_VALUE_INDICES = {
 
 
 def solve_shapes(reference_design: FootDesign, path: Path, report: Callable[[str], None]) -> None:
-    """Solve all shapes of the library by finite elements and write their file, in single precision.
+    """Solve all shapes of the library by finite elements and write their file.
 
     Args:
         reference_design: Any foot, for what the shape does not contain.
@@ -61,8 +62,8 @@ def solve_shapes(reference_design: FootDesign, path: Path, report: Callable[[str
 
     np.savez_compressed(
         path,
-        quarter_series=np.stack([one.quarter_series for one in fine]).astype(np.float32),
-        quarter_compliance=np.stack([one.quarter_compliance for one in fine]).astype(np.float32),
+        **stored_steps("quarter_series", np.stack([one.quarter_series for one in fine])),
+        **stored_steps("quarter_compliance", np.stack([one.quarter_compliance for one in fine])),
         pairs=_pair_interaction_corrections(coarse_ln_amplitudes).astype(np.float32),
     )
 
