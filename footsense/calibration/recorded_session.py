@@ -127,7 +127,7 @@ def read_session(
     """
     recording = Replay(path, on_bytes_read)
     header = recording.header
-    leg_of = _leg_of_foot(header)
+    leg_of = leg_of_foot(header)
     if foot not in leg_of:
         raise CalibrationError(
             f"{path}: a recording of {', '.join(leg_of) or 'feet without names'}, not of {foot}; "
@@ -174,7 +174,7 @@ def read_session(
     )
 
 
-def _leg_of_foot(header: dict[str, str]) -> dict[str, str]:
+def leg_of_foot(header: dict[str, str]) -> dict[str, str]:
     """Return the leg on which each foot of a recording was mounted."""
     legs = header["legs"].split(",")
     if "foot" in header and header.get("leg") in legs:

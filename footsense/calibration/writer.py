@@ -25,6 +25,11 @@ from footsense.regular_file import open_regular, read_regular
 _MN_PER_GF = 1e3 * GRAM_FORCE_N
 
 
+#: What a calibration without a reference does not know.
+_BY_STANDING = """,
+without a reference: of a robot that stood. Stiffness and mounting are those known before, or the design's"""
+
+
 def card_text(manifest: Manifest, parameters: Parameters) -> str:
     """Return the summary of a calibrated foot as Markdown.
 
@@ -39,7 +44,7 @@ def card_text(manifest: Manifest, parameters: Parameters) -> str:
     return f"""# {manifest.foot}
 
 A foot of type {manifest.foot_type}, calibrated {manifest.made} by footsense {manifest.footsense}
-on {n_loads} in {n_sessions}{_temperature_text(parameters)}. The
+on {n_loads} in {n_sessions}{_temperature_text(parameters)}{_BY_STANDING if manifest.by_standing else ""}. The
 robot uses these files unchanged, or not at all: it detects and refuses every edit by hand.
 
 ## Errors

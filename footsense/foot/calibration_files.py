@@ -66,6 +66,7 @@ class Manifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
         n_sessions: Number of sessions they are from.
         held_out: Accuracy; None if no load was held out.
         recordings: SHA-256 of every recording used, by file name.
+        by_standing: Whether the newest of its loads are of a robot that stands, whose forces nobody measured.
         files: SHA-256 of every other file, by name.
         sha256: Hash of all entries above.
     """
@@ -79,6 +80,7 @@ class Manifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     n_sessions: Annotated[int, Meta(ge=1)]
     held_out: HeldOutErrors | None
     recordings: Annotated[dict[str, Sha256], Meta(min_length=1)]
+    by_standing: bool = False
     files: dict[str, Sha256] = {}
     sha256: str = ""
 
@@ -93,7 +95,10 @@ class Manifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     @property
     def computed_sha256(self) -> str:
         """SHA-256 of the manifest's entries except `sha256`."""
-        return hashlib.sha256(msgspec.json.encode(msgspec.structs.replace(self, sha256=""))).hexdigest()
+        entries = msgspec.to_builtins(msgspec.structs.replace(self, sha256=""))
+        if not self.by_standing:
+            del entries["by_standing"]  # calibrations from before it have their hash without it
+        return hashlib.sha256(msgspec.json.encode(entries)).hexdigest()
 
     @property
     def recordings_sha256(self) -> str:

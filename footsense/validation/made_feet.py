@@ -20,9 +20,12 @@ from footsense.calibration.calibrate import (
 from footsense.calibration.evaluation import DesignModels
 from footsense.calibration.loads import LoadSet
 from footsense.calibration.rubber_memory import correct_baselines_for_creep
+from footsense.calibration.standing import calibrate_standing
+from footsense.calibration.standing_recording import StandingLoads
 from footsense.errors import CalibrationError
 from footsense.foot.directions import normalized
 from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
+from footsense.foot.parameters import FootParameters
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads, Deviations, Specimen
 from footsense.frames import ELEMENTS, Mask, Vector
@@ -179,10 +182,12 @@ class MadeFootPlan(NamedTuple):
     Attributes:
         every_nth_press: Use one of so many of the paper's 362 presses.
         tests: Test loads by name.
+        standing: Loads at rest of the robot, of which the calibration without a reference knows the readings alone.
     """
 
     every_nth_press: int
     tests: Mapping[str, ContactLoads]
+    standing: ContactLoads
 
 
 def evaluate_made_foot(
@@ -208,8 +213,9 @@ def evaluate_made_foot(
         per_foot_network: Trains a network on this foot's presses alone; None for none.
 
     Returns:
-        `n_loads`, the presses within the converter's range; by calibration, `few` and `all`, in `calibrations`:
-        `distance`, `warned`, `refused`; and in `errors`, by test and estimator (`design`, `few`, `all`, `own_network`),
+        `n_loads`, the presses within the converter's range; by calibration, `few`, `all` and `standing`, in
+        `calibrations`: `distance`, `warned`, `refused`; and in `errors`, by test and estimator (`design`, the
+        calibrations, `own_network`; one by standing that is refused errs as the design),
         the mean errors `deg` and `gf` against the reference, `true_deg` and `true_gf` against truth, the share
         `no_force` of the loads that are left out because there is no force, and `within_2_sigma` of the components;
         None if there is no force at all.
@@ -223,6 +229,7 @@ def evaluate_made_foot(
     few = loads.subset(loads.space_filling_order()[:N_FEW])
     fits = {"few": fit_foot_unchecked(models, few), "all": fit_foot_unchecked(models, loads)}
     parameters = {"design": None} | {name: fit.parameters for name, fit in fits.items()}
+    parameters["standing"], judged_standing = _calibrated_by_standing(models, stand, plan.standing)
     again = with_new_mounting(own, REMOUNT_RMS_DEG, SEED, number, 2)
     rng = np.random.default_rng((SEED, number, 5))
     remounted = PressedFoot(foot_model(truth, again), again.mount, conditions, rng)
@@ -245,9 +252,23 @@ def evaluate_made_foot(
             errors[test]["own_network"] = _errors(read.force_n, test_loads.force_n, force_n)
     return {
         "n_loads": len(loads),
-        "calibrations": {name: _judged(fit) for name, fit in fits.items()},
+        "calibrations": {name: _judged(fit) for name, fit in fits.items()} | {"standing": judged_standing},
         "errors": errors,
     }
+
+
+def _calibrated_by_standing(
+    models: DesignModels, stand: PressedFoot, loads: ContactLoads
+) -> tuple[FootParameters | None, dict[str, float]]:
+    """Return the parameters of a foot that stood, None if they are refused, and how its loads fit."""
+    read = stand.stand_on_floor(loads)
+    read = read.subset(_is_in_converter_range(read))
+    try:
+        found = calibrate_standing(models, StandingLoads(read.capacitance_pf, read.baseline_pf), None)
+    except CalibrationError:
+        return None, {"distance": 0.0, "warned": False, "refused": True}
+    distance = round(float(np.median(found.fit.mahalanobis_distance)), 3)
+    return found.parameters, {"distance": distance, "warned": False, "refused": False}
 
 
 def _is_in_converter_range(loads: LoadSet) -> Mask:

@@ -50,7 +50,15 @@ _foot_type_option = click.option(
 
 @click.command()
 @_recordings_argument
-@foot_option
+@click.option(
+    "--foot", help="The foot, such as foot-0007; with --no-reference, by default every foot that has a name."
+)
+@click.option(
+    "--no-reference",
+    "by_standing",
+    is_flag=True,
+    help="Of a robot that stood in some postures: only what its feet's electrodes tell by themselves.",
+)
 @click.option(
     "--calibrations",
     "folder",
@@ -65,22 +73,34 @@ _foot_type_option = click.option(
 @json_option
 def calibrate(
     recordings: tuple[Path, ...],
-    foot: str,
+    foot: str | None,
     folder: Path,
     foot_type_folder: Path | None,
     hold_out: str | None,
     *,
+    by_standing: bool,
     replace: bool,
     as_json: bool,
 ) -> None:
     """Fit the parameters in which a foot differs from its design, and write its calibration.
 
-    The RECORDINGS are those of `footsense test-stand record --reference`, one or more of each session.
-    """
+    The RECORDINGS are those of `footsense test-stand record --reference`, one or more of each session; with
+    --no-reference of `footsense run --record` while the robot stands in five or more postures, a second each, and
+    hangs free at the begin and at the end.
+    """  # noqa: DOC501
+    if by_standing:
+        if hold_out is not None:
+            raise click.UsageError("--hold-out needs a reference")
+        from footsense.cli.test_stand.standing import calibrate_by_standing
+
+        calibrate_by_standing(recordings, foot, folder, foot_type_folder, replace=replace, as_json=as_json)
+        return
+    if foot is None:
+        raise click.UsageError("--foot names the foot on the test stand, such as foot-0007")
     began_ns = stopwatch_ns()
     check_calibration_target(folder / foot, replace=replace)
     sessions = _read_sessions(recordings, foot)
-    models, design = _load_design_models(sessions[0].foot_type, foot_type_folder)
+    models, design = load_design_models(sessions[0].foot_type, foot_type_folder)
     result = calibrate_sessions(models, sessions, hold_out)
     manifest = Manifest(
         foot=foot,
@@ -151,7 +171,7 @@ def evaluate(
         ensure_writable_folder(error_map.parent)
     sessions = _read_sessions(recordings, foot)
     foot_type = sessions[0].foot_type
-    models, _ = _load_design_models(foot_type, foot_type_folder)
+    models, _ = load_design_models(foot_type, foot_type_folder)
     parameters = None
     calibration = _calibration_of(folder, foot, foot_type)
     if calibration is not None:
@@ -288,7 +308,7 @@ def _read_sessions(recordings: tuple[Path, ...], foot: str) -> list[RecordedSess
     return sessions
 
 
-def _load_design_models(foot_type: str, folder: Path | None) -> tuple[DesignModels, Path]:
+def load_design_models(foot_type: str, folder: Path | None) -> tuple[DesignModels, Path]:
     """Load the models (network, response table) of a foot type; return them and their folder.
 
     Args:

@@ -46,6 +46,8 @@ _N_FEET, _QUICK_N_FEET = 20, 2
 _QUICK_EVERY, _QUICK_EPOCHS = 9, 300
 #: Loads over the whole range, their sizes, and the lowest elevation of force and normal, with a mount that is turned.
 _N_RANGE, _RANGE_GF, _MIN_ELEVATION_DEG = 180, (20.0, 200.0), 32.0
+#: Postures of a robot whose feet are calibrated by standing: sizes of the loads, and lowest elevation [deg].
+_N_POSTURES, _POSTURE_GF, _MIN_POSTURE_ELEVATION_DEG = 20, (20.0, 120.0), 70.0
 
 #: Rms levels of causes: none, and those of feet and test stand on which the paper's procedure errs as in the paper.
 _EXACT = asdict(FootTolerances()) | asdict(EXACT_CONDITIONS)
@@ -123,7 +125,10 @@ def compute(context: StudyContext) -> Values:
         "centred": ContactLoads.centred(paper_presses("verification")),
         "range": leaning_loads(context.foot_design.loads, _N_RANGE, _RANGE_GF, _MIN_ELEVATION_DEG, SEED),
     }
-    plan = MadeFootPlan(_QUICK_EVERY if context.quick else 1, tests)
+    postures = leaning_loads(
+        context.foot_design.loads, _N_POSTURES, _POSTURE_GF, _MIN_POSTURE_ELEVATION_DEG, SEED + 1
+    )
+    plan = MadeFootPlan(_QUICK_EVERY if context.quick else 1, tests, postures)
     evaluate = partial(_evaluate, context.models.resolve(), plan, epochs)
     parts = [(name, tables[_KINDS[name].table], number) for name in names for number in range(n_feet)]
     feet = each(evaluate, parts)
@@ -181,7 +186,7 @@ def _columns(feet: list[dict[str, Any]]) -> Values:
         for test in ("centred", "range"):
             errors = [foot["errors"][test][estimator] or {} for foot in feet]
             columns[estimator][test] = {name: [one.get(name) for one in errors] for name in _FIGURES}
-    for name in ("few", "all"):
+    for name in ("few", "all", "standing"):
         judged = [foot["calibrations"][name] for foot in feet]
         columns[name] |= {key: [one[key] for one in judged] for key in judged[0]}
     return columns
@@ -228,6 +233,7 @@ def text(values: Values) -> str:
     estimators = {
         "own_network": "the paper's procedure: a network trained on the foot's own loads",
         "design": "uncalibrated: the released network",
+        "standing": f"calibrated by standing in {_N_POSTURES} postures, without a reference",
         "few": f"calibrated with {N_FEW} loads",
         "all": "calibrated with all loads",
     }
@@ -293,6 +299,12 @@ Calibrated with all loads:
 Calibrated with {N_FEW} loads:
 
 {_kind_table(values, "few")}
+
+Calibrated by standing (`--no-reference`), in {_N_POSTURES} postures of {_POSTURE_GF[0]:g} to {_POSTURE_GF[1]:g} gf, within {90 - _MIN_POSTURE_ELEVATION_DEG:g} deg of upright,
+one reading each, on creeping rubber. Mount and stiffness stay unknown: the stiffness is most of the error of
+magnitude, the mount of {PAPER_TOLERANCES.mount_deg:g} deg rms most of that of direction.
+
+{_kind_table(values, "standing")}
 
 - Worst foot over the range, of those whose calibration with all loads passes: {deg:.2f} deg ({deg_kind}) and {gf:.2f} gf ({gf_kind}).
 - All refused with all loads: {refused or "none"}.

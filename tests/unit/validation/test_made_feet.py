@@ -35,7 +35,9 @@ def _plan() -> MadeFootPlan:
     direction = random_directions(rng, 60, 50.0)
     normal = normalized(direction + np.radians(12.0) * rng.normal(size=direction.shape))
     leaning = ContactLoads(normal, 60.0 * GRAM_FORCE_N * direction)
-    return MadeFootPlan(6, {"centred": ContactLoads.centred(centred), "leaning": leaning})
+    upright = random_directions(rng, 15, 70.0)
+    postures = ContactLoads.centred(np.linspace(0.2, 1.0, 15)[:, None] * upright)
+    return MadeFootPlan(6, {"centred": ContactLoads.centred(centred), "leaning": leaning}, postures)
 
 
 def test_a_calibrated_foot_reads_leaning_loads() -> None:
@@ -48,10 +50,18 @@ def test_a_calibrated_foot_reads_leaning_loads() -> None:
         assert errors["all"]["within_2_sigma"] > 0.8
 
 
+def test_a_foot_that_stood_reads_loads_but_for_its_mount() -> None:
+    """Nobody measured a force; 3 deg rms of mount stay, and the stiffness does."""
+    found = evaluate_made_foot(design(), design().response, PressConditions(), _plan(), 1)
+    assert not found["calibrations"]["standing"]["refused"]
+    for errors in found["errors"].values():
+        assert errors["standing"]["true_deg"] < min(6.0, 0.4 * errors["design"]["true_deg"])
+
+
 def test_a_careless_test_stand_is_refused_and_loads_without_a_force_are_counted() -> None:
     stand = PressConditions(force_noise_steps=1.1, lean_rms_deg=2.15)
     heavy = ContactLoads.centred(2.5 * paper_presses("verification")[::5])
-    plan = MadeFootPlan(6, {"heavy": heavy})
+    plan = MadeFootPlan(6, {"heavy": heavy}, _plan().standing)
     found = evaluate_made_foot(design(), design().response, stand, plan, 1)
     assert found["calibrations"]["all"]["refused"]
     assert not found["calibrations"]["all"]["warned"]

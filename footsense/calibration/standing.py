@@ -1,0 +1,141 @@
+"""Calibrate feet by standing, without a reference sensor: what the loads of some postures tell of the electrodes.
+
+Nobody knows these forces. The foot's mount and the stiffness of its rubber stay as they were: no reading tells them.
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from footsense.calibration.calibrate import MAX_MEDIAN_MAHALANOBIS_DISTANCE, MIN_LOADS
+from footsense.calibration.evaluation import DesignModels
+from footsense.calibration.parameter_fit import PredictedUncertainty
+from footsense.calibration.standing_fit import StandingFit, fit_electrodes
+from footsense.calibration.standing_recording import StandingLoads
+from footsense.calibration.twin import GAIN, GAP, N_PARAMETERS, STRAY, FootTwin
+from footsense.errors import CalibrationError
+from footsense.estimation.network import steady_windows
+from footsense.foot.contact_coordinates import contact_coordinates, contact_loads
+from footsense.foot.directions import angles_between_deg
+from footsense.foot.parameters import FootParameters
+from footsense.frames import Vector
+
+#: Largest predicted direction error with which gains count as known [deg]: a tenth of a carelessly made foot's.
+_MAX_PREDICTED_DEG = 1.5
+#: Share of the loaded time that a foot has to stand still, below which motion is the reason for too few loads [1].
+_MIN_STILL_SHARE = 0.2
+#: Postures whose loads tell an element's gain from another's.
+_MORE_POSTURES = "lean the body forward, back, to the left and to the right, and stand on fewer legs"
+#: Median angle of a direction error over the standard deviation of each of its components [1].
+_MEDIAN_OVER_SIGMA = 1.177
+
+
+class StandingCalibration(NamedTuple):
+    """Parameters of a foot by standing.
+
+    Attributes:
+        parameters: Parameters of the foot; stiffness and mount are those that were known.
+        fit: Fit of its electrodes.
+        predicted_uncertainty: Force errors expected from what remains unknown of the electrodes.
+        turned_deg: Median angle between the forces of its loads with these parameters and as known before [deg].
+    """
+
+    parameters: FootParameters
+    fit: StandingFit
+    predicted_uncertainty: PredictedUncertainty
+    turned_deg: float
+
+    @property
+    def gain_sigma_rel(self) -> Vector:
+        """Standard deviation of the gain of each element [1], shape (9,), of which they have a part in common."""
+        sigma: Vector = np.sqrt(np.diag(self.fit.covariance)[GAIN])
+        return sigma
+
+
+def calibrate_standing(
+    models: DesignModels, loads: StandingLoads, known: FootParameters | None
+) -> StandingCalibration:
+    """Fit the electrodes of a foot to its loads at rest; raise an error if they do not tell them.
+
+    Args:
+        models: Models of its type.
+        loads: Its loads.
+        known: Parameters of an earlier calibration, of which stiffness and mount are kept, and from which the
+            electrodes are expected to differ as from a design; None for a foot as designed.
+
+    Raises:
+        CalibrationError: The loads are too few or too alike, or of no foot of this type.
+    """
+    if len(loads) < MIN_LOADS:
+        raise CalibrationError(_too_few_text(loads))
+    design, response = models.response.design, models.response
+    baseline_pf, readings_pf = loads.unloaded_pf, loads.drift_corrected_pf
+    if known is None:
+        known = FootParameters(
+            stray_pf=np.zeros(9), unloaded_pf=baseline_pf, gap_um=np.full(9, design.gap_um)
+        )
+    expected = np.zeros(N_PARAMETERS)
+    expected[STRAY], expected[GAIN] = known.stray_pf, known.gain_rel - 1.0
+    expected[GAP] = known.gap_um - design.gap_um
+    twin, network = FootTwin(response, baseline_pf), models.network_for_rows(len(loads))
+    start = network.estimate(steady_windows(_closure_rel(models, known, readings_pf, baseline_pf)))
+    coordinates = contact_coordinates(start.force_n, start.contact_point_and_friction)
+    fit = fit_electrodes(twin, readings_pf, baseline_pf, coordinates, expected)
+    distance = float(np.median(fit.mahalanobis_distance))
+    if distance > MAX_MEDIAN_MAHALANOBIS_DISTANCE:
+        raise CalibrationError(
+            f"half of the loads are {distance:.0f} standard deviations or more from any foot of this type, about 2 are "
+            "usual; check that the foot is of this type and undamaged, and that it hung free where it read unloaded"
+        )
+    predicted = fit.predicted_uncertainty(twin)
+    if predicted.median_direction_error_deg > _MAX_PREDICTED_DEG:
+        raise CalibrationError(
+            f"{len(loads)} different loads at rest leave half of all directions uncertain by "
+            f"{predicted.median_direction_error_deg:.1f} deg or more, at most {_MAX_PREDICTED_DEG:g} make a "
+            f"calibration: they are too alike; {_MORE_POSTURES}"
+        )
+    electrodes = replace(
+        known,
+        stray_pf=fit.parameters[STRAY],
+        unloaded_pf=baseline_pf,
+        gap_um=twin.gap_um(fit.parameters),
+        gain_rel=1.0 + fit.parameters[GAIN],
+    )
+    force_n = network.estimate(
+        steady_windows(_closure_rel(models, electrodes, readings_pf, baseline_pf))
+    ).force_n
+    fitted_n = contact_loads(fit.coordinates).force_n
+    residual_rel = np.median(
+        np.linalg.norm(force_n - fitted_n, axis=1) / np.linalg.norm(fitted_n, axis=1)
+    ) / np.sqrt(3.0)
+    unknown_rel = np.radians(predicted.median_direction_error_deg) / _MEDIAN_OVER_SIGMA
+    parameters = replace(
+        electrodes, error_rel=max(known.error_rel, float(np.hypot(residual_rel, unknown_rel)))
+    )
+    turned_deg = float(np.median(angles_between_deg(start.force_n, force_n)))
+    return StandingCalibration(parameters, fit, predicted, turned_deg)
+
+
+def _closure_rel(
+    models: DesignModels, foot: FootParameters, readings_pf: Vector, baseline_pf: Vector
+) -> Vector:
+    """Return the network's inputs [1], shape (n, 9), as the robot computes them with a foot's parameters."""
+    design = models.response.design
+    closure_um = design.closure_um(readings_pf - foot.stray_pf, baseline_pf - foot.stray_pf)
+    closure_rel: Vector = closure_um / design.gap_um / foot.gain_rel
+    return closure_rel
+
+
+def _too_few_text(loads: StandingLoads) -> str:
+    """Return why there are too few loads, and what would be right."""
+    alike = f", and {loads.n_alike} like one of them" if loads.n_alike else ""
+    found = f"{len(loads)} different loads at rest{alike}; at least {MIN_LOADS} make a calibration"
+    if loads.loaded_s == 0.0:
+        return f"{found}: it never carried a load; stand on it in several postures"
+    if loads.standing_s < _MIN_STILL_SHARE * loads.loaded_s:
+        return (
+            f"{found}: it stood still for {loads.standing_s:.1f} of {loads.loaded_s:.1f} s under load; hold each "
+            "posture for a second"
+        )
+    return f"{found}: {_MORE_POSTURES}"
