@@ -1,9 +1,10 @@
 """Connection of one leg: finding and timing its chips, and whether it is part of the scan or left out of it.
 
-A leg that fails for three scans in a row is left out, so that it costs the others no time, and tried again with growing
-pauses, at most one leg per scan. The same resets a converter that answers but never finishes, which frees a hung
-FDC1004. A leg that holds a line low is left out at once and tried more rarely: each try costs the others an adapter
-timeout.
+A leg that fails for 27 conversions in a row, three scans of one converter or nine of three, is left out, so that it
+costs the others no time, and tried again with growing pauses, at most one leg per scan. By then it has been silent for
+so long that it is tared again; a cable that breaks for 20 ms does not cost that. The same resets a converter that
+answers but never finishes, which frees a hung FDC1004. A leg that holds a line low is left out at once and tried more
+rarely: each try costs the others an adapter timeout.
 
 The clock of a converter is inaccurate: the plan waits 2 % longer than the nominal time. A chip that needs more gets it,
 and so do the legs that convert at the same time; else the lines of the next element would be switched before it has
@@ -29,7 +30,8 @@ from footsense.ports import Clock, I2cBus, Transaction
 
 _log = logging.getLogger(__name__)
 
-#: Scans in a row with a missing reading before a leg is left out.
+#: Scans in a row with a missing reading before a leg is left out, for each of its converters: with more, a scan is
+#: shorter.
 _MISSED_SCANS_BEFORE_LEAVING = 3
 #: Scans in a row with a late conversion before a converter is timed: once may be a fault that has passed.
 _LATE_SCANS_BEFORE_TIMING = 2
@@ -91,6 +93,7 @@ class LegConnection:
         self.doubted: ConversionStep | None = None
         self.temperature_c = float("nan")
         self._misses = 0
+        self._most_misses = n_converters * _MISSED_SCANS_BEFORE_LEAVING
         self._pause_ns = _FIRST_PAUSE_NS
         self._has_several_converters, self._why = n_converters > 1, ""
 
@@ -135,7 +138,7 @@ class LegConnection:
         self.is_timed &= self._n_late_scans < _LATE_SCANS_BEFORE_TIMING
 
     def count_misses(self, readings: Codes, now_ns: int) -> None:
-        """Count consecutive scans with a missing reading; after three, leave the leg out of the scan for a while.
+        """Count consecutive scans with a missing reading; after a few, leave the leg out of the scan for a while.
 
         Args:
             readings: How each element answered, shape (elements,), uint8 of `Reading`.
@@ -150,7 +153,7 @@ class LegConnection:
             return
         self.is_suspect = True
         self._misses += 1
-        if self._misses >= _MISSED_SCANS_BEFORE_LEAVING:
+        if self._misses >= self._most_misses:
             self.leave_scan(missing[0], now_ns)
 
     def leave_scan(
