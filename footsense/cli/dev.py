@@ -55,7 +55,10 @@ def _measure_all(n_cycles: int, wakeup_s: float) -> dict[str, Any]:
         "conversion_limit_ms": min_scan_period_by_conversions_ms(),
         "age_ms": newest_reading_age_ms(),
         "cycle_us": compare_cycle_durations(scans),
-        "virtual_feet": measure_virtual_feet(),
+        "virtual_feet": {
+            "columns": measure_virtual_feet("fdc1004_columns"),
+            "one_converter": measure_virtual_feet("fdc1004"),
+        },
         "wakeup_latency_us": measure_wakeup_latency(scans, wakeup_s),
         **_start_and_memory(),
     }

@@ -1,46 +1,80 @@
 """Thousands of feet at once, for whoever trains a controller: contact forces in, what the service would publish out.
 
-The chain of the service in arrays, without a bus: every conversion reads the next element of all feet in the order of a
-scan, under the load at its middle, with the converter's noise; every fourth the network estimates the forces of the
-time of sending from the last three readings of each element, which are published. Network, response table and limits of
-a usable force are the service's.
+The chain of the service in arrays, without a bus: every conversion reads the next row of all feet, or the next element
+of feet with one converter, under the load at its middle, with the converter's noise; every fourth the network estimates
+the forces of the time of sending from the last three readings of each element, which are published. Network, response
+table and limits of a usable force are the service's.
 
 Left out: rubber's memory, temperature and differences between made feet; faults but for breaks of a cable; the way over
 CAN (up to 3 ms of frames for six legs); the search for the element that contradicts the others, so that only overload
 makes a foot `DEGRADED`. The error of a baseline is constant, where the service's follows the swing.
 """
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from firmware_interface.chips import fdc1004
 from firmware_interface.conversion_order import CONVERSION_ORDERS
+from footsense.errors import ModelError
 from footsense.estimation.elements import inconsistency_sigma_rel
 from footsense.estimation.missing_elements import MAX_OVERLOADED, Imputation
 from footsense.estimation.network import READINGS, Network, sensitivity
 from footsense.estimation.pipeline import MAX_SIGMA_REL, with_inconsistency
 from footsense.foot.gap_contact import CELLS_PER_ELEMENT
+from footsense.foot.network_card import NETWORK_FILES
 from footsense.foot.response_table import FootResponse, series_basis
 from footsense.foot.specimen import Specimen
 from footsense.foot.type_folders import foot_type_folder
-from footsense.frames import ELEMENTS, IS_USABLE_STATE, Codes, Mask, State, Vector
+from footsense.frames import ELEMENTS, IS_USABLE_STATE, ROWS, Codes, Mask, State, Vector
 from footsense.ports import Window
 
-#: From one conversion to the next, and from the middle of one to the sending of a force [s]: as measured of the service
-#: with six legs on one bus of 400 kHz at 400 conversions a second, 40 us of host for each transaction.
-STEP_S, SEND_DELAY_S = 2.7476e-3, 3.17e-3
+
+class _Scan(NamedTuple):
+    """How the service reads six legs with a board, at 400 conversions a second and 40 us of host for each transaction.
+
+    Attributes:
+        network: What a conversion reads, a key of `NETWORK_FILES`.
+        elements: Elements that each conversion of a scan reads.
+        step_s: From one conversion to the next [s].
+        send_delay_s: From the middle of a conversion to the sending of a force [s].
+        absent_s: How long a foot is absent whose cable breaks for 20 ms [s].
+        stale_s: How long its readings are then too old [s].
+    """
+
+    network: str
+    elements: tuple[slice, ...]
+    step_s: float
+    send_delay_s: float
+    absent_s: float
+    stale_s: float
+
+
+#: By board, on two buses and on one of 400 kHz; times as measured of the service.
+_SCANS = {
+    "fdc1004_columns": _Scan(
+        network="rows",
+        elements=tuple(slice(first, first + ROWS) for first in range(0, ELEMENTS, ROWS)),
+        step_s=2.644e-3,
+        send_delay_s=3.46e-3,
+        absent_s=33e-3,
+        stale_s=5e-3,
+    ),
+    "fdc1004": _Scan(
+        network="elements",
+        elements=tuple(slice(element, element + 1) for element in CONVERSION_ORDERS["lo_shu"]),
+        step_s=2.7476e-3,
+        send_delay_s=3.17e-3,
+        absent_s=57e-3,
+        stale_s=21e-3,
+    ),
+}
 #: Conversions of each published force.
 PUBLISH_EVERY = 4
-#: How long a foot is absent whose cable breaks for 20 ms, and how long its readings are then too old [s].
-ABSENT_S, STALE_S = 62e-3, 24e-3
 #: Error of a foot's baseline, and what the service assumes of it and of the noise in a walk [pF].
 _BASELINE_ERROR_PF, _BASELINE_SIGMA_PF, _NOISE_SIGMA_PF = 0.3e-3, 0.54e-3, 1.1e-3
 
-_ORDER = CONVERSION_ORDERS["lo_shu"]
-#: Position of each element in it.
-_POSITION: NDArray[np.intp] = np.argsort(np.array(_ORDER))
 Single = NDArray[np.float32]
 _NOISE_PF = fdc1004.RATES[400].noise_ff * 1e-3
 #: Free closure over the gap from which an element is saturated for certain [1].
@@ -72,12 +106,14 @@ class VirtualFeet:
     Args:
         n_feet: Number of feet.
         foot_type: A released foot type, or a folder with a slash in its name.
+        board: Electronics of a foot, as in a robot file: three converters that read a row at once, or one.
         cable_breaks_per_s: Mean rate at which the cable of a foot breaks for 20 ms; a foot is then without force for
-            86 ms [1/s].
+            38 ms, with board `fdc1004` for 78 ms [1/s].
         seed: Seed of everything random.
 
     Raises:
-        ModelError: The models of the foot type are missing or damaged.
+        ModelError: The models of the foot type are missing or damaged, or there is no network for the board.
+        ValueError: The board is another.
 
     Example:
         >>> feet = VirtualFeet(2)
@@ -93,12 +129,21 @@ class VirtualFeet:
         n_feet: int,
         foot_type: str = "aoyagi-3x3",
         *,
+        board: Literal["fdc1004_columns", "fdc1004"] = "fdc1004_columns",
         cable_breaks_per_s: float = 0.0,
         seed: int = 0,
     ) -> None:
+        if board not in _SCANS:
+            raise ValueError(f"board: {' or '.join(_SCANS)}, got {board}")
+        self._scan = scan = _SCANS[board]
         folder = foot_type_folder(foot_type)
+        path = folder / NETWORK_FILES[scan.network]
+        if not path.exists():
+            raise ModelError(
+                f"{path}: no network for board {board}; `footsense lab build --board {board}` makes it"
+            )
         self._response = response = FootResponse.load(folder / "response.npz")
-        self._network = Network(folder / "network.onnx", n_feet)
+        self._network = Network(path, n_feet)
         self._trained = trained = self._network.card.trained_inputs
         self._design = design = trained.design
         self._specimen = Specimen(response)
@@ -108,15 +153,20 @@ class VirtualFeet:
         self._residual = self._imputation.residuals(np.eye(ELEMENTS), self._none, self._none)
         self._max_closure_rel = trained.max_usable_closure_rel(np.full(ELEMENTS, design.gap_um))
         self._random = np.random.default_rng(seed)
-        self._break_probability = -np.expm1(-cable_breaks_per_s * PUBLISH_EVERY * STEP_S)
-        # Coefficients of the cells of each element: shape (elements, products, 2 * 3 * cells).
+        self._break_probability = -np.expm1(-cable_breaks_per_s * PUBLISH_EVERY * scan.step_s)
+        # Of the cells that each conversion reads: shape (products, 2 * 3 * elements * cells).
         coefficients = response.closure_coefficients.reshape(2, -1, 3, ELEMENTS, CELLS_PER_ELEMENT)
-        self._coefficients = np.ascontiguousarray(
-            coefficients.transpose(3, 1, 0, 2, 4).reshape(ELEMENTS, coefficients.shape[1], -1), np.float32
-        )
+        coefficients = coefficients.swapaxes(0, 1).astype(np.float32)
+        self._coefficients = [
+            coefficients[:, :, :, elements].reshape(len(coefficients), -1) for elements in scan.elements
+        ]
+        # Position of the conversion that reads each element in the scan.
+        self._position: NDArray[np.intp] = np.empty(ELEMENTS, np.intp)
+        for position, elements in enumerate(scan.elements):
+            self._position[elements] = position
         unloaded_pf = np.array([design.unloaded_pf])
         self._lowest_z = np.sin(np.radians(response.min_elevation_deg))
-        alone = sensitivity(Network(folder / "network.onnx", 1), 1, trained.moments)
+        alone = sensitivity(Network(path, 1), 1, trained.moments)
         closure_per_pf = design.plate_distance_um(unloaded_pf) / design.gap_um / unloaded_pf
         self._sigma_n = closure_per_pf * np.hypot(
             _BASELINE_SIGMA_PF * alone.force_sigma_n_per_baseline_error,
@@ -183,17 +233,18 @@ class VirtualFeet:
         if not np.allclose(np.square(normal[loaded]).sum(axis=1), 1.0, atol=1e-3):
             raise ValueError("the normal of the ground at a loaded foot has to be a unit vector")
         if self._n_conversions == 0:
-            self._start_s, self._t_s, self._force_n = t_s, t_s - STEP_S, force_n
+            self._start_s, self._t_s, self._force_n = t_s, t_s - self._scan.step_s, force_n
         self._normal = np.where(loaded[:, None], normal, self._normal)
         self._convert_until(t_s, force_n)
         self._t_s, self._force_n = t_s, force_n.copy()
-        while self._unsent and self._unsent[0][0] + SEND_DELAY_S <= t_s:
+        while self._unsent and self._unsent[0][0] + self._scan.send_delay_s <= t_s:
             self._middle_s, self._published = self._unsent.pop(0)
         return self._published._replace(age_s=round(t_s - self._middle_s, 6))
 
     def _convert_until(self, t_s: float, force_n: Vector) -> None:
         """Run the conversions up to a time [s], and estimate the forces that are not out of date by then."""
-        n_conversions = int((t_s - self._start_s) / STEP_S) + 1
+        scan = self._scan
+        n_conversions = int((t_s - self._start_s) / scan.step_s) + 1
         if n_conversions == self._n_conversions:
             return
         rows = np.flatnonzero(force_n.any(axis=1) | self._force_n.any(axis=1))
@@ -208,54 +259,63 @@ class VirtualFeet:
         response = self._response
         basis = series_basis(normal, response.degree, response.fit_elevation_deg).astype(np.float32)
         for number in range(self._n_conversions, n_conversions):
-            middle_s = self._start_s + number * STEP_S
+            middle_s = self._start_s + number * scan.step_s
             share = (middle_s - self._t_s) / (t_s - self._t_s)
             now_n = self._force_n[rows] + share * (force_n - self._force_n)[rows]
-            self._read(_ORDER[number % ELEMENTS], rows, basis, normal, now_n)
+            self._read(number % len(scan.elements), rows, basis, normal, now_n)
             if number % PUBLISH_EVERY == PUBLISH_EVERY - 1:
-                self._break_cables(middle_s + SEND_DELAY_S)
-                if middle_s + SEND_DELAY_S + PUBLISH_EVERY * STEP_S > t_s:
-                    self._unsent.append((middle_s, self._estimate(number, middle_s + SEND_DELAY_S)))
+                sent_s = middle_s + scan.send_delay_s
+                self._break_cables(sent_s)
+                if sent_s + PUBLISH_EVERY * scan.step_s > t_s:
+                    self._unsent.append((middle_s, self._estimate(number, sent_s)))
         self._n_conversions = n_conversions
 
     def _read(
-        self, element: int, rows: NDArray[np.intp], basis: Single, normal: Vector, force_n: Vector
+        self, position: int, rows: NDArray[np.intp], basis: Single, normal: Vector, force_n: Vector
     ) -> None:
-        """Read an element of all feet, of which those in some rows are loaded."""
-        design = self._design
-        capacitance_pf = np.full(len(self._force_n), design.unloaded_pf)
-        per_newton_um = (basis @ self._coefficients[element]).reshape(len(rows), 2, 3, CELLS_PER_ELEMENT)
+        """Make a conversion of the scan with all feet, of which those in some rows are loaded."""
+        design, elements = self._design, self._scan.elements[position]
+        n_read = elements.stop - elements.start
+        capacitance_pf = np.full((len(self._force_n), n_read), design.unloaded_pf)
+        per_newton_um = basis @ self._coefficients[position]
+        per_newton_um = per_newton_um.reshape(len(rows), 2, 3, n_read * CELLS_PER_ELEMENT)
         patch_mm2 = np.square(self._response.patch_radius_mm(normal, force_n))
         weights = np.stack([force_n, patch_mm2[:, None] * force_n], axis=1).astype(np.float32)
         free_um = np.einsum("rpi,rpic->rc", weights, per_newton_um)
+        free_um = free_um.reshape(len(rows), n_read, CELLS_PER_ELEMENT)
         closure_um = np.minimum(free_um, design.gap_um)
-        self._closed[:, element] = False
-        self._closed[rows, element] = (free_um > design.gap_um).any(axis=1)
+        self._closed[:, elements] = False
+        self._closed[rows, elements] = (free_um > design.gap_um).any(axis=2)
         touching = self._closed[rows].any(axis=1) & (
-            free_um.mean(axis=1) < _CERTAIN_SATURATION * design.gap_um
-        )
+            free_um.mean(axis=2) < _CERTAIN_SATURATION * design.gap_um
+        ).any(axis=1)
         if touching.any():
             cells_um = self._specimen.cell_closures_um(normal[touching], force_n[touching])
-            closure_um[touching] = cells_um.reshape(-1, ELEMENTS, CELLS_PER_ELEMENT)[:, element]
-        capacitance_pf[rows] = design.capacitance_pf(closure_um).mean(axis=1)
-        capacitance_pf += _NOISE_PF * self._random.normal(size=len(capacitance_pf))
-        self._over_range[:, element] = capacitance_pf >= _FULL_SCALE_PF
-        measured_um = design.closure_um(np.minimum(capacitance_pf, _FULL_SCALE_PF), self._baseline_pf)
-        readings = self._closure_rel[:, :, element]
+            closure_um[touching] = cells_um.reshape(-1, ELEMENTS, CELLS_PER_ELEMENT)[:, elements]
+        capacitance_pf[rows] = design.capacitance_pf(closure_um).mean(axis=2)
+        capacitance_pf += _NOISE_PF * self._random.normal(size=capacitance_pf.shape)
+        self._over_range[:, elements] = capacitance_pf >= _FULL_SCALE_PF
+        measured_um = design.closure_um(
+            np.minimum(capacitance_pf, _FULL_SCALE_PF), self._baseline_pf[:, None]
+        )
+        readings = self._closure_rel[:, :, elements]
         readings[:, 1:] = readings[:, :-1].copy()
         readings[:, 0] = measured_um / design.gap_um
 
     def _break_cables(self, now_s: float) -> None:
         broken = self._random.random(len(self._absent_until_s)) < self._break_probability
-        self._absent_until_s[broken] = now_s + ABSENT_S
-        self._stale_until_s[broken] = now_s + ABSENT_S + STALE_S
+        # Since the last published force, at any time.
+        since_s = PUBLISH_EVERY * self._scan.step_s * self._random.random(np.count_nonzero(broken))
+        self._absent_until_s[broken] = now_s - since_s + self._scan.absent_s
+        self._stale_until_s[broken] = self._absent_until_s[broken] + self._scan.stale_s
 
     def _estimate(self, number: int, sent_s: float) -> VirtualForces:
         """Return the forces of a time of sending [s] from the readings up to a conversion."""
-        trained, newest_rel = self._trained, self._closure_rel[:, 0]
-        since = np.mod(number - _POSITION, ELEMENTS) + ELEMENTS * np.arange(READINGS)[:, None]
+        trained, scan, newest_rel = self._trained, self._scan, self._closure_rel[:, 0]
+        n = len(scan.elements)
+        since = np.mod(number - self._position, n) + n * np.arange(READINGS)[:, None]
         closure_rel = np.clip(self._closure_rel, trained.closure_rel_min, trained.closure_rel_max)
-        age_s = np.broadcast_to(SEND_DELAY_S + STEP_S * since, closure_rel.shape)
+        age_s = np.broadcast_to(scan.send_delay_s + scan.step_s * since, closure_rel.shape)
         load = self._network.estimate(Window(closure_rel, age_s, self._none_missing))
         force_n, size_n = load.force_n, np.linalg.norm(load.force_n, axis=1)
         max_sigma_n = MAX_SIGMA_REL * trained.max_force_n
