@@ -1,6 +1,7 @@
 """`footsense lab fabricate`: fabrication files of a foot (STEP, Gerber, DXF, documents)."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -8,6 +9,9 @@ from footsense.cli.lab import options
 from footsense.cli.options import FOLDER
 from footsense.daemon.foot_types import released_path
 from footsense.errors import ConfigError, ModelError, require
+
+if TYPE_CHECKING:
+    from footsense.lab.fabrication.parts.flex import Board
 
 #: Libraries of the extra `fabrication`.
 _REQUIRED_PACKAGES = ("ezdxf", "shapely")
@@ -20,7 +24,14 @@ _REQUIRED_PACKAGES = ("ezdxf", "shapely")
     "--process",
     help="As for `lab design`; without it the first that has the foot's film.",
 )
-def fabricate(*, foot: str, out: Path, process: str | None) -> None:
+@click.option(
+    "--board",
+    type=click.Choice(["fdc1004_columns", "fdc1004"]),
+    default="fdc1004_columns",
+    show_default=True,
+    help="Electronics of the foot: three converters, or one, whose flexes ad7746 has too.",
+)
+def fabricate(*, foot: str, out: Path, process: str | None, board: "Board") -> None:
     """Write the files that a foot is made from.
 
     STEP, Gerber, DXF, parts, tolerances, steps, checklist.
@@ -36,14 +47,15 @@ def fabricate(*, foot: str, out: Path, process: str | None) -> None:
     design = load_foot(path)
     options.ensure_writable_folder(out)
     try:
-        package = write_package(design, out, process)
+        package = write_package(design, out, process, board)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from error
     element = package.expected
     range_pf = f"{element.min_unloaded_pf:.2f} to {element.max_unloaded_pf:.2f}"
     click.echo(
-        f"wrote {out}, process {package.assumed.process_name}: elements of {element.unloaded_pf:.2f} pF ({range_pf}), "
-        f"{element.plate_formula_pf:.2f} as designed and {element.fringe_pf:.2f} of the field at their edges"
+        f"wrote {out}, board {board}, process {package.assumed.process_name}: elements of "
+        f"{element.unloaded_pf:.2f} pF ({range_pf}), {element.plate_formula_pf:.2f} as designed and "
+        f"{element.fringe_pf:.2f} of the field at their edges"
     )
 
 

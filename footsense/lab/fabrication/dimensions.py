@@ -3,6 +3,8 @@
 Every figure is one that common offers of 2024 to 2026 hold without a surcharge; none is of one maker.
 """
 
+import math
+
 # ------------------------------------------------------------------------------------------------ flexible circuits
 #: Least width of a trace and least distance of two nets, of one layer of copper of 12 um [mm].
 MIN_TRACE_MM = 0.075
@@ -56,11 +58,25 @@ SPRUE_DIAMETER_MM = 4.0
 MOULD_VENT_DIAMETER_MM = 1.5
 #: Tapped holes for the leg, M2.5: core diameter, depth, and number on the circle.
 CORE_MM, CORE_DEPTH_MM, SCREWS = 2.05, 5.0, 4
-#: Play of a tail in its channel on the socket on either side, and depth of the channel [mm].
+#: Play of a tail in its channel on the socket on either side, depth of the channel in its middle, and at its sides at
+#: least [mm].
 TAIL_CHANNEL_PLAY_PER_SIDE_MM = 0.25
 TAIL_CHANNEL_DEPTH_MM = 0.8
+MIN_TAIL_CHANNEL_SIDE_MM = 0.4
 
 
 def socket_outer_radius_mm(ball_radius_mm: float) -> float:
     """Return the outer radius of the socket for a ball of given radius [mm]."""
     return ball_radius_mm + ADHESIVE_THICKNESS_MM + SOCKET_WALL_MM
+
+
+def channel_floor_mm(ball_radius_mm: float, half_width_mm: float) -> float:
+    """Return the distance of the floor of a tail's channel from the axis of the socket [mm].
+
+    Args:
+        ball_radius_mm: Radius of the ball [mm].
+        half_width_mm: Half the width of the channel, less than the outer radius of the socket [mm].
+    """
+    outer_mm = socket_outer_radius_mm(ball_radius_mm)
+    at_sides_mm = math.sqrt(outer_mm**2 - half_width_mm**2)
+    return min(outer_mm - TAIL_CHANNEL_DEPTH_MM, at_sides_mm - MIN_TAIL_CHANNEL_SIDE_MM)

@@ -5,10 +5,19 @@ import math
 from pathlib import Path
 from typing import Any
 
+from firmware_interface.chips.ltc4317 import COLUMN_ADDRESSES
+from footsense.frames import ROWS
 from footsense.lab.design.materials import shore_a_from_modulus
 from footsense.lab.design.processes import AssumedProcess
 from footsense.lab.fabrication import dimensions
-from footsense.lab.fabrication.parts.flex import GUARD_NET, Flex
+from footsense.lab.fabrication.parts.flex import (
+    COMMON_NET,
+    GUARD_NET,
+    Board,
+    Flex,
+    column_guard_net,
+    element_net,
+)
 from footsense.lab.fabrication.tolerances import ExpectedCapacitance, Tolerance
 from footsense.lab.geometry import UM_PER_MM, FootDesign
 from footsense.lab.template import render
@@ -19,30 +28,30 @@ _RUBBER_DENSITY_G_PER_CM3 = 1.1
 _CASTING_EXCESS_FACTOR = 1.3
 
 
-#: Parts of the electronics of board `fdc1004_columns`, in place of the FDC1004, the ADG715 and the two connectors of
-#: board `fdc1004`: quantity, part, specification (firmware_interface/README.md).
-_COLUMNS_ELECTRONICS = (
-    (3, "FDC1004", "capacitance-to-digital converter, one for each column"),
-    (1, "LTC4317", "dual address translator: columns 1 and 2 at 0x51 and 0x52"),
-    (2, "resistor", "976 kOhm, 1 %, XORL1 and XORL2 to VCC"),
-    (1, "resistor", "102 kOhm, 1 %, XORL1 to GND"),
-    (1, "resistor", "182 kOhm, 1 %, XORL2 to GND"),
-    (4, "resistor", "15 kOhm, pull-up of SDA and SCL of both outputs"),
-    (4, "capacitor", "100 nF, at each supply pin"),
-    (3, "capacitor", "1 uF, at each FDC1004"),
-    (
-        1,
-        "connector of the elements",
-        "21 contacts: of each column three lines between four of its guard (SHLD1)",
+#: Electronics of a foot by board: quantity, part, specification (firmware_interface/README.md).
+_ELECTRONICS = {
+    "fdc1004_columns": (
+        (3, "FDC1004", "capacitance-to-digital converter, one for each column"),
+        (1, "LTC4317", "dual address translator: columns 1 and 2 at 0x51 and 0x52"),
+        (2, "resistor", "976 kOhm, 1 %, XORL1 and XORL2 to VCC"),
+        (1, "resistor", "102 kOhm, 1 %, XORL1 to GND"),
+        (1, "resistor", "182 kOhm, 1 %, XORL2 to GND"),
+        (4, "resistor", "15 kOhm, pull-up of SDA and SCL of both outputs"),
+        (4, "capacitor", "100 nF, at each supply pin"),
+        (3, "capacitor", "1 uF, at each FDC1004"),
+        (1, "connector of the leg", "4 contacts: 3.3 V, GND, SDA, SCL"),
     ),
-    (1, "connector of the common electrode", "2 contacts: GND"),
-    (1, "connector of the leg", "4 contacts: 3.3 V, GND, SDA, SCL"),
-)
+    "fdc1004": (
+        (1, "FDC1004", "capacitance-to-digital converter of the leg"),
+        (1, "ADG715", "row switch of the leg"),
+    ),
+}
 
 
 def write_documents(
     folder: Path,
     design: FootDesign,
+    board: Board,
     assumed: AssumedProcess,
     flexes: tuple[Flex, Flex],
     tolerances: list[Tolerance],
@@ -53,8 +62,9 @@ def write_documents(
     Args:
         folder: Where they are written.
         design: The foot.
+        board: Its electronics.
         assumed: What its design assumed.
-        flexes: Row flex and column flex.
+        flexes: The lower and the upper one.
         tolerances: Tolerances of the parts.
         expected: Expected reading of each element.
     """
@@ -62,12 +72,15 @@ def write_documents(
         "design": design,
         "assumed": assumed,
         "dimensions": dimensions,
+        "board": board,
         "flexes": flexes,
-        "GUARD_NET": GUARD_NET,
-        "contacts": {flex.line_kind: connector_contacts(flex) for flex in flexes},
+        "boards": ["fdc1004_columns"] if board == "fdc1004_columns" else ["fdc1004", "ad7746"],
+        "contacts": {flex.name: connector_contacts(flex) for flex in flexes},
         "tolerances": tolerances,
         "expected": expected,
-        "elements": [(row, column) for row in flexes[0].nets for column in flexes[1].nets],
+        "elements": [
+            (f"row{row}", f"col{column}") for row in range(1, ROWS + 1) for column in range(1, ROWS + 1)
+        ],
         "shore": shore_a_from_modulus(design.rubber.youngs_mpa),
         "rubber_g": rubber_mass_to_weigh_g(design),
         "film_material": film_material_text(design),
@@ -79,14 +92,11 @@ def write_documents(
     with (folder / "bill-of-materials.csv").open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["quantity", "unit", "part", "specification", "file"])
-        writer.writerows(bill_of_materials(design, flexes))
-    with (folder / "electronics-fdc1004_columns.csv").open("w", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerows([("quantity", "part", "specification"), *_COLUMNS_ELECTRONICS])
+        writer.writerows(bill_of_materials(design, board, flexes))
 
 
 def bill_of_materials(
-    design: FootDesign, flexes: tuple[Flex, Flex]
+    design: FootDesign, board: Board, flexes: tuple[Flex, Flex]
 ) -> list[tuple[float | int, str, str, str, str]]:
     """Return the bill of materials of one foot: quantity, unit, part, specification, file."""
     shore, side, plate = shore_a_from_modulus(design.rubber.youngs_mpa), design.sheet_mm, design.plate_mm
@@ -116,16 +126,15 @@ def bill_of_materials(
         (1, "piece", "socket of the leg", "aluminium or printed resin", "step/leg-socket.step"),
         (dimensions.SCREWS, "piece", "screw of the socket", "M2.5 x 6", ""),
         (1, "g", "adhesive", "silicone, flexible, cures at room temperature; primer for the rubber", ""),
-        (1, "piece", "FDC1004", "capacitance-to-digital converter of the leg", ""),
-        (1, "piece", "ADG715", "row switch of the leg", ""),
+        *((quantity, "piece", part, text, "") for quantity, part, text in _ELECTRONICS[board]),
     ]
     for flex in flexes:
-        lines, count = len(flex.nets), len(flex.contact_v_mm)
-        layers = f"one layer of copper on polyimide, {lines} lines, {count} contacts, 0.3 mm at the contacts"
+        count = len(flex.contacts)
+        layers = f"one layer of copper on polyimide, {count} contacts, 0.3 mm at the contacts"
         plug = f"zero insertion force, pitch {dimensions.TAIL_CONTACT_PAD_PITCH_MM:g} mm, {count} contacts, for 0.3 mm"
         rows += [
             (1, "piece", flex.name.replace("-", " "), layers, f"{flex.name}/"),
-            (1, "piece", f"connector of the {flex.line_kind}s", plug, ""),
+            (1, "piece", f"connector of the {flex.name.replace('-', ' ')}", plug, ""),
         ]
     return rows
 
@@ -143,20 +152,31 @@ def rubber_mass_to_weigh_g(design: FootDesign) -> float:
     return _CASTING_EXCESS_FACTOR * _RUBBER_DENSITY_G_PER_CM3 * ball_cm3
 
 
-def connector_contacts(flex: Flex) -> list[dict[str, str]]:
-    """Return per contact of a flex its number, its net and its pin on each converter board (fdc1004, ad7746)."""
-    lines = len(flex.nets)
-    rows = []
-    for number in range(1, len(flex.contact_v_mm) + 1):
-        k = number // 2 - 1
-        if number % 2:
-            row = {"net": GUARD_NET, "fdc1004": "SHLD", "ad7746": "GND"}
-        elif flex.line_kind == "row":
-            pair = f"S{k + 1} (to GND), S{lines + k + 1} (to SHLD)"
-            other = f"S{k + 1} (to EXCA), S{lines + k + 1} (to GND)"
-            row = {"net": flex.nets[k], "fdc1004": f"ADG715 0x49: {pair}", "ad7746": f"ADG715 0x49: {other}"}
-        else:
-            pair = f"S{k + 1} (to CIN1), S{lines + k + 1} (to GND)"
-            row = {"net": flex.nets[k], "fdc1004": f"FDC1004: CIN{k + 1}", "ad7746": f"ADG715 0x4A: {pair}"}
-        rows.append({"number": str(number), **row})
-    return rows
+def connector_contacts(flex: Flex) -> list[tuple[str, ...]]:
+    """Return per contact of a flex its net, and its pin on each board that the flex is for."""
+    return [(net, *_PINS[net]) for net in flex.contacts]
+
+
+def _switched(switch: int, k: int, selected: str, other: str) -> str:
+    return f"ADG715 0x{switch:x}: S{k + 1} (to {selected}), S{ROWS + k + 1} (to {other})"
+
+
+#: Pins of each net: on board `fdc1004_columns`; on `fdc1004` and `ad7746`.
+_PINS: dict[str, tuple[str, ...]] = {
+    COMMON_NET: ("GND",),
+    GUARD_NET: ("SHLD", "GND"),
+    **{
+        f"row{k + 1}": (_switched(0x49, k, "GND", "SHLD"), _switched(0x49, k, "EXCA", "GND"))
+        for k in range(ROWS)
+    },
+    **{f"col{k + 1}": (f"FDC1004: CIN{k + 1}", _switched(0x4A, k, "CIN1", "GND")) for k in range(ROWS)},
+    **{
+        element_net(row, column): (f"FDC1004 0x{address:x}: CIN{row + 1}",)
+        for column, address in enumerate(COLUMN_ADDRESSES)
+        for row in range(ROWS)
+    },
+    **{
+        column_guard_net(column): (f"FDC1004 0x{address:x}: SHLD1",)
+        for column, address in enumerate(COLUMN_ADDRESSES)
+    },
+}

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from footsense.lab.design.processes import AssumedProcess
 from footsense.lab.fabrication import dimensions
-from footsense.lab.fabrication.parts.flex import flexes
+from footsense.lab.fabrication.parts.flex import MIN_TRACED_BAR_MM, Board, flexes
 from footsense.lab.fabrication.tolerances import hardness_tolerance_shore_a, overlap_area_deviation_rel
 from footsense.lab.geometry import UM_PER_MM, FootDesign
 
@@ -14,29 +14,33 @@ _SUGGESTED_AREA_DEVIATION_REL = 0.15
 _ROUNDING_TOLERANCE_MM = 1e-9
 
 
-def manufacturing_problems(design: FootDesign, assumed: AssumedProcess) -> Iterator[str]:
+def manufacturing_problems(design: FootDesign, assumed: AssumedProcess, board: Board) -> Iterator[str]:
     """Yield the reasons why a foot cannot be made, each with its key first and a remedy last.
 
     Args:
         design: The foot.
         assumed: What its design assumed.
+        board: Its board.
     """
-    yield from _sheet_problems(design, assumed)
+    yield from _sheet_problems(design, assumed, board)
     yield from _layer_and_hardness_problems(design, assumed)
-    tail_mm = 2.0 * flexes(design)[0].tail_half_width_mm
-    tail_half = tail_mm / 2.0 + dimensions.TAIL_CHANNEL_PLAY_PER_SIDE_MM
-    inside = dimensions.socket_outer_radius_mm(design.ball_radius_mm) - dimensions.TAIL_CHANNEL_DEPTH_MM
-    if tail_half > inside / math.sqrt(2.0) - 1.0:
-        least = math.sqrt(2.0) * (tail_half + 1.0) + design.ball_radius_mm - inside
+    outer = dimensions.socket_outer_radius_mm(design.ball_radius_mm)
+    # A channel spans at most 60 degrees of the socket: so two do not meet, and leave the socket a wall.
+    tail_mm = 2.0 * max(flex.tail_half_width_mm for flex in flexes(design, board))
+    wide = tail_mm + 2.0 * dimensions.TAIL_CHANNEL_PLAY_PER_SIDE_MM
+    if wide > outer:
+        least = wide - outer + design.ball_radius_mm
         yield (
-            f"ball_radius_mm: two tails of {tail_mm:g} mm do not fit beside each other on "
-            f"the socket of a ball of {design.ball_radius_mm:g} mm; use at least {math.ceil(10.0 * least) / 10.0:g}"
+            f"ball_radius_mm: the tail of {tail_mm:g} mm of board {board} does not fit on the socket of a ball of "
+            f"{design.ball_radius_mm:g} mm; use at least {math.ceil(10.0 * least) / 10.0:g}"
         )
 
 
-def _sheet_problems(design: FootDesign, assumed: AssumedProcess) -> Iterator[str]:
+def _sheet_problems(design: FootDesign, assumed: AssumedProcess, board: Board) -> Iterator[str]:
     """Yield the reasons why the gaps between electrodes, the spacer's bars cannot be made."""
-    pitch, bar = design.pitch_mm, assumed.process.bar_mm
+    pitch, bar, needs = design.pitch_mm, assumed.process.bar_mm, f"process {assumed.process_name} needs"
+    if board == "fdc1004_columns" and bar < MIN_TRACED_BAR_MM:
+        bar, needs = MIN_TRACED_BAR_MM, f"the traces of board {board} between two columns need"
     leave = f"electrodes of {design.electrode_mm:g} mm at a pitch of {pitch:g} mm leave"
     if design.bar_mm < dimensions.MIN_NET_CLEARANCE_MM - _ROUNDING_TOLERANCE_MM:
         yield (
@@ -45,8 +49,8 @@ def _sheet_problems(design: FootDesign, assumed: AssumedProcess) -> Iterator[str
         )
     if design.bar_mm < bar - _ROUNDING_TOLERANCE_MM:
         yield (
-            f"electrode_mm: {leave} bars of {design.bar_mm:.3g} mm in the spacer, process "
-            f"{assumed.process_name} needs {bar:g} to bond; use at most {pitch - bar:g}"
+            f"electrode_mm: {leave} bars of {design.bar_mm:.3g} mm in the spacer, {needs} "
+            f"{bar:g}; use at most {pitch - bar:g}"
         )
 
 

@@ -8,7 +8,7 @@ from footsense.lab.design.processes import AssumedProcess, assumed_process
 from footsense.lab.fabrication import documents
 from footsense.lab.fabrication.limits import manufacturing_problems
 from footsense.lab.fabrication.parts import gerber, sheets, solids
-from footsense.lab.fabrication.parts.flex import Flex, flexes
+from footsense.lab.fabrication.parts.flex import Board, Flex, flexes
 from footsense.lab.fabrication.tolerances import ExpectedCapacitance, expected_capacitance, part_tolerances
 from footsense.lab.geometry import FootDesign
 
@@ -18,7 +18,7 @@ class FabricationPackage(NamedTuple):
 
     Attributes:
         assumed: What its design assumed.
-        flexes: Row flex and column flex.
+        flexes: The lower and the upper one.
         expected: Expected reading of each element.
     """
 
@@ -28,7 +28,7 @@ class FabricationPackage(NamedTuple):
 
 
 def write_fabrication_package(
-    design: FootDesign, folder: Path, process: str | None = None
+    design: FootDesign, folder: Path, process: str | None = None, board: Board = "fdc1004_columns"
 ) -> FabricationPackage:
     """Write all fabrication files of a foot: STEP, Gerber, drill, DXF, and the documents.
 
@@ -36,12 +36,13 @@ def write_fabrication_package(
         design: The foot.
         folder: Where they are written.
         process: Name of the process that its design assumed; None for the first with its film.
+        board: Electronics of the foot.
 
     Raises:
         ConfigError: It cannot be made, or not as exactly as its design assumed; the message begins with the key.
     """
     assumed = assumed_process(design, process)
-    for problem in manufacturing_problems(design, assumed):
+    for problem in manufacturing_problems(design, assumed, board):
         raise ConfigError(problem)
     tolerances = part_tolerances(design, assumed.rms_deviations)
     for row in tolerances:
@@ -51,10 +52,10 @@ def write_fabrication_package(
                 f"assumes ({row.assumed_text})"
             )
     package = FabricationPackage(
-        assumed, flexes(design), expected_capacitance(design, assumed.rms_deviations)
+        assumed, flexes(design, board), expected_capacitance(design, assumed.rms_deviations)
     )
     (folder / "step").mkdir(parents=True, exist_ok=True)
-    for name, solid in solids.all_parts(design).items():
+    for name, solid in solids.all_parts(design, package.flexes).items():
         solids.write_step(name, solid, folder / "step" / f"{name}.step")
     for flex in package.flexes:
         _write_flex(folder / flex.name, flex)
@@ -66,7 +67,7 @@ def write_fabrication_package(
         sheets.write_dxf(
             folder / f"{name}.dxf", shape, f"{design.foot_type} {name}, {thickness_um:g} um thick"
         )
-    documents.write_documents(folder, design, assumed, package.flexes, tolerances, package.expected)
+    documents.write_documents(folder, design, board, assumed, package.flexes, tolerances, package.expected)
     return package
 
 

@@ -10,8 +10,8 @@ from shapely import affinity
 
 from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.parts import sheets
-from footsense.lab.fabrication.parts.flex import GUARD_NET, Flex
-from footsense.lab.fabrication.parts.solids import column_and_row_tail_widths_mm, mould_hollow_centres_x_mm
+from footsense.lab.fabrication.parts.flex import Flex
+from footsense.lab.fabrication.parts.solids import mould_hollow_centres_x_mm
 from footsense.lab.fem.solids import EQUAL_WITHIN_MM
 from footsense.lab.geometry import FootDesign
 from tests.lab.fabrication.readback import (
@@ -43,14 +43,14 @@ def check_flex_files(folder: Path, flex: Flex) -> None:
     """Check one flex's Gerber and drill files: electrodes, nets, widths and distances."""
     shapes = read_layer(folder / flex.name / "copper.gbr")
     areas = [shape.polygon.area for shape in shapes if shape.aperture_function == "Other,Electrode"]
-    assert len(areas) == len(flex.line_v_mm) * len(flex.element_u_mm)
+    assert len(areas) == len(flex.design.element_centres_mm)
     assert max(abs(area - flex.design.electrode_mm**2) for area in areas) < ROUNDING_MM
     conductors = connected_conductors(shapes)
     _check_nets(flex, conductors)
     narrowest = min(narrowest_width_mm([shape.polygon for shape in one]) for one in conductors)
     assert narrowest > dimensions.MIN_TRACE_MM - ROUNDING_MM
     whole = [shapely.union_all([shape.polygon for shape in one]) for one in conductors]
-    apart = min(a.distance(b) for k, a in enumerate(whole) for b in whole[:k])
+    apart = min((a.distance(b) for k, a in enumerate(whole) for b in whole[:k]), default=math.inf)
     assert apart > dimensions.MIN_NET_CLEARANCE_MM - ROUNDING_MM
     outline = read_outline(folder / flex.name / "profile.gbr")
     inner = [shape.polygon for shape in shapes if shape.aperture_function != "ConnectorPad"]
@@ -64,13 +64,6 @@ def check_flex_files(folder: Path, flex: Flex) -> None:
 
 def _check_nets(flex: Flex, conductors: list[list[CopperShape]]) -> None:
     """Check that each connected conductor has its own electrodes, net and contact, and no other."""
-    expected: set[tuple[str, frozenset[tuple[float, float]], frozenset[str]]] = {
-        (GUARD_NET, frozenset(), frozenset({str(number)}))
-        for number in range(1, len(flex.contact_v_mm) + 1, 2)
-    }
-    for k, net in enumerate(flex.nets):
-        places = frozenset((round(u, 3), round(flex.line_v_mm[k], 3)) for u in flex.element_u_mm)
-        expected.add((net, places, frozenset({str(2 * k + 2)})))
     found = []
     for one in conductors:
         places = frozenset(
@@ -78,10 +71,41 @@ def _check_nets(flex: Flex, conductors: list[list[CopperShape]]) -> None:
             for shape in one
             if shape.aperture_function == "Other,Electrode"
         )
-        pins = frozenset(shape.pin_number for shape in one if shape.pin_number)
+        pins = frozenset(int(shape.pin_number) for shape in one if shape.pin_number)
         found.append((" and ".join(sorted({shape.net for shape in one})), places, pins))
-    assert set(found) == expected
-    assert len(found) == len(expected)
+    assert sorted(found, key=str) == sorted(_expected_conductors(flex), key=str)
+
+
+def _expected_conductors(
+    flex: Flex,
+) -> list[tuple[str, frozenset[tuple[float, float]], frozenset[int]]]:
+    """Return net, places of the electrodes and contacts of each conductor."""
+    low_to_high = [round(value, 3) for value in reversed(flex.design.line_mm)]
+    if flex.name == "common-flex":
+        everywhere = frozenset((u, v) for u in low_to_high for v in low_to_high)
+        return [("gnd", everywhere, frozenset({1, 2, 3, 4}))]
+    if flex.name == "element-flex":
+        # Contacts of each column in its order of rows, between guards: 2, 4, 6 of 7.
+        rows = {1: (1, 2, 3), 2: (2, 1, 3), 3: (3, 2, 1)}
+        guards = [
+            (f"shld{column}", frozenset[tuple[float, float]](), frozenset({7 * (column - 1) + odd}))
+            for column in rows
+            for odd in (1, 3, 5, 7)
+        ]
+        return guards + [
+            (
+                f"row{row}col{column}",
+                frozenset({(low_to_high[3 - row], low_to_high[column - 1])}),
+                frozenset({7 * (column - 1) + 2 * position}),
+            )
+            for column, order in rows.items()
+            for position, row in enumerate(order, 1)
+        ]
+    guards = [("shld", frozenset[tuple[float, float]](), frozenset({odd})) for odd in (1, 3, 5, 7)]
+    return guards + [
+        (f"{flex.name[:3]}{k}", frozenset((u, v) for u in low_to_high), frozenset({2 * k}))
+        for k, v in enumerate(low_to_high, 1)
+    ]
 
 
 def check_sheet_files(folder: Path, design: FootDesign) -> None:
@@ -102,7 +126,7 @@ def check_sheet_files(folder: Path, design: FootDesign) -> None:
     assert spacer.geom_type == "Polygon"
 
 
-def formula_volumes_mm3(design: FootDesign) -> dict[str, float]:
+def formula_volumes_mm3(design: FootDesign, flexes: tuple[Flex, Flex]) -> dict[str, float]:
     """Return the volume of each solid part by formula [mm3], by name."""
     radius, wall = design.ball_radius_mm, dimensions.MOULD_WALL_MM
     hemisphere = 2.0 / 3.0 * math.pi * radius**3
@@ -115,11 +139,11 @@ def formula_volumes_mm3(design: FootDesign) -> dict[str, float]:
         "hemisphere-leg": hemisphere,
         "mould-body": plan_mm2 * (radius + wall) - 2.0 * hemisphere - 4.0 * dowel * pin_mm2,
         "mould-lid": plan_mm2 * wall - 2.0 * wall * (bores_mm2 + pin_mm2),
-        "leg-socket": _socket_volume_mm3(design),
+        "leg-socket": _socket_volume_mm3(design, flexes),
     }
 
 
-def _socket_volume_mm3(design: FootDesign) -> float:
+def _socket_volume_mm3(design: FootDesign, flexes: tuple[Flex, Flex]) -> float:
     """Return the volume of the socket by formula [mm3]."""
     outer = dimensions.socket_outer_radius_mm(design.ball_radius_mm)
     hollow = design.ball_radius_mm + dimensions.ADHESIVE_THICKNESS_MM
@@ -128,27 +152,28 @@ def _socket_volume_mm3(design: FootDesign) -> float:
     volume: float = math.pi * outer**2 * height - 2.0 / 3.0 * math.pi * hollow**3
     # What the bore for the adhesive cuts beyond the hollow.
     volume -= math.pi * air**2 * height - 2.0 / 3.0 * math.pi * (hollow**3 - (hollow**2 - air**2) ** 1.5)
-    for width in column_and_row_tail_widths_mm(design):
-        half = width / 2.0 + dimensions.TAIL_CHANNEL_PLAY_PER_SIDE_MM
+    for flex in flexes:
+        half, floor = flex.channel_half_width_mm, flex.channel_floor_mm
         segment = half * math.sqrt(outer**2 - half**2) + outer**2 * math.asin(half / outer)
-        volume -= height * (segment - 2.0 * half * (outer - dimensions.TAIL_CHANNEL_DEPTH_MM))
+        volume -= height * (segment - 2.0 * half * floor)
     volume -= dimensions.SCREWS * math.pi / 4.0 * dimensions.CORE_MM**2 * dimensions.CORE_DEPTH_MM
     return volume - math.pi * air**2  # the forward mark is 1 mm deep
 
 
 def check_overlaps(folder: Path, flexes: tuple[Flex, Flex]) -> None:
-    """Check that each row faces each column over one electrode's area, by the copper files."""
+    """Check that each row faces each column, or the common electrode each element, over one electrode's area."""
     nets: list[dict[str, Any]] = []
     for flex in flexes:
-        copper: dict[str, list[Any]] = {net: [] for net in flex.nets}
+        copper: dict[str, list[Any]] = {net: [] for net, _ in flex.electrodes}
         for shape in read_layer(folder / flex.name / "copper.gbr"):
             if shape.net in copper:
                 copper[shape.net].append(_to_foot_frame(shape.polygon, flex))
         nets.append({net: shapely.union_all(areas) for net, areas in copper.items()})
-    rows, columns = nets
-    for row in rows.values():
-        for column in columns.values():
-            assert abs(row.intersection(column).area - flexes[0].design.electrode_mm ** 2) < ROUNDING_MM
+    below, above = nets
+    assert len(below) * len(above) == len(flexes[0].design.element_centres_mm)
+    for low in below.values():
+        for high in above.values():
+            assert abs(low.intersection(high).area - flexes[0].design.electrode_mm ** 2) < ROUNDING_MM
 
 
 def check_sheets_on_flexes(folder: Path, flexes: tuple[Flex, Flex]) -> None:
@@ -171,7 +196,7 @@ def check_sheets_on_flexes(folder: Path, flexes: tuple[Flex, Flex]) -> None:
 
 def check_solids(folder: Path, design: FootDesign, flexes: tuple[Flex, Flex]) -> None:
     """Check the volumes of the STEP files, and that hemispheres and tails fit mould and socket."""
-    volumes_mm3 = formula_volumes_mm3(design)
+    volumes_mm3 = formula_volumes_mm3(design, flexes)
     solids = {name: read_step(folder / "step" / f"{name}.step") for name in volumes_mm3}
     for name, volume_mm3 in volumes_mm3.items():
         assert abs(solids[name].mass / volume_mm3 - 1.0) < _VOLUME_REL, name
@@ -197,7 +222,8 @@ def _tail_box_in_channel(folder: Path, design: FootDesign, flex: Flex) -> Any:
         shapely.LineString([(flex.tail_end_u_mm - 1.0, -99.0), (flex.tail_end_u_mm - 1.0, 99.0)])
     )
     _, low_v, _, high_v = across.bounds
-    u = dimensions.socket_outer_radius_mm(design.ball_radius_mm) - dimensions.TAIL_CHANNEL_DEPTH_MM / 2.0
+    # As far from the floor as from the sides, which are lower than the middle of the channel is deep.
+    u = flex.channel_floor_mm + dimensions.TAIL_CHANNEL_PLAY_PER_SIDE_MM + 0.05
     (x, y), (far_x, far_y) = flex.artwork_to_foot((u - 0.05, low_v)), flex.artwork_to_foot((u + 0.05, high_v))
     low, high = design.plate_mm, design.plate_mm + design.ball_radius_mm
     corners = (min(x, far_x), min(y, far_y), low), (max(x, far_x), max(y, far_y), high)

@@ -20,6 +20,7 @@ from footsense.foot.specimen import Deviations, Specimen
 from footsense.lab.design.processes import assumed_process
 from footsense.lab.fabrication.limits import manufacturing_problems
 from footsense.lab.fabrication.package import FabricationPackage, write_fabrication_package
+from footsense.lab.fabrication.parts.flex import Board
 from footsense.lab.foot_file import FOOT_FILE
 from footsense.sim.fabrication import draw_deviations as sim_fabricate
 from tests.lab.fabrication import file_checks
@@ -40,8 +41,10 @@ def package(folder: Path) -> FabricationPackage:
     return write_fabrication_package(FOOT_DESIGN, folder)
 
 
-def test_the_files_of_the_released_foot_pass_every_check(package: FabricationPackage, folder: Path) -> None:
-    file_checks.check_all_files(folder, FOOT_DESIGN, package.flexes)
+@pytest.mark.parametrize("board", ["fdc1004_columns", "fdc1004"])
+def test_the_files_of_the_released_foot_pass_every_check(board: Board, tmp_path: Path) -> None:
+    package = write_fabrication_package(FOOT_DESIGN, tmp_path, board=board)
+    file_checks.check_all_files(tmp_path, FOOT_DESIGN, package.flexes)
     # Plates of 5.387 pF, as the daemon assumes, and the fringe field beside them.
     element = package.expected
     assert element.plate_formula_pf == FOOT_DESIGN.capacitor.unloaded_pf
@@ -51,19 +54,46 @@ def test_the_files_of_the_released_foot_pass_every_check(package: FabricationPac
 def test_the_command_gives_the_same_bytes(package: FabricationPackage, folder: Path, tmp_path: Path) -> None:
     result = CliRunner().invoke(lab, ["fabricate", "aoyagi-3x3", "--out", str(tmp_path)])
     assert result.exit_code == 0, result.exception
-    assert "process paper: elements of 5.85 pF (4.31 to 7.38)" in result.output
+    assert "board fdc1004_columns, process paper: elements of 5.85 pF (4.31 to 7.38)" in result.output
     files = [path.relative_to(folder) for path in folder.rglob("*") if path.is_file()]
     assert len(files) > 12
     assert [f for f in files if (folder / f).read_bytes() != (tmp_path / f).read_bytes()] == []
 
 
-def test_the_electronics_of_the_other_board_are_listed(package: FabricationPackage, folder: Path) -> None:
-    """Three converters and one translator; that their flexes are not drawn is said."""
-    del package
-    parts = (folder / "electronics-fdc1004_columns.csv").read_text().splitlines()
-    assert parts[0] == "quantity,part,specification"
-    assert [line.split(",")[:2] for line in parts[1:3]] == [["3", "FDC1004"], ["1", "LTC4317"]]
-    assert "are not among these files" in (folder / "README.md").read_text()
+@pytest.mark.parametrize(
+    ("board", "chips", "wiring"),
+    [
+        (
+            "fdc1004_columns",
+            {"FDC1004": "3", "LTC4317": "1"},
+            {
+                "| 1 | gnd | GND |",
+                "| 7 | shld1 | FDC1004 0x50: SHLD1 |",
+                "| 9 | row2col2 | FDC1004 0x51: CIN2 |",
+                "| 16 | row3col3 | FDC1004 0x52: CIN3 |",
+            },
+        ),
+        (
+            "fdc1004",
+            {"FDC1004": "1", "ADG715": "1"},
+            {
+                "| 2 | row1 | ADG715 0x49: S1 (to GND), S4 (to SHLD) | ADG715 0x49: S1 (to EXCA), S4 (to GND) |",
+                "| 6 | col3 | FDC1004: CIN3 | ADG715 0x4a: S3 (to CIN1), S6 (to GND) |",
+                "| 7 | shld | SHLD | GND |",
+            },
+        ),
+    ],
+)
+def test_parts_and_wiring_are_of_the_board(
+    board: Board, chips: dict[str, str], wiring: set[str], tmp_path: Path
+) -> None:
+    """As drawn in firmware_interface/README.md."""
+    package = write_fabrication_package(FOOT_DESIGN, tmp_path, board=board)
+    parts = [line.split(",") for line in (tmp_path / "bill-of-materials.csv").read_text().splitlines()]
+    known = {"FDC1004", "ADG715", "LTC4317"}
+    assert {name: quantity for quantity, _, name, *_ in parts if name in known} == chips
+    assert wiring <= set((tmp_path / "checklist.md").read_text().splitlines())
+    assert {flex.name for flex in package.flexes} <= {line[-1].rstrip("/") for line in parts}
 
 
 def test_a_foot_with_its_fringe_field_reads_as_expected(package: FabricationPackage) -> None:
@@ -94,18 +124,22 @@ def test_the_lines_of_the_checklist_are_of_the_configuration(
 
 
 def swapped_nets(text: str) -> str:
-    return text.replace("row1", "x").replace("row2", "row1").replace("x", "row2")
+    return text.replace("row1col1", "x").replace("row2col1", "row1col1").replace("x", "row2col1")
 
 
 def broken_trace(text: str) -> str:
-    return text.replace("X7600000Y0D01*", "X7600000Y0D02*").replace("X-5000000Y0D02*", "X7000000Y0D02*")
+    return text.replace("X7600000Y0D01*", "X7600000Y0D02*")
 
 
-@pytest.mark.parametrize("spoil", [swapped_nets, broken_trace])
+def touching_trace(text: str) -> str:
+    return text.replace("Y-2500000", "Y-2590000")
+
+
+@pytest.mark.parametrize("spoil", [swapped_nets, broken_trace, touching_trace])
 def test_a_spoilt_flex_is_found(
     package: FabricationPackage, folder: Path, tmp_path: Path, spoil: Callable[[str], str]
 ) -> None:
-    flex = package.flexes[0]
+    flex = package.flexes[1]
     shutil.copytree(folder / flex.name, tmp_path / flex.name)
     copper = tmp_path / flex.name / "copper.gbr"
     spoilt = spoil(copper.read_text())
@@ -118,19 +152,23 @@ def test_a_spoilt_flex_is_found(
 def test_the_flexes_face_each_other_with_their_tails_to_the_left_and_forward(
     package: FabricationPackage,
 ) -> None:
-    rows, columns = package.flexes
+    below, above = package.flexes
     # From above, copper that faces up is seen as it is; copper that faces down is mirrored.
-    for flex, seen in ((rows, 1.0), (columns, -1.0)):
+    for flex, seen in ((below, 1.0), (above, -1.0)):
         (a, d), (b, e) = flex.artwork_to_foot((1.0, 0.0)), flex.artwork_to_foot((0.0, 1.0))
         assert a * e - b * d == seen
-    assert rows.artwork_to_foot((1.0, 0.0)) == (0.0, 1.0)
-    assert columns.artwork_to_foot((1.0, 0.0)) == (1.0, 0.0)
-    assert rows.artwork_to_foot((0.0, rows.line_v_mm[0]))[0] == FOOT_DESIGN.pitch_mm
-    assert columns.artwork_to_foot((0.0, columns.line_v_mm[0]))[1] == FOOT_DESIGN.pitch_mm
+    assert below.artwork_to_foot((1.0, 0.0)) == (0.0, 1.0)
+    assert above.artwork_to_foot((1.0, 0.0)) == (1.0, 0.0)
+    pitch_mm = FOOT_DESIGN.pitch_mm
+    assert dict(above.electrodes)["row1col1"] == (pitch_mm, -pitch_mm)
+    assert above.artwork_to_foot((pitch_mm, -pitch_mm)) == (pitch_mm, pitch_mm)
 
 
+@pytest.mark.parametrize("board", ["fdc1004_columns", "fdc1004"])
 @pytest.mark.parametrize("radius_mm", [12.0, 20.0, 40.0])
-def test_larger_feet_of_the_same_shape_pass_every_check(tmp_path: Path, radius_mm: float) -> None:
+def test_larger_feet_of_the_same_shape_pass_every_check(
+    tmp_path: Path, radius_mm: float, board: Board
+) -> None:
     size = radius_mm / 10.0
     foot = replace(
         FOOT_DESIGN,
@@ -139,7 +177,7 @@ def test_larger_feet_of_the_same_shape_pass_every_check(tmp_path: Path, radius_m
         pitch_mm=5.0 * size,
         electrode_mm=4.0 * size,
     )
-    package = write_fabrication_package(foot, tmp_path)
+    package = write_fabrication_package(foot, tmp_path, board=board)
     file_checks.check_all_files(tmp_path, foot, package.flexes)
 
 
@@ -149,7 +187,7 @@ def test_larger_feet_of_the_same_shape_pass_every_check(tmp_path: Path, radius_m
         (
             "pitch_mm: 5",
             "pitch_mm: 4.2",
-            "electrode_mm: .* leave bars of 0.2 mm .*process paper needs 1 to bond; use at most 3.2",
+            "electrode_mm: .* leave bars of 0.2 mm .*process paper needs 1; use at most 3.2",
         ),
         (
             "pitch_mm: 5",
@@ -190,19 +228,20 @@ def test_a_foot_that_cannot_be_made_is_refused_in_one_line(
         {"gap_um": 3.0, "spacer_mm": 0.02},
         {"spacer_mm": 0.03},
         {
-            "ball_radius_mm": 2.0,
-            "sheet_mm": 2.8,
-            "pitch_mm": 1.2,
-            "electrode_mm": 0.4,
+            "ball_radius_mm": 1.2,
+            "sheet_mm": 5.0,
+            "pitch_mm": 2.0,
+            "electrode_mm": 1.0,
             "film_um": 12.5,
             "film_eps_r": 3.4,
             "spacer_mm": 0.0325,
         },
     ],
 )
-def test_the_value_that_an_error_names_works(requirement: dict[str, Any]) -> None:
+@pytest.mark.parametrize("board", ["fdc1004_columns", "fdc1004"])
+def test_the_value_that_an_error_names_works(requirement: dict[str, Any], board: Board) -> None:
     design, keys = replace(FOOT_DESIGN, **requirement), []
-    while problem := next(manufacturing_problems(design, assumed_process(design)), None):
+    while problem := next(manufacturing_problems(design, assumed_process(design), board), None):
         found = re.search(r"use (?:(\w+): |at least |at most |)([\d.]*\d)", problem)
         assert found is not None, problem
         key = found[1] or problem.partition(":")[0]

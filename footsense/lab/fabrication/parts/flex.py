@@ -1,14 +1,20 @@
 """Artwork of the two flexes, seen from the copper side: electrodes, traces, guards, contacts, outline.
 
-u is the direction in which the tail leaves, v across it. Rows leave to the left, with the copper up; columns leave
-forward, with the copper down, which mirrors them. So in a square array both flexes have the same copper, and each line
-leaves the sheet straight: no trace runs between electrodes of other lines, and no two nets cross.
+u is the direction in which the tail leaves, v across it. The lower flex leaves to the left, with the copper up; the
+upper one forward, with the copper down, which mirrors it.
+
+Board `fdc1004_columns`: below, nine electrodes that are joined to one; above, nine with a line each. The lines of the
+two rows behind the first run in the bars beside their column, those of the outer columns in the inner bars, and between
+two columns the guards of both. The electrodes below are joined where no line of another element runs.
+
+Board `fdc1004`: rows below, columns above. In a square array both flexes have the same copper, and each line leaves the
+sheet straight: no trace runs between electrodes of other lines, and no two nets cross.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import shapely
 
@@ -16,57 +22,78 @@ from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.parts.gerber import Pad, Point, Trace
 from footsense.lab.geometry import FootDesign
 
-LineKind = Literal["row", "column"]
+Board = Literal["fdc1004_columns", "fdc1004"]
+#: The boards; the flexes of `fdc1004` are those of `ad7746` too.
+BOARDS: tuple[Board, ...] = ("fdc1004_columns", "fdc1004")
 #: Reference of the contacts in the Gerber files.
 CONNECTOR = "J1"
-#: Net of the guard traces between the lines, by flex: both are the shield driver of the converter board.
+#: Net of the guard traces between rows or columns: the shield driver of board `fdc1004`.
 GUARD_NET = "shld"
+#: Net of the electrodes below with board `fdc1004_columns`.
+COMMON_NET = "gnd"
+
+#: Contacts of it: the fewest of common connectors.
+_N_COMMON_CONTACTS = 4
+
+#: Rows of each column in the order of v, in which its lines reach the tail, and the contacts that are led through each
+#: of the bars between columns, in the same order: lines of the second and third row, and the guards of both columns.
+_ROWS_ACROSS = ((0, 1, 2), (1, 0, 2), (2, 1, 0))
+_CONTACTS_IN_BARS = ((4, 6, 7, 8, 9), (13, 14, 15, 16, 18))
+#: Width and pitch of the five traces in a bar, and middle of the first, over the width of the bar [1].
+_BAR_TRACE_REL, _BAR_PITCH_REL, _FIRST_IN_BAR_REL = 0.08, 0.18, 0.14
+#: Least width of a bar with traces [mm].
+MIN_TRACED_BAR_MM = dimensions.MIN_TRACE_MM / _BAR_TRACE_REL
+
+
+class Wire(NamedTuple):
+    """A trace within the sheet, and the contact that it leads to.
+
+    Attributes:
+        net: Its net.
+        points_mm: Its points [mm]; the last one of a trace to a contact is where the traces begin to converge.
+        contact: Number of the contact; 0 for none.
+    """
+
+    net: str
+    points_mm: tuple[Point, ...]
+    contact: int = 0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Flex:
-    """One of the two flexible circuits, carrying the row or the column electrodes.
+    """One of the two flexible circuits.
 
     Attributes:
-        line_kind: Whether its lines are rows or columns.
+        name: Name of the flex, also that of its files.
+        towards: Where its tail leaves the foot.
         design: The foot.
+        contacts: Net of each contact, contact 1, which has the lowest v, first.
+        electrodes: Net and centre [mm] of each electrode.
+        wires: Its traces within the sheet. A contact without one has a guard, from where the tail is straight.
+        wire_mm: Width of these [mm].
+        has_gentle_fan: Whether the traces converge over the whole way to the socket: steep ones come too close.
     """
 
-    line_kind: LineKind
+    name: str
+    towards: Literal["left", "forward"]
     design: FootDesign
-
-    @property
-    def line_v_mm(self) -> tuple[float, ...]:
-        """Coordinate v of each line [mm], the first line lowest."""
-        return tuple(-x for x in self.design.line_mm)
-
-    @property
-    def element_u_mm(self) -> tuple[float, ...]:
-        """Coordinate u of the elements along a line [mm], the nearest to the tail first."""
-        return self.design.line_mm
-
-    @property
-    def name(self) -> str:
-        """Name of the flex, also that of its files."""
-        return f"{self.line_kind}-flex"
-
-    @property
-    def nets(self) -> list[str]:
-        """Net name of each row or column: row1, row2, ... or col1, col2, ..."""
-        return [f"{self.line_kind[:3]}{k + 1}" for k in range(len(self.line_v_mm))]
+    contacts: tuple[str, ...]
+    electrodes: tuple[tuple[str, Point], ...]
+    wires: tuple[Wire, ...]
+    wire_mm: float = dimensions.TRACE_WIDTH_MM
+    has_gentle_fan: bool = False
 
     @property
     def artwork_to_foot(self) -> Callable[[Point], Point]:
         """Function that converts artwork coordinates (u, v) to foot coordinates (x, y) [mm]."""
-        if self.line_kind == "row":
+        if self.towards == "left":
             return lambda point: (-point[1], point[0])
         return lambda point: (point[0], -point[1])
 
     @property
     def contact_v_mm(self) -> list[float]:
-        """Coordinates v of the contacts [mm], contact 1 first: guards at odd numbers, signals at even ones."""
-        contacts = 2 * len(self.line_v_mm) + 1
-        return [(k - (contacts - 1) / 2.0) * dimensions.TAIL_CONTACT_PAD_PITCH_MM for k in range(contacts)]
+        """Coordinates v of the contacts [mm], contact 1 first."""
+        return _contact_v_mm(len(self.contacts))
 
     @property
     def tail_half_width_mm(self) -> float:
@@ -74,15 +101,26 @@ class Flex:
         return self.contact_v_mm[-1] + dimensions.TAIL_CONTACT_PAD_PITCH_MM
 
     @property
+    def channel_half_width_mm(self) -> float:
+        """Half the width of the tail's channel on the socket [mm]."""
+        return self.tail_half_width_mm + dimensions.TAIL_CHANNEL_PLAY_PER_SIDE_MM
+
+    @property
+    def channel_floor_mm(self) -> float:
+        """Distance of the floor of its channel from the axis of the socket [mm]."""
+        return dimensions.channel_floor_mm(self.design.ball_radius_mm, self.channel_half_width_mm)
+
+    @property
     def trace_fan_length_mm(self) -> float:
         """Length along u over which the traces converge [mm]: at 45 degrees, or steeper near the socket."""
-        pairs = zip(self.line_v_mm, self.contact_v_mm[1::2], strict=True)
-        room = (
-            dimensions.socket_outer_radius_mm(self.design.ball_radius_mm)
-            - dimensions.INNER_CORNER_RADIUS_MM
-            - self.trace_fan_start_u_mm
+        room = self.channel_floor_mm - dimensions.INNER_CORNER_RADIUS_MM - self.trace_fan_start_u_mm
+        if self.has_gentle_fan:
+            return room
+        contact_v_mm = self.contact_v_mm
+        across = (
+            abs(wire.points_mm[-1][1] - contact_v_mm[wire.contact - 1]) for wire in self.wires if wire.contact
         )
-        return min(max(abs(v - w) for v, w in pairs), room)
+        return min(max(across), room)
 
     @property
     def tail_start_u_mm(self) -> float:
@@ -92,7 +130,7 @@ class Flex:
     @property
     def trace_fan_start_u_mm(self) -> float:
         """Coordinate u from which the traces converge [mm], outside the sheet."""
-        return self.polymer_half_side_mm + dimensions.MIN_COPPER_TO_EDGE_MM
+        return _fan_start_u_mm(self.design)
 
     @property
     def tail_end_u_mm(self) -> float:
@@ -111,27 +149,27 @@ class Flex:
     @cached_property
     def copper(self) -> list[Pad | Trace]:
         """Pads and traces of the copper layer."""
-        shapes: list[Pad | Trace] = []
-        side, width = self.design.electrode_mm, dimensions.TRACE_WIDTH_MM
+        side = self.design.electrode_mm
         contact_u = self.tail_end_u_mm - dimensions.TAIL_CONTACT_PAD_LENGTH_MM / 2.0
-        for k, (net, v) in enumerate(zip(self.nets, self.line_v_mm, strict=True)):
-            shapes += [
-                Pad(centre_mm=(u, v), size_mm=(side, side), aperture_function="Other,Electrode", net=net)
-                for u in self.element_u_mm
-            ]
-            w = self.contact_v_mm[2 * k + 1]
-            way = [
-                (self.element_u_mm[-1], v),
-                (self.trace_fan_start_u_mm, v),
-                (self.trace_fan_start_u_mm + self.trace_fan_length_mm, w),
-                (contact_u, w),
-            ]
+        fan_end_u = self.trace_fan_start_u_mm + self.trace_fan_length_mm
+        shapes: list[Pad | Trace] = [
+            Pad(centre_mm=centre, size_mm=(side, side), aperture_function="Other,Electrode", net=net)
+            for net, centre in self.electrodes
+        ]
+        led = set()
+        for net, points, contact in self.wires:
+            width, way = self.wire_mm, points
+            if contact:
+                led.add(contact)
+                w = self.contact_v_mm[contact - 1]
+                way = (*points, (fan_end_u, w), (contact_u, w))
             shapes.append(Trace(points_mm=way, width_mm=width, aperture_function="Conductor", net=net))
-        for number, w in enumerate(self.contact_v_mm, 1):
-            net = GUARD_NET if number % 2 else self.nets[number // 2 - 1]
-            if number % 2:
-                way = [(self.tail_start_u_mm, w), (contact_u, w)]
-                shapes.append(Trace(points_mm=way, width_mm=width, aperture_function="Conductor", net=net))
+        for number, (net, w) in enumerate(zip(self.contacts, self.contact_v_mm, strict=True), 1):
+            if number not in led:
+                way = ((self.tail_start_u_mm, w), (contact_u, w))
+                shapes.append(
+                    Trace(points_mm=way, width_mm=self.wire_mm, aperture_function="Conductor", net=net)
+                )
             shapes.append(
                 Pad(
                     centre_mm=(contact_u, w),
@@ -171,7 +209,7 @@ class Flex:
     @property
     def polymer_half_side_mm(self) -> float:
         """Half the side of the polymer inside the ball [mm]: at least the sheet's, and clear of the copper."""
-        return self.design.sheet_mm / 2.0 + max(0.0, dimensions.MIN_COPPER_TO_EDGE_MM - self.design.rim_mm)
+        return _polymer_half_side_mm(self.design)
 
     @cached_property
     def outline(self) -> Any:
@@ -204,6 +242,107 @@ def alignment_ear(half_side_mm: float, hole: Point) -> Any:
     return shapely.union_all([round_end, shapely.MultiPoint([*side, hole])]).convex_hull
 
 
-def flexes(design: FootDesign) -> tuple[Flex, Flex]:
-    """Return the row flex and the column flex of a foot."""
-    return Flex(line_kind="row", design=design), Flex(line_kind="column", design=design)
+def flexes(design: FootDesign, board: Board) -> tuple[Flex, Flex]:
+    """Return the lower and the upper flex of a foot for a board."""
+    if board == "fdc1004_columns":
+        return _common_flex(design), _element_flex(design)
+    return _line_flex(design, "row", "left"), _line_flex(design, "column", "forward")
+
+
+def _line_flex(design: FootDesign, kind: str, towards: Literal["left", "forward"]) -> Flex:
+    """Return the flex of the rows or of the columns: row1, row2, ... or col1, col2, ..., the first lowest."""
+    nets = [f"{kind[:3]}{k}" for k in range(1, len(design.line_mm) + 1)]
+    lines = list(zip(nets, (-x for x in design.line_mm), strict=True))
+    contacts = [GUARD_NET]
+    for net in nets:
+        contacts += [net, GUARD_NET]
+    return Flex(
+        name=f"{kind}-flex",
+        towards=towards,
+        design=design,
+        contacts=tuple(contacts),
+        electrodes=tuple((net, (u, v)) for net, v in lines for u in design.line_mm),
+        wires=tuple(
+            Wire(net, ((design.line_mm[-1], v), (_fan_start_u_mm(design), v)), 1 + contacts.index(net))
+            for net, v in lines
+        ),
+    )
+
+
+def _common_flex(design: FootDesign) -> Flex:
+    """Return the flex of the common electrode: columns joined along the foot, and to each other in the last row."""
+    lines, (first, *_, last) = design.line_mm, design.line_mm
+    wires = [Wire(COMMON_NET, ((u, -first), (u, -last))) for u in lines]
+    wires.append(Wire(COMMON_NET, ((last, -last), (first, -last))))
+    contacts = (COMMON_NET,) * _N_COMMON_CONTACTS
+    wires += [
+        Wire(COMMON_NET, ((first, v), (_fan_start_u_mm(design), v)), contact)
+        for contact, v in enumerate(_contact_v_mm(len(contacts)), 1)
+    ]
+    return Flex(
+        name="common-flex",
+        towards="left",
+        design=design,
+        contacts=contacts,
+        electrodes=tuple((COMMON_NET, (u, -x)) for x in lines for u in lines),
+        wires=tuple(wires),
+    )
+
+
+def element_net(row: int, column: int) -> str:
+    """Return the net of an element: `row1col1` is the most forward row and the leftmost column."""
+    return f"row{row + 1}col{column + 1}"
+
+
+def column_guard_net(column: int) -> str:
+    """Return the net of the guard of a column: the shield driver of its converter."""
+    return f"shld{column + 1}"
+
+
+def _element_flex(design: FootDesign) -> Flex:
+    """Return the flex of the elements: of each column three lines between four of its guard."""
+    lines, bar, fan_u = design.line_mm, design.bar_mm, _fan_start_u_mm(design)
+    width = min(dimensions.TRACE_WIDTH_MM, _BAR_TRACE_REL * bar)
+    to_corner = design.electrode_mm / 2.0 - width / 2.0
+    places = {
+        element_net(row, column): (x, -y) for row, x in enumerate(lines) for column, y in enumerate(lines)
+    }
+    contacts: list[str] = []
+    for column, rows in enumerate(_ROWS_ACROSS):
+        contacts.append(column_guard_net(column))
+        for row in rows:
+            contacts += [element_net(row, column), column_guard_net(column)]
+    wires = []
+    for column, y in enumerate(lines):
+        net = element_net(0, column)
+        wires.append(Wire(net, (places[net], (fan_u, -y)), 1 + contacts.index(net)))
+    for y, in_bar in zip(lines, _CONTACTS_IN_BARS, strict=False):
+        for lane, contact in enumerate(in_bar):
+            net = contacts[contact - 1]
+            v = -y + design.electrode_mm / 2.0 + (_FIRST_IN_BAR_REL + lane * _BAR_PITCH_REL) * bar
+            # A line leaves its electrode at the corner that is nearer to the tail, and a guard begins beside the last.
+            u, of_electrode_v = places.get(net, (lines[-1], v))
+            points = ((u + to_corner, of_electrode_v), (u + to_corner, v), (fan_u, v))
+            wires.append(Wire(net, points if net in places else points[1:], contact))
+    return Flex(
+        name="element-flex",
+        towards="forward",
+        design=design,
+        contacts=tuple(contacts),
+        electrodes=tuple(places.items()),
+        wires=tuple(wires),
+        wire_mm=width,
+        has_gentle_fan=True,
+    )
+
+
+def _contact_v_mm(n_contacts: int) -> list[float]:
+    return [(k - (n_contacts - 1) / 2.0) * dimensions.TAIL_CONTACT_PAD_PITCH_MM for k in range(n_contacts)]
+
+
+def _polymer_half_side_mm(design: FootDesign) -> float:
+    return design.sheet_mm / 2.0 + max(0.0, dimensions.MIN_COPPER_TO_EDGE_MM - design.rim_mm)
+
+
+def _fan_start_u_mm(design: FootDesign) -> float:
+    return _polymer_half_side_mm(design) + dimensions.MIN_COPPER_TO_EDGE_MM

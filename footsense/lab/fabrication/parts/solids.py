@@ -12,7 +12,7 @@ from typing import Any
 from netgen import occ
 
 from footsense.lab.fabrication import dimensions
-from footsense.lab.fabrication.parts.flex import flexes
+from footsense.lab.fabrication.parts.flex import Flex
 from footsense.lab.fem.solids import BODY_SIDES, hemisphere
 from footsense.lab.geometry import FootDesign
 
@@ -48,13 +48,7 @@ def mould_hollow_centres_x_mm(design: FootDesign) -> tuple[float, float]:
     return -off, off
 
 
-def column_and_row_tail_widths_mm(design: FootDesign) -> tuple[float, float]:
-    """Return the widths of the column flex's tail (forward) and the row flex's tail (to the left) [mm]."""
-    rows, columns = flexes(design)
-    return 2.0 * columns.tail_half_width_mm, 2.0 * rows.tail_half_width_mm
-
-
-def _socket(design: FootDesign) -> Any:
+def _socket(design: FootDesign, flexes: tuple[Flex, Flex]) -> Any:
     """Return the leg's socket: it holds the whole curved surface of the leg-side hemisphere."""
     outer = dimensions.socket_outer_radius_mm(design.ball_radius_mm)
     hollow = design.ball_radius_mm + dimensions.ADHESIVE_THICKNESS_MM
@@ -64,32 +58,32 @@ def _socket(design: FootDesign) -> Any:
     solid -= _cylinder(
         0.0, 0.0, dimensions.MOULD_VENT_DIAMETER_MM, (rim, top + 1.0)
     )  # excess adhesive leaves here
-    inside = outer - dimensions.TAIL_CHANNEL_DEPTH_MM
-    for width, forward in zip(column_and_row_tail_widths_mm(design), (True, False), strict=True):
-        half = width / 2.0 + dimensions.TAIL_CHANNEL_PLAY_PER_SIDE_MM
-        corners = [(inside, -half), (outer + 1.0, half)]
-        if not forward:
-            corners = [(-half, inside), (half, outer + 1.0)]
+    for flex in flexes:
+        half, floor = flex.channel_half_width_mm, flex.channel_floor_mm
+        corners = [(floor, -half), (outer + 1.0, half)]
+        if flex.towards == "left":
+            corners = [(-half, floor), (half, outer + 1.0)]
         solid -= occ.Box(occ.Pnt(*corners[0], rim - 1.0), occ.Pnt(*corners[1], top + 1.0))
     for k in range(dimensions.SCREWS):
         angle = 2.0 * math.pi * (k + 0.5) / dimensions.SCREWS
         circle = 0.65 * outer
         place = (circle * math.cos(angle), circle * math.sin(angle), dimensions.CORE_MM)
         solid -= _cylinder(*place, (top - dimensions.CORE_DEPTH_MM, top + 1.0))
+    forward = min(flex.channel_floor_mm for flex in flexes)
     solid -= _cylinder(
-        0.85 * inside, 0.0, dimensions.MOULD_VENT_DIAMETER_MM, (top - 1.0, top + 1.0)
+        0.85 * forward, 0.0, dimensions.MOULD_VENT_DIAMETER_MM, (top - 1.0, top + 1.0)
     )  # marks forward
     return solid
 
 
-def all_parts(design: FootDesign) -> dict[str, Any]:
+def all_parts(design: FootDesign, flexes: tuple[Flex, Flex]) -> dict[str, Any]:
     """Return all solid parts of a foot, shapes of Open CASCADE [mm], by the name of the file."""
     parts = {
         f"hemisphere-{side}": hemisphere(design, side, up * design.plate_mm, quarter=False)
         for side, up in BODY_SIDES
     }
     parts["mould-body"], parts["mould-lid"] = _mould(design)
-    return {**parts, "leg-socket": _socket(design)}
+    return {**parts, "leg-socket": _socket(design, flexes)}
 
 
 def write_step(name: str, solid: Any, path: Path) -> None:
