@@ -12,11 +12,13 @@ from footsense.lab.design.assess import assess_foot
 from footsense.lab.design.choice import choose_candidates
 from footsense.lab.design.design import foot_text
 from footsense.lab.design.materials import load_materials
-from footsense.lab.design.processes import load_processes
+from footsense.lab.design.processes import assumed_process, load_processes
 from footsense.lab.design.requirements import Requirements, converter
 from footsense.lab.design.screen import TRAINED_RANGE_FACTOR
 from footsense.lab.design.shapes import FootShapeLibrary
 from footsense.lab.evaluation.force_range import UPRIGHT, force_range, friction_loads, load_limits
+from footsense.lab.fabrication.limits import manufacturing_problems
+from footsense.lab.fabrication.parts.flex import Board
 from footsense.lab.foot_file import load_foot
 from footsense.lab.geometry import FootDesign, Material
 from footsense.lab.training.load_cases import FULL_SCALE_PF, sensed_closure_um
@@ -30,7 +32,7 @@ def requirements(
     ball_mm: tuple[float, float],
     *material: str,
     process: str = "flex",
-    board: str = "fdc1004",
+    board: str = "fdc1004_columns",
     lean_deg: float = 30.0,
 ) -> Requirements:
     """Return the requirements of a robot, with few materials."""
@@ -170,6 +172,20 @@ def test_the_outer_elements_end_with_the_sheet(library: FootShapeLibrary) -> Non
     assert found.sheet_mm == pytest.approx(2.0 * found.pitch_mm + found.electrode_mm, abs=1e-9)
 
 
+@pytest.mark.parametrize("board", ["fdc1004_columns", "fdc1004"])
+def test_what_is_chosen_for_a_board_can_be_made_for_it(library: FootShapeLibrary, board: Board) -> None:
+    """Five traces in a bar between two columns need a wider one, and their tail a larger ball."""
+    asked = requirements(0.7, (10.0, 18.0), board=board)
+    found = choose_candidates(library, asked, 1).manufacturable
+    bar_mm = found.pitch_mm - found.electrode_mm
+    has_lines = board == "fdc1004_columns"
+    assert (bar_mm.min() > 0.9375, found.ball_radius_mm.min() >= 8.4) == (has_lines, has_lines)
+    for row in (int(bar_mm.argmin()), int(found.ball_radius_mm.argmin())):
+        foot = load_foot(foot_text("small", "The smallest", found, row, asked).encode())
+        problems = manufacturing_problems(foot, assumed_process(foot, "flex"), board)
+        assert [problem for problem in problems if "bars of" in problem or "tail of" in problem] == []
+
+
 @pytest.mark.parametrize("foot_type", ["hexapod-2kg", "quadruped-12kg"])
 def test_a_released_foot_is_as_predicted(library: FootShapeLibrary, foot_type: str) -> None:
     """Ranges and errors of the solved table are within 8 % of the prediction without a mesh, and it reads its load."""
@@ -191,17 +207,24 @@ def test_a_released_foot_is_as_predicted(library: FootShapeLibrary, foot_type: s
             requirements(50.0, (20.0, 20.0), "urethane-80a"),
             r"--max-load 50 and --ball 20 conflict.*leaning 30 deg.*nearest that works: --ball",
         ),
-        (requirements(1.5, (3.0, 3.0)), r"--ball 3 and bars of at least 0\.8 mm conflict.*use a ball from"),
+        (
+            requirements(1.5, (3.0, 3.0), board="fdc1004"),
+            r"--ball 3 and bars of at least 0\.8 mm conflict.*use a ball from",
+        ),
+        (
+            requirements(1.5, (3.0, 16.0)),
+            r"--ball 16 and --board fdc1004_columns conflict.*use a ball from 17 mm",
+        ),
         (
             requirements(1.5, (110.0, 120.0), process="paper"),
-            r"--ball 110 120 and --board fdc1004 conflict.*up to",
+            r"--ball 110 120 and --board fdc1004_columns conflict.*up to",
         ),
         (
             requirements(4.0, (20.0, 30.0), "urethane-90a")._replace(min_load_n=1e-3),
             r"--min-load 0\.001 and --max-load 4 conflict at --error 2\.5:.*process makes 20 um.*--min-load",
         ),
     ],
-    ids=["load", "bars", "board", "noise"],
+    ids=["load", "bars", "tail", "board", "noise"],
 )
 @pytest.mark.slow
 def test_requirements_that_conflict_are_named(

@@ -68,16 +68,22 @@ def _manufacturable_candidates(
     Raises:
         FootsenseError: There is none.
     """
+    board, unloaded, largest_mm = requirements.board, feet.unloaded_pf, requirements.ball_diameter_range_mm[1]
+    if largest_mm < board.min_ball_mm:
+        raise FootsenseError(
+            f"--ball {largest_mm:g} and --board {board.name} conflict: the tail of its flex does not fit on the socket "
+            f"of such a ball; use a ball from {math.ceil(board.min_ball_mm)} mm"
+        )
+    least_bar_mm = max(requirements.process.bar_mm, board.min_bar_mm)
     bar_mm = feet.pitch_mm - feet.electrode_mm
-    bars, widest_mm = bar_mm >= requirements.process.bar_mm - 1e-9, float(bar_mm.max())
+    bars = (bar_mm >= least_bar_mm - 1e-9) & (2.0 * feet.ball_radius_mm >= board.min_ball_mm)
+    widest_mm = float(bar_mm.max())
     if not bars.any():
         raise FootsenseError(
-            f"--ball {requirements.ball_diameter_range_mm[1]:g} and bars of at least {requirements.process.bar_mm:g} "
-            f"mm conflict: "
+            f"--ball {largest_mm:g} and bars of at least {least_bar_mm:.3g} mm conflict: "
             f"the widest bar of such a ball has {widest_mm:.2f} mm; use a ball from "
-            f"{math.ceil(requirements.ball_diameter_range_mm[1] * requirements.process.bar_mm / widest_mm):.0f} mm"
+            f"{math.ceil(largest_mm * least_bar_mm / widest_mm):.0f} mm"
         )
-    board, unloaded = requirements.board, feet.unloaded_pf
     read = (unloaded >= board.min_unloaded_pf) & (feet.half_closed_pf <= board.range_end_pf)
     if not (bars & read).any():
         low, high = unloaded[bars].min(), unloaded[bars].max()

@@ -7,10 +7,11 @@ import numpy as np
 from firmware_interface.chips import ad7746, fdc1004
 from footsense.foot.directions import direction_grid
 from footsense.foot.specimen import ContactLoads
-from footsense.frames import ELEMENTS
+from footsense.frames import ELEMENTS, ROWS
 from footsense.lab.design.materials import Materials
 from footsense.lab.design.processes import Process
 from footsense.lab.evaluation.force_range import UPRIGHT, friction_loads
+from footsense.lab.fabrication import dimensions
 from footsense.lab.foot_file import MIN_UNLOADED_PF
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, FULL_SCALE_PF, NOISE_PF
 
@@ -21,6 +22,8 @@ GRAVITY_M_S2 = 9.80665
 _AD7746_RANGE_PF = (4.0, 9.3)
 #: Noise of a baseline over that of a conversion [1], as with board `fdc1004`.
 _BASELINE_NOISE_REL = 0.4
+#: Contacts of the widest tail: of three lines a column between four guards, and of three lines between four.
+_ELEMENT_CONTACTS, _LINE_CONTACTS = ROWS * (2 * ROWS + 1), 2 * ROWS + 1
 #: Angle by which a leg pitches [deg], and the contact normal in the frame of its foot with it.
 PITCH_DEG = 10.0
 #: Normals of the loads of a design: upright, and pitched towards a corner, where the range ends first, shape (2, 3).
@@ -36,7 +39,9 @@ class Converter(NamedTuple):
         baseline_noise_pf: Noise of the baseline [pF, rms].
         min_unloaded_pf: Least capacitance of an unloaded element [pF]: above an open line and the CAPDAC's offset.
         range_end_pf: Largest capacitance that it reads [pF].
-        scan_s: Nine conversions [s].
+        scan_s: Its conversions, three with board `fdc1004_columns`, else nine [s].
+        min_bar_mm: Least bar between two columns, for the traces in it [mm].
+        min_ball_mm: Least diameter of the ball, for the tail on its socket [mm].
     """
 
     name: str
@@ -45,20 +50,27 @@ class Converter(NamedTuple):
     min_unloaded_pf: float
     range_end_pf: float
     scan_s: float
+    min_bar_mm: float
+    min_ball_mm: float
 
 
 def converter(name: str) -> Converter:
     """Return the constants of a converter board at its fastest conversion rate.
 
     Args:
-        name: `fdc1004` or `ad7746`.
+        name: `fdc1004_columns`, `fdc1004` or `ad7746`.
     """
+    fdc1004_range = NOISE_PF, BASELINE_NOISE_PF, MIN_UNLOADED_PF, FULL_SCALE_PF
+    conversion_s = 1e-9 * fdc1004.RATES[max(fdc1004.RATES)].conversion_ns
+    if name == "fdc1004_columns":
+        made = dimensions.MIN_TRACED_BAR_MM, 2.0 * dimensions.least_ball_radius_mm(_ELEMENT_CONTACTS)
+        return Converter(name, *fdc1004_range, ROWS * conversion_s, *made)
+    made = 0.0, 2.0 * dimensions.least_ball_radius_mm(_LINE_CONTACTS)
     if name == "fdc1004":
-        scan_s = 1e-9 * ELEMENTS * fdc1004.RATES[max(fdc1004.RATES)].conversion_ns
-        return Converter(name, NOISE_PF, BASELINE_NOISE_PF, MIN_UNLOADED_PF, FULL_SCALE_PF, scan_s)
+        return Converter(name, *fdc1004_range, ELEMENTS * conversion_s, *made)
     quick = ad7746.RATES[max(ad7746.RATES)]
     noise_pf, scan_s = 1e-3 * quick.noise_ff, 1e-9 * ELEMENTS * quick.conversion_ns
-    return Converter(name, noise_pf, _BASELINE_NOISE_REL * noise_pf, *_AD7746_RANGE_PF, scan_s)
+    return Converter(name, noise_pf, _BASELINE_NOISE_REL * noise_pf, *_AD7746_RANGE_PF, scan_s, *made)
 
 
 class Requirements(NamedTuple):

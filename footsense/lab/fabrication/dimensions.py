@@ -13,6 +13,10 @@ MIN_NET_CLEARANCE_MM = 0.075
 MIN_COPPER_TO_EDGE_MM = 0.3
 #: Width of the traces [mm]: thin, since they are stray capacitance, and well above what can be made.
 TRACE_WIDTH_MM = 0.2
+#: Width of each of the five traces in a bar between two columns, over the width of the bar [1], and the least such bar
+#: [mm].
+BAR_TRACE_REL = 0.08
+MIN_TRACED_BAR_MM = MIN_TRACE_MM / BAR_TRACE_REL
 #: Deviation of an electrode's side by etching [mm].
 ETCH_DEVIATION_MM = 0.02
 #: Radius of inner corners [mm], so that the polymer does not tear.
@@ -68,6 +72,23 @@ MIN_TAIL_CHANNEL_SIDE_MM = 0.4
 def socket_outer_radius_mm(ball_radius_mm: float) -> float:
     """Return the outer radius of the socket for a ball of given radius [mm]."""
     return ball_radius_mm + ADHESIVE_THICKNESS_MM + SOCKET_WALL_MM
+
+
+def tail_half_width_mm(n_contacts: int) -> float:
+    """Return half the width of a tail with a number of contacts [mm]."""
+    return (n_contacts + 1) / 2.0 * TAIL_CONTACT_PAD_PITCH_MM
+
+
+def least_ball_radius_mm(n_contacts: int) -> float:
+    """Return the least radius of a ball whose socket has room for the widest tail of a foot [mm].
+
+    A channel spans at most 60 degrees of the socket: so two do not meet, and leave the socket a wall.
+
+    Args:
+        n_contacts: Contacts of that tail.
+    """
+    outer_mm = 2.0 * (tail_half_width_mm(n_contacts) + TAIL_CHANNEL_PLAY_PER_SIDE_MM)
+    return math.ceil(10.0 * (outer_mm - socket_outer_radius_mm(0.0))) / 10.0
 
 
 def channel_floor_mm(ball_radius_mm: float, half_width_mm: float) -> float:

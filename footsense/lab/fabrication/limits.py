@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from footsense.lab.design.processes import AssumedProcess
 from footsense.lab.fabrication import dimensions
-from footsense.lab.fabrication.parts.flex import MIN_TRACED_BAR_MM, Board, flexes
+from footsense.lab.fabrication.parts.flex import Board, flexes
 from footsense.lab.fabrication.tolerances import hardness_tolerance_shore_a, overlap_area_deviation_rel
 from footsense.lab.geometry import UM_PER_MM, FootDesign
 
@@ -24,23 +24,20 @@ def manufacturing_problems(design: FootDesign, assumed: AssumedProcess, board: B
     """
     yield from _sheet_problems(design, assumed, board)
     yield from _layer_and_hardness_problems(design, assumed)
-    outer = dimensions.socket_outer_radius_mm(design.ball_radius_mm)
-    # A channel spans at most 60 degrees of the socket: so two do not meet, and leave the socket a wall.
-    tail_mm = 2.0 * max(flex.tail_half_width_mm for flex in flexes(design, board))
-    wide = tail_mm + 2.0 * dimensions.TAIL_CHANNEL_PLAY_PER_SIDE_MM
-    if wide > outer:
-        least = wide - outer + design.ball_radius_mm
+    n_contacts = max(len(flex.contacts) for flex in flexes(design, board))
+    least = dimensions.least_ball_radius_mm(n_contacts)
+    if design.ball_radius_mm < least:
         yield (
-            f"ball_radius_mm: the tail of {tail_mm:g} mm of board {board} does not fit on the socket of a ball of "
-            f"{design.ball_radius_mm:g} mm; use at least {math.ceil(10.0 * least) / 10.0:g}"
+            f"ball_radius_mm: the tail of {2.0 * dimensions.tail_half_width_mm(n_contacts):g} mm of board {board} does "
+            f"not fit on the socket of a ball of {design.ball_radius_mm:g} mm; use at least {least:g}"
         )
 
 
 def _sheet_problems(design: FootDesign, assumed: AssumedProcess, board: Board) -> Iterator[str]:
     """Yield the reasons why the gaps between electrodes, the spacer's bars cannot be made."""
     pitch, bar, needs = design.pitch_mm, assumed.process.bar_mm, f"process {assumed.process_name} needs"
-    if board == "fdc1004_columns" and bar < MIN_TRACED_BAR_MM:
-        bar, needs = MIN_TRACED_BAR_MM, f"the traces of board {board} between two columns need"
+    if board == "fdc1004_columns" and bar < dimensions.MIN_TRACED_BAR_MM:
+        bar, needs = dimensions.MIN_TRACED_BAR_MM, f"the traces of board {board} between two columns need"
     leave = f"electrodes of {design.electrode_mm:g} mm at a pitch of {pitch:g} mm leave"
     if design.bar_mm < dimensions.MIN_NET_CLEARANCE_MM - _ROUNDING_TOLERANCE_MM:
         yield (

@@ -39,10 +39,8 @@ _N_COMMON_CONTACTS = 4
 #: of the bars between columns, in the same order: lines of the second and third row, and the guards of both columns.
 _ROWS_ACROSS = ((0, 1, 2), (1, 0, 2), (2, 1, 0))
 _CONTACTS_IN_BARS = ((4, 6, 7, 8, 9), (13, 14, 15, 16, 18))
-#: Width and pitch of the five traces in a bar, and middle of the first, over the width of the bar [1].
-_BAR_TRACE_REL, _BAR_PITCH_REL, _FIRST_IN_BAR_REL = 0.08, 0.18, 0.14
-#: Least width of a bar with traces [mm].
-MIN_TRACED_BAR_MM = dimensions.MIN_TRACE_MM / _BAR_TRACE_REL
+#: Pitch of the five traces in a bar, and middle of the first, over the width of the bar [1].
+_BAR_PITCH_REL, _FIRST_IN_BAR_REL = 0.18, 0.14
 
 
 class Wire(NamedTuple):
@@ -98,7 +96,7 @@ class Flex:
     @property
     def tail_half_width_mm(self) -> float:
         """Half the width of the tail [mm]."""
-        return self.contact_v_mm[-1] + dimensions.TAIL_CONTACT_PAD_PITCH_MM
+        return dimensions.tail_half_width_mm(len(self.contacts))
 
     @property
     def channel_half_width_mm(self) -> float:
@@ -290,7 +288,7 @@ def _common_flex(design: FootDesign) -> Flex:
 
 
 def element_net(row: int, column: int) -> str:
-    """Return the net of an element: `row1col1` is the most forward row and the leftmost column."""
+    """Return the net of an element: row1col1 is the most forward row and the leftmost column."""
     return f"row{row + 1}col{column + 1}"
 
 
@@ -302,7 +300,7 @@ def column_guard_net(column: int) -> str:
 def _element_flex(design: FootDesign) -> Flex:
     """Return the flex of the elements: of each column three lines between four of its guard."""
     lines, bar, fan_u = design.line_mm, design.bar_mm, _fan_start_u_mm(design)
-    width = min(dimensions.TRACE_WIDTH_MM, _BAR_TRACE_REL * bar)
+    width = min(dimensions.TRACE_WIDTH_MM, dimensions.BAR_TRACE_REL * bar)
     to_corner = design.electrode_mm / 2.0 - width / 2.0
     places = {
         element_net(row, column): (x, -y) for row, x in enumerate(lines) for column, y in enumerate(lines)
