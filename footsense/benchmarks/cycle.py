@@ -6,7 +6,7 @@ and is drained between cycles.
 
 import os
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,14 +18,15 @@ from msgspec.structs import replace
 from footsense.benchmarks.naive import NaiveCycle, has_cantools
 from footsense.can.channel import SocketWire
 from footsense.clock import Realtime, fifo_priority, low_latency_interpreter, stopwatch_ns
-from footsense.config import SMALL_BOARD
+from footsense.config import SMALL_BOARD, Config
 from footsense.daemon.acquisition import open_scan_source
 from footsense.daemon.can_output import can_sink
 from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.loop import Loop
 from footsense.daemon.models import load_models
 from footsense.daemon.recording_header import recording_header
-from footsense.frames import CapFrame, Flag
+from footsense.estimation.network import Network, steady_windows
+from footsense.frames import ELEMENTS, CapFrame, Flag
 from footsense.ring.cycle_ring import CycleRing
 from footsense.ring.records import ServiceStatus
 from footsense.sim.clock import VirtualClock
@@ -36,8 +37,6 @@ from footsense.telemetry.systemd import LegStateLogger, SystemdNotifier
 REALTIME_PRIORITY = Realtime().priority
 #: Cycles at the begin, in which the feet are tared.
 N_WARM_UP_CYCLES = 120
-#: The service, with a force on CAN for every cycle: each cycle does all the work.
-_CONFIG = replace(SMALL_BOARD, publish_every=1)
 #: Cycles in a row of one program before the turn of the next.
 _CYCLES_BEFORE_NEXT_PROGRAM = 25
 #: Time from the newest reading of a frame until its forces are sent [ns].
@@ -61,14 +60,18 @@ class ServiceCycle(NamedTuple):
 
 
 @contextmanager
-def open_service_cycle() -> Iterator[ServiceCycle]:
+def open_service_cycle(config: Config = SMALL_BOARD) -> Iterator[ServiceCycle]:
     """Set up one cycle of the daemon (pipeline, CAN sink, observers) with a socket pair in place of CAN.
+
+    Args:
+        config: The robot. Each cycle does all the work, with a force on CAN, whatever its `publish_every`.
 
     Yields:
         The cycle; its ring exists until the end.
     """
     channel, far_end = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
-    clock, wire, models = VirtualClock(), SocketWire(channel), load_models(_CONFIG)
+    clock, wire = VirtualClock(), SocketWire(channel)
+    models = load_models(replace(config, publish_every=1))
     pipeline = pipeline_for(models, Flag.SIMULATED)
     with (
         far_end,
@@ -82,9 +85,9 @@ def open_service_cycle() -> Iterator[ServiceCycle]:
             return ServiceStatus(can=sink.stats, baseline=pipeline.baseline_pf.tobytes())
 
         observers = (
-            LegStateLogger(SMALL_BOARD.legs),
-            SystemdNotifier(SMALL_BOARD.legs, {}),
-            CycleRing(ring, SMALL_BOARD.legs, header, SMALL_BOARD.frames_hz, status),
+            LegStateLogger(config.legs),
+            SystemdNotifier(config.legs, {}),
+            CycleRing(ring, config.legs, header, config.frames_hz, status),
         )
         loop = Loop(pipeline, sink, observers, clock)
 
@@ -104,11 +107,9 @@ def open_service_cycle() -> Iterator[ServiceCycle]:
                 observer.close()
 
 
-def simulated_walk_frames(n: int) -> list[CapFrame]:
+def simulated_walk_frames(n: int, config: Config = SMALL_BOARD) -> list[CapFrame]:
     """Return the simulated capacitance frames of `n` conversions of six walking legs."""
-    with open_scan_source(
-        SMALL_BOARD, replace(load_scene("measured_walk"), host_cost_us=40.0)
-    ) as scan_source:
+    with open_scan_source(config, replace(load_scene("measured_walk"), host_cost_us=40.0)) as scan_source:
         return [scan_source.source.read() for _ in range(n)]
 
 
@@ -117,20 +118,21 @@ def send_time_ns(scan: CapFrame) -> int:
     return int(scan.t_ns.max()) + _SEND_DELAY_NS
 
 
-def compare_cycle_durations(scans: list[CapFrame]) -> dict[str, float | None]:
+def compare_cycle_durations(scans: list[CapFrame], config: Config = SMALL_BOARD) -> dict[str, float | None]:
     """Return quantiles of the cycle durations of daemon and naive program [us], and their ratio.
 
     Args:
         scans: Frames to process; the first `N_WARM_UP_CYCLES` do not count.
+        config: The robot that they are of.
 
     Returns:
         `p50`, `p99`, and `naive_p50`, `naive_over_cycle`, which are None where cantools is not installed.
     """
-    naive = NaiveCycle(SMALL_BOARD) if has_cantools() else None
+    naive = NaiveCycle(config) if has_cantools() else None
     ours_ns: list[int] = []
     naive_ns: list[int] = []
     with (
-        open_service_cycle() as ours,
+        open_service_cycle(config) as ours,
         Path(os.devnull).open("wb") as record,
         low_latency_interpreter(),
         fifo_priority(REALTIME_PRIORITY),
@@ -157,3 +159,24 @@ def compare_cycle_durations(scans: list[CapFrame]) -> dict[str, float | None]:
         "naive_p50": naive_p50,
         "naive_over_cycle": naive_p50 / p50 if naive_p50 else None,
     }
+
+
+def network_durations_us(networks: Sequence[Path], n_legs: int, n_calls: int) -> list[float]:
+    """Return the median duration of a call of each network as the service makes it, on one thread [us].
+
+    Args:
+        networks: ONNX files with a card; they take turns, so that what else the machine does costs all alike.
+        n_legs: Legs in a call.
+        n_calls: Calls of each.
+    """
+    opened = [Network(path, n_legs) for path in networks]
+    window = steady_windows(np.zeros((n_legs, ELEMENTS)))
+    times_ns: list[list[int]] = [[] for _ in opened]
+    with low_latency_interpreter(), fifo_priority(REALTIME_PRIORITY):
+        for _ in range(0, n_calls, _CYCLES_BEFORE_NEXT_PROGRAM):
+            for network, own_ns in zip(opened, times_ns, strict=True):
+                for _ in range(_CYCLES_BEFORE_NEXT_PROGRAM):
+                    start_ns = stopwatch_ns()
+                    network.estimate(window)
+                    own_ns.append(stopwatch_ns() - start_ns)
+    return [1e-3 * float(np.median(own_ns)) for own_ns in times_ns]

@@ -22,6 +22,7 @@ from footsense.sim.scene import Effects, Scene, load_scene
 
 _N_SCANS = 40
 _HOST_COSTS_US = (0, 40, 100)
+_USUAL_CHIPS = Effects()
 #: Forces of each leg of which the age is measured, after the tare.
 _N_AGE_SAMPLES = 120
 
@@ -37,7 +38,8 @@ _BUSES = {
         Bus(device="sim2", legs={"lr": 0, "rr": 1}),
     ),
 }
-_CONFIGURATIONS = {
+#: Six legs by board and number of buses.
+CONFIGURATIONS = {
     "one_bus": SMALL_BOARD,
     "two_buses": replace(SMALL_BOARD, buses=_BUSES["two_buses"]),
     "ad7746": replace(SMALL_BOARD, board="ad7746"),
@@ -57,7 +59,7 @@ def measure_all_scan_periods() -> dict[str, dict[str, float]]:
     """Return scan periods and their ratios to the bounds, by bus configuration and host cost."""
     return {
         f"{name}_{host_cost_us}us": _measure_scan_periods(config, host_cost_us)
-        for (name, config), host_cost_us in itertools.product(_CONFIGURATIONS.items(), _HOST_COSTS_US)
+        for (name, config), host_cost_us in itertools.product(CONFIGURATIONS.items(), _HOST_COSTS_US)
     }
 
 
@@ -74,7 +76,7 @@ def measure_converter_kinds() -> dict[str, dict[str, float]]:
     }
     return {
         f"{name}_{host_cost_us}us": {
-            kind: 1e-6 * _scan_period_ns(_CONFIGURATIONS[name], _hanging(host_cost_us, effects))
+            kind: scan_period_ms(CONFIGURATIONS[name], host_cost_us, effects)
             for kind, effects in kinds.items()
         }
         for name, host_cost_us in itertools.product(("one_bus", "two_buses"), _HOST_COSTS_US)
@@ -85,29 +87,35 @@ def _hanging(host_cost_us: int, effects: Effects) -> Scene:
     return replace(load_scene("hanging"), host_cost_us=float(host_cost_us), effects=effects)
 
 
-def _scan_period_ns(config: Config, scene: Scene) -> float:
-    """Return the mean scan period of the daemon [ns]."""
-    with open_scan_source(config, scene) as scan_source:
+def scan_period_ms(config: Config, host_cost_us: int, effects: Effects = _USUAL_CHIPS) -> float:
+    """Return the mean scan period of the daemon [ms].
+
+    Args:
+        config: The robot.
+        host_cost_us: Time that the host adds to each transaction [us].
+        effects: What the simulated chips are.
+    """
+    with open_scan_source(config, _hanging(host_cost_us, effects)) as scan_source:
         scan_source.read_whole_scans(1)
         start_ns = scan_source.clock.now_ns()
         scan_source.read_whole_scans(_N_SCANS)
-        return (scan_source.clock.now_ns() - start_ns) / _N_SCANS
+        return 1e-6 * (scan_source.clock.now_ns() - start_ns) / _N_SCANS
 
 
 def _measure_scan_periods(config: Config, host_cost_us: int) -> dict[str, float]:
     """Return the scan periods of six legs at 400 kHz, of the daemon and of a naive loop, and their ratios."""
-    scene = _hanging(host_cost_us, load_scene("hanging").effects)
-    period_ns = _scan_period_ns(config, scene)
+    period_ms = scan_period_ms(config, host_cost_us)
     # Two buses are scanned side by side also by a naive program with two threads.
-    naive_ns = _naive_scan_period_ns(config, scene)
+    naive_ms = 1e-6 * _naive_scan_period_ns(config, _hanging(host_cost_us, _USUAL_CHIPS))
     return {
-        "period_ms": period_ns * 1e-6,
-        "rate_hz": 1e9 / period_ns,
-        "over_limit": period_ns * 1e-6 / config.shortest_scan_ms,
-        "over_best": period_ns
+        "period_ms": period_ms,
+        "rate_hz": 1e3 / period_ms,
+        "over_limit": period_ms / config.shortest_scan_ms,
+        "over_best": 1e6
+        * period_ms
         / max(_scan_period_lower_bound_ns(config, bus, host_cost_us) for bus in config.buses),
-        "naive_period_ms": naive_ns * 1e-6,
-        "naive_over_ours": naive_ns / period_ns,
+        "naive_period_ms": naive_ms,
+        "naive_over_ours": naive_ms / period_ms,
     }
 
 
@@ -129,9 +137,8 @@ def _scan_period_lower_bound_ns(config: Config, bus: Bus, host_cost_us: int) -> 
     ).scan_period_bound_ns
 
 
-def newest_reading_age_ms() -> dict[str, float]:
-    """Return the age of the newest reading at sending [ms], for one bus at 40 us per transaction."""
-    config = SMALL_BOARD
+def newest_reading_age_ms(config: Config = SMALL_BOARD) -> dict[str, float]:
+    """Return the age of the newest reading at sending [ms], p50 and p99, at 40 us per transaction."""
     scene = replace(load_scene("tripod"), host_cost_us=40.0)
     ages_ns: list[int] = []
     with open_scan_source(config, scene) as scan_source:

@@ -81,7 +81,13 @@ def test_errors_of_starts_feet_and_draws_stand_on_several() -> None:
     spreads = [
         *((draws["direction_deg"], 20) for draws in motion["wrong_gains"].values()),
         *((row["direction_deg"], 5) for row in paper["sizes"]),
-        *((row["direction_deg"][test], 5) for row in speed["sizes"] for test in ("gaits", "rest")),
+        *(
+            (starts, 5)
+            for networks in speed["networks"].values()
+            for network in networks[:-1]  # the last one is the released network
+            for errors in network["direction_deg"].values()
+            for starts in errors.values()
+        ),
         *((cause["deg"], 20) for cause in experiment_["causes"].values()),
         (experiment_["kinds"]["supposed"]["own_network"]["centred"]["deg"], 20),
     ]

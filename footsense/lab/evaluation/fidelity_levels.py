@@ -31,16 +31,21 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from timeit import default_timer
+from typing import Any
 
 import numpy as np
 
 from footsense.foot.capacitor import Capacitor
+from footsense.foot.force_errors import evaluate_force_errors
 from footsense.foot.gap_contact import capacitance_pf, element_means
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import Specimen
-from footsense.frames import Vector
+from footsense.foot.specimen import ContactLoads, Specimen
+from footsense.frames import ELEMENTS, Vector
+from footsense.lab.evaluation.evaluate_models import rms
 from footsense.lab.fem.mesh import MeshSize
 from footsense.lab.geometry import UM_PER_MM, FootDesign
+from footsense.lab.training.load_cases import paper_training, paper_verification
 
 #: Gauss points along the side of what an element carries: rays are long, so more change a closure by 1e-4.
 _QUADRATURE_POINTS_PER_SIDE = 3
@@ -197,3 +202,59 @@ def fidelity_levels(
         "contact": lambda: partial(of_cells, Specimen(response).cell_closures_um),
         "mesh": mesh,
     }
+
+
+def compare_levels(
+    response: FootResponse,
+    foot_design: FootDesign,
+    size: MeshSize,
+    n_solved: int,
+    force_n: Callable[[Vector], Vector],
+) -> list[dict[str, Any]]:
+    """Return time of a load [s] and difference from the table with gap contact, by level, on the paper's loads.
+
+    Args:
+        response: Response table of the foot.
+        foot_design: The foot.
+        size: Resolution of the mesh.
+        n_solved: Loads that the mesh is solved for.
+        force_n: Forces [N] that a network reads from closures over the gap, shape (n, elements).
+    """
+    design = response.design
+    paper_n = np.concatenate([paper_training(response).force_n, paper_verification(response).force_n])
+    loads = ContactLoads.centred(paper_n)
+    some = np.linspace(0, len(paper_n) - 1, n_solved).round().astype(int)
+    answers: dict[str, LevelResponse] = {}
+    rows: list[dict[str, Any]] = []
+    for name, make_level in fidelity_levels(response, foot_design, size).items():
+        on_mesh = name == "mesh"
+        normal, own_n = (part[some] if on_mesh else part for part in loads)
+        started = default_timer()
+        level = make_level()
+        before_s = default_timer() - started
+        times_s = []
+        for _ in range(1 if on_mesh else 3):
+            started = default_timer()
+            answers[name] = level(normal, own_n)
+            times_s.append(default_timer() - started)
+        rows.append(
+            {"model": name, "seconds": min(times_s) / len(own_n), "before_s": before_s, "n": len(own_n)}
+        )
+    finest = answers["contact"]
+
+    def read_n(answer: LevelResponse) -> Vector:
+        closure_um = design.closure_um(answer.capacitance_pf, np.full(ELEMENTS, design.unloaded_pf))
+        return force_n(closure_um / design.gap_um)
+
+    for row in rows:
+        own = answers[row["model"]]
+        other = LevelResponse(*(part[some] for part in (finest.closure_um, finest.capacitance_pf)))
+        reference = other if row["model"] == "mesh" else finest
+        errors = evaluate_force_errors(read_n(reference), read_n(own))
+        row |= {
+            "closure_rel": rms(own.closure_um - reference.closure_um) / rms(reference.closure_um),
+            "direction_deg": errors.direction_deg,
+            "direction_max_deg": errors.direction_max_deg,
+            "magnitude_gf": errors.magnitude_gf,
+        }
+    return rows

@@ -10,6 +10,7 @@ from footsense.frames import ROWS
 from footsense.lab.design.materials import shore_a_from_modulus
 from footsense.lab.design.processes import AssumedProcess
 from footsense.lab.fabrication import dimensions
+from footsense.lab.fabrication.electronics import ELECTRONICS
 from footsense.lab.fabrication.parts.flex import (
     COMMON_NET,
     GUARD_NET,
@@ -26,26 +27,6 @@ from footsense.lab.template import render
 _RUBBER_DENSITY_G_PER_CM3 = 1.1
 #: What is weighed over what ends up in the part [1].
 _CASTING_EXCESS_FACTOR = 1.3
-
-
-#: Electronics of a foot by board: quantity, part, specification (firmware_interface/README.md).
-_ELECTRONICS = {
-    "fdc1004_columns": (
-        (3, "FDC1004", "capacitance-to-digital converter, one for each column"),
-        (1, "LTC4317", "dual address translator: columns 1 and 2 at 0x51 and 0x52"),
-        (2, "resistor", "976 kOhm, 1 %, XORL1 and XORL2 to VCC"),
-        (1, "resistor", "102 kOhm, 1 %, XORL1 to GND"),
-        (1, "resistor", "182 kOhm, 1 %, XORL2 to GND"),
-        (4, "resistor", "15 kOhm, pull-up of SDA and SCL of both outputs"),
-        (4, "capacitor", "100 nF, at each supply pin"),
-        (3, "capacitor", "1 uF, at each FDC1004"),
-        (1, "connector of the leg", "4 contacts: 3.3 V, GND, SDA, SCL"),
-    ),
-    "fdc1004": (
-        (1, "FDC1004", "capacitance-to-digital converter of the leg"),
-        (1, "ADG715", "row switch of the leg"),
-    ),
-}
 
 
 def write_documents(
@@ -91,19 +72,19 @@ def write_documents(
         (folder / f"{name}.md").write_text(text + "\n")
     with (folder / "bill-of-materials.csv").open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["quantity", "unit", "part", "specification", "file"])
+        writer.writerow(["quantity", "unit", "part", "specification", "file", "planning value [USD]"])
         writer.writerows(bill_of_materials(design, board, flexes))
 
 
 def bill_of_materials(
     design: FootDesign, board: Board, flexes: tuple[Flex, Flex]
-) -> list[tuple[float | int, str, str, str, str]]:
-    """Return the bill of materials of one foot: quantity, unit, part, specification, file."""
+) -> list[tuple[float | str | None, ...]]:
+    """Return the bill of materials of one foot: quantity, unit, part, specification, file, and value [USD] or None."""
     shore, side, plate = shore_a_from_modulus(design.rubber.youngs_mpa), design.sheet_mm, design.plate_mm
     rubber = f"Shore A {shore:.0f}, {design.rubber.youngs_mpa:g} MPa, cures at room temperature, shrinks below 0.5 %"
     pdms = f"elastomer of {design.pdms.youngs_mpa:g} MPa (PDMS), {side:g} x {side:g} x {plate:g} mm"
     dowel_mm = 2.0 * dimensions.MOULD_DOWEL_DIAMETER_MM + dimensions.MOULD_WALL_MM
-    rows: list[tuple[float | int, str, str, str, str]] = [
+    rows: list[tuple[float | str | None, ...]] = [
         (
             round(rubber_mass_to_weigh_g(design), 1),
             "g",
@@ -126,7 +107,6 @@ def bill_of_materials(
         (1, "piece", "socket of the leg", "aluminium or printed resin", "step/leg-socket.step"),
         (dimensions.SCREWS, "piece", "screw of the socket", "M2.5 x 6", ""),
         (1, "g", "adhesive", "silicone, flexible, cures at room temperature; primer for the rubber", ""),
-        *((quantity, "piece", part, text, "") for quantity, part, text in _ELECTRONICS[board]),
     ]
     for flex in flexes:
         count = len(flex.contacts)
@@ -136,7 +116,10 @@ def bill_of_materials(
             (1, "piece", flex.name.replace("-", " "), layers, f"{flex.name}/"),
             (1, "piece", f"connector of the {flex.name.replace('-', ' ')}", plug, ""),
         ]
-    return rows
+    return [(*row, None) for row in rows] + [
+        (part.quantity, "piece", part.name, part.specification, "", part.price_usd)
+        for part in ELECTRONICS[board]
+    ]
 
 
 def film_material_text(design: FootDesign) -> str:

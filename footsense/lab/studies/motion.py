@@ -10,6 +10,7 @@ from footsense.estimation.missing_elements import Imputation
 from footsense.foot.directions import angles_between_deg
 from footsense.foot.network_card import NETWORK_FILES
 from footsense.frames import ELEMENTS, LEGS, Mask, Vector
+from footsense.lab.boards.windows import TROT_RISES_S, TROT_STANCE_S, TROT_STRIDE_S, dog_trot
 from footsense.lab.evaluation.walker_judgement import draw, judge, pooled
 from footsense.lab.evaluation.walker_page import WalkerLimits, row_of, walker_targets, walker_text
 from footsense.lab.evaluation.walker_runs import SCAN_TIMES
@@ -35,9 +36,8 @@ from footsense.lab.training.gait_windows import (
 )
 from footsense.lab.walkers.split import JUDGEMENT
 from footsense.ports import LoadEstimator, Window
-from footsense.sim.faults.scene_faults import Leg
 from footsense.sim.loads.ground_load import ContactSource
-from footsense.sim.loads.walk import Walk, measured_walk, smooth_stance_reaction, trot_reaction
+from footsense.sim.loads.walk import Walk, measured_walk, smooth_stance_reaction
 
 TITLE = "Force in motion, and what a gait controller is told"
 
@@ -49,9 +49,6 @@ _USUAL_RATE_REL = 0.05
 #: Least force of a direction, of a friction ratio, and least normal force of a contact normal [N].
 _DIRECTION_N, _FRICTION_N, _NORMAL_N = 0.1, 0.3, 0.5
 _WALK_START_NS = 200_000_000
-#: A trot with the times of a Unitree Go1's: stride and stance [s], and times in which the force rises to 70 % [s], by leg.
-_TROT_STRIDE_S, _TROT_STANCE_S = 0.67, 0.4
-_TROT_RISES_S: dict[Leg, float] = {"lf": 0.02, "rf": 0.04, "lr": 0.06, "rr": 0.08}
 _NOTHING = np.zeros(ELEMENTS, bool)
 #: Standard deviations of wrong gains [1], and draws of a foot's nine gains.
 _GAIN_ERRORS_REL, _N_DRAWS = (0.003, 0.01, 0.03), 20
@@ -166,16 +163,6 @@ def _gaits(context: StudyContext, network: LoadEstimator, scan: str) -> tuple[li
         pitch_deg=10.0,
         from_ns=_WALK_START_NS,
     )
-    trot = Walk(
-        {
-            leg: trot_reaction(_TROT_STANCE_S / _TROT_STRIDE_S, rise_s / _TROT_STANCE_S, 1.0, 0.15)
-            for leg, rise_s in _TROT_RISES_S.items()
-        },
-        period_ns=round(1e9 * _TROT_STRIDE_S),
-        duty_rel=_TROT_STANCE_S / _TROT_STRIDE_S,
-        pitch_deg=10.0,
-        from_ns=_WALK_START_NS,
-    )
     sides = ("rf", "lf")
     walked = _walked(context, scan, walk, sides)
     middle, row = np.arange(ELEMENTS) == 4, np.arange(ELEMENTS) < 3
@@ -185,7 +172,7 @@ def _gaits(context: StudyContext, network: LoadEstimator, scan: str) -> tuple[li
         errors("random gaits at another pace", select_gaits(random, ~at_usual_pace)),
         errors("measured walk", walked),
         errors("tripod", _walked(context, scan, tripod, ("rf",))),
-        errors("trot of a robot dog", _walked(context, scan, trot, tuple(_TROT_RISES_S))),
+        errors("trot of a robot dog", _walked(context, scan, dog_trot(_WALK_START_NS), tuple(TROT_RISES_S))),
         errors("walk, rubber creeps and lags", _walked(context, scan, walk, sides, viscous_rel=1.0)),
         errors("walk, middle element missing", walked, missing=middle),
         errors("walk, row 0 missing", walked, missing=row),
@@ -273,7 +260,7 @@ def text_of(values: Values, page: str) -> str:
     return f"""
 The released network on gaits that it was not trained on: {values["n_random_gaits"]} random gaits of another seed (stances of 60 ms to 2 s
 that rise in 5 to 150 ms; scans of 4.5 to 125 ms in the row of another pace), the measured walk of two legs, a
-tripod of one, and a trot of four legs with the times of a robot dog's (strides of {_TROT_STRIDE_S:g} s, stances of {_TROT_STANCE_S:g} s
+tripod of one, and a trot of four legs with the times of a robot dog's (strides of {TROT_STRIDE_S:g} s, stances of {TROT_STANCE_S:g} s
 that rise to 70 % within 20 to 80 ms, as measured of a Unitree Go1; its shape is ours), all at 1 N peak but the random ones. The force is that at the time of sending. Directions count from
 {_DIRECTION_N} N on, friction from {_FRICTION_N} N, the contact's normal from {_NORMAL_N} N of normal force. Readings come from the response
 table that the network was trained on, with the converter's noise and timing: the model that is judged made them. The

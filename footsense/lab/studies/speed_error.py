@@ -1,35 +1,33 @@
-"""Page `speed-error`: time against error of the models of the foot, of network sizes, and of rates of scan and publishing."""
+"""Page `speed-error`: what a millisecond and a dollar buy, and time against error of models and rates of publishing."""
 
-from dataclasses import replace
+import tempfile
 from functools import partial
-from timeit import Timer, default_timer
+from pathlib import Path
+from typing import NamedTuple
 
 import ngsolve as ng
-import numpy as np
-import onnxruntime
 
-from footsense.benchmarks.latency_vs_error import measure_latency_vs_error
-from footsense.estimation.missing_elements import Imputation
-from footsense.estimation.network import steady_windows
-from footsense.foot.force_errors import evaluate_force_errors
-from footsense.foot.specimen import ContactLoads
-from footsense.frames import ELEMENTS
-from footsense.lab.evaluation.evaluate_models import rms
-from footsense.lab.evaluation.fidelity_levels import LevelResponse, fidelity_levels
-from footsense.lab.fem.mesh import COARSE_MESH, RELEASED_MESH
-from footsense.lab.report import StudyContext, Values, spread, table, target
-from footsense.lab.training.export import onnx_model
-from footsense.lab.training.gait_readings import random_gaits
-from footsense.lab.training.gait_windows import windows_of
-from footsense.lab.training.load_cases import (
-    measured_closure_rel,
-    paper_training,
-    paper_verification,
-    random_loads,
+from footsense.acquisition.scan_plan import BOARDS
+from footsense.benchmarks.cycle import (
+    N_WARM_UP_CYCLES,
+    compare_cycle_durations,
+    network_durations_us,
+    simulated_walk_frames,
 )
-from footsense.lab.training.train_windowed import WindowTrainingSettings, train_windowed
-from footsense.lab.training.windowed_network import mean_closure_product_matrix, predict
-from footsense.ports import Window
+from footsense.benchmarks.latency_vs_error import measure_latency_vs_error
+from footsense.benchmarks.scan import CONFIGURATIONS, newest_reading_age_ms, scan_period_ms
+from footsense.foot.network_card import NETWORK_FILES
+from footsense.frames import LEGS
+from footsense.lab.boards.networks import ScanSubject, train_and_judge
+from footsense.lab.boards.page import LOADS, boards_text, draw_boards
+from footsense.lab.boards.windows import BoardScan, judged_windows
+from footsense.lab.evaluation.fidelity_levels import compare_levels
+from footsense.lab.fabrication.electronics import chips
+from footsense.lab.fem.mesh import COARSE_MESH, RELEASED_MESH
+from footsense.lab.parallel import N_PROCESSES, compute_each
+from footsense.lab.report import StudyContext, Values, table, target
+from footsense.lab.training.gait_readings import SCANS_OF_NETWORK, random_gaits
+from footsense.lab.training.load_cases import random_loads
 
 TITLE = "Speed against error"
 
@@ -37,33 +35,60 @@ TITLE = "Speed against error"
 _N_MESH_LOADS, _N_QUICK_MESH_LOADS = 12, 1
 #: Channels of each hidden layer, eight units each; starts, and steps of training: far fewer than a released network's.
 _CHANNELS, _QUICK_CHANNELS, _N_SEEDS, _STEPS, _QUICK_STEPS = (4, 14, 40), (4,), 5, 1000, 100
-#: Random gaits and loads at rest for training; a quarter as many of another seed for the test.
-_N_GAITS, _N_RESTS, _TRAINING_SEED, _TEST_SEED = 300, 20_000, 11, 12
-#: Conversions of a gait, and true force from which the errors in gaits count [N].
-_CONVERSIONS, _LOADED_N = 1100, 0.1
-#: Legs in a call, runs in a timing, timings of each size, one after the other; the fastest counts.
-_LEGS, _RUNS, _N_TIMINGS = 6, 200, 25
+#: Random gaits, conversions of each, and loads at rest for training; gaits and loads of another seed for the test.
+_N_GAITS, _CONVERSIONS, _N_RESTS, _N_TEST_GAITS, _N_TEST_RESTS = 300, 1100, 20_000, 100, 5_000
+_TRAINING_SEED, _TEST_SEED = 11, 12
+#: Calls of a network, and cycles of the service, that are timed.
+_N_CALLS, _N_CYCLES = 2000, 800
+#: Time of the host for a transaction [us].
+_HOST_COST_US = 40
 _SHOWN_LOADS = ("measured_walk", "step")
 
 
+class _Electronics(NamedTuple):
+    """A board with a number of buses: its title, its key in `CONFIGURATIONS`, the scan of its network."""
+
+    title: str
+    key: str
+    scan: str
+
+
+_ELECTRONICS = (
+    _Electronics("fdc1004, one bus", "one_bus", "elements"),
+    _Electronics("fdc1004_columns, one bus", "columns_one_bus", "rows"),
+    _Electronics("fdc1004_columns, two buses", "columns_two_buses", "rows"),
+    _Electronics("fdc1004_columns, three buses", "columns_three_buses", "rows"),
+    _Electronics("ad7746, one bus", "ad7746", "elements"),
+)
+_AT_ONCE = {"elements": 1, "rows": 3}
+#: Limits of the targets, by key in `CONFIGURATIONS`: network, six legs [us], and whole cycle over a conversion [1].
+_WANTED = {"columns_two_buses": (60.0, 0.15), "one_bus": (90.0, 0.12)}
+
+
 def compute(context: StudyContext) -> Values:
-    """Measure time and error of foot models, networks of several sizes, and rates of converting and publishing."""
+    """Measure age, price and error of boards and networks, foot models, and rates of converting and publishing."""
     ng.ngsglobals.msg_level = 0
     published = measure_latency_vs_error(context)
     context.report_progress("rates done")
-    models = _foot_models(context)
+    models = compare_levels(
+        context.response,
+        context.foot_design,
+        COARSE_MESH if context.quick else RELEASED_MESH,
+        _N_QUICK_MESH_LOADS if context.quick else _N_MESH_LOADS,
+        context.network.force_n,
+    )
     context.report_progress("models of the foot done")
-    sizes = _network_sizes(context)
+    bought = _boards_and_sizes(context)
+    context.drawings["speed-error.png"] = draw_boards(bought)
     table_s = next(row["seconds"] for row in models if row["model"] == "linear")
     mesh_s = next(row["seconds"] for row in models if row["model"] == "mesh")
     held = _point(published, 400, 4)["walk"]["held_error_norm_rms_mn"]
     return {
+        **bought,
         "models": models,
-        "n_seeds": 2 if context.quick else _N_SEEDS,
-        "steps": _QUICK_STEPS if context.quick else _STEPS,
-        "sizes": sizes,
         "published": {**published, "loads": {name: published["loads"][name] for name in _SHOWN_LOADS}},
         "targets": [
+            *_duration_targets(bought),
             target(
                 "one solve of the mesh per load over a look-up in its table, time",
                 "50",
@@ -80,6 +105,158 @@ def compute(context: StudyContext) -> Values:
     }
 
 
+def _duration_targets(bought: Values) -> list[Values]:
+    """Return the targets of the times of network and cycle, of both boards of FDC1004."""
+    rows = []
+    for key, (network_us, cycle_rel) in _WANTED.items():
+        board = bought["boards"][key]
+        released_us = bought["networks"][board["scan"]][-1]["six_legs_us"]
+        found_rel = board["cycle_us"] / board["conversion_us"]
+        rows += [
+            target(
+                f"{board['board']}: network, six legs, p50",
+                f"{network_us:g} us",
+                f"{released_us:.0f} us",
+                met=released_us <= network_us,
+            ),
+            target(
+                f"{board['board']}: whole cycle over a conversion, p50",
+                f"{cycle_rel:g}",
+                f"{found_rel:.3f}",
+                met=found_rel <= cycle_rel,
+            ),
+        ]
+    return rows
+
+
+def _scan_of(one: _Electronics) -> BoardScan:
+    """Return the scan of a board as its simulation on its buses takes it."""
+    config = CONFIGURATIONS[one.key]
+    return BoardScan(
+        conversion_order_index=SCANS_OF_NETWORK[_AT_ONCE[one.scan]][0],
+        step_s=1e-3 * scan_period_ms(config, _HOST_COST_US) / len(config.scan_plan.steps),
+        send_delay_s=1e-3 * newest_reading_age_ms(config)["p50"],
+        noise_pf=1e-3 * config.conversion_rate.noise_ff,
+        range_end_pf=BOARDS[config.board].range_end_pf,
+    )
+
+
+def _board(one: _Electronics, scan: BoardScan) -> Values:
+    """Return parts, price and times of a board."""
+    config = CONFIGURATIONS[one.key]
+    prices = [chip.price_usd for chip in chips(config.board)]
+    return {
+        "title": one.title,
+        "board": config.board,
+        "scan": one.scan,
+        "n_chips": sum(chip.quantity for chip in chips(config.board)),
+        "price_usd": sum(price for price in prices if price is not None),
+        "unpriced": [chip.name for chip in chips(config.board) if chip.price_usd is None],
+        "sent_after_ms": 1e3 * scan.send_delay_s,
+        "scan_ms": 1e3 * scan.step_s * len(config.scan_plan.steps),
+        "mean_age_ms": 1e3 * scan.mean_age_s,
+        "range_end_pf": scan.range_end_pf,
+        "conversion_us": 1e-3 * config.conversion_rate.conversion_ns,
+    }
+
+
+def _boards_and_sizes(context: StudyContext) -> Values:
+    """Return boards by their key, networks of every size by their scan, and the errors of all of them by start."""
+    response, loads, quick = context.response, context.foot_design.loads, context.quick
+    seeds, steps = (2, _QUICK_STEPS) if quick else (_N_SEEDS, _STEPS)
+    n_gaits, n_rests, n_test_gaits, n_test_rests = (
+        (8, 400, 2, 100) if quick else (_N_GAITS, _N_RESTS, _N_TEST_GAITS, _N_TEST_RESTS)
+    )
+    scans = {one: _scan_of(one) for one in _ELECTRONICS}
+    boards = {one.key: _board(one, scan) for one, scan in scans.items()}
+    for key in _WANTED:
+        frames = simulated_walk_frames(N_WARM_UP_CYCLES + (50 if quick else _N_CYCLES), CONFIGURATIONS[key])
+        boards[key]["cycle_us"] = compare_cycle_durations(frames, CONFIGURATIONS[key])["p50"]
+    context.report_progress("boards timed")
+    rests = random_loads(response, loads, n_rests, _TRAINING_SEED)
+    subjects = {
+        name: ScanSubject(
+            response,
+            random_gaits(response, _TRAINING_SEED, n_gaits, _CONVERSIONS, loads.max_n, at_once=at_once),
+            rests,
+            {
+                one.key: judged_windows(response, loads, scan, _TEST_SEED, n_test_rests, n_test_gaits)
+                for one, scan in scans.items()
+                if one.scan == name
+            },
+            context.models / NETWORK_FILES[name],
+            loads.min_relative_loss_force_n,
+        )
+        for name, at_once in _AT_ONCE.items()
+    }
+    for subject in subjects.values():
+        for key, tests in subject.tests.items():
+            boards[key]["without_force_rel"] = {load: test.without_force_rel for load, test in tests.items()}
+    context.report_progress("gaits done")
+    sizes = [*(_QUICK_CHANNELS if quick else _CHANNELS), None]
+    parts = [
+        (name, channels, seed)
+        for name in subjects
+        for channels in sizes
+        for seed in range(1 if channels is None else seeds)
+    ]
+    found = dict(
+        zip(
+            parts,
+            compute_each(
+                partial(train_and_judge, subjects, steps),
+                parts,
+                scheduler=context.scheduler,
+                n_processes=1 if quick else N_PROCESSES,
+            ),
+            strict=True,
+        )
+    )
+    context.report_progress("networks trained")
+    networks = {
+        name: [
+            {
+                "channels": channels,
+                "weights": found[name, channels, 0].n_weights,
+                "direction_deg": {
+                    key: {
+                        load: [
+                            found[part].direction_deg[key][load]
+                            for part in parts
+                            if part[:2] == (name, channels)
+                        ]
+                        for load in LOADS
+                    }
+                    for key in subjects[name].tests
+                },
+            }
+            for channels in sizes
+        ]
+        for name in subjects
+    }
+    firsts = {part: one.file for part, one in found.items() if part[2] == 0}
+    for (name, channels, _), time_us in zip(
+        firsts, _six_legs_us(list(firsts.values()), quick=quick), strict=True
+    ):
+        networks[name][sizes.index(channels)]["six_legs_us"] = time_us
+    return {
+        "host_cost_us": _HOST_COST_US,
+        "n_seeds": seeds,
+        "steps": steps,
+        "boards": boards,
+        "networks": networks,
+    }
+
+
+def _six_legs_us(files: list[bytes], *, quick: bool) -> list[float]:
+    """Return the time of six legs through each network [us]."""
+    with tempfile.TemporaryDirectory() as folder:
+        paths = [Path(folder) / f"{number}.onnx" for number in range(len(files))]
+        for path, file in zip(paths, files, strict=True):
+            path.write_bytes(file)
+        return network_durations_us(paths, len(LEGS), 50 if quick else _N_CALLS)
+
+
 def _point(published: Values, rate_sps: int, every: int) -> Values:
     """Return the figures of one rate of conversions and of publishing."""
     found: Values = next(
@@ -90,110 +267,6 @@ def _point(published: Values, rate_sps: int, every: int) -> Values:
     return found
 
 
-def _foot_models(context: StudyContext) -> list[Values]:
-    """Return time of a load [s] and difference from the table with gap contact, by model."""
-    response, design = context.response, context.response.design
-    force_n = np.concatenate([paper_training(response).force_n, paper_verification(response).force_n])
-    loads = ContactLoads.centred(force_n)
-    n_solved = _N_QUICK_MESH_LOADS if context.quick else _N_MESH_LOADS
-    some = np.linspace(0, len(force_n) - 1, n_solved).round().astype(int)
-    size = COARSE_MESH if context.quick else RELEASED_MESH
-    answers: dict[str, LevelResponse] = {}
-    rows: list[Values] = []
-    for name, make_level in fidelity_levels(response, context.foot_design, size).items():
-        on_mesh = name == "mesh"
-        normal, own_n = (part[some] if on_mesh else part for part in loads)
-        started = default_timer()
-        level = make_level()
-        before_s = default_timer() - started
-        times_s = []
-        for _ in range(1 if on_mesh else 3):
-            started = default_timer()
-            answers[name] = level(normal, own_n)
-            times_s.append(default_timer() - started)
-        rows.append(
-            {"model": name, "seconds": min(times_s) / len(own_n), "before_s": before_s, "n": len(own_n)}
-        )
-    finest = answers["contact"]
-
-    def read_n(answer: LevelResponse) -> np.ndarray:
-        closure_um = design.closure_um(answer.capacitance_pf, np.full(ELEMENTS, design.unloaded_pf))
-        return context.network.force_n(closure_um / design.gap_um)
-
-    for row in rows:
-        own = answers[row["model"]]
-        other = LevelResponse(*(part[some] for part in (finest.closure_um, finest.capacitance_pf)))
-        reference = other if row["model"] == "mesh" else finest
-        errors = evaluate_force_errors(read_n(reference), read_n(own))
-        row |= {
-            "closure_rel": rms(own.closure_um - reference.closure_um) / rms(reference.closure_um),
-            "direction_deg": errors.direction_deg,
-            "direction_max_deg": errors.direction_max_deg,
-            "magnitude_gf": errors.magnitude_gf,
-        }
-    return rows
-
-
-def _network_sizes(context: StudyContext) -> list[Values]:
-    """Return weights, time of six legs [us], and errors of networks of every size, by start."""
-    response, loads, design = context.response, context.foot_design.loads, context.response.design
-    n_gaits, n_rests = (8, 400) if context.quick else (_N_GAITS, _N_RESTS)
-    channels = _QUICK_CHANNELS if context.quick else _CHANNELS
-    gaits, test_gaits = (
-        random_gaits(response, seed, n, _CONVERSIONS, loads.max_n)
-        for seed, n in ((_TRAINING_SEED, n_gaits), (_TEST_SEED, n_gaits // 4))
-    )
-    rest, test_rest = (
-        random_loads(response, loads, n, seed)
-        for seed, n in ((_TRAINING_SEED, n_rests), (_TEST_SEED, n_rests // 4))
-    )
-    walked = windows_of(test_gaits)
-    loaded = np.linalg.norm(walked.force_n, axis=1) >= _LOADED_N
-    nothing = np.zeros((int(loaded.sum()), ELEMENTS), bool)
-    counted = np.linalg.norm(test_rest.force_n, axis=1) >= loads.min_evaluated_force_n
-    rng = np.random.default_rng(_TEST_SEED)
-    resting = steady_windows(measured_closure_rel(design, test_rest.closure_um[counted], rng))
-    tests = {
-        "gaits": (
-            walked.force_n[loaded],
-            Window(walked.closure_rel[loaded], walked.age_s[loaded], nothing),
-        ),
-        "rest": (test_rest.force_n[counted], resting),
-    }
-    moments = mean_closure_product_matrix(rest.with_symmetric_copies().closure_um / design.gap_um)
-    settings = WindowTrainingSettings(
-        steps=_QUICK_STEPS if context.quick else _STEPS, min_force_n=loads.min_relative_loss_force_n
-    )
-    rows, models = [], []
-    for n_channels in channels:
-        errors: dict[str, list[float]] = {name: [] for name in tests}
-        for seed in range(2 if context.quick else _N_SEEDS):
-            own = replace(settings, channels=n_channels, seed=seed)
-            weights = train_windowed(gaits, rest, design, own, Imputation(moments))
-            for name, (force_n, window) in tests.items():
-                found = evaluate_force_errors(force_n, predict(weights, window).force_n)
-                errors[name].append(found.direction_deg)
-        models.append(onnx_model(weights, {}).SerializeToString())
-        rows.append({"channels": n_channels, "weights": weights.n_weights, "direction_deg": errors})
-        context.report_progress(f"networks of {weights.n_weights} weights trained")
-    for row, time_us in zip(rows, _times_us(models), strict=True):
-        row["six_legs_us"] = time_us
-    return rows
-
-
-def _times_us(models: list[bytes]) -> list[float]:
-    """Return the time of six legs through each ONNX model on one thread [us]; the models take turns."""
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = options.inter_op_num_threads = 1
-    timers = []
-    for model in models:
-        session = onnxruntime.InferenceSession(model, options, ["CPUExecutionProvider"])
-        legs = {one.name: np.zeros((_LEGS, one.shape[1]), np.float32) for one in session.get_inputs()}
-        timers.append(Timer(partial(session.run, None, legs)))
-    fastest = np.min([[timer.timeit(_RUNS) for timer in timers] for _ in range(_N_TIMINGS)], axis=0)
-    return [1e6 * float(seconds) / _RUNS for seconds in fastest]
-
-
 def text(values: Values) -> str:
     """Return the page's Markdown."""
     models = table(
@@ -202,17 +275,6 @@ def text(values: Values) -> str:
         values["models"],
         "{model} | {seconds:.3g} | {before_s:.2g} | {n} | {closure_rel:.1%} | {direction_deg:.2f} / {direction_max_deg:.1f}"
         " | {magnitude_gf:.2f}",
-    )
-    sizes = table(
-        "weights | six legs [us] | random gaits, direction [deg] | loads at rest, direction [deg]",
-        [
-            (
-                row["weights"],
-                f"{row['six_legs_us']:.0f}",
-                *(spread(row["direction_deg"][test]) for test in ("gaits", "rest")),
-            )
-            for row in values["sizes"]
-        ],
     )
     published = values["published"]
     methods = table(
@@ -230,6 +292,8 @@ def text(values: Values) -> str:
         " | {walk[held_error_norm_rms_mn]:.0f} | {walk[error_norm_rms_mn]:.0f}",
     )
     return f"""
+{boards_text(values)}
+
 ## Models of the foot
 
 How a contact closes nine gaps, by four models: a formula (Boussinesq's point force on a half-space, a lattice of bars,
@@ -241,14 +305,6 @@ reference because it is what a scene needs; what its physics leaves out is on th
 {models}
 
 A table takes minutes to make; once made it answers as fast as the formula and as right as the mesh.
-
-## Sizes of the network
-
-Windowed networks trained alike for {values["steps"]} steps, {values["n_seeds"]} starts of each size (the released network is trained much longer; the
-comparison counts here): mean over the windows of each start, then over the starts. Tests are gaits and loads of another
-seed, made by the response table of the training. Times are of one thread; the sizes take turns, the fastest of {_N_TIMINGS} counts.
-
-{sizes}
 
 ## Rates of converting and publishing
 

@@ -108,6 +108,8 @@ class ReadingConditions(NamedTuple):
         viscous_rel: Creep and lag of the rubber over those of the simulated rubber [1].
         baseline_drift_rms_pf: Drift of the baselines since they were last followed [pF, rms].
         gain_rms_rel: What the gains of the elements are off by [1, rms].
+        noise_pf: Noise of a conversion [pF, rms].
+        range_end_pf: Largest capacitance that the converter reads [pF].
     """
 
     conversion_order_index: int = 0
@@ -116,6 +118,8 @@ class ReadingConditions(NamedTuple):
     viscous_rel: float = 0.0
     baseline_drift_rms_pf: float = 0.0
     gain_rms_rel: float = 0.0
+    noise_pf: float = NOISE_PF
+    range_end_pf: float = FULL_SCALE_PF
 
 
 def simulate_gait_readings(
@@ -149,7 +153,9 @@ def simulate_gait_readings(
     closure_um = _gait_closures_um(Specimen(response), t_s, normal, force_n)
     element = conversion_elements(conditions.conversion_order_index, n_readings)
     capacitance_pf = design.capacitance_pf(closure_um[conversion, element])
-    measured_pf = np.minimum(capacitance_pf + NOISE_PF * rng.normal(size=n_readings), FULL_SCALE_PF)
+    measured_pf = np.minimum(
+        capacitance_pf + conditions.noise_pf * rng.normal(size=n_readings), conditions.range_end_pf
+    )
     off_pf = float(np.hypot(BASELINE_NOISE_PF, conditions.baseline_drift_rms_pf))
     baseline_pf = design.unloaded_pf + off_pf * rng.normal(size=ELEMENTS)
     closure_rel = design.closure_um(measured_pf, baseline_pf[element]) / design.gap_um
@@ -160,7 +166,7 @@ def simulate_gait_readings(
         step_s=np.array([conditions.step_s]),
         send_delay_s=send_delay_s[conversion][None],
         closure_rel=closure_rel[None].astype(np.float32),
-        in_range=(measured_pf < FULL_SCALE_PF)[None],
+        in_range=(measured_pf < conditions.range_end_pf)[None],
         true_force_at_sending_n=sent.force_n[conversion][None].astype(np.float32),
         true_normal_at_sending=sent.normal[conversion][None].astype(np.float32),
     )

@@ -93,7 +93,8 @@ def test_parts_and_wiring_are_of_the_board(
     known = {"FDC1004", "ADG715", "LTC4317"}
     assert {name: quantity for quantity, _, name, *_ in parts if name in known} == chips
     assert wiring <= set((tmp_path / "checklist.md").read_text().splitlines())
-    assert {flex.name for flex in package.flexes} <= {line[-1].rstrip("/") for line in parts}
+    assert {flex.name for flex in package.flexes} <= {line[-2].rstrip("/") for line in parts}
+    assert all(float(line[-1]) > 0 for line in parts if line[2] in known)
 
 
 def test_a_foot_with_its_fringe_field_reads_as_expected(package: FabricationPackage) -> None:

@@ -1,0 +1,85 @@
+"""Training of a network of some size for a scan, and its errors at the scans of boards."""
+
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
+from footsense.estimation.missing_elements import Imputation
+from footsense.foot.directions import angles_between_deg
+from footsense.foot.network_card import NETWORK_FILES, add_checksum
+from footsense.foot.response_table import FootResponse
+from footsense.lab.boards.windows import JudgedWindows
+from footsense.lab.training.export import OnnxNetwork, onnx_model
+from footsense.lab.training.gait_readings import GaitReadings
+from footsense.lab.training.gait_windows import estimate_in_batches
+from footsense.lab.training.load_cases import LeaningCases
+from footsense.lab.training.train_windowed import WindowTrainingSettings, train_windowed
+from footsense.lab.training.windowed_network import mean_closure_product_matrix
+
+
+class ScanSubject(NamedTuple):
+    """What the networks of a scan are trained with and judged by.
+
+    Attributes:
+        response: Response of the foot.
+        gaits: Gaits of the training.
+        rests: Loads at rest of the training.
+        tests: Windows by load and board.
+        released: The released network.
+        min_force_n: Force below which errors count absolutely [N].
+    """
+
+    response: FootResponse
+    gaits: GaitReadings
+    rests: LeaningCases
+    tests: dict[str, dict[str, JudgedWindows]]
+    released: Path
+    min_force_n: float
+
+
+class JudgedNetwork(NamedTuple):
+    """A network's file, number of weights, and mean direction error [deg] by board and load."""
+
+    file: bytes
+    n_weights: int
+    direction_deg: dict[str, dict[str, float]]
+
+
+def train_and_judge(
+    subjects: dict[str, ScanSubject], steps: int, part: tuple[str, int | None, int]
+) -> JudgedNetwork:
+    """Return a network that is trained for a scan, and its errors.
+
+    Args:
+        subjects: By scan.
+        steps: Steps of the training.
+        part: Scan, channels (None for the released network) and seed.
+    """
+    scan, channels, seed = part
+    subject = subjects[scan]
+    file, card = subject.released.read_bytes(), OnnxNetwork(subject.released).card
+    n_weights = card["training"]["weights"]
+    if channels is not None:
+        design = subject.response.design
+        moments = mean_closure_product_matrix(
+            subject.rests.with_symmetric_copies().closure_um / design.gap_um
+        )
+        settings = WindowTrainingSettings(
+            channels=channels, steps=steps, seed=seed, min_force_n=subject.min_force_n
+        )
+        weights = train_windowed(subject.gaits, subject.rests, design, settings, Imputation(moments))
+        file, n_weights = add_checksum(onnx_model(weights, card).SerializeToString()), weights.n_weights
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / NETWORK_FILES[scan]
+        path.write_bytes(file)
+        network = OnnxNetwork(path)
+    errors = {
+        key: {
+            load: float(
+                angles_between_deg(estimate_in_batches(network, test.window).force_n, test.force_n).mean()
+            )
+            for load, test in tests.items()
+        }
+        for key, tests in subject.tests.items()
+    }
+    return JudgedNetwork(file, n_weights, errors)
