@@ -179,10 +179,10 @@ tens of pieces and no quotations; there is none of an AD7746. What all parts of 
 robot, and nothing to a foot.
 
 Networks of each size are trained alike for {values["steps"]} steps, {values["n_seeds"]} starts of each, once for scans
-of elements and once for scans of rows; in **bold** is the released network of that scan, a single one, trained longer
-and with gaits of walking robots too. Each is judged at the pace, noise and range of each board, by loads that are the
-same for all boards: direction, mean over the loads (in gaits from {LOADED_N} N on); then mean, standard deviation and
-worst of the starts. The response table of the training made the readings, with exact gains.
+of elements and once for scans of rows; in **bold** is the released network of that scan, a single one, which was
+trained longer and with gaits of walking robots too. Each is judged at the pace, noise and range of each board, by loads
+that are the same for all boards: direction, mean over the loads (in gaits from {LOADED_N} N on); then mean, standard
+deviation and worst of the starts. The response table of the training made the readings, with exact gains.
 
 {bought}
 
