@@ -189,7 +189,7 @@ deviation and worst of the starts. The response table of the training made the r
 ![Direction error over the age of the readings, by board and network](speed-error.png)
 
 The age in the picture and below is that of the elements' newest readings at sending, mean over the elements: *sent
-after*, and half of the conversions before it. Errors below are means over the starts.
+after*, and half the time from the first conversion of a scan to its last. Errors below are means over the starts.
 
 {_steps_text(values)}
 
