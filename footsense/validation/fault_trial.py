@@ -18,7 +18,17 @@ from firmware_interface.can.force import FORCE_ID
 from firmware_interface.can.socketcan import unpack_frame
 from footsense.config import DEFAULT, Config
 from footsense.daemon.service import open_service
-from footsense.frames import IS_USABLE_STATE, Cause, Codes, ContactFrame, Cycle, Stamps, State, Vector
+from footsense.frames import (
+    IS_USABLE_STATE,
+    Cause,
+    Codes,
+    ContactFrame,
+    Cycle,
+    GaitEvent,
+    Stamps,
+    State,
+    Vector,
+)
 from footsense.ports import Observer
 from footsense.sim.faults.scene_faults import CanFault, Fault, Leg
 from footsense.sim.scene import Effects, Scene
@@ -54,6 +64,7 @@ class PublishedWalk(NamedTuple):
         force_n: Forces [N], NaN without one.
         sigma_n: Their standard deviations [N].
         true_force_n: True forces at the time of sending [N].
+        events: Gait events, each with the row of the frame that told it.
     """
 
     legs: tuple[str, ...]
@@ -66,6 +77,7 @@ class PublishedWalk(NamedTuple):
     force_n: Vector
     sigma_n: Vector
     true_force_n: Vector
+    events: list[tuple[int, GaitEvent]]
 
 
 class _FrameCollector(Observer):
@@ -119,7 +131,8 @@ def simulate_scene(scene: Scene, config: Config, duration_s: float) -> Published
         frames = observer.frames
         true_n = [true_force_n_at(frame.t_sent_ns) for frame in frames]
     arrays = {name: np.array([getattr(frame, name) for frame in frames]) for name in _KEPT_FRAME_FIELDS}
-    return PublishedWalk(legs=running.legs, true_force_n=np.array(true_n), **arrays)
+    events = [(row, event) for row, frame in enumerate(frames) if frame.gait for event in frame.gait.events]
+    return PublishedWalk(legs=running.legs, true_force_n=np.array(true_n), events=events, **arrays)
 
 
 #: The leg with the fault.
