@@ -1,0 +1,201 @@
+"""Many feet in one pipeline of the service: steps at all phases of a scan, missing elements, and gains that are off."""
+
+from collections.abc import Sequence
+from functools import partial
+from itertools import product
+
+import numpy as np
+
+from footsense.benchmarks.conversions import FootLoad, PublishedForces
+from footsense.benchmarks.latency_vs_error import PRESS_FORCES_N, STEP_NS, TrueLoads, settling_ms
+from footsense.estimation.network import Network
+from footsense.foot.directions import normalized
+from footsense.foot.network_card import NETWORK_FILES
+from footsense.foot.specimen import Specimen
+from footsense.frames import ELEMENTS, IS_USABLE_STATE, LEGS, ROWS, GaitEventKind, Mask, Vector
+from footsense.lab.evaluation.walker_runs import (
+    LEAD_IN_S,
+    SCAN_TIMES,
+    WalkerLoads,
+    WalkerOutputs,
+    WalkerReadings,
+    pipeline_of,
+    read_walker,
+    run_pipeline,
+)
+from footsense.lab.report import StudyContext, Values
+from footsense.lab.studies.boards.force_figures import force_figures
+from footsense.sim.loads.ground_load import RampContact
+from footsense.sim.loads.walk import measured_walk
+
+#: Force of a step in the end [N], and phases of the scan at which it begins.
+STEP_N, _N_PHASES = 1.0, 24
+#: Time in the air from the tare to the first step, and time in which a step is looked at [s].
+_BEFORE_STEP_S, _AFTER_STEP_S = 0.2, 0.3
+#: Standard deviations of wrong gains [1], and draws of a foot's nine gains.
+_GAIN_ERRORS_REL, _N_DRAWS = (0.003, 0.01, 0.03), 20
+#: Legs of the measured walk: one with the right foot's measured forces, one with the left's; end of the walk [s].
+_SIDES, _WALK_S, _QUICK_WALK_S = ("rf", "lf"), 6.8, 2.2
+#: Peak of the measured walk [N], and lean of its legs [deg].
+_PEAK_N, _PITCH_DEG = 1.0, 10.0
+#: Period in which loads are sampled [s].
+_SAMPLING_S = 0.25e-3
+#: Seed of the readings' noise.
+_SEED = 990_002
+
+
+def step_figures(context: StudyContext, scan: str) -> Values:
+    """Return the errors of the forces of feet from a step on, and when these have settled.
+
+    Args:
+        context: As of every study.
+        scan: What a conversion reads, a key of `NETWORK_FILES`.
+
+    Returns:
+        Those of `force_figures`; `n_steps` and `n_phases` of the scan at which they begin; from the begin of a step to the sending of its touchdown `touchdown_p50_ms`
+        and `touchdown_p99_ms`, infinite where none is told, and as of `settling_ms` `settled_p50_ms` and
+        `settled_worst_ms`.
+    """
+    times, n_phases = SCAN_TIMES[scan], 2 if context.quick else _N_PHASES
+    scan_s, first_s = len(times.elements) * times.step_s, LEAD_IN_S + _BEFORE_STEP_S
+    starts_ns, feet = [], list[FootLoad]()
+    for (x, y, z), phase in product(
+        (STEP_N * normalized(np.array(PRESS_FORCES_N))).tolist(), range(n_phases)
+    ):
+        starts_ns.append(round(1e9 * (first_s + phase * scan_s / n_phases)))
+        feet.append(partial(RampContact((x, y, z), starts_ns[-1], STEP_NS).contact, LEGS[0]))
+    outputs = _run(context, scan, _read(context, scan, _loads(feet, first_s + scan_s + _AFTER_STEP_S)))
+    sent_ns = np.rint(1e9 * outputs.t_s).astype(np.int64)
+    # Without a force nothing has settled.
+    told_n = np.where(IS_USABLE_STATE[outputs.state][..., None], outputs.force_n, 0.0)
+    settled_ms = settling_ms(
+        PublishedForces(sent_ns, sent_ns, told_n, outputs.sigma_n),
+        TrueLoads.sample(feet, round(1e9 * first_s), int(sent_ns[-1])),
+        starts_ns,
+    )
+    told_ms = np.full(len(feet), np.inf)
+    for row, event in outputs.events:
+        since_ms = 1e-6 * (sent_ns[row] - starts_ns[event.leg])
+        if event.kind is GaitEventKind.TOUCHDOWN and since_ms > 0.0:
+            told_ms[event.leg] = min(told_ms[event.leg], since_ms)
+    return _figures(outputs, 0, len(feet)) | {
+        "n_steps": len(feet),
+        "n_phases": n_phases,
+        "touchdown_p50_ms": np.percentile(told_ms, 50, method="nearest"),
+        "touchdown_p99_ms": np.percentile(told_ms, 99, method="nearest"),
+        "settled_p50_ms": np.median(settled_ms),
+        "settled_worst_ms": settled_ms.max(),
+    }
+
+
+def missing_figures(context: StudyContext, scan: str) -> dict[str, Values]:
+    """Return the errors in the measured walk with an element, a row or a column that reads nothing from the start.
+
+    Args:
+        context: As of every study.
+        scan: What a conversion reads, a key of `NETWORK_FILES`.
+
+    Returns:
+        By `element`, `row` and `column` those of `force_figures`, of all of them; `n_sets`, and the mean of the worst
+        one, `worst_direction_deg`.
+    """
+    element = np.arange(ELEMENTS)
+    sets: dict[str, list[Mask]] = {
+        "element": [element == one for one in range(ELEMENTS)],
+        "row": [element // ROWS == row for row in range(ROWS)],
+        "column": [element % ROWS == column for column in range(ROWS)],
+    }
+    if context.quick:
+        sets = {kind: masks[:1] for kind, masks in sets.items()}
+    missing = np.array([mask for masks in sets.values() for mask in masks])
+    readings = _read_walk(context, scan, len(missing))
+    nothing = np.repeat(missing, len(_SIDES), axis=0)[:, readings.elements].swapaxes(0, 1)
+    capacitance_pf = np.where(nothing, 0.0, readings.capacitance_pf)
+    outputs = _run(context, scan, readings._replace(capacitance_pf=capacitance_pf))
+    found, first = dict[str, Values](), 0
+    for kind, masks in sets.items():
+        n = len(masks)
+        each_deg = [_walk_figures(outputs, first + k, 1)["direction_deg"] for k in range(n)]
+        found[kind] = _walk_figures(outputs, first, n) | {"n_sets": n, "worst_direction_deg": max(each_deg)}
+        first += n
+    return found
+
+
+def wrong_gain_figures(context: StudyContext, scan: str) -> dict[str, Values]:
+    """Return the errors in the measured walk of uncalibrated feet whose elements' closures are off by random gains.
+
+    Args:
+        context: As of every study.
+        scan: What a conversion reads, a key of `NETWORK_FILES`.
+
+    Returns:
+        By the standard deviation of the gains as a text, those of `force_figures` of each draw, as lists.
+    """
+    n_draws = 2 if context.quick else _N_DRAWS
+    normal = [np.random.default_rng(draw).normal(size=(len(_SIDES), ELEMENTS)) for draw in range(n_draws)]
+    readings, found = _read_walk(context, scan, n_draws), {}
+    for gain_rel in _GAIN_ERRORS_REL:
+        gain = 1.0 + gain_rel * np.concatenate(normal)
+        outputs = _run(context, scan, _with_gains(context, readings, gain))
+        draws = [_walk_figures(outputs, draw, 1) for draw in range(n_draws)]
+        found[f"{100 * gain_rel:g} %"] = {key: [draw[key] for draw in draws] for key in draws[0]}
+    return found
+
+
+def _with_gains(context: StudyContext, readings: WalkerReadings, gain: Vector) -> WalkerReadings:
+    """Return readings as if each element's closure were multiplied by a gain [1], shape (feet, elements)."""
+    design = context.response.design
+    closure_um = design.closure_um(readings.capacitance_pf, np.array(design.unloaded_pf))
+    off_um = gain[:, readings.elements].swapaxes(0, 1) * closure_um
+    return readings._replace(capacitance_pf=design.capacitance_pf(np.minimum(off_um, design.gap_um)))
+
+
+def _read_walk(context: StudyContext, scan: str, n: int) -> WalkerReadings:
+    """Return readings of n times the two feet of `_SIDES` in the measured walk."""
+    walk = measured_walk(_PEAK_N, _PITCH_DEG, round(1e9 * LEAD_IN_S))
+    feet = [partial(walk.contact, leg) for leg in _SIDES]
+    loads = _loads(feet, _QUICK_WALK_S if context.quick else _WALK_S)
+    force_n, normal, slip_m_s = (
+        np.tile(part, (1, n, 1)) for part in (loads.force_n, loads.normal, loads.slip_m_s)
+    )
+    each = loads._replace(force_n=force_n, normal=normal, slip_m_s=slip_m_s, felt_n=force_n)
+    return _read(context, scan, each)
+
+
+def _loads(feet: Sequence[FootLoad], end_s: float) -> WalkerLoads:
+    """Return the loads of feet up to a time [s]; they do not slide, and have no mass."""
+    t_s = np.asarray(_SAMPLING_S * np.arange(round(end_s / _SAMPLING_S)), np.float64)
+    contacts = [[foot(t_ns) for foot in feet] for t_ns in np.rint(1e9 * t_s).astype(int).tolist()]
+    force_n, normal = (
+        np.array([[getattr(contact, part) for contact in row] for row in contacts])
+        for part in ("force_n", "normal")
+    )
+    return WalkerLoads(t_s, force_n, normal, np.zeros_like(force_n), force_n, np.nan)
+
+
+def _read(context: StudyContext, scan: str, loads: WalkerLoads) -> WalkerReadings:
+    return read_walker(Specimen(context.response), loads, _SEED, scan=SCAN_TIMES[scan])
+
+
+def _run(context: StudyContext, scan: str, readings: WalkerReadings) -> WalkerOutputs:
+    """Return what the service's pipeline says of readings of any number of feet."""
+    n_feet = readings.capacitance_pf.shape[1]
+    network = Network(context.models / NETWORK_FILES[scan], n_feet)
+    trained, max_n = network.card.trained_inputs, network.card.max_trained_force_n
+    return run_pipeline(pipeline_of(network, trained, max_n, n_feet, np.nan, SCAN_TIMES[scan]), readings)
+
+
+def _walk_figures(outputs: WalkerOutputs, first: int, n: int) -> Values:
+    """Return the errors of n times the two feet of `_SIDES`, from the `first` such pair on."""
+    return _figures(outputs, len(_SIDES) * first, len(_SIDES) * n)
+
+
+def _figures(outputs: WalkerOutputs, first: int, n: int) -> Values:
+    """Return the errors of n feet, from the `first` on."""
+    feet = slice(first, first + n)
+    return force_figures(
+        outputs.force_n[:, feet],
+        outputs.sigma_n[:, feet],
+        outputs.state[:, feet],
+        outputs.true.force_n[:, feet],
+    )

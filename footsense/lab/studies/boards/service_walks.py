@@ -1,0 +1,137 @@
+"""Walks through the whole service, simulated chips included: when touchdowns are told, and forces of larger robots."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from msgspec.structs import replace
+
+from footsense.config import Config
+from footsense.foot.type_folders import foot_type_folder
+from footsense.frames import Flag
+from footsense.lab.evaluation.walker_runs import WalkerLoads, WalkerOutputs
+from footsense.lab.evaluation.walker_scores import contact_scores
+from footsense.lab.foot_file import FOOT_FILE, load_foot
+from footsense.lab.parallel import compute_each
+from footsense.lab.report import StudyContext, Values
+from footsense.lab.studies.boards.force_figures import force_figures
+from footsense.sim.scene import Scene, load_scene
+from footsense.telemetry.run_statistics import LOADED_THRESHOLD_REL
+from footsense.validation.fault_table import ROBOTS
+from footsense.validation.fault_trial import PublishedWalk, simulate_scene
+
+#: Board of each scan, a key of `ROBOTS`.
+_BOARDS = {"elements": "fdc1004", "rows": "fdc1004_columns"}
+#: Ends of the walks whose touchdowns count, and of those of the larger robots [s].
+_TOUCHES_END_S, OWN_END_S, _QUICK_END_S = 20.0, 6.0, 3.2
+#: Scenes whose touchdowns count; only their loads do, not what breaks in them.
+_TOUCHING = ("measured_walk", "tripod")
+#: Legs of the quadruped, and period of its trot [s].
+_FOUR_LEGS, _TROT_PERIOD_S = ("lf", "lr", "rf", "rr"), 0.6
+
+
+class ServiceWalk(NamedTuple):
+    """One walk: scene, robot and end [s]."""
+
+    scene: Scene
+    config: Config
+    end_s: float
+
+
+def service_figures(context: StudyContext, scan: str) -> Values:
+    """Return the figures of walks through the whole service.
+
+    Args:
+        context: As of every study.
+        scan: What a conversion reads, a key of `NETWORK_FILES`.
+
+    Returns:
+        `touchdowns`, of the measured walk and the tripod on the studied foot, as of `touchdown_figures`, with the end
+        of each, `end_s`; `own_robots`, those of `force_figures` by robot.
+    """
+    robot = ROBOTS[_BOARDS[scan]]
+    touches_end_s, own_end_s = (_QUICK_END_S,) * 2 if context.quick else (_TOUCHES_END_S, OWN_END_S)
+    studied = replace(robot, foot_type=str(context.models.resolve()))
+    touching = [
+        ServiceWalk(replace(load_scene(name), faults=()), studied, touches_end_s) for name in _TOUCHING
+    ]
+    trot: Any = load_scene("quadruped_12kg")
+    of_four = tuple(
+        replace(bus, legs={leg: channel for leg, channel in bus.legs.items() if leg in _FOUR_LEGS})
+        for bus in robot.buses
+    )
+    own = {
+        "hexapod of 2 kg, walk": ServiceWalk(
+            load_scene("hexapod_2kg"), replace(robot, foot_type="hexapod-2kg"), own_end_s
+        ),
+        f"quadruped of 12 kg, trot at {_TROT_PERIOD_S:g} s": ServiceWalk(
+            replace(trot, load=replace(trot.load, period_s=_TROT_PERIOD_S)),
+            replace(robot, buses=of_four, foot_type="quadruped-12kg"),
+            own_end_s,
+        ),
+    }
+    walked = compute_each(_walk, [*touching, *own.values()], scheduler=context.scheduler)
+    forces = [one["forces"] for one in walked[len(touching) :]]
+    return {
+        "touchdowns": touchdown_figures([one["contacts"] for one in walked[: len(touching)]])
+        | {"end_s": touches_end_s},
+        "own_robots": dict(zip(own, forces, strict=True)),
+    }
+
+
+def touchdown_figures(contacts: list[Values]) -> Values:
+    """Return when touchdowns are told in walks, whose scores are those of `contact_scores`.
+
+    Returns:
+        `n_touches`; `delay_p50_ms` and `delay_p99_ms`, from the first load to the sending, infinite of a touch that is
+        not told; `back_dated_rms_ms`, error of the times of those that are; `n_in_air`, told without a touch.
+    """
+    n_missed = sum(one["n_missed"] for one in contacts)
+    delays_ms = [delay for one in contacts for delay in one["delays_ms"]] + n_missed * [np.inf]
+    errors_ms = [error for one in contacts for error in one["errors_ms"]]
+    return {
+        "n_touches": len(delays_ms),
+        "delay_p50_ms": np.percentile(delays_ms, 50, method="nearest"),
+        "delay_p99_ms": np.percentile(delays_ms, 99, method="nearest"),
+        "back_dated_rms_ms": np.sqrt(np.mean(np.square(errors_ms))),
+        "n_in_air": sum(one["n_in_air"] for one in contacts),
+    }
+
+
+def _walk(walk: ServiceWalk) -> Values:
+    """Return `forces`, the figures of `force_figures`, and `contacts`, those of `contact_scores`."""
+    load: Any = walk.scene.load
+    published = simulate_scene(walk.scene, walk.config, walk.end_s)
+    max_n = load_foot(foot_type_folder(walk.config.foot_type) / FOOT_FILE).loads.max_n
+    return {
+        "forces": force_figures(
+            published.force_n,
+            published.sigma_n,
+            published.state,
+            published.true_force_n,
+            LOADED_THRESHOLD_REL * max_n,
+        ),
+        "contacts": contact_scores(_outputs(published, walk.scene), load.peak_force_n),
+    }
+
+
+def _outputs(published: PublishedWalk, scene: Scene) -> WalkerOutputs:
+    """Return the frames of a walk beside its loads, whose feet do not slide."""
+    source = scene.load.build(round(1e9 * scene.lead_in_s))
+    normal = np.array(
+        [
+            [source.contact(leg, t_ns).normal for leg in published.legs]
+            for t_ns in published.t_sent_ns.tolist()
+        ]
+    )
+    t_s = np.asarray(published.t_sent_ns * 1e-9, np.float64)
+    force_n = published.true_force_n
+    return WalkerOutputs(
+        t_s=t_s,
+        true=WalkerLoads(t_s, force_n, normal, np.zeros_like(force_n), force_n, np.nan),
+        force_n=published.force_n,
+        sigma_n=published.sigma_n,
+        state=published.state,
+        cause=published.cause,
+        contact=(published.flags & Flag.CONTACT) != 0,
+        events=published.events,
+    )
