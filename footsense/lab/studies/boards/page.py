@@ -139,7 +139,7 @@ def board_targets(gaits: list[Values], figures: Values, limits: BoardLimits) -> 
             f"{name}, whole service, direction / magnitude, mean",
             wanted,
             (own["direction_deg"], own["magnitude_rel"]),
-            "{:.2f} deg / {:.2%}",
+            "{:.3f} deg / {:.2%}",
             "{:g} deg / {:.0%}",
         )
         for wanted, (name, own) in zip(limits.own_robots, figures["own_robots"].items(), strict=False)
