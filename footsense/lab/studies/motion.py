@@ -9,7 +9,7 @@ from footsense.daemon.foot_types import released_path
 from footsense.foot.directions import angles_between_deg
 from footsense.foot.network_card import NETWORK_FILES
 from footsense.frames import ELEMENTS, LEGS, Vector
-from footsense.lab.boards.windows import TROT_RISES_S, TROT_STANCE_S, TROT_STRIDE_S, dog_trot
+from footsense.lab.board_comparison.windows import TROT_RISES_S, TROT_STANCE_S, TROT_STRIDE_S, dog_trot
 from footsense.lab.evaluation.walker_judgement import draw, judge, pooled
 from footsense.lab.evaluation.walker_page import WalkerLimits, row_of, walker_targets, walker_text
 from footsense.lab.evaluation.walker_runs import SCAN_TIMES

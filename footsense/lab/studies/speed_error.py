@@ -18,9 +18,9 @@ from footsense.benchmarks.latency_vs_error import measure_latency_vs_error
 from footsense.benchmarks.scan import CONFIGURATIONS, newest_reading_age_ms, scan_period_ms
 from footsense.foot.network_card import NETWORK_FILES
 from footsense.frames import LEGS
-from footsense.lab.boards.networks import ScanSubject, train_and_judge
-from footsense.lab.boards.page import LOADS, boards_text, draw_boards
-from footsense.lab.boards.windows import BoardScan, judged_windows
+from footsense.lab.board_comparison.networks import ScanSubject, train_and_judge
+from footsense.lab.board_comparison.page import LOADS, boards_text, draw_boards
+from footsense.lab.board_comparison.windows import BoardScan, judged_windows
 from footsense.lab.evaluation.fidelity_levels import compare_levels
 from footsense.lab.fabrication.electronics import chips
 from footsense.lab.fem.mesh import COARSE_MESH, RELEASED_MESH

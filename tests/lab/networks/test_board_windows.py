@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from footsense.foot.response_table import FootResponse
-from footsense.lab.boards.windows import BoardScan, JudgedWindows, judged_windows
+from footsense.lab.board_comparison.windows import BoardScan, JudgedWindows, judged_windows
 from tests.lab.released import FOOT_DESIGN, RELEASED
 
 pytestmark = pytest.mark.lab

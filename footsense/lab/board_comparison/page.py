@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FormatStrFormatter, NullFormatter
 
-from footsense.lab.boards.windows import LOADED_N
+from footsense.lab.board_comparison.windows import LOADED_N
 from footsense.lab.report import Values, spread, table
 
 #: Titles of the loads that judge a network.

@@ -8,7 +8,7 @@ from footsense.estimation.missing_elements import Imputation
 from footsense.foot.directions import angles_between_deg
 from footsense.foot.network_card import NETWORK_FILES, add_checksum
 from footsense.foot.response_table import FootResponse
-from footsense.lab.boards.windows import JudgedWindows
+from footsense.lab.board_comparison.windows import JudgedWindows
 from footsense.lab.training.export import OnnxNetwork, onnx_model
 from footsense.lab.training.gait_readings import GaitReadings
 from footsense.lab.training.gait_windows import estimate_in_batches
