@@ -211,8 +211,9 @@ def pipeline_of(
     n_legs: int,
     friction: float,
     scan: ScanTimes = SCAN_TIMES["elements"],
+    feet: MountedFeet | None = None,
 ) -> Pipeline:
-    """Return the service's pipeline for feet as designed.
+    """Return the service's pipeline.
 
     Args:
         estimator: The network, for the number of legs.
@@ -221,6 +222,7 @@ def pipeline_of(
         n_legs: Number of legs.
         friction: Coefficient of friction of the ground, as if configured [1].
         scan: How the feet are read.
+        feet: The feet; None for feet as designed.
     """
     force_sensitivity = sensitivity(estimator, n_legs, trained.moments)
     scan_ns = round(1e9 * len(scan.elements) * scan.step_s)
@@ -232,9 +234,8 @@ def pipeline_of(
         max_age_ns=round(_MAX_AGE_SCANS * scan_ns),
         friction=friction,
     )
-    return Pipeline(
-        estimator, trained, MountedFeet.as_designed(trained.design, n_legs), limits, force_sensitivity
-    )
+    feet = MountedFeet.as_designed(trained.design, n_legs) if feet is None else feet
+    return Pipeline(estimator, trained, feet, limits, force_sensitivity)
 
 
 def run_pipeline(pipeline: Pipeline, readings: WalkerReadings) -> WalkerOutputs:

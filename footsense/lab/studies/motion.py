@@ -72,7 +72,7 @@ _WANTED = Wanted(
         },
         fz_mn=17.0,
         settled_ms=(68.0, 77.0),
-        wrong_gains_deg=2.1,
+        wrong_gains_deg=(2.1, 1.3),
         touchdown_ms=(4.5, 5.9, 3.8),
     ),
     WalkerLimits(),

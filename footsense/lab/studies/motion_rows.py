@@ -19,7 +19,7 @@ _WANTED = Wanted(
         },
         fz_mn=6.0,
         settled_ms=(22.0, 26.0),
-        wrong_gains_deg=1.8,
+        wrong_gains_deg=(1.8, 0.5),
         touchdown_ms=(3.0, 5.0, 1.5),
         missing_deg=(0.8, 1.5, 1.5),
         own_robots=((0.6, 0.01), (1.0, 0.02)),

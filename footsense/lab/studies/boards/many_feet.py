@@ -8,9 +8,15 @@ import numpy as np
 
 from footsense.benchmarks.conversions import FootLoad, PublishedForces
 from footsense.benchmarks.latency_vs_error import PRESS_FORCES_N, STEP_NS, TrueLoads, settling_ms
+from footsense.calibration.evaluation import DesignModels
+from footsense.calibration.standing import calibrate_standing
+from footsense.calibration.standing_recording import StandingLoads
+from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.network import Network
+from footsense.estimation.settings import MountedFeet
 from footsense.foot.directions import normalized
 from footsense.foot.network_card import NETWORK_FILES
+from footsense.foot.parameters import FootParameters
 from footsense.foot.specimen import Specimen
 from footsense.frames import ELEMENTS, IS_USABLE_STATE, LEGS, ROWS, GaitEventKind, Mask, Vector
 from footsense.lab.evaluation.walker_runs import (
@@ -25,9 +31,12 @@ from footsense.lab.evaluation.walker_runs import (
 )
 from footsense.lab.report import StudyContext, Values
 from footsense.lab.studies.boards.force_figures import force_figures
+from footsense.lab.training.load_cases import leaning_loads
 from footsense.sim.loads.ground_load import RampContact
 from footsense.sim.loads.walk import measured_walk
 
+#: Key of feet that are calibrated by standing, in `wrong_gain_figures`.
+BY_STANDING = "1 %, calibrated by standing"
 #: Force of a step in the end [N], and phases of the scan at which it begins.
 STEP_N, _N_PHASES = 1.0, 24
 #: Time in the air from the tare to the first step, and time in which a step is looked at [s].
@@ -40,6 +49,10 @@ _SIDES, _WALK_S, _QUICK_WALK_S = ("rf", "lf"), 6.8, 2.2
 _PEAK_N, _PITCH_DEG = 1.0, 10.0
 #: Period in which loads are sampled [s].
 _SAMPLING_S = 0.25e-3
+#: Gains that are calibrated by standing [1]; postures of it, sizes of their loads, lowest elevation [deg], and noise of a
+#: mean reading [pF].
+_STANDING_GAIN_REL, _N_POSTURES, _POSTURE_GF, _MIN_POSTURE_ELEVATION_DEG = 0.01, 20, (20.0, 120.0), 70.0
+_MEAN_READING_PF = 0.15e-3
 #: Seed of the readings' noise.
 _SEED = 990_002
 
@@ -122,24 +135,47 @@ def missing_figures(context: StudyContext, scan: str) -> dict[str, Values]:
 
 
 def wrong_gain_figures(context: StudyContext, scan: str) -> dict[str, Values]:
-    """Return the errors in the measured walk of uncalibrated feet whose elements' closures are off by random gains.
+    """Return the errors in the measured walk of feet whose elements' closures are off by random gains.
 
     Args:
         context: As of every study.
         scan: What a conversion reads, a key of `NETWORK_FILES`.
 
     Returns:
-        By the standard deviation of the gains as a text, those of `force_figures` of each draw, as lists.
+        By the standard deviation of the gains as a text, those of `force_figures` of each draw, as lists: of uncalibrated
+        feet, and of those of `BY_STANDING` calibrated without a reference.
     """
     n_draws = 2 if context.quick else _N_DRAWS
     normal = [np.random.default_rng(draw).normal(size=(len(_SIDES), ELEMENTS)) for draw in range(n_draws)]
     readings, found = _read_walk(context, scan, n_draws), {}
     for gain_rel in _GAIN_ERRORS_REL:
         gain = 1.0 + gain_rel * np.concatenate(normal)
-        outputs = _run(context, scan, _with_gains(context, readings, gain))
-        draws = [_walk_figures(outputs, draw, 1) for draw in range(n_draws)]
-        found[f"{100 * gain_rel:g} %"] = {key: [draw[key] for draw in draws] for key in draws[0]}
+        calibrations: dict[str, list[FootParameters] | None] = {f"{100 * gain_rel:g} %": None}
+        if gain_rel == _STANDING_GAIN_REL:
+            calibrations[BY_STANDING] = _calibrated_by_standing(context, gain)
+        for name, own in calibrations.items():
+            outputs = _run(context, scan, _with_gains(context, readings, gain), own)
+            draws = [_walk_figures(outputs, draw, 1) for draw in range(n_draws)]
+            found[name] = {key: [draw[key] for draw in draws] for key in draws[0]}
     return found
+
+
+def _calibrated_by_standing(context: StudyContext, gain: Vector) -> list[FootParameters]:
+    """Return the parameters of feet with wrong gains [1], shape (feet, elements), that stood in the same postures."""
+    models, design = DesignModels.load(context.models), context.response.design
+    loads = leaning_loads(
+        context.foot_design.loads, _N_POSTURES, _POSTURE_GF, _MIN_POSTURE_ELEVATION_DEG, _SEED
+    )
+    unloaded_pf = np.full((len(loads.force_n), ELEMENTS), design.unloaded_pf)
+    closure_um = design.closure_um(
+        Specimen(context.response).capacitance_pf(loads.normal, loads.force_n), unloaded_pf
+    )
+    random, feet = np.random.default_rng(_SEED), []
+    for of_foot in gain:
+        off_pf = design.capacitance_pf(np.minimum(of_foot * closure_um, design.gap_um))
+        read_pf = off_pf + _MEAN_READING_PF * random.normal(size=off_pf.shape)
+        feet.append(calibrate_standing(models, StandingLoads(read_pf, unloaded_pf), None).parameters)
+    return feet
 
 
 def _with_gains(context: StudyContext, readings: WalkerReadings, gain: Vector) -> WalkerReadings:
@@ -177,12 +213,27 @@ def _read(context: StudyContext, scan: str, loads: WalkerLoads) -> WalkerReading
     return read_walker(Specimen(context.response), loads, _SEED, scan=SCAN_TIMES[scan])
 
 
-def _run(context: StudyContext, scan: str, readings: WalkerReadings) -> WalkerOutputs:
-    """Return what the service's pipeline says of readings of any number of feet."""
+def _run(
+    context: StudyContext, scan: str, readings: WalkerReadings, own: list[FootParameters] | None = None
+) -> WalkerOutputs:
+    """Return what the service's pipeline says of readings of any number of feet; of those as designed if `own` is None."""
     n_feet = readings.capacitance_pf.shape[1]
     network = Network(context.models / NETWORK_FILES[scan], n_feet)
     trained, max_n = network.card.trained_inputs, network.card.max_trained_force_n
-    return run_pipeline(pipeline_of(network, trained, max_n, n_feet, np.nan, SCAN_TIMES[scan]), readings)
+    feet = (
+        None
+        if own is None
+        else MountedFeet(
+            stray_pf=np.array([foot.stray_pf for foot in own]),
+            unloaded_pf=np.array([foot.unloaded_pf - foot.stray_pf for foot in own]),
+            gap_um=np.array([foot.gap_um for foot in own]),
+            gain_rel=np.array([foot.gain_rel for foot in own]),
+            names=("",) * n_feet,
+        )
+    )
+    estimator = network if own is None else CalibratedFeet(network, own)
+    pipeline = pipeline_of(estimator, trained, max_n, n_feet, np.nan, SCAN_TIMES[scan], feet)
+    return run_pipeline(pipeline, readings)
 
 
 def _walk_figures(outputs: WalkerOutputs, first: int, n: int) -> Values:
