@@ -8,12 +8,13 @@ import numpy as np
 
 from footsense.acquisition.scan_plan import BOARDS
 from footsense.config import Config
-from footsense.daemon.models import Models
+from footsense.daemon.models import Models, load_response
 from footsense.errors import ConfigError
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.drift import load_n_per_pf, max_swing_rise_n_per_s
 from footsense.estimation.network import sensitivity
 from footsense.estimation.pipeline import Pipeline
+from footsense.estimation.rest import RefinedAtRest
 from footsense.estimation.settings import (
     CONVERTER_MAX_PF,
     DEFAULT_CONTACT_THRESHOLD_REL,
@@ -96,11 +97,16 @@ def _estimator_and_temperature_setter(
     models: Models,
 ) -> tuple[LoadEstimator, Callable[[Vector], None] | None]:
     """Return the feet's estimator, and the function that takes their temperature (None uncalibrated)."""
+    network: LoadEstimator = models.network
+    if (response := load_response(models)) is not None:
+        network = RefinedAtRest(
+            network, response, models.network.card.trained_inputs, len(models.config.legs)
+        )
     if not models.calibrations_by_leg:
-        return models.network, None
+        return network, None
     mounted = [models.calibrations_by_leg.get(leg) for leg in models.config.legs]
     feet = CalibratedFeet(
-        models.network,
+        network,
         [foot.parameters if foot else None for foot in mounted],
         [foot.calibrated_at_c if foot else None for foot in mounted],
     )

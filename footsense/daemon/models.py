@@ -11,6 +11,7 @@ from footsense.errors import ModelError
 from footsense.estimation.network import Network
 from footsense.foot.calibration_files import FootCalibration, read_calibration
 from footsense.foot.network_card import NETWORK_FILES
+from footsense.foot.response_table import FootResponse
 from footsense.foot.type_folders import foot_type_folder
 
 _log = logging.getLogger(__name__)
@@ -58,6 +59,20 @@ def load_models(config: Config) -> Models:
     if fitted_on is not None:
         check_response_table(path, network, fitted_on)
     return Models(config, network, calibrations)
+
+
+def load_response(models: Models) -> FootResponse | None:
+    """Return the response table of a robot's feet; None, and a line why, where there is none or another."""
+    try:
+        path = foot_type_folder(models.config.foot_type) / "response.npz"
+        response = FootResponse.load(path)
+        if response.sha256 == models.network.card.response_sha256:
+            return response
+        reason = f"{path}: not the response table that the network was trained on"
+    except ModelError as error:
+        reason = str(error)
+    _log.warning("loads at rest are not refined: %s", reason)
+    return None
 
 
 def check_response_table(path: Path, network: Network, fitted_on: Path) -> None:
