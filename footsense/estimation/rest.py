@@ -23,7 +23,7 @@ from footsense.estimation.network import READINGS
 from footsense.foot import gap_contact
 from footsense.foot.network_card import TrainedInputs
 from footsense.foot.response_table import FootResponse
-from footsense.frames import ELEMENTS, Mask, Vector
+from footsense.frames import ELEMENTS, Vector
 from footsense.ports import LoadEstimate, LoadEstimator, Window
 
 #: Noise of a reading and of a baseline [pF, rms]; error of the table over the closure [1].
@@ -36,7 +36,7 @@ _ROUNDS_FROM_NETWORK, ROUNDS = 6, 14
 _OTHER_SIDE = np.array([1.0, -1.0, -1.0, -1.0, -1.0])
 #: Largest k with which a fit is used [1].
 _MAX_ERROR_FACTOR = 10.0
-#: Least normal force of a leg that is fitted, over the largest trained force [1].
+#: Least force of a leg that is fitted, over the largest trained force [1].
 _MIN_FORCE_REL = 0.05
 #: Least normal force in a fit [N].
 _MIN_NORMAL_FORCE_N = 1e-3
@@ -202,8 +202,10 @@ class RefinedAtRest:
         self._network, self._fit = network, LoadFit(response)
         self._min_force_n = _MIN_FORCE_REL * trained.max_force_n
         self._closure_rel_max = trained.closure_rel_max
+        # Readings of a free foot have the most noise.
+        self._moves_from_rel = float(2.0 * _EQUAL_WITHIN_SIGMAS * self._fit.noise_rel(np.zeros(1))[0])
         self._turn = 0
-        # Mean readings of each leg that stands [1], NaN of others, and the distance within which others are equal.
+        # Readings of each leg's last fit [1], NaN before one, and the distance within which others are equal.
         self._fitted_rel = np.full((n_rows, 1, ELEMENTS), np.nan)
         self._equal_rel = np.zeros((n_rows, 1, ELEMENTS))
         self._rounds = np.zeros(n_rows, np.int64)
@@ -215,7 +217,8 @@ class RefinedAtRest:
     def estimate(self, window: Window) -> LoadEstimate:
         """Return the estimated load of every row of the window."""
         load = self._network.estimate(window)
-        stands = self._stands(window)
+        equal = np.abs(window.closure_rel - self._fitted_rel) <= self._equal_rel
+        stands = equal.all(axis=(1, 2)) & ~window.missing.any(axis=1)
         row = self._turn
         self._turn = (row + 1) % len(stands)
         if not stands[row]:
@@ -234,24 +237,21 @@ class RefinedAtRest:
             sigma_n=np.where(used, np.maximum(load.sigma_n, self._sigma_n), load.sigma_n),
         )
 
-    def _stands(self, window: Window) -> Mask:
-        """Return whose readings are those of its fit but for noise, and all there, shape (rows,)."""
-        equal = np.abs(window.closure_rel - self._fitted_rel) <= self._equal_rel
-        stands: Mask = np.asarray(equal.all(axis=(1, 2)) & ~window.missing.any(axis=1))
-        return stands
-
     def _begin(self, row: int, window: Window, load: LoadEstimate) -> bool:
         """Take the readings of a row for a fit; return whether they are of a load that stands still."""
-        mean_rel = window.closure_rel[row].mean(axis=0)
-        point, ratio = np.split(load.contact_point_and_friction[row], 2)
-        pressing_n = load.force_n[row] @ _normals(point[None])[0]
-        self._fitted_rel[row] = mean_rel
-        self._equal_rel[row] = _EQUAL_WITHIN_SIGMAS * self._fit.noise_rel(mean_rel)
-        self._rounds[row], self._usable[row] = 0, False
-        in_range = (mean_rel < self._closure_rel_max).all()
-        if not (pressing_n >= self._min_force_n and in_range and self._stands(window)[row]):
-            self._fitted_rel[row] = np.nan
+        readings_rel, force_n = window.closure_rel[row], load.force_n[row]
+        is_quiet = (np.ptp(readings_rel, axis=0) <= self._moves_from_rel).all()
+        if not is_quiet or window.missing[row].any() or force_n @ force_n < self._min_force_n**2:
             return False
+        mean_rel = readings_rel.mean(axis=0)
+        equal_rel = _EQUAL_WITHIN_SIGMAS * self._fit.noise_rel(mean_rel)
+        is_equal = (np.abs(readings_rel - mean_rel) <= equal_rel).all()
+        if not (is_equal and (mean_rel < self._closure_rel_max).all()):
+            return False
+        self._fitted_rel[row], self._equal_rel[row] = mean_rel, equal_rel
+        self._rounds[row], self._usable[row] = 0, False
+        point, ratio = np.split(load.contact_point_and_friction[row], 2)
+        pressing_n = force_n @ _normals(point[None])[0]
         start = self._fit.within_bounds(np.array([pressing_n, *ratio, *point]))
         self._coordinates[row] = self._prior[row] = start
         sigma_point, sigma_ratio = np.split(
