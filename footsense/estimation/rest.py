@@ -21,6 +21,13 @@ import numpy as np
 from firmware_interface.chips import fdc1004
 from footsense.estimation.network import READINGS
 from footsense.foot import gap_contact
+from footsense.foot.contact_coordinates import (
+    COORDINATES,
+    FRICTION,
+    POINT,
+    contact_loads,
+    normals_of_stereographic_points,
+)
 from footsense.foot.network_card import TrainedInputs
 from footsense.foot.response_table import FootResponse
 from footsense.frames import ELEMENTS, Vector
@@ -43,11 +50,10 @@ _MIN_NORMAL_FORCE_N = 1e-3
 #: Most cells beyond their gap: contact of more takes long.
 _MAX_CLOSED_CELLS = 60
 
-_COORDINATES, _RATIO, _POINT = 5, slice(1, 3), slice(3, 5)
 #: Largest friction ratio [1], and distance of the contact normal from the edge of the table [deg].
 _MAX_RATIO, _EDGE_DEG = 0.9, 1.0
 #: Steps of the differences: of the normal force over itself, and of the other coordinates [1]; the base has none.
-_STEPS = 1e-3 * np.vstack([np.zeros(_COORDINATES), np.eye(_COORDINATES)])
+_STEPS = 1e-3 * np.vstack([np.zeros(COORDINATES), np.eye(COORDINATES)])
 #: Longest change of friction ratio and contact point in a round [1].
 _LONGEST_STEP = 0.2
 #: Sigma of x0 over that of the network, which has seen the same readings, and least sigma of ratio and point [1].
@@ -131,7 +137,7 @@ class LoadFit:
         residual = (closure_rel - here.closure_rel) / sigma_rel
         slopes = here.closure_slopes / sigma_rel[:, None]
         unexplained = residual - slopes @ np.linalg.lstsq(slopes, residual, rcond=None)[0]
-        error_factor = max(1.0, math.sqrt(float(unexplained @ unexplained) / (ELEMENTS - _COORDINATES)))
+        error_factor = max(1.0, math.sqrt(float(unexplained @ unexplained) / (ELEMENTS - COORDINATES)))
         weight = slopes.T / error_factor**2
         information = weight @ slopes + np.diag(prior_sigma**-2.0)
         step = np.linalg.solve(information, weight @ residual + (prior - coordinates) / prior_sigma**2)
@@ -143,7 +149,7 @@ class LoadFit:
         gain = here.force_slopes @ np.linalg.inv(information)
         return _Round(
             after,
-            _normals_and_forces(after[None])[1][0],
+            contact_loads(after[None])[1][0],
             gain @ weight / sigma_rel,
             np.sqrt((gain * here.force_slopes).sum(axis=1)),
             usable=error_factor <= _MAX_ERROR_FACTOR and not cut,
@@ -153,14 +159,14 @@ class LoadFit:
         """Return coordinates, shape (5,), limited to loads that exist and contacts on the table."""
         inside = coordinates.copy()
         inside[0] = max(inside[0], _MIN_NORMAL_FORCE_N)
-        for part, longest in ((_RATIO, _MAX_RATIO), (_POINT, self._max_point)):
+        for part, longest in ((FRICTION, _MAX_RATIO), (POINT, self._max_point)):
             inside[part] *= min(1.0, longest / max(math.hypot(*inside[part]), 1e-12))
         return inside
 
     def _linearize(self, coordinates: Vector) -> _Linearization | None:
         steps = _STEPS.copy()
         steps[:, 0] *= coordinates[0]
-        normal, force_n = _normals_and_forces(coordinates - steps)
+        normal, force_n = contact_loads(coordinates - steps)
         cells_um = self._response.free_closure_um(normal, force_n)
         n_closed = np.count_nonzero(cells_um[0] > self._gap_um)
         if n_closed > _MAX_CLOSED_CELLS:
@@ -210,7 +216,7 @@ class RefinedAtRest:
         self._equal_rel = np.zeros((n_rows, 1, ELEMENTS))
         self._rounds = np.zeros(n_rows, np.int64)
         self._usable = np.zeros(n_rows, bool)
-        self._coordinates, self._prior, self._prior_sigma = np.zeros((3, n_rows, _COORDINATES))
+        self._coordinates, self._prior, self._prior_sigma = np.zeros((3, n_rows, COORDINATES))
         self._force_n, self._sigma_n = np.zeros((2, n_rows, 3))
         self._force_n_per_closure = np.zeros((n_rows, 3, ELEMENTS))
 
@@ -251,7 +257,7 @@ class RefinedAtRest:
         self._fitted_rel[row], self._equal_rel[row] = mean_rel, equal_rel
         self._rounds[row], self._usable[row] = 0, False
         point, ratio = np.split(load.contact_point_and_friction[row], 2)
-        pressing_n = force_n @ _normals(point[None])[0]
+        pressing_n = force_n @ normals_of_stereographic_points(point[None])[0]
         start = self._fit.within_bounds(np.array([pressing_n, *ratio, *point]))
         self._coordinates[row] = self._prior[row] = start
         sigma_point, sigma_ratio = np.split(
@@ -280,19 +286,3 @@ class RefinedAtRest:
             self._prior[row] *= _OTHER_SIDE
             self._prior_sigma[row, 1:] = 1.0
             self._coordinates[row] = self._prior[row]
-
-
-def _normals(point: Vector) -> Vector:
-    """Return the unit contact normals, shape (n, 3), of stereographic contact points, shape (n, 2)."""
-    square = (point**2).sum(axis=1, keepdims=True)
-    normal: Vector = np.hstack([2.0 * point, 1.0 - square]) / (1.0 + square)
-    return normal
-
-
-def _normals_and_forces(coordinates: Vector) -> tuple[Vector, Vector]:
-    """Return contact normals and forces [N], shapes (n, 3), of coordinates, shape (n, 5)."""
-    normal, ratio = _normals(coordinates[:, _POINT]), coordinates[:, _RATIO]
-    # The tangential force is perpendicular to the normal.
-    along = -(normal[:, :2] * ratio).sum(axis=1, keepdims=True) / normal[:, 2:]
-    force_n: Vector = coordinates[:, :1] * (normal + np.hstack([ratio, along]))
-    return normal, force_n

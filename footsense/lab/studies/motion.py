@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.daemon.foot_types import released_path
+from footsense.foot.contact_coordinates import normals_of_stereographic_points
 from footsense.foot.directions import angles_between_deg
 from footsense.foot.network_card import NETWORK_FILES
 from footsense.frames import ELEMENTS, LEGS, Vector
@@ -31,7 +32,6 @@ from footsense.lab.training.gait_readings import (
 from footsense.lab.training.gait_windows import (
     contact_and_normal_force,
     estimate_in_batches,
-    normals_of_stereographic_points,
     windows_of,
 )
 from footsense.lab.walkers.split import JUDGEMENT

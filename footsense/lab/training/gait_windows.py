@@ -48,13 +48,6 @@ def contact_and_normal_force(force_n: Vector, normal: Vector) -> tuple[Vector, V
     return np.concatenate([point, ratio], axis=-1), pressing_n
 
 
-def normals_of_stereographic_points(point: Vector) -> Vector:
-    """Return the unit contact normals, shape (n, 3), of stereographic contact points, shape (n, 2)."""
-    square = (point**2).sum(axis=1, keepdims=True)
-    normal: Vector = np.hstack([2.0 * point, 1.0 - square]) / (1.0 + square)
-    return normal
-
-
 def complete_window_ends(gaits: GaitReadings) -> NDArray[np.bool_]:
     """Return the mask of readings that end a complete window for which there is a force, shape (m, n).
 
