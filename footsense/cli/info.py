@@ -222,6 +222,7 @@ def _print_calibration(folder: Path) -> None:
             "footsense": manifest.footsense,
             "loads": manifest.n_loads,
             "sessions": manifest.n_sessions,
+            "reference": "none: of a robot that stood" if manifest.by_standing else "a force sensor",
             "held_out": held_out and held_out.protocol,
             "as designed": held_out and errors_text(held_out.design_only),
             "calibrated": held_out and errors_text(held_out.calibrated),

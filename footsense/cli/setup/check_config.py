@@ -110,11 +110,12 @@ def _explanation(models: Models) -> dict[str, str]:
     for leg, calibration in models.calibrations_by_leg.items():
         known = _calibration(calibration)
         errors = calibration.manifest.held_out
-        error = (
-            "its error is unknown"
-            if errors is None
-            else f"{errors.calibrated.direction_deg:.1f} deg of error"
-        )
+        if errors is not None:
+            error = f"{errors.calibrated.direction_deg:.1f} deg of error"
+        elif calibration.manifest.by_standing:
+            error = "by standing, which tells neither its mounting nor its stiffness"
+        else:
+            error = "its error is unknown"
         told[f"foot on {leg}"] = f"{known['foot']}, calibrated {known['days_ago']} days ago: {error}"
     told["forces"] = (
         f"up to {config.forces_hz:.0f} forces/s on CAN of each leg; contact from {contact_threshold_n(models):.2g} N, "

@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from footsense.can.interface import Can
+from footsense.cli.info import info
 from footsense.cli.test_stand.calibration import calibrate
 from footsense.config import Config
 from footsense.config.sections import Bus
@@ -74,6 +75,8 @@ def test_a_robot_that_stood_knows_its_feet(tmp_path: Path) -> None:
     assert after_deg < min(3.0, 0.3 * before_deg)
     manifest = read_calibration(feet / "foot-0007").manifest
     assert (manifest.by_standing, manifest.held_out, manifest.n_sessions) == (True, None, 1)
+    about = CliRunner().invoke(info, [str(feet / "foot-0007")]).stdout
+    assert "none: of a robot that stood" in about
     assert "without a reference" in (feet / "foot-0007" / "card.md").read_text()
     again = _calibrate(recording, "--calibrations", feet)
     assert "foot-0007: exists and is not overwritten" in str(again.exception)
