@@ -228,7 +228,10 @@ class RefinedAtRest:
         row = self._turn
         self._turn = (row + 1) % len(stands)
         if not stands[row]:
-            stands[row] = self._begin(row, window, load)
+            force_n = load.force_n[row]
+            is_quiet = (np.ptp(window.closure_rel[row], axis=0) <= self._moves_from_rel).all()
+            is_loaded = force_n @ force_n >= self._min_force_n**2
+            stands[row] = is_quiet and is_loaded and self._begin(row, window, load)
         rounds = self._rounds[row]
         is_done = rounds == ROUNDS or (rounds == _ROUNDS_FROM_NETWORK and self._usable[row])
         if stands[row] and not is_done:
@@ -244,20 +247,18 @@ class RefinedAtRest:
         )
 
     def _begin(self, row: int, window: Window, load: LoadEstimate) -> bool:
-        """Take the readings of a row for a fit; return whether they are of a load that stands still."""
-        readings_rel, force_n = window.closure_rel[row], load.force_n[row]
-        is_quiet = (np.ptp(readings_rel, axis=0) <= self._moves_from_rel).all()
-        if not is_quiet or window.missing[row].any() or force_n @ force_n < self._min_force_n**2:
-            return False
+        """Take the readings of a loaded row for a fit; return whether they are of a load that stands still."""
+        readings_rel = window.closure_rel[row]
         mean_rel = readings_rel.mean(axis=0)
         equal_rel = _EQUAL_WITHIN_SIGMAS * self._fit.noise_rel(mean_rel)
         is_equal = (np.abs(readings_rel - mean_rel) <= equal_rel).all()
-        if not (is_equal and (mean_rel < self._closure_rel_max).all()):
+        in_range = (mean_rel < self._closure_rel_max).all()
+        if not (is_equal and in_range) or window.missing[row].any():
             return False
         self._fitted_rel[row], self._equal_rel[row] = mean_rel, equal_rel
         self._rounds[row], self._usable[row] = 0, False
         point, ratio = np.split(load.contact_point_and_friction[row], 2)
-        pressing_n = force_n @ normals_of_stereographic_points(point[None])[0]
+        pressing_n = load.force_n[row] @ normals_of_stereographic_points(point[None])[0]
         start = self._fit.within_bounds(np.array([pressing_n, *ratio, *point]))
         self._coordinates[row] = self._prior[row] = start
         sigma_point, sigma_ratio = np.split(

@@ -33,7 +33,7 @@ def test_a_batch_is_far_faster_than_feet_one_by_one() -> None:
 
 
 @pytest.mark.parametrize(
-    ("robot", "n_modules", "n_calls"), [(SMALL_BOARD, 24, 101), (DEFAULT, 25, 203)], ids=["small", "columns"]
+    ("robot", "n_modules", "n_calls"), [(SMALL_BOARD, 24, 99), (DEFAULT, 25, 199)], ids=["small", "columns"]
 )
 def test_a_conversion_of_six_legs_stays_within_its_modules_and_calls(
     robot: Config, n_modules: int, n_calls: int
