@@ -126,6 +126,7 @@ def test_the_front_page_has_the_figures_of_the_pages() -> None:
     worst_deg, worst_gf = (
         experiment.worst_accepted(made, "centred", f"true_{unit}")[0] for unit in ("deg", "gf")
     )
+    standing_deg = feet["standing"]["centred"]["true_deg"]
     worst_uncalibrated_n = 1e-3 * _MN_PER_GF * max(uncalibrated["true_gf"])
     ranges_n = [foot["built"]["upright_range_n"][1:] for foot in design["feet"].values()]
     for text in (
@@ -142,6 +143,8 @@ def test_the_front_page_has_the_figures_of_the_pages() -> None:
         f"{100 * (1 - n_missed / n_touches):.0f} % of {n_touches} touchdowns are told",
         f"{n_in_air} false ones in the air; on the smallest foot {own['n_in_air']} for {own['n_touches']} touches",
         f"mean of {len(deg)} feet: direction {deg.mean():.2f} deg, magnitude {_MN_PER_GF * gf.mean():.0f} mN",
+        f"without a force sensor, {np.mean(standing_deg):.1f} deg",
+        f"by standing {max(standing_deg):.1f} deg",
         f"the worst of these feet: {deg.max():.2f} deg, {_MN_PER_GF * gf.max():.0f} mN",
         f"does not know: {worst_deg:.2f} deg, {_MN_PER_GF * worst_gf:.0f} mN",
         f"without calibration: {max(uncalibrated['true_deg']):.0f} deg, {worst_uncalibrated_n:.2f} N",
