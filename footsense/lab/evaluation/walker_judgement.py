@@ -16,6 +16,7 @@ from footsense.lab.evaluation.evaluate_models import RESPONSE_FILE
 from footsense.lab.evaluation.walker_runs import (
     LEAD_IN_S,
     SCAN_TIMES,
+    ExactLoads,
     WalkerOutputs,
     pipeline_of,
     read_walker,
@@ -51,7 +52,7 @@ class JudgedRun(NamedTuple):
 
 
 def judge_run(
-    models: Sequence[Path], *, viscous_rel: float, run: WalkerRun, scan: str = "elements"
+    models: Sequence[Path], *, viscous_rel: float, run: WalkerRun, scan: str = "elements", exact: bool = False
 ) -> list[JudgedRun]:
     """Return the scores of one run on feet.
 
@@ -62,6 +63,7 @@ def judge_run(
         viscous_rel: Creep and lag of the rubber over those of the simulated rubber [1].
         run: The run.
         scan: What a conversion reads, a key of `NETWORK_FILES`.
+        exact: Whether the true force is in place of the network's, for what contact and slip make of it.
     """
     log, judged = WalkerLog.load(run.saved(cache_folder())), []
     for folder in models:
@@ -76,15 +78,16 @@ def judge_run(
             viscous_rel=viscous_rel,
         )
         card = network.card
+        known = ExactLoads(network, readings.loads) if exact else None
         pipeline = pipeline_of(
-            network,
+            known or network,
             card.trained_inputs,
             card.max_trained_force_n,
             len(log.legs),
             log.friction,
             SCAN_TIMES[scan],
         )
-        outputs, peak_n = run_pipeline(pipeline, readings), scale * log.peak_n()
+        outputs, peak_n = run_pipeline(pipeline, readings, known), scale * log.peak_n()
         judged.append(JudgedRun(design.foot_type, run, peak_n, scores(outputs, peak_n), _shown(outputs)))
     return judged
 
@@ -107,6 +110,7 @@ def judge(
     *,
     scan: str = "elements",
     viscous_rel: float = 0.0,
+    exact: bool = False,
     scheduler: str | None = None,
 ) -> list[JudgedRun]:
     """Return the scores of runs on feet; each foot but the paper's gets the runs of its own robot.
@@ -116,19 +120,24 @@ def judge(
         runs: The runs.
         scan: What a conversion reads, a key of `NETWORK_FILES`.
         viscous_rel: Creep and lag of the rubber over those of the simulated rubber [1].
+        exact: As of `judge_run`.
         scheduler: As of `compute_each`.
     """
     parts = [
         (run, tuple(folder for n, folder in enumerate(models) if not n or folder.name == run.robot))
         for run in runs
     ]
-    judged = compute_each(partial(_judge_part, viscous_rel, scan), parts, scheduler=scheduler)
+    judged = compute_each(
+        partial(_judge_part, viscous_rel=viscous_rel, scan=scan, exact=exact), parts, scheduler=scheduler
+    )
     return [one for each in judged for one in each]
 
 
-def _judge_part(viscous_rel: float, scan: str, part: tuple[WalkerRun, tuple[Path, ...]]) -> list[JudgedRun]:
+def _judge_part(
+    part: tuple[WalkerRun, tuple[Path, ...]], *, viscous_rel: float, scan: str, exact: bool
+) -> list[JudgedRun]:
     run, models = part
-    return judge_run(models, viscous_rel=viscous_rel, run=run, scan=scan)
+    return judge_run(models, viscous_rel=viscous_rel, run=run, scan=scan, exact=exact)
 
 
 def pooled(judged: Sequence[JudgedRun]) -> dict[str, Any]:

@@ -24,8 +24,9 @@ from footsense.foot.network_card import TrainedInputs
 from footsense.foot.specimen import ContactLoads, Specimen
 from footsense.frames import ELEMENTS, ROWS, CapFrame, Codes, GaitEvent, Mask, Reading, Vector
 from footsense.lab.training.gait_readings import NOMINAL_SEND_DELAY_S, STEP_S, conversion_elements
+from footsense.lab.training.gait_windows import contact_and_normal_force
 from footsense.lab.walkers.simulate import WalkerLog
-from footsense.ports import LoadEstimator
+from footsense.ports import LoadEstimate, LoadEstimator, Window
 from footsense.sim.loads.load_log import RowsBetween
 from footsense.sim.rubber import ViscoelasticRubber
 
@@ -37,6 +38,8 @@ _FULL_SCALE_PF = fdc1004.capacitance_pf(fdc1004.CODE_MAX)
 _LOADS_PER_CALL = 2048
 #: Scans without a reading from which a measurement is stale, as of the service.
 _MAX_AGE_SCANS = 2.0
+#: Sigma of exact forces [N], contact points and friction ratios [1].
+_EXACT_SIGMA = 1e-3
 
 
 class WalkerLoads(NamedTuple):
@@ -239,8 +242,42 @@ def pipeline_of(
     return Pipeline(estimator, trained, feet, limits, force_sensitivity)
 
 
-def run_pipeline(pipeline: Pipeline, readings: WalkerReadings) -> WalkerOutputs:
-    """Return what a pipeline says of readings, conversion by conversion."""
+class ExactLoads:
+    """Estimator that knows the true loads of a run, for what the detectors behind it make of a force without error.
+
+    Args:
+        network: Network that is asked as long as `row` is None, as for its sensitivity.
+        loads: The true loads.
+
+    Attributes:
+        row: Row of the loads that is estimated; None before the run.
+    """
+
+    def __init__(self, network: LoadEstimator, loads: WalkerLoads) -> None:
+        self._network, self._loads = network, loads
+        self._contact, _ = contact_and_normal_force(loads.force_n, loads.normal)
+        self.row: int | None = None
+
+    def estimate(self, window: Window) -> LoadEstimate:
+        """Return the true loads of the row, with a sigma of next to nothing."""
+        if self.row is None:
+            return self._network.estimate(window)
+        force_n, contact = self._loads.force_n[self.row], self._contact[self.row]
+        return LoadEstimate(
+            force_n, np.full_like(force_n, _EXACT_SIGMA), contact, np.full_like(contact, _EXACT_SIGMA)
+        )
+
+
+def run_pipeline(
+    pipeline: Pipeline, readings: WalkerReadings, exact: ExactLoads | None = None
+) -> WalkerOutputs:
+    """Return what a pipeline says of readings, conversion by conversion.
+
+    Args:
+        pipeline: The pipeline.
+        readings: The readings.
+        exact: Its estimator, if that is one.
+    """
     n, n_legs, _ = readings.capacitance_pf.shape
     t_ns = np.zeros((n_legs, ELEMENTS), np.int64)
     capacitance_pf = np.full((n_legs, ELEMENTS), np.nan)
@@ -254,6 +291,8 @@ def run_pipeline(pipeline: Pipeline, readings: WalkerReadings) -> WalkerOutputs:
         t_ns[:, elements] = read_ns[k]
         capacitance_pf[:, elements] = np.where(over[k], np.nan, readings.capacitance_pf[k])
         reading[:, elements] = np.where(over[k], Reading.OVER_RANGE, Reading.OK)
+        if exact is not None:
+            exact.row = k
         frame, _ = pipeline.process(
             CapFrame(k, t_ns.copy(), capacitance_pf.copy(), reading.copy()), sent_ns[k]
         )
