@@ -45,7 +45,6 @@ def pipeline_for(models: Models, flags: int) -> Pipeline:
     config, network = models.config, models.network
     trained = network.card.trained_inputs
     force_sensitivity = sensitivity(network, len(config.legs), trained.moments)
-    estimator, set_temperature = _estimator_and_temperature_setter(models)
     limits = EstimationLimits(
         tare=config.tare,
         least_contact_n=contact_threshold_n(models),
@@ -56,6 +55,7 @@ def pipeline_for(models: Models, flags: int) -> Pipeline:
         track_baseline=config.baseline.track,
         range_end_pf=BOARDS[config.board].range_end_pf if config.board in BOARDS else CONVERTER_MAX_PF,
     )
+    estimator, set_temperature = _estimator_and_temperature_setter(models)
     return Pipeline(
         estimator, trained, mounted_feet(models), limits, force_sensitivity, flags, set_temperature
     )

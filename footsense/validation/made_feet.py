@@ -20,8 +20,8 @@ from footsense.calibration.calibrate import (
 from footsense.calibration.evaluation import DesignModels
 from footsense.calibration.loads import LoadSet
 from footsense.calibration.rubber_memory import correct_baselines_for_creep
-from footsense.calibration.standing import calibrate_standing
-from footsense.calibration.standing_recording import StandingLoads
+from footsense.calibration.standing.calibrate import calibrate_standing
+from footsense.calibration.standing.recording import StandingLoads
 from footsense.errors import CalibrationError
 from footsense.foot.directions import normalized
 from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors

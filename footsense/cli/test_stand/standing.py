@@ -11,8 +11,8 @@ from rich.console import Console
 
 import footsense
 from footsense.calibration.evaluation import DesignModels
-from footsense.calibration.standing import StandingCalibration, calibrate_standing
-from footsense.calibration.standing_recording import StandingLoads, StandingRecording, read_standing
+from footsense.calibration.standing.calibrate import StandingCalibration, calibrate_standing
+from footsense.calibration.standing.recording import StandingLoads, StandingRecording, read_standing
 from footsense.calibration.writer import check_calibration_target, write_calibration
 from footsense.cli.tables import Column, echo_json, json_row, table
 from footsense.cli.test_stand.calibration import load_design_models

@@ -387,20 +387,13 @@ def _figure(kinds: Values) -> Figure:
         axes.scatter([], [], s=16, color=f"C{place}", label=_KINDS[name].words)
         last = max(last, 1.1 * distance.max())
     edges = (first, WARNING_MEDIAN_MAHALANOBIS_DISTANCE, MAX_MEDIAN_MAHALANOBIS_DISTANCE, last)
-    for span, color, word in zip(
-        pairwise(edges), ("C2", "C1", "C3"), ("trust", "check", "refused"), strict=True
-    ):
+    zones = (("C2", "trust"), ("C1", "check"), ("C3", "refused"))
+    for span, (color, word) in zip(pairwise(edges), zones, strict=True):
         axes.axvspan(*span, color=color, alpha=0.12, lw=0.0, label=word)
     axes.axhline(TARGET_DEG, color="k", ls=":", label="wanted at most")
-    axes.set(
-        xlim=(first, last),
-        xscale="log",
-        yscale="log",
-        xticks=(2, 4, 8, 16, 32),
-        yticks=(0.5, 1, 2, 5),
-        xlabel="median distance of the loads from the fitted foot",
-        ylabel="direction error, centred loads [deg]",
-    )
+    axes.set(xlim=(first, last), xscale="log", yscale="log", xticks=(2, 4, 8, 16, 32), yticks=(0.5, 1, 2, 5))
+    axes.set(xlabel="median distance of the loads from the fitted foot")
+    axes.set(ylabel="direction error, centred loads [deg]")
     axes.xaxis.set(major_formatter="{x:g}", minor_formatter="")
     axes.yaxis.set(major_formatter="{x:g}", minor_formatter="")
     figure.legend(fontsize="small", loc="outside right upper")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from footsense.calibration.standing import calibrate_standing
-from footsense.calibration.standing_recording import StandingLoads, standing_loads
+from footsense.calibration.standing.calibrate import calibrate_standing
+from footsense.calibration.standing.recording import StandingLoads, standing_loads
 from footsense.errors import CalibrationError
 from footsense.estimation.network import steady_windows
 from footsense.foot.directions import angles_between_deg, normalized

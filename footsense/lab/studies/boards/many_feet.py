@@ -9,8 +9,8 @@ import numpy as np
 from footsense.benchmarks.conversions import FootLoad, PublishedForces
 from footsense.benchmarks.latency_vs_error import PRESS_FORCES_N, STEP_NS, TrueLoads, settling_ms
 from footsense.calibration.evaluation import DesignModels
-from footsense.calibration.standing import calibrate_standing
-from footsense.calibration.standing_recording import StandingLoads
+from footsense.calibration.standing.calibrate import calibrate_standing
+from footsense.calibration.standing.recording import StandingLoads
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.network import Network
 from footsense.estimation.settings import MountedFeet

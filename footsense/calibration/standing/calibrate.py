@@ -11,8 +11,8 @@ import numpy as np
 from footsense.calibration.calibrate import MAX_MEDIAN_MAHALANOBIS_DISTANCE, MIN_LOADS
 from footsense.calibration.evaluation import DesignModels
 from footsense.calibration.parameter_fit import PredictedUncertainty
-from footsense.calibration.standing_fit import StandingFit, fit_electrodes
-from footsense.calibration.standing_recording import StandingLoads
+from footsense.calibration.standing.fit import StandingFit, fit_electrodes
+from footsense.calibration.standing.recording import StandingLoads
 from footsense.calibration.twin import GAIN, GAP, N_PARAMETERS, STRAY, FootTwin
 from footsense.errors import CalibrationError
 from footsense.estimation.network import steady_windows
