@@ -16,9 +16,9 @@ import json
 import math
 import zipfile
 from dataclasses import asdict, dataclass, field
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -244,7 +244,7 @@ class FootResponse:
         object.__setattr__(self, "compliance_um_per_n", whole_compliance(self.quarter_compliance))
 
     @classmethod
-    def load(cls, path: Path) -> Self:
+    def load(cls, path: Path) -> "FootResponse":
         """Load a response table from a file.
 
         Args:
@@ -262,9 +262,7 @@ class FootResponse:
         except OSError as error:
             raise ModelError(f"cannot read the foot response {path}: {error.strerror}; {rebuild}") from error
         try:
-            parts = _unpack(content)
-            parts["design"] = Capacitor(**parts["design"])
-            return cls(**parts, sha256=hashlib.sha256(content).hexdigest())
+            return _of_content(content)
         except Exception as error:  # zipfile, numpy and json raise a dozen types without a common base
             raise ModelError(f"{path} is no whole foot response ({error}); {rebuild}") from error
 
@@ -331,3 +329,12 @@ class FootResponse:
     def free_element_closures_um(self, normal: Vector, force_n: Vector) -> Vector:
         """Return the mean closure of each element under loads [um], shape (..., 9), without gap contact."""
         return element_means(self.free_closure_um(normal, force_n))
+
+
+# A simulated robot reads the table of its feet, and the service the same file.
+@lru_cache(maxsize=1)
+def _of_content(content: bytes) -> FootResponse:
+    """Return the response of a file's content."""
+    parts = _unpack(content)
+    parts["design"] = Capacitor(**parts["design"])
+    return FootResponse(**parts, sha256=hashlib.sha256(content).hexdigest())
