@@ -224,6 +224,7 @@ class Estimator:
                 unloaded_pf=np.broadcast_to(known.unloaded_pf - known.stray_pf, shape),
                 gap_um=np.broadcast_to(known.gap_um, shape),
                 gain_rel=np.broadcast_to(known.gain_rel, shape),
+                gain_sigma_rel=np.zeros(shape[0]),
             )
         if self._unloaded_pf is not None:
             feet = replace(feet, unloaded_pf=np.broadcast_to(self._unloaded_pf, shape) - feet.stray_pf)

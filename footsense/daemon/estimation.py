@@ -18,6 +18,7 @@ from footsense.estimation.rest import RefinedAtRest
 from footsense.estimation.settings import (
     CONVERTER_MAX_PF,
     DEFAULT_CONTACT_THRESHOLD_REL,
+    UNCALIBRATED_GAIN_SIGMA_REL,
     EstimationLimits,
     MountedFeet,
     Sensitivity,
@@ -89,6 +90,9 @@ def mounted_feet(models: Models) -> MountedFeet:
         unloaded_pf=np.where(np.isnan(reading_pf), design.unloaded_pf, reading_pf - stray_pf),
         gap_um=values("gap_um", {}, design.gap_um),
         gain_rel=values("gain_rel", {}, 1.0),
+        gain_sigma_rel=np.array(
+            [0.0 if leg in calibrations else UNCALIBRATED_GAIN_SIGMA_REL for leg in config.legs]
+        ),
         names=tuple(calibrations[leg].manifest.foot if leg in calibrations else "" for leg in config.legs),
     )
 

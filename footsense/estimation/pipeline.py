@@ -84,6 +84,8 @@ class Pipeline:
         self._valid = np.full(n_legs, State.VALID, np.uint8)
         self._no_fault, self._no_leg = np.zeros(n_legs, np.uint16), np.zeros(n_legs, bool)
         self._gait = GaitTracker(n_legs, limits.friction, ROWS_LAGS if limits.is_fast_scan else ELEMENTS_LAGS)
+        gain_error_rel = feet.gain_sigma_rel[:, None] * sensitivity.force_error_rel_per_gain_error
+        self._gain_variance_rel2 = gain_error_rel**2
         self._set_temperature = set_temperature
 
     @property
@@ -183,7 +185,7 @@ class Pipeline:
             t_sent_ns=now_ns,
             t_ns=readings.newest_ns,
             force_n=force_n,
-            sigma_n=np.hypot(load.sigma_n, baselines.shake_sigma_n),
+            sigma_n=self._with_unknown_gains(np.hypot(load.sigma_n, baselines.shake_sigma_n), force_n),
             state=state,
             fault_mask=fault_mask,
             flags=baselines.flags | self._flags,
@@ -192,6 +194,12 @@ class Pipeline:
             baseline=baselines.unloaded.drift,
             gait=gait,
         ), results
+
+    def _with_unknown_gains(self, sigma_n: Vector, force_n: Vector) -> Vector:
+        """Return sigma [N], shape (legs, 3), with what unknown gains of the elements turn the force by."""
+        square_n2 = np.einsum("li,li->l", force_n, force_n)[:, None]
+        widened_n: Vector = np.sqrt(sigma_n * sigma_n + self._gain_variance_rel2 * square_n2)
+        return widened_n
 
     def _missing_before_test(self, elements: ElementStatus) -> Mask:
         unloaded = self._baselines.unloaded

@@ -14,6 +14,9 @@ from footsense.frames import ELEMENTS, Mask, Vector
 
 #: Least capacitance of an element over the range of an FDC1004 [pF].
 CONVERTER_MAX_PF = fdc1004.capacitance_pf(fdc1004.CODE_MAX)
+#: Standard deviation of the gains of the elements of a foot that is not calibrated [1]: an assumption, that of the area
+#: of etched electrodes. What else a made foot differs by from its design is not told by it.
+UNCALIBRATED_GAIN_SIGMA_REL = 0.01
 #: Least limit of the rise of the load in swing [N/s].
 MIN_SWING_RISE_N_PER_S = 0.5e-3
 
@@ -28,6 +31,7 @@ class MountedFeet:
         gap_um: Air gap of each element [um].
         gain_rel: Closure of each element by the design's electrodes, over its real closure [1]. All stages use real
             closures over the design's gap.
+        gain_sigma_rel: Standard deviation of the gains of a foot's elements that nobody has found [1], shape (legs,).
         names: Name of the foot on each leg that `unloaded_pf` was measured on; empty where it is a design value.
     """
 
@@ -35,6 +39,7 @@ class MountedFeet:
     unloaded_pf: Vector
     gap_um: Vector
     gain_rel: Vector
+    gain_sigma_rel: Vector
     names: tuple[str, ...]
 
     def distance_times_capacitance_pf(self, design: Capacitor) -> Vector:
@@ -50,6 +55,7 @@ class MountedFeet:
             unloaded_pf=design.unloaded_pf * ones,
             gap_um=design.gap_um * ones,
             gain_rel=ones,
+            gain_sigma_rel=np.full(n_legs, UNCALIBRATED_GAIN_SIGMA_REL),
             names=("",) * n_legs,
         )
 
@@ -121,12 +127,15 @@ class Sensitivity(NamedTuple):
             (loads, elements, 3).
         force_sigma_n_per_reading_noise: Standard deviation of each component of the force if every reading has noise of
             one gap, independent of all others [N], shape (3,).
+        force_error_rel_per_gain_error: Standard deviation of each component of an upright force over its size, if every
+            element's gain is off, independent of all others, over the standard deviation of the gains [1], shape (3,).
     """
 
     load_n_per_mean_closure: float
     force_sigma_n_per_baseline_error: Vector
     force_n_per_closure: Vector
     force_sigma_n_per_reading_noise: Vector
+    force_error_rel_per_gain_error: Vector
 
 
 #: Time below which a scan is one of rows [ns]: one of elements takes 22.5 ms or more, one of rows 7.6 ms on fast buses.

@@ -34,7 +34,7 @@ from footsense.lab.model_card import readme
 from footsense.lab.response import make_response
 from footsense.lab.training import load_cases
 from footsense.lab.training.export import OnnxNetwork, library_versions, load_weights, onnx_model
-from footsense.lab.training.gait_readings import concatenate_gaits, random_gaits
+from footsense.lab.training.gait_readings import TRAINING_GAIN_RMS_REL, concatenate_gaits, random_gaits
 from footsense.lab.training.load_cases import Cases, random_loads
 from footsense.lab.training.train_windowed import WindowTrainingSettings, train_windowed
 from footsense.lab.training.walker_gaits import walker_gaits
@@ -81,14 +81,14 @@ FULL_BUILD = BuildSettings(
     mesh=RELEASED_MESH,
     random_loads=200_000,
     gaits=3_000,
-    released=WindowTrainingSettings(channels=80),
+    released=WindowTrainingSettings(channels=112),
 )
 #: A foot like one whose network is at hand: the same mesh and loads, and a short training from its weights.
 SIMILAR_FOOT_BUILD = replace(
     FULL_BUILD,
     random_loads=60_000,
     gaits=1_500,
-    released=WindowTrainingSettings(channels=80, steps=20_000, rate=3e-3),
+    released=WindowTrainingSettings(channels=112, steps=40_000, rate=4e-3),
 )
 #: Every step of the chain in half a minute; its numbers are no release.
 QUICK_BUILD = BuildSettings(
@@ -249,6 +249,7 @@ def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable
         report(f"{recipe.random_loads} random loads, gaps in contact")
         closure_rel = cases.closure_um / design.gap_um
         imputation = Imputation(_rounded_moments(cases.with_symmetric_copies().closure_um / design.gap_um))
+        at_once = _ELEMENTS_OF_CONVERSION[recipe.scan]
         own, robots = (
             make(
                 TRAINING_SEED,
@@ -256,7 +257,8 @@ def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable
                 _CONVERSIONS_PER_GAIT,
                 loads_unit.max_n,
                 jobs=2,
-                at_once=_ELEMENTS_OF_CONVERSION[recipe.scan],
+                at_once=at_once,
+                gain_rms_rel=TRAINING_GAIN_RMS_REL[at_once],
             )
             for make in (
                 partial(random_gaits, response_in_unit),

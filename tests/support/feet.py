@@ -77,6 +77,7 @@ def pipeline(
             force_sigma_n_per_baseline_error=BASELINE_N,
             force_n_per_closure=np.zeros((1, 9, 3)),
             force_sigma_n_per_reading_noise=np.zeros(3),
+            force_error_rel_per_gain_error=np.zeros(3),
         ),
         Flag.SIMULATED,
     )

@@ -26,7 +26,7 @@ from footsense.lab.fabrication.electronics import chips
 from footsense.lab.fem.mesh import COARSE_MESH, RELEASED_MESH
 from footsense.lab.parallel import N_PROCESSES, compute_each
 from footsense.lab.report import StudyContext, Values, table, target
-from footsense.lab.training.gait_readings import SCANS_OF_NETWORK, random_gaits
+from footsense.lab.training.gait_readings import SCANS_OF_NETWORK, TRAINING_GAIN_RMS_REL, random_gaits
 from footsense.lab.training.load_cases import random_loads
 
 TITLE = "Speed against error"
@@ -177,7 +177,15 @@ def _boards_and_sizes(context: StudyContext) -> Values:
     subjects = {
         name: ScanSubject(
             response,
-            random_gaits(response, _TRAINING_SEED, n_gaits, _CONVERSIONS, loads.max_n, at_once=at_once),
+            random_gaits(
+                response,
+                _TRAINING_SEED,
+                n_gaits,
+                _CONVERSIONS,
+                loads.max_n,
+                at_once=at_once,
+                gain_rms_rel=TRAINING_GAIN_RMS_REL[at_once],
+            ),
             rests,
             {
                 one.key: judged_windows(response, loads, scan, _TEST_SEED, n_test_rests, n_test_gaits)

@@ -37,9 +37,9 @@ from footsense.lab.training.windowed_network import (
     ZERO_FEATURE_SCAN_PERIOD_S,
     Weights,
     element_input_index,
+    irreducible_parts,
     linear_basis,
     output_symmetries,
-    relative_symmetry_index,
 )
 from footsense.ports import LoadEstimate, Window
 from footsense.regular_file import read_regular
@@ -54,13 +54,17 @@ def _initialisers(weights: Weights, force_unit: float) -> dict[str, NDArray[Any]
     n_inputs = weights.w1.shape[1]
     turns = output_symmetries().transpose(0, 2, 1)  # a row vector times this is the turned vector
     named = {name: np.asarray(part, np.float64) for name, part in weights._asdict().items()}
+    scalars, vectors, parts = irreducible_parts()
     one, none = np.eye(ELEMENTS), np.zeros((ELEMENTS, ELEMENTS))
     level, slope = np.hsplit(np.eye(2 * len(basis)), 2)
     return {
         **named,
         "sigma_axes": SIGMA_ROW_OF_OUTPUT,
         "seen_at": element_input_index().ravel(),
-        "relative_at": relative_symmetry_index().ravel(),
+        "scalars_by_symmetry": scalars,
+        "vectors_by_symmetry": vectors.reshape(4, N_SYMMETRIES),
+        "to_parts": parts,
+        "to_units": parts.T,
         "turns": turns,
         "sizes": np.abs(turns),
         "linear_basis": basis.reshape(len(basis), -1),
@@ -71,8 +75,13 @@ def _initialisers(weights: Weights, force_unit: float) -> dict[str, NDArray[Any]
         "w1_as": np.array([c, N_SYMMETRIES, n_inputs]),
         "w1_flat": np.array([n_inputs, N_SYMMETRIES * c]),
         "w2_by": np.array([c, N_SYMMETRIES, c]),
-        "w2_as": np.array([c, N_SYMMETRIES, N_SYMMETRIES, c]),
-        "w2_flat": np.array([N_SYMMETRIES * c, N_SYMMETRIES * c]),
+        "w2_vectors_as": np.array([c, 2, 2, c]),
+        "w2_vectors_flat": np.array([2 * c, 2 * c]),
+        "units_as": np.array([-1, N_SYMMETRIES, c]),
+        "units_flat": np.array([-1, N_SYMMETRIES * c]),
+        "vectors_as": np.array([-1, 4, c]),
+        "vectors_flat": np.array([-1, 2 * c]),
+        "four_four": np.array([4, 4]),
         "out_flat": np.array([N_SYMMETRIES * c, N_OUTPUTS]),
         # Newest minus the one before, and that minus the oldest.
         "changes_of": np.block([[one, none], [-one, one], [none, -one]]),

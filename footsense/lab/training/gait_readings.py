@@ -33,8 +33,9 @@ PACE_REL, _LATEST_S = (0.18, 5.0), 8e-3
 _CLOCK_REL, _JITTER_S = 0.01, 3e-5
 #: Drift of a baseline since it was last followed [pF, rms], and share of the gaits with one.
 _DRIFT_PF, _DRIFT_SHARE = 0.3e-3, 0.5
-#: Gains of the elements that a calibration leaves over [1, rms]: a scan of rows is exact enough for them to count.
-_ROWS_GAIN_REL = 3e-3
+#: Gains of the elements that a calibration leaves over, in training [1, rms], by the elements that a conversion reads: a
+#: scan of rows is exact enough for them to count. Share of the gaits with them.
+TRAINING_GAIN_RMS_REL, _GAIN_SHARE = {1: 0.0, 3: 3e-3}, 0.5
 
 
 #: Indices into `CONVERSION_ORDERS` of the scans of a network, the usual one first, by the elements that one of their
@@ -185,7 +186,7 @@ def loads_of(source: ContactSource, leg: str) -> Callable[[Vector], ContactLoads
 
 
 def draw_conditions(
-    rng: np.random.Generator, at_once: int = 1, slowest_rel: float = PACE_REL[1]
+    rng: np.random.Generator, at_once: int = 1, slowest_rel: float = PACE_REL[1], gain_rms_rel: float = 0.0
 ) -> ReadingConditions:
     """Return random conditions of a gait.
 
@@ -193,6 +194,7 @@ def draw_conditions(
         rng: Source of the draws.
         at_once: Elements that a conversion reads, a key of `SCANS_OF_NETWORK`.
         slowest_rel: Slowest conversion over the usual one [1].
+        gain_rms_rel: What the gains are off by in half of the gaits [1, rms].
     """
     usual, *others = SCANS_OF_NETWORK[at_once]
     order = others[0] if rng.random() < _RASTER_SHARE and others else usual
@@ -209,12 +211,17 @@ def draw_conditions(
         send_delay_s=nominal_send_delay_s(step_s) + late_s,
         viscous_rel=rng.uniform(0.0, _MOST_VISCOUS) if rng.random() < _VISCOUS_SHARE else 0.0,
         baseline_drift_rms_pf=_DRIFT_PF if rng.random() < _DRIFT_SHARE else 0.0,
-        gain_rms_rel=_ROWS_GAIN_REL if at_once > 1 else 0.0,
+        gain_rms_rel=gain_rms_rel if rng.random() < _GAIN_SHARE else 0.0,
     )
 
 
 def simulate_random_gait_readings(
-    response: FootResponse, rng: np.random.Generator, n: int, max_n: float, at_once: int = 1
+    response: FootResponse,
+    rng: np.random.Generator,
+    n: int,
+    max_n: float,
+    at_once: int = 1,
+    gain_rms_rel: float = 0.0,
 ) -> GaitReadings:
     """Return the simulated readings of one random gait under random conditions, as `simulate_gait_readings`.
 
@@ -224,8 +231,9 @@ def simulate_random_gait_readings(
         n: Number of conversions.
         max_n: Full load of the foot [N].
         at_once: Elements that a conversion reads, a key of `SCANS_OF_NETWORK`.
+        gain_rms_rel: As of `draw_conditions`.
     """
-    conditions = draw_conditions(rng, at_once)
+    conditions = draw_conditions(rng, at_once, gain_rms_rel=gain_rms_rel)
     return simulate_gait_readings(
         response, RandomGait(rng, max_n, n * conditions.step_s).loads, conditions, rng, n
     )
@@ -244,7 +252,14 @@ def select_gaits(gaits: GaitReadings, chosen: Mask) -> GaitReadings:
 
 
 def random_gaits(
-    response: FootResponse, seed: int, m: int, n: int, max_n: float, jobs: int = 1, at_once: int = 1
+    response: FootResponse,
+    seed: int,
+    m: int,
+    n: int,
+    max_n: float,
+    jobs: int = 1,
+    at_once: int = 1,
+    gain_rms_rel: float = 0.0,
 ) -> GaitReadings:
     """Return simulated readings of m random gaits; the same seed gives the same, on any number of processes.
 
@@ -256,10 +271,13 @@ def random_gaits(
         max_n: Full load of the foot [N].
         jobs: Processes.
         at_once: Elements that a conversion reads, a key of `SCANS_OF_NETWORK`.
+        gain_rms_rel: As of `draw_conditions`.
     """
     seeds = np.random.SeedSequence(seed).spawn(m)
     making = Parallel(n_jobs=jobs, return_as="generator")(
-        delayed(simulate_random_gait_readings)(response, np.random.default_rng(own), n, max_n, at_once)
+        delayed(simulate_random_gait_readings)(
+            response, np.random.default_rng(own), n, max_n, at_once, gain_rms_rel
+        )
         for own in seeds
     )
     made: list[GaitReadings] = []

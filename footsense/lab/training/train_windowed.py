@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from footsense.estimation.missing_elements import MISSING_SETS, Imputation
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, Capacitor
-from footsense.frames import ELEMENTS, Vector
+from footsense.frames import ELEMENTS, ROWS, Vector
 from footsense.lab.training.gait_readings import (
     AT_ONCE,
     PACE_REL,
@@ -57,7 +57,9 @@ from footsense.lab.training.windowed_network import (
 from footsense.progress import progress_bar
 
 #: Share of the windows with something missing, and of those of steady loads.
-_WINDOWS_WITH_MISSING_SHARE, _STEADY_WINDOWS_SHARE = 0.25, 0.45
+_WINDOWS_WITH_MISSING_SHARE, _STEADY_WINDOWS_SHARE = 0.25, 0.2
+#: How often each set of `MISSING_SETS` is missing, over the others: a column is a converter that does not answer.
+_MISSING_SET_WEIGHTS = np.repeat([0.0, 1.0, 1.0, 3.0], [1, ELEMENTS, ROWS, ROWS])
 #: Share of the steady windows that are read at any pace and in any order, and of those with friction: few of the loads
 #: have much, and they are the hard ones. Friction ratio from which a load counts as one [1].
 _PACED_SHARE, _FRICTION_SHARE, _FRICTION_REL = 0.4, 0.4, 0.1
@@ -235,7 +237,8 @@ def _random_windows_batch(data: _TrainingConstants, times_per_gait: int, n: int,
         _gait_windows(data, times_per_gait, k1, n - n_rest), _steady_windows(data, k2, n_rest), strict=True
     )
     closure_rel, age_s, force_n, contact, loaded = (jnp.concatenate(pair) for pair in parts)
-    which = jax.random.randint(k3, (n,), 1, len(data.missing_masks))
+    shares = _MISSING_SET_WEIGHTS / _MISSING_SET_WEIGHTS.sum()
+    which = jax.random.choice(k3, len(shares), (n,), p=jnp.asarray(shares, jnp.float32))
     which = jnp.where(jax.random.uniform(k4, (n,)) < _WINDOWS_WITH_MISSING_SHARE, which, 0)
     closure_rel = jnp.einsum("nab,nsb->nsa", data.imputation_matrices[which], closure_rel)
     return Batch(features(closure_rel, age_s, data.missing_masks[which]), force_n, contact, loaded)

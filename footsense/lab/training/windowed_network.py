@@ -14,7 +14,8 @@ and beside them the mask of missing elements, r and ln T. Two hidden layers of t
 
 No load gives exactly no force. The eight symmetries of the square are built in: a hidden channel is eight
 units, one for each symmetry, that share their weights. Unit g applies them to the inputs mapped by the inverse of
-symmetry g; units of the second layer see those of the first by their relative symmetry.
+symmetry g; units of the second layer see those of the first by their relative symmetry. That map is computed on the
+irreducible parts of the symmetries, four scalars and twice a vector of the plane, a fifth of the products.
 
 Source:
     Cohen and Welling, Group equivariant convolutional networks, ICML 2016, section 6 (regular representation).
@@ -98,13 +99,20 @@ def element_input_index() -> NDArray[np.intp]:
     return np.concatenate([*planes, scalars], axis=1).astype(np.intp)
 
 
-def relative_symmetry_index() -> NDArray[np.intp]:
-    """Return the index of inverse(g) h among the eight symmetries, shape (8 of g, 8 of h)."""
-    stack = np.stack(SYMMETRIES)
-    products = np.einsum("gji,hjk->ghik", stack, stack)
-    same = np.abs(products[:, :, None] - stack).max(axis=(3, 4)) == 0.0
-    symmetry_index: NDArray[np.intp] = same.argmax(axis=2).astype(np.intp)
-    return symmetry_index
+def irreducible_parts() -> tuple[Vector, Vector, Vector]:
+    """Return the irreducible representations of the square's symmetries, and the transform to their parts.
+
+    Returns:
+        The four scalar ones, shape (4, 8); that of vectors in the plane, row b and column k of each matrix, shape
+        (2, 2, 8); and the orthonormal transform of eight units to four scalar parts and four entries (a, k) of the
+        vector ones, shape (8, 8).
+    """
+    plane = np.stack(SYMMETRIES)[:, :2, :2]
+    turns, swaps = np.linalg.det(plane).round(), 2.0 * np.abs(plane[:, 0, 0]) - 1.0
+    scalars = np.stack([np.ones(N_SYMMETRIES), turns, swaps, turns * swaps])
+    vectors = plane.transpose(1, 2, 0)
+    rows = np.concatenate([scalars, np.sqrt(2.0) * vectors.reshape(4, N_SYMMETRIES)])
+    return scalars, vectors, rows / np.sqrt(N_SYMMETRIES)
 
 
 def linear_basis() -> NDArray[np.float64]:
@@ -140,13 +148,18 @@ def mean_closure_product_matrix(closure_rel: Vector) -> Vector:
 
 
 class LayerMatrices(NamedTuple):
-    """Full weight matrices of the network, expanded from the shared weights: a layer is x @ w + b."""
+    """Weight matrices of the network, expanded from the shared weights: a layer is x @ w + b.
+
+    The second layer maps the irreducible parts of the first one's units: `w2_scalars`, shape (4, c, c), and
+    `w2_vectors`, shape (2 c, 2 c), which both rows of the vector parts share.
+    """
 
     closure_to_force: Any
     closure_change_to_force: Any
     w1: Any
     b1: Any
-    w2: Any
+    w2_scalars: Any
+    w2_vectors: Any
     b2: Any
     out: Any
     sigma: Any
@@ -182,13 +195,15 @@ def expand_over_symmetries(weights: Weights) -> LayerMatrices:
     """Return the full weight matrices of the shared weights: unit g * c + i is channel i under symmetry g."""
     turns, basis, c = output_symmetries(), linear_basis(), weights.channels
     w1 = weights.w1[:, element_input_index()]  # (c, 8, inputs)
-    w2 = weights.w2.reshape(c, N_SYMMETRIES, c)[:, relative_symmetry_index()]  # (c of unit, g, h, c of input)
+    scalars, vectors, _ = irreducible_parts()
+    w2 = weights.w2.reshape(c, N_SYMMETRIES, c)  # (c of unit, relative symmetry, c of input)
     return LayerMatrices(
         closure_to_force=jnp.tensordot(weights.linear[: len(basis)], basis, 1),
         closure_change_to_force=jnp.tensordot(weights.linear[len(basis) :], basis, 1),
         w1=jnp.transpose(w1, (2, 1, 0)).reshape(w1.shape[-1], -1),
         b1=jnp.tile(weights.b1, N_SYMMETRIES),
-        w2=jnp.transpose(w2, (2, 3, 1, 0)).reshape(N_SYMMETRIES * c, -1),
+        w2_scalars=jnp.einsum("fg,ogi->fio", scalars.astype(np.float32), w2),
+        w2_vectors=jnp.einsum("bkg,ogi->kibo", vectors.astype(np.float32), w2).reshape(2 * c, 2 * c),
         b2=jnp.tile(weights.b2, N_SYMMETRIES),
         out=jnp.einsum("gab,cb->gca", turns, weights.out).reshape(-1, N_OUTPUTS),
         sigma=jnp.einsum("gab,cb->gca", np.abs(turns), weights.sigma).reshape(-1, N_OUTPUTS),
@@ -223,7 +238,7 @@ def features(closure_rel: Any, age_s: Any, missing: Any, module: Any = jnp) -> F
 def run(matrices: LayerMatrices, inputs: Features) -> LoadEstimate:
     """Return the network's estimates of n windows, as JAX arrays."""
     first = jnp.tanh(inputs.hidden_inputs @ matrices.w1 + matrices.b1)
-    second = jnp.tanh(first @ matrices.w2 + matrices.b2)
+    second = jnp.tanh(_mapped_by_relative_symmetry(matrices, first) + matrices.b2)
     out = second @ matrices.out
     sigma = jnp.exp(jnp.clip(second @ matrices.sigma + matrices.sigma_offset, *LN_SIGMA_BOUNDS))
     curved = (
@@ -239,6 +254,22 @@ def run(matrices: LayerMatrices, inputs: Features) -> LoadEstimate:
         contact_point_and_friction=out[:, 3:],
         contact_sigma=sigma[:, 3:],
     )
+
+
+def _mapped_by_relative_symmetry(matrices: LayerMatrices, units: Any) -> Any:
+    """Return the units of the first layer, shape (n, 8 c), times the weights by relative symmetry.
+
+    A map that the symmetries leave alone maps irreducible parts among their equals: twelve products of c x c weights in
+    place of the 64 of the full matrix.
+    """
+    c = matrices.w2_scalars.shape[-1]
+    to_parts = irreducible_parts()[-1].astype(np.float32)
+    parts = jnp.einsum("fg,ngi->fni", to_parts, units.reshape(-1, N_SYMMETRIES, c))
+    scalars = parts[:4] @ matrices.w2_scalars
+    rows = parts[4:].reshape(2, 2, -1, c).transpose(0, 2, 1, 3).reshape(-1, 2 * c)
+    vectors = (rows @ matrices.w2_vectors).reshape(2, -1, 2, c).transpose(0, 2, 1, 3).reshape(4, -1, c)
+    mapped = jnp.einsum("fg,fni->ngi", to_parts, jnp.concatenate([scalars, vectors]))
+    return mapped.reshape(-1, N_SYMMETRIES * c)
 
 
 def predict(weights: Weights, window: Window) -> LoadEstimate:

@@ -228,6 +228,7 @@ def _run(
             unloaded_pf=np.array([foot.unloaded_pf - foot.stray_pf for foot in own]),
             gap_um=np.array([foot.gap_um for foot in own]),
             gain_rel=np.array([foot.gain_rel for foot in own]),
+            gain_sigma_rel=np.zeros(n_feet),
             names=("",) * n_feet,
         )
     )
