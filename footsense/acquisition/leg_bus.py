@@ -7,7 +7,8 @@ in the control byte of a TCA9548A; a leg without a mux has bit 0.
 
 import contextlib
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from operator import attrgetter
 
 from footsense.acquisition.boards.board import DonePoll, ElementResult, ReadBackCheck
 from footsense.errors import I2cError, I2cTimeoutError, NackError
@@ -17,6 +18,7 @@ from footsense.ports import I2cBus, MuxResetLine, Transaction
 _log = logging.getLogger(__name__)
 
 _NAN = float("nan")
+_READ = attrgetter("read")
 #: Attempts of a transaction before it counts as failed, and of a conversion on a bus with stuck lines.
 MAX_ATTEMPTS = 2
 
@@ -41,6 +43,18 @@ def release_sda(bus: I2cBus) -> None:
         except NackError:
             return
     raise I2cTimeoutError("SDA is held low: an address that no chip has is acknowledged")
+
+
+def reading_of_polls(polls: Sequence[DonePoll], answers: Sequence[bytes]) -> Reading:
+    """Return OK if all conversions are done, NOT_READY if one is not, CORRUPT if an answer is none of such a chip."""
+    reading = Reading.OK
+    for poll, answer in zip(polls, answers, strict=True):
+        word = int.from_bytes(answer, "big")
+        if word & poll.never_set:
+            reading = Reading.CORRUPT if reading is Reading.OK else reading
+        elif not word & poll.done:
+            reading = Reading.NOT_READY
+    return reading
 
 
 class LegBus:
@@ -102,20 +116,20 @@ class LegBus:
             self.forget_selection()
             return None
 
-    def poll(self, selection: int, done: DonePoll) -> Reading:
-        """Ask some legs whether their conversions are done; NO_ANSWER if that fails.
+    def poll(self, selection: int, polls: tuple[DonePoll, ...]) -> Reading:
+        """Ask some legs whether conversions are done, as of `reading_of_polls`; NO_ANSWER if that fails.
 
         Raises:
             I2cTimeoutError: A line is held low.
         """
-        answers = self.exchange(selection, (done.read,))
-        return Reading.NO_ANSWER if answers is None else done.decode(answers[0])
+        answers = self.exchange(selection, tuple(map(_READ, polls)))
+        return Reading.NO_ANSWER if answers is None else reading_of_polls(polls, answers)
 
     def read_result(
         self,
         selection: int,
         result: ElementResult,
-        decode: Callable[[list[bytes]], tuple[Reading, float]],
+        decode: Callable[[list[bytes], int], list[tuple[Reading, float]]],
         *,
         whole: bool,
         is_done: bool,
@@ -125,7 +139,7 @@ class LegBus:
         Args:
             selection: The leg.
             result: The conversion.
-            decode: `Board.decode_result`.
+            decode: `Board.decode_results`.
             whole: Whether to read all its registers.
             is_done: Whether it is known to be done; else it is asked first.
 
@@ -139,14 +153,14 @@ class LegBus:
         reading = Reading.NO_ANSWER
         for _ in range(MAX_ATTEMPTS):
             if result.done is not None and not is_done:
-                reading = self.poll(selection, result.done)
+                reading = self.poll(selection, (result.done,))
                 if reading is Reading.NOT_READY:
                     break
                 if reading is not Reading.OK:
                     continue
             answers = self.exchange(selection, result.read if whole else result.read_value)
             if answers is not None:
-                return decode(answers)
+                return decode(answers, 1)[0]
             reading = Reading.NO_ANSWER
         return reading, _NAN
 

@@ -189,6 +189,7 @@ class LegConnection:
 
 
 Legs = list[LegConnection]
+Outcomes = dict["LegConnection", Reading]
 
 
 class Conversion(NamedTuple):
@@ -310,8 +311,7 @@ def set_up_failed_legs(
         if not leg.in_scan or leg.outcome is Reading.OK:
             continue
         if leg.unfinished is not None and (asked := leg.unfinished.done):
-            late = [bus.poll(leg.selection, each) is Reading.OK for each in asked]
-            leg.count_late_scan(is_late=all(late))
+            leg.count_late_scan(is_late=bus.poll(leg.selection, asked) is Reading.OK)
             leg.unfinished = None
         if bus.exchange(leg.selection, (*first.select, *board.make_ready)) is None:
             continue

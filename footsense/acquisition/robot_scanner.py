@@ -15,6 +15,9 @@ from footsense.acquisition.leg_connection import LegConnection
 from footsense.acquisition.scanner import BusScanner
 from footsense.frames import CapFrame, Vector
 
+#: Later than any time [ns].
+_NEVER_NS = 1 << 63
+
 
 class _SequentialExecutor(Executor):
     """Executor that runs each task at once in the calling thread, for simulated buses."""
@@ -40,8 +43,8 @@ class RobotScanner:
         self._pool: Executor = (
             ThreadPoolExecutor(len(buses), thread_name_prefix="i2c") if threads else _SequentialExecutor()
         )
-        # Readings on their way, with the time at which they are complete [ns], and the last that have arrived.
-        self._pending: list[Future[tuple[CapFrame, int]] | None] = [None] * len(self._buses)
+        # Readings on their way, and the last that have arrived.
+        self._pending: list[Future[CapFrame] | None] = [None] * len(self._buses)
         self._latest = [bus.latest for bus in self._buses]
         self._grace_ns = max(bus.plan.conversion_wait_ns for bus in self._buses)
 
@@ -86,25 +89,27 @@ class RobotScanner:
 
     def _read_buses(self) -> None:
         """Start reading all buses that are not busy, and take the readings that are complete."""
-        fresh = []
+        fresh = dict[int, Future[CapFrame]]()
         for n, bus in enumerate(self._buses):
             if self._pending[n] is None:
-                self._pending[n] = self._pool.submit(_read_with_completion_time, bus)
-                fresh.append(n)
-        running = [pending for n in fresh if (pending := self._pending[n]) is not None]
-        _, others = wait(running, return_when=FIRST_COMPLETED)
+                self._pending[n] = fresh[n] = self._pool.submit(bus.read)
+        _, others = wait(fresh.values(), return_when=FIRST_COMPLETED)
         wait(others, timeout=self._grace_ns * 1e-9 if self._sequence else None)
-        ready_ns = {
-            n: each.result()[1] for n, each in enumerate(self._pending) if each is not None and each.done()
-        }
-        latest_ns = min(ready_ns[n] for n in fresh if n in ready_ns) + self._grace_ns
-        now_ns = max(
-            t_ns for n, t_ns in ready_ns.items() if n in fresh and (t_ns <= latest_ns or not self._sequence)
-        )
+        ready_ns, first_ns = dict[int, int](), _NEVER_NS
+        for n, each in enumerate(self._pending):
+            if each is not None and each.done():
+                ready_ns[n] = self._buses[n].complete_ns
+                if n in fresh:
+                    first_ns = min(first_ns, ready_ns[n])
+        now_ns = first_ns
+        for n in fresh:
+            t_ns = ready_ns.get(n, first_ns)
+            if t_ns <= first_ns + self._grace_ns or not self._sequence:
+                now_ns = max(now_ns, t_ns)
         for n, t_ns in ready_ns.items():
             pending = self._pending[n]
             if t_ns <= now_ns and pending is not None:
-                self._latest[n] = pending.result()[0]
+                self._latest[n] = pending.result()
                 self._pending[n] = None
 
     def close(self) -> None:
@@ -112,8 +117,3 @@ class RobotScanner:
         self._pool.shutdown()
         for bus in self._buses:
             bus.close()
-
-
-def _read_with_completion_time(bus: BusScanner) -> tuple[CapFrame, int]:
-    """Return the next readings of a bus, and the time at which they were complete [ns]."""
-    return bus.read(), bus.clock.now_ns()

@@ -115,10 +115,13 @@ def scan_plan(rate_sps: int, board: str = "fdc1004") -> ScanPlan:
         step._replace(
             done=done,
             done_after_start=step.done_after_start or done,
+            polls_after_start=tuple(poll.read for poll in step.done_after_start or done),
             select_changes=tuple(write for write in step.select if write not in before.select),
             select_checks=tuple(
                 ReadBackCheck(Transaction(write.address, b"", n_read=1), write.write) for write in step.select
             ),
+            elements=tuple(result.element for result in step.results),
+            reads=tuple(read for result in step.results for read in result.read_value),
         )
         for step, before, done in zip(steps, steps[-1:] + steps[:-1], asked, strict=True)
     ]

@@ -19,17 +19,18 @@ next element, which nothing else shows. It is timed again between two scans. The
 ten seconds, too; a converter with one shows only by a timing that it is late, so one of them is timed with each.
 """
 
-from itertools import repeat
+from itertools import islice
 
 import numpy as np
 
-from footsense.acquisition.boards.board import CONVERTED, ConversionStep
+from footsense.acquisition.boards.board import CONVERTED, ConversionStep, Thermometer
 from footsense.acquisition.bus_timing import BusTiming, measure_bus_timing
-from footsense.acquisition.leg_bus import MAX_ATTEMPTS, LegBus
+from footsense.acquisition.leg_bus import MAX_ATTEMPTS, LegBus, reading_of_polls
 from footsense.acquisition.leg_connection import (
     Conversion,
     LegConnection,
     Legs,
+    Outcomes,
     leave_out_stuck_legs,
     probe_due_legs,
     probe_leg,
@@ -42,7 +43,7 @@ from footsense.errors import I2cTimeoutError
 from footsense.frames import ELEMENTS, ROWS, CapFrame, Reading, Vector
 from footsense.ports import Clock, Transaction
 
-_NAN, _OK, _ALL_OK = float("nan"), Reading.OK, {Reading.OK}
+_NAN, _OK = float("nan"), Reading.OK
 #: Scans between two questions of a leg alone, where they take time.
 _ALONE_EVERY = 4
 #: Periods of the temperature readings and of the question whether a leg is late, and least time between two timings of
@@ -54,18 +55,17 @@ class BusScanner:
     """Frame source of all legs on one I2C bus, whose converters run in parallel: one write reaches all of them.
 
     Args:
-        bus: The bus.
-        clock: The time that the bus lives in.
+        bus, clock: The bus, and the time that it lives in.
         channels: Channel of each leg by name, in the order of the rows of its frames.
         plan: The conversions of one scan.
 
     Attributes:
-        clock: As given.
-        plan: As given.
+        clock, plan: As given.
         legs: The connections to the legs, in the order of the rows.
         latest: Their latest readings, written over element by element.
         bus_timing: Cost of transactions and limits of the scan, measured by `start`; None if no leg answered.
         n_late_discards: Number of times that the loop was delayed for so long that conversions were discarded.
+        complete_ns: Time at which the last frame was complete [ns].
     """
 
     def __init__(self, bus: LegBus, clock: Clock, channels: dict[str, int], plan: ScanPlan) -> None:
@@ -80,17 +80,15 @@ class BusScanner:
         unread = np.full(shape, Reading.NO_ANSWER, np.uint8)
         self.latest = CapFrame(0, np.zeros(shape, np.int64), np.full(shape, _NAN), unread)
         self.bus_timing: BusTiming | None = None
-        self.n_late_discards = 0
+        self.n_late_discards = self.complete_ns = 0
         # The conversion that runs, and its step; None after a restart.
         self._running: Conversion | None = None
-        self._position = 0
-        self._sequence = self._n_scans = 0
+        self._position = self._sequence = self._n_scans = 0
         self._check_all = True
         self._late_ns = 2 * plan.conversion_wait_ns
         self._wait_ns = plan.conversion_wait_ns  # of the conversion that runs
         self._lead_ns = 0  # time on the wire of the trigger that ends it, where no line is switched
-        self._temperature_due_ns = self._timing_due_ns = self._lateness_due_ns = 0
-        self._n_temperatures = 0
+        self._temperature_due_ns = self._timing_due_ns = self._lateness_due_ns = self._n_temperatures = 0
         self._timed: LegConnection | None = None  # last
 
     def start(self) -> None:
@@ -126,14 +124,11 @@ class BusScanner:
             self._convert()
         _, t_ns, capacitance_pf, reading = self.latest
         frame = CapFrame(self._sequence, t_ns.copy(), capacitance_pf.copy(), reading.copy())
-        self._sequence += 1
+        self._sequence, self.complete_ns = self._sequence + 1, self.clock.now_ns()
         return frame
 
     def temperature_c(self) -> Vector:
-        """Return the temperature of each leg's converter [degC], shape (legs,), at most ten seconds old.
-
-        NaN for a board without a sensor, and for a leg that is out of the scan.
-        """
+        """Return the temperature of each leg's converter [degC], shape (legs,), at most ten seconds old, or NaN."""
         return np.array([leg.temperature_c for leg in self.legs])
 
     def close(self) -> None:
@@ -145,7 +140,8 @@ class BusScanner:
         for _ in range(MAX_ATTEMPTS):
             try:
                 if self._position == 0:
-                    self._read_temperatures()
+                    if self.plan.board.thermometer is not None:
+                        self._read_temperatures(self.plan.board.thermometer)
                     self._time_late_leg()
                 self._start_missing_conversion()
                 self._finish_conversion_and_start_next()
@@ -153,17 +149,18 @@ class BusScanner:
                 self._leave_out_stuck_legs()
             else:
                 return
-        lost = {leg: Reading.DELAYED if leg.in_scan else leg.outcome for leg in self.legs}
-        self._discard_readings(self.plan.steps[self._position], lost, set())
+        for leg in self.legs:
+            lost = Reading.DELAYED if leg.in_scan else leg.outcome
+            self._discard(leg.row, self.plan.steps[self._position], lost)
 
     def _leave_out_stuck_legs(self) -> None:
         self._running = None
         leave_out_stuck_legs(self._bus, self.legs, self.plan.harmless_read, self.clock)
 
-    def _discard(self, rows: int | slice, elements: int | slice, reading: Reading) -> None:
-        """Replace the latest readings of some legs and elements by NaN and the reason for it."""
+    def _discard(self, rows: int | slice, step: ConversionStep | None, reading: Reading) -> None:
+        """Replace the latest readings of some legs in a step, or in all, by NaN and the reason for it."""
         _, t_ns, capacitance_pf, readings = self.latest
-        at = rows, elements
+        at = rows, slice(None) if step is None else step.elements
         t_ns[at], capacitance_pf[at], readings[at] = 0, _NAN, reading
 
     def _active_legs(self) -> tuple[Legs, int]:
@@ -219,7 +216,8 @@ class BusScanner:
         if self._check_all or in_turn:
             self._check_settings(step, finished)
         legs, selection = self._active_legs()
-        failed = {leg: leg.outcome for leg in self.legs if leg.outcome is not _OK}
+        all_active = len(legs) == len(self.legs)
+        failed = {} if all_active else {leg: leg.outcome for leg in self.legs if leg.outcome is not _OK}
         if failed and ends:
             set_up_failed_legs(self._bus, self.legs, following, self.plan.board)
             legs, selection = self._active_legs()
@@ -234,37 +232,29 @@ class BusScanner:
             legs, selection = self._active_legs()
         select = following.select_changes if finished.legs else following.select
         self._running = self._start_conversion(legs, selection, following, select)
-        checked_until_now = {
-            leg
-            for leg, outcome in failed.items()
-            if ends or leg is alone or (not self._check_all and outcome is Reading.MISCONFIGURED)
-        }
-        self._discard_readings(step, failed, checked_until_now)
-        if read := [leg for leg in finished.legs if leg not in failed]:
+        self._discard(slice(None), step, Reading.NO_ANSWER)
+        read = finished.legs
+        if failed:
+            self._discard_failed(step, failed, alone)
+            read = [leg for leg in finished.legs if leg not in failed]
+        if read:
             if not asks_first and step.done and self._running.legs:
-                all_done = {*map(self._bus.poll, repeat(selection), step.done_after_start)} == _ALL_OK
+                answers = self._bus.exchange(selection, step.polls_after_start)
+                all_done = answers is not None and reading_of_polls(step.done_after_start, answers) is _OK
             self._read_out(step, following, read, finished, all_done=all_done)
         self._position = following_position
         if ends:
             self._end_scan()
 
-    def _discard_readings(
-        self,
-        step: ConversionStep,
-        failed: dict[LegConnection, Reading],
-        checked_until_now: set[LegConnection],
-    ) -> None:
-        """Discard the readings of a step, and of failed legs whose check covers the scan all those before it."""
-        for result in step.results:
-            self._discard(slice(None), result.element, Reading.NO_ANSWER)
-            for leg, outcome in failed.items():
-                self._discard(leg.row, slice(None) if leg in checked_until_now else result.element, outcome)
+    def _discard_failed(self, step: ConversionStep, failed: Outcomes, alone: LegConnection | None) -> None:
+        """Discard the readings of failed legs in a step, and all before it of those whose check covers the scan."""
+        ends = step is self.plan.steps[-1]
+        for leg, outcome in failed.items():
+            checked = ends or leg is alone or (not self._check_all and outcome is Reading.MISCONFIGURED)
+            self._discard(leg.row, None if checked else step, outcome)
 
     def _wait_and_tell_if_poll_comes_first(self, step: ConversionStep, running: Conversion) -> bool:
-        """Wait until all legs have finished; return whether they are to be asked before the next trigger.
-
-        It is so if a chip's DONE bit is cleared by that, and once a second.
-        """
+        """Wait for the end; return whether to ask before the next trigger: if it clears DONE bits, or once a second."""
         wait_factor, asks_first = 1.0, False
         if self._position == 0 and (now_ns := self.clock.now_ns()) >= self._lateness_due_ns:
             self._lateness_due_ns, asks_first = now_ns + _LATENESS_PERIOD_NS, True
@@ -282,26 +272,36 @@ class BusScanner:
         self, step: ConversionStep, following: ConversionStep, legs: Legs, ran: Conversion, *, all_done: bool
     ) -> None:
         _, t_ns, capacitance_pf, readings = self.latest
-        decode = self.plan.board.decode_result
+        decode, n, asked, answers = self.plan.board.decode_results, len(step.results), Legs(), list[bytes]()
+        for leg in legs if all_done or not step.done else ():
+            by_value = leg.in_scan and not leg.timing.reads_whole_result
+            if by_value and (answer := self._bus.exchange(leg.selection, step.reads)) is not None:
+                asked.append(leg)
+                answers += answer
+        values = iter(decode(answers, n * len(asked)))
         for leg in legs:
             if not leg.in_scan:  # left out since the conversion began
                 continue
+            of_leg = list(islice(values, n)) if leg in asked else None
             for k, result in enumerate(step.results):
-                at = leg.row, result.element
-                reading, pf = self._bus.read_result(
-                    leg.selection, result, decode, whole=leg.timing.reads_whole_result, is_done=all_done
+                # One failed, or has to be asked first, or read whole: each by itself, and a second time if that fails.
+                whole = leg.timing.reads_whole_result
+                reading, pf = (
+                    self._bus.read_result(leg.selection, result, decode, whole=whole, is_done=all_done)
+                    if of_leg is None
+                    else of_leg[k]
                 )
+                at = leg.row, result.element
                 capacitance_pf[at] = pf + leg.capdac_offset_pf
                 readings[at] = reading
                 if reading in CONVERTED:
                     excess_ns = round((leg.timings[k].wait_factor - 1) * self.plan.conversion_wait_ns)
                     t_ns[at] = ran.t_starts_ns[k] + (self.plan.conversion_ns + excess_ns) // 2
                 else:
-                    # It was triggered again before it was asked, and that conversion runs alone.
+                    # What was triggered again runs alone, and a silent converter may be at the address of another.
                     leg.outcome = reading
                     leg.unfinished = following if reading is Reading.NOT_READY else None
-                    for each in step.results:  # a silent converter may be at the address of another
-                        self._discard(leg.row, each.element, reading)
+                    self._discard(leg.row, step, reading)
                     break
 
     def _mark_late_as_failed(self, step: ConversionStep, legs: Legs) -> bool:
@@ -309,17 +309,15 @@ class BusScanner:
 
         A chip whose DONE bit that clears has to say it now. Of another one an answer that is lost is asked for again.
         """
-        selection, all_done = sum(leg.selection for leg in legs), True
-        for done in step.done if legs else ():
-            if self._bus.poll(selection, done) is _OK:
-                continue
-            all_done = False
-            for leg in legs:
-                outcome = self._bus.poll(leg.selection, done)
-                if leg.outcome is _OK and (outcome is Reading.NOT_READY or not leg.timing.keeps_done_bit):
-                    leg.outcome = outcome
-                    leg.unfinished = step
-        return all_done or not all(leg.timing.keeps_done_bit for leg in legs)
+        selection = sum(leg.selection for leg in legs)
+        if not legs or self._bus.poll(selection, step.done) is _OK:
+            return True
+        for leg in legs:
+            outcome = self._bus.poll(leg.selection, step.done)
+            if leg.outcome is _OK and (outcome is Reading.NOT_READY or not leg.timing.keeps_done_bit):
+                leg.outcome = outcome
+                leg.unfinished = step
+        return not all(leg.timing.keeps_done_bit for leg in legs)
 
     def _check_settings(self, step: ConversionStep, running: Conversion) -> None:
         """Read back line and chip settings during a conversion; mark each leg as failed whose check fails."""
@@ -339,7 +337,7 @@ class BusScanner:
         turn, skipped = divmod(self._n_scans, 1 if self._check_all else _ALONE_EVERY)
         visit, row = divmod(turn, len(self.legs))
         element = visit % ROWS * (ROWS + 1)
-        if skipped or len(self.legs) == 1 or element not in [result.element for result in step.results]:
+        if skipped or len(self.legs) == 1 or element not in step.elements:
             return None
         return self.legs[row]
 
@@ -360,19 +358,20 @@ class BusScanner:
     def _end_scan(self) -> None:
         """Count the readings missed in the scan, and search for legs that were left out of it."""
         self._n_scans += 1
+        all_in_scan = True
         for leg, readings in zip(self.legs, self.latest.reading, strict=True):
             if leg.in_scan and (leg.is_suspect or readings.any()):
                 leg.count_misses(readings, self.clock.now_ns())
-        if not all(leg.in_scan for leg in self.legs):
+            all_in_scan &= leg.in_scan
+        if not all_in_scan:
             probe_due_legs(self._bus, self.legs, self.plan, self.clock)
 
-    def _read_temperatures(self) -> None:
+    def _read_temperatures(self, thermometer: Thermometer) -> None:
         """Read the temperature of all converters if that is due; discards running conversions.
 
         The converters lose their settings by it, and get them again when conversions restart.
         """
-        thermometer = self.plan.board.thermometer
-        if thermometer is None or self.clock.now_ns() < self._temperature_due_ns:
+        if self.clock.now_ns() < self._temperature_due_ns:
             return
         legs, selection = self._active_legs()
         if not legs:
@@ -390,9 +389,12 @@ class BusScanner:
         """
         if self.clock.now_ns() < self._timing_due_ns:
             return
-        late = [leg for leg in self.legs if leg.in_scan and not leg.is_timed]
-        if late:
+        late = None
+        for leg in self.legs:
+            if leg.in_scan and not leg.is_timed and (late is None or late is self._timed):
+                late = leg
+        if late is not None:
             self._timing_due_ns = self.clock.now_ns() + _TIMING_PAUSE_NS
-            self._timed = next((leg for leg in late if leg is not self._timed), late[0])
+            self._timed = late
             self._running = None
             time_converter(self._bus, self._timed, self.plan, self.clock)

@@ -111,7 +111,7 @@ class LegBaseline:
     def __init__(self, unloaded_pf: Vector, limits: TareLimits) -> None:
         self._unloaded_pf = unloaded_pf
         self._unloaded_limit_pf = limits.unloaded_limit_pf(unloaded_pf)
-        self._limits = limits
+        self._quiet_pf2 = limits.quiet_variance_pf2
         self.discard()
 
     def discard(self) -> None:
@@ -168,7 +168,7 @@ class LegBaseline:
         self._step_pf2 = np.where(
             known, self._step_pf2 + _NEWEST_STEP_WEIGHT * (step_pf2 - self._step_pf2), 0.0
         )
-        if not self._limits.is_quiet(self._step_pf2.max()):
+        if not self._step_pf2.max() <= self._quiet_pf2:
             self.status = BaselineStatus.NOT_QUIET
             return False
         left_pf = before_pf - self.baseline_pf
@@ -222,7 +222,7 @@ class LegBaseline:
     def _set_baseline_of_returned_elements(self, reading_pf: Vector, step_pf2: Vector) -> None:
         """Set the baseline of elements that became usable after the tare, if unloaded and steady."""
         free = np.abs(reading_pf - self._unloaded_pf) <= self._unloaded_limit_pf
-        quiet = self._limits.is_quiet(step_pf2)
+        quiet = step_pf2 <= self._quiet_pf2
         adopted = np.isnan(self.baseline_pf) & free & quiet
         self.baseline_pf = np.where(adopted, reading_pf, self.baseline_pf)
         self._tared_pf = np.where(adopted, reading_pf, self._tared_pf)
@@ -266,7 +266,7 @@ class UnloadedFeet:
         noise: ReadingNoise,
     ) -> None:
         self._design, self._gain_rel, self._sensitivity = design, feet.gain_rel, sensitivity
-        self._noise, self._limits = noise, limits
+        self._noise, self._quiet_pf2 = noise, limits.quiet_variance_pf2
         self.noise_ff = np.zeros(len(feet.names))
         self._noisy: Mask = np.zeros(len(feet.names), bool)
         self.legs = [LegBaseline(leg_pf, limits) for leg_pf in feet.unloaded_pf]
@@ -314,19 +314,15 @@ class UnloadedFeet:
         self.sigma_due_ns = (now_ns // _SIGMA_UPDATE_PERIOD_NS + 1) * _SIGMA_UPDATE_PERIOD_NS
         sigma_pf = baseline_sigma_pf(self._variance_pf2, self._updated_ns, self.sigma_due_ns)
         n_per_pf = self._closure_per_pf * self._sensitivity.load_n_per_mean_closure
-        self.max_errors_n = [n_per_pf * min(3.0 * sigma, MAX_DRIFT_PF) for sigma in sigma_pf.tolist()]
+        self.max_errors_n = (n_per_pf * np.minimum(3.0 * sigma_pf, MAX_DRIFT_PF)).tolist()
         noise_rel = np.sqrt(self._noise.variance_rel)
         self.noise_ff = noise_rel / self._closure_per_pf * 1e3
         shown_pf = self.noise_ff * 1e-3 / np.where(self._noisy, _QUIET_AGAIN_REL, 1.0)
-        noisy = ~self._limits.is_quiet(shown_pf * shown_pf)
+        noisy = ~(shown_pf * shown_pf <= self._quiet_pf2)
         if not np.array_equal(noisy, self._noisy):
             self._noisy = noisy
             self._set_cause()
-        by_baseline_n, by_noise_n = (
-            np.outer(*each)
-            for each in (
-                (sigma_pf * self._closure_per_pf, self._sensitivity.force_sigma_n_per_baseline_error),
-                (noise_rel, self._sensitivity.force_sigma_n_per_reading_noise),
-            )
-        )
+        baseline_rel = sigma_pf * self._closure_per_pf
+        by_baseline_n = baseline_rel[:, None] * self._sensitivity.force_sigma_n_per_baseline_error
+        by_noise_n = noise_rel[:, None] * self._sensitivity.force_sigma_n_per_reading_noise
         self.sigma_n = np.sqrt(by_baseline_n**2 + by_noise_n**2 + self._left_n**2)

@@ -140,7 +140,9 @@ class Pipeline:
         pf = elements.capacitance_pf
         results = baselines.process_tares(pf, scan.reading, scan.t_ns, elements.unusable, now_ns)
         readings = self._window.add(self._distance_pf / pf, scan.t_ns)
-        missing = self._missing_before_test(elements)
+        missing = elements.unusable
+        if not (elements.all_readings_ok and baselines.unloaded.complete):
+            missing = self._missing_before_test(elements)
         if scan.sequence % _FRAMES_PER_NOISE_MEASUREMENT == 0:
             self._noise.observe(readings.plate_distance_rel)
         closure_rel = baselines.unloaded.plate_distance_rel[:, None] - readings.plate_distance_rel
@@ -171,21 +173,23 @@ class Pipeline:
         age_s: Vector = np.asarray((now_ns - readings.t_ns) * 1e-9, np.float64)
         load, state = self._estimate_loads(closure_rel, age_s, consistency, state, healthy=healthy)
         force_n = load.force_n
-        if interrupted is not self._no_leg:
-            # What a line that breaks adds to the other elements is no load.
+        if interrupted is not self._no_leg or np.count_nonzero(overloaded):
+            # What a line that breaks adds to the other elements is no load, nor is at least so much a reading in swing.
             measured_rel = np.where(interrupted[:, None], np.nan, measured_rel)
-        if np.count_nonzero(overloaded):
-            pf = np.where(overloaded, np.nan, pf)  # nor is at least so much a reading in swing
+            pf = np.where(overloaded, np.nan, pf)
         baselines.observe(
             measured_rel, force_n[:, 2], load.sigma_n[:, 2], pf, scan.t_ns, consistency.missing, now_ns
         )
         gait = self._gait.observe(load, baselines.contacts, now_ns)
+        # Beside the network's: the foot's own mass, and gains of the elements that nobody has found.
+        variance_n2 = load.sigma_n**2 + baselines.shake_sigma_n**2
+        variance_n2 += self._gain_variance_rel2 * np.einsum("li,li->l", force_n, force_n)[:, None]
         return ContactFrame(
             sequence=scan.sequence,
             t_sent_ns=now_ns,
             t_ns=readings.newest_ns,
             force_n=force_n,
-            sigma_n=self._with_unknown_gains(np.hypot(load.sigma_n, baselines.shake_sigma_n), force_n),
+            sigma_n=np.sqrt(variance_n2),
             state=state,
             fault_mask=fault_mask,
             flags=baselines.flags | self._flags,
@@ -194,12 +198,6 @@ class Pipeline:
             baseline=baselines.unloaded.drift,
             gait=gait,
         ), results
-
-    def _with_unknown_gains(self, sigma_n: Vector, force_n: Vector) -> Vector:
-        """Return sigma [N], shape (legs, 3), with what unknown gains of the elements turn the force by."""
-        square_n2 = np.einsum("li,li->l", force_n, force_n)[:, None]
-        widened_n: Vector = np.sqrt(sigma_n * sigma_n + self._gain_variance_rel2 * square_n2)
-        return widened_n
 
     def _missing_before_test(self, elements: ElementStatus) -> Mask:
         unloaded = self._baselines.unloaded

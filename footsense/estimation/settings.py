@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from firmware_interface.chips import fdc1004
 from footsense.foot.capacitor import Capacitor
-from footsense.frames import ELEMENTS, Mask, Vector
+from footsense.frames import ELEMENTS, Vector
 
 #: Least capacitance of an element over the range of an FDC1004 [pF].
 CONVERTER_MAX_PF = fdc1004.capacitance_pf(fdc1004.CODE_MAX)
@@ -87,10 +87,10 @@ class TareLimits(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         """Return the largest deviation of each element that counts as unloaded [pF], the shape of `unloaded_pf`."""
         return self.unloaded_limit_rel * unloaded_pf
 
-    def is_quiet(self, variance_pf2: Vector) -> Mask:
-        """Return whether each variance [pF2] is within the limit of the noise."""
-        within: Mask = np.sqrt(variance_pf2) * 1e3 <= self.noise_limit_ff
-        return within
+    @property
+    def quiet_variance_pf2(self) -> float:
+        """Largest variance that is within the limit of the noise [pF2]."""
+        return (1e-3 * self.noise_limit_ff) ** 2
 
 
 #: Unloaded limit of a foot that is not calibrated [1].

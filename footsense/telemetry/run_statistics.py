@@ -53,7 +53,7 @@ class RunStatistics(Observer):
         self._squared_n2 = np.zeros(3)
         self._valid = 0
         #: State, age, force and true force of the legs in the cycles that are in no table yet.
-        self._buffer: list[tuple[Codes, Stamps, Vector, Vector]] = []
+        self._buffer: list[tuple[Codes, int, Stamps, Vector, Vector]] = []
 
     def observe(self, cycle: Cycle) -> None:
         """Add one cycle to the statistics."""
@@ -64,7 +64,7 @@ class RunStatistics(Observer):
         self._last_ns = forces.t_sent_ns
         self._cycles += 1
         true_n = self._true_force_n_at(forces.t_sent_ns) if self._true_force_n_at else forces.force_n
-        self._buffer.append((forces.state, forces.age_ns, forces.force_n, true_n))
+        self._buffer.append((forces.state, forces.t_sent_ns, forces.t_ns, forces.force_n, true_n))
         if len(self._buffer) >= _CYCLES_PER_HISTOGRAM_BATCH:
             self._add_buffered_cycles()
 
@@ -72,12 +72,12 @@ class RunStatistics(Observer):
         """Add the buffered cycles to the tables; in a batch this is ten times faster."""
         if not self._buffer:
             return
-        state, age_ns, force_n, true_n = (np.array(part) for part in zip(*self._buffer, strict=True))
+        state, t_sent_ns, t_ns, force_n, true_n = map(np.array, zip(*self._buffer, strict=True))
         self._buffer.clear()
         np.add.at(self._states, (np.arange(len(self._legs)), state), 1)
         valid = IS_USABLE_STATE[state]
         self._valid += int(valid.sum())
-        self._age_ms.add(age_ns[valid] * 1e-6)
+        self._age_ms.add((t_sent_ns[:, None] - t_ns)[valid] * 1e-6)
         if self._true_force_n_at is None:
             return
         force_n, true_n = force_n[valid], true_n[valid]

@@ -132,7 +132,7 @@ def test_results_are_offset_binary_behind_their_status(
     answer: bytes, reading: Reading, expected_pf: float
 ) -> None:
     """Zero is 0x800000; the ends of the range, old data and a bad excitation are no numbers."""
-    got, value_pf = ad7746.decode_result([answer])
+    [(got, value_pf)] = ad7746.decode_results([answer], 1)
     assert got is reading
     np.testing.assert_equal(value_pf, expected_pf)
 

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from firmware_interface.chips.ltc4317 import input_address
 from footsense.acquisition.boards import fdc1004_columns
+from footsense.acquisition.leg_bus import reading_of_polls
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.errors import HardwareError, NackError
 from footsense.frames import Reading
@@ -45,8 +46,8 @@ def test_a_step_converts_a_row_on_three_chips() -> None:
         assert [done.read for done in step.done_after_start] == [Transaction(at, b"", 2) for at in ADDRESSES]
         set_by_row = bytes((0x0C, 0x80 | 8 >> row))
         for done in (*step.done, *step.done_after_start):
-            assert done.decode(set_by_row) is Reading.OK
-            assert done.decode(b"\x0c\x80") is Reading.NOT_READY
+            assert reading_of_polls([done], [set_by_row]) is Reading.OK
+            assert reading_of_polls([done], [b"\x0c\x80"]) is Reading.NOT_READY
 
 
 def test_settings_are_asked_of_one_chip_a_step() -> None:

@@ -5,6 +5,7 @@ import pytest
 
 from firmware_interface.chips.fdc1004 import RATES
 from footsense.acquisition.boards import fdc1004
+from footsense.acquisition.leg_bus import reading_of_polls
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.errors import HardwareError, NackError
 from footsense.frames import Reading
@@ -102,7 +103,7 @@ def test_results_are_two_s_complement_with_19_fractional_bits(
     answers: list[bytes], reading: Reading, expected_pf: float
 ) -> None:
     """Also just below zero, where a known driver jumps by 32 pF; an end of the range and reserved bits are none."""
-    got, value_pf = fdc1004.decode_result(answers)
+    [(got, value_pf)] = fdc1004.decode_results(answers, 1)
     assert got is reading
     np.testing.assert_equal(value_pf, expected_pf)
 
@@ -125,4 +126,4 @@ def test_the_done_bit_is_believed_only_without_bits_that_no_converter_sends(
     """In FDC_CONF the reserved bits 14 to 12 and 9, and REPEAT, which is never asked for."""
     done = fdc1004.step(0, RATES[400]).results[0].done
     assert done is not None
-    assert done.decode(answer) is reading
+    assert reading_of_polls([done], [answer]) is reading

@@ -145,7 +145,7 @@ def configure_and_measure_capdac(bus: I2cBus, clock: Clock) -> tuple[Reading, fl
         for wait_ns in (_wait_ns(conversion_ns), round(MAX_WAIT_FACTOR * _wait_ns(conversion_ns))):
             clock.sleep_until_ns(start_ns + wait_ns)
             answer = bus.transfer(READ_RESULT)
-            reading, level_pf = decode_result([answer])
+            [(reading, level_pf)] = decode_results([answer], 1)
             if reading is not Reading.NOT_READY:
                 break
         if reading in {Reading.NOT_READY, Reading.EXCITATION}:
@@ -164,15 +164,20 @@ def configure_and_measure_capdac(bus: I2cBus, clock: Clock) -> tuple[Reading, fl
 _FASTEST_SPS = max(chip.RATES)
 
 
-def decode_result(answers: list[bytes]) -> tuple[Reading, float]:
-    """Return reading and capacitance [pF] decoded from the answer to READ_RESULT.
+def decode_results(answers: list[bytes], n: int) -> list[tuple[Reading, float]]:
+    """Return reading and capacitance [pF] of n results, decoded from the answers to READ_RESULT.
 
     Returns:
         The reading, and the capacitance [pF], CAPDAC not included; NaN unless the reading is OK.
 
     Source: AD7746 data sheet rev. 0, table 8 (status) and "Capacitive data register" (offset binary).
     """
-    status, code = answers[0][0], int.from_bytes(answers[0][1:4], "big")
+    del n
+    return list(map(_decode_result, answers))
+
+
+def _decode_result(answer: bytes) -> tuple[Reading, float]:
+    status, code = answer[0], int.from_bytes(answer[1:4], "big")
     # Only capacitance is converted, so RDY has to equal RDYCAP.
     if status & chip.STATUS_NEVER_SET or bool(status & chip.NOT_RDY) != bool(status & chip.NOT_RDYCAP):
         return Reading.CORRUPT, _NAN
@@ -212,7 +217,7 @@ BOARD = Board(
     step=step,
     check_identity=reset_and_check_identity,
     configure_and_get_capdac_pf=configure_and_measure_capdac,
-    decode_result=decode_result,
+    decode_results=decode_results,
     make_ready=(_write_settings(SCAN_CAPDAC), READ_RESULT),
     # Without its CAPDAC setting a chip reads another capacitance; without the others it does not convert.
     setting_checks=(

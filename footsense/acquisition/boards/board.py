@@ -30,11 +30,13 @@ class DonePoll(NamedTuple):
 
     Attributes:
         read: Read transaction without side effects.
-        decode: Meaning of the answer: OK, NOT_READY or CORRUPT.
+        done: Bit of the answer that is set once the conversion is done.
+        never_set: Bits that no such chip sends.
     """
 
     read: Transaction
-    decode: Callable[[bytes], Reading]
+    done: int
+    never_set: int
 
 
 class ElementResult(NamedTuple):
@@ -64,19 +66,25 @@ class ConversionStep(NamedTuple):
         select: Writes that select the elements' lines, one for each line switch.
         done: The questions of `results` whether they are done; none where the results themselves show it.
         done_after_start: The same for when the next conversion has just been started.
+        polls_after_start: Their reads.
         select_changes: The writes of `select` that are needed after the step before.
         select_checks: Positions of the line switches: a broadcast write is acknowledged even if one leg misses it, and
             a wrong line reads as a plausible capacitance.
         setting_checks: Settings of a converter; each is asked for in one of the last steps of a scan.
+        reads: The reads of the values of all `results`.
+        elements: Flat indices of the elements of `results`.
     """
 
     results: tuple[ElementResult, ...]
     select: tuple[Transaction, ...]
     done: tuple[DonePoll, ...] = ()
     done_after_start: tuple[DonePoll, ...] = ()
+    polls_after_start: tuple[Transaction, ...] = ()
     select_changes: tuple[Transaction, ...] = ()
     select_checks: tuple[ReadBackCheck, ...] = ()
     setting_checks: tuple[ReadBackCheck, ...] = ()
+    reads: tuple[Transaction, ...] = ()
+    elements: tuple[int, ...] = ()
 
 
 #: Longest conversion that is waited for, over the wait for a chip within its tolerance [1]; published drivers wait 20 %
@@ -143,8 +151,8 @@ class Board(NamedTuple):
         configure_and_get_capdac_pf: Sets up the converters of the leg that is connected alone. Returns OK and the
             capacitance that its CAPDAC subtracts from each result [pF], or the reason why the chip cannot be used.
             Raises I2cError.
-        decode_result: Reading and capacitance [pF] of the answers to `ElementResult.read` or `read_value`, CAPDAC not
-            included; NaN unless the reading is OK.
+        decode_results: Reading and capacitance [pF] of each of some results, from the answers to all of their
+            `ElementResult.read` or `read_value` and their number; CAPDAC not included, NaN unless the reading is OK.
         make_ready: Brings converters in an unknown state to where they can convert: their settings, no conversion that
             would still end, and no result left to be read.
         setting_checks: The settings of each converter, which a dip of its supply resets; asked once a scan.
@@ -158,7 +166,7 @@ class Board(NamedTuple):
     step: Callable[[int, Any], ConversionStep]
     check_identity: Callable[[I2cBus, Clock], None]
     configure_and_get_capdac_pf: Callable[[I2cBus, Clock], tuple[Reading, float]]
-    decode_result: Callable[[list[bytes]], tuple[Reading, float]]
+    decode_results: Callable[[list[bytes], int], list[tuple[Reading, float]]]
     make_ready: tuple[Transaction, ...]
     setting_checks: tuple[ReadBackCheck, ...]
     range_end_pf: float

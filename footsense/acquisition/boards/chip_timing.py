@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from footsense.acquisition.boards.board import MAX_WAIT_FACTOR, Board, ElementResult
+from footsense.acquisition.leg_bus import reading_of_polls
 from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus, Transaction
 
@@ -71,7 +72,8 @@ class _Trial:
         if self.first.done is not None:
             return self._done_answers(1) == {Reading.OK}
         answers = list(map(self.bus.transfer, self.first.read))
-        return self.board.decode_result(answers)[0] is not Reading.NOT_READY
+        [(reading, _)] = self.board.decode_results(answers, 1)
+        return reading is not Reading.NOT_READY
 
     def reads_whole_result(self) -> bool:
         """Read the value of the conversion that has just finished; return whether its DONE bit may still be set."""
@@ -85,7 +87,7 @@ class _Trial:
     def _done_answers(self, n: int) -> set[Reading]:
         done = self.first.done
         assert done is not None
-        return {done.decode(self.bus.transfer(done.read)) for _ in range(n)}
+        return {reading_of_polls((done,), [self.bus.transfer(done.read)]) for _ in range(n)}
 
 
 def measure_chip_timings(bus: I2cBus, board: Board, clock: Clock) -> list[ChipTiming | None]:

@@ -4,8 +4,6 @@ Ids are checked before anything else, because a missing chip often "answers": pu
 zeros. Register layout: `firmware_interface/chips/fdc1004.py`, with the sections of data sheet SNOSCY5.
 """
 
-from functools import partial
-
 from firmware_interface import schedule
 from firmware_interface.chips import adg715
 from firmware_interface.chips import fdc1004 as chip
@@ -128,17 +126,6 @@ def configure_and_get_capdac_pf(
     return Reading.OK, 0.0
 
 
-def _decode_done(conf_answer: bytes, done_bit: int) -> Reading:
-    """Return the reading (OK or NOT_READY, ...) decoded from the answer to a read of FDC_CONF.
-
-    Bits that no FDC1004 sends, reserved ones and REPEAT, which is never asked for, make it CORRUPT.
-    """
-    word = conf_answer[0] << 8 | conf_answer[1]
-    if word & _CONF_BITS_ALWAYS_ZERO:
-        return Reading.CORRUPT
-    return Reading.OK if word & done_bit else Reading.NOT_READY
-
-
 def element_result(
     element: int, slot: int, rate: chip.Fdc1004Rate, address: int = chip.ADDRESS
 ) -> ElementResult:
@@ -154,7 +141,8 @@ def element_result(
         trigger=write_register(chip.Fdc1004Register.FDC_CONF, chip.trigger_config(rate, slot), address),
         done=DonePoll(
             read_register(chip.Fdc1004Register.FDC_CONF, address),
-            partial(_decode_done, done_bit=chip.CONF_DONE.encode(chip.slot_bit(slot))),
+            done=chip.CONF_DONE.encode(chip.slot_bit(slot)),
+            never_set=_CONF_BITS_ALWAYS_ZERO,
         ),
         read=read,
         read_value=read[:1] if rate is chip.RATES[400] else read,
@@ -169,31 +157,37 @@ def setting_check_at(address: int) -> ReadBackCheck:
     )
 
 
-def decode_result(answers: list[bytes], of_zero: Reading = Reading.UNDER_RANGE) -> tuple[Reading, float]:
-    """Return reading and capacitance [pF] decoded from the answers to the reads of a result, both or the upper one.
+def decode_results(
+    answers: list[bytes], n: int, of_zero: Reading = Reading.UNDER_RANGE
+) -> list[tuple[Reading, float]]:
+    """Return reading and capacitance [pF] of n results, decoded from the answers to their reads, both or the upper one.
 
     Args:
-        answers: The answers.
+        answers: The answers, one or two of each result.
+        n: Number of results.
         of_zero: Reading of a code of zero.
 
     Returns:
-        The reading, and the capacitance [pF], NaN unless the reading is OK.
+        Of each the reading, and the capacitance [pF], NaN unless the reading is OK.
 
     Source: FDC1004 data sheet SNOSCY5, section 8.6.1.1: a 24-bit code in two's complement, the lower eight bits of the
     lower register reserved.
     """
-    upper, lower = answers[0], b"\0\0"
-    if len(answers) > 1:
-        lower = answers[1]
+    results = []
+    uppers, lowers = (answers, [b"\0\0"] * n) if len(answers) == n else (answers[::2], answers[1::2])
+    for upper, lower in zip(uppers, lowers, strict=True):
         if lower[1]:
-            return Reading.CORRUPT, _NAN
-    # The upper word alone shows the ends of the range; an unfinished measurement reads 0x7FFF too.
-    if upper in _RANGE_END_CODES:
-        return Reading.OVER_RANGE, _NAN
-    # No line has so little capacitance, but a chip that was reset after it was asked whether it is done reads so.
-    if upper == b"\0\0" == lower:
-        return of_zero, _NAN
-    return Reading.OK, int.from_bytes(upper + lower[:1], "big", signed=True) / chip.CODES_PER_PF
+            results.append((Reading.CORRUPT, _NAN))
+        # The upper word alone shows the ends of the range; an unfinished measurement reads 0x7FFF too.
+        elif upper in _RANGE_END_CODES:
+            results.append((Reading.OVER_RANGE, _NAN))
+        # No line has so little capacitance, but a chip that was reset after it was asked whether it is done reads so.
+        elif upper == b"\0\0" == lower:
+            results.append((of_zero, _NAN))
+        else:
+            code = int.from_bytes(upper + lower[:1], "big", signed=True)
+            results.append((Reading.OK, code / chip.CODES_PER_PF))
+    return results
 
 
 #: The board `fdc1004`.
@@ -203,7 +197,7 @@ BOARD = Board(
     step=step,
     check_identity=check_identity,
     configure_and_get_capdac_pf=configure_and_get_capdac_pf,
-    decode_result=decode_result,
+    decode_results=decode_results,
     # Another measurement, which nobody reads, ends the one that runs: that would set its DONE bit after these reads.
     make_ready=(
         write_register(chip.Fdc1004Register.FDC_CONF, chip.trigger_config(chip.RATES[100], chip.N_SLOTS - 1)),

@@ -86,7 +86,7 @@ BOARD = fdc1004.BOARD._replace(
     configure_and_get_capdac_pf=partial(fdc1004.configure_and_get_capdac_pf, writes=_SET_UP),
     # No pin has so little, as nothing drives an element's other side: the converter was reset after it was asked
     # whether it was done, and what it converts now is its first pin.
-    decode_result=partial(fdc1004.decode_result, of_zero=Reading.MISCONFIGURED),
+    decode_results=partial(fdc1004.decode_results, of_zero=Reading.MISCONFIGURED),
     # A reset, which leaves neither a conversion nor a result, takes a third of the time of the reads of all results.
     make_ready=_SET_UP,
     setting_checks=tuple(map(fdc1004.setting_check_at, COLUMN_ADDRESSES)),

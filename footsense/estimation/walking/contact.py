@@ -171,7 +171,10 @@ class ContactDetector:
             )
             self._peak_n = max(self._peak_n, above_n)
             self._predicted_peak_n = max(self._predicted_peak_n, predicted_above_n)
-            if not (above_n < lift_n or fallen or self._has_shifted(load_n, above_n, t_ns)):
+            if abs(load_n - self._steady_n) > self._explained_n:
+                self._steady_n, self._steady_since_ns = load_n, t_ns
+            is_steady = t_ns - self._steady_since_ns >= _STEADY_NS
+            if not (above_n < lift_n or fallen or (is_steady and self._is_a_shift(load_n, above_n))):
                 self._loaded_ns = t_ns
             elif t_ns - self._touched_ns >= _TOUCHDOWN_HOLD_NS and t_ns - self._loaded_ns >= self._hold_ns(
                 t_ns
@@ -210,13 +213,10 @@ class ContactDetector:
         bounces = t_ns - self._touched_ns < _BOUNCES_NS and not self._is_light
         return _TOUCHDOWN_HOLD_NS if bounces else _CONTACT_HOLD_NS
 
-    def _has_shifted(self, load_n: float, above_n: float, t_ns: int) -> bool:
-        """Return whether a load in contact is a shift of all readings, and the foot is in the air."""
-        if abs(load_n - self._steady_n) > self._explained_n:
-            self._steady_n, self._steady_since_ns = load_n, t_ns
+    def _is_a_shift(self, load_n: float, above_n: float) -> bool:
+        """Return whether a steady load in contact is a shift of all readings, and the foot is in the air."""
         return (
-            t_ns - self._steady_since_ns >= _STEADY_NS
-            and load_n < _SHIFTED_SHARE_OF_RECENT_MEAN * self._recent_n
+            load_n < _SHIFTED_SHARE_OF_RECENT_MEAN * self._recent_n
             and above_n < _MAX_SHIFT_THRESHOLDS * self.touch_n
         )
 

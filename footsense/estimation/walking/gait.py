@@ -153,6 +153,7 @@ class GaitTracker:
         self._lags = lags
         self._friction = friction
         self._slips = [SlipDetector(friction) for _ in range(n_legs)]
+        self._tells_slips = math.isfinite(friction)
         self._loads: deque[LegLoads] = deque(maxlen=N_BUFFERED_CONVERSIONS)
         self._turn = 0
         self._period_ns, self._due_ns = period_ns, 0
@@ -189,7 +190,7 @@ class GaitTracker:
                     events += self._contact_events(row, before, now)
             self._states = states
         self._turn = (self._turn + 1) % _CONVERSIONS_PER_CHECK
-        for row in range(self._turn, len(states), _CONVERSIONS_PER_CHECK):
+        for row in range(self._turn, len(states), _CONVERSIONS_PER_CHECK) if self._tells_slips else ():
             if states[row] == _FORCE_KNOWN_IN_CONTACT:
                 t_ns = self._slips[row].observe(ground_of(load, row), now_ns)
                 if t_ns is not None:

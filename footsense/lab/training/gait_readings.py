@@ -33,8 +33,8 @@ PACE_REL, _LATEST_S = (0.18, 5.0), 8e-3
 _CLOCK_REL, _JITTER_S = 0.01, 3e-5
 #: Drift of a baseline since it was last followed [pF, rms], and share of the gaits with one.
 _DRIFT_PF, _DRIFT_SHARE = 0.3e-3, 0.5
-#: Gains of the elements that a calibration leaves over, in training [1, rms], by the elements that a conversion reads: a
-#: scan of rows is exact enough for them to count. Share of the gaits with them.
+#: Gains of the elements that a calibration leaves over, in training [1, rms], by the elements that a conversion reads:
+#: a scan of rows is exact enough for them to count. Share of the gaits with them.
 TRAINING_GAIN_RMS_REL, _GAIN_SHARE = {1: 0.0, 3: 3e-3}, 0.5
 
 

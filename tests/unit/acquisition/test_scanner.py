@@ -112,7 +112,7 @@ class HeldBus:
         self.clock = MonotonicClock()
         self.lines_free = threading.Event()
         self.lines_free.set()
-        self.n_read = 0
+        self.n_read = self.complete_ns = 0
 
     @property
     def latest(self) -> CapFrame:
@@ -120,7 +120,7 @@ class HeldBus:
 
     def read(self) -> CapFrame:
         self.lines_free.wait(10)
-        self.n_read += 1
+        self.n_read, self.complete_ns = self.n_read + 1, self.clock.now_ns()
         return self.latest
 
     def close(self) -> None: ...

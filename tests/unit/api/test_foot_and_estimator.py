@@ -10,7 +10,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 import footsense
+from footsense.daemon.foot_types import released_path
 from footsense.errors import ModelError
+from footsense.foot.response_table import FootResponse
 from footsense.frames import Vector
 from tests.support.calibrations import as_designed, calibration, parameters
 
@@ -203,3 +205,15 @@ def test_a_scanned_walk_without_its_times_is_refused() -> None:
 def test_an_unknown_foot_type_is_refused_in_one_line(kind: type) -> None:
     with pytest.raises(ModelError, match="no foot type nobody"):
         kind("nobody")
+
+
+def test_the_sigma_of_uncalibrated_feet_holds_gains_of_a_hundredth() -> None:
+    """Of 80 feet that stand: gains turn a force by some degrees, and nothing in the readings shows it."""
+    design = FootResponse.load(released_path("response.npz")).design
+    force_n = stances(1) + np.zeros((1, 80, 1))
+    closure_um = design.closure_um(FOOT.capacitance_pf(force_n), np.array(design.unloaded_pf))
+    gain = 1.0 + 0.01 * np.random.default_rng(34).normal(size=(80, 9))
+    forces = ESTIMATOR.run(design.capacitance_pf(gain * closure_um), T_S)
+    off = np.abs(forces.force_n - force_n)[45:] / forces.sigma_n[45:]
+    assert (off < 2.0).mean() > 0.93
+    assert (forces.sigma_n[45:, :, :2] < 0.06 * np.linalg.norm(force_n[45:], axis=2, keepdims=True)).all()
