@@ -64,7 +64,8 @@ class BuildSettings:
         released: Training of the released network.
         scan: What a conversion reads, `elements` or `rows`.
         quick: Whether the model card warns that this is no release.
-        start_network: Network of a similar foot that the training starts from; None for random weights.
+        start_folder: Folder of a similar foot whose network the training starts from, that of elements if there is none of
+            the same scan; None for random weights.
     """
 
     mesh: MeshSize
@@ -73,7 +74,7 @@ class BuildSettings:
     released: WindowTrainingSettings
     scan: str = "elements"
     quick: bool = False
-    start_network: Path | None = None
+    start_folder: Path | None = None
 
 
 #: The release.
@@ -88,7 +89,7 @@ SIMILAR_FOOT_BUILD = replace(
     FULL_BUILD,
     random_loads=60_000,
     gaits=1_500,
-    released=WindowTrainingSettings(channels=112, steps=40_000, rate=4e-3),
+    released=WindowTrainingSettings(channels=112, steps=20_000, rate=3e-3),
 )
 #: Every step of the chain in half a minute; its numbers are no release.
 QUICK_BUILD = BuildSettings(
@@ -172,7 +173,7 @@ def _network_card(
             "held_out": {"cases": HELD_OUT_CASES, "seed": HELD_OUT_SEED},
             "released": recipe.released.card(),
             "weights": weights.n_weights,
-            **({} if recipe.start_network is None else {"started_from": recipe.start_network.parent.name}),
+            **({} if recipe.start_folder is None else {"started_from": recipe.start_folder.name}),
         },
         "errors": {name: asdict(row) for name, row in table.items()},
         "built_with": {**library_versions(), "ngsolve": ng.__version__},
@@ -204,6 +205,12 @@ def _onnx_difference_n(network: OnnxNetwork, weights: Weights, unit: float, clos
     window = steady_windows(closure_rel, MISSING_SETS[np.arange(len(closure_rel)) % len(MISSING_SETS)])
     pairs = zip(network.estimate(window)[:2], predict(weights, window)[:2], strict=True)
     return max(float(np.abs(one - unit * other).max()) for one, other in pairs)
+
+
+def _start_weights(folder: Path, scan: str) -> Weights:
+    """Return the weights of a folder's network of a scan, that of elements if there is none of it."""
+    own = folder / NETWORK_FILES[scan]
+    return load_weights(own if own.exists() else folder / NETWORK_FILES["elements"])
 
 
 def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable[[str], None]) -> BuildResult:
@@ -267,7 +274,7 @@ def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable
         )
         gaits = concatenate_gaits([own, robots])
         report(f"{recipe.gaits} random gaits and as many of robots, of {_CONVERSIONS_PER_GAIT} conversions")
-        start = None if recipe.start_network is None else load_weights(recipe.start_network)
+        start = None if recipe.start_folder is None else _start_weights(recipe.start_folder, recipe.scan)
         weights = train_windowed(gaits, cases, design, recipe.released, imputation, report, start)
         report(f"trained on them: {weights.n_weights} weights")
         table = error_table(response, loads, _force_estimator(weights, design.gap_um, unit))

@@ -60,13 +60,13 @@ def build(*, foot: Path | None, out: Path | None, quick: bool, like: Path | None
     options.ensure_writable_folder(folder)
     from footsense.lab.build import FULL_BUILD, QUICK_BUILD, SIMILAR_FOOT_BUILD
     from footsense.lab.build import build as build_models
-    from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, as_markdown
+    from footsense.lab.evaluation.evaluate_models import as_markdown
 
     if quick and like is not None:
         raise click.UsageError("--quick and --like exclude each other")
     recipe = QUICK_BUILD if quick else FULL_BUILD
     if like is not None:
-        recipe = replace(SIMILAR_FOOT_BUILD, start_network=like / NETWORK_FILE)
+        recipe = replace(SIMILAR_FOOT_BUILD, start_folder=like)
 
     recipe = replace(recipe, scan="rows" if board == "fdc1004_columns" else "elements")
     report = options.elapsed_time_reporter()

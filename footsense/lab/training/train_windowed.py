@@ -41,7 +41,7 @@ from footsense.lab.training.gait_windows import (
 )
 from footsense.lab.training.initial_weights import random_weights, widened
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, LeaningCases
-from footsense.lab.training.losses import ANGLE_WEIGHT, force_likelihood_loss, mean_angle_rad
+from footsense.lab.training.losses import ANGLE_WEIGHT, force_likelihood_loss, mean_angle_and_size_error
 from footsense.lab.training.windowed_network import (
     FEATURES_PER_ELEMENT,
     FEATURES_PER_FOOT,
@@ -338,7 +338,7 @@ def train_windowed(
         return (
             force_likelihood_loss(*force)
             + _CONTACT_WEIGHT * jnp.mean(likelihood)
-            + ANGLE_WEIGHT * mean_angle_rad(load.force_n, batch.force_n)
+            + ANGLE_WEIGHT * mean_angle_and_size_error(load.force_n, batch.force_n)
         )
 
     def unfold_whitening(weights: Weights) -> Weights:
