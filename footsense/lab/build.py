@@ -64,8 +64,8 @@ class BuildSettings:
         released: Training of the released network.
         scan: What a conversion reads, `elements` or `rows`.
         quick: Whether the model card warns that this is no release.
-        start_folder: Folder of a similar foot whose network the training starts from, that of elements if there is none of
-            the same scan; None for random weights.
+        start_folder: Folder of a similar foot whose network the training starts from, that of elements if there is none
+            of the same scan; None for random weights.
     """
 
     mesh: MeshSize

@@ -52,7 +52,13 @@ class JudgedRun(NamedTuple):
 
 
 def judge_run(
-    models: Sequence[Path], *, viscous_rel: float, run: WalkerRun, scan: str = "elements", exact: bool = False
+    models: Sequence[Path],
+    *,
+    viscous_rel: float,
+    run: WalkerRun,
+    scan: str = "elements",
+    exact: bool = False,
+    massless: bool = False,
 ) -> list[JudgedRun]:
     """Return the scores of one run on feet.
 
@@ -64,15 +70,17 @@ def judge_run(
         run: The run.
         scan: What a conversion reads, a key of `NETWORK_FILES`.
         exact: Whether the true force is in place of the network's, for what contact and slip make of it.
+        massless: Whether the sensor feels the ground alone, and nothing of the foot's own mass.
     """
     log, judged = WalkerLog.load(run.saved(cache_folder())), []
     for folder in models:
         design, response = load_foot(folder / FOOT_FILE), FootResponse.load(folder / RESPONSE_FILE)
         network = Network(folder / NETWORK_FILES[scan], len(log.legs))
         scale = 1.0 if design.foot_type == run.robot else PAPER_PEAK_N / log.peak_n()
+        loads = walker_loads(log, scale, design.ball_radius_mm)
         readings = read_walker(
             Specimen(response),
-            walker_loads(log, scale, design.ball_radius_mm),
+            loads._replace(felt_n=loads.force_n) if massless else loads,
             _SEED + run.seed,
             scan=SCAN_TIMES[scan],
             viscous_rel=viscous_rel,
@@ -111,6 +119,7 @@ def judge(
     scan: str = "elements",
     viscous_rel: float = 0.0,
     exact: bool = False,
+    massless: bool = False,
     scheduler: str | None = None,
 ) -> list[JudgedRun]:
     """Return the scores of runs on feet; each foot but the paper's gets the runs of its own robot.
@@ -121,6 +130,7 @@ def judge(
         scan: What a conversion reads, a key of `NETWORK_FILES`.
         viscous_rel: Creep and lag of the rubber over those of the simulated rubber [1].
         exact: As of `judge_run`.
+        massless: As of `judge_run`.
         scheduler: As of `compute_each`.
     """
     parts = [
@@ -128,16 +138,18 @@ def judge(
         for run in runs
     ]
     judged = compute_each(
-        partial(_judge_part, viscous_rel=viscous_rel, scan=scan, exact=exact), parts, scheduler=scheduler
+        partial(_judge_part, viscous_rel=viscous_rel, scan=scan, exact=exact, massless=massless),
+        parts,
+        scheduler=scheduler,
     )
     return [one for each in judged for one in each]
 
 
 def _judge_part(
-    part: tuple[WalkerRun, tuple[Path, ...]], *, viscous_rel: float, scan: str, exact: bool
+    part: tuple[WalkerRun, tuple[Path, ...]], *, viscous_rel: float, scan: str, exact: bool, massless: bool
 ) -> list[JudgedRun]:
     run, models = part
-    return judge_run(models, viscous_rel=viscous_rel, run=run, scan=scan, exact=exact)
+    return judge_run(models, viscous_rel=viscous_rel, run=run, scan=scan, exact=exact, massless=massless)
 
 
 def pooled(judged: Sequence[JudgedRun]) -> dict[str, Any]:

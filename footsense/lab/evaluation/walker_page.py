@@ -176,10 +176,12 @@ def walker_text(values: Values, page: str) -> str:
         ],
     )
     exact = table(
-        "force | missed / twice / in the air | sent after, median / 99 % [ms] | worst bias of a gait [ms]"
-        " | lift-off after, median [ms] | slides later: found | after, median [ms] | slips off the cone",
-        {"estimated": own, "true": values["exact"]},
-        "{name} | {n_missed} / {n_twice} / {n_in_air} | {delay_p50_ms:.1f} / {delay_p99_ms:.1f} | {worst_bias_ms:.1f}"
+        "force | direction, mean over gaits / mid-stance [deg] | touches missed / twice / in the air"
+        " | sent after, median / 99 % [ms] | worst bias of a gait [ms] | lift-off after, median [ms] | slides later: found"
+        " | after, median [ms] | slips off the cone",
+        {"estimated": own, "of a foot without mass": values["massless"], "true": values["exact"]},
+        "{name} | {direction_deg:.1f} / {mid_stance_deg:.1f} | {n_missed} / {n_twice} / {n_in_air}"
+        " | {delay_p50_ms:.1f} / {delay_p99_ms:.1f} | {worst_bias_ms:.1f}"
         " | {lift_off_delay_p50_ms:.0f} | {later_found_share:.0%} of {n_later_slides} | {slip_delay_p50_ms:.0f}"
         " | {n_slips_off_cone} of {n_slips}",
     )
@@ -202,14 +204,15 @@ does not slide faster than {1e3 * SLIDE_M_S:g} mm/s, *off the cone* where its tr
 
 {early}
 
-With the true force of each conversion in place of the network's, whose only error is then its age, the same detectors do this:
+The same without the foot's own mass, and with the true force of each conversion in place of the network's, whose only
+error is then its age:
 
 {exact}
 
 Why contact and sigma miss what is wanted of them:
 
 - Of {own["n_in_air"]} touchdowns in the air {own["n_in_air"] - own["n_in_air_walking"]} are in hops and landings, where the foot's own mass pulls at the
-  sensor as much as a light robot loads it. On the feet of the robots' own size, which weigh less beside their loads, there are {sum(values["pooled"][name]["n_in_air"] for name in others)}.
+  sensor as much as a light robot loads it; of a foot without mass {values["massless"]["n_in_air"]} are told there. On the feet of the robots' own size, which weigh less beside their loads, there are {sum(values["pooled"][name]["n_in_air"] for name in others)}.
 - In {own["n_almost_off"]} of the {own["n_twice"]} touches that are told twice the load falls below a twentieth of the peak in between.
 - A touchdown is told from the second conversion that reads it: one reading of a load that has just begun is within the
   noise and the shake of swings.

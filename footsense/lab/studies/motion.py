@@ -110,6 +110,7 @@ def compute_of(context: StudyContext, scan: str, page: str, wanted: Wanted) -> V
         context.drawings[f"{page}-{name}.png"] = draw(runs_of_foot, name)
     creeping = judge(folders[:1], runs[::4], scan=scan, viscous_rel=1.0, scheduler=context.scheduler)
     exact = judge(folders[:1], runs, scan=scan, exact=True, scheduler=context.scheduler)
+    massless = judge(folders[:1], runs, scan=scan, massless=True, scheduler=context.scheduler)
     together = {name: pooled(runs_of_foot) for name, runs_of_foot in by_foot.items()}
     return {
         "n_random_gaits": 6 if context.quick else _N_GAITS,
@@ -118,6 +119,7 @@ def compute_of(context: StudyContext, scan: str, page: str, wanted: Wanted) -> V
         "runs": {name: [row_of(one) for one in runs_of_foot] for name, runs_of_foot in by_foot.items()},
         "pooled": together,
         "exact": pooled(exact),
+        "massless": pooled(massless),
         "creeping": [row_of(one) for one in creeping],
         "targets": [
             *board_targets(gaits, figures, wanted.board),

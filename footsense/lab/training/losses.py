@@ -13,9 +13,9 @@ import jax.numpy as jnp
 #: Weight of what an error exceeds so many of its sigmas by: errors have longer tails than a normal distribution, and a
 #: controller trusts sigma in them.
 _TAIL_WEIGHT, _TAIL_SIGMAS = 2.0, 3.0
-#: Weight of the angle between a force and the true one [1/rad], and of the error of the size over that; force from which
-#: they count, and size of the forces that have no direction [N]. With 60 in place of 3 the mean angle over robots and
-#: random gaits is a tenth less.
+#: Weight of the angle between a force and the true one [1/rad], and of the error of the size over that; force from
+#: which they count, and size of the forces that have no direction [N]. With 60 in place of 3 the mean angle over robots
+#: and random gaits is a tenth less.
 ANGLE_WEIGHT, _SIZE_OVER_ANGLE_WEIGHT, _DIRECTION_N, _SMALL_N = 60.0, 0.5, 0.1, 1e-3
 #: Tempering of the likelihood by a case's own sigma, the beta of Seitzer et al.: 0 is the likelihood, which neglects
 #: hard cases; 1 is the squared error, which they dominate.
@@ -47,7 +47,7 @@ def force_likelihood_loss(
 
 
 def mean_angle_and_size_error(force_n: Any, true_n: Any) -> Any:
-    """Return the mean angle between forces and true ones [rad], plus a share of their relative error; of loads alone."""
+    """Return the mean angle between forces and true ones [rad], and a share of their relative error; of loads."""
     size_n, true_size_n = (
         jnp.sqrt(jnp.sum(one**2, axis=-1, keepdims=True) + _SMALL_N**2) for one in (force_n, true_n)
     )
