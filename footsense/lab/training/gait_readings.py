@@ -34,8 +34,8 @@ _CLOCK_REL, _JITTER_S = 0.01, 3e-5
 #: Drift of a baseline since it was last followed [pF, rms], and share of the gaits with one.
 _DRIFT_PF, _DRIFT_SHARE = 0.3e-3, 0.5
 #: Gains of the elements that a calibration leaves over, in training [1, rms], by the elements that a conversion reads:
-#: a scan of rows is exact enough for them to count.
-TRAINING_GAIN_RMS_REL = {1: 0.0, 3: 3e-3}
+#: a scan of rows is exact enough for them to count. Share of the gaits with them.
+TRAINING_GAIN_RMS_REL, _GAIN_SHARE = {1: 0.0, 3: 3e-3}, 0.5
 
 
 #: Indices into `CONVERSION_ORDERS` of the scans of a network, the usual one first, by the elements that one of their
@@ -194,7 +194,7 @@ def draw_conditions(
         rng: Source of the draws.
         at_once: Elements that a conversion reads, a key of `SCANS_OF_NETWORK`.
         slowest_rel: Slowest conversion over the usual one [1].
-        gain_rms_rel: What the gains of the elements are off by [1, rms].
+        gain_rms_rel: What the gains of the elements are off by in half of the gaits [1, rms].
     """
     usual, *others = SCANS_OF_NETWORK[at_once]
     order = others[0] if rng.random() < _RASTER_SHARE and others else usual
@@ -211,7 +211,7 @@ def draw_conditions(
         send_delay_s=nominal_send_delay_s(step_s) + late_s,
         viscous_rel=rng.uniform(0.0, _MOST_VISCOUS) if rng.random() < _VISCOUS_SHARE else 0.0,
         baseline_drift_rms_pf=_DRIFT_PF if rng.random() < _DRIFT_SHARE else 0.0,
-        gain_rms_rel=gain_rms_rel,
+        gain_rms_rel=gain_rms_rel if rng.random() < _GAIN_SHARE else 0.0,
     )
 
 
