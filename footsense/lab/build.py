@@ -33,7 +33,13 @@ from footsense.lab.geometry import LoadRange
 from footsense.lab.model_card import readme
 from footsense.lab.response import make_response
 from footsense.lab.training import load_cases
-from footsense.lab.training.export import OnnxNetwork, library_versions, load_weights, onnx_model
+from footsense.lab.training.export import (
+    OnnxNetwork,
+    as_stored,
+    library_versions,
+    load_weights,
+    onnx_model,
+)
 from footsense.lab.training.gait_readings import TRAINING_GAIN_RMS_REL, concatenate_gaits, random_gaits
 from footsense.lab.training.load_cases import Cases, random_loads
 from footsense.lab.training.train_windowed import WindowTrainingSettings, train_windowed
@@ -275,7 +281,7 @@ def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable
         gaits = concatenate_gaits([own, robots])
         report(f"{recipe.gaits} random gaits and as many of robots, of {_CONVERSIONS_PER_GAIT} conversions")
         start = None if recipe.start_folder is None else _start_weights(recipe.start_folder, recipe.scan)
-        weights = train_windowed(gaits, cases, design, recipe.released, imputation, report, start)
+        weights = as_stored(train_windowed(gaits, cases, design, recipe.released, imputation, report, start))
         report(f"trained on them: {weights.n_weights} weights")
         table = error_table(response, loads, _force_estimator(weights, design.gap_um, unit))
         # The card needs the errors before the file exists, so JAX computes them; the printed ones are of the file.

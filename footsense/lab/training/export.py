@@ -1,8 +1,9 @@
 """ONNX export of the windowed network with its card, and the network run by ONNX Runtime.
 
 One file carries weights and card (`metadata_props`, key `footsense_card`), so the two cannot drift apart. The file
-holds each weight once; Gather puts it in its eight places when the runtime loads the file, which folds all of it into
-plain matrices. The features of the readings are a part of the graph: a call takes readings and ages as they stand.
+holds each weight once, those of the second layer in 16 bits; when the runtime loads it, the graph's first operators
+make the matrices of them, which it folds. The features of the readings are a part of the graph: a call takes readings
+and ages as they stand.
 The operators are written in ONNX's textual syntax, in `windowed_network.onnxtxt`.
 """
 
@@ -46,6 +47,29 @@ from footsense.regular_file import read_regular
 
 #: The format of onnxruntime 1.18; newer ones gain nothing for ten matrix products.
 IR_VERSION, OPSET = 8, 17
+#: Steps of 16 bits in the largest weight of a unit.
+_MOST_STEPS = 32767
+
+
+def _steps_of_second_layer(w2: Any) -> tuple[NDArray[np.int16], Vector]:
+    """Return the weights of the second layer, nine tenths of all, as whole steps, (c, 8 c), and the steps, (c, 1)."""
+    exact = np.asarray(w2, np.float64)
+    largest = np.maximum(np.abs(exact).max(axis=1, keepdims=True), 1e-30)
+    step: Vector = (largest / _MOST_STEPS).astype(np.float32)
+    return np.rint(exact / step).astype(np.int16), step
+
+
+def _stored(value: NDArray[Any]) -> NDArray[Any]:
+    """Return a value in a type of the graph: float32, int64, or int16 as it is."""
+    if value.dtype == np.int16:
+        return value
+    return value.astype(np.int64 if np.issubdtype(value.dtype, np.integer) else np.float32)
+
+
+def as_stored(weights: Weights) -> Weights:
+    """Return the weights as a file holds them: those of the second layer in 16 bits."""
+    steps, step = _steps_of_second_layer(weights.w2)
+    return weights._replace(w2=steps.astype(np.float32) * step)
 
 
 def _initialisers(weights: Weights, force_unit: float) -> dict[str, NDArray[Any]]:
@@ -54,11 +78,15 @@ def _initialisers(weights: Weights, force_unit: float) -> dict[str, NDArray[Any]
     n_inputs = weights.w1.shape[1]
     turns = output_symmetries().transpose(0, 2, 1)  # a row vector times this is the turned vector
     named = {name: np.asarray(part, np.float64) for name, part in weights._asdict().items()}
+    del named["w2"]
+    w2_steps, w2_step = _steps_of_second_layer(weights.w2)
     scalars, vectors, parts = irreducible_parts()
     one, none = np.eye(ELEMENTS), np.zeros((ELEMENTS, ELEMENTS))
     level, slope = np.hsplit(np.eye(2 * len(basis)), 2)
     return {
         **named,
+        "w2_steps": w2_steps,
+        "w2_step": w2_step,
         "sigma_axes": SIGMA_ROW_OF_OUTPUT,
         "seen_at": element_input_index().ravel(),
         "scalars_by_symmetry": scalars,
@@ -119,10 +147,7 @@ def onnx_model(weights: Weights, card: dict[str, Any], force_unit: float = 1.0) 
         card: Its card, as JSON values.
         force_unit: Unit of the forces that the weights were trained on [N].
     """
-    constants = {
-        name: value.astype(np.int64 if np.issubdtype(value.dtype, np.integer) else np.float32)
-        for name, value in _initialisers(weights, force_unit).items()
-    }
+    constants = {name: _stored(value) for name, value in _initialisers(weights, force_unit).items()}
 
     def tensor_infos(signals: Sequence[Signal]) -> list[onnx.ValueInfoProto]:
         """Return the ONNX descriptions of input or output tensors."""
@@ -160,6 +185,7 @@ def load_weights(path: Path) -> Weights:
         stored = {
             one.name: numpy_helper.to_array(one) for one in onnx.load_from_string(content).graph.initializer
         }
+        stored["w2"] = stored["w2_steps"].astype(np.float32) * stored["w2_step"]
         return Weights(*(np.asarray(stored[name], np.float32) for name in Weights._fields))
     except Exception as error:  # protobuf raises types of its own
         raise ModelError(f"{path} holds no weights to start from ({error})") from error

@@ -15,7 +15,7 @@ from footsense.estimation.missing_elements import MISSING_SETS
 from footsense.estimation.network import STEADY_AGES_S
 from footsense.foot.network_card import INPUTS, OUTPUTS
 from footsense.lab.symmetry import SYMMETRIES, element_permutation
-from footsense.lab.training.export import OnnxNetwork, onnx_model
+from footsense.lab.training.export import OnnxNetwork, as_stored, load_weights, onnx_model
 from footsense.lab.training.windowed_network import (
     FEATURES_PER_ELEMENT,
     FEATURES_PER_FOOT,
@@ -117,7 +117,7 @@ def test_the_linear_paths_are_all_maps_with_the_squares_symmetry() -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_the_paper_the_file_and_jax_compute_the_same(tmp_path: Path, seed: int) -> None:
     """Features and network in one graph, in float32: in motion, at rest, of wild readings and of the smallest loads."""
-    weights, rng = some_weights(4, seed, 0.3), np.random.default_rng(seed)
+    weights, rng = as_stored(some_weights(4, seed, 0.3)), np.random.default_rng(seed)
     in_motion = some_windows(48, seed)
     at_rest = np.repeat(rng.uniform(0.0, 0.8, (16, 1, 9)), 3, axis=1)
     steps = rng.uniform(-5.0, 5.0, (16, 3, 9))
@@ -222,9 +222,12 @@ def test_the_period_of_the_scan_is_seen_and_its_unit_is_not() -> None:
     np.testing.assert_allclose(slower[:, -1] - seen[:, -1], np.log(2.0))
 
 
-def test_the_file_holds_each_weight_once() -> None:
-    """In the old format that every runtime reads, with the card's inputs and outputs and any number of rows."""
-    weights = some_weights(5)
+def test_the_file_holds_each_weight_once(tmp_path: Path) -> None:
+    """In the old format that every runtime reads, with the card's inputs and outputs and any number of rows.
+
+    Those of the second layer in 16 bits; what is read of a file is what it computes with.
+    """
+    weights = as_stored(some_weights(5))
     model = onnx_model(weights, CARD)
     assert (model.ir_version, model.opset_import[0].version) == (8, 17)
     for values, signals in ((model.graph.input, INPUTS), (model.graph.output, OUTPUTS)):
@@ -234,7 +237,11 @@ def test_the_file_holds_each_weight_once() -> None:
         ]
         assert shapes == [(signal.name, ["n", signal.width]) for signal in signals]
     stored = {tensor.name: tensor for tensor in model.graph.initializer}
-    for name, weight in weights._asdict().items():
-        assert stored[name].data_type == TensorProto.FLOAT
-        np.testing.assert_array_equal(onnx.numpy_helper.to_array(stored[name]), weight)
+    assert {tensor.data_type for name, tensor in stored.items() if name in weights._fields} == {
+        TensorProto.FLOAT
+    }
+    assert stored["w2_steps"].data_type == TensorProto.INT16
+    onnx.save(model, tmp_path / "network.onnx")
+    for weight, again in zip(weights, load_weights(tmp_path / "network.onnx"), strict=True):
+        np.testing.assert_array_equal(weight, again)
     assert weights.n_weights == 10 + 5 * 65 + 5 + 5 * 40 + 5 + 70 + 4
