@@ -65,7 +65,8 @@ def step_figures(context: StudyContext, scan: str) -> Values:
         scan: What a conversion reads, a key of `NETWORK_FILES`.
 
     Returns:
-        Those of `force_figures`; `n_steps` and `n_phases` of the scan at which they begin; from the begin of a step to the sending of its touchdown `touchdown_p50_ms`
+        Those of `force_figures`; `n_steps` and `n_phases` of the scan at which they begin; `soonest_p50_ms`, after which
+        the first conversion whose middle is in the load is sent; from the begin of a step to the sending of its touchdown `touchdown_p50_ms`
         and `touchdown_p99_ms`, infinite where none is told, and as of `settling_ms` `settled_p50_ms` and
         `settled_worst_ms`.
     """
@@ -94,6 +95,7 @@ def step_figures(context: StudyContext, scan: str) -> Values:
     return _figures(outputs, 0, len(feet)) | {
         "n_steps": len(feet),
         "n_phases": n_phases,
+        "soonest_p50_ms": 1e3 * (times.send_delay_s + 0.5 * times.step_s),
         "touchdown_p50_ms": np.percentile(told_ms, 50, method="nearest"),
         "touchdown_p99_ms": np.percentile(told_ms, 99, method="nearest"),
         "settled_p50_ms": np.median(settled_ms),

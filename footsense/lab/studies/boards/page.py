@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from footsense.estimation.settings import UNCALIBRATED_GAIN_SIGMA_REL
 from footsense.lab.report import StudyContext, Values, spread, table, target
 from footsense.lab.studies.boards.many_feet import (
     BY_STANDING,
@@ -202,7 +203,8 @@ def board_text(figures: Values) -> str:
 {step["n_steps"]} feet are pressed with {STEP_N:g} N within 5 ms, upright and leaning, at {step["n_phases"]} phases of a scan; their readings go through the
 service's pipeline. From the begin of the step the force that was sent last stays within 10 % of the load after {step["settled_p50_ms"]:.0f} ms (median)
 and {step["settled_worst_ms"]:.0f} ms (worst); the touchdown is sent after {step["touchdown_p50_ms"]:.1f} ms (median) and {step["touchdown_p99_ms"]:.1f} ms (99 %). {step["within_2_sigma"]:.1%} of the errors
-are within 2 sigma from the step on.
+are within 2 sigma from the step on. The force of the first conversion whose middle is in the load is sent {step["soonest_p50_ms"]:.1f} ms (median) after
+that begins: no touchdown can be told sooner.
 
 ## Missing elements
 
@@ -215,7 +217,8 @@ the start. Each of them in turn.
 
 Each draw is the measured walk of two uncalibrated feet, whose elements are off by random gains, through the service's
 pipeline; {n_draws} draws. Gains that are off turn the force in a way that no window of readings can tell: a foot's own
-gains come from its calibration, and what they leave open is added to sigma there. *Calibrated by standing*: the fit of
+gains come from its calibration, and what they leave open is added to sigma there. Sigma of a foot that is not calibrated
+holds gains that differ by {UNCALIBRATED_GAIN_SIGMA_REL:.0%}. *Calibrated by standing*: the fit of
 `footsense test-stand calibrate --no-reference` to the readings of 20 postures, whose forces it does not know.
 
 {gains}
