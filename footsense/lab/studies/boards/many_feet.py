@@ -66,9 +66,9 @@ def step_figures(context: StudyContext, scan: str) -> Values:
 
     Returns:
         Those of `force_figures`; `n_steps` and `n_phases` of the scan at which they begin; `soonest_p50_ms`, after which
-        the first conversion whose middle is in the load is sent; from the begin of a step to the sending of its touchdown `touchdown_p50_ms`
-        and `touchdown_p99_ms`, infinite where none is told, and as of `settling_ms` `settled_p50_ms` and
-        `settled_worst_ms`.
+        the first conversion whose middle is in the load is sent; from the begin of a step to the sending of its
+        touchdown `touchdown_p50_ms` and `touchdown_p99_ms`, infinite where none is told, and as of `settling_ms`
+        `settled_p50_ms` and `settled_worst_ms`.
     """
     times, n_phases = SCAN_TIMES[scan], 2 if context.quick else _N_PHASES
     scan_s, first_s = len(times.elements) * times.step_s, LEAD_IN_S + _BEFORE_STEP_S
