@@ -28,7 +28,7 @@ from footsense.foot.calibration_files import FootCalibration
 
 #: Direction error of 20 simulated feet of this type as they are made, read without a calibration: their mean, and the
 #: worst foot's [deg]. Source: docs/report/experiment.md, row "uncalibrated: the released network", column reference.
-UNCALIBRATED_TYPE, UNCALIBRATED_DIRECTION_DEG, UNCALIBRATED_WORST_DIRECTION_DEG = "aoyagi-3x3", 12.6, 21.9
+UNCALIBRATED_TYPE, UNCALIBRATED_DIRECTION_DEG, UNCALIBRATED_WORST_DIRECTION_DEG = "aoyagi-3x3", 12.6, 21.6
 
 #: Largest normal load of the released feet, as designed, with a force and no overload, if the force leans from an
 #: upright contact normal by 14 and by 30 deg, to the worst side [N]. Source: model cards, and docs/report/design.md.

@@ -188,6 +188,9 @@ def _network(context: StudyContext) -> Iterator[_Case]:
     for stored in model.graph.initializer:
         if stored.data_type == TensorProto.FLOAT:
             stored.CopyFrom(numpy_helper.from_array(numpy_helper.to_array(stored).astype(float), stored.name))
+    for node in model.graph.node:
+        if node.op_type == "Cast":
+            node.attribute[0].i = TensorProto.DOUBLE
     graph = ReferenceEvaluator(model)
 
     def apart_n(window: Window) -> float:

@@ -103,7 +103,7 @@ def touches_no_other_leg(broken: PublishedWalk, whole: PublishedWalk) -> bool:
     other_n = np.nan_to_num(np.abs(broken.force_n[:n, others] - whole.force_n[:n, others]))
     at_once = broken.t_sent_ns[:n] == whole.t_sent_ns[:n]
     # The zeros of those in the air follow in turn: with one less, a turn comes sooner.
-    close = other_n <= np.where(at_once[:, None, None], 1e-6, np.nan_to_num(whole.sigma_n[:n, others]))
+    close = other_n <= np.where(at_once[:, None, None], 1e-5, np.nan_to_num(whole.sigma_n[:n, others]))
     return len(whole.t_sent_ns) - n <= 1 and all(same) and bool(close.all())
 
 

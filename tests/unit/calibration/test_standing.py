@@ -54,7 +54,7 @@ def test_a_foot_finds_its_electrodes_by_standing(number: int) -> None:
     foot = Specimen(design().response, own)
     found = calibrate_standing(design(), _standing(foot, *_postures(10, 1)), None)
     before_deg, after_deg = (_direction_error_deg(foot, one, 2) for one in (None, found.parameters))
-    assert after_deg < 0.2 * before_deg
+    assert after_deg < 0.25 * before_deg
     assert after_deg < 2.0
     np.testing.assert_array_equal(found.parameters.mount, np.eye(3))
     assert found.parameters.stiffness_rel == 0.0
