@@ -22,6 +22,7 @@ from footsense.estimation.elements import inconsistency_sigma_rel
 from footsense.estimation.missing_elements import MAX_OVERLOADED, Imputation
 from footsense.estimation.network import READINGS, Network, sensitivity
 from footsense.estimation.pipeline import MAX_SIGMA_REL, with_inconsistency
+from footsense.estimation.settings import UNCALIBRATED_GAIN_SIGMA_REL
 from footsense.foot.gap_contact import CELLS_PER_ELEMENT
 from footsense.foot.network_card import NETWORK_FILES
 from footsense.foot.response_table import FootResponse, series_basis
@@ -172,6 +173,7 @@ class VirtualFeet:
             _BASELINE_SIGMA_PF * alone.force_sigma_n_per_baseline_error,
             _NOISE_SIGMA_PF * alone.force_sigma_n_per_reading_noise,
         )
+        self._gain_error_rel = UNCALIBRATED_GAIN_SIGMA_REL * alone.force_error_rel_per_gain_error
         self._closure_rel = np.zeros((n_feet, READINGS, ELEMENTS))
         # Elements with a cell that was closed when they were read last, and those over the converter's range then.
         self._closed, self._over_range = np.zeros((2, n_feet, ELEMENTS), bool)
@@ -336,6 +338,7 @@ class VirtualFeet:
         state[n_overloaded > MAX_OVERLOADED] = State.SATURATED
         state[sent_s < self._absent_until_s] = State.ABSENT
         usable = IS_USABLE_STATE[state]
+        sigma_n = np.hypot(sigma_n, size_n[:, None] * self._gain_error_rel)
         force_n[~usable] = sigma_n[~usable] = np.nan
         return VirtualForces(force_n, sigma_n, state, usable, np.nan)
 

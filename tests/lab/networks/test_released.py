@@ -24,13 +24,13 @@ pytestmark = pytest.mark.lab
 
 @pytest.mark.slow
 def test_the_release_is_ten_times_better_than_the_paper() -> None:
-    """On the paper's own 180 cases, with at most 60,000 weights; the card's errors are those of the file."""
+    """On the paper's own 180 cases, with at most 120,000 weights; the card's errors are those of the file."""
     _, network = open_models(RELEASED)
     table = evaluate_models(RELEASED)
     row = table["paper_network"]
     assert row.direction_deg < 0.1 * PAPER_DIRECTION_DEG
     assert row.magnitude_gf < 0.1 * PAPER_MAGNITUDE_GF
-    assert network.card["training"]["weights"] <= 60_000
+    assert network.card["training"]["weights"] <= 120_000
     assert network.card["errors"]["paper_network"]["direction_deg"] == pytest.approx(
         row.direction_deg, rel=0.01
     )
