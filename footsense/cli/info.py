@@ -31,7 +31,7 @@ from footsense.ring.records import LostCycles
 
 _NS_PER_S = 1_000_000_000
 #: Versions in the header of a recording, on which the bits of the forces depend.
-_LIBRARIES = ("python", "numpy", "onnxruntime")
+_LIBRARIES = ("libc", "blas", "python", "numpy", "onnxruntime")
 
 
 @click.command()

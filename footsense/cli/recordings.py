@@ -22,7 +22,7 @@ from footsense.daemon.recording_header import (
 from footsense.errors import FootsenseError, ModelError, RecordingError, require
 from footsense.frames import Flag
 from footsense.progress import file_progress_bar
-from footsense.recording.compare import first_difference, same_processor_and_libraries
+from footsense.recording.compare import Comparison, differing_entries
 from footsense.recording.machine import platform_versions
 from footsense.recording.replay import Replay
 from footsense.recording.snapshot import SNAPSHOT_KEY, write_snapshot
@@ -34,7 +34,10 @@ from footsense.sim.clock import VirtualClock
 @click.command()
 @click.argument("file", type=FILE)
 @click.option(
-    "--check", is_flag=True, help="Compare with the recorded forces: exit 1 at the first difference."
+    "--check", is_flag=True, help="Compare with the recorded forces: exit 1 at the first that is another."
+)
+@click.option(
+    "--exact", is_flag=True, help="Compare bit for bit: exit 1 also where only the last bits differ."
 )
 @can_log_option
 @click.option(
@@ -43,19 +46,22 @@ from footsense.sim.clock import VirtualClock
     type=FOLDER,
     help="Folder of the calibrations of the recorded feet; default: where it was on the robot.",
 )
-def replay(file: Path, *, check: bool, can_log: Path | None, folder: Path | None) -> None:
+def replay(file: Path, *, check: bool, exact: bool, can_log: Path | None, folder: Path | None) -> None:
     """Run the recorded readings of FILE through the pipeline again and publish the forces.
 
     The recording brings its configuration; its readings meet the same code as those of a robot.
-    With --check, forces must be equal bit for bit where processor and library versions are those of the
-    recording, else to 1 mN. A recording that is cut short is replayed as far as it is whole, and compared up to
-    its first gap (exit 74).
+    With --check, forces must be equal to 1 mN, states and times of measurement the same; how many cycles are equal
+    bit for bit is told, and by how much the others differ. On the same kind of processor, with the same BLAS and
+    library versions, all are: --exact fails otherwise. A recording that is cut short is replayed as far as it is
+    whole, and compared up to its first gap (exit 74).
     """
+    check = check or exact
     if can_log is not None:
         check_log_target(can_log, "virtual", "")
     with file_progress_bar("replay", file) as on_bytes_read:
         recording = Replay(file, on_bytes_read)
-        _run_replay(recording, _recorded_models(recording, folder, check=check), can_log, check=check)
+        comparison = Comparison(recording.legs, exact=exact) if check else None
+        _run_replay(recording, _recorded_models(recording, folder, check=check), can_log, comparison)
 
 
 def _recorded_models(recording: Replay, folder: Path | None, *, check: bool) -> Models:
@@ -87,7 +93,9 @@ def _recorded_models(recording: Replay, folder: Path | None, *, check: bool) -> 
     return models
 
 
-def _run_replay(recording: Replay, models: Models, can_log: Path | None, *, check: bool) -> None:
+def _run_replay(
+    recording: Replay, models: Models, can_log: Path | None, comparison: Comparison | None
+) -> None:
     """Run a recording through the pipeline, and print the result of the comparison.
 
     Raises:
@@ -96,9 +104,8 @@ def _run_replay(recording: Replay, models: Models, can_log: Path | None, *, chec
     """
     file = recording.path
     pipeline = pipeline_for(models, recorded_flags(recording))
-    exact = same_processor_and_libraries(recording.header, platform_versions())
     clock = VirtualClock()
-    n_frames = n_equal = n_lost = 0
+    n_frames = n_lost = 0
     damage = None
     with can_sink(models, clock, can_log) as sink:
         loop = Loop(pipeline, sink, (), clock)
@@ -112,24 +119,31 @@ def _run_replay(recording: Replay, models: Models, can_log: Path | None, *, chec
                 commands = (*recorded.started_commands, *sink.commands())
                 pipeline.set_degraded_timing(bool((recorded.forces.flags & Flag.DEGRADED_TIMING).any()))
                 made = loop.run_cycle(recorded.scan, commands, temperature_c=recorded.temperature_c)
-                if check and not n_lost:
-                    if different := first_difference(recorded, made, exact=exact, legs=recording.legs):
-                        raise FootsenseError(f"{file}: {different}")
-                    n_equal += 1
+                if comparison is not None and not n_lost and (different := comparison.add(recorded, made)):
+                    raise FootsenseError(f"{file}: {different}{_made_elsewhere(recording)}")
                 n_frames += 1
         except RecordingError as error:
             damage = error
-    how = "bit for bit" if exact else "to 1 mN (another processor or library version)"
-    click.echo(f"{n_equal} cycles equal {how}" if check else f"{n_frames} cycles replayed")
+    if comparison is None:
+        click.echo(f"{n_frames} cycles replayed")
+    else:
+        is_bitwise = comparison.n_bitwise == comparison.n_cycles
+        click.echo(comparison.summary() + ("" if is_bitwise else _made_elsewhere(recording)))
     lost = f"{n_lost} cycles were lost when it was recorded" if n_lost else ""
-    if lost and check:
-        lost += f", only the {n_equal} cycles before the first of them were compared"
+    if lost and comparison is not None:
+        lost += f", only the {comparison.n_cycles} cycles before the first of them were compared"
     if damage is not None:
         raise RecordingError(f"{damage}; before that, {lost}" if lost else str(damage))
     if lost:
         raise RecordingError(f"{file}: {lost}")
-    if check and not n_equal:
+    if comparison is not None and not comparison.n_cycles:
         raise RecordingError(f"{file}: has no cycle, nothing was compared")
+
+
+def _made_elsewhere(recording: Replay) -> str:
+    """Return what was another where the recording was made, for the end of a line; empty if nothing was."""
+    others = differing_entries(recording.header, platform_versions())
+    return f" (recorded with another {', '.join(others)})" if others else ""
 
 
 _RecordingWriter = Callable[[Replay, Path], int]

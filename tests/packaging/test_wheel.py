@@ -70,7 +70,7 @@ def test_the_five_lines_of_the_readme_read_forces(robot: Path, tmp_path: Path) -
 
 
 def test_the_locked_packages_give_the_same_forces(robot: Path, tmp_path: Path) -> None:
-    """The golden recording replays bit for bit with the versions that a robot installs."""
+    """The golden recording replays with the versions that a robot installs."""
     golden = ROOT / "tests/golden/measured_walk.mcap"
     replayed = run(robot / "footsense", "replay", golden, "--check", cwd=tmp_path)
     assert replayed.returncode == 0, replayed.stdout + replayed.stderr

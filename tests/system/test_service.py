@@ -114,9 +114,11 @@ def test_a_ring_that_cannot_be_written_costs_no_forces_and_no_recording(tmp_path
         "run", "--config", config, "--duration", "1", "--realtime", "--record", tmp_path / "walk.mcap"
     )
     assert (result.returncode, "page:" in result.stdout) == (0, False)
-    assert result.stderr == (
+    # A slow computer also says that the simulation lags.
+    (warning,) = (line for line in result.stderr.splitlines() if "cannot keep pace" not in line)
+    assert warning == (
         f"WARNING: {tmp_path}/none/ring: cannot be written: No such file or directory; "
-        "the forces go on without metrics, page and snapshot\n"
+        "the forces go on without metrics, page and snapshot"
     )
     assert footsense("replay", tmp_path / "walk.mcap", "--check").returncode == 0
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from footsense.errors import RecordingError
 from footsense.frames import Cause, CommandResult, Cycle, GaitEvent, GaitEventKind, Result
-from footsense.recording.compare import first_difference, same_processor_and_libraries
+from footsense.recording.compare import Comparison, differing_entries
 from footsense.recording.machine import platform_versions
 from footsense.recording.replay import Replay
 from tests.support.cycles import LEGS, TARE, cycle, read_until_damage, same, write
@@ -72,33 +72,37 @@ def with_forces(**values: Any) -> Cycle:
     return one._replace(forces=contact_frame(1_000, 6)._replace(**values))
 
 
+def first_difference(recorded: Cycle, recomputed: Cycle, *, exact: bool = False) -> str | None:
+    return Comparison(LEGS, exact=exact).add(recorded, recomputed)
+
+
 def test_compare_names_the_first_difference() -> None:
     """The difference is told with its leg, field and both values; 1 mN is none on another machine."""
     force_n = np.full((6, 3), np.nan)
     force_n[3] = 0.1, 0.2, np.nan
     then, now = with_forces(force_n=force_n), with_forces(force_n=force_n + np.array([0.0, 5e-4, 0.0]))
-    found = first_difference(then, now, exact=True, legs=LEGS)
+    found = first_difference(then, now, exact=True)
     assert found == "cycle 0, sent at 0.000 s, leg rf: fy_n was 0.2, is now 0.2005"
-    assert first_difference(then, now, exact=False, legs=LEGS) is None
+    assert first_difference(then, now) is None
     now = with_forces(force_n=force_n + np.array([0.0, 2e-3, 0.0]))
-    assert "leg rf: fy_n was 0.2, is now 0.202" in str(first_difference(then, now, exact=False, legs=LEGS))
+    assert "leg rf: fy_n was 0.2, is now 0.202" in str(first_difference(then, now))
     known = with_forces(force_n=np.nan_to_num(force_n))
-    assert "leg lf: fx_n was None, is now 0.0" in str(first_difference(then, known, exact=False, legs=LEGS))
+    assert "leg lf: fx_n was None, is now 0.0" in str(first_difference(then, known))
 
 
 def test_compare_looks_behind_the_state_and_at_the_baseline() -> None:
     """Another cause or another baseline under the same forces is a difference."""
     causes = [np.full(6, cause, np.uint8) for cause in (Cause.ROW_OPEN, Cause.COLUMN_OPEN)]
-    found = first_difference(*(with_forces(cause=cause) for cause in causes), exact=False, legs=LEGS)
+    found = first_difference(*(with_forces(cause=cause) for cause in causes))
     assert "leg lf: cause was ROW_OPEN, is now COLUMN_OPEN" in str(found)
     baseline = contact_frame(1_000, 6).baseline
     then, near, far = (
         with_forces(baseline=baseline._replace(worst_pf=np.full(6, worst_pf)))
         for worst_pf in (0.5, 0.5 + 1e-9, 0.5 + 1e-5)
     )
-    assert first_difference(then, near, exact=False, legs=LEGS) is None
+    assert first_difference(then, near) is None
     for now, exact in ((near, True), (far, False)):
-        found = first_difference(then, now, exact=exact, legs=LEGS)
+        found = first_difference(then, now, exact=exact)
         assert "leg lf: baseline_worst_pf was 0.5, is now" in str(found)
 
 
@@ -115,16 +119,31 @@ def test_compare_looks_at_the_gait() -> None:
         (with_forces(gait=gait._replace(events=(event._replace(leg=1),))), "leg was lf, is now lm"),
         (with_forces(gait=gait._replace(load_share=share)), "lf: load_share was 0.1666"),
     ):
-        assert words in str(first_difference(then, now, exact=False, legs=LEGS))
-    assert "had 0 gaits, has 1 now" in str(first_difference(plain, then, exact=False, legs=LEGS))
+        assert words in str(first_difference(then, now))
+    assert "had 0 gaits, has 1 now" in str(first_difference(plain, then))
     dated = with_forces(gait=gait._replace(events=(event._replace(t_ns=t_ns + 1),)))
-    assert first_difference(then, dated, exact=False, legs=LEGS) is None
-    assert "t_ns was 100000000, is now 100000001" in str(first_difference(then, dated, exact=True, legs=LEGS))
+    assert first_difference(then, dated) is None
+    assert "t_ns was 100000000, is now 100000001" in str(first_difference(then, dated, exact=True))
 
 
-def test_the_same_machine_has_the_same_processor_and_libraries() -> None:
-    """Bits are compared only where the header names this processor and these versions."""
+def test_compare_counts_cycles_whose_last_bits_differ() -> None:
+    """By a unit in the last place: the cycles are equal, and the line says by how much not bit for bit."""
+    comparison = Comparison(LEGS)
+    sigma_n = np.full((6, 3), 0.004)
+    for number in range(4):
+        now_n = np.nextafter(sigma_n, 1.0) if number == 2 else sigma_n
+        assert comparison.add(with_forces(sigma_n=sigma_n), with_forces(sigma_n=now_n)) is None
+    assert (comparison.n_cycles, comparison.n_bitwise) == (4, 3)
+    assert comparison.summary() == (
+        "4 cycles equal to 1 mN, 3 bit for bit; largest differences: "
+        "sigma_x_n 9e-19, sigma_y_n 9e-19, sigma_z_n 9e-19"
+    )
+
+
+def test_what_was_another_at_the_recording_is_named() -> None:
+    """The header has processor, C library and BLAS routines beside the versions."""
     here = platform_versions()
-    assert same_processor_and_libraries({**here, "scene": "x"}, here)
-    assert not same_processor_and_libraries({**here, "numpy": "0"}, here)
-    assert not same_processor_and_libraries({}, here)
+    assert {"processor", "libc", "blas", "numpy"} <= here.keys()
+    assert differing_entries({**here, "scene": "x"}, here) == []
+    assert differing_entries({**here, "numpy": "0", "blas": ""}, here) == ["blas", "numpy"]
+    assert differing_entries({}, here) == list(here)
