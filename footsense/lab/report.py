@@ -10,7 +10,7 @@ import json
 import os
 import subprocess
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -24,15 +24,20 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
+from scipy.stats import chi2
 
+from footsense import sim
 from footsense.errors import FootsenseError
 from footsense.foot.network_card import TrainedInputs, read_card
 from footsense.foot.response_table import FootResponse
+from footsense.foot.type_folders import released_folder
 from footsense.lab import studies
-from footsense.lab.evaluation.evaluate_models import open_models
+from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, RESPONSE_FILE, open_models
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import FootDesign
+from footsense.lab.page_inputs import changed_inputs, digest_of, model_name, table_name
 from footsense.lab.training.export import OnnxNetwork
+from footsense.sim.scene import Scene, load_scene
 
 Values = dict[str, Any]
 
@@ -42,52 +47,78 @@ _QUICK_NOTICE = "**Quick form: coarse steps, few cases and seeds. Its figures ar
 
 @dataclass(frozen=True)
 class StudyContext:
-    """What a study is given.
+    """What a study is given. What it opens of it becomes an input of the page.
 
     Attributes:
-        models: Folder of a foot type: its description, response table and network.
+        folder: Folder of a foot type: its description, response table and networks; a study takes `files` of it.
         quick: Whether to answer in seconds, with coarse steps and few seeds.
         scheduler: Address of a dask cluster for the parts of a study; None for processes of this machine.
         report_progress: Receives a line after each step.
         drawings: What a study draws, by file name.
+        inputs: Digest of each model file, table and robot that was used so far, by its name (`page_inputs`).
     """
 
-    models: Path
+    folder: Path
     quick: bool = False
     scheduler: str | None = None
     report_progress: Callable[[str], None] = print
     drawings: dict[str, Figure] = field(default_factory=dict)
+    inputs: dict[str, str] = field(default_factory=dict)
 
-    @cached_property
-    def _released_models(self) -> tuple[FootResponse, OnnxNetwork]:
-        return open_models(self.models)
+    def add_input(self, name: str, content: bytes) -> None:
+        """Note what is used, by its name in `page_inputs`."""
+        self.inputs[name] = digest_of(content)
+
+    def files(self, *names: str) -> Path:
+        """Return the folder of the foot type, of which files of these names are used."""
+        for name in names:
+            self.add_input(model_name(self.folder / name), (self.folder / name).read_bytes())
+        return self.folder
+
+    def table_file(self, file: Path) -> Path:
+        """Return the path of a table that comes with footsense, which is used."""
+        self.add_input(table_name(file), file.read_bytes())
+        return file
+
+    def scene(self, name: str) -> Scene:
+        """Return a scene that comes with footsense, which is used."""
+        self.table_file(Path(sim.__file__).parent / "scenes" / f"{name}.yaml")
+        return load_scene(name)
+
+    def foot(self, foot_type: str) -> "StudyContext":
+        """Return the context of another released foot, for the same page."""
+        return replace(self, folder=released_folder(foot_type))
 
     @cached_property
     def foot_design(self) -> FootDesign:
         """Geometry, materials and load range of the studied foot."""
-        return load_foot(self.models / FOOT_FILE)
+        return load_foot(self.files(FOOT_FILE) / FOOT_FILE)
 
-    @property
+    @cached_property
     def response(self) -> FootResponse:
         """Response table of the studied foot."""
-        return self._released_models[0]
+        return FootResponse.load(self.files(RESPONSE_FILE) / RESPONSE_FILE)
 
-    @property
+    @cached_property
     def network(self) -> OnnxNetwork:
         """The studied network, run by ONNX Runtime."""
-        return self._released_models[1]
+        return open_models(self.files(FOOT_FILE, RESPONSE_FILE, NETWORK_FILE))[1]
 
     @cached_property
     def trained_inputs(self) -> TrainedInputs:
         """Capacitor model, input range and input moments of the network."""
-        return read_card(json.dumps(self.network.card), str(self.models)).trained_inputs
+        return read_card(json.dumps(self.network.card), str(self.folder)).trained_inputs
+
+
+#: Mark of a table in whose figures one response table made the readings and trained what is judged.
+SAME_TABLE = "*same table*"
 
 
 def table(headings: str, rows: Iterable[Any] | Mapping[str, Values], cells: str = "") -> str:
     """Return a Markdown table; its first column is text, the others are numbers.
 
     Args:
-        headings: Of the columns, separated by ` | `.
+        headings: Of the columns, separated by ` | `; the first ends with `SAME_TABLE` where that is so.
         rows: Cells of each row, formatted by the caller; with `cells`, the values of each row by key, and in a mapping
             each row's key as `name`.
         cells: Formats of a row's cells, separated by ` | `, such as `{mesh} | {wall_s:.1f}`.
@@ -98,6 +129,31 @@ def table(headings: str, rows: Iterable[Any] | Mapping[str, Values], cells: str 
     written = (cells.format(**row) if cells else " | ".join(map(str, row)) for row in each)
     head = [f"| {headings} |", "|---|" + "---:|" * headings.count(" | ")]
     return "\n".join([*head, *(f"| {row} |" for row in written)])
+
+
+def table_by_board(first: str, rows: Mapping[str, Sequence[Values]], cells: Mapping[str, str]) -> str:
+    """Return a Markdown table with the same rows of some boards, and of each quantity a column a board.
+
+    Args:
+        first: Format of the first column, after its heading and a colon; of the first board's row.
+        rows: Values of each row by board.
+        cells: Format of a cell by the heading of its quantity.
+    """
+    heading, _, first_cell = first.partition(": ")
+    names = " | ".join(f"{quantity}, `{board}`" for quantity in cells for board in rows)
+    lines = [
+        (
+            first_cell.format(**of_boards[0]),
+            *(cell.format(**row) for cell in cells.values() for row in of_boards),
+        )
+        for of_boards in zip(*rows.values(), strict=True)
+    ]
+    return table(f"{heading} | {names}", lines)
+
+
+def most_events(n: int) -> float:
+    """Return the upper bound of the mean number of rare events, of which some were counted, at 95 % [1]."""
+    return float(chi2.ppf(0.95, 2 * (n + 1)) / 2.0)
 
 
 def spread(values: ArrayLike, digits: int = 2) -> str:
@@ -145,8 +201,12 @@ def make_page(name: str, context: StudyContext, folder: Path) -> tuple[str, Valu
 
     Returns:
         Markdown of the page, and its figures as JSON values.
+
+    Raises:
+        FootsenseError: Files of this checkout are not those of its commit, which a page names; not of a quick one.
     """
     study = import_module(f"{studies.__name__}.{name.replace('-', '_')}")
+    commit = _commit(allow_changes=context.quick)
     started, load = default_timer(), os.getloadavg()[0]
     computed = study.compute(context)
     made = {
@@ -154,11 +214,12 @@ def make_page(name: str, context: StudyContext, folder: Path) -> tuple[str, Valu
         "title": study.TITLE,
         "quick": context.quick,
         "foot": context.foot_design.foot_type,
-        "commit": _commit(),
+        "commit": commit,
         "date": time.strftime("%Y-%m-%d"),
         "seconds": round(default_timer() - started, 1),
         "load": round(load, 1),
         "n_processors": os.cpu_count(),
+        "inputs": dict(sorted(context.inputs.items())),
     }
     values: Values = json.loads(json.dumps(made | computed, default=_as_builtin))
     folder.mkdir(parents=True, exist_ok=True)
@@ -171,15 +232,23 @@ def make_page(name: str, context: StudyContext, folder: Path) -> tuple[str, Valu
 
 
 def page_text(values: Values) -> str:
-    """Return the Markdown of a page from its JSON values alone."""
+    """Return the Markdown of a page from its JSON values, and a line on top if its inputs are others today."""
     study = import_module(f"{studies.__name__}.{values['study'].replace('-', '_')}")
     quick = " --quick" if values["quick"] else ""
     made_by = (
         f"`footsense lab study {values['study']}{quick}` of commit {values['commit']}, {values['date']}: "
         f"{values['seconds']:.0f} s on {values['n_processors']} processors, load {values['load']:g} before."
     )
-    notice = f"{_QUICK_NOTICE}\n\n" if values["quick"] else ""
-    return f"# {study.TITLE}\n\n{made_by}\n\n{notice}{study.text(values).strip()}\n"
+    changed = changed_inputs(values["inputs"])
+    notices = [
+        *(
+            [f"**Out of date: {', '.join(changed)} changed since. Its figures are no results.**"]
+            if changed
+            else ()
+        ),
+        *([_QUICK_NOTICE] if values["quick"] else ()),
+    ]
+    return "\n\n".join([f"# {study.TITLE}", made_by, *notices, study.text(values).strip()]) + "\n"
 
 
 def make_report(folder: Path, context: StudyContext, report: Callable[[str], None]) -> Path:
@@ -257,14 +326,28 @@ def _as_builtin(value: Any) -> Any:
     raise TypeError(f"a study returned {type(value).__name__}, which JSON cannot hold")
 
 
-def _commit() -> str:
-    """Return the commit of this code, with `+` if its files differ from it; `unknown` outside a checkout."""
+#: What a page depends on, in a checkout.
+_SOURCES = ("footsense", "firmware_interface", "models/*/*.onnx", "models/*/*.npz", "models/*/*.yaml")
+
+
+def _commit(*, allow_changes: bool) -> str:
+    """Return the commit of this code, with `+` if its files differ from it; `unknown` outside a checkout.
+
+    Raises:
+        FootsenseError: They differ, and may not.
+    """
     try:
         # Pages that a report has made already are no code.
-        changed = _git("status", "--porcelain", "--", "footsense", "firmware_interface")
-        return _git("rev-parse", "--short=8", "HEAD") + ("+" if changed else "")
+        changed = _git("status", "--porcelain", "--", *_SOURCES)
+        commit = _git("rev-parse", "--short=8", "HEAD")
     except (OSError, subprocess.CalledProcessError):
         return "unknown"
+    if changed and not allow_changes:
+        raise FootsenseError(
+            f"{changed.splitlines()[0].split()[-1]}: differs from the commit, which a page names; commit first, or ask "
+            "for a quick page"
+        )
+    return commit + ("+" if changed else "")
 
 
 def _git(*arguments: str) -> str:

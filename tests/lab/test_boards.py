@@ -18,7 +18,7 @@ from footsense.lab.studies.boards.service_walks import touchdown_figures
 
 pytestmark = pytest.mark.lab
 
-CONTEXT = StudyContext(models=Path(__file__).parents[2] / "models" / "aoyagi-3x3", quick=True)
+CONTEXT = StudyContext(Path(__file__).parents[2] / "models" / "aoyagi-3x3", quick=True)
 
 
 def test_errors_count_of_loaded_feet_and_a_missing_force_is_said() -> None:

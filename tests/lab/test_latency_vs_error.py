@@ -172,9 +172,7 @@ def test_a_step_is_settled_when_the_last_wrong_force_is_replaced() -> None:
 
 
 def test_the_service_s_method_is_ahead_of_simpler_ones() -> None:
-    found = measure_latency_vs_error(
-        StudyContext(models=RELEASED, quick=True, report_progress=lambda _: None)
-    )
+    found = measure_latency_vs_error(StudyContext(RELEASED, quick=True, report_progress=lambda _: None))
     walk = {
         (each["method"], each["scan_order"]): each["errors"]["error_norm_rms_mn"]
         for each in found["loads"]["measured_walk"]["methods"]

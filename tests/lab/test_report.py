@@ -34,7 +34,7 @@ COMMITTED = [
 @pytest.mark.parametrize("name", study_names())
 @pytest.mark.slow
 def test_a_study_makes_its_page_in_its_quick_form(name: str, tmp_path: Path) -> None:
-    context = StudyContext(models=MODELS / "aoyagi-3x3", quick=True, report_progress=lambda _: None)
+    context = StudyContext(MODELS / "aoyagi-3x3", quick=True, report_progress=lambda _: None)
     make_page(name, context, tmp_path)
     text = (tmp_path / f"{name}.md").read_text(encoding="utf-8")
     assert "Quick form" in text

@@ -26,6 +26,7 @@ from footsense.lab.evaluation.walker_runs import (
 from footsense.lab.evaluation.walker_scores import WARM_UP_S, scores
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.parallel import compute_each
+from footsense.lab.report import most_events
 from footsense.lab.walkers.simulate import WalkerLog
 from footsense.lab.walkers.split import JUDGEMENT, WalkerRun, cache_folder
 
@@ -165,16 +166,16 @@ def pooled(judged: Sequence[JudgedRun]) -> dict[str, Any]:
     delays_ms = np.concatenate([np.array(row["delays_ms"]) for row in rows])
     lifts_ms = np.concatenate([np.array(row["lift_off_delays_ms"]) for row in rows])
     touched = [row for row in rows if row["n_touches"] >= _MIN_TOUCHES]
-    gripping = [row for row in rows if row["true_friction"] >= _GRIP]
-    slippery = [row for row in rows if row["true_friction"] <= _SLIPPERY]
-    slip_delays_ms = np.array([delay for row in slippery for delay in row["slip_delays_ms"]])
-    n_later = sum(row["n_later_slides"] for row in slippery)
+    landed = [one.scores for one in judged if one.run.gait in LANDINGS]
+    n_later = sum(row["n_later_slides"] for row in rows)
     return {
         "n_runs": len(rows),
         "direction_deg": over("direction_deg", rows, np.mean),
         "worst_direction_deg": over("direction_deg", walking, np.max),
         "mid_stance_deg": over("mid_stance_deg", rows, np.mean),
         "worst_mid_stance_deg": over("mid_stance_deg", walking, np.max),
+        "landings_direction_deg": over("direction_deg", landed, np.max),
+        "landings_mid_stance_deg": over("mid_stance_deg", landed, np.max),
         "early_deg": over("early_deg", rows, np.mean),
         "no_force_share": over("no_force_share", walking, np.mean),
         "worst_no_force_share": over("no_force_share", walking, np.max),
@@ -183,6 +184,7 @@ def pooled(judged: Sequence[JudgedRun]) -> dict[str, Any]:
         "beyond_5_sigma_sudden": sum(row["n_beyond_5_sigma_sudden"] for row in rows)
         / max(sum(row["n_beyond_5_sigma"] for row in rows), 1),
         "n_off_by_peak": sum(row["n_off_by_peak"] for row in walking),
+        "landings_n_off_by_peak": sum(row["n_off_by_peak"] for row in landed),
         "n_touches": sum(row["n_touches"] for row in rows),
         "n_missed": sum(row["n_missed"] for row in rows),
         "n_in_air": sum(row["n_in_air"] for row in rows),
@@ -197,22 +199,35 @@ def pooled(judged: Sequence[JudgedRun]) -> dict[str, Any]:
         "rms_over_sigma": [over("rms_over_sigma", touched, np.min), over("rms_over_sigma", touched, np.max)],
         "lift_off_delay_p50_ms": float(np.percentile(lifts_ms, 50, method="nearest")),
         "lift_off_delay_p95_ms": float(np.percentile(lifts_ms, 95, method="nearest")),
-        "n_false_slips_gripping": sum(row["n_false_slips"] for row in gripping),
-        "gripping_hours": sum(row["walked_s"] for row in gripping) / 3600.0,
+        "walked_hours": _hours(rows),
+        "n_false_slips": sum(row["n_false_slips"] for row in rows),
         "n_slips": sum(row["n_slips"] for row in rows),
         "n_slips_off_cone": sum(row["n_slips_off_cone"] for row in rows),
         "n_later_slides": n_later,
-        "later_found_share": sum(row["n_later_found"] for row in slippery) / max(n_later, 1),
-        "slip_delay_p50_ms": float(np.percentile(slip_delays_ms, 50))
-        if slip_delays_ms.size
-        else float("nan"),
+        "later_found_share": sum(row["n_later_found"] for row in rows) / max(n_later, 1),
+        "by_friction": {
+            f"{friction:g}": _slides_of([row for row in rows if row["true_friction"] == friction])
+            for friction in sorted({row["true_friction"] for row in rows})
+        },
         "n_element_faults": sum(row["n_element_faults"] for row in rows),
         "n_degraded_without_cause": sum(row["n_degraded_without_cause"] for row in rows),
     }
 
 
-#: Touches from which a run's back-dating has a mean, and coefficients of ground that grips and that is slippery.
-_MIN_TOUCHES, _GRIP, _SLIPPERY = 8, 0.75, 0.3
+#: Touches from which a run's back-dating has a mean.
+_MIN_TOUCHES = 8
+
+
+def _hours(rows: Sequence[dict[str, Any]]) -> float:
+    return float(sum(row["walked_s"] for row in rows) / 3600.0)
+
+
+def _slides_of(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Return the slides and slips of runs on one ground together, and the upper bound of false slips an hour."""
+    counted = ("n_later_slides", "n_later_found", "n_slips", "n_false_slips")
+    found: dict[str, Any] = {key: sum(row[key] for row in rows) for key in counted}
+    hours = _hours(rows)
+    return found | {"hours": hours, "most_false_slips_an_hour": most_events(found["n_false_slips"]) / hours}
 
 
 def draw(judged: Sequence[JudgedRun], title: str) -> Figure:

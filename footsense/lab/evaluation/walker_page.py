@@ -1,6 +1,6 @@
 """Walking robots on a page of the report: rows, targets and text."""
 
-import math
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from footsense.lab.evaluation.walker_judgement import LANDINGS, PAPER_PEAK_N, JudgedRun
@@ -15,7 +15,7 @@ from footsense.lab.evaluation.walker_scores import (
     SLIDE_M,
     SLIDE_M_S,
 )
-from footsense.lab.report import Values, table, target
+from footsense.lab.report import SAME_TABLE, Values, most_events, table, table_by_board, target
 
 
 def row_of(one: JudgedRun) -> Values:
@@ -36,43 +36,45 @@ class WalkerLimits(NamedTuple):
 
     Attributes:
         direction_deg: Error of direction, mean over gaits and worst gait but landings [deg].
-        mid_stance_deg: The same in mid-stance; the worst gait is infinite if nothing is wanted of it [deg].
+        mid_stance_deg: The same in mid-stance; of the worst gait only where something is wanted of it [deg].
         delay_ms: Median time from the first load to the sending of its touchdown [ms].
     """
 
-    direction_deg: tuple[float, float] = (4.7, 8.0)
-    mid_stance_deg: tuple[float, float] = (2.7, 5.5)
+    direction_deg: tuple[float, ...] = (4.7, 8.0)
+    mid_stance_deg: tuple[float, ...] = (2.7, 5.5)
     delay_ms: float = 6.0
 
 
 def walker_targets(own: Values, others: dict[str, Values], limits: WalkerLimits) -> list[dict[str, object]]:
-    """Return the targets of walking robots; landings do not count in the worst gait and in time without a force."""
+    """Return the targets of walking robots.
 
-    def in_words(wanted_deg: tuple[float, float]) -> str:
-        return " / ".join(f"{one:g}" for one in wanted_deg if one < math.inf) + " deg"
-
+    Landings do not count in the worst gait, which is named beside theirs, and in time without a force. A rate of rare
+    events is as high as its upper bound at 95 %.
+    """
     touches = max(own["n_touches"], 1)
     low, high = own["rms_over_sigma"]
-    hour = own["n_false_slips_gripping"] / max(own["gripping_hours"], 1e-9)
+    most_false_an_hour = most_events(own["n_false_slips"]) / max(own["walked_hours"], 1e-9)
+    most_faults_an_hour = most_events(own["n_element_faults"]) / max(own["walked_hours"], 1e-9)
     rows = [
-        target(
-            "walking robots, direction, mean over gaits / worst gait but landings",
-            in_words(limits.direction_deg),
-            f"{own['direction_deg']:.1f} / {own['worst_direction_deg']:.1f} deg",
-            met=own["direction_deg"] <= limits.direction_deg[0]
-            and own["worst_direction_deg"] <= limits.direction_deg[1],
+        *(
+            target(
+                f"walking robots, {words}, mean over gaits / worst gait but landings; landings",
+                " / ".join(f"{one:g}" for one in wanted_deg) + " deg",
+                f"{own[key]:.1f} / {own[f'worst_{key}']:.1f} deg; {own[f'landings_{key}']:.1f} deg",
+                met=all(
+                    found <= wanted
+                    for found, wanted in zip((own[key], own[f"worst_{key}"]), wanted_deg, strict=False)
+                ),
+            )
+            for words, key, wanted_deg in (
+                ("direction", "direction_deg", limits.direction_deg),
+                ("direction in mid-stance", "mid_stance_deg", limits.mid_stance_deg),
+            )
         ),
         target(
-            "walking robots, direction in mid-stance, mean over gaits / worst gait but landings",
-            in_words(limits.mid_stance_deg),
-            f"{own['mid_stance_deg']:.1f} / {own['worst_mid_stance_deg']:.1f} deg",
-            met=own["mid_stance_deg"] <= limits.mid_stance_deg[0]
-            and own["worst_mid_stance_deg"] <= limits.mid_stance_deg[1],
-        ),
-        target(
-            f"touchdowns of over {1e3 * MIN_TOUCH_S:g} ms found / in the air / twice, of {touches}",
+            f"touchdowns of over {1e3 * MIN_TOUCH_S:g} ms found / in the air / twice",
             "99 % / 0 / 0",
-            f"{1.0 - own['n_missed'] / touches:.1%} / {own['n_in_air']} / {own['n_twice']}",
+            f"{1.0 - own['n_missed'] / touches:.1%} / {own['n_in_air']} / {own['n_twice']} of {touches}",
             met=own["n_missed"] <= 0.01 * touches and own["n_in_air"] == own["n_twice"] == 0,
         ),
         target(
@@ -94,28 +96,28 @@ def walker_targets(own: Values, others: dict[str, Values], limits: WalkerLimits)
             met=own["lift_off_delay_p50_ms"] <= 20.0,
         ),
         target(
-            f"false slips an hour of walking, friction 0.8, of {60 * own['gripping_hours']:.0f} min",
+            "false slips an hour of walking on all grounds, at most",
             "1",
-            f"{hour:.1f}",
-            met=hour <= 1.0,
+            f"{most_false_an_hour:.0f} ({own['n_false_slips']} in {60 * own['walked_hours']:.1f} min)",
+            met=most_false_an_hour <= 1.0,
         ),
         target(
-            f"slides that begin later, friction up to 0.3, found, of {own['n_later_slides']}",
+            "slides that begin later, on all grounds, found",
             "60 %",
-            f"{own['later_found_share']:.0%}",
+            f"{own['later_found_share']:.0%} of {own['n_later_slides']}",
             met=own["later_found_share"] >= 0.6,
         ),
         target(
-            f"slips told of a foot that is not at its cone, of {own['n_slips']}",
+            "slips told of a foot that is not at its cone",
             "0",
-            f"{own['n_slips_off_cone']}",
+            f"{own['n_slips_off_cone']} of {own['n_slips']}",
             met=own["n_slips_off_cone"] == 0,
         ),
         target(
-            "elements called faulty on healthy feet of walking robots",
-            "0",
-            f"{own['n_element_faults']}",
-            met=own["n_element_faults"] == 0,
+            "elements called faulty on healthy feet, an hour of walking, at most",
+            "1",
+            f"{most_faults_an_hour:.0f} ({own['n_element_faults']} in {60 * own['walked_hours']:.1f} min)",
+            met=most_faults_an_hour <= 1.0,
         ),
         target(
             "errors within 2 sigma / beyond 5 sigma, worst gait",
@@ -124,9 +126,9 @@ def walker_targets(own: Values, others: dict[str, Values], limits: WalkerLimits)
             met=own["least_within_2_sigma"] >= 0.93 and own["most_beyond_5_sigma"] <= 0.003,
         ),
         target(
-            "usable forces of walking robots that are off by more than the peak load, but landings",
+            "usable forces of walking robots that are off by more than the peak load, but landings; landings",
             "0",
-            f"{own['n_off_by_peak']}",
+            f"{own['n_off_by_peak']}; {own['landings_n_off_by_peak']}",
             met=own["n_off_by_peak"] == 0,
         ),
     ]
@@ -142,48 +144,117 @@ def walker_targets(own: Values, others: dict[str, Values], limits: WalkerLimits)
     return rows
 
 
-def walker_text(values: Values, page: str) -> str:
-    """Return the section of walking robots on a page, whose name its pictures have."""
-    force_head = (
-        "robot, gait, ground | peak [N] | direction mean / 95 % below [deg] | mid-stance [deg] | first 40 ms [deg]"
-        " | no force | overload | within 2 sigma | beyond 5"
+_FORCES = {
+    "direction mean / 95 % below [deg]": "{direction_deg:.1f} / {direction_p95_deg:.1f}",
+    "mid-stance [deg]": "{mid_stance_deg:.1f}",
+    "no force / overload": "{no_force_share:.1%} / {overload_share:.1%}",
+    "within 2 sigma / beyond 5": "{within_2_sigma:.1%} / {beyond_5_sigma:.2%}",
+}
+_CONTACTS = {
+    "missed / twice / in the air": "{n_missed} / {n_twice} / {n_in_air}",
+    "sent after, median / 99 % [ms]": "{delay_p50_ms:.1f} / {delay_p99_ms:.1f}",
+    "bias [ms]; rms over sigma": "{bias_ms:.1f}; {rms_over_sigma:.2f}",
+    "slides later: found": "{n_later_found} of {n_later_slides}",
+    "slips: all / false / off the cone": "{n_slips} / {n_false_slips} / {n_slips_off_cone}",
+}
+_POOLED = {
+    "direction, mean / mid-stance [deg]": "{direction_deg:.1f} / {mid_stance_deg:.1f}",
+    "touches missed / twice / in the air": "{n_missed} / {n_twice} / {n_in_air}",
+    "sent after, median / 99 % [ms]": "{delay_p50_ms:.1f} / {delay_p99_ms:.1f}",
+    "worst bias [ms]": "{worst_bias_ms:.1f}",
+    "lift-off after, median [ms]": "{lift_off_delay_p50_ms:.0f}",
+    "slides later: found": "{later_found_share:.0%} of {n_later_slides}",
+}
+
+
+def _forces_table(rows: Mapping[str, Sequence[Values]]) -> str:
+    return table_by_board(
+        f"robot, gait, ground, peak, {SAME_TABLE}: {{run}}, {{peak_n:.3g}} N", rows, _FORCES
     )
-    force_cells = (
-        "{run} | {peak_n:.3g} | {direction_deg:.1f} / {direction_p95_deg:.1f} | {mid_stance_deg:.1f} | {early_deg:.1f}"
-        " | {no_force_share:.1%} | {overload_share:.1%} | {within_2_sigma:.1%} | {beyond_5_sigma:.2%}"
+
+
+def _contacts_table(rows: Mapping[str, Sequence[Values]]) -> str:
+    return table_by_board(
+        f"robot, gait, ground, touches, {SAME_TABLE}: {{run}}, {{n_touches}}", rows, _CONTACTS
     )
-    contact_head = (
-        "robot, gait, ground | touches | missed / twice / in the air | sent after, median / 99 % [ms] | bias [ms]"
-        " | rms over sigma | lift-off after, median / 95 % [ms] | slides later: found | slips: all / false / off the cone"
-    )
-    contact_cells = (
-        "{run} | {n_touches} | {n_missed} / {n_twice} / {n_in_air} | {delay_p50_ms:.1f} / {delay_p99_ms:.1f}"
-        " | {bias_ms:.1f} | {rms_over_sigma:.2f} | {lift_off_delay_p50_ms:.0f} / {lift_off_delay_p95_ms:.0f}"
-        " | {n_later_found} of {n_later_slides} | {n_slips} / {n_false_slips} / {n_slips_off_cone}"
-    )
+
+
+def walker_text(boards: Mapping[str, Values], page: str) -> str:
+    """Return the section of walking robots on a page, from the figures of each board.
+
+    Args:
+        boards: The figures.
+        page: Its name, which its pictures have.
+    """
+    values = next(iter(boards.values()))
     first, *others = values["runs"]
-    own = values["pooled"][first]
-    early = table(
-        "robot, gait, ground | within 2 sigma, by 10 ms after the touch | beyond 5 sigma",
+    early = table_by_board(
+        f"robot, gait, ground, {SAME_TABLE}: {{run}}",
+        {
+            board: [
+                {
+                    "run": row["run"],
+                    "within": ", ".join(f"{100 * one:.0f}" for one in row["within_2_sigma_early"]),
+                    "beyond": ", ".join(f"{100 * one:.1f}" for one in row["beyond_5_sigma_early"]),
+                }
+                for row in of_board["runs"][first]
+                if row["n_touches"]
+            ]
+            for board, of_board in boards.items()
+        },
+        {"within 2 sigma, by 10 ms after the touch [%]": "{within}", "beyond 5 [%]": "{beyond}"},
+    )
+    exact = table_by_board(
+        f"force, {SAME_TABLE}: {{name}}",
+        {
+            board: [
+                {"name": "estimated"} | of_board["pooled"][first],
+                {"name": "of a foot without mass"} | of_board["massless"],
+                {"name": "true"} | of_board["exact"],
+            ]
+            for board, of_board in boards.items()
+        },
+        _POOLED,
+    )
+    slides = table_by_board(
+        f"friction of the ground, walked, {SAME_TABLE}: {{friction}}, {{minutes:.1f}} min",
+        {
+            board: [
+                one | {"friction": friction, "minutes": 60 * one["hours"]}
+                for friction, one in of_board["pooled"][first]["by_friction"].items()
+            ]
+            for board, of_board in boards.items()
+        },
+        {
+            "slides later: found": "{n_later_found} of {n_later_slides}",
+            "slips: all / false": "{n_slips} / {n_false_slips}",
+            "false an hour, at most": "{most_false_slips_an_hour:.0f}",
+        },
+    )
+    why = table(
+        f"board, {SAME_TABLE} | in the air: all / in hops and landings / of a foot without mass / on the larger feet"
+        " | twice: all / load below a twentieth of the peak in between | beyond 5 sigma: within two conversions of a"
+        " change by a tenth of the peak",
         [
             (
-                row["run"],
-                ", ".join(f"{100 * one:.0f}" for one in row["within_2_sigma_early"]) + " %",
-                ", ".join(f"{100 * one:.1f}" for one in row["beyond_5_sigma_early"]) + " %",
+                f"`{board}`",
+                " / ".join(
+                    map(
+                        str,
+                        (
+                            own["n_in_air"],
+                            own["n_in_air"] - own["n_in_air_walking"],
+                            of_board["massless"]["n_in_air"],
+                            sum(of_board["pooled"][name]["n_in_air"] for name in others),
+                        ),
+                    )
+                ),
+                f"{own['n_twice']} / {own['n_almost_off']}",
+                f"{own['beyond_5_sigma_sudden']:.0%}",
             )
-            for row in values["runs"][first]
-            if row["n_touches"]
+            for board, of_board in boards.items()
+            for own in (of_board["pooled"][first],)
         ],
-    )
-    exact = table(
-        "force | direction, mean over gaits / mid-stance [deg] | touches missed / twice / in the air"
-        " | sent after, median / 99 % [ms] | worst bias of a gait [ms] | lift-off after, median [ms] | slides later: found"
-        " | after, median [ms] | slips off the cone",
-        {"estimated": own, "of a foot without mass": values["massless"], "true": values["exact"]},
-        "{name} | {direction_deg:.1f} / {mid_stance_deg:.1f} | {n_missed} / {n_twice} / {n_in_air}"
-        " | {delay_p50_ms:.1f} / {delay_p99_ms:.1f} | {worst_bias_ms:.1f}"
-        " | {lift_off_delay_p50_ms:.0f} | {later_found_share:.0%} of {n_later_slides} | {slip_delay_p50_ms:.0f}"
-        " | {n_slips_off_cone} of {n_slips}",
     )
     parts = [
         f"""Robots of a physics engine (`footsense/lab/walkers`): a hexapod of 2 kg and a quadruped of 12 kg, open-loop gaits with
@@ -196,11 +267,15 @@ that goes over {1e3 * SLIDE_M:g} mm, as *later* if it begins more than {1e3 * LA
 ground's coefficient, which is configured (`contact.friction`); without it none is told. A slip is *false* where the foot
 does not slide faster than {1e3 * SLIDE_M_S:g} mm/s, *off the cone* where its true ratio is not within {NEAR_CONE:g} of the coefficient.
 
-![The force that the first foot felt, and what was published, in each run]({page}-{first}.png)
+{_pictures(boards, page, first)}
 
-{table(force_head, values["runs"][first], force_cells)}
+{_forces_table({board: of_board["runs"][first] for board, of_board in boards.items()})}
 
-{table(contact_head, values["runs"][first], contact_cells)}
+{_contacts_table({board: of_board["runs"][first] for board, of_board in boards.items()})}
+
+Slides and slips on all grounds; *at most* is the upper bound of a rate at 95 %:
+
+{slides}
 
 {early}
 
@@ -209,24 +284,20 @@ error is then its age:
 
 {exact}
 
-Why contact and sigma miss what is wanted of them:
+Where contact and sigma miss what is wanted of them: the foot's own mass pulls at the sensor as much as a light robot
+loads it; a touchdown is told from the second conversion that reads it, as one reading of a load that has just begun is
+within the noise and the shake of swings; and no reading knows yet of what changes within two conversions.
 
-- Of {own["n_in_air"]} touchdowns in the air {own["n_in_air"] - own["n_in_air_walking"]} are in hops and landings, where the foot's own mass pulls at the
-  sensor as much as a light robot loads it; of a foot without mass {values["massless"]["n_in_air"]} are told there. On the feet of the robots' own size, which weigh less beside their loads, there are {sum(values["pooled"][name]["n_in_air"] for name in others)}.
-- In {own["n_almost_off"]} of the {own["n_twice"]} touches that are told twice the load falls below a twentieth of the peak in between.
-- A touchdown is told from the second conversion that reads it: one reading of a load that has just begun is within the
-  noise and the shake of swings.
-- {own["beyond_5_sigma_sudden"]:.0%} of the errors beyond 5 sigma are where the force has changed by more than a tenth of the peak within two
-  conversions before it is sent: no reading knows of that yet."""
+{why}"""
     ]
     parts += [
         f"""### {name}, its own robot, real newtons
 
-![The force that the first foot felt, and what was published, in each run]({page}-{name}.png)
+{_pictures(boards, page, name)}
 
-{table(force_head, values["runs"][name], force_cells)}
+{_forces_table({board: of_board["runs"][name] for board, of_board in boards.items()})}
 
-{table(contact_head, values["runs"][name], contact_cells)}"""
+{_contacts_table({board: of_board["runs"][name] for board, of_board in boards.items()})}"""
         for name in others
     ]
     parts.append(
@@ -234,6 +305,14 @@ Why contact and sigma miss what is wanted of them:
 
 Every fourth run on `{first}`, with the simulated rubber's creep and lag.
 
-{table(force_head, values["creeping"], force_cells)}"""
+{_forces_table({board: of_board["creeping"] for board, of_board in boards.items()})}"""
     )
     return "\n\n".join(parts)
+
+
+def _pictures(boards: Mapping[str, Values], page: str, foot_type: str) -> str:
+    return "\n\n".join(
+        f"![The force that the first foot felt, and what was published, in each run, board {board}]"
+        f"({page}-{board}-{foot_type}.png)"
+        for board in boards
+    )

@@ -1,12 +1,10 @@
 """Page `design`: range and errors of the released feet, as predicted from solved shapes and from their own tables."""
 
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from footsense.daemon.foot_types import released_path
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.network import steady_windows
 from footsense.foot.capacitor import GAP_CLOSED_THRESHOLD_REL
@@ -15,11 +13,11 @@ from footsense.foot.parameters import FootParameters
 from footsense.foot.specimen import Deviations, Specimen
 from footsense.frames import Vector
 from footsense.lab.design.assess import assess_foot
-from footsense.lab.design.materials import load_materials
-from footsense.lab.design.processes import assumed_process
+from footsense.lab.design.materials import MATERIALS_TABLE, load_materials
+from footsense.lab.design.processes import PROCESSES_TABLE, assumed_process
 from footsense.lab.design.requirements import PITCH_DEG, Requirements, converter
 from footsense.lab.design.screen import TRAINED_RANGE_FACTOR
-from footsense.lab.design.shapes import FootShapeLibrary
+from footsense.lab.design.shapes import SHAPES_FILE, FootShapeLibrary
 from footsense.lab.evaluation.force_range import (
     CENTRED_DEG,
     LEANS_DEG,
@@ -28,7 +26,6 @@ from footsense.lab.evaluation.force_range import (
     friction_loads,
     load_limits,
 )
-from footsense.lab.foot_file import FOOT_FILE
 from footsense.lab.report import StudyContext, Values, spread, table, target
 from footsense.lab.training.load_cases import FULL_SCALE_PF, leaning_normals
 from footsense.sim.fabrication import draw_deviations
@@ -54,10 +51,11 @@ _ERRORS = {
 
 def compute(context: StudyContext) -> Values:
     """Assess each released foot from shapes and from its table, then made feet with the released network."""
-    library, feet = FootShapeLibrary(), {}
+    library, feet = FootShapeLibrary(context.table_file(SHAPES_FILE)), {}
+    for file in (MATERIALS_TABLE, PROCESSES_TABLE):
+        context.table_file(file)
     for foot_type in _FOOT_TYPES:
-        models = released_path(FOOT_FILE, foot_type).parent
-        feet[foot_type] = _foot(models, library, quick=context.quick)
+        feet[foot_type] = _foot(context.foot(foot_type), library)
         context.report_progress(f"{foot_type} done")
     differences = [max(_differences(foot)) for foot in feet.values()]
     designed = {name: foot for name, foot in feet.items() if name != _PAPER_FOOT}
@@ -86,9 +84,8 @@ def compute(context: StudyContext) -> Values:
     }
 
 
-def _foot(models: Path, library: FootShapeLibrary, *, quick: bool) -> Values:
+def _foot(context: StudyContext, library: FootShapeLibrary) -> Values:
     """Return range and errors of one foot, predicted and built, its limits by lean, and those of made feet."""
-    context = StudyContext(models=models)
     design, response = context.foot_design, context.response
     process, stated_n = assumed_process(design), design.loads.max_n / TRAINED_RANGE_FACTOR
     requirements = Requirements(
@@ -102,7 +99,7 @@ def _foot(models: Path, library: FootShapeLibrary, *, quick: bool) -> Values:
         converter("fdc1004"),
     )
     tables = {"predicted": library.response(design), "built": response}
-    n_feet = _QUICK_N_FEET if quick else _N_FEET
+    n_feet = _QUICK_N_FEET if context.quick else _N_FEET
     made = [draw_deviations(response, process.rms_deviations, _SEED, foot) for foot in range(n_feet)]
     leaning = friction_loads(UPRIGHT, LEANS_DEG[-1])
     return {
@@ -112,7 +109,7 @@ def _foot(models: Path, library: FootShapeLibrary, *, quick: bool) -> Values:
         "limits": [_limits(Specimen(response), lean_deg) for lean_deg in LEANS_DEG],
         "process": process.process_name,
         "made_range_n": [float(load_limits(Specimen(response, one), leaning).range_n.min()) for one in made],
-        "bands": _bands(context, made, quick=quick),
+        "bands": _bands(context, made, quick=context.quick),
     }
 
 

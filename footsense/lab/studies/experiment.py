@@ -18,10 +18,16 @@ from footsense.calibration.evaluation import DesignModels
 from footsense.foot.force_errors import evaluate_force_errors
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads, Specimen
-from footsense.lab.evaluation.evaluate_models import MEASURED_DIRECTION_DEG, MEASURED_MAGNITUDE_GF
+from footsense.lab.evaluation.evaluate_models import (
+    MEASURED_DIRECTION_DEG,
+    MEASURED_MAGNITUDE_GF,
+    NETWORK_FILE,
+    RESPONSE_FILE,
+)
 from footsense.lab.evaluation.off_table import OffTableFoot
 from footsense.lab.fem.sealed_air import SealedFoot
 from footsense.lab.fem.whole import other_tables
+from footsense.lab.foot_file import FOOT_FILE
 from footsense.lab.parallel import N_PROCESSES, compute_each
 from footsense.lab.report import StudyContext, Values, spread, table, target
 from footsense.lab.training.load_cases import leaning_loads
@@ -113,10 +119,11 @@ _FIGURES = ("deg", "gf", "true_deg", "true_gf", "no_force", "within_2_sigma")
 def compute(context: StudyContext) -> Values:
     """Run the paper's procedure with each cause of error, then calibrate the feet of each kind."""
     n_feet, epochs = (_QUICK_N_FEET, _QUICK_EPOCHS) if context.quick else (_N_FEET, EPOCHS)
+    folder = context.files(FOOT_FILE, RESPONSE_FILE, NETWORK_FILE).resolve()
     each = partial(compute_each, scheduler=context.scheduler, n_processes=1 if context.quick else N_PROCESSES)
     causes = _QUICK_CAUSES if context.quick else tuple(_CAUSES)
     sets = {name: _EXACT | {one: _TUNED[one] for one in _TUNED if name in (one, ALL)} for name in causes}
-    procedure = partial(_procedure_errors, context.models.resolve(), epochs)
+    procedure = partial(_procedure_errors, folder, epochs)
     found = each(procedure, [(levels, number) for levels in sets.values() for number in range(n_feet)])
     errors = np.round(found, 4).reshape(len(sets), n_feet, 2)
     rows = [{"deg": one[:, 0], "gf": one[:, 1]} for one in errors]
@@ -132,7 +139,7 @@ def compute(context: StudyContext) -> Values:
         context.foot_design.loads, _N_POSTURES, _POSTURE_GF, _MIN_POSTURE_ELEVATION_DEG, SEED + 1
     )
     plan = MadeFootPlan(_QUICK_EVERY if context.quick else 1, tests, postures)
-    evaluate = partial(_evaluate, context.models.resolve(), plan, epochs)
+    evaluate = partial(_evaluate, folder, plan, epochs)
     parts = [(name, tables[_KINDS[name].table], number) for name in names for number in range(n_feet)]
     feet = each(evaluate, parts)
     kinds = {name: _columns(feet[k * n_feet : (k + 1) * n_feet]) for k, name in enumerate(names)}

@@ -184,7 +184,7 @@ def _network(context: StudyContext) -> Iterator[_Case]:
     far_n = network.force_n(np.full((1, ELEMENTS), 10.0))
     size_n = f"{np.linalg.norm(far_n):.0f} N"
     yield _Case("closures ten gaps wide", "a finite number", size_n, bool(np.isfinite(far_n).all()))
-    model = onnx.load(context.models / NETWORK_FILE)
+    model = onnx.load(context.files(NETWORK_FILE) / NETWORK_FILE)
     for stored in model.graph.initializer:
         if stored.data_type == TensorProto.FLOAT:
             stored.CopyFrom(numpy_helper.from_array(numpy_helper.to_array(stored).astype(float), stored.name))

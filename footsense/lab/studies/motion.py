@@ -1,22 +1,24 @@
 """Page `motion`: forces of feet that move, what a gait controller is told of them, and when."""
 
+from collections.abc import Mapping
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from footsense.daemon.foot_types import released_path
 from footsense.foot.contact_coordinates import normals_of_stereographic_points
 from footsense.foot.directions import angles_between_deg
 from footsense.foot.network_card import NETWORK_FILES
 from footsense.frames import ELEMENTS, LEGS, Vector
 from footsense.lab.board_comparison.windows import TROT_RISES_S, TROT_STANCE_S, TROT_STRIDE_S, dog_trot
+from footsense.lab.evaluation.evaluate_models import RESPONSE_FILE
 from footsense.lab.evaluation.walker_judgement import draw, judge, pooled
 from footsense.lab.evaluation.walker_page import WalkerLimits, row_of, walker_targets, walker_text
 from footsense.lab.evaluation.walker_runs import SCAN_TIMES
 from footsense.lab.foot_file import FOOT_FILE
-from footsense.lab.report import StudyContext, Values, table
+from footsense.lab.report import SAME_TABLE, StudyContext, Values, table, table_by_board
 from footsense.lab.studies.boards.page import BoardLimits, board_figures, board_targets, board_text
+from footsense.lab.studies.boards.service_walks import OWN_FEET
 from footsense.lab.training.export import OnnxNetwork
 from footsense.lab.training.gait_readings import (
     SCANS_OF_NETWORK,
@@ -49,8 +51,6 @@ _USUAL_RATE_REL = 0.05
 #: Least force of a direction, of a friction ratio, and least normal force of a contact normal [N].
 _DIRECTION_N, _FRICTION_N, _NORMAL_N = 0.1, 0.3, 0.5
 _WALK_START_NS = 200_000_000
-#: Released feet beside the paper's, judged by their own robots at real newtons.
-_OWN_ROBOTS = ("hexapod-2kg", "quadruped-12kg")
 #: Runs of a quick page.
 _QUICK_RUNS = slice(1, None, 12)
 
@@ -62,42 +62,70 @@ class Wanted(NamedTuple):
     robots: WalkerLimits
 
 
-_WANTED = Wanted(
-    BoardLimits(
-        direction_deg={
-            "random gaits": (2.4, 10.0),
-            "measured walk": (1.3, 4.5),
-            "tripod": (1.3, 5.2),
-            "trot of a robot dog": (3.0, 9.0),
-        },
-        fz_mn=17.0,
-        settled_ms=(68.0, 77.0),
-        wrong_gains_deg=(2.1, 1.3),
-        touchdown_ms=(4.5, 5.9, 3.8),
+#: What is wanted, and what a conversion reads, a key of `NETWORK_FILES`, by board; the default board is the first.
+_BOARDS: dict[str, tuple[str, Wanted]] = {
+    "fdc1004_columns": (
+        "rows",
+        Wanted(
+            BoardLimits(
+                direction_deg={
+                    "random gaits": (0.9, 2.5),
+                    "measured walk": (0.45, 1.1),
+                    "tripod": (0.35, 0.8),
+                    "trot of a robot dog": (1.0, 3.0),
+                },
+                fz_mn=6.0,
+                settled_ms=(22.0, 26.0),
+                wrong_gains_deg=(1.8, 0.5),
+                touchdown_ms=(3.0, 5.0, 1.5),
+                missing_deg=(0.8, 1.5, 1.5),
+                own_robots=((0.6, 0.01), (1.0, 0.02)),
+            ),
+            WalkerLimits(direction_deg=(2.4, 4.0), mid_stance_deg=(1.1,), delay_ms=3.0),
+        ),
     ),
-    WalkerLimits(),
-)
+    "fdc1004": (
+        "elements",
+        Wanted(
+            BoardLimits(
+                direction_deg={
+                    "random gaits": (2.4, 10.0),
+                    "measured walk": (1.3, 4.5),
+                    "tripod": (1.3, 5.2),
+                    "trot of a robot dog": (3.0, 9.0),
+                },
+                fz_mn=17.0,
+                settled_ms=(68.0, 77.0),
+                wrong_gains_deg=(2.1, 1.3),
+                touchdown_ms=(4.5, 5.9, 3.8),
+            ),
+            WalkerLimits(),
+        ),
+    ),
+}
 
 
 def compute(context: StudyContext) -> Values:
-    """Judge the feet by walking robots; estimate the force in random gaits and walks."""
-    return compute_of(context, "elements", "motion", _WANTED)
+    """Judge the feet of each board by walking robots; estimate the force in random gaits and walks."""
+    boards = {board: _figures(context, board, *of_board) for board, of_board in _BOARDS.items()}
+    return {
+        "n_random_gaits": 6 if context.quick else _N_GAITS,
+        "boards": boards,
+        "targets": [
+            row | {"figure": f"`{board}`: {row['figure']}"}
+            for board, figures in boards.items()
+            for row in figures["targets"]
+        ],
+    }
 
 
-def compute_of(context: StudyContext, scan: str, page: str, wanted: Wanted) -> Values:
-    """Judge the feet with the networks of a scan; see `compute`.
-
-    Args:
-        context: As of every study.
-        scan: What a conversion reads, a key of `NETWORK_FILES`.
-        page: Name of the page, for its pictures.
-        wanted: What is wanted of them.
-    """
-    network = OnnxNetwork(context.models / NETWORK_FILES[scan])
-    gaits = _gaits(context, network, scan)
-    context.report_progress("gaits done")
+def _figures(context: StudyContext, board: str, scan: str, wanted: Wanted) -> Values:
+    """Return the figures of a board."""
+    feet = [context, *(context.foot(name) for name in OWN_FEET)]
+    folders = [foot.files(FOOT_FILE, RESPONSE_FILE, NETWORK_FILES[scan]) for foot in feet]
+    gaits = _gaits(context, OnnxNetwork(folders[0] / NETWORK_FILES[scan]), scan)
+    context.report_progress(f"{board}: gaits done")
     figures = board_figures(context, scan)
-    folders = [context.models, *(released_path(FOOT_FILE, name).parent for name in _OWN_ROBOTS)]
     runs = JUDGEMENT[_QUICK_RUNS] if context.quick else JUDGEMENT
     judged = judge(folders, runs, scan=scan, scheduler=context.scheduler)
     context.report_progress("walking robots done")
@@ -107,13 +135,13 @@ def compute_of(context: StudyContext, scan: str, page: str, wanted: Wanted) -> V
         for name in dict.fromkeys(one.foot_type for one in judged)
     }
     for name, runs_of_foot in by_foot.items():
-        context.drawings[f"{page}-{name}.png"] = draw(runs_of_foot, name)
+        context.drawings[f"motion-{board}-{name}.png"] = draw(runs_of_foot, f"{name}, board {board}")
     creeping = judge(folders[:1], runs[::4], scan=scan, viscous_rel=1.0, scheduler=context.scheduler)
     exact = judge(folders[:1], runs, scan=scan, exact=True, scheduler=context.scheduler)
     massless = judge(folders[:1], runs, scan=scan, massless=True, scheduler=context.scheduler)
     together = {name: pooled(runs_of_foot) for name, runs_of_foot in by_foot.items()}
+    others = {name: together[name] for name in together if name != own_type}
     return {
-        "n_random_gaits": 6 if context.quick else _N_GAITS,
         "gaits": gaits,
         **figures,
         "runs": {name: [row_of(one) for one in runs_of_foot] for name, runs_of_foot in by_foot.items()},
@@ -123,11 +151,7 @@ def compute_of(context: StudyContext, scan: str, page: str, wanted: Wanted) -> V
         "creeping": [row_of(one) for one in creeping],
         "targets": [
             *board_targets(gaits, figures, wanted.board),
-            *walker_targets(
-                together[own_type],
-                {name: together[name] for name in together if name != own_type},
-                wanted.robots,
-            ),
+            *walker_targets(together[own_type], others, wanted.robots),
         ],
     }
 
@@ -220,32 +244,58 @@ def _friction_ratio(ratio: Vector, normal: Vector) -> Vector:
 
 def text(values: Values) -> str:
     """Return the page's Markdown."""
-    return text_of(values, "motion")
-
-
-def text_of(values: Values, page: str) -> str:
-    """Return the Markdown of a page of motion, by its name."""
-    gaits = table(
-        "load | direction mean / 95 % below [deg] | fx / fy / fz rms [mN] | within 2 sigma | beyond 5 | friction ratio"
-        " | normal [deg]",
-        values["gaits"],
-        "{load} | {direction_deg:.2f} / {direction_p95_deg:.1f} | {rms_mn[0]:.0f} / {rms_mn[1]:.0f} / {rms_mn[2]:.0f}"
-        " | {within_2_sigma:.1%} | {beyond_5_sigma:.2%} | {friction_error:.4f} | {normal_error_deg:.2f}",
+    boards = values["boards"]
+    gaits = table_by_board(
+        f"load, {SAME_TABLE}: {{load}}",
+        {board: of_board["gaits"] for board, of_board in boards.items()},
+        {
+            "direction mean / 95 % below [deg]": "{direction_deg:.2f} / {direction_p95_deg:.1f}",
+            "fx / fy / fz rms [mN]": "{rms_mn[0]:.0f} / {rms_mn[1]:.0f} / {rms_mn[2]:.0f}",
+            "within 2 sigma / beyond 5": "{within_2_sigma:.1%} / {beyond_5_sigma:.2%}",
+            "friction ratio": "{friction_error:.4f}",
+            "normal [deg]": "{normal_error_deg:.2f}",
+        },
+    )
+    wanted = table(
+        f"figure, {SAME_TABLE} | " + " | ".join(f"`{board}` (wanted)" for board in boards),
+        [
+            (figure, *(_reached(of_board, figure) for of_board in boards.values()))
+            for figure in _figure_names(boards)
+        ],
     )
     return f"""
-The released network on gaits that it was not trained on: {values["n_random_gaits"]} random gaits of another seed (stances of 60 ms to 2 s
+Board `fdc1004_columns` converts a row of a foot at once: a scan takes three conversions. Board `fdc1004` converts one
+element at a time, nine in a scan. Each has its own network; six legs, 40 us a transaction, `fdc1004_columns` on two buses.
+
+{wanted}
+
+## Gaits
+
+The released networks on gaits that they were not trained on: {values["n_random_gaits"]} random gaits of another seed (stances of 60 ms to 2 s
 that rise in 5 to 150 ms; scans of 4.5 to 125 ms in the row of another pace), the measured walk of two legs, a
 tripod of one, and a trot of four legs with the times of a robot dog's (strides of {TROT_STRIDE_S:g} s, stances of {TROT_STANCE_S:g} s
 that rise to 70 % within 20 to 80 ms, as measured of a Unitree Go1; its shape is ours), all at 1 N peak but the random ones. The force is that at the time of sending. Directions count from
 {_DIRECTION_N} N on, friction from {_FRICTION_N} N, the contact's normal from {_NORMAL_N} N of normal force. Readings come from the response
-table that the network was trained on, with the converter's noise and timing: the model that is judged made them. Here
-the network is alone; further down are the service's pipeline, and the whole service with simulated chips.
+table that the network was trained on, with the converter's noise and timing: *same table* marks all figures of which
+that is so. Here the network is alone; further down are the service's pipeline, and the whole service with simulated chips.
 
 {gaits}
 
-{board_text(values)}
+{board_text(boards)}
 
 ## Walking robots
 
-{walker_text(values, page)}
+{walker_text(boards, "motion")}
 """
+
+
+def _figure_names(boards: Mapping[str, Values]) -> list[str]:
+    """Return what is wanted of any board, in order."""
+    return list(dict.fromkeys(row["figure"] for of_board in boards.values() for row in of_board["targets"]))
+
+
+def _reached(of_board: Values, figure: str) -> str:
+    row = next((row for row in of_board["targets"] if row["figure"] == figure), None)
+    if row is None:
+        return "-"
+    return f"{row['measured']} ({row['target']})" + ("" if row["met"] else ", **missed**")

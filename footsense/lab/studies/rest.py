@@ -20,10 +20,13 @@ from footsense.lab.evaluation.cramer_rao import (
 from footsense.lab.evaluation.evaluate_models import (
     HELD_OUT_CASES,
     HELD_OUT_SEED,
+    NETWORK_FILE,
+    RESPONSE_FILE,
     as_markdown,
     evaluate_models,
     sigma_coverage_shares,
 )
+from footsense.lab.foot_file import FOOT_FILE
 from footsense.lab.geometry import LoadRange
 from footsense.lab.report import StudyContext, Values, table, target
 from footsense.lab.training.load_cases import (
@@ -110,7 +113,7 @@ def compute(context: StudyContext) -> Values:
     }
     context.report_progress("held-out loads done")
     n_feet = 2 if quick else _N_FEET
-    errors = evaluate_models(context.models)
+    errors = evaluate_models(context.files(FOOT_FILE, RESPONSE_FILE, NETWORK_FILE))
     paper = errors["paper_network"]
     bound = _bounds(context)
     refined = _refined_errors(context, n_feet)

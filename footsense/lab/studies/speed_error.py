@@ -192,7 +192,7 @@ def _boards_and_sizes(context: StudyContext) -> Values:
                 for one, scan in scans.items()
                 if one.scan == name
             },
-            context.models / NETWORK_FILES[name],
+            context.files(NETWORK_FILES[name]) / NETWORK_FILES[name],
             loads.min_relative_loss_force_n,
         )
         for name, at_once in _AT_ONCE.items()

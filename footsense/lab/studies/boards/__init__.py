@@ -1,1 +1,1 @@
-"""Figures of one board that the pages `motion` and `motion-rows` share: feet in the pipeline and in the whole service."""
+"""Figures of the boards on the page `motion`: feet in the pipeline and in the whole service."""

@@ -19,6 +19,7 @@ from footsense.foot.network_card import NETWORK_FILES
 from footsense.foot.parameters import FootParameters
 from footsense.foot.specimen import Specimen
 from footsense.frames import ELEMENTS, IS_USABLE_STATE, LEGS, ROWS, GaitEventKind, Mask, Vector
+from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, RESPONSE_FILE
 from footsense.lab.evaluation.walker_runs import (
     LEAD_IN_S,
     SCAN_TIMES,
@@ -29,6 +30,7 @@ from footsense.lab.evaluation.walker_runs import (
     read_walker,
     run_pipeline,
 )
+from footsense.lab.foot_file import FOOT_FILE
 from footsense.lab.report import StudyContext, Values
 from footsense.lab.studies.boards.force_figures import force_figures
 from footsense.lab.training.load_cases import leaning_loads
@@ -164,7 +166,10 @@ def wrong_gain_figures(context: StudyContext, scan: str) -> dict[str, Values]:
 
 def _calibrated_by_standing(context: StudyContext, gain: Vector) -> list[FootParameters]:
     """Return the parameters of feet with wrong gains [1], shape (feet, elements), that stood in the same postures."""
-    models, design = DesignModels.load(context.models), context.response.design
+    models, design = (
+        DesignModels.load(context.files(FOOT_FILE, RESPONSE_FILE, NETWORK_FILE)),
+        context.response.design,
+    )
     loads = leaning_loads(
         context.foot_design.loads, _N_POSTURES, _POSTURE_GF, _MIN_POSTURE_ELEVATION_DEG, _SEED
     )
@@ -220,7 +225,7 @@ def _run(
 ) -> WalkerOutputs:
     """Return what the service's pipeline says of readings of any number of feet; of those as designed if `own` is None."""
     n_feet = readings.capacitance_pf.shape[1]
-    network = Network(context.models / NETWORK_FILES[scan], n_feet)
+    network = Network(context.files(NETWORK_FILES[scan]) / NETWORK_FILES[scan], n_feet)
     trained, max_n = network.card.trained_inputs, network.card.max_trained_force_n
     feet = (
         None

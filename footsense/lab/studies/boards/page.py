@@ -1,12 +1,21 @@
-"""Figures of a board on a page of motion: computed, beside what is wanted of them, and as text."""
+"""Figures of the boards on the page of motion: computed, beside what is wanted of them, and as text."""
 
 import re
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
 from footsense.estimation.settings import UNCALIBRATED_GAIN_SIGMA_REL
-from footsense.lab.report import StudyContext, Values, spread, table, target
+from footsense.lab.report import (
+    SAME_TABLE,
+    StudyContext,
+    Values,
+    spread,
+    table,
+    table_by_board,
+    target,
+)
 from footsense.lab.studies.boards.many_feet import (
     BY_STANDING,
     STEP_N,
@@ -50,7 +59,7 @@ class BoardLimits(NamedTuple):
 
 
 def board_figures(context: StudyContext, scan: str) -> Values:
-    """Return the figures of a board by section of its page.
+    """Return the figures of a board by section of the page.
 
     Args:
         context: As of every study.
@@ -134,7 +143,7 @@ def board_targets(gaits: list[Values], figures: Values, limits: BoardLimits) -> 
             met=covered[least] >= _WITHIN_2_SIGMA,
         ),
         _target(
-            f"touchdown sent after the first load, measured walk and tripod, median / 99 % of {touch['n_touches']}; "
+            f"touchdown sent after the first load, measured walk and tripod of {touch['end_s']:g} s, median / 99 %; "
             "back-dated, rms",
             limits.touchdown_ms,
             (touch["delay_p50_ms"], touch["delay_p99_ms"], touch["back_dated_rms_ms"]),
@@ -175,36 +184,69 @@ def _plain(cells: str) -> str:
     return re.sub(r"\{:[^}]*\}", "{:g}", cells)
 
 
-def board_text(figures: Values) -> str:
-    """Return the sections of a board on its page."""
-    step, touch = figures["step"], figures["touchdowns"]
-    missing = table(
-        "missing | sets | direction mean / 95 % below [deg] | worst set, mean [deg] | no force | within 2 sigma",
-        figures["missing"],
-        "{name} | {n_sets} | {direction_deg:.2f} / {direction_p95_deg:.1f} | {worst_direction_deg:.2f}"
-        " | {no_force_share:.1%} | {within_2_sigma:.1%}",
+def _named(rows: Mapping[str, Values]) -> list[Values]:
+    return [{"name": name} | row for name, row in rows.items()]
+
+
+def board_text(boards: Mapping[str, Values]) -> str:
+    """Return the sections of the boards on the page, from the figures of each."""
+    first = next(iter(boards.values()))
+    step = table(
+        f"board, {SAME_TABLE} | settled, median / worst [ms] | touchdown sent after, median / 99 % [ms]"
+        " | soonest [ms] | within 2 sigma",
+        {board: figures["step"] for board, figures in boards.items()},
+        "`{name}` | {settled_p50_ms:.0f} / {settled_worst_ms:.0f} | {touchdown_p50_ms:.1f} / {touchdown_p99_ms:.1f}"
+        " | {soonest_p50_ms:.1f} | {within_2_sigma:.1%}",
     )
-    gains = table(
-        "gains off by, standard deviation | direction, mean of a draw [deg] | within 2 sigma, mean of the draws",
-        [
-            (gain, spread(found["direction_deg"]), f"{np.mean(found['within_2_sigma']):.0%}")
-            for gain, found in figures["wrong_gains"].items()
-        ],
+    missing = table_by_board(
+        f"missing, {SAME_TABLE}: {{name}}, each of {{n_sets}}",
+        {board: _named(figures["missing"]) for board, figures in boards.items()},
+        {
+            "direction mean / 95 % below [deg]": "{direction_deg:.2f} / {direction_p95_deg:.1f}",
+            "worst, mean [deg]": "{worst_direction_deg:.2f}",
+            "no force": "{no_force_share:.1%}",
+            "within 2 sigma": "{within_2_sigma:.1%}",
+        },
     )
-    own = table(
-        "robot | direction mean / 95 % below [deg] | magnitude, mean | no force | within 2 sigma",
-        figures["own_robots"],
-        "{name} | {direction_deg:.2f} / {direction_p95_deg:.1f} | {magnitude_rel:.1%} | {no_force_share:.1%}"
-        " | {within_2_sigma:.1%}",
+    gains = table_by_board(
+        f"gains off by, standard deviation, {SAME_TABLE}: {{name}}",
+        {
+            board: [
+                {
+                    "name": gain,
+                    "deg": spread(found["direction_deg"]),
+                    "within": np.mean(found["within_2_sigma"]),
+                }
+                for gain, found in figures["wrong_gains"].items()
+            ]
+            for board, figures in boards.items()
+        },
+        {"direction, mean of a draw [deg]": "{deg}", "within 2 sigma, mean of the draws": "{within:.0%}"},
     )
-    n_draws = len(figures["wrong_gains"][_WANTED_GAINS]["direction_deg"])
+    touchdowns = table(
+        f"board, {SAME_TABLE} | touches | sent after, median / 99 % [ms] | time off, rms [ms] | in the air",
+        {board: figures["touchdowns"] for board, figures in boards.items()},
+        "`{name}` | {n_touches} | {delay_p50_ms:.1f} / {delay_p99_ms:.1f} | {back_dated_rms_ms:.1f} | {n_in_air}",
+    )
+    own = table_by_board(
+        f"robot, {SAME_TABLE}: {{name}}",
+        {board: _named(figures["own_robots"]) for board, figures in boards.items()},
+        {
+            "direction mean / 95 % below [deg]": "{direction_deg:.2f} / {direction_p95_deg:.1f}",
+            "magnitude, mean": "{magnitude_rel:.1%}",
+            "no force": "{no_force_share:.1%}",
+            "within 2 sigma": "{within_2_sigma:.1%}",
+        },
+    )
+    n_draws = len(first["wrong_gains"][_WANTED_GAINS]["direction_deg"])
     return f"""## Steps
 
-{step["n_steps"]} feet are pressed with {STEP_N:g} N within 5 ms, upright and leaning, at {step["n_phases"]} phases of a scan; their readings go through the
-service's pipeline. From the begin of the step the force that was sent last stays within 10 % of the load after {step["settled_p50_ms"]:.0f} ms (median)
-and {step["settled_worst_ms"]:.0f} ms (worst); the touchdown is sent after {step["touchdown_p50_ms"]:.1f} ms (median) and {step["touchdown_p99_ms"]:.1f} ms (99 %). {step["within_2_sigma"]:.1%} of the errors
-are within 2 sigma from the step on. The force of the first conversion whose middle is in the load is sent {step["soonest_p50_ms"]:.1f} ms (median) after
-that begins: no touchdown can be told sooner.
+{first["step"]["n_steps"]} feet are pressed with {STEP_N:g} N within 5 ms, upright and leaning, at {first["step"]["n_phases"]} phases of a scan; their readings go through the
+service's pipeline. *Settled*: from then on the force that was sent last stays within 10 % of the load. *Soonest*: when
+the force of the first conversion whose middle is in the load is sent (median); no touchdown can be told sooner. All
+times are from the begin of the step.
+
+{step}
 
 ## Missing elements
 
@@ -225,9 +267,11 @@ holds gains that differ by {UNCALIBRATED_GAIN_SIGMA_REL:.0%}. *Calibrated by sta
 
 ## Through the whole service
 
-Walks with simulated chips, in virtual time, without a fault. In the measured walk and the tripod, {touch["end_s"]:g} s of each with six
-legs, a touchdown is sent {touch["delay_p50_ms"]:.1f} ms (median) and {touch["delay_p99_ms"]:.1f} ms (99 %) after the first load, and its time is off by {touch["back_dated_rms_ms"]:.1f} ms rms;
-{touch["n_touches"]} touches, {touch["n_in_air"]} told in the air. A load begins at 1 % of its peak: these rise slowly, and a step's touchdown is above.
+Walks with simulated chips, in virtual time, without a fault: touchdowns of the measured walk and the tripod,
+{first["touchdowns"]["end_s"]:g} s of each with six legs. A load begins at 1 % of its peak: these rise slowly, and a step's touchdown is above.
+
+{touchdowns}
+
 The larger feet walk with their own loads, scenes `hexapod_2kg` and `quadruped_12kg` for up to {OWN_END_S:g} s; a force counts from a
 twentieth of the foot's largest.
 

@@ -6,23 +6,27 @@ import numpy as np
 from msgspec.structs import replace
 
 from footsense.config import Config
+from footsense.foot.network_card import NETWORK_FILES
 from footsense.foot.type_folders import foot_type_folder
 from footsense.frames import Flag
+from footsense.lab.evaluation.evaluate_models import RESPONSE_FILE
 from footsense.lab.evaluation.walker_runs import WalkerLoads, WalkerOutputs
 from footsense.lab.evaluation.walker_scores import contact_scores
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.parallel import compute_each
 from footsense.lab.report import StudyContext, Values
 from footsense.lab.studies.boards.force_figures import force_figures
-from footsense.sim.scene import Scene, load_scene
+from footsense.lab.studies.boards.robots import robots_of
+from footsense.sim.scene import Scene
 from footsense.telemetry.run_statistics import LOADED_THRESHOLD_REL
-from footsense.validation.fault_table import ROBOTS
 from footsense.validation.fault_trial import PublishedWalk, simulate_scene
 
-#: Board of each scan, a key of `ROBOTS`.
-_BOARDS = {"elements": "fdc1004", "rows": "fdc1004_columns"}
+#: Board of each scan.
+BOARDS = {"elements": "fdc1004", "rows": "fdc1004_columns"}
 #: Ends of the walks whose touchdowns count, and of those of the larger robots [s].
 _TOUCHES_END_S, OWN_END_S, _QUICK_END_S = 20.0, 6.0, 3.2
+#: The larger feet, and the scenes of their robots.
+OWN_FEET, _OWN_SCENES = ("hexapod-2kg", "quadruped-12kg"), ("hexapod_2kg", "quadruped_12kg")
 #: Scenes whose touchdowns count; only their loads do, not what breaks in them.
 _TOUCHING = ("measured_walk", "tripod")
 #: Legs of the quadruped, and period of its trot [s].
@@ -48,24 +52,27 @@ def service_figures(context: StudyContext, scan: str) -> Values:
         `touchdowns`, of the measured walk and the tripod on the studied foot, as of `touchdown_figures`, with the end
         of each, `end_s`; `own_robots`, those of `force_figures` by robot.
     """
-    robot = ROBOTS[_BOARDS[scan]]
+    robot = robots_of(context)[BOARDS[scan]]
+    files = (FOOT_FILE, RESPONSE_FILE, NETWORK_FILES[scan])
     touches_end_s, own_end_s = (_QUICK_END_S,) * 2 if context.quick else (_TOUCHES_END_S, OWN_END_S)
-    studied = replace(robot, foot_type=str(context.models.resolve()))
+    studied = replace(robot, foot_type=str(context.files(*files).resolve()))
     touching = [
-        ServiceWalk(replace(load_scene(name), faults=()), studied, touches_end_s) for name in _TOUCHING
+        ServiceWalk(replace(context.scene(name), faults=()), studied, touches_end_s) for name in _TOUCHING
     ]
-    trot: Any = load_scene("quadruped_12kg")
+    for foot_type in OWN_FEET:
+        context.foot(foot_type).files(*files)
+    trot: Any = context.scene(_OWN_SCENES[1])
     of_four = tuple(
         replace(bus, legs={leg: channel for leg, channel in bus.legs.items() if leg in _FOUR_LEGS})
         for bus in robot.buses
     )
     own = {
         "hexapod of 2 kg, walk": ServiceWalk(
-            load_scene("hexapod_2kg"), replace(robot, foot_type="hexapod-2kg"), own_end_s
+            context.scene(_OWN_SCENES[0]), replace(robot, foot_type=OWN_FEET[0]), own_end_s
         ),
         f"quadruped of 12 kg, trot at {_TROT_PERIOD_S:g} s": ServiceWalk(
             replace(trot, load=replace(trot.load, period_s=_TROT_PERIOD_S)),
-            replace(robot, buses=of_four, foot_type="quadruped-12kg"),
+            replace(robot, buses=of_four, foot_type=OWN_FEET[1]),
             own_end_s,
         ),
     }

@@ -1,0 +1,18 @@
+"""The robots of the studies of the service, by board, as their pages are bound to them."""
+
+import msgspec
+
+from footsense.config import Config
+from footsense.lab.page_inputs import robot_name
+from footsense.lab.report import StudyContext
+from footsense.validation.fault_table import ROBOTS
+
+#: The whole configuration of each, with what it does not set.
+ENCODED = {board: msgspec.json.encode(robot) for board, robot in ROBOTS.items()}
+
+
+def robots_of(context: StudyContext) -> dict[str, Config]:
+    """Return the robot of each board, as inputs of a page."""
+    for board, encoded in ENCODED.items():
+        context.add_input(robot_name(board), encoded)
+    return ROBOTS
