@@ -190,7 +190,7 @@ TestAnyOrder.settings = settings(max_examples=25, stateful_step_count=12, deadli
 DAMAGES = {
     "no length": (0, bytes(4)),
     "a length beyond the end": (0, (1 << 18).to_bytes(4, "little")),
-    "a length that no record has": (0, b"\xff" * 4),
+    "a length that no record has": (0, (1 << 20).to_bytes(4, "little")),
     "another CRC": (4, bytes(4)),
     "another byte": (300, b"!"),
 }
@@ -198,9 +198,9 @@ DAMAGES = {
 
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_a_damaged_record_is_refused_with_the_next(damage: str) -> None:
-    """Until then, however often a reader looks, its bytes may still come; one far back is refused at once."""
+    """Until then, however often a reader looks, its bytes may still come; one far back needs no next one."""
     at, content = DAMAGES[damage]
-    with closing(CycleRing(None, LEGS, {}, 1.0, status)) as ring, closing(LappedReader(ring)) as reader:
+    with closing(CycleRing(None, LEGS, {}, 40.0, status)) as ring, closing(LappedReader(ring)) as reader:
         ring.observe(quick_cycle(0))
         start = ring._end
         ring.observe(quick_cycle(1))
@@ -209,7 +209,7 @@ def test_a_damaged_record_is_refused_with_the_next(damage: str) -> None:
         ring.observe(quick_cycle(2))
         with pytest.raises(FootsenseError, match="a record is damaged"):
             reader.read()
-        while reader.end <= start + HEAD_BYTES + ring_file.MAX_RECORD_BYTES:
+        while reader.end - start < 3 * ring_file.MAX_RECORD_BYTES:
             ring.observe(quick_cycle(3))
         with closing(LappedReader(ring)) as other:
             assert len(other.read()) == 1
