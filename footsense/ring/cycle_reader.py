@@ -49,7 +49,8 @@ class CycleReader:
         self.position: int = self._counters[ring_file.RECENT]
         self.status: ServiceStatus | None = None
         self._next_number: int | None = None
-        self._doubted_position: int | None = None
+        #: Position of the record that was not whole, and the furthest `end` without another one behind it.
+        self._doubted = (-1, 0)
 
     def _read_header(self) -> dict[str, str]:
         """Map the counters, and return the entries of the header.
@@ -80,6 +81,10 @@ class CycleReader:
     def read(self) -> list[NumberedCycle | LostCycles]:
         """Return the cycles since the last call, some hundred at most, and the gaps between them; do not wait.
 
+        A record that is not whole is left for the next call as long as none follows it, however often that is: on some
+        processors its bytes may be seen later than `end`. So damage of the newest record is an error when the next one
+        comes, and where the service has ended, as `is_still_written` tells, that cycle is not returned.
+
         Raises:
             FootsenseError: A record is damaged.
         """
@@ -104,26 +109,39 @@ class CycleReader:
         Raises:
             FootsenseError: A record is damaged.
         """
-        start = max(self.position, self._counters[ring_file.BEGIN])
-        data = self._copy(start, min(self.end, start + _MAX_READ_BYTES))
+        start, end = max(self.position, self._counters[ring_file.BEGIN]), self.end
+        data = self._copy(start, min(end, start + _MAX_READ_BYTES))
         n_overwritten = max(0, self._counters[ring_file.BEGIN] - start)  # during the copy
         start, data = start + n_overwritten, data[n_overwritten:]
         records, at, n_head = [], 0, ring_file.RECORD_HEAD.size
         while at + n_head <= len(data):
             length, crc = ring_file.RECORD_HEAD.unpack_from(data, at)
-            record = data[at + n_head : at + n_head + length]
-            if length > ring_file.MAX_RECORD_BYTES or (len(record) == length and zlib.crc32(record) != crc):
-                # On some processors `end` may be seen a moment before the bytes.
-                if self._doubted_position == start + at:
-                    raise FootsenseError(f"{self.path}: a record is damaged")
-                self._doubted_position = start + at
-                break
-            if len(record) < length:
+            behind = at + n_head + length
+            record = data[at + n_head : behind]
+            is_possible = 0 < length <= ring_file.MAX_RECORD_BYTES and start + behind <= end
+            if is_possible and behind > len(data):
+                break  # the next copy has all of it
+            if not is_possible or zlib.crc32(record, start + at) != crc:
+                self._doubt(start + at, end)
                 break
             records.append(record)
-            at += n_head + length
+            at = behind
         self.position = start + at
         return records
+
+    def _doubt(self, position: int, end: int) -> None:
+        """Leave a record that is not whole for the next read.
+
+        Raises:
+            FootsenseError: It was doubted before, and another record follows it: that one's pwrite(2), which takes the
+                file's lock, came between, so that all of this one's bytes have to be seen.
+        """
+        doubted_position, its_end = self._doubted
+        if position != doubted_position:
+            longest = ring_file.RECORD_HEAD.size + ring_file.MAX_RECORD_BYTES
+            self._doubted = position, min(end, position + longest)
+        elif end > its_end:
+            raise FootsenseError(f"{self.path}: a record is damaged")
 
     def _copy(self, start: int, end: int) -> bytes:
         n, place = max(end - start, 0), start % self._n_bytes

@@ -158,7 +158,7 @@ class CycleRing(Observer):
         self._write(record)
 
     def _write(self, data: bytes) -> None:
-        record = ring_file.RECORD_HEAD.pack(len(data), zlib.crc32(data)) + data
+        record = ring_file.RECORD_HEAD.pack(len(data), zlib.crc32(data, self._end)) + data
         end = self._end + len(record)
         overwritten = end + ring_file.MARGIN_BYTES - self._n_bytes
         if overwritten > self._begin:

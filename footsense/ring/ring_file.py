@@ -2,7 +2,7 @@
 
 The file::
 
-    8 bytes   "FSRING01"
+    8 bytes   "FSRING02"
     4 x 8     end, begin, recent, length n of the header: unsigned, in the byte order of this machine
     n bytes   the header: JSON
     zeros     to the end of a page
@@ -10,9 +10,14 @@ The file::
 
 `end` is the position behind the last record. `begin` is the oldest position that can still be read; it is moved on
 before the bytes ahead of it are overwritten, and so stands at the beginning of a block of records. `recent` is where
-the last block begins. A record is its length and its CRC-32 (4 bytes each), then its bytes. The counters are stored and
-loaded as aligned words, so that no reader sees half of one. A reader copies first and looks at `begin` again
-afterwards: what was overwritten meanwhile is dropped.
+the last block begins. A record is its length, never 0, and its CRC-32 (4 bytes each), then its bytes. The CRC starts
+from the record's position modulo 2^32. The counters are stored and loaded as aligned words, so that no reader sees half
+of one. A reader copies first and looks at `begin` again afterwards: what was overwritten meanwhile is dropped.
+
+Some processors (ARM) let a reader see the stores for one record in any order. At the place of the newest record it may
+still find zeros, or a record of the lap before, whose CRC started elsewhere and so differs for certain. What is not
+whole therefore counts as not written yet until another record follows it. `begin` may be seen after bytes that it gave
+up; the margin behind the newest record covers that.
 
 The records are written with pwrite(2) and read with pread(2): only the first page is mapped, and the ring takes no
 memory of any process. The writer holds an exclusive flock(2) on the file for as long as it lives, so that a file
@@ -29,14 +34,16 @@ from pathlib import Path
 from footsense.errors import FootsenseError
 from footsense.regular_file import open_regular
 
-MAGIC = b"FSRING01"
+MAGIC = b"FSRING02"
+#: How the ring of every version begins.
+_MAGIC_OF_ALL = MAGIC[:6]
 #: Places of the counters, in words of 8 bytes.
 END, BEGIN, RECENT, HEADER_BYTES = range(1, 5)
 HEADER_PLACE = 40
 RECORD_HEAD = struct.Struct("<II")
 #: Longest record [bytes], far above any cycle.
 MAX_RECORD_BYTES = 1 << 19
-#: Bytes between the newest record and the oldest that can be read.
+#: Bytes between the newest record and the oldest that can be read: more than are written before `begin` is seen.
 MARGIN_BYTES = 1 << 16
 #: The ring of a robot's service: in the directory that its unit makes.
 SERVICE_RING = Path("/run/footsense/ring")
@@ -114,7 +121,7 @@ def check_replaceable(path: Path) -> None:
     try:
         if is_locked(fd):
             raise FootsenseError(f"{path}: another running service writes this file")
-        if os.pread(fd, len(MAGIC), 0) not in {b"", MAGIC}:
+        if os.pread(fd, len(_MAGIC_OF_ALL), 0) not in {b"", _MAGIC_OF_ALL}:
             raise FootsenseError(f"{path}: holds something else than footsense's cycles")
     finally:
         os.close(fd)

@@ -15,6 +15,7 @@ from footsense.frames import CommandResult, Result
 from footsense.ring.cycle_reader import CycleReader
 from footsense.ring.cycle_ring import CycleRing, encode_cycle
 from footsense.ring.records import NumberedCycle, decode_record
+from footsense.ring.ring_file import MAGIC
 from tests.fuzz.outcome import TRIED, anything, nested, refusal
 from tests.support.cycles import LEGS, TARE, cycle, status
 
@@ -117,5 +118,5 @@ def test_any_ring(tmp_path: Path, whole: bytes, data: st.DataObject) -> None:
 def test_any_header(tmp_path: Path, header: object) -> None:
     """JSON of any kind in its place, and legs that no robot has."""
     text = json.dumps({"legs": header} if isinstance(header, str) else header).encode()
-    content = struct.pack("<8s4Q", b"FSRING01", 0, 0, 0, len(text)) + text
+    content = struct.pack("<8s4Q", MAGIC, 0, 0, 0, len(text)) + text
     read(tmp_path / "ring", content + bytes(1 << 17))

@@ -222,6 +222,30 @@ def test_a_killed_service_is_not_taken_for_a_running_one(path: Path) -> None:
         CycleReader(path)
     with closing(CycleRing(path, LEGS, {}, 40.0, status)), closing(CycleReader(path)) as reader:
         assert reader.is_still_written()
+    path.write_bytes(b"FSRING01" + bytes(1 << 17))  # of the version before
+    CycleRing(path, LEGS, {}, 40.0, status).close()
+
+
+def test_every_user_can_read(ring: CycleRing, path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Exporter and page are not run by the user of the service."""
+    assert path.stat().st_mode & 0o777 == 0o644
+    if os.geteuid():
+        return  # only root can be another user
+    path.parent.chmod(0o755)
+    monkeypatch.chdir(path.parent)  # the directories above are this user's alone
+    ring.observe(cycle(0))
+    groups = os.getgroups()
+    os.setgroups([])
+    os.setegid(12345)
+    os.seteuid(12345)
+    try:
+        with closing(CycleReader(Path(path.name))) as reader:
+            assert len(reader.read()) == 1
+            assert reader.is_still_written()
+    finally:
+        os.seteuid(0)
+        os.setegid(0)
+        os.setgroups(groups)
 
 
 def _socket(path: Path) -> None:
