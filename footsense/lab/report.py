@@ -132,7 +132,7 @@ def table(headings: str, rows: Iterable[Any] | Mapping[str, Values], cells: str 
 
 
 def table_by_board(first: str, rows: Mapping[str, Sequence[Values]], cells: Mapping[str, str]) -> str:
-    """Return a Markdown table with the same rows of some boards, and of each quantity a column a board.
+    """Return a Markdown table with the same rows of some boards, and of each quantity a column a board, side by side.
 
     Args:
         first: Format of the first column, after its heading and a colon; of the first board's row.
@@ -140,7 +140,11 @@ def table_by_board(first: str, rows: Mapping[str, Sequence[Values]], cells: Mapp
         cells: Format of a cell by the heading of its quantity.
     """
     heading, _, first_cell = first.partition(": ")
-    names = " | ".join(f"{quantity}, `{board}`" for quantity in cells for board in rows)
+    names = " | ".join(
+        f"{quantity}, `{board}`" if n == 0 else f"`{board}`"
+        for quantity in cells
+        for n, board in enumerate(rows)
+    )
     lines = [
         (
             first_cell.format(**of_boards[0]),

@@ -206,7 +206,7 @@ def as_json(table: dict[str, ForceErrors]) -> dict[str, Any]:
 def as_markdown(table: dict[str, ForceErrors]) -> str:
     """Return the error table as Markdown, with the paper's errors as first row."""
     lines = [
-        "| read-out | cases | direction mean / p95 / max [deg] | magnitude mean / p95 / max [gf] |",
+        "| read-out, *same table* | cases | direction mean / p95 / max [deg] | magnitude mean / p95 / max [gf] |",
         "|---|---:|---:|---:|",
         f"| the paper (simulation) | 180 | {PAPER_DIRECTION_DEG} / - / - | {PAPER_MAGNITUDE_GF} / - / - |",
     ]

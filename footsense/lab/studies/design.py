@@ -26,7 +26,7 @@ from footsense.lab.evaluation.force_range import (
     friction_loads,
     load_limits,
 )
-from footsense.lab.report import StudyContext, Values, spread, table, target
+from footsense.lab.report import SAME_TABLE, StudyContext, Values, spread, table, target
 from footsense.lab.training.load_cases import FULL_SCALE_PF, leaning_normals
 from footsense.sim.fabrication import draw_deviations
 
@@ -219,7 +219,7 @@ def text(values: Values) -> str:
         ],
     )
     bands = table(
-        "foot | largest closure over its gap | loads | with a force"
+        f"foot, {SAME_TABLE} | largest closure over its gap | loads | with a force"
         f" | direction, {values['n_feet']} feet, mean of each [deg] | 95 % below | magnitude | within 2 sigma",
         [(f"`{name}`", *_band_cells(row)) for name, foot in feet.items() for row in foot["bands"]],
     )

@@ -29,7 +29,7 @@ from footsense.lab.fem.sealed_air import SealedFoot
 from footsense.lab.fem.whole import other_tables
 from footsense.lab.foot_file import FOOT_FILE
 from footsense.lab.parallel import N_PROCESSES, compute_each
-from footsense.lab.report import StudyContext, Values, spread, table, target
+from footsense.lab.report import SAME_TABLE, StudyContext, Values, spread, table, target
 from footsense.lab.training.load_cases import leaning_loads
 from footsense.lab.training.paper_procedure import EPOCHS, per_foot_force_n
 from footsense.sim.fabrication import PAPER_TOLERANCES, FootTolerances, draw_deviations
@@ -284,7 +284,7 @@ acts as up to 4 % of a force). Each is pressed {values["n_presses"]} times, of w
 within the converter's range, calibrated by the code of `footsense test-stand calibrate`, mounted anew, and read under the paper's
 180 loads. The physics that makes these feet is the one that the calibration and the network know.
 
-{table("estimator | reference [deg] | reference [gf] | truth [deg] | truth [gf]", made_rows)}
+{table(f"estimator, {SAME_TABLE} | reference [deg] | reference [gf] | truth [deg] | truth [gf]", made_rows)}
 
 Loads without a force are left out: {left_out["design"]} % of the uncalibrated network's, {left_out["all"]} % of the calibrated one's,
 most of them of {n_soft} soft feet that have lost more than half; most of the worst figures are theirs. The simulated readings leave
@@ -335,7 +335,7 @@ def _cause_table(values: Values) -> str:
         level = f"{values['levels'][name] * factor:g}" if name in values["levels"] else "-"
         rows.append((words, level, _spread(errors["deg"]), _spread(errors["gf"])))
     return table(
-        "cause | rms level | direction error [deg] | magnitude error [gf]",
+        f"cause, {SAME_TABLE} | rms level | direction error [deg] | magnitude error [gf]",
         [*rows, (_PAPER, "-", *_PAPER_ERRORS)],
     )
 

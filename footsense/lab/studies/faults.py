@@ -7,7 +7,7 @@ from footsense.foot.network_card import NETWORK_FILES
 from footsense.frames import ELEMENTS, State
 from footsense.lab.evaluation.evaluate_models import RESPONSE_FILE
 from footsense.lab.foot_file import FOOT_FILE
-from footsense.lab.report import StudyContext, Values, table
+from footsense.lab.report import SAME_TABLE, StudyContext, Values, table
 from footsense.lab.studies.boards.robots import robots_of
 from footsense.validation.converter_kinds import (
     HANGS_AFTER,
@@ -74,7 +74,7 @@ def text(values: Values) -> str:
     """Return the page's Markdown."""
     legs, small = (
         table(
-            "fault | state | cause | elements | detection [ms] | recovery [ms] | others' gap [ms] | lost | error/sigma"
+            f"fault, {SAME_TABLE} | state | cause | elements | detection [ms] | recovery [ms] | others' gap [ms] | lost | error/sigma"
             " | others' error [mN]",
             [_leg_row(fault, found) for fault, found in values[board].items()],
         )
@@ -129,7 +129,7 @@ def _disturbances_text(values: Values) -> str:
         for scene, found in of_scenes.items()
     ]
     within = table(
-        f"disturbance, scene | error, rms [mN] | sigma, median [mN] | within {WANTED_SIGMAS:g} sigma | usable | state | cause",
+        f"disturbance, scene, {SAME_TABLE} | error, rms [mN] | sigma, median [mN] | within {WANTED_SIGMAS:g} sigma | usable | state | cause",
         rows,
     )
     return f"""## Disturbances of the readings

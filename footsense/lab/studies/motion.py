@@ -137,8 +137,9 @@ def _figures(context: StudyContext, board: str, scan: str, wanted: Wanted) -> Va
     for name, runs_of_foot in by_foot.items():
         context.drawings[f"motion-{board}-{name}.png"] = draw(runs_of_foot, f"{name}, board {board}")
     creeping = judge(folders[:1], runs[::4], scan=scan, viscous_rel=1.0, scheduler=context.scheduler)
-    exact = judge(folders[:1], runs, scan=scan, exact=True, scheduler=context.scheduler)
-    massless = judge(folders[:1], runs, scan=scan, massless=True, scheduler=context.scheduler)
+    compared = runs[:1] if context.quick else runs
+    exact = judge(folders[:1], compared, scan=scan, exact=True, scheduler=context.scheduler)
+    massless = judge(folders[:1], compared, scan=scan, massless=True, scheduler=context.scheduler)
     together = {name: pooled(runs_of_foot) for name, runs_of_foot in by_foot.items()}
     others = {name: together[name] for name in together if name != own_type}
     return {

@@ -32,7 +32,7 @@ from footsense.lab.evaluation.sealed_cavities import (
     MAX_SEARCHED_N,
     sealed_against_vented,
 )
-from footsense.lab.report import StudyContext, Values, spread, table
+from footsense.lab.report import SAME_TABLE, StudyContext, Values, spread, table
 from footsense.lab.training.load_cases import (
     FULL_SCALE_PF,
     NOISE_PF,
@@ -149,12 +149,12 @@ def _film_cells(one: Values) -> dict[str, str]:
 def text(values: Values) -> str:
     """Return the page's Markdown."""
     leaning = table(
-        f"lean [deg] | loads | {_ESTIMATORS_HEADING} | in range at {_gf(IN_RANGE_GF)}",
+        f"lean [deg], {SAME_TABLE} | loads | {_ESTIMATORS_HEADING} | in range at {_gf(IN_RANGE_GF)}",
         values["lean"],
         "{x:g} | " + _ERROR_CELLS + " | {in_range:.0%}",
     )
     second, by_angle = (
-        table(f"{what} | loads | {_ESTIMATORS_HEADING}", values[rows], "{x} | " + _ERROR_CELLS)
+        table(f"{what}, {SAME_TABLE} | loads | {_ESTIMATORS_HEADING}", values[rows], "{x} | " + _ERROR_CELLS)
         for what, rows in (("second over floor", "second"), ("contacts apart [deg]", "by_angle"))
     )
     confinement = table(

@@ -30,7 +30,7 @@ from footsense.lab.fem.paper_sensors import (
     pressure_patterns,
     stress_series,
 )
-from footsense.lab.report import StudyContext, Values, spread, table, target
+from footsense.lab.report import SAME_TABLE, StudyContext, Values, spread, table, target
 from footsense.lab.training.load_cases import paper_training, paper_verification, sensed_closure_um
 from footsense.lab.training.paper_network import RPROP, network_outputs, random_layers, stack, train, unstack
 from footsense.lab.training.paper_procedure import (
@@ -347,7 +347,7 @@ goes through the middle of the ball, and the front has to balance the rear.
 Plain networks 9-{HIDDEN_NEURONS[0]}-{HIDDEN_NEURONS[1]}-3, tanh, RPROP, {values["epochs"]} epochs on the 362 cases of 50 and 150 gf, tested on the 180 of 100 gf;
 in the last columns the same directions at the forces of the training.
 
-{table("estimate | direction, 100 gf [deg] | magnitude, 100 gf [gf] | direction, 50 gf | direction, 150 gf", rows)}
+{table(f"estimate, {SAME_TABLE} | direction, 100 gf [deg] | magnitude, 100 gf [gf] | direction, 50 gf | direction, 150 gf", rows)}
 
 The start alone changes the error by its spread: a single network is not representative.
 
@@ -355,7 +355,7 @@ The start alone changes the error by its spread: a single network is not represe
 
 The paper finds two layers slightly better than one, and both too few and too many neurons bad.
 
-{table("neurons a layer | hidden layers | direction, 100 gf [deg] | magnitude, 100 gf [gf]", sizes)}
+{table(f"neurons a layer, {SAME_TABLE} | hidden layers | direction, 100 gf [deg] | magnitude, 100 gf [gf]", sizes)}
 
 The best mean is that of {best["neurons"]} neurons in {best["layers"]} hidden layer{"s" * (best["layers"] > 1)}; it is picked from these same means.
 

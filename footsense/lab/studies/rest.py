@@ -12,6 +12,7 @@ from footsense.estimation.rest import ROUNDS, RefinedAtRest
 from footsense.foot.directions import paper_directions, random_directions
 from footsense.foot.force_errors import evaluate_force_errors
 from footsense.foot.specimen import Specimen
+from footsense.foot.type_folders import released_names
 from footsense.frames import Vector
 from footsense.lab.evaluation.cramer_rao import (
     ambiguous_load_distance_and_angle,
@@ -28,7 +29,7 @@ from footsense.lab.evaluation.evaluate_models import (
 )
 from footsense.lab.foot_file import FOOT_FILE
 from footsense.lab.geometry import LoadRange
-from footsense.lab.report import StudyContext, Values, table, target
+from footsense.lab.report import SAME_TABLE, StudyContext, Values, table, target
 from footsense.lab.training.load_cases import (
     BASELINE_NOISE_PF,
     NOISE_PF,
@@ -75,6 +76,8 @@ _MADE = {
 _FORCE_BINS_N = (0.0, 0.05, 0.2, 0.5, 1.0, 2.0)
 _MAGNITUDES_GF = (20.0, 35.0, 50.0, 75.0, 100.0, 125.0, 150.0)
 _N_LEANING = 1000
+#: Files of a foot that its errors depend on.
+_FILES = (FOOT_FILE, RESPONSE_FILE, NETWORK_FILE)
 #: The project's target of the network's error over the bound [1].
 _TARGET_OVER_BOUND = 1.2
 #: Elevations of the centred loads whose ambiguous partner is sought [deg].
@@ -113,8 +116,8 @@ def compute(context: StudyContext) -> Values:
     }
     context.report_progress("held-out loads done")
     n_feet = 2 if quick else _N_FEET
-    errors = evaluate_models(context.files(FOOT_FILE, RESPONSE_FILE, NETWORK_FILE))
-    paper = errors["paper_network"]
+    errors = {name: evaluate_models(foot.files(*_FILES)) for name, foot in _feet(context).items()}
+    paper = next(iter(errors.values()))["paper_network"]
     bound = _bounds(context)
     refined = _refined_errors(context, n_feet)
     leaning, centred = (
@@ -125,8 +128,10 @@ def compute(context: StudyContext) -> Values:
     return {
         "weights": network.card["training"]["weights"],
         "min_evaluated_force_n": loads.min_evaluated_force_n,
-        "errors": {name: asdict(row) for name, row in errors.items()},
-        "error_table": as_markdown(errors),
+        "errors": {
+            foot: {name: asdict(row) for name, row in of_foot.items()} for foot, of_foot in errors.items()
+        },
+        "error_tables": {foot: as_markdown(of_foot) for foot, of_foot in errors.items()},
         "missing": missing,
         "n_feet": n_feet,
         "by_force": by_force,
@@ -164,6 +169,12 @@ def compute(context: StudyContext) -> Values:
             ),
         ],
     }
+
+
+def _feet(context: StudyContext) -> dict[str, StudyContext]:
+    """Return the studied foot and the other released ones."""
+    studied = context.foot_design.foot_type
+    return {studied: context} | {name: context.foot(name) for name in released_names() if name != studied}
 
 
 class _Known(NamedTuple):
@@ -298,18 +309,20 @@ def text(values: Values) -> str:
     """Return the page's Markdown."""
     both = [row for rows in values["bound"].values() for row in rows]
     missing = table(
-        f"missing | direction mean [deg] | 95 % below [deg] | magnitude [gf] | {_WITHIN_HEADING}",
+        f"missing, {SAME_TABLE} | direction mean [deg] | 95 % below [deg] | magnitude [gf] | {_WITHIN_HEADING}",
         values["missing"],
         "{missing} | {direction_deg:.2f} | {direction_p95_deg:.2f} | {magnitude_gf:.2f} | " + _WITHIN,
     )
-    by_force = table(f"held-out loads | {_WITHIN_HEADING}", values["by_force"], "{name} | " + _WITHIN)
+    by_force = table(
+        f"held-out loads, {SAME_TABLE} | {_WITHIN_HEADING}", values["by_force"], "{name} | " + _WITHIN
+    )
     by_batch = table(
-        f"{values['n_feet']} feet with | {_WITHIN_HEADING} | within 2, worst foot",
+        f"{values['n_feet']} feet with, {SAME_TABLE} | {_WITHIN_HEADING} | within 2, worst foot",
         values["by_batch"],
         "{name} | " + _WITHIN + " | {least_within_2:.0%}",
     )
     bounds = table(
-        "loads | force [gf] | number (beyond range) | direction rms [deg] | without noise | bound | over bound | typical"
+        f"loads, {SAME_TABLE} | force [gf] | number (beyond range) | direction rms [deg] | without noise | bound | over bound | typical"
         " | magnitude rms [gf] | bound",
         [{"loads": loads} | row for loads, rows in values["bound"].items() for row in rows],
         "{loads} | {magnitude_gf:g} | {n} ({n_beyond_range}) | {direction_rms_deg:.2f} | {noiseless_direction_rms_deg:.2f}"
@@ -321,7 +334,7 @@ def text(values: Values) -> str:
         "{magnitude_gf:g} | {distance_sigmas:.1f} | {elevation_deg:g} | {force_apart_deg:.0f}",
     )
     rest = table(
-        "loads | force | direction mean [deg] | 95 % below | worst | magnitude [gf] | within 2 sigma",
+        f"loads, {SAME_TABLE} | force | direction mean [deg] | 95 % below | worst | magnitude [gf] | within 2 sigma",
         [
             {"name": name, "kind": kind if kind == "network" else f"refined, {row['share']:.0%} of the loads"}
             | row[kind]
@@ -330,6 +343,9 @@ def text(values: Values) -> str:
         ],
         "{name} | {kind} | {direction_deg:.3f} | {direction_p95_deg:.3f} | {direction_max_deg:.2f} | {magnitude_gf:.3f}"
         " | {within_2:.1%}",
+    )
+    tables = "\n\n".join(
+        f"### {foot}\n\n{error_table.strip()}" for foot, error_table in values["error_tables"].items()
     )
     return f"""
 One released network of {values["weights"]} weights, symmetric under the square by construction. Training, held-out loads and this
@@ -341,7 +357,7 @@ page use one response table, with vented cavities: what a made foot adds is on t
 {values["min_evaluated_force_n"]:g} N up, leaning contacts, the converter's noise; loads beyond the converter's range are drawn again, so
 they are not in these figures. The paper's figures are those of its simulation (section III F).
 
-{values["error_table"].strip()}
+{tables}
 
 ## Refined at rest
 

@@ -25,7 +25,7 @@ from footsense.lab.evaluation.fidelity_levels import compare_levels
 from footsense.lab.fabrication.electronics import chips
 from footsense.lab.fem.mesh import COARSE_MESH, RELEASED_MESH
 from footsense.lab.parallel import N_PROCESSES, compute_each
-from footsense.lab.report import StudyContext, Values, table, target
+from footsense.lab.report import SAME_TABLE, StudyContext, Values, table, target
 from footsense.lab.training.gait_readings import SCANS_OF_NETWORK, TRAINING_GAIN_RMS_REL, random_gaits
 from footsense.lab.training.load_cases import random_loads
 
@@ -286,13 +286,13 @@ def text(values: Values) -> str:
     )
     published = values["published"]
     methods = table(
-        "load | published, order of the scan | error when sent, rms [mN] | at any time [mN] | direction mean / 95 % [deg] | lag [ms]",
+        f"load, {SAME_TABLE} | published, order of the scan | error when sent, rms [mN] | at any time [mN] | direction mean / 95 % [deg] | lag [ms]",
         [load | one for load in published["loads"].values() for one in load["methods"]],
         "{title} | {method}, {scan_order} | {errors[error_norm_rms_mn]:.0f} | {errors[held_error_norm_rms_mn]:.0f}"
         " | {errors[direction_error_mean_p95_deg][0]:.1f} / {errors[direction_error_mean_p95_deg][1]:.1f} | {errors[lag_ms]:.1f}",
     )
     points = table(
-        "S/s | conversions per force | forces/s | CAN [kbit/s] | age of the last force, median / 99 % [ms] | noise, standing [mN]"
+        f"S/s, {SAME_TABLE} | conversions per force | forces/s | CAN [kbit/s] | age of the last force, median / 99 % [ms] | noise, standing [mN]"
         " | walk, at any time [mN] | when sent [mN]",
         published["points"],
         "{rate_sps} | {publish_every} | {forces_hz:.0f} | {can_kbit_s:.0f}"
