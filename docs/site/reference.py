@@ -1,7 +1,8 @@
-"""Write the generated parts of the documentation from the code, or say which are not what the code gives.
+"""Write what documents take from the code and from the report, or say which are not what these give.
 
-A page has them between a line `<!-- generated: NAME -->`, or with an argument behind the name, and a line
-`<!-- end -->`; what stands around them is written by hand. `make docs` writes them, and a test checks them.
+A page has a generated part between a line `<!-- generated: NAME -->`, or with an argument behind the name, and a line
+`<!-- end -->`; a figure of the report as `figures.py` says; what stands around them is written by hand. Pages of the
+report say themselves if they are out of date. `make docs` writes all of it, and a test checks it.
 """
 
 import re
@@ -14,6 +15,7 @@ import can_frames
 import commands
 import configuration
 import example_programs
+import figures
 import leg_words
 import metrics
 import python_api
@@ -40,7 +42,10 @@ _GENERATORS: dict[str, Callable[..., str]] = {
     "scene": scenes.markdown,
     "scene-faults": scenes.faults,
     "states": leg_words.states,
+    **figures.TABLES,
 }
+#: Documents that are no pages of the site.
+_OTHERS = ("README.md", "CHANGELOG.md", "deploy/README.md", "models/*/README.md")
 
 
 def _generated(part: re.Match[str]) -> str:
@@ -50,9 +55,10 @@ def _generated(part: re.Match[str]) -> str:
 
 def outdated() -> Iterator[tuple[Path, str]]:
     """Yield each page whose generated parts are not what the code gives, with its text as it should be."""
-    for path in sorted(PAGES.rglob("*.md")):
+    for path in sorted([*PAGES.rglob("*.md"), *(path for one in _OTHERS for path in ROOT.glob(one))]):
         text = path.read_text(encoding="utf-8")
-        if (current := _PART.sub(_generated, text)) != text:
+        current = figures.filled(_PART.sub(_generated, text), str(path.relative_to(ROOT)))
+        if current != text:
             yield path, current
 
 

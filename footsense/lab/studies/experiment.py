@@ -358,7 +358,11 @@ def _kind_table(values: Values, calibration: str) -> str:
                     _percent(one["range"][figure][number] for number in numbers)
                     for figure in ("no_force", "within_2_sigma")
                 )
-                rows.append((_KINDS[name].words, feet, *errors, *shares))
+                kind = _KINDS[name]
+                is_same = not kind.table and kind.foot_model is Specimen
+                rows.append(
+                    (f"{kind.words}, {SAME_TABLE}" if is_same else kind.words, feet, *errors, *shares)
+                )
     return table(
         "kind | feet | centred [deg] | centred [gf] | range [deg] | range [gf] | no force [%] | coverage [%]",
         rows,

@@ -1,0 +1,317 @@
+"""Figures of the report in the documents: the text between `<!--figure NAME-->` and `<!--end-->` is that of a name here.
+
+`TABLES` are whole parts of pages, between the lines that `reference.py` looks for. Each figure is computed from the JSON
+of a page of the report, so that none is typed.
+"""
+
+import json
+import re
+from collections.abc import Callable, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from footsense.frames import Vector
+
+ROOT = Path(__file__).parents[2]
+REPORT = ROOT / "docs" / "report"
+MARK = re.compile(r"<!--figure (?P<name>[\w.-]+)-->(?P<text>.*?)<!--end-->", re.DOTALL)
+
+_MN_PER_GF = 9.80665
+_PAPER_FOOT, _HEXAPOD_FOOT, _QUADRUPED_FOOT = "aoyagi-3x3", "hexapod-2kg", "quadruped-12kg"
+_FEET = (_PAPER_FOOT, _HEXAPOD_FOOT, _QUADRUPED_FOOT)
+#: Boards of the front page: the default, and that with one converter in a foot.
+_DEFAULT, _SMALL = "fdc1004_columns", "fdc1004"
+#: Weight over the legs that carry a walking robot: three of six, two of four [N].
+_SHARE_N = {_HEXAPOD_FOOT: 2.0 * 9.80665 / 3, _QUADRUPED_FOOT: 12.0 * 9.80665 / 2}
+
+
+@cache
+def _page(name: str) -> Any:  # noqa: ANN401 - JSON
+    return json.loads((REPORT / f"{name}.json").read_text("utf-8"))
+
+
+def _board(board: str) -> Any:  # noqa: ANN401
+    return _page("motion")["boards"][board]
+
+
+def _robots(board: str, foot: str = _PAPER_FOOT) -> Any:  # noqa: ANN401
+    return _board(board)["pooled"][foot]
+
+
+def _gait(board: str, load: str) -> Any:  # noqa: ANN401
+    return next(row for row in _board(board)["gaits"] if row["load"] == load)
+
+
+def _own_robot(board: str, place: int) -> Any:  # noqa: ANN401
+    return list(_board(board)["own_robots"].values())[place]
+
+
+def _run(foot: str, gait: str) -> Any:  # noqa: ANN401
+    return next(row for row in _board(_DEFAULT)["runs"][foot] if row["run"] == f"{foot} {gait}")
+
+
+def _range_n(foot: str, lean: int) -> float:
+    """Return the range under a force that leans by 0, 14 or 30 deg, the entries 0 to 2 [N]."""
+    return float(_page("design")["feet"][foot]["built"]["upright_range_n"][lean])
+
+
+def _made(calibration: str, test: str = "centred", kind: str = "supposed") -> dict[str, Any]:
+    """Return the errors of made feet as arrays [deg], [mN], and shares."""
+    found = _page("experiment")["kinds"][kind][calibration][test]
+    known = {key: np.array([one for one in values if one is not None]) for key, values in found.items()}
+    return known | {"deg": known["true_deg"], "mn": _MN_PER_GF * known["true_gf"]}
+
+
+def _of_other_kinds() -> Vector:
+    """Return the errors of accepted feet of all kinds that a calibration does not know [deg, mN], shape (feet, 2)."""
+    return np.array(
+        [
+            (own["centred"]["true_deg"][number], _MN_PER_GF * own["centred"]["true_gf"][number])
+            for name, kind in _page("experiment")["kinds"].items()
+            for own in (kind["all"],)
+            for number, refused in enumerate(own["refused"])
+            if name != "supposed" and not refused
+        ]
+    )
+
+
+def _published(rate_sps: int, publish_every: int) -> Any:  # noqa: ANN401
+    return next(
+        point
+        for point in _page("speed-error")["published"]["points"]
+        if (point["rate_sps"], point["publish_every"]) == (rate_sps, publish_every)
+    )
+
+
+def _step_error_mn() -> float:
+    methods = _page("speed-error")["published"]["loads"]["step"]["methods"]
+    own = next(one for one in methods if one["method"] == "every 4th" and one["scan_order"] == "lo_shu")
+    return float(own["errors"]["held_error_norm_rms_mn"])
+
+
+def _others(key: str) -> list[Any]:
+    return [_robots(_DEFAULT, foot)[key] for foot in (_HEXAPOD_FOOT, _QUADRUPED_FOOT)]
+
+
+def _random(key: str, form: str) -> str:
+    """Return an error of the three networks at rest under random loads, by foot."""
+    return ", ".join(format(_page("rest")["errors"][foot]["random_network"][key], form) for foot in _FEET)
+
+
+def _random_mn(key: str) -> str:
+    errors = _page("rest")["errors"]
+    found = [_MN_PER_GF * errors[foot]["random_network"][key] for foot in _FEET]
+    return ", ".join(f"{one:.1f}" if one < 10 else f"{one:.0f}" for one in found)
+
+
+def _leaning(lean: int) -> str:
+    small, middle, large = (_range_n(foot, lean) for foot in _FEET)
+    return f"{small:.2f} N, {middle:.1f} N, {large:.0f} N"
+
+
+def _front() -> str:
+    own, small = _robots(_DEFAULT), _robots(_SMALL)
+    walk, trot = _gait(_DEFAULT, "measured walk"), _gait(_DEFAULT, "trot of a robot dog")
+    slow_walk = _gait(_SMALL, "measured walk")
+    other = _gait(_DEFAULT, "random gaits at another pace")
+    touches, missed, twice, in_air = (
+        sum(_others(key)) for key in ("n_touches", "n_missed", "n_twice", "n_in_air")
+    )
+    pressed, standing, uncalibrated = _made("all"), _made("standing"), _made("design")
+    others = _of_other_kinds()
+    worst_deg, worst_mn = others.max(axis=0)
+    published = _published(400, 4)
+    made_n = [min(_page("design")["feet"][foot]["made_range_n"]) for foot in _FEET]
+    direction, mid_stance = _others("direction_deg"), _others("mid_stance_deg")
+    both = " and ".join
+    rows = [
+        (
+            "**Walking robots** of a physics engine, loads scaled to 1 N on the smallest foot; error when the force is sent",
+            f"{own['n_runs']} runs of a hexapod and a quadruped: direction {own['direction_deg']:.1f} deg on average, "
+            f"{own['mid_stance_deg']:.1f} deg in mid-stance; on the feet of their own size "
+            f"{np.mean(direction):.1f} and {np.mean(mid_stance):.1f} deg",
+            f"the worst gait: {own['worst_direction_deg']:.1f} deg; hard landings: {own['landings_direction_deg']:.1f} deg",
+        ),
+        (
+            "**A smooth walk**, 1 N on a foot",
+            f"direction {walk['direction_deg']:.1f} deg on average, 1 force in 20 more than {walk['direction_p95_deg']:.1f} "
+            f"deg; fz {walk['rms_mn'][2]:.0f} mN rms; with a robot dog's trot {trot['direction_deg']:.1f} and "
+            f"{trot['direction_p95_deg']:.1f} deg",
+            f"{_page('motion')['n_random_gaits']} random gaits, scanned faster or slower: {other['direction_deg']:.1f} deg on "
+            f"average, 1 force in 20 more than {other['direction_p95_deg']:.1f} deg; fz {other['rms_mn'][2]:.0f} mN rms",
+        ),
+        (
+            "**Contact** of the same robots, on the two larger feet",
+            f"{1 - missed / touches:.0%} of {touches} touchdowns are told, "
+            f"{both(f'{one:.0f}' for one in _others('delay_p50_ms'))} ms after the first load (median), lift-offs after "
+            f"{both(f'{one:.0f}' for one in _others('lift_off_delay_p50_ms'))} ms",
+            f"1 in 100 later than {max(_others('delay_p99_ms')):.0f} ms; {twice} told twice; {in_air} false ones in the air; "
+            f"on the smallest foot {own['n_in_air']} for {own['n_touches']} touches",
+        ),
+        (
+            "**With one chip in a foot**, board `fdc1004`",
+            f"walking robots: direction {small['direction_deg']:.1f} deg on average, {small['mid_stance_deg']:.1f} deg in "
+            f"mid-stance; the smooth walk {slow_walk['direction_deg']:.1f} deg; of what a controller holds, "
+            f"{published['forces_hz']:.0f} forces/s, the median is {published['walk']['held_age_p50_p99_ms'][0]:.0f} ms old",
+            f"the worst gait {small['worst_direction_deg']:.1f} deg; hard landings: {small['landings_direction_deg']:.1f} deg; "
+            f"where the full load comes within 5 ms, the force is wrong by {_step_error_mn():.0f} mN rms",
+        ),
+        (
+            "**Feet with tolerances**, at rest under 1 N, calibrated with 302 presses",
+            f"mean of {len(pressed['deg'])} feet: direction {pressed['deg'].mean():.2f} deg, magnitude "
+            f"{pressed['mn'].mean():.0f} mN, {pressed['within_2_sigma'].mean():.0%} of the errors within 2 sigma; calibrated "
+            f"by standing, without a force sensor, {standing['deg'].mean():.1f} deg, {standing['mn'].mean():.0f} mN, "
+            f"{standing['within_2_sigma'].mean():.0%}",
+            f"the worst of these feet: {pressed['deg'].max():.2f} deg, {pressed['mn'].max():.0f} mN; of {len(others)} feet whose "
+            f"physics the calibration does not know: {worst_deg:.2f} deg, {worst_mn:.0f} mN; by standing "
+            f"{standing['deg'].max():.1f} deg, {standing['mn'].max():.0f} mN; without calibration: "
+            f"{uncalibrated['deg'].max():.0f} deg, {1e-3 * uncalibrated['mn'].max():.2f} N",
+        ),
+        (
+            "**The three feet** as designed, at rest, random loads up to the largest trained: "
+            + ", ".join(f"{_page('design')['feet'][foot]['trained_n']:g} N" for foot in _FEET),
+            f"direction {_random('direction_deg', '.2f')} deg on average; magnitude {_random_mn('magnitude_gf')} mN",
+            f"1 force in 20 more than {_random('direction_p95_deg', '.2f')} deg, or {_random_mn('magnitude_p95_gf')} mN; the "
+            f"worst {_random('direction_max_deg', '.0f')} deg",
+        ),
+        (
+            "**Range** of the three feet: largest normal load on upright ground with a force and no overload",
+            f"leaning by 14 deg: {_leaning(1)} as designed; leaning by 30 deg: {_leaning(2)}",
+            f"the weakest of {_page('design')['n_feet']} feet with tolerances, by 30 deg: {made_n[0]:.2f} N, "
+            f"{made_n[1]:.1f} N, {made_n[2]:.0f} N",
+        ),
+    ]
+    return "\n".join(
+        [
+            "| simulated, *same table* | usual | worst case |",
+            "|---|---|---|",
+            *(f"| {' | '.join(row)} |" for row in rows),
+        ]
+    )
+
+
+def _rates() -> str:
+    uses = {
+        "weighing, calibrating": (100, 4),
+        "walking, the default": (400, 4),
+        "control of a walk": (400, 1),
+    }
+    lines = [
+        "| for | `scan.rate_sps`, `publish_every` | age of the force in use | its error on a walk of 1 N, rms"
+        " | noise, standing | CAN, six legs |",
+        "|---|---|---:|---:|---:|---:|",
+    ]
+    for use, setting in uses.items():
+        point = _published(*setting)
+        walk = point["walk"]
+        lines.append(
+            f"| {use} | {setting[0]}, {setting[1]} | {walk['held_age_p50_p99_ms'][0]:.2g} ms | "
+            f"{walk['held_error_norm_rms_mn']:.0f} mN | {point['standing_noise_norm_rms_mn']:.2f} mN | "
+            f"{point['can_kbit_s']:.0f} kbit/s |"
+        )
+    return "\n".join(lines)
+
+
+def _peaks() -> str:
+    """Return the peaks of walking robots over the share of the weight that a foot carries."""
+
+    def peak(foot: str, gait: str) -> str:
+        return f"{_run(foot, gait)['peak_n'] / _SHARE_N[foot]:.1f}"
+
+    rows = {
+        "tripod of a hexapod, slow / fast": [
+            (_HEXAPOD_FOOT, "tripod flat"),
+            (_HEXAPOD_FOOT, "tripod-fast flat"),
+        ],
+        "trot of a quadruped, slow / fast": [
+            (_QUADRUPED_FOOT, "trot-slow flat"),
+            (_QUADRUPED_FOOT, "trot-fast flat"),
+        ],
+        "walk, one leg after another, hexapod / quadruped": [
+            (_HEXAPOD_FOOT, "walk flat"),
+            (_QUADRUPED_FOOT, "walk flat"),
+        ],
+        "hops, hexapod / quadruped": [(_HEXAPOD_FOOT, "hop flat"), (_QUADRUPED_FOOT, "hop flat")],
+        "landings, hexapod / quadruped": [(_HEXAPOD_FOOT, "landing flat"), (_QUADRUPED_FOOT, "landing flat")],
+    }
+    lines = [f"| {gait} | {' / '.join(peak(*run) for run in runs)} |" for gait, runs in rows.items()]
+    return "\n".join(["| gait | peak over the foot's share of the weight |", "|---|---:|", *lines])
+
+
+def _ranges(foot: str) -> str:
+    """Return the ranges of a foot by force, as on its card."""
+    built = _page("design")["feet"][foot]["built"]
+    rows = {
+        "along the normal": built["upright_range_n"][0],
+        "leaning 14 deg from the normal, to the worst side": built["upright_range_n"][1],
+        "leaning 30 deg from the normal, to the worst side": built["upright_range_n"][2],
+        "centred, 30 deg off the foot's axis": built["centred_range_n"],
+    }
+    lines = [f"| {force} | {range_n:.3g} |" for force, range_n in rows.items()]
+    return "\n".join(["| force | range [N] |", "|---|---:|", *lines])
+
+
+TABLES: Mapping[str, Callable[..., str]] = {
+    "how-good": _front,
+    "rates": _rates,
+    "peaks": _peaks,
+    "range-table": _ranges,
+    "error-table": lambda foot: _page("rest")["error_tables"][foot].strip(),
+}
+
+
+def figures() -> dict[str, str]:
+    """Return the text of each figure by its name."""
+    own, small = _robots(_DEFAULT), _robots(_SMALL)
+    found = {
+        "robots.deg": f"{own['direction_deg']:.1f}",
+        "robots.worst-deg": f"{own['worst_direction_deg']:.1f}",
+        "robots.missed": f"{own['n_missed']}",
+        "walk.deg": f"{_gait(_DEFAULT, 'measured walk')['direction_deg']:.1f}",
+        "one-chip.robots.deg": f"{small['direction_deg']:.1f}",
+        "one-chip.robots.worst-deg": f"{small['worst_direction_deg']:.1f}",
+        "one-chip.walk.deg": f"{_gait(_SMALL, 'measured walk')['direction_deg']:.1f}",
+        "robots.worst-bias-ms": f"{own['worst_bias_ms']:.0f}",
+        "one-chip.robots.worst-bias-ms": f"{small['worst_bias_ms']:.0f}",
+        "robots.lift-off-ms": f"{own['lift_off_delay_p50_ms']:.0f}",
+        "one-chip.robots.lift-off-ms": f"{small['lift_off_delay_p50_ms']:.0f}",
+        "robots.least-within-2-sigma": f"{own['least_within_2_sigma']:.0%}",
+        "rest.leaning.deg": f"{_page('rest')['refined']['leaning, held out']['refined']['direction_deg']:.2f}",
+        "rest.leaning.network.deg": f"{_page('rest')['refined']['leaning, held out']['network']['direction_deg']:.2f}",
+        "hexapod.force-share": f"{1 - _robots(_DEFAULT, _HEXAPOD_FOOT)['no_force_share']:.1%}",
+        "hexapod.hop.peak-n": f"{_run(_HEXAPOD_FOOT, 'hop flat')['peak_n']:.0f}",
+        "hexapod.worst-force-share": f"{1 - _robots(_DEFAULT, _HEXAPOD_FOOT)['worst_no_force_share']:.1%}",
+    }
+    timed = _page("speed-error")["boards"]
+    found["scans-hz"] = f"{1e3 / timed['columns_two_buses']['scan_ms']:.0f}"
+    found["one-chip.scans-hz"] = f"{1e3 / timed['one_bus']['scan_ms']:.0f}"
+    for name, board in (("", _DEFAULT), ("one-chip.", _SMALL)):
+        for place, robot in enumerate(("hexapod", "quadruped")):
+            walked = _own_robot(board, place)
+            found[f"{name}{robot}.walk.deg"] = f"{walked['direction_deg']:.2f}"
+            found[f"{name}{robot}.walk.size"] = f"{walked['magnitude_rel']:.1%}"
+    for foot, short in zip(_FEET, ("small", "hexapod", "quadruped"), strict=True):
+        for lean, degrees in enumerate((0, 14, 30)):
+            range_n = _range_n(foot, lean)
+            found[f"{short}.range-{degrees}-n"] = f"{range_n:.2f}" if range_n < 10 else f"{range_n:.3g}"
+    found["small.centred-range-n"] = f"{_page('design')['feet'][_PAPER_FOOT]['built']['centred_range_n']:.2f}"
+    return found
+
+
+def filled(text: str, where: str) -> str:
+    """Return a document's text with each marked figure as the report has it.
+
+    Raises:
+        ValueError: There is no figure of some name.
+    """
+    known = figures()
+
+    def figure(mark: re.Match[str]) -> str:
+        if mark["name"] not in known:
+            raise ValueError(f"{where}: no figure {mark['name']!r}; docs/site/figures.py has them")
+        return f"<!--figure {mark['name']}-->{known[mark['name']]}<!--end-->"
+
+    return MARK.sub(figure, text)
