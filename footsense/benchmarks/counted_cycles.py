@@ -107,6 +107,9 @@ def run_counted_cycles(walk: RecordedWalk, count: Callable[[], int], start: Call
         walk: The walk.
         count: Called at each mark; returns the instructions so far, if it is known here.
         start: Called before the first mark that counts.
+
+    Raises:
+        FootsenseError: The scanner did other transactions than those of the walk.
     """
     logging.disable()  # the faults are on purpose
     marker = _Marker(count)
@@ -128,6 +131,8 @@ def run_counted_cycles(walk: RecordedWalk, count: Callable[[], int], start: Call
             for _ in range(walk.n_healthy + walk.n_faulty):
                 run_marked()
                 cycle.drain()
+            if clock.now_ns() != walk.end_ns:
+                raise FootsenseError("the scanner did other transactions than the recorded ones")
             marker.around("empty", _call_repeatedly)(marker.around("nothing", lambda: None))
             marker.around("empty", _call_repeatedly)(marker.around("answer", answer))
     return marker.marks()

@@ -157,12 +157,17 @@ def counted_with(counter: Counter) -> dict[str, str]:
     options = _BUILD_OPTIONS.findall(sysconfig.get_config_var("CONFIG_ARGS") or "")
     return {
         "counter": counter,
-        "machine": platform.machine(),
+        "machine": f"{platform.machine()}{' avx2' if 'avx2' in _cpu_words() else ''}",
         "python": platform.python_version(),
         "python_build": " ".join([platform.python_compiler(), *sorted(set(options))]),
         "libc": " ".join(platform.libc_ver()),
         **{package: version(package) for package in _PACKAGES},
     }
+
+
+def _cpu_words() -> list[str]:
+    cpuinfo = Path("/proc/cpuinfo")
+    return cpuinfo.read_text(errors="replace").split() if cpuinfo.exists() else []
 
 
 def dumped_counts(counts: Path, n: int) -> list[int]:

@@ -74,6 +74,7 @@ class RecordedWalk(Struct, frozen=True):
         n_faulty: Cycles with faults that follow; a few more are recorded.
         n_transactions: Transactions of each of these cycles.
         cycle_ns: Mean time of a healthy cycle [ns].
+        end_ns: Time of the loop after the last of these cycles [ns].
     """
 
     buses: list[list[Exchange]]
@@ -82,6 +83,7 @@ class RecordedWalk(Struct, frozen=True):
     n_faulty: int
     n_transactions: list[int]
     cycle_ns: float
+    end_ns: int
 
 
 class _RecordingBus:
@@ -139,6 +141,7 @@ def record_walk(n_healthy: int, n_faulty: int) -> RecordedWalk:
         n_faulty=n_faulty,
         n_transactions=n_transactions[n_warm_up:-_N_SPARE_CYCLES],
         cycle_ns=(times_ns[n_warm_up + n_healthy] - times_ns[n_warm_up]) / n_healthy,
+        end_ns=times_ns[-1 - _N_SPARE_CYCLES],
     )
 
 
@@ -157,7 +160,7 @@ def started_scanner(
     return scanner, JoinedClock(clocks, plan.conversion_wait_ns)
 
 
-class Replay(NamedTuple):
+class ReplayedWalk(NamedTuple):
     """A recorded walk, ready to be read.
 
     Attributes:
@@ -171,7 +174,7 @@ class Replay(NamedTuple):
     answer: Callable[[], object]
 
 
-def replay_walk(walk: RecordedWalk) -> Replay:
+def replay_walk(walk: RecordedWalk) -> ReplayedWalk:
     """Return a recorded walk over the adapter class of Linux.
 
     In this whole process the system call of the adapters gets the recorded answers, in place of the kernel's.
@@ -204,4 +207,4 @@ def replay_walk(walk: RecordedWalk) -> Replay:
         except OSError:
             pass
 
-    return Replay(scanner, loop_clock, answer)
+    return ReplayedWalk(scanner, loop_clock, answer)

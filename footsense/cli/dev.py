@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 #: Cycles, time of the wake-ups [s], cycles whose instructions are counted, and usual duration [s] of the benchmark and
 #: its quick form.
-_WHOLE, _QUICK = (800, 10.0, 24, 110.0), (60, 1.0, 4, 45.0)
+_WHOLE, _QUICK = (800, 10.0, 24, 90.0), (60, 1.0, 4, 35.0)
 
 
 @click.group()

@@ -89,7 +89,7 @@ def main(*options: str) -> int:
         print(f"instructions: not compared with {COMMITTED.name}, as {unlike}")
         return 0
     lines = list(grown(counted.figures(), committed.figures))
-    print("\n".join(lines))
+    print("\n".join(lines) or "instructions: none has grown by more than 5 %")
     return int(bool(lines))
 
 
