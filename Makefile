@@ -8,6 +8,7 @@
 # make fuzz      an hour of other and more examples for the tests in tests/fuzz
 # make lock      renews the versions and hashes that all of these install: deploy/ and tests/requirements.lock
 # make golden    the recorded walk anew that every change is replayed against; only for a change that is meant to change forces
+# make instructions   counts the instructions of a cycle: none may take 5 % more than those committed; ARGS=--write renews these
 # make kernel-test         the service as deployed, on a Debian kernel in an emulator; needs Debian 12 and root
 # make kernel-test-short   the first of these trials, a part of CI's verdict; does nothing where it cannot
 # NEWEST=1 behind any of them installs the newest packages in place of the locked ones, in .venv-newest.
@@ -23,7 +24,7 @@ SYNC   := $(UV) install --quiet --python $(BIN)/python
 
 # What is done is said by `echo`, not by the recipes' text.
 .SILENT:
-.PHONY: run help install test test-all check slow-tests docs release kernel-test kernel-test-short fuzz lock format golden clean newest
+.PHONY: run help install test test-all check slow-tests docs release kernel-test kernel-test-short instructions fuzz lock format golden clean newest
 
 run: $(VENV)/robot.stamp
 	$(BIN)/footsense run --realtime --duration 30
@@ -69,6 +70,9 @@ kernel-test: $(VENV)/dev.stamp
 
 kernel-test-short: $(VENV)/dev.stamp
 	$(BIN)/python -m tests.kernel --short
+
+instructions: $(VENV)/dev.stamp
+	$(BIN)/python -m tests.golden.instructions $(ARGS)
 
 fuzz: $(VENV)/dev.stamp
 	$(BIN)/python -m tests.fuzz $(ARGS)

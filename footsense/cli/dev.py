@@ -17,8 +17,9 @@ from footsense.progress import progress_bar, timed_bar
 if TYPE_CHECKING:
     from footsense.validation.soak import StretchResult
 
-#: Cycles, time of the wake-ups [s], and usual duration [s] of the benchmark and its quick form.
-_WHOLE, _QUICK = (800, 10.0, 50.0), (60, 1.0, 15.0)
+#: Cycles, time of the wake-ups [s], cycles whose instructions are counted, and usual duration [s] of the benchmark and
+#: its quick form.
+_WHOLE, _QUICK = (800, 10.0, 24, 90.0), (60, 1.0, 4, 35.0)
 
 
 @click.group()
@@ -26,18 +27,21 @@ def dev() -> None:
     """Measure and test footsense itself: benchmark, soak, trace."""
 
 
-@dev.command(short_help="Measure scan, cycle, latency, start and memory.")
+@dev.command(short_help="Measure scan, cycle, instructions, latency, start and memory.")
 @json_option
-@click.option("--quick", is_flag=True, help="In seconds: the tails are then of few wake-ups.")
+@click.option("--quick", is_flag=True, help="Faster: the tails are then of few wake-ups.")
 def benchmark(*, as_json: bool, quick: bool) -> None:
-    """Measure scan, age, cycle, virtual feet, latency, start and memory, beside a limit or a naive program."""
-    n_cycles, wakeup_s, usual_s = _QUICK if quick else _WHOLE
+    """Measure scan, age, cycle, virtual feet, latency, start and memory, beside a limit or a naive program.
+
+    Instructions are counted by the kernel, or by valgrind where its counters cannot be used.
+    """
+    n_cycles, wakeup_s, n_counted_cycles, usual_s = _QUICK if quick else _WHOLE
     with timed_bar("benchmark", usual_s):
-        figures = _measure_all(n_cycles, wakeup_s)
+        figures = _measure_all(n_cycles, wakeup_s, n_counted_cycles)
     echo_figures(figures, as_json=as_json)
 
 
-def _measure_all(n_cycles: int, wakeup_s: float) -> dict[str, Any]:
+def _measure_all(n_cycles: int, wakeup_s: float, n_counted_cycles: int) -> dict[str, Any]:
     from footsense.benchmarks.cycle import N_WARM_UP_CYCLES, compare_cycle_durations, simulated_walk_frames
     from footsense.benchmarks.scan import (
         measure_all_scan_periods,
@@ -55,6 +59,7 @@ def _measure_all(n_cycles: int, wakeup_s: float) -> dict[str, Any]:
         "conversion_limit_ms": min_scan_period_by_conversions_ms(),
         "age_ms": newest_reading_age_ms(),
         "cycle_us": compare_cycle_durations(scans),
+        "instructions": _instructions(n_counted_cycles),
         "virtual_feet": {
             "columns": measure_virtual_feet("fdc1004_columns"),
             "one_converter": measure_virtual_feet("fdc1004"),
@@ -62,6 +67,20 @@ def _measure_all(n_cycles: int, wakeup_s: float) -> dict[str, Any]:
         "wakeup_latency_us": measure_wakeup_latency(scans, wakeup_s),
         **_start_and_memory(),
     }
+
+
+def _instructions(n_cycles: int) -> dict[str, Any] | None:
+    """Return the instructions of a cycle; None, and a line that says why, where they cannot be counted."""
+    from footsense.benchmarks.instructions import count_cycles, usable_counter
+
+    counter = usable_counter()
+    if counter is None:
+        click.echo(
+            "instructions are not counted: the kernel has no counter here, and there is no valgrind", err=True
+        )
+        return None
+    counted = count_cycles(counter, n_cycles)
+    return {"counter": counter, "a_second": counted.instructions_a_second(), **counted.figures()}
 
 
 def _start_and_memory() -> dict[str, float]:
