@@ -1,0 +1,75 @@
+"""`make aarch64-test`: the robot's packages, and what has to be the same on its processor, on an emulated aarch64.
+
+Debian's kernel for it boots in qemu, where the packages of the robot's lock replay both golden recordings, the client
+in C answers to all link vectors, and the ring's tests are done. Where the machine cannot be made, one line says why, and
+the exit code is 0, because CI runs it everywhere.
+"""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from threading import Timer
+
+from tests.aarch64.root import HOST_PACKAGES, checkout, root
+from tests.support.made_once import LackingError, install_missing
+
+#: Names of the checks that guest/init runs, and what they are.
+_CHECKS = {
+    "measured_walk": "golden recording",
+    "small_board": "golden recording of the smaller board",
+    "c_client": "client in C, link vectors",
+    "ring": "tests of the ring",
+}
+#: Longest run of the machine [s]; a Cortex-A76 is that of a Raspberry Pi 5.
+_LIMIT_S, _PROCESSOR = 420, "cortex-a76"
+_RESULT = re.compile(r"(\w+): exit (\d+) after (\d+) s")
+
+
+def console(kernel: Path, *ram_disks: Path) -> list[str]:
+    """Run the machine until it is switched off or its time is over; print and return the lines of its console."""
+    with TemporaryDirectory(prefix="aarch64-test-") as folder:
+        initrd = Path(folder) / "initrd"
+        with initrd.open("wb") as file:
+            for ram_disk in ram_disks:
+                file.write(ram_disk.read_bytes())
+        qemu = subprocess.Popen([
+            "qemu-system-aarch64", "-M", "virt", "-cpu", _PROCESSOR, "-smp", str(min(4, os.cpu_count() or 1)),
+            "-m", "2048", "-accel", "tcg,thread=multi", "-nodefaults", "-display", "none", "-nic", "none",
+            "-no-reboot", "-serial", "stdio", "-kernel", kernel, "-initrd", initrd,
+            "-append", "console=ttyAMA0 loglevel=4 panic=-1 mitigations=off",
+        ], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace")  # fmt: skip
+        timer = Timer(_LIMIT_S, qemu.kill)
+        timer.start()
+        lines = []
+        with qemu:
+            assert qemu.stdout is not None
+            for line in qemu.stdout:
+                lines.append(line.rstrip())
+                print(lines[-1], flush=True)
+        timer.cancel()
+        return lines
+
+
+def main() -> int:
+    """Make what is missing, run the checks, and return the exit code."""
+    try:
+        install_missing(HOST_PACKAGES)
+        folder = root()
+    except LackingError as error:
+        print(f"aarch64-test: not run: {error}")
+        return 0
+    with TemporaryDirectory(prefix="aarch64-test-") as work:
+        lines = console(folder / "vmlinuz", folder / "root.cpio", checkout(Path(work)))
+    results = {match[1]: match for line in lines if (match := _RESULT.fullmatch(line))}
+    for name, words in _CHECKS.items():
+        match = results.get(name)
+        done = "not ended" if match is None else f"{'FAILED' if match[2] != '0' else 'passed'}, {match[3]} s"
+        print(f"aarch64-test: {name} ({words}): {done}")
+    return 0 if all(name in results and results[name][2] == "0" for name in _CHECKS) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
