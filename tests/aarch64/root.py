@@ -80,7 +80,16 @@ def checkout(folder: Path) -> Path:
 
 def _archive(tree: Path, target: Path) -> None:
     """Compile all Python of a folder, as it takes long in an emulator; then put it into an archive."""
-    compile_all = (sys.executable, "-m", "compileall", "-q", "-j", "0", "--invalidation-mode", "unchecked-hash")
+    compile_all = (
+        sys.executable,
+        "-m",
+        "compileall",
+        "-q",
+        "-j",
+        "0",
+        "--invalidation-mode",
+        "unchecked-hash",
+    )
     with chdir(tree):
         # Examples of syntax errors among Python's own tests do not matter.
         run("sh", "-c", '"$@" . || true', "sh", *compile_all)
