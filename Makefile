@@ -11,6 +11,7 @@
 # make instructions   counts the instructions of a cycle: none may take 5 % more than those committed; ARGS=--write renews these
 # make kernel-test         the service as deployed, on a Debian kernel in an emulator; needs Debian 12 and root
 # make kernel-test-short   the first of these trials, a part of CI's verdict; does nothing where it cannot
+# make aarch64-test        the robot's packages, golden recordings, C client and ring on an emulated aarch64; the same
 # NEWEST=1 behind any of them installs the newest packages in place of the locked ones, in .venv-newest.
 # All make their own environment; only Python 3.11+, make and git are needed.
 
@@ -18,13 +19,14 @@ PYTHON ?= python3
 VENV   := .venv$(if $(NEWEST),-newest)
 BIN    := $(VENV)/bin
 # Of the index that pip is set to, as uv does not read that.
-UV     := url=$${UV_DEFAULT_INDEX:-$$($(BIN)/pip config list | sed -n "s/.*\.index-url='\(.*\)'/\1/p" | tail -n 1)}; \
-	env $${url:+UV_DEFAULT_INDEX=$$url} $(BIN)/uv pip
+INDEX  := url=$${UV_DEFAULT_INDEX:-$$($(BIN)/pip config list | sed -n "s/.*\.index-url='\(.*\)'/\1/p" | tail -n 1)}; \
+	env $${url:+UV_DEFAULT_INDEX=$$url}
+UV     := $(INDEX) $(BIN)/uv pip
 SYNC   := $(UV) install --quiet --python $(BIN)/python
 
 # What is done is said by `echo`, not by the recipes' text.
 .SILENT:
-.PHONY: run help install test test-all check slow-tests docs release kernel-test kernel-test-short instructions fuzz lock format golden clean newest
+.PHONY: run help install test test-all check slow-tests docs release kernel-test kernel-test-short instructions aarch64-test fuzz lock format golden clean newest
 
 run: $(VENV)/robot.stamp
 	$(BIN)/footsense run --realtime --duration 30
@@ -73,6 +75,9 @@ kernel-test-short: $(VENV)/dev.stamp
 
 instructions: $(VENV)/dev.stamp
 	$(BIN)/python -m tests.golden.instructions $(ARGS)
+
+aarch64-test: $(VENV)/dev.stamp
+	$(INDEX) $(BIN)/python -m tests.aarch64
 
 fuzz: $(VENV)/dev.stamp
 	$(BIN)/python -m tests.fuzz $(ARGS)

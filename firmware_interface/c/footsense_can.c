@@ -110,7 +110,7 @@ static uint16_t crc16_byte(uint16_t crc, uint8_t byte)
 {
     crc = (uint16_t)(crc ^ (uint16_t)(byte << 8));
     for (int bit = 0; bit < 8; bit++) {
-        crc = (uint16_t)(crc << 1 ^ (crc & 0x8000u ? 0x1021u : 0u));
+        crc = (uint16_t)((uint32_t)crc << 1 ^ (crc & 0x8000u ? 0x1021u : 0u));
     }
     return crc;
 }

@@ -8,7 +8,7 @@ uint16_t footsense_crc16(const uint8_t *data, uint8_t len)
     for (uint8_t i = 0; i < len; i++) {
         crc = (uint16_t)(crc ^ data[i] << 8);
         for (int bit = 0; bit < 8; bit++) {
-            crc = (uint16_t)(crc << 1 ^ (crc & 0x8000u ? 0x1021u : 0u));
+            crc = (uint16_t)((uint32_t)crc << 1 ^ (crc & 0x8000u ? 0x1021u : 0u));
         }
     }
     return crc;

@@ -12,7 +12,7 @@ from tempfile import mkdtemp
 
 from footsense.client import LegForce, LinkLimits, LinkStatus
 
-__all__ = ["SOURCES", "CLink", "compile_c", "library"]
+__all__ = ["SOURCES", "CLink", "build_library", "compile_c", "library"]
 
 SOURCES = Path(__file__).parents[2] / "firmware_interface/c"
 
@@ -64,14 +64,19 @@ class _View(ctypes.Structure):
 _LINK_BYTES = 4096
 
 
+def build_library(folder: Path) -> Path:
+    """Return the decoder as a shared library."""
+    files = [SOURCES / f"footsense_{name}.c" for name in ("can", "link", "gait", "serial")]
+    compile_c(folder, "-shared", "-fPIC", *files, "-o", folder / "footsense.so")
+    return folder / "footsense.so"
+
+
 @cache
 def library() -> ctypes.CDLL:
-    """Return the decoder as a shared library, built once in a process."""
+    """Return the decoder, built once in a process; or the one that was built before for a computer without compiler."""
     folder = Path(mkdtemp(prefix="footsense-c-"))
     try:
-        files = [SOURCES / f"footsense_{name}.c" for name in ("can", "link", "gait", "serial")]
-        compile_c(folder, "-shared", "-fPIC", *files, "-o", folder / "footsense.so")
-        built = ctypes.CDLL(str(folder / "footsense.so"))
+        built = ctypes.CDLL(os.environ.get("FOOTSENSE_C_LIBRARY") or str(build_library(folder)))
     finally:
         shutil.rmtree(folder)
     built.footsense_get_leg_force.restype = _View

@@ -17,7 +17,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.kernel.image import HOST_PACKAGES, ROOT, LackingError, image
+from tests.kernel.image import HOST_PACKAGES, ROOT, image
+from tests.support.made_once import LackingError, install_missing
 
 _SHORT = "trials_1_short.py"
 #: Longest short form, with everything that it installs and makes [s]; one that takes longer has failed.
@@ -54,33 +55,6 @@ def _available_kb() -> int:
     return int(line.split()[1])
 
 
-def missing_packages() -> list[str]:
-    """Return the Debian packages that are not installed."""
-    asked = subprocess.run(
-        ["dpkg-query", "--show", "--showformat", "${db:Status-Status} ${Package}\n", *HOST_PACKAGES],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    installed = {line.split()[1] for line in asked.stdout.splitlines() if line.startswith("installed ")}
-    return [name for name in HOST_PACKAGES if name not in installed]
-
-
-def install(names: list[str]) -> str | None:
-    """Install Debian packages; return why that failed, None if it did not."""
-    print(f"kernel-test: installing {' '.join(names)}", flush=True)
-    environment = os.environ | {"DEBIAN_FRONTEND": "noninteractive"}
-    for command in (["update"], ["install", "--yes", "--no-install-recommends", *names]):
-        done = subprocess.run(
-            ["apt-get", "--quiet=2", "-o", "DPkg::Lock::Timeout=120", *command],
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        if done.returncode:
-            return f"apt-get {command[0]} failed: {(done.stderr or done.stdout).strip().splitlines()[-1]}"
-    return None
-
-
 def prepare() -> None:
     """Install packages and make the image, where they are missing.
 
@@ -88,10 +62,9 @@ def prepare() -> None:
         LackingError: This computer cannot.
     """
     reason = next(obstacles(), None)
-    if reason is None and (names := missing_packages()):
-        reason = install(names) if shutil.which("apt-get") else "there is no apt-get"
     if reason is not None:
         raise LackingError(reason)
+    install_missing(HOST_PACKAGES)
     image()
 
 

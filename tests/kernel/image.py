@@ -8,15 +8,14 @@
 Each has a folder of its own under build/kernel, whose name ends in the hash of its content.
 """
 
-import hashlib
 import shutil
-import subprocess
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
 from tests.kernel import deploy_page
+from tests.support.made_once import LackingError, content_hash, fetch, made, run
 
 ROOT = Path(__file__).parents[2]
 HERE = Path(__file__).parent
@@ -68,10 +67,6 @@ _NOT_COPIED = (
 _BOOT_MODULES = ("nfit", "nd_pmem", "crc32c_generic", "ext4")
 
 
-class LackingError(RuntimeError):
-    """This computer lacks what the machine is made from."""
-
-
 class Image(NamedTuple):
     """Files to boot.
 
@@ -84,32 +79,6 @@ class Image(NamedTuple):
     disk: Path
     kernel: Path
     initrd: Path
-
-
-def fetch(*command: str | Path) -> None:
-    """Run a command that needs the network.
-
-    Raises:
-        LackingError: It failed; with its last line.
-    """
-    try:
-        run(*command)
-    except RuntimeError as error:
-        raise LackingError(f"{command[0]} failed: {str(error).strip().splitlines()[-1]}") from error
-
-
-def run(*command: str | Path, cwd: Path | None = None) -> str:
-    """Run a command and return what it prints.
-
-    Raises:
-        RuntimeError: It failed; with its output.
-    """
-    done = subprocess.run(
-        command, cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False
-    )
-    if done.returncode:
-        raise RuntimeError(f"{' '.join(map(str, command))}: exit {done.returncode}\n{done.stdout[-4000:]}")
-    return done.stdout
 
 
 def kernel_version() -> str:
@@ -128,34 +97,6 @@ def kernel_version() -> str:
     return max(versions, key=lambda name: [int(part) for part in name.split("-")[0].split(".")])
 
 
-def _hash(*parts: str | Path) -> str:
-    """Return a hash of words, and of the names and contents of files and folders."""
-    digest = hashlib.sha256()
-    for part in parts:
-        if isinstance(part, str):
-            digest.update(f"{part}\0".encode())
-            continue
-        for path in [part] if part.is_file() else sorted(part.rglob("*")):
-            if path.is_file() and "__pycache__" not in path.parts:
-                digest.update(f"{path.relative_to(part.parent)}\0".encode())
-                digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
-
-
-def _made(name: str, key: str, make: Callable[[Path], None]) -> Path:
-    """Return the folder of this name and key, made if it is not there; older ones of the name are deleted."""
-    folder = CACHE / f"{name}-{key}"
-    if not folder.exists():
-        print(f"kernel-test: making {folder.relative_to(ROOT)}", flush=True)
-        for old in CACHE.glob(f"{name}-*"):
-            shutil.rmtree(old)
-        partial = CACHE / f"{name}-{key}.partial"
-        partial.mkdir(parents=True)
-        make(partial)
-        partial.rename(folder)
-    return folder
-
-
 def packages() -> Path:
     """Return the archive of Debian with all packages."""
     names = sorted({*_GUEST_PACKAGES, *deploy_page.packages()})
@@ -165,7 +106,7 @@ def packages() -> Path:
         include = f"--include={','.join(names)}"
         fetch("mmdebstrap", "--mode=root", "--variant=minbase", include, _SUITE, target)
 
-    return _made("packages", _hash(_SUITE, *names), make) / "packages.tar"
+    return made(CACHE, "packages", content_hash(_SUITE, *names), make) / "packages.tar"
 
 
 def wheels() -> Path:
@@ -176,7 +117,7 @@ def wheels() -> Path:
         download = (sys.executable, "-m", "pip", "download", "--quiet", "--no-deps")
         fetch(*download, "--dest", folder, "--requirement", lock)
 
-    return _made("wheels", _hash(lock), make)
+    return made(CACHE, "wheels", content_hash(lock), make)
 
 
 def modules(kernel: str) -> Path:
@@ -188,7 +129,7 @@ def modules(kernel: str) -> Path:
         run("make", "-C", f"/lib/modules/{kernel}/build", f"M={folder}", "modules")
         run("strip", "--strip-debug", *folder.glob("*.ko"))
 
-    return _made("modules", _hash(kernel, HERE / "modules"), make)
+    return made(CACHE, "modules", content_hash(kernel, HERE / "modules"), make)
 
 
 def image() -> Image:
@@ -196,7 +137,7 @@ def image() -> Image:
     kernel = kernel_version()
     parts = (packages(), wheels(), modules(kernel))
     checkout = [ROOT / name for name in _CHECKOUT]
-    key = _hash(kernel, *(part.parent.name for part in parts[:1]), *(part.name for part in parts[1:]),
+    key = content_hash(kernel, *(part.parent.name for part in parts[:1]), *(part.name for part in parts[1:]),
                 Path(__file__), HERE / "guest", *checkout)  # fmt: skip
 
     def make(folder: Path) -> None:
@@ -209,7 +150,7 @@ def image() -> Image:
         _make_initrd(folder, kernel)
         shutil.copy(f"/boot/vmlinuz-{kernel}", folder / "vmlinuz")
 
-    folder = _made("image", key, make)
+    folder = made(CACHE, "image", key, make)
     return Image(folder / "disk.img", folder / "vmlinuz", folder / "initrd.gz")
 
 
