@@ -59,7 +59,8 @@ check: $(VENV)/dev.stamp
 
 # A link that leads nowhere, or a page that is in no table of contents, ends it.
 docs: $(VENV)/dev.stamp
-	echo "the reference pages, then the site"
+	echo "the reference pages and those of the report, then the site"
+	$(BIN)/footsense lab report --text
 	$(BIN)/python docs/site/reference.py
 	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going --jobs auto -c docs/site . build/site
 	echo build/site/docs/index.html

@@ -2,7 +2,7 @@
 
 A page has a generated part between a line `<!-- generated: NAME -->`, or with an argument behind the name, and a line
 `<!-- end -->`; a figure of the report as `figures.py` says; what stands around them is written by hand. Pages of the
-report say themselves if they are out of date. `make docs` writes all of it, and a test checks it.
+report are written by `footsense lab report --text`. `make docs` does both, and tests check it.
 """
 
 import re

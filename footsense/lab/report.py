@@ -274,6 +274,17 @@ def make_report(folder: Path, context: StudyContext, report: Callable[[str], Non
     return write_list_of_pages(folder)
 
 
+def write_texts(*folders: Path) -> list[Path]:
+    """Write the Markdown of each page in some folders anew from its figures; return the files that were others."""
+    changed = []
+    for file in (file for folder in folders for file in sorted(folder.glob("*.json"))):
+        markdown, path = page_text(json.loads(file.read_text("utf-8"))), file.with_suffix(".md")
+        if not path.exists() or path.read_text("utf-8") != markdown:
+            path.write_text(markdown, encoding="utf-8")
+            changed.append(path)
+    return changed
+
+
 def _report_nothing(_: str) -> None:
     """Report nothing, where a lambda could not be pickled."""
 

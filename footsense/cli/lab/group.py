@@ -125,11 +125,23 @@ def study(
 @options.output_option
 @options.quick_option
 @options.scheduler_option
-def report(*, output: Path | None, quick: bool, scheduler: str | None) -> None:
-    """Make all pages of the report anew, about the released foot."""
-    from footsense.lab.report import StudyContext, make_report
+@click.option(
+    "--text", "text_only", is_flag=True, help="Compute nothing: write the pages' text from their figures."
+)
+def report(*, output: Path | None, quick: bool, scheduler: str | None, text_only: bool) -> None:
+    """Make all pages of the report anew, about the released foot.
+
+    With --text, pages whose models, tables or robots are others today say so on top.
+    """
+    from footsense.lab.report import StudyContext, make_report, write_list_of_pages, write_texts
 
     folder = options.ensure_report_folder(output, quick=quick)
+    if text_only:
+        others = [path.parent for path in _RELEASED_MODELS.parent.glob("*/faults.json")]
+        for path in write_texts(folder, *others):
+            click.echo(path)
+        write_list_of_pages(folder)
+        return
     progress = options.elapsed_time_reporter()
     context = StudyContext(_RELEASED_MODELS, quick, scheduler, progress)
     progress(f"wrote {make_report(folder, context, progress)}")
