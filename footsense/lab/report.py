@@ -243,7 +243,8 @@ def page_text(values: Values) -> str:
         f"`footsense lab study {values['study']}{quick}` of commit {values['commit']}, {values['date']}: "
         f"{values['seconds']:.0f} s on {values['n_processors']} processors, load {values['load']:g} before."
     )
-    changed = changed_inputs(values["inputs"])
+    # Pages of before 0032 name no inputs.
+    changed = changed_inputs(values["inputs"]) if "inputs" in values else ["what it was made from"]
     notices = [
         *(
             [f"**Out of date: {', '.join(changed)} changed since. Its figures are no results.**"]
