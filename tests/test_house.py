@@ -45,8 +45,8 @@ def test_no_two_classes_have_one_name() -> None:
 
 
 def test_rooms_can_be_seen_at_once() -> None:
-    """No module is longer than 400 lines, and no folder has more than a dozen beside its __init__."""
-    assert [str(path) for path, text in MODULES.items() if text.count("\n") > 400] == []
+    """No module is longer than 500 lines, and no folder has more than a dozen beside its __init__."""
+    assert [str(path) for path, text in MODULES.items() if text.count("\n") > 500] == []
     folders = Counter(path.parent for path in MODULES if path.name != "__init__.py")
     assert [str(folder) for folder, n in folders.items() if n > 12] == []
 
