@@ -117,6 +117,7 @@ def test_the_command_tares_legs_and_tells_refusals(tmp_path: Path) -> None:
     assert {answer.leg: answer.result for answer in in_the_air} == dict.fromkeys(LEGS, Result.DONE)
 
 
+@pytest.mark.slow
 def test_each_of_many_commands_in_a_row_has_an_answer(scene: str) -> None:
     """A refusal comes at once; what is commanded again then is neither a repetition nor one too many in a second."""
     with (

@@ -32,6 +32,7 @@ def test_a_batch_is_far_faster_than_feet_one_by_one() -> None:
     assert measure_virtual_feet("fdc1004_columns", n_steps=1)["foot_steps_hz"] > 6_000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", [SMALL_BOARD, DEFAULT], ids=["small", "columns"])
 def test_a_conversion_of_six_legs_stays_within_its_modules_and_calls(robot: Config) -> None:
     """Registers, ring and run statistics included; the simulator is left out."""

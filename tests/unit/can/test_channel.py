@@ -155,7 +155,7 @@ def test_two_groups_on_one_computer_do_not_hear_each_other() -> None:
 
 def test_a_local_socket_commands_nothing_and_kills_nothing() -> None:
     """Packets that are no frame, an error frame without data and a command, as any program on this computer sends."""
-    group, port = "239.74.163.77", 43113
+    group, port = "239.74.163.79", 43113
     settings = Can(interface="udp_multicast", channel=group, commands=False)
     sink = CanSink(settings, ("lf",), FakeClock(), connect=partial(open_wire, settings))
     with can.Bus(interface="udp_multicast", channel=group, hop_limit=0, fd=False) as other:
