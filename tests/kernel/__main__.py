@@ -21,7 +21,7 @@ from tests.kernel.image import HOST_PACKAGES, ROOT, image
 from tests.support.made_once import LackingError, install_missing
 
 _SHORT = "trials_1_short.py"
-#: Longest short form, with everything that it installs and makes [s]; one that takes longer has failed.
+#: Longest short form, without what it installs and makes before [s]; one that takes longer has failed.
 _SHORT_LIMIT_S = 900
 #: Of the disk, for the cache and what the machine writes; and of the memory [GB].
 _DISK_GB, _MEMORY_GB = 8, 5.0
@@ -85,8 +85,8 @@ def main() -> int:
 
     try:
         signal.signal(signal.SIGALRM, interrupt)
-        signal.alarm(_SHORT_LIMIT_S if short else 0)
         prepare()
+        signal.alarm(_SHORT_LIMIT_S if short else 0)
         code = int(pytest.main([
             "-q", "--rootdir", str(ROOT), "--override-ini", "python_files=trials_*.py",
             "--override-ini", "addopts=--strict-markers --strict-config --import-mode=importlib -ra", *targets,
