@@ -29,6 +29,6 @@ def test_the_blocks_of_a_tutorial_run(page: Path, tmp_path: Path) -> None:
     for language, block in blocks:
         command = ["bash", "-e", "-c", block] if language == "sh" else [sys.executable, "-c", block]
         done = subprocess.run(
-            command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120, check=False
+            command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=400, check=False
         )
         assert done.returncode == 0, f"{block}\n{done.stdout}\n{done.stderr}"

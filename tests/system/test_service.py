@@ -33,6 +33,11 @@ def config(tmp_path: Path) -> tuple[Path, int]:
     return robot(tmp_path, more=f"metrics: {{port: {port}}}\n"), port
 
 
+def without_lag(errors: str) -> list[str]:
+    """Return the lines of a log without that of a slow computer, whose simulation lags behind real time."""
+    return [line for line in errors.splitlines() if "cannot keep pace" not in line]
+
+
 @pytest.mark.slow
 def test_it_gets_ready_shows_metrics_and_stops_cleanly(tmp_path: Path, config: tuple[Path, int]) -> None:
     """READY after the first forces; SIGTERM gives STOPPING, a last heartbeat `stopped`, a whole recording, exit 0."""
@@ -51,7 +56,7 @@ def test_it_gets_ready_shows_metrics_and_stops_cleanly(tmp_path: Path, config: t
         assert "footsense_up 0.0" in scraped(url)
         exporter.send_signal(signal.SIGTERM)
         assert exporter.wait(TIMEOUT_S) == 0
-    assert (code, errors) == (0, "")
+    assert (code, without_lag(errors)) == (0, [])
     for name in (
         "footsense_up 1.0",
         *("footsense_cycle_period_seconds_bucket", "footsense_frame_age_seconds_bucket"),
@@ -114,8 +119,7 @@ def test_a_ring_that_cannot_be_written_costs_no_forces_and_no_recording(tmp_path
         "run", "--config", config, "--duration", "1", "--realtime", "--record", tmp_path / "walk.mcap"
     )
     assert (result.returncode, "page:" in result.stdout) == (0, False)
-    # A slow computer also says that the simulation lags.
-    (warning,) = (line for line in result.stderr.splitlines() if "cannot keep pace" not in line)
+    (warning,) = without_lag(result.stderr)
     assert warning == (
         f"WARNING: {tmp_path}/none/ring: cannot be written: No such file or directory; "
         "the forces go on without metrics, page and snapshot"

@@ -65,9 +65,15 @@ _AT_ONCE = {"elements": 1, "rows": 3}
 _WANTED = {"columns_two_buses": (60.0, 0.15), "one_bus": (90.0, 0.12)}
 
 
+#: Scenes in which boards are timed and forces published.
+_TIMED_SCENES = ("hanging", "measured_walk", "tripod")
+
+
 def compute(context: StudyContext) -> Values:
     """Measure age, price and error of boards and networks, foot models, and rates of converting and publishing."""
     ng.ngsglobals.msg_level = 0
+    for name in _TIMED_SCENES:
+        context.scene(name)
     published = measure_latency_vs_error(context)
     context.report_progress("rates done")
     models = compare_levels(

@@ -12,7 +12,8 @@ ENCODED = {board: msgspec.json.encode(robot) for board, robot in ROBOTS.items()}
 
 
 def robots_of(context: StudyContext) -> dict[str, Config]:
-    """Return the robot of each board, as inputs of a page."""
+    """Return the robot of each board, as inputs of a page, with the scene that the trials of faults walk."""
+    context.scene("measured_walk")
     for board, encoded in ENCODED.items():
         context.add_input(robot_name(board), encoded)
     return ROBOTS
