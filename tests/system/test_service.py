@@ -13,7 +13,7 @@ import pytest
 from firmware_interface.can.codes import NODE_IDS
 from footsense.recording.recorder import partial_path
 from footsense.recording.replay import Replay
-from tests.system.command import TIMEOUT_S, footsense, one_line_error, robot, serving
+from tests.system.command import TIMEOUT_S, footsense, one_line_error, robot, serving, without_lag
 from tests.system.daemon import running
 
 
@@ -31,11 +31,6 @@ def config(tmp_path: Path) -> tuple[Path, int]:
         probe.bind(("127.0.0.1", 0))
         port: int = probe.getsockname()[1]
     return robot(tmp_path, more=f"metrics: {{port: {port}}}\n"), port
-
-
-def without_lag(errors: str) -> list[str]:
-    """Return the lines of a log without that of a slow computer, whose simulation lags behind real time."""
-    return [line for line in errors.splitlines() if "cannot keep pace" not in line]
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ import pytest
 
 from footsense.recording.recorder import partial_path
 from tests.support.cycles import read_until_damage
-from tests.system.command import footsense, robot
+from tests.system.command import footsense, robot, without_lag
 from tests.system.daemon import SIGN_OF_LIFE_S, Daemon, running
 
 pytestmark = pytest.mark.slow
@@ -65,7 +65,7 @@ def test_a_recording_that_breaks_off(tmp_path: Path, breaks: str) -> None:
             says = "File too large"
         daemon.live_on(10)
         code, _, errors = daemon.stop()
-    at_once, at_the_end = errors.splitlines()
+    at_once, at_the_end = without_lag(errors)
     assert code == 74
     assert at_once == f"ERROR: {path}: {says}; the run goes on without its recording"
     assert re.search(says + r"; [1-9]\d* of \d+ cycles are missing, the others are in", at_the_end)
