@@ -22,7 +22,7 @@ from tests.support.made_once import LackingError, install_missing
 
 _SHORT = "trials_1_short.py"
 #: Longest short form, without what it installs and makes before [s]; one that takes longer has failed.
-_SHORT_LIMIT_S = 900
+_SHORT_LIMIT_S = 1200
 #: Of the disk, for the cache and what the machine writes; and of the memory [GB].
 _DISK_GB, _MEMORY_GB = 8, 5.0
 
