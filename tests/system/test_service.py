@@ -58,12 +58,13 @@ def test_it_gets_ready_shows_metrics_and_stops_cleanly(tmp_path: Path, config: t
         *("footsense_faults_total", "footsense_can_sent_frames_total", "footsense_can_dropped_frames_total"),
     ):
         assert name in text
+    # Of each leg the last one; the bit of late cycles depends on the computer.
     heartbeats = {
-        message.arbitration_id: bytes(message.data)
+        message.arbitration_id: message.data[0] & 0x7F
         for message in can.LogReader(tmp_path / "can.log")
         if message.arbitration_id - 0x148 in NODE_IDS.values()
     }
-    assert heartbeats == {0x149: b"\x04", 0x14C: b"\x04"}
+    assert heartbeats == {0x149: 4, 0x14C: 4}
     result = footsense("replay", tmp_path / "walk.mcap", "--check")
     assert (result.returncode, result.stderr) == (0, "")
 
