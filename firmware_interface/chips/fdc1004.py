@@ -8,6 +8,8 @@ most significant byte first.
 from dataclasses import dataclass
 from enum import IntEnum
 
+from firmware_interface.chips.bit_field import Field
+
 #: 7-bit bus address, not changeable. 24Cxx EEPROMs answer to it too.
 ADDRESS = 0x50
 
@@ -46,37 +48,6 @@ RESET_VALUES = {
     Fdc1004Register.MANUFACTURER_ID: MANUFACTURER_ID,
     Fdc1004Register.DEVICE_ID: DEVICE_ID,
 }
-
-
-@dataclass(frozen=True, slots=True)
-class Field:
-    """Bit field of a 16-bit register."""
-
-    shift: int
-    width: int
-
-    def encode(self, value: int) -> int:
-        """Return `value` shifted to the field's position.
-
-        Raises:
-            ValueError: The value does not fit into the field.
-
-        Example:
-            >>> hex(MEAS_CHB.encode(CHB_DISABLED))
-            '0x1c00'
-        """
-        if not 0 <= value < 1 << self.width:
-            raise ValueError(f"{value} does not fit into {self.width} bits")
-        return value << self.shift
-
-    def decode(self, word: int) -> int:
-        """Return the field's value in the register value `word`.
-
-        Example:
-            >>> CONF_RATE.decode(0x0C80)
-            3
-        """
-        return (word >> self.shift) & ((1 << self.width) - 1)
 
 
 # CONF_MEASn (section 8.6.1.2): what measurement n measures.
