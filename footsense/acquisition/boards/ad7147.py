@@ -1,0 +1,218 @@
+"""Board `ad7147`: one AD7147 in a foot, which converts its nine elements in turn by itself.
+
+Each element has an input, CIN0 to CIN8, against one electrode at ground that all elements share; CIN12 has a reference
+capacitor. Without a trigger the chip converts the stages of its sequence one after the other. A leg that is found first
+converts the reference: a code of the chip is off by up to a quarter, and a step of its offset by as much, each alike
+for all inputs. Then it converts the elements.
+Register layout: `firmware_interface/chips/ad7147.py`, with its sources.
+"""
+
+from collections.abc import Sequence
+from statistics import mean
+from typing import NamedTuple
+
+from firmware_interface.chips import ad7147 as chip
+from firmware_interface.chips.ad7147 import Ad7147Register, InputConnection
+from firmware_interface.conversion_order import CONVERSION_ORDERS
+from footsense.acquisition.boards.board import ReadBackCheck, require_identity
+from footsense.errors import HardwareError, NackError
+from footsense.frames import ELEMENTS, Reading
+from footsense.ports import I2cBus, Transaction
+
+#: Element of each stage.
+ORDER = CONVERSION_ORDERS["lo_shu"]
+#: Input of the reference capacitor, and its capacitance [pF]: C0G, 1 %.
+REFERENCE_INPUT, REFERENCE_PF = 12, 4.7
+#: What inputs are tied to that are not converted: the excitation, as the shield is, so that no charge flows to them.
+IDLE = InputConnection.BIAS
+#: Offset while elements are converted [steps]: 7 pF nominal. A chip of the least gain and offset then converts from 0.
+#: to 11 pF, one of the largest from 0 to 16 pF; an element has 4 to 10.7 pF.
+SCAN_OFFSET = 22
+#: Sequences after a new configuration whose results are not used: the first may be junk (flow3r badge, captouch).
+N_UNUSED_SEQUENCES = 2
+#: Least capacitance of an element over the range of any chip [pF].
+RANGE_END_PF = 11.0
+#: Largest spread of the codes of the reference, of one sequence [1]: 40 times the noise.
+_MAX_REFERENCE_SPREAD = 50
+#: Largest deviation of the reference from its capacitance, by the chip's nominal codes [1].
+MAX_REFERENCE_ERROR_REL = 0.3
+
+#: Shortest time from the start of a read to its first word, and of the nine results behind the status [ns]: 39 and 162
+#: bits (`wire_timing`) at 444 kHz, a tenth more than the chip's limit.
+STATUS_AFTER_NS, RESULTS_AFTER_STATUS_NS = 39 * 2250, 162 * 2250
+#: Stages of a status word; the bit above them is another.
+_STAGES_MASK = (1 << chip.N_STAGES) - 1
+
+_NAN = float("nan")
+_OFFSETS_OF_REFERENCE = (0,) * 6 + (SCAN_OFFSET,) * 6
+
+
+class Ad7147Rate(NamedTuple):
+    """One of the three rates.
+
+    Attributes:
+        decimation: Of the converter.
+        conversion_ns: Nominal time of a stage [ns].
+        noise_ff: White noise of a conversion [fF rms]: 1.1 codes at the fastest rate, and its root with the rate. Not
+            confirmed by a source.
+    """
+
+    decimation: int
+    conversion_ns: int
+    noise_ff: float
+
+
+def _write(address: int, register: int, *words: int) -> Transaction:
+    return Transaction(address, chip.write_bytes(register, *words))
+
+
+#: Rates by conversions per second.
+RATES = {
+    round(1e9 / each.stage_ns): Ad7147Rate(
+        decimation, each.stage_ns, 1.1 * chip.FF_PER_CODE * (64 / decimation) ** 0.5
+    )
+    for decimation, each in chip.DECIMATIONS.items()
+}
+
+
+class Sequence(NamedTuple):
+    """A sequence of stages.
+
+    Attributes:
+        inputs: Input of each stage.
+        offsets: Offset of each stage [steps].
+    """
+
+    inputs: tuple[int, ...]
+    offsets: tuple[int, ...]
+
+    def start(self, address: int, rate: Ad7147Rate) -> tuple[Transaction, ...]:
+        """Return the writes that configure the chip at an address, the last of which starts the sequence."""
+        stages = (word for stage in range(len(self.inputs)) for word in self._stage(stage))
+        return (
+            _write(address, chip.stage_register(0), *stages),
+            # The calibration engine is off; status bits are asked for, as some chips may need that.
+            _write(address, Ad7147Register.PWR_CONTROL, *self._control(rate)),
+            _write(address, Ad7147Register.STAGE_COMPLETE_INT_ENABLE, (1 << len(self.inputs)) - 1),
+            _write(address, Ad7147Register.AMB_COMP_CTRL0, chip.CONV_RESET.encode(1)),
+        )
+
+    def checks(self, address: int, rate: Ad7147Rate) -> tuple[ReadBackCheck, ...]:
+        """Return the checks of all settings that a result depends on."""
+        settings = {Ad7147Register.PWR_CONTROL: self._control(rate)}
+        settings |= {chip.stage_register(k): self._stage(k)[:3] for k in range(len(self.inputs))}
+        return tuple(
+            ReadBackCheck(
+                Transaction(address, chip.address_bytes(register), 2 * len(words)),
+                b"".join(word.to_bytes(2, "big") for word in words),
+            )
+            for register, words in settings.items()
+        )
+
+    def _control(self, rate: Ad7147Rate) -> tuple[int, int]:
+        """Return PWR_CONTROL and STAGE_CAL_EN."""
+        return chip.power_control(len(self.inputs), rate.decimation), 0
+
+    def _stage(self, stage: int) -> tuple[int, ...]:
+        """Return the registers of a stage; the last ones are limits of the calibration engine."""
+        used = (*chip.connection_words(self.inputs[stage], IDLE), chip.offset_word(self.offsets[stage]))
+        return (*used, *[0] * (chip.REGISTERS_PER_STAGE - len(used)))
+
+
+#: The elements, and the reference with both offsets.
+ELEMENT_SEQUENCE = Sequence(tuple(ORDER), (SCAN_OFFSET,) * ELEMENTS)
+REFERENCE_SEQUENCE = Sequence((REFERENCE_INPUT,) * chip.N_STAGES, _OFFSETS_OF_REFERENCE)
+#: Resets all registers.
+_RESET = chip.SW_RESET.encode(1)
+
+
+def reset(address: int) -> Transaction:
+    """Return the write that resets a chip."""
+    return _write(address, Ad7147Register.PWR_CONTROL, _RESET)
+
+
+class Calibration(NamedTuple):
+    """What a chip's codes are worth.
+
+    Attributes:
+        gain_rel: Capacitance of a code over the nominal one [1].
+        offset_pf: Capacitance of the middle code [pF].
+    """
+
+    gain_rel: float
+    offset_pf: float
+
+
+def reference_calibration(answer: bytes) -> Calibration | None:
+    """Return what codes are worth, by a burst of `REFERENCE_SEQUENCE`; None if they do not agree.
+
+    Args:
+        answer: Answer to `read_results` of its stages, all of which have been converted.
+    """
+    _, codes = read_words(answer)
+    half = chip.N_STAGES // 2
+    halves = codes[:half], codes[half:]
+    if any(max(each) - min(each) > _MAX_REFERENCE_SPREAD for each in halves):
+        return None
+    without_pf, with_pf = (1e-3 * chip.FF_PER_CODE * (mean(each) - chip.CODE_MID) for each in halves)
+    if without_pf <= 0:
+        return None
+    gain_rel = REFERENCE_PF / without_pf
+    return Calibration(gain_rel, gain_rel * (without_pf - with_pf))
+
+
+def reference_fault(measured: Calibration) -> str:
+    """Return what is wrong with a reference in words; empty if it is as it has to be."""
+    reads_pf = REFERENCE_PF / measured.gain_rel
+    if abs(reads_pf / REFERENCE_PF - 1) <= MAX_REFERENCE_ERROR_REL:
+        return ""
+    return (
+        f"its reference capacitor reads {reads_pf:.1f} pF, and has {REFERENCE_PF:g} pF; a chip is off by "
+        f"{chip.GAIN_TOLERANCE_REL:.0%} at most: check the capacitor at CIN{REFERENCE_INPUT}"
+    )
+
+
+def read_words(answer: bytes) -> tuple[int, list[int]]:
+    """Return status and results of an answer to `read_results` or `read_status`."""
+    status, *codes = chip.words_of(answer)
+    return status & _STAGES_MASK, codes
+
+
+def decode(code: int, by: Calibration) -> tuple[Reading, float]:
+    """Return reading and capacitance of a code [pF], NaN unless it is OK."""
+    if code >= chip.CODE_MAX:
+        return Reading.OVER_RANGE, _NAN
+    if code <= 0:
+        return Reading.UNDER_RANGE, _NAN
+    return Reading.OK, by.gain_rel * chip.capacitance_pf(code) + by.offset_pf
+
+
+def read_status(address: int) -> Transaction:
+    """Return the read of the stages that have ended since it was last read."""
+    return Transaction(address, chip.address_bytes(Ad7147Register.STAGE_COMPLETE_INT_STATUS), 2)
+
+
+def read_results(address: int, n_stages: int) -> Transaction:
+    """Return the read of that status and of the results of the first stages, in one burst."""
+    return Transaction(
+        address, chip.address_bytes(Ad7147Register.STAGE_COMPLETE_INT_STATUS), 2 * (1 + n_stages)
+    )
+
+
+def check_identity(bus: I2cBus, address: int) -> None:
+    """Raise an error unless an AD7147 answers at an address.
+
+    Raises:
+        HardwareError: No chip answers.
+        WrongChipError: Another chip answers; the text names the usual cause.
+        I2cError: The transaction failed otherwise.
+    """
+    try:
+        answer = bus.transfer(Transaction(address, chip.address_bytes(Ad7147Register.DEVICE_ID), 2))
+    except NackError as error:
+        raise HardwareError(
+            f"no answer at {address:#04x}: broken wire, no supply, or other straps ADD0, ADD1"
+        ) from error
+    (word,) = chip.words_of(answer)
+    if word & chip.DEVICE_ID_MASK != chip.DEVICE_ID:
+        require_identity(answer, "an AD7147", chip.DEVICE_ID.to_bytes(2, "big"), address, "an AD7147A")

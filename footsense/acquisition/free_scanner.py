@@ -1,0 +1,290 @@
+"""Scanner of a bus whose converters run freely: bursts of results, their stamps, searches of missing legs, frames.
+
+Nothing is triggered, and nothing waited for: a burst has the latest results of all elements of a leg, twice a scan where
+the bus carries it, else once. The status before and behind it tells which conversions they are of (`stage_tracker.py`).
+A burst that fails is made once more; after that the leg has no readings until the next.
+
+A leg that is found converts its reference first, while the others are read, and then its elements
+(`boards/ad7147.py`). Its settings are read back in turn, one block of registers a scan, and at once if a status does not
+fit. Each leg has an address of its own, or a channel of a multiplexer, whose selection is read back once a scan.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from footsense.acquisition.boards import ad7147
+from footsense.acquisition.boards.ad7147 import Calibration
+from footsense.acquisition.bus_timing import BusTiming, measure_bus_timing
+from footsense.acquisition.leg_bus import MAX_ATTEMPTS, LegBus
+from footsense.acquisition.leg_connection import (
+    LegConnection,
+    leave_out_stuck_legs,
+    probe_due_legs,
+    probe_leg,
+)
+from footsense.acquisition.scan_plan import FreeRunningPlan
+from footsense.acquisition.stage_tracker import Window
+from footsense.errors import I2cError, I2cTimeoutError
+from footsense.frames import ELEMENTS, CapFrame, Reading
+from footsense.ports import Clock, I2cBus
+
+_NAN, _OK = float("nan"), Reading.OK
+#: Scans in a row with a missing reading before a leg is left out: 70 ms.
+_MISSED_SCANS_BEFORE_LEAVING = 10
+#: Times in a row that a status may not fit though the settings are held, before the sequence is started again.
+_MOST_DOUBTS = 3
+#: Scans without a new result after which conversions count as not finishing.
+_SILENT_SCANS = 3
+#: Time from the reset of a chip until it takes settings [ns].
+_RESET_NS = 1_000_000
+
+
+class FreeLeg(LegConnection):
+    """Connection of a leg whose converter runs freely.
+
+    Args:
+        name, channel, row: As of `LegConnection`.
+        address: Address of its converter.
+        plan: The scan.
+
+    Attributes:
+        address: As given.
+        burst: Read of its results, status first.
+        status: Read of the status.
+        reference: Read of the results of its reference.
+        checks: Checks of its settings.
+        calibration: What its codes are worth; None while it converts its reference.
+        tracker: Counts its conversions.
+        due_ns: Time at which its reference has been converted, or from which on results are missed [ns].
+        n_doubts: Times in a row that its status did not fit.
+    """
+
+    def __init__(self, name: str, channel: int, row: int, address: int, plan: FreeRunningPlan) -> None:
+        super().__init__(name, channel, row, _MISSED_SCANS_BEFORE_LEAVING)
+        self.address = address
+        self.burst = ad7147.read_results(address, ELEMENTS)
+        self.status = ad7147.read_status(address)
+        self.reference = ad7147.read_results(address, len(ad7147.REFERENCE_SEQUENCE.inputs))
+        self.checks = ad7147.ELEMENT_SEQUENCE.checks(address, plan.rate)
+        self.calibration: Calibration | None = None
+        self.tracker = plan.tracker()
+        self.due_ns = self.n_doubts = 0
+
+
+class FreeScanner:
+    """Frame source of all legs on one I2C bus whose converters run freely.
+
+    Args:
+        bus, clock: The bus, and the time that it lives in.
+        channels: Channel of each leg by name, in the order of the rows of its frames.
+        addresses: Address of the converter of each leg.
+        plan: The scan.
+
+    Attributes:
+        clock, plan: As given.
+        legs: The connections to the legs, in the order of the rows.
+        latest: Their latest readings, written over element by element.
+        bus_timing: Cost of transactions and limits of the scan, measured by `start`; None if no leg answered.
+        reads_per_scan: Bursts of each leg in a scan, as the bus carries them.
+        n_late_discards: Bursts so late that their results were not used.
+        complete_ns: Time at which the last frame was complete [ns].
+    """
+
+    def __init__(
+        self,
+        bus: LegBus,
+        clock: Clock,
+        channels: Mapping[str, int],
+        addresses: Mapping[str, int],
+        plan: FreeRunningPlan,
+    ) -> None:
+        self._bus = bus
+        self.clock = clock
+        self.plan = plan
+        self.legs = tuple(
+            FreeLeg(name, channel, row, addresses[name], plan)
+            for row, (name, channel) in enumerate(channels.items())
+        )
+        shape = len(self.legs), ELEMENTS
+        unread = np.full(shape, Reading.NO_ANSWER, np.uint8)
+        self.latest = CapFrame(0, np.zeros(shape, np.int64), np.full(shape, _NAN), unread)
+        self.bus_timing: BusTiming | None = None
+        self.reads_per_scan = 1
+        self.n_late_discards = self.complete_ns = 0
+        self._due_ns = self._sequence = self._n_reads = self._n_scans = 0
+
+    def start(self) -> None:
+        """Measure the bus timing, and find the legs; missing ones are tried again later.
+
+        Raises:
+            HardwareError: The multiplexer does not answer, or a line is stuck: no leg can be reached.
+        """
+        addresses = [leg.address for leg in self.legs]
+        self.bus_timing = measure_bus_timing(self._bus, self.clock, self.plan, len(self.legs), addresses)
+        if self.bus_timing is not None:
+            self.reads_per_scan = self.plan.reads_per_scan(self.bus_timing.lower_bounds)
+        for leg in self.legs:
+            probe_leg(self._bus, leg, self.legs, self._set_up, self.clock)
+        self._due_ns = self.clock.now_ns()
+
+    def read(self) -> CapFrame:
+        """Return the latest readings of every leg, after the next burst of each.
+
+        Before the first frame each leg has been waited for that answers.
+        """
+        self._read_legs()
+        if self._sequence == 0:
+            end_ns = self.clock.now_ns() + self.plan.start_ns
+            while self.clock.now_ns() < end_ns and any(map(self._has_no_reading, self.legs)):
+                self._read_legs()
+        _, t_ns, capacitance_pf, reading = self.latest
+        frame = CapFrame(self._sequence, t_ns.copy(), capacitance_pf.copy(), reading.copy())
+        self._sequence, self.complete_ns = self._sequence + 1, self.clock.now_ns()
+        return frame
+
+    def close(self) -> None:
+        """Disconnect all legs from the bus: select no channel."""
+        self._bus.disconnect_legs()
+
+    def _has_no_reading(self, leg: FreeLeg) -> bool:
+        return leg.in_scan and bool(self.latest.reading[leg.row].any())
+
+    def _read_legs(self) -> None:
+        """Read each leg when that is due; at the end of a scan make the checks and searches."""
+        self.clock.sleep_until_ns(self._due_ns)
+        period_ns = self.plan.sequence_ns // self.reads_per_scan
+        self._due_ns = max(self._due_ns + period_ns, self.clock.now_ns())
+        try:
+            for leg in self.legs:
+                if leg.in_scan:
+                    self._read_leg(leg)
+            self._n_reads += 1
+            if self._n_reads % self.reads_per_scan == 0:
+                self._end_scan()
+        except I2cTimeoutError:
+            leave_out_stuck_legs(self._bus, self.legs, self.clock)
+        for leg in self.legs:
+            if not leg.in_scan:
+                self._discard(leg, leg.outcome)
+
+    def _discard(self, leg: FreeLeg, reading: Reading) -> None:
+        """Replace the readings of a leg by NaN and the reason for it."""
+        leg.outcome = reading
+        _, t_ns, capacitance_pf, readings = self.latest
+        t_ns[leg.row], capacitance_pf[leg.row], readings[leg.row] = 0, _NAN, reading
+
+    def _read_leg(self, leg: FreeLeg) -> None:
+        """Read the results of a leg, or its reference if that has been converted."""
+        if leg.calibration is None:
+            if self.clock.now_ns() >= leg.due_ns:
+                self._measure_reference(leg)
+            return
+        for _ in range(MAX_ATTEMPTS):
+            try:
+                connected, begin_ns = self._bus.connect(leg.selection), self.clock.now_ns()
+                burst, between_ns = connected.transfer(leg.burst), self.clock.now_ns()
+                status, end_ns = connected.transfer(leg.status), self.clock.now_ns()
+            except I2cTimeoutError:
+                raise
+            except I2cError:
+                self._bus.forget_selection()
+                continue
+            before_at = Window(begin_ns + ad7147.STATUS_AFTER_NS, between_ns - ad7147.RESULTS_AFTER_STATUS_NS)
+            self._take(leg, burst, before_at, status, Window(between_ns + ad7147.STATUS_AFTER_NS, end_ns))
+            return
+        self._discard(leg, Reading.NO_ANSWER)
+
+    def _take(
+        self, leg: FreeLeg, burst: bytes, before_at: Window, status: bytes, behind_at: Window
+    ) -> None:
+        """Store the results of a burst whose conversions are known; check the settings if its status does not fit."""
+        before, codes = ad7147.read_words(burst)
+        behind, _ = ad7147.read_words(status)
+        results = leg.tracker.results(before, before_at, behind, behind_at)
+        if leg.tracker.is_doubtful:
+            self._check_doubtful(leg)
+            return
+        if not results:
+            self.n_late_discards += behind_at.to_ns > leg.due_ns
+            if behind_at.to_ns > leg.due_ns + _SILENT_SCANS * self.plan.sequence_ns:
+                self._discard(leg, Reading.NOT_READY)
+            return
+        assert leg.calibration is not None
+        _, t_ns, capacitance_pf, readings = self.latest
+        for stage, result_ns in results:
+            at = leg.row, ad7147.ORDER[stage]
+            readings[at], capacitance_pf[at] = ad7147.decode(codes[stage], leg.calibration)
+            t_ns[at] = result_ns
+        leg.outcome, leg.n_doubts = _OK, 0
+        leg.due_ns = max(leg.due_ns, behind_at.to_ns)
+
+    def _check_doubtful(self, leg: FreeLeg) -> None:
+        """Ask a leg whose status did not fit for its power settings; start it again if they are lost."""
+        leg.n_doubts += 1
+        held = self._bus.check(leg.selection, leg.checks[0])
+        if held is Reading.MISCONFIGURED or leg.n_doubts > _MOST_DOUBTS:
+            self._discard(leg, Reading.MISCONFIGURED)
+            self._start_elements(leg)
+        elif held is _OK:
+            leg.tracker.trust()
+
+    # ------------------------------------------------------------ starting a leg
+
+    def _set_up(self, bus: I2cBus, leg: FreeLeg) -> Reading:
+        """Check and reset the chip of a leg, and let it convert its reference."""
+        ad7147.check_identity(bus, leg.address)
+        bus.transfer(ad7147.reset(leg.address))
+        self.clock.sleep_until_ns(self.clock.now_ns() + _RESET_NS)
+        for write in ad7147.REFERENCE_SEQUENCE.start(leg.address, self.plan.rate):
+            bus.transfer(write)
+        leg.calibration = None
+        leg.due_ns = self.clock.now_ns() + self.plan.reference_ns
+        return _OK
+
+    def _measure_reference(self, leg: FreeLeg) -> None:
+        """Read what the codes of a chip are worth, and start the conversion of its elements."""
+        answers = self._bus.exchange(leg.selection, (leg.reference,))
+        measured = None if answers is None else ad7147.reference_calibration(answers[0])
+        if measured is None:
+            leg.leave_scan(Reading.CORRUPT if answers else Reading.NO_ANSWER, self.clock.now_ns())
+        elif why := ad7147.reference_fault(measured):
+            leg.leave_scan(Reading.MISCONFIGURED, self.clock.now_ns(), why)
+        else:
+            leg.calibration = measured
+            self._start_elements(leg)
+
+    def _start_elements(self, leg: FreeLeg) -> None:
+        """Configure the sequence of the elements, and start it."""
+        *settings, restart = ad7147.ELEMENT_SEQUENCE.start(leg.address, self.plan.rate)
+        if self._bus.exchange(leg.selection, tuple(settings)) is None:
+            return
+        begin_ns = self.clock.now_ns()
+        if self._bus.exchange(leg.selection, (restart,)) is not None:
+            leg.tracker.start(Window(begin_ns, self.clock.now_ns()))
+            leg.due_ns = self.clock.now_ns() + self.plan.unused_ns
+            leg.n_doubts = 0
+
+    # ------------------------------------------------------------ the end of a scan
+
+    def _end_scan(self) -> None:
+        """Make the checks in turn, count missed readings, and search for legs that were left out."""
+        turn, row = divmod(self._n_scans, len(self.legs))
+        self._n_scans += 1
+        leg = self.legs[row]
+        if leg.in_scan and leg.calibration is not None:
+            if not self._bus.holds_selection(leg.selection):
+                for other in self.legs:
+                    if other.in_scan:
+                        self._discard(other, Reading.MISCONFIGURED)
+            check = leg.checks[turn % len(leg.checks)]
+            if all(self._bus.check(leg.selection, check) is Reading.MISCONFIGURED for _ in range(2)):
+                self._discard(leg, Reading.MISCONFIGURED)
+                self._start_elements(leg)
+        now_ns, all_in_scan = self.clock.now_ns(), True
+        for leg, readings in zip(self.legs, self.latest.reading, strict=True):
+            if leg.in_scan and now_ns > leg.due_ns and (leg.is_suspect or readings.any()):
+                leg.count_misses(readings, now_ns)
+            all_in_scan &= leg.in_scan
+        if not all_in_scan:
+            probe_due_legs(self._bus, self.legs, self._set_up, self.clock)

@@ -1,0 +1,200 @@
+"""Tracker of a converter that runs freely: which conversion each of its results is of, and when that was.
+
+The stages of its sequence convert one after the other, without a pause and without a trigger. A status word has a bit
+for each stage that has ended since it was last read. It is read before and behind each burst of results. The first
+tells how many conversions have ended, and so which one each result is of. The second names the stages that ended
+meanwhile: their results may be old, new or torn. Those are dropped; the burst before has the older ones.
+
+Each status also bounds when the last conversion ended and when the next one will, and many of them the time of a stage.
+No status may contradict these bounds: then a bit was lost, or the chip was reset. Nothing is used until the count is
+known again, nor while the bounds are wider than a stage.
+"""
+
+import math
+from typing import NamedTuple
+
+#: Most time between the changes of a stage's status and of its result [ns]: no source says which is first, nor what a
+#: status reads as that changes meanwhile. A result is dropped if its stage ended so near to that.
+_STATUS_SKEW_NS = 100_000
+#: Conversions after which the bounds of a stage's time are taken from newer ones, and how far it may have drifted in
+#: them [1].
+_N_REFERRED, _DRIFT_REL = 1000, 5e-4
+
+
+class Window(NamedTuple):
+    """Span in which something happened on the wire: not before `from_ns` and not after `to_ns` [ns]."""
+
+    from_ns: float
+    to_ns: float
+
+    @property
+    def middle_ns(self) -> float:
+        """Its middle [ns]."""
+        return (self.from_ns + self.to_ns) / 2
+
+    @property
+    def width_ns(self) -> float:
+        """Its width [ns]."""
+        return self.to_ns - self.from_ns
+
+
+class StampedResult(NamedTuple):
+    """A result of a burst, and its conversion.
+
+    Attributes:
+        stage: The stage, from 0.
+        t_ns: Middle of the conversion [ns], off by less than half of it.
+    """
+
+    stage: int
+    t_ns: int
+
+
+class StageTracker:
+    """Count and times of the conversions of a converter that runs freely.
+
+    Args:
+        n_stages: Stages of its sequence.
+        stage_ns: Nominal time of a stage [ns].
+        clock_tolerance_rel: Largest deviation of its clock [1].
+        n_unused: Conversions after a start whose results are not used.
+
+    Attributes:
+        stage_ns: Time of a stage, as known so far [ns].
+        is_doubtful: Whether a status did not fit: the chip may have lost its settings.
+    """
+
+    def __init__(self, n_stages: int, stage_ns: int, clock_tolerance_rel: float, n_unused: int) -> None:
+        self._n_stages = n_stages
+        self._n_unused = n_unused
+        self._tolerated_ns = Window(
+            stage_ns * (1 - clock_tolerance_rel), stage_ns * (1 + clock_tolerance_rel)
+        )
+        self.stage_ns = self._tolerated_ns
+        self.is_doubtful = False
+        self._is_known = False
+        # Conversions that have ended, when the last of them did, the first one that is used, and an earlier end.
+        self._n_ended, self._ended_ns, self._first_used = 0, Window(0, 0), 0
+        self._referred = 0, self._ended_ns
+        self._last_read = self._ended_ns
+
+    def start(self, at: Window) -> None:
+        """Start the count: the sequence began with its first stage in a window [ns]."""
+        self.is_doubtful, self._last_read = False, at
+        self._n_ended, self._ended_ns, self._first_used, self._is_known = 0, at, self._n_unused, True
+        self._referred, self.stage_ns = (0, at), self._tolerated_ns
+
+    def trust(self) -> None:
+        """Count again from the next status on: the chip holds its settings."""
+        self.is_doubtful = False
+        self._first_used = self._n_ended + self._n_stages
+
+    def results(self, before: int, before_at: Window, behind: int, behind_at: Window) -> list[StampedResult]:
+        """Return the results of a burst that are of one known conversion, the oldest first.
+
+        Args:
+            before: Status read before them, bit k for stage k.
+            before_at: When it was read.
+            behind: Status read behind them.
+            behind_at: When it was read.
+        """
+        self._count(before, before_at)
+        was_known, n_before, ended_ns = self._is_known, self._n_ended, self._ended_ns
+        self._count(behind, behind_at)
+        if not was_known:
+            n_before, ended_ns = self._n_ended - behind.bit_count(), self._after(-behind.bit_count())
+        stage_ns = self.stage_ns
+        if not self._is_known or self.is_doubtful or ended_ns.width_ns > stage_ns.from_ns:
+            return []
+        # A conversion that ended as the status was read may be in it or not, and its result may be new or not.
+        is_fresh = ended_ns.to_ns > before_at.from_ns - _STATUS_SKEW_NS
+        is_ending = ended_ns.from_ns + stage_ns.from_ns < before_at.to_ns + _STATUS_SKEW_NS
+        first = max(self._n_ended, n_before + is_ending) - self._n_stages
+        return [
+            StampedResult(
+                number % self._n_stages,
+                round(ended_ns.middle_ns + (number - n_before + 0.5) * stage_ns.middle_ns),
+            )
+            for number in range(max(first, self._first_used), n_before - is_fresh)
+        ]
+
+    def _count(self, status: int, at: Window) -> None:
+        """Count the conversions that have ended since the last status, or forget the count."""
+        last, self._last_read = self._last_read, at
+        n, longest_ns = status.bit_count(), self._tolerated_ns.to_ns
+        least = (at.from_ns - last.to_ns) // longest_ns
+        most = (at.to_ns - last.from_ns) // self._tolerated_ns.from_ns + 1
+        begins = self._begin_of_run(status, n)
+        if begins is None or n > most or n < min(least, self._n_stages):
+            self.is_doubtful, self._is_known = True, False
+        elif n == self._n_stages:  # some may have ended more than once
+            self._count_by_time(at)
+        elif self._is_known and n and begins != self._n_ended % self._n_stages:
+            self.is_doubtful, self._is_known = True, False
+        else:
+            if not self._is_known and n:
+                self._find(begins, Window(last.from_ns - longest_ns, last.to_ns))
+            if self._is_known:
+                self._end(n, at)
+
+    def _count_by_time(self, at: Window) -> None:
+        """Count the conversions that have ended at a time, if only one number of them is possible."""
+        least = (at.from_ns - _STATUS_SKEW_NS - self._ended_ns.to_ns) // self.stage_ns.to_ns
+        most = (at.to_ns + _STATUS_SKEW_NS - self._ended_ns.from_ns) // self.stage_ns.from_ns
+        self._is_known &= self._n_stages <= least == most
+        if self._is_known:
+            self._end(int(least), at)
+
+    def _find(self, begins: int, ended_ns: Window) -> None:
+        """Find the count again where stage `begins` was the next to end, the one before it in a window."""
+        (from_ns, to_ns), (shortest_ns, longest_ns) = self._ended_ns, self.stage_ns
+        least = (ended_ns.from_ns - to_ns) / longest_ns - (begins - self._n_ended)
+        most = (ended_ns.to_ns - from_ns) / shortest_ns - (begins - self._n_ended)
+        turns = math.ceil(least / self._n_stages), math.floor(most / self._n_stages)
+        n_known, number = self._n_ended, begins + self._n_stages * turns[0]
+        if turns[0] == turns[1]:
+            after_ns = self._after(number - n_known)
+            ended_ns = Window(
+                max(after_ns.from_ns, ended_ns.from_ns), min(after_ns.to_ns, ended_ns.to_ns)
+            )
+        else:
+            number = begins
+            self._referred = number, ended_ns
+            self._first_used += number - n_known
+        self._n_ended, self._ended_ns, self._is_known = number, ended_ns, True
+
+    def _after(self, n: int) -> Window:
+        """Return when the n-th conversion after the last one that has ended does so, or before it if negative."""
+        first_ns, last_ns = (n * stage_ns for stage_ns in self.stage_ns)
+        return Window(self._ended_ns.from_ns + min(first_ns, last_ns), self._ended_ns.to_ns + max(first_ns, last_ns))
+
+    def _run(self, begins: int, n: int) -> int:
+        """Return the status of `n` stages in a row, the first of which is `begins`."""
+        bits = ((1 << n) - 1) << begins
+        return (bits | bits >> self._n_stages) & ((1 << self._n_stages) - 1)
+
+    def _begin_of_run(self, status: int, n: int) -> int | None:
+        """Return the first of the stages of a status, which are in a row; None if they are not."""
+        return next((stage for stage in range(self._n_stages) if self._run(stage, n) == status), None)
+
+    def _end(self, n: int, at: Window) -> None:
+        """Count conversions that have ended, while the next one has not; narrow the bounds of the times."""
+        self._n_ended += n
+        (shortest_ns, longest_ns), ended_ns = self.stage_ns, self._after(n)
+        # Without a bit the next one may have ended at the last status, and be lost.
+        not_before_ns = at.from_ns - _STATUS_SKEW_NS - longest_ns if n else -math.inf
+        ended_ns = Window(
+            max(ended_ns.from_ns, not_before_ns), min(ended_ns.to_ns, at.to_ns + _STATUS_SKEW_NS)
+        )
+        number, referred_ns = self._referred
+        if n_since := self._n_ended - number:
+            shortest_ns = max(shortest_ns, (ended_ns.from_ns - referred_ns.to_ns) / n_since)
+            longest_ns = min(longest_ns, (ended_ns.to_ns - referred_ns.from_ns) / n_since)
+        if ended_ns.width_ns < 0 or shortest_ns > longest_ns:
+            self.is_doubtful, self._is_known, self.stage_ns = True, False, self._tolerated_ns
+            return
+        if n_since >= _N_REFERRED:
+            self._referred = self._n_ended, ended_ns
+            shortest_ns = max(shortest_ns * (1 - _DRIFT_REL), self._tolerated_ns.from_ns)
+            longest_ns = min(longest_ns * (1 + _DRIFT_REL), self._tolerated_ns.to_ns)
+        self._ended_ns, self.stage_ns = ended_ns, Window(shortest_ns, longest_ns)
