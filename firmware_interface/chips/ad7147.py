@@ -58,7 +58,7 @@ DEVICE_ID_MASK = 0xFFF0
 
 #: Values after power-up or reset; other registers below 0x080 are zero (those of AMB_COMP_CTRL: iCub). The registers of
 #: stages are RAM: no source gives a value.
-RESET_VALUES = {
+RESET_VALUES: dict[int, int] = {
     Ad7147Register.AMB_COMP_CTRL0: 0x0FF0,
     Ad7147Register.AMB_COMP_CTRL1: 0x0164,
     Ad7147Register.AMB_COMP_CTRL2: 0xFFFF,
