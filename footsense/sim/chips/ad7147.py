@@ -47,8 +47,8 @@ _CALIBRATION_SEQUENCES = 64
 #: What a junk result is off by, as an exclusive or: some hundred fF, plausible as a load.
 _JUNK = 0x0555
 
-_STAGES_OF_CODE = {each.code: (each.stage_ns, decimation) for decimation, each in chip.DECIMATIONS.items()}
-_STAGES_OF_CODE[3] = _STAGES_OF_CODE[2]  # twice decimation 64 (`AD7147_reg.h`)
+_DECIMATION_OF_CODE = {each.code: decimation for decimation, each in chip.DECIMATIONS.items()}
+_DECIMATION_OF_CODE[3] = 64  # another code of it (`AD7147_reg.h`)
 _SINGLE_ENDED_SETUPS = {
     (True, False): chip.SETUP_POSITIVE,
     (False, True): chip.SETUP_NEGATIVE,
@@ -60,6 +60,29 @@ _STAGES, _RECORDS = int(Ad7147Register.STAGE0_CONNECTION), chip.stage_register(c
 _WRITABLE = (*range(Ad7147Register.STAGE_LOW_INT_STATUS), *range(_STAGES, _RECORDS))
 #: Any values: those of stages after power-up.
 _POWER_UP_STAGES = {register: register * 0x9E37 & 0xFFFF for register in range(_STAGES, _RECORDS)}
+
+
+class _Control(NamedTuple):
+    """PWR_CONTROL: whether anything is converted, stages of a sequence, decimation and nominal time of a stage [ns]."""
+
+    runs: bool
+    excites: bool
+    n_stages: int
+    decimation: int
+    stage_ns: int
+
+
+@cache
+def _control_of_word(word: int) -> _Control:
+    """Return what a value of PWR_CONTROL asks for."""
+    decimation = _DECIMATION_OF_CODE[chip.DECIMATION.decode(word)]
+    return _Control(
+        runs=chip.POWER_MODE.decode(word) in (chip.POWER_MODE_FULL, chip.POWER_MODE_LOW),
+        excites=not chip.NO_EXCITATION.decode(word),
+        n_stages=min(chip.LAST_STAGE.decode(word) + 1, chip.N_STAGES),
+        decimation=decimation,
+        stage_ns=chip.DECIMATIONS[decimation].stage_ns,
+    )
 
 
 class _Stage(NamedTuple):
@@ -140,6 +163,7 @@ class SimulatedAd7147(SimulatedConverter):
         self._results = [0] * chip.N_STAGES
         self._moved = [0] * chip.N_STAGES
         self._completed = 0
+        self._control = _control_of_word(0)
         self._configured()
         self._start_sequence(t_ns)
 
@@ -169,14 +193,6 @@ class SimulatedAd7147(SimulatedConverter):
             self._pointer += 1
         return bytes(answer[:n])
 
-    @property
-    def _shut_down(self) -> bool:
-        return bool(chip.POWER_MODE.decode(self._register(_PWR_CONTROL)) & 1)
-
-    @property
-    def _n_stages(self) -> int:
-        return min(chip.LAST_STAGE.decode(self._register(_PWR_CONTROL)) + 1, chip.N_STAGES)
-
     def _register(self, address: int) -> int:
         return self._registers.get(address, 0)
 
@@ -190,13 +206,14 @@ class SimulatedAd7147(SimulatedConverter):
     def _write_register(self, address: int, word: int, t_ns: int) -> None:
         if address not in _WRITABLE:
             return
-        was_shut_down = self._shut_down
         self._registers[address] = word
         if address == _PWR_CONTROL:
             if chip.SW_RESET.decode(word):
                 self.power_up(t_ns)
-            elif was_shut_down:
+                return
+            if not self._control.runs:
                 self._start_sequence(t_ns)
+            self._control = _control_of_word(word)
             self._configured()
         elif address == _AMB_COMP_CTRL0 and chip.CONV_RESET.decode(word):
             self._registers[address] = word & ~chip.CONV_RESET.encode(1)
@@ -215,27 +232,26 @@ class SimulatedAd7147(SimulatedConverter):
 
     def _advance(self, t_ns: int) -> None:
         """End the stages that end by a time [ns]."""
-        if self._shut_down:
+        stage_ns, n_stages = round(self._control.stage_ns * self.clock_factor), self._control.n_stages
+        if not self._control.runs or t_ns < self._started_ns + stage_ns:
             return
-        nominal_ns, decimation = _STAGES_OF_CODE[chip.DECIMATION.decode(self._register(_PWR_CONTROL))]
-        stage_ns, n_stages = round(nominal_ns * self.clock_factor), self._n_stages
-        # Of sequences that nobody read the last two leave all that can be seen.
+        # Of sequences that nobody read the last two leave all that can be seen, unless some of them do not end.
         unread = (t_ns - self._started_ns) // (n_stages * stage_ns) - 2
-        if unread > 0:
+        if unread > 0 and not (self.stuck_ns or self.hangs_ns):
             self._started_ns += unread * n_stages * stage_ns
             self._ended += unread * n_stages
         while (end_ns := self._started_ns + stage_ns) <= t_ns:
             if self.finishes(end_ns):
-                self._end_stage(self._stage, end_ns, decimation)
+                self._end_stage(self._stage, end_ns)
             self._ended += 1
             self._started_ns = end_ns
             self._stage = self._stage + 1 if self._stage + 1 < n_stages else 0
 
-    def _end_stage(self, stage: int, end_ns: int, decimation: int) -> None:
+    def _end_stage(self, stage: int, end_ns: int) -> None:
         """Store the result of a stage and set its status bit."""
-        code = self._convert(stage, end_ns, decimation)
+        code = self._convert(stage, end_ns)
         calibrates = self._register(Ad7147Register.STAGE_CAL_EN) >> stage & 1
-        sequence = self._ended // self._n_stages
+        sequence = self._ended // self._control.n_stages
         if calibrates and self._effects.calibration_moves_results:
             if sequence % _CALIBRATION_SEQUENCES == _CALIBRATION_SEQUENCES - 1:
                 self._moved[stage] = chip.CODE_MID - code
@@ -245,19 +261,21 @@ class SimulatedAd7147(SimulatedConverter):
         if enabled or not self._effects.complete_needs_enable:
             self._completed |= 1 << stage
 
-    def _convert(self, stage: int, end_ns: int, decimation: int) -> int:
+    def _convert(self, stage: int, end_ns: int) -> int:
         """Return the code of a stage that ends at a time [ns], with noise, clipped to the range."""
-        first = chip.stage_register(stage)
-        what = _stage_of_words(*(self._registers[first + k] for k in range(3)))
+        registers, first = self._registers, _STAGES + chip.REGISTERS_PER_STAGE * stage
+        what = _stage_of_words(registers[first], registers[first + 1], registers[first + 2])
         if not what.fits:
             return 0
-        if chip.NO_EXCITATION.decode(self._register(_PWR_CONTROL)):
+        if not self._control.excites:
             return chip.CODE_MID
         pf = self._offset_step_pf * -what.offset
         for inputs, sign in ((what.positive, 1.0), (what.negative, -1.0)):
             for cin in inputs:
                 pf += sign * self._input_capacitance_pf(cin, what.connections, self._started_ns, end_ns)
-        pf += self._effects.noise_ff * 1e-3 * math.sqrt(64 / decimation) * self.unit_noise(end_ns)
+        pf += (
+            self._effects.noise_ff * 1e-3 * math.sqrt(64 / self._control.decimation) * self.unit_noise(end_ns)
+        )
         if self._temperature_change_k is not None:
             pf *= 1.0 + GAIN_DRIFT_PER_K * self._temperature_change_k(end_ns)
         return min(max(round(chip.CODE_MID + pf * self._codes_per_pf), 0), chip.CODE_MAX)
