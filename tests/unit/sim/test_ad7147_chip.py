@@ -29,7 +29,7 @@ FF_PER_CODE = 16_000 / 65536
 STATUS, RESULTS, IDENTITY = b"\x00\x0a", b"\x00\x0b", b"\x00\x17"
 NINE_STAGES_AT_64 = b"\x00\x00\x02\x80"
 RESTART = b"\x00\x02\x8f\xf0"
-#: When stage 0 starts of a chip that `configured_at` 0.
+#: When the sequence of a chip of `nine_stages` starts.
 ORIGIN_NS = 10_000_000
 
 CLEAN = Ad7147Effects(junk_sequences=0, noise_ff=0.0)
