@@ -9,7 +9,7 @@ from configuration import rows, type_words
 from docstrings import attributes, table
 
 from footsense.sim.faults.scene_faults import Fault
-from footsense.sim.scene import Effects, Fabrication, Scene, Warming
+from footsense.sim.scene import Ad7147Effects, Effects, Fabrication, Scene, Warming
 from footsense.sim.scene_loads import Load, Standstill
 
 #: Keys of a fault that the page explains above the table: what they are, or what they take.
@@ -26,6 +26,7 @@ def markdown() -> str:
         "`load.stands[]`, of kind `tripod`": Standstill,
         "`effects`": Effects,
         "`effects.warming`": Warming,
+        "`effects.ad7147`": Ad7147Effects,
         "`fabrication`": Fabrication,
     }
     parts = [

@@ -7,10 +7,10 @@ several registers go on at the next address.
 
 Source:
     Analog Devices AD7147 data sheet rev. 0: table 10 (conversion times), "Capacitance Sensor Offset Control". Addresses
-    and fields agree between these public drivers, each of which runs on real chips: Linux `drivers/input/misc/
-    ad714x.c`; flow3r badge `flow3r_bsp_ad7147_hw.c` (every field of PWR_CONTROL, connections and AFE offset); iCub skin
-    `embot_hw_ad7147.cpp` (reset values, connections); ModularElectronics `AD7147_reg.h` (values of the fields, after the
-    data sheet); Analog Devices `adi_ad7147.h` (fields, last register address).
+    and fields are those on which public drivers agree: Linux `drivers/input/misc/ad714x.c`; flow3r badge
+    `flow3r_bsp_ad7147_hw.c` (fields of PWR_CONTROL, connections and AFE offset); iCub skin `embot_hw_ad7147.cpp` (reset
+    values, connections); ModularElectronics `AD7147_reg.h` (values of fields, after the data sheet); Analog Devices
+    `adi_ad7147.h` (fields, last register address).
 """
 
 from dataclasses import dataclass
@@ -56,9 +56,9 @@ LAST_REGISTER = 0x28F
 DEVICE_ID = 0x1470
 DEVICE_ID_MASK = 0xFFF0
 
-#: Values after power-up or reset; other registers below 0x080 are zero (iCub checks the three of AMB_COMP_CTRL). Those of
+#: Values after power-up or reset; other registers below 0x080 are zero (those of AMB_COMP_CTRL: iCub). The registers of
 #: stages are RAM: no source gives a value.
-RESET_VALUES = {
+RESET_VALUES: dict[int, int] = {
     Ad7147Register.AMB_COMP_CTRL0: 0x0FF0,
     Ad7147Register.AMB_COMP_CTRL1: 0x0164,
     Ad7147Register.AMB_COMP_CTRL2: 0xFFFF,
@@ -91,9 +91,9 @@ POSITIVE_OFFSET_DISABLE = Field(shift=15, width=1)
 #: Values of `SINGLE_ENDED_SETUP` (`AD7147_reg.h`); 0 is not to be used.
 SETUP_POSITIVE, SETUP_NEGATIVE, SETUP_DIFFERENTIAL = 1, 2, 3
 
-# AFE_OFFSET of a stage: capacitance that two DACs take away, in steps. The positive DAC acts at the positive input of the
-# converter, the negative one at the negative input; a swap bit moves a DAC to the other input. What acts at the positive
-# input lowers the code.
+# AFE_OFFSET of a stage: capacitance that two DACs take away, in steps. The positive DAC acts at the positive input of
+# the converter, the negative one at its negative input; a swap bit moves a DAC to the other input. What acts at the
+# positive input lowers the code (flow3r, iCub).
 NEGATIVE_OFFSET = Field(shift=0, width=6)
 NEGATIVE_OFFSET_SWAP = Field(shift=7, width=1)
 POSITIVE_OFFSET = Field(shift=8, width=6)
@@ -144,8 +144,8 @@ CODE_MID, CODE_MAX = 0x8000, 0xFFFF
 FF_PER_CODE = 16_000 / 65536
 GAIN_TOLERANCE_REL = 0.25
 
-#: Nominal step of an offset DAC [pF], and its largest setting ("Capacitance Sensor Offset Control": 20 pF). In codes a step
-#: was seen to be 970 (flow3r) to 1000 (EngineerZone 24533) instead of 1311: measure it, or leave the setting alone.
+#: Nominal step of an offset DAC [pF], and its largest setting, 20 pF ("Capacitance Sensor Offset Control"). A step was
+#: seen to be 970 (flow3r) to 1000 codes (EngineerZone 24533) instead of 1311: measure it, or leave the setting alone.
 OFFSET_STEP_PF = 0.32
 MAX_OFFSET = 63
 

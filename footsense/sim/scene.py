@@ -59,6 +59,32 @@ class OddColumn(ScenePart, frozen=True):
     done_needs_both_reads: bool = False
 
 
+class Ad7147Effects(ScenePart, frozen=True):
+    """Deviations of AD7147 converters, and what no source tells of them; each combination is a kind of chip.
+
+    Attributes:
+        noise_ff: Noise of a conversion at decimation 64, where converters have noise [fF rms].
+        gain_rel: Largest deviation of the gain, common to a chip's inputs; each chip draws its own [1].
+        offset_rel: Largest deviation of the steps of the offset; each chip draws its own [1].
+        coherent_bursts: Whether all registers of a read are as at its start, instead of each as at its own time.
+        torn_words: Whether a result that turns new within its word is half old and half new.
+        complete_needs_enable: Whether a stage's status bit is set only where its enable bit is.
+        junk_sequences: Sequences after a new configuration whose results are not to be used.
+        calibration_moves_results: Whether the calibration engine, where it is on, moves results to the middle.
+        shifted_burst_rel: Probability that a read of several registers begins one register late [1].
+    """
+
+    noise_ff: Annotated[float, Meta(ge=0.0, le=100.0)] = 1.0
+    gain_rel: Annotated[float, Meta(ge=0.0, le=0.5)] = 0.0
+    offset_rel: Annotated[float, Meta(ge=0.0, le=0.5)] = 0.0
+    coherent_bursts: bool = False
+    torn_words: bool = False
+    complete_needs_enable: bool = False
+    junk_sequences: Annotated[int, Meta(ge=0, le=2)] = 1
+    calibration_moves_results: bool = False
+    shifted_burst_rel: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
+
+
 class Effects(ScenePart, frozen=True):
     """Simulated deviations of the robot from the ideal: noise, clock errors, rubber, temperature.
 
@@ -72,6 +98,7 @@ class Effects(ScenePart, frozen=True):
             of the upper one alone.
         keeps_old_result: Whether a result of a FDC1004 that is being converted still reads as the old one.
         odd_column: The converter of a column that is of another kind; None for none.
+        ad7147: What kind of chips AD7147 are.
         stray_pf: Capacitance to ground in parallel with every element [pF].
         gap_contact: Whether a closed gap carries load; else its closure is only limited.
         rubber: Whether the feet creep and show hysteresis (`sim/rubber.py`).
@@ -88,6 +115,7 @@ class Effects(ScenePart, frozen=True):
     done_needs_both_reads: bool = False
     keeps_old_result: bool = False
     odd_column: OddColumn | None = None
+    ad7147: Ad7147Effects = Ad7147Effects()
     stray_pf: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.0
     gap_contact: bool = False
     rubber: bool = False

@@ -19,12 +19,10 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Specimen
 from footsense.frames import ELEMENTS, CapFrame, Reading
 from footsense.ports import Transaction
-from footsense.sim.chips.ad7746 import SimulatedAd7746
 from footsense.sim.chips.chip import SimulatedLineSwitch, SimulatedMux
 from footsense.sim.chips.electronics import leg_electronics
-from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 from footsense.sim.clock import JoinedClock, VirtualClock
-from footsense.sim.faults.chip_faults import inject_chip_faults
+from footsense.sim.faults.chip_faults import LegConverter, inject_chip_faults
 from footsense.sim.faults.damage import WiredFoot
 from footsense.sim.faults.scene_faults import ChipFault
 from footsense.sim.i2c_bus import SimulatedBus
@@ -128,8 +126,8 @@ class Robot:
         effects: Effects = _NO_EFFECTS,
         faults: Sequence[tuple[int, ChipFault]] = (),
     ) -> None:
-        self.converters: list[SimulatedFdc1004 | SimulatedAd7746] = []
-        self.converters_of_leg: list[tuple[SimulatedFdc1004 | SimulatedAd7746, ...]] = []
+        self.converters: list[LegConverter] = []
+        self.converters_of_leg: list[tuple[LegConverter, ...]] = []
         self.switches: list[tuple[SimulatedLineSwitch, ...]] = []
         self.saboteurs: list[Saboteur] = []
         self._of_leg_pf = np.zeros((6, 1))
@@ -174,7 +172,7 @@ class Robot:
         """Add capacitance to every element of a leg that only that leg has."""
         self._of_leg_pf = np.arange(6)[:, None] / 512
 
-    def chips(self, leg: int) -> list[SimulatedFdc1004 | SimulatedAd7746 | SimulatedLineSwitch]:
+    def chips(self, leg: int) -> list[LegConverter | SimulatedLineSwitch]:
         return [*self.converters_of_leg[leg], *self.switches[leg]]
 
     def is_right(self, frame: CapFrame) -> NDArray[np.bool_]:

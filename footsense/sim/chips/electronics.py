@@ -4,15 +4,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from firmware_interface.chips import adg715
-from footsense.frames import ROWS
+from firmware_interface.chips import ad7147, adg715
+from footsense.frames import ELEMENTS, ROWS
+from footsense.sim.chips.ad7147 import InputCapacitance, SimulatedAd7147
 from footsense.sim.chips.ad7746 import (
     CAPDAC_GAIN_RANGE_REL,
     MAX_TEMPERATURE_ERROR_K,
     MeanMutualCapacitance,
     SimulatedAd7746,
 )
-from footsense.sim.chips.chip import SimulatedLineSwitch
+from footsense.sim.chips.chip import SimulatedConverter, SimulatedLineSwitch
 from footsense.sim.chips.fdc1004 import MeanCinCapacitance, SimulatedFdc1004
 from footsense.sim.faults.damage import OPEN_ELEMENT_PF, WiredFoot
 from footsense.sim.scene import Effects
@@ -22,6 +23,13 @@ ROOM_TEMPERATURE_C = 25.0
 
 #: Random streams of a leg besides that of its noise.
 _CAPDAC_DRAW, _THERMOMETER_DRAW, _COMMON_NOISE_DRAW, _COLUMN_DRAW = 4, 5, 7, 8
+_AD7147_DRAW, _SHIFT_DRAW = 9, 10
+
+#: Reference capacitor on a spare input of board `ad7147`, of class C0G, whose 30 ppm/K do not count: its input, nominal
+#: capacitance [pF], and tolerance [1].
+REFERENCE_INPUT = 12
+REFERENCE_PF = 4.7
+REFERENCE_TOLERANCE_REL = 0.01
 
 
 class LegElectronics(NamedTuple):
@@ -32,19 +40,30 @@ class LegElectronics(NamedTuple):
         switches: Its line switches, that of the rows first.
     """
 
-    converters: tuple[SimulatedFdc1004, ...] | tuple[SimulatedAd7746]
+    converters: tuple[SimulatedFdc1004, ...] | tuple[SimulatedAd7746] | tuple[SimulatedAd7147]
     switches: tuple[SimulatedLineSwitch, ...]
 
 
-def leg_electronics(board: str, foot: WiredFoot, effects: Effects, seed: tuple[int, int]) -> LegElectronics:
+def leg_electronics(
+    board: str,
+    foot: WiredFoot,
+    effects: Effects,
+    seed: tuple[int, int],
+    address: int = ad7147.ADDRESSES[0],
+    bus_clock_hz: int = 400_000,
+) -> LegElectronics:
     """Return the chips of one fault-free leg.
 
     Args:
-        board: `fdc1004`, `fdc1004_columns` or `ad7746`.
+        board: `fdc1004`, `fdc1004_columns`, `ad7746` or `ad7147`.
         foot: The foot behind them.
-        effects: Noise, clock error, stray and warming.
+        effects: Noise, clock error, stray, warming and kind of chip.
         seed: Seeds of the scene and of the leg.
+        address: Address of the converter, of board `ad7147`.
+        bus_clock_hz: Clock of its bus [Hz], which board `ad7147` depends on.
     """
+    if board == "ad7147":
+        return LegElectronics((_ad7147(foot, effects, seed, address, bus_clock_hz),), ())
     if board == "fdc1004_columns":
         return LegElectronics(
             tuple(_column_converter(foot, column, effects, seed) for column in range(ROWS)), ()
@@ -55,9 +74,6 @@ def leg_electronics(board: str, foot: WiredFoot, effects: Effects, seed: tuple[i
         return LegElectronics((_fdc1004(pins, effects, seed),), (rows,))
     random = np.random.default_rng(seed)
     noise = random if effects.converter_noise else None
-    common_noise = None
-    if noise is not None and effects.common_noise_rel:
-        common_noise = np.random.default_rng((*seed, _COMMON_NOISE_DRAW))
     clock_error_rel = effects.converter_clock_rel * random.uniform(-1, 1)
     columns = SimulatedLineSwitch(adg715.COLUMN_ADDRESS)
     error_k = np.random.default_rng((*seed, _THERMOMETER_DRAW)).uniform(-1, 1) * MAX_TEMPERATURE_ERROR_K
@@ -71,9 +87,39 @@ def leg_electronics(board: str, foot: WiredFoot, effects: Effects, seed: tuple[i
             ROOM_TEMPERATURE_C + error_k + (warming.temperature_change_k_at(t_ns) if warming else 0.0)
         ),
     )
-    if common_noise is not None:
-        converter.share_noise(effects.common_noise_rel, common_noise)
+    _share_noise(converter, effects, seed)
     return LegElectronics((converter,), (rows, columns))
+
+
+def _share_noise(chip: SimulatedConverter, effects: Effects, seed: tuple[int, ...]) -> None:
+    """Make a share of a converter's noise common to its channels, where the effects say so."""
+    if effects.converter_noise and effects.common_noise_rel:
+        chip.share_noise(effects.common_noise_rel, np.random.default_rng((*seed, _COMMON_NOISE_DRAW)))
+
+
+def _ad7147(
+    foot: WiredFoot, effects: Effects, seed: tuple[int, int], address: int, bus_clock_hz: int
+) -> SimulatedAd7147:
+    """Return a fault-free AD7147 with its own noise, clock, gain, steps of offset and reference capacitor."""
+    random, draw = np.random.default_rng(seed), np.random.default_rng((*seed, _AD7147_DRAW))
+    kind, warming = effects.ad7147, effects.warming
+    gain, offset, reference = draw.uniform(-1, 1, 3)
+    reference_pf = REFERENCE_PF * (1.0 + REFERENCE_TOLERANCE_REL * float(reference))
+    clock_error_rel = effects.converter_clock_rel * random.uniform(-1, 1)
+    chip = SimulatedAd7147(
+        _single_input_capacitance(foot, effects.stray_pf, reference_pf),
+        random if effects.converter_noise else None,
+        clock_error_rel,
+        address=address,
+        effects=kind,
+        gain_rel=kind.gain_rel * float(gain),
+        offset_rel=kind.offset_rel * float(offset),
+        temperature_change_k=warming.temperature_change_k_at if warming else None,
+        bus_clock_hz=bus_clock_hz,
+        shifts=np.random.default_rng((*seed, _SHIFT_DRAW)) if kind.shifted_burst_rel else None,
+    )
+    _share_noise(chip, effects, seed)
+    return chip
 
 
 def _fdc1004(pins: MeanCinCapacitance, effects: Effects, seed: tuple[int, ...]) -> SimulatedFdc1004:
@@ -84,9 +130,7 @@ def _fdc1004(pins: MeanCinCapacitance, effects: Effects, seed: tuple[int, ...]) 
     chip.trigger_clears_done = effects.trigger_clears_done
     chip.done_needs_both_reads = effects.done_needs_both_reads
     chip.keeps_old_result = effects.keeps_old_result
-    if noise is not None and effects.common_noise_rel:
-        common_noise = np.random.default_rng((*seed, _COMMON_NOISE_DRAW))
-        chip.share_noise(effects.common_noise_rel, common_noise)
+    _share_noise(chip, effects, seed)
     return chip
 
 
@@ -102,6 +146,28 @@ def _column_converter(
         chip.trigger_clears_done = odd.trigger_clears_done
         chip.done_needs_both_reads = odd.done_needs_both_reads
     return chip
+
+
+def _single_input_capacitance(foot: WiredFoot, stray_pf: float, reference_pf: float) -> InputCapacitance:
+    """Return the capacitance function of board `ad7147`: an input for each element, and the reference capacitor."""
+
+    def input_pf(
+        cin: int, connections: tuple[ad7147.InputConnection, ...], t_start_ns: int, t_end_ns: int
+    ) -> float:
+        del connections
+        if cin == REFERENCE_INPUT:
+            return reference_pf
+        t_ns, element = (t_start_ns + t_end_ns) // 2, cin
+        added_pf, disturbances = 0.0, foot.disturbances
+        if disturbances is not None:
+            element = disturbances.column_of_pin(cin, t_ns)  # of this board the inputs are elements
+            row, column = divmod(element, ROWS)
+            added_pf = disturbances.added_pf(1 << row, column, t_start_ns, t_end_ns)
+        if element >= ELEMENTS:  # an input without a line
+            return added_pf + OPEN_ELEMENT_PF
+        return added_pf + foot.element_pin_pf(element, foot.elements_pf(t_ns)[element] + stray_pf, t_ns)
+
+    return input_pf
 
 
 def _element_pin_capacitance(foot: WiredFoot, column: int, stray_pf: float) -> MeanCinCapacitance:

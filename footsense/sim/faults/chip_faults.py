@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from footsense.sim.chips.ad7147 import SimulatedAd7147
 from footsense.sim.chips.ad7746 import SimulatedAd7746
 from footsense.sim.chips.chip import SimulatedChip, SimulatedConverter, SimulatedLineSwitch
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
@@ -11,7 +12,8 @@ from footsense.sim.chips.ltc4317 import translated_columns
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Schedule
 
-_Converter = SimulatedFdc1004 | SimulatedAd7746
+#: A simulated capacitance converter of any board.
+LegConverter = SimulatedFdc1004 | SimulatedAd7746 | SimulatedAd7147
 
 
 class SimulatedEeprom:
@@ -80,7 +82,7 @@ class _FailingChip:
         return bytes(answer)
 
 
-def _inject_fault(chip: _Converter | SimulatedLineSwitch, fault: scene_faults.ChipFault) -> None:
+def _inject_fault(chip: LegConverter | SimulatedLineSwitch, fault: scene_faults.ChipFault) -> None:
     """Inject a fault that a chip simulates by itself."""
     match fault:
         case scene_faults.Absent() | scene_faults.ConverterSilent():
@@ -96,7 +98,7 @@ def _inject_fault(chip: _Converter | SimulatedLineSwitch, fault: scene_faults.Ch
 
 
 def inject_chip_faults(
-    converters: Sequence[_Converter],
+    converters: Sequence[LegConverter],
     switches: Sequence[SimulatedLineSwitch],
     faults: Sequence[scene_faults.ChipFault],
     rng: np.random.Generator,

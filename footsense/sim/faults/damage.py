@@ -7,7 +7,8 @@ whichever row is selected, because the shield driver delivers the charge that th
 disables the others of its column. That follows from the wiring and was not measured.
 
 Board `fdc1004_columns`: each element has a pin, against one electrode that is at ground, so that no row has a line. A
-column whose plug is off loses its three lines; a short ties one pin to ground.
+column whose plug is off loses its three lines; a short ties one pin to ground. Board `ad7147` is alike, with one plug:
+its tail tears where the lines of a column lie.
 
 Board `ad7746`: the input measures each element between an excited row and a selected column; all other lines are at
 ground, so that a broken line disables its own elements only. A short ties a row to a column. With both selected it
