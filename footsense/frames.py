@@ -57,8 +57,7 @@ class Reading(IntEnum):
     WRONG_CHIP = 6  #: another chip answers at the converter's address
     CORRUPT = 7  #: an answer that no healthy chip gives
     DELAYED = 8  #: the bus was occupied by a fault of another leg
-    EXCITATION = 10  #: the converter cannot drive the leg's rows: a short, or a leak to ground
-    UNDER_RANGE = 11  #: the code is at the lower end of a range that begins above 0
+    UNDER_RANGE = 11  #: the code is zero: no line has so little
 
 
 class CycleField(NamedTuple):

@@ -19,7 +19,6 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Specimen
 from footsense.frames import ELEMENTS, CapFrame, Reading
 from footsense.ports import Transaction
-from footsense.sim.chips.ad7746 import SimulatedAd7746
 from footsense.sim.chips.chip import SimulatedLineSwitch, SimulatedMux
 from footsense.sim.chips.electronics import leg_electronics
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
@@ -45,7 +44,6 @@ class Board(NamedTuple):
         name: Its name.
         rates_sps: Its conversion rates, the fastest first.
         conversion_ns: A conversion at the fastest [ns].
-        exact_pf: How far a reading may be off [pF]: two codes, one of them of the measured CAPDAC.
         probe_ns: What a try of a leg that does not finish its conversions costs the others [ns].
         n_steps: Conversions of a scan.
     """
@@ -53,17 +51,14 @@ class Board(NamedTuple):
     name: str
     rates_sps: tuple[int, ...]
     conversion_ns: int
-    exact_pf: float
     probe_ns: int
     n_steps: int = ELEMENTS
 
 
-FDC1004 = Board("fdc1004", (400, 200, 100), 2_500_000, 0.0, 7_000_000)
-AD7746 = Board("ad7746", (91, 84, 50, 26, 16, 13, 11, 9), 11_000_000, 2e-6, 15_000_000)
-COLUMNS = Board("fdc1004_columns", (400, 200, 100), 2_500_000, 0.0, 21_000_000, 3)
-BOTH = (FDC1004, AD7746)
+FDC1004 = Board("fdc1004", (400, 200, 100), 2_500_000, 7_000_000)
+COLUMNS = Board("fdc1004_columns", (400, 200, 100), 2_500_000, 21_000_000, 3)
+BOTH = (FDC1004, COLUMNS)
 both = pytest.mark.parametrize("board", BOTH, ids=lambda board: board.name)
-every = pytest.mark.parametrize("board", [*BOTH, COLUMNS], ids=lambda board: board.name)
 
 
 def distinct(element: int, t_ns: int) -> float:
@@ -128,8 +123,8 @@ class Robot:
         effects: Effects = _NO_EFFECTS,
         faults: Sequence[tuple[int, ChipFault]] = (),
     ) -> None:
-        self.converters: list[SimulatedFdc1004 | SimulatedAd7746] = []
-        self.converters_of_leg: list[tuple[SimulatedFdc1004 | SimulatedAd7746, ...]] = []
+        self.converters: list[SimulatedFdc1004] = []
+        self.converters_of_leg: list[tuple[SimulatedFdc1004, ...]] = []
         self.switches: list[tuple[SimulatedLineSwitch, ...]] = []
         self.saboteurs: list[Saboteur] = []
         self._of_leg_pf = np.zeros((6, 1))
@@ -174,14 +169,12 @@ class Robot:
         """Add capacitance to every element of a leg that only that leg has."""
         self._of_leg_pf = np.arange(6)[:, None] / 512
 
-    def chips(self, leg: int) -> list[SimulatedFdc1004 | SimulatedAd7746 | SimulatedLineSwitch]:
+    def chips(self, leg: int) -> list[SimulatedFdc1004 | SimulatedLineSwitch]:
         return [*self.converters_of_leg[leg], *self.switches[leg]]
 
     def is_right(self, frame: CapFrame) -> NDArray[np.bool_]:
         """Tell which readings are their own capacitances."""
-        right: NDArray[np.bool_] = (
-            np.abs(frame.capacitance_pf - DISTINCT_PF - self._of_leg_pf) <= self.board.exact_pf
-        )
+        right: NDArray[np.bool_] = frame.capacitance_pf == DISTINCT_PF + self._of_leg_pf
         return right
 
     def assert_honest(self, frame: CapFrame) -> None:
@@ -204,7 +197,7 @@ class Robot:
         return frame
 
     def period_ns(self, n: int = 20) -> float:
-        """Return what a scan takes; the temperature is taken before those that are timed."""
+        """Return what a scan takes."""
         self.read(2)
         start_ns = self.clock.now_ns()
         self.read(n)

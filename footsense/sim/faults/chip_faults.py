@@ -4,14 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from footsense.sim.chips.ad7746 import SimulatedAd7746
 from footsense.sim.chips.chip import SimulatedChip, SimulatedConverter, SimulatedLineSwitch
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 from footsense.sim.chips.ltc4317 import translated_columns
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Schedule
-
-_Converter = SimulatedFdc1004 | SimulatedAd7746
 
 
 class SimulatedEeprom:
@@ -80,7 +77,7 @@ class _FailingChip:
         return bytes(answer)
 
 
-def _inject_fault(chip: _Converter | SimulatedLineSwitch, fault: scene_faults.ChipFault) -> None:
+def _inject_fault(chip: SimulatedFdc1004 | SimulatedLineSwitch, fault: scene_faults.ChipFault) -> None:
     """Inject a fault that a chip simulates by itself."""
     match fault:
         case scene_faults.Absent() | scene_faults.ConverterSilent():
@@ -96,7 +93,7 @@ def _inject_fault(chip: _Converter | SimulatedLineSwitch, fault: scene_faults.Ch
 
 
 def inject_chip_faults(
-    converters: Sequence[_Converter],
+    converters: Sequence[SimulatedFdc1004],
     switches: Sequence[SimulatedLineSwitch],
     faults: Sequence[scene_faults.ChipFault],
     rng: np.random.Generator,
@@ -105,11 +102,11 @@ def inject_chip_faults(
 
     Args:
         converters: The leg's converters; behind an address translator are those of columns 1 and 2, if there are three.
-        switches: The leg's line switches, that of the rows first.
+        switches: The leg's row switch, if it has one.
         faults: Faults on the chips of this leg.
         rng: Source of random acknowledges and bits.
     """
-    chips = (*converters, *switches)
+    chips: tuple[SimulatedFdc1004 | SimulatedLineSwitch, ...] = (*converters, *switches)
     for fault in faults:
         if isinstance(fault, scene_faults.SwitchIgnoresWrites) and switches:
             switches[0].ignores_writes_ns.append(fault.span_ns)
