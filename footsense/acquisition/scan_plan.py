@@ -68,7 +68,7 @@ class ScanPlan(NamedTuple):
 
     @property
     def harmless_read(self) -> Transaction:
-        """Read of a chip of a leg that changes nothing: of a line switch, or of a converter's setting without one."""
+        """Read of a chip of a leg that changes nothing: of the row switch, or of a converter's setting without one."""
         return (*self.steps[0].select_checks, *self.board.setting_checks)[0].read
 
 
