@@ -6,61 +6,37 @@ compares the measured scan with them.
 
 from typing import NamedTuple
 
-from firmware_interface.chips import ad7746, adg715, fdc1004
+from firmware_interface.chips import adg715, fdc1004
 from firmware_interface.wire_timing import i2c_bus_time_ns, transaction_bits
 
 _ELEMENTS = adg715.N_LINES**2
 
 
 class ConversionTraffic(NamedTuple):
-    """I2C bytes of one conversion on a board (start, done poll, result read), and which lines are switched.
+    """I2C traffic of one conversion on a board, as far as boards differ in it.
 
     Attributes:
-        n_switches: Fewest switches of lines in a scan: none without line switches; one for each row; or one for each
-            element where columns are switched too, as every step then changes the row or the column at least, and there
-            is an order in which none changes both.
+        n_switches: Fewest switches of rows in a scan: one for each row, or none without a row switch.
         n_converters: Converters of a leg, each of which converts an element at the same time.
-        n_start_bytes: Bytes of the write that starts a conversion of one of them.
-        done_poll_bytes: Bytes written and read to ask one of them, on all legs, whether it is done; None if the results
-            show it.
-        result_part_read_bytes: Bytes written and read for one part of a result.
-        clock_tolerance_rel: Largest deviation of a converter's clock [1].
+        done_poll_bytes: Bytes written and read to ask one of them, on all legs, whether it is done.
     """
 
     n_switches: int
     n_converters: int
-    n_start_bytes: int
-    done_poll_bytes: tuple[int, int] | None
-    result_part_read_bytes: tuple[int, int]
-    clock_tolerance_rel: float
+    done_poll_bytes: tuple[int, int]
 
 
-FDC1004_TRAFFIC = ConversionTraffic(
-    n_switches=adg715.N_LINES,
-    n_converters=1,
-    n_start_bytes=3,
-    done_poll_bytes=(1, 2),
-    result_part_read_bytes=(1, 2),
-    clock_tolerance_rel=fdc1004.CLOCK_TOLERANCE_REL,
-)
-FDC1004_COLUMNS_TRAFFIC = FDC1004_TRAFFIC._replace(
-    n_switches=0, n_converters=adg715.N_LINES, done_poll_bytes=(0, 2)
-)
-AD7746_TRAFFIC = ConversionTraffic(
-    n_switches=_ELEMENTS,
-    n_converters=1,
-    n_start_bytes=2,
-    done_poll_bytes=None,
-    result_part_read_bytes=(1, 4),
-    clock_tolerance_rel=ad7746.CLOCK_TOLERANCE_REL,
-)
+FDC1004_TRAFFIC = ConversionTraffic(n_switches=adg715.N_LINES, n_converters=1, done_poll_bytes=(1, 2))
+FDC1004_COLUMNS_TRAFFIC = ConversionTraffic(n_switches=0, n_converters=adg715.N_LINES, done_poll_bytes=(0, 2))
+#: Bytes of the write that starts a conversion; bytes written and read for one register of a result.
+_START_BYTES, _RESULT_READ_BYTES = 3, (1, 2)
 
 
 class ScanLowerBounds(NamedTuple):
     """Lower bounds of the scan period by conversion time and by read-out time; the larger one applies.
 
     Attributes:
-        conversion_bound_ns: All conversions by a slow chip, and what cannot overlap with them [ns]: switches of lines,
+        conversion_bound_ns: All conversions by a slow chip, and what cannot overlap with them [ns]: switches of rows,
             and the start of the next conversion, which without such a switch may end with the one before.
         readout_bound_ns: All read-outs of all legs [ns].
     """
@@ -103,11 +79,6 @@ def scan_lower_bounds(
         >>> limits.limiting_factor, round(limits.scan_period_bound_ns / 22.5e6, 3)
         ('conversion', 1.087)
         >>> limits = scan_lower_bounds(
-        ...     n_legs=6, conversion_ns=11_000_000, bus_hz=400_000, host_cost_ns=40_000, traffic=AD7746_TRAFFIC
-        ... )
-        >>> limits.limiting_factor, round(limits.scan_period_bound_ns * 1e-6, 1)
-        ('conversion', 102.8)
-        >>> limits = scan_lower_bounds(
         ...     n_legs=3, conversion_ns=2_500_000, bus_hz=400_000, host_cost_ns=40_000, traffic=FDC1004_COLUMNS_TRAFFIC
         ... )
         >>> limits.limiting_factor, round(limits.scan_period_bound_ns / 7.5e6, 3)
@@ -117,12 +88,15 @@ def scan_lower_bounds(
     def transaction_ns(n_write: int, n_read: int = 0) -> int:
         return round(i2c_bus_time_ns(transaction_bits(n_write, n_read), round(bus_hz)) + host_cost_ns)
 
-    select, start = transaction_ns(1), transaction_ns(traffic.n_start_bytes)
-    ask = transaction_ns(*traffic.done_poll_bytes) if traffic.done_poll_bytes else 0
-    read = n_result_reads * transaction_ns(*traffic.result_part_read_bytes)
-    wait = round(conversion_ns * (1 + traffic.clock_tolerance_rel))
-    # A line switch takes a byte, as the selection of a channel does.
-    lines, n_steps = traffic.n_switches * select, _ELEMENTS // traffic.n_converters
+    select, start, ask = (
+        transaction_ns(1),
+        transaction_ns(_START_BYTES),
+        transaction_ns(*traffic.done_poll_bytes),
+    )
+    read = n_result_reads * transaction_ns(*_RESULT_READ_BYTES)
+    wait = round(conversion_ns * (1 + fdc1004.CLOCK_TOLERANCE_REL))
+    # A row switch takes a byte, as the selection of a channel does.
+    rows, n_steps = traffic.n_switches * select, _ELEMENTS // traffic.n_converters
     readout = select + n_legs * select + traffic.n_converters * (start + ask + n_legs * read)
     conversions = n_steps * (wait + start) if traffic.n_switches else n_steps * wait
-    return ScanLowerBounds(conversions + lines, n_steps * readout + lines)
+    return ScanLowerBounds(conversions + rows, n_steps * readout + rows)

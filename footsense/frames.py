@@ -57,8 +57,7 @@ class Reading(IntEnum):
     WRONG_CHIP = 6  #: another chip answers at the converter's address
     CORRUPT = 7  #: an answer that no healthy chip gives
     DELAYED = 8  #: the bus was occupied by a fault of another leg
-    EXCITATION = 10  #: the converter cannot drive the leg's rows: a short, or a leak to ground
-    UNDER_RANGE = 11  #: the code is at the lower end of a range that begins above 0
+    UNDER_RANGE = 11  #: the code is 0: no line has so little
 
 
 class CycleField(NamedTuple):
@@ -292,8 +291,8 @@ class Cycle(NamedTuple):
         forces: The contacts; the sink publishes every n-th.
         ended_commands: Results of the commands that ended in this cycle.
         reference: Samples of a test stand's force sensor, None without one.
-        temperature_c: Temperature of each leg's converter from this cycle on [degC], shape (legs,), NaN for none; None
-            if unchanged, and where no converter has a sensor.
+        temperature_c: Temperature of each foot from this cycle on [degC], shape (legs,), NaN for an unknown one; None
+            if unchanged, and where nothing tells it.
     """
 
     scan: CapFrame

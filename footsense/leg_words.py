@@ -109,9 +109,7 @@ CAUSE_WORDS = {
         "what else loads this computer or this bus, and the bus's pull-ups and clock",
         "late",
     ),
-    Cause.CANNOT_EXCITE: Words(
-        "its converter cannot drive the rows", "a row line that is shorted or leaks to ground", "drive"
-    ),
+    Cause.CANNOT_EXCITE: Words(),
     Cause.CALIBRATION_STALE: Words(),
     Cause.NOISY: Words(
         "its readings are noisy",
@@ -125,7 +123,6 @@ STATE_AND_CAUSE_OF_READING = {
     Reading.NOT_READY: (State.CONVERTER_FAULT, Cause.NEVER_FINISHES),
     Reading.CORRUPT: (State.CONVERTER_FAULT, Cause.CORRUPT),
     Reading.MISCONFIGURED: (State.CONVERTER_FAULT, Cause.SETTINGS_LOST),
-    Reading.EXCITATION: (State.CONVERTER_FAULT, Cause.CANNOT_EXCITE),
     Reading.WRONG_CHIP: (State.ABSENT, Cause.WRONG_CHIP),
     Reading.BUS_STUCK: (State.ABSENT, Cause.BUS_STUCK),
     Reading.NO_ANSWER: (State.ABSENT, Cause.NO_ANSWER),

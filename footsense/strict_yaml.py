@@ -43,6 +43,7 @@ def load(
     type_: type[T],
     where: str | None = None,
     check: Callable[[T], Problem | None] | None = None,
+    check_plain: Callable[[object], Problem | None] | None = None,
 ) -> T:
     """Return the object that a YAML text describes, or raise an error with the place of the first fault.
 
@@ -51,6 +52,7 @@ def load(
         type_: The struct that the text has to fit.
         where: Name of the text in errors; the path of the file if not given.
         check: Finds the first contradiction between fields that are each right by themselves.
+        check_plain: Finds in the plain data what is told in other words than that it does not fit.
 
     Raises:
         ConfigError: The text is missing, is not such YAML, does not fit `type_`, or contradicts itself.
@@ -64,8 +66,10 @@ def load(
         place = where if fault.line is None else f"{where}:{fault.line}"
         raise ConfigError(f"{place}: {fault}") from None
     try:
-        result = msgspec.convert(data, type_)
-        problem = check(result) if check else None
+        problem = check_plain(data) if check_plain else None
+        if not problem:
+            result = msgspec.convert(data, type_)
+            problem = check(result) if check else None
     except msgspec.ValidationError as error:
         problem = _first_problem(data, type_, "") or Problem("", str(error))
     if problem:

@@ -65,7 +65,7 @@ class Cause(IntEnum):
     COLUMN_OPEN = 12  #: the line of a column is interrupted
     OVERLOAD = 13  #: elements are loaded beyond their range: a gap is closed, or a code is at the end
     DELAYED = 14  #: the loop or the bus was delayed
-    CANNOT_EXCITE = 15  #: the converter cannot drive the leg's rows: a short, or a leak to ground
+    CANNOT_EXCITE = 15  #: reserved: nothing sends it
     CALIBRATION_STALE = 16  #: reserved: nothing sends it
     NOISY = (
         17  #: the readings have more noise than a tare allows: the force is given, with a sigma that has it

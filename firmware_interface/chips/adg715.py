@@ -1,22 +1,14 @@
-"""Data byte of the ADG715 octal analog switch, which selects the row or column lines of a foot.
+"""Data byte of the ADG715 octal analog switch, which selects the row lines of a foot.
 
 Source: Analog Devices ADG714/ADG715 data sheet rev. B. One data byte, bit n closes switch n + 1; all switches are
-open after power-up. The address is 1001 0 A1 A0; A1 A0 = 01 and 10 keep it clear of an AD7746 at 0x48.
+open after power-up. The address is 1001 0 A1 A0, with A1 A0 = 01.
 
-Switches 1..3 connect lines 0..2 of a foot to the node of a selected line, and switches 4..6
-to that of an unselected line:
-
-| board | address | lines | selected | unselected |
-|---|---|---|---|---|
-| `fdc1004` | 0x49 | rows | ground: the row is measured | shield: follows the measured column, and drops out |
-| `ad7746` | 0x49 | rows | EXCA: the row is measured | ground |
-| `ad7746` | 0x4A | columns | CIN1: the column is measured | ground |
+Switches 1..3 connect rows 0..2 of a foot to ground, by which they are selected and measured; switches 4..6 connect them
+to the shield: an unselected row follows the measured column, and drops out.
 """
 
-#: 7-bit bus address with A1 A0 = 01: the rows.
+#: 7-bit bus address with A1 A0 = 01.
 ADDRESS = 0x49
-#: 7-bit bus address with A1 A0 = 10: the columns, where a board switches them.
-COLUMN_ADDRESS = 0x4A
 
 #: Rows of a foot, and its columns.
 N_LINES = 3

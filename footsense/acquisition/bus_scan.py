@@ -1,8 +1,7 @@
 """Scan of an I2C bus for chips: answering addresses, chip identities, bus timing.
 
 Unknown addresses receive only transactions that are harmless to the chips. The mux is switched, and
-the identity of each leg's converter is read. An AD7746 has none but its values after a reset, so that it is reset;
-nothing else is written.
+the identity of each leg's converter is read; nothing else is written.
 
 An empty write is the gentlest: START, address, acknowledge, STOP. But to the EEPROM AT24RF08 (0x54 to 0x57) it is the
 beginning of a write, and memory modules have write-protect registers at 0x30 to 0x37: there one byte is read instead,
@@ -135,7 +134,7 @@ class BusScan(NamedTuple):
 
 
 def leg_chip_addresses(plan: ScanPlan) -> tuple[int, ...]:
-    """Return the I2C addresses of a leg's chips: the converters' first, then the line switches'."""
+    """Return the I2C addresses of a leg's chips: the converters' first, then the row switch's."""
     return (*converter_addresses(plan), *(select.address for select in plan.steps[0].select))
 
 
@@ -175,9 +174,7 @@ def scan_bus(
             selection = tca9548a.channel_control_byte(channel)
             if not _select_and_check_read_back(bus, bus.mux_address, selection):
                 return BusScan(upstream, mux_answers=False, channels={}, bus_timing=None)
-            channels[channel] = _scan_channel(
-                bus.adapter, clock, plan, known, is_leg=channel in legs.values()
-            )
+            channels[channel] = _scan_channel(bus.adapter, plan, known, is_leg=channel in legs.values())
         except I2cTimeoutError as error:
             channels[channel] = ChannelScan((), Reading.BUS_STUCK, str(error))
             if not bus.free_bus():
@@ -192,7 +189,7 @@ def _scan_leg_alone(bus: LegBus, clock: Clock, plan: ScanPlan, claimed: Collecti
     """Return the chips of a leg that is directly on its adapter."""
     timing = None
     try:
-        found = _scan_channel(bus.adapter, clock, plan, claimed, is_leg=True)
+        found = _scan_channel(bus.adapter, plan, claimed, is_leg=True)
         if found.outcome is Reading.OK:
             timing = measure_bus_timing(bus, clock, plan, 1)
     except I2cTimeoutError as error:
@@ -216,9 +213,7 @@ def _select_and_check_read_back(bus: LegBus, mux_address: int, selection: int) -
     return read_back == bytes((selection,))
 
 
-def _scan_channel(
-    bus: I2cBus, clock: Clock, plan: ScanPlan, skipped: Collection[int], *, is_leg: bool
-) -> ChannelScan:
+def _scan_channel(bus: I2cBus, plan: ScanPlan, skipped: Collection[int], *, is_leg: bool) -> ChannelScan:
     """Return the chips behind the mux channel that is connected.
 
     Raises:
@@ -229,7 +224,7 @@ def _scan_channel(
     if not is_leg:
         return ChannelScan(answering, Reading.OK)
     try:
-        plan.board.check_identity(bus, clock)
+        plan.board.check_identity(bus)
     except I2cTimeoutError:
         raise
     except WrongChipError as error:
@@ -241,6 +236,6 @@ def _scan_channel(
     for address in leg_chip_addresses(plan)[len(converter_addresses(plan)) :]:
         if address not in answering and address not in skipped:
             converter = converter_addresses(plan)[0]
-            why = f"no line switch answers at {address:#04x}, though a converter does at {converter:#04x}"
+            why = f"no row switch answers at {address:#04x}, though a converter does at {converter:#04x}"
             return ChannelScan(answering, Reading.NO_ANSWER, why)
     return ChannelScan(answering, Reading.OK)

@@ -152,7 +152,7 @@ class LegBus:
         """
         reading = Reading.NO_ANSWER
         for _ in range(MAX_ATTEMPTS):
-            if result.done is not None and not is_done:
+            if not is_done:
                 reading = self.poll(selection, (result.done,))
                 if reading is Reading.NOT_READY:
                     break

@@ -19,7 +19,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from firmware_interface.chips import tca9548a
-from footsense.acquisition.boards.board import Board, ConversionStep, Thermometer
+from footsense.acquisition.boards.board import Board, ConversionStep
 from footsense.acquisition.boards.chip_timing import ChipTiming, measure_chip_timings
 from footsense.acquisition.leg_bus import LegBus, release_sda
 from footsense.acquisition.scan_plan import ScanPlan
@@ -48,7 +48,6 @@ _MISSES = (
     Reading.MISCONFIGURED,
     Reading.CORRUPT,
     Reading.BUS_STUCK,
-    Reading.EXCITATION,
 )
 
 
@@ -67,13 +66,11 @@ class LegConnection:
         outcome: OK, or why the leg gives no reading in this scan, or since it was left out.
         is_suspect: Whether `count_misses` needs the next scan even if no reading is missing.
         retry_at_ns: Time at which a leg that was left out is tried again [ns].
-        capdac_offset_pf: Capacitance that the converter's CAPDAC subtracts from each result [pF].
         timings: Timing of each of its converters.
         timing: The slower way of all of them.
         is_timed: Whether that was measured, and it has not been late since.
         unfinished: Step of the scan that had not finished when it was asked for; None for none.
         doubted: Step whose lines it did not read back alone, for the next try; None for none.
-        temperature_c: Last temperature of the converter [degC]; NaN without one.
     """
 
     def __init__(self, name: str, channel: int, row: int, n_converters: int = 1) -> None:
@@ -84,28 +81,21 @@ class LegConnection:
         self.outcome = Reading.NO_ANSWER
         self.is_suspect = True
         self.retry_at_ns = 0
-        self.capdac_offset_pf = 0.0
         self.timing = ChipTiming()
         self.timings = (self.timing,) * n_converters
         self.is_timed = False
         self.unfinished: ConversionStep | None = None
         self._n_late_scans = 0
         self.doubted: ConversionStep | None = None
-        self.temperature_c = float("nan")
         self._misses = 0
         self._most_misses = n_converters * _MISSED_SCANS_BEFORE_LEAVING
         self._pause_ns = _FIRST_PAUSE_NS
         self._has_several_converters, self._why = n_converters > 1, ""
 
-    def join_scan(self, offset_pf: float) -> None:
-        """Add the leg to the scan, after its chips were found and set up.
-
-        Args:
-            offset_pf: Capacitance that the converter's CAPDAC subtracts from each result [pF].
-        """
-        answering = "all converters" if self._has_several_converters else "converter and line switches"
+    def join_scan(self) -> None:
+        """Add the leg to the scan, after its chips were found and set up."""
+        answering = "all converters" if self._has_several_converters else "converter and row switch"
         _log.info("leg %s: %s answer", self.name, answering)
-        self.capdac_offset_pf = offset_pf
         self.doubted = None
         self.in_scan = True
         self.outcome = Reading.OK
@@ -180,7 +170,6 @@ class LegConnection:
         self.in_scan = False
         self.is_suspect = True
         self.outcome = outcome
-        self.temperature_c = float("nan")
         # Another chip may come back.
         self.timings = tuple(each._replace(reads_whole_result=True) for each in self.timings)
         self.timing = self.timing._replace(reads_whole_result=True)
@@ -255,13 +244,15 @@ def _set_up_leg(bus: I2cBus, leg: LegConnection, plan: ScanPlan, clock: Clock) -
     now_ns = clock.now_ns()
     try:
         release_sda(bus)
-        plan.board.check_identity(bus, clock)
-        reading, offset_pf = plan.board.configure_and_get_capdac_pf(bus, clock)
+        plan.board.check_identity(bus)
+        for write in plan.board.set_up:
+            bus.transfer(write)
+        is_set = True
         for step in filter(None, (leg.doubted, plan.steps[0])):
             for write in step.select:
                 bus.transfer(write)
-            if step is leg.doubted and any(bus.transfer(ask) != held for ask, held in step.select_checks):
-                reading = Reading.MISCONFIGURED
+            if step is leg.doubted:
+                is_set = all(bus.transfer(ask) == held for ask, held in step.select_checks)
     except I2cTimeoutError as error:
         leg.leave_scan(Reading.BUS_STUCK, now_ns, str(error), _STUCK_LEG_PAUSE_FACTOR)
     except WrongChipError as error:
@@ -269,10 +260,10 @@ def _set_up_leg(bus: I2cBus, leg: LegConnection, plan: ScanPlan, clock: Clock) -
     except HardwareError as error:
         leg.leave_scan(Reading.NO_ANSWER, now_ns, str(error))
     else:
-        if reading is Reading.OK:
-            leg.join_scan(offset_pf)
+        if is_set:
+            leg.join_scan()
         else:
-            leg.leave_scan(reading, now_ns)
+            leg.leave_scan(Reading.MISCONFIGURED, now_ns)
 
 
 def probe_due_legs(bus: LegBus, legs: Sequence[LegConnection], plan: ScanPlan, clock: Clock) -> None:
@@ -310,8 +301,8 @@ def set_up_failed_legs(
     for leg in legs:
         if not leg.in_scan or leg.outcome is Reading.OK:
             continue
-        if leg.unfinished is not None and (asked := leg.unfinished.done):
-            leg.count_late_scan(is_late=bus.poll(leg.selection, asked) is Reading.OK)
+        if leg.unfinished is not None:
+            leg.count_late_scan(is_late=bus.poll(leg.selection, leg.unfinished.done) is Reading.OK)
             leg.unfinished = None
         if bus.exchange(leg.selection, (*first.select, *board.make_ready)) is None:
             continue
@@ -320,32 +311,6 @@ def set_up_failed_legs(
         if held is not None:
             is_set = held == [check.expected for check in checks]
             leg.outcome = Reading.OK if is_set else Reading.MISCONFIGURED
-
-
-def read_temperatures(
-    bus: LegBus, legs: Sequence[LegConnection], selection: int, thermometer: Thermometer, clock: Clock
-) -> None:
-    """Convert and store the temperature of some legs [degC]; end at a failure.
-
-    Args:
-        bus: The bus.
-        legs: The legs, at least one.
-        selection: Mux selection that connects all of them.
-        thermometer: Transactions of their converters.
-        clock: The time that the bus lives in.
-
-    Raises:
-        I2cTimeoutError: A line is held low.
-    """
-    if bus.exchange(selection, thermometer.start) is None:
-        return
-    wait_factor = max(leg.timing.wait_factor for leg in legs)
-    clock.sleep_until_ns(clock.now_ns() + round(wait_factor * thermometer.wait_ns))
-    for leg in legs:
-        answers = bus.exchange(leg.selection, (thermometer.read, thermometer.read))
-        if answers is None:
-            return
-        leg.temperature_c = thermometer.decode(*answers)
 
 
 def leave_out_stuck_legs(bus: LegBus, legs: Sequence[LegConnection], read: Transaction, clock: Clock) -> None:

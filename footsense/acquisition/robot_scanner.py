@@ -13,7 +13,7 @@ import numpy as np
 
 from footsense.acquisition.leg_connection import LegConnection
 from footsense.acquisition.scanner import BusScanner
-from footsense.frames import CapFrame, Vector
+from footsense.frames import CapFrame
 
 #: Later than any time [ns].
 _NEVER_NS = 1 << 63
@@ -57,10 +57,6 @@ class RobotScanner:
     def n_late_discards(self) -> int:
         """Number of times that conversions were discarded because the loop was delayed."""
         return sum(bus.n_late_discards for bus in self._buses)
-
-    def temperature_c(self) -> Vector:
-        """Return the temperature of each leg's converter [degC], as `BusScanner.temperature_c`."""
-        return np.concatenate([bus.temperature_c() for bus in self._buses])
 
     def start(self) -> None:
         """Find and set up the chips of all buses.

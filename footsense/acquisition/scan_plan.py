@@ -2,31 +2,32 @@
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Annotated, NamedTuple
+from typing import Literal, NamedTuple
 
-from msgspec import Meta, Struct
+from msgspec import Struct
 
+from firmware_interface.chips.fdc1004 import RATES
 from firmware_interface.schedule import ScanLowerBounds, scan_lower_bounds
-from footsense.acquisition.boards import ad7746, fdc1004, fdc1004_columns
-from footsense.acquisition.boards.board import Board, ConversionStep, ReadBackCheck
+from footsense.acquisition.boards import fdc1004, fdc1004_columns
+from footsense.acquisition.boards.board import Board, ConversionStep, ReadBackCheck, conversion_wait_ns
 from footsense.ports import Transaction
 
 #: The boards, by their names in a configuration.
 BOARDS: Mapping[str, Board] = MappingProxyType(
-    {"fdc1004": fdc1004.BOARD, "fdc1004_columns": fdc1004_columns.BOARD, "ad7746": ad7746.BOARD}
+    {"fdc1004": fdc1004.BOARD, "fdc1004_columns": fdc1004_columns.BOARD}
 )
+#: The most conversions per second of a converter.
+FASTEST_SPS = max(RATES)
 
 
 class Scan(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Section `scan` of a configuration: conversion rate.
 
     Attributes:
-        rate_sps: Conversions per second of one converter; a lower rate has less noise: 100, 200 or 400 with boards
-            `fdc1004` and `fdc1004_columns`; 9, 11, 13, 16, 26, 50, 84 or 91 with board `ad7746`. None: the board's
-            fastest.
+        rate_sps: Conversions per second of one converter; 100, 200 or 400; a lower rate has less noise. None for 400.
     """
 
-    rate_sps: Annotated[int, Meta(ge=1)] | None = None
+    rate_sps: Literal[100, 200, 400] | None = None
 
 
 class ScanPlan(NamedTuple):
@@ -67,7 +68,7 @@ class ScanPlan(NamedTuple):
 
     @property
     def harmless_read(self) -> Transaction:
-        """Read of a chip of a leg that changes nothing: of a line switch, or of a converter's setting without one."""
+        """Read of a chip of a leg that changes nothing: of the row switch, or of a converter's setting without one."""
         return (*self.steps[0].select_checks, *self.board.setting_checks)[0].read
 
 
@@ -95,7 +96,7 @@ def scan_plan(rate_sps: int, board: str = "fdc1004") -> ScanPlan:
     """Return the plan of a scan with a board: its conversions, in the board's order.
 
     Args:
-        rate_sps: Conversions per second, one of the rates of the board's converter.
+        rate_sps: Conversions per second of a converter, a key of RATES.
         board: A key of BOARDS.
 
     Example:
@@ -108,9 +109,9 @@ def scan_plan(rate_sps: int, board: str = "fdc1004") -> ScanPlan:
         [[0, 1, 2], [3, 4, 5], [6, 7, 8]]
     """
     electronics = BOARDS[board]
-    rate = electronics.rates[rate_sps]
+    rate = RATES[rate_sps]
     steps = [electronics.step(element, rate) for element in electronics.order]
-    asked = [tuple(result.done for result in step.results if result.done is not None) for step in steps]
+    asked = [tuple(result.done for result in step.results) for step in steps]
     steps = [
         step._replace(
             done=done,
@@ -132,5 +133,5 @@ def scan_plan(rate_sps: int, board: str = "fdc1004") -> ScanPlan:
         board=electronics,
         steps=tuple(steps),
         conversion_ns=rate.conversion_ns,
-        conversion_wait_ns=electronics.conversion_wait_ns(rate),
+        conversion_wait_ns=conversion_wait_ns(rate),
     )

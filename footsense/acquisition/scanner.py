@@ -6,7 +6,7 @@ One conversion of six legs, with what overlaps it and what cannot:
     ──────────────────────┤ lines, trigger k ├────────────────────────────────────────┤ lines, trigger k+1 ...
                                                done? (all) │ leg 1 │ ... │ leg 6 │ check, rejoin (all)
 
-`lines` (the element's row, and its column where that is switched) and `trigger` go to all legs at once. Whether the
+`lines` (the element's row) and `trigger` go to all legs at once. Whether the
 conversions are done, and whether lines and settings are held, is asked of all legs in one read: the answers are a wired
 AND, and only when the result differs is each leg asked alone. A result is read while the next conversion runs. A leg
 that fails is left out for the rest of the scan, so that it costs the others no time. Several converters of a leg are
@@ -15,15 +15,14 @@ triggered, asked and read one after the other. Without lines a trigger ends with
 A line that is held low blocks the bus: the leg that holds it is left out, and all conversions restart. Where a
 conversion leaves no time for the checks of lines and settings, they are made in one step a scan, in turn. Once a second
 all legs are asked whether they are done before the next conversion starts: one that is late would get the lines of the
-next element, which nothing else shows. It is timed again between two scans. There temperature sensors are read every
-ten seconds, too; a converter with one shows only by a timing that it is late, so one of them is timed with each.
+next element, which nothing else shows. It is timed again between two scans.
 """
 
 from itertools import islice
 
 import numpy as np
 
-from footsense.acquisition.boards.board import CONVERTED, ConversionStep, Thermometer
+from footsense.acquisition.boards.board import CONVERTED, ConversionStep
 from footsense.acquisition.bus_timing import BusTiming, measure_bus_timing
 from footsense.acquisition.leg_bus import MAX_ATTEMPTS, LegBus, reading_of_polls
 from footsense.acquisition.leg_connection import (
@@ -34,21 +33,20 @@ from footsense.acquisition.leg_connection import (
     leave_out_stuck_legs,
     probe_due_legs,
     probe_leg,
-    read_temperatures,
     set_up_failed_legs,
     time_converter,
 )
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.errors import I2cTimeoutError
-from footsense.frames import ELEMENTS, ROWS, CapFrame, Reading, Vector
+from footsense.frames import ELEMENTS, ROWS, CapFrame, Reading
 from footsense.ports import Clock, Transaction
 
 _NAN, _OK = float("nan"), Reading.OK
 #: Scans between two questions of a leg alone, where they take time.
 _ALONE_EVERY = 4
-#: Periods of the temperature readings and of the question whether a leg is late, and least time between two timings of
-#: converters [ns]: each costs the legs of the bus some conversions, or a transaction.
-_TEMPERATURE_PERIOD_NS, _LATENESS_PERIOD_NS, _TIMING_PAUSE_NS = 10_000_000_000, 1_000_000_000, 1_000_000_000
+#: Period of the question whether a leg is late, and least time between two timings of converters [ns]: each costs the
+#: legs of the bus a transaction, or some conversions.
+_LATENESS_PERIOD_NS, _TIMING_PAUSE_NS = 1_000_000_000, 1_000_000_000
 
 
 class BusScanner:
@@ -88,7 +86,7 @@ class BusScanner:
         self._late_ns = 2 * plan.conversion_wait_ns
         self._wait_ns = plan.conversion_wait_ns  # of the conversion that runs
         self._lead_ns = 0  # time on the wire of the trigger that ends it, where no line is switched
-        self._temperature_due_ns = self._timing_due_ns = self._lateness_due_ns = self._n_temperatures = 0
+        self._timing_due_ns = self._lateness_due_ns = 0
         self._timed: LegConnection | None = None  # last
 
     def start(self) -> None:
@@ -127,10 +125,6 @@ class BusScanner:
         self._sequence, self.complete_ns = self._sequence + 1, self.clock.now_ns()
         return frame
 
-    def temperature_c(self) -> Vector:
-        """Return the temperature of each leg's converter [degC], shape (legs,), at most ten seconds old, or NaN."""
-        return np.array([leg.temperature_c for leg in self.legs])
-
     def close(self) -> None:
         """Disconnect all legs from the bus: select no mux channel."""
         self._bus.disconnect_legs()
@@ -140,8 +134,6 @@ class BusScanner:
         for _ in range(MAX_ATTEMPTS):
             try:
                 if self._position == 0:
-                    if self.plan.board.thermometer is not None:
-                        self._read_temperatures(self.plan.board.thermometer)
                     self._time_late_leg()
                 self._start_missing_conversion()
                 self._finish_conversion_and_start_next()
@@ -223,7 +215,7 @@ class BusScanner:
             legs, selection = self._active_legs()
         if legs:  # connect them while they convert; if that fails, `_start_conversion` tries again
             self._bus.exchange(selection, ())
-        asks_first = self._wait_and_tell_if_poll_comes_first(step, finished)
+        asks_first = self._wait_and_tell_if_poll_comes_first(finished)
         all_done = False
         if asks_first:
             converting = [leg for leg in finished.legs if leg not in failed]
@@ -238,7 +230,7 @@ class BusScanner:
             self._discard_failed(step, failed, alone)
             read = [leg for leg in finished.legs if leg not in failed]
         if read:
-            if not asks_first and step.done and self._running.legs:
+            if not asks_first and self._running.legs:
                 answers = self._bus.exchange(selection, step.polls_after_start)
                 all_done = answers is not None and reading_of_polls(step.done_after_start, answers) is _OK
             self._read_out(step, following, read, finished, all_done=all_done)
@@ -253,7 +245,7 @@ class BusScanner:
             checked = ends or leg is alone or (not self._check_all and outcome is Reading.MISCONFIGURED)
             self._discard(leg.row, None if checked else step, outcome)
 
-    def _wait_and_tell_if_poll_comes_first(self, step: ConversionStep, running: Conversion) -> bool:
+    def _wait_and_tell_if_poll_comes_first(self, running: Conversion) -> bool:
         """Wait for the end; return whether to ask before the next trigger: if it clears DONE bits, or once a second."""
         wait_factor, asks_first = 1.0, False
         if self._position == 0 and (now_ns := self.clock.now_ns()) >= self._lateness_due_ns:
@@ -262,7 +254,6 @@ class BusScanner:
             wait_factor = max(wait_factor, leg.timing.wait_factor)
             asks_first |= not leg.timing.keeps_done_bit
         self._wait_ns = round(self.plan.conversion_wait_ns * wait_factor)
-        asks_first &= bool(step.done)
         # Next is a question for all converters of a leg, or a trigger of the first, which acts when it ends.
         t_ns = running.t_starts_ns[-1] if asks_first else running.t_starts_ns[0] - self._lead_ns
         self.clock.sleep_until_ns(t_ns + self._wait_ns)
@@ -273,7 +264,7 @@ class BusScanner:
     ) -> None:
         _, t_ns, capacitance_pf, readings = self.latest
         decode, n, asked, answers = self.plan.board.decode_results, len(step.results), Legs(), list[bytes]()
-        for leg in legs if all_done or not step.done else ():
+        for leg in legs if all_done else ():
             by_value = leg.in_scan and not leg.timing.reads_whole_result
             if by_value and (answer := self._bus.exchange(leg.selection, step.reads)) is not None:
                 asked.append(leg)
@@ -292,7 +283,7 @@ class BusScanner:
                     else of_leg[k]
                 )
                 at = leg.row, result.element
-                capacitance_pf[at] = pf + leg.capdac_offset_pf
+                capacitance_pf[at] = pf
                 readings[at] = reading
                 if reading in CONVERTED:
                     excess_ns = round((leg.timings[k].wait_factor - 1) * self.plan.conversion_wait_ns)
@@ -365,22 +356,6 @@ class BusScanner:
             all_in_scan &= leg.in_scan
         if not all_in_scan:
             probe_due_legs(self._bus, self.legs, self.plan, self.clock)
-
-    def _read_temperatures(self, thermometer: Thermometer) -> None:
-        """Read the temperature of all converters if that is due; discards running conversions.
-
-        The converters lose their settings by it, and get them again when conversions restart.
-        """
-        if self.clock.now_ns() < self._temperature_due_ns:
-            return
-        legs, selection = self._active_legs()
-        if not legs:
-            return
-        self._temperature_due_ns = self.clock.now_ns() + _TEMPERATURE_PERIOD_NS
-        self.legs[self._n_temperatures % len(self.legs)].is_timed = False
-        self._n_temperatures += 1
-        self._running = None
-        read_temperatures(self._bus, legs, selection, thermometer, self.clock)
 
     def _time_late_leg(self) -> None:
         """Time the converter of a leg that was late or has just been found; discards running conversions.

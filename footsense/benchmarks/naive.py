@@ -38,7 +38,7 @@ def sequential_scan(bus: I2cBus, clock: Clock, config: Config) -> None:
             for result in step.results:  # one after the other, also those of converters of their own
                 bus.transfer(result.trigger)
                 clock.sleep_until_ns(clock.now_ns() + plan.conversion_wait_ns)
-                for read in (*([result.done.read] if result.done else []), *result.read_value):
+                for read in (result.done.read, *result.read_value):
                     bus.transfer(read)
 
 

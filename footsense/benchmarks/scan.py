@@ -42,7 +42,6 @@ _BUSES = {
 CONFIGURATIONS = {
     "one_bus": SMALL_BOARD,
     "two_buses": replace(SMALL_BOARD, buses=_BUSES["two_buses"]),
-    "ad7746": replace(SMALL_BOARD, board="ad7746"),
     **{
         f"columns_{name}": replace(SMALL_BOARD, board="fdc1004_columns", buses=buses)
         for name, buses in _BUSES.items()

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from footsense.can.interface import Can
 from footsense.config.contradictions import first_contradiction, missing_folder
-from footsense.config.schema import Config
+from footsense.config.schema import Config, gone_board
 from footsense.config.sections import Bus, Mux, ResetLine
 from footsense.strict_yaml import Problem, load
 
@@ -64,7 +64,13 @@ def load_config(path: Path) -> Config:
     def check(config: Config) -> Problem | None:
         return first_contradiction(config) or missing_folder(config, parent)
 
-    config = load(path, Config, check=check)
+    config = load(path, Config, check=check, check_plain=_gone_board_problem)
     folder = config.foot_type if "/" in config.foot_type else None
     paths = {"model": config.model, "calibrations": config.calibrations, "foot_type": folder}
     return replace(config, **{key: str(parent / value) for key, value in paths.items() if value})
+
+
+def _gone_board_problem(data: object) -> Problem | None:
+    if gone := gone_board(data):
+        return Problem("board", f"{gone}; use fdc1004, or mcu for a microcontroller of your own")
+    return None

@@ -8,7 +8,7 @@ from typing import Any
 
 from firmware_interface.wire_timing import can_bits_per_s
 from footsense.acquisition.mcu_source import Serial
-from footsense.acquisition.scan_plan import BOARDS, Scan, bus_overload
+from footsense.acquisition.scan_plan import Scan, bus_overload
 from footsense.config.schema import DEFAULT_PUBLISH_EVERY, Config
 from footsense.config.sections import PCA9685_ALLCALL_ADDRESS, Bus, Mux
 from footsense.foot.type_folders import released_names, unknown_name_remedy
@@ -88,12 +88,9 @@ def _mcu_rules(config: Config, serial: Serial | None) -> Iterator[_Rule]:
 
 
 def _i2c_rules(config: Config) -> Iterator[_Rule]:
-    board, rates = config.board, BOARDS[config.board].rates
+    board = config.board
     yield config.serial is not None, "serial", f"is for board: mcu; the board {board} is read over I2C"
     yield not config.buses, "board", f"the board {board} is read over I2C: name its buses, with their legs"
-    allowed = ", ".join(map(str, sorted(rates)))
-    wrong_rate = f"{config.rate_sps} is no rate of the board {board}; use one of {allowed}"
-    yield config.rate_sps not in rates, "scan.rate_sps", wrong_rate
     buses = [(f"buses[{i}]", bus) for i, bus in enumerate(config.buses)]
     remedy = "give each its own, or join their legs under one bus"
     devices = [(f"{path}.device", bus.device, path) for path, bus in buses]

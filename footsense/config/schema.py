@@ -1,21 +1,22 @@
 """Schema of the configuration file as a whole, and values derived from it."""
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
 from firmware_interface.chips import fdc1004
-from footsense.acquisition.boards.board import ConversionRate
 from footsense.acquisition.mcu_source import Serial
-from footsense.acquisition.scan_plan import BOARDS, Scan, ScanPlan, scan_plan
+from footsense.acquisition.scan_plan import FASTEST_SPS, Scan, ScanPlan, scan_plan
 from footsense.can.interface import Can
 from footsense.clock import Realtime
 from footsense.config import sections
 from footsense.estimation.settings import ContactLimits, TareLimits
 from footsense.foot.calibration_files import FootId
 from footsense.frames import Leg
+
+#: Boards that are gone, and the last commit that knows each.
+_GONE_BOARDS = {"ad7746": "27dcc809"}
 
 #: Default of `publish_every`: 92 forces a second, with all other frames 35 % of 500 kbit/s for six legs.
 DEFAULT_PUBLISH_EVERY = 4
@@ -52,7 +53,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         realtime: Scheduling to request; None for none.
     """
 
-    board: Literal["fdc1004", "fdc1004_columns", "ad7746", "mcu"] = "fdc1004"
+    board: Literal["fdc1004", "fdc1004_columns", "mcu"] = "fdc1004"
     buses: Annotated[tuple[sections.Bus, ...], Meta(max_length=8)] = ()
     serial: Serial | None = None
     can: Annotated[Can, Meta(description="interface: socketcan, channel: can0 on a robot")]
@@ -116,17 +117,12 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     @property
     def rate_sps(self) -> int:
         """Conversions per second of one converter."""
-        return self.scan.rate_sps or max(self._conversion_rate_by_sps)
+        return self.scan.rate_sps or FASTEST_SPS
 
     @property
-    def conversion_rate(self) -> ConversionRate:
-        """Conversion time and noise at the configured rate."""
-        return self._conversion_rate_by_sps[self.rate_sps]
-
-    @property
-    def _conversion_rate_by_sps(self) -> Mapping[int, ConversionRate]:
-        # The converters of a microcontroller are unknown here: assume those of the default board.
-        return BOARDS[self.board].rates if self.board in BOARDS else fdc1004.RATES
+    def conversion_rate(self) -> fdc1004.Fdc1004Rate:
+        """Conversion time and noise at the configured rate; of board `mcu`, whose converters are unknown, the same."""
+        return fdc1004.RATES[self.rate_sps]
 
     @property
     def scan_plan(self) -> ScanPlan:
@@ -150,3 +146,15 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         if self.max_age_ms is not None:
             return self.max_age_ms
         return 4 * self.shortest_scan_ms
+
+
+def gone_board(config: object) -> str | None:
+    """Return that the board of a configuration is gone, and the last commit that knows it; None if it is not.
+
+    Args:
+        config: The configuration as plain data.
+    """
+    board = config.get("board") if isinstance(config, dict) else None
+    if not isinstance(board, str) or board not in _GONE_BOARDS:
+        return None
+    return f"the board {board} is gone; the last commit that knows it is {_GONE_BOARDS[board]}"

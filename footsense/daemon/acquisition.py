@@ -39,8 +39,6 @@ class ScanSource:
         response_sha256: Hash of the response table of the simulated feet, None on a real robot.
         true_force_n_at: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
         wakeups: Wake-up latency of the thread of each bus; none in virtual time.
-        converter_temperature_c: Returns the temperature of each leg's converter [degC], shape (legs,), NaN for none;
-            None where no converter has a sensor.
     """
 
     source: BusScanner | RobotScanner | McuSource
@@ -49,7 +47,6 @@ class ScanSource:
     response_sha256: str | None = None
     true_force_n_at: Callable[[int], Vector] | None = None
     wakeups: tuple[WakeupLatency, ...] = ()
-    converter_temperature_c: Callable[[], Vector] | None = None
 
     def read_whole_scans(self, n: int) -> list[CapFrame]:
         """Read `n` scans; return the last frame of each."""
@@ -186,5 +183,4 @@ def _open_bus_scanners(config: Config, robot: SimulatedRobot | None, stack: Exit
         MonotonicClock(),
         len(plan.steps),
         wakeups=tuple(clock.wakeups for _, clock in buses if isinstance(clock, MonotonicClock)),
-        converter_temperature_c=source.temperature_c if plan.board.thermometer else None,
     )

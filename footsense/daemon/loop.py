@@ -27,8 +27,8 @@ class Loop:
         observers: Notified of every cycle; more may be added between two runs.
         clock: Clock of the frames' stamps.
         reference: Force sensor of a test stand.
-        converter_temperature_c: Returns the last temperature of each leg's converter [degC], shape (legs,), called
-            once a cycle; None where no converter has a sensor.
+        temperature_c: Returns the last temperature of each foot [degC], shape (legs,), NaN for an unknown one, called
+            once a cycle; None where the source of the frames tells none.
     """
 
     pipeline: Pipeline
@@ -36,7 +36,7 @@ class Loop:
     observers: Sequence[Observer]
     clock: Clock
     reference: ReferenceSensor | None = None
-    converter_temperature_c: Callable[[], Vector] | None = None
+    temperature_c: Callable[[], Vector] | None = None
 
     def run_until(self, source: FrameSource, stop: Callable[[], bool], until_ns: float = math.inf) -> None:
         """Run cycles until the source ends, `stop` returns true, or the clock reaches a time.
@@ -53,8 +53,8 @@ class Loop:
                 return
             samples = None if self.reference is None else self.reference.read(self.clock.now_ns())
             new_c = None
-            if self.converter_temperature_c is not None:
-                now_c = self.converter_temperature_c()
+            if self.temperature_c is not None:
+                now_c = self.temperature_c()
                 if last_temperature_c is None or not np.array_equal(
                     now_c, last_temperature_c, equal_nan=True
                 ):

@@ -10,6 +10,7 @@ from footsense import __version__
 from footsense.acquisition.scan_plan import BOARDS
 from footsense.clock import wall_time_iso, wall_time_ns
 from footsense.config import Config
+from footsense.config.schema import gone_board
 from footsense.daemon.estimation import mounted_feet
 from footsense.daemon.models import Models
 from footsense.errors import RecordingError
@@ -99,10 +100,13 @@ def recorded_config(recording: "Replay") -> Config:
     """Return the configuration of a recording, with CAN replaced by a virtual interface, and without scheduling.
 
     Raises:
-        RecordingError: The header has no configuration that this version reads, or one of other legs.
+        RecordingError: The header has no configuration that this version reads, or one of a board that is gone, or of
+            other legs.
     """
     try:
         recorded = msgspec.json.decode(recording.header["config"], type=dict[str, Any])
+        if gone := gone_board(recorded):
+            raise RecordingError(f"{recording.path}: {gone}")
         config = msgspec.convert(recorded | {"can": {"interface": "virtual"}, "realtime": None}, Config)
     except (KeyError, msgspec.DecodeError, RecursionError) as error:
         raise RecordingError(

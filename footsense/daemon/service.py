@@ -164,7 +164,6 @@ def open_service(
             sink=sink,
             observers=observers,
             clock=scan.clock,
-            converter_temperature_c=scan.converter_temperature_c,
             simulated_can=can,
             reference=reference,
             n_late_discards=lambda: scan.source.n_late_discards,

@@ -25,7 +25,7 @@ class SimulatedLeg:
         load: The load of the scene.
         foot: The foot on this leg.
         table: Capacitances of the foot over a gait cycle; None to compute each load.
-        board: Electronics: `fdc1004`, `fdc1004_columns`, `ad7746` or `ad7147`.
+        board: Electronics: `fdc1004`, `fdc1004_columns` or `ad7147`.
 
     Attributes:
         wired: The foot behind the electronics.

@@ -35,7 +35,7 @@ class BusWiring(NamedTuple):
         bus_clock_hz: Clock of the bus [Hz].
         mux_address: Address of its mux; None for one leg directly on the bus.
         channels: Mux channel of each leg.
-        board: Electronics of its legs: `fdc1004`, `fdc1004_columns`, `ad7746` or `ad7147`.
+        board: Electronics of its legs: `fdc1004`, `fdc1004_columns` or `ad7147`.
     """
 
     bus_clock_hz: int

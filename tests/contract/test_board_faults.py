@@ -7,14 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from footsense.acquisition.scan_plan import scan_plan
 from footsense.errors import I2cError, I2cTimeoutError, NackError
 from footsense.frames import Reading
 from footsense.ports import Transaction
-from tests.contract.boards import AD7746, FDC1004, Board, LateError, Robot, both, distinct, every
+from tests.contract.boards import FDC1004, Board, LateError, Robot, both, distinct
 
 
-@every
+@both
 @pytest.mark.parametrize("after_rel", np.linspace(0.0, 1.1, 9))
 @pytest.mark.parametrize("host_cost_us", [0, 150])
 def test_a_converter_that_was_reset_is_noticed_and_set_up_again(
@@ -39,16 +38,12 @@ def test_a_converter_that_was_reset_is_noticed_and_set_up_again(
     assert (frame.reading == Reading.OK).all()
 
 
-@pytest.mark.parametrize("board_and_switch", [(FDC1004, 0), (AD7746, 0), (AD7746, 1)], ids=str)
 @pytest.mark.parametrize("line", [None, 0, 1, 2])
-def test_a_deaf_switch_and_a_line_that_is_closed_too_much_are_noticed(
-    board_and_switch: tuple[Board, int], line: int | None
-) -> None:
+def test_a_deaf_switch_and_a_line_that_is_closed_too_much_are_noticed(line: int | None) -> None:
     """The others acknowledge for it, and the wired AND hides it: each leg is asked alone; it is out until it heals."""
-    board, at = board_and_switch
-    robot = Robot(distinct, board)
+    robot = Robot(distinct)
     period_ns = robot.period_ns(18)
-    switch = robot.switches[1][at]
+    (switch,) = robot.switches[1]
     start_ns = robot.clock.now_ns()
     if line is None:
         switch.ignores_writes_ns = [(start_ns, math.inf)]
@@ -68,79 +63,23 @@ def test_a_deaf_switch_and_a_line_that_is_closed_too_much_are_noticed(
     assert (robot.read(200).reading == Reading.OK).all()
 
 
-@pytest.mark.parametrize("rate_sps", AD7746.rates_sps)
-def test_a_temperature_costs_no_reading_and_is_no_stall(rate_sps: int) -> None:
-    """Every ten seconds, at every rate: each element stays right, and nothing counts as late."""
-    robot = Robot(distinct, AD7746, rate_sps=rate_sps)
-    robot.read(2)
-    thermometer = scan_plan(rate_sps, "ad7746").board.thermometer
-    assert thermometer is not None
-    n_asked = 0
-
-    def count(transaction: Transaction, n: int) -> None:
-        nonlocal n_asked
-        n_asked += transaction == thermometer.start[0]
-
-    robot.saboteurs[0].arm(count)
-    until_ns = robot.clock.now_ns() + 25_000_000_000
-    while robot.clock.now_ns() < until_ns:
-        frame = robot.convert()
-        assert (frame.reading == Reading.OK).all()
-        assert robot.is_right(frame).all()
-    assert np.isfinite(robot.scanner.temperature_c()).all()
-    assert n_asked in {2, 3}
-    assert [bus.n_late_discards for bus in robot.buses] == [0]
-
-
-@pytest.mark.parametrize(
-    ("n_buses", "n_after_start"), [(1, 0), (1, 1), (1, 3), (6, 0), (6, 1), (6, 2), (6, 3)]
-)
-def test_a_mux_that_is_reset_while_temperatures_are_read_costs_no_reading(
-    n_buses: int, n_after_start: int
-) -> None:
-    """The selection is written again, so that every converter gets back the settings of its elements.
-
-    A leg alone on its bus has the same selection before and after.
-    """
-    robot = Robot(distinct, AD7746, n_buses=n_buses)
-    robot.read(2)
-    thermometer = scan_plan(91, "ad7746").board.thermometer
-    assert thermometer is not None
-    started: list[int] = []
-
-    def reset_mux(transaction: Transaction, n: int) -> I2cError | None:
-        if not started and transaction == thermometer.start[0]:
-            started.append(n)
-        if not started or n != started[0] + n_after_start or transaction.address == 0x71:
-            return None
-        robot.saboteurs[0].transfer(Transaction(0x71, b"\x00"))
-        return NackError("no channel is connected")
-
-    robot.saboteurs[0].arm(reset_mux)
-    until_ns = robot.clock.now_ns() + 11_000_000_000
-    while robot.clock.now_ns() < until_ns:
-        assert (robot.read().reading == Reading.OK).all()
-    assert started
-
-
-@both
 @pytest.mark.parametrize("hangs", [False, True])
-def test_a_result_from_before_a_stall_is_not_used(board: Board, *, hangs: bool) -> None:
+def test_a_result_from_before_a_stall_is_not_used(*, hangs: bool) -> None:
     """If the loop was held up, the conversion that had been running is read away and done again.
 
     One that then hangs is NOT_READY, whatever the register still holds.
     """
-    robot = Robot(distinct, board)
+    robot = Robot(distinct)
     robot.read(2)
     robot.clock.sleep_until_ns(robot.clock.now_ns() + 200_000_000)
     now_ns = robot.clock.now_ns()
     robot.converters[0].write(b"\x0c", now_ns)  # the conversion that had been running finishes
     if hangs:
-        robot.converters[0].stuck_ns = [(now_ns, now_ns + 1.5 * board.conversion_ns)]
+        robot.converters[0].stuck_ns = [(now_ns, now_ns + 1.5 * FDC1004.conversion_ns)]
     frame = robot.read()
     assert (frame.reading[0] == (Reading.NOT_READY if hangs else Reading.OK)).all()
     assert (frame.reading[1:] == Reading.OK).all()
-    assert hangs or np.ptp(frame.t_ns) < 9 * 1.1 * board.conversion_ns
+    assert hangs or np.ptp(frame.t_ns) < 9 * 1.1 * FDC1004.conversion_ns
 
 
 TROUBLES = st.lists(
@@ -159,7 +98,7 @@ CHIP_FAULTS = st.lists(
 )
 
 
-@every
+@both
 @given(TROUBLES, CHIP_FAULTS)
 @settings(max_examples=20)
 def test_whatever_fails_a_reading_is_right_or_missing(

@@ -1,4 +1,4 @@
-"""Conversion times that a scanner measures and keeps, asked of both boards over byte-level chips."""
+"""Conversion times that a scanner measures and keeps, over byte-level chips."""
 
 import math
 
@@ -7,52 +7,47 @@ import pytest
 
 from footsense.frames import Reading
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
-from tests.contract.boards import FDC1004, Board, Robot, both, distinct
+from tests.contract.boards import FDC1004, Robot, distinct
 
 
-@both
 @pytest.mark.parametrize("host_cost_us", [0, 100])
 @pytest.mark.parametrize("clock_error_rel", [-0.02, 0.0, 0.02, 0.03, 0.08, 0.15, 0.24, 0.322])
 def test_chips_get_the_time_that_they_need_and_stamps_are_the_middle_of_it(
-    board: Board, host_cost_us: int, clock_error_rel: float
+    host_cost_us: int, clock_error_rel: float
 ) -> None:
     """Measured at start, to two hundredths; a capacitance that counts time is read as the time of its stamp."""
     robot = Robot(
         lambda element, t_ns: 4.0 + t_ns * 2**-30,
-        board,
         clock_error_rel=clock_error_rel,
         host_cost_ns=host_cost_us * 1000,
     )
     frame = robot.read(3)
     assert (frame.reading == Reading.OK).all()
-    atol = (
-        2**-11 + 0.01 * board.conversion_ns * 2**-30
-    )  # a code, and half of what a clock in its tolerance is off
+    # A code, and half of what a clock in its tolerance is off.
+    atol = 2**-11 + 0.01 * FDC1004.conversion_ns * 2**-30
     np.testing.assert_allclose(frame.capacitance_pf - 4.0, frame.t_ns * 2**-30, atol=atol)
     for leg in robot.buses[0].legs:
         assert 1.02 * leg.timing.wait_factor < 1 + max(clock_error_rel, 0.0) + 0.025
     if not host_cost_us and not clock_error_rel:
         steps_ns = np.diff(np.sort(frame.t_ns[0]))
-        assert (steps_ns > board.conversion_ns).all()
-        assert (steps_ns < 1.2 * board.conversion_ns).all()
+        assert (steps_ns > FDC1004.conversion_ns).all()
+        assert (steps_ns < 1.2 * FDC1004.conversion_ns).all()
 
 
-@both
-def test_a_chip_slower_than_any_gives_no_number(board: Board) -> None:
+def test_a_chip_slower_than_any_gives_no_number() -> None:
     """A conversion that is still running is NOT_READY, never the value of the scan before."""
-    frame = Robot(distinct, board, clock_error_rel=0.4).read(2)
+    frame = Robot(distinct, clock_error_rel=0.4).read(2)
     assert (frame.reading == Reading.NOT_READY).all()
     assert np.isnan(frame.capacitance_pf).all()
 
 
-@both
-def test_a_chip_whose_clock_drifts_is_timed_again_when_it_is_late(board: Board) -> None:
-    """Within three seconds, or with the next temperatures; within its tolerance every reading stays right."""
-    robot = Robot(distinct, board)
+def test_a_chip_whose_clock_drifts_is_timed_again_when_it_is_late() -> None:
+    """Within three seconds; within its tolerance every reading stays right."""
+    robot = Robot(distinct)
     robot.read(2)
     for error_rel in (0.01, 0.019, 0.028, 0.1):
         robot.converters[3].clock_factor = 1 + error_rel
-        until_ns = robot.clock.now_ns() + (3_000_000_000 if board is FDC1004 else 62_000_000_000)
+        until_ns = robot.clock.now_ns() + 3_000_000_000
         while robot.clock.now_ns() < until_ns:
             frame = robot.read()
             is_ok = frame.reading == Reading.OK

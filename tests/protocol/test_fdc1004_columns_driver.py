@@ -11,7 +11,6 @@ from footsense.acquisition.scan_plan import scan_plan
 from footsense.errors import HardwareError, NackError
 from footsense.frames import Reading
 from footsense.ports import Transaction
-from footsense.sim.clock import VirtualClock
 from tests.protocol.scripted_bus import ScriptedBus
 
 ADDRESSES = (0x50, 0x51, 0x52)
@@ -59,10 +58,8 @@ def test_settings_are_asked_of_one_chip_a_step() -> None:
 def test_each_chip_is_reset_and_set_up() -> None:
     """Reset is bit 15 of 0x0C; CHA = CINn, CHB = disabled. So is one whose state is not known."""
     writes = ("0c8000", "081c00", "093c00", "0a5c00")
-    script = [(Transaction(at, bytes.fromhex(write)), b"") for at in ADDRESSES for write in writes]
-    with ScriptedBus(*script) as bus:
-        assert fdc1004_columns.BOARD.configure_and_get_capdac_pf(bus, VirtualClock()) == (Reading.OK, 0.0)
-    assert list(fdc1004_columns.BOARD.make_ready) == [write for write, _ in script]
+    expected = tuple(Transaction(at, bytes.fromhex(write)) for at in ADDRESSES for write in writes)
+    assert fdc1004_columns.BOARD.set_up == fdc1004_columns.BOARD.make_ready == expected
 
 
 @pytest.mark.parametrize(
@@ -88,7 +85,7 @@ def test_which_chip_is_missing_is_told(silent: tuple[int, ...], says: str | None
         script += [(Transaction(at, b"\xff", 2), b"\x10\x04")]
     with ScriptedBus(*script) as bus:
         if says is None:
-            fdc1004_columns.check_identity(bus, VirtualClock())
+            fdc1004_columns.check_identity(bus)
         else:
             with pytest.raises(HardwareError, match=says):
-                fdc1004_columns.check_identity(bus, VirtualClock())
+                fdc1004_columns.check_identity(bus)

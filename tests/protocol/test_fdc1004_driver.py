@@ -10,7 +10,6 @@ from footsense.acquisition.scan_plan import scan_plan
 from footsense.errors import HardwareError, NackError
 from footsense.frames import Reading
 from footsense.ports import Transaction
-from footsense.sim.clock import VirtualClock
 from tests.protocol.scripted_bus import ScriptedBus
 
 NAN = float("nan")
@@ -21,7 +20,7 @@ READ_DEVICE = Transaction(0x50, b"\xff", 2)
 def test_the_right_chip_is_recognised_by_both_ids() -> None:
     """0x5449 ("TI") and 0x1004 are what an FDC1004 says of itself."""
     with ScriptedBus((READ_MANUFACTURER, b"\x54\x49"), (READ_DEVICE, b"\x10\x04")) as bus:
-        fdc1004.check_identity(bus, VirtualClock())
+        fdc1004.check_identity(bus)
 
 
 @pytest.mark.parametrize(
@@ -38,7 +37,7 @@ def test_a_wrong_id_is_explained_in_words(manufacturer: bytes, device: bytes, hi
         ScriptedBus((READ_MANUFACTURER, manufacturer), (READ_DEVICE, device)) as bus,
         pytest.raises(HardwareError, match=hint),
     ):
-        fdc1004.check_identity(bus, VirtualClock())
+        fdc1004.check_identity(bus)
 
 
 def test_silence_is_explained_in_words() -> None:
@@ -49,18 +48,13 @@ def test_silence_is_explained_in_words() -> None:
             HardwareError, match=r"no answer at 0x50: broken wire, no 3\.3 V, or another mux channel"
         ),
     ):
-        fdc1004.check_identity(bus, VirtualClock())
+        fdc1004.check_identity(bus)
 
 
 def test_configuration_is_reset_then_one_cin_per_slot() -> None:
     """Reset is bit 15 of 0x0C; CHA = CINn, CHB = disabled gives 0x1C00, 0x3C00, 0x5C00 in 0x08 to 0x0A."""
-    with ScriptedBus(
-        (Transaction(0x50, b"\x0c\x80\x00"), b""),
-        (Transaction(0x50, b"\x08\x1c\x00"), b""),
-        (Transaction(0x50, b"\x09\x3c\x00"), b""),
-        (Transaction(0x50, b"\x0a\x5c\x00"), b""),
-    ) as bus:
-        assert fdc1004.configure_and_get_capdac_pf(bus, VirtualClock()) == (Reading.OK, 0.0)
+    writes = (b"\x0c\x80\x00", b"\x08\x1c\x00", b"\x09\x3c\x00", b"\x0a\x5c\x00")
+    assert fdc1004.BOARD.set_up == tuple(Transaction(0x50, write) for write in writes)
 
 
 def test_the_plan_triggers_one_measurement_at_a_time() -> None:

@@ -1,7 +1,6 @@
 """A simulated test stand: one foot as made, pressed by a stick, recorded beside a simulated force sensor."""
 
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -43,25 +42,21 @@ def presses(n: int, seed: int = 1) -> tuple[tuple[float, float, float], ...]:
     return tuple((float(x), float(y), float(z)) for x, y, z in force_n)
 
 
-def record(
-    path: Path, n: int = 24, *, board: Literal["fdc1004", "ad7746"] = "fdc1004", reference: bool = True
-) -> Path:
+def record(path: Path, n: int = 24, *, reference: bool = True, temperature_c: float | None = None) -> Path:
     """Record a session of `n` loads on the left front leg, foot-0007, and return its file."""
     config = Config(
         buses=(Bus(device="sim", legs={"lf": 0}),),
         can=Can(interface="virtual"),
-        board=board,
         feet={"lf": "foot-0007"},
         tare=TareLimits(unloaded_limit_rel=0.5),
     )
-    forces_n, held_s = presses(n), 0.4
-    if board == "ad7746":  # its range ends below a shut gap, and it is slow
-        forces_n, held_s = tuple((0.5 * x, 0.5 * y, 0.5 * z) for x, y, z in forces_n), 0.8
-    load = CalibrationLoads(presses=forces_n, rise_s=0.1, dwell_s=held_s, pause_s=held_s)
+    load = CalibrationLoads(presses=presses(n), rise_s=0.1, dwell_s=0.4, pause_s=0.4)
     scene = Scene(description="a test stand", load=load, lead_in_s=2.0, fabrication=MADE)
     end_ns = load.build(round(scene.lead_in_s * 1e9)).end_ns + 500_000_000
     session = StandSession(test_stand=STAND, leg="lf", foot="foot-0007", session="one") if reference else None
     with open_service(config, scene, record=path, real_time=False, test_stand=session) as service:
+        if temperature_c is not None:
+            service.temperature_c = lambda: np.array([temperature_c])
         service.run(until_ns=end_ns)
     return path
 

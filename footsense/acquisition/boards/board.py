@@ -3,14 +3,14 @@
 Each board is a value of `Board`, which the module of its converter makes for the rows and columns of a foot.
 """
 
-from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple
 
-from firmware_interface.chips import ad7746, fdc1004
+from firmware_interface.chips.fdc1004 import CLOCK_TOLERANCE_REL, Fdc1004Rate
 from firmware_interface.schedule import ConversionTraffic
 from footsense.errors import WrongChipError
 from footsense.frames import Reading
-from footsense.ports import Clock, I2cBus, Transaction
+from footsense.ports import I2cBus, Transaction
 
 
 class ReadBackCheck(NamedTuple):
@@ -45,14 +45,14 @@ class ElementResult(NamedTuple):
     Attributes:
         element: Flat index of the element.
         trigger: Write that starts the conversion.
-        done: The question whether it is done; None where the result itself shows it.
+        done: The question whether it is done.
         read: Reads of the whole result from the leg's converter; by these any chip forgets that a conversion is done.
         read_value: Those of them that the value needs, for a chip that forgets by these alone.
     """
 
     element: int
     trigger: Transaction
-    done: DonePoll | None
+    done: DonePoll
     read: tuple[Transaction, ...]
     read_value: tuple[Transaction, ...]
 
@@ -63,13 +63,13 @@ class ConversionStep(NamedTuple):
     Attributes:
         results: The elements that are converted at the same time, one for each converter of the leg, in the order in
             which these are started.
-        select: Writes that select the elements' lines, one for each line switch.
-        done: The questions of `results` whether they are done; none where the results themselves show it.
+        select: Write that selects the elements' row; none without a row switch.
+        done: The questions of `results` whether they are done.
         done_after_start: The same for when the next conversion has just been started.
         polls_after_start: Their reads.
         select_changes: The writes of `select` that are needed after the step before.
-        select_checks: Positions of the line switches: a broadcast write is acknowledged even if one leg misses it, and
-            a wrong line reads as a plausible capacitance.
+        select_checks: Position of the row switch: a broadcast write is acknowledged even if one leg misses it, and a
+            wrong row reads as a plausible capacitance.
         setting_checks: Settings of a converter; each is asked for in one of the last steps of a scan.
         reads: The reads of the values of all `results`.
         elements: Flat indices of the elements of `results`.
@@ -119,60 +119,35 @@ def require_identity(answer: bytes, name: str, identity: bytes, address: int, ot
     )
 
 
-#: Code, time and noise of a conversion of either converter.
-ConversionRate = fdc1004.Fdc1004Rate | ad7746.Ad7746Rate
-
-
-class Thermometer(NamedTuple):
-    """Transactions of a converter's internal temperature sensor; reading it aborts running conversions.
-
-    Attributes:
-        start: Writes that start the conversion of the temperature.
-        wait_ns: Time after which the slowest chip has finished [ns].
-        read: Read of the result of one leg.
-        decode: Temperature [degC] of two answers in a row, the second of which is not new any more; NaN if corrupt.
-    """
-
-    start: tuple[Transaction, ...]
-    wait_ns: int
-    read: Transaction
-    decode: Callable[[bytes, bytes], float]
-
-
 class Board(NamedTuple):
     """Electronics board of a leg: conversion steps, chip setup, and decoding of the results.
 
     Attributes:
-        rates: Its rates, by conversions per second.
         order: Arguments of `step` in the order of a scan.
         step: A conversion, by the flat index of its element, or of the first of its elements, and the rate.
         check_identity: Checks that the connected converters are the right ones. Raises HardwareError if one does not
             answer, WrongChipError if another chip does, and I2cError.
-        configure_and_get_capdac_pf: Sets up the converters of the leg that is connected alone. Returns OK and the
-            capacitance that its CAPDAC subtracts from each result [pF], or the reason why the chip cannot be used.
-            Raises I2cError.
+        set_up: Writes that reset and configure the converters of a leg.
         decode_results: Reading and capacitance [pF] of each of some results, from the answers to all of their
-            `ElementResult.read` or `read_value` and their number; CAPDAC not included, NaN unless the reading is OK.
+            `ElementResult.read` or `read_value` and their number; NaN unless the reading is OK.
         make_ready: Brings converters in an unknown state to where they can convert: their settings, no conversion that
             would still end, and no result left to be read.
         setting_checks: The settings of each converter, which a dip of its supply resets; asked once a scan.
         range_end_pf: Least capacitance of an element over the range [pF].
-        thermometer: Its temperature sensor; None if it has none.
         traffic: Least transactions of a scan.
     """
 
-    rates: Mapping[int, ConversionRate]
     order: tuple[int, ...]
-    step: Callable[[int, Any], ConversionStep]
-    check_identity: Callable[[I2cBus, Clock], None]
-    configure_and_get_capdac_pf: Callable[[I2cBus, Clock], tuple[Reading, float]]
+    step: Callable[[int, Fdc1004Rate], ConversionStep]
+    check_identity: Callable[[I2cBus], None]
+    set_up: tuple[Transaction, ...]
     decode_results: Callable[[list[bytes], int], list[tuple[Reading, float]]]
     make_ready: tuple[Transaction, ...]
     setting_checks: tuple[ReadBackCheck, ...]
     range_end_pf: float
-    thermometer: Thermometer | None
     traffic: ConversionTraffic
 
-    def conversion_wait_ns(self, rate: ConversionRate) -> int:
-        """Return the conversion time of the slowest chip within its clock tolerance [ns]."""
-        return round(rate.conversion_ns * (1 + self.traffic.clock_tolerance_rel))
+
+def conversion_wait_ns(rate: Fdc1004Rate) -> int:
+    """Return the conversion time of the slowest chip within its clock tolerance [ns]."""
+    return round(rate.conversion_ns * (1 + CLOCK_TOLERANCE_REL))

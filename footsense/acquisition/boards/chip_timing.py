@@ -9,7 +9,8 @@ is not known for certain counts as the slower way.
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from footsense.acquisition.boards.board import MAX_WAIT_FACTOR, Board, ElementResult
+from firmware_interface.chips.fdc1004 import RATES
+from footsense.acquisition.boards.board import MAX_WAIT_FACTOR, Board, ElementResult, conversion_wait_ns
 from footsense.acquisition.leg_bus import reading_of_polls
 from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus, Transaction
@@ -43,7 +44,6 @@ class _Trial:
 
     Attributes:
         bus: The bus.
-        board: The leg's electronics.
         make_ready: The converter's part of `Board.make_ready`.
         wait_ns: Time after which a chip within its tolerance has finished [ns].
         first: The first conversion.
@@ -52,7 +52,6 @@ class _Trial:
     """
 
     bus: I2cBus
-    board: Board
     make_ready: tuple[Transaction, ...]
     wait_ns: int
     first: ElementResult
@@ -69,16 +68,10 @@ class _Trial:
         self.clock.sleep_until_ns(before_ns + round(wait_factor * self.wait_ns))
         if next_started:
             self.bus.transfer(self.following.trigger)
-        if self.first.done is not None:
-            return self._done_answers(1) == {Reading.OK}
-        answers = list(map(self.bus.transfer, self.first.read))
-        [(reading, _)] = self.board.decode_results(answers, 1)
-        return reading is not Reading.NOT_READY
+        return self._done_answers(1) == {Reading.OK}
 
     def reads_whole_result(self) -> bool:
         """Read the value of the conversion that has just finished; return whether its DONE bit may still be set."""
-        if self.first.done is None:
-            return False
         before = self._done_answers(_N_AGREEING_ANSWERS)
         for transaction in self.first.read_value:
             self.bus.transfer(transaction)
@@ -86,7 +79,6 @@ class _Trial:
 
     def _done_answers(self, n: int) -> set[Reading]:
         done = self.first.done
-        assert done is not None
         return {reading_of_polls((done,), [self.bus.transfer(done.read)]) for _ in range(n)}
 
 
@@ -103,12 +95,12 @@ def measure_chip_timings(bus: I2cBus, board: Board, clock: Clock) -> list[ChipTi
     Raises:
         I2cError: A transaction failed.
     """
-    rate = board.rates[max(board.rates)]
+    rate = RATES[max(RATES)]
     steps = (board.step(element, rate) for element in board.order[:2])
     trials = []
     for first, following in zip(*(step.results for step in steps), strict=True):
         own = tuple(each for each in board.make_ready if each.address == first.trigger.address)
-        trials.append(_Trial(bus, board, own, board.conversion_wait_ns(rate), first, following, clock))
+        trials.append(_Trial(bus, own, conversion_wait_ns(rate), first, following, clock))
     return list(map(_measure_chip_timing, trials))
 
 

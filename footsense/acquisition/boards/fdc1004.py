@@ -18,7 +18,7 @@ from footsense.acquisition.boards.board import (
 )
 from footsense.errors import HardwareError, NackError
 from footsense.frames import ROWS, Reading
-from footsense.ports import Clock, I2cBus, Transaction
+from footsense.ports import I2cBus, Transaction
 
 #: Bits of FDC_CONF that read as zero without REPEAT, which is never used here (section 8.6.1.3).
 _CONF_BITS_ALWAYS_ZERO = 0x7300
@@ -55,19 +55,17 @@ def step(element: int, rate: chip.Fdc1004Rate) -> ConversionStep:
     )
 
 
-def check_identity(bus: I2cBus, clock: Clock) -> None:
+def check_identity(bus: I2cBus) -> None:
     """Raise an error unless the connected chip is an FDC1004, by its id registers (section 8.6).
 
     Args:
         bus: Its bus.
-        clock: Not used: the chip needs no wait.
 
     Raises:
         HardwareError: No chip answers.
         WrongChipError: Another chip answers; the text names the usual cause.
         I2cError: The transaction failed otherwise.
     """
-    del clock
     check_identity_at(bus, chip.ADDRESS, "another mux channel")
 
 
@@ -102,28 +100,6 @@ def set_up_at(address: int) -> tuple[Transaction, ...]:
         # Section 8.6.1.2.
         *(write_register(first + slot, chip.measurement_config(slot), address) for slot in range(ROWS)),
     )
-
-
-def configure_and_get_capdac_pf(
-    bus: I2cBus, clock: Clock, writes: tuple[Transaction, ...] = set_up_at(chip.ADDRESS)
-) -> tuple[Reading, float]:
-    """Reset the converters of a leg, and configure them; return the outcome.
-
-    Args:
-        bus: Its bus.
-        clock: Not used: the chip needs no wait.
-        writes: Those of `set_up_at` of each.
-
-    Returns:
-        OK, and 0 pF for the CAPDAC.
-
-    Raises:
-        I2cError: A write was not acknowledged.
-    """
-    del clock
-    for write in writes:
-        bus.transfer(write)
-    return Reading.OK, 0.0
 
 
 def element_result(
@@ -192,11 +168,10 @@ def decode_results(
 
 #: The board `fdc1004`.
 BOARD = Board(
-    rates=chip.RATES,
     order=CONVERSION_ORDERS["lo_shu"],
     step=step,
     check_identity=check_identity,
-    configure_and_get_capdac_pf=configure_and_get_capdac_pf,
+    set_up=set_up_at(chip.ADDRESS),
     decode_results=decode_results,
     # Another measurement, which nobody reads, ends the one that runs: that would set its DONE bit after these reads.
     make_ready=(
@@ -205,6 +180,5 @@ BOARD = Board(
     ),
     setting_checks=(setting_check_at(chip.ADDRESS),),
     range_end_pf=chip.capacitance_pf(chip.CODE_MAX),
-    thermometer=None,
     traffic=schedule.FDC1004_TRAFFIC,
 )

@@ -15,7 +15,7 @@ from footsense.acquisition.boards import fdc1004
 from footsense.acquisition.boards.board import ConversionStep
 from footsense.errors import NackError
 from footsense.frames import ROWS, Reading
-from footsense.ports import Clock, I2cBus
+from footsense.ports import I2cBus
 
 _SET_UP = tuple(write for address in COLUMN_ADDRESSES for write in fdc1004.set_up_at(address))
 #: What may be wrong besides wires and supply, by the columns whose converters do not answer.
@@ -40,25 +40,21 @@ def step(element: int, rate: chip.Fdc1004Rate) -> ConversionStep:
         for column, address in enumerate(COLUMN_ADDRESSES)
     )
     # The trigger has left the pointer at FDC_CONF: it need not be written again (section 8.5.2).
-    asked = [
-        result.done._replace(read=result.done.read._replace(write=b"")) for result in results if result.done
-    ]
+    asked = [result.done._replace(read=result.done.read._replace(write=b"")) for result in results]
     return ConversionStep(results, select=(), done_after_start=tuple(asked))
 
 
-def check_identity(bus: I2cBus, clock: Clock) -> None:
+def check_identity(bus: I2cBus) -> None:
     """Raise an error unless an FDC1004 answers at the address of each column.
 
     Args:
         bus: Its bus.
-        clock: Not used: the chips need no wait.
 
     Raises:
         HardwareError: One does not answer; the text says of which column, and how many others do.
         WrongChipError: Another chip answers; the text names the usual cause.
         I2cError: The transaction failed otherwise.
     """
-    del clock
     silent = [column for column, address in enumerate(COLUMN_ADDRESSES) if not _acknowledges(bus, address)]
     cause = _CAUSES_OF_SILENCE.get(tuple(silent), "another mux channel")
     for address in COLUMN_ADDRESSES:
@@ -83,7 +79,7 @@ BOARD = fdc1004.BOARD._replace(
     order=tuple(range(0, ROWS * ROWS, ROWS)),
     step=step,
     check_identity=check_identity,
-    configure_and_get_capdac_pf=partial(fdc1004.configure_and_get_capdac_pf, writes=_SET_UP),
+    set_up=_SET_UP,
     # No pin has so little, as nothing drives an element's other side: the converter was reset after it was asked
     # whether it was done, and what it converts now is its first pin.
     decode_results=partial(fdc1004.decode_results, of_zero=Reading.MISCONFIGURED),

@@ -54,7 +54,7 @@ _POSITIVE = click.FloatRange(min=0, min_open=True)
 )
 @click.option(
     "--board",
-    type=click.Choice(["fdc1004_columns", "fdc1004", "ad7746"]),
+    type=click.Choice(["fdc1004_columns", "fdc1004"]),
     default="fdc1004_columns",
     show_default=True,
     help="Electronics of a foot: noise, range, time of a scan, and what its flex takes between the electrodes.",

@@ -29,7 +29,7 @@ _REQUIRED_PACKAGES = ("ezdxf", "shapely")
     type=click.Choice(["fdc1004_columns", "fdc1004"]),
     default="fdc1004_columns",
     show_default=True,
-    help="Electronics of the foot: three converters, or one, whose flexes ad7746 has too.",
+    help="Electronics of the foot: three converters, or one.",
 )
 def fabricate(*, foot: str, out: Path, process: str | None, board: "Board") -> None:
     """Write the files that a foot is made from.

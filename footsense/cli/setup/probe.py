@@ -14,7 +14,7 @@ from rich.console import Console, Group, RenderableType
 from rich.padding import Padding
 from rich.text import Text
 
-from firmware_interface.chips import ad7746, adg715
+from firmware_interface.chips import adg715
 from firmware_interface.chips.ltc4317 import COLUMN_ADDRESSES
 from footsense.cli.options import FILE, config_option, json_option
 from footsense.cli.setup.robot_file import check_is_new, found_part, unloaded_yaml
@@ -30,9 +30,7 @@ from footsense.sim.scene import load_scene
 _DEFAULT_SCENE = "hanging"
 _CHIP_NAMES = {
     **dict.fromkeys(COLUMN_ADDRESSES, "FDC1004"),
-    ad7746.ADDRESS: "AD7746",
     adg715.ADDRESS: "ADG715",
-    adg715.COLUMN_ADDRESS: "ADG715",
 }
 #: Width of one element's text, and space between two feet beside each other [characters].
 _ELEMENT_WIDTH = 7

@@ -19,7 +19,7 @@ from footsense.acquisition.bus_scan import (
 from footsense.acquisition.leg_bus import LegBus
 from footsense.acquisition.linux_i2c import LinuxI2cBus, adapter_names, kernel_drivers
 from footsense.acquisition.mcu_source import Serial
-from footsense.acquisition.scan_plan import BOARDS, ScanPlan, scan_plan
+from footsense.acquisition.scan_plan import BOARDS, FASTEST_SPS, ScanPlan, scan_plan
 from footsense.can.interface import Can
 from footsense.clock import MonotonicClock
 from footsense.config import SMALL_BOARD, Config
@@ -92,7 +92,7 @@ def find_feet(device: str, adapter: I2cBus, clock: Clock, claimed: Collection[in
     """
     adapter = TimeLimitedBus(adapter, clock, device, _SEARCH_LIMIT_S)
     answering = set(probe_addresses(adapter, claimed).answering)
-    plans = {name: scan_plan(max(board.rates), name) for name, board in BOARDS.items()}
+    plans = {name: scan_plan(FASTEST_SPS, name) for name in BOARDS}
     alone = [name for name, plan in plans.items() if answering >= {*leg_chip_addresses(plan)}]
     found = [FoundFeet(device, name, None, (0,)) for name in alone]
     for address in sorted(answering.intersection(MUX_ADDRESSES)):

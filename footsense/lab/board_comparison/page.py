@@ -17,20 +17,18 @@ LOADS = {
 }
 #: Changes of the board that the page puts into words, by their keys.
 _STEPS_OF_BOARDS = (
-    ("ad7746", "one_bus"),
     ("one_bus", "columns_one_bus"),
     ("columns_one_bus", "columns_two_buses"),
     ("columns_two_buses", "columns_three_buses"),
 )
 #: Ticks of the picture: ages [ms], errors [deg].
-_AGE_TICKS_MS, _ERROR_TICKS_DEG = (5, 10, 20, 50), (0.2, 0.5, 1, 2, 5, 10, 20)
+_AGE_TICKS_MS, _ERROR_TICKS_DEG = (5, 10, 20), (0.2, 0.5, 1, 2, 5, 10, 20)
 #: Colours of the picture, by key of the board.
 _COLOURS = {
     "one_bus": "tab:blue",
     "columns_one_bus": "tab:red",
     "columns_two_buses": "tab:orange",
     "columns_three_buses": "tab:green",
-    "ad7746": "tab:purple",
 }
 
 
@@ -61,7 +59,7 @@ def draw_boards(values: Values) -> Figure:
         axes.set_title(title, fontsize=10)
         axes.set_xscale("log")
         axes.set_yscale("log")
-        axes.set_xlim(4.0, 80.0)
+        axes.set_xlim(4.0, 20.0)
         axes.set_xticks(_AGE_TICKS_MS)
         axes.set_yticks(
             [tick for tick in _ERROR_TICKS_DEG if axes.get_ylim()[0] <= tick <= axes.get_ylim()[1]]
@@ -71,7 +69,7 @@ def draw_boards(values: Values) -> Figure:
             axis.set_minor_formatter(NullFormatter())
         axes.grid(visible=True, alpha=0.3)
     colours = [
-        Line2D([], [], color=_COLOURS[key], lw=4.0, label=f"{board['title']}, {_price(board)} USD")
+        Line2D([], [], color=_COLOURS[key], lw=4.0, label=f"{board['title']}, {board['price_usd']:.0f} USD")
         for key, board in values["boards"].items()
     ]
     sizes = [
@@ -104,11 +102,6 @@ def draw_boards(values: Values) -> Figure:
     return figure
 
 
-def _price(board: Values) -> str:
-    """Return the price of the chips in a foot as text."""
-    return " + ".join([f"{board['price_usd']:.0f}", *board["unpriced"]])
-
-
 def _steps_text(values: Values) -> str:
     """Return what each step to another board, or to a larger network, changes."""
     boards, networks = values["boards"], values["networks"]
@@ -125,8 +118,9 @@ def _steps_text(values: Values) -> str:
         before, after = boards[key_before], boards[key_after]
         moved = change(networks[before["scan"]][-1], networks[after["scan"]][-1], key_before, key_after)
         lines.append(
-            f"- {before['title']} ({_price(before)} USD) to {after['title']} ({_price(after)} USD), released networks: "
-            f"readings of {before['mean_age_ms']:.1f} to {after['mean_age_ms']:.1f} ms, mean age; {moved}."
+            f"- {before['title']} ({before['price_usd']:.0f} USD) to {after['title']} ({after['price_usd']:.0f} USD), "
+            f"released networks: readings of {before['mean_age_ms']:.1f} to {after['mean_age_ms']:.1f} ms, mean age; "
+            f"{moved}."
         )
     least, largest = networks["rows"][0], networks["rows"][-2]
     moved = change(least, largest, "columns_two_buses", "columns_two_buses")
@@ -149,7 +143,7 @@ def boards_text(values: Values) -> str:
             f"{board['scan_ms']:.1f}",
             f"{network['six_legs_us']:.0f}",
             board["n_chips"],
-            _price(board),
+            f"{board['price_usd']:.0f}",
             *(
                 spread(errors) if len(errors) > 1 else f"**{errors[0]:.2f}**"
                 for errors in (network["direction_deg"][key][load] for load in LOADS)
@@ -163,20 +157,15 @@ def boards_text(values: Values) -> str:
         " | price [USD] | " + " | ".join(f"{title} [deg]" for title in LOADS.values()),
         rows,
     )
-    without = "; ".join(
-        f"{board['title']}: {board['without_force_rel']['rest']:.1%} of the loads at rest, "
-        f"{board['without_force_rel']['random']:.1%} of the time in random gaits"
-        for board in (boards["one_bus"], boards["ad7746"])
-    )
+    without = boards["one_bus"]["without_force_rel"]
     return f"""
 ## What a millisecond and a dollar buy
 
 Six legs, {values["host_cost_us"]} us of the host for a transaction, the fastest rate that the buses carry, simulated.
 *Sent after*: from the middle of the newest conversion to the sending of its force, without the computing. *Six legs*: a
 call of the network as the service makes it, one thread, median. Prices are planning values of the chips in a foot, for
-tens of pieces and no quotations; there is none of an AD7746. What all parts of board `fdc1004_columns` come to is in
-`bill-of-materials.csv` of `footsense lab fabricate`. A further bus adds a TCA9548A and an adapter to the
-robot, and nothing to a foot.
+tens of pieces and no quotations. What all parts of board `fdc1004_columns` come to is in `bill-of-materials.csv` of
+`footsense lab fabricate`. A further bus adds a TCA9548A and an adapter to the robot, and nothing to a foot.
 
 Networks of each size are trained alike for {values["steps"]} steps, {values["n_seeds"]} starts of each, once for scans
 of elements and once for scans of rows; in **bold** is the released network of that scan, a single one, which was
@@ -193,7 +182,6 @@ after*, and half the time from the first conversion of a scan to its last. Error
 
 {_steps_text(values)}
 
-Without a force, as more elements are beyond the converter's range than may be: {without}.
-Up to that many are read as the end of the range, which the networks know of the FDC1004 alone: that, and not its pace,
-is most of the error of `ad7746` at rest.
+Without a force, as more elements are beyond the converter's range than may be, {boards["one_bus"]["title"]}:
+{without["rest"]:.1%} of the loads at rest, {without["random"]:.1%} of the time in random gaits.
 """

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from firmware_interface.chips import ad7746, fdc1004
+from firmware_interface.chips import fdc1004
 from footsense.foot.directions import direction_grid
 from footsense.foot.specimen import ContactLoads
 from footsense.frames import ELEMENTS, ROWS
@@ -17,11 +17,6 @@ from footsense.lab.training.load_cases import BASELINE_NOISE_PF, FULL_SCALE_PF, 
 
 #: Standard gravity [m/s2].
 GRAVITY_M_S2 = 9.80665
-#: Least unloaded and largest capacitance that board `ad7746` reads with any chip [pF]: its CAPDAC is fixed
-#: (docs/adr/0012-ad7746-fixed-capdac-measured-step.md).
-_AD7746_RANGE_PF = (4.0, 9.3)
-#: Noise of a baseline over that of a conversion [1], as with board `fdc1004`.
-_BASELINE_NOISE_REL = 0.4
 #: Contacts of the widest tail: of three lines a column between four guards, and of three lines between four.
 _ELEMENT_CONTACTS, _LINE_CONTACTS = ROWS * (2 * ROWS + 1), 2 * ROWS + 1
 #: Angle by which a leg pitches [deg], and the contact normal in the frame of its foot with it.
@@ -37,7 +32,7 @@ class Converter(NamedTuple):
         name: Name, as `board` of a configuration.
         noise_pf: Noise of a conversion [pF, rms].
         baseline_noise_pf: Noise of the baseline [pF, rms].
-        min_unloaded_pf: Least capacitance of an unloaded element [pF]: above an open line and the CAPDAC's offset.
+        min_unloaded_pf: Least capacitance of an unloaded element [pF]: above an open line.
         range_end_pf: Largest capacitance that it reads [pF].
         scan_s: Its conversions, three with board `fdc1004_columns`, else nine [s].
         min_bar_mm: Least bar between two columns, for the traces in it [mm].
@@ -58,19 +53,23 @@ def converter(name: str) -> Converter:
     """Return the constants of a converter board at its fastest conversion rate.
 
     Args:
-        name: `fdc1004_columns`, `fdc1004` or `ad7746`.
+        name: `fdc1004_columns` or `fdc1004`.
     """
-    fdc1004_range = NOISE_PF, BASELINE_NOISE_PF, MIN_UNLOADED_PF, FULL_SCALE_PF
-    conversion_s = 1e-9 * fdc1004.RATES[max(fdc1004.RATES)].conversion_ns
-    if name == "fdc1004_columns":
-        made = dimensions.MIN_TRACED_BAR_MM, 2.0 * dimensions.least_ball_radius_mm(_ELEMENT_CONTACTS)
-        return Converter(name, *fdc1004_range, ROWS * conversion_s, *made)
-    made = 0.0, 2.0 * dimensions.least_ball_radius_mm(_LINE_CONTACTS)
-    if name == "fdc1004":
-        return Converter(name, *fdc1004_range, ELEMENTS * conversion_s, *made)
-    quick = ad7746.RATES[max(ad7746.RATES)]
-    noise_pf, scan_s = 1e-3 * quick.noise_ff, 1e-9 * ELEMENTS * quick.conversion_ns
-    return Converter(name, noise_pf, _BASELINE_NOISE_REL * noise_pf, *_AD7746_RANGE_PF, scan_s, *made)
+    n_conversions, min_bar_mm, n_contacts = (
+        (ROWS, dimensions.MIN_TRACED_BAR_MM, _ELEMENT_CONTACTS)
+        if name == "fdc1004_columns"
+        else (ELEMENTS, 0.0, _LINE_CONTACTS)
+    )
+    return Converter(
+        name,
+        NOISE_PF,
+        BASELINE_NOISE_PF,
+        MIN_UNLOADED_PF,
+        FULL_SCALE_PF,
+        n_conversions * 1e-9 * fdc1004.RATES[max(fdc1004.RATES)].conversion_ns,
+        min_bar_mm,
+        2.0 * dimensions.least_ball_radius_mm(n_contacts),
+    )
 
 
 class Requirements(NamedTuple):

@@ -55,7 +55,6 @@ def write_documents(
         "dimensions": dimensions,
         "board": board,
         "flexes": flexes,
-        "boards": ["fdc1004_columns"] if board == "fdc1004_columns" else ["fdc1004", "ad7746"],
         "contacts": {flex.name: connector_contacts(flex) for flex in flexes},
         "tolerances": tolerances,
         "expected": expected,
@@ -135,31 +134,24 @@ def rubber_mass_to_weigh_g(design: FootDesign) -> float:
     return _CASTING_EXCESS_FACTOR * _RUBBER_DENSITY_G_PER_CM3 * ball_cm3
 
 
-def connector_contacts(flex: Flex) -> list[tuple[str, ...]]:
+def connector_contacts(flex: Flex) -> list[tuple[str, str]]:
     """Return per contact of a flex its net, and its pin on each board that the flex is for."""
-    return [(net, *_PINS[net]) for net in flex.contacts]
+    return [(net, _PINS[net]) for net in flex.contacts]
 
 
-def _switched(switch: int, k: int, selected: str, other: str) -> str:
-    return f"ADG715 0x{switch:x}: S{k + 1} (to {selected}), S{ROWS + k + 1} (to {other})"
-
-
-#: Pins of each net: on board `fdc1004_columns`; on `fdc1004` and `ad7746`.
-_PINS: dict[str, tuple[str, ...]] = {
-    COMMON_NET: ("GND",),
-    GUARD_NET: ("SHLD", "GND"),
+#: Pin of each net: on board `fdc1004_columns`, and on `fdc1004`.
+_PINS: dict[str, str] = {
+    COMMON_NET: "GND",
+    GUARD_NET: "SHLD",
+    **{f"row{k + 1}": f"ADG715 0x49: S{k + 1} (to GND), S{ROWS + k + 1} (to SHLD)" for k in range(ROWS)},
+    **{f"col{k + 1}": f"FDC1004: CIN{k + 1}" for k in range(ROWS)},
     **{
-        f"row{k + 1}": (_switched(0x49, k, "GND", "SHLD"), _switched(0x49, k, "EXCA", "GND"))
-        for k in range(ROWS)
-    },
-    **{f"col{k + 1}": (f"FDC1004: CIN{k + 1}", _switched(0x4A, k, "CIN1", "GND")) for k in range(ROWS)},
-    **{
-        element_net(row, column): (f"FDC1004 0x{address:x}: CIN{row + 1}",)
+        element_net(row, column): f"FDC1004 0x{address:x}: CIN{row + 1}"
         for column, address in enumerate(COLUMN_ADDRESSES)
         for row in range(ROWS)
     },
     **{
-        column_guard_net(column): (f"FDC1004 0x{address:x}: SHLD1",)
+        column_guard_net(column): f"FDC1004 0x{address:x}: SHLD1"
         for column, address in enumerate(COLUMN_ADDRESSES)
     },
 }

@@ -13,18 +13,18 @@ class ElectronicPart(NamedTuple):
         quantity: How many.
         name: Name, of a chip that of its type.
         specification: What it is.
-        price_usd: Planning value of all of them together [USD]; None where there is none.
+        price_usd: Planning value of all of them together [USD].
         is_chip: Whether it is an integrated circuit.
     """
 
     quantity: int
     name: str
     specification: str
-    price_usd: float | None = None
+    price_usd: float
     is_chip: bool = False
 
 
-#: Chips of boards `fdc1004` and `ad7746`; of board `fdc1004_columns` all parts but the connectors of the flexes
+#: Chips of board `fdc1004`; of board `fdc1004_columns` all parts but the connectors of the flexes
 #: (firmware_interface/README.md).
 ELECTRONICS: dict[str, tuple[ElectronicPart, ...]] = {
     "fdc1004": (
@@ -45,10 +45,6 @@ ELECTRONICS: dict[str, tuple[ElectronicPart, ...]] = {
         ElectronicPart(4, "capacitor", "100 nF, at each supply pin", 0.15),
         ElectronicPart(3, "capacitor", "1 uF, at each FDC1004", 0.15),
         ElectronicPart(1, "connector of the leg", "4 contacts: 3.3 V, GND, SDA, SCL", 0.4),
-    ),
-    "ad7746": (
-        ElectronicPart(1, "AD7746", "capacitance-to-digital converter of the leg", is_chip=True),
-        ElectronicPart(2, "ADG715", "row switch and column switch of the leg", 8.0, is_chip=True),
     ),
 }
 

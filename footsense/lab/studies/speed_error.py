@@ -58,7 +58,6 @@ _ELECTRONICS = (
     _Electronics("fdc1004_columns, one bus", "columns_one_bus", "rows"),
     _Electronics("fdc1004_columns, two buses", "columns_two_buses", "rows"),
     _Electronics("fdc1004_columns, three buses", "columns_three_buses", "rows"),
-    _Electronics("ad7746, one bus", "ad7746", "elements"),
 )
 _AT_ONCE = {"elements": 1, "rows": 3}
 #: Limits of the targets, by key in `CONFIGURATIONS`: network, six legs [us], and whole cycle over a conversion [1].
@@ -150,14 +149,12 @@ def _scan_of(one: _Electronics) -> BoardScan:
 def _board(one: _Electronics, scan: BoardScan) -> Values:
     """Return parts, price and times of a board."""
     config = CONFIGURATIONS[one.key]
-    prices = [chip.price_usd for chip in chips(config.board)]
     return {
         "title": one.title,
         "board": config.board,
         "scan": one.scan,
         "n_chips": sum(chip.quantity for chip in chips(config.board)),
-        "price_usd": sum(price for price in prices if price is not None),
-        "unpriced": [chip.name for chip in chips(config.board) if chip.price_usd is None],
+        "price_usd": sum(chip.price_usd for chip in chips(config.board)),
         "sent_after_ms": 1e3 * scan.send_delay_s,
         "scan_ms": 1e3 * scan.step_s * len(config.scan_plan.steps),
         "mean_age_ms": 1e3 * scan.mean_age_s,

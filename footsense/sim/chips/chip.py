@@ -1,4 +1,4 @@
-"""Interface of a simulated I2C chip, base class of the chips of a leg, the mux, and the switch of a foot's lines.
+"""Interface of a simulated I2C chip, base class of the chips of a leg, the mux, and the switch of a foot's rows.
 
 Source:
     Analog Devices ADG714/ADG715 data sheet rev. B: one data byte, bit n closes switch n + 1; all open at power-up.
@@ -165,9 +165,9 @@ FLOATING_ROW_PF = 1.0
 
 
 class LineStates(NamedTuple):
-    """Lines that a switch selects, and those that it ties to shield or ground as unselected, from `since_ns` on.
+    """Rows that a switch selects, and those that it ties to the shield as unselected, from `since_ns` on.
 
-    One bit for each row or column line; those in neither mask float.
+    One bit for each row line; those in neither mask float.
     """
 
     since_ns: int
@@ -178,16 +178,13 @@ class LineStates(NamedTuple):
 class SimulatedLineSwitch(LegChip):
     """Simulated ADG715 behind a leg's mux channel: one readable data byte, all switches open at power-up.
 
-    Args:
-        address: Its address on the bus.
-
     Attributes:
         ignores_writes_ns: Spans in which it acknowledges its settings and ignores them [ns].
         stuck_closed: Bits that are set whatever is written.
     """
 
-    def __init__(self, address: int = adg715.ADDRESS) -> None:
-        super().__init__(address)
+    def __init__(self) -> None:
+        super().__init__(adg715.ADDRESS)
         self.ignores_writes_ns: list[Span] = []
         self.stuck_closed = 0
         self._switches = 0

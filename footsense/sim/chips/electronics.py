@@ -1,28 +1,19 @@
-"""The chips of one leg, wired to its foot: capacitance converters, and the line switches in front of them."""
+"""The chips of one leg, wired to its foot: capacitance converters, and the row switch in front of one."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from firmware_interface.chips import ad7147, adg715
+from firmware_interface.chips import ad7147
 from footsense.frames import ELEMENTS, ROWS
 from footsense.sim.chips.ad7147 import InputCapacitance, SimulatedAd7147
-from footsense.sim.chips.ad7746 import (
-    CAPDAC_GAIN_RANGE_REL,
-    MAX_TEMPERATURE_ERROR_K,
-    MeanMutualCapacitance,
-    SimulatedAd7746,
-)
 from footsense.sim.chips.chip import SimulatedConverter, SimulatedLineSwitch
 from footsense.sim.chips.fdc1004 import MeanCinCapacitance, SimulatedFdc1004
 from footsense.sim.faults.damage import OPEN_ELEMENT_PF, WiredFoot
 from footsense.sim.scene import Effects
 
-#: Temperature of a scene that does not change it [deg C].
-ROOM_TEMPERATURE_C = 25.0
-
 #: Random streams of a leg besides that of its noise.
-_CAPDAC_DRAW, _THERMOMETER_DRAW, _COMMON_NOISE_DRAW, _COLUMN_DRAW = 4, 5, 7, 8
+_COMMON_NOISE_DRAW, _COLUMN_DRAW = 7, 8
 _AD7147_DRAW, _SHIFT_DRAW = 9, 10
 
 #: Reference capacitor on a spare input of board `ad7147`, of class C0G, whose 30 ppm/K do not count: its input, nominal
@@ -37,10 +28,10 @@ class LegElectronics(NamedTuple):
 
     Attributes:
         converters: Its converters, each with its own address.
-        switches: Its line switches, that of the rows first.
+        switches: Its row switch; none with several converters.
     """
 
-    converters: tuple[SimulatedFdc1004, ...] | tuple[SimulatedAd7746] | tuple[SimulatedAd7147]
+    converters: tuple[SimulatedFdc1004, ...] | tuple[SimulatedAd7147]
     switches: tuple[SimulatedLineSwitch, ...]
 
 
@@ -55,7 +46,7 @@ def leg_electronics(
     """Return the chips of one fault-free leg.
 
     Args:
-        board: `fdc1004`, `fdc1004_columns`, `ad7746` or `ad7147`.
+        board: `fdc1004`, `fdc1004_columns` or `ad7147`.
         foot: The foot behind them.
         effects: Noise, clock error, stray, warming and kind of chip.
         seed: Seeds of the scene and of the leg.
@@ -68,27 +59,9 @@ def leg_electronics(
         return LegElectronics(
             tuple(_column_converter(foot, column, effects, seed) for column in range(ROWS)), ()
         )
-    rows = SimulatedLineSwitch(adg715.ADDRESS)
-    if board == "fdc1004":
-        pins = _column_pin_capacitance(foot, rows, effects.stray_pf)
-        return LegElectronics((_fdc1004(pins, effects, seed),), (rows,))
-    random = np.random.default_rng(seed)
-    noise = random if effects.converter_noise else None
-    clock_error_rel = effects.converter_clock_rel * random.uniform(-1, 1)
-    columns = SimulatedLineSwitch(adg715.COLUMN_ADDRESS)
-    error_k = np.random.default_rng((*seed, _THERMOMETER_DRAW)).uniform(-1, 1) * MAX_TEMPERATURE_ERROR_K
-    warming = effects.warming
-    converter = SimulatedAd7746(
-        _mutual_capacitance(foot, rows, columns),
-        noise,
-        clock_error_rel,
-        capdac_gain_rel=np.random.default_rng((*seed, _CAPDAC_DRAW)).uniform(*CAPDAC_GAIN_RANGE_REL),
-        temperature_c=lambda t_ns: (
-            ROOM_TEMPERATURE_C + error_k + (warming.temperature_change_k_at(t_ns) if warming else 0.0)
-        ),
-    )
-    _share_noise(converter, effects, seed)
-    return LegElectronics((converter,), (rows, columns))
+    rows = SimulatedLineSwitch()
+    pins = _column_pin_capacitance(foot, rows, effects.stray_pf)
+    return LegElectronics((_fdc1004(pins, effects, seed),), (rows,))
 
 
 def _share_noise(chip: SimulatedConverter, effects: Effects, seed: tuple[int, ...]) -> None:
@@ -209,31 +182,3 @@ def _column_pin_capacitance(
         return total_pf
 
     return pin_pf
-
-
-def _mutual_capacitance(
-    foot: WiredFoot, rows: SimulatedLineSwitch, columns: SimulatedLineSwitch
-) -> MeanMutualCapacitance:
-    """Return the mutual-capacitance function of board `ad7746`, between excited rows and selected columns."""
-
-    def mutual_pf(t_start_ns: int, t_end_ns: int) -> tuple[float, bool]:
-        t_ns = (t_start_ns + t_end_ns) // 2
-        element_pf = foot.elements_pf(t_ns)
-        total_pf, shorted, until_ns = 0.0, False, t_end_ns
-        if foot.disturbances is not None:
-            row_mask, column_mask = (
-                switch.states_between(t_start_ns, t_end_ns)[0][1].selected_mask for switch in (rows, columns)
-            )
-            total_pf = foot.disturbances.added_pf(
-                row_mask, column_mask.bit_length() - 1, t_start_ns, t_end_ns
-            )
-        for row_share, row_states in rows.states_between(t_start_ns, t_end_ns):
-            since_ns = max(row_states.since_ns, t_start_ns)
-            for column_share, column_states in columns.states_between(since_ns, until_ns):
-                pf, to_ground = foot.mutual_pf(element_pf, row_states, column_states, t_ns)
-                total_pf += row_share * column_share * pf
-                shorted |= to_ground
-            until_ns = since_ns
-        return total_pf, shorted
-
-    return mutual_pf

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from footsense.sim.chips.ad7147 import SimulatedAd7147
-from footsense.sim.chips.ad7746 import SimulatedAd7746
 from footsense.sim.chips.chip import SimulatedChip, SimulatedConverter, SimulatedLineSwitch
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 from footsense.sim.chips.ltc4317 import translated_columns
@@ -13,7 +12,7 @@ from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Schedule
 
 #: A simulated capacitance converter of any board.
-LegConverter = SimulatedFdc1004 | SimulatedAd7746 | SimulatedAd7147
+LegConverter = SimulatedFdc1004 | SimulatedAd7147
 
 
 class SimulatedEeprom:
@@ -107,11 +106,11 @@ def inject_chip_faults(
 
     Args:
         converters: The leg's converters; behind an address translator are those of columns 1 and 2, if there are three.
-        switches: The leg's line switches, that of the rows first.
+        switches: The leg's row switch, if it has one.
         faults: Faults on the chips of this leg.
         rng: Source of random acknowledges and bits.
     """
-    chips = (*converters, *switches)
+    chips: tuple[SimulatedFdc1004 | SimulatedLineSwitch, ...] = (*converters, *switches)
     for fault in faults:
         if isinstance(fault, scene_faults.SwitchIgnoresWrites) and switches:
             switches[0].ignores_writes_ns.append(fault.span_ns)

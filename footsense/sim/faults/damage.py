@@ -9,11 +9,6 @@ disables the others of its column. That follows from the wiring and was not meas
 Board `fdc1004_columns`: each element has a pin, against one electrode that is at ground, so that no row has a line. A
 column whose plug is off loses its three lines; a short ties one pin to ground. Board `ad7147` is alike, with one plug:
 its tail tears where the lines of a column lie.
-
-Board `ad7746`: the input measures each element between an excited row and a selected column; all other lines are at
-ground, so that a broken line disables its own elements only. A short ties a row to a column. With both selected it
-exceeds any range; with the row selected it shorts the excitation; with the column selected it grounds the input, which
-reads zero. Not simulated: coupling through two floating lines at once.
 """
 
 import math
@@ -118,12 +113,6 @@ class WiredFoot:
             return OPEN_ELEMENT_PF
         return SHORTED_ELEMENT_PF if element in shorted else pf
 
-    def mutual_pf(
-        self, element_pf: list[float], rows: LineStates, columns: LineStates, t_ns: int
-    ) -> tuple[float, bool]:
-        """Return mutual capacitance [pF] and whether it is shorted, with damage; see `mutual_capacitance_pf`."""
-        return mutual_capacitance_pf(element_pf, rows, columns, *self._line_damage(t_ns))
-
     def _line_damage(self, t_ns: int) -> tuple[int, int, list[int]]:
         """Return the interrupted row lines and column lines at a time (bit masks), and the shorted elements."""
         rows = columns = 0
@@ -166,40 +155,3 @@ def pin_capacitance_pf(
         elif states.selected_mask & bit:
             total_pf += pf
     return total_pf
-
-
-def mutual_capacitance_pf(
-    element_pf: Sequence[float],
-    rows: LineStates,
-    columns: LineStates,
-    broken_rows: int,
-    broken_columns: int,
-    shorted: Sequence[int],
-) -> tuple[float, bool]:
-    """Return the capacitance from excitation to input of board `ad7746` [pF], and whether it is shorted.
-
-    Args:
-        element_pf: Capacitance of each element [pF], a square array.
-        rows: Rows that the switch ties to the excitation (selected) and to ground (unselected).
-        columns: Columns that the switch ties to the input (selected) and to ground (unselected).
-        broken_rows: Bit r for each row line that is interrupted.
-        broken_columns: Bit c for each column line that is interrupted.
-        shorted: Elements whose electrodes touch.
-
-    Returns:
-        Capacitance [pF], and whether a short ties the excitation to ground.
-    """
-    excited, earthed = rows.selected_mask & ~broken_rows, rows.unselected_mask & ~broken_rows
-    sensed, idle = columns.selected_mask & ~broken_columns, columns.unselected_mask & ~broken_columns
-    total_pf, to_ground, over = 0.0, False, False
-    for element in shorted:
-        row, column = divmod(element, ROWS)
-        over |= bool(excited >> row & sensed >> column & 1)
-        to_ground |= bool(excited >> row & idle >> column & 1)
-        if earthed >> row & sensed >> column & 1:
-            return 0.0, to_ground
-    for element, pf in enumerate(element_pf):
-        row, column = divmod(element, ROWS)
-        if excited >> row & sensed >> column & 1:
-            total_pf += pf
-    return (SHORTED_ELEMENT_PF if over else total_pf), to_ground

@@ -26,7 +26,6 @@ def found(scans: FootScans) -> list[FootFault]:
         ((0, 3, 6), np.nan, Reading.OVER_RANGE, [(Cause.ELEMENT_SHORTED, (0, 3, 6))]),
         ((2,), np.nan, Reading.UNDER_RANGE, [(Cause.ELEMENT_OPEN, (2,))]),
         ((2,), np.nan, Reading.OVER_RANGE, [(Cause.OVERLOAD, (2,))]),
-        (ALL, np.nan, Reading.EXCITATION, [(Cause.CANNOT_EXCITE, ALL)]),
         ((8,), np.nan, Reading.CORRUPT, [(Cause.CORRUPT, ALL)]),
         ((8,), np.nan, Reading.DELAYED, [(Cause.DELAYED, ALL)]),
         # Row 0 and column 0 are open: their crossing belongs to both, and is told once.

@@ -14,7 +14,6 @@ from footsense.daemon.setup.found_feet import FoundFeet, find_feet, robot_of
 from footsense.daemon.setup.probe import probe
 from footsense.errors import ConfigError, HardwareError, NackError
 from footsense.ports import Transaction
-from footsense.sim.chips.ad7746 import SimulatedAd7746
 from footsense.sim.chips.chip import SimulatedChip, SimulatedLineSwitch, SimulatedMux
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 from footsense.sim.chips.ltc4317 import translated_columns
@@ -53,7 +52,7 @@ def found_on(
     ("mux", "channels", "chips", "board"),
     [
         (0x71, (0, 1, 2, 3, 4, 5), fdc1004, "fdc1004"),
-        (0x74, (2, 7), lambda: (SimulatedAd7746(lambda *_: (5.0, False), None),), "ad7746"),
+        (0x74, (2, 7), fdc1004, "fdc1004"),
         (None, (0,), fdc1004, "fdc1004"),
         (0x71, (0, 3), fdc1004_columns, "fdc1004_columns"),
         (None, (0,), fdc1004_columns, "fdc1004_columns"),

@@ -23,7 +23,7 @@ from footsense.lab.fabrication.parts.gerber import Pad, Point, Trace
 from footsense.lab.geometry import FootDesign
 
 Board = Literal["fdc1004_columns", "fdc1004"]
-#: The boards; the flexes of `fdc1004` are those of `ad7746` too.
+#: The boards.
 BOARDS: tuple[Board, ...] = ("fdc1004_columns", "fdc1004")
 #: Reference of the contacts in the Gerber files.
 CONNECTOR = "J1"
