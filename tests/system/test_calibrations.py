@@ -175,20 +175,18 @@ def test_a_known_temperature_corrects_and_an_unknown_one_widens(tmp_path: Path) 
     for forces in (known, unknown):
         assert forces.state.tolist() == [State.VALID, State.VALID]
     known_n, unknown_n = (np.linalg.norm(forces.force_n, axis=1) for forces in (known, unknown))
-    # On scans of 0.1 s at rest the network itself is 4 % low.
-    assert np.abs(known_n / size_n - 1.0).max() < 0.045
+    assert np.abs(known_n / size_n - 1.0).max() < 0.025
     np.testing.assert_allclose(unknown_n / size_n, 1.0 / 1.088, atol=0.02)
-    # The network's own sigma, which slow scans at rest make wide, is in both.
     assert (unknown.sigma_n[:, 2] > UNKNOWN_TEMPERATURE_SIGMA_REL * unknown_n).all()
     assert (known.sigma_n[:, 2] < unknown.sigma_n[:, 2]).all()
 
 
 @pytest.mark.slow
 def test_a_replay_is_as_warm_as_the_walk_was(tmp_path: Path) -> None:
-    """Temperatures are recorded when they change; without them the same readings give the forces of a cold foot."""
+    """Temperatures are recorded when they change; without them the same readings give other sigmas from the start."""
     walk = tmp_path / "walk.mcap"
     robot = config(write_both(tmp_path / "feet", temperature_c=ROOM_C), lf="foot-0007", rf="foot-0008")
-    cycles = run(robot, warm(from_s=3.0, over_s=0.1), 3.5e9, walk)  # while they carry
+    cycles = run(robot, warm(from_s=2.2, over_s=0.1), 2.6e9, walk)  # while they carry
     told = [cycle.temperature_c for cycle in cycles if cycle.temperature_c is not None]
     assert 2 < len(told) < 50
     np.testing.assert_allclose(told[-1] - told[0], KELVIN)
@@ -199,4 +197,4 @@ def test_a_replay_is_as_warm_as_the_walk_was(tmp_path: Path) -> None:
     old = without_temperatures(walk, tmp_path / "old.mcap")
     assert CliRunner().invoke(replay, [str(old)]).output == f"{len(cycles)} cycles replayed\n"
     result = CliRunner().invoke(replay, [str(old), "--check"])
-    assert re.search(r"leg l[fmr]: f[xyz]_n was", str(result.exception))
+    assert re.search(r"leg lf: sigma_[xyz]_n was", str(result.exception))

@@ -14,7 +14,7 @@ def test_every_state_has_words_and_forces_come_in_two_phases() -> None:
 
 def test_every_cause_that_is_sent_has_a_meaning_and_a_remedy() -> None:
     without = {cause for cause in Cause if not all(CAUSE_WORDS[cause][:2])}
-    assert without == {Cause.NONE, Cause.CALIBRATION_STALE}
+    assert without == {Cause.NONE, Cause.CANNOT_EXCITE, Cause.CALIBRATION_STALE}
 
 
 def test_a_reading_of_faulty_chips_gives_no_force() -> None:
