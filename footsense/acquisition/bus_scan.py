@@ -166,7 +166,7 @@ def scan_bus(
         _log.info("the upstream bus: %s", error)
     if upstream is None or not has_mux:
         return BusScan(upstream, mux_answers=False, channels={}, bus_timing=None)
-    timing = measure_bus_timing(bus, clock, plan, max(len(legs), 1))
+    timing = measure_bus_timing(bus, clock, plan, max(len(legs), 1), ())
     known = {*claimed, *upstream.answering, *upstream.unprobeable}
     channels = {}
     for channel in range(tca9548a.N_CHANNELS):
@@ -191,7 +191,7 @@ def _scan_leg_alone(bus: LegBus, clock: Clock, plan: ScanPlan, claimed: Collecti
     try:
         found = _scan_channel(bus.adapter, plan, claimed, is_leg=True)
         if found.outcome is Reading.OK:
-            timing = measure_bus_timing(bus, clock, plan, 1)
+            timing = measure_bus_timing(bus, clock, plan, 1, (plan.harmless_read.address,))
     except I2cTimeoutError as error:
         found = ChannelScan((), Reading.BUS_STUCK, str(error))
     except I2cError as error:

@@ -6,14 +6,14 @@ rest is the time that interpreter, system call and interrupts add to every trans
 """
 
 import contextlib
-from collections.abc import Iterable
+from collections.abc import Sequence
 from statistics import median
 from typing import NamedTuple
 
 from firmware_interface.schedule import ScanLowerBounds
 from firmware_interface.wire_timing import BUS_FREE_NS, transaction_bits
 from footsense.acquisition.leg_bus import LegBus
-from footsense.acquisition.scan_plan import ScanPlan
+from footsense.acquisition.scan_plan import AnyPlan
 from footsense.errors import HardwareError, I2cError, NackError
 from footsense.ports import Clock, I2cBus, Transaction
 
@@ -29,7 +29,7 @@ class BusTiming(NamedTuple):
         host_ns_per_transaction: Time that the host adds to each transaction [ns].
         lower_bounds: The shortest scans that they allow.
         conversions_ns: Time of all conversions of a scan without any transaction [ns].
-        all_checks_fit: Whether a conversion leaves time to ask for lines and settings beside the read-out of all legs.
+        all_checks_fit: Whether the bus carries all checks that a scan may have beside the read-out of all legs.
     """
 
     bus_hz: float
@@ -42,7 +42,7 @@ class BusTiming(NamedTuple):
         """Return the time of a transaction on the wire [ns]: without what the host adds, and the time between two."""
         return round(transaction_bits(len(transaction.write), transaction.n_read) * 1e9 / self.bus_hz)
 
-    def with_whole_results(self, plan: ScanPlan, n_legs: int) -> "BusTiming":
+    def with_whole_results(self, plan: AnyPlan, n_legs: int) -> "BusTiming":
         """Return the timing of the same bus if whole results have to be read of its legs' chips."""
         return _timing(self.bus_hz, self.host_ns_per_transaction, plan, n_legs, whole_results=True)
 
@@ -56,18 +56,28 @@ class BusTiming(NamedTuple):
         )
 
 
-def measure_bus_timing(bus: LegBus, clock: Clock, plan: ScanPlan, n_legs: int) -> BusTiming | None:
-    """Measure a bus by reads of its mux, or of a chip of a leg without one; return its scan limits.
+def measure_bus_timing(
+    bus: LegBus, clock: Clock, plan: AnyPlan, n_legs: int, addresses: Sequence[int]
+) -> BusTiming | None:
+    """Measure a bus by reads of its mux, or of a leg's chip without one; return its scan limits.
+
+    Args:
+        bus: The bus.
+        clock: Its clock.
+        plan: The scan to come.
+        n_legs: Legs on the bus.
+        addresses: Addresses of chips of legs, one of which is read without a mux.
 
     Returns:
-        The timing; None if a leg without a mux does not answer.
+        The timing; None if no leg without a mux answers.
 
     Raises:
         HardwareError: The mux does not answer, or a line is stuck: no leg can be reached.
     """
     if bus.mux_address is None:
-        with contextlib.suppress(I2cError):
-            return _measured(bus.adapter, clock, plan.harmless_read.address, plan, n_legs)
+        for address in addresses:
+            with contextlib.suppress(I2cError):
+                return _measured(bus.adapter, clock, address, plan, n_legs)
         return None
     mux = f"the mux (TCA9548A) at {bus.mux_address:#04x}"
     try:
@@ -82,7 +92,7 @@ def measure_bus_timing(bus: LegBus, clock: Clock, plan: ScanPlan, n_legs: int) -
         raise HardwareError(f"{mux} cannot be reached: {error}") from error
 
 
-def _measured(bus: I2cBus, clock: Clock, address: int, plan: ScanPlan, n_legs: int) -> BusTiming:
+def _measured(bus: I2cBus, clock: Clock, address: int, plan: AnyPlan, n_legs: int) -> BusTiming:
     """Return a bus's timing, measured by short and long reads of a chip; raise its error if none passes."""
     short_ns, long_ns = (
         _median_ns(bus, clock, Transaction(address, b"", n_read))
@@ -94,29 +104,14 @@ def _measured(bus: I2cBus, clock: Clock, address: int, plan: ScanPlan, n_legs: i
     return _timing(1e9 / bit_ns, host_ns, plan, n_legs, whole_results=False)
 
 
-def _timing(bus_hz: float, host_ns: float, plan: ScanPlan, n_legs: int, *, whole_results: bool) -> BusTiming:
+def _timing(bus_hz: float, host_ns: float, plan: AnyPlan, n_legs: int, *, whole_results: bool) -> BusTiming:
     """Return the timing of a bus with given costs; read of each result is the value or the whole."""
-    bit_ns = 1e9 / bus_hz
-
-    def total_ns(transactions: Iterable[Transaction]) -> float:
-        return sum(
-            transaction_bits(len(each.write), each.n_read) * bit_ns + BUS_FREE_NS + host_ns
-            for each in transactions
-        )
-
-    select, step = Transaction(0, b"\0"), plan.steps[0]
-    reads = [read for each in step.results for read in (each.read if whole_results else each.read_value)]
-    others = [done.read for done in step.done_after_start]
-    others += [result.trigger for result in step.results[1:]]
-    checks = [check.read for check in (*step.select_checks, *plan.steps[-1].setting_checks)]
-    limits = plan.lower_bounds(n_legs, bus_hz, host_ns, whole_results=whole_results)
     return BusTiming(
         bus_hz=bus_hz,
         host_ns_per_transaction=host_ns,
-        lower_bounds=limits,
-        conversions_ns=len(plan.steps) * plan.conversion_ns,
-        all_checks_fit=total_ns([*others, select, *[select, *reads] * n_legs, *checks])
-        <= plan.conversion_wait_ns,
+        lower_bounds=plan.lower_bounds(n_legs, bus_hz, host_ns, whole_results=whole_results),
+        conversions_ns=plan.n_conversions * plan.conversion_ns,
+        all_checks_fit=plan.all_checks_fit(n_legs, bus_hz, host_ns, whole_results=whole_results),
     )
 
 

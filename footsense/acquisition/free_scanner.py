@@ -1,12 +1,12 @@
 """Scanner of a bus whose converters run freely: bursts of results, their stamps, searches of missing legs, frames.
 
-Nothing is triggered, and nothing waited for: a burst has the latest results of all elements of a leg, twice a scan where
-the bus carries it, else once. The status before and behind it tells which conversions they are of (`stage_tracker.py`).
-A burst that fails is made once more; after that the leg has no readings until the next.
+Nothing is triggered, and nothing waited for: a burst has the latest results of all elements of a leg, twice a scan
+where the bus carries it, else once. The status before and behind it tells which conversions they are of
+(`stage_tracker.py`). A burst that fails is made once more; after that the leg has no readings until the next.
 
 A leg that is found converts its reference first, while the others are read, and then its elements
-(`boards/ad7147.py`). Its settings are read back in turn, one block of registers a scan, and at once if a status does not
-fit. Each leg has an address of its own, or a channel of a multiplexer, whose selection is read back once a scan.
+(`boards/ad7147.py`). Its settings are read back in turn, one block of registers a scan, and at once if a status does
+not fit. Each leg has an address of its own, or a channel of a multiplexer, whose selection is read back once a scan.
 """
 
 from collections.abc import Mapping
@@ -14,7 +14,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from footsense.acquisition.boards import ad7147
-from footsense.acquisition.boards.ad7147 import Calibration
 from footsense.acquisition.bus_timing import BusTiming, measure_bus_timing
 from footsense.acquisition.leg_bus import MAX_ATTEMPTS, LegBus
 from footsense.acquisition.leg_connection import (
@@ -24,7 +23,7 @@ from footsense.acquisition.leg_connection import (
     probe_leg,
 )
 from footsense.acquisition.scan_plan import FreeRunningPlan
-from footsense.acquisition.stage_tracker import Window
+from footsense.acquisition.stage_tracker import StageTracker, Window
 from footsense.errors import I2cError, I2cTimeoutError
 from footsense.frames import ELEMENTS, CapFrame, Reading
 from footsense.ports import Clock, I2cBus
@@ -36,6 +35,11 @@ _MISSED_SCANS_BEFORE_LEAVING = 10
 _MOST_DOUBTS = 3
 #: Scans without a new result after which conversions count as not finishing.
 _SILENT_SCANS = 3
+#: Stages from one read of a leg to the next, by the frames in a scan: few enough that none ends twice, and not a whole
+#: number, so that reads at ever other times within a stage narrow when it ends.
+_STAGES_PER_FRAME = {1: 7.4, 2: 4.4}
+#: Scans that a first frame is waited for: of the reference, unused ones, and those that find the time of a stage.
+_START_SCANS = 30
 #: Time from the reset of a chip until it takes settings [ns].
 _RESET_NS = 1_000_000
 
@@ -61,14 +65,20 @@ class FreeLeg(LegConnection):
     """
 
     def __init__(self, name: str, channel: int, row: int, address: int, plan: FreeRunningPlan) -> None:
-        super().__init__(name, channel, row, _MISSED_SCANS_BEFORE_LEAVING)
+        checks = ad7147.ELEMENT_SEQUENCE.checks(address)
+        super().__init__(name, channel, row, checks[0].read, _MISSED_SCANS_BEFORE_LEAVING)
         self.address = address
         self.burst = ad7147.read_results(address, ELEMENTS)
         self.status = ad7147.read_status(address)
         self.reference = ad7147.read_results(address, len(ad7147.REFERENCE_SEQUENCE.inputs))
-        self.checks = ad7147.ELEMENT_SEQUENCE.checks(address, plan.rate)
-        self.calibration: Calibration | None = None
-        self.tracker = plan.tracker()
+        self.checks = checks
+        self.calibration: ad7147.Calibration | None = None
+        self.tracker = StageTracker(
+            plan.n_conversions,
+            plan.conversion_ns,
+            plan.conversion_wait_ns / plan.conversion_ns - 1,
+            ad7147.N_UNUSED_SEQUENCES * plan.n_conversions,
+        )
         self.due_ns = self.n_doubts = 0
 
 
@@ -86,8 +96,7 @@ class FreeScanner:
         legs: The connections to the legs, in the order of the rows.
         latest: Their latest readings, written over element by element.
         bus_timing: Cost of transactions and limits of the scan, measured by `start`; None if no leg answered.
-        reads_per_scan: Bursts of each leg in a scan, as the bus carries them.
-        n_late_discards: Bursts so late that their results were not used.
+        frames_per_scan: Frames in a scan, for each of which every leg is read: two where the bus carries that.
         complete_ns: Time at which the last frame was complete [ns].
     """
 
@@ -110,8 +119,8 @@ class FreeScanner:
         unread = np.full(shape, Reading.NO_ANSWER, np.uint8)
         self.latest = CapFrame(0, np.zeros(shape, np.int64), np.full(shape, _NAN), unread)
         self.bus_timing: BusTiming | None = None
-        self.reads_per_scan = 1
-        self.n_late_discards = self.complete_ns = 0
+        self.frames_per_scan = 1
+        self.complete_ns = 0
         self._due_ns = self._sequence = self._n_reads = self._n_scans = 0
 
     def start(self) -> None:
@@ -123,7 +132,7 @@ class FreeScanner:
         addresses = [leg.address for leg in self.legs]
         self.bus_timing = measure_bus_timing(self._bus, self.clock, self.plan, len(self.legs), addresses)
         if self.bus_timing is not None:
-            self.reads_per_scan = self.plan.reads_per_scan(self.bus_timing.lower_bounds)
+            self.frames_per_scan = 2 if self.bus_timing.all_checks_fit else 1
         for leg in self.legs:
             probe_leg(self._bus, leg, self.legs, self._set_up, self.clock)
         self._due_ns = self.clock.now_ns()
@@ -135,13 +144,23 @@ class FreeScanner:
         """
         self._read_legs()
         if self._sequence == 0:
-            end_ns = self.clock.now_ns() + self.plan.start_ns
+            end_ns = self.clock.now_ns() + _START_SCANS * self.plan.scan_ns
             while self.clock.now_ns() < end_ns and any(map(self._has_no_reading, self.legs)):
                 self._read_legs()
         _, t_ns, capacitance_pf, reading = self.latest
         frame = CapFrame(self._sequence, t_ns.copy(), capacitance_pf.copy(), reading.copy())
         self._sequence, self.complete_ns = self._sequence + 1, self.clock.now_ns()
         return frame
+
+    @property
+    def frame_ns(self) -> int:
+        """Longest time of a frame, while nothing fails [ns]."""
+        return round(_STAGES_PER_FRAME[self.frames_per_scan] * self.plan.conversion_ns)
+
+    @property
+    def n_late_discards(self) -> int:
+        """Number of times that results were dropped because the loop was delayed."""
+        return sum(leg.tracker.n_losses for leg in self.legs)
 
     def close(self) -> None:
         """Disconnect all legs from the bus: select no channel."""
@@ -153,14 +172,13 @@ class FreeScanner:
     def _read_legs(self) -> None:
         """Read each leg when that is due; at the end of a scan make the checks and searches."""
         self.clock.sleep_until_ns(self._due_ns)
-        period_ns = self.plan.sequence_ns // self.reads_per_scan
-        self._due_ns = max(self._due_ns + period_ns, self.clock.now_ns())
+        self._due_ns = max(self._due_ns + self.frame_ns, self.clock.now_ns())
         try:
             for leg in self.legs:
                 if leg.in_scan:
                     self._read_leg(leg)
             self._n_reads += 1
-            if self._n_reads % self.reads_per_scan == 0:
+            if self._n_reads % self.frames_per_scan == 0:
                 self._end_scan()
         except I2cTimeoutError:
             leave_out_stuck_legs(self._bus, self.legs, self.clock)
@@ -175,7 +193,11 @@ class FreeScanner:
         t_ns[leg.row], capacitance_pf[leg.row], readings[leg.row] = 0, _NAN, reading
 
     def _read_leg(self, leg: FreeLeg) -> None:
-        """Read the results of a leg, or its reference if that has been converted."""
+        """Read the results of a leg, or its reference if that has been converted.
+
+        Raises:
+            I2cTimeoutError: A line is held low.
+        """
         if leg.calibration is None:
             if self.clock.now_ns() >= leg.due_ns:
                 self._measure_reference(leg)
@@ -195,9 +217,7 @@ class FreeScanner:
             return
         self._discard(leg, Reading.NO_ANSWER)
 
-    def _take(
-        self, leg: FreeLeg, burst: bytes, before_at: Window, status: bytes, behind_at: Window
-    ) -> None:
+    def _take(self, leg: FreeLeg, burst: bytes, before_at: Window, status: bytes, behind_at: Window) -> None:
         """Store the results of a burst whose conversions are known; check the settings if its status does not fit."""
         before, codes = ad7147.read_words(burst)
         behind, _ = ad7147.read_words(status)
@@ -206,18 +226,18 @@ class FreeScanner:
             self._check_doubtful(leg)
             return
         if not results:
-            self.n_late_discards += behind_at.to_ns > leg.due_ns
-            if behind_at.to_ns > leg.due_ns + _SILENT_SCANS * self.plan.sequence_ns:
+            if behind_at.to_ns > leg.due_ns + _SILENT_SCANS * self.plan.scan_ns:
                 self._discard(leg, Reading.NOT_READY)
             return
         assert leg.calibration is not None
         _, t_ns, capacitance_pf, readings = self.latest
-        for stage, result_ns in results:
+        for stage, middle_ns in results:
             at = leg.row, ad7147.ORDER[stage]
-            readings[at], capacitance_pf[at] = ad7147.decode(codes[stage], leg.calibration)
-            t_ns[at] = result_ns
+            reading, capacitance_pf[at] = ad7147.decode(codes[stage], leg.calibration)
+            readings[at] = reading
+            t_ns[at] = middle_ns
         leg.outcome, leg.n_doubts = _OK, 0
-        leg.due_ns = max(leg.due_ns, behind_at.to_ns)
+        leg.due_ns = max(leg.due_ns, round(behind_at.to_ns))
 
     def _check_doubtful(self, leg: FreeLeg) -> None:
         """Ask a leg whose status did not fit for its power settings; start it again if they are lost."""
@@ -236,10 +256,11 @@ class FreeScanner:
         ad7147.check_identity(bus, leg.address)
         bus.transfer(ad7147.reset(leg.address))
         self.clock.sleep_until_ns(self.clock.now_ns() + _RESET_NS)
-        for write in ad7147.REFERENCE_SEQUENCE.start(leg.address, self.plan.rate):
+        for write in ad7147.REFERENCE_SEQUENCE.start(leg.address):
             bus.transfer(write)
         leg.calibration = None
-        leg.due_ns = self.clock.now_ns() + self.plan.reference_ns
+        n_stages = (ad7147.N_UNUSED_SEQUENCES + 1) * len(ad7147.REFERENCE_SEQUENCE.inputs)
+        leg.due_ns = self.clock.now_ns() + n_stages * self.plan.conversion_wait_ns
         return _OK
 
     def _measure_reference(self, leg: FreeLeg) -> None:
@@ -256,13 +277,14 @@ class FreeScanner:
 
     def _start_elements(self, leg: FreeLeg) -> None:
         """Configure the sequence of the elements, and start it."""
-        *settings, restart = ad7147.ELEMENT_SEQUENCE.start(leg.address, self.plan.rate)
+        *settings, restart = ad7147.ELEMENT_SEQUENCE.start(leg.address)
         if self._bus.exchange(leg.selection, tuple(settings)) is None:
             return
         begin_ns = self.clock.now_ns()
         if self._bus.exchange(leg.selection, (restart,)) is not None:
             leg.tracker.start(Window(begin_ns, self.clock.now_ns()))
-            leg.due_ns = self.clock.now_ns() + self.plan.unused_ns
+            n_unused = ad7147.N_UNUSED_SEQUENCES * self.plan.n_conversions
+            leg.due_ns = self.clock.now_ns() + n_unused * self.plan.conversion_wait_ns
             leg.n_doubts = 0
 
     # ------------------------------------------------------------ the end of a scan
@@ -282,9 +304,9 @@ class FreeScanner:
                 self._discard(leg, Reading.MISCONFIGURED)
                 self._start_elements(leg)
         now_ns, all_in_scan = self.clock.now_ns(), True
-        for leg, readings in zip(self.legs, self.latest.reading, strict=True):
-            if leg.in_scan and now_ns > leg.due_ns and (leg.is_suspect or readings.any()):
-                leg.count_misses(readings, now_ns)
-            all_in_scan &= leg.in_scan
+        for each, readings in zip(self.legs, self.latest.reading, strict=True):
+            if each.in_scan and now_ns > each.due_ns and (each.is_suspect or readings.any()):
+                each.count_misses(readings, now_ns)
+            all_in_scan &= each.in_scan
         if not all_in_scan:
             probe_due_legs(self._bus, self.legs, self._set_up, self.clock)

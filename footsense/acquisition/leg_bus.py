@@ -175,6 +175,22 @@ class LegBus:
             return Reading.NO_ANSWER
         return Reading.OK if answers[0] == check.expected else Reading.MISCONFIGURED
 
+    def holds_selection(self, selection: int) -> bool:
+        """Return whether the mux reads back a selection that was written, or does not answer; True without a mux.
+
+        One that acknowledges and keeps its channels would give every leg the readings of one.
+
+        Raises:
+            I2cTimeoutError: A line is held low.
+        """
+        if self.mux_address is None:
+            return True
+        answers = self.exchange(selection, (Transaction(self.mux_address, b"", 1),))
+        held = answers is None or answers[0][0] == selection
+        if not held:
+            self.forget_selection()
+        return held
+
     def forget_selection(self) -> None:
         """Discard the stored selection, so that the next one is written even if unchanged."""
         self._selection = None

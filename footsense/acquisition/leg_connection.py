@@ -1,7 +1,7 @@
 """Connection of one leg: finding and timing its chips, and whether it is part of the scan or left out of it.
 
-A leg that fails for 27 conversions in a row, three scans of one converter or nine of three, is left out, so that it
-costs the others no time, and tried again with growing pauses, at most one leg per scan. By then it has been silent for
+A leg that fails for some scans in a row, about 70 ms, is left out, so that it costs the others no time, and tried again
+with growing pauses, at most one leg per scan. By then it has been silent for
 so long that it is tared again; a cable that breaks for 20 ms does not cost that. The same resets a converter that
 answers but never finishes, which frees a hung FDC1004. A leg that holds a line low is left out at once and tried more
 rarely: each try costs the others an adapter timeout.
@@ -15,8 +15,8 @@ out its results are read whole, as another chip may have come back, until it is 
 """
 
 import logging
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, TypeVar
 
 from firmware_interface.chips import tca9548a
 from footsense.acquisition.boards.board import Board, ConversionStep
@@ -30,9 +30,6 @@ from footsense.ports import Clock, I2cBus, Transaction
 
 _log = logging.getLogger(__name__)
 
-#: Scans in a row with a missing reading before a leg is left out, for each of its converters: with more, a scan is
-#: shorter.
-_MISSED_SCANS_BEFORE_LEAVING = 3
 #: Scans in a row with a late conversion before a converter is timed: once may be a fault that has passed.
 _LATE_SCANS_BEFORE_TIMING = 2
 _FIRST_PAUSE_NS = 250_000_000
@@ -58,9 +55,12 @@ class LegConnection:
         name: Name of the leg, for messages.
         channel: Mux channel.
         row: Row of the leg in the readings of its bus.
+        harmless_read: Read of one of its chips that changes nothing.
+        most_misses: Scans in a row with a missing reading after which it is left out.
         n_converters: Number of its converters.
 
     Attributes:
+        name, row, harmless_read: As given.
         selection: Control byte of the mux that connects the leg alone.
         in_scan: Whether the leg takes part in the scans.
         outcome: OK, or why the leg gives no reading in this scan, or since it was left out.
@@ -73,9 +73,18 @@ class LegConnection:
         doubted: Step whose lines it did not read back alone, for the next try; None for none.
     """
 
-    def __init__(self, name: str, channel: int, row: int, n_converters: int = 1) -> None:
+    def __init__(
+        self,
+        name: str,
+        channel: int,
+        row: int,
+        harmless_read: Transaction,
+        most_misses: int,
+        n_converters: int = 1,
+    ) -> None:
         self.name = name
         self.row = row
+        self.harmless_read = harmless_read
         self.selection = tca9548a.channel_control_byte(channel)
         self.in_scan = False
         self.outcome = Reading.NO_ANSWER
@@ -88,14 +97,13 @@ class LegConnection:
         self._n_late_scans = 0
         self.doubted: ConversionStep | None = None
         self._misses = 0
-        self._most_misses = n_converters * _MISSED_SCANS_BEFORE_LEAVING
+        self._most_misses = most_misses
         self._pause_ns = _FIRST_PAUSE_NS
         self._has_several_converters, self._why = n_converters > 1, ""
 
     def join_scan(self) -> None:
         """Add the leg to the scan, after its chips were found and set up."""
-        answering = "all converters" if self._has_several_converters else "converter and row switch"
-        _log.info("leg %s: %s answer", self.name, answering)
+        _log.info("leg %s: its chips answer", self.name)
         self.doubted = None
         self.in_scan = True
         self.outcome = Reading.OK
@@ -177,6 +185,7 @@ class LegConnection:
         self._pause_ns = min(2 * self._pause_ns, _MAX_PAUSE_NS)
 
 
+L = TypeVar("L", bound=LegConnection)
 Legs = list[LegConnection]
 Outcomes = dict["LegConnection", Reading]
 
@@ -212,7 +221,7 @@ def time_converter(bus: LegBus, leg: LegConnection, plan: ScanPlan, clock: Clock
 
 
 def probe_leg(
-    bus: LegBus, leg: LegConnection, bus_legs: Sequence[LegConnection], plan: ScanPlan, clock: Clock
+    bus: LegBus, leg: L, bus_legs: Sequence[L], set_up: Callable[[I2cBus, L], Reading], clock: Clock
 ) -> None:
     """Probe one leg's chips; add the leg to the scan, or delay the next try.
 
@@ -221,7 +230,8 @@ def probe_leg(
         leg: The leg.
         bus_legs: All legs of the bus. If the bus itself is stuck, the waiting ones are put off too: one of them is
             enough to find out when it gets free.
-        plan: The scan, whose first lines the leg gets.
+        set_up: Checks and sets up the chips of the leg that is connected alone; returns OK, or why it cannot be used.
+            Raises WrongChipError, and HardwareError if one does not answer.
         clock: The time that the bus lives in.
     """
     try:
@@ -234,25 +244,17 @@ def probe_leg(
     except I2cError as error:
         leg.leave_scan(Reading.NO_ANSWER, clock.now_ns(), str(error))
     else:
-        _set_up_leg(connected, leg, plan, clock)
+        _set_up_leg(connected, leg, set_up, clock)
         if leg.outcome is Reading.BUS_STUCK:
             bus.free_bus()
 
 
-def _set_up_leg(bus: I2cBus, leg: LegConnection, plan: ScanPlan, clock: Clock) -> None:
+def _set_up_leg(bus: I2cBus, leg: L, set_up: Callable[[I2cBus, L], Reading], clock: Clock) -> None:
     """Set up the chips of the only connected leg; add the leg to the scan, or delay the next try."""
     now_ns = clock.now_ns()
     try:
         release_sda(bus)
-        plan.board.check_identity(bus)
-        for write in plan.board.set_up:
-            bus.transfer(write)
-        is_set = True
-        for step in filter(None, (leg.doubted, plan.steps[0])):
-            for write in step.select:
-                bus.transfer(write)
-            if step is leg.doubted:
-                is_set = all(bus.transfer(ask) == held for ask, held in step.select_checks)
+        outcome = set_up(bus, leg)
     except I2cTimeoutError as error:
         leg.leave_scan(Reading.BUS_STUCK, now_ns, str(error), _STUCK_LEG_PAUSE_FACTOR)
     except WrongChipError as error:
@@ -260,13 +262,38 @@ def _set_up_leg(bus: I2cBus, leg: LegConnection, plan: ScanPlan, clock: Clock) -
     except HardwareError as error:
         leg.leave_scan(Reading.NO_ANSWER, now_ns, str(error))
     else:
-        if is_set:
+        if outcome is Reading.OK:
             leg.join_scan()
         else:
-            leg.leave_scan(Reading.MISCONFIGURED, now_ns)
+            leg.leave_scan(outcome, now_ns)
 
 
-def probe_due_legs(bus: LegBus, legs: Sequence[LegConnection], plan: ScanPlan, clock: Clock) -> None:
+def set_up_triggered(plan: ScanPlan, bus: I2cBus, leg: LegConnection) -> Reading:
+    """Check and set up the chips of the only connected leg, whose conversions are triggered: settings, first lines.
+
+    Returns:
+        OK; or MISCONFIGURED if a row switch does not hold lines that it has been doubted of.
+
+    Raises:
+        HardwareError: One does not answer.
+        WrongChipError: Another chip answers.
+        I2cError: A transaction failed otherwise.
+    """
+    plan.board.check_identity(bus)
+    for write in plan.board.set_up:
+        bus.transfer(write)
+    is_set = True
+    for step in filter(None, (leg.doubted, plan.steps[0])):
+        for write in step.select:
+            bus.transfer(write)
+        if step is leg.doubted:
+            is_set = all(bus.transfer(ask) == held for ask, held in step.select_checks)
+    return Reading.OK if is_set else Reading.MISCONFIGURED
+
+
+def probe_due_legs(
+    bus: LegBus, legs: Sequence[L], set_up: Callable[[I2cBus, L], Reading], clock: Clock
+) -> None:
     """Probe the leg that has waited longest, if one is due; at most one per scan, to keep the scan's pace.
 
     If no leg is in the scan, all that are due are tried, until one finds the bus stuck.
@@ -278,7 +305,7 @@ def probe_due_legs(bus: LegBus, legs: Sequence[LegConnection], plan: ScanPlan, c
         bus.free_bus()  # any leg may hold the lines
     for leg in sorted(due, key=lambda leg: leg.retry_at_ns)[: len(due) if alone else 1]:
         outcome = leg.outcome
-        probe_leg(bus, leg, legs, plan, clock)
+        probe_leg(bus, leg, legs, set_up, clock)
         if leg.in_scan:
             # It does not take part in the conversion that runs, and joins with the next scan.
             leg.outcome = outcome
@@ -313,7 +340,7 @@ def set_up_failed_legs(
             leg.outcome = Reading.OK if is_set else Reading.MISCONFIGURED
 
 
-def leave_out_stuck_legs(bus: LegBus, legs: Sequence[LegConnection], read: Transaction, clock: Clock) -> None:
+def leave_out_stuck_legs(bus: LegBus, legs: Sequence[LegConnection], clock: Clock) -> None:
     """Leave out the legs that hold SDA or SCL low, after a transaction timed out; all legs if the bus stays stuck.
 
     No answer shows which of the connected legs holds the line: the whole bus is blocked. So all are disconnected and
@@ -322,7 +349,6 @@ def leave_out_stuck_legs(bus: LegBus, legs: Sequence[LegConnection], read: Trans
     Args:
         bus: The bus.
         legs: All legs of the bus.
-        read: Read of a leg's chip that changes nothing.
         clock: The time that the bus lives in.
     """
     free, behind = bus.free_bus(), []
@@ -334,7 +360,7 @@ def leave_out_stuck_legs(bus: LegBus, legs: Sequence[LegConnection], read: Trans
             behind.append(leg.name)
             continue
         try:
-            bus.exchange(leg.selection, (read,))
+            bus.exchange(leg.selection, (leg.harmless_read,))
         except I2cTimeoutError:
             free = bus.free_bus()
             leg.leave_scan(Reading.BUS_STUCK, clock.now_ns(), pause_factor=_STUCK_LEG_PAUSE_FACTOR)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from footsense.acquisition.free_scanner import FreeScanner
 from footsense.acquisition.leg_connection import LegConnection
 from footsense.acquisition.scanner import BusScanner
 from footsense.frames import CapFrame
@@ -36,7 +37,7 @@ class RobotScanner:
         threads: Whether each bus gets a thread; without, they are read in turn, as in virtual time.
     """
 
-    def __init__(self, buses: Sequence[BusScanner], *, threads: bool = False) -> None:
+    def __init__(self, buses: Sequence[BusScanner | FreeScanner], *, threads: bool = False) -> None:
         self._buses = tuple(buses)
         self._sequence = 0
         self._threads = threads
@@ -46,7 +47,7 @@ class RobotScanner:
         # Readings on their way, and the last that have arrived.
         self._pending: list[Future[CapFrame] | None] = [None] * len(self._buses)
         self._latest = [bus.latest for bus in self._buses]
-        self._grace_ns = max(bus.plan.conversion_wait_ns for bus in self._buses)
+        self._grace_ns = max(bus.frame_ns for bus in self._buses)
 
     @property
     def legs(self) -> list[LegConnection]:

@@ -18,6 +18,7 @@ all legs are asked whether they are done before the next conversion starts: one 
 next element, which nothing else shows. It is timed again between two scans.
 """
 
+from functools import partial
 from itertools import islice
 
 import numpy as np
@@ -34,6 +35,7 @@ from footsense.acquisition.leg_connection import (
     probe_due_legs,
     probe_leg,
     set_up_failed_legs,
+    set_up_triggered,
     time_converter,
 )
 from footsense.acquisition.scan_plan import ScanPlan
@@ -42,6 +44,9 @@ from footsense.frames import ELEMENTS, ROWS, CapFrame, Reading
 from footsense.ports import Clock, Transaction
 
 _NAN, _OK = float("nan"), Reading.OK
+#: Scans in a row with a missing reading before a leg is left out, for each of its converters: with more, a scan is
+#: shorter.
+_MISSED_SCANS_BEFORE_LEAVING = 3
 #: Scans between two questions of a leg alone, where they take time.
 _ALONE_EVERY = 4
 #: Period of the question whether a leg is late, and least time between two timings of converters [ns]: each costs the
@@ -64,14 +69,24 @@ class BusScanner:
         bus_timing: Cost of transactions and limits of the scan, measured by `start`; None if no leg answered.
         n_late_discards: Number of times that the loop was delayed for so long that conversions were discarded.
         complete_ns: Time at which the last frame was complete [ns].
+        frames_per_scan: Frames in a scan: one for each conversion.
     """
 
     def __init__(self, bus: LegBus, clock: Clock, channels: dict[str, int], plan: ScanPlan) -> None:
         self._bus = bus
         self.clock = clock
         self.plan = plan
+        n_converters = len(plan.steps[0].results)
+        self._set_up = partial(set_up_triggered, plan)
         self.legs = tuple(
-            LegConnection(name, channel, row, len(plan.steps[0].results))
+            LegConnection(
+                name,
+                channel,
+                row,
+                plan.harmless_read,
+                _MISSED_SCANS_BEFORE_LEAVING * n_converters,
+                n_converters,
+            )
             for row, (name, channel) in enumerate(channels.items())
         )
         shape = len(self.legs), ELEMENTS
@@ -79,6 +94,7 @@ class BusScanner:
         self.latest = CapFrame(0, np.zeros(shape, np.int64), np.full(shape, _NAN), unread)
         self.bus_timing: BusTiming | None = None
         self.n_late_discards = self.complete_ns = 0
+        self.frames_per_scan = len(plan.steps)
         # The conversion that runs, and its step; None after a restart.
         self._running: Conversion | None = None
         self._position = self._sequence = self._n_scans = 0
@@ -95,7 +111,8 @@ class BusScanner:
         Raises:
             HardwareError: The mux does not answer, or a line is stuck: no leg can be reached.
         """
-        timing = measure_bus_timing(self._bus, self.clock, self.plan, len(self.legs))
+        addresses = (self.plan.harmless_read.address,)
+        timing = measure_bus_timing(self._bus, self.clock, self.plan, len(self.legs), addresses)
         if timing is not None:
             self.bus_timing = timing
             self._late_ns = 2 * timing.lower_bounds.scan_period_bound_ns // len(self.plan.steps)
@@ -103,7 +120,7 @@ class BusScanner:
             if not self.plan.steps[0].select:
                 self._lead_ns = timing.bus_time_ns(self.plan.steps[0].results[0].trigger)
         for leg in self.legs:
-            probe_leg(self._bus, leg, self.legs, self.plan, self.clock)
+            probe_leg(self._bus, leg, self.legs, self._set_up, self.clock)
             if leg.in_scan:
                 try:
                     time_converter(self._bus, leg, self.plan, self.clock)
@@ -124,6 +141,11 @@ class BusScanner:
         frame = CapFrame(self._sequence, t_ns.copy(), capacitance_pf.copy(), reading.copy())
         self._sequence, self.complete_ns = self._sequence + 1, self.clock.now_ns()
         return frame
+
+    @property
+    def frame_ns(self) -> int:
+        """Longest time of a frame, while nothing fails [ns]."""
+        return self.plan.conversion_wait_ns
 
     def close(self) -> None:
         """Disconnect all legs from the bus: select no mux channel."""
@@ -147,7 +169,7 @@ class BusScanner:
 
     def _leave_out_stuck_legs(self) -> None:
         self._running = None
-        leave_out_stuck_legs(self._bus, self.legs, self.plan.harmless_read, self.clock)
+        leave_out_stuck_legs(self._bus, self.legs, self.clock)
 
     def _discard(self, rows: int | slice, step: ConversionStep | None, reading: Reading) -> None:
         """Replace the latest readings of some legs in a step, or in all, by NaN and the reason for it."""
@@ -355,7 +377,7 @@ class BusScanner:
                 leg.count_misses(readings, self.clock.now_ns())
             all_in_scan &= leg.in_scan
         if not all_in_scan:
-            probe_due_legs(self._bus, self.legs, self.plan, self.clock)
+            probe_due_legs(self._bus, self.legs, self._set_up, self.clock)
 
     def _time_late_leg(self) -> None:
         """Time the converter of a leg that was late or has just been found; discards running conversions.

@@ -62,6 +62,7 @@ class StageTracker:
     Attributes:
         stage_ns: Time of a stage, as known so far [ns].
         is_doubtful: Whether a status did not fit: the chip may have lost its settings.
+        n_losses: Number of times that the count was lost because the status was read too late.
     """
 
     def __init__(self, n_stages: int, stage_ns: int, clock_tolerance_rel: float, n_unused: int) -> None:
@@ -72,25 +73,26 @@ class StageTracker:
         )
         self.stage_ns = self._tolerated_ns
         self.is_doubtful = False
+        self.n_losses = 0
         self._is_known = False
-        # Conversions that have ended, when the last of them did, the first one that is used, and an earlier end.
-        self._n_ended, self._ended_ns, self._first_used = 0, Window(0, 0), 0
+        # Conversions that have ended, when the last of them did, the next one to return, and an earlier end.
+        self._n_ended, self._ended_ns, self._next = 0, Window(0, 0), 0
         self._referred = 0, self._ended_ns
         self._last_read = self._ended_ns
 
     def start(self, at: Window) -> None:
         """Start the count: the sequence began with its first stage in a window [ns]."""
         self.is_doubtful, self._last_read = False, at
-        self._n_ended, self._ended_ns, self._first_used, self._is_known = 0, at, self._n_unused, True
+        self._n_ended, self._ended_ns, self._next, self._is_known = 0, at, self._n_unused, True
         self._referred, self.stage_ns = (0, at), self._tolerated_ns
 
     def trust(self) -> None:
         """Count again from the next status on: the chip holds its settings."""
         self.is_doubtful = False
-        self._first_used = self._n_ended + self._n_stages
+        self._next = self._n_ended + self._n_stages
 
     def results(self, before: int, before_at: Window, behind: int, behind_at: Window) -> list[StampedResult]:
-        """Return the results of a burst that are of one known conversion, the oldest first.
+        """Return the results of a burst that are new, each of one known conversion, the oldest first.
 
         Args:
             before: Status read before them, bit k for stage k.
@@ -110,12 +112,14 @@ class StageTracker:
         is_fresh = ended_ns.to_ns > before_at.from_ns - _STATUS_SKEW_NS
         is_ending = ended_ns.from_ns + stage_ns.from_ns < before_at.to_ns + _STATUS_SKEW_NS
         first = max(self._n_ended, n_before + is_ending) - self._n_stages
+        numbers = range(max(first, self._next), n_before - is_fresh)
+        self._next = max(self._next, n_before - is_fresh)
         return [
             StampedResult(
                 number % self._n_stages,
                 round(ended_ns.middle_ns + (number - n_before + 0.5) * stage_ns.middle_ns),
             )
-            for number in range(max(first, self._first_used), n_before - is_fresh)
+            for number in numbers
         ]
 
     def _count(self, status: int, at: Window) -> None:
@@ -139,11 +143,13 @@ class StageTracker:
 
     def _count_by_time(self, at: Window) -> None:
         """Count the conversions that have ended at a time, if only one number of them is possible."""
-        least = (at.from_ns - _STATUS_SKEW_NS - self._ended_ns.to_ns) // self.stage_ns.to_ns
-        most = (at.to_ns + _STATUS_SKEW_NS - self._ended_ns.from_ns) // self.stage_ns.from_ns
-        self._is_known &= self._n_stages <= least == most
-        if self._is_known:
+        least = (at.from_ns - self._ended_ns.to_ns) // self.stage_ns.to_ns
+        most = (at.to_ns - self._ended_ns.from_ns) // self.stage_ns.from_ns
+        if self._is_known and self._n_stages <= least == most:
             self._end(int(least), at)
+        else:
+            self.n_losses += self._is_known
+            self._is_known = False
 
     def _find(self, begins: int, ended_ns: Window) -> None:
         """Find the count again where stage `begins` was the next to end, the one before it in a window."""
@@ -154,19 +160,19 @@ class StageTracker:
         n_known, number = self._n_ended, begins + self._n_stages * turns[0]
         if turns[0] == turns[1]:
             after_ns = self._after(number - n_known)
-            ended_ns = Window(
-                max(after_ns.from_ns, ended_ns.from_ns), min(after_ns.to_ns, ended_ns.to_ns)
-            )
+            ended_ns = Window(max(after_ns.from_ns, ended_ns.from_ns), min(after_ns.to_ns, ended_ns.to_ns))
         else:
             number = begins
             self._referred = number, ended_ns
-            self._first_used += number - n_known
+            self._next = number + max(self._next - n_known, 0)
         self._n_ended, self._ended_ns, self._is_known = number, ended_ns, True
 
     def _after(self, n: int) -> Window:
         """Return when the n-th conversion after the last one that has ended does so, or before it if negative."""
         first_ns, last_ns = (n * stage_ns for stage_ns in self.stage_ns)
-        return Window(self._ended_ns.from_ns + min(first_ns, last_ns), self._ended_ns.to_ns + max(first_ns, last_ns))
+        return Window(
+            self._ended_ns.from_ns + min(first_ns, last_ns), self._ended_ns.to_ns + max(first_ns, last_ns)
+        )
 
     def _run(self, begins: int, n: int) -> int:
         """Return the status of `n` stages in a row, the first of which is `begins`."""
@@ -182,10 +188,8 @@ class StageTracker:
         self._n_ended += n
         (shortest_ns, longest_ns), ended_ns = self.stage_ns, self._after(n)
         # Without a bit the next one may have ended at the last status, and be lost.
-        not_before_ns = at.from_ns - _STATUS_SKEW_NS - longest_ns if n else -math.inf
-        ended_ns = Window(
-            max(ended_ns.from_ns, not_before_ns), min(ended_ns.to_ns, at.to_ns + _STATUS_SKEW_NS)
-        )
+        not_before_ns = at.from_ns - longest_ns if n else -math.inf
+        ended_ns = Window(max(ended_ns.from_ns, not_before_ns), min(ended_ns.to_ns, at.to_ns))
         number, referred_ns = self._referred
         if n_since := self._n_ended - number:
             shortest_ns = max(shortest_ns, (ended_ns.from_ns - referred_ns.to_ns) / n_since)

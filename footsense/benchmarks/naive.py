@@ -27,7 +27,7 @@ from footsense.ports import Clock, I2cBus, Transaction
 
 def sequential_scan(bus: I2cBus, clock: Clock, config: Config) -> None:
     """Convert and read every element of every leg of the first bus, one after the other."""
-    plan = config.scan_plan
+    plan = config.triggered_plan
     for channel in config.buses[0].channels.values():
         for step in plan.steps:
             bus.transfer(

@@ -149,7 +149,7 @@ def started_scanner(
     buses: Sequence[I2cBus], clocks: Sequence[VirtualClock]
 ) -> tuple[RobotScanner, JoinedClock]:
     """Return the started scanner of the robot, which reads its buses in turn, and the clock of its loop."""
-    plan = ROBOT.scan_plan
+    plan = ROBOT.triggered_plan
     scanner = RobotScanner(
         [
             BusScanner(LegBus(bus, section.mux_address), clock, section.channels, plan)

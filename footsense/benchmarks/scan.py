@@ -8,8 +8,6 @@ import itertools
 import numpy as np
 from msgspec.structs import replace
 
-from firmware_interface.schedule import scan_lower_bounds
-from footsense.acquisition.scan_plan import BOARDS
 from footsense.benchmarks.naive import sequential_scan
 from footsense.config import SMALL_BOARD, Config
 from footsense.config.sections import Bus
@@ -127,13 +125,8 @@ def _naive_scan_period_ns(config: Config, scene: Scene) -> int:
 
 def _scan_period_lower_bound_ns(config: Config, bus: Bus, host_cost_us: int) -> int:
     """Return the lower bound of the scan period on a bus for any program [ns]."""
-    return scan_lower_bounds(
-        n_legs=len(bus.legs),
-        conversion_ns=config.conversion_rate.conversion_ns,
-        bus_hz=bus.rate_hz,
-        host_cost_ns=host_cost_us * 1e3,
-        traffic=BOARDS[config.board].traffic,
-    ).scan_period_bound_ns
+    bounds = config.scan_plan.lower_bounds(len(bus.channels), bus.rate_hz, host_cost_us * 1e3)
+    return bounds.scan_period_bound_ns
 
 
 def newest_reading_age_ms(config: Config = SMALL_BOARD) -> dict[str, float]:

@@ -6,6 +6,7 @@ from ipaddress import IPv4Address
 from pathlib import Path
 from typing import Any
 
+from firmware_interface.chips import ad7147
 from firmware_interface.wire_timing import can_bits_per_s
 from footsense.acquisition.mcu_source import Serial
 from footsense.acquisition.scan_plan import Scan, bus_overload
@@ -101,16 +102,29 @@ def _i2c_rules(config: Config) -> Iterator[_Rule]:
     mixed = "simulated and real buses cannot be mixed; use sim for all or none"
     yield len(simulated) > 1, f"{simulated.get(True)}.device", mixed
     for path, bus in buses:
+        is_other = bool(bus.addresses) and board != "ad7147"
+        fixed = f"the converters of board {board} have one address; name channels of a multiplexer under legs"
+        yield is_other, f"{path}.addresses", fixed
         yield from _bus_leg_rules(bus, path)
+    one_rate = "the board ad7147 converts at one rate; take scan away"
+    yield board == "ad7147" and config.scan != Scan(), "scan", one_rate
 
 
 def _bus_leg_rules(bus: Bus, path: str) -> Iterator[_Rule]:
     which = (
-        "name its legs with their channels of the multiplexer, or under leg the one that is directly on it"
+        "name its legs with their channels of the multiplexer, under leg the one that is directly on it, or with board "
+        "ad7147 their addresses under addresses"
     )
-    yield (not bus.legs) == (bus.leg is None), f"{path}.legs", which
-    directly = "leg is directly on the adapter; take mux away, or name a channel for every leg under legs"
-    yield bus.leg is not None and bus.mux != Mux(), f"{path}.mux", directly
+    yield bool(bus.legs) + (bus.leg is not None) + bool(bus.addresses) != 1, f"{path}.legs", which
+    directly = (
+        "its legs are directly on the adapter; take mux away, or name a channel for every leg under legs"
+    )
+    yield not bus.legs and bus.mux != Mux(), f"{path}.mux", directly
+    free_addresses = ", ".join(
+        f"{each:#x}" for each in ad7147.ADDRESSES if each not in bus.addresses.values()
+    )
+    addresses = [(f"{path}.addresses.{leg}", f"{address:#x}", leg) for leg, address in bus.addresses.items()]
+    yield from _repeated(addresses, f"address {{}} is already that of {{}}; free are {free_addresses}")
     free = sorted(set(range(8)) - set(bus.legs.values()))
     channels = [(f"{path}.legs.{leg}", channel, leg) for leg, channel in bus.legs.items()]
     yield from _repeated(channels, f"channel {{}} is already that of {{}}; free channels are {free}")

@@ -6,8 +6,17 @@ from typing import Annotated, Literal
 from msgspec import Meta, Struct
 
 from firmware_interface.chips import fdc1004
+from footsense.acquisition.boards import ad7147
 from footsense.acquisition.mcu_source import Serial
-from footsense.acquisition.scan_plan import FASTEST_SPS, Scan, ScanPlan, scan_plan
+from footsense.acquisition.scan_plan import (
+    AD7147_PLAN,
+    BOARDS,
+    FASTEST_SPS,
+    AnyPlan,
+    Scan,
+    ScanPlan,
+    scan_plan,
+)
 from footsense.can.interface import Can
 from footsense.clock import Realtime
 from footsense.config import sections
@@ -53,7 +62,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         realtime: Scheduling to request; None for none.
     """
 
-    board: Literal["fdc1004", "fdc1004_columns", "mcu"] = "fdc1004"
+    board: Literal["ad7147", "fdc1004", "fdc1004_columns", "mcu"] = "fdc1004"
     buses: Annotated[tuple[sections.Bus, ...], Meta(max_length=8)] = ()
     serial: Serial | None = None
     can: Annotated[Can, Meta(description="interface: socketcan, channel: can0 on a robot")]
@@ -94,15 +103,17 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def frames_hz(self) -> float:
-        """Capacitance frames per second: of one converter, or of the microcontroller."""
-        return self.rate_sps if self.serial is None else self.serial.rate_hz
+        """Capacitance frames per second: conversions, reads of converters that run freely, records of `mcu`."""
+        if self.serial is not None:
+            return self.serial.rate_hz
+        return self.rate_sps if isinstance(self.scan_plan, ScanPlan) else 2e3 / self.shortest_scan_ms
 
     @property
     def shortest_scan_ms(self) -> float:
         """Shortest duration of a scan [ms]: of all conversions, or the microcontroller's period."""
         if self.serial is not None:
             return 1e3 / self.serial.rate_hz
-        return len(self.scan_plan.steps) * self.conversion_rate.conversion_ns * 1e-6
+        return self.scan_plan.n_conversions * self.conversion_rate.conversion_ns * 1e-6
 
     @property
     def effective_publish_every(self) -> int:
@@ -120,14 +131,24 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return self.scan.rate_sps or FASTEST_SPS
 
     @property
-    def conversion_rate(self) -> fdc1004.Fdc1004Rate:
+    def conversion_rate(self) -> fdc1004.Fdc1004Rate | ad7147.Ad7147Rate:
         """Conversion time and noise at the configured rate; of board `mcu`, whose converters are unknown, the same."""
-        return fdc1004.RATES[self.rate_sps]
+        return ad7147.RATE if self.board == "ad7147" else fdc1004.RATES[self.rate_sps]
 
     @property
-    def scan_plan(self) -> ScanPlan:
+    def scan_plan(self) -> AnyPlan:
         """Plan of a scan of feet that are read over I2C."""
+        return AD7147_PLAN if self.board == "ad7147" else self.triggered_plan
+
+    @property
+    def triggered_plan(self) -> ScanPlan:
+        """Plan of a scan of a board in BOARDS, whose conversions are triggered."""
         return scan_plan(self.rate_sps, self.board)
+
+    @property
+    def converters_per_leg(self) -> int:
+        """Converters of a leg, each of which converts an element at the same time; 1 for board `mcu`."""
+        return BOARDS[self.board].traffic.n_converters if self.board in BOARDS else 1
 
     @property
     def effective(self) -> dict[str, object]:
@@ -136,7 +157,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
             "publish_every": self.effective_publish_every,
             "max_age_ms": self.effective_max_age_ms,
         }
-        if self.serial is None:
+        if self.board in BOARDS:
             values["scan"] = {"rate_sps": self.rate_sps}
         return values
 

@@ -4,13 +4,21 @@ from typing import Annotated
 
 from msgspec import Meta, Struct
 
-from firmware_interface.chips import tca9548a
+from firmware_interface.chips import ad7147, tca9548a
 from footsense.frames import ELEMENTS, Leg
 
 #: PCA9685 servo boards answer to it beside their own address unless MODE1.ALLCALL is cleared.
 PCA9685_ALLCALL_ADDRESS = 0x70
 
 Channel = Annotated[int, Meta(ge=0, le=tca9548a.N_CHANNELS - 1, description="a channel of the TCA9548A")]
+Address = Annotated[
+    int,
+    Meta(
+        ge=ad7147.ADDRESSES[0],
+        le=ad7147.ADDRESSES[-1],
+        description=f"{ad7147.ADDRESSES[0]:#x} to {ad7147.ADDRESSES[-1]:#x}, by the straps ADD0 and ADD1 of an AD7147",
+    ),
+]
 AdapterPath = Annotated[
     str, Meta(pattern=r"^(/dev/[^\s]+|sim[0-9]?)$", description="such as /dev/i2c-1, or sim")
 ]
@@ -55,7 +63,7 @@ class Mux(Section, frozen=True, kw_only=True):
 
 
 class Bus(Section, frozen=True, kw_only=True):
-    """One I2C adapter with its legs: behind a multiplexer, or one leg directly.
+    """One I2C adapter with its legs: behind a multiplexer, with an address each, or one leg directly.
 
     Attributes:
         device: Adapter: `/dev/i2c-N`, or `sim`, `sim1`, ... for a simulated one.
@@ -64,11 +72,14 @@ class Bus(Section, frozen=True, kw_only=True):
         legs: Channel of the multiplexer for each leg.
         leg: In place of `legs`, the one leg that is directly on the adapter; the channel of a multiplexer that the
             kernel drives (i2c-mux-pca954x) is such an adapter.
+        addresses: In place of `legs`, with board `ad7147`: the address of each leg that is directly on the adapter, by
+            the straps of its converter.
     """
 
     device: AdapterPath
     legs: dict[Leg, Channel] = {}
     leg: Leg | None = None
+    addresses: dict[Leg, Address] = {}
     rate_hz: Annotated[
         int, Meta(ge=10_000, le=400_000, description="FDC1004 and TCA9548A are 400 kHz parts")
     ] = 400_000
@@ -76,15 +87,22 @@ class Bus(Section, frozen=True, kw_only=True):
 
     @property
     def channels(self) -> dict[str, int]:
-        """Channel of each leg; 0 of one that is directly on the adapter."""
+        """Channel of each leg; 0 of those that are directly on the adapter."""
         if self.leg is not None:
             return {self.leg: 0}
+        if self.addresses:
+            return dict.fromkeys(self.addresses, 0)
         return {leg: channel for leg, channel in self.legs.items()}  # noqa: C416 - of another type of key
 
     @property
+    def converter_addresses(self) -> dict[str, int]:
+        """Address of each leg's converter, of board `ad7147`."""
+        return dict.fromkeys(self.channels, ad7147.ADDRESSES[0]) | dict(self.addresses.items())
+
+    @property
     def mux_address(self) -> int | None:
-        """Address of the multiplexer; None for a leg directly on the adapter."""
-        return self.mux.address if self.leg is None else None
+        """Address of the multiplexer; None for legs directly on the adapter."""
+        return self.mux.address if self.legs else None
 
 
 class BaselineTracking(Section, frozen=True, kw_only=True):

@@ -6,11 +6,12 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 
 from footsense.acquisition.bus_timing import BusTiming
+from footsense.acquisition.free_scanner import FreeScanner
 from footsense.acquisition.leg_bus import LegBus
 from footsense.acquisition.linux_i2c import LinuxI2cBus
 from footsense.acquisition.mcu_source import McuSource, Serial
 from footsense.acquisition.robot_scanner import RobotScanner
-from footsense.acquisition.scan_plan import ScanPlan, bus_overload
+from footsense.acquisition.scan_plan import AnyPlan, ScanPlan, bus_overload
 from footsense.acquisition.scanner import BusScanner
 from footsense.clock import MonotonicClock
 from footsense.config import Config
@@ -35,13 +36,13 @@ class ScanSource:
     Attributes:
         source: The scanner, started.
         clock: Clock of its time stamps.
-        frames_per_scan: Frames in which every element is read once: single conversions, or a whole scan.
+        frames_per_scan: Frames in which every element is read once: single conversions, or one for a whole scan.
         response_sha256: Hash of the response table of the simulated feet, None on a real robot.
         true_force_n_at: True force on every foot at a time [ns], shape (legs, 3) [N]; None on a real robot.
         wakeups: Wake-up latency of the thread of each bus; none in virtual time.
     """
 
-    source: BusScanner | RobotScanner | McuSource
+    source: BusScanner | FreeScanner | RobotScanner | McuSource
     clock: Clock
     frames_per_scan: int = 1
     response_sha256: str | None = None
@@ -101,7 +102,7 @@ def _open_bus(bus: Bus, stack: ExitStack) -> LegBus:
     return LegBus(adapter, bus.mux_address, line)
 
 
-def _log_bus_timing(bus: Bus, timing: BusTiming | None, plan: ScanPlan) -> None:
+def _log_bus_timing(bus: Bus, timing: BusTiming | None, plan: AnyPlan) -> None:
     """Log a bus's scan limits, and a warning if it is slower than configured, or too slow for several converters."""
     if timing is None:
         return
@@ -115,7 +116,7 @@ def _log_bus_timing(bus: Bus, timing: BusTiming | None, plan: ScanPlan) -> None:
             bus.rate_hz * 1e-3,
         )
     overload = bus_overload(plan, timing.lower_bounds)
-    if overload is not None and len(plan.steps[0].results) > 1:
+    if overload is not None and not (isinstance(plan, ScanPlan) and len(plan.steps[0].results) == 1):
         _log.warning("%s %s", bus.device, overload)
 
 
@@ -171,6 +172,8 @@ def _open_bus_scanners(config: Config, robot: SimulatedRobot | None, stack: Exit
     plan = config.scan_plan
     scanners = [
         BusScanner(legs, clock, bus.channels, plan)
+        if isinstance(plan, ScanPlan)
+        else FreeScanner(legs, clock, bus.channels, bus.converter_addresses, plan)
         for bus, (legs, clock) in zip(config.buses, buses, strict=True)
     ]
     source = scanners[0] if len(scanners) == 1 else RobotScanner(scanners, threads=robot is None)
@@ -181,6 +184,6 @@ def _open_bus_scanners(config: Config, robot: SimulatedRobot | None, stack: Exit
     return ScanSource(
         source,
         MonotonicClock(),
-        len(plan.steps),
+        max(scanner.frames_per_scan for scanner in scanners),
         wakeups=tuple(clock.wakeups for _, clock in buses if isinstance(clock, MonotonicClock)),
     )

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from footsense.acquisition.boards import ad7147
 from footsense.acquisition.scan_plan import BOARDS
 from footsense.config import Config
 from footsense.daemon.models import Models, load_response
@@ -54,7 +55,7 @@ def pipeline_for(models: Models, flags: int) -> Pipeline:
         max_age_ns=round(config.effective_max_age_ms * 1e6),
         friction=math.nan if config.contact.friction is None else config.contact.friction,
         track_baseline=config.baseline.track,
-        range_end_pf=BOARDS[config.board].range_end_pf if config.board in BOARDS else CONVERTER_MAX_PF,
+        range_end_pf=_range_end_pf(config),
     )
     estimator, set_temperature = _estimator_and_temperature_setter(models)
     return Pipeline(
@@ -62,10 +63,17 @@ def pipeline_for(models: Models, flags: int) -> Pipeline:
     )
 
 
+def _range_end_pf(config: Config) -> float:
+    """Return the capacitance over the range of a robot's converters [pF]; of unknown ones the most of any."""
+    if config.board == "ad7147":
+        return ad7147.RANGE_END_PF
+    return BOARDS[config.board].range_end_pf if config.board in BOARDS else CONVERTER_MAX_PF
+
+
 def _usual_scan_ns(config: Config) -> int:
     """Return the time of a scan [ns]: of its conversions; of several converters a leg, as their buses can read them."""
     conversions_ns = round(config.shortest_scan_ms * 1e6)
-    if config.board not in BOARDS or BOARDS[config.board].traffic.n_converters == 1:
+    if config.converters_per_leg == 1:
         return conversions_ns
     plan = config.scan_plan
     bounds = [plan.lower_bounds(len(bus.channels), bus.rate_hz, _HOST_COST_NS) for bus in config.buses]

@@ -4,7 +4,6 @@ import logging
 from dataclasses import dataclass
 from pathlib import Path
 
-from footsense.acquisition.scan_plan import BOARDS
 from footsense.config import Config
 from footsense.daemon.foot_types import check_foot_type, foot_type_of
 from footsense.errors import ModelError
@@ -94,8 +93,7 @@ def check_response_table(path: Path, network: Network, fitted_on: Path) -> None:
 
 def scan_of(config: Config) -> str:
     """Return what a conversion of a robot's board reads, a key of `NETWORK_FILES`."""
-    several = config.board in BOARDS and BOARDS[config.board].traffic.n_converters > 1
-    return "rows" if several else "elements"
+    return "rows" if config.converters_per_leg > 1 else "elements"
 
 
 def load_calibrations(config: Config) -> dict[str, FootCalibration]:

@@ -7,7 +7,6 @@ import msgspec
 import numpy as np
 
 from footsense import __version__
-from footsense.acquisition.scan_plan import BOARDS
 from footsense.clock import wall_time_iso, wall_time_ns
 from footsense.config import Config
 from footsense.config.schema import gone_board
@@ -128,9 +127,9 @@ def board_mismatch_reason(scan: CapFrame, config: Config) -> str | None:
         config: The configuration; the readings of a microcontroller do not tell.
     """
     t_ns = scan.t_ns[(scan.t_ns > 0).all(axis=1)]
-    if config.board not in BOARDS or not len(t_ns):
+    if config.serial is not None or not len(t_ns):
         return None
-    n_at_once = len(config.scan_plan.steps[0].results)
+    n_at_once = config.converters_per_leg
     gaps_ns = np.diff(np.sort(t_ns, axis=1), axis=1)
     is_alone = gaps_ns > config.conversion_rate.conversion_ns // 2
     n_found = ELEMENTS // (1 + int(is_alone.sum(axis=1).min()))

@@ -48,7 +48,8 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
             bus.rate_hz,
             bus.mux_address,
             bus.channels,
-            board=config.board,
+            bus.converter_addresses,
+            config.board,
         )
         for bus in config.buses
     ]
@@ -83,8 +84,11 @@ def _inapplicable_faults(config: Config, scene: Scene) -> Iterator[str]:
             yield f"faults[{n}]: is for chips or wires of an I2C bus, which the board mcu does not have"
         if isinstance(fault, ColumnsFault) and config.board != "fdc1004_columns":
             yield f"faults[{n}]: is for board fdc1004_columns, which has a converter a column; this is {config.board}"
-        if isinstance(fault, SwitchIgnoresWrites | BrokenRow) and config.board == "fdc1004_columns":
-            yield f"faults[{n}]: is for row lines and their switch, which the board fdc1004_columns does not have"
+        if isinstance(fault, SwitchIgnoresWrites | BrokenRow) and config.board in {
+            "fdc1004_columns",
+            "ad7147",
+        }:
+            yield f"faults[{n}]: is for row lines and their switch, which the board {config.board} does not have"
         if bus is not None and bus >= len(config.buses):
             yield f"faults[{n}].bus: {bus} is no bus of this robot; it has 0 to {len(config.buses) - 1}"
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from firmware_interface.chips import ad7147
 from footsense.foot.specimen import Specimen
 from footsense.sim.chips.electronics import leg_electronics
 from footsense.sim.faults.chip_faults import inject_chip_faults
@@ -26,6 +27,8 @@ class SimulatedLeg:
         foot: The foot on this leg.
         table: Capacitances of the foot over a gait cycle; None to compute each load.
         board: Electronics: `fdc1004`, `fdc1004_columns` or `ad7147`.
+        address: Address of its converter, of board `ad7147`.
+        bus_clock_hz: Clock of its bus [Hz].
 
     Attributes:
         wired: The foot behind the electronics.
@@ -41,6 +44,8 @@ class SimulatedLeg:
         foot: Specimen,
         table: GaitTable | None = None,
         board: str = "fdc1004",
+        address: int = ad7147.ADDRESSES[0],
+        bus_clock_hz: int = 400_000,
     ) -> None:
         effects = scene.effects
         self._leg = leg
@@ -58,7 +63,7 @@ class SimulatedLeg:
         disturbances = Disturbances(disturbing, np.random.default_rng(added)) if disturbing else None
         self.wired = WiredFoot(self._undamaged_capacitance_pf, on_foot, foot, disturbances)
         self.chips = inject_chip_faults(
-            *leg_electronics(board, self.wired, effects, noise),
+            *leg_electronics(board, self.wired, effects, noise, address, bus_clock_hz),
             [fault for fault in own if isinstance(fault, ChipFault)],
             np.random.default_rng(faults),
         )

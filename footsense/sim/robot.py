@@ -5,11 +5,13 @@ the row switch connects some of them to the pins of the converter.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
+from firmware_interface.chips import ad7147
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Specimen
 from footsense.frames import Vector
@@ -33,15 +35,25 @@ class BusWiring(NamedTuple):
 
     Attributes:
         bus_clock_hz: Clock of the bus [Hz].
-        mux_address: Address of its mux; None for one leg directly on the bus.
-        channels: Mux channel of each leg.
+        mux_address: Address of its mux; None for legs directly on the bus.
+        channels: Mux channel of each leg; 0 without one.
+        addresses: Address of the converter of each leg, of board `ad7147`.
         board: Electronics of its legs: `fdc1004`, `fdc1004_columns` or `ad7147`.
     """
 
     bus_clock_hz: int
     mux_address: int | None
     channels: dict[str, int]
+    addresses: Mapping[str, int] = MappingProxyType({})
     board: str = "fdc1004"
+
+    @property
+    def legs_by_channel(self) -> dict[int, list[str]]:
+        """Legs on each channel."""
+        return {
+            channel: [leg for leg in self.channels if self.channels[leg] == channel]
+            for channel in dict.fromkeys(self.channels.values())
+        }
 
 
 def _feet(scene: Scene, response: FootResponse, legs: Sequence[str]) -> dict[str, Specimen]:
@@ -103,7 +115,9 @@ class SimulatedRobot:
         for number, wiring in enumerate(buses):
             for leg in wiring.channels:
                 index, foot, table = self._legs.index(leg), self.feet[leg], tables.get(leg)
-                self.legs[leg] = SimulatedLeg(leg, index, scene, self._load, foot, table, wiring.board)
+                address = wiring.addresses.get(leg, ad7147.ADDRESSES[0])
+                chips = wiring.board, address, wiring.bus_clock_hz
+                self.legs[leg] = SimulatedLeg(leg, index, scene, self._load, foot, table, *chips)
             broken = [
                 fault
                 for fault in scene.faults
@@ -117,7 +131,10 @@ class SimulatedRobot:
                 rate_hz=wiring.bus_clock_hz,
                 host_cost_ns=round(scene.host_cost_us * 1e3),
                 mux=None if wiring.mux_address is None else SimulatedMux(wiring.mux_address),
-                legs={channel: self.legs[leg].chips for leg, channel in wiring.channels.items()},
+                legs={
+                    channel: [chip for leg in legs for chip in self.legs[leg].chips]
+                    for channel, legs in wiring.legs_by_channel.items()
+                },
                 faults=WireFaults(
                     broken, wiring.channels, timeout_ns, rng, adapter_compares=scene.effects.adapter_compares
                 )

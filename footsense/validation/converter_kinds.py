@@ -79,7 +79,7 @@ def converter_kind_figures(effects: Effects, clock_error_rel: float) -> KindFigu
     true_pf = cache(next(iter(robot.legs.values())).wired.elements_pf)
     with ExitStack() as stack:
         ((bus, clock),) = open_buses(SMALL_BOARD, robot, stack)
-        scanner = BusScanner(bus, clock, SMALL_BOARD.buses[0].channels, SMALL_BOARD.scan_plan)
+        scanner = BusScanner(bus, clock, SMALL_BOARD.buses[0].channels, SMALL_BOARD.triggered_plan)
         scanner.start()
         n_ok = n_wrong = 0
         start_ns, scan_ns = clock.now_ns(), 0.0

@@ -7,7 +7,6 @@ for all inputs. Then it converts the elements.
 Register layout: `firmware_interface/chips/ad7147.py`, with its sources.
 """
 
-from collections.abc import Sequence
 from statistics import mean
 from typing import NamedTuple
 
@@ -26,7 +25,7 @@ REFERENCE_INPUT, REFERENCE_PF = 12, 4.7
 #: What inputs are tied to that are not converted: the excitation, as the shield is, so that no charge flows to them.
 IDLE = InputConnection.BIAS
 #: Offset while elements are converted [steps]: 7 pF nominal. A chip of the least gain and offset then converts from 0.
-#: to 11 pF, one of the largest from 0 to 16 pF; an element has 4 to 10.7 pF.
+#: to 11 pF, one of the largest to 16 pF; an element has 4 to 10.7 pF.
 SCAN_OFFSET = 22
 #: Sequences after a new configuration whose results are not used: the first may be junk (flow3r badge, captouch).
 N_UNUSED_SEQUENCES = 2
@@ -40,42 +39,34 @@ MAX_REFERENCE_ERROR_REL = 0.3
 #: Shortest time from the start of a read to its first word, and of the nine results behind the status [ns]: 39 and 162
 #: bits (`wire_timing`) at 444 kHz, a tenth more than the chip's limit.
 STATUS_AFTER_NS, RESULTS_AFTER_STATUS_NS = 39 * 2250, 162 * 2250
-#: Stages of a status word; the bit above them is another.
-_STAGES_MASK = (1 << chip.N_STAGES) - 1
+#: Bit of a status word that is no stage's. Those above it are zero, unless a burst begins with a result: a whole burst
+#: that is late by a register was seen of the AD7142 (EngineerZone 576116), and no result is so small.
+_NO_STAGE = 1 << chip.N_STAGES
 
 _NAN = float("nan")
 _OFFSETS_OF_REFERENCE = (0,) * 6 + (SCAN_OFFSET,) * 6
-
-
-class Ad7147Rate(NamedTuple):
-    """One of the three rates.
-
-    Attributes:
-        decimation: Of the converter.
-        conversion_ns: Nominal time of a stage [ns].
-        noise_ff: White noise of a conversion [fF rms]: 1.1 codes at the fastest rate, and its root with the rate. Not
-            confirmed by a source.
-    """
-
-    decimation: int
-    conversion_ns: int
-    noise_ff: float
 
 
 def _write(address: int, register: int, *words: int) -> Transaction:
     return Transaction(address, chip.write_bytes(register, *words))
 
 
-#: Rates by conversions per second.
-RATES = {
-    round(1e9 / each.stage_ns): Ad7147Rate(
-        decimation, each.stage_ns, 1.1 * chip.FF_PER_CODE * (64 / decimation) ** 0.5
-    )
-    for decimation, each in chip.DECIMATIONS.items()
-}
+class Ad7147Rate(NamedTuple):
+    """The rate: the fastest, at a decimation of 64; slower ones were worse in motion and no better at rest.
+
+    Attributes:
+        conversion_ns: Nominal time of a stage [ns].
+        noise_ff: White noise of a conversion [fF rms]: 1.1 codes. Not confirmed by a source.
+    """
+
+    conversion_ns: int = chip.DECIMATIONS[64].stage_ns
+    noise_ff: float = 1.1 * chip.FF_PER_CODE
 
 
-class Sequence(NamedTuple):
+RATE = Ad7147Rate()
+
+
+class StageSequence(NamedTuple):
     """A sequence of stages.
 
     Attributes:
@@ -86,20 +77,20 @@ class Sequence(NamedTuple):
     inputs: tuple[int, ...]
     offsets: tuple[int, ...]
 
-    def start(self, address: int, rate: Ad7147Rate) -> tuple[Transaction, ...]:
+    def start(self, address: int) -> tuple[Transaction, ...]:
         """Return the writes that configure the chip at an address, the last of which starts the sequence."""
         stages = (word for stage in range(len(self.inputs)) for word in self._stage(stage))
         return (
             _write(address, chip.stage_register(0), *stages),
             # The calibration engine is off; status bits are asked for, as some chips may need that.
-            _write(address, Ad7147Register.PWR_CONTROL, *self._control(rate)),
+            _write(address, Ad7147Register.PWR_CONTROL, *self._control()),
             _write(address, Ad7147Register.STAGE_COMPLETE_INT_ENABLE, (1 << len(self.inputs)) - 1),
             _write(address, Ad7147Register.AMB_COMP_CTRL0, chip.CONV_RESET.encode(1)),
         )
 
-    def checks(self, address: int, rate: Ad7147Rate) -> tuple[ReadBackCheck, ...]:
+    def checks(self, address: int) -> tuple[ReadBackCheck, ...]:
         """Return the checks of all settings that a result depends on."""
-        settings = {Ad7147Register.PWR_CONTROL: self._control(rate)}
+        settings: dict[int, tuple[int, ...]] = {Ad7147Register.PWR_CONTROL: self._control()}
         settings |= {chip.stage_register(k): self._stage(k)[:3] for k in range(len(self.inputs))}
         return tuple(
             ReadBackCheck(
@@ -109,9 +100,9 @@ class Sequence(NamedTuple):
             for register, words in settings.items()
         )
 
-    def _control(self, rate: Ad7147Rate) -> tuple[int, int]:
+    def _control(self) -> tuple[int, int]:
         """Return PWR_CONTROL and STAGE_CAL_EN."""
-        return chip.power_control(len(self.inputs), rate.decimation), 0
+        return chip.power_control(len(self.inputs), 64), 0
 
     def _stage(self, stage: int) -> tuple[int, ...]:
         """Return the registers of a stage; the last ones are limits of the calibration engine."""
@@ -120,8 +111,8 @@ class Sequence(NamedTuple):
 
 
 #: The elements, and the reference with both offsets.
-ELEMENT_SEQUENCE = Sequence(tuple(ORDER), (SCAN_OFFSET,) * ELEMENTS)
-REFERENCE_SEQUENCE = Sequence((REFERENCE_INPUT,) * chip.N_STAGES, _OFFSETS_OF_REFERENCE)
+ELEMENT_SEQUENCE = StageSequence(tuple(ORDER), (SCAN_OFFSET,) * ELEMENTS)
+REFERENCE_SEQUENCE = StageSequence((REFERENCE_INPUT,) * chip.N_STAGES, _OFFSETS_OF_REFERENCE)
 #: Resets all registers.
 _RESET = chip.SW_RESET.encode(1)
 
@@ -175,7 +166,7 @@ def reference_fault(measured: Calibration) -> str:
 def read_words(answer: bytes) -> tuple[int, list[int]]:
     """Return status and results of an answer to `read_results` or `read_status`."""
     status, *codes = chip.words_of(answer)
-    return status & _STAGES_MASK, codes
+    return status & ~_NO_STAGE, codes
 
 
 def decode(code: int, by: Calibration) -> tuple[Reading, float]:

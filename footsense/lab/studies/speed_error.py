@@ -139,7 +139,7 @@ def _scan_of(one: _Electronics) -> BoardScan:
     config = CONFIGURATIONS[one.key]
     return BoardScan(
         conversion_order_index=SCANS_OF_NETWORK[_AT_ONCE[one.scan]][0],
-        step_s=1e-3 * scan_period_ms(config, _HOST_COST_US) / len(config.scan_plan.steps),
+        step_s=1e-3 * scan_period_ms(config, _HOST_COST_US) / config.scan_plan.n_conversions,
         send_delay_s=1e-3 * newest_reading_age_ms(config)["p50"],
         noise_pf=1e-3 * config.conversion_rate.noise_ff,
         range_end_pf=BOARDS[config.board].range_end_pf,
@@ -156,7 +156,7 @@ def _board(one: _Electronics, scan: BoardScan) -> Values:
         "n_chips": sum(chip.quantity for chip in chips(config.board)),
         "price_usd": sum(chip.price_usd for chip in chips(config.board)),
         "sent_after_ms": 1e3 * scan.send_delay_s,
-        "scan_ms": 1e3 * scan.step_s * len(config.scan_plan.steps),
+        "scan_ms": 1e3 * scan.step_s * config.scan_plan.n_conversions,
         "mean_age_ms": 1e3 * scan.mean_age_s,
         "range_end_pf": scan.range_end_pf,
         "conversion_us": 1e-3 * config.conversion_rate.conversion_ns,

@@ -110,7 +110,7 @@ def inject_chip_faults(
         faults: Faults on the chips of this leg.
         rng: Source of random acknowledges and bits.
     """
-    chips: tuple[SimulatedFdc1004 | SimulatedLineSwitch, ...] = (*converters, *switches)
+    chips: tuple[LegConverter | SimulatedLineSwitch, ...] = (*converters, *switches)
     for fault in faults:
         if isinstance(fault, scene_faults.SwitchIgnoresWrites) and switches:
             switches[0].ignores_writes_ns.append(fault.span_ns)

@@ -98,7 +98,7 @@ def test_a_stuck_bus_costs_the_other_bus_nothing_and_comes_back(caplog: pytest.L
 class HeldBus:
     """A bus whose reads wait in the kernel, as for a timeout."""
 
-    plan = scan_plan(400)._replace(conversion_wait_ns=20_000_000)
+    frame_ns = 20_000_000
 
     def __init__(self) -> None:
         self.clock = MonotonicClock()
