@@ -98,15 +98,14 @@ def _bursts(n: int, sequencer: _Sequencer, host: _Host, period_ns: float) -> _Co
     return counts
 
 
-_SCAN_NS = _N_STAGES * _STAGE_NS
 _KINDS = [
     (clock_rel, cost_us, stalls_rel, period_ns, skew_ns, loses_bits)
     for clock_rel in (-0.04, -0.013, 0.0, 0.013, 0.04)
     for cost_us, stalls_rel in (((40, 60), 0.0005), ((100, 200), 0.002), ((150, 450), 0.01))
     for period_ns, skew_ns, loses_bits in (
-        (_SCAN_NS / 2, 0.0, True),
-        (_SCAN_NS / 2, 60e3, False),
-        (_SCAN_NS, -60e3, False),
+        (4.4 * _STAGE_NS, 0.0, True),
+        (4.4 * _STAGE_NS, 60e3, False),
+        (7.4 * _STAGE_NS, -60e3, False),
     )
 ]
 
@@ -117,7 +116,7 @@ def _run(n: int, random: np.random.Generator) -> None:
         sequencer = _Sequencer(_STAGE_NS * (1 + clock_rel), skew_ns, loses_bits)
         counts = _bursts(n, sequencer, _Host(random, cost_us, stalls_rel), period_ns)
         assert (counts.n_wrong, kind) == (0, kind)
-        assert counts.n_bursts > 0.75 * n, (counts, kind)
+        assert counts.n_bursts > 0.5 * n, (counts, kind)
 
 
 def test_no_result_has_the_stamp_of_another_conversion() -> None:
