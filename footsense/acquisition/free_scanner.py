@@ -58,6 +58,7 @@ class FreeLeg(LegConnection):
         status: Read of the status.
         reference: Read of the results of its reference.
         checks: Checks of its settings.
+        offset: Offset of its converter [steps].
         calibration: What its codes are worth; None while it converts its reference.
         tracker: Counts its conversions.
         due_ns: Time at which its reference has been converted, or from which on results are missed [ns].
@@ -65,12 +66,13 @@ class FreeLeg(LegConnection):
     """
 
     def __init__(self, name: str, channel: int, row: int, address: int, plan: FreeRunningPlan) -> None:
-        checks = ad7147.ELEMENT_SEQUENCE.checks(address)
+        checks = ad7147.element_sequence(ad7147.FIRST_OFFSET).checks(address)
         super().__init__(name, channel, row, checks[0].read, _MISSED_SCANS_BEFORE_LEAVING)
+        self.offset = ad7147.FIRST_OFFSET
         self.address = address
         self.burst = ad7147.read_results(address, ELEMENTS)
         self.status = ad7147.read_status(address)
-        self.reference = ad7147.read_results(address, len(ad7147.REFERENCE_SEQUENCE.inputs))
+        self.reference = ad7147.read_results(address, ad7147.N_REFERENCE_STAGES)
         self.checks = checks
         self.calibration: ad7147.Calibration | None = None
         self.tracker = StageTracker(
@@ -256,12 +258,15 @@ class FreeScanner:
         ad7147.check_identity(bus, leg.address)
         bus.transfer(ad7147.reset(leg.address))
         self.clock.sleep_until_ns(self.clock.now_ns() + _RESET_NS)
-        for write in ad7147.REFERENCE_SEQUENCE.start(leg.address):
+        for write in ad7147.reference_sequence(leg.offset).start(leg.address):
             bus.transfer(write)
-        leg.calibration = None
-        n_stages = (ad7147.N_UNUSED_SEQUENCES + 1) * len(ad7147.REFERENCE_SEQUENCE.inputs)
-        leg.due_ns = self.clock.now_ns() + n_stages * self.plan.conversion_wait_ns
+        self._await_reference(leg)
         return _OK
+
+    def _await_reference(self, leg: FreeLeg) -> None:
+        leg.calibration = None
+        n_stages = (ad7147.N_UNUSED_SEQUENCES + 1) * ad7147.N_REFERENCE_STAGES
+        leg.due_ns = self.clock.now_ns() + n_stages * self.plan.conversion_wait_ns
 
     def _measure_reference(self, leg: FreeLeg) -> None:
         """Read what the codes of a chip are worth, and start the conversion of its elements."""
@@ -271,13 +276,18 @@ class FreeScanner:
             leg.leave_scan(Reading.CORRUPT if answers else Reading.NO_ANSWER, self.clock.now_ns())
         elif why := ad7147.reference_fault(measured):
             leg.leave_scan(Reading.MISCONFIGURED, self.clock.now_ns(), why)
+        elif abs((offset := ad7147.best_offset(measured, leg.offset)) - leg.offset) > 1:
+            leg.offset = offset
+            leg.checks = ad7147.element_sequence(offset).checks(leg.address)
+            self._bus.exchange(leg.selection, ad7147.reference_sequence(offset).start(leg.address))
+            self._await_reference(leg)
         else:
             leg.calibration = measured
             self._start_elements(leg)
 
     def _start_elements(self, leg: FreeLeg) -> None:
         """Configure the sequence of the elements, and start it."""
-        *settings, restart = ad7147.ELEMENT_SEQUENCE.start(leg.address)
+        *settings, restart = ad7147.element_sequence(leg.offset).start(leg.address)
         if self._bus.exchange(leg.selection, tuple(settings)) is None:
             return
         begin_ns = self.clock.now_ns()

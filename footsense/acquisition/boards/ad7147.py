@@ -24,13 +24,15 @@ ORDER = CONVERSION_ORDERS["lo_shu"]
 REFERENCE_INPUT, REFERENCE_PF = 12, 4.7
 #: What inputs are tied to that are not converted: the excitation, as the shield is, so that no charge flows to them.
 IDLE = InputConnection.BIAS
-#: Offset while elements are converted [steps]: 7 pF nominal. A chip of the least gain and offset then converts from 0.
-#: to 11 pF, one of the largest to 16 pF; an element has 4 to 10.7 pF.
-SCAN_OFFSET = 22
+#: Least capacitance that elements are converted from [pF], below the 4 pF of an unloaded one: the offset is chosen so,
+#: first as of a nominal chip [steps].
+_LEAST_PF, FIRST_OFFSET = 2.6, 33
+#: Stages of the sequence that converts it.
+N_REFERENCE_STAGES = chip.N_STAGES
 #: Sequences after a new configuration whose results are not used: the first may be junk (flow3r badge, captouch).
 N_UNUSED_SEQUENCES = 2
 #: Least capacitance of an element over the range of any chip [pF].
-RANGE_END_PF = 11.0
+RANGE_END_PF = _LEAST_PF + 2 * chip.CODE_MID * chip.FF_PER_CODE * 1e-3 * (1 - chip.GAIN_TOLERANCE_REL)
 #: Largest spread of the codes of the reference, of one sequence [1]: 40 times the noise.
 _MAX_REFERENCE_SPREAD = 50
 #: Largest deviation of the reference from its capacitance, by the chip's nominal codes [1].
@@ -44,7 +46,6 @@ STATUS_AFTER_NS, RESULTS_AFTER_STATUS_NS = 39 * 2250, 162 * 2250
 _NO_STAGE = 1 << chip.N_STAGES
 
 _NAN = float("nan")
-_OFFSETS_OF_REFERENCE = (0,) * 6 + (SCAN_OFFSET,) * 6
 
 
 def _write(address: int, register: int, *words: int) -> Transaction:
@@ -110,9 +111,17 @@ class StageSequence(NamedTuple):
         return (*used, *[0] * (chip.REGISTERS_PER_STAGE - len(used)))
 
 
-#: The elements, and the reference with both offsets.
-ELEMENT_SEQUENCE = StageSequence(tuple(ORDER), (SCAN_OFFSET,) * ELEMENTS)
-REFERENCE_SEQUENCE = StageSequence((REFERENCE_INPUT,) * chip.N_STAGES, _OFFSETS_OF_REFERENCE)
+def element_sequence(offset: int) -> StageSequence:
+    """Return the sequence of the elements with an offset [steps]."""
+    return StageSequence(tuple(ORDER), (offset,) * ELEMENTS)
+
+
+def reference_sequence(offset: int) -> StageSequence:
+    """Return the sequence of the reference, half of it without offset and half with one [steps]."""
+    half = N_REFERENCE_STAGES // 2
+    return StageSequence((REFERENCE_INPUT,) * N_REFERENCE_STAGES, (0,) * half + (offset,) * half)
+
+
 #: Resets all registers.
 _RESET = chip.SW_RESET.encode(1)
 
@@ -135,13 +144,13 @@ class Calibration(NamedTuple):
 
 
 def reference_calibration(answer: bytes) -> Calibration | None:
-    """Return what codes are worth, by a burst of `REFERENCE_SEQUENCE`; None if they do not agree.
+    """Return what codes are worth, by a burst of `reference_sequence`; None if they do not agree.
 
     Args:
         answer: Answer to `read_results` of its stages, all of which have been converted.
     """
     _, codes = read_words(answer)
-    half = chip.N_STAGES // 2
+    half = N_REFERENCE_STAGES // 2
     halves = codes[:half], codes[half:]
     if any(max(each) - min(each) > _MAX_REFERENCE_SPREAD for each in halves):
         return None
@@ -161,6 +170,17 @@ def reference_fault(measured: Calibration) -> str:
         f"its reference capacitor reads {reads_pf:.1f} pF, and has {REFERENCE_PF:g} pF; a chip is off by "
         f"{chip.GAIN_TOLERANCE_REL:.0%} at most: check the capacitor at CIN{REFERENCE_INPUT}"
     )
+
+
+def best_offset(measured: Calibration, offset: int) -> int:
+    """Return the offset of a chip with which its range begins below all elements [steps].
+
+    Args:
+        measured: What its codes are worth.
+        offset: The offset with which that was measured [steps].
+    """
+    half_range_pf = measured.gain_rel * chip.CODE_MID * chip.FF_PER_CODE * 1e-3
+    return min(round(offset * (_LEAST_PF + half_range_pf) / measured.offset_pf), chip.MAX_OFFSET)
 
 
 def read_words(answer: bytes) -> tuple[int, list[int]]:
