@@ -3,7 +3,9 @@
 import numpy as np
 
 from footsense.foot.specimen import Specimen
+from footsense.frames import ELEMENTS
 from footsense.sim.chips.electronics import leg_electronics
+from footsense.sim.couplings import BoardCouplings
 from footsense.sim.faults.chip_faults import inject_chip_faults
 from footsense.sim.faults.damage import WiredFoot
 from footsense.sim.faults.disturbances import Disturbances
@@ -26,6 +28,7 @@ class SimulatedLeg:
         foot: The foot on this leg.
         table: Capacitances of the foot over a gait cycle; None to compute each load.
         board: Electronics: `fdc1004`, `fdc1004_columns` or `ad7746`.
+        couplings: Couplings of the foot's lines with it; None for none.
 
     Attributes:
         wired: The foot behind the electronics.
@@ -41,6 +44,7 @@ class SimulatedLeg:
         foot: Specimen,
         table: GaitTable | None = None,
         board: str = "fdc1004",
+        couplings: BoardCouplings | None = None,
     ) -> None:
         effects = scene.effects
         self._leg = leg
@@ -55,10 +59,13 @@ class SimulatedLeg:
         own = [fault for fault in scene.faults if getattr(fault, "leg", None) == leg]
         on_foot = [fault for fault in own if isinstance(fault, FootDamage)]
         disturbing = [each for each in scene.faults if isinstance(each, Disturbance) and leg in each.legs]
-        disturbances = Disturbances(disturbing, np.random.default_rng(added)) if disturbing else None
+        disturbances = None
+        if disturbing:
+            metal_ff = (0.0,) * ELEMENTS if couplings is None else couplings.element_metal_ff
+            disturbances = Disturbances(disturbing, np.random.default_rng(added), metal_ff)
         self.wired = WiredFoot(self._undamaged_capacitance_pf, on_foot, foot, disturbances)
         self.chips = inject_chip_faults(
-            *leg_electronics(board, self.wired, effects, noise),
+            *leg_electronics(board, self.wired, effects, noise, couplings),
             [fault for fault in own if isinstance(fault, ChipFault)],
             np.random.default_rng(faults),
         )

@@ -5,7 +5,8 @@ the row switch connects some of them to the pins of the converter.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from footsense.foot.specimen import Specimen
 from footsense.frames import Vector
 from footsense.sim.chips.chip import SimulatedMux
 from footsense.sim.clock import JoinedClock, VirtualClock
+from footsense.sim.couplings import BoardCouplings
 from footsense.sim.fabrication import draw_deviations, with_new_mounting
 from footsense.sim.faults.scene_faults import StuckSda, WireFault
 from footsense.sim.faults.wire_faults import WireFaults
@@ -76,6 +78,7 @@ class SimulatedRobot:
         response: Response table of its feet.
         buses: Wiring of each bus.
         grace_ns: Time that a user of all buses waits for the later ones [ns].
+        couplings: Couplings of the feet's lines by board; a board without has none.
 
     Raises:
         ConfigError: The scene's log is none, or lacks a leg.
@@ -89,7 +92,12 @@ class SimulatedRobot:
     """
 
     def __init__(
-        self, scene: Scene, response: FootResponse, buses: Sequence[BusWiring], grace_ns: float = math.inf
+        self,
+        scene: Scene,
+        response: FootResponse,
+        buses: Sequence[BusWiring],
+        grace_ns: float = math.inf,
+        couplings: Mapping[str, BoardCouplings] = MappingProxyType({}),
     ) -> None:
         self._load = scene.load.build(round(scene.lead_in_s * 1e9))
         self.response_sha256 = response.sha256
@@ -103,7 +111,8 @@ class SimulatedRobot:
         for number, wiring in enumerate(buses):
             for leg in wiring.channels:
                 index, foot, table = self._legs.index(leg), self.feet[leg], tables.get(leg)
-                self.legs[leg] = SimulatedLeg(leg, index, scene, self._load, foot, table, wiring.board)
+                beside, board = couplings.get(wiring.board), wiring.board
+                self.legs[leg] = SimulatedLeg(leg, index, scene, self._load, foot, table, board, beside)
             broken = [
                 fault
                 for fault in scene.faults

@@ -16,6 +16,7 @@ from msgspec.structs import replace
 from footsense import strict_yaml
 from footsense.errors import ConfigError
 from footsense.sim import scene_loads
+from footsense.sim.couplings import InputState
 from footsense.sim.fabrication import PAPER_TOLERANCES, REMOUNT_RMS_DEG, FootTolerances
 from footsense.sim.faults.scene_faults import Fault
 from footsense.sim.loads.ground_load import MIN_ELEVATION_DEG
@@ -41,6 +42,18 @@ class Warming(ScenePart, frozen=True):
     def temperature_change_k_at(self, t_ns: int) -> float:
         """Return the temperature change at a time [K]."""
         return self.kelvin * min(max((t_ns / 1e9 - self.from_s) / self.over_s, 0.0), 1.0)
+
+
+class Couplings(ScenePart, frozen=True):
+    """What lies beside the measured lines: other lines, shields, ground, and chips that are not synchronised.
+
+    Attributes:
+        idle_inputs: What a FDC1004 does with the inputs that it does not convert; no source says it.
+        shield_error_rel: By how much a shield falls short of the excitation [1]; no source says it of a FDC1004.
+    """
+
+    idle_inputs: InputState = "ground"
+    shield_error_rel: Annotated[float, Meta(ge=0.0, le=0.1)] = 0.01
 
 
 class OddColumn(ScenePart, frozen=True):
@@ -73,6 +86,8 @@ class Effects(ScenePart, frozen=True):
         keeps_old_result: Whether a result of a FDC1004 that is being converted still reads as the old one.
         odd_column: The converter of a column that is of another kind; None for none.
         stray_pf: Capacitance to ground in parallel with every element [pF].
+        couplings: What lies beside the measured lines, as the foot type's table has it; None for nothing. Board
+            `ad7746` has none, nor `mcu`.
         gap_contact: Whether a closed gap carries load; else its closure is only limited.
         rubber: Whether the feet creep and show hysteresis (`sim/rubber.py`).
         warming: Change of temperature; None for none.
@@ -89,6 +104,7 @@ class Effects(ScenePart, frozen=True):
     keeps_old_result: bool = False
     odd_column: OddColumn | None = None
     stray_pf: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.0
+    couplings: Couplings | None = None
     gap_contact: bool = False
     rubber: bool = False
     warming: Warming | None = None

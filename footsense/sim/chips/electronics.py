@@ -1,5 +1,6 @@
 """The chips of one leg, wired to its foot: capacitance converters, and the line switches in front of them."""
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -12,8 +13,11 @@ from footsense.sim.chips.ad7746 import (
     MeanMutualCapacitance,
     SimulatedAd7746,
 )
+from footsense.sim.chips.beside import BesideColumns, BesideElements
 from footsense.sim.chips.chip import SimulatedLineSwitch
+from footsense.sim.chips.excitation import Excitations
 from footsense.sim.chips.fdc1004 import MeanCinCapacitance, SimulatedFdc1004
+from footsense.sim.couplings import BoardCouplings
 from footsense.sim.faults.damage import OPEN_ELEMENT_PF, WiredFoot
 from footsense.sim.scene import Effects
 
@@ -21,7 +25,7 @@ from footsense.sim.scene import Effects
 ROOM_TEMPERATURE_C = 25.0
 
 #: Random streams of a leg besides that of its noise.
-_CAPDAC_DRAW, _THERMOMETER_DRAW, _COMMON_NOISE_DRAW, _COLUMN_DRAW = 4, 5, 7, 8
+_CAPDAC_DRAW, _THERMOMETER_DRAW, _COMMON_NOISE_DRAW, _COLUMN_DRAW, _PHASE_DRAW = 4, 5, 7, 8, 9
 
 
 class LegElectronics(NamedTuple):
@@ -36,7 +40,13 @@ class LegElectronics(NamedTuple):
     switches: tuple[SimulatedLineSwitch, ...]
 
 
-def leg_electronics(board: str, foot: WiredFoot, effects: Effects, seed: tuple[int, int]) -> LegElectronics:
+def leg_electronics(
+    board: str,
+    foot: WiredFoot,
+    effects: Effects,
+    seed: tuple[int, int],
+    couplings: BoardCouplings | None = None,
+) -> LegElectronics:
     """Return the chips of one fault-free leg.
 
     Args:
@@ -44,14 +54,21 @@ def leg_electronics(board: str, foot: WiredFoot, effects: Effects, seed: tuple[i
         foot: The foot behind them.
         effects: Noise, clock error, stray and warming.
         seed: Seeds of the scene and of the leg.
+        couplings: Couplings of the foot's lines with the board; None for none. Board `ad7746` has none.
     """
+    beside = effects.couplings
     if board == "fdc1004_columns":
-        return LegElectronics(
-            tuple(_column_converter(foot, column, effects, seed) for column in range(ROWS)), ()
-        )
+        elements = None
+        if beside is not None and couplings is not None:
+            elements = BesideElements(couplings, beside.idle_inputs, beside.shield_error_rel)
+        columns_of = partial(_column_converter, foot, effects, seed, elements)
+        return LegElectronics(tuple(columns_of(column) for column in range(ROWS)), ())
     rows = SimulatedLineSwitch(adg715.ADDRESS)
     if board == "fdc1004":
-        pins = _column_pin_capacitance(foot, rows, effects.stray_pf)
+        of_columns = None
+        if beside is not None and couplings is not None:
+            of_columns = BesideColumns(couplings, beside.idle_inputs, beside.shield_error_rel)
+        pins = _column_pin_capacitance(foot, rows, effects.stray_pf, of_columns)
         return LegElectronics((_fdc1004(pins, effects, seed),), (rows,))
     random = np.random.default_rng(seed)
     noise = random if effects.converter_noise else None
@@ -91,20 +108,27 @@ def _fdc1004(pins: MeanCinCapacitance, effects: Effects, seed: tuple[int, ...]) 
 
 
 def _column_converter(
-    foot: WiredFoot, column: int, effects: Effects, seed: tuple[int, int]
+    foot: WiredFoot, effects: Effects, seed: tuple[int, int], beside: BesideElements | None, column: int
 ) -> SimulatedFdc1004:
     """Return the fault-free converter of a column of board `fdc1004_columns`, of its own kind."""
     stream = (_COLUMN_DRAW, column) if column else ()
-    chip = _fdc1004(_element_pin_capacitance(foot, column, effects.stray_pf), effects, (*seed, *stream))
+    pins = _element_pin_capacitance(foot, column, effects.stray_pf, beside)
+    chip = _fdc1004(pins, effects, (*seed, *stream))
     odd = effects.odd_column
     if odd is not None and odd.column == column:
         chip.clock_factor += odd.slower_rel
         chip.trigger_clears_done = odd.trigger_clears_done
         chip.done_needs_both_reads = odd.done_needs_both_reads
+    if beside is not None:
+        phases = np.random.default_rng((*seed, _PHASE_DRAW, column))
+        chip.excitations = Excitations(phases, chip.clock_factor)
+        beside.chips.append(chip.excitations)
     return chip
 
 
-def _element_pin_capacitance(foot: WiredFoot, column: int, stray_pf: float) -> MeanCinCapacitance:
+def _element_pin_capacitance(
+    foot: WiredFoot, column: int, stray_pf: float, beside: BesideElements | None
+) -> MeanCinCapacitance:
     """Return the capacitance function of a converter of board `fdc1004_columns`: a pin for each row of its column."""
 
     def pin_pf(cin: int, t_start_ns: int, t_end_ns: int) -> float:
@@ -115,14 +139,17 @@ def _element_pin_capacitance(foot: WiredFoot, column: int, stray_pf: float) -> M
             added_pf = disturbances.added_pf(1 << row, column, t_start_ns, t_end_ns)
         if row >= ROWS:  # a pin without a line
             return added_pf + OPEN_ELEMENT_PF
-        element = row * ROWS + column
-        return added_pf + foot.element_pin_pf(element, foot.elements_pf(t_ns)[element] + stray_pf, t_ns)
+        element, element_pf = row * ROWS + column, foot.elements_pf(t_ns)
+        pin_pf = foot.element_pin_pf(element, element_pf[element] + stray_pf, t_ns)
+        if beside is not None and pin_pf != OPEN_ELEMENT_PF:
+            pin_pf += beside.added_pf(row, column, element_pf)
+        return added_pf + pin_pf
 
     return pin_pf
 
 
 def _column_pin_capacitance(
-    foot: WiredFoot, rows: SimulatedLineSwitch, stray_pf: float
+    foot: WiredFoot, rows: SimulatedLineSwitch, stray_pf: float, beside: BesideColumns | None
 ) -> MeanCinCapacitance:
     """Return the capacitance function of board `fdc1004`'s pins: a column's elements to ground, and stray."""
 
@@ -137,9 +164,13 @@ def _column_pin_capacitance(
             )
             if cin >= ROWS:  # a pin without a line
                 return total_pf + OPEN_ELEMENT_PF
-        column_pf = [pf + stray_pf for pf in foot.elements_pf(t_ns)[cin::ROWS]]
+        element_pf = [pf + stray_pf for pf in foot.elements_pf(t_ns)]
+        column_pf = element_pf[cin::ROWS]
         for share, states in rows.states_between(t_start_ns, t_end_ns):
-            total_pf += share * foot.pin_pf(cin, column_pf, states, t_ns)
+            line_pf = foot.pin_pf(cin, column_pf, states, t_ns)
+            if beside is not None and line_pf != OPEN_ELEMENT_PF:
+                line_pf += beside.added_pf(cin, element_pf, states)
+            total_pf += share * line_pf
         return total_pf
 
     return pin_pf

@@ -1,0 +1,106 @@
+"""What the conversions of a leg's FDC1004 see beside their elements, from the state of its chips.
+
+During a conversion a FDC1004 drives the converted input and its shield with the excitation. What it does with its other
+inputs the data sheet (SNOSCY5) does not say, nor does a thread of the maker's forum that was found: the scene sets it.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from footsense.frames import ROWS, Vector
+from footsense.sim.chips.chip import LineStates
+from footsense.sim.couplings import BoardCouplings, InputState, converted_pf, potential_of
+
+if TYPE_CHECKING:
+    from footsense.sim.chips.excitation import Excitations
+
+
+class BesideColumns:
+    """What the pins of board `fdc1004` see beside the elements that its row switch selects.
+
+    Args:
+        couplings: Couplings of the foot's lines.
+        idle_inputs: What the converter does with the other columns.
+        shield_error_rel: By how much its shield falls short of its excitation [1].
+    """
+
+    def __init__(self, couplings: BoardCouplings, idle_inputs: InputState, shield_error_rel: float) -> None:
+        self._mutual_pf = couplings.mutual_pf
+        self._columns = couplings.places([f"col{line + 1}" for line in range(ROWS)])
+        self._rows = couplings.places([f"row{line + 1}" for line in range(ROWS)])
+        self._shield = 1.0 - shield_error_rel
+        self._potential = np.zeros(len(self._mutual_pf))
+        self._potential[couplings.places(["shld"])] = self._shield
+        self._potential[self._columns] = potential_of(idle_inputs, shield_error_rel)
+
+    def added_pf(self, cin: int, element_pf: Sequence[float], rows: LineStates) -> float:
+        """Return what a conversion of a column finds beside its selected elements [pF].
+
+        Args:
+            cin: The column.
+            element_pf: Capacitance of each element [pF].
+            rows: The rows' states. Those that float are left to the model of the elements, as if at the shield.
+        """
+        mutual_pf, potential = self._mutual_pf.copy(), self._potential.copy()
+        mutual_pf[np.ix_(self._rows, self._columns)] += np.reshape(element_pf, (ROWS, ROWS))
+        mutual_pf[np.ix_(self._columns, self._rows)] += np.reshape(element_pf, (ROWS, ROWS)).T
+        selected_pf = 0.0
+        for row, place in enumerate(self._rows):
+            if rows.selected_mask >> row & 1:
+                selected_pf += element_pf[row * ROWS + cin]
+            else:
+                potential[place] = self._shield if rows.unselected_mask >> row & 1 else 1.0
+        return converted_pf(mutual_pf, self._columns[cin], potential) - selected_pf
+
+
+class BesideElements:
+    """What the pins of board `fdc1004_columns` see beside their elements.
+
+    Args:
+        couplings: Couplings of the foot's lines.
+        idle_inputs: What a converter does with the inputs that it does not convert.
+        shield_error_rel: By how much its shield falls short of its excitation [1].
+
+    Attributes:
+        chips: Excitations of the converters, that of column 0 first.
+    """
+
+    def __init__(self, couplings: BoardCouplings, idle_inputs: InputState, shield_error_rel: float) -> None:
+        self.chips: list[Excitations] = []
+        self._mutual_pf = couplings.mutual_pf
+        self._idle = potential_of(idle_inputs, shield_error_rel)
+        self._shield = 1.0 - shield_error_rel
+        names = [f"row{row + 1}col{column + 1}" for row in range(ROWS) for column in range(ROWS)]
+        self._elements = np.array(couplings.places(names)).reshape(ROWS, ROWS)
+        self._shields = couplings.places([f"shld{column + 1}" for column in range(ROWS)])
+
+    def added_pf(self, row: int, column: int, element_pf: Sequence[float]) -> float:
+        """Return what the last conversion of a column's converter, of one row, finds beside its element [pF].
+
+        Args:
+            row: The row.
+            column: The column.
+            element_pf: Capacitance of each element [pF].
+        """
+        own, elements = self.chips[column].recent[-1], self._elements
+        potential: Vector = np.zeros(len(self._mutual_pf))
+        potential[elements if math.isnan(self._idle) else elements[:, column]] = self._idle
+        potential[self._shields[column]] = self._shield
+        idle = 0.0 if math.isnan(self._idle) else self._idle
+        for other, chip in enumerate(self.chips):
+            for each in chip.recent if other != column else ():
+                share = own.correlation(each)
+                if share:
+                    converted = elements[each.cin, other]
+                    potential[self._shields[other]] += share * self._shield
+                    potential[np.delete(elements[:, other], each.cin)] += share * idle
+                    potential[converted] = np.nan_to_num(potential[converted]) + share
+        mutual_pf = self._mutual_pf
+        if math.isnan(self._idle):  # the elements hold floating lines at ground
+            mutual_pf = mutual_pf.copy()
+            others = np.delete(elements.ravel(), row * ROWS + column)
+            mutual_pf[others, -1] += np.delete(element_pf, row * ROWS + column)
+        return converted_pf(mutual_pf, int(elements[row, column]), potential)
