@@ -71,7 +71,11 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
 
 
 def _couplings(config: Config, scene: Scene, folder: Path) -> dict[str, BoardCouplings]:
-    """Return the couplings of the feet's lines by board; none where the scene asks for none."""
+    """Return the couplings of the feet's lines by board; none where the scene asks for none.
+
+    Raises:
+        ModelError: They are missing, or of another foot type.
+    """
     if scene.effects.couplings is None and not any(
         isinstance(fault, MetalBesideTail) for fault in scene.faults
     ):

@@ -12,10 +12,11 @@ floating conductor has what balances its charge; one that another chip excites, 
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import msgspec
 import numpy as np
+from msgspec import Meta
 
 from footsense import strict_yaml
 from footsense.frames import ROWS, Vector
@@ -26,6 +27,18 @@ COUPLINGS_FILE = "couplings.yaml"
 GROUND = "gnd"
 #: What a chip does with an input that it does not convert.
 InputState = Literal["ground", "shield", "floating"]
+
+
+class Couplings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What lies beside the measured lines: other lines, shields, ground, and chips that are not synchronised.
+
+    Attributes:
+        idle_inputs: What a FDC1004 does with the inputs that it does not convert; no source says it.
+        shield_error_rel: By how much a shield falls short of the excitation [1]; no source says it of a FDC1004.
+    """
+
+    idle_inputs: InputState = "ground"
+    shield_error_rel: Annotated[float, Meta(ge=0.0, le=0.1)] = 0.01
 
 
 class BoardCouplings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

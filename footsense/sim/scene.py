@@ -16,7 +16,7 @@ from msgspec.structs import replace
 from footsense import strict_yaml
 from footsense.errors import ConfigError
 from footsense.sim import scene_loads
-from footsense.sim.couplings import InputState
+from footsense.sim.couplings import Couplings
 from footsense.sim.fabrication import PAPER_TOLERANCES, REMOUNT_RMS_DEG, FootTolerances
 from footsense.sim.faults.scene_faults import Fault
 from footsense.sim.loads.ground_load import MIN_ELEVATION_DEG
@@ -42,18 +42,6 @@ class Warming(ScenePart, frozen=True):
     def temperature_change_k_at(self, t_ns: int) -> float:
         """Return the temperature change at a time [K]."""
         return self.kelvin * min(max((t_ns / 1e9 - self.from_s) / self.over_s, 0.0), 1.0)
-
-
-class Couplings(ScenePart, frozen=True):
-    """What lies beside the measured lines: other lines, shields, ground, and chips that are not synchronised.
-
-    Attributes:
-        idle_inputs: What a FDC1004 does with the inputs that it does not convert; no source says it.
-        shield_error_rel: By how much a shield falls short of the excitation [1]; no source says it of a FDC1004.
-    """
-
-    idle_inputs: InputState = "ground"
-    shield_error_rel: Annotated[float, Meta(ge=0.0, le=0.1)] = 0.01
 
 
 class OddColumn(ScenePart, frozen=True):

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from footsense.frames import ROWS, Vector
+from footsense.frames import ELEMENTS, ROWS, Vector
 from footsense.sim.chips.chip import LineStates
-from footsense.sim.couplings import BoardCouplings, InputState, converted_pf, potential_of
+from footsense.sim.couplings import BoardCouplings, Couplings, InputState, converted_pf, potential_of
 
 if TYPE_CHECKING:
     from footsense.sim.chips.excitation import Excitations
@@ -85,22 +85,70 @@ class BesideElements:
             column: The column.
             element_pf: Capacitance of each element [pF].
         """
-        own, elements = self.chips[column].recent[-1], self._elements
+        own = self.chips[column].recent[-1]
+        overlaps = [
+            (other, each.cin, own.correlation(each))
+            for other, chip in enumerate(self.chips)
+            if other != column
+            for each in chip.recent
+        ]
+        return self.overlapped_pf(row, column, element_pf, overlaps)
+
+    def overlapped_pf(
+        self,
+        row: int,
+        column: int,
+        element_pf: Sequence[float],
+        overlaps: Sequence[tuple[int, int, float]] = (),
+    ) -> float:
+        """Return what a conversion that overlaps with others finds beside its element [pF].
+
+        Args:
+            row: The row.
+            column: The column.
+            element_pf: Capacitance of each element [pF].
+            overlaps: Column and row of each other conversion, and the mean product of both excitations [1].
+        """
+        elements, floats = self._elements, math.isnan(self._idle)
         potential: Vector = np.zeros(len(self._mutual_pf))
-        potential[elements if math.isnan(self._idle) else elements[:, column]] = self._idle
+        potential[elements if floats else elements[:, column]] = self._idle
         potential[self._shields[column]] = self._shield
-        idle = 0.0 if math.isnan(self._idle) else self._idle
-        for other, chip in enumerate(self.chips):
-            for each in chip.recent if other != column else ():
-                share = own.correlation(each)
-                if share:
-                    converted = elements[each.cin, other]
-                    potential[self._shields[other]] += share * self._shield
-                    potential[np.delete(elements[:, other], each.cin)] += share * idle
-                    potential[converted] = np.nan_to_num(potential[converted]) + share
+        for other, converted, share in overlaps:
+            if share == 0.0:
+                continue
+            potential[self._shields[other]] += share * self._shield
+            for line, place in enumerate(elements[:, other]):
+                if line == converted:
+                    potential[place] = np.nan_to_num(potential[place]) + share
+                else:
+                    potential[place] += share * self._idle
         mutual_pf = self._mutual_pf
-        if math.isnan(self._idle):  # the elements hold floating lines at ground
+        if floats:  # the elements hold floating lines near ground
             mutual_pf = mutual_pf.copy()
-            others = np.delete(elements.ravel(), row * ROWS + column)
-            mutual_pf[others, -1] += np.delete(element_pf, row * ROWS + column)
+            mutual_pf[elements.ravel(), -1] += element_pf
+            mutual_pf[elements[row, column], -1] -= element_pf[row * ROWS + column]
         return converted_pf(mutual_pf, int(elements[row, column]), potential)
+
+
+def unloaded_stray_pf(
+    board: str, couplings: BoardCouplings, settings: Couplings, unloaded_pf: float
+) -> list[float]:
+    """Return what each element of an unloaded foot reads beside its own capacitance, on average [pF].
+
+    Args:
+        board: `fdc1004` or `fdc1004_columns`.
+        couplings: Couplings of the foot's lines with it.
+        settings: As of the scene.
+        unloaded_pf: Capacitance of an unloaded element [pF].
+    """
+    element_pf, states = [unloaded_pf] * ELEMENTS, (settings.idle_inputs, settings.shield_error_rel)
+    places = [divmod(element, ROWS) for element in range(ELEMENTS)]
+    if board == "fdc1004":
+        columns = BesideColumns(couplings, *states)
+        all_rows = (1 << ROWS) - 1
+        return [
+            columns.added_pf(column, element_pf, LineStates(0, 1 << row, all_rows ^ 1 << row))
+            for row, column in places
+        ]
+    elements = BesideElements(couplings, *states)
+    return [elements.overlapped_pf(row, column, element_pf) for row, column in places]

@@ -7,8 +7,8 @@ Board `fdc1004_columns`: below, nine electrodes that are joined to one; above, n
 two rows behind the first run in the bars beside their column, those of the outer columns in the inner bars, and between
 two columns the guards of both. The electrodes below are joined where no line of another element runs.
 
-Board `ad7147`: as with `fdc1004_columns`, but all guards are one net, which a second layer of copper has too, behind the
-bars between the columns and behind the tail. That layer has no fabrication files.
+Board `ad7147`: as with `fdc1004_columns`, but all guards are one net, which a second layer of copper has too, behind
+the bars between the columns and behind the tail. That layer has no fabrication files.
 
 Board `fdc1004`: rows below, columns above. In a square array both flexes have the same copper, and each line leaves the
 sheet straight: no trace runs between electrodes of other lines, and no two nets cross.
