@@ -152,7 +152,7 @@ def mean_product(phase: float, difference_hz: float, duration_s: float) -> float
         duration_s: The time [s].
 
     Example:
-        >>> mean_product(0.0, 0.0, 1.0), mean_product(math.pi, 0.0, 1.0), mean_product(1.0, 100.0, 1.0)
+        >>> mean_product(0.0, 0.0, 1.0), mean_product(math.pi, 0.0, 1.0), mean_product(0.0, 0.5, 1.0)
         (1.0, -1.0, 0.0)
     """
     turned = 2.0 * math.pi * difference_hz * duration_s
@@ -165,4 +165,4 @@ def mean_product(phase: float, difference_hz: float, duration_s: float) -> float
 
     if abs(turned) < 1e-6:
         return 1.0 - 2.0 * abs(folded(phase)) / math.pi
-    return round((integral(folded(phase + turned)) - integral(folded(phase))) / turned, 12)
+    return (integral(folded(phase + turned)) - integral(folded(phase))) / turned
