@@ -6,7 +6,7 @@ of a page of the report, so that none is typed.
 
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -14,12 +14,16 @@ from typing import Any
 import numpy as np
 
 from footsense.frames import Vector
+from footsense.sim.chips.beside import unloaded_stray_pf
+from footsense.sim.couplings import COUPLINGS_FILE, Couplings, load_couplings
 
 ROOT = Path(__file__).parents[2]
 REPORT = ROOT / "docs" / "report"
 MARK = re.compile(r"<!--figure (?P<name>[\w.-]+)-->(?P<text>.*?)<!--end-->", re.DOTALL)
 
 _MN_PER_GF = 9.80665
+#: Capacitance of an unloaded element of the smallest foot [pF].
+_UNLOADED_PF = 5.387
 _PAPER_FOOT, _HEXAPOD_FOOT, _QUADRUPED_FOOT = "aoyagi-3x3", "hexapod-2kg", "quadruped-12kg"
 _FEET = (_PAPER_FOOT, _HEXAPOD_FOOT, _QUADRUPED_FOOT)
 #: Boards of the front page: the default, and that with one converter in a foot.
@@ -297,8 +301,36 @@ def figures() -> dict[str, str]:
         for lean, degrees in enumerate((0, 14, 30)):
             range_n = _range_n(foot, lean)
             found[f"{short}.range-{degrees}-n"] = f"{range_n:.2f}" if range_n < 10 else f"{range_n:.3g}"
+    found |= _couplings()
     found["small.centred-range-n"] = f"{_page('design')['feet'][_PAPER_FOOT]['built']['centred_range_n']:.2f}"
     return found
+
+
+def _couplings() -> dict[str, str]:
+    """Return ranges over the lines of the smallest foot, from its table [fF]."""
+    boards = load_couplings(ROOT / "models" / _PAPER_FOOT / COUPLINGS_FILE).boards
+
+    def spread(values: Sequence[float]) -> str:
+        return f"{min(values):.0f} to {max(values):.0f}"
+
+    found = {
+        f"couplings.{board}.metal-ff": spread(of_board.element_metal_ff) for board, of_board in boards.items()
+    }
+    columns = boards["fdc1004_columns"]
+    foreign = [
+        sum(
+            mutual
+            for other, mutual in zip(columns.conductors[:-1], row, strict=False)
+            if other[-1] != name[-1]
+        )
+        for name, row in zip(columns.conductors, columns.mutual_ff, strict=True)
+        if name.startswith("row")
+    ]
+    stray_pf = unloaded_stray_pf("fdc1004", boards["fdc1004"], Couplings(), _UNLOADED_PF)
+    return found | {
+        "couplings.foreign-ff": spread(foreign),
+        "couplings.stray-pf": f"{min(stray_pf):.1f} to {max(stray_pf):.1f}",
+    }
 
 
 def filled(text: str, where: str) -> str:

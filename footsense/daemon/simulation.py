@@ -3,20 +3,23 @@
 import logging
 import math
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 from msgspec.structs import replace
 
 from footsense.config import Config
 from footsense.daemon.foot_types import check_foot_type
-from footsense.errors import ConfigError
+from footsense.errors import ConfigError, ModelError
 from footsense.foot.response_table import FootResponse
 from footsense.foot.type_folders import foot_type_folder
 from footsense.frames import CapFrame
 from footsense.ports import Clock, FrameSource
+from footsense.sim.couplings import COUPLINGS_FILE, BoardCouplings, load_couplings
 from footsense.sim.faults.scene_faults import (
     BrokenRow,
     ChipFault,
     ColumnsFault,
+    MetalBesideTail,
     SwitchIgnoresWrites,
     WireFault,
 )
@@ -40,8 +43,9 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
     """Return the simulated robot of a scene, wired as configured.
 
     Raises:
-        ModelError: The response table of its feet is missing, unreadable, or of another foot type.
-        ConfigError: A fault of the scene is for a bus that the robot does not have.
+        ModelError: The response table of its feet, or couplings that the scene asks for, are missing, unreadable, or
+            of another foot type.
+        ConfigError: A fault of the scene is for a bus that the robot does not have, or the couplings are none.
     """
     wiring = [
         BusWiring(
@@ -55,14 +59,34 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
     ]
     if config.serial is not None:  # any wiring: the microcontroller's is not simulated
         wiring = [BusWiring(400_000, 0x71, {leg: channel for channel, leg in enumerate(config.legs)})]
-    table = foot_type_folder(config.foot_type) / "response.npz"
+    folder = foot_type_folder(config.foot_type)
+    table = folder / "response.npz"
     response = FootResponse.load(table)
     check_foot_type(table, response.foot_type, config)
     for problem in _inapplicable_faults(config, scene):
         raise ConfigError(f"scene: {problem}")
     scene = _without_absent_legs(scene, config.legs)
     plan = config.scan_plan if config.buses else None
-    return SimulatedRobot(scene, response, wiring, plan.conversion_wait_ns if plan else math.inf)
+    grace_ns = plan.conversion_wait_ns if plan else math.inf
+    return SimulatedRobot(scene, response, wiring, grace_ns, _couplings(config, scene, folder))
+
+
+def _couplings(config: Config, scene: Scene, folder: Path) -> dict[str, BoardCouplings]:
+    """Return the couplings of the feet's lines by board; none where the scene asks for none.
+
+    Raises:
+        ModelError: They are missing, or of another foot type.
+    """
+    if scene.effects.couplings is None and not any(
+        isinstance(fault, MetalBesideTail) for fault in scene.faults
+    ):
+        return {}
+    path = folder / COUPLINGS_FILE
+    if not path.exists():
+        raise ModelError(f"{path}: no such file; `footsense lab couplings` writes it")
+    table = load_couplings(path)
+    check_foot_type(path, table.foot_type, config)
+    return table.boards
 
 
 def _without_absent_legs(scene: Scene, legs: tuple[str, ...]) -> Scene:

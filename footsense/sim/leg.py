@@ -4,7 +4,9 @@ import numpy as np
 
 from firmware_interface.chips import ad7147
 from footsense.foot.specimen import Specimen
+from footsense.frames import ELEMENTS
 from footsense.sim.chips.electronics import leg_electronics
+from footsense.sim.couplings import BoardCouplings
 from footsense.sim.faults.chip_faults import inject_chip_faults
 from footsense.sim.faults.damage import WiredFoot
 from footsense.sim.faults.disturbances import Disturbances
@@ -27,6 +29,7 @@ class SimulatedLeg:
         foot: The foot on this leg.
         table: Capacitances of the foot over a gait cycle; None to compute each load.
         board: Electronics: `fdc1004`, `fdc1004_columns` or `ad7147`.
+        couplings: Couplings of the foot's lines with it; None for none.
         address: Address of its converter, of board `ad7147`.
         bus_clock_hz: Clock of its bus [Hz].
 
@@ -44,6 +47,7 @@ class SimulatedLeg:
         foot: Specimen,
         table: GaitTable | None = None,
         board: str = "fdc1004",
+        couplings: BoardCouplings | None = None,
         address: int = ad7147.ADDRESSES[0],
         bus_clock_hz: int = 400_000,
     ) -> None:
@@ -60,10 +64,13 @@ class SimulatedLeg:
         own = [fault for fault in scene.faults if getattr(fault, "leg", None) == leg]
         on_foot = [fault for fault in own if isinstance(fault, FootDamage)]
         disturbing = [each for each in scene.faults if isinstance(each, Disturbance) and leg in each.legs]
-        disturbances = Disturbances(disturbing, np.random.default_rng(added)) if disturbing else None
+        disturbances = None
+        if disturbing:
+            metal_ff = (0.0,) * ELEMENTS if couplings is None else couplings.element_metal_ff
+            disturbances = Disturbances(disturbing, np.random.default_rng(added), metal_ff)
         self.wired = WiredFoot(self._undamaged_capacitance_pf, on_foot, foot, disturbances)
         self.chips = inject_chip_faults(
-            *leg_electronics(board, self.wired, effects, noise, address, bus_clock_hz),
+            *leg_electronics(board, self.wired, effects, noise, couplings, address, bus_clock_hz),
             [fault for fault in own if isinstance(fault, ChipFault)],
             np.random.default_rng(faults),
         )

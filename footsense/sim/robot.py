@@ -17,6 +17,7 @@ from footsense.foot.specimen import Specimen
 from footsense.frames import Vector
 from footsense.sim.chips.chip import SimulatedMux
 from footsense.sim.clock import JoinedClock, VirtualClock
+from footsense.sim.couplings import BoardCouplings
 from footsense.sim.fabrication import draw_deviations, with_new_mounting
 from footsense.sim.faults.scene_faults import StuckSda, WireFault
 from footsense.sim.faults.wire_faults import WireFaults
@@ -88,6 +89,7 @@ class SimulatedRobot:
         response: Response table of its feet.
         buses: Wiring of each bus.
         grace_ns: Time that a user of all buses waits for the later ones [ns].
+        couplings: Couplings of the feet's lines by board; a board without has none.
 
     Raises:
         ConfigError: The scene's log is none, or lacks a leg.
@@ -101,7 +103,12 @@ class SimulatedRobot:
     """
 
     def __init__(
-        self, scene: Scene, response: FootResponse, buses: Sequence[BusWiring], grace_ns: float = math.inf
+        self,
+        scene: Scene,
+        response: FootResponse,
+        buses: Sequence[BusWiring],
+        grace_ns: float = math.inf,
+        couplings: Mapping[str, BoardCouplings] = MappingProxyType({}),
     ) -> None:
         self._load = scene.load.build(round(scene.lead_in_s * 1e9))
         self.response_sha256 = response.sha256
@@ -116,7 +123,7 @@ class SimulatedRobot:
             for leg in wiring.channels:
                 index, foot, table = self._legs.index(leg), self.feet[leg], tables.get(leg)
                 address = wiring.addresses.get(leg, ad7147.ADDRESSES[0])
-                chips = wiring.board, address, wiring.bus_clock_hz
+                chips = wiring.board, couplings.get(wiring.board), address, wiring.bus_clock_hz
                 self.legs[leg] = SimulatedLeg(leg, index, scene, self._load, foot, table, *chips)
             broken = [
                 fault

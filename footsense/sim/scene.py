@@ -16,6 +16,7 @@ from msgspec.structs import replace
 from footsense import strict_yaml
 from footsense.errors import ConfigError
 from footsense.sim import scene_loads
+from footsense.sim.couplings import Couplings
 from footsense.sim.fabrication import PAPER_TOLERANCES, REMOUNT_RMS_DEG, FootTolerances
 from footsense.sim.faults.scene_faults import Fault
 from footsense.sim.loads.ground_load import MIN_ELEVATION_DEG
@@ -100,6 +101,8 @@ class Effects(ScenePart, frozen=True):
         odd_column: The converter of a column that is of another kind; None for none.
         ad7147: What kind of chips AD7147 are.
         stray_pf: Capacitance to ground in parallel with every element [pF].
+        couplings: What lies beside the measured lines, as the foot type's table has it; None for nothing. Board
+            `ad7746` has none, nor `mcu`.
         gap_contact: Whether a closed gap carries load; else its closure is only limited.
         rubber: Whether the feet creep and show hysteresis (`sim/rubber.py`).
         warming: Change of temperature; None for none.
@@ -117,6 +120,7 @@ class Effects(ScenePart, frozen=True):
     odd_column: OddColumn | None = None
     ad7147: Ad7147Effects = Ad7147Effects()
     stray_pf: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.0
+    couplings: Couplings | None = None
     gap_contact: bool = False
     rubber: bool = False
     warming: Warming | None = None

@@ -69,6 +69,7 @@ DISTURBANCES: dict[str, tuple[Fault, ...]] = {
     "a column shifts by 50 fF": (faults.ColumnShift(amplitude_ff=50.0, column=1, **_SPAN),),
     "a row shifts by 50 fF": (faults.RowShift(amplitude_ff=50.0, row=1, **_SPAN),),
     "wet tail, 50 fF": (faults.Leakage(amplitude_ff=50.0, **_SPAN),),
+    "grounded metal 1 mm beside the tail": (faults.MetalBesideTail(**_SPAN),),
     "a column opens": tuple(
         faults.BrokenColumn(leg=leg, column=1, **_SPAN) for leg in ("lf", "lm", "lr", "rf", "rm", "rr")
     ),

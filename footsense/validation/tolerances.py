@@ -18,6 +18,7 @@ from footsense.sim.faults.scene_faults import (
     FootDamage,
     GroundShift,
     Leakage,
+    MetalBesideTail,
     NackAtRandom,
     RowShift,
     StuckSda,
@@ -44,6 +45,7 @@ UNOBSERVABLE: dict[type[Fault], bool] = {
     Leakage: True,  # columns that drift: a load that moves to one side
     ChannelsShifted: True,  # the readings of a load beside the one that is there
     GroundShift: False,  # a load along the leg, on a foot that stands
+    MetalBesideTail: False,  # the same
     ColumnShift: False,  # a load to one side
     RowShift: False,  # a load ahead or behind
 }

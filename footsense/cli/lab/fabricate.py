@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 import click
 
 from footsense.cli.lab import options
+from footsense.cli.lab.foot_argument import foot_description_path
 from footsense.cli.options import FOLDER
-from footsense.daemon.foot_types import released_path
-from footsense.errors import ConfigError, ModelError, require
+from footsense.errors import ConfigError, require
 
 if TYPE_CHECKING:
     from footsense.lab.fabrication.parts.flex import Board
@@ -43,7 +43,7 @@ def fabricate(*, foot: str, out: Path, process: str | None, board: "Board") -> N
     from footsense.lab.fabrication.package import write_fabrication_package as write_package
     from footsense.lab.foot_file import load_foot
 
-    path = _foot_description_path(foot)
+    path = foot_description_path(foot)
     design = load_foot(path)
     options.ensure_writable_folder(out)
     try:
@@ -56,26 +56,4 @@ def fabricate(*, foot: str, out: Path, process: str | None, board: "Board") -> N
         f"wrote {out}, board {board}, process {package.assumed.process_name}: elements of "
         f"{element.unloaded_pf:.2f} pF ({range_pf}), {element.plate_formula_pf:.2f} as designed and "
         f"{element.fringe_pf:.2f} of the field at their edges"
-    )
-
-
-def _foot_description_path(foot: str) -> Path:
-    """Return the path of a foot's `foot.yaml`, from a foot type or a path.
-
-    Raises:
-        ModelError: There is none.
-    """
-    from footsense.lab.foot_file import FOOT_FILE
-
-    candidates = [Path(foot), Path(foot) / FOOT_FILE]
-    if "/" not in foot:
-        candidates.append(released_path(FOOT_FILE, foot))
-    for path in candidates:
-        if path.is_file():
-            return path
-    known = sorted(
-        folder.parent.name for folder in released_path(FOOT_FILE).parents[1].glob(f"*/{FOOT_FILE}")
-    )
-    raise ModelError(
-        f"no foot {foot}: neither a file, nor a folder with {FOOT_FILE}, nor a released foot type ({', '.join(known)})"
     )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 import msgspec
 
-from footsense.cli.lab import design, fabricate, options, walk
+from footsense.cli.lab import couplings, design, fabricate, options, walk
 from footsense.cli.options import FILE, FOLDER, json_option
 from footsense.cli.tables import echo_json
 from footsense.daemon.foot_types import released_path
@@ -147,7 +147,9 @@ def report(*, output: Path | None, quick: bool, scheduler: str | None, text_only
     progress(f"wrote {make_report(folder, context, progress)}")
 
 
-@click.group(commands=[design.design, build, fabricate.fabricate, walk.walk, study, report])
+@click.group(
+    commands=[design.design, build, fabricate.fabricate, couplings.couplings, walk.walk, study, report]
+)
 @click.pass_context
 def lab(ctx: click.Context) -> None:
     """From rubber to network: design, build and draw a foot, and study it."""

@@ -1,5 +1,6 @@
 """The chips of one leg, wired to its foot: capacitance converters, and the row switch in front of one."""
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -7,14 +8,17 @@ import numpy as np
 from firmware_interface.chips import ad7147
 from footsense.frames import ELEMENTS, ROWS
 from footsense.sim.chips.ad7147 import InputCapacitance, SimulatedAd7147
+from footsense.sim.chips.beside import BesideColumns, BesideElements, BesideInputs
 from footsense.sim.chips.chip import SimulatedConverter, SimulatedLineSwitch
+from footsense.sim.chips.excitation import Excitations
 from footsense.sim.chips.fdc1004 import MeanCinCapacitance, SimulatedFdc1004
+from footsense.sim.couplings import BoardCouplings
 from footsense.sim.faults.damage import OPEN_ELEMENT_PF, WiredFoot
 from footsense.sim.scene import Effects
 
 #: Random streams of a leg besides that of its noise.
 _COMMON_NOISE_DRAW, _COLUMN_DRAW = 7, 8
-_AD7147_DRAW, _SHIFT_DRAW = 9, 10
+_PHASE_DRAW, _AD7147_DRAW, _SHIFT_DRAW = 9, 10, 11
 
 #: Reference capacitor on a spare input of board `ad7147`, of class C0G, whose 30 ppm/K do not count: its input, nominal
 #: capacitance [pF], and tolerance [1].
@@ -40,6 +44,7 @@ def leg_electronics(
     foot: WiredFoot,
     effects: Effects,
     seed: tuple[int, int],
+    couplings: BoardCouplings | None = None,
     address: int = ad7147.ADDRESSES[0],
     bus_clock_hz: int = 400_000,
 ) -> LegElectronics:
@@ -50,17 +55,27 @@ def leg_electronics(
         foot: The foot behind them.
         effects: Noise, clock error, stray, warming and kind of chip.
         seed: Seeds of the scene and of the leg.
+        couplings: Couplings of the foot's lines with the board; None for none.
         address: Address of the converter, of board `ad7147`.
         bus_clock_hz: Clock of its bus [Hz], which board `ad7147` depends on.
     """
+    beside = effects.couplings
     if board == "ad7147":
-        return LegElectronics((_ad7147(foot, effects, seed, address, bus_clock_hz),), ())
+        inputs = None
+        if beside is not None and couplings is not None:
+            inputs = BesideInputs(couplings, beside.shield_error_rel)
+        return LegElectronics((_ad7147(foot, effects, seed, inputs, address, bus_clock_hz),), ())
     if board == "fdc1004_columns":
-        return LegElectronics(
-            tuple(_column_converter(foot, column, effects, seed) for column in range(ROWS)), ()
-        )
+        elements = None
+        if beside is not None and couplings is not None:
+            elements = BesideElements(couplings, beside.idle_inputs, beside.shield_error_rel)
+        columns_of = partial(_column_converter, foot, effects, seed, elements)
+        return LegElectronics(tuple(columns_of(column) for column in range(ROWS)), ())
     rows = SimulatedLineSwitch()
-    pins = _column_pin_capacitance(foot, rows, effects.stray_pf)
+    of_columns = None
+    if beside is not None and couplings is not None:
+        of_columns = BesideColumns(couplings, beside.idle_inputs, beside.shield_error_rel)
+    pins = _column_pin_capacitance(foot, rows, effects.stray_pf, of_columns)
     return LegElectronics((_fdc1004(pins, effects, seed),), (rows,))
 
 
@@ -71,7 +86,12 @@ def _share_noise(chip: SimulatedConverter, effects: Effects, seed: tuple[int, ..
 
 
 def _ad7147(
-    foot: WiredFoot, effects: Effects, seed: tuple[int, int], address: int, bus_clock_hz: int
+    foot: WiredFoot,
+    effects: Effects,
+    seed: tuple[int, int],
+    beside: BesideInputs | None,
+    address: int,
+    bus_clock_hz: int,
 ) -> SimulatedAd7147:
     """Return a fault-free AD7147 with its own noise, clock, gain, steps of offset and reference capacitor."""
     random, draw = np.random.default_rng(seed), np.random.default_rng((*seed, _AD7147_DRAW))
@@ -80,7 +100,7 @@ def _ad7147(
     reference_pf = REFERENCE_PF * (1.0 + REFERENCE_TOLERANCE_REL * float(reference))
     clock_error_rel = effects.converter_clock_rel * random.uniform(-1, 1)
     chip = SimulatedAd7147(
-        _single_input_capacitance(foot, effects.stray_pf, reference_pf),
+        _single_input_capacitance(foot, effects.stray_pf, reference_pf, beside),
         random if effects.converter_noise else None,
         clock_error_rel,
         address=address,
@@ -108,26 +128,32 @@ def _fdc1004(pins: MeanCinCapacitance, effects: Effects, seed: tuple[int, ...]) 
 
 
 def _column_converter(
-    foot: WiredFoot, column: int, effects: Effects, seed: tuple[int, int]
+    foot: WiredFoot, effects: Effects, seed: tuple[int, int], beside: BesideElements | None, column: int
 ) -> SimulatedFdc1004:
     """Return the fault-free converter of a column of board `fdc1004_columns`, of its own kind."""
     stream = (_COLUMN_DRAW, column) if column else ()
-    chip = _fdc1004(_element_pin_capacitance(foot, column, effects.stray_pf), effects, (*seed, *stream))
+    pins = _element_pin_capacitance(foot, column, effects.stray_pf, beside)
+    chip = _fdc1004(pins, effects, (*seed, *stream))
     odd = effects.odd_column
     if odd is not None and odd.column == column:
         chip.clock_factor += odd.slower_rel
         chip.trigger_clears_done = odd.trigger_clears_done
         chip.done_needs_both_reads = odd.done_needs_both_reads
+    if beside is not None:
+        phases = np.random.default_rng((*seed, _PHASE_DRAW, column))
+        chip.excitations = Excitations(phases, chip.clock_factor)
+        beside.chips.append(chip.excitations)
     return chip
 
 
-def _single_input_capacitance(foot: WiredFoot, stray_pf: float, reference_pf: float) -> InputCapacitance:
+def _single_input_capacitance(
+    foot: WiredFoot, stray_pf: float, reference_pf: float, beside: BesideInputs | None
+) -> InputCapacitance:
     """Return the capacitance function of board `ad7147`: an input for each element, and the reference capacitor."""
 
     def input_pf(
         cin: int, connections: tuple[ad7147.InputConnection, ...], t_start_ns: int, t_end_ns: int
     ) -> float:
-        del connections
         if cin == REFERENCE_INPUT:
             return reference_pf
         t_ns, element = (t_start_ns + t_end_ns) // 2, cin
@@ -138,12 +164,17 @@ def _single_input_capacitance(foot: WiredFoot, stray_pf: float, reference_pf: fl
             added_pf = disturbances.added_pf(1 << row, column, t_start_ns, t_end_ns)
         if element >= ELEMENTS:  # an input without a line
             return added_pf + OPEN_ELEMENT_PF
-        return added_pf + foot.element_pin_pf(element, foot.elements_pf(t_ns)[element] + stray_pf, t_ns)
+        elements_pf = foot.elements_pf(t_ns)
+        if beside is not None:
+            added_pf += beside.added_pf(element, elements_pf, connections)
+        return added_pf + foot.element_pin_pf(element, elements_pf[element] + stray_pf, t_ns)
 
     return input_pf
 
 
-def _element_pin_capacitance(foot: WiredFoot, column: int, stray_pf: float) -> MeanCinCapacitance:
+def _element_pin_capacitance(
+    foot: WiredFoot, column: int, stray_pf: float, beside: BesideElements | None
+) -> MeanCinCapacitance:
     """Return the capacitance function of a converter of board `fdc1004_columns`: a pin for each row of its column."""
 
     def pin_pf(cin: int, t_start_ns: int, t_end_ns: int) -> float:
@@ -154,14 +185,17 @@ def _element_pin_capacitance(foot: WiredFoot, column: int, stray_pf: float) -> M
             added_pf = disturbances.added_pf(1 << row, column, t_start_ns, t_end_ns)
         if row >= ROWS:  # a pin without a line
             return added_pf + OPEN_ELEMENT_PF
-        element = row * ROWS + column
-        return added_pf + foot.element_pin_pf(element, foot.elements_pf(t_ns)[element] + stray_pf, t_ns)
+        element, element_pf = row * ROWS + column, foot.elements_pf(t_ns)
+        pin_pf = foot.element_pin_pf(element, element_pf[element] + stray_pf, t_ns)
+        if beside is not None and pin_pf != OPEN_ELEMENT_PF:
+            pin_pf += beside.added_pf(row, column, element_pf)
+        return added_pf + pin_pf
 
     return pin_pf
 
 
 def _column_pin_capacitance(
-    foot: WiredFoot, rows: SimulatedLineSwitch, stray_pf: float
+    foot: WiredFoot, rows: SimulatedLineSwitch, stray_pf: float, beside: BesideColumns | None
 ) -> MeanCinCapacitance:
     """Return the capacitance function of board `fdc1004`'s pins: a column's elements to ground, and stray."""
 
@@ -176,9 +210,13 @@ def _column_pin_capacitance(
             )
             if cin >= ROWS:  # a pin without a line
                 return total_pf + OPEN_ELEMENT_PF
-        column_pf = [pf + stray_pf for pf in foot.elements_pf(t_ns)[cin::ROWS]]
+        element_pf = [pf + stray_pf for pf in foot.elements_pf(t_ns)]
+        column_pf = element_pf[cin::ROWS]
         for share, states in rows.states_between(t_start_ns, t_end_ns):
-            total_pf += share * foot.pin_pf(cin, column_pf, states, t_ns)
+            line_pf = foot.pin_pf(cin, column_pf, states, t_ns)
+            if beside is not None and line_pf != OPEN_ELEMENT_PF:
+                line_pf += beside.added_pf(cin, element_pf, states)
+            total_pf += share * line_pf
         return total_pf
 
     return pin_pf

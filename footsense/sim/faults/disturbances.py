@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from footsense.frames import ELEMENTS, ROWS
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Schedule
 
@@ -59,11 +60,18 @@ class Disturbances:
     Args:
         disturbances: Those of the leg.
         random: Source of randomness.
+        metal_ff: What metal beside the tail adds to the reading of each element [fF].
     """
 
-    def __init__(self, disturbances: Sequence[scene_faults.Disturbance], random: np.random.Generator) -> None:
+    def __init__(
+        self,
+        disturbances: Sequence[scene_faults.Disturbance],
+        random: np.random.Generator,
+        metal_ff: Sequence[float] = (0.0,) * ELEMENTS,
+    ) -> None:
         self._schedule = Schedule((each.span_ns, each) for each in disturbances)
         self._random = random
+        self._metal_ff = metal_ff
         self._common = CommonNoise(random)
 
     def column_of_pin(self, column: int, t_ns: int) -> int:
@@ -84,6 +92,9 @@ class Disturbances:
         for each in self._schedule.at(t_start_ns):
             if isinstance(each, _Random):
                 added_ff += self._drawn_ff(each, t_start_ns)
+            elif isinstance(each, scene_faults.MetalBesideTail):
+                row = (row_mask & -row_mask).bit_length() - 1
+                added_ff += self._metal_ff[max(row, 0) * ROWS + column] if column < ROWS else 0.0
             else:
                 added_ff += _certain_ff(each, row_mask, column, t_start_ns, t_end_ns)
         return added_ff * 1e-3

@@ -330,6 +330,10 @@ class Leakage(_Disturbance, frozen=True, kw_only=True):
     time_constant_s: _Duration = 2.0
 
 
+class MetalBesideTail(_Disturbance, frozen=True, kw_only=True):
+    """Grounded metal lies 1 mm beside the tail, on the side of its lines; how much it adds is in the foot's table."""
+
+
 class ChannelsShifted(_Disturbance, frozen=True, kw_only=True):
     """Each measurement converts the next pin: seen of FDC1004 after a reset (TI E2E 1217779)."""
 
@@ -390,6 +394,7 @@ Disturbance = (
     | ColumnShift
     | RowShift
     | Leakage
+    | MetalBesideTail
     | ChannelsShifted
 )
 CanFault = CanNoAck | CanBusOff | CanDown | CanQueueFull | CanTraffic

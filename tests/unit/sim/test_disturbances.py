@@ -63,3 +63,10 @@ def test_a_leak_grows_unevenly() -> None:
     leak = faults.Leakage(at_s=0, amplitude_ff=40.0, time_constant_s=0.5)
     assert added_ff(leak, column=0).item() == pytest.approx(40.0 * (1 - math.exp(-2.0)))
     assert added_ff(leak, column=2).item() == pytest.approx(0.3 * 40.0 * (1 - math.exp(-2.0)))
+
+
+def test_metal_beside_the_tail_adds_what_the_table_says_of_each_line() -> None:
+    metal_ff = [float(number) for number in range(9)]
+    disturbances = Disturbances([faults.MetalBesideTail(at_s=0)], np.random.default_rng(1), metal_ff)
+    added = [1e3 * disturbances.added_pf(1 << row, column, 0, 1) for row in range(3) for column in range(3)]
+    assert added == pytest.approx(metal_ff)

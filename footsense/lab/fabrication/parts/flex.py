@@ -7,12 +7,15 @@ Board `fdc1004_columns`: below, nine electrodes that are joined to one; above, n
 two rows behind the first run in the bars beside their column, those of the outer columns in the inner bars, and between
 two columns the guards of both. The electrodes below are joined where no line of another element runs.
 
+Board `ad7147`: as with `fdc1004_columns`, but all guards are one net, which a second layer of copper has too, behind
+the bars between the columns and behind the tail. That layer has no fabrication files.
+
 Board `fdc1004`: rows below, columns above. In a square array both flexes have the same copper, and each line leaves the
 sheet straight: no trace runs between electrodes of other lines, and no two nets cross.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
@@ -22,8 +25,8 @@ from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.parts.gerber import Pad, Point, Trace
 from footsense.lab.geometry import FootDesign
 
-Board = Literal["fdc1004_columns", "fdc1004"]
-#: The boards.
+Board = Literal["fdc1004_columns", "fdc1004", "ad7147"]
+#: The boards with fabrication files.
 BOARDS: tuple[Board, ...] = ("fdc1004_columns", "fdc1004")
 #: Reference of the contacts in the Gerber files.
 CONNECTOR = "J1"
@@ -31,6 +34,8 @@ CONNECTOR = "J1"
 GUARD_NET = "shld"
 #: Net of the electrodes below with board `fdc1004_columns`.
 COMMON_NET = "gnd"
+#: Net of all guards, and of the layer behind the lines, with board `ad7147`: the chip's shield driver.
+AD7147_GUARD_NET = "acshield"
 
 #: Contacts of it: the fewest of common connectors.
 _N_COMMON_CONTACTS = 4
@@ -70,6 +75,7 @@ class Flex:
         wires: Its traces within the sheet. A contact without one has a guard, from where the tail is straight.
         wire_mm: Width of these [mm].
         has_gentle_fan: Whether the traces converge over the whole way to the socket: steep ones come too close.
+        shield_net: Net of a second layer of copper, behind the traces; empty for none.
     """
 
     name: str
@@ -80,6 +86,7 @@ class Flex:
     wires: tuple[Wire, ...]
     wire_mm: float = dimensions.TRACE_WIDTH_MM
     has_gentle_fan: bool = False
+    shield_net: str = ""
 
     @property
     def artwork_to_foot(self) -> Callable[[Point], Point]:
@@ -180,6 +187,26 @@ class Flex:
         return shapes
 
     @property
+    def shield(self) -> list[Pad]:
+        """Pads of the second layer: behind the bars between columns, and from the sheet to the contacts."""
+        if not self.shield_net:
+            return []
+        design = self.design
+        first_u, bare_u = -design.array_side_mm / 2.0, self.polymer_half_side_mm
+        end_u = self.tail_end_u_mm - dimensions.TAIL_CONTACT_PAD_LENGTH_MM
+        spans = [(first_u, bare_u, v, design.bar_mm) for v in (-design.pitch_mm / 2.0, design.pitch_mm / 2.0)]
+        spans.append((bare_u, end_u, 0.0, 2.0 * (self.tail_half_width_mm - dimensions.MIN_COPPER_TO_EDGE_MM)))
+        return [
+            Pad(
+                centre_mm=((from_u + to_u) / 2.0, v),
+                size_mm=(to_u - from_u, width),
+                aperture_function="Conductor",
+                net=self.shield_net,
+            )
+            for from_u, to_u, v, width in spans
+        ]
+
+    @property
     def coverlay_openings(self) -> list[Pad | Trace]:
         """Openings of the coverlay: the whole sheet area (bare electrodes) and the contacts."""
         sheet, contacts = 2.0 * self.polymer_half_side_mm, 2.0 * self.tail_half_width_mm
@@ -243,7 +270,10 @@ def alignment_ear(half_side_mm: float, hole: Point) -> Any:
 def flexes(design: FootDesign, board: Board) -> tuple[Flex, Flex]:
     """Return the lower and the upper flex of a foot for a board."""
     if board == "fdc1004_columns":
-        return _common_flex(design), _element_flex(design)
+        return _common_flex(design), _element_flex(design, column_guard_net)
+    if board == "ad7147":
+        shielded = _element_flex(design, lambda _: AD7147_GUARD_NET)
+        return _common_flex(design), replace(shielded, shield_net=AD7147_GUARD_NET)
     return _line_flex(design, "row", "left"), _line_flex(design, "column", "forward")
 
 
@@ -297,8 +327,8 @@ def column_guard_net(column: int) -> str:
     return f"shld{column + 1}"
 
 
-def _element_flex(design: FootDesign) -> Flex:
-    """Return the flex of the elements: of each column three lines between four of its guard."""
+def _element_flex(design: FootDesign, guard_net: Callable[[int], str]) -> Flex:
+    """Return the flex of the elements: of each column three lines between four of its guard, whose net is given."""
     lines, bar, fan_u = design.line_mm, design.bar_mm, _fan_start_u_mm(design)
     width = min(dimensions.TRACE_WIDTH_MM, dimensions.BAR_TRACE_REL * bar)
     to_corner = design.electrode_mm / 2.0 - width / 2.0
@@ -307,9 +337,9 @@ def _element_flex(design: FootDesign) -> Flex:
     }
     contacts: list[str] = []
     for column, rows in enumerate(_ROWS_ACROSS):
-        contacts.append(column_guard_net(column))
+        contacts.append(guard_net(column))
         for row in rows:
-            contacts += [element_net(row, column), column_guard_net(column)]
+            contacts += [element_net(row, column), guard_net(column)]
     wires = []
     for column, y in enumerate(lines):
         net = element_net(0, column)

@@ -238,6 +238,7 @@ def board_text(boards: Mapping[str, Values]) -> str:
             "within 2 sigma": "{within_2_sigma:.1%}",
         },
     )
+    couplings = "" if "couplings" not in first else _coupling_text(boards)
     n_draws = len(first["wrong_gains"][_WANTED_GAINS]["direction_deg"])
     return f"""## Steps
 
@@ -275,4 +276,25 @@ Walks with simulated chips, in virtual time, without a fault: touchdowns of the 
 The larger feet walk with their own loads, scenes `hexapod_2kg` and `quadruped_12kg` for up to {OWN_END_S:g} s; a force counts from a
 twentieth of the foot's largest.
 
-{own}"""
+{own}{couplings}"""
+
+
+def _coupling_text(boards: Mapping[str, Values]) -> str:
+    """Return the section of the walk with couplings."""
+    walked = table_by_board(
+        f"couplings, {SAME_TABLE}: {{name}}",
+        {board: _named(figures["couplings"]) for board, figures in boards.items()},
+        {
+            "direction mean / 95 % below [deg]": "{direction_deg:.2f} / {direction_p95_deg:.1f}",
+            "magnitude, mean": "{magnitude_rel:.1%}",
+            "no force": "{no_force_share:.1%}",
+            "within 2 sigma": "{within_2_sigma:.1%}",
+        },
+    )
+    return f"""
+
+The measured walk with what lies beside the lines (`effects.couplings`, as the drawn flexes have it, idle inputs at ground,
+shields 1 % short): converters that are not synchronised see each other, and unselected rows count by the error of the
+shield. *Strays known*: `stray_pf` of the configuration has what each element reads beside its own capacitance.
+
+{walked}"""

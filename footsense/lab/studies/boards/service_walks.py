@@ -17,6 +17,8 @@ from footsense.lab.parallel import compute_each
 from footsense.lab.report import StudyContext, Values
 from footsense.lab.studies.boards.force_figures import force_figures
 from footsense.lab.studies.boards.robots import robots_of
+from footsense.sim.chips.beside import unloaded_stray_pf
+from footsense.sim.couplings import COUPLINGS_FILE, Couplings, load_couplings
 from footsense.sim.scene import Scene
 from footsense.telemetry.run_statistics import LOADED_THRESHOLD_REL
 from footsense.validation.fault_trial import PublishedWalk, simulate_scene
@@ -50,7 +52,8 @@ def service_figures(context: StudyContext, scan: str) -> Values:
 
     Returns:
         `touchdowns`, of the measured walk and the tripod on the studied foot, as of `touchdown_figures`, with the end
-        of each, `end_s`; `own_robots`, those of `force_figures` by robot.
+        of each, `end_s`; `own_robots`, those of `force_figures` by robot; `couplings`, the same of the measured walk
+        with and without couplings, by what is known of them.
     """
     robot = robots_of(context)[BOARDS[scan]]
     files = (FOOT_FILE, RESPONSE_FILE, NETWORK_FILES[scan])
@@ -78,10 +81,29 @@ def service_figures(context: StudyContext, scan: str) -> Values:
     }
     walked = compute_each(_walk, [*touching, *own.values()], scheduler=context.scheduler)
     forces = [one["forces"] for one in walked[len(touching) :]]
+    coupled = _coupled_walks(context, studied, own_end_s)
+    coupled_forces = compute_each(_forces, list(coupled.values()), scheduler=context.scheduler)
     return {
+        "couplings": dict(zip(coupled, coupled_forces, strict=True)),
         "touchdowns": touchdown_figures([one["contacts"] for one in walked[: len(touching)]])
         | {"end_s": touches_end_s},
         "own_robots": dict(zip(own, forces, strict=True)),
+    }
+
+
+def _coupled_walks(context: StudyContext, robot: Config, end_s: float) -> dict[str, ServiceWalk]:
+    """Return the measured walk without couplings, with them on feet of which nobody knows, and with known strays."""
+    scene, couplings = context.scene("measured_walk"), Couplings()
+    coupled = replace(scene, effects=replace(scene.effects, couplings=couplings))
+    table = load_couplings(context.files(COUPLINGS_FILE) / COUPLINGS_FILE)
+    stray_pf = unloaded_stray_pf(
+        robot.board, table.boards[robot.board], couplings, context.response.design.unloaded_pf
+    )
+    known = replace(robot, stray_pf=dict.fromkeys(robot.legs, tuple(stray_pf)))
+    return {
+        "none": ServiceWalk(scene, robot, end_s),
+        "strays not known": ServiceWalk(coupled, robot, end_s),
+        "strays known": ServiceWalk(coupled, known, end_s),
     }
 
 
@@ -108,17 +130,26 @@ def _walk(walk: ServiceWalk) -> Values:
     """Return `forces`, the figures of `force_figures`, and `contacts`, those of `contact_scores`."""
     load: Any = walk.scene.load
     published = simulate_scene(walk.scene, walk.config, walk.end_s)
-    max_n = load_foot(foot_type_folder(walk.config.foot_type) / FOOT_FILE).loads.max_n
     return {
-        "forces": force_figures(
-            published.force_n,
-            published.sigma_n,
-            published.state,
-            published.true_force_n,
-            LOADED_THRESHOLD_REL * max_n,
-        ),
+        "forces": _force_figures(published, walk.config),
         "contacts": contact_scores(_outputs(published, walk.scene), load.peak_force_n),
     }
+
+
+def _forces(walk: ServiceWalk) -> Values:
+    """Return the figures of `force_figures`."""
+    return _force_figures(simulate_scene(walk.scene, walk.config, walk.end_s), walk.config)
+
+
+def _force_figures(published: PublishedWalk, config: Config) -> Values:
+    max_n = load_foot(foot_type_folder(config.foot_type) / FOOT_FILE).loads.max_n
+    return force_figures(
+        published.force_n,
+        published.sigma_n,
+        published.state,
+        published.true_force_n,
+        LOADED_THRESHOLD_REL * max_n,
+    )
 
 
 def _outputs(published: PublishedWalk, scene: Scene) -> WalkerOutputs:

@@ -1,0 +1,1 @@
+"""Couplings between the lines of a foot, computed from its drawn flexes."""
