@@ -8,6 +8,7 @@ import msgspec
 from configuration import rows, type_words
 from docstrings import attributes, table
 
+from footsense.sim.couplings import Couplings
 from footsense.sim.faults.scene_faults import Fault
 from footsense.sim.scene import Ad7147Effects, Effects, Fabrication, Scene, Warming
 from footsense.sim.scene_loads import Load, Standstill
@@ -25,6 +26,7 @@ def markdown() -> str:
         **loads,
         "`load.stands[]`, of kind `tripod`": Standstill,
         "`effects`": Effects,
+        "`effects.couplings`": Couplings,
         "`effects.warming`": Warming,
         "`effects.ad7147`": Ad7147Effects,
         "`fabrication`": Fabrication,

@@ -124,7 +124,7 @@ class BesideElements:
             for line, place in enumerate(elements[:, other]):
                 if line == converted:
                     potential[place] = np.nan_to_num(potential[place]) + share
-                else:
+                elif not floats:
                     potential[place] += share * self._idle
         mutual_pf = self._mutual_pf
         if floats:  # the elements hold floating lines near ground

@@ -291,6 +291,7 @@ def _coupling_text(boards: Mapping[str, Values]) -> str:
             "within 2 sigma": "{within_2_sigma:.1%}",
         },
     )
+    walked = walked.replace("nan / nan", "-").replace("nan%", "-")  # no force at all
     return f"""
 
 The measured walk with what lies beside the lines (`effects.couplings`, as the drawn flexes have it, idle inputs at ground,
