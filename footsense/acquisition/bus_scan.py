@@ -142,7 +142,8 @@ class BusScan(NamedTuple):
     """Chips found on one I2C bus, and the bus's timing.
 
     Attributes:
-        upstream: Addresses that answer with no channel connected; None if a line is stuck.
+        upstream: Addresses that answer with no channel connected; None if a line is stuck, of a bus without a mux if it
+            has several legs.
         mux_answers: Whether the mux holds its selection; True without one.
         channels: Chips behind each channel by number, as far as it could be connected; without a mux, on the bus as
             channel 0, and `upstream` names none.
@@ -259,6 +260,8 @@ def _scan_without_mux(
         ]
         timing = measure_bus_timing(bus, clock, plan, len(addresses), timed)
     except I2cTimeoutError as error:
+        if len(addresses) > 1:  # any of them may hold the line
+            return BusScan(None, mux_answers=True, channels={}, bus_timing=None)
         found = _failed(addresses, Reading.BUS_STUCK, error)
     except I2cError as error:
         found = _failed(addresses, Reading.DELAYED, error)

@@ -206,4 +206,4 @@ def check_identity(bus: I2cBus, address: int) -> None:
         ) from error
     (word,) = chip.words_of(answer)
     if word & chip.DEVICE_ID_MASK != chip.DEVICE_ID:
-        require_identity(answer, "an AD7147", chip.DEVICE_ID.to_bytes(2, "big"), address, "an AD7147A")
+        require_identity(answer, "an AD7147", chip.DEVICE_ID.to_bytes(2, "big"), address, "a potentiometer")

@@ -142,6 +142,12 @@ def bus_diagnoses(report: ProbedBus, plan: AnyPlan) -> Iterator[Diagnosis]:
 def _bus_faults(report: ProbedBus, plan: AnyPlan) -> Iterator[tuple[str, str]]:
     """Yield observation and advice for each fault of a bus."""
     bus, scan, drivers = report[:3]
+    if scan.upstream is None and bus.mux_address is None:
+        yield (
+            f"SDA or SCL is held low, by any of {', '.join(bus.channels)} or by the wires before them",
+            "short in a cable or plug, pull-ups, and whether all chips have power; unplug one foot after the other",
+        )
+        return
     if scan.upstream is None:
         needs_wire = not bus.mux.reset
         wire = "; only the mux's RESET pin frees a leg that holds it: wire one" if needs_wire else ""
@@ -235,7 +241,10 @@ def leg_diagnoses(report: ProbedLeg) -> Iterator[Diagnosis]:
     elif chips is not None and chips_fail:
         words = words_of_reading(chips.outcome)
         why = words.meaning if chips.outcome is Reading.BUS_STUCK else chips.why
-        yield Diagnosis(report.leg, f"{location}: {why}", words.remedy)
+        remedy = words.remedy
+        if report.channel is None and report.address is not None and chips.outcome is Reading.NO_ANSWER:
+            remedy += "; with the straps of another foot it falsifies that one's readings"
+        yield Diagnosis(report.leg, f"{location}: {why}", remedy)
     if report.timing is not None and report.timing.wait_factor > 1.0:
         if report.slow_columns:
             location += f", column {', '.join(map(str, report.slow_columns))}"

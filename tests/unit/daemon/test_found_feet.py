@@ -38,7 +38,7 @@ def fdc1004_columns() -> Sequence[SimulatedChip]:
     return translated_columns([SimulatedFdc1004(lambda *_: 5.0, None) for _ in range(3)], ())
 
 
-def ad7147(*addresses: int) -> Sequence[SimulatedChip]:
+def ad7147(*addresses: int) -> Sequence[SimulatedAd7147]:
     return [SimulatedAd7147(lambda *_: 5.0, None, address=address) for address in addresses]
 
 
@@ -80,6 +80,9 @@ def test_feet_with_an_address_each_are_found_directly_on_an_adapter() -> None:
     assert found == FoundFeet("/dev/i2c-1", "ad7147", None, (0, 0), (0x2C, 0x2F))
     bus = found.bus(("lf", "rf"))
     assert (bus.addresses, bus.legs, bus.mux_address) == ({"lf": 0x2C, "rf": 0x2F}, {}, None)
+    three = found_on(None, (0,), lambda: ad7147(0x2C, 0x2D, 0x2F))
+    assert three is not None
+    assert robot_of([three], (), SOCKET).legs == ("lf", "lm", "lr")
 
 
 @pytest.mark.parametrize(("mux", "channel"), [(None, 0), (0x71, 3)])
@@ -164,7 +167,6 @@ def test_what_is_no_multiplexer_is_never_switched() -> None:
         ([(0x71, (0, 1, 2, 4, 5))], "lf lm lr rm rr"),
         ([(0x71, (0, 1, 2)), (0x71, (0, 1, 2))], "lf lm lr rf rm rr"),
         ([(None, (0,)), (None, (0,))], "lf rf"),
-        ([(None, (0, 0, 0))], "lf lm lr"),
     ],
 )
 def test_legs_have_the_names_that_so_many_have(

@@ -208,7 +208,11 @@ def test_an_ad7147_behind_a_multiplexer_has_its_channel() -> None:
 @pytest.mark.parametrize(
     ("broken", "what", "check"),
     [
-        (scene_faults.Absent(at_s=0, leg="lm"), "sim: no answer at 0x2d: broken wire, no supply", "address"),
+        (
+            scene_faults.Absent(at_s=0, leg="lm"),
+            "sim: no answer at 0x2d: broken wire, no supply",
+            "straps of another",
+        ),
         (scene_faults.WrongChip(at_s=0, leg="lm"), "an AD7147 says 14 70; another chip", "key `board`"),
         (scene_faults.ElementOpen(at_s=0, leg="lm", element=5), "element 5 is open", "to input CIN5"),
         (
@@ -216,7 +220,6 @@ def test_an_ad7147_behind_a_multiplexer_has_its_channel() -> None:
             "element 4 is over the converter's range: its gap is closed, or its line touches ground",
             "water",
         ),
-        (scene_faults.StuckConverter(at_s=0, leg="lm"), "does not finish", "supply"),
     ],
 )
 def test_a_fault_beside_legs_on_the_same_wires_is_one_line_on_that_leg(
@@ -230,6 +233,16 @@ def test_a_fault_beside_legs_on_the_same_wires_is_one_line_on_that_leg(
     assert check in diagnosis.advice
     assert "switch" not in diagnosis.observation + diagnosis.advice
     assert [leg.leg for leg in found.legs if leg.unloaded_pf is None] == ["lm"]
+    assert max(map(len, shown(found).splitlines())) <= 80
+
+
+def test_which_of_several_legs_holds_a_line_nobody_knows() -> None:
+    """Of a bus without a multiplexer: it is the bus's fault, and the legs of the other bus are read."""
+    found = probed(scene_faults.StuckSda(at_s=0, leg="lm"), config=ADDRESSES)
+    (diagnosis,) = found.diagnoses
+    assert diagnosis.location == "sim"
+    assert diagnosis.observation.startswith("SDA or SCL is held low, by any of lf, lm, lr")
+    assert [leg.leg for leg in found.legs if leg.unloaded_pf is not None] == ["rf", "rm", "rr"]
     assert max(map(len, shown(found).splitlines())) <= 80
 
 
