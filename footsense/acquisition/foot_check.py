@@ -96,8 +96,8 @@ def foot_faults(
         unloaded_pf: Expected capacitance of each element, without stray [pF], shape (elements,).
         limits: Noise, and deviation from `unloaded_pf`, above which a tare is refused.
         has_shared_lines: Whether the elements of a row or column share a line; of board `ad7147` each has its own.
-        why_left_out: Why the leg was left out of the scan, in words, which end with ": check " and a remedy; empty if
-            it was not, or for the words of its readings.
+        why_left_out: Why the leg was left out of the scan, in words, which end with ": check " and a remedy; for a leg
+            of which all readings are of its chips. Empty for the words of these readings.
 
     Example:
         >>> sound = FootScans(np.full((4, 9), 5.4), np.zeros((4, 9), np.uint8))

@@ -266,6 +266,8 @@ _SCAN_LIMIT_S = 60.0
 _N_FOOT_SCANS = 20
 #: Scans before them: converters that were just set up may still settle, and legs that fail are left out.
 _N_DISCARDED_SCANS = 4
+#: The same of converters that run freely: one bus may be read for so long while another waits for its first frame.
+_N_DISCARDED_FREE_SCANS = 40
 
 
 def probe(config: Config, scene: Scene | None) -> ProbeResult:
@@ -372,7 +374,7 @@ def _with_needed_reads(
 
 
 class _LegState(NamedTuple):
-    """Timing of a leg's converters, columns of several that are slow, and why it was left out, in words."""
+    """Timing of a leg's converters, columns of several that are slow, and why it was last left out, in words."""
 
     timing: ChipTiming | None = None
     slow_columns: tuple[int, ...] = ()
@@ -382,7 +384,8 @@ class _LegState(NamedTuple):
 def _scan_feet(config: Config, scene: Scene | None) -> tuple[list[FootScans], list[_LegState] | None]:
     """Return the readings of each foot over some scans, and the state of each leg; None with a microcontroller."""
     with open_scan_source(config, scene) as started:
-        frames = started.read_whole_scans(_N_DISCARDED_SCANS + _N_FOOT_SCANS)[_N_DISCARDED_SCANS:]
+        n_discarded = _N_DISCARDED_FREE_SCANS if config.board == "ad7147" else _N_DISCARDED_SCANS
+        frames = started.read_whole_scans(n_discarded + _N_FOOT_SCANS)[n_discarded:]
         states = None
         if not isinstance(started.source, McuSource):
             states = [_state_of(leg) for leg in started.source.legs]
@@ -396,7 +399,7 @@ def _state_of(leg: LegConnection) -> _LegState:
     return _LegState(
         leg.timing if leg.is_timed else None,
         tuple(slow) if len(leg.timings) > 1 else (),
-        "" if leg.in_scan else leg.why,
+        leg.why,
     )
 
 

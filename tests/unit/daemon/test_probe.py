@@ -236,6 +236,14 @@ def test_a_fault_beside_legs_on_the_same_wires_is_one_line_on_that_leg(
     assert max(map(len, shown(found).splitlines())) <= 80
 
 
+def test_noise_is_of_new_readings_while_another_bus_is_late() -> None:
+    """A leg with corrupt answers delays its bus's first frame; readings that are repeated until then have no noise."""
+    found = probed(scene_faults.CorruptReads(at_s=0, leg="lm", rate_rel=0.3), config=ADDRESSES)
+    noise_ff = [leg.scans.noise_ff.mean() for leg in found.legs if leg.scans and leg.leg != "lm"]
+    assert noise_ff == pytest.approx([1.0] * 5, abs=0.4)
+    assert [diagnosis.location for diagnosis in found.diagnoses] == ["lm"]
+
+
 def test_which_of_several_legs_holds_a_line_nobody_knows() -> None:
     """Of a bus without a multiplexer: it is the bus's fault, and the legs of the other bus are read."""
     found = probed(scene_faults.StuckSda(at_s=0, leg="lm"), config=ADDRESSES)
