@@ -66,7 +66,9 @@ STATE_WORDS = {
 
 CAUSE_WORDS = {
     Cause.NONE: Words(),
-    Cause.NO_ANSWER: Words("its chips do not answer", "its plug, its 3.3 V, and whether this is its channel"),
+    Cause.NO_ANSWER: Words(
+        "its chips do not answer", "its plug, its supply, and whether this is its channel or address"
+    ),
     Cause.BUS_STUCK: Words(
         "it holds SDA or SCL low as soon as it is connected",
         "short in its cable or plug, and whether its chips have power",
@@ -77,7 +79,7 @@ CAUSE_WORDS = {
     Cause.NEVER_FINISHES: Words("its converter does not finish its conversions", "its 3.3 V supply", "busy"),
     Cause.SETTINGS_LOST: Words(
         "a chip does not hold its settings",
-        "the supply of its chips and the switches' RESET pin; or a loose contact",
+        "the supply of its chips, and the RESET pin of switches; or a loose contact",
         "reset",
     ),
     Cause.CORRUPT: Words(
@@ -94,10 +96,14 @@ CAUSE_WORDS = {
         "an element's baseline has drifted from the others'", "water or dirt in its gap; then tare the foot"
     ),
     Cause.ROW_OPEN: Words(
-        "the line of a row is interrupted", "the plug, then the row's trace and its switch", "open"
+        "the line of a row is interrupted",
+        "the plug, then the row's traces, and its switch on a board that has one",
+        "open",
     ),
     Cause.COLUMN_OPEN: Words(
-        "the line of a column is interrupted", "the plug, then the column's trace and the chip's pin", "open"
+        "the line of a column is interrupted",
+        "the plug, then the column's traces and the chip's pins",
+        "open",
     ),
     Cause.OVERLOAD: Words(
         "elements are loaded beyond their range",

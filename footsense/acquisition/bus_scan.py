@@ -1,7 +1,7 @@
 """Scan of an I2C bus for chips: answering addresses, chip identities, bus timing.
 
 Unknown addresses receive only transactions that are harmless to the chips. The mux is switched, and
-the identity of each leg's converter is read; nothing else is written.
+the identity of each leg's converter is read, and of what else may be an AD7147; nothing else is written.
 
 An empty write is the gentlest: START, address, acknowledge, STOP. But to the EEPROM AT24RF08 (0x54 to 0x57) it is the
 beginning of a write, and memory modules have write-protect registers at 0x30 to 0x37: there one byte is read instead,
@@ -10,13 +10,17 @@ below 0x08 and above 0x77 are reserved (UM10204, table 4); they and chips held b
 """
 
 import logging
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
+from functools import partial
+from types import MappingProxyType
 from typing import NamedTuple
 
+from firmware_interface.chips import ad7147 as ad7147_chip
 from firmware_interface.chips import tca9548a
+from footsense.acquisition.boards import ad7147
 from footsense.acquisition.bus_timing import BusTiming, measure_bus_timing
 from footsense.acquisition.leg_bus import LegBus, release_sda
-from footsense.acquisition.scan_plan import ScanPlan
+from footsense.acquisition.scan_plan import AnyPlan, FreeRunningPlan, ScanPlan
 from footsense.errors import HardwareError, I2cError, I2cTimeoutError, NackError, WrongChipError
 from footsense.frames import Reading
 from footsense.ports import Clock, I2cBus, Transaction
@@ -26,6 +30,9 @@ _log = logging.getLogger(__name__)
 
 #: Addresses that a chip may have.
 ADDRESSES = range(0x08, 0x78)
+
+#: Bytes that are read of what may be an AD7147: of so many of its registers, not all bytes are alike.
+_N_REPEATED_BYTES = 64
 
 _ADDRESSES_PROBED_BY_READ = {*range(0x30, 0x38), *range(0x50, 0x60)}
 
@@ -101,12 +108,13 @@ def probe_addresses(bus: I2cBus, skipped: Collection[int] = ()) -> AddressProbe:
     return AddressProbe(tuple(answering), tuple(not_probed))
 
 
-class ChannelScan(NamedTuple):
-    """Chips found behind one mux channel.
+class LegScan(NamedTuple):
+    """Chips found of one leg.
 
     Attributes:
-        answering: Addresses that answer there and not on the upstream bus.
-        outcome: OK if the leg's converter is the right one; NO_ANSWER, WRONG_CHIP, BUS_STUCK, or DELAYED where it could
+        answering: Addresses that answer where it is connected: behind its mux channel, or its converter's alone where
+            several legs share an adapter.
+        outcome: OK if its converter is the right one; NO_ANSWER, WRONG_CHIP, BUS_STUCK, or DELAYED where it could
             not be asked.
         why: The fault in words; empty for OK.
     """
@@ -116,11 +124,26 @@ class ChannelScan(NamedTuple):
     why: str = ""
 
 
+class ChannelScan(NamedTuple):
+    """Chips found behind one mux channel.
+
+    Attributes:
+        answering: Addresses that answer there and not on the upstream bus.
+        legs: Its legs.
+        ad7147: Those of the addresses at which an AD7147 is, with board `ad7147`.
+    """
+
+    answering: tuple[int, ...]
+    legs: Mapping[str, LegScan] = MappingProxyType({})
+    ad7147: tuple[int, ...] = ()
+
+
 class BusScan(NamedTuple):
     """Chips found on one I2C bus, and the bus's timing.
 
     Attributes:
-        upstream: Addresses that answer with no channel connected; None if a line is stuck.
+        upstream: Addresses that answer with no channel connected; None if a line is stuck, of a bus without a mux if it
+            has several legs.
         mux_answers: Whether the mux holds its selection; True without one.
         channels: Chips behind each channel by number, as far as it could be connected; without a mux, on the bus as
             channel 0, and `upstream` names none.
@@ -132,9 +155,16 @@ class BusScan(NamedTuple):
     channels: dict[int, ChannelScan]
     bus_timing: BusTiming | None
 
+    @property
+    def legs(self) -> dict[str, LegScan]:
+        """Chips of each leg whose channel could be connected."""
+        return {leg: found for channel in self.channels.values() for leg, found in channel.legs.items()}
 
-def leg_chip_addresses(plan: ScanPlan) -> tuple[int, ...]:
-    """Return the I2C addresses of a leg's chips: the converters' first, then the row switch's."""
+
+def leg_chip_addresses(plan: AnyPlan) -> tuple[int, ...]:
+    """Return the I2C addresses that the chips of every leg behind a mux have: the converters' first."""
+    if isinstance(plan, FreeRunningPlan):
+        return ad7147_chip.ADDRESSES[:1]
     return (*converter_addresses(plan), *(select.address for select in plan.steps[0].select))
 
 
@@ -143,8 +173,33 @@ def converter_addresses(plan: ScanPlan) -> tuple[int, ...]:
     return tuple(result.trigger.address for result in plan.steps[0].results)
 
 
+def is_ad7147(bus: I2cBus, address: int) -> bool:
+    """Return whether the chip that acknowledges at an address is an AD7147.
+
+    To ask for its identity writes two bytes, which would set a digital potentiometer. One with a single register
+    repeats that when more is read: such a chip is not asked.
+
+    Raises:
+        I2cTimeoutError: A line is stuck.
+    """
+    try:
+        if len(set(bus.transfer(Transaction(address, b"", _N_REPEATED_BYTES)))) == 1:
+            return False
+        ad7147.check_identity(bus, address)
+    except I2cTimeoutError:
+        raise
+    except HardwareError:
+        return False
+    return True
+
+
 def scan_bus(
-    bus: LegBus, clock: Clock, plan: ScanPlan, legs: Mapping[str, int], claimed: Collection[int] = ()
+    bus: LegBus,
+    clock: Clock,
+    plan: AnyPlan,
+    legs: Mapping[str, int],
+    addresses: Mapping[str, int] = MappingProxyType({}),
+    claimed: Collection[int] = (),
 ) -> BusScan:
     """Return the chips found on a bus, and its timing.
 
@@ -153,10 +208,11 @@ def scan_bus(
         clock: Clock of the bus.
         plan: The scan to come.
         legs: Mux channel of each leg.
+        addresses: Address of the converter of each leg, of board `ad7147`.
         claimed: Addresses that drivers of the kernel hold.
     """
     if bus.mux_address is None:
-        return _scan_leg_alone(bus, clock, plan, claimed)
+        return _scan_without_mux(bus, clock, plan, {leg: addresses.get(leg, 0) for leg in legs}, claimed)
     upstream, has_mux = None, False
     try:
         bus.free_bus()
@@ -170,32 +226,45 @@ def scan_bus(
     known = {*claimed, *upstream.answering, *upstream.unprobeable}
     channels = {}
     for channel in range(tca9548a.N_CHANNELS):
+        own = {leg: addresses.get(leg, 0) for leg, its_channel in legs.items() if its_channel == channel}
         try:
             selection = tca9548a.channel_control_byte(channel)
             if not _select_and_check_read_back(bus, bus.mux_address, selection):
                 return BusScan(upstream, mux_answers=False, channels={}, bus_timing=None)
-            channels[channel] = _scan_channel(bus.adapter, plan, known, is_leg=channel in legs.values())
+            channels[channel] = _scan_channel(bus.adapter, plan, known, own)
         except I2cTimeoutError as error:
-            channels[channel] = ChannelScan((), Reading.BUS_STUCK, str(error))
+            channels[channel] = _failed(own, Reading.BUS_STUCK, error)
             if not bus.free_bus():
                 break
         except I2cError as error:
-            channels[channel] = ChannelScan((), Reading.DELAYED, str(error))
+            channels[channel] = _failed(own, Reading.DELAYED, error)
     bus.free_bus()
     return BusScan(upstream, mux_answers=True, channels=channels, bus_timing=timing)
 
 
-def _scan_leg_alone(bus: LegBus, clock: Clock, plan: ScanPlan, claimed: Collection[int]) -> BusScan:
-    """Return the chips of a leg that is directly on its adapter."""
+def _failed(legs: Collection[str], outcome: Reading, error: I2cError) -> ChannelScan:
+    return ChannelScan((), dict.fromkeys(legs, LegScan((), outcome, str(error))))
+
+
+def _scan_without_mux(
+    bus: LegBus, clock: Clock, plan: AnyPlan, addresses: Mapping[str, int], claimed: Collection[int]
+) -> BusScan:
+    """Return the chips of legs that are directly on their adapter."""
     timing = None
     try:
-        found = _scan_channel(bus.adapter, plan, claimed, is_leg=True)
-        if found.outcome is Reading.OK:
-            timing = measure_bus_timing(bus, clock, plan, 1, (plan.harmless_read.address,))
+        found = _scan_channel(bus.adapter, plan, claimed, addresses)
+        timed = [
+            addresses[leg] if isinstance(plan, FreeRunningPlan) else plan.harmless_read.address
+            for leg, chips in found.legs.items()
+            if chips.outcome is Reading.OK
+        ]
+        timing = measure_bus_timing(bus, clock, plan, len(addresses), timed)
     except I2cTimeoutError as error:
-        found = ChannelScan((), Reading.BUS_STUCK, str(error))
+        if len(addresses) > 1:  # any of them may hold the line
+            return BusScan(None, mux_answers=True, channels={}, bus_timing=None)
+        found = _failed(addresses, Reading.BUS_STUCK, error)
     except I2cError as error:
-        found = ChannelScan((), Reading.DELAYED, str(error))
+        found = _failed(addresses, Reading.DELAYED, error)
     return BusScan(AddressProbe(()), mux_answers=True, channels={0: found}, bus_timing=timing)
 
 
@@ -213,29 +282,58 @@ def _select_and_check_read_back(bus: LegBus, mux_address: int, selection: int) -
     return read_back == bytes((selection,))
 
 
-def _scan_channel(bus: I2cBus, plan: ScanPlan, skipped: Collection[int], *, is_leg: bool) -> ChannelScan:
-    """Return the chips behind the mux channel that is connected.
+def _scan_channel(
+    bus: I2cBus, plan: AnyPlan, skipped: Collection[int], addresses: Mapping[str, int]
+) -> ChannelScan:
+    """Return the chips behind the mux channel that is connected, whose legs' converters have these addresses.
 
     Raises:
         I2cTimeoutError: A line is stuck.
     """
     release_sda(bus)
     answering = probe_addresses(bus, skipped).answering
-    if not is_leg:
-        return ChannelScan(answering, Reading.OK)
-    try:
-        plan.board.check_identity(bus)
-    except I2cTimeoutError:
-        raise
-    except WrongChipError as error:
-        return ChannelScan(answering, Reading.WRONG_CHIP, str(error))
-    except (NackError, I2cError) as error:
-        return ChannelScan(answering, Reading.DELAYED, str(error))
-    except HardwareError as error:
-        return ChannelScan(answering, Reading.NO_ANSWER, str(error))
+    if isinstance(plan, ScanPlan):
+        of_legs = {leg: _scan_triggered_leg(bus, plan, answering, skipped) for leg in addresses}
+        return ChannelScan(answering, of_legs)
+    legs = {
+        leg: _leg_scan(tuple({address} & {*answering}), partial(ad7147.check_identity, bus, address))
+        for leg, address in addresses.items()
+    }
+    known = {addresses[leg] for leg, chips in legs.items() if chips.outcome is Reading.OK}
+    others = {*answering} & {*ad7147_chip.ADDRESSES} - {*addresses.values()}
+    known |= {address for address in others if is_ad7147(bus, address)}
+    return ChannelScan(answering, legs, tuple(sorted(known)))
+
+
+def _scan_triggered_leg(
+    bus: I2cBus, plan: ScanPlan, answering: tuple[int, ...], skipped: Collection[int]
+) -> LegScan:
+    """Return the chips of the leg that is connected, whose conversions are triggered."""
+    found = _leg_scan(answering, partial(plan.board.check_identity, bus))
+    if found.outcome is not Reading.OK:
+        return found
     for address in leg_chip_addresses(plan)[len(converter_addresses(plan)) :]:
         if address not in answering and address not in skipped:
             converter = converter_addresses(plan)[0]
             why = f"no row switch answers at {address:#04x}, though a converter does at {converter:#04x}"
-            return ChannelScan(answering, Reading.NO_ANSWER, why)
-    return ChannelScan(answering, Reading.OK)
+            return LegScan(answering, Reading.NO_ANSWER, why)
+    return found
+
+
+def _leg_scan(answering: tuple[int, ...], check_identity: Callable[[], None]) -> LegScan:
+    """Return the chips of a leg whose converters are asked for their identity.
+
+    Raises:
+        I2cTimeoutError: A line is stuck.
+    """
+    try:
+        check_identity()
+    except I2cTimeoutError:
+        raise
+    except WrongChipError as error:
+        return LegScan(answering, Reading.WRONG_CHIP, str(error))
+    except (NackError, I2cError) as error:
+        return LegScan(answering, Reading.DELAYED, str(error))
+    except HardwareError as error:
+        return LegScan(answering, Reading.NO_ANSWER, str(error))
+    return LegScan(answering, Reading.OK)

@@ -84,6 +84,9 @@ def foot_faults(
     stray_pf: Vector,
     unloaded_pf: Vector,
     limits: TareLimits,
+    *,
+    has_shared_lines: bool = True,
+    why_left_out: str = "",
 ) -> tuple[FootFault, ...]:
     """Return the faults of an unloaded foot; empty for a fault-free one.
 
@@ -92,6 +95,9 @@ def foot_faults(
         stray_pf: Known capacitance in parallel with each element [pF], shape (elements,).
         unloaded_pf: Expected capacitance of each element, without stray [pF], shape (elements,).
         limits: Noise, and deviation from `unloaded_pf`, above which a tare is refused.
+        has_shared_lines: Whether the elements of a row or column share a line; of board `ad7147` each has its own.
+        why_left_out: Why the leg was left out of the scan, in words, which end with ": check " and a remedy; for a leg
+            of which all readings are of its chips. Empty for the words of these readings.
 
     Example:
         >>> sound = FootScans(np.full((4, 9), 5.4), np.zeros((4, 9), np.uint8))
@@ -106,6 +112,8 @@ def foot_faults(
     for reading in _WHOLE_FOOT_READINGS:
         if (scans.reading == reading).any():
             meaning, remedy, _ = words_of_reading(reading)
+            if (scans.reading == reading).all() and why_left_out:
+                meaning, _, remedy = why_left_out.partition(": check ")
             elements = tuple(range(len(stray_pf)))
             return (FootFault(STATE_AND_CAUSE_OF_READING[reading][1], elements, meaning, remedy),)
     mean_pf = scans.mean_pf - stray_pf
@@ -113,10 +121,13 @@ def foot_faults(
     opened = (mean_pf < OPEN_ELEMENT_THRESHOLD_REL * unloaded_pf) | (
         scans.worst_reading == Reading.UNDER_RANGE
     )
-    broken = [*_over_range_faults(over, opened), *_open_faults(opened, over)]
     wrong = opened | over
-    # An interrupted row floats, and adds its capacitance to ground to the other elements.
-    mean_pf = mean_pf - floating_row_crosstalk_pf(scans.mean_pf[None], opened[None])[0]
+    if has_shared_lines:
+        broken = [*_over_range_faults(over, opened), *_open_faults(opened, over)]
+        # An interrupted row floats, and adds its capacitance to ground to the other elements.
+        mean_pf = mean_pf - floating_row_crosstalk_pf(scans.mean_pf[None], opened[None])[0]
+    else:
+        broken = _own_line_faults(over, opened)
     noisy = ~wrong & (scans.noise_ff > limits.noise_limit_ff)
     if noisy.any():
         noise_ff = scans.noise_ff[noisy].max()
@@ -170,8 +181,7 @@ def _over_range_faults(over: Mask, opened: Mask) -> list[FootFault]:
 def _open_faults(opened: Mask, over: Mask) -> list[FootFault]:
     """Return the faults of open elements: whole row or column lines first, then single elements."""
     if opened.all():
-        observation, advice = "none of its elements is connected", "whether the foot is plugged in"
-        return [FootFault(Cause.ELEMENT_OPEN, _indices(opened), observation, advice)]
+        return [_unplugged()]
     row_of, column_of = np.divmod(np.arange(ELEMENTS), ROWS)
     # A shorted element makes the others of its column read as open.
     taken = [bool((opened | over)[column::ROWS].all() and over[column::ROWS].any()) for column in range(ROWS)]
@@ -192,6 +202,37 @@ def _open_faults(opened: Mask, over: Mask) -> list[FootFault]:
         advice = f"the electrode of row {element // ROWS}, column {element % ROWS} and its trace"
         faults.append(FootFault(Cause.ELEMENT_OPEN, (element,), f"element {element} is open", advice))
     return faults
+
+
+def _own_line_faults(over: Mask, opened: Mask) -> list[FootFault]:
+    """Return the faults of elements each of which has a line of its own to the converter."""
+    if opened.all():
+        return [_unplugged()]
+    closed = "is over the converter's range: its gap is closed, or its line touches ground"
+    return [
+        *(
+            FootFault(
+                Cause.OVERLOAD, (element,), f"element {element} {closed}", CAUSE_WORDS[Cause.OVERLOAD].remedy
+            )
+            for element in _indices(over)
+        ),
+        *(
+            FootFault(
+                Cause.ELEMENT_OPEN,
+                (element,),
+                f"element {element} is open",
+                f"the line from its electrode, row {element // ROWS}, column {element % ROWS}, to input CIN{element}",
+            )
+            for element in _indices(opened)
+        ),
+    ]
+
+
+def _unplugged() -> FootFault:
+    elements = tuple(range(ELEMENTS))
+    return FootFault(
+        Cause.ELEMENT_OPEN, elements, "none of its elements is connected", "whether the foot is plugged in"
+    )
 
 
 def _indices(mask: Mask) -> tuple[int, ...]:

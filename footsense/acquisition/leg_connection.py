@@ -71,6 +71,7 @@ class LegConnection:
         is_timed: Whether that was measured, and it has not been late since.
         unfinished: Step of the scan that had not finished when it was asked for; None for none.
         doubted: Step whose lines it did not read back alone, for the next try; None for none.
+        why: Why it was last left out of the scan, in words; empty for the meaning of its outcome.
     """
 
     def __init__(
@@ -99,7 +100,7 @@ class LegConnection:
         self._misses = 0
         self._most_misses = most_misses
         self._pause_ns = _FIRST_PAUSE_NS
-        self._has_several_converters, self._why = n_converters > 1, ""
+        self._has_several_converters, self.why = n_converters > 1, ""
 
     def join_scan(self) -> None:
         """Add the leg to the scan, after its chips were found and set up."""
@@ -166,9 +167,9 @@ class LegConnection:
             pause_factor: Factor on the pause.
         """
         # Which of several converters it is, only a try tells.
-        is_told = bool(why) and self._has_several_converters and why != self._why
+        is_told = bool(why) and self._has_several_converters and why != self.why
+        self.why = why or ""
         if why is not None and (outcome is not self.outcome or self._pause_ns == _FIRST_PAUSE_NS or is_told):
-            self._why = why
             _log.warning(
                 "leg %s: %s; left out of the scan, and tried again at least every %g s",
                 self.name,

@@ -147,7 +147,7 @@ def test_a_broken_leg_says_what_to_do(browser: Browser, cycles: Path, url: str) 
         assert first.startswith("LFdegraded: row open — the line of a row is interrupted. Check the plug")
         assert second == (
             "RRabsent: no answer — its chips do not answer. "
-            "Check its plug, its 3.3 V, and whether this is its channel."
+            "Check its plug, its supply, and whether this is its channel or address."
         )
         assert browser.js("return document.querySelectorAll('[data-leg=lf] .dead.on').length") == 3
         assert browser.text("[data-leg=rr] .fz") == "\N{EN DASH} N"

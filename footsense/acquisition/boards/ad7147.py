@@ -162,13 +162,13 @@ def reference_calibration(answer: bytes) -> Calibration | None:
 
 
 def reference_fault(measured: Calibration) -> str:
-    """Return what is wrong with a reference in words; empty if it is as it has to be."""
+    """Return what is wrong with a reference in words, and what to check; empty if it is as it has to be."""
     reads_pf = REFERENCE_PF / measured.gain_rel
     if abs(reads_pf / REFERENCE_PF - 1) <= MAX_REFERENCE_ERROR_REL:
         return ""
     return (
         f"its reference capacitor reads {reads_pf:.1f} pF, and has {REFERENCE_PF:g} pF; a chip is off by "
-        f"{chip.GAIN_TOLERANCE_REL:.0%} at most: check the capacitor at CIN{REFERENCE_INPUT}"
+        f"{chip.GAIN_TOLERANCE_REL:.0%} at most: check the capacitor at CIN{REFERENCE_INPUT} and its joints"
     )
 
 
@@ -226,4 +226,4 @@ def check_identity(bus: I2cBus, address: int) -> None:
         ) from error
     (word,) = chip.words_of(answer)
     if word & chip.DEVICE_ID_MASK != chip.DEVICE_ID:
-        require_identity(answer, "an AD7147", chip.DEVICE_ID.to_bytes(2, "big"), address, "an AD7147A")
+        require_identity(answer, "an AD7147", chip.DEVICE_ID.to_bytes(2, "big"), address, "a potentiometer")

@@ -92,12 +92,15 @@ def _explanation(models: Models) -> dict[str, str]:
             f"{config.serial.device}, a microcontroller that sends {config.serial.rate_hz:g} scans/s"
         )
     for bus in config.buses:
-        channels = ", ".join(f"{leg} {channel}" for leg, channel in bus.channels.items())
-        place = (
-            f"multiplexer {bus.mux.address:#04x}, channels {channels}"
-            if bus.leg is None
-            else f"{bus.leg} alone"
-        )
+        if bus.leg is not None:
+            place = f"{bus.leg} alone"
+        elif bus.addresses:
+            place = (
+                f"addresses {', '.join(f'{leg} {address:#04x}' for leg, address in bus.addresses.items())}"
+            )
+        else:
+            channels = ", ".join(f"{leg} {channel}" for leg, channel in bus.legs.items())
+            place = f"multiplexer {bus.mux.address:#04x}, channels {channels}"
         told[bus.device] = f"board {config.board}, {place}"
     told["feet"] = f"of type {card.foot_type}"
     if (range_n := RANGES_N.get(card.foot_type)) is not None:

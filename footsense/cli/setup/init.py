@@ -17,6 +17,7 @@ from footsense.cli.setup.probe import diagnoses_lines
 from footsense.cli.setup.robot_file import check_is_new, robot_file
 from footsense.config import DEFAULT, Config
 from footsense.config.contradictions import first_contradiction
+from footsense.config.sections import Bus
 from footsense.daemon.setup.found_feet import SIMULATED, devices, robot_on
 from footsense.daemon.setup.probe import probe
 from footsense.daemon.simulation import is_simulated
@@ -143,10 +144,14 @@ def _found_text(config: Config) -> str:
     """Return in a line where feet answer."""
     if config.serial is not None:
         return f"{config.serial.device}: a microcontroller sends {' '.join(config.legs)}"
-    places = [
-        f"{bus.device}, one foot without a multiplexer"
-        if bus.leg is not None
-        else f"{bus.device}, multiplexer {bus.mux.address:#04x}, channels {' '.join(map(str, bus.legs.values()))}"
-        for bus in config.buses
-    ]
+    places = [f"{bus.device}, {_place(bus)}" for bus in config.buses]
     return f"{len(config.legs)} feet answer: {'; '.join(places)}"
+
+
+def _place(bus: Bus) -> str:
+    """Return where the feet of a bus are on it."""
+    if bus.addresses:
+        return f"addresses {' '.join(f'{address:#04x}' for address in bus.addresses.values())}"
+    if bus.leg is not None:
+        return "one foot without a multiplexer"
+    return f"multiplexer {bus.mux.address:#04x}, channels {' '.join(map(str, bus.legs.values()))}"

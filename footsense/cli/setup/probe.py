@@ -149,16 +149,17 @@ def element_marks(report: ProbedLeg) -> list[tuple[str, bool]]:
 def _bus_figures(report: ProbedBus) -> dict[str, Any]:
     """Return the result of one bus as plain values: chips found, addresses, timing; None for what is not known."""
     bus, scan, drivers = report[:3]
-    timing = scan.bus_timing
+    timing, has_mux = scan.bus_timing, bus.mux_address is not None
     limits = timing and timing.lower_bounds
     return {
         "device": bus.device,
-        "mux": None if bus.leg else {"address": f"{bus.mux.address:#04x}", "answers": scan.mux_answers},
+        "mux": {"address": f"{bus.mux.address:#04x}", "answers": scan.mux_answers} if has_mux else None,
         "upstream": scan.upstream and _addresses(scan.upstream.answering, {bus.mux.address: "mux"}),
         "not_scanned": scan.upstream and [f"{address:#04x}" for address in scan.upstream.unprobeable],
         "kernel_drivers": _addresses(sorted(drivers), drivers),
         "channels": {
-            str(number): _addresses(chips.answering, _CHIP_NAMES) for number, chips in scan.channels.items()
+            str(number): _addresses(chips.answering, _CHIP_NAMES | dict.fromkeys(chips.ad7147, "AD7147"))
+            for number, chips in scan.channels.items()
         },
         "configured_rate_hz": bus.rate_hz,
         "rate_hz": timing and round(timing.bus_hz),
@@ -174,10 +175,21 @@ def _addresses(addresses: Iterable[int], names: Mapping[int, str]) -> dict[str, 
     return {f"{address:#04x}": names.get(address, "?") for address in addresses}
 
 
+def _names(leg: ProbedLeg) -> dict[int, str]:
+    return _CHIP_NAMES if leg.address is None else {leg.address: "AD7147"}
+
+
+def _place_cell(leg: ProbedLeg) -> str:
+    """Return the mux channel, or the address of a converter without one."""
+    if leg.channel is None and leg.address is not None:
+        return f"{leg.address:#04x}"
+    return EMPTY_CELL if leg.channel is None else str(leg.channel)
+
+
 def _chips_cell(leg: ProbedLeg) -> str:
     if leg.chips is None:
         return EMPTY_CELL
-    names = _CHIP_NAMES if leg.chips.outcome is Reading.OK else {}
+    names = _names(leg) if leg.chips.outcome is Reading.OK else {}
     answering = (names.get(address, f"{address:#04x} ?") for address in leg.chips.answering)
     return styled(", ".join(answering) or "nobody", "" if names else "bold red")
 
@@ -225,10 +237,11 @@ def _foot_marks(leg: ProbedLeg) -> Text:
 _LEG_COLUMNS: list[Column[ProbedLeg]] = [
     Column("leg", lambda leg: leg.leg, "<1"),
     Column("bus", lambda leg: leg.device, "<1"),
-    Column("channel", lambda leg: leg.channel, "<1", ("at",)),
+    Column("channel", lambda leg: leg.channel, "<1", ("at",), cell=_place_cell),
+    Column("address", lambda leg: None if leg.address is None else f"{leg.address:#04x}"),
     Column(
         "answering",
-        lambda leg: leg.chips and _addresses(leg.chips.answering, _CHIP_NAMES),
+        lambda leg: leg.chips and _addresses(leg.chips.answering, _names(leg)),
         "<1",
         cell=_chips_cell,
     ),

@@ -12,6 +12,7 @@ from footsense.errors import ConfigError
 from footsense.foot.type_folders import released_names
 
 _BOARD_PARTS = {
+    "ad7147": "an AD7147 in every foot",
     "fdc1004": "an FDC1004 and an ADG715 in every foot",
     "fdc1004_columns": "three FDC1004 and an LTC4317 in every foot",
     "mcu": "a microcontroller scans the feet",
@@ -94,7 +95,11 @@ def _with_legs_alone(config: Config, legs: Collection[str]) -> Config:
         kept = tuple(leg for leg in config.serial.legs if leg in legs)
         return replace(config, serial=replace(config.serial, legs=kept))
     buses = [
-        replace(bus, legs={leg: channel for leg, channel in bus.legs.items() if leg in legs})
+        replace(
+            bus,
+            legs={leg: channel for leg, channel in bus.legs.items() if leg in legs},
+            addresses={leg: address for leg, address in bus.addresses.items() if leg in legs},
+        )
         for bus in config.buses
         if set(bus.channels) & {*legs}
     ]
@@ -139,6 +144,13 @@ def _feet_part(config: Config, names: Mapping[str, str]) -> list[str]:
         lines.append(_commented(device, what) if what else device)
         if bus.leg is not None:
             lines.append(_commented(f"    leg: {bus.leg}", "the only one, directly on the adapter"))
+            continue
+        if bus.addresses:
+            lines.append(_commented("    addresses:", "leg: address by the straps of its AD7147"))
+            lines += [
+                _commented(f"      {leg}: {address:#04x}", _LEG_WORDS[leg])
+                for leg, address in bus.addresses.items()
+            ]
             continue
         lines += ["    mux:", f"      address: {bus.mux.address:#04x}"]
         if bus.mux.reset is not None:

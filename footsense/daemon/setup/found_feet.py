@@ -8,10 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from msgspec.structs import replace
 
+from firmware_interface.chips import ad7147, tca9548a
 from footsense.acquisition.bus_scan import (
     ADDRESSES,
     TimeLimitedBus,
     converter_addresses,
+    is_ad7147,
     leg_chip_addresses,
     probe_addresses,
     scan_bus,
@@ -41,6 +43,8 @@ _SERIAL_PORTS = Path("/dev/serial/by-id")
 _LEGS_OF_N = {1: ("lf",), 2: ("lf", "rf"), 4: ("lf", "lr", "rf", "rr")}
 #: Longest search of one adapter [s]; it does some 150 transactions.
 _SEARCH_LIMIT_S = 20.0
+#: Address of an AD7147 behind a multiplexer.
+_AD7147_BEHIND_MUX = ad7147.ADDRESSES[0]
 #: Scans of a microcontroller that are waited for.
 _N_SCANS = 20
 
@@ -51,17 +55,22 @@ class FoundFeet(NamedTuple):
     Attributes:
         device: The adapter.
         board: Their electronics, a key of BOARDS.
-        mux_address: Address of their multiplexer; None for one foot directly on the adapter.
+        mux_address: Address of their multiplexer; None for feet directly on the adapter.
         channels: Channel of each foot; 0 without a multiplexer.
+        addresses: Address of each foot's converter, of board `ad7147` without a multiplexer.
     """
 
     device: str
     board: str
     mux_address: int | None
     channels: tuple[int, ...]
+    addresses: tuple[int, ...] = ()
 
     def bus(self, legs: Sequence[str]) -> Bus:
         """Return the section of a configuration that has these feet on these legs."""
+        if self.addresses:
+            addresses = dict(zip(legs, self.addresses, strict=True))
+            return Bus(device=self.device, addresses=addresses)  # type: ignore[arg-type]
         if self.mux_address is None:
             return Bus(device=self.device, leg=legs[0])  # type: ignore[arg-type]
         channels = dict(zip(legs, self.channels, strict=True))
@@ -78,7 +87,7 @@ def find_feet(device: str, adapter: I2cBus, clock: Clock, claimed: Collection[in
     """Return the feet that answer on an adapter; None if there are none.
 
     Every address is asked for an acknowledge. Only what then answers at an address of a multiplexer is written to, and
-    switched only if it reads back as one.
+    switched only if it reads back as one; and what answers at an address of an AD7147 is asked for its identity.
 
     Args:
         device: Name of the adapter.
@@ -95,14 +104,23 @@ def find_feet(device: str, adapter: I2cBus, clock: Clock, claimed: Collection[in
     plans = {name: scan_plan(FASTEST_SPS, name) for name in BOARDS}
     alone = [name for name, plan in plans.items() if answering >= {*leg_chip_addresses(plan)}]
     found = [FoundFeet(device, name, None, (0,)) for name in alone]
+    addresses = tuple(
+        address for address in ad7147.ADDRESSES if address in answering and is_ad7147(adapter, address)
+    )
+    if addresses:
+        found.append(FoundFeet(device, "ad7147", None, (0,) * len(addresses), addresses))
     for address in sorted(answering.intersection(MUX_ADDRESSES)):
         found += _feet_behind(device, LegBus(adapter, address), clock, plans, claimed)
     # Of two boards that answer on as many channels, the one with more converters: the other has some of its addresses.
     return max(
         found,
-        key=lambda feet: (len(feet.channels), len(converter_addresses(plans[feet.board]))),
+        key=lambda feet: (len(feet.channels), _converters_per_foot(feet.board)),
         default=None,
     )
+
+
+def _converters_per_foot(board: str) -> int:
+    return BOARDS[board].traffic.n_converters if board in BOARDS else 1
 
 
 def _feet_behind(
@@ -110,8 +128,18 @@ def _feet_behind(
 ) -> Iterator[FoundFeet]:
     """Yield the feet of each board behind a multiplexer, whose channels are asked for the chips of feet alone."""
     chips_of_feet = {address for plan in plans.values() for address in leg_chip_addresses(plan)}
+    chips_of_feet.add(_AD7147_BEHIND_MUX)
     skipped = {*claimed} | ({*ADDRESSES} - chips_of_feet)
-    scan = scan_bus(bus, clock, next(iter(plans.values())), {}, skipped)
+    scan = scan_bus(bus, clock, next(iter(plans.values())), {}, claimed=skipped)
+    single = tuple(
+        number
+        for number, chips in scan.channels.items()
+        if _AD7147_BEHIND_MUX in chips.answering
+        and is_ad7147(bus.connect(tca9548a.channel_control_byte(number)), _AD7147_BEHIND_MUX)
+    )
+    if single:
+        yield FoundFeet(device, "ad7147", bus.mux_address, single)
+    bus.free_bus()
     for name, plan in plans.items():
         converters = set(converter_addresses(plan))
         channels = tuple(
@@ -186,7 +214,8 @@ def _usual_legs(found: Sequence[FoundFeet]) -> Sequence[str]:
     if len(channels) > len(ALL_LEGS):
         raise ConfigError(f"{len(channels)} feet answer; a robot has at most {len(ALL_LEGS)}")
     by_channel = tuple(ALL_LEGS[channel] for channel in channels)
-    return _LEGS_OF_N.get(len(channels)) or (by_channel if len(found) == 1 else ALL_LEGS[: len(channels)])
+    has_one_mux = len(found) == 1 and found[0].mux_address is not None
+    return _LEGS_OF_N.get(len(channels)) or (by_channel if has_one_mux else ALL_LEGS[: len(channels)])
 
 
 def _open_and_find(device: str, legs: Sequence[str] | None, scene: Scene) -> FoundFeet | None:

@@ -11,7 +11,7 @@ import numpy as np
 from footsense.acquisition.boards.chip_timing import ChipTiming
 from footsense.acquisition.bus_scan import (
     BusScan,
-    ChannelScan,
+    LegScan,
     TimeLimitedBus,
     leg_chip_addresses,
     scan_bus,
@@ -21,7 +21,7 @@ from footsense.acquisition.leg_bus import LegBus
 from footsense.acquisition.leg_connection import LegConnection
 from footsense.acquisition.linux_i2c import kernel_drivers
 from footsense.acquisition.mcu_source import McuSource
-from footsense.acquisition.scan_plan import ScanPlan
+from footsense.acquisition.scan_plan import AnyPlan, ScanPlan
 from footsense.config import Config
 from footsense.config.sections import Bus
 from footsense.daemon.acquisition import MIN_BUS_SPEED_REL, open_buses, open_scan_source
@@ -77,6 +77,7 @@ class ProbedLeg(NamedTuple):
         leg: Name of the leg.
         device: Device of its bus.
         channel: Channel of the mux; None without one.
+        address: Address of its converter; None unless the board is `ad7147`.
         chips: Chips that answer there; None if they could not be scanned.
         timing: Timing of its converter, the slower way of several; None if it was not measured.
         scans: Scans of its foot; None if there are none.
@@ -87,7 +88,8 @@ class ProbedLeg(NamedTuple):
     leg: str
     device: str
     channel: int | None
-    chips: ChannelScan | None
+    address: int | None
+    chips: LegScan | None
     timing: ChipTiming | None
     scans: FootScans | None
     faults: tuple[FootFault, ...]
@@ -123,7 +125,7 @@ class ProbeResult(NamedTuple):
         return max(known_ns) if known_ns and len(known_ns) == len(timings) else None
 
 
-def bus_diagnoses(report: ProbedBus, plan: ScanPlan) -> Iterator[Diagnosis]:
+def bus_diagnoses(report: ProbedBus, plan: AnyPlan) -> Iterator[Diagnosis]:
     """Yield the faults that concern a whole bus."""
     device = report.bus_config.device
     loose = "plugs and cables, pull-ups, and the supply of the mux: a loose contact"
@@ -137,9 +139,15 @@ def bus_diagnoses(report: ProbedBus, plan: ScanPlan) -> Iterator[Diagnosis]:
         yield Diagnosis(device, observation, advice)
 
 
-def _bus_faults(report: ProbedBus, plan: ScanPlan) -> Iterator[tuple[str, str]]:
+def _bus_faults(report: ProbedBus, plan: AnyPlan) -> Iterator[tuple[str, str]]:
     """Yield observation and advice for each fault of a bus."""
     bus, scan, drivers = report[:3]
+    if scan.upstream is None and bus.mux_address is None:
+        yield (
+            f"SDA or SCL is held low, by any of {', '.join(bus.channels)} or by the wires before them",
+            "short in a cable or plug, pull-ups, and whether all chips have power; unplug one foot after the other",
+        )
+        return
     if scan.upstream is None:
         needs_wire = not bus.mux.reset
         wire = "; only the mux's RESET pin frees a leg that holds it: wire one" if needs_wire else ""
@@ -149,7 +157,7 @@ def _bus_faults(report: ProbedBus, plan: ScanPlan) -> Iterator[tuple[str, str]]:
         )
         return
     for address in leg_chip_addresses(plan):
-        if bus.leg is None and address in (*scan.upstream.answering, *drivers):
+        if bus.mux_address is not None and address in (*scan.upstream.answering, *drivers):
             yield (
                 f"something answers at {address:#04x} with no leg connected: a chip of every leg has that address",
                 "what it is; move it to another address or another bus",
@@ -161,22 +169,34 @@ def _bus_faults(report: ProbedBus, plan: ScanPlan) -> Iterator[tuple[str, str]]:
             f"it runs at {scan.bus_timing.bus_hz * 1e-3:.0f} kHz, {bus.rate_hz * 1e-3:.0f} kHz are configured",
             "dtparam=i2c_arm_baudrate and core_freq_min on a Raspberry Pi, or correct rate_hz",
         )
-    skipped = [leg for leg, channel in bus.channels.items() if channel not in scan.channels]
+    skipped = [leg for leg in bus.channels if leg not in scan.legs]
     if scan.mux_answers and skipped:
         yield (
             f"{', '.join(skipped)} could not be scanned: the leg before them holds the bus, and nothing frees it",
             "that leg first; and wire the mux's RESET pin (mux.reset)",
         )
-    silent = {channel for channel, chips in scan.channels.items() if chips.outcome is Reading.NO_ANSWER}
-    missing = ", ".join(leg for leg, channel in bus.channels.items() if channel in silent)
+    yield from _surplus_chips(report, plan)
+
+
+def _surplus_chips(report: ProbedBus, plan: AnyPlan) -> Iterator[tuple[str, str]]:
+    """Yield observation and advice for chips of legs where no leg is configured."""
+    bus, scan = report[:2]
+    silent = ", ".join(leg for leg, chips in scan.legs.items() if chips.outcome is Reading.NO_ANSWER)
+    lacks = "whether the configuration lacks a leg"
     for channel, chips in scan.channels.items():
-        is_no_leg = channel not in bus.channels.values()
-        if is_no_leg and set(leg_chip_addresses(plan)) <= {*chips.answering}:
+        if isinstance(plan, ScanPlan):
+            if not chips.legs and set(leg_chip_addresses(plan)) <= {*chips.answering}:
+                yield (
+                    f"a leg's chips answer on channel {channel}, which is no leg's",
+                    f"whether they are those of {silent}" if silent else lacks,
+                )
+            continue
+        own = {bus.converter_addresses[leg] for leg in chips.legs}
+        behind = "" if bus.mux_address is None else f" on channel {channel}"
+        for address in sorted({*chips.ad7147} - own):
             yield (
-                f"a leg's chips answer on channel {channel}, which is no leg's",
-                f"whether they are those of {missing}"
-                if missing
-                else "whether the configuration lacks a leg",
+                f"an AD7147 answers at {address:#04x}{behind}, which is no leg's",
+                f"whether it is that of {silent}: its straps ADD0, ADD1" if silent else lacks,
             )
 
 
@@ -221,7 +241,10 @@ def leg_diagnoses(report: ProbedLeg) -> Iterator[Diagnosis]:
     elif chips is not None and chips_fail:
         words = words_of_reading(chips.outcome)
         why = words.meaning if chips.outcome is Reading.BUS_STUCK else chips.why
-        yield Diagnosis(report.leg, f"{location}: {why}", words.remedy)
+        remedy = words.remedy
+        if report.channel is None and report.address is not None and chips.outcome is Reading.NO_ANSWER:
+            remedy += "; with the straps of another foot it falsifies that one's readings"
+        yield Diagnosis(report.leg, f"{location}: {why}", remedy)
     if report.timing is not None and report.timing.wait_factor > 1.0:
         if report.slow_columns:
             location += f", column {', '.join(map(str, report.slow_columns))}"
@@ -243,6 +266,8 @@ _SCAN_LIMIT_S = 60.0
 _N_FOOT_SCANS = 20
 #: Scans before them: converters that were just set up may still settle, and legs that fail are left out.
 _N_DISCARDED_SCANS = 4
+#: The same of converters that run freely: one bus may be read for so long while another waits for its first frame.
+_N_DISCARDED_FREE_SCANS = 40
 
 
 def probe(config: Config, scene: Scene | None) -> ProbeResult:
@@ -272,13 +297,13 @@ def probe(config: Config, scene: Scene | None) -> ProbeResult:
                 if is_last:
                     diagnoses.append(Diagnosis("scan", str(error), "this first: no foot was scanned"))
     if of_chips is not None:
-        buses = tuple(_with_needed_reads(buses, [timing for timing, _ in of_chips], config.scan_plan))
+        buses = tuple(_with_needed_reads(buses, [state.timing for state in of_chips], config.scan_plan))
     legs = tuple(_probed_legs(config, buses, feet, of_chips))
     diagnoses += [diagnosis for leg in legs for diagnosis in leg_diagnoses(leg)]
     return ProbeResult(buses, legs, tuple(diagnoses))
 
 
-def _probe_buses(config: Config, scene: Scene | None, plan: ScanPlan) -> Iterator[ProbedBus]:
+def _probe_buses(config: Config, scene: Scene | None, plan: AnyPlan) -> Iterator[ProbedBus]:
     """Yield the scan result of every bus."""
     robot = None if scene is None else simulated_robot(config, scene)
     with ExitStack() as stack:
@@ -313,7 +338,7 @@ class _RepeatingBus:
                 return answer
 
 
-def probed_bus(bus: Bus, legs: LegBus, clock: Clock, plan: ScanPlan, drivers: Mapping[int, str]) -> ProbedBus:
+def probed_bus(bus: Bus, legs: LegBus, clock: Clock, plan: AnyPlan, drivers: Mapping[int, str]) -> ProbedBus:
     """Return the chips found on a bus, also on one that fails now and then.
 
     Args:
@@ -324,16 +349,19 @@ def probed_bus(bus: Bus, legs: LegBus, clock: Clock, plan: ScanPlan, drivers: Ma
         drivers: Kernel drivers by the address that each holds.
     """
     limited = TimeLimitedBus(legs.adapter, clock, bus.device, _SCAN_LIMIT_S)
-    legs.adapter = repeating = _RepeatingBus(limited, bus.mux_address, leg_chip_addresses(plan))
+    legs.adapter = repeating = _RepeatingBus(
+        limited, bus.mux_address, (*leg_chip_addresses(plan), *bus.addresses.values())
+    )
     try:
-        scan, failure = scan_bus(legs, clock, plan, bus.channels, drivers), ""
+        scan = scan_bus(legs, clock, plan, bus.channels, bus.converter_addresses, drivers)
+        failure = ""
     except HardwareError as error:
         scan, failure = BusScan(None, mux_answers=False, channels={}, bus_timing=None), str(error)
     return ProbedBus(bus, scan, drivers, repeating.n_repeated, failure)
 
 
 def _with_needed_reads(
-    buses: tuple[ProbedBus, ...], timings: list[ChipTiming | None], plan: ScanPlan
+    buses: tuple[ProbedBus, ...], timings: list[ChipTiming | None], plan: AnyPlan
 ) -> Iterator[ProbedBus]:
     """Yield the buses with the limits of the registers that have to be read of their legs' converters."""
     of_legs = iter(timings)
@@ -345,46 +373,57 @@ def _with_needed_reads(
         yield report._replace(scan=report.scan._replace(bus_timing=timing))
 
 
-#: Timing of a leg's converters, None if not measured, and the columns of several that are slow.
-_LegTiming = tuple[ChipTiming | None, tuple[int, ...]]
+class _LegState(NamedTuple):
+    """Timing of a leg's converters, columns of several that are slow, and why it was last left out, in words."""
+
+    timing: ChipTiming | None = None
+    slow_columns: tuple[int, ...] = ()
+    why: str = ""
 
 
-def _scan_feet(config: Config, scene: Scene | None) -> tuple[list[FootScans], list[_LegTiming] | None]:
-    """Return the readings of each foot over some scans, and its converters' timing; None with a microcontroller."""
+def _scan_feet(config: Config, scene: Scene | None) -> tuple[list[FootScans], list[_LegState] | None]:
+    """Return the readings of each foot over some scans, and the state of each leg; None with a microcontroller."""
     with open_scan_source(config, scene) as started:
-        frames = started.read_whole_scans(_N_DISCARDED_SCANS + _N_FOOT_SCANS)[_N_DISCARDED_SCANS:]
-        timings = None
+        n_discarded = _N_DISCARDED_FREE_SCANS if config.board == "ad7147" else _N_DISCARDED_SCANS
+        frames = started.read_whole_scans(n_discarded + _N_FOOT_SCANS)[n_discarded:]
+        states = None
         if not isinstance(started.source, McuSource):
-            timings = [_timing_of(leg) for leg in started.source.legs]
+            states = [_state_of(leg) for leg in started.source.legs]
     capacitance_pf = np.stack([frame.capacitance_pf for frame in frames], axis=1)
     reading = np.stack([frame.reading for frame in frames], axis=1)
-    return [FootScans(*of_leg) for of_leg in zip(capacitance_pf, reading, strict=True)], timings
+    return [FootScans(*of_leg) for of_leg in zip(capacitance_pf, reading, strict=True)], states
 
 
-def _timing_of(leg: LegConnection) -> _LegTiming:
+def _state_of(leg: LegConnection) -> _LegState:
     slow = [column for column, timing in enumerate(leg.timings) if timing.wait_factor > 1.0]
-    return leg.timing if leg.is_timed else None, tuple(slow) if len(leg.timings) > 1 else ()
+    return _LegState(
+        leg.timing if leg.is_timed else None,
+        tuple(slow) if len(leg.timings) > 1 else (),
+        leg.why,
+    )
 
 
 def _probed_legs(
     config: Config,
     buses: tuple[ProbedBus, ...],
     feet: list[FootScans] | None,
-    of_chips: list[_LegTiming] | None,
+    of_chips: list[_LegState] | None,
 ) -> Iterator[ProbedLeg]:
     """Yield the result of every leg, in the order of the configuration."""
-    leg_channels: list[tuple[str, str, int | None, ChannelScan | None]] = []
+    places: list[tuple[str, str, int | None, int | None, LegScan | None]] = []
     for report in buses:
         bus = report.bus_config
         for leg, channel in bus.channels.items():
             on_mux = None if bus.mux_address is None else channel
-            leg_channels.append((leg, bus.device, on_mux, report.scan.channels.get(channel)))
+            address = bus.converter_addresses[leg] if config.board == "ad7147" else None
+            places.append((leg, bus.device, on_mux, address, report.scan.legs.get(leg)))
     if config.serial is not None:
-        leg_channels = [(name, config.serial.device, None, None) for name in config.legs]
+        places = [(name, config.serial.device, None, None, None) for name in config.legs]
     # By the configuration and the design alone, without the calibrations.
     known = mounted_feet(replace(load_models(config), calibrations_by_leg={}))
-    for row, place in enumerate(leg_channels):
+    for row, place in enumerate(places):
         scans = None if feet is None or np.isin(feet[row].reading, SILENT_READINGS).all() else feet[row]
+        state = of_chips[row] if of_chips else _LegState()
         faults: tuple[FootFault, ...] = ()
         if (
             scans is not None and not scans.chips_fail_intermittently
@@ -394,6 +433,7 @@ def _probed_legs(
                 known.stray_pf[row],
                 known.unloaded_pf[row],
                 config.tare,
+                has_shared_lines=config.board != "ad7147",
+                why_left_out=state.why,
             )
-        timing, slow = of_chips[row] if of_chips else (None, ())
-        yield ProbedLeg(*place, timing, scans, faults, slow)
+        yield ProbedLeg(*place, state.timing, scans, faults, state.slow_columns)

@@ -83,3 +83,33 @@ def test_the_line_that_is_at_ground_is_named(column: int) -> None:
     (shorted,) = found(scans)
     assert (shorted.cause, shorted.elements) == (Cause.ELEMENT_SHORTED, (6 + column,))
     assert shorted.observation.endswith(f"with it the rest of column {column} cannot be read")
+
+
+def test_elements_with_a_line_each_are_told_one_by_one() -> None:
+    """A board that has no row switch is not asked for one, and nothing of a floating row is taken off the others."""
+    scans = foot()
+    scans.capacitance_pf[:, :3] = 0.3
+    scans.reading[:, 8] = Reading.OVER_RANGE
+    scans.capacitance_pf[:, 8] = np.nan
+    faults = foot_faults(scans, np.full(9, 0.1), np.full(9, 5.3), TareLimits(), has_shared_lines=False)
+    assert [(fault.cause, fault.elements) for fault in faults] == [
+        (Cause.OVERLOAD, (8,)),
+        *((Cause.ELEMENT_OPEN, (element,)) for element in range(3)),
+    ]
+    assert faults[0].observation.endswith("its gap is closed, or its line touches ground")
+    assert faults[3].advice == "the line from its electrode, row 0, column 2, to input CIN2"
+
+
+def test_a_leg_that_was_left_out_says_why() -> None:
+    """In the words of its board, in place of those of its reading."""
+    scans = foot()
+    scans.reading[:] = Reading.MISCONFIGURED
+    expected = np.full(9, 0.1), np.full(9, 5.3), TareLimits()
+    (fault,) = foot_faults(scans, *expected, why_left_out="its reference reads 3 pF: check it")
+    assert (fault.cause, fault.observation, fault.advice) == (
+        Cause.SETTINGS_LOST,
+        "its reference reads 3 pF",
+        "it",
+    )
+    (fault,) = foot_faults(scans, *expected)
+    assert fault.observation == "a chip does not hold its settings"

@@ -7,10 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from footsense.acquisition.free_scanner import FreeScanner
 from footsense.acquisition.leg_bus import LegBus
-from footsense.acquisition.scan_plan import scan_plan
+from footsense.acquisition.scan_plan import AD7147_PLAN, scan_plan
 from footsense.acquisition.scanner import BusScanner
 from footsense.frames import CapFrame, Reading
+from footsense.sim.chips.ad7147 import SimulatedAd7147
 from footsense.sim.chips.chip import SimulatedLineSwitch, SimulatedMux
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 from footsense.sim.clock import VirtualClock
@@ -209,3 +211,24 @@ def test_legs_that_are_found_together_begin_with_a_whole_conversion() -> None:
         robot.scanner.read()
         looks_ns.append(robot.clock.now_ns())
     assert min(np.diff(looks_ns)) > 2_000_000
+
+
+@pytest.mark.parametrize(("gain_rel", "reads_pf"), [(-0.35, "3.1"), (0.35, "6.3")])
+def test_a_leg_whose_reference_is_off_is_left_out_with_a_line(
+    caplog: pytest.LogCaptureFixture, gain_rel: float, reads_pf: str
+) -> None:
+    """It says what the capacitor reads and what to check; the leg beside it on the same wires is read."""
+    clock, addresses = VirtualClock(), {"lf": 0x2C, "lm": 0x2D}
+    chips = [
+        SimulatedAd7147(lambda cin, *_: 4.7 if cin == 12 else 5.4, None, address=address, gain_rel=gain)
+        for address, gain in zip(addresses.values(), (0.0, gain_rel), strict=True)
+    ]
+    bus = LegBus(SimulatedBus(clock, 400_000, 0, None, {0: chips}), None)
+    scanner = FreeScanner(bus, clock, dict.fromkeys(addresses, 0), addresses, AD7147_PLAN)
+    scanner.start()
+    readings = [scanner.read() for _ in range(4)][-1].reading
+    assert (readings[0] == Reading.OK).all()
+    assert (readings[1] == Reading.MISCONFIGURED).all()
+    (line,) = caplog.messages
+    assert line.startswith(f"leg lm: its reference capacitor reads {reads_pf} pF, and has 4.7 pF; ")
+    assert ": check the capacitor at CIN12 and its joints; left out of the scan" in line

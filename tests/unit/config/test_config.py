@@ -28,6 +28,7 @@ buses:
 can: {interface: socketcan}
 """
 
+ADDRESSES = "board: ad7147\n" + ONE_BUS.replace("legs: {lf: 0, rf: 1}", "addresses: {lf: 0x2C, rf: 0x2D}")
 MCU = "board: mcu\nserial: {device: sim}\ncan: {interface: virtual}\n"
 
 
@@ -51,6 +52,7 @@ def file(tmp_path: Path) -> Path:
         "footsense-two-buses.yaml",
         "footsense-mcu.yaml",
         "footsense-columns.yaml",
+        "footsense-ad7147.yaml",
     ],
 )
 def test_the_examples_are_right(name: str) -> None:
@@ -154,11 +156,24 @@ def test_a_relative_path_is_one_beside_the_file(
         ),
         (
             ONE_BUS.replace("legs: {lf: 0, rf: 1}", "leg: lf\n    legs: {rf: 1}"),
-            "buses[0].legs: name its legs with their channels of the multiplexer, or under leg the one",
+            "buses[0].legs: name its legs with their channels of the multiplexer, under leg the one",
+        ),
+        (
+            ADDRESSES.replace("0x2D", "0x2C"),
+            ":4: buses[0].addresses.rf: address 0x2c is already that of lf; free are 0x2d, 0x2e, 0x2f",
+        ),
+        (ADDRESSES.replace("0x2D", "0x30"), "0x2c to 0x2f, by the straps ADD0 and ADD1 of an AD7147"),
+        (
+            ADDRESSES.replace("ad7147", "fdc1004_columns"),
+            "buses[0].addresses: the converters of board fdc1004_columns have one address; name channels of a",
+        ),
+        (
+            ADDRESSES + "scan: {rate_sps: 200}",
+            ":6: scan: the board ad7147 converts at one rate; take scan away",
         ),
         (
             ONE_BUS.replace("legs: {lf: 0, rf: 1}", "leg: lf\n    mux: {address: 0x72}"),
-            "buses[0].mux: leg is directly",
+            "buses[0].mux: its legs are directly on the adapter; take mux away",
         ),
         (
             ONE_BUS.replace("can:", "  - {device: sim, leg: lm}\ncan:"),
@@ -211,6 +226,8 @@ def test_check_config_explains_a_file(file: Path) -> None:
     """Where each leg is, where its forces go, how much of CAN that takes, and what to expect of feet as they come."""
     said = said_of(DEPLOY / "footsense-two-buses.yaml")
     assert "/dev/i2c-3 board fdc1004, multiplexer 0x71, channels rf 0, rm 1, rr 2" in said
+    of_addresses = said_of(DEPLOY / "footsense-ad7147.yaml")
+    assert "/dev/i2c-3 board ad7147, addresses rf 0x2c, rm 0x2d, rr 0x2e" in of_addresses
     assert "CAN can0, of whose 500 kbit/s up to 37 % are taken" in said
     assert "page http://127.0.0.1:8765, " in said
     assert (

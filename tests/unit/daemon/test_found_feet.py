@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import numpy as np
 import pytest
 from msgspec.structs import replace
 
@@ -14,14 +15,17 @@ from footsense.daemon.setup.found_feet import FoundFeet, find_feet, robot_of
 from footsense.daemon.setup.probe import probe
 from footsense.errors import ConfigError, HardwareError, NackError
 from footsense.ports import Transaction
+from footsense.sim.chips.ad7147 import SimulatedAd7147
 from footsense.sim.chips.chip import SimulatedChip, SimulatedLineSwitch, SimulatedMux
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 from footsense.sim.chips.ltc4317 import translated_columns
 from footsense.sim.clock import VirtualClock
 from footsense.sim.faults import scene_faults
+from footsense.sim.faults.chip_faults import inject_chip_faults
 from footsense.sim.i2c_bus import SimulatedBus
 from footsense.sim.scene import load_scene
 
+RNG = np.random.default_rng(1)
 HANGING = load_scene("hanging")
 SOCKET = Can(interface="socketcan", channel="can0")
 
@@ -32,6 +36,10 @@ def fdc1004() -> Sequence[SimulatedChip]:
 
 def fdc1004_columns() -> Sequence[SimulatedChip]:
     return translated_columns([SimulatedFdc1004(lambda *_: 5.0, None) for _ in range(3)], ())
+
+
+def ad7147(*addresses: int) -> Sequence[SimulatedAd7147]:
+    return [SimulatedAd7147(lambda *_: 5.0, None, address=address) for address in addresses]
 
 
 def found_on(
@@ -56,6 +64,7 @@ def found_on(
         (None, (0,), fdc1004, "fdc1004"),
         (0x71, (0, 3), fdc1004_columns, "fdc1004_columns"),
         (None, (0,), fdc1004_columns, "fdc1004_columns"),
+        (0x71, (0, 3, 4), lambda: ad7147(0x2C), "ad7147"),
     ],
 )
 def test_feet_are_found_wherever_they_answer(
@@ -63,6 +72,45 @@ def test_feet_are_found_wherever_they_answer(
 ) -> None:
     """Behind a multiplexer at any address, of either board, or one directly on the adapter."""
     assert found_on(mux, channels, chips) == FoundFeet("/dev/i2c-1", board, mux, channels)
+
+
+def test_feet_with_an_address_each_are_found_directly_on_an_adapter() -> None:
+    """Whatever their straps; a chip that only acknowledges at such an address is no foot."""
+    found = found_on(None, (0,), lambda: (*ad7147(0x2C, 0x2F), Repeater(0x2D)))
+    assert found == FoundFeet("/dev/i2c-1", "ad7147", None, (0, 0), (0x2C, 0x2F))
+    bus = found.bus(("lf", "rf"))
+    assert (bus.addresses, bus.legs, bus.mux_address) == ({"lf": 0x2C, "rf": 0x2F}, {}, None)
+    three = found_on(None, (0,), lambda: ad7147(0x2C, 0x2D, 0x2F))
+    assert three is not None
+    assert robot_of([three], (), SOCKET).legs == ("lf", "lm", "lr")
+
+
+@pytest.mark.parametrize(("mux", "channel"), [(None, 0), (0x71, 3)])
+def test_what_is_no_ad7147_is_no_foot_and_is_not_written(mux: int | None, channel: int) -> None:
+    """A potentiometer with one register would take a question for a setting."""
+    other = Repeater(0x2C)
+    assert found_on(mux, (channel,), lambda: (other,)) is None
+    assert other.written == []
+    eeprom = inject_chip_faults(ad7147(0x2C), (), [scene_faults.WrongChip(at_s=0, leg="lf")], RNG)
+    assert found_on(mux, (channel,), lambda: eeprom) is None
+
+
+class Repeater:
+    """A chip with one register, which reads repeat."""
+
+    def __init__(self, address: int) -> None:
+        self.address = address
+        self.written: list[bytes] = []
+
+    def acknowledges(self, t_ns: int) -> bool:
+        return True
+
+    def write(self, data: bytes, t_ns: int) -> None:
+        if data:
+            self.written.append(data)
+
+    def read(self, n: int, t_ns: int) -> bytes:
+        return b"\x80" * n
 
 
 def test_a_bus_without_feet_has_none() -> None:
@@ -146,6 +194,26 @@ def test_a_file_of_a_real_robot_is_right_and_says_what_was_found(tmp_path: Path)
         assert len(read.unloaded_pf) == 6 * hang_free
         assert max(map(len, text.splitlines())) <= 120
         assert "# bcm2835 (i2c@7e804000)" in text
+
+
+@pytest.mark.parametrize("device", ["/dev/i2c-{}", "sim{}"])
+def test_a_file_of_legs_with_addresses_is_right(tmp_path: Path, device: str) -> None:
+    """And so is the part that a probe writes, without a leg that is unplugged."""
+    feet = [FoundFeet(device.format(n), "ad7147", None, (0, 0, 0), (0x2C, 0x2D, 0x2F)) for n in range(2)]
+    config = robot_of(feet, (), SOCKET)
+    assert config.legs == ("lf", "lm", "lr", "rf", "rm", "rr")
+    simulated = replace(
+        config, buses=tuple(replace(bus, device=f"sim{n}") for n, bus in enumerate(config.buses))
+    )
+    found = probe(simulated, replace(HANGING, faults=(scene_faults.Absent(at_s=0, leg="lm"),)))
+    file = tmp_path / "robot.yaml"
+    file.write_text(robot_file(config, found, {}, hang_free=False))
+    read = load_config(file)
+    assert (read.board, read.buses) == ("ad7147", config.buses)
+    file.write_text(found_part(config, found) + "can: {interface: virtual}\n")
+    read = load_config(file)
+    assert dict(read.buses[0].addresses.items()) == {"lf": 0x2C, "lr": 0x2F}
+    assert read.buses[1] == config.buses[1]
 
 
 def test_the_part_that_a_probe_writes_has_the_legs_that_answer(tmp_path: Path) -> None:

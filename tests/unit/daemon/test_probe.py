@@ -11,7 +11,7 @@ from rich.console import Console
 from footsense.acquisition.bus_scan import AddressProbe, scan_bus
 from footsense.acquisition.leg_bus import LegBus
 from footsense.acquisition.mcu_source import Serial
-from footsense.acquisition.scan_plan import scan_plan
+from footsense.acquisition.scan_plan import AD7147_PLAN, scan_plan
 from footsense.cli.setup.probe import element_marks, probe_json, probe_picture
 from footsense.cli.setup.robot_file import unloaded_yaml
 from footsense.config import SMALL_BOARD, Config
@@ -20,13 +20,14 @@ from footsense.daemon.setup.probe import ProbedBus, ProbeResult, bus_diagnoses, 
 from footsense.errors import I2cError, I2cTimeoutError, NackError
 from footsense.frames import Reading
 from footsense.ports import I2cBus, Transaction
+from footsense.sim.chips.ad7147 import SimulatedAd7147
 from footsense.sim.chips.chip import SimulatedChip, SimulatedLineSwitch, SimulatedMux
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 from footsense.sim.clock import VirtualClock
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Fault
 from footsense.sim.i2c_bus import SimulatedBus
-from footsense.sim.scene import Effects, OddColumn, load_scene
+from footsense.sim.scene import Ad7147Effects, Effects, OddColumn, load_scene
 from footsense.sim.scene_loads import Constant
 from tests.contract.boards import Saboteur
 from tests.support.feet import DESIGN
@@ -168,6 +169,153 @@ def test_the_column_of_a_slow_converter_is_told() -> None:
     assert max(map(len, shown(found).splitlines())) <= 80
 
 
+ADDRESSES = msgspec.structs.replace(
+    SMALL_BOARD,
+    board="ad7147",
+    buses=(
+        Bus(device="sim", addresses={"lf": 0x2C, "lm": 0x2D, "lr": 0x2E}),
+        Bus(device="sim1", addresses={"rf": 0x2C, "rm": 0x2D, "rr": 0x2E}),
+    ),
+)
+
+
+def test_legs_with_an_address_each_are_sound() -> None:
+    """Two buses without a multiplexer: the table has each leg's address, and the limits are those of three legs."""
+    found = probed(config=ADDRESSES)
+    assert found.diagnoses == ()
+    assert all(leg.unloaded_pf == pytest.approx([DESIGN.unloaded_pf] * 9, rel=0.015) for leg in found.legs)
+    figures, text = probe_json(found), shown(found)
+    assert [bus["mux"] for bus in figures["buses"]] == [None, None]
+    assert figures["buses"][1]["channels"] == {"0": dict.fromkeys(("0x2c", "0x2d", "0x2e"), "AD7147")}
+    assert figures["scan_ms"] == pytest.approx(1.04 * 9 * 0.768, abs=0.01)
+    assert [figures["legs"][leg]["address"] for leg in ("lf", "rr")] == ["0x2c", "0x2e"]
+    assert text.count("sound") == text.count("AD7147") == 6
+    assert max(map(len, text.splitlines())) <= 80
+    unloaded = unloaded_yaml(found).splitlines()
+    assert len(unloaded) == 7
+
+
+def test_an_ad7147_behind_a_multiplexer_has_its_channel() -> None:
+    config = msgspec.structs.replace(SMALL_BOARD, board="ad7147")
+    found = probed(scene_faults.Absent(at_s=0, leg="lm"), config=config)
+    (diagnosis,) = found.diagnoses
+    assert diagnosis.observation == (
+        "channel 1: no answer at 0x2c: broken wire, no supply, or other straps ADD0, ADD1"
+    )
+    assert shown(found).count("AD7147") == 5
+
+
+@pytest.mark.parametrize(
+    ("broken", "what", "check"),
+    [
+        (
+            scene_faults.Absent(at_s=0, leg="lm"),
+            "sim: no answer at 0x2d: broken wire, no supply",
+            "straps of another",
+        ),
+        (scene_faults.WrongChip(at_s=0, leg="lm"), "an AD7147 says 14 70; another chip", "key `board`"),
+        (scene_faults.ElementOpen(at_s=0, leg="lm", element=5), "element 5 is open", "to input CIN5"),
+        (
+            scene_faults.ElementShorted(at_s=0, leg="lm", element=4),
+            "element 4 is over the converter's range: its gap is closed, or its line touches ground",
+            "water",
+        ),
+    ],
+)
+def test_a_fault_beside_legs_on_the_same_wires_is_one_line_on_that_leg(
+    broken: Fault, what: str, check: str
+) -> None:
+    """No mux parts them: the others are found, read and sound all the same."""
+    found = probed(broken, config=ADDRESSES)
+    (diagnosis,) = found.diagnoses
+    assert diagnosis.location == "lm"
+    assert what in diagnosis.observation
+    assert check in diagnosis.advice
+    assert "switch" not in diagnosis.observation + diagnosis.advice
+    assert [leg.leg for leg in found.legs if leg.unloaded_pf is None] == ["lm"]
+    assert max(map(len, shown(found).splitlines())) <= 80
+
+
+def test_noise_is_of_new_readings_while_another_bus_is_late() -> None:
+    """A leg with corrupt answers delays its bus's first frame; readings that are repeated until then have no noise."""
+    found = probed(scene_faults.CorruptReads(at_s=0, leg="lm", rate_rel=0.3), config=ADDRESSES)
+    noise_ff = [leg.scans.noise_ff.mean() for leg in found.legs if leg.scans and leg.leg != "lm"]
+    assert noise_ff == pytest.approx([1.0] * 5, abs=0.4)
+    assert [diagnosis.location for diagnosis in found.diagnoses] == ["lm"]
+
+
+def test_which_of_several_legs_holds_a_line_nobody_knows() -> None:
+    """Of a bus without a multiplexer: it is the bus's fault, and the legs of the other bus are read."""
+    found = probed(scene_faults.StuckSda(at_s=0, leg="lm"), config=ADDRESSES)
+    (diagnosis,) = found.diagnoses
+    assert diagnosis.location == "sim"
+    assert diagnosis.observation.startswith("SDA or SCL is held low, by any of lf, lm, lr")
+    assert [leg.leg for leg in found.legs if leg.unloaded_pf is not None] == ["rf", "rm", "rr"]
+    assert max(map(len, shown(found).splitlines())) <= 80
+
+
+def test_a_reference_that_is_off_is_the_leg_s_fault() -> None:
+    """The leg gives no reading, and the capacitor is named."""
+    off = Effects(ad7147=Ad7147Effects(gain_rel=0.5))
+    found = probe(ADDRESSES, msgspec.structs.replace(HANGING, effects=off))
+    assert 0 < len(found.diagnoses) < 6
+    for diagnosis in found.diagnoses:
+        assert diagnosis.observation.startswith("its reference capacitor reads ")
+        assert diagnosis.observation.endswith("a chip is off by 25% at most")
+        assert diagnosis.advice == "the capacitor at CIN12 and its joints"
+    silent = [leg.leg for leg in found.legs if leg.unloaded_pf is None]
+    assert [diagnosis.location for diagnosis in found.diagnoses] == silent
+
+
+class Potentiometer:
+    """A digital potentiometer: one register, which a write sets and a read repeats."""
+
+    def __init__(self, address: int) -> None:
+        self.address = address
+        self.wiper = 0x80
+
+    def acknowledges(self, t_ns: int) -> bool:
+        return True
+
+    def write(self, data: bytes, t_ns: int) -> None:
+        self.wiper = data[-1]
+
+    def read(self, n: int, t_ns: int) -> bytes:
+        return bytes((self.wiper,)) * n
+
+
+def ad7147(address: int = 0x2C) -> SimulatedAd7147:
+    return SimulatedAd7147(lambda *_: 5.0, None, address=address)
+
+
+def test_another_strap_than_configured_is_told() -> None:
+    """What answers in its place is named, as far as it is an AD7147; a potentiometer beside it keeps its wiper."""
+    other = Potentiometer(0x2E)
+    wires = saboteur(None, {0: (ad7147(0x2C), ad7147(0x2F), other)})
+    bus = Bus(device="sim", addresses={"lf": 0x2C, "lm": 0x2D})
+    found = probed_bus(bus, LegBus(wires, None), wires.clock, AD7147_PLAN, {})
+    assert {leg: chips.outcome for leg, chips in found.scan.legs.items()} == {
+        "lf": Reading.OK,
+        "lm": Reading.NO_ANSWER,
+    }
+    (told,) = bus_diagnoses(found, AD7147_PLAN)
+    assert told.observation == "an AD7147 answers at 0x2f, which is no leg's"
+    assert told.advice == "whether it is that of lm: its straps ADD0, ADD1"
+    assert other.wiper == 0x80
+    assert found.scan.bus_timing is not None
+
+
+def test_an_ad7147_on_the_channel_of_no_leg_is_told() -> None:
+    """Of a leg that the configuration lacks; and a strap of its own on a leg's channel."""
+    wires = saboteur(SimulatedMux(MUX), {0: (ad7147(),), 1: (ad7147(0x2D),), 5: (ad7147(),)})
+    bus = Bus(device="sim", legs=CHANNELS)  # type: ignore[arg-type]
+    found = probed_bus(bus, LegBus(wires, MUX), wires.clock, AD7147_PLAN, {})
+    assert [told.observation for told in bus_diagnoses(found, AD7147_PLAN)] == [
+        "an AD7147 answers at 0x2d on channel 1, which is no leg's",
+        "an AD7147 answers at 0x2c on channel 5, which is no leg's",
+    ]
+
+
 def test_the_range_of_a_foot_is_that_of_all_its_elements() -> None:
     """The open ones of a row too."""
     scene = msgspec.structs.replace(HANGING, faults=(scene_faults.BrokenRow(at_s=0, leg="lm", row=1),))
@@ -279,8 +427,8 @@ def test_a_bus_that_fails_now_and_then_is_probed_to_the_end() -> None:
     wires.arm(fails)
     bus, plan = Bus(device="sim", legs=CHANNELS), scan_plan(400)  # type: ignore[arg-type]
     found = probed_bus(bus, LegBus(wires, MUX), wires.clock, plan, {})
-    assert {channel: found.scan.channels[channel].outcome for channel in (0, 1)} == dict.fromkeys(
-        (0, 1), Reading.OK
+    assert {leg: chips.outcome for leg, chips in found.scan.legs.items()} == dict.fromkeys(
+        CHANNELS, Reading.OK
     )
     assert found.scan.bus_timing is not None
     (told,) = bus_diagnoses(found, plan)
@@ -314,8 +462,8 @@ def test_a_leg_directly_on_an_adapter(n_chips: int, outcome: Reading, why: str, 
     plan = scan_plan(400)
     scan = scan_bus(LegBus(wires, None), wires.clock, plan, {"lf": 0})
     assert (scan.upstream, scan.mux_answers, list(scan.channels)) == (AddressProbe(()), True, [0])
-    assert scan.channels[0].outcome is outcome
-    assert scan.channels[0].why.startswith(why)
+    assert scan.legs["lf"].outcome is outcome
+    assert scan.legs["lf"].why.startswith(why)
     assert (scan.bus_timing is not None) == (outcome is Reading.OK)
     assert not list(bus_diagnoses(ProbedBus(Bus(device="sim", leg="lf"), scan, {}), plan))
 
