@@ -4,9 +4,10 @@ Nothing is triggered, and nothing waited for: a burst has the latest results of 
 where the bus carries it, else once. The status before and behind it tells which conversions they are of
 (`stage_tracker.py`). A burst that fails is made once more; after that the leg has no readings until the next.
 
-A leg that is found converts its reference first, while the others are read, and then its elements
+A leg that is found is reset, converts its reference, while the others are read, and then its elements
 (`boards/ad7147.py`). Its settings are read back in turn, one block of registers a scan, and at once if a status does
-not fit. Each leg has an address of its own, or a channel of a multiplexer, whose selection is read back once a scan.
+not fit. One that has lost them is started again; one that holds them and does not convert is reset. Each leg has an
+address of its own, or a channel of a multiplexer, whose selection is read back once a scan.
 """
 
 from collections.abc import Mapping
@@ -14,10 +15,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from footsense.acquisition.boards import ad7147
+from footsense.acquisition.boards.board import ReadBackCheck
 from footsense.acquisition.bus_timing import BusTiming, measure_bus_timing
 from footsense.acquisition.leg_bus import MAX_ATTEMPTS, LegBus
 from footsense.acquisition.leg_connection import (
     LegConnection,
+    leave_out_mixed_up_legs,
     leave_out_stuck_legs,
     probe_due_legs,
     probe_leg,
@@ -31,7 +34,7 @@ from footsense.ports import Clock, I2cBus
 _NAN, _OK = float("nan"), Reading.OK
 #: Scans in a row with a missing reading before a leg is left out: 70 ms.
 _MISSED_SCANS_BEFORE_LEAVING = 10
-#: Times in a row that a status may not fit though the settings are held, before the sequence is started again.
+#: Times in a row that a status may not fit though the settings are held, before the chip is reset.
 _MOST_DOUBTS = 3
 #: Scans without a new result after which conversions count as not finishing.
 _SILENT_SCANS = 3
@@ -60,7 +63,9 @@ class FreeLeg(LegConnection):
         checks: Checks of its settings.
         calibration: What its codes are worth; None while it converts its reference.
         tracker: Counts its conversions.
-        due_ns: Time at which its reference has been converted, or from which on results are missed [ns].
+        is_started: Whether it converts its elements, as far as is known.
+        ready_ns: Time at which its reference or unused results have been converted, or of its latest result [ns].
+        due_ns: Time from which on missing readings count [ns].
         n_doubts: Times in a row that its status did not fit.
     """
 
@@ -79,7 +84,8 @@ class FreeLeg(LegConnection):
             plan.conversion_wait_ns / plan.conversion_ns - 1,
             ad7147.N_UNUSED_SEQUENCES * plan.n_conversions,
         )
-        self.due_ns = self.n_doubts = 0
+        self.is_started = False
+        self.ready_ns = self.due_ns = self.n_doubts = 0
 
 
 class FreeScanner:
@@ -199,22 +205,31 @@ class FreeScanner:
             I2cTimeoutError: A line is held low.
         """
         if leg.calibration is None:
-            if self.clock.now_ns() >= leg.due_ns:
+            if self.clock.now_ns() >= leg.ready_ns:
                 self._measure_reference(leg)
             return
+        if not leg.is_started:
+            self._start_elements(leg)
+            return
+        burst = None
         for _ in range(MAX_ATTEMPTS):
             try:
                 connected, begin_ns = self._bus.connect(leg.selection), self.clock.now_ns()
-                burst, between_ns = connected.transfer(leg.burst), self.clock.now_ns()
+                if burst is None:  # it clears the status
+                    burst, between_ns = connected.transfer(leg.burst), self.clock.now_ns()
+                    before_at = Window(
+                        begin_ns + ad7147.STATUS_AFTER_NS, between_ns - ad7147.RESULTS_AFTER_STATUS_NS
+                    )
+                    begin_ns = between_ns
                 status, end_ns = connected.transfer(leg.status), self.clock.now_ns()
             except I2cTimeoutError:
                 raise
             except I2cError:
                 self._bus.forget_selection()
-                continue
-            before_at = Window(begin_ns + ad7147.STATUS_AFTER_NS, between_ns - ad7147.RESULTS_AFTER_STATUS_NS)
-            self._take(leg, burst, before_at, status, Window(between_ns + ad7147.STATUS_AFTER_NS, end_ns))
-            return
+            else:
+                self._take(leg, burst, before_at, status, Window(begin_ns + ad7147.STATUS_AFTER_NS, end_ns))
+                return
+        leg.tracker.repeat()
         self._discard(leg, Reading.NO_ANSWER)
 
     def _take(self, leg: FreeLeg, burst: bytes, before_at: Window, status: bytes, behind_at: Window) -> None:
@@ -226,7 +241,7 @@ class FreeScanner:
             self._check_doubtful(leg)
             return
         if not results:
-            if behind_at.to_ns > leg.due_ns + _SILENT_SCANS * self.plan.scan_ns:
+            if behind_at.to_ns > leg.ready_ns + _SILENT_SCANS * self.plan.scan_ns:
                 self._discard(leg, Reading.NOT_READY)
             return
         assert leg.calibration is not None
@@ -237,17 +252,32 @@ class FreeScanner:
             readings[at] = reading
             t_ns[at] = middle_ns
         leg.outcome, leg.n_doubts = _OK, 0
-        leg.due_ns = max(leg.due_ns, round(behind_at.to_ns))
+        leg.ready_ns = round(behind_at.to_ns)
 
     def _check_doubtful(self, leg: FreeLeg) -> None:
-        """Ask a leg whose status did not fit for its power settings; start it again if they are lost."""
+        """Ask a leg whose status did not fit for its power settings, and start it again if they are lost.
+
+        One that holds them and does not convert is left out: it is reset when it is tried again.
+        """
         leg.n_doubts += 1
-        held = self._bus.check(leg.selection, leg.checks[0])
-        if held is Reading.MISCONFIGURED or leg.n_doubts > _MOST_DOUBTS:
-            self._discard(leg, Reading.MISCONFIGURED)
-            self._start_elements(leg)
+        held = self._check(leg, leg.checks[0])
+        if held is Reading.MISCONFIGURED:
+            return
+        if leg.n_doubts > _MOST_DOUBTS:
+            leg.leave_scan(Reading.NOT_READY, self.clock.now_ns())
         elif held is _OK:
             leg.tracker.trust()
+
+    def _check(self, leg: FreeLeg, check: ReadBackCheck) -> Reading:
+        """Read back settings of a leg, and start it again if they are others, twice; return whether they are held."""
+        held = _OK
+        for _ in range(MAX_ATTEMPTS):
+            held = self._bus.check(leg.selection, check)
+            if held is not Reading.MISCONFIGURED:
+                return held
+        self._discard(leg, held)
+        self._start_elements(leg)
+        return held
 
     # ------------------------------------------------------------ starting a leg
 
@@ -259,16 +289,19 @@ class FreeScanner:
         for write in ad7147.REFERENCE_SEQUENCE.start(leg.address):
             bus.transfer(write)
         leg.calibration = None
-        n_stages = (ad7147.N_UNUSED_SEQUENCES + 1) * len(ad7147.REFERENCE_SEQUENCE.inputs)
-        leg.due_ns = self.clock.now_ns() + n_stages * self.plan.conversion_wait_ns
+        n_sequences, n_stages = ad7147.N_UNUSED_SEQUENCES + 1, len(ad7147.REFERENCE_SEQUENCE.inputs)
+        leg.ready_ns = self.clock.now_ns() + n_sequences * n_stages * self.plan.conversion_wait_ns
+        leg.due_ns = leg.ready_ns + n_sequences * self.plan.n_conversions * self.plan.conversion_wait_ns
         return _OK
 
     def _measure_reference(self, leg: FreeLeg) -> None:
         """Read what the codes of a chip are worth, and start the conversion of its elements."""
         answers = self._bus.exchange(leg.selection, (leg.reference,))
-        measured = None if answers is None else ad7147.reference_calibration(answers[0])
-        if measured is None:
-            leg.leave_scan(Reading.CORRUPT if answers else Reading.NO_ANSWER, self.clock.now_ns())
+        measured = Reading.NO_ANSWER if answers is None else ad7147.reference_calibration(answers[0])
+        if isinstance(measured, Reading):  # with the next sequence
+            self._discard(leg, measured)
+            n_stages = len(ad7147.REFERENCE_SEQUENCE.inputs)
+            leg.ready_ns = self.clock.now_ns() + (n_stages + 1) * self.plan.conversion_wait_ns
         elif why := ad7147.reference_fault(measured):
             leg.leave_scan(Reading.MISCONFIGURED, self.clock.now_ns(), why)
         else:
@@ -276,16 +309,18 @@ class FreeScanner:
             self._start_elements(leg)
 
     def _start_elements(self, leg: FreeLeg) -> None:
-        """Configure the sequence of the elements, and start it."""
+        """Configure the sequence of the elements, and start it; if that fails, the next frame tries again."""
+        leg.is_started = False
         *settings, restart = ad7147.ELEMENT_SEQUENCE.start(leg.address)
         if self._bus.exchange(leg.selection, tuple(settings)) is None:
             return
         begin_ns = self.clock.now_ns()
-        if self._bus.exchange(leg.selection, (restart,)) is not None:
-            leg.tracker.start(Window(begin_ns, self.clock.now_ns()))
-            n_unused = ad7147.N_UNUSED_SEQUENCES * self.plan.n_conversions
-            leg.due_ns = self.clock.now_ns() + n_unused * self.plan.conversion_wait_ns
-            leg.n_doubts = 0
+        if self._bus.exchange(leg.selection, (restart,)) is None:
+            return
+        leg.tracker.start(Window(begin_ns, self.clock.now_ns()))
+        n_unused = ad7147.N_UNUSED_SEQUENCES * self.plan.n_conversions
+        leg.ready_ns = self.clock.now_ns() + n_unused * self.plan.conversion_wait_ns
+        leg.is_started, leg.n_doubts = True, 0
 
     # ------------------------------------------------------------ the end of a scan
 
@@ -294,15 +329,10 @@ class FreeScanner:
         turn, row = divmod(self._n_scans, len(self.legs))
         self._n_scans += 1
         leg = self.legs[row]
-        if leg.in_scan and leg.calibration is not None:
-            if not self._bus.holds_selection(leg.selection):
-                for other in self.legs:
-                    if other.in_scan:
-                        self._discard(other, Reading.MISCONFIGURED)
-            check = leg.checks[turn % len(leg.checks)]
-            if all(self._bus.check(leg.selection, check) is Reading.MISCONFIGURED for _ in range(2)):
-                self._discard(leg, Reading.MISCONFIGURED)
-                self._start_elements(leg)
+        if leg.in_scan:
+            leave_out_mixed_up_legs(self._bus, leg, self.legs, self.clock)
+        if leg.in_scan and leg.is_started:
+            self._check(leg, leg.checks[turn % len(leg.checks)])
         now_ns, all_in_scan = self.clock.now_ns(), True
         for each, readings in zip(self.legs, self.latest.reading, strict=True):
             if each.in_scan and now_ns > each.due_ns and (each.is_suspect or readings.any()):

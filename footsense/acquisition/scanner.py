@@ -15,7 +15,8 @@ triggered, asked and read one after the other. Without lines a trigger ends with
 A line that is held low blocks the bus: the leg that holds it is left out, and all conversions restart. Where a
 conversion leaves no time for the checks of lines and settings, they are made in one step a scan, in turn. Once a second
 all legs are asked whether they are done before the next conversion starts: one that is late would get the lines of the
-next element, which nothing else shows. It is timed again between two scans.
+next element, which nothing else shows. It is timed again between two scans. The control byte of the mux is read back
+once a scan, one leg connected in turn: one that keeps its channels would give every leg the readings of one.
 """
 
 from functools import partial
@@ -31,6 +32,7 @@ from footsense.acquisition.leg_connection import (
     LegConnection,
     Legs,
     Outcomes,
+    leave_out_mixed_up_legs,
     leave_out_stuck_legs,
     probe_due_legs,
     probe_leg,
@@ -223,12 +225,7 @@ class BusScanner:
         assert finished is not None
         following_position = (position + 1) % len(steps)
         step, following, ends = steps[position], steps[following_position], following_position == 0
-        alone = self._leg_asked_alone(step)
-        if alone is not None:
-            self._check_lines_of_leg(alone, step)
-        in_turn = position == self._n_scans % len(steps) and (step.select or self._n_scans % _ALONE_EVERY)
-        if self._check_all or in_turn:
-            self._check_settings(step, finished)
+        alone = self._check_while_converting(step, finished, ends=ends)
         legs, selection = self._active_legs()
         all_active = len(legs) == len(self.legs)
         failed = {} if all_active else {leg: leg.outcome for leg in self.legs if leg.outcome is not _OK}
@@ -259,6 +256,21 @@ class BusScanner:
         self._position = following_position
         if ends:
             self._end_scan()
+
+    def _check_while_converting(
+        self, step: ConversionStep, running: Conversion, *, ends: bool
+    ) -> LegConnection | None:
+        """Read back channels, lines and settings in their turn; return the leg that was asked alone for its lines."""
+        steps, in_turn = self.plan.steps, self.legs[self._n_scans % len(self.legs)]
+        if ends and len(self.legs) > 1 and in_turn.in_scan and in_turn.outcome is _OK:
+            leave_out_mixed_up_legs(self._bus, in_turn, self.legs, self.clock)
+        alone = self._leg_asked_alone(step)
+        if alone is not None:
+            self._check_lines_of_leg(alone, step)
+        is_turn = self._position == self._n_scans % len(steps)
+        if self._check_all or (is_turn and (step.select or self._n_scans % _ALONE_EVERY)):
+            self._check_settings(step, running)
+        return alone
 
     def _discard_failed(self, step: ConversionStep, failed: Outcomes, alone: LegConnection | None) -> None:
         """Discard the readings of failed legs in a step, and all before it of those whose check covers the scan."""

@@ -31,8 +31,8 @@ SCAN_OFFSET = 22
 N_UNUSED_SEQUENCES = 2
 #: Least capacitance of an element over the range of any chip [pF].
 RANGE_END_PF = 11.0
-#: Largest spread of the codes of the reference, of one sequence [1]: 40 times the noise.
-_MAX_REFERENCE_SPREAD = 50
+#: Largest spread of the codes of the reference, of one sequence [1]: eight times the noise of the worst chip.
+_MAX_REFERENCE_SPREAD = 100
 #: Largest deviation of the reference from its capacitance, by the chip's nominal codes [1].
 MAX_REFERENCE_ERROR_REL = 0.3
 
@@ -134,20 +134,23 @@ class Calibration(NamedTuple):
     offset_pf: float
 
 
-def reference_calibration(answer: bytes) -> Calibration | None:
-    """Return what codes are worth, by a burst of `REFERENCE_SEQUENCE`; None if they do not agree.
+def reference_calibration(answer: bytes) -> Calibration | Reading:
+    """Return what codes are worth, by a burst of `REFERENCE_SEQUENCE`.
+
+    NOT_READY if not every stage has ended since its status was last read; CORRUPT if the codes do not agree.
 
     Args:
-        answer: Answer to `read_results` of its stages, all of which have been converted.
+        answer: Answer to `read_results` of its stages.
     """
-    _, codes = read_words(answer)
+    status, codes = read_words(answer)
+    if status != (1 << chip.N_STAGES) - 1:
+        return Reading.NOT_READY
     half = chip.N_STAGES // 2
     halves = codes[:half], codes[half:]
     if any(max(each) - min(each) > _MAX_REFERENCE_SPREAD for each in halves):
-        return None
+        return Reading.CORRUPT
     without_pf, with_pf = (1e-3 * chip.FF_PER_CODE * (mean(each) - chip.CODE_MID) for each in halves)
-    if without_pf <= 0:
-        return None
+    without_pf = max(without_pf, 1e-3 * chip.FF_PER_CODE)  # none, if there is no capacitor
     gain_rel = REFERENCE_PF / without_pf
     return Calibration(gain_rel, gain_rel * (without_pf - with_pf))
 
