@@ -41,7 +41,12 @@ _SILENT_SCANS = 3
 #: Stages from one read of a leg to the next, by the frames in a scan: few enough that none ends twice, and not a whole
 #: number, so that reads at ever other times within a stage narrow when it ends.
 _STAGES_PER_FRAME = {1: 7.4, 2: 4.4}
-#: Scans that a first frame is waited for: of the reference, unused ones, and those that find the time of a stage.
+#: Parts of a stage that reads which are late wait for in turn.
+_LATE_WAITS = 5
+#: Shortest time of a bit of a bus over the measured one [1].
+_BIT_MEASURED_REL = 0.85
+#: Scans that a first frame and a leg that was found are waited for: of the reference, unused ones, and those that find
+#: the time of a stage.
 _START_SCANS = 30
 #: Time from the reset of a chip until it takes settings [ns].
 _RESET_NS = 1_000_000
@@ -127,6 +132,7 @@ class FreeScanner:
         self.bus_timing: BusTiming | None = None
         self.frames_per_scan = 1
         self.complete_ns = 0
+        self._bit_ns: float = ad7147.SHORTEST_BIT_NS
         self._due_ns = self._sequence = self._n_reads = self._n_scans = 0
 
     def start(self) -> None:
@@ -139,6 +145,7 @@ class FreeScanner:
         self.bus_timing = measure_bus_timing(self._bus, self.clock, self.plan, len(self.legs), addresses)
         if self.bus_timing is not None:
             self.frames_per_scan = 2 if self.bus_timing.all_checks_fit else 1
+            self._bit_ns = max(_BIT_MEASURED_REL * 1e9 / self.bus_timing.bus_hz, ad7147.SHORTEST_BIT_NS)
         for leg in self.legs:
             probe_leg(self._bus, leg, self.legs, self._set_up, self.clock)
         self._due_ns = self.clock.now_ns()
@@ -178,7 +185,11 @@ class FreeScanner:
     def _read_legs(self) -> None:
         """Read each leg when that is due; at the end of a scan make the checks and searches."""
         self.clock.sleep_until_ns(self._due_ns)
-        self._due_ns = max(self._due_ns + self.frame_ns, self.clock.now_ns())
+        self._due_ns += self.frame_ns
+        late_ns = self.clock.now_ns() - self._due_ns
+        if late_ns > 0:  # a pace that the bus sets may be one of whole stages
+            n_waited = self._n_reads % _LATE_WAITS
+            self._due_ns += late_ns + n_waited * self.plan.conversion_ns // _LATE_WAITS
         try:
             for leg in self.legs:
                 if leg.in_scan:
@@ -211,15 +222,14 @@ class FreeScanner:
         if not leg.is_started:
             self._start_elements(leg)
             return
-        burst = None
+        burst, status_ns = None, ad7147.STATUS_AFTER_BITS * self._bit_ns
         for _ in range(MAX_ATTEMPTS):
             try:
                 connected, begin_ns = self._bus.connect(leg.selection), self.clock.now_ns()
                 if burst is None:  # it clears the status
                     burst, between_ns = connected.transfer(leg.burst), self.clock.now_ns()
-                    before_at = Window(
-                        begin_ns + ad7147.STATUS_AFTER_NS, between_ns - ad7147.RESULTS_AFTER_STATUS_NS
-                    )
+                    results_ns = ad7147.RESULTS_AFTER_STATUS_BITS * self._bit_ns
+                    before_at = Window(begin_ns + status_ns, between_ns - results_ns)
                     begin_ns = between_ns
                 status, end_ns = connected.transfer(leg.status), self.clock.now_ns()
             except I2cTimeoutError:
@@ -227,7 +237,7 @@ class FreeScanner:
             except I2cError:
                 self._bus.forget_selection()
             else:
-                self._take(leg, burst, before_at, status, Window(begin_ns + ad7147.STATUS_AFTER_NS, end_ns))
+                self._take(leg, burst, before_at, status, Window(begin_ns + status_ns, end_ns))
                 return
         leg.tracker.repeat()
         self._discard(leg, Reading.NO_ANSWER)
@@ -291,7 +301,7 @@ class FreeScanner:
         leg.calibration = None
         n_sequences, n_stages = ad7147.N_UNUSED_SEQUENCES + 1, len(ad7147.REFERENCE_SEQUENCE.inputs)
         leg.ready_ns = self.clock.now_ns() + n_sequences * n_stages * self.plan.conversion_wait_ns
-        leg.due_ns = leg.ready_ns + n_sequences * self.plan.n_conversions * self.plan.conversion_wait_ns
+        leg.due_ns = leg.ready_ns + _START_SCANS * self.plan.scan_ns
         return _OK
 
     def _measure_reference(self, leg: FreeLeg) -> None:
@@ -315,7 +325,8 @@ class FreeScanner:
         if self._bus.exchange(leg.selection, tuple(settings)) is None:
             return
         begin_ns = self.clock.now_ns()
-        if self._bus.exchange(leg.selection, (restart,)) is None:
+        # The status still has bits of the sequence before.
+        if self._bus.exchange(leg.selection, (restart, leg.status)) is None:
             return
         leg.tracker.start(Window(begin_ns, self.clock.now_ns()))
         n_unused = ad7147.N_UNUSED_SEQUENCES * self.plan.n_conversions

@@ -21,6 +21,7 @@ once a scan, one leg connected in turn: one that keeps its channels would give e
 
 from functools import partial
 from itertools import islice
+from operator import is_
 
 import numpy as np
 
@@ -225,7 +226,7 @@ class BusScanner:
         assert finished is not None
         following_position = (position + 1) % len(steps)
         step, following, ends = steps[position], steps[following_position], following_position == 0
-        alone = self._check_while_converting(step, finished, ends=ends)
+        alone = self._check_while_converting(step, finished)
         legs, selection = self._active_legs()
         all_active = len(legs) == len(self.legs)
         failed = {} if all_active else {leg: leg.outcome for leg in self.legs if leg.outcome is not _OK}
@@ -252,25 +253,27 @@ class BusScanner:
             if not asks_first and self._running.legs:
                 answers = self._bus.exchange(selection, step.polls_after_start)
                 all_done = answers is not None and reading_of_polls(step.done_after_start, answers) is _OK
+            if ends:  # the one whose channel is read back is still connected then
+                read = sorted(read, key=partial(is_, self._leg_in_turn))
             self._read_out(step, following, read, finished, all_done=all_done)
         self._position = following_position
         if ends:
             self._end_scan()
 
-    def _check_while_converting(
-        self, step: ConversionStep, running: Conversion, *, ends: bool
-    ) -> LegConnection | None:
-        """Read back channels, lines and settings in their turn; return the leg that was asked alone for its lines."""
-        steps, in_turn = self.plan.steps, self.legs[self._n_scans % len(self.legs)]
-        if ends and len(self.legs) > 1 and in_turn.in_scan and in_turn.outcome is _OK:
-            leave_out_mixed_up_legs(self._bus, in_turn, self.legs, self.clock)
+    def _check_while_converting(self, step: ConversionStep, running: Conversion) -> LegConnection | None:
+        """Read back lines and settings in their turn; return the leg that was asked alone for its lines."""
         alone = self._leg_asked_alone(step)
         if alone is not None:
             self._check_lines_of_leg(alone, step)
-        is_turn = self._position == self._n_scans % len(steps)
+        is_turn = self._position == self._n_scans % len(self.plan.steps)
         if self._check_all or (is_turn and (step.select or self._n_scans % _ALONE_EVERY)):
             self._check_settings(step, running)
         return alone
+
+    @property
+    def _leg_in_turn(self) -> LegConnection:
+        """The leg with which the mux is read back in this scan."""
+        return self.legs[self._n_scans % len(self.legs)]
 
     def _discard_failed(self, step: ConversionStep, failed: Outcomes, alone: LegConnection | None) -> None:
         """Discard the readings of failed legs in a step, and all before it of those whose check covers the scan."""
@@ -381,13 +384,21 @@ class BusScanner:
                 return
 
     def _end_scan(self) -> None:
-        """Count the readings missed in the scan, and search for legs that were left out of it."""
+        """Read back the mux, count the readings missed in the scan, and search for legs that were left out of it."""
+        in_turn = self._leg_in_turn
+        if len(self.legs) > 1 and in_turn.in_scan and in_turn.outcome is _OK:
+            try:
+                leave_out_mixed_up_legs(self._bus, in_turn, self.legs, self.clock)
+            except I2cTimeoutError:
+                self._leave_out_stuck_legs()
         self._n_scans += 1
         all_in_scan = True
         for leg, readings in zip(self.legs, self.latest.reading, strict=True):
             if leg.in_scan and (leg.is_suspect or readings.any()):
                 leg.count_misses(readings, self.clock.now_ns())
-            all_in_scan &= leg.in_scan
+            if not leg.in_scan:
+                self._discard(leg.row, None, leg.outcome)
+                all_in_scan = False
         if not all_in_scan:
             probe_due_legs(self._bus, self.legs, self._set_up, self.clock)
 

@@ -91,7 +91,7 @@ class StageTracker:
     def trust(self) -> None:
         """Count again from the next status on: the chip holds its settings."""
         self.is_doubtful = False
-        self._next = self._first = self._n_ended + self._n_stages
+        self._next = self._first = max(self._first, self._n_ended + self._n_stages)
 
     def repeat(self) -> None:
         """Return the results that the chip still holds once more."""

@@ -36,9 +36,10 @@ _MAX_REFERENCE_SPREAD = 100
 #: Largest deviation of the reference from its capacitance, by the chip's nominal codes [1].
 MAX_REFERENCE_ERROR_REL = 0.3
 
-#: Shortest time from the start of a read to its first word, and of the nine results behind the status [ns]: 39 and 162
-#: bits (`wire_timing`) at 444 kHz, a tenth more than the chip's limit.
-STATUS_AFTER_NS, RESULTS_AFTER_STATUS_NS = 39 * 2250, 162 * 2250
+#: Bits from the start of a read to its first word, and of the nine results behind the status (`wire_timing`).
+STATUS_AFTER_BITS, RESULTS_AFTER_STATUS_BITS = 39, 162
+#: Shortest time of a bit [ns]: 444 kHz, a tenth more than the chip's limit.
+SHORTEST_BIT_NS = 2250
 #: Bit of a status word that is no stage's. Those above it are zero, unless a burst begins with a result: a whole burst
 #: that is late by a register was seen of the AD7142 (EngineerZone 576116), and no result is so small.
 _NO_STAGE = 1 << chip.N_STAGES
