@@ -4,8 +4,6 @@ The feet are pressed and let go, each element and leg by another capacitance, so
 element or leg shows.
 """
 
-import itertools
-import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -233,3 +231,310 @@ def test_of_no_kind_of_chip_a_reading_is_of_another_conversion(**case: object) -
 def test_of_no_kind_of_chip_a_reading_is_of_another_conversion_in_many_cases(**case: object) -> None:
     """The same, searched for longer."""
     check_a_kind(**case)
+
+
+@wirings
+def test_gain_and_offset_are_those_of_the_reference(wiring: Wiring) -> None:
+    """Of chips that are a quarter off; a capacitor that is off by one percent takes the readings along."""
+    robot = Robot(wiring, clock_rel=0.0)
+    frame = robot.read()
+    assert (frame.reading == Reading.OK).all()
+    robot = Robot(wiring, clock_rel=0.0, reference_pf=1.01 * REFERENCE_PF)
+    frame = robot.scanner.read()
+    right_pf = true_pf(np.arange(N_LEGS)[:, None], np.arange(ELEMENTS), frame.t_ns)
+    np.testing.assert_allclose(frame.capacitance_pf, right_pf / 1.01, rtol=1.5e-3)
+
+
+@pytest.mark.parametrize(
+    ("reference_pf", "line"),
+    [
+        (1.32 * REFERENCE_PF, "its reference capacitor reads 6.2 pF, and has 4.7 pF"),
+        (0.68 * REFERENCE_PF, "its reference capacitor reads 3.2 pF"),
+        (0.0, "its reference capacitor reads 0.0 pF"),
+        (-0.05, "its reference capacitor reads 0.0 pF"),
+        (1e6, "its reference capacitor reads 8.0 pF"),
+    ],
+    ids=["high", "low", "missing", "missing-and-offset", "shorted"],
+)
+def test_a_leg_whose_reference_is_wrong_is_left_out_with_its_line(
+    reference_pf: float, line: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Nothing tells what its codes are worth; the others have every reading."""
+    robot = Robot(gain_rel=0.0)
+    robot.reference_pf[3] = reference_pf
+    robot.scanner.start()
+    for _, reading, _ in robot.read_for(1.0)[20:]:
+        assert (reading[3] == Reading.MISCONFIGURED).all()
+        assert (np.delete(reading, 3, axis=0) == Reading.OK).all()
+    lines = {record.message for record in caplog.records if "reference" in record.message}
+    assert len(lines) == 1
+    assert f"leg leg 3: {line}" in lines.pop()
+    robot.reference_pf[3] = REFERENCE_PF
+    assert (robot.read_for(4.2)[-1][1] == Reading.OK).all()
+
+
+class Outage(NamedTuple):
+    """What a leg had for how long.
+
+    Attributes:
+        seen: Readings other than OK.
+        shown_ns: Time until the first of them [ns].
+        over_ns: Time until the last of them [ns].
+    """
+
+    seen: set[Reading]
+    shown_ns: int
+    over_ns: int
+
+
+def outage(robot: Robot, s: float, *, bad: tuple[int, ...] = (3,), pause_ms: float = 12.0) -> Outage:
+    """Return what legs had for some time, in the end all OK; the others have a new reading within a pause."""
+    start_ns = robot.clock.now_ns()
+    seen: set[Reading] = set()
+    shown_ns = over_ns = 0
+    newest_ns = np.full(N_LEGS, start_ns)
+    for now_ns, reading, t_ns in robot.read_for(s):
+        others = [leg for leg in range(N_LEGS) if leg not in bad]
+        assert (reading[others] == Reading.OK).all()
+        newest_ns = np.maximum(newest_ns, t_ns.max(axis=1))
+        assert (now_ns - newest_ns[others]).max() < pause_ms * MS_NS
+        missing = {Reading(each) for each in reading[list(bad)].ravel().tolist()} - {Reading.OK}
+        if missing:
+            shown_ns, over_ns = shown_ns or now_ns - start_ns, now_ns - start_ns
+        seen |= missing
+    assert (reading == Reading.OK).all()
+    return Outage(seen, shown_ns, over_ns)
+
+
+@wirings
+@pytest.mark.parametrize("lasts_ms", [30, 200])
+def test_a_leg_that_is_gone_is_found_again(wiring: Wiring, lasts_ms: int) -> None:
+    """A cable that breaks for 30 ms costs as much; after a longer time the leg is tried in turn."""
+    robot = Robot(wiring)
+    robot.read()
+    now_ns = robot.clock.now_ns()
+    robot.chips[3].absent_ns = [(now_ns, now_ns + lasts_ms * MS_NS)]
+    seen = outage(robot, 1.5)
+    assert seen.seen == {Reading.NO_ANSWER}
+    assert seen.shown_ns < 10 * MS_NS
+    assert seen.over_ns < (55 if lasts_ms == 30 else 450) * MS_NS
+
+
+@wirings
+def test_another_chip_in_the_place_of_one_is_measured_anew(wiring: Wiring) -> None:
+    """Its gain and its steps of the offset are its own."""
+    robot = Robot(wiring)
+    robot.read()
+    now_ns, swapped = robot.clock.now_ns(), robot.chips[3]
+    swapped.absent_ns = [(now_ns, now_ns + 150 * MS_NS)]
+    swapped.brown_outs_ns = [now_ns + 150 * MS_NS]
+    robot.read_for(0.1)
+    swapped._codes_per_pf, swapped._offset_step_pf, swapped.clock_factor = 3.4, 0.37, 0.97
+    assert outage(robot, 1.0).seen == {Reading.NO_ANSWER}
+
+
+@wirings
+@pytest.mark.parametrize("after_us", [0, 300, 900, 2500, 5000])
+def test_a_chip_that_was_reset_is_started_again(wiring: Wiring, after_us: int) -> None:
+    """Its status does not fit: that costs three scans, and no other leg anything."""
+    robot = Robot(wiring, Ad7147Effects(noise_ff=1.0, junk_sequences=2, calibration_moves_results=True))
+    robot.read()
+    robot.chips[3].brown_outs_ns = [robot.clock.now_ns() + 1000 * after_us]
+    seen = outage(robot, 0.4)
+    assert seen.seen <= {Reading.MISCONFIGURED, Reading.UNDER_RANGE, Reading.NOT_READY}
+    assert Reading.MISCONFIGURED in seen.seen
+    assert seen.shown_ns < 16 * MS_NS
+    assert seen.over_ns - seen.shown_ns < 40 * MS_NS
+
+
+@wirings
+def test_a_sequence_that_hangs_is_ended_by_a_reset(wiring: Wiring) -> None:
+    """It holds its settings and converts nothing."""
+    robot = Robot(wiring)
+    robot.read()
+    robot.chips[3].hangs_ns = [robot.clock.now_ns()]
+    seen = outage(robot, 1.0)
+    assert seen.seen == {Reading.NOT_READY}
+    assert seen.shown_ns < 40 * MS_NS
+    assert seen.over_ns < 450 * MS_NS
+
+
+def test_a_chip_that_does_not_convert_is_left_out_until_it_does() -> None:
+    robot = Robot()
+    robot.read()
+    now_ns = robot.clock.now_ns()
+    robot.chips[3].stuck_ns = [(now_ns, now_ns + S_NS)]
+    seen = outage(robot, 4.0)
+    assert seen.seen == {Reading.NOT_READY}
+    assert seen.over_ns < 3 * S_NS
+
+
+@pytest.mark.parametrize(
+    ("register", "word"),
+    [
+        *((chip.stage_register(k) + n, 0x1234) for k in (0, 8) for n in range(3)),
+        (Ad7147Register.PWR_CONTROL, chip.power_control(9, 128)),
+        (Ad7147Register.PWR_CONTROL, chip.power_control(5, 64)),
+        (Ad7147Register.PWR_CONTROL, 1),
+        (Ad7147Register.STAGE_CAL_EN, 0x0FFF),
+    ],
+)
+def test_a_setting_that_has_changed_is_found_and_set_again(register: int, word: int) -> None:
+    """Each block of registers is read back in its turn, all of them within ten scans of each leg of the bus."""
+    robot = Robot(effects=Ad7147Effects(noise_ff=0.0, calibration_moves_results=True))
+    robot.read()
+    robot.chips[3].write(chip.write_bytes(register, word), robot.clock.now_ns())
+    until_ns = robot.clock.now_ns() + 32 * AD7147_PLAN.scan_ns
+    seen = set()
+    while robot.clock.now_ns() < until_ns:
+        frame = robot.scanner.read()  # until then its readings may be wrong
+        seen |= set(frame.reading[3].tolist())
+        assert (np.delete(frame.reading, 3, axis=0) == Reading.OK).all()
+        robot.clock.now_ns()
+    assert Reading.MISCONFIGURED in seen
+    assert (robot.read_for(0.1)[-1][1] == Reading.OK).all()
+
+
+def _in_span(kind: type[ChipFault], **values: float) -> ChipFault:
+    return kind(leg="lf", at_s=0.3, until_s=0.8, **values)  # type: ignore[call-arg]
+
+
+@wirings
+def test_another_kind_of_chip_is_told_by_its_identity(
+    wiring: Wiring, caplog: pytest.LogCaptureFixture
+) -> None:
+    robot = Robot(wiring, faults=[_in_span(scene_faults.WrongChip)])
+    seen = outage(robot, 2.5)
+    assert Reading.WRONG_CHIP in seen.seen
+    assert "an AD7147A" in caplog.text
+    assert seen.over_ns < 1.8 * S_NS
+
+
+@wirings
+@pytest.mark.parametrize("rate_rel", [0.02, 0.3])
+def test_acknowledges_that_are_lost_cost_no_right_reading(wiring: Wiring, rate_rel: float) -> None:
+    robot = Robot(wiring, faults=[_in_span(scene_faults.NackAtRandom, rate_rel=rate_rel)])
+    seen = outage(robot, 3.0)
+    assert seen.seen <= {Reading.NO_ANSWER, Reading.MISCONFIGURED, Reading.NOT_READY}
+    if rate_rel < 0.1:
+        assert seen.over_ns < 0.85 * S_NS
+
+
+def test_reads_with_a_wrong_bit_leave_one_wrong_reading_at_most() -> None:
+    """Nothing tells which bit of a result is wrong; its stamp and the other elements are right."""
+    robot = Robot(faults=[_in_span(scene_faults.CorruptReads, rate_rel=0.05)])
+    n_wrong = n = 0
+    while robot.clock.now_ns() < 1.5 * S_NS:
+        frame = robot.scanner.read()
+        robot.clock.now_ns()
+        right_pf = true_pf(np.arange(N_LEGS)[:, None], np.arange(ELEMENTS), frame.t_ns)
+        wrong = np.abs(frame.capacitance_pf - right_pf) > 0.006
+        n_wrong, n = n_wrong + int(wrong.sum()), n + 1
+        assert wrong.sum() <= 3
+        assert not np.delete(wrong, 3, axis=0).any()
+        assert (np.delete(frame.reading, 3, axis=0) == Reading.OK).all()
+    assert n_wrong < 0.2 * n
+    assert (frame.reading == Reading.OK).all()
+
+
+@pytest.mark.parametrize("wiring", [CHANNELS, ONE_MUX], ids=["channels", "one-mux"])
+def test_a_leg_that_holds_sda_low_behind_a_mux_costs_the_others_two_timeouts(wiring: Wiring) -> None:
+    robot = Robot(wiring, wire_faults=[StuckSda(leg="lf", at_s=0.3, until_s=0.8)])
+    seen = outage(robot, 3.5, pause_ms=3 * TIMEOUT_NS / MS_NS)
+    assert seen.seen == {Reading.BUS_STUCK}
+
+
+def test_legs_without_a_mux_are_stuck_together_and_come_back() -> None:
+    """Those of the other bus have every reading."""
+    robot = Robot(wire_faults=[StuckSda(leg="lf", at_s=0.3, until_s=0.8)])
+    seen = outage(robot, 2.5, bad=(3, 4, 5), pause_ms=3 * TIMEOUT_NS / MS_NS)
+    assert seen.seen == {Reading.BUS_STUCK}
+    assert seen.over_ns < 1.7 * S_NS
+
+
+def test_of_two_chips_at_one_address_no_reading_is_ok(caplog: pytest.LogCaptureFixture) -> None:
+    """The other address does not answer, which is said with its usual cause."""
+    robot = Robot(straps={4: chip.ADDRESSES[0]})
+    for _, reading, _ in robot.read_for(2.0):
+        assert (reading[[0, 1, 2, 5]] == Reading.OK).all()
+        assert (reading[4] == Reading.NO_ANSWER).all()
+        assert (reading[3] != Reading.OK).all()
+    assert "leg leg 4: no answer at 0x2d: broken wire, no supply, or other straps ADD0, ADD1" in caplog.text
+
+
+@pytest.mark.parametrize("wiring", [CHANNELS, ONE_MUX], ids=["channels", "one-mux"])
+@pytest.mark.parametrize("after_us", [0, 700, 1900])
+def test_a_mux_that_keeps_its_channels_is_noticed(
+    wiring: Wiring, after_us: int, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Within two scans of its bus; then only the leg that it does connect may have readings."""
+    robot = Robot(wiring)
+    robot.read()
+    now_ns = robot.clock.now_ns() + 1000 * after_us
+    robot.muxes[-1].keeps_channels_ns = [(now_ns, now_ns + S_NS)]
+    behind = range(N_LEGS - N_LEGS // wiring.n_buses, N_LEGS)
+    while robot.clock.now_ns() < now_ns + 0.95 * S_NS:
+        frame = robot.scanner.read()
+        robot.clock.now_ns()
+        if robot.clock.now_ns() > now_ns + 3 * 9 * MS_NS:
+            ok = (frame.reading == Reading.OK).any(axis=1)
+            assert ok[list(behind)].sum() <= 1
+            assert ok[: behind[0]].all()
+            right_pf = true_pf(np.arange(N_LEGS)[:, None], np.arange(ELEMENTS), frame.t_ns)
+            assert np.nanmax(np.abs(frame.capacitance_pf - right_pf)) < 0.006
+    assert "its multiplexer acknowledges other channels than it connects" in caplog.text
+    assert (robot.read_for(5.0)[-1][1] == Reading.OK).all()
+
+
+TROUBLES = st.lists(
+    st.tuples(
+        st.integers(0, 600),  # transaction at which it begins
+        st.integers(1, 60),  # transactions that it lasts
+        st.sampled_from(
+            [NackError("no acknowledge"), I2cError("garbled"), I2cTimeoutError("held low"), LateError("late")]
+        ),
+    ),
+    max_size=5,
+)
+CHIP_FAULTS = st.lists(
+    st.tuples(
+        st.sampled_from(["absent", "brown_out", "stuck", "hang"]), st.integers(0, 5), st.floats(0.01, 0.15)
+    ),
+    max_size=4,
+)
+
+
+@given(st.sampled_from((ADDRESSES, CHANNELS, ONE_MUX)), TROUBLES, CHIP_FAULTS, st.booleans())
+@settings(max_examples=15)
+def test_whatever_fails_a_reading_is_right_or_missing(
+    wiring: Wiring,
+    troubles: list[tuple[int, int, I2cError]],
+    chip_faults: list[tuple[str, int, float]],
+    from_start: bool,  # noqa: FBT001 - drawn
+) -> None:
+    """Random failures of bus and chips, as legs are set up and later: no wrong number, and all is well in the end."""
+    robot = Robot(wiring, Ad7147Effects(noise_ff=1.0, junk_sequences=2, torn_words=True))
+
+    def fails(transaction: Transaction, n: int) -> I2cError | None:
+        del transaction
+        return next((error for begin, length, error in troubles if begin <= n < begin + length), None)
+
+    if not from_start:
+        robot.read_for(0.1)
+    robot.hosts[-1].arm(fails)
+    for kind, leg, at_s in chip_faults:
+        at_ns = robot.clock.now_ns() + round(at_s * S_NS)
+        hit = robot.chips[leg]
+        if kind == "absent":
+            hit.absent_ns.append((at_ns, at_ns + 30 * MS_NS))
+        elif kind == "brown_out":
+            hit.brown_outs_ns.append(at_ns)
+        elif kind == "stuck":
+            hit.stuck_ns.append((at_ns, at_ns + 60 * MS_NS))
+        else:
+            hit.hangs_ns.append(at_ns)
+    robot.read_for(0.3)
+    robot.hosts[-1].arm(lambda transaction, n: None)
+    until_ns = robot.clock.now_ns() + 6 * S_NS
+    while (robot.read().reading != Reading.OK).any():
+        assert robot.clock.now_ns() < until_ns
