@@ -70,7 +70,7 @@ class FreeLeg(LegConnection):
         tracker: Counts its conversions.
         is_started: Whether it converts its elements, as far as is known.
         ready_ns: Time at which its reference or unused results have been converted, or of its latest result [ns].
-        due_ns: Time from which on missing readings count [ns].
+        due_ns: Time from which on missing readings count: of its first results, or when they should be there [ns].
         n_doubts: Times in a row that its status did not fit.
     """
 
@@ -262,7 +262,7 @@ class FreeScanner:
             readings[at] = reading
             t_ns[at] = middle_ns
         leg.outcome, leg.n_doubts = _OK, 0
-        leg.ready_ns = round(behind_at.to_ns)
+        leg.ready_ns = leg.due_ns = round(behind_at.to_ns)
 
     def _check_doubtful(self, leg: FreeLeg) -> None:
         """Ask a leg whose status did not fit for its power settings, and start it again if they are lost.
@@ -298,7 +298,7 @@ class FreeScanner:
         self.clock.sleep_until_ns(self.clock.now_ns() + _RESET_NS)
         for write in ad7147.REFERENCE_SEQUENCE.start(leg.address):
             bus.transfer(write)
-        leg.calibration = None
+        leg.calibration, leg.is_started = None, False
         n_sequences, n_stages = ad7147.N_UNUSED_SEQUENCES + 1, len(ad7147.REFERENCE_SEQUENCE.inputs)
         leg.ready_ns = self.clock.now_ns() + n_sequences * n_stages * self.plan.conversion_wait_ns
         leg.due_ns = leg.ready_ns + _START_SCANS * self.plan.scan_ns

@@ -16,7 +16,8 @@ A line that is held low blocks the bus: the leg that holds it is left out, and a
 conversion leaves no time for the checks of lines and settings, they are made in one step a scan, in turn. Once a second
 all legs are asked whether they are done before the next conversion starts: one that is late would get the lines of the
 next element, which nothing else shows. It is timed again between two scans. The control byte of the mux is read back
-once a scan, one leg connected in turn: one that keeps its channels would give every leg the readings of one.
+once a scan, or in four where that takes time, one leg connected in turn: one that keeps its channels would give every
+leg the readings of one.
 """
 
 from functools import partial
@@ -254,7 +255,7 @@ class BusScanner:
                 answers = self._bus.exchange(selection, step.polls_after_start)
                 all_done = answers is not None and reading_of_polls(step.done_after_start, answers) is _OK
             if ends:  # the one whose channel is read back is still connected then
-                read = sorted(read, key=partial(is_, self._leg_in_turn))
+                read = sorted(read, key=partial(is_, self._leg_of_mux_check()))
             self._read_out(step, following, read, finished, all_done=all_done)
         self._position = following_position
         if ends:
@@ -270,10 +271,10 @@ class BusScanner:
             self._check_settings(step, running)
         return alone
 
-    @property
-    def _leg_in_turn(self) -> LegConnection:
-        """The leg with which the mux is read back in this scan."""
-        return self.legs[self._n_scans % len(self.legs)]
+    def _leg_of_mux_check(self) -> LegConnection | None:
+        """Return the leg with which the mux is read back in this scan; None for none."""
+        turn, skipped = divmod(self._n_scans, 1 if self._check_all else _ALONE_EVERY)
+        return None if skipped or len(self.legs) == 1 else self.legs[turn % len(self.legs)]
 
     def _discard_failed(self, step: ConversionStep, failed: Outcomes, alone: LegConnection | None) -> None:
         """Discard the readings of failed legs in a step, and all before it of those whose check covers the scan."""
@@ -385,8 +386,8 @@ class BusScanner:
 
     def _end_scan(self) -> None:
         """Read back the mux, count the readings missed in the scan, and search for legs that were left out of it."""
-        in_turn = self._leg_in_turn
-        if len(self.legs) > 1 and in_turn.in_scan and in_turn.outcome is _OK:
+        in_turn = self._leg_of_mux_check()
+        if in_turn is not None and in_turn.in_scan and in_turn.outcome is _OK:
             try:
                 leave_out_mixed_up_legs(self._bus, in_turn, self.legs, self.clock)
             except I2cTimeoutError:
