@@ -264,7 +264,9 @@ def _set_up_leg(bus: LegBus, leg: L, set_up: Callable[[I2cBus, L], Reading], clo
         else:
             outcome, why = Reading.MISCONFIGURED, _KEEPS_CHANNELS
     except I2cTimeoutError as error:
-        leg.leave_scan(Reading.BUS_STUCK, now_ns, str(error), _STUCK_LEG_PAUSE_FACTOR)
+        # Without a mux it is the bus of all legs, whichever of them holds it.
+        factor = _STUCK_BUS_PAUSE_FACTOR if bus.mux_address is None else _STUCK_LEG_PAUSE_FACTOR
+        leg.leave_scan(Reading.BUS_STUCK, now_ns, str(error), factor)
     except WrongChipError as error:
         leg.leave_scan(Reading.WRONG_CHIP, now_ns, str(error))
     except HardwareError as error:
