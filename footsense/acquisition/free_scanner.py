@@ -4,9 +4,10 @@ Nothing is triggered, and nothing waited for: a burst has the latest results of 
 where the bus carries it, else once. The status before and behind it tells which conversions they are of
 (`stage_tracker.py`). A burst that fails is made once more; after that the leg has no readings until the next.
 
-A leg that is found converts its reference first, while the others are read, and then its elements
+A leg that is found is reset, converts its reference, while the others are read, and then its elements
 (`boards/ad7147.py`). Its settings are read back in turn, one block of registers a scan, and at once if a status does
-not fit. Each leg has an address of its own, or a channel of a multiplexer, whose selection is read back once a scan.
+not fit. One that has lost them is started again; one that holds them and does not convert is reset. Each leg has an
+address of its own, or a channel of a multiplexer, whose selection is read back once a scan.
 """
 
 from collections.abc import Mapping
@@ -14,10 +15,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from footsense.acquisition.boards import ad7147
+from footsense.acquisition.boards.board import ReadBackCheck
 from footsense.acquisition.bus_timing import BusTiming, measure_bus_timing
 from footsense.acquisition.leg_bus import MAX_ATTEMPTS, LegBus
 from footsense.acquisition.leg_connection import (
     LegConnection,
+    leave_out_mixed_up_legs,
     leave_out_stuck_legs,
     probe_due_legs,
     probe_leg,
@@ -31,14 +34,19 @@ from footsense.ports import Clock, I2cBus
 _NAN, _OK = float("nan"), Reading.OK
 #: Scans in a row with a missing reading before a leg is left out: 70 ms.
 _MISSED_SCANS_BEFORE_LEAVING = 10
-#: Times in a row that a status may not fit though the settings are held, before the sequence is started again.
+#: Times in a row that a status may not fit though the settings are held, before the chip is reset.
 _MOST_DOUBTS = 3
 #: Scans without a new result after which conversions count as not finishing.
 _SILENT_SCANS = 3
 #: Stages from one read of a leg to the next, by the frames in a scan: few enough that none ends twice, and not a whole
 #: number, so that reads at ever other times within a stage narrow when it ends.
 _STAGES_PER_FRAME = {1: 7.4, 2: 4.4}
-#: Scans that a first frame is waited for: of the reference, unused ones, and those that find the time of a stage.
+#: Parts of a stage that reads which are late wait for in turn.
+_LATE_WAITS = 5
+#: Shortest time of a bit of a bus over the measured one [1].
+_BIT_MEASURED_REL = 0.85
+#: Scans that a first frame and a leg that was found are waited for: of the reference, unused ones, and those that find
+#: the time of a stage.
 _START_SCANS = 30
 #: Time from the reset of a chip until it takes settings [ns].
 _RESET_NS = 1_000_000
@@ -61,7 +69,9 @@ class FreeLeg(LegConnection):
         offset: Offset of its converter [steps].
         calibration: What its codes are worth; None while it converts its reference.
         tracker: Counts its conversions.
-        due_ns: Time at which its reference has been converted, or from which on results are missed [ns].
+        is_started: Whether it converts its elements, as far as is known.
+        ready_ns: Time at which its reference or unused results have been converted, or of its latest result [ns].
+        due_ns: Time from which on missing readings count: of its first results, or when they should be there [ns].
         n_doubts: Times in a row that its status did not fit.
     """
 
@@ -81,7 +91,8 @@ class FreeLeg(LegConnection):
             plan.conversion_wait_ns / plan.conversion_ns - 1,
             ad7147.N_UNUSED_SEQUENCES * plan.n_conversions,
         )
-        self.due_ns = self.n_doubts = 0
+        self.is_started = False
+        self.ready_ns = self.due_ns = self.n_doubts = 0
 
 
 class FreeScanner:
@@ -123,6 +134,7 @@ class FreeScanner:
         self.bus_timing: BusTiming | None = None
         self.frames_per_scan = 1
         self.complete_ns = 0
+        self._bit_ns: float = ad7147.SHORTEST_BIT_NS
         self._due_ns = self._sequence = self._n_reads = self._n_scans = 0
 
     def start(self) -> None:
@@ -135,6 +147,7 @@ class FreeScanner:
         self.bus_timing = measure_bus_timing(self._bus, self.clock, self.plan, len(self.legs), addresses)
         if self.bus_timing is not None:
             self.frames_per_scan = 2 if self.bus_timing.all_checks_fit else 1
+            self._bit_ns = max(_BIT_MEASURED_REL * 1e9 / self.bus_timing.bus_hz, ad7147.SHORTEST_BIT_NS)
         for leg in self.legs:
             probe_leg(self._bus, leg, self.legs, self._set_up, self.clock)
         self._due_ns = self.clock.now_ns()
@@ -174,7 +187,11 @@ class FreeScanner:
     def _read_legs(self) -> None:
         """Read each leg when that is due; at the end of a scan make the checks and searches."""
         self.clock.sleep_until_ns(self._due_ns)
-        self._due_ns = max(self._due_ns + self.frame_ns, self.clock.now_ns())
+        self._due_ns += self.frame_ns
+        late_ns = self.clock.now_ns() - self._due_ns
+        if late_ns > 0:  # a pace that the bus sets may be one of whole stages
+            n_waited = self._n_reads % _LATE_WAITS
+            self._due_ns += late_ns + n_waited * self.plan.conversion_ns // _LATE_WAITS
         try:
             for leg in self.legs:
                 if leg.in_scan:
@@ -201,22 +218,30 @@ class FreeScanner:
             I2cTimeoutError: A line is held low.
         """
         if leg.calibration is None:
-            if self.clock.now_ns() >= leg.due_ns:
+            if self.clock.now_ns() >= leg.ready_ns:
                 self._measure_reference(leg)
             return
+        if not leg.is_started:
+            self._start_elements(leg)
+            return
+        burst, status_ns = None, ad7147.STATUS_AFTER_BITS * self._bit_ns
         for _ in range(MAX_ATTEMPTS):
             try:
                 connected, begin_ns = self._bus.connect(leg.selection), self.clock.now_ns()
-                burst, between_ns = connected.transfer(leg.burst), self.clock.now_ns()
+                if burst is None:  # it clears the status
+                    burst, between_ns = connected.transfer(leg.burst), self.clock.now_ns()
+                    results_ns = ad7147.RESULTS_AFTER_STATUS_BITS * self._bit_ns
+                    before_at = Window(begin_ns + status_ns, between_ns - results_ns)
+                    begin_ns = between_ns
                 status, end_ns = connected.transfer(leg.status), self.clock.now_ns()
             except I2cTimeoutError:
                 raise
             except I2cError:
                 self._bus.forget_selection()
-                continue
-            before_at = Window(begin_ns + ad7147.STATUS_AFTER_NS, between_ns - ad7147.RESULTS_AFTER_STATUS_NS)
-            self._take(leg, burst, before_at, status, Window(between_ns + ad7147.STATUS_AFTER_NS, end_ns))
-            return
+            else:
+                self._take(leg, burst, before_at, status, Window(begin_ns + status_ns, end_ns))
+                return
+        leg.tracker.repeat()
         self._discard(leg, Reading.NO_ANSWER)
 
     def _take(self, leg: FreeLeg, burst: bytes, before_at: Window, status: bytes, behind_at: Window) -> None:
@@ -228,7 +253,7 @@ class FreeScanner:
             self._check_doubtful(leg)
             return
         if not results:
-            if behind_at.to_ns > leg.due_ns + _SILENT_SCANS * self.plan.scan_ns:
+            if behind_at.to_ns > leg.ready_ns + _SILENT_SCANS * self.plan.scan_ns:
                 self._discard(leg, Reading.NOT_READY)
             return
         assert leg.calibration is not None
@@ -239,17 +264,32 @@ class FreeScanner:
             readings[at] = reading
             t_ns[at] = middle_ns
         leg.outcome, leg.n_doubts = _OK, 0
-        leg.due_ns = max(leg.due_ns, round(behind_at.to_ns))
+        leg.ready_ns = leg.due_ns = round(behind_at.to_ns)
 
     def _check_doubtful(self, leg: FreeLeg) -> None:
-        """Ask a leg whose status did not fit for its power settings; start it again if they are lost."""
+        """Ask a leg whose status did not fit for its power settings, and start it again if they are lost.
+
+        One that holds them and does not convert is left out: it is reset when it is tried again.
+        """
         leg.n_doubts += 1
-        held = self._bus.check(leg.selection, leg.checks[0])
-        if held is Reading.MISCONFIGURED or leg.n_doubts > _MOST_DOUBTS:
-            self._discard(leg, Reading.MISCONFIGURED)
-            self._start_elements(leg)
+        held = self._check(leg, leg.checks[0])
+        if held is Reading.MISCONFIGURED:
+            return
+        if leg.n_doubts > _MOST_DOUBTS:
+            leg.leave_scan(Reading.NOT_READY, self.clock.now_ns())
         elif held is _OK:
             leg.tracker.trust()
+
+    def _check(self, leg: FreeLeg, check: ReadBackCheck) -> Reading:
+        """Read back settings of a leg, and start it again if they are others, twice; return whether they are held."""
+        held = _OK
+        for _ in range(MAX_ATTEMPTS):
+            held = self._bus.check(leg.selection, check)
+            if held is not Reading.MISCONFIGURED:
+                return held
+        self._discard(leg, held)
+        self._start_elements(leg)
+        return held
 
     # ------------------------------------------------------------ starting a leg
 
@@ -264,16 +304,19 @@ class FreeScanner:
         return _OK
 
     def _await_reference(self, leg: FreeLeg) -> None:
-        leg.calibration = None
+        leg.calibration, leg.is_started = None, False
         n_stages = (ad7147.N_UNUSED_SEQUENCES + 1) * ad7147.N_REFERENCE_STAGES
-        leg.due_ns = self.clock.now_ns() + n_stages * self.plan.conversion_wait_ns
+        leg.ready_ns = self.clock.now_ns() + n_stages * self.plan.conversion_wait_ns
+        leg.due_ns = leg.ready_ns + _START_SCANS * self.plan.scan_ns
 
     def _measure_reference(self, leg: FreeLeg) -> None:
         """Read what the codes of a chip are worth, and start the conversion of its elements."""
         answers = self._bus.exchange(leg.selection, (leg.reference,))
-        measured = None if answers is None else ad7147.reference_calibration(answers[0])
-        if measured is None:
-            leg.leave_scan(Reading.CORRUPT if answers else Reading.NO_ANSWER, self.clock.now_ns())
+        measured = Reading.NO_ANSWER if answers is None else ad7147.reference_calibration(answers[0])
+        if isinstance(measured, Reading):  # with the next sequence
+            self._discard(leg, measured)
+            n_stages = ad7147.N_REFERENCE_STAGES
+            leg.ready_ns = self.clock.now_ns() + (n_stages + 1) * self.plan.conversion_wait_ns
         elif why := ad7147.reference_fault(measured):
             leg.leave_scan(Reading.MISCONFIGURED, self.clock.now_ns(), why)
         elif abs((offset := ad7147.best_offset(measured, leg.offset)) - leg.offset) > 1:
@@ -286,16 +329,19 @@ class FreeScanner:
             self._start_elements(leg)
 
     def _start_elements(self, leg: FreeLeg) -> None:
-        """Configure the sequence of the elements, and start it."""
+        """Configure the sequence of the elements, and start it; if that fails, the next frame tries again."""
+        leg.is_started = False
         *settings, restart = ad7147.element_sequence(leg.offset).start(leg.address)
         if self._bus.exchange(leg.selection, tuple(settings)) is None:
             return
         begin_ns = self.clock.now_ns()
-        if self._bus.exchange(leg.selection, (restart,)) is not None:
-            leg.tracker.start(Window(begin_ns, self.clock.now_ns()))
-            n_unused = ad7147.N_UNUSED_SEQUENCES * self.plan.n_conversions
-            leg.due_ns = self.clock.now_ns() + n_unused * self.plan.conversion_wait_ns
-            leg.n_doubts = 0
+        # The status still has bits of the sequence before.
+        if self._bus.exchange(leg.selection, (restart, leg.status)) is None:
+            return
+        leg.tracker.start(Window(begin_ns, self.clock.now_ns()))
+        n_unused = ad7147.N_UNUSED_SEQUENCES * self.plan.n_conversions
+        leg.ready_ns = self.clock.now_ns() + n_unused * self.plan.conversion_wait_ns
+        leg.is_started, leg.n_doubts = True, 0
 
     # ------------------------------------------------------------ the end of a scan
 
@@ -304,15 +350,10 @@ class FreeScanner:
         turn, row = divmod(self._n_scans, len(self.legs))
         self._n_scans += 1
         leg = self.legs[row]
-        if leg.in_scan and leg.calibration is not None:
-            if not self._bus.holds_selection(leg.selection):
-                for other in self.legs:
-                    if other.in_scan:
-                        self._discard(other, Reading.MISCONFIGURED)
-            check = leg.checks[turn % len(leg.checks)]
-            if all(self._bus.check(leg.selection, check) is Reading.MISCONFIGURED for _ in range(2)):
-                self._discard(leg, Reading.MISCONFIGURED)
-                self._start_elements(leg)
+        if leg.in_scan:
+            leave_out_mixed_up_legs(self._bus, leg, self.legs, self.clock)
+        if leg.in_scan and leg.is_started:
+            self._check(leg, leg.checks[turn % len(leg.checks)])
         now_ns, all_in_scan = self.clock.now_ns(), True
         for each, readings in zip(self.legs, self.latest.reading, strict=True):
             if each.in_scan and now_ns > each.due_ns and (each.is_suspect or readings.any()):

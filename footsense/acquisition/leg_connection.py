@@ -38,6 +38,11 @@ _NS_PER_S = 1_000_000_000
 #: Factor on the pause of a leg that holds a line low, and of a leg on a stuck bus, whose try costs no other leg.
 _STUCK_LEG_PAUSE_FACTOR, _STUCK_BUS_PAUSE_FACTOR = 4.0, 0.25
 
+#: Why a leg cannot be told from the others.
+_KEEPS_CHANNELS = (
+    "its multiplexer acknowledges other channels than it connects: check its supply, or replace it"
+)
+
 #: Readings that count as a miss, the gravest first.
 _MISSES = (
     Reading.NO_ANSWER,
@@ -236,7 +241,7 @@ def probe_leg(
         clock: The time that the bus lives in.
     """
     try:
-        connected = bus.connect(leg.selection)
+        bus.connect(leg.selection)
     except I2cTimeoutError as error:
         leg.leave_scan(Reading.BUS_STUCK, clock.now_ns(), str(error), _STUCK_BUS_PAUSE_FACTOR)
         for other in bus_legs:
@@ -245,19 +250,24 @@ def probe_leg(
     except I2cError as error:
         leg.leave_scan(Reading.NO_ANSWER, clock.now_ns(), str(error))
     else:
-        _set_up_leg(connected, leg, set_up, clock)
+        _set_up_leg(bus, leg, set_up, clock)
         if leg.outcome is Reading.BUS_STUCK:
             bus.free_bus()
 
 
-def _set_up_leg(bus: I2cBus, leg: L, set_up: Callable[[I2cBus, L], Reading], clock: Clock) -> None:
+def _set_up_leg(bus: LegBus, leg: L, set_up: Callable[[I2cBus, L], Reading], clock: Clock) -> None:
     """Set up the chips of the only connected leg; add the leg to the scan, or delay the next try."""
-    now_ns = clock.now_ns()
+    now_ns, why = clock.now_ns(), ""
     try:
-        release_sda(bus)
-        outcome = set_up(bus, leg)
+        release_sda(bus.adapter)
+        if bus.holds_selection(leg.selection):
+            outcome = set_up(bus.adapter, leg)
+        else:
+            outcome, why = Reading.MISCONFIGURED, _KEEPS_CHANNELS
     except I2cTimeoutError as error:
-        leg.leave_scan(Reading.BUS_STUCK, now_ns, str(error), _STUCK_LEG_PAUSE_FACTOR)
+        # Without a mux it is the bus of all legs, whichever of them holds it.
+        factor = _STUCK_BUS_PAUSE_FACTOR if bus.mux_address is None else _STUCK_LEG_PAUSE_FACTOR
+        leg.leave_scan(Reading.BUS_STUCK, now_ns, str(error), factor)
     except WrongChipError as error:
         leg.leave_scan(Reading.WRONG_CHIP, now_ns, str(error))
     except HardwareError as error:
@@ -266,7 +276,7 @@ def _set_up_leg(bus: I2cBus, leg: L, set_up: Callable[[I2cBus, L], Reading], clo
         if outcome is Reading.OK:
             leg.join_scan()
         else:
-            leg.leave_scan(outcome, now_ns)
+            leg.leave_scan(outcome, now_ns, why)
 
 
 def set_up_triggered(plan: ScanPlan, bus: I2cBus, leg: LegConnection) -> Reading:
@@ -339,6 +349,30 @@ def set_up_failed_legs(
         if held is not None:
             is_set = held == [check.expected for check in checks]
             leg.outcome = Reading.OK if is_set else Reading.MISCONFIGURED
+
+
+def leave_out_mixed_up_legs(
+    bus: LegBus, leg: LegConnection, legs: Sequence[LegConnection], clock: Clock
+) -> None:
+    """Leave out all legs of a bus if its mux connects others than the leg that it is told to, twice.
+
+    One that acknowledges and keeps its channels gives every leg the readings of one. A leg that it does connect is
+    found again.
+
+    Args:
+        bus: The bus.
+        leg: The leg that is connected.
+        legs: All legs of the bus.
+        clock: The time that the bus lives in.
+
+    Raises:
+        I2cTimeoutError: A line is held low.
+    """
+    if bus.holds_selection(leg.selection) or bus.holds_selection(leg.selection):
+        return
+    for each in legs:
+        if each.in_scan:
+            each.leave_scan(Reading.MISCONFIGURED, clock.now_ns(), _KEEPS_CHANNELS)
 
 
 def leave_out_stuck_legs(bus: LegBus, legs: Sequence[LegConnection], clock: Clock) -> None:

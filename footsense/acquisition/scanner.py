@@ -15,11 +15,14 @@ triggered, asked and read one after the other. Without lines a trigger ends with
 A line that is held low blocks the bus: the leg that holds it is left out, and all conversions restart. Where a
 conversion leaves no time for the checks of lines and settings, they are made in one step a scan, in turn. Once a second
 all legs are asked whether they are done before the next conversion starts: one that is late would get the lines of the
-next element, which nothing else shows. It is timed again between two scans.
+next element, which nothing else shows. It is timed again between two scans. The control byte of the mux is read back
+once a scan, or in four where that takes time, one leg connected in turn: one that keeps its channels would give every
+leg the readings of one.
 """
 
 from functools import partial
 from itertools import islice
+from operator import is_
 
 import numpy as np
 
@@ -31,6 +34,7 @@ from footsense.acquisition.leg_connection import (
     LegConnection,
     Legs,
     Outcomes,
+    leave_out_mixed_up_legs,
     leave_out_stuck_legs,
     probe_due_legs,
     probe_leg,
@@ -223,12 +227,7 @@ class BusScanner:
         assert finished is not None
         following_position = (position + 1) % len(steps)
         step, following, ends = steps[position], steps[following_position], following_position == 0
-        alone = self._leg_asked_alone(step)
-        if alone is not None:
-            self._check_lines_of_leg(alone, step)
-        in_turn = position == self._n_scans % len(steps) and (step.select or self._n_scans % _ALONE_EVERY)
-        if self._check_all or in_turn:
-            self._check_settings(step, finished)
+        alone = self._check_while_converting(step, finished)
         legs, selection = self._active_legs()
         all_active = len(legs) == len(self.legs)
         failed = {} if all_active else {leg: leg.outcome for leg in self.legs if leg.outcome is not _OK}
@@ -255,10 +254,27 @@ class BusScanner:
             if not asks_first and self._running.legs:
                 answers = self._bus.exchange(selection, step.polls_after_start)
                 all_done = answers is not None and reading_of_polls(step.done_after_start, answers) is _OK
+            if ends:  # the one whose channel is read back is still connected then
+                read = sorted(read, key=partial(is_, self._leg_of_mux_check()))
             self._read_out(step, following, read, finished, all_done=all_done)
         self._position = following_position
         if ends:
             self._end_scan()
+
+    def _check_while_converting(self, step: ConversionStep, running: Conversion) -> LegConnection | None:
+        """Read back lines and settings in their turn; return the leg that was asked alone for its lines."""
+        alone = self._leg_asked_alone(step)
+        if alone is not None:
+            self._check_lines_of_leg(alone, step)
+        is_turn = self._position == self._n_scans % len(self.plan.steps)
+        if self._check_all or (is_turn and (step.select or self._n_scans % _ALONE_EVERY)):
+            self._check_settings(step, running)
+        return alone
+
+    def _leg_of_mux_check(self) -> LegConnection | None:
+        """Return the leg with which the mux is read back in this scan; None for none."""
+        turn, skipped = divmod(self._n_scans, 1 if self._check_all else _ALONE_EVERY)
+        return None if skipped or len(self.legs) == 1 else self.legs[turn % len(self.legs)]
 
     def _discard_failed(self, step: ConversionStep, failed: Outcomes, alone: LegConnection | None) -> None:
         """Discard the readings of failed legs in a step, and all before it of those whose check covers the scan."""
@@ -369,13 +385,21 @@ class BusScanner:
                 return
 
     def _end_scan(self) -> None:
-        """Count the readings missed in the scan, and search for legs that were left out of it."""
+        """Read back the mux, count the readings missed in the scan, and search for legs that were left out of it."""
+        in_turn = self._leg_of_mux_check()
+        if in_turn is not None and in_turn.in_scan and in_turn.outcome is _OK:
+            try:
+                leave_out_mixed_up_legs(self._bus, in_turn, self.legs, self.clock)
+            except I2cTimeoutError:
+                self._leave_out_stuck_legs()
         self._n_scans += 1
         all_in_scan = True
         for leg, readings in zip(self.legs, self.latest.reading, strict=True):
             if leg.in_scan and (leg.is_suspect or readings.any()):
                 leg.count_misses(readings, self.clock.now_ns())
-            all_in_scan &= leg.in_scan
+            if not leg.in_scan:
+                self._discard(leg.row, None, leg.outcome)
+                all_in_scan = False
         if not all_in_scan:
             probe_due_legs(self._bus, self.legs, self._set_up, self.clock)
 

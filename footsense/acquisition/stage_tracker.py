@@ -75,21 +75,27 @@ class StageTracker:
         self.is_doubtful = False
         self.n_losses = 0
         self._is_known = False
-        # Conversions that have ended, when the last of them did, the next one to return, and an earlier end.
-        self._n_ended, self._ended_ns, self._next = 0, Window(0, 0), 0
+        # Conversions that have ended, when the last of them did, the next one to return, the first one that may be
+        # returned, and an earlier end.
+        self._n_ended, self._ended_ns, self._next, self._first = 0, Window(0, 0), 0, 0
         self._referred = 0, self._ended_ns
         self._last_read = self._ended_ns
 
     def start(self, at: Window) -> None:
         """Start the count: the sequence began with its first stage in a window [ns]."""
         self.is_doubtful, self._last_read = False, at
-        self._n_ended, self._ended_ns, self._next, self._is_known = 0, at, self._n_unused, True
+        self._n_ended, self._ended_ns, self._is_known = 0, at, True
+        self._next = self._first = self._n_unused
         self._referred, self.stage_ns = (0, at), self._tolerated_ns
 
     def trust(self) -> None:
         """Count again from the next status on: the chip holds its settings."""
         self.is_doubtful = False
-        self._next = self._n_ended + self._n_stages
+        self._next = self._first = max(self._first, self._n_ended + self._n_stages)
+
+    def repeat(self) -> None:
+        """Return the results that the chip still holds once more."""
+        self._next = self._first
 
     def results(self, before: int, before_at: Window, behind: int, behind_at: Window) -> list[StampedResult]:
         """Return the results of a burst that are new, each of one known conversion, the oldest first.
@@ -164,6 +170,7 @@ class StageTracker:
         else:
             number = begins
             self._referred = number, ended_ns
+            self._first = number + max(self._first - n_known, 0)
             self._next = number + max(self._next - n_known, 0)
         self._n_ended, self._ended_ns, self._is_known = number, ended_ns, True
 

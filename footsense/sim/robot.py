@@ -19,7 +19,7 @@ from footsense.sim.chips.chip import SimulatedMux
 from footsense.sim.clock import JoinedClock, VirtualClock
 from footsense.sim.couplings import BoardCouplings
 from footsense.sim.fabrication import draw_deviations, with_new_mounting
-from footsense.sim.faults.scene_faults import StuckSda, WireFault
+from footsense.sim.faults.scene_faults import MuxKeepsChannels, StuckSda, WireFault
 from footsense.sim.faults.wire_faults import WireFaults
 from footsense.sim.i2c_bus import SimulatedBus
 from footsense.sim.leg import SimulatedLeg
@@ -131,13 +131,16 @@ class SimulatedRobot:
                 if isinstance(fault, WireFault)
                 and (fault.leg in wiring.channels if isinstance(fault, StuckSda) else fault.bus == number)
             ]
+            mux = None if wiring.mux_address is None else SimulatedMux(wiring.mux_address)
+            if mux is not None:
+                mux.keeps_channels_ns = [f.span_ns for f in broken if isinstance(f, MuxKeepsChannels)]
             timeout_ns = round(scene.effects.adapter_timeout_ms * 1e6)
             rng = np.random.default_rng((scene.seed, number, 3))
             bus = SimulatedBus(
                 VirtualClock(),
                 rate_hz=wiring.bus_clock_hz,
                 host_cost_ns=round(scene.host_cost_us * 1e3),
-                mux=None if wiring.mux_address is None else SimulatedMux(wiring.mux_address),
+                mux=mux,
                 legs={
                     channel: [chip for leg in legs for chip in self.legs[leg].chips]
                     for channel, legs in wiring.legs_by_channel.items()

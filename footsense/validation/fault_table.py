@@ -131,6 +131,7 @@ LEG_FAULT_TRIALS = (
         (faults.ArbitrationLost(at_s=BREAKS_AT_S, rate_rel=_TRANSFER_FAULT_PROBABILITY),),
     ),
     FaultTrial("mux reset", (faults.MuxReset(at_s=BREAKS_AT_S),)),
+    FaultTrial("mux keeps its channels", (faults.MuxKeepsChannels(**_FAULT_SPAN),)),
     FaultTrial("element open", _faults_on_trial_leg(faults.ElementOpen, element=4)),
     FaultTrial("element shorted", _faults_on_trial_leg(faults.ElementShorted, element=0)),
     FaultTrial("element stuck", _faults_on_trial_leg(faults.ElementStuck, element=0)),

@@ -125,6 +125,7 @@ class Robot:
         self.converters: list[LegConverter] = []
         self.converters_of_leg: list[tuple[LegConverter, ...]] = []
         self.switches: list[tuple[SimulatedLineSwitch, ...]] = []
+        self.muxes: list[SimulatedMux] = []
         self.saboteurs: list[Saboteur] = []
         self._of_leg_pf = np.zeros((6, 1))
         clocks = [VirtualClock() for _ in range(n_buses)]
@@ -147,7 +148,8 @@ class Robot:
                 self.switches.append(switches)
                 own = [fault for of_leg, fault in faults if of_leg == leg]
                 legs[channel] = inject_chip_faults(converters, switches, own, np.random.default_rng(1))
-            bus = Saboteur(SimulatedBus(clock, 400_000, host_cost_ns, SimulatedMux(0x71), legs), clock)
+            self.muxes.append(SimulatedMux(0x71))
+            bus = Saboteur(SimulatedBus(clock, 400_000, host_cost_ns, self.muxes[-1], legs), clock)
             self.saboteurs.append(bus)
             channels = {f"{len(scanners)}{n}": n for n in range(per_bus)}
             scanners.append(

@@ -1,11 +1,15 @@
 """Conversion times that a scanner measures and keeps, over byte-level chips."""
 
+import itertools
 import math
 
 import numpy as np
 import pytest
 
+from firmware_interface.chips.fdc1004 import Fdc1004Register
+from footsense.acquisition.boards.fdc1004 import read_register
 from footsense.frames import Reading
+from footsense.ports import Transaction
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 from tests.contract.boards import FDC1004, Robot, distinct
 
@@ -105,3 +109,57 @@ def test_of_chips_that_forget_one_that_hangs_costs_only_itself() -> None:
         frame = robot.read()
         assert (frame.reading[4] == Reading.NOT_READY).all()
         assert robot.is_right(frame)[[0, 1, 2, 3, 5]].all()
+
+
+def test_once_a_second_all_are_asked_before_the_next_lines_are_switched() -> None:
+    """A chip that keeps its DONE bit and is late would convert the next element, which nothing else shows."""
+    robot = Robot(distinct)
+    robot.read(2)
+    sent: list[Transaction] = []
+    robot.saboteurs[0].arm(lambda transaction, n: sent.append(transaction))
+    robot.clock.now_ns()
+    until_ns = robot.clock.now_ns() + 3_500_000_000
+    while robot.clock.now_ns() < until_ns:
+        robot.read()
+    (switch,) = robot.switches[0]
+    asks = read_register(Fdc1004Register.FDC_CONF)
+    assert sum(a == asks and b.address == switch.address for a, b in itertools.pairwise(sent)) in {3, 4}
+
+
+def test_a_leg_that_is_always_late_does_not_keep_another_from_being_timed() -> None:
+    """One of them a second, in turn."""
+    robot = Robot(distinct)
+    robot.read(2)
+    robot.converters[3].clock_factor = 1.06
+    for _ in range(8):
+        robot.converters[1].clock_factor += 0.035
+        until_ns = robot.clock.now_ns() + 300_000_000
+        while robot.clock.now_ns() < until_ns:
+            robot.read()
+    assert robot.buses[0].legs[3].timing.wait_factor > 1.03
+
+
+@pytest.mark.parametrize("after_us", [0, 1100, 5000, 12000])
+@pytest.mark.parametrize("n_buses", [1, 2])
+def test_a_mux_that_keeps_its_channels_gives_no_leg_the_readings_of_another(
+    n_buses: int, after_us: int, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Within two scans, or eight where the check takes time; the legs of the other bus have every reading."""
+    robot = Robot(distinct, n_buses=n_buses)
+    robot.make_legs_distinct()
+    robot.read(2)
+    now_ns = robot.clock.now_ns() + 1000 * after_us
+    robot.muxes[-1].keeps_channels_ns = [(now_ns, now_ns + 1_000_000_000)]
+    while robot.clock.now_ns() < now_ns + 60_000_000:
+        robot.convert()
+    other_bus = slice(0, 6 - 6 // n_buses)
+    while robot.clock.now_ns() < now_ns + 900_000_000:
+        frame = robot.convert()
+        robot.assert_honest(frame)
+        assert (frame.reading[other_bus] == Reading.OK).all()
+    assert "its multiplexer acknowledges other channels than it connects" in caplog.text
+    until_ns = robot.clock.now_ns() + 6_000_000_000
+    while robot.clock.now_ns() < until_ns:
+        frame = robot.read()
+        robot.assert_honest(frame)
+    assert (frame.reading == Reading.OK).all()

@@ -33,14 +33,15 @@ N_REFERENCE_STAGES = chip.N_STAGES
 N_UNUSED_SEQUENCES = 2
 #: Least capacitance of an element over the range of any chip [pF].
 RANGE_END_PF = _LEAST_PF + 2 * chip.CODE_MID * chip.FF_PER_CODE * 1e-3 * (1 - chip.GAIN_TOLERANCE_REL)
-#: Largest spread of the codes of the reference, of one sequence [1]: 40 times the noise.
-_MAX_REFERENCE_SPREAD = 50
+#: Largest spread of the codes of the reference, of one sequence [1]: eight times the noise of the worst chip.
+_MAX_REFERENCE_SPREAD = 100
 #: Largest deviation of the reference from its capacitance, by the chip's nominal codes [1].
 MAX_REFERENCE_ERROR_REL = 0.3
 
-#: Shortest time from the start of a read to its first word, and of the nine results behind the status [ns]: 39 and 162
-#: bits (`wire_timing`) at 444 kHz, a tenth more than the chip's limit.
-STATUS_AFTER_NS, RESULTS_AFTER_STATUS_NS = 39 * 2250, 162 * 2250
+#: Bits from the start of a read to its first word, and of the nine results behind the status (`wire_timing`).
+STATUS_AFTER_BITS, RESULTS_AFTER_STATUS_BITS = 39, 162
+#: Shortest time of a bit [ns]: 444 kHz, a tenth more than the chip's limit.
+SHORTEST_BIT_NS = 2250
 #: Bit of a status word that is no stage's. Those above it are zero, unless a burst begins with a result: a whole burst
 #: that is late by a register was seen of the AD7142 (EngineerZone 576116), and no result is so small.
 _NO_STAGE = 1 << chip.N_STAGES
@@ -143,20 +144,23 @@ class Calibration(NamedTuple):
     offset_pf: float
 
 
-def reference_calibration(answer: bytes) -> Calibration | None:
-    """Return what codes are worth, by a burst of `reference_sequence`; None if they do not agree.
+def reference_calibration(answer: bytes) -> Calibration | Reading:
+    """Return what codes are worth, by a burst of `reference_sequence`.
+
+    NOT_READY if not every stage has ended since its status was last read; CORRUPT if the codes do not agree.
 
     Args:
-        answer: Answer to `read_results` of its stages, all of which have been converted.
+        answer: Answer to `read_results` of its stages.
     """
-    _, codes = read_words(answer)
+    status, codes = read_words(answer)
+    if status != (1 << N_REFERENCE_STAGES) - 1:
+        return Reading.NOT_READY
     half = N_REFERENCE_STAGES // 2
     halves = codes[:half], codes[half:]
     if any(max(each) - min(each) > _MAX_REFERENCE_SPREAD for each in halves):
-        return None
+        return Reading.CORRUPT
     without_pf, with_pf = (1e-3 * chip.FF_PER_CODE * (mean(each) - chip.CODE_MID) for each in halves)
-    if without_pf <= 0:
-        return None
+    without_pf = max(without_pf, 1e-3 * chip.FF_PER_CODE)  # none, if there is no capacitor
     gain_rel = REFERENCE_PF / without_pf
     return Calibration(gain_rel, gain_rel * (without_pf - with_pf))
 
@@ -165,7 +169,7 @@ def reference_fault(measured: Calibration) -> str:
     """Return what is wrong with a reference in words, and what to check; empty if it is as it has to be."""
     reads_pf = REFERENCE_PF / measured.gain_rel
     if abs(reads_pf / REFERENCE_PF - 1) <= MAX_REFERENCE_ERROR_REL:
-        return ""
+        return "" if measured.offset_pf > 0.0 else "its offset takes nothing away: replace the converter"
     return (
         f"its reference capacitor reads {reads_pf:.1f} pF, and has {REFERENCE_PF:g} pF; a chip is off by "
         f"{chip.GAIN_TOLERANCE_REL:.0%} at most: check the capacitor at CIN{REFERENCE_INPUT} and its joints"

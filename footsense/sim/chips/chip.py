@@ -134,11 +134,13 @@ class SimulatedMux:
     Attributes:
         address: As given.
         control: Control register: bit k connects channel k.
+        keeps_channels_ns: Spans in which it acknowledges a control byte and keeps its channels [ns].
     """
 
     def __init__(self, address: int) -> None:
         self.address = address
         self.control = 0
+        self.keeps_channels_ns: list[Span] = []
 
     def acknowledges(self, t_ns: int) -> bool:
         """Return True: the mux always acknowledges."""
@@ -147,8 +149,8 @@ class SimulatedMux:
 
     def write(self, data: bytes, t_ns: int) -> None:
         """Store the control byte (one bit per connected channel); called at STOP, when it takes effect."""
-        del t_ns
-        self.control = data[-1]
+        if not in_any_span(self.keeps_channels_ns, t_ns):
+            self.control = data[-1]
 
     def pulse(self) -> None:
         """Disconnect all channels, as a pulse on the RESET pin does."""

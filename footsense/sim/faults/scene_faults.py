@@ -214,6 +214,12 @@ class MuxReset(_Fault, frozen=True, kw_only=True):
     bus: BusIndex = 0
 
 
+class MuxKeepsChannels(_LastingFault, frozen=True, kw_only=True):
+    """The mux acknowledges each control byte, and keeps the channels that it has connected."""
+
+    bus: BusIndex = 0
+
+
 # ---------------------------------------------------------------- the foot and its lines
 
 
@@ -381,7 +387,7 @@ ChipFault = (
     | BrownOut
     | SwitchIgnoresWrites
 )
-WireFault = StuckSda | StuckUpstreamBus | ArbitrationLost | MuxReset
+WireFault = StuckSda | StuckUpstreamBus | ArbitrationLost | MuxReset | MuxKeepsChannels
 FootDamage = (
     ElementOpen | ElementShorted | ElementStuck | ElementDrifts | GapClosed | BrokenRow | BrokenColumn
 )

@@ -20,6 +20,7 @@ from footsense.sim.chips.chip import SimulatedMux
 from footsense.sim.clock import VirtualClock
 from footsense.sim.faults.scene_faults import (
     ArbitrationLost,
+    MuxKeepsChannels,
     MuxReset,
     Schedule,
     StuckSda,
@@ -61,7 +62,8 @@ class WireFaults:
         self._channels = dict(channels)
         self._timeout_ns = timeout_ns
         self._rng = rng
-        self._faults = Schedule((fault.span_ns, fault) for fault in faults if not isinstance(fault, MuxReset))
+        of_lines = [fault for fault in faults if not isinstance(fault, MuxReset | MuxKeepsChannels)]
+        self._faults = Schedule((fault.span_ns, fault) for fault in of_lines)
         self._resets_ns = deque(sorted(fault.at_ns for fault in faults if isinstance(fault, MuxReset)))
 
     def attempt_transaction(

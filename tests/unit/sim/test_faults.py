@@ -154,3 +154,14 @@ def test_every_fault_has_a_name_in_a_scene(tmp_path: Path) -> None:
     scene.write_text(start + "  - {at_s: 2, until_s: 2, leg: lf, fault: absent}\n")
     with pytest.raises(ConfigError, match=r"faults\[0\].until_s: must be later than at_s"):
         load_scene(str(scene))
+
+
+def test_a_mux_that_keeps_its_channels_acknowledges_others() -> None:
+    """From its beginning to its end; it reads back what it connects."""
+    bench = Bench()
+    bench.mux.keeps_channels_ns = [(1.0 * S_NS, 2.0 * S_NS)]
+    bench.select(0b01)
+    bench.at(1.0).select(0b10)
+    assert bench.bus.transfer(Transaction(MUX, b"", 1)) == b"\x01"
+    bench.at(2.0).select(0b10)
+    assert bench.bus.transfer(Transaction(MUX, b"", 1)) == b"\x02"
