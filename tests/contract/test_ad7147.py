@@ -5,7 +5,7 @@ element or leg shows.
 """
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -399,15 +399,15 @@ def test_a_setting_that_has_changed_is_found_and_set_again(register: int, word: 
     assert (robot.read_for(0.1)[-1][1] == Reading.OK).all()
 
 
-def _in_span(kind: type[ChipFault], **values: float) -> ChipFault:
-    return kind(leg="lf", at_s=0.3, until_s=0.8, **values)  # type: ignore[call-arg]
+#: A fault of leg 3 for half a second.
+SPAN: dict[str, Any] = {"leg": "lf", "at_s": 0.3, "until_s": 0.8}
 
 
 @wirings
 def test_another_kind_of_chip_is_told_by_its_identity(
     wiring: Wiring, caplog: pytest.LogCaptureFixture
 ) -> None:
-    robot = Robot(wiring, faults=[_in_span(scene_faults.WrongChip)])
+    robot = Robot(wiring, faults=[scene_faults.WrongChip(**SPAN)])
     seen = outage(robot, 2.5)
     assert Reading.WRONG_CHIP in seen.seen
     assert "an AD7147A" in caplog.text
@@ -417,7 +417,7 @@ def test_another_kind_of_chip_is_told_by_its_identity(
 @wirings
 @pytest.mark.parametrize("rate_rel", [0.02, 0.3])
 def test_acknowledges_that_are_lost_cost_no_right_reading(wiring: Wiring, rate_rel: float) -> None:
-    robot = Robot(wiring, faults=[_in_span(scene_faults.NackAtRandom, rate_rel=rate_rel)])
+    robot = Robot(wiring, faults=[scene_faults.NackAtRandom(**SPAN, rate_rel=rate_rel)])
     seen = outage(robot, 3.0)
     assert seen.seen <= {Reading.NO_ANSWER, Reading.MISCONFIGURED, Reading.NOT_READY}
     if rate_rel < 0.1:
@@ -426,7 +426,7 @@ def test_acknowledges_that_are_lost_cost_no_right_reading(wiring: Wiring, rate_r
 
 def test_reads_with_a_wrong_bit_leave_one_wrong_reading_at_most() -> None:
     """Nothing tells which bit of a result is wrong; its stamp and the other elements are right."""
-    robot = Robot(faults=[_in_span(scene_faults.CorruptReads, rate_rel=0.05)])
+    robot = Robot(faults=[scene_faults.CorruptReads(**SPAN, rate_rel=0.05)])
     n_wrong = n = 0
     while robot.clock.now_ns() < 1.5 * S_NS:
         frame = robot.scanner.read()
