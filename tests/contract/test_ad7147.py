@@ -107,7 +107,7 @@ class Robot:
         if host_cost_us is None:  # what the bus carries
             host_cost_us = 40 if wiring is ONE_MUX else 100
         random = np.random.default_rng(seed)
-        self.noise_ff, self.reference_pf = effects.noise_ff, np.full(N_LEGS, reference_pf)
+        self.noise_ff, self.reference_pf = effects.noise_ff, [reference_pf] * N_LEGS
         self.legs = np.arange(N_LEGS)
         self.chips: list[SimulatedAd7147] = []
         self.muxes: list[SimulatedMux] = []
@@ -156,9 +156,9 @@ class Robot:
         def input_pf(cin: int, connections: tuple[InputConnection, ...], from_ns: int, to_ns: int) -> float:
             stray_pf = 0.5 * (chip.N_INPUTS - 1 - connections.count(InputConnection.BIAS))
             if cin == 12:
-                return float(self.reference_pf[leg]) + stray_pf
+                return self.reference_pf[leg] + stray_pf
             phase = (from_ns + to_ns) / 2 / PERIOD_NS % 1.0  # as `true_pf`
-            return (
+            return float(
                 4.0
                 + RISE_PF * (1.0 - abs(2.0 * phase - 1.0))
                 + 0.04 * cin

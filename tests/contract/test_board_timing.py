@@ -8,11 +8,9 @@ import pytest
 
 from firmware_interface.chips.fdc1004 import Fdc1004Register
 from footsense.acquisition.boards.fdc1004 import read_register
-from footsense.errors import NackError
 from footsense.frames import Reading
 from footsense.ports import Transaction
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
-from footsense.sim.faults.scene_faults import Absent
 from tests.contract.boards import FDC1004, Robot, distinct
 
 
@@ -126,27 +124,6 @@ def test_once_a_second_all_are_asked_before_the_next_lines_are_switched() -> Non
     (switch,) = robot.switches[0]
     asks = read_register(Fdc1004Register.FDC_CONF)
     assert sum(a == asks and b.address == switch.address for a, b in itertools.pairwise(sent)) in {3, 4}
-
-
-def test_a_leg_that_cannot_be_timed_does_not_keep_another_from_it() -> None:
-    """One a second, and the same one twice in a row only if it is the only one."""
-    absent = Absent(leg="lf", at_s=0.0, until_s=0.3)
-    robot = Robot(distinct, faults=[(1, absent), (3, absent)])
-
-    def fails(transaction: Transaction, n: int) -> NackError | None:
-        del n
-        is_trigger = transaction.address == robot.converters[1].address and len(transaction.write) == 3
-        alone = robot.muxes[0].control == 1 << 1
-        return NackError("no acknowledge") if is_trigger and alone else None
-
-    legs = robot.buses[0].legs
-    while not legs[1].in_scan:
-        robot.read()
-    robot.saboteurs[0].arm(fails)
-    until_ns = robot.clock.now_ns() + 4_000_000_000
-    while robot.clock.now_ns() < until_ns:
-        robot.read()
-    assert [leg.is_timed for leg in legs] == [True, False, True, True, True, True]
 
 
 @pytest.mark.parametrize("after_us", [0, 1100, 5000, 12000])
