@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -9,9 +10,11 @@ import pytest
 from firmware_interface.chips.fdc1004 import Fdc1004Register
 from footsense.acquisition.boards.fdc1004 import read_register
 from footsense.frames import Reading
-from footsense.ports import Transaction
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 from tests.contract.boards import FDC1004, Robot, distinct
+
+if TYPE_CHECKING:
+    from footsense.ports import Transaction
 
 
 @pytest.mark.parametrize("host_cost_us", [0, 100])
