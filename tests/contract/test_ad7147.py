@@ -56,7 +56,16 @@ class Wiring(NamedTuple):
 
 ADDRESSES, CHANNELS, ONE_MUX = Wiring(2, has_mux=False), Wiring(2, has_mux=True), Wiring(1, has_mux=True)
 wirings = pytest.mark.parametrize(
-    "wiring", [ADDRESSES, CHANNELS, ONE_MUX], ids=["addresses", "channels", "one-mux"]
+    "wiring",
+    [
+        pytest.param(ADDRESSES, id="addresses"),
+        pytest.param(CHANNELS, id="channels", marks=pytest.mark.slow),
+        pytest.param(ONE_MUX, id="one-mux", marks=pytest.mark.slow),
+    ],
+)
+with_mux = pytest.mark.parametrize(
+    "wiring",
+    [pytest.param(CHANNELS, id="channels"), pytest.param(ONE_MUX, id="one-mux", marks=pytest.mark.slow)],
 )
 QUIET = Ad7147Effects(noise_ff=0.0)
 
@@ -221,7 +230,7 @@ def check_a_kind(**case: object) -> None:
 
 
 @runs
-@settings(max_examples=15)
+@settings(max_examples=6)
 def test_of_no_kind_of_chip_a_reading_is_of_another_conversion(**case: object) -> None:
     """With clocks, gains and offsets that are off, torn words, shifted bursts, junk, and a host that stalls."""
     check_a_kind(**case)
@@ -229,7 +238,7 @@ def test_of_no_kind_of_chip_a_reading_is_of_another_conversion(**case: object) -
 
 @pytest.mark.slow
 @runs
-@settings(max_examples=300)
+@settings(max_examples=60)
 def test_of_no_kind_of_chip_a_reading_is_of_another_conversion_in_many_cases(**case: object) -> None:
     """The same, searched for longer."""
     check_a_kind(**case)
@@ -338,7 +347,7 @@ def test_another_chip_in_the_place_of_one_is_measured_anew(wiring: Wiring) -> No
 
 
 @wirings
-@pytest.mark.parametrize("after_us", [0, 300, 900, 2500, 5000])
+@pytest.mark.parametrize("after_us", [0, 900, 2500])
 def test_a_chip_that_was_reset_is_started_again(wiring: Wiring, after_us: int) -> None:
     """Its status does not fit: that costs three scans, and no other leg anything."""
     robot = Robot(wiring, Ad7147Effects(noise_ff=1.0, junk_sequences=2, calibration_moves_results=True))
@@ -410,7 +419,7 @@ def test_another_kind_of_chip_is_told_by_its_identity(
     robot = Robot(wiring, faults=[_in_span(scene_faults.WrongChip)])
     seen = outage(robot, 2.5)
     assert Reading.WRONG_CHIP in seen.seen
-    assert "an AD7147A" in caplog.text
+    assert "such as a potentiometer" in caplog.text
     assert seen.over_ns < 1.8 * S_NS
 
 
@@ -441,7 +450,7 @@ def test_reads_with_a_wrong_bit_leave_one_wrong_reading_at_most() -> None:
     assert (frame.reading == Reading.OK).all()
 
 
-@pytest.mark.parametrize("wiring", [CHANNELS, ONE_MUX], ids=["channels", "one-mux"])
+@with_mux
 def test_a_leg_that_holds_sda_low_behind_a_mux_costs_the_others_two_timeouts(wiring: Wiring) -> None:
     robot = Robot(wiring, wire_faults=[StuckSda(leg="lf", at_s=0.3, until_s=0.8)])
     seen = outage(robot, 4.5, pause_ms=5 * TIMEOUT_NS / MS_NS, loses_count=True)
@@ -466,7 +475,7 @@ def test_of_two_chips_at_one_address_no_reading_is_ok(caplog: pytest.LogCaptureF
     assert "leg leg 4: no answer at 0x2d: broken wire, no supply, or other straps ADD0, ADD1" in caplog.text
 
 
-@pytest.mark.parametrize("wiring", [CHANNELS, ONE_MUX], ids=["channels", "one-mux"])
+@with_mux
 @pytest.mark.parametrize("after_us", [0, 700, 1900])
 def test_a_mux_that_keeps_its_channels_is_noticed(
     wiring: Wiring, after_us: int, caplog: pytest.LogCaptureFixture
@@ -509,7 +518,7 @@ CHIP_FAULTS = st.lists(
 
 
 @given(st.sampled_from((ADDRESSES, CHANNELS, ONE_MUX)), TROUBLES, CHIP_FAULTS, st.booleans())
-@settings(max_examples=15)
+@settings(max_examples=6)
 def test_whatever_fails_a_reading_is_right_or_missing(
     wiring: Wiring,
     troubles: list[tuple[int, int, I2cError]],
