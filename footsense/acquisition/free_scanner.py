@@ -2,7 +2,7 @@
 
 Nothing is triggered, and nothing waited for: a burst has the latest results of all elements of a leg, twice a scan
 where the bus carries it, else once. The status before and behind it tells which conversions they are of
-(`stage_tracker.py`). A burst that fails is made once more; after that the leg has no readings until the next.
+(`boards/stage_tracker.py`). A burst that fails is made once more; after that the leg has no readings until the next.
 
 A leg that is found is reset, converts its reference, while the others are read, and then its elements
 (`boards/ad7147.py`). Its settings are read back in turn, one block of registers a scan, and at once if a status does
@@ -16,6 +16,7 @@ import numpy as np
 
 from footsense.acquisition.boards import ad7147
 from footsense.acquisition.boards.board import ReadBackCheck
+from footsense.acquisition.boards.stage_tracker import Span, StageTracker
 from footsense.acquisition.bus_timing import BusTiming, measure_bus_timing
 from footsense.acquisition.leg_bus import MAX_ATTEMPTS, LegBus
 from footsense.acquisition.leg_connection import (
@@ -26,7 +27,6 @@ from footsense.acquisition.leg_connection import (
     probe_leg,
 )
 from footsense.acquisition.scan_plan import FreeRunningPlan
-from footsense.acquisition.stage_tracker import StageTracker, Window
 from footsense.errors import I2cError, I2cTimeoutError
 from footsense.frames import ELEMENTS, CapFrame, Reading
 from footsense.ports import Clock, I2cBus
@@ -231,7 +231,7 @@ class FreeScanner:
                 if burst is None:  # it clears the status
                     burst, between_ns = connected.transfer(leg.burst), self.clock.now_ns()
                     results_ns = ad7147.RESULTS_AFTER_STATUS_BITS * self._bit_ns
-                    before_at = Window(begin_ns + status_ns, between_ns - results_ns)
+                    before_at = Span(begin_ns + status_ns, between_ns - results_ns)
                     begin_ns = between_ns
                 status, end_ns = connected.transfer(leg.status), self.clock.now_ns()
             except I2cTimeoutError:
@@ -239,12 +239,12 @@ class FreeScanner:
             except I2cError:
                 self._bus.forget_selection()
             else:
-                self._take(leg, burst, before_at, status, Window(begin_ns + status_ns, end_ns))
+                self._take(leg, burst, before_at, status, Span(begin_ns + status_ns, end_ns))
                 return
         leg.tracker.repeat()
         self._discard(leg, Reading.NO_ANSWER)
 
-    def _take(self, leg: FreeLeg, burst: bytes, before_at: Window, status: bytes, behind_at: Window) -> None:
+    def _take(self, leg: FreeLeg, burst: bytes, before_at: Span, status: bytes, behind_at: Span) -> None:
         """Store the results of a burst whose conversions are known; check the settings if its status does not fit."""
         before, codes = ad7147.read_words(burst)
         behind, _ = ad7147.read_words(status)
@@ -338,7 +338,7 @@ class FreeScanner:
         # The status still has bits of the sequence before.
         if self._bus.exchange(leg.selection, (restart, leg.status)) is None:
             return
-        leg.tracker.start(Window(begin_ns, self.clock.now_ns()))
+        leg.tracker.start(Span(begin_ns, self.clock.now_ns()))
         n_unused = ad7147.N_UNUSED_SEQUENCES * self.plan.n_conversions
         leg.ready_ns = self.clock.now_ns() + n_unused * self.plan.conversion_wait_ns
         leg.is_started, leg.n_doubts = True, 0

@@ -167,13 +167,14 @@ class Robot:
             if cin == 12:
                 return float(self.reference_pf[leg]) + stray_pf
             phase = (from_ns + to_ns) / 2 / PERIOD_NS % 1.0  # as `true_pf`
-            return (
+            found_pf: float = (
                 4.0
                 + RISE_PF * (1.0 - abs(2.0 * phase - 1.0))
                 + 0.04 * cin
                 + 0.013 * self.legs[leg]
                 + stray_pf
             )
+            return found_pf
 
         return input_pf
 
@@ -476,7 +477,7 @@ def test_of_two_chips_at_one_address_no_reading_is_ok(caplog: pytest.LogCaptureF
 
 
 @with_mux
-@pytest.mark.parametrize("after_us", [0, 700, 1900])
+@pytest.mark.parametrize("after_us", [0, 1900])
 def test_a_mux_that_keeps_its_channels_is_noticed(
     wiring: Wiring, after_us: int, caplog: pytest.LogCaptureFixture
 ) -> None:

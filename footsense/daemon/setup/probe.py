@@ -16,7 +16,6 @@ from footsense.acquisition.bus_scan import (
     leg_chip_addresses,
     scan_bus,
 )
-from footsense.acquisition.foot_check import CHIP_FAULT_READINGS, FootFault, FootScans, foot_faults
 from footsense.acquisition.leg_bus import LegBus
 from footsense.acquisition.leg_connection import LegConnection
 from footsense.acquisition.linux_i2c import kernel_drivers
@@ -27,6 +26,7 @@ from footsense.config.sections import Bus
 from footsense.daemon.acquisition import MIN_BUS_SPEED_REL, open_buses, open_scan_source
 from footsense.daemon.estimation import mounted_feet
 from footsense.daemon.models import load_models
+from footsense.daemon.setup.foot_check import CHIP_FAULT_READINGS, FootFault, FootScans, foot_faults
 from footsense.daemon.simulation import simulated_robot
 from footsense.errors import HardwareError, I2cError, I2cTimeoutError, NackError
 from footsense.frames import Reading

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from footsense.acquisition.stage_tracker import StageTracker, Window
+from footsense.acquisition.boards.stage_tracker import Span, StageTracker
 
 _N_STAGES, _STAGE_NS, _BIT_NS = 9, 768_000, 2500
 #: Bits of a read up to its first word and to the end of it, and of nine words.
@@ -65,7 +65,7 @@ def _bursts(n: int, sequencer: _Sequencer, host: _Host, period_ns: float) -> _Co
     counts = _Counts()
     tracker = StageTracker(_N_STAGES, _STAGE_NS, 0.05, 2 * _N_STAGES)
     started_ns = host.delay_ns()
-    tracker.start(Window(-round(started_ns), round(host.delay_ns())))
+    tracker.start(Span(-round(started_ns), round(host.delay_ns())))
     t_ns = due_ns = 1e6
     for _ in range(n):
         begin_ns = t_ns
@@ -81,9 +81,9 @@ def _bursts(n: int, sequencer: _Sequencer, host: _Host, period_ns: float) -> _Co
         t_ns = wire_ns + _TO_END * _BIT_NS + host.delay_ns()
         results = tracker.results(
             before,
-            Window(round(begin_ns + 0.9 * _TO_WORD * _BIT_NS), round(between_ns - 0.9 * _RESULTS * _BIT_NS)),
+            Span(round(begin_ns + 0.9 * _TO_WORD * _BIT_NS), round(between_ns - 0.9 * _RESULTS * _BIT_NS)),
             behind,
-            Window(round(between_ns + 0.9 * _TO_WORD * _BIT_NS), round(t_ns)),
+            Span(round(between_ns + 0.9 * _TO_WORD * _BIT_NS), round(t_ns)),
         )
         if tracker.is_doubtful:
             tracker.trust()
@@ -133,16 +133,16 @@ def test_no_result_of_a_million_bursts_has_the_stamp_of_another_conversion() -> 
 def test_a_chip_that_starts_again_is_doubtful() -> None:
     """A reset chip converts its first stage alone, and a stopped one none."""
     tracker = StageTracker(_N_STAGES, _STAGE_NS, 0.05, 0)
-    tracker.start(Window(0, 0))
+    tracker.start(Span(0, 0))
     at_ns = 4 * _STAGE_NS + 1000
-    window, later = Window(at_ns, at_ns), Window(at_ns + 100_000, at_ns + 100_000)
+    window, later = Span(at_ns, at_ns), Span(at_ns + 100_000, at_ns + 100_000)
     assert [each.stage for each in tracker.results(0b1111, window, 0, later)] == [0, 1, 2]
     at_ns += 4 * _STAGE_NS
-    window, later = Window(at_ns, at_ns), Window(at_ns + 100_000, at_ns + 100_000)
+    window, later = Span(at_ns, at_ns), Span(at_ns + 100_000, at_ns + 100_000)
     assert tracker.results(0b0001, window, 0, later) == []
     assert tracker.is_doubtful
     tracker.trust()
     at_ns += 4 * _STAGE_NS
-    window, later = Window(at_ns, at_ns), Window(at_ns + 100_000, at_ns + 100_000)
+    window, later = Span(at_ns, at_ns), Span(at_ns + 100_000, at_ns + 100_000)
     assert tracker.results(0, window, 0, later) == []
     assert tracker.is_doubtful

@@ -201,7 +201,7 @@ def test_a_stand_puts_off_the_tare() -> None:
 def test_random_faults_all_pass() -> None:
     """Every kind comes, within its time; a drift is taken back."""
     script = random_faults(np.random.default_rng(1), LEGS, 10.0, 10_000.0)
-    assert len({type(fault) for fault in script}) == 34
+    assert len({type(fault) for fault in script}) == 35
     assert all(fault.at_s >= 10.0 and (getattr(fault, "until_s", 0.0) or 0.0) < 10_000.0 for fault in script)
     drifts = [fault for fault in script if isinstance(fault, ElementDrifts)]
     drifted_ff = [

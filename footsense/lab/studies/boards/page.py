@@ -238,7 +238,6 @@ def board_text(boards: Mapping[str, Values]) -> str:
             "within 2 sigma": "{within_2_sigma:.1%}",
         },
     )
-    couplings = "" if "couplings" not in first else _coupling_text(boards)
     n_draws = len(first["wrong_gains"][_WANTED_GAINS]["direction_deg"])
     return f"""## Steps
 
@@ -276,7 +275,7 @@ Walks with simulated chips, in virtual time, without a fault: touchdowns of the 
 The larger feet walk with their own loads, scenes `hexapod_2kg` and `quadruped_12kg` for up to {OWN_END_S:g} s; a force counts from a
 twentieth of the foot's largest.
 
-{own}{couplings}"""
+{own}{_coupling_text(boards)}"""
 
 
 def _coupling_text(boards: Mapping[str, Values]) -> str:

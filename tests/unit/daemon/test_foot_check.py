@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from footsense.acquisition.foot_check import FootFault, FootScans, foot_faults
+from footsense.daemon.setup.foot_check import FootFault, FootScans, foot_faults
 from footsense.estimation.settings import TareLimits
 from footsense.frames import Cause, Reading
 

@@ -21,7 +21,7 @@ _STATUS_SKEW_NS = 100_000
 _N_REFERRED, _DRIFT_REL = 1000, 5e-4
 
 
-class Window(NamedTuple):
+class Span(NamedTuple):
     """Span in which something happened on the wire: not before `from_ns` and not after `to_ns` [ns]."""
 
     from_ns: float
@@ -68,20 +68,18 @@ class StageTracker:
     def __init__(self, n_stages: int, stage_ns: int, clock_tolerance_rel: float, n_unused: int) -> None:
         self._n_stages = n_stages
         self._n_unused = n_unused
-        self._tolerated_ns = Window(
-            stage_ns * (1 - clock_tolerance_rel), stage_ns * (1 + clock_tolerance_rel)
-        )
+        self._tolerated_ns = Span(stage_ns * (1 - clock_tolerance_rel), stage_ns * (1 + clock_tolerance_rel))
         self.stage_ns = self._tolerated_ns
         self.is_doubtful = False
         self.n_losses = 0
         self._is_known = False
         # Conversions that have ended, when the last of them did, the next one to return, the first one that may be
         # returned, and an earlier end.
-        self._n_ended, self._ended_ns, self._next, self._first = 0, Window(0, 0), 0, 0
+        self._n_ended, self._ended_ns, self._next, self._first = 0, Span(0, 0), 0, 0
         self._referred = 0, self._ended_ns
         self._last_read = self._ended_ns
 
-    def start(self, at: Window) -> None:
+    def start(self, at: Span) -> None:
         """Start the count: the sequence began with its first stage in a window [ns]."""
         self.is_doubtful, self._last_read = False, at
         self._n_ended, self._ended_ns, self._is_known = 0, at, True
@@ -97,7 +95,7 @@ class StageTracker:
         """Return the results that the chip still holds once more."""
         self._next = self._first
 
-    def results(self, before: int, before_at: Window, behind: int, behind_at: Window) -> list[StampedResult]:
+    def results(self, before: int, before_at: Span, behind: int, behind_at: Span) -> list[StampedResult]:
         """Return the results of a burst that are new, each of one known conversion, the oldest first.
 
         Args:
@@ -128,7 +126,7 @@ class StageTracker:
             for number in numbers
         ]
 
-    def _count(self, status: int, at: Window) -> None:
+    def _count(self, status: int, at: Span) -> None:
         """Count the conversions that have ended since the last status, or forget the count."""
         last, self._last_read = self._last_read, at
         n, longest_ns = status.bit_count(), self._tolerated_ns.to_ns
@@ -143,11 +141,11 @@ class StageTracker:
             self.is_doubtful, self._is_known = True, False
         else:
             if not self._is_known and n:
-                self._find(begins, Window(last.from_ns - longest_ns, last.to_ns))
+                self._find(begins, Span(last.from_ns - longest_ns, last.to_ns))
             if self._is_known:
                 self._end(n, at)
 
-    def _count_by_time(self, at: Window) -> None:
+    def _count_by_time(self, at: Span) -> None:
         """Count the conversions that have ended at a time, if only one number of them is possible."""
         least = (at.from_ns - self._ended_ns.to_ns) // self.stage_ns.to_ns
         most = (at.to_ns - self._ended_ns.from_ns) // self.stage_ns.from_ns
@@ -157,7 +155,7 @@ class StageTracker:
             self.n_losses += self._is_known
             self._is_known = False
 
-    def _find(self, begins: int, ended_ns: Window) -> None:
+    def _find(self, begins: int, ended_ns: Span) -> None:
         """Find the count again where stage `begins` was the next to end, the one before it in a window."""
         (from_ns, to_ns), (shortest_ns, longest_ns) = self._ended_ns, self.stage_ns
         least = (ended_ns.from_ns - to_ns) / longest_ns - (begins - self._n_ended)
@@ -166,7 +164,7 @@ class StageTracker:
         n_known, number = self._n_ended, begins + self._n_stages * turns[0]
         if turns[0] == turns[1]:
             after_ns = self._after(number - n_known)
-            ended_ns = Window(max(after_ns.from_ns, ended_ns.from_ns), min(after_ns.to_ns, ended_ns.to_ns))
+            ended_ns = Span(max(after_ns.from_ns, ended_ns.from_ns), min(after_ns.to_ns, ended_ns.to_ns))
         else:
             number = begins
             self._referred = number, ended_ns
@@ -174,10 +172,10 @@ class StageTracker:
             self._next = number + max(self._next - n_known, 0)
         self._n_ended, self._ended_ns, self._is_known = number, ended_ns, True
 
-    def _after(self, n: int) -> Window:
+    def _after(self, n: int) -> Span:
         """Return when the n-th conversion after the last one that has ended does so, or before it if negative."""
         first_ns, last_ns = (n * stage_ns for stage_ns in self.stage_ns)
-        return Window(
+        return Span(
             self._ended_ns.from_ns + min(first_ns, last_ns), self._ended_ns.to_ns + max(first_ns, last_ns)
         )
 
@@ -190,13 +188,13 @@ class StageTracker:
         """Return the first of the stages of a status, which are in a row; None if they are not."""
         return next((stage for stage in range(self._n_stages) if self._run(stage, n) == status), None)
 
-    def _end(self, n: int, at: Window) -> None:
+    def _end(self, n: int, at: Span) -> None:
         """Count conversions that have ended, while the next one has not; narrow the bounds of the times."""
         self._n_ended += n
         (shortest_ns, longest_ns), ended_ns = self.stage_ns, self._after(n)
         # Without a bit the next one may have ended at the last status, and be lost.
         not_before_ns = at.from_ns - longest_ns if n else -math.inf
-        ended_ns = Window(max(ended_ns.from_ns, not_before_ns), min(ended_ns.to_ns, at.to_ns))
+        ended_ns = Span(max(ended_ns.from_ns, not_before_ns), min(ended_ns.to_ns, at.to_ns))
         number, referred_ns = self._referred
         if n_since := self._n_ended - number:
             shortest_ns = max(shortest_ns, (ended_ns.from_ns - referred_ns.to_ns) / n_since)
@@ -208,4 +206,4 @@ class StageTracker:
             self._referred = self._n_ended, ended_ns
             shortest_ns = max(shortest_ns * (1 - _DRIFT_REL), self._tolerated_ns.from_ns)
             longest_ns = min(longest_ns * (1 + _DRIFT_REL), self._tolerated_ns.to_ns)
-        self._ended_ns, self.stage_ns = ended_ns, Window(shortest_ns, longest_ns)
+        self._ended_ns, self.stage_ns = ended_ns, Span(shortest_ns, longest_ns)
