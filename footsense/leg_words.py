@@ -97,7 +97,7 @@ CAUSE_WORDS = {
     ),
     Cause.ROW_OPEN: Words(
         "the line of a row is interrupted",
-        "the plug, then the row's traces, and its switch on a board that has one",
+        "the plug, then the row's traces or its switch",
         "open",
     ),
     Cause.COLUMN_OPEN: Words(

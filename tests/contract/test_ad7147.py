@@ -417,8 +417,9 @@ def _in_span(kind: Callable[..., ChipFault], **values: float) -> ChipFault:
 def test_another_kind_of_chip_is_told_by_its_identity(
     wiring: Wiring, caplog: pytest.LogCaptureFixture
 ) -> None:
+    """Its set-up is tried ten times, each of which delays the others of its bus by 4 ms."""
     robot = Robot(wiring, faults=[_in_span(scene_faults.WrongChip)])
-    seen = outage(robot, 2.5)
+    seen = outage(robot, 2.5, pause_ms=40.0, loses_count=True)
     assert Reading.WRONG_CHIP in seen.seen
     assert "such as a potentiometer" in caplog.text
     assert seen.over_ns < 1.8 * S_NS
