@@ -78,7 +78,7 @@ def test_the_table_is_that_of_the_drawn_flex() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("foot_type", "board"), zip(released_names(), BOARDS, strict=True))
+@pytest.mark.parametrize(("foot_type", "board"), list(zip(released_names(), BOARDS, strict=True)))
 def test_every_table_is_that_of_its_drawn_flex(foot_type: str, board: Board) -> None:
     """Of each foot one board, and each board of one foot: all nine would take some minutes."""
     kept_ff, drawn_ff = matrices(foot_type, board)
