@@ -3,6 +3,8 @@
 The topics are those of a recording, with its messages and schemas.
 """
 
+import time
+
 from foxglove import Channel, Context, Schema, StatusLevel, set_log_level, start_server
 
 from footsense import __version__
@@ -13,6 +15,8 @@ from footsense.view.live import LiveSource
 _MAX_LAG_CYCLES = 128
 #: Messages that the SDK keeps for a slow client; then it drops the oldest.
 _BACKLOG_MESSAGES = 512
+#: Time after which clients are told again why no cycles come [s]: the SDK tells those alone that it has let in by then.
+_TELL_PERIOD_S = 1.0
 
 
 class FoxgloveFeed:
@@ -41,10 +45,14 @@ class FoxgloveFeed:
         self._service = 0
         self._channels: dict[str, Channel] = {}
         self._next = 0
+        self._tell_at_s = 0.0
 
     def publish(self) -> None:
-        """Hand the cycles that are new to the SDK, as far as a client has subscribed; without a service, say so."""
+        """Hand the cycles that are new to the SDK, as far as a client has subscribed; without a service, tell why."""
         live = self._live
+        if time.monotonic() >= self._tell_at_s:
+            self._tell_at_s = time.monotonic() + _TELL_PERIOD_S
+            self._tell_problem()
         if live.service != self._service:
             self._service, self._next = live.service, 0
             for channel in self._channels.values():
@@ -66,8 +74,7 @@ class FoxgloveFeed:
         schema = Schema(name=f"footsense.{topic[1:]}", encoding="jsonschema", data=definition)
         return Channel(topic, message_encoding="json", schema=schema, context=self._context)
 
-    def tell_problem(self) -> None:
-        """Tell the clients why no cycles come, or that they come."""
+    def _tell_problem(self) -> None:
         if self._live.problem:
             self._server.publish_status(self._live.problem, StatusLevel.Warning, id="service")
         else:

@@ -232,7 +232,6 @@ class ViewServer:
             close_timeout=0.1,
         ) as sdk:
             self._foxglove.publish()
-            self._foxglove.tell_problem()
             answers = asyncio.create_task(_forward(sdk, connection))
             try:
                 await _forward(connection, sdk)

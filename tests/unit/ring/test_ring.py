@@ -166,18 +166,24 @@ def written_at_full_speed(path: Path, what: str) -> Iterator[CycleReader]:
 
 
 def test_two_processes_at_full_speed(path: Path) -> None:
-    """No reader sees half of a counter: every record is whole, no cycle comes twice, none is missed uncounted."""
-    last, n_read = -1, 0
+    """No reader sees half of a counter: every record is whole, no cycle comes twice, none is missed uncounted.
+
+    The reader lets itself be overtaken, twice at least, as either process may be the faster one.
+    """
+    last, n_read, n_losses = -1, 0, 0
     with written_at_full_speed(path, "cycles") as reader:
         while n_read < 5_000:
+            while n_read >= 2_500 * n_losses and reader.end - reader.position < 3 << 21:
+                pass
             for entry in reader.read():
                 if isinstance(entry, LostCycles):
                     assert last + 1 + entry.n_cycles == entry.next_cycle_number > last + 1
                     last += entry.n_cycles
+                    n_losses += 1
                 else:
                     assert n_read == 0 or entry.cycle_number == last + 1
                     last, n_read = entry.cycle_number, n_read + 1
-    assert last > 2 * n_read
+    assert n_losses >= 2
 
 
 def test_a_counter_never_goes_back(path: Path) -> None:

@@ -37,10 +37,10 @@ class FoxgloveClient:
         self.statuses: list[str] = []
 
     async def listen(self, host: str, name: str, topics: Sequence[str], publish: Callable[[], None]) -> None:
-        """Listen until there is a message on each of the topics; then until a status has come, for none."""
+        """Listen until there is a message on each of the topics; for none, until a status has come twice."""
         async with connect(f"ws://{host}/", subprotocols=[Subprotocol(name)], max_queue=None) as server:
             assert server.subprotocol == name
-            while not (self.received.keys() >= set(topics) if topics else self.statuses):
+            while not (self.received.keys() >= set(topics) if topics else len(self.statuses) > 1):
                 publish()
                 message = await server.recv()
                 if isinstance(message, bytes):
@@ -91,6 +91,7 @@ def test_a_program_gets_every_topic(name: str, tmp_path: Path) -> None:
 
 
 def test_a_program_is_told_why_nothing_comes(tmp_path: Path) -> None:
+    """Again and again, as the SDK tells nothing to a program that it has not let in yet."""
     client = FoxgloveClient()
 
     async def test() -> None:
@@ -98,7 +99,7 @@ def test_a_program_is_told_why_nothing_comes(tmp_path: Path) -> None:
             await client.listen(host, FOXGLOVE_PROTOCOLS[0], [], lambda: None)
 
     run(test)
-    assert "no service runs" in client.statuses[0]
+    assert all("no service runs" in told for told in client.statuses)
 
 
 async def refusal(server: ViewServer) -> str:
