@@ -3,11 +3,10 @@
 The topics are those of a recording, with its messages and schemas.
 """
 
-import time
-
 from foxglove import Channel, Context, Schema, StatusLevel, set_log_level, start_server
 
 from footsense import __version__
+from footsense.clock import stopwatch_ns
 from footsense.recording import messages
 from footsense.view.live import LiveSource
 
@@ -15,8 +14,8 @@ from footsense.view.live import LiveSource
 _MAX_LAG_CYCLES = 128
 #: Messages that the SDK keeps for a slow client; then it drops the oldest.
 _BACKLOG_MESSAGES = 512
-#: Time after which clients are told again why no cycles come [s]: the SDK tells those alone that it has let in by then.
-_TELL_PERIOD_S = 1.0
+#: Time after which clients are told again why no cycles come: the SDK tells those alone that it has let in by then.
+_TELL_PERIOD_NS = 1_000_000_000
 
 
 class FoxgloveFeed:
@@ -45,13 +44,13 @@ class FoxgloveFeed:
         self._service = 0
         self._channels: dict[str, Channel] = {}
         self._next = 0
-        self._tell_at_s = 0.0
+        self._tell_at_ns = 0
 
     def publish(self) -> None:
         """Hand the cycles that are new to the SDK, as far as a client has subscribed; without a service, tell why."""
         live = self._live
-        if time.monotonic() >= self._tell_at_s:
-            self._tell_at_s = time.monotonic() + _TELL_PERIOD_S
+        if (now_ns := stopwatch_ns()) >= self._tell_at_ns:
+            self._tell_at_ns = now_ns + _TELL_PERIOD_NS
             self._tell_problem()
         if live.service != self._service:
             self._service, self._next = live.service, 0
