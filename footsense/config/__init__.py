@@ -13,10 +13,11 @@ from footsense.config.schema import Config, gone_board
 from footsense.config.sections import Bus, Mux, ResetLine
 from footsense.strict_yaml import Problem, load
 
-__all__ = ["DEFAULT", "SMALL_BOARD", "Config", "load_config"]
+__all__ = ["COLUMNS", "DEFAULT", "SMALL_BOARD", "Config", "load_config"]
 
 #: Simulated robot of six legs with a converter in every foot, behind one multiplexer; CAN within the process.
 SMALL_BOARD = Config(
+    board="fdc1004",
     buses=(
         Bus(
             device="sim",
@@ -27,8 +28,17 @@ SMALL_BOARD = Config(
     can=Can(interface="virtual"),
 )
 
-#: Simulation that runs without a file: three converters in every foot, on two buses.
-DEFAULT = replace(
+#: Simulation that runs without a file: six legs with an AD7147 in every foot, three on each of two buses.
+DEFAULT = Config(
+    buses=(
+        Bus(device="sim0", addresses={"lf": 0x2C, "lm": 0x2D, "lr": 0x2E}),
+        Bus(device="sim1", addresses={"rf": 0x2C, "rm": 0x2D, "rr": 0x2E}),
+    ),
+    can=Can(interface="virtual"),
+)
+
+#: Simulated robot of six legs with three FDC1004 in every foot, on two buses: that of the studies.
+COLUMNS = replace(
     SMALL_BOARD,
     board="fdc1004_columns",
     buses=(

@@ -62,7 +62,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         realtime: Scheduling to request; None for none.
     """
 
-    board: Literal["ad7147", "fdc1004", "fdc1004_columns", "mcu"] = "fdc1004"
+    board: Literal["ad7147", "fdc1004", "fdc1004_columns", "mcu"] = "ad7147"
     buses: Annotated[tuple[sections.Bus, ...], Meta(max_length=8)] = ()
     serial: Serial | None = None
     can: Annotated[Can, Meta(description="interface: socketcan, channel: can0 on a robot")]

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
-from footsense.config import DEFAULT, SMALL_BOARD, Config
+from footsense.config import COLUMNS, SMALL_BOARD, Config
 from footsense.config.sections import Mux
 from footsense.sim.faults import scene_faults as faults
 from footsense.sim.faults.scene_faults import CanFault, Fault
@@ -29,7 +29,7 @@ from footsense.validation.fault_trial import (
 )
 
 #: Robots of the table, by their board.
-ROBOTS: dict[str, Config] = {robot.board: robot for robot in (DEFAULT, SMALL_BOARD)}
+ROBOTS: dict[str, Config] = {robot.board: robot for robot in (COLUMNS, SMALL_BOARD)}
 
 
 class FaultTrial(NamedTuple):
@@ -168,10 +168,10 @@ _QUICK_EVERY_NTH_TRIAL = 6
 
 def simulate_leg_faults(
     report: Callable[[str], None],
-    board: str = DEFAULT.board,
+    board: str = COLUMNS.board,
     *,
     quick: bool = False,
-    foot_type: str = DEFAULT.foot_type,
+    foot_type: str = COLUMNS.foot_type,
     load: Tripod = LOAD,
 ) -> dict[str, FaultFigures]:
     """Simulate a walk without faults and one per fault of legs, buses and feet; return the effects by description.

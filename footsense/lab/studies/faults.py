@@ -2,7 +2,7 @@
 
 from msgspec.structs import replace
 
-from footsense.config import DEFAULT
+from footsense.config import COLUMNS
 from footsense.foot.network_card import NETWORK_FILES
 from footsense.frames import ELEMENTS, State
 from footsense.lab.evaluation.evaluate_models import RESPONSE_FILE
@@ -36,9 +36,9 @@ def compute(context: StudyContext) -> Values:
     foot = context.foot_design
     robots = robots_of(context)
     folder = context.files(FOOT_FILE, RESPONSE_FILE, *NETWORK_FILES.values())
-    other = foot.foot_type != DEFAULT.foot_type
+    other = foot.foot_type != COLUMNS.foot_type
     load = replace(LOAD, peak_force_n=0.5 * foot.loads.max_n)
-    foot_type = str(folder.resolve()) if other else DEFAULT.foot_type
+    foot_type = str(folder.resolve()) if other else COLUMNS.foot_type
     legs, small = (
         simulate_leg_faults(
             context.report_progress, board, quick=context.quick, foot_type=foot_type, load=load
