@@ -9,10 +9,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from footsense.estimation.network import Network
-from footsense.foot.network_card import NETWORK_FILES
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Specimen
-from footsense.lab.evaluation.evaluate_models import RESPONSE_FILE
+from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, RESPONSE_FILE
 from footsense.lab.evaluation.walker_runs import (
     LEAD_IN_S,
     SCAN_TIMES,
@@ -57,7 +56,7 @@ def judge_run(
     *,
     viscous_rel: float,
     run: WalkerRun,
-    scan: str = "elements",
+    board: str,
     exact: bool = False,
     massless: bool = False,
 ) -> list[JudgedRun]:
@@ -69,21 +68,21 @@ def judge_run(
         models: Folder of each foot type.
         viscous_rel: Creep and lag of the rubber over those of the simulated rubber [1].
         run: The run.
-        scan: What a conversion reads, a key of `NETWORK_FILES`.
+        board: A key of `SCAN_TIMES`.
         exact: Whether the true force is in place of the network's, for what contact and slip make of it.
         massless: Whether the sensor feels the ground alone, and nothing of the foot's own mass.
     """
     log, judged = WalkerLog.load(run.saved(cache_folder())), []
     for folder in models:
         design, response = load_foot(folder / FOOT_FILE), FootResponse.load(folder / RESPONSE_FILE)
-        network = Network(folder / NETWORK_FILES[scan], len(log.legs))
+        network = Network(folder / NETWORK_FILE, len(log.legs))
         scale = 1.0 if design.foot_type == run.robot else PAPER_PEAK_N / log.peak_n()
         loads = walker_loads(log, scale, design.ball_radius_mm)
         readings = read_walker(
             Specimen(response),
             loads._replace(felt_n=loads.force_n) if massless else loads,
             _SEED + run.seed,
-            scan=SCAN_TIMES[scan],
+            scan=SCAN_TIMES[board],
             viscous_rel=viscous_rel,
         )
         card = network.card
@@ -94,7 +93,7 @@ def judge_run(
             card.max_trained_force_n,
             len(log.legs),
             log.friction,
-            SCAN_TIMES[scan],
+            SCAN_TIMES[board],
         )
         outputs, peak_n = run_pipeline(pipeline, readings, known), scale * log.peak_n()
         judged.append(JudgedRun(design.foot_type, run, peak_n, scores(outputs, peak_n), _shown(outputs)))
@@ -117,7 +116,7 @@ def judge(
     models: Sequence[Path],
     runs: Sequence[WalkerRun] = JUDGEMENT,
     *,
-    scan: str = "elements",
+    board: str,
     viscous_rel: float = 0.0,
     exact: bool = False,
     massless: bool = False,
@@ -128,7 +127,7 @@ def judge(
     Args:
         models: Folders of the foot types, the paper's first.
         runs: The runs.
-        scan: What a conversion reads, a key of `NETWORK_FILES`.
+        board: A key of `SCAN_TIMES`.
         viscous_rel: Creep and lag of the rubber over those of the simulated rubber [1].
         exact: As of `judge_run`.
         massless: As of `judge_run`.
@@ -139,7 +138,7 @@ def judge(
         for run in runs
     ]
     judged = compute_each(
-        partial(_judge_part, viscous_rel=viscous_rel, scan=scan, exact=exact, massless=massless),
+        partial(_judge_part, viscous_rel=viscous_rel, board=board, exact=exact, massless=massless),
         parts,
         scheduler=scheduler,
     )
@@ -147,10 +146,10 @@ def judge(
 
 
 def _judge_part(
-    part: tuple[WalkerRun, tuple[Path, ...]], *, viscous_rel: float, scan: str, exact: bool, massless: bool
+    part: tuple[WalkerRun, tuple[Path, ...]], *, viscous_rel: float, board: str, exact: bool, massless: bool
 ) -> list[JudgedRun]:
     run, models = part
-    return judge_run(models, viscous_rel=viscous_rel, run=run, scan=scan, exact=exact, massless=massless)
+    return judge_run(models, viscous_rel=viscous_rel, run=run, board=board, exact=exact, massless=massless)
 
 
 def pooled(judged: Sequence[JudgedRun]) -> dict[str, Any]:

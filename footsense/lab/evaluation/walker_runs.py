@@ -1,8 +1,8 @@
 """The service's estimation on the feet of a walking robot: readings of a log, run through the whole pipeline.
 
-Every conversion reads the next element, or row, of all feet under the load at its middle; the pipeline gets each as a
-frame, as from a bus, and what it says is kept beside what the feet felt at the time of sending. In swing the foot's own
-mass pulls at the sensor, by the accelerations of the log.
+Every conversion reads the next element of all feet under the load at its middle; the pipeline gets what a read of the
+bus brings as a frame, and what it says is kept beside what the feet felt at the time of sending. In swing the foot's
+own mass pulls at the sensor, by the accelerations of the log.
 """
 
 from typing import NamedTuple
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_interface.chips import fdc1004
+from footsense.acquisition.boards import ad7147
 from footsense.estimation.drift import load_n_per_pf, max_swing_rise_n_per_s
 from footsense.estimation.network import sensitivity
 from footsense.estimation.pipeline import Pipeline
@@ -22,18 +23,17 @@ from footsense.estimation.settings import (
 )
 from footsense.foot.network_card import TrainedInputs
 from footsense.foot.specimen import ContactLoads, Specimen
-from footsense.frames import ELEMENTS, ROWS, CapFrame, Codes, GaitEvent, Mask, Reading, Vector
-from footsense.lab.training.gait_readings import NOMINAL_SEND_DELAY_S, STEP_S, conversion_elements
+from footsense.frames import ELEMENTS, CapFrame, Codes, GaitEvent, Mask, Reading, Vector
+from footsense.lab.training.gait_readings import conversion_elements
 from footsense.lab.training.gait_windows import contact_and_normal_force
 from footsense.lab.walkers.simulate import WalkerLog
 from footsense.ports import LoadEstimate, LoadEstimator, Window
 from footsense.sim.loads.load_log import RowsBetween
 from footsense.sim.rubber import ViscoelasticRubber
+from footsense.sim.scene import Ad7147Effects
 
 #: Time in the air before a log, in which the feet are tared, and time in which its first loads rise [s].
 LEAD_IN_S, _RISE_S = 0.7, 0.1
-_NOISE_PF = 1e-3 * fdc1004.RATES[400].noise_ff
-_FULL_SCALE_PF = fdc1004.capacitance_pf(fdc1004.CODE_MAX)
 #: Loads that are turned into capacitances at once, which limits memory.
 _LOADS_PER_CALL = 2048
 #: Scans without a reading from which a measurement is stale, as of the service.
@@ -96,35 +96,69 @@ def walker_loads(log: WalkerLog, scale: float, ball_radius_mm: float) -> WalkerL
 
 
 class ScanTimes(NamedTuple):
-    """Times of the scan of a board whose six legs are read at 400 conversions a second: as its simulation shows them.
+    """How a board reads six legs, as its simulation shows it.
 
     Attributes:
-        elements: Elements of each conversion of a scan, shape (conversions, elements at once).
-        step_s: From one conversion to the next [s].
-        send_delay_s: From the middle of a conversion to the sending of its force [s].
+        elements: Elements of each read of a scan, shape (reads, elements); one that comes twice in a row counts once.
+        lag_s: From the middle of each one's conversion to the middle of a conversion that ends with the read [s], on
+            average; same shape.
+        step_s: From one read to the next [s].
+        send_delay_s: From the middle of a conversion that ends with a read to the sending of the force [s].
+        conversion_s: Time of a conversion [s].
+        noise_pf: Noise of a conversion [pF, rms].
+        range_end_pf: Largest capacitance that the converter reads [pF].
     """
 
     elements: NDArray[np.intp]
+    lag_s: Vector
     step_s: float
     send_delay_s: float
+    conversion_s: float
+    noise_pf: float
+    range_end_pf: float
+
+    @property
+    def newest_s(self) -> float:
+        """From the middle of the newest conversion of a read to the sending of its force, mean [s]."""
+        return self.send_delay_s + float(self.lag_s.min(axis=1).mean())
 
 
-#: By the scan of a network: board `fdc1004` on one bus, and `fdc1004_columns` on two, at 40 us a transaction; the mean
-#: over six legs.
+#: Host's time of a transaction in `SCAN_TIMES` [us].
+HOST_COST_US = 100
+_FDC1004_STEP_S, _AD7147_STAGE_S = 2.931e-3, 1e-9 * ad7147.RATE.conversion_ns
+_ORDER = conversion_elements(0, ELEMENTS)
+#: By board; the mean over the legs, `fdc1004` on one bus and `ad7147` on two. A read of `ad7147` brings four or five
+#: results, since two are made in a scan, at all phases of a conversion.
 SCAN_TIMES = {
-    "elements": ScanTimes(conversion_elements(0, ELEMENTS)[:, None], STEP_S, NOMINAL_SEND_DELAY_S),
-    "rows": ScanTimes(np.arange(ELEMENTS).reshape(ROWS, ROWS), 2.644e-3, 3.46e-3),
+    "ad7147": ScanTimes(
+        elements=_ORDER[[[0, 0, 1, 2, 3], [4, 5, 6, 7, 8]]],
+        lag_s=_AD7147_STAGE_S * np.array([[3.75, 3.75, 2.75, 1.75, 0.75], [4.25, 3.25, 2.25, 1.25, 0.25]]),
+        step_s=4.5 * _AD7147_STAGE_S,
+        send_delay_s=2.836e-3 - 0.5 * _AD7147_STAGE_S,
+        conversion_s=_AD7147_STAGE_S,
+        noise_pf=1e-3 * Ad7147Effects().noise_ff,
+        range_end_pf=ad7147.RANGE_END_PF,
+    ),
+    "fdc1004": ScanTimes(
+        elements=_ORDER[:, None],
+        lag_s=np.zeros((ELEMENTS, 1)),
+        step_s=_FDC1004_STEP_S,
+        send_delay_s=4.142e-3,
+        conversion_s=_FDC1004_STEP_S,
+        noise_pf=1e-3 * fdc1004.RATES[400].noise_ff,
+        range_end_pf=fdc1004.capacitance_pf(fdc1004.CODE_MAX),
+    ),
 }
 
 
 class WalkerReadings(NamedTuple):
-    """Readings of the feet of a robot, one conversion after another.
+    """Readings of the feet of a robot, one read after another.
 
     Attributes:
         scan: Their scan.
-        t_s: Middle of each conversion [s], shape (n,).
-        elements: Elements that it read, shape (n, elements at once).
-        capacitance_pf: What was read [pF], shape (n, legs, elements at once).
+        t_s: Middle of each conversion [s], shape (n, elements of a read).
+        elements: Elements that were read, same shape.
+        capacitance_pf: What was read [pF], shape (n, legs, elements of a read).
         loads: True loads at the times of sending.
     """
 
@@ -140,7 +174,7 @@ def read_walker(
     loads: WalkerLoads,
     seed: int,
     *,
-    scan: ScanTimes = SCAN_TIMES["elements"],
+    scan: ScanTimes,
     viscous_rel: float = 0.0,
     noise_rel: float = 1.0,
 ) -> WalkerReadings:
@@ -157,22 +191,25 @@ def read_walker(
     rng = np.random.default_rng(seed)
     n = int((loads.t_s[-1] - scan.step_s) / scan.step_s)
     t_s = np.asarray(scan.step_s * np.arange(1.0, n + 1), np.float64)
-    elements = scan.elements[np.arange(n) % len(scan.elements)]
-    read = loads.at(t_s)
+    row = np.arange(n) % len(scan.elements)
+    elements, converted_s = scan.elements[row], t_s[:, None] - scan.lag_s[row]
+    middles_s, at = np.unique(converted_s, return_inverse=True)
+    at = at.reshape(converted_s.shape)
+    read = loads.at(middles_s)
     n_legs = loads.force_n.shape[1]
     capacitance_pf = np.empty((n, n_legs, elements.shape[1]))
     for leg in range(n_legs):
         normal, force_n = read.normal[:, leg], read.felt_n[:, leg]
         if viscous_rel:
-            normal, force_n = _effective_loads(t_s, ContactLoads(normal, force_n), viscous_rel)
-        whole_pf = np.tile(foot.unloaded_pf, (n, 1))
+            normal, force_n = _effective_loads(middles_s, ContactLoads(normal, force_n), viscous_rel)
+        whole_pf = np.tile(foot.unloaded_pf, (len(middles_s), 1))
         rows = np.flatnonzero(force_n.any(axis=1))
         for first in range(0, len(rows), _LOADS_PER_CALL):
             some = rows[first : first + _LOADS_PER_CALL]
             whole_pf[some] = foot.capacitance_pf(normal[some], force_n[some])
-        capacitance_pf[:, leg] = np.take_along_axis(whole_pf, elements, axis=1)
-    capacitance_pf += noise_rel * _NOISE_PF * rng.normal(size=capacitance_pf.shape)
-    return WalkerReadings(scan, t_s, elements, capacitance_pf, loads.at(t_s + scan.send_delay_s))
+        capacitance_pf[:, leg] = whole_pf[at, elements]
+    capacitance_pf += noise_rel * scan.noise_pf * rng.normal(size=capacitance_pf.shape)
+    return WalkerReadings(scan, converted_s, elements, capacitance_pf, loads.at(t_s + scan.send_delay_s))
 
 
 def _effective_loads(t_s: Vector, loads: ContactLoads, amount: float) -> ContactLoads:
@@ -185,7 +222,7 @@ def _effective_loads(t_s: Vector, loads: ContactLoads, amount: float) -> Contact
 
 
 class WalkerOutputs(NamedTuple):
-    """What the pipeline said after each of n conversions, beside the truth at the times of sending.
+    """What the pipeline said after each of n reads, beside the truth at the times of sending.
 
     Attributes:
         t_s: Times of sending [s], shape (n,).
@@ -195,7 +232,7 @@ class WalkerOutputs(NamedTuple):
         state: State of each leg, shape (n, legs).
         cause: Cause, same shape.
         contact: Whether contact is reported, same shape.
-        events: Every event, with the row of the conversion after which it was reported.
+        events: Every event, with the row of the read after which it was reported.
     """
 
     t_s: Vector
@@ -214,7 +251,7 @@ def pipeline_of(
     max_force_n: float,
     n_legs: int,
     friction: float,
-    scan: ScanTimes = SCAN_TIMES["elements"],
+    scan: ScanTimes,
     feet: MountedFeet | None = None,
 ) -> Pipeline:
     """Return the service's pipeline.
@@ -271,7 +308,7 @@ class ExactLoads:
 def run_pipeline(
     pipeline: Pipeline, readings: WalkerReadings, exact: ExactLoads | None = None
 ) -> WalkerOutputs:
-    """Return what a pipeline says of readings, conversion by conversion.
+    """Return what a pipeline says of readings, read by read.
 
     Args:
         pipeline: The pipeline.
@@ -282,9 +319,9 @@ def run_pipeline(
     t_ns = np.zeros((n_legs, ELEMENTS), np.int64)
     capacitance_pf = np.full((n_legs, ELEMENTS), np.nan)
     reading = np.full((n_legs, ELEMENTS), Reading.NOT_READY, np.uint8)
-    sent_ns = (1e9 * (readings.t_s + readings.scan.send_delay_s)).astype(np.int64).tolist()
-    read_ns = (1e9 * readings.t_s).astype(np.int64).tolist()
-    over = readings.capacitance_pf >= _FULL_SCALE_PF
+    sent_ns = (1e9 * readings.loads.t_s).astype(np.int64).tolist()
+    read_ns = (1e9 * readings.t_s).astype(np.int64)
+    over = readings.capacitance_pf >= readings.scan.range_end_pf
     frames, events = [], []
     contact = np.zeros((n, n_legs), bool)
     for k, elements in enumerate(readings.elements.tolist()):

@@ -8,7 +8,7 @@ from footsense.frames import ELEMENTS, State
 from footsense.lab.evaluation.evaluate_models import RESPONSE_FILE
 from footsense.lab.foot_file import FOOT_FILE
 from footsense.lab.report import SAME_TABLE, StudyContext, Values, table
-from footsense.lab.studies.boards.robots import robots_of
+from footsense.lab.studies.boards.robots import robot_of
 from footsense.validation.converter_kinds import (
     HANGS_AFTER,
     HOST_COST_US,
@@ -23,7 +23,7 @@ from footsense.validation.disturbance_table import (
     DisturbanceFigures,
     simulate_disturbances,
 )
-from footsense.validation.fault_table import simulate_can_faults, simulate_leg_faults
+from footsense.validation.fault_table import ROBOTS, simulate_can_faults, simulate_leg_faults
 from footsense.validation.fault_trial import BREAKS_AT_S, DURATION_S, LOAD, PASSES_AT_S, FaultFigures
 
 TITLE = "Effect of every fault, and of disturbances"
@@ -34,7 +34,9 @@ _WANTED_SHARE = 0.95
 def compute(context: StudyContext) -> Values:
     """Walk once with each fault; faults of CAN, which no foot changes, for the default foot only."""
     foot = context.foot_design
-    robots = robots_of(context)
+    context.scene("measured_walk")
+    for board in ROBOTS:
+        robot_of(context, board)
     folder = context.files(FOOT_FILE, RESPONSE_FILE, *NETWORK_FILES.values())
     other = foot.foot_type != COLUMNS.foot_type
     load = replace(LOAD, peak_force_n=0.5 * foot.loads.max_n)
@@ -43,7 +45,7 @@ def compute(context: StudyContext) -> Values:
         simulate_leg_faults(
             context.report_progress, board, quick=context.quick, foot_type=foot_type, load=load
         )
-        for board in robots
+        for board in ROBOTS
     )
     disturbed = simulate_disturbances(
         context.report_progress, quick=context.quick, foot_type=foot_type, max_n=foot.loads.max_n

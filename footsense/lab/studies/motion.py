@@ -8,27 +8,23 @@ import numpy as np
 
 from footsense.foot.contact_coordinates import normals_of_stereographic_points
 from footsense.foot.directions import angles_between_deg
-from footsense.foot.network_card import NETWORK_FILES
 from footsense.frames import ELEMENTS, LEGS, Vector
 from footsense.lab.board_comparison.windows import TROT_RISES_S, TROT_STANCE_S, TROT_STRIDE_S, dog_trot
-from footsense.lab.evaluation.evaluate_models import RESPONSE_FILE
+from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, RESPONSE_FILE
 from footsense.lab.evaluation.walker_judgement import draw, judge, pooled
 from footsense.lab.evaluation.walker_page import WalkerLimits, row_of, walker_targets, walker_text
-from footsense.lab.evaluation.walker_runs import SCAN_TIMES
+from footsense.lab.evaluation.walker_runs import HOST_COST_US, SCAN_TIMES, ScanTimes
 from footsense.lab.foot_file import FOOT_FILE
 from footsense.lab.report import SAME_TABLE, StudyContext, Values, table, table_by_board
 from footsense.lab.studies.boards.page import BoardLimits, board_figures, board_targets, board_text
 from footsense.lab.studies.boards.service_walks import OWN_FEET
 from footsense.lab.training.export import OnnxNetwork
 from footsense.lab.training.gait_readings import (
-    SCANS_OF_NETWORK,
-    STEP_S,
     GaitReadings,
     ReadingConditions,
     concatenate_gaits,
     loads_of,
     random_gaits,
-    select_gaits,
     simulate_gait_readings,
 )
 from footsense.lab.training.gait_windows import (
@@ -43,11 +39,9 @@ from footsense.sim.loads.walk import Walk, measured_walk, smooth_stance_reaction
 
 TITLE = "Force in motion, and what a gait controller is told"
 
-#: Seed of the gaits that judge; training uses another.
+#: Seed of the gaits that judge; training uses another. Times of a random gait and of a walk [s].
 _SEED = 990_001
-_N_GAITS, _CONVERSIONS, _WALK_CONVERSIONS = 200, 1100, 2500
-#: A conversion counts as usual if its time is within this of 400 a second [1].
-_USUAL_RATE_REL = 0.05
+_N_GAITS, _GAIT_S, _WALK_S, _QUICK_WALK_S = 200, 3.0, 6.8, 1.1
 #: Least force of a direction, of a friction ratio, and least normal force of a contact normal [N].
 _DIRECTION_N, _FRICTION_N, _NORMAL_N = 0.1, 0.3, 0.5
 _WALK_START_NS = 200_000_000
@@ -62,52 +56,46 @@ class Wanted(NamedTuple):
     robots: WalkerLimits
 
 
-#: What is wanted, and what a conversion reads, a key of `NETWORK_FILES`, by board; the default board is the first.
-_BOARDS: dict[str, tuple[str, Wanted]] = {
-    "fdc1004_columns": (
-        "rows",
-        Wanted(
-            BoardLimits(
-                direction_deg={
-                    "random gaits": (0.9, 2.5),
-                    "measured walk": (0.45, 1.1),
-                    "tripod": (0.35, 0.8),
-                    "trot of a robot dog": (1.0, 3.0),
-                },
-                fz_mn=6.0,
-                settled_ms=(22.0, 26.0),
-                wrong_gains_deg=(1.8, 0.5),
-                touchdown_ms=(3.0, 5.0, 1.5),
-                missing_deg=(0.8, 1.5, 1.5),
-                own_robots=((0.6, 0.01), (1.0, 0.02)),
-            ),
-            WalkerLimits(direction_deg=(2.4, 4.0), mid_stance_deg=(1.1,), delay_ms=3.0),
+#: What is wanted of each board; the default board is the first.
+_BOARDS: dict[str, Wanted] = {
+    "ad7147": Wanted(
+        BoardLimits(
+            direction_deg={
+                "random gaits": (0.8, 2.2),
+                "measured walk": (0.3, 0.8),
+                "tripod": (0.32, 0.6),
+                "trot of a robot dog": (0.65, 1.3),
+            },
+            fz_mn=10.0,
+            settled_ms=(20.0, 25.0),
+            wrong_gains_deg=(1.8, 0.5),
+            touchdown_ms=(3.0, 5.0, 1.5),
+            missing_deg=(0.7, 1.5, 1.5),
+            own_robots=((0.6, 0.01), (1.0, 0.02)),
         ),
+        WalkerLimits(direction_deg=(2.0, 4.5), mid_stance_deg=(1.0,), delay_ms=3.0),
     ),
-    "fdc1004": (
-        "elements",
-        Wanted(
-            BoardLimits(
-                direction_deg={
-                    "random gaits": (2.4, 10.0),
-                    "measured walk": (1.3, 4.5),
-                    "tripod": (1.3, 5.2),
-                    "trot of a robot dog": (3.0, 9.0),
-                },
-                fz_mn=17.0,
-                settled_ms=(68.0, 77.0),
-                wrong_gains_deg=(2.1, 1.3),
-                touchdown_ms=(4.5, 5.9, 3.8),
-            ),
-            WalkerLimits(),
+    "fdc1004": Wanted(
+        BoardLimits(
+            direction_deg={
+                "random gaits": (2.4, 10.0),
+                "measured walk": (1.3, 4.5),
+                "tripod": (1.3, 5.2),
+                "trot of a robot dog": (3.0, 9.0),
+            },
+            fz_mn=17.0,
+            settled_ms=(68.0, 77.0),
+            wrong_gains_deg=(2.1, 1.3),
+            touchdown_ms=(4.5, 5.9, 3.8),
         ),
+        WalkerLimits(),
     ),
 }
 
 
 def compute(context: StudyContext) -> Values:
     """Judge the feet of each board by walking robots; estimate the force in random gaits and walks."""
-    boards = {board: _figures(context, board, *of_board) for board, of_board in _BOARDS.items()}
+    boards = {board: _figures(context, board, wanted) for board, wanted in _BOARDS.items()}
     return {
         "n_random_gaits": 6 if context.quick else _N_GAITS,
         "boards": boards,
@@ -119,15 +107,15 @@ def compute(context: StudyContext) -> Values:
     }
 
 
-def _figures(context: StudyContext, board: str, scan: str, wanted: Wanted) -> Values:
+def _figures(context: StudyContext, board: str, wanted: Wanted) -> Values:
     """Return the figures of a board."""
     feet = [context, *(context.foot(name) for name in OWN_FEET)]
-    folders = [foot.files(FOOT_FILE, RESPONSE_FILE, NETWORK_FILES[scan]) for foot in feet]
-    gaits = _gaits(context, OnnxNetwork(folders[0] / NETWORK_FILES[scan]), scan)
+    folders = [foot.files(FOOT_FILE, RESPONSE_FILE, NETWORK_FILE) for foot in feet]
+    gaits = _gaits(context, OnnxNetwork(folders[0] / NETWORK_FILE), SCAN_TIMES[board])
     context.report_progress(f"{board}: gaits done")
-    figures = board_figures(context, scan)
+    figures = board_figures(context, board)
     runs = JUDGEMENT[_QUICK_RUNS] if context.quick else JUDGEMENT
-    judged = judge(folders, runs, scan=scan, scheduler=context.scheduler)
+    judged = judge(folders, runs, board=board, scheduler=context.scheduler)
     context.report_progress("walking robots done")
     own_type = context.foot_design.foot_type
     by_foot = {
@@ -136,10 +124,10 @@ def _figures(context: StudyContext, board: str, scan: str, wanted: Wanted) -> Va
     }
     for name, runs_of_foot in by_foot.items():
         context.drawings[f"motion-{board}-{name}.png"] = draw(runs_of_foot, f"{name}, board {board}")
-    creeping = judge(folders[:1], runs[::4], scan=scan, viscous_rel=1.0, scheduler=context.scheduler)
+    creeping = judge(folders[:1], runs[::4], board=board, viscous_rel=1.0, scheduler=context.scheduler)
     compared = runs[:1] if context.quick else runs
-    exact = judge(folders[:1], compared, scan=scan, exact=True, scheduler=context.scheduler)
-    massless = judge(folders[:1], compared, scan=scan, massless=True, scheduler=context.scheduler)
+    exact = judge(folders[:1], compared, board=board, exact=True, scheduler=context.scheduler)
+    massless = judge(folders[:1], compared, board=board, massless=True, scheduler=context.scheduler)
     together = {name: pooled(runs_of_foot) for name, runs_of_foot in by_foot.items()}
     others = {name: together[name] for name in together if name != own_type}
     return {
@@ -158,36 +146,40 @@ def _figures(context: StudyContext, board: str, scan: str, wanted: Wanted) -> Va
 
 
 def _walked(
-    context: StudyContext, scan: str, source: ContactSource, legs: tuple[str, ...], viscous_rel: float = 0.0
+    context: StudyContext,
+    conditions: ReadingConditions,
+    source: ContactSource,
+    legs: tuple[str, ...],
+    viscous_rel: float = 0.0,
 ) -> GaitReadings:
-    times = SCAN_TIMES[scan]
-    n = 400 if context.quick else _WALK_CONVERSIONS
-    conditions = ReadingConditions(
-        conversion_order_index=SCANS_OF_NETWORK[times.elements.shape[1]][0],
-        step_s=times.step_s,
-        send_delay_s=times.send_delay_s,
-        viscous_rel=viscous_rel,
-    )
+    n = round((_QUICK_WALK_S if context.quick else _WALK_S) / conditions.step_s)
     return concatenate_gaits(
         [
             simulate_gait_readings(
-                context.response, loads_of(source, leg), conditions, np.random.default_rng((_SEED, row)), n
+                context.response,
+                loads_of(source, leg),
+                conditions._replace(viscous_rel=viscous_rel),
+                np.random.default_rng((_SEED, row)),
+                n,
             )
             for row, leg in enumerate(legs)
         ]
     )
 
 
-def _gaits(context: StudyContext, network: LoadEstimator, scan: str) -> list[Values]:
+def _gaits(context: StudyContext, network: LoadEstimator, scan: ScanTimes) -> list[Values]:
     """Return the errors in gaits and walks."""
     n_gaits = 6 if context.quick else _N_GAITS
     max_n = context.foot_design.loads.max_n
-    at_once = SCAN_TIMES[scan].elements.shape[1]
-    random = random_gaits(context.response, _SEED, n_gaits, _CONVERSIONS, max_n, at_once=at_once)
-    at_usual_pace = (random.conversion_order_index == SCANS_OF_NETWORK[at_once][0]) & (
-        np.abs(random.step_s / STEP_S - 1.0) < _USUAL_RATE_REL
+    conditions = ReadingConditions(
+        step_s=scan.conversion_s,
+        send_delay_s=scan.newest_s,
+        noise_pf=scan.noise_pf,
+        range_end_pf=scan.range_end_pf,
     )
-    usual = select_gaits(random, at_usual_pace)
+    random = random_gaits(
+        context.response, _SEED, n_gaits, round(_GAIT_S / scan.conversion_s), max_n, scan=conditions
+    )
     walk = measured_walk(1.0, 10.0, _WALK_START_NS)
     tripod = Walk(
         dict.fromkeys(LEGS, smooth_stance_reaction(0.6, 1.0, 0.15)),
@@ -197,14 +189,13 @@ def _gaits(context: StudyContext, network: LoadEstimator, scan: str) -> list[Val
         from_ns=_WALK_START_NS,
     )
     sides = ("rf", "lf")
-    errors = partial(_errors, network)
+    errors, walked = partial(_errors, network), partial(_walked, context, conditions)
     return [
-        errors("random gaits", usual),
-        errors("random gaits at another pace", select_gaits(random, ~at_usual_pace)),
-        errors("measured walk", _walked(context, scan, walk, sides)),
-        errors("tripod", _walked(context, scan, tripod, ("rf",))),
-        errors("trot of a robot dog", _walked(context, scan, dog_trot(_WALK_START_NS), tuple(TROT_RISES_S))),
-        errors("walk, rubber creeps and lags", _walked(context, scan, walk, sides, viscous_rel=1.0)),
+        errors("random gaits", random),
+        errors("measured walk", walked(walk, sides)),
+        errors("tripod", walked(tripod, ("rf",))),
+        errors("trot of a robot dog", walked(dog_trot(_WALK_START_NS), tuple(TROT_RISES_S))),
+        errors("walk, rubber creeps and lags", walked(walk, sides, viscous_rel=1.0)),
     ]
 
 
@@ -265,15 +256,16 @@ def text(values: Values) -> str:
         ],
     )
     return f"""
-Board `fdc1004_columns` converts a row of a foot at once: a scan takes three conversions. Board `fdc1004` converts one
-element at a time, nine in a scan. Each has its own network; six legs, 40 us a transaction, `fdc1004_columns` on two buses.
+Board `ad7147` converts the nine elements of a foot by itself in 6.9 ms; its results are read twice in that time. Board
+`fdc1004` converts one element at a time, nine in 26 ms. Both have the same network; six legs, {HOST_COST_US} us of the host for a
+transaction, `ad7147` on two buses.
 
 {wanted}
 
 ## Gaits
 
 The released networks on gaits that they were not trained on: {values["n_random_gaits"]} random gaits of another seed (stances of 60 ms to 2 s
-that rise in 5 to 150 ms; scans of 4.5 to 125 ms in the row of another pace), the measured walk of two legs, a
+that rise in 5 to 150 ms), the measured walk of two legs, a
 tripod of one, and a trot of four legs with the times of a robot dog's (strides of {TROT_STRIDE_S:g} s, stances of {TROT_STANCE_S:g} s
 that rise to 70 % within 20 to 80 ms, as measured of a Unitree Go1; its shape is ours), all at 1 N peak but the random ones. The force is that at the time of sending. Directions count from
 {_DIRECTION_N} N on, friction from {_FRICTION_N} N, the contact's normal from {_NORMAL_N} N of normal force. Readings come from the response

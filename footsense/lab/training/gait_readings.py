@@ -222,6 +222,7 @@ def simulate_random_gait_readings(
     max_n: float,
     at_once: int = 1,
     gain_rms_rel: float = 0.0,
+    scan: ReadingConditions | None = None,
 ) -> GaitReadings:
     """Return the simulated readings of one random gait under random conditions, as `simulate_gait_readings`.
 
@@ -232,8 +233,15 @@ def simulate_random_gait_readings(
         max_n: Full load of the foot [N].
         at_once: Elements that a conversion reads, a key of `SCANS_OF_NETWORK`.
         gain_rms_rel: As of `draw_conditions`.
+        scan: How a board reads, but for rubber, drift and gains, which are drawn; None for one that is drawn too.
     """
     conditions = draw_conditions(rng, at_once, gain_rms_rel=gain_rms_rel)
+    if scan is not None:
+        conditions = scan._replace(
+            viscous_rel=conditions.viscous_rel,
+            baseline_drift_rms_pf=conditions.baseline_drift_rms_pf,
+            gain_rms_rel=conditions.gain_rms_rel,
+        )
     return simulate_gait_readings(
         response, RandomGait(rng, max_n, n * conditions.step_s).loads, conditions, rng, n
     )
@@ -260,6 +268,7 @@ def random_gaits(
     jobs: int = 1,
     at_once: int = 1,
     gain_rms_rel: float = 0.0,
+    scan: ReadingConditions | None = None,
 ) -> GaitReadings:
     """Return simulated readings of m random gaits; the same seed gives the same, on any number of processes.
 
@@ -272,11 +281,12 @@ def random_gaits(
         jobs: Processes.
         at_once: Elements that a conversion reads, a key of `SCANS_OF_NETWORK`.
         gain_rms_rel: As of `draw_conditions`.
+        scan: As of `simulate_random_gait_readings`.
     """
     seeds = np.random.SeedSequence(seed).spawn(m)
     making = Parallel(n_jobs=jobs, return_as="generator")(
         delayed(simulate_random_gait_readings)(
-            response, np.random.default_rng(own), n, max_n, at_once, gain_rms_rel
+            response, np.random.default_rng(own), n, max_n, at_once, gain_rms_rel, scan
         )
         for own in seeds
     )

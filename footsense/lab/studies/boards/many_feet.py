@@ -15,7 +15,6 @@ from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.network import Network
 from footsense.estimation.settings import MountedFeet
 from footsense.foot.directions import normalized
-from footsense.foot.network_card import NETWORK_FILES
 from footsense.foot.parameters import FootParameters
 from footsense.foot.specimen import Specimen
 from footsense.frames import ELEMENTS, IS_USABLE_STATE, LEGS, ROWS, GaitEventKind, Mask, Vector
@@ -59,12 +58,12 @@ _MEAN_READING_PF = 0.15e-3
 _SEED = 990_002
 
 
-def step_figures(context: StudyContext, scan: str) -> Values:
+def step_figures(context: StudyContext, board: str) -> Values:
     """Return the errors of the forces of feet from a step on, and when these have settled.
 
     Args:
         context: As of every study.
-        scan: What a conversion reads, a key of `NETWORK_FILES`.
+        board: A key of `SCAN_TIMES`.
 
     Returns:
         Those of `force_figures`; `n_steps` and `n_phases` of the scan at which they begin; `soonest_p50_ms`, after which
@@ -72,7 +71,7 @@ def step_figures(context: StudyContext, scan: str) -> Values:
         touchdown `touchdown_p50_ms` and `touchdown_p99_ms`, infinite where none is told, and as of `settling_ms`
         `settled_p50_ms` and `settled_worst_ms`.
     """
-    times, n_phases = SCAN_TIMES[scan], 2 if context.quick else _N_PHASES
+    times, n_phases = SCAN_TIMES[board], 2 if context.quick else _N_PHASES
     scan_s, first_s = len(times.elements) * times.step_s, LEAD_IN_S + _BEFORE_STEP_S
     starts_ns, feet = [], list[FootLoad]()
     for (x, y, z), phase in product(
@@ -80,7 +79,7 @@ def step_figures(context: StudyContext, scan: str) -> Values:
     ):
         starts_ns.append(round(1e9 * (first_s + phase * scan_s / n_phases)))
         feet.append(partial(RampContact((x, y, z), starts_ns[-1], STEP_NS).contact, LEGS[0]))
-    outputs = _run(context, scan, _read(context, scan, _loads(feet, first_s + scan_s + _AFTER_STEP_S)))
+    outputs = _run(context, board, _read(context, board, _loads(feet, first_s + scan_s + _AFTER_STEP_S)))
     sent_ns = np.rint(1e9 * outputs.t_s).astype(np.int64)
     # Without a force nothing has settled.
     told_n = np.where(IS_USABLE_STATE[outputs.state][..., None], outputs.force_n, 0.0)
@@ -97,7 +96,7 @@ def step_figures(context: StudyContext, scan: str) -> Values:
     return _figures(outputs, 0, len(feet)) | {
         "n_steps": len(feet),
         "n_phases": n_phases,
-        "soonest_p50_ms": 1e3 * (times.send_delay_s + 0.5 * times.step_s),
+        "soonest_p50_ms": 1e3 * (times.newest_s + 0.5 * times.conversion_s),
         "touchdown_p50_ms": np.percentile(told_ms, 50, method="nearest"),
         "touchdown_p99_ms": np.percentile(told_ms, 99, method="nearest"),
         "settled_p50_ms": np.median(settled_ms),
@@ -105,12 +104,12 @@ def step_figures(context: StudyContext, scan: str) -> Values:
     }
 
 
-def missing_figures(context: StudyContext, scan: str) -> dict[str, Values]:
+def missing_figures(context: StudyContext, board: str) -> dict[str, Values]:
     """Return the errors in the measured walk with an element, a row or a column that reads nothing from the start.
 
     Args:
         context: As of every study.
-        scan: What a conversion reads, a key of `NETWORK_FILES`.
+        board: A key of `SCAN_TIMES`.
 
     Returns:
         By `element`, `row` and `column` those of `force_figures`, of all of them; `n_sets`, and the mean of the worst
@@ -125,10 +124,10 @@ def missing_figures(context: StudyContext, scan: str) -> dict[str, Values]:
     if context.quick:
         sets = {kind: masks[:1] for kind, masks in sets.items()}
     missing = np.array([mask for masks in sets.values() for mask in masks])
-    readings = _read_walk(context, scan, len(missing))
+    readings = _read_walk(context, board, len(missing))
     nothing = np.repeat(missing, len(_SIDES), axis=0)[:, readings.elements].swapaxes(0, 1)
     capacitance_pf = np.where(nothing, 0.0, readings.capacitance_pf)
-    outputs = _run(context, scan, readings._replace(capacitance_pf=capacitance_pf))
+    outputs = _run(context, board, readings._replace(capacitance_pf=capacitance_pf))
     found, first = dict[str, Values](), 0
     for kind, masks in sets.items():
         n = len(masks)
@@ -138,12 +137,12 @@ def missing_figures(context: StudyContext, scan: str) -> dict[str, Values]:
     return found
 
 
-def wrong_gain_figures(context: StudyContext, scan: str) -> dict[str, Values]:
+def wrong_gain_figures(context: StudyContext, board: str) -> dict[str, Values]:
     """Return the errors in the measured walk of feet whose elements' closures are off by random gains.
 
     Args:
         context: As of every study.
-        scan: What a conversion reads, a key of `NETWORK_FILES`.
+        board: A key of `SCAN_TIMES`.
 
     Returns:
         By the standard deviation of the gains as a text, those of `force_figures` of each draw, as lists: of uncalibrated
@@ -151,14 +150,14 @@ def wrong_gain_figures(context: StudyContext, scan: str) -> dict[str, Values]:
     """
     n_draws = 2 if context.quick else _N_DRAWS
     normal = [np.random.default_rng(draw).normal(size=(len(_SIDES), ELEMENTS)) for draw in range(n_draws)]
-    readings, found = _read_walk(context, scan, n_draws), {}
+    readings, found = _read_walk(context, board, n_draws), {}
     for gain_rel in _GAIN_ERRORS_REL:
         gain = 1.0 + gain_rel * np.concatenate(normal)
         calibrations: dict[str, list[FootParameters] | None] = {f"{100 * gain_rel:g} %": None}
         if gain_rel == _STANDING_GAIN_REL:
             calibrations[BY_STANDING] = _calibrated_by_standing(context, gain)
         for name, own in calibrations.items():
-            outputs = _run(context, scan, _with_gains(context, readings, gain), own)
+            outputs = _run(context, board, _with_gains(context, readings, gain), own)
             draws = [_walk_figures(outputs, draw, 1) for draw in range(n_draws)]
             found[name] = {key: [draw[key] for draw in draws] for key in draws[0]}
     return found
@@ -193,7 +192,7 @@ def _with_gains(context: StudyContext, readings: WalkerReadings, gain: Vector) -
     return readings._replace(capacitance_pf=design.capacitance_pf(np.minimum(off_um, design.gap_um)))
 
 
-def _read_walk(context: StudyContext, scan: str, n: int) -> WalkerReadings:
+def _read_walk(context: StudyContext, board: str, n: int) -> WalkerReadings:
     """Return readings of n times the two feet of `_SIDES` in the measured walk."""
     walk = measured_walk(_PEAK_N, _PITCH_DEG, round(1e9 * LEAD_IN_S))
     feet = [partial(walk.contact, leg) for leg in _SIDES]
@@ -202,7 +201,7 @@ def _read_walk(context: StudyContext, scan: str, n: int) -> WalkerReadings:
         np.tile(part, (1, n, 1)) for part in (loads.force_n, loads.normal, loads.slip_m_s)
     )
     each = loads._replace(force_n=force_n, normal=normal, slip_m_s=slip_m_s, felt_n=force_n)
-    return _read(context, scan, each)
+    return _read(context, board, each)
 
 
 def _loads(feet: Sequence[FootLoad], end_s: float) -> WalkerLoads:
@@ -216,16 +215,16 @@ def _loads(feet: Sequence[FootLoad], end_s: float) -> WalkerLoads:
     return WalkerLoads(t_s, force_n, normal, np.zeros_like(force_n), force_n, np.nan)
 
 
-def _read(context: StudyContext, scan: str, loads: WalkerLoads) -> WalkerReadings:
-    return read_walker(Specimen(context.response), loads, _SEED, scan=SCAN_TIMES[scan])
+def _read(context: StudyContext, board: str, loads: WalkerLoads) -> WalkerReadings:
+    return read_walker(Specimen(context.response), loads, _SEED, scan=SCAN_TIMES[board])
 
 
 def _run(
-    context: StudyContext, scan: str, readings: WalkerReadings, own: list[FootParameters] | None = None
+    context: StudyContext, board: str, readings: WalkerReadings, own: list[FootParameters] | None = None
 ) -> WalkerOutputs:
     """Return what the service's pipeline says of readings of any number of feet; of those as designed if `own` is None."""
     n_feet = readings.capacitance_pf.shape[1]
-    network = Network(context.files(NETWORK_FILES[scan]) / NETWORK_FILES[scan], n_feet)
+    network = Network(context.files(NETWORK_FILE) / NETWORK_FILE, n_feet)
     trained, max_n = network.card.trained_inputs, network.card.max_trained_force_n
     feet = (
         None
@@ -240,7 +239,7 @@ def _run(
         )
     )
     estimator = network if own is None else CalibratedFeet(network, own)
-    pipeline = pipeline_of(estimator, trained, max_n, n_feet, np.nan, SCAN_TIMES[scan], feet)
+    pipeline = pipeline_of(estimator, trained, max_n, n_feet, np.nan, SCAN_TIMES[board], feet)
     return run_pipeline(pipeline, readings)
 
 

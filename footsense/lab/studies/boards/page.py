@@ -58,20 +58,20 @@ class BoardLimits(NamedTuple):
     own_robots: tuple[tuple[float, float], ...] = ()
 
 
-def board_figures(context: StudyContext, scan: str) -> Values:
+def board_figures(context: StudyContext, board: str) -> Values:
     """Return the figures of a board by section of the page.
 
     Args:
         context: As of every study.
-        scan: What a conversion reads, a key of `NETWORK_FILES`.
+        board: A key of `SCAN_TIMES`.
     """
     figures = {
-        "step": step_figures(context, scan),
-        "missing": missing_figures(context, scan),
-        "wrong_gains": wrong_gain_figures(context, scan),
+        "step": step_figures(context, board),
+        "missing": missing_figures(context, board),
+        "wrong_gains": wrong_gain_figures(context, board),
     }
     context.report_progress("steps, missing elements and wrong gains done")
-    figures |= service_figures(context, scan)
+    figures |= service_figures(context, board)
     context.report_progress("walks through the service done")
     return figures
 

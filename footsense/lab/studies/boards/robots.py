@@ -2,20 +2,19 @@
 
 import msgspec
 
-from footsense.config import Config
+from footsense.config import DEFAULT, Config
 from footsense.lab.page_inputs import robot_name
 from footsense.lab.report import StudyContext
 from footsense.validation.fault_table import ROBOTS
 
-#: The whole configuration of each, with what it does not set, but for addresses on a bus, which none of them has.
+_ROBOTS = {DEFAULT.board: DEFAULT} | ROBOTS
+#: The whole configuration of each, with what it does not set, but for addresses on a bus where it has none.
 ENCODED = {
-    board: msgspec.json.encode(robot).replace(b'"addresses":{},', b"") for board, robot in ROBOTS.items()
+    board: msgspec.json.encode(robot).replace(b'"addresses":{},', b"") for board, robot in _ROBOTS.items()
 }
 
 
-def robots_of(context: StudyContext) -> dict[str, Config]:
-    """Return the robot of each board, as inputs of a page, with the scene that the trials of faults walk."""
-    context.scene("measured_walk")
-    for board, encoded in ENCODED.items():
-        context.add_input(robot_name(board), encoded)
-    return ROBOTS
+def robot_of(context: StudyContext, board: str) -> Config:
+    """Return the robot of a board, as an input of a page."""
+    context.add_input(robot_name(board), ENCODED[board])
+    return _ROBOTS[board]

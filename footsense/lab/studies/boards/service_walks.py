@@ -5,32 +5,34 @@ from typing import Any, NamedTuple
 import numpy as np
 from msgspec.structs import replace
 
+from firmware_interface.chips import ad7147, fdc1004
 from footsense.config import Config
-from footsense.foot.network_card import NETWORK_FILES
 from footsense.foot.type_folders import foot_type_folder
 from footsense.frames import Flag
-from footsense.lab.evaluation.evaluate_models import RESPONSE_FILE
-from footsense.lab.evaluation.walker_runs import WalkerLoads, WalkerOutputs
+from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, RESPONSE_FILE
+from footsense.lab.evaluation.walker_runs import HOST_COST_US, WalkerLoads, WalkerOutputs
 from footsense.lab.evaluation.walker_scores import contact_scores
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.parallel import compute_each
 from footsense.lab.report import StudyContext, Values
 from footsense.lab.studies.boards.force_figures import force_figures
-from footsense.lab.studies.boards.robots import robots_of
+from footsense.lab.studies.boards.robots import robot_of
 from footsense.sim.chips.beside import unloaded_stray_pf
 from footsense.sim.couplings import COUPLINGS_FILE, Couplings, load_couplings
-from footsense.sim.scene import Scene
+from footsense.sim.scene import Ad7147Effects, Scene
 from footsense.telemetry.run_statistics import LOADED_THRESHOLD_REL
 from footsense.validation.fault_trial import PublishedWalk, simulate_scene
 
-#: Board of each scan.
-BOARDS = {"elements": "fdc1004", "rows": "fdc1004_columns"}
 #: Ends of the walks whose touchdowns count, and of those of the larger robots [s].
 _TOUCHES_END_S, OWN_END_S, _QUICK_END_S = 20.0, 6.0, 3.2
 #: The larger feet, and the scenes of their robots.
 OWN_FEET, _OWN_SCENES = ("hexapod-2kg", "quadruped-12kg"), ("hexapod_2kg", "quadruped_12kg")
 #: Scenes whose touchdowns count; only their loads do, not what breaks in them.
 _TOUCHING = ("measured_walk", "tripod")
+#: Most that the clocks of the converters are off by in the walks with couplings, as the data sheets allow [1]. Other times
+#: of the host [us].
+_CLOCKS_REL = {"ad7147": ad7147.CLOCK_TOLERANCE_REL, "fdc1004": fdc1004.CLOCK_TOLERANCE_REL}
+_OTHER_HOST_COSTS_US = 40, 150
 #: Legs of the quadruped, and period of its trot [s].
 _FOUR_LEGS, _TROT_PERIOD_S = ("lf", "lr", "rf", "rr"), 0.6
 
@@ -43,35 +45,36 @@ class ServiceWalk(NamedTuple):
     end_s: float
 
 
-def service_figures(context: StudyContext, scan: str) -> Values:
+def service_figures(context: StudyContext, board: str) -> Values:
     """Return the figures of walks through the whole service.
 
     Args:
         context: As of every study.
-        scan: What a conversion reads, a key of `NETWORK_FILES`.
+        board: Board of the robot.
 
     Returns:
         `touchdowns`, of the measured walk and the tripod on the studied foot, as of `touchdown_figures`, with the end
-        of each, `end_s`; `own_robots`, those of `force_figures` by robot; `couplings`, the same of the measured walk
-        with and without couplings, by what is known of them.
+        of each, `end_s`; `own_robots`, those of `force_figures` by robot; `couplings`, the same of walks with and
+        without couplings, by scene, what is known of them, and the host's time of a transaction.
     """
-    robot = robots_of(context)[BOARDS[scan]]
-    files = (FOOT_FILE, RESPONSE_FILE, NETWORK_FILES[scan])
+    robot = robot_of(context, board)
+    files = (FOOT_FILE, RESPONSE_FILE, NETWORK_FILE)
     touches_end_s, own_end_s = (_QUICK_END_S,) * 2 if context.quick else (_TOUCHES_END_S, OWN_END_S)
     studied = replace(robot, foot_type=str(context.files(*files).resolve()))
     touching = [
-        ServiceWalk(replace(context.scene(name), faults=()), studied, touches_end_s) for name in _TOUCHING
+        ServiceWalk(replace(_scene(context, name), faults=()), studied, touches_end_s) for name in _TOUCHING
     ]
     for foot_type in OWN_FEET:
         context.foot(foot_type).files(*files)
-    trot: Any = context.scene(_OWN_SCENES[1])
+    trot: Any = _scene(context, _OWN_SCENES[1])
     of_four = tuple(
-        replace(bus, legs={leg: channel for leg, channel in bus.legs.items() if leg in _FOUR_LEGS})
+        replace(bus, **{key: {leg: place for leg, place in getattr(bus, key).items() if leg in _FOUR_LEGS}})
         for bus in robot.buses
+        for key in (["addresses"] if bus.addresses else ["legs"])
     )
     own = {
         "hexapod of 2 kg, walk": ServiceWalk(
-            context.scene(_OWN_SCENES[0]), replace(robot, foot_type=OWN_FEET[0]), own_end_s
+            _scene(context, _OWN_SCENES[0]), replace(robot, foot_type=OWN_FEET[0]), own_end_s
         ),
         f"quadruped of 12 kg, trot at {_TROT_PERIOD_S:g} s": ServiceWalk(
             replace(trot, load=replace(trot.load, period_s=_TROT_PERIOD_S)),
@@ -91,19 +94,38 @@ def service_figures(context: StudyContext, scan: str) -> Values:
     }
 
 
+def _scene(context: StudyContext, name: str) -> Scene:
+    return replace(context.scene(name), host_cost_us=HOST_COST_US)
+
+
 def _coupled_walks(context: StudyContext, robot: Config, end_s: float) -> dict[str, ServiceWalk]:
-    """Return the measured walk without couplings, with them on feet of which nobody knows, and with known strays."""
-    scene, couplings = context.scene("measured_walk"), Couplings()
-    coupled = replace(scene, effects=replace(scene.effects, couplings=couplings))
+    """Return walks without couplings, with them on feet of which nobody knows, and with known strays; of other hosts.
+
+    Chips are as their data sheets allow them to be.
+    """
+    walk, couplings = _scene(context, "measured_walk"), Couplings()
+    chips = Ad7147Effects(gain_rel=ad7147.GAIN_TOLERANCE_REL, offset_rel=ad7147.GAIN_TOLERANCE_REL)
+    walk = replace(
+        walk,
+        effects=replace(walk.effects, ad7147=chips, converter_clock_rel=_CLOCKS_REL[robot.board]),
+    )
+    coupled = replace(walk, effects=replace(walk.effects, couplings=couplings))
     table = load_couplings(context.files(COUPLINGS_FILE) / COUPLINGS_FILE)
     stray_pf = unloaded_stray_pf(
         robot.board, table.boards[robot.board], couplings, context.response.design.unloaded_pf
     )
     known = replace(robot, stray_pf=dict.fromkeys(robot.legs, tuple(stray_pf)))
+    tripod = replace(_scene(context, "tripod"), effects=coupled.effects)
     return {
-        "none": ServiceWalk(scene, robot, end_s),
-        "strays not known": ServiceWalk(coupled, robot, end_s),
-        "strays known": ServiceWalk(coupled, known, end_s),
+        f"measured walk, none, {HOST_COST_US} us": ServiceWalk(walk, robot, end_s),
+        f"measured walk, strays not known, {HOST_COST_US} us": ServiceWalk(coupled, robot, end_s),
+        **{
+            f"measured walk, strays known, {cost_us} us": ServiceWalk(
+                replace(coupled, host_cost_us=cost_us), known, end_s
+            )
+            for cost_us in (HOST_COST_US, *_OTHER_HOST_COSTS_US)
+        },
+        f"tripod, strays known, {HOST_COST_US} us": ServiceWalk(tripod, known, end_s),
     }
 
 
