@@ -76,8 +76,11 @@ def _check_shield(folder: Path, flex: Flex, shapes: list[CopperShape], outline: 
         shapely.union_all([shape.polygon for shape in read_layer(folder / f"{name}.gbr")])
         for name in ("stiffener", "coverlay")
     )
-    for u, v, diameter in read_holes(folder / "vias.drl"):
-        ring = shapely.Point(u, v).buffer(diameter / 2.0 + 0.125 - ROUNDING_MM)
+    vias = read_holes(folder / "vias.drl")
+    assert len(vias) == 6
+    for u, v, diameter in vias:
+        ring = shapely.Point(u, v).buffer(0.55 / 2.0 - ROUNDING_MM)
+        assert diameter == 0.3
         others = [shape.polygon for shape in shapes if shape.net != flex.shield_net]
         own = shapely.union_all([shape.polygon for shape in shapes if shape.net == flex.shield_net])
         assert own.covers(ring)

@@ -148,16 +148,33 @@ def touching_trace(text: str) -> str:
     return text.replace("Y-2500000", "Y-2590000")
 
 
-@pytest.mark.parametrize("spoil", [swapped_nets, broken_trace, touching_trace])
+def shifted_via(text: str) -> str:
+    return text.replace("X65.000Y0.500", "X65.000Y0.400")
+
+
+def short_shield(text: str) -> str:
+    return text.replace("R,58.700000X", "R,57.700000X")
+
+
+@pytest.mark.parametrize(
+    ("name", "spoil"),
+    [
+        ("copper.gbr", swapped_nets),
+        ("copper.gbr", broken_trace),
+        ("copper.gbr", touching_trace),
+        ("vias.drl", shifted_via),
+        ("shield.gbr", short_shield),
+    ],
+)
 def test_a_spoilt_flex_is_found(
-    package: FabricationPackage, folder: Path, tmp_path: Path, spoil: Callable[[str], str]
+    package: FabricationPackage, folder: Path, tmp_path: Path, name: str, spoil: Callable[[str], str]
 ) -> None:
     flex = package.flexes[1]
     shutil.copytree(folder / flex.name, tmp_path / flex.name)
-    copper = tmp_path / flex.name / "copper.gbr"
-    spoilt = spoil(copper.read_text())
-    assert spoilt != copper.read_text()
-    copper.write_text(spoilt)
+    file = tmp_path / flex.name / name
+    spoilt = spoil(file.read_text())
+    assert spoilt != file.read_text()
+    file.write_text(spoilt)
     with pytest.raises(AssertionError):
         file_checks.check_flex_files(tmp_path, flex)
 
