@@ -66,10 +66,9 @@ def check_flex_files(folder: Path, flex: Flex) -> None:
 
 def _check_shield(folder: Path, flex: Flex, shapes: list[CopperShape], outline: Any) -> list[Any]:
     """Check the second layer of a flex, and return its copper: one conductor behind the lines, joined to the guards."""
-    (shield,) = (
-        shapely.union_all([shape.polygon for shape in one])
-        for one in connected_conductors(read_layer(folder / "shield.gbr"))
-    )
+    conductors = connected_conductors(read_layer(folder / "shield.gbr"))
+    assert len(conductors) == 1
+    shield = shapely.union_all([shape.polygon for shape in conductors[0]])
     assert outline.contains(shield)
     assert outline.exterior.distance(shield) > dimensions.MIN_COPPER_TO_EDGE_MM - ROUNDING_MM
     stiffened, bare = (
