@@ -144,10 +144,18 @@ CODE_MID, CODE_MAX = 0x8000, 0xFFFF
 FF_PER_CODE = 16_000 / 65536
 GAIN_TOLERANCE_REL = 0.25
 
+#: White noise of a conversion at a decimation of 64 [codes rms]. Not confirmed by a source.
+NOISE_CODES = 1.1
+
 #: Nominal step of an offset DAC [pF], and its largest setting, 20 pF ("Capacitance Sensor Offset Control"). A step was
 #: seen to be 970 (flow3r) to 1000 codes (EngineerZone 24533) instead of 1311: measure it, or leave the setting alone.
 OFFSET_STEP_PF = 0.32
 MAX_OFFSET = 63
+
+#: Capacitances of an element that are converted [pF]. The offset is chosen so that they begin below the 4 pF of an
+#: unloaded one; they end there or beyond, whatever a code of the chip is worth.
+RANGE_START_PF = 2.6
+RANGE_END_PF = RANGE_START_PF + 2 * CODE_MID * FF_PER_CODE * 1e-3 * (1 - GAIN_TOLERANCE_REL)
 
 
 def power_control(n_stages: int, decimation: int) -> int:

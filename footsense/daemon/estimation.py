@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from footsense.acquisition.boards import ad7147
+from firmware_interface.chips import ad7147
 from footsense.acquisition.scan_plan import BOARDS
 from footsense.config import Config
 from footsense.daemon.models import Models, load_response

@@ -1,5 +1,7 @@
 """`footsense lab design`: similarity, prediction against solved tables, the paper's foot, conflicting requirements."""
 
+from typing import get_args
+
 import msgspec
 import numpy as np
 import pytest
@@ -32,7 +34,7 @@ def requirements(
     ball_mm: tuple[float, float],
     *material: str,
     process: str = "flex",
-    board: str = "fdc1004_columns",
+    board: str = "ad7147",
     lean_deg: float = 30.0,
 ) -> Requirements:
     """Return the requirements of a robot, with few materials."""
@@ -172,14 +174,14 @@ def test_the_outer_elements_end_with_the_sheet(library: FootShapeLibrary) -> Non
     assert found.sheet_mm == pytest.approx(2.0 * found.pitch_mm + found.electrode_mm, abs=1e-9)
 
 
-@pytest.mark.parametrize("board", ["fdc1004_columns", "fdc1004"])
+@pytest.mark.parametrize("board", get_args(Board))
 def test_what_is_chosen_for_a_board_can_be_made_for_it(library: FootShapeLibrary, board: Board) -> None:
     """Five traces in a bar between two columns need a wider one, and their tail a larger ball."""
     asked = requirements(0.7, (10.0, 18.0), board=board)
     found = choose_candidates(library, asked, 1).manufacturable
     bar_mm = found.pitch_mm - found.electrode_mm
-    has_lines = board == "fdc1004_columns"
-    assert (bar_mm.min() > 0.9375, found.ball_radius_mm.min() >= 8.4) == (has_lines, has_lines)
+    has_lines = board != "fdc1004"
+    assert (bar_mm.min() > 0.9525, found.ball_radius_mm.min() >= 8.4) == (has_lines, has_lines)
     for row in (int(bar_mm.argmin()), int(found.ball_radius_mm.argmin())):
         foot = load_foot(foot_text("small", "The smallest", found, row, asked).encode())
         problems = manufacturing_problems(foot, assumed_process(foot, "flex"), board)
@@ -213,11 +215,11 @@ def test_a_released_foot_is_as_predicted(library: FootShapeLibrary, foot_type: s
         ),
         (
             requirements(1.5, (3.0, 16.0)),
-            r"--ball 16 and --board fdc1004_columns conflict.*use a ball from 17 mm",
+            r"--ball 16 and --board ad7147 conflict.*use a ball from 17 mm",
         ),
         (
             requirements(1.5, (110.0, 120.0), process="paper"),
-            r"--ball 110 120 and --board fdc1004_columns conflict.*up to",
+            r"--ball 110 120 and --board ad7147 conflict.*up to",
         ),
         (
             requirements(4.0, (20.0, 30.0), "urethane-90a")._replace(min_load_n=1e-3),

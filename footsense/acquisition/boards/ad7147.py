@@ -24,15 +24,12 @@ ORDER = CONVERSION_ORDERS["lo_shu"]
 REFERENCE_INPUT, REFERENCE_PF = 12, 4.7
 #: What inputs are tied to that are not converted: the excitation, as the shield is, so that no charge flows to them.
 IDLE = InputConnection.BIAS
-#: Least capacitance that elements are converted from [pF], below the 4 pF of an unloaded one: the offset is chosen so,
-#: first as of a nominal chip [steps].
-_LEAST_PF, FIRST_OFFSET = 2.6, 33
+#: Offset that is tried first, with which the range of a nominal chip begins at `chip.RANGE_START_PF` [steps].
+FIRST_OFFSET = 33
 #: Stages of the sequence that converts it.
 N_REFERENCE_STAGES = chip.N_STAGES
 #: Sequences after a new configuration whose results are not used: the first may be junk (flow3r badge, captouch).
 N_UNUSED_SEQUENCES = 2
-#: Least capacitance of an element over the range of any chip [pF].
-RANGE_END_PF = _LEAST_PF + 2 * chip.CODE_MID * chip.FF_PER_CODE * 1e-3 * (1 - chip.GAIN_TOLERANCE_REL)
 #: Largest spread of the codes of the reference, of one sequence [1]: eight times the noise of the worst chip.
 _MAX_REFERENCE_SPREAD = 100
 #: Largest deviation of the reference from its capacitance, by the chip's nominal codes [1].
@@ -58,11 +55,11 @@ class Ad7147Rate(NamedTuple):
 
     Attributes:
         conversion_ns: Nominal time of a stage [ns].
-        noise_ff: White noise of a conversion [fF rms]: 1.1 codes. Not confirmed by a source.
+        noise_ff: White noise of a conversion [fF rms].
     """
 
     conversion_ns: int = chip.DECIMATIONS[64].stage_ns
-    noise_ff: float = 1.1 * chip.FF_PER_CODE
+    noise_ff: float = chip.NOISE_CODES * chip.FF_PER_CODE
 
 
 RATE = Ad7147Rate()
@@ -184,7 +181,7 @@ def best_offset(measured: Calibration, offset: int) -> int:
         offset: The offset with which that was measured [steps].
     """
     half_range_pf = measured.gain_rel * chip.CODE_MID * chip.FF_PER_CODE * 1e-3
-    return min(round(offset * (_LEAST_PF + half_range_pf) / measured.offset_pf), chip.MAX_OFFSET)
+    return min(round(offset * (chip.RANGE_START_PF + half_range_pf) / measured.offset_pf), chip.MAX_OFFSET)
 
 
 def read_words(answer: bytes) -> tuple[int, list[int]]:

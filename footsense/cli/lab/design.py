@@ -54,8 +54,8 @@ _POSITIVE = click.FloatRange(min=0, min_open=True)
 )
 @click.option(
     "--board",
-    type=click.Choice(["fdc1004_columns", "fdc1004"]),
-    default="fdc1004_columns",
+    type=click.Choice(["ad7147", "fdc1004", "fdc1004_columns"]),
+    default="ad7147",
     show_default=True,
     help="Electronics of a foot: noise, range, time of a scan, and what its flex takes between the electrodes.",
 )

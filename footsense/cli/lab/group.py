@@ -43,7 +43,7 @@ _REQUIRED_PACKAGES = ("ngsolve", "jax", "jinja2", "joblib", "mujoco", "optax", "
     type=click.Choice(["fdc1004", "fdc1004_columns"]),
     default="fdc1004",
     show_default=True,
-    help="Board whose scan the network is for: element by element, as with mcu too, or row by row.",
+    help="Board whose scan the network is for: element by element, as with ad7147 and mcu too, or row by row.",
 )
 def build(*, foot: Path | None, out: Path | None, quick: bool, like: Path | None, board: str) -> None:
     """Build the models of a foot, and print their errors.

@@ -25,6 +25,7 @@ import shapely
 
 from footsense.frames import Vector
 from footsense.lab.couplings.moments import EPS0_FF_PER_MM, N_SEGMENTS, Strip, mutual_capacitance
+from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.parts.flex import Board, Flex, flexes
 from footsense.lab.fabrication.parts.gerber import Pad, Trace
 from footsense.lab.geometry import FootDesign
@@ -34,8 +35,6 @@ from footsense.sim.couplings import GROUND, BoardCouplings
 BOARDS: tuple[Board, ...] = ("fdc1004", "fdc1004_columns", "ad7147")
 #: Distance of grounded metal beside a tail, on the side of the lines [mm].
 METAL_MM = 1.0
-#: Distance of a layer of shield behind the lines: polyimide and adhesive [mm].
-SHIELD_DISTANCE_MM = 0.05
 _SHEET_EPS_R, _TAIL_EPS_R, _SHIELDED_TAIL_EPS_R, _AIR_EPS_R = 2.7, 1.5, 3.0, 1.0
 #: Least length of a cross-section, and difference of equal ones [mm].
 _LEAST_MM, _EQUAL_MM = 0.02, 1e-6
@@ -127,7 +126,7 @@ def _copper(flex: Flex, height_mm: float = 0.0, electrodes: str = "") -> list[_C
         net = electrodes + shape.net if is_electrode else shape.net
         shapes.setdefault((net, height_mm), []).append(_area(shape))
     for pad in flex.shield:
-        shapes.setdefault((pad.net, height_mm + SHIELD_DISTANCE_MM), []).append(_area(pad))
+        shapes.setdefault((pad.net, height_mm + dimensions.LAYER_DISTANCE_MM), []).append(_area(pad))
     areas = {key: shapely.union_all(own) for key, own in shapes.items()}
     # A trace that leads over an electrode ends at its edge.
     return [

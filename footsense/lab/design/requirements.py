@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from firmware_interface.chips import fdc1004
+from firmware_interface.chips import ad7147, fdc1004
 from footsense.foot.directions import direction_grid
 from footsense.foot.specimen import ContactLoads
 from footsense.frames import ELEMENTS, ROWS
@@ -12,6 +12,7 @@ from footsense.lab.design.materials import Materials
 from footsense.lab.design.processes import Process
 from footsense.lab.evaluation.force_range import UPRIGHT, friction_loads
 from footsense.lab.fabrication import dimensions
+from footsense.lab.fabrication.electronics import has_element_lines
 from footsense.lab.foot_file import MIN_UNLOADED_PF
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, FULL_SCALE_PF, NOISE_PF
 
@@ -19,6 +20,9 @@ from footsense.lab.training.load_cases import BASELINE_NOISE_PF, FULL_SCALE_PF, 
 GRAVITY_M_S2 = 9.80665
 #: Contacts of the widest tail: of three lines a column between four guards, and of three lines between four.
 _ELEMENT_CONTACTS, _LINE_CONTACTS = ROWS * (2 * ROWS + 1), 2 * ROWS + 1
+#: Least unloaded capacitance over the start of a board's range [1], where elements below it are not converted: gaps
+#: are made up to a quarter wider than designed.
+_LEAST_OVER_RANGE_START = 1.25
 #: Angle by which a leg pitches [deg], and the contact normal in the frame of its foot with it.
 PITCH_DEG = 10.0
 #: Normals of the loads of a design: upright, and pitched towards a corner, where the range ends first, shape (2, 3).
@@ -34,7 +38,7 @@ class Converter(NamedTuple):
         baseline_noise_pf: Noise of the baseline [pF, rms].
         min_unloaded_pf: Least capacitance of an unloaded element [pF]: above an open line.
         range_end_pf: Largest capacitance that it reads [pF].
-        scan_s: Its conversions, three with board `fdc1004_columns`, else nine [s].
+        scan_s: Its conversions one after the other, three with board `fdc1004_columns`, else nine [s].
         min_bar_mm: Least bar between two columns, for the traces in it [mm].
         min_ball_mm: Least diameter of the ball, for the tail on its socket [mm].
     """
@@ -53,20 +57,25 @@ def converter(name: str) -> Converter:
     """Return the constants of a converter board at its fastest conversion rate.
 
     Args:
-        name: `fdc1004_columns` or `fdc1004`.
+        name: `ad7147`, `fdc1004` or `fdc1004_columns`.
     """
-    n_conversions, min_bar_mm, n_contacts = (
-        (ROWS, dimensions.MIN_TRACED_BAR_MM, _ELEMENT_CONTACTS)
-        if name == "fdc1004_columns"
-        else (ELEMENTS, 0.0, _LINE_CONTACTS)
+    min_bar_mm, n_contacts = (
+        (dimensions.MIN_TRACED_BAR_MM, _ELEMENT_CONTACTS)
+        if has_element_lines(name)
+        else (0.0, _LINE_CONTACTS)
     )
+    noise_pf, range_pf = NOISE_PF, (MIN_UNLOADED_PF, FULL_SCALE_PF)
+    scan_ns = (ROWS if name == "fdc1004_columns" else ELEMENTS) * fdc1004.RATES[400].conversion_ns
+    if name == "ad7147":
+        noise_pf = 1e-3 * ad7147.NOISE_CODES * ad7147.FF_PER_CODE
+        range_pf = _LEAST_OVER_RANGE_START * ad7147.RANGE_START_PF, ad7147.RANGE_END_PF
+        scan_ns = ELEMENTS * ad7147.DECIMATIONS[64].stage_ns
     return Converter(
         name,
-        NOISE_PF,
+        noise_pf,
         BASELINE_NOISE_PF,
-        MIN_UNLOADED_PF,
-        FULL_SCALE_PF,
-        n_conversions * 1e-9 * fdc1004.RATES[max(fdc1004.RATES)].conversion_ns,
+        *range_pf,
+        1e-9 * scan_ns,
         min_bar_mm,
         2.0 * dimensions.least_ball_radius_mm(n_contacts),
     )

@@ -1,14 +1,27 @@
 """Constants of all feet's parts: flex traces, contacts, alignment holes, moulds, sockets.
 
-Every figure is one that common offers of 2024 to 2026 hold without a surcharge; none is of one maker.
+Flexes keep the rules of JLCPCB for flexes with one or two layers of copper of 12 um, without a surcharge; other makers
+of flexes have the same or finer ones. All else is what common offers of 2024 to 2026 hold.
+
+Source:
+    JLCPCB, Flex PCB capabilities, jlcpcb.com/capabilities/flex-pcb-capabilities, as of 2026: traces and gaps of 3 mil,
+    vias of 0.3 mm with pads of 0.55 mm, copper 0.3 mm from the edge and 0.15 mm from an opening of the coverlay.
 """
 
 import math
 
 # ------------------------------------------------------------------------------------------------ flexible circuits
-#: Least width of a trace and least distance of two nets, of one layer of copper of 12 um [mm].
-MIN_TRACE_MM = 0.075
-MIN_NET_CLEARANCE_MM = 0.075
+#: Maker whose rules these are.
+MAKER, MAKER_RULES = "JLCPCB", "https://jlcpcb.com/capabilities/flex-pcb-capabilities"
+#: Least width of a trace and least distance of two nets [mm]: 3 mil.
+MIN_TRACE_MM = 0.0762
+MIN_NET_CLEARANCE_MM = 0.0762
+#: Hole and pad of a via between two layers [mm]; the ring around the hole is half of their difference.
+VIA_HOLE_MM, VIA_PAD_MM = 0.3, 0.55
+#: Least distance from covered copper to an opening of the coverlay beside it [mm].
+MIN_COPPER_TO_OPENING_MM = 0.15
+#: Distance of two layers of copper [mm]: the polyimide between them.
+LAYER_DISTANCE_MM = 0.05
 #: Least distance from copper to the cut edge [mm]; electrodes may reach the edge of the sheet, where it is laser-cut.
 MIN_COPPER_TO_EDGE_MM = 0.3
 #: Width of the traces [mm]: thin, since they are stray capacitance, and well above what can be made.
@@ -29,8 +42,10 @@ PROFILE_LINE_WIDTH_MM = 0.05
 TAIL_CONTACT_PAD_PITCH_MM = 0.5
 TAIL_CONTACT_PAD_WIDTH_MM = 0.3
 TAIL_CONTACT_PAD_LENGTH_MM = 4.0
-#: Length of the stiffener under the contacts [mm].
+#: Length of the stiffener under the contacts [mm], and distance of the vias from their end: on the stiffener, where the
+#: tail does not bend, and under the coverlay.
 STIFFENER_LENGTH_MM = 6.0
+VIA_TO_END_MM = 5.0
 #: Length of the tail beyond the ball [mm]: up the leg beside the socket to the converter board.
 TAIL_BEYOND_BALL_MM = 60.0
 

@@ -10,8 +10,9 @@ from footsense.frames import ROWS
 from footsense.lab.design.materials import shore_a_from_modulus
 from footsense.lab.design.processes import AssumedProcess
 from footsense.lab.fabrication import dimensions
-from footsense.lab.fabrication.electronics import ELECTRONICS
+from footsense.lab.fabrication.electronics import ELECTRONICS, has_element_lines
 from footsense.lab.fabrication.parts.flex import (
+    AD7147_GUARD_NET,
     COMMON_NET,
     GUARD_NET,
     Board,
@@ -55,7 +56,8 @@ def write_documents(
         "dimensions": dimensions,
         "board": board,
         "flexes": flexes,
-        "contacts": {flex.name: connector_contacts(flex) for flex in flexes},
+        "has_element_lines": has_element_lines(board),
+        "contacts": {flex.name: connector_contacts(flex, board) for flex in flexes},
         "tolerances": tolerances,
         "expected": expected,
         "elements": [
@@ -109,7 +111,8 @@ def bill_of_materials(
     ]
     for flex in flexes:
         count = len(flex.contacts)
-        layers = f"one layer of copper on polyimide, {count} contacts, 0.3 mm at the contacts"
+        layers = "two layers" if flex.n_layers > 1 else "one layer"
+        layers += f" of copper on polyimide, {count} contacts, 0.3 mm at the contacts"
         plug = f"zero insertion force, pitch {dimensions.TAIL_CONTACT_PAD_PITCH_MM:g} mm, {count} contacts, for 0.3 mm"
         rows += [
             (1, "piece", flex.name.replace("-", " "), layers, f"{flex.name}/"),
@@ -134,24 +137,37 @@ def rubber_mass_to_weigh_g(design: FootDesign) -> float:
     return _CASTING_EXCESS_FACTOR * _RUBBER_DENSITY_G_PER_CM3 * ball_cm3
 
 
-def connector_contacts(flex: Flex) -> list[tuple[str, str]]:
-    """Return per contact of a flex its net, and its pin on each board that the flex is for."""
-    return [(net, _PINS[net]) for net in flex.contacts]
+def connector_contacts(flex: Flex, board: Board) -> list[tuple[str, str]]:
+    """Return per contact of a flex its net, and its pin on the board."""
+    return [(net, _PINS[board][net]) for net in flex.contacts]
 
 
-#: Pin of each net: on board `fdc1004_columns`, and on `fdc1004`.
-_PINS: dict[str, str] = {
-    COMMON_NET: "GND",
-    GUARD_NET: "SHLD",
-    **{f"row{k + 1}": f"ADG715 0x49: S{k + 1} (to GND), S{ROWS + k + 1} (to SHLD)" for k in range(ROWS)},
-    **{f"col{k + 1}": f"FDC1004: CIN{k + 1}" for k in range(ROWS)},
-    **{
-        element_net(row, column): f"FDC1004 0x{address:x}: CIN{row + 1}"
-        for column, address in enumerate(COLUMN_ADDRESSES)
-        for row in range(ROWS)
+#: Pin of each net of a board.
+_PINS: dict[Board, dict[str, str]] = {
+    "ad7147": {
+        COMMON_NET: "GND",
+        AD7147_GUARD_NET: "AD7147: ACSHIELD",
+        **{
+            element_net(row, column): f"AD7147: CIN{ROWS * row + column}"
+            for row in range(ROWS)
+            for column in range(ROWS)
+        },
     },
-    **{
-        column_guard_net(column): f"FDC1004 0x{address:x}: SHLD1"
-        for column, address in enumerate(COLUMN_ADDRESSES)
+    "fdc1004": {
+        GUARD_NET: "SHLD",
+        **{f"row{k + 1}": f"ADG715 0x49: S{k + 1} (to GND), S{ROWS + k + 1} (to SHLD)" for k in range(ROWS)},
+        **{f"col{k + 1}": f"FDC1004: CIN{k + 1}" for k in range(ROWS)},
+    },
+    "fdc1004_columns": {
+        COMMON_NET: "GND",
+        **{
+            element_net(row, column): f"FDC1004 0x{address:x}: CIN{row + 1}"
+            for column, address in enumerate(COLUMN_ADDRESSES)
+            for row in range(ROWS)
+        },
+        **{
+            column_guard_net(column): f"FDC1004 0x{address:x}: SHLD1"
+            for column, address in enumerate(COLUMN_ADDRESSES)
+        },
     },
 }

@@ -24,9 +24,28 @@ class ElectronicPart(NamedTuple):
     is_chip: bool = False
 
 
-#: Chips of board `fdc1004`; of board `fdc1004_columns` all parts but the connectors of the flexes
-#: (firmware_interface/README.md).
+#: Of boards with a line for each element all parts but the connectors of the flexes (docs/wiring.md for `ad7147`,
+#: firmware_interface/README.md for `fdc1004_columns`); of board `fdc1004` its chips.
 ELECTRONICS: dict[str, tuple[ElectronicPart, ...]] = {
+    "ad7147": (
+        ElectronicPart(
+            1,
+            "AD7147-1",
+            "capacitance-to-digital converter with I2C, LFCSP-24 (the AD7147 without -1 has SPI)",
+            4.0,
+            is_chip=True,
+        ),
+        ElectronicPart(1, "regulator", "3.0 V, 10 mA or more, at VCC: the chip takes 2.6 to 3.3 V", 0.4),
+        ElectronicPart(
+            1, "capacitor", "4.7 pF, C0G, 1 %, from CIN12 to GND: the reference of all forces", 0.1
+        ),
+        ElectronicPart(3, "capacitor", "100 nF, at VCC, VDRIVE and BIAS", 0.1),
+        ElectronicPart(2, "capacitor", "1 uF, at input and output of the regulator", 0.1),
+        ElectronicPart(
+            2, "resistor", "0 Ohm, ADD0 and ADD1 each to GND or VDRIVE: address 0x2C to 0x2F", 0.05
+        ),
+        ElectronicPart(1, "connector of the leg", "4 contacts: 3.3 V, GND, SDA, SCL", 0.4),
+    ),
     "fdc1004": (
         ElectronicPart(1, "FDC1004", "capacitance-to-digital converter of the leg", 4.0, is_chip=True),
         ElectronicPart(1, "ADG715", "row switch of the leg", 4.0, is_chip=True),
@@ -41,12 +60,18 @@ ELECTRONICS: dict[str, tuple[ElectronicPart, ...]] = {
         ElectronicPart(2, "resistor", "976 kOhm, 1 %, XORL1 and XORL2 to VCC", 0.05),
         ElectronicPart(1, "resistor", "102 kOhm, 1 %, XORL1 to GND", 0.025),
         ElectronicPart(1, "resistor", "182 kOhm, 1 %, XORL2 to GND", 0.025),
-        ElectronicPart(4, "resistor", "15 kOhm, pull-up of SDA and SCL of both outputs", 0.1),
+        ElectronicPart(2, "resistor", "15 kOhm, pull-up of SDA and SCL at the translator's input", 0.05),
+        ElectronicPart(4, "resistor", "22 kOhm, pull-up of SDA and SCL of both outputs", 0.1),
         ElectronicPart(4, "capacitor", "100 nF, at each supply pin", 0.15),
         ElectronicPart(3, "capacitor", "1 uF, at each FDC1004", 0.15),
         ElectronicPart(1, "connector of the leg", "4 contacts: 3.3 V, GND, SDA, SCL", 0.4),
     ),
 }
+
+
+def has_element_lines(board: str) -> bool:
+    """Return whether each element has a line of its own to the board, in place of each row and column."""
+    return board != "fdc1004"
 
 
 def chips(board: str) -> list[ElectronicPart]:

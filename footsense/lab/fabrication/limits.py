@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 from footsense.lab.design.processes import AssumedProcess
 from footsense.lab.fabrication import dimensions
+from footsense.lab.fabrication.electronics import has_element_lines
 from footsense.lab.fabrication.parts.flex import Board, flexes
 from footsense.lab.fabrication.tolerances import hardness_tolerance_shore_a, overlap_area_deviation_rel
 from footsense.lab.geometry import UM_PER_MM, FootDesign
@@ -36,7 +37,7 @@ def manufacturing_problems(design: FootDesign, assumed: AssumedProcess, board: B
 def _sheet_problems(design: FootDesign, assumed: AssumedProcess, board: Board) -> Iterator[str]:
     """Yield the reasons why the gaps between electrodes, the spacer's bars cannot be made."""
     pitch, bar, needs = design.pitch_mm, assumed.process.bar_mm, f"process {assumed.process_name} needs"
-    if board == "fdc1004_columns" and bar < dimensions.MIN_TRACED_BAR_MM:
+    if has_element_lines(board) and bar < dimensions.MIN_TRACED_BAR_MM:
         bar, needs = dimensions.MIN_TRACED_BAR_MM, f"the traces of board {board} between two columns need"
     leave = f"electrodes of {design.electrode_mm:g} mm at a pitch of {pitch:g} mm leave"
     if design.bar_mm < dimensions.MIN_NET_CLEARANCE_MM - _ROUNDING_TOLERANCE_MM:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from footsense.errors import ConfigError
 from footsense.lab.design.processes import AssumedProcess, assumed_process
-from footsense.lab.fabrication import documents
+from footsense.lab.fabrication import dimensions, documents
 from footsense.lab.fabrication.limits import manufacturing_problems
 from footsense.lab.fabrication.parts import gerber, sheets, solids
 from footsense.lab.fabrication.parts.flex import Board, Flex, flexes
@@ -28,7 +28,7 @@ class FabricationPackage(NamedTuple):
 
 
 def write_fabrication_package(
-    design: FootDesign, folder: Path, process: str | None = None, board: Board = "fdc1004_columns"
+    design: FootDesign, folder: Path, process: str | None = None, board: Board = "ad7147"
 ) -> FabricationPackage:
     """Write all fabrication files of a foot: STEP, Gerber, drill, DXF, and the documents.
 
@@ -75,11 +75,18 @@ def _write_flex(folder: Path, flex: Flex) -> None:
     """Write Gerber layers and drill file of one flex into a folder."""
     folder.mkdir(exist_ok=True)
     layers = {
-        "copper": (gerber.COPPER, flex.copper),
-        "coverlay": (gerber.COVERLAY, flex.coverlay_openings),
-        "profile": (gerber.PROFILE, flex.profile),
-        "stiffener": (gerber.STIFFENER, flex.stiffener),
+        "copper": gerber.gerber_text(gerber.COPPER, flex.name, [*flex.copper, *flex.via_pads]),
+        "coverlay": gerber.gerber_text(gerber.COVERLAY, flex.name, flex.coverlay_openings),
+        "profile": gerber.gerber_text(gerber.PROFILE, flex.name, flex.profile),
+        "stiffener": gerber.gerber_text(gerber.STIFFENER, flex.name, flex.stiffener),
     }
-    for name, (function, shapes) in layers.items():
-        (folder / f"{name}.gbr").write_text(gerber.gerber_text(function, flex.name, shapes))
-    (folder / "drill.drl").write_text(gerber.drill_text(flex.name, flex.alignment_holes))
+    drilled = {"drill": gerber.drill_text(flex.name, flex.alignment_holes, n_layers=flex.n_layers)}
+    if flex.shield_net:
+        layers["shield"] = gerber.gerber_text(gerber.SHIELD, flex.name, [*flex.shield, *flex.via_pads])
+        layers["shield-coverlay"] = gerber.gerber_text(gerber.SHIELD_COVERLAY, flex.name, flex.sheet_opening)
+        vias = [(place, dimensions.VIA_HOLE_MM) for place in flex.vias]
+        drilled["vias"] = gerber.drill_text(flex.name, vias, n_layers=flex.n_layers, plated=True)
+    for name, text in layers.items():
+        (folder / f"{name}.gbr").write_text(text)
+    for name, text in drilled.items():
+        (folder / f"{name}.drl").write_text(text)

@@ -37,7 +37,7 @@ from footsense.sim.faults.scene_faults import (
     Schedule,
 )
 
-#: Settings of `deploy/80-can0.network`.
+#: Settings of `deploy/80-can0.network` with `deploy/80-can0-one-shot.conf`.
 AS_DEPLOYED = CanSettings(queue_frames=16, head_drop=True, one_shot=True, restart_ns=100_000_000)
 
 #: Unread frames of a socket; the kernel drops further ones.

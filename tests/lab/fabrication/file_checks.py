@@ -40,7 +40,7 @@ def check_all_files(folder: Path, design: FootDesign, flexes: tuple[Flex, Flex])
 
 
 def check_flex_files(folder: Path, flex: Flex) -> None:
-    """Check one flex's Gerber and drill files: electrodes, nets, widths and distances."""
+    """Check one flex's Gerber and drill files: electrodes, nets, widths, distances, and its shield if it has one."""
     shapes = read_layer(folder / flex.name / "copper.gbr")
     areas = [shape.polygon.area for shape in shapes if shape.aperture_function == "Other,Electrode"]
     assert len(areas) == len(flex.design.element_centres_mm)
@@ -58,8 +58,45 @@ def check_flex_files(folder: Path, flex: Flex) -> None:
     to_edge = min(outline.exterior.distance(area) for area in inner)
     assert to_edge > dimensions.MIN_COPPER_TO_EDGE_MM - ROUNDING_MM
     holes = read_holes(folder / flex.name / "drill.drl")
-    to_copper = min(shapely.Point(u, v).distance(area) - d / 2.0 for u, v, d in holes for area in whole)
-    assert to_copper > dimensions.MIN_COPPER_TO_EDGE_MM - ROUNDING_MM
+    shield = _check_shield(folder / flex.name, flex, shapes, outline) if flex.shield_net else []
+    for u, v, d in holes:
+        to_copper = min(shapely.Point(u, v).distance(area) - d / 2.0 for area in [*whole, *shield])
+        assert to_copper > dimensions.MIN_COPPER_TO_EDGE_MM - ROUNDING_MM
+
+
+def _check_shield(folder: Path, flex: Flex, shapes: list[CopperShape], outline: Any) -> list[Any]:
+    """Check the second layer of a flex, and return its copper: one conductor behind the lines, joined to the guards."""
+    conductors = connected_conductors(read_layer(folder / "shield.gbr"))
+    assert len(conductors) == 1
+    shield = shapely.union_all([shape.polygon for shape in conductors[0]])
+    assert outline.contains(shield)
+    assert outline.exterior.distance(shield) > dimensions.MIN_COPPER_TO_EDGE_MM - ROUNDING_MM
+    stiffened, bare = (
+        shapely.union_all([shape.polygon for shape in read_layer(folder / f"{name}.gbr")])
+        for name in ("stiffener", "coverlay")
+    )
+    vias = read_holes(folder / "vias.drl")
+    assert len(vias) == 6
+    for u, v, diameter in vias:
+        ring = shapely.Point(u, v).buffer(0.55 / 2.0 - ROUNDING_MM)
+        assert diameter == 0.3
+        others = [shape.polygon for shape in shapes if shape.net != flex.shield_net]
+        own = shapely.union_all([shape.polygon for shape in shapes if shape.net == flex.shield_net])
+        assert own.covers(ring)
+        assert shield.covers(ring)
+        assert min(ring.distance(other) for other in others) > dimensions.MIN_NET_CLEARANCE_MM
+        assert stiffened.covers(ring)
+        assert ring.distance(bare) > dimensions.MIN_COPPER_TO_OPENING_MM
+    # Behind every line: in the bars, and from where the tail is straight to its contacts.
+    half, end = flex.design.array_side_mm / 2.0, flex.tail_end_u_mm - dimensions.TAIL_CONTACT_PAD_LENGTH_MM
+    lanes = shapely.union_all([shape.polygon for shape in shapes if shape.aperture_function == "Conductor"])
+    electrodes = shapely.union_all(
+        [shape.polygon for shape in shapes if shape.aperture_function == "Other,Electrode"]
+    )
+    in_bars = lanes.intersection(shapely.box(-half, -half, half, half)).difference(electrodes)
+    in_tail = lanes.intersection(shapely.box(flex.tail_start_u_mm, -half, end, half))
+    assert shapely.union_all([in_bars, in_tail]).difference(shield).area < ROUNDING_MM
+    return [shield]
 
 
 def _check_nets(flex: Flex, conductors: list[list[CopperShape]]) -> None:
@@ -88,7 +125,11 @@ def _expected_conductors(
         # Contacts of each column in its order of rows, between guards: 2, 4, 6 of 7.
         rows = {1: (1, 2, 3), 2: (2, 1, 3), 3: (3, 2, 1)}
         guards = [
-            (f"shld{column}", frozenset[tuple[float, float]](), frozenset({7 * (column - 1) + odd}))
+            (
+                flex.shield_net or f"shld{column}",
+                frozenset[tuple[float, float]](),
+                frozenset({7 * (column - 1) + odd}),
+            )
             for column in rows
             for odd in (1, 3, 5, 7)
         ]

@@ -104,6 +104,10 @@ def _polygon(primitive: Any) -> Any:
     if isinstance(primitive, primitives.Rectangle) and not primitive.rotation:
         u, v = primitive.w / 2.0, primitive.h / 2.0
         return shapely.box(primitive.x - u, primitive.y - v, primitive.x + u, primitive.y + v)
+    if isinstance(primitive, primitives.Circle):
+        return shapely.Point(primitive.x, primitive.y).buffer(
+            primitive.r, quad_segs=_SEGMENTS_PER_QUARTER_CIRCLE
+        )
     raise AssertionError(f"no layer of a flex should have a {type(primitive).__name__}")
 
 

@@ -3,12 +3,13 @@
 u is the direction in which the tail leaves, v across it. The lower flex leaves to the left, with the copper up; the
 upper one forward, with the copper down, which mirrors it.
 
-Board `fdc1004_columns`: below, nine electrodes that are joined to one; above, nine with a line each. The lines of the
-two rows behind the first run in the bars beside their column, those of the outer columns in the inner bars, and between
-two columns the guards of both. The electrodes below are joined where no line of another element runs.
+Board `ad7147`: below, nine electrodes that are joined to one; above, nine with a line each. The lines of the two rows
+behind the first run in the bars beside their column, those of the outer columns in the inner bars, and between two
+columns the guards of both. The electrodes below are joined where no line of another element runs. All guards are one
+net, which a second layer of copper has too, behind the bars between the columns and behind the tail. Vias beside the
+contacts join that layer to the guards.
 
-Board `ad7147`: as with `fdc1004_columns`, but all guards are one net, which a second layer of copper has too, behind
-the bars between the columns and behind the tail. That layer has no fabrication files.
+Board `fdc1004_columns`: the same with a net for the guards of each column, and without the second layer.
 
 Board `fdc1004`: rows below, columns above. In a square array both flexes have the same copper, and each line leaves the
 sheet straight: no trace runs between electrodes of other lines, and no two nets cross.
@@ -22,17 +23,16 @@ from typing import Any, Literal, NamedTuple
 import shapely
 
 from footsense.lab.fabrication import dimensions
+from footsense.lab.fabrication.electronics import has_element_lines
 from footsense.lab.fabrication.parts.gerber import Pad, Point, Trace
 from footsense.lab.geometry import FootDesign
 
-Board = Literal["fdc1004_columns", "fdc1004", "ad7147"]
-#: The boards with fabrication files.
-BOARDS: tuple[Board, ...] = ("fdc1004_columns", "fdc1004")
+Board = Literal["ad7147", "fdc1004", "fdc1004_columns"]
 #: Reference of the contacts in the Gerber files.
 CONNECTOR = "J1"
 #: Net of the guard traces between rows or columns: the shield driver of board `fdc1004`.
 GUARD_NET = "shld"
-#: Net of the electrodes below with board `fdc1004_columns`.
+#: Net of the electrodes below where each element has a line of its own.
 COMMON_NET = "gnd"
 #: Net of all guards, and of the layer behind the lines, with board `ad7147`: the chip's shield driver.
 AD7147_GUARD_NET = "acshield"
@@ -94,6 +94,11 @@ class Flex:
         if self.towards == "left":
             return lambda point: (-point[1], point[0])
         return lambda point: (point[0], -point[1])
+
+    @property
+    def n_layers(self) -> int:
+        """Layers of copper."""
+        return 2 if self.shield_net else 1
 
     @property
     def contact_v_mm(self) -> list[float]:
@@ -194,7 +199,12 @@ class Flex:
         design = self.design
         first_u, bare_u = -design.array_side_mm / 2.0, self.polymer_half_side_mm
         end_u = self.tail_end_u_mm - dimensions.TAIL_CONTACT_PAD_LENGTH_MM
-        spans = [(first_u, bare_u, v, design.bar_mm) for v in (-design.pitch_mm / 2.0, design.pitch_mm / 2.0)]
+        overlap_u = bare_u + dimensions.MIN_COPPER_TO_EDGE_MM
+        middles_v = (-design.pitch_mm / 2.0, design.pitch_mm / 2.0)
+        spans = [(first_u, overlap_u, v, design.bar_mm) for v in middles_v]
+        spans.append(
+            (bare_u, overlap_u, 0.0, design.pitch_mm + design.bar_mm)
+        )  # joins bars beside a narrow tail
         spans.append((bare_u, end_u, 0.0, 2.0 * (self.tail_half_width_mm - dimensions.MIN_COPPER_TO_EDGE_MM)))
         return [
             Pad(
@@ -207,12 +217,38 @@ class Flex:
         ]
 
     @property
+    def vias(self) -> list[Point]:
+        """Centres of the vias that join the second layer to guards with a line on either side [mm]."""
+        if not self.shield_net:
+            return []
+        u = self.tail_end_u_mm - dimensions.VIA_TO_END_MM
+        return [
+            (u, v)
+            for k, v in enumerate(self.contact_v_mm[1:-1], 1)
+            if self.contacts[k] == self.shield_net not in self.contacts[k - 1 : k + 2 : 2]
+        ]
+
+    @property
+    def via_pads(self) -> list[Pad]:
+        """Pads of the vias, alike on both layers."""
+        size = (dimensions.VIA_PAD_MM, dimensions.VIA_PAD_MM)
+        return [
+            Pad(centre_mm=place, size_mm=size, aperture_function="ViaPad", net=self.shield_net, is_round=True)
+            for place in self.vias
+        ]
+
+    @property
+    def sheet_opening(self) -> list[Pad | Trace]:
+        """Opening of a coverlay over the whole sheet area, whose coverlay is the foot's own layers."""
+        side = 2.0 * self.polymer_half_side_mm
+        return [Pad(centre_mm=(0.0, 0.0), size_mm=(side, side), aperture_function="Material")]
+
+    @property
     def coverlay_openings(self) -> list[Pad | Trace]:
         """Openings of the coverlay: the whole sheet area (bare electrodes) and the contacts."""
-        sheet, contacts = 2.0 * self.polymer_half_side_mm, 2.0 * self.tail_half_width_mm
-        bare = dimensions.TAIL_CONTACT_PAD_LENGTH_MM
+        contacts, bare = 2.0 * self.tail_half_width_mm, dimensions.TAIL_CONTACT_PAD_LENGTH_MM
         return [
-            Pad(centre_mm=(0.0, 0.0), size_mm=(sheet, sheet), aperture_function="Material"),
+            *self.sheet_opening,
             Pad(
                 centre_mm=(self.tail_end_u_mm - bare / 2.0, 0.0),
                 size_mm=(bare, contacts),
@@ -222,7 +258,7 @@ class Flex:
 
     @property
     def stiffener(self) -> list[Pad | Trace]:
-        """The stiffener under the contacts, on the side without copper."""
+        """The stiffener under the contacts, on the side without contacts."""
         length = dimensions.STIFFENER_LENGTH_MM
         size = (length, 2.0 * self.tail_half_width_mm)
         return [
@@ -269,12 +305,12 @@ def alignment_ear(half_side_mm: float, hole: Point) -> Any:
 
 def flexes(design: FootDesign, board: Board) -> tuple[Flex, Flex]:
     """Return the lower and the upper flex of a foot for a board."""
-    if board == "fdc1004_columns":
-        return _common_flex(design), _element_flex(design, column_guard_net)
+    if not has_element_lines(board):
+        return _line_flex(design, "row", "left"), _line_flex(design, "column", "forward")
     if board == "ad7147":
         shielded = _element_flex(design, lambda _: AD7147_GUARD_NET)
         return _common_flex(design), replace(shielded, shield_net=AD7147_GUARD_NET)
-    return _line_flex(design, "row", "left"), _line_flex(design, "column", "forward")
+    return _common_flex(design), _element_flex(design, column_guard_net)
 
 
 def _line_flex(design: FootDesign, kind: str, towards: Literal["left", "forward"]) -> Flex:

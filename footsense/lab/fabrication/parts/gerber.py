@@ -15,13 +15,14 @@ import footsense
 #: A place on a layer (u, v) [mm].
 Point = tuple[float, float]
 
-#: File functions of the layers that a single-sided flex has (section 5.6.3).
+#: File functions of the layers of a flex (section 5.6.3), and of those that a second layer of copper adds.
 COPPER, COVERLAY, PROFILE, STIFFENER = "Copper,L1,Top", "Soldermask,Top", "Profile,NP", "Other,Stiffener"
+SHIELD, SHIELD_COVERLAY = "Copper,L2,Bot", "Soldermask,Bot"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pad:
-    """A rectangular pad, flashed in Gerber.
+    """A rectangular or round pad, flashed in Gerber.
 
     Attributes:
         centre_mm: Its centre [mm].
@@ -29,6 +30,7 @@ class Pad:
         aperture_function: Aperture function, such as `Other,Electrode`.
         net: Name of its net; empty for none.
         pin: Reference and number such as `J1,2`; empty where it is no pin.
+        is_round: Whether it is a disc, its diameter the first of the sides.
     """
 
     centre_mm: Point
@@ -36,10 +38,13 @@ class Pad:
     aperture_function: str
     net: str = ""
     pin: str = ""
+    is_round: bool = False
 
     @property
     def aperture(self) -> str:
         """Gerber aperture template and parameters of the pad."""
+        if self.is_round:
+            return f"C,{self.size_mm[0]:.6f}"
         return f"R,{self.size_mm[0]:.6f}X{self.size_mm[1]:.6f}"
 
 
@@ -75,7 +80,7 @@ def gerber_text(function: str, part: str, shapes: Iterable[Pad | Trace]) -> str:
     """
     negative = function.startswith("Soldermask")
     lines = [
-        f"G04 {part}, seen from its copper side*",
+        f"G04 {part}, seen from the side of its electrodes*",
         f"%TF.GenerationSoftware,footsense,footsense,{footsense.__version__}*%",
         f"%TF.FileFunction,{function}*%",
         f"%TF.FilePolarity,{'Negative' if negative else 'Positive'}*%",
@@ -108,19 +113,23 @@ def gerber_text(function: str, part: str, shapes: Iterable[Pad | Trace]) -> str:
     return "\n".join([*lines, "M02*", ""])
 
 
-def drill_text(part: str, holes: Iterable[tuple[Point, float]]) -> str:
-    """Return the content of an Excellon (XNC) drill file of unplated round holes.
+def drill_text(
+    part: str, holes: Iterable[tuple[Point, float]], *, n_layers: int, plated: bool = False
+) -> str:
+    """Return the content of an Excellon (XNC) drill file of round holes.
 
     Args:
         part: Name of the part, for people.
         holes: Centre and diameter of each [mm].
+        n_layers: Layers of copper, 1 or 2.
+        plated: Whether the holes connect them.
     """
     holes = list(holes)
     tools = {diameter: number for number, diameter in enumerate(sorted({d for _, d in holes}), 1)}
     lines = [
         "M48",
-        f"; {part}, seen from its copper side",
-        "; #@! TF.FileFunction,NonPlated,1,1,NPTH",
+        f"; {part}, seen from the side of its electrodes",
+        f"; #@! TF.FileFunction,{'Plated' if plated else 'NonPlated'},1,{n_layers},{'PTH' if plated else 'NPTH'}",
         "METRIC",
     ]
     lines += [f"T{number:02d}C{diameter:.3f}" for diameter, number in tools.items()]
