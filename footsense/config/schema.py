@@ -1,5 +1,6 @@
 """Schema of the configuration file as a whole, and values derived from it."""
 
+import math
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -27,8 +28,8 @@ from footsense.frames import Leg
 #: Boards that are gone, and the last commit that knows each.
 _GONE_BOARDS = {"ad7746": "27dcc809"}
 
-#: Default of `publish_every`: 92 forces a second, with all other frames 35 % of 500 kbit/s for six legs.
-DEFAULT_PUBLISH_EVERY = 4
+#: Most forces a second of a leg on CAN by default: with all other frames 37 % of 500 kbit/s for six legs.
+_DEFAULT_FORCES_HZ = 100.0
 
 
 class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -40,8 +41,9 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         serial: Line to the microcontroller; with board `mcu` only.
         can: CAN channel for the forces. No default: a robot whose forces stay in the process would look healthy.
         scan: Rate of the conversions.
-        publish_every: Conversions per force on CAN; a change of a leg's state is sent at once. With board `mcu` every
-            record is sent.
+        publish_every: Frames of readings (conversions, or reads of converters that run freely) per force on CAN; a
+            change of a leg's state is sent at once. None for at most 100 forces a second; with board `mcu` every record
+            is sent.
         tare: Conditions for a tare.
         baseline: Tracking of the baseline between tares.
         contact: Contact detection.
@@ -67,7 +69,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     serial: Serial | None = None
     can: Annotated[Can, Meta(description="interface: socketcan, channel: can0 on a robot")]
     scan: Scan = Scan()
-    publish_every: Annotated[int, Meta(ge=1, le=36)] = DEFAULT_PUBLISH_EVERY
+    publish_every: Annotated[int, Meta(ge=1, le=36)] | None = None
     tare: TareLimits = TareLimits()
     baseline: sections.BaselineTracking = sections.BaselineTracking()
     contact: ContactLimits = ContactLimits()
@@ -118,7 +120,9 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     @property
     def effective_publish_every(self) -> int:
         """Number of capacitance frames per force sent on CAN."""
-        return self.publish_every if self.serial is None else 1
+        if self.serial is not None:
+            return 1
+        return self.publish_every or math.ceil(self.frames_hz / _DEFAULT_FORCES_HZ)
 
     @property
     def forces_hz(self) -> float:
