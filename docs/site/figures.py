@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from firmware_interface.chips import ad7147
 from footsense.frames import Vector
 from footsense.sim.chips.beside import unloaded_stray_pf
 from footsense.sim.couplings import COUPLINGS_FILE, Couplings, load_couplings
@@ -27,7 +28,7 @@ _UNLOADED_PF = 5.387
 _PAPER_FOOT, _HEXAPOD_FOOT, _QUADRUPED_FOOT = "aoyagi-3x3", "hexapod-2kg", "quadruped-12kg"
 _FEET = (_PAPER_FOOT, _HEXAPOD_FOOT, _QUADRUPED_FOOT)
 #: Boards of the front page: the default, and that with one converter in a foot.
-_DEFAULT, _SMALL = "fdc1004_columns", "fdc1004"
+_DEFAULT, _SMALL = "ad7147", "fdc1004"
 #: Weight over the legs that carry a walking robot: three of six, two of four [N].
 _SHARE_N = {_HEXAPOD_FOOT: 2.0 * 9.80665 / 3, _QUADRUPED_FOOT: 12.0 * 9.80665 / 2}
 
@@ -120,7 +121,7 @@ def _front() -> str:
     own, small = _robots(_DEFAULT), _robots(_SMALL)
     walk, trot = _gait(_DEFAULT, "measured walk"), _gait(_DEFAULT, "trot of a robot dog")
     slow_walk = _gait(_SMALL, "measured walk")
-    other = _gait(_DEFAULT, "random gaits at another pace")
+    other = _gait(_DEFAULT, "random gaits")
     touches, missed, twice, in_air = (
         sum(_others(key)) for key in ("n_touches", "n_missed", "n_twice", "n_in_air")
     )
@@ -144,7 +145,7 @@ def _front() -> str:
             f"direction {walk['direction_deg']:.1f} deg on average, 1 force in 20 more than {walk['direction_p95_deg']:.1f} "
             f"deg; fz {walk['rms_mn'][2]:.0f} mN rms; with a robot dog's trot {trot['direction_deg']:.1f} and "
             f"{trot['direction_p95_deg']:.1f} deg",
-            f"{_page('motion')['n_random_gaits']} random gaits, scanned faster or slower: {other['direction_deg']:.1f} deg on "
+            f"{_page('motion')['n_random_gaits']} random gaits: {other['direction_deg']:.1f} deg on "
             f"average, 1 force in 20 more than {other['direction_p95_deg']:.1f} deg; fz {other['rms_mn'][2]:.0f} mN rms",
         ),
         (
@@ -156,7 +157,7 @@ def _front() -> str:
             f"on the smallest foot {own['n_in_air']} for {own['n_touches']} touches",
         ),
         (
-            "**With one chip in a foot**, board `fdc1004`",
+            "**With an FDC1004 in each foot** in place of an AD7147",
             f"walking robots: direction {small['direction_deg']:.1f} deg on average, {small['mid_stance_deg']:.1f} deg in "
             f"mid-stance; the smooth walk {slow_walk['direction_deg']:.1f} deg; of what a controller holds, "
             f"{published['forces_hz']:.0f} forces/s, the median is {published['walk']['held_age_p50_p99_ms'][0]:.0f} ms old",
@@ -275,13 +276,13 @@ def figures() -> dict[str, str]:
         "robots.worst-deg": f"{own['worst_direction_deg']:.1f}",
         "robots.missed": f"{own['n_missed']}",
         "walk.deg": f"{_gait(_DEFAULT, 'measured walk')['direction_deg']:.1f}",
-        "one-chip.robots.deg": f"{small['direction_deg']:.1f}",
-        "one-chip.robots.worst-deg": f"{small['worst_direction_deg']:.1f}",
-        "one-chip.walk.deg": f"{_gait(_SMALL, 'measured walk')['direction_deg']:.1f}",
+        "fdc1004.robots.deg": f"{small['direction_deg']:.1f}",
+        "fdc1004.robots.worst-deg": f"{small['worst_direction_deg']:.1f}",
+        "fdc1004.walk.deg": f"{_gait(_SMALL, 'measured walk')['direction_deg']:.1f}",
         "robots.worst-bias-ms": f"{own['worst_bias_ms']:.0f}",
-        "one-chip.robots.worst-bias-ms": f"{small['worst_bias_ms']:.0f}",
+        "fdc1004.robots.worst-bias-ms": f"{small['worst_bias_ms']:.0f}",
         "robots.lift-off-ms": f"{own['lift_off_delay_p50_ms']:.0f}",
-        "one-chip.robots.lift-off-ms": f"{small['lift_off_delay_p50_ms']:.0f}",
+        "fdc1004.robots.lift-off-ms": f"{small['lift_off_delay_p50_ms']:.0f}",
         "robots.least-within-2-sigma": f"{own['least_within_2_sigma']:.0%}",
         "rest.leaning.deg": f"{_page('rest')['refined']['leaning, held out']['refined']['direction_deg']:.2f}",
         "rest.leaning.network.deg": f"{_page('rest')['refined']['leaning, held out']['network']['direction_deg']:.2f}",
@@ -290,9 +291,9 @@ def figures() -> dict[str, str]:
         "hexapod.worst-force-share": f"{1 - _robots(_DEFAULT, _HEXAPOD_FOOT)['worst_no_force_share']:.1%}",
     }
     timed = _page("speed-error")["boards"]
-    found["scans-hz"] = f"{1e3 / timed['columns_two_buses']['scan_ms']:.0f}"
-    found["one-chip.scans-hz"] = f"{1e3 / timed['one_bus']['scan_ms']:.0f}"
-    for name, board in (("", _DEFAULT), ("one-chip.", _SMALL)):
+    found["scans-hz"] = f"{1e9 / (9 * ad7147.DECIMATIONS[64].stage_ns):.0f}"
+    found["fdc1004.scans-hz"] = f"{1e3 / timed['one_bus']['scan_ms']:.0f}"
+    for name, board in (("", _DEFAULT), ("fdc1004.", _SMALL)):
         for place, robot in enumerate(("hexapod", "quadruped")):
             walked = _own_robot(board, place)
             found[f"{name}{robot}.walk.deg"] = f"{walked['direction_deg']:.2f}"

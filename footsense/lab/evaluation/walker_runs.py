@@ -10,8 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_interface.chips import fdc1004
-from footsense.acquisition.boards import ad7147
+from firmware_interface.chips import ad7147, fdc1004
 from footsense.estimation.drift import load_n_per_pf, max_swing_rise_n_per_s
 from footsense.estimation.network import sensitivity
 from footsense.estimation.pipeline import Pipeline
@@ -125,7 +124,7 @@ class ScanTimes(NamedTuple):
 
 #: Host's time of a transaction in `SCAN_TIMES` [us].
 HOST_COST_US = 100
-_FDC1004_STEP_S, _AD7147_STAGE_S = 2.931e-3, 1e-9 * ad7147.RATE.conversion_ns
+_FDC1004_STEP_S, _AD7147_STAGE_S = 2.931e-3, 1e-9 * ad7147.DECIMATIONS[64].stage_ns
 _ORDER = conversion_elements(0, ELEMENTS)
 #: By board; the mean over the legs, `fdc1004` on one bus and `ad7147` on two. A read of `ad7147` brings four or five
 #: results, since two are made in a scan, at all phases of a conversion.
