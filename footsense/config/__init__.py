@@ -83,5 +83,5 @@ def load_config(path: Path) -> Config:
 
 def _gone_board_problem(data: object) -> Problem | None:
     if gone := gone_board(data):
-        return Problem("board", f"{gone}; use fdc1004, or mcu for a microcontroller of your own")
+        return Problem("board", f"{gone}; use ad7147, fdc1004, or mcu for a microcontroller of your own")
     return None

@@ -13,7 +13,7 @@ from footsense.cli.setup.check_config import (
     UNCALIBRATED_WORST_DIRECTION_DEG,
     check_config,
 )
-from footsense.config import SMALL_BOARD, load_config
+from footsense.config import DEFAULT, SMALL_BOARD, load_config
 from footsense.config.contradictions import warnings
 from footsense.config.sections import Metrics
 from footsense.errors import ConfigError
@@ -22,13 +22,16 @@ from footsense.frames import LEGS
 DEPLOY = Path(__file__).parents[3] / "deploy"
 
 ONE_BUS = """\
+board: fdc1004
 buses:
   - device: /dev/i2c-1
     legs: {lf: 0, rf: 1}
 can: {interface: socketcan}
 """
 
-ADDRESSES = "board: ad7147\n" + ONE_BUS.replace("legs: {lf: 0, rf: 1}", "addresses: {lf: 0x2C, rf: 0x2D}")
+ADDRESSES = ONE_BUS.replace("legs: {lf: 0, rf: 1}", "addresses: {lf: 0x2C, rf: 0x2D}").replace(
+    "fdc1004", "ad7147"
+)
 MCU = "board: mcu\nserial: {device: sim}\ncan: {interface: virtual}\n"
 
 
@@ -52,7 +55,7 @@ def file(tmp_path: Path) -> Path:
         "footsense-two-buses.yaml",
         "footsense-mcu.yaml",
         "footsense-columns.yaml",
-        "footsense-ad7147.yaml",
+        "footsense-fdc1004.yaml",
     ],
 )
 def test_the_examples_are_right(name: str) -> None:
@@ -64,11 +67,10 @@ def test_the_examples_are_right(name: str) -> None:
 
 def test_the_commented_values_are_the_defaults(file: Path) -> None:
     """What the example calls a default is what an absent key means."""
-    file.write_text(ONE_BUS)
+    file.write_text(ADDRESSES.removeprefix("board: ad7147\n"))
     short, long = load_config(file), load_config(DEPLOY / "footsense.yaml")
     assert (short.board, short.tare, short.max_age_ms) == (long.board, long.tare, long.max_age_ms)
     assert short.effective == long.effective
-    assert short.publish_every == long.publish_every
     assert (short.baseline, short.contact) == (long.baseline, long.contact)
     assert (short.buses[0].mux, short.buses[0].rate_hz) == (long.buses[0].mux, long.buses[0].rate_hz)
     assert long.metrics == Metrics()
@@ -77,7 +79,8 @@ def test_the_commented_values_are_the_defaults(file: Path) -> None:
 
 def test_the_default_loads_a_bus_of_500_kbit_by_less_than_40_percent() -> None:
     """All frames of six legs, events of two steps a second included."""
-    assert can_bits_per_s(len(SMALL_BOARD.legs), SMALL_BOARD.forces_hz) < 0.4 * 500_000
+    for robot in (DEFAULT, SMALL_BOARD):
+        assert can_bits_per_s(len(robot.legs), robot.forces_hz) < 0.4 * 500_000
 
 
 @pytest.mark.parametrize(
@@ -109,31 +112,31 @@ def test_a_relative_path_is_one_beside_the_file(
             "(a CAN device of Linux: interface: socketcan, channel: can0, or vcan0)",
         ),
         (
-            ONE_BUS + "board: ad7746\nscan: {rate_sps: 91}",
-            ":5: board: the board ad7746 is gone; the last commit that knows it is 27dcc809; use fdc1004, or mcu",
+            ONE_BUS.replace("fdc1004", "ad7746") + "scan: {rate_sps: 91}",
+            ":1: board: the board ad7746 is gone; the last commit that knows it is 27dcc809; use ad7147, fdc1004, or mcu",
         ),
-        (ONE_BUS + "scan: {rate_sps: 300}", ":5: scan.rate_sps: '300' is none of 100, 200, 400"),
+        (ONE_BUS + "scan: {rate_sps: 300}", ":6: scan.rate_sps: '300' is none of 100, 200, 400"),
         (
             ONE_BUS.replace("rf: 1", "rf: 0"),
-            ":3: buses[0].legs.rf: channel 0 is already that of lf; free",
+            ":4: buses[0].legs.rf: channel 0 is already that of lf; free",
         ),
         (
             ONE_BUS.replace("can:", "  - device: /dev/i2c-2\n    legs: {lf: 2}\ncan:"),
-            ":5: buses[1].legs.lf: lf is already a leg of buses[0]",
+            ":6: buses[1].legs.lf: lf is already a leg of buses[0]",
         ),
         (
             ONE_BUS.replace("can:", "  - device: /dev/i2c-1\n    legs: {lm: 2}\ncan:"),
-            ":4: buses[1].device: /dev/i2c-1 is already the device of buses[0]",
+            ":5: buses[1].device: /dev/i2c-1 is already the device of buses[0]",
         ),
         (
             "board: mcu\ncan: {interface: virtual}",
             "board: mcu needs the line to the microcontroller: serial: {device: ...}",
         ),
         (
-            ONE_BUS + "board: mcu\nserial: {device: sim}",
-            ":1: buses: the board mcu has no I2C bus; take buses away, or use another board",
+            ONE_BUS.replace("fdc1004", "mcu") + "serial: {device: sim}",
+            ":2: buses: the board mcu has no I2C bus; take buses away, or use another board",
         ),
-        ("can: {interface: virtual}", "the board fdc1004 is read over I2C: name its buses, with their legs"),
+        ("can: {interface: virtual}", "the board ad7147 is read over I2C: name its buses, with their legs"),
         (MCU + "scan: {rate_sps: 100}", "scan: the microcontroller scans at serial.rate_hz"),
         (
             MCU + "publish_every: 1",
@@ -143,8 +146,8 @@ def test_a_relative_path_is_one_beside_the_file(
         (MCU.replace("sim", "sim, legs: [lf, rf, lf]"), "serial.legs[2]: lf is named twice"),
         (ONE_BUS + "feet: {lf: foot-0001, rf: foot-0001}", "feet.rf: foot-0001 is already mounted on lf"),
         (ONE_BUS + "calibrations: feet/", "calibrations: no foot is named; name them under feet"),
-        (ONE_BUS + "feet: {lf: foot-0007}\ncalibrations: feet/", ":5: feet.lf: "),
-        (ONE_BUS + "foot_type: ./my-foot", ":5: foot_type: no foot type ./my-foot: "),
+        (ONE_BUS + "feet: {lf: foot-0007}\ncalibrations: feet/", ":6: feet.lf: "),
+        (ONE_BUS + "foot_type: ./my-foot", ":6: foot_type: no foot type ./my-foot: "),
         (
             ONE_BUS + "feet: {lf: foot-0001}\ncalibrations: feet/\nmodel: my.onnx",
             "model: each calibration brings the network that it was fitted on; take model or calibrations away",
@@ -186,7 +189,7 @@ def test_a_relative_path_is_one_beside_the_file(
         (ONE_BUS + "feet: {lm: foot-0001}", "feet.lm: no bus has the leg lm; the legs are lf, rf"),
         (
             ONE_BUS + "foot_type: quadruped",
-            "robot.yaml:5: foot_type: no foot type quadruped: did you mean quadruped-12kg? there are aoyagi-3x3, ",
+            "robot.yaml:6: foot_type: no foot type quadruped: did you mean quadruped-12kg? there are aoyagi-3x3, ",
         ),
         (
             ONE_BUS + "foot_type: hexapod_2kg",
@@ -226,7 +229,7 @@ def test_check_config_explains_a_file(file: Path) -> None:
     """Where each leg is, where its forces go, how much of CAN that takes, and what to expect of feet as they come."""
     said = said_of(DEPLOY / "footsense-two-buses.yaml")
     assert "/dev/i2c-3 board fdc1004, multiplexer 0x71, channels rf 0, rm 1, rr 2" in said
-    of_addresses = said_of(DEPLOY / "footsense-ad7147.yaml")
+    of_addresses = said_of(DEPLOY / "footsense.yaml")
     assert "/dev/i2c-3 board ad7147, addresses rf 0x2c, rm 0x2d, rr 0x2e" in of_addresses
     assert "CAN can0, of whose 500 kbit/s up to 37 % are taken" in said
     assert "page http://127.0.0.1:8765, " in said
