@@ -113,7 +113,7 @@ def test_a_relative_path_is_one_beside_the_file(
         ),
         (
             ONE_BUS.replace("fdc1004", "ad7746") + "scan: {rate_sps: 91}",
-            ":1: board: the board ad7746 is gone; the last commit that knows it is 27dcc809; use ad7147, fdc1004, or mcu",
+            ":1: board: the board ad7746 is gone; the last commit that knows it is 27dcc809; use ad7147",
         ),
         (ONE_BUS + "scan: {rate_sps: 300}", ":6: scan.rate_sps: '300' is none of 100, 200, 400"),
         (
