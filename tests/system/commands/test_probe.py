@@ -36,7 +36,8 @@ def test_a_fault_is_told_and_ends_with_1(tmp_path: Path) -> None:
     result = footsense("probe", "--config", config, "--scene", scene, "--json")
     assert result.returncode == 1
     figures = json.loads(result.stdout)
-    assert figures["legs"]["rf"]["faults"] == [{"cause": "column_open", "elements": [2, 5, 8]}]
+    faults = [{"cause": "element_open", "elements": [element]} for element in (2, 5, 8)]
+    assert figures["legs"]["rf"]["faults"] == faults
     assert figures["buses"][0]["host_cost_us"] == 40.0
     (diagnosis,) = figures["diagnoses"]
     assert (diagnosis["location"], diagnosis["observation"]) == ("rf", "the line of column 2 is interrupted")
