@@ -39,5 +39,5 @@ def test_a_fault_is_told_and_ends_with_1(tmp_path: Path) -> None:
     faults = [{"cause": "element_open", "elements": [element]} for element in (2, 5, 8)]
     assert figures["legs"]["rf"]["faults"] == faults
     assert figures["buses"][0]["host_cost_us"] == 40.0
-    (diagnosis,) = figures["diagnoses"]
-    assert (diagnosis["location"], diagnosis["observation"]) == ("rf", "the line of column 2 is interrupted")
+    told = [(each["location"], each["observation"]) for each in figures["diagnoses"]]
+    assert told == [("rf", f"element {element} is open") for element in (2, 5, 8)]
