@@ -281,7 +281,7 @@ twentieth of the foot's largest.
 def _coupling_text(boards: Mapping[str, Values]) -> str:
     """Return the section of the walk with couplings."""
     walked = table_by_board(
-        f"couplings, {SAME_TABLE}: {{name}}",
+        f"walk, couplings, host, {SAME_TABLE}: {{name}}",
         {board: _named(figures["couplings"]) for board, figures in boards.items()},
         {
             "direction mean / 95 % below [deg]": "{direction_deg:.2f} / {direction_p95_deg:.1f}",
@@ -293,8 +293,9 @@ def _coupling_text(boards: Mapping[str, Values]) -> str:
     walked = walked.replace("nan / nan", "-").replace("nan%", "-")  # no force at all
     return f"""
 
-The measured walk with what lies beside the lines (`effects.couplings`, as the drawn flexes have it, idle inputs at ground,
-shields 1 % short): converters that are not synchronised see each other, and unselected rows count by the error of the
-shield. *Strays known*: `stray_pf` of the configuration has what each element reads beside its own capacitance.
+Walks of {OWN_END_S:g} s with what lies beside the lines (`effects.couplings`, as the drawn flexes have it, idle inputs at ground,
+shields 1 % short): unselected rows count by the error of the shield. *Strays known*: `stray_pf` of the configuration has
+what each element reads beside its own capacitance. Clocks of the converters are off by up to what their data sheets allow,
+and so are gain and offset of each AD7147. The times are the host's of a transaction.
 
 {walked}"""
