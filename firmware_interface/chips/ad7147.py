@@ -15,6 +15,7 @@ Source:
 
 from dataclasses import dataclass
 from enum import IntEnum
+from struct import unpack
 
 from firmware_interface.chips.bit_field import Field
 
@@ -235,7 +236,7 @@ def words_of(data: bytes) -> tuple[int, ...]:
         >>> words_of(bytes.fromhex("01ff8000"))
         (511, 32768)
     """
-    return tuple(int.from_bytes(data[k : k + 2], "big") for k in range(0, len(data), 2))
+    return unpack(f">{len(data) // 2}H", data)
 
 
 def capacitance_pf(code: int) -> float:

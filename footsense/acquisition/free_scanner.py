@@ -1,7 +1,7 @@
 """Scanner of a bus whose converters run freely: bursts of results, their stamps, searches of missing legs, frames.
 
-Nothing is triggered, and nothing waited for: a burst has the latest results of all elements of a leg, twice a scan
-where the bus carries it, else once. The status before and behind it tells which conversions they are of
+Nothing is triggered, and nothing waited for: a burst has the latest results of all elements of a leg. Each leg is read
+twice for a frame where the bus carries it, else once. The status before and behind it tells which conversions they are of
 (`boards/stage_tracker.py`). A burst that fails is made once more; after that the leg has no readings until the next.
 
 A leg that is found is reset, converts its reference, while the others are read, and then its elements
@@ -38,9 +38,9 @@ _MISSED_SCANS_BEFORE_LEAVING = 10
 _MOST_DOUBTS = 3
 #: Scans without a new result after which conversions count as not finishing.
 _SILENT_SCANS = 3
-#: Stages from one read of a leg to the next, by the frames in a scan: few enough that none ends twice, and not a whole
+#: Stages from one read of a leg to the next, by the reads for a frame: few enough that none ends twice, and not a whole
 #: number, so that reads at ever other times within a stage narrow when it ends.
-_STAGES_PER_FRAME = {1: 7.4, 2: 4.4}
+_STAGES_PER_READ = {1: 7.4, 2: 4.4}
 #: Parts of a stage that reads which are late wait for in turn.
 _LATE_WAITS = 5
 #: Shortest time of a bit of a bus over the measured one [1].
@@ -73,6 +73,10 @@ class FreeLeg(LegConnection):
         ready_ns: Time at which its reference or unused results have been converted, or of its latest result [ns].
         due_ns: Time from which on missing readings count: of its first results, or when they should be there [ns].
         n_doubts: Times in a row that its status did not fit.
+        t_ns: Middle of the conversion of each element's latest reading [ns], 0 where none; as plain numbers, like the
+            next two, as few change at a time.
+        capacitance_pf: These readings [pF], NaN unless OK.
+        readings: How each element answered, codes of `Reading`.
     """
 
     def __init__(self, name: str, channel: int, row: int, address: int, plan: FreeRunningPlan) -> None:
@@ -93,6 +97,13 @@ class FreeLeg(LegConnection):
         )
         self.is_started = False
         self.ready_ns = self.due_ns = self.n_doubts = 0
+        self.discard(Reading.NO_ANSWER)
+
+    def discard(self, reading: Reading) -> None:
+        """Replace all readings by NaN and the reason for it."""
+        self.outcome = reading
+        self.t_ns, self.capacitance_pf = [0] * ELEMENTS, [_NAN] * ELEMENTS
+        self.readings = [int(reading)] * ELEMENTS
 
 
 class FreeScanner:
@@ -107,9 +118,10 @@ class FreeScanner:
     Attributes:
         clock, plan: As given.
         legs: The connections to the legs, in the order of the rows.
-        latest: Their latest readings, written over element by element.
+        latest: The last frame.
         bus_timing: Cost of transactions and limits of the scan, measured by `start`; None if no leg answered.
-        frames_per_scan: Frames in a scan, for each of which every leg is read: two where the bus carries that.
+        frames_per_scan: Frames in a scan: one.
+        reads_per_frame: Reads of each leg for a frame: two where the bus carries that.
         complete_ns: Time at which the last frame was complete [ns].
     """
 
@@ -132,7 +144,7 @@ class FreeScanner:
         unread = np.full(shape, Reading.NO_ANSWER, np.uint8)
         self.latest = CapFrame(0, np.zeros(shape, np.int64), np.full(shape, _NAN), unread)
         self.bus_timing: BusTiming | None = None
-        self.frames_per_scan = 1
+        self.frames_per_scan = self.reads_per_frame = 1
         self.complete_ns = 0
         self._bit_ns: float = ad7147.SHORTEST_BIT_NS
         self._due_ns = self._sequence = self._n_reads = self._n_scans = 0
@@ -146,31 +158,41 @@ class FreeScanner:
         addresses = [leg.address for leg in self.legs]
         self.bus_timing = measure_bus_timing(self._bus, self.clock, self.plan, len(self.legs), addresses)
         if self.bus_timing is not None:
-            self.frames_per_scan = 2 if self.bus_timing.all_checks_fit else 1
+            self.reads_per_frame = 2 if self.bus_timing.all_checks_fit else 1
             self._bit_ns = max(_BIT_MEASURED_REL * 1e9 / self.bus_timing.bus_hz, ad7147.SHORTEST_BIT_NS)
         for leg in self.legs:
             probe_leg(self._bus, leg, self.legs, self._set_up, self.clock)
         self._due_ns = self.clock.now_ns()
 
     def read(self) -> CapFrame:
-        """Return the latest readings of every leg, after the next burst of each.
+        """Return the latest readings of every leg, after the next bursts of each.
 
         Before the first frame each leg has been waited for that answers.
         """
-        self._read_legs()
+        for _ in range(self.reads_per_frame):
+            self._read_legs()
         if self._sequence == 0:
             end_ns = self.clock.now_ns() + _START_SCANS * self.plan.scan_ns
             while self.clock.now_ns() < end_ns and any(map(self._has_no_reading, self.legs)):
                 self._read_legs()
-        _, t_ns, capacitance_pf, reading = self.latest
-        frame = CapFrame(self._sequence, t_ns.copy(), capacitance_pf.copy(), reading.copy())
+        legs = self.legs
+        self.latest = CapFrame(
+            self._sequence,
+            np.array([leg.t_ns for leg in legs], np.int64),
+            np.array([leg.capacitance_pf for leg in legs]),
+            np.array([leg.readings for leg in legs], np.uint8),
+        )
         self._sequence, self.complete_ns = self._sequence + 1, self.clock.now_ns()
-        return frame
+        return self.latest
 
     @property
     def frame_ns(self) -> int:
         """Longest time of a frame, while nothing fails [ns]."""
-        return round(_STAGES_PER_FRAME[self.frames_per_scan] * self.plan.conversion_ns)
+        return self.reads_per_frame * self._read_ns
+
+    @property
+    def _read_ns(self) -> int:
+        return round(_STAGES_PER_READ[self.reads_per_frame] * self.plan.conversion_ns)
 
     @property
     def n_late_discards(self) -> int:
@@ -182,12 +204,12 @@ class FreeScanner:
         self._bus.disconnect_legs()
 
     def _has_no_reading(self, leg: FreeLeg) -> bool:
-        return leg.in_scan and bool(self.latest.reading[leg.row].any())
+        return leg.in_scan and any(leg.readings)
 
     def _read_legs(self) -> None:
         """Read each leg when that is due; at the end of a scan make the checks and searches."""
         self.clock.sleep_until_ns(self._due_ns)
-        self._due_ns += self.frame_ns
+        self._due_ns += self._read_ns
         late_ns = self.clock.now_ns() - self._due_ns
         if late_ns > 0:  # a pace that the bus sets may be one of whole stages
             n_waited = self._n_reads % _LATE_WAITS
@@ -197,19 +219,13 @@ class FreeScanner:
                 if leg.in_scan:
                     self._read_leg(leg)
             self._n_reads += 1
-            if self._n_reads % self.frames_per_scan == 0:
+            if self._n_reads % self.reads_per_frame == 0:
                 self._end_scan()
         except I2cTimeoutError:
             leave_out_stuck_legs(self._bus, self.legs, self.clock)
         for leg in self.legs:
             if not leg.in_scan:
-                self._discard(leg, leg.outcome)
-
-    def _discard(self, leg: FreeLeg, reading: Reading) -> None:
-        """Replace the readings of a leg by NaN and the reason for it."""
-        leg.outcome = reading
-        _, t_ns, capacitance_pf, readings = self.latest
-        t_ns[leg.row], capacitance_pf[leg.row], readings[leg.row] = 0, _NAN, reading
+                leg.discard(leg.outcome)
 
     def _read_leg(self, leg: FreeLeg) -> None:
         """Read the results of a leg, or its reference if that has been converted.
@@ -242,7 +258,7 @@ class FreeScanner:
                 self._take(leg, burst, before_at, status, Span(begin_ns + status_ns, end_ns))
                 return
         leg.tracker.repeat()
-        self._discard(leg, Reading.NO_ANSWER)
+        leg.discard(Reading.NO_ANSWER)
 
     def _take(self, leg: FreeLeg, burst: bytes, before_at: Span, status: bytes, behind_at: Span) -> None:
         """Store the results of a burst whose conversions are known; check the settings if its status does not fit."""
@@ -254,15 +270,15 @@ class FreeScanner:
             return
         if not results:
             if behind_at.to_ns > leg.ready_ns + _SILENT_SCANS * self.plan.scan_ns:
-                self._discard(leg, Reading.NOT_READY)
+                leg.discard(Reading.NOT_READY)
             return
         assert leg.calibration is not None
-        _, t_ns, capacitance_pf, readings = self.latest
+        t_ns, capacitance_pf, readings = leg.t_ns, leg.capacitance_pf, leg.readings
+        order, decode, calibration = ad7147.ORDER, ad7147.decode, leg.calibration
         for stage, middle_ns in results:
-            at = leg.row, ad7147.ORDER[stage]
-            reading, capacitance_pf[at] = ad7147.decode(codes[stage], leg.calibration)
-            readings[at] = reading
-            t_ns[at] = middle_ns
+            element = order[stage]
+            readings[element], capacitance_pf[element] = decode(codes[stage], calibration)
+            t_ns[element] = middle_ns
         leg.outcome, leg.n_doubts = _OK, 0
         leg.ready_ns = leg.due_ns = round(behind_at.to_ns)
 
@@ -287,7 +303,7 @@ class FreeScanner:
             held = self._bus.check(leg.selection, check)
             if held is not Reading.MISCONFIGURED:
                 return held
-        self._discard(leg, held)
+        leg.discard(held)
         self._start_elements(leg)
         return held
 
@@ -314,7 +330,7 @@ class FreeScanner:
         answers = self._bus.exchange(leg.selection, (leg.reference,))
         measured = Reading.NO_ANSWER if answers is None else ad7147.reference_calibration(answers[0])
         if isinstance(measured, Reading):  # with the next sequence
-            self._discard(leg, measured)
+            leg.discard(measured)
             n_stages = ad7147.N_REFERENCE_STAGES
             leg.ready_ns = self.clock.now_ns() + (n_stages + 1) * self.plan.conversion_wait_ns
         elif why := ad7147.reference_fault(measured):
@@ -355,9 +371,9 @@ class FreeScanner:
         if leg.in_scan and leg.is_started:
             self._check(leg, leg.checks[turn % len(leg.checks)])
         now_ns, all_in_scan = self.clock.now_ns(), True
-        for each, readings in zip(self.legs, self.latest.reading, strict=True):
-            if each.in_scan and now_ns > each.due_ns and (each.is_suspect or readings.any()):
-                each.count_misses(readings, now_ns)
+        for each in self.legs:
+            if each.in_scan and now_ns > each.due_ns and (each.is_suspect or any(each.readings)):
+                each.count_misses(np.array(each.readings, np.uint8), now_ns)
             all_in_scan &= each.in_scan
         if not all_in_scan:
             probe_due_legs(self._bus, self.legs, self._set_up, self.clock)

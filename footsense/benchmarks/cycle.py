@@ -60,18 +60,19 @@ class ServiceCycle(NamedTuple):
 
 
 @contextmanager
-def open_service_cycle(config: Config = SMALL_BOARD) -> Iterator[ServiceCycle]:
+def open_service_cycle(config: Config = SMALL_BOARD, *, publish_every: int = 1) -> Iterator[ServiceCycle]:
     """Set up one cycle of the daemon (pipeline, CAN sink, observers) with a socket pair in place of CAN.
 
     Args:
-        config: The robot. Each cycle does all the work, with a force on CAN, whatever its `publish_every`.
+        config: The robot.
+        publish_every: Cycles per force on CAN, in place of its own: with 1 each cycle does all the work.
 
     Yields:
         The cycle; its ring exists until the end.
     """
     channel, far_end = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
     clock, wire = VirtualClock(), SocketWire(channel)
-    models = load_models(replace(config, publish_every=1))
+    models = load_models(replace(config, publish_every=publish_every))
     pipeline = pipeline_for(models, Flag.SIMULATED)
     with (
         far_end,

@@ -59,7 +59,7 @@ TRUTH_SAMPLE_PERIOD_NS = 1_000_000
 _AHEAD_MS, _BEHIND_MS = 30, 600
 
 #: Conversions for each published force: all, the service's default, and one force for each scan.
-CONVERSIONS_PER_PUBLISHED_FORCE = (1, SMALL_BOARD.publish_every, ELEMENTS)
+CONVERSIONS_PER_PUBLISHED_FORCE = (1, SMALL_BOARD.effective_publish_every, ELEMENTS)
 #: Publishing methods by name: degree of the extrapolation, conversions for each force, and orders of the scan.
 METHODS: dict[str, tuple[int | None, int, tuple[str, ...]]] = {
     "every conversion": (None, 1, ("raster", "lo_shu")),

@@ -10,7 +10,7 @@ from firmware_interface.chips import ad7147
 from firmware_interface.wire_timing import can_bits_per_s
 from footsense.acquisition.mcu_source import Serial
 from footsense.acquisition.scan_plan import Scan, bus_overload
-from footsense.config.schema import DEFAULT_PUBLISH_EVERY, Config
+from footsense.config.schema import Config
 from footsense.config.sections import PCA9685_ALLCALL_ADDRESS, Bus, Mux
 from footsense.foot.type_folders import released_names, unknown_name_remedy
 from footsense.strict_yaml import Problem
@@ -78,9 +78,8 @@ def _mcu_rules(config: Config, serial: Serial | None) -> Iterator[_Rule]:
     yield serial is None, "board", "mcu needs the line to the microcontroller: serial: {device: ...}"
     yield bool(config.buses), "buses", "the board mcu has no I2C bus; take buses away, or use another board"
     yield config.scan != Scan(), "scan", "the microcontroller scans at serial.rate_hz; take scan away"
-    is_thinned = config.publish_every != DEFAULT_PUBLISH_EVERY
     yield (
-        is_thinned,
+        config.publish_every is not None,
         "publish_every",
         "every record of the microcontroller is published; take publish_every away",
     )
@@ -140,7 +139,7 @@ def _can_rules(config: Config) -> Iterator[_Rule]:
     )
     others_per_s = can_bits_per_s(n_legs, 0.0, fd=can.fd)
     times_too_many = (bits_per_s - others_per_s) / max(allowed_per_s - others_per_s, 1.0)
-    fewer = f"publish_every: {math.ceil(times_too_many * config.publish_every)}"
+    fewer = f"publish_every: {math.ceil(times_too_many * config.effective_publish_every)}"
     too_many = (
         f"{n_legs} legs at {config.forces_hz:.0f} forces/s take {bits_per_s * 1e-3:.0f} kbit/s, more than "
         f"{_MAX_CAN_LOAD_REL:.0%} of {can.bitrate * 1e-3:.0f} kbit/s; "

@@ -27,8 +27,9 @@ from footsense.frames import Leg
 #: Boards that are gone, and the last commit that knows each.
 _GONE_BOARDS = {"ad7746": "27dcc809"}
 
-#: Default of `publish_every`: 92 forces a second, with all other frames 35 % of 500 kbit/s for six legs.
-DEFAULT_PUBLISH_EVERY = 4
+#: Frames per force on CAN by default: 92 forces a second of conversions, with all other frames 35 % of 500 kbit/s for six
+#: legs; 72 of an AD7147's scans.
+_DEFAULT_PUBLISH_EVERY, _DEFAULT_PUBLISH_EVERY_SCANS = 4, 2
 
 
 class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -40,8 +41,8 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         serial: Line to the microcontroller; with board `mcu` only.
         can: CAN channel for the forces. No default: a robot whose forces stay in the process would look healthy.
         scan: Rate of the conversions.
-        publish_every: Conversions per force on CAN; a change of a leg's state is sent at once. With board `mcu` every
-            record is sent.
+        publish_every: Conversions per force on CAN, with board `ad7147` scans; None for 4, with `ad7147` 2. A change of
+            a leg's state is sent at once. With board `mcu` every record is sent.
         tare: Conditions for a tare.
         baseline: Tracking of the baseline between tares.
         contact: Contact detection.
@@ -67,7 +68,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     serial: Serial | None = None
     can: Annotated[Can, Meta(description="interface: socketcan, channel: can0 on a robot")]
     scan: Scan = Scan()
-    publish_every: Annotated[int, Meta(ge=1, le=36)] = DEFAULT_PUBLISH_EVERY
+    publish_every: Annotated[int, Meta(ge=1, le=36)] | None = None
     tare: TareLimits = TareLimits()
     baseline: sections.BaselineTracking = sections.BaselineTracking()
     contact: ContactLimits = ContactLimits()
@@ -103,10 +104,10 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def frames_hz(self) -> float:
-        """Capacitance frames per second: conversions, reads of converters that run freely, records of `mcu`."""
+        """Capacitance frames per second: conversions, scans of converters that run freely, records of `mcu`."""
         if self.serial is not None:
             return self.serial.rate_hz
-        return self.rate_sps if isinstance(self.scan_plan, ScanPlan) else 2e3 / self.shortest_scan_ms
+        return self.rate_sps if isinstance(self.scan_plan, ScanPlan) else 1e3 / self.shortest_scan_ms
 
     @property
     def shortest_scan_ms(self) -> float:
@@ -118,7 +119,11 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     @property
     def effective_publish_every(self) -> int:
         """Number of capacitance frames per force sent on CAN."""
-        return self.publish_every if self.serial is None else 1
+        if self.serial is not None:
+            return 1
+        is_of_scans = self.board == "ad7147"
+        default = _DEFAULT_PUBLISH_EVERY_SCANS if is_of_scans else _DEFAULT_PUBLISH_EVERY
+        return self.publish_every or default
 
     @property
     def forces_hz(self) -> float:
