@@ -1,8 +1,8 @@
 """Scanner of a bus whose converters run freely: bursts of results, their stamps, searches of missing legs, frames.
 
 Nothing is triggered, and nothing waited for: a burst has the latest results of all elements of a leg. Each leg is read
-twice for a frame where the bus carries it, else once. The status before and behind it tells which conversions they are of
-(`boards/stage_tracker.py`). A burst that fails is made once more; after that the leg has no readings until the next.
+twice for a frame where the bus carries it, else once. The status before and behind it tells which conversions they are
+of (`boards/stage_tracker.py`). A burst that fails is made once more; after that the leg has no readings until the next.
 
 A leg that is found is reset, converts its reference, while the others are read, and then its elements
 (`boards/ad7147.py`). Its settings are read back in turn, one block of registers a scan, and at once if a status does
@@ -10,6 +10,7 @@ not fit. One that has lost them is started again; one that holds them and does n
 address of its own, or a channel of a multiplexer, whose selection is read back once a scan.
 """
 
+from array import array
 from collections.abc import Mapping
 
 import numpy as np
@@ -73,10 +74,6 @@ class FreeLeg(LegConnection):
         ready_ns: Time at which its reference or unused results have been converted, or of its latest result [ns].
         due_ns: Time from which on missing readings count: of its first results, or when they should be there [ns].
         n_doubts: Times in a row that its status did not fit.
-        t_ns: Middle of the conversion of each element's latest reading [ns], 0 where none; as plain numbers, like the
-            next two, as few change at a time.
-        capacitance_pf: These readings [pF], NaN unless OK.
-        readings: How each element answered, codes of `Reading`.
     """
 
     def __init__(self, name: str, channel: int, row: int, address: int, plan: FreeRunningPlan) -> None:
@@ -97,13 +94,6 @@ class FreeLeg(LegConnection):
         )
         self.is_started = False
         self.ready_ns = self.due_ns = self.n_doubts = 0
-        self.discard(Reading.NO_ANSWER)
-
-    def discard(self, reading: Reading) -> None:
-        """Replace all readings by NaN and the reason for it."""
-        self.outcome = reading
-        self.t_ns, self.capacitance_pf = [0] * ELEMENTS, [_NAN] * ELEMENTS
-        self.readings = [int(reading)] * ELEMENTS
 
 
 class FreeScanner:
@@ -118,7 +108,7 @@ class FreeScanner:
     Attributes:
         clock, plan: As given.
         legs: The connections to the legs, in the order of the rows.
-        latest: The last frame.
+        latest: Their latest readings, written over element by element.
         bus_timing: Cost of transactions and limits of the scan, measured by `start`; None if no leg answered.
         frames_per_scan: Frames in a scan: one.
         reads_per_frame: Reads of each leg for a frame: two where the bus carries that.
@@ -140,9 +130,13 @@ class FreeScanner:
             FreeLeg(name, channel, row, addresses[name], plan)
             for row, (name, channel) in enumerate(channels.items())
         )
-        shape = len(self.legs), ELEMENTS
-        unread = np.full(shape, Reading.NO_ANSWER, np.uint8)
-        self.latest = CapFrame(0, np.zeros(shape, np.int64), np.full(shape, _NAN), unread)
+        # Their latest readings, and the same memory as arrays of numpy, in which to set an entry takes longer.
+        n = len(self.legs) * ELEMENTS
+        self._entries = (
+            *(array("q", [0] * n), array("d", [_NAN] * n)),
+            array("B", [Reading.NO_ANSWER] * n),
+        )
+        self.latest = CapFrame(0, *(np.asarray(each).reshape(-1, ELEMENTS) for each in self._entries))
         self.bus_timing: BusTiming | None = None
         self.frames_per_scan = self.reads_per_frame = 1
         self.complete_ns = 0
@@ -175,15 +169,10 @@ class FreeScanner:
             end_ns = self.clock.now_ns() + _START_SCANS * self.plan.scan_ns
             while self.clock.now_ns() < end_ns and any(map(self._has_no_reading, self.legs)):
                 self._read_legs()
-        legs = self.legs
-        self.latest = CapFrame(
-            self._sequence,
-            np.array([leg.t_ns for leg in legs], np.int64),
-            np.array([leg.capacitance_pf for leg in legs]),
-            np.array([leg.readings for leg in legs], np.uint8),
-        )
+        _, t_ns, capacitance_pf, reading = self.latest
+        frame = CapFrame(self._sequence, t_ns.copy(), capacitance_pf.copy(), reading.copy())
         self._sequence, self.complete_ns = self._sequence + 1, self.clock.now_ns()
-        return self.latest
+        return frame
 
     @property
     def frame_ns(self) -> int:
@@ -204,7 +193,7 @@ class FreeScanner:
         self._bus.disconnect_legs()
 
     def _has_no_reading(self, leg: FreeLeg) -> bool:
-        return leg.in_scan and any(leg.readings)
+        return leg.in_scan and bool(self.latest.reading[leg.row].any())
 
     def _read_legs(self) -> None:
         """Read each leg when that is due; at the end of a scan make the checks and searches."""
@@ -225,7 +214,13 @@ class FreeScanner:
             leave_out_stuck_legs(self._bus, self.legs, self.clock)
         for leg in self.legs:
             if not leg.in_scan:
-                leg.discard(leg.outcome)
+                self._discard(leg, leg.outcome)
+
+    def _discard(self, leg: FreeLeg, reading: Reading) -> None:
+        """Replace the readings of a leg by NaN and the reason for it."""
+        leg.outcome = reading
+        _, t_ns, capacitance_pf, readings = self.latest
+        t_ns[leg.row], capacitance_pf[leg.row], readings[leg.row] = 0, _NAN, reading
 
     def _read_leg(self, leg: FreeLeg) -> None:
         """Read the results of a leg, or its reference if that has been converted.
@@ -258,7 +253,7 @@ class FreeScanner:
                 self._take(leg, burst, before_at, status, Span(begin_ns + status_ns, end_ns))
                 return
         leg.tracker.repeat()
-        leg.discard(Reading.NO_ANSWER)
+        self._discard(leg, Reading.NO_ANSWER)
 
     def _take(self, leg: FreeLeg, burst: bytes, before_at: Span, status: bytes, behind_at: Span) -> None:
         """Store the results of a burst whose conversions are known; check the settings if its status does not fit."""
@@ -270,15 +265,16 @@ class FreeScanner:
             return
         if not results:
             if behind_at.to_ns > leg.ready_ns + _SILENT_SCANS * self.plan.scan_ns:
-                leg.discard(Reading.NOT_READY)
+                self._discard(leg, Reading.NOT_READY)
             return
         assert leg.calibration is not None
-        t_ns, capacitance_pf, readings = leg.t_ns, leg.capacitance_pf, leg.readings
+        t_ns, capacitance_pf, readings = self._entries
         order, decode, calibration = ad7147.ORDER, ad7147.decode, leg.calibration
+        first = leg.row * ELEMENTS
         for stage, middle_ns in results:
-            element = order[stage]
-            readings[element], capacitance_pf[element] = decode(codes[stage], calibration)
-            t_ns[element] = middle_ns
+            at = first + order[stage]
+            readings[at], capacitance_pf[at] = decode(codes[stage], calibration)
+            t_ns[at] = middle_ns
         leg.outcome, leg.n_doubts = _OK, 0
         leg.ready_ns = leg.due_ns = round(behind_at.to_ns)
 
@@ -303,7 +299,7 @@ class FreeScanner:
             held = self._bus.check(leg.selection, check)
             if held is not Reading.MISCONFIGURED:
                 return held
-        leg.discard(held)
+        self._discard(leg, held)
         self._start_elements(leg)
         return held
 
@@ -330,7 +326,7 @@ class FreeScanner:
         answers = self._bus.exchange(leg.selection, (leg.reference,))
         measured = Reading.NO_ANSWER if answers is None else ad7147.reference_calibration(answers[0])
         if isinstance(measured, Reading):  # with the next sequence
-            leg.discard(measured)
+            self._discard(leg, measured)
             n_stages = ad7147.N_REFERENCE_STAGES
             leg.ready_ns = self.clock.now_ns() + (n_stages + 1) * self.plan.conversion_wait_ns
         elif why := ad7147.reference_fault(measured):
@@ -371,9 +367,10 @@ class FreeScanner:
         if leg.in_scan and leg.is_started:
             self._check(leg, leg.checks[turn % len(leg.checks)])
         now_ns, all_in_scan = self.clock.now_ns(), True
+        any_missing = np.count_nonzero(self.latest.reading) > 0
         for each in self.legs:
-            if each.in_scan and now_ns > each.due_ns and (each.is_suspect or any(each.readings)):
-                each.count_misses(np.array(each.readings, np.uint8), now_ns)
+            if each.in_scan and now_ns > each.due_ns and (each.is_suspect or any_missing):
+                each.count_misses(self.latest.reading[each.row], now_ns)
             all_in_scan &= each.in_scan
         if not all_in_scan:
             probe_due_legs(self._bus, self.legs, self._set_up, self.clock)

@@ -206,4 +206,4 @@ def _request(transaction: Transaction) -> _Request:
     messages = [i2c_msg.write(address, write)] if write or not n_read else []
     if n_read:
         messages.append(i2c_msg(addr=address, flags=I2C_M_RD, len=n_read, buf=answer))
-    return i2c_rdwr_ioctl_data.create(*messages), answer
+    return i2c_rdwr_ioctl_data.create(*messages), answer  # type: ignore[arg-type]  # its stub takes each for several

@@ -3,8 +3,8 @@
     python -m footsense.benchmarks.counted_cycles WALK MARKS [--perf]
 
 At a mark the process reads the counter of the kernel, or calls `getppid`, at which valgrind writes its counts. Marks
-are on calls of few functions, so that no part is changed in order to be counted. The walk is of one thread, with forces on
-CAN as often as the robot sends them.
+are on calls of few functions, so that no part is changed in order to be counted. The walk is of one thread, with forces
+on CAN as often as the robot sends them.
 """
 
 import logging

@@ -99,9 +99,9 @@ def measure_free_scan(config: Config, host_cost_us: int) -> dict[str, float]:
         host_cost_us: Time that the host adds to each transaction [us].
 
     Returns:
-        `scans_hz`; of the bus with more of them, `transactions_hz`, and `bus_load_rel`, the share of the time in which
-        it is taken, the host's included; `age_p50_ms` and `age_p99_ms` of a leg's newest reading when its force is
-        sent.
+        `frames_hz`, each with two reads of each leg, or with one where a bus does not carry two; of the bus with more
+        of them, `transactions_hz`, and `bus_load_rel`, the share of the time in which it is taken, the host's included;
+        `age_p50_ms` and `age_p99_ms` of a leg's newest reading when its force is sent.
     """
     robot = simulated_robot(config, replace(load_scene("tripod"), host_cost_us=float(host_cost_us)))
     buses = [_CountingBus(bus, bus.clock) for bus in robot.buses]
@@ -110,16 +110,16 @@ def measure_free_scan(config: Config, host_cost_us: int) -> dict[str, float]:
     scanner.read()
     start_ns, before = clock.now_ns(), [(bus.n, bus.busy_ns) for bus in buses]
     ages_ns: list[int] = []
-    n_scans = 0
+    n_frames = 0
     while len(ages_ns) < _N_AGE_SAMPLES * len(config.legs):
         forces, _ = pipeline.process(scanner.read(), clock.now_ns())
         ages_ns += forces.age_ns[IS_USABLE_STATE[forces.state]].tolist()
-        n_scans += 1
+        n_frames += 1
     elapsed_s = 1e-9 * (clock.now_ns() - start_ns)
     taken = [(bus.n - n, bus.busy_ns - busy_ns) for bus, (n, busy_ns) in zip(buses, before, strict=True)]
     n, busy_ns = max(taken)
     return {
-        "scans_hz": n_scans / elapsed_s,
+        "frames_hz": n_frames / elapsed_s,
         "transactions_hz": n / elapsed_s,
         "bus_load_rel": 1e-9 * busy_ns / elapsed_s,
         "age_p50_ms": float(np.median(ages_ns)) * 1e-6,

@@ -27,8 +27,8 @@ from footsense.frames import Leg
 #: Boards that are gone, and the last commit that knows each.
 _GONE_BOARDS = {"ad7746": "27dcc809"}
 
-#: Frames per force on CAN by default: 92 forces a second of conversions, with all other frames 35 % of 500 kbit/s for six
-#: legs; 72 of an AD7147's scans.
+#: Frames per force on CAN by default: 92 forces a second of conversions, with all other frames 35 % of 500 kbit/s for
+#: six legs; 72 of an AD7147's scans.
 _DEFAULT_PUBLISH_EVERY, _DEFAULT_PUBLISH_EVERY_SCANS = 4, 2
 
 

@@ -78,9 +78,7 @@ def open_buses(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -
     ]
 
 
-def bus_scanners(
-    config: Config, buses: Sequence[tuple[LegBus, Clock]]
-) -> Sequence[BusScanner | FreeScanner]:
+def bus_scanners(config: Config, buses: Sequence[tuple[LegBus, Clock]]) -> Sequence[BusScanner | FreeScanner]:
     """Return a scanner of each bus of a robot, not started.
 
     Args:

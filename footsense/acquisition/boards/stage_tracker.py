@@ -64,9 +64,10 @@ class StageTracker:
         self._is_known = False
         # Conversions that have ended, when the last of them did, the next one to return, the first one that may be
         # returned, and an earlier end.
-        self._n_ended, self._ended_ns, self._next, self._first = 0, Span(0, 0), 0, 0
-        self._referred = 0, self._ended_ns
-        self._last_read = self._ended_ns
+        self._n_ended, self._next, self._first = 0, 0, 0
+        self._ended_ns: tuple[float, float] = 0, 0
+        self._referred: tuple[int, tuple[float, float]] = 0, self._ended_ns
+        self._last_read = Span(0, 0)
 
     def start(self, at: Span) -> None:
         """Start the count: the sequence began with its first stage in a window [ns]."""
@@ -122,35 +123,23 @@ class StageTracker:
 
     def _count(self, status: int, at: Span) -> None:
         """Count the conversions that have ended since the last status, or forget the count."""
-        (last_from_ns, last_to_ns), self._last_read = self._last_read, at
-        from_ns, to_ns = at
-        n, begins = status.bit_count(), self._first_stages.get(status)
-        if self._is_known and n < self._n_stages and (not n or begins == self._n_ended % self._n_stages):
-            # As expected, within bounds that this status does not narrow.
-            (ended_from_ns, ended_to_ns), (shortest_ns, longest_ns) = self._ended_ns, self.stage_ns
-            ended_from_ns += n * shortest_ns
-            ended_to_ns += n * longest_ns
-            is_recent = self._n_ended + n - self._referred[0] < _N_REFERRED
-            if is_recent and from_ns - longest_ns <= ended_from_ns and ended_to_ns <= to_ns:
-                self._n_ended += n
-                self._ended_ns = Span(ended_from_ns, ended_to_ns)
-                return
-        shortest_ns, longest_ns = self._tolerated_ns
-        if (
-            begins is None
-            or n > (to_ns - last_from_ns) // shortest_ns + 1
-            or n < min((from_ns - last_to_ns) // longest_ns, self._n_stages)
-        ):
+        last, self._last_read = self._last_read, at
+        n, n_stages, longest_ns = status.bit_count(), self._n_stages, self._tolerated_ns.to_ns
+        begins = self._first_stages.get(status)
+        if self._is_known and 0 < n < n_stages and begins == self._n_ended % n_stages:
+            self._end(n, at)
+            return
+        least = (at.from_ns - last.to_ns) // longest_ns
+        most = (at.to_ns - last.from_ns) // self._tolerated_ns.from_ns + 1
+        if begins is None or n > most or n < min(least, n_stages):
             self.is_doubtful, self._is_known = True, False
-        elif n == self._n_stages:  # some may have ended more than once
+        elif n == n_stages:  # some may have ended more than once
             self._count_by_time(at)
-        elif self._is_known and n and begins != self._n_ended % self._n_stages:
+        elif n and self._is_known:
             self.is_doubtful, self._is_known = True, False
-        else:
-            if not self._is_known and n:
-                self._find(begins, Span(last_from_ns - longest_ns, last_to_ns))
-            if self._is_known:
-                self._end(n, at)
+        elif n:
+            self._find(begins, Span(last.from_ns - longest_ns, last.to_ns))
+            self._end(n, at)
 
     def _count_by_time(self, at: Span) -> None:
         """Count the conversions that have ended at a time, if only one number of them is possible."""
@@ -190,20 +179,24 @@ class StageTracker:
     def _end(self, n: int, at: Span) -> None:
         """Count conversions that have ended, while the next one has not; narrow the bounds of the times."""
         self._n_ended += n
-        (shortest_ns, longest_ns), (from_ns, to_ns) = self.stage_ns, self._after(n)
-        if n:  # without a bit the next one may have ended at the last status, and be lost
-            from_ns = max(from_ns, at.from_ns - longest_ns)
-        to_ns = min(to_ns, at.to_ns)
+        (from_ns, to_ns), (shortest_ns, longest_ns) = self._ended_ns, self.stage_ns
+        from_ns, to_ns = from_ns + n * shortest_ns, to_ns + n * longest_ns
+        earliest_ns, latest_ns = at.from_ns - longest_ns, at.to_ns
         number, (referred_from_ns, referred_to_ns) = self._referred
-        if n_since := self._n_ended - number:
-            shortest_ns = max(shortest_ns, (from_ns - referred_to_ns) / n_since)
-            longest_ns = min(longest_ns, (to_ns - referred_from_ns) / n_since)
-        if to_ns < from_ns or shortest_ns > longest_ns:
-            self.is_doubtful, self._is_known, self.stage_ns = True, False, self._tolerated_ns
-            return
-        self._ended_ns = Span(from_ns, to_ns)
+        n_since = self._n_ended - number
+        if from_ns < earliest_ns or to_ns > latest_ns:
+            from_ns, to_ns = max(from_ns, earliest_ns), min(to_ns, latest_ns)
+            if n_since:
+                shortest_ns = max(shortest_ns, (from_ns - referred_to_ns) / n_since)
+                longest_ns = min(longest_ns, (to_ns - referred_from_ns) / n_since)
+            if to_ns < from_ns or shortest_ns > longest_ns:
+                self.is_doubtful, self._is_known, self.stage_ns = True, False, self._tolerated_ns
+                return
+            self.stage_ns = Span(shortest_ns, longest_ns)
+        self._ended_ns = from_ns, to_ns
         if n_since >= _N_REFERRED:
             self._referred = self._n_ended, self._ended_ns
-            shortest_ns = max(shortest_ns * (1 - _DRIFT_REL), self._tolerated_ns.from_ns)
-            longest_ns = min(longest_ns * (1 + _DRIFT_REL), self._tolerated_ns.to_ns)
-        self.stage_ns = Span(shortest_ns, longest_ns)
+            self.stage_ns = Span(
+                max(shortest_ns * (1 - _DRIFT_REL), self._tolerated_ns.from_ns),
+                min(longest_ns * (1 + _DRIFT_REL), self._tolerated_ns.to_ns),
+            )
