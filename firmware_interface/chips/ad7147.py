@@ -15,6 +15,7 @@ Source:
 
 from dataclasses import dataclass
 from enum import IntEnum
+from struct import Struct
 
 from firmware_interface.chips.bit_field import Field
 
@@ -236,6 +237,10 @@ def write_bytes(register: int, *words: int) -> bytes:
     return b"".join(word.to_bytes(2, "big") for word in (register, *words))
 
 
+#: Words of a read of so many registers; the longest is of all registers of the stages.
+_WORDS = tuple(Struct(f">{n}H") for n in range(1 + REGISTERS_PER_STAGE * N_STAGES))
+
+
 def words_of(data: bytes) -> tuple[int, ...]:
     """Return the registers of a read.
 
@@ -243,7 +248,7 @@ def words_of(data: bytes) -> tuple[int, ...]:
         >>> words_of(bytes.fromhex("01ff8000"))
         (511, 32768)
     """
-    return tuple(int.from_bytes(data[k : k + 2], "big") for k in range(0, len(data), 2))
+    return _WORDS[len(data) // 2].unpack(data)
 
 
 def capacitance_pf(code: int) -> float:

@@ -1,8 +1,8 @@
 """Scanner of a bus whose converters run freely: bursts of results, their stamps, searches of missing legs, frames.
 
-Nothing is triggered, and nothing waited for: a burst has the latest results of all elements of a leg, twice a scan
-where the bus carries it, else once. The status before and behind it tells which conversions they are of
-(`boards/stage_tracker.py`). A burst that fails is made once more; after that the leg has no readings until the next.
+Nothing is triggered, and nothing waited for: a burst has the latest results of all elements of a leg. Each leg is read
+twice for a frame where the bus carries it, else once. The status before and behind it tells which conversions they are
+of (`boards/stage_tracker.py`). A burst that fails is made once more; after that the leg has no readings until the next.
 
 A leg that is found is reset, converts its reference, while the others are read, and then its elements
 (`boards/ad7147.py`). Its settings are read back in turn, one block of registers a scan, and at once if a status does
@@ -10,6 +10,7 @@ not fit. One that has lost them is started again; one that holds them and does n
 address of its own, or a channel of a multiplexer, whose selection is read back once a scan.
 """
 
+from array import array
 from collections.abc import Mapping
 
 import numpy as np
@@ -38,9 +39,9 @@ _MISSED_SCANS_BEFORE_LEAVING = 10
 _MOST_DOUBTS = 3
 #: Scans without a new result after which conversions count as not finishing.
 _SILENT_SCANS = 3
-#: Stages from one read of a leg to the next, by the frames in a scan: few enough that none ends twice, and not a whole
+#: Stages from one read of a leg to the next, by the reads for a frame: few enough that none ends twice, and not a whole
 #: number, so that reads at ever other times within a stage narrow when it ends.
-_STAGES_PER_FRAME = {1: 7.4, 2: 4.4}
+_STAGES_PER_READ = {1: 7.4, 2: 4.4}
 #: Parts of a stage that reads which are late wait for in turn.
 _LATE_WAITS = 5
 #: Shortest time of a bit of a bus over the measured one [1].
@@ -109,7 +110,8 @@ class FreeScanner:
         legs: The connections to the legs, in the order of the rows.
         latest: Their latest readings, written over element by element.
         bus_timing: Cost of transactions and limits of the scan, measured by `start`; None if no leg answered.
-        frames_per_scan: Frames in a scan, for each of which every leg is read: two where the bus carries that.
+        frames_per_scan: Frames in a scan: one.
+        reads_per_frame: Reads of each leg for a frame: two where the bus carries that.
         complete_ns: Time at which the last frame was complete [ns].
     """
 
@@ -128,11 +130,15 @@ class FreeScanner:
             FreeLeg(name, channel, row, addresses[name], plan)
             for row, (name, channel) in enumerate(channels.items())
         )
-        shape = len(self.legs), ELEMENTS
-        unread = np.full(shape, Reading.NO_ANSWER, np.uint8)
-        self.latest = CapFrame(0, np.zeros(shape, np.int64), np.full(shape, _NAN), unread)
+        # Their latest readings, and the same memory as arrays of numpy, in which to set an entry takes longer.
+        n = len(self.legs) * ELEMENTS
+        self._entries = (
+            *(array("q", [0] * n), array("d", [_NAN] * n)),
+            array("B", [Reading.NO_ANSWER] * n),
+        )
+        self.latest = CapFrame(0, *(np.asarray(each).reshape(-1, ELEMENTS) for each in self._entries))
         self.bus_timing: BusTiming | None = None
-        self.frames_per_scan = 1
+        self.frames_per_scan = self.reads_per_frame = 1
         self.complete_ns = 0
         self._bit_ns: float = ad7147.SHORTEST_BIT_NS
         self._due_ns = self._sequence = self._n_reads = self._n_scans = 0
@@ -146,18 +152,19 @@ class FreeScanner:
         addresses = [leg.address for leg in self.legs]
         self.bus_timing = measure_bus_timing(self._bus, self.clock, self.plan, len(self.legs), addresses)
         if self.bus_timing is not None:
-            self.frames_per_scan = 2 if self.bus_timing.all_checks_fit else 1
+            self.reads_per_frame = 2 if self.bus_timing.all_checks_fit else 1
             self._bit_ns = max(_BIT_MEASURED_REL * 1e9 / self.bus_timing.bus_hz, ad7147.SHORTEST_BIT_NS)
         for leg in self.legs:
             probe_leg(self._bus, leg, self.legs, self._set_up, self.clock)
         self._due_ns = self.clock.now_ns()
 
     def read(self) -> CapFrame:
-        """Return the latest readings of every leg, after the next burst of each.
+        """Return the latest readings of every leg, after the next bursts of each.
 
         Before the first frame each leg has been waited for that answers.
         """
-        self._read_legs()
+        for _ in range(self.reads_per_frame):
+            self._read_legs()
         if self._sequence == 0:
             end_ns = self.clock.now_ns() + _START_SCANS * self.plan.scan_ns
             while self.clock.now_ns() < end_ns and any(map(self._has_no_reading, self.legs)):
@@ -170,7 +177,11 @@ class FreeScanner:
     @property
     def frame_ns(self) -> int:
         """Longest time of a frame, while nothing fails [ns]."""
-        return round(_STAGES_PER_FRAME[self.frames_per_scan] * self.plan.conversion_ns)
+        return self.reads_per_frame * self._read_ns
+
+    @property
+    def _read_ns(self) -> int:
+        return round(_STAGES_PER_READ[self.reads_per_frame] * self.plan.conversion_ns)
 
     @property
     def n_late_discards(self) -> int:
@@ -187,7 +198,7 @@ class FreeScanner:
     def _read_legs(self) -> None:
         """Read each leg when that is due; at the end of a scan make the checks and searches."""
         self.clock.sleep_until_ns(self._due_ns)
-        self._due_ns += self.frame_ns
+        self._due_ns += self._read_ns
         late_ns = self.clock.now_ns() - self._due_ns
         if late_ns > 0:  # a pace that the bus sets may be one of whole stages
             n_waited = self._n_reads % _LATE_WAITS
@@ -197,7 +208,7 @@ class FreeScanner:
                 if leg.in_scan:
                     self._read_leg(leg)
             self._n_reads += 1
-            if self._n_reads % self.frames_per_scan == 0:
+            if self._n_reads % self.reads_per_frame == 0:
                 self._end_scan()
         except I2cTimeoutError:
             leave_out_stuck_legs(self._bus, self.legs, self.clock)
@@ -257,11 +268,12 @@ class FreeScanner:
                 self._discard(leg, Reading.NOT_READY)
             return
         assert leg.calibration is not None
-        _, t_ns, capacitance_pf, readings = self.latest
+        t_ns, capacitance_pf, readings = self._entries
+        order, decode, calibration = ad7147.ORDER, ad7147.decode, leg.calibration
+        first = leg.row * ELEMENTS
         for stage, middle_ns in results:
-            at = leg.row, ad7147.ORDER[stage]
-            reading, capacitance_pf[at] = ad7147.decode(codes[stage], leg.calibration)
-            readings[at] = reading
+            at = first + order[stage]
+            readings[at], capacitance_pf[at] = decode(codes[stage], calibration)
             t_ns[at] = middle_ns
         leg.outcome, leg.n_doubts = _OK, 0
         leg.ready_ns = leg.due_ns = round(behind_at.to_ns)
@@ -355,9 +367,10 @@ class FreeScanner:
         if leg.in_scan and leg.is_started:
             self._check(leg, leg.checks[turn % len(leg.checks)])
         now_ns, all_in_scan = self.clock.now_ns(), True
-        for each, readings in zip(self.legs, self.latest.reading, strict=True):
-            if each.in_scan and now_ns > each.due_ns and (each.is_suspect or readings.any()):
-                each.count_misses(readings, now_ns)
+        any_missing = np.count_nonzero(self.latest.reading) > 0
+        for each in self.legs:
+            if each.in_scan and now_ns > each.due_ns and (each.is_suspect or any_missing):
+                each.count_misses(self.latest.reading[each.row], now_ns)
             all_in_scan &= each.in_scan
         if not all_in_scan:
             probe_due_legs(self._bus, self.legs, self._set_up, self.clock)

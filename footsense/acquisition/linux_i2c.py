@@ -1,17 +1,21 @@
 """I2C adapter of Linux (i2c-dev); the only module that imports smbus2.
 
 Only these transactions are used, because only they work on every adapter: a write, a read, and a write followed by a
-read of the same address. Their kernel messages are built once per transaction and used again.
+read of the same address. What the kernel gets of each is built once and used again, which smbus2's `i2c_rdwr` does not.
 """
 
+import ctypes
 import errno
 import fcntl
 import logging
 import os
 import re
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import smbus2
+from smbus2.smbus2 import I2C_M_RD, I2C_RDWR, i2c_msg, i2c_rdwr_ioctl_data
 
 from footsense.errors import HardwareError, I2cError, I2cTimeoutError, NackError
 from footsense.ports import Transaction
@@ -57,12 +61,16 @@ class LinuxI2cBus:
     Args:
         adapter: The open adapter.
         device: Its device file.
+        ioctl: The system call, of a file's descriptor, a request, and its data.
     """
 
-    def __init__(self, adapter: smbus2.SMBus, device: str) -> None:
+    def __init__(
+        self, adapter: smbus2.SMBus, device: str, ioctl: Callable[[int, int, Any], object] = fcntl.ioctl
+    ) -> None:
         self._adapter: smbus2.SMBus | None = adapter
         self._device = device
-        self._messages: dict[Transaction, list[smbus2.i2c_msg]] = {}
+        self._ioctl = ioctl
+        self._requests: dict[Transaction, _Request] = {}
 
     @classmethod
     def open(cls, device: str) -> "LinuxI2cBus":
@@ -82,12 +90,13 @@ class LinuxI2cBus:
             I2cTimeoutError: A line is stuck.
             I2cError: The transaction failed otherwise.
         """
-        messages = self._messages.get(transaction)
-        if messages is None:
-            messages = self._messages[transaction] = _messages(transaction)
+        request = self._requests.get(transaction)
+        if request is None:
+            request = self._requests[transaction] = _request(transaction)
+        data, answer = request
         adapter = self._adapter or self._reopen()
         try:
-            adapter.i2c_rdwr(*messages)
+            self._ioctl(adapter.fd, I2C_RDWR, data)
         except OSError as error:
             number = errno.ENODEV if os.fstat(adapter.fd).st_nlink == 0 else error.errno
             if number == errno.ENODEV:
@@ -95,7 +104,7 @@ class LinuxI2cBus:
                 _log.warning("%s: gone; it is opened again when it comes back", self._device)
             kind, why = _ERROR_OF_ERRNO.get(number, (I2cError, error.strerror or str(error)))
             raise kind(f"{self._device}, address {transaction.address:#04x}: {why}") from error
-        return bytes(messages[-1]) if transaction.n_read else b""
+        return answer.raw
 
     def _reopen(self) -> smbus2.SMBus:
         """Open the adapter again, after it has disappeared.
@@ -186,11 +195,15 @@ def shorten_timeout(device: str) -> None:
         )
 
 
-def _messages(transaction: Transaction) -> list[smbus2.i2c_msg]:
-    """Return a transaction as smbus2 messages."""
+#: What the kernel gets of a transaction, and the buffer of the bytes read.
+_Request = tuple[i2c_rdwr_ioctl_data, "ctypes.Array[ctypes.c_char]"]
+
+
+def _request(transaction: Transaction) -> _Request:
+    address, write, n_read = transaction
+    answer = ctypes.create_string_buffer(n_read)
     # A write without a byte asks for the acknowledge of the address alone.
-    writes = transaction.write or not transaction.n_read
-    messages = [smbus2.i2c_msg.write(transaction.address, transaction.write)] if writes else []
-    if transaction.n_read:
-        messages.append(smbus2.i2c_msg.read(transaction.address, transaction.n_read))
-    return messages
+    messages = [i2c_msg.write(address, write)] if write or not n_read else []
+    if n_read:
+        messages.append(i2c_msg(addr=address, flags=I2C_M_RD, len=n_read, buf=answer))
+    return i2c_rdwr_ioctl_data.create(*messages), answer  # type: ignore[arg-type]  # its stub takes each for several

@@ -3,8 +3,8 @@
     python -m footsense.benchmarks.counted_cycles WALK MARKS [--perf]
 
 At a mark the process reads the counter of the kernel, or calls `getppid`, at which valgrind writes its counts. Marks
-are on calls of few functions, so that no part is changed in order to be counted. The walk is of one thread, with a
-force on CAN in each cycle.
+are on calls of few functions, so that no part is changed in order to be counted. The walk is of one thread, with forces
+on CAN as often as the robot sends them.
 """
 
 import logging
@@ -114,7 +114,7 @@ def run_counted_cycles(walk: RecordedWalk, count: Callable[[], int], start: Call
     logging.disable()  # the faults are on purpose
     marker = _Marker(count)
     scanner, clock, answer = replay_walk(walk)
-    with open_service_cycle(ROBOT) as cycle:
+    with open_service_cycle(ROBOT, publish_every=ROBOT.effective_publish_every) as cycle:
         for owner, name, part in _PARTS:
             setattr(owner, name, marker.around(part, getattr(owner, name)))
 

@@ -18,7 +18,7 @@ from msgspec.structs import replace
 from footsense.benchmarks.naive import NaiveCycle, has_cantools
 from footsense.can.channel import SocketWire
 from footsense.clock import Realtime, fifo_priority, low_latency_interpreter, stopwatch_ns
-from footsense.config import SMALL_BOARD, Config
+from footsense.config import DEFAULT, Config
 from footsense.daemon.acquisition import open_scan_source
 from footsense.daemon.can_output import can_sink
 from footsense.daemon.estimation import pipeline_for
@@ -60,18 +60,19 @@ class ServiceCycle(NamedTuple):
 
 
 @contextmanager
-def open_service_cycle(config: Config = SMALL_BOARD) -> Iterator[ServiceCycle]:
+def open_service_cycle(config: Config = DEFAULT, *, publish_every: int = 1) -> Iterator[ServiceCycle]:
     """Set up one cycle of the daemon (pipeline, CAN sink, observers) with a socket pair in place of CAN.
 
     Args:
-        config: The robot. Each cycle does all the work, with a force on CAN, whatever its `publish_every`.
+        config: The robot.
+        publish_every: Cycles per force on CAN, in place of its own: with 1 each cycle does all the work.
 
     Yields:
         The cycle; its ring exists until the end.
     """
     channel, far_end = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
     clock, wire = VirtualClock(), SocketWire(channel)
-    models = load_models(replace(config, publish_every=1))
+    models = load_models(replace(config, publish_every=publish_every))
     pipeline = pipeline_for(models, Flag.SIMULATED)
     with (
         far_end,
@@ -107,7 +108,7 @@ def open_service_cycle(config: Config = SMALL_BOARD) -> Iterator[ServiceCycle]:
                 observer.close()
 
 
-def simulated_walk_frames(n: int, config: Config = SMALL_BOARD) -> list[CapFrame]:
+def simulated_walk_frames(n: int, config: Config = DEFAULT) -> list[CapFrame]:
     """Return the simulated capacitance frames of `n` conversions of six walking legs."""
     with open_scan_source(config, replace(load_scene("measured_walk"), host_cost_us=40.0)) as scan_source:
         return [scan_source.source.read() for _ in range(n)]
@@ -118,7 +119,7 @@ def send_time_ns(scan: CapFrame) -> int:
     return int(scan.t_ns.max()) + _SEND_DELAY_NS
 
 
-def compare_cycle_durations(scans: list[CapFrame], config: Config = SMALL_BOARD) -> dict[str, float | None]:
+def compare_cycle_durations(scans: list[CapFrame], config: Config = DEFAULT) -> dict[str, float | None]:
     """Return quantiles of the cycle durations of daemon and naive program [us], and their ratio.
 
     Args:

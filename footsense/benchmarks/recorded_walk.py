@@ -18,8 +18,8 @@ from msgspec.structs import replace
 from footsense.acquisition.leg_bus import LegBus
 from footsense.acquisition.linux_i2c import LinuxI2cBus
 from footsense.acquisition.robot_scanner import RobotScanner
-from footsense.acquisition.scanner import BusScanner
-from footsense.config import DEFAULT
+from footsense.config import DEFAULT, Config
+from footsense.daemon.acquisition import bus_scanners
 from footsense.daemon.simulation import simulated_robot
 from footsense.errors import I2cError, I2cTimeoutError, NackError
 from footsense.ports import I2cBus, Transaction
@@ -120,7 +120,7 @@ def record_walk(n_healthy: int, n_faulty: int) -> RecordedWalk:
     robot = simulated_robot(ROBOT, scene)
     clocks = [bus.clock for bus in robot.buses]
     buses = [_RecordingBus(bus, bus.clock) for bus in robot.buses]
-    scanner, clock = started_scanner(buses, clocks)
+    scanner, clock = started_scanner(ROBOT, buses, clocks)
     times_ns, n_transactions = [clock.now_ns()], list[int]()
 
     def read() -> None:
@@ -146,18 +146,14 @@ def record_walk(n_healthy: int, n_faulty: int) -> RecordedWalk:
 
 
 def started_scanner(
-    buses: Sequence[I2cBus], clocks: Sequence[VirtualClock]
+    config: Config, buses: Sequence[I2cBus], clocks: Sequence[VirtualClock]
 ) -> tuple[RobotScanner, JoinedClock]:
-    """Return the started scanner of the robot, which reads its buses in turn, and the clock of its loop."""
-    plan = ROBOT.triggered_plan
-    scanner = RobotScanner(
-        [
-            BusScanner(LegBus(bus, section.mux_address), clock, section.channels, plan)
-            for bus, clock, section in zip(buses, clocks, ROBOT.buses, strict=True)
-        ]
-    )
+    """Return the started scanner of a robot, which reads its buses in turn, and the clock of its loop."""
+    sections = zip(buses, config.buses, strict=True)
+    legs = [LegBus(bus, section.mux_address) for bus, section in sections]
+    scanner = RobotScanner(bus_scanners(config, list(zip(legs, clocks, strict=True))))
     scanner.start()
-    return scanner, JoinedClock(clocks, plan.conversion_wait_ns)
+    return scanner, JoinedClock(clocks, config.scan_plan.conversion_wait_ns)
 
 
 class ReplayedWalk(NamedTuple):
@@ -177,7 +173,7 @@ class ReplayedWalk(NamedTuple):
 def replay_walk(walk: RecordedWalk) -> ReplayedWalk:
     """Return a recorded walk over the adapter class of Linux.
 
-    In this whole process the system call of the adapters gets the recorded answers, in place of the kernel's.
+    The system call of the adapters gets the recorded answers, in place of the kernel's.
     """
     clocks = [VirtualClock() for _ in walk.buses]
     adapters = [smbus2.SMBus() for _ in walk.buses]
@@ -195,9 +191,8 @@ def replay_walk(walk: RecordedWalk) -> ReplayedWalk:
         if answer:
             ctypes.memmove(data.msgs[data.nmsgs - 1].buf, answer, len(answer))
 
-    smbus2.smbus2.ioctl = ioctl
-    buses = [LinuxI2cBus(adapter, f"bus {n}") for n, adapter in enumerate(adapters)]
-    scanner, loop_clock = started_scanner(buses, clocks)
+    buses = [LinuxI2cBus(adapter, f"bus {n}", ioctl) for n, adapter in enumerate(adapters)]
+    scanner, loop_clock = started_scanner(ROBOT, buses, clocks)
     message = smbus2.i2c_msg.read(0, _MAX_ANSWER_BYTES)
     anything = smbus2.smbus2.i2c_rdwr_ioctl_data.create(message)
 

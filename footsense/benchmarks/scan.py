@@ -1,6 +1,7 @@
-"""Part of `footsense dev benchmark` in virtual time: scan period, and age of the forces when sent.
+"""Part of `footsense dev benchmark` in virtual time: scans, load of the buses, and age of the forces when sent.
 
-Bus bits, conversions and host costs are exact there: the same figures on every machine.
+Bus bits, conversions and host costs are exact there: the same figures on every machine. Nobody has measured what a
+transaction costs the host, so figures are given for several costs.
 """
 
 import itertools
@@ -9,17 +10,22 @@ import numpy as np
 from msgspec.structs import replace
 
 from footsense.benchmarks.naive import sequential_scan
-from footsense.config import SMALL_BOARD, Config
+from footsense.benchmarks.recorded_walk import started_scanner
+from footsense.config import DEFAULT, SMALL_BOARD, Config
 from footsense.config.sections import Bus
 from footsense.daemon.acquisition import open_scan_source
 from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.models import load_models
 from footsense.daemon.simulation import simulated_robot
 from footsense.frames import IS_USABLE_STATE, Flag
+from footsense.ports import I2cBus, Transaction
+from footsense.sim.clock import VirtualClock
 from footsense.sim.scene import Effects, Scene, load_scene
 
 _N_SCANS = 40
 _HOST_COSTS_US = (0, 40, 100)
+#: Of board `ad7147`: the planning value, and those beside it.
+_FREE_HOST_COSTS_US = (40, 100, 150)
 _USUAL_CHIPS = Effects()
 #: Forces of each leg of which the age is measured, after the tare.
 _N_AGE_SAMPLES = 120
@@ -36,6 +42,13 @@ _BUSES = {
         Bus(device="sim2", legs={"lr": 0, "rr": 1}),
     ),
 }
+#: Robots of board `ad7147`.
+FREE_CONFIGURATIONS = {
+    "six_legs": DEFAULT,
+    "four_legs": replace(
+        DEFAULT, buses=(Bus(device="sim0", addresses={"lf": 0x2C, "lr": 0x2D, "rf": 0x2E, "rr": 0x2F}),)
+    ),
+}
 #: Six legs by board and number of buses.
 CONFIGURATIONS = {
     "one_bus": SMALL_BOARD,
@@ -47,16 +60,83 @@ CONFIGURATIONS = {
 }
 
 
+class _CountingBus:
+    """Adapter that counts the transactions of another one, and the time that they take."""
+
+    def __init__(self, bus: I2cBus, clock: VirtualClock) -> None:
+        self._bus, self._clock = bus, clock
+        self.n = self.busy_ns = 0
+
+    def transfer(self, transaction: Transaction) -> bytes:
+        """Do one transaction, and return the bytes read.
+
+        Raises:
+            I2cError: It failed.
+        """
+        start_ns = self._clock.now_ns()
+        try:
+            return self._bus.transfer(transaction)
+        finally:
+            self.n += 1
+            self.busy_ns += self._clock.now_ns() - start_ns
+
+
+def measure_free_scans() -> dict[str, dict[str, float]]:
+    """Return what scans of board `ad7147` take of the buses, by robot and host cost."""
+    return {
+        f"{name}_{host_cost_us}us": measure_free_scan(config, host_cost_us)
+        for (name, config), host_cost_us in itertools.product(
+            FREE_CONFIGURATIONS.items(), _FREE_HOST_COSTS_US
+        )
+    }
+
+
+def measure_free_scan(config: Config, host_cost_us: int) -> dict[str, float]:
+    """Return what scans of converters that run freely take of the buses.
+
+    Args:
+        config: The robot.
+        host_cost_us: Time that the host adds to each transaction [us].
+
+    Returns:
+        `frames_hz`, each with two reads of each leg, or with one where a bus does not carry two; of the bus with more
+        of them, `transactions_hz`, and `bus_load_rel`, the share of the time in which it is taken, the host's included;
+        `age_p50_ms` and `age_p99_ms` of a leg's newest reading when its force is sent.
+    """
+    robot = simulated_robot(config, replace(load_scene("tripod"), host_cost_us=float(host_cost_us)))
+    buses = [_CountingBus(bus, bus.clock) for bus in robot.buses]
+    scanner, clock = started_scanner(config, buses, [bus.clock for bus in robot.buses])
+    pipeline = pipeline_for(load_models(config), Flag.SIMULATED)
+    scanner.read()
+    start_ns, before = clock.now_ns(), [(bus.n, bus.busy_ns) for bus in buses]
+    ages_ns: list[int] = []
+    n_frames = 0
+    while len(ages_ns) < _N_AGE_SAMPLES * len(config.legs):
+        forces, _ = pipeline.process(scanner.read(), clock.now_ns())
+        ages_ns += forces.age_ns[IS_USABLE_STATE[forces.state]].tolist()
+        n_frames += 1
+    elapsed_s = 1e-9 * (clock.now_ns() - start_ns)
+    taken = [(bus.n - n, bus.busy_ns - busy_ns) for bus, (n, busy_ns) in zip(buses, before, strict=True)]
+    n, busy_ns = max(taken)
+    return {
+        "frames_hz": n_frames / elapsed_s,
+        "transactions_hz": n / elapsed_s,
+        "bus_load_rel": 1e-9 * busy_ns / elapsed_s,
+        "age_p50_ms": float(np.median(ages_ns)) * 1e-6,
+        "age_p99_ms": float(np.quantile(ages_ns, 0.99)) * 1e-6,
+    }
+
+
 def min_scan_period_by_conversions_ms() -> float:
-    """Return the lower bound of the scan period by conversion time [ms]: nine conversions of the default board."""
+    """Return the lower bound of the scan period of board `fdc1004` by conversion time [ms]: nine conversions."""
     return SMALL_BOARD.shortest_scan_ms
 
 
 def measure_all_scan_periods() -> dict[str, dict[str, float]]:
-    """Return scan periods and their ratios to the bounds, by bus configuration and host cost."""
+    """Return scan periods of board `fdc1004` and their ratios to the bounds, by buses and host cost."""
     return {
-        f"{name}_{host_cost_us}us": _measure_scan_periods(config, host_cost_us)
-        for (name, config), host_cost_us in itertools.product(CONFIGURATIONS.items(), _HOST_COSTS_US)
+        f"{name}_{host_cost_us}us": _measure_scan_periods(CONFIGURATIONS[name], host_cost_us)
+        for name, host_cost_us in itertools.product(("one_bus", "two_buses"), _HOST_COSTS_US)
     }
 
 

@@ -46,14 +46,18 @@ def _measure_all(n_cycles: int, wakeup_s: float, n_counted_cycles: int) -> dict[
     from footsense.benchmarks.scan import (
         measure_all_scan_periods,
         measure_converter_kinds,
+        measure_free_scans,
         min_scan_period_by_conversions_ms,
         newest_reading_age_ms,
     )
+    from footsense.benchmarks.threads import measure_threads
     from footsense.benchmarks.virtual_feet import measure_virtual_feet
     from footsense.benchmarks.wakeup_latency import measure_wakeup_latency
 
     scans = simulated_walk_frames(N_WARM_UP_CYCLES + n_cycles)
     return {
+        "ad7147": measure_free_scans(),
+        "threads_us": measure_threads(n_cycles),
         "scan": measure_all_scan_periods(),
         "converter_kinds": measure_converter_kinds(),
         "conversion_limit_ms": min_scan_period_by_conversions_ms(),

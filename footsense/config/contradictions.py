@@ -78,9 +78,8 @@ def _mcu_rules(config: Config, serial: Serial | None) -> Iterator[_Rule]:
     yield serial is None, "board", "mcu needs the line to the microcontroller: serial: {device: ...}"
     yield bool(config.buses), "buses", "the board mcu has no I2C bus; take buses away, or use another board"
     yield config.scan != Scan(), "scan", "the microcontroller scans at serial.rate_hz; take scan away"
-    is_thinned = config.publish_every is not None
     yield (
-        is_thinned,
+        config.publish_every is not None,
         "publish_every",
         "every record of the microcontroller is published; take publish_every away",
     )

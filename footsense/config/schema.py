@@ -41,7 +41,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         serial: Line to the microcontroller; with board `mcu` only.
         can: CAN channel for the forces. No default: a robot whose forces stay in the process would look healthy.
         scan: Rate of the conversions.
-        publish_every: Frames of readings (conversions, or reads of converters that run freely) per force on CAN; a
+        publish_every: Frames of readings (conversions, with board `ad7147` scans) per force on CAN; a
             change of a leg's state is sent at once. None for at most 100 forces a second; with board `mcu` every record
             is sent.
         tare: Conditions for a tare.
@@ -105,10 +105,10 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def frames_hz(self) -> float:
-        """Capacitance frames per second: conversions, reads of converters that run freely, records of `mcu`."""
+        """Capacitance frames per second: conversions, scans of converters that run freely, records of `mcu`."""
         if self.serial is not None:
             return self.serial.rate_hz
-        return self.rate_sps if isinstance(self.scan_plan, ScanPlan) else 2e3 / self.shortest_scan_ms
+        return self.rate_sps if isinstance(self.scan_plan, ScanPlan) else 1e3 / self.shortest_scan_ms
 
     @property
     def shortest_scan_ms(self) -> float:

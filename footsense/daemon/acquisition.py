@@ -1,7 +1,7 @@
 """Open the configured source of capacitance frames: real or simulated I2C buses, or a serial port."""
 
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 
@@ -75,6 +75,22 @@ def open_buses(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -
     return [
         (LegBus(wires, bus.mux_address, wires.mux if bus.mux.reset else None), wires.clock)
         for bus, wires in zip(config.buses, robot.buses, strict=True)
+    ]
+
+
+def bus_scanners(config: Config, buses: Sequence[tuple[LegBus, Clock]]) -> Sequence[BusScanner | FreeScanner]:
+    """Return a scanner of each bus of a robot, not started.
+
+    Args:
+        config: The robot.
+        buses: The way to the legs of each, and its clock.
+    """
+    plan = config.scan_plan
+    return [
+        BusScanner(legs, clock, bus.channels, plan)
+        if isinstance(plan, ScanPlan)
+        else FreeScanner(legs, clock, bus.channels, bus.converter_addresses, plan)
+        for bus, (legs, clock) in zip(config.buses, buses, strict=True)
     ]
 
 
@@ -169,18 +185,12 @@ def _open_microcontroller(serial: Serial, robot: SimulatedRobot | None, scene: S
 def _open_bus_scanners(config: Config, robot: SimulatedRobot | None, stack: ExitStack) -> ScanSource:
     """Open and start the scanners of all I2C buses."""
     buses = open_buses(config, robot, stack)
-    plan = config.scan_plan
-    scanners = [
-        BusScanner(legs, clock, bus.channels, plan)
-        if isinstance(plan, ScanPlan)
-        else FreeScanner(legs, clock, bus.channels, bus.converter_addresses, plan)
-        for bus, (legs, clock) in zip(config.buses, buses, strict=True)
-    ]
+    scanners = bus_scanners(config, buses)
     source = scanners[0] if len(scanners) == 1 else RobotScanner(scanners, threads=robot is None)
     stack.callback(source.close)
     source.start()
     for bus, scanner in zip(config.buses, scanners, strict=True):
-        _log_bus_timing(bus, scanner.bus_timing, plan)
+        _log_bus_timing(bus, scanner.bus_timing, config.scan_plan)
     return ScanSource(
         source,
         MonotonicClock(),

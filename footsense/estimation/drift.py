@@ -23,7 +23,7 @@ import numpy as np
 from footsense.estimation.noise import ReadingNoise
 from footsense.estimation.settings import MIN_SWING_RISE_N_PER_S, MountedFeet, Sensitivity, TareLimits
 from footsense.foot.capacitor import Capacitor
-from footsense.frames import BaselineDrift, BaselineStatus, Cause, Mask, Stamps, Vector
+from footsense.frames import ELEMENTS, BaselineDrift, BaselineStatus, Cause, Mask, Stamps, Vector
 
 #: Fastest drift [pF/s]: 0.1 K/s of a foot that comes from the sun into the shade, at 1.5 fF/K.
 MAX_DRIFT_PF_PER_S = 0.15e-3
@@ -266,6 +266,8 @@ class UnloadedFeet:
         noise: ReadingNoise,
     ) -> None:
         self._design, self._gain_rel, self._sensitivity = design, feet.gain_rel, sensitivity
+        # One row an element, a column each component of each load.
+        self._n_per_closure = sensitivity.force_n_per_closure.transpose(1, 0, 2).reshape(ELEMENTS, -1)
         self._noise, self._quiet_pf2 = noise, limits.quiet_variance_pf2
         self.noise_ff = np.zeros(len(feet.names))
         self._noisy: Mask = np.zeros(len(feet.names), bool)
@@ -276,6 +278,7 @@ class UnloadedFeet:
         )
         self.sigma_n = np.full((len(feet.names), 3), np.nan)
         self.max_errors_n: list[float] = []
+        self.complete = False
         self.update()
 
     def update(self) -> None:
@@ -289,9 +292,10 @@ class UnloadedFeet:
             self._design.plate_distance_um(self.baseline_pf) / self._design.gap_um / self._gain_rel
         )
         without_baseline: Mask = np.isnan(self.baseline_pf)
-        self.untared_legs: Mask = np.asarray(without_baseline.all(axis=1))
-        self.untared_elements_of_tared_legs: Mask = without_baseline & ~self.untared_legs[:, None]
-        self.complete = not without_baseline.any()
+        was_complete, self.complete = self.complete, not np.count_nonzero(without_baseline)
+        if not (was_complete and self.complete):
+            self.untared_legs: Mask = np.asarray(without_baseline.all(axis=1))
+            self.untared_elements_of_tared_legs: Mask = without_baseline & ~self.untared_legs[:, None]
         self._variance_pf2, self._updated_ns = np.array(variance_pf2), np.array(updated_ns, np.int64)
         mean_pf, worst_pf = np.array(offset_pf).T.copy()
         self.drift = BaselineDrift(
@@ -299,10 +303,10 @@ class UnloadedFeet:
         )
         self._apart: Mask = np.abs(worst_pf - mean_pf) > MAX_DRIFT_FROM_LEG_MEAN_PF
         self._set_cause()
-        per_load_n = self._closure_per_pf * np.tensordot(
-            np.array(left_pf), self._sensitivity.force_n_per_closure, (1, 1)
-        )
-        self._left_n = np.sqrt(np.square(per_load_n).mean(axis=1))
+        per_load_n = self._closure_per_pf * (np.array(left_pf) @ self._n_per_closure)
+        n_loads = len(self._sensitivity.force_n_per_closure)
+        squares_n2 = np.square(per_load_n).reshape(len(left_pf), n_loads, 3)
+        self._left_n = np.sqrt(np.add.reduce(squares_n2, axis=1) / n_loads)
 
     def _set_cause(self) -> None:
         cause = np.where(self._noisy, np.uint8(Cause.NOISY), np.uint8(Cause.NONE))

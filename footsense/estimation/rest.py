@@ -210,7 +210,7 @@ class RefinedAtRest:
         self._closure_rel_max = trained.closure_rel_max
         # Readings of a free foot have the most noise.
         self._moves_from_rel = float(2.0 * _EQUAL_WITHIN_SIGMAS * self._fit.noise_rel(np.zeros(1))[0])
-        self._turn = 0
+        self._turn, self._has_begun = 0, False
         # Readings of each leg's last fit [1], NaN before one, and the distance within which others are equal.
         self._fitted_rel = np.full((n_rows, 1, ELEMENTS), np.nan)
         self._equal_rel = np.zeros((n_rows, 1, ELEMENTS))
@@ -223,19 +223,22 @@ class RefinedAtRest:
     def estimate(self, window: Window) -> LoadEstimate:
         """Return the estimated load of every row of the window."""
         load = self._network.estimate(window)
-        equal = np.abs(window.closure_rel - self._fitted_rel) <= self._equal_rel
-        stands = equal.all(axis=(1, 2)) & ~window.missing.any(axis=1)
+        stands = np.zeros(len(self._rounds), bool)
+        if self._has_begun:
+            equal = np.abs(window.closure_rel - self._fitted_rel) <= self._equal_rel
+            stands = equal.all(axis=(1, 2)) & ~window.missing.any(axis=1)
         row = self._turn
         self._turn = (row + 1) % len(stands)
         if not stands[row]:
             force_n = load.force_n[row]
-            is_quiet = (np.ptp(window.closure_rel[row], axis=0) <= self._moves_from_rel).all()
             is_loaded = force_n @ force_n >= self._min_force_n**2
-            stands[row] = is_quiet and is_loaded and self._begin(row, window, load)
-        rounds = self._rounds[row]
-        is_done = rounds == ROUNDS or (rounds == _ROUNDS_FROM_NETWORK and self._usable[row])
-        if stands[row] and not is_done:
-            self._do_round(row)
+            stands[row] = is_loaded and self._is_quiet(row, window) and self._begin(row, window, load)
+        if stands[row]:
+            rounds = self._rounds[row]
+            if rounds != ROUNDS and not (rounds == _ROUNDS_FROM_NETWORK and self._usable[row]):
+                self._do_round(row)
+        if not np.count_nonzero(stands):
+            return load
         used = (stands & self._usable)[:, None]
         if not used.any():
             return load
@@ -245,6 +248,9 @@ class RefinedAtRest:
             force_n=np.where(used, refined_n, load.force_n),
             sigma_n=np.where(used, np.maximum(load.sigma_n, self._sigma_n), load.sigma_n),
         )
+
+    def _is_quiet(self, row: int, window: Window) -> bool:
+        return bool((np.ptp(window.closure_rel[row], axis=0) <= self._moves_from_rel).all())
 
     def _begin(self, row: int, window: Window, load: LoadEstimate) -> bool:
         """Take the readings of a loaded row for a fit; return whether they are of a load that stands still."""
@@ -256,7 +262,7 @@ class RefinedAtRest:
         if not (is_equal and in_range) or window.missing[row].any():
             return False
         self._fitted_rel[row], self._equal_rel[row] = mean_rel, equal_rel
-        self._rounds[row], self._usable[row] = 0, False
+        self._rounds[row], self._usable[row], self._has_begun = 0, False, True
         point, ratio = np.split(load.contact_point_and_friction[row], 2)
         pressing_n = load.force_n[row] @ normals_of_stereographic_points(point[None])[0]
         start = self._fit.within_bounds(np.array([pressing_n, *ratio, *point]))

@@ -8,6 +8,7 @@ from typing import cast
 
 import pytest
 import smbus2
+from smbus2.smbus2 import i2c_rdwr_ioctl_data
 
 from footsense.acquisition import linux_i2c
 from footsense.acquisition.linux_i2c import (
@@ -26,7 +27,7 @@ MUX = 0x71
 
 
 class KernelAdapter:
-    """What `smbus2.SMBus` does to messages, with one TCA9548A on the wire."""
+    """What the kernel does to messages, with one TCA9548A on the wire."""
 
     def __init__(self, fd: int = 0) -> None:
         self.fd = fd
@@ -36,7 +37,9 @@ class KernelAdapter:
         self.funcs = smbus2.I2cFunc.I2C
         self.calls: list[list[tuple[int, int, int]]] = []
 
-    def i2c_rdwr(self, *messages: smbus2.i2c_msg) -> None:
+    def ioctl(self, fd: int, _request: int, data: i2c_rdwr_ioctl_data) -> None:
+        assert fd == self.fd
+        messages = data.msgs[: data.nmsgs]
         self.calls.append([(message.addr, message.flags, message.len) for message in messages])
         number = self.fails_with or (0 if messages[0].addr == MUX else errno.EREMOTEIO)
         if number:
@@ -54,7 +57,7 @@ class KernelAdapter:
 
 
 def on_linux(adapter: KernelAdapter) -> LinuxI2cBus:
-    return LinuxI2cBus(cast("smbus2.SMBus", adapter), "/dev/i2c-1")
+    return LinuxI2cBus(cast("smbus2.SMBus", adapter), "/dev/i2c-1", adapter.ioctl)
 
 
 def linux() -> I2cBus:
@@ -158,12 +161,15 @@ class Node:
         self.opened: list[KernelAdapter] = []
         self.funcs = smbus2.I2cFunc.I2C | smbus2.I2cFunc.SMBUS_QUICK
         path.touch()
-        monkeypatch.setattr("smbus2.SMBus", self._open)
+        monkeypatch.setattr("smbus2.SMBus", self.open)
 
-    def _open(self, device: str) -> KernelAdapter:
+    def open(self, device: str) -> KernelAdapter:
         self.opened.append(KernelAdapter(os.open(device, os.O_RDWR)))
         self.opened[-1].funcs = self.funcs
         return self.opened[-1]
+
+    def ioctl(self, fd: int, request: int, data: i2c_rdwr_ioctl_data) -> None:
+        self.opened[-1].ioctl(fd, request, data)
 
     def unplug(self) -> None:
         self.path.unlink()
@@ -175,7 +181,7 @@ def test_an_unplugged_adapter_is_closed_and_opened_again(
 ) -> None:
     """Whatever its driver says; until it is back nobody acknowledges, and the journal has one line for each."""
     node = Node(tmp_path / "i2c-1", monkeypatch)
-    bus = LinuxI2cBus.open(str(node.path))
+    bus = LinuxI2cBus(cast("smbus2.SMBus", node.open(str(node.path))), str(node.path), node.ioctl)
     bus.transfer(Transaction(MUX, b"\x05"))
     caplog.clear()
     node.unplug()

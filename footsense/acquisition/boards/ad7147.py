@@ -43,6 +43,8 @@ SHORTEST_BIT_NS = 2250
 #: that is late by a register was seen of the AD7142 (EngineerZone 576116), and no result is so small.
 _NO_STAGE = 1 << chip.N_STAGES
 
+# Plain numbers: to store an enumeration's member in an array costs a microsecond each time.
+_OK, _OVER_RANGE, _UNDER_RANGE = map(int, (Reading.OK, Reading.OVER_RANGE, Reading.UNDER_RANGE))
 _NAN = float("nan")
 
 
@@ -190,13 +192,11 @@ def read_words(answer: bytes) -> tuple[int, list[int]]:
     return status & ~_NO_STAGE, codes
 
 
-def decode(code: int, by: Calibration) -> tuple[Reading, float]:
-    """Return reading and capacitance of a code [pF], NaN unless it is OK."""
-    if code >= chip.CODE_MAX:
-        return Reading.OVER_RANGE, _NAN
-    if code <= 0:
-        return Reading.UNDER_RANGE, _NAN
-    return Reading.OK, by.gain_rel * chip.capacitance_pf(code) + by.offset_pf
+def decode(code: int, by: Calibration) -> tuple[int, float]:
+    """Return `Reading` and capacitance of a code [pF], NaN unless it is OK."""
+    if 0 < code < chip.CODE_MAX:
+        return _OK, by.gain_rel * ((code - chip.CODE_MID) * chip.FF_PER_CODE * 1e-3) + by.offset_pf
+    return (_OVER_RANGE if code > 0 else _UNDER_RANGE), _NAN
 
 
 def read_status(address: int) -> Transaction:

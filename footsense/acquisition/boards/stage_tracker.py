@@ -27,27 +27,15 @@ class Span(NamedTuple):
     from_ns: float
     to_ns: float
 
-    @property
-    def middle_ns(self) -> float:
-        """Its middle [ns]."""
-        return (self.from_ns + self.to_ns) / 2
 
-    @property
-    def width_ns(self) -> float:
-        """Its width [ns]."""
-        return self.to_ns - self.from_ns
-
-
-class StampedResult(NamedTuple):
-    """A result of a burst, and its conversion.
-
-    Attributes:
-        stage: The stage, from 0.
-        t_ns: Middle of the conversion [ns], off by less than half of it.
-    """
-
-    stage: int
-    t_ns: int
+def _first_stages(n_stages: int) -> dict[int, int]:
+    """Return the first of the stages of each status whose stages are in a row."""
+    found, every = {0: 0}, (1 << n_stages) - 1
+    for n in range(1, n_stages + 1):
+        for begins in range(n_stages):
+            bits = ((1 << n) - 1) << begins
+            found.setdefault((bits | bits >> n_stages) & every, begins)
+    return found
 
 
 class StageTracker:
@@ -67,6 +55,7 @@ class StageTracker:
 
     def __init__(self, n_stages: int, stage_ns: int, clock_tolerance_rel: float, n_unused: int) -> None:
         self._n_stages = n_stages
+        self._first_stages = _first_stages(n_stages)
         self._n_unused = n_unused
         self._tolerated_ns = Span(stage_ns * (1 - clock_tolerance_rel), stage_ns * (1 + clock_tolerance_rel))
         self.stage_ns = self._tolerated_ns
@@ -75,9 +64,10 @@ class StageTracker:
         self._is_known = False
         # Conversions that have ended, when the last of them did, the next one to return, the first one that may be
         # returned, and an earlier end.
-        self._n_ended, self._ended_ns, self._next, self._first = 0, Span(0, 0), 0, 0
-        self._referred = 0, self._ended_ns
-        self._last_read = self._ended_ns
+        self._n_ended, self._next, self._first = 0, 0, 0
+        self._ended_ns: tuple[float, float] = 0, 0
+        self._referred: tuple[int, tuple[float, float]] = 0, self._ended_ns
+        self._last_read = Span(0, 0)
 
     def start(self, at: Span) -> None:
         """Start the count: the sequence began with its first stage in a window [ns]."""
@@ -95,7 +85,7 @@ class StageTracker:
         """Return the results that the chip still holds once more."""
         self._next = self._first
 
-    def results(self, before: int, before_at: Span, behind: int, behind_at: Span) -> list[StampedResult]:
+    def results(self, before: int, before_at: Span, behind: int, behind_at: Span) -> list[tuple[int, int]]:
         """Return the results of a burst that are new, each of one known conversion, the oldest first.
 
         Args:
@@ -103,52 +93,59 @@ class StageTracker:
             before_at: When it was read.
             behind: Status read behind them.
             behind_at: When it was read.
+
+        Returns:
+            Stage of each, and the middle of its conversion [ns], off by less than half of it.
         """
         self._count(before, before_at)
-        was_known, n_before, ended_ns = self._is_known, self._n_ended, self._ended_ns
+        was_known, n_before, (from_ns, to_ns) = self._is_known, self._n_ended, self._ended_ns
         self._count(behind, behind_at)
-        if not was_known:
-            n_before, ended_ns = self._n_ended - behind.bit_count(), self._after(-behind.bit_count())
-        stage_ns = self.stage_ns
-        if not self._is_known or self.is_doubtful or ended_ns.width_ns > stage_ns.from_ns:
+        if not self._is_known or self.is_doubtful:
             return []
+        if not was_known:
+            n_behind = behind.bit_count()
+            n_before, (from_ns, to_ns) = self._n_ended - n_behind, self._after(-n_behind)
+        shortest_ns, longest_ns = self.stage_ns
+        if to_ns - from_ns > shortest_ns:
+            return []
+        n_stages, end, begin = self._n_stages, n_before, self._n_ended
         # A conversion that ended as the status was read may be in it or not, and its result may be new or not.
-        is_fresh = ended_ns.to_ns > before_at.from_ns - _STATUS_SKEW_NS
-        is_ending = ended_ns.from_ns + stage_ns.from_ns < before_at.to_ns + _STATUS_SKEW_NS
-        first = max(self._n_ended, n_before + is_ending) - self._n_stages
-        numbers = range(max(first, self._next), n_before - is_fresh)
-        self._next = max(self._next, n_before - is_fresh)
-        return [
-            StampedResult(
-                number % self._n_stages,
-                round(ended_ns.middle_ns + (number - n_before + 0.5) * stage_ns.middle_ns),
-            )
-            for number in numbers
-        ]
+        read_from_ns, read_to_ns = before_at
+        if to_ns > read_from_ns - _STATUS_SKEW_NS:
+            end -= 1
+        if begin == n_before and from_ns + shortest_ns < read_to_ns + _STATUS_SKEW_NS:
+            begin += 1
+        begin = max(begin - n_stages, self._next)
+        self._next = max(self._next, end)
+        stage_ns = (shortest_ns + longest_ns) / 2
+        first_ns = (from_ns + to_ns) / 2 + (0.5 - n_before) * stage_ns
+        return [(number % n_stages, round(first_ns + number * stage_ns)) for number in range(begin, end)]
 
     def _count(self, status: int, at: Span) -> None:
         """Count the conversions that have ended since the last status, or forget the count."""
         last, self._last_read = self._last_read, at
-        n, longest_ns = status.bit_count(), self._tolerated_ns.to_ns
+        n, n_stages, longest_ns = status.bit_count(), self._n_stages, self._tolerated_ns.to_ns
+        begins = self._first_stages.get(status)
+        if self._is_known and 0 < n < n_stages and begins == self._n_ended % n_stages:
+            self._end(n, at)
+            return
         least = (at.from_ns - last.to_ns) // longest_ns
         most = (at.to_ns - last.from_ns) // self._tolerated_ns.from_ns + 1
-        begins = self._begin_of_run(status, n)
-        if begins is None or n > most or n < min(least, self._n_stages):
+        if begins is None or n > most or n < min(least, n_stages):
             self.is_doubtful, self._is_known = True, False
-        elif n == self._n_stages:  # some may have ended more than once
+        elif n == n_stages:  # some may have ended more than once
             self._count_by_time(at)
-        elif self._is_known and n and begins != self._n_ended % self._n_stages:
+        elif n and self._is_known:
             self.is_doubtful, self._is_known = True, False
-        else:
-            if not self._is_known and n:
-                self._find(begins, Span(last.from_ns - longest_ns, last.to_ns))
-            if self._is_known:
-                self._end(n, at)
+        elif n:
+            self._find(begins, Span(last.from_ns - longest_ns, last.to_ns))
+            self._end(n, at)
 
     def _count_by_time(self, at: Span) -> None:
         """Count the conversions that have ended at a time, if only one number of them is possible."""
-        least = (at.from_ns - self._ended_ns.to_ns) // self.stage_ns.to_ns
-        most = (at.to_ns - self._ended_ns.from_ns) // self.stage_ns.from_ns
+        (from_ns, to_ns), (shortest_ns, longest_ns) = self._ended_ns, self.stage_ns
+        least = (at.from_ns - to_ns) // longest_ns
+        most = (at.to_ns - from_ns) // shortest_ns
         if self._is_known and self._n_stages <= least == most:
             self._end(int(least), at)
         else:
@@ -174,36 +171,32 @@ class StageTracker:
 
     def _after(self, n: int) -> Span:
         """Return when the n-th conversion after the last one that has ended does so, or before it if negative."""
-        first_ns, last_ns = (n * stage_ns for stage_ns in self.stage_ns)
-        return Span(
-            self._ended_ns.from_ns + min(first_ns, last_ns), self._ended_ns.to_ns + max(first_ns, last_ns)
-        )
-
-    def _run(self, begins: int, n: int) -> int:
-        """Return the status of `n` stages in a row, the first of which is `begins`."""
-        bits = ((1 << n) - 1) << begins
-        return (bits | bits >> self._n_stages) & ((1 << self._n_stages) - 1)
-
-    def _begin_of_run(self, status: int, n: int) -> int | None:
-        """Return the first of the stages of a status, which are in a row; None if they are not."""
-        return next((stage for stage in range(self._n_stages) if self._run(stage, n) == status), None)
+        (from_ns, to_ns), (shortest_ns, longest_ns) = self._ended_ns, self.stage_ns
+        if n < 0:
+            shortest_ns, longest_ns = longest_ns, shortest_ns
+        return Span(from_ns + n * shortest_ns, to_ns + n * longest_ns)
 
     def _end(self, n: int, at: Span) -> None:
         """Count conversions that have ended, while the next one has not; narrow the bounds of the times."""
         self._n_ended += n
-        (shortest_ns, longest_ns), ended_ns = self.stage_ns, self._after(n)
-        # Without a bit the next one may have ended at the last status, and be lost.
-        not_before_ns = at.from_ns - longest_ns if n else -math.inf
-        ended_ns = Span(max(ended_ns.from_ns, not_before_ns), min(ended_ns.to_ns, at.to_ns))
-        number, referred_ns = self._referred
-        if n_since := self._n_ended - number:
-            shortest_ns = max(shortest_ns, (ended_ns.from_ns - referred_ns.to_ns) / n_since)
-            longest_ns = min(longest_ns, (ended_ns.to_ns - referred_ns.from_ns) / n_since)
-        if ended_ns.width_ns < 0 or shortest_ns > longest_ns:
-            self.is_doubtful, self._is_known, self.stage_ns = True, False, self._tolerated_ns
-            return
+        (from_ns, to_ns), (shortest_ns, longest_ns) = self._ended_ns, self.stage_ns
+        from_ns, to_ns = from_ns + n * shortest_ns, to_ns + n * longest_ns
+        earliest_ns, latest_ns = at.from_ns - longest_ns, at.to_ns
+        number, (referred_from_ns, referred_to_ns) = self._referred
+        n_since = self._n_ended - number
+        if from_ns < earliest_ns or to_ns > latest_ns:
+            from_ns, to_ns = max(from_ns, earliest_ns), min(to_ns, latest_ns)
+            if n_since:
+                shortest_ns = max(shortest_ns, (from_ns - referred_to_ns) / n_since)
+                longest_ns = min(longest_ns, (to_ns - referred_from_ns) / n_since)
+            if to_ns < from_ns or shortest_ns > longest_ns:
+                self.is_doubtful, self._is_known, self.stage_ns = True, False, self._tolerated_ns
+                return
+            self.stage_ns = Span(shortest_ns, longest_ns)
+        self._ended_ns = from_ns, to_ns
         if n_since >= _N_REFERRED:
-            self._referred = self._n_ended, ended_ns
-            shortest_ns = max(shortest_ns * (1 - _DRIFT_REL), self._tolerated_ns.from_ns)
-            longest_ns = min(longest_ns * (1 + _DRIFT_REL), self._tolerated_ns.to_ns)
-        self._ended_ns, self.stage_ns = ended_ns, Span(shortest_ns, longest_ns)
+            self._referred = self._n_ended, self._ended_ns
+            self.stage_ns = Span(
+                max(shortest_ns * (1 - _DRIFT_REL), self._tolerated_ns.from_ns),
+                min(longest_ns * (1 + _DRIFT_REL), self._tolerated_ns.to_ns),
+            )

@@ -136,7 +136,7 @@ def test_a_chip_that_starts_again_is_doubtful() -> None:
     tracker.start(Span(0, 0))
     at_ns = 4 * _STAGE_NS + 1000
     window, later = Span(at_ns, at_ns), Span(at_ns + 100_000, at_ns + 100_000)
-    assert [each.stage for each in tracker.results(0b1111, window, 0, later)] == [0, 1, 2]
+    assert [stage for stage, _ in tracker.results(0b1111, window, 0, later)] == [0, 1, 2]
     at_ns += 4 * _STAGE_NS
     window, later = Span(at_ns, at_ns), Span(at_ns + 100_000, at_ns + 100_000)
     assert tracker.results(0b0001, window, 0, later) == []

@@ -3,6 +3,8 @@
 import pytest
 
 from footsense.benchmarks.cycle import N_WARM_UP_CYCLES, compare_cycle_durations, simulated_walk_frames
+from footsense.benchmarks.scan import FREE_CONFIGURATIONS, measure_free_scan
+from footsense.benchmarks.threads import measure_threads
 from footsense.benchmarks.trace import calls_per_conversion, functions_called_steadily
 from footsense.benchmarks.virtual_feet import measure_virtual_feet
 from footsense.benchmarks.wakeup_latency import measure_wakeup_latency
@@ -32,8 +34,23 @@ def test_a_batch_is_far_faster_than_feet_one_by_one() -> None:
     assert measure_virtual_feet("fdc1004_columns", n_steps=1)["foot_steps_hz"] > 6_000
 
 
+def test_three_legs_of_a_bus_are_read_twice_a_scan_whatever_a_host_costs() -> None:
+    """At 150 us a transaction; four legs are read once."""
+    six, four = (measure_free_scan(config, 150) for config in FREE_CONFIGURATIONS.values())
+    assert six["frames_hz"] == pytest.approx(148, abs=1)
+    assert six["transactions_hz"] == pytest.approx((2 * 3 * 2 + 1) * 148, rel=0.01)
+    assert four["frames_hz"] == pytest.approx(176, abs=1)
+    assert 0.5 < four["bus_load_rel"] < six["bus_load_rel"] < 1.0
+    assert max(six["age_p99_ms"], four["age_p99_ms"]) < 7.0
+
+
+def test_threads_take_time() -> None:
+    figures = measure_threads(20)
+    assert figures["in_turn"] > 0.0 < figures["in_threads"]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("robot", [SMALL_BOARD, DEFAULT], ids=["small", "columns"])
+@pytest.mark.parametrize("robot", [SMALL_BOARD, DEFAULT], ids=["small", "default"])
 def test_a_conversion_of_six_legs_stays_within_its_modules_and_calls(robot: Config) -> None:
     """Registers, ring and run statistics included; the simulator is left out."""
     calls = calls_per_conversion(config=robot)
