@@ -98,11 +98,11 @@ class ScanTimes(NamedTuple):
     """How a board reads six legs, as its simulation shows it.
 
     Attributes:
-        elements: Elements of each read of a scan, shape (reads, elements); one that comes twice in a row counts once.
-        lag_s: From the middle of each one's conversion to the middle of a conversion that ends with the read [s], on
-            average; same shape.
-        step_s: From one read to the next [s].
-        send_delay_s: From the middle of a conversion that ends with a read to the sending of the force [s].
+        elements: Elements that are new in each frame, over and over, shape (frames, elements); one that comes twice in
+            a row counts once.
+        lag_s: From the middle of each one's conversion to that of one that would end with the frame [s], same shape.
+        step_s: From one frame to the next [s].
+        send_delay_s: From the middle of a conversion that ends with a frame to the sending of its force [s].
         conversion_s: Time of a conversion [s].
         noise_pf: Noise of a conversion [pF, rms].
         range_end_pf: Largest capacitance that the converter reads [pF].
@@ -117,8 +117,13 @@ class ScanTimes(NamedTuple):
     range_end_pf: float
 
     @property
+    def scan_s(self) -> float:
+        """Time of a scan [s]."""
+        return ELEMENTS * self.conversion_s
+
+    @property
     def newest_s(self) -> float:
-        """From the middle of the newest conversion of a read to the sending of its force, mean [s]."""
+        """From the middle of the newest conversion of a frame to the sending of its force, mean [s]."""
         return self.send_delay_s + float(self.lag_s.min(axis=1).mean())
 
 
@@ -126,14 +131,22 @@ class ScanTimes(NamedTuple):
 HOST_COST_US = 100
 _FDC1004_STEP_S, _AD7147_STAGE_S = 2.931e-3, 1e-9 * ad7147.DECIMATIONS[64].stage_ns
 _ORDER = conversion_elements(0, ELEMENTS)
-#: By board; the mean over the legs, `fdc1004` on one bus and `ad7147` on two. A read of `ad7147` brings four or five
-#: results, since two are made in a scan, at all phases of a conversion.
+#: Conversions of an AD7147 from one frame to the next, the first that ends before a frame, and frames after which their
+#: phase is the same again.
+_AD7147_CONVERSIONS, _AD7147_PHASE, _AD7147_FRAMES = 8.8, 0.1, 45
+_AD7147_ENDS = _AD7147_CONVERSIONS * np.arange(1, _AD7147_FRAMES + 1) + _AD7147_PHASE
+#: Numbers of the last nine conversions before each frame; where eight are new, the oldest of them twice.
+_AD7147_NUMBERS = np.maximum(
+    np.floor(_AD7147_ENDS)[:, None] - np.arange(ELEMENTS)[::-1],
+    np.floor(_AD7147_ENDS - _AD7147_CONVERSIONS)[:, None] + 1.0,
+)
+#: By board; the mean over the legs, `fdc1004` on one bus and `ad7147` on two.
 SCAN_TIMES = {
     "ad7147": ScanTimes(
-        elements=_ORDER[[[0, 0, 1, 2, 3], [4, 5, 6, 7, 8]]],
-        lag_s=_AD7147_STAGE_S * np.array([[3.75, 3.75, 2.75, 1.75, 0.75], [4.25, 3.25, 2.25, 1.25, 0.25]]),
-        step_s=4.5 * _AD7147_STAGE_S,
-        send_delay_s=2.836e-3 - 0.5 * _AD7147_STAGE_S,
+        elements=_ORDER[_AD7147_NUMBERS.astype(np.intp) % ELEMENTS],
+        lag_s=_AD7147_STAGE_S * (_AD7147_ENDS[:, None] - _AD7147_NUMBERS),
+        step_s=_AD7147_CONVERSIONS * _AD7147_STAGE_S,
+        send_delay_s=2.672e-3 - 0.5 * _AD7147_STAGE_S,
         conversion_s=_AD7147_STAGE_S,
         noise_pf=1e-3 * Ad7147Effects().noise_ff,
         range_end_pf=ad7147.RANGE_END_PF,
@@ -151,13 +164,13 @@ SCAN_TIMES = {
 
 
 class WalkerReadings(NamedTuple):
-    """Readings of the feet of a robot, one read after another.
+    """Readings of the feet of a robot, one frame after another.
 
     Attributes:
         scan: Their scan.
-        t_s: Middle of each conversion [s], shape (n, elements of a read).
+        t_s: Middle of each conversion [s], shape (n, elements of a frame).
         elements: Elements that were read, same shape.
-        capacitance_pf: What was read [pF], shape (n, legs, elements of a read).
+        capacitance_pf: What was read [pF], shape (n, legs, elements of a frame).
         loads: True loads at the times of sending.
     """
 
@@ -221,7 +234,7 @@ def _effective_loads(t_s: Vector, loads: ContactLoads, amount: float) -> Contact
 
 
 class WalkerOutputs(NamedTuple):
-    """What the pipeline said after each of n reads, beside the truth at the times of sending.
+    """What the pipeline said after each of n frames, beside the truth at the times of sending.
 
     Attributes:
         t_s: Times of sending [s], shape (n,).
@@ -231,7 +244,7 @@ class WalkerOutputs(NamedTuple):
         state: State of each leg, shape (n, legs).
         cause: Cause, same shape.
         contact: Whether contact is reported, same shape.
-        events: Every event, with the row of the read after which it was reported.
+        events: Every event, with the row of the frame after which it was reported.
     """
 
     t_s: Vector
@@ -265,7 +278,7 @@ def pipeline_of(
         feet: The feet; None for feet as designed.
     """
     force_sensitivity = sensitivity(estimator, n_legs, trained.moments)
-    scan_ns = round(1e9 * len(scan.elements) * scan.step_s)
+    scan_ns = round(1e9 * scan.scan_s)
     limits = EstimationLimits(
         tare=TareLimits(),
         least_contact_n=DEFAULT_CONTACT_THRESHOLD_REL * max_force_n,
@@ -307,7 +320,7 @@ class ExactLoads:
 def run_pipeline(
     pipeline: Pipeline, readings: WalkerReadings, exact: ExactLoads | None = None
 ) -> WalkerOutputs:
-    """Return what a pipeline says of readings, read by read.
+    """Return what a pipeline says of readings, frame by frame.
 
     Args:
         pipeline: The pipeline.

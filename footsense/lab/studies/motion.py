@@ -256,7 +256,7 @@ def text(values: Values) -> str:
         ],
     )
     return f"""
-Board `ad7147` converts the nine elements of a foot by itself in 6.9 ms; its results are read twice in that time. Board
+Board `ad7147` converts the nine elements of a foot by itself in 6.9 ms; its results are read twice for a force. Board
 `fdc1004` converts one element at a time, nine in 26 ms. Both have the same network; six legs, {HOST_COST_US} us of the host for a
 transaction, `ad7147` on two buses.
 

@@ -72,7 +72,7 @@ def step_figures(context: StudyContext, board: str) -> Values:
         `settled_p50_ms` and `settled_worst_ms`.
     """
     times, n_phases = SCAN_TIMES[board], 2 if context.quick else _N_PHASES
-    scan_s, first_s = len(times.elements) * times.step_s, LEAD_IN_S + _BEFORE_STEP_S
+    scan_s, first_s = times.scan_s, LEAD_IN_S + _BEFORE_STEP_S
     starts_ns, feet = [], list[FootLoad]()
     for (x, y, z), phase in product(
         (STEP_N * normalized(np.array(PRESS_FORCES_N))).tolist(), range(n_phases)
@@ -96,7 +96,7 @@ def step_figures(context: StudyContext, board: str) -> Values:
     return _figures(outputs, 0, len(feet)) | {
         "n_steps": len(feet),
         "n_phases": n_phases,
-        "soonest_p50_ms": 1e3 * (times.newest_s + 0.5 * times.conversion_s),
+        "soonest_p50_ms": 1e3 * (times.newest_s + 0.5 * times.step_s),
         "touchdown_p50_ms": np.percentile(told_ms, 50, method="nearest"),
         "touchdown_p99_ms": np.percentile(told_ms, 99, method="nearest"),
         "settled_p50_ms": np.median(settled_ms),
