@@ -69,7 +69,7 @@ class NaiveCycle:
         single = [
             msgspec.structs.replace(config, buses=(Bus(device="sim", legs={leg: 0}),))
             for bus in config.buses
-            for leg in bus.channels
+            for leg in (*bus.legs, *bus.addresses)
         ]
         self._pipelines = [pipeline_for(load_models(alone), Flag.SIMULATED) for alone in single]
         self._counter = 0

@@ -68,7 +68,7 @@ def test_the_commented_values_are_the_defaults(file: Path) -> None:
     short, long = load_config(file), load_config(DEPLOY / "footsense.yaml")
     assert (short.board, short.tare, short.max_age_ms) == (long.board, long.tare, long.max_age_ms)
     assert short.effective == long.effective
-    assert short.publish_every == long.publish_every
+    assert short.effective_publish_every == long.effective_publish_every
     assert (short.baseline, short.contact) == (long.baseline, long.contact)
     assert (short.buses[0].mux, short.buses[0].rate_hz) == (long.buses[0].mux, long.buses[0].rate_hz)
     assert long.metrics == Metrics()
