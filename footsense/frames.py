@@ -89,8 +89,8 @@ def _code(enum: type[IntEnum]) -> CycleField:
 class CapFrame(NamedTuple):
     """Latest capacitance reading of every element of every leg, with time and read result.
 
-    A scanner of I2C buses gives a frame for every conversion, with one new reading of each leg; a microcontroller one
-    for every scan, with nine.
+    A scanner of converters that are triggered gives a frame for every conversion, with one new reading of each leg;
+    converters that run freely and a microcontroller give one for every scan, with nine.
 
     Attributes:
         sequence: Number of the frame since start, from 0, without gaps.
