@@ -1,12 +1,18 @@
 """Noise while the robot runs: of the readings of each leg, and of a load in swing, from which contact follows.
 
-**Readings.** The second difference of an element's last three readings holds its noise and the curvature of its load.
-Loads move the closures of a foot along few patterns: along the four directions in which its loads vary least, almost
-only noise is left, as long as the load moves little within a scan. In motion the elements are read under different
-loads, and no pattern fits. So a measurement counts only where the first differences along the other five directions
-are as small as those of noise, and the noise is the median of those that count among the last 20, of at least 6: of
-noise two in five count, of the impacts and the shaking swings of walking robots one in a hundred. A leg that never
-rests keeps the noise that it had before.
+**Readings.** Loads move the closures of a foot along few patterns: along the four directions in which its loads vary
+least, almost only noise is left, as long as the load stands still. Two things are measured there. The second difference
+of an element's last three readings holds fast noise. What its newest reading differs from the mean of the last half
+second holds slow noise as well, such as a ripple of the load near the rate of a scan: each element reads nearly the same
+phase of it again and again, and nine phases fit no load. (Within 0.2 Hz of that rate the readings stand still, and do
+not tell.)
+
+In motion the elements are read under different loads, and no pattern fits either. So a measurement counts only where the
+differences along the other five directions are as small as those of noise, for slow noise all that time, and the noise
+is the median of those that count among the last 20, of at least 6: of noise two in five count, of the impacts and the
+shaking swings of walking robots one in a hundred. Motion only adds to what is measured, whether it counts or not, so the
+noise is never above what the lower quartile of all the last 20 tells. A leg that never rests keeps the noise that it had
+before, up to that.
 
 Each leg has one variance. Where the noise is on one element, row or column alone (20 fF, in a tripod gait), at least
 99 % of the errors are within 2 sigma all the same.
@@ -31,6 +37,12 @@ _MOTION_LIMIT_REL2 = 2.0
 _LARGEST_STEP_SHARE = 0.33
 #: Last measurements, and those of them that have to count; measurements over which noise fades: three a scan.
 _LAST, _LEAST, _FADING = 20, 6, 120
+#: Factors that give a second difference of white noise the variance of the noise, and a reading that of a first one.
+_SECOND_TO_NOISE, _FIRST_TO_NOISE = 6.0**-0.5, 2.0**0.5
+#: Median over the lower quartile of measurements of white noise [1]: chi-square of four degrees of freedom.
+_MEDIAN_OVER_QUARTILE = 1.75
+#: Measurements of the mean for slow noise, for which the load has to stand still: half a second.
+_STILL = 60
 
 
 class ReadingNoise:
@@ -46,13 +58,15 @@ class ReadingNoise:
 
     def __init__(self, n_legs: int, moments: Vector) -> None:
         _, directions = np.linalg.eigh(moments)
-        # White noise of variance 1 has second differences of variance 6.
-        self._noise_directions = directions[:, :_N_DIRECTIONS] / math.sqrt(6.0 * _N_DIRECTIONS)
+        self._noise_directions = directions[:, :_N_DIRECTIONS] / math.sqrt(_N_DIRECTIONS)
         self._load_directions = directions[:, _N_DIRECTIONS:] / math.sqrt(len(moments) - _N_DIRECTIONS)
-        # Measurements that count, else infinite.
-        self._last_rel = np.full((n_legs, _LAST), np.inf)
-        self._turn, self._legs = 0, np.arange(n_legs)
-        self._recent_rel = np.zeros(n_legs)
+        # Of second and of slow differences: measurements that count, else infinite, and all.
+        self._counting_rel, self._last_rel = np.full((2, 2, n_legs, _LAST), np.inf)
+        self._past_rel = np.full((_STILL, n_legs, len(moments)), np.nan)
+        self._stepped_rel = np.zeros((_STILL, n_legs))
+        self._n = 0
+        self._kinds, self._legs = np.ogrid[:2, :n_legs]
+        self._recent_rel = np.zeros((2, n_legs))
         self.variance_rel = np.zeros(n_legs)
 
     def observe(self, plate_distance_rel: Vector) -> None:
@@ -61,21 +75,29 @@ class ReadingNoise:
         A leg without three readings of every element keeps its noise.
         """
         steps = plate_distance_rel[:, :2] - plate_distance_rel[:, 1:]
-        along = (steps[:, 0] - steps[:, 1]) @ self._noise_directions
-        newest_rel = np.add.reduce(along * along, axis=1)
-        across = steps @ self._load_directions
-        moved_rel = np.add.reduce(across * across, axis=2).max(axis=1)
+        turn, past_turn = self._n % _LAST, self._n % _STILL
+        self._n += 1
+        self._past_rel[past_turn] = plate_distance_rel[:, 0]
+        slow = plate_distance_rel[:, 0] - self._past_rel.mean(axis=0)
+        # Of white noise of variance 1, second differences have the variance 6.
+        along = np.stack((_SECOND_TO_NOISE * (steps[:, 0] - steps[:, 1]), slow)) @ self._noise_directions
+        noise_rel = np.add.reduce(along * along, axis=2)
+        across = np.stack((*steps.swapaxes(0, 1), _FIRST_TO_NOISE * slow)) @ self._load_directions
+        *stepped_rel, off_rel = np.add.reduce(across * across, axis=2)
+        stepped = self._stepped_rel[past_turn] = np.maximum(*stepped_rel)
+        moved_rel = np.stack((stepped, np.maximum(off_rel, self._stepped_rel.max(axis=0))))
         squares = (steps * steps).reshape(len(steps), -1)
         spread = squares.max(axis=1) < _LARGEST_STEP_SHARE * np.add.reduce(squares, axis=1)
-        last_rel = self._last_rel
-        last_rel[:, self._turn] = np.where(
-            spread & (moved_rel < _MOTION_LIMIT_REL2 * newest_rel), newest_rel, np.inf
-        )
-        self._turn = (self._turn + 1) % _LAST
-        n_counting = np.add.reduce(last_rel < np.inf, axis=1)
-        median_rel = np.sort(last_rel, axis=1)[self._legs, n_counting // 2]
-        self._recent_rel = recent = np.where(n_counting >= _LEAST, median_rel, self._recent_rel)
-        held = self.variance_rel
+        counts = spread & (moved_rel < _MOTION_LIMIT_REL2 * noise_rel)
+        self._counting_rel[:, :, turn] = np.where(counts, noise_rel, np.inf)
+        self._last_rel[:, :, turn] = noise_rel
+        n_counting = np.add.reduce(self._counting_rel < np.inf, axis=2)
+        median_rel = np.sort(self._counting_rel, axis=2)[self._kinds, self._legs, n_counting // 2]
+        self._recent_rel = np.where(n_counting >= _LEAST, median_rel, self._recent_rel)
+        # A NaN is sorted to the end.
+        quartile_rel = np.sort(self._last_rel, axis=2)[:, :, _LAST // 4]
+        self._recent_rel = np.fmin(self._recent_rel, _MEDIAN_OVER_QUARTILE * quartile_rel)
+        recent, held = self._recent_rel.max(axis=0), self.variance_rel
         self.variance_rel = np.maximum(recent, held + (recent - held) / _FADING)
 
 
