@@ -25,15 +25,15 @@ from collections import deque
 
 import numpy as np
 
-from footsense.frames import Vector
+from footsense.frames import Mask, Vector
 
 #: Directions of least variation along which noise is measured.
 _N_DIRECTIONS = 4
 #: Mean square of the first differences along a direction of the loads, over the noise's variance, below which the load
 #: does not move [1]; that of noise is 2.
 _MOTION_LIMIT_REL2 = 2.0
-#: Largest share of one step in the sum of the squares of all [1]: an impact of a few milliseconds, which one or two
-#: elements see, is no noise.
+#: Largest share of one difference in the sum of the squares of all [1]: an impact of a few milliseconds, which one or two
+#: elements see, is no noise, nor is an element that breaks.
 _LARGEST_STEP_SHARE = 0.33
 #: Last measurements, and those of them that have to count; measurements over which noise fades: three a scan.
 _LAST, _LEAST, _FADING = 20, 6, 120
@@ -86,8 +86,7 @@ class ReadingNoise:
         *stepped_rel, off_rel = np.add.reduce(across * across, axis=2)
         stepped = self._stepped_rel[past_turn] = np.maximum(*stepped_rel)
         moved_rel = np.stack((stepped, np.maximum(off_rel, self._stepped_rel.max(axis=0))))
-        squares = (steps * steps).reshape(len(steps), -1)
-        spread = squares.max(axis=1) < _LARGEST_STEP_SHARE * np.add.reduce(squares, axis=1)
+        spread = np.stack([_is_spread((each * each).reshape(len(each), -1)) for each in (steps, slow)])
         counts = spread & (moved_rel < _MOTION_LIMIT_REL2 * noise_rel)
         self._counting_rel[:, :, turn] = np.where(counts, noise_rel, np.inf)
         self._last_rel[:, :, turn] = noise_rel
@@ -99,6 +98,11 @@ class ReadingNoise:
         self._recent_rel = np.fmin(self._recent_rel, _MEDIAN_OVER_QUARTILE * quartile_rel)
         recent, held = self._recent_rel.max(axis=0), self.variance_rel
         self.variance_rel = np.maximum(recent, held + (recent - held) / _FADING)
+
+
+def _is_spread(squares: Vector) -> Mask:
+    largest: Mask = squares.max(axis=1) < _LARGEST_STEP_SHARE * np.add.reduce(squares, axis=1)
+    return largest
 
 
 #: Length of a block: about a scan [ns].
