@@ -96,7 +96,7 @@ class Imputation:
     def error_amplification(self, missing: Mask) -> float:
         """Return how far one wrong reading moves the closures at most, those imputed from it included, over itself [1].
 
-        With the paper's foot 1.7 at most beside a missing element, 1.2 beside a middle line and 4.0 beside an outer one.
+        With the paper's foot 1.7 at most beside a missing element, 1.2 beside a middle line, 4.0 beside an outer one.
 
         Args:
             missing: Missing elements, shape (elements,).
