@@ -1,5 +1,6 @@
 """Baselines and contacts of all legs: tares in progress, and in swing the tracking of each baseline."""
 
+import math
 from functools import partial
 from operator import attrgetter
 
@@ -44,7 +45,8 @@ class BaselineTracker:
         tares: Tares in progress.
         unloaded: The baselines, and what follows from them.
         flags: CONTACT, and TARE_REFUSED where an older baseline is in use, shape (legs,).
-        shake_sigma_n: Force of the foot's own mass in swing, which is none of the ground [N], shape (legs, 1).
+        swing_sigma_n: Force that is none of the ground, shape (legs, 1) [N]: of the foot's own mass in swing, and what
+            it reads below the baseline. A foot can be pressed, not pulled.
     """
 
     def __init__(
@@ -67,8 +69,9 @@ class BaselineTracker:
         self.contacts = [self._contact() for _ in feet.names]
         self._turn = 0
         self.flags = np.zeros(len(feet.names), np.uint8)
-        self.shake_sigma_n = np.zeros((len(feet.names), 1))
+        self.swing_sigma_n = np.zeros((len(feet.names), 1))
         self._flags: list[int] = []
+        self._pulls_n = [0.0] * len(feet.names)
         self._swinging: list[int] = []
 
     def process_tares(
@@ -139,7 +142,7 @@ class BaselineTracker:
         means_rel = trimmed_means(closure_rel)
         newest_ns = np.maximum.reduce(t_ns, axis=1).tolist()
         swung, swinging = self._swinging, []
-        flags = []
+        flags, pulls_n = [], []
         n_per_rel = self._n_per_rel
         refused, untared = self.tares.refused, self.tares.untared
         legs = zip(
@@ -152,8 +155,13 @@ class BaselineTracker:
             sigma_n.tolist(),
             strict=True,
         )
-        for leg, (baseline, contact, mean_rel, error_n, newest, *predicted) in enumerate(legs):
-            contact.observe(mean_rel * n_per_rel, error_n, newest, now_ns, *predicted)
+        for leg, (baseline, contact, mean_rel, error_n, newest, as_of_now_n, sigma) in enumerate(legs):
+            load_n = mean_rel * n_per_rel
+            pull_n = load_n if load_n < -error_n else 0.0
+            pulls_n.append(pull_n)
+            contact.observe(
+                load_n, error_n, newest, now_ns, as_of_now_n, math.hypot(sigma, pull_n) if pull_n else sigma
+            )
             in_contact = contact.in_contact
             flag = _CONTACT if in_contact else 0
             flags.append(flag | _TARE_REFUSED if leg in refused else flag)
@@ -165,10 +173,10 @@ class BaselineTracker:
                 baseline.pause_tracking()
         self._swinging = swinging
         self._track_drift(capacitance_pf, t_ns, missing)
-        if flags != self._flags:
-            self._flags, self.flags = flags, np.array(flags, np.uint8)
+        if flags != self._flags or pulls_n != self._pulls_n:
+            self._flags, self.flags, self._pulls_n = flags, np.array(flags, np.uint8), pulls_n
             shakes_n = [0.0 if leg.in_contact else leg.noise.shake_n for leg in self.contacts]
-            self.shake_sigma_n = np.array(shakes_n)[:, None]
+            self.swing_sigma_n = np.hypot(shakes_n, pulls_n)[:, None]
 
     def _track_drift(self, capacitance_pf: Vector, t_ns: Stamps, missing: Mask) -> None:
         """Update the baselines of those legs in swing whose turn it is; arguments as of `observe`."""

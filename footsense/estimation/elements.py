@@ -267,8 +267,11 @@ class ConsistencyTest:
         if self.excluded[leg].any():
             self._readmit(leg, closure_rel, motion_rel, missing, overloaded, now_ns)
             self._update_closure_extremes(leg, closure_rel, missing | overloaded)
+        # An element that the network does without takes no load from those beside it.
+        overloaded = overloaded & ~missing
         largest, rms_rel = self._largest_residuals(closure_rel, missing, overloaded)
         inconsistency_rel = float(inconsistency_sigma_rel(largest, rms_rel, motion_rel))
+        inconsistency_rel *= self._imputation.error_amplification(missing)
         limit_rel = _residual_limit_rel(rms_rel, motion_rel)
         if largest <= limit_rel:
             # What motion could explain neither clears a suspicion nor feeds it.

@@ -93,6 +93,16 @@ class Imputation:
                 matrix[np.ix_(missing, kept)] = np.linalg.solve(read, self._moments[np.ix_(kept, missing)]).T
         return self._imputing[key]
 
+    def error_amplification(self, missing: Mask) -> float:
+        """Return how far one wrong reading moves the closures at most, those imputed from it included, over itself [1].
+
+        With the paper's foot 1.7 at most beside a missing element, 1.2 beside a middle line, 4.0 beside an outer one.
+
+        Args:
+            missing: Missing elements, shape (elements,).
+        """
+        return float(np.linalg.norm(self.matrix(missing), axis=0).max())
+
     def residuals(self, closure_rel: Vector, missing: Mask, overloaded: Mask) -> Vector:
         """Return the difference of each closure from its prediction by all others that are known [1], shape (..., 9).
 

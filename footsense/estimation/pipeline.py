@@ -182,7 +182,7 @@ class Pipeline:
         )
         gait = self._gait.observe(load, baselines.contacts, now_ns)
         # Beside the network's: the foot's own mass, and gains of the elements that nobody has found.
-        variance_n2 = load.sigma_n**2 + baselines.shake_sigma_n**2
+        variance_n2 = load.sigma_n**2 + baselines.swing_sigma_n**2
         variance_n2 += self._gain_variance_rel2 * np.einsum("li,li->l", force_n, force_n)[:, None]
         return ContactFrame(
             sequence=scan.sequence,

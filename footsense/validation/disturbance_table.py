@@ -61,11 +61,13 @@ DISTURBANCES: dict[str, tuple[Fault, ...]] = {
     "noise, 20 fF, 0.8 of it in common": (faults.WhiteNoise(noise_ff=20.0, common_rel=0.8, **_SPAN),),
     "tone of 61 Hz, 20 fF": (faults.Tone(amplitude_ff=20.0, frequency_hz=61.0, **_SPAN),),
     "tone of 7.3 Hz, 20 fF": (faults.Tone(amplitude_ff=20.0, frequency_hz=7.3, **_SPAN),),
+    "tone of 40 Hz, 20 fF": (faults.Tone(amplitude_ff=20.0, frequency_hz=40.0, **_SPAN),),
     "noise bursts, 20 fF, 0.15 of each 0.5 s": (
         faults.NoiseBursts(noise_ff=20.0, period_s=0.5, active_s=0.15, **_SPAN),
     ),
     "impulses of 200 fF, one reading in 100": (faults.Impulses(amplitude_ff=200.0, rate_rel=0.01, **_SPAN),),
     "all nine shift by 50 fF": (faults.GroundShift(amplitude_ff=50.0, **_SPAN),),
+    "all nine shift by -80 fF": (faults.GroundShift(amplitude_ff=-80.0, **_SPAN),),
     "a column shifts by 50 fF": (faults.ColumnShift(amplitude_ff=50.0, column=1, **_SPAN),),
     "a row shifts by 50 fF": (faults.RowShift(amplitude_ff=50.0, row=1, **_SPAN),),
     "wet tail, 50 fF": (faults.Leakage(amplitude_ff=50.0, **_SPAN),),

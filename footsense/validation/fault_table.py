@@ -147,6 +147,11 @@ LEG_FAULT_TRIALS = (
         _SWITCHED,
     ),
     *_COLUMNS_TRIALS,
+    FaultTrial(
+        "element shorted, another stuck",
+        _faults_on_trial_leg(faults.ElementShorted, element=0)
+        + _faults_on_trial_leg(faults.ElementStuck, element=8),
+    ),
 )
 
 CAN_FAULT_TRIALS: dict[str, CanFault] = {

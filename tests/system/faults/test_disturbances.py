@@ -25,6 +25,8 @@ def walk(disturbance: str, scene: str) -> PublishedWalk:
         pytest.param("nothing", "measured walk", Cause.NONE, marks=pytest.mark.slow),
         pytest.param("white noise, 20 fF", "measured walk", Cause.NOISY, marks=pytest.mark.slow),
         pytest.param("tone of 61 Hz, 20 fF", "tripod", Cause.NOISY, marks=pytest.mark.slow),
+        pytest.param("tone of 40 Hz, 20 fF", "standing", Cause.NOISY, marks=pytest.mark.slow),
+        pytest.param("all nine shift by -80 fF", "tripod", Cause.NONE, marks=pytest.mark.slow),
         pytest.param(
             "noise bursts, 20 fF, 0.15 of each 0.5 s", "standing", Cause.NOISY, marks=pytest.mark.slow
         ),

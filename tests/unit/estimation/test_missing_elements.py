@@ -45,3 +45,16 @@ def test_what_stands_in_a_missing_place_has_no_influence(seed: int, missing: Mas
     before = spoilt.copy()
     np.testing.assert_array_equal(imputation.impute(spoilt, mask), imputation.impute(closure_rel, mask))
     np.testing.assert_array_equal(spoilt, before)
+
+
+def test_a_wrong_reading_counts_by_what_it_moves() -> None:
+    """An element that follows another one tenfold is off tenfold with it; where none is missing, only the one is."""
+    closure_rel = loads(1)
+    closure_rel[:, 0] = 10.0 * closure_rel[:, 1]
+    closure_rel[:, 0] += 1e-6 * loads(2)[:, 0]
+    imputation = Imputation(closure_rel.T @ closure_rel)
+    none = np.zeros(9, bool)
+    assert imputation.error_amplification(none) == 1.0
+    np.testing.assert_allclose(
+        imputation.error_amplification(np.arange(9) == 0), np.hypot(10.0, 1.0), rtol=1e-3
+    )

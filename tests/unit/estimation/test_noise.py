@@ -74,6 +74,44 @@ def test_bursts_are_held_between_them_and_forgotten_after_them() -> None:
     assert found[-1] < 0.05 * NOISE_REL
 
 
+def test_a_ripple_near_the_rate_of_a_scan_is_slow_noise() -> None:
+    """Each element reads another phase of it, which turns once in half a second; nothing of it is in two scans."""
+    phases = 2.0 * np.pi * np.arange(ELEMENTS) / ELEMENTS
+    turned = 2.0 * np.pi * 2.0 * SCAN_S * np.arange(200)[:, None]
+    noise = ReadingNoise(1, MOMENTS)
+    readings = 1.3 + 2.0**0.5 * NOISE_REL * np.sin(phases + turned)
+    for scan in range(2, len(readings)):
+        for _ in range(3):
+            noise.observe(readings[scan - 2 : scan + 1][::-1][None])
+    assert 0.5 * NOISE_REL < np.sqrt(noise.variance_rel[0]) < 2.0 * NOISE_REL
+
+
+def test_what_motion_left_is_bounded_by_quieter_readings() -> None:
+    """A foot that hops never rests for long: what landings were taken for is not held to the end."""
+    rng, noise = np.random.default_rng(4), ReadingNoise(1, MOMENTS)
+    found = []
+    for scan in range(300):
+        shaken = 0.1 if scan < 15 else 1e-3
+        # Common motion beside it, so that none of the later measurements counts.
+        window = 1.3 + shaken * rng.standard_normal((1, 3, ELEMENTS))
+        window += (scan >= 15) * np.array([0.0, 0.1, 0.0])[:, None]
+        for _ in range(3):
+            noise.observe(window)
+        found.append(float(np.sqrt(noise.variance_rel[0])))
+    assert max(found) > 0.05
+    assert found[-1] < 0.01
+
+
+def test_an_element_that_breaks_is_no_noise() -> None:
+    noise = ReadingNoise(1, MOMENTS)
+    readings = 1.3 + 1e-4 * np.random.default_rng(5).standard_normal((200, ELEMENTS))
+    readings[100:, 4] -= 0.5
+    for scan in range(2, len(readings)):
+        for _ in range(3):
+            noise.observe(readings[scan - 2 : scan + 1][::-1][None])
+        assert np.sqrt(noise.variance_rel[0]) < 5e-4
+
+
 def test_a_leg_with_unread_elements_keeps_its_noise() -> None:
     noise = ReadingNoise(2, MOMENTS)
     window = np.random.default_rng(0).normal(1.0, NOISE_REL, (2, 3, ELEMENTS))

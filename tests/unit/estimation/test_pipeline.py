@@ -254,3 +254,13 @@ def test_stop_and_start_are_executed_at_once() -> None:
     assert feet.feed(feet.scan()).state.tolist() == [State.STOPPED, State.VALID]
     feet.pipeline.execute(Command(CommandKind.START, 0))
     assert feet.feed(feet.scan()).state.tolist() == [State.VALID, State.VALID]
+
+
+def test_readings_below_those_of_the_free_foot_are_in_sigma_at_once() -> None:
+    """A foot can be pressed, not pulled: 0.4 um less on all elements are 0.18 N that no load makes."""
+    feet = Feet().tared()
+    pulled = np.zeros((2, 9))
+    pulled[0] = -0.4
+    forces = feet.feed(feet.scan(pulled))
+    assert (forces.sigma_n[0] >= 0.17).all()
+    np.testing.assert_array_equal(forces.sigma_n[1], SIGMA_N)
