@@ -7,10 +7,14 @@ from footsense.lab.page_inputs import robot_name
 from footsense.lab.report import StudyContext
 from footsense.validation.fault_table import ROBOTS
 
+
+def _encoded(robot: Config) -> bytes:
+    whole = msgspec.structs.replace(robot, publish_every=robot.effective_publish_every)
+    return msgspec.json.encode(whole).replace(b'"addresses":{},', b"")
+
+
 #: The whole configuration of each, with what it does not set, but for addresses on a bus, which none of them has.
-ENCODED = {
-    board: msgspec.json.encode(robot).replace(b'"addresses":{},', b"") for board, robot in ROBOTS.items()
-}
+ENCODED = {board: _encoded(robot) for board, robot in ROBOTS.items()}
 
 
 def robots_of(context: StudyContext) -> dict[str, Config]:
