@@ -8,10 +8,15 @@ from footsense.lab.report import StudyContext
 from footsense.validation.fault_table import ROBOTS
 
 _ROBOTS = {DEFAULT.board: DEFAULT} | ROBOTS
+
+
+def _encoded(robot: Config) -> bytes:
+    whole = msgspec.structs.replace(robot, publish_every=robot.effective_publish_every)
+    return msgspec.json.encode(whole).replace(b'"addresses":{},', b"")
+
+
 #: The whole configuration of each, with what it does not set, but for addresses on a bus where it has none.
-ENCODED = {
-    board: msgspec.json.encode(robot).replace(b'"addresses":{},', b"") for board, robot in _ROBOTS.items()
-}
+ENCODED = {board: _encoded(robot) for board, robot in _ROBOTS.items()}
 
 
 def robot_of(context: StudyContext, board: str) -> Config:
