@@ -12,8 +12,9 @@ from tests.kernel.ports import GuestError
 
 CONFIG = "/etc/footsense/footsense.yaml"
 UNIT = "footsense"
-#: For this machine: its only processor, and conversions that leave half of it to the chips and to everything else.
-_SETTINGS = "sed -i 's/^  rate_sps: 400 .*/  rate_sps: 100/' " + CONFIG
+#: For this machine: the board of its feet, and conversions that leave half of its only processor to the chips and to
+#: everything else.
+_SETTINGS = f"cp footsense-fdc1004.yaml {CONFIG}\nsed -i 's/^  rate_sps: 400 .*/  rate_sps: 100/' {CONFIG}"
 #: How long a command that ends by Ctrl-C is watched [s].
 _WATCHED_S = 5
 _ENDED_BY_TIMEOUT = 124
@@ -85,7 +86,7 @@ class Robot:
             self.execute_section(2)
         self.execute_section(3)
         self.execute_section(4)
-        self.machine.run(_SETTINGS)
+        self.machine.run(_FOLDER + _SETTINGS)
         self.execute_section(5)
 
     def output_of(self, start: str) -> str:

@@ -13,7 +13,7 @@ def test_feet_answer_behind_the_multiplexer(first_trial: Trial) -> None:
     """Section 2 of deploy/README.md: `i2cdetect` before and after the first channel is selected."""
     robot = first_trial.robot
     robot.execute_section(2)
-    before, after = robot.outputs["i2cdetect -y 1"]
+    _, before, after = robot.outputs["i2cdetect -y 1"]
     assert "71" in before.split()
     assert {"49", "50"} & set(before.split()) == set()
     assert {"49", "50", "71"} <= set(after.split())
