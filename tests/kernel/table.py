@@ -14,8 +14,9 @@ footsense as `deploy/README.md` installs it, on Debian 12 with Linux {kernel}, i
 SocketCAN are real, the chips behind the I2C adapter are simulated (`tests/kernel/README.md`). The machine has one
 processor at one instruction per nanosecond, conversions at 100 samples/s, and six legs of board `fdc1004` on one bus:
 those of board `ad7147` cannot be slowed. What CAN showed: the states of the legs in turn, as a consumer of `candump`
-saw them. Recovered after: from the end of the disturbance, or from the kill, until all legs were valid, in the machine's
-own time. In the journal of the trials no state of a leg changed to itself, and none to `stale` without a cause.
+saw them. Recovered after: from the end of the disturbance, or from the kill, until all legs were valid, in the
+machine's own time. In the journal of the trials no state of a leg changed to itself, and none to `stale` without a
+cause.
 
 """
 
