@@ -62,7 +62,7 @@ def test_the_installed_daemon_walks(robot: Path, tmp_path: Path) -> None:
 
 
 def test_the_five_lines_of_the_readme_read_forces(robot: Path, tmp_path: Path) -> None:
-    """Force, sigma, age and contact of a leg, some ninety times a second, until the service ends."""
+    """Force, sigma, age and contact of a leg, some seventy times a second, until the service ends."""
     lines = read_forces(robot, tmp_path, channel="239.74.163.91")
     usable = [line for line in lines if " True " in line]
     assert len(usable) > 200
