@@ -11,9 +11,7 @@ from footsense.sim import VirtualFeet
 _N_FEET, _STEP_S, _N_STEPS = 4096, 0.02, 20
 
 
-def measure_virtual_feet(
-    board: Literal["fdc1004_columns", "fdc1004"], n_steps: int = _N_STEPS
-) -> dict[str, float]:
+def measure_virtual_feet(board: Literal["ad7147", "fdc1004"], n_steps: int = _N_STEPS) -> dict[str, float]:
     """Return `batch`, `step_ms`, and `foot_steps_hz`: the steps of all feet in a second, half of them loaded."""
     feet = VirtualFeet(_N_FEET, board=board)
     normal = np.tile([0.0, 0.0, 1.0], (_N_FEET, 1))

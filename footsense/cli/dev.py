@@ -65,8 +65,8 @@ def _measure_all(n_cycles: int, wakeup_s: float, n_counted_cycles: int) -> dict[
         "cycle_us": compare_cycle_durations(scans),
         "instructions": _instructions(n_counted_cycles),
         "virtual_feet": {
-            "columns": measure_virtual_feet("fdc1004_columns"),
-            "one_converter": measure_virtual_feet("fdc1004"),
+            "ad7147": measure_virtual_feet("ad7147"),
+            "fdc1004": measure_virtual_feet("fdc1004"),
         },
         "wakeup_latency_us": measure_wakeup_latency(scans, wakeup_s),
         **_start_and_memory(),

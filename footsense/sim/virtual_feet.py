@@ -1,7 +1,7 @@
 """Thousands of feet at once, for whoever trains a controller: contact forces in, what the service would publish out.
 
-The chain of the service in arrays, without a bus: every conversion reads the next row of all feet, or the next element
-of feet with one converter, under the load at its middle, with the converter's noise; every fourth the network estimates
+The chain of the service in arrays, without a bus: every conversion reads the next element of all feet under the load at
+its middle, with the converter's noise; after every 13 of board `ad7147`, or four of `fdc1004`, the network estimates
 the forces of the time of sending from the last three readings of each element, which are published. Network, response
 table and limits of a usable force are the service's.
 
@@ -15,9 +15,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_interface.chips import fdc1004
+from firmware_interface.chips import ad7147, fdc1004
 from firmware_interface.conversion_order import CONVERSION_ORDERS
-from footsense.errors import ModelError
 from footsense.estimation.elements import inconsistency_sigma_rel
 from footsense.estimation.missing_elements import MAX_OVERLOADED, Imputation
 from footsense.estimation.network import READINGS, Network, sensitivity
@@ -28,59 +27,63 @@ from footsense.foot.network_card import NETWORK_FILES
 from footsense.foot.response_table import FootResponse, series_basis
 from footsense.foot.specimen import Specimen
 from footsense.foot.type_folders import foot_type_folder
-from footsense.frames import ELEMENTS, IS_USABLE_STATE, ROWS, Codes, Mask, State, Vector
+from footsense.frames import ELEMENTS, IS_USABLE_STATE, Codes, Mask, State, Vector
 from footsense.ports import Window
+from footsense.sim.scene import Ad7147Effects
 
 
 class _Scan(NamedTuple):
-    """How the service reads six legs with a board, at 400 conversions a second and 40 us of host for each transaction.
+    """How the service reads six legs with a board, with 40 us of host for each transaction; times as measured of it.
 
     Attributes:
-        network: What a conversion reads, a key of `NETWORK_FILES`.
-        elements: Elements that each conversion of a scan reads.
         step_s: From one conversion to the next [s].
-        send_delay_s: From the middle of a conversion to the sending of a force [s].
+        publish_every: Conversions of each published force.
+        send_delay_s: From the middle of a force's last conversion to its sending, on average [s].
+        noise_pf: Noise of a conversion [pF rms].
+        range_end_pf: Largest capacitance that is read [pF].
         absent_s: How long a foot is absent whose cable breaks for 20 ms [s].
-        stale_s: How long its readings are then too old [s].
+        stale_s: How long its force is then still missing: its readings are too old [s].
     """
 
-    network: str
-    elements: tuple[slice, ...]
     step_s: float
+    publish_every: int
     send_delay_s: float
+    noise_pf: float
+    range_end_pf: float
     absent_s: float
     stale_s: float
 
 
-#: By board, on two buses and on one of 400 kHz; times as measured of the service.
+#: By board: on two buses, and on one at 400 conversions a second. A published force of the service with board `ad7147`
+#: has 13.2 conversions of 0.768 ms; here they are 13, in the same time.
 _SCANS = {
-    "fdc1004_columns": _Scan(
-        network="rows",
-        elements=tuple(slice(first, first + ROWS) for first in range(0, ELEMENTS, ROWS)),
-        step_s=2.644e-3,
-        send_delay_s=3.46e-3,
-        absent_s=33e-3,
-        stale_s=5e-3,
+    "ad7147": _Scan(
+        step_s=10.138e-3 / 13,
+        publish_every=13,
+        send_delay_s=2.55e-3,
+        noise_pf=Ad7147Effects().noise_ff * 1e-3,
+        range_end_pf=ad7147.RANGE_END_PF,
+        absent_s=23.5e-3,
+        stale_s=4.8e-3,
     ),
     "fdc1004": _Scan(
-        network="elements",
-        elements=tuple(slice(element, element + 1) for element in CONVERSION_ORDERS["lo_shu"]),
         step_s=2.7476e-3,
+        publish_every=4,
         send_delay_s=3.17e-3,
+        noise_pf=fdc1004.RATES[400].noise_ff * 1e-3,
+        range_end_pf=fdc1004.capacitance_pf(fdc1004.CODE_MAX),
         absent_s=57e-3,
         stale_s=21e-3,
     ),
 }
-#: Conversions of each published force.
-PUBLISH_EVERY = 4
+#: Position of each element in the scan.
+_POSITION = np.argsort(CONVERSION_ORDERS["lo_shu"])
 #: Error of a foot's baseline, and what the service assumes of it and of the noise in a walk [pF].
 _BASELINE_ERROR_PF, _BASELINE_SIGMA_PF, _NOISE_SIGMA_PF = 0.3e-3, 0.54e-3, 1.1e-3
 
 Single = NDArray[np.float32]
-_NOISE_PF = fdc1004.RATES[400].noise_ff * 1e-3
 #: Free closure over the gap from which an element is saturated for certain [1].
 _CERTAIN_SATURATION = 1.5
-_FULL_SCALE_PF = fdc1004.capacitance_pf(fdc1004.CODE_MAX)
 
 
 class VirtualForces(NamedTuple):
@@ -91,7 +94,7 @@ class VirtualForces(NamedTuple):
         sigma_n: Standard deviation of each component [N], shape (n, 3); NaN unless usable.
         state: State of each foot, shape (n,), uint8 of `State`.
         usable: Whether its force may be used, shape (n,).
-        age_s: Age of the newest reading at the time of the step [s], one number: all feet are read at once.
+        age_s: Age of the newest reading at the time of the step [s], one number: that of six legs on average.
     """
 
     force_n: Vector
@@ -107,13 +110,13 @@ class VirtualFeet:
     Args:
         n_feet: Number of feet.
         foot_type: A released foot type, or a folder with a slash in its name.
-        board: Electronics of a foot, as in a robot file: three converters that read a row at once, or one.
+        board: Electronics of a foot, as in a robot file.
         cable_breaks_per_s: Mean rate at which the cable of a foot breaks for 20 ms; a foot is then without force for
-            38 ms, with board `fdc1004` for 78 ms [1/s].
+            28 ms, with board `fdc1004` for 78 ms [1/s].
         seed: Seed of everything random.
 
     Raises:
-        ModelError: The models of the foot type are missing or damaged, or there is no network for the board.
+        ModelError: The models of the foot type are missing or damaged.
         ValueError: The board is another.
 
     Example:
@@ -130,7 +133,7 @@ class VirtualFeet:
         n_feet: int,
         foot_type: str = "aoyagi-3x3",
         *,
-        board: Literal["fdc1004_columns", "fdc1004"] = "fdc1004_columns",
+        board: Literal["ad7147", "fdc1004"] = "ad7147",
         cable_breaks_per_s: float = 0.0,
         seed: int = 0,
     ) -> None:
@@ -138,11 +141,7 @@ class VirtualFeet:
             raise ValueError(f"board: {' or '.join(_SCANS)}, got {board}")
         self._scan = scan = _SCANS[board]
         folder = foot_type_folder(foot_type)
-        path = folder / NETWORK_FILES[scan.network]
-        if not path.exists():
-            raise ModelError(
-                f"{path}: no network for board {board}; `footsense lab build --board {board}` makes it"
-            )
+        path = folder / NETWORK_FILES["elements"]
         self._response = response = FootResponse.load(folder / "response.npz")
         self._network = Network(path, n_feet)
         self._trained = trained = self._network.card.trained_inputs
@@ -154,17 +153,14 @@ class VirtualFeet:
         self._residual = self._imputation.residuals(np.eye(ELEMENTS), self._none, self._none)
         self._max_closure_rel = trained.max_usable_closure_rel(np.full(ELEMENTS, design.gap_um))
         self._random = np.random.default_rng(seed)
-        self._break_probability = -np.expm1(-cable_breaks_per_s * PUBLISH_EVERY * scan.step_s)
-        # Of the cells that each conversion reads: shape (products, 2 * 3 * elements * cells).
+        self._break_probability = -np.expm1(-cable_breaks_per_s * scan.publish_every * scan.step_s)
+        # Of the cells that each conversion of a scan reads: shape (products, 2 * 3 * cells).
         coefficients = response.closure_coefficients.reshape(2, -1, 3, ELEMENTS, CELLS_PER_ELEMENT)
-        coefficients = coefficients.swapaxes(0, 1).astype(np.float32)
+        coefficients = coefficients.swapaxes(0, 1)
         self._coefficients = [
-            coefficients[:, :, :, elements].reshape(len(coefficients), -1) for elements in scan.elements
+            coefficients[:, :, :, element].reshape(len(coefficients), -1).astype(np.float32)
+            for element in CONVERSION_ORDERS["lo_shu"]
         ]
-        # Position of the conversion that reads each element in the scan.
-        self._position: NDArray[np.intp] = np.empty(ELEMENTS, np.intp)
-        for position, elements in enumerate(scan.elements):
-            self._position[elements] = position
         unloaded_pf = np.array([design.unloaded_pf])
         self._lowest_z = np.sin(np.radians(response.min_elevation_deg))
         alone = sensitivity(Network(path, 1), 1, trained.moments)
@@ -260,62 +256,62 @@ class VirtualFeet:
         normal[low, 2] = self._lowest_z
         response = self._response
         basis = series_basis(normal, response.degree, response.fit_elevation_deg).astype(np.float32)
-        for number in range(self._n_conversions, n_conversions):
+        numbers = range(self._n_conversions, n_conversions)
+        # The normal stays the same over the step: each element needs it once, however often it is read.
+        per_newton_um = {
+            position: (basis @ self._coefficients[position]).reshape(len(rows), 6, CELLS_PER_ELEMENT)
+            for position in {number % ELEMENTS for number in numbers}
+        }
+        for number in numbers:
             middle_s = self._start_s + number * scan.step_s
             share = (middle_s - self._t_s) / (t_s - self._t_s)
             now_n = self._force_n[rows] + share * (force_n - self._force_n)[rows]
-            self._read(number % len(scan.elements), rows, basis, normal, now_n)
-            if number % PUBLISH_EVERY == PUBLISH_EVERY - 1:
+            position = number % ELEMENTS
+            self._read(CONVERSION_ORDERS["lo_shu"][position], rows, per_newton_um[position], normal, now_n)
+            if number % scan.publish_every == scan.publish_every - 1:
                 sent_s = middle_s + scan.send_delay_s
                 self._break_cables(sent_s)
-                if sent_s + PUBLISH_EVERY * scan.step_s > t_s:
+                if sent_s + scan.publish_every * scan.step_s > t_s:
                     self._unsent.append((middle_s, self._estimate(number, sent_s)))
         self._n_conversions = n_conversions
 
     def _read(
-        self, position: int, rows: NDArray[np.intp], basis: Single, normal: Vector, force_n: Vector
+        self, element: int, rows: NDArray[np.intp], per_newton_um: Single, normal: Vector, force_n: Vector
     ) -> None:
-        """Make a conversion of the scan with all feet, of which those in some rows are loaded."""
-        design, elements = self._design, self._scan.elements[position]
-        n_read = elements.stop - elements.start
-        capacitance_pf = np.full((len(self._force_n), n_read), design.unloaded_pf)
-        per_newton_um = basis @ self._coefficients[position]
-        per_newton_um = per_newton_um.reshape(len(rows), 2, 3, n_read * CELLS_PER_ELEMENT)
+        """Convert an element of all feet, of which those in some rows are loaded."""
+        design, scan = self._design, self._scan
         patch_mm2 = np.square(self._response.patch_radius_mm(normal, force_n))
-        weights = np.stack([force_n, patch_mm2[:, None] * force_n], axis=1).astype(np.float32)
-        free_um = np.einsum("rpi,rpic->rc", weights, per_newton_um)
-        free_um = free_um.reshape(len(rows), n_read, CELLS_PER_ELEMENT)
+        weights = np.concatenate([force_n, patch_mm2[:, None] * force_n], axis=1).astype(np.float32)
+        free_um = (weights[:, None] @ per_newton_um)[:, 0]
         closure_um = np.minimum(free_um, design.gap_um)
-        self._closed[:, elements] = False
-        self._closed[rows, elements] = (free_um > design.gap_um).any(axis=2)
+        self._closed[:, element] = False
+        self._closed[rows, element] = (free_um > design.gap_um).any(axis=1)
         touching = self._closed[rows].any(axis=1) & (
-            free_um.mean(axis=2) < _CERTAIN_SATURATION * design.gap_um
-        ).any(axis=1)
+            free_um.mean(axis=1) < _CERTAIN_SATURATION * design.gap_um
+        )
         if touching.any():
             cells_um = self._specimen.cell_closures_um(normal[touching], force_n[touching])
-            closure_um[touching] = cells_um.reshape(-1, ELEMENTS, CELLS_PER_ELEMENT)[:, elements]
-        capacitance_pf[rows] = design.capacitance_pf(closure_um).mean(axis=2)
-        capacitance_pf += _NOISE_PF * self._random.normal(size=capacitance_pf.shape)
-        self._over_range[:, elements] = capacitance_pf >= _FULL_SCALE_PF
-        measured_um = design.closure_um(
-            np.minimum(capacitance_pf, _FULL_SCALE_PF), self._baseline_pf[:, None]
-        )
-        readings = self._closure_rel[:, :, elements]
+            closure_um[touching] = cells_um.reshape(-1, ELEMENTS, CELLS_PER_ELEMENT)[:, element]
+        capacitance_pf = np.full(len(self._force_n), design.unloaded_pf)
+        capacitance_pf[rows] = design.capacitance_pf(closure_um).mean(axis=1)
+        capacitance_pf += scan.noise_pf * self._random.normal(size=capacitance_pf.shape)
+        self._over_range[:, element] = capacitance_pf >= scan.range_end_pf
+        measured_um = design.closure_um(np.minimum(capacitance_pf, scan.range_end_pf), self._baseline_pf)
+        readings = self._closure_rel[:, :, element]
         readings[:, 1:] = readings[:, :-1].copy()
         readings[:, 0] = measured_um / design.gap_um
 
     def _break_cables(self, now_s: float) -> None:
         broken = self._random.random(len(self._absent_until_s)) < self._break_probability
         # Since the last published force, at any time.
-        since_s = PUBLISH_EVERY * self._scan.step_s * self._random.random(np.count_nonzero(broken))
+        since_s = self._scan.publish_every * self._scan.step_s * self._random.random(np.count_nonzero(broken))
         self._absent_until_s[broken] = now_s - since_s + self._scan.absent_s
         self._stale_until_s[broken] = self._absent_until_s[broken] + self._scan.stale_s
 
     def _estimate(self, number: int, sent_s: float) -> VirtualForces:
         """Return the forces of a time of sending [s] from the readings up to a conversion."""
         trained, scan, newest_rel = self._trained, self._scan, self._closure_rel[:, 0]
-        n = len(scan.elements)
-        since = np.mod(number - self._position, n) + n * np.arange(READINGS)[:, None]
+        since = np.mod(number - _POSITION, ELEMENTS) + ELEMENTS * np.arange(READINGS)[:, None]
         closure_rel = np.clip(self._closure_rel, trained.closure_rel_min, trained.closure_rel_max)
         age_s = np.broadcast_to(scan.send_delay_s + scan.step_s * since, closure_rel.shape)
         load = self._network.estimate(Window(closure_rel, age_s, self._none_missing))

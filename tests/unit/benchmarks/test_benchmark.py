@@ -30,8 +30,8 @@ def test_the_loop_answers_for_every_deadline(scans: list[CapFrame]) -> None:
 
 
 def test_a_batch_is_far_faster_than_feet_one_by_one() -> None:
-    """A step of six feet takes a millisecond."""
-    assert measure_virtual_feet("fdc1004_columns", n_steps=1)["foot_steps_hz"] > 6_000
+    """A step of one foot takes four milliseconds."""
+    assert measure_virtual_feet("ad7147", n_steps=1)["foot_steps_hz"] > 2_000
 
 
 def test_three_legs_of_a_bus_are_read_twice_a_scan_whatever_a_host_costs() -> None:
