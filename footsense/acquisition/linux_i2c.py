@@ -1,7 +1,7 @@
 """I2C adapter of Linux (i2c-dev); the only module that imports smbus2.
 
 Only these transactions are used, because only they work on every adapter: a write, a read, and a write followed by a
-read of the same address. What the kernel gets of each is built once and used again, which smbus2's `i2c_rdwr` does not.
+read of the same address. What the kernel gets of each is built once and used again, which smbus2 does not.
 """
 
 import ctypes

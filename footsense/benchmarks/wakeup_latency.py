@@ -2,6 +2,9 @@
 
 The loop is a process of its own with the scheduling of the service. It runs a whole cycle after every deadline, with
 its metrics shown by their exporter and scraped over HTTP.
+
+Simulated buses are read in turn, real ones side by side, in threads. What threads add to a frame does not depend on
+what a bus does: to hand over a read to each, and to wait for both.
 """
 
 import contextlib
@@ -15,23 +18,37 @@ from collections.abc import Iterator
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from footsense.acquisition.robot_scanner import RobotScanner
 from footsense.benchmarks.cycle import (
     N_WARM_UP_CYCLES,
     ServiceCycle,
     open_service_cycle,
     send_time_ns,
 )
-from footsense.clock import MonotonicClock, Realtime, low_latency_interpreter, request_realtime
+from footsense.clock import (
+    MonotonicClock,
+    Realtime,
+    fifo_priority,
+    low_latency_interpreter,
+    request_realtime,
+    stopwatch_ns,
+)
 from footsense.errors import FootsenseError
-from footsense.frames import CapFrame
+from footsense.frames import ELEMENTS, CapFrame
+
+if TYPE_CHECKING:
+    from footsense.acquisition.free_scanner import FreeScanner
 
 _PERIOD_NS = 2_000_000
 _SCRAPE_PERIOD_S = 0.2
 _BUSY_LOOP = (sys.executable, "-S", "-c", "while True: pass")
+#: Buses whose threads are timed, frames before that, and legs and elements of a bus.
+_N_BUSES, _N_WARM_UP = 2, 50
+_SHAPE = 3, ELEMENTS
 _QUANTILES = {"p50": 0.5, "p99": 0.99, "p999": 0.999}
 
 
@@ -147,3 +164,47 @@ def _exporter(ring: Path) -> Iterator[int]:
             yield int(process.stdout.readline().rpartition(":")[2].partition("/")[0])
         finally:
             process.terminate()
+
+
+class _ReadyBus:
+    """A bus that answers at once."""
+
+    latest = CapFrame(0, np.ones(_SHAPE, np.int64), np.ones(_SHAPE), np.zeros(_SHAPE, np.uint8))
+    frame_ns = 7_000_000
+
+    def __init__(self) -> None:
+        self._clock, self.complete_ns = MonotonicClock(), 0
+
+    def read(self) -> CapFrame:
+        """Return readings."""
+        self.complete_ns = self._clock.now_ns()
+        return self.latest
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+def measure_threads(n_frames: int) -> dict[str, float]:
+    """Return the median time of a frame of two buses that answer at once [us].
+
+    Args:
+        n_frames: Frames to time in each way.
+
+    Returns:
+        `in_turn`, `in_threads`, and `added`, their difference.
+    """
+    in_turn, in_threads = (_frame_us(n_frames, threads=threads) for threads in (False, True))
+    return {"in_turn": in_turn, "in_threads": in_threads, "added": in_threads - in_turn}
+
+
+def _frame_us(n_frames: int, *, threads: bool) -> float:
+    buses = cast("list[FreeScanner]", [_ReadyBus() for _ in range(_N_BUSES)])
+    with low_latency_interpreter(), fifo_priority(Realtime().priority):
+        scanner = RobotScanner(buses, threads=threads)  # its threads inherit the priority
+        times_ns = []
+        for _ in range(_N_WARM_UP + n_frames):
+            start_ns = stopwatch_ns()
+            scanner.read()
+            times_ns.append(stopwatch_ns() - start_ns)
+        scanner.close()
+    return 1e-3 * float(np.median(times_ns[_N_WARM_UP:]))

@@ -50,9 +50,8 @@ def _measure_all(n_cycles: int, wakeup_s: float, n_counted_cycles: int) -> dict[
         min_scan_period_by_conversions_ms,
         newest_reading_age_ms,
     )
-    from footsense.benchmarks.threads import measure_threads
     from footsense.benchmarks.virtual_feet import measure_virtual_feet
-    from footsense.benchmarks.wakeup_latency import measure_wakeup_latency
+    from footsense.benchmarks.wakeup_latency import measure_threads, measure_wakeup_latency
 
     scans = simulated_walk_frames(N_WARM_UP_CYCLES + n_cycles)
     return {

@@ -18,7 +18,6 @@ __all__ = ["COLUMNS", "DEFAULT", "SMALL_BOARD", "Config", "load_config"]
 #: Simulated robot of six legs with a converter in every foot, behind one multiplexer; CAN within the process.
 SMALL_BOARD = Config(
     board="fdc1004",
-    publish_every=4,
     buses=(
         Bus(
             device="sim",

@@ -37,7 +37,7 @@ class _Scan(NamedTuple):
 
     Attributes:
         step_s: From one conversion to the next [s].
-        publish_every: Conversions of each published force.
+        conversions_per_force: Conversions of each published force.
         send_delay_s: From the middle of a force's last conversion to its sending, on average [s].
         noise_pf: Noise of a conversion [pF rms].
         range_end_pf: Largest capacitance that is read [pF].
@@ -46,7 +46,7 @@ class _Scan(NamedTuple):
     """
 
     step_s: float
-    publish_every: int
+    conversions_per_force: int
     send_delay_s: float
     noise_pf: float
     range_end_pf: float
@@ -59,7 +59,7 @@ class _Scan(NamedTuple):
 _SCANS = {
     "ad7147": _Scan(
         step_s=10.138e-3 / 13,
-        publish_every=13,
+        conversions_per_force=13,
         send_delay_s=2.55e-3,
         noise_pf=Ad7147Effects().noise_ff * 1e-3,
         range_end_pf=ad7147.RANGE_END_PF,
@@ -68,7 +68,7 @@ _SCANS = {
     ),
     "fdc1004": _Scan(
         step_s=2.7476e-3,
-        publish_every=4,
+        conversions_per_force=4,
         send_delay_s=3.17e-3,
         noise_pf=fdc1004.RATES[400].noise_ff * 1e-3,
         range_end_pf=fdc1004.capacitance_pf(fdc1004.CODE_MAX),
@@ -153,7 +153,7 @@ class VirtualFeet:
         self._residual = self._imputation.residuals(np.eye(ELEMENTS), self._none, self._none)
         self._max_closure_rel = trained.max_usable_closure_rel(np.full(ELEMENTS, design.gap_um))
         self._random = np.random.default_rng(seed)
-        self._break_probability = -np.expm1(-cable_breaks_per_s * scan.publish_every * scan.step_s)
+        self._break_probability = -np.expm1(-cable_breaks_per_s * scan.conversions_per_force * scan.step_s)
         # Of the cells that each conversion of a scan reads: shape (products, 2 * 3 * cells).
         coefficients = response.closure_coefficients.reshape(2, -1, 3, ELEMENTS, CELLS_PER_ELEMENT)
         coefficients = coefficients.swapaxes(0, 1)
@@ -268,10 +268,10 @@ class VirtualFeet:
             now_n = self._force_n[rows] + share * (force_n - self._force_n)[rows]
             position = number % ELEMENTS
             self._read(CONVERSION_ORDERS["lo_shu"][position], rows, per_newton_um[position], normal, now_n)
-            if number % scan.publish_every == scan.publish_every - 1:
+            if number % scan.conversions_per_force == scan.conversions_per_force - 1:
                 sent_s = middle_s + scan.send_delay_s
                 self._break_cables(sent_s)
-                if sent_s + scan.publish_every * scan.step_s > t_s:
+                if sent_s + scan.conversions_per_force * scan.step_s > t_s:
                     self._unsent.append((middle_s, self._estimate(number, sent_s)))
         self._n_conversions = n_conversions
 
@@ -304,7 +304,11 @@ class VirtualFeet:
     def _break_cables(self, now_s: float) -> None:
         broken = self._random.random(len(self._absent_until_s)) < self._break_probability
         # Since the last published force, at any time.
-        since_s = self._scan.publish_every * self._scan.step_s * self._random.random(np.count_nonzero(broken))
+        since_s = (
+            self._scan.conversions_per_force
+            * self._scan.step_s
+            * self._random.random(np.count_nonzero(broken))
+        )
         self._absent_until_s[broken] = now_s - since_s + self._scan.absent_s
         self._stale_until_s[broken] = self._absent_until_s[broken] + self._scan.stale_s
 

@@ -43,14 +43,16 @@ def test_a_touch_that_is_not_told_is_infinitely_late() -> None:
 
 def test_a_foot_does_without_an_element_a_row_or_a_column() -> None:
     """The rest of the foot gives a force at any time, worse by what is missing."""
-    found = missing_figures(CONTEXT, "rows")
+    found = missing_figures(CONTEXT, "ad7147")
     assert all(one["no_force_share"] == 0.0 for one in found.values())
     assert 0.5 < found["element"]["direction_deg"] < found["row"]["direction_deg"] < 3.0
 
 
 @pytest.mark.slow
 def test_gains_that_are_off_turn_the_force_by_as_much() -> None:
-    found = {gain: np.mean(one["direction_deg"]) for gain, one in wrong_gain_figures(CONTEXT, "rows").items()}
+    found = {
+        gain: np.mean(one["direction_deg"]) for gain, one in wrong_gain_figures(CONTEXT, "ad7147").items()
+    }
     by_standing_deg = found.pop(BY_STANDING)
     each_deg = list(found.values())
     assert each_deg == sorted(each_deg)
@@ -59,7 +61,7 @@ def test_gains_that_are_off_turn_the_force_by_as_much() -> None:
 
 
 def test_a_step_has_settled_when_the_window_is_of_it() -> None:
-    """The window holds three scans of 7.8 ms; the last reading of them is sent some 3 ms after its middle."""
-    found = step_figures(CONTEXT, "rows")
+    """The window holds three scans of 6.9 ms; the last reading of them is sent some 3 ms after its middle."""
+    found = step_figures(CONTEXT, "ad7147")
     assert 15.0 < found["settled_p50_ms"] <= found["settled_worst_ms"] < 35.0
     assert 3.0 < found["touchdown_p50_ms"] < found["settled_p50_ms"]

@@ -53,7 +53,7 @@ def test_every_frame_decodes_with_plain_cantools_and_is_protected_right(
         assert all(b == (a + 1) % 15 for a, b in pairwise(values)), hex(can_id)
     for node in range(1, 7):
         assert len(counters[0x108 + node]) == len(counters[0x118 + node]) == walk[1]["can"]["published"]
-    assert 0.25 <= walk[1]["can"]["published"] / walk[1]["cycles"] < 0.3
+    assert 0.5 <= walk[1]["can"]["published"] / walk[1]["cycles"] < 0.55
     assert n_frames == walk[1]["can"]["sent"]
     assert walk[1]["can"]["dropped"] == 0
 
@@ -61,12 +61,12 @@ def test_every_frame_decodes_with_plain_cantools_and_is_protected_right(
 def test_the_forces_are_those_that_the_feet_felt(walk: tuple[Path, dict[str, Any]]) -> None:
     """Errors against the truth at the time of sending: a heel strike is in them."""
     figures = walk[1]
-    assert figures["cycle_rate_hz"] == pytest.approx(378, abs=5)
+    assert figures["cycle_rate_hz"] == pytest.approx(148, abs=2)
     assert figures["faulty_leg_cycles"] == 0
     assert max(figures["force_rmse_n"].values()) < 0.05
     assert figures["direction_error_deg"]["mean"] < 1.5
     assert figures["direction_error_deg"]["loaded_frames"] > 500
-    assert 3 < figures["age_ms"]["p50"] < 3.5
+    assert 2.3 < figures["age_ms"]["p50"] < 3.0
 
 
 @pytest.mark.slow

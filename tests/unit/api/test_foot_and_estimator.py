@@ -194,7 +194,7 @@ def test_arrays_that_do_not_fit_are_refused_in_one_line(
 
 def test_a_scanned_walk_without_its_times_is_refused() -> None:
     """Each element would be taken to be as new as the newest."""
-    walk = footsense.read(GOLDEN)
+    walk = footsense.read(GOLDEN.with_name("small_board.mcap"))
     with pytest.raises(
         ValueError, match=r"give their times too: run\(walk.capacitance_pf, walk.t_s, walk.reading"
     ):

@@ -31,7 +31,7 @@ def test_the_arrays_are_those_of_the_file(golden: footsense.Recording) -> None:
     assert golden.force_n.shape == golden.sigma_n.shape == (n, 6, 3)
     assert golden.capacitance_pf.shape == golden.reading_t_s.shape == (n, 6, 9)
     assert golden.true_force_n is None
-    for k in (0, 700, n - 1):
+    for k in (0, 300, n - 1):
         forces, scan = cycles[k].forces, cycles[k].scan
         assert golden.t_s[k] == (forces.t_sent_ns - start_ns) * 1e-9
         np.testing.assert_array_equal(golden.force_n[k], forces.force_n)
@@ -60,10 +60,10 @@ def test_the_events_are_those_of_the_file_on_the_axis_of_the_cycles(golden: foot
 
 def test_what_is_cut_short_is_read_as_far_as_it_is_whole(tmp_path: Path) -> None:
     cut = tmp_path / "walk.mcap.partial"
-    cut.write_bytes(GOLDEN.read_bytes()[:400_000])
+    cut.write_bytes(GOLDEN.read_bytes()[:200_000])
     with pytest.warns(UserWarning, match=r"walk.mcap.partial: cut short or damaged at byte \d+") as warned:
         walk = footsense.read(cut)
-    assert 100 < len(walk.t_s) < 1510
+    assert 100 < len(walk.t_s) < 585
     assert warned[0].filename == __file__
     cut.write_bytes(GOLDEN.read_bytes()[:3000])
     with pytest.raises(RecordingError, match="cut"):

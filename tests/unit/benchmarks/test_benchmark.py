@@ -4,10 +4,9 @@ import pytest
 
 from footsense.benchmarks.cycle import N_WARM_UP_CYCLES, compare_cycle_durations, simulated_walk_frames
 from footsense.benchmarks.scan import FREE_CONFIGURATIONS, measure_free_scan
-from footsense.benchmarks.threads import measure_threads
 from footsense.benchmarks.trace import calls_per_conversion, functions_called_steadily
 from footsense.benchmarks.virtual_feet import measure_virtual_feet
-from footsense.benchmarks.wakeup_latency import measure_wakeup_latency
+from footsense.benchmarks.wakeup_latency import measure_threads, measure_wakeup_latency
 from footsense.config import DEFAULT, SMALL_BOARD, Config
 from footsense.frames import CapFrame
 

@@ -39,8 +39,8 @@ def test_a_recording_has_its_identity_and_duration() -> None:
     found = told(GOLDEN)
     assert found["kind"] == "recording"
     assert found["sha256"] == hashlib.sha256(GOLDEN.read_bytes()).hexdigest()
-    assert found["network sha256"] == told(released_path("network-rows.onnx"))["sha256"]
-    assert (found["duration [s]"], found["cycles"]) == ("3.989", "1510")
+    assert found["network sha256"] == told(released_path("network.onnx"))["sha256"]
+    assert (found["duration [s]"], found["cycles"]) == ("3.947", "585")
     assert found["legs"] == "lf, lm, lr, rf, rm, rr"
     assert found["faults"] == "none"
 

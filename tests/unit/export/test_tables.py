@@ -22,7 +22,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("export")
     options = ["--csv", str(folder / "walk.csv")]
     result = CliRunner().invoke(main, ["export", str(GOLDEN), *options], catch_exceptions=False)
-    assert "1510 cycles" in result.output
+    assert "585 cycles" in result.output
     return folder
 
 

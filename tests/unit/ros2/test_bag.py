@@ -23,7 +23,7 @@ GOLDEN = Path(__file__).parents[2] / "golden" / "measured_walk.mcap"
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("bag") / "walk"
-    assert write_bag(Replay(GOLDEN), folder) == 1510
+    assert write_bag(Replay(GOLDEN), folder) == 585
     return folder
 
 
