@@ -7,7 +7,7 @@ from shutil import copytree
 import pytest
 from msgspec.structs import replace
 
-from footsense.config import DEFAULT, SMALL_BOARD, Config
+from footsense.config import COLUMNS, SMALL_BOARD, Config
 from footsense.daemon.foot_types import released_path
 from footsense.daemon.simulation import simulated_robot
 from footsense.errors import ModelError
@@ -44,7 +44,7 @@ def test_three_converters_that_are_not_synchronised_find_no_baseline(
 ) -> None:
     """Board `fdc1004_columns`: its readings vary by more than ten times what a tare allows, known strays or not."""
     with caplog.at_level(logging.WARNING):
-        walk = simulate_scene(coupled(), with_known_strays(DEFAULT), 3.0)
+        walk = simulate_scene(coupled(), with_known_strays(COLUMNS), 3.0)
     assert (walk.state[walk.t_sent_ns > 2e9] == State.NO_BASELINE).all()
     assert "the foot is not quiet" in caplog.text
 

@@ -80,7 +80,7 @@ def test_healthy_feet_are_not_noisy(tmp_path: Path, foot_type: str, legs: str, s
 def test_eight_legs_walk_in_two_groups_of_four(tmp_path: Path) -> None:
     """One group carries while the other swings; a client reads both from the CAN FD frames of six legs and of two."""
     places = ", ".join(f"{leg}: {place}" for place, leg in enumerate(NODE_IDS))
-    _, log = walked(tmp_path, places, "interface: virtual, fd: true", "tripod")
+    _, log = walked(tmp_path, places, "interface: virtual, fd: true", "tripod", "board: fdc1004")
     link, z_n = Link(), defaultdict(list)
     for message in can.LogReader(log):
         now_ns = round(message.timestamp * 1e9)

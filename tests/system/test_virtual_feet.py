@@ -154,7 +154,7 @@ def test_what_cannot_be_told_is_not_usable() -> None:
     feet = VirtualFeet(4)
     normal = np.array([UP, UP, [np.sqrt(0.96), 0.0, 0.2], UP])
     force_n = normal * [[0.5], [5.0], [0.5], [0.5]]
-    for t_s in np.arange(0.0, 0.1, PERIOD_S).tolist():
+    for t_s in np.arange(0.0, 0.15, PERIOD_S).tolist():
         found = feet.step(t_s, force_n, normal)
     assert found.state.tolist() == [State.VALID, State.SATURATED, State.OUT_OF_RANGE, State.VALID]
     assert (
