@@ -162,9 +162,9 @@ def test_what_cannot_be_told_is_not_usable() -> None:
     )
     feet.reset(np.array([False, False, False, True]))
     force_n[3] = 0.0
-    found = feet.step(0.101, force_n, normal)
+    found = feet.step(0.143, force_n, normal)
     assert found.state.tolist() == [State.VALID, State.SATURATED, State.OUT_OF_RANGE, State.STARTING]
-    found = feet.step(0.125, force_n, normal)
+    found = feet.step(0.18, force_n, normal)
     assert found.force_n[3] == pytest.approx(0.0, abs=0.01)
 
 
