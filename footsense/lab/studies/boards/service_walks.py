@@ -24,7 +24,7 @@ from footsense.telemetry.run_statistics import LOADED_THRESHOLD_REL
 from footsense.validation.fault_trial import PublishedWalk, simulate_scene
 
 #: Ends of the walks whose touchdowns count, and of those of the larger robots [s].
-_TOUCHES_END_S, OWN_END_S, _QUICK_END_S, _QUICK_COUPLED_END_S = 20.0, 6.0, 3.2, 1.0
+_TOUCHES_END_S, OWN_END_S, _QUICK_END_S, _QUICK_COUPLED_END_S = 20.0, 6.0, 3.2, 2.2
 #: The larger feet, and the scenes of their robots.
 OWN_FEET, _OWN_SCENES = ("hexapod-2kg", "quadruped-12kg"), ("hexapod_2kg", "quadruped_12kg")
 #: Scenes whose touchdowns count; only their loads do, not what breaks in them.
