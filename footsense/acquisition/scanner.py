@@ -26,7 +26,7 @@ import numpy as np
 
 from footsense.acquisition.boards.board import CONVERTED, ConversionStep
 from footsense.acquisition.bus_timing import BusTiming, measure_bus_timing
-from footsense.acquisition.leg_bus import MAX_ATTEMPTS, LegBus, reading_of_poll
+from footsense.acquisition.leg_bus import MAX_ATTEMPTS, LegBus
 from footsense.acquisition.leg_connection import (
     Conversion,
     LegConnection,

@@ -18,7 +18,6 @@ from footsense.sim.couplings import COUPLINGS_FILE, BoardCouplings, load_couplin
 from footsense.sim.faults.scene_faults import (
     BrokenRow,
     ChipFault,
-    ColumnsFault,
     MetalBesideTail,
     SwitchIgnoresWrites,
     WireFault,

@@ -114,9 +114,7 @@ def find_feet(device: str, adapter: I2cBus, clock: Clock, claimed: Collection[in
     return max(found, key=lambda feet: len(feet.channels), default=None)
 
 
-def _feet_behind(
-    device: str, bus: LegBus, clock: Clock, claimed: Collection[int]
-) -> Iterator[FoundFeet]:
+def _feet_behind(device: str, bus: LegBus, clock: Clock, claimed: Collection[int]) -> Iterator[FoundFeet]:
     """Yield the feet of each board behind a multiplexer, whose channels are asked for the chips of feet alone."""
     skipped = {*claimed} | {*ADDRESSES}.difference(_FDC1004_CHIPS, [_AD7147_BEHIND_MUX])
     scan = scan_bus(bus, clock, _FDC1004_PLAN, {}, claimed=skipped)
@@ -129,9 +127,7 @@ def _feet_behind(
     if single:
         yield FoundFeet(device, "ad7147", bus.mux_address, single)
     bus.free_bus()
-    channels = tuple(
-        number for number, chips in scan.channels.items() if fdc1004.ADDRESS in chips.answering
-    )
+    channels = tuple(number for number, chips in scan.channels.items() if fdc1004.ADDRESS in chips.answering)
     if channels:
         yield FoundFeet(device, "fdc1004", bus.mux_address, channels)
 

@@ -45,9 +45,7 @@ class JudgedNetwork(NamedTuple):
     direction_deg: dict[str, dict[str, float]]
 
 
-def train_and_judge(
-    subject: NetworkSubject, steps: int, part: tuple[int | None, int]
-) -> JudgedNetwork:
+def train_and_judge(subject: NetworkSubject, steps: int, part: tuple[int | None, int]) -> JudgedNetwork:
     """Return a network, and its errors.
 
     Args:

@@ -165,12 +165,12 @@ Six legs, {values["host_cost_us"]} us of the host for a transaction, the fastest
 *Sent after*: from the middle of the newest conversion to the sending of its force, without the computing. *Six legs*: a
 call of the network as the service makes it, one thread, median. Prices are planning values of the chips in a foot, for
 tens of pieces and no quotations. What all parts of board `ad7147` come to is in `bill-of-materials.csv` of
-`footsense lab fabricate`. A further bus adds an adapter to the robot, with board `fdc1004` a TCA9548A too, and nothing to
-a foot. On one bus the six AD7147 are behind a TCA9548A as well: they have four addresses.
+`footsense lab fabricate`. A further bus adds an adapter to the robot, with board `fdc1004` a TCA9548A too, and nothing
+to a foot. On one bus the six AD7147 are behind a TCA9548A as well: they have four addresses.
 
-Networks of each size are trained alike for {values["steps"]} steps, {values["n_seeds"]} starts of each; in **bold** is the
-released network, a single one, which was trained longer and with gaits of walking robots too. Each is judged at the pace, noise and range of each board, by loads
-that are the same for all boards: direction, mean over the loads (in gaits from {LOADED_N} N on); then mean, standard
+Networks of each size are trained alike for {values["steps"]} steps, {values["n_seeds"]} starts of each; in **bold**
+is the released network, a single one, which was trained longer and with gaits of walking robots too. Each is judged at
+the pace, noise and range of each board, by loads that are the same for all boards: direction, mean over the loads (in gaits from {LOADED_N} N on); then mean, standard
 deviation and worst of the starts. The response table of the training made the readings, with exact gains.
 
 {bought}

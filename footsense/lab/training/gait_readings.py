@@ -139,7 +139,9 @@ def simulate_gait_readings(
     closure_um = _gait_closures_um(Specimen(response), t_s, normal, force_n)
     element = conversion_elements(conditions.conversion_order_index, n)
     capacitance_pf = design.capacitance_pf(closure_um[np.arange(n), element])
-    measured_pf = np.minimum(capacitance_pf + conditions.noise_pf * rng.normal(size=n), conditions.range_end_pf)
+    measured_pf = np.minimum(
+        capacitance_pf + conditions.noise_pf * rng.normal(size=n), conditions.range_end_pf
+    )
     off_pf = float(np.hypot(BASELINE_NOISE_PF, conditions.baseline_drift_rms_pf))
     baseline_pf = design.unloaded_pf + off_pf * rng.normal(size=ELEMENTS)
     closure_rel = design.closure_um(measured_pf, baseline_pf[element]) / design.gap_um
@@ -253,9 +255,7 @@ def random_gaits(
     """
     seeds = np.random.SeedSequence(seed).spawn(m)
     making = Parallel(n_jobs=jobs, return_as="generator")(
-        delayed(simulate_random_gait_readings)(
-            response, np.random.default_rng(own), n, max_n, scan
-        )
+        delayed(simulate_random_gait_readings)(response, np.random.default_rng(own), n, max_n, scan)
         for own in seeds
     )
     made: list[GaitReadings] = []

@@ -108,8 +108,7 @@ def walker_gaits(
     ]
     rngs = [np.random.default_rng(own) for own in np.random.SeedSequence((seed, 1)).spawn(m)]
     making = Parallel(n_jobs=jobs, return_as="generator")(
-        delayed(_walker_gait)(response, feet[rng.integers(len(feet))], n, max_n, rng)
-        for rng in rngs
+        delayed(_walker_gait)(response, feet[rng.integers(len(feet))], n, max_n, rng) for rng in rngs
     )
     made: list[GaitReadings] = []
     with progress_bar("walkers", m) as gaits_done:

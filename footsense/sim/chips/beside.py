@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from firmware_interface.chips.ad7147 import InputConnection
-from footsense.frames import ELEMENTS, ROWS, Vector
+from footsense.frames import ELEMENTS, ROWS
 from footsense.sim.chips.chip import LineStates
 from footsense.sim.couplings import BoardCouplings, Couplings, InputState, converted_pf, potential_of
 
