@@ -17,16 +17,16 @@ LOADS = {
 }
 #: Changes of the board that the page puts into words, by their keys.
 _STEPS_OF_BOARDS = (
-    ("fdc1004_one_bus", "fdc1004_two_buses"),
-    ("fdc1004_two_buses", "ad7147_one_bus"),
+    ("one_bus", "two_buses"),
+    ("two_buses", "ad7147_one_bus"),
     ("ad7147_one_bus", "ad7147_two_buses"),
 )
 #: Ticks of the picture: ages [ms], errors [deg].
 _AGE_TICKS_MS, _ERROR_TICKS_DEG = (5, 10, 20), (0.2, 0.5, 1, 2, 5, 10, 20)
 #: Colours of the picture, by key of the board.
 _COLOURS = {
-    "fdc1004_one_bus": "tab:blue",
-    "fdc1004_two_buses": "tab:red",
+    "one_bus": "tab:blue",
+    "two_buses": "tab:red",
     "ad7147_one_bus": "tab:orange",
     "ad7147_two_buses": "tab:green",
 }
@@ -170,8 +170,9 @@ to a foot. On one bus the six AD7147 are behind a TCA9548A as well: they have fo
 
 Networks of each size are trained alike for {values["steps"]} steps, {values["n_seeds"]} starts of each; in **bold**
 is the released network, a single one, which was trained longer and with gaits of walking robots too. Each is judged at
-the pace, noise and range of each board, by loads that are the same for all boards: direction, mean over the loads (in gaits from {LOADED_N} N on); then mean, standard
-deviation and worst of the starts. The response table of the training made the readings, with exact gains.
+the pace, noise and range of each board, by loads that are the same for all boards: direction, mean over the loads (in
+gaits from {LOADED_N} N on); then mean, standard deviation and worst of the starts. The response table of the training
+made the readings, with exact gains.
 
 {bought}
 

@@ -50,15 +50,13 @@ _SHOWN_LOADS = ("measured_walk", "step")
 #: Largest capacitance that the converter of a board reads [pF].
 _RANGE_END_PF = {"ad7147": ad7147.RANGE_END_PF, "fdc1004": fdc1004.BOARD.range_end_pf}
 #: Robots of six legs by board and number of buses. On one bus the AD7147 are behind a multiplexer, too.
-_ROBOTS = {
-    "fdc1004_one_bus": CONFIGURATIONS["one_bus"],
-    "fdc1004_two_buses": CONFIGURATIONS["two_buses"],
+_ROBOTS = CONFIGURATIONS | {
     "ad7147_one_bus": replace(DEFAULT, buses=SMALL_BOARD.buses),
     "ad7147_two_buses": DEFAULT,
 }
 #: Limits of the targets: network, six legs [us]; whole cycle over the time between two frames [1], by robot.
 _WANTED_NETWORK_US = 90.0
-_WANTED_CYCLE_REL = {"ad7147_two_buses": 0.12, "fdc1004_one_bus": 0.12}
+_WANTED_CYCLE_REL = {"ad7147_two_buses": 0.12, "one_bus": 0.12}
 
 
 #: Scenes in which boards are timed and forces published.
@@ -147,7 +145,7 @@ def _board(key: str, scan: BoardScan) -> Values:
     """Return parts, price and times of a board."""
     config = _ROBOTS[key]
     return {
-        "title": key.replace("_", ", ", 1).replace("_", " "),
+        "title": f"{config.board}, {('one bus', 'two buses')[len(config.buses) - 1]}",
         "board": config.board,
         "n_chips": sum(chip.quantity for chip in chips(config.board)),
         "price_usd": sum(chip.price_usd for chip in chips(config.board)),
