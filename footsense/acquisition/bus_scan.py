@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from firmware_interface.chips import ad7147 as ad7147_chip
 from firmware_interface.chips import tca9548a
-from footsense.acquisition.boards import ad7147
+from footsense.acquisition.boards import ad7147, fdc1004
 from footsense.acquisition.bus_timing import BusTiming, measure_bus_timing
 from footsense.acquisition.leg_bus import LegBus, release_sda
 from footsense.acquisition.scan_plan import AnyPlan, FreeRunningPlan, ScanPlan
@@ -304,7 +304,7 @@ def _scan_triggered_leg(
     bus: I2cBus, plan: ScanPlan, answering: tuple[int, ...], skipped: Collection[int]
 ) -> LegScan:
     """Return the chips of the leg that is connected, whose conversions are triggered."""
-    found = _leg_scan(answering, partial(plan.board.check_identity, bus))
+    found = _leg_scan(answering, partial(fdc1004.check_identity, bus))
     if found.outcome is not Reading.OK:
         return found
     converter, switch = leg_chip_addresses(plan)

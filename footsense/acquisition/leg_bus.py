@@ -7,9 +7,9 @@ in the control byte of a TCA9548A; a leg without a mux has bit 0.
 
 import contextlib
 import logging
-from collections.abc import Callable
 
 from footsense.acquisition.boards.board import ConversionStep, DonePoll, ReadBackCheck
+from footsense.acquisition.boards.fdc1004 import decode_results
 from footsense.errors import I2cError, I2cTimeoutError, NackError
 from footsense.frames import Reading
 from footsense.ports import I2cBus, MuxResetLine, Transaction
@@ -120,20 +120,13 @@ class LegBus:
         return Reading.NO_ANSWER if answers is None else reading_of_poll(poll, answers[0])
 
     def read_result(
-        self,
-        selection: int,
-        step: ConversionStep,
-        decode: Callable[[list[bytes], int], list[tuple[Reading, float]]],
-        *,
-        whole: bool,
-        is_done: bool,
+        self, selection: int, step: ConversionStep, *, whole: bool, is_done: bool
     ) -> tuple[Reading, float]:
         """Read the result of a converter, and try again once if that fails.
 
         Args:
             selection: The leg.
             step: The conversion.
-            decode: `Board.decode_results`.
             whole: Whether to read all its registers.
             is_done: Whether it is known to be done; else it is asked first.
 
@@ -154,7 +147,7 @@ class LegBus:
                     continue
             answers = self.exchange(selection, step.read if whole else step.read_value)
             if answers is not None:
-                return decode(answers, 1)[0]
+                return decode_results(answers, 1)[0]
             reading = Reading.NO_ANSWER
         return reading, _NAN
 

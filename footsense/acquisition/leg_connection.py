@@ -19,7 +19,8 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple, TypeVar
 
 from firmware_interface.chips import tca9548a
-from footsense.acquisition.boards.board import Board, ConversionStep
+from footsense.acquisition.boards import fdc1004
+from footsense.acquisition.boards.board import ConversionStep
 from footsense.acquisition.boards.chip_timing import ChipTiming, measure_chip_timing
 from footsense.acquisition.leg_bus import LegBus, release_sda
 from footsense.acquisition.scan_plan import ScanPlan
@@ -191,14 +192,14 @@ class Conversion(NamedTuple):
     lines_selected: bool
 
 
-def time_converter(bus: LegBus, leg: LegConnection, plan: ScanPlan, clock: Clock) -> None:
+def time_converter(bus: LegBus, leg: LegConnection, clock: Clock) -> None:
     """Measure and store the timing of a leg's converter; keep the old one if it finishes no conversion.
 
     Raises:
         I2cTimeoutError: A line is held low.
     """
     try:
-        timing = measure_chip_timing(bus.connect(leg.selection), plan.board, clock)
+        timing = measure_chip_timing(bus.connect(leg.selection), clock)
     except I2cTimeoutError:
         raise
     except I2cError:
@@ -271,8 +272,8 @@ def set_up_triggered(plan: ScanPlan, bus: I2cBus, leg: LegConnection) -> Reading
         WrongChipError: Another chip answers.
         I2cError: A transaction failed otherwise.
     """
-    plan.board.check_identity(bus)
-    for write in plan.board.set_up:
+    fdc1004.check_identity(bus)
+    for write in fdc1004.SET_UP:
         bus.transfer(write)
     is_set = True
     for step in filter(None, (leg.doubted, plan.steps[0])):
@@ -304,9 +305,7 @@ def probe_due_legs(
             return
 
 
-def set_up_failed_legs(
-    bus: LegBus, legs: Sequence[LegConnection], first: ConversionStep, board: Board
-) -> None:
+def set_up_failed_legs(bus: LegBus, legs: Sequence[LegConnection], first: ConversionStep) -> None:
     """Set up again the legs that failed in this scan, for the first conversion of the next scan.
 
     The others still convert: the leg's lines are set alone, and a result that its converter holds is discarded. A
@@ -321,9 +320,9 @@ def set_up_failed_legs(
         if leg.unfinished is not None:
             leg.count_late_scan(is_late=bus.poll(leg.selection, leg.unfinished.done) is Reading.OK)
             leg.unfinished = None
-        if bus.exchange(leg.selection, (first.select, *board.make_ready)) is None:
+        if bus.exchange(leg.selection, (first.select, *fdc1004.MAKE_READY)) is None:
             continue
-        checks = first.select_check, board.setting_check
+        checks = first.select_check, fdc1004.SETTING_CHECK
         held = bus.exchange(leg.selection, tuple(check.read for check in checks))
         if held is not None:
             is_set = held == [check.expected for check in checks]

@@ -10,7 +10,7 @@ from firmware_interface.chips.fdc1004 import RATES
 from firmware_interface.schedule import ScanLowerBounds, scan_lower_bounds
 from firmware_interface.wire_timing import BUS_FREE_NS, transaction_bits
 from footsense.acquisition.boards import ad7147, fdc1004
-from footsense.acquisition.boards.board import Board, ConversionStep, conversion_wait_ns
+from footsense.acquisition.boards.board import ConversionStep, conversion_wait_ns
 from footsense.ports import Transaction
 
 #: The most conversions per second of a converter.
@@ -29,16 +29,14 @@ class Scan(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class ScanPlan(NamedTuple):
-    """Plan of one scan of a bus, which is repeated: board, conversion steps, timing.
+    """Plan of one scan of a bus with board `fdc1004`, which is repeated: conversion steps, timing.
 
     Attributes:
-        board: The electronics of its feet.
         steps: The conversions in their order; the first one follows the last one of the scan before.
         conversion_ns: Nominal time of a conversion [ns].
         conversion_wait_ns: Time after which the slowest chip within its tolerance has finished [ns].
     """
 
-    board: Board
     steps: tuple[ConversionStep, ...]
     conversion_ns: int
     conversion_wait_ns: int
@@ -79,7 +77,7 @@ class ScanPlan(NamedTuple):
         """Return whether a conversion leaves time for all checks beside all read-outs; arguments of `lower_bounds`."""
         select, step = Transaction(0, b"\0"), self.steps[0]
         reads = step.read if whole_results else step.read_value
-        checks = [step.select_check.read, self.board.setting_check.read]
+        checks = [step.select_check.read, fdc1004.SETTING_CHECK.read]
         all_of_them = [step.done.read, select, *[select, *reads] * n_legs, *checks]
         return transactions_ns(all_of_them, bus_hz, host_cost_ns) <= self.conversion_wait_ns
 
@@ -176,15 +174,14 @@ def scan_plan(rate_sps: int) -> ScanPlan:
         >>> sum(len(step.select_changes) for step in plan.steps)
         6
     """
-    board, rate = fdc1004.BOARD, RATES[rate_sps]
-    steps = [board.step(element, rate) for element in board.order]
+    rate = RATES[rate_sps]
+    steps = [fdc1004.step(element, rate) for element in fdc1004.ORDER]
     steps = [
         step._replace(select_changes=() if step.select == before.select else (step.select,))
         for step, before in zip(steps, steps[-1:] + steps[:-1], strict=True)
     ]
-    steps[-1] = steps[-1]._replace(setting_checks=(board.setting_check,))
+    steps[-1] = steps[-1]._replace(setting_checks=(fdc1004.SETTING_CHECK,))
     return ScanPlan(
-        board=board,
         steps=tuple(steps),
         conversion_ns=rate.conversion_ns,
         conversion_wait_ns=conversion_wait_ns(rate),

@@ -24,6 +24,7 @@ from operator import is_
 
 import numpy as np
 
+from footsense.acquisition.boards import fdc1004
 from footsense.acquisition.boards.board import CONVERTED, ConversionStep
 from footsense.acquisition.bus_timing import BusTiming, measure_bus_timing
 from footsense.acquisition.leg_bus import MAX_ATTEMPTS, LegBus
@@ -93,7 +94,6 @@ class BusScanner:
         self._position = self._sequence = self._n_scans = 0
         self._check_all = True
         self._late_ns = 2 * plan.conversion_wait_ns
-        self._wait_ns = plan.conversion_wait_ns  # of the conversion that runs
         self._timing_due_ns = self._lateness_due_ns = 0
         self._timed: LegConnection | None = None  # last
 
@@ -113,7 +113,7 @@ class BusScanner:
             probe_leg(self._bus, leg, self.legs, self._set_up, self.clock)
             if leg.in_scan:
                 try:
-                    time_converter(self._bus, leg, self.plan, self.clock)
+                    time_converter(self._bus, leg, self.clock)
                 except I2cTimeoutError:
                     self._leave_out_stuck_legs()
         if timing is not None and any(leg.is_timed and leg.timing.reads_whole_result for leg in self.legs):
@@ -186,7 +186,7 @@ class BusScanner:
         if running is None or is_late or not running.legs:
             legs, selection = self._active_legs()
             if legs:
-                self._bus.exchange(selection, self.plan.board.make_ready)
+                self._bus.exchange(selection, fdc1004.MAKE_READY)
             step, self._running = self.plan.steps[self._position], None
             self._running = self._start_conversion(legs, selection, step, (step.select,))
 
@@ -210,7 +210,7 @@ class BusScanner:
         all_active = len(legs) == len(self.legs)
         failed = {} if all_active else {leg: leg.outcome for leg in self.legs if leg.outcome is not _OK}
         if failed and ends:
-            set_up_failed_legs(self._bus, self.legs, following, self.plan.board)
+            set_up_failed_legs(self._bus, self.legs, following)
             legs, selection = self._active_legs()
         if legs:  # connect them while they convert; if that fails, `_start_conversion` tries again
             self._bus.exchange(selection, ())
@@ -268,21 +268,20 @@ class BusScanner:
         for leg in running.legs:
             wait_factor = max(wait_factor, leg.timing.wait_factor)
             asks_first |= not leg.timing.keeps_done_bit
-        self._wait_ns = round(self.plan.conversion_wait_ns * wait_factor)
-        self.clock.sleep_until_ns(running.t_start_ns + self._wait_ns)
+        self.clock.sleep_until_ns(running.t_start_ns + round(self.plan.conversion_wait_ns * wait_factor))
         return asks_first
 
     def _read_out(
         self, step: ConversionStep, following: ConversionStep, legs: Legs, t_start_ns: int, *, all_done: bool
     ) -> None:
         _, t_ns, capacitance_pf, readings = self.latest
-        decode, asked, answers = self.plan.board.decode_results, Legs(), list[bytes]()
+        asked, answers = Legs(), list[bytes]()
         for leg in legs if all_done else ():
             by_value = leg.in_scan and not leg.timing.reads_whole_result
             if by_value and (answer := self._bus.exchange(leg.selection, step.read_value)) is not None:
                 asked.append(leg)
                 answers += answer
-        values = iter(decode(answers, len(asked)))
+        values = iter(fdc1004.decode_results(answers, len(asked)))
         for leg in legs:
             if not leg.in_scan:  # left out since the conversion began
                 continue
@@ -290,9 +289,7 @@ class BusScanner:
                 reading, pf = next(values)
             else:  # failed, or has to be asked first, or read whole; a second time if that fails
                 whole = leg.timing.reads_whole_result
-                reading, pf = self._bus.read_result(
-                    leg.selection, step, decode, whole=whole, is_done=all_done
-                )
+                reading, pf = self._bus.read_result(leg.selection, step, whole=whole, is_done=all_done)
             at = leg.row, step.element
             capacitance_pf[at] = pf
             readings[at] = reading
@@ -385,4 +382,4 @@ class BusScanner:
             self._timing_due_ns = self.clock.now_ns() + _TIMING_PAUSE_NS
             self._timed = late
             self._running = None
-            time_converter(self._bus, self._timed, self.plan, self.clock)
+            time_converter(self._bus, self._timed, self.clock)

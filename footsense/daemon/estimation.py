@@ -65,7 +65,7 @@ def _range_end_pf(config: Config) -> float:
     """Return the capacitance over the range of a robot's converters [pF]; of unknown ones the most of any."""
     if config.board == "ad7147":
         return ad7147.RANGE_END_PF
-    return fdc1004.BOARD.range_end_pf if config.board == "fdc1004" else CONVERTER_MAX_PF
+    return fdc1004.RANGE_END_PF if config.board == "fdc1004" else CONVERTER_MAX_PF
 
 
 def mounted_feet(models: Models) -> MountedFeet:

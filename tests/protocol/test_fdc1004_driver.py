@@ -54,7 +54,7 @@ def test_silence_is_explained_in_words() -> None:
 def test_configuration_is_reset_then_one_cin_per_slot() -> None:
     """Reset is bit 15 of 0x0C; CHA = CINn, CHB = disabled gives 0x1C00, 0x3C00, 0x5C00 in 0x08 to 0x0A."""
     writes = (b"\x0c\x80\x00", b"\x08\x1c\x00", b"\x09\x3c\x00", b"\x0a\x5c\x00")
-    assert fdc1004.BOARD.set_up == tuple(Transaction(0x50, write) for write in writes)
+    assert tuple(Transaction(0x50, write) for write in writes) == fdc1004.SET_UP
 
 
 def test_the_plan_triggers_one_measurement_at_a_time() -> None:

@@ -1,15 +1,11 @@
-"""Data types of an electronics board as the scanner uses it: transactions of an element, and their decoding.
+"""Data types of an electronics board as the scanner uses it: transactions of an element, and read-back checks."""
 
-Each board is a value of `Board`, which the module of its converter makes for the rows and columns of a foot.
-"""
-
-from collections.abc import Callable
 from typing import NamedTuple
 
 from firmware_interface.chips.fdc1004 import CLOCK_TOLERANCE_REL, Fdc1004Rate
 from footsense.errors import WrongChipError
 from footsense.frames import Reading
-from footsense.ports import I2cBus, Transaction
+from footsense.ports import Transaction
 
 
 class ReadBackCheck(NamedTuple):
@@ -95,33 +91,6 @@ def require_identity(answer: bytes, name: str, identity: bytes, address: int, ot
     raise WrongChipError(
         f"identity {answer.hex(' ')} at {address:#04x}, {name} says {identity.hex(' ')}; {why}"
     )
-
-
-class Board(NamedTuple):
-    """Electronics board of a leg: conversion steps, chip setup, and decoding of the results.
-
-    Attributes:
-        order: Elements in the order of a scan.
-        step: A conversion, by the flat index of its element and the rate.
-        check_identity: Checks that the connected converter is the right one. Raises HardwareError if none answers,
-            WrongChipError if another chip does, and I2cError.
-        set_up: Writes that reset and configure the converter.
-        decode_results: Reading and capacitance [pF] of each of some results, from the answers to all of their
-            `ConversionStep.read` or `read_value` and their number; NaN unless the reading is OK.
-        make_ready: Brings converters in an unknown state to where they can convert: no conversion that would still end,
-            and no result left to be read.
-        setting_check: The settings of the converter, which a dip of its supply resets; asked once a scan.
-        range_end_pf: Least capacitance of an element over the range [pF].
-    """
-
-    order: tuple[int, ...]
-    step: Callable[[int, Fdc1004Rate], ConversionStep]
-    check_identity: Callable[[I2cBus], None]
-    set_up: tuple[Transaction, ...]
-    decode_results: Callable[[list[bytes], int], list[tuple[Reading, float]]]
-    make_ready: tuple[Transaction, ...]
-    setting_check: ReadBackCheck
-    range_end_pf: float
 
 
 def conversion_wait_ns(rate: Fdc1004Rate) -> int:

@@ -8,7 +8,6 @@ from firmware_interface.chips import adg715
 from firmware_interface.chips import fdc1004 as chip
 from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.acquisition.boards.board import (
-    Board,
     ConversionStep,
     DonePoll,
     ReadBackCheck,
@@ -23,6 +22,10 @@ _CONF_BITS_ALWAYS_ZERO = 0x7300
 #: Upper words of a result at the ends of the range.
 _RANGE_END_CODES = {b"\x7f\xff", b"\x80\x00"}
 _NAN = float("nan")
+#: Elements in the order of a scan.
+ORDER = CONVERSION_ORDERS["lo_shu"]
+#: Least capacitance of an element over the range [pF].
+RANGE_END_PF = chip.capacitance_pf(chip.CODE_MAX)
 _IDENTITY = {
     chip.Fdc1004Register.MANUFACTURER_ID: chip.MANUFACTURER_ID,
     chip.Fdc1004Register.DEVICE_ID: chip.DEVICE_ID,
@@ -37,6 +40,28 @@ def write_register(register: int, word: int) -> Transaction:
 def read_register(register: int) -> Transaction:
     """Return the transaction that reads one 16-bit register."""
     return Transaction(chip.ADDRESS, bytes((register,)), n_read=2)
+
+
+#: Writes that reset and configure the converter: measurement n converts CIN n without CAPDAC (section 8.6.1.2).
+SET_UP = (
+    write_register(chip.Fdc1004Register.FDC_CONF, chip.CONF_RESET.encode(1)),
+    *(
+        write_register(chip.Fdc1004Register.CONF_MEAS1 + slot, chip.measurement_config(slot))
+        for slot in range(ROWS)
+    ),
+)
+#: Brings converters in an unknown state to where they can convert: no conversion that would still end, and no result
+#: left to be read. Another measurement, which nobody reads, ends the one that runs: that would set its DONE bit after
+#: these reads.
+MAKE_READY = (
+    write_register(chip.Fdc1004Register.FDC_CONF, chip.trigger_config(chip.RATES[100], chip.N_SLOTS - 1)),
+    *(read_register(register) for register in range(2 * ROWS)),
+)
+#: The settings of the converter, which a dip of its supply resets; asked once a scan. The second measurement's
+#: configuration reads as the first one's after a reset.
+SETTING_CHECK = ReadBackCheck(
+    read_register(chip.Fdc1004Register.CONF_MEAS1 + 1), chip.measurement_config(1).to_bytes(2, "big")
+)
 
 
 def step(element: int, rate: chip.Fdc1004Rate) -> ConversionStep:
@@ -116,30 +141,3 @@ def decode_results(answers: list[bytes], n: int) -> list[tuple[Reading, float]]:
             code = int.from_bytes(upper + lower[:1], "big", signed=True)
             results.append((Reading.OK, code / chip.CODES_PER_PF))
     return results
-
-
-#: The board `fdc1004`.
-BOARD = Board(
-    order=CONVERSION_ORDERS["lo_shu"],
-    step=step,
-    check_identity=check_identity,
-    # Measurement n converts CIN n without CAPDAC (section 8.6.1.2).
-    set_up=(
-        write_register(chip.Fdc1004Register.FDC_CONF, chip.CONF_RESET.encode(1)),
-        *(
-            write_register(chip.Fdc1004Register.CONF_MEAS1 + slot, chip.measurement_config(slot))
-            for slot in range(ROWS)
-        ),
-    ),
-    decode_results=decode_results,
-    # Another measurement, which nobody reads, ends the one that runs: that would set its DONE bit after these reads.
-    make_ready=(
-        write_register(chip.Fdc1004Register.FDC_CONF, chip.trigger_config(chip.RATES[100], chip.N_SLOTS - 1)),
-        *(read_register(register) for register in range(2 * ROWS)),
-    ),
-    # The second measurement's configuration reads as the first one's after a reset.
-    setting_check=ReadBackCheck(
-        read_register(chip.Fdc1004Register.CONF_MEAS1 + 1), chip.measurement_config(1).to_bytes(2, "big")
-    ),
-    range_end_pf=chip.capacitance_pf(chip.CODE_MAX),
-)

@@ -58,8 +58,8 @@ class EventLags(NamedTuple):
     fall_sigma_s: float
 
 
-#: Of slow and of fast scans (`EstimationLimits.is_fast_scan`). Fitted to the touches of the walkers' training and selection, without hops
-#: and landings.
+#: Of slow and of fast scans (`EstimationLimits.is_fast_scan`). Fitted to the touches of the walkers' training and
+#: selection, without hops and landings.
 SLOW_SCAN_LAGS = EventLags(12.6e-3, 4.0e-3, 0.62, 0.35, 24e-3, 5.5e-3)
 FAST_SCAN_LAGS = EventLags(6.25e-3, 1.8e-3, 0.93, 0.25, 13e-3, 5.5e-3)
 

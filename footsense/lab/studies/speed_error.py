@@ -48,7 +48,7 @@ _SHOWN_LOADS = ("measured_walk", "step")
 
 
 #: Largest capacitance that the converter of a board reads [pF].
-_RANGE_END_PF = {"ad7147": ad7147.RANGE_END_PF, "fdc1004": fdc1004.BOARD.range_end_pf}
+_RANGE_END_PF = {"ad7147": ad7147.RANGE_END_PF, "fdc1004": fdc1004.RANGE_END_PF}
 #: Robots of six legs by board and number of buses. On one bus the AD7147 are behind a multiplexer, too.
 _ROBOTS = CONFIGURATIONS | {
     "ad7147_one_bus": replace(DEFAULT, buses=SMALL_BOARD.buses),
