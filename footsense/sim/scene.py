@@ -84,8 +84,8 @@ class Effects(ScenePart, frozen=True):
         keeps_old_result: Whether a result of a FDC1004 that is being converted still reads as the old one.
         ad7147: What kind of chips AD7147 are.
         stray_pf: Capacitance to ground in parallel with every element [pF].
-        couplings: What lies beside the measured lines, as the foot type's table has it; None for nothing. Board
-            `ad7746` has none, nor `mcu`.
+        couplings: What lies beside the measured lines, as the foot type's table has it; None for nothing. Board `mcu`
+            has none.
         gap_contact: Whether a closed gap carries load; else its closure is only limited.
         rubber: Whether the feet creep and show hysteresis (`sim/rubber.py`).
         warming: Change of temperature; None for none.
