@@ -16,7 +16,4 @@ column, so that a converter with a measurement slot for each column reads from o
 CONVERSION_ORDERS = {
     "lo_shu": (5, 0, 7, 6, 4, 2, 1, 8, 3),
     "raster": tuple(range(9)),
-    "rows": tuple(range(9)),
 }
-#: Elements that one conversion reads, in the same order of names.
-ELEMENTS_AT_ONCE = {"lo_shu": 1, "raster": 1, "rows": 3}

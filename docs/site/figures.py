@@ -317,19 +317,8 @@ def _couplings() -> dict[str, str]:
     found = {
         f"couplings.{board}.metal-ff": spread(of_board.element_metal_ff) for board, of_board in boards.items()
     }
-    columns = boards["fdc1004_columns"]
-    foreign = [
-        sum(
-            mutual
-            for other, mutual in zip(columns.conductors[:-1], row, strict=False)
-            if other[-1] != name[-1]
-        )
-        for name, row in zip(columns.conductors, columns.mutual_ff, strict=True)
-        if name.startswith("row")
-    ]
     stray_pf = unloaded_stray_pf("fdc1004", boards["fdc1004"], Couplings(), _UNLOADED_PF)
     return found | {
-        "couplings.foreign-ff": spread(foreign),
         "couplings.stray-pf": f"{min(stray_pf):.1f} to {max(stray_pf):.1f}",
     }
 

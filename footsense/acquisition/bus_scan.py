@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from firmware_interface.chips import ad7147 as ad7147_chip
 from firmware_interface.chips import tca9548a
-from footsense.acquisition.boards import ad7147
+from footsense.acquisition.boards import ad7147, fdc1004
 from footsense.acquisition.bus_timing import BusTiming, measure_bus_timing
 from footsense.acquisition.leg_bus import LegBus, release_sda
 from footsense.acquisition.scan_plan import AnyPlan, FreeRunningPlan, ScanPlan
@@ -162,15 +162,10 @@ class BusScan(NamedTuple):
 
 
 def leg_chip_addresses(plan: AnyPlan) -> tuple[int, ...]:
-    """Return the I2C addresses that the chips of every leg behind a mux have: the converters' first."""
+    """Return the I2C addresses that the chips of every leg behind a mux have: the converter's first."""
     if isinstance(plan, FreeRunningPlan):
         return ad7147_chip.ADDRESSES[:1]
-    return (*converter_addresses(plan), *(select.address for select in plan.steps[0].select))
-
-
-def converter_addresses(plan: ScanPlan) -> tuple[int, ...]:
-    """Return the I2C addresses of a leg's converters."""
-    return tuple(result.trigger.address for result in plan.steps[0].results)
+    return plan.steps[0].trigger.address, plan.steps[0].select.address
 
 
 def is_ad7147(bus: I2cBus, address: int) -> bool:
@@ -309,14 +304,13 @@ def _scan_triggered_leg(
     bus: I2cBus, plan: ScanPlan, answering: tuple[int, ...], skipped: Collection[int]
 ) -> LegScan:
     """Return the chips of the leg that is connected, whose conversions are triggered."""
-    found = _leg_scan(answering, partial(plan.board.check_identity, bus))
+    found = _leg_scan(answering, partial(fdc1004.check_identity, bus))
     if found.outcome is not Reading.OK:
         return found
-    for address in leg_chip_addresses(plan)[len(converter_addresses(plan)) :]:
-        if address not in answering and address not in skipped:
-            converter = converter_addresses(plan)[0]
-            why = f"no row switch answers at {address:#04x}, though a converter does at {converter:#04x}"
-            return LegScan(answering, Reading.NO_ANSWER, why)
+    converter, switch = leg_chip_addresses(plan)
+    if switch not in answering and switch not in skipped:
+        why = f"no row switch answers at {switch:#04x}, though a converter does at {converter:#04x}"
+        return LegScan(answering, Reading.NO_ANSWER, why)
     return found
 
 

@@ -38,10 +38,6 @@ class BusTiming(NamedTuple):
     conversions_ns: int
     all_checks_fit: bool
 
-    def bus_time_ns(self, transaction: Transaction) -> int:
-        """Return the time of a transaction on the wire [ns]: without what the host adds, and the time between two."""
-        return round(transaction_bits(len(transaction.write), transaction.n_read) * 1e9 / self.bus_hz)
-
     def with_whole_results(self, plan: AnyPlan, n_legs: int) -> "BusTiming":
         """Return the timing of the same bus if whole results have to be read of its legs' chips."""
         return _timing(self.bus_hz, self.host_ns_per_transaction, plan, n_legs, whole_results=True)

@@ -7,10 +7,9 @@ in the control byte of a TCA9548A; a leg without a mux has bit 0.
 
 import contextlib
 import logging
-from collections.abc import Callable, Sequence
-from operator import attrgetter
 
-from footsense.acquisition.boards.board import DonePoll, ElementResult, ReadBackCheck
+from footsense.acquisition.boards.board import ConversionStep, DonePoll, ReadBackCheck
+from footsense.acquisition.boards.fdc1004 import decode_results
 from footsense.errors import I2cError, I2cTimeoutError, NackError
 from footsense.frames import Reading
 from footsense.ports import I2cBus, MuxResetLine, Transaction
@@ -18,7 +17,6 @@ from footsense.ports import I2cBus, MuxResetLine, Transaction
 _log = logging.getLogger(__name__)
 
 _NAN = float("nan")
-_READ = attrgetter("read")
 #: Attempts of a transaction before it counts as failed, and of a conversion on a bus with stuck lines.
 MAX_ATTEMPTS = 2
 
@@ -45,16 +43,12 @@ def release_sda(bus: I2cBus) -> None:
     raise I2cTimeoutError("SDA is held low: an address that no chip has is acknowledged")
 
 
-def reading_of_polls(polls: Sequence[DonePoll], answers: Sequence[bytes]) -> Reading:
-    """Return OK if all conversions are done, NOT_READY if one is not, CORRUPT if an answer is none of such a chip."""
-    reading = Reading.OK
-    for poll, answer in zip(polls, answers, strict=True):
-        word = int.from_bytes(answer, "big")
-        if word & poll.never_set:
-            reading = Reading.CORRUPT if reading is Reading.OK else reading
-        elif not word & poll.done:
-            reading = Reading.NOT_READY
-    return reading
+def reading_of_poll(poll: DonePoll, answer: bytes) -> Reading:
+    """Return OK if a conversion is done, NOT_READY if it is not, CORRUPT if the answer is none of such a chip."""
+    word = int.from_bytes(answer, "big")
+    if word & poll.never_set:
+        return Reading.CORRUPT
+    return Reading.OK if word & poll.done else Reading.NOT_READY
 
 
 class LegBus:
@@ -116,30 +110,23 @@ class LegBus:
             self.forget_selection()
             return None
 
-    def poll(self, selection: int, polls: tuple[DonePoll, ...]) -> Reading:
-        """Ask some legs whether conversions are done, as of `reading_of_polls`; NO_ANSWER if that fails.
+    def poll(self, selection: int, poll: DonePoll) -> Reading:
+        """Ask some legs whether a conversion is done, as of `reading_of_poll`; NO_ANSWER if that fails.
 
         Raises:
             I2cTimeoutError: A line is held low.
         """
-        answers = self.exchange(selection, tuple(map(_READ, polls)))
-        return Reading.NO_ANSWER if answers is None else reading_of_polls(polls, answers)
+        answers = self.exchange(selection, (poll.read,))
+        return Reading.NO_ANSWER if answers is None else reading_of_poll(poll, answers[0])
 
     def read_result(
-        self,
-        selection: int,
-        result: ElementResult,
-        decode: Callable[[list[bytes], int], list[tuple[Reading, float]]],
-        *,
-        whole: bool,
-        is_done: bool,
+        self, selection: int, step: ConversionStep, *, whole: bool, is_done: bool
     ) -> tuple[Reading, float]:
         """Read the result of a converter, and try again once if that fails.
 
         Args:
             selection: The leg.
-            result: The conversion.
-            decode: `Board.decode_results`.
+            step: The conversion.
             whole: Whether to read all its registers.
             is_done: Whether it is known to be done; else it is asked first.
 
@@ -153,14 +140,14 @@ class LegBus:
         reading = Reading.NO_ANSWER
         for _ in range(MAX_ATTEMPTS):
             if not is_done:
-                reading = self.poll(selection, (result.done,))
+                reading = self.poll(selection, step.done)
                 if reading is Reading.NOT_READY:
                     break
                 if reading is not Reading.OK:
                     continue
-            answers = self.exchange(selection, result.read if whole else result.read_value)
+            answers = self.exchange(selection, step.read if whole else step.read_value)
             if answers is not None:
-                return decode(answers, 1)[0]
+                return decode_results(answers, 1)[0]
             reading = Reading.NO_ANSWER
         return reading, _NAN
 

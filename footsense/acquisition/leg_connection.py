@@ -19,8 +19,9 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple, TypeVar
 
 from firmware_interface.chips import tca9548a
-from footsense.acquisition.boards.board import Board, ConversionStep
-from footsense.acquisition.boards.chip_timing import ChipTiming, measure_chip_timings
+from footsense.acquisition.boards import fdc1004
+from footsense.acquisition.boards.board import ConversionStep
+from footsense.acquisition.boards.chip_timing import ChipTiming, measure_chip_timing
 from footsense.acquisition.leg_bus import LegBus, release_sda
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.errors import HardwareError, I2cError, I2cTimeoutError, WrongChipError
@@ -62,7 +63,6 @@ class LegConnection:
         row: Row of the leg in the readings of its bus.
         harmless_read: Read of one of its chips that changes nothing.
         most_misses: Scans in a row with a missing reading after which it is left out.
-        n_converters: Number of its converters.
 
     Attributes:
         name, row, harmless_read: As given.
@@ -71,8 +71,7 @@ class LegConnection:
         outcome: OK, or why the leg gives no reading in this scan, or since it was left out.
         is_suspect: Whether `count_misses` needs the next scan even if no reading is missing.
         retry_at_ns: Time at which a leg that was left out is tried again [ns].
-        timings: Timing of each of its converters.
-        timing: The slower way of all of them.
+        timing: Timing of its converter.
         is_timed: Whether that was measured, and it has not been late since.
         unfinished: Step of the scan that had not finished when it was asked for; None for none.
         doubted: Step whose lines it did not read back alone, for the next try; None for none.
@@ -80,13 +79,7 @@ class LegConnection:
     """
 
     def __init__(
-        self,
-        name: str,
-        channel: int,
-        row: int,
-        harmless_read: Transaction,
-        most_misses: int,
-        n_converters: int = 1,
+        self, name: str, channel: int, row: int, harmless_read: Transaction, most_misses: int
     ) -> None:
         self.name = name
         self.row = row
@@ -97,7 +90,6 @@ class LegConnection:
         self.is_suspect = True
         self.retry_at_ns = 0
         self.timing = ChipTiming()
-        self.timings = (self.timing,) * n_converters
         self.is_timed = False
         self.unfinished: ConversionStep | None = None
         self._n_late_scans = 0
@@ -105,7 +97,7 @@ class LegConnection:
         self._misses = 0
         self._most_misses = most_misses
         self._pause_ns = _FIRST_PAUSE_NS
-        self._has_several_converters, self.why = n_converters > 1, ""
+        self.why = ""
 
     def join_scan(self) -> None:
         """Add the leg to the scan, after its chips were found and set up."""
@@ -115,24 +107,17 @@ class LegConnection:
         self.outcome = Reading.OK
         self._misses = 0
 
-    def set_timings(self, timings: Sequence[ChipTiming | None]) -> None:
-        """Store the measured timings of the leg's converters, None for as before; log a slow converter once."""
-        measured = tuple(new or old for new, old in zip(timings, self.timings, strict=True))
-        for column, (new, old) in enumerate(zip(measured, self.timings, strict=True)):
-            if new.wait_factor > 1.0 >= old.wait_factor:
-                _log.warning(
-                    "leg %s%s: its conversions take up to %.0f %% longer than the slowest converter may; those of the "
-                    "legs beside it wait for them",
-                    self.name,
-                    f", column {column}" if len(measured) > 1 else "",
-                    100 * (new.wait_factor - 1),
-                )
-        self.timings = measured
-        self.timing = ChipTiming(
-            max(each.wait_factor for each in measured),
-            all(each.keeps_done_bit for each in measured),
-            any(each.reads_whole_result for each in measured),
-        )
+    def set_timing(self, timing: ChipTiming | None) -> None:
+        """Store the measured timing of the leg's converter, None for as before; log a slow converter once."""
+        measured = timing or self.timing
+        if measured.wait_factor > 1.0 >= self.timing.wait_factor:
+            _log.warning(
+                "leg %s: its conversions take up to %.0f %% longer than the slowest converter may; those of the "
+                "legs beside it wait for them",
+                self.name,
+                100 * (measured.wait_factor - 1),
+            )
+        self.timing = measured
         self.is_timed = True
         self._n_late_scans = 0
 
@@ -171,10 +156,8 @@ class LegConnection:
             why: The same in words; by default the meaning of the reading. None for no line: its bus has one.
             pause_factor: Factor on the pause.
         """
-        # Which of several converters it is, only a try tells.
-        is_told = bool(why) and self._has_several_converters and why != self.why
         self.why = why or ""
-        if why is not None and (outcome is not self.outcome or self._pause_ns == _FIRST_PAUSE_NS or is_told):
+        if why is not None and (outcome is not self.outcome or self._pause_ns == _FIRST_PAUSE_NS):
             _log.warning(
                 "leg %s: %s; left out of the scan, and tried again at least every %g s",
                 self.name,
@@ -185,7 +168,6 @@ class LegConnection:
         self.is_suspect = True
         self.outcome = outcome
         # Another chip may come back.
-        self.timings = tuple(each._replace(reads_whole_result=True) for each in self.timings)
         self.timing = self.timing._replace(reads_whole_result=True)
         self.retry_at_ns = now_ns + round(pause_factor * self._pause_ns)
         self._pause_ns = min(2 * self._pause_ns, _MAX_PAUSE_NS)
@@ -200,30 +182,30 @@ class Conversion(NamedTuple):
     """A running conversion of the legs of a bus.
 
     Attributes:
-        t_starts_ns: Time at the end of the trigger of each converter of a leg [ns].
+        t_start_ns: Time at the end of its trigger [ns].
         legs: Legs that convert; none if a transaction failed, or if no leg is active.
         lines_selected: Whether lines were selected for it, or left from the step before.
     """
 
-    t_starts_ns: Sequence[int]
+    t_start_ns: int
     legs: Legs
     lines_selected: bool
 
 
-def time_converter(bus: LegBus, leg: LegConnection, plan: ScanPlan, clock: Clock) -> None:
-    """Measure and store the timing of a leg's converters; keep the old one of those that finish no conversion.
+def time_converter(bus: LegBus, leg: LegConnection, clock: Clock) -> None:
+    """Measure and store the timing of a leg's converter; keep the old one if it finishes no conversion.
 
     Raises:
         I2cTimeoutError: A line is held low.
     """
     try:
-        timings = measure_chip_timings(bus.connect(leg.selection), plan.board, clock)
+        timing = measure_chip_timing(bus.connect(leg.selection), clock)
     except I2cTimeoutError:
         raise
     except I2cError:
         bus.forget_selection()
     else:
-        leg.set_timings(timings)
+        leg.set_timing(timing)
 
 
 def probe_leg(
@@ -290,15 +272,14 @@ def set_up_triggered(plan: ScanPlan, bus: I2cBus, leg: LegConnection) -> Reading
         WrongChipError: Another chip answers.
         I2cError: A transaction failed otherwise.
     """
-    plan.board.check_identity(bus)
-    for write in plan.board.set_up:
+    fdc1004.check_identity(bus)
+    for write in fdc1004.SET_UP:
         bus.transfer(write)
     is_set = True
     for step in filter(None, (leg.doubted, plan.steps[0])):
-        for write in step.select:
-            bus.transfer(write)
+        bus.transfer(step.select)
         if step is leg.doubted:
-            is_set = all(bus.transfer(ask) == held for ask, held in step.select_checks)
+            is_set = bus.transfer(step.select_check.read) == step.select_check.expected
     return Reading.OK if is_set else Reading.MISCONFIGURED
 
 
@@ -324,14 +305,11 @@ def probe_due_legs(
             return
 
 
-def set_up_failed_legs(
-    bus: LegBus, legs: Sequence[LegConnection], first: ConversionStep, board: Board
-) -> None:
+def set_up_failed_legs(bus: LegBus, legs: Sequence[LegConnection], first: ConversionStep) -> None:
     """Set up again the legs that failed in this scan, for the first conversion of the next scan.
 
     The others still convert: the leg's lines are set alone, and a result that its converter holds is discarded. A
-    conversion that has finished by now was late; else the converter hangs, or was reset: then its settings are lost. A
-    board without lines is made ready with its settings.
+    conversion that has finished by now was late; else the converter hangs, or was reset: then its settings are lost.
 
     Raises:
         I2cTimeoutError: A line is held low.
@@ -342,9 +320,9 @@ def set_up_failed_legs(
         if leg.unfinished is not None:
             leg.count_late_scan(is_late=bus.poll(leg.selection, leg.unfinished.done) is Reading.OK)
             leg.unfinished = None
-        if bus.exchange(leg.selection, (*first.select, *board.make_ready)) is None:
+        if bus.exchange(leg.selection, (first.select, *fdc1004.MAKE_READY)) is None:
             continue
-        checks = (*first.select_checks, *board.setting_checks) if first.select_checks else ()
+        checks = first.select_check, fdc1004.SETTING_CHECK
         held = bus.exchange(leg.selection, tuple(check.read for check in checks))
         if held is not None:
             is_set = held == [check.expected for check in checks]

@@ -1,7 +1,6 @@
 """Plan of a scan: order of the conversions, and the I2C transactions that they need."""
 
-from collections.abc import Iterable, Mapping
-from types import MappingProxyType
+from collections.abc import Iterable
 from typing import Literal, NamedTuple
 
 from msgspec import Struct
@@ -10,14 +9,10 @@ from firmware_interface.chips.ad7147 import CLOCK_TOLERANCE_REL
 from firmware_interface.chips.fdc1004 import RATES
 from firmware_interface.schedule import ScanLowerBounds, scan_lower_bounds
 from firmware_interface.wire_timing import BUS_FREE_NS, transaction_bits
-from footsense.acquisition.boards import ad7147, fdc1004, fdc1004_columns
-from footsense.acquisition.boards.board import Board, ConversionStep, ReadBackCheck, conversion_wait_ns
+from footsense.acquisition.boards import ad7147, fdc1004
+from footsense.acquisition.boards.board import ConversionStep, conversion_wait_ns
 from footsense.ports import Transaction
 
-#: The boards whose conversions are triggered, by their names in a configuration.
-BOARDS: Mapping[str, Board] = MappingProxyType(
-    {"fdc1004": fdc1004.BOARD, "fdc1004_columns": fdc1004_columns.BOARD}
-)
 #: The most conversions per second of a converter.
 FASTEST_SPS = max(RATES)
 
@@ -34,16 +29,14 @@ class Scan(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class ScanPlan(NamedTuple):
-    """Plan of one scan of a bus, which is repeated: board, conversion steps, timing.
+    """Plan of one scan of a bus with board `fdc1004`, which is repeated: conversion steps, timing.
 
     Attributes:
-        board: The electronics of its feet.
         steps: The conversions in their order; the first one follows the last one of the scan before.
         conversion_ns: Nominal time of a conversion [ns].
         conversion_wait_ns: Time after which the slowest chip within its tolerance has finished [ns].
     """
 
-    board: Board
     steps: tuple[ConversionStep, ...]
     conversion_ns: int
     conversion_wait_ns: int
@@ -59,14 +52,13 @@ class ScanPlan(NamedTuple):
             host_cost_ns: Time that the host adds to each transaction [ns].
             whole_results: Whether a converter has both registers of a result read.
         """
-        result = self.steps[0].results[0]
+        step = self.steps[0]
         return scan_lower_bounds(
             n_legs=n_legs,
             conversion_ns=self.conversion_ns,
             bus_hz=bus_hz,
             host_cost_ns=host_cost_ns,
-            n_result_reads=len(result.read if whole_results else result.read_value),
-            traffic=self.board.traffic,
+            n_result_reads=len(step.read if whole_results else step.read_value),
         )
 
     @property
@@ -76,19 +68,17 @@ class ScanPlan(NamedTuple):
 
     @property
     def harmless_read(self) -> Transaction:
-        """Read of a chip of a leg that changes nothing: of the row switch, or of a converter's setting without one."""
-        return (*self.steps[0].select_checks, *self.board.setting_checks)[0].read
+        """Read of a chip of a leg that changes nothing: of the row switch."""
+        return self.steps[0].select_check.read
 
     def all_checks_fit(
         self, n_legs: int, bus_hz: float, host_cost_ns: float, *, whole_results: bool = False
     ) -> bool:
         """Return whether a conversion leaves time for all checks beside all read-outs; arguments of `lower_bounds`."""
         select, step = Transaction(0, b"\0"), self.steps[0]
-        reads = [read for each in step.results for read in (each.read if whole_results else each.read_value)]
-        others = [done.read for done in step.done_after_start]
-        others += [result.trigger for result in step.results[1:]]
-        checks = [check.read for check in (*step.select_checks, *self.steps[-1].setting_checks)]
-        all_of_them = [*others, select, *[select, *reads] * n_legs, *checks]
+        reads = step.read if whole_results else step.read_value
+        checks = [step.select_check.read, fdc1004.SETTING_CHECK.read]
+        all_of_them = [step.done.read, select, *[select, *reads] * n_legs, *checks]
         return transactions_ns(all_of_them, bus_hz, host_cost_ns) <= self.conversion_wait_ns
 
 
@@ -171,45 +161,27 @@ def bus_overload(plan: AnyPlan, bounds: ScanLowerBounds) -> str | None:
     )
 
 
-def scan_plan(rate_sps: int, board: str = "fdc1004") -> ScanPlan:
-    """Return the plan of a scan with a board: its conversions, in the board's order.
+def scan_plan(rate_sps: int) -> ScanPlan:
+    """Return the plan of a scan with board `fdc1004`: its conversions, in the board's order.
 
     Args:
         rate_sps: Conversions per second of a converter, a key of RATES.
-        board: A key of BOARDS.
 
     Example:
         >>> plan = scan_plan(400)
-        >>> [step.results[0].element for step in plan.steps]
+        >>> [step.element for step in plan.steps]
         [5, 0, 7, 6, 4, 2, 1, 8, 3]
         >>> sum(len(step.select_changes) for step in plan.steps)
         6
-        >>> [[result.element for result in step.results] for step in scan_plan(400, "fdc1004_columns").steps]
-        [[0, 1, 2], [3, 4, 5], [6, 7, 8]]
     """
-    electronics = BOARDS[board]
     rate = RATES[rate_sps]
-    steps = [electronics.step(element, rate) for element in electronics.order]
-    asked = [tuple(result.done for result in step.results) for step in steps]
+    steps = [fdc1004.step(element, rate) for element in fdc1004.ORDER]
     steps = [
-        step._replace(
-            done=done,
-            done_after_start=step.done_after_start or done,
-            polls_after_start=tuple(poll.read for poll in step.done_after_start or done),
-            select_changes=tuple(write for write in step.select if write not in before.select),
-            select_checks=tuple(
-                ReadBackCheck(Transaction(write.address, b"", n_read=1), write.write) for write in step.select
-            ),
-            elements=tuple(result.element for result in step.results),
-            reads=tuple(read for result in step.results for read in result.read_value),
-        )
-        for step, before, done in zip(steps, steps[-1:] + steps[:-1], asked, strict=True)
+        step._replace(select_changes=() if step.select == before.select else (step.select,))
+        for step, before in zip(steps, steps[-1:] + steps[:-1], strict=True)
     ]
-    # One a step, so that none is much longer than the others.
-    for n, check in enumerate(electronics.setting_checks, -len(electronics.setting_checks)):
-        steps[n] = steps[n]._replace(setting_checks=(check,))
+    steps[-1] = steps[-1]._replace(setting_checks=(fdc1004.SETTING_CHECK,))
     return ScanPlan(
-        board=electronics,
         steps=tuple(steps),
         conversion_ns=rate.conversion_ns,
         conversion_wait_ns=conversion_wait_ns(rate),

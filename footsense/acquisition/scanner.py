@@ -9,8 +9,7 @@ One conversion of six legs, with what overlaps it and what cannot:
 `lines` (the element's row) and `trigger` go to all legs at once. Whether the
 conversions are done, and whether lines and settings are held, is asked of all legs in one read: the answers are a wired
 AND, and only when the result differs is each leg asked alone. A result is read while the next conversion runs. A leg
-that fails is left out for the rest of the scan, so that it costs the others no time. Several converters of a leg are
-triggered, asked and read one after the other. Without lines a trigger ends with the conversion before it.
+that fails is left out for the rest of the scan, so that it costs the others no time.
 
 A line that is held low blocks the bus: the leg that holds it is left out, and all conversions restart. Where a
 conversion leaves no time for the checks of lines and settings, they are made in one step a scan, in turn. Once a second
@@ -21,14 +20,14 @@ leg the readings of one.
 """
 
 from functools import partial
-from itertools import islice
 from operator import is_
 
 import numpy as np
 
+from footsense.acquisition.boards import fdc1004
 from footsense.acquisition.boards.board import CONVERTED, ConversionStep
 from footsense.acquisition.bus_timing import BusTiming, measure_bus_timing
-from footsense.acquisition.leg_bus import MAX_ATTEMPTS, LegBus, reading_of_polls
+from footsense.acquisition.leg_bus import MAX_ATTEMPTS, LegBus
 from footsense.acquisition.leg_connection import (
     Conversion,
     LegConnection,
@@ -48,8 +47,7 @@ from footsense.frames import ELEMENTS, ROWS, CapFrame, Reading
 from footsense.ports import Clock, Transaction
 
 _NAN, _OK = float("nan"), Reading.OK
-#: Scans in a row with a missing reading before a leg is left out, for each of its converters: with more, a scan is
-#: shorter.
+#: Scans in a row with a missing reading before a leg is left out.
 _MISSED_SCANS_BEFORE_LEAVING = 3
 #: Scans between two questions of a leg alone, where they take time.
 _ALONE_EVERY = 4
@@ -80,17 +78,9 @@ class BusScanner:
         self._bus = bus
         self.clock = clock
         self.plan = plan
-        n_converters = len(plan.steps[0].results)
         self._set_up = partial(set_up_triggered, plan)
         self.legs = tuple(
-            LegConnection(
-                name,
-                channel,
-                row,
-                plan.harmless_read,
-                _MISSED_SCANS_BEFORE_LEAVING * n_converters,
-                n_converters,
-            )
+            LegConnection(name, channel, row, plan.harmless_read, _MISSED_SCANS_BEFORE_LEAVING)
             for row, (name, channel) in enumerate(channels.items())
         )
         shape = len(self.legs), ELEMENTS
@@ -104,8 +94,6 @@ class BusScanner:
         self._position = self._sequence = self._n_scans = 0
         self._check_all = True
         self._late_ns = 2 * plan.conversion_wait_ns
-        self._wait_ns = plan.conversion_wait_ns  # of the conversion that runs
-        self._lead_ns = 0  # time on the wire of the trigger that ends it, where no line is switched
         self._timing_due_ns = self._lateness_due_ns = 0
         self._timed: LegConnection | None = None  # last
 
@@ -121,13 +109,11 @@ class BusScanner:
             self.bus_timing = timing
             self._late_ns = 2 * timing.lower_bounds.scan_period_bound_ns // len(self.plan.steps)
             self._check_all = timing.all_checks_fit
-            if not self.plan.steps[0].select:
-                self._lead_ns = timing.bus_time_ns(self.plan.steps[0].results[0].trigger)
         for leg in self.legs:
             probe_leg(self._bus, leg, self.legs, self._set_up, self.clock)
             if leg.in_scan:
                 try:
-                    time_converter(self._bus, leg, self.plan, self.clock)
+                    time_converter(self._bus, leg, self.clock)
                 except I2cTimeoutError:
                     self._leave_out_stuck_legs()
         if timing is not None and any(leg.is_timed and leg.timing.reads_whole_result for leg in self.legs):
@@ -178,7 +164,7 @@ class BusScanner:
     def _discard(self, rows: int | slice, step: ConversionStep | None, reading: Reading) -> None:
         """Replace the latest readings of some legs in a step, or in all, by NaN and the reason for it."""
         _, t_ns, capacitance_pf, readings = self.latest
-        at = rows, slice(None) if step is None else step.elements
+        at = rows, slice(None) if step is None else step.element
         t_ns[at], capacitance_pf[at], readings[at] = 0, _NAN, reading
 
     def _active_legs(self) -> tuple[Legs, int]:
@@ -194,32 +180,24 @@ class BusScanner:
     def _start_missing_conversion(self) -> None:
         """Start a conversion if none runs, or if the loop was delayed for too long; old results are read away."""
         running = self._running
-        is_late = running is not None and self.clock.now_ns() > running.t_starts_ns[0] + self._late_ns
+        is_late = running is not None and self.clock.now_ns() > running.t_start_ns + self._late_ns
         self.n_late_discards += is_late
         # A trigger that failed may have been taken all the same.
         if running is None or is_late or not running.legs:
             legs, selection = self._active_legs()
             if legs:
-                self._bus.exchange(selection, self.plan.board.make_ready)
+                self._bus.exchange(selection, fdc1004.MAKE_READY)
             step, self._running = self.plan.steps[self._position], None
-            self._running = self._start_conversion(legs, selection, step, step.select)
+            self._running = self._start_conversion(legs, selection, step, (step.select,))
 
     def _start_conversion(
         self, legs: Legs, selection: int, step: ConversionStep, select: tuple[Transaction, ...]
     ) -> Conversion:
-        """Select lines and start the converters of the legs, each but the first when its conversion before is over."""
-        before, t_starts_ns = self._running, [0] * len(step.results)
+        """Select lines and start the converters of the legs."""
         for _ in range(MAX_ATTEMPTS if legs else 0):
-            writes = select
-            for k, result in enumerate(step.results):
-                if k and before is not None:
-                    self.clock.sleep_until_ns(before.t_starts_ns[k] + self._wait_ns - self._lead_ns)
-                if self._bus.exchange(selection, (*writes, result.trigger)) is None:
-                    break
-                t_starts_ns[k], writes = self.clock.now_ns(), ()
-            else:
-                return Conversion(t_starts_ns, legs, bool(select))
-        return Conversion([self.clock.now_ns()] * len(step.results), [], bool(select))
+            if self._bus.exchange(selection, (*select, step.trigger)) is not None:
+                return Conversion(self.clock.now_ns(), legs, bool(select))
+        return Conversion(self.clock.now_ns(), [], bool(select))
 
     def _finish_conversion_and_start_next(self) -> None:
         """Wait for the running conversion, start the next one, and read the finished one meanwhile."""
@@ -232,7 +210,7 @@ class BusScanner:
         all_active = len(legs) == len(self.legs)
         failed = {} if all_active else {leg: leg.outcome for leg in self.legs if leg.outcome is not _OK}
         if failed and ends:
-            set_up_failed_legs(self._bus, self.legs, following, self.plan.board)
+            set_up_failed_legs(self._bus, self.legs, following)
             legs, selection = self._active_legs()
         if legs:  # connect them while they convert; if that fails, `_start_conversion` tries again
             self._bus.exchange(selection, ())
@@ -243,7 +221,7 @@ class BusScanner:
             all_done = self._mark_late_as_failed(step, converting)
             failed |= {leg: leg.outcome for leg in converting if leg.outcome is not _OK}
             legs, selection = self._active_legs()
-        select = following.select_changes if finished.legs else following.select
+        select = following.select_changes if finished.legs else (following.select,)
         self._running = self._start_conversion(legs, selection, following, select)
         self._discard(slice(None), step, Reading.NO_ANSWER)
         read = finished.legs
@@ -252,11 +230,10 @@ class BusScanner:
             read = [leg for leg in finished.legs if leg not in failed]
         if read:
             if not asks_first and self._running.legs:
-                answers = self._bus.exchange(selection, step.polls_after_start)
-                all_done = answers is not None and reading_of_polls(step.done_after_start, answers) is _OK
+                all_done = self._bus.poll(selection, step.done) is _OK
             if ends:  # the one whose channel is read back is still connected then
                 read = sorted(read, key=partial(is_, self._leg_of_mux_check()))
-            self._read_out(step, following, read, finished, all_done=all_done)
+            self._read_out(step, following, read, finished.t_start_ns, all_done=all_done)
         self._position = following_position
         if ends:
             self._end_scan()
@@ -267,7 +244,7 @@ class BusScanner:
         if alone is not None:
             self._check_lines_of_leg(alone, step)
         is_turn = self._position == self._n_scans % len(self.plan.steps)
-        if self._check_all or (is_turn and (step.select or self._n_scans % _ALONE_EVERY)):
+        if self._check_all or is_turn:
             self._check_settings(step, running)
         return alone
 
@@ -291,47 +268,37 @@ class BusScanner:
         for leg in running.legs:
             wait_factor = max(wait_factor, leg.timing.wait_factor)
             asks_first |= not leg.timing.keeps_done_bit
-        self._wait_ns = round(self.plan.conversion_wait_ns * wait_factor)
-        # Next is a question for all converters of a leg, or a trigger of the first, which acts when it ends.
-        t_ns = running.t_starts_ns[-1] if asks_first else running.t_starts_ns[0] - self._lead_ns
-        self.clock.sleep_until_ns(t_ns + self._wait_ns)
+        self.clock.sleep_until_ns(running.t_start_ns + round(self.plan.conversion_wait_ns * wait_factor))
         return asks_first
 
     def _read_out(
-        self, step: ConversionStep, following: ConversionStep, legs: Legs, ran: Conversion, *, all_done: bool
+        self, step: ConversionStep, following: ConversionStep, legs: Legs, t_start_ns: int, *, all_done: bool
     ) -> None:
         _, t_ns, capacitance_pf, readings = self.latest
-        decode, n, asked, answers = self.plan.board.decode_results, len(step.results), Legs(), list[bytes]()
+        asked, answers = Legs(), list[bytes]()
         for leg in legs if all_done else ():
             by_value = leg.in_scan and not leg.timing.reads_whole_result
-            if by_value and (answer := self._bus.exchange(leg.selection, step.reads)) is not None:
+            if by_value and (answer := self._bus.exchange(leg.selection, step.read_value)) is not None:
                 asked.append(leg)
                 answers += answer
-        values = iter(decode(answers, n * len(asked)))
+        values = iter(fdc1004.decode_results(answers, len(asked)))
         for leg in legs:
             if not leg.in_scan:  # left out since the conversion began
                 continue
-            of_leg = list(islice(values, n)) if leg in asked else None
-            for k, result in enumerate(step.results):
-                # One failed, or has to be asked first, or read whole: each by itself, and a second time if that fails.
+            if leg in asked:
+                reading, pf = next(values)
+            else:  # failed, or has to be asked first, or read whole; a second time if that fails
                 whole = leg.timing.reads_whole_result
-                reading, pf = (
-                    self._bus.read_result(leg.selection, result, decode, whole=whole, is_done=all_done)
-                    if of_leg is None
-                    else of_leg[k]
-                )
-                at = leg.row, result.element
-                capacitance_pf[at] = pf
-                readings[at] = reading
-                if reading in CONVERTED:
-                    excess_ns = round((leg.timings[k].wait_factor - 1) * self.plan.conversion_wait_ns)
-                    t_ns[at] = ran.t_starts_ns[k] + (self.plan.conversion_ns + excess_ns) // 2
-                else:
-                    # What was triggered again runs alone, and a silent converter may be at the address of another.
-                    leg.outcome = reading
-                    leg.unfinished = following if reading is Reading.NOT_READY else None
-                    self._discard(leg.row, step, reading)
-                    break
+                reading, pf = self._bus.read_result(leg.selection, step, whole=whole, is_done=all_done)
+            at = leg.row, step.element
+            capacitance_pf[at] = pf
+            readings[at] = reading
+            if reading in CONVERTED:
+                excess_ns = round((leg.timing.wait_factor - 1) * self.plan.conversion_wait_ns)
+                t_ns[at] = t_start_ns + (self.plan.conversion_ns + excess_ns) // 2
+            else:
+                leg.outcome = reading
+                leg.unfinished = following if reading is Reading.NOT_READY else None
 
     def _mark_late_as_failed(self, step: ConversionStep, legs: Legs) -> bool:
         """Mark each leg as failed whose conversion has not finished before the next trigger; return if the others have.
@@ -350,7 +317,7 @@ class BusScanner:
 
     def _check_settings(self, step: ConversionStep, running: Conversion) -> None:
         """Read back line and chip settings during a conversion; mark each leg as failed whose check fails."""
-        checks = step.select_checks if running.lines_selected else ()
+        checks = (step.select_check,) if running.lines_selected else ()
         for check in (*checks, *step.setting_checks):
             legs, selection = self._active_legs()
             if legs and self._bus.check(selection, check) is not _OK:
@@ -361,28 +328,25 @@ class BusScanner:
         """Return the leg that is asked for the lines of a step by itself, as a wired AND may hide wrong ones.
 
         One leg a scan, or in four where that takes time, in a diagonal element: these have all rows and columns.
-        Without lines it is asked for the settings of a converter, in place of all legs.
         """
         turn, skipped = divmod(self._n_scans, 1 if self._check_all else _ALONE_EVERY)
         visit, row = divmod(turn, len(self.legs))
         element = visit % ROWS * (ROWS + 1)
-        if skipped or len(self.legs) == 1 or element not in step.elements:
+        if skipped or len(self.legs) == 1 or element != step.element:
             return None
         return self.legs[row]
 
     def _check_lines_of_leg(self, leg: LegConnection, step: ConversionStep) -> None:
-        """Ask a leg alone for its lines, or its settings without; leave it out if they are wrong twice."""
+        """Ask a leg alone for its lines; leave it out if they are wrong twice."""
         if not leg.in_scan or leg.outcome is not _OK:
             return
-        for check in step.select_checks or step.setting_checks:
-            answer = self._bus.check(leg.selection, check)
-            if answer is Reading.MISCONFIGURED and not step.select:  # given back, unless it is another chip
-                leg.outcome = answer
-                self._bus.exchange(leg.selection, self.plan.board.make_ready)
-            if answer is not _OK and self._bus.check(leg.selection, check) is Reading.MISCONFIGURED:
-                leg.doubted = step
-                leg.leave_scan(Reading.MISCONFIGURED, self.clock.now_ns())
-                return
+        check = step.select_check
+        if (
+            self._bus.check(leg.selection, check) is not _OK
+            and self._bus.check(leg.selection, check) is Reading.MISCONFIGURED
+        ):
+            leg.doubted = step
+            leg.leave_scan(Reading.MISCONFIGURED, self.clock.now_ns())
 
     def _end_scan(self) -> None:
         """Read back the mux, count the readings missed in the scan, and search for legs that were left out of it."""
@@ -418,4 +382,4 @@ class BusScanner:
             self._timing_due_ns = self.clock.now_ns() + _TIMING_PAUSE_NS
             self._timed = late
             self._running = None
-            time_converter(self._bus, self._timed, self.plan, self.clock)
+            time_converter(self._bus, self._timed, self.clock)

@@ -7,18 +7,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from footsense.daemon.models import check_response_table
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.network import Network, sensitivity, steady_windows
 from footsense.estimation.pipeline import Pipeline
 from footsense.estimation.settings import EstimationLimits, MountedFeet, TareLimits
 from footsense.foot.calibration_files import FootCalibration, read_calibration
-from footsense.foot.network_card import NETWORK_FILES
+from footsense.foot.network_card import NETWORK_FILE
 from footsense.foot.type_folders import foot_type_folder
 from footsense.frames import (
     ELEMENTS,
     IS_USABLE_STATE,
-    ROWS,
     CapFrame,
     Codes,
     ContactFrame,
@@ -108,13 +106,12 @@ class Estimator:
         unloaded_pf: ArrayLike | None = None,
     ) -> None:
         self._calibration = None if calibration is None else _read_calibration(Path(calibration), foot_type)
-        self._fitted_on = (
-            foot_type_folder(foot_type or _DEFAULT_FOOT_TYPE) / NETWORK_FILES["elements"]
+        self._network = (
+            foot_type_folder(foot_type or _DEFAULT_FOOT_TYPE) / NETWORK_FILE
             if self._calibration is None
             else self._calibration.network
         )
-        self.foot_type = Network(self._fitted_on, 1).card.foot_type
-        self._type_or_folder = foot_type or self.foot_type
+        self.foot_type = Network(self._network, 1).card.foot_type
         self._unloaded_pf = None if unloaded_pf is None else _capacitances(unloaded_pf, "unloaded_pf")
 
     def run(
@@ -129,8 +126,7 @@ class Estimator:
             t_s: Times that the forces are to be valid for [s], shape (n,), increasing.
             reading_t_s: Time of each reading [s], of the shape of the readings, none later than its row of `t_s`; an
                 element with the time of the row before was not read again. The force is extrapolated from the last
-                three readings of each element; by the network of board `fdc1004_columns` where three elements are
-                read at a time. None if all elements of a row were read at `t_s`: then each row gives
+                three readings of each element. None if all elements of a row were read at `t_s`: then each row gives
                 its force by itself.
 
         Returns:
@@ -168,8 +164,7 @@ class Estimator:
     ) -> list[ContactFrame]:
         """Return the forces of each row; the readings have the shape (n, feet, 9)."""
         n, n_feet = capacitance_pf.shape[:2]
-        scan_s, scan = _scan_s(reading_t_s), _scan_of(reading_t_s)
-        n_before = 0
+        scan_s, n_before = _scan_s(reading_t_s), 0
         if self._unloaded_pf is not None:
             # Scans of the free foot before the first row: their mean is the baseline.
             n_before = _SCANS_OF_A_TARE
@@ -187,19 +182,15 @@ class Estimator:
         # An element without a number has lost its electrode; without a time it has not been read yet.
         is_open = np.isnan(capacitance_pf) & has_time
         reading = np.where(is_open, Reading.UNDER_RANGE, Reading.OK).astype(np.uint8)
-        pipeline = self._pipeline(n_feet, round(scan_s * 1e9), scan, is_scanned=is_scanned)
+        pipeline = self._pipeline(n_feet, round(scan_s * 1e9), is_scanned=is_scanned)
         frames = [
             pipeline.process(CapFrame(row, t_ns[row], capacitance_pf[row], reading[row]), int(now_ns[row]))[0]
             for row in range(n_before + n)
         ]
         return frames[n_before:]
 
-    def _pipeline(self, n_feet: int, scan_ns: int, scan: str, *, is_scanned: bool) -> Pipeline:
-        path = self._fitted_on
-        if scan == "rows":
-            path = foot_type_folder(self._type_or_folder) / NETWORK_FILES[scan]
-        network = Network(path, n_feet)
-        check_response_table(path, network, self._fitted_on)
+    def _pipeline(self, n_feet: int, scan_ns: int, *, is_scanned: bool) -> Pipeline:
+        network = Network(self._network, n_feet)
         trained = network.card.trained_inputs
         limits = EstimationLimits(
             tare=TareLimits(),
@@ -249,7 +240,7 @@ class SteadyEstimator:
 def _read_calibration(path: Path, foot_type: str | None) -> FootCalibration:
     """Return the calibration in a folder, or in that of a file; of any foot type for None."""
     name = (
-        None if foot_type is None else Network(foot_type_folder(foot_type) / "network.onnx", 1).card.foot_type
+        None if foot_type is None else Network(foot_type_folder(foot_type) / NETWORK_FILE, 1).card.foot_type
     )
     return read_calibration(path.parent if path.is_file() else path, name)
 
@@ -300,24 +291,17 @@ def _reading_times(values: ArrayLike, capacitance_pf: Vector, t_s: Vector) -> Ve
 
 
 def _refuse_scanned_walk(capacitance_pf: Vector) -> None:
-    """Raise an error for the readings of a scanned walk, of which each row has a new element, or row, of each foot.
+    """Raise an error for the readings of a scanned walk, of which each row has a new element of each foot.
 
     Raises:
         ValueError: They are.
     """
     n_changed = (np.abs(np.diff(capacitance_pf, axis=0)) > 0.0).sum(axis=-1)
-    if len(n_changed) > ELEMENTS and np.median(n_changed) in {1, ROWS}:
+    if len(n_changed) > ELEMENTS and np.median(n_changed) == 1:
         raise ValueError(
-            "capacitance_pf: has one or three new readings in each row, as a Recording has; give their times too: "
+            "capacitance_pf: has one new reading in each row, as a Recording has; give their times too: "
             "run(walk.capacitance_pf, walk.t_s, walk.reading_t_s)"
         )
-
-
-def _scan_of(reading_t_s: Vector) -> str:
-    """Return what is read at a time, a key of `NETWORK_FILES`: a row of a foot with three converters, or an element."""
-    n_new = (np.diff(reading_t_s, axis=0) > 0.0).sum(axis=-1)
-    n_new = n_new[n_new > 0]
-    return "rows" if n_new.size and np.median(n_new) == ROWS else "elements"
 
 
 def _scan_s(reading_t_s: Vector) -> float:

@@ -33,13 +33,11 @@ def sequential_scan(bus: I2cBus, clock: Clock, config: Config) -> None:
             bus.transfer(
                 Transaction(config.buses[0].mux.address, bytes((tca9548a.channel_control_byte(channel),)))
             )
-            for write in step.select:
-                bus.transfer(write)
-            for result in step.results:  # one after the other, also those of converters of their own
-                bus.transfer(result.trigger)
-                clock.sleep_until_ns(clock.now_ns() + plan.conversion_wait_ns)
-                for read in (result.done.read, *result.read_value):
-                    bus.transfer(read)
+            bus.transfer(step.select)
+            bus.transfer(step.trigger)
+            clock.sleep_until_ns(clock.now_ns() + plan.conversion_wait_ns)
+            for read in (step.done.read, *step.read_value):
+                bus.transfer(read)
 
 
 def has_cantools() -> bool:

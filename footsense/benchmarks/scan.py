@@ -30,18 +30,6 @@ _USUAL_CHIPS = Effects()
 #: Forces of each leg of which the age is measured, after the tare.
 _N_AGE_SAMPLES = 120
 
-_BUSES = {
-    "one_bus": SMALL_BOARD.buses,
-    "two_buses": (
-        Bus(device="sim0", legs={"lf": 0, "lm": 1, "lr": 2}),
-        Bus(device="sim1", legs={"rf": 0, "rm": 1, "rr": 2}),
-    ),
-    "three_buses": (
-        Bus(device="sim0", legs={"lf": 0, "rf": 1}),
-        Bus(device="sim1", legs={"lm": 0, "rm": 1}),
-        Bus(device="sim2", legs={"lr": 0, "rr": 1}),
-    ),
-}
 #: Robots of board `ad7147`.
 FREE_CONFIGURATIONS = {
     "six_legs": DEFAULT,
@@ -49,14 +37,16 @@ FREE_CONFIGURATIONS = {
         DEFAULT, buses=(Bus(device="sim0", addresses={"lf": 0x2C, "lr": 0x2D, "rf": 0x2E, "rr": 0x2F}),)
     ),
 }
-#: Six legs by board and number of buses.
+#: Six legs with board `fdc1004`, by number of buses.
 CONFIGURATIONS = {
     "one_bus": SMALL_BOARD,
-    "two_buses": replace(SMALL_BOARD, buses=_BUSES["two_buses"]),
-    **{
-        f"columns_{name}": replace(SMALL_BOARD, board="fdc1004_columns", buses=buses)
-        for name, buses in _BUSES.items()
-    },
+    "two_buses": replace(
+        SMALL_BOARD,
+        buses=(
+            Bus(device="sim0", legs={"lf": 0, "lm": 1, "lr": 2}),
+            Bus(device="sim1", legs={"rf": 0, "rm": 1, "rr": 2}),
+        ),
+    ),
 }
 
 
@@ -135,8 +125,8 @@ def min_scan_period_by_conversions_ms() -> float:
 def measure_all_scan_periods() -> dict[str, dict[str, float]]:
     """Return scan periods of board `fdc1004` and their ratios to the bounds, by buses and host cost."""
     return {
-        f"{name}_{host_cost_us}us": _measure_scan_periods(CONFIGURATIONS[name], host_cost_us)
-        for name, host_cost_us in itertools.product(("one_bus", "two_buses"), _HOST_COSTS_US)
+        f"{name}_{host_cost_us}us": _measure_scan_periods(config, host_cost_us)
+        for (name, config), host_cost_us in itertools.product(CONFIGURATIONS.items(), _HOST_COSTS_US)
     }
 
 
@@ -153,10 +143,9 @@ def measure_converter_kinds() -> dict[str, dict[str, float]]:
     }
     return {
         f"{name}_{host_cost_us}us": {
-            kind: scan_period_ms(CONFIGURATIONS[name], host_cost_us, effects)
-            for kind, effects in kinds.items()
+            kind: scan_period_ms(config, host_cost_us, effects) for kind, effects in kinds.items()
         }
-        for name, host_cost_us in itertools.product(("one_bus", "two_buses"), _HOST_COSTS_US)
+        for (name, config), host_cost_us in itertools.product(CONFIGURATIONS.items(), _HOST_COSTS_US)
     }
 
 

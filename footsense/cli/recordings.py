@@ -14,7 +14,6 @@ from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.loop import Loop
 from footsense.daemon.models import Models, load_models
 from footsense.daemon.recording_header import (
-    board_mismatch_reason,
     model_mismatch_reason,
     recorded_config,
     recorded_flags,
@@ -69,8 +68,7 @@ def _recorded_models(recording: Replay, folder: Path | None, *, check: bool) -> 
 
     Raises:
         ModelError: The forces cannot be compared: they are of another network.
-        RecordingError: They cannot be compared: the recording is a snapshot. Or its readings are of another board than
-            its configuration.
+        RecordingError: They cannot be compared: the recording is a snapshot.
     """
     file = recording.path
     if check and SNAPSHOT_KEY in recording.header:
@@ -82,9 +80,6 @@ def _recorded_models(recording: Replay, folder: Path | None, *, check: bool) -> 
     if folder is not None and config.calibrations is not None:
         config = msgspec.structs.replace(config, calibrations=str(folder))
     models = load_models(config)
-    first = next((entry for entry in recording.entries() if not isinstance(entry, LostCycles)), None)
-    if first is not None and (reason := board_mismatch_reason(first.cycle.scan, config)):
-        raise RecordingError(f"{file}: {reason}")
     if difference := model_mismatch_reason(recording.header, models):
         error = ModelError(f"{file}: {difference}")
         if check:

@@ -13,7 +13,7 @@ from footsense.config.schema import Config, gone_board
 from footsense.config.sections import Bus, Mux, ResetLine
 from footsense.strict_yaml import Problem, load
 
-__all__ = ["COLUMNS", "DEFAULT", "SMALL_BOARD", "Config", "load_config"]
+__all__ = ["DEFAULT", "SMALL_BOARD", "Config", "load_config"]
 
 #: Simulated robot of six legs with a converter in every foot, behind one multiplexer; CAN within the process.
 SMALL_BOARD = Config(
@@ -35,24 +35,6 @@ DEFAULT = Config(
         Bus(device="sim1", addresses={"rf": 0x2C, "rm": 0x2D, "rr": 0x2E}),
     ),
     can=Can(interface="virtual"),
-)
-
-#: Simulated robot of six legs with three FDC1004 in every foot, on two buses: that of the studies.
-COLUMNS = replace(
-    SMALL_BOARD,
-    board="fdc1004_columns",
-    buses=(
-        Bus(
-            device="sim0",
-            mux=Mux(reset=ResetLine(device="sim", line=0)),
-            legs={"lf": 0, "lm": 1, "lr": 2},
-        ),
-        Bus(
-            device="sim1",
-            mux=Mux(reset=ResetLine(device="sim", line=1)),
-            legs={"rf": 0, "rm": 1, "rr": 2},
-        ),
-    ),
 )
 
 

@@ -11,7 +11,6 @@ from footsense.acquisition.boards import ad7147
 from footsense.acquisition.mcu_source import Serial
 from footsense.acquisition.scan_plan import (
     AD7147_PLAN,
-    BOARDS,
     FASTEST_SPS,
     AnyPlan,
     Scan,
@@ -26,7 +25,7 @@ from footsense.foot.calibration_files import FootId
 from footsense.frames import Leg
 
 #: Boards that are gone, and the last commit that knows each.
-_GONE_BOARDS = {"ad7746": "27dcc809"}
+_GONE_BOARDS = {"ad7746": "27dcc809", "fdc1004_columns": "0e63fae9"}
 
 #: Most forces a second of a leg on CAN by default: with all other frames 37 % of 500 kbit/s for six legs.
 _DEFAULT_FORCES_HZ = 100.0
@@ -64,7 +63,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         realtime: Scheduling to request; None for none.
     """
 
-    board: Literal["ad7147", "fdc1004", "fdc1004_columns", "mcu"] = "ad7147"
+    board: Literal["ad7147", "fdc1004", "mcu"] = "ad7147"
     buses: Annotated[tuple[sections.Bus, ...], Meta(max_length=8)] = ()
     serial: Serial | None = None
     can: Annotated[Can, Meta(description="interface: socketcan, channel: can0 on a robot")]
@@ -146,13 +145,8 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def triggered_plan(self) -> ScanPlan:
-        """Plan of a scan of a board in BOARDS, whose conversions are triggered."""
-        return scan_plan(self.rate_sps, self.board)
-
-    @property
-    def converters_per_leg(self) -> int:
-        """Converters of a leg, each of which converts an element at the same time; 1 for board `mcu`."""
-        return BOARDS[self.board].traffic.n_converters if self.board in BOARDS else 1
+        """Plan of a scan of board `fdc1004`, whose conversions are triggered."""
+        return scan_plan(self.rate_sps)
 
     @property
     def effective(self) -> dict[str, object]:
@@ -161,7 +155,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
             "publish_every": self.effective_publish_every,
             "max_age_ms": self.effective_max_age_ms,
         }
-        if self.board in BOARDS:
+        if self.board == "fdc1004":
             values["scan"] = {"rate_sps": self.rate_sps}
         return values
 

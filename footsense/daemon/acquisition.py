@@ -11,7 +11,7 @@ from footsense.acquisition.leg_bus import LegBus
 from footsense.acquisition.linux_i2c import LinuxI2cBus
 from footsense.acquisition.mcu_source import McuSource, Serial
 from footsense.acquisition.robot_scanner import RobotScanner
-from footsense.acquisition.scan_plan import AnyPlan, ScanPlan, bus_overload
+from footsense.acquisition.scan_plan import AnyPlan, FreeRunningPlan, ScanPlan, bus_overload
 from footsense.acquisition.scanner import BusScanner
 from footsense.clock import MonotonicClock
 from footsense.config import Config
@@ -119,7 +119,7 @@ def _open_bus(bus: Bus, stack: ExitStack) -> LegBus:
 
 
 def _log_bus_timing(bus: Bus, timing: BusTiming | None, plan: AnyPlan) -> None:
-    """Log a bus's scan limits, and a warning if it is slower than configured, or too slow for several converters."""
+    """Log a bus's scan limits, and a warning if it is slower than configured, or than converters that run freely."""
     if timing is None:
         return
     _log.info("%s: %s", bus.device, timing)
@@ -132,7 +132,7 @@ def _log_bus_timing(bus: Bus, timing: BusTiming | None, plan: AnyPlan) -> None:
             bus.rate_hz * 1e-3,
         )
     overload = bus_overload(plan, timing.lower_bounds)
-    if overload is not None and not (isinstance(plan, ScanPlan) and len(plan.steps[0].results) == 1):
+    if overload is not None and isinstance(plan, FreeRunningPlan):
         _log.warning("%s %s", bus.device, overload)
 
 

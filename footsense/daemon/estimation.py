@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from firmware_interface.chips import ad7147
-from footsense.acquisition.scan_plan import BOARDS
+from footsense.acquisition.boards import fdc1004
 from footsense.config import Config
 from footsense.daemon.models import Models, load_response
 from footsense.errors import ConfigError
@@ -29,8 +29,6 @@ from footsense.ports import LoadEstimator
 
 #: Least contact threshold over the standard deviation of an element's noise [1].
 _MIN_CONTACT_THRESHOLD_TO_NOISE = 5.0
-#: Planning value of the time that the host adds to each transaction: of a Raspberry Pi 4 [ns].
-_HOST_COST_NS = 40_000
 
 
 def pipeline_for(models: Models, flags: int) -> Pipeline:
@@ -51,7 +49,7 @@ def pipeline_for(models: Models, flags: int) -> Pipeline:
         tare=config.tare,
         least_contact_n=contact_threshold_n(models),
         max_swing_rise_n_per_s=_max_swing_rise_n_per_s(models, force_sensitivity),
-        scan_ns=_usual_scan_ns(config),
+        scan_ns=round(config.shortest_scan_ms * 1e6),
         max_age_ns=round(config.effective_max_age_ms * 1e6),
         friction=math.nan if config.contact.friction is None else config.contact.friction,
         track_baseline=config.baseline.track,
@@ -67,17 +65,7 @@ def _range_end_pf(config: Config) -> float:
     """Return the capacitance over the range of a robot's converters [pF]; of unknown ones the most of any."""
     if config.board == "ad7147":
         return ad7147.RANGE_END_PF
-    return BOARDS[config.board].range_end_pf if config.board in BOARDS else CONVERTER_MAX_PF
-
-
-def _usual_scan_ns(config: Config) -> int:
-    """Return the time of a scan [ns]: of its conversions; of several converters a leg, as their buses can read them."""
-    conversions_ns = round(config.shortest_scan_ms * 1e6)
-    if config.converters_per_leg == 1:
-        return conversions_ns
-    plan = config.scan_plan
-    bounds = [plan.lower_bounds(len(bus.channels), bus.rate_hz, _HOST_COST_NS) for bus in config.buses]
-    return max(conversions_ns, *(bound.scan_period_bound_ns for bound in bounds))
+    return fdc1004.RANGE_END_PF if config.board == "fdc1004" else CONVERTER_MAX_PF
 
 
 def mounted_feet(models: Models) -> MountedFeet:

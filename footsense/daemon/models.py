@@ -9,7 +9,7 @@ from footsense.daemon.foot_types import check_foot_type, foot_type_of
 from footsense.errors import ModelError
 from footsense.estimation.network import Network
 from footsense.foot.calibration_files import FootCalibration, read_calibration
-from footsense.foot.network_card import NETWORK_FILES
+from footsense.foot.network_card import NETWORK_FILE
 from footsense.foot.response_table import FootResponse
 from footsense.foot.type_folders import foot_type_folder
 
@@ -22,8 +22,7 @@ class Models:
 
     Attributes:
         config: The robot.
-        network: Network of the calibrations, of the configuration, or of the foot type; with board `fdc1004_columns`
-            of one of the latter two.
+        network: Network of the calibrations, of the configuration, or of the foot type.
         calibrations_by_leg: Calibrations of the feet by leg.
     """
 
@@ -39,24 +38,10 @@ def load_models(config: Config) -> Models:
         ModelError: One is missing, damaged, or made for another foot type.
     """
     calibrations = load_calibrations(config)
-    scan = scan_of(config)
-    path = Path(config.model) if config.model else foot_type_folder(config.foot_type) / NETWORK_FILES[scan]
-    fitted_on = next((calibration.network for calibration in calibrations.values()), None)
-    if fitted_on is not None and scan == "elements":
-        path = fitted_on
-    remedy = (
-        f"`footsense lab build --board {config.board if scan == 'rows' else 'fdc1004'}` makes its network"
-    )
-    if scan == "rows" and not path.exists():
-        raise ModelError(f"{path}: no such network for board {config.board}; {remedy}")
+    path = Path(config.model) if config.model else foot_type_folder(config.foot_type) / NETWORK_FILE
+    path = next((calibration.network for calibration in calibrations.values()), path)
     network = Network(path, n_rows=len(config.legs))
     check_foot_type(path, network.card.foot_type, config)
-    if network.card.scan != scan:
-        raise ModelError(
-            f"{path}: a network for a scan of {network.card.scan}; board {config.board} converts {scan}: {remedy}"
-        )
-    if fitted_on is not None:
-        check_response_table(path, network, fitted_on)
     return Models(config, network, calibrations)
 
 
@@ -72,28 +57,6 @@ def load_response(models: Models) -> FootResponse | None:
         reason = str(error)
     _log.warning("loads at rest are not refined: %s", reason)
     return None
-
-
-def check_response_table(path: Path, network: Network, fitted_on: Path) -> None:
-    """Raise an error unless a calibration goes with a network: its parameters are of the foot's table, not of a scan.
-
-    Args:
-        path: File of the network.
-        network: The network.
-        fitted_on: File of the network on which the calibration was fitted.
-
-    Raises:
-        ModelError: They were trained on different response tables.
-    """
-    if fitted_on != path and Network(fitted_on, 1).card.response_sha256 != network.card.response_sha256:
-        raise ModelError(
-            f"{path}: trained on another response table than {fitted_on}; calibrate the feet again"
-        )
-
-
-def scan_of(config: Config) -> str:
-    """Return what a conversion of a robot's board reads, a key of `NETWORK_FILES`."""
-    return "rows" if config.converters_per_leg > 1 else "elements"
 
 
 def load_calibrations(config: Config) -> dict[str, FootCalibration]:

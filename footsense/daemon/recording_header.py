@@ -13,7 +13,7 @@ from footsense.config.schema import gone_board
 from footsense.daemon.estimation import mounted_feet
 from footsense.daemon.models import Models
 from footsense.errors import RecordingError
-from footsense.frames import ELEMENTS, CapFrame, Flag
+from footsense.frames import ELEMENTS, Flag
 from footsense.recording.machine import platform_versions
 from footsense.sim.scene import Scene
 
@@ -115,30 +115,6 @@ def recorded_config(recording: "Replay") -> Config:
         then, now = ", ".join(recording.legs), ", ".join(config.legs)
         raise RecordingError(f"{recording.path}: holds the legs {then}, but a configuration of {now}")
     return config
-
-
-def board_mismatch_reason(scan: CapFrame, config: Config) -> str | None:
-    """Return why readings cannot be those of a configuration's board; None if they can, or do not tell.
-
-    A leg converts either one element at a time, or a row: then the stamps of its three elements are next to each other.
-
-    Args:
-        scan: Readings.
-        config: The configuration; the readings of a microcontroller do not tell.
-    """
-    t_ns = scan.t_ns[(scan.t_ns > 0).all(axis=1)]
-    if config.serial is not None or not len(t_ns):
-        return None
-    n_at_once = config.converters_per_leg
-    gaps_ns = np.diff(np.sort(t_ns, axis=1), axis=1)
-    is_alone = gaps_ns > config.conversion_rate.conversion_ns // 2
-    n_found = ELEMENTS // (1 + int(is_alone.sum(axis=1).min()))
-    if n_found == n_at_once:
-        return None
-    return (
-        f"its readings are of {n_found} elements at a time, its configuration of board {config.board}, which converts "
-        f"{n_at_once}: a configuration of another board"
-    )
 
 
 def model_mismatch_reason(header: Mapping[str, str], models: Models) -> str | None:

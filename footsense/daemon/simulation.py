@@ -18,7 +18,6 @@ from footsense.sim.couplings import COUPLINGS_FILE, BoardCouplings, load_couplin
 from footsense.sim.faults.scene_faults import (
     BrokenRow,
     ChipFault,
-    ColumnsFault,
     MetalBesideTail,
     SwitchIgnoresWrites,
     WireFault,
@@ -106,13 +105,8 @@ def _inapplicable_faults(config: Config, scene: Scene) -> Iterator[str]:
         bus = getattr(fault, "bus", None)
         if config.serial is not None and isinstance(fault, ChipFault | WireFault):
             yield f"faults[{n}]: is for chips or wires of an I2C bus, which the board mcu does not have"
-        if isinstance(fault, ColumnsFault) and config.board != "fdc1004_columns":
-            yield f"faults[{n}]: is for board fdc1004_columns, which has a converter a column; this is {config.board}"
-        if isinstance(fault, SwitchIgnoresWrites | BrokenRow) and config.board in {
-            "fdc1004_columns",
-            "ad7147",
-        }:
-            yield f"faults[{n}]: is for row lines and their switch, which the board {config.board} does not have"
+        if isinstance(fault, SwitchIgnoresWrites | BrokenRow) and config.board == "ad7147":
+            yield f"faults[{n}]: is for row lines and their switch, which the board ad7147 does not have"
         if bus is not None and bus >= len(config.buses):
             yield f"faults[{n}].bus: {bus} is no bus of this robot; it has 0 to {len(config.buses) - 1}"
 

@@ -19,9 +19,9 @@ from footsense.frames import BaselineStatus, Codes, CommandKind, CommandResult, 
 _FRAMES_PER_TRACKING_ROUND = 3
 
 _status_of = attrgetter("status")
-#: Sigmas within which a predicted load is no touch, in a scan of rows and of elements: a fast one sees the pull of a
+#: Sigmas within which a predicted load is no touch, in a fast scan and in a slow one: a fast one sees the pull of a
 #: foot that slows down before it touches. On the walkers' selection, 1484 touches, 179 touchdowns are told in the air
-#: with these and 72 are missed (with two sigmas 203 and 81), in a scan of elements 92 and 132 (with one 151 and 142).
+#: with these and 72 are missed (with two sigmas 203 and 81), in a slow scan 92 and 132 (with one 151 and 142).
 _FAST_SCAN_PREDICTION_SIGMAS, _PREDICTION_SIGMAS = 3.0, 1.5
 # Plain numbers: an enumeration's arithmetic costs a microsecond each time.
 _CONTACT, _TARE_REFUSED = int(Flag.CONTACT), int(Flag.TARE_REFUSED)

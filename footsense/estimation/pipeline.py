@@ -16,7 +16,7 @@ from footsense.estimation.network import STEADY_AGES_S, Readings, ReadingWindow
 from footsense.estimation.noise import ReadingNoise
 from footsense.estimation.settings import EstimationLimits, MountedFeet, Sensitivity
 from footsense.estimation.tare import SETTLING_SCANS
-from footsense.estimation.walking.gait import ELEMENTS_LAGS, ROWS_LAGS, GaitTracker
+from footsense.estimation.walking.gait import FAST_SCAN_LAGS, SLOW_SCAN_LAGS, GaitTracker
 from footsense.foot.network_card import TrainedInputs
 from footsense.frames import (
     IS_USABLE_STATE,
@@ -83,7 +83,9 @@ class Pipeline:
         # Of healthy legs; shared by their frames and never written to.
         self._valid = np.full(n_legs, State.VALID, np.uint8)
         self._no_fault, self._no_leg = np.zeros(n_legs, np.uint16), np.zeros(n_legs, bool)
-        self._gait = GaitTracker(n_legs, limits.friction, ROWS_LAGS if limits.is_fast_scan else ELEMENTS_LAGS)
+        self._gait = GaitTracker(
+            n_legs, limits.friction, FAST_SCAN_LAGS if limits.is_fast_scan else SLOW_SCAN_LAGS
+        )
         gain_error_rel = feet.gain_sigma_rel[:, None] * sensitivity.force_error_rel_per_gain_error
         self._gain_variance_rel2 = gain_error_rel**2
         self._set_temperature = set_temperature

@@ -25,9 +25,8 @@ from footsense.frames import ELEMENTS, Vector
 #: Key of the card in the file's metadata.
 METADATA_KEY = "footsense_card"
 FORMAT = 3
-#: Files of a foot type's networks, by what a conversion of their scan reads: one element, or a row (board
-#: `fdc1004_columns`).
-NETWORK_FILES = {"elements": "network.onnx", "rows": "network-rows.onnx"}
+#: File of a foot type's network.
+NETWORK_FILE = "network.onnx"
 
 _CONTACT_ORDER_TEXT = "contact point x y, stereographic, then tangential over normal force x y, foot frame"
 
@@ -128,7 +127,10 @@ class _Training(msgspec.Struct, frozen=True):
 
 
 class Card(msgspec.Struct, frozen=True):
-    """Metadata card of a network, reduced to the fields that the daemon needs."""
+    """Metadata card of a network, reduced to the fields that the daemon needs.
+
+    Those of `rows`, for a board that is gone, are refused by `scan`.
+    """
 
     format: int
     foot_type: str
@@ -142,7 +144,7 @@ class Card(msgspec.Struct, frozen=True):
     closure_rel_max: PerElement
     moments: Annotated[list[PerElement], _OfElements]
     response_sha256: str
-    scan: Literal["elements", "rows"] = "elements"
+    scan: Literal["elements"] = "elements"
     training: _Training = _Training()
 
     @property

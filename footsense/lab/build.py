@@ -17,7 +17,7 @@ import numpy as np
 from footsense.estimation.missing_elements import MAX_OVERLOADED, MISSING_SETS, Imputation
 from footsense.estimation.network import steady_windows
 from footsense.foot.force_errors import ForceErrors
-from footsense.foot.network_card import FORMAT, INPUTS, NETWORK_FILES, OUTPUTS, add_checksum
+from footsense.foot.network_card import FORMAT, INPUTS, NETWORK_FILE, OUTPUTS, add_checksum
 from footsense.foot.response_table import FootResponse
 from footsense.lab.evaluation.evaluate_models import (
     HELD_OUT_CASES,
@@ -40,7 +40,7 @@ from footsense.lab.training.export import (
     load_weights,
     onnx_model,
 )
-from footsense.lab.training.gait_readings import TRAINING_GAIN_RMS_REL, concatenate_gaits, random_gaits
+from footsense.lab.training.gait_readings import concatenate_gaits, random_gaits
 from footsense.lab.training.load_cases import Cases, random_loads
 from footsense.lab.training.train_windowed import WindowTrainingSettings, train_windowed
 from footsense.lab.training.walker_gaits import walker_gaits
@@ -68,17 +68,14 @@ class BuildSettings:
         random_loads: Number of random loads at rest of the training.
         gaits: Number of random gaits of the training, three seconds each, and as many of walking robots.
         released: Training of the released network.
-        scan: What a conversion reads, `elements` or `rows`.
         quick: Whether the model card warns that this is no release.
-        start_folder: Folder of a similar foot whose network the training starts from, that of elements if there is none
-            of the same scan; None for random weights.
+        start_folder: Folder of a similar foot whose network the training starts from; None for random weights.
     """
 
     mesh: MeshSize
     random_loads: int
     gaits: int
     released: WindowTrainingSettings
-    scan: str = "elements"
     quick: bool = False
     start_folder: Path | None = None
 
@@ -124,8 +121,6 @@ class BuildResult:
 
 #: Usual time of the response table [s], as in the report.
 _EXPECTED_SOLVE_S = 33.0
-#: Elements that a conversion reads, by the scan of a network.
-_ELEMENTS_OF_CONVERSION = {"elements": 1, "rows": 3}
 #: Conversions of a gait.
 _CONVERSIONS_PER_GAIT = 1100
 
@@ -160,7 +155,6 @@ def _network_card(
         ],
         "moments": _rounded_moments(seen_rel).tolist(),
         "response_sha256": response.sha256,
-        "scan": recipe.scan,
         "training": {
             "random_loads": {
                 "cases": recipe.random_loads,
@@ -213,19 +207,12 @@ def _onnx_difference_n(network: OnnxNetwork, weights: Weights, unit: float, clos
     return max(float(np.abs(one - unit * other).max()) for one, other in pairs)
 
 
-def _start_weights(folder: Path, scan: str) -> Weights:
-    """Return the weights of a folder's network of a scan, that of elements if there is none of it."""
-    own = folder / NETWORK_FILES[scan]
-    return load_weights(own if own.exists() else folder / NETWORK_FILES["elements"])
-
-
 def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable[[str], None]) -> BuildResult:
     """Build and write all model files of a foot type: response table, network, card.
 
     Args:
         foot_file: Description of the foot.
-        output: Folder for response.npz, the network, a copy of the description, and README.md beside a network of
-            elements; made if missing.
+        output: Folder for response.npz, the network, a copy of the description, and README.md; made if missing.
         recipe: How fine and how long.
         report: Receives a line after each step.
 
@@ -262,7 +249,6 @@ def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable
         report(f"{recipe.random_loads} random loads, gaps in contact")
         closure_rel = cases.closure_um / design.gap_um
         imputation = Imputation(_rounded_moments(cases.with_symmetric_copies().closure_um / design.gap_um))
-        at_once = _ELEMENTS_OF_CONVERSION[recipe.scan]
         own, robots = (
             make(
                 TRAINING_SEED,
@@ -270,8 +256,6 @@ def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable
                 _CONVERSIONS_PER_GAIT,
                 loads_unit.max_n,
                 jobs=2,
-                at_once=at_once,
-                gain_rms_rel=TRAINING_GAIN_RMS_REL[at_once],
             )
             for make in (
                 partial(random_gaits, response_in_unit),
@@ -280,26 +264,22 @@ def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable
         )
         gaits = concatenate_gaits([own, robots])
         report(f"{recipe.gaits} random gaits and as many of robots, of {_CONVERSIONS_PER_GAIT} conversions")
-        start = None if recipe.start_folder is None else _start_weights(recipe.start_folder, recipe.scan)
+        start = None if recipe.start_folder is None else load_weights(recipe.start_folder / NETWORK_FILE)
         weights = as_stored(train_windowed(gaits, cases, design, recipe.released, imputation, report, start))
         report(f"trained on them: {weights.n_weights} weights")
         table = error_table(response, loads, _force_estimator(weights, design.gap_um, unit))
         # The card needs the errors before the file exists, so JAX computes them; the printed ones are of the file.
         card = _network_card(response, loads, recipe, weights, cases, table)
         network = add_checksum(onnx_model(weights, card, unit).SerializeToString())
-        network_file = NETWORK_FILES[recipe.scan]
-        (Path(temporary) / network_file).write_bytes(network)
-        parity = _onnx_difference_n(OnnxNetwork(Path(temporary) / network_file), weights, unit, closure_rel)
+        (Path(temporary) / NETWORK_FILE).write_bytes(network)
+        parity = _onnx_difference_n(OnnxNetwork(Path(temporary) / NETWORK_FILE), weights, unit, closure_rel)
         most_n = MAX_ONNX_DIFFERENCE_REL * loads.max_n
         if not parity <= most_n:
             raise ArithmeticError(f"ONNX Runtime and JAX differ by {parity:.2e} N, more than {most_n:.0e} N")
         (Path(temporary) / FOOT_FILE).write_bytes(description)
-        table = evaluate_models(Path(temporary), network_file)
-        names = [FOOT_FILE, RESPONSE_FILE, network_file]
-        if recipe.scan == "elements":
-            text = readme(foot_design, made, card, table, parity, quick=recipe.quick)
-            (Path(temporary) / "README.md").write_text(text, encoding="utf-8")
-            names.append("README.md")
-        for name in names:
+        table = evaluate_models(Path(temporary))
+        text = readme(foot_design, made, card, table, parity, quick=recipe.quick)
+        (Path(temporary) / "README.md").write_text(text, encoding="utf-8")
+        for name in (FOOT_FILE, RESPONSE_FILE, NETWORK_FILE, "README.md"):
             (Path(temporary) / name).replace(output / name)
     return BuildResult(table, card, parity)

@@ -28,11 +28,11 @@ from scipy.stats import chi2
 
 from footsense import sim
 from footsense.errors import FootsenseError
-from footsense.foot.network_card import TrainedInputs, read_card
+from footsense.foot.network_card import NETWORK_FILE, TrainedInputs, read_card
 from footsense.foot.response_table import FootResponse
 from footsense.foot.type_folders import released_folder
 from footsense.lab import studies
-from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, RESPONSE_FILE, open_models
+from footsense.lab.evaluation.evaluate_models import RESPONSE_FILE, open_models
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import FootDesign
 from footsense.lab.page_inputs import changed_inputs, digest_of, model_name, table_name

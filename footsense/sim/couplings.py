@@ -6,7 +6,7 @@ mutual capacitances C_k to the conductors beside it, whose potentials are v_k ti
     sum over k of C_k (1 - v_k).
 
 Ground has v = 0; a shield, or an input at the bias that follows the excitation, 1 without its tracking error. A
-floating conductor has what balances its charge; one that another chip excites, the mean of the product of both waves.
+floating conductor has what balances its charge.
 """
 
 import math
@@ -30,7 +30,7 @@ InputState = Literal["ground", "shield", "floating"]
 
 
 class Couplings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What lies beside the measured lines: other lines, shields, ground, and chips that are not synchronised.
+    """What lies beside the measured lines: other lines, shields, ground.
 
     Attributes:
         idle_inputs: What a FDC1004 does with the inputs that it does not convert; no source says it.
@@ -139,30 +139,3 @@ def converted_pf(mutual_pf: Vector, line: int, potential: Vector) -> float:
         balance = np.diag(mutual_pf[floating].sum(axis=1)) - own
         potential[floating] = np.linalg.solve(balance, mutual_pf[floating] @ potential)
     return float(mutual_pf[line] @ (1.0 - potential))
-
-
-def mean_product(phase: float, difference_hz: float, duration_s: float) -> float:
-    """Return the mean of the product of two square waves of amplitude 1 over a time that is long against both [1].
-
-    Of two waves whose phases differ by d in [-pi, pi], the product has the mean 1 - 2 |d| / pi over a period.
-
-    Args:
-        phase: Phase of one behind the other at the start [rad].
-        difference_hz: Difference of their frequencies [Hz].
-        duration_s: The time [s].
-
-    Example:
-        >>> mean_product(0.0, 0.0, 1.0), mean_product(math.pi, 0.0, 1.0), mean_product(0.0, 0.5, 1.0)
-        (1.0, -1.0, 0.0)
-    """
-    turned = 2.0 * math.pi * difference_hz * duration_s
-
-    def folded(angle: float) -> float:
-        return math.remainder(angle, 2.0 * math.pi)
-
-    def integral(angle: float) -> float:
-        return angle - angle * abs(angle) / math.pi
-
-    if abs(turned) < 1e-6:
-        return 1.0 - 2.0 * abs(folded(phase)) / math.pi
-    return (integral(folded(phase + turned)) - integral(folded(phase))) / turned

@@ -28,14 +28,14 @@ class SimulatedLeg:
         load: The load of the scene.
         foot: The foot on this leg.
         table: Capacitances of the foot over a gait cycle; None to compute each load.
-        board: Electronics: `fdc1004`, `fdc1004_columns` or `ad7147`.
+        board: Electronics: `fdc1004` or `ad7147`.
         couplings: Couplings of the foot's lines with it; None for none.
         address: Address of its converter, of board `ad7147`.
         bus_clock_hz: Clock of its bus [Hz].
 
     Attributes:
         wired: The foot behind the electronics.
-        chips: The chips as their bus sees them, the converters first.
+        chips: The chips as their bus sees them, the converter first.
     """
 
     def __init__(

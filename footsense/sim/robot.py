@@ -39,7 +39,7 @@ class BusWiring(NamedTuple):
         mux_address: Address of its mux; None for legs directly on the bus.
         channels: Mux channel of each leg; 0 without one.
         addresses: Address of the converter of each leg, of board `ad7147`.
-        board: Electronics of its legs: `fdc1004`, `fdc1004_columns` or `ad7147`.
+        board: Electronics of its legs: `fdc1004` or `ad7147`.
     """
 
     bus_clock_hz: int

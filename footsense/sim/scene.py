@@ -44,22 +44,6 @@ class Warming(ScenePart, frozen=True):
         return self.kelvin * min(max((t_ns / 1e9 - self.from_s) / self.over_s, 0.0), 1.0)
 
 
-class OddColumn(ScenePart, frozen=True):
-    """The converter of a column that differs from the others, on every leg with board `fdc1004_columns`.
-
-    Attributes:
-        column: The column.
-        slower_rel: Relative excess of its conversion times [1].
-        trigger_clears_done: As of all converters, in `effects`.
-        done_needs_both_reads: As of all converters, in `effects`.
-    """
-
-    column: Annotated[int, Meta(ge=0, le=2)]
-    slower_rel: Annotated[float, Meta(ge=-0.1, le=1.0)] = 0.0
-    trigger_clears_done: bool = False
-    done_needs_both_reads: bool = False
-
-
 class Ad7147Effects(ScenePart, frozen=True):
     """Deviations of AD7147 converters, and what no source tells of them; each combination is a kind of chip.
 
@@ -98,11 +82,10 @@ class Effects(ScenePart, frozen=True):
         done_needs_both_reads: Whether it forgets that only after both registers of the result have been read, instead
             of the upper one alone.
         keeps_old_result: Whether a result of a FDC1004 that is being converted still reads as the old one.
-        odd_column: The converter of a column that is of another kind; None for none.
         ad7147: What kind of chips AD7147 are.
         stray_pf: Capacitance to ground in parallel with every element [pF].
-        couplings: What lies beside the measured lines, as the foot type's table has it; None for nothing. Board
-            `ad7746` has none, nor `mcu`.
+        couplings: What lies beside the measured lines, as the foot type's table has it; None for nothing. Board `mcu`
+            has none.
         gap_contact: Whether a closed gap carries load; else its closure is only limited.
         rubber: Whether the feet creep and show hysteresis (`sim/rubber.py`).
         warming: Change of temperature; None for none.
@@ -117,7 +100,6 @@ class Effects(ScenePart, frozen=True):
     trigger_clears_done: bool = False
     done_needs_both_reads: bool = False
     keeps_old_result: bool = False
-    odd_column: OddColumn | None = None
     ad7147: Ad7147Effects = Ad7147Effects()
     stray_pf: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.0
     couplings: Couplings | None = None

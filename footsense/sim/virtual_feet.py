@@ -23,7 +23,7 @@ from footsense.estimation.network import READINGS, Network, sensitivity
 from footsense.estimation.pipeline import MAX_SIGMA_REL, with_inconsistency
 from footsense.estimation.settings import UNCALIBRATED_GAIN_SIGMA_REL
 from footsense.foot.gap_contact import CELLS_PER_ELEMENT
-from footsense.foot.network_card import NETWORK_FILES
+from footsense.foot.network_card import NETWORK_FILE
 from footsense.foot.response_table import FootResponse, series_basis
 from footsense.foot.specimen import Specimen
 from footsense.foot.type_folders import foot_type_folder
@@ -141,7 +141,7 @@ class VirtualFeet:
             raise ValueError(f"board: {' or '.join(_SCANS)}, got {board}")
         self._scan = scan = _SCANS[board]
         folder = foot_type_folder(foot_type)
-        path = folder / NETWORK_FILES["elements"]
+        path = folder / NETWORK_FILE
         self._response = response = FootResponse.load(folder / "response.npz")
         self._network = Network(path, n_feet)
         self._trained = trained = self._network.card.trained_inputs

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
-from footsense.config import COLUMNS
+from footsense.config import DEFAULT
 from footsense.frames import IS_USABLE_STATE, Cause, State
 from footsense.sim.faults import scene_faults as faults
 from footsense.sim.faults.scene_faults import Fault
@@ -119,7 +119,7 @@ def simulate_disturbances(
     report: Callable[[str], None],
     *,
     quick: bool = False,
-    foot_type: str = COLUMNS.foot_type,
+    foot_type: str = DEFAULT.foot_type,
     max_n: float = 2.0,
 ) -> dict[str, dict[str, DisturbanceFigures]]:
     """Simulate each disturbance in each scene; return the figures by disturbance and scene.
@@ -133,7 +133,7 @@ def simulate_disturbances(
     Raises:
         ModelError: The feet's network or response table is missing.
     """
-    config = msgspec.structs.replace(COLUMNS, foot_type=foot_type)
+    config = msgspec.structs.replace(DEFAULT, foot_type=foot_type)
     chosen = scenes(max_n)
     rows = list(DISTURBANCES.items())
     if quick:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
-from footsense.config import COLUMNS, SMALL_BOARD, Config
+from footsense.config import DEFAULT, SMALL_BOARD, Config
 from footsense.config.sections import Mux
 from footsense.sim.faults import scene_faults as faults
 from footsense.sim.faults.scene_faults import CanFault, Fault
@@ -29,7 +29,7 @@ from footsense.validation.fault_trial import (
 )
 
 #: Robots of the table, by their board.
-ROBOTS: dict[str, Config] = {robot.board: robot for robot in (COLUMNS, SMALL_BOARD)}
+ROBOTS: dict[str, Config] = {robot.board: robot for robot in (DEFAULT, SMALL_BOARD)}
 
 
 class FaultTrial(NamedTuple):
@@ -65,8 +65,8 @@ class FaultTrial(NamedTuple):
 
 _TRANSFER_FAULT_PROBABILITY = 0.02
 _BUS_STUCK_DURATION_S = 0.1
-#: Boards that switch their rows.
-_SWITCHED = ("fdc1004",)
+#: Boards of a robot of the table that switches rows, and has a multiplexer.
+_SWITCHED = (SMALL_BOARD.board,)
 _FAULT_SPAN: dict[str, Any] = {"at_s": BREAKS_AT_S, "until_s": PASSES_AT_S}
 
 
@@ -77,11 +77,12 @@ def _faults_on_trial_leg(kind: Callable[..., Fault], **values: float) -> tuple[F
 
 _SLOW_ADAPTER = msgspec.structs.replace(WALK_SCENE.effects, adapter_timeout_ms=1000.0)
 
-#: A hang of each kind of FDC1004, which the scanner ends with a reset.
+#: A hang, and that of each kind of FDC1004, which the scanner ends with a reset.
 _HANG_TRIALS = tuple(
     FaultTrial(
         f"converter hangs until it is reset{kind}",
         (faults.HungConverter(leg=FAULTY_LEG, at_s=BREAKS_AT_S),),
+        boards=_SWITCHED if names else tuple(ROBOTS),
         effects=msgspec.structs.replace(WALK_SCENE.effects, **dict.fromkeys(names, True)),
     )
     for kind, *names in (
@@ -92,17 +93,6 @@ _HANG_TRIALS = tuple(
     )
 )
 _STUCK_SDA_FAULTS = _faults_on_trial_leg(faults.StuckSda)
-
-#: Faults of the converter that a foot has for each column.
-_COLUMNS_TRIALS = tuple(
-    FaultTrial(words, script, boards=("fdc1004_columns",))
-    for words, script in (
-        ("one converter silent", _faults_on_trial_leg(faults.ConverterSilent, column=1)),
-        ("two converters at one address", _faults_on_trial_leg(faults.ConvertersCollide, column=2)),
-        ("address translator dead", _faults_on_trial_leg(faults.TranslatorDead)),
-        ("one converter hangs", (faults.HungConverter(leg=FAULTY_LEG, at_s=BREAKS_AT_S, column=1),)),
-    )
-)
 
 LEG_FAULT_TRIALS = (
     FaultTrial("cable off and on", _faults_on_trial_leg(faults.Absent)),
@@ -120,8 +110,8 @@ LEG_FAULT_TRIALS = (
     FaultTrial("supply dips: all settings lost", (faults.BrownOut(leg=FAULTY_LEG, at_s=BREAKS_AT_S),)),
     FaultTrial("row switch ignores writes", _faults_on_trial_leg(faults.SwitchIgnoresWrites), _SWITCHED),
     FaultTrial("SDA held low by the leg", _STUCK_SDA_FAULTS),
-    FaultTrial("the same, RESET pin not wired", _STUCK_SDA_FAULTS, has_reset=False),
-    FaultTrial("the same with RESET, adapter waits 1 s", _STUCK_SDA_FAULTS, effects=_SLOW_ADAPTER),
+    FaultTrial("the same, RESET pin not wired", _STUCK_SDA_FAULTS, _SWITCHED, has_reset=False),
+    FaultTrial("the same with RESET, adapter waits 1 s", _STUCK_SDA_FAULTS, _SWITCHED, effects=_SLOW_ADAPTER),
     FaultTrial(
         "SDA held low on the upstream bus, 0.1 s",
         (faults.StuckUpstreamBus(at_s=BREAKS_AT_S, until_s=BREAKS_AT_S + _BUS_STUCK_DURATION_S),),
@@ -130,8 +120,8 @@ LEG_FAULT_TRIALS = (
         "2 % of the arbitrations lost",
         (faults.ArbitrationLost(at_s=BREAKS_AT_S, rate_rel=_TRANSFER_FAULT_PROBABILITY),),
     ),
-    FaultTrial("mux reset", (faults.MuxReset(at_s=BREAKS_AT_S),)),
-    FaultTrial("mux keeps its channels", (faults.MuxKeepsChannels(**_FAULT_SPAN),)),
+    FaultTrial("mux reset", (faults.MuxReset(at_s=BREAKS_AT_S),), _SWITCHED),
+    FaultTrial("mux keeps its channels", (faults.MuxKeepsChannels(**_FAULT_SPAN),), _SWITCHED),
     FaultTrial("element open", _faults_on_trial_leg(faults.ElementOpen, element=4)),
     FaultTrial("element shorted", _faults_on_trial_leg(faults.ElementShorted, element=0)),
     FaultTrial("element stuck", _faults_on_trial_leg(faults.ElementStuck, element=0)),
@@ -146,7 +136,6 @@ LEG_FAULT_TRIALS = (
         _faults_on_trial_leg(faults.BrokenRow, row=0) + _faults_on_trial_leg(faults.BrokenRow, row=2),
         _SWITCHED,
     ),
-    *_COLUMNS_TRIALS,
     FaultTrial(
         "element shorted, another stuck",
         _faults_on_trial_leg(faults.ElementShorted, element=0)
@@ -173,10 +162,10 @@ _QUICK_EVERY_NTH_TRIAL = 6
 
 def simulate_leg_faults(
     report: Callable[[str], None],
-    board: str = COLUMNS.board,
+    board: str = DEFAULT.board,
     *,
     quick: bool = False,
-    foot_type: str = COLUMNS.foot_type,
+    foot_type: str = DEFAULT.foot_type,
     load: Tripod = LOAD,
 ) -> dict[str, FaultFigures]:
     """Simulate a walk without faults and one per fault of legs, buses and feet; return the effects by description.

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.can.force import FORCE_ID
 from firmware_interface.can.socketcan import unpack_frame
-from footsense.config import COLUMNS, Config
+from footsense.config import DEFAULT, Config
 from footsense.daemon.service import open_service
 from footsense.frames import (
     IS_USABLE_STATE,
@@ -92,7 +92,7 @@ class _FrameCollector(Observer):
 
 
 def simulate_walk(
-    *faults: Fault, config: Config = COLUMNS, effects: Effects = WALK_SCENE.effects, load: Tripod = LOAD
+    *faults: Fault, config: Config = DEFAULT, effects: Effects = WALK_SCENE.effects, load: Tripod = LOAD
 ) -> PublishedWalk:
     """Simulate a walk with faults; return its published frames.
 
@@ -279,9 +279,9 @@ def can_trial(fault: CanFault, *, duration_s: float) -> CanFigures:
         CanError: The interface is down from the start.
         ModelError: The released network or the response table is missing.
     """
-    consumer = _Consumer(COLUMNS.legs)
+    consumer = _Consumer(DEFAULT.legs)
     scene = msgspec.structs.replace(WALK_SCENE, effects=Effects(), faults=(fault,))
-    with open_service(COLUMNS, scene, real_time=False) as robot:
+    with open_service(DEFAULT, scene, real_time=False) as robot:
         assert robot.simulated_can is not None, "the scene has a fault of CAN"
         controller = robot.simulated_can.controller
         controller.on_delivered = consumer.on_delivered

@@ -57,7 +57,7 @@ _MAX_KEPT_VIOLATIONS = 20
 #: its carrier once a second.
 TOLERATED_CAN_RECOVERY_S = 2.0
 
-#: Delay of the next cycle by the search for a leg, of three converters at most [s].
+#: Delay of the next cycle by the search for a leg [s].
 _TOLERATED_LEG_SEARCH_DELAY_S = 2.5e-3
 #: Frames ahead of one on the wire: a full queue and the mailboxes, each of which loses to another node's [bits].
 _QUEUE_DRAIN_BITS = 2 * (AS_DEPLOYED.queue_frames + N_MAILBOXES) * LONGEST_FRAME_BITS

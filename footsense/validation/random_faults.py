@@ -8,13 +8,9 @@ import numpy as np
 from footsense.frames import ELEMENTS
 from footsense.sim.faults import scene_faults
 
-#: Kinds of faults that board `fdc1004_columns` alone can have; of a leg or its bus with any board, of disturbances of
-#: readings, of faults of CAN, and the share of the latter.
-COLUMNS_FAULT_TYPES: tuple[type[scene_faults.Fault], ...] = get_args(scene_faults.ColumnsFault)
-ROBOT_FAULT_TYPES: tuple[type[scene_faults.Fault], ...] = tuple(
-    kind
-    for kind in get_args(scene_faults.ChipFault | scene_faults.FootDamage | scene_faults.WireFault)
-    if kind not in COLUMNS_FAULT_TYPES
+#: Kinds of faults of a leg or its bus, of disturbances of readings, of faults of CAN, and the share of the latter.
+ROBOT_FAULT_TYPES: tuple[type[scene_faults.Fault], ...] = get_args(
+    scene_faults.ChipFault | scene_faults.FootDamage | scene_faults.WireFault
 )
 #: Kinds that only a board has that switches its rows.
 _SWITCHED_FAULT_TYPES = (scene_faults.BrokenRow, scene_faults.SwitchIgnoresWrites)
@@ -44,11 +40,9 @@ _SHORT_WALK_INTERVAL_REL = 0.1
 
 def robot_fault_types(board: str) -> tuple[type[scene_faults.Fault], ...]:
     """Return the kinds of faults that a leg with a board or its bus can have."""
-    if board != "fdc1004_columns":
+    if board == "fdc1004":
         return ROBOT_FAULT_TYPES
-    return (
-        tuple(kind for kind in ROBOT_FAULT_TYPES if kind not in _SWITCHED_FAULT_TYPES) + COLUMNS_FAULT_TYPES
-    )
+    return tuple(kind for kind in ROBOT_FAULT_TYPES if kind not in _SWITCHED_FAULT_TYPES)
 
 
 def random_faults(
@@ -120,8 +114,6 @@ def transient_fault(kind: type[scene_faults.Fault], **values: Any) -> list[scene
         values["rate_hz"] = _FLOODING_RATE_HZ
     if kind is scene_faults.ArbitrationLost:
         values["rate_rel"] = min(values["rate_rel"], _MAX_ARBITRATION_LOSS_REL)
-    if kind in (scene_faults.StuckConverter, scene_faults.HungConverter):
-        values["column"] = None
     if kind in DISTURBANCE_TYPES:
         values |= {"legs": (values["leg"],), "period_s": _BURST_PERIOD_S, "active_s": _BURST_S}
     fault = kind(**{name: values[name] for name in kind.__struct_fields__ if name in values})

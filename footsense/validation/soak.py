@@ -2,7 +2,7 @@
 
 Everything runs in virtual time and follows from the seed, so that a stretch with a violation can be repeated alone.
 Every stretch begins with a walk without faults, which measures the share of errors beyond 5 sigma. Even seeds walk with
-three converters in a foot, odd ones with one.
+an AD7147 in a foot, odd ones with an FDC1004.
 """
 
 from collections import Counter

@@ -1,11 +1,9 @@
-"""Legs of a board with given capacitances, the buses that they are on, and the scanner that reads them."""
+"""Legs of board `fdc1004` with given capacitances, the buses that they are on, and the scanner that reads them."""
 
 from collections.abc import Callable, Sequence
 from functools import cache
-from typing import NamedTuple
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 
 from footsense.acquisition.boards.board import CONVERTED
@@ -36,28 +34,8 @@ DISTINCT_PF = 5.0 + 0.125 * np.arange(9)
 Capacitance = Callable[[int, int], float]  # element, t_ns -> pF
 
 
-class Board(NamedTuple):
-    """What a test has to know of a board.
-
-    Attributes:
-        name: Its name.
-        rates_sps: Its conversion rates, the fastest first.
-        conversion_ns: A conversion at the fastest [ns].
-        probe_ns: What a try of a leg that does not finish its conversions costs the others [ns].
-        n_steps: Conversions of a scan.
-    """
-
-    name: str
-    rates_sps: tuple[int, ...]
-    conversion_ns: int
-    probe_ns: int
-    n_steps: int = ELEMENTS
-
-
-FDC1004 = Board("fdc1004", (400, 200, 100), 2_500_000, 7_000_000)
-COLUMNS = Board("fdc1004_columns", (400, 200, 100), 2_500_000, 21_000_000, 3)
-BOTH = (FDC1004, COLUMNS)
-both = pytest.mark.parametrize("board", BOTH, ids=lambda board: board.name)
+#: A conversion at the fastest rate, and what a try of a leg that does not finish its conversions costs the others [ns].
+CONVERSION_NS, PROBE_NS = 2_500_000, 7_000_000
 
 
 def distinct(element: int, t_ns: int) -> float:
@@ -113,18 +91,16 @@ class Robot:
     def __init__(
         self,
         capacitance_pf: Capacitance,
-        board: Board = FDC1004,
         *,
         n_buses: int = 1,
         host_cost_ns: int = 0,
-        rate_sps: int | None = None,
+        rate_sps: int = 400,
         clock_error_rel: float = 0.0,
         effects: Effects = _NO_EFFECTS,
         faults: Sequence[tuple[int, ChipFault]] = (),
     ) -> None:
         self.converters: list[LegConverter] = []
-        self.converters_of_leg: list[tuple[LegConverter, ...]] = []
-        self.switches: list[tuple[SimulatedLineSwitch, ...]] = []
+        self.switches: list[SimulatedLineSwitch] = []
         self.muxes: list[SimulatedMux] = []
         self.saboteurs: list[Saboteur] = []
         self._of_leg_pf = np.zeros((6, 1))
@@ -140,27 +116,18 @@ class Robot:
                     return [capacitance_pf(e, t_ns) + self._of_leg_pf[leg, 0] for e in range(ELEMENTS)]
 
                 foot = WiredFoot(element_pf, (), _designed_foot())
-                converters, switches = leg_electronics(board.name, foot, effects, (0, leg))
-                for converter in converters:
-                    converter.clock_factor += clock_error_rel
-                self.converters.append(converters[0])
-                self.converters_of_leg.append(converters)
-                self.switches.append(switches)
+                converter, switch = leg_electronics("fdc1004", foot, effects, (0, leg))
+                assert switch is not None
+                converter.clock_factor += clock_error_rel
+                self.converters.append(converter)
+                self.switches.append(switch)
                 own = [fault for of_leg, fault in faults if of_leg == leg]
-                legs[channel] = inject_chip_faults(converters, switches, own, np.random.default_rng(1))
+                legs[channel] = inject_chip_faults(converter, switch, own, np.random.default_rng(1))
             self.muxes.append(SimulatedMux(0x71))
             bus = Saboteur(SimulatedBus(clock, 400_000, host_cost_ns, self.muxes[-1], legs), clock)
             self.saboteurs.append(bus)
             channels = {f"{len(scanners)}{n}": n for n in range(per_bus)}
-            scanners.append(
-                BusScanner(
-                    LegBus(bus, 0x71),
-                    clock,
-                    channels,
-                    scan_plan(rate_sps or board.rates_sps[0], board.name),
-                )
-            )
-        self.board = board
+            scanners.append(BusScanner(LegBus(bus, 0x71), clock, channels, scan_plan(rate_sps)))
         self.clock = JoinedClock(clocks, scanners[0].plan.conversion_wait_ns)
         self.buses = scanners
         self.scanner = RobotScanner(scanners)
@@ -171,7 +138,7 @@ class Robot:
         self._of_leg_pf = np.arange(6)[:, None] / 512
 
     def chips(self, leg: int) -> list[LegConverter | SimulatedLineSwitch]:
-        return [*self.converters_of_leg[leg], *self.switches[leg]]
+        return [self.converters[leg], self.switches[leg]]
 
     def is_right(self, frame: CapFrame) -> NDArray[np.bool_]:
         """Tell which readings are their own capacitances."""
@@ -193,7 +160,7 @@ class Robot:
     def read(self, n: int = 1) -> CapFrame:
         """Return the frame that completes a scan, the last of `n` scans."""
         for _ in range(n):
-            while (frame := self.convert()).sequence % self.board.n_steps:
+            while (frame := self.convert()).sequence % ELEMENTS:
                 pass
         return frame
 

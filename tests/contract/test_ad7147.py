@@ -144,7 +144,7 @@ class Robot:
                         shifts=np.random.default_rng((seed, leg, 1)),
                     )
                 )
-                own = inject_chip_faults(self.chips[-1:], (), faults if leg == 3 else (), random)
+                own = inject_chip_faults(self.chips[-1], None, faults if leg == 3 else (), random)
                 channel = n if wiring.has_mux else 0
                 behind.setdefault(channel, []).extend(own)
                 channels[f"leg {leg}"], addresses[f"leg {leg}"] = channel, address

@@ -1,4 +1,4 @@
-"""Chips and switches that reset, stall, or ignore settings: both boards give a right reading or none."""
+"""Chips and switches that reset, stall, or ignore settings: board `fdc1004` gives a right reading or none."""
 
 import math
 
@@ -10,22 +10,19 @@ from hypothesis import strategies as st
 from footsense.errors import I2cError, I2cTimeoutError, NackError
 from footsense.frames import Reading
 from footsense.ports import Transaction
-from tests.contract.boards import FDC1004, Board, LateError, Robot, both, distinct
+from tests.contract.boards import CONVERSION_NS, LateError, Robot, distinct
 
 
-@both
 @pytest.mark.parametrize("after_rel", np.linspace(0.0, 1.1, 9))
 @pytest.mark.parametrize("host_cost_us", [0, 150])
-def test_a_converter_that_was_reset_is_noticed_and_set_up_again(
-    board: Board, after_rel: float, host_cost_us: int
-) -> None:
+def test_a_converter_that_was_reset_is_noticed_and_set_up_again(after_rel: float, host_cost_us: int) -> None:
     """After a dip of its supply it would read something else than it was told, and acknowledge everything.
 
     Where the bus is the limit, its settings are checked once in nine scans.
     """
-    robot = Robot(distinct, board, host_cost_ns=1000 * host_cost_us)
+    robot = Robot(distinct, host_cost_ns=1000 * host_cost_us)
     robot.read(2)
-    at_ns = robot.clock.now_ns() + round(after_rel * 9 * board.conversion_ns)
+    at_ns = robot.clock.now_ns() + round(after_rel * 9 * CONVERSION_NS)
     for chip in robot.chips(3):
         chip.brown_outs_ns = [at_ns]
     seen = set()
@@ -43,7 +40,7 @@ def test_a_deaf_switch_and_a_line_that_is_closed_too_much_are_noticed(line: int 
     """The others acknowledge for it, and the wired AND hides it: each leg is asked alone; it is out until it heals."""
     robot = Robot(distinct)
     period_ns = robot.period_ns(18)
-    (switch,) = robot.switches[1]
+    switch = robot.switches[1]
     start_ns = robot.clock.now_ns()
     if line is None:
         switch.ignores_writes_ns = [(start_ns, math.inf)]
@@ -75,11 +72,11 @@ def test_a_result_from_before_a_stall_is_not_used(*, hangs: bool) -> None:
     now_ns = robot.clock.now_ns()
     robot.converters[0].write(b"\x0c", now_ns)  # the conversion that had been running finishes
     if hangs:
-        robot.converters[0].stuck_ns = [(now_ns, now_ns + 1.5 * FDC1004.conversion_ns)]
+        robot.converters[0].stuck_ns = [(now_ns, now_ns + 1.5 * CONVERSION_NS)]
     frame = robot.read()
     assert (frame.reading[0] == (Reading.NOT_READY if hangs else Reading.OK)).all()
     assert (frame.reading[1:] == Reading.OK).all()
-    assert hangs or np.ptp(frame.t_ns) < 9 * 1.1 * FDC1004.conversion_ns
+    assert hangs or np.ptp(frame.t_ns) < 9 * 1.1 * CONVERSION_NS
 
 
 TROUBLES = st.lists(
@@ -98,18 +95,16 @@ CHIP_FAULTS = st.lists(
 )
 
 
-@both
 @given(TROUBLES, CHIP_FAULTS)
 @settings(max_examples=20)
 def test_whatever_fails_a_reading_is_right_or_missing(
-    board: Board,
     troubles: list[tuple[int, int, I2cError]],
     chip_faults: list[tuple[str, int, float]],
 ) -> None:
     """Random failures of bus and chips: no exception, no wrong number, and all is well some time after the last."""
-    robot = Robot(distinct, board)
+    robot = Robot(distinct)
     robot.read(2)
-    scan_ns = 9 * board.conversion_ns
+    scan_ns = 9 * CONVERSION_NS
 
     def fails(transaction: Transaction, n: int) -> I2cError | None:
         del transaction

@@ -11,7 +11,7 @@ from firmware_interface.chips.fdc1004 import Fdc1004Register
 from footsense.acquisition.boards.fdc1004 import read_register
 from footsense.frames import Reading
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
-from tests.contract.boards import FDC1004, Robot, distinct
+from tests.contract.boards import CONVERSION_NS, Robot, distinct
 
 if TYPE_CHECKING:
     from footsense.ports import Transaction
@@ -31,14 +31,14 @@ def test_chips_get_the_time_that_they_need_and_stamps_are_the_middle_of_it(
     frame = robot.read(3)
     assert (frame.reading == Reading.OK).all()
     # A code, and half of what a clock in its tolerance is off.
-    atol = 2**-11 + 0.01 * FDC1004.conversion_ns * 2**-30
+    atol = 2**-11 + 0.01 * CONVERSION_NS * 2**-30
     np.testing.assert_allclose(frame.capacitance_pf - 4.0, frame.t_ns * 2**-30, atol=atol)
     for leg in robot.buses[0].legs:
         assert 1.02 * leg.timing.wait_factor < 1 + max(clock_error_rel, 0.0) + 0.025
     if not host_cost_us and not clock_error_rel:
         steps_ns = np.diff(np.sort(frame.t_ns[0]))
-        assert (steps_ns > FDC1004.conversion_ns).all()
-        assert (steps_ns < 1.2 * FDC1004.conversion_ns).all()
+        assert (steps_ns > CONVERSION_NS).all()
+        assert (steps_ns < 1.2 * CONVERSION_NS).all()
 
 
 def test_a_chip_slower_than_any_gives_no_number() -> None:
@@ -74,7 +74,7 @@ def test_frames_of_a_healthy_robot_have_no_gaps(host_cost_us: int, walk_s: int) 
     while times_ns[-1] - times_ns[0] < walk_s * 1_000_000_000:
         assert (robot.scanner.read().reading == Reading.OK).all()
         times_ns.append(robot.clock.now_ns())
-    assert np.diff(times_ns).max() < 1.5 * FDC1004.conversion_ns
+    assert np.diff(times_ns).max() < 1.5 * CONVERSION_NS
     assert robot.buses[0].n_late_discards == 0
 
 
@@ -124,7 +124,7 @@ def test_once_a_second_all_are_asked_before_the_next_lines_are_switched() -> Non
     until_ns = robot.clock.now_ns() + 3_500_000_000
     while robot.clock.now_ns() < until_ns:
         robot.read()
-    (switch,) = robot.switches[0]
+    switch = robot.switches[0]
     asks = read_register(Fdc1004Register.FDC_CONF)
     assert sum(a == asks and b.address == switch.address for a, b in itertools.pairwise(sent)) in {3, 4}
 

@@ -16,7 +16,7 @@ from footsense.sim.chips.fdc1004 import SimulatedFdc1004
 from footsense.sim.scene import Effects
 from footsense.validation.converter_kinds import KINDS as KINDS_OF_TABLE
 from footsense.validation.converter_kinds import converter_kind_figures
-from tests.contract.boards import FDC1004, Robot, distinct
+from tests.contract.boards import CONVERSION_NS, Robot, distinct
 
 KINDS = [
     Effects(trigger_clears_done=trigger, done_needs_both_reads=both, keeps_old_result=keeps)
@@ -34,7 +34,7 @@ def name_of(kind: Effects) -> str:
 #: Change of every capacitance [pF/ns]: a reading of the scan before is off by 40 codes of the upper register.
 SLOPE_PF_PER_NS = 2**-30
 #: A code, and half of what the measured time of a conversion is off.
-TOLERANCE_PF = 2**-11 + 0.011 * FDC1004.conversion_ns * SLOPE_PF_PER_NS
+TOLERANCE_PF = 2**-11 + 0.011 * CONVERSION_NS * SLOPE_PF_PER_NS
 
 
 def moving(element: int, t_ns: int) -> float:

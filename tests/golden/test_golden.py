@@ -21,7 +21,7 @@ from tests.system.command import footsense
 
 GOLDEN = Path(__file__).parent / "measured_walk.mcap"
 SMALL_BOARD = GOLDEN.with_name("small_board.mcap")
-#: Of board `fdc1004_columns`, and of `fdc1004`.
+#: Of the default board, and of `fdc1004`.
 BOTH = pytest.mark.parametrize("file", [GOLDEN, SMALL_BOARD], ids=attrgetter("stem"))
 
 
@@ -51,7 +51,7 @@ _PROCESSORS: dict[str, dict[str, str | None]] = {
 @pytest.mark.parametrize(
     ("file", "processor"),
     [(GOLDEN, "no choice"), (GOLDEN, "AVX2"), (SMALL_BOARD, "no choice"), (SMALL_BOARD, "without FMA")],
-    ids=["columns-no-choice", "columns-avx2", "small-no-choice", "small-without-fma"],
+    ids=["default-no-choice", "default-avx2", "small-no-choice", "small-without-fma"],
 )
 def test_the_golden_walk_gives_the_same_forces(
     file: Path, processor: str, monkeypatch: pytest.MonkeyPatch

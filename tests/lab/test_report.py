@@ -153,8 +153,7 @@ def test_errors_of_starts_feet_and_draws_stand_on_several() -> None:
         *((row["direction_deg"], 5) for row in paper["sizes"]),
         *(
             (starts, 5)
-            for networks in speed["networks"].values()
-            for network in networks[:-1]  # the last one is the released network
+            for network in speed["networks"][:-1]  # the last one is the released network
             for errors in network["direction_deg"].values()
             for starts in errors.values()
         ),

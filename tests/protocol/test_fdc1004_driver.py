@@ -5,7 +5,7 @@ import pytest
 
 from firmware_interface.chips.fdc1004 import RATES
 from footsense.acquisition.boards import fdc1004
-from footsense.acquisition.leg_bus import reading_of_polls
+from footsense.acquisition.leg_bus import reading_of_poll
 from footsense.acquisition.scan_plan import scan_plan
 from footsense.errors import HardwareError, NackError
 from footsense.frames import Reading
@@ -54,29 +54,29 @@ def test_silence_is_explained_in_words() -> None:
 def test_configuration_is_reset_then_one_cin_per_slot() -> None:
     """Reset is bit 15 of 0x0C; CHA = CINn, CHB = disabled gives 0x1C00, 0x3C00, 0x5C00 in 0x08 to 0x0A."""
     writes = (b"\x0c\x80\x00", b"\x08\x1c\x00", b"\x09\x3c\x00", b"\x0a\x5c\x00")
-    assert fdc1004.BOARD.set_up == tuple(Transaction(0x50, write) for write in writes)
+    assert tuple(Transaction(0x50, write) for write in writes) == fdc1004.SET_UP
 
 
 def test_the_plan_triggers_one_measurement_at_a_time() -> None:
     """At 400 S/s the triggers are 0x0C80, 0x0C40, 0x0C20; the rows are grounded one by one, the others shielded."""
-    steps = {step.results[0].element: step for step in scan_plan(400).steps}
-    assert [steps[e].results[0].trigger.write.hex() for e in (0, 1, 2)] == ["0c0c80", "0c0c40", "0c0c20"]
+    steps = {step.element: step for step in scan_plan(400).steps}
+    assert [steps[e].trigger.write.hex() for e in (0, 1, 2)] == ["0c0c80", "0c0c40", "0c0c20"]
     assert [steps[e].select for e in (0, 3, 6)] == [
-        (Transaction(0x49, bytes((switches,))),) for switches in (0b110001, 0b101010, 0b011100)
+        Transaction(0x49, bytes((switches,))) for switches in (0b110001, 0b101010, 0b011100)
     ]
-    assert steps[4].results[0].read_value == (Transaction(0x50, b"\x02", 2),)
+    assert steps[4].read_value == (Transaction(0x50, b"\x02", 2),)
 
 
 def test_slower_rates_read_the_lower_half_of_the_result_too() -> None:
     """Below 400 S/s the bus has time for the register that holds the last 8 bits."""
     step = scan_plan(100).steps[0]
-    assert step.results[0].element == 5
-    assert step.results[0].read == (Transaction(0x50, b"\x04", 2), Transaction(0x50, b"\x05", 2))
+    assert step.element == 5
+    assert step.read == (Transaction(0x50, b"\x04", 2), Transaction(0x50, b"\x05", 2))
 
 
 def test_no_step_reads_a_slot_that_the_next_one_converts() -> None:
     """A result is read while the following conversion runs, so neighbours must use different slots."""
-    slots = [step.results[0].read[0].write for step in scan_plan(400).steps]
+    slots = [step.read[0].write for step in scan_plan(400).steps]
     assert all(slot != following for slot, following in zip(slots, slots[1:] + slots[:1], strict=True))
 
 
@@ -118,6 +118,4 @@ def test_the_done_bit_is_believed_only_without_bits_that_no_converter_sends(
     answer: bytes, reading: Reading
 ) -> None:
     """In FDC_CONF the reserved bits 14 to 12 and 9, and REPEAT, which is never asked for."""
-    done = fdc1004.step(0, RATES[400]).results[0].done
-    assert done is not None
-    assert reading_of_polls([done], [answer]) is reading
+    assert reading_of_poll(fdc1004.step(0, RATES[400]).done, answer) is reading

@@ -1,16 +1,11 @@
-"""Data types of an electronics board as the scanner uses it: transactions of an element, and their decoding.
+"""Data types of an electronics board as the scanner uses it: transactions of an element, and read-back checks."""
 
-Each board is a value of `Board`, which the module of its converter makes for the rows and columns of a foot.
-"""
-
-from collections.abc import Callable
 from typing import NamedTuple
 
 from firmware_interface.chips.fdc1004 import CLOCK_TOLERANCE_REL, Fdc1004Rate
-from firmware_interface.schedule import ConversionTraffic
 from footsense.errors import WrongChipError
 from footsense.frames import Reading
-from footsense.ports import I2cBus, Transaction
+from footsense.ports import Transaction
 
 
 class ReadBackCheck(NamedTuple):
@@ -39,52 +34,31 @@ class DonePoll(NamedTuple):
     never_set: int
 
 
-class ElementResult(NamedTuple):
-    """Conversion of one element by one converter: trigger, polling, read-out.
+class ConversionStep(NamedTuple):
+    """Transactions of one element's conversion: line selection, trigger, polling, read-out, checks.
 
     Attributes:
         element: Flat index of the element.
+        select: Write that selects its row.
+        select_check: Position of the row switch: a broadcast write is acknowledged even if one leg misses it, and a
+            wrong row reads as a plausible capacitance.
         trigger: Write that starts the conversion.
         done: The question whether it is done.
         read: Reads of the whole result from the leg's converter; by these any chip forgets that a conversion is done.
         read_value: Those of them that the value needs, for a chip that forgets by these alone.
+        select_changes: `select`, if it is needed after the step before.
+        setting_checks: Settings of the converter; asked for in the last step of a scan.
     """
 
     element: int
+    select: Transaction
+    select_check: ReadBackCheck
     trigger: Transaction
     done: DonePoll
     read: tuple[Transaction, ...]
     read_value: tuple[Transaction, ...]
-
-
-class ConversionStep(NamedTuple):
-    """Transactions of one conversion of a leg: line selection, conversions, checks.
-
-    Attributes:
-        results: The elements that are converted at the same time, one for each converter of the leg, in the order in
-            which these are started.
-        select: Write that selects the elements' row; none without a row switch.
-        done: The questions of `results` whether they are done.
-        done_after_start: The same for when the next conversion has just been started.
-        polls_after_start: Their reads.
-        select_changes: The writes of `select` that are needed after the step before.
-        select_checks: Position of the row switch: a broadcast write is acknowledged even if one leg misses it, and a
-            wrong row reads as a plausible capacitance.
-        setting_checks: Settings of a converter; each is asked for in one of the last steps of a scan.
-        reads: The reads of the values of all `results`.
-        elements: Flat indices of the elements of `results`.
-    """
-
-    results: tuple[ElementResult, ...]
-    select: tuple[Transaction, ...]
-    done: tuple[DonePoll, ...] = ()
-    done_after_start: tuple[DonePoll, ...] = ()
-    polls_after_start: tuple[Transaction, ...] = ()
     select_changes: tuple[Transaction, ...] = ()
-    select_checks: tuple[ReadBackCheck, ...] = ()
     setting_checks: tuple[ReadBackCheck, ...] = ()
-    reads: tuple[Transaction, ...] = ()
-    elements: tuple[int, ...] = ()
 
 
 #: Longest conversion that is waited for, over the wait for a chip within its tolerance [1]; published drivers wait 20 %
@@ -117,35 +91,6 @@ def require_identity(answer: bytes, name: str, identity: bytes, address: int, ot
     raise WrongChipError(
         f"identity {answer.hex(' ')} at {address:#04x}, {name} says {identity.hex(' ')}; {why}"
     )
-
-
-class Board(NamedTuple):
-    """Electronics board of a leg: conversion steps, chip setup, and decoding of the results.
-
-    Attributes:
-        order: Arguments of `step` in the order of a scan.
-        step: A conversion, by the flat index of its element, or of the first of its elements, and the rate.
-        check_identity: Checks that the connected converters are the right ones. Raises HardwareError if one does not
-            answer, WrongChipError if another chip does, and I2cError.
-        set_up: Writes that reset and configure the converters of a leg.
-        decode_results: Reading and capacitance [pF] of each of some results, from the answers to all of their
-            `ElementResult.read` or `read_value` and their number; NaN unless the reading is OK.
-        make_ready: Brings converters in an unknown state to where they can convert: their settings, no conversion that
-            would still end, and no result left to be read.
-        setting_checks: The settings of each converter, which a dip of its supply resets; asked once a scan.
-        range_end_pf: Least capacitance of an element over the range [pF].
-        traffic: Least transactions of a scan.
-    """
-
-    order: tuple[int, ...]
-    step: Callable[[int, Fdc1004Rate], ConversionStep]
-    check_identity: Callable[[I2cBus], None]
-    set_up: tuple[Transaction, ...]
-    decode_results: Callable[[list[bytes], int], list[tuple[Reading, float]]]
-    make_ready: tuple[Transaction, ...]
-    setting_checks: tuple[ReadBackCheck, ...]
-    range_end_pf: float
-    traffic: ConversionTraffic
 
 
 def conversion_wait_ns(rate: Fdc1004Rate) -> int:

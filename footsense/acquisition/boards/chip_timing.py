@@ -10,10 +10,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from firmware_interface.chips.fdc1004 import RATES
-from footsense.acquisition.boards.board import MAX_WAIT_FACTOR, Board, ElementResult, conversion_wait_ns
-from footsense.acquisition.leg_bus import reading_of_polls
+from footsense.acquisition.boards import fdc1004
+from footsense.acquisition.boards.board import MAX_WAIT_FACTOR, ConversionStep, conversion_wait_ns
+from footsense.acquisition.leg_bus import reading_of_poll
 from footsense.frames import Reading
-from footsense.ports import Clock, I2cBus, Transaction
+from footsense.ports import Clock, I2cBus
 
 #: Halvings of the range of a slow chip: to a hundredth.
 _N_BISECTIONS = 5
@@ -44,7 +45,6 @@ class _Trial:
 
     Attributes:
         bus: The bus.
-        make_ready: The converter's part of `Board.make_ready`.
         wait_ns: Time after which a chip within its tolerance has finished [ns].
         first: The first conversion.
         following: The second one.
@@ -52,15 +52,14 @@ class _Trial:
     """
 
     bus: I2cBus
-    make_ready: tuple[Transaction, ...]
     wait_ns: int
-    first: ElementResult
-    following: ElementResult
+    first: ConversionStep
+    following: ConversionStep
     clock: Clock
 
     def finishes_in_time(self, wait_factor: float, *, next_started: bool) -> bool:
         """Convert; return whether that is done after a wait, with the next conversion started or not."""
-        for transaction in self.make_ready:
+        for transaction in fdc1004.MAKE_READY:
             self.bus.transfer(transaction)
         before_ns = self.clock.now_ns()
         self.bus.transfer(self.first.trigger)
@@ -79,37 +78,24 @@ class _Trial:
 
     def _done_answers(self, n: int) -> set[Reading]:
         done = self.first.done
-        return {reading_of_polls((done,), [self.bus.transfer(done.read)]) for _ in range(n)}
+        return {reading_of_poll(done, self.bus.transfer(done.read)) for _ in range(n)}
 
 
-def measure_chip_timings(bus: I2cBus, board: Board, clock: Clock) -> list[ChipTiming | None]:
-    """Return the timing of each converter of the only connected leg; None of one whose conversions do not finish.
+def measure_chip_timing(bus: I2cBus, clock: Clock) -> ChipTiming | None:
+    """Return the timing of the converter of the only connected leg; None if its conversions do not finish.
 
     All rates of a chip come from one clock, so that the fastest is measured. Its last conversion is left running.
 
     Args:
         bus: The bus.
-        board: The leg's electronics.
         clock: The time that the bus lives in.
 
     Raises:
         I2cError: A transaction failed.
     """
     rate = RATES[max(RATES)]
-    steps = (board.step(element, rate) for element in board.order[:2])
-    trials = []
-    for first, following in zip(*(step.results for step in steps), strict=True):
-        own = tuple(each for each in board.make_ready if each.address == first.trigger.address)
-        trials.append(_Trial(bus, own, conversion_wait_ns(rate), first, following, clock))
-    return list(map(_measure_chip_timing, trials))
-
-
-def _measure_chip_timing(trial: _Trial) -> ChipTiming | None:
-    """Return the timing of a converter; None if its conversions do not finish.
-
-    Raises:
-        I2cError: A transaction failed.
-    """
+    first, following = (fdc1004.step(element, rate) for element in fdc1004.ORDER[:2])
+    trial = _Trial(bus, conversion_wait_ns(rate), first, following, clock)
     if trial.finishes_in_time(1.0, next_started=True):
         return ChipTiming(reads_whole_result=trial.reads_whole_result())
     if not trial.finishes_in_time(MAX_WAIT_FACTOR, next_started=False):

@@ -54,7 +54,7 @@ _POSITIVE = click.FloatRange(min=0, min_open=True)
 )
 @click.option(
     "--board",
-    type=click.Choice(["ad7147", "fdc1004", "fdc1004_columns"]),
+    type=click.Choice(["ad7147", "fdc1004"]),
     default="ad7147",
     show_default=True,
     help="Electronics of a foot: noise, range, time of a scan, and what its flex takes between the electrodes.",
@@ -145,13 +145,12 @@ def design(
             }
         )
         return
-    is_rows = board == "fdc1004_columns"
     click.echo(
         f"{n_compared} feet compared for normal loads of {least_n:.3g} to {largest_n:.3g} N, upright or pitched by "
         f"{PITCH_DEG:g} deg, the force leaning up to {lean:g} deg\n"
         f"board {board}: {1e3 * requirements.board.noise_pf:.2g} fF of noise, "
         f"{1e3 * requirements.board.scan_s:.1f} ms for a scan. The errors are of a foot that stands; those in motion "
-        f"depend on the\nscan, and `footsense lab build{' --board fdc1004_columns' if is_rows else ''}` tells them"
+        f"depend on the\nscan, and `footsense lab build` tells them"
     )
     columns = [foot.cells for foot in feet]
     click.echo(" " * 22 + "".join(f"{foot.name:>28}" for foot in feet))

@@ -26,10 +26,10 @@ _REQUIRED_PACKAGES = ("ezdxf", "shapely")
 )
 @click.option(
     "--board",
-    type=click.Choice(["ad7147", "fdc1004", "fdc1004_columns"]),
+    type=click.Choice(["ad7147", "fdc1004"]),
     default="ad7147",
     show_default=True,
-    help="Electronics of the foot: one converter with a line for each element, one for rows and columns, or three.",
+    help="Electronics of the foot: a converter with a line for each element, or one for rows and columns.",
 )
 def fabricate(*, foot: str, out: Path, process: str | None, board: "Board") -> None:
     """Write the files that a foot is made from.

@@ -38,14 +38,7 @@ _REQUIRED_PACKAGES = ("ngsolve", "jax", "jinja2", "joblib", "mujoco", "optax", "
     type=FOLDER,
     help="Folder of a similar foot type: the training starts from its network, and is a fifth as long.",
 )
-@click.option(
-    "--board",
-    type=click.Choice(["fdc1004", "fdc1004_columns"]),
-    default="fdc1004",
-    show_default=True,
-    help="Board whose scan the network is for: element by element, as with ad7147 and mcu too, or row by row.",
-)
-def build(*, foot: Path | None, out: Path | None, quick: bool, like: Path | None, board: str) -> None:
+def build(*, foot: Path | None, out: Path | None, quick: bool, like: Path | None) -> None:
     """Build the models of a foot, and print their errors.
 
     Solves the foot, trains its network, and writes both with their card.
@@ -67,8 +60,6 @@ def build(*, foot: Path | None, out: Path | None, quick: bool, like: Path | None
     recipe = QUICK_BUILD if quick else FULL_BUILD
     if like is not None:
         recipe = replace(SIMILAR_FOOT_BUILD, start_folder=like)
-
-    recipe = replace(recipe, scan="rows" if board == "fdc1004_columns" else "elements")
     report = options.elapsed_time_reporter()
     built = build_models(description, folder, recipe, report)
     report(f"wrote {folder}; JAX and ONNX Runtime differ by at most {1000 * built.onnx_difference_n:.4f} mN")

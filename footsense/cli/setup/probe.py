@@ -14,8 +14,7 @@ from rich.console import Console, Group, RenderableType
 from rich.padding import Padding
 from rich.text import Text
 
-from firmware_interface.chips import adg715
-from firmware_interface.chips.ltc4317 import COLUMN_ADDRESSES
+from firmware_interface.chips import adg715, fdc1004
 from footsense.cli.options import FILE, config_option, json_option
 from footsense.cli.setup.robot_file import check_is_new, found_part, unloaded_yaml
 from footsense.cli.tables import EMPTY_CELL, Column, echo_json, figures_table, json_row, styled, table
@@ -28,10 +27,7 @@ from footsense.leg_words import CAUSE_WORDS, word_of
 from footsense.sim.scene import load_scene
 
 _DEFAULT_SCENE = "hanging"
-_CHIP_NAMES = {
-    **dict.fromkeys(COLUMN_ADDRESSES, "FDC1004"),
-    adg715.ADDRESS: "ADG715",
-}
+_CHIP_NAMES = {fdc1004.ADDRESS: "FDC1004", adg715.ADDRESS: "ADG715"}
 #: Width of one element's text, and space between two feet beside each other [characters].
 _ELEMENT_WIDTH = 7
 _FOOT_SPACING_CELLS = 3

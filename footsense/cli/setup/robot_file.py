@@ -14,7 +14,6 @@ from footsense.foot.type_folders import released_names
 _BOARD_PARTS = {
     "ad7147": "an AD7147 in every foot",
     "fdc1004": "an FDC1004 and an ADG715 in every foot",
-    "fdc1004_columns": "three FDC1004 and an LTC4317 in every foot",
     "mcu": "a microcontroller scans the feet",
 }
 _LEG_WORDS = {

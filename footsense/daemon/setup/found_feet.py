@@ -8,11 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from msgspec.structs import replace
 
-from firmware_interface.chips import ad7147, tca9548a
+from firmware_interface.chips import ad7147, fdc1004, tca9548a
 from footsense.acquisition.bus_scan import (
     ADDRESSES,
     TimeLimitedBus,
-    converter_addresses,
     is_ad7147,
     leg_chip_addresses,
     probe_addresses,
@@ -21,7 +20,7 @@ from footsense.acquisition.bus_scan import (
 from footsense.acquisition.leg_bus import LegBus
 from footsense.acquisition.linux_i2c import LinuxI2cBus, adapter_names, kernel_drivers
 from footsense.acquisition.mcu_source import Serial
-from footsense.acquisition.scan_plan import BOARDS, FASTEST_SPS, ScanPlan, scan_plan
+from footsense.acquisition.scan_plan import FASTEST_SPS, scan_plan
 from footsense.can.interface import Can
 from footsense.clock import MonotonicClock
 from footsense.config import SMALL_BOARD, Config
@@ -43,6 +42,9 @@ _SERIAL_PORTS = Path("/dev/serial/by-id")
 _LEGS_OF_N = {1: ("lf",), 2: ("lf", "rf"), 4: ("lf", "lr", "rf", "rr")}
 #: Longest search of one adapter [s]; it does some 150 transactions.
 _SEARCH_LIMIT_S = 20.0
+#: Scan of feet with board `fdc1004`, and the addresses of their chips.
+_FDC1004_PLAN = scan_plan(FASTEST_SPS)
+_FDC1004_CHIPS = leg_chip_addresses(_FDC1004_PLAN)
 #: Address of an AD7147 behind a multiplexer.
 _AD7147_BEHIND_MUX = ad7147.ADDRESSES[0]
 #: Scans of a microcontroller that are waited for.
@@ -54,7 +56,7 @@ class FoundFeet(NamedTuple):
 
     Attributes:
         device: The adapter.
-        board: Their electronics, a key of BOARDS.
+        board: Their electronics.
         mux_address: Address of their multiplexer; None for feet directly on the adapter.
         channels: Channel of each foot; 0 without a multiplexer.
         addresses: Address of each foot's converter, of board `ad7147` without a multiplexer.
@@ -101,36 +103,21 @@ def find_feet(device: str, adapter: I2cBus, clock: Clock, claimed: Collection[in
     """
     adapter = TimeLimitedBus(adapter, clock, device, _SEARCH_LIMIT_S)
     answering = set(probe_addresses(adapter, claimed).answering)
-    plans = {name: scan_plan(FASTEST_SPS, name) for name in BOARDS}
-    alone = [name for name, plan in plans.items() if answering >= {*leg_chip_addresses(plan)}]
-    found = [FoundFeet(device, name, None, (0,)) for name in alone]
+    found = [FoundFeet(device, "fdc1004", None, (0,))] if answering.issuperset(_FDC1004_CHIPS) else []
     addresses = tuple(
         address for address in ad7147.ADDRESSES if address in answering and is_ad7147(adapter, address)
     )
     if addresses:
         found.append(FoundFeet(device, "ad7147", None, (0,) * len(addresses), addresses))
     for address in sorted(answering.intersection(MUX_ADDRESSES)):
-        found += _feet_behind(device, LegBus(adapter, address), clock, plans, claimed)
-    # Of two boards that answer on as many channels, the one with more converters: the other has some of its addresses.
-    return max(
-        found,
-        key=lambda feet: (len(feet.channels), _converters_per_foot(feet.board)),
-        default=None,
-    )
+        found += _feet_behind(device, LegBus(adapter, address), clock, claimed)
+    return max(found, key=lambda feet: len(feet.channels), default=None)
 
 
-def _converters_per_foot(board: str) -> int:
-    return BOARDS[board].traffic.n_converters if board in BOARDS else 1
-
-
-def _feet_behind(
-    device: str, bus: LegBus, clock: Clock, plans: dict[str, ScanPlan], claimed: Collection[int]
-) -> Iterator[FoundFeet]:
+def _feet_behind(device: str, bus: LegBus, clock: Clock, claimed: Collection[int]) -> Iterator[FoundFeet]:
     """Yield the feet of each board behind a multiplexer, whose channels are asked for the chips of feet alone."""
-    chips_of_feet = {address for plan in plans.values() for address in leg_chip_addresses(plan)}
-    chips_of_feet.add(_AD7147_BEHIND_MUX)
-    skipped = {*claimed} | ({*ADDRESSES} - chips_of_feet)
-    scan = scan_bus(bus, clock, next(iter(plans.values())), {}, claimed=skipped)
+    skipped = {*claimed} | {*ADDRESSES}.difference(_FDC1004_CHIPS, [_AD7147_BEHIND_MUX])
+    scan = scan_bus(bus, clock, _FDC1004_PLAN, {}, claimed=skipped)
     single = tuple(
         number
         for number, chips in scan.channels.items()
@@ -140,13 +127,9 @@ def _feet_behind(
     if single:
         yield FoundFeet(device, "ad7147", bus.mux_address, single)
     bus.free_bus()
-    for name, plan in plans.items():
-        converters = set(converter_addresses(plan))
-        channels = tuple(
-            number for number, chips in scan.channels.items() if converters <= {*chips.answering}
-        )
-        if channels:
-            yield FoundFeet(device, name, bus.mux_address, channels)
+    channels = tuple(number for number, chips in scan.channels.items() if fdc1004.ADDRESS in chips.answering)
+    if channels:
+        yield FoundFeet(device, "fdc1004", bus.mux_address, channels)
 
 
 def robot_on(devices: Sequence[str], legs: Sequence[str], can: Can, scene: Scene) -> Config:

@@ -17,7 +17,6 @@ from footsense.acquisition.bus_scan import (
     scan_bus,
 )
 from footsense.acquisition.leg_bus import LegBus
-from footsense.acquisition.leg_connection import LegConnection
 from footsense.acquisition.linux_i2c import kernel_drivers
 from footsense.acquisition.mcu_source import McuSource
 from footsense.acquisition.scan_plan import AnyPlan, ScanPlan
@@ -79,10 +78,9 @@ class ProbedLeg(NamedTuple):
         channel: Channel of the mux; None without one.
         address: Address of its converter; None unless the board is `ad7147`.
         chips: Chips that answer there; None if they could not be scanned.
-        timing: Timing of its converter, the slower way of several; None if it was not measured.
+        timing: Timing of its converter; None if it was not measured.
         scans: Scans of its foot; None if there are none.
         faults: Faults of the foot.
-        slow_columns: Columns whose converters are slower than they may be, of a leg with several.
     """
 
     leg: str
@@ -93,7 +91,6 @@ class ProbedLeg(NamedTuple):
     timing: ChipTiming | None
     scans: FootScans | None
     faults: tuple[FootFault, ...]
-    slow_columns: tuple[int, ...] = ()
 
     @property
     def unloaded_pf(self) -> list[float] | None:
@@ -246,8 +243,6 @@ def leg_diagnoses(report: ProbedLeg) -> Iterator[Diagnosis]:
             remedy += "; with the straps of another foot it falsifies that one's readings"
         yield Diagnosis(report.leg, f"{location}: {why}", remedy)
     if report.timing is not None and report.timing.wait_factor > 1.0:
-        if report.slow_columns:
-            location += f", column {', '.join(map(str, report.slow_columns))}"
         slower = f"{100 * (report.timing.wait_factor - 1):.0f} %"
         observation = (
             f"{location}: its conversions take {slower} longer than the slowest converter may; "
@@ -374,10 +369,9 @@ def _with_needed_reads(
 
 
 class _LegState(NamedTuple):
-    """Timing of a leg's converters, columns of several that are slow, and why it was last left out, in words."""
+    """Timing of a leg's converter, and why it was last left out, in words."""
 
     timing: ChipTiming | None = None
-    slow_columns: tuple[int, ...] = ()
     why: str = ""
 
 
@@ -388,19 +382,11 @@ def _scan_feet(config: Config, scene: Scene | None) -> tuple[list[FootScans], li
         frames = started.read_whole_scans(n_discarded + _N_FOOT_SCANS)[n_discarded:]
         states = None
         if not isinstance(started.source, McuSource):
-            states = [_state_of(leg) for leg in started.source.legs]
+            legs = started.source.legs
+            states = [_LegState(leg.timing if leg.is_timed else None, leg.why) for leg in legs]
     capacitance_pf = np.stack([frame.capacitance_pf for frame in frames], axis=1)
     reading = np.stack([frame.reading for frame in frames], axis=1)
     return [FootScans(*of_leg) for of_leg in zip(capacitance_pf, reading, strict=True)], states
-
-
-def _state_of(leg: LegConnection) -> _LegState:
-    slow = [column for column, timing in enumerate(leg.timings) if timing.wait_factor > 1.0]
-    return _LegState(
-        leg.timing if leg.is_timed else None,
-        tuple(slow) if len(leg.timings) > 1 else (),
-        leg.why,
-    )
 
 
 def _probed_legs(
@@ -436,4 +422,4 @@ def _probed_legs(
                 has_shared_lines=config.board != "ad7147",
                 why_left_out=state.why,
             )
-        yield ProbedLeg(*place, state.timing, scans, faults, state.slow_columns)
+        yield ProbedLeg(*place, state.timing, scans, faults)

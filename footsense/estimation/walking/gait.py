@@ -58,10 +58,10 @@ class EventLags(NamedTuple):
     fall_sigma_s: float
 
 
-#: Of scans of single elements and of rows. Fitted to the touches of the walkers' training and selection, without hops
-#: and landings.
-ELEMENTS_LAGS = EventLags(12.6e-3, 4.0e-3, 0.62, 0.35, 24e-3, 5.5e-3)
-ROWS_LAGS = EventLags(6.25e-3, 1.8e-3, 0.93, 0.25, 13e-3, 5.5e-3)
+#: Of slow and of fast scans (`EstimationLimits.is_fast_scan`). Fitted to the touches of the walkers' training and
+#: selection, without hops and landings.
+SLOW_SCAN_LAGS = EventLags(12.6e-3, 4.0e-3, 0.62, 0.35, 24e-3, 5.5e-3)
+FAST_SCAN_LAGS = EventLags(6.25e-3, 1.8e-3, 0.93, 0.25, 13e-3, 5.5e-3)
 
 
 class BackDated(NamedTuple):
@@ -83,7 +83,7 @@ class LegLoads(NamedTuple):
     load_n: list[float]
 
 
-def touchdown(loads: Sequence[LegLoads], row: int, lags: EventLags = ELEMENTS_LAGS) -> BackDated:
+def touchdown(loads: Sequence[LegLoads], row: int, lags: EventLags = SLOW_SCAN_LAGS) -> BackDated:
     """Return the back-dated time of a touchdown, for a leg whose load has just exceeded the threshold.
 
     Loads rise from nothing with a small slope: the time since two loads in a row were below three tenths of what it is
@@ -147,7 +147,7 @@ class GaitTracker:
         self,
         n_legs: int,
         friction: float = math.nan,
-        lags: EventLags = ELEMENTS_LAGS,
+        lags: EventLags = SLOW_SCAN_LAGS,
         period_ns: int = GAIT_FRAME_PERIOD_NS,
     ) -> None:
         self._lags = lags

@@ -1,4 +1,4 @@
-"""Training of a network of some size for a scan, and its errors at the scans of boards."""
+"""Training of a network of some size, and its errors at the scans of boards."""
 
 import tempfile
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from footsense.estimation.missing_elements import Imputation
 from footsense.foot.directions import angles_between_deg
-from footsense.foot.network_card import NETWORK_FILES, add_checksum
+from footsense.foot.network_card import NETWORK_FILE, add_checksum
 from footsense.foot.response_table import FootResponse
 from footsense.lab.board_comparison.windows import JudgedWindows
 from footsense.lab.training.export import OnnxNetwork, onnx_model
@@ -17,8 +17,8 @@ from footsense.lab.training.train_windowed import WindowTrainingSettings, train_
 from footsense.lab.training.windowed_network import mean_closure_product_matrix
 
 
-class ScanSubject(NamedTuple):
-    """What the networks of a scan are trained with and judged by.
+class NetworkSubject(NamedTuple):
+    """What networks are trained with and judged by.
 
     Attributes:
         response: Response of the foot.
@@ -45,18 +45,15 @@ class JudgedNetwork(NamedTuple):
     direction_deg: dict[str, dict[str, float]]
 
 
-def train_and_judge(
-    subjects: dict[str, ScanSubject], steps: int, part: tuple[str, int | None, int]
-) -> JudgedNetwork:
-    """Return a network that is trained for a scan, and its errors.
+def train_and_judge(subject: NetworkSubject, steps: int, part: tuple[int | None, int]) -> JudgedNetwork:
+    """Return a network, and its errors.
 
     Args:
-        subjects: By scan.
+        subject: What it is trained with and judged by.
         steps: Steps of the training.
-        part: Scan, channels (None for the released network) and seed.
+        part: Channels (None for the released network) and seed.
     """
-    scan, channels, seed = part
-    subject = subjects[scan]
+    channels, seed = part
     file, card = subject.released.read_bytes(), OnnxNetwork(subject.released).card
     n_weights = card["training"]["weights"]
     if channels is not None:
@@ -70,7 +67,7 @@ def train_and_judge(
         weights = train_windowed(subject.gaits, subject.rests, design, settings, Imputation(moments))
         file, n_weights = add_checksum(onnx_model(weights, card).SerializeToString()), weights.n_weights
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / NETWORK_FILES[scan]
+        path = Path(folder) / NETWORK_FILE
         path.write_bytes(file)
         network = OnnxNetwork(path)
     errors = {

@@ -17,18 +17,18 @@ LOADS = {
 }
 #: Changes of the board that the page puts into words, by their keys.
 _STEPS_OF_BOARDS = (
-    ("one_bus", "columns_one_bus"),
-    ("columns_one_bus", "columns_two_buses"),
-    ("columns_two_buses", "columns_three_buses"),
+    ("one_bus", "two_buses"),
+    ("two_buses", "ad7147_one_bus"),
+    ("ad7147_one_bus", "ad7147_two_buses"),
 )
 #: Ticks of the picture: ages [ms], errors [deg].
 _AGE_TICKS_MS, _ERROR_TICKS_DEG = (5, 10, 20), (0.2, 0.5, 1, 2, 5, 10, 20)
 #: Colours of the picture, by key of the board.
 _COLOURS = {
     "one_bus": "tab:blue",
-    "columns_one_bus": "tab:red",
-    "columns_two_buses": "tab:orange",
-    "columns_three_buses": "tab:green",
+    "two_buses": "tab:red",
+    "ad7147_one_bus": "tab:orange",
+    "ad7147_two_buses": "tab:green",
 }
 
 
@@ -42,7 +42,7 @@ def draw_boards(values: Values) -> Figure:
     panels = figure.subplots(2, 2, sharex=True).ravel()
     for axes, (load, title) in zip(panels, LOADS.items(), strict=True):
         for key, board in values["boards"].items():
-            for network in values["networks"][board["scan"]]:
+            for network in values["networks"]:
                 errors = np.array(network["direction_deg"][key][load])
                 released = network["channels"] is None
                 axes.errorbar(
@@ -83,7 +83,7 @@ def draw_boards(values: Values) -> Figure:
             markerfacecolor="black" if network["channels"] is None else "none",
             label=f"{'released, ' * (network['channels'] is None)}{network['weights']} weights",
         )
-        for network in values["networks"]["rows"]
+        for network in values["networks"]
     ]
     figure.legend(
         handles=colours, loc="outside lower left", ncols=2, fontsize=9, title="board, chips of a foot"
@@ -116,16 +116,16 @@ def _steps_text(values: Values) -> str:
     lines = []
     for key_before, key_after in _STEPS_OF_BOARDS:
         before, after = boards[key_before], boards[key_after]
-        moved = change(networks[before["scan"]][-1], networks[after["scan"]][-1], key_before, key_after)
+        moved = change(networks[-1], networks[-1], key_before, key_after)
         lines.append(
             f"- {before['title']} ({before['price_usd']:.0f} USD) to {after['title']} ({after['price_usd']:.0f} USD), "
             f"released networks: readings of {before['mean_age_ms']:.1f} to {after['mean_age_ms']:.1f} ms, mean age; "
             f"{moved}."
         )
-    least, largest = networks["rows"][0], networks["rows"][-2]
-    moved = change(least, largest, "columns_two_buses", "columns_two_buses")
+    least, largest = networks[0], networks[-2]
+    moved = change(least, largest, "ad7147_two_buses", "ad7147_two_buses")
     lines.append(
-        f"- {boards['columns_two_buses']['title']}, {least['weights']} to {largest['weights']} weights: "
+        f"- {boards['ad7147_two_buses']['title']}, {least['weights']} to {largest['weights']} weights: "
         f"{least['six_legs_us']:.0f} to {largest['six_legs_us']:.0f} us; {moved}."
     )
     return "\n".join(lines)
@@ -150,28 +150,29 @@ def boards_text(values: Values) -> str:
             ),
         )
         for key, board in boards.items()
-        for network in networks[board["scan"]]
+        for network in networks
     ]
     bought = table(
         "board, buses of 400 kHz | channels | weights | sent after [ms] | scan [ms] | six legs [us] | chips"
         " | price [USD] | " + " | ".join(f"{title} [deg]" for title in LOADS.values()),
         rows,
     )
-    without = boards["one_bus"]["without_force_rel"]
+    without = boards["ad7147_two_buses"]["without_force_rel"]
     return f"""
 ## What a millisecond and a dollar buy
 
 Six legs, {values["host_cost_us"]} us of the host for a transaction, the fastest rate that the buses carry, simulated.
 *Sent after*: from the middle of the newest conversion to the sending of its force, without the computing. *Six legs*: a
 call of the network as the service makes it, one thread, median. Prices are planning values of the chips in a foot, for
-tens of pieces and no quotations. What all parts of board `fdc1004_columns` come to is in `bill-of-materials.csv` of
-`footsense lab fabricate`. A further bus adds a TCA9548A and an adapter to the robot, and nothing to a foot.
+tens of pieces and no quotations. What all parts of board `ad7147` come to is in `bill-of-materials.csv` of
+`footsense lab fabricate`. A further bus adds an adapter to the robot, with board `fdc1004` a TCA9548A too, and nothing
+to a foot. On one bus the six AD7147 are behind a TCA9548A as well: they have four addresses.
 
-Networks of each size are trained alike for {values["steps"]} steps, {values["n_seeds"]} starts of each, once for scans
-of elements and once for scans of rows; in **bold** is the released network of that scan, a single one, which was
-trained longer and with gaits of walking robots too. Each is judged at the pace, noise and range of each board, by loads
-that are the same for all boards: direction, mean over the loads (in gaits from {LOADED_N} N on); then mean, standard
-deviation and worst of the starts. The response table of the training made the readings, with exact gains.
+Networks of each size are trained alike for {values["steps"]} steps, {values["n_seeds"]} starts of each; in **bold**
+is the released network, a single one, which was trained longer and with gaits of walking robots too. Each is judged at
+the pace, noise and range of each board, by loads that are the same for all boards: direction, mean over the loads (in
+gaits from {LOADED_N} N on); then mean, standard deviation and worst of the starts. The response table of the training
+made the readings, with exact gains.
 
 {bought}
 
@@ -182,6 +183,6 @@ after*, and half the time from the first conversion of a scan to its last. Error
 
 {_steps_text(values)}
 
-Without a force, as more elements are beyond the converter's range than may be, {boards["one_bus"]["title"]}:
+Without a force, as more elements are beyond the converter's range than may be, {boards["ad7147_two_buses"]["title"]}:
 {without["rest"]:.1%} of the loads at rest, {without["random"]:.1%} of the time in random gaits.
 """

@@ -13,7 +13,6 @@ from footsense.foot.response_table import FootResponse
 from footsense.frames import ELEMENTS, Leg, Vector
 from footsense.lab.geometry import LoadRange
 from footsense.lab.training.gait_readings import (
-    AT_ONCE,
     GaitReadings,
     ReadingConditions,
     concatenate_gaits,
@@ -48,14 +47,12 @@ class BoardScan(NamedTuple):
     """What of a board's scan the readings of a foot depend on.
 
     Attributes:
-        conversion_order_index: Index into `CONVERSION_ORDERS`.
         step_s: From one conversion to the next [s].
         send_delay_s: From the middle of a conversion to the sending of the force that ends with it [s].
         noise_pf: Noise of a conversion [pF, rms].
         range_end_pf: Largest capacitance that the converter reads [pF].
     """
 
-    conversion_order_index: int
     step_s: float
     send_delay_s: float
     noise_pf: float
@@ -64,8 +61,7 @@ class BoardScan(NamedTuple):
     @property
     def mean_age_s(self) -> float:
         """Age of the newest readings of the elements at sending, mean over the elements [s]."""
-        conversions = ELEMENTS // int(AT_ONCE[self.conversion_order_index])
-        return self.send_delay_s + 0.5 * (conversions - 1) * self.step_s
+        return self.send_delay_s + 0.5 * (ELEMENTS - 1) * self.step_s
 
 
 class JudgedWindows(NamedTuple):
@@ -176,9 +172,8 @@ def _at_rest(
     )
     baseline_pf = design.unloaded_pf + BASELINE_NOISE_PF * rng.normal(size=(len(exact_pf), 1, ELEMENTS))
     closure_um = design.closure_um(np.minimum(read_pf, scan.range_end_pf), baseline_pf)
-    order = np.array([scan.conversion_order_index])
-    since = readings_since(readings_since_table(), order, np.array([ELEMENTS - 1]))
-    age_s = since // AT_ONCE[order][:, None, None] * scan.step_s + scan.send_delay_s
+    since = readings_since(readings_since_table(), np.array([0]), np.array([ELEMENTS - 1]))
+    age_s = since * scan.step_s + scan.send_delay_s
     told = (read_pf[:, 0] >= scan.range_end_pf).sum(axis=1) <= MAX_OVERLOADED
     n = int(told.sum())
     window = Window(

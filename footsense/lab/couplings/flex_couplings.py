@@ -32,7 +32,7 @@ from footsense.lab.geometry import FootDesign
 from footsense.sim.couplings import GROUND, BoardCouplings
 
 #: Boards whose couplings are computed.
-BOARDS: tuple[Board, ...] = ("fdc1004", "fdc1004_columns", "ad7147")
+BOARDS: tuple[Board, ...] = ("fdc1004", "ad7147")
 #: Distance of grounded metal beside a tail, on the side of the lines [mm].
 METAL_MM = 1.0
 _SHEET_EPS_R, _TAIL_EPS_R, _SHIELDED_TAIL_EPS_R, _AIR_EPS_R = 2.7, 1.5, 3.0, 1.0

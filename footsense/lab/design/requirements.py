@@ -38,7 +38,7 @@ class Converter(NamedTuple):
         baseline_noise_pf: Noise of the baseline [pF, rms].
         min_unloaded_pf: Least capacitance of an unloaded element [pF]: above an open line.
         range_end_pf: Largest capacitance that it reads [pF].
-        scan_s: Its conversions one after the other, three with board `fdc1004_columns`, else nine [s].
+        scan_s: Its nine conversions one after the other [s].
         min_bar_mm: Least bar between two columns, for the traces in it [mm].
         min_ball_mm: Least diameter of the ball, for the tail on its socket [mm].
     """
@@ -57,7 +57,7 @@ def converter(name: str) -> Converter:
     """Return the constants of a converter board at its fastest conversion rate.
 
     Args:
-        name: `ad7147`, `fdc1004` or `fdc1004_columns`.
+        name: `ad7147` or `fdc1004`.
     """
     min_bar_mm, n_contacts = (
         (dimensions.MIN_TRACED_BAR_MM, _ELEMENT_CONTACTS)
@@ -65,17 +65,17 @@ def converter(name: str) -> Converter:
         else (0.0, _LINE_CONTACTS)
     )
     noise_pf, range_pf = NOISE_PF, (MIN_UNLOADED_PF, FULL_SCALE_PF)
-    scan_ns = (ROWS if name == "fdc1004_columns" else ELEMENTS) * fdc1004.RATES[400].conversion_ns
+    conversion_ns = fdc1004.RATES[400].conversion_ns
     if name == "ad7147":
         noise_pf = 1e-3 * ad7147.NOISE_CODES * ad7147.FF_PER_CODE
         range_pf = _LEAST_OVER_RANGE_START * ad7147.RANGE_START_PF, ad7147.RANGE_END_PF
-        scan_ns = ELEMENTS * ad7147.DECIMATIONS[64].stage_ns
+        conversion_ns = ad7147.DECIMATIONS[64].stage_ns
     return Converter(
         name,
         noise_pf,
         BASELINE_NOISE_PF,
         *range_pf,
-        1e-9 * scan_ns,
+        1e-9 * (ELEMENTS * conversion_ns),
         min_bar_mm,
         2.0 * dimensions.least_ball_radius_mm(n_contacts),
     )

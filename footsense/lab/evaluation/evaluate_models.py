@@ -11,6 +11,7 @@ import numpy as np
 from footsense.errors import ModelError
 from footsense.foot.capacitor import Capacitor
 from footsense.foot.force_errors import ForceErrors, evaluate_force_errors
+from footsense.foot.network_card import NETWORK_FILE
 from footsense.foot.response_table import FootResponse
 from footsense.frames import Vector
 from footsense.lab.foot_file import FOOT_FILE, load_foot
@@ -74,8 +75,8 @@ def sigma_coverage_shares(truth_n: Vector, estimate_n: Vector, sigma_n: Vector) 
     return {f"within_{k}_sigma": np.mean(off < k, axis=0).round(4).tolist() for k in (1, 2)}
 
 
-#: Names of the released files.
-RESPONSE_FILE, NETWORK_FILE = "response.npz", "network.onnx"
+#: Name of the released table.
+RESPONSE_FILE = "response.npz"
 #: Seed and size of the held-out random loads.
 HELD_OUT_SEED, HELD_OUT_CASES = 2, 10_000
 
@@ -120,12 +121,11 @@ def error_table(
     }
 
 
-def open_models(folder: Path, network_file: str = NETWORK_FILE) -> tuple[FootResponse, OnnxNetwork]:
+def open_models(folder: Path) -> tuple[FootResponse, OnnxNetwork]:
     """Return response table and network from the folder of a foot type.
 
     Args:
         folder: The folder.
-        network_file: Name of the network.
 
     Raises:
         ConfigError: The foot's description is missing, or does not fit.
@@ -133,11 +133,11 @@ def open_models(folder: Path, network_file: str = NETWORK_FILE) -> tuple[FootRes
             foot than the one described beside them.
     """
     response = FootResponse.load(folder / RESPONSE_FILE)
-    network = OnnxNetwork(folder / network_file)
+    network = OnnxNetwork(folder / NETWORK_FILE)
     require_same_foot(load_foot(folder / FOOT_FILE), response, network.card, folder)
     if network.card.get("response_sha256") != response.sha256:
         raise ModelError(
-            f"{folder / network_file} was not trained on {folder / RESPONSE_FILE}: "
+            f"{folder / NETWORK_FILE} was not trained on {folder / RESPONSE_FILE}: "
             "the card names another hash; rebuild both with `footsense lab build`"
         )
     return response, network
@@ -173,14 +173,13 @@ def require_same_foot(
             )
 
 
-def evaluate_models(folder: Path, network_file: str = NETWORK_FILE) -> dict[str, ForceErrors]:
+def evaluate_models(folder: Path) -> dict[str, ForceErrors]:
     """Return the error table of released files.
 
     Args:
         folder: The folder of a foot type.
-        network_file: Name of the network.
     """
-    response, network = open_models(folder, network_file)
+    response, network = open_models(folder)
     loads, gap_um = load_foot(folder / FOOT_FILE).loads, response.design.gap_um
     return error_table(response, loads, lambda closure_um: network.force_n(closure_um / gap_um))
 

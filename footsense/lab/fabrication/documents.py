@@ -5,7 +5,6 @@ import math
 from pathlib import Path
 from typing import Any
 
-from firmware_interface.chips.ltc4317 import COLUMN_ADDRESSES
 from footsense.frames import ROWS
 from footsense.lab.design.materials import shore_a_from_modulus
 from footsense.lab.design.processes import AssumedProcess
@@ -17,7 +16,6 @@ from footsense.lab.fabrication.parts.flex import (
     GUARD_NET,
     Board,
     Flex,
-    column_guard_net,
     element_net,
 )
 from footsense.lab.fabrication.tolerances import ExpectedCapacitance, Tolerance
@@ -157,17 +155,5 @@ _PINS: dict[Board, dict[str, str]] = {
         GUARD_NET: "SHLD",
         **{f"row{k + 1}": f"ADG715 0x49: S{k + 1} (to GND), S{ROWS + k + 1} (to SHLD)" for k in range(ROWS)},
         **{f"col{k + 1}": f"FDC1004: CIN{k + 1}" for k in range(ROWS)},
-    },
-    "fdc1004_columns": {
-        COMMON_NET: "GND",
-        **{
-            element_net(row, column): f"FDC1004 0x{address:x}: CIN{row + 1}"
-            for column, address in enumerate(COLUMN_ADDRESSES)
-            for row in range(ROWS)
-        },
-        **{
-            column_guard_net(column): f"FDC1004 0x{address:x}: SHLD1"
-            for column, address in enumerate(COLUMN_ADDRESSES)
-        },
     },
 }

@@ -24,8 +24,7 @@ class ElectronicPart(NamedTuple):
     is_chip: bool = False
 
 
-#: Of boards with a line for each element all parts but the connectors of the flexes (docs/wiring.md for `ad7147`,
-#: firmware_interface/README.md for `fdc1004_columns`); of board `fdc1004` its chips.
+#: Of board `ad7147` all parts but the connectors of the flexes (docs/wiring.md); of board `fdc1004` its chips.
 ELECTRONICS: dict[str, tuple[ElectronicPart, ...]] = {
     "ad7147": (
         ElectronicPart(
@@ -50,28 +49,12 @@ ELECTRONICS: dict[str, tuple[ElectronicPart, ...]] = {
         ElectronicPart(1, "FDC1004", "capacitance-to-digital converter of the leg", 4.0, is_chip=True),
         ElectronicPart(1, "ADG715", "row switch of the leg", 4.0, is_chip=True),
     ),
-    "fdc1004_columns": (
-        ElectronicPart(
-            3, "FDC1004", "capacitance-to-digital converter, one for each column", 12.0, is_chip=True
-        ),
-        ElectronicPart(
-            1, "LTC4317", "dual address translator: columns 1 and 2 at 0x51 and 0x52", 7.0, is_chip=True
-        ),
-        ElectronicPart(2, "resistor", "976 kOhm, 1 %, XORL1 and XORL2 to VCC", 0.05),
-        ElectronicPart(1, "resistor", "102 kOhm, 1 %, XORL1 to GND", 0.025),
-        ElectronicPart(1, "resistor", "182 kOhm, 1 %, XORL2 to GND", 0.025),
-        ElectronicPart(2, "resistor", "15 kOhm, pull-up of SDA and SCL at the translator's input", 0.05),
-        ElectronicPart(4, "resistor", "22 kOhm, pull-up of SDA and SCL of both outputs", 0.1),
-        ElectronicPart(4, "capacitor", "100 nF, at each supply pin", 0.15),
-        ElectronicPart(3, "capacitor", "1 uF, at each FDC1004", 0.15),
-        ElectronicPart(1, "connector of the leg", "4 contacts: 3.3 V, GND, SDA, SCL", 0.4),
-    ),
 }
 
 
 def has_element_lines(board: str) -> bool:
     """Return whether each element has a line of its own to the board, in place of each row and column."""
-    return board != "fdc1004"
+    return board == "ad7147"
 
 
 def chips(board: str) -> list[ElectronicPart]:

@@ -16,12 +16,12 @@ from footsense.calibration.calibrate import (
 )
 from footsense.calibration.evaluation import DesignModels
 from footsense.foot.force_errors import evaluate_force_errors
+from footsense.foot.network_card import NETWORK_FILE
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads, Specimen
 from footsense.lab.evaluation.evaluate_models import (
     MEASURED_DIRECTION_DEG,
     MEASURED_MAGNITUDE_GF,
-    NETWORK_FILE,
     RESPONSE_FILE,
 )
 from footsense.lab.evaluation.off_table import OffTableFoot

@@ -2,8 +2,8 @@
 
 from msgspec.structs import replace
 
-from footsense.config import COLUMNS
-from footsense.foot.network_card import NETWORK_FILES
+from footsense.config import DEFAULT
+from footsense.foot.network_card import NETWORK_FILE
 from footsense.frames import ELEMENTS, State
 from footsense.lab.evaluation.evaluate_models import RESPONSE_FILE
 from footsense.lab.foot_file import FOOT_FILE
@@ -37,10 +37,10 @@ def compute(context: StudyContext) -> Values:
     context.scene("measured_walk")
     for board in ROBOTS:
         robot_of(context, board)
-    folder = context.files(FOOT_FILE, RESPONSE_FILE, *NETWORK_FILES.values())
-    other = foot.foot_type != COLUMNS.foot_type
+    folder = context.files(FOOT_FILE, RESPONSE_FILE, NETWORK_FILE)
+    other = foot.foot_type != DEFAULT.foot_type
     load = replace(LOAD, peak_force_n=0.5 * foot.loads.max_n)
-    foot_type = str(folder.resolve()) if other else COLUMNS.foot_type
+    foot_type = str(folder.resolve()) if other else DEFAULT.foot_type
     legs, small = (
         simulate_leg_faults(
             context.report_progress, board, quick=context.quick, foot_type=foot_type, load=load
@@ -84,24 +84,26 @@ def text(values: Values) -> str:
     )
     return f"""
 Each row is a walk of {DURATION_S:g} s in virtual time through the whole service, with feet `{values["foot"]}` of board
-`fdc1004_columns`, three converters in each, six legs on two buses, and up to {values["peak_vertical_force_n"]:g} N on a foot, with a fault on one leg
+`ad7147`, six legs on two buses without a multiplexer, and up to {values["peak_vertical_force_n"]:g} N on a foot, with a fault on one leg
 from {BREAKS_AT_S:g} s, in the middle of its stance, to {PASSES_AT_S:g} s. Each is one walk: times of rare faults depend
 on its draws. *Detection* is the time from the fault to the first frame that shows it, *recovery* the time from its end
 to the leg's next `Valid` force that stays. *Others' gap* is the longest time between two forces of any other leg, and
-*lost* how many conversions fewer they had than in a walk without a fault; a conversion takes 2.6 ms. *Error/sigma* is
+*lost* how many frames fewer they had than in a walk without a fault; a frame is a scan. *Error/sigma* is
 the leg's largest error over its own sigma while the fault shows, *others' error* the largest of any other leg from the
 fault on.
 
 {legs}
 
 The row *nothing* is a walk without a fault: its error, the largest of any leg, is that at a hard touchdown. A leg whose
-cable was off is tared again in its next swing. A leg that held the bus is tried again after a second at the earliest,
-because each try costs the others a timeout. An element that has drifted has another baseline at the end of the drift,
+cable was off is tared again in its next swing. A leg that holds its bus stops the two beside it: nothing disconnects
+it. An element that has drifted has another baseline at the end of the drift,
 and is used again after a tare.
 
-## One converter in a foot
+## Rows and columns behind one FDC1004
 
-The same with board `fdc1004`, six legs on one bus, a conversion in 2.7 ms. Its rows are lines that are switched.
+The same with board `fdc1004`, six legs on one bus, whose frames are conversions of 2.7 ms. Its rows are lines that are
+switched. A leg that held the bus is tried again after a second at the earliest, because each try costs the others a
+timeout.
 
 {small}
 

@@ -18,11 +18,10 @@ from footsense.estimation.network import steady_windows
 from footsense.foot.directions import directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.gap_contact import N_CELLS, solve_contact_lcp
-from footsense.foot.network_card import INPUTS
+from footsense.foot.network_card import INPUTS, NETWORK_FILE
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Specimen
 from footsense.frames import ELEMENTS
-from footsense.lab.evaluation.evaluate_models import NETWORK_FILE
 from footsense.lab.fem.mesh import COARSE_MESH, MeshSize, build_quarter_mesh
 from footsense.lab.fem.quarter import Parity, QuarterFoot
 from footsense.lab.foot_file import load_foot

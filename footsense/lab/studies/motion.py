@@ -8,9 +8,10 @@ import numpy as np
 
 from footsense.foot.contact_coordinates import normals_of_stereographic_points
 from footsense.foot.directions import angles_between_deg
+from footsense.foot.network_card import NETWORK_FILE
 from footsense.frames import ELEMENTS, LEGS, Vector
 from footsense.lab.board_comparison.windows import TROT_RISES_S, TROT_STANCE_S, TROT_STRIDE_S, dog_trot
-from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, RESPONSE_FILE
+from footsense.lab.evaluation.evaluate_models import RESPONSE_FILE
 from footsense.lab.evaluation.walker_judgement import draw, judge, pooled
 from footsense.lab.evaluation.walker_page import WalkerLimits, row_of, walker_targets, walker_text
 from footsense.lab.evaluation.walker_runs import HOST_COST_US, SCAN_TIMES, ScanTimes

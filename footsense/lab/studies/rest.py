@@ -11,6 +11,7 @@ from footsense.estimation.network import READINGS, steady_windows
 from footsense.estimation.rest import ROUNDS, RefinedAtRest
 from footsense.foot.directions import paper_directions, random_directions
 from footsense.foot.force_errors import evaluate_force_errors
+from footsense.foot.network_card import NETWORK_FILE
 from footsense.foot.specimen import Specimen
 from footsense.foot.type_folders import released_names
 from footsense.frames import Vector
@@ -21,7 +22,6 @@ from footsense.lab.evaluation.cramer_rao import (
 from footsense.lab.evaluation.evaluate_models import (
     HELD_OUT_CASES,
     HELD_OUT_SEED,
-    NETWORK_FILE,
     RESPONSE_FILE,
     as_markdown,
     evaluate_models,

@@ -3,11 +3,12 @@
 import tempfile
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 import ngsolve as ng
+from msgspec.structs import replace
 
-from footsense.acquisition.scan_plan import BOARDS
+from firmware_interface.chips import ad7147
+from footsense.acquisition.boards import fdc1004
 from footsense.benchmarks.cycle import (
     N_WARM_UP_CYCLES,
     compare_cycle_durations,
@@ -16,9 +17,10 @@ from footsense.benchmarks.cycle import (
 )
 from footsense.benchmarks.latency_vs_error import measure_latency_vs_error
 from footsense.benchmarks.scan import CONFIGURATIONS, newest_reading_age_ms, scan_period_ms
-from footsense.foot.network_card import NETWORK_FILES
+from footsense.config import DEFAULT, SMALL_BOARD
+from footsense.foot.network_card import NETWORK_FILE
 from footsense.frames import LEGS
-from footsense.lab.board_comparison.networks import ScanSubject, train_and_judge
+from footsense.lab.board_comparison.networks import NetworkSubject, train_and_judge
 from footsense.lab.board_comparison.page import LOADS, boards_text, draw_boards
 from footsense.lab.board_comparison.windows import BoardScan, judged_windows
 from footsense.lab.evaluation.fidelity_levels import compare_levels
@@ -26,7 +28,7 @@ from footsense.lab.fabrication.electronics import chips
 from footsense.lab.fem.mesh import COARSE_MESH, RELEASED_MESH
 from footsense.lab.parallel import N_PROCESSES, compute_each
 from footsense.lab.report import SAME_TABLE, StudyContext, Values, table, target
-from footsense.lab.training.gait_readings import SCANS_OF_NETWORK, TRAINING_GAIN_RMS_REL, random_gaits
+from footsense.lab.training.gait_readings import random_gaits
 from footsense.lab.training.load_cases import random_loads
 
 TITLE = "Speed against error"
@@ -45,23 +47,16 @@ _HOST_COST_US = 40
 _SHOWN_LOADS = ("measured_walk", "step")
 
 
-class _Electronics(NamedTuple):
-    """A board with a number of buses: its title, its key in `CONFIGURATIONS`, the scan of its network."""
-
-    title: str
-    key: str
-    scan: str
-
-
-_ELECTRONICS = (
-    _Electronics("fdc1004, one bus", "one_bus", "elements"),
-    _Electronics("fdc1004_columns, one bus", "columns_one_bus", "rows"),
-    _Electronics("fdc1004_columns, two buses", "columns_two_buses", "rows"),
-    _Electronics("fdc1004_columns, three buses", "columns_three_buses", "rows"),
-)
-_AT_ONCE = {"elements": 1, "rows": 3}
-#: Limits of the targets, by key in `CONFIGURATIONS`: network, six legs [us], and whole cycle over a conversion [1].
-_WANTED = {"columns_two_buses": (60.0, 0.15), "one_bus": (90.0, 0.12)}
+#: Largest capacitance that the converter of a board reads [pF].
+_RANGE_END_PF = {"ad7147": ad7147.RANGE_END_PF, "fdc1004": fdc1004.RANGE_END_PF}
+#: Robots of six legs by board and number of buses. On one bus the AD7147 are behind a multiplexer, too.
+_ROBOTS = CONFIGURATIONS | {
+    "ad7147_one_bus": replace(DEFAULT, buses=SMALL_BOARD.buses),
+    "ad7147_two_buses": DEFAULT,
+}
+#: Limits of the targets: network, six legs [us]; whole cycle over the time between two frames [1], by robot.
+_WANTED_NETWORK_US = 90.0
+_WANTED_CYCLE_REL = {"ad7147_two_buses": 0.12, "one_bus": 0.12}
 
 
 #: Scenes in which boards are timed and forces published.
@@ -111,111 +106,91 @@ def compute(context: StudyContext) -> Values:
 
 
 def _duration_targets(bought: Values) -> list[Values]:
-    """Return the targets of the times of network and cycle, of both boards of FDC1004."""
-    rows = []
-    for key, (network_us, cycle_rel) in _WANTED.items():
+    """Return the targets of the times of network and cycle."""
+    released_us = bought["networks"][-1]["six_legs_us"]
+    rows = [
+        target(
+            "network, six legs, p50",
+            f"{_WANTED_NETWORK_US:g} us",
+            f"{released_us:.0f} us",
+            met=released_us <= _WANTED_NETWORK_US,
+        )
+    ]
+    for key, cycle_rel in _WANTED_CYCLE_REL.items():
         board = bought["boards"][key]
-        released_us = bought["networks"][board["scan"]][-1]["six_legs_us"]
-        found_rel = board["cycle_us"] / board["conversion_us"]
-        rows += [
+        found_rel = board["cycle_us"] / board["frame_us"]
+        rows.append(
             target(
-                f"{board['board']}: network, six legs, p50",
-                f"{network_us:g} us",
-                f"{released_us:.0f} us",
-                met=released_us <= network_us,
-            ),
-            target(
-                f"{board['board']}: whole cycle over a conversion, p50",
+                f"{board['board']}: whole cycle over the time between two frames, p50",
                 f"{cycle_rel:g}",
                 f"{found_rel:.3f}",
                 met=found_rel <= cycle_rel,
-            ),
-        ]
+            )
+        )
     return rows
 
 
-def _scan_of(one: _Electronics) -> BoardScan:
+def _scan_of(key: str) -> BoardScan:
     """Return the scan of a board as its simulation on its buses takes it."""
-    config = CONFIGURATIONS[one.key]
+    config = _ROBOTS[key]
     return BoardScan(
-        conversion_order_index=SCANS_OF_NETWORK[_AT_ONCE[one.scan]][0],
         step_s=1e-3 * scan_period_ms(config, _HOST_COST_US) / config.scan_plan.n_conversions,
         send_delay_s=1e-3 * newest_reading_age_ms(config)["p50"],
         noise_pf=1e-3 * config.conversion_rate.noise_ff,
-        range_end_pf=BOARDS[config.board].range_end_pf,
+        range_end_pf=_RANGE_END_PF[config.board],
     )
 
 
-def _board(one: _Electronics, scan: BoardScan) -> Values:
+def _board(key: str, scan: BoardScan) -> Values:
     """Return parts, price and times of a board."""
-    config = CONFIGURATIONS[one.key]
+    config = _ROBOTS[key]
     return {
-        "title": one.title,
+        "title": f"{config.board}, {('one bus', 'two buses')[len(config.buses) - 1]}",
         "board": config.board,
-        "scan": one.scan,
         "n_chips": sum(chip.quantity for chip in chips(config.board)),
         "price_usd": sum(chip.price_usd for chip in chips(config.board)),
         "sent_after_ms": 1e3 * scan.send_delay_s,
         "scan_ms": 1e3 * scan.step_s * config.scan_plan.n_conversions,
         "mean_age_ms": 1e3 * scan.mean_age_s,
         "range_end_pf": scan.range_end_pf,
-        "conversion_us": 1e-3 * config.conversion_rate.conversion_ns,
+        "frame_us": 1e6 / config.frames_hz,
     }
 
 
 def _boards_and_sizes(context: StudyContext) -> Values:
-    """Return boards by their key, networks of every size by their scan, and the errors of all of them by start."""
+    """Return boards by their key, networks of every size, and the errors of all of them by start."""
     response, loads, quick = context.response, context.foot_design.loads, context.quick
     seeds, steps = (2, _QUICK_STEPS) if quick else (_N_SEEDS, _STEPS)
     n_gaits, n_rests, n_test_gaits, n_test_rests = (
         (8, 400, 2, 100) if quick else (_N_GAITS, _N_RESTS, _N_TEST_GAITS, _N_TEST_RESTS)
     )
-    scans = {one: _scan_of(one) for one in _ELECTRONICS}
-    boards = {one.key: _board(one, scan) for one, scan in scans.items()}
-    for key in _WANTED:
-        frames = simulated_walk_frames(N_WARM_UP_CYCLES + (50 if quick else _N_CYCLES), CONFIGURATIONS[key])
-        boards[key]["cycle_us"] = compare_cycle_durations(frames, CONFIGURATIONS[key])["p50"]
+    scans = {key: _scan_of(key) for key in _ROBOTS}
+    boards = {key: _board(key, scan) for key, scan in scans.items()}
+    for key in _WANTED_CYCLE_REL:
+        frames = simulated_walk_frames(N_WARM_UP_CYCLES + (50 if quick else _N_CYCLES), _ROBOTS[key])
+        boards[key]["cycle_us"] = compare_cycle_durations(frames, _ROBOTS[key])["p50"]
     context.report_progress("boards timed")
-    rests = random_loads(response, loads, n_rests, _TRAINING_SEED)
-    subjects = {
-        name: ScanSubject(
-            response,
-            random_gaits(
-                response,
-                _TRAINING_SEED,
-                n_gaits,
-                _CONVERSIONS,
-                loads.max_n,
-                at_once=at_once,
-                gain_rms_rel=TRAINING_GAIN_RMS_REL[at_once],
-            ),
-            rests,
-            {
-                one.key: judged_windows(response, loads, scan, _TEST_SEED, n_test_rests, n_test_gaits)
-                for one, scan in scans.items()
-                if one.scan == name
-            },
-            context.files(NETWORK_FILES[name]) / NETWORK_FILES[name],
-            loads.min_relative_loss_force_n,
-        )
-        for name, at_once in _AT_ONCE.items()
-    }
-    for subject in subjects.values():
-        for key, tests in subject.tests.items():
-            boards[key]["without_force_rel"] = {load: test.without_force_rel for load, test in tests.items()}
+    subject = NetworkSubject(
+        response,
+        random_gaits(response, _TRAINING_SEED, n_gaits, _CONVERSIONS, loads.max_n),
+        random_loads(response, loads, n_rests, _TRAINING_SEED),
+        {
+            key: judged_windows(response, loads, scan, _TEST_SEED, n_test_rests, n_test_gaits)
+            for key, scan in scans.items()
+        },
+        context.files(NETWORK_FILE) / NETWORK_FILE,
+        loads.min_relative_loss_force_n,
+    )
+    for key, tests in subject.tests.items():
+        boards[key]["without_force_rel"] = {load: test.without_force_rel for load, test in tests.items()}
     context.report_progress("gaits done")
     sizes = [*(_QUICK_CHANNELS if quick else _CHANNELS), None]
-    parts = [
-        (name, channels, seed)
-        for name in subjects
-        for channels in sizes
-        for seed in range(1 if channels is None else seeds)
-    ]
+    parts = [(channels, seed) for channels in sizes for seed in range(1 if channels is None else seeds)]
     found = dict(
         zip(
             parts,
             compute_each(
-                partial(train_and_judge, subjects, steps),
+                partial(train_and_judge, subject, steps),
                 parts,
                 scheduler=context.scheduler,
                 n_processes=1 if quick else N_PROCESSES,
@@ -224,32 +199,24 @@ def _boards_and_sizes(context: StudyContext) -> Values:
         )
     )
     context.report_progress("networks trained")
-    networks = {
-        name: [
-            {
-                "channels": channels,
-                "weights": found[name, channels, 0].n_weights,
-                "direction_deg": {
-                    key: {
-                        load: [
-                            found[part].direction_deg[key][load]
-                            for part in parts
-                            if part[:2] == (name, channels)
-                        ]
-                        for load in LOADS
-                    }
-                    for key in subjects[name].tests
-                },
-            }
-            for channels in sizes
-        ]
-        for name in subjects
-    }
-    firsts = {part: one.file for part, one in found.items() if part[2] == 0}
-    for (name, channels, _), time_us in zip(
-        firsts, _six_legs_us(list(firsts.values()), quick=quick), strict=True
-    ):
-        networks[name][sizes.index(channels)]["six_legs_us"] = time_us
+    firsts = [found[channels, 0] for channels in sizes]
+    networks = [
+        {
+            "channels": channels,
+            "weights": first.n_weights,
+            "direction_deg": {
+                key: {
+                    load: [found[part].direction_deg[key][load] for part in parts if part[0] == channels]
+                    for load in LOADS
+                }
+                for key in scans
+            },
+            "six_legs_us": time_us,
+        }
+        for channels, first, time_us in zip(
+            sizes, firsts, _six_legs_us([first.file for first in firsts], quick=quick), strict=True
+        )
+    ]
     return {
         "host_cost_us": _HOST_COST_US,
         "n_seeds": seeds,

@@ -1,7 +1,7 @@
 """Simulated readings of a foot in random gaits: sequential conversions with noise, delays and drift.
 
-A conversion reads one element, or a row of them at its own time; the truth that belongs to it is the load at the time
-at which a force estimated from it would be sent. Half a minute of walking is thousands of windows of readings.
+A conversion reads one element at its own time; the truth that belongs to it is the load at the time at which a force
+estimated from it would be sent. Half a minute of walking is thousands of windows of readings.
 """
 
 from collections.abc import Callable
@@ -11,7 +11,7 @@ import numpy as np
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
-from firmware_interface.conversion_order import CONVERSION_ORDERS, ELEMENTS_AT_ONCE
+from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads, Specimen
 from footsense.frames import ELEMENTS, Mask, Vector
@@ -33,20 +33,10 @@ PACE_REL, _LATEST_S = (0.18, 5.0), 8e-3
 _CLOCK_REL, _JITTER_S = 0.01, 3e-5
 #: Drift of a baseline since it was last followed [pF, rms], and share of the gaits with one.
 _DRIFT_PF, _DRIFT_SHARE = 0.3e-3, 0.5
-#: Gains of the elements that a calibration leaves over, in training [1, rms], by the elements that a conversion reads:
-#: a scan of rows is exact enough for them to count. Share of the gaits with them.
-TRAINING_GAIN_RMS_REL, _GAIN_SHARE = {1: 0.0, 3: 3e-3}, 0.5
-
-
-#: Indices into `CONVERSION_ORDERS` of the scans of a network, the usual one first, by the elements that one of their
-#: conversions reads.
-SCANS_OF_NETWORK = {1: (0, 1), 3: (2,)}
-#: Elements that a conversion reads, by index into `CONVERSION_ORDERS`.
-AT_ONCE = np.array([ELEMENTS_AT_ONCE[name] for name in CONVERSION_ORDERS], np.intp)
 
 
 class GaitReadings(NamedTuple):
-    """Simulated readings and true loads of m gaits of n readings each; those of a row have one time.
+    """Simulated readings and true loads of m gaits of n readings each.
 
     Attributes:
         conversion_order_index: Index into `CONVERSION_ORDERS` of each gait, shape (m,).
@@ -108,7 +98,6 @@ class ReadingConditions(NamedTuple):
         send_delay_s: Time from the middle of a conversion to the sending of a force [s].
         viscous_rel: Creep and lag of the rubber over those of the simulated rubber [1].
         baseline_drift_rms_pf: Drift of the baselines since they were last followed [pF, rms].
-        gain_rms_rel: What the gains of the elements are off by [1, rms].
         noise_pf: Noise of a conversion [pF, rms].
         range_end_pf: Largest capacitance that the converter reads [pF].
     """
@@ -118,7 +107,6 @@ class ReadingConditions(NamedTuple):
     send_delay_s: float = NOMINAL_SEND_DELAY_S
     viscous_rel: float = 0.0
     baseline_drift_rms_pf: float = 0.0
-    gain_rms_rel: float = 0.0
     noise_pf: float = NOISE_PF
     range_end_pf: float = FULL_SCALE_PF
 
@@ -138,38 +126,33 @@ def simulate_gait_readings(
         loads: Returns the loads at some times [s].
         conditions: How it is read.
         rng: Source of the noise.
-        n: Number of conversions; of a row, three readings each.
+        n: Number of conversions.
         felt: The same with what the sensor feels besides; None for nothing.
     """
     design = response.design
     send_delay_s = conditions.send_delay_s + _JITTER_S * rng.normal(size=n)
     t_s: Vector = np.asarray(conditions.step_s * np.arange(1.0, n + 1), np.float64)
     read, sent = (felt or loads)(t_s), loads(t_s + send_delay_s)
-    at_once = AT_ONCE[conditions.conversion_order_index]
-    conversion = np.repeat(np.arange(n), at_once)
-    n_readings = len(conversion)
     normal, force_n = (
         _equivalent_elastic_load(t_s, *read, conditions.viscous_rel) if conditions.viscous_rel else read
     )
     closure_um = _gait_closures_um(Specimen(response), t_s, normal, force_n)
-    element = conversion_elements(conditions.conversion_order_index, n_readings)
-    capacitance_pf = design.capacitance_pf(closure_um[conversion, element])
+    element = conversion_elements(conditions.conversion_order_index, n)
+    capacitance_pf = design.capacitance_pf(closure_um[np.arange(n), element])
     measured_pf = np.minimum(
-        capacitance_pf + conditions.noise_pf * rng.normal(size=n_readings), conditions.range_end_pf
+        capacitance_pf + conditions.noise_pf * rng.normal(size=n), conditions.range_end_pf
     )
     off_pf = float(np.hypot(BASELINE_NOISE_PF, conditions.baseline_drift_rms_pf))
     baseline_pf = design.unloaded_pf + off_pf * rng.normal(size=ELEMENTS)
     closure_rel = design.closure_um(measured_pf, baseline_pf[element]) / design.gap_um
-    if conditions.gain_rms_rel:
-        closure_rel *= 1.0 + conditions.gain_rms_rel * rng.normal(size=ELEMENTS)[element]
     return GaitReadings(
         conversion_order_index=np.array([conditions.conversion_order_index]),
         step_s=np.array([conditions.step_s]),
-        send_delay_s=send_delay_s[conversion][None],
+        send_delay_s=send_delay_s[None],
         closure_rel=closure_rel[None].astype(np.float32),
         in_range=(measured_pf < conditions.range_end_pf)[None],
-        true_force_at_sending_n=sent.force_n[conversion][None].astype(np.float32),
-        true_normal_at_sending=sent.normal[conversion][None].astype(np.float32),
+        true_force_at_sending_n=sent.force_n[None].astype(np.float32),
+        true_normal_at_sending=sent.normal[None].astype(np.float32),
     )
 
 
@@ -185,19 +168,14 @@ def loads_of(source: ContactSource, leg: str) -> Callable[[Vector], ContactLoads
     return loads
 
 
-def draw_conditions(
-    rng: np.random.Generator, at_once: int = 1, slowest_rel: float = PACE_REL[1], gain_rms_rel: float = 0.0
-) -> ReadingConditions:
+def draw_conditions(rng: np.random.Generator, slowest_rel: float = PACE_REL[1]) -> ReadingConditions:
     """Return random conditions of a gait.
 
     Args:
         rng: Source of the draws.
-        at_once: Elements that a conversion reads, a key of `SCANS_OF_NETWORK`.
         slowest_rel: Slowest conversion over the usual one [1].
-        gain_rms_rel: What the gains of the elements are off by in half of the gaits [1, rms].
     """
-    usual, *others = SCANS_OF_NETWORK[at_once]
-    order = others[0] if rng.random() < _RASTER_SHARE and others else usual
+    order = int(rng.random() < _RASTER_SHARE)
     pace_rel = (
         float(np.exp(rng.uniform(*np.log((PACE_REL[0], slowest_rel)))))
         if rng.random() < _PACED_SHARE
@@ -205,14 +183,15 @@ def draw_conditions(
     )
     step_s = STEP_S * pace_rel * (1.0 + _CLOCK_REL * rng.normal())
     late_s = rng.uniform(0.0, _LATEST_S) if rng.random() < _LATE_SHARE else 0.0
-    return ReadingConditions(
+    conditions = ReadingConditions(
         conversion_order_index=order,
         step_s=step_s,
         send_delay_s=nominal_send_delay_s(step_s) + late_s,
         viscous_rel=rng.uniform(0.0, _MOST_VISCOUS) if rng.random() < _VISCOUS_SHARE else 0.0,
         baseline_drift_rms_pf=_DRIFT_PF if rng.random() < _DRIFT_SHARE else 0.0,
-        gain_rms_rel=gain_rms_rel if rng.random() < _GAIN_SHARE else 0.0,
     )
+    rng.random()  # so that a seed gives the gaits of the released networks
+    return conditions
 
 
 def simulate_random_gait_readings(
@@ -220,8 +199,6 @@ def simulate_random_gait_readings(
     rng: np.random.Generator,
     n: int,
     max_n: float,
-    at_once: int = 1,
-    gain_rms_rel: float = 0.0,
     scan: ReadingConditions | None = None,
 ) -> GaitReadings:
     """Return the simulated readings of one random gait under random conditions, as `simulate_gait_readings`.
@@ -231,16 +208,13 @@ def simulate_random_gait_readings(
         rng: Source of the draws.
         n: Number of conversions.
         max_n: Full load of the foot [N].
-        at_once: Elements that a conversion reads, a key of `SCANS_OF_NETWORK`.
-        gain_rms_rel: As of `draw_conditions`.
-        scan: How a board reads, but for rubber, drift and gains, which are drawn; None for one that is drawn too.
+        scan: How a board reads, but for rubber and drift, which are drawn; None for one that is drawn too.
     """
-    conditions = draw_conditions(rng, at_once, gain_rms_rel=gain_rms_rel)
+    conditions = draw_conditions(rng)
     if scan is not None:
         conditions = scan._replace(
             viscous_rel=conditions.viscous_rel,
             baseline_drift_rms_pf=conditions.baseline_drift_rms_pf,
-            gain_rms_rel=conditions.gain_rms_rel,
         )
     return simulate_gait_readings(
         response, RandomGait(rng, max_n, n * conditions.step_s).loads, conditions, rng, n
@@ -266,8 +240,6 @@ def random_gaits(
     n: int,
     max_n: float,
     jobs: int = 1,
-    at_once: int = 1,
-    gain_rms_rel: float = 0.0,
     scan: ReadingConditions | None = None,
 ) -> GaitReadings:
     """Return simulated readings of m random gaits; the same seed gives the same, on any number of processes.
@@ -279,15 +251,11 @@ def random_gaits(
         n: Conversions of each.
         max_n: Full load of the foot [N].
         jobs: Processes.
-        at_once: Elements that a conversion reads, a key of `SCANS_OF_NETWORK`.
-        gain_rms_rel: As of `draw_conditions`.
         scan: As of `simulate_random_gait_readings`.
     """
     seeds = np.random.SeedSequence(seed).spawn(m)
     making = Parallel(n_jobs=jobs, return_as="generator")(
-        delayed(simulate_random_gait_readings)(
-            response, np.random.default_rng(own), n, max_n, at_once, gain_rms_rel, scan
-        )
+        delayed(simulate_random_gait_readings)(response, np.random.default_rng(own), n, max_n, scan)
         for own in seeds
     )
     made: list[GaitReadings] = []

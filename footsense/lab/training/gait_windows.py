@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.estimation.missing_elements import MAX_OVERLOADED
 from footsense.frames import ELEMENTS, Vector
-from footsense.lab.training.gait_readings import AT_ONCE, GaitReadings, conversion_elements
+from footsense.lab.training.gait_readings import GaitReadings, conversion_elements
 from footsense.lab.training.windowed_network import READINGS_PER_ELEMENT
 from footsense.ports import LoadEstimate, LoadEstimator, Window
 
@@ -51,16 +51,12 @@ def contact_and_normal_force(force_n: Vector, normal: Vector) -> tuple[Vector, V
 def complete_window_ends(gaits: GaitReadings) -> NDArray[np.bool_]:
     """Return the mask of readings that end a complete window for which there is a force, shape (m, n).
 
-    The last one of each conversion, where it reads a row.
-
     At most `MAX_OVERLOADED` of its newest readings are beyond the converter's range.
     """
     warm_up = READINGS_PER_ELEMENT * ELEMENTS + _EXTRA_WARM_UP_READINGS
     beyond = (~gaits.in_range).cumsum(axis=1)
     whole = np.zeros(beyond.shape, bool)
     whole[:, warm_up:] = beyond[:, warm_up:] - beyond[:, warm_up - ELEMENTS : -ELEMENTS] <= MAX_OVERLOADED
-    at_once = AT_ONCE[gaits.conversion_order_index][:, None]
-    whole &= np.arange(beyond.shape[1]) % at_once == at_once - 1
     return whole
 
 
@@ -85,12 +81,8 @@ class GaitWindows(NamedTuple):
 def windows_of(gaits: GaitReadings) -> GaitWindows:
     """Return all complete windows of simulated gaits, ordered by gait and time."""
     gait, time = np.nonzero(complete_window_ends(gaits))
-    order = gaits.conversion_order_index[gait]
-    since = readings_since(readings_since_table(), order, time)
-    age_s = (
-        since // AT_ONCE[order][:, None, None] * gaits.step_s[gait][:, None, None]
-        + gaits.send_delay_s[gait, time][:, None, None]
-    )
+    since = readings_since(readings_since_table(), gaits.conversion_order_index[gait], time)
+    age_s = since * gaits.step_s[gait][:, None, None] + gaits.send_delay_s[gait, time][:, None, None]
     return GaitWindows(
         gait,
         gaits.closure_rel[gait[:, None, None], time[:, None, None] - since].astype(np.float64),

@@ -26,9 +26,7 @@ from footsense.estimation.missing_elements import MISSING_SETS, Imputation
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, Capacitor
 from footsense.frames import ELEMENTS, ROWS, Vector
 from footsense.lab.training.gait_readings import (
-    AT_ONCE,
     PACE_REL,
-    SCANS_OF_NETWORK,
     STEP_S,
     GaitReadings,
     nominal_send_delay_s,
@@ -127,8 +125,6 @@ class _TrainingConstants(NamedTuple):
     conversion_order_index: Any
     window_indices: Any
     readings_since: Any
-    readings_at_once: Any
-    steady_orders: Any
     steady_closure_rel: Any
     steady_force_n: Any
     steady_contact_point_and_friction: Any
@@ -154,7 +150,6 @@ def _training_constants(
     drawn = rng.random(carries.shape)
     share = np.where(carries, 1.0, np.where(lately, _JUST_LIFTED_SHARE, _AIR_SHARE))
     where = np.flatnonzero((complete_window_ends(gaits) & (drawn < share)).ravel())
-    usual = int(np.bincount(gaits.conversion_order_index).argmax())
     plates_um = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2
     single = jnp.float32
     return _TrainingConstants(
@@ -167,9 +162,6 @@ def _training_constants(
         conversion_order_index=jnp.asarray(gaits.conversion_order_index),
         window_indices=jnp.asarray(where),
         readings_since=jnp.asarray(readings_since_table()),
-        readings_at_once=jnp.asarray(AT_ONCE),
-        # Of the gaits' own scan, and element by element, as a network is asked about loads at rest.
-        steady_orders=jnp.asarray(list(dict.fromkeys([usual, *SCANS_OF_NETWORK[1]]))),
         steady_closure_rel=jnp.asarray(steady_loads.closure_um / design.gap_um, single),
         steady_force_n=jnp.asarray(steady_loads.force_n, single),
         steady_contact_point_and_friction=jnp.asarray(steady_contact, single),
@@ -187,13 +179,9 @@ def _gait_windows(data: _TrainingConstants, times_per_gait: int, key: jax.Array,
     """Return closures and ages, (n, 3, elements), and true loads of random windows from gaits."""
     at = data.window_indices[jax.random.randint(key, (n,), 0, len(data.window_indices))]
     gait, time = at // times_per_gait, at % times_per_gait
-    order = data.conversion_order_index[gait]
-    since = readings_since(data.readings_since, order, time)
+    since = readings_since(data.readings_since, data.conversion_order_index[gait], time)
     closure_rel = data.closure_rel[at[:, None, None] - since]
-    age_s = (
-        since // data.readings_at_once[order][:, None, None] * data.step_s[gait][:, None, None]
-        + data.send_delay_s[at][:, None, None]
-    )
+    age_s = since * data.step_s[gait][:, None, None] + data.send_delay_s[at][:, None, None]
     return closure_rel, age_s, data.force_n[at], data.contact_point_and_friction[at], data.loaded[at]
 
 
@@ -214,11 +202,8 @@ def _steady_windows(data: _TrainingConstants, key: jax.Array, n: int) -> tuple[A
     low, high = np.log(PACE_REL)
     drawn = jax.random.uniform(k7, (2, n))
     step_s = STEP_S * jnp.where(paced, jnp.exp(low + (high - low) * drawn[0]), 1.0)[:, None, None]
-    order = data.steady_orders[jnp.where(paced, (drawn[1] * len(data.steady_orders)).astype(int), 0)]
-    at_once = data.readings_at_once[order]
-    # A row ends with its last reading.
-    since = readings_since(data.readings_since, order, phase // at_once * at_once + at_once - 1)
-    since //= at_once[:, None, None]
+    order = jnp.where(paced, (drawn[1] * len(data.readings_since)).astype(int), 0)
+    since = readings_since(data.readings_since, order, phase)
     closure_rel = exact + steep * noise + (1.0 + data.film_thickness_rel) ** 2 * offset
     return (
         closure_rel,

@@ -61,8 +61,6 @@ def _walker_gait(
     log: _FootLog,
     n: int,
     max_n: float,
-    at_once: int,
-    gain_rms_rel: float,
     rng: np.random.Generator,
 ) -> GaitReadings:
     """Return the readings of a foot of a log under random conditions."""
@@ -75,7 +73,7 @@ def _walker_gait(
         partial(log.scaled(max_n, scale, speed_rel).loads, turn, start_s, speed_rel, felt)
         for felt in (False, True)
     )
-    conditions = draw_conditions(rng, at_once, _SLOWEST_REL, gain_rms_rel)
+    conditions = draw_conditions(rng, _SLOWEST_REL)
     return simulate_gait_readings(response, loads, conditions, rng, n, felt)
 
 
@@ -88,8 +86,6 @@ def walker_gaits(
     n: int,
     max_n: float,
     jobs: int = 1,
-    at_once: int = 1,
-    gain_rms_rel: float = 0.0,
 ) -> GaitReadings:
     """Return simulated readings of m gaits of n conversions, of random feet of logs.
 
@@ -102,8 +98,6 @@ def walker_gaits(
         n: Conversions of each.
         max_n: Largest force of the training [N].
         jobs: Processes.
-        at_once: Elements that a conversion reads, a key of `SCANS_OF_NETWORK`.
-        gain_rms_rel: As of `draw_conditions`.
     """
     feet = [
         _FootLog(log.t_s, log.force_n[:, leg], inertial_n[:, leg], log.normal[:, leg], peak_n)
@@ -114,8 +108,7 @@ def walker_gaits(
     ]
     rngs = [np.random.default_rng(own) for own in np.random.SeedSequence((seed, 1)).spawn(m)]
     making = Parallel(n_jobs=jobs, return_as="generator")(
-        delayed(_walker_gait)(response, feet[rng.integers(len(feet))], n, max_n, at_once, gain_rms_rel, rng)
-        for rng in rngs
+        delayed(_walker_gait)(response, feet[rng.integers(len(feet))], n, max_n, rng) for rng in rngs
     )
     made: list[GaitReadings] = []
     with progress_bar("walkers", m) as gaits_done:

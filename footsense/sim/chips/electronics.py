@@ -1,6 +1,5 @@
-"""The chips of one leg, wired to its foot: capacitance converters, and the row switch in front of one."""
+"""The chips of one leg, wired to its foot: a capacitance converter, and the row switch in front of an FDC1004."""
 
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -8,17 +7,15 @@ import numpy as np
 from firmware_interface.chips import ad7147
 from footsense.frames import ELEMENTS, ROWS
 from footsense.sim.chips.ad7147 import InputCapacitance, SimulatedAd7147
-from footsense.sim.chips.beside import BesideColumns, BesideElements, BesideInputs
+from footsense.sim.chips.beside import BesideColumns, BesideInputs
 from footsense.sim.chips.chip import SimulatedConverter, SimulatedLineSwitch
-from footsense.sim.chips.excitation import Excitations
 from footsense.sim.chips.fdc1004 import MeanCinCapacitance, SimulatedFdc1004
 from footsense.sim.couplings import BoardCouplings
 from footsense.sim.faults.damage import OPEN_ELEMENT_PF, WiredFoot
 from footsense.sim.scene import Effects
 
 #: Random streams of a leg besides that of its noise.
-_COMMON_NOISE_DRAW, _COLUMN_DRAW = 7, 8
-_PHASE_DRAW, _AD7147_DRAW, _SHIFT_DRAW = 9, 10, 11
+_COMMON_NOISE_DRAW, _AD7147_DRAW, _SHIFT_DRAW = 7, 10, 11
 
 #: Reference capacitor on a spare input of board `ad7147`, of class C0G, whose 30 ppm/K do not count: its input, nominal
 #: capacitance [pF], and tolerance [1].
@@ -31,12 +28,12 @@ class LegElectronics(NamedTuple):
     """The chips of one fault-free leg.
 
     Attributes:
-        converters: Its converters, each with its own address.
-        switches: Its row switch; none with several converters.
+        converter: Its converter.
+        switch: Its row switch; None with board `ad7147`.
     """
 
-    converters: tuple[SimulatedFdc1004, ...] | tuple[SimulatedAd7147]
-    switches: tuple[SimulatedLineSwitch, ...]
+    converter: SimulatedFdc1004 | SimulatedAd7147
+    switch: SimulatedLineSwitch | None
 
 
 def leg_electronics(
@@ -51,7 +48,7 @@ def leg_electronics(
     """Return the chips of one fault-free leg.
 
     Args:
-        board: `fdc1004`, `fdc1004_columns` or `ad7147`.
+        board: `fdc1004` or `ad7147`.
         foot: The foot behind them.
         effects: Noise, clock error, stray, warming and kind of chip.
         seed: Seeds of the scene and of the leg.
@@ -64,19 +61,13 @@ def leg_electronics(
         inputs = None
         if beside is not None and couplings is not None:
             inputs = BesideInputs(couplings, beside.shield_error_rel)
-        return LegElectronics((_ad7147(foot, effects, seed, inputs, address, bus_clock_hz),), ())
-    if board == "fdc1004_columns":
-        elements = None
-        if beside is not None and couplings is not None:
-            elements = BesideElements(couplings, beside.idle_inputs, beside.shield_error_rel)
-        columns_of = partial(_column_converter, foot, effects, seed, elements)
-        return LegElectronics(tuple(columns_of(column) for column in range(ROWS)), ())
+        return LegElectronics(_ad7147(foot, effects, seed, inputs, address, bus_clock_hz), None)
     rows = SimulatedLineSwitch()
     of_columns = None
     if beside is not None and couplings is not None:
         of_columns = BesideColumns(couplings, beside.idle_inputs, beside.shield_error_rel)
     pins = _column_pin_capacitance(foot, rows, effects.stray_pf, of_columns)
-    return LegElectronics((_fdc1004(pins, effects, seed),), (rows,))
+    return LegElectronics(_fdc1004(pins, effects, seed), rows)
 
 
 def _share_noise(chip: SimulatedConverter, effects: Effects, seed: tuple[int, ...]) -> None:
@@ -127,25 +118,6 @@ def _fdc1004(pins: MeanCinCapacitance, effects: Effects, seed: tuple[int, ...]) 
     return chip
 
 
-def _column_converter(
-    foot: WiredFoot, effects: Effects, seed: tuple[int, int], beside: BesideElements | None, column: int
-) -> SimulatedFdc1004:
-    """Return the fault-free converter of a column of board `fdc1004_columns`, of its own kind."""
-    stream = (_COLUMN_DRAW, column) if column else ()
-    pins = _element_pin_capacitance(foot, column, effects.stray_pf, beside)
-    chip = _fdc1004(pins, effects, (*seed, *stream))
-    odd = effects.odd_column
-    if odd is not None and odd.column == column:
-        chip.clock_factor += odd.slower_rel
-        chip.trigger_clears_done = odd.trigger_clears_done
-        chip.done_needs_both_reads = odd.done_needs_both_reads
-    if beside is not None:
-        phases = np.random.default_rng((*seed, _PHASE_DRAW, column))
-        chip.excitations = Excitations(phases, chip.clock_factor)
-        beside.chips.append(chip.excitations)
-    return chip
-
-
 def _single_input_capacitance(
     foot: WiredFoot, stray_pf: float, reference_pf: float, beside: BesideInputs | None
 ) -> InputCapacitance:
@@ -170,28 +142,6 @@ def _single_input_capacitance(
         return added_pf + foot.element_pin_pf(element, elements_pf[element] + stray_pf, t_ns)
 
     return input_pf
-
-
-def _element_pin_capacitance(
-    foot: WiredFoot, column: int, stray_pf: float, beside: BesideElements | None
-) -> MeanCinCapacitance:
-    """Return the capacitance function of a converter of board `fdc1004_columns`: a pin for each row of its column."""
-
-    def pin_pf(cin: int, t_start_ns: int, t_end_ns: int) -> float:
-        t_ns, row = (t_start_ns + t_end_ns) // 2, cin
-        added_pf, disturbances = 0.0, foot.disturbances
-        if disturbances is not None:
-            row = disturbances.column_of_pin(cin, t_ns)  # of this board the pins are rows
-            added_pf = disturbances.added_pf(1 << row, column, t_start_ns, t_end_ns)
-        if row >= ROWS:  # a pin without a line
-            return added_pf + OPEN_ELEMENT_PF
-        element, element_pf = row * ROWS + column, foot.elements_pf(t_ns)
-        pin_pf = foot.element_pin_pf(element, element_pf[element] + stray_pf, t_ns)
-        if beside is not None and pin_pf != OPEN_ELEMENT_PF:
-            pin_pf += beside.added_pf(row, column, element_pf)
-        return added_pf + pin_pf
-
-    return pin_pf
 
 
 def _column_pin_capacitance(

@@ -18,16 +18,13 @@ dependence, noise and temperature of the CAPDAC.
 
 from collections.abc import Callable
 from functools import cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from firmware_interface.chips import fdc1004 as chip
 from footsense.errors import NackError
 from footsense.sim.chips.chip import SimulatedConverter
-
-if TYPE_CHECKING:
-    from footsense.sim.chips.excitation import Excitations
 
 _RATE_OF_CODE = {rate.code: rate for rate in chip.RATES.values()}
 _FDC_CONF = int(chip.Fdc1004Register.FDC_CONF)
@@ -93,7 +90,6 @@ class SimulatedFdc1004(SimulatedConverter):
         trigger_clears_done: Whether the trigger of a measurement clears the DONE bits of the others.
         done_needs_both_reads: Whether DONE_n stays until the lower register of a result has been read after the upper.
         keeps_old_result: Whether a result that is being converted still reads as the old one.
-        excitations: Where its excitations are noted; None for nowhere.
     """
 
     def __init__(
@@ -104,7 +100,6 @@ class SimulatedFdc1004(SimulatedConverter):
     ) -> None:
         super().__init__(chip.ADDRESS, noise, clock_error_rel)
         self.trigger_clears_done = self.done_needs_both_reads = self.keeps_old_result = False
-        self.excitations: Excitations | None = None
         self._cin_capacitance_pf = cin_capacitance_pf
         self._pointer = 0
         self.power_up(0)
@@ -118,8 +113,6 @@ class SimulatedFdc1004(SimulatedConverter):
         # Slots of which the upper register was read since their results came.
         self._upper_read = 0
         self._running: _Conversion | None = None
-        if self.excitations is not None:
-            self.excitations.stop(t_ns)
         self._started_ns = self._ends_ns = t_ns
 
     def write(self, data: bytes, t_ns: int) -> None:
@@ -153,8 +146,6 @@ class SimulatedFdc1004(SimulatedConverter):
             return
         # DONE is read-only.
         self._conf = word & ~_DONE
-        if self.excitations is not None:
-            self.excitations.stop(t_ns)
         self._running = conversion = _conversion_of_word(word)
         if conversion is None:
             return
@@ -168,8 +159,6 @@ class SimulatedFdc1004(SimulatedConverter):
             self._results[conversion.slot] = chip.CODE_MAX
         self._started_ns = t_ns
         self._ends_ns = t_ns + round(conversion.nominal_duration_ns * self.clock_factor)
-        if self.excitations is not None:
-            self.excitations.start(t_ns, self._ends_ns, measured.cin)
 
     def _finish_conversions_by(self, t_ns: int) -> None:
         """Store the result of the conversion, if it ends by `t_ns` [ns]."""

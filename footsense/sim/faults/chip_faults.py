@@ -7,7 +7,6 @@ import numpy as np
 from footsense.sim.chips.ad7147 import SimulatedAd7147
 from footsense.sim.chips.chip import SimulatedChip, SimulatedConverter, SimulatedLineSwitch
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
-from footsense.sim.chips.ltc4317 import translated_columns
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Schedule
 
@@ -84,7 +83,7 @@ class _FailingChip:
 def _inject_fault(chip: LegConverter | SimulatedLineSwitch, fault: scene_faults.ChipFault) -> None:
     """Inject a fault that a chip simulates by itself."""
     match fault:
-        case scene_faults.Absent() | scene_faults.ConverterSilent():
+        case scene_faults.Absent():
             chip.absent_ns.append(fault.span_ns)
         case scene_faults.BrownOut():
             chip.brown_outs_ns.append(fault.at_ns)
@@ -97,31 +96,29 @@ def _inject_fault(chip: LegConverter | SimulatedLineSwitch, fault: scene_faults.
 
 
 def inject_chip_faults(
-    converters: Sequence[LegConverter],
-    switches: Sequence[SimulatedLineSwitch],
+    converter: LegConverter,
+    switch: SimulatedLineSwitch | None,
     faults: Sequence[scene_faults.ChipFault],
     rng: np.random.Generator,
 ) -> tuple[SimulatedChip, ...]:
-    """Return a leg's chips with its faults injected, the converters first.
+    """Return a leg's chips with its faults injected, the converter first.
 
     Args:
-        converters: The leg's converters; behind an address translator are those of columns 1 and 2, if there are three.
-        switches: The leg's row switch, if it has one.
+        converter: The leg's converter.
+        switch: The leg's row switch; None without one.
         faults: Faults on the chips of this leg.
         rng: Source of random acknowledges and bits.
     """
-    chips: tuple[LegConverter | SimulatedLineSwitch, ...] = (*converters, *switches)
+    chips: tuple[LegConverter | SimulatedLineSwitch, ...] = tuple(filter(None, (converter, switch)))
     for fault in faults:
-        if isinstance(fault, scene_faults.SwitchIgnoresWrites) and switches:
-            switches[0].ignores_writes_ns.append(fault.span_ns)
-        hit = chips if isinstance(fault, scene_faults.Absent | scene_faults.BrownOut) else converters
-        column = getattr(fault, "column", None)
-        for chip in hit if column is None else hit[column : column + 1]:
+        if isinstance(fault, scene_faults.SwitchIgnoresWrites) and switch is not None:
+            switch.ignores_writes_ns.append(fault.span_ns)
+        hit = chips if isinstance(fault, scene_faults.Absent | scene_faults.BrownOut) else chips[:1]
+        for chip in hit:
             _inject_fault(chip, fault)
     failing: list[SimulatedChip] = []
     for chip in chips:
-        kinds = _WRAPPED_CHIP_FAULT_TYPES if chip in switches else _WRAPPED_CONVERTER_FAULT_TYPES
+        kinds = _WRAPPED_CHIP_FAULT_TYPES if chip is switch else _WRAPPED_CONVERTER_FAULT_TYPES
         own = [fault for fault in faults if isinstance(fault, kinds)]
         failing.append(_FailingChip(chip, own, rng) if own else chip)
-    n = len(converters)
-    return (*(translated_columns(failing[:n], faults) if n > 1 else failing[:n]), *failing[n:])
+    return tuple(failing)

@@ -6,9 +6,8 @@ ties the pin to the row line. A row at ground then exceeds any range. A row at t
 whichever row is selected, because the shield driver delivers the charge that the converter counts: one shorted element
 disables the others of its column. That follows from the wiring and was not measured.
 
-Board `fdc1004_columns`: each element has a pin, against one electrode that is at ground, so that no row has a line. A
-column whose plug is off loses its three lines; a short ties one pin to ground. Board `ad7147` is alike, with one plug:
-its tail tears where the lines of a column lie.
+Board `ad7147`: each element has a pin, against one electrode that is at ground, so that no row has a line. A short ties
+one pin to ground. A tail that tears where the lines of a column lie loses its three.
 """
 
 import math

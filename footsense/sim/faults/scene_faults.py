@@ -131,40 +131,13 @@ class CorruptReads(_LegFault, frozen=True, kw_only=True):
 
 
 class StuckConverter(_LegFault, frozen=True, kw_only=True):
-    """The leg's converter never finishes a conversion.
-
-    Attributes:
-        column: Column of the converter, of a leg with several; all by default.
-    """
-
-    column: LineIndex | None = None
+    """The leg's converter never finishes a conversion."""
 
 
 class HungConverter(_Fault, frozen=True, kw_only=True):
-    """The leg's converter converts nothing from then on, until it is reset: seen of FDC1004 (TI E2E 404389, 801150).
-
-    Attributes:
-        column: Column of the converter, of a leg with several; all by default.
-    """
+    """The leg's converter converts nothing from then on, until it is reset: seen of FDC1004 (TI E2E 404389, 801150)."""
 
     leg: Leg
-    column: LineIndex | None = None
-
-
-class ConverterSilent(_LegFault, frozen=True, kw_only=True):
-    """One of the three converters of a leg with board `fdc1004_columns` does not answer."""
-
-    column: LineIndex
-
-
-class ConvertersCollide(_LegFault, frozen=True, kw_only=True):
-    """A converter of board `fdc1004_columns` answers at the address of column 0: wrong resistors at its translator."""
-
-    column: Literal[1, 2]
-
-
-class TranslatorDead(_LegFault, frozen=True, kw_only=True):
-    """The address translator of a leg with board `fdc1004_columns` passes nothing: columns 1 and 2 do not answer."""
 
 
 class WrongChip(_LegFault, frozen=True, kw_only=True):
@@ -374,15 +347,12 @@ class CanTraffic(_LastingFault, frozen=True, kw_only=True):
     rate_hz: Annotated[float, Meta(gt=0.0, le=10_000.0)]
 
 
-#: Faults that board `fdc1004_columns` alone can have.
-ColumnsFault = ConverterSilent | ConvertersCollide | TranslatorDead
 ChipFault = (
     Absent
     | NackAtRandom
     | CorruptReads
     | StuckConverter
     | HungConverter
-    | ColumnsFault
     | WrongChip
     | BrownOut
     | SwitchIgnoresWrites

@@ -1,6 +1,7 @@
 """Couplings of a foot's lines: the method against exact formulas, and the tables against the drawn flexes."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from scipy.special import ellipk
 
 from footsense.foot.type_folders import released_names
 from footsense.frames import Vector
-from footsense.lab.couplings.flex_couplings import BOARDS, board_couplings
+from footsense.lab.couplings.flex_couplings import BOARDS, board_couplings, flex_couplings
 from footsense.lab.couplings.moments import EPS0_FF_PER_MM, Strip, mutual_capacitance
 from footsense.lab.fabrication.parts.flex import Board, flexes
 from footsense.lab.foot_file import load_foot
@@ -78,22 +79,22 @@ def test_the_table_is_that_of_the_drawn_flex() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("foot_type", "board"), list(zip(released_names(), BOARDS, strict=True)))
+@pytest.mark.parametrize(("foot_type", "board"), list(zip(released_names()[1:], BOARDS, strict=True)))
 def test_every_table_is_that_of_its_drawn_flex(foot_type: str, board: Board) -> None:
-    """Of each foot one board, and each board of one foot: all nine would take some minutes."""
+    """Each board of one foot: all six would take some minutes."""
     kept_ff, drawn_ff = matrices(foot_type, board)
     np.testing.assert_allclose(drawn_ff, kept_ff, rtol=0.06, atol=2.0)
 
 
 def test_one_guard_net_behind_the_lines_takes_most_of_their_coupling() -> None:
     """Board `ad7147`: the sum of a line's couplings to other lines, against the same copper without the layer."""
-    couplings = load_couplings(MODELS / "aoyagi-3x3" / "couplings.yaml").boards
-    lines = [name for name in couplings["ad7147"].conductors if name.startswith("row")]
-    to_lines = {}
-    for board in ("ad7147", "fdc1004_columns"):
-        places = couplings[board].places(lines)
-        to_lines[board] = couplings[board].mutual_pf[np.ix_(places, places)].sum()
-    assert to_lines["ad7147"] < 0.6 * to_lines["fdc1004_columns"]
+    lower, upper = flexes(load_foot(MODELS / "aoyagi-3x3" / "foot.yaml"), "ad7147")
+    to_lines = []
+    for shield_net in (upper.shield_net, ""):
+        found = flex_couplings((lower, replace(upper, shield_net=shield_net)), n_segments=8)
+        places = found.places([name for name in found.conductors if name.startswith("row")])
+        to_lines.append(found.mutual_pf[np.ix_(places, places)].sum())
+    assert to_lines[0] < 0.6 * to_lines[1]
 
 
 def test_the_layer_of_board_ad7147_lies_behind_bars_and_tail() -> None:
@@ -102,4 +103,4 @@ def test_the_layer_of_board_ad7147_lies_behind_bars_and_tail() -> None:
     lines = {net for net, _ in upper.electrodes}
     assert {pad.net for pad in upper.shield} == {"acshield"} == set(upper.contacts) - lines
     assert {pad.centre_mm[1] for pad in upper.shield} == {-2.5, 2.5, 0.0}
-    assert not flexes(upper.design, "fdc1004_columns")[1].shield
+    assert not flexes(upper.design, "fdc1004")[1].shield

@@ -76,16 +76,6 @@ def test_the_command_gives_the_same_bytes(package: FabricationPackage, folder: P
             },
         ),
         (
-            "fdc1004_columns",
-            {"FDC1004": "3", "LTC4317": "1"},
-            {
-                "| 1 | gnd | GND |",
-                "| 7 | shld1 | FDC1004 0x50: SHLD1 |",
-                "| 9 | row2col2 | FDC1004 0x51: CIN2 |",
-                "| 16 | row3col3 | FDC1004 0x52: CIN3 |",
-            },
-        ),
-        (
             "fdc1004",
             {"FDC1004": "1", "ADG715": "1"},
             {
@@ -102,7 +92,7 @@ def test_parts_and_wiring_are_of_the_board(
     """As in docs/wiring.md and firmware_interface/README.md."""
     package = write_fabrication_package(FOOT_DESIGN, tmp_path, board=board)
     parts = [line.split(",") for line in (tmp_path / "bill-of-materials.csv").read_text().splitlines()]
-    known = {"AD7147-1", "FDC1004", "ADG715", "LTC4317"}
+    known = {"AD7147-1", "FDC1004", "ADG715"}
     assert {name: quantity for quantity, _, name, *_ in parts if name in known} == chips
     assert wiring <= set((tmp_path / "checklist.md").read_text().splitlines())
     assert {flex.name for flex in package.flexes} <= {line[-2].rstrip("/") for line in parts}

@@ -4,7 +4,6 @@ import fcntl
 import json
 import os
 import shutil
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,6 @@ from click.testing import CliRunner
 
 from footsense.cli.lab.group import lab
 from footsense.config import SMALL_BOARD, load_config
-from footsense.config.sections import Bus
 from footsense.daemon.models import load_models
 from footsense.daemon.service import open_service
 from footsense.errors import FootsenseError, ModelError
@@ -164,36 +162,6 @@ def test_sigma_is_honest_with_and_without_all_elements(built: BuildResult, folde
         assert min(shares["within_1_sigma"]) < 0.95
         means.append(sigma_n.mean())
     assert means[0] < means[2]
-
-
-@pytest.mark.slow
-def test_a_network_of_rows_stands_beside_that_of_elements(
-    built: BuildResult, folder: Path, tmp_path: Path
-) -> None:
-    """For the board that reads them, which then walks on it; what is of the foot, and the page, stay as they are."""
-    del built
-    beside = shutil.copytree(folder, tmp_path / FOOT_DESIGN.foot_type)
-    before = {file.name: file.read_bytes() for file in beside.iterdir()}
-    table = build(FOOT, beside, replace(QUICK_BUILD, scan="rows"), lambda _: None).error_table
-    assert table["paper_network"].direction_deg < 12.0
-    kept = {file.name: file.read_bytes() for file in beside.iterdir() if file.name != "network-rows.onnx"}
-    assert kept == before
-    robot = msgspec.structs.replace(
-        SMALL_BOARD,
-        board="fdc1004_columns",
-        buses=(Bus(device="sim0", legs={"lf": 0, "rf": 1}),),
-        foot_type=str(beside),
-    )
-    with open_service(robot, load_scene("tripod"), real_time=False) as running:
-        statistics = RunStatistics(running.legs, running.true_force_n_at)
-        running.observers.append(statistics)
-        running.run(until_ns=2_000_000_000)
-    found: dict[str, Any] = statistics.summary()
-    assert found["faulty_leg_cycles"] == 0
-    assert found["direction_error_deg"]["mean"] < 15.0
-    for wrong, board in (("network.onnx", "fdc1004_columns"), ("network-rows.onnx", "fdc1004")):
-        with pytest.raises(ModelError, match=f"board {board} converts"):
-            load_models(msgspec.structs.replace(robot, board=board, model=str(beside / wrong)))
 
 
 def test_the_card_for_people_says_how_to_build_it(built: BuildResult, folder: Path) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from firmware_interface.conversion_order import CONVERSION_ORDERS
-from footsense.lab.training.gait_readings import AT_ONCE, GaitReadings, conversion_elements
+from footsense.lab.training.gait_readings import GaitReadings, conversion_elements
 from footsense.lab.training.gait_windows import windows_of
 
 pytestmark = pytest.mark.lab
@@ -30,16 +30,13 @@ def numbered(order: int, n_beyond: int = 1) -> GaitReadings:
 
 @pytest.mark.parametrize("order", range(len(CONVERSION_ORDERS)))
 def test_a_window_holds_the_last_three_readings_of_every_element(order: int) -> None:
-    """The newest first, each as old as the conversions since; the force is that of the asked time.
-
-    Where a conversion reads a row, all three are of one time, and a window ends with a whole row.
-    """
+    """The newest first, each as old as the conversions since; the force is that of the asked time."""
     window = windows_of(numbered(order))
     now = window.closure_rel.max(axis=(1, 2))
     np.testing.assert_allclose(window.force_n[:, 2], now / 100, rtol=1e-6)
     np.testing.assert_allclose(
         window.age_s,
-        (now[:, None, None] - window.closure_rel) // AT_ONCE[order] * STEP_S + NOMINAL_SEND_DELAY_S,
+        (now[:, None, None] - window.closure_rel) * STEP_S + NOMINAL_SEND_DELAY_S,
         rtol=1e-6,
     )
     assert (np.diff(window.closure_rel, axis=1) == -9).all()

@@ -10,7 +10,6 @@ from footsense.foot.specimen import ContactLoads, Specimen
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.evaluation.evaluate_models import open_models
 from footsense.lab.training.gait_readings import (
-    AT_ONCE,
     NOMINAL_SEND_DELAY_S,
     STEP_S,
     GaitReadings,
@@ -54,21 +53,20 @@ def rising(t_s: Vector) -> ContactLoads:
 def test_a_reading_is_of_its_own_time_and_the_truth_of_the_sending(
     response: FootResponse, order: int
 ) -> None:
-    """One element or row a conversion, in the order of the scan, to within the noise; the force is a lead later."""
+    """One element a conversion, in the order of the scan, to within the noise; the force is a lead later."""
     gait = simulate_gait_readings(
         response, rising, ReadingConditions(conversion_order_index=order), np.random.default_rng(1), N
     )
-    n = N * AT_ONCE[order]
-    t_s = np.repeat(STEP_S * np.arange(1.0, N + 1), AT_ONCE[order])
+    t_s = STEP_S * np.arange(1.0, N + 1)
     np.testing.assert_allclose(
         gait.true_force_at_sending_n[0], rising(t_s + gait.send_delay_s[0]).force_n, rtol=1e-6
     )
     np.testing.assert_allclose(gait.send_delay_s, NOMINAL_SEND_DELAY_S, atol=2e-4)
     normal, force_n = rising(t_s)
     exact_rel = sensed_closure_um(Specimen(response), normal, force_n) / response.design.gap_um
-    error_rel = gait.closure_rel[0] - exact_rel[np.arange(n), conversion_elements(order, n)]
+    error_rel = gait.closure_rel[0] - exact_rel[np.arange(N), conversion_elements(order, N)]
     assert np.abs(error_rel).max() < 5e-3
-    in_another_order = gait.closure_rel[0] - exact_rel[np.arange(n), conversion_elements(int(order == 0), n)]
+    in_another_order = gait.closure_rel[0] - exact_rel[np.arange(N), conversion_elements(int(order == 0), N)]
     assert np.abs(in_another_order).max() > 0.05
     assert gait.in_range.all()
 

@@ -26,9 +26,8 @@ from tests.system.simulated_test_stand import MADE, presses
 pytestmark = pytest.mark.slow
 
 _ROBOT = Config(
-    buses=(Bus(device="sim", legs={"lf": 0, "rf": 1}),),
+    buses=(Bus(device="sim", addresses={"lf": 0x2C, "rf": 0x2D}),),
     can=Can(interface="virtual"),
-    board="fdc1004_columns",
     feet={"lf": "foot-0007", "rf": "foot-0008"},
     tare=TareLimits(unloaded_limit_rel=0.5),
 )

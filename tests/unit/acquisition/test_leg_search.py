@@ -52,7 +52,7 @@ class Robot:
             switch = SimulatedLineSwitch()
             converter = SimulatedFdc1004(partial(column_pf, switch), None)
             own = [f for f in script if isinstance(f, ChipFault) and f.leg == leg]
-            chips[channel] = inject_chip_faults((converter,), (switch,), own, rng)
+            chips[channel] = inject_chip_faults(converter, switch, own, rng)
         faults = WireFaults(
             [f for f in script if isinstance(f, WireFault)], LEGS, TIMEOUT_NS, rng, adapter_compares=compares
         )

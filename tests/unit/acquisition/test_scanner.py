@@ -21,7 +21,7 @@ from footsense.ports import Transaction
 from footsense.sim.chips.chip import SimulatedMux
 from footsense.sim.clock import VirtualClock
 from footsense.sim.i2c_bus import SimulatedBus
-from tests.contract.boards import FDC1004, LateError, Robot, Saboteur, distinct, only
+from tests.contract.boards import CONVERSION_NS, LateError, Robot, Saboteur, distinct, only
 
 
 @pytest.mark.parametrize(
@@ -30,15 +30,14 @@ from tests.contract.boards import FDC1004, LateError, Robot, Saboteur, distinct,
 def test_the_scan_period_is_near_the_best(n_buses: int, host_cost_us: int, limit: float) -> None:
     """Within 3 % of the best that bus and chips allow, and so near to nine conversions; the scanner knows it too."""
     robot = Robot(distinct, n_buses=n_buses, host_cost_ns=host_cost_us * 1000)
-    conversion_ns = FDC1004.conversion_ns
     best = scan_lower_bounds(
         n_legs=6 // n_buses,
-        conversion_ns=conversion_ns,
+        conversion_ns=CONVERSION_NS,
         bus_hz=400_000,
         host_cost_ns=host_cost_us * 1000,
     )
     period_ns = robot.period_ns(18)  # in which every check has had its turn
-    assert 9 * conversion_ns < period_ns < min(limit * 9 * conversion_ns, 1.03 * best.scan_period_bound_ns)
+    assert 9 * CONVERSION_NS < period_ns < min(limit * 9 * CONVERSION_NS, 1.03 * best.scan_period_bound_ns)
     for bus in robot.buses:
         assert bus.bus_timing is not None
         assert math.isclose(
@@ -197,10 +196,10 @@ def test_a_bus_that_times_out_twice_costs_what_was_being_read() -> None:
     for _ in range(1 + 4):
         robot.convert()
     steps = scan_plan(400).steps
-    triggers = {step.results[0].trigger for step in steps}
+    triggers = {step.trigger for step in steps}
     robot.saboteurs[0].arm(lambda sent, n: I2cTimeoutError("held low") if sent in triggers else None)
     delayed = robot.convert().reading == Reading.DELAYED
-    assert (delayed == (np.arange(9) == steps[4].results[0].element)).all()
+    assert (delayed == (np.arange(9) == steps[4].element)).all()
     robot.saboteurs[0].arm(lambda transaction, n: None)
     assert (robot.read().reading == Reading.OK).all()
 

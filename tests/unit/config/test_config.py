@@ -54,7 +54,6 @@ def file(tmp_path: Path) -> Path:
         "footsense.yaml",
         "footsense-two-buses.yaml",
         "footsense-mcu.yaml",
-        "footsense-columns.yaml",
         "footsense-fdc1004.yaml",
     ],
 )
@@ -115,6 +114,10 @@ def test_a_relative_path_is_one_beside_the_file(
             ONE_BUS.replace("fdc1004", "ad7746") + "scan: {rate_sps: 91}",
             ":1: board: the board ad7746 is gone; the last commit that knows it is 27dcc809; use ad7147",
         ),
+        (
+            ONE_BUS.replace("fdc1004", "fdc1004_columns"),
+            ":1: board: the board fdc1004_columns is gone; the last commit that knows it is 0e63fae9; use ad7147",
+        ),
         (ONE_BUS + "scan: {rate_sps: 300}", ":6: scan.rate_sps: '300' is none of 100, 200, 400"),
         (
             ONE_BUS.replace("rf: 1", "rf: 0"),
@@ -167,8 +170,8 @@ def test_a_relative_path_is_one_beside_the_file(
         ),
         (ADDRESSES.replace("0x2D", "0x30"), "0x2c to 0x2f, by the straps ADD0 and ADD1 of an AD7147"),
         (
-            ADDRESSES.replace("ad7147", "fdc1004_columns"),
-            "buses[0].addresses: the converters of board fdc1004_columns have one address; name channels of a",
+            ADDRESSES.replace("ad7147", "fdc1004"),
+            "buses[0].addresses: the converters of board fdc1004 have one address; name channels of a",
         ),
         (
             ADDRESSES + "scan: {rate_sps: 200}",

@@ -18,7 +18,6 @@ from footsense.ports import Transaction
 from footsense.sim.chips.ad7147 import SimulatedAd7147
 from footsense.sim.chips.chip import SimulatedChip, SimulatedLineSwitch, SimulatedMux
 from footsense.sim.chips.fdc1004 import SimulatedFdc1004
-from footsense.sim.chips.ltc4317 import translated_columns
 from footsense.sim.clock import VirtualClock
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.chip_faults import inject_chip_faults
@@ -32,10 +31,6 @@ SOCKET = Can(interface="socketcan", channel="can0")
 
 def fdc1004() -> Sequence[SimulatedChip]:
     return SimulatedFdc1004(lambda *_: 5.0, None), SimulatedLineSwitch()
-
-
-def fdc1004_columns() -> Sequence[SimulatedChip]:
-    return translated_columns([SimulatedFdc1004(lambda *_: 5.0, None) for _ in range(3)], ())
 
 
 def ad7147(*addresses: int) -> Sequence[SimulatedAd7147]:
@@ -62,8 +57,6 @@ def found_on(
         (0x71, (0, 1, 2, 3, 4, 5), fdc1004, "fdc1004"),
         (0x74, (2, 7), fdc1004, "fdc1004"),
         (None, (0,), fdc1004, "fdc1004"),
-        (0x71, (0, 3), fdc1004_columns, "fdc1004_columns"),
-        (None, (0,), fdc1004_columns, "fdc1004_columns"),
         (0x71, (0, 3, 4), lambda: ad7147(0x2C), "ad7147"),
     ],
 )
@@ -91,7 +84,7 @@ def test_what_is_no_ad7147_is_no_foot_and_is_not_written(mux: int | None, channe
     other = Repeater(0x2C)
     assert found_on(mux, (channel,), lambda: (other,)) is None
     assert other.written == []
-    eeprom = inject_chip_faults(ad7147(0x2C), (), [scene_faults.WrongChip(at_s=0, leg="lf")], RNG)
+    eeprom = inject_chip_faults(ad7147(0x2C)[0], None, [scene_faults.WrongChip(at_s=0, leg="lf")], RNG)
     assert found_on(mux, (channel,), lambda: eeprom) is None
 
 

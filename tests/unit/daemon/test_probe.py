@@ -27,7 +27,7 @@ from footsense.sim.clock import VirtualClock
 from footsense.sim.faults import scene_faults
 from footsense.sim.faults.scene_faults import Fault
 from footsense.sim.i2c_bus import SimulatedBus
-from footsense.sim.scene import Ad7147Effects, Effects, OddColumn, load_scene
+from footsense.sim.scene import Ad7147Effects, Effects, load_scene
 from footsense.sim.scene_loads import Constant
 from tests.contract.boards import Saboteur
 from tests.support.feet import DESIGN
@@ -133,40 +133,6 @@ def test_feet_of_a_microcontroller_are_judged_alike() -> None:
     assert [leg.leg for leg in found.legs if leg.unloaded_pf is None] == ["lm"]
     assert probe_json(found)["scan_ms"] is None
     assert "see below" in shown(found)
-
-
-COLUMNS = msgspec.structs.replace(SMALL_BOARD, board="fdc1004_columns")
-
-
-@pytest.mark.parametrize(
-    ("broken", "what"),
-    [
-        (scene_faults.ConverterSilent(at_s=0, leg="lm", column=0), "no answer at 0x50: broken wire"),
-        (
-            scene_faults.ConvertersCollide(at_s=0, leg="lm", column=2),
-            "two converters at one address: resistors XORL2",
-        ),
-        (scene_faults.TranslatorDead(at_s=0, leg="lm"), "a dead address translator (LTC4317)"),
-        (scene_faults.StuckConverter(at_s=0, leg="lm", column=1), "does not finish"),
-        (scene_faults.BrokenColumn(at_s=0, leg="lm", column=2), "the line of column 2 is interrupted"),
-    ],
-)
-def test_which_of_three_converters_is_wrong_is_told(broken: Fault, what: str) -> None:
-    """Once, of its leg; the legs beside it are sound."""
-    found = probed(broken, config=COLUMNS)
-    (diagnosis,) = found.diagnoses
-    assert diagnosis.location == "lm"
-    assert what in diagnosis.observation
-    assert [leg.leg for leg in found.legs if leg.unloaded_pf is None] == ["lm"]
-
-
-def test_the_column_of_a_slow_converter_is_told() -> None:
-    effects = Effects(odd_column=OddColumn(column=1, slower_rel=0.1))
-    found = probe(COLUMNS, msgspec.structs.replace(HANGING, effects=effects))
-    assert [diagnosis.location for diagnosis in found.diagnoses] == [leg.leg for leg in found.legs]
-    assert "channel 0, column 1: its conversions take 10 % longer" in found.diagnoses[0].observation
-    assert "FDC1004, FDC1004, FDC1004" in shown(found)
-    assert max(map(len, shown(found).splitlines())) <= 80
 
 
 ADDRESSES = msgspec.structs.replace(

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from footsense.estimation.walking.contact import ContactDetector
-from footsense.estimation.walking.gait import ROWS_LAGS, GaitTracker, LegLoads, touchdown
+from footsense.estimation.walking.gait import FAST_SCAN_LAGS, GaitTracker, LegLoads, touchdown
 from footsense.frames import GaitEvent, GaitEventKind, GaitFrame, Slip, Vector
 from footsense.ports import LoadEstimate
 
@@ -132,7 +132,7 @@ def test_a_slow_rise_is_dated_back_to_its_begin() -> None:
     """A load of which every third mean shows little, as a row does that feels little."""
     means_n = [0.0] * 10 + [0.02, 0.021, 0.001] * 4 + [0.04]
     loads = [LegLoads(number * STEP_NS, [mean_n]) for number, mean_n in enumerate(means_n)]
-    dated = touchdown(loads, 0, ROWS_LAGS)
+    dated = touchdown(loads, 0, FAST_SCAN_LAGS)
     begun_ns = 10 * STEP_NS
     assert abs(dated.t_ns - begun_ns) < 10_000_000
 

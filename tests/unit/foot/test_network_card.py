@@ -72,6 +72,7 @@ def test_another_format_is_named(former: int) -> None:
         ({"outputs": signals("outputs", 3, order="")}, "has contact_sigma of width 4 in '1', '', the daemon needs"),
         ({"closure_rel_max": [0.8] * 3 + [-0.05] + [0.8] * 5}, "element 3 is trained from closure -0.05 to -0.05"),
         ({"gap_um": 0.0}, "the card does not fit: Expected `float` > 0.0 - at `$.gap_um`"),
+        ({"scan": "rows"}, "the card does not fit: Invalid enum value 'rows' - at `$.scan`"),
         ({"moments": np.triu(MOMENTS).tolist()}, "moments have to be a symmetric, positive definite matrix"),
     ],
 )  # fmt: skip

@@ -38,8 +38,8 @@ class Bench:
         rng = np.random.default_rng(1)
         legs = {
             leg: inject_chip_faults(
-                (SimulatedFdc1004(lambda cin, t_start, t_end: 5.0, None),),
-                (SimulatedLineSwitch(),),
+                SimulatedFdc1004(lambda cin, t_start, t_end: 5.0, None),
+                SimulatedLineSwitch(),
                 list(on_leg_0) if leg == 0 else [],
                 rng,
             )

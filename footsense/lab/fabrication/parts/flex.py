@@ -5,18 +5,16 @@ upper one forward, with the copper down, which mirrors it.
 
 Board `ad7147`: below, nine electrodes that are joined to one; above, nine with a line each. The lines of the two rows
 behind the first run in the bars beside their column, those of the outer columns in the inner bars, and between two
-columns the guards of both. The electrodes below are joined where no line of another element runs. All guards are one
+columns two guards. The electrodes below are joined where no line of another element runs. All guards are one
 net, which a second layer of copper has too, behind the bars between the columns and behind the tail. Vias beside the
 contacts join that layer to the guards.
-
-Board `fdc1004_columns`: the same with a net for the guards of each column, and without the second layer.
 
 Board `fdc1004`: rows below, columns above. In a square array both flexes have the same copper, and each line leaves the
 sheet straight: no trace runs between electrodes of other lines, and no two nets cross.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
@@ -27,7 +25,7 @@ from footsense.lab.fabrication.electronics import has_element_lines
 from footsense.lab.fabrication.parts.gerber import Pad, Point, Trace
 from footsense.lab.geometry import FootDesign
 
-Board = Literal["ad7147", "fdc1004", "fdc1004_columns"]
+Board = Literal["ad7147", "fdc1004"]
 #: Reference of the contacts in the Gerber files.
 CONNECTOR = "J1"
 #: Net of the guard traces between rows or columns: the shield driver of board `fdc1004`.
@@ -305,12 +303,9 @@ def alignment_ear(half_side_mm: float, hole: Point) -> Any:
 
 def flexes(design: FootDesign, board: Board) -> tuple[Flex, Flex]:
     """Return the lower and the upper flex of a foot for a board."""
-    if not has_element_lines(board):
-        return _line_flex(design, "row", "left"), _line_flex(design, "column", "forward")
-    if board == "ad7147":
-        shielded = _element_flex(design, lambda _: AD7147_GUARD_NET)
-        return _common_flex(design), replace(shielded, shield_net=AD7147_GUARD_NET)
-    return _common_flex(design), _element_flex(design, column_guard_net)
+    if has_element_lines(board):
+        return _common_flex(design), _element_flex(design)
+    return _line_flex(design, "row", "left"), _line_flex(design, "column", "forward")
 
 
 def _line_flex(design: FootDesign, kind: str, towards: Literal["left", "forward"]) -> Flex:
@@ -358,13 +353,8 @@ def element_net(row: int, column: int) -> str:
     return f"row{row + 1}col{column + 1}"
 
 
-def column_guard_net(column: int) -> str:
-    """Return the net of the guard of a column: the shield driver of its converter."""
-    return f"shld{column + 1}"
-
-
-def _element_flex(design: FootDesign, guard_net: Callable[[int], str]) -> Flex:
-    """Return the flex of the elements: of each column three lines between four of its guard, whose net is given."""
+def _element_flex(design: FootDesign) -> Flex:
+    """Return the flex of the elements: of each column three lines between four guards."""
     lines, bar, fan_u = design.line_mm, design.bar_mm, _fan_start_u_mm(design)
     width = min(dimensions.TRACE_WIDTH_MM, dimensions.BAR_TRACE_REL * bar)
     to_corner = design.electrode_mm / 2.0 - width / 2.0
@@ -373,9 +363,9 @@ def _element_flex(design: FootDesign, guard_net: Callable[[int], str]) -> Flex:
     }
     contacts: list[str] = []
     for column, rows in enumerate(_ROWS_ACROSS):
-        contacts.append(guard_net(column))
+        contacts.append(AD7147_GUARD_NET)
         for row in rows:
-            contacts += [element_net(row, column), guard_net(column)]
+            contacts += [element_net(row, column), AD7147_GUARD_NET]
     wires = []
     for column, y in enumerate(lines):
         net = element_net(0, column)
@@ -397,6 +387,7 @@ def _element_flex(design: FootDesign, guard_net: Callable[[int], str]) -> Flex:
         wires=tuple(wires),
         wire_mm=width,
         has_gentle_fan=True,
+        shield_net=AD7147_GUARD_NET,
     )
 
 

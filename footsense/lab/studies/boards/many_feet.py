@@ -15,10 +15,11 @@ from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.network import Network
 from footsense.estimation.settings import MountedFeet
 from footsense.foot.directions import normalized
+from footsense.foot.network_card import NETWORK_FILE
 from footsense.foot.parameters import FootParameters
 from footsense.foot.specimen import Specimen
 from footsense.frames import ELEMENTS, IS_USABLE_STATE, LEGS, ROWS, GaitEventKind, Mask, Vector
-from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, RESPONSE_FILE
+from footsense.lab.evaluation.evaluate_models import RESPONSE_FILE
 from footsense.lab.evaluation.walker_runs import (
     LEAD_IN_S,
     SCAN_TIMES,

@@ -7,9 +7,10 @@ from msgspec.structs import replace
 
 from firmware_interface.chips import ad7147, fdc1004
 from footsense.config import Config
+from footsense.foot.network_card import NETWORK_FILE
 from footsense.foot.type_folders import foot_type_folder
 from footsense.frames import Flag
-from footsense.lab.evaluation.evaluate_models import NETWORK_FILE, RESPONSE_FILE
+from footsense.lab.evaluation.evaluate_models import RESPONSE_FILE
 from footsense.lab.evaluation.walker_runs import HOST_COST_US, WalkerLoads, WalkerOutputs
 from footsense.lab.evaluation.walker_scores import contact_scores
 from footsense.lab.foot_file import FOOT_FILE, load_foot
