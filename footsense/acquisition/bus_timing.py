@@ -70,6 +70,7 @@ def measure_bus_timing(
     Raises:
         HardwareError: The mux does not answer, or a line is stuck: no leg can be reached.
     """
+    plan = plan.on_bus(bus.mux_address)
     if bus.mux_address is None:
         for address in addresses:
             with contextlib.suppress(I2cError):

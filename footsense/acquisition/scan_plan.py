@@ -61,6 +61,11 @@ class ScanPlan(NamedTuple):
             n_result_reads=len(step.read if whole_results else step.read_value),
         )
 
+    def on_bus(self, mux_address: int | None) -> "ScanPlan":
+        """Return the plan for a bus with a mux or without: itself, its limits have the selections."""
+        del mux_address
+        return self
+
     @property
     def n_conversions(self) -> int:
         """Conversions of a leg in a scan, one after the other."""
@@ -89,11 +94,17 @@ class FreeRunningPlan(NamedTuple):
         conversion_ns: Nominal time of a conversion [ns].
         conversion_wait_ns: The longest within the chip's tolerance [ns].
         n_conversions: Conversions of a leg in a scan, one after the other.
+        has_mux: Whether each leg is selected before it is read.
     """
 
     conversion_ns: int
     conversion_wait_ns: int
     n_conversions: int
+    has_mux: bool = False
+
+    def on_bus(self, mux_address: int | None) -> "FreeRunningPlan":
+        """Return the plan for a bus with a mux at an address, or without one."""
+        return self._replace(has_mux=mux_address is not None)
 
     @property
     def scan_ns(self) -> int:
@@ -106,6 +117,7 @@ class FreeRunningPlan(NamedTuple):
         """Return the limits of the scan on a bus; arguments as of `ScanPlan.lower_bounds`."""
         del whole_results
         burst = [ad7147.read_results(0, self.n_conversions), ad7147.read_status(0)]
+        burst += [Transaction(0, b"\0")] * self.has_mux
         readout_ns = n_legs * transactions_ns(burst, bus_hz, host_cost_ns)
         return ScanLowerBounds(self.n_conversions * self.conversion_wait_ns, round(readout_ns))
 

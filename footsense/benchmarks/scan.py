@@ -194,7 +194,8 @@ def _naive_scan_period_ns(config: Config, scene: Scene) -> int:
 
 def _scan_period_lower_bound_ns(config: Config, bus: Bus, host_cost_us: int) -> int:
     """Return the lower bound of the scan period on a bus for any program [ns]."""
-    bounds = config.scan_plan.lower_bounds(len(bus.channels), bus.rate_hz, host_cost_us * 1e3)
+    plan = config.scan_plan.on_bus(bus.mux_address)
+    bounds = plan.lower_bounds(len(bus.channels), bus.rate_hz, host_cost_us * 1e3)
     return bounds.scan_period_bound_ns
 
 

@@ -186,7 +186,7 @@ def _repeated(entries: Iterable[tuple[str, int | str, str]], message: str) -> It
 
 def _bus_overload(config: Config, bus: Bus) -> str | None:
     """Return that a bus does not carry the configured rate even if its host costs nothing, in words; else None."""
-    plan = config.scan_plan
+    plan = config.scan_plan.on_bus(bus.mux_address)
     return bus_overload(plan, plan.lower_bounds(len(bus.channels), bus.rate_hz, host_cost_ns=0.0))
 
 
