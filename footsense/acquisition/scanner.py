@@ -95,7 +95,6 @@ class BusScanner:
         self._check_all = True
         self._late_ns = 2 * plan.conversion_wait_ns
         self._timing_due_ns = self._lateness_due_ns = 0
-        self._timed: LegConnection | None = None  # last
 
     def start(self) -> None:
         """Measure the bus timing, and set up every leg's chips; missing legs are tried again later.
@@ -370,16 +369,12 @@ class BusScanner:
     def _time_late_leg(self) -> None:
         """Time the converter of a leg that was late or has just been found; discards running conversions.
 
-        At most one leg a second, and the same one twice in a row only if it is the only one.
+        At most one leg a second. One that is late again and again is left out soon, and keeps no other waiting.
         """
         if self.clock.now_ns() < self._timing_due_ns:
             return
-        late = None
-        for leg in self.legs:
-            if leg.in_scan and not leg.is_timed and (late is None or late is self._timed):
-                late = leg
+        late = next((leg for leg in self.legs if leg.in_scan and not leg.is_timed), None)
         if late is not None:
             self._timing_due_ns = self.clock.now_ns() + _TIMING_PAUSE_NS
-            self._timed = late
             self._running = None
-            time_converter(self._bus, self._timed, self.clock)
+            time_converter(self._bus, late, self.clock)

@@ -1,4 +1,4 @@
-"""Feet in a batch, of whoever trains a controller: how many get their forces in a second; matrix products may use two cores."""
+"""Feet in a batch, of whoever trains a controller: how many get their forces in a second; BLAS may use all cores."""
 
 from typing import Literal
 
