@@ -175,11 +175,6 @@ class FreeScanner:
         return frame
 
     @property
-    def frame_ns(self) -> int:
-        """Longest time of a frame, while nothing fails [ns]."""
-        return self.reads_per_frame * self._read_ns
-
-    @property
     def _read_ns(self) -> int:
         return round(_STAGES_PER_READ[self.reads_per_frame] * self.plan.conversion_ns)
 

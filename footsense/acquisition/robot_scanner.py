@@ -47,7 +47,7 @@ class RobotScanner:
         # Readings on their way, and the last that have arrived.
         self._pending: list[Future[CapFrame] | None] = [None] * len(self._buses)
         self._latest = [bus.latest for bus in self._buses]
-        self._grace_ns = max(bus.frame_ns for bus in self._buses)
+        self._grace_ns = max(bus.plan.longest_frame_ns for bus in self._buses)
 
     @property
     def legs(self) -> list[LegConnection]:

@@ -72,6 +72,11 @@ class ScanPlan(NamedTuple):
         return len(self.steps)
 
     @property
+    def longest_frame_ns(self) -> int:
+        """Longest time of a frame, while nothing fails [ns]: of a conversion."""
+        return self.conversion_wait_ns
+
+    @property
     def harmless_read(self) -> Transaction:
         """Read of a chip of a leg that changes nothing: of the row switch."""
         return self.steps[0].select_check.read
@@ -110,6 +115,11 @@ class FreeRunningPlan(NamedTuple):
     def scan_ns(self) -> int:
         """Nominal time of a scan [ns]."""
         return self.n_conversions * self.conversion_ns
+
+    @property
+    def longest_frame_ns(self) -> int:
+        """Longest time of a frame, while nothing fails [ns]: of a scan."""
+        return self.scan_ns
 
     def lower_bounds(
         self, n_legs: int, bus_hz: float, host_cost_ns: float, *, whole_results: bool = False

@@ -131,11 +131,6 @@ class BusScanner:
         self._sequence, self.complete_ns = self._sequence + 1, self.clock.now_ns()
         return frame
 
-    @property
-    def frame_ns(self) -> int:
-        """Longest time of a frame, while nothing fails [ns]."""
-        return self.plan.conversion_wait_ns
-
     def close(self) -> None:
         """Disconnect all legs from the bus: select no mux channel."""
         self._bus.disconnect_legs()

@@ -153,7 +153,7 @@ def started_scanner(
     legs = [LegBus(bus, section.mux_address) for bus, section in sections]
     scanner = RobotScanner(bus_scanners(config, list(zip(legs, clocks, strict=True))))
     scanner.start()
-    return scanner, JoinedClock(clocks, config.scan_plan.conversion_wait_ns)
+    return scanner, JoinedClock(clocks, config.scan_plan.longest_frame_ns)
 
 
 class ReplayedWalk(NamedTuple):

@@ -66,7 +66,7 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
         raise ConfigError(f"scene: {problem}")
     scene = _without_absent_legs(scene, config.legs)
     plan = config.scan_plan if config.buses else None
-    grace_ns = plan.conversion_wait_ns if plan else math.inf
+    grace_ns = plan.longest_frame_ns if plan else math.inf
     return SimulatedRobot(scene, response, wiring, grace_ns, _couplings(config, scene, folder))
 
 

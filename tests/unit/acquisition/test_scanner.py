@@ -12,7 +12,7 @@ from firmware_interface.schedule import scan_lower_bounds
 from footsense.acquisition.boards.fdc1004 import read_register
 from footsense.acquisition.leg_bus import LegBus
 from footsense.acquisition.robot_scanner import RobotScanner
-from footsense.acquisition.scan_plan import scan_plan
+from footsense.acquisition.scan_plan import AD7147_PLAN, scan_plan
 from footsense.acquisition.scanner import BusScanner
 from footsense.clock import MonotonicClock
 from footsense.errors import HardwareError, I2cError, I2cTimeoutError, NackError
@@ -97,7 +97,7 @@ def test_a_stuck_bus_costs_the_other_bus_nothing_and_comes_back(caplog: pytest.L
 class HeldBus:
     """A bus whose reads wait in the kernel, as for a timeout."""
 
-    frame_ns = 20_000_000
+    plan = AD7147_PLAN
 
     def __init__(self) -> None:
         self.clock = MonotonicClock()

@@ -296,7 +296,6 @@ def _coupling_text(boards: Mapping[str, Values]) -> str:
 Walks of {OWN_END_S:g} s with what lies beside the lines (`effects.couplings`, as the drawn flexes have it, idle inputs at ground,
 shields 1 % short): unselected rows count by the error of the shield. *Strays known*: `stray_pf` of the configuration has
 what each element reads beside its own capacitance. Clocks of the converters are off by up to what their data sheets allow,
-and so are gain and offset of each AD7147. The times are the host's of a transaction. With 150 us, three legs of board
-`ad7147` are found so late that their feet are loaded before they are tared: these have no force, the others do not miss one.
+and so are gain and offset of each AD7147. The times are the host's of a transaction.
 
 {walked}"""

@@ -34,6 +34,8 @@ _TOUCHING = ("measured_walk", "tripod")
 #: of the host [us].
 _CLOCKS_REL = {"ad7147": ad7147.CLOCK_TOLERANCE_REL, "fdc1004": fdc1004.CLOCK_TOLERANCE_REL}
 _OTHER_HOST_COSTS_US = 40, 150
+#: Time in the air before those walks [s]: chips whose gain is off are found and tared in it at any time of the host.
+_COUPLED_LEAD_IN_S = 0.5
 #: Legs of the quadruped, and period of its trot [s].
 _FOUR_LEGS, _TROT_PERIOD_S = ("lf", "lr", "rf", "rr"), 0.6
 
@@ -108,6 +110,7 @@ def _coupled_walks(context: StudyContext, robot: Config, end_s: float) -> dict[s
     chips = Ad7147Effects(gain_rel=ad7147.GAIN_TOLERANCE_REL, offset_rel=ad7147.GAIN_TOLERANCE_REL)
     walk = replace(
         walk,
+        lead_in_s=_COUPLED_LEAD_IN_S,
         effects=replace(walk.effects, ad7147=chips, converter_clock_rel=_CLOCKS_REL[robot.board]),
     )
     coupled = replace(walk, effects=replace(walk.effects, couplings=couplings))
@@ -116,7 +119,7 @@ def _coupled_walks(context: StudyContext, robot: Config, end_s: float) -> dict[s
         robot.board, table.boards[robot.board], couplings, context.response.design.unloaded_pf
     )
     known = replace(robot, stray_pf=dict.fromkeys(robot.legs, tuple(stray_pf)))
-    tripod = replace(_scene(context, "tripod"), effects=coupled.effects)
+    tripod = replace(_scene(context, "tripod"), lead_in_s=_COUPLED_LEAD_IN_S, effects=coupled.effects)
     return {
         f"measured walk, none, {HOST_COST_US} us": ServiceWalk(walk, robot, end_s),
         f"measured walk, strays not known, {HOST_COST_US} us": ServiceWalk(coupled, robot, end_s),
