@@ -66,6 +66,13 @@ EXPECTED: dict[str, tuple[State, Cause, int, float, float | None]] = {
     "row switch ignores writes": (State.CONVERTER_FAULT, Cause.SETTINGS_LOST, ALL, SCANS_S, PROBED_S),
     "element open": (State.DEGRADED, Cause.ELEMENT_OPEN, 0b000_010_000, SCANS_S, 0.1),
     "element shorted": (State.DEGRADED, Cause.ELEMENT_SHORTED, 0b001_001_001, SCANS_S, 0.1),
+    "element shorted, another stuck": (
+        State.DEGRADED,
+        Cause.ELEMENT_SHORTED,
+        0b001_001_001,
+        SCANS_S,
+        0.1,
+    ),
     # It stays as it was in the middle of the stance: that shows when the others let go.
     "element stuck": (State.DEGRADED, Cause.ELEMENT_STUCK, 0b000_000_001, 0.3, TRUSTED_S),
     "element drifts, 0.5 pF/s": (State.DEGRADED, Cause.ELEMENT_DRIFTS, 0b000_000_001, 0.5, None),
