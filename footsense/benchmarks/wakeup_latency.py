@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from footsense.acquisition.robot_scanner import RobotScanner
+from footsense.acquisition.scan_plan import AD7147_PLAN
 from footsense.benchmarks.cycle import (
     N_WARM_UP_CYCLES,
     ServiceCycle,
@@ -170,7 +171,7 @@ class _ReadyBus:
     """A bus that answers at once."""
 
     latest = CapFrame(0, np.ones(_SHAPE, np.int64), np.ones(_SHAPE), np.zeros(_SHAPE, np.uint8))
-    frame_ns = 7_000_000
+    plan = AD7147_PLAN
 
     def __init__(self) -> None:
         self._clock, self.complete_ns = MonotonicClock(), 0
