@@ -1,18 +1,21 @@
 """The service's estimation on arrays: capacitances to forces, `footsense.Estimator`."""
 
-from dataclasses import replace
+import math
+import warnings
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from footsense.estimation.calibrated_feet import CalibratedFeet
-from footsense.estimation.network import Network, sensitivity, steady_windows
+from footsense.errors import ModelError
+from footsense.estimation.factory import pipeline_of, trained_response
+from footsense.estimation.network import Network, steady_windows
 from footsense.estimation.pipeline import Pipeline
-from footsense.estimation.settings import EstimationLimits, MountedFeet, TareLimits
+from footsense.estimation.settings import EstimationLimits, MountedFeet
 from footsense.foot.calibration_files import FootCalibration, read_calibration
 from footsense.foot.network_card import NETWORK_FILE
+from footsense.foot.response_table import FootResponse
 from footsense.foot.type_folders import foot_type_folder
 from footsense.frames import (
     ELEMENTS,
@@ -25,13 +28,9 @@ from footsense.frames import (
     Reading,
     Vector,
 )
-from footsense.ports import LoadEstimate, LoadEstimator, Window
+from footsense.ports import LoadEstimate, Window
 
 _DEFAULT_FOOT_TYPE = "aoyagi-3x3"
-#: Age of a measurement at which it is stale, over the time of a scan [1], as the service has it.
-_MAX_AGE_SCANS = 4
-#: Contact threshold over the largest force of the training [1], as the service has it.
-_CONTACT_THRESHOLD_REL = 0.015
 #: Capacitances of elements in their unit [pF]: those of others are in another unit.
 _PLAUSIBLE_PF = (0.5, 50.0)
 #: Other units of a capacitance [pF].
@@ -111,7 +110,9 @@ class Estimator:
             if self._calibration is None
             else self._calibration.network
         )
-        self.foot_type = Network(self._network, 1).card.foot_type
+        network = Network(self._network, 1)
+        self.foot_type = network.card.foot_type
+        self._response = _response(foot_type or self.foot_type, network)
         self._unloaded_pf = None if unloaded_pf is None else _capacitances(unloaded_pf, "unloaded_pf")
 
     def run(
@@ -190,36 +191,17 @@ class Estimator:
         return frames[n_before:]
 
     def _pipeline(self, n_feet: int, scan_ns: int, *, is_scanned: bool) -> Pipeline:
-        network = Network(self._network, n_feet)
-        trained = network.card.trained_inputs
-        limits = EstimationLimits(
-            tare=TareLimits(),
-            least_contact_n=_CONTACT_THRESHOLD_REL * trained.max_force_n,
-            scan_ns=scan_ns,
-            max_age_ns=_MAX_AGE_SCANS * scan_ns,
+        network, known = Network(self._network, n_feet), self._calibration
+        feet = MountedFeet.of(
+            network.card.trained_inputs.design,
+            [known and known.parameters] * n_feet,
+            reading_pf=np.nan if self._unloaded_pf is None else self._unloaded_pf,
+            calibrated_at_c=[known and known.calibrated_at_c] * n_feet,
         )
-        estimator: LoadEstimator = network if is_scanned else SteadyEstimator(network)
-        if self._calibration is not None:
-            estimator = CalibratedFeet(estimator, [self._calibration.parameters] * n_feet)
-        feet = self._mounted_feet(MountedFeet.as_designed(trained.design, n_feet))
-        return Pipeline(estimator, trained, feet, limits, sensitivity(network, n_feet, trained.moments))
-
-    def _mounted_feet(self, designed: MountedFeet) -> MountedFeet:
-        """Return the feet as they are calibrated, and as their unloaded readings are given."""
-        feet, shape = designed, designed.stray_pf.shape
-        if self._calibration is not None:
-            known = self._calibration.parameters
-            feet = replace(
-                feet,
-                stray_pf=np.broadcast_to(known.stray_pf, shape),
-                unloaded_pf=np.broadcast_to(known.unloaded_pf - known.stray_pf, shape),
-                gap_um=np.broadcast_to(known.gap_um, shape),
-                gain_rel=np.broadcast_to(known.gain_rel, shape),
-                gain_sigma_rel=np.zeros(shape[0]),
-            )
-        if self._unloaded_pf is not None:
-            feet = replace(feet, unloaded_pf=np.broadcast_to(self._unloaded_pf, shape) - feet.stray_pf)
-        return feet
+        # An array says of no reading that it is over the range.
+        limits = EstimationLimits(scan_ns=scan_ns, range_end_pf=math.inf)
+        estimator = None if is_scanned else SteadyEstimator(network)
+        return pipeline_of(network, feet, limits, self._response, estimator=estimator)
 
 
 class SteadyEstimator:
@@ -235,6 +217,15 @@ class SteadyEstimator:
     def estimate(self, window: Window) -> LoadEstimate:
         """Return the load of the newest readings of each foot, as if they had not changed for three scans."""
         return self._network.estimate(steady_windows(window.closure_rel[:, 0], window.missing))
+
+
+def _response(foot_type: str, network: Network) -> FootResponse | None:
+    """Return the response table of a foot type; None, and a warning why, where there is none or another."""
+    try:
+        return trained_response(foot_type_folder(foot_type), network)
+    except ModelError as error:
+        warnings.warn(f"loads at rest are not refined: {error}", stacklevel=3)
+        return None
 
 
 def _read_calibration(path: Path, foot_type: str | None) -> FootCalibration:

@@ -4,6 +4,7 @@ A leg whose force must not be used gets a state that says why, and NaN instead o
 of sending: the network sees the last readings of every element with their ages.
 """
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -67,7 +68,7 @@ class Pipeline:
         n_legs, design = len(feet.names), trained.design
         self._estimator = estimator
         self._trained = trained
-        self._max_age_ns = limits.max_age_ns
+        self._max_age_ns = limits.effective_max_age_ns
         # One per leg: to broadcast a single one takes longer than the operation.
         self._flags = np.full(n_legs, flags, np.uint8)
         self._distance_pf = feet.distance_times_capacitance_pf(design)
@@ -75,16 +76,19 @@ class Pipeline:
         self._window = ReadingWindow(n_legs, limits.scan_ns)
         self._elements = ElementClassifier(feet, limits.range_end_pf)
         self._noise = ReadingNoise(n_legs, trained.moments)
-        self._baselines = BaselineTracker(feet, design, limits, sensitivity, self._noise)
+        self._baselines = BaselineTracker(feet, trained, limits, sensitivity, self._noise)
         self._consistency = ConsistencyTest(n_legs, self._imputation, SETTLING_SCANS * limits.scan_ns)
         self._legs = LegStateClassifier(
-            trained, feet.gap_um, limits.max_age_ns, self._baselines, self._consistency
+            trained, feet.gap_um, self._max_age_ns, self._baselines, self._consistency
         )
         # Of healthy legs; shared by their frames and never written to.
         self._valid = np.full(n_legs, State.VALID, np.uint8)
         self._no_fault, self._no_leg = np.zeros(n_legs, np.uint16), np.zeros(n_legs, bool)
+        friction = limits.contact.friction
         self._gait = GaitTracker(
-            n_legs, limits.friction, FAST_SCAN_LAGS if limits.is_fast_scan else SLOW_SCAN_LAGS
+            n_legs,
+            math.nan if friction is None else friction,
+            FAST_SCAN_LAGS if limits.is_fast_scan else SLOW_SCAN_LAGS,
         )
         gain_error_rel = feet.gain_sigma_rel[:, None] * sensitivity.force_error_rel_per_gain_error
         self._gain_variance_rel2 = gain_error_rel**2

@@ -18,7 +18,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from firmware_interface.chips import fdc1004
 from footsense.estimation.network import READINGS
 from footsense.foot import gap_contact
 from footsense.foot.contact_coordinates import (
@@ -33,8 +32,8 @@ from footsense.foot.response_table import FootResponse
 from footsense.frames import ELEMENTS, Vector
 from footsense.ports import LoadEstimate, LoadEstimator, Window
 
-#: Noise of a reading and of a baseline [pF, rms]; error of the table over the closure [1].
-_NOISE_PF, _BASELINE_NOISE_PF, _TABLE_ERROR_REL = 1e-3 * fdc1004.RATES[400].noise_ff, 0.2e-3, 1e-3
+#: Noise of a reading at 400 conversions a second and of a baseline [pF, rms]; error of the table over the closure [1].
+_NOISE_PF, _BASELINE_NOISE_PF, _TABLE_ERROR_REL = 0.916e-3, 0.2e-3, 1e-3
 #: Distance within which readings are equal but for noise, over the noise of a reading [1].
 _EQUAL_WITHIN_SIGMAS = 6.0
 #: Rounds of a fit, one in each turn of a leg: from the network's answer, and from the other side where those fail.

@@ -8,7 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
+from footsense.estimation.factory import pipeline_of
 from footsense.estimation.network import Network
+from footsense.estimation.settings import MountedFeet
 from footsense.foot.network_card import NETWORK_FILE
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Specimen
@@ -18,7 +20,6 @@ from footsense.lab.evaluation.walker_runs import (
     SCAN_TIMES,
     ExactLoads,
     WalkerOutputs,
-    pipeline_of,
     read_walker,
     run_pipeline,
     walker_loads,
@@ -86,15 +87,13 @@ def judge_run(
             scan=SCAN_TIMES[board],
             viscous_rel=viscous_rel,
         )
-        card = network.card
-        known = ExactLoads(network, readings.loads) if exact else None
+        known = ExactLoads(readings.loads) if exact else None
         pipeline = pipeline_of(
-            known or network,
-            card.trained_inputs,
-            card.max_trained_force_n,
-            len(log.legs),
-            log.friction,
-            SCAN_TIMES[board],
+            network,
+            MountedFeet.of(response.design, [None] * len(log.legs)),
+            SCAN_TIMES[board].limits(log.friction),
+            None if exact else response,
+            estimator=known,
         )
         outputs, peak_n = run_pipeline(pipeline, readings, known), scale * log.peak_n()
         judged.append(JudgedRun(design.foot_type, run, peak_n, scores(outputs, peak_n), _shown(outputs)))
