@@ -73,8 +73,12 @@ class Estimator:
     The baseline, the reading of each element of the free foot, is the mean of the first eight scans: the feet have to
     hang free and still in them, within 3 % of the capacitance of the calibration, or of the design. Else, and until
     then, the state is TARING or NO_BASELINE and there is no force. With `unloaded_pf` the baseline is that from the
-    first row on. As in the service, it then follows slow drift while a foot hangs in the air. Feet without a
-    calibration are taken as designed, without stray capacitance.
+    first row on. As in the service, it then follows slow drift while a foot hangs in the air, and the force of a foot
+    that stands still is refined, one round of one foot in each row. Feet without a calibration are taken as designed,
+    without stray capacitance.
+
+    Of a recorded walk these are the forces of the service, bit for bit while all readings are in range; so is sigma,
+    which is brought up to date every tenth of a second, if the times are those of the service's clock.
 
     Args:
         foot_type: A released foot type: `aoyagi-3x3`, `hexapod-2kg` or `quadruped-12kg`; or, with a slash, the folder
@@ -128,7 +132,7 @@ class Estimator:
             reading_t_s: Time of each reading [s], of the shape of the readings, none later than its row of `t_s`; an
                 element with the time of the row before was not read again. The force is extrapolated from the last
                 three readings of each element. None if all elements of a row were read at `t_s`: then each row gives
-                its force by itself.
+                its force by itself, but for the fit at rest.
 
         Returns:
             The forces, their standard deviations and the states.
@@ -175,8 +179,9 @@ class Estimator:
             of_elements_s = np.broadcast_to(before_s[:, None, None], (n_before, n_feet, ELEMENTS))
             reading_t_s = np.concatenate([of_elements_s, reading_t_s])
             capacitance_pf = np.concatenate([np.broadcast_to(free_pf, of_elements_s.shape), capacitance_pf])
-        # The time 0 stands for no reading.
-        start_s = t_s[0] - 1.0
+        # The time 0 stands for no reading. Shifted by whole seconds: what is done ten times a second is done when the
+        # service does it.
+        start_s = math.floor(t_s[0]) - 1.0
         has_time = np.isfinite(reading_t_s)
         t_ns = np.where(has_time, np.rint((reading_t_s - start_s) * 1e9), 0.0).astype(np.int64)
         now_ns = np.rint((t_s - start_s) * 1e9).astype(np.int64)
@@ -194,9 +199,9 @@ class Estimator:
         network, known = Network(self._network, n_feet), self._calibration
         feet = MountedFeet.of(
             network.card.trained_inputs.design,
-            [known and known.parameters] * n_feet,
+            [known.parameters if known else None] * n_feet,
             reading_pf=np.nan if self._unloaded_pf is None else self._unloaded_pf,
-            calibrated_at_c=[known and known.calibrated_at_c] * n_feet,
+            calibrated_at_c=[known.calibrated_at_c if known else None] * n_feet,
         )
         # An array says of no reading that it is over the range.
         limits = EstimationLimits(scan_ns=scan_ns, range_end_pf=math.inf)

@@ -1,6 +1,7 @@
 """Build the estimation pipeline from configuration and models."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from footsense.estimation.factory import pipeline_of
 from footsense.estimation.network import sensitivity
 from footsense.estimation.pipeline import Pipeline
 from footsense.estimation.settings import EstimationLimits, MountedFeet
-from footsense.frames import ELEMENTS, Leg, Vector
+from footsense.frames import ELEMENTS, Vector
 
 #: Least contact threshold over the standard deviation of an element's noise [1].
 _MIN_CONTACT_THRESHOLD_TO_NOISE = 5.0
@@ -46,16 +47,16 @@ def mounted_feet(models: Models) -> MountedFeet:
     """Return the parameters of a robot's feet: calibrated, else configured, else those of the design."""
     config, mounted = models.config, [models.calibrations_by_leg.get(leg) for leg in models.config.legs]
 
-    def configured(values: Mapping[Leg, Sequence[float]], default: float) -> Vector:
+    def configured(values: Mapping[Any, Sequence[float]], default: float) -> Vector:
         return np.array([values.get(leg, (default,) * ELEMENTS) for leg in config.legs])
 
     return MountedFeet.of(
         models.network.card.trained_inputs.design,
-        [foot and foot.parameters for foot in mounted],
+        [foot.parameters if foot else None for foot in mounted],
         stray_pf=configured(config.stray_pf, 0.0),
         reading_pf=configured(config.unloaded_pf, np.nan),
         names=[foot.manifest.foot if foot else "" for foot in mounted],
-        calibrated_at_c=[foot and foot.calibrated_at_c for foot in mounted],
+        calibrated_at_c=[foot.calibrated_at_c if foot else None for foot in mounted],
     )
 
 

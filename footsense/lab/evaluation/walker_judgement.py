@@ -8,9 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from footsense.estimation.factory import pipeline_of
 from footsense.estimation.network import Network
-from footsense.estimation.settings import MountedFeet
 from footsense.foot.network_card import NETWORK_FILE
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Specimen
@@ -20,6 +18,7 @@ from footsense.lab.evaluation.walker_runs import (
     SCAN_TIMES,
     ExactLoads,
     WalkerOutputs,
+    judging_pipeline,
     read_walker,
     run_pipeline,
     walker_loads,
@@ -88,12 +87,9 @@ def judge_run(
             viscous_rel=viscous_rel,
         )
         known = ExactLoads(readings.loads) if exact else None
-        pipeline = pipeline_of(
-            network,
-            MountedFeet.of(response.design, [None] * len(log.legs)),
-            SCAN_TIMES[board].limits(log.friction),
-            None if exact else response,
-            estimator=known,
+        feet = [None] * len(log.legs)
+        pipeline = judging_pipeline(
+            network, response, SCAN_TIMES[board], feet, friction=log.friction, exact=known
         )
         outputs, peak_n = run_pipeline(pipeline, readings, known), scale * log.peak_n()
         judged.append(JudgedRun(design.foot_type, run, peak_n, scores(outputs, peak_n), _shown(outputs)))

@@ -5,14 +5,19 @@ bus brings as a frame, and what it says is kept beside what the feet felt at the
 own mass pulls at the sensor, by the accelerations of the log.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from firmware_interface.chips import ad7147, fdc1004
+from footsense.estimation.factory import pipeline_of
+from footsense.estimation.network import Network
 from footsense.estimation.pipeline import Pipeline
-from footsense.estimation.settings import ContactLimits, EstimationLimits
+from footsense.estimation.settings import ContactLimits, EstimationLimits, MountedFeet
+from footsense.foot.parameters import FootParameters
+from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads, Specimen
 from footsense.frames import ELEMENTS, CapFrame, Codes, GaitEvent, Mask, Reading, Vector
 from footsense.lab.training.gait_readings import conversion_elements
@@ -117,14 +122,6 @@ class ScanTimes(NamedTuple):
     def newest_s(self) -> float:
         """From the middle of the newest conversion of a frame to the sending of its force, mean [s]."""
         return self.send_delay_s + float(self.lag_s.min(axis=1).mean())
-
-    def limits(self, friction: float | None = None) -> EstimationLimits:
-        """Return what the service knows of feet that are read so, on a ground with a coefficient of friction [1]."""
-        return EstimationLimits(
-            scan_ns=self.scan_ns,
-            range_end_pf=self.range_end_pf,
-            contact=ContactLimits(friction=friction),
-        )
 
 
 #: Host's time of a transaction in `SCAN_TIMES` [us].
@@ -280,6 +277,36 @@ class ExactLoads:
         return LoadEstimate(
             force_n, np.full_like(force_n, _EXACT_SIGMA), contact, np.full_like(contact, _EXACT_SIGMA)
         )
+
+
+def judging_pipeline(
+    network: Network,
+    response: FootResponse,
+    scan: ScanTimes,
+    feet: Sequence[FootParameters | None],
+    *,
+    friction: float | None = None,
+    exact: ExactLoads | None = None,
+) -> Pipeline:
+    """Return the service's pipeline.
+
+    Args:
+        network: The network, for as many rows as there are feet.
+        response: Response table that it was trained on.
+        scan: How the feet are read.
+        feet: Calibration of each, None for a foot as designed.
+        friction: Coefficient of friction of the ground, as if configured [1]; None for none.
+        exact: Loads in place of the network's, which are not refined; None for those of the network.
+    """
+    return pipeline_of(
+        network,
+        MountedFeet.of(network.card.trained_inputs.design, feet),
+        EstimationLimits(
+            scan_ns=scan.scan_ns, range_end_pf=scan.range_end_pf, contact=ContactLimits(friction=friction)
+        ),
+        None if exact else response,
+        estimator=exact,
+    )
 
 
 def run_pipeline(

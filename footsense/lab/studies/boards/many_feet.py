@@ -11,9 +11,7 @@ from footsense.benchmarks.latency_vs_error import PRESS_FORCES_N, STEP_NS, TrueL
 from footsense.calibration.evaluation import DesignModels
 from footsense.calibration.standing.calibrate import calibrate_standing
 from footsense.calibration.standing.recording import StandingLoads
-from footsense.estimation.factory import pipeline_of
 from footsense.estimation.network import Network
-from footsense.estimation.settings import MountedFeet
 from footsense.foot.directions import normalized
 from footsense.foot.network_card import NETWORK_FILE
 from footsense.foot.parameters import FootParameters
@@ -26,6 +24,7 @@ from footsense.lab.evaluation.walker_runs import (
     WalkerLoads,
     WalkerOutputs,
     WalkerReadings,
+    judging_pipeline,
     read_walker,
     run_pipeline,
 )
@@ -225,8 +224,7 @@ def _run(
     """Return what the service's pipeline says of readings of any number of feet; of those as designed if `own` is None."""
     n_feet = readings.capacitance_pf.shape[1]
     network = Network(context.files(NETWORK_FILE) / NETWORK_FILE, n_feet)
-    feet = MountedFeet.of(context.response.design, own or [None] * n_feet)
-    pipeline = pipeline_of(network, feet, SCAN_TIMES[board].limits(), context.response)
+    pipeline = judging_pipeline(network, context.response, SCAN_TIMES[board], own or [None] * n_feet)
     return run_pipeline(pipeline, readings)
 
 
