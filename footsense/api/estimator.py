@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from footsense.errors import ModelError
-from footsense.estimation.factory import pipeline_of, trained_response
 from footsense.estimation.network import Network, steady_windows
-from footsense.estimation.pipeline import Pipeline
+from footsense.estimation.pipeline import Pipeline, pipeline_of
+from footsense.estimation.rest import trained_response
 from footsense.estimation.settings import EstimationLimits, MountedFeet
 from footsense.foot.calibration_files import FootCalibration, read_calibration
 from footsense.foot.network_card import NETWORK_FILE

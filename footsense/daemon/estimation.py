@@ -9,9 +9,8 @@ from firmware_interface.chips import ad7147, fdc1004
 from footsense.daemon.models import Models, load_response
 from footsense.errors import ConfigError
 from footsense.estimation.drift import load_n_per_pf
-from footsense.estimation.factory import pipeline_of
 from footsense.estimation.network import sensitivity
-from footsense.estimation.pipeline import Pipeline
+from footsense.estimation.pipeline import Pipeline, pipeline_of
 from footsense.estimation.settings import EstimationLimits, MountedFeet
 from footsense.frames import ELEMENTS, Vector
 

@@ -7,8 +7,8 @@ from pathlib import Path
 from footsense.config import Config
 from footsense.daemon.foot_types import check_foot_type, foot_type_of
 from footsense.errors import ModelError
-from footsense.estimation.factory import trained_response
 from footsense.estimation.network import Network
+from footsense.estimation.rest import trained_response
 from footsense.foot.calibration_files import FootCalibration, read_calibration
 from footsense.foot.network_card import NETWORK_FILE
 from footsense.foot.response_table import FootResponse

@@ -1,5 +1,7 @@
 """From readings to contact forces, in named stages; see `Pipeline.process`.
 
+`pipeline_of` composes them: for the service, a replay, `footsense.Estimator` and the lab's judging.
+
 A leg whose force must not be used gets a state that says why, and NaN instead of a force. The force is that of the time
 of sending: the network sees the last readings of every element with their ages.
 """
@@ -10,15 +12,18 @@ from collections.abc import Callable
 import numpy as np
 
 from footsense.estimation.baseline import BaselineTracker
+from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.elements import ConsistencyResult, ConsistencyTest, ElementClassifier, ElementStatus
 from footsense.estimation.leg_state import LegStateClassifier
 from footsense.estimation.missing_elements import Imputation, missing_sets_containing
-from footsense.estimation.network import STEADY_AGES_S, Readings, ReadingWindow
+from footsense.estimation.network import STEADY_AGES_S, Network, Readings, ReadingWindow, sensitivity
 from footsense.estimation.noise import ReadingNoise
+from footsense.estimation.rest import RefinedAtRest
 from footsense.estimation.settings import EstimationLimits, MountedFeet, Sensitivity
 from footsense.estimation.tare import SETTLING_SCANS
 from footsense.estimation.walking.gait import FAST_SCAN_LAGS, SLOW_SCAN_LAGS, GaitTracker
 from footsense.foot.network_card import TrainedInputs
+from footsense.foot.response_table import FootResponse
 from footsense.frames import (
     IS_USABLE_STATE,
     CapFrame,
@@ -333,3 +338,34 @@ def _with_usual_ages(age_s: Vector, usable: Mask, missing: Mask) -> Vector:
     n_read = np.maximum(read.sum(axis=2, keepdims=True), 1)
     mean_s = np.where(read, age_s, 0.0).sum(axis=2, keepdims=True) / n_read
     return np.where(usable[:, None, None], np.where(read, age_s, mean_s), STEADY_AGES_S)
+
+
+def pipeline_of(
+    network: Network,
+    feet: MountedFeet,
+    limits: EstimationLimits,
+    response: FootResponse | None,
+    *,
+    estimator: LoadEstimator | None = None,
+    flags: int = 0,
+) -> Pipeline:
+    """Return the one composition of the estimation, from capacitances to forces.
+
+    Args:
+        network: The network, for as many rows as there are feet.
+        feet: The mounted feet.
+        limits: How they are read, and what is configured.
+        response: Response table of their type, by which loads at rest are refined; None if they are not to be.
+        estimator: What gives the loads in place of the network; None for the network itself.
+        flags: Flags of every frame, as in `Flag`.
+    """
+    trained, n_feet = network.card.trained_inputs, len(feet.names)
+    force_sensitivity = sensitivity(network, n_feet, trained.moments)
+    loads: LoadEstimator = network if estimator is None else estimator
+    if response is not None:
+        loads = RefinedAtRest(loads, response, trained, n_feet)
+    if all(foot is None for foot in feet.parameters):
+        return Pipeline(loads, trained, feet, limits, force_sensitivity, flags)
+    calibrated = CalibratedFeet(loads, feet.parameters, feet.calibrated_at_c)
+    calibrated.set_temperature(np.full(n_feet, np.nan))
+    return Pipeline(calibrated, trained, feet, limits, force_sensitivity, flags, calibrated.set_temperature)

@@ -14,11 +14,13 @@ the designed one is not known, and stiffness and mount leave no residual.
 """
 
 import math
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from footsense.estimation.network import READINGS
+from footsense.errors import ModelError
+from footsense.estimation.network import READINGS, Network
 from footsense.foot import gap_contact
 from footsense.foot.contact_coordinates import (
     COORDINATES,
@@ -57,6 +59,23 @@ _STEPS = 1e-3 * np.vstack([np.zeros(COORDINATES), np.eye(COORDINATES)])
 _LONGEST_STEP = 0.2
 #: Sigma of x0 over that of the network, which has seen the same readings, and least sigma of ratio and point [1].
 _PRIOR_OVER_NETWORK_SIGMA, _MIN_PRIOR_SIGMA = 1.5, 4e-3
+
+
+def trained_response(folder: Path, network: Network) -> FootResponse:
+    """Return the response table in a foot type's folder.
+
+    Args:
+        folder: The folder.
+        network: The network in use.
+
+    Raises:
+        ModelError: There is none, or it is not the one that the network was trained on.
+    """
+    path = folder / "response.npz"
+    response = FootResponse.load(path)
+    if response.sha256 != network.card.response_sha256:
+        raise ModelError(f"{path}: not the response table that the network was trained on")
+    return response
 
 
 class _Linearization(NamedTuple):

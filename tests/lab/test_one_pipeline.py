@@ -16,9 +16,8 @@ from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.models import load_models
 from footsense.daemon.recording_header import recorded_config, recorded_flags
 from footsense.daemon.service import open_service
-from footsense.estimation.factory import pipeline_of
 from footsense.estimation.network import Network
-from footsense.estimation.pipeline import Pipeline
+from footsense.estimation.pipeline import Pipeline, pipeline_of
 from footsense.estimation.settings import EstimationLimits, MountedFeet
 from footsense.foot.network_card import NETWORK_FILE
 from footsense.foot.response_table import FootResponse

@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_interface.chips import ad7147, fdc1004
-from footsense.estimation.factory import pipeline_of
 from footsense.estimation.network import Network
-from footsense.estimation.pipeline import Pipeline
+from footsense.estimation.pipeline import Pipeline, pipeline_of
 from footsense.estimation.settings import ContactLimits, EstimationLimits, MountedFeet
 from footsense.foot.parameters import FootParameters
 from footsense.foot.response_table import FootResponse

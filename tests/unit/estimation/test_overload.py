@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from firmware_interface.chips import fdc1004
 from firmware_interface.conversion_order import CONVERSION_ORDERS
-from footsense.estimation.factory import pipeline_of
 from footsense.estimation.network import Network
+from footsense.estimation.pipeline import pipeline_of
 from footsense.estimation.settings import EstimationLimits, MountedFeet
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Specimen
