@@ -97,6 +97,8 @@ CLOCK_TOLERANCE_REL = 0.02
 CODES_PER_PF = 1 << 19
 CODE_MAX = 0x7FFFFF
 CODE_MIN = -0x800000
+#: Least capacitance over the range [pF].
+RANGE_END_PF = CODE_MAX / CODES_PER_PF
 
 #: One nominal step of the CAPDAC [pF]. Real steps do not match well enough to be changed between tare and measurement:
 #: one capacitor of 18.9 pF read 18.85 to 19.01 pF at codes 1 to 7, and 17.63 pF at code 8 (TI E2E, thread 1178477).

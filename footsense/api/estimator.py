@@ -1,18 +1,21 @@
 """The service's estimation on arrays: capacitances to forces, `footsense.Estimator`."""
 
-from dataclasses import replace
+import math
+import warnings
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from footsense.estimation.calibrated_feet import CalibratedFeet
-from footsense.estimation.network import Network, sensitivity, steady_windows
-from footsense.estimation.pipeline import Pipeline
-from footsense.estimation.settings import EstimationLimits, MountedFeet, TareLimits
+from footsense.errors import ModelError
+from footsense.estimation.network import Network, steady_windows
+from footsense.estimation.pipeline import Pipeline, pipeline_of
+from footsense.estimation.rest import trained_response
+from footsense.estimation.settings import EstimationLimits, MountedFeet
 from footsense.foot.calibration_files import FootCalibration, read_calibration
 from footsense.foot.network_card import NETWORK_FILE
+from footsense.foot.response_table import FootResponse
 from footsense.foot.type_folders import foot_type_folder
 from footsense.frames import (
     ELEMENTS,
@@ -25,13 +28,9 @@ from footsense.frames import (
     Reading,
     Vector,
 )
-from footsense.ports import LoadEstimate, LoadEstimator, Window
+from footsense.ports import LoadEstimate, Window
 
 _DEFAULT_FOOT_TYPE = "aoyagi-3x3"
-#: Age of a measurement at which it is stale, over the time of a scan [1], as the service has it.
-_MAX_AGE_SCANS = 4
-#: Contact threshold over the largest force of the training [1], as the service has it.
-_CONTACT_THRESHOLD_REL = 0.015
 #: Capacitances of elements in their unit [pF]: those of others are in another unit.
 _PLAUSIBLE_PF = (0.5, 50.0)
 #: Other units of a capacitance [pF].
@@ -74,8 +73,12 @@ class Estimator:
     The baseline, the reading of each element of the free foot, is the mean of the first eight scans: the feet have to
     hang free and still in them, within 3 % of the capacitance of the calibration, or of the design. Else, and until
     then, the state is TARING or NO_BASELINE and there is no force. With `unloaded_pf` the baseline is that from the
-    first row on. As in the service, it then follows slow drift while a foot hangs in the air. Feet without a
-    calibration are taken as designed, without stray capacitance.
+    first row on. As in the service, it then follows slow drift while a foot hangs in the air, and the force of a foot
+    that stands still is refined, one round of one foot in each row. Feet without a calibration are taken as designed,
+    without stray capacitance.
+
+    Of a recorded walk these are the forces of the service, bit for bit while all readings are in range; so is sigma,
+    which is brought up to date every tenth of a second, if the times are those of the service's clock.
 
     Args:
         foot_type: A released foot type: `aoyagi-3x3`, `hexapod-2kg` or `quadruped-12kg`; or, with a slash, the folder
@@ -111,7 +114,9 @@ class Estimator:
             if self._calibration is None
             else self._calibration.network
         )
-        self.foot_type = Network(self._network, 1).card.foot_type
+        network = Network(self._network, 1)
+        self.foot_type = network.card.foot_type
+        self._response = _response(foot_type or self.foot_type, network)
         self._unloaded_pf = None if unloaded_pf is None else _capacitances(unloaded_pf, "unloaded_pf")
 
     def run(
@@ -127,7 +132,7 @@ class Estimator:
             reading_t_s: Time of each reading [s], of the shape of the readings, none later than its row of `t_s`; an
                 element with the time of the row before was not read again. The force is extrapolated from the last
                 three readings of each element. None if all elements of a row were read at `t_s`: then each row gives
-                its force by itself.
+                its force by itself, but for the fit at rest.
 
         Returns:
             The forces, their standard deviations and the states.
@@ -174,8 +179,9 @@ class Estimator:
             of_elements_s = np.broadcast_to(before_s[:, None, None], (n_before, n_feet, ELEMENTS))
             reading_t_s = np.concatenate([of_elements_s, reading_t_s])
             capacitance_pf = np.concatenate([np.broadcast_to(free_pf, of_elements_s.shape), capacitance_pf])
-        # The time 0 stands for no reading.
-        start_s = t_s[0] - 1.0
+        # The time 0 stands for no reading. Shifted by whole seconds: what is done ten times a second is done when the
+        # service does it.
+        start_s = math.floor(t_s[0]) - 1.0
         has_time = np.isfinite(reading_t_s)
         t_ns = np.where(has_time, np.rint((reading_t_s - start_s) * 1e9), 0.0).astype(np.int64)
         now_ns = np.rint((t_s - start_s) * 1e9).astype(np.int64)
@@ -190,36 +196,17 @@ class Estimator:
         return frames[n_before:]
 
     def _pipeline(self, n_feet: int, scan_ns: int, *, is_scanned: bool) -> Pipeline:
-        network = Network(self._network, n_feet)
-        trained = network.card.trained_inputs
-        limits = EstimationLimits(
-            tare=TareLimits(),
-            least_contact_n=_CONTACT_THRESHOLD_REL * trained.max_force_n,
-            scan_ns=scan_ns,
-            max_age_ns=_MAX_AGE_SCANS * scan_ns,
+        network, known = Network(self._network, n_feet), self._calibration
+        feet = MountedFeet.of(
+            network.card.trained_inputs.design,
+            [known.parameters if known else None] * n_feet,
+            reading_pf=np.nan if self._unloaded_pf is None else self._unloaded_pf,
+            calibrated_at_c=[known.calibrated_at_c if known else None] * n_feet,
         )
-        estimator: LoadEstimator = network if is_scanned else SteadyEstimator(network)
-        if self._calibration is not None:
-            estimator = CalibratedFeet(estimator, [self._calibration.parameters] * n_feet)
-        feet = self._mounted_feet(MountedFeet.as_designed(trained.design, n_feet))
-        return Pipeline(estimator, trained, feet, limits, sensitivity(network, n_feet, trained.moments))
-
-    def _mounted_feet(self, designed: MountedFeet) -> MountedFeet:
-        """Return the feet as they are calibrated, and as their unloaded readings are given."""
-        feet, shape = designed, designed.stray_pf.shape
-        if self._calibration is not None:
-            known = self._calibration.parameters
-            feet = replace(
-                feet,
-                stray_pf=np.broadcast_to(known.stray_pf, shape),
-                unloaded_pf=np.broadcast_to(known.unloaded_pf - known.stray_pf, shape),
-                gap_um=np.broadcast_to(known.gap_um, shape),
-                gain_rel=np.broadcast_to(known.gain_rel, shape),
-                gain_sigma_rel=np.zeros(shape[0]),
-            )
-        if self._unloaded_pf is not None:
-            feet = replace(feet, unloaded_pf=np.broadcast_to(self._unloaded_pf, shape) - feet.stray_pf)
-        return feet
+        # An array says of no reading that it is over the range.
+        limits = EstimationLimits(scan_ns=scan_ns, range_end_pf=math.inf)
+        estimator = None if is_scanned else SteadyEstimator(network)
+        return pipeline_of(network, feet, limits, self._response, estimator=estimator)
 
 
 class SteadyEstimator:
@@ -235,6 +222,15 @@ class SteadyEstimator:
     def estimate(self, window: Window) -> LoadEstimate:
         """Return the load of the newest readings of each foot, as if they had not changed for three scans."""
         return self._network.estimate(steady_windows(window.closure_rel[:, 0], window.missing))
+
+
+def _response(foot_type: str, network: Network) -> FootResponse | None:
+    """Return the response table of a foot type; None, and a warning why, where there is none or another."""
+    try:
+        return trained_response(foot_type_folder(foot_type), network)
+    except ModelError as error:
+        warnings.warn(f"loads at rest are not refined: {error}", stacklevel=3)
+        return None
 
 
 def _read_calibration(path: Path, foot_type: str | None) -> FootCalibration:

@@ -20,7 +20,7 @@ from footsense.acquisition.scan_plan import (
 from footsense.can.interface import Can
 from footsense.clock import Realtime
 from footsense.config import sections
-from footsense.estimation.settings import ContactLimits, TareLimits
+from footsense.estimation.settings import MAX_AGE_SCANS, ContactLimits, TareLimits
 from footsense.foot.calibration_files import FootId
 from footsense.frames import Leg
 
@@ -164,7 +164,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         """Age limit of a measurement [ms]: the configured one, or four scans."""
         if self.max_age_ms is not None:
             return self.max_age_ms
-        return 4 * self.shortest_scan_ms
+        return MAX_AGE_SCANS * self.shortest_scan_ms
 
 
 def gone_board(config: object) -> str | None:

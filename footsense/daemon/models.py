@@ -8,6 +8,7 @@ from footsense.config import Config
 from footsense.daemon.foot_types import check_foot_type, foot_type_of
 from footsense.errors import ModelError
 from footsense.estimation.network import Network
+from footsense.estimation.rest import trained_response
 from footsense.foot.calibration_files import FootCalibration, read_calibration
 from footsense.foot.network_card import NETWORK_FILE
 from footsense.foot.response_table import FootResponse
@@ -48,15 +49,10 @@ def load_models(config: Config) -> Models:
 def load_response(models: Models) -> FootResponse | None:
     """Return the response table of a robot's feet; None, and a line why, where there is none or another."""
     try:
-        path = foot_type_folder(models.config.foot_type) / "response.npz"
-        response = FootResponse.load(path)
-        if response.sha256 == models.network.card.response_sha256:
-            return response
-        reason = f"{path}: not the response table that the network was trained on"
+        return trained_response(foot_type_folder(models.config.foot_type), models.network)
     except ModelError as error:
-        reason = str(error)
-    _log.warning("loads at rest are not refined: %s", reason)
-    return None
+        _log.warning("loads at rest are not refined: %s", error)
+        return None
 
 
 def load_calibrations(config: Config) -> dict[str, FootCalibration]:

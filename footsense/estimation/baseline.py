@@ -6,13 +6,13 @@ from operator import attrgetter
 
 import numpy as np
 
-from footsense.estimation.drift import UnloadedFeet
+from footsense.estimation.drift import UnloadedFeet, load_n_per_pf, max_swing_rise_n_per_s
 from footsense.estimation.missing_elements import trimmed_means
 from footsense.estimation.noise import ReadingNoise
 from footsense.estimation.settings import EstimationLimits, MountedFeet, Sensitivity
 from footsense.estimation.tare import Tares
 from footsense.estimation.walking.contact import ContactDetector
-from footsense.foot.capacitor import Capacitor
+from footsense.foot.network_card import TrainedInputs
 from footsense.frames import BaselineStatus, Codes, CommandKind, CommandResult, Flag, Mask, Stamps, Vector
 
 #: Frames in which every leg gets its turn to follow: two of six legs in one frame, of opposite tripods.
@@ -35,7 +35,7 @@ class BaselineTracker:
 
     Args:
         feet: The feet.
-        design: The capacitors.
+        trained: Inputs that the network was trained for.
         limits: Limits of tare and contact, and whether baselines follow a foot in swing.
         sensitivity: Forces per closure.
         noise: Noise of each leg's readings.
@@ -52,18 +52,18 @@ class BaselineTracker:
     def __init__(
         self,
         feet: MountedFeet,
-        design: Capacitor,
+        trained: TrainedInputs,
         limits: EstimationLimits,
         sensitivity: Sensitivity,
         noise: ReadingNoise,
     ) -> None:
-        self.unloaded = UnloadedFeet(feet, design, limits.tare, sensitivity, noise)
+        self.unloaded = UnloadedFeet(feet, trained.design, limits.tare, sensitivity, noise)
         self.tares = Tares(limits.tare, feet, limits.scan_ns)
         self._n_per_rel, self._track = sensitivity.load_n_per_mean_closure, limits.track_baseline
         self._contact = partial(
             ContactDetector,
-            limits.least_contact_n,
-            limits.max_swing_rise_n_per_s,
+            limits.contact.least_n(trained.max_force_n),
+            max_swing_rise_n_per_s(load_n_per_pf(trained.design, sensitivity)),
             _FAST_SCAN_PREDICTION_SIGMAS if limits.is_fast_scan else _PREDICTION_SIGMAS,
         )
         self.contacts = [self._contact() for _ in feet.names]

@@ -3,9 +3,10 @@
 **Readings.** Loads move the closures of a foot along few patterns: along the four directions in which its loads vary
 least, almost only noise is left, as long as the load stands still. Two things are measured there. The second
 difference of an element's last three readings holds fast noise. What its newest reading differs from the mean of 20 of
-them (one in nine frames: half a second of `fdc1004`, 1.2 s of `ad7147`) holds slow noise as well, such as a ripple
-of the load near the rate of a scan: each element reads nearly the same phase of it again and again, and nine phases fit
-no load. It holds a part: with 20 mN of 38 to 44 Hz on 0.5 N, 69 to 95 % of the errors of `fdc1004` are within 2 sigma.
+them (one in nine frames: half a second where a frame has one new reading, 1.2 s of scans of 6.9 ms) holds slow noise as
+well, such as a ripple of the load near the rate of a scan: each element reads nearly the same phase of it again and
+again, and nine phases fit no load. It holds a part: with 20 mN of 38 to 44 Hz on 0.5 N, 69 to 95 % of the errors of
+scans of 25 ms are within 2 sigma.
 
 In motion the elements are read under different loads, and no pattern fits either. So a measurement counts only where
 the differences along the other five directions are as small as those of noise, for slow noise all that time, and the

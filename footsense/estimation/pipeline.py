@@ -1,23 +1,29 @@
 """From readings to contact forces, in named stages; see `Pipeline.process`.
 
+`pipeline_of` composes them: for the service, a replay, `footsense.Estimator` and the lab's judging.
+
 A leg whose force must not be used gets a state that says why, and NaN instead of a force. The force is that of the time
 of sending: the network sees the last readings of every element with their ages.
 """
 
+import math
 from collections.abc import Callable
 
 import numpy as np
 
 from footsense.estimation.baseline import BaselineTracker
+from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.elements import ConsistencyResult, ConsistencyTest, ElementClassifier, ElementStatus
 from footsense.estimation.leg_state import LegStateClassifier
 from footsense.estimation.missing_elements import Imputation, missing_sets_containing
-from footsense.estimation.network import STEADY_AGES_S, Readings, ReadingWindow
+from footsense.estimation.network import STEADY_AGES_S, Network, Readings, ReadingWindow, sensitivity
 from footsense.estimation.noise import ReadingNoise
+from footsense.estimation.rest import RefinedAtRest
 from footsense.estimation.settings import EstimationLimits, MountedFeet, Sensitivity
 from footsense.estimation.tare import SETTLING_SCANS
 from footsense.estimation.walking.gait import FAST_SCAN_LAGS, SLOW_SCAN_LAGS, GaitTracker
 from footsense.foot.network_card import TrainedInputs
+from footsense.foot.response_table import FootResponse
 from footsense.frames import (
     IS_USABLE_STATE,
     CapFrame,
@@ -67,7 +73,7 @@ class Pipeline:
         n_legs, design = len(feet.names), trained.design
         self._estimator = estimator
         self._trained = trained
-        self._max_age_ns = limits.max_age_ns
+        self._max_age_ns = limits.effective_max_age_ns
         # One per leg: to broadcast a single one takes longer than the operation.
         self._flags = np.full(n_legs, flags, np.uint8)
         self._distance_pf = feet.distance_times_capacitance_pf(design)
@@ -75,16 +81,19 @@ class Pipeline:
         self._window = ReadingWindow(n_legs, limits.scan_ns)
         self._elements = ElementClassifier(feet, limits.range_end_pf)
         self._noise = ReadingNoise(n_legs, trained.moments)
-        self._baselines = BaselineTracker(feet, design, limits, sensitivity, self._noise)
+        self._baselines = BaselineTracker(feet, trained, limits, sensitivity, self._noise)
         self._consistency = ConsistencyTest(n_legs, self._imputation, SETTLING_SCANS * limits.scan_ns)
         self._legs = LegStateClassifier(
-            trained, feet.gap_um, limits.max_age_ns, self._baselines, self._consistency
+            trained, feet.gap_um, self._max_age_ns, self._baselines, self._consistency
         )
         # Of healthy legs; shared by their frames and never written to.
         self._valid = np.full(n_legs, State.VALID, np.uint8)
         self._no_fault, self._no_leg = np.zeros(n_legs, np.uint16), np.zeros(n_legs, bool)
+        friction = limits.contact.friction
         self._gait = GaitTracker(
-            n_legs, limits.friction, FAST_SCAN_LAGS if limits.is_fast_scan else SLOW_SCAN_LAGS
+            n_legs,
+            math.nan if friction is None else friction,
+            FAST_SCAN_LAGS if limits.is_fast_scan else SLOW_SCAN_LAGS,
         )
         gain_error_rel = feet.gain_sigma_rel[:, None] * sensitivity.force_error_rel_per_gain_error
         self._gain_variance_rel2 = gain_error_rel**2
@@ -329,3 +338,34 @@ def _with_usual_ages(age_s: Vector, usable: Mask, missing: Mask) -> Vector:
     n_read = np.maximum(read.sum(axis=2, keepdims=True), 1)
     mean_s = np.where(read, age_s, 0.0).sum(axis=2, keepdims=True) / n_read
     return np.where(usable[:, None, None], np.where(read, age_s, mean_s), STEADY_AGES_S)
+
+
+def pipeline_of(
+    network: Network,
+    feet: MountedFeet,
+    limits: EstimationLimits,
+    response: FootResponse | None,
+    *,
+    estimator: LoadEstimator | None = None,
+    flags: int = 0,
+) -> Pipeline:
+    """Return the one composition of the estimation, from capacitances to forces.
+
+    Args:
+        network: The network, for as many rows as there are feet.
+        feet: The mounted feet.
+        limits: How they are read, and what is configured.
+        response: Response table of their type, by which loads at rest are refined; None if they are not to be.
+        estimator: What gives the loads in place of the network; None for the network itself.
+        flags: Flags of every frame, as in `Flag`.
+    """
+    trained, n_feet = network.card.trained_inputs, len(feet.names)
+    force_sensitivity = sensitivity(network, n_feet, trained.moments)
+    loads: LoadEstimator = network if estimator is None else estimator
+    if response is not None:
+        loads = RefinedAtRest(loads, response, trained, n_feet)
+    if all(foot is None for foot in feet.parameters):
+        return Pipeline(loads, trained, feet, limits, force_sensitivity, flags)
+    calibrated = CalibratedFeet(loads, feet.parameters, feet.calibrated_at_c)
+    calibrated.set_temperature(np.full(n_feet, np.nan))
+    return Pipeline(calibrated, trained, feet, limits, force_sensitivity, flags, calibrated.set_temperature)

@@ -14,12 +14,13 @@ the designed one is not known, and stiffness and mount leave no residual.
 """
 
 import math
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from firmware_interface.chips import fdc1004
-from footsense.estimation.network import READINGS
+from footsense.errors import ModelError
+from footsense.estimation.network import READINGS, Network
 from footsense.foot import gap_contact
 from footsense.foot.contact_coordinates import (
     COORDINATES,
@@ -33,8 +34,8 @@ from footsense.foot.response_table import FootResponse
 from footsense.frames import ELEMENTS, Vector
 from footsense.ports import LoadEstimate, LoadEstimator, Window
 
-#: Noise of a reading and of a baseline [pF, rms]; error of the table over the closure [1].
-_NOISE_PF, _BASELINE_NOISE_PF, _TABLE_ERROR_REL = 1e-3 * fdc1004.RATES[400].noise_ff, 0.2e-3, 1e-3
+#: Noise of a reading at 400 conversions a second and of a baseline [pF, rms]; error of the table over the closure [1].
+_NOISE_PF, _BASELINE_NOISE_PF, _TABLE_ERROR_REL = 0.916e-3, 0.2e-3, 1e-3
 #: Distance within which readings are equal but for noise, over the noise of a reading [1].
 _EQUAL_WITHIN_SIGMAS = 6.0
 #: Rounds of a fit, one in each turn of a leg: from the network's answer, and from the other side where those fail.
@@ -58,6 +59,23 @@ _STEPS = 1e-3 * np.vstack([np.zeros(COORDINATES), np.eye(COORDINATES)])
 _LONGEST_STEP = 0.2
 #: Sigma of x0 over that of the network, which has seen the same readings, and least sigma of ratio and point [1].
 _PRIOR_OVER_NETWORK_SIGMA, _MIN_PRIOR_SIGMA = 1.5, 4e-3
+
+
+def trained_response(folder: Path, network: Network) -> FootResponse:
+    """Return the response table in a foot type's folder.
+
+    Args:
+        folder: The folder.
+        network: The network in use.
+
+    Raises:
+        ModelError: There is none, or it is not the one that the network was trained on.
+    """
+    path = folder / "response.npz"
+    response = FootResponse.load(path)
+    if response.sha256 != network.card.response_sha256:
+        raise ModelError(f"{path}: not the response table that the network was trained on")
+    return response
 
 
 class _Linearization(NamedTuple):

@@ -1,6 +1,6 @@
 """What the daemon tells the estimation of a robot: its mounted feet, and the limits of tare, contact and age."""
 
-import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
@@ -8,17 +8,17 @@ import numpy as np
 from msgspec import Meta, Struct
 from msgspec.structs import replace
 
-from firmware_interface.chips import fdc1004
 from footsense.foot.capacitor import Capacitor
+from footsense.foot.parameters import FootParameters
 from footsense.frames import ELEMENTS, Vector
 
-#: Least capacitance of an element over the range of an FDC1004 [pF].
-CONVERTER_MAX_PF = fdc1004.capacitance_pf(fdc1004.CODE_MAX)
 #: Standard deviation of the gains of the elements of a foot that is not calibrated [1]: an assumption, that of the area
 #: of etched electrodes. What else a made foot differs by from its design is not told by it.
 UNCALIBRATED_GAIN_SIGMA_REL = 0.01
 #: Least limit of the rise of the load in swing [N/s].
 MIN_SWING_RISE_N_PER_S = 0.5e-3
+#: Age of a measurement from which it is stale, over the time of a scan, where none is configured [1].
+MAX_AGE_SCANS = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,6 +33,9 @@ class MountedFeet:
             closures over the design's gap.
         gain_sigma_rel: Standard deviation of the gains of a foot's elements that nobody has found [1], shape (legs,).
         names: Name of the foot on each leg that `unloaded_pf` was measured on; empty where it is a design value.
+        parameters: Calibration of each foot; None where there is none.
+        calibrated_at_c: Its temperature then [degC], NaN where it was not measured; None for a foot whose force is not
+            to be corrected by temperature.
     """
 
     stray_pf: Vector
@@ -41,22 +44,60 @@ class MountedFeet:
     gain_rel: Vector
     gain_sigma_rel: Vector
     names: tuple[str, ...]
+    parameters: tuple[FootParameters | None, ...]
+    calibrated_at_c: tuple[float | None, ...]
 
     def distance_times_capacitance_pf(self, design: Capacitor) -> Vector:
         """Return relative plate distance times capacitance of each element (constant) [pF], shape (legs, elements)."""
         return design.plate_distance_um(np.ones(1)) / design.gap_um / self.gain_rel
 
     @classmethod
-    def as_designed(cls, design: Capacitor, n_legs: int, stray_pf: float = 0.0) -> "MountedFeet":
-        """Return the parameters of feet that are as their design."""
-        ones = np.ones((n_legs, ELEMENTS))
+    def of(
+        cls,
+        design: Capacitor,
+        parameters: Sequence[FootParameters | None],
+        *,
+        stray_pf: Vector | float = 0.0,
+        reading_pf: Vector | float = np.nan,
+        names: Sequence[str] = (),
+        calibrated_at_c: Sequence[float | None] = (),
+    ) -> "MountedFeet":
+        """Return the feet of legs: calibrated, else as told, else as designed.
+
+        Args:
+            design: The capacitors as designed.
+            parameters: Calibration of each leg's foot, None for none.
+            stray_pf: Known stray of feet without a calibration [pF], to be broadcast to (legs, elements).
+            reading_pf: Reading of each element of the free foot, stray included [pF], likewise; NaN for that of the
+                calibration, or of the design.
+            names: As the attribute; none by default.
+            calibrated_at_c: As the attribute; None for each by default.
+        """
+        n_legs = len(parameters)
+
+        def known(name: str, otherwise: Vector | float) -> Vector:
+            rows = np.broadcast_to(otherwise, (n_legs, ELEMENTS))
+            return np.array(
+                [
+                    row if foot is None else getattr(foot, name)
+                    for foot, row in zip(parameters, rows, strict=True)
+                ]
+            )
+
+        stray_pf = known("stray_pf", stray_pf)
+        reading_pf = np.where(np.isnan(reading_pf), known("unloaded_pf", np.nan), reading_pf)
         return cls(
-            stray_pf=stray_pf * ones,
-            unloaded_pf=design.unloaded_pf * ones,
-            gap_um=design.gap_um * ones,
-            gain_rel=ones,
-            gain_sigma_rel=np.full(n_legs, UNCALIBRATED_GAIN_SIGMA_REL),
-            names=("",) * n_legs,
+            stray_pf=stray_pf,
+            # The design's capacitance excludes stray; a reading of the foot includes it.
+            unloaded_pf=np.where(np.isnan(reading_pf), design.unloaded_pf, reading_pf - stray_pf),
+            gap_um=known("gap_um", design.gap_um),
+            gain_rel=known("gain_rel", 1.0),
+            gain_sigma_rel=np.array(
+                [UNCALIBRATED_GAIN_SIGMA_REL if foot is None else 0.0 for foot in parameters]
+            ),
+            names=tuple(names) or ("",) * n_legs,
+            parameters=tuple(parameters),
+            calibrated_at_c=tuple(calibrated_at_c) or (None,) * n_legs,
         )
 
 
@@ -98,7 +139,7 @@ _UNCALIBRATED_UNLOADED_LIMIT_REL = 0.5
 
 
 #: Contact threshold over the feet's largest force, where none is configured [1].
-DEFAULT_CONTACT_THRESHOLD_REL = 0.015
+_CONTACT_THRESHOLD_REL = 0.015
 
 
 class ContactLimits(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -114,6 +155,12 @@ class ContactLimits(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 
     threshold_n: Annotated[float, Meta(ge=0.002, le=10.0)] | None = None
     friction: Annotated[float, Meta(ge=0.1, le=2.0)] | None = None
+
+    def least_n(self, max_force_n: float) -> float:
+        """Return the threshold of feet whose network is trained up to a force [N]."""
+        if self.threshold_n is not None:
+            return self.threshold_n
+        return round(_CONTACT_THRESHOLD_REL * max_force_n, 6)
 
 
 class Sensitivity(NamedTuple):
@@ -138,37 +185,36 @@ class Sensitivity(NamedTuple):
     force_error_rel_per_gain_error: Vector
 
 
-#: Time below which a scan is fast [ns]: one of board `ad7147` takes 6.9 ms, one of board `fdc1004` 22.5 ms or more.
+#: Time below which a scan is fast [ns], by which detectors that were fitted to scans of 6.9 ms and of 22.5 ms and more
+#: are chosen.
 _FAST_SCAN_NS = 15_000_000
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EstimationLimits:
-    """Limits and times of the estimation.
+class EstimationLimits(Struct, frozen=True, kw_only=True):
+    """How the feet are read, and what is configured of the estimation.
 
     Attributes:
-        tare: Limits of a tare.
-        least_contact_n: Least load above that in swing that is contact [N]; more where swings show more noise and
-            shake.
-        max_swing_rise_n_per_s: Fastest rise of the load in swing [N/s]: five times the fastest drift, a fiftieth of a
-            slow load.
         scan_ns: Time of a scan [ns].
-        max_age_ns: Age of the oldest reading from which a measurement is stale [ns].
-        friction: Coefficient of friction of the ground [1]; NaN where it is not known.
-        track_baseline: Whether a baseline follows a foot in swing.
         range_end_pf: Least capacitance of an element over the converter's range [pF].
+        tare: Limits of a tare.
+        contact: Limits of contact.
+        max_age_ns: Age of the oldest reading from which a measurement is stale [ns]; None for `MAX_AGE_SCANS`.
+        track_baseline: Whether a baseline follows a foot in swing.
     """
 
-    tare: TareLimits
-    least_contact_n: float
     scan_ns: int
-    max_age_ns: int
-    friction: float = math.nan
-    max_swing_rise_n_per_s: float = MIN_SWING_RISE_N_PER_S
+    range_end_pf: float
+    tare: TareLimits = TareLimits()
+    contact: ContactLimits = ContactLimits()
+    max_age_ns: int | None = None
     track_baseline: bool = True
-    range_end_pf: float = CONVERTER_MAX_PF
+
+    @property
+    def effective_max_age_ns(self) -> int:
+        """Age of the oldest reading from which a measurement is stale [ns]."""
+        return MAX_AGE_SCANS * self.scan_ns if self.max_age_ns is None else self.max_age_ns
 
     @property
     def is_fast_scan(self) -> bool:
-        """Whether a scan is as fast as one of board `ad7147`, a third as long as one of board `fdc1004`."""
+        """Whether a scan is fast: the detectors that were fitted to such scans are used."""
         return self.scan_ns < _FAST_SCAN_NS

@@ -6,7 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.estimation.pipeline import Pipeline
-from footsense.estimation.settings import EstimationLimits, MountedFeet, Sensitivity, TareLimits
+from footsense.estimation.settings import (
+    ContactLimits,
+    EstimationLimits,
+    MountedFeet,
+    Sensitivity,
+    TareLimits,
+)
 from footsense.foot.capacitor import Capacitor
 from footsense.foot.network_card import TrainedInputs
 from footsense.frames import CapFrame, ContactFrame, Flag, Reading, Result
@@ -24,6 +30,15 @@ BASELINE_N = np.zeros(3)
 
 #: Loads that close all gaps alike, but for a millionth: a missing closure is the mean of the others.
 ALIKE = np.ones((9, 9)) + 1e-6 * np.eye(9)
+TRAINED = TrainedInputs(
+    design=DESIGN,
+    closure_rel_min=np.full(9, -0.05),
+    closure_rel_max=np.full(9, 0.8),
+    moments=ALIKE,
+    max_force_n=MAX_FORCE_N,
+)
+#: Least capacitance over the range of the converter [pF].
+RANGE_END_PF = 16.0
 
 
 class SumOfClosures:
@@ -54,22 +69,17 @@ def pipeline(
     estimator: LoadEstimator, n_legs: int = 2, stray_pf: float = 0.0, **own: NDArray[np.float64]
 ) -> Pipeline:
     """Return one of feet as designed; `own` says otherwise of their `gap_um` and `gain_rel`."""
-    feet = MountedFeet.as_designed(DESIGN, n_legs, stray_pf)
+    feet = MountedFeet.of(DESIGN, [None] * n_legs, stray_pf=stray_pf)
     feet = replace(feet, gap_um=own.get("gap_um", feet.gap_um), gain_rel=own.get("gain_rel", feet.gain_rel))
     return Pipeline(
         estimator,
-        TrainedInputs(
-            design=DESIGN,
-            closure_rel_min=np.full(9, -0.05),
-            closure_rel_max=np.full(9, 0.8),
-            moments=ALIKE,
-            max_force_n=MAX_FORCE_N,
-        ),
+        TRAINED,
         feet,
         EstimationLimits(
-            tare=TareLimits(window_scans=WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
-            least_contact_n=0.03,
             scan_ns=SCAN_NS,
+            range_end_pf=RANGE_END_PF,
+            tare=TareLimits(window_scans=WINDOW),
+            contact=ContactLimits(threshold_n=0.03),
             max_age_ns=MAX_AGE_NS,
         ),
         Sensitivity(

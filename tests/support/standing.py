@@ -7,9 +7,15 @@ from numpy.typing import NDArray
 
 from footsense.estimation.baseline import BaselineTracker
 from footsense.estimation.noise import ReadingNoise
-from footsense.estimation.settings import EstimationLimits, MountedFeet, Sensitivity, TareLimits
+from footsense.estimation.settings import (
+    ContactLimits,
+    EstimationLimits,
+    MountedFeet,
+    Sensitivity,
+    TareLimits,
+)
 from footsense.frames import ELEMENTS, CommandResult, Flag
-from tests.support.feet import DESIGN
+from tests.support.feet import DESIGN, RANGE_END_PF, TRAINED
 
 Vector = NDArray[np.float64]
 
@@ -53,13 +59,13 @@ class Standing:
     def __init__(self, n_legs: int, *, track: bool = True, element_by_element: bool = False) -> None:
         unloaded_pf = np.full((n_legs, ELEMENTS), DESIGN.unloaded_pf)
         self.tracker = BaselineTracker(
-            MountedFeet.as_designed(DESIGN, n_legs),
-            DESIGN,
+            MountedFeet.of(DESIGN, [None] * n_legs),
+            TRAINED,
             EstimationLimits(
-                tare=TareLimits(window_scans=WINDOW, noise_limit_ff=5.0, unloaded_limit_rel=0.03),
-                least_contact_n=TOUCH_N,
                 scan_ns=round(SCAN_S * 1e9),
-                max_age_ns=100_000_000,
+                range_end_pf=RANGE_END_PF,
+                tare=TareLimits(window_scans=WINDOW),
+                contact=ContactLimits(threshold_n=TOUCH_N),
                 track_baseline=track,
             ),
             SENSITIVITY,

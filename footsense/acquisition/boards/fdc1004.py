@@ -24,8 +24,6 @@ _RANGE_END_CODES = {b"\x7f\xff", b"\x80\x00"}
 _NAN = float("nan")
 #: Elements in the order of a scan.
 ORDER = CONVERSION_ORDERS["lo_shu"]
-#: Least capacitance of an element over the range [pF].
-RANGE_END_PF = chip.capacitance_pf(chip.CODE_MAX)
 _IDENTITY = {
     chip.Fdc1004Register.MANUFACTURER_ID: chip.MANUFACTURER_ID,
     chip.Fdc1004Register.DEVICE_ID: chip.DEVICE_ID,

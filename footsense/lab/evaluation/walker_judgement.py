@@ -18,7 +18,7 @@ from footsense.lab.evaluation.walker_runs import (
     SCAN_TIMES,
     ExactLoads,
     WalkerOutputs,
-    pipeline_of,
+    judging_pipeline,
     read_walker,
     run_pipeline,
     walker_loads,
@@ -86,15 +86,10 @@ def judge_run(
             scan=SCAN_TIMES[board],
             viscous_rel=viscous_rel,
         )
-        card = network.card
-        known = ExactLoads(network, readings.loads) if exact else None
-        pipeline = pipeline_of(
-            known or network,
-            card.trained_inputs,
-            card.max_trained_force_n,
-            len(log.legs),
-            log.friction,
-            SCAN_TIMES[board],
+        known = ExactLoads(readings.loads) if exact else None
+        feet = [None] * len(log.legs)
+        pipeline = judging_pipeline(
+            network, response, SCAN_TIMES[board], feet, friction=log.friction, exact=known
         )
         outputs, peak_n = run_pipeline(pipeline, readings, known), scale * log.peak_n()
         judged.append(JudgedRun(design.foot_type, run, peak_n, scores(outputs, peak_n), _shown(outputs)))

@@ -5,28 +5,24 @@ bus brings as a frame, and what it says is kept beside what the feet felt at the
 own mass pulls at the sensor, by the accelerations of the log.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from firmware_interface.chips import ad7147, fdc1004
-from footsense.estimation.drift import load_n_per_pf, max_swing_rise_n_per_s
-from footsense.estimation.network import sensitivity
-from footsense.estimation.pipeline import Pipeline
-from footsense.estimation.settings import (
-    DEFAULT_CONTACT_THRESHOLD_REL,
-    EstimationLimits,
-    MountedFeet,
-    TareLimits,
-)
-from footsense.foot.network_card import TrainedInputs
+from footsense.estimation.network import Network
+from footsense.estimation.pipeline import Pipeline, pipeline_of
+from footsense.estimation.settings import ContactLimits, EstimationLimits, MountedFeet
+from footsense.foot.parameters import FootParameters
+from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads, Specimen
 from footsense.frames import ELEMENTS, CapFrame, Codes, GaitEvent, Mask, Reading, Vector
 from footsense.lab.training.gait_readings import conversion_elements
 from footsense.lab.training.gait_windows import contact_and_normal_force
 from footsense.lab.walkers.simulate import WalkerLog
-from footsense.ports import LoadEstimate, LoadEstimator, Window
+from footsense.ports import LoadEstimate, Window
 from footsense.sim.loads.load_log import RowsBetween
 from footsense.sim.rubber import ViscoelasticRubber
 from footsense.sim.scene import Ad7147Effects
@@ -35,8 +31,6 @@ from footsense.sim.scene import Ad7147Effects
 LEAD_IN_S, _RISE_S = 0.7, 0.1
 #: Loads that are turned into capacitances at once, which limits memory.
 _LOADS_PER_CALL = 2048
-#: Scans without a reading from which a measurement is stale, as of the service.
-_MAX_AGE_SCANS = 2.0
 #: Sigma of exact forces [N], contact points and friction ratios [1].
 _EXACT_SIGMA = 1e-3
 
@@ -103,7 +97,8 @@ class ScanTimes(NamedTuple):
         lag_s: From the middle of each one's conversion to that of one that would end with the frame [s], same shape.
         step_s: From one frame to the next [s].
         send_delay_s: From the middle of a conversion that ends with a frame to the sending of its force [s].
-        conversion_s: Time of a conversion [s].
+        conversion_s: Time of a conversion, with the host's part of it [s].
+        scan_ns: Shortest time of a scan, by which the service measures ages [ns].
         noise_pf: Noise of a conversion [pF, rms].
         range_end_pf: Largest capacitance that the converter reads [pF].
     """
@@ -113,6 +108,7 @@ class ScanTimes(NamedTuple):
     step_s: float
     send_delay_s: float
     conversion_s: float
+    scan_ns: int
     noise_pf: float
     range_end_pf: float
 
@@ -148,6 +144,7 @@ SCAN_TIMES = {
         step_s=_AD7147_CONVERSIONS * _AD7147_STAGE_S,
         send_delay_s=2.672e-3 - 0.5 * _AD7147_STAGE_S,
         conversion_s=_AD7147_STAGE_S,
+        scan_ns=ELEMENTS * ad7147.DECIMATIONS[64].stage_ns,
         noise_pf=1e-3 * Ad7147Effects().noise_ff,
         range_end_pf=ad7147.RANGE_END_PF,
     ),
@@ -157,8 +154,9 @@ SCAN_TIMES = {
         step_s=_FDC1004_STEP_S,
         send_delay_s=4.142e-3,
         conversion_s=_FDC1004_STEP_S,
+        scan_ns=ELEMENTS * fdc1004.RATES[400].conversion_ns,
         noise_pf=1e-3 * fdc1004.RATES[400].noise_ff,
-        range_end_pf=fdc1004.capacitance_pf(fdc1004.CODE_MAX),
+        range_end_pf=fdc1004.RANGE_END_PF,
     ),
 }
 
@@ -257,64 +255,57 @@ class WalkerOutputs(NamedTuple):
     events: list[tuple[int, GaitEvent]]
 
 
-def pipeline_of(
-    estimator: LoadEstimator,
-    trained: TrainedInputs,
-    max_force_n: float,
-    n_legs: int,
-    friction: float,
-    scan: ScanTimes,
-    feet: MountedFeet | None = None,
-) -> Pipeline:
-    """Return the service's pipeline.
-
-    Args:
-        estimator: The network, for the number of legs.
-        trained: Inputs that it was trained for.
-        max_force_n: Largest force of its training [N].
-        n_legs: Number of legs.
-        friction: Coefficient of friction of the ground, as if configured [1].
-        scan: How the feet are read.
-        feet: The feet; None for feet as designed.
-    """
-    force_sensitivity = sensitivity(estimator, n_legs, trained.moments)
-    scan_ns = round(1e9 * scan.scan_s)
-    limits = EstimationLimits(
-        tare=TareLimits(),
-        least_contact_n=DEFAULT_CONTACT_THRESHOLD_REL * max_force_n,
-        max_swing_rise_n_per_s=max_swing_rise_n_per_s(load_n_per_pf(trained.design, force_sensitivity)),
-        scan_ns=scan_ns,
-        max_age_ns=round(_MAX_AGE_SCANS * scan_ns),
-        friction=friction,
-    )
-    feet = MountedFeet.as_designed(trained.design, n_legs) if feet is None else feet
-    return Pipeline(estimator, trained, feet, limits, force_sensitivity)
-
-
 class ExactLoads:
     """Estimator that knows the true loads of a run, for what the detectors behind it make of a force without error.
 
     Args:
-        network: Network that is asked as long as `row` is None, as for its sensitivity.
         loads: The true loads.
 
     Attributes:
-        row: Row of the loads that is estimated; None before the run.
+        row: Row of the loads that is estimated.
     """
 
-    def __init__(self, network: LoadEstimator, loads: WalkerLoads) -> None:
-        self._network, self._loads = network, loads
+    def __init__(self, loads: WalkerLoads) -> None:
+        self._loads = loads
         self._contact, _ = contact_and_normal_force(loads.force_n, loads.normal)
-        self.row: int | None = None
+        self.row = 0
 
-    def estimate(self, window: Window) -> LoadEstimate:
+    def estimate(self, window: Window) -> LoadEstimate:  # noqa: ARG002 - of a port
         """Return the true loads of the row, with a sigma of next to nothing."""
-        if self.row is None:
-            return self._network.estimate(window)
         force_n, contact = self._loads.force_n[self.row], self._contact[self.row]
         return LoadEstimate(
             force_n, np.full_like(force_n, _EXACT_SIGMA), contact, np.full_like(contact, _EXACT_SIGMA)
         )
+
+
+def judging_pipeline(
+    network: Network,
+    response: FootResponse,
+    scan: ScanTimes,
+    feet: Sequence[FootParameters | None],
+    *,
+    friction: float | None = None,
+    exact: ExactLoads | None = None,
+) -> Pipeline:
+    """Return the service's pipeline.
+
+    Args:
+        network: The network, for as many rows as there are feet.
+        response: Response table that it was trained on.
+        scan: How the feet are read.
+        feet: Calibration of each, None for a foot as designed.
+        friction: Coefficient of friction of the ground, as if configured [1]; None for none.
+        exact: Loads in place of the network's, which are not refined; None for those of the network.
+    """
+    return pipeline_of(
+        network,
+        MountedFeet.of(network.card.trained_inputs.design, feet),
+        EstimationLimits(
+            scan_ns=scan.scan_ns, range_end_pf=scan.range_end_pf, contact=ContactLimits(friction=friction)
+        ),
+        None if exact else response,
+        estimator=exact,
+    )
 
 
 def run_pipeline(

@@ -7,8 +7,7 @@ from pathlib import Path
 import ngsolve as ng
 from msgspec.structs import replace
 
-from firmware_interface.chips import ad7147
-from footsense.acquisition.boards import fdc1004
+from firmware_interface.chips import ad7147, fdc1004
 from footsense.benchmarks.cycle import (
     N_WARM_UP_CYCLES,
     compare_cycle_durations,

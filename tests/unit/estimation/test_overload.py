@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from firmware_interface.chips import fdc1004
 from firmware_interface.conversion_order import CONVERSION_ORDERS
-from footsense.estimation.network import Network, sensitivity
-from footsense.estimation.pipeline import Pipeline
-from footsense.estimation.settings import CONVERTER_MAX_PF, EstimationLimits, MountedFeet, TareLimits
+from footsense.estimation.network import Network
+from footsense.estimation.pipeline import pipeline_of
+from footsense.estimation.settings import EstimationLimits, MountedFeet
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Specimen
 from footsense.foot.type_folders import foot_type_folder
@@ -70,23 +70,21 @@ def published(
     pf = foot().capacitance_pf(np.tile(UP, (force_n.shape[0] * n_legs, 1)), force_n.reshape(-1, 3))
     pf = pf.reshape(len(t_s), n_legs, 9)
     if damaged is not None:
-        pf[t_s > TARED_S, :, damaged] = 2.0 * CONVERTER_MAX_PF
+        pf[t_s > TARED_S, :, damaged] = 2.0 * fdc1004.RANGE_END_PF
     pf += NOISE_PF * np.random.default_rng(1).normal(size=pf.shape)
     network = Network(FOLDER / "network.onnx", n_legs)
-    trained, scan_ns = network.card.trained_inputs, round(SCAN_S * 1e9)
-    pipeline = Pipeline(
+    pipeline = pipeline_of(
         network,
-        trained,
-        MountedFeet.as_designed(trained.design, n_legs),
-        EstimationLimits(tare=TareLimits(), least_contact_n=0.03, scan_ns=scan_ns, max_age_ns=4 * scan_ns),
-        sensitivity(network, n_legs, trained.moments),
+        MountedFeet.of(network.card.trained_inputs.design, [None] * n_legs),
+        EstimationLimits(scan_ns=round(SCAN_S * 1e9), range_end_pf=fdc1004.RANGE_END_PF),
+        FootResponse.load(FOLDER / "response.npz"),
     )
     read_pf, read_ns = np.full((n_legs, 9), np.nan), np.zeros((n_legs, 9), np.int64)
     reading = np.zeros((n_legs, 9), np.uint8)
     frames, n_over_range = [], []
     for n, now_s in enumerate(t_s.tolist()):
         element = CONVERSION_ORDERS["lo_shu"][n % 9]
-        over = pf[n, :, element] >= CONVERTER_MAX_PF
+        over = pf[n, :, element] >= fdc1004.RANGE_END_PF
         read_pf[:, element] = np.where(over, np.nan, pf[n, :, element])
         reading[:, element] = np.where(over, Reading.OVER_RANGE, Reading.OK)
         read_ns[:, element] = round(now_s * 1e9)

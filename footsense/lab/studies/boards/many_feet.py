@@ -11,9 +11,7 @@ from footsense.benchmarks.latency_vs_error import PRESS_FORCES_N, STEP_NS, TrueL
 from footsense.calibration.evaluation import DesignModels
 from footsense.calibration.standing.calibrate import calibrate_standing
 from footsense.calibration.standing.recording import StandingLoads
-from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.network import Network
-from footsense.estimation.settings import MountedFeet
 from footsense.foot.directions import normalized
 from footsense.foot.network_card import NETWORK_FILE
 from footsense.foot.parameters import FootParameters
@@ -26,7 +24,7 @@ from footsense.lab.evaluation.walker_runs import (
     WalkerLoads,
     WalkerOutputs,
     WalkerReadings,
-    pipeline_of,
+    judging_pipeline,
     read_walker,
     run_pipeline,
 )
@@ -226,21 +224,7 @@ def _run(
     """Return what the service's pipeline says of readings of any number of feet; of those as designed if `own` is None."""
     n_feet = readings.capacitance_pf.shape[1]
     network = Network(context.files(NETWORK_FILE) / NETWORK_FILE, n_feet)
-    trained, max_n = network.card.trained_inputs, network.card.max_trained_force_n
-    feet = (
-        None
-        if own is None
-        else MountedFeet(
-            stray_pf=np.array([foot.stray_pf for foot in own]),
-            unloaded_pf=np.array([foot.unloaded_pf - foot.stray_pf for foot in own]),
-            gap_um=np.array([foot.gap_um for foot in own]),
-            gain_rel=np.array([foot.gain_rel for foot in own]),
-            gain_sigma_rel=np.zeros(n_feet),
-            names=("",) * n_feet,
-        )
-    )
-    estimator = network if own is None else CalibratedFeet(network, own)
-    pipeline = pipeline_of(estimator, trained, max_n, n_feet, np.nan, SCAN_TIMES[board], feet)
+    pipeline = judging_pipeline(network, context.response, SCAN_TIMES[board], own or [None] * n_feet)
     return run_pipeline(pipeline, readings)
 
 
