@@ -1,7 +1,8 @@
 """Signals of the CAN frames: how a value becomes bits, and the codec of a frame from the table of its signals.
 
 The content of a frame is a named tuple: node, counter, and a field for each signal, annotated with its place in the
-frame. That table is all that `Codec` needs; bits that no signal has are 0. Bit 0 is the least significant of byte 0.
+frame. That table is all that `Codec` needs: each signal makes the function for its code once. Bits that no signal has
+are 0. Bit 0 is the least significant of byte 0.
 "No value" has a code of its own, apart from that of a number too large for its field, so that neither passes for a
 measurement.
 
@@ -232,7 +233,7 @@ class Codec(Generic[Content]):
     def pack(self, content: tuple[Any, ...]) -> bytes:
         """Return a frame as `struct can_frame`; `content` as of `encode`."""
         can_id, length = self.can_id + content[0], self.length
-        bits = sum(map(call, self._encoders, content[2:]), content[1] << 8)
+        bits = sum(map(call, self._encoders, content[2:]), content[1] << 8)  # no two signals share a bit
         payload = (bits >> 8).to_bytes(length - 1, "little")
         return _FRAME.pack(can_id, length, crc8(payload, ID_CRC[can_id]), payload)
 

@@ -68,6 +68,7 @@ def _gone_problem(data: object) -> Problem | None:
     can = data.get("can") if isinstance(data, dict) else None
     if isinstance(can, dict) and "fd" in can:
         return Problem(
-            "can.fd", "the frames of CAN FD are gone; take this key away: the others pass on a bus of CAN FD"
+            "can.fd",
+            "the frames of CAN FD are gone; take this key away: classic frames pass on a bus of CAN FD",
         )
     return None

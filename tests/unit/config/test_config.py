@@ -120,7 +120,7 @@ def test_a_relative_path_is_one_beside_the_file(
         ),
         (
             ONE_BUS.replace("socketcan", "socketcan, fd: false"),
-            "can.fd: the frames of CAN FD are gone; take this key away: the others pass on a bus of CAN FD",
+            "can.fd: the frames of CAN FD are gone; take this key away: classic frames pass on a bus of CAN FD",
         ),
         (ONE_BUS + "scan: {rate_sps: 300}", ":6: scan.rate_sps: '300' is none of 100, 200, 400"),
         (
