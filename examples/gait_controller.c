@@ -4,7 +4,7 @@
  *     candump -L can0 | ./gait_controller
  *
  * Without a robot: `footsense run --duration 10 --can-log walk.log`, then `./gait_controller < walk.log`.
- * On a microcontroller your CAN interrupt is in the place of candump. CAN FD: footsense_feed takes its frames too.
+ * On a microcontroller your CAN interrupt is in the place of candump.
  */
 #include <inttypes.h>
 #include <stdio.h>

@@ -71,25 +71,18 @@ LONGEST_FRAME_BITS = max_can_frame_bits(8)
 _OTHER_FRAMES_HZ_BY_DATA_BYTES = {1: 5, 5: 10, 6: 8, 8: 12}
 
 
-#: The most bits of a CAN FD frame with 64 bytes of data: 22 before them, 133 stuff bits, stuff count and crc with their
-#: fixed stuff bits, acknowledgement, end, and interframe space. Data at a higher bit rate take less time.
-MAX_FD_FRAME_BITS = 22 + 512 + 133 + 32 + 13
-
-
-def can_bits_per_s(n_legs: int, forces_hz: float, *, fd: bool = False) -> float:
+def can_bits_per_s(n_legs: int, forces_hz: float) -> float:
     """Return the CAN bus load by all frames of a robot [bit/s].
 
     Args:
         n_legs: Legs of the robot.
         forces_hz: Forces of each leg in a second [Hz].
-        fd: Whether one CAN FD frame has the forces of all legs; its data are counted at the lower bit rate.
 
     Example:
-        >>> round(can_bits_per_s(6, 92.0)), round(can_bits_per_s(6, 92.0, fd=True))
-        (172530, 88994)
+        >>> round(can_bits_per_s(6, 92.0))
+        172530
     """
     others = sum(
         per_s * max_can_frame_bits(n_data) for n_data, per_s in _OTHER_FRAMES_HZ_BY_DATA_BYTES.items()
     )
-    force_bits = MAX_FD_FRAME_BITS if fd else n_legs * FRAMES_PER_LEG * LONGEST_FRAME_BITS
-    return forces_hz * force_bits + n_legs * others
+    return n_legs * (forces_hz * FRAMES_PER_LEG * LONGEST_FRAME_BITS + others)

@@ -28,9 +28,6 @@ extern "C" {
 #define FOOTSENSE_ANSWER_ID 0x140u
 #define FOOTSENSE_HEARTBEAT_ID 0x148u
 #define FOOTSENSE_IDENTITY_ID 0x150u
-/* These stand alone. */
-#define FOOTSENSE_FORCES_ID 0x159u  /* nodes 1 to 6 in one frame of CAN FD */
-#define FOOTSENSE_FORCES4_ID 0x15Au /* nodes 7 and 8 in one frame of CAN FD */
 
 /* Set these beside the id of a received frame, as linux/can.h does: no such frame is of footsense. */
 #define FOOTSENSE_EXTENDED 0x80000000u /* a frame with an id of 29 bits */
@@ -40,9 +37,6 @@ extern "C" {
 #define FOOTSENSE_PROTOCOL_VERSION 2u /* of the frames that this file reads */
 
 #define FOOTSENSE_LEGS 8u /* that a robot may have */
-#define FOOTSENSE_FORCES_LEGS 6u /* in one frame of CAN FD */
-#define FOOTSENSE_FORCES_BYTES 64u
-#define FOOTSENSE_FORCES4_BYTES 24u
 #define FOOTSENSE_COUNTER_PERIOD 15u /* counters run 0..14 */
 
 /* No value. None of these is ever a measurement. */
@@ -111,15 +105,6 @@ typedef struct {
     uint16_t sigma_mn[3]; /* standard deviation; 1020: or more; FOOTSENSE_NO_SIGMA; times force_step_mn too */
     uint32_t age_us;     /* from the measurement to the send; FOOTSENSE_NO_AGE: unknown, or above 409.4 ms */
 } footsense_quality;
-
-/* Forces and contacts from one frame of CAN FD: of nodes 1 to 6 in order, or of 7 and 8. Sigma of x and y is the larger
- * one of both, 1016: or more; the age is that of the oldest force. */
-typedef struct {
-    bool all_in_air; /* every leg of the robot is known to be without contact */
-    uint8_t n_legs;
-    footsense_force forces[FOOTSENSE_FORCES_LEGS];
-    footsense_quality qualities[FOOTSENSE_FORCES_LEGS];
-} footsense_forces;
 
 typedef struct {
     uint8_t node;
@@ -198,10 +183,6 @@ typedef struct {
 uint8_t footsense_crc8(uint32_t id, const uint8_t *data, uint8_t len);
 
 bool footsense_decode_force(uint32_t id, const uint8_t *data, uint8_t len, footsense_force *out);
-bool footsense_decode_forces(uint32_t id, const uint8_t *data, uint8_t len, footsense_forces *out);
-/* Whether id and length are those of a frame of CAN FD with the forces of several legs; and the first node of it. */
-bool footsense_is_forces(uint32_t id, uint8_t len);
-uint8_t footsense_first_node(uint32_t id);
 bool footsense_decode_quality(uint32_t id, const uint8_t *data, uint8_t len, footsense_quality *out);
 bool footsense_decode_fault(uint32_t id, const uint8_t *data, uint8_t len, footsense_fault *out);
 bool footsense_decode_baseline(uint32_t id, const uint8_t *data, uint8_t len, footsense_baseline *out);

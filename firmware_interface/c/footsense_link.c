@@ -137,29 +137,8 @@ static void take_half(const footsense_link *link, footsense_leg *leg, const foot
     }
 }
 
-static void feed_all(footsense_link *link, uint32_t id, const uint8_t *data, uint8_t len, uint64_t now_us)
-{
-    footsense_forces all;
-    bool whole = footsense_decode_forces(id, data, len, &all);
-    unsigned first = footsense_first_node(id) - 1u;
-    unsigned end = id == FOOTSENSE_FORCES4_ID ? FOOTSENSE_LEGS : FOOTSENSE_FORCES_LEGS;
-    for (unsigned i = 0; first + i < end; i++) {
-        footsense_leg *leg = &link->legs[first + i];
-        if (whole) {
-            take_half(link, leg, &all.forces[i], NULL, now_us);
-            take_half(link, leg, NULL, &all.qualities[i], now_us);
-        } else {
-            take_wrong(leg, now_us);
-        }
-    }
-}
-
 bool footsense_feed(footsense_link *link, uint32_t id, const uint8_t *data, uint8_t len, uint64_t now_us)
 {
-    if (footsense_is_forces(id, len)) {
-        feed_all(link, id, data, len, now_us);
-        return true;
-    }
     if (id > FOOTSENSE_IDENTITY_ID && id <= FOOTSENSE_IDENTITY_ID + FOOTSENSE_LEGS) {
         footsense_identity identity;
         if (footsense_decode_identity(id, data, len, &identity)) {

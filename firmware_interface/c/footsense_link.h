@@ -94,8 +94,8 @@ typedef struct {
 /* Begins with every leg STALE. `limits` is copied. */
 void footsense_link_init(footsense_link *link, const footsense_limits *limits);
 
-/* Takes a frame of any id; returns whether it was a `Force`, `Quality` or `Identity` of a leg, or the CAN FD frame of all
- * legs, valid or not. `now_us` is the time of arrival on a clock that does not step; 64 bits do not wrap. */
+/* Takes a frame of any id; returns whether it was a `Force`, `Quality` or `Identity` of a leg, valid or
+ * not. `now_us` is the time of arrival on a clock that does not step; 64 bits do not wrap. */
 bool footsense_feed(footsense_link *link, uint32_t id, const uint8_t *data, uint8_t len, uint64_t now_us);
 
 /* Force of the leg of `node`, 1..8, at `now_us`. Any other node is STALE and not usable. */

@@ -30,18 +30,15 @@ class FrameError(ValueError):
     """A CAN frame must not be used: wrong length, CRC, counter or code."""
 
 
-def _table() -> bytes:
-    """Return the lookup table of the CRC: the CRC of each byte value, 256 bytes."""
-    table = bytearray()
-    for byte in range(256):
-        crc = byte
-        for _ in range(8):
-            crc = (crc << 1 ^ (_POLYNOMIAL if crc & 0x80 else 0)) & 0xFF
-        table.append(crc)
-    return bytes(table)
+def _crc_of(byte: int) -> int:
+    """Return the CRC of a byte."""
+    crc = byte
+    for _ in range(8):
+        crc = (crc << 1 ^ (_POLYNOMIAL if crc & 0x80 else 0)) & 0xFF
+    return crc
 
 
-_TABLE = _table()
+_TABLE = tuple(map(_crc_of, range(256)))
 
 
 def crc8(data: bytes, start: int = 0) -> int:
@@ -51,18 +48,14 @@ def crc8(data: bytes, start: int = 0) -> int:
         >>> hex(crc8(b"123456789"))
         '0x37'
     """
-    crc = start
+    crc, table = start, _TABLE
     for byte in data:
-        crc = _TABLE[crc ^ byte]
+        crc = table[crc ^ byte]
     return crc
 
 
 #: The crc over each 11-bit id, from which the crc of its frames continues.
 ID_CRC = bytes(crc8(can_id.to_bytes(2, "little")) for can_id in range(0x800))
-
-#: By which each byte of a 7-byte payload changes its frame's crc, by place and value: the crc is linear, so that of a
-#: frame is the exclusive or of its id's, continued over seven zeros, and of these. `bytes.translate` takes a table.
-COLUMN_CRC = [bytes(crc8(bytes([byte]) + bytes(6 - place)) for byte in range(256)) for place in range(7)]
 
 
 def protect(can_id: int, payload: bytes) -> bytes:

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
 
-from firmware_interface.can.all_legs import DATA_BYTES_OF_FRAME, FORCES4_ID, FORCES_ID, NODES_OF_FRAME
 from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.can.crc8 import kind_and_node
 
@@ -43,11 +42,7 @@ def make_dbc(legs: Sequence[str], force_step_mn: int = 1) -> str:
         block = [line for _, line in lines]
         if can_id is None:
             text += _general_lines(block, [names[node] for node in nodes])
-        elif can_id == FORCES_ID:
-            text += block
-            if not set(nodes).isdisjoint(NODES_OF_FRAME[FORCES4_ID]):
-                text += _forces4_lines(block)
-        elif can_id < FORCES_ID and kind_and_node(can_id)[1] == 1:
+        elif kind_and_node(can_id)[1] == 1:
             for node in nodes:
                 text += _leg_frame_lines(block, can_id, node, names[node])
     return (
@@ -85,22 +80,6 @@ def _leg_frame_lines(lines: list[str], can_id: int, node: int, leg: str) -> list
         .replace("left front", _LEG_NAMES[leg])
         for line in lines
     ]
-
-
-def _forces4_lines(lines: list[str]) -> list[str]:
-    """Return the text lines of the frame `Forces`, adapted to `Forces4` (the legs l4 and r4)."""
-    fourth = []
-    for line in lines:
-        if re.search(r"\w(Lr|Rf|Rm|Rr) ", line):
-            continue
-        changed = line.replace(f" {FORCES_ID} ", f" {FORCES4_ID} ", 1)
-        changed = changed.replace(
-            f"Forces: {DATA_BYTES_OF_FRAME[FORCES_ID]}", f"Forces4: {DATA_BYTES_OF_FRAME[FORCES4_ID]}"
-        )
-        changed = re.sub(r"(\w)Lf ", r"\1L4 ", changed).replace("left front", _LEG_NAMES["l4"])
-        changed = re.sub(r"(\w)Lm ", r"\1R4 ", changed).replace("left middle", _LEG_NAMES["r4"])
-        fourth.append(changed.replace("of all legs", "of the fourth legs"))
-    return fourth
 
 
 def _with_force_step(line: str, step: int) -> str:

@@ -9,7 +9,7 @@ Units:
 from typing import Annotated, NamedTuple
 
 from firmware_interface.can.codes import GaitEventKind, Slip
-from firmware_interface.can.signals import Age, Code, Codec, Number, Vector
+from firmware_interface.can.signals import Age, Code, Codec, Number, SignedNumber, Vector
 
 #: CAN ids are these plus the node id.
 GAIT_EVENT_ID = 0x120
@@ -106,7 +106,7 @@ class Ground(NamedTuple):
 
     node: int
     counter: int
-    normal: Annotated[tuple[float, float, float], Vector(12, 20, Number(0, 10, 500, signed=True))]
+    normal: Annotated[tuple[float, float, float], Vector(12, 20, SignedNumber(0, 10, 500))]
     normal_sigma_rad: Annotated[float, Number(32, 7, 400, up=True)]
     tangential_over_normal: Annotated[float, Number(39, 9, 250)]
     tangential_over_normal_sigma: Annotated[float, Number(48, 6, 250, up=True)]

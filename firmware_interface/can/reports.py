@@ -14,7 +14,7 @@ from typing import Annotated, NamedTuple
 from firmware_interface.can.codes import BaselineStatus, Cause, NmtState, State
 from firmware_interface.can.crc8 import FrameError, node_of
 from firmware_interface.can.force import FORCE_STEPS_MN
-from firmware_interface.can.signals import Age, Code, Codec, Number
+from firmware_interface.can.signals import Age, Code, Codec, SignedNumber
 
 #: CAN ids are these plus the node id.
 FAULT_ID = 0x100
@@ -98,8 +98,8 @@ class Baseline(NamedTuple):
     node: int
     counter: int
     status: Annotated[BaselineStatus, Code(12, 4)]
-    mean_pf: Annotated[float, Number(16, 16, 10_000, signed=True)]
-    worst_pf: Annotated[float, Number(32, 16, 10_000, signed=True)]
+    mean_pf: Annotated[float, SignedNumber(16, 16, 10_000)]
+    worst_pf: Annotated[float, SignedNumber(32, 16, 10_000)]
     age_ns: Annotated[int | None, Age(48, 16, 100_000_000, saturates=True)]
 
 

@@ -1,4 +1,4 @@
-"""Binary formats of Linux CAN sockets: `struct can_frame` (16 bytes), error frames, `struct canfd_frame` (72 bytes).
+"""Binary formats of Linux CAN sockets: `struct can_frame` (16 bytes), and error frames.
 
 ::
 
@@ -6,9 +6,6 @@
         +---------------------------+--------+---------+----------+
         | id, flags in bits 29..31  | length |  zero   |   data   |
         +---------------------------+--------+---------+----------+
-
-A frame of CAN FD has 64 bytes of data, and byte 5 has its flags: `FD_FRAME`, and `FD_BIT_RATE` to send the data at the
-higher bit rate. The two are told apart by their lengths.
 
 The id has the byte order of the machine, which is little-endian wherever footsense runs.
 
@@ -26,12 +23,7 @@ EXTENDED = 0x8000_0000
 REMOTE = 0x4000_0000
 ERROR = 0x2000_0000
 
-FD_FRAME_BYTES = 72
-#: Flags of a CAN FD frame: it is one; its data are sent at the higher bit rate.
-FD_FRAME, FD_BIT_RATE = 0x04, 0x01
-
 _FRAME = struct.Struct("<IB3x8s")
-_FD_FRAME = struct.Struct("<IBB2x64s")
 _HEAD = struct.Struct("<IB")
 
 
@@ -64,18 +56,8 @@ def error_frame(kind: ErrorClass, controller: int = 0) -> bytes:
     return pack_frame(ERROR | kind, bytes([0, controller, 0, 0, 0, 0, 0, 0]))
 
 
-def pack_fd_frame(can_id: int, data: bytes) -> bytes:
-    """Return a `struct canfd_frame` with at most 64 data bytes.
-
-    Example:
-        >>> pack_fd_frame(0x159, bytes(64))[:8].hex(" ", 4)
-        '59010000 40050000'
-    """
-    return _FD_FRAME.pack(can_id, len(data), FD_FRAME | FD_BIT_RATE, data)
-
-
 def unpack_frame(frame: bytes) -> tuple[int, bytes]:
-    """Return CAN id (with flag bits) and data of a `struct can_frame` or, by its length, a `struct canfd_frame`.
+    """Return CAN id (with flag bits) and data of a `struct can_frame`.
 
     Example:
         >>> unpack_frame(pack_frame(0x149, b"on"))

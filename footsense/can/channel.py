@@ -22,7 +22,7 @@ from pathlib import Path
 
 from firmware_interface.can.socketcan import (
     EXTENDED,
-    FD_FRAME_BYTES,
+    FRAME_BYTES,
     is_error,
     is_standard_data,
     unpack_frame,
@@ -217,17 +217,15 @@ def open_socket(can: Can, accept: Collection[int]) -> "SocketWire":
     """Open a raw CAN socket that receives data frames with these 11-bit ids, and all error frames.
 
     Args:
-        can: The interface; frames of CAN FD are received in any case.
+        can: The interface; one in FD mode sends and delivers the same classic frames.
         accept: CAN ids that the kernel's filter accepts.
 
     Raises:
-        CanError: There is no such interface, or it is a classic one and is to send frames of CAN FD.
+        CanError: There is no such interface.
 
     Source:
         Linux, Documentation/networking/can.rst, section 4.1.
     """
-    if can.fd and _is_classic(can.channel):
-        raise CanError(error_text(can, OSError(errno.EMSGSIZE, "")))
     try:
         return SocketWire(_bound_socket(can.channel, accept))
     except OSError as error:
@@ -242,21 +240,13 @@ def can_interfaces() -> list[str]:
     return sorted(names, key=lambda name: (name.startswith("vcan"), name))
 
 
-def _is_classic(channel: str) -> bool:
-    """Return whether an interface exists and sends no frame of CAN FD."""
-    try:
-        return int((NETWORK_DEVICES_FOLDER / channel / "mtu").read_text()) < FD_FRAME_BYTES
-    except (OSError, ValueError):
-        return False
-
-
 def _bound_socket(channel: str, accept: Collection[int]) -> socket.socket:
     raw = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
     try:
         filters = b"".join(struct.pack("=II", can_id, EXTENDED | 0x7FF) for can_id in accept)
         raw.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, filters)
         raw.setsockopt(socket.SOL_CAN_RAW, _ERROR_FILTER_OPTION, _ALL_ERRORS)
-        raw.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FD_FRAMES, 1)
+        # Without CAN_RAW_FD_FRAMES an interface in FD mode, too, delivers and takes classic frames alone.
         raw.bind((channel,))
     except BaseException:
         raw.close()
@@ -300,7 +290,7 @@ class SocketWire:
         arrived: list[bytes] = []
         with contextlib.suppress(BlockingIOError):
             while len(arrived) < _MAX_RECEIVED_PER_CALL:
-                frame = self._socket.recv(FD_FRAME_BYTES, socket.MSG_DONTWAIT)
+                frame = self._socket.recv(FRAME_BYTES, socket.MSG_DONTWAIT)
                 if not frame:  # the other end of a socket pair is closed
                     break
                 arrived.append(frame)

@@ -22,7 +22,6 @@ class Can(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         bitrate: Bit rate [bit/s], to compute the bus load; the kernel sets it (deploy/README.md).
         commands: Whether commands are executed. None: those of a CAN bus, but not those of `udp_multicast`, which every
             program on this computer can send.
-        fd: Whether the forces of all legs go out in one CAN FD frame; the interface has to be one of CAN FD.
     """
 
     interface: Annotated[
@@ -36,7 +35,6 @@ class Can(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         500_000
     )
     commands: bool | None = None
-    fd: bool = False
 
     def __post_init__(self) -> None:
         """Set the channel that belongs to the interface where none is named."""
@@ -68,10 +66,5 @@ def error_text(can: Can, error: OSError) -> str:
             return f"{name} does not exist; those that do: ip -details link show type can"
         case errno.EAFNOSUPPORT:
             return f"{name} needs a kernel with CAN; try: modprobe can_raw"
-        case errno.EMSGSIZE:
-            return (
-                f"{name} is a classic one and sends no frame of CAN FD; take can.fd away, or try: ip link set "
-                f"{channel} down; ip link set {channel} up type can bitrate {can.bitrate} dbitrate 2000000 fd on"
-            )
         case _:
             return f"{name} cannot be opened: {error.strerror or error}"

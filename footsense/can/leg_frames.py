@@ -161,8 +161,8 @@ class GaitFrames:
         assert gait is not None
         self._counters[row] = next_counter(counter)
         return (
-            GAIT.pack(Gait(node, counter, *_of_leg(gait, GAIT.layout.signals, row))),
-            GROUND.pack(Ground(node, counter, *_of_leg(gait, GROUND.layout.signals, row))),
+            GAIT.pack(Gait(node, counter, *_of_leg(gait, GAIT.signals, row))),
+            GROUND.pack(Ground(node, counter, *_of_leg(gait, GROUND.signals, row))),
         )
 
 

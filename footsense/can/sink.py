@@ -11,9 +11,6 @@ Where the channel takes only a part, the rest of the cycle is dropped; each time
 queue costs all legs the same. A leg's Force and Quality are neighbours. A fault report that was not taken is sent again
 with the next cycle, with the fault's values of then; a gait event likewise, with its age of then.
 
-With CAN FD one frame, `Forces`, has the forces of six legs, in place of `Force` and `Quality`; those of a seventh and
-eighth are in another.
-
 The loop drives all of this, the heartbeats too. It turns even if no leg answers; if it hangs, its heartbeats stop,
 which is their purpose.
 """
@@ -23,11 +20,10 @@ from collections.abc import Callable
 from heapq import heapify, heapreplace
 from typing import Any
 
-from firmware_interface.can.all_legs import NODES_OF_FRAME, encode_forces
 from firmware_interface.can.codes import NODE_IDS, Flag, NmtState
 from firmware_interface.can.commands import COMMAND_ID
 from firmware_interface.can.crc8 import COUNTER_PERIOD
-from firmware_interface.can.force import ForceQualityEncoder
+from firmware_interface.can.force import force_frames
 from firmware_interface.can.reports import (
     BASELINE_ID,
     HEARTBEAT_ID,
@@ -36,7 +32,6 @@ from firmware_interface.can.reports import (
     Identity,
     foot_type_hash,
 )
-from firmware_interface.can.socketcan import pack_fd_frame
 from firmware_interface.wire_timing import FRAMES_PER_LEG, LONGEST_FRAME_BITS
 from footsense.can.channel import CanChannel
 from footsense.can.commands import CanCommands
@@ -104,19 +99,12 @@ class CanSink:
             connect=connect,
         )
         self._obeys = can.executes_commands
-        #: Ids of the CAN FD frames with the forces of this robot's legs; none with classic CAN.
-        self._fd_ids = [
-            can_id
-            for can_id, of_frame in NODES_OF_FRAME.items()
-            if can.fd and not set(nodes).isdisjoint(of_frame)
-        ]
-        self._n_force_frames = len(self._fd_ids) or FRAMES_PER_LEG * len(nodes)
-        self._queue_frames = max(FRAMES_PER_LEG * len(nodes) + _MAX_EXTRA_FRAMES, _LEAST_QUEUE_FRAMES)
+        self._n_force_frames = FRAMES_PER_LEG * len(nodes)
+        self._queue_frames = max(self._n_force_frames + _MAX_EXTRA_FRAMES, _LEAST_QUEUE_FRAMES)
         # Our frames in the queue by now, if no other node sends, and the time of a frame on the bus [ns].
         self._n_queued, self._t_ns, self._frame_ns = 0.0, clock.now_ns(), LONGEST_FRAME_BITS * can.bit_ns
         self._nodes = nodes
         self._clock = clock
-        self._encoder = ForceQualityEncoder(nodes)
         self._gait = GaitFrames(nodes)
         self._commands = CanCommands(self._channel, nodes, clock)
         self._cycles_per_force = cycles_per_force
@@ -198,19 +186,14 @@ class CanSink:
         return True
 
     def _force_frames(self, frame: ContactFrame, states: list[int], masks: list[int]) -> list[bytes]:
-        """Return all legs' Force and Quality frames, from another leg on each time; for CAN FD one per six legs."""
+        """Return all legs' Force and Quality frames, from another leg on each time."""
         force_n, sigma_n = frame.force_n, frame.sigma_n
         if self._force_step_mn != 1:
             force_n, sigma_n = force_n / self._force_step_mn, sigma_n / self._force_step_mn
         legs = (frame.t_ns.tolist(), states, force_n.tolist(), sigma_n.tolist(), self._flags, masks)
         counter, self._counter = self._counter, (self._counter + 1) % COUNTER_PERIOD
         self.stats.published_cycles += 1
-        if self._fd_ids:
-            return [
-                pack_fd_frame(can_id, encode_forces(can_id, counter, frame.t_sent_ns, self._nodes, *legs))
-                for can_id in self._fd_ids
-            ]
-        forces = self._encoder.encode(counter, frame.t_sent_ns, *legs)
+        forces = force_frames(self._nodes, counter, frame.t_sent_ns, *legs)
         # A full queue drops frames at its front or refuses them at its end: rotate, so that it strikes each leg.
         self._first = (self._first + 2) % len(forces)
         return forces[self._first :] + forces[: self._first]

@@ -13,17 +13,13 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
 
-from firmware_interface.can.all_legs import DATA_BYTES_OF_FRAME, NODES_OF_FRAME, decode_forces
 from firmware_interface.can.codes import NODE_IDS, USABLE, Flag, State
 from firmware_interface.can.crc8 import COUNTER_PERIOD, FrameError
 from firmware_interface.can.force import FORCE, FORCE_ID, QUALITY, QUALITY_ID, Force, Quality
 from firmware_interface.can.reports import IDENTITY, IDENTITY_ID, Identity
 
 #: CAN ids of the accepted frames.
-LINK_IDS = (
-    *(base + node for base in (FORCE_ID, QUALITY_ID, IDENTITY_ID) for node in NODE_IDS.values()),
-    *NODES_OF_FRAME,
-)
+LINK_IDS = tuple(base + node for base in (FORCE_ID, QUALITY_ID, IDENTITY_ID) for node in NODE_IDS.values())
 
 #: Shortest silence of a leg in which its service may have been started anew, with other feet [ns].
 _RESTART_NS = 300_000_000
@@ -117,15 +113,12 @@ class Link:
 
         Args:
             can_id: Its 11-bit id.
-            data: Its bytes; up to 64 of a CAN FD frame.
+            data: Its bytes.
             now_ns: Time of arrival, on a clock that does not step [ns].
 
         Returns:
-            Whether it was a `Force`, `Quality` or `Identity` of a leg, or the `Forces` of all, valid or not.
+            Whether it was a `Force`, `Quality` or `Identity` of a leg, valid or not.
         """
-        if len(data) == DATA_BYTES_OF_FRAME.get(can_id):  # a classic frame with this id is somebody else's
-            self._feed_all_legs_frame(can_id, data, now_ns)
-            return True
         if can_id - IDENTITY_ID in self._legs:
             with suppress(FrameError):  # the next one comes in a second
                 self._legs[can_id - IDENTITY_ID].process_identity(IDENTITY.decode(can_id, data), now_ns)
@@ -141,18 +134,6 @@ class Link:
                     leg.process_frame(half, now_ns)
                 return True
         return False
-
-    def _feed_all_legs_frame(self, can_id: int, data: bytes, now_ns: int) -> None:
-        """Process a CAN FD frame with the forces of several legs."""
-        try:
-            forces = decode_forces(can_id, data)
-        except FrameError:
-            for node in NODES_OF_FRAME[can_id]:
-                self._legs[node].process_corrupt_frame(now_ns)
-            return
-        for force, quality in forces.legs:
-            self._legs[force.node].process_frame(force, now_ns)
-            self._legs[force.node].process_frame(quality, now_ns)
 
     def leg(self, node: int, now_ns: int) -> LegForce:
         """Return a leg's latest force, and whether it may be used at `now_ns`.

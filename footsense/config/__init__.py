@@ -56,13 +56,19 @@ def load_config(path: Path) -> Config:
     def check(config: Config) -> Problem | None:
         return first_contradiction(config) or missing_folder(config, parent)
 
-    config = load(path, Config, check=check, check_plain=_gone_board_problem)
+    config = load(path, Config, check=check, check_plain=_gone_problem)
     folder = config.foot_type if "/" in config.foot_type else None
     paths = {"model": config.model, "calibrations": config.calibrations, "foot_type": folder}
     return replace(config, **{key: str(parent / value) for key, value in paths.items() if value})
 
 
-def _gone_board_problem(data: object) -> Problem | None:
+def _gone_problem(data: object) -> Problem | None:
     if gone := gone_board(data):
         return Problem("board", f"{gone}; use ad7147, fdc1004, or mcu for a microcontroller of your own")
+    can = data.get("can") if isinstance(data, dict) else None
+    if isinstance(can, dict) and "fd" in can:
+        return Problem(
+            "can.fd",
+            "the frames of CAN FD are gone; take this key away: classic frames pass on a bus of CAN FD",
+        )
     return None

@@ -133,11 +133,8 @@ def _can_rules(config: Config) -> Iterator[_Rule]:
     can, n_legs = config.can, len(config.legs)
     is_wrong_group = can.interface == "udp_multicast" and not is_multicast(can.channel)
     yield is_wrong_group, "can.channel", f"{can.channel} is no IPv4 multicast address; use 239.74.163.2"
-    allowed_per_s, bits_per_s = (
-        _MAX_CAN_LOAD_REL * can.bitrate,
-        can_bits_per_s(n_legs, config.forces_hz, fd=can.fd),
-    )
-    others_per_s = can_bits_per_s(n_legs, 0.0, fd=can.fd)
+    allowed_per_s, bits_per_s = _MAX_CAN_LOAD_REL * can.bitrate, can_bits_per_s(n_legs, config.forces_hz)
+    others_per_s = can_bits_per_s(n_legs, 0.0)
     times_too_many = (bits_per_s - others_per_s) / max(allowed_per_s - others_per_s, 1.0)
     fewer = f"publish_every: {math.ceil(times_too_many * config.effective_publish_every)}"
     too_many = (

@@ -3,7 +3,6 @@
 from collections import Counter, defaultdict, deque
 from typing import NamedTuple
 
-from firmware_interface.can.all_legs import NODES_OF_FRAME
 from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.can.force import QUALITY_ID
 from firmware_interface.can.reports import PROTOCOL_VERSION, Identity
@@ -40,7 +39,7 @@ class LegSnapshot(NamedTuple):
         leg: Its name.
         force: Its force and whether it may be used.
         report: Its last reports.
-        n_force_frames: Forces received so far, each by its last frame, `Quality`; those of all legs counted.
+        n_force_frames: Forces received so far, each by its last frame, `Quality`.
         rate_hz: Forces in the last second; None before one has passed.
         event: Its last gait event; None before the first.
         event_ago_ns: Time since it happened [ns]; None if that is not known.
@@ -115,9 +114,9 @@ class Listener:
             raise CanError(f"the CAN channel is gone: {error.strerror or error}") from error
         for can_id, data in map(unpack_frame, frames):
             if self._link.feed(can_id, data, self._last_poll_ns):
-                for node in NODES_OF_FRAME.get(can_id, [can_id - QUALITY_ID]):
-                    self._n_force_frames[node] += 1
-                    self._arrivals_ns[node].append(now_ns)
+                node = can_id - QUALITY_ID
+                self._n_force_frames[node] += 1
+                self._arrivals_ns[node].append(now_ns)
             elif event := self._events.feed(can_id, data, self._last_poll_ns):
                 self._last_events[event.node] = event
                 events.append(event)

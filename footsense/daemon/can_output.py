@@ -70,11 +70,11 @@ def open_wire(can: Can, accept: Collection[int] = ()) -> CanWire:
     """Open and return a CAN interface: a socket of Linux, or python-can's for those of a simulation.
 
     Args:
-        can: The interface; frames of CAN FD are received in any case.
+        can: The interface.
         accept: CAN ids that the kernel's filter accepts, on `socketcan`.
 
     Raises:
-        CanError: There is no such interface, or it is a classic one and is to send frames of CAN FD.
+        CanError: There is no such interface.
     """
     if can.interface == "socketcan":
         return open_socket(can, accept)

@@ -9,7 +9,6 @@ import math
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from firmware_interface.can.all_legs import FORCES_ID
 from firmware_interface.can.codes import State
 from firmware_interface.can.crc8 import protect
 from firmware_interface.can.force import FORCE_ID, QUALITY_ID
@@ -213,7 +212,7 @@ def cases() -> list[Case]:
         .feed(_spoilt(force(3, node=5)), OK)
         .feed((FORCE_ID + 1, b""), OK)
         .feed((HEARTBEAT_ID + NODE, b"\x04"), OK)
-        .feed((FORCES_ID, bytes(8)), OK)
+        .feed((0x159, bytes(8)), OK)
         .feed((FORCE_ID + 8, bytes(8)), OK)
         .feed((FORCE_ID, bytes(8)), OK),
         Case("too short, and a counter that is never sent")

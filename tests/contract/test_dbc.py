@@ -5,7 +5,6 @@ from enum import IntEnum
 import cantools
 import pytest
 
-from firmware_interface.can.all_legs import FORCES4_ID, FORCES_ID
 from firmware_interface.can.codes import (
     NODE_IDS,
     BaselineStatus,
@@ -29,7 +28,7 @@ def test_the_dbc_of_a_hexapod_is_the_committed_one() -> None:
     trotting = make_dbc(["lf", "lr", "rf", "rr"], force_step_mn=5)
     assert '"footsense: the contact force of every foot of a four-legged robot' in trotting
     four = cantools.database.load_string(trotting, "dbc")
-    assert {m.name[-2:] for m in four.messages} == {"Lf", "Lr", "Rf", "Rr", "es"}
+    assert {m.name[-2:] for m in four.messages} == {"Lf", "Lr", "Rf", "Rr"}
     force_z = four.get_message_by_name("ForceRr").get_signal_by_name("ForceZ")
     assert (force_z.scale, force_z.maximum) == (0.005, 163.835)
 
@@ -41,11 +40,8 @@ def test_every_leg_has_every_frame_and_there_are_no_others() -> None:
         for kind, frame in FRAMES.items()
         for leg, node in NODE_IDS.items()
     }
-    expected |= {"Forces": (FORCES_ID, "Footsense"), "Forces4": (FORCES4_ID, "Footsense")}
     assert {m.name: (m.frame_id, m.senders[0]) for m in DBC.messages} == expected
-    assert [(m.name, m.length) for m in DBC.messages if m.is_fd] == [("Forces", 64), ("Forces4", 24)]
-    assert DBC.get_message_by_name("Forces4").dbc.attributes["CANFD_BRS"].value == 1
-    assert not any(message.is_extended_frame for message in DBC.messages)
+    assert not any(message.is_extended_frame or message.is_fd for message in DBC.messages)
 
 
 @pytest.mark.parametrize(
@@ -86,4 +82,4 @@ def test_cyclic_frames_tell_their_period_and_the_others_have_none() -> None:
             ("Heartbeat", 200),
         )
         for leg in LEGS
-    } | {"Forces": 11, "Forces4": 11}
+    }

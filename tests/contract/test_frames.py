@@ -13,13 +13,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_interface.can.all_legs import (
-    FORCES4_ID,
-    FORCES_ID,
-    NODES_OF_FRAME,
-    decode_forces,
-    encode_forces,
-)
 from firmware_interface.can.codes import NODE_IDS, USABLE, Flag, State
 from firmware_interface.can.commands import ANSWER, COMMAND
 from firmware_interface.can.crc8 import FrameError, protect
@@ -313,63 +306,3 @@ def test_codes_for_no_value_are_named() -> None:
     assert [str(force[f"Force{axis}"]) for axis in "XYZ"] == ["NoValue"] * 3
     quality = DBC.decode_message("QualityLf", encode_quality(1, 0, 0, None, 0, (math.nan, 2.0, math.nan)))
     assert [str(quality[s]) for s in ("Age", "SigmaX", "SigmaY")] == ["NoValue", "NoValue", "Saturated"]
-
-
-@st.composite
-def robots(draw: st.DrawFn) -> tuple[list[int], list[Any]]:
-    """Return the nodes of some legs, and for each state, force, sigma, flags and mask."""
-    nodes = draw(st.lists(st.integers(1, 8), min_size=1, max_size=8, unique=True))
-    common = draw(st.sampled_from([0, 1, 2, 3]))
-    parts = [
-        (
-            draw(st.sampled_from(State)),
-            tuple(draw(st.integers(-32767, 32767)) / 1000 for _ in range(3)),
-            tuple(draw(st.integers(0, 254)) / 250 for _ in range(3)),
-            draw(st.sampled_from([0, 4, 8, 12])) | common,
-            draw(st.integers(0, 511)),
-        )
-        for _ in nodes
-    ]
-    return nodes, parts
-
-
-@given(st.sampled_from([FORCES_ID, FORCES4_ID]), robots(), st.integers(0, 14), st.integers(0, 254))
-def test_forces_of_all_legs(can_id: int, robot: tuple[list[int], list[Any]], counter: int, age: int) -> None:
-    """cantools, Python and the single frames agree on what one CAN FD frame says of every leg."""
-    nodes, parts = robot
-    state, force_n, sigma_n, flags, mask = zip(*parts, strict=True)
-    t_ns, t_sent_ns = [1] * len(nodes), 1 + age * 500_000
-    data = encode_forces(can_id, counter, t_sent_ns, nodes, t_ns, state, force_n, sigma_n, flags, mask)
-    name = "Forces" if can_id == FORCES_ID else "Forces4"
-    signals: Numbers = DBC.decode_message(name, data, decode_choices=False)
-    ours = decode_forces(can_id, data)
-    assert (signals["CHECKSUM"], signals["COUNTER"]) == (int.from_bytes(data[:2], "little"), counter)
-    assert signals["AllInAir"] == ours.all_in_air
-    usable = [code in USABLE for code in state]
-    assert ours.all_in_air == (all(usable) and not any(flag & Flag.CONTACT for flag in flags))
-    shown = [code for node, code in zip(nodes, usable, strict=True) if node in NODES_OF_FRAME[can_id]]
-    assert signals["Age"] == (age / 2 if any(shown) else 127.5)
-    of_frame = [list(NODE_IDS)[node - 1].capitalize() for node in NODES_OF_FRAME[can_id]]
-    for leg, (force, quality) in zip(of_frame, ours.legs, strict=True):
-        read = [signals[f"Force{axis}{leg}"] for axis in "XYZ"]
-        assert read == pytest.approx([-32.768 if math.isnan(f) else f for f in force.force_n])
-        assert (signals[f"State{leg}"], signals[f"FaultMask{leg}"]) == (force.state, quality.fault_mask)
-        assert signals[f"Contact{leg}"] == bool(quality.flags & Flag.CONTACT)
-        assert signals[f"TareRefused{leg}"] == bool(quality.flags & Flag.TARE_REFUSED)
-        sigmas = [signals[f"SigmaXY{leg}"]] * 2 + [signals[f"SigmaZ{leg}"]]
-        assert sigmas == pytest.approx([1.02 if math.isnan(s) else s for s in quality.sigma_n])
-        if NODE_IDS[leg.lower()] not in nodes:
-            assert (force.state, quality.fault_mask, quality.age_ns) == (State.ABSENT, 0, None)
-            continue
-        row = nodes.index(NODE_IDS[leg.lower()])
-        assert (force.counter, force.state, quality.flags) == (counter, state[row], flags[row])
-        assert quality.fault_mask == mask[row]
-        x_n, y_n, z_n = sigma_n[row]
-        assert quality.sigma_n == pytest.approx((max(x_n, y_n), max(x_n, y_n), z_n))
-        if usable[row]:
-            assert (force.force_n, quality.age_ns) == (force_n[row], age * 500_000)
-        else:
-            assert all(map(math.isnan, force.force_n))
-            assert quality.age_ns is None
-    message = DBC.get_message_by_name(name)
-    assert message.encode(signals, strict=False) == data

@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_interface.can.all_legs import FORCES4_ID, FORCES_ID, NODES_OF_FRAME, encode_forces
 from firmware_interface.can.codes import (
     BaselineStatus,
     Cause,
@@ -59,23 +58,6 @@ def test_both_see_what_the_vectors_say(case: dict[str, Any]) -> None:
         assert theirs.look(LINK["node"], t_us) == in_c_units(view), t_us
 
 
-@st.composite
-def fd_frames(draw: st.DrawFn, counter: int) -> tuple[int, bytes]:
-    """Return a CAN FD frame of nodes 1 and 2, or of 7 and 8, sometimes with a wrong bit."""
-    can_id = draw(st.sampled_from([FORCES_ID, FORCES_ID, FORCES4_ID]))
-    nodes = NODES_OF_FRAME[can_id][:2]
-    states = draw(st.tuples(*[st.sampled_from([State.VALID, State.VALID, State.DEGRADED, State.STALE])] * 2))
-    t_sent_ns = draw(st.sampled_from([15_000_001, 200_000_001]))
-    sigma_n = [(0.01, 0.02, 2.0), (math.nan, 0.1, 0.2)]
-    force_n = [(0.1, -0.2, 40.0), (0.0, float("nan"), 1.0)]
-    data = bytearray(
-        encode_forces(can_id, counter, t_sent_ns, nodes, [1, 1], states, force_n, sigma_n, [9, 4], [5, 0])
-    )
-    if draw(st.integers(0, 5)) == 0:
-        data[draw(st.integers(0, len(data) - 1))] ^= 1 << draw(st.integers(0, 7))
-    return can_id, bytes(data)
-
-
 def identity_of(node: int, version: int = PROTOCOL_VERSION, step_mn: int = 1) -> tuple[int, bytes]:
     """Return id and data of an `Identity`."""
     return IDENTITY_ID + node, IDENTITY.encode(Identity(node, 0, version, step_mn, 7))
@@ -86,7 +68,7 @@ def streams(draw: st.DrawFn) -> list[tuple[int, int, bytes]]:
     """Return frames of two legs with times in us: mostly what a service sends, with every kind of harm."""
     frames = [(0, *identity_of(node)) for node in draw(st.sampled_from([(), (1,), *[range(1, 9)] * 4]))]
     t_us, counter = 0, draw(st.integers(0, 14))
-    for harm in draw(st.lists(st.sampled_from(["none"] * 12 + list("lhqfcszxddi")), max_size=40)):
+    for harm in draw(st.lists(st.sampled_from(["none"] * 12 + list("lhqfcszxi")), max_size=40)):
         step_us = draw(st.sampled_from([0, 100, *[25_000] * 5, 99_999, 100_001, 300_001, -200_000]))
         t_us = max(0, t_us + step_us)
         step = draw(st.integers(2, 14)) if harm == "l" else 0 if harm == "z" else 1
@@ -112,8 +94,6 @@ def streams(draw: st.DrawFn) -> list[tuple[int, int, bytes]]:
         if harm == "i":
             told = identity_of(node, draw(st.sampled_from([2, 2, 3])), draw(st.integers(0, 21)))
             sent = draw(st.permutations([*sent, told]))
-        if harm == "d":
-            sent = [draw(fd_frames(counter))]
         frames += [(t_us + 270 * place, *frame) for place, frame in enumerate(sent)]
     return frames
 

@@ -1,10 +1,10 @@
-"""The data of single frames, as the encoder of all legs makes them."""
+"""The data of single frames, as the frames of all legs are made."""
 
 import math
 from collections.abc import Sequence
 
 from firmware_interface.can.codes import State
-from firmware_interface.can.force import ForceQualityEncoder
+from firmware_interface.can.force import force_frames
 
 _NAN_N = (math.nan, math.nan, math.nan)
 _SIGMA_N = (0.01, 0.01, 0.01)
@@ -14,7 +14,7 @@ def encode_force(
     node: int, counter: int, state: int, force_n: Sequence[float], sigma_n: Sequence[float] = _SIGMA_N
 ) -> bytes:
     """Return the 8 data bytes of `Force`; arguments as in `Force`."""
-    force, _ = ForceQualityEncoder((node,)).encode(counter, 0, [0], [state], [force_n], [sigma_n], [0], [0])
+    force, _ = force_frames([node], counter, 0, [0], [state], [force_n], [sigma_n], [0], [0])
     return force[8:]
 
 
@@ -23,7 +23,7 @@ def encode_quality(
 ) -> bytes:
     """Return the 8 data bytes of `Quality`; arguments as in `Quality`."""
     t_ns, t_sent_ns = (0, 0) if age_ns is None else (1, age_ns + 1)
-    _, quality = ForceQualityEncoder((node,)).encode(
-        counter, t_sent_ns, [t_ns], [State.ABSENT], [_NAN_N], [sigma_n], [flags], [fault_mask]
+    _, quality = force_frames(
+        [node], counter, t_sent_ns, [t_ns], [State.ABSENT], [_NAN_N], [sigma_n], [flags], [fault_mask]
     )
     return quality[8:]

@@ -86,12 +86,11 @@ class Robot:
         wire: NarrowWire | None = None,
         every: int = 1,
         *,
-        fd: bool = False,
         step_mn: int = 1,
     ) -> None:
         self.clock = FakeClock()
         self.consumer = can.Bus(interface="virtual", channel=channel, preserve_timestamps=True)
-        settings = Can(interface="virtual", channel=channel, fd=fd)
+        settings = Can(interface="virtual", channel=channel)
         connect = partial(open_wire, settings) if wire is None else lambda: wire.open(self.clock.t_ns)
         self.log = None if log_file is None else CanFrameLog(log_file, channel, connect)
         self.sink = CanSink(

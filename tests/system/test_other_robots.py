@@ -8,9 +8,8 @@ import can
 import numpy as np
 import pytest
 
-from firmware_interface.can.all_legs import FORCES4_ID
 from firmware_interface.can.codes import NODE_IDS
-from firmware_interface.can.force import FORCE_ID
+from firmware_interface.can.force import FORCE_ID, QUALITY_ID
 from footsense.client import Link
 from footsense.config import load_config
 from footsense.frames import Cause
@@ -78,14 +77,14 @@ def test_healthy_feet_are_not_noisy(tmp_path: Path, foot_type: str, legs: str, s
 
 
 def test_eight_legs_walk_in_two_groups_of_four(tmp_path: Path) -> None:
-    """One group carries while the other swings; a client reads both from the CAN FD frames of six legs and of two."""
+    """One group carries while the other swings; a client reads both."""
     places = ", ".join(f"{leg}: {place}" for place, leg in enumerate(NODE_IDS))
-    _, log = walked(tmp_path, places, "interface: virtual, fd: true", "tripod", "board: fdc1004")
+    _, log = walked(tmp_path, places, "interface: virtual", "tripod", "board: fdc1004")
     link, z_n = Link(), defaultdict(list)
     for message in can.LogReader(log):
         now_ns = round(message.timestamp * 1e9)
         link.feed(message.arbitration_id, bytes(message.data), now_ns)
-        if message.arbitration_id == FORCES4_ID:
+        if message.arbitration_id == QUALITY_ID + 8:
             views = {leg: link.leg(node, now_ns) for leg, node in NODE_IDS.items()}
             if all(view.usable for view in views.values()):
                 for leg, view in views.items():

@@ -80,7 +80,7 @@ def check_config(file: Path, dbc: Path | None, *, as_json: bool) -> None:
 
 def _can_load_rel(config: Config) -> float:
     """Return the share of the bit rate that all frames of the robot take [1]."""
-    return can_bits_per_s(len(config.legs), config.forces_hz, fd=config.can.fd) / config.can.bitrate
+    return can_bits_per_s(len(config.legs), config.forces_hz) / config.can.bitrate
 
 
 def _explanation(models: Models) -> dict[str, str]:

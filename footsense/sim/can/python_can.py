@@ -17,7 +17,6 @@ from firmware_interface.can.socketcan import (
     ERROR,
     EXTENDED,
     REMOTE,
-    pack_fd_frame,
     pack_frame,
     unpack_frame,
 )
@@ -27,7 +26,6 @@ if TYPE_CHECKING:
 
 #: Most frames of one `receive`.
 _MAX_RECEIVED_PER_CALL = 1000
-_CLASSIC_DATA_BYTES = 8
 #: Whether a socket receives from groups that it has not joined. Source: Linux, ip(7) and include/uapi/linux/in.h.
 _IP_MULTICAST_ALL = 49
 
@@ -108,10 +106,11 @@ class PythonCanWire:
                 continue  # a datagram that is no frame
             if message is None:
                 break
-            pack = pack_fd_frame if message.is_fd else pack_frame
+            if message.is_fd:  # of another program; a classic socket of Linux does not deliver it either
+                continue
             # python-can checks the ranges of a message's fields, not their types: an id of 1.5 passes.
             with contextlib.suppress(TypeError, ValueError, struct.error):
-                arrived.append(pack(_flagged_id(message), bytes(message.data)))
+                arrived.append(pack_frame(_flagged_id(message), bytes(message.data)))
         return arrived
 
 
@@ -120,15 +119,12 @@ def sent_message(frame: bytes, t_ns: int) -> "can.Message":
     import can
 
     can_id, data = unpack_frame(frame)
-    is_fd = len(data) > _CLASSIC_DATA_BYTES
     return can.Message(
         timestamp=t_ns / 1e9,
         arbitration_id=can_id,
         is_extended_id=False,
         data=data,
         is_rx=False,
-        is_fd=is_fd,
-        bitrate_switch=is_fd,
     )
 
 

@@ -74,16 +74,15 @@ def send_every_kind(robot: Robot) -> None:
         robot.sink.answer(CommandResult(Command(CommandKind.TARE, row), Result.DONE, ""))
 
 
-@pytest.mark.parametrize("fd", [False, True])
 def test_neither_drives_nor_master_take_a_frame_of_ours_for_theirs(
-    request: pytest.FixtureRequest, networks: tuple[canopen.Network, canopen.Network], *, fd: bool
+    request: pytest.FixtureRequest, networks: tuple[canopen.Network, canopen.Network]
 ) -> None:
     """No drive gets process data, a request or a command from us; the master sees no node, heartbeat or emergency."""
     drives, master = networks
-    robot = Robot(request.node.nodeid, ALL_LEGS, fd=fd)
+    robot = Robot(request.node.nodeid, ALL_LEGS)
     send_every_kind(robot)
     sent = {message.arbitration_id for message in robot.heard()}
-    assert len(sent) == (8 * 8 + 2 if fd else 8 * 10)
+    assert len(sent) == 8 * 10
     assert [pump(drives), pump(master)] == [set(), set()]
     assert master.scanner.nodes == drives.scanner.nodes == []
     assert {master[node].nmt.state for node in NODES} == {"INITIALISING"}

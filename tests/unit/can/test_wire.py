@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from firmware_interface.can.socketcan import FD_FRAME, pack_fd_frame, pack_frame, unpack_frame
+from firmware_interface.can.socketcan import pack_frame
 from footsense.can.channel import SocketWire
 
 Pair = tuple[SocketWire, socket.socket]
@@ -26,17 +26,6 @@ def pair() -> Iterator[Pair]:
 def frames(n: int) -> list[bytes]:
     """Return frames whose data tell their place."""
     return [pack_frame(0x109, bytes([k])) for k in range(n)]
-
-
-def test_frames_of_both_lengths_are_messages_of_their_own_in_order(pair: Pair) -> None:
-    """As an older kernel hands them over, too, without the flag of CAN FD."""
-    wire, there = pair
-    forces = pack_fd_frame(0x159, bytes(range(64)))
-    sent = [*frames(2), forces, *frames(1)]
-    assert wire.send(sent) == len(sent)
-    assert [there.recv(100) for _ in sent] == sent
-    there.send(bytes(b & ~FD_FRAME if at == 5 else b for at, b in enumerate(forces)))
-    assert [unpack_frame(frame) for frame in wire.receive()] == [(0x159, bytes(range(64)))]
 
 
 def test_a_full_queue_takes_the_first_frames_and_the_next_call_none(pair: Pair) -> None:

@@ -118,6 +118,10 @@ def test_a_relative_path_is_one_beside_the_file(
             ONE_BUS.replace("fdc1004", "fdc1004_columns"),
             ":1: board: the board fdc1004_columns is gone; the last commit that knows it is 0e63fae9; use ad7147",
         ),
+        (
+            ONE_BUS.replace("socketcan", "socketcan, fd: false"),
+            "can.fd: the frames of CAN FD are gone; take this key away: classic frames pass on a bus of CAN FD",
+        ),
         (ONE_BUS + "scan: {rate_sps: 300}", ":6: scan.rate_sps: '300' is none of 100, 200, 400"),
         (
             ONE_BUS.replace("rf: 1", "rf: 0"),

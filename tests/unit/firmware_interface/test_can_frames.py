@@ -4,14 +4,13 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from firmware_interface.can.all_legs import FORCES_ID, decode_forces, encode_forces
 from firmware_interface.can.codes import USABLE, BaselineStatus, CommandKind, GaitEventKind, State
 from firmware_interface.can.commands import (
     COMMAND,
     COMMAND_ID,
 )
 from firmware_interface.can.crc8 import FrameError, protect
-from firmware_interface.can.force import FORCE, FORCE_ID, QUALITY, QUALITY_ID, ForceQualityEncoder
+from firmware_interface.can.force import FORCE, FORCE_ID, QUALITY, QUALITY_ID
 from firmware_interface.can.gait import GAIT_EVENT, GROUND, GaitEventFrame, Ground
 from firmware_interface.can.reports import (
     BASELINE,
@@ -20,7 +19,6 @@ from firmware_interface.can.reports import (
     Baseline,
     decode_heartbeat,
 )
-from firmware_interface.can.socketcan import pack_frame
 from tests.support.can_frames import encode_force, encode_quality
 
 nodes = st.integers(1, 8)
@@ -64,10 +62,8 @@ def test_a_usable_force_with_a_hole_leaves_as_a_fault_without_numbers(hole: floa
     pairs = [((0.1, hole, 40.0), (0.1, 0.1, 0.1)), ((0.1, 0.2, 40.0), (0.1, 0.1, hole))]
     for force_n, sigma_n in pairs[: 1 if hole == math.inf else 2]:
         decoded = FORCE.decode(0x109, encode_force(1, 0, state, force_n, sigma_n))
-        of_all = encode_forces(FORCES_ID, 0, 1, [1], [1], [state], [force_n], [sigma_n], [0], [0])
-        for said in (decoded, decode_forces(FORCES_ID, of_all).legs[0][0]):
-            assert said.state == State.ELEMENT_FAULT
-            assert all(math.isnan(component) for component in said.force_n)
+        assert decoded.state == State.ELEMENT_FAULT
+        assert all(math.isnan(component) for component in decoded.force_n)
 
 
 @given(st.tuples(nodes, counters, st.integers(0, 7)), st.one_of(st.none(), st.integers()), masks, vectors)
@@ -155,31 +151,3 @@ def test_gait_numbers_are_limited_and_never_surer_than_they_were(
         assert ground.tangential_over_normal == pytest.approx(min(value, 2.04), abs=0.0021)
     else:
         assert math.isnan(ground.tangential_over_normal)
-
-
-@given(st.data())
-def test_legs_encoded_together_are_those_encoded_one_by_one(data: st.DataObject) -> None:
-    """Any numbers in any state, and both frames of a leg with their right crc."""
-    number = st.floats() | st.floats(-2.0, 2.0)
-    vector = st.tuples(number, number, number)
-    nodes = data.draw(st.permutations(range(1, 9)))
-    legs = [
-        data.draw(
-            st.tuples(
-                *(st.integers(0, 10**9), st.sampled_from(State), vector, vector),
-                *(st.integers(0, 15), st.integers(0, 511)),
-            )
-        )
-        for _ in nodes
-    ]
-    counter, t_sent_ns = data.draw(st.integers(0, 14)), data.draw(st.integers(0, 10**9))
-    together = ForceQualityEncoder(nodes).encode(counter, t_sent_ns, *zip(*legs, strict=True))
-    for node, (t_ns, state, force_n, sigma_n, flags, mask), pair in zip(
-        nodes, legs, zip(together[::2], together[1::2], strict=True), strict=True
-    ):
-        age_ns = t_sent_ns - t_ns if t_ns else None
-        force = encode_force(node, counter, state, force_n, sigma_n)
-        quality = encode_quality(node, counter, flags, age_ns, mask, sigma_n)
-        assert pair == (pack_frame(FORCE_ID + node, force), pack_frame(QUALITY_ID + node, quality))
-        assert force == protect(FORCE_ID + node, force[1:])
-        assert quality == protect(QUALITY_ID + node, quality[1:])
