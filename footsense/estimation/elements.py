@@ -62,7 +62,7 @@ UNCERTAIN_RESIDUAL, UNCERTAIN_RESIDUAL_REL = 0.01, 0.1
 MIN_PREDICTED_MOTION_REL = 0.08
 #: Evidence against an element [readings]: from which it is excluded, and the most that is kept. A reading that
 #: contradicts the others adds one, one of an overloaded element less, as nothing tells whether that stands still.
-ENOUGH_EVIDENCE, MOST_EVIDENCE, OVERLOADED_EVIDENCE = 2.0, 8.0, 0.5
+ENOUGH_EVIDENCE, MOST_EVIDENCE, OVERLOADED_EVIDENCE = 2.0, 8.0, 0.4
 #: Evidence that a reading takes away that agrees with the others, at the load where it does, and at another load.
 AGREEMENT, SLOW_AGREEMENT = 0.25, 0.25 / 32
 #: A reading stands still that differs from the two before by less than this share of its residual [1].
@@ -214,7 +214,8 @@ class ConsistencyTest:
         contradicted = tested & (excess[legs, without_memory] > 1.0)
         rank = np.where(CONTAINING[pattern] & (excess <= 1.0), excess + _RANK, np.inf)
         best = rank.argmin(axis=1)
-        named = MISSING_SETS[best] & ~unusable & (contradicted & np.isfinite(rank[legs, best]))[:, None]
+        explained = (contradicted & np.isfinite(rank[legs, best]))[:, None]
+        named = MISSING_SETS[best] & ~unusable & explained
         # What only motion explains is no evidence for an element.
         agrees = tested & (largest[legs, without_memory] <= still_limit[legs, without_memory])
         is_new = readings.t_ns[:, 0] != self._t_of_readings_ns
@@ -224,7 +225,15 @@ class ConsistencyTest:
         stands_still = moved_rel < STEADY_BELOW_SHARE_OF_RESIDUAL * off_rel
         missing = missing_sets_containing(unusable | self.excluded)
         predicted_rel = closure_rel - residual[legs, SMALLEST_CONTAINING[missing @ BITS]]
-        self._weigh(named & is_new, stands_still, overloaded, agrees[:, None] & is_new, predicted_rel)
+        cleared = explained & ~named & ~self.excluded
+        self._weigh(
+            named & is_new,
+            cleared & is_new,
+            stands_still,
+            overloaded,
+            agrees[:, None] & is_new,
+            predicted_rel,
+        )
         self._tell_stuck(closure_rel, predicted_rel, named)
         missing = missing_sets_containing(unusable | self.excluded)
         chosen = SMALLEST_CONTAINING[missing @ BITS]
@@ -233,11 +242,17 @@ class ConsistencyTest:
         return ConsistencyResult(missing, inconsistency_rel)
 
     def _weigh(
-        self, against: Mask, stands_still: Mask, overloaded: Mask, agreeing: Mask, predicted_rel: Vector
+        self,
+        against: Mask,
+        cleared: Mask,
+        stands_still: Mask,
+        overloaded: Mask,
+        agreeing: Mask,
+        predicted_rel: Vector,
     ) -> None:
-        """Add the evidence of a frame: readings that contradict the others, and those that agree with them."""
+        """Add the evidence of a frame: of readings that contradict, that others explain, and that agree."""
         evidence = self._evidence
-        evidence += against * np.where(overloaded, OVERLOADED_EVIDENCE, 1.0)
+        evidence += against * np.where(overloaded, OVERLOADED_EVIDENCE, 1.0) - cleared
         np.minimum(evidence, MOST_EVIDENCE, out=evidence)
         is_unloaded, is_loaded = predicted_rel < RESIDUAL_LIMIT, predicted_rel > MIN_PREDICTED_MOTION_REL
         slow = SLOW_AGREEMENT * ~(self.stuck & is_unloaded)

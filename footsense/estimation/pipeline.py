@@ -156,7 +156,7 @@ class Pipeline:
         if np.count_nonzero(readings.is_consecutive) < readings.is_consecutive.size:
             consistency, interrupted = _with_interrupted_readings_missing(consistency, readings)
         state, fault_mask, cause = self._valid, self._no_fault, baselines.unloaded.cause
-        healthy = self._are_healthy(elements, consistency, readings, measured_rel, now_ns)
+        healthy = self._are_healthy(elements, consistency, overloaded, readings, measured_rel, now_ns)
         if not healthy:
             state, fault_mask, cause = self._legs.classify(
                 scan.reading,
@@ -209,12 +209,14 @@ class Pipeline:
         self,
         elements: ElementStatus,
         consistency: ConsistencyResult,
+        overloaded: Mask,
         readings: Readings,
         measured_rel: Vector,
         now_ns: int,
     ) -> bool:
-        # A leg without a baseline has no closures, and fails the consistency test.
-        if not elements.all_readings_ok or np.count_nonzero(consistency.missing):
+        # A leg without a baseline has no closures.
+        known = readings.is_consecutive & ~(consistency.missing | overloaded) & np.isfinite(measured_rel)
+        if not elements.all_readings_ok or np.count_nonzero(known) < known.size:
             return False
         legs = self._legs
         oldest_ns = min(readings.oldest_of_newest_ns.tolist())
