@@ -63,7 +63,8 @@ MIN_PREDICTED_MOTION_REL = 0.08
 #: Evidence against an element [readings]: from which it is excluded, and the most that is kept. A reading that
 #: contradicts the others adds one, one of an overloaded element less, as nothing tells whether that stands still.
 ENOUGH_EVIDENCE, MOST_EVIDENCE, OVERLOADED_EVIDENCE = 2.0, 8.0, 0.4
-#: Evidence that a reading takes away that agrees with the others, at the load where it does, and at another load.
+#: Evidence against an excluded element that a reading takes away that agrees with the others, at the load where it
+#: does, and at another load. Of one that is not excluded, it takes away all.
 AGREEMENT, SLOW_AGREEMENT = 0.25, 0.25 / 32
 #: A reading stands still that differs from the two before by less than this share of its residual [1].
 STEADY_BELOW_SHARE_OF_RESIDUAL = 0.25
@@ -256,7 +257,8 @@ class ConsistencyTest:
         np.minimum(evidence, MOST_EVIDENCE, out=evidence)
         is_unloaded, is_loaded = predicted_rel < RESIDUAL_LIMIT, predicted_rel > MIN_PREDICTED_MOTION_REL
         slow = SLOW_AGREEMENT * ~(self.stuck & is_unloaded)
-        evidence -= agreeing * np.where([is_unloaded, is_loaded], AGREEMENT, slow)
+        lost = np.where([is_unloaded, is_loaded], AGREEMENT, slow)
+        evidence -= agreeing * np.where(self.excluded, lost, MOST_EVIDENCE)
         np.maximum(evidence, 0.0, out=evidence)
         most = evidence.max(axis=0)
         confirmed = against & stands_still & (most >= ENOUGH_EVIDENCE)
