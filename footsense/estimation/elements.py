@@ -8,8 +8,7 @@
 - `excluded`: elements that have contradicted the others, until they agree again.
 - `unusable`: what a tare leaves out: sets with open or excluded elements, and with over-range ones without a baseline.
 - `missing`: what the network does without, always one of `MISSING_SETS` or nothing: sets with open or excluded
-  elements and those without a baseline; the test adds those that it isolates in this frame, the pipeline those whose
-  readings are interrupted.
+  elements and those without a baseline; the pipeline adds those whose readings are interrupted.
 
 **By the other elements.** A foot has nine elements and a load far fewer unknowns, so each closure follows roughly from
 the others. With S = E[x x^T] over the loads of a foot, the least-squares prediction of x_i from all others leaves the
@@ -18,16 +17,17 @@ for the residual is at most 14 % of the others' closures.
 
 The elements are read one after the other, so a load in motion leaves a residual as well, at most about as large as the
 closures move from one reading to the next: the limit is wider by that. A larger residual has a cause: an electrode that
-came off and no longer moves, one that drifts, a flipped bit, or a line that broke during the scan. So an element, row
-or column without which the rest is consistent is suspected. An impact of some milliseconds, which two or three elements
-see, leaves the same residual for a scan. So an element is isolated, and named, if it still contradicts the others when
-it is read again a scan later, and stands still. Until then, and where no set explains the residuals, the state stays
-and sigma is wider. It is so from a quarter of the limit on: an element that has just come off, and stands still under a
-load that rolls away, is wrong before it contradicts the others.
+came off and no longer moves, one that drifts, a flipped bit, or a line that broke during the scan. The smallest set of
+elements without which the rest is consistent is named. An impact of some milliseconds, which two or three elements see,
+leaves the same residual for a scan.
 
-One that stays isolated is excluded, until it has been consistent for a while both under load and unloaded: unloaded, an
-element stuck at its baseline reads right, and under load, where the limit is wider, a drifting one may. A foot that
-stands or hangs for long shows only one of both: after ten seconds an element that is consistent there is readmitted.
+So there is evidence against each element. A reading of it adds some while it is named, and takes all of it away where
+the foot is consistent or others are named. From two such readings on, if it stands still, the element is excluded, and
+the network does without it. Then evidence goes slowly, and that of an unloaded and that of a loaded foot each by its own
+readings: unloaded, an element stuck at its baseline reads right, and under load, where the limit is wider, a drifting one
+may. A foot that stands or hangs for long shows only one of both: the other evidence goes too, in a thousand scans. Where
+nothing is excluded that explains the residuals, the state stays and sigma is wider, from a quarter of the limit on: an
+element that has just come off, and stands still under a load that rolls away, is wrong before it contradicts the others.
 
 An overloaded element is closed at least as far as it reads. It predicts no other, and contradicts only if the others
 predict less: then it is shorted, or its gap is full of water.
