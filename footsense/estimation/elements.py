@@ -23,10 +23,10 @@ leaves the same residual for a scan.
 
 So there is evidence against each element. A reading of it adds some while it is named, and takes all of it away where
 the foot is consistent or others are named. From two such readings on, if it stands still, the element is excluded, and
-the network does without it. Then evidence goes slowly, and that of an unloaded and that of a loaded foot each by its own
-readings: unloaded, an element stuck at its baseline reads right, and under load, where the limit is wider, a drifting one
-may. A foot that stands or hangs for long shows only one of both: the other evidence goes too, in a thousand scans. Where
-nothing is excluded that explains the residuals, the state stays and sigma is wider, from a quarter of the limit on: an
+the network does without it. Then evidence goes slowly, that of an unloaded and that of a loaded foot each by its own
+readings: unloaded, an element stuck at its baseline reads right, and under load, where the limit is wider, a drifting
+one may. A foot that stands or hangs for long shows only one of both: the other evidence goes too, in a thousand scans.
+Where no set explains the residuals, the state stays and sigma is wider. It is so from a quarter of the limit on: an
 element that has just come off, and stands still under a load that rolls away, is wrong before it contradicts the others.
 
 An overloaded element is closed at least as far as it reads. It predicts no other, and contradicts only if the others
