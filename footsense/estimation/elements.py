@@ -8,8 +8,7 @@
 - `excluded`: elements that have contradicted the others, until they agree again.
 - `unusable`: what a tare leaves out: sets with open or excluded elements, and with over-range ones without a baseline.
 - `missing`: what the network does without, always one of `MISSING_SETS` or nothing: sets with open or excluded
-  elements and those without a baseline; the test adds those that it isolates in this frame, the pipeline those whose
-  readings are interrupted.
+  elements and those without a baseline; the pipeline adds those whose readings are interrupted.
 
 **By the other elements.** A foot has nine elements and a load far fewer unknowns, so each closure follows roughly from
 the others. With S = E[x x^T] over the loads of a foot, the least-squares prediction of x_i from all others leaves the
@@ -18,29 +17,32 @@ for the residual is at most 14 % of the others' closures.
 
 The elements are read one after the other, so a load in motion leaves a residual as well, at most about as large as the
 closures move from one reading to the next: the limit is wider by that. A larger residual has a cause: an electrode that
-came off and no longer moves, one that drifts, a flipped bit, or a line that broke during the scan. So an element, row
-or column without which the rest is consistent is suspected. An impact of some milliseconds, which two or three elements
-see, leaves the same residual for a scan. So an element is isolated, and named, if it still contradicts the others when
-it is read again a scan later, and stands still. Until then, and where no set explains the residuals, the state stays
-and sigma is wider. It is so from a quarter of the limit on: an element that has just come off, and stands still under a
-load that rolls away, is wrong before it contradicts the others.
+came off and no longer moves, one that drifts, a flipped bit, or a line that broke during the scan. The smallest set of
+elements without which the rest is consistent is named. An impact of some milliseconds, which two or three elements see,
+leaves the same residual for a scan.
 
-One that stays isolated is excluded, until it has been consistent for a while both under load and unloaded: unloaded, an
-element stuck at its baseline reads right, and under load, where the limit is wider, a drifting one may. A foot that
-stands or hangs for long shows only one of both: after ten seconds an element that is consistent there is readmitted.
+So there is evidence against each element. A reading of it adds some while it is named, and takes all of it away where
+the foot is consistent or others are named. From two such readings on, if it stands still, the element is excluded, and
+the network does without it. Then evidence goes slowly, that of an unloaded and that of a loaded foot each by its own
+readings: unloaded, an element stuck at its baseline reads right, and under load, where the limit is wider, a drifting
+one may. A foot that stands or hangs for long shows only one of both: the other evidence goes too, in a thousand scans.
+Where no set explains the residuals, the state stays and sigma is wider. It is so from a quarter of the limit on: an
+element that has just come off, and stands still under a load that rolls away, is wrong before it contradicts others.
 
 An overloaded element is closed at least as far as it reads. It predicts no other, and contradicts only if the others
 predict less: then it is shorted, or its gap is full of water.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
 from footsense.estimation.missing_elements import (
+    BITS,
+    CONTAINING,
     MAX_OVERLOADED,
     MISSING_SETS,
+    SMALLEST_CONTAINING,
     Imputation,
     missing_sets_containing,
 )
@@ -58,21 +60,21 @@ RESIDUAL_LIMIT, RESIDUAL_LIMIT_REL = 0.03, 0.4
 UNCERTAIN_RESIDUAL, UNCERTAIN_RESIDUAL_REL = 0.01, 0.1
 #: Predicted closure from which the motion of an element can be tested [1].
 MIN_PREDICTED_MOTION_REL = 0.08
-#: Time for which an excluded element has to be consistent, loaded and unloaded each, until it is readmitted [ns].
-READMITTED_AFTER_NS = 300_000_000
-#: The same where the load does not change, or is too small to tell [ns].
-READMITTED_CONSTANT_LOAD_AFTER_NS = 10_000_000_000
-#: Rate at which it loses that time while it is inconsistent [1].
-READMISSION_TIME_LOSS_RATE = 4
-#: Time for which an element is suspected before it is isolated, over the time of a step [1]: a scan.
-CAUSE_CONFIRMATION_TIME_REL = 0.25
+#: Evidence against an element [readings]: from which it is excluded, and the most that is kept. A reading that
+#: contradicts the others adds one, one of an overloaded element less, as nothing tells whether that stands still.
+ENOUGH_EVIDENCE, MOST_EVIDENCE, OVERLOADED_EVIDENCE = 2.0, 8.0, 0.4
+#: Evidence against an excluded element that a reading takes away that agrees with the others, at the load where it
+#: does, and at another load. Of one that is not excluded, it takes away all.
+AGREEMENT, SLOW_AGREEMENT = 0.25, 0.25 / 32
 #: A reading stands still that differs from the two before by less than this share of its residual [1].
 STEADY_BELOW_SHARE_OF_RESIDUAL = 0.25
 #: An element that moves less than this share of what the others predict is stuck [1].
 STUCK_BELOW_SHARE_OF_PREDICTED = 0.3
 
-# The sets of one element, and the rows and columns.
-_SINGLE_ELEMENTS, _LINES = slice(1, 1 + ELEMENTS), slice(1 + ELEMENTS, None)
+# Of each set: the elements that it keeps, their shares of a mean, and that smaller sets go first.
+_KEPT: Mask = ~MISSING_SETS
+_SHARES_OF_KEPT: Vector = (_KEPT / _KEPT.sum(axis=1, keepdims=True)).T
+_RANK: Vector = MISSING_SETS.sum(axis=1).astype(float)
 
 
 class ElementStatus(NamedTuple):
@@ -147,227 +149,132 @@ class ConsistencyResult(NamedTuple):
 
     Attributes:
         missing: Elements that the network does without.
-        inconsistency_sigma_rel: Sigma to add, over the force, for residuals without an excluded element, shape (legs,)
-            [1].
-        is_all_ok: Whether every element is consistent, and none is missing, suspected or excluded.
+        inconsistency_sigma_rel: Sigma to add, over the force, for residuals that no missing element explains, shape
+            (legs,) [1].
     """
 
     missing: Mask
     inconsistency_sigma_rel: Vector
-    is_all_ok: bool
 
 
 class ConsistencyTest:
-    """Residual test of every leg's elements in each frame; remembers the excluded elements.
+    """Residual test of every leg's elements in each frame; keeps the evidence against each of them.
 
     Args:
         n_legs: Legs in a frame.
         imputation: Imputation of missing closures.
-        settling_time_ns: Time in which a step of the load has passed through all readings: a few scans [ns].
 
     Attributes:
-        excluded: Elements excluded until their readings are consistent again.
-        isolated: Those, and the elements with a confirmed suspicion that contradict the others in this frame.
-        stuck: Isolated elements that do not follow the load; the others follow it with an offset.
+        excluded: Elements that contradict the others, until the evidence against them is gone.
+        stuck: Those that do not follow the load; the others follow it with an offset.
     """
 
-    def __init__(self, n_legs: int, imputation: Imputation, settling_time_ns: int) -> None:
+    def __init__(self, n_legs: int, imputation: Imputation) -> None:
         self._imputation = imputation
-        self._settling_time_ns = settling_time_ns
         shape = (n_legs, ELEMENTS)
-        # As an array, for speed: over the root of the sum of squares.
-        self._uncertain_rel_of_sum = np.array(UNCERTAIN_RESIDUAL_REL / math.sqrt(ELEMENTS))
-        self._whole = imputation.residuals(np.eye(ELEMENTS), MISSING_SETS[0], MISSING_SETS[0])
-        self._no_inconsistency = np.zeros(n_legs)
-        self._all_trusted = True  # no element is suspected or excluded
-        self._hold_ns = round(CAUSE_CONFIRMATION_TIME_REL * settling_time_ns)
-        self._inconsistent = np.zeros(n_legs, bool)
-        self._suspected = np.zeros(shape, bool)
-        self._suspected_since_ns = np.zeros(n_legs, np.int64)
+        self._legs = np.arange(n_legs)
+        # Against each element, of an unloaded and of a loaded foot.
+        self._evidence = np.zeros((2, *shape))
         self._t_of_readings_ns = np.zeros(shape, np.int64)
-        self._confirmed = np.zeros(n_legs, bool)
-        self._no_element = np.zeros(shape, bool)
-        self.isolated = self._no_element
         self.excluded = np.zeros(shape, bool)
         self.stuck = np.zeros(shape, bool)
-        self._consistent_ns = np.zeros((n_legs, 3), np.int64)  # unloaded, loaded, in all
-        self._t_ns = 0
-        # Of each element's measured and predicted closures: the smallest and the largest.
+        # Of each element's measured and predicted closures while there is evidence: the smallest and the largest.
         self._extremes = np.zeros((2, 2, *shape))
 
     def reset(self, legs: Mask) -> None:
         """Readmit all elements of the legs in a mask, shape (legs,), after a change of foot or baseline."""
-        for marks in (self.excluded, self._suspected, self.stuck, self._inconsistent):
-            marks[legs] = False
+        self.excluded[legs] = self.stuck[legs] = False
+        self._evidence[:, legs] = 0.0
 
     def test(
-        self, closure_rel: Vector, readings: Readings, missing: Mask, overloaded: Mask, now_ns: int
+        self, closure_rel: Vector, readings: Readings, unusable: Mask, overloaded: Mask
     ) -> ConsistencyResult:
-        """Test the elements of a frame; return the missing and the inconsistent ones.
+        """Test the elements of a frame.
 
         Args:
-            closure_rel: Newest closures over the gap [1], shape (legs, elements); a leg with a NaN that is not missing
+            closure_rel: Newest closures over the gap [1], shape (legs, elements); a leg with a NaN that is not unusable
                 is not tested.
             readings: The readings that they are of.
-            missing: Elements that the network does without, `excluded` included.
+            unusable: Sets of elements that the network does without anyway.
             overloaded: Elements that are closed at least as far as they read.
-            now_ns: Current time [ns].
         """
-        # One element alone is no motion.
+        legs = self._legs
+        overloaded = overloaded & ~unusable
+        unread = np.isnan(closure_rel)
+        closure_rel = np.where(unread, 0.0, closure_rel)
+        tested = ~(unread & ~unusable).any(axis=1) & (overloaded.sum(axis=1) <= MAX_OVERLOADED)
+        # Each set of missing elements is tried.
+        residual = self._imputation.residuals(closure_rel, overloaded)
+        rms_rel = np.sqrt(np.square(closure_rel) @ _SHARES_OF_KEPT)
+        largest = (np.abs(residual) * _KEPT).max(axis=2)
         motion_rel = readings.second_largest_motion_rel
-        largest = np.maximum.reduce(np.abs(closure_rel @ self._whole), axis=1)
-        sum_rel2 = np.add.reduce(closure_rel * closure_rel, axis=1)
-        # A NaN is never certain: its leg is tested by itself, like a leg with a missing element.
-        certain = largest - motion_rel <= UNCERTAIN_RESIDUAL + self._uncertain_rel_of_sum * np.sqrt(sum_rel2)
-        self.isolated = self._no_element
-        is_all_sound = self._all_trusted and not np.count_nonzero(missing | overloaded)
-        if is_all_sound and np.count_nonzero(certain) == certain.size:
-            self._t_ns = now_ns
-            return ConsistencyResult(missing, self._no_inconsistency, is_all_ok=True)
-        rms_rel = np.sqrt(sum_rel2 / ELEMENTS)
-        inconsistency_rel = inconsistency_sigma_rel(largest, rms_rel, motion_rel)
-        consistent = largest <= _residual_limit_rel(rms_rel, motion_rel)
-        if is_all_sound and consistent.all():
-            self._t_ns = now_ns
-            return ConsistencyResult(missing, inconsistency_rel, is_all_ok=True)
-        suspicious = ~consistent | (missing | overloaded | self._suspected).any(axis=1)
-        if suspicious.any():
-            missing, self.isolated = missing.copy(), self.excluded.copy()
-            for leg in np.flatnonzero(suspicious).tolist():
-                inconsistency_rel[leg] = self._test_leg(
-                    leg, closure_rel[leg], readings, missing[leg], overloaded[leg], now_ns
-                )
-        self._t_ns = now_ns
-        self._all_trusted = not (self._suspected.any() or self.excluded.any())
-        measured, predicted = self._extremes[:, 1] - self._extremes[:, 0]
-        stands_still = measured < STUCK_BELOW_SHARE_OF_PREDICTED * predicted
-        is_stuck = (predicted > MIN_PREDICTED_MOTION_REL) & stands_still
-        self.stuck = self.isolated & (self.stuck & self.excluded | is_stuck)
-        return ConsistencyResult(missing, inconsistency_rel, is_all_ok=False)
+        still_limit = _residual_limit_rel(rms_rel)
+        excess = largest / (still_limit + motion_rel[:, None])
+        pattern = unusable @ BITS
+        without_memory = SMALLEST_CONTAINING[pattern]
+        contradicted = tested & (excess[legs, without_memory] > 1.0)
+        rank = np.where(CONTAINING[pattern] & (excess <= 1.0), excess + _RANK, np.inf)
+        best = rank.argmin(axis=1)
+        explained = (contradicted & np.isfinite(rank[legs, best]))[:, None]
+        named = MISSING_SETS[best] & ~unusable & explained
+        # What only motion explains is no evidence for an element.
+        agrees = tested & (largest[legs, without_memory] <= still_limit[legs, without_memory])
+        is_new = readings.t_ns[:, 0] != self._t_of_readings_ns
+        self._t_of_readings_ns = readings.t_ns[:, 0].copy()
+        off_rel = np.abs(residual[legs, best])
+        moved_rel = np.nan_to_num(np.abs(readings.changes_rel)).max(axis=1)
+        stands_still = moved_rel < STEADY_BELOW_SHARE_OF_RESIDUAL * off_rel
+        missing = missing_sets_containing(unusable | self.excluded)
+        predicted_rel = closure_rel - residual[legs, SMALLEST_CONTAINING[missing @ BITS]]
+        cleared = explained & ~named & ~self.excluded
+        self._weigh(
+            named & is_new,
+            cleared & is_new,
+            stands_still,
+            overloaded,
+            agrees[:, None] & is_new,
+            predicted_rel,
+        )
+        self._tell_stuck(closure_rel, predicted_rel, named)
+        missing = missing_sets_containing(unusable | self.excluded)
+        chosen = SMALLEST_CONTAINING[missing @ BITS]
+        inconsistency_rel = inconsistency_sigma_rel(largest[legs, chosen], rms_rel[legs, chosen], motion_rel)
+        inconsistency_rel *= self._imputation.error_amplification[chosen] * tested
+        return ConsistencyResult(missing, inconsistency_rel)
 
-    def _test_leg(
+    def _weigh(
         self,
-        leg: int,
-        closure_rel: Vector,
-        readings: Readings,
-        missing: Mask,
+        against: Mask,
+        cleared: Mask,
+        stands_still: Mask,
         overloaded: Mask,
-        now_ns: int,
-    ) -> float:
-        # Adds isolated elements to `missing`, shape (elements,); returns the inconsistency [1].
-        if not np.isfinite(closure_rel[~missing]).all():
-            return 0.0
-        if np.count_nonzero(overloaded & ~missing) > MAX_OVERLOADED:
-            # The others tell too little, and there is no force.
-            self._suspected[leg] = self._inconsistent[leg] = False
-            return 0.0
-        is_new = readings.t_ns[leg, 0] != self._t_of_readings_ns[leg]
-        self._t_of_readings_ns[leg] = readings.t_ns[leg, 0]
-        motion_rel = float(readings.second_largest_motion_rel[leg])
-        if self.excluded[leg].any():
-            self._readmit(leg, closure_rel, motion_rel, missing, overloaded, now_ns)
-            self._update_closure_extremes(leg, closure_rel, missing | overloaded)
-        # An element that the network does without takes no load from those beside it.
-        overloaded = overloaded & ~missing
-        largest, rms_rel = self._largest_residuals(closure_rel, missing, overloaded)
-        inconsistency_rel = float(inconsistency_sigma_rel(largest, rms_rel, motion_rel))
-        inconsistency_rel *= self._imputation.error_amplification(missing)
-        limit_rel = _residual_limit_rel(rms_rel, motion_rel)
-        if largest <= limit_rel:
-            # What motion could explain neither clears a suspicion nor feeds it.
-            if largest <= _residual_limit_rel(rms_rel):
-                self._suspected[leg] = self._inconsistent[leg] = False
-            return inconsistency_rel
-        isolated = self._isolate(closure_rel, missing, overloaded, motion_rel)
-        suspected = isolated & ~missing
-        if not self._inconsistent[leg] or not np.array_equal(suspected, self._suspected[leg]):
-            self._inconsistent[leg], self._confirmed[leg] = True, False
-            self._suspected[leg], self._suspected_since_ns[leg] = suspected, now_ns
-            self._extremes[:, 0, leg], self._extremes[:, 1, leg] = np.inf, -np.inf
-        elif (read_again := suspected & is_new).any():
-            off_rel = np.abs(self._imputation.residuals(closure_rel, missing | isolated, overloaded))
-            moved_rel = np.nan_to_num(np.abs(readings.changes_rel[leg])).max(axis=0)
-            stands_still = moved_rel < STEADY_BELOW_SHARE_OF_RESIDUAL * off_rel
-            self._confirmed[leg] |= (read_again & stands_still).any()
-        self._update_closure_extremes(leg, closure_rel, missing | isolated | overloaded)
-        # Whether an overloaded element stands still is not known.
-        hold_ns = self._settling_time_ns if (suspected & overloaded).any() else self._hold_ns
-        if not self._confirmed[leg] or now_ns - self._suspected_since_ns[leg] < hold_ns:
-            return inconsistency_rel
-        missing |= isolated
-        self.isolated[leg] |= suspected
-        if now_ns - self._suspected_since_ns[leg] < self._settling_time_ns:
-            return inconsistency_rel
-        self.excluded[leg] |= suspected
-        self._suspected[leg] = False
-        self._consistent_ns[leg] = 0
-        return 0.0
-
-    def _readmit(
-        self,
-        leg: int,
-        closure_rel: Vector,
-        motion_rel: float,
-        missing: Mask,
-        overloaded: Mask,
-        now_ns: int,
+        agreeing: Mask,
+        predicted_rel: Vector,
     ) -> None:
-        excluded = self.excluded[leg]
-        if not np.isfinite(closure_rel[excluded]).all():
-            return
-        elapsed_ns = min(now_ns - self._t_ns, self._settling_time_ns)
-        largest, rms_rel = self._largest_residuals(closure_rel, missing & ~excluded, overloaded)
-        if largest > _residual_limit_rel(rms_rel, motion_rel):
-            # Not all at once: a load in motion is not over at once.
-            self._consistent_ns[leg] = np.maximum(
-                self._consistent_ns[leg] - READMISSION_TIME_LOSS_RATE * elapsed_ns, 0
-            )
-        elif largest <= _residual_limit_rel(rms_rel):
-            predicted = np.abs(self._with_imputed(closure_rel, missing | overloaded)[excluded]).max()
-            unloaded = predicted < RESIDUAL_LIMIT
-            tells = not (unloaded and self.stuck[leg].any())
-            self._consistent_ns[leg] += np.where(
-                [unloaded, predicted > MIN_PREDICTED_MOTION_REL, tells], elapsed_ns, 0
-            )
-        *both_ns, all_ns = self._consistent_ns[leg].tolist()
-        if min(both_ns) >= READMITTED_AFTER_NS or all_ns >= READMITTED_CONSTANT_LOAD_AFTER_NS:
-            missing &= ~excluded
-            self.excluded[leg] = self.isolated[leg] = self.stuck[leg] = False
+        """Add the evidence of a frame: of readings that contradict, that others explain, and that agree."""
+        evidence = self._evidence
+        evidence += against * np.where(overloaded, OVERLOADED_EVIDENCE, 1.0) - cleared
+        np.minimum(evidence, MOST_EVIDENCE, out=evidence)
+        is_unloaded, is_loaded = predicted_rel < RESIDUAL_LIMIT, predicted_rel > MIN_PREDICTED_MOTION_REL
+        slow = SLOW_AGREEMENT * ~(self.stuck & is_unloaded)
+        lost = np.where([is_unloaded, is_loaded], AGREEMENT, slow)
+        evidence -= agreeing * np.where(self.excluded, lost, MOST_EVIDENCE)
+        np.maximum(evidence, 0.0, out=evidence)
+        most = evidence.max(axis=0)
+        confirmed = against & stands_still & (most >= ENOUGH_EVIDENCE)
+        self.excluded = (self.excluded | confirmed) & (most > 0.0)
 
-    def _update_closure_extremes(self, leg: int, closure_rel: Vector, unknown: Mask) -> None:
-        both = np.stack([closure_rel, self._with_imputed(closure_rel, unknown)])
-        extremes = self._extremes[:, :, leg]
-        extremes[:, 0] = np.fmin(extremes[:, 0], both)
-        extremes[:, 1] = np.fmax(extremes[:, 1], both)
-
-    def _with_imputed(self, closure_rel: Vector, unknown: Mask) -> Vector:
-        imputed: Vector = self._imputation.impute(closure_rel[None], unknown[None])[0]
-        return imputed
-
-    def _largest_residuals(
-        self, closure_rel: Vector, missing: Mask, overloaded: Mask
-    ) -> tuple[Vector, Vector]:
-        """Return the largest residual of the elements that are not missing, and the rms of their closures [1].
-
-        Args:
-            closure_rel: Closures over the gap [1], shape (elements,).
-            missing: Missing elements, shape (..., elements).
-            overloaded: Overloaded elements, shape (elements,).
-        """
-        residual = self._imputation.residuals(closure_rel, missing, overloaded)
-        mean_rel2 = np.square(np.where(missing, 0.0, closure_rel)).sum(axis=-1) / (~missing).sum(axis=-1)
-        return np.where(missing, 0.0, np.abs(residual)).max(axis=-1), np.sqrt(mean_rel2)
-
-    def _isolate(self, closure_rel: Vector, missing: Mask, overloaded: Mask, motion_rel: float) -> Mask:
-        """Return the smallest trained set of missing elements that makes the others consistent; else `missing`."""
-        residual, rms_rel = self._largest_residuals(closure_rel, MISSING_SETS, overloaded)
-        excess = residual / _residual_limit_rel(rms_rel, motion_rel)
-        excess[(missing & ~MISSING_SETS).any(axis=1)] = np.inf
-        for sets in (_SINGLE_ELEMENTS, _LINES):
-            if excess[sets].min() <= 1.0:
-                isolated: Mask = MISSING_SETS[sets][excess[sets].argmin()]
-                return isolated
-        return missing
+    def _tell_stuck(self, closure_rel: Vector, predicted_rel: Vector, named: Mask) -> None:
+        both = np.stack([closure_rel, predicted_rel])
+        extremes = self._extremes
+        watched = named | self.excluded
+        extremes[:, 0] = np.where(watched, np.minimum(extremes[:, 0], both), np.inf)
+        extremes[:, 1] = np.where(watched, np.maximum(extremes[:, 1], both), -np.inf)
+        measured, predicted = extremes[:, 1] - extremes[:, 0]
+        is_stuck = (predicted > MIN_PREDICTED_MOTION_REL) & (
+            measured < STUCK_BELOW_SHARE_OF_PREDICTED * predicted
+        )
+        self.stuck = self.excluded & (self.stuck | is_stuck)
 
 
 def inconsistency_sigma_rel(

@@ -5,7 +5,13 @@ from numpy.typing import NDArray
 
 from footsense.estimation.baseline import BaselineTracker
 from footsense.estimation.elements import ConsistencyTest, ElementStatus
-from footsense.estimation.missing_elements import COLUMN_SETS, MAX_OVERLOADED, ROW_SETS, fault_mask
+from footsense.estimation.missing_elements import (
+    COLUMN_SETS,
+    MAX_OVERLOADED,
+    ROW_SETS,
+    fault_mask,
+    missing_sets_containing,
+)
 from footsense.estimation.network import Readings
 from footsense.foot.network_card import TrainedInputs
 from footsense.frames import Cause, Codes, Mask, State, Vector
@@ -48,7 +54,7 @@ class LegStateClassifier:
         self,
         reading: Codes,
         elements: ElementStatus,
-        missing_before_test: Mask,
+        unusable: Mask,
         missing: Mask,
         overloaded: Mask,
         interrupted_legs: Mask,
@@ -61,7 +67,7 @@ class LegStateClassifier:
         Args:
             reading: How each element answered, shape (legs, elements).
             elements: Status of the elements.
-            missing_before_test: Elements that the network did without before the consistency test.
+            unusable: Elements that the network does without, whatever the consistency test finds.
             missing: Elements that it does without.
             overloaded: Elements over the converter's range or above `closure_max_rel`, shape (legs, elements).
             interrupted_legs: Legs of which it cannot do without all elements with interrupted readings, shape (legs,).
@@ -69,9 +75,9 @@ class LegStateClassifier:
             readings: The last readings of the elements.
             now_ns: Current time [ns].
         """
-        baselines, isolated, stuck = self._baselines, self._consistency.isolated, self._consistency.stuck
-        shorted = elements.over_range & (missing_before_test | isolated)
-        left_out = isolated | missing & ~missing_before_test
+        baselines, excluded, stuck = self._baselines, self._consistency.excluded, self._consistency.stuck
+        shorted = elements.over_range & (unusable | excluded)
+        left_out = excluded | missing & ~missing_sets_containing(unusable | excluded)
         faulty = elements.opened | baselines.unloaded.untared_elements_of_tared_legs | left_out
         kept = ~missing
         n_overloaded = (overloaded & kept).sum(axis=1)
@@ -90,7 +96,7 @@ class LegStateClassifier:
         state[self.stopped] = State.STOPPED
         cause = baselines.unloaded.cause.copy()
         cause[n_overloaded > 0] = Cause.OVERLOAD
-        cause[(isolated & ~stuck).any(axis=1)] = Cause.ELEMENT_DRIFTS
+        cause[(excluded & ~stuck).any(axis=1)] = Cause.ELEMENT_DRIFTS
         cause[stuck.any(axis=1)] = Cause.ELEMENT_STUCK
         cause[elements.opened.any(axis=1)] = Cause.ELEMENT_OPEN
         # An open line shows as all three of its elements being open. A shorted element ties its column to its row and

@@ -28,12 +28,13 @@ MAX_OVERLOADED = 3
 #: Residuals beside overloaded elements over those without [1]: a closed gap takes load from the elements beside it.
 _OVERLOAD_RESIDUAL_REL = 1.5
 
-# Bit of each element in a pattern of elements.
-_BITS = (1 << _ELEMENT).astype(np.uint16)
-_PATTERNS = (np.arange(1 << ELEMENTS)[:, None] & _BITS) > 0
-# Smallest set that contains each pattern, the first of those; the empty one where no set does.
-_CONTAINS = ~(_PATTERNS[:, None] & ~MISSING_SETS).any(axis=2)
-_SMALLEST_SUPERSET: Mask = MISSING_SETS[_CONTAINS.argmax(axis=1)]
+#: Bit of each element in a pattern of elements.
+BITS = (1 << _ELEMENT).astype(np.uint16)
+_PATTERNS: Mask = np.asarray(np.arange(1 << ELEMENTS)[:, None] & BITS, bool)
+#: Which sets contain each pattern, shape (512, 16).
+CONTAINING: Mask = ~(_PATTERNS[:, None] & ~MISSING_SETS).any(axis=2)
+#: Number of the smallest set that contains each pattern, the first of those; 0, the empty one, where no set does.
+SMALLEST_CONTAINING: NDArray[np.intp] = CONTAINING.argmax(axis=1)
 
 
 def missing_sets_containing(faulty: Mask) -> Mask:
@@ -47,7 +48,7 @@ def missing_sets_containing(faulty: Mask) -> Mask:
         >>> missing_sets_containing(two_of_row_0)[0].astype(int).tolist()
         [1, 1, 1, 0, 0, 0, 0, 0, 0]
     """
-    missing: Mask = _SMALLEST_SUPERSET[faulty @ _BITS]
+    missing: Mask = MISSING_SETS[SMALLEST_CONTAINING[faulty @ BITS]]
     return missing
 
 
@@ -60,8 +61,24 @@ def fault_mask(unusable: Mask) -> NDArray[np.uint16]:
         >>> bin(int(fault_mask(unusable)[0]))
         '0b100000001'
     """
-    masks: NDArray[np.uint16] = unusable @ _BITS
+    masks: NDArray[np.uint16] = unusable @ BITS
     return masks
+
+
+_SET_PATTERNS, _ALL_SETS = MISSING_SETS @ BITS, slice(None)
+
+
+def _residual_matrices(moments: Vector) -> Vector:
+    """Return the matrices that give residuals of closures, one for each pattern of unknown elements."""
+    known = ~_PATTERNS
+    are_known = known[:, :, None] & known[:, None, :]
+    ones = _PATTERNS[..., None] * np.eye(ELEMENTS)
+    precision = np.linalg.inv(np.where(are_known, moments, ones))
+    of_known = np.where(are_known, precision, 0.0)
+    predicting = np.where(_PATTERNS[:, :, None] & known[:, None, :], moments, 0.0) @ of_known
+    scale = np.diagonal(precision, axis1=-2, axis2=-1)[..., None]
+    matrices: Vector = of_known / scale + ones - predicting
+    return matrices
 
 
 class Imputation:
@@ -74,9 +91,15 @@ class Imputation:
 
     def __init__(self, moments: Vector) -> None:
         self._moments = moments
-        # The matrices of each mask of missing elements, and of missing and overloaded ones.
+        # The matrices of each mask of missing elements.
         self._imputing: dict[bytes, Vector] = {}
-        self._residual: dict[bytes, Vector] = {}
+        #: Amplification by each of `MISSING_SETS`.
+        self.error_amplification = np.array([self._error_amplification(each) for each in MISSING_SETS])
+        # Of each pattern of unknown elements: root mean square of the residuals over the loads, the smaller the more
+        # certain the predictions, and the matrix that gives the residuals over that.
+        residual = _residual_matrices(moments)
+        self._rms = np.sqrt(np.einsum("pij,jk,pik->pi", residual, moments, residual))
+        self._residual = residual / self._rms[..., None]
 
     def matrix(self, missing: Mask) -> Vector:
         """Return the matrix F, shape (elements, elements), that gives the imputed closures F @ closures.
@@ -93,56 +116,31 @@ class Imputation:
                 matrix[np.ix_(missing, kept)] = np.linalg.solve(read, self._moments[np.ix_(kept, missing)]).T
         return self._imputing[key]
 
-    def error_amplification(self, missing: Mask) -> float:
-        """Return how far one wrong reading moves the closures at most, those imputed from it included, over itself [1].
-
-        With the paper's foot 1.7 at most beside a missing element, 1.2 beside a middle line, 4.0 beside an outer one.
-
-        Args:
-            missing: Missing elements, shape (elements,).
-        """
+    def _error_amplification(self, missing: Mask) -> float:
+        # How far one wrong reading moves the closures at most, those imputed from it included, over itself [1].
+        # With the paper's foot 1.7 at most beside a missing element, 1.2 beside a middle line, 4.0 beside an outer one.
         return float(np.linalg.norm(self.matrix(missing), axis=0).max())
 
-    def residuals(self, closure_rel: Vector, missing: Mask, overloaded: Mask) -> Vector:
-        """Return the difference of each closure from its prediction by all others that are known [1], shape (..., 9).
+    def residuals(self, closure_rel: Vector, overloaded: Mask, sets: slice = _ALL_SETS) -> Vector:
+        """Return the difference of each closure from its prediction by those that are known [1], shape (legs, sets, 9).
 
-        Known are those that are neither missing nor overloaded. An overloaded element is closed at least as far as it
-        reads, so it differs only where it reads more than predicted. Beside overloaded elements all residuals are
-        scaled to those of feet without: by the certainty of the predictions, and by `_OVERLOAD_RESIDUAL_REL`.
+        Known are those that are neither overloaded nor in a set of `MISSING_SETS`, one along the second axis.
+        An overloaded element is closed at least as far as it reads, so it differs only where it reads more than
+        predicted. Beside overloaded elements all residuals are scaled to those of feet without: by the certainty of the
+        predictions, and by `_OVERLOAD_RESIDUAL_REL`.
 
         Args:
-            closure_rel: Closures over the gap [1], shape (..., elements); anything where missing, NaN included.
-            missing: Missing elements, shape (..., elements).
-            overloaded: Overloaded elements, shape (elements,).
+            closure_rel: Closures over the gap [1], finite, shape (legs, elements).
+            overloaded: Overloaded elements, same shape.
+            sets: The sets.
         """
-        read_rel = np.where(missing & np.isnan(closure_rel), 0.0, closure_rel)
-        residuals: Vector = (self._residual_matrices(missing, overloaded) @ read_rel[..., None])[..., 0]
-        if np.count_nonzero(overloaded):
-            return np.where(overloaded, np.maximum(residuals, 0.0), residuals) / _OVERLOAD_RESIDUAL_REL
-        return residuals
-
-    def _residual_matrices(self, missing: Mask, overloaded: Mask) -> Vector:
-        key = missing.tobytes() + overloaded.tobytes()
-        if key not in self._residual:
-            of_all, of_known = map(self._unscaled_residual_matrices, (missing, missing | overloaded))
-            # Of the loads: the smaller the more certain the predictions.
-            rms_all, rms_known = (
-                np.sqrt(np.einsum("...ij,jk,...ik->...i", each, self._moments, each))
-                for each in (of_all, of_known)
-            )
-            self._residual[key] = of_known * (rms_all / rms_known)[..., None]
-        return self._residual[key]
-
-    def _unscaled_residual_matrices(self, unknown: Mask) -> Vector:
-        known = ~unknown
-        are_known = known[..., :, None] & known[..., None, :]
-        ones = unknown[..., None] * np.eye(ELEMENTS)
-        precision = np.linalg.inv(np.where(are_known, self._moments, ones))
-        of_known = np.where(are_known, precision, 0.0)
-        predicting = np.where(unknown[..., :, None] & known[..., None, :], self._moments, 0.0) @ of_known
-        scale = np.diagonal(precision, axis1=-2, axis2=-1)[..., None]
-        matrices: Vector = of_known / scale + ones - predicting
-        return matrices
+        patterns = _SET_PATTERNS[sets]
+        unknown = patterns | (overloaded @ BITS)[:, None]
+        residuals: Vector = (self._residual[unknown] @ closure_rel[:, None, :, None])[..., 0]
+        residuals *= self._rms[patterns]
+        is_overloaded = overloaded[:, None]
+        residuals = np.where(is_overloaded, np.maximum(residuals, 0.0), residuals)
+        return residuals / np.where(is_overloaded.any(axis=2, keepdims=True), _OVERLOAD_RESIDUAL_REL, 1.0)
 
     def impute(self, closure_rel: Vector, missing: Mask) -> Vector:
         """Return the closures with the missing ones imputed, same shape.

@@ -20,7 +20,6 @@ from footsense.estimation.network import STEADY_AGES_S, Network, Readings, Readi
 from footsense.estimation.noise import ReadingNoise
 from footsense.estimation.rest import RefinedAtRest
 from footsense.estimation.settings import EstimationLimits, MountedFeet, Sensitivity
-from footsense.estimation.tare import SETTLING_SCANS
 from footsense.estimation.walking.gait import FAST_SCAN_LAGS, SLOW_SCAN_LAGS, GaitTracker
 from footsense.foot.network_card import TrainedInputs
 from footsense.foot.response_table import FootResponse
@@ -82,7 +81,7 @@ class Pipeline:
         self._elements = ElementClassifier(feet, limits.range_end_pf)
         self._noise = ReadingNoise(n_legs, trained.moments)
         self._baselines = BaselineTracker(feet, trained, limits, sensitivity, self._noise)
-        self._consistency = ConsistencyTest(n_legs, self._imputation, SETTLING_SCANS * limits.scan_ns)
+        self._consistency = ConsistencyTest(n_legs, self._imputation)
         self._legs = LegStateClassifier(
             trained, feet.gap_um, self._max_age_ns, self._baselines, self._consistency
         )
@@ -151,9 +150,7 @@ class Pipeline:
         pf = elements.capacitance_pf
         results = baselines.process_tares(pf, scan.reading, scan.t_ns, elements.unusable, now_ns)
         readings = self._window.add(self._distance_pf / pf, scan.t_ns)
-        missing = elements.unusable
-        if not (elements.all_readings_ok and baselines.unloaded.complete):
-            missing = self._missing_before_test(elements)
+        unusable = self._unusable(elements)
         if scan.sequence % _FRAMES_PER_NOISE_MEASUREMENT == 0:
             self._noise.observe(readings.plate_distance_rel)
         closure_rel = baselines.unloaded.plate_distance_rel[:, None] - readings.plate_distance_rel
@@ -161,19 +158,19 @@ class Pipeline:
         overloaded = measured_rel > self._legs.closure_max_rel
         if not elements.all_readings_ok:
             overloaded |= elements.over_range
-        consistency = self._consistency.test(measured_rel, readings, missing, overloaded, now_ns)
-        if not consistency.is_all_ok:
-            self._window.discard_newest(consistency.missing & ~missing)
+        excluded_before = self._consistency.excluded
+        consistency = self._consistency.test(measured_rel, readings, unusable, overloaded)
+        self._window.discard_newest(self._consistency.excluded & ~excluded_before)
         interrupted = self._no_leg
         if np.count_nonzero(readings.is_consecutive) < readings.is_consecutive.size:
             consistency, interrupted = _with_interrupted_readings_missing(consistency, readings)
         state, fault_mask, cause = self._valid, self._no_fault, baselines.unloaded.cause
-        healthy = self._are_healthy(elements, consistency, readings, measured_rel, now_ns)
+        healthy = self._are_healthy(elements, consistency, overloaded, readings, measured_rel, now_ns)
         if not healthy:
             state, fault_mask, cause = self._legs.classify(
                 scan.reading,
                 elements,
-                missing,
+                unusable,
                 consistency.missing,
                 overloaded,
                 interrupted,
@@ -210,26 +207,25 @@ class Pipeline:
             gait=gait,
         ), results
 
-    def _missing_before_test(self, elements: ElementStatus) -> Mask:
+    def _unusable(self, elements: ElementStatus) -> Mask:
+        """Return the sets of elements that the network does without, whatever the test finds."""
         unloaded = self._baselines.unloaded
         if not unloaded.complete:
             self._consistency.reset(unloaded.untared_legs)
-        elif elements.all_readings_ok:
-            return elements.unusable
-        return missing_sets_containing(
-            elements.opened | self._consistency.excluded | unloaded.untared_elements_of_tared_legs
-        )
+        return missing_sets_containing(elements.opened | unloaded.untared_elements_of_tared_legs)
 
     def _are_healthy(
         self,
         elements: ElementStatus,
         consistency: ConsistencyResult,
+        overloaded: Mask,
         readings: Readings,
         measured_rel: Vector,
         now_ns: int,
     ) -> bool:
-        # A leg without a baseline has no closures, and fails the consistency test.
-        if not (elements.all_readings_ok and consistency.is_all_ok):
+        # A leg without a baseline has no closures.
+        known = readings.is_consecutive & ~(consistency.missing | overloaded) & np.isfinite(measured_rel)
+        if not elements.all_readings_ok or np.count_nonzero(known) < known.size:
             return False
         legs = self._legs
         oldest_ns = min(readings.oldest_of_newest_ns.tolist())
@@ -323,7 +319,7 @@ def _with_interrupted_readings_missing(
     missing = missing_sets_containing(consistency.missing | incomplete)
     interrupted_legs: Mask = np.asarray((incomplete & ~missing).any(axis=1))
     missing[interrupted_legs] = consistency.missing[interrupted_legs]
-    return consistency._replace(missing=missing, is_all_ok=False), interrupted_legs
+    return consistency._replace(missing=missing), interrupted_legs
 
 
 def _with_usual_ages(age_s: Vector, usable: Mask, missing: Mask) -> Vector:

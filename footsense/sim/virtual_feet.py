@@ -54,6 +54,8 @@ class _Scan(NamedTuple):
     stale_s: float
 
 
+#: Of `MISSING_SETS` the empty one.
+_NO_SET = slice(0, 1)
 #: By board: on two buses, and on one at 400 conversions a second. A published force of the service with board `ad7147`
 #: has 17.6 conversions of 0.768 ms; here they are 18, two scans, in the same time.
 _SCANS = {
@@ -149,8 +151,8 @@ class VirtualFeet:
         self._specimen = Specimen(response)
         self._imputation = Imputation(trained.moments)
         # What each closure differs from that which the others tell, without overload.
-        self._none = np.zeros(ELEMENTS, bool)
-        self._residual = self._imputation.residuals(np.eye(ELEMENTS), self._none, self._none)
+        none = np.zeros((ELEMENTS, ELEMENTS), bool)
+        self._residual = self._imputation.residuals(np.eye(ELEMENTS), none, _NO_SET)[:, 0]
         self._max_closure_rel = trained.max_usable_closure_rel(np.full(ELEMENTS, design.gap_um))
         self._random = np.random.default_rng(seed)
         self._break_probability = -np.expm1(-cable_breaks_per_s * scan.conversions_per_force * scan.step_s)
@@ -346,10 +348,9 @@ class VirtualFeet:
         """Return the sigma by elements that contradict the others, over the force [1], shape (n,): the service's."""
         newest_rel = self._closure_rel[:, 0]
         worst_rel = np.abs(newest_rel @ self._residual).max(axis=1)
-        for mask in np.unique(overloaded[overloaded.any(axis=1)], axis=0):
-            rows = (overloaded == mask).all(axis=1)
-            residuals = self._imputation.residuals(newest_rel[rows], self._none, mask)
-            worst_rel[rows] = np.abs(residuals).max(axis=1)
+        rows = np.flatnonzero(overloaded.any(axis=1))
+        residuals = self._imputation.residuals(newest_rel[rows], overloaded[rows], _NO_SET)
+        worst_rel[rows] = np.abs(residuals).max(axis=(1, 2))
         moved_rel = np.abs(np.diff(self._closure_rel, axis=1)).max(axis=1)
         rms_rel = np.sqrt(np.square(newest_rel).mean(axis=1))
         return inconsistency_sigma_rel(worst_rel, rms_rel, np.sort(moved_rel, axis=1)[:, -2])
