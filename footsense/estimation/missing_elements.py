@@ -8,6 +8,7 @@ linear estimate from those that remain; the network gets the mask of the imputed
 """
 
 import math
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +31,7 @@ _OVERLOAD_RESIDUAL_REL = 1.5
 
 #: Bit of each element in a pattern of elements.
 BITS = (1 << _ELEMENT).astype(np.uint16)
-_PATTERNS: Mask = np.asarray(np.arange(1 << ELEMENTS)[:, None] & BITS, bool)
+_PATTERNS: Mask = np.array(list(product((False, True), repeat=ELEMENTS)))[:, ::-1]
 #: Which sets contain each pattern, shape (512, 16).
 CONTAINING: Mask = ~(_PATTERNS[:, None] & ~MISSING_SETS).any(axis=2)
 #: Number of the smallest set that contains each pattern, the first of those; 0, the empty one, where no set does.
