@@ -33,7 +33,7 @@ _OVERLOAD_RESIDUAL_REL = 1.5
 BITS = (1 << _ELEMENT).astype(np.uint16)
 _PATTERNS: Mask = np.array(list(product((False, True), repeat=ELEMENTS)))[:, ::-1]
 #: Which sets contain each pattern, shape (512, 16).
-CONTAINING: Mask = ~(_PATTERNS[:, None] & ~MISSING_SETS).any(axis=2)
+CONTAINING: Mask = np.logical_and.reduce(_PATTERNS[:, None] <= MISSING_SETS, axis=2)
 #: Number of the smallest set that contains each pattern, the first of those; 0, the empty one, where no set does.
 SMALLEST_CONTAINING: NDArray[np.intp] = CONTAINING.argmax(axis=1)
 
