@@ -36,15 +36,16 @@ predict less: then it is shorted, or its gap is full of water.
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from footsense.estimation.missing_elements import (
-    BITS,
     CONTAINING,
     MAX_OVERLOADED,
     MISSING_SETS,
     SMALLEST_CONTAINING,
     Imputation,
     missing_sets_containing,
+    patterns_of,
 )
 from footsense.estimation.network import Readings
 from footsense.estimation.settings import MountedFeet
@@ -72,9 +73,12 @@ STEADY_BELOW_SHARE_OF_RESIDUAL = 0.25
 STUCK_BELOW_SHARE_OF_PREDICTED = 0.3
 
 # Of each set: the elements that it keeps, their shares of a mean, and that smaller sets go first.
-_KEPT: Mask = ~MISSING_SETS
-_SHARES_OF_KEPT: Vector = (_KEPT / _KEPT.sum(axis=1, keepdims=True)).T
+_KEPT: Vector = (~MISSING_SETS).astype(float)
+_SHARES_OF_KEPT: Vector = _KEPT / _KEPT.sum(axis=1, keepdims=True)
 _RANK: Vector = MISSING_SETS.sum(axis=1).astype(float)
+_ALL_SETS = np.arange(len(MISSING_SETS))[None]
+# Plain numbers: to compare with an enumeration's member costs a microsecond each time.
+_OVER_RANGE, _UNDER_RANGE = int(Reading.OVER_RANGE), int(Reading.UNDER_RANGE)
 
 
 class ElementStatus(NamedTuple):
@@ -85,14 +89,12 @@ class ElementStatus(NamedTuple):
         opened: Elements whose electrode is disconnected.
         over_range: Elements above the converter's range.
         unusable: Elements that a tare leaves out.
-        all_readings_ok: Whether no reading of the frame has a fault.
     """
 
     capacitance_pf: Vector
     opened: Mask
     over_range: Mask
     unusable: Mask
-    all_readings_ok: bool
 
 
 class ElementClassifier:
@@ -107,9 +109,7 @@ class ElementClassifier:
         self._stray_pf = feet.stray_pf
         self._range_end_pf = range_end_pf - feet.stray_pf
         self._open_below_pf = OPEN_ELEMENT_THRESHOLD_REL * feet.unloaded_pf
-        self._none: Mask = np.zeros(feet.stray_pf.shape, bool)
-        self._opened = self._none
-        self._any_opened = False
+        self._opened: Mask = np.zeros(feet.stray_pf.shape, bool)
 
     def classify(self, scan: CapFrame, excluded: Mask, baseline_pf: Vector) -> ElementStatus:
         """Return the status of the elements of a frame.
@@ -121,34 +121,26 @@ class ElementClassifier:
         """
         capacitance_pf = scan.capacitance_pf - self._stray_pf
         # NaN compares as False: an element that was not read is not open.
-        opened = capacitance_pf < self._open_below_pf
-        all_ok = not np.count_nonzero(scan.reading)
-        if not all_ok:
-            opened |= scan.reading == Reading.UNDER_RANGE
+        opened = (capacitance_pf < self._open_below_pf) | (scan.reading == _UNDER_RANGE)
         before, self._opened = self._opened, opened
-        any_before, self._any_opened = self._any_opened, bool(np.count_nonzero(opened))
-        if all_ok and not (self._any_opened or any_before):
-            unusable = missing_sets_containing(excluded) if np.count_nonzero(excluded) else excluded
-            return ElementStatus(capacitance_pf, self._none, self._none, unusable, all_readings_ok=True)
-        over_range = scan.reading == Reading.OVER_RANGE
-        if over_range.any():  # at least that much: the consistency test decides whether it can be
-            capacitance_pf = np.where(over_range, self._range_end_pf, capacitance_pf)
-        if self._any_opened:
-            capacitance_pf = capacitance_pf - floating_row_crosstalk_pf(scan.capacitance_pf, opened)
+        over_range = scan.reading == _OVER_RANGE
+        # At least that much: the consistency test decides whether it can be.
+        capacitance_pf = np.where(over_range, self._range_end_pf, capacitance_pf)
+        if np.count_nonzero(opened):
+            capacitance_pf -= floating_row_crosstalk_pf(scan.capacitance_pf, opened)
         # A line that breaks or returns was intact for a part of the scan, and so was its effect on other elements.
-        unsettled = opened | (opened != before).any(axis=1, keepdims=True)
+        unsettled = opened | np.logical_or.reduce(opened != before, axis=1, keepdims=True)
         # Pressed or shorted? The other closures tell, and without a baseline there are none.
         unusable = missing_sets_containing(opened | excluded | over_range & np.isnan(baseline_pf))
         # In the window, an unsettled reading would be a step of the load.
-        settled_pf = np.where(unsettled, np.nan, capacitance_pf)
-        return ElementStatus(settled_pf, opened, over_range, unusable, all_readings_ok=False)
+        return ElementStatus(np.where(unsettled, np.nan, capacitance_pf), opened, over_range, unusable)
 
 
 class ConsistencyResult(NamedTuple):
     """Result of the residual test of all legs.
 
     Attributes:
-        missing: Elements that the network does without.
+        missing: Elements that the network does without, shape (legs, elements).
         inconsistency_sigma_rel: Sigma to add, over the force, for residuals that no missing element explains, shape
             (legs,) [1].
     """
@@ -175,11 +167,12 @@ class ConsistencyTest:
         self._legs = np.arange(n_legs)
         # Against each element, of an unloaded and of a loaded foot.
         self._evidence = np.zeros((2, *shape))
+        self._has_evidence = False
         self._t_of_readings_ns = np.zeros(shape, np.int64)
         self.excluded = np.zeros(shape, bool)
         self.stuck = np.zeros(shape, bool)
-        # Of each element's measured and predicted closures while there is evidence: the smallest and the largest.
-        self._extremes = np.zeros((2, 2, *shape))
+        # While there is evidence: the smallest and the largest of each element's measured and predicted closures.
+        self._extremes = np.multiply.outer([np.inf, -np.inf], np.ones((2, *shape)))
 
     def reset(self, legs: Mask) -> None:
         """Readmit all elements of the legs in a mask, shape (legs,), after a change of foot or baseline."""
@@ -198,79 +191,94 @@ class ConsistencyTest:
             unusable: Sets of elements that the network does without anyway.
             overloaded: Elements that are closed at least as far as they read.
         """
-        legs = self._legs
         overloaded = overloaded & ~unusable
         unread = np.isnan(closure_rel)
         closure_rel = np.where(unread, 0.0, closure_rel)
-        tested = ~(unread & ~unusable).any(axis=1) & (overloaded.sum(axis=1) <= MAX_OVERLOADED)
-        # Each set of missing elements is tried.
-        residual = self._imputation.residuals(closure_rel, overloaded)
-        rms_rel = np.sqrt(np.square(closure_rel) @ _SHARES_OF_KEPT)
-        largest = (np.abs(residual) * _KEPT).max(axis=2)
+        few = np.add.reduce(overloaded, axis=1) <= MAX_OVERLOADED
+        tested = few & ~np.logical_or.reduce(unread & ~unusable, axis=1)
+        chosen = SMALLEST_CONTAINING[patterns_of(unusable)]
         motion_rel = readings.second_largest_motion_rel
-        still_limit = _residual_limit_rel(rms_rel)
-        excess = largest / (still_limit + motion_rel[:, None])
-        pattern = unusable @ BITS
-        without_memory = SMALLEST_CONTAINING[pattern]
-        contradicted = tested & (excess[legs, without_memory] > 1.0)
-        rank = np.where(CONTAINING[pattern] & (excess <= 1.0), excess + _RANK, np.inf)
-        best = rank.argmin(axis=1)
-        explained = (contradicted & np.isfinite(rank[legs, best]))[:, None]
-        named = MISSING_SETS[best] & ~unusable & explained
-        # What only motion explains is no evidence for an element.
-        agrees = tested & (largest[legs, without_memory] <= still_limit[legs, without_memory])
-        is_new = readings.t_ns[:, 0] != self._t_of_readings_ns
-        self._t_of_readings_ns = readings.t_ns[:, 0].copy()
-        off_rel = np.abs(residual[legs, best])
-        moved_rel = np.nan_to_num(np.abs(readings.changes_rel)).max(axis=1)
-        stands_still = moved_rel < STEADY_BELOW_SHARE_OF_RESIDUAL * off_rel
-        missing = missing_sets_containing(unusable | self.excluded)
-        predicted_rel = closure_rel - residual[legs, SMALLEST_CONTAINING[missing @ BITS]]
-        cleared = explained & ~named & ~self.excluded
-        self._weigh(
-            named & is_new,
-            cleared & is_new,
-            stands_still,
-            overloaded,
-            agrees[:, None] & is_new,
-            predicted_rel,
-        )
-        self._tell_stuck(closure_rel, predicted_rel, named)
-        missing = missing_sets_containing(unusable | self.excluded)
-        chosen = SMALLEST_CONTAINING[missing @ BITS]
-        inconsistency_rel = inconsistency_sigma_rel(largest[legs, chosen], rms_rel[legs, chosen], motion_rel)
+        _, largest, rms_rel = self._residuals(closure_rel, overloaded, chosen[:, None])
+        excess = largest - RESIDUAL_LIMIT - RESIDUAL_LIMIT_REL * rms_rel
+        contradicted = tested & (excess > motion_rel[:, None])[:, 0]
+        if self._has_evidence or np.count_nonzero(contradicted):
+            # What only motion explains is no evidence for an element.
+            agrees = tested & (excess <= 0.0)[:, 0]
+            self._weigh(closure_rel, readings, unusable, overloaded, contradicted, agrees)
+            chosen = SMALLEST_CONTAINING[patterns_of(unusable | self.excluded)]
+            _, largest, rms_rel = self._residuals(closure_rel, overloaded, chosen[:, None])
+        inconsistency_rel = inconsistency_sigma_rel(largest[:, 0], rms_rel[:, 0], motion_rel)
         inconsistency_rel *= self._imputation.error_amplification[chosen] * tested
-        return ConsistencyResult(missing, inconsistency_rel)
+        return ConsistencyResult(MISSING_SETS[chosen], inconsistency_rel)
+
+    def _residuals(
+        self, closure_rel: Vector, overloaded: Mask, sets: NDArray[np.intp]
+    ) -> tuple[Vector, Vector, Vector]:
+        """Return the residuals without sets of elements, and of those that are kept the largest, and the closures' rms.
+
+        Shapes are (legs, k, 9) and (legs, k).
+        """
+        residual = self._imputation.residuals(closure_rel, overloaded, sets)
+        largest = np.maximum.reduce(np.abs(residual) * _KEPT[sets], axis=2)
+        rms_rel = np.sqrt(np.matmul(_SHARES_OF_KEPT[sets], np.square(closure_rel)[..., None])[..., 0])
+        return residual, largest, rms_rel
 
     def _weigh(
         self,
-        against: Mask,
-        cleared: Mask,
-        stands_still: Mask,
+        closure_rel: Vector,
+        readings: Readings,
+        unusable: Mask,
         overloaded: Mask,
-        agreeing: Mask,
-        predicted_rel: Vector,
+        contradicted: Mask,
+        agrees: Mask,
     ) -> None:
-        """Add the evidence of a frame: of readings that contradict, that others explain, and that agree."""
-        evidence = self._evidence
-        evidence += against * np.where(overloaded, OVERLOADED_EVIDENCE, 1.0) - cleared
+        """Try each set, and add the evidence of readings that contradict, that others explain, and that agree.
+
+        Args:
+            closure_rel: Newest closures over the gap [1], finite, shape (legs, elements).
+            readings: The readings that they are of.
+            unusable: Sets of elements that the network does without anyway.
+            overloaded: Elements that are closed at least as far as they read.
+            contradicted: Legs whose closures contradict one another, shape (legs,).
+            agrees: Legs whose closures do not, without regard to motion, shape (legs,).
+        """
+        legs, evidence, excluded = self._legs, self._evidence, self.excluded
+        residual, largest, rms_rel = self._residuals(closure_rel, overloaded, _ALL_SETS)
+        limit = RESIDUAL_LIMIT + RESIDUAL_LIMIT_REL * rms_rel + readings.second_largest_motion_rel[:, None]
+        share = largest / limit
+        rank = np.where(CONTAINING[patterns_of(unusable)] & (share <= 1.0), share + _RANK, np.inf)
+        best = rank.argmin(axis=1)
+        explained = (contradicted & (rank[legs, best] < np.inf))[:, None]
+        named = MISSING_SETS[best] & ~unusable & explained
+        predicted_rel = closure_rel - residual[legs, SMALLEST_CONTAINING[patterns_of(unusable | excluded)]]
+        t_ns = readings.t_ns[:, 0]
+        is_new = t_ns != self._t_of_readings_ns
+        self._t_of_readings_ns = t_ns.copy()
+        against = np.where(overloaded, OVERLOADED_EVIDENCE, 1.0) * named - (explained & ~(named | excluded))
+        evidence += against * is_new
         np.minimum(evidence, MOST_EVIDENCE, out=evidence)
         is_unloaded, is_loaded = predicted_rel < RESIDUAL_LIMIT, predicted_rel > MIN_PREDICTED_MOTION_REL
         slow = SLOW_AGREEMENT * ~(self.stuck & is_unloaded)
         lost = np.where([is_unloaded, is_loaded], AGREEMENT, slow)
-        evidence -= agreeing * np.where(self.excluded, lost, MOST_EVIDENCE)
+        evidence -= np.where(excluded, lost, MOST_EVIDENCE) * (agrees[:, None] & is_new)
         np.maximum(evidence, 0.0, out=evidence)
-        most = evidence.max(axis=0)
-        confirmed = against & stands_still & (most >= ENOUGH_EVIDENCE)
-        self.excluded = (self.excluded | confirmed) & (most > 0.0)
+        most = np.maximum(*evidence)
+        still_below_rel = STEADY_BELOW_SHARE_OF_RESIDUAL * np.abs(residual[legs, best])
+        # A NaN is not larger.
+        moves = np.logical_or.reduce(np.abs(readings.changes_rel) >= still_below_rel[:, None], axis=1)
+        confirmed = named & is_new & ~moves & (most >= ENOUGH_EVIDENCE)
+        self.excluded = (excluded | confirmed) & (most > 0.0)
+        self._has_evidence = bool(np.count_nonzero(most))
+        self._tell_stuck(closure_rel, predicted_rel, named)
 
     def _tell_stuck(self, closure_rel: Vector, predicted_rel: Vector, named: Mask) -> None:
-        both = np.stack([closure_rel, predicted_rel])
-        extremes = self._extremes
+        """Tell which excluded elements hardly move while the others predict motion."""
+        smallest, largest = self._extremes
         watched = named | self.excluded
-        extremes[:, 0] = np.where(watched, np.minimum(extremes[:, 0], both), np.inf)
-        extremes[:, 1] = np.where(watched, np.maximum(extremes[:, 1], both), -np.inf)
-        measured, predicted = extremes[:, 1] - extremes[:, 0]
+        both = np.array([closure_rel, predicted_rel])
+        smallest[...] = np.where(watched, np.minimum(smallest, both), np.inf)
+        largest[...] = np.where(watched, np.maximum(largest, both), -np.inf)
+        measured, predicted = largest - smallest
         is_stuck = (predicted > MIN_PREDICTED_MOTION_REL) & (
             measured < STUCK_BELOW_SHARE_OF_PREDICTED * predicted
         )
@@ -284,12 +292,6 @@ def inconsistency_sigma_rel(
     uncertain = np.maximum(residual - motion_rel - UNCERTAIN_RESIDUAL - UNCERTAIN_RESIDUAL_REL * rms_rel, 0.0)
     inconsistency_rel: Vector = uncertain / np.maximum(rms_rel, RESIDUAL_LIMIT)
     return inconsistency_rel
-
-
-def _residual_limit_rel(rms_rel: Vector | float, motion_rel: Vector | float = 0.0) -> Vector:
-    """Return the residual limit for a foot whose closures have this rms and motion [1]."""
-    limit: Vector = RESIDUAL_LIMIT + motion_rel + np.multiply(RESIDUAL_LIMIT_REL, rms_rel)
-    return limit
 
 
 def floating_row_crosstalk_pf(capacitance_pf: Vector, opened: Mask) -> Vector:

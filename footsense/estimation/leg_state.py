@@ -1,112 +1,136 @@
-"""State, cause and faulty elements of every leg in a frame in which not every leg is healthy."""
+"""State, cause and faulty elements of every leg: what follows from the findings of a cycle."""
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.estimation.baseline import BaselineTracker
-from footsense.estimation.elements import ConsistencyTest, ElementStatus
 from footsense.estimation.missing_elements import (
     COLUMN_SETS,
     MAX_OVERLOADED,
     ROW_SETS,
-    fault_mask,
-    missing_sets_containing,
+    patterns_of,
 )
-from footsense.estimation.network import Readings
-from footsense.foot.network_card import TrainedInputs
-from footsense.frames import Cause, Codes, Mask, State, Vector
+from footsense.frames import ELEMENTS, Cause, Codes, Mask, Reading, State
 from footsense.leg_words import STATE_AND_CAUSE_OF_READING
 
+# Of each code of a reading: how severe it is, 0 for none that faults a leg; and of that state and cause.
+_SEVERITY = np.zeros(max(Reading) + 1, np.intp)
+_SEVERITY[list(STATE_AND_CAUSE_OF_READING)] = np.arange(1, len(STATE_AND_CAUSE_OF_READING) + 1)
+_STATE_OF_SEVERITY, _CAUSE_OF_SEVERITY = np.array([(0, 0), *STATE_AND_CAUSE_OF_READING.values()], np.uint8).T
+# Of each pattern of open elements: what is open. An open line shows as all three of its elements being open.
+_OPEN_CAUSE = np.full(1 << ELEMENTS, Cause.ELEMENT_OPEN, np.uint8)
+_OPEN_CAUSE[0] = Cause.NONE
+for _sets, _cause in ((COLUMN_SETS, Cause.COLUMN_OPEN), (ROW_SETS, Cause.ROW_OPEN)):
+    for _line in patterns_of(_sets):
+        _OPEN_CAUSE[(np.arange(len(_OPEN_CAUSE)) & _line) == _line] = _cause
+# Plain numbers: to store an enumeration's member in an array costs a microsecond each time.
+_VALID, _DEGRADED, _OUT_OF_RANGE, _STALE, _SATURATED, _ELEMENT_FAULT, _STOPPED = map(
+    int,
+    (
+        State.VALID,
+        State.DEGRADED,
+        State.OUT_OF_RANGE,
+        State.STALE,
+        State.SATURATED,
+        State.ELEMENT_FAULT,
+        State.STOPPED,
+    ),
+)
+_NONE, _OVERLOAD, _DRIFTS, _STUCK, _SHORTED, _DELAYED = map(
+    int,
+    (
+        Cause.NONE,
+        Cause.OVERLOAD,
+        Cause.ELEMENT_DRIFTS,
+        Cause.ELEMENT_STUCK,
+        Cause.ELEMENT_SHORTED,
+        Cause.DELAYED,
+    ),
+)
 
-class LegStateClassifier:
-    """Determines the state of every leg of a frame.
 
-    Args:
-        trained: Range of closures that the network was trained for.
-        gap_um: Air gap of each element [um], shape (legs, elements).
-        max_age_ns: Age of the oldest reading from which a measurement is stale [ns].
-        baselines: Baselines of the legs.
-        consistency: Consistency test of their elements.
+class LegRecord(NamedTuple):
+    """What the stages of the estimation have found in a cycle; masks of shape (legs, elements) unless said.
 
     Attributes:
-        stopped: Legs that a command has stopped, shape (legs,).
-        closure_min_rel: Least closures over the gap that the network can use [1], shape (legs, elements).
-        closure_max_rel: Largest ones [1], same shape; a larger one is an overload.
+        reading: How each element answered.
+        opened: Elements whose electrode is disconnected.
+        over_range: Elements above the converter's range.
+        untared: Elements without a baseline, of legs that have others.
+        unusable: Sets of elements that the network does without by their readings and baselines.
+        excluded: Elements that contradict the others.
+        stuck: Those of them that do not follow the load.
+        interrupted: Elements that it does without for readings that do not follow on one another.
+        missing: All that it does without.
+        overloaded: Elements that are closed at least as far as they read.
+        below: Elements that are closed less than the network was trained for.
+        is_interrupted: Legs of which it cannot do without all elements with interrupted readings, shape (legs,).
+        is_old: Legs whose oldest reading is too old, shape (legs,).
+        is_stopped: Legs that a command has stopped, shape (legs,).
+        untared_states: State of each leg without a baseline, by its row.
+        cause: Cause of each leg by noise and drift, shape (legs,).
     """
 
-    def __init__(
-        self,
-        trained: TrainedInputs,
-        gap_um: Vector,
-        max_age_ns: int,
-        baselines: BaselineTracker,
-        consistency: ConsistencyTest,
-    ) -> None:
-        n_legs = len(gap_um)
-        # One row per leg: to broadcast a single one takes twice as long as the comparison.
-        self.closure_min_rel = np.tile(trained.closure_rel_min, (n_legs, 1))
-        self.closure_max_rel = trained.max_usable_closure_rel(gap_um)
-        self._max_age_ns = max_age_ns
-        self._baselines, self._consistency = baselines, consistency
-        self.stopped: Mask = np.zeros(n_legs, bool)
+    reading: Codes
+    opened: Mask
+    over_range: Mask
+    untared: Mask
+    unusable: Mask
+    excluded: Mask
+    stuck: Mask
+    interrupted: Mask
+    missing: Mask
+    overloaded: Mask
+    below: Mask
+    is_interrupted: Mask
+    is_old: Mask
+    is_stopped: Mask
+    untared_states: dict[int, State]
+    cause: Codes
 
-    def classify(
-        self,
-        reading: Codes,
-        elements: ElementStatus,
-        unusable: Mask,
-        missing: Mask,
-        overloaded: Mask,
-        interrupted_legs: Mask,
-        closure_rel: Vector,
-        readings: Readings,
-        now_ns: int,
-    ) -> tuple[Codes, NDArray[np.uint16], Codes]:
-        """Return the most severe state of every leg, the mask of its faulty elements, and the cause.
 
-        Args:
-            reading: How each element answered, shape (legs, elements).
-            elements: Status of the elements.
-            unusable: Elements that the network does without, whatever the consistency test finds.
-            missing: Elements that it does without.
-            overloaded: Elements over the converter's range or above `closure_max_rel`, shape (legs, elements).
-            interrupted_legs: Legs of which it cannot do without all elements with interrupted readings, shape (legs,).
-            closure_rel: Measured closures over the gap [1], shape (legs, elements).
-            readings: The last readings of the elements.
-            now_ns: Current time [ns].
-        """
-        baselines, excluded, stuck = self._baselines, self._consistency.excluded, self._consistency.stuck
-        shorted = elements.over_range & (unusable | excluded)
-        left_out = excluded | missing & ~missing_sets_containing(unusable | excluded)
-        faulty = elements.opened | baselines.unloaded.untared_elements_of_tared_legs | left_out
-        kept = ~missing
-        n_overloaded = (overloaded & kept).sum(axis=1)
-        state = np.full(len(reading), State.VALID, np.uint8)
-        state[missing.any(axis=1) | (n_overloaded > 0)] = State.DEGRADED
-        state[((closure_rel < self.closure_min_rel) & kept).any(axis=1)] = State.OUT_OF_RANGE
-        state[(now_ns - readings.oldest_of_newest_ns > self._max_age_ns) | interrupted_legs] = State.STALE
-        for leg, untared_state in baselines.tares.states.items():
-            state[leg] = untared_state
-        state[(state == State.TARING) & interrupted_legs] = State.STARTING
-        state[n_overloaded > MAX_OVERLOADED] = State.SATURATED
-        state[(faulty & kept).any(axis=1)] = State.ELEMENT_FAULT
-        if reading.any():
-            for kind, (worse, _) in STATE_AND_CAUSE_OF_READING.items():
-                state[(reading == kind).any(axis=1)] = worse
-        state[self.stopped] = State.STOPPED
-        cause = baselines.unloaded.cause.copy()
-        cause[n_overloaded > 0] = Cause.OVERLOAD
-        cause[(excluded & ~stuck).any(axis=1)] = Cause.ELEMENT_DRIFTS
-        cause[stuck.any(axis=1)] = Cause.ELEMENT_STUCK
-        cause[elements.opened.any(axis=1)] = Cause.ELEMENT_OPEN
-        # An open line shows as all three of its elements being open. A shorted element ties its column to its row and
-        # takes the other two elements of its column along.
-        for lines, broken in ((COLUMN_SETS, Cause.COLUMN_OPEN), (ROW_SETS, Cause.ROW_OPEN)):
-            for line in lines:
-                cause[elements.opened[:, line].all(axis=1)] = broken
-        cause[shorted.any(axis=1)] = Cause.ELEMENT_SHORTED
-        if reading.any():
-            for kind, (_, reason) in STATE_AND_CAUSE_OF_READING.items():
-                cause[(reading == kind).any(axis=1)] = reason
-        cause[(state == State.STALE) & (cause == Cause.NONE)] = Cause.DELAYED
-        return state, fault_mask((reading != 0) | faulty | overloaded), cause
+def states_and_causes(record: LegRecord) -> tuple[Codes, NDArray[np.uint16], Codes]:
+    """Return the most severe state of every leg, the mask of its faulty elements, and the cause."""
+    faulty = record.opened | record.untared | record.excluded | record.interrupted
+    kept = ~record.missing
+    overloaded = record.overloaded & kept
+    patterns = patterns_of(
+        np.array(
+            [
+                record.missing | overloaded,
+                overloaded,
+                record.below & kept,
+                faulty & kept,
+                record.excluded & ~record.stuck,
+                record.stuck,
+                # It ties its column to its row, and takes the other two elements of its column along.
+                record.over_range & (record.unusable | record.excluded),
+                record.opened,
+                (record.reading != 0) | faulty | record.overloaded,
+            ]
+        )
+    )
+    is_degraded, is_overloaded, is_below, is_faulty, drifts, is_stuck, is_shorted, _, _ = patterns > 0
+    severity = np.maximum.reduce(_SEVERITY[record.reading], axis=1)
+    state = np.where(is_degraded, np.uint8(_DEGRADED), np.uint8(_VALID))
+    state[is_below] = _OUT_OF_RANGE
+    state[record.is_old | record.is_interrupted] = _STALE
+    for leg, untared_state in record.untared_states.items():
+        starts = untared_state is State.TARING and record.is_interrupted[leg]
+        state[leg] = State.STARTING if starts else untared_state
+    state[np.add.reduce(overloaded, axis=1) > MAX_OVERLOADED] = _SATURATED
+    state[is_faulty] = _ELEMENT_FAULT
+    has_reading = severity > 0
+    state = np.where(has_reading, _STATE_OF_SEVERITY[severity], state)
+    state[record.is_stopped] = _STOPPED
+    cause = record.cause.copy()
+    cause[is_overloaded] = _OVERLOAD
+    cause[drifts] = _DRIFTS
+    cause[is_stuck] = _STUCK
+    *_, opened, fault_mask = patterns
+    cause = np.where(opened > 0, _OPEN_CAUSE[opened], cause)
+    cause[is_shorted] = _SHORTED
+    cause = np.where(has_reading, _CAUSE_OF_SEVERITY[severity], cause)
+    cause[(state == _STALE) & (cause == _NONE)] = _DELAYED
+    return state, fault_mask, cause

@@ -29,13 +29,25 @@ MAX_OVERLOADED = 3
 #: Residuals beside overloaded elements over those without [1]: a closed gap takes load from the elements beside it.
 _OVERLOAD_RESIDUAL_REL = 1.5
 
-#: Bit of each element in a pattern of elements.
-BITS = (1 << _ELEMENT).astype(np.uint16)
 _PATTERNS: Mask = np.array(list(product((False, True), repeat=ELEMENTS)))[:, ::-1]
 #: Which sets contain each pattern, shape (512, 16).
 CONTAINING: Mask = np.logical_and.reduce(_PATTERNS[:, None] <= MISSING_SETS, axis=2)
 #: Number of the smallest set that contains each pattern, the first of those; 0, the empty one, where no set does.
 SMALLEST_CONTAINING: NDArray[np.intp] = CONTAINING.argmax(axis=1)
+_SETS_CONTAINING: Mask = MISSING_SETS[SMALLEST_CONTAINING]
+
+
+def patterns_of(elements: Mask) -> NDArray[np.uint16]:
+    """Return masks of elements, shape (..., elements), as numbers, shape (...): bit e for element e.
+
+    Example:
+        >>> elements = np.zeros((1, 9), bool)
+        >>> elements[0, [0, 8]] = True
+        >>> bin(int(patterns_of(elements)[0]))
+        '0b100000001'
+    """
+    patterns: NDArray[np.uint16] = np.packbits(elements, axis=-1, bitorder="little").view("<u2")[..., 0]
+    return patterns
 
 
 def missing_sets_containing(faulty: Mask) -> Mask:
@@ -49,24 +61,10 @@ def missing_sets_containing(faulty: Mask) -> Mask:
         >>> missing_sets_containing(two_of_row_0)[0].astype(int).tolist()
         [1, 1, 1, 0, 0, 0, 0, 0, 0]
     """
-    missing: Mask = MISSING_SETS[SMALLEST_CONTAINING[faulty @ BITS]]
-    return missing
+    return _SETS_CONTAINING.take(patterns_of(faulty), axis=0)
 
 
-def fault_mask(unusable: Mask) -> NDArray[np.uint16]:
-    """Return a bit mask of each leg's unusable elements (bit e for element e), shape (legs,).
-
-    Example:
-        >>> unusable = np.zeros((1, 9), bool)
-        >>> unusable[0, [0, 8]] = True
-        >>> bin(int(fault_mask(unusable)[0]))
-        '0b100000001'
-    """
-    masks: NDArray[np.uint16] = unusable @ BITS
-    return masks
-
-
-_SET_PATTERNS, _ALL_SETS = MISSING_SETS @ BITS, slice(None)
+_SET_PATTERNS = patterns_of(MISSING_SETS)
 
 
 def _residual_matrices(moments: Vector) -> Vector:
@@ -97,10 +95,10 @@ class Imputation:
         #: Amplification by each of `MISSING_SETS`.
         self.error_amplification = np.array([self._error_amplification(each) for each in MISSING_SETS])
         # Of each pattern of unknown elements: root mean square of the residuals over the loads, the smaller the more
-        # certain the predictions, and the matrix that gives the residuals over that.
+        # certain the predictions, and the matrix that gives the residuals.
         residual = _residual_matrices(moments)
         self._rms = np.sqrt(np.einsum("pij,jk,pik->pi", residual, moments, residual))
-        self._residual = residual / self._rms[..., None]
+        self._residual = residual
 
     def matrix(self, missing: Mask) -> Vector:
         """Return the matrix F, shape (elements, elements), that gives the imputed closures F @ closures.
@@ -122,8 +120,8 @@ class Imputation:
         # With the paper's foot 1.7 at most beside a missing element, 1.2 beside a middle line, 4.0 beside an outer one.
         return float(np.linalg.norm(self.matrix(missing), axis=0).max())
 
-    def residuals(self, closure_rel: Vector, overloaded: Mask, sets: slice = _ALL_SETS) -> Vector:
-        """Return the difference of each closure from its prediction by those that are known [1], shape (legs, sets, 9).
+    def residuals(self, closure_rel: Vector, overloaded: Mask, sets: NDArray[np.intp]) -> Vector:
+        """Return the difference of each closure from its prediction by those that are known [1], shape (legs, k, 9).
 
         Known are those that are neither overloaded nor in a set of `MISSING_SETS`, one along the second axis.
         An overloaded element is closed at least as far as it reads, so it differs only where it reads more than
@@ -133,15 +131,16 @@ class Imputation:
         Args:
             closure_rel: Closures over the gap [1], finite, shape (legs, elements).
             overloaded: Overloaded elements, same shape.
-            sets: The sets.
+            sets: Numbers of sets, shape (legs, k) or (1, k).
         """
-        patterns = _SET_PATTERNS[sets]
-        unknown = patterns | (overloaded @ BITS)[:, None]
-        residuals: Vector = (self._residual[unknown] @ closure_rel[:, None, :, None])[..., 0]
-        residuals *= self._rms[patterns]
-        is_overloaded = overloaded[:, None]
-        residuals = np.where(is_overloaded, np.maximum(residuals, 0.0), residuals)
-        return residuals / np.where(is_overloaded.any(axis=2, keepdims=True), _OVERLOAD_RESIDUAL_REL, 1.0)
+        patterns, by_overload = _SET_PATTERNS[sets], patterns_of(overloaded)[:, None]
+        unknown = patterns | by_overload
+        residuals: Vector = np.matmul(self._residual[unknown], closure_rel[:, None, :, None])[..., 0]
+        if not np.count_nonzero(by_overload):
+            return residuals
+        scale = self._rms[patterns] / self._rms[unknown] / _OVERLOAD_RESIDUAL_REL
+        residuals = np.where(overloaded[:, None], np.maximum(residuals, 0.0), residuals)
+        return residuals * np.where(by_overload[..., None], scale, 1.0)
 
     def impute(self, closure_rel: Vector, missing: Mask) -> Vector:
         """Return the closures with the missing ones imputed, same shape.

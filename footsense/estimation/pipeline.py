@@ -13,9 +13,9 @@ import numpy as np
 
 from footsense.estimation.baseline import BaselineTracker
 from footsense.estimation.calibrated_feet import CalibratedFeet
-from footsense.estimation.elements import ConsistencyResult, ConsistencyTest, ElementClassifier, ElementStatus
-from footsense.estimation.leg_state import LegStateClassifier
-from footsense.estimation.missing_elements import Imputation, missing_sets_containing
+from footsense.estimation.elements import ConsistencyTest, ElementClassifier, ElementStatus
+from footsense.estimation.leg_state import LegRecord, states_and_causes
+from footsense.estimation.missing_elements import Imputation, missing_sets_containing, patterns_of
 from footsense.estimation.network import STEADY_AGES_S, Network, Readings, ReadingWindow, sensitivity
 from footsense.estimation.noise import ReadingNoise
 from footsense.estimation.rest import RefinedAtRest
@@ -82,12 +82,10 @@ class Pipeline:
         self._noise = ReadingNoise(n_legs, trained.moments)
         self._baselines = BaselineTracker(feet, trained, limits, sensitivity, self._noise)
         self._consistency = ConsistencyTest(n_legs, self._imputation)
-        self._legs = LegStateClassifier(
-            trained, feet.gap_um, self._max_age_ns, self._baselines, self._consistency
-        )
-        # Of healthy legs; shared by their frames and never written to.
-        self._valid = np.full(n_legs, State.VALID, np.uint8)
-        self._no_fault, self._no_leg = np.zeros(n_legs, np.uint16), np.zeros(n_legs, bool)
+        self._stopped: Mask = np.zeros(n_legs, bool)
+        # Of each leg: a row is as cheap as a value, and to broadcast one is not.
+        self._closure_min_rel = np.tile(trained.closure_rel_min, (n_legs, 1))
+        self._closure_max_rel = trained.max_usable_closure_rel(feet.gap_um)
         friction = limits.contact.friction
         self._gait = GaitTracker(
             n_legs,
@@ -116,7 +114,7 @@ class Pipeline:
             tares.command(command.leg)
             return None
         is_stop = command.kind is CommandKind.STOP
-        self._legs.stopped[command.leg] = is_stop
+        self._stopped[command.leg] = is_stop
         return CommandResult(command, Result.DONE, f"{'stopped' if is_stop else 'started'} by command")
 
     def set_degraded_timing(self, degraded: bool) -> None:  # noqa: FBT001 - a callback with one value
@@ -155,38 +153,45 @@ class Pipeline:
             self._noise.observe(readings.plate_distance_rel)
         closure_rel = baselines.unloaded.plate_distance_rel[:, None] - readings.plate_distance_rel
         measured_rel = closure_rel[:, 0]
-        overloaded = measured_rel > self._legs.closure_max_rel
-        if not elements.all_readings_ok:
-            overloaded |= elements.over_range
-        excluded_before = self._consistency.excluded
-        consistency = self._consistency.test(measured_rel, readings, unusable, overloaded)
-        self._window.discard_newest(self._consistency.excluded & ~excluded_before)
-        interrupted = self._no_leg
-        if np.count_nonzero(readings.is_consecutive) < readings.is_consecutive.size:
-            consistency, interrupted = _with_interrupted_readings_missing(consistency, readings)
-        state, fault_mask, cause = self._valid, self._no_fault, baselines.unloaded.cause
-        healthy = self._are_healthy(elements, consistency, overloaded, readings, measured_rel, now_ns)
-        if not healthy:
-            state, fault_mask, cause = self._legs.classify(
-                scan.reading,
-                elements,
-                unusable,
-                consistency.missing,
-                overloaded,
-                interrupted,
-                measured_rel,
-                readings,
-                now_ns,
+        overloaded = (measured_rel > self._closure_max_rel) | elements.over_range
+        consistency = self._consistency
+        excluded_before = consistency.excluded
+        kept_out, inconsistency_sigma_rel = consistency.test(measured_rel, readings, unusable, overloaded)
+        self._window.discard_newest(consistency.excluded & ~excluded_before)
+        missing, is_interrupted = _with_interrupted_readings_missing(kept_out, readings)
+        state, fault_mask, cause = states_and_causes(
+            LegRecord(
+                reading=scan.reading,
+                opened=elements.opened,
+                over_range=elements.over_range,
+                untared=baselines.unloaded.untared_elements_of_tared_legs,
+                unusable=unusable,
+                excluded=consistency.excluded,
+                stuck=consistency.stuck,
+                interrupted=missing & ~kept_out,
+                missing=missing,
+                overloaded=overloaded,
+                below=measured_rel < self._closure_min_rel,
+                is_interrupted=is_interrupted,
+                is_old=now_ns - readings.oldest_of_newest_ns > self._max_age_ns,
+                is_stopped=self._stopped,
+                untared_states=baselines.tares.states,
+                cause=baselines.unloaded.cause,
             )
+        )
         age_s: Vector = np.asarray((now_ns - readings.t_ns) * 1e-9, np.float64)
-        load, state = self._estimate_loads(closure_rel, age_s, consistency, state, healthy=healthy)
+        load, state = self._estimate_loads(closure_rel, age_s, missing, inconsistency_sigma_rel, state)
         force_n = load.force_n
-        if interrupted is not self._no_leg or np.count_nonzero(overloaded):
-            # What a line that breaks adds to the other elements is no load, nor is at least so much a reading in swing.
-            measured_rel = np.where(interrupted[:, None], np.nan, measured_rel)
-            pf = np.where(overloaded, np.nan, pf)
+        # What a line that breaks adds to the other elements is no load, nor is at least so much a reading in swing.
+        measured_rel = np.where(is_interrupted[:, None], np.nan, measured_rel)
         baselines.observe(
-            measured_rel, force_n[:, 2], load.sigma_n[:, 2], pf, scan.t_ns, consistency.missing, now_ns
+            measured_rel,
+            force_n[:, 2],
+            load.sigma_n[:, 2],
+            np.where(overloaded, np.nan, pf),
+            scan.t_ns,
+            missing,
+            now_ns,
         )
         gait = self._gait.observe(load, baselines.contacts, now_ns)
         # Beside the network's: the foot's own mass, and gains of the elements that nobody has found.
@@ -214,73 +219,47 @@ class Pipeline:
             self._consistency.reset(unloaded.untared_legs)
         return missing_sets_containing(elements.opened | unloaded.untared_elements_of_tared_legs)
 
-    def _are_healthy(
-        self,
-        elements: ElementStatus,
-        consistency: ConsistencyResult,
-        overloaded: Mask,
-        readings: Readings,
-        measured_rel: Vector,
-        now_ns: int,
-    ) -> bool:
-        # A leg without a baseline has no closures.
-        known = readings.is_consecutive & ~(consistency.missing | overloaded) & np.isfinite(measured_rel)
-        if not elements.all_readings_ok or np.count_nonzero(known) < known.size:
-            return False
-        legs = self._legs
-        oldest_ns = min(readings.oldest_of_newest_ns.tolist())
-        return (
-            oldest_ns > 0
-            and now_ns - oldest_ns <= self._max_age_ns
-            and not np.count_nonzero(measured_rel < legs.closure_min_rel)
-            and not np.count_nonzero(legs.stopped)
-        )
-
     def _estimate_loads(
         self,
         closure_rel: Vector,
         age_s: Vector,
-        consistency: ConsistencyResult,
+        missing: Mask,
+        inconsistency_sigma_rel: Vector,
         state: Codes,
-        *,
-        healthy: bool,
     ) -> tuple[LoadEstimate, Codes]:
         """Return the estimated loads (NaN where unusable), and the state of each leg.
 
         Args:
             closure_rel: Closures over the gap [1], newest first, shape (legs, 3, 9).
             age_s: Their ages [s], same shape.
-            consistency: The elements to do without.
+            missing: The elements to do without.
+            inconsistency_sigma_rel: Sigma by contradicting elements, over the force [1], shape (legs,).
             state: State of each leg by its readings.
-            healthy: Whether every leg is valid without any fault.
         """
-        if not healthy:
-            # The network gets trained inputs only.
-            usable = IS_USABLE_STATE[state]
-            closure_rel = np.where(usable[:, None, None], closure_rel, 0.0)
-            closure_rel = np.minimum(
-                np.maximum(closure_rel, self._trained.closure_rel_min), self._trained.closure_rel_max
-            )
-            closure_rel = self._imputation.impute(closure_rel, consistency.missing)
-            age_s = _with_usual_ages(age_s, usable, consistency.missing)
-        load = self._estimator.estimate(Window(closure_rel, age_s, consistency.missing))
-        force_n, sigma_n = load.force_n, load.sigma_n
-        sigma_n = np.hypot(sigma_n, self._baselines.unloaded.sigma_n)
-        max_n, max_sigma_n = self._trained.max_force_n, MAX_SIGMA_REL * self._trained.max_force_n
-        if np.count_nonzero(consistency.inconsistency_sigma_rel):
-            sigma_n = with_inconsistency(sigma_n, consistency.inconsistency_sigma_rel, force_n, max_sigma_n)
-        # Of all legs together, in few calls: what is within it is so leg by leg. A NaN is never.
-        if (
-            healthy
-            and np.vdot(force_n, force_n) <= max_n * max_n
-            and np.vdot(sigma_n, sigma_n) <= max_sigma_n * max_sigma_n
-        ):
-            return load._replace(sigma_n=sigma_n), state
-        usable = IS_USABLE_STATE[state]
-        told = usable & (np.linalg.norm(force_n, axis=1) <= max_n) & (sigma_n <= max_sigma_n).all(axis=1)
+        trained, usable = self._trained, IS_USABLE_STATE[state]
+        # The network gets trained inputs only.
+        closure_rel = np.minimum(np.maximum(closure_rel, trained.closure_rel_min), trained.closure_rel_max)
+        for leg in np.flatnonzero(patterns_of(missing) | ~usable).tolist():
+            if usable[leg]:
+                closure_rel[leg] = self._imputation.impute(closure_rel[leg][None], missing[leg][None])[0]
+                age_s[leg, :, missing[leg]] = age_s[leg, :, ~missing[leg]].mean(axis=0)
+            else:
+                closure_rel[leg], age_s[leg] = 0.0, STEADY_AGES_S
+        load = self._estimator.estimate(Window(closure_rel, age_s, missing))
+        force_n, max_n = load.force_n, trained.max_force_n
+        max_sigma_n = MAX_SIGMA_REL * max_n
+        sigma_n = np.hypot(load.sigma_n, self._baselines.unloaded.sigma_n)
+        if np.count_nonzero(inconsistency_sigma_rel):
+            sigma_n = with_inconsistency(sigma_n, inconsistency_sigma_rel, force_n, max_sigma_n)
+        fits = (_norms(force_n) <= max_n) & np.logical_and.reduce(sigma_n <= max_sigma_n, axis=1)
+        told = usable & fits
         force_n[~told] = sigma_n[~told] = np.nan
-        state = np.where(usable & ~told, np.uint8(State.OUT_OF_RANGE), state)
-        return load._replace(sigma_n=sigma_n), state
+        return load._replace(sigma_n=sigma_n), np.where(usable & ~fits, np.uint8(State.OUT_OF_RANGE), state)
+
+
+def _norms(vectors: Vector) -> Vector:
+    norms: Vector = np.sqrt(np.einsum("li,li->l", vectors, vectors))
+    return norms
 
 
 def with_inconsistency(
@@ -294,7 +273,7 @@ def with_inconsistency(
         force_n: The forces [N], shape (legs, 3).
         max_sigma_n: Largest sigma of a usable force [N].
     """
-    inconsistent_n = (inconsistency_sigma_rel * np.linalg.norm(force_n, axis=1))[:, None]
+    inconsistent_n = (inconsistency_sigma_rel * _norms(force_n))[:, None]
     widened_n: Vector = np.minimum(np.hypot(sigma_n, inconsistent_n), np.maximum(sigma_n, max_sigma_n))
     return widened_n
 
@@ -308,32 +287,15 @@ def _without_future_readings(scan: CapFrame, now_ns: int) -> CapFrame:
     )
 
 
-def _with_interrupted_readings_missing(
-    consistency: ConsistencyResult, readings: Readings
-) -> tuple[ConsistencyResult, Mask]:
-    """Return the result with elements without consecutive readings added as missing, and the interrupted legs.
+def _with_interrupted_readings_missing(missing: Mask, readings: Readings) -> tuple[Mask, Mask]:
+    """Return the missing elements with those without consecutive readings, and the interrupted legs.
 
     A leg is interrupted until enough of its elements have been read in a row for the network to do without the others.
     """
     incomplete = ~readings.is_consecutive
-    missing = missing_sets_containing(consistency.missing | incomplete)
-    interrupted_legs: Mask = np.asarray((incomplete & ~missing).any(axis=1))
-    missing[interrupted_legs] = consistency.missing[interrupted_legs]
-    return consistency._replace(missing=missing), interrupted_legs
-
-
-def _with_usual_ages(age_s: Vector, usable: Mask, missing: Mask) -> Vector:
-    """Return ages with those of missing elements replaced by the leg's mean, those of unusable legs by usual ones.
-
-    Args:
-        age_s: Ages of the readings [s], shape (legs, 3, 9).
-        usable: Legs whose force may be used, shape (legs,).
-        missing: Missing elements, shape (legs, elements).
-    """
-    read = ~missing[:, None]
-    n_read = np.maximum(read.sum(axis=2, keepdims=True), 1)
-    mean_s = np.where(read, age_s, 0.0).sum(axis=2, keepdims=True) / n_read
-    return np.where(usable[:, None, None], np.where(read, age_s, mean_s), STEADY_AGES_S)
+    all_missing = missing_sets_containing(missing | incomplete)
+    is_interrupted = np.logical_or.reduce(incomplete & ~all_missing, axis=1)
+    return np.where(is_interrupted[:, None], missing, all_missing), is_interrupted
 
 
 def pipeline_of(

@@ -55,7 +55,7 @@ class _Scan(NamedTuple):
 
 
 #: Of `MISSING_SETS` the empty one.
-_NO_SET = slice(0, 1)
+_NO_SET = np.zeros((1, 1), np.intp)
 #: By board: on two buses, and on one at 400 conversions a second. A published force of the service with board `ad7147`
 #: has 17.6 conversions of 0.768 ms; here they are 18, two scans, in the same time.
 _SCANS = {
