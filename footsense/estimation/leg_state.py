@@ -5,49 +5,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from footsense.estimation.missing_elements import (
-    COLUMN_SETS,
-    MAX_OVERLOADED,
-    ROW_SETS,
-    patterns_of,
-)
-from footsense.frames import ELEMENTS, Cause, Codes, Mask, Reading, State
+from footsense.estimation.missing_elements import COLUMN_SETS, MAX_OVERLOADED, ROW_SETS, patterns_of
+from footsense.frames import Cause, Codes, Mask, Reading, State
 from footsense.leg_words import STATE_AND_CAUSE_OF_READING
 
-# Of each code of a reading: how severe it is, 0 for none that faults a leg; and of that state and cause.
-_SEVERITY = np.zeros(max(Reading) + 1, np.intp)
-_SEVERITY[list(STATE_AND_CAUSE_OF_READING)] = np.arange(1, len(STATE_AND_CAUSE_OF_READING) + 1)
-_STATE_OF_SEVERITY, _CAUSE_OF_SEVERITY = np.array([(0, 0), *STATE_AND_CAUSE_OF_READING.values()], np.uint8).T
-# Of each pattern of open elements: what is open. An open line shows as all three of its elements being open.
-_OPEN_CAUSE = np.full(1 << ELEMENTS, Cause.ELEMENT_OPEN, np.uint8)
-_OPEN_CAUSE[0] = Cause.NONE
-for _sets, _cause in ((COLUMN_SETS, Cause.COLUMN_OPEN), (ROW_SETS, Cause.ROW_OPEN)):
-    for _line in patterns_of(_sets):
-        _OPEN_CAUSE[(np.arange(len(_OPEN_CAUSE)) & _line) == _line] = _cause
-# Plain numbers: to store an enumeration's member in an array costs a microsecond each time.
-_VALID, _DEGRADED, _OUT_OF_RANGE, _STALE, _SATURATED, _ELEMENT_FAULT, _STOPPED = map(
-    int,
-    (
-        State.VALID,
-        State.DEGRADED,
-        State.OUT_OF_RANGE,
-        State.STALE,
-        State.SATURATED,
-        State.ELEMENT_FAULT,
-        State.STOPPED,
-    ),
-)
-_NONE, _OVERLOAD, _DRIFTS, _STUCK, _SHORTED, _DELAYED = map(
-    int,
-    (
-        Cause.NONE,
-        Cause.OVERLOAD,
-        Cause.ELEMENT_DRIFTS,
-        Cause.ELEMENT_STUCK,
-        Cause.ELEMENT_SHORTED,
-        Cause.DELAYED,
-    ),
-)
+_COLUMNS, _ROWS = patterns_of(COLUMN_SETS).tolist(), patterns_of(ROW_SETS).tolist()
+_OK = int(Reading.OK)
 
 
 class LegRecord(NamedTuple):
@@ -91,46 +54,74 @@ class LegRecord(NamedTuple):
 
 
 def states_and_causes(record: LegRecord) -> tuple[Codes, NDArray[np.uint16], Codes]:
-    """Return the most severe state of every leg, the mask of its faulty elements, and the cause."""
-    faulty = record.opened | record.untared | record.excluded | record.interrupted
-    kept = ~record.missing
-    overloaded = record.overloaded & kept
-    patterns = patterns_of(
-        np.array(
-            [
-                record.missing | overloaded,
-                overloaded,
-                record.below & kept,
-                faulty & kept,
-                record.excluded & ~record.stuck,
-                record.stuck,
-                # It ties its column to its row, and takes the other two elements of its column along.
-                record.over_range & (record.unusable | record.excluded),
-                record.opened,
-                (record.reading != 0) | faulty | record.overloaded,
-            ]
+    """Return the most severe state of each leg, the pattern of its faulty elements, and the cause."""
+    states, causes = bytearray([State.VALID] * len(record.cause)), bytearray(record.cause.tobytes())
+    fault_masks = [0] * len(states)
+    # Numbers, with a bit an element: for a few legs they are faster than arrays.
+    by_leg = patterns_of(np.array([record.reading != _OK, *record[1:11]])).T.tolist()
+    of_leg = zip(*(found.tolist() for found in record[11:14]), strict=True)
+    for leg, (masks, flags) in enumerate(zip(by_leg, of_leg, strict=True)):
+        if not (any(masks) or any(flags) or leg in record.untared_states):
+            continue
+        (
+            failed,
+            opened,
+            over_range,
+            untared,
+            unusable,
+            excluded,
+            stuck,
+            interrupted,
+            missing,
+            overloaded,
+            below,
+        ) = masks
+        is_interrupted, is_old, is_stopped = flags
+        faulty = opened | untared | excluded | interrupted
+        kept_overloaded = overloaded & ~missing
+        untared_state = record.untared_states.get(leg, State.VALID)
+        if untared_state is State.TARING and is_interrupted:
+            untared_state = State.STARTING
+        state_of_reading, cause_of_reading = _of_readings(record.reading[leg]) if failed else (None, None)
+        # The most severe last.
+        states[leg] = _last_found(
+            (True, State.VALID),
+            (missing or kept_overloaded, State.DEGRADED),
+            (below & ~missing, State.OUT_OF_RANGE),
+            (is_old or is_interrupted, State.STALE),
+            (untared_state is not State.VALID, untared_state),
+            (kept_overloaded.bit_count() > MAX_OVERLOADED, State.SATURATED),
+            (faulty & ~missing, State.ELEMENT_FAULT),
+            (state_of_reading is not None, state_of_reading),
+            (is_stopped, State.STOPPED),
         )
-    )
-    is_degraded, is_overloaded, is_below, is_faulty, drifts, is_stuck, is_shorted, _, _ = patterns > 0
-    severity = np.maximum.reduce(_SEVERITY[record.reading], axis=1)
-    state = np.where(is_degraded, np.uint8(_DEGRADED), np.uint8(_VALID))
-    state[is_below] = _OUT_OF_RANGE
-    state[record.is_old | record.is_interrupted] = _STALE
-    for leg, untared_state in record.untared_states.items():
-        starts = untared_state is State.TARING and record.is_interrupted[leg]
-        state[leg] = State.STARTING if starts else untared_state
-    state[np.add.reduce(overloaded, axis=1) > MAX_OVERLOADED] = _SATURATED
-    state[is_faulty] = _ELEMENT_FAULT
-    has_reading = severity > 0
-    state = np.where(has_reading, _STATE_OF_SEVERITY[severity], state)
-    state[record.is_stopped] = _STOPPED
-    cause = record.cause.copy()
-    cause[is_overloaded] = _OVERLOAD
-    cause[drifts] = _DRIFTS
-    cause[is_stuck] = _STUCK
-    *_, opened, fault_mask = patterns
-    cause = np.where(opened > 0, _OPEN_CAUSE[opened], cause)
-    cause[is_shorted] = _SHORTED
-    cause = np.where(has_reading, _CAUSE_OF_SEVERITY[severity], cause)
-    cause[(state == _STALE) & (cause == _NONE)] = _DELAYED
-    return state, fault_mask, cause
+        causes[leg] = _last_found(
+            (states[leg] == State.STALE, Cause.DELAYED),
+            (causes[leg], causes[leg]),
+            (kept_overloaded, Cause.OVERLOAD),
+            (excluded & ~stuck, Cause.ELEMENT_DRIFTS),
+            (stuck, Cause.ELEMENT_STUCK),
+            (opened, Cause.ELEMENT_OPEN),
+            # An open line shows as all three of its elements being open.
+            (any(opened & line == line for line in _COLUMNS), Cause.COLUMN_OPEN),
+            (any(opened & line == line for line in _ROWS), Cause.ROW_OPEN),
+            # It ties its column to its row, and takes the other two elements of its column along.
+            (over_range & (unusable | excluded), Cause.ELEMENT_SHORTED),
+            (cause_of_reading is not None, cause_of_reading),
+        )
+        fault_masks[leg] = failed | faulty | overloaded
+    return np.frombuffer(states, np.uint8), np.array(fault_masks, np.uint16), np.frombuffer(causes, np.uint8)
+
+
+def _last_found(*found: tuple[object, int | None]) -> int:
+    """Return the last code whose condition holds; NONE or ABSENT where none does."""
+    return next((code for holds, code in reversed(found) if holds and code is not None), 0)
+
+
+def _of_readings(reading: Codes) -> tuple[int | None, int | None]:
+    """Return state and cause by the most severe reading of a leg; None where it has none that faults the leg."""
+    found = set(reading.tolist())
+    of_found = [
+        state_and_cause for code, state_and_cause in STATE_AND_CAUSE_OF_READING.items() if code in found
+    ]
+    return of_found[-1] if of_found else (None, None)

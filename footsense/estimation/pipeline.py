@@ -41,6 +41,8 @@ from footsense.ports import LoadEstimate, LoadEstimator, Window
 
 #: Largest sigma of a usable force, over the largest force of the training [1]: with a larger one nothing is known.
 MAX_SIGMA_REL = 0.5
+# Plain number: to store an enumeration's member in an array costs a microsecond.
+_OUT_OF_RANGE = int(State.OUT_OF_RANGE)
 #: Noise is measured in one of so many frames: a third of a scan of an I2C bus, whose frames have one new reading.
 _FRAMES_PER_NOISE_MEASUREMENT = 3
 
@@ -239,7 +241,7 @@ class Pipeline:
         trained, usable = self._trained, IS_USABLE_STATE[state]
         # The network gets trained inputs only.
         closure_rel = np.minimum(np.maximum(closure_rel, trained.closure_rel_min), trained.closure_rel_max)
-        for leg in np.flatnonzero(patterns_of(missing) | ~usable).tolist():
+        for leg in (patterns_of(missing) | ~usable).nonzero()[0].tolist():
             if usable[leg]:
                 closure_rel[leg] = self._imputation.impute(closure_rel[leg][None], missing[leg][None])[0]
                 age_s[leg, :, missing[leg]] = age_s[leg, :, ~missing[leg]].mean(axis=0)
@@ -252,9 +254,10 @@ class Pipeline:
         if np.count_nonzero(inconsistency_sigma_rel):
             sigma_n = with_inconsistency(sigma_n, inconsistency_sigma_rel, force_n, max_sigma_n)
         fits = (_norms(force_n) <= max_n) & np.logical_and.reduce(sigma_n <= max_sigma_n, axis=1)
-        told = usable & fits
-        force_n[~told] = sigma_n[~told] = np.nan
-        return load._replace(sigma_n=sigma_n), np.where(usable & ~fits, np.uint8(State.OUT_OF_RANGE), state)
+        state[usable & ~fits] = _OUT_OF_RANGE
+        untold = ~(usable & fits)
+        force_n[untold] = sigma_n[untold] = np.nan
+        return load._replace(sigma_n=sigma_n), state
 
 
 def _norms(vectors: Vector) -> Vector:
@@ -293,6 +296,8 @@ def _with_interrupted_readings_missing(missing: Mask, readings: Readings) -> tup
     A leg is interrupted until enough of its elements have been read in a row for the network to do without the others.
     """
     incomplete = ~readings.is_consecutive
+    if not np.count_nonzero(incomplete):
+        return missing, np.zeros(len(missing), bool)
     all_missing = missing_sets_containing(missing | incomplete)
     is_interrupted = np.logical_or.reduce(incomplete & ~all_missing, axis=1)
     return np.where(is_interrupted[:, None], missing, all_missing), is_interrupted

@@ -123,7 +123,7 @@ def test_after_start_elements_come_one_by_one() -> None:
 
 
 def test_a_foot_whose_gaps_all_closed_is_back_with_the_next_scan() -> None:
-    """SATURATED without a number; of the readings beyond the range the network sees the end of what it was trained for."""
+    """SATURATED without a number; of the readings beyond the range the network sees the end of the trained range."""
     feet = Feet(n_legs=1).tared()
     states(feet, 2, 10.0)
     for _ in range(4):
