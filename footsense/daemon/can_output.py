@@ -25,9 +25,10 @@ from footsense.sim.scene import Scene
 
 _log = logging.getLogger(__name__)
 
-#: Time in which a service that sends forces every 11 to 25 ms is heard, also one that lags, and the period of
-#: reading [ns].
-_LISTENING_NS, _POLL_PERIOD_NS = 200_000_000, 5_000_000
+#: Time in which a service that sends forces every 11 to 25 ms is heard, also one that lags [ns].
+_LISTENING_NS = 200_000_000
+#: Period of reading a channel [ns].
+POLL_PERIOD_NS = 5_000_000
 
 
 @contextmanager
@@ -102,7 +103,7 @@ def another_sends(wire: CanWire, clock: Clock) -> bool:
     while (now_ns := clock.now_ns()) < end_ns:
         if any(can_id in LINK_IDS for can_id, _ in map(unpack_frame, wire.receive())):
             return True
-        clock.sleep_until_ns(min(end_ns, now_ns + _POLL_PERIOD_NS))
+        clock.sleep_until_ns(min(end_ns, now_ns + POLL_PERIOD_NS))
     return False
 
 

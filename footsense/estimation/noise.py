@@ -26,24 +26,27 @@ from collections import deque
 
 import numpy as np
 
-from footsense.frames import Mask, Vector
+from footsense.foot.contact_coordinates import COORDINATES
+from footsense.frames import ELEMENTS, Mask, Vector
 
-#: Directions of least variation along which noise is measured.
-_N_DIRECTIONS = 4
+#: Directions of least variation along which noise is measured: as many as a load leaves.
+_N_DIRECTIONS = ELEMENTS - COORDINATES
 #: Mean square of the first differences along a direction of the loads, over the noise's variance, below which the load
 #: does not move [1]; that of noise is 2.
 _MOTION_LIMIT_REL2 = 2.0
 #: Largest share of one difference in the sum of the squares of all [1]: an impact of a few milliseconds, which one or
 #: two elements see, is no noise, nor is an element that breaks.
-_LARGEST_STEP_SHARE = 0.33
-#: Last measurements, and those of them that have to count; measurements over which noise fades: three a scan.
-_LAST, _LEAST, _FADING = 20, 6, 120
+_LARGEST_STEP_SHARE = 1 / 3
+#: Slow noise is measured once in so many measurements.
+_PER_SLOW = 3
+#: Last measurements of the noise, and readings of the mean that slow noise differs from.
+_LAST = 20
+#: Measurements that have to count, and those over which noise fades: twice the time of the last of slow noise.
+_LEAST, _FADING = _LAST // 3, 2 * _PER_SLOW * _LAST
 #: Factor that gives a second difference of white noise the variance of the noise.
-_SECOND_TO_NOISE = 6.0**-0.5
+_SECOND_TO_NOISE = (1 + 2**2 + 1) ** -0.5
 #: Median over the lower quartile of measurements of white noise [1]: chi-square of four degrees of freedom.
 _MEDIAN_OVER_QUARTILE = 1.75
-#: Slow noise is measured once in so many measurements; readings of its mean, during which the load has to stand still.
-_PER_SLOW, _STILL = 3, 20
 
 
 class ReadingNoise:
@@ -62,8 +65,8 @@ class ReadingNoise:
         self._noise_directions = directions[:, :_N_DIRECTIONS] / math.sqrt(_N_DIRECTIONS)
         self._load_directions = directions[:, _N_DIRECTIONS:] / math.sqrt(len(moments) - _N_DIRECTIONS)
         self._fast, self._slow = _Measurements(n_legs), _Measurements(n_legs)
-        self._past_rel = np.full((_STILL, n_legs, len(moments)), np.nan)
-        self._stepped_rel = np.zeros((_STILL, n_legs))
+        self._past_rel = np.full((_LAST, n_legs, len(moments)), np.nan)
+        self._stepped_rel = np.zeros((_LAST, n_legs))
         self._n = 0
         self.variance_rel = np.zeros(n_legs)
 
@@ -84,7 +87,7 @@ class ReadingNoise:
         self.variance_rel = np.maximum(recent, held + (recent - held) / _FADING)
 
     def _observe_slow(self, newest_rel: Vector, stepped_rel: Vector) -> None:
-        turn = self._n // _PER_SLOW % _STILL
+        turn = self._n // _PER_SLOW % _LAST
         self._past_rel[turn], self._stepped_rel[turn] = newest_rel, stepped_rel
         off = newest_rel - self._past_rel.mean(axis=0)
         slow_rel = _mean_square(off, self._noise_directions)

@@ -39,7 +39,7 @@ SIMULATED = "sim"
 
 _SERIAL_PORTS = Path("/dev/serial/by-id")
 #: Legs of robots that have fewer than six, in the order of their channels.
-_LEGS_OF_N = {1: ("lf",), 2: ("lf", "rf"), 4: ("lf", "lr", "rf", "rr")}
+_LEGS_OF_N = {len(legs): legs for legs in (("lf",), ("lf", "rf"), ("lf", "lr", "rf", "rr"))}
 #: Longest search of one adapter [s]; it does some 150 transactions.
 _SEARCH_LIMIT_S = 20.0
 #: Scan of feet with board `fdc1004`, and the addresses of their chips.

@@ -243,7 +243,7 @@ def leg_diagnoses(report: ProbedLeg) -> Iterator[Diagnosis]:
             remedy += "; with the straps of another foot it falsifies that one's readings"
         yield Diagnosis(report.leg, f"{location}: {why}", remedy)
     if report.timing is not None and report.timing.wait_factor > 1.0:
-        slower = f"{100 * (report.timing.wait_factor - 1):.0f} %"
+        slower = f"{report.timing.wait_factor - 1:.0%}"
         observation = (
             f"{location}: its conversions take {slower} longer than the slowest converter may; "
             "all legs wait for them"

@@ -24,8 +24,8 @@ _MIN_PRESSING_N, _MIN_PRESSING_SIGMAS = 0.03, 4.0
 _CONE_MARGIN, _MAX_SLIP_RATIO_SIGMA = 0.04, 0.12
 #: Checks at the cone until a slip is reported, and away from it until it is over.
 _SLIP_STARTS_AFTER, _SLIP_ENDS_AFTER = 2, 3
-#: From the beginning or end of a slip to the first estimate that shows it [ns].
-_SLIP_DETECTION_LAG_NS = 9_600_000
+#: From the beginning or end of a slip to the first estimate that shows it, and its standard deviation [ns].
+SLIP_LAG_NS = 10_000_000
 
 
 class GroundEstimate(NamedTuple):
@@ -117,7 +117,7 @@ class SlipDetector:
         ratio, slips = ground.tangential_over_normal, self.state is Slip.SLIPPING
         if math.isnan(ratio - self._cone):
             self.state, self._run = Slip.UNKNOWN, 0
-            return now_ns - _SLIP_DETECTION_LAG_NS if slips else None
+            return now_ns - SLIP_LAG_NS if slips else None
         if ground.tangential_over_normal_sigma > _MAX_SLIP_RATIO_SIGMA:
             # As in the first scan of a stance; a reported slip continues.
             self._run = 0
@@ -133,4 +133,4 @@ class SlipDetector:
         if at_cone is slips or self._run < (_SLIP_STARTS_AFTER if at_cone else _SLIP_ENDS_AFTER):
             return None
         self.state = Slip.SLIPPING if at_cone else Slip.NONE
-        return self._since_ns - _SLIP_DETECTION_LAG_NS
+        return self._since_ns - SLIP_LAG_NS
