@@ -27,8 +27,6 @@ from footsense.ports import CanWire, Clock
 
 #: Time over which forces are counted for their rate [ns].
 _NS_PER_S = 1_000_000_000
-#: Most forces of a leg in a second: a bus of 1 Mbit/s carries fewer.
-_MAX_ARRIVALS = 10_000
 
 
 class LegSnapshot(NamedTuple):
@@ -85,7 +83,7 @@ class Listener:
         self._n_force_frames = Counter[int]()  # by node
         self._began_ns = clock.now_ns()
         #: Times of arrival of each node's forces in the last second [ns].
-        self._arrivals_ns: defaultdict[int, deque[int]] = defaultdict(lambda: deque(maxlen=_MAX_ARRIVALS))
+        self._arrivals_ns: defaultdict[int, deque[int]] = defaultdict(deque)
 
     @property
     def n_forces(self) -> int:
@@ -115,7 +113,10 @@ class Listener:
             if self._link.feed(can_id, data, self._last_poll_ns):
                 node = can_id - QUALITY_ID
                 self._n_force_frames[node] += 1
-                self._arrivals_ns[node].append(now_ns)
+                arrivals_ns = self._arrivals_ns[node]
+                arrivals_ns.append(now_ns)
+                while arrivals_ns[0] <= now_ns - _NS_PER_S:
+                    arrivals_ns.popleft()
             elif event := self._events.feed(can_id, data, self._last_poll_ns):
                 self._last_events[event.node] = event
                 events.append(event)
@@ -143,9 +144,7 @@ class Listener:
             report = self._reports.leg(node, now_ns)
             if not self._n_force_frames[node] and report.heartbeat is None:
                 continue
-            arrivals_ns = self._arrivals_ns[node]
-            while arrivals_ns and arrivals_ns[0] <= now_ns - _NS_PER_S:
-                arrivals_ns.popleft()
+            n_arrivals = sum(t_ns > now_ns - _NS_PER_S for t_ns in self._arrivals_ns[node])
             event = self._last_events.get(node)
             snapshots.append(
                 LegSnapshot(
@@ -153,7 +152,7 @@ class Listener:
                     self._link.leg(node, now_ns),
                     report,
                     self._n_force_frames[node],
-                    len(arrivals_ns) if now_ns >= self._began_ns + _NS_PER_S else None,
+                    n_arrivals if now_ns >= self._began_ns + _NS_PER_S else None,
                     event,
                     None if event is None or event.t_ns is None else now_ns - event.t_ns,
                     self._link.identity(node),

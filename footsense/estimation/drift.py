@@ -23,6 +23,7 @@ import numpy as np
 from footsense.estimation.noise import ReadingNoise
 from footsense.estimation.settings import (
     BASELINE_NOISE_PF,
+    READING_NOISE_PF,
     SLOW_PERIOD_NS,
     UNEVEN_DRIFT_SHARE,
     MountedFeet,
@@ -40,12 +41,9 @@ MAX_ANCHOR_DISTANCE_PF = 1e-3
 MAX_DRIFT_PF, _MAX_DRIFT_S = 30e-3, 600.0
 #: Growth of the variance [pF^2/s].
 DRIFT_VARIANCE_PF2_PER_S = (MAX_DRIFT_PF / 2.0) ** 2 / _MAX_DRIFT_S
-#: Variance of one reading [pF^2]: twice the noise of the fastest conversion, for what moves a foot in swing.
-_READING_VARIANCE_PF2 = 1e-3**2
-#: Share of the newest step in the mean square of the steps, by which a quiet foot is recognised [1].
-_NEWEST_STEP_WEIGHT = 0.2
-#: Share of the newest scan in what the readings in swing differ from the baseline [1].
-_NEWEST_LEFT_WEIGHT = 0.4
+#: Share of the newest scan in the mean square of the steps, by which a quiet foot is recognised, and in what the
+#: readings in swing differ from the baseline [1].
+_NEWEST_WEIGHT = 0.3
 #: Noise at which a leg is no longer noisy, over the limit above which it is [1].
 _QUIET_AGAIN_REL = 0.7
 
@@ -166,14 +164,12 @@ class LegBaseline:
             self._before = before
             return False
         step_pf2 = 0.5 * step_pf * step_pf
-        self._step_pf2 = np.where(
-            known, self._step_pf2 + _NEWEST_STEP_WEIGHT * (step_pf2 - self._step_pf2), 0.0
-        )
+        self._step_pf2 = np.where(known, self._step_pf2 + _NEWEST_WEIGHT * (step_pf2 - self._step_pf2), 0.0)
         if not self._step_pf2.max() <= self._quiet_pf2:
             self.status = BaselineStatus.NOT_QUIET
             return False
         left_pf = before_pf - self.baseline_pf
-        self.left_pf = self.left_pf + _NEWEST_LEFT_WEIGHT * np.where(
+        self.left_pf = self.left_pf + _NEWEST_WEIGHT * np.where(
             np.isfinite(left_pf), left_pf - self.left_pf, 0.0
         )
         if held is not None:
@@ -197,7 +193,7 @@ class LegBaseline:
         step_pf = np.minimum(np.maximum(self.baseline_pf - self._anchor_pf, -reach_pf), reach_pf)
         anchor_pf = self._anchor_pf + step_pf
         variance_pf2 = self.variance_pf2 + DRIFT_VARIANCE_PF2_PER_S * elapsed_s
-        gain = variance_pf2 / (variance_pf2 + _READING_VARIANCE_PF2)
+        gain = variance_pf2 / (variance_pf2 + READING_NOISE_PF**2)
         innovation_pf = reading_pf - self.baseline_pf
         wanted_pf = np.maximum(self.baseline_pf + gain * innovation_pf, anchor_pf - MAX_ANCHOR_DISTANCE_PF)
         wanted_pf = np.minimum(wanted_pf, anchor_pf + MAX_ANCHOR_DISTANCE_PF)
@@ -216,7 +212,7 @@ class LegBaseline:
         # The margin cuts the step, not the uncertainty: the variance shrinks by the share that was really moved.
         moved_sum_pf = float(np.abs(moved_pf).sum())
         share = moved_sum_pf / innovation_sum_pf if innovation_sum_pf > 0.0 else gain * followed.any()
-        self.variance_pf2 = (1.0 - share) ** 2 * variance_pf2 + share**2 * _READING_VARIANCE_PF2
+        self.variance_pf2 = (1.0 - share) ** 2 * variance_pf2 + share**2 * READING_NOISE_PF**2
         if share > 0.0:
             self.moved_ns = t_ns
 

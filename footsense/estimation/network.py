@@ -24,6 +24,8 @@ from footsense.regular_file import read_regular
 #: Shares of the trained range of the inputs at which a network is tested before use [1].
 _TEST_CLOSURE_LEVELS_REL = (0.0, 0.5, 1.0)
 
+#: Severity of ONNX Runtime.
+_FATAL = 4
 #: Readings of an element in a window.
 READINGS = 3
 #: Longest time between two readings of an element, over the time of a scan [1]: after a stall, older readings are not
@@ -42,7 +44,7 @@ STEADY_AGES_S: Vector = np.asarray(3.2e-3 + 2.7e-3 * _CONVERSIONS_AGO, np.float6
 
 #: Largest closures of the loads at which the sensitivity is taken [1], and the step of the differences [1].
 _CLOSURE_LEVELS_REL = (0.02, 0.2)
-_DIFFERENCE_STEP_REL = 1e-3
+DIFFERENCE_STEP_REL = 1e-3
 
 
 class Readings(NamedTuple):
@@ -188,7 +190,7 @@ class Network:
         options.execution_mode = ort.ExecutionMode.ORT_SEQUENTIAL
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")
         # Only fatal messages: errors come as exceptions, and warnings do not belong in the robot's journal.
-        options.log_severity_level = 4
+        options.log_severity_level = _FATAL
         try:
             self._session = ort.InferenceSession(
                 content, options, providers=["CPUExecutionProvider"], enable_fallback=0
@@ -257,7 +259,7 @@ def _jacobian_n(estimator: LoadEstimator, n_rows: int, closure_rel: Vector) -> V
     steady = steady_windows(np.tile(closure_rel, (n_rows, 1)))
     # Each row of a batch has another reading changed, up or down.
     reading = np.repeat(np.arange(READINGS * ELEMENTS), 2)
-    step_rel = np.tile([_DIFFERENCE_STEP_REL, -_DIFFERENCE_STEP_REL], READINGS * ELEMENTS)
+    step_rel = np.tile([DIFFERENCE_STEP_REL, -DIFFERENCE_STEP_REL], READINGS * ELEMENTS)
     forces_n: Vector = np.empty((len(reading), 3))
     for start in range(0, len(reading), n_rows):
         part = slice(start, start + n_rows)
@@ -266,7 +268,7 @@ def _jacobian_n(estimator: LoadEstimator, n_rows: int, closure_rel: Vector) -> V
         load = estimator.estimate(steady._replace(closure_rel=stepped_rel))
         forces_n[part] = load.force_n[: len(reading[part])]
     up_n, down_n = forces_n.reshape(READINGS, ELEMENTS, 2, 3).transpose(2, 0, 1, 3)
-    return (up_n - down_n) / (2 * _DIFFERENCE_STEP_REL)
+    return (up_n - down_n) / (2 * DIFFERENCE_STEP_REL)
 
 
 def sensitivity(estimator: LoadEstimator, n_rows: int, moments: Vector) -> Sensitivity:

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.errors import ModelError
-from footsense.estimation.network import READINGS, Network
+from footsense.estimation.network import DIFFERENCE_STEP_REL, READINGS, Network
 from footsense.estimation.settings import BASELINE_NOISE_PF, READING_NOISE_PF
 from footsense.foot import gap_contact
 from footsense.foot.contact_coordinates import (
@@ -39,7 +39,8 @@ _TABLE_ERROR_REL = 1e-3
 #: Distance within which readings are equal but for noise, over the noise of a reading [1].
 _EQUAL_WITHIN_SIGMAS = 6.0
 #: Rounds of a fit, one in each turn of a leg: from the network's answer, and from the other side where those fail.
-_ROUNDS_FROM_NETWORK, ROUNDS = 6, 14
+_ROUNDS_FROM_NETWORK = 6
+ROUNDS = 2 * _ROUNDS_FROM_NETWORK
 #: Of coordinates: near the diagonals, loads of opposite sides close the gaps nearly alike [1].
 _OTHER_SIDE = np.array([1.0, -1.0, -1.0, -1.0, -1.0])
 #: Largest k with which a fit is used [1].
@@ -50,11 +51,11 @@ _MIN_FORCE_REL = 0.05
 _MAX_CLOSED_CELLS = 60
 
 #: Steps of the differences: of the normal force over itself, and of the other coordinates [1]; the base has none.
-_STEPS = 1e-3 * np.vstack([np.zeros(COORDINATES), np.eye(COORDINATES)])
+_STEPS = DIFFERENCE_STEP_REL * np.vstack([np.zeros(COORDINATES), np.eye(COORDINATES)])
 #: Longest change of friction ratio and contact point in a round [1].
 _LONGEST_STEP = 0.2
-#: Sigma of x0 over that of the network, which has seen the same readings, and least sigma of ratio and point [1].
-_PRIOR_OVER_NETWORK_SIGMA, _MIN_PRIOR_SIGMA = 1.5, 4e-3
+#: Sigma of x0 over that of the network, which has seen the same readings [1].
+_PRIOR_OVER_NETWORK_SIGMA = 1.5
 
 
 def trained_response(folder: Path, network: Network) -> FootResponse:
@@ -272,9 +273,7 @@ class RefinedAtRest:
         pressing_n = load.force_n[row] @ normals_of_stereographic_points(point[None])[0]
         start = within_bounds(np.array([[pressing_n, *ratio, *point]]))[0]
         self._coordinates[row] = self._prior[row] = start
-        sigma_point, sigma_ratio = np.split(
-            _PRIOR_OVER_NETWORK_SIGMA * load.contact_sigma[row] + _MIN_PRIOR_SIGMA, 2
-        )
+        sigma_point, sigma_ratio = np.split(_PRIOR_OVER_NETWORK_SIGMA * load.contact_sigma[row], 2)
         # The readings alone tell how hard it is pressed.
         self._prior_sigma[row] = pressing_n, *sigma_ratio, *sigma_point
         return True

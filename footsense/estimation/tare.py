@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.estimation.elements import OPEN_ELEMENT_THRESHOLD_REL
+from footsense.estimation.network import READINGS
 from footsense.estimation.settings import LONG_SILENCE_NS, MountedFeet, TareLimits
 from footsense.frames import (
     ELEMENTS,
@@ -33,7 +34,7 @@ from footsense.leg_words import SILENT_READINGS
 
 #: Time that a tare may take over that of its window [1], and scans in which a step has passed through the readings.
 MAX_WINDOWS = 3
-SETTLING_SCANS = 4
+SETTLING_SCANS = READINGS + 1
 #: Silence after which a baseline is discarded, in place of `LONG_SILENCE_NS`, while a line of the leg's bus is stuck,
 #: which may be another leg's fault: a robot that stands would lose all its forces until each foot's next swing.
 _BASELINE_LOST_AFTER_STUCK_BUS_NS = 3_000_000_000

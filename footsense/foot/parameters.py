@@ -83,9 +83,10 @@ class FootParameters:
 STIFFNESS_PER_K = 4.4e-3
 #: Range of the temperature of a foot; beyond it a sensor is broken [degC].
 COLDEST_C, WARMEST_C = -40.0, 125.0
-#: Relative standard deviation of a force at an unknown temperature [1]: uniform within 10 K of the test stand's, from
-#: an unheated hall, 12 degC, to a summer's day, 32 degC.
-UNKNOWN_TEMPERATURE_SIGMA_REL = STIFFNESS_PER_K * 10.0 / math.sqrt(3.0)
+#: Distance of an unknown temperature from the test stand's [K]: from an unheated hall, 12 degC, to a summer's day, 32.
+_UNKNOWN_TEMPERATURE_K = 10.0
+#: Relative standard deviation of a force at an unknown temperature [1]: uniform within that.
+UNKNOWN_TEMPERATURE_SIGMA_REL = STIFFNESS_PER_K * _UNKNOWN_TEMPERATURE_K / math.sqrt(3.0)
 
 
 def force_factor_and_uncertainty(temperature_c: float, calibrated_at_c: float | None) -> tuple[float, float]:

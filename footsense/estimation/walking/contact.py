@@ -29,7 +29,8 @@ _RECENT_LOAD_TIME_CONSTANT_S = 1.0
 
 #: So does a fall below this share of it [1] to a load that is steady, and so many thresholds at most: all readings of
 #: the foot have shifted in its stance.
-_SHIFTED_SHARE_OF_RECENT_MEAN, _MAX_SHIFT_THRESHOLDS = 0.15, 2.0
+_SHIFTED_SHARE_OF_RECENT_MEAN = _LIFT_OFF_SHARE_OF_RECENT_MEAN / 2.0
+_MAX_SHIFT_THRESHOLDS = 2.0
 
 #: Largest creep that may remain after lift-off, over the mean load of the last minutes [1]. An assumption on the safe
 #: side: Prony series of PDMS add 2 to 5 % over minutes; no foot has been measured.
@@ -49,15 +50,16 @@ _LIFT_OFF_REL, _LIFT_OFF_SHARE = 0.7, 0.2
 
 #: A contact as short as this is shake if it is light. One below so many least thresholds is light, where a foot has not
 #: carried yet, and none above so many: no foot's own mass pulled so much in the walkers' gaits.
-_SHAKE_MAX_NS, _LIGHT_THRESHOLDS = 150_000_000, (2.0, 4.0)
+_SHAKE_MAX_NS, _LIGHT_THRESHOLDS = 3 * _STEADY_NS, (2.0, 4.0)
 
 #: Contact is held for this time after the last load, and for the other after a touchdown: elements that are read one
 #: after the other, of a load that falls or rises fast, ring, and not all show a touch that a prediction tells.
-_CONTACT_HOLD_NS, _TOUCHDOWN_HOLD_NS = 14_000_000, 27_000_000
+_CONTACT_HOLD_NS = 14_000_000
+_TOUCHDOWN_HOLD_NS = 2 * _CONTACT_HOLD_NS
 #: Time in which a foot rings [ns]: after a touchdown that is not light it bounces, and contact is held as after a
 #: touchdown; after lift-off a prediction overshoots, and predicts no contact. Twice that after lift-off a swing is
 #: confirmed: most of the rubber's quick recovery is over by then, and half the swing of a fast gait is left.
-_RINGS_NS = 100_000_000
+_RINGS_NS = 2 * _STEADY_NS
 
 
 class ContactDetector:

@@ -18,8 +18,6 @@ from footsense.estimation.walking.ground import NO_GROUND, SLIP_LAG_NS, SlipDete
 from footsense.frames import GaitEvent, GaitEventKind, GaitFrame, Slip
 from footsense.ports import LoadEstimate
 
-#: Slope of a logistic function over that of a normal distribution [1].
-_LOGISTIC_SLOPE = 1.7
 #: State of a leg whose force is known and whose foot is in contact.
 _FORCE_KNOWN_IN_CONTACT = (True, True)
 
@@ -268,4 +266,4 @@ def _contact_probability(contact: ContactDetector, above_n: float) -> float:
     if not math.isfinite(measured + estimated):
         return math.nan
     sigmas = max(measured, estimated)
-    return 0.5 + 0.5 * math.tanh(0.5 * _LOGISTIC_SLOPE * sigmas)
+    return 0.5 + 0.5 * math.erf(sigmas / math.sqrt(2.0))
