@@ -7,7 +7,7 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from footsense.config import Config
+from footsense.config import SMALL_BOARD, Config
 from footsense.daemon.foot_types import check_foot_type
 from footsense.errors import ConfigError, ModelError
 from footsense.foot.response_table import FootResponse
@@ -57,7 +57,11 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
         for bus in config.buses
     ]
     if config.serial is not None:  # any wiring: the microcontroller's is not simulated
-        wiring = [BusWiring(400_000, 0x71, {leg: channel for channel, leg in enumerate(config.legs)})]
+        wiring = [
+            BusWiring(
+                SMALL_BOARD.buses[0].rate_hz, 0x71, {leg: channel for channel, leg in enumerate(config.legs)}
+            )
+        ]
     folder = foot_type_folder(config.foot_type)
     table = folder / "response.npz"
     response = FootResponse.load(table)

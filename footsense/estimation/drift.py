@@ -43,7 +43,7 @@ MAX_DRIFT_PF, _MAX_DRIFT_S = 30e-3, 600.0
 DRIFT_VARIANCE_PF2_PER_S = (MAX_DRIFT_PF / 2.0) ** 2 / _MAX_DRIFT_S
 #: Share of the newest scan in the mean square of the steps, by which a quiet foot is recognised, and in what the
 #: readings in swing differ from the baseline [1].
-_NEWEST_WEIGHT = 0.3
+_NEWEST_WEIGHT = 0.2
 #: Noise at which a leg is no longer noisy, over the limit above which it is [1].
 _QUIET_AGAIN_REL = 0.7
 

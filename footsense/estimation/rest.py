@@ -39,8 +39,7 @@ _TABLE_ERROR_REL = 1e-3
 #: Distance within which readings are equal but for noise, over the noise of a reading [1].
 _EQUAL_WITHIN_SIGMAS = 6.0
 #: Rounds of a fit, one in each turn of a leg: from the network's answer, and from the other side where those fail.
-_ROUNDS_FROM_NETWORK = 6
-ROUNDS = 2 * _ROUNDS_FROM_NETWORK
+_ROUNDS_FROM_NETWORK, ROUNDS = 6, 14
 #: Of coordinates: near the diagonals, loads of opposite sides close the gaps nearly alike [1].
 _OTHER_SIDE = np.array([1.0, -1.0, -1.0, -1.0, -1.0])
 #: Largest k with which a fit is used [1].

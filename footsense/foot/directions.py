@@ -15,6 +15,10 @@ from footsense.frames import Vector
 #: Step of both angles in the paper's protocols, and their lowest elevation [deg].
 PAPER_ANGLE_STEP_DEG, LOWEST_PAPER_ELEVATION_DEG = 10.0, 40.0
 
+#: Largest deviation of a unit vector from length 1, and of the products of a rotation's rows [1].
+UNIT_LENGTH_TOLERANCE = 1e-6
+_GOLDEN_ANGLE_RAD = math.pi * (3 - math.sqrt(5))
+
 
 def normalized(vectors: Vector) -> Vector:
     """Return vectors scaled to unit length, shape (..., 3); none may be zero."""
@@ -126,5 +130,5 @@ def spiral_directions(n: int, lowest_elevation_deg: float) -> Vector:
     """
     k = np.arange(n) + 0.5
     z = 1 - k / n * (1 - math.sin(math.radians(lowest_elevation_deg)))
-    across, azimuth = np.sqrt(1 - z**2), math.pi * (3 - math.sqrt(5)) * k
+    across, azimuth = np.sqrt(1 - z**2), _GOLDEN_ANGLE_RAD * k
     return np.column_stack([across * np.cos(azimuth), across * np.sin(azimuth), z])

@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from footsense.foot.directions import UNIT_LENGTH_TOLERANCE
 from footsense.frames import ELEMENTS, Vector
 
 
@@ -63,7 +64,7 @@ class FootParameters:
         if not self.stiffness_rel > -1.0:
             raise ValueError(f"stiffness_rel: has to be above -1, got {self.stiffness_rel:g}")
         mirrored = np.linalg.det(self.mount) < 0.0
-        if mirrored or not np.allclose(self.mount @ self.mount.T, np.eye(3), atol=1e-6):
+        if mirrored or not np.allclose(self.mount @ self.mount.T, np.eye(3), atol=UNIT_LENGTH_TOLERANCE):
             raise ValueError("mount: is no rotation")
         if not self.error_rel >= 0.0:
             raise ValueError(f"error_rel: is a standard deviation, not below 0, got {self.error_rel:g}")

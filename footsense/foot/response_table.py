@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from footsense.errors import ModelError
 from footsense.foot.capacitor import Capacitor
+from footsense.foot.directions import UNIT_LENGTH_TOLERANCE
 from footsense.foot.gap_contact import CELLS_PER_SIDE, N_CELLS, element_means
 from footsense.frames import ROWS, Vector
 from footsense.regular_file import MAX_FILE_BYTES, read_regular
@@ -105,8 +106,6 @@ def whole_compliance(quarter: Vector) -> Vector:
 #: Version of the file's layout.
 FORMAT = 2
 
-#: Largest deviation of a unit vector from length 1 [1].
-UNIT_LENGTH_TOLERANCE = 1e-6
 
 #: Arrays of the file, by the names of the fields.
 _ARRAY_NAMES = ("quarter_series", "quarter_compliance")

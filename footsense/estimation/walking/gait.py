@@ -215,7 +215,7 @@ class GaitTracker:
                 kinds.insert(0, GaitEventKind.SLIP_END)
         # A foot cannot touch before it was lifted, nor be lifted before it touched.
         own[row] = BackDated(
-            max(dated.t_ns, other[row].t_ns + 1), math.hypot(dated.sigma_s, 0.5e-9 * unknown_ns)
+            max(dated.t_ns, other[row].t_ns + 1), math.hypot(dated.sigma_s, 0.5 * 1e-9 * unknown_ns)
         )
         return [GaitEvent(kind, row, *own[row]) for kind in kinds]
 
