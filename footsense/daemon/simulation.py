@@ -27,9 +27,6 @@ from footsense.sim.scene import Scene
 
 _log = logging.getLogger(__name__)
 
-#: Lag behind real time from which a simulation's forces are too late for a consumer: the age limit of one [ns].
-_MAX_LAG_NS = 100_000_000
-
 
 def is_simulated(config: Config) -> bool:
     """Return whether the configured buses or serial port are simulated."""
@@ -128,7 +125,11 @@ class PacedSource:
     def __init__(
         self, source: FrameSource, played: Clock, real: Clock, set_lagging: Callable[[bool], None]
     ) -> None:
+        from footsense.client import LinkLimits  # in a simulation alone: a service on a robot starts without
+
         self._source = source
+        # From there on forces are too late for a consumer.
+        self._max_lag_ns = LinkLimits().max_age_ns
         self._played = played
         self._real = real
         self._set_lagging = set_lagging
@@ -143,7 +144,7 @@ class PacedSource:
             self._offset_ns = self._real.now_ns() - self._played.now_ns()
         due_ns = self._played.now_ns() + self._offset_ns
         lag_ns = self._real.now_ns() - due_ns
-        if self._is_lagging != (lag_ns > (0 if self._is_lagging else _MAX_LAG_NS)):
+        if self._is_lagging != (lag_ns > (0 if self._is_lagging else self._max_lag_ns)):
             self._is_lagging = not self._is_lagging
             self._set_lagging(self._is_lagging)
             if not self._has_lagged:
