@@ -4,6 +4,7 @@ import ast
 import re
 from collections import defaultdict
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 
 import pytest
@@ -62,8 +63,8 @@ def chosen(source: str) -> dict[str, list[float]]:
     tree = ast.parse(source)
     constants: dict[ast.AST, str] = {}
     bodies = [tree.body, *(node.body for node in ast.walk(tree) if isinstance(node, ast.ClassDef))]
-    for node in (node for body in bodies for node in body):
-        match node:
+    for statement in chain.from_iterable(bodies):
+        match statement:
             case ast.Assign(targets=[ast.Tuple(elts=names)], value=ast.Tuple(elts=values)):
                 pairs = list(zip(names, values, strict=True))
             case (
@@ -78,7 +79,8 @@ def chosen(source: str) -> dict[str, list[float]]:
     for node in ast.walk(tree):
         if (
             isinstance(node, ast.Constant)
-            and type(node.value) in {int, float}
+            and isinstance(node.value, int | float)
+            and not isinstance(node.value, bool)
             and node.value not in STRUCTURE
             and node not in no_numbers
             and not (ast.get_source_segment(source, node) or "").startswith("0x")
