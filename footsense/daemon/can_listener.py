@@ -27,6 +27,8 @@ from footsense.ports import CanWire, Clock
 
 #: Time over which forces are counted for their rate [ns].
 _NS_PER_S = 1_000_000_000
+#: Most forces of a leg in a second: a bus of 1 Mbit/s carries fewer.
+_MAX_ARRIVALS = 10_000
 
 
 class LegSnapshot(NamedTuple):
@@ -83,7 +85,7 @@ class Listener:
         self._n_force_frames = Counter[int]()  # by node
         self._began_ns = clock.now_ns()
         #: Times of arrival of each node's forces in the last second [ns].
-        self._arrivals_ns: defaultdict[int, deque[int]] = defaultdict(deque)
+        self._arrivals_ns: defaultdict[int, deque[int]] = defaultdict(lambda: deque(maxlen=_MAX_ARRIVALS))
 
     @property
     def n_forces(self) -> int:
@@ -113,10 +115,7 @@ class Listener:
             if self._link.feed(can_id, data, self._last_poll_ns):
                 node = can_id - QUALITY_ID
                 self._n_force_frames[node] += 1
-                arrivals_ns = self._arrivals_ns[node]
-                arrivals_ns.append(now_ns)
-                while arrivals_ns[0] <= now_ns - _NS_PER_S:
-                    arrivals_ns.popleft()
+                self._arrivals_ns[node].append(now_ns)
             elif event := self._events.feed(can_id, data, self._last_poll_ns):
                 self._last_events[event.node] = event
                 events.append(event)
@@ -144,7 +143,9 @@ class Listener:
             report = self._reports.leg(node, now_ns)
             if not self._n_force_frames[node] and report.heartbeat is None:
                 continue
-            n_arrivals = sum(t_ns > now_ns - _NS_PER_S for t_ns in self._arrivals_ns[node])
+            arrivals_ns = self._arrivals_ns[node]
+            while arrivals_ns and arrivals_ns[0] <= now_ns - _NS_PER_S:
+                arrivals_ns.popleft()
             event = self._last_events.get(node)
             snapshots.append(
                 LegSnapshot(
@@ -152,7 +153,7 @@ class Listener:
                     self._link.leg(node, now_ns),
                     report,
                     self._n_force_frames[node],
-                    n_arrivals if now_ns >= self._began_ns + _NS_PER_S else None,
+                    len(arrivals_ns) if now_ns >= self._began_ns + _NS_PER_S else None,
                     event,
                     None if event is None or event.t_ns is None else now_ns - event.t_ns,
                     self._link.identity(node),
