@@ -8,6 +8,9 @@ import os
 import stat
 from pathlib import Path
 
+#: Largest file of a model that is read [bytes]; the largest released one has 0.6 million.
+MAX_FILE_BYTES = 1 << 26
+
 
 def open_regular(path: Path, flags: int = 0) -> int:
     """Return a descriptor of a regular file, for reading.
@@ -38,7 +41,7 @@ def open_regular(path: Path, flags: int = 0) -> int:
     return fd
 
 
-def read_regular(path: Path, max_bytes: int) -> bytes:
+def read_regular(path: Path, max_bytes: int = MAX_FILE_BYTES) -> bytes:
     """Return the content of a regular file.
 
     Raises:

@@ -10,7 +10,7 @@ from firmware_interface.can.reports import HEARTBEAT_ID
 from firmware_interface.can.socketcan import pack_frame, unpack_frame
 from footsense.can.interface import Can
 from footsense.client import PendingCommands
-from footsense.daemon.can_output import open_wire
+from footsense.daemon.can_output import POLL_PERIOD_NS, open_wire
 from footsense.errors import CanError
 from footsense.ports import CanWire, Clock
 
@@ -18,7 +18,6 @@ from footsense.ports import CanWire, Clock
 _HEARTBEAT_TIMEOUT_NS = 1_000_000_000
 #: Time in which a tare ends, also of slow converters, and in which it usually does [ns].
 _ANSWER_TIMEOUT_NS, _USUAL_ANSWER_NS = 20_000_000_000, 1_000_000_000
-_POLL_PERIOD_NS = 5_000_000
 _NS_PER_S = 1_000_000_000
 #: Unit in which the time of the start chooses the first counter [ns]: not that of a command of a moment ago.
 _COUNTER_STEP_NS = 100_000_000
@@ -182,4 +181,4 @@ class Commander:
         until_ns = self._clock.now_ns() + duration_ns
         while (now_ns := self._clock.now_ns()) < until_ns:
             yield from map(unpack_frame, wire.receive())
-            self._clock.sleep_until_ns(min(until_ns, now_ns + _POLL_PERIOD_NS))
+            self._clock.sleep_until_ns(min(until_ns, now_ns + POLL_PERIOD_NS))

@@ -177,7 +177,7 @@ def write_calibration(
     folder = calibrations / manifest.foot
     check_calibration_target(folder, replace=replace)
     try:
-        content = read_regular(network, calibration_files.MAX_FILE_BYTES)
+        content = read_regular(network)
         described = calibration_files.Parameters(
             format=calibration_files.FORMAT,
             network_sha256=verified_sha256(content, str(network)),

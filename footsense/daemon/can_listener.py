@@ -21,12 +21,11 @@ from footsense.client import (
     LinkStatus,
     Reports,
 )
-from footsense.daemon.can_output import open_wire
+from footsense.daemon.can_output import POLL_PERIOD_NS, open_wire
 from footsense.errors import CanError
 from footsense.ports import CanWire, Clock
 
-#: Period of reading the channel, and time over which forces are counted for their rate [ns].
-_POLL_PERIOD_NS = 5_000_000
+#: Time over which forces are counted for their rate [ns].
 _NS_PER_S = 1_000_000_000
 #: Most forces of a leg in a second: a bus of 1 Mbit/s carries fewer.
 _MAX_ARRIVALS = 10_000
@@ -97,7 +96,7 @@ class Listener:
         """Receive and decode CAN frames until a time [ns]; errors as of `poll`."""
         while (now_ns := self._clock.now_ns()) < until_ns:
             self.poll()
-            self._clock.sleep_until_ns(min(until_ns, now_ns + _POLL_PERIOD_NS))
+            self._clock.sleep_until_ns(min(until_ns, now_ns + POLL_PERIOD_NS))
 
     def poll(self) -> list[LegEvent]:
         """Receive and decode the CAN frames that have arrived, without waiting; return the gait events among them.

@@ -16,6 +16,7 @@ from footsense.config import Config
 from footsense.daemon.models import Models
 from footsense.daemon.simulation import is_simulated
 from footsense.errors import CanError, RecordingError
+from footsense.estimation.settings import LONG_SILENCE_NS
 from footsense.ports import CanWire, Clock
 from footsense.sim.can.frame_log import CanFrameLog
 from footsense.sim.can.interface import SimulatedCan
@@ -25,9 +26,8 @@ from footsense.sim.scene import Scene
 
 _log = logging.getLogger(__name__)
 
-#: Time in which a service that sends forces every 11 to 25 ms is heard, also one that lags, and the period of
-#: reading [ns].
-_LISTENING_NS, _POLL_PERIOD_NS = 200_000_000, 5_000_000
+#: Period of reading a channel [ns].
+POLL_PERIOD_NS = 5_000_000
 
 
 @contextmanager
@@ -98,11 +98,11 @@ def another_sends(wire: CanWire, clock: Clock) -> bool:
     """Listen on a channel for a moment; return whether forces arrive on it."""
     from footsense.client import LINK_IDS  # on UDP alone: a service on a robot starts without
 
-    end_ns = clock.now_ns() + _LISTENING_NS
+    end_ns = clock.now_ns() + LONG_SILENCE_NS
     while (now_ns := clock.now_ns()) < end_ns:
         if any(can_id in LINK_IDS for can_id, _ in map(unpack_frame, wire.receive())):
             return True
-        clock.sleep_until_ns(min(end_ns, now_ns + _POLL_PERIOD_NS))
+        clock.sleep_until_ns(min(end_ns, now_ns + POLL_PERIOD_NS))
     return False
 
 

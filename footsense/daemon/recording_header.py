@@ -90,7 +90,7 @@ def recorded_flags(recording: "Replay") -> int:
         RecordingError: The header's flags are not a number from 0 to 255.
     """
     text = recording.header.get("flags", "0")
-    if text not in map(str, range(256)):
+    if text not in map(str, range(0x100)):
         raise RecordingError(f"{recording.path}: the flags of its header are {text[:20]!r}, not 0 to 255")
     return int(text)
 

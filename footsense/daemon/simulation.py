@@ -7,7 +7,7 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from footsense.config import Config
+from footsense.config import SMALL_BOARD, Config
 from footsense.daemon.foot_types import check_foot_type
 from footsense.errors import ConfigError, ModelError
 from footsense.foot.response_table import FootResponse
@@ -26,9 +26,6 @@ from footsense.sim.robot import BusWiring, SimulatedRobot
 from footsense.sim.scene import Scene
 
 _log = logging.getLogger(__name__)
-
-#: Lag behind real time from which a simulation's forces are too late for a consumer: the age limit of one [ns].
-_MAX_LAG_NS = 100_000_000
 
 
 def is_simulated(config: Config) -> bool:
@@ -57,7 +54,11 @@ def simulated_robot(config: Config, scene: Scene) -> SimulatedRobot:
         for bus in config.buses
     ]
     if config.serial is not None:  # any wiring: the microcontroller's is not simulated
-        wiring = [BusWiring(400_000, 0x71, {leg: channel for channel, leg in enumerate(config.legs)})]
+        wiring = [
+            BusWiring(
+                SMALL_BOARD.buses[0].rate_hz, 0x71, {leg: channel for channel, leg in enumerate(config.legs)}
+            )
+        ]
     folder = foot_type_folder(config.foot_type)
     table = folder / "response.npz"
     response = FootResponse.load(table)
@@ -124,7 +125,11 @@ class PacedSource:
     def __init__(
         self, source: FrameSource, played: Clock, real: Clock, set_lagging: Callable[[bool], None]
     ) -> None:
+        from footsense.client import LinkLimits  # in a simulation alone: a service on a robot starts without
+
         self._source = source
+        # From there on forces are too late for a consumer.
+        self._max_lag_ns = LinkLimits().max_age_ns
         self._played = played
         self._real = real
         self._set_lagging = set_lagging
@@ -139,7 +144,7 @@ class PacedSource:
             self._offset_ns = self._real.now_ns() - self._played.now_ns()
         due_ns = self._played.now_ns() + self._offset_ns
         lag_ns = self._real.now_ns() - due_ns
-        if self._is_lagging != (lag_ns > (0 if self._is_lagging else _MAX_LAG_NS)):
+        if self._is_lagging != (lag_ns > (0 if self._is_lagging else self._max_lag_ns)):
             self._is_lagging = not self._is_lagging
             self._set_lagging(self._is_lagging)
             if not self._has_lagged:

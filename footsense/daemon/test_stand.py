@@ -7,6 +7,7 @@ from zlib import crc32
 
 import msgspec
 import numpy as np
+from msgspec.structs import replace
 
 from footsense.acquisition.serial_port import SerialLink
 from footsense.calibration.checks import reference_findings
@@ -25,7 +26,7 @@ from footsense.reference.sensor_mounting import SensorMounting
 from footsense.reference.serial_sensor import LineDecoder, SerialReference
 from footsense.sim.loads.press_sequence import paper_presses
 from footsense.sim.reference_sensor import LINE_COLUMNS, SAMPLE_RATE_HZ, SimulatedForceSensor
-from footsense.sim.scene import Effects, Fabrication, Scene
+from footsense.sim.scene import USUAL_EFFECTS, USUAL_HOST_COST_US, Fabrication, Scene
 from footsense.sim.scene_loads import CalibrationLoads
 
 
@@ -145,9 +146,8 @@ def practice_scene(foot: str, row: int, session: str) -> Scene:
         load=CalibrationLoads(
             presses=tuple((x, y, z) for x, y, z in presses.tolist()), lean_deg=1.0, seed=mounting
         ),
-        lead_in_s=1.5,
         seed=mounting,
-        host_cost_us=40.0,
-        effects=Effects(converter_noise=True, converter_clock_rel=0.02, gap_contact=True, rubber=True),
+        host_cost_us=USUAL_HOST_COST_US,
+        effects=replace(USUAL_EFFECTS, rubber=True),
         fabrication=Fabrication.with_paper_tolerances(seed=1, first=max(number - row, 0), mounting=mounting),
     )

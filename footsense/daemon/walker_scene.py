@@ -10,7 +10,7 @@ from footsense.config import Config
 from footsense.daemon.foot_types import foot_type_of
 from footsense.errors import ConfigError, require
 from footsense.progress import timed_bar
-from footsense.sim.scene import Effects, Scene, load_scene
+from footsense.sim.scene import USUAL_EFFECTS, USUAL_HOST_COST_US, Scene, load_scene
 from footsense.sim.scene_loads import LogLoads
 
 _log = logging.getLogger(__name__)
@@ -77,6 +77,6 @@ def scene_of(name: str, config: Config, duration_s: float = math.inf) -> Scene:
     return Scene(
         description=f"{robot} walks in MuJoCo, {gait} on {run.ground}: {loads}, repeated every {walk_s:g} s",
         load=LogLoads(file=str(file), peak_force_n=peak_force_n),
-        host_cost_us=40.0,
-        effects=Effects(converter_noise=True, converter_clock_rel=0.01, gap_contact=True),
+        host_cost_us=USUAL_HOST_COST_US,
+        effects=USUAL_EFFECTS,
     )

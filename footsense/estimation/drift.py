@@ -21,7 +21,15 @@ from operator import attrgetter
 import numpy as np
 
 from footsense.estimation.noise import ReadingNoise
-from footsense.estimation.settings import MIN_SWING_RISE_N_PER_S, MountedFeet, Sensitivity, TareLimits
+from footsense.estimation.settings import (
+    BASELINE_NOISE_PF,
+    READING_NOISE_PF,
+    SLOW_PERIOD_NS,
+    UNEVEN_DRIFT_SHARE,
+    MountedFeet,
+    Sensitivity,
+    TareLimits,
+)
 from footsense.foot.capacitor import Capacitor
 from footsense.frames import ELEMENTS, BaselineDrift, BaselineStatus, Cause, Mask, Stamps, Vector
 
@@ -29,28 +37,19 @@ from footsense.frames import ELEMENTS, BaselineDrift, BaselineStatus, Cause, Mas
 MAX_DRIFT_PF_PER_S = 0.15e-3
 #: Largest distance of a baseline from its anchor [pF]: a few times the noise of a filtered reading.
 MAX_ANCHOR_DISTANCE_PF = 1e-3
-#: Growth of the variance [pF^2/s]: 20 K in ten minutes, which are 30 fF, are two standard deviations.
-DRIFT_VARIANCE_PF2_PER_S = 15e-3**2 / 600
-#: Largest drift by temperature [pF]: 20 K.
-MAX_DRIFT_PF = 30e-3
-#: Variance of one reading [pF^2]: twice the noise of the fastest conversion, for what moves a foot in swing.
-_READING_VARIANCE_PF2 = 1e-3**2
-#: Variance of a tare's mean [pF^2].
-_TARE_VARIANCE_PF2 = 0.2e-3**2
-#: Share of the newest step in the mean square of the steps, by which a quiet foot is recognised [1].
-_NEWEST_STEP_WEIGHT = 0.2
-#: Share of the newest scan in what the readings in swing differ from the baseline [1].
-_NEWEST_LEFT_WEIGHT = 0.4
+#: Largest drift by temperature [pF]: 20 K, in so many seconds at least. It is two standard deviations.
+MAX_DRIFT_PF, _MAX_DRIFT_S = 30e-3, 600.0
+#: Growth of the variance [pF^2/s].
+DRIFT_VARIANCE_PF2_PER_S = (MAX_DRIFT_PF / 2.0) ** 2 / _MAX_DRIFT_S
+#: Share of the newest scan in the mean square of the steps, by which a quiet foot is recognised, and in what the
+#: readings in swing differ from the baseline [1].
+_NEWEST_WEIGHT = 0.2
 #: Noise at which a leg is no longer noisy, over the limit above which it is [1].
 _QUIET_AGAIN_REL = 0.7
 
-#: Largest distance of an element's drift from the mean of its leg's [pF]: all drift by 30 fF over 20 K, and elements
-#: differ in that by a fifth.
-MAX_DRIFT_FROM_LEG_MEAN_PF = 20e-3
-#: Period of the baselines' uncertainty [ns]; in a tenth of a second they drift by a fifth of a fF.
-_SIGMA_UPDATE_PERIOD_NS = 100_000_000
-
-#: Smallest limit of the rise of the load in swing, over the fastest drift [1].
+#: Largest distance of an element's drift from the mean of its leg's [pF]: three standard deviations.
+MAX_DRIFT_FROM_LEG_MEAN_PF = 3.0 * UNEVEN_DRIFT_SHARE * MAX_DRIFT_PF
+#: Limit of the rise of the load in swing, over the fastest drift [1].
 _SWING_RISE_LIMIT_TO_DRIFT_RATIO = 5.0
 
 
@@ -67,7 +66,7 @@ def max_swing_rise_n_per_s(n_per_pf: float) -> float:
     Args:
         n_per_pf: As of `load_n_per_pf`.
     """
-    return max(MIN_SWING_RISE_N_PER_S, _SWING_RISE_LIMIT_TO_DRIFT_RATIO * MAX_DRIFT_PF_PER_S * n_per_pf)
+    return _SWING_RISE_LIMIT_TO_DRIFT_RATIO * MAX_DRIFT_PF_PER_S * n_per_pf
 
 
 _values_of = attrgetter(
@@ -133,7 +132,7 @@ class LegBaseline:
         self.moved_ns = self.updated_ns = t_ns
         self.offset_pf = (0.0, 0.0)
         self.left_pf = np.zeros_like(self._unloaded_pf)
-        self.variance_pf2 = _TARE_VARIANCE_PF2
+        self.variance_pf2 = BASELINE_NOISE_PF**2
         self.pause_tracking()
 
     def pause_tracking(self) -> None:
@@ -165,14 +164,12 @@ class LegBaseline:
             self._before = before
             return False
         step_pf2 = 0.5 * step_pf * step_pf
-        self._step_pf2 = np.where(
-            known, self._step_pf2 + _NEWEST_STEP_WEIGHT * (step_pf2 - self._step_pf2), 0.0
-        )
+        self._step_pf2 = np.where(known, self._step_pf2 + _NEWEST_WEIGHT * (step_pf2 - self._step_pf2), 0.0)
         if not self._step_pf2.max() <= self._quiet_pf2:
             self.status = BaselineStatus.NOT_QUIET
             return False
         left_pf = before_pf - self.baseline_pf
-        self.left_pf = self.left_pf + _NEWEST_LEFT_WEIGHT * np.where(
+        self.left_pf = self.left_pf + _NEWEST_WEIGHT * np.where(
             np.isfinite(left_pf), left_pf - self.left_pf, 0.0
         )
         if held is not None:
@@ -196,7 +193,7 @@ class LegBaseline:
         step_pf = np.minimum(np.maximum(self.baseline_pf - self._anchor_pf, -reach_pf), reach_pf)
         anchor_pf = self._anchor_pf + step_pf
         variance_pf2 = self.variance_pf2 + DRIFT_VARIANCE_PF2_PER_S * elapsed_s
-        gain = variance_pf2 / (variance_pf2 + _READING_VARIANCE_PF2)
+        gain = variance_pf2 / (variance_pf2 + READING_NOISE_PF**2)
         innovation_pf = reading_pf - self.baseline_pf
         wanted_pf = np.maximum(self.baseline_pf + gain * innovation_pf, anchor_pf - MAX_ANCHOR_DISTANCE_PF)
         wanted_pf = np.minimum(wanted_pf, anchor_pf + MAX_ANCHOR_DISTANCE_PF)
@@ -215,7 +212,7 @@ class LegBaseline:
         # The margin cuts the step, not the uncertainty: the variance shrinks by the share that was really moved.
         moved_sum_pf = float(np.abs(moved_pf).sum())
         share = moved_sum_pf / innovation_sum_pf if innovation_sum_pf > 0.0 else gain * followed.any()
-        self.variance_pf2 = (1.0 - share) ** 2 * variance_pf2 + share**2 * _READING_VARIANCE_PF2
+        self.variance_pf2 = (1.0 - share) ** 2 * variance_pf2 + share**2 * READING_NOISE_PF**2
         if share > 0.0:
             self.moved_ns = t_ns
 
@@ -315,7 +312,7 @@ class UnloadedFeet:
     def update_sigma(self, now_ns: int) -> None:
         """Set `sigma_n`, `max_errors_n`, `noise_ff` and `cause` for the present tenth of a second."""
         # Of the coming period, which ends at a time that does not depend on the legs.
-        self.sigma_due_ns = (now_ns // _SIGMA_UPDATE_PERIOD_NS + 1) * _SIGMA_UPDATE_PERIOD_NS
+        self.sigma_due_ns = (now_ns // SLOW_PERIOD_NS + 1) * SLOW_PERIOD_NS
         sigma_pf = baseline_sigma_pf(self._variance_pf2, self._updated_ns, self.sigma_due_ns)
         n_per_pf = self._closure_per_pf * self._sensitivity.load_n_per_mean_closure
         self.max_errors_n = (n_per_pf * np.minimum(3.0 * sigma_pf, MAX_DRIFT_PF)).tolist()

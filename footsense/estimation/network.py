@@ -15,18 +15,17 @@ import onnxruntime as ort
 from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.errors import ModelError
 from footsense.estimation.missing_elements import trimmed_means
-from footsense.estimation.settings import Sensitivity
+from footsense.estimation.settings import UNEVEN_DRIFT_SHARE, Sensitivity
 from footsense.foot.network_card import INPUTS, METADATA_KEY, OUTPUTS, Signal, read_card, verified_sha256
 from footsense.frames import ELEMENTS, Mask, Stamps, Vector
 from footsense.ports import LoadEstimate, LoadEstimator, Window
 from footsense.regular_file import read_regular
 
-#: Largest file that is read [bytes]; the released network has 80 thousand.
-MAX_FILE_BYTES = 1 << 24
-
 #: Shares of the trained range of the inputs at which a network is tested before use [1].
-_TEST_CLOSURE_LEVELS_REL = (0.0, 0.25, 0.5, 0.75, 1.0)
+_TEST_CLOSURE_LEVELS_REL = (0.0, 0.5, 1.0)
 
+#: Severity of ONNX Runtime.
+_FATAL = 4
 #: Readings of an element in a window.
 READINGS = 3
 #: Longest time between two readings of an element, over the time of a scan [1]: after a stall, older readings are not
@@ -45,10 +44,7 @@ STEADY_AGES_S: Vector = np.asarray(3.2e-3 + 2.7e-3 * _CONVERSIONS_AGO, np.float6
 
 #: Largest closures of the loads at which the sensitivity is taken [1], and the step of the differences [1].
 _CLOSURE_LEVELS_REL = (0.02, 0.2)
-_DIFFERENCE_STEP_REL = 1e-3
-
-#: Share of a drift that differs between the elements; the rest is common to all. An assumption: no foot was heated.
-_ASSUMED_UNEVEN_DRIFT_SHARE = 0.2
+DIFFERENCE_STEP_REL = 1e-3
 
 
 class Readings(NamedTuple):
@@ -194,7 +190,7 @@ class Network:
         options.execution_mode = ort.ExecutionMode.ORT_SEQUENTIAL
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")
         # Only fatal messages: errors come as exceptions, and warnings do not belong in the robot's journal.
-        options.log_severity_level = 4
+        options.log_severity_level = _FATAL
         try:
             self._session = ort.InferenceSession(
                 content, options, providers=["CPUExecutionProvider"], enable_fallback=0
@@ -263,7 +259,7 @@ def _jacobian_n(estimator: LoadEstimator, n_rows: int, closure_rel: Vector) -> V
     steady = steady_windows(np.tile(closure_rel, (n_rows, 1)))
     # Each row of a batch has another reading changed, up or down.
     reading = np.repeat(np.arange(READINGS * ELEMENTS), 2)
-    step_rel = np.tile([_DIFFERENCE_STEP_REL, -_DIFFERENCE_STEP_REL], READINGS * ELEMENTS)
+    step_rel = np.tile([DIFFERENCE_STEP_REL, -DIFFERENCE_STEP_REL], READINGS * ELEMENTS)
     forces_n: Vector = np.empty((len(reading), 3))
     for start in range(0, len(reading), n_rows):
         part = slice(start, start + n_rows)
@@ -272,7 +268,7 @@ def _jacobian_n(estimator: LoadEstimator, n_rows: int, closure_rel: Vector) -> V
         load = estimator.estimate(steady._replace(closure_rel=stepped_rel))
         forces_n[part] = load.force_n[: len(reading[part])]
     up_n, down_n = forces_n.reshape(READINGS, ELEMENTS, 2, 3).transpose(2, 0, 1, 3)
-    return (up_n - down_n) / (2 * _DIFFERENCE_STEP_REL)
+    return (up_n - down_n) / (2 * DIFFERENCE_STEP_REL)
 
 
 def sensitivity(estimator: LoadEstimator, n_rows: int, moments: Vector) -> Sensitivity:
@@ -295,9 +291,7 @@ def sensitivity(estimator: LoadEstimator, n_rows: int, moments: Vector) -> Sensi
         ]
     )
     of_elements_n = of_readings_n.sum(axis=1)
-    errors_n = np.hypot(
-        of_elements_n.sum(axis=1), _ASSUMED_UNEVEN_DRIFT_SHARE * np.linalg.norm(of_elements_n, axis=1)
-    )
+    errors_n = np.hypot(of_elements_n.sum(axis=1), UNEVEN_DRIFT_SHARE * np.linalg.norm(of_elements_n, axis=1))
     off_n = of_elements_n[-2] * _CLOSURE_LEVELS_REL[-1] * stance_rel[:, None]  # of the heavy load of a stance
     stance_rel = _CLOSURE_LEVELS_REL[-1] * stance_rel
     rows = np.tile(stance_rel, (n_rows, 1))
@@ -319,7 +313,7 @@ def _read_file(path: Path) -> bytes:
         ModelError: The file is missing, cannot be read, or is too large.
     """
     try:
-        return read_regular(path, MAX_FILE_BYTES)
+        return read_regular(path)
     except FileNotFoundError as error:
         raise ModelError(f"{path}: no such network ({error.strerror})") from error
     except OSError as error:

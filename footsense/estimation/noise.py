@@ -26,24 +26,28 @@ from collections import deque
 
 import numpy as np
 
-from footsense.frames import Mask, Vector
+from footsense.foot.contact_coordinates import COORDINATES
+from footsense.frames import ELEMENTS, Mask, Vector
 
-#: Directions of least variation along which noise is measured.
-_N_DIRECTIONS = 4
+#: Directions of least variation along which noise is measured: as many as a load leaves.
+_N_DIRECTIONS = ELEMENTS - COORDINATES
 #: Mean square of the first differences along a direction of the loads, over the noise's variance, below which the load
 #: does not move [1]; that of noise is 2.
 _MOTION_LIMIT_REL2 = 2.0
 #: Largest share of one difference in the sum of the squares of all [1]: an impact of a few milliseconds, which one or
 #: two elements see, is no noise, nor is an element that breaks.
 _LARGEST_STEP_SHARE = 0.33
-#: Last measurements, and those of them that have to count; measurements over which noise fades: three a scan.
-_LAST, _LEAST, _FADING = 20, 6, 120
+#: Slow noise is measured once in so many measurements.
+_PER_SLOW = 3
+#: Values that tell a standard deviation to a sixth: so many last measurements, readings of the mean that slow noise
+#: differs from, and peaks.
+NOISE_SAMPLES = 20
+#: Measurements that have to count, and those over which noise fades: twice the time of the last of slow noise.
+_LEAST, _FADING = NOISE_SAMPLES // 3, 2 * _PER_SLOW * NOISE_SAMPLES
 #: Factor that gives a second difference of white noise the variance of the noise.
-_SECOND_TO_NOISE = 6.0**-0.5
+_SECOND_TO_NOISE = (1 + 2**2 + 1) ** -0.5
 #: Median over the lower quartile of measurements of white noise [1]: chi-square of four degrees of freedom.
 _MEDIAN_OVER_QUARTILE = 1.75
-#: Slow noise is measured once in so many measurements; readings of its mean, during which the load has to stand still.
-_PER_SLOW, _STILL = 3, 20
 
 
 class ReadingNoise:
@@ -62,8 +66,8 @@ class ReadingNoise:
         self._noise_directions = directions[:, :_N_DIRECTIONS] / math.sqrt(_N_DIRECTIONS)
         self._load_directions = directions[:, _N_DIRECTIONS:] / math.sqrt(len(moments) - _N_DIRECTIONS)
         self._fast, self._slow = _Measurements(n_legs), _Measurements(n_legs)
-        self._past_rel = np.full((_STILL, n_legs, len(moments)), np.nan)
-        self._stepped_rel = np.zeros((_STILL, n_legs))
+        self._past_rel = np.full((NOISE_SAMPLES, n_legs, len(moments)), np.nan)
+        self._stepped_rel = np.zeros((NOISE_SAMPLES, n_legs))
         self._n = 0
         self.variance_rel = np.zeros(n_legs)
 
@@ -84,7 +88,7 @@ class ReadingNoise:
         self.variance_rel = np.maximum(recent, held + (recent - held) / _FADING)
 
     def _observe_slow(self, newest_rel: Vector, stepped_rel: Vector) -> None:
-        turn = self._n // _PER_SLOW % _STILL
+        turn = self._n // _PER_SLOW % NOISE_SAMPLES
         self._past_rel[turn], self._stepped_rel[turn] = newest_rel, stepped_rel
         off = newest_rel - self._past_rel.mean(axis=0)
         slow_rel = _mean_square(off, self._noise_directions)
@@ -99,7 +103,7 @@ class _Measurements:
 
     def __init__(self, n_legs: int) -> None:
         # Those that count, else infinite, and all.
-        self._counting_rel, self._all_rel = np.full((2, n_legs, _LAST), np.inf)
+        self._counting_rel, self._all_rel = np.full((2, n_legs, NOISE_SAMPLES), np.inf)
         self._turn, self._legs = 0, np.arange(n_legs)
         self.noise_rel = np.zeros(n_legs)
 
@@ -107,12 +111,12 @@ class _Measurements:
         counting_rel, all_rel = self._counting_rel, self._all_rel
         counting_rel[:, self._turn] = np.where(counts, measured_rel, np.inf)
         all_rel[:, self._turn] = measured_rel
-        self._turn = (self._turn + 1) % _LAST
+        self._turn = (self._turn + 1) % NOISE_SAMPLES
         n_counting = np.add.reduce(counting_rel < np.inf, axis=1)
         median_rel = np.sort(counting_rel, axis=1)[self._legs, n_counting // 2]
         found_rel = np.where(n_counting >= _LEAST, median_rel, self.noise_rel)
         # A NaN is sorted to the end.
-        quartile_rel = np.sort(all_rel, axis=1)[:, _LAST // 4]
+        quartile_rel = np.sort(all_rel, axis=1)[:, NOISE_SAMPLES // 4]
         self.noise_rel = np.fmin(found_rel, _MEDIAN_OVER_QUARTILE * quartile_rel)
 
 
@@ -134,10 +138,10 @@ _PEAK_BLOCK_NS = 25_000_000
 _HELD_BACK_BLOCKS, _MAX_SHAKE_BLOCKS = 2, 12
 #: Share of the threshold below which the signal has come back [1].
 _RETURN_THRESHOLD_REL = 1 / 3
-#: Blocks after which the measured threshold applies, and over which peaks are averaged.
-_MIN_BLOCKS, _AVERAGED_BLOCKS = 20, 400.0
+#: Blocks over which peaks are averaged; the measured threshold applies after `NOISE_SAMPLES` of them.
+_AVERAGED_BLOCKS = 400.0
 #: Standard deviations of the peaks above their mean; the same at most, however high one peak was.
-_THRESHOLD_SIGMAS, _MAX_THRESHOLD_SIGMAS = 5.0, 9.0
+THRESHOLD_SIGMAS, _MAX_THRESHOLD_SIGMAS = 5.0, 9.0
 #: Highest peak: part that is forgotten in each block, and margin above it [1].
 _PEAK_DECAY_REL, _PEAK_MARGIN_REL = 0.0005, 1.2
 
@@ -162,7 +166,7 @@ class SwingNoise:
 
     def __init__(self, least_n: float) -> None:
         self.contact_n, self._least_n = math.inf, least_n
-        self.sigma_n = least_n / _THRESHOLD_SIGMAS
+        self.sigma_n = least_n / THRESHOLD_SIGMAS
         self._n = 0
         self.shake_n = self._variance_n2 = self._highest_n = 0.0
         self.discard_pending(0)
@@ -196,10 +200,10 @@ class SwingNoise:
         self.shake_n += share * off_n
         self._variance_n2 += share * (off_n * (peak_n - self.shake_n) - self._variance_n2)
         self._highest_n = max(peak_n, (1.0 - _PEAK_DECAY_REL) * self._highest_n)
-        if self._n >= _MIN_BLOCKS:
+        if self._n >= NOISE_SAMPLES:
             spread_n = math.sqrt(max(self._variance_n2, 0.0))
             highest_n = min(
                 _PEAK_MARGIN_REL * self._highest_n, self.shake_n + _MAX_THRESHOLD_SIGMAS * spread_n
             )
-            self.contact_n = max(self.shake_n + _THRESHOLD_SIGMAS * spread_n, highest_n, self._least_n)
-            self.sigma_n = max(self.contact_n - self.shake_n, self._least_n) / _THRESHOLD_SIGMAS
+            self.contact_n = max(self.shake_n + THRESHOLD_SIGMAS * spread_n, highest_n, self._least_n)
+            self.sigma_n = max(self.contact_n - self.shake_n, self._least_n) / THRESHOLD_SIGMAS

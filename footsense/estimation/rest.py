@@ -20,22 +20,22 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.errors import ModelError
-from footsense.estimation.network import READINGS, Network
+from footsense.estimation.network import DIFFERENCE_STEP_REL, READINGS, Network
+from footsense.estimation.settings import BASELINE_NOISE_PF, READING_NOISE_PF
 from footsense.foot import gap_contact
 from footsense.foot.contact_coordinates import (
     COORDINATES,
-    FRICTION,
-    POINT,
     contact_loads,
     normals_of_stereographic_points,
+    within_bounds,
 )
 from footsense.foot.network_card import TrainedInputs
 from footsense.foot.response_table import FootResponse
 from footsense.frames import ELEMENTS, Vector
 from footsense.ports import LoadEstimate, LoadEstimator, Window
 
-#: Noise of a reading at 400 conversions a second and of a baseline [pF, rms]; error of the table over the closure [1].
-_NOISE_PF, _BASELINE_NOISE_PF, _TABLE_ERROR_REL = 0.916e-3, 0.2e-3, 1e-3
+#: Error of the table over the closure [1].
+_TABLE_ERROR_REL = 1e-3
 #: Distance within which readings are equal but for noise, over the noise of a reading [1].
 _EQUAL_WITHIN_SIGMAS = 6.0
 #: Rounds of a fit, one in each turn of a leg: from the network's answer, and from the other side where those fail.
@@ -46,19 +46,15 @@ _OTHER_SIDE = np.array([1.0, -1.0, -1.0, -1.0, -1.0])
 _MAX_ERROR_FACTOR = 10.0
 #: Least force of a leg that is fitted, over the largest trained force [1].
 _MIN_FORCE_REL = 0.05
-#: Least normal force in a fit [N].
-_MIN_NORMAL_FORCE_N = 1e-3
 #: Most cells beyond their gap: contact of more takes long.
 _MAX_CLOSED_CELLS = 60
 
-#: Largest friction ratio [1], and distance of the contact normal from the edge of the table [deg].
-_MAX_RATIO, _EDGE_DEG = 0.9, 1.0
 #: Steps of the differences: of the normal force over itself, and of the other coordinates [1]; the base has none.
-_STEPS = 1e-3 * np.vstack([np.zeros(COORDINATES), np.eye(COORDINATES)])
+_STEPS = DIFFERENCE_STEP_REL * np.vstack([np.zeros(COORDINATES), np.eye(COORDINATES)])
 #: Longest change of friction ratio and contact point in a round [1].
 _LONGEST_STEP = 0.2
-#: Sigma of x0 over that of the network, which has seen the same readings, and least sigma of ratio and point [1].
-_PRIOR_OVER_NETWORK_SIGMA, _MIN_PRIOR_SIGMA = 1.5, 4e-3
+#: Sigma of x0 over that of the network, which has seen the same readings [1].
+_PRIOR_OVER_NETWORK_SIGMA = 1.5
 
 
 def trained_response(folder: Path, network: Network) -> FootResponse:
@@ -118,16 +114,15 @@ class LoadFit:
         # Each variant of a load has the same gaps.
         self._gaps_um = np.tile(self._gap_um, (len(_STEPS), 1))
         self._unloaded_pf = np.array(response.design.unloaded_pf)
-        self._max_point = math.tan(math.radians(90.0 - response.min_elevation_deg - _EDGE_DEG) / 2.0)
 
     def noise_rel(self, closure_rel: Vector) -> Vector:
         """Return the noise of a reading [1 of the gap], same shape as the closures over the gap."""
-        return _NOISE_PF * self._um_per_pf(closure_rel) / self._design.gap_um
+        return READING_NOISE_PF * self._um_per_pf(closure_rel) / self._design.gap_um
 
     def sigma_rel(self, closure_rel: Vector, n_readings: int) -> Vector:
         """Return sigma_y of means of readings [1], same shape as the closures over the gap."""
         noise_rel = self.noise_rel(closure_rel) / math.sqrt(n_readings)
-        baseline_rel = _BASELINE_NOISE_PF * self._um_per_pf(np.zeros(ELEMENTS)) / self._design.gap_um
+        baseline_rel = BASELINE_NOISE_PF * self._um_per_pf(np.zeros(ELEMENTS)) / self._design.gap_um
         sigma: Vector = np.sqrt(noise_rel**2 + baseline_rel**2 + (_TABLE_ERROR_REL * closure_rel) ** 2)
         return sigma
 
@@ -163,7 +158,7 @@ class LoadFit:
         cut = longest > _LONGEST_STEP
         if cut:
             step *= _LONGEST_STEP / longest
-        after = self.within_bounds(coordinates + step)
+        after = within_bounds((coordinates + step)[None])[0]
         gain = here.force_slopes @ np.linalg.inv(information)
         return _Round(
             after,
@@ -172,14 +167,6 @@ class LoadFit:
             np.sqrt((gain * here.force_slopes).sum(axis=1)),
             usable=error_factor <= _MAX_ERROR_FACTOR and not cut,
         )
-
-    def within_bounds(self, coordinates: Vector) -> Vector:
-        """Return coordinates, shape (5,), limited to loads that exist and contacts on the table."""
-        inside = coordinates.copy()
-        inside[0] = max(inside[0], _MIN_NORMAL_FORCE_N)
-        for part, longest in ((FRICTION, _MAX_RATIO), (POINT, self._max_point)):
-            inside[part] *= min(1.0, longest / max(math.hypot(*inside[part]), 1e-12))
-        return inside
 
     def _linearize(self, coordinates: Vector) -> _Linearization | None:
         steps = _STEPS.copy()
@@ -283,11 +270,9 @@ class RefinedAtRest:
         self._rounds[row], self._usable[row], self._has_begun = 0, False, True
         point, ratio = np.split(load.contact_point_and_friction[row], 2)
         pressing_n = load.force_n[row] @ normals_of_stereographic_points(point[None])[0]
-        start = self._fit.within_bounds(np.array([pressing_n, *ratio, *point]))
+        start = within_bounds(np.array([[pressing_n, *ratio, *point]]))[0]
         self._coordinates[row] = self._prior[row] = start
-        sigma_point, sigma_ratio = np.split(
-            _PRIOR_OVER_NETWORK_SIGMA * load.contact_sigma[row] + _MIN_PRIOR_SIGMA, 2
-        )
+        sigma_point, sigma_ratio = np.split(_PRIOR_OVER_NETWORK_SIGMA * load.contact_sigma[row], 2)
         # The readings alone tell how hard it is pressed.
         self._prior_sigma[row] = pressing_n, *sigma_ratio, *sigma_point
         return True

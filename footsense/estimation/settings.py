@@ -15,8 +15,15 @@ from footsense.frames import ELEMENTS, Vector
 #: Standard deviation of the gains of the elements of a foot that is not calibrated [1]: an assumption, that of the area
 #: of etched electrodes. What else a made foot differs by from its design is not told by it.
 UNCALIBRATED_GAIN_SIGMA_REL = 0.01
-#: Least limit of the rise of the load in swing [N/s].
-MIN_SWING_RISE_N_PER_S = 0.5e-3
+#: Silence of a leg [ns] after which its foot may be another one, and what it did meanwhile is not told: nobody swaps a
+#: foot in less.
+LONG_SILENCE_NS = 250_000_000
+#: Period of what changes slowly: the baselines' uncertainty, and gait frames without an event [ns].
+SLOW_PERIOD_NS = 100_000_000
+#: Noise of a reading and of a baseline, the mean of a tare, for which networks are trained [pF, rms].
+READING_NOISE_PF, BASELINE_NOISE_PF = 0.916e-3, 0.2e-3
+#: Share of a drift that differs between the elements; the rest is common to all. An assumption: no foot was heated.
+UNEVEN_DRIFT_SHARE = 0.2
 #: Age of a measurement from which it is stale, over the time of a scan, where none is configured [1].
 MAX_AGE_SCANS = 4
 

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.estimation.elements import OPEN_ELEMENT_THRESHOLD_REL
-from footsense.estimation.settings import MountedFeet, TareLimits
+from footsense.estimation.network import READINGS
+from footsense.estimation.settings import LONG_SILENCE_NS, MountedFeet, TareLimits
 from footsense.frames import (
     ELEMENTS,
     Codes,
@@ -33,11 +34,9 @@ from footsense.leg_words import SILENT_READINGS
 
 #: Time that a tare may take over that of its window [1], and scans in which a step has passed through the readings.
 MAX_WINDOWS = 3
-SETTLING_SCANS = 4
-#: Silence after which a baseline is discarded: the foot may have been swapped (a swap takes longer).
-_BASELINE_LOST_AFTER_SILENCE_NS = 250_000_000
-#: The same while a line of the leg's bus is stuck, which may be another leg's fault: a robot that stands would lose all
-#: its forces until each foot's next swing.
+SETTLING_SCANS = READINGS + 1
+#: Silence after which a baseline is discarded, in place of `LONG_SILENCE_NS`, while a line of the leg's bus is stuck,
+#: which may be another leg's fault: a robot that stands would lose all its forces until each foot's next swing.
 _BASELINE_LOST_AFTER_STUCK_BUS_NS = 3_000_000_000
 
 
@@ -210,7 +209,7 @@ class Tares:
         silent = np.isin(reading, SILENT_READINGS).all(axis=1)
         self.heard_ns[~silent] = now_ns
         stuck = (reading == Reading.BUS_STUCK).any(axis=1)
-        allowed_ns = np.where(stuck, _BASELINE_LOST_AFTER_STUCK_BUS_NS, _BASELINE_LOST_AFTER_SILENCE_NS)
+        allowed_ns = np.where(stuck, _BASELINE_LOST_AFTER_STUCK_BUS_NS, LONG_SILENCE_NS)
         too_long = np.flatnonzero(now_ns - self.heard_ns >= allowed_ns).tolist()
         lost = [leg for leg in too_long if leg not in self.untared]
         for leg in lost:

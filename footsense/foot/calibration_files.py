@@ -127,9 +127,6 @@ class Parameters(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     temperature_c: Annotated[float, Meta(ge=COLDEST_C, le=WARMEST_C)] | None
 
 
-#: Largest file that is read [bytes]; a network has 18 thousand.
-MAX_FILE_BYTES = 1 << 24
-
 _Struct = TypeVar("_Struct", Manifest, Parameters)
 
 
@@ -231,7 +228,7 @@ def _read_file(path: Path) -> bytes:
         ModelError: It is missing, cannot be read, or is too large.
     """
     try:
-        return read_regular(path, MAX_FILE_BYTES)
+        return read_regular(path)
     except FileNotFoundError:
         raise ModelError(
             f"{path}: missing; a calibration is used whole or not at all, copy it again"

@@ -12,6 +12,13 @@ from numpy.typing import ArrayLike
 
 from footsense.frames import Vector
 
+#: Step of both angles in the paper's protocols, and their lowest elevation [deg].
+PAPER_ANGLE_STEP_DEG, LOWEST_PAPER_ELEVATION_DEG = 10.0, 40.0
+
+#: Largest deviation of a unit vector from length 1, and of the products of a rotation's rows [1].
+UNIT_LENGTH_TOLERANCE = 1e-6
+_GOLDEN_ANGLE_RAD = math.pi * (3 - math.sqrt(5))
+
 
 def normalized(vectors: Vector) -> Vector:
     """Return vectors scaled to unit length, shape (..., 3); none may be zero."""
@@ -98,8 +105,13 @@ def paper_directions(protocol: Literal["training", "verification"]) -> Vector:
     Source:
         Aoyagi et al., section III F.
     """
-    shift_deg = 5.0 if protocol == "verification" else 0.0
-    ring = direction_grid(shift_deg + 10.0 * np.arange(36), shift_deg + 40.0 + 10.0 * np.arange(5))
+    step_deg = PAPER_ANGLE_STEP_DEG
+    shift_deg = step_deg / 2.0 if protocol == "verification" else 0.0
+    azimuths_deg, elevations_deg = (
+        np.arange(0.0, 360.0, step_deg),
+        np.arange(LOWEST_PAPER_ELEVATION_DEG, 90.0, step_deg),
+    )
+    ring = direction_grid(shift_deg + azimuths_deg, shift_deg + elevations_deg)
     return ring if protocol == "verification" else np.concatenate([ring, [[0.0, 0.0, 1.0]]])
 
 
@@ -118,5 +130,5 @@ def spiral_directions(n: int, lowest_elevation_deg: float) -> Vector:
     """
     k = np.arange(n) + 0.5
     z = 1 - k / n * (1 - math.sin(math.radians(lowest_elevation_deg)))
-    across, azimuth = np.sqrt(1 - z**2), math.pi * (3 - math.sqrt(5)) * k
+    across, azimuth = np.sqrt(1 - z**2), _GOLDEN_ANGLE_RAD * k
     return np.column_stack([across * np.cos(azimuth), across * np.sin(azimuth), z])

@@ -123,7 +123,7 @@ def solve_contact_lcp(free_um: Vector, gap_um: Vector, compliance_um_per_n: Vect
     if not closed.any():
         return ContactSolution(free_um, np.zeros_like(free_um), 0)
     fewest, patience = len(free_um) + 1, _MAX_STALLED_BLOCK_PIVOTS
-    for pivots in range(1, 40 * len(free_um)):
+    for pivots in range(1, _MAX_STALLED_BLOCK_PIVOTS * len(free_um)):
         force = np.zeros_like(free_um)
         inside = np.flatnonzero(closed)
         try:

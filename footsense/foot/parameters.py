@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from footsense.foot.directions import UNIT_LENGTH_TOLERANCE
 from footsense.frames import ELEMENTS, Vector
 
 
@@ -63,7 +64,7 @@ class FootParameters:
         if not self.stiffness_rel > -1.0:
             raise ValueError(f"stiffness_rel: has to be above -1, got {self.stiffness_rel:g}")
         mirrored = np.linalg.det(self.mount) < 0.0
-        if mirrored or not np.allclose(self.mount @ self.mount.T, np.eye(3), atol=1e-6):
+        if mirrored or not np.allclose(self.mount @ self.mount.T, np.eye(3), atol=UNIT_LENGTH_TOLERANCE):
             raise ValueError("mount: is no rotation")
         if not self.error_rel >= 0.0:
             raise ValueError(f"error_rel: is a standard deviation, not below 0, got {self.error_rel:g}")
@@ -83,9 +84,10 @@ class FootParameters:
 STIFFNESS_PER_K = 4.4e-3
 #: Range of the temperature of a foot; beyond it a sensor is broken [degC].
 COLDEST_C, WARMEST_C = -40.0, 125.0
-#: Relative standard deviation of a force at an unknown temperature [1]: uniform within 10 K of the test stand's, from
-#: an unheated hall, 12 degC, to a summer's day, 32 degC.
-UNKNOWN_TEMPERATURE_SIGMA_REL = STIFFNESS_PER_K * 10.0 / math.sqrt(3.0)
+#: Distance of an unknown temperature from the test stand's [K]: from an unheated hall, 12 degC, to a summer's day, 32.
+_UNKNOWN_TEMPERATURE_K = 10.0
+#: Relative standard deviation of a force at an unknown temperature [1]: uniform within that.
+UNKNOWN_TEMPERATURE_SIGMA_REL = STIFFNESS_PER_K * _UNKNOWN_TEMPERATURE_K / math.sqrt(3.0)
 
 
 def force_factor_and_uncertainty(temperature_c: float, calibrated_at_c: float | None) -> tuple[float, float]:

@@ -25,9 +25,10 @@ from numpy.typing import NDArray
 
 from footsense.errors import ModelError
 from footsense.foot.capacitor import Capacitor
+from footsense.foot.directions import UNIT_LENGTH_TOLERANCE
 from footsense.foot.gap_contact import CELLS_PER_SIDE, N_CELLS, element_means
 from footsense.frames import ROWS, Vector
-from footsense.regular_file import read_regular
+from footsense.regular_file import MAX_FILE_BYTES, read_regular
 
 #: Cells along a side of the grid.
 GRID_SIDE = ROWS * CELLS_PER_SIDE
@@ -105,11 +106,6 @@ def whole_compliance(quarter: Vector) -> Vector:
 #: Version of the file's layout.
 FORMAT = 2
 
-#: Largest file that is read, and most that its arrays unpack to [bytes]; the released one has 0.6 million.
-MAX_FILE_BYTES = 1 << 26
-
-#: Largest deviation of a unit vector from length 1 [1].
-UNIT_LENGTH_TOLERANCE = 1e-6
 
 #: Arrays of the file, by the names of the fields.
 _ARRAY_NAMES = ("quarter_series", "quarter_compliance")
@@ -150,7 +146,7 @@ def contact_radius_mm(
     Source:
         K. L. Johnson, Contact Mechanics, 1985, equation (4.22).
     """
-    radius_mm: Vector = np.cbrt(0.75 * ball_radius_mm / contact_modulus_mpa * pressing_n)
+    radius_mm: Vector = np.cbrt(3.0 / 4.0 * ball_radius_mm / contact_modulus_mpa * pressing_n)
     return radius_mm
 
 
@@ -258,7 +254,7 @@ class FootResponse:
         """
         rebuild = "rebuild it with `footsense lab build`"
         try:
-            content = read_regular(path, MAX_FILE_BYTES)
+            content = read_regular(path)
         except OSError as error:
             raise ModelError(f"cannot read the foot response {path}: {error.strerror}; {rebuild}") from error
         try:

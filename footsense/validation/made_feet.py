@@ -23,6 +23,7 @@ from footsense.calibration.rubber_memory import correct_baselines_for_creep
 from footsense.calibration.standing.calibrate import calibrate_standing
 from footsense.calibration.standing.recording import StandingLoads
 from footsense.errors import CalibrationError
+from footsense.estimation.settings import BASELINE_NOISE_PF
 from footsense.foot.directions import normalized
 from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
 from footsense.foot.parameters import FootParameters
@@ -86,7 +87,7 @@ class PressConditions:
     play_factor: float = 1.0
     max_floor_capacitance_pf: float = 0.0
     reading_noise_pf: float = 0.15e-3
-    baseline_noise_pf: float = 0.2e-3
+    baseline_noise_pf: float = BASELINE_NOISE_PF
     repeatability_rel: float = 0.0
     reference_nonlinearity_rel: float = MAX_NONLINEARITY_REL
     force_noise_steps: float = _ASSUMED_FORCE_NOISE_STEPS

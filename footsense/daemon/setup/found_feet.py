@@ -29,6 +29,7 @@ from footsense.daemon.acquisition import open_scan_source
 from footsense.daemon.setup.probe import MUX_ADDRESSES
 from footsense.daemon.simulation import simulated_robot
 from footsense.errors import ConfigError, HardwareError
+from footsense.estimation.noise import NOISE_SAMPLES
 from footsense.frames import ALL_LEGS, LEGS
 from footsense.leg_words import SILENT_READINGS
 from footsense.ports import Clock, I2cBus
@@ -39,7 +40,7 @@ SIMULATED = "sim"
 
 _SERIAL_PORTS = Path("/dev/serial/by-id")
 #: Legs of robots that have fewer than six, in the order of their channels.
-_LEGS_OF_N = {1: ("lf",), 2: ("lf", "rf"), 4: ("lf", "lr", "rf", "rr")}
+_LEGS_OF_N = {len(legs): legs for legs in (("lf",), ("lf", "rf"), ("lf", "lr", "rf", "rr"))}
 #: Longest search of one adapter [s]; it does some 150 transactions.
 _SEARCH_LIMIT_S = 20.0
 #: Scan of feet with board `fdc1004`, and the addresses of their chips.
@@ -47,8 +48,6 @@ _FDC1004_PLAN = scan_plan(FASTEST_SPS)
 _FDC1004_CHIPS = leg_chip_addresses(_FDC1004_PLAN)
 #: Address of an AD7147 behind a multiplexer.
 _AD7147_BEHIND_MUX = ad7147.ADDRESSES[0]
-#: Scans of a microcontroller that are waited for.
-_N_SCANS = 20
 
 
 class FoundFeet(NamedTuple):
@@ -219,11 +218,11 @@ def _robot_on_microcontroller(device: str, can: Can) -> Config:
     """
     config = Config(board="mcu", serial=Serial(device=device, legs=ALL_LEGS), can=can)  # type: ignore[arg-type]
     with open_scan_source(config, None) as started:
-        readings = np.stack([frame.reading for frame in started.read_whole_scans(_N_SCANS)])
+        readings = np.stack([frame.reading for frame in started.read_whole_scans(NOISE_SAMPLES)])
     is_silent = np.isin(readings, SILENT_READINGS).all(axis=(0, 2))
     legs = tuple(ALL_LEGS[row] for row in np.flatnonzero(~is_silent))
     if not legs:
         raise HardwareError(
-            f"{device}: no record of a microcontroller in {_N_SCANS} scans; is its firmware footsense's?"
+            f"{device}: no record of a microcontroller in {NOISE_SAMPLES} scans; is its firmware footsense's?"
         )
     return replace(config, serial=Serial(device=device, legs=legs))  # type: ignore[arg-type]

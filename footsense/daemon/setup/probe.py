@@ -28,6 +28,8 @@ from footsense.daemon.models import load_models
 from footsense.daemon.setup.foot_check import CHIP_FAULT_READINGS, FootFault, FootScans, foot_faults
 from footsense.daemon.simulation import simulated_robot
 from footsense.errors import HardwareError, I2cError, I2cTimeoutError, NackError
+from footsense.estimation.noise import NOISE_SAMPLES
+from footsense.estimation.tare import SETTLING_SCANS
 from footsense.frames import Reading
 from footsense.leg_words import SILENT_READINGS, words_of_reading
 from footsense.ports import Clock, I2cBus, Transaction
@@ -243,7 +245,7 @@ def leg_diagnoses(report: ProbedLeg) -> Iterator[Diagnosis]:
             remedy += "; with the straps of another foot it falsifies that one's readings"
         yield Diagnosis(report.leg, f"{location}: {why}", remedy)
     if report.timing is not None and report.timing.wait_factor > 1.0:
-        slower = f"{100 * (report.timing.wait_factor - 1):.0f} %"
+        slower = f"{report.timing.wait_factor - 1:.0%}"
         observation = (
             f"{location}: its conversions take {slower} longer than the slowest converter may; "
             "all legs wait for them"
@@ -257,11 +259,8 @@ def leg_diagnoses(report: ProbedLeg) -> Iterator[Diagnosis]:
 _N_REPEATS = 2
 #: Longest scan of the addresses of one bus [s]; it takes some 1200 transactions.
 _SCAN_LIMIT_S = 60.0
-#: Scans for the noise: they give its standard deviation to a sixth.
-_N_FOOT_SCANS = 20
-#: Scans before them: converters that were just set up may still settle, and legs that fail are left out.
-_N_DISCARDED_SCANS = 4
-#: The same of converters that run freely: one bus may be read for so long while another waits for its first frame.
+#: Scans before those for the noise, in place of `SETTLING_SCANS`, of converters that run freely: one bus may be read
+#: for so long while another waits for its first frame.
 _N_DISCARDED_FREE_SCANS = 40
 
 
@@ -378,8 +377,8 @@ class _LegState(NamedTuple):
 def _scan_feet(config: Config, scene: Scene | None) -> tuple[list[FootScans], list[_LegState] | None]:
     """Return the readings of each foot over some scans, and the state of each leg; None with a microcontroller."""
     with open_scan_source(config, scene) as started:
-        n_discarded = _N_DISCARDED_FREE_SCANS if config.board == "ad7147" else _N_DISCARDED_SCANS
-        frames = started.read_whole_scans(n_discarded + _N_FOOT_SCANS)[n_discarded:]
+        n_discarded = _N_DISCARDED_FREE_SCANS if config.board == "ad7147" else SETTLING_SCANS
+        frames = started.read_whole_scans(n_discarded + NOISE_SAMPLES)[n_discarded:]
         states = None
         if not isinstance(started.source, McuSource):
             legs = started.source.legs

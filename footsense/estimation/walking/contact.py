@@ -20,24 +20,26 @@ One element alone makes no contact: the load is a trimmed mean, without the larg
 import math
 
 from footsense.estimation.noise import SwingNoise
-from footsense.estimation.settings import MIN_SWING_RISE_N_PER_S
+from footsense.estimation.settings import LONG_SILENCE_NS
 from footsense.frames import CommandKind
 
 #: A fall ends contact below this share of the mean load over the last second or so [1].
 _LIFT_OFF_SHARE_OF_RECENT_MEAN = 0.3
 _RECENT_LOAD_TIME_CONSTANT_S = 1.0
 
-#: So does a fall below this share of it [1] to a load that is steady for this time, and so many thresholds at most: all
-#: readings of the foot have shifted in its stance.
-_SHIFTED_SHARE_OF_RECENT_MEAN, _STEADY_NS, _MAX_SHIFT_THRESHOLDS = 0.15, 50_000_000, 2.0
+#: So does a fall below this share of it [1] to a load that is steady, and so many thresholds at most: all readings of
+#: the foot have shifted in its stance.
+_SHIFTED_SHARE_OF_RECENT_MEAN = _LIFT_OFF_SHARE_OF_RECENT_MEAN / 2.0
+_MAX_SHIFT_THRESHOLDS = 2.0
 
 #: Largest creep that may remain after lift-off, over the mean load of the last minutes [1]. An assumption on the safe
 #: side: Prony series of PDMS add 2 to 5 % over minutes; no foot has been measured.
 _MAX_CREEP_REL = 0.05
 _CREEP_LOAD_TIME_CONSTANT_S = 100.0
 
-#: Time for which the load has to be low before that in swing follows it: a negative glitch must not make contact later.
-_SWING_LOAD_FOLLOWS_AFTER_NS = 50_000_000
+#: Time for which a load has to be steady [ns]: low, before that in swing follows it, as a negative glitch must not make
+#: contact later, and in contact, before it is a shift.
+_STEADY_NS = 50_000_000
 
 #: Share of the heaviest load that is contact, whatever the swing shows, and below which a contact is light [1], and
 #: time in which that load is forgotten [s]. Chosen on the walkers' selection: with the noise of swings alone every
@@ -48,21 +50,16 @@ _LIFT_OFF_REL, _LIFT_OFF_SHARE = 0.7, 0.2
 
 #: A contact as short as this is shake if it is light. One below so many least thresholds is light, where a foot has not
 #: carried yet, and none above so many: no foot's own mass pulled so much in the walkers' gaits.
-_SHAKE_MAX_NS, _LIGHT_THRESHOLDS = 150_000_000, (2.0, 4.0)
+_SHAKE_MAX_NS, _LIGHT_THRESHOLDS = 3 * _STEADY_NS, (2.0, 4.0)
 
 #: Contact is held for this time after the last load, and for the other after a touchdown: elements that are read one
 #: after the other, of a load that falls or rises fast, ring, and not all show a touch that a prediction tells.
-_CONTACT_HOLD_NS, _TOUCHDOWN_HOLD_NS = 14_000_000, 27_000_000
-#: For so long after a touchdown that is not light, a foot bounces, and contact is held as after a touchdown.
-_BOUNCES_NS = 100_000_000
-#: Time after lift-off from which a swing is confirmed [s]: most of the rubber's quick recovery is over by then, and
-#: half the swing of a fast gait is left.
-_SWING_CONFIRMED_AFTER_S = 0.2
-#: After lift-off a prediction overshoots for this time, and predicts no contact.
-_PREDICTION_OVERSHOOT_NS = 100_000_000
-
-#: Contact is kept for this time without a reading, and unknown afterwards.
-_CONTACT_TIMEOUT_NS = 250_000_000
+_CONTACT_HOLD_NS = 14_000_000
+_TOUCHDOWN_HOLD_NS = 2 * _CONTACT_HOLD_NS
+#: Time in which a foot rings [ns]: after a touchdown that is not light it bounces, and contact is held as after a
+#: touchdown; after lift-off a prediction overshoots, and predicts no contact. Twice that after lift-off a swing is
+#: confirmed: most of the rubber's quick recovery is over by then, and half the swing of a fast gait is left.
+_RINGS_NS = 2 * _STEADY_NS
 
 
 class ContactDetector:
@@ -78,7 +75,7 @@ class ContactDetector:
         raw: Whether the newest load alone is above the threshold.
         touch_n: Load above that in swing that is contact [N].
         predicted_touch_n: The same of the predicted load [N].
-        in_swing: Whether swing is confirmed: lifted for `_SWING_CONFIRMED_AFTER_S`, and the load not about to touch.
+        in_swing: Whether swing is confirmed: lifted for two `_RINGS_NS`, and the load not about to touch.
         load_n: Load along the leg above its baseline [N], NaN where it is not known.
         carried_n: The same of the force as of now, or that where there is no force [N].
         drift_n: Largest load that drift and creep alone could produce now [N].
@@ -91,7 +88,7 @@ class ContactDetector:
     def __init__(
         self,
         least_n: float,
-        max_swing_rise_n_per_s: float = MIN_SWING_RISE_N_PER_S,
+        max_swing_rise_n_per_s: float,
         prediction_sigmas: float = 1.0,
     ) -> None:
         self._max_swing_rise_n_per_s = max_swing_rise_n_per_s
@@ -111,7 +108,7 @@ class ContactDetector:
         self._peak_n = self._predicted_peak_n = 0.0
         self.noise.discard_pending(t_ns)
         self.predicted_noise.discard_pending(t_ns)
-        # The highest load of the last _SWING_LOAD_FOLLOWS_AFTER_NS to twice that, in two windows.
+        # The highest load of the last _STEADY_NS to twice that, in two windows.
         self._highest_before_n = self._highest_n = math.inf
         self._t_ns = self._window_start_ns = self._touched_ns = self._loaded_ns = self._lifted_ns = t_ns
         self._steady_since_ns = t_ns
@@ -140,7 +137,7 @@ class ContactDetector:
         self.carried_n = predicted_n if math.isfinite(predicted_n) else load_n
         if not math.isfinite(load_n):
             self.in_swing = self.explained_by_drift = False
-            if now_ns - self._t_ns > _CONTACT_TIMEOUT_NS:
+            if now_ns - self._t_ns > LONG_SILENCE_NS:
                 self.reset(now_ns)
             return
         elapsed_s = max(t_ns - self._t_ns, 0) * 1e-9
@@ -151,7 +148,7 @@ class ContactDetector:
         above_n = load_n - swing_load_n
         predicted_above_n = predicted_n - swing_load_n
         noise, predicted_noise = self.noise, self.predicted_noise
-        overshoots = t_ns - self._lifted_ns <= _PREDICTION_OVERSHOOT_NS
+        overshoots = t_ns - self._lifted_ns <= _RINGS_NS
         heavy_n = self._heavy_n * max(1.0 - elapsed_s / _HEAVY_MEMORY_S, 0.0)
         self._heavy_n = max(heavy_n, load_n if self.in_contact else 0.0)
         shake_n = _HEAVY_REL * self._heavy_n
@@ -193,7 +190,7 @@ class ContactDetector:
         self.in_swing = (
             not self.in_contact
             and load_n - self.swing_load_n < 0.5 * self._explained_n
-            and (t_ns - self._lifted_ns) * 1e-9 >= _SWING_CONFIRMED_AFTER_S
+            and t_ns - self._lifted_ns >= 2 * _RINGS_NS
         )
         pressing_n = max(load_n, 0.0)
         self._recent_n += (pressing_n - self._recent_n) * (
@@ -210,7 +207,7 @@ class ContactDetector:
         return self._peak_n < min(limit_n, _LIGHT_THRESHOLDS[1] * self._least_n)
 
     def _hold_ns(self, t_ns: int) -> int:
-        bounces = t_ns - self._touched_ns < _BOUNCES_NS and not self._is_light
+        bounces = t_ns - self._touched_ns < _RINGS_NS and not self._is_light
         return _TOUCHDOWN_HOLD_NS if bounces else _CONTACT_HOLD_NS
 
     def _is_a_shift(self, load_n: float, above_n: float) -> bool:
@@ -234,7 +231,7 @@ class ContactDetector:
                 noise.block_n.append(signal_n - swing_load_n)
             if t_ns >= noise.end_ns:
                 noise.end_block(t_ns, touch_n)
-        if t_ns - self._window_start_ns > _SWING_LOAD_FOLLOWS_AFTER_NS:
+        if t_ns - self._window_start_ns > _STEADY_NS:
             self._highest_before_n = self._highest_n
             self._highest_n, self._window_start_ns = load_n, t_ns
         self._highest_n = max(self._highest_n, load_n)

@@ -12,21 +12,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from footsense.estimation.settings import LONG_SILENCE_NS, SLOW_PERIOD_NS
 from footsense.estimation.walking.contact import ContactDetector
-from footsense.estimation.walking.ground import NO_GROUND, SlipDetector, ground_of
+from footsense.estimation.walking.ground import NO_GROUND, SLIP_LAG_NS, SlipDetector, ground_of
 from footsense.frames import GaitEvent, GaitEventKind, GaitFrame, Slip
 from footsense.ports import LoadEstimate
 
-#: Period of the frames without an event [ns].
-GAIT_FRAME_PERIOD_NS = 100_000_000
-#: Largest exponent of the probability: 1 - 1e-6.
-_MAX_EXPONENT = 13.8
-#: Slope of a logistic function over that of a normal distribution [1].
-_LOGISTIC_SLOPE = 1.7
 #: State of a leg whose force is known and whose foot is in contact.
 _FORCE_KNOWN_IN_CONTACT = (True, True)
-#: Time without a known force after which a contact that began or ended meanwhile has no event any more [ns].
-_LONGEST_GAP_NS = 250_000_000
 
 #: Slips are looked for on half of the legs in turn: the next conversion has mostly the same readings.
 _CONVERSIONS_PER_CHECK = 2
@@ -34,34 +27,26 @@ _CONVERSIONS_PER_CHECK = 2
 _PASSED_LOAD_REL, _N_SEARCHED_LOADS = 0.3, 24
 #: Conversions that are kept.
 N_BUFFERED_CONVERSIONS = 1 + _N_SEARCHED_LOADS
-#: Standard deviation of the time of a slip [s].
-_SLIP_TIME_SIGMA_S = 0.01
 
 
 class EventLags(NamedTuple):
-    """Times from events to their detection, and their spread.
+    """Times from events to their detection.
 
     Attributes:
-        touch_s: From a touchdown to the contact [s], besides the part that its rise tells.
-        touch_sigma_s: Spread of that [s].
+        touch_s: From a touchdown to the contact [s], besides the part that its rise tells; its spread is a third of it.
+            From the end of a load to the end of the contact it is twice that.
         rise_rel: That part, over the time since the load passed a share of what it is at the contact [1].
-        rise_sigma_rel: Spread of that [1].
-        fall_s: From the end of a load to the end of the contact [s].
-        fall_sigma_s: Spread of that [s].
     """
 
     touch_s: float
-    touch_sigma_s: float
     rise_rel: float
-    rise_sigma_rel: float
-    fall_s: float
-    fall_sigma_s: float
 
 
 #: Of slow and of fast scans (`EstimationLimits.is_fast_scan`). Fitted to the touches of the walkers' training and
 #: selection, without hops and landings.
-SLOW_SCAN_LAGS = EventLags(12.6e-3, 4.0e-3, 0.62, 0.35, 24e-3, 5.5e-3)
-FAST_SCAN_LAGS = EventLags(6.25e-3, 1.8e-3, 0.93, 0.25, 13e-3, 5.5e-3)
+SLOW_SCAN_LAGS, FAST_SCAN_LAGS = EventLags(12.6e-3, 0.62), EventLags(6.25e-3, 0.93)
+#: Spread of the part that a rise tells [1], and of the time from the end of a load to that of the contact [s].
+_RISE_SIGMA_REL, _FALL_SIGMA_S = 0.3, 5.5e-3
 
 
 class BackDated(NamedTuple):
@@ -117,9 +102,7 @@ def touchdown(loads: Sequence[LegLoads], row: int, lags: EventLags = SLOW_SCAN_L
         later_ns -= round((later_ns - below.t_ns) * (later_n - passed_n) / (later_n - below_n))
     since_s = (t_ns - later_ns) * 1e-9
     back_s = lags.touch_s + lags.rise_rel * since_s
-    return BackDated(
-        t_ns - round(back_s * 1e9), math.hypot(lags.touch_sigma_s, lags.rise_sigma_rel * since_s)
-    )
+    return BackDated(t_ns - round(back_s * 1e9), math.hypot(lags.touch_s / 3.0, _RISE_SIGMA_REL * since_s))
 
 
 def lift_off(t_ns: int, lags: EventLags) -> BackDated:
@@ -127,7 +110,7 @@ def lift_off(t_ns: int, lags: EventLags) -> BackDated:
 
     The same time before, whatever the load did: a line through its fall spreads more.
     """
-    return BackDated(t_ns - round(lags.fall_s * 1e9), lags.fall_sigma_s)
+    return BackDated(t_ns - round(2.0 * lags.touch_s * 1e9), _FALL_SIGMA_S)
 
 
 _NO_TIME = BackDated(0, math.nan)
@@ -148,7 +131,7 @@ class GaitTracker:
         n_legs: int,
         friction: float = math.nan,
         lags: EventLags = SLOW_SCAN_LAGS,
-        period_ns: int = GAIT_FRAME_PERIOD_NS,
+        period_ns: int = SLOW_PERIOD_NS,
     ) -> None:
         self._lags = lags
         self._friction = friction
@@ -196,7 +179,7 @@ class GaitTracker:
                 if t_ns is not None:
                     starts = self._slips[row].state is Slip.SLIPPING
                     kind = GaitEventKind.SLIP if starts else GaitEventKind.SLIP_END
-                    events.append(GaitEvent(kind, row, t_ns, _SLIP_TIME_SIGMA_S))
+                    events.append(GaitEvent(kind, row, t_ns, 1e-9 * SLIP_LAG_NS))
         if not events and now_ns < self._due_ns:
             return None
         if now_ns >= self._due_ns and self._period_ns:
@@ -217,7 +200,7 @@ class GaitTracker:
         # A contact that began or ended while the force was not known for long has no event, and no time.
         unknown_ns, told = now_ns - self._known_ns[row], self._told[row]
         self._told[row] = in_contact
-        if told is None or unknown_ns > _LONGEST_GAP_NS:
+        if told is None or unknown_ns > LONG_SILENCE_NS:
             self._touchdowns[row] = self._lift_offs[row] = _NO_TIME
             return []
         if told is in_contact:
@@ -232,7 +215,7 @@ class GaitTracker:
                 kinds.insert(0, GaitEventKind.SLIP_END)
         # A foot cannot touch before it was lifted, nor be lifted before it touched.
         own[row] = BackDated(
-            max(dated.t_ns, other[row].t_ns + 1), math.hypot(dated.sigma_s, 0.5e-9 * unknown_ns)
+            max(dated.t_ns, other[row].t_ns + 1), math.hypot(dated.sigma_s, 0.5 * 1e-9 * unknown_ns)
         )
         return [GaitEvent(kind, row, *own[row]) for kind in kinds]
 
@@ -283,4 +266,4 @@ def _contact_probability(contact: ContactDetector, above_n: float) -> float:
     if not math.isfinite(measured + estimated):
         return math.nan
     sigmas = max(measured, estimated)
-    return 1.0 / (1.0 + math.exp(-min(max(_LOGISTIC_SLOPE * sigmas, -_MAX_EXPONENT), _MAX_EXPONENT)))
+    return 0.5 + 0.5 * math.erf(sigmas / math.sqrt(2.0))

@@ -15,17 +15,18 @@ from typing import NamedTuple
 from footsense.frames import Slip
 from footsense.ports import LoadEstimate
 
-#: Largest standard deviations with which a value is still given: direction [rad] and tangential over normal force [1].
-_MAX_NORMAL_SIGMA_RAD, _MAX_FRICTION_SIGMA = 0.3, 0.2
-#: Normal force from which the contact is learnt [N], and over its own standard deviation [1].
-_MIN_PRESSING_N, _MIN_PRESSING_SIGMAS = 0.03, 4.0
+#: Largest standard deviation with which a direction [rad] and tangential over normal force [1] are still given.
+_MAX_SIGMA = 0.2
+#: Normal force from which the contact is learnt, over its own standard deviation [1].
+_MIN_PRESSING_SIGMAS = 4.0
 #: Ratio below the coefficient from which a foot slips, and largest standard deviation of a ratio that tells [1]: in
 #: walks over four grounds, of robots of the training, one slip of 388 is then of a foot that is not at its cone.
-_CONE_MARGIN, _MAX_SLIP_RATIO_SIGMA = 0.04, 0.12
+_CONE_MARGIN = 0.04
+_MAX_SLIP_RATIO_SIGMA = 3.0 * _CONE_MARGIN
 #: Checks at the cone until a slip is reported, and away from it until it is over.
 _SLIP_STARTS_AFTER, _SLIP_ENDS_AFTER = 2, 3
-#: From the beginning or end of a slip to the first estimate that shows it [ns].
-_SLIP_DETECTION_LAG_NS = 9_600_000
+#: From the beginning or end of a slip to the first estimate that shows it, and its standard deviation [ns].
+SLIP_LAG_NS = 10_000_000
 
 
 class GroundEstimate(NamedTuple):
@@ -66,18 +67,14 @@ def ground_of(load: LoadEstimate, row: int) -> GroundEstimate:
     scale = 1.0 / (1.0 + square)
     nx, ny, nz = 2.0 * px * scale, 2.0 * py * scale, (1.0 - square) * scale
     pressing_n = fx * nx + fy * ny + fz * nz
-    if not (
-        pressing_n > _MIN_PRESSING_N
-        and pressing_n > _MIN_PRESSING_SIGMAS * load.sigma_n.item(row, 2)
-        and nz > 0.0
-    ):
+    if not (pressing_n > _MIN_PRESSING_SIGMAS * load.sigma_n.item(row, 2) and nz > 0.0):
         return NO_GROUND
     # The third component follows: the tangential force is perpendicular to the normal.
     rz = -(nx * rx + ny * ry) / nz
     ratio = math.sqrt(rx * rx + ry * ry + rz * rz)
     normal_sigma = 2.0 * scale * math.hypot(sigma_px, sigma_py)
     ratio_sigma = math.hypot(sigma_rx, sigma_ry) / math.sqrt(2.0)
-    known_normal, known_ratio = normal_sigma < _MAX_NORMAL_SIGMA_RAD, ratio_sigma < _MAX_FRICTION_SIGMA
+    known_normal, known_ratio = normal_sigma < _MAX_SIGMA, ratio_sigma < _MAX_SIGMA
     return GroundEstimate(
         pressing_n,
         (nx, ny, nz) if known_normal else (_NAN, _NAN, _NAN),
@@ -117,7 +114,7 @@ class SlipDetector:
         ratio, slips = ground.tangential_over_normal, self.state is Slip.SLIPPING
         if math.isnan(ratio - self._cone):
             self.state, self._run = Slip.UNKNOWN, 0
-            return now_ns - _SLIP_DETECTION_LAG_NS if slips else None
+            return now_ns - SLIP_LAG_NS if slips else None
         if ground.tangential_over_normal_sigma > _MAX_SLIP_RATIO_SIGMA:
             # As in the first scan of a stance; a reported slip continues.
             self._run = 0
@@ -133,4 +130,4 @@ class SlipDetector:
         if at_cone is slips or self._run < (_SLIP_STARTS_AFTER if at_cone else _SLIP_ENDS_AFTER):
             return None
         self.state = Slip.SLIPPING if at_cone else Slip.NONE
-        return self._since_ns - _SLIP_DETECTION_LAG_NS
+        return self._since_ns - SLIP_LAG_NS

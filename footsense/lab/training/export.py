@@ -23,7 +23,6 @@ from onnx import TensorProto, helper, numpy_helper
 
 from footsense.errors import ModelError
 from footsense.estimation.network import steady_windows
-from footsense.foot.calibration_files import MAX_FILE_BYTES
 from footsense.foot.network_card import INPUTS, METADATA_KEY, OUTPUTS, Signal
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.training.windowed_network import (
@@ -181,7 +180,7 @@ def load_weights(path: Path) -> Weights:
         ModelError: It is no network of this layout.
     """
     try:
-        content = read_regular(path, MAX_FILE_BYTES)
+        content = read_regular(path)
         stored = {
             one.name: numpy_helper.to_array(one) for one in onnx.load_from_string(content).graph.initializer
         }
@@ -207,7 +206,7 @@ class OnnxNetwork:
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         try:
-            content = read_regular(path, MAX_FILE_BYTES)
+            content = read_regular(path)
             self._session = onnxruntime.InferenceSession(content, options, ["CPUExecutionProvider"])
             self.card = json.loads(self._session.get_modelmeta().custom_metadata_map[METADATA_KEY])
         except Exception as error:  # the runtime's own exceptions share no documented base

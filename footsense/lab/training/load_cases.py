@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from firmware_interface.chips import fdc1004
 from footsense.errors import ModelError
+from footsense.estimation import settings
 from footsense.foot.capacitor import Capacitor
 from footsense.foot.directions import normalized, paper_directions, random_directions
 from footsense.foot.force_errors import GRAM_FORCE_N
@@ -22,8 +23,8 @@ from footsense.frames import Vector
 from footsense.lab.geometry import LoadRange
 from footsense.lab.symmetry import SYMMETRIES, element_permutation
 
-#: Noise of one conversion at 400 a second, and of the baseline [pF, rms], as the card's sigma is measured with.
-NOISE_PF, BASELINE_NOISE_PF = 1e-3 * fdc1004.RATES[400].noise_ff, 0.2e-3
+#: Noise of one conversion, and of the baseline [pF, rms], as the card's sigma is measured with.
+NOISE_PF, BASELINE_NOISE_PF = settings.READING_NOISE_PF, settings.BASELINE_NOISE_PF
 #: Free mean closure from which an element is beyond the converter's range for certain [1 of the gap]: loads within full
 #: scale stay below 1.2.
 CERTAIN_SATURATION_CLOSURE_REL = 1.5

@@ -163,4 +163,4 @@ def test_another_service_on_a_channel_is_heard(
     with closing(open_wire(can)) as heard, closing(open_wire(can)) as other:
         other.send([pack_frame(can_id, bytes(8))], 0)
         assert another_sends(heard, clock) is sends
-    assert clock.t_ns == (0 if sends else 200 * MS)
+    assert clock.t_ns == (0 if sends else 250 * MS)

@@ -19,7 +19,7 @@ class Leg:
     """A leg whose load is given, read every 25 ms."""
 
     def __init__(self) -> None:
-        self.contact = ContactDetector(0.03)
+        self.contact = ContactDetector(0.03, 0.5e-3)
         self.t_ns = 1_000 * MS
         self.contact.reset(self.t_ns)
 
@@ -137,7 +137,7 @@ def test_a_touch_is_predicted_and_held_until_all_have_been_read() -> None:
 def test_a_prediction_of_a_fast_scan_needs_more_sigmas() -> None:
     """A foot that slows down before it touches is pulled by its own mass, and a fast scan predicts a load from that."""
     usual, fast = Leg(), Leg()
-    fast.contact = ContactDetector(0.03, prediction_sigmas=2.0)
+    fast.contact = ContactDetector(0.03, 0.5e-3, prediction_sigmas=2.0)
     fast.contact.reset(fast.t_ns)
     usual.carry(0.0, 10)
     fast.carry(0.0, 10)
@@ -263,7 +263,7 @@ def test_commands_only_where_they_are_safe(
     kind: CommandKind, *, in_contact: bool, load_n: float, drift_n: float, says: str | None
 ) -> None:
     """On the ground no STOP and no TARE, unless drift explains the whole load; START and unknown contact always."""
-    contact = ContactDetector(0.03)
+    contact = ContactDetector(0.03, 0.5e-3)
     contact.in_contact, contact.drift_n = in_contact, drift_n
     contact.load_n = contact.carried_n = load_n
     reason = contact.refusal(kind)

@@ -24,7 +24,7 @@ class Robot:
 
     def __init__(self, friction: float = math.nan) -> None:
         self.tracker = GaitTracker(LEGS, friction, period_ns=0)
-        self.contacts = [ContactDetector(0.03) for _ in range(LEGS)]
+        self.contacts = [ContactDetector(0.03, 0.5e-3) for _ in range(LEGS)]
         self.now_ns = 1_000_000_000
         for contact in self.contacts:
             contact.reset(self.now_ns)
@@ -223,7 +223,7 @@ def test_a_slide_is_said_once_and_ends_with_the_stance() -> None:
 def test_frames_come_with_events_and_ten_times_a_second() -> None:
     """Between them nothing is published."""
     tracker = GaitTracker(1)
-    contact = ContactDetector(0.03)
+    contact = ContactDetector(0.03, 0.5e-3)
     found = []
     for k in range(1000):
         now_ns = k * STEP_NS
