@@ -112,6 +112,7 @@ class BaselineTracker:
                 self.contacts[leg].reset(newest_ns)
         if lost or tared_pf:
             unloaded.update()
+            unloaded.sigma_due_ns = 0
         if now_ns >= unloaded.sigma_due_ns:
             unloaded.update_sigma(now_ns)
         return results

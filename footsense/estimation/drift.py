@@ -69,9 +69,8 @@ def max_swing_rise_n_per_s(n_per_pf: float) -> float:
     return _SWING_RISE_LIMIT_TO_DRIFT_RATIO * MAX_DRIFT_PF_PER_S * n_per_pf
 
 
-_values_of = attrgetter(
-    "baseline_pf", "variance_pf2", "updated_ns", "offset_pf", "moved_ns", "status", "left_pf"
-)
+_values_of = attrgetter("baseline_pf", "offset_pf", "moved_ns", "status")
+_uncertainty_of = attrgetter("variance_pf2", "updated_ns", "left_pf")
 
 
 def baseline_sigma_pf(variance_pf2: Vector | float, updated_ns: Stamps | int, now_ns: int) -> Vector:
@@ -275,15 +274,13 @@ class UnloadedFeet:
         )
         self.sigma_n = np.full((len(feet.names), 3), np.nan)
         self.max_errors_n: list[float] = []
+        self.sigma_due_ns = 0
         self.complete = False
         self.update()
 
     def update(self) -> None:
-        """Derive the arrays from the baselines of the legs."""
-        self.sigma_due_ns = 0
-        baseline_pf, variance_pf2, updated_ns, offset_pf, moved_ns, status, left_pf = zip(
-            *map(_values_of, self.legs), strict=True
-        )
+        """Derive the arrays from the baselines of the legs, but for what a tenth of a second changes little."""
+        baseline_pf, offset_pf, moved_ns, status = zip(*map(_values_of, self.legs), strict=True)
         self.baseline_pf: Vector = np.array(baseline_pf)
         self.plate_distance_rel: Vector = (
             self._design.plate_distance_um(self.baseline_pf) / self._design.gap_um / self._gain_rel
@@ -293,17 +290,12 @@ class UnloadedFeet:
         if not (was_complete and self.complete):
             self.untared_legs: Mask = np.asarray(without_baseline.all(axis=1))
             self.untared_elements_of_tared_legs: Mask = without_baseline & ~self.untared_legs[:, None]
-        self._variance_pf2, self._updated_ns = np.array(variance_pf2), np.array(updated_ns, np.int64)
         mean_pf, worst_pf = np.array(offset_pf).T.copy()
         self.drift = BaselineDrift(
             np.array(status, np.uint8), mean_pf, worst_pf, np.array(moved_ns, np.int64)
         )
         self._apart: Mask = np.abs(worst_pf - mean_pf) > MAX_DRIFT_FROM_LEG_MEAN_PF
         self._set_cause()
-        per_load_n = self._closure_per_pf * (np.array(left_pf) @ self._n_per_closure)
-        n_loads = len(self._sensitivity.force_n_per_closure)
-        squares_n2 = np.square(per_load_n).reshape(len(left_pf), n_loads, 3)
-        self._left_n = np.sqrt(np.add.reduce(squares_n2, axis=1) / n_loads)
 
     def _set_cause(self) -> None:
         cause = np.where(self._noisy, np.uint8(Cause.NOISY), np.uint8(Cause.NONE))
@@ -313,7 +305,8 @@ class UnloadedFeet:
         """Set `sigma_n`, `max_errors_n`, `noise_ff` and `cause` for the present tenth of a second."""
         # Of the coming period, which ends at a time that does not depend on the legs.
         self.sigma_due_ns = (now_ns // SLOW_PERIOD_NS + 1) * SLOW_PERIOD_NS
-        sigma_pf = baseline_sigma_pf(self._variance_pf2, self._updated_ns, self.sigma_due_ns)
+        variance_pf2, updated_ns, left_pf = map(np.array, zip(*map(_uncertainty_of, self.legs), strict=True))
+        sigma_pf = baseline_sigma_pf(variance_pf2, updated_ns, self.sigma_due_ns)
         n_per_pf = self._closure_per_pf * self._sensitivity.load_n_per_mean_closure
         self.max_errors_n = (n_per_pf * np.minimum(3.0 * sigma_pf, MAX_DRIFT_PF)).tolist()
         noise_rel = np.sqrt(self._noise.variance_rel)
@@ -326,4 +319,7 @@ class UnloadedFeet:
         baseline_rel = sigma_pf * self._closure_per_pf
         by_baseline_n = baseline_rel[:, None] * self._sensitivity.force_sigma_n_per_baseline_error
         by_noise_n = noise_rel[:, None] * self._sensitivity.force_sigma_n_per_reading_noise
-        self.sigma_n = np.sqrt(by_baseline_n**2 + by_noise_n**2 + self._left_n**2)
+        n_loads = len(self._sensitivity.force_n_per_closure)
+        left_n = self._closure_per_pf * (left_pf @ self._n_per_closure).reshape(len(left_pf), n_loads, 3)
+        left_n2 = np.add.reduce(np.square(left_n), axis=1) / n_loads
+        self.sigma_n = np.sqrt(by_baseline_n**2 + by_noise_n**2 + left_n2)
