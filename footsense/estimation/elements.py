@@ -63,10 +63,10 @@ UNCERTAIN_RESIDUAL, UNCERTAIN_RESIDUAL_REL = 0.01, 0.1
 MIN_PREDICTED_MOTION_REL = 0.08
 #: Evidence against an element [readings]: from which it is excluded, and the most that is kept. A reading that
 #: contradicts the others adds one, one of an overloaded element less, as nothing tells whether that stands still.
-ENOUGH_EVIDENCE, MOST_EVIDENCE, OVERLOADED_EVIDENCE = 2.0, 8.0, 0.4
+ENOUGH_EVIDENCE, MOST_EVIDENCE, OVERLOADED_EVIDENCE = 2.0, 4.0, 0.4
 #: Evidence against an excluded element that a reading takes away that agrees with the others, at the load where it
 #: does, and at another load. Of one that is not excluded, it takes away all.
-AGREEMENT, SLOW_AGREEMENT = 0.25, 0.25 / 32
+AGREEMENT, SLOW_AGREEMENT = 0.25, 0.25 / 64
 #: A reading stands still that differs from the two before by less than this share of its residual [1].
 STEADY_BELOW_SHARE_OF_RESIDUAL = 0.25
 #: An element that moves less than this share of what the others predict is stuck [1].
