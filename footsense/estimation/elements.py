@@ -77,8 +77,6 @@ _KEPT: Vector = (~MISSING_SETS).astype(float)
 _SHARES_OF_KEPT: Vector = _KEPT / _KEPT.sum(axis=1, keepdims=True)
 _RANK: Vector = MISSING_SETS.sum(axis=1).astype(float)
 _ALL_SETS = np.arange(len(MISSING_SETS))[None]
-# Whether a pattern of overloaded elements has too many for a test.
-_TOO_MANY = np.array([pattern.bit_count() > MAX_OVERLOADED for pattern in range(1 << ELEMENTS)])
 # Plain numbers: to compare with an enumeration's member costs a microsecond each time.
 _OVER_RANGE, _UNDER_RANGE = int(Reading.OVER_RANGE), int(Reading.UNDER_RANGE)
 
@@ -196,8 +194,8 @@ class ConsistencyTest:
         overloaded = overloaded & ~unusable
         unread = np.isnan(closure_rel)
         closure_rel = np.where(unread, 0.0, closure_rel)
-        untested = patterns_of(unread & ~unusable) | _TOO_MANY[patterns_of(overloaded)]
-        tested = untested == 0
+        too_many = np.add.reduce(overloaded, axis=1) > MAX_OVERLOADED
+        tested = ~(np.logical_or.reduce(unread & ~unusable, axis=1) | too_many)
         chosen = SMALLEST_CONTAINING[patterns_of(unusable)]
         motion_rel = readings.second_largest_motion_rel
         _, largest, rms_rel = self._residuals(closure_rel, overloaded, chosen[:, None])

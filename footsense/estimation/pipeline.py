@@ -143,7 +143,7 @@ class Pipeline:
             raise ValueError(
                 f"a frame of {scan.capacitance_pf.shape} readings, here {self._distance_pf.shape}"
             )
-        if scan.t_ns.max() > now_ns:
+        if np.maximum.reduce(scan.t_ns, axis=None) > now_ns:
             scan = _without_future_readings(scan, now_ns)
         baselines = self._baselines
         elements = self._elements.classify(scan, self._consistency.excluded, baselines.unloaded.baseline_pf)
@@ -198,7 +198,7 @@ class Pipeline:
         gait = self._gait.observe(load, baselines.contacts, now_ns)
         # Beside the network's: the foot's own mass, and gains of the elements that nobody has found.
         variance_n2 = load.sigma_n**2 + baselines.swing_sigma_n**2
-        variance_n2 += self._gain_variance_rel2 * np.einsum("li,li->l", force_n, force_n)[:, None]
+        variance_n2 += self._gain_variance_rel2 * _squared_norms(force_n)[:, None]
         return ContactFrame(
             sequence=scan.sequence,
             t_sent_ns=now_ns,
@@ -253,15 +253,17 @@ class Pipeline:
         sigma_n = np.hypot(load.sigma_n, self._baselines.unloaded.sigma_n)
         if np.count_nonzero(inconsistency_sigma_rel):
             sigma_n = with_inconsistency(sigma_n, inconsistency_sigma_rel, force_n, max_sigma_n)
-        fits = (_norms(force_n) <= max_n) & np.logical_and.reduce(sigma_n <= max_sigma_n, axis=1)
+        fits = (_squared_norms(force_n) <= max_n * max_n) & np.logical_and.reduce(
+            sigma_n <= max_sigma_n, axis=1
+        )
         state[usable & ~fits] = _OUT_OF_RANGE
         untold = ~(usable & fits)
         force_n[untold] = sigma_n[untold] = np.nan
         return load._replace(sigma_n=sigma_n), state
 
 
-def _norms(vectors: Vector) -> Vector:
-    norms: Vector = np.sqrt(np.einsum("li,li->l", vectors, vectors))
+def _squared_norms(vectors: Vector) -> Vector:
+    norms: Vector = np.add.reduce(np.square(vectors), axis=1)
     return norms
 
 
@@ -276,7 +278,7 @@ def with_inconsistency(
         force_n: The forces [N], shape (legs, 3).
         max_sigma_n: Largest sigma of a usable force [N].
     """
-    inconsistent_n = (inconsistency_sigma_rel * _norms(force_n))[:, None]
+    inconsistent_n = (inconsistency_sigma_rel * np.sqrt(_squared_norms(force_n)))[:, None]
     widened_n: Vector = np.minimum(np.hypot(sigma_n, inconsistent_n), np.maximum(sigma_n, max_sigma_n))
     return widened_n
 
