@@ -162,6 +162,17 @@ def test_what_does_not_fit_beside_the_forces_waits_for_the_next_scan(request: py
     robot.close()
 
 
+def test_forces_that_fill_the_bus_leave_room_for_heartbeats(request: pytest.FixtureRequest) -> None:
+    """Twelve frames a millisecond are three times what the bus carries; each leg is heard of five times a second."""
+    wire = NarrowWire()
+    robot = Robot(request.node.nodeid, LEGS, wire=wire)
+    for t_ms in range(1000):
+        robot.publish(t_ms * MS)
+    robot.close()
+    told = [can_id - 0x148 for can_id, _ in wire.taken if can_id - 0x148 in NODE_IDS.values()]
+    assert [told.count(NODE_IDS[leg]) for leg in LEGS] == [7] * 6  # with those of start and end
+
+
 @pytest.mark.parametrize("room", range(19))
 def test_each_fault_report_goes_out_once_whatever_part_of_a_scan_is_taken(
     request: pytest.FixtureRequest, room: int

@@ -8,10 +8,14 @@ from footsense.estimation.drift import (
     MAX_ANCHOR_DISTANCE_PF,
     MAX_DRIFT_PF_PER_S,
     LegBaseline,
+    UnloadedFeet,
     baseline_sigma_pf,
 )
-from footsense.estimation.settings import TareLimits
-from footsense.frames import BaselineStatus
+from footsense.estimation.noise import ReadingNoise
+from footsense.estimation.settings import MountedFeet, TareLimits
+from footsense.frames import BaselineStatus, Cause
+from tests.support.feet import DESIGN
+from tests.support.standing import SENSITIVITY
 
 UNLOADED_PF = np.full(9, 5.4)
 LIMITS = TareLimits(window_scans=4, noise_limit_ff=5.0, unloaded_limit_rel=0.03)
@@ -121,3 +125,33 @@ def test_an_element_without_a_baseline_gets_one_from_two_quiet_readings() -> Non
     assert np.isfinite(foot.baseline.baseline_pf[2])
     assert np.isnan(foot.baseline.baseline_pf[5])
     assert np.abs(foot.baseline.offset_pf).max() < 2e-3
+
+
+def test_an_element_that_is_back_gets_no_baseline_from_a_reading_that_jumps() -> None:
+    """Twice the noise that a tare allows, between two readings of the others that are quiet."""
+    tared_pf = UNLOADED_PF.copy()
+    tared_pf[2] = np.nan
+    foot = Swinging(tared_pf)
+    jump_ff = 2.0 * 5.0 * np.eye(9)[2]
+    foot.read(0.0)
+    foot.read(jump_ff)
+    assert foot.baseline.status is BaselineStatus.TRACKING
+    assert np.isnan(foot.baseline.baseline_pf[2])
+    foot.read(jump_ff)
+    assert np.isfinite(foot.baseline.baseline_pf[2])
+
+
+def test_a_noisy_leg_is_noisy_until_it_is_well_below_the_limit() -> None:
+    """Between the limit of a tare and seven tenths of it, what was stays."""
+    noise = ReadingNoise(1, np.eye(9))
+    feet = UnloadedFeet(MountedFeet.of(DESIGN, [None]), DESIGN, LIMITS, SENSITIVITY, noise)
+    noise.variance_rel = np.full(1, 1e-12)
+    feet.update_sigma(S)
+    rel_of_limit = 1e-6 * LIMITS.noise_limit_ff / feet.noise_ff
+    causes = []
+    for t, share in enumerate((0.9, 1.1, 0.9, 0.75, 0.6, 0.9)):
+        noise.variance_rel = (share * rel_of_limit) ** 2
+        feet.update_sigma((2 + t) * S)
+        causes.append(int(feet.cause[0]))
+    noisy, none = Cause.NOISY, Cause.NONE
+    assert causes == [none, noisy, noisy, noisy, none, none]

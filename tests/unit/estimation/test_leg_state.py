@@ -25,6 +25,10 @@ def test_only_a_whole_row_floats() -> None:
     capacitance_pf = np.arange(9.0)[None] + 1.0
     added = floating_row_crosstalk_pf(capacitance_pf, opened(3, 4, 5))
     np.testing.assert_array_equal(added, [[4.0, 5.0, 6.0, 0.0, 0.0, 0.0, 4.0, 5.0, 6.0]])
+    capacitance_pf[0, 4] = np.nan  # under the converter's range
+    added = floating_row_crosstalk_pf(capacitance_pf, opened(3, 4, 5))
+    np.testing.assert_array_equal(added, [[4.0, 0.0, 6.0, 0.0, 0.0, 0.0, 4.0, 0.0, 6.0]])
+    capacitance_pf[0, 4] = 5.0
     for elements in ((), (4,), (3, 4), (2, 5, 8)):
         np.testing.assert_array_equal(floating_row_crosstalk_pf(capacitance_pf, opened(*elements)), 0.0)
 
