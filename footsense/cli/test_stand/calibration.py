@@ -16,15 +16,16 @@ from footsense.calibration.calibrate import (
     CalibrationResult,
     calibrate_sessions,
 )
-from footsense.calibration.evaluation import MAGNITUDE_BANDS, DesignModels, Evaluation
+from footsense.calibration.evaluation import MAGNITUDE_BANDS, Evaluation
 from footsense.calibration.evaluation import evaluate as evaluate_sessions
 from footsense.calibration.recorded_session import RecordedSession, read_sessions
 from footsense.calibration.writer import check_calibration_target, write_calibration
 from footsense.cli.options import FILE, FOLDER, foot_option, json_option
 from footsense.cli.tables import Column, echo_figures, echo_json, errors_text, figures_table, json_row, table
+from footsense.cli.test_stand.design_models import load_design_models
+from footsense.cli.test_stand.standing import calibrate_by_standing
 from footsense.clock import stopwatch_ns, wall_time_iso
-from footsense.daemon.foot_types import released_path
-from footsense.errors import ConfigError, require
+from footsense.errors import require
 from footsense.estimation.network import Network
 from footsense.foot.calibration_files import FootCalibration, HeldOutErrors, Manifest, read_calibration
 from footsense.foot.force_errors import GRAM_FORCE_N, ForceErrors
@@ -91,8 +92,6 @@ def calibrate(
     if by_standing:
         if hold_out is not None:
             raise click.UsageError("--hold-out needs a reference")
-        from footsense.cli.test_stand.standing import calibrate_by_standing
-
         calibrate_by_standing(recordings, foot, folder, foot_type_folder, replace=replace, as_json=as_json)
         return
     if foot is None:
@@ -306,27 +305,6 @@ def _read_sessions(recordings: tuple[Path, ...], foot: str) -> list[RecordedSess
         for line in session.warnings:
             click.echo(f"warning: {line}", err=True)
     return sessions
-
-
-def load_design_models(foot_type: str, folder: Path | None) -> tuple[DesignModels, Path]:
-    """Load the models (network, response table) of a foot type; return them and their folder.
-
-    Args:
-        foot_type: Its name, as recorded.
-        folder: Folder of the files; None for the released ones.
-
-    Raises:
-        ConfigError: They are missing, or of another type.
-    """
-    remedy = "--foot-type names the folder that `footsense lab build --foot` made"
-    folder = folder or released_path("network.onnx", foot_type).parent
-    for name in ("network.onnx", "response.npz"):
-        if not (folder / name).is_file():
-            raise ConfigError(f"{folder}: no foot type {foot_type}: there is no {name} in it; {remedy}")
-    found = Network(folder / "network.onnx", 1).card.foot_type
-    if found != foot_type:
-        raise ConfigError(f"{folder}: of foot type {found!r}, recorded is {foot_type!r}; {remedy}")
-    return DesignModels.load(folder), folder
 
 
 def _calibration_of(folder: Path | None, foot: str, foot_type: str) -> FootCalibration | None:

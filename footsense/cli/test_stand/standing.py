@@ -15,7 +15,7 @@ from footsense.calibration.standing.calibrate import StandingCalibration, calibr
 from footsense.calibration.standing.recording import StandingLoads, StandingRecording, read_standing
 from footsense.calibration.writer import check_calibration_target, write_calibration
 from footsense.cli.tables import Column, echo_json, json_row, table
-from footsense.cli.test_stand.calibration import load_design_models
+from footsense.cli.test_stand.design_models import load_design_models
 from footsense.clock import wall_time_iso
 from footsense.errors import CalibrationError
 from footsense.estimation.network import Network

@@ -218,6 +218,29 @@ def test_a_leg_without_a_reading_is_not_tested_and_a_new_foot_is_trusted() -> No
     assert not result.missing.any()
     assert not result.inconsistency_sigma_rel.any()
     assert not leg.consistency.excluded.any()
+    assert not leg.test(wrong).missing.any()
+
+
+def test_a_frame_without_a_new_reading_is_no_evidence() -> None:
+    """Neither for an element nor against it: a conversion of another element brings one as well."""
+    leg = Leg.with_stuck_element()
+    leg.test(pressed())
+    for _ in range(2 * AGREEING_SCANS):
+        leg.now_ns -= SCAN_NS  # the same time stamps
+        assert leg.test(pressed()).missing[0, 0]
+
+
+def test_a_stuck_element_is_called_so_until_it_is_trusted() -> None:
+    """Also while it follows the load again."""
+    leg = Leg()
+    for load in np.tile(np.linspace(0.2, 1.0, 5), 4):
+        closure_rel = pressed((load, 0.0, 0.0))
+        closure_rel[0] = 0.0
+        leg.test(closure_rel)
+    assert leg.consistency.stuck[0, 0]
+    for load in np.linspace(0.2, 1.0, 5):
+        assert leg.test(pressed((load, 0.0, 0.0))).missing[0, 0]
+        assert leg.consistency.stuck[0, 0]
 
 
 def test_what_motion_explains_is_no_fault() -> None:
