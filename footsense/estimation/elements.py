@@ -22,7 +22,7 @@ elements without which the rest is consistent is named. An impact of some millis
 leaves the same residual for a scan.
 
 So there is evidence against each element. A reading of it adds some while it is named, and takes all of it away where
-the foot is consistent or others are named. From two such readings on, if it stands still, the element is excluded, and
+the foot is consistent or others are named. From three such readings on, if it stands still, the element is excluded, and
 the network does without it. Then evidence goes slowly, that of an unloaded and that of a loaded foot each by its own
 readings: unloaded, an element stuck at its baseline reads right, and under load, where the limit is wider, a drifting
 one may. A foot that stands or hangs for long shows only one of both: the other evidence goes too, in a thousand scans.
@@ -63,7 +63,7 @@ UNCERTAIN_RESIDUAL, UNCERTAIN_RESIDUAL_REL = 0.01, 0.1
 MIN_PREDICTED_MOTION_REL = 0.08
 #: Evidence against an element [readings]: from which it is excluded, and the most that is kept. A reading that
 #: contradicts the others adds one, one of an overloaded element less, as nothing tells whether that stands still.
-ENOUGH_EVIDENCE, MOST_EVIDENCE, OVERLOADED_EVIDENCE = 2.0, 4.0, 0.4
+ENOUGH_EVIDENCE, MOST_EVIDENCE, OVERLOADED_EVIDENCE = 3.0, 4.0, 0.6
 #: Evidence against an excluded element that a reading takes away that agrees with the others, at the load where it
 #: does, and at another load. Of one that is not excluded, it takes away all.
 AGREEMENT, SLOW_AGREEMENT = 0.25, 0.25 / 64
