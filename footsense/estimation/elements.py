@@ -21,8 +21,8 @@ came off and no longer moves, one that drifts, a flipped bit, or a line that bro
 elements without which the rest is consistent is named. An impact of some milliseconds, which two or three elements see,
 leaves the same residual for a scan.
 
-So there is evidence against each element. A reading of it adds some while it is named, and takes all of it away where
-the foot is consistent or others are named. From three such readings on, if it stands still, the element is excluded, and
+So there is evidence against each element. A reading of it adds some while it is named, takes some away while others are
+named, and all where the foot is consistent. From three such readings on, if it stands still, the element is excluded:
 the network does without it. Then evidence goes slowly, that of an unloaded and that of a loaded foot each by its own
 readings: unloaded, an element stuck at its baseline reads right, and under load, where the limit is wider, a drifting
 one may. A foot that stands or hangs for long shows only one of both: the other evidence goes too, in a thousand scans.
