@@ -53,8 +53,8 @@ _MAX_CLOSED_CELLS = 60
 _STEPS = DIFFERENCE_STEP_REL * np.vstack([np.zeros(COORDINATES), np.eye(COORDINATES)])
 #: Longest change of friction ratio and contact point in a round [1].
 _LONGEST_STEP = 0.2
-#: Sigma of x0 over that of the network, which has seen the same readings [1].
-_PRIOR_OVER_NETWORK_SIGMA = 1.5
+#: Sigma of x0 over that of the network, which has seen the same readings, and least sigma of ratio and point [1].
+_PRIOR_OVER_NETWORK_SIGMA, _MIN_PRIOR_SIGMA = 1.5, 4e-3
 
 
 def trained_response(folder: Path, network: Network) -> FootResponse:
@@ -272,7 +272,9 @@ class RefinedAtRest:
         pressing_n = load.force_n[row] @ normals_of_stereographic_points(point[None])[0]
         start = within_bounds(np.array([[pressing_n, *ratio, *point]]))[0]
         self._coordinates[row] = self._prior[row] = start
-        sigma_point, sigma_ratio = np.split(_PRIOR_OVER_NETWORK_SIGMA * load.contact_sigma[row], 2)
+        sigma_point, sigma_ratio = np.split(
+            _PRIOR_OVER_NETWORK_SIGMA * load.contact_sigma[row] + _MIN_PRIOR_SIGMA, 2
+        )
         # The readings alone tell how hard it is pressed.
         self._prior_sigma[row] = pressing_n, *sigma_ratio, *sigma_point
         return True
