@@ -57,9 +57,11 @@ def states_and_causes(record: LegRecord) -> tuple[Codes, NDArray[np.uint16], Cod
     """Return the most severe state of each leg, the pattern of its faulty elements, and the cause."""
     states, causes = bytearray([State.VALID] * len(record.cause)), bytearray(record.cause.tobytes())
     fault_masks = [0] * len(states)
-    # Numbers, with a bit an element: for a few legs they are faster than arrays.
+    # The masks of elements, in the order of the record, as numbers: for a few legs they are faster than arrays.
     by_leg = patterns_of(np.array([record.reading != _OK, *record[1:11]])).T.tolist()
-    of_leg = zip(*(found.tolist() for found in record[11:14]), strict=True)
+    of_leg = zip(
+        record.is_interrupted.tolist(), record.is_old.tolist(), record.is_stopped.tolist(), strict=True
+    )
     for leg, (masks, flags) in enumerate(zip(by_leg, of_leg, strict=True)):
         if not (any(masks) or any(flags) or leg in record.untared_states):
             continue
