@@ -29,6 +29,10 @@ one may. A foot that stands or hangs for long shows only one of both: the other 
 Where no set explains the residuals, the state stays and sigma is wider. It is so from a quarter of the limit on: an
 element that has just come off, and stands still under a load that rolls away, is wrong before it contradicts others.
 
+An element that drifts slowly under a foot that stands is wrong long before it contradicts the others. But no load moves
+one element alone: from the limit at which a residual is in sigma, one that has moved while no other has moved by a
+quarter of that, since the foot last moved, is drifting, and each of its readings is a little evidence.
+
 An overloaded element is closed at least as far as it reads. It predicts no other, and contradicts only if the others
 predict less: then it is shorted, or its gap is full of water.
 """
@@ -65,8 +69,10 @@ MIN_PREDICTED_MOTION_REL = 0.08
 #: contradicts the others adds one, one of an overloaded element less, as nothing tells whether that stands still.
 ENOUGH_EVIDENCE, MOST_EVIDENCE, OVERLOADED_EVIDENCE = 3.0, 4.0, 0.6
 #: Evidence against an excluded element that a reading takes away that agrees with the others, at the load where it
-#: does, and at another load. Of one that is not excluded, it takes away all.
-AGREEMENT, SLOW_AGREEMENT = 0.25, 0.25 / 64
+#: does. Of one that is not excluded, it takes away all.
+AGREEMENT = 0.25
+#: Share of that at another load, and evidence of a reading of an element that moves while the others stand still.
+SLOW_SHARE = 1.0 / 64.0
 #: A reading stands still that differs from the two before by less than this share of its residual [1].
 STEADY_BELOW_SHARE_OF_RESIDUAL = 0.25
 #: An element that moves less than this share of what the others predict is stuck [1].
@@ -169,6 +175,10 @@ class ConsistencyTest:
         self._evidence = np.zeros((2, *shape))
         self._has_evidence = False
         self._t_of_readings_ns = np.zeros(shape, np.int64)
+        # Closures when the foot last moved, and the time of the newest of them.
+        self._rested_rel = np.zeros(shape)
+        self._rested_ns = np.zeros(n_legs, np.int64)
+        self._moves_alone: Mask = np.zeros(shape, bool)
         self.excluded = np.zeros(shape, bool)
         self.stuck = np.zeros(shape, bool)
         # While there is evidence: the smallest and the largest of each element's measured and predicted closures.
@@ -201,15 +211,30 @@ class ConsistencyTest:
         _, largest, rms_rel = self._residuals(closure_rel, overloaded, chosen[:, None])
         excess = largest - RESIDUAL_LIMIT - RESIDUAL_LIMIT_REL * rms_rel
         contradicted = tested & (excess > motion_rel[:, None])[:, 0]
-        if self._has_evidence or np.count_nonzero(contradicted):
+        moves_alone = self._test_alone(closure_rel, readings, unusable) & tested[:, None]
+        if self._has_evidence or np.count_nonzero(contradicted) or np.count_nonzero(moves_alone):
             # What only motion explains is no evidence for an element.
-            agrees = tested & (excess <= 0.0)[:, 0]
-            self._weigh(closure_rel, readings, unusable, overloaded, contradicted, agrees)
+            agrees = tested & (excess <= 0.0)[:, 0] & ~np.logical_or.reduce(moves_alone, axis=1)
+            self._weigh(closure_rel, readings, unusable, overloaded, moves_alone, contradicted, agrees)
             chosen = SMALLEST_CONTAINING[patterns_of(unusable | self.excluded)]
             _, largest, rms_rel = self._residuals(closure_rel, overloaded, chosen[:, None])
         inconsistency_rel = inconsistency_sigma_rel(largest[:, 0], rms_rel[:, 0], motion_rel)
         inconsistency_rel *= self._imputation.error_amplification[chosen] * tested
         return ConsistencyResult(MISSING_SETS[chosen], inconsistency_rel)
+
+    def _test_alone(self, closure_rel: Vector, readings: Readings, unusable: Mask) -> Mask:
+        """Return the elements that have moved since the others last did: no load moves one alone."""
+        moved_rel = np.abs(closure_rel - self._rested_rel) * ~unusable
+        second = np.partition(moved_rel, -2, axis=1)[:, -2]
+        rests = second < STEADY_BELOW_SHARE_OF_RESIDUAL * UNCERTAIN_RESIDUAL
+        self._rested_rel = np.where(rests[:, None], self._rested_rel, closure_rel)
+        self._rested_ns = np.where(rests, self._rested_ns, readings.newest_ns)
+        # The elements are read one after the other.
+        rests &= readings.oldest_of_newest_ns > self._rested_ns
+        # One that is excluded for another reason moves alone when it comes back.
+        counts = ~self.excluded | self._moves_alone
+        self._moves_alone = counts & rests[:, None] & (moved_rel > UNCERTAIN_RESIDUAL)
+        return self._moves_alone
 
     def _residuals(
         self, closure_rel: Vector, overloaded: Mask, sets: NDArray[np.intp]
@@ -229,6 +254,7 @@ class ConsistencyTest:
         readings: Readings,
         unusable: Mask,
         overloaded: Mask,
+        moves_alone: Mask,
         contradicted: Mask,
         agrees: Mask,
     ) -> None:
@@ -239,6 +265,7 @@ class ConsistencyTest:
             readings: The readings that they are of.
             unusable: Sets of elements that the network does without anyway.
             overloaded: Elements that are closed at least as far as they read.
+            moves_alone: Elements that move while the foot stands still.
             contradicted: Legs whose closures contradict one another, shape (legs,).
             agrees: Legs whose closures do not, without regard to motion, shape (legs,).
         """
@@ -255,10 +282,11 @@ class ConsistencyTest:
         is_new = t_ns != self._t_of_readings_ns
         self._t_of_readings_ns = t_ns.copy()
         against = np.where(overloaded, OVERLOADED_EVIDENCE, 1.0) * named - (explained & ~(named | excluded))
+        against = np.maximum(against, SLOW_SHARE * moves_alone)
         evidence += against * is_new
         np.minimum(evidence, MOST_EVIDENCE, out=evidence)
         is_unloaded, is_loaded = predicted_rel < RESIDUAL_LIMIT, predicted_rel > MIN_PREDICTED_MOTION_REL
-        slow = SLOW_AGREEMENT * ~(self.stuck & is_unloaded)
+        slow = AGREEMENT * SLOW_SHARE * ~(self.stuck & is_unloaded)
         lost = np.where([is_unloaded, is_loaded], AGREEMENT, slow)
         evidence -= np.where(excluded, lost, MOST_EVIDENCE) * (agrees[:, None] & is_new)
         np.maximum(evidence, 0.0, out=evidence)
@@ -267,6 +295,7 @@ class ConsistencyTest:
         # A NaN is not larger.
         moves = np.logical_or.reduce(np.abs(readings.changes_rel) >= still_below_rel[:, None], axis=1)
         confirmed = named & is_new & ~moves & (most >= ENOUGH_EVIDENCE)
+        confirmed |= moves_alone & (most >= ENOUGH_EVIDENCE)
         self.excluded = (excluded | confirmed) & (most > 0.0)
         self._has_evidence = bool(np.count_nonzero(most))
         self._tell_stuck(closure_rel, predicted_rel, named)

@@ -4,10 +4,19 @@ import msgspec
 import numpy as np
 import pytest
 
-from footsense.config import SMALL_BOARD
-from footsense.frames import Cause, Flag, State
-from footsense.validation.disturbance_table import DISTURBANCES, ENDS_S, figures, scenes
-from footsense.validation.fault_trial import PublishedWalk, simulate_scene
+from footsense.config import DEFAULT, SMALL_BOARD, Config
+from footsense.frames import IS_USABLE_STATE, Cause, Flag, State
+from footsense.sim.faults import scene_faults as faults
+from footsense.sim.scene_loads import Constant
+from footsense.validation.disturbance_table import (
+    BEGINS_S,
+    DISTURBANCES,
+    ENDS_S,
+    WANTED_SIGMAS,
+    figures,
+    scenes,
+)
+from footsense.validation.fault_trial import FAULTY_LEG, PublishedWalk, simulate_scene
 
 SCENES = scenes(2.0)
 
@@ -42,6 +51,34 @@ def test_sigma_covers_the_errors(disturbance: str, scene: str, cause: Cause) -> 
         0.92 if (disturbance, scene) == ("all nine shift by 50 fF", "measured walk") else 0.95
     )
     assert (found.state, found.cause) == (State.VALID, cause)
+
+
+@pytest.mark.parametrize(
+    ("config", "told_after_s"),
+    [(DEFAULT, 3.0), pytest.param(SMALL_BOARD, 7.0, marks=pytest.mark.slow)],
+    ids=["ad7147", "fdc1004"],
+)
+def test_an_element_that_drifts_under_a_standing_foot_is_told_before_sigma_is_exceeded(
+    config: Config, told_after_s: float
+) -> None:
+    """By 60 fF/s, which the load hides; without it the force is right again."""
+    ends_s = BEGINS_S + told_after_s + 0.5
+    drift = faults.ElementDrifts(leg=FAULTY_LEG, element=0, at_s=BEGINS_S, until_s=ends_s, rate_ff_per_s=60.0)
+    standing = msgspec.structs.replace(
+        SCENES["standing"], load=Constant(force_n=(0.2, -0.1, 1.0), rise_s=0.3), faults=(drift,)
+    )
+    walked = simulate_scene(standing, config, ends_s)
+    row = walked.legs.index(FAULTY_LEG)
+    told = walked.cause[:, row] == Cause.ELEMENT_DRIFTS
+    assert set(walked.fault_mask[told, row].tolist()) == {0b000_000_001}
+    first_s = 1e-9 * walked.t_sent_ns[told.argmax()] - BEGINS_S
+    assert told[told.argmax() :].all()
+    usable = IS_USABLE_STATE[walked.state[:, row]]
+    off_sigmas = np.abs(walked.force_n - walked.true_force_n)[usable, row] / walked.sigma_n[usable, row]
+    assert (off_sigmas < WANTED_SIGMAS).mean() > 0.99
+    assert first_s < told_after_s
+    others = np.arange(len(walked.legs)) != row
+    assert not (walked.cause[:, others] == Cause.ELEMENT_DRIFTS).any()
 
 
 def test_a_shift_of_all_readings_in_a_stance_does_not_hold_the_contact() -> None:

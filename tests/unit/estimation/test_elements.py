@@ -11,7 +11,8 @@ from footsense.estimation.elements import (
     ENOUGH_EVIDENCE,
     MOST_EVIDENCE,
     RESIDUAL_LIMIT,
-    SLOW_AGREEMENT,
+    SLOW_SHARE,
+    UNCERTAIN_RESIDUAL,
     ConsistencyResult,
     ConsistencyTest,
 )
@@ -161,9 +162,10 @@ def test_a_foot_whose_load_does_not_change_is_sound_again_after_a_thousand_scans
     steady = pressed((load, 0.0, 0.0))
     foreign = steady.copy()
     foreign[4] += 0.4
+    leg.test(steady)
     for _ in range(10):
         leg.test(foreign)
-    scans = round(MOST_EVIDENCE / SLOW_AGREEMENT)
+    scans = round(MOST_EVIDENCE / (AGREEMENT * SLOW_SHARE))
     assert leg.missing(steady, scans, 4) == [True] * (scans - 1) + [False]
 
 
@@ -206,6 +208,38 @@ def test_a_drift_that_a_load_hides_is_not_trusted() -> None:
         leg.test(free)
     for _ in range(100):
         assert leg.test(loaded).missing[0, 8]
+
+
+@pytest.mark.parametrize("load", [0.0, 1.0])
+@pytest.mark.parametrize("per_scan", [2e-4, -1e-3])
+def test_an_element_that_moves_alone_is_left_out(load: float, per_scan: float) -> None:
+    """Under a load that hides it as well, long before it contradicts the others, and until it is back."""
+    leg = Leg()
+    closure_rel = pressed((load, 0.0, 0.0))
+    leg.test(closure_rel)
+    n = 0
+    while not leg.test(closure_rel).missing[0, 4]:
+        closure_rel[4] += per_scan
+        n += 1
+    scans_of_evidence = ENOUGH_EVIDENCE / SLOW_SHARE
+    assert n * abs(per_scan) <= UNCERTAIN_RESIDUAL + (scans_of_evidence + 2) * abs(per_scan)
+    assert n >= scans_of_evidence or abs(n * per_scan) > RESIDUAL_LIMIT
+    assert all(leg.missing(closure_rel, 100, 4))
+    scans = round(MOST_EVIDENCE / (AGREEMENT * SLOW_SHARE))
+    assert not leg.missing(pressed((load, 0.0, 0.0)), scans, 4)[-1]
+
+
+@settings(max_examples=10)
+@given(loads, loads, st.integers(2, 100))
+def test_a_load_that_moves_slowly_and_rests_moves_no_element_alone(
+    before: tuple[float, float, float], after: tuple[float, float, float], scans: int
+) -> None:
+    """From one load to another, and a rest there."""
+    leg = Leg()
+    way = pressed(after) - pressed(before)
+    for share in np.concatenate((np.linspace(0.0, 1.0, scans), np.ones(round(1.0 / SLOW_SHARE) * SCANS))):
+        leg.test(pressed(before) + share * way)
+    assert not leg.consistency.excluded.any()
 
 
 def test_a_leg_without_a_reading_is_not_tested_and_a_new_foot_is_trusted() -> None:
