@@ -1,12 +1,15 @@
 """The runs of walking robots that train, select and judge networks and thresholds: split once, never crossed.
 
-Robots, grounds and seeds of the three parts differ. Whoever tunes anything looks at `TRAINING` and `SELECTION` alone.
+Robots, grounds and seeds of the three parts differ. So do gaits, but for those of `KNOWN_JUDGEMENT`: each of selection
+and of judgement has another order of footfalls than all of training and of the other, or a duty that differs by more
+than 0.1, or it starts, stops and turns. Whoever tunes anything looks at `TRAINING` and `SELECTION` alone;
+`footsense lab selection` prints what the latter says.
 """
 
 import hashlib
 import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -36,6 +39,11 @@ class WalkerRun(NamedTuple):
     duration_s: float
 
     @property
+    def kind(self) -> str:
+        """Kind of the robot."""
+        return self.robot.partition("-")[0]
+
+    @property
     def name(self) -> str:
         """Robot, gait and ground, with blanks between."""
         return f"{self.robot} {self.gait} {self.ground}"
@@ -50,6 +58,14 @@ class WalkerRun(NamedTuple):
         if self.ground not in GROUNDS:
             raise ConfigError(f"no ground {self.ground!r}: there are {', '.join(GROUNDS)}")
         return simulate_walker(self.robot, self.gait, GROUNDS[self.ground], self.seed, self.duration_s)
+
+    def kept_log(self) -> WalkerLog:
+        """Return the log of the run, simulated once on a computer, then read from `cache_folder`.
+
+        Raises:
+            ConfigError: As of `saved`.
+        """
+        return WalkerLog.load(self.saved(cache_folder()))
 
     def saved(self, folder: Path) -> Path:
         """Return the file of the run's log in a folder, simulated unless it is there.
@@ -90,23 +106,37 @@ GROUNDS: dict[str, GroundModel] = {
     "ascent": GroundModel(friction=0.75, time_constant_s=0.007, slope_deg=(5.0, 0.0)),
 }
 
-_OF_KIND = {
+_TRAINED = {
     "quadruped": ("walk", "trot-slow", "trot-fast", "turn", "sideways", "stand", "hop", "landing"),
     "hexapod": ("walk", "tripod", "tripod-fast", "turn", "sideways", "stand", "hop", "landing"),
 }
+_SELECTED = {
+    "quadruped": ("pace", "gallop", "crawl", "gallop-stops", "pace-drag"),
+    "hexapod": ("ripple", "tripod-long", "crawl", "ripple-stops", "ripple-drag"),
+}
+_JUDGED = {
+    "quadruped": ("bound", "amble", "diagonal-walk", "rotary-gallop", "diagonal-stops", "diagonal-drag"),
+    "hexapod": ("tetrapod", "front-wave", "pairs", "amble", "tetrapod-stops", "tetrapod-drag"),
+}
+#: Gaits whose feet drag over the ground.
+DRAGGED = ("pace-drag", "ripple-drag", "diagonal-drag", "tetrapod-drag")
 #: Runs that are left out: an open-loop gait does not balance, and on the ramp the light quadruped with its long legs
 #: tips over in these; in the walk at 4 deg as well.
 _FALLS = {("quadruped-300g", "walk", "ramp"), ("quadruped-300g", "turn", "ramp")}
 
 
 def _runs(
-    robots: tuple[str, ...], grounds: tuple[str, ...], duration_s: float, first_seed: int
+    gaits: Mapping[str, Sequence[str]],
+    robots: tuple[str, ...],
+    grounds: tuple[str, ...],
+    duration_s: float,
+    first_seed: int,
 ) -> tuple[WalkerRun, ...]:
     return tuple(
         WalkerRun(robot, gait, ground, first_seed + 100 * a + b, duration_s)
         for a, robot in enumerate(robots)
         for b, (ground, gait) in enumerate(
-            (ground, gait) for ground in grounds for gait in _OF_KIND[robot.partition("-")[0]]
+            (ground, gait) for ground in grounds for gait in gaits[robot.partition("-")[0]]
         )
         if (robot, gait, ground) not in _FALLS
     )
@@ -114,14 +144,18 @@ def _runs(
 
 #: What networks are trained on.
 TRAINING = _runs(
-    ("quadruped-300g", "hexapod-12kg"), ("floor", "carpet", "wet", "icy", "ramp", "stones"), 5.0, 1000
+    _TRAINED,
+    ("quadruped-300g", "hexapod-12kg"),
+    ("floor", "carpet", "wet", "icy", "ramp", "stones"),
+    5.0,
+    1000,
 )
 #: What recipes and thresholds are chosen by.
-SELECTION = _runs(("quadruped-2kg", "hexapod-300g"), ("tiles", "ascent"), 6.0, 5000)
+SELECTION = _runs(_SELECTED, ("quadruped-2kg", "hexapod-300g"), ("tiles", "ascent"), 4.0, 5000)
 
 
 def _judging(robot: str, first_seed: int) -> tuple[WalkerRun, ...]:
-    walk, slow, fast, turn, _, stand, hop, landing = _OF_KIND[robot.partition("-")[0]]
+    walk, slow, fast, turn, _, stand, hop, landing = _TRAINED[robot.partition("-")[0]]
     pairs = [(gait, "flat") for gait in (walk, slow, fast, turn, stand, hop, landing)]
     pairs += [
         (slow, "slope-10"),
@@ -131,12 +165,15 @@ def _judging(robot: str, first_seed: int) -> tuple[WalkerRun, ...]:
         (fast, "soft"),
     ]
     return tuple(
-        WalkerRun(robot, gait, ground, first_seed + n, 12.0) for n, (gait, ground) in enumerate(pairs)
+        WalkerRun(robot, gait, ground, first_seed + n, 6.0) for n, (gait, ground) in enumerate(pairs)
     )
 
 
-#: What everything is judged by: robots of the two larger released feet.
-JUDGEMENT = _judging("hexapod-2kg", 9000) + _judging("quadruped-12kg", 9100)
+#: What everything is judged by: robots of the two larger released feet, in gaits of training.
+KNOWN_JUDGEMENT = _judging("hexapod-2kg", 9000) + _judging("quadruped-12kg", 9100)
+#: The same robots, in gaits that nothing was trained or chosen on.
+NEW_JUDGEMENT = _runs(_JUDGED, ("hexapod-2kg", "quadruped-12kg"), ("flat", "friction-0.3"), 10.0, 9200)
+JUDGEMENT = KNOWN_JUDGEMENT + NEW_JUDGEMENT
 
 
 #: Runs of a quick build, two seconds of each.
