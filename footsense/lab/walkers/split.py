@@ -165,7 +165,7 @@ def _judging(robot: str, first_seed: int) -> tuple[WalkerRun, ...]:
         (fast, "soft"),
     ]
     return tuple(
-        WalkerRun(robot, gait, ground, first_seed + n, 6.0) for n, (gait, ground) in enumerate(pairs)
+        WalkerRun(robot, gait, ground, first_seed + n, 12.0) for n, (gait, ground) in enumerate(pairs)
     )
 
 
