@@ -240,7 +240,8 @@ that differs by more than 0.1, or starts, stops and turns; {len(next(iter(new.va
 paper's foot scaled to half of its range, and on the robot's own. A touch begins when the normal force exceeds
 {FIRST_LOAD_REL:.0%} of the peak, by loads at a thousand a second, and is found if it is told within {1e3 * REPORT_AFTER_S:g} ms; it counts
 after {1e3 * MIN_TOUCH_S:g} ms in the air if it lasts as long. Feet of gaits with *drag* are lifted so little that they are loaded by
-a few percent of a stance's load for part of their swing. Slow loads are made up (`lab/evaluation/slow_loads.py`): six
+a few percent of a stance's load for part of their swing. Beside them walks a Unitree Aliengo under a learned policy in a
+closed loop, whose log comes with its source (`lab/walkers/logs`). Slow loads are made up (`lab/evaluation/slow_loads.py`): six
 feet whose loads rise within {RISE_S[0]:g} to {RISE_S[1]:g} s, wait on plateaus and ripple, after swings of {SWING_S[0]:g} to {SWING_S[1]:g} s;
 their error counts however late they are told.
 

@@ -42,7 +42,7 @@ from footsense.lab.training.gait_windows import (
     estimate_in_batches,
     windows_of,
 )
-from footsense.lab.walkers.split import KNOWN_JUDGEMENT, NEW_JUDGEMENT
+from footsense.lab.walkers.split import KNOWN_JUDGEMENT, NEW_JUDGEMENT, RECORDED_JUDGEMENT
 from footsense.ports import LoadEstimator, Window
 from footsense.sim.loads.ground_load import ContactSource
 from footsense.sim.loads.walk import Walk, measured_walk, smooth_stance_reaction
@@ -146,10 +146,12 @@ def _figures(context: StudyContext, board: str, wanted: Wanted) -> Values:
     runs = KNOWN_JUDGEMENT[_QUICK_RUNS] if context.quick else KNOWN_JUDGEMENT
     judged = judge(folders, runs, board=board, scheduler=context.scheduler)
     new, slow = NEW_JUDGEMENT, _SLOW
+    for walk in RECORDED_JUDGEMENT:
+        context.table_file(walk.file)
     if context.quick:
         new = tuple(run._replace(duration_s=_QUICK_S) for run in NEW_JUDGEMENT[_QUICK_NEW_RUNS])
         slow = (SlowLoads(_SLOW[0].seed, _QUICK_S),)
-    new_judged = judge(folders, new, board=board, scheduler=context.scheduler)
+    new_judged = judge(folders, (*new, *RECORDED_JUDGEMENT), board=board, scheduler=context.scheduler)
     slow_judged = judge(folders, slow, board=board, scheduler=context.scheduler)
     contacts = contact_figures([*new_judged, *slow_judged])
     context.report_progress("walking robots done")

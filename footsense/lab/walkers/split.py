@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import mujoco
+import numpy as np
 
 from footsense.errors import ConfigError
 from footsense.lab.walkers.robots import GroundModel
@@ -84,6 +85,35 @@ class WalkerRun(NamedTuple):
             except OSError as error:
                 raise ConfigError(f"{folder}: cannot keep a log: {error.strerror}") from error
         return path
+
+
+class RecordedWalk(NamedTuple):
+    """A walk of another robot, whose log comes with footsense; `logs/README.md` says from where.
+
+    Attributes:
+        kind: Kind of the robot.
+        gait: Name of the log.
+        seed: Seed of the readings' noise.
+    """
+
+    kind: str
+    gait: str
+    seed: int
+
+    @property
+    def name(self) -> str:
+        """Name of the log."""
+        return self.gait
+
+    @property
+    def file(self) -> Path:
+        """File of the log."""
+        return Path(__file__).parent / "logs" / f"{self.gait}.npz"
+
+    def kept_log(self) -> WalkerLog:
+        """Return the log."""
+        log = WalkerLog.load(self.file)
+        return log._replace(normal=log.normal / np.linalg.norm(log.normal, axis=2, keepdims=True))
 
 
 #: Grounds by name. Those of training and selection are not those of judgement.
@@ -174,6 +204,8 @@ KNOWN_JUDGEMENT = _judging("hexapod-2kg", 9000) + _judging("quadruped-12kg", 910
 #: The same robots, in gaits that nothing was trained or chosen on.
 NEW_JUDGEMENT = _runs(_JUDGED, ("hexapod-2kg", "quadruped-12kg"), ("flat", "friction-0.3"), 10.0, 9200)
 JUDGEMENT = KNOWN_JUDGEMENT + NEW_JUDGEMENT
+#: Walks of robots of another make, which judge as well.
+RECORDED_JUDGEMENT = (RecordedWalk("quadruped", "aliengo-policy", 9800),)
 
 
 #: Runs of a quick build, two seconds of each.
