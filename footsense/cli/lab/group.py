@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 import msgspec
 
-from footsense.cli.lab import couplings, design, fabricate, options, walk
+from footsense.cli.lab import couplings, design, fabricate, options, selection, walk
 from footsense.cli.options import FILE, FOLDER, json_option
 from footsense.cli.tables import echo_json
 from footsense.daemon.foot_types import released_path
@@ -139,7 +139,16 @@ def report(*, output: Path | None, quick: bool, scheduler: str | None, text_only
 
 
 @click.group(
-    commands=[design.design, build, fabricate.fabricate, couplings.couplings, walk.walk, study, report]
+    commands=[
+        design.design,
+        build,
+        fabricate.fabricate,
+        couplings.couplings,
+        walk.walk,
+        selection.selection,
+        study,
+        report,
+    ]
 )
 @click.pass_context
 def lab(ctx: click.Context) -> None:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,6 +13,7 @@ from footsense.foot.network_card import NETWORK_FILE
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Specimen
 from footsense.lab.evaluation.evaluate_models import RESPONSE_FILE
+from footsense.lab.evaluation.slow_loads import SLOW
 from footsense.lab.evaluation.walker_runs import (
     LEAD_IN_S,
     SCAN_TIMES,
@@ -23,15 +24,15 @@ from footsense.lab.evaluation.walker_runs import (
     run_pipeline,
     walker_loads,
 )
-from footsense.lab.evaluation.walker_scores import WARM_UP_S, scores
+from footsense.lab.evaluation.walker_scores import REPORT_AFTER_S, WARM_UP_S, scores
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.parallel import compute_each
 from footsense.lab.report import most_events
 from footsense.lab.walkers.simulate import WalkerLog
-from footsense.lab.walkers.split import JUDGEMENT, WalkerRun, cache_folder
+from footsense.lab.walkers.split import DRAGGED, JUDGEMENT
 
-#: Peak of the paper's foot's loads, to which each log is scaled [N].
-PAPER_PEAK_N = 1.0
+#: Peak of loads of another robot than a foot's own, to which each log is scaled, over the foot's range [1].
+PEAK_REL = 0.5
 #: Seed of the readings' noise.
 _SEED = 20_000
 #: Time that a picture shows [s].
@@ -42,11 +43,41 @@ LANDINGS = ("landing",)
 FLIGHTS = ("hop", *LANDINGS)
 
 
+class JudgingLoads(Protocol):
+    """Loads of the feet of a robot, to judge by: a run of a walking robot, or `SlowLoads`.
+
+    Attributes:
+        name: What they are called.
+        kind: Kind of the robot; empty for any.
+        gait: Name of the gait.
+        seed: Seed of the readings' noise.
+    """
+
+    @property
+    def name(self) -> str:
+        """What they are called."""
+
+    @property
+    def kind(self) -> str:
+        """Kind of the robot; empty for any."""
+
+    @property
+    def gait(self) -> str:
+        """Name of the gait."""
+
+    @property
+    def seed(self) -> int:
+        """Their seed, of which that of the readings' noise is made."""
+
+    def kept_log(self) -> WalkerLog:
+        """Return the loads."""
+
+
 class JudgedRun(NamedTuple):
     """One run on a foot: foot type, the run, its peak force [N], scores, and what a picture shows."""
 
     foot_type: str
-    run: WalkerRun
+    run: JudgingLoads
     peak_n: float
     scores: dict[str, Any]
     shown: dict[str, Any]
@@ -56,14 +87,14 @@ def judge_run(
     models: Sequence[Path],
     *,
     viscous_rel: float,
-    run: WalkerRun,
+    run: JudgingLoads,
     board: str,
     exact: bool = False,
     massless: bool = False,
 ) -> list[JudgedRun]:
     """Return the scores of one run on feet.
 
-    The paper's foot gets forces scaled to a peak of `PAPER_PEAK_N`, a foot of the robot's own the real ones.
+    A foot of the robot's own gets its forces, another one forces scaled to a peak of `PEAK_REL` of its range.
 
     Args:
         models: Folder of each foot type.
@@ -73,11 +104,12 @@ def judge_run(
         exact: Whether the true force is in place of the network's, for what contact and slip make of it.
         massless: Whether the sensor feels the ground alone, and nothing of the foot's own mass.
     """
-    log, judged = WalkerLog.load(run.saved(cache_folder())), []
+    log, judged = run.kept_log(), []
     for folder in models:
         design, response = load_foot(folder / FOOT_FILE), FootResponse.load(folder / RESPONSE_FILE)
         network = Network(folder / NETWORK_FILE, len(log.legs))
-        scale = 1.0 if design.foot_type == run.robot else PAPER_PEAK_N / log.peak_n()
+        own = run.name.startswith(f"{design.foot_type} ")
+        scale = 1.0 if own else PEAK_REL * design.loads.max_n / log.peak_n()
         loads = walker_loads(log, scale, design.ball_radius_mm)
         readings = read_walker(
             Specimen(response),
@@ -92,7 +124,8 @@ def judge_run(
             network, response, SCAN_TIMES[board], feet, friction=log.friction, exact=known
         )
         outputs, peak_n = run_pipeline(pipeline, readings, known), scale * log.peak_n()
-        judged.append(JudgedRun(design.foot_type, run, peak_n, scores(outputs, peak_n), _shown(outputs)))
+        found = scores(outputs, peak_n, np.inf if run.gait == SLOW else REPORT_AFTER_S)
+        judged.append(JudgedRun(design.foot_type, run, peak_n, found, _shown(outputs)))
     return judged
 
 
@@ -110,7 +143,7 @@ def _shown(outputs: WalkerOutputs) -> dict[str, Any]:
 
 def judge(
     models: Sequence[Path],
-    runs: Sequence[WalkerRun] = JUDGEMENT,
+    runs: Sequence[JudgingLoads] = JUDGEMENT,
     *,
     board: str,
     viscous_rel: float = 0.0,
@@ -118,7 +151,7 @@ def judge(
     massless: bool = False,
     scheduler: str | None = None,
 ) -> list[JudgedRun]:
-    """Return the scores of runs on feet; each foot but the paper's gets the runs of its own robot.
+    """Return the scores of runs on feet; each foot but the paper's gets the runs of robots of its own kind.
 
     Args:
         models: Folders of the foot types, the paper's first.
@@ -130,7 +163,7 @@ def judge(
         scheduler: As of `compute_each`.
     """
     parts = [
-        (run, tuple(folder for n, folder in enumerate(models) if not n or folder.name == run.robot))
+        (run, tuple(folder for n, folder in enumerate(models) if not n or folder.name.startswith(run.kind)))
         for run in runs
     ]
     judged = compute_each(
@@ -142,10 +175,63 @@ def judge(
 
 
 def _judge_part(
-    part: tuple[WalkerRun, tuple[Path, ...]], *, viscous_rel: float, board: str, exact: bool, massless: bool
+    part: tuple[JudgingLoads, tuple[Path, ...]],
+    *,
+    viscous_rel: float,
+    board: str,
+    exact: bool,
+    massless: bool,
 ) -> list[JudgedRun]:
     run, models = part
     return judge_run(models, viscous_rel=viscous_rel, run=run, board=board, exact=exact, massless=massless)
+
+
+def contact_figures(judged: Sequence[JudgedRun]) -> dict[str, Any]:
+    """Return what became of the touches of runs on all feet together.
+
+    Returns:
+        Of walks whose feet do not drag: `n_touches`, `found_share`, `n_in_air`, `n_twice` and its share `twice_share`;
+        `told_p50_ms` and `told_p99_ms`, from the first load to the sending, of those that are found;
+        `dated_rms_ms`, the error of their times, and `dated_rms_over_sigma`; `wrong_share`, of the time in which the
+        contact is another than the true one. Of slow loads: `n_slow_touches`, `slow_p95_ms`, the error of times of all
+        that are told, and `n_slow_untold`. Of feet that drag: `n_dragged_touches` and `dragged_found_share`, told
+        within `REPORT_AFTER_S` of their first load.
+    """
+    walked, slow, dragged = (
+        [one.scores for one in judged if of_part(one.run.gait)]
+        for of_part in (
+            lambda gait: gait not in {SLOW, *DRAGGED},
+            lambda gait: gait == SLOW,
+            lambda gait: gait in DRAGGED,
+        )
+    )
+
+    def listed(rows: list[dict[str, Any]], key: str) -> Any:
+        return np.array([one for row in rows for one in row[key]] or [np.nan])
+
+    def summed(rows: list[dict[str, Any]], key: str) -> int:
+        return sum(row[key] for row in rows)
+
+    errors_ms = listed(walked, "errors_ms")
+    n_touches, n_dragged = summed(walked, "n_touches"), summed(dragged, "n_touches")
+    return {
+        "n_touches": n_touches,
+        "found_share": 1.0 - summed(walked, "n_missed") / max(n_touches, 1),
+        "n_in_air": summed(walked, "n_in_air"),
+        "n_twice": summed(walked, "n_twice"),
+        "twice_share": summed(walked, "n_twice") / max(n_touches, 1),
+        "told_p50_ms": float(np.percentile(listed(walked, "delays_ms"), 50)),
+        "told_p99_ms": float(np.percentile(listed(walked, "delays_ms"), 99)),
+        "dated_bias_ms": float(errors_ms.mean()),
+        "dated_rms_ms": float(np.sqrt(np.mean(errors_ms**2))),
+        "dated_rms_over_sigma": float(np.sqrt(np.mean((errors_ms / listed(walked, "sigmas_ms")) ** 2))),
+        "wrong_share": float(np.mean([row["wrong_share"] for row in walked])) if walked else np.nan,
+        "n_slow_touches": summed(slow, "n_touches"),
+        "n_slow_untold": summed(slow, "n_missed"),
+        "slow_p95_ms": float(np.percentile(np.abs(listed(slow, "errors_ms")), 95)),
+        "n_dragged_touches": n_dragged,
+        "dragged_found_share": 1.0 - summed(dragged, "n_missed") / max(n_dragged, 1),
+    }
 
 
 def pooled(judged: Sequence[JudgedRun]) -> dict[str, Any]:

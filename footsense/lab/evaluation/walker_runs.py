@@ -170,6 +170,7 @@ class WalkerReadings(NamedTuple):
         elements: Elements that were read, same shape.
         capacitance_pf: What was read [pF], shape (n, legs, elements of a frame).
         loads: True loads at the times of sending.
+        all_loads: True loads at all times.
     """
 
     scan: ScanTimes
@@ -177,6 +178,7 @@ class WalkerReadings(NamedTuple):
     elements: NDArray[np.intp]
     capacitance_pf: Vector
     loads: WalkerLoads
+    all_loads: WalkerLoads
 
 
 def read_walker(
@@ -219,7 +221,8 @@ def read_walker(
             whole_pf[some] = foot.capacitance_pf(normal[some], force_n[some])
         capacitance_pf[:, leg] = whole_pf[at, elements]
     capacitance_pf += noise_rel * scan.noise_pf * rng.normal(size=capacitance_pf.shape)
-    return WalkerReadings(scan, converted_s, elements, capacitance_pf, loads.at(t_s + scan.send_delay_s))
+    sent = loads.at(t_s + scan.send_delay_s)
+    return WalkerReadings(scan, converted_s, elements, capacitance_pf, sent, loads)
 
 
 def _effective_loads(t_s: Vector, loads: ContactLoads, amount: float) -> ContactLoads:
@@ -237,6 +240,7 @@ class WalkerOutputs(NamedTuple):
     Attributes:
         t_s: Times of sending [s], shape (n,).
         true: True loads at them.
+        all_loads: True loads at all times, by which touches begin and end.
         force_n: Forces [N], shape (n, legs, 3), NaN where there is none.
         sigma_n: Their standard deviations [N], same shape.
         state: State of each leg, shape (n, legs).
@@ -247,6 +251,7 @@ class WalkerOutputs(NamedTuple):
 
     t_s: Vector
     true: WalkerLoads
+    all_loads: WalkerLoads
     force_n: Vector
     sigma_n: Vector
     state: Codes
@@ -344,6 +349,7 @@ def run_pipeline(
     return WalkerOutputs(
         t_s=readings.loads.t_s,
         true=readings.loads,
+        all_loads=readings.all_loads,
         force_n=force_n,
         sigma_n=sigma_n,
         state=state,

@@ -16,7 +16,7 @@ _MERGED_S, MIN_TOUCH_S = 0.025, 0.03
 #: Time after a touch and before its end that are not mid-stance [s].
 AFTER_TOUCH_S, BEFORE_END_S = 0.04, 0.03
 #: Time after a touch within which a report belongs to it [s].
-_REPORT_AFTER_S = 0.08
+REPORT_AFTER_S = 0.08
 #: Conversions before the sending of a force of which it knows nothing: the newest reading is as old.
 _READ_BEFORE = 2
 #: Load over the peak [1] below which a foot has almost left the ground within a touch.
@@ -48,8 +48,8 @@ class Touch(NamedTuple):
 
 def touches(outputs: WalkerOutputs, leg: int, peak_n: float) -> list[Touch]:
     """Return the touches of a leg that last, after the warm-up, by the truth."""
-    t_s = outputs.t_s
-    pressing_n = (outputs.true.force_n[:, leg] * outputs.true.normal[:, leg]).sum(axis=1)
+    t_s = outputs.all_loads.t_s
+    pressing_n = (outputs.all_loads.force_n[:, leg] * outputs.all_loads.normal[:, leg]).sum(axis=1)
     loaded = np.concatenate([[False], pressing_n > FIRST_LOAD_REL * peak_n, [False]])
     edges = np.flatnonzero(np.diff(loaded.astype(int)))
     spans: list[list[float]] = []
@@ -62,7 +62,7 @@ def touches(outputs: WalkerOutputs, leg: int, peak_n: float) -> list[Touch]:
     found, before_s = [], -np.inf
     for start_s, end_s in spans:
         swung = start_s - before_s > MIN_TOUCH_S
-        in_time = start_s > LEAD_IN_S + WARM_UP_S and end_s + _REPORT_AFTER_S < t_s[-1]
+        in_time = start_s > LEAD_IN_S + WARM_UP_S and end_s + REPORT_AFTER_S < outputs.t_s[-1]
         found.append(Touch(start_s, end_s, bool(swung and in_time and end_s - start_s > MIN_TOUCH_S)))
         before_s = end_s
     return found
@@ -123,13 +123,24 @@ def _times_in_touch(outputs: WalkerOutputs, peak_n: float) -> tuple[Vector, Vect
     return since_s, before_s
 
 
-def contact_scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
-    """Return what became of each touch of a run, and touchdowns in the air."""
+def contact_scores(
+    outputs: WalkerOutputs, peak_n: float, report_after_s: float = REPORT_AFTER_S
+) -> dict[str, Any]:
+    """Return what became of each touch of a run, and touchdowns in the air.
+
+    Args:
+        outputs: The run.
+        peak_n: Peak of its loads [N].
+        report_after_s: Time after a touch within which a report is one of it [s].
+    """
     delays_ms, errors_ms, sigmas_ms, lifts_ms, lift_errors_ms, lift_sigmas_ms = [], [], [], [], [], []
     n_touches = n_missed = n_twice = n_almost_off = n_air = n_unmatched_lifts = 0
     pressing_rel = (outputs.true.force_n * outputs.true.normal).sum(axis=2) / peak_n
+    touching = np.zeros_like(outputs.contact)
     for leg in range(outputs.state.shape[1]):
         every = touches(outputs, leg, peak_n)
+        for touch in every:
+            touching[(outputs.t_s >= touch.start_s) & (outputs.t_s < touch.end_s), leg] = True
         reports = [(float(outputs.t_s[row]), event) for row, event in outputs.events if event.leg == leg]
         down = [one for one in reports if one[1].kind is GaitEventKind.TOUCHDOWN]
         up = [one for one in reports if one[1].kind is GaitEventKind.LIFT_OFF]
@@ -148,7 +159,7 @@ def contact_scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
             if len(inside) > 1:
                 between = (outputs.t_s > inside[0][0]) & (outputs.t_s < inside[1][0])
                 n_almost_off += bool(pressing_rel[between, leg].min() < _ALMOST_OFF_REL)
-            own = [one for one in inside if one[0] < touch.start_s + _REPORT_AFTER_S]
+            own = [one for one in inside if one[0] < touch.start_s + report_after_s]
             n_missed += not own
             if own:
                 sent_s, event = own[0]
@@ -171,6 +182,7 @@ def contact_scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
         )
     errors, sigmas = np.array(errors_ms), np.array(sigmas_ms)
     lift_errors, lift_sigmas = np.array(lift_errors_ms), np.array(lift_sigmas_ms)
+    judged = outputs.t_s > LEAD_IN_S + WARM_UP_S
     return {
         "n_touches": n_touches,
         "n_missed": n_missed,
@@ -178,6 +190,7 @@ def contact_scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
         "n_almost_off": n_almost_off,
         "n_in_air": int(n_air),
         "n_lift_offs_alone": n_unmatched_lifts,
+        "wrong_share": _share((outputs.contact != touching)[judged]),
         "delays_ms": delays_ms,
         "errors_ms": errors_ms,
         "sigmas_ms": sigmas_ms,
@@ -305,11 +318,11 @@ def fault_scores(outputs: WalkerOutputs) -> dict[str, Any]:
     }
 
 
-def scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
-    """Return all scores of a run whose loads peak at a force [N]."""
+def scores(outputs: WalkerOutputs, peak_n: float, report_after_s: float = REPORT_AFTER_S) -> dict[str, Any]:
+    """Return all scores of a run whose loads peak at a force [N]; the last argument as of `contact_scores`."""
     return {
         **force_scores(outputs, peak_n),
-        **contact_scores(outputs, peak_n),
+        **contact_scores(outputs, peak_n, report_after_s),
         **slip_scores(outputs, peak_n),
         **fault_scores(outputs),
     }

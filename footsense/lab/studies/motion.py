@@ -12,8 +12,17 @@ from footsense.foot.network_card import NETWORK_FILE
 from footsense.frames import ELEMENTS, LEGS, Vector
 from footsense.lab.board_comparison.windows import TROT_RISES_S, TROT_STANCE_S, TROT_STRIDE_S, dog_trot
 from footsense.lab.evaluation.evaluate_models import RESPONSE_FILE
-from footsense.lab.evaluation.walker_judgement import draw, judge, pooled
-from footsense.lab.evaluation.walker_page import WalkerLimits, row_of, walker_targets, walker_text
+from footsense.lab.evaluation.slow_loads import SlowLoads
+from footsense.lab.evaluation.walker_judgement import contact_figures, draw, judge, pooled
+from footsense.lab.evaluation.walker_page import (
+    WalkerLimits,
+    WantedContacts,
+    contact_targets,
+    contact_text,
+    row_of,
+    walker_targets,
+    walker_text,
+)
 from footsense.lab.evaluation.walker_runs import HOST_COST_US, SCAN_TIMES, ScanTimes
 from footsense.lab.foot_file import FOOT_FILE
 from footsense.lab.report import SAME_TABLE, StudyContext, Values, table, table_by_board
@@ -33,7 +42,7 @@ from footsense.lab.training.gait_windows import (
     estimate_in_batches,
     windows_of,
 )
-from footsense.lab.walkers.split import JUDGEMENT
+from footsense.lab.walkers.split import KNOWN_JUDGEMENT, NEW_JUDGEMENT, RECORDED_JUDGEMENT
 from footsense.ports import LoadEstimator, Window
 from footsense.sim.loads.ground_load import ContactSource
 from footsense.sim.loads.walk import Walk, measured_walk, smooth_stance_reaction
@@ -46,8 +55,10 @@ _N_GAITS, _GAIT_S, _WALK_S, _QUICK_WALK_S = 200, 3.0, 6.8, 1.1
 #: Least force of a direction, of a friction ratio, and least normal force of a contact normal [N].
 _DIRECTION_N, _FRICTION_N, _NORMAL_N = 0.1, 0.3, 0.5
 _WALK_START_NS = 200_000_000
-#: Runs of a quick page.
-_QUICK_RUNS = slice(1, None, 12)
+#: Slow loads that judge; those of the selection have other seeds.
+_SLOW = (SlowLoads(9900, 20.0), SlowLoads(9901, 20.0))
+#: Runs of a quick page, and duration of those in new gaits [s].
+_QUICK_RUNS, _QUICK_NEW_RUNS, _QUICK_S = slice(1, None, 12), slice(0, None, 13), 4.0
 
 
 class Wanted(NamedTuple):
@@ -55,6 +66,7 @@ class Wanted(NamedTuple):
 
     board: BoardLimits
     robots: WalkerLimits
+    contacts: WantedContacts
 
 
 #: What is wanted of each board; the default board is the first.
@@ -74,7 +86,15 @@ _BOARDS: dict[str, Wanted] = {
             missing_deg=(0.7, 1.5, 1.5),
             own_robots=((0.6, 0.01), (1.0, 0.02)),
         ),
-        WalkerLimits(direction_deg=(2.0, 4.5), mid_stance_deg=(1.0,), delay_ms=3.0),
+        WalkerLimits(direction_deg=(2.0, 4.5), mid_stance_deg=(1.0,)),
+        WantedContacts(
+            found_share=0.98,
+            in_air_share=0.002,
+            twice_share=0.02,
+            told_ms=(8.0, 28.0),
+            slow_p95_ms=40.0,
+            dragged_share=0.9,
+        ),
     ),
     "fdc1004": Wanted(
         BoardLimits(
@@ -90,6 +110,14 @@ _BOARDS: dict[str, Wanted] = {
             touchdown_ms=(4.5, 5.9, 3.8),
         ),
         WalkerLimits(),
+        WantedContacts(
+            found_share=0.96,
+            in_air_share=0.009,
+            twice_share=0.04,
+            told_ms=(16.0, 45.0),
+            slow_p95_ms=80.0,
+            dragged_share=0.8,
+        ),
     ),
 }
 
@@ -115,8 +143,17 @@ def _figures(context: StudyContext, board: str, wanted: Wanted) -> Values:
     gaits = _gaits(context, OnnxNetwork(folders[0] / NETWORK_FILE), SCAN_TIMES[board])
     context.report_progress(f"{board}: gaits done")
     figures = board_figures(context, board)
-    runs = JUDGEMENT[_QUICK_RUNS] if context.quick else JUDGEMENT
+    runs = KNOWN_JUDGEMENT[_QUICK_RUNS] if context.quick else KNOWN_JUDGEMENT
     judged = judge(folders, runs, board=board, scheduler=context.scheduler)
+    new, slow = NEW_JUDGEMENT, _SLOW
+    for walk in RECORDED_JUDGEMENT:
+        context.table_file(walk.file)
+    if context.quick:
+        new = tuple(run._replace(duration_s=_QUICK_S) for run in NEW_JUDGEMENT[_QUICK_NEW_RUNS])
+        slow = (SlowLoads(_SLOW[0].seed, _QUICK_S),)
+    new_judged = judge(folders, (*new, *RECORDED_JUDGEMENT), board=board, scheduler=context.scheduler)
+    slow_judged = judge(folders, slow, board=board, scheduler=context.scheduler)
+    contacts = contact_figures([*new_judged, *slow_judged])
     context.report_progress("walking robots done")
     own_type = context.foot_design.foot_type
     by_foot = {
@@ -139,9 +176,12 @@ def _figures(context: StudyContext, board: str, wanted: Wanted) -> Values:
         "exact": pooled(exact),
         "massless": pooled(massless),
         "creeping": [row_of(one) for one in creeping],
+        "new_runs": [row_of(one) for one in new_judged],
+        "contacts": contacts,
         "targets": [
             *board_targets(gaits, figures, wanted.board),
             *walker_targets(together[own_type], others, wanted.robots),
+            *contact_targets(contacts, wanted.contacts),
         ],
     }
 
@@ -280,7 +320,7 @@ that is so. Here the network is alone; further down are the service's pipeline, 
 ## Walking robots
 
 {walker_text(boards, "motion")}
-"""
+{contact_text(boards)}"""
 
 
 def _figure_names(boards: Mapping[str, Values]) -> list[str]:

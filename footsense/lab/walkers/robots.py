@@ -28,11 +28,10 @@ ROUGH_SIZE_REL, N_ROUGH = 20.0, 160
 
 
 class LegPlace(NamedTuple):
-    """Place of a hip in the body's frame [m], side (1 left, -1 right), and phase group of a trot or tripod."""
+    """Place of a hip in the body's frame [m], and side (1 left, -1 right)."""
 
     hip_m: tuple[float, float, float]
     side: int
-    group: int
 
 
 @dataclass(frozen=True, slots=False, kw_only=True)
@@ -68,18 +67,18 @@ class Robot:
         """The legs by name, in the order of the arrays."""
         x, y, _ = self.body_half_m
         if self.kind == "quadruped":
-            places = {"lf": (x, y, 1, 0), "lr": (-x, y, 1, 1), "rf": (x, -y, -1, 1), "rr": (-x, -y, -1, 0)}
+            places = {"lf": (x, y, 1), "lr": (-x, y, 1), "rf": (x, -y, -1), "rr": (-x, -y, -1)}
         else:
             wide = 1.2 * y
             places = {
-                "lf": (x, y, 1, 0),
-                "lm": (0.0, wide, 1, 1),
-                "lr": (-x, y, 1, 0),
-                "rf": (x, -y, -1, 1),
-                "rm": (0.0, -wide, -1, 0),
-                "rr": (-x, -y, -1, 1),
+                "lf": (x, y, 1),
+                "lm": (0.0, wide, 1),
+                "lr": (-x, y, 1),
+                "rf": (x, -y, -1),
+                "rm": (0.0, -wide, -1),
+                "rr": (-x, -y, -1),
             }
-        return {name: LegPlace((px, py, 0.0), side, group) for name, (px, py, side, group) in places.items()}
+        return {name: LegPlace((px, py, 0.0), side) for name, (px, py, side) in places.items()}
 
     @property
     def time_rel(self) -> float:

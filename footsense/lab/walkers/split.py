@@ -1,16 +1,20 @@
 """The runs of walking robots that train, select and judge networks and thresholds: split once, never crossed.
 
-Robots, grounds and seeds of the three parts differ. Whoever tunes anything looks at `TRAINING` and `SELECTION` alone.
+Robots, grounds and seeds of the three parts differ. So do gaits, but for those of `KNOWN_JUDGEMENT`: each of selection
+and of judgement has another order of footfalls than all of training and of the other, or a duty that differs by more
+than 0.1, or it starts, stops and turns. Whoever tunes anything looks at `TRAINING` and `SELECTION` alone;
+`footsense lab selection` prints what the latter says.
 """
 
 import hashlib
 import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import mujoco
+import numpy as np
 
 from footsense.errors import ConfigError
 from footsense.lab.walkers.robots import GroundModel
@@ -36,6 +40,11 @@ class WalkerRun(NamedTuple):
     duration_s: float
 
     @property
+    def kind(self) -> str:
+        """Kind of the robot."""
+        return self.robot.partition("-")[0]
+
+    @property
     def name(self) -> str:
         """Robot, gait and ground, with blanks between."""
         return f"{self.robot} {self.gait} {self.ground}"
@@ -50,6 +59,14 @@ class WalkerRun(NamedTuple):
         if self.ground not in GROUNDS:
             raise ConfigError(f"no ground {self.ground!r}: there are {', '.join(GROUNDS)}")
         return simulate_walker(self.robot, self.gait, GROUNDS[self.ground], self.seed, self.duration_s)
+
+    def kept_log(self) -> WalkerLog:
+        """Return the log of the run, simulated once on a computer, then read from `cache_folder`.
+
+        Raises:
+            ConfigError: As of `saved`.
+        """
+        return WalkerLog.load(self.saved(cache_folder()))
 
     def saved(self, folder: Path) -> Path:
         """Return the file of the run's log in a folder, simulated unless it is there.
@@ -68,6 +85,35 @@ class WalkerRun(NamedTuple):
             except OSError as error:
                 raise ConfigError(f"{folder}: cannot keep a log: {error.strerror}") from error
         return path
+
+
+class RecordedWalk(NamedTuple):
+    """A walk of another robot, whose log comes with footsense; `logs/README.md` says from where.
+
+    Attributes:
+        kind: Kind of the robot.
+        gait: Name of the log.
+        seed: Seed of the readings' noise.
+    """
+
+    kind: str
+    gait: str
+    seed: int
+
+    @property
+    def name(self) -> str:
+        """Name of the log."""
+        return self.gait
+
+    @property
+    def file(self) -> Path:
+        """File of the log."""
+        return Path(__file__).parent / "logs" / f"{self.gait}.npz"
+
+    def kept_log(self) -> WalkerLog:
+        """Return the log."""
+        log = WalkerLog.load(self.file)
+        return log._replace(normal=log.normal / np.linalg.norm(log.normal, axis=2, keepdims=True))
 
 
 #: Grounds by name. Those of training and selection are not those of judgement.
@@ -90,23 +136,37 @@ GROUNDS: dict[str, GroundModel] = {
     "ascent": GroundModel(friction=0.75, time_constant_s=0.007, slope_deg=(5.0, 0.0)),
 }
 
-_OF_KIND = {
+_TRAINED = {
     "quadruped": ("walk", "trot-slow", "trot-fast", "turn", "sideways", "stand", "hop", "landing"),
     "hexapod": ("walk", "tripod", "tripod-fast", "turn", "sideways", "stand", "hop", "landing"),
 }
+_SELECTED = {
+    "quadruped": ("pace", "gallop", "crawl", "gallop-stops", "pace-drag"),
+    "hexapod": ("ripple", "tripod-long", "crawl", "ripple-stops", "ripple-drag"),
+}
+_JUDGED = {
+    "quadruped": ("bound", "amble", "diagonal-walk", "rotary-gallop", "diagonal-stops", "diagonal-drag"),
+    "hexapod": ("tetrapod", "front-wave", "pairs", "amble", "tetrapod-stops", "tetrapod-drag"),
+}
+#: Gaits whose feet drag over the ground.
+DRAGGED = ("pace-drag", "ripple-drag", "diagonal-drag", "tetrapod-drag")
 #: Runs that are left out: an open-loop gait does not balance, and on the ramp the light quadruped with its long legs
 #: tips over in these; in the walk at 4 deg as well.
 _FALLS = {("quadruped-300g", "walk", "ramp"), ("quadruped-300g", "turn", "ramp")}
 
 
 def _runs(
-    robots: tuple[str, ...], grounds: tuple[str, ...], duration_s: float, first_seed: int
+    gaits: Mapping[str, Sequence[str]],
+    robots: tuple[str, ...],
+    grounds: tuple[str, ...],
+    duration_s: float,
+    first_seed: int,
 ) -> tuple[WalkerRun, ...]:
     return tuple(
         WalkerRun(robot, gait, ground, first_seed + 100 * a + b, duration_s)
         for a, robot in enumerate(robots)
         for b, (ground, gait) in enumerate(
-            (ground, gait) for ground in grounds for gait in _OF_KIND[robot.partition("-")[0]]
+            (ground, gait) for ground in grounds for gait in gaits[robot.partition("-")[0]]
         )
         if (robot, gait, ground) not in _FALLS
     )
@@ -114,14 +174,18 @@ def _runs(
 
 #: What networks are trained on.
 TRAINING = _runs(
-    ("quadruped-300g", "hexapod-12kg"), ("floor", "carpet", "wet", "icy", "ramp", "stones"), 5.0, 1000
+    _TRAINED,
+    ("quadruped-300g", "hexapod-12kg"),
+    ("floor", "carpet", "wet", "icy", "ramp", "stones"),
+    5.0,
+    1000,
 )
 #: What recipes and thresholds are chosen by.
-SELECTION = _runs(("quadruped-2kg", "hexapod-300g"), ("tiles", "ascent"), 6.0, 5000)
+SELECTION = _runs(_SELECTED, ("quadruped-2kg", "hexapod-300g"), ("tiles", "ascent"), 4.0, 5000)
 
 
 def _judging(robot: str, first_seed: int) -> tuple[WalkerRun, ...]:
-    walk, slow, fast, turn, _, stand, hop, landing = _OF_KIND[robot.partition("-")[0]]
+    walk, slow, fast, turn, _, stand, hop, landing = _TRAINED[robot.partition("-")[0]]
     pairs = [(gait, "flat") for gait in (walk, slow, fast, turn, stand, hop, landing)]
     pairs += [
         (slow, "slope-10"),
@@ -135,8 +199,13 @@ def _judging(robot: str, first_seed: int) -> tuple[WalkerRun, ...]:
     )
 
 
-#: What everything is judged by: robots of the two larger released feet.
-JUDGEMENT = _judging("hexapod-2kg", 9000) + _judging("quadruped-12kg", 9100)
+#: What everything is judged by: robots of the two larger released feet, in gaits of training.
+KNOWN_JUDGEMENT = _judging("hexapod-2kg", 9000) + _judging("quadruped-12kg", 9100)
+#: The same robots, in gaits that nothing was trained or chosen on.
+NEW_JUDGEMENT = _runs(_JUDGED, ("hexapod-2kg", "quadruped-12kg"), ("flat", "friction-0.3"), 10.0, 9200)
+JUDGEMENT = KNOWN_JUDGEMENT + NEW_JUDGEMENT
+#: Walks of robots of another make, which judge as well.
+RECORDED_JUDGEMENT = (RecordedWalk("quadruped", "aliengo-policy", 9800),)
 
 
 #: Runs of a quick build, two seconds of each.

@@ -7,10 +7,20 @@ import numpy as np
 import pytest
 
 from footsense.errors import ConfigError
+from footsense.lab.evaluation.slow_loads import RISE_S, SlowLoads
 from footsense.lab.walkers import split
-from footsense.lab.walkers.robots import GroundModel
+from footsense.lab.walkers.gaits import GAITS, WalkerGait
+from footsense.lab.walkers.robots import ROBOTS, GroundModel
 from footsense.lab.walkers.simulate import WalkerLog
-from footsense.lab.walkers.split import GROUNDS, JUDGEMENT, SELECTION, TRAINING, WalkerRun
+from footsense.lab.walkers.split import (
+    GROUNDS,
+    JUDGEMENT,
+    KNOWN_JUDGEMENT,
+    NEW_JUDGEMENT,
+    SELECTION,
+    TRAINING,
+    WalkerRun,
+)
 
 PARTS = (TRAINING, SELECTION, JUDGEMENT)
 
@@ -25,6 +35,63 @@ def test_the_parts_share_no_robot_no_ground_and_no_seed() -> None:
     ):
         assert len(set[object]().union(*of_part)) == sum(map(len, of_part))
     assert all(len({run.seed for run in part}) == len(part) for part in PARTS)
+
+
+def footfalls(gait: WalkerGait, kind: str) -> frozenset[tuple[frozenset[str], ...]]:
+    """Return the order in which the legs of a kind touch down, those at one time together, from any of them."""
+    legs = next(robot.legs for robot in ROBOTS.values() if robot.kind == kind)
+    phases = dict(zip(legs, getattr(gait.footfalls, kind), strict=True))
+    order = [frozenset(leg for leg in legs if phases[leg] == phase) for phase in sorted(set(phases.values()))]
+    return frozenset(tuple(order[first:] + order[:first]) for first in range(len(order)))
+
+
+def is_like(gait: WalkerGait, other: WalkerGait, kind: str) -> bool:
+    """Whether a gait is like another: the same footfalls, a like duty, and both all the time."""
+    moves = [one.forward_m_s or one.left_m_s or one.turn_rad_s for one in (gait, other)]
+    return (
+        bool(moves[0] and moves[1])
+        and not gait.bouts
+        and footfalls(gait, kind) == footfalls(other, kind)
+        and abs(gait.duty_rel - other.duty_rel) <= 0.1
+    )
+
+
+def test_selection_and_judgement_walk_in_gaits_that_nothing_was_trained_on() -> None:
+    """Nor one in those of the other; known gaits of judgement are those of training."""
+    trained, selected, new = (
+        {(run.kind, run.gait) for run in part} for part in (TRAINING, SELECTION, NEW_JUDGEMENT)
+    )
+    assert {(run.kind, run.gait) for run in KNOWN_JUDGEMENT} <= trained
+    assert KNOWN_JUDGEMENT + NEW_JUDGEMENT == JUDGEMENT
+    for part, others in ((selected, trained), (new, trained | selected)):
+        for kind, name in part:
+            gait = GAITS[name]
+            assert gait.forward_m_s > 0.0, name
+            for other_kind, other in others:
+                assert kind != other_kind or not is_like(gait, GAITS[other], kind), (kind, name, other)
+    both = {kind for kind, _ in new}
+    for part in (selected, new):
+        for what in (lambda gait: bool(gait.bouts), lambda gait: gait.name in split.DRAGGED):
+            assert {kind for kind, name in part if what(GAITS[name])} == both
+
+
+def test_slow_loads_rise_as_slowly_as_they_say() -> None:
+    """Each touch from the first hundredth to the most, with a mass that pulls at the foot in swing."""
+    log = SlowLoads(1, 40.0).kept_log()
+    assert np.array_equal(log.force_n, SlowLoads(1, 40.0).kept_log().force_n)
+    rises_s = []
+    for load_n in (log.force_n * log.normal).sum(axis=2).T:
+        edges = np.flatnonzero(np.diff((load_n > 0.01).astype(int)))
+        if load_n[0] > 0.01:
+            edges = edges[1:]
+        rises_s += [
+            float(np.argmax(load_n[first:last] > 0.95 * load_n[first:last].max()) * 1e-3)
+            for first, last in zip(edges[::2], edges[1::2], strict=False)
+        ]
+    assert len(rises_s) > 40
+    assert min(rises_s) > 0.15
+    assert max(rises_s) < RISE_S[1] + 1.0
+    assert np.ptp(log.inertial_n(10.0), axis=0).min(axis=0).max() > 0.0
 
 
 def test_a_run_is_simulated_once(tmp_path: Path) -> None:

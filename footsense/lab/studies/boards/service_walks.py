@@ -189,9 +189,11 @@ def _outputs(published: PublishedWalk, scene: Scene) -> WalkerOutputs:
     )
     t_s = np.asarray(published.t_sent_ns * 1e-9, np.float64)
     force_n = published.true_force_n
+    loads = WalkerLoads(t_s, force_n, normal, np.zeros_like(force_n), force_n, np.nan)
     return WalkerOutputs(
         t_s=t_s,
-        true=WalkerLoads(t_s, force_n, normal, np.zeros_like(force_n), force_n, np.nan),
+        true=loads,
+        all_loads=loads,
         force_n=published.force_n,
         sigma_n=published.sigma_n,
         state=published.state,

@@ -1,0 +1,57 @@
+"""What contact and its thresholds are chosen by: the selection's robots and slow loads, on the released feet."""
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+
+from footsense.lab.evaluation.slow_loads import SlowLoads
+from footsense.lab.evaluation.walker_judgement import JudgingLoads, contact_figures, judge
+from footsense.lab.evaluation.walker_runs import SCAN_TIMES
+from footsense.lab.report import Values, table
+from footsense.lab.walkers.split import SELECTION
+
+#: Slow loads of the selection.
+_SLOW = (SlowLoads(5900, 14.0), SlowLoads(5901, 14.0))
+_ROWS = {
+    "touches of over 30 ms": "{n_touches}",
+    "found": "{found_share:.1%}",
+    "in the air": "{n_in_air}",
+    "twice": "{n_twice} ({twice_share:.1%})",
+    "told after the first load, median / 99 % [ms]": "{told_p50_ms:.1f} / {told_p99_ms:.1f}",
+    "dated, bias / rms [ms]": "{dated_bias_ms:.1f} / {dated_rms_ms:.1f}",
+    "dated, rms over sigma": "{dated_rms_over_sigma:.2f}",
+    "contact wrong, share of the time": "{wrong_share:.1%}",
+    "slow loads dated, 95 % [ms]; told": "{slow_p95_ms:.0f}; {n_slow_told} of {n_slow_touches}",
+    "dragged feet found at their first touch": "{dragged_found_share:.0%} of {n_dragged_touches}",
+}
+
+
+def select(
+    models: Sequence[Path], *, runs: Sequence[JudgingLoads] = (*SELECTION, *_SLOW)
+) -> dict[str, dict[str, Values]]:
+    """Return the figures of `contact_figures` by board, then by foot type, the last for all feet.
+
+    Args:
+        models: Folders of the foot types, the paper's first.
+        runs: The runs.
+    """
+    figures = {}
+    for board in SCAN_TIMES:
+        judged = judge(models, runs, board=board)
+        by_foot = {
+            folder.name: contact_figures([one for one in judged if one.foot_type == folder.name])
+            for folder in models
+        }
+        figures[board] = by_foot | {"all": contact_figures(judged)}
+    return figures
+
+
+def as_markdown(figures: dict[str, dict[str, Values]]) -> str:
+    """Return the table of the figures of `select`."""
+    columns = {
+        f"`{board}` {foot}": values | {"n_slow_told": values["n_slow_touches"] - values["n_slow_untold"]}
+        for board, by_foot in figures.items()
+        for foot, values in by_foot.items()
+    }
+    rows = [(name, *map(partial(str.format_map, form), columns.values())) for name, form in _ROWS.items()]
+    return table(" | ".join(["selection", *columns]), rows)
