@@ -89,8 +89,8 @@ def test_slow_loads_rise_as_slowly_as_they_say() -> None:
             for first, last in zip(edges[::2], edges[1::2], strict=False)
         ]
     assert len(rises_s) > 40
-    assert min(rises_s) > 0.15
-    assert max(rises_s) < RISE_S[1] + 1.0
+    assert min(rises_s) > 0.1
+    assert 0.4 < np.median(rises_s) < max(rises_s) < RISE_S[1] + 1.0
     assert np.ptp(log.inertial_n(10.0), axis=0).min(axis=0).max() > 0.0
 
 
