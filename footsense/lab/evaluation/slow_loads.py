@@ -103,7 +103,8 @@ def _leg(t_s: Vector, rng: np.random.Generator) -> tuple[Vector, Vector, Vector]
 def _rise(share: Vector, rng: np.random.Generator) -> Vector:
     """Return the load after shares of its rise [1], shape (n,): some smooth steps with plateaus between them."""
     n_steps = 1 + int(rng.integers(_MOST_PLATEAUS + 1))
-    edges = np.concatenate([[0.0], np.sort(rng.uniform(size=2 * (n_steps - 1))), [1.0]])
+    edges = np.concatenate([[0.0], np.cumsum(rng.uniform(0.5, 1.5, size=2 * n_steps - 1))])
+    edges /= edges[-1]
     levels = np.concatenate([[0.0], np.sort(rng.uniform(size=n_steps - 1)), [1.0]])
     load_rel = np.zeros_like(share)
     for begin, end, (low, high) in zip(edges[::2], edges[1::2], pairwise(levels), strict=True):

@@ -202,7 +202,7 @@ def _judging(robot: str, first_seed: int) -> tuple[WalkerRun, ...]:
 #: What everything is judged by: robots of the two larger released feet, in gaits of training.
 KNOWN_JUDGEMENT = _judging("hexapod-2kg", 9000) + _judging("quadruped-12kg", 9100)
 #: The same robots, in gaits that nothing was trained or chosen on.
-NEW_JUDGEMENT = _runs(_JUDGED, ("hexapod-2kg", "quadruped-12kg"), ("flat", "friction-0.3"), 10.0, 9200)
+NEW_JUDGEMENT = _runs(_JUDGED, ("hexapod-2kg", "quadruped-12kg"), ("flat", "friction-0.3"), 11.0, 9200)
 JUDGEMENT = KNOWN_JUDGEMENT + NEW_JUDGEMENT
 #: Walks of robots of another make, which judge as well.
 RECORDED_JUDGEMENT = (RecordedWalk("quadruped", "aliengo-policy", 9800),)

@@ -71,8 +71,8 @@ def test_selection_and_judgement_walk_in_gaits_that_nothing_was_trained_on() -> 
                 assert kind != other_kind or not is_like(gait, GAITS[other], kind), (kind, name, other)
     both = {kind for kind, _ in new}
     for part in (selected, new):
-        for what in (lambda gait: bool(gait.bouts), lambda gait: gait.name in split.DRAGGED):
-            assert {kind for kind, name in part if what(GAITS[name])} == both
+        assert {kind for kind, name in part if GAITS[name].bouts} == both
+        assert {kind for kind, name in part if name in split.DRAGGED} == both
 
 
 def test_slow_loads_rise_as_slowly_as_they_say() -> None:
@@ -89,8 +89,8 @@ def test_slow_loads_rise_as_slowly_as_they_say() -> None:
             for first, last in zip(edges[::2], edges[1::2], strict=False)
         ]
     assert len(rises_s) > 40
-    assert min(rises_s) > 0.15
-    assert max(rises_s) < RISE_S[1] + 1.0
+    assert min(rises_s) > 0.1
+    assert 0.4 < np.median(rises_s) < max(rises_s) < RISE_S[1] + 1.0
     assert np.ptp(log.inertial_n(10.0), axis=0).min(axis=0).max() > 0.0
 
 
