@@ -19,10 +19,6 @@ from footsense.frames import BaselineStatus, Codes, CommandKind, CommandResult, 
 _FRAMES_PER_TRACKING_ROUND = 3
 
 _status_of = attrgetter("status")
-#: Sigmas within which a predicted load is no touch, in a fast scan and in a slow one: a fast one sees the pull of a
-#: foot that slows down before it touches. On the walkers' selection, 1484 touches, 179 touchdowns are told in the air
-#: with these and 72 are missed (with two sigmas 203 and 81), in a slow scan 92 and 132 (with one 151 and 142).
-_FAST_SCAN_PREDICTION_SIGMAS, _PREDICTION_SIGMAS = 3.0, 1.5
 # Plain numbers: an enumeration's arithmetic costs a microsecond each time.
 _CONTACT, _TARE_REFUSED = int(Flag.CONTACT), int(Flag.TARE_REFUSED)
 _HELD, _DRIFT_TOO_FAST = BaselineStatus.HELD, BaselineStatus.DRIFT_TOO_FAST
@@ -64,7 +60,7 @@ class BaselineTracker:
             ContactDetector,
             limits.contact.least_n(trained.max_force_n),
             max_swing_rise_n_per_s(load_n_per_pf(trained.design, sensitivity)),
-            _FAST_SCAN_PREDICTION_SIGMAS if limits.is_fast_scan else _PREDICTION_SIGMAS,
+            1e-9 * limits.scan_ns,
         )
         self.contacts = [self._contact() for _ in feet.names]
         self._turn = 0
@@ -176,8 +172,8 @@ class BaselineTracker:
         self._track_drift(capacitance_pf, t_ns, missing)
         if flags != self._flags or pulls_n != self._pulls_n:
             self._flags, self.flags, self._pulls_n = flags, np.array(flags, np.uint8), pulls_n
-            shakes_n = [0.0 if leg.in_contact else leg.noise.shake_n for leg in self.contacts]
-            self.swing_sigma_n = np.hypot(shakes_n, pulls_n)[:, None]
+            swing_pulls_n = [0.0 if leg.in_contact else leg.pull_n for leg in self.contacts]
+            self.swing_sigma_n = np.hypot(swing_pulls_n, pulls_n)[:, None]
 
     def _track_drift(self, capacitance_pf: Vector, t_ns: Stamps, missing: Mask) -> None:
         """Update the baselines of those legs in swing whose turn it is; arguments as of `observe`."""

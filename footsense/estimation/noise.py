@@ -1,6 +1,6 @@
-"""Noise while the robot runs: of the readings of each leg, and of a load in swing, from which contact follows.
+"""Noise of the readings of each leg while the robot runs.
 
-**Readings.** Loads move the closures of a foot along few patterns: along the four directions in which its loads vary
+Loads move the closures of a foot along few patterns: along the four directions in which its loads vary
 least, almost only noise is left, as long as the load stands still. Two things are measured there. The second
 difference of an element's last three readings holds fast noise. What its newest reading differs from the mean of 20 of
 them (one in nine frames: half a second where a frame has one new reading, 1.2 s of scans of 6.9 ms) holds slow noise as
@@ -22,7 +22,6 @@ Noise comes faster than it goes: a burst in each step is held over the steps.
 """
 
 import math
-from collections import deque
 
 import numpy as np
 
@@ -40,7 +39,7 @@ _LARGEST_STEP_SHARE = 0.33
 #: Slow noise is measured once in so many measurements.
 _PER_SLOW = 3
 #: Values that tell a standard deviation to a sixth: so many last measurements, readings of the mean that slow noise
-#: differs from, and peaks.
+#: differs from.
 NOISE_SAMPLES = 20
 #: Measurements that have to count, and those over which noise fades: twice the time of the last of slow noise.
 _LEAST, _FADING = NOISE_SAMPLES // 3, 2 * _PER_SLOW * NOISE_SAMPLES
@@ -130,80 +129,3 @@ def _is_spread(values: Vector) -> Mask:
     squares = (values * values).reshape(len(values), -1)
     largest: Mask = squares.max(axis=1) < _LARGEST_STEP_SHARE * np.add.reduce(squares, axis=1)
     return largest
-
-
-#: Length of a block: about a scan [ns].
-_PEAK_BLOCK_NS = 25_000_000
-#: Blocks that wait at least, as the rise of a slow touchdown is not noise, and in which shake has to come back.
-_HELD_BACK_BLOCKS, _MAX_SHAKE_BLOCKS = 2, 12
-#: Share of the threshold below which the signal has come back [1].
-_RETURN_THRESHOLD_REL = 1 / 3
-#: Blocks over which peaks are averaged; the measured threshold applies after `NOISE_SAMPLES` of them.
-_AVERAGED_BLOCKS = 400.0
-#: Standard deviations of the peaks above their mean; the same at most, however high one peak was.
-THRESHOLD_SIGMAS, _MAX_THRESHOLD_SIGMAS = 5.0, 9.0
-#: Highest peak: part that is forgotten in each block, and margin above it [1].
-_PEAK_DECAY_REL, _PEAK_MARGIN_REL = 0.0005, 1.2
-
-
-class SwingNoise:
-    """Noise of one load signal of one leg in swing, learnt from the signal's peaks.
-
-    The peaks of short blocks of swing are kept, but for the blocks just before a touchdown, which may hold its rise,
-    and for those from which the signal does not come back: shake passes, a load that comes slowly stays. The threshold
-    is the mean peak and five of their standard deviations, or a little over the highest peak of the last minutes.
-
-    Args:
-        least_n: Least threshold [N].
-
-    Attributes:
-        contact_n: Load above that in swing that noise and shake do not reach [N]; infinite until enough was seen.
-        sigma_n: Half of the distance from nothing to the mean peak: about the noise of a reading [N].
-        shake_n: Mean peak [N]: how much the foot's own mass pulls.
-        block_n: Signal of the present block of swing below its threshold [N].
-        end_ns: Time from which the block is complete, and `end_block` is to be called [ns].
-    """
-
-    def __init__(self, least_n: float) -> None:
-        self.contact_n, self._least_n = math.inf, least_n
-        self.sigma_n = least_n / THRESHOLD_SIGMAS
-        self._n = 0
-        self.shake_n = self._variance_n2 = self._highest_n = 0.0
-        self.discard_pending(0)
-
-    def discard_pending(self, t_ns: int) -> None:
-        """Discard peaks not learnt yet, because of a contact or a new swing from `t_ns` [ns] on."""
-        self._waiting: deque[float] = deque(maxlen=_MAX_SHAKE_BLOCKS)
-        self.block_n: list[float] = []
-        self.end_ns = t_ns + _PEAK_BLOCK_NS
-
-    def end_block(self, t_ns: int, touch_n: float) -> None:
-        """End the present block of swing at `t_ns` [ns], and learn the peaks of earlier ones.
-
-        Args:
-            t_ns: Current time [ns].
-            touch_n: Present threshold of the signal [N].
-        """
-        known_n, waiting = self.block_n, self._waiting
-        self.block_n, self.end_ns = [], t_ns + _PEAK_BLOCK_NS
-        is_back = min(known_n, default=math.inf) < _RETURN_THRESHOLD_REL * touch_n
-        if known_n:
-            waiting.append(max(*known_n, 0.0))
-        while is_back and len(waiting) > _HELD_BACK_BLOCKS:
-            self.add_peak(waiting.popleft())
-
-    def add_peak(self, peak_n: float) -> None:
-        """Update the threshold with the peak load [N] of one block of swing."""
-        self._n += 1
-        share = 1.0 / min(self._n, _AVERAGED_BLOCKS)
-        off_n = peak_n - self.shake_n
-        self.shake_n += share * off_n
-        self._variance_n2 += share * (off_n * (peak_n - self.shake_n) - self._variance_n2)
-        self._highest_n = max(peak_n, (1.0 - _PEAK_DECAY_REL) * self._highest_n)
-        if self._n >= NOISE_SAMPLES:
-            spread_n = math.sqrt(max(self._variance_n2, 0.0))
-            highest_n = min(
-                _PEAK_MARGIN_REL * self._highest_n, self.shake_n + _MAX_THRESHOLD_SIGMAS * spread_n
-            )
-            self.contact_n = max(self.shake_n + THRESHOLD_SIGMAS * spread_n, highest_n, self._least_n)
-            self.sigma_n = max(self.contact_n - self.shake_n, self._least_n) / THRESHOLD_SIGMAS

@@ -20,7 +20,7 @@ from footsense.estimation.network import STEADY_AGES_S, Network, Readings, Readi
 from footsense.estimation.noise import ReadingNoise
 from footsense.estimation.rest import RefinedAtRest
 from footsense.estimation.settings import EstimationLimits, MountedFeet, Sensitivity
-from footsense.estimation.walking.gait import FAST_SCAN_LAGS, SLOW_SCAN_LAGS, GaitTracker
+from footsense.estimation.walking.gait import GaitTracker
 from footsense.foot.network_card import TrainedInputs
 from footsense.foot.response_table import FootResponse
 from footsense.frames import (
@@ -89,11 +89,7 @@ class Pipeline:
         self._closure_min_rel = np.tile(trained.closure_rel_min, (n_legs, 1))
         self._closure_max_rel = trained.max_usable_closure_rel(feet.gap_um)
         friction = limits.contact.friction
-        self._gait = GaitTracker(
-            n_legs,
-            math.nan if friction is None else friction,
-            FAST_SCAN_LAGS if limits.is_fast_scan else SLOW_SCAN_LAGS,
-        )
+        self._gait = GaitTracker(n_legs, math.nan if friction is None else friction)
         gain_error_rel = feet.gain_sigma_rel[:, None] * sensitivity.force_error_rel_per_gain_error
         self._gain_variance_rel2 = gain_error_rel**2
         self._set_temperature = set_temperature

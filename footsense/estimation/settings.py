@@ -154,8 +154,8 @@ class ContactLimits(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 
     Attributes:
         threshold_n: Least load along the leg, above that in swing, from which a foot is in contact [N]; more where
-            swings show more noise and shake, up to a quarter of the heaviest load of the last ten seconds. None: 1.5 %
-            of the largest force that the feet's network is trained for, 0.03 N for the paper's.
+            swings show more pull of the foot's own mass, a fifth of the mean load of its stances before it has swung.
+            None: 1.5 % of the largest force that the feet's network is trained for, 0.03 N for the paper's.
         friction: Coefficient of friction of the ground [1]: a foot slips where its tangential over normal force comes
             to it. None: not known, and no slip is told.
     """
@@ -192,11 +192,6 @@ class Sensitivity(NamedTuple):
     force_error_rel_per_gain_error: Vector
 
 
-#: Time below which a scan is fast [ns], by which detectors that were fitted to scans of 6.9 ms and of 22.5 ms and more
-#: are chosen.
-_FAST_SCAN_NS = 15_000_000
-
-
 class EstimationLimits(Struct, frozen=True, kw_only=True):
     """How the feet are read, and what is configured of the estimation.
 
@@ -220,8 +215,3 @@ class EstimationLimits(Struct, frozen=True, kw_only=True):
     def effective_max_age_ns(self) -> int:
         """Age of the oldest reading from which a measurement is stale [ns]."""
         return MAX_AGE_SCANS * self.scan_ns if self.max_age_ns is None else self.max_age_ns
-
-    @property
-    def is_fast_scan(self) -> bool:
-        """Whether a scan is fast: the detectors that were fitted to such scans are used."""
-        return self.scan_ns < _FAST_SCAN_NS

@@ -1,65 +1,103 @@
-"""Contact of each leg from the level and the rate of its load, and in swing the tracking of its baseline.
+"""Contact of each leg: the probability that the foot is on the ground, from the level of its load.
 
-The load is compared with the load in swing, not with the baseline. In swing that follows the load down once it has been
-low for 50 ms, and up by at most `max_swing_rise_n_per_s`; in stance it stands still. So drift, which is slow, never
-makes contact, however far it goes, and a touchdown, which is fast, is detected in the first reading that is the
-threshold above the load in swing. In swing the foot's own mass pulls at the sensor, on a light robot as much as light
-loads do: the threshold is a share of the heaviest load of the last seconds, and less where the noise of earlier swings
-allows it (`SwingNoise`). Shake that makes a contact all the same is learnt when that ends, short and light. A load
-within its own sigma is none: readings that contradict one another, as where a line breaks, make a force with a sigma of
-its size. A load that rises more slowly than `max_swing_rise_n_per_s` cannot be told from drift and is not detected.
+A hidden Markov model of two states, swing and stance (Rabiner, Proceedings of the IEEE 77, 1989). What is observed is
+the load z above that in swing: the trimmed mean of a scan, so that one element alone makes no contact, brought to the
+newest reading by its slope.
 
-Contact ends when the load is back to a small part of that of the stance. After a long stance that may never happen: the
-baseline has drifted meanwhile, and creep of the rubber recovers over minutes. So contact also ends when the load has
-fallen fast to a small part of its recent mean, as soon as drift and creep could explain what is left. A foot that
-carries little without having carried more just before stays in contact indefinitely.
+- In swing it is normal about zero with the spread S: of noise, of the pull of the foot's own mass, as far as earlier
+  swings have shown it, and after a stance of the baseline's error and of what is left of creep.
+- In stance it is exponential with a mean well above that of the last stances, with the same noise: loads of all sizes
+  are expected, since a foot that begins to carry carries little.
 
-One element alone makes no contact: the load is a trimmed mean, without the largest and the smallest closure.
+Readings closer together than the time over which pull and bounces last count as one. Contact begins and ends at two
+probabilities. Outside of contact the load that the network predicts from the newest reading counts as well, with its
+sigma: it shows a touch before most elements have been read again.
+
+The load in swing follows the load down within a fraction of a second and up by at most `max_swing_rise_n_per_s`; in
+stance it stands still. So drift, which is slow, never makes contact, however far it goes. A load that rises more slowly
+than that cannot be told from drift. A load that stays low and steady in a stance, small against what the foot carries,
+counts against contact: all readings have shifted meanwhile.
+
+A touchdown is dated by the last time at which the load came above S, a part of a scan before that; a lift-off by the
+last time at which it fell below S.
 """
 
 import math
+from collections import deque
+from typing import NamedTuple
 
-from footsense.estimation.noise import SwingNoise
 from footsense.estimation.settings import LONG_SILENCE_NS
 from footsense.frames import CommandKind
 
-#: A fall ends contact below this share of the mean load over the last second or so [1].
-_LIFT_OFF_SHARE_OF_RECENT_MEAN = 0.3
-_RECENT_LOAD_TIME_CONSTANT_S = 1.0
-
-#: So does a fall below this share of it [1] to a load that is steady, and so many thresholds at most: all readings of
-#: the foot have shifted in its stance.
-_SHIFTED_SHARE_OF_RECENT_MEAN = _LIFT_OFF_SHARE_OF_RECENT_MEAN / 2.0
-_MAX_SHIFT_THRESHOLDS = 2.0
-
+#: Touchdowns and lift-offs a second that are expected [1/s], and shortest usual stance [s]: a lift-off before that is
+#: as much less likely as the fourth power of the time.
+_EVENT_RATE, _SHORTEST_STANCE_S = 2.0, 0.1
+#: Probabilities of contact at which it begins, and ends.
+_BEGINS, _ENDS = 0.9, 0.01
+#: Spread of the load of a quiet foot in swing, over the least load that is contact [1].
+_QUIET_SPREAD_REL = 0.25
+#: Pull of a foot's own mass over the mean load of its stances, before a swing has shown it [1], and time of swing as
+#: which that counts [s].
+_PULL_REL, _PULL_PRIOR_S = 0.2, 0.3
+#: Spreads up to which a load in swing counts as pull [1]. The rise of a touch counts until it is told: feet whose
+#: touches rise slowly have more shake before them.
+_MOST_SPREADS = 4.0
+#: Mean load that is expected of a stance, over that of the last ones [1].
+_STANCE_LOAD_REL = 3.0
+#: Time over which pulls and loads are remembered [s].
+_MEMORY_S = 10.0
+#: Time within which pull and bounces stay the same [s].
+_CORRELATED_S = 9e-3
 #: Largest creep that may remain after lift-off, over the mean load of the last minutes [1]. An assumption on the safe
 #: side: Prony series of PDMS add 2 to 5 % over minutes; no foot has been measured.
-_MAX_CREEP_REL = 0.05
-_CREEP_LOAD_TIME_CONSTANT_S = 100.0
+_MAX_CREEP_REL, _CREEP_LOAD_TIME_CONSTANT_S = 0.05, 100.0
+#: Load of a stance that may be a shift of all readings, over its mean load and over the least [1].
+_SHIFT_REL, _SHIFT_LEASTS = 0.15, 2.0
+#: Time after lift-off in which a prediction overshoots [s]; twice that after lift-off a swing is confirmed: most of the
+#: rubber's quick recovery is over by then, and half the swing of a fast gait is left.
+_RINGS_S = 0.1
+#: Time in which the load in swing follows the load down [s].
+_SETTLES_S = 0.3
+#: From a touch to the first load above the spread [scans], and the spread of that time: of the pull before [s], of the
+#: readings [scans], and over the time from that load to the contact, as far as it is more than two scans [1].
+_DATE_LAG_SCANS, _DATE_SIGMA_S, _DATE_SIGMA_SCANS, _DATE_SIGMA_REL = 0.4, 3e-3, 0.2, 0.7
+#: From the load below the spread that dates a lift-off to its end, and the spread of that [s].
+_LIFT_OFF_LAG_S, _LIFT_OFF_SIGMA_S = 4e-3, 11e-3
 
-#: Time for which a load has to be steady [ns]: low, before that in swing follows it, as a negative glitch must not make
-#: contact later, and in contact, before it is a shift.
-_STEADY_NS = 50_000_000
+_LOG_ODDS_BEGIN, _LOG_ODDS_END = math.log(_BEGINS / (1.0 - _BEGINS)), math.log(_ENDS / (1.0 - _ENDS))
+#: Log odds that are kept, and those of a swing that has no doubt.
+_MOST_LOG_ODDS, _SURE_SWING = 12.0, -3.0
+_HALF_LOG_2_PI = 0.5 * math.log(2.0 * math.pi)
+#: Standard deviations beyond which a load of swing is no less likely, and the logistic function's factor that gives the
+#: integral of a normal distribution to 1 % (Bowling et al., JIEM 2, 2009).
+_MOST_DEVIATIONS, _LOGISTIC = 8.0, 1.702
 
-#: Share of the heaviest load that is contact, whatever the swing shows, and below which a contact is light [1], and
-#: time in which that load is forgotten [s]. Chosen on the walkers' selection: with the noise of swings alone every
-#: third touch of a light robot was missed, since its shake had made contact before.
-_HEAVY_REL, _HEAVY_MEMORY_S = 0.25, 10.0
-#: Load that ends contact over that which begins it, and over the recent mean [1].
-_LIFT_OFF_REL, _LIFT_OFF_SHARE = 0.7, 0.2
 
-#: A contact as short as this is shake if it is light. One below so many least thresholds is light, where a foot has not
-#: carried yet, and none above so many: no foot's own mass pulled so much in the walkers' gaits.
-_SHAKE_MAX_NS, _LIGHT_THRESHOLDS = 3 * _STEADY_NS, (2.0, 4.0)
+class BackDated(NamedTuple):
+    """Back-dated time of an event [ns], and its standard deviation [s]."""
 
-#: Contact is held for this time after the last load, and for the other after a touchdown: elements that are read one
-#: after the other, of a load that falls or rises fast, ring, and not all show a touch that a prediction tells.
-_CONTACT_HOLD_NS = 14_000_000
-_TOUCHDOWN_HOLD_NS = 2 * _CONTACT_HOLD_NS
-#: Time in which a foot rings [ns]: after a touchdown that is not light it bounces, and contact is held as after a
-#: touchdown; after lift-off a prediction overshoots, and predicts no contact. Twice that after lift-off a swing is
-#: confirmed: most of the rubber's quick recovery is over by then, and half the swing of a fast gait is left.
-_RINGS_NS = 2 * _STEADY_NS
+    t_ns: int
+    sigma_s: float
+
+
+NO_TIME = BackDated(0, math.nan)
+
+
+def log_likelihood_ratio(z_n: float, spread_n: float, mean_n: float) -> float:
+    """Return the log likelihood ratio of stance over swing of a load above that in swing.
+
+    Args:
+        z_n: The load [N].
+        spread_n: Standard deviation of a load in swing [N].
+        mean_n: Mean of the exponential distribution of a load in stance [N]; twice the spread at least is taken.
+    """
+    mean_n = max(mean_n, 2.0 * spread_n)
+    share, over = spread_n / mean_n, min(z_n / spread_n, _MOST_DEVIATIONS)
+    # Of the normal distribution's integral; below nothing it falls linearly, and the square is left out.
+    below = _LOGISTIC * (share - over)
+    integral = max(below, 0.0) + math.log1p(math.exp(-abs(below)))
+    of_swing = 0.5 * over * over if over > 0.0 else 0.0
+    return math.log(share) + _HALF_LOG_2_PI - z_n / mean_n + 0.5 * share * share - integral + of_swing
 
 
 class ContactDetector:
@@ -68,50 +106,45 @@ class ContactDetector:
     Args:
         least_n: Least load above that in swing that is contact [N].
         max_swing_rise_n_per_s: Fastest rise of the load in swing [N/s].
-        prediction_sigmas: Sigmas within which a predicted load is none [1].
+        scan_s: Time of a scan [s].
 
     Attributes:
         in_contact: Whether the foot is in contact; False where that is not known.
-        raw: Whether the newest load alone is above the threshold.
-        touch_n: Load above that in swing that is contact [N].
-        predicted_touch_n: The same of the predicted load [N].
-        in_swing: Whether swing is confirmed: lifted for two `_RINGS_NS`, and the load not about to touch.
+        raw: Whether the newest load alone is more likely one of contact.
+        in_swing: Whether swing is confirmed: lifted for two `_RINGS_S`, and without doubt.
         load_n: Load along the leg above its baseline [N], NaN where it is not known.
         carried_n: The same of the force as of now, or that where there is no force [N].
         drift_n: Largest load that drift and creep alone could produce now [N].
         explained_by_drift: Whether drift and creep could explain the whole load; False where the load is not known.
         swing_load_n: Load of the foot in swing [N].
-        noise: Noise of the load in swing.
-        predicted_noise: Noise of the predicted load.
+        pull_n: Spread of the load in swing by the foot's own mass, rms [N].
+        changed: When the present contact or swing began.
     """
 
-    def __init__(
-        self,
-        least_n: float,
-        max_swing_rise_n_per_s: float,
-        prediction_sigmas: float = 1.0,
-    ) -> None:
+    def __init__(self, least_n: float, max_swing_rise_n_per_s: float, scan_s: float) -> None:
+        self._least_n, self._scan_s = least_n, scan_s
         self._max_swing_rise_n_per_s = max_swing_rise_n_per_s
-        self.noise = SwingNoise(least_n)
-        self.predicted_noise = SwingNoise(least_n)
-        self._prediction_sigmas = prediction_sigmas
-        self._least_n = self.touch_n = self.predicted_touch_n = least_n
-        self._explained_n = least_n / 2
-        self._creep_load_n = self._heavy_n = self.drift_n = 0.0
+        self._creep_load_n = self.drift_n = 0.0
+        # Sums over the remembered time: of loads in stance, and of squared loads and predictions in swing.
+        self._stance_ns = self._stance_s = self._swing_s = self._pull_n2s = self._predicted_n2s = 0.0
         self.reset(0)
 
     def reset(self, t_ns: int) -> None:
         """Discard the history, after a new baseline or a long silence of the leg at `t_ns` [ns]."""
         self.in_contact = self.raw = self.in_swing = self.explained_by_drift = False
         self.load_n = self.carried_n = math.nan
-        self.swing_load_n = self._recent_n = self._steady_n = 0.0
-        self._peak_n = self._predicted_peak_n = 0.0
-        self.noise.discard_pending(t_ns)
-        self.predicted_noise.discard_pending(t_ns)
-        # The highest load of the last _STEADY_NS to twice that, in two windows.
-        self._highest_before_n = self._highest_n = math.inf
-        self._t_ns = self._window_start_ns = self._touched_ns = self._loaded_ns = self._lifted_ns = t_ns
-        self._steady_since_ns = t_ns
+        self.swing_load_n = self._above_n = 0.0
+        self._log_odds = _SURE_SWING
+        self.changed = NO_TIME
+        self._t_s = self._changed_s = self._up_s = self._down_s = self._updated_s = 1e-9 * t_ns
+        # Loads of the last scan.
+        self._past: deque[tuple[float, float]] = deque()
+        self._update_spreads(self._t_s, 0.0)
+
+    @property
+    def probability(self) -> float:
+        """Probability of contact [1]; NaN where the load is not known."""
+        return math.nan if math.isnan(self.load_n) else 1.0 / (1.0 + math.exp(-self._log_odds))
 
     def observe(
         self,
@@ -129,128 +162,160 @@ class ContactDetector:
             baseline_error_n: Largest error of the baseline [N].
             t_ns: Stamp of the newest reading [ns].
             now_ns: Current time [ns].
-            predicted_n: The same load as predicted from the newest reading, which shows a touchdown before most
-                elements have been read again [N]; NaN without a prediction.
+            predicted_n: The same load as predicted from the newest reading [N]; NaN without a prediction.
             sigma_n: Standard deviation of the prediction [N], same.
         """
         self.load_n = load_n
         self.carried_n = predicted_n if math.isfinite(predicted_n) else load_n
+        t_s, before_s = 1e-9 * t_ns, self._t_s
         if not math.isfinite(load_n):
             self.in_swing = self.explained_by_drift = False
-            if now_ns - self._t_ns > LONG_SILENCE_NS:
+            if now_ns - round(1e9 * before_s) > LONG_SILENCE_NS:
                 self.reset(now_ns)
             return
-        elapsed_s = max(t_ns - self._t_ns, 0) * 1e-9
-        self._t_ns = t_ns
-        self.drift_n = baseline_error_n + _MAX_CREEP_REL * self._creep_load_n
-        self.explained_by_drift = abs(load_n) <= self._explained_n + self.drift_n
-        swing_load_n = self.swing_load_n
-        above_n = load_n - swing_load_n
-        predicted_above_n = predicted_n - swing_load_n
-        noise, predicted_noise = self.noise, self.predicted_noise
-        overshoots = t_ns - self._lifted_ns <= _RINGS_NS
-        heavy_n = self._heavy_n * max(1.0 - elapsed_s / _HEAVY_MEMORY_S, 0.0)
-        self._heavy_n = max(heavy_n, load_n if self.in_contact else 0.0)
-        shake_n = _HEAVY_REL * self._heavy_n
-        noise_n = max(self._least_n, min(shake_n, noise.contact_n))
-        predicted_noise_n = max(self._least_n, min(shake_n, predicted_noise.contact_n))
-        # Of a number and NaN, in this order, `max` is the number.
-        self.touch_n = max(noise_n, sigma_n)
-        self.predicted_touch_n = max(predicted_noise_n, self._prediction_sigmas * sigma_n)
-        is_predicted = predicted_above_n > self.predicted_touch_n and not overshoots
-        self.raw = above_n > self.touch_n or is_predicted
-        if self.in_contact:
-            lift_n = max(self._explained_n, min(_LIFT_OFF_REL * noise_n, _LIFT_OFF_SHARE * self._recent_n))
-            # Measured above the baseline if the load in swing is below it: a foot must be able to leave contact.
-            fallen = (
-                load_n < _LIFT_OFF_SHARE_OF_RECENT_MEAN * self._recent_n
-                and load_n - max(swing_load_n, 0.0) < lift_n + self.drift_n
-            )
-            self._peak_n = max(self._peak_n, above_n)
-            self._predicted_peak_n = max(self._predicted_peak_n, predicted_above_n)
-            if abs(load_n - self._steady_n) > self._explained_n:
-                self._steady_n, self._steady_since_ns = load_n, t_ns
-            is_steady = t_ns - self._steady_since_ns >= _STEADY_NS
-            if not (above_n < lift_n or fallen or (is_steady and self._is_a_shift(load_n, above_n))):
-                self._loaded_ns = t_ns
-            elif t_ns - self._touched_ns >= _TOUCHDOWN_HOLD_NS and t_ns - self._loaded_ns >= self._hold_ns(
-                t_ns
-            ):
-                self._end_contact(load_n, baseline_error_n, t_ns)
-        elif self.raw:
-            self.in_contact = True
-            self._touched_ns = self._loaded_ns = self._steady_since_ns = t_ns
-            self._peak_n, self._predicted_peak_n = above_n, max(0.0, predicted_above_n)
-            noise.discard_pending(t_ns)
-            predicted_noise.discard_pending(t_ns)
+        elapsed_s = min(max(t_s - before_s, 0.0), 1e-9 * LONG_SILENCE_NS)
+        self._t_s = t_s
+        if t_s - self._updated_s >= self._scan_s:
+            self._update_spreads(t_s, baseline_error_n)
+        change_n, lasted_s = self._change_over_a_scan(t_s, load_n)
+        as_of_newest_n = load_n + 0.5 * change_n * self._scan_s / max(lasted_s, self._scan_s)
+        before_n, above_n = self._above_n, as_of_newest_n - self.swing_load_n
+        self._above_n = above_n
+        in_contact = self.in_contact
+        ratio = self._log_likelihood_ratio(above_n, change_n, predicted_n - self.swing_load_n, sigma_n)
+        self.raw = ratio > 0.0
+        self._update_log_odds(ratio, t_s, elapsed_s)
+        self._note_crossings(before_n, above_n, t_s)
+        if in_contact:
+            self._stance_ns += elapsed_s * max(as_of_newest_n, 0.0)
+            self._stance_s += elapsed_s
+            if self._log_odds < _LOG_ODDS_END:
+                self._end_contact(t_s, as_of_newest_n, baseline_error_n)
+        elif self._log_odds > _LOG_ODDS_BEGIN:
+            self._begin_contact(t_s, above_n, baseline_error_n)
         else:
-            self._observe_swing(
-                load_n, noise_n, math.nan if overshoots else predicted_n, predicted_noise_n, elapsed_s
-            )
+            self._learn_swing(above_n, predicted_n - self.swing_load_n, elapsed_s)
+        if self.in_contact is not in_contact:
+            self._update_spreads(t_s, baseline_error_n)
         self.in_swing = (
-            not self.in_contact
-            and load_n - self.swing_load_n < 0.5 * self._explained_n
-            and t_ns - self._lifted_ns >= 2 * _RINGS_NS
+            not self.in_contact and self._log_odds < _SURE_SWING and t_s - self._changed_s >= 2.0 * _RINGS_S
         )
-        pressing_n = max(load_n, 0.0)
-        self._recent_n += (pressing_n - self._recent_n) * (
-            elapsed_s / (_RECENT_LOAD_TIME_CONSTANT_S + elapsed_s)
+        self.explained_by_drift = abs(load_n) <= 0.5 * self._least_n + self.drift_n
+
+    def _log_likelihood_ratio(
+        self, above_n: float, change_n: float, predicted_above_n: float, sigma_n: float
+    ) -> float:
+        """Return the log likelihood ratio of stance over swing of a load and its prediction, above that in swing."""
+        spread_n, stance_load_n = self._spread_n, self._stance_load_n
+        if self.in_contact:
+            ratio = log_likelihood_ratio(above_n, spread_n, stance_load_n)
+            steady = abs(change_n) < 2.0 * _QUIET_SPREAD_REL * self._least_n
+            return min(ratio, -1.0) if steady and above_n < self._shift_n else ratio
+        # Of a number and NaN, in this order, `max` is the number.
+        ratio = log_likelihood_ratio(above_n, max(spread_n, sigma_n), stance_load_n)
+        if self._t_s - self._changed_s > _RINGS_S and predicted_above_n > self._least_n:
+            spread_n = math.hypot(self._predicted_spread_n, 0.5 * sigma_n)
+            ratio = max(ratio, log_likelihood_ratio(predicted_above_n, spread_n, stance_load_n))
+        return ratio
+
+    def _change_over_a_scan(self, t_s: float, load_n: float) -> tuple[float, float]:
+        """Return by how much the load has changed over the last scan [N], and how long that was [s]."""
+        past = self._past
+        past.append((t_s, load_n))
+        while len(past) > 2 and past[1][0] <= t_s - self._scan_s:
+            past.popleft()
+        then_s, then_n = past[0]
+        # A foot that was pulled and comes back does not press.
+        return load_n - max(then_n, min(self.swing_load_n, load_n)), t_s - then_s
+
+    def _update_log_odds(self, ratio: float, t_s: float, elapsed_s: float) -> None:
+        begins = ends = _EVENT_RATE * elapsed_s
+        if self.in_contact:
+            age = min((t_s - self._changed_s) / _SHORTEST_STANCE_S, 1.0)
+            ends *= (age * age) ** 2
+        odds = math.exp(self._log_odds)
+        predicted = math.log((odds * (1.0 - ends) + begins) / (1.0 - begins + odds * ends))
+        updated = predicted + min(elapsed_s / _CORRELATED_S, 1.0) * ratio
+        self._log_odds = min(max(updated, -_MOST_LOG_ODDS), _MOST_LOG_ODDS)
+
+    def _note_crossings(self, before_n: float, above_n: float, t_s: float) -> None:
+        """Note when the load came above the spread of swing, and when it fell below it."""
+        if before_n < self._spread_n <= above_n:
+            self._up_s = t_s
+        elif above_n < self._spread_n <= before_n:
+            self._down_s = t_s
+
+    def _begin_contact(self, t_s: float, above_n: float, baseline_error_n: float) -> None:
+        # Where a prediction made the contact, and the mean does not show it yet, it is now.
+        up_s = self._up_s if above_n >= self._spread_n else t_s
+        told_later_s = max(t_s - up_s - 2.0 * self._scan_s, 0.0)
+        self.in_contact = True
+        self.changed = BackDated(
+            round(1e9 * (up_s - _DATE_LAG_SCANS * self._scan_s)),
+            math.hypot(_DATE_SIGMA_S, _DATE_SIGMA_SCANS * self._scan_s, _DATE_SIGMA_REL * told_later_s),
         )
+        self._changed_s = t_s
+        # A foot can be pressed, not pulled: a contact ends above the baseline, and nothing touches below it.
+        self.swing_load_n = max(self.swing_load_n, -baseline_error_n)
+
+    def _end_contact(self, t_s: float, as_of_newest_n: float, baseline_error_n: float) -> None:
+        self.in_contact = False
+        ended_s = self._down_s if self._down_s > self._changed_s else t_s - self._scan_s
+        self.changed = BackDated(
+            round(1e9 * (ended_s + _LIFT_OFF_LAG_S)),
+            _LIFT_OFF_SIGMA_S,
+        )
+        self._changed_s = t_s
+        self.swing_load_n = max(as_of_newest_n, -baseline_error_n)
+
+    def _learn_swing(self, above_n: float, predicted_above_n: float, elapsed_s: float) -> None:
+        """Learn the spread of a swing's load, and follow it, as far as it is one."""
+        swing_s = elapsed_s / (1.0 + math.exp(self._log_odds))
+        most_n = _MOST_SPREADS * self._spread_n
+        self._swing_s += swing_s
+        self._pull_n2s += swing_s * min(abs(above_n), most_n) ** 2
+        if math.isfinite(predicted_above_n):
+            self._predicted_n2s += swing_s * min(abs(predicted_above_n), most_n) ** 2
+        rise_n = above_n * min(swing_s / _SETTLES_S, 1.0)
+        self.swing_load_n += min(rise_n, self._max_swing_rise_n_per_s * swing_s)
+
+    def _update_spreads(self, t_s: float, baseline_error_n: float) -> None:
+        """Derive what changes slowly: spreads of the load in swing, the mean of stances, and what drift explains."""
+        elapsed_s, self._updated_s = min(max(t_s - self._updated_s, 0.0), 1e-9 * LONG_SILENCE_NS), t_s
+        kept = max(1.0 - elapsed_s / _MEMORY_S, 0.0)
+        if self.in_contact:
+            self._stance_ns *= kept
+            self._stance_s *= kept
+        else:
+            self._swing_s *= kept
+            self._pull_n2s *= kept
+            self._predicted_n2s *= kept
+        pressing_n = max(0.0, self.load_n)  # of a number and NaN, in this order, the number
         self._creep_load_n += (pressing_n - self._creep_load_n) * (
             elapsed_s / (_CREEP_LOAD_TIME_CONSTANT_S + elapsed_s)
         )
-
-    @property
-    def _is_light(self) -> bool:
-        """Whether the load of this contact could be of the foot's own mass: it never came to much."""
-        limit_n = max(_HEAVY_REL * self._heavy_n, _LIGHT_THRESHOLDS[0] * self._least_n)
-        return self._peak_n < min(limit_n, _LIGHT_THRESHOLDS[1] * self._least_n)
-
-    def _hold_ns(self, t_ns: int) -> int:
-        bounces = t_ns - self._touched_ns < _RINGS_NS and not self._is_light
-        return _TOUCHDOWN_HOLD_NS if bounces else _CONTACT_HOLD_NS
-
-    def _is_a_shift(self, load_n: float, above_n: float) -> bool:
-        """Return whether a steady load in contact is a shift of all readings, and the foot is in the air."""
-        return (
-            load_n < _SHIFTED_SHARE_OF_RECENT_MEAN * self._recent_n
-            and above_n < _MAX_SHIFT_THRESHOLDS * self.touch_n
+        creep_n = _MAX_CREEP_REL * self._creep_load_n
+        self.drift_n = baseline_error_n + creep_n
+        mean_n = (3.0 * _SHORTEST_STANCE_S * self._least_n + self._stance_ns) / (
+            _SHORTEST_STANCE_S + self._stance_s
         )
+        quiet_n2 = (_QUIET_SPREAD_REL * self._least_n) ** 2
+        expected_n2 = max((_PULL_REL * mean_n) ** 2, quiet_n2)
+        share = _PULL_PRIOR_S / (_PULL_PRIOR_S + self._swing_s)
 
-    def _observe_swing(
-        self, load_n: float, noise_n: float, predicted_n: float, predicted_noise_n: float, elapsed_s: float
-    ) -> None:
-        """Learn the noise of a swing, and follow its load."""
-        t_ns, swing_load_n = self._t_ns, self.swing_load_n
-        for noise, signal_n, touch_n in (
-            (self.noise, load_n, noise_n),
-            (self.predicted_noise, predicted_n, predicted_noise_n),
-        ):
-            # What only sigma keeps from being contact is no noise.
-            if signal_n - swing_load_n <= touch_n:
-                noise.block_n.append(signal_n - swing_load_n)
-            if t_ns >= noise.end_ns:
-                noise.end_block(t_ns, touch_n)
-        if t_ns - self._window_start_ns > _STEADY_NS:
-            self._highest_before_n = self._highest_n
-            self._highest_n, self._window_start_ns = load_n, t_ns
-        self._highest_n = max(self._highest_n, load_n)
-        highest_n = max(self._highest_n, self._highest_before_n)
-        self.swing_load_n = min(highest_n, swing_load_n + self._max_swing_rise_n_per_s * elapsed_s)
+        def pull_n2(sum_n2s: float) -> float:
+            """Return the geometric mean of what is expected and what was seen, by how long it was."""
+            return float(
+                expected_n2**share * max(sum_n2s / (self._swing_s or 1.0), quiet_n2) ** (1.0 - share)
+            )
 
-    def _end_contact(self, load_n: float, baseline_error_n: float, t_ns: int) -> None:
-        """End the contact; a contact short and light enough to be shake raises the threshold above its peak."""
-        self.in_contact = False
-        if t_ns - self._touched_ns < _SHAKE_MAX_NS and self._is_light:
-            self.noise.add_peak(self._peak_n)
-            self.predicted_noise.add_peak(self._predicted_peak_n)
-        self._lifted_ns = self._window_start_ns = t_ns
-        self.noise.discard_pending(t_ns)
-        self.predicted_noise.discard_pending(t_ns)
-        # A foot can be pressed, not pulled: a load in swing below the baseline's error would turn the next reading
-        # into a touchdown.
-        self.swing_load_n = max(load_n, -baseline_error_n)
-        self._highest_before_n = self._highest_n = self.swing_load_n
+        seen_n2 = pull_n2(self._pull_n2s)
+        self.pull_n = math.sqrt(seen_n2)
+        left_n2 = (baseline_error_n / 3.0 + creep_n) ** 2 if self.in_contact else 0.0
+        self._spread_n = math.sqrt(quiet_n2 + seen_n2 + left_n2)
+        self._predicted_spread_n = math.sqrt(quiet_n2 + pull_n2(self._predicted_n2s))
+        self._stance_load_n = _STANCE_LOAD_REL * mean_n
+        self._shift_n = min(_SHIFT_REL * mean_n, _SHIFT_LEASTS * self._least_n)
 
     def refusal(self, kind: CommandKind) -> str | None:
         """Return why a command is refused at present (foot in contact); None if it may be executed.

@@ -42,7 +42,7 @@ from footsense.lab.training.gait_windows import (
     estimate_in_batches,
     windows_of,
 )
-from footsense.lab.walkers.split import KNOWN_JUDGEMENT, NEW_JUDGEMENT, RECORDED_JUDGEMENT
+from footsense.lab.walkers.split import KNOWN_JUDGEMENT, NEW_JUDGEMENT, RECORDED_JUDGEMENT, WalkerRun
 from footsense.ports import LoadEstimator, Window
 from footsense.sim.loads.ground_load import ContactSource
 from footsense.sim.loads.walk import Walk, measured_walk, smooth_stance_reaction
@@ -145,7 +145,8 @@ def _figures(context: StudyContext, board: str, wanted: Wanted) -> Values:
     figures = board_figures(context, board)
     runs = KNOWN_JUDGEMENT[_QUICK_RUNS] if context.quick else KNOWN_JUDGEMENT
     judged = judge(folders, runs, board=board, scheduler=context.scheduler)
-    new, slow = NEW_JUDGEMENT, _SLOW
+    new: tuple[WalkerRun, ...] = NEW_JUDGEMENT
+    slow: tuple[SlowLoads, ...] = _SLOW
     for walk in RECORDED_JUDGEMENT:
         context.table_file(walk.file)
     if context.quick:

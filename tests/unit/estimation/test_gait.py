@@ -5,12 +5,12 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from footsense.estimation.walking.contact import ContactDetector
-from footsense.estimation.walking.gait import FAST_SCAN_LAGS, GaitTracker, LegLoads, touchdown
+from footsense.estimation.walking.gait import GaitTracker
 from footsense.frames import GaitEvent, GaitEventKind, GaitFrame, Slip, Vector
 from footsense.ports import LoadEstimate
 
@@ -24,7 +24,7 @@ class Robot:
 
     def __init__(self, friction: float = math.nan) -> None:
         self.tracker = GaitTracker(LEGS, friction, period_ns=0)
-        self.contacts = [ContactDetector(0.03, 0.5e-3) for _ in range(LEGS)]
+        self.contacts = [ContactDetector(0.03, 0.5e-3, 0.025) for _ in range(LEGS)]
         self.now_ns = 1_000_000_000
         for contact in self.contacts:
             contact.reset(self.now_ns)
@@ -63,7 +63,7 @@ def test_feet_in_the_air_say_so_and_nothing_else() -> None:
     assert not frame.contact.any()
     assert not frame.contact_raw.any()
     assert not frame.events
-    assert (frame.probability < 1e-3).all()
+    assert (frame.probability < 0.01).all()
     assert (frame.touchdown_ns == 0).all()
     assert (frame.slip == Slip.UNKNOWN).all()
     for nothing in (frame.normal, frame.tangential_over_normal, frame.load_share, frame.touchdown_sigma_s):
@@ -110,31 +110,6 @@ def test_times_are_back_dated_along_the_flanks() -> None:
         assert abs(t_ns[0] - true_ns) < 3e9 * sigma_s[0] + 5e6
         assert sigma_s[0] < 0.02
     assert len(robot.events) == 2 * LEGS
-
-
-loads_n = st.floats(-1e3, 1e3) | st.sampled_from([0.0, -0.01, math.nan])
-
-
-@given(st.lists(loads_n, max_size=39), loads_n.filter(math.isfinite))
-@example([0.0], 0.04)
-@example([0.0, 0.02, 0.0, 0.03], 0.04)
-def test_a_time_is_dated_back_within_the_loads_that_tell_it(before_n: list[float], load_n: float) -> None:
-    """Whatever the loads are, and where none shows one yet."""
-    rows = [*before_n, load_n]
-    loads = [LegLoads(number * STEP_NS, [at_n]) for number, at_n in enumerate(rows, 1)]
-    now_ns = len(rows) * STEP_NS
-    dated = touchdown(loads, 0)
-    assert 0 <= now_ns - dated.t_ns <= 24 * STEP_NS + 13_000_000
-    assert 0.0 < dated.sigma_s < 0.03
-
-
-def test_a_slow_rise_is_dated_back_to_its_begin() -> None:
-    """A load of which every third mean shows little, as a row does that feels little."""
-    means_n = [0.0] * 10 + [0.02, 0.021, 0.001] * 4 + [0.04]
-    loads = [LegLoads(number * STEP_NS, [mean_n]) for number, mean_n in enumerate(means_n)]
-    dated = touchdown(loads, 0, FAST_SCAN_LAGS)
-    begun_ns = 10 * STEP_NS
-    assert abs(dated.t_ns - begun_ns) < 10_000_000
 
 
 def test_a_force_that_is_not_known_is_no_event() -> None:
@@ -223,7 +198,7 @@ def test_a_slide_is_said_once_and_ends_with_the_stance() -> None:
 def test_frames_come_with_events_and_ten_times_a_second() -> None:
     """Between them nothing is published."""
     tracker = GaitTracker(1)
-    contact = ContactDetector(0.03, 0.5e-3)
+    contact = ContactDetector(0.03, 0.5e-3, 0.025)
     found = []
     for k in range(1000):
         now_ns = k * STEP_NS
