@@ -40,7 +40,7 @@ def test_a_standing_robot_keeps_its_place_and_errs_as_its_covariance_says() -> N
     up = filters.rotation[:, 2]
     lean_deg = np.degrees(np.arccos(np.minimum(up @ true[2], 1.0)))
     assert np.sqrt((lean_deg**2).mean()) == pytest.approx(np.degrees(np.hypot(0.1, 0.1) / 9.81), rel=0.25)
-    error = np.concatenate([speed_m_s, bias - filters.bias], axis=1)
+    error = np.concatenate([-speed_m_s, bias - filters.bias], axis=1)
     rows = np.r_[3:6, -6:0]
     covariance = filters.covariance[:, rows[:, None], rows]
     squared = np.einsum("ni,nij,nj->n", error, np.linalg.inv(covariance), error)

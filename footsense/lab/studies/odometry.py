@@ -68,7 +68,11 @@ def compute(context: StudyContext) -> Values:
     }
     walks = _WALKS[_QUICK_WALKS] if context.quick else _WALKS
     n_seeds, duration_s = (1, _QUICK_DURATION_S) if context.quick else (_N_SEEDS, _DURATION_S)
-    runs = [WalkerRun(*walk, _FIRST_SEED + seed, duration_s) for walk in walks for seed in range(n_seeds)]
+    runs = [
+        WalkerRun(robot, gait, ground, _FIRST_SEED + seed, duration_s)
+        for robot, gait, ground in walks
+        for seed in range(n_seeds)
+    ]
     drifted = compute_each(partial(_drifted, folders=folders), runs, scheduler=context.scheduler)
     shown = next((k for k, run in enumerate(runs) if run[:3] == _SHOWN_RUN), 0)
     context.drawings["odometry.png"] = _draw(runs[shown], drifted[shown].paths_m)

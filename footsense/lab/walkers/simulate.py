@@ -181,7 +181,7 @@ def simulate_walk(
     push_n = gait.push_n(robot, t_s, rng)
     data.qpos[2] += 1e-3
     data.qpos[7:] = angles[0]
-    log = _Recorder(model, robot, ground.friction)
+    log, body_log = _Recorder(model, robot, ground.friction), _BodyRecorder()
     moved_m = np.zeros(3)
     every = round(LOG_STEP_S / STEP_S)
     falls = gait.drop_rel * robot.shank_m
@@ -197,8 +197,9 @@ def simulate_walk(
         if ground.rough_rel:
             moved_m += _keep_on_field(model, data, _cell_m(robot))
         if k % every == 0 and k >= n_settle:
-            log.add(data, moved_m, jitter * t_s[k])
-    return log.log(), log.body_log()
+            log.add(data)
+            body_log.add(data, moved_m, jitter * t_s[k])
+    return log.log(), body_log.log()
 
 
 def _gravity_angles_rad(robot: Robot, gait: WalkerGait, feet_m: Vector, t_s: Vector, share: float) -> Vector:
@@ -266,7 +267,7 @@ def _cross(one: Vector, other: Vector) -> Vector:
 
 
 class _Recorder:
-    """Collects what the feet feel, and how the body moves."""
+    """Collects what the feet feel."""
 
     def __init__(self, model: Any, robot: Robot, friction: float) -> None:
         self._model, self._friction = model, friction
@@ -274,16 +275,10 @@ class _Recorder:
         self._bodies = [model.body(leg).id for leg in robot.legs]
         self._row = {model.geom(leg).id: row for row, leg in enumerate(robot.legs)}
         self._rows: list[tuple[float, Vector]] = []
-        self._body: list[tuple[Vector, ...]] = []
         self._wrench, self._velocity = np.zeros(6), np.zeros(6)
 
-    def add(self, data: Any, moved_m: Vector, clock_s: float) -> None:
-        """Add the present step of a robot that was set back by a way [m], at a time of the gait's clock [s]."""
-        rotation = np.zeros(9)
-        mujoco.mju_quat2Mat(rotation, data.qpos[3:7])
-        position_m = data.qpos[:3] + moved_m
-        moves = data.qvel[:3], data.qvel[3:6], data.qpos[7:], data.actuator_force
-        self._body.append((position_m, rotation, *(part.copy() for part in moves), np.array(clock_s)))
+    def add(self, data: Any) -> None:
+        """Add the present step."""
         model, n_legs = self._model, len(self._names)
         felt = np.zeros((4, n_legs, 3))
         mujoco.mj_rnePostConstraint(model, data)
@@ -321,12 +316,30 @@ class _Recorder:
             self._names, t_s - t_s[0], felt[:, 0], felt[:, 1], felt[:, 2], felt[:, 3], self._friction
         )
 
-    def body_log(self) -> BodyLog:
-        """Return the log of the body."""
-        log = BodyLog(*(np.stack(part) for part in zip(*self._body, strict=True)))
-        per_leg = (len(log.clock_s), len(self._names), 3)
-        return log._replace(
-            rotation=log.rotation.reshape(-1, 3, 3),
-            angles_rad=log.angles_rad.reshape(per_leg),
-            torque_n_m=log.torque_n_m.reshape(per_leg),
+
+class _BodyRecorder:
+    """Collects how the body moves."""
+
+    def __init__(self) -> None:
+        self._rows: list[tuple[Vector, ...]] = []
+
+    def add(self, data: Any, moved_m: Vector, clock_s: float) -> None:
+        """Add the present step of a robot that was set back by a way [m], at a time of the gait's clock [s]."""
+        rotation = np.zeros(9)
+        mujoco.mju_quat2Mat(rotation, data.qpos[3:7])
+        n_legs = (data.qpos.size - 7) // 3
+        angles_rad, torque_n_m = (part.reshape(n_legs, 3) for part in (data.qpos[7:], data.actuator_force))
+        velocity_m_s, rate_rad_s = data.qvel[:3], data.qvel[3:6]
+        moves = (
+            data.qpos[:3] + moved_m,
+            rotation.reshape(3, 3),
+            velocity_m_s,
+            rate_rad_s,
+            angles_rad,
+            torque_n_m,
         )
+        self._rows.append((*(np.array(part) for part in moves), np.array(clock_s)))
+
+    def log(self) -> BodyLog:
+        """Return the log."""
+        return BodyLog(*(np.stack(part) for part in zip(*self._rows, strict=True)))
