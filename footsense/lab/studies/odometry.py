@@ -221,21 +221,22 @@ def text(values: Values) -> str:
     )
     shortest_m, longest_m = min(values["way_m"]), max(values["way_m"])
     return f"""
-Robots walk in MuJoCo with open-loop gaits, {len(values["walks"])} walks with {n_seeds} seeds each, {values["duration_s"]:g} s and {shortest_m:.1f} to {longest_m:.1f} m long. The invariant Kalman filter
-of [examples/odometry.py](../../examples/odometry.py) follows their pose from joint angles, an IMU and what is known of the
-footholds. *Drift* is the error of the place after a metre of way, rms over all metres of a walk. *Gate*: a foothold is set
-down anew where its squared innovation is above {GATE:g}, and each is trusted three times as much. *Over truth*: geometric mean of the ratios of
-paired runs to true forces as weights.
+Robots walk in MuJoCo with open-loop gaits: {len(values["walks"])} kinds of walk, {n_seeds} seeds each, {values["duration_s"]:g} s and {shortest_m:.1f} to {longest_m:.1f} m long. The
+invariant Kalman filter of [examples/odometry.py](../../examples/odometry.py) finds their pose from joint angles, an IMU and
+what is known of the footholds. *Drift* is the error of the place after a metre of way, rms over all metres of a walk.
+*Gate*: a foothold whose squared innovation is above {GATE:g} is set down anew, and the noise of all is a third. *Over truth*:
+geometric mean of the ratios of paired runs, true forces as weights being 1.
 
 {wanted}
 
-![The walk {values["shown"]} from above: the true path, and those found]({"odometry.png"})
+![The walk {values["shown"]} from above: the true path, and those found](odometry.png)
 
 ## Contact from
 
-*Flag*: a foothold holds or not. *Weights*: its process noise grows with (0.5 / load)^2 and with the ratio of tangential to
-normal force over the friction; a one-axis sensor and torques know the load alone. Forces and flag are those that the
-service publishes, with the time of CAN: every {PUBLISH_EVERY["ad7147"]}nd frame of `ad7147`, every {PUBLISH_EVERY["fdc1004"]}th of `fdc1004`. The ratio is that to the vertical, by the filter's own attitude.
+*Flag*: a foothold holds or it does not. *Weights*: its process noise grows with (0.5 / load)^2, and with the ratio of
+tangential to normal force over the friction; a one-axis sensor and torques know the load alone. Forces and contact flag
+are the service's, with the time of CAN: the force of every second frame of `ad7147`, of every fourth of `fdc1004`. The
+vertical is by the filter's own attitude. One-axis sensors, torques and schedule have no delay.
 
 {by_source}
 
