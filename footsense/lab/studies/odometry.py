@@ -21,7 +21,7 @@ from footsense.lab.walkers.split import WalkerRun
 TITLE = "Odometry: what a robot gains from the force on its feet"
 
 #: Robot, gait and ground of each walk.
-_WALKS = (
+_WALKS: tuple[tuple[str, str, str], ...] = (
     ("hexapod-2kg", "tripod", "flat"),
     ("hexapod-2kg", "tripod", "friction-0.3"),
     ("hexapod-2kg", "tripod", "rough"),
