@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.frames import Mask, Vector
-from footsense.lab.odometry.walk import STEP_S, OdometryWalk, PublishedForces, Senses
+from footsense.lab.odometry.walk import STEP_S, OdometryWalk, ReceivedForces, Senses
 from footsense.lab.walkers.gaits import GAITS, STAND_S
 
 #: Share of the peak load from which a touch is true [1].
@@ -73,9 +73,7 @@ CHEAP = OneAxis(0.35, 0.12, 0.05, 0.02, _CHEAP_SEED)
 Source = Loads | VectorForces
 
 
-def sources(
-    walk: OdometryWalk, senses: Senses, published: Mapping[str, PublishedForces]
-) -> dict[str, Source]:
+def sources(walk: OdometryWalk, senses: Senses, published: Mapping[str, ReceivedForces]) -> dict[str, Source]:
     """Return what is known of the footholds, by where it comes from.
 
     Args:

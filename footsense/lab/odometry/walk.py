@@ -81,7 +81,7 @@ class Senses(NamedTuple):
     accel_at_rest: Vector
 
 
-class PublishedForces(NamedTuple):
+class ReceivedForces(NamedTuple):
     """What a controller has of the feet at the end of each of n steps.
 
     Attributes:
@@ -166,7 +166,7 @@ class OdometryWalk:
             at_rest @ mounting,
         )
 
-    def published(self, board: str, models: Path | None = None) -> PublishedForces:
+    def published(self, board: str, models: Path | None = None) -> ReceivedForces:
         """Return what the service publishes of the feet of the robot's own type, the friction known.
 
         Args:
@@ -184,7 +184,7 @@ class OdometryWalk:
         t_s = LEAD_IN_S + LOG_STEP_S * self.rows[1:] - _CAN_S
         newest = np.searchsorted(told.t_s, t_s, "right") - 1
         every = PUBLISH_EVERY[board]
-        return PublishedForces(told.force_n[newest // every * every], told.contact[newest])
+        return ReceivedForces(told.force_n[newest // every * every], told.contact[newest])
 
     def drift_rel(self, position_m: Vector, rotation: Vector) -> Vector:
         """Return the drift of b poses [1]: rms error of the way after a metre, in the body's frame at its begin.
