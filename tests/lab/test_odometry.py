@@ -22,8 +22,8 @@ def trot() -> OdometryWalk:
 
 
 def test_a_standing_robot_keeps_its_place_and_errs_as_its_covariance_says() -> None:
-    """Of a hundred robots that lean, with the biases and the noise that the filter expects."""
-    odometry, n, n_steps = example(), 100, 200
+    """Of fifty robots that lean, with the biases and the noise that the filter expects."""
+    odometry, n, n_steps = example(), 50, 120
     rng = np.random.default_rng(1)
     true = odometry.rotations(LEAN)[0]
     bias = odometry.BIAS_SIGMA * rng.normal(size=(n, 6))
@@ -47,6 +47,7 @@ def test_a_standing_robot_keeps_its_place_and_errs_as_its_covariance_says() -> N
     assert squared.mean() == pytest.approx(len(rows), rel=0.2)
 
 
+@pytest.mark.slow
 def test_feet_that_do_not_slide_carry_a_robot_over_a_metre_without_much_drift(trot: OdometryWalk) -> None:
     senses, feet = trot.senses(), trot.feet
     firm = feet.force_n.any(axis=2) & (np.linalg.norm(feet.slip_m_s, axis=2) < 0.01)
@@ -61,6 +62,7 @@ def test_feet_that_do_not_slide_carry_a_robot_over_a_metre_without_much_drift(tr
     assert without > 0.05
 
 
+@pytest.mark.slow
 def test_the_force_vector_drifts_less_than_the_contact_flag(trot: OdometryWalk) -> None:
     """And a robot whose encoders are off drifts more."""
     senses = trot.senses()
