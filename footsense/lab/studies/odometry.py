@@ -31,7 +31,7 @@ _WALKS: tuple[tuple[str, str, str], ...] = (
     ("quadruped-12kg", "walk", "flat"),
     ("quadruped-12kg", "walk", "rough"),
 )
-_FIRST_SEED, _N_SEEDS, _DURATION_S = 4200, 3, 12.0
+_FIRST_SEED, _N_SEEDS, _DURATION_S = 4200, 5, 12.0
 #: Walks of a quick page, and their time [s].
 _QUICK_WALKS, _QUICK_DURATION_S = slice(3, 4), 4.0
 _BOARDS = tuple(PUBLISH_EVERY)
