@@ -156,7 +156,7 @@ def main() -> None:
     from footsense.lab.odometry.walk import STEP_S, OdometryWalk
     from footsense.lab.walkers.split import WalkerRun
 
-    walk = OdometryWalk(WalkerRun("quadruped-12kg", "trot-fast", "flat", seed=1, duration_s=5.0))
+    walk = OdometryWalk(WalkerRun("quadruped-12kg", "trot-slow", "flat", seed=1, duration_s=8.0))
     senses, feet, along_leg = walk.senses(), walk.published("ad7147"), one_axis(walk, GOOD)
     force_n = np.einsum("nlij,nlj->nli", senses.rotation, feet.force_n)
     odometry = Odometry(np.tile(senses.accel_at_rest, (3, 1)), len(walk.robot.legs), walk.robot.foot_radius_m)
