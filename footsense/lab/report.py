@@ -343,7 +343,14 @@ def _as_builtin(value: Any) -> Any:
 
 
 #: What a page depends on, in a checkout.
-_SOURCES = ("footsense", "firmware_interface", "models/*/*.onnx", "models/*/*.npz", "models/*/*.yaml")
+_SOURCES = (
+    "footsense",
+    "firmware_interface",
+    "examples/odometry.py",
+    "models/*/*.onnx",
+    "models/*/*.npz",
+    "models/*/*.yaml",
+)
 
 
 def _commit(*, allow_changes: bool) -> str:

@@ -71,6 +71,18 @@ def test_a_robot_in_mujoco_walks_and_its_feet_publish(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_a_robot_is_followed_best_by_its_force_vectors() -> None:
+    told = run_example("odometry.py")
+    drifts = dict(re.findall(r"^(.+): ([\d.]+)%$", told, re.MULTILINE))
+    by_vector, by_axis, by_flag = (
+        float(drifts[name]) for name in ("force vectors", "one-axis sensors", "contact flags")
+    )
+    assert by_vector < 1.5
+    assert by_vector < by_axis
+    assert by_flag > 2.0 * by_vector
+
+
+@pytest.mark.slow
 def test_a_controller_in_c_lets_no_tripod_swing_on_feet_that_it_does_not_know(tmp_path: Path) -> None:
     log, program = tmp_path / "walk.log", tmp_path / "gait_controller"
     footsense("run", "--scene", "faults", "--duration", "5", "--fast", "--summary", "json", "--can-log", log)

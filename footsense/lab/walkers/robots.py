@@ -137,6 +137,35 @@ class Robot:
             thigh, shank = towards + bend, -fold
         return np.stack([_wrapped(first), thigh, shank], axis=1)
 
+    def foot_poses(self, leg: str, angles_rad: Vector) -> tuple[Vector, Vector]:
+        """Return where a leg's foot is, the inverse of `joint_angles_rad`, and how it is turned.
+
+        Args:
+            leg: Name of the leg.
+            angles_rad: Angles of its joints [rad], shape (n, 3).
+
+        Returns:
+            Places of the ball's middle in the body's frame [m], shape (n, 3), and rotations from the foot's frame to
+            the body's, shape (n, 3, 3).
+        """
+        place, neutral = self.legs[leg], self.joint_angles_rad(leg, self.neutral_m(leg))[0]
+        first, thigh, shank = angles_rad.T
+        if self.kind == "quadruped":
+            turn, turned = 0.0, _turns(0, first)
+            offset_m = np.array([0.0, place.side * self.hip_m, 0.0])
+        else:
+            turn = self._outward_rad(leg)
+            turned, offset_m = _turns(2, first + turn), np.array([self.hip_m, 0.0, 0.0])
+        at_m = place.hip_m + turned @ offset_m
+        # The axes of thigh and shank point to the right.
+        turned = turned @ _turns(1, -thigh)
+        at_m = at_m + turned @ np.array([0.0, 0.0, -self.thigh_m])
+        turned = turned @ _turns(1, -shank)
+        at_m = at_m + turned @ np.array([0.0, 0.0, -self.shank_m])
+        # The foot is mounted upright, and forward along the body, in the middle of a stance.
+        mounted = _turns(1, neutral[1:].sum()) @ _turns(2, np.array(-turn))
+        return at_m, turned @ mounted
+
     def mjcf(self, ground: "GroundModel", step_s: float) -> str:
         """Return the model: this robot above a ground, with a position drive at each joint."""
         radius, gravity = self.foot_radius_m, ground.gravity_m_s2()
@@ -239,6 +268,17 @@ class GroundModel:
 def _wrapped(angle_rad: Vector) -> Vector:
     wrapped: Vector = (angle_rad + np.pi) % (2.0 * np.pi) - np.pi
     return wrapped
+
+
+def _turns(axis: int, angle_rad: Vector) -> Vector:
+    """Return the rotations about one of the axes x, y, z by angles of shape (...) [rad], shape (..., 3, 3)."""
+    second, third = (axis + 1) % 3, (axis + 2) % 3
+    turns = np.zeros((*np.shape(angle_rad), 3, 3))
+    turns[..., axis, axis] = 1.0
+    turns[..., second, second] = turns[..., third, third] = np.cos(angle_rad)
+    turns[..., third, second] = np.sin(angle_rad)
+    turns[..., second, third] = -turns[..., third, second]
+    return turns
 
 
 def _about_z(angle_rad: float) -> Vector:

@@ -115,10 +115,39 @@ class WalkerLog(NamedTuple):
         return cls(**parts, legs=tuple(legs), friction=friction)
 
 
+class BodyLog(NamedTuple):
+    """How the body and the joints of one run move, at every `LOG_STEP_S`.
+
+    Attributes:
+        position_m: Place of the body on the ground [m], shape (n, 3).
+        rotation: Rotation from the body's frame to the ground's, shape (n, 3, 3).
+        velocity_m_s: Velocity of the body in the ground's frame [m/s], shape (n, 3).
+        rate_rad_s: Rate of turning in the body's frame [rad/s], shape (n, 3).
+        angles_rad: Angles of each leg's joints, as of `Robot.joint_angles_rad` [rad], shape (n, legs, 3).
+        torque_n_m: Torques of their drives [N m], same shape.
+        clock_s: Time of the gait's clock [s], shape (n,).
+    """
+
+    position_m: Vector
+    rotation: Vector
+    velocity_m_s: Vector
+    rate_rad_s: Vector
+    angles_rad: Vector
+    torque_n_m: Vector
+    clock_s: Vector
+
+
 def simulate_walker(
     robot_name: str, gait_name: str, ground: GroundModel, seed: int, duration_s: float
 ) -> WalkerLog:
-    """Return the log of a robot that walks over a ground.
+    """Return what the feet of a robot feel that walks over a ground; arguments and errors as of `simulate_walk`."""
+    return simulate_walk(robot_name, gait_name, ground, seed, duration_s)[0]
+
+
+def simulate_walk(
+    robot_name: str, gait_name: str, ground: GroundModel, seed: int, duration_s: float
+) -> tuple[WalkerLog, BodyLog]:
+    """Return the logs of a robot that walks over a ground: of its feet, and of its body.
 
     Args:
         robot_name: One of `ROBOTS`.
@@ -152,7 +181,8 @@ def simulate_walker(
     push_n = gait.push_n(robot, t_s, rng)
     data.qpos[2] += 1e-3
     data.qpos[7:] = angles[0]
-    log = _Recorder(model, robot, ground.friction)
+    log, body_log = _Recorder(model, robot, ground.friction), _BodyRecorder()
+    moved_m = np.zeros(3)
     every = round(LOG_STEP_S / STEP_S)
     falls = gait.drop_rel * robot.shank_m
     for k in range(n):
@@ -165,10 +195,11 @@ def simulate_walker(
         if not stands:  # nor does a place that is no number
             raise FallError(f"{robot_name} falls in gait {gait_name} after {t_s[k]:.2f} s on this ground")
         if ground.rough_rel:
-            _keep_on_field(model, data, _cell_m(robot))
+            moved_m += _keep_on_field(model, data, _cell_m(robot))
         if k % every == 0 and k >= n_settle:
             log.add(data)
-    return log.log()
+            body_log.add(data, moved_m, jitter * t_s[k])
+    return log.log(), body_log.log()
 
 
 def _gravity_angles_rad(robot: Robot, gait: WalkerGait, feet_m: Vector, t_s: Vector, share: float) -> Vector:
@@ -201,14 +232,19 @@ def _cell_m(robot: Robot) -> float:
     return 2.0 * ROUGH_SIZE_REL * robot.shank_m / (N_ROUGH - 1)
 
 
-def _keep_on_field(model: Any, data: Any, cell_m: float) -> None:
-    """Set robot and ground back together before the robot comes to the field's edge: its heights are periodic."""
+def _keep_on_field(model: Any, data: Any, cell_m: float) -> Vector:
+    """Set robot and ground back together before the robot comes to the field's edge: its heights are periodic.
+
+    Returns:
+        The way by which they were set back [m], shape (3,).
+    """
     cells = np.rint(data.qpos[:2] / cell_m).astype(int)
     if np.abs(cells).max() < N_ROUGH // 4:
-        return
+        return np.zeros(3)
     data.qpos[:2] -= cell_m * cells
     heights = model.hfield_data.reshape(N_ROUGH, N_ROUGH)
     model.hfield_data[:] = np.roll(heights, (-cells[1], -cells[0]), (0, 1)).ravel()
+    return cell_m * np.array([*cells, 0.0])
 
 
 def _rough_heights(robot: Robot, rng: np.random.Generator) -> Vector:
@@ -222,6 +258,12 @@ def _rough_heights(robot: Robot, rng: np.random.Generator) -> Vector:
     apart = np.hypot(place[:, None], place) / (1.5 * robot.body_half_m[0])
     heights *= np.clip(apart - 1.0, 0.0, 1.0)
     return np.asarray(np.clip(0.5 + 0.5 * heights, 0.0, 1.0))
+
+
+def _cross(one: Vector, other: Vector) -> Vector:
+    """Return the cross product of two vectors; numpy's would take a third of the time of a run."""
+    (a, b, c), (x, y, z) = one.tolist(), other.tolist()
+    return np.array([b * z - c * y, c * x - a * z, a * y - b * x])
 
 
 class _Recorder:
@@ -257,7 +299,7 @@ class _Recorder:
             felt[0, row] += force_n
             felt[1, row] += self._wrench[0] * (to_foot @ frame[0])
             mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, body, self._velocity, 0)
-            at = self._velocity[3:] + np.cross(self._velocity[:3], contact.pos - data.xpos[body])
+            at = self._velocity[3:] + _cross(self._velocity[:3], contact.pos - data.xpos[body])
             at -= (at @ frame[0]) * frame[0]
             felt[2, row] += self._wrench[0] * (to_foot @ at)
         pressing_n = np.linalg.norm(felt[1], axis=1, keepdims=True)
@@ -273,3 +315,31 @@ class _Recorder:
         return WalkerLog(
             self._names, t_s - t_s[0], felt[:, 0], felt[:, 1], felt[:, 2], felt[:, 3], self._friction
         )
+
+
+class _BodyRecorder:
+    """Collects how the body moves."""
+
+    def __init__(self) -> None:
+        self._rows: list[tuple[Vector, ...]] = []
+
+    def add(self, data: Any, moved_m: Vector, clock_s: float) -> None:
+        """Add the present step of a robot that was set back by a way [m], at a time of the gait's clock [s]."""
+        rotation = np.zeros(9)
+        mujoco.mju_quat2Mat(rotation, data.qpos[3:7])
+        n_legs = (data.qpos.size - 7) // 3
+        angles_rad, torque_n_m = (part.reshape(n_legs, 3) for part in (data.qpos[7:], data.actuator_force))
+        velocity_m_s, rate_rad_s = data.qvel[:3], data.qvel[3:6]
+        moves = (
+            data.qpos[:3] + moved_m,
+            rotation.reshape(3, 3),
+            velocity_m_s,
+            rate_rad_s,
+            angles_rad,
+            torque_n_m,
+        )
+        self._rows.append((*(np.array(part) for part in moves), np.array(clock_s)))
+
+    def log(self) -> BodyLog:
+        """Return the log."""
+        return BodyLog(*(np.stack(part) for part in zip(*self._rows, strict=True)))

@@ -1,0 +1,1 @@
+"""What a robot gains of its feet: its odometry, with contact from different sensors."""

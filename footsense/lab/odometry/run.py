@@ -1,0 +1,101 @@
+"""The filter of `examples/odometry.py` on a walk, with contact from many sources at once."""
+
+from collections.abc import Sequence
+from functools import cache
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from footsense.errors import FootsenseError
+from footsense.frames import Vector
+from footsense.lab.odometry.sources import Loads, Source, VectorForces
+from footsense.lab.odometry.walk import STEP_S, OdometryWalk, Senses
+
+#: Squared innovation of a foothold from which the gate sets it down anew: one in a thousand of a right filter.
+GATE = 16.3
+#: Noise of a foothold behind the gate, which finds those that slide, over that without one [1].
+GATED_NOISE_REL = 1.0 / 3.0
+
+
+class Filter(NamedTuple):
+    """One filter: what it knows of the footholds, what it senses, and whether it has a gate."""
+
+    source: Source
+    senses: Senses
+    gated: bool
+
+
+class Poses(NamedTuple):
+    """Poses at the rows of a walk of b filters.
+
+    Attributes:
+        position_m: Places [m], shape (n + 1, b, 3).
+        rotation: Attitudes, shape (n + 1, b, 3, 3).
+    """
+
+    position_m: Vector
+    rotation: Vector
+
+
+@cache
+def example() -> Any:
+    """Return the module `examples/odometry.py`.
+
+    Raises:
+        FootsenseError: It is not there, as in an installation without a checkout.
+    """
+    file = Path(__file__).parents[3] / "examples" / "odometry.py"
+    spec = spec_from_file_location("footsense_odometry", file)
+    if spec is None or spec.loader is None or not file.is_file():
+        raise FootsenseError(f"no {file}: the odometry runs in a checkout")
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def run_filters(walk: OdometryWalk, filters: Sequence[Filter]) -> Poses:
+    """Return the poses of filters that run together.
+
+    Args:
+        walk: The walk.
+        filters: The filters.
+
+    Raises:
+        FootsenseError: As of `example`.
+    """
+    n, n_legs = len(walk.rows) - 1, len(walk.robot.legs)
+    gyro, accel, foot_m, turn_rad, _, at_rest = (
+        np.stack(part) for part in zip(*(one.senses for one in filters), strict=True)
+    )
+    noise = np.empty((n, len(filters), n_legs))
+    forces = []
+    for row, one in enumerate(filters):
+        if isinstance(one.source, Loads):
+            noise[:, row] = example().foothold_noise(*one.source)
+        else:
+            forces.append((row, one.source))
+    gated = np.array([one.gated for one in filters])
+    firmness = np.where(gated, GATED_NOISE_REL, 1.0)[:, None]
+    odometry = example().Odometry(at_rest, n_legs, walk.robot.foot_radius_m, np.where(gated, GATE, np.inf))
+    position_m, rotation = [odometry.columns[:, 1].copy()], [odometry.rotation]
+    for k in range(n):
+        _weigh(forces, odometry.rotation, k, walk.standing_n, noise[k])
+        odometry.step(STEP_S, gyro[:, k], accel[:, k], foot_m[:, k], turn_rad[:, k], firmness * noise[k])
+        position_m.append(odometry.columns[:, 1].copy())
+        rotation.append(odometry.rotation)
+    return Poses(np.stack(position_m), np.stack(rotation))
+
+
+def _weigh(
+    forces: Sequence[tuple[int, VectorForces]], rotation: Vector, k: int, standing_n: float, noise: Vector
+) -> None:
+    """Set the noise of the footholds of which forces are known at a step, by each filter's own attitude."""
+    if forces:
+        rows = [row for row, _ in forces]
+        load_n, ratio = example().load_and_ratio(
+            np.stack([one.force_n[k] for _, one in forces]), rotation[rows]
+        )
+        friction = np.array([one.friction for _, one in forces])[:, None]
+        noise[rows] = example().foothold_noise(load_n / standing_n, ratio / friction)
