@@ -117,7 +117,7 @@ class ContactDetector:
         drift_n: Largest load that drift and creep alone could produce now [N].
         explained_by_drift: Whether drift and creep could explain the whole load; False where the load is not known.
         swing_load_n: Load of the foot in swing [N].
-        pull_n: Spread of the load in swing by the foot's own mass, rms [N].
+        pull_n: Load of swings that was within their spread, rms [N]: how much the foot's own mass pulls.
         changed: When the present contact or swing began.
     """
 
@@ -126,7 +126,8 @@ class ContactDetector:
         self._max_swing_rise_n_per_s = max_swing_rise_n_per_s
         self._creep_load_n = self.drift_n = 0.0
         # Sums over the remembered time: of loads in stance, and of squared loads and predictions in swing.
-        self._stance_ns = self._stance_s = self._swing_s = self._pull_n2s = self._predicted_n2s = 0.0
+        self._stance_ns = self._stance_s = 0.0
+        self._swing_s = self._calm_n2s = self._pull_n2s = self._predicted_n2s = 0.0
         self.reset(0)
 
     def reset(self, t_ns: int) -> None:
@@ -194,7 +195,7 @@ class ContactDetector:
         elif self._log_odds > _LOG_ODDS_BEGIN:
             self._begin_contact(t_s, above_n, baseline_error_n)
         else:
-            self._learn_swing(above_n, predicted_n - self.swing_load_n, elapsed_s)
+            self._learn_swing(above_n, change_n, predicted_n - self.swing_load_n, elapsed_s)
         if self.in_contact is not in_contact:
             self._update_spreads(t_s, baseline_error_n)
         self.in_swing = (
@@ -209,14 +210,17 @@ class ContactDetector:
         spread_n, stance_load_n = self._spread_n, self._stance_load_n
         if self.in_contact:
             ratio = log_likelihood_ratio(above_n, spread_n, stance_load_n)
-            steady = abs(change_n) < 2.0 * _QUIET_SPREAD_REL * self._least_n
-            return min(ratio, -1.0) if steady and above_n < self._shift_n else ratio
+            return min(ratio, -1.0) if self._is_steady(change_n) and above_n < self._shift_n else ratio
         # Of a number and NaN, in this order, `max` is the number.
         ratio = log_likelihood_ratio(above_n, max(spread_n, sigma_n), stance_load_n)
         if self._t_s - self._changed_s > _RINGS_S and predicted_above_n > self._least_n:
             spread_n = math.hypot(self._predicted_spread_n, 0.5 * sigma_n)
             ratio = max(ratio, log_likelihood_ratio(predicted_above_n, spread_n, stance_load_n))
         return ratio
+
+    def _is_steady(self, change_n: float) -> bool:
+        """Return whether a change over a scan comes to less than two least loads while a foot rings."""
+        return abs(change_n) * _RINGS_S < 2.0 * self._least_n * self._scan_s
 
     def _change_over_a_scan(self, t_s: float, load_n: float) -> tuple[float, float]:
         """Return by how much the load has changed over the last scan [N], and how long that was [s]."""
@@ -268,12 +272,19 @@ class ContactDetector:
         self._changed_s = t_s
         self.swing_load_n = max(as_of_newest_n, -baseline_error_n)
 
-    def _learn_swing(self, above_n: float, predicted_above_n: float, elapsed_s: float) -> None:
+    def _learn_swing(
+        self, above_n: float, change_n: float, predicted_above_n: float, elapsed_s: float
+    ) -> None:
         """Learn the spread of a swing's load, and follow it, as far as it is one."""
         swing_s = elapsed_s / (1.0 + math.exp(self._log_odds))
-        most_n = _MOST_SPREADS * self._spread_n
+        # Pull comes and goes; a load that hardly changes is not pull.
+        most_n = (
+            _QUIET_SPREAD_REL * self._least_n if self._is_steady(change_n) else _MOST_SPREADS * self._spread_n
+        )
         self._swing_s += swing_s
         self._pull_n2s += swing_s * min(abs(above_n), most_n) ** 2
+        if above_n < self._spread_n:
+            self._calm_n2s += swing_s * min(abs(above_n), most_n) ** 2
         if math.isfinite(predicted_above_n):
             self._predicted_n2s += swing_s * min(abs(predicted_above_n), most_n) ** 2
         rise_n = above_n * min(swing_s / _SETTLES_S, 1.0)
@@ -288,6 +299,7 @@ class ContactDetector:
             self._stance_s *= kept
         else:
             self._swing_s *= kept
+            self._calm_n2s *= kept
             self._pull_n2s *= kept
             self._predicted_n2s *= kept
         pressing_n = max(0.0, self.load_n)  # of a number and NaN, in this order, the number
@@ -309,10 +321,9 @@ class ContactDetector:
                 expected_n2**share * max(sum_n2s / (self._swing_s or 1.0), quiet_n2) ** (1.0 - share)
             )
 
-        seen_n2 = pull_n2(self._pull_n2s)
-        self.pull_n = math.sqrt(seen_n2)
+        self.pull_n = math.sqrt(self._calm_n2s / (self._swing_s or 1.0))
         left_n2 = (baseline_error_n / 3.0 + creep_n) ** 2 if self.in_contact else 0.0
-        self._spread_n = math.sqrt(quiet_n2 + seen_n2 + left_n2)
+        self._spread_n = math.sqrt(quiet_n2 + pull_n2(self._pull_n2s) + left_n2)
         self._predicted_spread_n = math.sqrt(quiet_n2 + pull_n2(self._predicted_n2s))
         self._stance_load_n = _STANCE_LOAD_REL * mean_n
         self._shift_n = min(_SHIFT_REL * mean_n, _SHIFT_LEASTS * self._least_n)

@@ -13,7 +13,6 @@ from footsense.foot.network_card import NETWORK_FILE
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Specimen
 from footsense.lab.evaluation.evaluate_models import RESPONSE_FILE
-from footsense.lab.evaluation.slow_loads import SLOW
 from footsense.lab.evaluation.walker_runs import (
     LEAD_IN_S,
     SCAN_TIMES,
@@ -29,6 +28,7 @@ from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.parallel import compute_each
 from footsense.lab.report import most_events
 from footsense.lab.walkers.simulate import WalkerLog
+from footsense.lab.walkers.slow_loads import SLOW
 from footsense.lab.walkers.split import DRAGGED, JUDGEMENT
 
 #: Peak of loads of another robot than a foot's own, to which each log is scaled, over the foot's range [1].

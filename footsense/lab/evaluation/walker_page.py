@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from footsense.lab.evaluation.slow_loads import RISE_S, SWING_S
 from footsense.lab.evaluation.walker_judgement import LANDINGS, JudgedRun
 from footsense.lab.evaluation.walker_scores import (
     AFTER_TOUCH_S,
@@ -18,6 +17,7 @@ from footsense.lab.evaluation.walker_scores import (
     SLIDE_M_S,
 )
 from footsense.lab.report import SAME_TABLE, Values, most_events, table, table_by_board, target
+from footsense.lab.walkers.slow_loads import RISE_S, SWING_S
 
 
 def row_of(one: JudgedRun) -> Values:

@@ -12,7 +12,6 @@ from footsense.foot.network_card import NETWORK_FILE
 from footsense.frames import ELEMENTS, LEGS, Vector
 from footsense.lab.board_comparison.windows import TROT_RISES_S, TROT_STANCE_S, TROT_STRIDE_S, dog_trot
 from footsense.lab.evaluation.evaluate_models import RESPONSE_FILE
-from footsense.lab.evaluation.slow_loads import SlowLoads
 from footsense.lab.evaluation.walker_judgement import contact_figures, draw, judge, pooled
 from footsense.lab.evaluation.walker_page import (
     WalkerLimits,
@@ -42,6 +41,7 @@ from footsense.lab.training.gait_windows import (
     estimate_in_batches,
     windows_of,
 )
+from footsense.lab.walkers.slow_loads import SlowLoads
 from footsense.lab.walkers.split import KNOWN_JUDGEMENT, NEW_JUDGEMENT, RECORDED_JUDGEMENT, WalkerRun
 from footsense.ports import LoadEstimator, Window
 from footsense.sim.loads.ground_load import ContactSource

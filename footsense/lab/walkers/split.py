@@ -87,7 +87,7 @@ class WalkerRun(NamedTuple):
         return path
 
 
-class RecordedWalk(NamedTuple):
+class LoggedRun(NamedTuple):
     """A walk of another robot, whose log comes with footsense; `logs/README.md` says from where.
 
     Attributes:
@@ -205,7 +205,7 @@ KNOWN_JUDGEMENT = _judging("hexapod-2kg", 9000) + _judging("quadruped-12kg", 910
 NEW_JUDGEMENT = _runs(_JUDGED, ("hexapod-2kg", "quadruped-12kg"), ("flat", "friction-0.3"), 11.0, 9200)
 JUDGEMENT = KNOWN_JUDGEMENT + NEW_JUDGEMENT
 #: Walks of robots of another make, which judge as well.
-RECORDED_JUDGEMENT = (RecordedWalk("quadruped", "aliengo-policy", 9800),)
+RECORDED_JUDGEMENT = (LoggedRun("quadruped", "aliengo-policy", 9800),)
 
 
 #: Runs of a quick build, two seconds of each.

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from footsense.errors import ConfigError
-from footsense.lab.evaluation.slow_loads import RISE_S, SlowLoads
 from footsense.lab.walkers import split
 from footsense.lab.walkers.gaits import GAITS, WalkerGait
 from footsense.lab.walkers.robots import ROBOTS, GroundModel
 from footsense.lab.walkers.simulate import WalkerLog
+from footsense.lab.walkers.slow_loads import RISE_S, SlowLoads
 from footsense.lab.walkers.split import (
     GROUNDS,
     JUDGEMENT,

@@ -69,7 +69,7 @@ def test_help_is_for_its_user(command: str) -> None:
     [
         ("", COMMANDS),
         ("dev", ["benchmark", "soak", "trace"]),
-        ("lab", ["build", "couplings", "design", "fabricate", "report", "study", "walk"]),
+        ("lab", ["build", "couplings", "design", "fabricate", "report", "selection", "study", "walk"]),
         ("test-stand", ["record", "calibrate", "evaluate"]),
     ],
 )

@@ -18,9 +18,7 @@ def test_seven_kelvin_in_two_hundred_seconds_of_walking() -> None:
         t_s += passed_s
         now_ff = drift_ff * t_s / 200.0
         feet.feed(stance_n(t_s), now_ff, passed_s)
-        if stance_n(t_s) > (
-            1.5 * TOUCH_N if t_s > 20.0 else 0.4
-        ):  # until swings are known, a share of the load
+        if stance_n(t_s) > 0.4:
             assert feet.in_contact.all(), t_s
             lifted_s = t_s
         elif stance_n(t_s) == 0.0 and t_s - lifted_s > 0.1:
@@ -79,7 +77,7 @@ def test_a_stance_of_half_an_hour_is_not_eaten() -> None:
 
 @pytest.mark.parametrize(
     ("n_per_s", "found_n", "swallowed_mn"),
-    [(1 / 3, 0.045, 1.0), (1 / 60, 0.035, 1.0), (1 / 600, 0.05, 2.0)],
+    [(1 / 3, 0.045, 1.0), (1 / 60, 0.035, 1.0), (1 / 600, 0.04, 2.0)],
 )
 def test_a_load_that_comes_slowly_in_the_air_is_contact(
     n_per_s: float, found_n: float, swallowed_mn: float

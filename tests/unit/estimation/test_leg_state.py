@@ -245,6 +245,6 @@ def test_an_element_that_drifts_apart_is_a_cause() -> None:
     for drift_ff in np.arange(0.0, 26.0):
         drifts_ff = np.full((2, 9), drift_ff)
         drifts_ff[1, 1:] = 0.0
-        for _ in range(4):
-            feet.feed(0.0, drifts_ff, passed_s=2.5)
+        for _ in range(100):
+            feet.feed(0.0, drifts_ff, passed_s=0.1)
     assert feet.tracker.unloaded.cause.tolist() == [Cause.NONE, Cause.ELEMENT_DRIFTS]

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-from footsense.lab.evaluation.slow_loads import SlowLoads
 from footsense.lab.evaluation.walker_judgement import JudgingLoads, contact_figures, judge
 from footsense.lab.evaluation.walker_runs import SCAN_TIMES
 from footsense.lab.report import Values, table
+from footsense.lab.walkers.slow_loads import SlowLoads
 from footsense.lab.walkers.split import SELECTION
 
 #: Slow loads of the selection.
