@@ -117,6 +117,13 @@ def _leaning(lean: int) -> str:
     return f"{small:.2f} N, {middle:.1f} N, {large:.0f} N"
 
 
+def _drifts(how: Callable[[Any], float], gate: str) -> str:
+    """Return the drift of the odometry by force vector, one-axis sensor and contact flag [%]."""
+    drift = _page("odometry")["drift"]["nothing"]
+    sources = ("`ad7147`, force vector", "good one-axis sensor, threshold", "`ad7147`, contact flag")
+    return ", ".join(f"{100.0 * how(drift[source][gate]):.1f}" for source in sources)
+
+
 def _front() -> str:
     own, small = _robots(_DEFAULT), _robots(_SMALL)
     walk, trot = _gait(_DEFAULT, "measured walk"), _gait(_DEFAULT, "trot of a robot dog")
@@ -155,6 +162,13 @@ def _front() -> str:
             f"{both(f'{one:.0f}' for one in _others('lift_off_delay_p50_ms'))} ms",
             f"1 in 100 later than {max(_others('delay_p99_ms')):.0f} ms; {twice} told twice; {in_air} false ones in the air; "
             f"on the smallest foot {own['n_in_air']} for {own['n_touches']} touches",
+        ),
+        (
+            "**Odometry** of these robots by joint angles, IMU and feet ([examples/odometry.py](examples/odometry.py)), error "
+            "of the place after a metre",
+            f"with the force vector, with a good one-axis sensor and with the contact flag {_drifts(np.mean, 'no gate')} %; "
+            f"where footholds with large innovations are set down anew {_drifts(np.mean, 'gate')} %",
+            f"the worst of {len(_page('odometry')['way_m'])} walks: {_drifts(np.max, 'no gate')} %; {_drifts(np.max, 'gate')} %",
         ),
         (
             "**With an FDC1004 in each foot** in place of an AD7147",
