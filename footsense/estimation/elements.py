@@ -224,16 +224,17 @@ class ConsistencyTest:
 
     def _test_alone(self, closure_rel: Vector, readings: Readings, unusable: Mask) -> Mask:
         """Return the elements that have moved since the others last did: no load moves one alone."""
-        moved_rel = np.abs(closure_rel - self._rested_rel) * ~unusable
-        second = np.partition(moved_rel, -2, axis=1)[:, -2]
-        rests = second < STEADY_BELOW_SHARE_OF_RESIDUAL * UNCERTAIN_RESIDUAL
+        moved_rel = np.abs(closure_rel - self._rested_rel)
+        n_moved = np.add.reduce(moved_rel > STEADY_BELOW_SHARE_OF_RESIDUAL * UNCERTAIN_RESIDUAL, axis=1)
+        rests = n_moved <= 1
+        alone = rests[:, None] & (moved_rel > UNCERTAIN_RESIDUAL)
         self._rested_rel = np.where(rests[:, None], self._rested_rel, closure_rel)
         self._rested_ns = np.where(rests, self._rested_ns, readings.newest_ns)
-        # The elements are read one after the other.
-        rests &= readings.oldest_of_newest_ns > self._rested_ns
-        # One that is excluded for another reason moves alone when it comes back.
-        counts = ~self.excluded | self._moves_alone
-        self._moves_alone = counts & rests[:, None] & (moved_rel > UNCERTAIN_RESIDUAL)
+        if np.count_nonzero(alone):
+            # The elements are read one after the other; one that is excluded for another reason moves when it is back.
+            is_read = readings.oldest_of_newest_ns > self._rested_ns
+            alone &= is_read[:, None] & ~unusable & (~self.excluded | self._moves_alone)
+        self._moves_alone = alone
         return self._moves_alone
 
     def _residuals(

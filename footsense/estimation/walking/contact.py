@@ -41,7 +41,7 @@ _QUIET_SPREAD_REL = 0.25
 _PULL_REL, _PULL_PRIOR_S = 0.2, 0.3
 #: Spreads up to which a load in swing counts as pull [1]. The rise of a touch counts until it is told: feet whose
 #: touches rise slowly have more shake before them.
-_MOST_SPREADS = 4.0
+_MOST_SPREADS = 5.0
 #: Mean load that is expected of a stance, over that of the last ones [1].
 _STANCE_LOAD_REL = 3.0
 #: Time over which pulls and loads are remembered [s].
@@ -134,7 +134,8 @@ class ContactDetector:
         """Discard the history, after a new baseline or a long silence of the leg at `t_ns` [ns]."""
         self.in_contact = self.raw = self.in_swing = self.explained_by_drift = False
         self.load_n = self.carried_n = math.nan
-        self.swing_load_n = self._above_n = 0.0
+        self.swing_load_n = 0.0
+        self._is_above = False
         self._log_odds = _SURE_SWING
         self.changed = NO_TIME
         self._t_s = self._changed_s = self._up_s = self._down_s = self._updated_s = 1e-9 * t_ns
@@ -176,24 +177,23 @@ class ContactDetector:
             return
         elapsed_s = min(max(t_s - before_s, 0.0), 1e-9 * LONG_SILENCE_NS)
         self._t_s = t_s
-        if t_s - self._updated_s >= self._scan_s:
+        if t_s - self._updated_s >= 3.0 * _CORRELATED_S:
             self._update_spreads(t_s, baseline_error_n)
         change_n, lasted_s = self._change_over_a_scan(t_s, load_n)
         as_of_newest_n = load_n + 0.5 * change_n * self._scan_s / max(lasted_s, self._scan_s)
-        before_n, above_n = self._above_n, as_of_newest_n - self.swing_load_n
-        self._above_n = above_n
+        above_n = as_of_newest_n - self.swing_load_n
         in_contact = self.in_contact
         ratio = self._log_likelihood_ratio(above_n, change_n, predicted_n - self.swing_load_n, sigma_n)
         self.raw = ratio > 0.0
         self._update_log_odds(ratio, t_s, elapsed_s)
-        self._note_crossings(before_n, above_n, t_s)
+        self._note_crossings(above_n, t_s)
         if in_contact:
             self._stance_ns += elapsed_s * max(as_of_newest_n, 0.0)
             self._stance_s += elapsed_s
             if self._log_odds < _LOG_ODDS_END:
                 self._end_contact(t_s, as_of_newest_n, baseline_error_n)
         elif self._log_odds > _LOG_ODDS_BEGIN:
-            self._begin_contact(t_s, above_n, baseline_error_n)
+            self._begin_contact(t_s, baseline_error_n)
         else:
             self._learn_swing(above_n, change_n, predicted_n - self.swing_load_n, elapsed_s)
         if self.in_contact is not in_contact:
@@ -242,16 +242,19 @@ class ContactDetector:
         updated = predicted + min(elapsed_s / _CORRELATED_S, 1.0) * ratio
         self._log_odds = min(max(updated, -_MOST_LOG_ODDS), _MOST_LOG_ODDS)
 
-    def _note_crossings(self, before_n: float, above_n: float, t_s: float) -> None:
+    def _note_crossings(self, above_n: float, t_s: float) -> None:
         """Note when the load came above the spread of swing, and when it fell below it."""
-        if before_n < self._spread_n <= above_n:
-            self._up_s = t_s
-        elif above_n < self._spread_n <= before_n:
-            self._down_s = t_s
+        is_above = above_n >= self._spread_n
+        if is_above is not self._is_above:
+            self._is_above = is_above
+            if is_above:
+                self._up_s = t_s
+            else:
+                self._down_s = t_s
 
-    def _begin_contact(self, t_s: float, above_n: float, baseline_error_n: float) -> None:
+    def _begin_contact(self, t_s: float, baseline_error_n: float) -> None:
         # Where a prediction made the contact, and the mean does not show it yet, it is now.
-        up_s = self._up_s if above_n >= self._spread_n else t_s
+        up_s = self._up_s if self._is_above else t_s
         told_later_s = max(t_s - up_s - 2.0 * self._scan_s, 0.0)
         self.in_contact = True
         self.changed = BackDated(
