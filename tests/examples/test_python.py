@@ -123,7 +123,7 @@ def test_a_plot_without_recording_or_matplotlib_is_one_line(tmp_path: Path, fail
 
 def test_a_recording_is_drawn(tmp_path: Path) -> None:
     told = run_example("plot_recording.py", GOLDEN, tmp_path / "walk.png", MPLBACKEND="Agg")
-    assert re.findall(r"usable (\d\d)% .* contact (\d\d)%", told)[0] == ("99", "57")
+    assert re.findall(r"usable (\d\d)% .* contact (\d\d)%", told)[0] == ("99", "56")
     assert (tmp_path / "walk.png").read_bytes().startswith(b"\x89PNG")
 
 

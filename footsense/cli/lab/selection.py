@@ -16,7 +16,7 @@ def selection(*, as_json: bool) -> None:
     `footsense lab study motion`, which has other robots and gaits. Takes a few minutes.
     """
     from footsense.foot.type_folders import released_folder, released_names
-    from footsense.lab.studies.selection import as_markdown, select
+    from footsense.lab.walkers.selection import as_markdown, select
 
     figures = select([released_folder(foot) for foot in released_names()])
     if as_json:
