@@ -41,8 +41,8 @@ class BaselineTracker:
         tares: Tares in progress.
         unloaded: The baselines, and what follows from them.
         flags: CONTACT, and TARE_REFUSED where an older baseline is in use, shape (legs,).
-        swing_sigma_n: Force that is none of the ground, shape (legs, 1) [N]: of the foot's own mass in swing, and what
-            it reads below the baseline. A foot can be pressed, not pulled.
+        swing_sigma_n: Force that is none of the ground, shape (legs, 1) [N]: what a foot in the air reads, and one on
+            the ground below the baseline. A foot can be pressed, not pulled.
     """
 
     def __init__(
@@ -67,7 +67,6 @@ class BaselineTracker:
         self.flags = np.zeros(len(feet.names), np.uint8)
         self.swing_sigma_n = np.zeros((len(feet.names), 1))
         self._flags: list[int] = []
-        self._pulls_n = [0.0] * len(feet.names)
         self._swinging: list[int] = []
 
     def process_tares(
@@ -139,7 +138,7 @@ class BaselineTracker:
         means_rel = trimmed_means(closure_rel)
         newest_ns = np.maximum.reduce(t_ns, axis=1).tolist()
         swung, swinging = self._swinging, []
-        flags, pulls_n = [], []
+        flags, not_ground_n = [], []
         n_per_rel = self._n_per_rel
         refused, untared = self.tares.refused, self.tares.untared
         legs = zip(
@@ -155,11 +154,12 @@ class BaselineTracker:
         for leg, (baseline, contact, mean_rel, error_n, newest, as_of_now_n, sigma) in enumerate(legs):
             load_n = mean_rel * n_per_rel
             pull_n = load_n if load_n < -error_n else 0.0
-            pulls_n.append(pull_n)
             contact.observe(
                 load_n, error_n, newest, now_ns, as_of_now_n, math.hypot(sigma, pull_n) if pull_n else sigma
             )
             in_contact = contact.in_contact
+            # What a foot in the air reads is none of the ground.
+            not_ground_n.append(pull_n if in_contact or math.isnan(load_n) else load_n)
             flag = _CONTACT if in_contact else 0
             flags.append(flag | _TARE_REFUSED if leg in refused else flag)
             if leg in untared:
@@ -170,10 +170,9 @@ class BaselineTracker:
                 baseline.pause_tracking()
         self._swinging = swinging
         self._track_drift(capacitance_pf, t_ns, missing)
-        if flags != self._flags or pulls_n != self._pulls_n:
-            self._flags, self.flags, self._pulls_n = flags, np.array(flags, np.uint8), pulls_n
-            swing_pulls_n = [0.0 if leg.in_contact else leg.pull_n for leg in self.contacts]
-            self.swing_sigma_n = np.hypot(swing_pulls_n, pulls_n)[:, None]
+        if flags != self._flags:
+            self._flags, self.flags = flags, np.array(flags, np.uint8)
+        self.swing_sigma_n = np.abs(np.array(not_ground_n))[:, None]
 
     def _track_drift(self, capacitance_pf: Vector, t_ns: Stamps, missing: Mask) -> None:
         """Update the baselines of those legs in swing whose turn it is; arguments as of `observe`."""

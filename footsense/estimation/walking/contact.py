@@ -117,7 +117,6 @@ class ContactDetector:
         drift_n: Largest load that drift and creep alone could produce now [N].
         explained_by_drift: Whether drift and creep could explain the whole load; False where the load is not known.
         swing_load_n: Load of the foot in swing [N].
-        pull_n: Load of swings that was within their spread, rms [N]: how much the foot's own mass pulls.
         changed: When the present contact or swing began.
     """
 
@@ -127,7 +126,7 @@ class ContactDetector:
         self._creep_load_n = self.drift_n = 0.0
         # Sums over the remembered time: of loads in stance, and of squared loads and predictions in swing.
         self._stance_ns = self._stance_s = 0.0
-        self._swing_s = self._calm_n2s = self._pull_n2s = self._predicted_n2s = 0.0
+        self._swing_s = self._pull_n2s = self._predicted_n2s = 0.0
         self.reset(0)
 
     def reset(self, t_ns: int) -> None:
@@ -286,8 +285,6 @@ class ContactDetector:
         )
         self._swing_s += swing_s
         self._pull_n2s += swing_s * min(abs(above_n), most_n) ** 2
-        if above_n < self._spread_n:
-            self._calm_n2s += swing_s * min(abs(above_n), most_n) ** 2
         if math.isfinite(predicted_above_n):
             self._predicted_n2s += swing_s * min(abs(predicted_above_n), most_n) ** 2
         rise_n = above_n * min(swing_s / _SETTLES_S, 1.0)
@@ -302,7 +299,6 @@ class ContactDetector:
             self._stance_s *= kept
         else:
             self._swing_s *= kept
-            self._calm_n2s *= kept
             self._pull_n2s *= kept
             self._predicted_n2s *= kept
         pressing_n = max(0.0, self.load_n)  # of a number and NaN, in this order, the number
@@ -324,7 +320,6 @@ class ContactDetector:
                 expected_n2**share * max(sum_n2s / (self._swing_s or 1.0), quiet_n2) ** (1.0 - share)
             )
 
-        self.pull_n = math.sqrt(self._calm_n2s / (self._swing_s or 1.0))
         left_n2 = (baseline_error_n / 3.0 + creep_n) ** 2 if self.in_contact else 0.0
         self._spread_n = math.sqrt(quiet_n2 + pull_n2(self._pull_n2s) + left_n2)
         self._predicted_spread_n = math.sqrt(quiet_n2 + pull_n2(self._predicted_n2s))

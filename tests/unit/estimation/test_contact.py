@@ -164,7 +164,6 @@ def test_the_pull_of_a_foot_of_its_own_mass_is_learnt(hertz: float) -> None:
                 touches.append(swing)
         shaking.carry(0.0, 0.02)
     assert not [swing for swing in touches if swing > 3]
-    assert shaking.contact.pull_n > 0.04
     assert shaking.changes_after_s(0.1, 0.2) is None
     assert shaking.changes_after_s(0.5, 0.05) is not None
 
