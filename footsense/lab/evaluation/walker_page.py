@@ -229,10 +229,8 @@ def _contacts_table(rows: Mapping[str, Sequence[Values]]) -> str:
 
 
 def contact_text(boards: Mapping[str, Values]) -> str:
-    """Return the section of contacts in new gaits on a page, from the figures of each board; of an older page none."""
-    new = {board: of_board["new_runs"] for board, of_board in boards.items() if "new_runs" in of_board}
-    if not new:
-        return ""
+    """Return the section of contacts in new gaits on a page, from the figures of each board."""
+    new = {board: of_board["new_runs"] for board, of_board in boards.items()}
     return f"""## Contact in gaits that nothing was trained on
 
 The same two robots in gaits of which each has another order of footfalls than all of training and selection, or a duty
@@ -241,7 +239,7 @@ paper's foot scaled to half of its range, and on the robot's own. A touch begins
 {FIRST_LOAD_REL:.0%} of the peak, by loads at a thousand a second, and is found if it is told within {1e3 * REPORT_AFTER_S:g} ms; it counts
 after {1e3 * MIN_TOUCH_S:g} ms in the air if it lasts as long. Feet of gaits with *drag* are lifted so little that they are loaded by
 a few percent of a stance's load for part of their swing. Beside them walks a Unitree Aliengo under a learned policy in a
-closed loop, whose log comes with its source (`lab/walkers/logs`). Slow loads are made up (`lab/evaluation/slow_loads.py`): six
+closed loop, whose log comes with its source (`lab/walkers/logs`). Slow loads are made up (`lab/walkers/slow_loads.py`): six
 feet whose loads rise within {RISE_S[0]:g} to {RISE_S[1]:g} s, wait on plateaus and ripple, after swings of {SWING_S[0]:g} to {SWING_S[1]:g} s;
 their error counts however late they are told.
 
