@@ -1,7 +1,7 @@
 """What a robot may know of its footholds: from the truth, from footsense, and from what robots have in its place.
 
-Loads are in shares of a leg's load when the robot stands. The thresholds of the sensors are the best of a few on walks of
-seed 300, of five of the page's eight kinds; that of the torques is the cheap sensor's.
+Loads are in shares of a leg's load when the robot stands. The thresholds of the sensors are the best of a few on walks
+of seed 300, of five of the page's eight kinds; that of the torques is the cheap sensor's.
 """
 
 from collections.abc import Mapping
