@@ -1,4 +1,4 @@
-"""Data types passed between the packages: capacitance frame, force frame, gait frame, cycle.
+"""Data types passed between the packages: capacitance frame, leg motion, force frame, gait frame, cycle.
 
 A frame holds all legs of the robot, row n for the n-th leg of the configuration, because the network runs once for all
 of them. An entry that was not measured is NaN, never a substitute. Arrays are read-only by agreement: a receiver may
@@ -23,6 +23,7 @@ from firmware_interface.can.codes import GaitEventKind as GaitEventKind
 from firmware_interface.can.codes import Result as Result
 from firmware_interface.can.codes import Slip as Slip
 from firmware_interface.can.codes import State as State
+from firmware_interface.can.codes import StepPhase as StepPhase
 
 #: Arrays by their entries: numbers, truth values, times [ns], and codes of an enumeration.
 Vector = NDArray[np.float64]
@@ -105,6 +106,27 @@ class CapFrame(NamedTuple):
     reading: Annotated[Codes, CycleField("u1", _OF_ELEMENTS, max_code=max(Reading))]
 
 
+class LegMotion(NamedTuple):
+    """Motion of every leg as its gait controller knows it, the newest of each; NaN where it told none in time.
+
+    Foot frame here is that of `ContactFrame.force_n`: x forward, y left, z along the leg towards the body.
+
+    Attributes:
+        t_ns: Time of arrival [ns, monotonic], shape (legs,), int64; 0 where there is none, or its time is out.
+        acceleration_m_per_s2: Acceleration of the foot along z of the foot frame, of its path alone, gravity not
+            included [m/s2], shape (legs,).
+        sigma_m_per_s2: Standard deviation of it [m/s2], shape (legs,).
+        up: Unit vector against gravity in the foot frame, shape (legs, 3).
+        phase: Planned phase of the step, shape (legs,), uint8 of `StepPhase`.
+    """
+
+    t_ns: Annotated[Stamps, _TIME]
+    acceleration_m_per_s2: Annotated[Vector, _NUMBER]
+    sigma_m_per_s2: Annotated[Vector, _NUMBER]
+    up: Annotated[Vector, CycleField("<f8", (3,), ("up_x", "up_y", "up_z"))]
+    phase: Annotated[Codes, _code(StepPhase)]
+
+
 class BaselineDrift(NamedTuple):
     """Status of every leg's baseline, and the drift of its baseline since the last tare.
 
@@ -144,7 +166,6 @@ class GaitFrame(NamedTuple):
 
     Attributes:
         t_ns: The time [ns].
-        probability: Probability of contact now [1], shape (legs,), NaN where the force is not known.
         touchdown_ns: Time of the last touchdown, back-dated [ns], shape (legs,); 0 if it is not known.
         touchdown_sigma_s: Standard deviation of it [s], shape (legs,), NaN if it is not known.
         lift_off_ns: Time of the last lift-off, back-dated [ns], shape (legs,); 0 if it is not known.
@@ -164,7 +185,6 @@ class GaitFrame(NamedTuple):
     """
 
     t_ns: int
-    probability: Annotated[Vector, _NUMBER]
     touchdown_ns: Annotated[Stamps, _TIME]
     touchdown_sigma_s: Annotated[Vector, _NUMBER]
     lift_off_ns: Annotated[Stamps, _TIME]
@@ -191,6 +211,9 @@ class ContactFrame(NamedTuple):
         t_ns: Time of each leg's newest reading [ns], shape (legs,); 0 without one.
         force_n: Ground reaction on the foot in the foot frame [N], shape (legs, 3), NaN unless the state is USABLE.
         sigma_n: Standard deviation of each component [N], shape (legs, 3), NaN where the force is.
+        contact_probability: Probability that the foot is on the ground now [1], shape (legs,), NaN where the force is
+            not known.
+        holds: Probability that the foot stands still on the ground now [1], shape (legs,), NaN where that is not known.
         state: Whether the force may be used, and if not, why, shape (legs,), uint8 of `State`.
         fault_mask: Bit e set where element e is not usable or overloaded, shape (legs,), uint16.
         cause: Cause of the state, shape (legs,), uint8 of `Cause`.
@@ -205,6 +228,8 @@ class ContactFrame(NamedTuple):
     t_ns: Annotated[Stamps, _TIME]
     force_n: Annotated[Vector, CycleField("<f8", (3,), ("fx_n", "fy_n", "fz_n"))]
     sigma_n: Annotated[Vector, CycleField("<f8", (3,), ("sigma_x_n", "sigma_y_n", "sigma_z_n"))]
+    contact_probability: Annotated[Vector, _NUMBER]
+    holds: Annotated[Vector, _NUMBER]
     state: Annotated[Codes, _code(State)]
     fault_mask: Annotated[NDArray[np.uint16], CycleField("<u2", max_code=(1 << ELEMENTS) - 1)]
     cause: Annotated[Codes, _code(Cause)]
@@ -293,6 +318,7 @@ class Cycle(NamedTuple):
         reference: Samples of a test stand's force sensor, None without one.
         temperature_c: Temperature of each foot from this cycle on [degC], shape (legs,), NaN for an unknown one; None
             if unchanged, and where nothing tells it.
+        motion: Motion of each leg from this cycle on; None if unchanged, and where no gait controller tells it.
     """
 
     scan: CapFrame
@@ -301,6 +327,7 @@ class Cycle(NamedTuple):
     ended_commands: tuple[CommandResult, ...]
     reference: ReferenceSamples | None = None
     temperature_c: Vector | None = None
+    motion: LegMotion | None = None
 
 
 @dataclass(slots=True)

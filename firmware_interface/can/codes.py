@@ -100,6 +100,14 @@ class GaitEventKind(IntEnum):
     SLIP_END = 4  #: the foot slides no longer, or carries too little to tell
 
 
+class StepPhase(IntEnum):
+    """Phase of a leg's step, as the gait controller has planned it."""
+
+    UNKNOWN = 0  #: not planned, or not told
+    SWING = 1
+    STANCE = 2
+
+
 class CommandKind(IntEnum):
     """Commands that a controller can send to one leg."""
 

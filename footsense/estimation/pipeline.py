@@ -32,6 +32,7 @@ from footsense.frames import (
     CommandResult,
     ContactFrame,
     Flag,
+    LegMotion,
     Mask,
     Result,
     State,
@@ -93,6 +94,7 @@ class Pipeline:
         gain_error_rel = feet.gain_sigma_rel[:, None] * sensitivity.force_error_rel_per_gain_error
         self._gain_variance_rel2 = gain_error_rel**2
         self._set_temperature = set_temperature
+        self._motion: LegMotion | None = None
 
     @property
     def baseline_pf(self) -> Vector:
@@ -124,6 +126,10 @@ class Pipeline:
         """Set the temperature of each leg's foot [degC], shape (legs,); NaN where not measured."""
         if self._set_temperature is not None:
             self._set_temperature(temperature_c)
+
+    def set_motion(self, motion: LegMotion | None) -> None:
+        """Set the motion of the legs that their gait controller tells; None where none does."""
+        self._motion = motion
 
     # A code of zero divides by zero; the result is tested like any other reading.
     @np.errstate(divide="ignore", invalid="ignore", over="ignore")
@@ -201,6 +207,8 @@ class Pipeline:
             t_ns=readings.newest_ns,
             force_n=force_n,
             sigma_n=np.sqrt(variance_n2),
+            contact_probability=np.array(self._gait.contact_probability),
+            holds=np.array(self._gait.holds),
             state=state,
             fault_mask=fault_mask,
             flags=baselines.flags | self._flags,

@@ -148,6 +148,10 @@ class ServiceMetrics:
         yield gauge("footsense_reading_noise_farads", "Noise of a leg's readings.", noise_f)
         yield codes("footsense_leg_cause", "1 for the cause of the state.", Cause, forces.cause.tolist())
         yield gauge("footsense_leg_contact", "1 while the foot is in contact with the ground.", touches)
+        probability = "Probability that the foot is on the ground; NaN without a force."
+        yield gauge("footsense_leg_contact_probability", probability, forces.contact_probability)
+        holds = "Probability that the foot stands still on the ground; NaN if that is not known."
+        yield gauge("footsense_leg_holds_probability", holds, forces.holds)
         yield GaugeMetricFamily(
             "footsense_degraded_timing",
             "1 without the scheduling asked for, and in a simulation that lags.",
@@ -165,8 +169,6 @@ class ServiceMetrics:
 
     def _gait_metrics(self, gait: GaitFrame) -> Iterator[Metric]:
         gauge, untold = self._gauge, "NaN if no load tells it."
-        probability = "Probability of contact; NaN without a force."
-        yield gauge("footsense_leg_contact_probability", probability, gait.probability)
         yield gauge("footsense_leg_load_share", "Share of the load; NaN without a force.", gait.load_share)
         ratio = f"Tangential over normal force; {untold}"
         yield gauge("footsense_leg_tangential_over_normal", ratio, gait.tangential_over_normal)

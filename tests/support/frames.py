@@ -13,7 +13,6 @@ def gait_frame(t_ns: int, n_legs: int = 1, **changed: Any) -> GaitFrame:
         "t_ns": t_ns,
         "contact": np.ones(n_legs, bool),
         "contact_raw": np.ones(n_legs, bool),
-        "probability": np.full(n_legs, 0.995),
         "touchdown_ns": np.full(n_legs, 7_000_000, np.int64),
         "touchdown_sigma_s": np.full(n_legs, 0.002),
         "lift_off_ns": np.zeros(n_legs, np.int64),
@@ -42,18 +41,21 @@ def contact_frame(
 ) -> ContactFrame:
     """Return valid legs without a force, read when it is sent; `changed` replaces values, of each leg or of all."""
     assert changed.keys() <= set(ContactFrame._fields)
+    nan = np.full(n_legs, np.nan)
     values = {"state": State.VALID, "t_ns": t_sent_ns, "force_n": np.nan, "sigma_n": np.nan, **changed}
+    values = {"contact_probability": np.nan, "holds": np.nan, **values}
 
     def codes(name: str, dtype: type = np.uint8) -> Any:
         return np.full(n_legs, values.get(name, 0), dtype)
 
-    nan = np.full(n_legs, np.nan)
     return ContactFrame(
         sequence=sequence,
         t_sent_ns=t_sent_ns,
         t_ns=codes("t_ns", np.int64),
         force_n=np.full((n_legs, 3), values["force_n"]),
         sigma_n=np.full((n_legs, 3), values["sigma_n"]),
+        contact_probability=codes("contact_probability", np.float64),
+        holds=codes("holds", np.float64),
         state=codes("state"),
         fault_mask=codes("fault_mask", np.uint16),
         flags=codes("flags"),

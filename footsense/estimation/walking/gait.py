@@ -29,6 +29,11 @@ class GaitTracker:
         n_legs: Legs of a frame.
         friction: Coefficient of friction of the ground [1]; NaN where it is not known.
         period_ns: Period of the frames without an event [ns]; 0 for a frame of each conversion.
+
+    Attributes:
+        contact_probability: Probability that each foot is on the ground, as of the last loads [1]; NaN where the force
+            is not known.
+        holds: Probability that each foot stands still on the ground, same [1].
     """
 
     def __init__(
@@ -48,6 +53,7 @@ class GaitTracker:
         self._told: list[bool | None] = [None] * n_legs
         self._known_ns = [0] * n_legs
         self._touchdowns, self._lift_offs = [NO_TIME] * n_legs, [NO_TIME] * n_legs
+        self.contact_probability, self.holds = [math.nan] * n_legs, [math.nan] * n_legs
 
     def observe(
         self, load: LoadEstimate, contacts: Sequence[ContactDetector], now_ns: int
@@ -59,11 +65,14 @@ class GaitTracker:
             contacts: Contact of each leg, as of the same readings.
             now_ns: Current time [ns].
         """
-        states = []
+        states, probabilities = [], []
         for force_n, contact, told in zip(load.force_n[:, 2].tolist(), contacts, self._told, strict=True):
             # One that began without a known force begins here with a load that is known.
             in_contact = contact.in_contact and (contact.raw or told is not False)
-            states.append((math.isfinite(force_n + contact.load_n), in_contact))
+            is_known = math.isfinite(force_n + contact.load_n)
+            states.append((is_known, in_contact))
+            probabilities.append(contact.probability if is_known else math.nan)
+        self.contact_probability = probabilities
         events: list[GaitEvent] = []
         if states != self._states:
             for row, (before, now) in enumerate(zip(self._states, states, strict=True)):
@@ -78,6 +87,10 @@ class GaitTracker:
                     starts = self._slips[row].state is Slip.SLIPPING
                     kind = GaitEventKind.SLIP if starts else GaitEventKind.SLIP_END
                     events.append(GaitEvent(kind, row, t_ns, 1e-9 * SLIP_LAG_NS))
+        self.holds = [
+            0.0 if slip.state is Slip.SLIPPING else probability
+            for slip, probability in zip(self._slips, probabilities, strict=True)
+        ]
         if not events and now_ns < self._due_ns:
             return None
         if now_ns >= self._due_ns and self._period_ns:
@@ -139,12 +152,6 @@ class GaitTracker:
             t_ns=now_ns,
             contact=contact,
             contact_raw=np.array([leg.raw for leg in contacts]),
-            probability=np.array(
-                [
-                    leg.probability if state[0] else math.nan
-                    for leg, state in zip(contacts, self._states, strict=True)
-                ]
-            ),
             touchdown_ns=np.array(touchdown_ns, np.int64),
             touchdown_sigma_s=np.array(touchdown_sigma_s),
             lift_off_ns=np.array(lift_off_ns, np.int64),

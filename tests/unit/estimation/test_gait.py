@@ -58,12 +58,14 @@ class Robot:
 
 def test_feet_in_the_air_say_so_and_nothing_else() -> None:
     """No contact, no normal, no friction, no share of a load that nobody carries."""
-    frame = Robot().step(np.zeros(LEGS), 100)
+    robot = Robot()
+    frame = robot.step(np.zeros(LEGS), 100)
     assert frame.all_in_air
     assert not frame.contact.any()
     assert not frame.contact_raw.any()
     assert not frame.events
-    assert (frame.probability < 0.01).all()
+    assert max(robot.tracker.contact_probability) < 0.01
+    assert max(robot.tracker.holds) < 0.01
     assert (frame.touchdown_ns == 0).all()
     assert (frame.slip == Slip.UNKNOWN).all()
     for nothing in (frame.normal, frame.tangential_over_normal, frame.load_share, frame.touchdown_sigma_s):
@@ -123,7 +125,8 @@ def test_a_force_that_is_not_known_is_no_event() -> None:
     frame = robot.step(forces_n, 200)
     assert not robot.events
     assert not frame.contact[2]
-    assert np.isnan(frame.probability[2])
+    assert math.isnan(robot.tracker.contact_probability[2])
+    assert math.isnan(robot.tracker.holds[2])
     assert np.isnan(frame.load_share[2])
     assert not frame.all_in_air
     frame = robot.step(np.full(LEGS, 1.0), 20)
@@ -252,7 +255,9 @@ class AnyGait(RuleBasedStateMachine):
     def values_are_possible(self) -> None:
         """Probabilities and shares are in [0, 1]; normals are units; nothing is known of a foot in the air."""
         frame = self.frame
-        for share in (frame.probability, frame.load_share):
+        tracker = self.robot.tracker
+        for shares in (tracker.contact_probability, tracker.holds, frame.load_share):
+            share = np.asarray(shares)
             known = share[np.isfinite(share)]
             assert ((known >= 0.0) & (known <= 1.0)).all()
         if np.isfinite(frame.load_share).any():

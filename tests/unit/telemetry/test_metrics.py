@@ -177,7 +177,6 @@ def test_the_gait_is_shown_and_its_events_are_counted(scraped: Scraped) -> None:
     scraped.metrics.add(cycle(2000, gait=gait))
     scraped.metrics.add(cycle(2001))
     get = scraped.get
-    assert get("leg_contact_probability", LF) == 0.995
     assert get("leg_load_share", RR) == 0.5
     assert get("leg_tangential_over_normal", RR) == 0.2
     assert get("ground_normal", {**RR, "axis": "z"}) == 0.96
