@@ -107,21 +107,37 @@ def log_likelihood_ratio(z_n: float, spread_n: float, mean_n: float) -> float:
 
 
 class _SwingLoads:
-    """Sums over the remembered time in swing: of its time, and of squared loads and predictions."""
+    """Loads of swings in the remembered time: how long it is, sums of squares, and the spreads that follow."""
 
     def __init__(self) -> None:
-        self.time_s = self.load_n2s = self.predicted_n2s = 0.0
+        self.time_s = self._load_n2s = self._predicted_n2s = 0.0
+        self.spread_n2 = self.predicted_spread_n = self.most_n = 0.0
 
     def add(self, time_s: float, load_n: float, predicted_n: float, most_n: float) -> None:
+        """Add a load, and its prediction if there is one [N], either as `most_n` at most."""
+        most_n = min(most_n, self.most_n)
         self.time_s += time_s
-        self.load_n2s += time_s * min(load_n, most_n) ** 2
+        self._load_n2s += time_s * min(load_n, most_n) ** 2
         if math.isfinite(predicted_n):
-            self.predicted_n2s += time_s * min(predicted_n, most_n) ** 2
+            self._predicted_n2s += time_s * min(predicted_n, most_n) ** 2
 
     def forget(self, kept: float) -> None:
+        """Keep a share of what is remembered [1]."""
         self.time_s *= kept
-        self.load_n2s *= kept
-        self.predicted_n2s *= kept
+        self._load_n2s *= kept
+        self._predicted_n2s *= kept
+
+    def update(self, expected_n2: float, quiet_n2: float) -> None:
+        """Derive the spreads: the geometric mean of what is expected and what was seen, by how long it was."""
+        share = _PULL_PRIOR_S / (_PULL_PRIOR_S + self.time_s)
+        time_s, expected = self.time_s or 1.0, expected_n2**share
+        self.spread_n2 = spread_n2 = quiet_n2 + expected * max(self._load_n2s / time_s, quiet_n2) ** (
+            1.0 - share
+        )
+        self.most_n = _MOST_SPREADS * math.sqrt(spread_n2)
+        self.predicted_spread_n = math.sqrt(
+            quiet_n2 + expected * max(self._predicted_n2s / time_s, quiet_n2) ** (1.0 - share)
+        )
 
 
 class ContactDetector:
@@ -148,11 +164,11 @@ class ContactDetector:
         self._least_n, self._scan_s = least_n, scan_s
         self._max_swing_rise_n_per_s = max_swing_rise_n_per_s
         self._creep_load_n = self.drift_n = 0.0
-        # Sums over the remembered time: of loads in stance, in swing, and in swing beyond what an acceleration explains,
-        # and of load times acceleration and squared acceleration.
+        # Sums over the remembered time: of loads in stance, in swing, in swing beyond what an acceleration explains,
+        # and of acceleration, load, their product and squared acceleration in the latter.
         self._stance_ns = self._stance_s = 0.0
         self._pulls, self._unexplained = _SwingLoads(), _SwingLoads()
-        self._load_acceleration = self._acceleration2 = 0.0
+        self._moments = [0.0, 0.0, 0.0, 0.0]
         self.reset(0)
 
     def reset(self, t_ns: int) -> None:
@@ -262,9 +278,11 @@ class ContactDetector:
         while known and known[0][0] < t_s - self._scan_s:
             known.popleft()
         self._acceleration = sum(one for _, one in known) / len(known) if known else 0.0
-        # As long as swings have shown little, next to nothing.
-        shown_kg = self._load_acceleration / (self._acceleration2 + _PULL_PRIOR_S)
-        self._explained_n = _EXPLAINED_REL * shown_kg * self._acceleration
+        # By the slope of the load over the acceleration, so that one that stands still explains nothing; and next to
+        # nothing as long as swings have shown little.
+        time_s, (mean_s, load_s, both_s, square_s) = self._unexplained.time_s or 1.0, self._moments
+        slope_kg = (both_s - mean_s * load_s / time_s) / (square_s - mean_s**2 / time_s + _PULL_PRIOR_S)
+        self._explained_n = _EXPLAINED_REL * max(slope_kg, 0.0) * self._acceleration
 
     def _is_steady(self, change_n: float) -> bool:
         """Return whether a change over a scan comes to less than two least loads while a foot rings."""
@@ -329,14 +347,16 @@ class ContactDetector:
         """Learn the spread of a swing's load, and follow it, as far as it is one."""
         swing_s = elapsed_s / (1.0 + math.exp(self._log_odds))
         # Pull comes and goes; a load that hardly changes is not pull.
-        most_n = (
-            _QUIET_SPREAD_REL * self._least_n if self._is_steady(change_n) else _MOST_SPREADS * self._spread_n
-        )
+        most_n = _QUIET_SPREAD_REL * self._least_n if self._is_steady(change_n) else math.inf
         load_n, predicted_n, explained_n = abs(above_n), abs(predicted_above_n), self._explained_n
         self._pulls.add(swing_s, load_n, predicted_n, most_n)
         if self._accelerations:
-            self._load_acceleration += swing_s * self._acceleration * min(load_n, most_n + explained_n)
-            self._acceleration2 += swing_s * self._acceleration**2
+            acceleration = self._acceleration
+            some_n = min(load_n, explained_n + min(most_n, self._unexplained.most_n))
+            moments = (acceleration, some_n, acceleration * some_n, acceleration * acceleration)
+            self._moments = [
+                sum_ + swing_s * moment for sum_, moment in zip(self._moments, moments, strict=True)
+            ]
             self._unexplained.add(
                 swing_s, max(load_n - explained_n, 0.0), max(predicted_n - explained_n, 0.0), most_n
             )
@@ -353,8 +373,7 @@ class ContactDetector:
         else:
             self._pulls.forget(kept)
             self._unexplained.forget(kept)
-            self._load_acceleration *= kept
-            self._acceleration2 *= kept
+            self._moments = [kept * sum_ for sum_ in self._moments]
         pressing_n = max(0.0, self.load_n)  # of a number and NaN, in this order, the number
         self._creep_load_n += (pressing_n - self._creep_load_n) * (
             elapsed_s / (_CREEP_LOAD_TIME_CONSTANT_S + elapsed_s)
@@ -366,16 +385,14 @@ class ContactDetector:
         )
         quiet_n2 = (_QUIET_SPREAD_REL * self._least_n) ** 2
         expected_n2 = max((_PULL_REL * mean_n) ** 2, quiet_n2)
-        shown = self._unexplained if self._accelerations and not self.in_contact else self._pulls
-        share = _PULL_PRIOR_S / (_PULL_PRIOR_S + shown.time_s)
-
-        def pull_n2(sum_n2s: float) -> float:
-            """Return the geometric mean of what is expected and what was seen, by how long it was."""
-            return float(expected_n2**share * max(sum_n2s / (shown.time_s or 1.0), quiet_n2) ** (1.0 - share))
-
+        self._pulls.update(expected_n2, quiet_n2)
+        shown = self._pulls
+        if self._accelerations and not self.in_contact:
+            shown = self._unexplained
+            shown.update(expected_n2, quiet_n2)
         left_n2 = (baseline_error_n / 3.0 + creep_n) ** 2 if self.in_contact else 0.0
-        self._spread_n = math.sqrt(quiet_n2 + pull_n2(shown.load_n2s) + left_n2)
-        self._predicted_spread_n = math.sqrt(quiet_n2 + pull_n2(shown.predicted_n2s))
+        self._spread_n = math.sqrt(shown.spread_n2 + left_n2)
+        self._predicted_spread_n = shown.predicted_spread_n
         self._stance_load_n = _STANCE_LOAD_REL * mean_n
         self._shift_n = min(_SHIFT_REL * mean_n, _SHIFT_LEASTS * self._least_n)
 

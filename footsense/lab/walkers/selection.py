@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 
 from footsense.lab.evaluation.walker_judgement import JudgingLoads, contact_figures, judge
-from footsense.lab.evaluation.walker_runs import SCAN_TIMES
+from footsense.lab.evaluation.walker_runs import SCAN_TIMES, ToldMotion
 from footsense.lab.report import Values, table
 from footsense.lab.walkers.slow_loads import SlowLoads
 from footsense.lab.walkers.split import SELECTION
@@ -29,7 +29,7 @@ _ROWS = {
 def select(
     models: Sequence[Path], *, runs: Sequence[JudgingLoads] = (*SELECTION, *_SLOW)
 ) -> dict[str, dict[str, Values]]:
-    """Return the figures of `contact_figures` by board, then by foot type, the last for all feet.
+    """Return the figures of `contact_figures` by board, then by foot type, the last two for all feet.
 
     Args:
         models: Folders of the foot types, the paper's first.
@@ -42,7 +42,11 @@ def select(
             folder.name: contact_figures([one for one in judged if one.foot_type == folder.name])
             for folder in models
         }
-        figures[board] = by_foot | {"all": contact_figures(judged)}
+        told = judge(models, runs, board=board, motion=ToldMotion())
+        figures[board] = by_foot | {
+            "all": contact_figures(judged),
+            "all, motion of the legs told": contact_figures(told),
+        }
     return figures
 
 
