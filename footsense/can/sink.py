@@ -55,6 +55,19 @@ _SENT_AT_START = {IDENTITY_ID, FAULT_ID}
 #: A plain number: arithmetic with an enumeration costs a microsecond each time.
 _DEGRADED_TIMING = int(Flag.DEGRADED_TIMING)
 
+#: Frames that each leg sends at times of its own: period [ns], and the first time, over the time between two legs [1].
+#: A start sends identities, and fault reports of the first state.
+_PERIODIC = {
+    HEARTBEAT_ID: (200_000_000, 0.0),
+    BASELINE_ID: (1_000_000_000, 0.0),
+    CALIBRATION_ID: (1_000_000_000, 0.5),
+    IDENTITY_ID: (1_000_000_000, 1.0),
+    FAULT_ID: (1_000_000_000, 1.5),
+}
+
+#: A plain number: arithmetic with an enumeration costs a microsecond each time.
+_DEGRADED_TIMING = int(Flag.DEGRADED_TIMING)
+
 #: Period of the frames that each leg sends at times of its own [ns].
 _PERIODS_NS = {
     HEARTBEAT_ID: 200_000_000,
@@ -138,9 +151,9 @@ class CanSink:
         # the period, so that their frames do not pile up in one cycle.
         now_ns = clock.now_ns()
         self._due = [
-            (now_ns + (row + (kind in _SENT_AT_START)) * period_ns // len(nodes), period_ns, kind, row)
+            (now_ns + round((row + first) * period_ns / len(nodes)), period_ns, kind, row)
             for row in range(len(nodes))
-            for kind, period_ns in _PERIODS_NS.items()
+            for kind, (period_ns, first) in _PERIODIC.items()
         ]
         heapify(self._due)
         self._flags = [0] * len(nodes)

@@ -108,8 +108,8 @@ def streams(draw: st.DrawFn) -> list[tuple[int, int, bytes]]:
             told = identity_of(node, draw(st.sampled_from([3, 3, 2])), draw(st.integers(0, 21)))
             sent = draw(st.permutations([*sent, told]))
         if harm == "e":
-            told = FAULT.encode(Fault(node, 0, state, state, draw(st.integers(0, 511)), Cause.NONE))
-            sent.append((FAULT_ID + node, told))
+            fault = Fault(node, 0, state, state, draw(st.integers(0, 511)), Cause.NONE)
+            sent.append((FAULT_ID + node, FAULT.encode(fault)))
         frames += [(t_us + 270 * place, *frame) for place, frame in enumerate(sent)]
     return frames
 
