@@ -114,9 +114,8 @@ def test_an_acceleration_and_its_sigma_are_known_together(
 def test_no_motion_is_older_than_its_time(traffic: list[tuple[int, int, int, bool]]) -> None:
     """Whatever comes and is lost, damaged or repeated: the last told is that of accepted frames of the last 50 ms."""
     receiver, t_ms = Receiver(), 1
-    told = LegMotion(
-        np.zeros(2, np.int64), *[np.full(2, math.nan)] * 2, np.full((2, 3), math.nan), np.zeros(2, np.uint8)
-    )
+    nan = np.full(2, math.nan)
+    told = LegMotion(np.zeros(2, np.int64), nan, nan, np.full((2, 3), math.nan), np.zeros(2, np.uint8))
     newest: dict[int, tuple[int, int]] = {}
     for step_ms, node, counter, is_whole in traffic:
         t_ms += step_ms

@@ -216,10 +216,9 @@ def test_contact_ground_and_the_last_event_are_shown(request: pytest.FixtureRequ
     listener = Listener(
         open_wire(Can(interface="virtual", channel=request.node.nodeid), ()), clock, LinkLimits()
     )
-    told = {"t_ns": -1, "contact_probability": 1.0, "holds": 0.93}
-    robot.publish(0, **told)
-    robot.publish(0, **told, gait=gait_frame(0, events=(GaitEvent(GaitEventKind.SLIP, 0, -10 * MS, 0.01),)))
-    robot.publish(0, **told)
+    slip = gait_frame(0, events=(GaitEvent(GaitEventKind.SLIP, 0, -10 * MS, 0.01),))
+    for gait in (None, slip, None):
+        robot.publish(0, age_ns=1, contact_probability=1.0, holds=0.93, gait=gait)
     listener.listen(clock.t_ns + 50 * MS)
     (left,) = plain(listener)
     assert (left["contact_probability"], left["holds"]) == (1.0, 0.93)
