@@ -30,7 +30,7 @@ from firmware_interface.can.reports import (
     IDENTITY,
     IDENTITY_ID,
     Baseline,
-    Calibration,
+    CalibrationFrame,
     Fault,
     Heartbeat,
     Identity,
@@ -70,7 +70,7 @@ def snapshot(leg: str) -> LegSnapshot:
         baseline=Baseline(1, 0, BaselineStatus.NOT_QUIET, -1.2345, 3.2767, 6_553_400_000_000),
         heartbeat=Heartbeat(1, NmtState.STOPPED, degraded_timing=True),
         ground=Ground(1, 0, (-0.7, -0.7, 0.14), 0.315, 2.04, 0.248, 2.04),
-        calibration=Calibration(1, 0, CalibrationKind.STANDING, 2159, math.nan, math.nan),
+        calibration=CalibrationFrame(1, 0, CalibrationKind.STANDING, 2159, math.nan, math.nan),
     )
     return LegSnapshot(leg, force, report, 7, rate_hz=364)
 
