@@ -41,7 +41,7 @@ int main(void)
                 printf("%8.3f s  %s %s: link %d, state %d\n", 1e-6 * (double)now_us, names[node],
                        leg.usable ? "used" : "refused", (int)leg.status, (int)leg.state);
             used[node] = leg.usable;
-            if (leg.usable && leg.force_mn[2] - 2 * leg.sigma_mn[2] > STANDS_MN)
+            if (leg.usable && 1000LL * leg.force_mn[2] - 2LL * leg.sigma_un[2] > 1000LL * STANDS_MN)
                 standing |= 1u << node;
         }
         for (int tripod = 0; tripod < 2; ++tripod) {

@@ -66,9 +66,9 @@ def max_can_frame_bits(n_data: int) -> int:
 #: Bits of a frame with eight bytes of data.
 LONGEST_FRAME_BITS = max_can_frame_bits(8)
 
-#: Frames of a leg beside Force and Quality in a second, by their bytes of data: heartbeats (1), `Gait` (5), gait events
-#: of two steps with a slip each (6), `Ground`, `Baseline` and `Identity` (8).
-_OTHER_FRAMES_HZ_BY_DATA_BYTES = {1: 5, 5: 10, 6: 8, 8: 12}
+#: Frames of a leg beside Force and Quality in a second, by their bytes of data: heartbeats (1), `Fault`, `Calibration`
+#: and gait events of two steps with a slip each (6), `Ground`, `Baseline` and `Identity` (8).
+_OTHER_FRAMES_HZ_BY_DATA_BYTES = {1: 5, 6: 10, 8: 12}
 
 
 def can_bits_per_s(n_legs: int, forces_hz: float) -> float:

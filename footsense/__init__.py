@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from footsense.api.recording import Recording, read, simulate
     from footsense.client.link import LegForce
     from footsense.errors import FootsenseError
-    from footsense.frames import State
+    from footsense.frames import State, StepPhase
 
 __all__ = [
     "EstimatedForces",
@@ -46,6 +46,7 @@ __all__ = [
     "LegForce",
     "Recording",
     "State",
+    "StepPhase",
     "connect",
     "read",
     "simulate",
@@ -62,6 +63,7 @@ _MODULES = {
     "LegForce": "footsense.client.link",
     "Recording": "footsense.api.recording",
     "State": "footsense.frames",
+    "StepPhase": "footsense.frames",
     "connect": "footsense.api.feet",
     "read": "footsense.api.recording",
     "simulate": "footsense.api.recording",

@@ -340,6 +340,8 @@ class CanStatistics:
         dropped: Refused by the channel, for a full queue or a dead interface, and never sent again.
         received_commands: Arrived under a command id of ours, good or bad.
         rejected_commands: Received frames that were not executed: wrong crc, repeated counter, unknown command.
+        received_motions: Arrived under the id of a leg's motion, good or bad.
+        rejected_motions: Received ones that were not taken: wrong crc, repeated counter, or none are to be taken.
         bus_errors: Error frames that the controller reported.
         bus_off: Error frames that report bus-off: the controller has left the bus.
         error_passive: Error frames that report error passive: errors, or no acknowledgement.
@@ -351,6 +353,8 @@ class CanStatistics:
     dropped: int = 0
     received_commands: int = 0
     rejected_commands: int = 0
+    received_motions: int = 0
+    rejected_motions: int = 0
     bus_errors: int = 0
     bus_off: int = 0
     error_passive: int = 0

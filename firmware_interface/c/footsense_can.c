@@ -2,7 +2,8 @@
 
 #include <string.h>
 
-enum { LAST_STATE = FOOTSENSE_STARTING, LAST_CAUSE = 17, LAST_BASELINE_STATUS = 5, LAST_RESULT = 5 };
+enum { LAST_STATE = FOOTSENSE_STARTING, LAST_CAUSE = 17, LAST_BASELINE_STATUS = 5, LAST_RESULT = 5,
+       LAST_CALIBRATION_KIND = 3 };
 
 enum { NO_NORMAL_CODE = -512 };
 
@@ -81,11 +82,32 @@ bool footsense_decode_force(uint32_t id, const uint8_t *data, uint8_t len, foots
     return true;
 }
 
-/* A standard deviation of so many bits, in steps of so many mN. */
-static uint16_t sigma_of(uint32_t bits, unsigned n_bits, unsigned step_mn)
+enum { NO_LOG = 127, LAST_LOG = 126 };
+
+/* A number of 7 bits in eighths of an octave, in thousandths of that of code 0, rounded up. */
+static uint32_t of_log(uint32_t code)
 {
-    uint32_t none = (1u << n_bits) - 1u;
-    return (bits & none) == none ? FOOTSENSE_NO_SIGMA : (uint16_t)((bits & none) * step_mn);
+    static const uint64_t octave[8] = {/* 1000 times 2^(k / 8), times 2^32 */
+        4294967296000u, 4683695047832u, 5107605667107u, 5569883475385u,
+        6074000999952u, 6623745058664u, 7223245205676u, 7877004751727u};
+    return (uint32_t)(((octave[code % 8u] << code / 8u) + UINT32_MAX) >> 32);
+}
+
+/* The code of a number in thousandths of that of code 0, rounded up. */
+static uint32_t to_log(uint64_t value)
+{
+    uint32_t code = 0;
+    while (code < LAST_LOG && of_log(code) < value) {
+        code++;
+    }
+    return code;
+}
+
+/* A percentage of 7 bits, all set for no value. */
+static uint16_t permille(uint32_t bits)
+{
+    uint32_t code = bits & 0x7Fu;
+    return code == 0x7Fu ? FOOTSENSE_NO_RATIO : (uint16_t)(code * 10u);
 }
 
 bool footsense_decode_quality(uint32_t id, const uint8_t *data, uint8_t len, footsense_quality *out)
@@ -94,15 +116,17 @@ bool footsense_decode_quality(uint32_t id, const uint8_t *data, uint8_t len, foo
         return false;
     }
     uint64_t bits = bits_of(data);
-    uint32_t age = (uint32_t)(bits >> 8) & 0xFFFu;
+    uint32_t age = (uint32_t)(bits >> 9) & 0xFFFu;
     out->node = node_of(id, FOOTSENSE_QUALITY_ID);
     out->counter = data[1] & 0x0Fu;
-    out->flags = data[1] >> 4;
+    out->flags = (uint8_t)(bits >> 4 & 0x1Fu);
     out->age_us = age == 0xFFFu ? FOOTSENSE_NO_AGE : age * 100u;
-    out->fault_mask = (uint16_t)(bits >> 20 & 0x1FFu);
     for (unsigned axis = 0; axis < 3; axis++) {
-        out->sigma_mn[axis] = sigma_of((uint32_t)(bits >> (29 + 9 * axis)), 9, 2);
+        uint32_t code = (uint32_t)(bits >> (21 + 7 * axis)) & 0x7Fu;
+        out->sigma_un[axis] = code == NO_LOG ? FOOTSENSE_NO_SIGMA_UN : of_log(code);
     }
+    out->contact_permille = permille((uint32_t)(bits >> 42));
+    out->holds_permille = permille((uint32_t)(bits >> 49));
     return true;
 }
 
@@ -170,22 +194,6 @@ bool footsense_decode_gait_event(uint32_t id, const uint8_t *data, uint8_t len, 
     return true;
 }
 
-bool footsense_decode_gait(uint32_t id, const uint8_t *data, uint8_t len, footsense_gait *out)
-{
-    if (!is_whole(id, data, len, FOOTSENSE_GAIT_ID, 5) || (data[2] & 3u) > FOOTSENSE_SLIP_SLIPPING) {
-        return false;
-    }
-    out->node = node_of(id, FOOTSENSE_GAIT_ID);
-    out->counter = data[1] & 0x0Fu;
-    out->contact = (data[1] & 0x10u) != 0;
-    out->contact_raw = (data[1] & 0x20u) != 0;
-    out->all_in_air = (data[1] & 0x40u) != 0;
-    out->slip = data[2] & 3u;
-    out->probability_permille = data[3] == 0xFFu ? FOOTSENSE_NO_RATIO : (uint16_t)(data[3] * 5u);
-    out->load_share_permille = data[4] == 0xFFu ? FOOTSENSE_NO_RATIO : (uint16_t)(data[4] * 5u);
-    return true;
-}
-
 static int16_t normal_code(uint64_t bits, int shift)
 {
     int32_t code = (int32_t)(bits >> shift & 0x3FFu);
@@ -233,6 +241,20 @@ bool footsense_decode_identity(uint32_t id, const uint8_t *data, uint8_t len, fo
     return true;
 }
 
+bool footsense_decode_calibration(uint32_t id, const uint8_t *data, uint8_t len, footsense_calibration *out)
+{
+    if (!is_whole(id, data, len, FOOTSENSE_CALIBRATION_ID, 6) || data[1] >> 4 > LAST_CALIBRATION_KIND) {
+        return false;
+    }
+    out->node = node_of(id, FOOTSENSE_CALIBRATION_ID);
+    out->counter = data[1] & 0x0Fu;
+    out->kind = data[1] >> 4;
+    out->day = u16(data + 2);
+    out->size_error_permille = data[4] == 0xFFu ? FOOTSENSE_NO_RATIO : (uint16_t)(data[4] * 5u);
+    out->direction_error_ddeg = data[5] == 0xFFu ? FOOTSENSE_NO_RATIO : data[5];
+    return true;
+}
+
 bool footsense_decode_heartbeat(uint32_t id, const uint8_t *data, uint8_t len, footsense_heartbeat *out)
 {
     if (node_of(id, FOOTSENSE_HEARTBEAT_ID) == 0 || len != 1) {
@@ -259,6 +281,30 @@ uint16_t footsense_encode_command(uint8_t node, uint8_t counter, uint8_t kind, u
     data[2] = kind;
     data[3] = 0;
     memcpy(data + 4, words[kind], 4);
+    data[0] = footsense_crc8(id, data, 8);
+    return id;
+}
+
+uint16_t footsense_encode_motion(uint8_t node, uint8_t counter, const footsense_motion *motion, uint8_t data[8])
+{
+    int32_t x = motion->up_permille[0];
+    int32_t y = motion->up_permille[1];
+    bool has_up = x != FOOTSENSE_NO_NORMAL && y != FOOTSENSE_NO_NORMAL;
+    if (node < 1 || node > FOOTSENSE_LEGS || counter >= FOOTSENSE_COUNTER_PERIOD
+        || motion->phase > FOOTSENSE_PHASE_STANCE || (has_up && x * x + y * y > 1000000)) {
+        return 0;
+    }
+    uint16_t id = (uint16_t)(FOOTSENSE_LEG_MOTION_ID + node);
+    uint64_t sigma = motion->sigma_mm_per_s2 == FOOTSENSE_NO_ACCELERATION_SIGMA
+                         ? NO_LOG
+                         : to_log(motion->sigma_mm_per_s2 * (uint64_t)100);
+    uint64_t up = has_up ? ((uint64_t)x & 0x7FFu) | ((uint64_t)y & 0x7FFu) << 11 : 0x400u | 0x400u << 11;
+    uint64_t bits = (uint64_t)counter | (uint64_t)motion->phase << 4
+                    | (uint64_t)(uint16_t)motion->acceleration_cm_per_s2 << 8 | sigma << 24 | up << 31;
+    for (int i = 1; i < 8; i++) {
+        data[i] = (uint8_t)(bits & 0xFFu);
+        bits >>= 8;
+    }
     data[0] = footsense_crc8(id, data, 8);
     return id;
 }

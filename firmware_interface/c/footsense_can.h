@@ -23,18 +23,19 @@ extern "C" {
 #define FOOTSENSE_QUALITY_ID 0x118u
 #define FOOTSENSE_GAIT_EVENT_ID 0x120u
 #define FOOTSENSE_BASELINE_ID 0x128u
-#define FOOTSENSE_GAIT_ID 0x130u
+#define FOOTSENSE_LEG_MOTION_ID 0x130u
 #define FOOTSENSE_GROUND_ID 0x138u
 #define FOOTSENSE_ANSWER_ID 0x140u
 #define FOOTSENSE_HEARTBEAT_ID 0x148u
 #define FOOTSENSE_IDENTITY_ID 0x150u
+#define FOOTSENSE_CALIBRATION_ID 0x158u
 
 /* Set these beside the id of a received frame, as linux/can.h does: no such frame is of footsense. */
 #define FOOTSENSE_EXTENDED 0x80000000u /* a frame with an id of 29 bits */
 #define FOOTSENSE_REMOTE 0x40000000u   /* a remote frame */
 #define FOOTSENSE_ERROR 0x20000000u    /* an error frame */
 
-#define FOOTSENSE_PROTOCOL_VERSION 2u /* of the frames that this file reads */
+#define FOOTSENSE_PROTOCOL_VERSION 3u /* of the frames that this file reads */
 
 #define FOOTSENSE_LEGS 8u /* that a robot may have */
 #define FOOTSENSE_COUNTER_PERIOD 15u /* counters run 0..14 */
@@ -42,10 +43,15 @@ extern "C" {
 /* No value. None of these is ever a measurement. */
 #define FOOTSENSE_NO_FORCE INT32_MIN
 #define FOOTSENSE_NO_SIGMA UINT16_MAX
+#define FOOTSENSE_NO_SIGMA_UN UINT32_MAX
+#define FOOTSENSE_NO_MASK UINT16_MAX
 #define FOOTSENSE_NO_OFFSET INT32_MIN
 #define FOOTSENSE_NO_AGE UINT32_MAX
 #define FOOTSENSE_NO_RATIO UINT16_MAX
 #define FOOTSENSE_NO_NORMAL INT16_MIN
+#define FOOTSENSE_NO_DAY UINT16_MAX
+#define FOOTSENSE_NO_ACCELERATION INT16_MIN
+#define FOOTSENSE_NO_ACCELERATION_SIGMA UINT32_MAX
 
 /* Command counter of an answer without a command, such as of the tare at start. */
 #define FOOTSENSE_UNSOLICITED 15u
@@ -81,10 +87,14 @@ enum footsense_event_kind {
     FOOTSENSE_SLIP_END = 4 /* the foot slides no longer, or carries too little to tell */
 };
 
-enum footsense_slip {
-    FOOTSENSE_SLIP_UNKNOWN = 0, /* no contact, or too little is known to tell */
-    FOOTSENSE_SLIP_NONE = 1,
-    FOOTSENSE_SLIP_SLIPPING = 2
+enum footsense_phase { FOOTSENSE_PHASE_UNKNOWN = 0, FOOTSENSE_PHASE_SWING = 1, FOOTSENSE_PHASE_STANCE = 2 };
+
+/* How the electrodes of a foot were found. */
+enum footsense_calibration_kind {
+    FOOTSENSE_CALIBRATION_NONE = 0, /* not: they are taken as designed */
+    FOOTSENSE_CALIBRATION_STANDING = 1,
+    FOOTSENSE_CALIBRATION_WALKING = 2,
+    FOOTSENSE_CALIBRATION_PRESSED = 3
 };
 
 /* Result of a command; 0 is done, the others are reasons of a refusal (../can/codes.py, Result). */
@@ -101,8 +111,9 @@ typedef struct {
     uint8_t node;
     uint8_t counter;     /* equal to that of its force */
     uint8_t flags;       /* enum footsense_flag */
-    uint16_t fault_mask; /* bit e: element e is not usable or overloaded */
-    uint16_t sigma_mn[3]; /* standard deviation; 1020: or more; FOOTSENSE_NO_SIGMA; times force_step_mn too */
+    uint32_t sigma_un[3]; /* standard deviation; 55108988: or more; FOOTSENSE_NO_SIGMA_UN; times force_step_mn too */
+    uint16_t contact_permille; /* probability that the foot is on the ground; FOOTSENSE_NO_RATIO */
+    uint16_t holds_permille;   /* probability that the foot stands still on the ground; FOOTSENSE_NO_RATIO */
     uint32_t age_us;     /* from the measurement to the send; FOOTSENSE_NO_AGE: unknown, or above 409.4 ms */
 } footsense_quality;
 
@@ -112,8 +123,8 @@ typedef struct {
     uint8_t state;
     uint8_t previous;
     uint8_t cause; /* ../can/codes.py, Cause */
-    uint16_t fault_mask;
-} footsense_fault;
+    uint16_t fault_mask; /* bit e: element e is not usable or overloaded; e = 3 row + column */
+} footsense_fault; /* on change, and once a second */
 
 typedef struct {
     uint8_t node;
@@ -156,16 +167,25 @@ typedef struct {
     uint32_t age_us;  /* from the event to the send; FOOTSENSE_NO_AGE: unknown, or above 6553.4 ms */
 } footsense_gait_event;
 
+/* How a foot is calibrated, and how far its force is expected to err; sent each second. */
 typedef struct {
     uint8_t node;
     uint8_t counter;
-    bool contact;             /* debounced */
-    bool contact_raw;         /* the newest load alone is one of contact */
-    bool all_in_air;          /* every leg of the robot is known to be without contact */
-    uint8_t slip;             /* enum footsense_slip */
-    uint16_t probability_permille; /* of contact; FOOTSENSE_NO_RATIO */
-    uint16_t load_share_permille;  /* of the load that all legs carry; FOOTSENSE_NO_RATIO */
-} footsense_gait;
+    uint8_t kind;                      /* enum footsense_calibration_kind */
+    uint16_t day;                      /* since 2020-01-01; FOOTSENSE_NO_DAY */
+    uint16_t size_error_permille;      /* of the size of the force, over it; 1270: or more; FOOTSENSE_NO_RATIO */
+    uint16_t direction_error_ddeg;     /* of its direction, 0.1 deg; 254: or more; FOOTSENSE_NO_RATIO */
+} footsense_calibration;
+
+/* What a gait controller knows of the motion of a leg, in the frame of the force: x forward, y left, z up the leg. */
+typedef struct {
+    uint8_t phase;                  /* planned; enum footsense_phase */
+    int16_t acceleration_cm_per_s2; /* second derivative of the foot's path along z, gravity not included;
+                                       FOOTSENSE_NO_ACCELERATION */
+    uint32_t sigma_mm_per_s2;       /* standard deviation of it; FOOTSENSE_NO_ACCELERATION_SIGMA */
+    int16_t up_permille[2];         /* unit vector against gravity, x and y; z follows and is positive;
+                                       FOOTSENSE_NO_NORMAL */
+} footsense_motion;
 
 typedef struct {
     uint8_t node;
@@ -188,14 +208,18 @@ bool footsense_decode_fault(uint32_t id, const uint8_t *data, uint8_t len, foots
 bool footsense_decode_baseline(uint32_t id, const uint8_t *data, uint8_t len, footsense_baseline *out);
 bool footsense_decode_answer(uint32_t id, const uint8_t *data, uint8_t len, footsense_answer *out);
 bool footsense_decode_gait_event(uint32_t id, const uint8_t *data, uint8_t len, footsense_gait_event *out);
-bool footsense_decode_gait(uint32_t id, const uint8_t *data, uint8_t len, footsense_gait *out);
 bool footsense_decode_ground(uint32_t id, const uint8_t *data, uint8_t len, footsense_ground *out);
 bool footsense_decode_identity(uint32_t id, const uint8_t *data, uint8_t len, footsense_identity *out);
+bool footsense_decode_calibration(uint32_t id, const uint8_t *data, uint8_t len, footsense_calibration *out);
 bool footsense_decode_heartbeat(uint32_t id, const uint8_t *data, uint8_t len, footsense_heartbeat *out);
 
 /* Writes the 8 bytes of a command and returns its CAN id, or 0 if node, counter or kind does not exist. Each
  * command of a leg takes the next counter: the answer repeats it. */
 uint16_t footsense_encode_command(uint8_t node, uint8_t counter, uint8_t kind, uint8_t data[8]);
+
+/* Writes the 8 bytes of a leg's motion and returns its CAN id, or 0 if node, counter or phase does not exist, or `up` is
+ * longer than 1. Each motion of a leg takes the next counter; after 50 ms without one its motion counts as unknown. */
+uint16_t footsense_encode_motion(uint8_t node, uint8_t counter, const footsense_motion *motion, uint8_t data[8]);
 
 #ifdef __cplusplus
 }

@@ -146,6 +146,15 @@ bool footsense_feed(footsense_link *link, uint32_t id, const uint8_t *data, uint
         } /* or the next one comes in a second */
         return true;
     }
+    if (id > FOOTSENSE_FAULT_ID && id <= FOOTSENSE_FAULT_ID + FOOTSENSE_LEGS) {
+        footsense_fault fault;
+        if (footsense_decode_fault(id, data, len, &fault)) {
+            footsense_leg *told = &link->legs[fault.node - 1u];
+            told->fault_mask = fault.fault_mask;
+            told->has_mask = true;
+        }
+        return true;
+    }
     bool is_force = id > FOOTSENSE_FORCE_ID && id <= FOOTSENSE_FORCE_ID + FOOTSENSE_LEGS;
     bool is_quality = id > FOOTSENSE_QUALITY_ID && id <= FOOTSENSE_QUALITY_ID + FOOTSENSE_LEGS;
     if (!is_force && !is_quality) {
@@ -196,8 +205,11 @@ footsense_leg_force footsense_get_leg_force(const footsense_link *link, uint8_t 
     view.age_us = FOOTSENSE_NO_AGE;
     for (int axis = 0; axis < 3; axis++) {
         view.force_mn[axis] = FOOTSENSE_NO_FORCE;
-        view.sigma_mn[axis] = FOOTSENSE_NO_SIGMA;
+        view.sigma_un[axis] = FOOTSENSE_NO_SIGMA_UN;
     }
+    view.fault_mask = FOOTSENSE_NO_MASK;
+    view.contact_permille = FOOTSENSE_NO_RATIO;
+    view.holds_permille = FOOTSENSE_NO_RATIO;
     if (node < 1 || node > FOOTSENSE_LEGS) {
         return view;
     }
@@ -205,19 +217,21 @@ footsense_leg_force footsense_get_leg_force(const footsense_link *link, uint8_t 
     view.status = status_of(link, leg, now_us);
     view.state = leg->force.state;
     view.flags = leg->quality.flags;
-    view.fault_mask = leg->quality.fault_mask;
+    view.fault_mask = leg->has_mask ? leg->fault_mask : FOOTSENSE_NO_MASK;
     view.usable = (view.status == FOOTSENSE_LINK_OK || view.status == FOOTSENSE_LINK_LOST)
                   && (view.state == FOOTSENSE_VALID
                       || (view.state == FOOTSENSE_DEGRADED && link->limits.accept_degraded));
     for (int axis = 0; axis < 3; axis++) {
         view.usable = view.usable && leg->force.force_mn[axis] != FOOTSENSE_NO_FORCE
-                      && leg->quality.sigma_mn[axis] != FOOTSENSE_NO_SIGMA;
+                      && leg->quality.sigma_un[axis] != FOOTSENSE_NO_SIGMA_UN;
     }
     if (view.usable) {
         for (int axis = 0; axis < 3; axis++) {
             view.force_mn[axis] = leg->force.force_mn[axis] * leg->identity.force_step_mn;
-            view.sigma_mn[axis] = (uint16_t)(leg->quality.sigma_mn[axis] * leg->identity.force_step_mn);
+            view.sigma_un[axis] = leg->quality.sigma_un[axis] * leg->identity.force_step_mn;
         }
+        view.contact_permille = leg->quality.contact_permille;
+        view.holds_permille = leg->quality.holds_permille;
         view.age_us = leg->quality.age_us + (uint32_t)(now_us - leg->arrived_us);
     }
     return view;

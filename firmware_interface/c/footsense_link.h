@@ -49,7 +49,7 @@ typedef struct {
     uint32_t timeout_us;  /* without a force for this long, the link is down */
     uint8_t max_delta;    /* largest step of the counter, 1..14; max_delta - 1 forces may be lost in a row */
     uint8_t min_good;     /* forces in sequence before the link is OK (again), at least 1 */
-    bool accept_degraded; /* whether forces of state DEGRADED are used; weigh them by sigma_mn */
+    bool accept_degraded; /* whether forces of state DEGRADED are used; weigh them by sigma_un */
 } footsense_limits;
 
 /* For forces every 11 to 25 ms; max_age_us is the age limit of the service plus the transmission. */
@@ -61,9 +61,11 @@ typedef struct {
     bool usable;          /* the force may be used */
     uint8_t state;        /* enum footsense_state, as last reported */
     uint8_t flags;        /* enum footsense_flag */
-    uint16_t fault_mask;
+    uint16_t fault_mask;  /* bit e: element e is not usable or overloaded; FOOTSENSE_NO_MASK until it was told */
     int32_t force_mn[3];  /* FOOTSENSE_NO_FORCE unless usable */
-    uint16_t sigma_mn[3]; /* FOOTSENSE_NO_SIGMA unless usable */
+    uint32_t sigma_un[3]; /* FOOTSENSE_NO_SIGMA_UN unless usable */
+    uint16_t contact_permille; /* probability that the foot is on the ground; FOOTSENSE_NO_RATIO unless usable */
+    uint16_t holds_permille;   /* probability that it stands still there; FOOTSENSE_NO_RATIO unless usable and known */
     uint32_t age_us;      /* of the measurement, now; FOOTSENSE_NO_AGE unless usable */
 } footsense_leg_force;
 
@@ -84,6 +86,8 @@ typedef struct {
     footsense_status status;
     footsense_identity identity; /* node 0: none */
     uint64_t identity_us;
+    uint16_t fault_mask;
+    bool has_mask;
 } footsense_leg;
 
 typedef struct {
@@ -94,8 +98,8 @@ typedef struct {
 /* Begins with every leg STALE. `limits` is copied. */
 void footsense_link_init(footsense_link *link, const footsense_limits *limits);
 
-/* Takes a frame of any id; returns whether it was a `Force`, `Quality` or `Identity` of a leg, valid or
- * not. `now_us` is the time of arrival on a clock that does not step; 64 bits do not wrap. */
+/* Takes a frame of any id; returns whether it was a `Force`, `Quality`, `Identity` or `Fault` of a
+ * leg, valid or not. `now_us` is the time of arrival on a clock that does not step; 64 bits do not wrap. */
 bool footsense_feed(footsense_link *link, uint32_t id, const uint8_t *data, uint8_t len, uint64_t now_us);
 
 /* Force of the leg of `node`, 1..8, at `now_us`. Any other node is STALE and not usable. */

@@ -108,6 +108,15 @@ class StepPhase(IntEnum):
     STANCE = 2
 
 
+class CalibrationKind(IntEnum):
+    """How the electrodes of a leg's foot were found."""
+
+    NONE = 0  #: not: they are taken as designed
+    STANDING = 1  #: from the robot's own weight, pressed to the ground in several poses
+    WALKING = 2  #: from walking
+    PRESSED = 3  #: on a test stand
+
+
 class CommandKind(IntEnum):
     """Commands that a controller can send to one leg."""
 

@@ -20,7 +20,7 @@ _SIDES, _PLACES = {"l": "left", "r": "right"}, {"f": "front", "m": "middle", "r"
 _LEG_NAMES = {leg: f"{_SIDES[leg[0]]} {_PLACES[leg[1]]}" for leg in NODE_IDS}
 _NUMBER_WORDS = ("one", "two", "three", "four", "five", "six", "seven", "eight")
 _CAN_ID_PATTERN = re.compile(r'(?:BO_|CM_ SG_|CM_ BO_|VAL_|BA_ "\w+" BO_) (\d+) ')
-_FORCE_SIGNAL_PATTERN = re.compile(r"( SG_ (?:Force|Sigma)\w+ : \S+ )\((\S+),0\) \[(\S+)\|(\S+)\] \"N\"")
+_FORCE_SIGNAL_PATTERN = re.compile(r"( SG_ Force\w+ : \S+ )\((\S+),0\) \[(\S+)\|(\S+)\] \"N\"")
 
 
 def make_dbc(legs: Sequence[str], force_step_mn: int = 1) -> str:
@@ -89,4 +89,5 @@ def _with_force_step(line: str, step: int) -> str:
         factor, least, most = (format(step * float(number), ".6g") for number in match.groups()[1:])
         return f'{match[1]}({factor},0) [{least}|{most}] "N"'
 
-    return _FORCE_SIGNAL_PATTERN.sub(scale, line).replace("+-32.767 N", f"+-{step * 32.767:.6g} N")
+    scaled = _FORCE_SIGNAL_PATTERN.sub(scale, line).replace("+-32.767 N", f"+-{step * 32.767:.6g} N")
+    return scaled.replace("is 0.001 N times", f"is {step * 0.001:.6g} N times")

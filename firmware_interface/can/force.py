@@ -4,7 +4,7 @@ Everything is little-endian. Byte 0 and the low nibble of byte 1 protect a frame
 code of its own, apart from the code of a number too large for its field, so that neither passes for a measurement.
 
 Units:
-    Force and its standard deviation N, age ns; on the wire 1 mN, 2 mN and 0.1 ms per bit.
+    Force and its standard deviation N, age ns, probabilities 1; on the wire as in the layouts.
 """
 
 import math
@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import Annotated, NamedTuple
 
 from firmware_interface.can.codes import USABLE, Flag, State
-from firmware_interface.can.signals import Age, Code, Codec, Number, SignedNumber, Vector
+from firmware_interface.can.signals import Age, Code, Codec, LogNumber, Number, SignedNumber, Vector
 
 #: CAN ids are these plus the node id.
 FORCE_ID = 0x108
@@ -32,8 +32,8 @@ class Force(NamedTuple):
 
     All three components are sent, with the state VALID or DEGRADED, or none: under any other state they are "no
     value", and a force with a component that is NaN or infinite, or without a sigma, is sent as ELEMENT_FAULT. A
-    component above 32.767 N saturates there, which is not "no value". Of feet for larger forces every bit, of sigma
-    too, stands for `force_step_mn` times as much, on all frames of the robot: the frame `Identity` tells it.
+    component above 32.767 N saturates there, which is not "no value". Of feet for larger forces every bit, and every
+    sigma, stands for `force_step_mn` times as much, on all frames of the robot: the frame `Identity` tells it.
 
     Attributes:
         node: CAN node id of the leg, 1..8.
@@ -49,19 +49,20 @@ class Force(NamedTuple):
 
 
 class Quality(NamedTuple):
-    """Content of a `Quality` frame (8 bytes): flags, age, fault mask and sigma of the force with the same counter.
+    """Content of a `Quality` frame (8 bytes): flags, age, sigma, contact and hold of the force with the same counter.
 
     ::
 
-        bit   0     8     12      16      28           37        46        55      63
-              +-----+-----+-------+-------+------------+---------+---------+---------+
-              | crc8| cnt | flags |  age  | fault mask | sigma x | sigma y | sigma z |
-              +-----+-----+-------+-------+------------+---------+---------+---------+
-        bits     8     4      4      12         9           9         9         9
+        bit   0     8     12      17      29        36        43        50        57      63
+              +-----+-----+-------+-------+---------+---------+---------+---------+-------+
+              | crc8| cnt | flags |  age  | sigma x | sigma y | sigma z | contact | holds |
+              +-----+-----+-------+-------+---------+---------+---------+---------+-------+
+        bits     8     4      5      12        7         7         7         7        7
 
         bit 0 is the least significant of byte 0
         age: 0.1 ms per bit, 0xFFF: none, negative, or above 409.4 ms
-        sigma: 2 mN per bit, 511: no value, 510: 1.02 N or more
+        sigma: code c is 1 mN times 2^(c/8), a step of 9 %; 127: no value, 126: 55.1 N or more
+        contact, holds: 0.01 per bit, 127: no value
 
     Age and sigma are rounded up: a frame never looks younger or more certain than it is.
 
@@ -70,16 +71,18 @@ class Quality(NamedTuple):
         counter: Sequence counter of the frame, 0..14.
         flags: Properties of the force that do not forbid its use.
         age_ns: From the measurement to the send [ns], in steps of 0.1 ms; None: unknown, or above 409.4 ms.
-        fault_mask: Bit e set where element e is not usable or overloaded, 9 bits.
-        sigma_n: Standard deviation of each component [N]; NaN: no value; 1.02: or more.
+        sigma_n: Standard deviation of each component [N]; NaN: no value; 55.1: or more.
+        contact_probability: Probability that the foot is on the ground [1]; NaN: no value.
+        holds: Probability that the foot stands still on the ground [1]; NaN: no value.
     """
 
     node: int
     counter: int
-    flags: Annotated[Flag, Code(12, 4)]
-    age_ns: Annotated[int | None, Age(16, 12, 100_000)]
-    fault_mask: Annotated[int, Code(28, 9)]
-    sigma_n: Annotated[tuple[float, float, float], Vector(37, 27, Number(0, 9, 500, up=True))]
+    flags: Annotated[Flag, Code(12, 5)]
+    age_ns: Annotated[int | None, Age(17, 12, 100_000)]
+    sigma_n: Annotated[tuple[float, float, float], Vector(29, 21, LogNumber(0, 7, 1000))]
+    contact_probability: Annotated[float, Number(50, 7, 100)]
+    holds: Annotated[float, Number(57, 7, 100)]
 
 
 FORCE = Codec(FORCE_ID, Force)
@@ -91,8 +94,6 @@ FORCE_STEPS_MN = (1, 2, 5, 10, 20)
 
 #: Largest force at 1 mN per bit [N].
 _MAX_FORCE_N = 32.767
-#: Fault mask with the bits of all nine elements set.
-ALL_ELEMENTS_MASK = 0x1FF
 _NO_FORCE_N = (math.nan, math.nan, math.nan)
 
 
@@ -118,7 +119,8 @@ def force_frames(
     force_n: Sequence[Sequence[float]],
     sigma_n: Sequence[Sequence[float]],
     flags: Sequence[int],
-    fault_mask: Sequence[int],
+    contact_probability: Sequence[float],
+    holds: Sequence[float],
 ) -> list[bytes]:
     """Return each leg's `Force` and then its `Quality` frame, as `struct can_frame`s of 16 bytes.
 
@@ -131,21 +133,22 @@ def force_frames(
         force_n: Force of each leg [N], shape (legs, 3).
         sigma_n: Its standard deviation [N], shape (legs, 3).
         flags: Flags of each leg.
-        fault_mask: Unusable elements of each leg.
+        contact_probability: Probability of each leg's contact [1]; NaN: not known.
+        holds: Probability that each foot stands still on the ground [1], same.
 
     Example:
-        >>> legs = [0], [State.VALID], [(0.5, -0.25, 1.0)], [(0.01, 0.01, 0.02)], [Flag.SIMULATED], [0]
+        >>> legs = [0], [State.VALID], [(0.5, -0.25, 1.0)], [(0.01, 0.01, 0.02)], [Flag.SIMULATED], [1.0], [0.9]
         >>> force, quality = force_frames([1], 0, 12_300_000, *legs)
         >>> force[8:].hex(" ")
         '63 10 f4 01 06 ff e8 03'
     """
     frames = []
-    legs = zip(nodes, t_ns, state, force_n, sigma_n, flags, fault_mask, strict=True)
-    for node, leg_ns, leg_state, leg_n, leg_sigma_n, flag, mask in legs:
+    legs = zip(nodes, t_ns, state, force_n, sigma_n, flags, contact_probability, holds, strict=True)
+    for node, leg_ns, leg_state, leg_n, leg_sigma_n, flag, contact, hold in legs:
         shown, shown_n = _sendable_force(leg_state, leg_n, leg_sigma_n)
         frames.append(FORCE.pack((node, counter, shown, shown_n)))
         age_ns = t_sent_ns - leg_ns if leg_ns else None
-        frames.append(QUALITY.pack((node, counter, flag, age_ns, mask, leg_sigma_n)))
+        frames.append(QUALITY.pack((node, counter, flag, age_ns, leg_sigma_n, contact, hold)))
     return frames
 
 

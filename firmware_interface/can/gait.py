@@ -1,19 +1,20 @@
-"""CAN frames `GaitEvent`, `Gait` and `Ground` of a leg; protected as `crc8` describes.
+"""CAN frames `GaitEvent`, `Ground` and `LegMotion` of a leg; protected as `crc8` describes.
 
-An event is sent at once, with the time that has passed since it happened; `Gait` and `Ground` come ten times a second.
+An event is sent at once, with the time that has passed since it happened; `Ground` comes ten times a second.
+`LegMotion` comes from the gait controller, as often as it likes.
 
 Units:
-    Times ns and s, angles rad, ratios 1; on the wire as in the layouts.
+    Times ns and s, angles rad, accelerations m/s2, ratios 1; on the wire as in the layouts.
 """
 
 from typing import Annotated, NamedTuple
 
-from firmware_interface.can.codes import GaitEventKind, Slip
-from firmware_interface.can.signals import Age, Code, Codec, Number, SignedNumber, Vector
+from firmware_interface.can.codes import GaitEventKind, StepPhase
+from firmware_interface.can.signals import Age, Code, Codec, LogNumber, Number, SignedNumber, Vector
 
 #: CAN ids are these plus the node id.
 GAIT_EVENT_ID = 0x120
-GAIT_ID = 0x130
+LEG_MOTION_ID = 0x130
 GROUND_ID = 0x138
 
 
@@ -43,38 +44,6 @@ class GaitEventFrame(NamedTuple):
     age_ns: Annotated[int | None, Age(16, 16, 100_000, nearest=True)]
     sigma_s: Annotated[float, Number(32, 8, 5000, up=True)]
     all_in_air: Annotated[bool, Code(40, 1)]
-
-
-class Gait(NamedTuple):
-    """Content of a `Gait` frame: contact, slip and load share of a leg.
-
-    ::
-
-        byte    0          1           2          3            4
-             +-------+----------+-----+------+-------------+-------+
-             | crc8  |0 air raw con cnt| slip | probability | share |   0.005 per bit, 255: none
-             +-------+----------+-----+------+-------------+-------+
-                       6   5   4  3..0  1..0
-
-    Attributes:
-        node: CAN node id of the leg, 1..8.
-        counter: Sequence counter of the frame, 0..14.
-        contact: Debounced contact.
-        contact_raw: Whether the newest load alone is one of contact.
-        all_in_air: Whether every leg of the robot is known to be without contact.
-        slip: Whether the foot slides.
-        probability: Probability of contact [1]; NaN: no value.
-        load_share: Share of the load that all legs carry [1]; NaN: no value.
-    """
-
-    node: int
-    counter: int
-    contact: Annotated[bool, Code(12, 1)]
-    contact_raw: Annotated[bool, Code(13, 1)]
-    all_in_air: Annotated[bool, Code(14, 1)]
-    slip: Annotated[Slip, Code(16, 2)]
-    probability: Annotated[float, Number(24, 8, 200)]
-    load_share: Annotated[float, Number(32, 8, 200)]
 
 
 class Ground(NamedTuple):
@@ -113,6 +82,44 @@ class Ground(NamedTuple):
     friction: Annotated[float, Number(54, 9, 250)]
 
 
+class LegMotionFrame(NamedTuple):
+    """Content of a `LegMotion` frame (8 bytes), from the gait controller: what it knows of the motion of a leg.
+
+    ::
+
+        bit   0     8     12      16             32      39     50     61  63
+              +-----+-----+-------+--------------+-------+------+------+---+
+              | crc8| cnt | phase | acceleration | sigma | up x | up y | 0 |
+              +-----+-----+-------+--------------+-------+------+------+---+
+        bits     8     4      4          16          7      11     11    3
+
+        bit 0 is the least significant of byte 0
+        acceleration: 0.01 m/s2 per bit, signed, -32768: no value
+        sigma of it: code c is 0.01 m/s2 times 2^(c/8), rounded up; 127: no value, 126: 551 m/s2 or more
+        up: 0.001 per bit, signed, -1024: no value; the third component follows from the length of 1
+
+    The frame of the foot is that of the force: x forward, y left, z along the leg towards the body. A foot that rests,
+    or moves with constant speed, has the acceleration 0, whatever gravity does; one that is lifted ever faster a
+    positive one. A foot upside down, whose z points down, cannot be told.
+
+    Attributes:
+        node: CAN node id of the leg, 1..8.
+        counter: Sequence counter of the frame, 0..14.
+        phase: Planned phase of the step.
+        acceleration_m_per_s2: Second derivative of the foot's path, against the ground, along its z [m/s2]; NaN: no
+            value.
+        sigma_m_per_s2: Standard deviation of it [m/s2]; NaN: no value.
+        up: Unit vector against gravity in the frame of the foot; NaN: no value.
+    """
+
+    node: int
+    counter: int
+    phase: Annotated[StepPhase, Code(12, 4)]
+    acceleration_m_per_s2: Annotated[float, SignedNumber(16, 16, 100)]
+    sigma_m_per_s2: Annotated[float, LogNumber(32, 7, 100)]
+    up: Annotated[tuple[float, float, float], Vector(39, 22, SignedNumber(0, 11, 1000))]
+
+
 GAIT_EVENT = Codec(GAIT_EVENT_ID, GaitEventFrame)
-GAIT = Codec(GAIT_ID, Gait)
 GROUND = Codec(GROUND_ID, Ground)
+LEG_MOTION = Codec(LEG_MOTION_ID, LegMotionFrame)

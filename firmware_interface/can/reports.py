@@ -1,4 +1,4 @@
-"""CAN frames `Fault` (fault report), `Heartbeat`, `Baseline` and `Identity` of a leg.
+"""CAN frames `Fault` (fault report), `Heartbeat`, `Baseline`, `Identity` and `Calibration` of a leg.
 
 All but the heartbeat are protected as `crc8` describes; that has the byte of CANopen's, and an id of ours.
 A baseline that tracks temperature takes a force away from the consumer unseen: the bus carries its offset since the
@@ -8,26 +8,32 @@ Source:
     CiA 301, heartbeat protocol.
 """
 
+from datetime import date, timedelta
 from hashlib import sha256
 from typing import Annotated, NamedTuple
 
-from firmware_interface.can.codes import BaselineStatus, Cause, NmtState, State
+from firmware_interface.can.codes import BaselineStatus, CalibrationKind, Cause, NmtState, State
 from firmware_interface.can.crc8 import FrameError, node_of
 from firmware_interface.can.force import FORCE_STEPS_MN
-from firmware_interface.can.signals import Age, Code, Codec, SignedNumber
+from firmware_interface.can.signals import Age, Code, Codec, Number, SignedNumber
 
 #: CAN ids are these plus the node id.
 FAULT_ID = 0x100
 HEARTBEAT_ID = 0x148
 BASELINE_ID = 0x128
 IDENTITY_ID = 0x150
+CALIBRATION_ID = 0x158
 
 #: Version of the frames of this folder. Number 1 told no version, and had other ids.
-PROTOCOL_VERSION = 2
+PROTOCOL_VERSION = 3
+
+
+#: Day 0 of a calibration's date.
+CALIBRATION_EPOCH = date(2020, 1, 1)
 
 
 class Fault(NamedTuple):
-    """Content of a `Fault` frame (fault report): a leg's state, element mask or cause has changed.
+    """Content of a `Fault` frame (fault report): state, element mask and cause of a leg; on change and once a second.
 
     ::
 
@@ -41,7 +47,7 @@ class Fault(NamedTuple):
         node: CAN node id of the leg, 1..8.
         counter: Sequence counter of the frame, 0..14.
         state: State from now on.
-        previous: State until now.
+        previous: State until now; the same where it has not changed.
         fault_mask: Bit e set where element e is not usable or overloaded, 9 bits.
         cause: Cause of the state, as far as it is known.
     """
@@ -118,7 +124,7 @@ class Identity(NamedTuple):
         node: CAN node id of the leg, 1..8.
         counter: Sequence counter of the frame, 0..14.
         version: Version of all frames, `PROTOCOL_VERSION`.
-        force_step_mn: What a bit of a force stands for [mN], and half of a bit of its sigma.
+        force_step_mn: What a bit of a force stands for [mN], and the least of its sigmas.
         foot_type_hash: `foot_type_hash` of the foot's type.
     """
 
@@ -134,9 +140,43 @@ class Identity(NamedTuple):
         return self.version == PROTOCOL_VERSION and self.force_step_mn in FORCE_STEPS_MN
 
 
+class CalibrationFrame(NamedTuple):
+    """Content of a `Calibration` frame: how the foot of a leg is calibrated, and how far its force is expected to err.
+
+    ::
+
+        byte    0        1         2   3      4        5
+             +-------+----+-----+----------+------+-----------+   date: days since 2020-01-01, 65535: none
+             | crc8  |kind| cnt |   date   | size | direction |   size: 0.5 % per bit, rounded up, 255: none
+             +-------+----+-----+----------+------+-----------+   direction: 0.1 deg per bit, rounded up, 255: none
+                      7..4 3..0
+
+    Attributes:
+        node: CAN node id of the leg, 1..8.
+        counter: Sequence counter of the frame, 0..14.
+        kind: How the foot was calibrated.
+        day: Day of it, since 2020-01-01; None: no calibration.
+        size_error_percent: Expected error of the force's size, over it [%]; NaN: not known; 127: or more.
+        direction_error_deg: Expected error of its direction [deg]; NaN: not known; 25.4: or more.
+    """
+
+    node: int
+    counter: int
+    kind: Annotated[CalibrationKind, Code(12, 4)]
+    day: Annotated[int | None, Age(16, 16, 1)]
+    size_error_percent: Annotated[float, Number(32, 8, 2, up=True)]
+    direction_error_deg: Annotated[float, Number(40, 8, 10, up=True)]
+
+    @property
+    def date(self) -> date | None:
+        """Day of the calibration; None: no calibration."""
+        return None if self.day is None else CALIBRATION_EPOCH + timedelta(self.day)
+
+
 FAULT = Codec(FAULT_ID, Fault)
 BASELINE = Codec(BASELINE_ID, Baseline)
 IDENTITY = Codec(IDENTITY_ID, Identity)
+CALIBRATION = Codec(CALIBRATION_ID, CalibrationFrame)
 
 
 def foot_type_hash(foot_type: str) -> int:

@@ -13,6 +13,7 @@ Units:
 import math
 import struct
 from abc import abstractmethod
+from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
@@ -105,6 +106,34 @@ class Number(CanSignal[float]):
 
 
 @dataclass(frozen=True)
+class LogNumber(CanSignal[float]):
+    """A positive number in steps of an eighth of an octave, 9 %, rounded up, as a standard deviation must be.
+
+    Code c is 2^(c/8) times the number of code 0, rounded up to a thousandth of that. The largest code is no value,
+    which NaN and a negative number have, and the one before it that number or more.
+
+    Attributes:
+        per_unit: Numbers of code 0 in a unit.
+    """
+
+    per_unit: int
+
+    @cached_property
+    def values(self) -> tuple[float, ...]:
+        """The number of each code but the largest."""
+        return tuple(math.ceil(1000 * 2 ** (code / 8)) / (1000 * self.per_unit) for code in range(self.mask))
+
+    def encoder(self) -> Callable[[float], int]:
+        """Return the function that makes the code of a number, at its place."""
+        smaller, none, first_bit = self.values[:-1], self.mask << self.first_bit, self.first_bit
+        return lambda value: bisect_left(smaller, value) << first_bit if value >= 0.0 else none
+
+    def to_value(self, code: int) -> float:
+        """Return the number of a code."""
+        return math.nan if code == self.mask else self.values[code]
+
+
+@dataclass(frozen=True)
 class SignedNumber(CanSignal[float]):
     """A number with sign, rounded, and limited to its range, which is symmetric; the least code is no value, as of NaN.
 
@@ -141,7 +170,7 @@ class Vector(CanSignal[Sequence[float]]):
         part: One of the numbers.
     """
 
-    part: Number | SignedNumber
+    part: Number | LogNumber | SignedNumber
 
     def encoder(self) -> Callable[[Sequence[float]], int]:
         """Return the function that makes the codes of the components, at their places."""

@@ -3,20 +3,25 @@
 import math
 import threading
 from collections import deque
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import closing
 from types import TracebackType
-from typing import Literal, Self
+from typing import TYPE_CHECKING, Literal, Self
 
-from firmware_interface.can.codes import NODE_IDS, CommandKind, Result
+from firmware_interface.can.codes import NODE_IDS, CommandKind, Result, StepPhase
+from firmware_interface.can.socketcan import pack_frame
 from footsense.api.commands import Commander, open_command_wire
 from footsense.api.events import FootEvent
 from footsense.can.interface import DEFAULT_CHANNELS, Can
-from footsense.client import LegEvent, LegForce, LinkLimits, LinkStatus
+from footsense.client import LegEvent, LegForce, LinkLimits, LinkStatus, Motions
 from footsense.clock import MonotonicClock
 from footsense.config.contradictions import is_multicast
 from footsense.daemon.can_listener import LegSnapshot, Listener, open_listener
+from footsense.daemon.can_output import open_wire
 from footsense.errors import CanError, FootsenseError
+
+if TYPE_CHECKING:
+    from footsense.ports import CanWire
 
 #: Period of reading the channel [s]: an age is too high by up to so much.
 _POLL_PERIOD_S = 0.002
@@ -37,7 +42,7 @@ def connect(
 ) -> "Feet":
     """Connect to a running service over CAN, and wait until its forces can be read: about a second.
 
-    It only listens, but for `Feet.tare`, `Feet.stop` and `Feet.start`.
+    It only listens, but for `Feet.tare`, `Feet.stop`, `Feet.start` and `Feet.send_motion`.
 
     Args:
         channel: Network interface such as `can0` or `vcan0`; with `udp_multicast` a multicast address. None for `can0`,
@@ -56,7 +61,7 @@ def connect(
         with footsense.connect("can0") as feet:
             for forces in feet:
                 left = forces["lf"]
-                print(left.force_n, left.sigma_n, left.age_s, left.usable, left.contact)
+                print(left.force_n, left.sigma_n, left.age_s, left.usable, left.holds)
     """
     if interface not in DEFAULT_CHANNELS:
         raise CanError(f"interface {interface!r}: use one of {', '.join(DEFAULT_CHANNELS)}")
@@ -97,7 +102,10 @@ class Feet:
     def __init__(self, listener: Listener, can: Can, timeout_s: float) -> None:
         self.events: tuple[FootEvent, ...] = ()
         self._listener, self._can, self._timeout_s = listener, can, timeout_s
-        self._commander = Commander(MonotonicClock())
+        self._clock = MonotonicClock()
+        self._commander = Commander(self._clock)
+        self._motions = Motions()
+        self._motion_wire: CanWire | None = None
         self._news = threading.Condition()
         self._stop = threading.Event()
         self._error: CanError | None = None
@@ -179,6 +187,52 @@ class Feet:
         """
         self._command(CommandKind.START, [leg])
 
+    def send_motion(
+        self,
+        leg: str,
+        *,
+        acceleration_m_per_s2: float = math.nan,
+        sigma_m_per_s2: float = math.nan,
+        up: Sequence[float] = (math.nan, math.nan, math.nan),
+        phase: StepPhase = StepPhase.UNKNOWN,
+    ) -> None:
+        """Tell the service what the robot's controller knows of the motion of a leg; NaN for what it does not know.
+
+        It holds for 50 ms: call it for each leg in every step of the controller's loop, 50 times a second or so. It is
+        not answered; a service that executes no commands takes no motion, as `tare` says. The frame of the foot is that
+        of the force: x forward, y left, z along the leg towards the body.
+
+        Args:
+            leg: Name of the leg.
+            acceleration_m_per_s2: Second derivative of the foot's path against the ground along its z, gravity not
+                included [m/s2], to +-327; without its sigma it counts as unknown.
+            sigma_m_per_s2: Standard deviation of it [m/s2].
+            up: Unit vector against gravity in the frame of the foot, its z not negative.
+            phase: Planned phase of the step.
+
+        Raises:
+            ValueError: `up` is no such vector.
+            FootsenseError: There is no such leg.
+            CanError: The channel is down or gone, or takes no frame.
+        """
+        if leg not in NODE_IDS:
+            raise FootsenseError(f"no leg is named {leg}; there are {', '.join(self.legs)}")
+        frame = self._motions.encode(
+            NODE_IDS[leg],
+            acceleration_m_per_s2=acceleration_m_per_s2,
+            sigma_m_per_s2=sigma_m_per_s2,
+            up=up,
+            phase=phase,
+        )
+        if self._motion_wire is None:
+            self._motion_wire = open_wire(self._can)
+        try:
+            n_sent = self._motion_wire.send([pack_frame(*frame)], self._clock.now_ns())
+        except OSError as error:
+            raise CanError(f"the CAN channel is gone: {error.strerror or error}") from error
+        if not n_sent:
+            raise CanError("CAN takes no frame; is another node on the bus?")
+
     def _command(self, kind: CommandKind, legs: Collection[str]) -> None:
         if unknown := set(legs) - NODE_IDS.keys():
             raise FootsenseError(
@@ -200,6 +254,9 @@ class Feet:
         self._stop.set()
         self._thread.join()
         self._listener.close()
+        if self._motion_wire is not None:
+            self._motion_wire.close()
+            self._motion_wire = None
 
     def __enter__(self) -> Self:
         return self

@@ -31,6 +31,7 @@ _ARRAYS = {
     for path in (
         *("scan.t_ns", "scan.capacitance_pf"),
         *("forces.force_n", "forces.sigma_n", "forces.state", "forces.flags"),
+        *("forces.contact_probability", "forces.holds"),
     )
 }
 
@@ -51,6 +52,9 @@ class Recording:
             touch may have begun since the readings.
         state: Code of each leg's state, shape (n, legs), uint8 of `State`; `walk.state == footsense.State.VALID`.
         contact: Whether each foot is in contact with the ground, shape (n, legs); False unless usable.
+        contact_probability: Probability that each foot is on the ground [1], shape (n, legs), NaN unless usable, and of
+            older recordings.
+        holds: Probability that each foot stands still on the ground [1], same.
         capacitance_pf: Latest reading of each element, stray included [pF], shape (n, legs, 9), NaN where there is
             none; element 3 * row + column, row 0 the most forward, column 0 the leftmost. A cycle is one conversion:
             of each leg one row is new, or one element where a foot has one converter.
@@ -65,6 +69,8 @@ class Recording:
     sigma_n: Vector
     state: Codes
     contact: Mask
+    contact_probability: Vector
+    holds: Vector
     capacitance_pf: Vector
     reading_t_s: Vector
     events: tuple[FootEvent, ...]
@@ -87,8 +93,8 @@ class Recording:
         """Return a table of pandas with a row for each cycle and leg, units in the names of the columns.
 
         Columns: `t_s`, `leg`, `fx_n`, `fy_n`, `fz_n`, `sigma_x_n`, `sigma_y_n`, `sigma_z_n`, `state` by its name,
-        `usable`, `contact`, `capacitance_pf_` with the number of each element, and of a simulation
-        `true_fx_n`, `true_fy_n` and `true_fz_n`.
+        `usable`, `contact`, `contact_probability`, `holds`, `capacitance_pf_` with the number of each element, and of a
+        simulation `true_fx_n`, `true_fy_n` and `true_fz_n`.
 
         Raises:
             FootsenseError: pandas is not installed.
@@ -110,6 +116,10 @@ class Recording:
         add(("sigma_x_n", "sigma_y_n", "sigma_z_n"), self.sigma_n)
         columns["state"] = pd.Categorical.from_codes(self.state.ravel(), [state.name for state in State])
         columns["usable"], columns["contact"] = self.usable.ravel(), self.contact.ravel()
+        columns["contact_probability"], columns["holds"] = (
+            self.contact_probability.ravel(),
+            self.holds.ravel(),
+        )
         add((f"capacitance_pf_{element}" for element in range(9)), self.capacitance_pf)
         if self.true_force_n is not None:
             add(("true_fx_n", "true_fy_n", "true_fz_n"), self.true_force_n)
@@ -205,7 +215,7 @@ class _CycleCollector(Observer):
     def recording(self) -> Recording:
         """Return the collected cycles, at least one."""
         n, n_legs = self.n_cycles, len(self._legs)
-        read_ns, capacitance_pf, force_n, sigma_n, state, flags = (
+        read_ns, capacitance_pf, force_n, sigma_n, state, flags, contact_probability, holds = (
             np.frombuffer(values, CYCLE_FIELDS[path].dtype).reshape(n, n_legs, *CYCLE_FIELDS[path].row_shape)
             for path, values in self._bytes.items()
         )
@@ -217,6 +227,8 @@ class _CycleCollector(Observer):
             force_n=force_n,
             sigma_n=sigma_n,
             state=state,
+            contact_probability=contact_probability,
+            holds=holds,
             contact=(flags & Flag.CONTACT != 0) & IS_USABLE_STATE[state],
             capacitance_pf=capacitance_pf,
             reading_t_s=np.where(read_ns == 0, np.nan, (read_ns - start_ns) * 1e-9),

@@ -94,7 +94,7 @@ def open_service_cycle(config: Config = DEFAULT, *, publish_every: int = 1) -> I
 
         def run(scan: CapFrame, now_ns: int) -> None:
             clock.sleep_until_ns(now_ns)
-            loop.run_cycle(scan, tuple(sink.commands()))
+            loop.run_cycle(scan, tuple(sink.commands()), motion=sink.new_motion())
 
         def drain() -> None:
             with suppress(BlockingIOError):

@@ -128,7 +128,8 @@ def _force_signals(forces: ContactFrame) -> dict[str, float]:
 
 def _quality_signals(forces: ContactFrame) -> dict[str, float]:
     """Return the signals of a `Quality` message."""
-    sigma_n = np.nan_to_num(forces.sigma_n[0], nan=1.022)
+    codes = np.ceil(8.0 * np.log2(np.maximum(forces.sigma_n[0], 1e-3) * 1e3))
+    sigma_codes = np.nan_to_num(np.minimum(codes, 126.0), nan=127.0).astype(int)
     flags = Flag(int(forces.flags[0]))
     return {
         "Simulated": int(Flag.SIMULATED in flags),
@@ -136,6 +137,7 @@ def _quality_signals(forces: ContactFrame) -> dict[str, float]:
         "TareRefused": int(Flag.TARE_REFUSED in flags),
         "Contact": int(Flag.CONTACT in flags),
         "Age": float(forces.age_ns[0]) * 1e-6,
-        "FaultMask": int(forces.fault_mask[0]),
-        **dict(zip(("SigmaX", "SigmaY", "SigmaZ"), sigma_n.tolist(), strict=True)),
+        **dict(zip(("SigmaX", "SigmaY", "SigmaZ"), sigma_codes.tolist(), strict=True)),
+        "ContactProbability": float(np.nan_to_num(forces.contact_probability[0], nan=1.27)),
+        "Holds": float(np.nan_to_num(forces.holds[0], nan=1.27)),
     }

@@ -178,7 +178,6 @@ class CanChannel:
                 self._health.count_error_frame(can_id, data, self._t_ns)
             elif is_standard_data(can_id) and can_id in self._accept:
                 arrived.append((can_id, data))
-        self.stats.received_commands += len(arrived)
         if self._health.last_error_ns is not None or self._health.last_full_ns is not None:
             self._health.check_recovery(self._t_ns)
         return arrived

@@ -102,7 +102,9 @@ class CanCommands:
             if counter not in leg.pending_counters[kind]:  # so the list cannot outgrow the counter's range
                 leg.pending_counters[kind].append(counter)
             commands.append(Command(kind, leg.row))
-        self._channel.stats.rejected_commands += len(frames) - len(commands)
+        stats = self._channel.stats
+        stats.received_commands += len(frames)
+        stats.rejected_commands += len(frames) - len(commands)
         return commands
 
     def answer(self, outcome: CommandResult) -> None:

@@ -20,8 +20,8 @@ class Can(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         channel: Name of the network interface, by default can0; with `udp_multicast` an address, by default
             239.74.163.2.
         bitrate: Bit rate [bit/s], to compute the bus load; the kernel sets it (deploy/README.md).
-        commands: Whether commands are executed. None: those of a CAN bus, but not those of `udp_multicast`, which every
-            program on this computer can send.
+        commands: Whether commands are executed, and motions of the legs taken. None: those of a CAN bus, but not those
+            of `udp_multicast`, which every program on this computer can send.
     """
 
     interface: Annotated[
@@ -50,7 +50,7 @@ class Can(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def executes_commands(self) -> bool:
-        """Whether commands received on CAN are executed."""
+        """Whether commands received on CAN are executed, and motions taken."""
         return self.interface != "udp_multicast" if self.commands is None else self.commands
 
 

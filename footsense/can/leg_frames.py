@@ -1,4 +1,4 @@
-"""Content and counters of each leg's reports on CAN: fault report, heartbeat, baseline, identity, gait."""
+"""Content and counters of each leg's reports on CAN: fault report, heartbeat, baseline, identity, calibration, gait."""
 
 from collections import deque
 from collections.abc import Iterable, Sequence
@@ -9,13 +9,15 @@ import numpy as np
 
 from firmware_interface.can.codes import Cause, NmtState, State
 from firmware_interface.can.crc8 import next_counter
-from firmware_interface.can.gait import GAIT, GAIT_EVENT, GROUND, Gait, GaitEventFrame, Ground
+from firmware_interface.can.gait import GAIT_EVENT, GROUND, GaitEventFrame, Ground
 from firmware_interface.can.reports import (
     BASELINE,
+    CALIBRATION,
     FAULT,
     HEARTBEAT_ID,
     IDENTITY,
     Baseline,
+    CalibrationFrame,
     Fault,
     Identity,
     encode_heartbeat,
@@ -48,21 +50,22 @@ def heartbeat_of_state(node: int, state: int, degraded_timing: bool) -> bytes:  
 
 
 class CanLeg:
-    """Fault reports, baselines and identities of one leg, with their counters.
+    """Fault reports, baselines, identities and calibrations of one leg, with their counters.
 
     Args:
         row: Its row in the frames.
         identity: Its first `Identity`, with its node.
+        calibration: Its first `Calibration`, same.
 
     Attributes:
         node: Its CAN node id.
         reported: State, element mask and cause of the last fault report that was sent.
     """
 
-    def __init__(self, row: int, identity: Identity) -> None:
+    def __init__(self, row: int, identity: Identity, calibration: CalibrationFrame) -> None:
         self._row = row
         self.node = identity.node
-        self._identity = identity
+        self._identity, self._calibration = identity, calibration
         self._fault_counter = 0
         self._baseline_counter = 0
         # As if stopped until now: the first state is a change, and a consumer that was here before receives it.
@@ -91,22 +94,34 @@ class CanLeg:
         self._identity = identity._replace(counter=next_counter(identity.counter))
         return IDENTITY.pack(identity)
 
+    def calibration_frame(self) -> bytes:
+        """Return the leg's calibration as `struct can_frame`."""
+        calibration = self._calibration
+        self._calibration = calibration._replace(counter=next_counter(calibration.counter))
+        return CALIBRATION.pack(calibration)
 
-#: Period of `Gait` and `Ground` [ns].
-_GAIT_FRAME_PERIOD_NS = 100_000_000
+    def repeated_fault_frame(self) -> bytes:
+        """Return the last fault report once more as `struct can_frame`, for consumers that came since."""
+        state, mask, cause = self.reported
+        counter, self._fault_counter = self._fault_counter, next_counter(self._fault_counter)
+        return FAULT.pack(Fault(self.node, counter, State(state), State(state), mask, Cause(cause)))
+
+
+#: Period of `Ground` [ns].
+_GROUND_PERIOD_NS = 100_000_000
 #: Events that wait for room at most; the oldest is lost first.
 _MAX_WAITING_EVENTS = 24
 
 
 class GaitFrames:
-    """Queue of gait events and of periodic gait frames of all legs that are to be sent on CAN.
+    """Queue of gait events and of periodic `Ground` frames of all legs that are to be sent on CAN.
 
     Args:
         nodes: CAN node id of each leg.
 
     Attributes:
         events: Events that wait to be sent, oldest first, each with whether all feet were in the air then.
-        waiting: Rows of the legs whose slow frames wait.
+        waiting: Rows of the legs whose `Ground` waits.
     """
 
     def __init__(self, nodes: Sequence[int]) -> None:
@@ -121,7 +136,7 @@ class GaitFrames:
         """Queue the events of a gait estimate, and its periodic frames if they are due."""
         self.events += [(event, gait.all_in_air) for event in gait.events]
         if gait.t_ns >= self._due_ns:
-            self._due_ns = (gait.t_ns // _GAIT_FRAME_PERIOD_NS + 1) * _GAIT_FRAME_PERIOD_NS
+            self._due_ns = (gait.t_ns // _GROUND_PERIOD_NS + 1) * _GROUND_PERIOD_NS
             self._gait = gait
             self.waiting = deque(range(len(self._nodes)))
 
@@ -149,24 +164,17 @@ class GaitFrames:
             self._event_counters[event.leg] = next_counter(self._event_counters[event.leg])
 
     def pop_periodic_frames(self, max_frames: int) -> list[bytes]:
-        """Return queued periodic `Gait` and `Ground` frames, at most `max_frames`, and remove them from the queue."""
-        frames: list[bytes] = []
-        for _ in range(min(len(self.waiting), max_frames // 2)):
-            frames += self._leg_frames(self.waiting.popleft())
-        return frames
+        """Return queued `Ground` frames, at most `max_frames`, and remove them from the queue."""
+        return [self._ground_frame(self.waiting.popleft()) for _ in range(min(len(self.waiting), max_frames))]
 
-    def _leg_frames(self, row: int) -> tuple[bytes, bytes]:
-        """Return the `Gait` and the `Ground` frame of a leg."""
+    def _ground_frame(self, row: int) -> bytes:
         gait, node, counter = self._gait, self._nodes[row], self._counters[row]
         assert gait is not None
         self._counters[row] = next_counter(counter)
-        return (
-            GAIT.pack(Gait(node, counter, *_of_leg(gait, GAIT.signals, row))),
-            GROUND.pack(Ground(node, counter, *_of_leg(gait, GROUND.signals, row))),
-        )
+        return GROUND.pack(Ground(node, counter, *_of_leg(gait, GROUND.signals, row)))
 
 
 def _of_leg(gait: GaitFrame, names: Iterable[str], row: int) -> list[Any]:
-    """Return fields of a gait estimate for one leg; those of the frames on CAN have the same names."""
+    """Return fields of a gait estimate for one leg; those of `Ground` have the same names."""
     fields = map(partial(getattr, gait), names)
     return [field[row].tolist() if isinstance(field, np.ndarray) else field for field in fields]

@@ -12,7 +12,7 @@ import click
 from rich.console import Console, Group, RenderableType
 from rich.text import Text
 
-from firmware_interface.can.codes import Cause, Flag, NmtState, Slip
+from firmware_interface.can.codes import CalibrationKind, Cause, Flag, NmtState
 from footsense.can.interface import Interface
 from footsense.cli.can.can_options import can_options, silence_text
 from footsense.cli.live import Picture
@@ -142,7 +142,7 @@ def monitor_tables(legs: list[LegSnapshot], channel: str, t_s: float, width: int
         head.append("  simulated", "dim")
     if any(leg.report.heartbeat and leg.report.heartbeat.degraded_timing for leg in legs):
         head.append("  timing degraded", "bold red")
-    if any(leg.report.gait and leg.report.gait.all_in_air for leg in legs):
+    if legs and all(leg.force.contact is False for leg in legs):
         head.append("  in air", "cyan")
     heads = [head]
     groups = [[_LEG_COLUMN, *columns] for columns in (_FORCE_COLUMNS, _GAIT_COLUMNS, _REPORT_COLUMNS)]
@@ -158,11 +158,22 @@ def _state_cell(leg: LegSnapshot) -> RenderableType:
     return _STATE_COLUMN.cells(leg)[0] if leg.is_current else styled("silent", "bold red")
 
 
-def _slip_cell(leg: LegSnapshot) -> str:
-    gait = leg.report.gait
-    if gait is None or gait.slip is Slip.UNKNOWN:
+def _holds_style(leg: LegSnapshot) -> str:
+    """Return the style of `holds`: of a foot that more likely slides than stands still where it is."""
+    force = leg.force
+    return "bold yellow" if force.contact and force.holds < 0.5 * force.contact_probability else ""
+
+
+def _calibration_cell(leg: LegSnapshot) -> str:
+    found = leg.report.calibration
+    if found is None:
         return EMPTY_CELL
-    return styled("slips", "bold yellow") if gait.slip is Slip.SLIPPING else "sticks"
+    return styled(word_of(found.kind), "yellow" if found.kind is CalibrationKind.NONE else "")
+
+
+def _calibration_date(leg: LegSnapshot) -> str | None:
+    found = leg.report.calibration
+    return found.date.isoformat() if found is not None and found.date is not None else None
 
 
 def _cause(leg: LegSnapshot) -> str | None:
@@ -174,7 +185,9 @@ def _cause(leg: LegSnapshot) -> str | None:
 
 def _elements_out(leg: LegSnapshot) -> list[int] | None:
     mask = leg.force.fault_mask
-    return [element for element in range(ELEMENTS) if mask >> element & 1] if leg.is_current else None
+    if mask is None or not leg.is_current:
+        return None
+    return [element for element in range(ELEMENTS) if mask >> element & 1]
 
 
 def _elements_cell(leg: LegSnapshot) -> str:
@@ -196,7 +209,7 @@ def _scaled(value: float | None, scale: float) -> float | None:
 
 
 def _entry(path: str, scale: float | None = None) -> Callable[[LegSnapshot], Any]:
-    """Return what reads an entry of a leg's reports, such as "gait.slip", in another unit."""
+    """Return what reads an entry of a leg's reports, such as "ground.friction", in another unit."""
     part, _, name = path.partition(".")
 
     def value(leg: LegSnapshot) -> Any:  # noqa: ANN401 - of any type
@@ -240,13 +253,9 @@ _FORCE_COLUMNS: list[Column[LegSnapshot]] = [
     Column("simulated", lambda leg: bool(leg.force.flags & Flag.SIMULATED) if leg.is_current else None),
 ]
 _GAIT_COLUMNS: list[Column[LegSnapshot]] = [
-    _reported("gait.contact"),
-    _reported("gait.contact_raw"),
-    _reported("gait.probability", ">7.1%", "contact"),
-    _reported("gait.load_share", ">5.0%", "share", worth=8),
-    Column("gait.slip", _entry("gait.slip"), "<6", cell=_slip_cell, worth=7),
-    _reported("gait.all_in_air"),
-    Column("gait.ago_ms", lambda leg: _scaled(leg.report.gait_ago_ns, 1e-6)),
+    Column("contact_probability", lambda leg: leg.force.contact_probability, ">7.0%", ("contact",)),
+    Column("holds", lambda leg: leg.force.holds, ">5.0%", style=_holds_style, worth=8),
+    Column("ground.ago_ms", lambda leg: _scaled(leg.report.ground_ago_ns, 1e-6)),
     _reported("ground.tangential_over_normal", ">5.2f", "ft/fn", worth=6),
     _reported("ground.tangential_over_normal_sigma", ">4.2f", "+-", worth=4),
     _reported("ground.friction", ">8.2f", "friction", worth=5),
@@ -267,6 +276,17 @@ _REPORT_COLUMNS: list[Column[LegSnapshot]] = [
     Column("baseline.worst_ff", _entry("baseline.worst_pf", 1e3), ">+7.1f", ("worst",), worth=5),
     Column("baseline.moved_s_ago", _entry("baseline.age_ns", 1e-9), ">7.1f", ("ago [s]",), worth=3),
     Column("heartbeat", _entry("heartbeat.state"), "<7", ("node",), cell=_node_cell, worth=7),
+    Column(
+        "calibration.kind",
+        _entry("calibration.kind"),
+        "<11",
+        ("calibration",),
+        cell=_calibration_cell,
+        worth=2,
+    ),
+    Column("calibration.date", _calibration_date, "<10", ("since",), worth=1),
+    _reported("calibration.size_error_percent"),
+    _reported("calibration.direction_error_deg"),
     Column("force_step_mn", lambda leg: leg.identity and leg.identity.force_step_mn),
     Column("foot_type_hash", lambda leg: leg.identity and f"{leg.identity.foot_type_hash:08x}"),
     Column("degraded_timing", _entry("heartbeat.degraded_timing")),

@@ -113,7 +113,12 @@ def _run_replay(
                 clock.sleep_until_ns(recorded.forces.t_sent_ns)
                 commands = (*recorded.started_commands, *sink.commands())
                 pipeline.set_degraded_timing(bool((recorded.forces.flags & Flag.DEGRADED_TIMING).any()))
-                made = loop.run_cycle(recorded.scan, commands, temperature_c=recorded.temperature_c)
+                made = loop.run_cycle(
+                    recorded.scan,
+                    commands,
+                    temperature_c=recorded.temperature_c,
+                    motion=recorded.motion,
+                )
                 if comparison is not None and not n_lost and (different := comparison.add(recorded, made)):
                     raise FootsenseError(f"{file}: {different}{_made_elsewhere(recording)}")
                 n_frames += 1

@@ -4,8 +4,9 @@
 
     link         frames -> status, state, force, sigma, age of every leg     the same in C: firmware_interface/c
     gait_events  frames -> touchdowns, lift-offs and slips, each once        the same in C
-    reports      frames -> cause, baseline, heartbeat, contact, ground of every leg
+    reports      frames -> cause, baseline, heartbeat, ground, calibration of every leg
     commands     tare, start, stop, and their results
+    motions      motion of every leg -> frames                               the same in C
 
 All is pure: nothing here opens a channel or reads a clock, and nothing but `firmware_interface` is imported.
 """
@@ -13,6 +14,7 @@ All is pure: nothing here opens a channel or reads a clock, and nothing but `fir
 from footsense.client.commands import CommandAnswer, PendingCommands
 from footsense.client.gait_events import GAIT_EVENT_IDS, GaitEvents, LegEvent
 from footsense.client.link import LINK_IDS, LegForce, Link, LinkLimits, LinkStatus
+from footsense.client.motions import Motions
 from footsense.client.reports import REPORT_IDS, LegReport, Reports
 
 __all__ = [
@@ -27,6 +29,7 @@ __all__ = [
     "Link",
     "LinkLimits",
     "LinkStatus",
+    "Motions",
     "PendingCommands",
     "Reports",
 ]

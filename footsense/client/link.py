@@ -16,10 +16,12 @@ from typing import NamedTuple
 from firmware_interface.can.codes import NODE_IDS, USABLE, Flag, State
 from firmware_interface.can.crc8 import COUNTER_PERIOD, FrameError
 from firmware_interface.can.force import FORCE, FORCE_ID, QUALITY, QUALITY_ID, Force, Quality
-from firmware_interface.can.reports import IDENTITY, IDENTITY_ID, Identity
+from firmware_interface.can.reports import FAULT, FAULT_ID, IDENTITY, IDENTITY_ID, Fault, Identity
 
 #: CAN ids of the accepted frames.
-LINK_IDS = tuple(base + node for base in (FORCE_ID, QUALITY_ID, IDENTITY_ID) for node in NODE_IDS.values())
+LINK_IDS = tuple(
+    base + node for base in (FORCE_ID, QUALITY_ID, IDENTITY_ID, FAULT_ID) for node in NODE_IDS.values()
+)
 
 #: Shortest silence of a leg in which its service may have been started anew, with other feet [ns].
 _RESTART_NS = 300_000_000
@@ -66,21 +68,25 @@ class LegForce(NamedTuple):
         usable: Whether the force may be used.
         state: Last reported state of the leg; ABSENT before the first report.
         flags: Flags of the last force.
-        fault_mask: Bit e set where element e is not usable or overloaded.
+        fault_mask: Bit e set where element e is not usable or overloaded; None until it was told, within a second.
         force_n: Ground reaction on the foot in the foot frame [N]; NaN unless usable.
         sigma_n: Standard deviation of each component [N]; NaN unless usable. In the air a fiftieth of the largest force
             along the leg, far above the noise: a touch may have begun since the readings.
         age_ns: Present age of the measurement [ns]; None unless usable.
+        contact_probability: Probability that the foot is on the ground [1]; NaN unless usable.
+        holds: Probability that the foot stands still on the ground [1]; NaN unless usable and known.
     """
 
     status: LinkStatus
     usable: bool
     state: State
     flags: Flag
-    fault_mask: int
+    fault_mask: int | None
     force_n: tuple[float, float, float]
     sigma_n: tuple[float, float, float]
     age_ns: int | None
+    contact_probability: float = math.nan
+    holds: float = math.nan
 
     @property
     def age_s(self) -> float:
@@ -117,11 +123,15 @@ class Link:
             now_ns: Time of arrival, on a clock that does not step [ns].
 
         Returns:
-            Whether it was a `Force`, `Quality` or `Identity` of a leg, valid or not.
+            Whether it was a `Force`, `Quality`, `Identity` or `Fault` of a leg, valid or not.
         """
         if can_id - IDENTITY_ID in self._legs:
             with suppress(FrameError):  # the next one comes in a second
                 self._legs[can_id - IDENTITY_ID].process_identity(IDENTITY.decode(can_id, data), now_ns)
+            return True
+        if can_id - FAULT_ID in self._legs:
+            with suppress(FrameError):  # likewise
+                self._legs[can_id - FAULT_ID].fault = FAULT.decode(can_id, data)
             return True
         for codec in (FORCE, QUALITY):
             if can_id - codec.can_id in self._legs:
@@ -158,6 +168,7 @@ class _LegStateMachine:
 
     Attributes:
         identity: What was told last of the frames of the leg.
+        fault: What was told last of its elements.
     """
 
     def __init__(self, limits: LinkLimits) -> None:
@@ -171,6 +182,7 @@ class _LegStateMachine:
         self._n_good = 0
         self._status = LinkStatus.STALE
         self.identity: Identity | None = None
+        self.fault: Fault | None = None
         self._identity_ns = 0
 
     def process_identity(self, identity: Identity, now_ns: int) -> None:
@@ -209,22 +221,22 @@ class _LegStateMachine:
     def force_at(self, now_ns: int) -> LegForce:
         """Return the latest force, and whether it may be used at `now_ns`."""
         status, state = self._status_at(now_ns), self._state
+        mask = self.fault and self.fault.fault_mask
         if self._last is None:
-            return LegForce(status, False, state, Flag(0), 0, _NO_FORCE, _NO_FORCE, None)
+            return LegForce(status, False, state, Flag(0), mask, _NO_FORCE, _NO_FORCE, None)
         force, quality = self._last
         allowed = state == State.VALID or (state == State.DEGRADED and self._limits.accept_degraded)
         usable = status in {LinkStatus.OK, LinkStatus.LOST} and allowed
         if not usable or quality.age_ns is None or any(map(math.isnan, force.force_n + quality.sigma_n)):
-            return LegForce(
-                status, False, state, quality.flags, quality.fault_mask, _NO_FORCE, _NO_FORCE, None
-            )
+            return LegForce(status, False, state, quality.flags, mask, _NO_FORCE, _NO_FORCE, None)
         assert self.identity is not None
         step, age_ns = self.identity.force_step_mn, quality.age_ns + now_ns - self._arrived_ns
         force_n, sigma_n = (
-            (round(x * step, 3), round(y * step, 3), round(z * step, 3))  # of a step of whole mN
+            (round(x * step, 6), round(y * step, 6), round(z * step, 6))  # of whole uN
             for x, y, z in (force.force_n, quality.sigma_n)
         )
-        return LegForce(status, True, state, quality.flags, quality.fault_mask, force_n, sigma_n, age_ns)
+        contact = quality.contact_probability, quality.holds
+        return LegForce(status, True, state, quality.flags, mask, force_n, sigma_n, age_ns, *contact)
 
     def _accept_force(self, force: Force, quality: Quality, now_ns: int) -> None:
         """Store a force once both of its frames (`Force`, `Quality`) have arrived."""

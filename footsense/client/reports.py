@@ -1,30 +1,31 @@
-"""Slow reports of the legs on CAN: cause of the state, baseline, heartbeat, contact, ground."""
+"""Slow reports of the legs on CAN: cause of the state, baseline, heartbeat, ground, calibration."""
 
-import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.can.crc8 import FrameError, kind_and_node
-from firmware_interface.can.gait import GAIT, GROUND, Gait, Ground
+from firmware_interface.can.gait import GROUND, Ground
 from firmware_interface.can.reports import (
     BASELINE,
+    CALIBRATION,
     FAULT,
     HEARTBEAT_ID,
     Baseline,
+    CalibrationFrame,
     Fault,
     Heartbeat,
     decode_heartbeat,
 )
 
 #: Of each kind of frame, by its CAN id without the node: field of `LegReport`, decoder, and the age from which its
-#: content is unknown [ns]: three periods of baseline (1 s), heartbeat (200 ms), and contact and ground (100 ms).
-_KINDS: dict[int, tuple[str, Callable[[int, bytes], Any], float]] = {
-    FAULT.can_id: ("fault", FAULT.decode, math.inf),
+#: content is unknown [ns]: three periods of fault, baseline and calibration (1 s), heartbeat (200 ms), ground (100 ms).
+_KINDS: dict[int, tuple[str, Callable[[int, bytes], Any], int]] = {
+    FAULT.can_id: ("fault", FAULT.decode, 3_000_000_000),
     BASELINE.can_id: ("baseline", BASELINE.decode, 3_000_000_000),
     HEARTBEAT_ID: ("heartbeat", decode_heartbeat, 600_000_000),
-    GAIT.can_id: ("gait", GAIT.decode, 300_000_000),
     GROUND.can_id: ("ground", GROUND.decode, 300_000_000),
+    CALIBRATION.can_id: ("calibration", CALIBRATION.decode, 3_000_000_000),
 }
 
 #: CAN ids of the accepted frames.
@@ -35,20 +36,20 @@ class LegReport(NamedTuple):
     """Latest reports of one leg; None where none arrived lately.
 
     Attributes:
-        fault: Its state with the cause. Sent on change alone, so unknown to a client that started later.
+        fault: Its state with the cause and the elements that are out.
         baseline: Its baseline; `age_ns` is that of the present.
         heartbeat: State of its node.
-        gait: Its contact.
         ground: The ground below its foot.
-        gait_ago_ns: Time since its contact arrived, and the ground with it [ns].
+        ground_ago_ns: Time since that arrived [ns].
+        calibration: How its foot is calibrated.
     """
 
     fault: Fault | None = None
     baseline: Baseline | None = None
     heartbeat: Heartbeat | None = None
-    gait: Gait | None = None
     ground: Ground | None = None
-    gait_ago_ns: int | None = None
+    ground_ago_ns: int | None = None
+    calibration: CalibrationFrame | None = None
 
 
 class Reports:
@@ -91,8 +92,8 @@ class Reports:
             report, arrived_ns = self._last.get(base + node, (None, now_ns))
             if now_ns - arrived_ns <= max_age_ns:
                 latest[name] = report
-                if isinstance(report, Gait):
-                    latest["gait_ago_ns"] = now_ns - arrived_ns
+                if isinstance(report, Ground):
+                    latest["ground_ago_ns"] = now_ns - arrived_ns
                 if isinstance(report, Baseline) and report.age_ns is not None:
                     latest[name] = report._replace(age_ns=report.age_ns + now_ns - arrived_ns)
         return LegReport(**latest)

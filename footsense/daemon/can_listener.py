@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.can.force import QUALITY_ID
-from firmware_interface.can.reports import PROTOCOL_VERSION, Identity
+from firmware_interface.can.reports import FAULT_ID, PROTOCOL_VERSION, Identity
 from firmware_interface.can.socketcan import unpack_frame
 from footsense.can.interface import Can, Interface
 from footsense.client import (
@@ -116,7 +116,9 @@ class Listener:
                 node = can_id - QUALITY_ID
                 self._n_force_frames[node] += 1
                 self._arrivals_ns[node].append(now_ns)
-            elif event := self._events.feed(can_id, data, self._last_poll_ns):
+                if not FAULT_ID < can_id <= FAULT_ID + len(NODE_IDS):  # the reports have a fault's cause
+                    continue
+            if event := self._events.feed(can_id, data, self._last_poll_ns):
                 self._last_events[event.node] = event
                 events.append(event)
             else:

@@ -3,10 +3,14 @@
 import logging
 from collections.abc import Callable, Collection, Iterator
 from contextlib import ExitStack, closing, contextmanager, suppress
+from datetime import date
 from functools import partial
+from math import nan
 from pathlib import Path
 
+from firmware_interface.can.codes import CalibrationKind
 from firmware_interface.can.force import force_step_mn
+from firmware_interface.can.reports import CALIBRATION_EPOCH, CalibrationFrame
 from firmware_interface.can.socketcan import unpack_frame
 from footsense.can.channel import open_socket
 from footsense.can.interface import DEFAULT_CHANNELS, Can, error_text
@@ -17,6 +21,7 @@ from footsense.daemon.models import Models
 from footsense.daemon.simulation import is_simulated
 from footsense.errors import CanError, RecordingError
 from footsense.estimation.settings import LONG_SILENCE_NS
+from footsense.foot.calibration_files import FootCalibration
 from footsense.ports import CanWire, Clock
 from footsense.sim.can.frame_log import CanFrameLog
 from footsense.sim.can.interface import SimulatedCan
@@ -60,10 +65,20 @@ def can_sink(
             cycles_per_force=config.effective_publish_every,
             force_step_mn=force_step_mn(card.max_trained_force_n),
             foot_type=card.foot_type,
+            calibrations=[_calibration(models.calibrations_by_leg.get(leg)) for leg in config.legs],
             connect=connect,
         )
         stack.callback(sink.close)
         yield sink
+
+
+def _calibration(found: FootCalibration | None) -> CalibrationFrame:
+    """Return what CAN tells of the calibration of a foot; its expected errors are not known yet."""
+    if found is None:
+        return CalibrationFrame(0, 0, CalibrationKind.NONE, None, nan, nan)
+    kind = CalibrationKind.STANDING if found.manifest.by_standing else CalibrationKind.PRESSED
+    day = (date.fromisoformat(found.manifest.made[:10]) - CALIBRATION_EPOCH).days
+    return CalibrationFrame(0, 0, kind, day, nan, nan)
 
 
 def open_wire(can: Can, accept: Collection[int] = ()) -> CanWire:

@@ -13,7 +13,7 @@ import numpy as np
 
 from footsense.can.sink import CanSink
 from footsense.estimation.pipeline import Pipeline
-from footsense.frames import CapFrame, Command, Cycle, ReferenceSamples, Vector
+from footsense.frames import CapFrame, Command, Cycle, LegMotion, ReferenceSamples, Vector
 from footsense.ports import Clock, FrameSource, Observer, ReferenceSensor
 
 
@@ -59,7 +59,8 @@ class Loop:
                     now_c, last_temperature_c, equal_nan=True
                 ):
                     last_temperature_c = new_c = now_c
-            self.run_cycle(scan, tuple(self.sink.commands()), samples, new_c)
+            commands = tuple(self.sink.commands())
+            self.run_cycle(scan, commands, samples, new_c, self.sink.new_motion())
 
     def run_cycle(
         self,
@@ -67,16 +68,19 @@ class Loop:
         commands: tuple[Command, ...],
         reference: ReferenceSamples | None = None,
         temperature_c: Vector | None = None,
+        motion: LegMotion | None = None,
     ) -> Cycle:
         """Run one cycle on a frame: execute commands, estimate, publish, notify observers; return the cycle."""
         pipeline, sink = self.pipeline, self.sink
         if temperature_c is not None:
             pipeline.set_temperature(temperature_c)
+        if motion is not None:
+            pipeline.set_motion(motion)
         immediate = tuple(map(pipeline.execute, commands))
         forces, ended = pipeline.process(scan, self.clock.now_ns())
         sink.publish(forces)
         outcomes = (*filter(None, immediate), *ended)
-        cycle = Cycle(scan, commands, forces, outcomes, reference, temperature_c)
+        cycle = Cycle(scan, commands, forces, outcomes, reference, temperature_c, motion)
         for outcome in cycle.ended_commands:
             sink.answer(outcome)
         for observer in self.observers:

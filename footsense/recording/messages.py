@@ -31,13 +31,20 @@ from footsense.frames import (
     GaitEvent,
     GaitEventKind,
     GaitFrame,
+    LegMotion,
     ReferenceSamples,
     Result,
 )
-from footsense.ring.records import CYCLE_FIELDS, GAIT_FIELDS, NonNegativeInt64, frame_from_arrays
+from footsense.ring.records import (
+    CYCLE_FIELDS,
+    GAIT_FIELDS,
+    MOTION_FIELDS,
+    NonNegativeInt64,
+    frame_from_arrays,
+)
 
 SCAN, FORCE, EVENT, REFERENCE = "/scan", "/force", "/event", "/reference"
-GAIT, GAIT_EVENT = "/gait", "/gait_event"
+GAIT, GAIT_EVENT, MOTION = "/gait", "/gait_event", "/motion"
 
 SCAN_FIELDS = {path: field for path, field in CYCLE_FIELDS.items() if path.startswith("scan.")}
 FORCE_FIELDS = {path: field for path, field in CYCLE_FIELDS.items() if path.startswith("forces.")}
@@ -105,6 +112,11 @@ def _gait_events(cycle: Cycle, legs: Sequence[str]) -> Iterator[TimedMessage]:
         yield _numbers(cycle.forces.t_sent_ns, {**names, "t_ns": event.t_ns, "sigma_s": event.sigma_s})
 
 
+def _motion(cycle: Cycle, legs: Sequence[str]) -> Iterator[TimedMessage]:
+    if cycle.motion is not None:
+        yield _numbers(cycle.forces.t_sent_ns, leg_objects(cycle.motion, legs, MOTION_FIELDS))
+
+
 def _scan(cycle: Cycle, legs: Sequence[str]) -> Iterator[TimedMessage]:
     rows = leg_objects(cycle.scan, legs, SCAN_FIELDS)
     yield _numbers(cycle.forces.t_sent_ns, {"sequence": cycle.scan.sequence, **rows})
@@ -122,6 +134,7 @@ ENCODERS: dict[str, Callable[[Cycle, Sequence[str]], Iterator[TimedMessage]]] = 
     REFERENCE: _reference,
     GAIT: _gait,
     GAIT_EVENT: _gait_events,
+    MOTION: _motion,
     SCAN: _scan,
     FORCE: _force,
 }
@@ -174,6 +187,9 @@ def decode_cycle(parts: defaultdict[str, list[bytes]], legs: Sequence[str], *, h
         tuple(outcomes),
         _decode_reference(parts[REFERENCE]) if has_reference else None,
         temperature_c,
+        frame_from_arrays(LegMotion, _arrays(_only(parts[MOTION]), legs, MOTION_FIELDS))
+        if parts[MOTION]
+        else None,
     )
 
 
@@ -287,6 +303,7 @@ def topic_schemas(legs: Sequence[str]) -> dict[str, bytes]:
         SCAN: object_of(sequence=whole, **rows(SCAN_FIELDS)),
         FORCE: object_of(sequence=whole, t_sent_ns=whole, **rows(FORCE_FIELDS)),
         GAIT: object_of(t_ns=whole, friction=number, all_in_air=boolean, **rows(GAIT_FIELDS)),
+        MOTION: object_of(**rows(MOTION_FIELDS)),
         GAIT_EVENT: object_of(kind=text, leg=text, t_ns=whole, sigma_s=number),
         EVENT: object_of(**words, n_cycles=whole, temperature_c=object_of(**dict.fromkeys(legs, number))),
         REFERENCE: object_of(t_ns=whole, **dict.fromkeys(_AXES, number), saturated=boolean),

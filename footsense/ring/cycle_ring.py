@@ -11,18 +11,20 @@ import os
 import tempfile
 import zlib
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from operator import attrgetter
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from footsense.errors import FootsenseError
 from footsense.frames import Cycle, GaitFrame
 from footsense.ports import Observer
 from footsense.ring import ring_file
-from footsense.ring.records import CYCLE_FIELDS, GAIT_FIELDS, ServiceStatus
+from footsense.ring.records import CYCLE_FIELDS, GAIT_FIELDS, MOTION_FIELDS, ServiceStatus
 
 #: Time that the ring holds [s].
 RING_DURATION_S = 30
@@ -33,7 +35,7 @@ _STATUS_PERIOD_NS = 100_000_000
 _OTHER_RECORDS_PER_S = 10
 #: Bytes of a cycle besides its arrays.
 _OTHER_CYCLE_BYTES = 100
-#: Room for what few cycles have: samples of a test stand, temperatures, commands [1].
+#: Room for what few cycles have: samples of a test stand, temperatures, motions, commands [1].
 _ROOM_REL = 1.1
 #: Blocks that a reader begins with: the last second.
 _N_RECENT_BLOCKS = 10
@@ -42,6 +44,7 @@ _N_RECENT_BLOCKS = 10
 _encode = msgspec.msgpack.Encoder(enc_hook=np.generic.item).encode
 _arrays_of = attrgetter(*CYCLE_FIELDS)
 _gait_arrays_of = attrgetter(*(path.partition(".")[2] for path in GAIT_FIELDS))
+_motion_arrays_of = attrgetter(*(path.partition(".")[2] for path in MOTION_FIELDS))
 
 
 def encode_cycle(cycle_number: int, cycle: Cycle) -> bytes:
@@ -50,22 +53,26 @@ def encode_cycle(cycle_number: int, cycle: Cycle) -> bytes:
     Timing:
         2 us for six legs.
     """
-    scan, commands, forces, outcomes, reference, temperature_c = cycle
+    scan, commands, forces, outcomes, reference, temperature_c, motion = cycle
     return _encode(
         (
             *("cycle", cycle_number, scan.sequence, forces.sequence, forces.t_sent_ns),
-            b"".join(map(np.ndarray.tobytes, _arrays_of(cycle))),
+            _joined(_arrays_of(cycle)),
             *(commands, outcomes),
             None if reference is None else tuple(column.tobytes() for column in reference),
             None if temperature_c is None else temperature_c.tobytes(),
+            None if motion is None else _joined(_motion_arrays_of(motion)),
             None if forces.gait is None else _gait_entries(forces.gait),
         )
     )
 
 
+def _joined(arrays: Iterable[NDArray[Any]]) -> bytes:
+    return b"".join(map(np.ndarray.tobytes, arrays))
+
+
 def _gait_entries(gait: GaitFrame) -> tuple[object, ...]:
-    arrays = b"".join(map(np.ndarray.tobytes, _gait_arrays_of(gait)))
-    return (gait.t_ns, gait.friction, gait.all_in_air, gait.events, arrays)
+    return (gait.t_ns, gait.friction, gait.all_in_air, gait.events, _joined(_gait_arrays_of(gait)))
 
 
 def _overwrite_at_once(position: int) -> None:

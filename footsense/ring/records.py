@@ -26,13 +26,14 @@ from footsense.frames import (
     CycleField,
     GaitEvent,
     GaitFrame,
+    LegMotion,
     ReferenceSamples,
     Vector,
 )
 
 #: A counter or time: not negative, 63 bits.
 NonNegativeInt64 = Annotated[int, msgspec.Meta(ge=0, le=(1 << 63) - 1)]
-_Frame = TypeVar("_Frame", CapFrame, BaselineDrift, ContactFrame, GaitFrame)
+_Frame = TypeVar("_Frame", CapFrame, LegMotion, BaselineDrift, ContactFrame, GaitFrame)
 
 
 def _fields_of(frame: type[tuple[Any, ...]], place: str) -> dict[str, CycleField]:
@@ -50,11 +51,19 @@ def _wide_first(fields: dict[str, CycleField]) -> dict[str, CycleField]:
     return dict(sorted(fields.items(), key=lambda item: -np.dtype(item[1].dtype).itemsize))
 
 
-_PLACES = {CapFrame: "scan", BaselineDrift: "forces.baseline", ContactFrame: "forces", GaitFrame: "gait"}
+_PLACES = {
+    CapFrame: "scan",
+    LegMotion: "motion",
+    BaselineDrift: "forces.baseline",
+    ContactFrame: "forces",
+    GaitFrame: "gait",
+}
 _BY_FRAME = {frame: _fields_of(frame, place) for frame, place in _PLACES.items()}
-#: The arrays of a cycle by their path, such as `forces.force_n`, and those of a gait, which few cycles have.
+#: The arrays of a cycle by their path, such as `forces.force_n`, and those of a gait and a motion, which few cycles
+#: have.
 CYCLE_FIELDS = _wide_first(_BY_FRAME[CapFrame] | _BY_FRAME[ContactFrame] | _BY_FRAME[BaselineDrift])
 GAIT_FIELDS = _wide_first(_BY_FRAME[GaitFrame])
+MOTION_FIELDS = _wide_first(_BY_FRAME[LegMotion])
 
 
 def frame_from_arrays(kind: type[_Frame], arrays: Mapping[str, NDArray[Any]], **others: Any) -> _Frame:  # noqa: ANN401 - the values of a frame
@@ -162,6 +171,7 @@ class _CycleRecord(msgspec.Struct, array_like=True, tag="cycle"):
     ended_commands: tuple[CommandResult, ...]
     reference_samples: tuple[bytes, bytes, bytes] | None
     temperature_c: bytes | None
+    motion: bytes | None
     gait: _GaitRecord | None
 
 
@@ -203,21 +213,27 @@ def _numbered_cycle(record: _CycleRecord, n_legs: int) -> NumberedCycle:
     reference = None if record.reference_samples is None else _decode_reference(*record.reference_samples)
     temperature_c = None if record.temperature_c is None else np.frombuffer(record.temperature_c, "<f8")
     require_valid(temperature_c is None or len(temperature_c) == n_legs, "temperatures of other legs")
-    cycle = Cycle(scan, record.started_commands, forces, record.ended_commands, reference, temperature_c)
+    motion = None
+    if record.motion is not None:
+        motion = frame_from_arrays(LegMotion, _decode_arrays(record.motion, "motion", n_legs))
+    cycle = Cycle(
+        scan, record.started_commands, forces, record.ended_commands, reference, temperature_c, motion
+    )
     return NumberedCycle(record.cycle_number, cycle)
 
 
-_FIELDS = {"cycle": CYCLE_FIELDS, "gait": GAIT_FIELDS}
+_FIELDS = {"cycle": CYCLE_FIELDS, "gait": GAIT_FIELDS, "motion": MOTION_FIELDS}
+_ArraysOf = Literal["cycle", "gait", "motion"]
 
 
 @cache
-def _layout(frame: Literal["cycle", "gait"], n_legs: int) -> np.dtype[Any]:
+def _layout(frame: _ArraysOf, n_legs: int) -> np.dtype[Any]:
     return np.dtype(
         [(path, field.dtype, (n_legs, *field.row_shape)) for path, field in _FIELDS[frame].items()]
     )
 
 
-def _decode_arrays(data: bytes, frame: Literal["cycle", "gait"], n_legs: int) -> Mapping[str, NDArray[Any]]:
+def _decode_arrays(data: bytes, frame: _ArraysOf, n_legs: int) -> Mapping[str, NDArray[Any]]:
     """Return the arrays in a binary field by their paths, after checking its length and codes."""
     layout = _layout(frame, n_legs)
     require_valid(len(data) == layout.itemsize, f"arrays of {len(data)} bytes")

@@ -2,7 +2,7 @@
 
 The file::
 
-    8 bytes   "FSRING02"
+    8 bytes   "FSRING03"
     4 x 8     end, begin, recent, length n of the header: unsigned, in the byte order of this machine
     n bytes   the header: JSON
     zeros     to the end of a page
@@ -34,7 +34,7 @@ from pathlib import Path
 from footsense.errors import FootsenseError
 from footsense.regular_file import open_regular
 
-MAGIC = b"FSRING02"
+MAGIC = b"FSRING03"
 #: How the ring of every version begins.
 _MAGIC_OF_ALL = MAGIC[:6]
 #: Places of the counters, in words of 8 bytes.

@@ -13,7 +13,7 @@ from typing import Final
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
 from footsense.errors import RecordingError
-from footsense.frames import USABLE, BaselineStatus, Cause, ContactFrame, Slip, State
+from footsense.frames import USABLE, BaselineStatus, Cause, ContactFrame, Flag, State
 from footsense.recording.replay import Replay
 from footsense.ros2.messages import STORE, LegSample, LegTopics
 
@@ -23,8 +23,8 @@ _METADATA_VERSION: Final = 8
 def write_bag(replay: Replay, folder: Path) -> int:
     """Write a recording as a ROS 2 bag; return the number of cycles.
 
-    A wrench for each new force, a contact state ten times a second and with each event, diagnostics once a second and
-    with each change of a state. The folder gets its name once it is complete.
+    A wrench and the probabilities for each new force, a contact state ten times a second and with each event,
+    diagnostics once a second and with each change of a state. The folder gets its name once it is complete.
 
     Args:
         replay: The recording.
@@ -118,12 +118,13 @@ def _leg_sample(forces: ContactFrame, row: int, leg: str, offset_ns: int) -> Leg
             force_n=forces.force_n[row].tolist(),
             sigma_n=forces.sigma_n[row].tolist(),
             age_ms=float(forces.age_ns[row]) * 1e-6,
+            contact=bool(forces.flags[row] & Flag.CONTACT),
+            contact_probability=float(forces.contact_probability[row]),
+            holds=float(forces.holds[row]),
         )
     if gait is not None:
         sample = sample._replace(
             is_new_contact=True,
-            contact=bool(gait.contact[row]),
-            slip=Slip(int(gait.slip[row])),
             ground_normal=gait.normal[row].tolist(),
             friction_coefficient=gait.friction,
         )

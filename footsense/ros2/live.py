@@ -28,7 +28,7 @@ from footsense.ros2.messages import STORE, LegSample
 if TYPE_CHECKING:
     from footsense.client import LegEvent
 
-#: Period of the contacts [ns]: that of `Gait` and `Ground` on CAN.
+#: Period of the contact states [ns]: that of `Ground` on CAN.
 _CONTACT_PERIOD_NS = 100_000_000
 
 
@@ -72,13 +72,14 @@ def _live_sample(snapshot: LegSnapshot, wall_ns: int) -> LegSample:
         cause=report.fault.cause if report.fault and report.fault.state is force.state else None,
         force_n=force.force_n,
         sigma_n=force.sigma_n,
-        fault_mask=force.fault_mask,
+        fault_mask=force.fault_mask or 0,
+        contact=force.contact,
+        contact_probability=force.contact_probability,
+        holds=force.holds,
         baseline_status=report.baseline.status if report.baseline else None,
     )
     if force.usable and force.age_ns is not None:
         sample = sample._replace(t_wall_ns=wall_ns - force.age_ns, age_ms=force.age_ns * 1e-6)
-    if report.gait is not None:
-        sample = sample._replace(contact=report.gait.contact, slip=report.gait.slip)
     if report.ground is not None:
         sample = sample._replace(
             ground_normal=report.ground.normal, friction_coefficient=report.ground.friction

@@ -1,4 +1,4 @@
-"""ROS 2 messages of the legs as CDR bytes, with their topics: wrench, contact state, diagnostics.
+"""ROS 2 messages of the legs as CDR bytes, with their topics: wrench, contact, holds, contact state, diagnostics.
 
 A value that is not known is never a plausible number. A leg without a usable force sends no wrench, as a filter that
 received NaN would not recover: its last stamp ages. Its contact state has the status unknown and NaN for the force.
@@ -16,11 +16,12 @@ from typing import Any, NamedTuple
 
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from footsense.frames import USABLE, BaselineStatus, Cause, Slip, State
+from footsense.frames import USABLE, BaselineStatus, Cause, State
 from footsense.leg_words import LegPhase, phase_of, word_of
 
 WRENCH = "geometry_msgs/msg/WrenchStamped"
 CONTACT = "whole_body_state_msgs/msg/ContactState"
+PROBABILITY = "std_msgs/msg/Float64"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 
 #: ROS itself does not have this type.
@@ -65,7 +66,8 @@ class LegSample(NamedTuple):
         age_ms: Age of the newest reading when the sample was taken [ms]; NaN unless usable.
         baseline_status: Status of the baseline tracking; None if unknown.
         contact: Debounced contact; None if unknown.
-        slip: Whether the foot slides.
+        contact_probability: Probability that the foot is on the ground [1]; NaN if unknown.
+        holds: Probability that it stands still there [1]; NaN if unknown.
         ground_normal: Unit normal of the ground into the foot, foot frame; NaN if unknown.
         friction_coefficient: Coefficient of the ground's friction; NaN if unknown.
     """
@@ -83,7 +85,8 @@ class LegSample(NamedTuple):
     age_ms: float = math.nan
     baseline_status: BaselineStatus | None = None
     contact: bool | None = None
-    slip: Slip = Slip.UNKNOWN
+    contact_probability: float = math.nan
+    holds: float = math.nan
     ground_normal: Sequence[float] = _NAN_VECTOR
     friction_coefficient: float = math.nan
 
@@ -103,11 +106,13 @@ class LegTopics:
         self._diagnosed_ns: int | None = None
         self.types: dict[str, str] = {}
         for leg in legs:
-            self.types |= {f"/footsense/{leg}/wrench": WRENCH, f"/footsense/{leg}/contact": CONTACT}
+            topic = f"/footsense/{leg}"
+            self.types |= {f"{topic}/wrench": WRENCH, f"{topic}/contact": CONTACT}
+            self.types |= {f"{topic}/contact_probability": PROBABILITY, f"{topic}/holds": PROBABILITY}
         self.types[_DIAGNOSTICS_TOPIC] = DIAGNOSTICS
 
     def due_messages(self, samples: Sequence[LegSample], t_ns: int) -> Iterator[tuple[str, bytes]]:
-        """Yield the messages that are due: forces and contacts that are new, diagnostics that changed or once a second.
+        """Yield the messages that are due: of forces and contacts that are new, diagnostics once a second or changed.
 
         Args:
             samples: The legs.
@@ -121,6 +126,9 @@ class LegTopics:
                 header = _header(sample.t_wall_ns, _frame(sample.leg))
                 stamped = _geometry("WrenchStamped", header, _wrench(sample))
                 yield f"/footsense/{sample.leg}/wrench", _encode(stamped)
+                for name in ("contact_probability", "holds"):
+                    probability = STORE.types[PROBABILITY](getattr(sample, name))
+                    yield f"/footsense/{sample.leg}/{name}", _encode(probability)
             if sample.is_new_contact:
                 yield f"/footsense/{sample.leg}/contact", _encode_contact(sample)
         states = [(sample.state, sample.cause) for sample in samples]
@@ -175,7 +183,8 @@ def _contact_status(sample: LegSample) -> int:
         return _UNKNOWN
     if not sample.contact:
         return _INACTIVE
-    return _SLIPPING if sample.slip is Slip.SLIPPING else _ACTIVE
+    # More likely than not, given that it is on the ground.
+    return _SLIPPING if sample.holds < 0.5 * sample.contact_probability else _ACTIVE
 
 
 def _diagnostic_status(sample: LegSample) -> Any:  # noqa: ANN401 - as above

@@ -220,6 +220,12 @@ def _status_metrics(status: ServiceStatus) -> Iterator[Metric]:
             "Command frames that were not executed.",
             can.rejected_commands,
         ),
+        ("footsense_can_received_motions_total", "Frames of a leg's motion.", can.received_motions),
+        (
+            "footsense_can_rejected_motions_total",
+            "Frames of a leg's motion that were not taken.",
+            can.rejected_motions,
+        ),
         ("footsense_can_bus_errors_total", "Error frames of the CAN controller.", can.bus_errors),
         ("footsense_can_bus_off_total", "Times that the controller left the bus.", can.bus_off),
         ("footsense_can_error_passive_total", passive, can.error_passive),

@@ -25,6 +25,8 @@ _FRAME_SIGNALS: dict[str, Callable[[ContactFrame], Any]] = {
     "sigma_x": lambda forces: forces.sigma_n[:, 0],
     "sigma_y": lambda forces: forces.sigma_n[:, 1],
     "sigma_z": lambda forces: forces.sigma_n[:, 2],
+    "contact_probability": lambda forces: forces.contact_probability,
+    "holds": lambda forces: forces.holds,
     "age": lambda forces: np.where(forces.t_ns > 0, forces.age_ns * 1e-6, np.nan),
     "state": lambda forces: forces.state,
     "cause": lambda forces: forces.cause,

@@ -55,7 +55,9 @@ class _View(ctypes.Structure):
         ("flags", ctypes.c_uint8),
         ("fault_mask", ctypes.c_uint16),
         ("force_mn", ctypes.c_int32 * 3),
-        ("sigma_mn", ctypes.c_uint16 * 3),
+        ("sigma_un", ctypes.c_uint32 * 3),
+        ("contact_permille", ctypes.c_uint16),
+        ("holds_permille", ctypes.c_uint16),
         ("age_us", ctypes.c_uint32),
     )
 
@@ -115,7 +117,7 @@ class CLink:
         return fed
 
     def look(self, node: int, t_us: int) -> tuple[object, ...]:
-        """Return what is known of a leg, in the units of C: mN and us."""
+        """Return what is known of a leg, in the units of C: mN, uN, us and permille."""
         view = self._library.footsense_get_leg_force(self._link, node, t_us)
         return (
             LinkStatus(view.status),
@@ -124,14 +126,18 @@ class CLink:
             view.flags,
             view.fault_mask,
             tuple(view.force_mn),
-            tuple(view.sigma_mn),
+            tuple(view.sigma_un),
             view.age_us,
+            view.contact_permille,
+            view.holds_permille,
         )
 
 
 def in_c_units(view: LegForce) -> tuple[object, ...]:
     """Return a view of Python as C says it."""
     forces = tuple(-(2**31) if force_n != force_n else round(force_n * 1000) for force_n in view.force_n)  # noqa: PLR0124
-    sigmas = tuple(65535 if sigma_n != sigma_n else round(sigma_n * 1000) for sigma_n in view.sigma_n)  # noqa: PLR0124
+    sigmas = tuple(0xFFFFFFFF if sigma_n != sigma_n else round(sigma_n * 1e6) for sigma_n in view.sigma_n)  # noqa: PLR0124
     age_us = 0xFFFFFFFF if view.age_ns is None else view.age_ns // 1000
-    return (*view[:5], forces, sigmas, age_us)
+    mask = 0xFFFF if view.fault_mask is None else view.fault_mask
+    contact = (0xFFFF if p != p else round(p * 1000) for p in (view.contact_probability, view.holds))  # noqa: PLR0124
+    return (*view[:4], mask, forces, sigmas, age_us, *contact)

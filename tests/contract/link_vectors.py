@@ -40,7 +40,7 @@ def quality(
 ) -> tuple[int, bytes]:
     """Return id and data of a quality."""
     age_ns = None if age_us is None else age_us * 1000
-    return QUALITY_ID + NODE, encode_quality(NODE, counter, 0, age_ns, 0, sigma_n)
+    return QUALITY_ID + NODE, encode_quality(NODE, counter, 0, age_ns, sigma_n)
 
 
 def identity(version: int = PROTOCOL_VERSION, step_mn: int = 1) -> tuple[int, bytes]:

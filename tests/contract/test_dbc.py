@@ -8,16 +8,17 @@ import pytest
 from firmware_interface.can.codes import (
     NODE_IDS,
     BaselineStatus,
+    CalibrationKind,
     Cause,
     CommandKind,
     GaitEventKind,
     NmtState,
     Result,
-    Slip,
     State,
+    StepPhase,
 )
 from firmware_interface.can.dbc import HEXAPOD_DBC, make_dbc
-from tests.contract.test_frames import DBC, FRAMES, dbc_name
+from tests.contract.test_frames import DBC, FRAMES, SENT_BY_CONTROLLER, dbc_name
 
 LEGS = [leg.capitalize() for leg in NODE_IDS]
 
@@ -36,7 +37,10 @@ def test_the_dbc_of_a_hexapod_is_the_committed_one() -> None:
 def test_every_leg_has_every_frame_and_there_are_no_others() -> None:
     """Names, ids and senders are those of the codecs."""
     expected = {
-        dbc_name(kind, leg): (frame.base + node, "GaitController" if kind == "command" else "Footsense")
+        dbc_name(kind, leg): (
+            frame.base + node,
+            "GaitController" if kind in SENT_BY_CONTROLLER else "Footsense",
+        )
         for kind, frame in FRAMES.items()
         for leg, node in NODE_IDS.items()
     }
@@ -53,7 +57,8 @@ def test_every_leg_has_every_frame_and_there_are_no_others() -> None:
         ("FaultLf", "Cause", Cause),
         ("BaselineLf", "Status", BaselineStatus),
         ("GaitEventLf", "Kind", GaitEventKind),
-        ("GaitLf", "Slip", Slip),
+        ("LegMotionLf", "Phase", StepPhase),
+        ("CalibrationLf", "Kind", CalibrationKind),
         ("CommandLf", "Kind", CommandKind),
         ("AnswerLf", "Kind", CommandKind),
         ("AnswerLf", "Result", Result),
@@ -69,7 +74,7 @@ def test_value_tables_are_the_enumerations(message: str, signal: str, names: typ
 
 
 def test_cyclic_frames_tell_their_period_and_the_others_have_none() -> None:
-    """Heartbeats at 5 Hz, baselines and identities at 1 Hz, gaits at 10 Hz, forces with every fourth conversion."""
+    """Heartbeats at 5 Hz, other reports at 1 Hz, grounds at 10 Hz, forces with every fourth conversion."""
     assert {m.name: m.cycle_time for m in DBC.messages if m.cycle_time} == {
         name + leg: period
         for name, period in (
@@ -77,7 +82,8 @@ def test_cyclic_frames_tell_their_period_and_the_others_have_none() -> None:
             ("Quality", 11),
             ("Baseline", 1000),
             ("Identity", 1000),
-            ("Gait", 100),
+            ("Calibration", 1000),
+            ("Fault", 1000),
             ("Ground", 100),
             ("Heartbeat", 200),
         )

@@ -18,9 +18,10 @@ from firmware_interface.can.commands import ANSWER, COMMAND
 from firmware_interface.can.crc8 import FrameError, protect
 from firmware_interface.can.dbc import make_dbc
 from firmware_interface.can.force import FORCE, QUALITY
-from firmware_interface.can.gait import GAIT, GAIT_EVENT, GROUND
+from firmware_interface.can.gait import GAIT_EVENT, GROUND, LEG_MOTION
 from firmware_interface.can.reports import (
     BASELINE,
+    CALIBRATION,
     FAULT,
     HEARTBEAT_ID,
     IDENTITY,
@@ -49,6 +50,7 @@ class Field(NamedTuple):
         unit: Of the signal, in that of Python.
         c_type: Type in C; empty if C does not have it. A field without a number is then the largest, or the least.
         per_unit: Of the number in C, in that of Python.
+        is_log: Whether the signal is in eighths of an octave over the unit.
     """
 
     name: str
@@ -56,6 +58,11 @@ class Field(NamedTuple):
     unit: float = 1
     c_type: str = "B"
     per_unit: float = 1
+    is_log: bool = False
+
+    def in_dbc(self, number: float) -> float:
+        """Return the number of a signal in the unit of Python."""
+        return math.ceil(1000 * 2 ** (number / 8)) * self.unit / 1000 if self.is_log else number * self.unit
 
     def of(self, content: Any) -> float:
         """Return the number of a decoded frame; NaN for none."""
@@ -129,8 +136,9 @@ FRAMES = {
     "quality": frame_of(
         QUALITY,
         Field("flags"),
-        Field("fault_mask", "FaultMask", 1, "H"),
-        *(Field(f"sigma_n.{n}", f"Sigma{axis}", 1, "H", 1e3) for n, axis in enumerate("XYZ")),
+        *(Field(f"sigma_n.{n}", f"Sigma{axis}", 1e-3, "I", 1e6, is_log=True) for n, axis in enumerate("XYZ")),
+        Field("contact_probability", "ContactProbability", 1, "H", 1e3),
+        Field("holds", "Holds", 1, "H", 1e3),
         Field("age_ns", "Age", 1e6, "I", 1e-3),
         *(Field(f"flags.{f.name}", str(f.name).title().replace("_", ""), 1, "") for f in Flag),
         encode=lambda content: encode_quality(*content),
@@ -176,14 +184,20 @@ FRAMES = {
         Field("sigma_s", "Sigma", 1e-3, "H", 1e6),
         Field("age_ns", "Age", 1e6, "I", 1e-3),
     ),
-    "gait": frame_of(
-        GAIT,
-        Field("contact", "Contact", 1, "?"),
-        Field("contact_raw", "ContactRaw", 1, "?"),
-        Field("all_in_air", "AllInAir", 1, "?"),
-        Field("slip", "Slip"),
-        Field("probability", "Probability", 1, "H", 1e3),
-        Field("load_share", "LoadShare", 1, "H", 1e3),
+    "calibration": frame_of(
+        CALIBRATION,
+        Field("kind", "Kind"),
+        Field("day", "Day", 1, "H"),
+        Field("size_error_percent", "SizeError", 1, "H", 10),
+        Field("direction_error_deg", "DirectionError", 1, "H", 10),
+    ),
+    "leg_motion": frame_of(
+        LEG_MOTION,
+        Field("phase", "Phase"),
+        Field("acceleration_m_per_s2", "Acceleration"),
+        Field("sigma_m_per_s2", "AccelerationSigma", 1e-2, is_log=True),
+        Field("up.0", "UpX"),
+        Field("up.1", "UpY"),
     ),
     "ground": frame_of(
         GROUND,
@@ -195,8 +209,9 @@ FRAMES = {
         Field("friction", "Friction", 1, "H", 1e3),
     ),
 }
-#: C writes commands, and reads all others.
-READ_IN_C = sorted(set(FRAMES) - {"command"})
+#: C writes what the gait controller sends, and reads all others.
+SENT_BY_CONTROLLER = {"command", "leg_motion"}
+READ_IN_C = sorted(set(FRAMES) - SENT_BY_CONTROLLER)
 
 
 def dbc_name(kind: str, leg: str = "lf") -> str:
@@ -224,6 +239,8 @@ def codes(draw: st.DrawFn, kind: str, leg: str) -> dict[str, int]:
     normal = [drawn[axis] for axis in ("NormalX", "NormalY") if kind == "ground"]
     if any(abs(code) > 350 for code in normal):  # it would lean further than level, or is none
         drawn |= {"NormalX": -512, "NormalY": -512}
+    if kind == "leg_motion" and any(abs(drawn[axis]) > 700 for axis in ("UpX", "UpY")):
+        drawn |= {"UpX": -1024, "UpY": -1024}
     return drawn
 
 
@@ -242,7 +259,8 @@ def test_all_read_what_any_writes(kind: str, data: st.DataObject) -> None:
     assert (message.frame_id, ours.node) == (frame.base + NODE_IDS[leg], NODE_IDS[leg])
     for field in frame.fields:
         if field.signal:
-            expected = math.nan if str(named[field.signal]) == "NoValue" else said[field.signal] * field.unit
+            is_none = str(named[field.signal]) == "NoValue"
+            expected = math.nan if is_none else field.in_dbc(float(said[field.signal]))
             assert field.of(ours) == pytest.approx(expected, nan_ok=True)
     assert frame.encode(ours) == theirs
     if kind in READ_IN_C:
@@ -286,10 +304,13 @@ def test_the_vectors_hold(kind: str) -> None:
         expected = list(flat(vector.values()))
         can_id = frame.base + int(expected[0])
         content = frame.decode(can_id, data)
-        shown = content._replace(normal=content.normal[:2]) if kind == "ground" else content
+        part = {"ground": "normal", "leg_motion": "up"}.get(kind)
+        shown = content._replace(**{part: getattr(content, part)[:2]}) if part else content
         assert list(flat(shown))[: len(expected)] == pytest.approx(expected, nan_ok=True)
         assert frame.encode(content) == data
-        assert kind == "command" or frame.read_in_c(kind, can_id, data) == frame.read_in_python(can_id, data)
+        assert kind in SENT_BY_CONTROLLER or frame.read_in_c(kind, can_id, data) == frame.read_in_python(
+            can_id, data
+        )
 
 
 @pytest.mark.parametrize("vector", VECTORS["refused"] + VECTORS["refused_events"], ids=lambda v: v["why"])
@@ -304,5 +325,8 @@ def test_codes_for_no_value_are_named() -> None:
     """A tool that shows value tables shows `NoValue`, not a number."""
     force = DBC.decode_message("ForceLf", encode_force(1, 0, State.STALE, (1.0, 1.0, 1.0)))
     assert [str(force[f"Force{axis}"]) for axis in "XYZ"] == ["NoValue"] * 3
-    quality = DBC.decode_message("QualityLf", encode_quality(1, 0, 0, None, 0, (math.nan, 2.0, math.nan)))
+    quality = DBC.decode_message(
+        "QualityLf", encode_quality(1, 0, 0, None, (math.nan, 56.0, math.nan), math.nan)
+    )
     assert [str(quality[s]) for s in ("Age", "SigmaX", "SigmaY")] == ["NoValue", "NoValue", "Saturated"]
+    assert str(quality["ContactProbability"]) == "NoValue"

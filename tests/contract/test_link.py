@@ -13,13 +13,14 @@ from hypothesis import strategies as st
 
 from firmware_interface.can.codes import (
     BaselineStatus,
+    CalibrationKind,
     Cause,
     CommandKind,
     Flag,
     GaitEventKind,
     Result,
-    Slip,
     State,
+    StepPhase,
 )
 from firmware_interface.can.commands import ANSWER, COMMAND_ID, Answer, encode_command
 from firmware_interface.can.crc8 import protect
@@ -27,9 +28,20 @@ from firmware_interface.can.force import FORCE_ID, QUALITY_ID
 from firmware_interface.can.gait import (
     GAIT_EVENT,
     GAIT_EVENT_ID,
+    LEG_MOTION,
+    LEG_MOTION_ID,
     GaitEventFrame,
+    LegMotionFrame,
 )
-from firmware_interface.can.reports import IDENTITY, IDENTITY_ID, PROTOCOL_VERSION, Identity
+from firmware_interface.can.reports import (
+    FAULT,
+    FAULT_ID,
+    IDENTITY,
+    IDENTITY_ID,
+    PROTOCOL_VERSION,
+    Fault,
+    Identity,
+)
 from firmware_interface.can.socketcan import ERROR, EXTENDED, REMOTE
 from footsense.client import CommandAnswer, GaitEvents, Link, LinkLimits, PendingCommands
 from tests.contract import link_vectors
@@ -68,7 +80,7 @@ def streams(draw: st.DrawFn) -> list[tuple[int, int, bytes]]:
     """Return frames of two legs with times in us: mostly what a service sends, with every kind of harm."""
     frames = [(0, *identity_of(node)) for node in draw(st.sampled_from([(), (1,), *[range(1, 9)] * 4]))]
     t_us, counter = 0, draw(st.integers(0, 14))
-    for harm in draw(st.lists(st.sampled_from(["none"] * 12 + list("lhqfcszxi")), max_size=40)):
+    for harm in draw(st.lists(st.sampled_from(["none"] * 12 + list("lhqfcszxie")), max_size=40)):
         step_us = draw(st.sampled_from([0, 100, *[25_000] * 5, 99_999, 100_001, 300_001, -200_000]))
         t_us = max(0, t_us + step_us)
         step = draw(st.integers(2, 14)) if harm == "l" else 0 if harm == "z" else 1
@@ -76,24 +88,28 @@ def streams(draw: st.DrawFn) -> list[tuple[int, int, bytes]]:
         state = draw(st.sampled_from(State)) if harm == "s" else State.VALID
         node = draw(st.sampled_from([1, 1, 1, 2]))
         age_ns = draw(st.sampled_from([15_000_000, 15_000_000, 99_000_000, 100_100_000, None]))
+        contact = draw(st.sampled_from([(1.0, 0.93), (0.004, math.nan), (math.nan, math.nan)]))
         sigma_n = draw(st.sampled_from([*[(0.01, 2.0, 0.02)] * 4, (0.01, 2.0, math.nan)]))
         sent = [
             (FORCE_ID + node, encode_force(node, counter, state, (0.1, -0.2, 40.0))),
-            (QUALITY_ID + node, encode_quality(node, counter, 9, age_ns, 5, sigma_n)),
+            (QUALITY_ID + node, encode_quality(node, counter, 9, age_ns, sigma_n, *contact)),
         ]
         if harm == "h":
             del sent[draw(st.integers(0, 1))]
         if harm == "q":
             sent.reverse()
         if harm == "f":
-            sent = [(draw(st.integers(0x108, 0x15F)), draw(st.binary(max_size=8)))]
+            sent = [(draw(st.integers(0x100, 0x15F)), draw(st.binary(max_size=8)))]
         if harm == "c":
             sent[0] = (sent[0][0], protect(sent[0][0], draw(st.binary(min_size=7, max_size=7))))
         if harm == "x":
             sent[1] = (sent[1][0] ^ 3, sent[1][1])
         if harm == "i":
-            told = identity_of(node, draw(st.sampled_from([2, 2, 3])), draw(st.integers(0, 21)))
+            told = identity_of(node, draw(st.sampled_from([3, 3, 2])), draw(st.integers(0, 21)))
             sent = draw(st.permutations([*sent, told]))
+        if harm == "e":
+            fault = Fault(node, 0, state, state, draw(st.integers(0, 511)), Cause.NONE)
+            sent.append((FAULT_ID + node, FAULT.encode(fault)))
         frames += [(t_us + 270 * place, *frame) for place, frame in enumerate(sent)]
     return frames
 
@@ -143,6 +159,40 @@ def test_c_writes_the_commands_of_python_and_none_other(node: int, counter: int,
         assert (can_id, data.raw) == (COMMAND_ID + node, encode_command(node, counter, CommandKind(kind)))
     else:
         assert can_id == 0
+
+
+class _CMotion(ctypes.Structure):
+    _fields_ = (
+        ("phase", ctypes.c_uint8),
+        ("acceleration_cm_per_s2", ctypes.c_int16),
+        ("sigma_mm_per_s2", ctypes.c_uint32),
+        ("up_permille", ctypes.c_int16 * 2),
+    )
+
+
+@given(
+    *(st.integers(0, 9), st.integers(0, 15), st.integers(0, 3), st.integers(-(1 << 15), (1 << 15) - 1)),
+    st.one_of(st.integers(0, 600_000), st.integers(0, (1 << 32) - 1)),
+    st.one_of(st.tuples(st.integers(-1000, 1000), st.integers(-1000, 1000)), st.just((-32768, -32768))),
+)
+def test_c_writes_the_motions_of_python_and_none_other(
+    node: int, counter: int, phase: int, acceleration: int, sigma: int, up: tuple[int, int]
+) -> None:
+    """The id is 0 for a node, counter, phase or direction that does not exist; the least or largest number is none."""
+    data = ctypes.create_string_buffer(8)
+    motion = _CMotion(phase, acceleration, sigma, up)
+    can_id = library().footsense_encode_motion(node, counter, ctypes.byref(motion), data)
+    x, y = (math.nan if part == -32768 else part / 1000 for part in up)
+    if not (1 <= node <= 8 and counter <= 14 and phase in set(StepPhase)) or x * x + y * y > 1.0:
+        assert can_id == 0
+        return
+    in_python = LegMotionFrame(
+        *(node, counter, StepPhase(phase)),
+        math.nan if acceleration == -32768 else acceleration / 100,
+        math.nan if sigma == (1 << 32) - 1 else sigma / 1000,
+        (x, y, math.nan),
+    )
+    assert (can_id, data.raw) == (LEG_MOTION_ID + node, LEG_MOTION.encode(in_python))
 
 
 class _CEvent(ctypes.Structure):
@@ -197,14 +247,17 @@ def test_the_codes_of_the_header_are_those_of_python() -> None:
     flags = {flag.name: flag.value for flag in Flag}
     commands = {kind.name: kind.value for kind in CommandKind}
     events = {kind.name: kind.value for kind in GaitEventKind}
-    slips = {f"SLIP_{slip.name}": slip.value for slip in Slip}
-    assert named == states | flags | commands | events | slips | {"DONE": Result.DONE.value}
+    phases = {f"PHASE_{phase.name}": phase.value for phase in StepPhase}
+    kinds = {f"CALIBRATION_{kind.name}": kind.value for kind in CalibrationKind}
+    assert named == states | flags | commands | events | phases | kinds | {"DONE": Result.DONE.value}
     limits = re.search(
-        r"LAST_CAUSE = (\d+), LAST_BASELINE_STATUS = (\d+), LAST_RESULT = (\d+)",
+        r"LAST_CAUSE = (\d+), LAST_BASELINE_STATUS = (\d+), LAST_RESULT = (\d+),\s+LAST_CALIBRATION_KIND = (\d+)",
         (SOURCES / "footsense_can.c").read_text(),
     )
     assert limits
-    assert list(map(int, limits.groups())) == [max(Cause), max(BaselineStatus), max(Result)]
+    assert list(map(int, limits.groups())) == [
+        *(max(Cause), max(BaselineStatus), max(Result), max(CalibrationKind))
+    ]
 
 
 def test_the_example_in_the_readme_compiles(tmp_path: Path) -> None:

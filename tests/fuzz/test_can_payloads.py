@@ -9,10 +9,19 @@ from hypothesis import strategies as st
 from firmware_interface.can.commands import ANSWER, ANSWER_ID, COMMAND, COMMAND_ID
 from firmware_interface.can.crc8 import FrameError, protect
 from firmware_interface.can.force import FORCE, FORCE_ID, QUALITY, QUALITY_ID
-from firmware_interface.can.gait import GAIT, GAIT_EVENT, GAIT_EVENT_ID, GAIT_ID, GROUND, GROUND_ID
+from firmware_interface.can.gait import (
+    GAIT_EVENT,
+    GAIT_EVENT_ID,
+    GROUND,
+    GROUND_ID,
+    LEG_MOTION,
+    LEG_MOTION_ID,
+)
 from firmware_interface.can.reports import (
     BASELINE,
     BASELINE_ID,
+    CALIBRATION,
+    CALIBRATION_ID,
     FAULT,
     FAULT_ID,
     HEARTBEAT_ID,
@@ -32,7 +41,8 @@ DECODERS: list[tuple[int, int, Callable[[int, bytes], object]]] = [
     (HEARTBEAT_ID, 1, decode_heartbeat),
     (BASELINE_ID, 8, BASELINE.decode),
     (GAIT_EVENT_ID, 6, GAIT_EVENT.decode),
-    (GAIT_ID, 5, GAIT.decode),
+    (CALIBRATION_ID, 6, CALIBRATION.decode),
+    (LEG_MOTION_ID, 8, LEG_MOTION.decode),
     (GROUND_ID, 8, GROUND.decode),
 ]
 

@@ -11,7 +11,7 @@ from can.interfaces.udp_multicast.utils import pack_message
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from firmware_interface.can.codes import NODE_IDS, CommandKind
+from firmware_interface.can.codes import NODE_IDS, CommandKind, StepPhase
 from firmware_interface.can.commands import encode_command
 from firmware_interface.can.crc8 import protect
 from firmware_interface.can.socketcan import (
@@ -32,7 +32,9 @@ from tests.support.can_robot import FakeClock
 LEGS = tuple(NODE_IDS)
 _SECOND_NS = 1_000_000_000
 
-any_ids = st.integers(0x110, 0x118) | st.integers(0, 0x7FF) | st.integers(0, 2**32 - 1)
+any_ids = (
+    st.integers(0x110, 0x118) | st.integers(0x130, 0x138) | st.integers(0, 0x7FF) | st.integers(0, 2**32 - 1)
+)
 commands = st.builds(
     lambda node, counter, kind: pack_frame(0x110 + node, encode_command(node, counter, kind)),
     st.integers(1, 6),
@@ -40,8 +42,8 @@ commands = st.builds(
     st.sampled_from(CommandKind),
 )
 protected = st.builds(
-    lambda node, data: pack_frame(0x110 + node, protect(0x110 + node, data)),
-    st.integers(1, 6),
+    lambda can_id, data: pack_frame(can_id, protect(can_id, data)),
+    st.integers(0x111, 0x116) | st.integers(0x131, 0x136),
     st.binary(max_size=7),
 )
 classic = st.binary(min_size=FRAME_BYTES, max_size=FRAME_BYTES)
@@ -64,9 +66,12 @@ def test_any_frames_to_the_service(frames: list[tuple[bytes, int]]) -> None:
         for command in sink.commands():
             executed[command.leg] += 1
             assert executed[command.leg] <= 10
+        motion = sink.new_motion()
+        assert motion is None or (motion.phase <= max(StepPhase)).all()
     stats = sink.stats
-    assert stats.received_commands + stats.bus_errors <= len(frames)
+    assert stats.received_commands + stats.received_motions + stats.bus_errors <= len(frames)
     assert stats.rejected_commands <= stats.received_commands
+    assert stats.rejected_motions <= stats.received_motions
     sink.close()
     there.close()
 

@@ -11,6 +11,7 @@ from typing import Any
 import can
 
 from firmware_interface.can.codes import NODE_IDS, USABLE, State
+from firmware_interface.can.reports import CalibrationFrame
 from firmware_interface.can.socketcan import unpack_frame
 from footsense.can.interface import Can
 from footsense.can.sink import CanSink
@@ -87,6 +88,7 @@ class Robot:
         every: int = 1,
         *,
         step_mn: int = 1,
+        calibrations: Sequence[CalibrationFrame] = (),
     ) -> None:
         self.clock = FakeClock()
         self.consumer = can.Bus(interface="virtual", channel=channel, preserve_timestamps=True)
@@ -100,6 +102,7 @@ class Robot:
             cycles_per_force=every,
             force_step_mn=step_mn,
             foot_type="aoyagi-3x3",
+            calibrations=calibrations,
             connect=connect if self.log is None else self.log.connect,
         )
         self.legs = legs

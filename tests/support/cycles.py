@@ -22,6 +22,7 @@ from footsense.frames import (
     GaitEvent,
     GaitEventKind,
     GaitFrame,
+    LegMotion,
     ReferenceSamples,
     State,
 )
@@ -76,7 +77,8 @@ def cycle(
         )
     )
     temperature_c = rng.choice([np.nan, -40.0, 0.1, 1 / 3, 125.0], n_legs) if warm else None
-    return Cycle(scan, commands, forces, outcomes, reference, temperature_c)
+    motion = LegMotion(**_arrays(LegMotion, rng, n_legs)) if number % 5 == 2 else None
+    return Cycle(scan, commands, forces, outcomes, reference, temperature_c, motion)
 
 
 @functools.cache

@@ -23,6 +23,8 @@ export const COLUMNS = [
   ["fz [N]", "", (get) => number(get("fz"), 3, true)],
   ["σ [mN]", "opt", (get) => number(1e3 * Math.max(get("sigma_x"), get("sigma_y"), get("sigma_z")), 0)],
   ["age [ms]", "", (get) => (Number.isNaN(get("fz")) ? "–" : number(get("age"), 1))],
+  ["contact", "opt", (get) => percent(get("contact_probability"))],
+  ["holds", "opt", (get) => percent(get("holds"))],
   ["share", "opt", (get) => percent(get("load_share"))],
   ["ft/fn", "opt", ratioAndFriction],
   ["baseline", "opt text", (get, words) => words.baselines[get("baseline_status")]],
@@ -31,7 +33,7 @@ export const COLUMNS = [
 
 // Signal, label, unit and digits of each curve.
 export const OFFERED = [
-  ["fz", "fz", "N", 3], ["fx", "fx", "N", 3], ["fy", "fy", "N", 3], ["sigma_z", "σz", "N", 3], ["closure_4", "middle gap", "", 2],
-  ["probability", "contact", "", 2], ["load_share", "share", "", 2], ["tangential_over_normal", "ft/fn", "", 2],
+  ["fz", "fz", "N", 3], ["fx", "fx", "N", 3], ["fy", "fy", "N", 3], ["sigma_z", "σz", "N", 3], ["closure_4", "mid gap", "", 2],
+  ["contact_probability", "contact", "", 2], ["holds", "holds", "", 2], ["load_share", "share", "", 2], ["tangential_over_normal", "ft/fn", "", 2],
   ["age", "age", "ms", 1], ["baseline_mean", "drift", "fF", 1], ["temperature", "temperature", "°C", 1],
 ];

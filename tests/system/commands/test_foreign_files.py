@@ -94,7 +94,7 @@ READERS = (
     Read("ros2 --config FILE"),
     Read("exporter --config FILE"),
     Read("snapshot a.mcap --config FILE"),
-    Read("snapshot a.mcap --ring FILE", b"FSRING02"),
+    Read("snapshot a.mcap --ring FILE", b"FSRING03"),
     Read("view --config FILE"),
     Read("view FILE", RECORDING),
     Read("replay FILE", RECORDING),

@@ -15,7 +15,7 @@ from footsense.can.interface import Can
 from footsense.client import LinkLimits
 from footsense.daemon.can_listener import Listener
 from footsense.daemon.can_output import open_wire
-from footsense.errors import CanError
+from footsense.errors import CanError, FootsenseError
 from footsense.frames import Flag, GaitEvent, GaitEventKind, State
 from tests.support.can_robot import MS, Robot
 from tests.support.frames import gait_frame
@@ -69,7 +69,7 @@ def test_a_cycle_is_the_force_of_each_leg_by_its_name(heard: Heard) -> None:
         assert list(forces) == ["lf", "rf"]
         left = forces["lf"]
         assert left.force_n == pytest.approx((0.5, 0.5, 0.5))
-        assert left.sigma_n == pytest.approx((0.01, 0.01, 0.01))
+        assert left.sigma_n == pytest.approx((0.010375,) * 3)
         assert (left.usable, left.contact, left.state) == (True, True, footsense.State.VALID)
         # The age when sent, and at most the time since the last look at the channel.
         assert 0.003 <= left.age_s <= 0.003 + CYCLE_NS * 1e-9
@@ -104,6 +104,30 @@ def test_an_event_comes_once_with_its_leg_and_time(heard: Heard) -> None:
         heard.cycle()
         next(cycles)
         assert feet.events == ()
+
+
+def test_contact_and_hold_come_with_each_force(heard: Heard) -> None:
+    with connected(heard) as feet:
+        heard.cycle(contact_probability=0.98, holds=0.25)
+        left = next(iter(feet))["lf"]
+        assert (left.contact_probability, left.holds) == (0.98, 0.25)
+        heard.cycle(contact_probability=0.98, holds=math.nan)
+        left = next(iter(feet))["lf"]
+        assert (left.contact_probability, math.isnan(left.holds)) == (0.98, True)
+
+
+def test_a_motion_reaches_the_service(heard: Heard) -> None:
+    with connected(heard) as feet:
+        feet.send_motion("rf", acceleration_m_per_s2=-1.5, sigma_m_per_s2=0.5, up=(0.0, 0.6, 0.8))
+        feet.send_motion("rf", phase=footsense.StepPhase.SWING)
+        with pytest.raises(FootsenseError, match="no leg is named xx; there are lf, rf"):
+            feet.send_motion("xx")
+    sink = heard.robot.sink
+    assert sink.commands() == []
+    motion = sink.new_motion()
+    assert motion is not None
+    assert motion.phase.tolist() == [0, 1]
+    assert (sink.stats.received_motions, sink.stats.rejected_motions) == (2, 0)
 
 
 def test_a_slow_loop_gets_the_newest_forces_and_no_backlog(heard: Heard) -> None:

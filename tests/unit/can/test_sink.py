@@ -1,5 +1,8 @@
 """What the sink sends, and when."""
 
+import math
+from collections import Counter
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -10,26 +13,40 @@ import pytest
 from firmware_interface.can.codes import (
     NODE_IDS,
     BaselineStatus,
+    CalibrationKind,
     Cause,
     CommandKind,
     Flag,
+    GaitEventKind,
     NmtState,
     Result,
     State,
 )
 from firmware_interface.can.crc8 import kind_and_node
-from firmware_interface.can.force import FORCE, QUALITY
+from firmware_interface.can.force import FORCE, FORCE_ID, QUALITY, QUALITY_ID
+from firmware_interface.can.gait import GAIT_EVENT_ID, GROUND_ID
 from firmware_interface.can.reports import (
     BASELINE,
+    BASELINE_ID,
+    CALIBRATION,
+    CALIBRATION_ID,
     FAULT,
+    FAULT_ID,
+    HEARTBEAT_ID,
     IDENTITY,
     IDENTITY_ID,
     PROTOCOL_VERSION,
+    CalibrationFrame,
     decode_heartbeat,
     foot_type_hash,
 )
-from footsense.frames import LEGS, BaselineDrift, Command, CommandResult
+from firmware_interface.wire_timing import can_bits_per_s, max_can_frame_bits
+from footsense.frames import LEGS, BaselineDrift, Command, CommandResult, GaitEvent
 from tests.support.can_robot import MS, NarrowWire, Robot
+from tests.support.frames import gait_frame
+
+PRESSED = CalibrationFrame(0, 0, CalibrationKind.PRESSED, 2159, math.nan, math.nan)
+NONE = CalibrationFrame(0, 0, CalibrationKind.NONE, None, math.nan, math.nan)
 
 
 def test_each_leg_sends_force_and_quality_with_one_counter(request: pytest.FixtureRequest) -> None:
@@ -45,7 +62,7 @@ def test_each_leg_sends_force_and_quality_with_one_counter(request: pytest.Fixtu
         assert [force.node for force in forces] == [quality.node for quality in qualities] == nodes
         assert {force.counter for force in forces} == {q.counter for q in qualities} == {scan % 15}
         assert forces[0].force_n == (0.5, 0.5, 0.5)
-        assert (qualities[0].age_ns, qualities[0].sigma_n) == (12_300_000, (0.01, 0.01, 0.01))
+        assert (qualities[0].age_ns, qualities[0].sigma_n) == (12_300_000, (0.010375, 0.010375, 0.010375))
     robot.close()
 
 
@@ -149,6 +166,57 @@ def test_a_change_is_reported_once(robot: Robot) -> None:
         (1, 2, State.ELEMENT_FAULT, State.ELEMENT_FAULT, 6, Cause.ELEMENT_OPEN),
         (1, 3, State.ELEMENT_FAULT, State.ELEMENT_FAULT, 6, Cause.COLUMN_OPEN),
     ]
+
+
+def test_a_fault_report_is_repeated_every_second(robot: Robot) -> None:
+    """So that who came later knows it; a change that falls on that time is told once, as a change."""
+    for t_ms in range(0, 4000, 20):
+        cause = Cause.ELEMENT_OPEN if t_ms >= 2500 else Cause.NONE
+        robot.publish(t_ms * MS, State.DEGRADED, fault_mask=4 if t_ms >= 2500 else 0, cause=cause)
+    told = {round(m.timestamp * 1e3): FAULT.decode(0x101, bytes(m.data)) for m in robot.heard(0x100)}
+    assert list(told) == [0, 1500, 2500, 3500]
+    assert [fault.counter for fault in told.values()] == [0, 1, 2, 3]
+    assert told[3500][2:] == (State.DEGRADED, State.DEGRADED, 4, Cause.ELEMENT_OPEN)
+
+
+def test_calibrations_are_told_every_second(request: pytest.FixtureRequest) -> None:
+    """Each leg's own; expected errors are not known yet."""
+    robot = Robot(request.node.nodeid, ("lf", "rr"), calibrations=(PRESSED, NONE))
+    for t_ms in range(0, 2000, 20):
+        robot.publish(t_ms * MS)
+    told = [CALIBRATION.decode(m.arbitration_id, bytes(m.data)) for m in robot.heard(CALIBRATION_ID)]
+    assert [(one.node, one.counter, one.kind) for one in told] == [
+        (node, n, kind)
+        for n in range(2)
+        for node, kind in ((1, CalibrationKind.PRESSED), (6, CalibrationKind.NONE))
+    ]
+    assert (told[0].date, told[1].date) == (date(2025, 11, 29), None)
+    assert math.isnan(told[0].size_error_percent)
+    robot.close()
+
+
+def test_six_legs_load_the_bus_by_less_than_40_percent() -> None:
+    """Every frame that is sent in a second, with its worst stuff bits: 92 forces, two steps with a slip of each leg."""
+    wire = NarrowWire()
+    robot = Robot("load", LEGS, wire=wire, every=4)
+    kinds = (GaitEventKind.TOUCHDOWN, GaitEventKind.SLIP, GaitEventKind.SLIP_END, GaitEventKind.LIFT_OFF)
+    for second in range(2):
+        wire.taken.clear()
+        for n in range(368):
+            t_ns = round((second + n / 368) * 1000 * MS)
+            event = GaitEvent(kinds[n // 7 % 4], n // 28 % 6, t_ns, 0.002)
+            events = (event,) if n % 7 == 0 and n < 336 else ()
+            robot.publish(t_ns, gait=gait_frame(t_ns, 6, events=events) if events or n % 37 == 0 else None)
+    robot.sink.close()
+    sent = Counter(kind_and_node(can_id)[0] for can_id, _ in wire.taken[:-6])
+    assert sent[FORCE_ID] == sent[QUALITY_ID] == 6 * 92
+    assert (sent[GAIT_EVENT_ID], sent[GROUND_ID], sent[HEARTBEAT_ID]) == (48, 60, 30)
+    once = (FAULT_ID, BASELINE_ID, IDENTITY_ID, CALIBRATION_ID)
+    assert [sent[kind] for kind in once] == [6] * 4
+    bits = sum(max_can_frame_bits(len(data)) for _, data in wire.taken[:-6])
+    assert bits == can_bits_per_s(6, 92.0) == 167_610
+    assert bits <= 0.4 * 500_000
+    robot.close()
 
 
 def test_what_does_not_fit_beside_the_forces_waits_for_the_next_scan(request: pytest.FixtureRequest) -> None:

@@ -10,9 +10,17 @@ import pytest
 from click.testing import CliRunner
 from rich.console import Console
 
-from firmware_interface.can.codes import BaselineStatus, Cause, Flag, GaitEventKind, NmtState, Slip, State
+from firmware_interface.can.codes import (
+    BaselineStatus,
+    CalibrationKind,
+    Cause,
+    Flag,
+    GaitEventKind,
+    NmtState,
+    State,
+)
 from firmware_interface.can.force import FORCE_ID
-from firmware_interface.can.gait import Gait, Ground
+from firmware_interface.can.gait import Ground
 from firmware_interface.can.reports import (
     BASELINE,
     BASELINE_ID,
@@ -22,6 +30,7 @@ from firmware_interface.can.reports import (
     IDENTITY,
     IDENTITY_ID,
     Baseline,
+    CalibrationFrame,
     Fault,
     Heartbeat,
     Identity,
@@ -48,27 +57,20 @@ def snapshot(leg: str) -> LegSnapshot:
         status=LinkStatus.REPEATED,
         usable=True,
         state=State.CONVERTER_FAULT,
-        flags=Flag.SIMULATED | Flag.CONTACT,
+        flags=Flag.SIMULATED | (Flag.CONTACT if leg == "lf" else Flag(0)),
         fault_mask=0b100_000_011,
         force_n=(-12.3456, -0.0, 32.767),
         sigma_n=(0.1, math.nan, 1.02),
         age_ns=99_900_000,
+        contact_probability=1.0,
+        holds=0.25,
     )
     report = LegReport(
         fault=Fault(1, 0, State.CONVERTER_FAULT, State.VALID, 0, Cause.ELEMENT_SHORTED),
         baseline=Baseline(1, 0, BaselineStatus.NOT_QUIET, -1.2345, 3.2767, 6_553_400_000_000),
         heartbeat=Heartbeat(1, NmtState.STOPPED, degraded_timing=True),
-        gait=Gait(
-            1,
-            0,
-            contact=True,
-            contact_raw=True,
-            all_in_air=True,
-            slip=Slip.SLIPPING,
-            probability=1.0,
-            load_share=1.0,
-        ),
         ground=Ground(1, 0, (-0.7, -0.7, 0.14), 0.315, 2.04, 0.248, 2.04),
+        calibration=CalibrationFrame(1, 0, CalibrationKind.STANDING, 2159, math.nan, math.nan),
     )
     return LegSnapshot(leg, force, report, 7, rate_hz=364)
 
@@ -83,7 +85,7 @@ def test_the_longest_words_fit_into_80_columns_and_a_small_terminal(encoding: st
     text = screen.read()
     assert len(text.splitlines()) <= 23
     assert all(len(line) <= 80 for line in text.splitlines())
-    assert "timing degraded  in air" in text
+    assert "timing degraded" in text
     for word in (
         "converter fault",
         "element shorted",
@@ -91,7 +93,7 @@ def test_the_longest_words_fit_into_80_columns_and_a_small_terminal(encoding: st
         "not quiet",
         "6553.4",
         "-12.346",
-        "slips",
+        "25%",
         "18.0",
         " 364",
     ):
@@ -106,18 +108,18 @@ def test_the_longest_words_fit_into_80_columns_and_a_small_terminal(encoding: st
             200,
             (
                 "leg state link foot fx [N] fy [N] fz [N] sigma age [ms] Hz | "
-                "leg contact share slip ft/fn +- friction normal x y +- [deg] | "
-                "leg cause elements baseline mean fF worst ago [s] node"
+                "leg contact holds ft/fn +- friction normal x y +- [deg] | "
+                "leg cause elements baseline mean fF worst ago [s] node calibration since"
             ),
         ),
         (
             60,
             (
-                "leg state foot fx [N] fy [N] fz [N] | leg contact share slip ft/fn +- friction | "
+                "leg state foot fx [N] fy [N] fz [N] | leg contact holds ft/fn +- friction normal x y | "
                 "leg cause elements baseline node"
             ),
         ),
-        (40, "leg state foot fz [N] | leg contact share slip ft/fn | leg cause elements"),
+        (40, "leg state foot fz [N] | leg contact holds ft/fn friction | leg cause elements"),
     ],
 )
 def test_a_narrow_terminal_loses_what_is_worth_least(width: int, headings: str) -> None:
@@ -130,6 +132,16 @@ def test_a_narrow_terminal_loses_what_is_worth_least(width: int, headings: str) 
     assert ("a wider terminal shows more" in lines) is (width < 200)
     assert [line[:2] for line in lines if line.startswith(LEGS)] == 3 * list(LEGS)
     assert max(len(line) for line in lines) <= width
+
+
+def test_a_calibration_is_shown_with_its_date() -> None:
+    """As numbers of JSON; what is not known of it is null."""
+    assert json_row(COLUMNS, snapshot("lf"))["calibration"] == {
+        "kind": "standing",
+        "date": "2025-11-29",
+        "size_error_percent": None,
+        "direction_error_deg": None,
+    }
 
 
 def test_a_silent_channel_is_told_by_its_name(request: pytest.FixtureRequest) -> None:
@@ -190,7 +202,7 @@ def test_a_listener_sees_what_a_sink_sends_and_stops_believing_it(request: pytes
     robot.close()
 
 
-@pytest.mark.parametrize(("version", "step_mn"), [(3, 1), (2, 7)])
+@pytest.mark.parametrize(("version", "step_mn"), [(2, 1), (3, 7)])
 def test_frames_that_it_cannot_read_are_one_clear_line(
     request: pytest.FixtureRequest, version: int, step_mn: int
 ) -> None:
@@ -209,31 +221,24 @@ def test_frames_that_it_cannot_read_are_one_clear_line(
 
 def test_contact_ground_and_the_last_event_are_shown(request: pytest.FixtureRequest) -> None:
     """As numbers of JSON, as long as they come; an event stays the last one."""
-    robot = Robot(request.node.nodeid)
     clock = FakeClock()
     listener = Listener(
         open_wire(Can(interface="virtual", channel=request.node.nodeid), ()), clock, LinkLimits()
     )
-    robot.publish(0)
-    robot.publish(0, gait=gait_frame(0, events=(GaitEvent(GaitEventKind.SLIP, 0, -10 * MS, 0.01),)))
-    robot.publish(0)
+    robot = Robot(request.node.nodeid)
+    slip = gait_frame(0, events=(GaitEvent(GaitEventKind.SLIP, 0, -10 * MS, 0.01),))
+    for gait in (None, slip, None):
+        robot.publish(0, age_ns=1, contact_probability=1.0, holds=0.93, gait=gait)
     listener.listen(clock.t_ns + 50 * MS)
     (left,) = plain(listener)
-    assert left["gait"] == {
-        "contact": True,
-        "contact_raw": True,
-        "probability": 0.995,
-        "load_share": 1.0,
-        "slip": "none",
-        "all_in_air": False,
-        "ago_ms": 50.0,
-    }
+    assert (left["contact_probability"], left["holds"]) == (1.0, 0.93)
+    assert left["ground"]["ago_ms"] == 50.0
     assert left["ground"]["normal"] == pytest.approx([0.28, 0.0, 0.96])
     assert (left["ground"]["tangential_over_normal"], left["ground"]["friction"]) == (0.2, 0.6)
     assert left["last_event"] == {"kind": "slip", "ago_ms": 60.0, "sigma_ms": 10.0}
     listener.listen(clock.t_ns + 400 * MS)
     left = plain(listener)[0]
-    assert (left["gait"], left["ground"]) == (None, None)
+    assert (left["ground"], left["contact_probability"]) == (None, None)
     assert left["last_event"]["ago_ms"] == 460.0
     robot.close()
 
@@ -256,7 +261,7 @@ def test_a_channel_that_goes_away_is_one_line() -> None:
 
 
 def test_reports_are_known_as_long_as_they_come() -> None:
-    """A baseline for three seconds, a heartbeat for three beats, a cause until the next; a wrong one is counted."""
+    """A baseline and a cause for three seconds, a heartbeat for three beats; a wrong one is counted."""
     reports = Reports()
     assert reports.leg(3, 0) == LegReport()
     begin_ns = 70_000 * MS
@@ -270,7 +275,7 @@ def test_reports_are_known_as_long_as_they_come() -> None:
     assert reports.leg(3, begin_ns + 600 * MS) == LegReport(fault, aged[0], beat)
     assert reports.leg(3, begin_ns + 601 * MS) == LegReport(fault, aged[1])
     assert reports.leg(3, begin_ns + 3000 * MS) == LegReport(fault, aged[2])
-    assert reports.leg(3, begin_ns + 3000 * MS + 1) == LegReport(fault)
+    assert reports.leg(3, begin_ns + 3000 * MS + 1) == LegReport()
     assert reports.feed(BASELINE_ID + 3, bytes(8), begin_ns)
     assert reports.feed(BASELINE_ID + 4, bytes(8), begin_ns)
     assert not reports.feed(FORCE_ID + 3, bytes(8), begin_ns)

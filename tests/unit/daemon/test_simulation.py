@@ -16,6 +16,7 @@ from firmware_interface.can.reports import HEARTBEAT_ID, decode_heartbeat
 from firmware_interface.can.socketcan import pack_frame
 from footsense.can.interface import Can
 from footsense.cli import main
+from footsense.client import Motions
 from footsense.config import SMALL_BOARD
 from footsense.daemon.can_output import another_sends, frames_destination, open_wire, others_hear
 from footsense.daemon.estimation import pipeline_for
@@ -23,10 +24,13 @@ from footsense.daemon.loop import Loop
 from footsense.daemon.models import load_models
 from footsense.daemon.service import open_service
 from footsense.daemon.simulation import PacedSource
-from footsense.frames import LEGS, CapFrame, Cycle, Reading, State
+from footsense.estimation.pipeline import Pipeline
+from footsense.frames import LEGS, CapFrame, Cycle, LegMotion, Reading, State, StepPhase
 from footsense.ports import Observer
+from footsense.recording.replay import Replay
 from footsense.sim.scene import load_scene
 from tests.support.can_robot import MS, FakeClock, Robot
+from tests.support.cycles import same
 
 PERIOD_NS = 20 * MS
 
@@ -74,6 +78,29 @@ class _Flags(Observer):
         self.degraded.append(bool((cycle.forces.flags & Flag.DEGRADED_TIMING).all()))
 
 
+class _Controller(Observer):
+    """Gait controller that tells the motion of two legs after every third cycle, and falls silent after sixty.
+
+    Attributes:
+        seen: Motion of each cycle.
+    """
+
+    def __init__(self, settings: Can) -> None:
+        self._wire, self._motions = open_wire(settings), Motions()
+        self.seen: list[LegMotion | None] = []
+
+    def observe(self, cycle: Cycle) -> None:
+        n = len(self.seen)
+        self.seen.append(cycle.motion)
+        for node in (1, 4) if n % 3 == 0 and n < 60 else ():
+            told = {"acceleration_m_per_s2": 0.1 * n, "sigma_m_per_s2": 0.5, "up": (0.0, 0.6, 0.8)}
+            frame = self._motions.encode(node, **told, phase=StepPhase.STANCE)  # type: ignore[arg-type]
+            self._wire.send([pack_frame(*frame)], 0)
+
+    def close(self) -> None:
+        self._wire.close()
+
+
 def test_a_simulation_that_lags_says_so_in_frames_and_heartbeats(
     request: pytest.FixtureRequest, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -114,6 +141,30 @@ def test_a_recording_with_changes_of_the_timing_replays_bit_for_bit(tmp_path: Pa
         service.run_until(service.source, stop=lambda: next(cycles) >= 60)
     result = CliRunner().invoke(main, ["replay", str(file), "--check"])
     assert (result.exit_code, "cycles equal" in result.output) == (0, True), result.output
+
+
+def test_a_walk_with_motions_replays_bit_for_bit(request: pytest.FixtureRequest, tmp_path: Path) -> None:
+    """What a gait controller sends reaches the estimation in the same cycle once more, and so does its end."""
+    file = tmp_path / "moved.mcap"
+    settings = Can(interface="virtual", channel=request.node.nodeid)
+    config = msgspec.structs.replace(SMALL_BOARD, can=settings)
+    controller = _Controller(settings)
+    with open_service(config, load_scene("tripod"), real_time=False, record=file) as service:
+        service.observers.append(controller)
+        service.run_until(service.source, stop=lambda: len(controller.seen) >= 90)
+    told = [motion for motion in controller.seen if motion is not None]
+    assert 8 <= len(told) < 90
+    assert (told[0].t_ns > 0).tolist() == [True, False, False, True, False, False]
+    assert (told[-1].t_ns == 0).all()
+    recorded = [cycle.motion for cycle in Replay(file)]
+    assert all(map(same, recorded, controller.seen))
+    replayed: list[LegMotion] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Pipeline, "set_motion", lambda _, motion: replayed.append(motion))
+        result = CliRunner().invoke(main, ["replay", str(file), "--check"])
+    assert (result.exit_code, "cycles equal bit for bit" in result.output) == (0, True), result.output
+    assert all(map(same, replayed, told))
+    assert len(replayed) == len(told)
 
 
 @pytest.mark.parametrize(

@@ -1,29 +1,50 @@
 import math
+from datetime import date
 
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from firmware_interface.can.codes import USABLE, BaselineStatus, CommandKind, GaitEventKind, State
+from firmware_interface.can.codes import (
+    USABLE,
+    BaselineStatus,
+    CalibrationKind,
+    CommandKind,
+    GaitEventKind,
+    State,
+    StepPhase,
+)
 from firmware_interface.can.commands import (
     COMMAND,
     COMMAND_ID,
 )
 from firmware_interface.can.crc8 import FrameError, protect
-from firmware_interface.can.force import FORCE, FORCE_ID, QUALITY, QUALITY_ID
-from firmware_interface.can.gait import GAIT_EVENT, GROUND, GaitEventFrame, Ground
+from firmware_interface.can.force import FORCE, FORCE_ID, QUALITY, QUALITY_ID, force_step_mn
+from firmware_interface.can.gait import (
+    GAIT_EVENT,
+    GROUND,
+    LEG_MOTION,
+    LEG_MOTION_ID,
+    GaitEventFrame,
+    Ground,
+    LegMotionFrame,
+)
 from firmware_interface.can.reports import (
     BASELINE,
     BASELINE_ID,
+    CALIBRATION,
+    CALIBRATION_ID,
     HEARTBEAT_ID,
     Baseline,
+    CalibrationFrame,
     decode_heartbeat,
 )
+from footsense.estimation.pipeline import MAX_SIGMA_REL
 from tests.support.can_frames import encode_force, encode_quality
 
 nodes = st.integers(1, 8)
 counters = st.integers(0, 14)
-masks = st.integers(0, 0x1FF)
+probabilities = st.one_of(st.just(math.nan), st.floats(0.0, 1.0))
 numbers = st.floats(allow_nan=False)
 vectors = st.tuples(numbers, numbers, numbers)
 forces = st.tuples(*[st.floats(allow_nan=False, allow_infinity=False)] * 3)
@@ -66,16 +87,24 @@ def test_a_usable_force_with_a_hole_leaves_as_a_fault_without_numbers(hole: floa
         assert all(math.isnan(component) for component in decoded.force_n)
 
 
-@given(st.tuples(nodes, counters, st.integers(0, 7)), st.one_of(st.none(), st.integers()), masks, vectors)
-@example((1, 0, 0), 409_400_000, 0, (0.0, 1.018, 1.02))
-@example((1, 0, 0), 409_400_001, 0, (1.0180001, math.inf, 0.002))
+@given(
+    st.tuples(nodes, counters, st.integers(0, 15)),
+    st.one_of(st.none(), st.integers()),
+    vectors,
+    st.tuples(probabilities, probabilities),
+)
+@example((1, 0, 0), 409_400_000, (0.0, 0.001, 0.00100001), (0.0, 1.0))
+@example((1, 0, 0), 409_400_001, (50.5351650, 55.108988, math.inf), (0.004, 0.996))
 def test_quality_comes_back_saturated_and_never_better_than_it_was(
-    head: tuple[int, int, int], age_ns: int | None, fault_mask: int, sigma_n: tuple[float, float, float]
+    head: tuple[int, int, int],
+    age_ns: int | None,
+    sigma_n: tuple[float, float, float],
+    contact: tuple[float, float],
 ) -> None:
-    """Age and sigma are rounded up; no value stays no value; a sigma too large is 1.02 N."""
-    decoded = QUALITY.decode(QUALITY_ID + head[0], encode_quality(*head, age_ns, fault_mask, sigma_n))
+    """Age and sigma are rounded up, by less than 9.1 % and 0.1 ms; no value stays no value."""
+    decoded = QUALITY.decode(QUALITY_ID + head[0], encode_quality(*head, age_ns, sigma_n, *contact))
     assert decoded[:3] == head
-    assert decoded.fault_mask == fault_mask
+    assert (decoded.contact_probability, decoded.holds) == pytest.approx(contact, abs=0.00501, nan_ok=True)
     if age_ns is None or not 0 <= age_ns <= 409_400_000:
         assert decoded.age_ns is None
     else:
@@ -85,7 +114,47 @@ def test_quality_comes_back_saturated_and_never_better_than_it_was(
         if true_n < 0:
             assert math.isnan(wire_n)
         else:
-            assert min(true_n, 1.02) - 1e-8 <= wire_n < min(true_n, 1.02) + 0.002
+            sent_n = min(max(true_n, 0.001), 55.108988)
+            assert sent_n <= wire_n < 1.0916 * sent_n
+
+
+@pytest.mark.parametrize("max_n", [28.8, 187.5])
+def test_the_largest_sigma_of_a_usable_force_fits(max_n: float) -> None:
+    """Half of the range, of the released feet for the smallest and the largest forces, in their step."""
+    largest_n = MAX_SIGMA_REL * max_n / force_step_mn(max_n)
+    quality = QUALITY.decode(QUALITY_ID + 1, encode_quality(1, 0, 0, 0, (largest_n,) * 3))
+    assert largest_n <= quality.sigma_n[0] < QUALITY.signals["sigma_n"].to_value(126 * 0x4081)[0]
+
+
+@given(
+    *(nodes, counters, st.sampled_from(StepPhase), st.floats(), st.floats()),
+    *(st.floats(0.0, 1.0), st.floats(0.0, 2.0 * math.pi)),
+)
+def test_a_motion_comes_back_within_half_a_bit_and_never_surer(
+    node: int, counter: int, phase: StepPhase, acceleration: float, sigma: float, tilt: float, azimuth: float
+) -> None:
+    """Any acceleration leaves as one of its range, or as none; up stays a unit vector."""
+    up = tilt * math.cos(azimuth), tilt * math.sin(azimuth), math.sqrt(1.0 - tilt * tilt)
+    sent = LegMotionFrame(node, counter, phase, acceleration, sigma, up)
+    motion = LEG_MOTION.decode(LEG_MOTION_ID + node, LEG_MOTION.encode(sent))
+    assert motion[:3] == sent[:3]
+    limited = acceleration if math.isnan(acceleration) else max(-327.67, min(327.67, acceleration))
+    assert motion.acceleration_m_per_s2 == pytest.approx(limited, abs=0.00501, nan_ok=True)
+    if sigma >= 0.0:
+        assert min(sigma, 551.0) <= motion.sigma_m_per_s2
+    else:
+        assert math.isnan(motion.sigma_m_per_s2)
+    assert motion.up[:2] == pytest.approx(up[:2], abs=0.000501)
+    assert math.hypot(*motion.up) == pytest.approx(1.0, abs=0.001)
+
+
+def test_a_calibration_tells_its_date() -> None:
+    """Days since 2020-01-01; none without a calibration; expected errors are rounded up."""
+    pressed = CalibrationFrame(2, 3, CalibrationKind.PRESSED, 2159, 2.1, 1.41)
+    read = CALIBRATION.decode(CALIBRATION_ID + 2, CALIBRATION.encode(pressed))
+    assert (read.date, read.size_error_percent, read.direction_error_deg) == (date(2025, 11, 29), 2.5, 1.5)
+    none = CalibrationFrame(2, 3, CalibrationKind.NONE, None, math.nan, math.nan)
+    assert CALIBRATION.decode(CALIBRATION_ID + 2, CALIBRATION.encode(none)).date is None
 
 
 @given(

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from firmware_interface.can.codes import BaselineStatus, Cause, Flag, GaitEventKind, NmtState, Slip, State
-from firmware_interface.can.gait import Gait, Ground
+from firmware_interface.can.codes import BaselineStatus, Cause, Flag, GaitEventKind, NmtState, State
+from firmware_interface.can.gait import Ground
 from firmware_interface.can.reports import Baseline, Fault, Heartbeat
 from footsense.cli import main
 from footsense.client import LegEvent, LegForce, LegReport, LinkStatus
@@ -28,11 +28,11 @@ _REPORT = LegReport(
     fault=Fault(1, 0, State.VALID, State.TARING, 0, Cause.NONE),
     baseline=Baseline(1, 0, BaselineStatus.TRACKING, 0.0, 0.0, 0),
     heartbeat=Heartbeat(1, NmtState.OPERATIONAL, False),
-    gait=Gait(1, 0, True, True, False, Slip.SLIPPING, 1.0, 0.5),
     ground=Ground(1, 0, (0.0, 0.6, 0.8), 0.01, 0.3, 0.01, 0.7),
 )
 _FORCE = LegForce(
-    LinkStatus.OK, True, State.VALID, Flag.CONTACT, 0, (0.25, -0.5, 1.0), (0.01, 0.01, 0.02), 4_000_000
+    *(LinkStatus.OK, True, State.VALID, Flag.CONTACT, 0, (0.25, -0.5, 1.0), (0.01, 0.01, 0.02), 4_000_000),
+    *(0.98, 0.25),
 )
 _NO_FORCE = LegForce(LinkStatus.OK, False, State.SATURATED, Flag(0), 0, (NAN,) * 3, (NAN,) * 3, None)
 
@@ -53,6 +53,7 @@ def test_a_usable_force_has_the_time_of_its_measurement() -> None:
     stamp, force = messages["wrench"].header.stamp, messages["wrench"].wrench.force
     assert stamp.sec * 10**9 + stamp.nanosec == WALL_NS - 4_000_000
     assert (force.x, force.y, force.z) == (0.25, -0.5, 1.0)
+    assert (messages["contact_probability"].data, messages["holds"].data) == (0.98, 0.25)
     contact = messages["contact"]
     assert (contact.status, contact.surface_normal.z, contact.friction_coefficient) == (3, 0.8, 0.7)
 
@@ -86,11 +87,12 @@ def test_each_force_is_published_once_and_each_change_at_once() -> None:
         samples = live.samples([snapshot], WALL_NS + t_ns, t_ns)
         return [topic.rpartition("/")[2] for topic, _ in topics.due_messages(samples, WALL_NS + t_ns)]
 
-    assert due(0, 1) == ["wrench", "contact", "diagnostics"]
+    with_force = ["wrench", "contact_probability", "holds"]
+    assert due(0, 1) == [*with_force, "contact", "diagnostics"]
     assert due(5, 1) == []
-    assert due(10, 2) == ["wrench"]
+    assert due(10, 2) == with_force
     assert due(15, 2, event=event) == ["contact"]
-    assert due(100, 3, event=event) == ["wrench", "contact"]
+    assert due(100, 3, event=event) == [*with_force, "contact"]
     assert due(105, 4, _NO_FORCE, event) == ["diagnostics"]
     assert due(1105, 4, _NO_FORCE, event) == ["contact", "diagnostics"]
 

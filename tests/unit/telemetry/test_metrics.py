@@ -40,7 +40,7 @@ MS = 1_000_000
 LEGS = ("lf", "rr")
 LF, RR = ({"leg": leg} for leg in LEGS)
 BOTH = (State.VALID, State.VALID)
-STATUS = ServiceStatus(CanStatistics(11, 120, 3, 4, 1, 9, 2, 5, 6), np.zeros(18).tobytes())
+STATUS = ServiceStatus(CanStatistics(11, 120, 3, 4, 1, 8, 10, 9, 2, 5, 6), np.zeros(18).tobytes())
 
 
 def cycle(t_ms: float, states: tuple[State, State] = BOTH, age_ms: float = 12, **forces: Any) -> Cycle:
@@ -123,10 +123,11 @@ def test_what_the_service_counts_is_shown_as_it_is(scraped: Scraped) -> None:
     scraped.metrics.status = ServiceStatus(STATUS.can, b"", histogram, 4, 3, 5, 7)
     names = (
         *("published_forces", "can_sent_frames", "can_dropped_frames", "can_received_frames"),
-        *("can_rejected_frames", "can_bus_errors", "can_bus_off", "can_error_passive", "can_reopened"),
+        *("can_rejected_frames", "can_received_motions", "can_rejected_motions"),
+        *("can_bus_errors", "can_bus_off", "can_error_passive", "can_reopened"),
         *("recorder_lost_cycles", "log_lost_lines", "overruns", "missed_deadlines"),
     )
-    values = [11, 120, 3, 4, 1, 9, 2, 5, 6, 7, 5, 4, 3]
+    values = [11, 120, 3, 4, 1, 8, 10, 9, 2, 5, 6, 7, 5, 4, 3]
     assert [scraped.get(f"{name}_total") for name in names] == values
     latency = "wakeup_latency_seconds"
     assert scraped.get(f"{latency}_bucket", {"le": "0.00015"}) == 2

@@ -167,7 +167,7 @@ def test_a_touchdown_in_the_air_is_noticed(
 
 def hear(seen: InvariantChecker, counter: int, t_ms: int, wait_ms: int = 1, age_ms: int = 12) -> None:
     force = pack_frame(FORCE_ID + 2, encode_force(2, counter, State.VALID, (0.0, 0.0, 1.0)))
-    quality = pack_frame(QUALITY_ID + 2, encode_quality(2, counter, 0, age_ms * MS, 0, (0.01, 0.01, 0.01)))
+    quality = pack_frame(QUALITY_ID + 2, encode_quality(2, counter, 0, age_ms * MS, (0.01, 0.01, 0.01)))
     for frame in (force, quality):
         seen.on_delivered(t_ms * MS, (t_ms - wait_ms) * MS, frame)
 
