@@ -58,7 +58,7 @@ _CORRELATED_S = 9e-3
 #: side: Prony series of PDMS add 2 to 5 % over minutes; no foot has been measured.
 _MAX_CREEP_REL, _CREEP_LOAD_TIME_CONSTANT_S = 0.05, 100.0
 #: Load of a stance that may be a shift of all readings, over its mean load and over the least [1].
-_SHIFT_REL, _SHIFT_LEASTS = 0.15, 2.0
+_SHIFT_REL, _SHIFT_LEASTS = 0.2, 4.0
 #: Time after lift-off in which a prediction overshoots [s]; twice that after lift-off a swing is confirmed: most of the
 #: rubber's quick recovery is over by then, and half the swing of a fast gait is left.
 _RINGS_S = 0.1
@@ -176,7 +176,8 @@ class ContactDetector:
         self.in_contact = self.raw = self.in_swing = self.explained_by_drift = False
         self.load_n = self.carried_n = math.nan
         self.swing_load_n = 0.0
-        self._is_above = False
+        self._is_above = self._is_steady = False
+        self._steady_n, self._steady_s = 0.0, 1e-9 * t_ns
         self._log_odds = _SURE_SWING
         self.changed = NO_TIME
         self._t_s = self._changed_s = self._up_s = self._down_s = self._updated_s = 1e-9 * t_ns
@@ -226,12 +227,13 @@ class ContactDetector:
         self._t_s = t_s
         if t_s - self._updated_s >= 3.0 * _CORRELATED_S:
             self._update_spreads(t_s, baseline_error_n)
+        self._note_steadiness(t_s, load_n)
         self._note_acceleration(t_s, acceleration_m_per_s2)
         change_n, lasted_s = self._change_over_a_scan(t_s, load_n)
         as_of_newest_n = load_n + 0.5 * change_n * self._scan_s / max(lasted_s, self._scan_s)
         above_n = as_of_newest_n - self.swing_load_n
         in_contact = self.in_contact
-        ratio = self._log_likelihood_ratio(above_n, change_n, predicted_n - self.swing_load_n, sigma_n)
+        ratio = self._log_likelihood_ratio(above_n, predicted_n - self.swing_load_n, sigma_n)
         self.raw = ratio > 0.0
         self._update_log_odds(ratio, t_s, elapsed_s)
         self._note_crossings(above_n, t_s)
@@ -243,7 +245,7 @@ class ContactDetector:
         elif self._log_odds > _LOG_ODDS_BEGIN:
             self._begin_contact(t_s, baseline_error_n)
         else:
-            self._learn_swing(above_n, change_n, predicted_n - self.swing_load_n, elapsed_s)
+            self._learn_swing(above_n, predicted_n - self.swing_load_n, elapsed_s)
         if self.in_contact is not in_contact:
             self._update_spreads(t_s, baseline_error_n)
         self.in_swing = (
@@ -251,14 +253,12 @@ class ContactDetector:
         )
         self.explained_by_drift = abs(load_n) <= 0.5 * self._least_n + self.drift_n
 
-    def _log_likelihood_ratio(
-        self, above_n: float, change_n: float, predicted_above_n: float, sigma_n: float
-    ) -> float:
+    def _log_likelihood_ratio(self, above_n: float, predicted_above_n: float, sigma_n: float) -> float:
         """Return the log likelihood ratio of stance over swing of a load and its prediction, above that in swing."""
         spread_n, stance_load_n = self._spread_n, self._stance_load_n
         if self.in_contact:
             ratio = log_likelihood_ratio(above_n, spread_n, stance_load_n)
-            return min(ratio, -1.0) if self._is_steady(change_n) and above_n < self._shift_n else ratio
+            return min(ratio, -2.0) if self._is_steady and above_n < self._shift_n else ratio
         above_n -= self._explained_n
         predicted_above_n -= self._explained_n
         # Of a number and NaN, in this order, `max` is the number.
@@ -284,9 +284,11 @@ class ContactDetector:
         slope_kg = (both_s - mean_s * load_s / time_s) / (square_s - mean_s**2 / time_s + _PULL_PRIOR_S)
         self._explained_n = _EXPLAINED_REL * max(slope_kg, 0.0) * self._acceleration
 
-    def _is_steady(self, change_n: float) -> bool:
-        """Return whether a change over a scan comes to less than two least loads while a foot rings."""
-        return abs(change_n) * _RINGS_S < 2.0 * self._least_n * self._scan_s
+    def _note_steadiness(self, t_s: float, load_n: float) -> None:
+        """Note whether the load has stayed within half a least load for as long as a foot rings."""
+        if abs(load_n - self._steady_n) > 0.5 * self._least_n:
+            self._steady_n, self._steady_s = load_n, t_s
+        self._is_steady = t_s - self._steady_s > _RINGS_S
 
     def _change_over_a_scan(self, t_s: float, load_n: float) -> tuple[float, float]:
         """Return by how much the load has changed over the last scan [N], and how long that was [s]."""
@@ -341,13 +343,11 @@ class ContactDetector:
         self._changed_s = t_s
         self.swing_load_n = max(as_of_newest_n, -baseline_error_n)
 
-    def _learn_swing(
-        self, above_n: float, change_n: float, predicted_above_n: float, elapsed_s: float
-    ) -> None:
+    def _learn_swing(self, above_n: float, predicted_above_n: float, elapsed_s: float) -> None:
         """Learn the spread of a swing's load, and follow it, as far as it is one."""
         swing_s = elapsed_s / (1.0 + math.exp(self._log_odds))
         # Pull comes and goes; a load that hardly changes is not pull.
-        most_n = _QUIET_SPREAD_REL * self._least_n if self._is_steady(change_n) else math.inf
+        most_n = _QUIET_SPREAD_REL * self._least_n if self._is_steady else math.inf
         load_n, predicted_n, explained_n = abs(above_n), abs(predicted_above_n), self._explained_n
         self._pulls.add(swing_s, load_n, predicted_n, most_n)
         if self._accelerations:

@@ -77,7 +77,7 @@ def test_a_stance_of_half_an_hour_is_not_eaten() -> None:
 
 @pytest.mark.parametrize(
     ("n_per_s", "found_n", "swallowed_mn"),
-    [(1 / 3, 0.045, 1.0), (1 / 60, 0.035, 1.0), (1 / 600, 0.04, 2.0)],
+    [(1 / 3, 0.05, 1.0), (1 / 60, 0.035, 1.0), (1 / 600, 0.04, 2.0)],
 )
 def test_a_load_that_comes_slowly_in_the_air_is_contact(
     n_per_s: float, found_n: float, swallowed_mn: float
