@@ -10,7 +10,7 @@ from firmware_interface.can.gait import LEG_MOTION, LEG_MOTION_ID, LegMotionFram
 from footsense.frames import CanStatistics, LegMotion, StepPhase
 from footsense.ports import Clock
 
-#: Time after which a motion that no other has followed is unknown [ns]: two in a row may be lost at 50 Hz.
+#: Time after which a motion that no other has followed is unknown [ns]: at 50 Hz one may be lost.
 TIMEOUT_NS = 50_000_000
 #: Longest horizontal part of `up` [1]: that of a foot that lies level, with its rounding.
 _MAX_HORIZONTAL = 1.001

@@ -68,12 +68,6 @@ _PERIODIC = {
 #: A plain number: arithmetic with an enumeration costs a microsecond each time.
 _DEGRADED_TIMING = int(Flag.DEGRADED_TIMING)
 
-#: Period of the frames that each leg sends at times of its own [ns].
-_PERIODS_NS = {
-    HEARTBEAT_ID: 200_000_000,
-    **dict.fromkeys((BASELINE_ID, IDENTITY_ID, CALIBRATION_ID, FAULT_ID), 1_000_000_000),
-}
-
 
 class CanSink:
     """CAN output: publishes forces and reports, and receives commands and motions.

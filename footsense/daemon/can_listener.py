@@ -170,5 +170,6 @@ def open_listener(interface: Interface, channel: str, clock: Clock, limits: Link
     Raises:
         CanError: The channel is missing or down.
     """
-    wire = open_wire(Can(interface=interface, channel=channel), [*LINK_IDS, *REPORT_IDS, *GAIT_EVENT_IDS])
+    accept = {*LINK_IDS, *REPORT_IDS, *GAIT_EVENT_IDS}  # both of the first have faults
+    wire = open_wire(Can(interface=interface, channel=channel), accept)
     return Listener(wire, clock, limits)
