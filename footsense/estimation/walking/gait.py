@@ -109,7 +109,9 @@ class GaitTracker:
             for number, (state, holding, foot) in enumerate(
                 zip(states, self._holding[rows], foot_loads(load, rows), strict=True)
             ):
-                if state == _FORCE_KNOWN_IN_CONTACT and holding.observe(*friction_ratio(foot), elapsed_s, now_ns):
+                if state == _FORCE_KNOWN_IN_CONTACT and holding.observe(
+                    *friction_ratio(foot), elapsed_s, now_ns
+                ):
                     kind = GaitEventKind.SLIP if holding.slips else GaitEventKind.SLIP_END
                     leg = turn + _CONVERSIONS_PER_CHECK * number
                     events.append(GaitEvent(kind, leg, holding.since_ns, _SLIP_SIGMA_S))

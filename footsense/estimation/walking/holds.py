@@ -20,7 +20,7 @@ two sigma: a gait that asks little repeats its largest ratio in every stance, as
 import math
 
 #: Scale of the ratio that gaits ask of the ground [1].
-_ASKED = 0.8
+_ASKED = 0.7
 #: Slides and their ends a second [1/s].
 _CHANGES_PER_S = 2.0
 #: Time in which the error of a ratio stays the same [s], and how often one ratio counts in a stance at most [1].
@@ -33,8 +33,8 @@ _ASSUMED_FRICTION, _FRICTION_SIGMA_REL = 0.6, 0.2
 _ABOVE_COUNTS = 2.0
 #: Time in which it is forgotten what feet have shown [s].
 _MEMORY_S = 10.0
-#: Odds of a slide from which a slip is told; it is over where holding is more likely.
-_SLIPS = 2.0
+#: Odds of a slide from which a slip is told, if the ratio speaks for one, and below which it is over.
+_SLIPS, _SLIPS_NO_MORE = 1.0, 0.5
 _MOST_LOG_ODDS = 12.0
 #: Factor of the logistic function that gives the integral of a normal distribution to 1 % (Bowling et al., JIEM 2, 2009).
 _LOGISTIC = 1.702
@@ -109,17 +109,17 @@ class Holding:
         slips: Whether a slip is told.
         is_known: Whether a ratio of this stance was known.
         probability: Probability that the foot stands still if it is on the ground [1].
-        since_ns: Since when a slide has been more likely than not, or not any more [ns].
+        since_ns: Since when a slide has been more likely than not, or not any more [ns]; 0 before a look at the stance.
     """
 
     def __init__(self, friction: GroundFriction) -> None:
         self._friction = friction
-        self.since_ns = 0
         self.reset_stance()
 
     def reset_stance(self) -> None:
         """Forget the stance, after the foot has lifted off."""
         self.slips = self.is_known = False
+        self.since_ns = 0
         # Odds of a slide.
         self._odds = self._friction.odds
         self.probability = 1.0 / (1.0 + self._odds)
@@ -151,7 +151,9 @@ class Holding:
             evidence += math.log((1.0 + math.exp(_LOGISTIC * apart)) / (spread * asked))
             weight = min(elapsed_s / _SAME_ERROR_S, 1.0)
             # As far as the ratio alone says it.
-            limit = math.exp(min(max(friction.log_odds + _MOST_COUNTED * evidence, -_MOST_LOG_ODDS), _MOST_LOG_ODDS))
+            limit = math.exp(
+                min(max(friction.log_odds + _MOST_COUNTED * evidence, -_MOST_LOG_ODDS), _MOST_LOG_ODDS)
+            )
             if (limit > odds) is (evidence > 0.0):
                 counted = odds * math.exp(weight * evidence)
                 odds = min(counted, limit) if evidence > 0.0 else max(counted, limit)
@@ -161,9 +163,9 @@ class Holding:
             if shown > 0.0:
                 friction.follow(ratio - expected, variance, weight * shown)
         self._odds, self.probability = odds, 1.0 / (1.0 + odds)
-        if (odds > 1.0) is not (before > 1.0):
+        if (odds > 1.0) is not (before > 1.0) or not self.since_ns:
             self.since_ns = now_ns
-        if odds < 1.0 if self.slips else speaks_for_slide and odds > _SLIPS:
+        if odds < _SLIPS_NO_MORE if self.slips else speaks_for_slide and odds > _SLIPS:
             self.slips = not self.slips
             return True
         return False

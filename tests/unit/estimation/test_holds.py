@@ -53,7 +53,8 @@ def test_a_slip_is_told_once_with_the_times_of_begin_and_end() -> None:
     foot = Foot()
     foot.stand([0.2] * 10 + [0.4] * 20 + [0.2] * 20)
     (begins, begun_ns), (ends, ended_ns) = foot.slips
-    assert begins and not ends
+    assert begins
+    assert not ends
     assert begun_ns == pytest.approx(10 * STEP_NS, abs=8 * STEP_NS)
     assert ended_ns == pytest.approx(30 * STEP_NS, abs=8 * STEP_NS)
 
@@ -89,7 +90,9 @@ def test_without_a_coefficient_a_small_ratio_does_not_make_the_ground_ice() -> N
 
 
 @given(st.floats(0.1, 2.0) | st.just(math.nan), st.lists(st.tuples(RATIO, SIGMA), max_size=60))
-def test_whatever_the_ratios_are_it_is_a_probability(friction: float, ratios: list[tuple[float, float]]) -> None:
+def test_whatever_the_ratios_are_it_is_a_probability(
+    friction: float, ratios: list[tuple[float, float]]
+) -> None:
     """And the ground's friction stays a positive number, whose sigma never exceeds what it began with."""
     foot = Foot(friction)
     for ratio, sigma in ratios:
