@@ -13,7 +13,7 @@ import numpy as np
 from footsense.estimation.settings import LONG_SILENCE_NS, SLOW_PERIOD_NS
 from footsense.estimation.walking.contact import NO_TIME, BackDated, ContactDetector
 from footsense.estimation.walking.ground import NO_GROUND, foot_loads, friction_ratio, ground_of
-from footsense.estimation.walking.holds import GroundFriction, Holding, ratio_sigma
+from footsense.estimation.walking.holds import SAME_ERROR_S, GroundFriction, Holding, ratio_sigma
 from footsense.frames import GaitEvent, GaitEventKind, GaitFrame, Slip
 from footsense.ports import LoadEstimate
 
@@ -22,8 +22,8 @@ _FORCE_KNOWN_IN_CONTACT = (True, True)
 
 #: Ratios are looked at on half of the legs in turn: the next conversion has mostly the same readings.
 _CONVERSIONS_PER_CHECK = 2
-#: Standard deviation of the time of a slip [s].
-_SLIP_SIGMA_S = 0.01
+#: From the begin of a slip, or its end, to an estimate that shows it, and the standard deviation of that [ns].
+_SLIP_LAG_NS = round(1e9 * SAME_ERROR_S)
 
 
 class GaitTracker:
@@ -47,7 +47,7 @@ class GaitTracker:
         period_ns: int = SLOW_PERIOD_NS,
     ) -> None:
         self._friction = friction
-        self._ground = GroundFriction(friction)
+        self._ground, self._tells_slips = GroundFriction(friction), math.isfinite(friction)
         self._holding = [Holding(self._ground) for _ in range(n_legs)]
         # Which legs are looked at, and when each half of them was last [ns].
         self._turn, self._looked_ns = 0, [0] * _CONVERSIONS_PER_CHECK
@@ -109,12 +109,15 @@ class GaitTracker:
             for number, (state, holding, foot) in enumerate(
                 zip(states, self._holding[rows], foot_loads(load, rows), strict=True)
             ):
-                if state == _FORCE_KNOWN_IN_CONTACT and holding.observe(
-                    *friction_ratio(foot), elapsed_s, now_ns
+                if (
+                    state == _FORCE_KNOWN_IN_CONTACT
+                    and holding.observe(*friction_ratio(foot), elapsed_s, now_ns)
+                    and self._tells_slips
                 ):
                     kind = GaitEventKind.SLIP if holding.slips else GaitEventKind.SLIP_END
                     leg = turn + _CONVERSIONS_PER_CHECK * number
-                    events.append(GaitEvent(kind, leg, holding.since_ns, _SLIP_SIGMA_S))
+                    t_ns = max(holding.since_ns - _SLIP_LAG_NS, self._touchdowns[leg].t_ns)
+                    events.append(GaitEvent(kind, leg, t_ns, SAME_ERROR_S))
         return events
 
     def _contact_events(
@@ -122,7 +125,7 @@ class GaitTracker:
     ) -> list[GaitEvent]:
         is_known, in_contact = now
         holding = self._holding[row]
-        was_slipping = holding.slips
+        was_slipping = holding.slips and self._tells_slips
         if now != _FORCE_KNOWN_IN_CONTACT:
             holding.reset_stance()
         if before[0]:
@@ -181,14 +184,13 @@ class GaitTracker:
             normal_sigma_rad=np.array(normal_sigma_rad),
             tangential_over_normal=np.array(ratio),
             tangential_over_normal_sigma=np.array(list(map(ratio_sigma, ratio, network_sigma))),
-            slip=np.array([_slip_of(holding) for holding in self._holding], np.uint8),
+            slip=np.array([self._slip_of(holding) for holding in self._holding], np.uint8),
             friction=self._friction,
             all_in_air=bool((known & ~contact).all()),
             events=events,
         )
 
-
-def _slip_of(holding: Holding) -> Slip:
-    if holding.slips:
-        return Slip.SLIPPING
-    return Slip.NONE if holding.is_known else Slip.UNKNOWN
+    def _slip_of(self, holding: Holding) -> Slip:
+        if not (self._tells_slips and holding.is_known):
+            return Slip.UNKNOWN
+        return Slip.SLIPPING if holding.slips else Slip.NONE

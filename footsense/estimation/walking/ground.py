@@ -78,7 +78,7 @@ def friction_ratio(load: FootLoad) -> tuple[float, float]:
 
 
 def ground_of(load: FootLoad) -> GroundEstimate:
-    """Return ground normal and tangential over normal force below a foot; NaN where the load does not determine them."""
+    """Return normal, and tangential over normal force, below a foot; NaN where the load does not determine them."""
     (fx, fy, fz), sigma_z_n, (px, py, _, _), (sigma_px, sigma_py, _, _) = load
     square = px * px + py * py
     scale = 1.0 / (1.0 + square)

@@ -23,8 +23,9 @@ import math
 _ASKED = 0.7
 #: Slides and their ends a second [1/s].
 _CHANGES_PER_S = 2.0
-#: Time in which the error of a ratio stays the same [s], and how often one ratio counts in a stance at most [1].
-_SAME_ERROR_S, _MOST_COUNTED = 0.027, 3.0
+#: Time in which the error of a ratio stays the same [s], by which a slip is dated back as well, and how often one ratio
+#: counts in a stance at most [1].
+SAME_ERROR_S, _MOST_COUNTED = 0.027, 3.0
 #: By how much a ratio is underestimated, over its sigma and its square [1].
 _SHORT = 3.0
 #: Coefficient that is assumed where none is known, and standard deviation of any over itself [1].
@@ -35,9 +36,8 @@ _ABOVE_COUNTS = 2.0
 _MEMORY_S = 10.0
 #: Odds of a slide from which a slip is told, if the ratio speaks for one, and below which it is over.
 _SLIPS, _SLIPS_NO_MORE = 1.0, 0.5
-_MOST_LOG_ODDS = 12.0
-#: Factor of the logistic function that gives the integral of a normal distribution to 1 % (Bowling et al., JIEM 2, 2009).
-_LOGISTIC = 1.702
+#: Factor of the logistic function that has the slope of a normal distribution's integral.
+_LOGISTIC = 2.0 * math.sqrt(2.0 / math.pi)
 _ASKED_SQUARE = _ASKED * _ASKED
 _LOG_DENSITY = math.log(_ASKED_SQUARE / math.sqrt(2.0 * math.pi))
 
@@ -139,7 +139,7 @@ class Holding:
         begins = changes - ends
         odds = (before * (1.0 - ends) + begins) / (1.0 - begins + before * ends)
         speaks_for_slide = False
-        if ratio == ratio:  # no NaN
+        if not math.isnan(ratio):
             self.is_known = True
             mean, variance = friction.mean, sigma * sigma
             expected = mean * max(1.0 - _SHORT * sigma * mean, 0.5)
@@ -147,13 +147,11 @@ class Holding:
             # Above the coefficient no foot holds.
             apart = min((ratio - expected) / spread, _LOGISTIC)
             asked = min(max(ratio, spread), expected)
-            evidence = friction.log_density - 0.5 * apart * apart + 0.5 * asked * asked / _ASKED_SQUARE
+            evidence = friction.log_density + 0.5 * (asked * asked / _ASKED_SQUARE - apart * apart)
             evidence += math.log((1.0 + math.exp(_LOGISTIC * apart)) / (spread * asked))
-            weight = min(elapsed_s / _SAME_ERROR_S, 1.0)
+            weight = min(elapsed_s / SAME_ERROR_S, 1.0)
             # As far as the ratio alone says it.
-            limit = math.exp(
-                min(max(friction.log_odds + _MOST_COUNTED * evidence, -_MOST_LOG_ODDS), _MOST_LOG_ODDS)
-            )
+            limit = math.exp(friction.log_odds + _MOST_COUNTED * evidence)
             if (limit > odds) is (evidence > 0.0):
                 counted = odds * math.exp(weight * evidence)
                 odds = min(counted, limit) if evidence > 0.0 else max(counted, limit)

@@ -23,7 +23,13 @@ from footsense.lab.evaluation.walker_runs import (
     run_pipeline,
     walker_loads,
 )
-from footsense.lab.evaluation.walker_scores import REPORT_AFTER_S, SUPPOSED_REL, WARM_UP_S, scores
+from footsense.lab.evaluation.walker_scores import (
+    HOLDS_BOUNDS,
+    REPORT_AFTER_S,
+    SUPPOSED_REL,
+    WARM_UP_S,
+    scores,
+)
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.parallel import compute_each
 from footsense.lab.walkers.simulate import WalkerLog
@@ -302,13 +308,13 @@ def slip_figures(judged: Sequence[JudgedRun]) -> dict[str, Any]:
     """Return what became of the slides and slips of runs together.
 
     Returns:
-        `n_slides` over `SLIDE_M` and `found_share`; `n_slips`, `false_share` of a foot that neither slides nor is at its
-        cone, and `slow_share` of one that is slower than `SLIDE_M_S`; `told_p50_ms` after the begin of the slide;
+        `n_slides` over `SLIDE_M` and `found_share`; `n_slips`, `false_share` of a foot that neither slides nor is at
+        its cone, and `slow_share` of one that is slower than `SLIDE_M_S`; `told_p50_ms` after the begin of the slide;
         `hours`; by supposed friction, `supposed` of the same; and `holds_bins`, how often the probability of holding
         was within each bounds, and how often such a foot held.
     """
     rows = [one.scores for one in judged]
-    bins = np.sum([row["holds_bins"] for row in rows], axis=0)
+    bins = np.sum([row["holds_bins"] for row in rows] or [np.zeros((len(HOLDS_BOUNDS) - 1, 2))], axis=0)
     return _slips_of(rows) | {
         "hours": _hours(rows),
         "supposed": {

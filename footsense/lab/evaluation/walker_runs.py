@@ -324,7 +324,7 @@ class _Gaits:
 
     Args:
         own: The pipeline's.
-        frictions: The supposed coefficients [1]; NaN for one that is not known.
+        frictions: The supposed coefficients [1].
 
     Attributes:
         events: Events of each of the others, with the number of the frame.
@@ -366,7 +366,7 @@ def run_pipeline(
         pipeline: The pipeline.
         readings: The readings.
         exact: Its estimator, if that is one.
-        other_frictions: Coefficients of friction for `other_events` [1]; NaN for one that is not known.
+        other_frictions: Coefficients of friction for `other_events` [1].
     """
     gaits = _Gaits(pipeline._gait, other_frictions)  # noqa: SLF001
     pipeline._gait = gaits  # type: ignore[assignment]  # noqa: SLF001

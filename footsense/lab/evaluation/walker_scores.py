@@ -36,11 +36,10 @@ _ELEMENT_FAULTS = (
 SLIDE_M_S, _SLIDE_LOAD_REL, SLIDE_M, _SLIP_WITHIN_S = 0.02, 0.05, 5e-3, 0.06
 #: Ratio over the ground's coefficient from which a foot is at its cone, where it slides at any speed [1].
 AT_CONE_REL = 0.98
-#: Supposed friction of the ground over the true one, beside that, by name; NaN for one that is not known [1].
+#: Supposed friction of the ground over the true one, beside that, by name [1].
 SUPPOSED_REL = {
     "friction a fifth too low": 0.8,
     "friction a fifth too high": 1.2,
-    "friction not known": float("nan"),
 }
 #: Bounds of the probability of holding within which a foot's share of holding is compared with it [1].
 HOLDS_BOUNDS = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)

@@ -1,14 +1,15 @@
-"""What contact and its thresholds are chosen by: the selection's robots and slow loads, on the released feet."""
+"""What contact, slips and their thresholds are chosen by: the selection's robots and slow loads, on all feet."""
 
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-from footsense.lab.evaluation.walker_judgement import JudgingLoads, contact_figures, judge
+from footsense.lab.evaluation.walker_judgement import JudgingLoads, contact_figures, judge, slip_figures
 from footsense.lab.evaluation.walker_runs import SCAN_TIMES
+from footsense.lab.evaluation.walker_scores import SUPPOSED_REL
 from footsense.lab.report import Values, table
-from footsense.lab.walkers.slow_loads import SlowLoads
-from footsense.lab.walkers.split import SELECTION
+from footsense.lab.walkers.slow_loads import SLOW, SlowLoads
+from footsense.lab.walkers.split import SELECTION, SLIPPERY_SELECTION
 
 #: Slow loads of the selection.
 _SLOW = (SlowLoads(5900, 14.0), SlowLoads(5901, 14.0))
@@ -23,26 +24,40 @@ _ROWS = {
     "contact wrong, share of the time": "{wrong_share:.1%}",
     "slow loads dated, 95 % [ms]; told": "{slow_p95_ms:.0f}; {n_slow_told} of {n_slow_touches}",
     "dragged feet found at their first touch": "{dragged_found_share:.0%} of {n_dragged_touches}",
+    **{
+        f"slides over 5 mm found; slips: all, false; {what}": (
+            f"{{{of}[found_share]:.0%}}; {{{of}[n_slips]}}, {{{of}[false_share]:.1%}}"
+        )
+        for what, of in {"friction known": "slips"}.items()
+        | {name: f"slips[supposed][{name}]" for name in SUPPOSED_REL}.items()
+    },
 }
 
 
 def select(
-    models: Sequence[Path], *, runs: Sequence[JudgingLoads] = (*SELECTION, *_SLOW)
+    models: Sequence[Path],
+    *,
+    runs: Sequence[JudgingLoads] = (*SELECTION, *_SLOW),
+    slippery: Sequence[JudgingLoads] = SLIPPERY_SELECTION,
 ) -> dict[str, dict[str, Values]]:
-    """Return the figures of `contact_figures` by board, then by foot type, the last for all feet.
+    """Return the figures of `contact_figures` by board, then by foot type, the last for all feet; with `slip_figures`.
 
     Args:
         models: Folders of the foot types, the paper's first.
         runs: The runs.
+        slippery: Runs for slips alone.
     """
-    figures = {}
+    figures: dict[str, dict[str, Values]] = {}
     for board in SCAN_TIMES:
-        judged = judge(models, runs, board=board)
-        by_foot = {
-            folder.name: contact_figures([one for one in judged if one.foot_type == folder.name])
-            for folder in models
-        }
-        figures[board] = by_foot | {"all": contact_figures(judged)}
+        judged, slipping = (judge(models, part, board=board) for part in (runs, slippery))
+        figures[board] = {}
+        for name in (*(folder.name for folder in models), "all"):
+            of_foot, slipping_foot = (
+                [one for one in part if name in {one.foot_type, "all"}] for part in (judged, slipping)
+            )
+            figures[board][name] = contact_figures(of_foot) | {
+                "slips": slip_figures([*(one for one in of_foot if one.run.gait != SLOW), *slipping_foot])
+            }
     return figures
 
 
