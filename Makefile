@@ -24,6 +24,9 @@ INDEX  := url=$${UV_DEFAULT_INDEX:-$$($(BIN)/pip config list | sed -n "s/.*\.ind
 UV     := $(INDEX) $(BIN)/uv pip
 SYNC   := $(UV) install --quiet --python $(BIN)/python
 
+# Hundreds of processes load the same modules, which are compiled once.
+unexport PYTHONDONTWRITEBYTECODE
+
 # What is done is said by `echo`, not by the recipes' text.
 .SILENT:
 .PHONY: run help install test test-all check slow-tests docs release kernel-test kernel-test-short instructions aarch64-test fuzz lock format golden clean newest

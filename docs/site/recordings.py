@@ -6,11 +6,25 @@ from collections.abc import Mapping
 
 from docstrings import attributes, table
 
-from footsense.frames import BaselineDrift, CapFrame, ContactFrame, CycleField, GaitEvent, GaitFrame
+from footsense.frames import (
+    BaselineDrift,
+    CapFrame,
+    ContactFrame,
+    CycleField,
+    GaitEvent,
+    GaitFrame,
+    LegMotion,
+)
 from footsense.recording import messages
-from footsense.ring.records import CYCLE_FIELDS, GAIT_FIELDS
+from footsense.ring.records import CYCLE_FIELDS, GAIT_FIELDS, MOTION_FIELDS
 
-_FRAMES = {"scan": CapFrame, "forces": ContactFrame, "forces.baseline": BaselineDrift, "gait": GaitFrame}
+_FRAMES = {
+    "scan": CapFrame,
+    "forces": ContactFrame,
+    "forces.baseline": BaselineDrift,
+    "gait": GaitFrame,
+    "motion": LegMotion,
+}
 _TOPICS = {
     messages.SCAN: ("With each cycle: the readings, for each leg", CYCLE_FIELDS, "scan"),
     messages.FORCE: (
@@ -22,6 +36,11 @@ _TOPICS = {
         "Ten times a second and with each event, beside `t_ns`, `friction`, `all_in_air`, for each leg",
         GAIT_FIELDS,
         "gait",
+    ),
+    messages.MOTION: (
+        "With each cycle in which it changed: the motion of each leg, as its gait controller tells it",
+        MOTION_FIELDS,
+        "motion",
     ),
 }
 

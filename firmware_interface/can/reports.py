@@ -140,7 +140,7 @@ class Identity(NamedTuple):
         return self.version == PROTOCOL_VERSION and self.force_step_mn in FORCE_STEPS_MN
 
 
-class Calibration(NamedTuple):
+class CalibrationFrame(NamedTuple):
     """Content of a `Calibration` frame: how the foot of a leg is calibrated, and how far its force is expected to err.
 
     ::
@@ -176,7 +176,7 @@ class Calibration(NamedTuple):
 FAULT = Codec(FAULT_ID, Fault)
 BASELINE = Codec(BASELINE_ID, Baseline)
 IDENTITY = Codec(IDENTITY_ID, Identity)
-CALIBRATION = Codec(CALIBRATION_ID, Calibration)
+CALIBRATION = Codec(CALIBRATION_ID, CalibrationFrame)
 
 
 def foot_type_hash(foot_type: str) -> int:

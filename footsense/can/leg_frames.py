@@ -17,7 +17,7 @@ from firmware_interface.can.reports import (
     HEARTBEAT_ID,
     IDENTITY,
     Baseline,
-    Calibration,
+    CalibrationFrame,
     Fault,
     Identity,
     encode_heartbeat,
@@ -62,7 +62,7 @@ class CanLeg:
         reported: State, element mask and cause of the last fault report that was sent.
     """
 
-    def __init__(self, row: int, identity: Identity, calibration: Calibration) -> None:
+    def __init__(self, row: int, identity: Identity, calibration: CalibrationFrame) -> None:
         self._row = row
         self.node = identity.node
         self._identity, self._calibration = identity, calibration

@@ -32,7 +32,7 @@ from firmware_interface.can.reports import (
     HEARTBEAT_ID,
     IDENTITY_ID,
     PROTOCOL_VERSION,
-    Calibration,
+    CalibrationFrame,
     Identity,
     foot_type_hash,
 )
@@ -107,13 +107,13 @@ class CanSink:
         cycles_per_force: int = 1,
         force_step_mn: int = 1,
         foot_type: str = "",
-        calibrations: Sequence[Calibration] = (),
+        calibrations: Sequence[CalibrationFrame] = (),
         connect: Callable[[], CanWire] | None = None,
     ) -> None:
         self.stats = CanStatistics()
         nodes = [NODE_IDS[leg] for leg in legs]
         identity = Identity(0, 0, PROTOCOL_VERSION, force_step_mn, foot_type_hash(foot_type))
-        none = Calibration(0, 0, CalibrationKind.NONE, None, math.nan, math.nan)
+        none = CalibrationFrame(0, 0, CalibrationKind.NONE, None, math.nan, math.nan)
         self._legs = [
             CanLeg(row, identity._replace(node=node), calibration._replace(node=node))
             for row, (node, calibration) in enumerate(

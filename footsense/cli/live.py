@@ -110,6 +110,8 @@ def legs_table(
         Column("leg", lambda row: legs[row], "<3"),
         state_column(lambda row: State(int(forces.state[row]))),
         contact_column(lambda row: bool(forces.flags[row] & Flag.CONTACT) if usable[row] else None),
+        Column("", lambda row: forces.contact_probability[row], ">4.0%", ("P",), worth=0),
+        Column("", lambda row: forces.holds[row], ">5.0%", ("holds",), worth=0),
         *force_columns("force_n", lambda row: force_n[row].tolist()),
         Column(
             "load",

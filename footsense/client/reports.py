@@ -12,7 +12,7 @@ from firmware_interface.can.reports import (
     FAULT,
     HEARTBEAT_ID,
     Baseline,
-    Calibration,
+    CalibrationFrame,
     Fault,
     Heartbeat,
     decode_heartbeat,
@@ -49,7 +49,7 @@ class LegReport(NamedTuple):
     heartbeat: Heartbeat | None = None
     ground: Ground | None = None
     ground_ago_ns: int | None = None
-    calibration: Calibration | None = None
+    calibration: CalibrationFrame | None = None
 
 
 class Reports:

@@ -27,7 +27,7 @@ from footsense.frames import Leg
 #: Boards that are gone, and the last commit that knows each.
 _GONE_BOARDS = {"ad7746": "27dcc809", "fdc1004_columns": "0e63fae9"}
 
-#: Most forces a second of a leg on CAN by default: with all other frames 37 % of 500 kbit/s for six legs.
+#: Most forces a second of a leg on CAN by default: with all other frames 36 % of 500 kbit/s for six legs.
 _DEFAULT_FORCES_HZ = 100.0
 
 

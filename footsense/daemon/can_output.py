@@ -10,7 +10,7 @@ from pathlib import Path
 
 from firmware_interface.can.codes import CalibrationKind
 from firmware_interface.can.force import force_step_mn
-from firmware_interface.can.reports import CALIBRATION_EPOCH, Calibration
+from firmware_interface.can.reports import CALIBRATION_EPOCH, CalibrationFrame
 from firmware_interface.can.socketcan import unpack_frame
 from footsense.can.channel import open_socket
 from footsense.can.interface import DEFAULT_CHANNELS, Can, error_text
@@ -72,13 +72,13 @@ def can_sink(
         yield sink
 
 
-def _calibration(found: FootCalibration | None) -> Calibration:
+def _calibration(found: FootCalibration | None) -> CalibrationFrame:
     """Return what CAN tells of the calibration of a foot; its expected errors are not known yet."""
     if found is None:
-        return Calibration(0, 0, CalibrationKind.NONE, None, nan, nan)
+        return CalibrationFrame(0, 0, CalibrationKind.NONE, None, nan, nan)
     kind = CalibrationKind.STANDING if found.manifest.by_standing else CalibrationKind.PRESSED
     day = (date.fromisoformat(found.manifest.made[:10]) - CALIBRATION_EPOCH).days
-    return Calibration(0, 0, kind, day, nan, nan)
+    return CalibrationFrame(0, 0, kind, day, nan, nan)
 
 
 def open_wire(can: Can, accept: Collection[int] = ()) -> CanWire:

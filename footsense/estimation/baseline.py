@@ -1,6 +1,7 @@
 """Baselines and contacts of all legs: tares in progress, and in swing the tracking of each baseline."""
 
 import math
+from collections.abc import Sequence
 from functools import partial
 from operator import attrgetter
 
@@ -121,6 +122,7 @@ class BaselineTracker:
         t_ns: Stamps,
         missing: Mask,
         now_ns: int,
+        own_acceleration: Sequence[float],
     ) -> None:
         """Detect contact, and update the baselines of legs in swing.
 
@@ -132,6 +134,7 @@ class BaselineTracker:
             t_ns: Stamp of each [ns], same shape.
             missing: Elements that the network does without, same shape.
             now_ns: Current time [ns].
+            own_acceleration: Size of the acceleration by which each foot's own mass pulls [m/s2]; NaN: not known.
         """
         if np.count_nonzero(missing):
             closure_rel = np.where(missing, np.nan, closure_rel)
@@ -149,13 +152,20 @@ class BaselineTracker:
             newest_ns,
             predicted_n.tolist(),
             sigma_n.tolist(),
+            own_acceleration,
             strict=True,
         )
-        for leg, (baseline, contact, mean_rel, error_n, newest, as_of_now_n, sigma) in enumerate(legs):
+        for leg, (baseline, contact, mean_rel, error_n, newest, as_of_now_n, sigma, own) in enumerate(legs):
             load_n = mean_rel * n_per_rel
             pull_n = load_n if load_n < -error_n else 0.0
             contact.observe(
-                load_n, error_n, newest, now_ns, as_of_now_n, math.hypot(sigma, pull_n) if pull_n else sigma
+                load_n,
+                error_n,
+                newest,
+                now_ns,
+                as_of_now_n,
+                math.hypot(sigma, pull_n) if pull_n else sigma,
+                own,
             )
             in_contact = contact.in_contact
             # What a foot in the air reads is none of the ground.

@@ -44,6 +44,8 @@ from footsense.ports import LoadEstimate, LoadEstimator, Window
 MAX_SIGMA_REL = 0.5
 # Plain number: to store an enumeration's member in an array costs a microsecond.
 _OUT_OF_RANGE = int(State.OUT_OF_RANGE)
+#: Standard acceleration of gravity [m/s2].
+_GRAVITY_M_PER_S2 = 9.80665
 #: Noise is measured in one of so many frames: a third of a scan of an I2C bus, whose frames have one new reading.
 _FRAMES_PER_NOISE_MEASUREMENT = 3
 
@@ -94,7 +96,7 @@ class Pipeline:
         gain_error_rel = feet.gain_sigma_rel[:, None] * sensitivity.force_error_rel_per_gain_error
         self._gain_variance_rel2 = gain_error_rel**2
         self._set_temperature = set_temperature
-        self._motion: LegMotion | None = None
+        self._own_acceleration = [math.nan] * n_legs
 
     @property
     def baseline_pf(self) -> Vector:
@@ -129,7 +131,14 @@ class Pipeline:
 
     def set_motion(self, motion: LegMotion | None) -> None:
         """Set the motion of the legs that their gait controller tells; None where none does."""
-        self._motion = motion
+        # By which the foot's own mass pulls: tared, it hangs at rest with the leg upright.
+        pulls = (
+            np.full(len(self._flags), np.nan)
+            if motion is None
+            else np.abs(motion.acceleration_m_per_s2 + _GRAVITY_M_PER_S2 * (motion.up[:, 2] - 1.0))
+            - motion.sigma_m_per_s2
+        )
+        self._own_acceleration = np.maximum(pulls, 0.0).tolist()
 
     # A code of zero divides by zero; the result is tested like any other reading.
     @np.errstate(divide="ignore", invalid="ignore", over="ignore")
@@ -196,6 +205,7 @@ class Pipeline:
             scan.t_ns,
             missing,
             now_ns,
+            self._own_acceleration,
         )
         gait = self._gait.observe(load, baselines.contacts, now_ns)
         # Beside the network's: the foot's own mass, and gains of the elements that nobody has found.

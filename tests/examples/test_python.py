@@ -33,6 +33,7 @@ def walking(folder: Path, channel: str, *arguments: str | Path) -> Iterator[Daem
         yield service
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "channel", "wanted"),
     [
@@ -57,6 +58,7 @@ def test_a_program_beside_a_walking_robot_ends_with_it(
     assert (program.returncode, errors) == (0, "")
 
 
+@pytest.mark.slow
 def test_feet_in_the_air_are_tared(tmp_path: Path) -> None:
     with walking(tmp_path, "239.74.163.103", "--scene", "hanging"):
         told = run_example("tare.py", "239.74.163.103").splitlines()
@@ -103,6 +105,7 @@ def test_a_program_whose_reader_goes_says_nothing(tmp_path: Path) -> None:
             assert program.stderr.read() == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fails", "says"),
     [
@@ -121,6 +124,7 @@ def test_a_plot_without_recording_or_matplotlib_is_one_line(tmp_path: Path, fail
     assert done.stderr.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_a_recording_is_drawn(tmp_path: Path) -> None:
     told = run_example("plot_recording.py", GOLDEN, tmp_path / "walk.png", MPLBACKEND="Agg")
     assert re.findall(r"usable (\d\d)% .* contact (\d\d)%", told)[0] == ("99", "56")

@@ -67,6 +67,7 @@ def test_the_golden_walk_gives_the_same_forces(
     assert result.stdout.startswith(f"{len(list(Replay(file)))} cycles equal ")
 
 
+@pytest.mark.slow
 def test_a_recording_whose_last_bits_differ_is_equal_and_not_exact(tmp_path: Path) -> None:
     """As another processor would have made it; a force that is off by 2 mN is none of these."""
     near, far = tmp_path / "near.mcap", tmp_path / "far.mcap"

@@ -174,6 +174,7 @@ def test_the_outer_elements_end_with_the_sheet(library: FootShapeLibrary) -> Non
     assert found.sheet_mm == pytest.approx(2.0 * found.pitch_mm + found.electrode_mm, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("board", get_args(Board))
 def test_what_is_chosen_for_a_board_can_be_made_for_it(library: FootShapeLibrary, board: Board) -> None:
     """Five traces in a bar between two columns need a wider one, and their tail a larger ball."""

@@ -171,6 +171,7 @@ def test_a_step_is_settled_when_the_last_wrong_force_is_replaced() -> None:
     np.testing.assert_allclose(found_ms, [20.0, 26.0])
 
 
+@pytest.mark.slow
 def test_the_service_s_method_is_ahead_of_simpler_ones() -> None:
     found = measure_latency_vs_error(StudyContext(RELEASED, quick=True, report_progress=lambda _: None))
     walk = {

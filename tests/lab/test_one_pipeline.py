@@ -75,6 +75,7 @@ def estimated(foot_type: str, cycles: Sequence[Cycle]) -> Published:
     return {name: getattr(forces, name) for name in ("force_n", "sigma_n", "state")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("config", "peak_force_n"), [(QUADRUPED, 40.0), (SMALL, 0.8)], ids=["ad7147", "fdc1004"]
 )

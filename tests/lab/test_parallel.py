@@ -11,6 +11,7 @@ from footsense.lab.parallel import compute_each
 pytestmark = pytest.mark.lab
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("address", "why"),
     [("tcp://127.0.0.1:9", "no dask scheduler at"), ("bench", "no dask scheduler at")],

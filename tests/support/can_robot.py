@@ -11,7 +11,7 @@ from typing import Any
 import can
 
 from firmware_interface.can.codes import NODE_IDS, USABLE, State
-from firmware_interface.can.reports import Calibration
+from firmware_interface.can.reports import CalibrationFrame
 from firmware_interface.can.socketcan import unpack_frame
 from footsense.can.interface import Can
 from footsense.can.sink import CanSink
@@ -88,7 +88,7 @@ class Robot:
         every: int = 1,
         *,
         step_mn: int = 1,
-        calibrations: Sequence[Calibration] = (),
+        calibrations: Sequence[CalibrationFrame] = (),
     ) -> None:
         self.clock = FakeClock()
         self.consumer = can.Bus(interface="virtual", channel=channel, preserve_timestamps=True)

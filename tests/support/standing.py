@@ -112,7 +112,14 @@ class Standing:
         closure_rel = DESIGN.closure_um(capacitance_pf, self.tracker.unloaded.baseline_pf) / DESIGN.gap_um
         unpredicted_n = np.full(len(capacitance_pf), np.nan)
         self.tracker.observe(
-            closure_rel, unpredicted_n, unpredicted_n, capacitance_pf, self._stamps, missing, now_ns
+            closure_rel,
+            unpredicted_n,
+            unpredicted_n,
+            capacitance_pf,
+            self._stamps,
+            missing,
+            now_ns,
+            unpredicted_n.tolist(),
         )
 
     def tared(self) -> "Standing":

@@ -9,6 +9,10 @@ newest reading by its slope.
 - In stance it is exponential with a mean well above that of the last stances, with the same noise: loads of all sizes
   are expected, since a foot that begins to carry carries little.
 
+Where the robot tells how its foot accelerates, the load in swing that this explains is taken off first: the mean of the
+acceleration's size over a scan, times what earlier swings have shown per unit of it, and the spread is of what is left.
+So a wrong or late acceleration explains little, and does little.
+
 Readings closer together than the time over which pull and bounces last count as one. Contact begins and ends at two
 probabilities. Outside of contact the load that the network predicts from the newest reading counts as well, with its
 sigma: it shows a touch before most elements have been read again.
@@ -39,6 +43,8 @@ _QUIET_SPREAD_REL = 0.25
 #: Pull of a foot's own mass over the mean load of its stances, before a swing has shown it [1], and time of swing as
 #: which that counts [s].
 _PULL_REL, _PULL_PRIOR_S = 0.2, 0.3
+#: Share of the load that goes with the acceleration which is taken off [1].
+_EXPLAINED_REL = 0.6
 #: Spreads up to which a load in swing counts as pull [1]. The rise of a touch counts until it is told: feet whose
 #: touches rise slowly have more shake before them.
 _MOST_SPREADS = 5.0
@@ -100,6 +106,40 @@ def log_likelihood_ratio(z_n: float, spread_n: float, mean_n: float) -> float:
     return math.log(share) + _HALF_LOG_2_PI - z_n / mean_n + 0.5 * share * share - integral + of_swing
 
 
+class _SwingLoads:
+    """Loads of swings in the remembered time: how long it is, sums of squares, and the spreads that follow."""
+
+    def __init__(self) -> None:
+        self.time_s = self._load_n2s = self._predicted_n2s = 0.0
+        self.spread_n2 = self.predicted_spread_n = self.most_n = 0.0
+
+    def add(self, time_s: float, load_n: float, predicted_n: float, most_n: float) -> None:
+        """Add a load, and its prediction if there is one [N], either as `most_n` at most."""
+        most_n = min(most_n, self.most_n)
+        self.time_s += time_s
+        self._load_n2s += time_s * min(load_n, most_n) ** 2
+        if math.isfinite(predicted_n):
+            self._predicted_n2s += time_s * min(predicted_n, most_n) ** 2
+
+    def forget(self, kept: float) -> None:
+        """Keep a share of what is remembered [1]."""
+        self.time_s *= kept
+        self._load_n2s *= kept
+        self._predicted_n2s *= kept
+
+    def update(self, expected_n2: float, quiet_n2: float) -> None:
+        """Derive the spreads: the geometric mean of what is expected and what was seen, by how long it was."""
+        share = _PULL_PRIOR_S / (_PULL_PRIOR_S + self.time_s)
+        time_s, expected = self.time_s or 1.0, expected_n2**share
+        self.spread_n2 = spread_n2 = quiet_n2 + expected * max(self._load_n2s / time_s, quiet_n2) ** (
+            1.0 - share
+        )
+        self.most_n = _MOST_SPREADS * math.sqrt(spread_n2)
+        self.predicted_spread_n = math.sqrt(
+            quiet_n2 + expected * max(self._predicted_n2s / time_s, quiet_n2) ** (1.0 - share)
+        )
+
+
 class ContactDetector:
     """Contact detector of one leg; in plain Python numbers, faster than arrays for six legs.
 
@@ -124,9 +164,11 @@ class ContactDetector:
         self._least_n, self._scan_s = least_n, scan_s
         self._max_swing_rise_n_per_s = max_swing_rise_n_per_s
         self._creep_load_n = self.drift_n = 0.0
-        # Sums over the remembered time: of loads in stance, and of squared loads and predictions in swing.
+        # Sums over the remembered time: of loads in stance, in swing, in swing beyond what an acceleration explains,
+        # and of acceleration, load, their product and squared acceleration in the latter.
         self._stance_ns = self._stance_s = 0.0
-        self._swing_s = self._pull_n2s = self._predicted_n2s = 0.0
+        self._pulls, self._unexplained = _SwingLoads(), _SwingLoads()
+        self._moments = [0.0, 0.0, 0.0, 0.0]
         self.reset(0)
 
     def reset(self, t_ns: int) -> None:
@@ -140,6 +182,9 @@ class ContactDetector:
         self._t_s = self._changed_s = self._up_s = self._down_s = self._updated_s = 1e-9 * t_ns
         # Loads of the last scan.
         self._past: deque[tuple[float, float]] = deque()
+        # Known accelerations of the last scan.
+        self._accelerations: deque[tuple[float, float]] = deque()
+        self._acceleration = self._explained_n = 0.0
         self._update_spreads(self._t_s, 0.0)
 
     @property
@@ -155,6 +200,7 @@ class ContactDetector:
         now_ns: int,
         predicted_n: float = math.nan,
         sigma_n: float = math.nan,
+        acceleration_m_per_s2: float = math.nan,
     ) -> None:
         """Process the newest load: update contact, confirmed swing, and the load in swing.
 
@@ -165,6 +211,8 @@ class ContactDetector:
             now_ns: Current time [ns].
             predicted_n: The same load as predicted from the newest reading [N]; NaN without a prediction.
             sigma_n: Standard deviation of the prediction [N], same.
+            acceleration_m_per_s2: Size of the acceleration by which the foot's own mass pulls along the leg [m/s2]; NaN
+                where it is not known.
         """
         self.load_n = load_n
         self.carried_n = predicted_n if math.isfinite(predicted_n) else load_n
@@ -178,6 +226,7 @@ class ContactDetector:
         self._t_s = t_s
         if t_s - self._updated_s >= 3.0 * _CORRELATED_S:
             self._update_spreads(t_s, baseline_error_n)
+        self._note_acceleration(t_s, acceleration_m_per_s2)
         change_n, lasted_s = self._change_over_a_scan(t_s, load_n)
         as_of_newest_n = load_n + 0.5 * change_n * self._scan_s / max(lasted_s, self._scan_s)
         above_n = as_of_newest_n - self.swing_load_n
@@ -210,12 +259,30 @@ class ContactDetector:
         if self.in_contact:
             ratio = log_likelihood_ratio(above_n, spread_n, stance_load_n)
             return min(ratio, -1.0) if self._is_steady(change_n) and above_n < self._shift_n else ratio
+        above_n -= self._explained_n
+        predicted_above_n -= self._explained_n
         # Of a number and NaN, in this order, `max` is the number.
         ratio = log_likelihood_ratio(above_n, max(spread_n, sigma_n), stance_load_n)
         if self._t_s - self._changed_s > _RINGS_S and predicted_above_n > self._least_n:
             spread_n = math.hypot(self._predicted_spread_n, 0.5 * sigma_n)
             ratio = max(ratio, log_likelihood_ratio(predicted_above_n, spread_n, stance_load_n))
         return ratio
+
+    def _note_acceleration(self, t_s: float, acceleration_m_per_s2: float) -> None:
+        """Note the newest acceleration, its mean over a scan, and the load that this explains in swing."""
+        known = self._accelerations
+        if math.isfinite(acceleration_m_per_s2):
+            known.append((t_s, acceleration_m_per_s2))
+        elif not known:
+            return
+        while known and known[0][0] < t_s - self._scan_s:
+            known.popleft()
+        self._acceleration = sum(one for _, one in known) / len(known) if known else 0.0
+        # By the slope of the load over the acceleration, so that one that stands still explains nothing; and next to
+        # nothing as long as swings have shown little.
+        time_s, (mean_s, load_s, both_s, square_s) = self._unexplained.time_s or 1.0, self._moments
+        slope_kg = (both_s - mean_s * load_s / time_s) / (square_s - mean_s**2 / time_s + _PULL_PRIOR_S)
+        self._explained_n = _EXPLAINED_REL * max(slope_kg, 0.0) * self._acceleration
 
     def _is_steady(self, change_n: float) -> bool:
         """Return whether a change over a scan comes to less than two least loads while a foot rings."""
@@ -243,7 +310,7 @@ class ContactDetector:
 
     def _note_crossings(self, above_n: float, t_s: float) -> None:
         """Note when the load came above the spread of swing, and when it fell below it."""
-        is_above = above_n >= self._spread_n
+        is_above = above_n >= self._spread_n + self._explained_n
         if is_above is not self._is_above:
             self._is_above = is_above
             if is_above:
@@ -280,13 +347,19 @@ class ContactDetector:
         """Learn the spread of a swing's load, and follow it, as far as it is one."""
         swing_s = elapsed_s / (1.0 + math.exp(self._log_odds))
         # Pull comes and goes; a load that hardly changes is not pull.
-        most_n = (
-            _QUIET_SPREAD_REL * self._least_n if self._is_steady(change_n) else _MOST_SPREADS * self._spread_n
-        )
-        self._swing_s += swing_s
-        self._pull_n2s += swing_s * min(abs(above_n), most_n) ** 2
-        if math.isfinite(predicted_above_n):
-            self._predicted_n2s += swing_s * min(abs(predicted_above_n), most_n) ** 2
+        most_n = _QUIET_SPREAD_REL * self._least_n if self._is_steady(change_n) else math.inf
+        load_n, predicted_n, explained_n = abs(above_n), abs(predicted_above_n), self._explained_n
+        self._pulls.add(swing_s, load_n, predicted_n, most_n)
+        if self._accelerations:
+            acceleration = self._acceleration
+            some_n = min(load_n, explained_n + min(most_n, self._unexplained.most_n))
+            moments = (acceleration, some_n, acceleration * some_n, acceleration * acceleration)
+            self._moments = [
+                sum_ + swing_s * moment for sum_, moment in zip(self._moments, moments, strict=True)
+            ]
+            self._unexplained.add(
+                swing_s, max(load_n - explained_n, 0.0), max(predicted_n - explained_n, 0.0), most_n
+            )
         rise_n = above_n * min(swing_s / _SETTLES_S, 1.0)
         self.swing_load_n += min(rise_n, self._max_swing_rise_n_per_s * swing_s)
 
@@ -298,9 +371,9 @@ class ContactDetector:
             self._stance_ns *= kept
             self._stance_s *= kept
         else:
-            self._swing_s *= kept
-            self._pull_n2s *= kept
-            self._predicted_n2s *= kept
+            self._pulls.forget(kept)
+            self._unexplained.forget(kept)
+            self._moments = [kept * sum_ for sum_ in self._moments]
         pressing_n = max(0.0, self.load_n)  # of a number and NaN, in this order, the number
         self._creep_load_n += (pressing_n - self._creep_load_n) * (
             elapsed_s / (_CREEP_LOAD_TIME_CONSTANT_S + elapsed_s)
@@ -312,17 +385,14 @@ class ContactDetector:
         )
         quiet_n2 = (_QUIET_SPREAD_REL * self._least_n) ** 2
         expected_n2 = max((_PULL_REL * mean_n) ** 2, quiet_n2)
-        share = _PULL_PRIOR_S / (_PULL_PRIOR_S + self._swing_s)
-
-        def pull_n2(sum_n2s: float) -> float:
-            """Return the geometric mean of what is expected and what was seen, by how long it was."""
-            return float(
-                expected_n2**share * max(sum_n2s / (self._swing_s or 1.0), quiet_n2) ** (1.0 - share)
-            )
-
+        self._pulls.update(expected_n2, quiet_n2)
+        shown = self._pulls
+        if self._accelerations and not self.in_contact:
+            shown = self._unexplained
+            shown.update(expected_n2, quiet_n2)
         left_n2 = (baseline_error_n / 3.0 + creep_n) ** 2 if self.in_contact else 0.0
-        self._spread_n = math.sqrt(quiet_n2 + pull_n2(self._pull_n2s) + left_n2)
-        self._predicted_spread_n = math.sqrt(quiet_n2 + pull_n2(self._predicted_n2s))
+        self._spread_n = math.sqrt(shown.spread_n2 + left_n2)
+        self._predicted_spread_n = shown.predicted_spread_n
         self._stance_load_n = _STANCE_LOAD_REL * mean_n
         self._shift_n = min(_SHIFT_REL * mean_n, _SHIFT_LEASTS * self._least_n)
 

@@ -4,7 +4,7 @@ A foot that slides has the ratio of tangential to normal force that is the groun
 load and direction do; one that holds has less. So a foot on the ground has two states, and its ratio a likelihood in
 each (Coulomb's law; a hidden Markov model, as contact is):
 
-- What a gait asks of the ground is distributed as Rayleigh's. The ground gives its coefficient at most: a foot of which
+- What a gait asks of the ground is distributed as Rayleigh's, of scale one. The ground gives its coefficient at most: a foot of which
   less is asked holds, and has that ratio; one of which more is asked slides, and has the coefficient. This gives the
   ratio's likelihood in both states, and the probability of a slide before anything is known of a stance.
 - The ratio has the estimate's sigma, the coefficient has its own. The network underestimates large ratios in shares of
@@ -19,8 +19,6 @@ two sigma: a gait that asks little repeats its largest ratio in every stance, as
 
 import math
 
-#: Scale of the ratio that gaits ask of the ground [1].
-_ASKED = 0.7
 #: Slides and their ends a second [1/s].
 _CHANGES_PER_S = 2.0
 #: Time in which the error of a ratio stays the same [s], by which a slip is dated back as well, and how often one ratio
@@ -29,7 +27,7 @@ SAME_ERROR_S, _MOST_COUNTED = 0.027, 3.0
 #: By how much a ratio is underestimated, over its sigma and its square [1].
 _SHORT = 3.0
 #: Coefficient that is assumed where none is known, and standard deviation of any over itself [1].
-_ASSUMED_FRICTION, _FRICTION_SIGMA_REL = 0.6, 0.2
+_ASSUMED_FRICTION, _FRICTION_SIGMA_REL = 0.5, 0.2
 #: How much more a ratio above the coefficient counts than one below it [1].
 _ABOVE_COUNTS = 2.0
 #: Time in which it is forgotten what feet have shown [s].
@@ -38,8 +36,7 @@ _MEMORY_S = 10.0
 _SLIPS, _SLIPS_NO_MORE = 1.0, 0.5
 #: Factor of the logistic function that has the slope of a normal distribution's integral.
 _LOGISTIC = 2.0 * math.sqrt(2.0 / math.pi)
-_ASKED_SQUARE = _ASKED * _ASKED
-_LOG_DENSITY = math.log(_ASKED_SQUARE / math.sqrt(2.0 * math.pi))
+_LOG_ROOT_2_PI = 0.5 * math.log(2.0 * math.pi)
 
 
 def ratio_sigma(ratio: float, sigma: float) -> float:
@@ -78,11 +75,10 @@ class GroundFriction:
         forgotten = min(elapsed_s / _MEMORY_S, 1.0)
         self.mean += forgotten * (self._start - self.mean)
         self.variance += forgotten * (self._start_variance - self.variance)
-        asked = self.mean / _ASKED
-        exponent = 0.5 * asked * asked
+        exponent = 0.5 * self.mean * self.mean
         self.odds = 1.0 / math.expm1(exponent)
         self.log_odds = math.log(self.odds)
-        self.log_density = _LOG_DENSITY - exponent - self.log_odds
+        self.log_density = -_LOG_ROOT_2_PI - exponent - self.log_odds
 
     def follow(self, apart: float, variance: float, weight: float) -> None:
         """Follow the ratio of a foot.
@@ -147,7 +143,7 @@ class Holding:
             # Above the coefficient no foot holds.
             apart = min((ratio - expected) / spread, _LOGISTIC)
             asked = min(max(ratio, spread), expected)
-            evidence = friction.log_density + 0.5 * (asked * asked / _ASKED_SQUARE - apart * apart)
+            evidence = friction.log_density + 0.5 * (asked * asked - apart * apart)
             evidence += math.log((1.0 + math.exp(_LOGISTIC * apart)) / (spread * asked))
             weight = min(elapsed_s / SAME_ERROR_S, 1.0)
             # As far as the ratio alone says it.

@@ -17,6 +17,7 @@ from footsense.lab.evaluation.walker_runs import (
     LEAD_IN_S,
     SCAN_TIMES,
     ExactLoads,
+    ToldMotion,
     WalkerOutputs,
     judging_pipeline,
     read_walker,
@@ -96,6 +97,7 @@ def judge_run(
     board: str,
     exact: bool = False,
     massless: bool = False,
+    motion: ToldMotion | None = None,
 ) -> list[JudgedRun]:
     """Return the scores of one run on feet.
 
@@ -108,6 +110,7 @@ def judge_run(
         board: A key of `SCAN_TIMES`.
         exact: Whether the true force is in place of the network's, for what contact and slip make of it.
         massless: Whether the sensor feels the ground alone, and nothing of the foot's own mass.
+        motion: How the motion of the legs is told; None where it is not.
     """
     log, judged = run.kept_log(), []
     for folder in models:
@@ -129,7 +132,8 @@ def judge_run(
             network, response, SCAN_TIMES[board], feet, friction=log.friction, exact=known
         )
         supposed = [share * log.friction for share in SUPPOSED_REL.values()]
-        outputs, peak_n = run_pipeline(pipeline, readings, known, supposed), scale * log.peak_n()
+        outputs = run_pipeline(pipeline, readings, known, motion, supposed)
+        peak_n = scale * log.peak_n()
         found = scores(outputs, peak_n, np.inf if run.gait == SLOW else REPORT_AFTER_S)
         judged.append(JudgedRun(design.foot_type, run, peak_n, found, _shown(outputs)))
     return judged
@@ -155,6 +159,7 @@ def judge(
     viscous_rel: float = 0.0,
     exact: bool = False,
     massless: bool = False,
+    motion: ToldMotion | None = None,
     scheduler: str | None = None,
 ) -> list[JudgedRun]:
     """Return the scores of runs on feet; each foot but the paper's gets the runs of robots of its own kind.
@@ -166,6 +171,7 @@ def judge(
         viscous_rel: Creep and lag of the rubber over those of the simulated rubber [1].
         exact: As of `judge_run`.
         massless: As of `judge_run`.
+        motion: As of `judge_run`.
         scheduler: As of `compute_each`.
     """
     parts = [
@@ -173,7 +179,14 @@ def judge(
         for run in runs
     ]
     judged = compute_each(
-        partial(_judge_part, viscous_rel=viscous_rel, board=board, exact=exact, massless=massless),
+        partial(
+            _judge_part,
+            viscous_rel=viscous_rel,
+            board=board,
+            exact=exact,
+            massless=massless,
+            motion=motion,
+        ),
         parts,
         scheduler=scheduler,
     )
@@ -187,9 +200,18 @@ def _judge_part(
     board: str,
     exact: bool,
     massless: bool,
+    motion: ToldMotion | None,
 ) -> list[JudgedRun]:
     run, models = part
-    return judge_run(models, viscous_rel=viscous_rel, run=run, board=board, exact=exact, massless=massless)
+    return judge_run(
+        models,
+        viscous_rel=viscous_rel,
+        run=run,
+        board=board,
+        exact=exact,
+        massless=massless,
+        motion=motion,
+    )
 
 
 def contact_figures(judged: Sequence[JudgedRun]) -> dict[str, Any]:

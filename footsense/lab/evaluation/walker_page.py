@@ -5,6 +5,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from footsense.lab.evaluation.walker_judgement import LANDINGS, JudgedRun
+from footsense.lab.evaluation.walker_runs import ToldMotion
 from footsense.lab.evaluation.walker_scores import (
     AFTER_TOUCH_S,
     AT_CONE_REL,
@@ -60,6 +61,8 @@ class WantedContacts(NamedTuple):
         told_ms: From the first load to the sending, median and 99 % [ms].
         slow_p95_ms: Error of the time of a slow load that 95 % are below [ms].
         dragged_share: Touches of feet that drag that are found [1].
+        with_motion: Touches that are found, those in the air and those that are told twice where the motion of the legs
+            is told [1].
         dated_rms_ms: Error of the time of a touch [ms, rms].
     """
 
@@ -69,22 +72,36 @@ class WantedContacts(NamedTuple):
     told_ms: tuple[float, float]
     slow_p95_ms: float
     dragged_share: float
+    with_motion: tuple[float, float, float]
     dated_rms_ms: float = 4.0
 
 
-def contact_targets(found: Values, wanted: WantedContacts) -> list[dict[str, object]]:
-    """Return the targets of the contacts of all feet, from what `contact_figures` returns."""
+def _touches_target(
+    figure: str, found: Values, found_share: float, in_air_share: float, twice_share: float
+) -> dict[str, object]:
     touches = max(found["n_touches"], 1)
-    in_air_share = found["n_in_air"] / touches
+    in_air = found["n_in_air"] / touches
+    return target(
+        f"touches of over {1e3 * MIN_TOUCH_S:g} ms, new gaits, {figure}: found / in the air / twice",
+        f"{found_share:.0%} / {in_air_share:.1%} / {twice_share:.0%}",
+        f"{found['found_share']:.1%} / {in_air:.1%} / {found['twice_share']:.1%} of {touches}",
+        met=found["found_share"] >= found_share
+        and in_air <= in_air_share
+        and found["twice_share"] <= twice_share,
+    )
+
+
+def contact_targets(found: Values, with_motion: Values, wanted: WantedContacts) -> list[dict[str, object]]:
+    """Return the targets of the contacts of all feet, from what `contact_figures` returns.
+
+    Args:
+        found: Figures of a robot that tells no motion of its legs.
+        with_motion: Of one that does.
+        wanted: What is wanted.
+    """
     return [
-        target(
-            f"touches of over {1e3 * MIN_TOUCH_S:g} ms, new gaits, found / in the air / twice",
-            f"{wanted.found_share:.0%} / {wanted.in_air_share:.1%} / {wanted.twice_share:.0%}",
-            f"{found['found_share']:.1%} / {in_air_share:.1%} / {found['twice_share']:.1%} of {touches}",
-            met=found["found_share"] >= wanted.found_share
-            and in_air_share <= wanted.in_air_share
-            and found["twice_share"] <= wanted.twice_share,
-        ),
+        _touches_target("no motion told", found, wanted.found_share, wanted.in_air_share, wanted.twice_share),
+        _touches_target("motion told", with_motion, *wanted.with_motion),
         target(
             "touches, new gaits, told after the first load, median / 99 %",
             f"{wanted.told_ms[0]:g} / {wanted.told_ms[1]:g} ms",
@@ -292,6 +309,26 @@ def _contacts_table(rows: Mapping[str, Sequence[Values]]) -> str:
     )
 
 
+def _told_table(boards: Mapping[str, Values]) -> str:
+    return table_by_board(
+        f"all touches, {SAME_TABLE}: {{motion}}, {{n_touches}}",
+        {
+            board: [
+                {"motion": "no motion told"} | of_board["contacts"],
+                {"motion": "motion told"} | of_board["contacts_with_motion"],
+            ]
+            for board, of_board in boards.items()
+        },
+        {
+            "found": "{found_share:.1%}",
+            "in the air / twice": "{n_in_air} / {n_twice}",
+            "told, median / 99 % [ms]": "{told_p50_ms:.1f} / {told_p99_ms:.1f}",
+            "dated, rms [ms] / over sigma": "{dated_rms_ms:.1f} / {dated_rms_over_sigma:.2f}",
+            "contact wrong": "{wrong_share:.1%}",
+        },
+    )
+
+
 def contact_text(boards: Mapping[str, Values]) -> str:
     """Return the section of contacts in new gaits on a page, from the figures of each board."""
     new = {board: of_board["new_runs"] for board, of_board in boards.items()}
@@ -305,7 +342,9 @@ after {1e3 * MIN_TOUCH_S:g} ms in the air if it lasts as long. Feet of gaits wit
 a few percent of a stance's load for part of their swing. Beside them walks a Unitree Aliengo under a learned policy in a
 closed loop, whose log comes with its source (`lab/walkers/logs`). Slow loads are made up (`lab/walkers/slow_loads.py`): six
 feet whose loads rise within {RISE_S[0]:g} to {RISE_S[1]:g} s, wait on plateaus and ripple, after swings of {SWING_S[0]:g} to {SWING_S[1]:g} s;
-their error counts however late they are told.
+their error counts however late they are told. Where the motion of the legs is told, it is once in {1e3 * ToldMotion().period_s:g} ms and {1e3 * ToldMotion().late_s:g} ms late.
+
+{_told_table(boards)}
 
 {table_by_board(f"foot, gait, ground, touches, {SAME_TABLE}: {{foot_type}}, {{run}}, {{n_touches}}", new, _NEW_CONTACTS)}
 """

@@ -20,9 +20,21 @@ from footsense.estimation.walking.gait import GaitTracker
 from footsense.foot.parameters import FootParameters
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads, Specimen
-from footsense.frames import ELEMENTS, CapFrame, Codes, GaitEvent, GaitFrame, Mask, Reading, Vector
+from footsense.frames import (
+    ELEMENTS,
+    CapFrame,
+    Codes,
+    GaitEvent,
+    GaitFrame,
+    LegMotion,
+    Mask,
+    Reading,
+    StepPhase,
+    Vector,
+)
 from footsense.lab.training.gait_readings import conversion_elements
 from footsense.lab.training.gait_windows import contact_and_normal_force
+from footsense.lab.walkers.robots import GRAVITY_M_S2
 from footsense.lab.walkers.simulate import WalkerLog
 from footsense.ports import LoadEstimate, Window
 from footsense.sim.loads.load_log import RowsBetween
@@ -46,6 +58,7 @@ class WalkerLoads(NamedTuple):
         normal: Contact normals, same shape; up in the air.
         slip_m_s: Velocity of the contact points along the ground [m/s], same shape.
         felt_n: Forces on the sensors [N], same shape: in swing with those of the foot's own mass.
+        acceleration_m_s2: Acceleration along each leg, less that at rest with the leg upright [m/s2], shape (n, legs).
         friction: Coefficient of friction.
     """
 
@@ -54,6 +67,7 @@ class WalkerLoads(NamedTuple):
     normal: Vector
     slip_m_s: Vector
     felt_n: Vector
+    acceleration_m_s2: Vector
     friction: float
 
     def at(self, t_s: Vector) -> "WalkerLoads":
@@ -61,7 +75,14 @@ class WalkerLoads(NamedTuple):
         rows = RowsBetween.of(self.t_s, t_s)
         force_n, slip_m_s, felt_n = map(rows.values, (self.force_n, self.slip_m_s, self.felt_n))
         normal = rows.normals(self.normal, self.force_n)
-        return self._replace(t_s=t_s, force_n=force_n, normal=normal, slip_m_s=slip_m_s, felt_n=felt_n)
+        return self._replace(
+            t_s=t_s,
+            force_n=force_n,
+            normal=normal,
+            slip_m_s=slip_m_s,
+            felt_n=felt_n,
+            acceleration_m_s2=rows.values(self.acceleration_m_s2),
+        )
 
 
 def walker_loads(log: WalkerLog, scale: float, ball_radius_mm: float) -> WalkerLoads:
@@ -86,6 +107,7 @@ def walker_loads(log: WalkerLog, scale: float, ball_radius_mm: float) -> WalkerL
         np.concatenate([up, log.normal]),
         np.concatenate([air, log.slip_m_s]),
         felt_n,
+        np.concatenate([air[:, :, 2], log.acceleration_m_s2[:, :, 2] - GRAVITY_M_S2]),
         log.friction,
     )
 
@@ -236,6 +258,42 @@ def _effective_loads(t_s: Vector, loads: ContactLoads, amount: float) -> Contact
     return ContactLoads(normals, forces)
 
 
+class ToldMotion(NamedTuple):
+    """How a gait controller tells the motion of the legs: every `period_s`, and how wrong.
+
+    Attributes:
+        late_s: From the motion to its arrival [s].
+        factor: Told acceleration over the true one [1].
+        is_frozen: Whether it tells for ever what it told first, as of `FROZEN_AT_S`.
+        sigma_m_s2: Standard deviation that it tells [m/s2].
+        period_s: Time from one to the next [s].
+    """
+
+    late_s: float = 2e-3
+    factor: float = 1.0
+    is_frozen: bool = False
+    sigma_m_s2: float = 0.5
+    period_s: float = 10e-3
+
+    def at(self, loads: WalkerLoads, t_s: float) -> LegMotion:
+        """Return the newest motion of all legs at a time [s]."""
+        told_s = FROZEN_AT_S if self.is_frozen else (t_s // self.period_s) * self.period_s
+        row = max(int(np.searchsorted(loads.t_s, told_s - self.late_s)) - 1, 0)
+        acceleration: Vector = self.factor * loads.acceleration_m_s2[row]
+        n_legs = len(acceleration)
+        return LegMotion(
+            t_ns=np.full(n_legs, round(1e9 * told_s)),
+            acceleration_m_per_s2=acceleration,
+            sigma_m_per_s2=np.full(n_legs, self.sigma_m_s2),
+            up=np.tile([0.0, 0.0, 1.0], (n_legs, 1)),
+            phase=np.full(n_legs, StepPhase.UNKNOWN, np.uint8),
+        )
+
+
+#: Time at which a frozen motion was told: while the robot walks [s].
+FROZEN_AT_S = 3.0
+
+
 class WalkerOutputs(NamedTuple):
     """What the pipeline said after each of n frames, beside the truth at the times of sending.
 
@@ -358,6 +416,7 @@ def run_pipeline(
     pipeline: Pipeline,
     readings: WalkerReadings,
     exact: ExactLoads | None = None,
+    motion: ToldMotion | None = None,
     other_frictions: Sequence[float] = (),
 ) -> WalkerOutputs:
     """Return what a pipeline says of readings, frame by frame.
@@ -366,6 +425,7 @@ def run_pipeline(
         pipeline: The pipeline.
         readings: The readings.
         exact: Its estimator, if that is one.
+        motion: How the motion of the legs is told; None where it is not.
         other_frictions: Coefficients of friction for `other_events` [1].
     """
     gaits = _Gaits(pipeline._gait, other_frictions)  # noqa: SLF001
@@ -385,6 +445,8 @@ def run_pipeline(
         reading[:, elements] = np.where(over[k], Reading.OVER_RANGE, Reading.OK)
         if exact is not None:
             exact.row = k
+        if motion is not None:
+            pipeline.set_motion(motion.at(readings.all_loads, sent_ns[k] * 1e-9))
         frame, _ = pipeline.process(
             CapFrame(k, t_ns.copy(), capacitance_pf.copy(), reading.copy()), sent_ns[k]
         )

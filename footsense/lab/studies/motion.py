@@ -24,7 +24,7 @@ from footsense.lab.evaluation.walker_page import (
     walker_targets,
     walker_text,
 )
-from footsense.lab.evaluation.walker_runs import HOST_COST_US, SCAN_TIMES, ScanTimes
+from footsense.lab.evaluation.walker_runs import HOST_COST_US, SCAN_TIMES, ScanTimes, ToldMotion
 from footsense.lab.foot_file import FOOT_FILE
 from footsense.lab.report import SAME_TABLE, StudyContext, Values, table, table_by_board
 from footsense.lab.studies.boards.page import BoardLimits, board_figures, board_targets, board_text
@@ -96,6 +96,7 @@ _BOARDS: dict[str, Wanted] = {
             told_ms=(8.0, 28.0),
             slow_p95_ms=40.0,
             dragged_share=0.9,
+            with_motion=(0.99, 0.005, 0.02),
         ),
     ),
     "fdc1004": Wanted(
@@ -119,6 +120,7 @@ _BOARDS: dict[str, Wanted] = {
             told_ms=(16.0, 45.0),
             slow_p95_ms=80.0,
             dragged_share=0.8,
+            with_motion=(0.98, 0.009, 0.04),
         ),
     ),
 }
@@ -156,7 +158,14 @@ def _figures(context: StudyContext, board: str, wanted: Wanted) -> Values:
         slow = (SlowLoads(_SLOW[0].seed, _QUICK_S),)
     new_judged = judge(folders, (*new, *RECORDED_JUDGEMENT), board=board, scheduler=context.scheduler)
     slow_judged = judge(folders, slow, board=board, scheduler=context.scheduler)
-    contacts = contact_figures([*new_judged, *slow_judged])
+    told = judge(
+        folders,
+        (*new, *RECORDED_JUDGEMENT, *slow),
+        board=board,
+        motion=ToldMotion(),
+        scheduler=context.scheduler,
+    )
+    contacts, contacts_with_motion = contact_figures([*new_judged, *slow_judged]), contact_figures(told)
     context.report_progress("walking robots done")
     walked = [*judged, *new_judged]
     slips = {"all": slip_figures(walked)}
@@ -189,11 +198,12 @@ def _figures(context: StudyContext, board: str, wanted: Wanted) -> Values:
         "creeping": [row_of(one) for one in creeping],
         "new_runs": [row_of(one) for one in new_judged],
         "contacts": contacts,
+        "contacts_with_motion": contacts_with_motion,
         "slips": slips,
         "targets": [
             *board_targets(gaits, figures, wanted.board),
             *walker_targets(together[own_type], others, wanted.robots),
-            *contact_targets(contacts, wanted.contacts),
+            *contact_targets(contacts, contacts_with_motion, wanted.contacts),
             *slip_targets(slips["all"]),
         ],
     }

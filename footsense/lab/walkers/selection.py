@@ -4,8 +4,14 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-from footsense.lab.evaluation.walker_judgement import JudgingLoads, contact_figures, judge, slip_figures
-from footsense.lab.evaluation.walker_runs import SCAN_TIMES
+from footsense.lab.evaluation.walker_judgement import (
+    JudgedRun,
+    JudgingLoads,
+    contact_figures,
+    judge,
+    slip_figures,
+)
+from footsense.lab.evaluation.walker_runs import SCAN_TIMES, ToldMotion
 from footsense.lab.evaluation.walker_scores import SUPPOSED_REL
 from footsense.lab.report import Values, table
 from footsense.lab.walkers.slow_loads import SLOW, SlowLoads
@@ -40,7 +46,7 @@ def select(
     runs: Sequence[JudgingLoads] = (*SELECTION, *_SLOW),
     slippery: Sequence[JudgingLoads] = SLIPPERY_SELECTION,
 ) -> dict[str, dict[str, Values]]:
-    """Return the figures of `contact_figures` by board, then by foot type, the last for all feet; with `slip_figures`.
+    """Return the figures of contact and of slips by board, then by foot type, the last two for all feet.
 
     Args:
         models: Folders of the foot types, the paper's first.
@@ -49,16 +55,21 @@ def select(
     """
     figures: dict[str, dict[str, Values]] = {}
     for board in SCAN_TIMES:
-        judged, slipping = (judge(models, part, board=board) for part in (runs, slippery))
-        figures[board] = {}
-        for name in (*(folder.name for folder in models), "all"):
-            of_foot, slipping_foot = (
-                [one for one in part if name in {one.foot_type, "all"}] for part in (judged, slipping)
+        judged, told = judge(models, runs, board=board), judge(models, runs, board=board, motion=ToldMotion())
+        slipping = judge(models, slippery, board=board)
+        figures[board] = {
+            folder.name: _figures(
+                [one for one in judged if one.foot_type == folder.name],
+                [one for one in slipping if one.foot_type == folder.name],
             )
-            figures[board][name] = contact_figures(of_foot) | {
-                "slips": slip_figures([*(one for one in of_foot if one.run.gait != SLOW), *slipping_foot])
-            }
+            for folder in models
+        } | {"all": _figures(judged, slipping), "all, motion of the legs told": _figures(told, [])}
     return figures
+
+
+def _figures(judged: Sequence[JudgedRun], slipping: Sequence[JudgedRun]) -> Values:
+    walked = [one for one in judged if one.run.gait != SLOW]
+    return contact_figures(judged) | {"slips": slip_figures([*walked, *slipping])}
 
 
 def as_markdown(figures: dict[str, dict[str, Values]]) -> str:

@@ -34,7 +34,6 @@ _ROUGH_LENGTH_REL = 0.5
 
 #: Mass of the outer rubber half of a ball of 10 mm radius [kg], and that radius [mm].
 _OUTER_HALF_KG, _OUTER_HALF_MM = 2.3e-3, 10.0
-_GRAVITY_M_S2 = 9.80665
 
 
 class FallError(ConfigError):
@@ -75,7 +74,7 @@ class WalkerLog(NamedTuple):
         """
         kg = _OUTER_HALF_KG * (ball_radius_mm / _OUTER_HALF_MM) ** 3
         in_air = ~self.force_n.any(axis=2, keepdims=True)
-        inertial_n: Vector = np.where(in_air, -kg * (self.acceleration_m_s2 - (0.0, 0.0, _GRAVITY_M_S2)), 0.0)
+        inertial_n: Vector = np.where(in_air, -kg * (self.acceleration_m_s2 - (0.0, 0.0, GRAVITY_M_S2)), 0.0)
         return inertial_n
 
     def n_touches(self) -> int:

@@ -33,7 +33,7 @@ export const COLUMNS = [
 
 // Signal, label, unit and digits of each curve.
 export const OFFERED = [
-  ["fz", "fz", "N", 3], ["fx", "fx", "N", 3], ["fy", "fy", "N", 3], ["sigma_z", "σz", "N", 3], ["closure_4", "middle gap", "", 2],
+  ["fz", "fz", "N", 3], ["fx", "fx", "N", 3], ["fy", "fy", "N", 3], ["sigma_z", "σz", "N", 3], ["closure_4", "mid gap", "", 2],
   ["contact_probability", "contact", "", 2], ["holds", "holds", "", 2], ["load_share", "share", "", 2], ["tangential_over_normal", "ft/fn", "", 2],
   ["age", "age", "ms", 1], ["baseline_mean", "drift", "fF", 1], ["temperature", "temperature", "°C", 1],
 ];

@@ -72,6 +72,7 @@ def matrices(foot_type: str, board: Board) -> tuple[Vector, Vector]:
     return tuple(np.vstack([found.mutual_ff, found.metal_ff]) for found in (kept, drawn))  # type: ignore[return-value]
 
 
+@pytest.mark.slow
 def test_the_table_is_that_of_the_drawn_flex() -> None:
     """Board `fdc1004` of the default foot, within the error of the coarser computation."""
     kept_ff, drawn_ff = matrices("aoyagi-3x3", "fdc1004")
@@ -86,6 +87,7 @@ def test_every_table_is_that_of_its_drawn_flex(foot_type: str, board: Board) -> 
     np.testing.assert_allclose(drawn_ff, kept_ff, rtol=0.06, atol=2.0)
 
 
+@pytest.mark.slow
 def test_one_guard_net_behind_the_lines_takes_most_of_their_coupling() -> None:
     """Board `ad7147`: the sum of a line's couplings to other lines, against the same copper without the layer."""
     lower, upper = flexes(load_foot(MODELS / "aoyagi-3x3" / "foot.yaml"), "ad7147")

@@ -30,6 +30,7 @@ def test_constant_strain_is_exact(poisson: float, order: int) -> None:
     assert max(block_errors(Material(5.2, poisson), linear, 0.5, order)) < 1e-11
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("poisson", [0.3, 0.4999])
 def test_errors_fall_with_the_order_of_the_elements(poisson: float) -> None:
     """Halving the edges of quadratic elements divides the error by 2^3, that of the gradient by 2^2.
@@ -43,6 +44,7 @@ def test_errors_fall_with_the_order_of_the_elements(poisson: float) -> None:
     assert fine[0] < 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("poisson", [0.49, 0.4999])
 def test_a_half_space_under_a_patch_is_hertz_s(poisson: float) -> None:
     """The dent within the patch to 0.2 %, the stress on the axis to 2 %."""

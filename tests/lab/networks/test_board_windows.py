@@ -19,6 +19,7 @@ def windows_at(scan: BoardScan) -> dict[str, JudgedWindows]:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scan", [SMALL, FAST], ids=["small", "fast"])
 def test_readings_are_as_old_as_the_scan_makes_them(scan: BoardScan) -> None:
     """Newest, oldest of the newest, and the mean over the elements; a walk's jitter aside, as at rest."""

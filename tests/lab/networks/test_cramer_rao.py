@@ -33,6 +33,7 @@ def test_the_step_of_the_differences_does_not_matter(foot: Specimen) -> None:
     np.testing.assert_allclose(coarse, middle, rtol=1e-2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("azimuth", "elevation", "lean"), [(20.0, 60.0, 0.0), (100.0, 75.0, 20.0), (5.0, 45.0, 0.0)]
 )

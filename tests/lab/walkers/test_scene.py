@@ -50,6 +50,7 @@ def test_a_quadruped_trots_on_its_feet(config: Path, tmp_path: Path) -> None:
     assert np.median(error_n) < 0.1 * weight_n
 
 
+@pytest.mark.slow
 def test_the_command_says_who_walks_and_that_a_gait_is_none(config: Path) -> None:
     result = command(
         "run", "--scene", "walker:stand", "--config", config, "--duration", "0.5", "--summary", "text"
@@ -87,6 +88,7 @@ def test_a_scene_that_cannot_be_is_one_line(config: Path, monkeypatch: pytest.Mo
         scene_of("walker:walk", four)
 
 
+@pytest.mark.slow
 def test_a_walk_is_written_for_a_scene(config: Path, tmp_path: Path) -> None:
     """With what it cost; the paper's foot feels as much as it can."""
     file = tmp_path / "walk.npz"

@@ -68,6 +68,7 @@ def test_a_bus_without_its_mux_is_an_error_at_start() -> None:
         scanner.start()
 
 
+@pytest.mark.slow
 def test_a_stuck_bus_costs_the_other_bus_nothing_and_comes_back(caplog: pytest.LogCaptureFixture) -> None:
     """SDA held low on one of two buses: its legs are silent, and the others keep their pace through each timeout.
 

@@ -17,11 +17,13 @@ def scans() -> list[CapFrame]:
     return simulated_walk_frames(N_WARM_UP_CYCLES + 12)
 
 
+@pytest.mark.slow
 def test_both_programs_are_timed(scans: list[CapFrame]) -> None:
     figures = compare_cycle_durations(scans)
     assert all(value is not None and value > 0 for value in figures.values())
 
 
+@pytest.mark.slow
 def test_the_loop_answers_for_every_deadline(scans: list[CapFrame]) -> None:
     """It runs in a process of its own, under the scheduling that it was granted."""
     figures = measure_wakeup_latency(scans, seconds=0.05)

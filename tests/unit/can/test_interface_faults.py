@@ -111,6 +111,7 @@ def faults(draw: st.DrawFn) -> CanFault:
     return plain
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(st.lists(faults(), max_size=6), st.sampled_from([(24 * MS, 500_000), (2_700_000, 1_000_000)]))
 def test_whatever_breaks_no_old_force_arrives_and_all_come_back(

@@ -36,7 +36,7 @@ from firmware_interface.can.reports import (
     IDENTITY,
     IDENTITY_ID,
     PROTOCOL_VERSION,
-    Calibration,
+    CalibrationFrame,
     decode_heartbeat,
     foot_type_hash,
 )
@@ -45,8 +45,8 @@ from footsense.frames import LEGS, BaselineDrift, Command, CommandResult, GaitEv
 from tests.support.can_robot import MS, NarrowWire, Robot
 from tests.support.frames import gait_frame
 
-PRESSED = Calibration(0, 0, CalibrationKind.PRESSED, 2159, math.nan, math.nan)
-NONE = Calibration(0, 0, CalibrationKind.NONE, None, math.nan, math.nan)
+PRESSED = CalibrationFrame(0, 0, CalibrationKind.PRESSED, 2159, math.nan, math.nan)
+NONE = CalibrationFrame(0, 0, CalibrationKind.NONE, None, math.nan, math.nan)
 
 
 def test_each_leg_sends_force_and_quality_with_one_counter(request: pytest.FixtureRequest) -> None:

@@ -78,7 +78,7 @@ def test_a_bar_is_drawn_with_what_the_terminal_has(encoding: str, cell: str) -> 
 @pytest.mark.parametrize(
     ("width", "headings"),
     [
-        (120, "leg state foot fx [N] fy [N] fz [N] load true [N] age [ms] cause"),
+        (120, "leg state foot P holds fx [N] fy [N] fz [N] load true [N] age [ms] cause"),
         (80, "leg state foot fx [N] fy [N] fz [N] load true [N]"),
         (60, "leg state foot fx [N] fy [N] fz [N]"),
         (40, "leg state foot fz [N]"),
@@ -95,7 +95,7 @@ def test_a_narrow_terminal_loses_what_is_worth_least(width: int, headings: str) 
 
 
 @pytest.mark.parametrize(
-    ("width", "left_out"), [(120, ""), (80, "a wider terminal shows age [ms], cause, too")]
+    ("width", "left_out"), [(120, ""), (80, "a wider terminal shows P, holds, age [ms], cause, too")]
 )
 def test_what_a_narrow_terminal_leaves_out_is_named(width: int, left_out: str) -> None:
     screen = io.StringIO()

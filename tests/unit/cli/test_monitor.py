@@ -30,7 +30,7 @@ from firmware_interface.can.reports import (
     IDENTITY,
     IDENTITY_ID,
     Baseline,
-    Calibration,
+    CalibrationFrame,
     Fault,
     Heartbeat,
     Identity,
@@ -70,7 +70,7 @@ def snapshot(leg: str) -> LegSnapshot:
         baseline=Baseline(1, 0, BaselineStatus.NOT_QUIET, -1.2345, 3.2767, 6_553_400_000_000),
         heartbeat=Heartbeat(1, NmtState.STOPPED, degraded_timing=True),
         ground=Ground(1, 0, (-0.7, -0.7, 0.14), 0.315, 2.04, 0.248, 2.04),
-        calibration=Calibration(1, 0, CalibrationKind.STANDING, 2159, math.nan, math.nan),
+        calibration=CalibrationFrame(1, 0, CalibrationKind.STANDING, 2159, math.nan, math.nan),
     )
     return LegSnapshot(leg, force, report, 7, rate_hz=364)
 
@@ -132,6 +132,16 @@ def test_a_narrow_terminal_loses_what_is_worth_least(width: int, headings: str) 
     assert ("a wider terminal shows more" in lines) is (width < 200)
     assert [line[:2] for line in lines if line.startswith(LEGS)] == 3 * list(LEGS)
     assert max(len(line) for line in lines) <= width
+
+
+def test_a_calibration_is_shown_with_its_date() -> None:
+    """As numbers of JSON; what is not known of it is null."""
+    assert json_row(COLUMNS, snapshot("lf"))["calibration"] == {
+        "kind": "standing",
+        "date": "2025-11-29",
+        "size_error_percent": None,
+        "direction_error_deg": None,
+    }
 
 
 def test_a_silent_channel_is_told_by_its_name(request: pytest.FixtureRequest) -> None:
@@ -211,23 +221,17 @@ def test_frames_that_it_cannot_read_are_one_clear_line(
 
 def test_contact_ground_and_the_last_event_are_shown(request: pytest.FixtureRequest) -> None:
     """As numbers of JSON, as long as they come; an event stays the last one."""
-    robot = Robot(request.node.nodeid)
     clock = FakeClock()
     listener = Listener(
         open_wire(Can(interface="virtual", channel=request.node.nodeid), ()), clock, LinkLimits()
     )
+    robot = Robot(request.node.nodeid)
     slip = gait_frame(0, events=(GaitEvent(GaitEventKind.SLIP, 0, -10 * MS, 0.01),))
     for gait in (None, slip, None):
         robot.publish(0, age_ns=1, contact_probability=1.0, holds=0.93, gait=gait)
     listener.listen(clock.t_ns + 50 * MS)
     (left,) = plain(listener)
     assert (left["contact_probability"], left["holds"]) == (1.0, 0.93)
-    assert left["calibration"] == {
-        "kind": "none",
-        "date": None,
-        "size_error_percent": None,
-        "direction_error_deg": None,
-    }
     assert left["ground"]["ago_ms"] == 50.0
     assert left["ground"]["normal"] == pytest.approx([0.28, 0.0, 0.96])
     assert (left["ground"]["tangential_over_normal"], left["ground"]["friction"]) == (0.2, 0.6)

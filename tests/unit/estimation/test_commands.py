@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
@@ -104,6 +105,7 @@ class Robot:
         return scan
 
 
+@pytest.mark.slow
 @given(st.lists(spans, max_size=8))
 @example([Span([Command(CommandKind.TARE, 0)], 12, opened=(frozenset({0, 4}), frozenset()))])
 def test_every_command_has_one_answer_and_nothing_is_done_unasked(script: list[Span]) -> None:

@@ -1,6 +1,7 @@
 """One leg's contact: what a glitch, a silence or a drift may not do, and which commands it forbids."""
 
 import math
+from collections.abc import Callable
 
 import pytest
 from hypothesis import given
@@ -23,12 +24,19 @@ class Leg:
         self.contact.reset(self.t_ns)
 
     def carry(
-        self, load_n: float, duration_s: float, predicted_n: float = math.nan, sigma_n: float = math.nan
+        self,
+        load_n: float,
+        duration_s: float,
+        predicted_n: float = math.nan,
+        sigma_n: float = math.nan,
+        acceleration_m_per_s2: float = math.nan,
     ) -> bool:
         """Carry a load for a time; return whether the foot is in contact then."""
         for _ in range(max(round(1e9 * duration_s / self.step_ns), 1)):
             self.t_ns += self.step_ns
-            self.contact.observe(load_n, 0.002, self.t_ns, self.t_ns, predicted_n, sigma_n)
+            self.contact.observe(
+                load_n, 0.002, self.t_ns, self.t_ns, predicted_n, sigma_n, acceleration_m_per_s2
+            )
         return self.contact.in_contact
 
     def changes_after_s(self, load_n: float, limit_s: float = 1.0, **prediction: float) -> float | None:
@@ -166,6 +174,69 @@ def test_the_pull_of_a_foot_of_its_own_mass_is_learnt(hertz: float) -> None:
     assert not [swing for swing in touches if swing > 3]
     assert shaking.changes_after_s(0.1, 0.2) is None
     assert shaking.changes_after_s(0.5, 0.05) is not None
+
+
+def walk_with_pulls(told: Callable[[int], float]) -> tuple[int, float]:
+    """Walk on feet of 10 g that are pulled in swing; return how often one touched in the air, and a delay [s].
+
+    Args:
+        told: What is told of the acceleration as of each step of a swing [m/s2].
+    """
+    leg, in_air = Leg(0.007), 0
+    for swing in range(12):
+        leg.carry(1.0, 0.4, acceleration_m_per_s2=told(0))
+        leg.changes_after_s(0.0, acceleration_m_per_s2=told(0))
+        for n in range(300):
+            leg.carry(0.01 * _pull(n), 0.0, acceleration_m_per_s2=told(n))
+            in_air += swing > 2 and leg.contact.in_contact
+    leg.carry(1.0, 0.4, acceleration_m_per_s2=told(0))
+    leg.changes_after_s(0.0, acceleration_m_per_s2=told(0))
+    leg.carry(0.0, 0.3, acceleration_m_per_s2=told(299))
+    return in_air, leg.changes_after_s(0.2, 0.5, acceleration_m_per_s2=told(299)) or math.inf
+
+
+def _pull(n: int) -> float:
+    return 20.0 * math.sin(0.05 * n) * math.exp(-(((n - 150) / 50.0) ** 2))
+
+
+def test_a_known_acceleration_explains_the_pull_of_the_foot() -> None:
+    """A light touch is told that could be pull without."""
+    in_air, told_s = walk_with_pulls(lambda _n: math.nan)
+    assert in_air == 0
+    assert told_s > 0.05
+    in_air, told_s = walk_with_pulls(lambda n: abs(_pull(n)))
+    assert in_air == 0
+    assert told_s < 0.02
+
+
+@pytest.mark.parametrize(
+    "told",
+    [
+        lambda n: 0.8 * abs(_pull(n)),
+        lambda n: abs(_pull(n - 13)),
+        lambda _n: 15.0,
+        lambda n: 5.0 * abs(_pull(n)),
+    ],
+    ids=["scaled by 0.8", "10 ms late", "frozen", "five times too large"],
+)
+def test_a_wrong_acceleration_does_no_harm(told: Callable[[int], float]) -> None:
+    in_air_without, told_without_s = walk_with_pulls(lambda _n: math.nan)
+    in_air, told_s = walk_with_pulls(told)
+    assert in_air <= 1.1 * in_air_without
+    assert told_s <= 1.1 * told_without_s
+
+
+def test_an_acceleration_that_is_told_no_longer_explains_nothing() -> None:
+    """A tenth of a second later the same light touch is told as late as if nothing had ever been told."""
+    leg = Leg(0.007)
+    for _ in range(12):
+        leg.carry(1.0, 0.4, acceleration_m_per_s2=0.0)
+        leg.changes_after_s(0.0, acceleration_m_per_s2=0.0)
+        for n in range(300):
+            leg.carry(0.01 * _pull(n), 0.0, acceleration_m_per_s2=abs(_pull(n)))
+    leg.carry(0.0, 0.1)
+    _, untold_s = walk_with_pulls(lambda _n: math.nan)
+    assert (leg.changes_after_s(0.2, 0.5) or math.inf) > 0.5 * untold_s
 
 
 @pytest.mark.parametrize(("n_per_s", "late_s"), [(0.1, 0.7), (0.3, 0.3), (1.0, 0.1), (3.0, 0.03)])

@@ -364,6 +364,7 @@ def test_what_an_impact_leaves_in_two_elements_is_no_fault() -> None:
     assert not any(sigmas_rel[:27] + sigmas_rel[37:])
 
 
+@pytest.mark.slow
 @given(
     st.sampled_from([(5, 0, 7, 6, 4, 2, 1, 8, 3), tuple(range(9))]),
     st.floats(0.005, 1.0),

@@ -114,6 +114,7 @@ def is_healthy(found: Published) -> bool:
     return named and set(found.state[after].ravel().tolist()) <= states and degraded_by <= {Cause.OVERLOAD}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rise_s", [0.015, 0.1])
 @pytest.mark.parametrize(("lean_deg", "least_known_rel"), [(24.0, 1.0), (31.0, 0.5)])
 def test_a_push_that_leans_is_overload_and_over_within_a_scan(
@@ -147,6 +148,7 @@ def test_an_impact_is_no_fault(start_s: float, lean_deg: float) -> None:
     assert (found.state[found.t_s > 0.1 + start_s + 0.01 + 3 * SCAN_S + STEP_S] == State.VALID).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turn_s", [0.003, 0.01, 0.03])
 def test_a_fast_slide_is_no_fault(turn_s: float) -> None:
     """Friction that turns round under a load, from 0.5 of it forward to 0.5 of it backward."""
@@ -159,6 +161,7 @@ def test_a_fast_slide_is_no_fault(turn_s: float) -> None:
     assert is_healthy(published(force_n_at, 1.0))
 
 
+@pytest.mark.slow
 def test_far_beyond_the_range_the_force_comes_back_within_a_scan() -> None:
     """20 N on the foot for 1 N close more gaps than three: SATURATED, and a scan later VALID."""
     found = published(lambda t_s: 20.0 * trapezoid(t_s, 0.02, 0.2, 0.02) * leaning(5.0), 0.5)

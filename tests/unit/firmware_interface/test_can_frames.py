@@ -36,7 +36,7 @@ from firmware_interface.can.reports import (
     CALIBRATION_ID,
     HEARTBEAT_ID,
     Baseline,
-    Calibration,
+    CalibrationFrame,
     decode_heartbeat,
 )
 from footsense.estimation.pipeline import MAX_SIGMA_REL
@@ -150,10 +150,10 @@ def test_a_motion_comes_back_within_half_a_bit_and_never_surer(
 
 def test_a_calibration_tells_its_date() -> None:
     """Days since 2020-01-01; none without a calibration; expected errors are rounded up."""
-    pressed = Calibration(2, 3, CalibrationKind.PRESSED, 2159, 2.1, 1.41)
+    pressed = CalibrationFrame(2, 3, CalibrationKind.PRESSED, 2159, 2.1, 1.41)
     read = CALIBRATION.decode(CALIBRATION_ID + 2, CALIBRATION.encode(pressed))
     assert (read.date, read.size_error_percent, read.direction_error_deg) == (date(2025, 11, 29), 2.5, 1.5)
-    none = Calibration(2, 3, CalibrationKind.NONE, None, math.nan, math.nan)
+    none = CalibrationFrame(2, 3, CalibrationKind.NONE, None, math.nan, math.nan)
     assert CALIBRATION.decode(CALIBRATION_ID + 2, CALIBRATION.encode(none)).date is None
 
 

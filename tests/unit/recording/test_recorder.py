@@ -33,6 +33,7 @@ def ring(tmp_path: Path) -> Iterator[CycleRing]:
         yield ring
 
 
+@pytest.mark.slow
 def test_a_recording_is_whole_and_then_named(tmp_path: Path, ring: CycleRing) -> None:
     """FILE exists only when all cycles are in it; in virtual time there may be more of them than the ring holds."""
     path = tmp_path / "walk.mcap"
@@ -161,6 +162,7 @@ def test_a_writer_never_counts_a_cycle_that_a_crash_would_lose(tmp_path: Path) -
     assert len(seen) > 2
 
 
+@pytest.mark.slow
 def test_a_snapshot_is_a_recording_of_what_the_ring_holds(tmp_path: Path) -> None:
     """Its cycles are counted from 0, and an existing file is refused; without a service there is none."""
     path, target = tmp_path / "ring", tmp_path / "last.mcap"
@@ -183,6 +185,7 @@ def test_a_snapshot_is_a_recording_of_what_the_ring_holds(tmp_path: Path) -> Non
     assert sorted(p.name for p in tmp_path.iterdir()) == ["last.mcap"]
 
 
+@pytest.mark.slow
 def test_a_killed_daemon_leaves_a_finished_recording(tmp_path: Path) -> None:
     """The end of the service ends the recording, so SIGKILL costs nothing that was observed."""
     path = tmp_path / "walk.mcap"

@@ -211,7 +211,9 @@ def _loads(feet: Sequence[FootLoad], end_s: float) -> WalkerLoads:
         np.array([[getattr(contact, part) for contact in row] for row in contacts])
         for part in ("force_n", "normal")
     )
-    return WalkerLoads(t_s, force_n, normal, np.zeros_like(force_n), force_n, np.nan)
+    return WalkerLoads(
+        t_s, force_n, normal, np.zeros_like(force_n), force_n, np.zeros(force_n.shape[:2]), np.nan
+    )
 
 
 def _read(context: StudyContext, board: str, loads: WalkerLoads) -> WalkerReadings:

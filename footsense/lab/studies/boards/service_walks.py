@@ -189,7 +189,9 @@ def _outputs(published: PublishedWalk, scene: Scene) -> WalkerOutputs:
     )
     t_s = np.asarray(published.t_sent_ns * 1e-9, np.float64)
     force_n = published.true_force_n
-    loads = WalkerLoads(t_s, force_n, normal, np.zeros_like(force_n), force_n, np.nan)
+    loads = WalkerLoads(
+        t_s, force_n, normal, np.zeros_like(force_n), force_n, np.zeros(force_n.shape[:2]), np.nan
+    )
     return WalkerOutputs(
         t_s=t_s,
         true=loads,
