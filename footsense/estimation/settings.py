@@ -156,8 +156,8 @@ class ContactLimits(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         threshold_n: Least load along the leg, above that in swing, from which a foot is in contact [N]; more where
             swings show more pull of the foot's own mass, a fifth of the mean load of its stances before it has swung.
             None: 1.5 % of the largest force that the feet's network is trained for, 0.03 N for the paper's.
-        friction: Coefficient of friction of the ground [1]: a foot slips where its tangential over normal force comes
-            to it. None: not known, and no slip is told.
+        friction: Coefficient of friction of the ground [1], to a fifth: a foot slides where its tangential over normal
+            force comes to it. None: not known, and no slip is told; 0.5 is assumed for whether a foot holds.
     """
 
     threshold_n: Annotated[float, Meta(ge=0.002, le=10.0)] | None = None

@@ -1,7 +1,8 @@
 """Gait estimate of all legs, updated with every conversion: contact events, load share, ground normal, friction, slip.
 
-Contact and its times are those of `contact.py`, ground and slip those of `ground.py`. Slip is looked for on half
-of the legs in turn, and what changes slowly is computed for the published frames alone.
+Contact and its times are those of `contact.py`, the ground that of `ground.py`, and whether a foot stands still that of
+`holds.py`, of which slips follow. Ratios are looked at on half of the legs in turn, and what changes slowly is computed
+for the published frames alone.
 """
 
 import math
@@ -11,15 +12,18 @@ import numpy as np
 
 from footsense.estimation.settings import LONG_SILENCE_NS, SLOW_PERIOD_NS
 from footsense.estimation.walking.contact import NO_TIME, BackDated, ContactDetector
-from footsense.estimation.walking.ground import NO_GROUND, SLIP_LAG_NS, SlipDetector, ground_of
+from footsense.estimation.walking.ground import NO_GROUND, foot_loads, friction_ratio, ground_of
+from footsense.estimation.walking.holds import SAME_ERROR_S, GroundFriction, Holding, ratio_sigma
 from footsense.frames import GaitEvent, GaitEventKind, GaitFrame, Slip
 from footsense.ports import LoadEstimate
 
 #: State of a leg whose force is known and whose foot is in contact.
 _FORCE_KNOWN_IN_CONTACT = (True, True)
 
-#: Slips are looked for on half of the legs in turn: the next conversion has mostly the same readings.
+#: Ratios are looked at on half of the legs in turn: the next conversion has mostly the same readings.
 _CONVERSIONS_PER_CHECK = 2
+#: From the begin of a slip, or its end, to an estimate that shows it, and the standard deviation of that [ns].
+_SLIP_LAG_NS = round(1e9 * SAME_ERROR_S)
 
 
 class GaitTracker:
@@ -43,9 +47,10 @@ class GaitTracker:
         period_ns: int = SLOW_PERIOD_NS,
     ) -> None:
         self._friction = friction
-        self._slips = [SlipDetector(friction) for _ in range(n_legs)]
-        self._tells_slips = math.isfinite(friction)
-        self._turn = 0
+        self._ground, self._tells_slips = GroundFriction(friction), math.isfinite(friction)
+        self._holding = [Holding(self._ground) for _ in range(n_legs)]
+        # Which legs are looked at, and when each half of them was last [ns].
+        self._turn, self._looked_ns = 0, [0] * _CONVERSIONS_PER_CHECK
         self._period_ns, self._due_ns = period_ns, 0
         # Whether the force is known, and whether the foot is in contact, of each leg.
         self._states = [(False, False)] * n_legs
@@ -79,17 +84,10 @@ class GaitTracker:
                 if now != before:
                     events += self._contact_events(row, before, now, contacts[row].changed, now_ns)
             self._states = states
-        self._turn = (self._turn + 1) % _CONVERSIONS_PER_CHECK
-        for row in range(self._turn, len(states), _CONVERSIONS_PER_CHECK) if self._tells_slips else ():
-            if states[row] == _FORCE_KNOWN_IN_CONTACT:
-                t_ns = self._slips[row].observe(ground_of(load, row), now_ns)
-                if t_ns is not None:
-                    starts = self._slips[row].state is Slip.SLIPPING
-                    kind = GaitEventKind.SLIP if starts else GaitEventKind.SLIP_END
-                    events.append(GaitEvent(kind, row, t_ns, 1e-9 * SLIP_LAG_NS))
+        events += self._slips(load, now_ns)
         self.holds = [
-            0.0 if slip.state is Slip.SLIPPING else probability
-            for slip, probability in zip(self._slips, probabilities, strict=True)
+            probability * holding.probability
+            for holding, probability in zip(self._holding, probabilities, strict=True)
         ]
         if not events and now_ns < self._due_ns:
             return None
@@ -97,14 +95,39 @@ class GaitTracker:
             self._due_ns = (now_ns // self._period_ns + 1) * self._period_ns
         return self._gait_frame(load, contacts, now_ns, tuple(events))
 
+    def _slips(self, load: LoadEstimate, now_ns: int) -> list[GaitEvent]:
+        """Look at the friction ratios of the feet whose turn it is; return the slips that begin or end."""
+        self._turn = turn = (self._turn + 1) % _CONVERSIONS_PER_CHECK
+        elapsed_s = 1e-9 * min(now_ns - self._looked_ns[turn], LONG_SILENCE_NS)
+        self._looked_ns[turn] = now_ns
+        rows = slice(turn, None, _CONVERSIONS_PER_CHECK)
+        states = self._states[rows]
+        if not turn:
+            self._ground.pass_time(elapsed_s)
+        events: list[GaitEvent] = []
+        if _FORCE_KNOWN_IN_CONTACT in states:
+            for number, (state, holding, foot) in enumerate(
+                zip(states, self._holding[rows], foot_loads(load, rows), strict=True)
+            ):
+                if (
+                    state == _FORCE_KNOWN_IN_CONTACT
+                    and holding.observe(*friction_ratio(foot), elapsed_s, now_ns)
+                    and self._tells_slips
+                ):
+                    kind = GaitEventKind.SLIP if holding.slips else GaitEventKind.SLIP_END
+                    leg = turn + _CONVERSIONS_PER_CHECK * number
+                    t_ns = max(holding.since_ns - _SLIP_LAG_NS, self._touchdowns[leg].t_ns)
+                    events.append(GaitEvent(kind, leg, t_ns, SAME_ERROR_S))
+        return events
+
     def _contact_events(
         self, row: int, before: tuple[bool, bool], now: tuple[bool, bool], dated: BackDated, now_ns: int
     ) -> list[GaitEvent]:
         is_known, in_contact = now
-        slip = self._slips[row]
-        was_slipping = slip.state is Slip.SLIPPING
+        holding = self._holding[row]
+        was_slipping = holding.slips and self._tells_slips
         if now != _FORCE_KNOWN_IN_CONTACT:
-            slip.reset_stance()
+            holding.reset_stance()
         if before[0]:
             self._known_ns[row] = now_ns
         if not is_known:
@@ -142,10 +165,10 @@ class GaitTracker:
         pressing_n = np.where(contact, np.maximum(load.force_n[:, 2], 0.0), 0.0)
         total_n = float(pressing_n[known].sum())
         grounds = [
-            ground_of(load, row) if state == _FORCE_KNOWN_IN_CONTACT else NO_GROUND
-            for row, state in enumerate(self._states)
+            ground_of(foot) if state == _FORCE_KNOWN_IN_CONTACT else NO_GROUND
+            for state, foot in zip(self._states, foot_loads(load), strict=True)
         ]
-        _, normal, normal_sigma_rad, ratio, ratio_sigma = map(np.array, zip(*grounds, strict=True))
+        _, normal, normal_sigma_rad, ratio, network_sigma = zip(*grounds, strict=True)
         touchdown_ns, touchdown_sigma_s = zip(*self._touchdowns, strict=True)
         lift_off_ns, lift_off_sigma_s = zip(*self._lift_offs, strict=True)
         return GaitFrame(
@@ -157,12 +180,17 @@ class GaitTracker:
             lift_off_ns=np.array(lift_off_ns, np.int64),
             lift_off_sigma_s=np.array(lift_off_sigma_s),
             load_share=np.where(known, pressing_n, np.nan) / (total_n or math.nan),
-            normal=normal,
-            normal_sigma_rad=normal_sigma_rad,
-            tangential_over_normal=ratio,
-            tangential_over_normal_sigma=ratio_sigma,
-            slip=np.array([slip.state for slip in self._slips], np.uint8),
+            normal=np.array(normal),
+            normal_sigma_rad=np.array(normal_sigma_rad),
+            tangential_over_normal=np.array(ratio),
+            tangential_over_normal_sigma=np.array(list(map(ratio_sigma, ratio, network_sigma))),
+            slip=np.array([self._slip_of(holding) for holding in self._holding], np.uint8),
             friction=self._friction,
             all_in_air=bool((known & ~contact).all()),
             events=events,
         )
+
+    def _slip_of(self, holding: Holding) -> Slip:
+        if not (self._tells_slips and holding.is_known):
+            return Slip.UNKNOWN
+        return Slip.SLIPPING if holding.slips else Slip.NONE

@@ -24,10 +24,15 @@ from footsense.lab.evaluation.walker_runs import (
     run_pipeline,
     walker_loads,
 )
-from footsense.lab.evaluation.walker_scores import REPORT_AFTER_S, WARM_UP_S, scores
+from footsense.lab.evaluation.walker_scores import (
+    HOLDS_BOUNDS,
+    REPORT_AFTER_S,
+    SUPPOSED_REL,
+    WARM_UP_S,
+    scores,
+)
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.parallel import compute_each
-from footsense.lab.report import most_events
 from footsense.lab.walkers.simulate import WalkerLog
 from footsense.lab.walkers.slow_loads import SLOW
 from footsense.lab.walkers.split import DRAGGED, JUDGEMENT
@@ -126,7 +131,9 @@ def judge_run(
         pipeline = judging_pipeline(
             network, response, SCAN_TIMES[board], feet, friction=log.friction, exact=known
         )
-        outputs, peak_n = run_pipeline(pipeline, readings, known, motion), scale * log.peak_n()
+        supposed = [share * log.friction for share in SUPPOSED_REL.values()]
+        outputs = run_pipeline(pipeline, readings, known, motion, supposed)
+        peak_n = scale * log.peak_n()
         found = scores(outputs, peak_n, np.inf if run.gait == SLOW else REPORT_AFTER_S)
         judged.append(JudgedRun(design.foot_type, run, peak_n, found, _shown(outputs)))
     return judged
@@ -269,7 +276,6 @@ def pooled(judged: Sequence[JudgedRun]) -> dict[str, Any]:
     lifts_ms = np.concatenate([np.array(row["lift_off_delays_ms"]) for row in rows])
     touched = [row for row in rows if row["n_touches"] >= _MIN_TOUCHES]
     landed = [one.scores for one in judged if one.run.gait in LANDINGS]
-    n_later = sum(row["n_later_slides"] for row in rows)
     return {
         "n_runs": len(rows),
         "direction_deg": over("direction_deg", rows, np.mean),
@@ -302,13 +308,9 @@ def pooled(judged: Sequence[JudgedRun]) -> dict[str, Any]:
         "lift_off_delay_p50_ms": float(np.percentile(lifts_ms, 50, method="nearest")),
         "lift_off_delay_p95_ms": float(np.percentile(lifts_ms, 95, method="nearest")),
         "walked_hours": _hours(rows),
-        "n_false_slips": sum(row["n_false_slips"] for row in rows),
-        "n_slips": sum(row["n_slips"] for row in rows),
-        "n_slips_off_cone": sum(row["n_slips_off_cone"] for row in rows),
-        "n_later_slides": n_later,
-        "later_found_share": sum(row["n_later_found"] for row in rows) / max(n_later, 1),
+        "slips": slip_figures(judged),
         "by_friction": {
-            f"{friction:g}": _slides_of([row for row in rows if row["true_friction"] == friction])
+            f"{friction:g}": slip_figures([one for one in judged if one.scores["true_friction"] == friction])
             for friction in sorted({row["true_friction"] for row in rows})
         },
         "n_element_faults": sum(row["n_element_faults"] for row in rows),
@@ -324,12 +326,39 @@ def _hours(rows: Sequence[dict[str, Any]]) -> float:
     return float(sum(row["walked_s"] for row in rows) / 3600.0)
 
 
-def _slides_of(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Return the slides and slips of runs on one ground together, and the upper bound of false slips an hour."""
-    counted = ("n_later_slides", "n_later_found", "n_slips", "n_false_slips")
-    found: dict[str, Any] = {key: sum(row[key] for row in rows) for key in counted}
-    hours = _hours(rows)
-    return found | {"hours": hours, "most_false_slips_an_hour": most_events(found["n_false_slips"]) / hours}
+def slip_figures(judged: Sequence[JudgedRun]) -> dict[str, Any]:
+    """Return what became of the slides and slips of runs together.
+
+    Returns:
+        `n_slides` over `SLIDE_M` and `found_share`; `n_slips`, `false_share` of a foot that neither slides nor is at
+        its cone, and `slow_share` of one that is slower than `SLIDE_M_S`; `told_p50_ms` after the begin of the slide;
+        `hours`; by supposed friction, `supposed` of the same; and `holds_bins`, how often the probability of holding
+        was within each bounds, and how often such a foot held.
+    """
+    rows = [one.scores for one in judged]
+    bins = np.sum([row["holds_bins"] for row in rows] or [np.zeros((len(HOLDS_BOUNDS) - 1, 2))], axis=0)
+    return _slips_of(rows) | {
+        "hours": _hours(rows),
+        "supposed": {
+            name: _slips_of([row["supposed"][name] for row in rows]) for name in rows[0]["supposed"]
+        },
+        "holds_bins": bins.tolist(),
+    }
+
+
+def _slips_of(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    n_slides, n_found, n_slips, n_false, n_slow = (
+        sum(row[key] for row in rows)
+        for key in ("n_slides", "n_slides_found", "n_slips", "n_false_slips", "n_slow_slips")
+    )
+    return {
+        "n_slides": n_slides,
+        "found_share": n_found / max(n_slides, 1),
+        "n_slips": n_slips,
+        "false_share": n_false / max(n_slips, 1),
+        "slow_share": n_slow / max(n_slips, 1),
+        "told_p50_ms": float(np.median([one for row in rows for one in row["slip_delays_ms"]] or [np.nan])),
+    }
 
 
 def draw(judged: Sequence[JudgedRun], title: str) -> Figure:

@@ -1,10 +1,11 @@
 """How right the service's forces, contacts, times, slips and diagnoses are on the feet of walking robots."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from footsense.frames import IS_USABLE_STATE, Cause, GaitEventKind, Mask, State, Vector
+from footsense.frames import IS_USABLE_STATE, Cause, GaitEvent, GaitEventKind, Mask, State, Vector
 from footsense.lab.evaluation.walker_runs import LEAD_IN_S, WalkerOutputs
 
 #: Time after the lead-in in which nothing counts: the robot comes to stand, and swings show their noise [s].
@@ -31,11 +32,17 @@ _ELEMENT_FAULTS = (
     Cause.COLUMN_OPEN,
 )
 #: Sliding: speed of the contact point [m/s] and normal force over the peak [1] from which a foot slides; way of a slide
-#: that counts [m], time after the touch from which one is a later slide [s], and time within which a slip belongs to
-#: a slide [s].
-SLIDE_M_S, _SLIDE_LOAD_REL, SLIDE_M, LATER_S, _SLIP_WITHIN_S = 0.02, 0.05, 5e-3, 0.015, 0.06
-#: Ratio below the ground's coefficient from which a foot is at its cone [1].
-NEAR_CONE = 0.05
+#: that counts [m], and time within which a slip belongs to a slide [s].
+SLIDE_M_S, _SLIDE_LOAD_REL, SLIDE_M, _SLIP_WITHIN_S = 0.02, 0.05, 5e-3, 0.06
+#: Ratio over the ground's coefficient from which a foot is at its cone, where it slides at any speed [1].
+AT_CONE_REL = 0.98
+#: Supposed friction of the ground over the true one, beside that, by name [1].
+SUPPOSED_REL = {
+    "friction a fifth too low": 0.8,
+    "friction a fifth too high": 1.2,
+}
+#: Bounds of the probability of holding within which a foot's share of holding is compared with it [1].
+HOLDS_BOUNDS = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 
 
 class Touch(NamedTuple):
@@ -209,75 +216,102 @@ def contact_scores(
 
 
 class Slide(NamedTuple):
-    """One slide of a foot: start [s], end [s], way [m], and time from the touch to its start [s]."""
+    """One slide of a foot: start [s], end [s] and way [m]."""
 
     start_s: float
     end_s: float
     way_m: float
-    after_touch_s: float
 
 
-def slides(outputs: WalkerOutputs, leg: int, peak_n: float) -> list[Slide]:
-    """Return the slides of a leg by the truth, of any way, after the warm-up."""
-    t_s, true = outputs.t_s, outputs.true
-    pressing_n = (true.force_n[:, leg] * true.normal[:, leg]).sum(axis=1)
-    speed_m_s = np.linalg.norm(true.slip_m_s[:, leg], axis=1)
-    slide = (speed_m_s > SLIDE_M_S) & (pressing_n > _SLIDE_LOAD_REL * peak_n)
+def _slides(outputs: WalkerOutputs, leg: int, peak_n: float, sliding: Mask) -> list[Slide]:
+    """Return the slides of a leg within its touches, of any way, after the warm-up.
+
+    Args:
+        outputs: The run.
+        leg: The leg.
+        peak_n: Peak of its loads [N].
+        sliding: Where the foot slides, shape (n,).
+    """
+    t_s, speed_m_s = outputs.t_s, np.linalg.norm(outputs.true.slip_m_s[:, leg], axis=1)
     step_s, found = float(t_s[1] - t_s[0]), []
     for touch in touches(outputs, leg, peak_n):
         rows = np.flatnonzero((t_s >= touch.start_s) & (t_s < touch.end_s))
-        inside = np.concatenate([[False], slide[rows], [False]])
+        inside = np.concatenate([[False], sliding[rows], [False]])
         edges = np.flatnonzero(np.diff(inside.astype(int)))
         for first, last in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
             start_s = float(t_s[rows[first]])
             if start_s > LEAD_IN_S + WARM_UP_S:
                 way_m = float(speed_m_s[rows[first:last]].sum() * step_s)
-                found.append(
-                    Slide(start_s, start_s + (last - first) * step_s, way_m, start_s - touch.start_s)
-                )
+                found.append(Slide(start_s, start_s + (last - first) * step_s, way_m))
     return found
 
 
-def _ratios(outputs: WalkerOutputs, leg: int, peak_n: float) -> Vector:
-    """Return the true tangential over normal force of a leg [1], shape (n,); 0 where it carries next to nothing."""
+def _sliding(outputs: WalkerOutputs, leg: int, peak_n: float) -> tuple[Mask, Mask, Mask]:
+    """Return where a leg carries, slides fast enough to count, and is at its cone, by the truth, each of shape (n,)."""
     force_n, normal = outputs.true.force_n[:, leg], outputs.true.normal[:, leg]
     pressing_n = (force_n * normal).sum(axis=1)
     tangential_n = np.linalg.norm(force_n - pressing_n[:, None] * normal, axis=1)
     carries = pressing_n > _SLIDE_LOAD_REL * peak_n
-    ratios: Vector = np.divide(tangential_n, pressing_n, out=np.zeros_like(pressing_n), where=carries)
-    return ratios
+    fast = carries & (np.linalg.norm(outputs.true.slip_m_s[:, leg], axis=1) > SLIDE_M_S)
+    return carries, fast, carries & (tangential_n > AT_CONE_REL * outputs.true.friction * pressing_n)
 
 
 def slip_scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
-    """Return which slides of a run were reported, and which slips are none.
+    """Return which slides of a run were told, which slips are none, and how right the probability of holding is.
 
     A slide is found by a slip that is told as it begins or soon after, and by one that was told before and is not over.
+    A slip is false if the foot neither slides nor is at its cone as it is told.
     """
-    n_slips = n_false = n_off_cone = n_later = n_found = n_early = n_early_found = 0
-    delays_ms, legs = [], outputs.state.shape[1]
-    for leg in range(legs):
-        every = slides(outputs, leg, peak_n)
-        near_s = outputs.t_s[_ratios(outputs, leg, peak_n) > outputs.true.friction - NEAR_CONE]
-        sent_s = [
-            float(outputs.t_s[row])
-            for row, event in outputs.events
-            if event.leg == leg
-            and event.kind is GaitEventKind.SLIP
-            and outputs.t_s[row] > LEAD_IN_S + WARM_UP_S
-        ]
-        ends_s = [
-            float(outputs.t_s[row])
-            for row, event in outputs.events
-            if event.leg == leg and event.kind is GaitEventKind.SLIP_END
-        ]
+    slipping = zip(
+        ("", *SUPPOSED_REL), (outputs.events, *outputs.other_events), strict=bool(outputs.other_events)
+    )
+    found: dict[str, Any] = {
+        "walked_s": float(outputs.t_s[-1] - LEAD_IN_S - WARM_UP_S),
+        "true_friction": outputs.true.friction,
+        "supposed": {},
+        "holds_bins": np.zeros((len(HOLDS_BOUNDS) - 1, 2), int).tolist(),
+    }
+    n_legs = outputs.state.shape[1]
+    truth = [_sliding(outputs, leg, peak_n) for leg in range(n_legs)]
+    fast = [_slides(outputs, leg, peak_n, truth[leg][1]) for leg in range(n_legs)]
+    any_speed = [_slides(outputs, leg, peak_n, truth[leg][1] | truth[leg][2]) for leg in range(n_legs)]
+    for name, events in slipping:
+        counts = _counted_slips(outputs, events, fast, any_speed)
+        found |= {"supposed": found["supposed"] | {name: counts}} if name else counts
+    for leg, (carries, slides, at_cone) in enumerate(truth):
+        known = carries & outputs.contact[:, leg] & np.isfinite(outputs.holds[:, leg])
+        known &= outputs.t_s > LEAD_IN_S + WARM_UP_S
+        bins = np.searchsorted(HOLDS_BOUNDS[1:-1], outputs.holds[known, leg], "right")
+        for number, holds in zip(bins.tolist(), (~(slides | at_cone))[known].tolist(), strict=True):
+            found["holds_bins"][number][0] += 1
+            found["holds_bins"][number][1] += holds
+    return found
+
+
+def _counted_slips(
+    outputs: WalkerOutputs,
+    events: Sequence[tuple[int, GaitEvent]],
+    fast: Sequence[Sequence[Slide]],
+    any_speed: Sequence[Sequence[Slide]],
+) -> dict[str, Any]:
+    """Return the counts of slips and slides of all legs, from their slides above a speed and of any speed."""
+    n_slips = n_false = n_slow = n_slides = n_found = 0
+    delays_ms = []
+
+    def within(at_s: float, slides: Sequence[Slide]) -> bool:
+        return any(one.start_s - 5e-3 <= at_s < one.end_s + _SLIP_WITHIN_S for one in slides)
+
+    for leg in range(len(fast)):
+        told_s, ends_s = (
+            [float(outputs.t_s[row]) for row, event in events if event.leg == leg and event.kind is kind]
+            for kind in (GaitEventKind.SLIP, GaitEventKind.SLIP_END)
+        )
+        sent_s = [at_s for at_s in told_s if at_s > LEAD_IN_S + WARM_UP_S]
         over_s = [min((end_s for end_s in ends_s if end_s > at_s), default=np.inf) for at_s in sent_s]
         n_slips += len(sent_s)
-        n_false += sum(
-            not any(one.start_s - 5e-3 <= at_s < one.end_s + _SLIP_WITHIN_S for one in every)
-            for at_s in sent_s
-        )
-        n_off_cone += sum(not ((near_s > at_s - _SLIP_WITHIN_S) & (near_s <= at_s)).any() for at_s in sent_s)
-        for one in every:
+        n_false += sum(not within(at_s, any_speed[leg]) for at_s in sent_s)
+        n_slow += sum(not within(at_s, fast[leg]) for at_s in sent_s)
+        for one in fast[leg]:
             if one.way_m < SLIDE_M:
                 continue
             own = [
@@ -285,25 +319,17 @@ def slip_scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
                 for at_s, end_s in zip(sent_s, over_s, strict=True)
                 if at_s < one.end_s + _SLIP_WITHIN_S and end_s > one.start_s
             ]
-            if one.after_touch_s > LATER_S:
-                n_later += 1
-                n_found += bool(own)
-                if own:
-                    delays_ms.append(1e3 * max(own[0] - one.start_s, 0.0))
-            else:
-                n_early += 1
-                n_early_found += bool(own)
+            n_slides += 1
+            n_found += bool(own)
+            if own:
+                delays_ms.append(1e3 * max(own[0] - one.start_s, 0.0))
     return {
         "n_slips": n_slips,
         "n_false_slips": n_false,
-        "n_slips_off_cone": n_off_cone,
-        "n_later_slides": n_later,
-        "n_later_found": n_found,
-        "n_early_slides": n_early,
-        "n_early_found": n_early_found,
+        "n_slow_slips": n_slow,
+        "n_slides": n_slides,
+        "n_slides_found": n_found,
         "slip_delays_ms": delays_ms,
-        "walked_s": float(outputs.t_s[-1] - LEAD_IN_S - WARM_UP_S),
-        "true_friction": outputs.true.friction,
     }
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from footsense.errors import FootsenseError
 from footsense.frames import Vector
-from footsense.lab.odometry.sources import Loads, Source, VectorForces
+from footsense.lab.odometry.sources import Holds, Loads, Source, VectorForces
 from footsense.lab.odometry.walk import STEP_S, OdometryWalk, Senses
 
 #: Squared innovation of a foothold from which the gate sets it down anew: one in a thousand of a right filter.
@@ -74,6 +74,8 @@ def run_filters(walk: OdometryWalk, filters: Sequence[Filter]) -> Poses:
     for row, one in enumerate(filters):
         if isinstance(one.source, Loads):
             noise[:, row] = example().foothold_noise(*one.source)
+        elif isinstance(one.source, Holds):
+            noise[:, row] = _noise_by_holds(one.source)
         else:
             forces.append((row, one.source))
     gated = np.array([one.gated for one in filters])
@@ -86,6 +88,12 @@ def run_filters(walk: OdometryWalk, filters: Sequence[Filter]) -> Poses:
         position_m.append(odometry.columns[:, 1].copy())
         rotation.append(odometry.rotation)
     return Poses(np.stack(position_m), np.stack(rotation))
+
+
+def _noise_by_holds(source: Holds) -> Vector:
+    """Return the noise of the footholds, between those of a firm foot and of one in the air in their logarithm."""
+    share = np.nan_to_num(source.probability)
+    return np.asarray(example().FIRM ** share * example().IN_AIR ** (1.0 - share))
 
 
 def _weigh(

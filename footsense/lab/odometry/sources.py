@@ -50,6 +50,16 @@ class VectorForces(NamedTuple):
     friction: float
 
 
+class Holds(NamedTuple):
+    """Published probabilities that the feet stand still on the ground.
+
+    Attributes:
+        probability: The probabilities [1], shape (n, legs), NaN where there is none.
+    """
+
+    probability: Vector
+
+
 class OneAxis(NamedTuple):
     """A force sensor along the leg.
 
@@ -72,7 +82,7 @@ class OneAxis(NamedTuple):
 GOOD = OneAxis(0.02, 0.01, 0.01, 0.003, _GOOD_SEED)
 CHEAP = OneAxis(0.35, 0.12, 0.05, 0.02, _CHEAP_SEED)
 
-Source = Loads | VectorForces
+Source = Loads | VectorForces | Holds
 
 
 def sources(walk: OdometryWalk, senses: Senses, published: Mapping[str, ReceivedForces]) -> dict[str, Source]:
@@ -97,6 +107,7 @@ def sources(walk: OdometryWalk, senses: Senses, published: Mapping[str, Received
     for board, of_board in published.items():
         force_n = np.einsum("nlij,nlj->nli", senses.rotation, of_board.force_n)
         found[f"`{board}`, contact flag"] = _flag(of_board.contact)
+        found[f"`{board}`, holds"] = Holds(of_board.holds)
         found[f"`{board}`, force vector"] = VectorForces(force_n, walk.feet.friction)
         found[f"`{board}`, force vector, friction assumed 0.6"] = VectorForces(force_n, 0.6)
     return found | {

@@ -87,10 +87,12 @@ class ReceivedForces(NamedTuple):
     Attributes:
         force_n: Last published forces, foot frame [N], shape (n, legs, 3); NaN where there is none.
         contact: Whether contact is reported, shape (n, legs).
+        holds: Last published probabilities that the feet stand still, same shape; NaN where there is none.
     """
 
     force_n: Vector
     contact: Mask
+    holds: Vector
 
 
 class OdometryWalk:
@@ -184,7 +186,8 @@ class OdometryWalk:
         t_s = LEAD_IN_S + LOG_STEP_S * self.rows[1:] - _CAN_S
         newest = np.searchsorted(told.t_s, t_s, "right") - 1
         every = PUBLISH_EVERY[board]
-        return ReceivedForces(told.force_n[newest // every * every], told.contact[newest])
+        sent = newest // every * every
+        return ReceivedForces(told.force_n[sent], told.contact[newest], told.holds[sent])
 
     def drift_rel(self, position_m: Vector, rotation: Vector) -> Vector:
         """Return the drift of b poses [1]: rms error of the way after a metre, in the body's frame at its begin.

@@ -12,13 +12,15 @@ from footsense.foot.network_card import NETWORK_FILE
 from footsense.frames import ELEMENTS, LEGS, Vector
 from footsense.lab.board_comparison.windows import TROT_RISES_S, TROT_STANCE_S, TROT_STRIDE_S, dog_trot
 from footsense.lab.evaluation.evaluate_models import RESPONSE_FILE
-from footsense.lab.evaluation.walker_judgement import contact_figures, draw, judge, pooled
+from footsense.lab.evaluation.walker_judgement import contact_figures, draw, judge, pooled, slip_figures
 from footsense.lab.evaluation.walker_page import (
     WalkerLimits,
     WantedContacts,
     contact_targets,
     contact_text,
     row_of,
+    slip_targets,
+    slip_text,
     walker_targets,
     walker_text,
 )
@@ -165,6 +167,14 @@ def _figures(context: StudyContext, board: str, wanted: Wanted) -> Values:
     )
     contacts, contacts_with_motion = contact_figures([*new_judged, *slow_judged]), contact_figures(told)
     context.report_progress("walking robots done")
+    walked = [*judged, *new_judged]
+    slips = {"all": slip_figures(walked)}
+    for part, of_part in (
+        ("friction", lambda one: f"{one.scores['true_friction']:g}"),
+        ("", lambda one: one.foot_type),
+    ):
+        for name in sorted({of_part(one) for one in walked}):
+            slips[f"{part} {name}".strip()] = slip_figures([one for one in walked if of_part(one) == name])
     own_type = context.foot_design.foot_type
     by_foot = {
         name: [one for one in judged if one.foot_type == name]
@@ -189,10 +199,12 @@ def _figures(context: StudyContext, board: str, wanted: Wanted) -> Values:
         "new_runs": [row_of(one) for one in new_judged],
         "contacts": contacts,
         "contacts_with_motion": contacts_with_motion,
+        "slips": slips,
         "targets": [
             *board_targets(gaits, figures, wanted.board),
             *walker_targets(together[own_type], others, wanted.robots),
             *contact_targets(contacts, contacts_with_motion, wanted.contacts),
+            *slip_targets(slips["all"]),
         ],
     }
 
@@ -331,7 +343,8 @@ that is so. Here the network is alone; further down are the service's pipeline, 
 ## Walking robots
 
 {walker_text(boards, "motion")}
-{contact_text(boards)}"""
+{contact_text(boards)}
+{slip_text(boards)}"""
 
 
 def _figure_names(boards: Mapping[str, Values]) -> list[str]:

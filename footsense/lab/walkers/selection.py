@@ -1,14 +1,21 @@
-"""What contact and its thresholds are chosen by: the selection's robots and slow loads, on the released feet."""
+"""What contact, slips and their thresholds are chosen by: the selection's robots and slow loads, on all feet."""
 
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-from footsense.lab.evaluation.walker_judgement import JudgingLoads, contact_figures, judge
+from footsense.lab.evaluation.walker_judgement import (
+    JudgedRun,
+    JudgingLoads,
+    contact_figures,
+    judge,
+    slip_figures,
+)
 from footsense.lab.evaluation.walker_runs import SCAN_TIMES, ToldMotion
+from footsense.lab.evaluation.walker_scores import SUPPOSED_REL
 from footsense.lab.report import Values, table
-from footsense.lab.walkers.slow_loads import SlowLoads
-from footsense.lab.walkers.split import SELECTION
+from footsense.lab.walkers.slow_loads import SLOW, SlowLoads
+from footsense.lab.walkers.split import SELECTION, SLIPPERY_SELECTION
 
 #: Slow loads of the selection.
 _SLOW = (SlowLoads(5900, 14.0), SlowLoads(5901, 14.0))
@@ -23,31 +30,46 @@ _ROWS = {
     "contact wrong, share of the time": "{wrong_share:.1%}",
     "slow loads dated, 95 % [ms]; told": "{slow_p95_ms:.0f}; {n_slow_told} of {n_slow_touches}",
     "dragged feet found at their first touch": "{dragged_found_share:.0%} of {n_dragged_touches}",
+    **{
+        f"slides over 5 mm found; slips: all, false; {what}": (
+            f"{{{of}[found_share]:.0%}}; {{{of}[n_slips]}}, {{{of}[false_share]:.1%}}"
+        )
+        for what, of in {"friction known": "slips"}.items()
+        | {name: f"slips[supposed][{name}]" for name in SUPPOSED_REL}.items()
+    },
 }
 
 
 def select(
-    models: Sequence[Path], *, runs: Sequence[JudgingLoads] = (*SELECTION, *_SLOW)
+    models: Sequence[Path],
+    *,
+    runs: Sequence[JudgingLoads] = (*SELECTION, *_SLOW),
+    slippery: Sequence[JudgingLoads] = SLIPPERY_SELECTION,
 ) -> dict[str, dict[str, Values]]:
-    """Return the figures of `contact_figures` by board, then by foot type, the last two for all feet.
+    """Return the figures of contact and of slips by board, then by foot type, the last two for all feet.
 
     Args:
         models: Folders of the foot types, the paper's first.
         runs: The runs.
+        slippery: Runs for slips alone.
     """
-    figures = {}
+    figures: dict[str, dict[str, Values]] = {}
     for board in SCAN_TIMES:
-        judged = judge(models, runs, board=board)
-        by_foot = {
-            folder.name: contact_figures([one for one in judged if one.foot_type == folder.name])
+        judged, told = judge(models, runs, board=board), judge(models, runs, board=board, motion=ToldMotion())
+        slipping = judge(models, slippery, board=board)
+        figures[board] = {
+            folder.name: _figures(
+                [one for one in judged if one.foot_type == folder.name],
+                [one for one in slipping if one.foot_type == folder.name],
+            )
             for folder in models
-        }
-        told = judge(models, runs, board=board, motion=ToldMotion())
-        figures[board] = by_foot | {
-            "all": contact_figures(judged),
-            "all, motion of the legs told": contact_figures(told),
-        }
+        } | {"all": _figures(judged, slipping), "all, motion of the legs told": _figures(told, [])}
     return figures
+
+
+def _figures(judged: Sequence[JudgedRun], slipping: Sequence[JudgedRun]) -> Values:
+    walked = [one for one in judged if one.run.gait != SLOW]
+    return contact_figures(judged) | {"slips": slip_figures([*walked, *slipping])}
 
 
 def as_markdown(figures: dict[str, dict[str, Values]]) -> str:

@@ -182,6 +182,8 @@ TRAINING = _runs(
 )
 #: What recipes and thresholds are chosen by.
 SELECTION = _runs(_SELECTED, ("quadruped-2kg", "hexapod-300g"), ("tiles", "ascent"), 4.0, 5000)
+#: The same on slippery grounds, which slips are chosen by as well.
+SLIPPERY_SELECTION = _runs(_SELECTED, ("quadruped-2kg", "hexapod-300g"), ("icy", "wet"), 4.0, 5400)
 
 
 def _judging(robot: str, first_seed: int) -> tuple[WalkerRun, ...]:

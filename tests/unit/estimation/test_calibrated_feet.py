@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.network import steady_windows
-from footsense.estimation.walking.ground import ground_of
+from footsense.estimation.walking.ground import foot_loads, ground_of
 from footsense.foot.parameters import UNKNOWN_TEMPERATURE_SIGMA_REL, FootParameters
 from footsense.ports import LoadEstimate, Window
 
@@ -76,7 +76,7 @@ def test_the_contact_is_turned_by_the_mount_as_the_force_is(turn_rad: tuple[floa
     closures[:, :4] = [0.1, -0.05, 0.2, 0.1]
     resting = steady_windows(closures)
     plain, turned = (
-        [ground_of(feet.estimate(resting), row) for row in range(2)]
+        [ground_of(foot) for foot in foot_loads(feet.estimate(resting))]
         for feet in (_Sharp(), CalibratedFeet(_Sharp(), [_foot(mount=mount), None]))
     )
     for row, rotation in enumerate((mount.T, np.eye(3))):

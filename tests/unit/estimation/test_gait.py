@@ -183,12 +183,14 @@ def test_a_slide_is_said_once_and_ends_with_the_stance() -> None:
     robot.step(np.zeros(LEGS), 100)
     robot.step(np.full(LEGS, 1.0), 10)
     robot.events.clear()
+    assert min(robot.tracker.holds) > 0.6
     robot.ratio = 0.4
-    frame = robot.step(np.full(LEGS, 1.0), 20)
+    frame = robot.step(np.full(LEGS, 1.0), 60)
     assert sorted((event.kind, event.leg) for event in robot.events) == [
         (GaitEventKind.SLIP, leg) for leg in range(LEGS)
     ]
     assert (frame.slip == Slip.SLIPPING).all()
+    assert max(robot.tracker.holds) < 0.1
     assert frame.friction == 0.4
     robot.events.clear()
     robot.step(np.zeros(LEGS), 40)

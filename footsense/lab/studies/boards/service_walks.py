@@ -201,5 +201,6 @@ def _outputs(published: PublishedWalk, scene: Scene) -> WalkerOutputs:
         state=published.state,
         cause=published.cause,
         contact=(published.flags & Flag.CONTACT) != 0,
+        holds=np.full(published.state.shape, np.nan),
         events=published.events,
     )
