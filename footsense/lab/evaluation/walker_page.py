@@ -56,7 +56,8 @@ class WantedContacts(NamedTuple):
 
     Attributes:
         found_share: Touches that are found [1].
-        in_air_share: Touchdowns in the air over the touches [1]: half of what the detectors before told.
+        in_air_share: Touchdowns in the air over the touches [1]: half of what commit 915c148e tells in the same gaits (158 and 143 of
+            3,342).
         twice_share: Touches that are told twice [1].
         told_ms: From the first load to the sending, median and 99 % [ms].
         slow_p95_ms: Error of the time of a slow load that 95 % are below [ms].
@@ -83,7 +84,7 @@ def _touches_target(
     in_air = found["n_in_air"] / touches
     return target(
         f"touches of over {1e3 * MIN_TOUCH_S:g} ms, new gaits, {figure}: found / in the air / twice",
-        f"{found_share:.0%} / {in_air_share:.1%} / {twice_share:.0%}",
+        f"{100 * found_share:.3g} % / {in_air_share:.1%} / {twice_share:.0%}",
         f"{found['found_share']:.1%} / {in_air:.1%} / {found['twice_share']:.1%} of {touches}",
         met=found["found_share"] >= found_share
         and in_air <= in_air_share

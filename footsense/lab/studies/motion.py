@@ -91,7 +91,7 @@ _BOARDS: dict[str, Wanted] = {
         WalkerLimits(direction_deg=(2.0, 4.5), mid_stance_deg=(1.0,)),
         WantedContacts(
             found_share=0.98,
-            in_air_share=0.002,
+            in_air_share=0.024,
             twice_share=0.02,
             told_ms=(8.0, 28.0),
             slow_p95_ms=40.0,
@@ -114,13 +114,13 @@ _BOARDS: dict[str, Wanted] = {
         ),
         WalkerLimits(),
         WantedContacts(
-            found_share=0.96,
-            in_air_share=0.009,
+            found_share=0.936,
+            in_air_share=0.021,
             twice_share=0.04,
             told_ms=(16.0, 45.0),
             slow_p95_ms=80.0,
             dragged_share=0.8,
-            with_motion=(0.98, 0.009, 0.04),
+            with_motion=(0.98, 0.021, 0.04),
         ),
     ),
 }
