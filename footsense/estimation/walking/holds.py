@@ -5,9 +5,8 @@ load and direction do; one that holds has less. So a foot on the ground has two 
 each (Coulomb's law; a hidden Markov model, as contact is):
 
 - What a gait asks of the ground is distributed as Rayleigh's, of scale one. The ground gives its coefficient at most: a
-  foot of which
-  less is asked holds, and has that ratio; one of which more is asked slides, and has the coefficient. This gives the
-  ratio's likelihood in both states, and the probability of a slide before anything is known of a stance.
+  foot of which less is asked holds, and has that ratio; one of which more is asked slides, and has the coefficient.
+  This gives the ratio's likelihood in both states, and the probability of a slide before anything is known of a stance.
 - The ratio has the estimate's sigma, the coefficient has its own. The network underestimates large ratios in shares of
   its sigma, as few of its training's loads have them: what is expected of a foot that slides is less by as much.
 
