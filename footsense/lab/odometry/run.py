@@ -94,7 +94,7 @@ def run_filters(walk: OdometryWalk, filters: Sequence[Filter]) -> Poses:
 
 
 def _noise_by_holds(source: Holds) -> Vector:
-    """Return the noise of the footholds, in its logarithm between that of a firm foot, where it is sure, and of the air."""
+    """Return the noise of the footholds, in its logarithm between that of a firm foot and that of one in the air."""
     share = np.nan_to_num(source.probability) ** SURE_POWER
     return np.asarray(example().FIRM ** share * example().IN_AIR ** (1.0 - share))
 
