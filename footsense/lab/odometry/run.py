@@ -18,6 +18,9 @@ GATE = 16.3
 #: Noise of a foothold behind the gate, which finds those that slide, over that without one [1].
 GATED_NOISE_REL = 1.0 / 3.0
 
+#: Power of the probability of holding that is the share of a firm foot's noise [1]: a doubtful foothold is a soft one.
+SURE_POWER = 4
+
 
 class Filter(NamedTuple):
     """One filter: what it knows of the footholds, what it senses, and whether it has a gate."""
@@ -91,8 +94,8 @@ def run_filters(walk: OdometryWalk, filters: Sequence[Filter]) -> Poses:
 
 
 def _noise_by_holds(source: Holds) -> Vector:
-    """Return the noise of the footholds, between those of a firm foot and of one in the air in their logarithm."""
-    share = np.nan_to_num(source.probability)
+    """Return the noise of the footholds, in its logarithm between that of a firm foot and that of one in the air."""
+    share = np.nan_to_num(source.probability) ** SURE_POWER
     return np.asarray(example().FIRM ** share * example().IN_AIR ** (1.0 - share))
 
 
