@@ -227,8 +227,12 @@ class ContactDetector:
         self._t_s = t_s
         if t_s - self._updated_s >= 3.0 * _CORRELATED_S:
             self._update_spreads(t_s, baseline_error_n)
-        self._note_steadiness(t_s, load_n)
-        self._note_acceleration(t_s, acceleration_m_per_s2)
+        # A load stands still where it has stayed within half a least load for as long as a foot rings.
+        if abs(load_n - self._steady_n) > 0.5 * self._least_n:
+            self._steady_n, self._steady_s = load_n, t_s
+        self._is_steady = t_s - self._steady_s > _RINGS_S
+        if self._accelerations or math.isfinite(acceleration_m_per_s2):
+            self._note_acceleration(t_s, acceleration_m_per_s2)
         change_n, lasted_s = self._change_over_a_scan(t_s, load_n)
         as_of_newest_n = load_n + 0.5 * change_n * self._scan_s / max(lasted_s, self._scan_s)
         above_n = as_of_newest_n - self.swing_load_n
@@ -273,8 +277,6 @@ class ContactDetector:
         known = self._accelerations
         if math.isfinite(acceleration_m_per_s2):
             known.append((t_s, acceleration_m_per_s2))
-        elif not known:
-            return
         while known and known[0][0] < t_s - self._scan_s:
             known.popleft()
         self._acceleration = sum(one for _, one in known) / len(known) if known else 0.0
@@ -283,12 +285,6 @@ class ContactDetector:
         time_s, (mean_s, load_s, both_s, square_s) = self._unexplained.time_s or 1.0, self._moments
         slope_kg = (both_s - mean_s * load_s / time_s) / (square_s - mean_s**2 / time_s + _PULL_PRIOR_S)
         self._explained_n = _EXPLAINED_REL * max(slope_kg, 0.0) * self._acceleration
-
-    def _note_steadiness(self, t_s: float, load_n: float) -> None:
-        """Note whether the load has stayed within half a least load for as long as a foot rings."""
-        if abs(load_n - self._steady_n) > 0.5 * self._least_n:
-            self._steady_n, self._steady_s = load_n, t_s
-        self._is_steady = t_s - self._steady_s > _RINGS_S
 
     def _change_over_a_scan(self, t_s: float, load_n: float) -> tuple[float, float]:
         """Return by how much the load has changed over the last scan [N], and how long that was [s]."""
