@@ -72,7 +72,7 @@ def _live_sample(snapshot: LegSnapshot, wall_ns: int) -> LegSample:
         cause=report.fault.cause if report.fault and report.fault.state is force.state else None,
         force_n=force.force_n,
         sigma_n=force.sigma_n,
-        fault_mask=force.fault_mask or 0,
+        fault_mask=force.fault_mask,
         contact=force.contact,
         contact_probability=force.contact_probability,
         holds=force.holds,

@@ -62,7 +62,7 @@ class LegSample(NamedTuple):
         cause: Cause of the state; None if unknown.
         force_n: Ground reaction on the foot in the foot frame [N]; NaN unless usable.
         sigma_n: Standard deviation of each component [N]; NaN unless usable.
-        fault_mask: Bit e set where element e is not usable or overloaded.
+        fault_mask: Bit e set where element e is not usable or overloaded; None if unknown.
         age_ms: Age of the newest reading when the sample was taken [ms]; NaN unless usable.
         baseline_status: Status of the baseline tracking; None if unknown.
         contact: Debounced contact; None if unknown.
@@ -81,7 +81,7 @@ class LegSample(NamedTuple):
     cause: Cause | None = None
     force_n: Sequence[float] = _NAN_VECTOR
     sigma_n: Sequence[float] = _NAN_VECTOR
-    fault_mask: int = 0
+    fault_mask: int | None = None
     age_ms: float = math.nan
     baseline_status: BaselineStatus | None = None
     contact: bool | None = None
@@ -192,7 +192,8 @@ def _diagnostic_status(sample: LegSample) -> Any:  # noqa: ANN401 - as above
     words = "no answer on CAN" if state is None else word_of(state)
     if cause:
         words += f": {word_of(cause)}"
-    elements = [str(e) for e in range(sample.fault_mask.bit_length()) if sample.fault_mask >> e & 1]
+    mask = sample.fault_mask
+    elements = ["unknown"] if mask is None else [str(e) for e in range(mask.bit_length()) if mask >> e & 1]
     values = {
         "state": "unknown" if state is None else state.name,
         "cause": "unknown" if cause is None else cause.name,
