@@ -191,7 +191,7 @@ def test_a_relative_path_is_one_beside_the_file(
         ),
         (
             ONE_BUS.replace("{lf: 0, rf: 1}", "{lf: 0, rf: 1, lm: 2, rm: 3}") + "publish_every: 1",
-            "400 forces/s take 448 kbit/s, more than 70% of 500 kbit/s; use 1000000, or publish_every: 2",
+            "400 forces/s take 444 kbit/s, more than 70% of 500 kbit/s; use 1000000, or publish_every: 2",
         ),
         (ONE_BUS + "feet: {lm: foot-0001}", "feet.lm: no bus has the leg lm; the legs are lf, rf"),
         (
@@ -238,7 +238,7 @@ def test_check_config_explains_a_file(file: Path) -> None:
     assert "/dev/i2c-3 board fdc1004, multiplexer 0x71, channels rf 0, rm 1, rr 2" in said
     of_addresses = said_of(DEPLOY / "footsense.yaml")
     assert "/dev/i2c-3 board ad7147, addresses rf 0x2c, rm 0x2d, rr 0x2e" in of_addresses
-    assert "CAN can0, of whose 500 kbit/s up to 37 % are taken" in said
+    assert "CAN can0, of whose 500 kbit/s up to 36 % are taken" in said
     assert "page http://127.0.0.1:8765, " in said
     assert (
         f"no foot named on lf, lm, lr, rf, rm, rr: uncalibrated, expect {UNCALIBRATED_DIRECTION_DEG} deg"
