@@ -183,8 +183,9 @@ def _contact_status(sample: LegSample) -> int:
         return _UNKNOWN
     if not sample.contact:
         return _INACTIVE
-    # More likely than not, given that it is on the ground.
-    return _SLIPPING if sample.holds < 0.5 * sample.contact_probability else _ACTIVE
+    # As of slips: where the ground's friction is known, and more likely than not of a foot on the ground.
+    slips = math.isfinite(sample.friction_coefficient) and sample.holds < 0.5 * sample.contact_probability
+    return _SLIPPING if slips else _ACTIVE
 
 
 def _diagnostic_status(sample: LegSample) -> Any:  # noqa: ANN401 - as above
