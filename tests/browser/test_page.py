@@ -73,7 +73,10 @@ def test_six_feet_and_the_pressed_one(browser: Browser, cycles: Path, url: str) 
             "sigma.cy.baseVal.value - cone.cy.baseVal.value)]"
         )
         assert tip / cone == pytest.approx(np.hypot(0.2, 0.1) / (0.4 * 1.2), rel=1e-3)
-        assert browser.text("#problems .fine") == "Nothing is wrong."
+        browser.wait(
+            "document.querySelector('#problems .fine')?.textContent === 'Nothing is wrong.'",
+            lambda: service.publish(5),
+        )
         # Its cells: row by row in a frame, the crossed one in its place, and a line in the plot.
         service.fault_mask[4] = 1 << 8
         browser.wait("document.querySelector('[data-leg=rm] .dead.on')", lambda: service.publish(5))
