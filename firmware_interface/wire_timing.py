@@ -80,7 +80,7 @@ def can_bits_per_s(n_legs: int, forces_hz: float) -> float:
 
     Example:
         >>> round(can_bits_per_s(6, 92.0))
-        172530
+        167610
     """
     others = sum(
         per_s * max_can_frame_bits(n_data) for n_data, per_s in _OTHER_FRAMES_HZ_BY_DATA_BYTES.items()
