@@ -23,7 +23,6 @@ export const COLUMNS = [
   ["fz [N]", "", (get) => number(get("fz"), 3, true)],
   ["σ [mN]", "opt", (get) => number(1e3 * Math.max(get("sigma_x"), get("sigma_y"), get("sigma_z")), 0)],
   ["age [ms]", "", (get) => (Number.isNaN(get("fz")) ? "–" : number(get("age"), 1))],
-  ["contact", "opt", (get) => percent(get("contact_probability"))],
   ["holds", "opt", (get) => percent(get("holds"))],
   ["share", "opt", (get) => percent(get("load_share"))],
   ["ft/fn", "opt", ratioAndFriction],

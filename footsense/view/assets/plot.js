@@ -7,7 +7,7 @@ const DASHES = [[], [6, 4], [2, 3]];
 const SHORTEST_ZOOM_S = 0.02;
 const AXIS_PX = 22; // of the times under the last lane
 const dash = (place) => DASHES[place % DASHES.length];
-const colour = (place, lightness) => `hsl(${187 + (360 * 4 * place) / OFFERED.length} 70% ${lightness})`;
+const colour = (place, lightness) => `hsl(${187 + (360 * 5 * place) / OFFERED.length} 70% ${lightness})`;
 
 export class Plot {
   constructor(parent, hello) {
