@@ -252,8 +252,7 @@ class FreeScanner:
 
     def _take(self, leg: FreeLeg, burst: bytes, before_at: Span, status: bytes, behind_at: Span) -> None:
         """Store the results of a burst whose conversions are known; check the settings if its status does not fit."""
-        before, codes = ad7147.read_words(burst)
-        behind, _ = ad7147.read_words(status)
+        before, codes, behind = ad7147.read_words(burst, status)
         results = leg.tracker.results(before, before_at, behind, behind_at)
         if leg.tracker.is_doubtful:
             self._check_doubtful(leg)

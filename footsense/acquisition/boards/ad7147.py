@@ -151,8 +151,8 @@ def reference_calibration(answer: bytes) -> Calibration | Reading:
     Args:
         answer: Answer to `read_results` of its stages.
     """
-    status, codes = read_words(answer)
-    if status != (1 << N_REFERENCE_STAGES) - 1:
+    status, *codes = chip.words_of(answer)
+    if status & ~_NO_STAGE != (1 << N_REFERENCE_STAGES) - 1:
         return Reading.NOT_READY
     half = N_REFERENCE_STAGES // 2
     halves = codes[:half], codes[half:]
@@ -186,10 +186,15 @@ def best_offset(measured: Calibration, offset: int) -> int:
     return min(round(offset * (chip.RANGE_START_PF + half_range_pf) / measured.offset_pf), chip.MAX_OFFSET)
 
 
-def read_words(answer: bytes) -> tuple[int, list[int]]:
-    """Return status and results of an answer to `read_results` or `read_status`."""
-    status, *codes = chip.words_of(answer)
-    return status & ~_NO_STAGE, codes
+def read_words(results: bytes, status: bytes) -> tuple[int, list[int], int]:
+    """Return the status read before results, these, and the status read behind them.
+
+    Args:
+        results: Answer to `read_results`.
+        status: Answer to `read_status`.
+    """
+    before, *codes, behind = chip.words_of(results + status)
+    return before & ~_NO_STAGE, codes, behind & ~_NO_STAGE
 
 
 def decode(code: int, by: Calibration) -> tuple[int, float]:
