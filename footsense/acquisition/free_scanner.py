@@ -63,6 +63,7 @@ class FreeLeg(LegConnection):
 
     Attributes:
         address: As given.
+        places: Places of the elements that its stages convert in the entries of a frame.
         burst: Read of its results, status first.
         status: Read of the status.
         reference: Read of the results of its reference.
@@ -81,6 +82,7 @@ class FreeLeg(LegConnection):
         super().__init__(name, channel, row, checks[0].read, _MISSED_SCANS_BEFORE_LEAVING)
         self.offset = ad7147.FIRST_OFFSET
         self.address = address
+        self.places = [row * ELEMENTS + element for element in ad7147.ORDER]
         self.burst = ad7147.read_results(address, ELEMENTS)
         self.status = ad7147.read_status(address)
         self.reference = ad7147.read_results(address, ad7147.N_REFERENCE_STAGES)
@@ -237,7 +239,7 @@ class FreeScanner:
                 if burst is None:  # it clears the status
                     burst, between_ns = connected.transfer(leg.burst), self.clock.now_ns()
                     results_ns = ad7147.RESULTS_AFTER_STATUS_BITS * self._bit_ns
-                    before_at = Span(begin_ns + status_ns, between_ns - results_ns)
+                    before_at = begin_ns + status_ns, between_ns - results_ns
                     begin_ns = between_ns
                 status, end_ns = connected.transfer(leg.status), self.clock.now_ns()
             except I2cTimeoutError:
@@ -245,32 +247,41 @@ class FreeScanner:
             except I2cError:
                 self._bus.forget_selection()
             else:
-                self._take(leg, burst, before_at, status, Span(begin_ns + status_ns, end_ns))
+                self._take(leg, burst, before_at, status, (begin_ns + status_ns, end_ns))
                 return
         leg.tracker.repeat()
         self._discard(leg, Reading.NO_ANSWER)
 
-    def _take(self, leg: FreeLeg, burst: bytes, before_at: Span, status: bytes, behind_at: Span) -> None:
-        """Store the results of a burst whose conversions are known; check the settings if its status does not fit."""
+    def _take(
+        self,
+        leg: FreeLeg,
+        burst: bytes,
+        before_at: tuple[float, float],
+        status: bytes,
+        behind_at: tuple[float, float],
+    ) -> None:
+        """Store the results of a burst whose conversions are known; check the settings if its status does not fit.
+
+        Spans as of the tracker's `results`.
+        """
         before, codes, behind = ad7147.read_words(burst, status)
         results = leg.tracker.results(before, before_at, behind, behind_at)
         if leg.tracker.is_doubtful:
             self._check_doubtful(leg)
             return
         if not results:
-            if behind_at.to_ns > leg.ready_ns + _SILENT_SCANS * self.plan.scan_ns:
+            if behind_at[1] > leg.ready_ns + _SILENT_SCANS * self.plan.scan_ns:
                 self._discard(leg, Reading.NOT_READY)
             return
         assert leg.calibration is not None
         t_ns, capacitance_pf, readings = self._entries
-        order, decode, calibration = ad7147.ORDER, ad7147.decode, leg.calibration
-        first = leg.row * ELEMENTS
+        places, decode, (gain_rel, offset_pf) = leg.places, ad7147.decode, leg.calibration
         for stage, middle_ns in results:
-            at = first + order[stage]
-            readings[at], capacitance_pf[at] = decode(codes[stage], calibration)
+            at = places[stage]
+            readings[at], capacitance_pf[at] = decode(codes[stage], gain_rel, offset_pf)
             t_ns[at] = middle_ns
         leg.outcome, leg.n_doubts = _OK, 0
-        leg.ready_ns = leg.due_ns = round(behind_at.to_ns)
+        leg.ready_ns = leg.due_ns = round(behind_at[1])
 
     def _check_doubtful(self, leg: FreeLeg) -> None:
         """Ask a leg whose status did not fit for its power settings, and start it again if they are lost.

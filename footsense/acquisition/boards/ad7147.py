@@ -46,6 +46,8 @@ _NO_STAGE = 1 << chip.N_STAGES
 # Plain numbers: to store an enumeration's member in an array costs a microsecond each time.
 _OK, _OVER_RANGE, _UNDER_RANGE = map(int, (Reading.OK, Reading.OVER_RANGE, Reading.UNDER_RANGE))
 _NAN = float("nan")
+# Of the chip's module: looked up for every code.
+_CODE_MID, _CODE_MAX, _FF_PER_CODE = chip.CODE_MID, chip.CODE_MAX, chip.FF_PER_CODE
 
 
 def _write(address: int, register: int, *words: int) -> Transaction:
@@ -197,10 +199,16 @@ def read_words(results: bytes, status: bytes) -> tuple[int, list[int], int]:
     return before & ~_NO_STAGE, codes, behind & ~_NO_STAGE
 
 
-def decode(code: int, by: Calibration) -> tuple[int, float]:
-    """Return `Reading` and capacitance of a code [pF], NaN unless it is OK."""
-    if 0 < code < chip.CODE_MAX:
-        return _OK, by.gain_rel * ((code - chip.CODE_MID) * chip.FF_PER_CODE * 1e-3) + by.offset_pf
+def decode(code: int, gain_rel: float, offset_pf: float) -> tuple[int, float]:
+    """Return `Reading` and capacitance of a code [pF], NaN unless it is OK.
+
+    Args:
+        code: The code.
+        gain_rel: Gain of a `Calibration`.
+        offset_pf: Its offset [pF].
+    """
+    if 0 < code < _CODE_MAX:
+        return _OK, gain_rel * ((code - _CODE_MID) * _FF_PER_CODE * 1e-3) + offset_pf
     return (_OVER_RANGE if code > 0 else _UNDER_RANGE), _NAN
 
 

@@ -67,7 +67,7 @@ class StageTracker:
         self._n_ended, self._next, self._first = 0, 0, 0
         self._ended_ns: tuple[float, float] = 0, 0
         self._referred: tuple[int, tuple[float, float]] = 0, self._ended_ns
-        self._last_read = Span(0, 0)
+        self._last_read: tuple[float, float] = 0, 0
 
     def start(self, at: Span) -> None:
         """Start the count: the sequence began with its first stage in a window [ns]."""
@@ -85,14 +85,16 @@ class StageTracker:
         """Return the results that the chip still holds once more."""
         self._next = self._first
 
-    def results(self, before: int, before_at: Span, behind: int, behind_at: Span) -> list[tuple[int, int]]:
+    def results(
+        self, before: int, before_at: tuple[float, float], behind: int, behind_at: tuple[float, float]
+    ) -> list[tuple[int, int]]:
         """Return the results of a burst that are new, each of one known conversion, the oldest first.
 
         Args:
             before: Status read before them, bit k for stage k.
-            before_at: When it was read.
+            before_at: When it was read, as of `Span`.
             behind: Status read behind them.
-            behind_at: When it was read.
+            behind_at: The same.
 
         Returns:
             Stage of each, and the middle of its conversion [ns], off by less than half of it.
@@ -121,16 +123,16 @@ class StageTracker:
         first_ns = (from_ns + to_ns) / 2 + (0.5 - n_before) * stage_ns
         return [(number % n_stages, round(first_ns + number * stage_ns)) for number in range(begin, end)]
 
-    def _count(self, status: int, at: Span) -> None:
+    def _count(self, status: int, at: tuple[float, float]) -> None:
         """Count the conversions that have ended since the last status, or forget the count."""
         last, self._last_read = self._last_read, at
-        n, n_stages, longest_ns = status.bit_count(), self._n_stages, self._tolerated_ns.to_ns
-        begins = self._first_stages.get(status)
+        n, n_stages, begins = status.bit_count(), self._n_stages, self._first_stages.get(status)
         if self._is_known and 0 < n < n_stages and begins == self._n_ended % n_stages:
             self._end(n, at)
             return
-        least = (at.from_ns - last.to_ns) // longest_ns
-        most = (at.to_ns - last.from_ns) // self._tolerated_ns.from_ns + 1
+        (from_ns, to_ns), (last_from_ns, last_to_ns), (shortest_ns, longest_ns) = at, last, self._tolerated_ns
+        least = (from_ns - last_to_ns) // longest_ns
+        most = (to_ns - last_from_ns) // shortest_ns + 1
         if begins is None or n > most or n < min(least, n_stages):
             self.is_doubtful, self._is_known = True, False
         elif n == n_stages:  # some may have ended more than once
@@ -138,14 +140,14 @@ class StageTracker:
         elif n and self._is_known:
             self.is_doubtful, self._is_known = True, False
         elif n:
-            self._find(begins, Span(last.from_ns - longest_ns, last.to_ns))
+            self._find(begins, Span(last_from_ns - longest_ns, last_to_ns))
             self._end(n, at)
 
-    def _count_by_time(self, at: Span) -> None:
+    def _count_by_time(self, at: tuple[float, float]) -> None:
         """Count the conversions that have ended at a time, if only one number of them is possible."""
         (from_ns, to_ns), (shortest_ns, longest_ns) = self._ended_ns, self.stage_ns
-        least = (at.from_ns - to_ns) // longest_ns
-        most = (at.to_ns - from_ns) // shortest_ns
+        least = (at[0] - to_ns) // longest_ns
+        most = (at[1] - from_ns) // shortest_ns
         if self._is_known and self._n_stages <= least == most:
             self._end(int(least), at)
         else:
@@ -176,12 +178,13 @@ class StageTracker:
             shortest_ns, longest_ns = longest_ns, shortest_ns
         return Span(from_ns + n * shortest_ns, to_ns + n * longest_ns)
 
-    def _end(self, n: int, at: Span) -> None:
+    def _end(self, n: int, at: tuple[float, float]) -> None:
         """Count conversions that have ended, while the next one has not; narrow the bounds of the times."""
         self._n_ended += n
         (from_ns, to_ns), (shortest_ns, longest_ns) = self._ended_ns, self.stage_ns
         from_ns, to_ns = from_ns + n * shortest_ns, to_ns + n * longest_ns
-        earliest_ns, latest_ns = at.from_ns - longest_ns, at.to_ns
+        earliest_ns, latest_ns = at
+        earliest_ns -= longest_ns
         number, (referred_from_ns, referred_to_ns) = self._referred
         n_since = self._n_ended - number
         if from_ns < earliest_ns or to_ns > latest_ns:

@@ -74,6 +74,9 @@ _LOG_ODDS_BEGIN, _LOG_ODDS_END = math.log(_BEGINS / (1.0 - _BEGINS)), math.log(_
 #: Log odds that are kept, and those of a swing that has no doubt.
 _MOST_LOG_ODDS, _SURE_SWING = 12.0, -3.0
 _HALF_LOG_2_PI = 0.5 * math.log(2.0 * math.pi)
+_LONG_SILENCE_S = 1e-9 * LONG_SILENCE_NS
+#: Time after which what changes slowly is derived again [s].
+_UPDATE_S = 3.0 * _CORRELATED_S
 #: Standard deviations beyond which a load of swing is no less likely, and the logistic function's factor that gives the
 #: integral of a normal distribution to 1 % (Bowling et al., JIEM 2, 2009).
 _MOST_DEVIATIONS, _LOGISTIC = 8.0, 1.702
@@ -223,9 +226,9 @@ class ContactDetector:
             if now_ns - round(1e9 * before_s) > LONG_SILENCE_NS:
                 self.reset(now_ns)
             return
-        elapsed_s = min(max(t_s - before_s, 0.0), 1e-9 * LONG_SILENCE_NS)
+        elapsed_s = min(max(t_s - before_s, 0.0), _LONG_SILENCE_S)
         self._t_s = t_s
-        if t_s - self._updated_s >= 3.0 * _CORRELATED_S:
+        if t_s - self._updated_s >= _UPDATE_S:
             self._update_spreads(t_s, baseline_error_n)
         # A load stands still where it has stayed within half a least load for as long as a foot rings.
         if abs(load_n - self._steady_n) > 0.5 * self._least_n:
@@ -234,7 +237,8 @@ class ContactDetector:
         if self._accelerations or math.isfinite(acceleration_m_per_s2):
             self._note_acceleration(t_s, acceleration_m_per_s2)
         change_n, lasted_s = self._change_over_a_scan(t_s, load_n)
-        as_of_newest_n = load_n + 0.5 * change_n * self._scan_s / max(lasted_s, self._scan_s)
+        scan_s = self._scan_s
+        as_of_newest_n = load_n + 0.5 * change_n * (scan_s / lasted_s if lasted_s > scan_s else 1.0)
         above_n = as_of_newest_n - self.swing_load_n
         in_contact = self.in_contact
         ratio = self._log_likelihood_ratio(above_n, predicted_n - self.swing_load_n, sigma_n)
@@ -303,8 +307,10 @@ class ContactDetector:
             ends *= (age * age) ** 2
         odds = math.exp(self._log_odds)
         predicted = math.log((odds * (1.0 - ends) + begins) / (1.0 - begins + odds * ends))
-        updated = predicted + min(elapsed_s / _CORRELATED_S, 1.0) * ratio
-        self._log_odds = min(max(updated, -_MOST_LOG_ODDS), _MOST_LOG_ODDS)
+        updated = predicted + (elapsed_s / _CORRELATED_S if elapsed_s < _CORRELATED_S else 1.0) * ratio
+        if not -_MOST_LOG_ODDS <= updated <= _MOST_LOG_ODDS:
+            updated = _MOST_LOG_ODDS if updated > 0.0 else -_MOST_LOG_ODDS
+        self._log_odds = updated
 
     def _note_crossings(self, above_n: float, t_s: float) -> None:
         """Note when the load came above the spread of swing, and when it fell below it."""
@@ -361,7 +367,7 @@ class ContactDetector:
 
     def _update_spreads(self, t_s: float, baseline_error_n: float) -> None:
         """Derive what changes slowly: spreads of the load in swing, the mean of stances, and what drift explains."""
-        elapsed_s, self._updated_s = min(max(t_s - self._updated_s, 0.0), 1e-9 * LONG_SILENCE_NS), t_s
+        elapsed_s, self._updated_s = min(max(t_s - self._updated_s, 0.0), _LONG_SILENCE_S), t_s
         kept = max(1.0 - elapsed_s / _MEMORY_S, 0.0)
         if self.in_contact:
             self._stance_ns *= kept
