@@ -22,8 +22,9 @@ stance it stands still. So drift, which is slow, never makes contact, however fa
 than that cannot be told from drift. A load that stays low and steady in a stance, small against what the foot carries,
 counts against contact: all readings have shifted meanwhile.
 
-A touchdown is dated by the last time at which the load came above S, a part of a scan before that; a lift-off by the
-last time at which it fell below S.
+A touchdown is dated by the last time at which the load came above S, less the time of its rise and a part of a scan;
+where it had come above S shortly before as well, the foot may have touched then, which sigma says. A lift-off is dated
+by the last time at which the load fell below S.
 """
 
 import math
@@ -64,9 +65,10 @@ _SHIFT_REL, _SHIFT_LEASTS = 0.2, 4.0
 _RINGS_S = 0.1
 #: Time in which the load in swing follows the load down [s].
 _SETTLES_S = 0.3
-#: From a touch to the first load above the spread [scans], and the spread of that time: of the pull before [s], of the
-#: readings [scans], and over the time from that load to the contact, as far as it is more than two scans [1].
-_DATE_LAG_SCANS, _DATE_SIGMA_S, _DATE_SIGMA_SCANS, _DATE_SIGMA_REL = 0.4, 3e-3, 0.2, 0.7
+#: From a touch to the first load above the spread: time of its rise, mean and standard deviation [s], and of the
+#: readings, mean and standard deviation [scans]; and standard deviation over the time from that load to the contact, as
+#: far as it is more than two scans [1].
+_DATE_RISE_S, _DATE_LAG_SCANS, _DATE_SIGMA_SCANS, _DATE_SIGMA_REL = 3e-3, 0.3, 0.2, 0.7
 #: From the load below the spread that dates a lift-off to its end, and the spread of that [s].
 _LIFT_OFF_LAG_S, _LIFT_OFF_SIGMA_S = 4e-3, 11e-3
 
@@ -183,7 +185,9 @@ class ContactDetector:
         self._steady_n, self._steady_s = 0.0, 1e-9 * t_ns
         self._log_odds = _SURE_SWING
         self.changed = NO_TIME
-        self._t_s = self._changed_s = self._up_s = self._down_s = self._updated_s = 1e-9 * t_ns
+        self._t_s = self._changed_s = self._down_s = self._updated_s = 1e-9 * t_ns
+        # When the load came above the spread, the last time and the time before.
+        self._up_s = self._up_before_s = self._t_s
         # Loads of the last scan.
         self._past: deque[tuple[float, float]] = deque()
         # Known accelerations of the last scan.
@@ -318,7 +322,7 @@ class ContactDetector:
         if is_above is not self._is_above:
             self._is_above = is_above
             if is_above:
-                self._up_s = t_s
+                self._up_before_s, self._up_s = self._up_s, t_s
             else:
                 self._down_s = t_s
 
@@ -326,10 +330,16 @@ class ContactDetector:
         # Where a prediction made the contact, and the mean does not show it yet, it is now.
         up_s = self._up_s if self._is_above else t_s
         told_later_s = max(t_s - up_s - 2.0 * self._scan_s, 0.0)
+        touched_before = self._up_before_s > max(self._changed_s + _RINGS_S, t_s - _RINGS_S)
         self.in_contact = True
         self.changed = BackDated(
-            round(1e9 * (up_s - _DATE_LAG_SCANS * self._scan_s)),
-            math.hypot(_DATE_SIGMA_S, _DATE_SIGMA_SCANS * self._scan_s, _DATE_SIGMA_REL * told_later_s),
+            round(1e9 * (up_s - _DATE_RISE_S - _DATE_LAG_SCANS * self._scan_s)),
+            math.hypot(
+                _DATE_RISE_S,
+                _DATE_SIGMA_SCANS * self._scan_s,
+                _DATE_SIGMA_REL * told_later_s,
+                0.5 * (up_s - self._up_before_s) if touched_before else 0.0,
+            ),
         )
         self._changed_s = t_s
         # A foot can be pressed, not pulled: a contact ends above the baseline, and nothing touches below it.

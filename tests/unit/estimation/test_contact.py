@@ -72,6 +72,23 @@ def test_a_touch_is_told_the_sooner_the_more_it_carries(
     assert sigma_s < 0.02
 
 
+@pytest.mark.parametrize(("between_s", "is_told"), [(0.06, True), (0.5, False)])
+def test_the_time_of_a_foot_that_brushes_the_ground_before_it_stands_is_as_uncertain(
+    between_s: float, *, is_told: bool
+) -> None:
+    """Too light a touch is no contact, but may have been its begin, unless that was long ago."""
+    leg = Leg(0.007).step(5)
+    brushed_ns = leg.t_ns
+    assert not leg.carry(0.08, 0.004)
+    assert not leg.carry(0.0, between_s)
+    begun_ns = leg.t_ns
+    assert leg.changes_after_s(1.0) is not None
+    t_ns, sigma_s = leg.contact.changed
+    assert abs(t_ns - begun_ns) < 0.01e9
+    assert (t_ns - brushed_ns < 3e9 * sigma_s) is is_told
+    assert (sigma_s < 0.01) is not is_told
+
+
 def test_contact_has_hysteresis_and_swing_is_confirmed_later() -> None:
     """Far less than what begins it does not end it; a lifted foot is in swing for certain a fifth of a second later."""
     leg = Leg()
