@@ -40,7 +40,7 @@ NOT_CHOSEN = {
     ),
     *("COORDINATES", "CELLS_PER_SIDE", "_N_HEX_DIGITS"),
 }
-UNITS = {10.0**power for power in range(-12, 13, 3)}
+UNITS = {*(10.0**power for power in range(-12, 13, 3)), 100.0}
 
 
 def nodes_that_are_no_numbers(tree: ast.AST) -> Iterator[ast.AST]:

@@ -5,7 +5,6 @@ from collections.abc import Callable, Collection, Iterator
 from contextlib import ExitStack, closing, contextmanager, suppress
 from datetime import date
 from functools import partial
-from math import nan
 from pathlib import Path
 
 from firmware_interface.can.codes import CalibrationKind
@@ -18,6 +17,7 @@ from footsense.can.sink import CanSink
 from footsense.clock import MonotonicClock
 from footsense.config import Config
 from footsense.daemon.models import Models
+from footsense.daemon.setup.expected_error import ExpectedError, expected_errors
 from footsense.daemon.simulation import is_simulated
 from footsense.errors import CanError, RecordingError
 from footsense.estimation.settings import LONG_SILENCE_NS
@@ -65,20 +65,23 @@ def can_sink(
             cycles_per_force=config.effective_publish_every,
             force_step_mn=force_step_mn(card.max_trained_force_n),
             foot_type=card.foot_type,
-            calibrations=[_calibration(models.calibrations_by_leg.get(leg)) for leg in config.legs],
+            calibrations=[
+                _calibration(models.calibrations_by_leg.get(leg), error)
+                for leg, error in zip(config.legs, expected_errors(models), strict=True)
+            ],
             connect=connect,
         )
         stack.callback(sink.close)
         yield sink
 
 
-def _calibration(found: FootCalibration | None) -> CalibrationFrame:
-    """Return what CAN tells of the calibration of a foot; its expected errors are not known yet."""
-    if found is None:
-        return CalibrationFrame(0, 0, CalibrationKind.NONE, None, nan, nan)
-    kind = CalibrationKind.STANDING if found.manifest.by_standing else CalibrationKind.PRESSED
-    day = (date.fromisoformat(found.manifest.made[:10]) - CALIBRATION_EPOCH).days
-    return CalibrationFrame(0, 0, kind, day, nan, nan)
+def _calibration(found: FootCalibration | None, error: ExpectedError) -> CalibrationFrame:
+    """Return what CAN tells of the calibration of a foot, and of the error that is expected of its force."""
+    kind, day = CalibrationKind.NONE, None
+    if found is not None:
+        kind = CalibrationKind.STANDING if found.manifest.by_standing else CalibrationKind.PRESSED
+        day = (date.fromisoformat(found.manifest.made[:10]) - CALIBRATION_EPOCH).days
+    return CalibrationFrame(0, 0, kind, day, 100.0 * error.size_rel, error.direction_deg)
 
 
 def open_wire(can: Can, accept: Collection[int] = ()) -> CanWire:

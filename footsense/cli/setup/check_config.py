@@ -1,6 +1,7 @@
 """Command `footsense check-config FILE`: check and explain a configuration file."""
 
 import logging
+import math
 from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
@@ -22,13 +23,10 @@ from footsense.config.contradictions import warnings
 from footsense.daemon.can_output import frames_destination
 from footsense.daemon.estimation import contact_threshold_n, pipeline_for, unloaded_limit_n
 from footsense.daemon.models import Models, load_models
+from footsense.daemon.setup.expected_error import ExpectedError, expected_errors
 from footsense.daemon.simulation import is_simulated
 from footsense.errors import ConfigError
 from footsense.foot.calibration_files import FootCalibration
-
-#: Direction error of 20 simulated feet of this type as they are made, read without a calibration: their mean, and the
-#: worst foot's [deg]. Source: docs/report/experiment.md, row "uncalibrated: the released network", column reference.
-UNCALIBRATED_TYPE, UNCALIBRATED_DIRECTION_DEG, UNCALIBRATED_WORST_DIRECTION_DEG = "aoyagi-3x3", 12.6, 21.6
 
 #: Largest normal load of the released feet, as designed, with a force and no overload, if the force leans from an
 #: upright contact normal by 14 and by 30 deg, to the worst side [N]. Source: model cards, and docs/report/design.md.
@@ -147,24 +145,22 @@ def _can_text(config: Config) -> str:
 def _uncalibrated(models: Models) -> Iterator[str]:
     """Yield for the legs without a calibration why, and how wrong their forces are to be expected."""
     feet: dict[str, str] = dict(models.config.feet.items())
+    errors = dict(zip(models.config.legs, expected_errors(models), strict=True))
     legs = [leg for leg in models.config.legs if leg not in models.calibrations_by_leg]
     unnamed = [leg for leg in legs if leg not in feet]
-    reasons = [f"no foot named on {', '.join(unnamed)}"] if unnamed else []
-    reasons += [f"no folder of calibrations for {feet[leg]} on {leg}" for leg in legs if leg in feet]
-    foot_type = models.network.card.foot_type
-    expected = (
-        f"expect {UNCALIBRATED_DIRECTION_DEG:g} deg of direction error, {UNCALIBRATED_WORST_DIRECTION_DEG:g} of the "
-        "worst foot"
-        + (
-            ""
-            if foot_type == UNCALIBRATED_TYPE
-            else f", as of {UNCALIBRATED_TYPE}: {foot_type} was not tried"
-        )
-    )
-    if is_simulated(models.config):
-        expected = f"as simulated feet are by design; of made ones {expected}"
-    for reason in reasons:
+    reasons = [(unnamed[0], f"no foot named on {', '.join(unnamed)}")] if unnamed else []
+    reasons += [(leg, f"no folder of calibrations for {feet[leg]} on {leg}") for leg in legs if leg in feet]
+    for leg, reason in reasons:
+        expected = f"{_error_text(errors[leg])}, twice that of a single foot now and then"
+        if is_simulated(models.config):
+            expected = f"as simulated feet are by design; of made ones {expected}"
         yield f"{reason}: uncalibrated, {expected}"
+
+
+def _error_text(error: ExpectedError) -> str:
+    if math.isnan(error.direction_deg):
+        return "how far its forces err is not known"
+    return f"expect errors of {error.direction_deg:.2g} deg in direction and {error.size_rel:.0%} in size"
 
 
 def _settings(models: Models) -> dict[str, Any]:

@@ -1,0 +1,118 @@
+"""How far the force of each foot is expected to err by what nobody knows of the foot itself.
+
+A foot that nobody has calibrated differs from its design by the tolerances of its manufacture. A stray capacitance s in
+parallel with an element of capacitance C changes its closure, which is computed from 1 / C, by the share 2 s / C, as a
+gain does; the closures of all elements go through the network, the stiffness of the rubber changes the size of the
+force, and the mounting turns it. Deviations of gaps and films change no force as long as no gap closes. Of a calibrated
+foot the error that its fit has left is known, and a robot that stands or walks tells neither stiffness nor mounting.
+
+The tolerances are those with which simulated feet err as the paper's do, and no foot has been made; the errors are
+means over feet and loads, as of normal distributions, and one foot may err twice as much.
+"""
+
+import math
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from footsense.daemon.models import Models, load_response
+from footsense.estimation.network import Network, steady_windows
+from footsense.foot.calibration_files import FootCalibration
+from footsense.foot.directions import angles_between_deg, normalized
+from footsense.foot.response_table import FootResponse
+from footsense.foot.specimen import ContactLoads, Specimen
+from footsense.frames import ELEMENTS, Vector
+from footsense.sim.fabrication import PAPER_TOLERANCES
+
+#: Loads of which the errors are the mean: half of the largest that all elements read, upright and leaning 27 deg.
+_DIRECTIONS: Vector = normalized(
+    np.array([[x, y, 1.0] for x, y in ((0, 0), (0.5, 0), (-0.5, 0), (0, 0.5), (0, -0.5))])
+)
+#: Means of the size of a normal deviate, and of the distance of a point of two, over the standard deviation of each.
+_MEAN_SIZE, _MEAN_DISTANCE = math.sqrt(2.0 / math.pi), math.sqrt(math.pi / 2.0)
+#: Standard deviation of a mounting about each axis [rad].
+_MOUNT_RAD = math.radians(PAPER_TOLERANCES.mount_deg) / math.sqrt(3.0)
+
+
+class ExpectedError(NamedTuple):
+    """Expected error of the force of a foot, mean over loads.
+
+    Attributes:
+        size_rel: Of its size, over it [1]; NaN where it is not known.
+        direction_deg: Of its direction [deg], same.
+    """
+
+    size_rel: float
+    direction_deg: float
+
+
+def expected_errors(models: Models) -> list[ExpectedError]:
+    """Return the expected error of the force of each leg, in the order of the configuration's legs."""
+    found = [models.calibrations_by_leg.get(leg) for leg in models.config.legs]
+    response = None if all(found) else load_response(models)
+    designed = ExpectedError(math.nan, math.nan)
+    if response is not None:
+        designed = error_of_uncalibrated(models.network, response, len(found))
+    return [designed if each is None else _error_of_calibrated(each) for each in found]
+
+
+def error_of_uncalibrated(network: Network, response: FootResponse, n_rows: int) -> ExpectedError:
+    """Return the expected error of a foot that nobody has calibrated.
+
+    Args:
+        network: Network of its type.
+        response: Response of its type.
+        n_rows: Rows that the network estimates at once.
+    """
+    foot, design = Specimen(response), response.design
+    share_rel = 2.0 * PAPER_TOLERANCES.stray_pf / design.unloaded_pf
+    trained = network.card.trained_inputs
+    largest_rel = trained.closure_rel_max
+    force_n = 0.5 * trained.max_force_n * _DIRECTIONS
+    while True:
+        loads = ContactLoads.centred(force_n)
+        free_um, loaded_um = map(
+            design.plate_distance_um, (foot.unloaded_pf, foot.capacitance_pf(loads.normal, loads.force_n))
+        )
+        closure_rel: Vector = (free_um - loaded_um) / design.gap_um
+        if (closure_rel <= 0.5 * largest_rel).all():
+            break
+        force_n = 0.5 * force_n
+    # Every combination of elements that are off, each by a standard deviation to either side.
+    gains = 1.0 + share_rel * np.array(list(product((-1.0, 1.0), repeat=ELEMENTS)))
+    estimated_n = np.array(
+        [_estimated_n(network, n_rows, closures_rel * gains) for closures_rel in closure_rel]
+    )
+    sizes_n = np.linalg.norm(estimated_n, axis=2)
+    angles_deg = angles_between_deg(estimated_n.reshape(-1, 3), np.repeat(force_n, len(gains), axis=0))
+    off_rel = sizes_n / np.linalg.norm(force_n, axis=1)[:, None] - 1.0
+    return ExpectedError(
+        _MEAN_SIZE * math.hypot(float(off_rel.std()), PAPER_TOLERANCES.stiffness_rel),
+        math.hypot(float(angles_deg.mean()), math.degrees(_MEAN_DISTANCE * _MOUNT_RAD)),
+    )
+
+
+def _estimated_n(network: Network, n_rows: int, closure_rel: Vector) -> Vector:
+    """Return the forces of closures at rest [N], shape (n, 3), by a network of so many rows."""
+    padded = np.resize(closure_rel, (-(-len(closure_rel) // n_rows) * n_rows, ELEMENTS))
+    forces_n = [
+        network.estimate(steady_windows(rows)).force_n for rows in padded.reshape(-1, n_rows, ELEMENTS)
+    ]
+    return np.concatenate(forces_n)[: len(closure_rel)]
+
+
+def _error_of_calibrated(found: FootCalibration) -> ExpectedError:
+    parameters = found.parameters
+    size_sigma_rel = angle_sigma = parameters.error_rel
+    if found.manifest.by_standing:
+        if parameters.stiffness_rel == 0.0:  # it was not pressed before
+            size_sigma_rel = math.hypot(size_sigma_rel, PAPER_TOLERANCES.stiffness_rel)
+        if np.array_equal(parameters.mount, np.eye(3)):
+            angle_sigma = math.hypot(angle_sigma, _MOUNT_RAD)
+    return ExpectedError(_MEAN_SIZE * size_sigma_rel, _mean_angle_deg(angle_sigma))
+
+
+def _mean_angle_deg(sigma: float) -> float:
+    """Return the mean angle of a direction [deg] whose error along each axis has a standard deviation [1]."""
+    return math.degrees(math.atan(_MEAN_DISTANCE * sigma))

@@ -1,0 +1,99 @@
+"""What error is expected of a foot is what made feet have, and what a calibration leaves."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from footsense.config import DEFAULT
+from footsense.daemon.models import load_models
+from footsense.daemon.setup.expected_error import error_of_uncalibrated, expected_errors
+from footsense.estimation.network import Network, steady_windows
+from footsense.foot.calibration_files import FootCalibration, Manifest
+from footsense.foot.directions import angles_between_deg, normalized
+from footsense.foot.network_card import NETWORK_FILE
+from footsense.foot.parameters import FootParameters
+from footsense.foot.response_table import FootResponse
+from footsense.foot.specimen import ContactLoads, Specimen
+from footsense.foot.type_folders import released_folder, released_names
+from footsense.sim.fabrication import PAPER_TOLERANCES, draw_deviations
+
+N_FEET = 20
+LEANING = normalized(
+    np.array([[0.0, 0.0, 1.0], [0.4, 0.0, 1.0], [0.0, 0.4, 1.0], [-0.3, -0.3, 1.0], [0.2, -0.1, 1.0]])
+)
+
+
+@pytest.mark.parametrize("name", released_names())
+def test_an_uncalibrated_foot_is_expected_to_err_as_made_feet_do(name: str) -> None:
+    """Those of seed 0 and the first numbers, under a quarter of the largest force."""
+    folder = released_folder(name)
+    response, network = (
+        FootResponse.load(folder / "response.npz"),
+        Network(folder / NETWORK_FILE, len(LEANING)),
+    )
+    design, force_n = response.design, 0.25 * network.card.max_trained_force_n * LEANING
+    angles_deg, sizes_rel = [], []
+    for number in range(N_FEET):
+        foot = Specimen(response, draw_deviations(response, PAPER_TOLERANCES, 0, number))
+        pressed_pf = foot.capacitance_pf(*ContactLoads.centred(force_n))
+        free_um, pressed_um = map(design.plate_distance_um, (foot.unloaded_pf, pressed_pf))
+        found_n = network.estimate(steady_windows((free_um - pressed_um) / design.gap_um)).force_n
+        angles_deg.append(angles_between_deg(force_n, found_n).mean())
+        sizes_rel.append(
+            np.abs(np.linalg.norm(found_n, axis=1) / np.linalg.norm(force_n, axis=1) - 1.0).mean()
+        )
+    expected = error_of_uncalibrated(network, response, len(LEANING))
+    assert expected.direction_deg == pytest.approx(np.mean(angles_deg), rel=0.3)
+    assert expected.size_rel == pytest.approx(np.mean(sizes_rel), rel=0.3)
+    assert max(angles_deg) < 2.5 * expected.direction_deg
+
+
+def calibration(error_rel: float, *, by_standing: bool, stiffness_rel: float = 0.0) -> FootCalibration:
+    pf = np.full(9, 5.0)
+    parameters = FootParameters(
+        stray_pf=0.0 * pf,
+        unloaded_pf=pf,
+        gap_um=20.0 * pf,
+        stiffness_rel=stiffness_rel,
+        error_rel=error_rel,
+    )
+    manifest = Manifest(
+        foot="foot-0007",
+        foot_type="aoyagi-3x3",
+        footsense="0",
+        made="2026-01-01T00:00:00Z",
+        n_loads=40,
+        n_sessions=1,
+        held_out=None,
+        recordings={"a.mcap": "0" * 64},
+        by_standing=by_standing,
+    )
+    return FootCalibration(
+        folder=Path(),
+        manifest=manifest,
+        parameters=parameters,
+        network=Path(),
+        network_sha256="",
+        calibrated_at_c=math.nan,
+    )
+
+
+def test_a_calibration_leaves_its_error_and_standing_what_it_does_not_tell() -> None:
+    models = load_models(DEFAULT)
+    of_feet = [
+        calibration(0.02, by_standing=False),
+        calibration(0.02, by_standing=True),
+        calibration(0.02, by_standing=True, stiffness_rel=0.1),
+    ]
+    pressed, stood, both, *others = expected_errors(
+        replace(models, calibrations_by_leg=dict(zip(DEFAULT.legs, of_feet, strict=False)))
+    )
+    assert pressed.size_rel == pytest.approx(0.016, abs=1e-3)
+    assert pressed.direction_deg == pytest.approx(1.44, abs=0.01)
+    assert stood.size_rel == pytest.approx(0.8 * PAPER_TOLERANCES.stiffness_rel, rel=0.02)
+    assert both.size_rel == pressed.size_rel
+    assert both.direction_deg == stood.direction_deg > PAPER_TOLERANCES.mount_deg / math.sqrt(3.0)
+    assert all(other.direction_deg > 4 * stood.direction_deg for other in others)
