@@ -109,7 +109,7 @@ def test_the_longest_words_fit_into_80_columns_and_a_small_terminal(encoding: st
             (
                 "leg state link foot fx [N] fy [N] fz [N] sigma age [ms] Hz | "
                 "leg contact holds ft/fn +- friction normal x y +- [deg] | "
-                "leg cause elements baseline mean fF worst ago [s] node calibration since"
+                "leg cause elements baseline mean fF worst ago [s] node calibration since +- [%] +- [deg]"
             ),
         ),
         (
