@@ -35,7 +35,7 @@ from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.parallel import compute_each
 from footsense.lab.walkers.simulate import WalkerLog
 from footsense.lab.walkers.slow_loads import SLOW
-from footsense.lab.walkers.split import DRAGGED, JUDGEMENT
+from footsense.lab.walkers.split import DRAGGED
 
 #: Peak of loads of another robot than a foot's own, to which each log is scaled, over the foot's range [1].
 PEAK_REL = 0.5
@@ -89,29 +89,35 @@ class JudgedRun(NamedTuple):
     shown: dict[str, Any]
 
 
-def judge_run(
-    models: Sequence[Path],
-    *,
-    viscous_rel: float,
-    run: JudgingLoads,
-    board: str,
-    exact: bool = False,
-    massless: bool = False,
-    motion: ToldMotion | None = None,
-) -> list[JudgedRun]:
+class Conditions(NamedTuple):
+    """How runs are judged.
+
+    Attributes:
+        board: A key of `SCAN_TIMES`.
+        viscous_rel: Creep and lag of the rubber over those of the simulated rubber [1].
+        exact: Whether the true force is in place of the network's, for what contact and slip make of it.
+        massless: Whether the sensor feels the ground alone, and nothing of the foot's own mass.
+        motion: How the motion of the legs is told; None where it is not.
+    """
+
+    board: str
+    viscous_rel: float = 0.0
+    exact: bool = False
+    massless: bool = False
+    motion: ToldMotion | None = None
+
+
+def judge_run(part: tuple[JudgingLoads, Sequence[Path]], conditions: Conditions) -> list[JudgedRun]:
     """Return the scores of one run on feet.
 
     A foot of the robot's own gets its forces, another one forces scaled to a peak of `PEAK_REL` of its range.
 
     Args:
-        models: Folder of each foot type.
-        viscous_rel: Creep and lag of the rubber over those of the simulated rubber [1].
-        run: The run.
-        board: A key of `SCAN_TIMES`.
-        exact: Whether the true force is in place of the network's, for what contact and slip make of it.
-        massless: Whether the sensor feels the ground alone, and nothing of the foot's own mass.
-        motion: How the motion of the legs is told; None where it is not.
+        part: The run, and the folder of each foot type.
+        conditions: How it is judged.
     """
+    run, models = part
+    scan = SCAN_TIMES[conditions.board]
     log, judged = run.kept_log(), []
     for folder in models:
         design, response = load_foot(folder / FOOT_FILE), FootResponse.load(folder / RESPONSE_FILE)
@@ -121,18 +127,16 @@ def judge_run(
         loads = walker_loads(log, scale, design.ball_radius_mm)
         readings = read_walker(
             Specimen(response),
-            loads._replace(felt_n=loads.force_n) if massless else loads,
+            loads._replace(felt_n=loads.force_n) if conditions.massless else loads,
             _SEED + run.seed,
-            scan=SCAN_TIMES[board],
-            viscous_rel=viscous_rel,
+            scan=scan,
+            viscous_rel=conditions.viscous_rel,
         )
-        known = ExactLoads(readings.loads) if exact else None
+        known = ExactLoads(readings.loads) if conditions.exact else None
         feet = [None] * len(log.legs)
-        pipeline = judging_pipeline(
-            network, response, SCAN_TIMES[board], feet, friction=log.friction, exact=known
-        )
+        pipeline = judging_pipeline(network, response, scan, feet, friction=log.friction, exact=known)
         supposed = [share * log.friction for share in SUPPOSED_REL.values()]
-        outputs = run_pipeline(pipeline, readings, known, motion, supposed)
+        outputs = run_pipeline(pipeline, readings, known, conditions.motion, supposed)
         peak_n = scale * log.peak_n()
         found = scores(outputs, peak_n, np.inf if run.gait == SLOW else REPORT_AFTER_S)
         judged.append(JudgedRun(design.foot_type, run, peak_n, found, _shown(outputs)))
@@ -153,13 +157,8 @@ def _shown(outputs: WalkerOutputs) -> dict[str, Any]:
 
 def judge(
     models: Sequence[Path],
-    runs: Sequence[JudgingLoads] = JUDGEMENT,
-    *,
-    board: str,
-    viscous_rel: float = 0.0,
-    exact: bool = False,
-    massless: bool = False,
-    motion: ToldMotion | None = None,
+    runs: Sequence[JudgingLoads],
+    conditions: Conditions,
     scheduler: str | None = None,
 ) -> list[JudgedRun]:
     """Return the scores of runs on feet; each foot but the paper's gets the runs of robots of its own kind.
@@ -167,51 +166,15 @@ def judge(
     Args:
         models: Folders of the foot types, the paper's first.
         runs: The runs.
-        board: A key of `SCAN_TIMES`.
-        viscous_rel: Creep and lag of the rubber over those of the simulated rubber [1].
-        exact: As of `judge_run`.
-        massless: As of `judge_run`.
-        motion: As of `judge_run`.
+        conditions: How they are judged.
         scheduler: As of `compute_each`.
     """
     parts = [
         (run, tuple(folder for n, folder in enumerate(models) if not n or folder.name.startswith(run.kind)))
         for run in runs
     ]
-    judged = compute_each(
-        partial(
-            _judge_part,
-            viscous_rel=viscous_rel,
-            board=board,
-            exact=exact,
-            massless=massless,
-            motion=motion,
-        ),
-        parts,
-        scheduler=scheduler,
-    )
+    judged = compute_each(partial(judge_run, conditions=conditions), parts, scheduler=scheduler)
     return [one for each in judged for one in each]
-
-
-def _judge_part(
-    part: tuple[JudgingLoads, tuple[Path, ...]],
-    *,
-    viscous_rel: float,
-    board: str,
-    exact: bool,
-    massless: bool,
-    motion: ToldMotion | None,
-) -> list[JudgedRun]:
-    run, models = part
-    return judge_run(
-        models,
-        viscous_rel=viscous_rel,
-        run=run,
-        board=board,
-        exact=exact,
-        massless=massless,
-        motion=motion,
-    )
 
 
 def contact_figures(judged: Sequence[JudgedRun]) -> dict[str, Any]:

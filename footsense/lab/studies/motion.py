@@ -1,7 +1,8 @@
 """Page `motion`: forces of feet that move, what a gait controller is told of them, and when."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +13,16 @@ from footsense.foot.network_card import NETWORK_FILE
 from footsense.frames import ELEMENTS, LEGS, Vector
 from footsense.lab.board_comparison.windows import TROT_RISES_S, TROT_STANCE_S, TROT_STRIDE_S, dog_trot
 from footsense.lab.evaluation.evaluate_models import RESPONSE_FILE
-from footsense.lab.evaluation.walker_judgement import contact_figures, draw, judge, pooled, slip_figures
+from footsense.lab.evaluation.walker_judgement import (
+    Conditions,
+    JudgedRun,
+    JudgingLoads,
+    contact_figures,
+    draw,
+    judge,
+    pooled,
+    slip_figures,
+)
 from footsense.lab.evaluation.walker_page import (
     WalkerLimits,
     WantedContacts,
@@ -148,7 +158,14 @@ def _figures(context: StudyContext, board: str, wanted: Wanted) -> Values:
     context.report_progress(f"{board}: gaits done")
     figures = board_figures(context, board)
     runs = KNOWN_JUDGEMENT[_QUICK_RUNS] if context.quick else KNOWN_JUDGEMENT
-    judged = judge(folders, runs, board=board, scheduler=context.scheduler)
+    conditions = Conditions(board)
+
+    def judged_under(
+        runs: Sequence[JudgingLoads], conditions: Conditions = conditions, models: Sequence[Path] = folders
+    ) -> list[JudgedRun]:
+        return judge(models, runs, conditions, context.scheduler)
+
+    judged = judged_under(runs)
     new: tuple[WalkerRun, ...] = NEW_JUDGEMENT
     slow: tuple[SlowLoads, ...] = _SLOW
     for walk in RECORDED_JUDGEMENT:
@@ -156,15 +173,8 @@ def _figures(context: StudyContext, board: str, wanted: Wanted) -> Values:
     if context.quick:
         new = tuple(run._replace(duration_s=_QUICK_S) for run in NEW_JUDGEMENT[_QUICK_NEW_RUNS])
         slow = (SlowLoads(_SLOW[0].seed, _QUICK_S),)
-    new_judged = judge(folders, (*new, *RECORDED_JUDGEMENT), board=board, scheduler=context.scheduler)
-    slow_judged = judge(folders, slow, board=board, scheduler=context.scheduler)
-    told = judge(
-        folders,
-        (*new, *RECORDED_JUDGEMENT, *slow),
-        board=board,
-        motion=ToldMotion(),
-        scheduler=context.scheduler,
-    )
+    new_judged, slow_judged = judged_under((*new, *RECORDED_JUDGEMENT)), judged_under(slow)
+    told = judged_under((*new, *RECORDED_JUDGEMENT, *slow), conditions._replace(motion=ToldMotion()))
     contacts, contacts_with_motion = contact_figures([*new_judged, *slow_judged]), contact_figures(told)
     context.report_progress("walking robots done")
     walked = [*judged, *new_judged]
@@ -182,10 +192,10 @@ def _figures(context: StudyContext, board: str, wanted: Wanted) -> Values:
     }
     for name, runs_of_foot in by_foot.items():
         context.drawings[f"motion-{board}-{name}.png"] = draw(runs_of_foot, f"{name}, board {board}")
-    creeping = judge(folders[:1], runs[::4], board=board, viscous_rel=1.0, scheduler=context.scheduler)
+    creeping = judged_under(runs[::4], conditions._replace(viscous_rel=1.0), folders[:1])
     compared = runs[:1] if context.quick else runs
-    exact = judge(folders[:1], compared, board=board, exact=True, scheduler=context.scheduler)
-    massless = judge(folders[:1], compared, board=board, massless=True, scheduler=context.scheduler)
+    exact = judged_under(compared, conditions._replace(exact=True), folders[:1])
+    massless = judged_under(compared, conditions._replace(massless=True), folders[:1])
     together = {name: pooled(runs_of_foot) for name, runs_of_foot in by_foot.items()}
     others = {name: together[name] for name in together if name != own_type}
     return {

@@ -5,6 +5,7 @@ from functools import partial
 from pathlib import Path
 
 from footsense.lab.evaluation.walker_judgement import (
+    Conditions,
     JudgedRun,
     JudgingLoads,
     contact_figures,
@@ -55,8 +56,9 @@ def select(
     """
     figures: dict[str, dict[str, Values]] = {}
     for board in SCAN_TIMES:
-        judged, told = judge(models, runs, board=board), judge(models, runs, board=board, motion=ToldMotion())
-        slipping = judge(models, slippery, board=board)
+        conditions = Conditions(board)
+        judged, slipping = judge(models, runs, conditions), judge(models, slippery, conditions)
+        told = judge(models, runs, conditions._replace(motion=ToldMotion()))
         figures[board] = {
             folder.name: _figures(
                 [one for one in judged if one.foot_type == folder.name],
