@@ -111,7 +111,8 @@ class ElementCreep:
             kept = np.exp((self._t_ns - t_ns) * 1e-9 / CREEP_TIME_S)
             self._crept_pf = change_pf + kept * (self._crept_pf - change_pf)
         self._t_ns = t_ns
-        return elastic_pf + (self._creep_rel * self._crept_pf).sum(axis=1)
+        crept_pf: Vector = elastic_pf + (self._creep_rel * self._crept_pf).sum(axis=1)
+        return crept_pf
 
 
 #: Least share of a floor's capacitance that an element has of its largest [1]: not all are as near.
