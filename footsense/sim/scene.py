@@ -139,7 +139,7 @@ class Fabrication(ScenePart, frozen=True):
         remount_deg: Rotation added at each mounting [deg].
         mounting: Number of the mounting.
         gain_rel: Rms deviation of the gain of each element's closure from that of session 0, drawn anew in each other
-            session [1]; 0.012 to 0.039 was seen of a measured insole (page `real-sensors`).
+            session [1]; 0.012 to 0.038 was seen of a measured insole (page `real-sensors`).
         session: Number of the session.
     """
 
