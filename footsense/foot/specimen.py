@@ -35,12 +35,13 @@ class ContactLoads(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Deviations:
-    """Deviations of one foot from its design: gaps, films, stray capacitances, stiffness, mounting.
+    """Deviations of one foot from its design: gaps, films, stray capacitances, gains, stiffness, mounting.
 
     Attributes:
         gap_um: Added to the gap of each element [um], shape (elements,), or (1,) for all alike.
         film_um: Added to the film of each element [um], same shapes.
         stray_pf: Capacitance in parallel with each element [pF], same shapes.
+        gain_rel: Closure that each element reads over its real one, minus one [1], same shapes.
         stiffness_rel: Added to the stiffness of the whole foot [1]; the contact patch stays the designed one.
         mount: Rotation from the leg's frame to the foot's, shape (3, 3).
         fringe: Whether its electrodes have a fringe field at their edges.
@@ -49,6 +50,7 @@ class Deviations:
     gap_um: Vector = field(default_factory=lambda: np.zeros(1))
     film_um: Vector = field(default_factory=lambda: np.zeros(1))
     stray_pf: Vector = field(default_factory=lambda: np.zeros(1))
+    gain_rel: Vector = field(default_factory=lambda: np.zeros(1))
     stiffness_rel: float = 0.0
     mount: Vector = field(default_factory=lambda: np.eye(3))
     fringe: bool = False
@@ -90,6 +92,8 @@ class Specimen:
         self._relative_compliance = 1.0 / (1.0 + own.stiffness_rel)
         self._compliance_um_per_n = response.compliance_um_per_n * self._relative_compliance
         self.stray_pf = own.stray_pf
+        gain = np.repeat(np.broadcast_to(1.0 + own.gain_rel, ELEMENTS), gap_contact.CELLS_PER_ELEMENT)
+        self._gain_of_cell = gain if own.gain_rel.any() else None
         self._mount = own.mount
         self._contact = contact
         self._film_um = np.repeat(film_um, gap_contact.CELLS_PER_ELEMENT) if own.fringe else None
@@ -131,6 +135,8 @@ class Specimen:
 
     def _capacitance_pf(self, cell_closures_um: Vector) -> Vector:
         """Return the capacitances, stray included [pF], from cell closures limited to the gaps [um]."""
+        if self._gain_of_cell is not None:
+            cell_closures_um = np.minimum(self._gain_of_cell * cell_closures_um, self._gap_of_cell_um)
         distance_um = self._gap_of_cell_um - cell_closures_um + self._film_of_cell_um
         capacitance_pf = gap_contact.capacitance_pf(self.response.design, distance_um) + self.stray_pf
         if self._film_um is not None:

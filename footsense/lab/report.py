@@ -53,6 +53,7 @@ class StudyContext:
         folder: Folder of a foot type: its description, response table and networks; a study takes `files` of it.
         quick: Whether to answer in seconds, with coarse steps and few seeds.
         scheduler: Address of a dask cluster for the parts of a study; None for processes of this machine.
+        data: Folder of measured data of others, which do not come with footsense; None without.
         report_progress: Receives a line after each step.
         drawings: What a study draws, by file name.
         inputs: Digest of each model file, table and robot that was used so far, by its name (`page_inputs`).
@@ -61,6 +62,7 @@ class StudyContext:
     folder: Path
     quick: bool = False
     scheduler: str | None = None
+    data: Path | None = None
     report_progress: Callable[[str], None] = print
     drawings: dict[str, Figure] = field(default_factory=dict)
     inputs: dict[str, str] = field(default_factory=dict)
@@ -84,6 +86,20 @@ class StudyContext:
         """Return a scene that comes with footsense, which is used."""
         self.table_file(Path(sim.__file__).parent / "scenes" / f"{name}.yaml")
         return load_scene(name)
+
+    def data_folder(self, sources: Mapping[str, str]) -> Path:
+        """Return the folder of measured data.
+
+        Args:
+            sources: Where the content of its subfolders is to be had.
+
+        Raises:
+            FootsenseError: There is none.
+        """
+        if self.data is None:
+            folders = "; ".join(f"{name}/: {source}" for name, source in sources.items())
+            raise FootsenseError(f"this page needs --data, a folder with {folders}")
+        return self.data
 
     def foot(self, foot_type: str) -> "StudyContext":
         """Return the context of another released foot, for the same page."""
@@ -259,6 +275,8 @@ def page_text(values: Values) -> str:
 def make_report(folder: Path, context: StudyContext, report: Callable[[str], None]) -> Path:
     """Make all pages anew, one after the other, and the page with their list; return the path of that.
 
+    A page from data of others stays as it is without them.
+
     Each study runs in a process of its own: library threads that one leaves behind slow the next one's small matrix
     products down.
 
@@ -268,6 +286,10 @@ def make_report(folder: Path, context: StudyContext, report: Callable[[str], Non
         report: Receives a line after each page.
     """
     for name in study_names():
+        needs_data = hasattr(import_module(f"{studies.__name__}.{name.replace('-', '_')}"), "DATA")
+        if needs_data and context.data is None:
+            report(f"{name}: kept, since its data were not given")
+            continue
         with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
             quiet = replace(context, report_progress=_report_nothing)
             made = process.submit(_make_page_for_seconds, name, quiet, folder)

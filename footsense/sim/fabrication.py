@@ -85,6 +85,26 @@ def with_new_mounting(
     return replace(deviations, mount=_draw_rotation(random, remount_deg) @ deviations.mount)
 
 
+def with_session_gains(
+    deviations: Deviations, gain_rel: float, seed: int, foot: int, session: int
+) -> Deviations:
+    """Return a foot's deviations in a later session: each element's gain has wandered; session 0 is as made.
+
+    Args:
+        deviations: Deviations of the foot.
+        gain_rel: Rms change of a gain from session 0 to another [1].
+        seed: Seed of all feet.
+        foot: Number of the foot.
+        session: Number of the session.
+    """
+    if session == 0 or gain_rel == 0.0:
+        return deviations
+    random = np.random.default_rng((seed, foot, session, 8))
+    return replace(
+        deviations, gain_rel=_draw_at_least(random, gain_rel, ELEMENTS, MIN_DRAWN_OVER_DESIGN - 1.0)
+    )
+
+
 def _draw_at_least(rng: np.random.Generator, rms: float, n: int, least: float) -> Vector:
     """Return `n` normal deviates of the given rms; those below `least` are drawn again."""
     values = rng.normal(size=n)

@@ -14,7 +14,7 @@ from footsense.sim.faults.scene_faults import ChipFault, Disturbance, FootDamage
 from footsense.sim.loads.gait_table import GaitTable
 from footsense.sim.loads.ground_load import ContactSource, GroundContact
 from footsense.sim.loads.walk import Walk
-from footsense.sim.rubber import ViscoelasticRubber, WarmingFoot
+from footsense.sim.rubber import RUBBER_LEVELS, ElementCreep, ViscoelasticRubber, WarmingFoot, draw_floor_pf
 from footsense.sim.scene import Scene
 
 
@@ -56,11 +56,13 @@ class SimulatedLeg:
         self._load = load
         self._table = table
         self._foot = foot
-        self._rubber = ViscoelasticRubber() if effects.rubber else None
+        self._rubber = ViscoelasticRubber(*RUBBER_LEVELS[effects.rubber_level]) if effects.rubber else None
         self._last: GroundContact | None = None
         self._last_pf: list[float] = []
         # Faults draw from a stream of their own, so that converters make the same noise with and without them.
-        noise, faults, drift, added = ((scene.seed, number, *stream) for stream in ((), (1,), (2,), (3,)))
+        noise, faults, drift, added, creep, floor = (
+            (scene.seed, number, *stream) for stream in ((), (1,), (2,), (3,), (4,), (5,))
+        )
         own = [fault for fault in scene.faults if getattr(fault, "leg", None) == leg]
         on_foot = [fault for fault in own if isinstance(fault, FootDamage)]
         disturbing = [each for each in scene.faults if isinstance(each, Disturbance) and leg in each.legs]
@@ -74,6 +76,13 @@ class SimulatedLeg:
             [fault for fault in own if isinstance(fault, ChipFault)],
             np.random.default_rng(faults),
         )
+        self._element_creep = None
+        if effects.creep_spread_rel:
+            random = np.random.default_rng(creep)
+            self._element_creep = ElementCreep(effects.creep_spread_rel, foot.unloaded_pf, random)
+        self._floor_pf = None
+        if effects.floor_pf:
+            self._floor_pf = draw_floor_pf(effects.floor_pf, np.random.default_rng(floor)).tolist()
         self._warming = None
         if effects.warming:
             self._warming = WarmingFoot(effects.warming, np.random.default_rng(drift))
@@ -92,6 +101,10 @@ class SimulatedLeg:
             if relative_compliance != 1.0:  # a stiffer solid yields as under a smaller load
                 contact = contact._replace(force_n=contact.force_n * relative_compliance)
             element_pf = self._loaded_capacitance_pf(contact)
+            if self._element_creep is not None:
+                element_pf = self._element_creep.next_capacitance_pf(t_ns, np.array(element_pf)).tolist()
+        if self._floor_pf is not None and self._load.contact(self._leg, t_ns).force_n.any():
+            element_pf = [pf + floor_pf for pf, floor_pf in zip(element_pf, self._floor_pf, strict=True)]
         if self._warming is not None:
             drift_pf = self._warming.drift_pf(t_ns)
             element_pf = [pf + by_pf for pf, by_pf in zip(element_pf, drift_pf, strict=True)]

@@ -18,7 +18,7 @@ from footsense.frames import Vector
 from footsense.sim.chips.chip import SimulatedMux
 from footsense.sim.clock import JoinedClock, VirtualClock
 from footsense.sim.couplings import BoardCouplings
-from footsense.sim.fabrication import draw_deviations, with_new_mounting
+from footsense.sim.fabrication import draw_deviations, with_new_mounting, with_session_gains
 from footsense.sim.faults.scene_faults import MuxKeepsChannels, StuckSda, WireFault
 from footsense.sim.faults.wire_faults import WireFaults
 from footsense.sim.i2c_bus import SimulatedBus
@@ -66,6 +66,7 @@ def _feet(scene: Scene, response: FootResponse, legs: Sequence[str]) -> dict[str
     for number, leg in enumerate(legs, made.first):
         own = draw_deviations(response, made.tolerances, made.seed, number)
         own = with_new_mounting(own, made.remount_deg, made.seed, number, made.mounting)
+        own = with_session_gains(own, made.gain_rel, made.seed, number, made.session)
         feet[leg] = Specimen(response, own, contact=contact)
     return feet
 

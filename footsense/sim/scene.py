@@ -7,7 +7,7 @@ import dataclasses
 import math
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 from msgspec import Meta
@@ -20,6 +20,9 @@ from footsense.sim.couplings import Couplings
 from footsense.sim.fabrication import PAPER_TOLERANCES, REMOUNT_RMS_DEG, FootTolerances
 from footsense.sim.faults.scene_faults import Fault
 from footsense.sim.loads.ground_load import MIN_ELEVATION_DEG
+
+#: Rubber as assumed, three times of that, or as a measured insole's foam.
+RubberLevel = Literal["assumed", "threefold", "insole"]
 
 
 class ScenePart(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -88,6 +91,10 @@ class Effects(ScenePart, frozen=True):
             has none.
         gap_contact: Whether a closed gap carries load; else its closure is only limited.
         rubber: Whether the feet creep and show hysteresis (`sim/rubber.py`).
+        rubber_level: How much: as assumed, three times as much, or as a measured insole's foam (page `real-sensors`).
+        creep_spread_rel: Standard deviation of the creep of single elements beside that of the foot [1].
+        floor_pf: Capacitance that the floor adds to each element of a foot in contact, at most [pF]; each has 0.7 to 1
+            of it.
         warming: Change of temperature; None for none.
         adapter_compares: Whether an I2C adapter compares SDA with what it sends, and times out where it is held; that
             of a Raspberry Pi 0 to 4 does not.
@@ -105,6 +112,9 @@ class Effects(ScenePart, frozen=True):
     couplings: Couplings | None = None
     gap_contact: bool = False
     rubber: bool = False
+    rubber_level: RubberLevel = "assumed"
+    creep_spread_rel: Annotated[float, Meta(ge=0.0, le=0.2)] = 0.0
+    floor_pf: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
     warming: Warming | None = None
     adapter_compares: bool = True
     adapter_timeout_ms: Annotated[float, Meta(ge=10.0, le=10_000.0)] = 20.0
@@ -128,6 +138,9 @@ class Fabrication(ScenePart, frozen=True):
         mount_deg: Rotation of a foot on its leg [deg].
         remount_deg: Rotation added at each mounting [deg].
         mounting: Number of the mounting.
+        gain_rel: Rms deviation of the gain of each element's closure from that of session 0, drawn anew in each other
+            session [1]; 0.012 to 0.038 was seen of a measured insole (page `real-sensors`).
+        session: Number of the session.
     """
 
     seed: Annotated[int, Meta(ge=0)] = 1
@@ -139,6 +152,8 @@ class Fabrication(ScenePart, frozen=True):
     mount_deg: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.0
     remount_deg: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.0
     mounting: Annotated[int, Meta(ge=0)] = 0
+    gain_rel: Annotated[float, Meta(ge=0.0, le=0.2)] = 0.0
+    session: Annotated[int, Meta(ge=0)] = 0
 
     @classmethod
     def with_paper_tolerances(cls, *, seed: int, first: int, mounting: int) -> "Fabrication":
@@ -219,13 +234,11 @@ def _contradiction(scene: Scene, folder: Path) -> strict_yaml.Problem | None:
         scene: The scene.
         folder: The folder of its file, beside which a log lies.
     """
-    problem = _missing_log(scene, folder) or _low_elevation_contradiction(scene)
+    problem = (
+        _missing_log(scene, folder) or _low_elevation_contradiction(scene) or _rubber_contradiction(scene)
+    )
     if problem is not None:
         return problem
-    if scene.gait_table and scene.effects.rubber:
-        return strict_yaml.Problem(
-            "effects.rubber", "depends on the past, and a gait_table does not: choose one"
-        )
     if scene.gait_table and not isinstance(scene.load, scene_loads.Tripod | scene_loads.MeasuredWalk):
         return strict_yaml.Problem("gait_table", "is for walks: tripod or measured_walk")
     for n, stand in enumerate(scene.load.stands if isinstance(scene.load, scene_loads.Tripod) else ()):
@@ -235,6 +248,18 @@ def _contradiction(scene: Scene, folder: Path) -> strict_yaml.Problem | None:
         until_s = getattr(fault, "until_s", None)
         if until_s is not None and until_s <= fault.at_s:
             return strict_yaml.Problem(f"faults[{n}].until_s", "must be later than at_s")
+    return None
+
+
+def _rubber_contradiction(scene: Scene) -> strict_yaml.Problem | None:
+    """Return what contradicts creep or its level; None if nothing does."""
+    for name in ("rubber", "creep_spread_rel"):
+        if scene.gait_table and getattr(scene.effects, name):
+            return strict_yaml.Problem(
+                f"effects.{name}", "depends on the past, and a gait_table does not: choose one"
+            )
+    if scene.effects.rubber_level != "assumed" and not scene.effects.rubber:
+        return strict_yaml.Problem("effects.rubber_level", "needs rubber: true")
     return None
 
 

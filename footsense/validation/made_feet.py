@@ -35,6 +35,7 @@ from footsense.sim.fabrication import (
     REMOUNT_RMS_DEG,
     draw_deviations,
     with_new_mounting,
+    with_session_gains,
 )
 from footsense.sim.loads.press_sequence import paper_presses
 from footsense.sim.reference_sensor import (
@@ -43,7 +44,7 @@ from footsense.sim.reference_sensor import (
     draw_nonlinearity_amplitude_gf,
     nonlinearity_gf,
 )
-from footsense.sim.rubber import ViscoelasticRubber
+from footsense.sim.rubber import ElementCreep, RubberFactor, ViscoelasticRubber
 
 #: Pause before a press, its rise, both halves of its dwell, and its fall [ns]; load at the end of each [1].
 _STEPS_NS = (500_000_000, 50_000_000, 250_000_000, 250_000_000, 50_000_000)
@@ -71,8 +72,10 @@ class PressConditions:
     """What rubber, test stand and floor do; the default is what a calibration expects.
 
     Attributes:
-        creep_factor: Creep of the rubber over that assumed [1].
-        play_factor: Play of the rubber over that assumed [1].
+        creep_factor: Creep of the rubber over that assumed [1], one number or one of each retardation time.
+        play_factor: Play of the rubber over that assumed [1], one number or one of each operator.
+        creep_spread_rel: Standard deviation of the creep of single elements beside that of the foot [1].
+        gain_wander_rel: Rms change of the gain of each element between calibration and use [1].
         max_floor_capacitance_pf: Largest capacitance that a floor adds to every element of a foot in contact [pF]; a
             foot has between a quarter of it and all of it. The stick of the test stand adds none.
         reading_noise_pf: Noise of a press's mean reading, rms [pF].
@@ -83,8 +86,10 @@ class PressConditions:
         lean_rms_deg: Angle between the contact's normal and the force of a press, rms [deg].
     """
 
-    creep_factor: float = 1.0
-    play_factor: float = 1.0
+    creep_factor: RubberFactor = 1.0
+    play_factor: RubberFactor = 1.0
+    creep_spread_rel: float = 0.0
+    gain_wander_rel: float = 0.0
     max_floor_capacitance_pf: float = 0.0
     reading_noise_pf: float = 0.15e-3
     baseline_noise_pf: float = BASELINE_NOISE_PF
@@ -114,11 +119,18 @@ class PressedFoot:
         mount: Rotation from the leg's frame to the foot's, shape (3, 3).
         conditions: What rubber, test stand and floor do.
         rng: Source of the noise.
+        number: Number of the foot.
     """
 
     def __init__(
-        self, foot: Specimen, mount: Vector, conditions: PressConditions, rng: np.random.Generator
+        self,
+        foot: Specimen,
+        mount: Vector,
+        conditions: PressConditions,
+        rng: np.random.Generator,
+        number: int = 0,
     ) -> None:
+        self._number = number
         self._foot, self._mount, self._conditions, self._rng = foot, mount, conditions, rng
         self._min_sine = np.sin(np.radians(foot.response.min_elevation_deg))
         self._bow_gf = draw_nonlinearity_amplitude_gf(rng, conditions.reference_nonlinearity_rel)
@@ -140,8 +152,7 @@ class PressedFoot:
 
     def _press(self, loads: ContactLoads, noise_pf: float) -> LoadSet:
         conditions, n = self._conditions, len(loads.force_n)
-        normal, force_n = self._effective_loads(loads)
-        read_pf = self._foot.capacitance_pf(normal, force_n).reshape(n, len(_READ_STEPS), ELEMENTS)
+        read_pf = self._read_pf(loads)
         noise = self._rng.normal(size=(4, n, ELEMENTS))
         change_pf = (read_pf[:, 1] - read_pf[:, 0]) * (1.0 + conditions.repeatability_rel * noise[1])
         load_gf = -loads.force_n / GRAM_FORCE_N
@@ -154,15 +165,29 @@ class PressedFoot:
             baseline_pf=read_pf[:, 0] + conditions.baseline_noise_pf * noise[2],
         )
 
-    def _effective_loads(self, loads: ContactLoads) -> tuple[Vector, Vector]:
-        """Return normals and forces of an elastic foot at the steps that are read, in turn, shape (2 n, 3) each."""
+    def _read_pf(self, loads: ContactLoads) -> Vector:
+        """Return the capacitances at the steps that are read, without noise [pF], shape (n, 2, elements)."""
+        n, creep_rel = len(loads.force_n), self._conditions.creep_spread_rel
+        steps = list(range(len(_STEPS_NS))) if creep_rel else _READ_STEPS
+        capacitance_pf = self._foot.capacitance_pf(*self._effective_loads(loads, steps))
+        if creep_rel:  # of the foot, not of the stand: the same shares in each set of loads
+            shares = np.random.default_rng((SEED, self._number, 6))
+            creep = ElementCreep(creep_rel, self._foot.unloaded_pf, shares)
+            ends_ns = np.cumsum(np.tile(_STEPS_NS, n)).tolist()
+            pairs = zip(ends_ns, capacitance_pf, strict=True)
+            capacitance_pf = np.array([creep.next_capacitance_pf(*pair) for pair in pairs])
+        read_pf: Vector = capacitance_pf.reshape(n, len(steps), ELEMENTS)
+        return read_pf[:, _READ_STEPS] if creep_rel else read_pf
+
+    def _effective_loads(self, loads: ContactLoads, steps: list[int]) -> tuple[Vector, Vector]:
+        """Return normals and forces of an elastic foot at the given steps of each press, in turn, shape (m, 3) each."""
         rubber = ViscoelasticRubber(self._conditions.creep_factor, self._conditions.play_factor)
         t_ns, normals, forces = 0, [], []
         for normal, force_n in zip(self._table_normals(loads.normal), loads.force_n, strict=True):
             for step, (duration_ns, share) in enumerate(zip(_STEPS_NS, _STEP_LOADS, strict=True)):
                 t_ns += duration_ns
                 effective = rubber.next_effective_load(t_ns, normal, share * force_n)
-                if step in _READ_STEPS:
+                if step in steps:
                     normals.append(effective[0])
                     forces.append(effective[1])
         return np.array(normals), np.array(forces)
@@ -223,7 +248,7 @@ def evaluate_made_foot(
     """
     own = draw_deviations(truth, PAPER_TOLERANCES, SEED, number)
     rng = np.random.default_rng((SEED, number, 4))
-    stand = PressedFoot(foot_model(truth, own), own.mount, conditions, rng)
+    stand = PressedFoot(foot_model(truth, own), own.mount, conditions, rng, number)
     pressed = stand.press_with_stick(paper_presses("training")[:: plan.every_nth_press])
     loads = correct_baselines_for_creep(models.response, pressed)
     loads = loads.subset(_is_in_converter_range(loads))
@@ -232,8 +257,9 @@ def evaluate_made_foot(
     parameters = {"design": None} | {name: fit.parameters for name, fit in fits.items()}
     parameters["standing"], judged_standing = _calibrated_by_standing(models, stand, plan.standing)
     again = with_new_mounting(own, REMOUNT_RMS_DEG, SEED, number, 2)
+    again = with_session_gains(again, conditions.gain_wander_rel, SEED, number, 1)
     rng = np.random.default_rng((SEED, number, 5))
-    remounted = PressedFoot(foot_model(truth, again), again.mount, conditions, rng)
+    remounted = PressedFoot(foot_model(truth, again), again.mount, conditions, rng, number)
     errors: dict[str, dict[str, dict[str, float] | None]] = {}
     for test, test_loads in plan.tests.items():
         read = remounted.stand_on_floor(test_loads)

@@ -34,6 +34,7 @@ from footsense.lab.training.load_cases import leaning_loads
 from footsense.lab.training.paper_procedure import EPOCHS, per_foot_force_n
 from footsense.sim.fabrication import PAPER_TOLERANCES, FootTolerances, draw_deviations
 from footsense.sim.loads.press_sequence import paper_presses
+from footsense.sim.rubber import RUBBER_LEVELS
 from footsense.validation.made_feet import (
     EXACT_CONDITIONS,
     N_FEW,
@@ -98,6 +99,20 @@ _KINDS = {
     ),
     "creep": _Kind("creep 3 times that assumed", PressConditions(creep_factor=3.0)),
     "play": _Kind("play 3 times that assumed", PressConditions(play_factor=3.0)),
+    "rubber_insole": _Kind(
+        "creep and play of a measured insole's foam",
+        PressConditions(creep_factor=RUBBER_LEVELS["insole"][0], play_factor=RUBBER_LEVELS["insole"][1]),
+    ),
+    "gains_wander": _Kind(
+        "gains that wander by 4 % after the calibration", PressConditions(gain_wander_rel=0.04)
+    ),
+    "element_creep_slight": _Kind(
+        "elements that creep differently by 0.3 %", PressConditions(creep_spread_rel=0.003)
+    ),
+    "element_creep": _Kind("elements that creep differently by 1 %", PressConditions(creep_spread_rel=0.01)),
+    "element_creep_strong": _Kind(
+        "elements that creep differently by 3 %", PressConditions(creep_spread_rel=0.03)
+    ),
     "gold": _Kind("plates stiffened by 0.1 um of gold", table="gold"),
     "sheet_off_centre": _Kind("sheet 0.6 mm off centre", table="sheet_off_centre"),
     "bar_not_bonded": _Kind("one bar not bonded", table="bar_not_bonded"),

@@ -1,0 +1,1 @@
+"""Measured sensors of others, read from their published data."""
