@@ -102,7 +102,9 @@ class CanStream:
         found: dict[str, set[Cause]] = {}
         for frame in self.since(mark):
             if frame.can_id - FAULT_ID in LEGS:
-                found.setdefault(frame.leg, set()).add(FAULT.decode(frame.can_id, frame.data).cause)
+                cause = FAULT.decode(frame.can_id, frame.data).cause
+                if cause is not Cause.NONE:  # a report comes once a second, whether there is a cause or not
+                    found.setdefault(frame.leg, set()).add(cause)
         return found
 
     def wait(self, what: str, condition: Callable[[], bool], bound_s: float = BOUND_S) -> None:
