@@ -76,7 +76,11 @@ def _calibration(found: FootCalibration | None) -> CalibrationFrame:
     """Return what CAN tells of the calibration of a foot; its expected errors are not known yet."""
     if found is None:
         return CalibrationFrame(0, 0, CalibrationKind.NONE, None, nan, nan)
-    kind = CalibrationKind.STANDING if found.manifest.by_standing else CalibrationKind.PRESSED
+    kind = CalibrationKind.PRESSED
+    if found.manifest.by_walking:
+        kind = CalibrationKind.WALKING
+    elif found.manifest.by_standing:
+        kind = CalibrationKind.STANDING
     day = (date.fromisoformat(found.manifest.made[:10]) - CALIBRATION_EPOCH).days
     return CalibrationFrame(0, 0, kind, day, nan, nan)
 
