@@ -5,7 +5,6 @@ explain both. But early in a stance they would be others than late, and lightly 
 instants are halved both ways, each half is fitted by itself, and the forces of both are compared.
 """
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -20,12 +19,12 @@ from footsense.frames import Mask, Vector
 
 #: Draws from the covariance, and the seed of them.
 _DRAWS, _SEED = 16, 1
-#: Least number of instants for a judgement, and of a half.
-MIN_INSTANTS, _MIN_HALF = 36, 9
+#: Least number of instants for a judgement of their halves.
+MIN_INSTANTS = 36
 #: Least turn that is worth a calibration [deg], and over its standard deviation [1].
 _MIN_TURN_DEG, _MIN_TURN_SIGMAS = 0.3, 2.0
-#: Largest angle between the forces of both halves over the turn [1].
-_MAX_HALVES_REL = 0.5
+#: Largest distance of one half from the electrodes of the other, over the usual one [1].
+_MAX_HELD_OUT = 1.0
 #: Largest change of a parameter over its standard deviation before walking [1].
 _MAX_CHANGE_SIGMAS = 4.0
 #: Largest share of stances in which an element is beyond its range [1].
@@ -71,56 +70,74 @@ def _forces_n(models: DesignModels, parameters: Vector, instants: Instants) -> V
     return models.estimate_in_foot_frame(readings.capacitance_pf, unloaded_pf, stray_pf, gain_rel).force_n
 
 
-class Evidence(NamedTuple):
-    """What a judgement is made of.
+class Judgement(NamedTuple):
+    """What electrodes are worth.
 
     Attributes:
+        turn: By how much they turn forces.
+        objection: Why they are not proposed as a calibration; empty if nothing speaks against them.
+    """
+
+    turn: Turn
+    objection: str
+
+
+def judge_electrodes(
+    models: DesignModels, before: Electrodes, now: Electrodes, instants: Instants, saturated_rel: float
+) -> Judgement:
+    """Return what the electrodes found while walking are worth.
+
+    Half of the angle between the halves of the instants counts in the standard deviation of the turn.
+
+    Args:
         models: Models of the foot's type.
         before: The electrodes known before.
         now: Those found.
-        instants: Instants of usual loads.
-        turn: By how much those found turn their forces.
+        instants: Instants of usual loads, at least one.
         saturated_rel: Share of the stances in which an element was beyond its range [1].
     """
+    turn = turn_of_forces(models, before, now, instants)
+    n = len(instants.t_ns)
+    if n < MIN_INSTANTS:
+        return Judgement(turn, f"{n} of {MIN_INSTANTS} instants so far")
+    halves = {
+        words: _compare(models, before, now, instants, half) for words, half in _halves(instants).items()
+    }
+    worst_deg = max(found.differ_deg for found in halves.values())
+    turn = turn._replace(sigma_deg=float(np.hypot(turn.sigma_deg, 0.5 * worst_deg)))
+    sigma = np.sqrt(np.diag(before.covariance))
+    change = (now.parameters - before.parameters)[:N_ELECTRODE_PARAMETERS] / sigma
+    largest = float(np.abs(change).max())
+    objections = {
+        f"an element is beyond its range in {saturated_rel:.0%} of the stances": (
+            saturated_rel > _MAX_SATURATED_REL
+        ),
+        "no improvement to expect": turn.deg < max(_MIN_TURN_DEG, _MIN_TURN_SIGMAS * turn.sigma_deg),
+        f"a parameter changed by {largest:.1f} standard deviations": largest > _MAX_CHANGE_SIGMAS,
+        **{
+            f"instants {words} do not explain one another": not found.explains
+            for words, found in halves.items()
+        },
+    }
+    return Judgement(turn, next((words for words, holds in objections.items() if holds), ""))
 
-    models: DesignModels
-    before: Electrodes
-    now: Electrodes
-    instants: Instants
-    turn: Turn
-    saturated_rel: float
 
-    def objection(self) -> str:
-        """Return why the electrodes are not proposed as a calibration; empty if nothing speaks against them."""
-        return next(self._objections(), "")
+class _Comparison(NamedTuple):
+    """Mean angle between the forces of two halves [deg], and whether one explains the other, better than before."""
 
-    def _objections(self) -> Iterator[str]:
-        n, turn = len(self.instants.t_ns), self.turn
-        if n < MIN_INSTANTS:
-            yield f"{n} of {MIN_INSTANTS} instants so far"
-        if self.saturated_rel > _MAX_SATURATED_REL:
-            yield f"an element is beyond its range in {self.saturated_rel:.0%} of the stances"
-        if turn.deg < max(_MIN_TURN_DEG, _MIN_TURN_SIGMAS * turn.sigma_deg):
-            yield "no improvement to expect"
-        sigma = np.sqrt(np.diag(self.before.covariance))
-        change = (self.now.parameters - self.before.parameters)[:N_ELECTRODE_PARAMETERS] / sigma
-        if (largest := float(np.abs(change).max())) > _MAX_CHANGE_SIGMAS:
-            yield f"a parameter changed by {largest:.1f} standard deviations, more than any should"
-        for words, half in _halves(self.instants).items():
-            if min(np.count_nonzero(half), np.count_nonzero(~half)) < _MIN_HALF:
-                yield f"too few instants {words}"
-            yield from self._objections_of_halves(words, half)
+    differ_deg: float
+    explains: bool
 
-    def _objections_of_halves(self, words: str, half: Mask) -> Iterator[str]:
-        one, other = (self.instants.subset(part) for part in (half, ~half))
-        fits = [fit_again(self.models, self.before, part, self.now.parameters) for part in (one, other)]
-        forces_n = [_forces_n(self.models, fit.parameters, self.instants) for fit in fits]
-        differ_deg = float(angles_between_deg(*forces_n).mean())
-        if differ_deg > _MAX_HALVES_REL * self.turn.deg:
-            yield f"instants {words} differ by {differ_deg:.1f} deg"
-        held_out = misfit_of(self.models, fits[0].parameters, other)
-        if held_out > misfit_of(self.models, self.before.parameters, other):
-            yield f"instants {words} do not explain one another"
+
+def _compare(
+    models: DesignModels, before: Electrodes, now: Electrodes, instants: Instants, half: Mask
+) -> _Comparison:
+    parts = [instants.subset(which) for which in (half, ~half)]
+    found = [fit_again(models, before, part, now.parameters).parameters for part in parts]
+    forces_n = [_forces_n(models, parameters, instants) for parameters in found]
+    misfit, misfit_before = (misfit_of(models, one, parts[1]) for one in (found[0], before.parameters))
+    differ_deg = float(angles_between_deg(*forces_n).mean())
+    return _Comparison(differ_deg, misfit <= min(misfit_before, _MAX_HELD_OUT))
 
 
 def _halves(instants: Instants) -> dict[str, Mask]:

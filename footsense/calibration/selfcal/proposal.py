@@ -35,7 +35,7 @@ def propose(folder: Path, foot: WalkingFoot, network: Path, calibrated_at_c: flo
         foot_type=foot.of.foot_type,
         footsense=footsense.__version__,
         made=wall_time_iso(),
-        n_loads=foot.n_instants,
+        n_loads=max(foot.n_instants, 1),
         n_sessions=1,
         held_out=None,
         recordings={state.name: file_sha256(state)},

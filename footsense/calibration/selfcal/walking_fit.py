@@ -35,6 +35,8 @@ _WANDER_PER_ROOT_MINUTE: Vector = np.repeat((0.002, 0.003, 0.02), ELEMENTS)
 #: Share of a reading's change that no model explains, and share of the largest closure by which any element may be off,
 #: as elements that creep differently are [1].
 _MODEL_ERROR_REL, _CLOSURE_ERROR_REL = 0.005, 0.01
+#: Standard deviation of what a floor, wet or of metal, adds to all elements of a foot in contact [pF].
+_FLOOR_SIGMA_PF = 0.05
 #: Instants of the first fit of a foot that was never calibrated, and of each later fit.
 FIRST_INSTANTS, INSTANTS_PER_FIT = 18, 6
 #: Steps of a later fit, and of the first stage of a first one.
@@ -151,7 +153,7 @@ def readings_of(models: DesignModels, parameters: Vector, instants: Instants) ->
     off_pf = _CLOSURE_ERROR_REL * np.abs(closure_um).max(axis=1, keepdims=True) * pf_per_um
     model_pf = _MODEL_ERROR_REL * (capacitance_pf - unloaded_pf)
     sigma_pf = np.sqrt(instants.sigma_pf**2 + model_pf**2 + off_pf**2)
-    return LoadReadings(capacitance_pf, sigma_pf), unloaded_pf
+    return LoadReadings.with_errors(capacitance_pf, sigma_pf, _FLOOR_SIGMA_PF), unloaded_pf
 
 
 def load_coordinates(

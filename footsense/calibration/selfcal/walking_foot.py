@@ -7,7 +7,7 @@ import numpy as np
 
 from footsense.calibration.evaluation import DesignModels
 from footsense.calibration.selfcal.instants import Instants, LegScans, StanceSampler
-from footsense.calibration.selfcal.judgement import MIN_INSTANTS, Evidence, Turn, turn_of_forces
+from footsense.calibration.selfcal.judgement import MIN_INSTANTS, Turn, judge_electrodes
 from footsense.calibration.selfcal.state import FootIdentity, KeptInstants, SelfcalState
 from footsense.calibration.selfcal.walking_fit import (
     FIRST_INSTANTS,
@@ -121,12 +121,11 @@ class WalkingFoot:
         self._kept = Instants.joined([self._kept, instants]).subset(slice(-MIN_INSTANTS, None))
 
     def judge(self) -> None:
-        """Compute turn and objection anew; takes a second or so if there is something to propose."""
+        """Compute turn and objection anew; takes some tenths of a second."""
         if self.n_instants:
-            self.turn = turn_of_forces(self._models, self._before, self.electrodes, self._kept)
-            self.objection = Evidence(
-                self._models, self._before, self.electrodes, self._kept, self.turn, self.saturated_rel
-            ).objection()
+            self.turn, self.objection = judge_electrodes(
+                self._models, self._before, self.electrodes, self._kept, self.saturated_rel
+            )
 
     def state(self, written: str) -> SelfcalState:
         """Return its state.
@@ -155,7 +154,9 @@ class WalkingFoot:
         return replace(
             self.known,
             stray_pf=found[STRAY],
-            unloaded_pf=np.median(self._kept.baseline_pf, axis=0),
+            unloaded_pf=np.median(self._kept.baseline_pf, axis=0)
+            if self.n_instants
+            else self.known.unloaded_pf,
             gain_rel=1.0 + found[GAIN],
             gap_um=design.gap_um + found[GAP],
             error_rel=max(self.known.error_rel, float(unknown_rel)),

@@ -86,7 +86,7 @@ def calibrate_standing(
     twin = FootTwin(response, baseline_pf)
     start = models.estimate_in_foot_frame(readings_pf, baseline_pf, known.stray_pf, known.gain_rel)
     coordinates = contact_coordinates(start.force_n, start.contact_point_and_friction)
-    readings = LoadReadings(readings_pf, mean_reading_sigma_pf(readings_pf - baseline_pf))
+    readings = LoadReadings.with_errors(readings_pf, mean_reading_sigma_pf(readings_pf - baseline_pf))
     fit = fit_electrodes(twin, readings, coordinates, ElectrodePrior.of_tolerances(expected))
     distance = float(np.median(fit.mahalanobis_distance))
     if distance > MAX_MEDIAN_MAHALANOBIS_DISTANCE:

@@ -3,7 +3,7 @@
 A load has five unknowns, its contact coordinates q, and nine readings y. The four readings left over tell of the
 electrodes theta, with the forward model h of `twin`:
 
-    sum over the loads of huber(|y - h(theta, q)| / sigma_y) + (theta - theta0)^T Lambda (theta - theta0)
+    sum over the loads of huber(|W (y - h(theta, q))|) + (theta - theta0)^T Lambda (theta - theta0)
 
 is minimised over theta and all q at once by Levenberg-Marquardt; the loads are eliminated from each step, as each has
 its own readings alone (Schur complement). The result is a maximum a posteriori estimate, and may be the prior of the
@@ -51,11 +51,24 @@ class LoadReadings(NamedTuple):
 
     Attributes:
         capacitance_pf: Nine readings of each, corrected for drift [pF], shape (n, 9).
-        sigma_pf: Their standard deviation, what no model explains included [pF], shape (n, 9).
+        whitening: Matrix that makes the errors of each, what no model explains included, independent and of unit
+            variance [1/pF], shape (n, 9, 9).
     """
 
     capacitance_pf: Vector
-    sigma_pf: Vector
+    whitening: Vector
+
+    @classmethod
+    def with_errors(cls, capacitance_pf: Vector, sigma_pf: Vector, common_sigma_pf: float = 0.0) -> Self:
+        """Return readings with independent errors and one that all nine of a load have in common.
+
+        Args:
+            capacitance_pf: The readings [pF], shape (n, 9).
+            sigma_pf: Standard deviation of the independent errors [pF], same shape.
+            common_sigma_pf: Standard deviation of the common one [pF].
+        """
+        covariance = sigma_pf[:, :, None] ** 2 * np.eye(ELEMENTS) + common_sigma_pf**2
+        return cls(capacitance_pf, np.linalg.inv(np.linalg.cholesky(covariance)))
 
 
 class ElectrodePrior(NamedTuple):
@@ -178,7 +191,8 @@ class _State:
         self.parameters, self.coordinates = parameters, coordinates
         self._cells_um = twin.cell_closures_um(parameters, contact_loads(coordinates))
         self._model_pf = twin.reading_pf(parameters, self._cells_um)
-        self.residual: Vector = (readings.capacitance_pf - self._model_pf) / readings.sigma_pf
+        off_pf = readings.capacitance_pf - self._model_pf
+        self.residual: Vector = np.einsum("nij,nj->ni", readings.whitening, off_pf)
         self.distance: Vector = np.sqrt((self.residual**2).sum(axis=1))
         self.weight = np.minimum(1.0, _HUBER_DISTANCE / np.maximum(self.distance, _HUBER_DISTANCE))
         deviation = (parameters - prior.parameters)[:N_ELECTRODE_PARAMETERS]
@@ -202,7 +216,7 @@ class _State:
         )
 
     def slopes(self, *, own_gaps: bool = False) -> tuple[Vector, Vector]:
-        """Return the slopes of readings over their sigma by parameters, (n, 9, 27), and coordinates, (n, 9, 5).
+        """Return the slopes of whitened readings by parameters, (n, 9, 27), and coordinates, (n, 9, 5).
 
         Args:
             own_gaps: Whether the slope of a gap is its own on all elements, as of what the loads tell of it; else that
@@ -230,8 +244,7 @@ class _State:
                 by_parameter[:, diagonal, GAP.start + diagonal] = self._slope_pf(gap, cells_um)
         moved_pf = [self._twin.reading_pf(self.parameters, cells_um) for cells_um in nearby_um[len(gaps) :]]
         by_coordinate = (self._model_pf[..., None] - np.stack(moved_pf, axis=2)) / steps[:, None]
-        sigma_pf = self._readings.sigma_pf[..., None]
-        return by_parameter / sigma_pf, by_coordinate / sigma_pf
+        return self._readings.whitening @ by_parameter, self._readings.whitening @ by_coordinate
 
     def _slope_pf(self, kind: slice, cells_um: Vector) -> Vector:
         """Return the slope of the readings by parameters of a kind [pF per unit], shape (n, 9)."""

@@ -6,9 +6,9 @@ import click
 
 from footsense.calibration.selfcal import proposal
 from footsense.calibration.writer import revert_calibration
-from footsense.cli.calibration.selfcal import STATE_FOLDER
 from footsense.cli.options import FOLDER
 from footsense.errors import CalibrationError
+from footsense.telemetry.electrodes import STATE_FOLDER
 
 _calibrations_option = click.option(
     "--calibrations",

@@ -43,11 +43,10 @@ from footsense.progress import file_progress_bar
 from footsense.recording.replay import Replay
 from footsense.ring.cycle_reader import CycleReader
 from footsense.ring.records import NumberedCycle
+from footsense.telemetry.electrodes import STATE_FOLDER
 
 _log = logging.getLogger(__name__)
 
-#: Where the unit keeps the states.
-STATE_FOLDER = Path("/var/lib/footsense/selfcal")
 #: Time between two looks at the ring, and between two judgements, of new feet and of others [s].
 _POLL_PERIOD_S, _NEW_PERIOD_S, _PERIOD_S = 1.0, 60.0, 600.0
 #: Cycles of a recording that are used at once.
