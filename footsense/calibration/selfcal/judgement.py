@@ -19,8 +19,8 @@ from footsense.frames import Mask, Vector
 
 #: Draws from the covariance, and the seed of them.
 _DRAWS, _SEED = 16, 1
-#: Least number of instants for a judgement of their halves.
-MIN_INSTANTS = 36
+#: Least number of instants for a judgement of their halves, and most that it takes.
+MIN_INSTANTS, MAX_INSTANTS = 36, 72
 #: Least turn that is worth a calibration [deg], and over its standard deviation [1].
 _MIN_TURN_DEG, _MIN_TURN_SIGMAS = 0.3, 2.0
 #: Largest distance of one half from the electrodes of the other, over the usual one [1].
@@ -52,15 +52,19 @@ def turn_of_forces(models: DesignModels, before: Electrodes, now: Electrodes, in
         now: Those found.
         instants: Instants of usual loads.
     """
-    random = np.random.default_rng(_SEED)
-    off = random.multivariate_normal(
-        np.zeros(N_ELECTRODE_PARAMETERS), now.covariance, _DRAWS, method="cholesky"
-    )
-    draws = now.parameters + np.pad(off, ((0, 0), (0, len(now.parameters) - off.shape[1])))
-    found_n = _forces_n(models, now.parameters, instants)
-    before_n = _forces_n(models, before.parameters, instants)
-    drawn_deg = [angles_between_deg(_forces_n(models, one, instants), found_n).mean() for one in draws]
-    return Turn(float(angles_between_deg(before_n, found_n).mean()), float(np.mean(drawn_deg)))
+    found_n, before_n = (_forces_n(models, one.parameters, instants) for one in (now, before))
+    turned_deg = float(angles_between_deg(before_n, found_n).mean())
+    return Turn(turned_deg, _spread_deg(models, now, instants))
+
+
+def _spread_deg(models: DesignModels, electrodes: Electrodes, instants: Instants) -> float:
+    """Return the mean angle between the forces with electrodes and with draws of their covariance [deg]."""
+    random, found = np.random.default_rng(_SEED), electrodes.parameters
+    n = len(electrodes.covariance)
+    off = random.multivariate_normal(np.zeros(n), electrodes.covariance, _DRAWS, method="cholesky")
+    forces_n = _forces_n(models, found, instants)
+    draws = found + np.pad(off, ((0, 0), (0, len(found) - n)))
+    return float(np.mean([angles_between_deg(_forces_n(models, one, instants), forces_n) for one in draws]))
 
 
 def _forces_n(models: DesignModels, parameters: Vector, instants: Instants) -> Vector:
@@ -87,7 +91,8 @@ def judge_electrodes(
 ) -> Judgement:
     """Return what the electrodes found while walking are worth.
 
-    Half of the angle between the halves of the instants counts in the standard deviation of the turn.
+    Half of the angle between the halves of the instants, beyond that which they leave open each, counts in the standard
+    deviation of the turn.
 
     Args:
         models: Models of the foot's type.
@@ -123,7 +128,7 @@ def judge_electrodes(
 
 
 class _Comparison(NamedTuple):
-    """Mean angle between the forces of two halves [deg], and whether one explains the other, better than before."""
+    """Mean angle between the forces of two halves beyond what to expect [deg], and whether one explains the other."""
 
     differ_deg: float
     explains: bool
@@ -133,11 +138,17 @@ def _compare(
     models: DesignModels, before: Electrodes, now: Electrodes, instants: Instants, half: Mask
 ) -> _Comparison:
     parts = [instants.subset(which) for which in (half, ~half)]
-    found = [fit_again(models, before, part, now.parameters).parameters for part in parts]
-    forces_n = [_forces_n(models, parameters, instants) for parameters in found]
-    misfit, misfit_before = (misfit_of(models, one, parts[1]) for one in (found[0], before.parameters))
+    fits = [fit_again(models, before, part, now.parameters) for part in parts]
+    forces_n = [_forces_n(models, fit.parameters, instants) for fit in fits]
+    spreads = [_spread_deg(models, Electrodes(fit.parameters, fit.covariance), instants) for fit in fits]
     differ_deg = float(angles_between_deg(*forces_n).mean())
-    return _Comparison(differ_deg, misfit <= min(misfit_before, _MAX_HELD_OUT))
+    misfit, misfit_before = (
+        misfit_of(models, one, parts[1]) for one in (fits[0].parameters, before.parameters)
+    )
+    return _Comparison(
+        float(np.sqrt(max(differ_deg**2 - np.square(spreads).sum(), 0.0))),
+        misfit <= min(misfit_before, _MAX_HELD_OUT),
+    )
 
 
 def _halves(instants: Instants) -> dict[str, Mask]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from footsense.calibration.evaluation import DesignModels
 from footsense.calibration.selfcal.instants import Instants, LegScans, StanceSampler
-from footsense.calibration.selfcal.judgement import MIN_INSTANTS, Turn, judge_electrodes
+from footsense.calibration.selfcal.judgement import MAX_INSTANTS, Turn, judge_electrodes
 from footsense.calibration.selfcal.state import FootIdentity, KeptInstants, SelfcalState
 from footsense.calibration.selfcal.walking_fit import (
     FIRST_INSTANTS,
@@ -118,7 +118,7 @@ class WalkingFoot:
         is_first = len(instants.t_ns) == FIRST_INSTANTS
         self.electrodes, _ = fit_instants(self._models, self.electrodes, instants, first=is_first)
         self._last_ns, self.n_instants = now_ns, self.n_instants + len(instants.t_ns)
-        self._kept = Instants.joined([self._kept, instants]).subset(slice(-MIN_INSTANTS, None))
+        self._kept = Instants.joined([self._kept, instants]).subset(slice(-MAX_INSTANTS, None))
 
     def judge(self) -> None:
         """Compute turn and objection anew; takes some tenths of a second."""

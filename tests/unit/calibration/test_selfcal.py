@@ -138,7 +138,7 @@ def test_a_walk_finds_gains_that_have_drifted(number: int) -> None:
     """The error of other loads falls to a third or less, is proposed, and is told before and after."""
     foot, known = _made(number)
     old = _drifted(known, number)
-    found = _foot(old, "1" * 64, _walk(foot, 21)[0])
+    found = _foot(old, "1" * 64, _walk(foot, 31)[0])
     before_deg, after_deg = _error_deg(foot, old), _error_deg(foot, found.parameters())
     assert after_deg < before_deg / 3.0
     assert found.turn is not None
