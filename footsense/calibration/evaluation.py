@@ -23,7 +23,7 @@ from footsense.foot.network_card import TrainedInputs
 from footsense.foot.parameters import FootParameters
 from footsense.foot.response_table import FootResponse
 from footsense.frames import ELEMENTS, Mask, Vector
-from footsense.ports import LoadEstimator
+from footsense.ports import LoadEstimate, LoadEstimator
 
 #: Sources of estimates: the network of the design alone, and with the foot's calibration.
 DESIGN_ONLY, CALIBRATED = "network alone", "with calibration"
@@ -77,6 +77,22 @@ class DesignModels(NamedTuple):
         """Return the forces that a robot would estimate from the readings of loads; see `estimate_loads`."""
         network = self.network_for_rows(len(loads))
         return estimate_loads(loads, network, network.card.trained_inputs, foot)
+
+    def estimate_in_foot_frame(
+        self, capacitance_pf: Vector, unloaded_pf: Vector, stray_pf: Vector, gain_rel: Vector
+    ) -> LoadEstimate:
+        """Return what the network says of readings of any loads, before stiffness and mount.
+
+        Args:
+            capacitance_pf: Readings [pF], shape (n, elements).
+            unloaded_pf: Those of the free foot [pF], to be broadcast to the same shape.
+            stray_pf: Stray of each element [pF], likewise.
+            gain_rel: Gain of each element's closure [1], likewise.
+        """
+        design = self.response.design
+        closure_um = design.closure_um(capacitance_pf - stray_pf, unloaded_pf - stray_pf)
+        network = self.network_for_rows(len(capacitance_pf))
+        return network.estimate(steady_windows(closure_um / design.gap_um / gain_rel))
 
 
 class MagnitudeBand(NamedTuple):

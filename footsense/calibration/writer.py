@@ -26,8 +26,8 @@ _MN_PER_GF = 1e3 * GRAM_FORCE_N
 
 
 #: What a calibration without a reference does not know.
-_BY_STANDING = """,
-without a reference: of a robot that stood. Stiffness and mounting are those known before, or the design's"""
+_WITHOUT_REFERENCE = """,
+without a reference: of a robot that {}. Stiffness and mounting are those known before, or the design's"""
 
 
 def card_text(manifest: Manifest, parameters: Parameters) -> str:
@@ -40,11 +40,12 @@ def card_text(manifest: Manifest, parameters: Parameters) -> str:
     recordings = "\n".join(f"| {name} | `{sha256}` |" for name, sha256 in manifest.recordings.items())
     n_loads = _count_with_plural(manifest.n_loads, "load")
     n_sessions = _count_with_plural(manifest.n_sessions, "session")
+    without = "walked" if manifest.by_walking else "stood" if manifest.by_standing else ""
     strayed = "stray capacitance, wiring of the test stand included [pF]"
     return f"""# {manifest.foot}
 
 A foot of type {manifest.foot_type}, calibrated {manifest.made} by footsense {manifest.footsense}
-on {n_loads} in {n_sessions}{_temperature_text(parameters)}{_BY_STANDING if manifest.by_standing else ""}. The
+on {n_loads} in {n_sessions}{_temperature_text(parameters)}{_WITHOUT_REFERENCE.format(without) if without else ""}. The
 robot uses these files unchanged, or not at all: it detects and refuses every edit by hand.
 
 ## Errors
@@ -210,6 +211,34 @@ def write_calibration(
     except OSError as error:
         raise CalibrationError(f"{folder}: cannot be written: {error.strerror}") from None
     return read_calibration(folder, manifest.foot_type)
+
+
+def revert_calibration(calibrations: Path, foot: str) -> FootCalibration:
+    """Take the newest kept calibration of a foot back into use, and keep the present one in its place.
+
+    Args:
+        calibrations: Folder of all calibrations.
+        foot: The foot.
+
+    Raises:
+        CalibrationError: None is kept, or a folder cannot be renamed.
+        ModelError: The kept one is damaged.
+    """
+    folder = calibrations / foot
+    kept = [path for path in calibrations.glob(f"{foot}.*") if path.suffix[1:].isdecimal()]
+    if not kept or not folder.exists():
+        raise CalibrationError(f"{folder}: no former calibration is kept beside it")
+    former = max(kept, key=lambda path: int(path.suffix[1:]))
+    read_calibration(former)
+    between = folder.with_name(f".{foot}.revert")
+    try:
+        folder.rename(between)
+        former.rename(folder)
+        between.rename(former)
+        _fsync(calibrations)
+    except OSError as error:
+        raise CalibrationError(f"{folder}: cannot be exchanged: {error.strerror}") from None
+    return read_calibration(folder)
 
 
 def _free_backup_path(folder: Path) -> Path:

@@ -37,6 +37,8 @@ _COMMANDS = {
     "init": ("setup.init", "Find a robot's adapters and feet, and write its file."),
     "check-config": ("setup.check_config", "Say what a robot file means, or its first error."),
     "probe": ("setup.probe", "Check buses and feet, and name what to check."),
+    "selfcal": ("calibration.selfcal", "Watch the electrodes of the feet while the robot walks."),
+    "calibration": ("calibration", "Take a proposed calibration into use, or the former one."),
     "test-stand": ("test_stand", "Record a foot beside a force sensor, and calibrate it."),
     "dev": ("dev", "Measure and test footsense itself: benchmark, soak, trace."),
     "lab": ("lab.group", "From rubber to network: design and build a foot (extra lab)."),

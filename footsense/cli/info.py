@@ -19,7 +19,7 @@ from footsense.cli.options import FILE
 from footsense.cli.tables import echo_figures, errors_text
 from footsense.errors import FootsenseError, RecordingError
 from footsense.estimation.network import Network
-from footsense.foot.calibration_files import MANIFEST, read_calibration
+from footsense.foot.calibration_files import MANIFEST, Manifest, read_calibration
 from footsense.foot.response_table import FootResponse
 from footsense.frames import FAULT_FREE, Cause, ContactFrame, Flag, State
 from footsense.leg_words import word_of
@@ -222,7 +222,7 @@ def _print_calibration(folder: Path) -> None:
             "footsense": manifest.footsense,
             "loads": manifest.n_loads,
             "sessions": manifest.n_sessions,
-            "reference": "none: of a robot that stood" if manifest.by_standing else "a force sensor",
+            "reference": _reference_text(manifest),
             "held_out": held_out and held_out.protocol,
             "as designed": held_out and errors_text(held_out.design_only),
             "calibrated": held_out and errors_text(held_out.calibrated),
@@ -231,6 +231,12 @@ def _print_calibration(folder: Path) -> None:
             "recordings_sha256": manifest.recordings,
         },
     )
+
+
+def _reference_text(manifest: Manifest) -> str:
+    if manifest.by_walking:
+        return "none: of a robot that walked"
+    return "none: of a robot that stood" if manifest.by_standing else "a force sensor"
 
 
 def _print_figures(kind: str, path: Path, figures: dict[str, Any]) -> None:

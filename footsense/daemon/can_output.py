@@ -79,7 +79,11 @@ def _calibration(found: FootCalibration | None, error: ExpectedError) -> Calibra
     """Return what CAN tells of the calibration of a foot, and of the error that is expected of its force."""
     kind, day = CalibrationKind.NONE, None
     if found is not None:
-        kind = CalibrationKind.STANDING if found.manifest.by_standing else CalibrationKind.PRESSED
+        kind = CalibrationKind.PRESSED
+        if found.manifest.by_walking:
+            kind = CalibrationKind.WALKING
+        elif found.manifest.by_standing:
+            kind = CalibrationKind.STANDING
         day = (date.fromisoformat(found.manifest.made[:10]) - CALIBRATION_EPOCH).days
     return CalibrationFrame(0, 0, kind, day, 100.0 * error.size_rel, error.direction_deg)
 

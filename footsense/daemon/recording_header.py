@@ -19,6 +19,7 @@ from footsense.sim.scene import Scene
 
 if TYPE_CHECKING:
     from footsense.recording.replay import Replay  # a run needs no reader of recordings
+    from footsense.ring.cycle_reader import CycleReader
 
 _CALIBRATIONS_KEY = "calibrations"
 #: Key of the parameters that convert readings into gap closures; older recordings lack it.
@@ -95,8 +96,8 @@ def recorded_flags(recording: "Replay") -> int:
     return int(text)
 
 
-def recorded_config(recording: "Replay") -> Config:
-    """Return the configuration of a recording, with CAN replaced by a virtual interface, and without scheduling.
+def recorded_config(recording: "Replay | CycleReader") -> Config:
+    """Return the configuration of a recording or ring, with CAN replaced by a virtual one, and without scheduling.
 
     Raises:
         RecordingError: The header has no configuration that this version reads, or one of a board that is gone, or of

@@ -67,6 +67,7 @@ class Manifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
         held_out: Accuracy; None if no load was held out.
         recordings: SHA-256 of every recording used, by file name.
         by_standing: Whether the newest of its loads are of a robot that stands, whose forces nobody measured.
+        by_walking: Whether they are of a robot that walks.
         files: SHA-256 of every other file, by name.
         sha256: Hash of all entries above.
     """
@@ -81,6 +82,7 @@ class Manifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     held_out: HeldOutErrors | None
     recordings: Annotated[dict[str, Sha256], Meta(min_length=1)]
     by_standing: bool = False
+    by_walking: bool = False
     files: dict[str, Sha256] = {}
     sha256: str = ""
 
@@ -96,8 +98,9 @@ class Manifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     def computed_sha256(self) -> str:
         """SHA-256 of the manifest's entries except `sha256`."""
         entries = msgspec.to_builtins(msgspec.structs.replace(self, sha256=""))
-        if not self.by_standing:
-            del entries["by_standing"]  # calibrations from before it have their hash without it
+        for name in ("by_standing", "by_walking"):
+            if not entries[name]:
+                del entries[name]  # calibrations from before it have their hash without it
         return hashlib.sha256(msgspec.json.encode(entries)).hexdigest()
 
     @property

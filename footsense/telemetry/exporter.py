@@ -17,6 +17,7 @@ from prometheus_client.registry import Collector
 from footsense.errors import ConfigError, FootsenseError
 from footsense.ring.cycle_reader import CycleReader
 from footsense.ring.records import LostCycles
+from footsense.telemetry.electrodes import STATE_FOLDER, electrode_metrics, seen_electrodes
 from footsense.telemetry.metrics import ServiceMetrics
 
 _log = logging.getLogger(__name__)
@@ -27,10 +28,11 @@ class ServiceCollector(Collector):
 
     Args:
         path: The service's ring, which need not exist yet; None for where it is by default.
+        states: Folder of the states of `footsense selfcal`, which need not exist.
     """
 
-    def __init__(self, path: Path | None) -> None:
-        self._path = path
+    def __init__(self, path: Path | None, states: Path = STATE_FOLDER) -> None:
+        self._path, self._states = path, states
         self._lock = threading.Lock()
         self._reader: CycleReader | None = None
         self._metrics = ServiceMetrics(())
@@ -85,7 +87,8 @@ class ServiceCollector(Collector):
         with self._lock:
             is_up = self._reader is not None
             up = GaugeMetricFamily("footsense_up", "1 while the service runs.", value=float(is_up))
-            return [up, *(self._metrics.collect() if is_up else ())]
+            of_service = self._metrics.collect() if is_up else ()
+            return [up, *of_service, *electrode_metrics(seen_electrodes(self._states))]
 
 
 def start_metrics_server(path: Path | None, address: str, port: int) -> tuple[ServiceCollector, int]:

@@ -11,11 +11,16 @@ import numpy as np
 from footsense.calibration.calibrate import MAX_MEDIAN_MAHALANOBIS_DISTANCE, MIN_LOADS
 from footsense.calibration.evaluation import DesignModels
 from footsense.calibration.parameter_fit import PredictedUncertainty
-from footsense.calibration.standing.fit import StandingFit, fit_electrodes
+from footsense.calibration.standing.fit import (
+    ElectrodeFit,
+    ElectrodePrior,
+    LoadReadings,
+    fit_electrodes,
+    mean_reading_sigma_pf,
+)
 from footsense.calibration.standing.recording import StandingLoads
 from footsense.calibration.twin import GAIN, GAP, N_PARAMETERS, STRAY, FootTwin
 from footsense.errors import CalibrationError
-from footsense.estimation.network import steady_windows
 from footsense.foot.contact_coordinates import contact_coordinates, contact_loads
 from footsense.foot.directions import angles_between_deg
 from footsense.foot.parameters import FootParameters
@@ -42,7 +47,7 @@ class StandingCalibration(NamedTuple):
     """
 
     parameters: FootParameters
-    fit: StandingFit
+    fit: ElectrodeFit
     predicted_uncertainty: PredictedUncertainty
     turned_deg: float
 
@@ -78,10 +83,11 @@ def calibrate_standing(
     expected = np.zeros(N_PARAMETERS)
     expected[STRAY], expected[GAIN] = known.stray_pf, known.gain_rel - 1.0
     expected[GAP] = known.gap_um - design.gap_um
-    twin, network = FootTwin(response, baseline_pf), models.network_for_rows(len(loads))
-    start = network.estimate(steady_windows(_closure_rel(models, known, readings_pf, baseline_pf)))
+    twin = FootTwin(response, baseline_pf)
+    start = models.estimate_in_foot_frame(readings_pf, baseline_pf, known.stray_pf, known.gain_rel)
     coordinates = contact_coordinates(start.force_n, start.contact_point_and_friction)
-    fit = fit_electrodes(twin, readings_pf, baseline_pf, coordinates, expected)
+    readings = LoadReadings.with_errors(readings_pf, mean_reading_sigma_pf(readings_pf - baseline_pf))
+    fit = fit_electrodes(twin, readings, coordinates, ElectrodePrior.of_tolerances(expected))
     distance = float(np.median(fit.mahalanobis_distance))
     if distance > MAX_MEDIAN_MAHALANOBIS_DISTANCE:
         raise CalibrationError(
@@ -102,8 +108,8 @@ def calibrate_standing(
         gap_um=twin.gap_um(fit.parameters),
         gain_rel=1.0 + fit.parameters[GAIN],
     )
-    force_n = network.estimate(
-        steady_windows(_closure_rel(models, electrodes, readings_pf, baseline_pf))
+    force_n = models.estimate_in_foot_frame(
+        readings_pf, baseline_pf, electrodes.stray_pf, electrodes.gain_rel
     ).force_n
     fitted_n = contact_loads(fit.coordinates).force_n
     residual_rel = np.median(
@@ -115,16 +121,6 @@ def calibrate_standing(
     )
     turned_deg = float(np.median(angles_between_deg(start.force_n, force_n)))
     return StandingCalibration(parameters, fit, predicted, turned_deg)
-
-
-def _closure_rel(
-    models: DesignModels, foot: FootParameters, readings_pf: Vector, baseline_pf: Vector
-) -> Vector:
-    """Return the network's inputs [1], shape (n, 9), as the robot computes them with a foot's parameters."""
-    design = models.response.design
-    closure_um = design.closure_um(readings_pf - foot.stray_pf, baseline_pf - foot.stray_pf)
-    closure_rel: Vector = closure_um / design.gap_um / foot.gain_rel
-    return closure_rel
 
 
 def _too_few_text(loads: StandingLoads) -> str:

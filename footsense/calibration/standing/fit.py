@@ -1,12 +1,13 @@
-"""Fit of a foot's electrodes to loads at rest whose forces nobody measured: strays, gains and gaps by standing.
+"""Fit of a foot's electrodes to loads whose forces nobody measured: strays, gains and gaps, by standing and by walking.
 
 A load has five unknowns, its contact coordinates q, and nine readings y. The four readings left over tell of the
 electrodes theta, with the forward model h of `twin`:
 
-    sum over the loads of huber(|y - h(theta, q)| / sigma_y) + sum ((theta - theta0) / sigma_theta)^2
+    sum over the loads of huber(|W (y - h(theta, q))|) + (theta - theta0)^T Lambda (theta - theta0)
 
 is minimised over theta and all q at once by Levenberg-Marquardt; the loads are eliminated from each step, as each has
-its own readings alone (Schur complement). The result is a maximum a posteriori estimate.
+its own readings alone (Schur complement). The result is a maximum a posteriori estimate, and may be the prior of the
+next loads.
 
 Two things no reading tells: a common factor of all gains is that of the force, as is the foot's stiffness, and a turn
 of the mount turns every force. Both stay as they were.
@@ -22,12 +23,12 @@ from footsense.calibration.parameter_fit import (
     PredictedUncertainty,
     predict_uncertainty,
 )
-from footsense.calibration.twin import GAIN, GAP, N_PARAMETERS, STRAY, FootTwin
+from footsense.calibration.twin import GAIN, GAP, STRAY, FootTwin
 from footsense.foot.contact_coordinates import COORDINATES, contact_loads, within_bounds
 from footsense.frames import ELEMENTS, Vector
 
 #: Parameters that are fitted, the first of the vector: strays, gains and gaps.
-_N_FITTED = GAP.stop
+N_ELECTRODE_PARAMETERS = GAP.stop
 #: Noise of a mean reading [pF], and share of a change of capacitance that no model explains [1].
 _READING_NOISE_PF, _MODEL_ERROR_REL = 0.3e-3, 0.005
 #: Distance of the nine readings from the model above which a load counts less: 99.7th percentile of chi with four
@@ -35,6 +36,8 @@ _READING_NOISE_PF, _MODEL_ERROR_REL = 0.3e-3, 0.005
 _HUBER_DISTANCE = 4.0
 #: Weak prior of friction ratio and contact point [1], for loads that tell little of them.
 _COORDINATE_SIGMA: Vector = np.array([np.inf, 6.0, 6.0, 5.0, 5.0])
+#: Of the first stage of loads that a walk made: feet press nearly upright, and do not slide.
+WALKING_COORDINATE_SIGMA: Vector = np.array([np.inf, 0.4, 0.4, 0.15, 0.15])
 #: Differences: of the normal force over itself, of friction ratio and contact point, of a parameter over its prior [1].
 _COORDINATE_STEPS: Vector = np.array([0.01, 0.01, 0.01, 0.005, 0.005])
 _PARAMETER_STEP_REL = 0.01
@@ -43,50 +46,107 @@ _MAX_STEP_REL, _MAX_STEP = 0.4, 0.2
 _MAX_ITERATIONS, _MAX_DAMPING, _TOLERANCE_REL = 30, 1e6, 1e-4
 
 
-class StandingFit(NamedTuple):
-    """Electrodes of a foot as loads at rest tell them.
+class LoadReadings(NamedTuple):
+    """Readings of n loads.
 
     Attributes:
-        parameters: Parameters as in `twin`, shape (parameters,).
-        covariance: Posterior covariance of the electrodes' parameters, the first 27, shape (27, 27).
-        coordinates: Contact coordinates of each load, in the foot's frame, shape (n, 5).
-        mahalanobis_distance: Distance of each load's readings from the model [1], shape (n,); 2 if its errors hold.
+        capacitance_pf: Nine readings of each, corrected for drift [pF], shape (n, 9).
+        whitening: Matrix that makes the errors of each, what no model explains included, independent and of unit
+            variance [1/pF], shape (n, 9, 9).
+    """
+
+    capacitance_pf: Vector
+    whitening: Vector
+
+    @classmethod
+    def with_errors(cls, capacitance_pf: Vector, sigma_pf: Vector, common_sigma_pf: float = 0.0) -> Self:
+        """Return readings with independent errors and one that all nine of a load have in common.
+
+        Args:
+            capacitance_pf: The readings [pF], shape (n, 9).
+            sigma_pf: Standard deviation of the independent errors [pF], same shape.
+            common_sigma_pf: Standard deviation of the common one [pF].
+        """
+        covariance = sigma_pf[:, :, None] ** 2 * np.eye(ELEMENTS) + common_sigma_pf**2
+        return cls(capacitance_pf, np.linalg.inv(np.linalg.cholesky(covariance)))
+
+
+class ElectrodePrior(NamedTuple):
+    """What is known of a foot's electrodes before a fit.
+
+    Attributes:
+        parameters: Parameters to expect, as in `twin`, shape (parameters,).
+        information: Inverse covariance of those of the electrodes, the first 27, shape (27, 27).
     """
 
     parameters: Vector
+    information: Vector
+
+    @classmethod
+    def of_tolerances(cls, parameters: Vector) -> Self:
+        """Return the prior of a foot that differs from some parameters as a made one from its design."""
+        return cls(parameters, np.diag(PRIOR_SIGMA[:N_ELECTRODE_PARAMETERS] ** -2.0))
+
+
+class ElectrodeFit(NamedTuple):
+    """Electrodes of a foot as loads without a reference tell them.
+
+    Attributes:
+        parameters: Parameters as in `twin`, shape (parameters,).
+        information: Information of the loads on the electrodes' parameters, the first 27, without that of the prior,
+            shape (27, 27).
+        covariance: Their posterior covariance, shape (27, 27).
+        coordinates: Contact coordinates of each load, in the foot's frame, shape (n, 5).
+        mahalanobis_distance: Distance of each load's readings from the model [1], shape (n,); 2 if its errors hold.
+        cost: What was minimised [1].
+    """
+
+    parameters: Vector
+    information: Vector
     covariance: Vector
     coordinates: Vector
     mahalanobis_distance: Vector
+    cost: float
 
     def predicted_uncertainty(self, twin: FootTwin) -> PredictedUncertainty:
         """Return the force errors to expect of what stays unknown of the electrodes, mount and stiffness apart."""
         covariance = np.diag((1e-9 * PRIOR_SIGMA) ** 2)
-        covariance[:_N_FITTED, :_N_FITTED] = self.covariance
+        covariance[:N_ELECTRODE_PARAMETERS, :N_ELECTRODE_PARAMETERS] = self.covariance
         return predict_uncertainty(twin, ParameterFit(self.parameters, covariance, self.mahalanobis_distance))
+
+
+def mean_reading_sigma_pf(change_pf: Vector) -> Vector:
+    """Return the standard deviation of mean readings of loads at rest [pF], same shape as their change by the load."""
+    sigma_pf: Vector = np.hypot(_READING_NOISE_PF, _MODEL_ERROR_REL * change_pf)
+    return sigma_pf
 
 
 def fit_electrodes(
     twin: FootTwin,
-    capacitance_pf: Vector,
-    baseline_pf: Vector,
+    readings: LoadReadings,
     coordinates: Vector,
-    expected: Vector | None = None,
-) -> StandingFit:
-    """Fit the electrodes of a foot to loads at rest.
+    prior: ElectrodePrior,
+    *,
+    start: Vector | None = None,
+    coordinate_sigma: Vector = _COORDINATE_SIGMA,
+    max_rounds: int = _MAX_ITERATIONS,
+) -> ElectrodeFit:
+    """Fit the electrodes of a foot to loads.
 
     Args:
         twin: Model of the foot, at its unloaded readings.
-        capacitance_pf: Mean readings of each load, corrected for drift [pF], shape (n, 9).
-        baseline_pf: Unloaded readings of the model [pF], shape (9,).
+        readings: Readings of the loads.
         coordinates: Contact coordinates of the loads to start from, foot's frame, shape (n, 5).
-        expected: Parameters to expect, as in `twin`; None for a foot as designed.
+        prior: What is known of the electrodes.
+        start: Parameters to start from; None for those of the prior.
+        coordinate_sigma: Prior standard deviation of the coordinates, shape (5,).
+        max_rounds: Largest number of steps.
     """
-    expected = np.zeros(N_PARAMETERS) if expected is None else expected
-    sigma_pf = np.hypot(_READING_NOISE_PF, _MODEL_ERROR_REL * (capacitance_pf - baseline_pf))
-    state = _State(twin, capacitance_pf, sigma_pf, expected, expected, within_bounds(coordinates))
+    start = prior.parameters if start is None else start
+    state = _State(twin, readings, prior, coordinate_sigma, start, within_bounds(coordinates))
     damping = 1e-3
-    for _ in range(_MAX_ITERATIONS):
-        equations = _Equations(state)
+    for _ in range(max_rounds):
+        equations = _Equations(state, state.slopes())
         while damping < _MAX_DAMPING:
             tried = state.moved(*equations.step(damping))
             if tried.cost < state.cost:
@@ -98,8 +158,16 @@ def fit_electrodes(
         state, damping = tried, max(damping / 10.0, 1e-6)
         if gain_rel < _TOLERANCE_REL:
             break
-    covariance = np.asarray(np.linalg.inv(_Equations(state).reduced_information(0.0)), np.float64)
-    return StandingFit(state.parameters, covariance, state.coordinates, state.distance)
+    information = _Equations(state, state.slopes(own_gaps=True)).reduced_information(0.0)
+    covariance = np.asarray(np.linalg.inv(information), np.float64)
+    return ElectrodeFit(
+        state.parameters,
+        information - prior.information,
+        covariance,
+        state.coordinates,
+        state.distance,
+        state.cost,
+    )
 
 
 class _State:
@@ -108,60 +176,81 @@ class _State:
     def __init__(
         self,
         twin: FootTwin,
-        measured_pf: Vector,
-        sigma_pf: Vector,
-        expected: Vector,
+        readings: LoadReadings,
+        prior: ElectrodePrior,
+        coordinate_sigma: Vector,
         parameters: Vector,
         coordinates: Vector,
     ) -> None:
-        self._twin, self._measured_pf, self._sigma_pf, self._expected = twin, measured_pf, sigma_pf, expected
+        self._twin, self._readings, self.prior, self.coordinate_sigma = (
+            twin,
+            readings,
+            prior,
+            coordinate_sigma,
+        )
         self.parameters, self.coordinates = parameters, coordinates
         self._cells_um = twin.cell_closures_um(parameters, contact_loads(coordinates))
         self._model_pf = twin.reading_pf(parameters, self._cells_um)
-        self.residual: Vector = (measured_pf - self._model_pf) / sigma_pf
+        off_pf = readings.capacitance_pf - self._model_pf
+        self.residual: Vector = np.einsum("nij,nj->ni", readings.whitening, off_pf)
         self.distance: Vector = np.sqrt((self.residual**2).sum(axis=1))
         self.weight = np.minimum(1.0, _HUBER_DISTANCE / np.maximum(self.distance, _HUBER_DISTANCE))
-        self.deviation: Vector = (parameters - expected)[:_N_FITTED] / PRIOR_SIGMA[:_N_FITTED]
+        deviation = (parameters - prior.parameters)[:N_ELECTRODE_PARAMETERS]
+        self.pull: Vector = prior.information @ deviation
         within = np.minimum(self.distance, _HUBER_DISTANCE)
         losses = (within * (2.0 * self.distance - within)).sum()
-        priors = (self.deviation**2).sum() + ((coordinates / _COORDINATE_SIGMA) ** 2).sum()
+        priors = deviation @ self.pull + ((coordinates / coordinate_sigma) ** 2).sum()
         self.cost = float(losses + priors)
 
     def moved(self, change: Vector, coordinate_change: Vector) -> Self:
         """Return the state after a step of the fitted parameters and of the coordinates, both limited."""
         parameters = self.parameters.copy()
-        parameters[:_N_FITTED] += change
+        parameters[:N_ELECTRODE_PARAMETERS] += change
         parameters = np.clip(parameters, *self._twin.parameter_bounds())
         most_n = _MAX_STEP_REL * self.coordinates[:, :1]
         limited = np.clip(coordinate_change, -_MAX_STEP, _MAX_STEP)
         limited[:, :1] = np.clip(coordinate_change[:, :1], -most_n, most_n)
         coordinates = within_bounds(self.coordinates + limited)
         return type(self)(
-            self._twin, self._measured_pf, self._sigma_pf, self._expected, parameters, coordinates
+            self._twin, self._readings, self.prior, self.coordinate_sigma, parameters, coordinates
         )
 
-    def slopes(self) -> tuple[Vector, Vector]:
-        """Return the slopes of readings over their sigma by parameters, (n, 9, 27), and coordinates, (n, 9, 5)."""
+    def slopes(self, *, own_gaps: bool = False) -> tuple[Vector, Vector]:
+        """Return the slopes of whitened readings by parameters, (n, 9, 27), and coordinates, (n, 9, 5).
+
+        Args:
+            own_gaps: Whether the slope of a gap is its own on all elements, as of what the loads tell of it; else that
+                of all gaps together on its own element: one that closes in the foot and not yet in the model would have
+                none, and never close.
+        """
         n, diagonal = len(self.coordinates), np.arange(ELEMENTS)
-        wider = self._with_step(GAP)
+        gaps = [slice(GAP.start + one, GAP.start + one + 1) for one in range(ELEMENTS)] if own_gaps else [GAP]
         steps = _COORDINATE_STEPS * np.ones_like(self.coordinates)
         steps[:, 0] *= self.coordinates[:, 0]
         # Smaller coordinates stay within the table.
         less = [contact_loads(self.coordinates - steps * one) for one in np.eye(COORDINATES)]
-        gap_um, *coordinates_um = self._twin.cell_closures_for_closed_cells_um(
-            [(wider, contact_loads(self.coordinates)), *((self.parameters, one) for one in less)],
+        here = contact_loads(self.coordinates)
+        nearby_um = self._twin.cell_closures_for_closed_cells_um(
+            [*((self._with_step(gap), here) for gap in gaps), *((self.parameters, one) for one in less)],
             self._twin.closed_cells(self.parameters, self._cells_um),
         )
-        by_parameter = np.zeros((n, ELEMENTS, _N_FITTED))
-        # The slope of a gap is that of all gaps together: one that closes in the foot and not yet in the model would
-        # have none of its own.
-        for kind, cells_um in ((STRAY, self._cells_um), (GAIN, self._cells_um), (GAP, gap_um)):
-            change_pf = self._twin.reading_pf(self._with_step(kind), cells_um) - self._model_pf
-            slope_pf = change_pf / (_PARAMETER_STEP_REL * PRIOR_SIGMA[kind])
-            by_parameter[:, diagonal, kind.start + diagonal] = slope_pf
-        moved_pf = [self._twin.reading_pf(self.parameters, cells_um) for cells_um in coordinates_um]
+        by_parameter = np.zeros((n, ELEMENTS, N_ELECTRODE_PARAMETERS))
+        for kind in (STRAY, GAIN):
+            by_parameter[:, diagonal, kind.start + diagonal] = self._slope_pf(kind, self._cells_um)
+        for gap, cells_um in zip(gaps, nearby_um, strict=False):
+            if own_gaps:
+                by_parameter[:, :, gap.start] = self._slope_pf(gap, cells_um)
+            else:
+                by_parameter[:, diagonal, GAP.start + diagonal] = self._slope_pf(gap, cells_um)
+        moved_pf = [self._twin.reading_pf(self.parameters, cells_um) for cells_um in nearby_um[len(gaps) :]]
         by_coordinate = (self._model_pf[..., None] - np.stack(moved_pf, axis=2)) / steps[:, None]
-        return by_parameter / self._sigma_pf[..., None], by_coordinate / self._sigma_pf[..., None]
+        return self._readings.whitening @ by_parameter, self._readings.whitening @ by_coordinate
+
+    def _slope_pf(self, kind: slice, cells_um: Vector) -> Vector:
+        """Return the slope of the readings by parameters of a kind [pF per unit], shape (n, 9)."""
+        change_pf = self._twin.reading_pf(self._with_step(kind), cells_um) - self._model_pf
+        slope_pf: Vector = change_pf / (_PARAMETER_STEP_REL * PRIOR_SIGMA[kind][0])
+        return slope_pf
 
     def _with_step(self, kind: slice) -> Vector:
         moved = self.parameters.copy()
@@ -170,22 +259,18 @@ class _State:
 
 
 class _Equations:
-    """Normal equations of a state; the loads' part is block diagonal."""
+    """Normal equations of a state at its slopes; the loads' part is block diagonal."""
 
-    def __init__(self, state: _State) -> None:
-        by_parameter, by_coordinate = state.slopes()
+    def __init__(self, state: _State, slopes: tuple[Vector, Vector]) -> None:
+        by_parameter, by_coordinate = slopes
+        of_prior = state.coordinate_sigma**-2.0
         weighted = state.weight[:, None, None] * by_coordinate
-        self._own = weighted.transpose(0, 2, 1) @ by_coordinate + np.diag(_COORDINATE_SIGMA**-2.0)
+        self._own = weighted.transpose(0, 2, 1) @ by_coordinate + np.diag(of_prior)
         self._mixed = weighted.transpose(0, 2, 1) @ by_parameter
-        self._own_gradient = (
-            np.einsum("nrc,nr->nc", weighted, state.residual) - state.coordinates * _COORDINATE_SIGMA**-2.0
-        )
+        self._own_gradient = np.einsum("nrc,nr->nc", weighted, state.residual) - state.coordinates * of_prior
         weighted = state.weight[:, None, None] * by_parameter
-        self._shared = np.einsum("nrp,nrq->pq", weighted, by_parameter) + np.diag(
-            PRIOR_SIGMA[:_N_FITTED] ** -2.0
-        )
-        self._gradient = np.einsum("nrp,nr->p", weighted, state.residual)
-        self._gradient -= state.deviation / PRIOR_SIGMA[:_N_FITTED]
+        self._shared = np.einsum("nrp,nrq->pq", weighted, by_parameter) + state.prior.information
+        self._gradient = np.einsum("nrp,nr->p", weighted, state.residual) - state.pull
 
     def reduced_information(self, damping: float) -> Vector:
         """Return the information of the parameters alone, after that of the loads is taken away, shape (27, 27)."""

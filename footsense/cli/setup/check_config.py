@@ -113,8 +113,9 @@ def _explanation(models: Models) -> dict[str, str]:
         errors = calibration.manifest.held_out
         if errors is not None:
             error = f"{errors.calibrated.direction_deg:.1f} deg of error"
-        elif calibration.manifest.by_standing:
-            error = "by standing, which tells neither its mounting nor its stiffness"
+        elif calibration.manifest.by_standing or calibration.manifest.by_walking:
+            by = "walking" if calibration.manifest.by_walking else "standing"
+            error = f"by {by}, which tells neither its mounting nor its stiffness"
         else:
             error = "its error is unknown"
         told[f"foot on {leg}"] = f"{known['foot']}, calibrated {known['days_ago']} days ago: {error}"

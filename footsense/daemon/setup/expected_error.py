@@ -54,7 +54,7 @@ def expected_errors(models: Models) -> list[ExpectedError]:
     designed = ExpectedError(math.nan, math.nan)
     if response is not None:
         designed = error_of_uncalibrated(models.network, response, len(found))
-    return [designed if each is None else _error_of_calibrated(each) for each in found]
+    return [designed if each is None else error_of_calibrated(each) for each in found]
 
 
 def error_of_uncalibrated(network: Network, response: FootResponse, n_rows: int) -> ExpectedError:
@@ -102,10 +102,11 @@ def _estimated_n(network: Network, n_rows: int, closure_rel: Vector) -> Vector:
     return np.concatenate(forces_n)[: len(closure_rel)]
 
 
-def _error_of_calibrated(found: FootCalibration) -> ExpectedError:
+def error_of_calibrated(found: FootCalibration) -> ExpectedError:
+    """Return the expected error of a calibrated foot."""
     parameters = found.parameters
     size_sigma_rel = angle_sigma = parameters.error_rel
-    if found.manifest.by_standing:
+    if found.manifest.by_standing or found.manifest.by_walking:
         if parameters.stiffness_rel == 0.0:  # it was not pressed before
             size_sigma_rel = math.hypot(size_sigma_rel, PAPER_TOLERANCES.stiffness_rel)
         if np.array_equal(parameters.mount, np.eye(3)):

@@ -14,6 +14,7 @@ from footsense.sim.can.interface import AS_DEPLOYED
 
 DEPLOY = Path(__file__).parents[3] / "deploy"
 UNIT, EXPORTER = DEPLOY / "footsense.service", DEPLOY / "footsense-exporter.service"
+SELFCAL = DEPLOY / "footsense-selfcal.service"
 VIEW = DEPLOY / "footsense-view.service"
 
 
@@ -42,9 +43,9 @@ def test_the_service_is_watched_and_started_again() -> None:
     )
 
 
-@pytest.mark.parametrize(("unit", "command"), [(EXPORTER, "exporter"), (VIEW, "view")])
+@pytest.mark.parametrize(("unit", "command"), [(EXPORTER, "exporter"), (VIEW, "view"), (SELFCAL, "selfcal")])
 def test_exporter_and_page_always_come_back_and_may_do_little(unit: Path, command: str) -> None:
-    """Each restarts whatever ended it, takes no time of the loop, and reaches the loopback and shared memory alone."""
+    """Each restarts whatever ended it, takes no time of the loop, and reaches at most loopback and shared memory."""
     exporter, service = parsed(unit)["Service"], parsed(UNIT)["Service"]
     assert exporter["Restart"] == "always"
     assert (
@@ -54,7 +55,8 @@ def test_exporter_and_page_always_come_back_and_may_do_little(unit: Path, comman
     assert exporter["User"] == service["User"]
     assert exporter["RestrictRealtime"] == "yes"
     assert "CPUSchedulingPolicy" not in exporter
-    assert set(exporter["RestrictAddressFamilies"].split()) == {"AF_INET", "AF_INET6"}
+    families = {"none"} if unit is SELFCAL else {"AF_INET", "AF_INET6"}
+    assert set(exporter["RestrictAddressFamilies"].split()) == families
     hardened = {
         key for key in service if key.startswith(("Protect", "Restrict", "Private", "NoNew", "Capab"))
     }
@@ -63,12 +65,12 @@ def test_exporter_and_page_always_come_back_and_may_do_little(unit: Path, comman
 
 def test_no_unit_takes_the_memory_of_the_robot() -> None:
     """Each has a bound, the loop's the largest."""
-    bounds = [parsed(unit)["Service"]["MemoryMax"] for unit in (UNIT, EXPORTER, VIEW)]
-    assert bounds == ["512M", "256M", "256M"]
+    bounds = [parsed(unit)["Service"]["MemoryMax"] for unit in (UNIT, EXPORTER, VIEW, SELFCAL)]
+    assert bounds == ["512M", "256M", "256M", "256M"]
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd-analyze here")
-@pytest.mark.parametrize("unit", [UNIT, EXPORTER, VIEW])
+@pytest.mark.parametrize("unit", [UNIT, EXPORTER, VIEW, SELFCAL])
 def test_systemd_has_no_complaint(tmp_path: Path, unit: Path) -> None:
     """The supervisor knows every key, once the program stands where the unit says."""
     copy = tmp_path / unit.name
@@ -83,7 +85,7 @@ def test_systemd_has_no_complaint(tmp_path: Path, unit: Path) -> None:
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd-analyze here")
-@pytest.mark.parametrize("unit", [UNIT, EXPORTER, VIEW])
+@pytest.mark.parametrize("unit", [UNIT, EXPORTER, VIEW, SELFCAL])
 def test_a_service_that_was_taken_over_may_do_little(unit: Path) -> None:
     """By systemd's own measure: an exposure of 10 is an ordinary service, and these have at most 1.5."""
     done = subprocess.run(

@@ -1,5 +1,6 @@
 """What Prometheus sees of the services that one exporter follows."""
 
+import json
 import math
 from contextlib import closing
 from enum import IntEnum
@@ -217,6 +218,22 @@ def test_services_that_start_end_and_start_again_are_shown_as_such(tmp_path: Pat
             ring.observe(cycle(70, faulty))
             assert get("footsense_exporter_missed_cycles_total") == 3 * (n + 1)
         assert (get("footsense_up"), get("footsense_cycles_total")) == (0, None)
+
+
+def test_what_walking_says_of_electrodes_is_shown(tmp_path: Path) -> None:
+    """From the states of `footsense selfcal`, whether the service runs or not; a damaged one is left out."""
+    state = {"of": {"leg": "lf"}, "turn_deg": 3.0, "turn_sigma_deg": 1.0, "objection": "", "kept": []}
+    (tmp_path / "lf.json").write_text(json.dumps(state))
+    (tmp_path / "rf.json").write_text(
+        json.dumps(state | {"of": {"leg": "rf"}, "turn_deg": None, "objection": "no"})
+    )
+    (tmp_path / "rr.json").write_text("{")
+    registry = CollectorRegistry()
+    registry.register(ServiceCollector(tmp_path / "ring", tmp_path))
+    get = registry.get_sample_value
+    assert get("footsense_electrodes_turned_radians", LF) == pytest.approx(np.radians(3.0))
+    assert get("footsense_electrodes_turned_sigma_radians", LF) == pytest.approx(np.radians(1.0))
+    assert [get("footsense_calibration_proposed", leg) for leg in (LF, {"leg": "rf"}, RR)] == [1, 0, None]
 
 
 def test_a_service_that_ran_before_the_exporter_is_counted_from_now_on(tmp_path: Path) -> None:

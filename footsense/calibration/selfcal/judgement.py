@@ -1,0 +1,162 @@
+"""What the electrodes found while walking are worth: by how much they turn forces, how surely, and objections.
+
+The misfit alone does not warn of elements that creep differently, or of a floor that adds capacitance: other electrodes
+explain both. But early in a stance they would be others than late, and lightly loaded others than firmly. So the
+instants are halved both ways, each half is fitted by itself, and the forces of both are compared.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from footsense.calibration.evaluation import DesignModels
+from footsense.calibration.selfcal.instants import N_PARTS, Instants
+from footsense.calibration.selfcal.walking_fit import Electrodes, fit_again, misfit_of, readings_of
+from footsense.calibration.standing.fit import N_ELECTRODE_PARAMETERS
+from footsense.calibration.twin import GAIN, STRAY
+from footsense.foot.directions import angles_between_deg
+from footsense.frames import Mask, Vector
+
+#: Draws from the covariance, and the seed of them.
+_DRAWS, _SEED = 16, 1
+#: Least number of instants for a judgement of their halves, and most that it takes.
+MIN_INSTANTS, MAX_INSTANTS = 36, 72
+#: Least turn that is worth a calibration [deg], and over its standard deviation [1].
+_MIN_TURN_DEG, _MIN_TURN_SIGMAS = 0.3, 2.0
+#: Largest distance of one half from the electrodes of the other, over the usual one [1].
+_MAX_HELD_OUT = 1.0
+#: Largest change of a parameter over its standard deviation before walking [1].
+_MAX_CHANGE_SIGMAS = 4.0
+#: Largest share of stances in which an element is beyond its range [1].
+_MAX_SATURATED_REL = 0.3
+
+
+class Turn(NamedTuple):
+    """By how much electrodes turn the forces of usual loads against those known before.
+
+    Attributes:
+        deg: Mean angle [deg].
+        sigma_deg: Mean angle to expect from what is not known of the electrodes [deg].
+    """
+
+    deg: float
+    sigma_deg: float
+
+
+def turn_of_forces(models: DesignModels, before: Electrodes, now: Electrodes, instants: Instants) -> Turn:
+    """Return by how much the forces of some instants turn, from one set of electrodes to another.
+
+    Args:
+        models: Models of the foot's type.
+        before: The electrodes known before.
+        now: Those found.
+        instants: Instants of usual loads.
+    """
+    found_n, before_n = (_forces_n(models, one.parameters, instants) for one in (now, before))
+    turned_deg = float(angles_between_deg(before_n, found_n).mean())
+    return Turn(turned_deg, _spread_deg(models, now, instants))
+
+
+def _spread_deg(models: DesignModels, electrodes: Electrodes, instants: Instants) -> float:
+    """Return the mean angle between the forces with electrodes and with draws of their covariance [deg]."""
+    random, found = np.random.default_rng(_SEED), electrodes.parameters
+    n = len(electrodes.covariance)
+    off = random.multivariate_normal(np.zeros(n), electrodes.covariance, _DRAWS, method="cholesky")
+    forces_n = _forces_n(models, found, instants)
+    draws = found + np.pad(off, ((0, 0), (0, len(found) - n)))
+    return float(np.mean([angles_between_deg(_forces_n(models, one, instants), forces_n) for one in draws]))
+
+
+def _forces_n(models: DesignModels, parameters: Vector, instants: Instants) -> Vector:
+    readings, unloaded_pf = readings_of(models, parameters, instants)
+    stray_pf = np.minimum(parameters[STRAY], 0.5 * unloaded_pf)
+    gain_rel = np.maximum(1.0 + parameters[GAIN], 0.5)
+    return models.estimate_in_foot_frame(readings.capacitance_pf, unloaded_pf, stray_pf, gain_rel).force_n
+
+
+class Judgement(NamedTuple):
+    """What electrodes are worth.
+
+    Attributes:
+        turn: By how much they turn forces.
+        objection: Why they are not proposed as a calibration; empty if nothing speaks against them.
+    """
+
+    turn: Turn
+    objection: str
+
+
+def judge_electrodes(
+    models: DesignModels, before: Electrodes, now: Electrodes, instants: Instants, saturated_rel: float
+) -> Judgement:
+    """Return what the electrodes found while walking are worth.
+
+    Half of the angle between the halves of the instants, beyond that which they leave open each, counts in the standard
+    deviation of the turn.
+
+    Args:
+        models: Models of the foot's type.
+        before: The electrodes known before.
+        now: Those found.
+        instants: Instants of usual loads, at least one.
+        saturated_rel: Share of the stances in which an element was beyond its range [1].
+    """
+    turn = turn_of_forces(models, before, now, instants)
+    n = len(instants.t_ns)
+    if n < MIN_INSTANTS:
+        return Judgement(turn, f"{n} of {MIN_INSTANTS} instants so far")
+    halves = {
+        words: _compare(models, before, now, instants, half) for words, half in _halves(instants).items()
+    }
+    worst_deg = max(found.differ_deg for found in halves.values())
+    turn = turn._replace(sigma_deg=float(np.hypot(turn.sigma_deg, 0.5 * worst_deg)))
+    sigma = np.sqrt(np.diag(before.covariance))
+    change = (now.parameters - before.parameters)[:N_ELECTRODE_PARAMETERS] / sigma
+    largest = float(np.abs(change).max())
+    objections = {
+        f"an element is beyond its range in {saturated_rel:.0%} of the stances": (
+            saturated_rel > _MAX_SATURATED_REL
+        ),
+        "no improvement to expect": turn.deg < max(_MIN_TURN_DEG, _MIN_TURN_SIGMAS * turn.sigma_deg),
+        f"a parameter changed by {largest:.1f} standard deviations": largest > _MAX_CHANGE_SIGMAS,
+        **{
+            f"instants {words} do not explain one another": not found.explains
+            for words, found in halves.items()
+        },
+    }
+    return Judgement(turn, next((words for words, holds in objections.items() if holds), ""))
+
+
+class _Comparison(NamedTuple):
+    """Mean angle between the forces of two halves beyond what to expect [deg], and whether one explains the other."""
+
+    differ_deg: float
+    explains: bool
+
+
+def _compare(
+    models: DesignModels, before: Electrodes, now: Electrodes, instants: Instants, half: Mask
+) -> _Comparison:
+    parts = [instants.subset(which) for which in (half, ~half)]
+    fits = [fit_again(models, before, part, now.parameters) for part in parts]
+    forces_n = [_forces_n(models, fit.parameters, instants) for fit in fits]
+    spreads = [_spread_deg(models, Electrodes(fit.parameters, fit.covariance), instants) for fit in fits]
+    differ_deg = float(angles_between_deg(*forces_n).mean())
+    misfit, misfit_before = (
+        misfit_of(models, one, parts[1]) for one in (fits[0].parameters, before.parameters)
+    )
+    return _Comparison(
+        float(np.sqrt(max(differ_deg**2 - np.square(spreads).sum(), 0.0))),
+        misfit <= min(misfit_before, _MAX_HELD_OUT),
+    )
+
+
+def _halves(instants: Instants) -> dict[str, Mask]:
+    """Return the ways to halve instants, in words: early ones, with the early middle ones, and light ones."""
+    change_pf = (instants.capacitance_pf - instants.baseline_pf).mean(axis=1)
+    middle = instants.part == N_PARTS // 2
+    odd = np.cumsum(middle) % 2 == 1
+    return {
+        "early and late in the stances": (instants.part == 0) | (middle & odd),
+        "of light and of firm loads": change_pf < np.median(change_pf),
+    }

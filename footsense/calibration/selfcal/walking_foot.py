@@ -1,0 +1,163 @@
+"""One foot of a robot that walks: its scans in, what is known of its electrodes out."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from footsense.calibration.evaluation import DesignModels
+from footsense.calibration.selfcal.instants import Instants, LegScans, StanceSampler
+from footsense.calibration.selfcal.judgement import MAX_INSTANTS, Turn, judge_electrodes
+from footsense.calibration.selfcal.state import FootIdentity, KeptInstants, SelfcalState
+from footsense.calibration.selfcal.walking_fit import (
+    FIRST_INSTANTS,
+    INSTANTS_PER_FIT,
+    Electrodes,
+    fit_instants,
+)
+from footsense.calibration.standing.fit import N_ELECTRODE_PARAMETERS
+from footsense.calibration.twin import GAIN, GAP, STRAY
+from footsense.foot.parameters import FootParameters
+
+#: Instants of the first minute or so, of which every stance is used; then those of a fit in every so many [ns].
+N_FAST, _PERIOD_NS = 240, 10_000_000_000
+_NS_PER_MINUTE = 60e9
+#: Mean angle of a direction error over the standard deviation of each of its two components [1].
+_MEAN_OVER_SIGMA = math.sqrt(math.pi / 2.0)
+
+
+class WalkingFoot:
+    """A foot whose electrodes are found while it walks.
+
+    Args:
+        models: Models of its type.
+        of: What it is.
+        known: Its calibration in use, else the parameters by which the service reads it.
+        state: Its state of an earlier time; None to begin anew.
+        slept_min: Time since then [min].
+
+    Attributes:
+        of: What it is.
+        known: The parameters in use.
+        electrodes: What is known of the electrodes.
+        n_instants: Instants so far.
+        turn: By how much they turn forces against those in use; None before the first fit.
+        objection: Why they are not proposed as a calibration; empty if they are.
+    """
+
+    def __init__(
+        self,
+        models: DesignModels,
+        of: FootIdentity,
+        known: FootParameters,
+        state: SelfcalState | None = None,
+        slept_min: float = 0.0,
+    ) -> None:
+        self._models, self.of, self.known = models, of, known
+        self._is_calibrated = bool(of.calibration)
+        design = models.response.design
+        self._before = Electrodes.before_walking(design, known, calibrated=self._is_calibrated)
+        self._sampler, self._waiting, self._last_ns = StanceSampler(), Instants.joined([]), 0
+        self.electrodes, self._kept, self.n_instants = self._before, Instants.joined([]), 0
+        self._saturated_before_rel = 0.0
+        self.turn: Turn | None = None
+        self.objection = ""
+        if state is not None:
+            self.electrodes = state.electrodes().wandered(slept_min)
+            self._kept, self.n_instants = state.kept.instants(), state.n_instants
+            self._saturated_before_rel = state.saturated_rel
+            if state.turn_deg is not None and state.turn_sigma_deg is not None:
+                self.turn = Turn(state.turn_deg, state.turn_sigma_deg)
+            self.objection = state.objection
+
+    @property
+    def saturated_rel(self) -> float:
+        """Share of the stances in which an element was beyond its range [1]."""
+        n_stances = self._sampler.n_stances
+        return self._sampler.n_saturated / n_stances if n_stances else self._saturated_before_rel
+
+    @property
+    def is_proposed(self) -> bool:
+        """Whether nothing speaks against taking its electrodes into use, and it has a name."""
+        return self.turn is not None and not self.objection and bool(self.of.foot)
+
+    def line(self) -> str:
+        """Return what is known of it as one line for people."""
+        name = f"{self.of.leg} {self.of.foot}".rstrip()
+        since = f"since the calibration of {self.of.since[:10]}" if self.of.since else "against the design"
+        if self.turn is None:
+            return f"{name}: no stances so far"
+        told = f"{name}: electrodes turned by {self.turn.deg:.1f} +- {self.turn.sigma_deg:.1f} deg {since}"
+        if self.objection:
+            return f"{told}; nothing proposed: {self.objection}"
+        if not self.of.foot:
+            return f"{told}; a foot needs a name under `feet` before a calibration is proposed"
+        expected_deg = math.hypot(self.turn.deg, self.turn.sigma_deg)
+        return (
+            f"{told}; a calibration is proposed: {expected_deg:.1f} to {self.turn.sigma_deg:.1f} deg expected"
+        )
+
+    def add(self, scans: LegScans) -> None:
+        """Use the stances that end within further scans."""
+        pause_ns = _PERIOD_NS if self.n_instants >= N_FAST else 0
+        found = self._sampler.add(scans, self._last_ns + pause_ns)
+        self._waiting = Instants.joined([self._waiting, found])
+        while len(self._waiting.t_ns) >= (n := self._n_needed):
+            some, self._waiting = self._waiting.subset(slice(n)), self._waiting.subset(slice(n, None))
+            self._use(some)
+
+    @property
+    def _n_needed(self) -> int:
+        is_new = self.n_instants == 0 and not self._is_calibrated
+        return FIRST_INSTANTS if is_new else INSTANTS_PER_FIT
+
+    def _use(self, instants: Instants) -> None:
+        now_ns = int(instants.t_ns[-1])
+        if self._last_ns:
+            self.electrodes = self.electrodes.wandered((now_ns - self._last_ns) / _NS_PER_MINUTE)
+        is_first = len(instants.t_ns) == FIRST_INSTANTS
+        self.electrodes, _ = fit_instants(self._models, self.electrodes, instants, first=is_first)
+        self._last_ns, self.n_instants = now_ns, self.n_instants + len(instants.t_ns)
+        self._kept = Instants.joined([self._kept, instants]).subset(slice(-MAX_INSTANTS, None))
+
+    def judge(self) -> None:
+        """Compute turn and objection anew; takes some tenths of a second."""
+        if self.n_instants:
+            self.turn, self.objection = judge_electrodes(
+                self._models, self._before, self.electrodes, self._kept, self.saturated_rel
+            )
+
+    def state(self, written: str) -> SelfcalState:
+        """Return its state.
+
+        Args:
+            written: Time, UTC, ISO 8601.
+        """
+        n = N_ELECTRODE_PARAMETERS
+        return SelfcalState(
+            of=self.of,
+            written=written,
+            n_instants=self.n_instants,
+            saturated_rel=self.saturated_rel,
+            turn_deg=self.turn and self.turn.deg,
+            turn_sigma_deg=self.turn and self.turn.sigma_deg,
+            objection=self.objection,
+            parameters=tuple(self.electrodes.parameters[:n].tolist()),
+            covariance=tuple(map(tuple, self.electrodes.covariance.tolist())),
+            kept=KeptInstants.of(self._kept),
+        )
+
+    def parameters(self) -> FootParameters:
+        """Return the parameters of the foot with the electrodes that were found; stiffness and mount are as known."""
+        found, design = self.electrodes.parameters, self._models.response.design
+        unknown_rel = np.radians(self.turn.sigma_deg) / _MEAN_OVER_SIGMA if self.turn else 0.0
+        return replace(
+            self.known,
+            stray_pf=found[STRAY],
+            unloaded_pf=np.median(self._kept.baseline_pf, axis=0)
+            if self.n_instants
+            else self.known.unloaded_pf,
+            gain_rel=1.0 + found[GAIN],
+            gap_um=design.gap_um + found[GAP],
+            error_rel=max(self.known.error_rel, float(unknown_rel)),
+        )
