@@ -50,11 +50,14 @@ def electrode_metrics(seen: Sequence[ElectrodesSeen]) -> Iterator[Metric]:
         One metric of each name; none without feet.
     """
     gauges = [
-        GaugeMetricFamily(f"footsense_{name}", meaning, labels=["leg"])
+        GaugeMetricFamily(name, meaning, labels=["leg"])
         for name, meaning in (
-            ("electrodes_turned_radians", "Turn of the forces by changed electrodes; NaN before a fit."),
-            ("electrodes_turned_sigma_radians", "Standard deviation of it; NaN before a fit."),
-            ("calibration_proposed", "1 while nothing speaks against a calibration by walking."),
+            (
+                "footsense_electrodes_turned_radians",
+                "Turn of the forces by changed electrodes; NaN before a fit.",
+            ),
+            ("footsense_electrodes_turned_sigma_radians", "Standard deviation of it; NaN before a fit."),
+            ("footsense_calibration_proposed", "1 while nothing speaks against a calibration by walking."),
         )
     ]
     for foot in seen:

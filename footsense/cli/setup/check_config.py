@@ -1,7 +1,6 @@
 """Command `footsense check-config FILE`: check and explain a configuration file."""
 
 import logging
-import math
 from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
@@ -23,7 +22,7 @@ from footsense.config.contradictions import warnings
 from footsense.daemon.can_output import frames_destination
 from footsense.daemon.estimation import contact_threshold_n, pipeline_for, unloaded_limit_n
 from footsense.daemon.models import Models, load_models
-from footsense.daemon.setup.expected_error import ExpectedError, expected_errors
+from footsense.daemon.setup.expected_error import error_of_calibrated, error_text, expected_errors
 from footsense.daemon.simulation import is_simulated
 from footsense.errors import ConfigError
 from footsense.foot.calibration_files import FootCalibration
@@ -116,8 +115,9 @@ def _explanation(models: Models) -> dict[str, str]:
         elif calibration.manifest.by_standing or calibration.manifest.by_walking:
             by = "walking" if calibration.manifest.by_walking else "standing"
             error = f"by {by}, which tells neither its mounting nor its stiffness"
+            error += f": expect errors of {error_text(error_of_calibrated(calibration))}"
         else:
-            error = "its error is unknown"
+            error = f"expect errors of {error_text(error_of_calibrated(calibration))}"
         told[f"foot on {leg}"] = f"{known['foot']}, calibrated {known['days_ago']} days ago: {error}"
     told["forces"] = (
         f"up to {config.forces_hz:.0f} forces/s on CAN of each leg; contact from {contact_threshold_n(models):.2g} N, "
@@ -152,16 +152,10 @@ def _uncalibrated(models: Models) -> Iterator[str]:
     reasons = [(unnamed[0], f"no foot named on {', '.join(unnamed)}")] if unnamed else []
     reasons += [(leg, f"no folder of calibrations for {feet[leg]} on {leg}") for leg in legs if leg in feet]
     for leg, reason in reasons:
-        expected = f"{_error_text(errors[leg])}, twice that of a single foot now and then"
+        expected = f"expect errors of {error_text(errors[leg])}, twice that of a single foot now and then"
         if is_simulated(models.config):
             expected = f"as simulated feet are by design; of made ones {expected}"
         yield f"{reason}: uncalibrated, {expected}"
-
-
-def _error_text(error: ExpectedError) -> str:
-    if math.isnan(error.direction_deg):
-        return "how far its forces err is not known"
-    return f"expect errors of {error.direction_deg:.2g} deg in direction and {error.size_rel:.0%} in size"
 
 
 def _settings(models: Models) -> dict[str, Any]:

@@ -114,6 +114,13 @@ def error_of_calibrated(found: FootCalibration) -> ExpectedError:
     return ExpectedError(_MEAN_SIZE * size_sigma_rel, _mean_angle_deg(angle_sigma))
 
 
+def error_text(error: ExpectedError) -> str:
+    """Return an expected error in words."""
+    if math.isnan(error.direction_deg):
+        return "unknown size"
+    return f"{error.direction_deg:.2g} deg in direction and {error.size_rel:.0%} in size"
+
+
 def _mean_angle_deg(sigma: float) -> float:
     """Return the mean angle of a direction [deg] whose error along each axis has a standard deviation [1]."""
     return math.degrees(math.atan(_MEAN_DISTANCE * sigma))

@@ -218,12 +218,12 @@ CASES: dict[str, dict[str, Any]] = {
 _MARKS_S, _GAITS, _FOOT_TYPE = (10.0, 30.0, 60.0), ("pairs", "amble", "front-wave"), "hexapod-2kg"
 
 
-def walking_figures(n_feet: int) -> dict[str, list[Values]]:
+def walking_figures(n_feet: int, cases: Sequence[str] = tuple(CASES)) -> dict[str, list[Values]]:
     """Return the figures of the first feet by case, as of `walked_foot_figures`."""
-    parts = [(case, number) for case in CASES for number in range(n_feet)]
+    parts = [(case, number) for case in cases for number in range(n_feet)]
     figures = compute_each(_figures_of_part, parts)
     return {
-        case: [found for (of, _), found in zip(parts, figures, strict=True) if of == case] for case in CASES
+        case: [found for (of, _), found in zip(parts, figures, strict=True) if of == case] for case in cases
     }
 
 
