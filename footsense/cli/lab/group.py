@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 import msgspec
 
-from footsense.cli.lab import couplings, design, fabricate, options, selection, walk, walking_electrodes
+from footsense.cli.lab import couplings, design, fabricate, options, selection, selfcal, walk
 from footsense.cli.options import FILE, FOLDER, json_option
 from footsense.cli.tables import echo_json
 from footsense.daemon.foot_types import released_path
@@ -154,7 +154,7 @@ def report(*, output: Path | None, quick: bool, scheduler: str | None, text_only
         couplings.couplings,
         walk.walk,
         selection.selection,
-        walking_electrodes.walking_electrodes,
+        selfcal.selfcal,
         study,
         report,
     ]

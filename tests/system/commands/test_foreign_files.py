@@ -93,6 +93,8 @@ READERS = (
     Read("tare lf --config FILE"),
     Read("ros2 --config FILE"),
     Read("exporter --config FILE"),
+    Read("selfcal --config FILE"),
+    Read("selfcal --recording FILE", RECORDING),
     Read("snapshot a.mcap --config FILE"),
     Read("snapshot a.mcap --ring FILE", b"FSRING03"),
     Read("view --config FILE"),
@@ -130,7 +132,7 @@ def commands_of(group: LazyGroup) -> Iterator[tuple[str, click.Command]]:
 def test_the_table_has_every_file_argument() -> None:
     """Of the commands that a robot needs; `lab` needs minutes of imports."""
     reads_nothing = {"--record", "--can-log", "--dbc", "--csv", "--ros2", "--map", "--write", "out", "target"}
-    follows_a_ring = {("view", "--ring"), ("exporter", "--ring")}  # until there is one
+    follows_a_ring = {("view", "--ring"), ("exporter", "--ring"), ("selfcal", "--ring")}  # until there is one
     commands = dict(commands_of(main))
     named = set()
     for name, command in commands.items():
