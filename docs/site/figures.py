@@ -282,6 +282,17 @@ TABLES: Mapping[str, Callable[..., str]] = {
 }
 
 
+def _made_as_read() -> dict[str, str]:
+    """Return how far made feet err against their reference [deg]: uncalibrated, the worst of them, and pressed."""
+    found = _page("experiment")["kinds"]["supposed"]
+    design, few = (np.array(found[name]["centred"]["deg"]) for name in ("design", "few"))
+    return {
+        "deg": f"{design.mean():.1f}",
+        "worst-deg": f"{design.max():.0f}",
+        "pressed-deg": f"{few.mean():.1f}",
+    }
+
+
 def figures() -> dict[str, str]:
     """Return the text of each figure by its name."""
     own, small = _robots(_DEFAULT), _robots(_SMALL)
@@ -289,6 +300,7 @@ def figures() -> dict[str, str]:
         "robots.deg": f"{own['direction_deg']:.1f}",
         "robots.worst-deg": f"{own['worst_direction_deg']:.1f}",
         "robots.missed": f"{own['n_missed']}",
+        **{f"made.{name}": text for name, text in _made_as_read().items()},
         "walk.deg": f"{_gait(_DEFAULT, 'measured walk')['direction_deg']:.1f}",
         "fdc1004.robots.deg": f"{small['direction_deg']:.1f}",
         "fdc1004.robots.worst-deg": f"{small['worst_direction_deg']:.1f}",
