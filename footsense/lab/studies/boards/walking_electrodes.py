@@ -34,14 +34,15 @@ from footsense.lab.report import Values, table
 from footsense.lab.walkers.simulate import WalkerLog
 from footsense.lab.walkers.split import NEW_JUDGEMENT
 from footsense.sim.fabrication import PAPER_TOLERANCES, draw_deviations
+from footsense.sim.rubber import draw_floor_pf
 
 _BOARD, _SEED = "ad7147", 0
 #: Radius of the ball [mm]; the pull of its mass is left out here.
 _BALL_RADIUS_MM = 10.0
 #: Standard deviation of gains that have drifted [1].
 DRIFT_REL = 0.04
-#: Time constant of elements that creep [s], and range of the shares that a floor adds to the elements [1].
-_CREEP_S, _FLOOR_SHARES = 0.3, (0.7, 1.0)
+#: Time constant of elements that creep [s].
+_CREEP_S = 0.3
 #: Loads of a walk by which a foot is judged, their least size over the 98th percentile [1], and draws of its electrodes.
 _N_LOADS, _MIN_SIZE_REL, _DRAWS = 150, 0.2, 16
 
@@ -190,7 +191,7 @@ def _worn_pf(
     unloaded_um = design.plate_distance_um(foot.unloaded_pf - foot.stray_pf)
     area_pf_um = design.plate_distance_um(np.ones(1))
     distance_um = np.maximum(unloaded_um - closure_um - share * crept_um, 1.0)
-    added_pf = floor_pf * random.uniform(*_FLOOR_SHARES, ELEMENTS) * ~scans.hangs[:, None]
+    added_pf = draw_floor_pf(floor_pf, random) * ~scans.hangs[:, None]
     worn_pf: Vector = area_pf_um / distance_um + foot.stray_pf + added_pf
     return worn_pf
 
