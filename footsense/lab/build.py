@@ -69,7 +69,7 @@ class BuildSettings:
         gaits: Number of random gaits of the training, three seconds each, and as many of walking robots.
         released: Training of the released network.
         quick: Whether the model card warns that this is no release.
-        start_folder: Folder of a similar foot whose network the training starts from; None for random weights.
+        start_file: Network whose weights the training starts from; None for random ones.
     """
 
     mesh: MeshSize
@@ -77,22 +77,24 @@ class BuildSettings:
     gaits: int
     released: WindowTrainingSettings
     quick: bool = False
-    start_folder: Path | None = None
+    start_file: Path | None = None
 
 
-#: The release.
+#: A short training, from the network of a foot that closes alike: forces are learnt in a unit of the full load.
 FULL_BUILD = BuildSettings(
     mesh=RELEASED_MESH,
+    random_loads=60_000,
+    gaits=2_000,
+    released=WindowTrainingSettings(channels=112, steps=20_000, rate=3e-3),
+    start_file=Path(__file__).parent / "training" / "start.onnx",
+)
+#: From nothing, in five times as long.
+BUILD_FROM_NOTHING = replace(
+    FULL_BUILD,
     random_loads=200_000,
     gaits=3_000,
     released=WindowTrainingSettings(channels=112),
-)
-#: A foot like one whose network is at hand: the same mesh and loads, and a short training from its weights.
-SIMILAR_FOOT_BUILD = replace(
-    FULL_BUILD,
-    random_loads=60_000,
-    gaits=1_500,
-    released=WindowTrainingSettings(channels=112, steps=20_000, rate=3e-3),
+    start_file=None,
 )
 #: Every step of the chain in half a minute; its numbers are no release.
 QUICK_BUILD = BuildSettings(
@@ -173,7 +175,7 @@ def _network_card(
             "held_out": {"cases": HELD_OUT_CASES, "seed": HELD_OUT_SEED},
             "released": recipe.released.card(),
             "weights": weights.n_weights,
-            **({} if recipe.start_folder is None else {"started_from": recipe.start_folder.name}),
+            **({} if recipe.start_file is None else {"started_from": recipe.start_file.name}),
         },
         "errors": {name: asdict(row) for name, row in table.items()},
         "built_with": {**library_versions(), "ngsolve": ng.__version__},
@@ -264,7 +266,7 @@ def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable
         )
         gaits = concatenate_gaits([own, robots])
         report(f"{recipe.gaits} random gaits and as many of robots, of {_CONVERSIONS_PER_GAIT} conversions")
-        start = None if recipe.start_folder is None else load_weights(recipe.start_folder / NETWORK_FILE)
+        start = None if recipe.start_file is None else load_weights(recipe.start_file)
         weights = as_stored(train_windowed(gaits, cases, design, recipe.released, imputation, report, start))
         report(f"trained on them: {weights.n_weights} weights")
         table = error_table(response, loads, _force_estimator(weights, design.gap_um, unit))

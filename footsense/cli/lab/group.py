@@ -1,6 +1,5 @@
 """Command group `footsense lab`: model files of a foot, their errors, and the report. Needs the extra `lab`."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -34,11 +33,11 @@ _REQUIRED_PACKAGES = ("ngsolve", "jax", "jinja2", "joblib", "mujoco", "optax", "
 )
 @click.option("--quick", is_flag=True, help="Coarse mesh, short training: every step, no release.")
 @click.option(
-    "--like",
-    type=FOLDER,
-    help="Folder of a similar foot type: the training starts from its network, and is a fifth as long.",
+    "--from-nothing",
+    is_flag=True,
+    help="Train from random weights, for a foot that closes unlike the released ones; five times as long.",
 )
-def build(*, foot: Path | None, out: Path | None, quick: bool, like: Path | None) -> None:
+def build(*, foot: Path | None, out: Path | None, quick: bool, from_nothing: bool) -> None:
     """Build the models of a foot, and print their errors.
 
     Solves the foot, trains its network, and writes both with their card.
@@ -51,15 +50,13 @@ def build(*, foot: Path | None, out: Path | None, quick: bool, like: Path | None
     for known in (folder, released_path(FOOT_FILE, foot_design.foot_type).parent):
         _require_unique_foot_type(known / FOOT_FILE, description, foot_design)
     options.ensure_writable_folder(folder)
-    from footsense.lab.build import FULL_BUILD, QUICK_BUILD, SIMILAR_FOOT_BUILD
+    from footsense.lab.build import BUILD_FROM_NOTHING, FULL_BUILD, QUICK_BUILD
     from footsense.lab.build import build as build_models
     from footsense.lab.evaluation.evaluate_models import as_markdown
 
-    if quick and like is not None:
-        raise click.UsageError("--quick and --like exclude each other")
-    recipe = QUICK_BUILD if quick else FULL_BUILD
-    if like is not None:
-        recipe = replace(SIMILAR_FOOT_BUILD, start_folder=like)
+    if quick and from_nothing:
+        raise click.UsageError("--quick and --from-nothing exclude each other")
+    recipe = QUICK_BUILD if quick else BUILD_FROM_NOTHING if from_nothing else FULL_BUILD
     report = options.elapsed_time_reporter()
     built = build_models(description, folder, recipe, report)
     report(f"wrote {folder}; JAX and ONNX Runtime differ by at most {1000 * built.onnx_difference_n:.4f} mN")

@@ -16,9 +16,9 @@ from footsense.lab.training.gait_readings import (
     GaitReadings,
     ReadingConditions,
     concatenate_gaits,
-    draw_conditions,
     loads_of,
     simulate_gait_readings,
+    simulate_random_gait_readings,
 )
 from footsense.lab.training.gait_windows import (
     readings_since,
@@ -26,7 +26,6 @@ from footsense.lab.training.gait_windows import (
     windows_of,
 )
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, random_loads
-from footsense.lab.training.random_gait import RandomGait
 from footsense.lab.training.windowed_network import READINGS_PER_ELEMENT
 from footsense.ports import Window
 from footsense.sim.loads.ground_load import ContactSource
@@ -108,14 +107,8 @@ def judged_windows(
     random = []
     for number in range(n_gaits):
         rng = np.random.default_rng((seed, number))
-        drawn = draw_conditions(rng)
-        gait = RandomGait(rng, loads.max_n, _GAIT_S)
-        conditions = _conditions(scan)._replace(
-            viscous_rel=drawn.viscous_rel, baseline_drift_rms_pf=drawn.baseline_drift_rms_pf
-        )
-        random.append(
-            simulate_gait_readings(response, gait.loads, conditions, rng, round(_GAIT_S / scan.step_s))
-        )
+        n = round(_GAIT_S / scan.step_s)
+        random.append(simulate_random_gait_readings(response, rng, n, loads.max_n, _conditions(scan)))
     return {
         "rest": _at_rest(response, loads, scan, seed, n_rests),
         "walk": _of_gaits(

@@ -1,5 +1,6 @@
 """Walking robots on a page of the report: rows, targets and text."""
 
+import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import NamedTuple
@@ -45,10 +46,12 @@ class WalkerLimits(NamedTuple):
     Attributes:
         direction_deg: Error of direction, mean over gaits and worst gait but landings [deg].
         mid_stance_deg: The same in mid-stance; of the worst gait only where something is wanted of it [deg].
+        shaking_deg: In mid-stance of loads that shake [deg]; NaN where nothing is wanted.
     """
 
     direction_deg: tuple[float, ...] = (4.7, 8.0)
     mid_stance_deg: tuple[float, ...] = (2.7, 5.5)
+    shaking_deg: float = math.nan
 
 
 class WantedContacts(NamedTuple):
@@ -202,8 +205,10 @@ How often a foot held of which it was said with such a probability:
 """
 
 
-def walker_targets(own: Values, others: dict[str, Values], limits: WalkerLimits) -> list[dict[str, object]]:
-    """Return the targets of walking robots.
+def walker_targets(
+    own: Values, others: dict[str, Values], shaking: Sequence[Values], limits: WalkerLimits
+) -> list[dict[str, object]]:
+    """Return the targets of walking robots, on the paper's foot and on the others, and of loads that shake.
 
     Landings do not count in the worst gait, which is named beside theirs, and in time without a force. A rate of rare
     events is as high as its upper bound at 95 %.
@@ -259,6 +264,16 @@ def walker_targets(own: Values, others: dict[str, Values], limits: WalkerLimits)
         )
         for name, found in others.items()
     ]
+    if not math.isnan(limits.shaking_deg):
+        worst_deg = max(row["mid_stance_deg"] for row in shaking)
+        rows.append(
+            target(
+                f"loads that shake, direction in mid-stance, worst of {len(shaking)} feet",
+                f"{limits.shaking_deg:g} deg",
+                f"{worst_deg:.1f} deg",
+                met=worst_deg <= limits.shaking_deg,
+            )
+        )
     return rows
 
 
@@ -450,6 +465,14 @@ within the noise and the shake of swings; and no reading knows yet of what chang
 {_contacts_table({board: of_board["runs"][name] for board, of_board in boards.items()})}"""
         for name in others
     ]
+    parts.append(
+        f"""### Loads that shake
+
+Made up (`lab/walkers/shaking_loads.py`), as those of a robot under a learned policy: a quarter of the power of the
+tangential force in mid-stance is above 40 Hz, the contact rolls at 140 deg/s, in strides of 0.35 to 0.7 s.
+
+{table_by_board(f"foot, {SAME_TABLE}: {{foot_type}}", {board: of_board["shaking"] for board, of_board in boards.items()}, _FORCES)}"""
+    )
     parts.append(
         f"""### Rubber that creeps and lags
 

@@ -53,6 +53,7 @@ from footsense.lab.training.gait_windows import (
     estimate_in_batches,
     windows_of,
 )
+from footsense.lab.walkers.shaking_loads import ShakingLoads
 from footsense.lab.walkers.slow_loads import SlowLoads
 from footsense.lab.walkers.split import KNOWN_JUDGEMENT, NEW_JUDGEMENT, RECORDED_JUDGEMENT, WalkerRun
 from footsense.ports import LoadEstimator, Window
@@ -67,8 +68,11 @@ _N_GAITS, _GAIT_S, _WALK_S, _QUICK_WALK_S = 200, 3.0, 6.8, 1.1
 #: Least force of a direction, of a friction ratio, and least normal force of a contact normal [N].
 _DIRECTION_N, _FRICTION_N, _NORMAL_N = 0.1, 0.3, 0.5
 _WALK_START_NS = 200_000_000
+#: Noise of a conversion over the board's [1], beside it: what an AD7147 has is not confirmed by a source.
+_NOISE_REL = (0.3, 3.0)
 #: Slow loads that judge; those of the selection have other seeds.
 _SLOW = (SlowLoads(9900, 20.0), SlowLoads(9901, 20.0))
+_SHAKING = ShakingLoads(9950, 20.0)
 #: Runs of a quick page, and duration of those in new gaits [s].
 _QUICK_RUNS, _QUICK_NEW_RUNS, _QUICK_S = slice(1, None, 12), slice(0, None, 13), 4.0
 
@@ -98,7 +102,7 @@ _BOARDS: dict[str, Wanted] = {
             missing_deg=(0.7, 1.5, 1.5),
             own_robots=((0.6, 0.01), (1.0, 0.02)),
         ),
-        WalkerLimits(direction_deg=(2.0, 4.5), mid_stance_deg=(1.0,)),
+        WalkerLimits(direction_deg=(2.0, 4.5), mid_stance_deg=(1.0,), shaking_deg=1.6),
         WantedContacts(
             found_share=0.98,
             in_air_share=0.024,
@@ -174,6 +178,7 @@ def _figures(context: StudyContext, board: str, wanted: Wanted) -> Values:
         new = tuple(run._replace(duration_s=_QUICK_S) for run in NEW_JUDGEMENT[_QUICK_NEW_RUNS])
         slow = (SlowLoads(_SLOW[0].seed, _QUICK_S),)
     new_judged, slow_judged = judged_under((*new, *RECORDED_JUDGEMENT)), judged_under(slow)
+    shaking = judged_under((_SHAKING._replace(duration_s=_QUICK_S) if context.quick else _SHAKING,))
     told = judged_under((*new, *RECORDED_JUDGEMENT, *slow), conditions._replace(motion=ToldMotion()))
     contacts, contacts_with_motion = contact_figures([*new_judged, *slow_judged]), contact_figures(told)
     context.report_progress("walking robots done")
@@ -207,12 +212,13 @@ def _figures(context: StudyContext, board: str, wanted: Wanted) -> Values:
         "massless": pooled(massless),
         "creeping": [row_of(one) for one in creeping],
         "new_runs": [row_of(one) for one in new_judged],
+        "shaking": [row_of(one) for one in shaking],
         "contacts": contacts,
         "contacts_with_motion": contacts_with_motion,
         "slips": slips,
         "targets": [
             *board_targets(gaits, figures, wanted.board),
-            *walker_targets(together[own_type], others, wanted.robots),
+            *walker_targets(together[own_type], others, [one.scores for one in shaking], wanted.robots),
             *contact_targets(contacts, contacts_with_motion, wanted.contacts),
             *slip_targets(slips["all"]),
         ],
@@ -225,14 +231,16 @@ def _walked(
     source: ContactSource,
     legs: tuple[str, ...],
     viscous_rel: float = 0.0,
+    noise_rel: float = 1.0,
 ) -> GaitReadings:
+    conditions = conditions._replace(viscous_rel=viscous_rel, noise_pf=noise_rel * conditions.noise_pf)
     n = round((_QUICK_WALK_S if context.quick else _WALK_S) / conditions.step_s)
     return concatenate_gaits(
         [
             simulate_gait_readings(
                 context.response,
                 loads_of(source, leg),
-                conditions._replace(viscous_rel=viscous_rel),
+                conditions,
                 np.random.default_rng((_SEED, row)),
                 n,
             )
@@ -270,6 +278,10 @@ def _gaits(context: StudyContext, network: LoadEstimator, scan: ScanTimes) -> li
         errors("tripod", walked(tripod, ("rf",))),
         errors("trot of a robot dog", walked(dog_trot(_WALK_START_NS), tuple(TROT_RISES_S))),
         errors("walk, rubber creeps and lags", walked(walk, sides, viscous_rel=1.0)),
+        *(
+            errors(f"measured walk, noise x {rel:g}", walked(walk, sides, noise_rel=rel))
+            for rel in _NOISE_REL
+        ),
     ]
 
 
@@ -344,7 +356,7 @@ tripod of one, and a trot of four legs with the times of a robot dog's (strides 
 that rise to 70 % within 20 to 80 ms, as measured of a Unitree Go1; its shape is ours), all at 1 N peak but the random ones. The force is that at the time of sending. Directions count from
 {_DIRECTION_N} N on, friction from {_FRICTION_N} N, the contact's normal from {_NORMAL_N} N of normal force. Readings come from the response
 table that the network was trained on, with the converter's noise and timing: *same table* marks all figures of which
-that is so. Here the network is alone; further down are the service's pipeline, and the whole service with simulated chips.
+that is so. *Noise x*: of a conversion, over that of the board. Here the network is alone; further down are the service's pipeline, and the whole service with simulated chips.
 
 {gaits}
 

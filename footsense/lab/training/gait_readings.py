@@ -11,6 +11,7 @@ import numpy as np
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
+from firmware_interface.chips import ad7147
 from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads, Specimen
@@ -19,18 +20,40 @@ from footsense.lab.training.load_cases import BASELINE_NOISE_PF, FULL_SCALE_PF, 
 from footsense.lab.training.random_gait import RandomGait
 from footsense.progress import progress_bar
 from footsense.sim.loads.ground_load import ContactSource
-from footsense.sim.rubber import ViscoelasticRubber
+from footsense.sim.rubber import RUBBER_LEVELS, ViscoelasticRubber
+from footsense.sim.scene import RubberLevel
 
-#: Share of the gaits that are read in the second order, of those read at another pace, and of those sent later.
+#: Share of the gaits that are read in the second order, at any pace, and of those sent later.
 _RASTER_SHARE, _PACED_SHARE, _LATE_SHARE = 0.1, 0.2, 0.15
-#: Share of the gaits on rubber that creeps and lags, and the most of it over that of the simulated rubber [1].
+#: Share of the gaits on rubber that creeps and lags, and the most of it over that of its level [1].
 _VISCOUS_SHARE, _MOST_VISCOUS = 0.2, 1.5
-#: Time of a conversion and from its middle to the sending of a force, at 400 conversions a second [s].
-STEP_S, NOMINAL_SEND_DELAY_S = 2.7167e-3, 3.2345e-3
-#: Fastest and slowest conversion over that [1]: a scan of 4.5 ms to one of 125 ms. Latest sending [s].
-PACE_REL, _LATEST_S = (0.18, 5.0), 8e-3
-#: Standard deviation of the converter's clock [1], and of the time of sending [s].
+#: Levels of that rubber, by how often they come.
+_LEVELS: tuple[RubberLevel, ...] = (*5 * ("assumed",), "threefold", "insole")
+#: Share of stances with a load that shakes as under a learned policy, and the most of a gait that goes by unread [s].
+_SHAKING_SHARE, _UNREAD_S = 0.1, 2.0
+#: Time of a conversion of a FDC1004 and from its middle to the sending of a force, where a transaction takes the host
+#: 100 us [s]; the time of a stage of an AD7147.
+STEP_S, NOMINAL_SEND_DELAY_S = 2.931e-3, 4.142e-3
+AD7147_STAGE_S = 1e-9 * ad7147.DECIMATIONS[64].stage_ns
+#: Fastest and slowest conversion over that of a FDC1004 [1]: a scan of 4.5 ms to one of 125 ms. Latest sending [s].
+PACE_REL, _LATEST_S = (0.17, 4.7), 8e-3
+#: Standard deviation of a clock at any pace [1], and of the time of sending [s].
 _CLOCK_REL, _JITTER_S = 0.01, 3e-5
+
+
+class _BoardPace(NamedTuple):
+    """How a board reads: conversion [s], its largest deviation by clock and host [1], least and most delay, range."""
+
+    step_s: float
+    most_off_rel: float
+    send_delay_s: tuple[float, float]
+    range_end_pf: float
+
+
+_AD7147 = _BoardPace(AD7147_STAGE_S, 0.04, (1.2e-3, 4e-3), ad7147.RANGE_END_PF)
+_FDC1004 = _BoardPace(STEP_S, 0.05, (2.5e-3, 5.5e-3), FULL_SCALE_PF)
+#: Share of the AD7147 of the gaits that a board reads.
+_AD7147_SHARE = 0.5
 #: Drift of a baseline since it was last followed [pF, rms], and share of the gaits with one.
 _DRIFT_PF, _DRIFT_SHARE = 0.3e-3, 0.5
 
@@ -64,10 +87,10 @@ def conversion_elements(order: int, n: int) -> NDArray[np.intp]:
 
 
 def _equivalent_elastic_load(
-    t_s: Vector, normal: Vector, force_n: Vector, amount: float
+    t_s: Vector, normal: Vector, force_n: Vector, amount: float, level: RubberLevel
 ) -> tuple[Vector, Vector]:
     """Return normal and force of the elastic load that deforms a foot as the viscoelastic one does."""
-    rubber = ViscoelasticRubber()
+    rubber = ViscoelasticRubber(*RUBBER_LEVELS[level])
     normals, forces = normal.copy(), np.empty_like(force_n)
     for k, t_ns in enumerate((t_s * 1e9).astype(np.int64).tolist()):
         normals[k], sensed_n = rubber.next_effective_load(t_ns, normal[k], force_n[k])
@@ -96,7 +119,8 @@ class ReadingConditions(NamedTuple):
         conversion_order_index: Index into `CONVERSION_ORDERS`.
         step_s: Time of a conversion [s].
         send_delay_s: Time from the middle of a conversion to the sending of a force [s].
-        viscous_rel: Creep and lag of the rubber over those of the simulated rubber [1].
+        viscous_rel: Creep and lag of the rubber over those of its level [1].
+        rubber_level: Level of the rubber.
         baseline_drift_rms_pf: Drift of the baselines since they were last followed [pF, rms].
         noise_pf: Noise of a conversion [pF, rms].
         range_end_pf: Largest capacitance that the converter reads [pF].
@@ -106,6 +130,7 @@ class ReadingConditions(NamedTuple):
     step_s: float = STEP_S
     send_delay_s: float = NOMINAL_SEND_DELAY_S
     viscous_rel: float = 0.0
+    rubber_level: RubberLevel = "assumed"
     baseline_drift_rms_pf: float = 0.0
     noise_pf: float = NOISE_PF
     range_end_pf: float = FULL_SCALE_PF
@@ -134,7 +159,9 @@ def simulate_gait_readings(
     t_s: Vector = np.asarray(conditions.step_s * np.arange(1.0, n + 1), np.float64)
     read, sent = (felt or loads)(t_s), loads(t_s + send_delay_s)
     normal, force_n = (
-        _equivalent_elastic_load(t_s, *read, conditions.viscous_rel) if conditions.viscous_rel else read
+        _equivalent_elastic_load(t_s, *read, conditions.viscous_rel, conditions.rubber_level)
+        if conditions.viscous_rel
+        else read
     )
     closure_um = _gait_closures_um(Specimen(response), t_s, normal, force_n)
     element = conversion_elements(conditions.conversion_order_index, n)
@@ -168,30 +195,40 @@ def loads_of(source: ContactSource, leg: str) -> Callable[[Vector], ContactLoads
     return loads
 
 
+def with_rubber_and_drift(scan: ReadingConditions, rng: np.random.Generator) -> ReadingConditions:
+    """Return conditions with random creep and lag of the rubber, and random drift of the baselines."""
+    viscous, drifting = rng.random(2) < (_VISCOUS_SHARE, _DRIFT_SHARE)
+    return scan._replace(
+        viscous_rel=rng.uniform(0.0, _MOST_VISCOUS) if viscous else 0.0,
+        baseline_drift_rms_pf=_DRIFT_PF if drifting else 0.0,
+    )
+
+
 def draw_conditions(rng: np.random.Generator, slowest_rel: float = PACE_REL[1]) -> ReadingConditions:
-    """Return random conditions of a gait.
+    """Return random conditions of a gait of the training: of a board, or of any pace.
 
     Args:
         rng: Source of the draws.
         slowest_rel: Slowest conversion over the usual one [1].
     """
-    order = int(rng.random() < _RASTER_SHARE)
-    pace_rel = (
-        float(np.exp(rng.uniform(*np.log((PACE_REL[0], slowest_rel)))))
-        if rng.random() < _PACED_SHARE
-        else 1.0
-    )
-    step_s = STEP_S * pace_rel * (1.0 + _CLOCK_REL * rng.normal())
-    late_s = rng.uniform(0.0, _LATEST_S) if rng.random() < _LATE_SHARE else 0.0
-    conditions = ReadingConditions(
-        conversion_order_index=order,
+    board = _AD7147 if rng.random() < _AD7147_SHARE else _FDC1004
+    if rng.random() < _PACED_SHARE:
+        pace_rel = float(np.exp(rng.uniform(*np.log((PACE_REL[0], slowest_rel)))))
+        step_s = STEP_S * pace_rel * (1.0 + _CLOCK_REL * rng.normal())
+        send_delay_s = nominal_send_delay_s(step_s)
+    else:
+        step_s = board.step_s * (1.0 + board.most_off_rel * rng.uniform(-1.0, 1.0))
+        send_delay_s = rng.uniform(*board.send_delay_s)
+    if rng.random() < _LATE_SHARE:
+        send_delay_s += rng.uniform(0.0, _LATEST_S)
+    scan = ReadingConditions(
+        conversion_order_index=int(rng.random() < _RASTER_SHARE),
         step_s=step_s,
-        send_delay_s=nominal_send_delay_s(step_s) + late_s,
-        viscous_rel=rng.uniform(0.0, _MOST_VISCOUS) if rng.random() < _VISCOUS_SHARE else 0.0,
-        baseline_drift_rms_pf=_DRIFT_PF if rng.random() < _DRIFT_SHARE else 0.0,
+        send_delay_s=send_delay_s,
+        rubber_level=_LEVELS[rng.integers(len(_LEVELS))],
+        range_end_pf=board.range_end_pf,
     )
-    rng.random()  # so that a seed gives the gaits of the released networks
-    return conditions
+    return with_rubber_and_drift(scan, rng)
 
 
 def simulate_random_gait_readings(
@@ -201,24 +238,26 @@ def simulate_random_gait_readings(
     max_n: float,
     scan: ReadingConditions | None = None,
 ) -> GaitReadings:
-    """Return the simulated readings of one random gait under random conditions, as `simulate_gait_readings`.
+    """Return the simulated readings of one random gait, as `simulate_gait_readings`.
 
     Args:
         response: Response of the foot.
         rng: Source of the draws.
         n: Number of conversions.
         max_n: Full load of the foot [N].
-        scan: How a board reads, but for rubber and drift, which are drawn; None for one that is drawn too.
+        scan: How a board reads a gait that judges, but for rubber and drift, which are drawn; None for a part of a gait
+            of the training, some of whose stances shake.
     """
-    conditions = draw_conditions(rng)
     if scan is not None:
-        conditions = scan._replace(
-            viscous_rel=conditions.viscous_rel,
-            baseline_drift_rms_pf=conditions.baseline_drift_rms_pf,
+        conditions, unread_s, shaking_share = with_rubber_and_drift(scan, rng), 0.0, 0.0
+    else:
+        conditions, unread_s, shaking_share = (
+            draw_conditions(rng),
+            rng.uniform(0.0, _UNREAD_S),
+            _SHAKING_SHARE,
         )
-    return simulate_gait_readings(
-        response, RandomGait(rng, max_n, n * conditions.step_s).loads, conditions, rng, n
-    )
+    gait = RandomGait(rng, max_n, unread_s + n * conditions.step_s, shaking_share)
+    return simulate_gait_readings(response, lambda t_s: gait.loads(unread_s + t_s), conditions, rng, n)
 
 
 def concatenate_gaits(gaits: list[GaitReadings]) -> GaitReadings:

@@ -10,8 +10,8 @@ the ball. One stance in five stands still but for noise of the load. The stances
 that recorded ones can judge.
 """
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -28,6 +28,10 @@ _PEAK_REL, _LIGHT_REL = (0.03, 0.6), (0.005, 0.1)
 _LEAN_DEG, _STEEP_DEG, _LARGEST_LEAN_DEG = 15.0, 26.0, 50.0
 #: Largest tangential over normal force [1].
 MAX_FRICTION_REL = 0.65
+#: A stance that shakes: deviation of the load [1] and of the friction ratio [1], rate at which the contact rolls
+#: [deg/s], and bands of the three [Hz], as of a robot under a learned policy.
+_LOAD_SHAKE_REL, _SHEAR_SHAKE_REL, _ROLL_DEG_PER_S = (0.02, 0.12), (0.02, 0.1), (50.0, 200.0)
+_LOAD_SHAKE_HZ, _SHEAR_SHAKE_HZ, _ROLL_HZ = (10.0, 80.0), (15.0, 90.0), (5.0, 40.0)
 
 
 class _SuddenChange(NamedTuple):
@@ -52,6 +56,14 @@ class _Oscillation:
         turns = np.multiply.outer(t_s, self.angular_frequency_rad_per_s) + self.phase_rad
         total: Vector = (self.amplitude * np.sin(turns)).sum(axis=-1)
         return total
+
+    def integrated(self) -> Self:
+        """Return the integral of the sum of the sines over time."""
+        return replace(
+            self,
+            amplitude=self.amplitude / self.angular_frequency_rad_per_s,
+            phase_rad=self.phase_rad - 0.5 * np.pi,
+        )
 
 
 def _draw_oscillation(
@@ -86,12 +98,13 @@ class RandomStance:
     Args:
         rng: Source of the draws.
         max_n: Full load of the foot [N].
+        shaking_share: Probability that the load shakes [1].
 
     Attributes:
         duration_s: Time from touchdown to lift-off [s].
     """
 
-    def __init__(self, rng: np.random.Generator, max_n: float) -> None:
+    def __init__(self, rng: np.random.Generator, max_n: float, shaking_share: float = 0.0) -> None:
         self.duration_s = float(_log_uniform(rng, STANCE_S))
         longest = 0.48 * self.duration_s
         self._rise_s, self._fall_s = (min(float(_log_uniform(rng, FLANK_S)), longest) for _ in range(2))
@@ -114,6 +127,14 @@ class RandomStance:
         self._friction = 0.1 * rng.normal(size=2) * (rng.random() < 0.75)
         self._shear = _draw_oscillation(rng, 0.0 if still else 0.07, (0.4, 12.0), (2, 3))
         self._shear_steps = self._sudden_changes(rng, 0.0 if still else 0.3)
+        shaking = shaking_share > 0.0 and rng.random() < shaking_share
+        load, shear, roll = (
+            rng.uniform(*sizes) / 2.0 if shaking else 0.0
+            for sizes in (_LOAD_SHAKE_REL, _SHEAR_SHAKE_REL, _ROLL_DEG_PER_S)
+        )
+        self._load_shake = _draw_oscillation(rng, load, _LOAD_SHAKE_HZ, (4,))
+        self._shear_shake = _draw_oscillation(rng, shear, _SHEAR_SHAKE_HZ, (2, 4))
+        self._roll_shake = _draw_oscillation(rng, np.radians(roll), _ROLL_HZ, (2, 4)).integrated()
 
     def _sudden_changes(self, rng: np.random.Generator, probability: float) -> list[_SuddenChange]:
         """Return random sudden changes of the load, often none."""
@@ -151,7 +172,8 @@ class RandomStance:
             envelope = np.sqrt(_smooth_step(rise) * _smooth_step(fall) * np.clip(rise, 0.0, 1.0))
         shape = 1.0 - self._hump * np.sin(np.pi * self._n_humps * t_s / self.duration_s) ** 2
         size, at_s, width_s = self._impact
-        shape *= (1.0 + self._wave.at(t_s)) * (1.0 + size * np.exp(-0.5 * ((t_s - at_s) / width_s) ** 2))
+        shape *= 1.0 + self._wave.at(t_s) + self._load_shake.at(t_s)
+        shape *= 1.0 + size * np.exp(-0.5 * ((t_s - at_s) / width_s) ** 2)
         for step in self._load_steps:
             shape *= 1.0 + step.load_change_rel * _smooth_step((t_s - step.start_s) / step.duration_s)
         pressing = np.clip(self._peak_n * envelope * shape, 0.0, self._max_n)
@@ -160,14 +182,14 @@ class RandomStance:
     def _lean_rad_at(self, t_s: Vector) -> Vector:
         """Return the lean of the contact normal at n times, forward and to the left [rad], shape (n, 2)."""
         rolled = 1.0 - 2.0 * self._roll * t_s / self.duration_s
-        lean = self._lean * rolled[:, None] + self._off + self._wander.at(t_s)
+        lean = self._lean * rolled[:, None] + self._off + self._wander.at(t_s) + self._roll_shake.at(t_s)
         size = np.linalg.norm(lean, axis=1, keepdims=True)
         limited: Vector = lean * np.minimum(1.0, np.radians(_LARGEST_LEAN_DEG) / np.maximum(size, 1e-9))
         return limited
 
     def _tangential_ratio_at(self, t_s: Vector) -> Vector:
         """Return the ratio of tangential to normal force, forward and to the left [1], shape (n, 2)."""
-        shear = self._friction + self._shear.at(t_s)
+        shear = self._friction + self._shear.at(t_s) + self._shear_shake.at(t_s)
         for step in self._shear_steps:
             shear = shear + np.multiply.outer(
                 _smooth_step((t_s - step.start_s) / step.duration_s), step.tangential_ratio_change
@@ -188,13 +210,16 @@ class RandomGait:
         rng: Source of the draws.
         max_n: Full load of the foot [N].
         duration_s: Time to fill with stances [s].
+        shaking_share: Probability of each stance that its load shakes [1].
     """
 
-    def __init__(self, rng: np.random.Generator, max_n: float, duration_s: float) -> None:
+    def __init__(
+        self, rng: np.random.Generator, max_n: float, duration_s: float, shaking_share: float = 0.0
+    ) -> None:
         self._stances: list[tuple[float, RandomStance]] = []
         start_s = rng.uniform(0.1, 0.25)
         while start_s < duration_s:
-            stance = RandomStance(rng, max_n)
+            stance = RandomStance(rng, max_n, shaking_share)
             self._stances.append((start_s, stance))
             start_s += stance.duration_s + rng.uniform(*SWING_DURATION_RANGE_S)
 

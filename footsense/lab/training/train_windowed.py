@@ -26,6 +26,7 @@ from footsense.estimation.missing_elements import MISSING_SETS, Imputation
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, Capacitor
 from footsense.frames import ELEMENTS, ROWS, Vector
 from footsense.lab.training.gait_readings import (
+    AD7147_STAGE_S,
     PACE_REL,
     STEP_S,
     GaitReadings,
@@ -198,10 +199,12 @@ def _steady_windows(data: _TrainingConstants, key: jax.Array, n: int) -> tuple[A
     noise = data.noise_rel[0] * jax.random.normal(k2, (n, READINGS_PER_ELEMENT, ELEMENTS))
     offset = data.noise_rel[1] * jax.random.normal(k3, (n, 1, ELEMENTS))
     phase = jax.random.randint(k4, (n,), 0, ELEMENTS)
-    paced = jax.random.permutation(k6, n) < n_paced
+    place = jax.random.permutation(k6, n)
+    paced, fast = place < n_paced, place < (n + n_paced) // 2
     low, high = np.log(PACE_REL)
     drawn = jax.random.uniform(k7, (2, n))
-    step_s = STEP_S * jnp.where(paced, jnp.exp(low + (high - low) * drawn[0]), 1.0)[:, None, None]
+    step_s = jnp.where(fast, AD7147_STAGE_S, STEP_S)
+    step_s = jnp.where(paced, STEP_S * jnp.exp(low + (high - low) * drawn[0]), step_s)[:, None, None]
     order = jnp.where(paced, (drawn[1] * len(data.readings_since)).astype(int), 0)
     since = readings_since(data.readings_since, order, phase)
     closure_rel = exact + steep * noise + (1.0 + data.film_thickness_rel) ** 2 * offset

@@ -211,6 +211,16 @@ GAITS: dict[str, WalkerGait] = {
         WalkerGait(name="stand", push_rel=0.35),
         WalkerGait(name="hop", period_s=0.8, hop_rel=0.3),
         WalkerGait(name="landing", drop_rel=0.6),
+        WalkerGait(
+            name="trot-stops", period_s=0.55, duty_rel=0.6, forward_m_s=0.35, turn_rad_s=0.5, bouts=_STOPS
+        ),
+        WalkerGait(name="trot-drag", period_s=0.7, duty_rel=0.6, forward_m_s=0.25, lift_rel=_DRAG_REL),
+        WalkerGait(
+            name="tripod-stops", period_s=0.7, duty_rel=0.58, forward_m_s=0.25, turn_rad_s=0.5, bouts=_STOPS
+        ),
+        WalkerGait(
+            name="tripod-drag", period_s=0.9, duty_rel=0.58, forward_m_s=0.2, lift_rel=_HEXAPOD_DRAG_REL
+        ),
         # Gaits of selection, and gaits of judgement: none is like one of the above, nor of the other part.
         WalkerGait(
             name="pace",

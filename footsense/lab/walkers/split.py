@@ -136,9 +136,14 @@ GROUNDS: dict[str, GroundModel] = {
     "ascent": GroundModel(friction=0.75, time_constant_s=0.007, slope_deg=(5.0, 0.0)),
 }
 
+#: Gaits that train networks and judge them as well.
+_KNOWN = {
+    "quadruped": ("walk", "trot-slow", "trot-fast", "turn", "stand", "hop", "landing"),
+    "hexapod": ("walk", "tripod", "tripod-fast", "turn", "stand", "hop", "landing"),
+}
 _TRAINED = {
-    "quadruped": ("walk", "trot-slow", "trot-fast", "turn", "sideways", "stand", "hop", "landing"),
-    "hexapod": ("walk", "tripod", "tripod-fast", "turn", "sideways", "stand", "hop", "landing"),
+    "quadruped": (*_KNOWN["quadruped"], "sideways", "trot-stops", "trot-drag"),
+    "hexapod": (*_KNOWN["hexapod"], "sideways", "tripod-stops", "tripod-drag"),
 }
 _SELECTED = {
     "quadruped": ("pace", "gallop", "crawl", "gallop-stops", "pace-drag"),
@@ -187,7 +192,7 @@ SLIPPERY_SELECTION = _runs(_SELECTED, ("quadruped-2kg", "hexapod-300g"), ("icy",
 
 
 def _judging(robot: str, first_seed: int) -> tuple[WalkerRun, ...]:
-    walk, slow, fast, turn, _, stand, hop, landing = _TRAINED[robot.partition("-")[0]]
+    walk, slow, fast, turn, stand, hop, landing = _KNOWN[robot.partition("-")[0]]
     pairs = [(gait, "flat") for gait in (walk, slow, fast, turn, stand, hop, landing)]
     pairs += [
         (slow, "slope-10"),

@@ -19,7 +19,7 @@ seeds = st.integers(0, 100_000)
 
 
 def gait(seed: int, max_n: float = MAX_N) -> RandomGait:
-    return RandomGait(np.random.default_rng(seed), max_n, DURATION_S)
+    return RandomGait(np.random.default_rng(seed), max_n, DURATION_S, shaking_share=0.5)
 
 
 @given(seeds)
