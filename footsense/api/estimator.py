@@ -8,6 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from footsense.daemon.setup.expected_error import (
+    UNKNOWN,
+    uncertainty_of_calibrated,
+    uncertainty_of_uncalibrated,
+)
 from footsense.errors import ModelError
 from footsense.estimation.network import Network, steady_windows
 from footsense.estimation.pipeline import Pipeline, pipeline_of
@@ -15,6 +20,7 @@ from footsense.estimation.rest import trained_response
 from footsense.estimation.settings import EstimationLimits, MountedFeet
 from footsense.foot.calibration_files import FootCalibration, read_calibration
 from footsense.foot.network_card import NETWORK_FILE
+from footsense.foot.parameters import ForceUncertainty
 from footsense.foot.response_table import FootResponse
 from footsense.foot.type_folders import foot_type_folder
 from footsense.frames import (
@@ -201,12 +207,21 @@ class Estimator:
             network.card.trained_inputs.design,
             [known.parameters if known else None] * n_feet,
             reading_pf=np.nan if self._unloaded_pf is None else self._unloaded_pf,
+            uncertainty=[self._uncertainty(network, n_feet)] * n_feet,
             calibrated_at_c=[known.calibrated_at_c if known else None] * n_feet,
         )
         # An array says of no reading that it is over the range.
         limits = EstimationLimits(scan_ns=scan_ns, range_end_pf=math.inf)
         estimator = None if is_scanned else SteadyEstimator(network)
         return pipeline_of(network, feet, limits, self._response, estimator=estimator)
+
+    def _uncertainty(self, network: Network, n_feet: int) -> ForceUncertainty:
+        """Return what nobody knows of a foot."""
+        if self._calibration is not None:
+            return uncertainty_of_calibrated(self._calibration)
+        if self._response is None:
+            return UNKNOWN
+        return uncertainty_of_uncalibrated(network, self._response, n_feet)
 
 
 class SteadyEstimator:

@@ -17,7 +17,7 @@ import footsense
 from footsense.cli.file_kinds import kind_of_text
 from footsense.cli.options import FILE
 from footsense.cli.tables import echo_figures, errors_text
-from footsense.daemon.setup.expected_error import error_of_calibrated, error_text
+from footsense.daemon.setup.expected_error import error_text, uncertainty_of_calibrated
 from footsense.errors import FootsenseError, RecordingError
 from footsense.estimation.network import Network
 from footsense.foot.calibration_files import MANIFEST, Manifest, read_calibration
@@ -227,7 +227,7 @@ def _print_calibration(folder: Path) -> None:
             "held_out": held_out and held_out.protocol,
             "as designed": held_out and errors_text(held_out.design_only),
             "calibrated": held_out and errors_text(held_out.calibrated),
-            "expected error": error_text(error_of_calibrated(calibration)),
+            "expected error": error_text(uncertainty_of_calibrated(calibration)),
             "calibrated_at_c": calibration.calibrated_at_c,
             "network_sha256": calibration.network_sha256,
             "recordings_sha256": manifest.recordings,

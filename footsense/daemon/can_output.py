@@ -17,7 +17,7 @@ from footsense.can.sink import CanSink
 from footsense.clock import MonotonicClock
 from footsense.config import Config
 from footsense.daemon.models import Models
-from footsense.daemon.setup.expected_error import ExpectedError, expected_errors
+from footsense.daemon.setup.expected_error import ExpectedError, foot_uncertainties
 from footsense.daemon.simulation import is_simulated
 from footsense.errors import CanError, RecordingError
 from footsense.estimation.settings import LONG_SILENCE_NS
@@ -66,8 +66,8 @@ def can_sink(
             force_step_mn=force_step_mn(card.max_trained_force_n),
             foot_type=card.foot_type,
             calibrations=[
-                _calibration(models.calibrations_by_leg.get(leg), error)
-                for leg, error in zip(config.legs, expected_errors(models), strict=True)
+                _calibration(models.calibrations_by_leg.get(leg), ExpectedError.of(unknown))
+                for leg, unknown in zip(config.legs, foot_uncertainties(models), strict=True)
             ],
             connect=connect,
         )

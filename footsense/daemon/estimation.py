@@ -1,12 +1,14 @@
 """Build the estimation pipeline from configuration and models."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from firmware_interface.chips import ad7147, fdc1004
 from footsense.daemon.models import Models, load_response
+from footsense.daemon.setup.expected_error import foot_uncertainties
 from footsense.errors import ConfigError
 from footsense.estimation.drift import load_n_per_pf
 from footsense.estimation.network import sensitivity
@@ -39,11 +41,15 @@ def pipeline_for(models: Models, flags: int) -> Pipeline:
         max_age_ns=round(config.effective_max_age_ms * 1e6),
         track_baseline=config.baseline.track,
     )
-    return pipeline_of(models.network, mounted_feet(models), limits, load_response(models), flags=flags)
+    feet = replace(mounted_feet(models), uncertainty=tuple(foot_uncertainties(models)))
+    return pipeline_of(models.network, feet, limits, load_response(models), flags=flags)
 
 
 def mounted_feet(models: Models) -> MountedFeet:
-    """Return the parameters of a robot's feet: calibrated, else configured, else those of the design."""
+    """Return the parameters of a robot's feet: calibrated, else configured, else those of the design.
+
+    As if they were known exactly: `foot_uncertainties` has what nobody knows.
+    """
     config, mounted = models.config, [models.calibrations_by_leg.get(leg) for leg in models.config.legs]
 
     def configured(values: Mapping[Any, Sequence[float]], default: float) -> Vector:

@@ -32,7 +32,6 @@ class CalibratedFeet:
         self._calibrated_matrix = np.array([foot.force_matrix if foot else np.eye(3) for foot in feet])
         self._rotation = np.array([foot.mount.T if foot else np.eye(3) for foot in feet])
         self._turned = bool((self._rotation != np.eye(3)).any())
-        self._calibrated_error_rel = np.array([foot.error_rel if foot else 0.0 for foot in feet])
         self._apply_temperature_factors(np.ones(len(feet)), np.zeros(len(feet)))
 
     def set_temperature(self, temperature_c: Vector) -> None:
@@ -46,21 +45,21 @@ class CalibratedFeet:
 
     def _apply_temperature_factors(self, gain: Vector, unknown_rel: Vector) -> None:
         self._matrix = gain[:, None, None] * self._calibrated_matrix
-        self._error_rel = np.hypot(self._calibrated_error_rel, unknown_rel)[:, None]
+        self._unknown_rel2 = unknown_rel[:, None] ** 2
 
     def estimate(self, window: Window) -> LoadEstimate:
         """Return the estimated load of every row of the window, corrected by the calibrations.
 
-        The network's sigma is rotated and scaled with the force; the calibration's residual error is added. The contact
-        is turned by the mount as the force is.
+        The network's sigma is rotated and scaled with the force; what an unknown temperature changes of its size is
+        added. The contact is turned by the mount as the force is.
         """
         design_n, design_sigma_n, contact, contact_sigma = self._network.estimate(window)
         if self._turned:
             contact, contact_sigma = _contact_in_leg_frame(self._rotation, contact, contact_sigma)
         force_n = np.einsum("rij,rj->ri", self._matrix, design_n)
         variance_n2 = np.einsum("rij,rj->ri", self._matrix**2, design_sigma_n**2)
-        residual_n = self._error_rel * np.linalg.norm(force_n, axis=1, keepdims=True)
-        return LoadEstimate(force_n, np.sqrt(variance_n2 + residual_n**2), contact, contact_sigma)
+        variance_n2 += self._unknown_rel2 * force_n**2
+        return LoadEstimate(force_n, np.sqrt(variance_n2), contact, contact_sigma)
 
 
 def _contact_in_leg_frame(rotation: Vector, contact: Vector, sigma: Vector) -> tuple[Vector, Vector]:

@@ -292,7 +292,6 @@ def sensitivity(estimator: LoadEstimator, n_rows: int, moments: Vector) -> Sensi
     )
     of_elements_n = of_readings_n.sum(axis=1)
     errors_n = np.hypot(of_elements_n.sum(axis=1), UNEVEN_DRIFT_SHARE * np.linalg.norm(of_elements_n, axis=1))
-    off_n = of_elements_n[-2] * _CLOSURE_LEVELS_REL[-1] * stance_rel[:, None]  # of the heavy load of a stance
     stance_rel = _CLOSURE_LEVELS_REL[-1] * stance_rel
     rows = np.tile(stance_rel, (n_rows, 1))
     force_n = estimator.estimate(steady_windows(rows)).force_n
@@ -302,7 +301,6 @@ def sensitivity(estimator: LoadEstimator, n_rows: int, moments: Vector) -> Sensi
         force_n_per_closure=of_elements_n,
         # The mean over the loads: the network weighs the same noise up to six times more at one than at another.
         force_sigma_n_per_reading_noise=np.sqrt((of_readings_n**2).sum(axis=(1, 2)).mean(axis=0)),
-        force_error_rel_per_gain_error=np.linalg.norm(off_n, axis=0) / np.linalg.norm(force_n[0]),
     )
 
 

@@ -22,6 +22,7 @@ from footsense.estimation.rest import RefinedAtRest
 from footsense.estimation.settings import EstimationLimits, MountedFeet, Sensitivity
 from footsense.estimation.walking.gait import GaitTracker
 from footsense.foot.network_card import TrainedInputs
+from footsense.foot.parameters import variance_factors
 from footsense.foot.response_table import FootResponse
 from footsense.frames import (
     IS_USABLE_STATE,
@@ -93,8 +94,7 @@ class Pipeline:
         self._closure_max_rel = trained.max_usable_closure_rel(feet.gap_um)
         friction = limits.contact.friction
         self._gait = GaitTracker(n_legs, math.nan if friction is None else friction)
-        gain_error_rel = feet.gain_sigma_rel[:, None] * sensitivity.force_error_rel_per_gain_error
-        self._gain_variance_rel2 = gain_error_rel**2
+        self._across_rel2, self._more_along_rel2 = variance_factors(feet.uncertainty)
         self._set_temperature = set_temperature
         self._own_acceleration = [math.nan] * n_legs
 
@@ -208,9 +208,10 @@ class Pipeline:
             self._own_acceleration,
         )
         gait = self._gait.observe(load, baselines.contacts, now_ns)
-        # Beside the network's: the foot's own mass, and gains of the elements that nobody has found.
+        # Beside the network's: the foot's own mass, and what nobody knows of the foot, along the force and across it.
         variance_n2 = load.sigma_n**2 + baselines.swing_sigma_n**2
-        variance_n2 += self._gain_variance_rel2 * _squared_norms(force_n)[:, None]
+        variance_n2 += self._across_rel2 * _squared_norms(force_n)[:, None]
+        variance_n2 += self._more_along_rel2 * force_n**2
         return ContactFrame(
             sequence=scan.sequence,
             t_sent_ns=now_ns,

@@ -9,12 +9,9 @@ from msgspec import Meta, Struct
 from msgspec.structs import replace
 
 from footsense.foot.capacitor import Capacitor
-from footsense.foot.parameters import FootParameters
+from footsense.foot.parameters import KNOWN_EXACTLY, FootParameters, ForceUncertainty
 from footsense.frames import ELEMENTS, Vector
 
-#: Standard deviation of the gains of the elements of a foot that is not calibrated [1]: an assumption, that of the area
-#: of etched electrodes. What else a made foot differs by from its design is not told by it.
-UNCALIBRATED_GAIN_SIGMA_REL = 0.01
 #: Silence of a leg [ns] after which its foot may be another one, and what it did meanwhile is not told: nobody swaps a
 #: foot in less.
 LONG_SILENCE_NS = 250_000_000
@@ -38,7 +35,7 @@ class MountedFeet:
         gap_um: Air gap of each element [um].
         gain_rel: Closure of each element by the design's electrodes, over its real closure [1]. All stages use real
             closures over the design's gap.
-        gain_sigma_rel: Standard deviation of the gains of a foot's elements that nobody has found [1], shape (legs,).
+        uncertainty: What nobody knows of the foot on each leg.
         names: Name of the foot on each leg that `unloaded_pf` was measured on; empty where it is a design value.
         parameters: Calibration of each foot; None where there is none.
         calibrated_at_c: Its temperature then [degC], NaN where it was not measured; None for a foot whose force is not
@@ -49,7 +46,7 @@ class MountedFeet:
     unloaded_pf: Vector
     gap_um: Vector
     gain_rel: Vector
-    gain_sigma_rel: Vector
+    uncertainty: tuple[ForceUncertainty, ...]
     names: tuple[str, ...]
     parameters: tuple[FootParameters | None, ...]
     calibrated_at_c: tuple[float | None, ...]
@@ -67,6 +64,7 @@ class MountedFeet:
         stray_pf: Vector | float = 0.0,
         reading_pf: Vector | float = np.nan,
         names: Sequence[str] = (),
+        uncertainty: Sequence[ForceUncertainty] = (),
         calibrated_at_c: Sequence[float | None] = (),
     ) -> "MountedFeet":
         """Return the feet of legs: calibrated, else as told, else as designed.
@@ -78,6 +76,7 @@ class MountedFeet:
             reading_pf: Reading of each element of the free foot, stray included [pF], likewise; NaN for that of the
                 calibration, or of the design.
             names: As the attribute; none by default.
+            uncertainty: As the attribute; by default what a fit left, and nothing of a foot without one.
             calibrated_at_c: As the attribute; None for each by default.
         """
         n_legs = len(parameters)
@@ -99,8 +98,9 @@ class MountedFeet:
             unloaded_pf=np.where(np.isnan(reading_pf), design.unloaded_pf, reading_pf - stray_pf),
             gap_um=known("gap_um", design.gap_um),
             gain_rel=known("gain_rel", 1.0),
-            gain_sigma_rel=np.array(
-                [UNCALIBRATED_GAIN_SIGMA_REL if foot is None else 0.0 for foot in parameters]
+            uncertainty=tuple(uncertainty)
+            or tuple(
+                ForceUncertainty(*2 * [foot.error_rel]) if foot else KNOWN_EXACTLY for foot in parameters
             ),
             names=tuple(names) or ("",) * n_legs,
             parameters=tuple(parameters),
@@ -181,15 +181,12 @@ class Sensitivity(NamedTuple):
             (loads, elements, 3).
         force_sigma_n_per_reading_noise: Standard deviation of each component of the force if every reading has noise of
             one gap, independent of all others [N], shape (3,).
-        force_error_rel_per_gain_error: Standard deviation of each component of an upright force over its size, if every
-            element's gain is off, independent of all others, over the standard deviation of the gains [1], shape (3,).
     """
 
     load_n_per_mean_closure: float
     force_sigma_n_per_baseline_error: Vector
     force_n_per_closure: Vector
     force_sigma_n_per_reading_noise: Vector
-    force_error_rel_per_gain_error: Vector
 
 
 class EstimationLimits(Struct, frozen=True, kw_only=True):

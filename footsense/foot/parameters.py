@@ -19,13 +19,42 @@ Source:
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from footsense.foot.directions import UNIT_LENGTH_TOLERANCE
 from footsense.frames import ELEMENTS, Vector
+
+
+class ForceUncertainty(NamedTuple):
+    """What nobody knows of a foot, as standard deviations of its force over the force's size.
+
+    Attributes:
+        along_rel: Along the force [1].
+        across_rel: Along each direction across it [1].
+    """
+
+    along_rel: float
+    across_rel: float
+
+
+#: Of a foot that is known exactly, as that of a simulation.
+KNOWN_EXACTLY = ForceUncertainty(0.0, 0.0)
+#: Sigma of what nobody knows of a foot, over its standard deviation [1]: a foot errs alike in all its forces, and 99 of
+#: 100 feet shall have them within two sigma.
+_ONE_FOOT = 1.3
+
+
+def variance_factors(feet: Sequence[ForceUncertainty]) -> tuple[Vector, Vector]:
+    """Return what the uncertainty of feet adds to the variance of their forces, as two factors a and b, shape (n, 1).
+
+    The variance of component i of a force f grows by a |f|^2 + b f_i^2.
+    """
+    along_rel2, across_rel2 = np.square(_ONE_FOOT * np.array(feet)).T[:, :, None]
+    return across_rel2, along_rel2 - across_rel2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -3,11 +3,13 @@
 Each foot is reproducible by itself, from its number, a seed and the tolerances.
 """
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from footsense.foot.directions import rotation
+from footsense.foot.parameters import FootParameters, ForceUncertainty
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Deviations
 from footsense.frames import ELEMENTS, Vector
@@ -40,6 +42,8 @@ class FootTolerances:
 #: Tuned to the paper's error: a network trained on the design alone errs on 160 such feet by 15.9 deg and 18.7 gf. The
 #: stray makes the one, the stiffness the other. Twenty feet differ from another twenty by 1.6 deg and 2.3 gf (rms).
 PAPER_TOLERANCES = FootTolerances(gap_um=2.0, film_um=1.0, stray_pf=0.34, stiffness_rel=0.2, mount_deg=3.0)
+#: Standard deviation of a mounting about each axis [rad].
+MOUNT_SIGMA_RAD = math.radians(PAPER_TOLERANCES.mount_deg) / math.sqrt(3.0)
 #: Rms rotation by taking a foot off and mounting it again [deg].
 REMOUNT_RMS_DEG = 0.3
 
@@ -124,3 +128,19 @@ def _draw_mount(rng: np.random.Generator, rms_deg: float, most_deg: float) -> Ve
 def _draw_rotation(rng: np.random.Generator, rms_deg: float) -> Vector:
     """Return a random rotation matrix, shape (3, 3), of rms angle `rms_deg`."""
     return rotation(np.radians(rms_deg) / np.sqrt(3.0) * rng.normal(size=3))
+
+
+def uncertainty_of_parameters(parameters: FootParameters, *, pressed: bool) -> ForceUncertainty:
+    """Return what nobody knows of a foot after a fit of its parameters.
+
+    Args:
+        parameters: The fit.
+        pressed: Whether it is of forces that were measured, else of a robot that stood or walked.
+    """
+    along_rel = across_rel = parameters.error_rel
+    if not pressed:
+        if parameters.stiffness_rel == 0.0:  # it was not pressed before
+            along_rel = math.hypot(along_rel, PAPER_TOLERANCES.stiffness_rel)
+        if np.array_equal(parameters.mount, np.eye(3)):
+            across_rel = math.hypot(across_rel, MOUNT_SIGMA_RAD)
+    return ForceUncertainty(along_rel, across_rel)

@@ -21,9 +21,9 @@ from footsense.estimation.elements import inconsistency_sigma_rel
 from footsense.estimation.missing_elements import MAX_OVERLOADED, Imputation
 from footsense.estimation.network import READINGS, Network, sensitivity
 from footsense.estimation.pipeline import MAX_SIGMA_REL, with_inconsistency
-from footsense.estimation.settings import UNCALIBRATED_GAIN_SIGMA_REL
 from footsense.foot.gap_contact import CELLS_PER_ELEMENT
 from footsense.foot.network_card import NETWORK_FILE
+from footsense.foot.parameters import KNOWN_EXACTLY, ForceUncertainty, variance_factors
 from footsense.foot.response_table import FootResponse, series_basis
 from footsense.foot.specimen import Specimen
 from footsense.foot.type_folders import foot_type_folder
@@ -115,6 +115,7 @@ class VirtualFeet:
         board: Electronics of a foot, as in a robot file.
         cable_breaks_per_s: Mean rate at which the cable of a foot breaks for 20 ms; a foot is then without force for
             28 ms, with board `fdc1004` for 78 ms [1/s].
+        uncertainty: What the service does not know of the feet, in sigma alone: the feet are as designed.
         seed: Seed of everything random.
 
     Raises:
@@ -137,6 +138,7 @@ class VirtualFeet:
         *,
         board: Literal["ad7147", "fdc1004"] = "ad7147",
         cable_breaks_per_s: float = 0.0,
+        uncertainty: ForceUncertainty = KNOWN_EXACTLY,
         seed: int = 0,
     ) -> None:
         if board not in _SCANS:
@@ -171,7 +173,7 @@ class VirtualFeet:
             _BASELINE_SIGMA_PF * alone.force_sigma_n_per_baseline_error,
             _NOISE_SIGMA_PF * alone.force_sigma_n_per_reading_noise,
         )
-        self._gain_error_rel = UNCALIBRATED_GAIN_SIGMA_REL * alone.force_error_rel_per_gain_error
+        self._across_rel2, self._more_along_rel2 = variance_factors([uncertainty])
         self._closure_rel = np.zeros((n_feet, READINGS, ELEMENTS))
         # Elements with a cell that was closed when they were read last, and those over the converter's range then.
         self._closed, self._over_range = np.zeros((2, n_feet, ELEMENTS), bool)
@@ -340,7 +342,9 @@ class VirtualFeet:
         state[n_overloaded > MAX_OVERLOADED] = State.SATURATED
         state[sent_s < self._absent_until_s] = State.ABSENT
         usable = IS_USABLE_STATE[state]
-        sigma_n = np.hypot(sigma_n, size_n[:, None] * self._gain_error_rel)
+        sigma_n = np.sqrt(
+            sigma_n**2 + self._across_rel2 * size_n[:, None] ** 2 + self._more_along_rel2 * force_n**2
+        )
         force_n[~usable] = sigma_n[~usable] = np.nan
         return VirtualForces(force_n, sigma_n, state, usable, np.nan)
 

@@ -22,11 +22,12 @@ from footsense.calibration.loads import LoadSet
 from footsense.calibration.rubber_memory import correct_baselines_for_creep
 from footsense.calibration.standing.calibrate import calibrate_standing
 from footsense.calibration.standing.recording import StandingLoads
+from footsense.daemon.setup.expected_error import uncertainty_of_uncalibrated
 from footsense.errors import CalibrationError
 from footsense.estimation.settings import BASELINE_NOISE_PF
 from footsense.foot.directions import normalized
 from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
-from footsense.foot.parameters import FootParameters
+from footsense.foot.parameters import FootParameters, variance_factors
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads, Deviations, Specimen
 from footsense.frames import ELEMENTS, Mask, Vector
@@ -34,6 +35,7 @@ from footsense.sim.fabrication import (
     PAPER_TOLERANCES,
     REMOUNT_RMS_DEG,
     draw_deviations,
+    uncertainty_of_parameters,
     with_new_mounting,
     with_session_gains,
 )
@@ -249,13 +251,17 @@ def evaluate_made_foot(
     own = draw_deviations(truth, PAPER_TOLERANCES, SEED, number)
     rng = np.random.default_rng((SEED, number, 4))
     stand = PressedFoot(foot_model(truth, own), own.mount, conditions, rng, number)
-    pressed = stand.press_with_stick(paper_presses("training")[:: plan.every_nth_press])
-    loads = correct_baselines_for_creep(models.response, pressed)
-    loads = loads.subset(_is_in_converter_range(loads))
+    loads = _pressed(models, stand, plan)
     few = loads.subset(loads.space_filling_order()[:N_FEW])
     fits = {"few": fit_foot_unchecked(models, few), "all": fit_foot_unchecked(models, loads)}
     parameters = {"design": None} | {name: fit.parameters for name, fit in fits.items()}
     parameters["standing"], judged_standing = _calibrated_by_standing(models, stand, plan.standing)
+    unknown = {
+        name: uncertainty_of_uncalibrated(models.network_for_rows(1), models.response, 1)
+        if foot is None
+        else uncertainty_of_parameters(foot, pressed=name != "standing")
+        for name, foot in parameters.items()
+    }
     again = with_new_mounting(own, REMOUNT_RMS_DEG, SEED, number, 2)
     again = with_session_gains(again, conditions.gain_wander_rel, SEED, number, 1)
     rng = np.random.default_rng((SEED, number, 5))
@@ -267,6 +273,10 @@ def evaluate_made_foot(
         errors[test] = {}
         for name, foot in parameters.items():
             force_n, sigma_n = models.estimate(read, foot)[1:]
+            of_all, of_own = variance_factors([unknown[name]])
+            sigma_n = np.sqrt(
+                sigma_n**2 + of_all * (force_n**2).sum(axis=1, keepdims=True) + of_own * force_n**2
+            )
             force_n[~in_range] = np.nan
             errors[test][name] = found = _errors(read.force_n, test_loads.force_n, force_n)
             if found is not None:
@@ -282,6 +292,32 @@ def evaluate_made_foot(
         "calibrations": {name: _judged(fit) for name, fit in fits.items()} | {"standing": judged_standing},
         "errors": errors,
     }
+
+
+def calibrate_made_foot(
+    models: DesignModels, plan: MadeFootPlan, number: int
+) -> tuple[FootParameters, FootParameters | None]:
+    """Return the parameters of a made foot that was pressed, and that stood, None if those are refused.
+
+    Args:
+        models: Models that the calibration knows; the foot has their response.
+        plan: Its loads.
+        number: Number of the foot.
+    """
+    own, rng = (
+        draw_deviations(models.response, PAPER_TOLERANCES, SEED, number),
+        np.random.default_rng((SEED, number, 4)),
+    )
+    stand = PressedFoot(Specimen(models.response, own), own.mount, PressConditions(), rng, number)
+    pressed = fit_foot_unchecked(models, _pressed(models, stand, plan)).parameters
+    return pressed, _calibrated_by_standing(models, stand, plan.standing)[0]
+
+
+def _pressed(models: DesignModels, stand: PressedFoot, plan: MadeFootPlan) -> LoadSet:
+    """Return the presses of a plan that are within the converter's range."""
+    pressed = stand.press_with_stick(paper_presses("training")[:: plan.every_nth_press])
+    loads = correct_baselines_for_creep(models.response, pressed)
+    return loads.subset(_is_in_converter_range(loads))
 
 
 def _calibrated_by_standing(

@@ -1,6 +1,7 @@
 """Feet whose closures are given, and a pipeline whose network adds them up."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,12 +66,9 @@ class SumOfClosures:
         return LoadEstimate(force_n, sigma_n, np.zeros((rows, 4)), np.ones((rows, 4)))
 
 
-def pipeline(
-    estimator: LoadEstimator, n_legs: int = 2, stray_pf: float = 0.0, **own: NDArray[np.float64]
-) -> Pipeline:
-    """Return one of feet as designed; `own` says otherwise of their `gap_um` and `gain_rel`."""
-    feet = MountedFeet.of(DESIGN, [None] * n_legs, stray_pf=stray_pf)
-    feet = replace(feet, gap_um=own.get("gap_um", feet.gap_um), gain_rel=own.get("gain_rel", feet.gain_rel))
+def pipeline(estimator: LoadEstimator, n_legs: int = 2, stray_pf: float = 0.0, **own: Any) -> Pipeline:
+    """Return one of feet as designed; `own` says otherwise of their `gap_um`, `gain_rel` and `uncertainty`."""
+    feet = replace(MountedFeet.of(DESIGN, [None] * n_legs, stray_pf=stray_pf), **own)
     return Pipeline(
         estimator,
         TRAINED,
@@ -87,7 +85,6 @@ def pipeline(
             force_sigma_n_per_baseline_error=BASELINE_N,
             force_n_per_closure=np.zeros((1, 9, 3)),
             force_sigma_n_per_reading_noise=np.zeros(3),
-            force_error_rel_per_gain_error=np.zeros(3),
         ),
         Flag.SIMULATED,
     )
@@ -101,7 +98,7 @@ class Feet:
         n_legs: int = 2,
         stray_pf: float = 0.0,
         estimator: SumOfClosures | None = None,
-        **own: NDArray[np.float64],
+        **own: Any,
     ) -> None:
         self.estimator = estimator or SumOfClosures()
         self.pipeline = pipeline(self.estimator, n_legs, stray_pf, **own)

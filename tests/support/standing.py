@@ -31,7 +31,6 @@ SENSITIVITY = Sensitivity(
     force_sigma_n_per_baseline_error=np.array([1.0, 1.0, 2.7]),
     force_n_per_closure=np.zeros((1, 9, 3)),
     force_sigma_n_per_reading_noise=np.zeros(3),
-    force_error_rel_per_gain_error=np.zeros(3),
 )
 #: What an even drift does to the force along the leg [mN/fF]; HARDWARE's 1.5 fF/K are 1 mN/K.
 MN_PER_FF = 0.66

@@ -22,7 +22,11 @@ from footsense.config.contradictions import warnings
 from footsense.daemon.can_output import frames_destination
 from footsense.daemon.estimation import contact_threshold_n, pipeline_for, unloaded_limit_n
 from footsense.daemon.models import Models, load_models
-from footsense.daemon.setup.expected_error import error_of_calibrated, error_text, expected_errors
+from footsense.daemon.setup.expected_error import (
+    error_text,
+    foot_uncertainties,
+    uncertainty_of_calibrated,
+)
 from footsense.daemon.simulation import is_simulated
 from footsense.errors import ConfigError
 from footsense.foot.calibration_files import FootCalibration
@@ -115,9 +119,9 @@ def _explanation(models: Models) -> dict[str, str]:
         elif calibration.manifest.by_standing or calibration.manifest.by_walking:
             by = "walking" if calibration.manifest.by_walking else "standing"
             error = f"by {by}, which tells neither its mounting nor its stiffness"
-            error += f": expect errors of {error_text(error_of_calibrated(calibration))}"
+            error += f": expect errors of {error_text(uncertainty_of_calibrated(calibration))}"
         else:
-            error = f"expect errors of {error_text(error_of_calibrated(calibration))}"
+            error = f"expect errors of {error_text(uncertainty_of_calibrated(calibration))}"
         told[f"foot on {leg}"] = f"{known['foot']}, calibrated {known['days_ago']} days ago: {error}"
     told["forces"] = (
         f"up to {config.forces_hz:.0f} forces/s on CAN of each leg; contact from {contact_threshold_n(models):.2g} N, "
@@ -146,7 +150,7 @@ def _can_text(config: Config) -> str:
 def _uncalibrated(models: Models) -> Iterator[str]:
     """Yield for the legs without a calibration why, and how wrong their forces are to be expected."""
     feet: dict[str, str] = dict(models.config.feet.items())
-    errors = dict(zip(models.config.legs, expected_errors(models), strict=True))
+    errors = dict(zip(models.config.legs, foot_uncertainties(models), strict=True))
     legs = [leg for leg in models.config.legs if leg not in models.calibrations_by_leg]
     unnamed = [leg for leg in legs if leg not in feet]
     reasons = [(unnamed[0], f"no foot named on {', '.join(unnamed)}")] if unnamed else []

@@ -12,7 +12,7 @@ means over feet and loads, as of normal distributions, and one foot may err twic
 
 import math
 from itertools import product
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -20,10 +20,11 @@ from footsense.daemon.models import Models, load_response
 from footsense.estimation.network import Network, steady_windows
 from footsense.foot.calibration_files import FootCalibration
 from footsense.foot.directions import angles_between_deg, normalized
+from footsense.foot.parameters import ForceUncertainty
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads, Specimen
 from footsense.frames import ELEMENTS, Vector
-from footsense.sim.fabrication import PAPER_TOLERANCES
+from footsense.sim.fabrication import MOUNT_SIGMA_RAD, PAPER_TOLERANCES, uncertainty_of_parameters
 
 #: Loads of which the errors are the mean: half of the largest that all elements read, upright and leaning 27 deg.
 _DIRECTIONS: Vector = normalized(
@@ -31,8 +32,8 @@ _DIRECTIONS: Vector = normalized(
 )
 #: Means of the size of a normal deviate, and of the distance of a point of two, over the standard deviation of each.
 _MEAN_SIZE, _MEAN_DISTANCE = math.sqrt(2.0 / math.pi), math.sqrt(math.pi / 2.0)
-#: Standard deviation of a mounting about each axis [rad].
-_MOUNT_RAD = math.radians(PAPER_TOLERANCES.mount_deg) / math.sqrt(3.0)
+#: Of a foot that is not calibrated and whose type has no response table.
+UNKNOWN = ForceUncertainty(1.0, 1.0)
 
 
 class ExpectedError(NamedTuple):
@@ -46,19 +47,27 @@ class ExpectedError(NamedTuple):
     size_rel: float
     direction_deg: float
 
+    @classmethod
+    def of(cls, uncertainty: ForceUncertainty) -> Self:
+        """Return the means of normal distributions of these standard deviations."""
+        if uncertainty == UNKNOWN:
+            return cls(math.nan, math.nan)
+        angle_rad = math.atan(_MEAN_DISTANCE * uncertainty.across_rel)
+        return cls(_MEAN_SIZE * uncertainty.along_rel, math.degrees(angle_rad))
 
-def expected_errors(models: Models) -> list[ExpectedError]:
-    """Return the expected error of the force of each leg, in the order of the configuration's legs."""
+
+def foot_uncertainties(models: Models) -> list[ForceUncertainty]:
+    """Return what nobody knows of the foot of each leg, in the order of the configuration's legs."""
     found = [models.calibrations_by_leg.get(leg) for leg in models.config.legs]
     response = None if all(found) else load_response(models)
-    designed = ExpectedError(math.nan, math.nan)
+    uncalibrated = UNKNOWN
     if response is not None:
-        designed = error_of_uncalibrated(models.network, response, len(found))
-    return [designed if each is None else error_of_calibrated(each) for each in found]
+        uncalibrated = uncertainty_of_uncalibrated(models.network, response, len(found))
+    return [uncalibrated if each is None else uncertainty_of_calibrated(each) for each in found]
 
 
-def error_of_uncalibrated(network: Network, response: FootResponse, n_rows: int) -> ExpectedError:
-    """Return the expected error of a foot that nobody has calibrated.
+def uncertainty_of_uncalibrated(network: Network, response: FootResponse, n_rows: int) -> ForceUncertainty:
+    """Return what nobody knows of a foot that is not calibrated, by the tolerances of its manufacture.
 
     Args:
         network: Network of its type.
@@ -87,10 +96,10 @@ def error_of_uncalibrated(network: Network, response: FootResponse, n_rows: int)
     sizes_n = np.linalg.norm(estimated_n, axis=2)
     angles_deg = angles_between_deg(estimated_n.reshape(-1, 3), np.repeat(force_n, len(gains), axis=0))
     off_rel = sizes_n / np.linalg.norm(force_n, axis=1)[:, None] - 1.0
-    return ExpectedError(
-        _MEAN_SIZE * math.hypot(float(off_rel.std()), PAPER_TOLERANCES.stiffness_rel),
-        math.hypot(float(angles_deg.mean()), math.degrees(_MEAN_DISTANCE * _MOUNT_RAD)),
-    )
+    across_rel = math.sqrt(float(np.square(np.radians(angles_deg)).mean()) / 2.0)
+    along_rel = math.hypot(float(off_rel.std()), PAPER_TOLERANCES.stiffness_rel)
+    # Rounded, as a network of other rows differs in the last bits.
+    return ForceUncertainty(round(along_rel, 4), round(math.hypot(across_rel, MOUNT_SIGMA_RAD), 4))
 
 
 def _estimated_n(network: Network, n_rows: int, closure_rel: Vector) -> Vector:
@@ -102,25 +111,15 @@ def _estimated_n(network: Network, n_rows: int, closure_rel: Vector) -> Vector:
     return np.concatenate(forces_n)[: len(closure_rel)]
 
 
-def error_of_calibrated(found: FootCalibration) -> ExpectedError:
-    """Return the expected error of a calibrated foot."""
-    parameters = found.parameters
-    size_sigma_rel = angle_sigma = parameters.error_rel
-    if found.manifest.by_standing or found.manifest.by_walking:
-        if parameters.stiffness_rel == 0.0:  # it was not pressed before
-            size_sigma_rel = math.hypot(size_sigma_rel, PAPER_TOLERANCES.stiffness_rel)
-        if np.array_equal(parameters.mount, np.eye(3)):
-            angle_sigma = math.hypot(angle_sigma, _MOUNT_RAD)
-    return ExpectedError(_MEAN_SIZE * size_sigma_rel, _mean_angle_deg(angle_sigma))
+def uncertainty_of_calibrated(found: FootCalibration) -> ForceUncertainty:
+    """Return what nobody knows of a calibrated foot: what its fit left, and what standing or walking does not tell."""
+    pressed = not (found.manifest.by_standing or found.manifest.by_walking)
+    return uncertainty_of_parameters(found.parameters, pressed=pressed)
 
 
-def error_text(error: ExpectedError) -> str:
-    """Return an expected error in words."""
+def error_text(uncertainty: ForceUncertainty) -> str:
+    """Return the expected error of a foot in words."""
+    error = ExpectedError.of(uncertainty)
     if math.isnan(error.direction_deg):
         return "unknown size"
     return f"{error.direction_deg:.2g} deg in direction and {error.size_rel:.0%} in size"
-
-
-def _mean_angle_deg(sigma: float) -> float:
-    """Return the mean angle of a direction [deg] whose error along each axis has a standard deviation [1]."""
-    return math.degrees(math.atan(_MEAN_DISTANCE * sigma))

@@ -17,7 +17,7 @@ from footsense.estimation.pipeline import Pipeline, pipeline_of
 from footsense.estimation.settings import ContactLimits, EstimationLimits, MountedFeet
 from footsense.estimation.walking.contact import ContactDetector
 from footsense.estimation.walking.gait import GaitTracker
-from footsense.foot.parameters import FootParameters
+from footsense.foot.parameters import FootParameters, ForceUncertainty
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads, Specimen
 from footsense.frames import (
@@ -355,6 +355,7 @@ def judging_pipeline(
     *,
     friction: float | None = None,
     exact: ExactLoads | None = None,
+    uncertainty: Sequence[ForceUncertainty] = (),
 ) -> Pipeline:
     """Return the service's pipeline.
 
@@ -365,10 +366,11 @@ def judging_pipeline(
         feet: Calibration of each, None for a foot as designed.
         friction: Coefficient of friction of the ground, as if configured [1]; None for none.
         exact: Loads in place of the network's, which are not refined; None for those of the network.
+        uncertainty: What nobody knows of the feet, as of `MountedFeet.of`.
     """
     return pipeline_of(
         network,
-        MountedFeet.of(network.card.trained_inputs.design, feet),
+        MountedFeet.of(network.card.trained_inputs.design, feet, uncertainty=uncertainty),
         EstimationLimits(
             scan_ns=scan.scan_ns, range_end_pf=scan.range_end_pf, contact=ContactLimits(friction=friction)
         ),

@@ -30,6 +30,7 @@ from footsense.lab.fem.whole import other_tables
 from footsense.lab.foot_file import FOOT_FILE
 from footsense.lab.parallel import N_PROCESSES, compute_each
 from footsense.lab.report import SAME_TABLE, StudyContext, Values, spread, table, target
+from footsense.lab.studies.boards.made_feet import SigmaOfFeet, sigma_of_made_foot, sigma_table
 from footsense.lab.training.load_cases import leaning_loads
 from footsense.lab.training.paper_procedure import EPOCHS, per_foot_force_n
 from footsense.sim.fabrication import PAPER_TOLERANCES, FootTolerances, draw_deviations
@@ -50,7 +51,7 @@ TITLE = "Made feet: the paper's error, calibration, and what a calibration does 
 
 #: Wanted direction and magnitude error of a calibrated foot.
 TARGET_DEG, TARGET_GF = 2.0, 3.0
-_N_FEET, _QUICK_N_FEET = 20, 2
+_N_FEET, _QUICK_N_FEET, _N_SIGMA_FEET = 20, 2, 12
 _QUICK_EVERY, _QUICK_EPOCHS = 9, 300
 #: Loads over the whole range, their sizes, and the lowest elevation of force and normal, with a mount that is turned.
 _N_RANGE, _RANGE_GF, _MIN_ELEVATION_DEG = 180, (20.0, 200.0), 32.0
@@ -159,6 +160,8 @@ def compute(context: StudyContext) -> Values:
     feet = each(evaluate, parts)
     kinds = {name: _columns(feet[k * n_feet : (k + 1) * n_feet]) for k, name in enumerate(names)}
     context.report_progress("feet of all kinds done")
+    subject = SigmaOfFeet(folder, plan, context.foot_design.loads.max_n, walks=not context.quick)
+    sigma = each(partial(sigma_of_made_foot, subject), list(range(2 if context.quick else _N_SIGMA_FEET)))
     values = {
         "n_feet": n_feet,
         "seed": SEED,
@@ -168,6 +171,7 @@ def compute(context: StudyContext) -> Values:
         "levels": _TUNED,
         "causes": dict(zip(sets, rows, strict=True)),
         "kinds": kinds,
+        "sigma": sigma,
     }
     values["targets"] = _targets(values)
     context.drawings["experiment.png"] = _figure(kinds)
@@ -304,6 +308,15 @@ within the converter's range, calibrated by the code of `footsense test-stand ca
 Loads without a force are left out: {left_out["design"]} % of the uncalibrated network's, {left_out["all"]} % of the calibrated one's,
 most of them of {n_soft} soft feet that have lost more than half; most of the worst figures are theirs. The simulated readings leave
 out converter, bus and recording; a test compares them with those of the whole chain.
+
+## What sigma says of them
+
+The first {len(values["sigma"])} of these feet, with what nobody knows of each in its sigma ([decision 39](../adr/0039-sigma-has-what-nobody-knows-of-a-foot.md)), through
+the service's pipeline: readings of the free foot given, a tripod of half the foot's largest force, and a foot that stands and
+leans. A foot errs alike in all its forces, so that one that is far from its design is beyond two sigma most of the time.
+*By walking*: for a minute in gaits of the judging robots.
+
+{sigma_table(values["sigma"])}
 
 ## Feet that the calibration does not know
 

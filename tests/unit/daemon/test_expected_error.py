@@ -9,7 +9,11 @@ import pytest
 
 from footsense.config import DEFAULT
 from footsense.daemon.models import load_models
-from footsense.daemon.setup.expected_error import error_of_uncalibrated, expected_errors
+from footsense.daemon.setup.expected_error import (
+    ExpectedError,
+    foot_uncertainties,
+    uncertainty_of_uncalibrated,
+)
 from footsense.estimation.network import Network, steady_windows
 from footsense.foot.calibration_files import FootCalibration, Manifest
 from footsense.foot.directions import angles_between_deg, normalized
@@ -45,7 +49,7 @@ def test_an_uncalibrated_foot_is_expected_to_err_as_made_feet_do(name: str) -> N
         sizes_rel.append(
             np.abs(np.linalg.norm(found_n, axis=1) / np.linalg.norm(force_n, axis=1) - 1.0).mean()
         )
-    expected = error_of_uncalibrated(network, response, len(LEANING))
+    expected = ExpectedError.of(uncertainty_of_uncalibrated(network, response, len(LEANING)))
     assert expected.direction_deg == pytest.approx(np.mean(angles_deg), rel=0.3)
     assert expected.size_rel == pytest.approx(np.mean(sizes_rel), rel=0.3)
     assert max(angles_deg) < 2.5 * expected.direction_deg
@@ -88,9 +92,8 @@ def test_a_calibration_leaves_its_error_and_standing_what_it_does_not_tell() -> 
         calibration(0.02, by_standing=True),
         calibration(0.02, by_standing=True, stiffness_rel=0.1),
     ]
-    pressed, stood, both, *others = expected_errors(
-        replace(models, calibrations_by_leg=dict(zip(DEFAULT.legs, of_feet, strict=False)))
-    )
+    models = replace(models, calibrations_by_leg=dict(zip(DEFAULT.legs, of_feet, strict=False)))
+    pressed, stood, both, *others = map(ExpectedError.of, foot_uncertainties(models))
     assert pressed.size_rel == pytest.approx(0.016, abs=1e-3)
     assert pressed.direction_deg == pytest.approx(1.44, abs=0.01)
     assert stood.size_rel == pytest.approx(0.8 * PAPER_TOLERANCES.stiffness_rel, rel=0.02)

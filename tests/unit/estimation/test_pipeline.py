@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from footsense.foot.parameters import ForceUncertainty
 from footsense.frames import Cause, Command, CommandKind, Flag, Reading, Result, State
 from footsense.ports import LoadEstimate, Window
 from tests.support.feet import DESIGN, MAX_AGE_NS, MAX_FORCE_N, SIGMA_N, WINDOW, Feet, SumOfClosures, unread
@@ -264,3 +265,16 @@ def test_readings_below_those_of_the_free_foot_are_in_sigma_at_once() -> None:
     forces = feet.feed(feet.scan(pulled))
     assert (forces.sigma_n[0] >= 0.17).all()
     np.testing.assert_array_equal(forces.sigma_n[1], SIGMA_N)
+
+
+def test_what_nobody_knows_of_a_foot_is_in_sigma_along_its_force_and_across_it() -> None:
+    """In proportion to the force, times 1.3, as a foot errs alike in all of them; in the air it is nothing."""
+    unknown = (ForceUncertainty(0.2, 0.2), ForceUncertainty(0.3, 0.0))
+    feet = Feet(uncertainty=unknown).tared()
+    forces = feet.feed(feet.scan(2.0))
+    size_n = np.linalg.norm(forces.force_n, axis=1)
+    # Both forces lean equally from all axes.
+    np.testing.assert_allclose(forces.sigma_n[0], np.hypot(SIGMA_N, 1.3 * 0.2 * size_n[0]))
+    np.testing.assert_allclose(forces.sigma_n[1], np.hypot(SIGMA_N, 1.3 * 0.3 * forces.force_n[1]))
+    free = Feet(uncertainty=unknown).tared()
+    np.testing.assert_allclose(free.feed(free.scan()).sigma_n, np.tile(SIGMA_N, (2, 1)))

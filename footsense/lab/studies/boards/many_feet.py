@@ -11,10 +11,11 @@ from footsense.benchmarks.latency_vs_error import PRESS_FORCES_N, STEP_NS, TrueL
 from footsense.calibration.evaluation import DesignModels
 from footsense.calibration.standing.calibrate import calibrate_standing
 from footsense.calibration.standing.recording import StandingLoads
+from footsense.daemon.setup.expected_error import uncertainty_of_uncalibrated
 from footsense.estimation.network import Network
 from footsense.foot.directions import normalized
 from footsense.foot.network_card import NETWORK_FILE
-from footsense.foot.parameters import FootParameters
+from footsense.foot.parameters import FootParameters, ForceUncertainty
 from footsense.foot.specimen import Specimen
 from footsense.frames import ELEMENTS, IS_USABLE_STATE, LEGS, ROWS, GaitEventKind, Mask, Vector
 from footsense.lab.evaluation.evaluate_models import RESPONSE_FILE
@@ -32,6 +33,7 @@ from footsense.lab.foot_file import FOOT_FILE
 from footsense.lab.report import StudyContext, Values
 from footsense.lab.studies.boards.force_figures import force_figures
 from footsense.lab.training.load_cases import leaning_loads
+from footsense.sim.fabrication import uncertainty_of_parameters
 from footsense.sim.loads.ground_load import RampContact
 from footsense.sim.loads.walk import measured_walk
 
@@ -78,7 +80,7 @@ def step_figures(context: StudyContext, board: str) -> Values:
     ):
         starts_ns.append(round(1e9 * (first_s + phase * scan_s / n_phases)))
         feet.append(partial(RampContact((x, y, z), starts_ns[-1], STEP_NS).contact, LEGS[0]))
-    outputs = _run(context, board, _read(context, board, _loads(feet, first_s + scan_s + _AFTER_STEP_S)))
+    outputs = _run(context, board, _read(context, board, foot_loads(feet, first_s + scan_s + _AFTER_STEP_S)))
     sent_ns = np.rint(1e9 * outputs.t_s).astype(np.int64)
     # Without a force nothing has settled.
     told_n = np.where(IS_USABLE_STATE[outputs.state][..., None], outputs.force_n, 0.0)
@@ -156,7 +158,13 @@ def wrong_gain_figures(context: StudyContext, board: str) -> dict[str, Values]:
         if gain_rel == _STANDING_GAIN_REL:
             calibrations[BY_STANDING] = _calibrated_by_standing(context, gain)
         for name, own in calibrations.items():
-            outputs = _run(context, board, _with_gains(context, readings, gain), own)
+            outputs = _run(
+                context,
+                board,
+                _with_gains(context, readings, gain),
+                own,
+                _uncertainty(context, len(gain), own),
+            )
             draws = [_walk_figures(outputs, draw, 1) for draw in range(n_draws)]
             found[name] = {key: [draw[key] for draw in draws] for key in draws[0]}
     return found
@@ -195,7 +203,7 @@ def _read_walk(context: StudyContext, board: str, n: int) -> WalkerReadings:
     """Return readings of n times the two feet of `_SIDES` in the measured walk."""
     walk = measured_walk(_PEAK_N, _PITCH_DEG, round(1e9 * LEAD_IN_S))
     feet = [partial(walk.contact, leg) for leg in _SIDES]
-    loads = _loads(feet, _QUICK_WALK_S if context.quick else _WALK_S)
+    loads = foot_loads(feet, _QUICK_WALK_S if context.quick else _WALK_S)
     force_n, normal, slip_m_s = (
         np.tile(part, (1, n, 1)) for part in (loads.force_n, loads.normal, loads.slip_m_s)
     )
@@ -203,7 +211,7 @@ def _read_walk(context: StudyContext, board: str, n: int) -> WalkerReadings:
     return _read(context, board, each)
 
 
-def _loads(feet: Sequence[FootLoad], end_s: float) -> WalkerLoads:
+def foot_loads(feet: Sequence[FootLoad], end_s: float) -> WalkerLoads:
     """Return the loads of feet up to a time [s]; they do not slide, and have no mass."""
     t_s = np.asarray(_SAMPLING_S * np.arange(round(end_s / _SAMPLING_S)), np.float64)
     contacts = [[foot(t_ns) for foot in feet] for t_ns in np.rint(1e9 * t_s).astype(int).tolist()]
@@ -220,13 +228,35 @@ def _read(context: StudyContext, board: str, loads: WalkerLoads) -> WalkerReadin
     return read_walker(Specimen(context.response), loads, _SEED, scan=SCAN_TIMES[board])
 
 
+def _uncertainty(
+    context: StudyContext, n_feet: int, own: list[FootParameters] | None
+) -> list[ForceUncertainty]:
+    """Return what the service does not know of feet that were made and not calibrated, or calibrated by standing."""
+    if own is not None:
+        return [uncertainty_of_parameters(foot, pressed=False) for foot in own]
+    return [uncertainty_of_uncalibrated(_network(context, n_feet), context.response, n_feet)] * n_feet
+
+
+def _network(context: StudyContext, n_feet: int) -> Network:
+    return Network(context.files(NETWORK_FILE) / NETWORK_FILE, n_feet)
+
+
 def _run(
-    context: StudyContext, board: str, readings: WalkerReadings, own: list[FootParameters] | None = None
+    context: StudyContext,
+    board: str,
+    readings: WalkerReadings,
+    own: list[FootParameters] | None = None,
+    uncertainty: Sequence[ForceUncertainty] = (),
 ) -> WalkerOutputs:
     """Return what the service's pipeline says of readings of any number of feet; of those as designed if `own` is None."""
     n_feet = readings.capacitance_pf.shape[1]
-    network = Network(context.files(NETWORK_FILE) / NETWORK_FILE, n_feet)
-    pipeline = judging_pipeline(network, context.response, SCAN_TIMES[board], own or [None] * n_feet)
+    pipeline = judging_pipeline(
+        _network(context, n_feet),
+        context.response,
+        SCAN_TIMES[board],
+        own or [None] * n_feet,
+        uncertainty=uncertainty,
+    )
     return run_pipeline(pipeline, readings)
 
 

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.estimation.settings import UNCALIBRATED_GAIN_SIGMA_REL
 from footsense.lab.report import (
     SAME_TABLE,
     StudyContext,
@@ -260,7 +259,7 @@ the start. Each of them in turn.
 Each draw is the measured walk of two uncalibrated feet, whose elements are off by random gains, through the service's
 pipeline; {n_draws} draws. Gains that are off turn the force in a way that no window of readings can tell: a foot's own
 gains come from its calibration, and what they leave open is added to sigma there. Sigma of a foot that is not calibrated
-holds gains that differ by {UNCALIBRATED_GAIN_SIGMA_REL:.0%}. *Calibrated by standing*: the fit of
+holds the tolerances of its manufacture, strays, stiffness and mounting; after standing, the latter two. *Calibrated by standing*: the fit of
 `footsense test-stand calibrate --no-reference` to the readings of 20 postures, whose forces it does not know.
 
 {gains}

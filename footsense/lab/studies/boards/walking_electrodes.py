@@ -135,9 +135,40 @@ def walked_foot_figures(
     return figures | {"objection": walking.objection, "n_instants": walking.n_instants}
 
 
-def _loads(logs: Sequence[WalkerLog], number: int, walk_s: float) -> WalkerLoads:
-    """Return the loads of one leg over a lead-in in the air and a time [s] of the logs, repeated."""
-    parts = [walker_loads(log, 1.0, _BALL_RADIUS_MM) for log in logs]
+def walked_parameters(
+    models: DesignModels, logs: Sequence[WalkerLog], number: int, walk_s: float, peak_n: float
+) -> FootParameters:
+    """Return the parameters that a made foot finds while it walks.
+
+    Args:
+        models: Models of its type.
+        logs: What the feet of a robot felt; the foot is on the leg of its number.
+        number: Number of the foot.
+        walk_s: Time of walking [s].
+        peak_n: Peak to which the loads are scaled [N].
+    """
+    foot = Specimen(models.response, draw_deviations(models.response, PAPER_TOLERANCES, _SEED, number))
+    known = FootParameters(
+        stray_pf=np.zeros(ELEMENTS),
+        unloaded_pf=foot.unloaded_pf,
+        gap_um=np.full(ELEMENTS, models.response.design.gap_um),
+    )
+    loads = _loads(logs, number, walk_s, peak_n)
+    readings = read_walker(foot, loads, number, scan=SCAN_TIMES[_BOARD], viscous_rel=1.0)
+    of = FootIdentity(
+        leg="lf", foot="", foot_type=models.response.foot_type, board=_BOARD, calibration="", since=""
+    )
+    walking = WalkingFoot(models, of, known)
+    walking.add(_scans(models, readings, known))
+    walking.judge()
+    return walking.parameters()
+
+
+def _loads(logs: Sequence[WalkerLog], number: int, walk_s: float, peak_n: float | None = None) -> WalkerLoads:
+    """Return the loads of one leg over a lead-in in the air and a time [s] of the logs, repeated, scaled to a peak."""
+    parts = [
+        walker_loads(log, 1.0 if peak_n is None else peak_n / log.peak_n(), _BALL_RADIUS_MM) for log in logs
+    ]
     leg, step_s = number % parts[0].force_n.shape[1], parts[0].t_s[1] - parts[0].t_s[0]
     t_s = np.asarray(step_s * np.arange(round((walk_s + 2.0) / step_s)), np.float64)
     force_n, normal = (

@@ -1,0 +1,159 @@
+"""What sigma says of feet as they are made: how many errors are within it, through the service's pipeline."""
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from footsense.calibration.evaluation import DesignModels
+from footsense.daemon.setup.expected_error import uncertainty_of_uncalibrated
+from footsense.estimation.pipeline import pipeline_of
+from footsense.estimation.settings import EstimationLimits, MountedFeet
+from footsense.foot.specimen import Specimen
+from footsense.frames import IS_USABLE_STATE, LEGS, Vector
+from footsense.lab.evaluation.walker_runs import LEAD_IN_S, SCAN_TIMES, WalkerLoads, read_walker, run_pipeline
+from footsense.lab.report import SAME_TABLE, Values, table
+from footsense.lab.studies.boards.many_feet import foot_loads
+from footsense.lab.studies.boards.walking_electrodes import walked_parameters
+from footsense.lab.walkers.split import NEW_JUDGEMENT
+from footsense.sim.fabrication import PAPER_TOLERANCES, draw_deviations, uncertainty_of_parameters
+from footsense.sim.loads.walk import Walk, smooth_stance_reaction
+from footsense.validation.made_feet import SEED, MadeFootPlan, calibrate_made_foot
+
+if TYPE_CHECKING:
+    from footsense.foot.parameters import FootParameters
+
+#: Least true force that counts, over the foot's largest [1]; peak of the loads over it, and of a foot that stands.
+_LEAST_REL, _PEAK_REL, _STANDING_REL = 0.05, 0.5, 0.35
+#: Time that a foot walks to find its electrodes, and gaits of that walk.
+_WALK_S, _GAITS = 60.0, ("pairs", "amble", "front-wave")
+#: Times of the judged loads, and of the rise of the standing foot [s]; its lean, tangential over normal [1, rms].
+_TRIPOD_S, _STANDING_S, _RISE_S, _LEAN = 4.5, 4.0, 0.3, 0.15
+_SAMPLING_S = 1e-3
+NOT, STOOD, WALKED, PRESSED = "not calibrated", "by standing", "by walking for a minute", "pressed"
+
+
+class SigmaOfFeet(NamedTuple):
+    """What the table is of: models, plan of the calibrations, largest force [N], and whether feet walk."""
+
+    folder: Path
+    plan: MadeFootPlan
+    max_n: float
+    walks: bool
+
+
+def sigma_of_made_foot(subject: SigmaOfFeet, number: int) -> list[Values]:
+    """Return errors and sigma of a made foot, by calibration, board and load.
+
+    Args:
+        subject: What is judged.
+        number: Number of the foot.
+
+    Returns:
+        Rows of `calibration`, `board`, `load`, `within` two sigma, each axis, `beyond` five of all components, and
+        mean squares of error and sigma, `error_n2` and `sigma_n2`, each axis; none without a force.
+    """
+    models = DesignModels.load(subject.folder)
+    response, network = models.response, models.network_for_rows(1)
+    foot = Specimen(response, draw_deviations(response, PAPER_TOLERANCES, SEED, number))
+    pressed, stood = calibrate_made_foot(models, subject.plan, number)
+    known: dict[str, FootParameters | None] = {NOT: None, STOOD: stood, PRESSED: pressed}
+    if subject.walks:
+        runs = [run for gait in _GAITS for run in NEW_JUDGEMENT if run[:3] == ("hexapod-2kg", gait, "flat")]
+        logs = [run.kept_log() for run in runs]
+        known[WALKED] = walked_parameters(models, logs, number, _WALK_S, _PEAK_REL * subject.max_n)
+    rows = []
+    for calibration, own in known.items():
+        unknown = (
+            uncertainty_of_uncalibrated(network, response, 1)
+            if own is None
+            else uncertainty_of_parameters(own, pressed=calibration == PRESSED)
+        )
+        mounted = MountedFeet.of(response.design, [own], reading_pf=foot.unloaded_pf, uncertainty=[unknown])
+        for board, scan in SCAN_TIMES.items():
+            limits = EstimationLimits(scan_ns=scan.scan_ns, range_end_pf=scan.range_end_pf)
+            for load, loads in _loads(subject.max_n, number).items():
+                outputs = run_pipeline(
+                    pipeline_of(network, mounted, limits, response),
+                    read_walker(foot, loads, number, scan=scan),
+                )
+                true_n = outputs.true.force_n[:, 0]
+                counted = np.linalg.norm(true_n, axis=1) > _LEAST_REL * subject.max_n
+                counted &= IS_USABLE_STATE[outputs.state[:, 0]]
+                if not counted.any():
+                    continue
+                error_n, sigma_n = outputs.force_n[counted, 0] - true_n[counted], outputs.sigma_n[counted, 0]
+                off = np.abs(error_n) / sigma_n
+                rows.append(
+                    {
+                        "calibration": calibration,
+                        "board": board,
+                        "load": load,
+                        "within": (off < 2.0).mean(axis=0),
+                        "beyond": (off > 5.0).mean(),
+                        "error_n2": (error_n**2).mean(axis=0),
+                        "sigma_n2": (sigma_n**2).mean(axis=0),
+                    }
+                )
+    return rows
+
+
+def _loads(max_n: float, number: int) -> dict[str, WalkerLoads]:
+    """Return the loads of one foot by name: a tripod, and a foot that stands, leaning as its number says."""
+    walk = Walk(
+        dict.fromkeys(LEGS, smooth_stance_reaction(0.6, _PEAK_REL * max_n, 0.15)),
+        period_ns=1_200_000_000,
+        duty_rel=0.6,
+        pitch_deg=10.0,
+        from_ns=round(1e9 * LEAD_IN_S),
+    )
+    t_s: Vector = np.asarray(_SAMPLING_S * np.arange(round(_STANDING_S / _SAMPLING_S)), np.float64)
+    lean = _LEAN * np.random.default_rng((SEED, number, 7)).normal(size=2)
+    share = np.clip((t_s - LEAD_IN_S - _RISE_S) / _RISE_S, 0.0, 1.0)
+    force_n = (_STANDING_REL * max_n * share * share * (3.0 - 2.0 * share))[:, None, None] * [*lean, 1.0]
+    normal = np.array([*lean / 2.0, 1.0])
+    standing = WalkerLoads(
+        t_s,
+        force_n,
+        np.broadcast_to(normal / np.linalg.norm(normal), force_n.shape),
+        np.zeros_like(force_n),
+        force_n,
+        np.zeros((len(t_s), 1)),
+        np.nan,
+    )
+    return {"tripod": foot_loads([partial(walk.contact, "rf")], _TRIPOD_S), "standing": standing}
+
+
+def sigma_table(feet: Sequence[Sequence[Values]]) -> str:
+    """Return the table of the figures of made feet, as of `sigma_of_made_foot`."""
+    rows = []
+    for calibration in (NOT, STOOD, WALKED, PRESSED):
+        for board in SCAN_TIMES:
+            for load in ("tripod", "standing"):
+                own = [
+                    row
+                    for foot in feet
+                    for row in foot
+                    if (row["calibration"], row["board"], row["load"]) == (calibration, board, load)
+                ]
+                if not own:
+                    continue
+                within = np.array([row["within"] for row in own])
+                error_n2, sigma_n2 = (np.array([row[key] for row in own]) for key in ("error_n2", "sigma_n2"))
+                ratio = np.sqrt(sigma_n2.mean(axis=0) / error_n2.mean(axis=0))
+                rows.append(
+                    (
+                        f"{calibration}, `{board}`, {load}",
+                        str(len(own)),
+                        " / ".join(f"{one:.0%}" for one in within.mean(axis=0)),
+                        f"{within.mean(axis=1).min():.0%}",
+                        f"{np.mean([row['beyond'] for row in own]):.1%}",
+                        " / ".join(f"{one:.1f}" for one in ratio),
+                    )
+                )
+    return table(
+        f"feet as made, {SAME_TABLE} | feet | within 2 sigma, fx / fy / fz | worst foot | beyond 5 | sigma over error, rms",
+        rows,
+    )
