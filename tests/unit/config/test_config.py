@@ -238,7 +238,7 @@ def test_check_config_explains_a_file(file: Path) -> None:
     assert "CAN can0, of whose 500 kbit/s up to 36 % are taken" in said
     assert "page http://127.0.0.1:8765, " in said
     assert (
-        "no foot named on lf, lm, lr, rf, rm, rr: uncalibrated, expect errors of 16 deg in direction and 17% in size"
+        "no foot named on lf, lm, lr, rf, rm, rr: uncalibrated, expect errors of 17 deg in direction and 17% in size"
         in said
     )
     assert "feet of type aoyagi-3x3" in said
