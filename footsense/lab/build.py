@@ -84,15 +84,15 @@ class BuildSettings:
 FULL_BUILD = BuildSettings(
     mesh=RELEASED_MESH,
     random_loads=60_000,
-    gaits=6_000,
-    released=WindowTrainingSettings(channels=112, steps=20_000, rate=3e-3),
+    gaits=4_000,
+    released=WindowTrainingSettings(channels=112, steps=20_000, rate=1e-3),
     start_file=Path(__file__).parent / "training" / "start.onnx",
 )
 #: From nothing, in five times as long.
 BUILD_FROM_NOTHING = replace(
     FULL_BUILD,
     random_loads=200_000,
-    gaits=6_000,
+    gaits=4_000,
     released=WindowTrainingSettings(channels=112),
     start_file=None,
 )

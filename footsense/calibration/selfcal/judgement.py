@@ -52,7 +52,7 @@ def turn_of_forces(models: DesignModels, before: Electrodes, now: Electrodes, in
         now: Those found.
         instants: Instants of usual loads.
     """
-    found_n, before_n = (_forces_n(models, one.parameters, instants) for one in (now, before))
+    found_n, before_n = (_forces_n(models, one.parameters, instants, now.floor_pf) for one in (now, before))
     turned_deg = float(angles_between_deg(before_n, found_n).mean())
     return Turn(turned_deg, _spread_deg(models, now, instants))
 
@@ -60,15 +60,16 @@ def turn_of_forces(models: DesignModels, before: Electrodes, now: Electrodes, in
 def _spread_deg(models: DesignModels, electrodes: Electrodes, instants: Instants) -> float:
     """Return the mean angle between the forces with electrodes and with draws of their covariance [deg]."""
     random, found = np.random.default_rng(_SEED), electrodes.parameters
-    n = len(electrodes.covariance)
-    off = random.multivariate_normal(np.zeros(n), electrodes.covariance, _DRAWS, method="cholesky")
-    forces_n = _forces_n(models, found, instants)
+    n = len(electrodes.own_covariance)
+    off = random.multivariate_normal(np.zeros(n), electrodes.own_covariance, _DRAWS, method="cholesky")
     draws = found + np.pad(off, ((0, 0), (0, len(found) - n)))
-    return float(np.mean([angles_between_deg(_forces_n(models, one, instants), forces_n) for one in draws]))
+    forces_n, *drawn_n = (_forces_n(models, one, instants, electrodes.floor_pf) for one in (found, *draws))
+    return float(np.mean([angles_between_deg(one, forces_n) for one in drawn_n]))
 
 
-def _forces_n(models: DesignModels, parameters: Vector, instants: Instants) -> Vector:
+def _forces_n(models: DesignModels, parameters: Vector, instants: Instants, floor_pf: Vector) -> Vector:
     readings, unloaded_pf = readings_of(models, parameters, instants)
+    readings = readings._replace(capacitance_pf=readings.capacitance_pf - floor_pf)
     stray_pf = np.minimum(parameters[STRAY], 0.5 * unloaded_pf)
     gain_rel = np.maximum(1.0 + parameters[GAIN], 0.5)
     return models.estimate_in_foot_frame(readings.capacitance_pf, unloaded_pf, stray_pf, gain_rel).force_n
@@ -110,7 +111,7 @@ def judge_electrodes(
     }
     worst_deg = max(found.differ_deg for found in halves.values())
     turn = turn._replace(sigma_deg=float(np.hypot(turn.sigma_deg, 0.5 * worst_deg)))
-    sigma = np.sqrt(np.diag(before.covariance))
+    sigma = np.sqrt(np.diag(before.own_covariance))
     change = (now.parameters - before.parameters)[:N_ELECTRODE_PARAMETERS] / sigma
     largest = float(np.abs(change).max())
     objections = {
@@ -139,8 +140,9 @@ def _compare(
 ) -> _Comparison:
     parts = [instants.subset(which) for which in (half, ~half)]
     fits = [fit_again(models, before, part, now.parameters) for part in parts]
-    forces_n = [_forces_n(models, fit.parameters, instants) for fit in fits]
-    spreads = [_spread_deg(models, Electrodes(fit.parameters, fit.covariance), instants) for fit in fits]
+    forces_n = [_forces_n(models, fit.parameters, instants, fit.floor_pf) for fit in fits]
+    found = [Electrodes(fit.parameters, fit.floor_pf, fit.covariance) for fit in fits]
+    spreads = [_spread_deg(models, one, instants) for one in found]
     differ_deg = float(angles_between_deg(*forces_n).mean())
     misfit, misfit_before = (
         misfit_of(models, one, parts[1]) for one in (fits[0].parameters, before.parameters)

@@ -19,6 +19,8 @@ from footsense.regular_file import read_regular
 _Of27 = Annotated[
     tuple[float, ...], Meta(min_length=N_ELECTRODE_PARAMETERS, max_length=N_ELECTRODE_PARAMETERS)
 ]
+_N = N_ELECTRODE_PARAMETERS + ELEMENTS
+_Of36 = Annotated[tuple[float, ...], Meta(min_length=_N, max_length=_N)]
 _Of9 = Annotated[tuple[float, ...], Meta(min_length=ELEMENTS, max_length=ELEMENTS)]
 
 
@@ -89,11 +91,12 @@ class SelfcalState(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
         turn_sigma_deg: Standard deviation of it [deg].
         objection: Why they are not proposed as a calibration; empty if they are.
         parameters: Strays [pF], gains minus one [1] and gaps minus the design's [um].
-        covariance: Their covariance.
+        floor_pf: What the floor adds to each element of the foot in contact [pF].
+        covariance: Covariance of both.
         kept: The newest instants.
     """
 
-    format: Literal[1] = 1
+    format: Literal[2] = 2
     of: FootIdentity
     written: str
     n_instants: Annotated[int, Meta(ge=0)]
@@ -102,16 +105,15 @@ class SelfcalState(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
     turn_sigma_deg: float | None
     objection: str
     parameters: _Of27
-    covariance: Annotated[
-        tuple[_Of27, ...], Meta(min_length=N_ELECTRODE_PARAMETERS, max_length=N_ELECTRODE_PARAMETERS)
-    ]
+    floor_pf: _Of9
+    covariance: Annotated[tuple[_Of36, ...], Meta(min_length=_N, max_length=_N)]
     kept: KeptInstants
 
     def electrodes(self) -> Electrodes:
         """Return what is known of the electrodes."""
         parameters = np.zeros(N_PARAMETERS)
         parameters[:N_ELECTRODE_PARAMETERS] = self.parameters
-        return Electrodes(parameters, np.array(self.covariance))
+        return Electrodes(parameters, np.array(self.floor_pf), np.array(self.covariance))
 
 
 def state_path(folder: Path, leg: str) -> Path:

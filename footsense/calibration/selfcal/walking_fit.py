@@ -35,15 +35,16 @@ _WANDER_PER_ROOT_MINUTE: Vector = np.repeat((0.002, 0.003, 0.02), ELEMENTS)
 #: Share of a reading's change that no model explains, and share of the largest closure by which any element may be off,
 #: as elements that creep differently are [1].
 _MODEL_ERROR_REL, _CLOSURE_ERROR_REL = 0.005, 0.01
-#: Standard deviation of what a floor, wet or of metal, adds to all elements of a foot in contact [pF].
-_FLOOR_SIGMA_PF = 0.05
+#: Standard deviation of what a floor, wet or of metal, adds to all elements of a foot in contact, and beside it to each
+#: [pF]; wander of the former in a minute, as the ground is another.
+_FLOOR_SIGMA_PF, _UNEVEN_FLOOR_SIGMA_PF, _FLOOR_WANDER_PF = 0.05, 0.01, 0.02
 #: Instants of the first fit of a foot that was never calibrated, and of each later fit.
 FIRST_INSTANTS, INSTANTS_PER_FIT = 18, 6
 #: Steps of a later fit, and of the first stage of a first one.
 _ROUNDS, _FIRST_STAGE_ROUNDS = 3, 15
 #: Share of the information that counts [1], and usual distance of an instant's readings from the model [1]: median of
 #: chi with four degrees of freedom.
-_INFORMATION_SHARE, _USUAL_DISTANCE = 0.3, 1.83
+_INFORMATION_SHARE, _USUAL_DISTANCE = 0.5, 1.83
 #: Variance of electrodes that are given, over that of manufacture [1].
 _CERTAIN = 1e-8
 
@@ -53,10 +54,12 @@ class Electrodes(NamedTuple):
 
     Attributes:
         parameters: Parameters as in `twin`, shape (parameters,).
-        covariance: Covariance of those of the electrodes, the first 27, shape (27, 27).
+        floor_pf: What the floor adds to each element of the foot in contact [pF], shape (9,).
+        covariance: Covariance of those of the electrodes, the first 27, and of the floor, shape (36, 36).
     """
 
     parameters: Vector
+    floor_pf: Vector
     covariance: Vector
 
     @classmethod
@@ -72,15 +75,37 @@ class Electrodes(NamedTuple):
         parameters[STRAY], parameters[GAIN] = known.stray_pf, known.gain_rel - 1.0
         parameters[GAP] = known.gap_um - design.gap_um
         sigma = _CALIBRATED_SIGMA if calibrated else PRIOR_SIGMA[:N_ELECTRODE_PARAMETERS]
-        return cls(parameters, np.diag(sigma**2))
+        return cls(parameters, np.zeros(ELEMENTS), _with_floor(np.diag(sigma**2)))
 
     def wandered(self, minutes: float) -> Self:
         """Return what is known of them some time later."""
-        return self._replace(covariance=self.covariance + minutes * np.diag(_WANDER_PER_ROOT_MINUTE**2))
+        covariance = self.covariance.copy()
+        covariance[:N_ELECTRODE_PARAMETERS, :N_ELECTRODE_PARAMETERS] += minutes * np.diag(
+            _WANDER_PER_ROOT_MINUTE**2
+        )
+        covariance[N_ELECTRODE_PARAMETERS:, N_ELECTRODE_PARAMETERS:] += minutes * _FLOOR_WANDER_PF**2
+        return self._replace(covariance=covariance)
 
     def prior(self) -> ElectrodePrior:
         """Return this as the prior of a fit."""
-        return ElectrodePrior(self.parameters, np.asarray(np.linalg.inv(self.covariance), np.float64))
+        information = np.asarray(np.linalg.inv(self.covariance), np.float64)
+        return ElectrodePrior(self.parameters, information, self.floor_pf)
+
+    @property
+    def own_covariance(self) -> Vector:
+        """Covariance of the electrodes' parameters alone, shape (27, 27)."""
+        return self.covariance[:N_ELECTRODE_PARAMETERS, :N_ELECTRODE_PARAMETERS]
+
+
+def _with_floor(covariance: Vector) -> Vector:
+    """Return the covariance of electrodes, shape (27, 27), with that of a floor that nobody knows, shape (36, 36)."""
+    n = N_ELECTRODE_PARAMETERS + ELEMENTS
+    whole = np.zeros((n, n))
+    whole[:N_ELECTRODE_PARAMETERS, :N_ELECTRODE_PARAMETERS] = covariance
+    whole[N_ELECTRODE_PARAMETERS:, N_ELECTRODE_PARAMETERS:] = (
+        _FLOOR_SIGMA_PF** 2 + _UNEVEN_FLOOR_SIGMA_PF** 2 * np.eye(ELEMENTS)
+    )
+    return whole
 
 
 def fit_instants(
@@ -97,7 +122,9 @@ def fit_instants(
     """
     readings, unloaded_pf = readings_of(models, electrodes.parameters, instants)
     twin, prior = FootTwin(models.response, unloaded_pf), electrodes.prior()
-    coordinates = load_coordinates(models, electrodes.parameters, readings.capacitance_pf, unloaded_pf)
+    coordinates = load_coordinates(
+        models, electrodes.parameters, readings.capacitance_pf - electrodes.floor_pf, unloaded_pf
+    )
     if first:
         upright = coordinates.copy()
         upright[:, 1:] = 0.0
@@ -115,7 +142,7 @@ def fit_instants(
     misfit = _misfit(fit)
     share = _INFORMATION_SHARE / max(1.0, misfit) ** 2
     covariance = np.linalg.inv(prior.information + share * fit.information)
-    return Electrodes(fit.parameters, np.asarray(covariance, np.float64)), misfit
+    return Electrodes(fit.parameters, fit.floor_pf, np.asarray(covariance, np.float64)), misfit
 
 
 def _misfit(fit: ElectrodeFit) -> float:
@@ -139,7 +166,8 @@ def fit_again(models: DesignModels, before: Electrodes, instants: Instants, star
 
 def misfit_of(models: DesignModels, parameters: Vector, instants: Instants) -> float:
     """Return the median distance of instants from the model with given parameters, over the usual one [1]."""
-    certain = Electrodes(parameters, _CERTAIN * np.diag(PRIOR_SIGMA[:N_ELECTRODE_PARAMETERS] ** 2))
+    covariance = _with_floor(_CERTAIN * np.diag(PRIOR_SIGMA[:N_ELECTRODE_PARAMETERS] ** 2))
+    certain = Electrodes(parameters, np.zeros(ELEMENTS), covariance)
     return _misfit(fit_again(models, certain, instants, parameters))
 
 
@@ -153,7 +181,7 @@ def readings_of(models: DesignModels, parameters: Vector, instants: Instants) ->
     off_pf = _CLOSURE_ERROR_REL * np.abs(closure_um).max(axis=1, keepdims=True) * pf_per_um
     model_pf = _MODEL_ERROR_REL * (capacitance_pf - unloaded_pf)
     sigma_pf = np.sqrt(instants.sigma_pf**2 + model_pf**2 + off_pf**2)
-    return LoadReadings.with_errors(capacitance_pf, sigma_pf, _FLOOR_SIGMA_PF), unloaded_pf
+    return LoadReadings.with_errors(capacitance_pf, sigma_pf), unloaded_pf
 
 
 def load_coordinates(

@@ -143,6 +143,7 @@ class WalkingFoot:
             turn_sigma_deg=self.turn and self.turn.sigma_deg,
             objection=self.objection,
             parameters=tuple(self.electrodes.parameters[:n].tolist()),
+            floor_pf=tuple(self.electrodes.floor_pf.tolist()),
             covariance=tuple(map(tuple, self.electrodes.covariance.tolist())),
             kept=KeptInstants.of(self._kept),
         )

@@ -76,11 +76,15 @@ class ElectrodePrior(NamedTuple):
 
     Attributes:
         parameters: Parameters to expect, as in `twin`, shape (parameters,).
-        information: Inverse covariance of those of the electrodes, the first 27, shape (27, 27).
+        information: Inverse covariance of those of the electrodes, the first 27, and of the floor if there is one,
+            shape (m, m), m 27 or 36.
+        floor_pf: Expected capacitance that the floor adds to each element of a foot in contact [pF], shape (9,); None
+            where it adds none.
     """
 
     parameters: Vector
     information: Vector
+    floor_pf: Vector | None = None
 
     @classmethod
     def of_tolerances(cls, parameters: Vector) -> Self:
@@ -93,15 +97,17 @@ class ElectrodeFit(NamedTuple):
 
     Attributes:
         parameters: Parameters as in `twin`, shape (parameters,).
-        information: Information of the loads on the electrodes' parameters, the first 27, without that of the prior,
-            shape (27, 27).
-        covariance: Their posterior covariance, shape (27, 27).
+        floor_pf: What the floor adds to each element [pF], shape (9,); zero where the prior has none.
+        information: Information of the loads on the electrodes' parameters, the first 27, and the floor, without that
+            of the prior, shape (m, m).
+        covariance: Their posterior covariance, shape (m, m).
         coordinates: Contact coordinates of each load, in the foot's frame, shape (n, 5).
         mahalanobis_distance: Distance of each load's readings from the model [1], shape (n,); 2 if its errors hold.
         cost: What was minimised [1].
     """
 
     parameters: Vector
+    floor_pf: Vector
     information: Vector
     covariance: Vector
     coordinates: Vector
@@ -111,7 +117,8 @@ class ElectrodeFit(NamedTuple):
     def predicted_uncertainty(self, twin: FootTwin) -> PredictedUncertainty:
         """Return the force errors to expect of what stays unknown of the electrodes, mount and stiffness apart."""
         covariance = np.diag((1e-9 * PRIOR_SIGMA) ** 2)
-        covariance[:N_ELECTRODE_PARAMETERS, :N_ELECTRODE_PARAMETERS] = self.covariance
+        own = slice(N_ELECTRODE_PARAMETERS)
+        covariance[own, own] = self.covariance[own, own]
         return predict_uncertainty(twin, ParameterFit(self.parameters, covariance, self.mahalanobis_distance))
 
 
@@ -143,7 +150,8 @@ def fit_electrodes(
         max_rounds: Largest number of steps.
     """
     start = prior.parameters if start is None else start
-    state = _State(twin, readings, prior, coordinate_sigma, start, within_bounds(coordinates))
+    floor_pf = np.zeros(ELEMENTS) if prior.floor_pf is None else prior.floor_pf
+    state = _State(twin, readings, prior, coordinate_sigma, start, floor_pf, within_bounds(coordinates))
     damping = 1e-3
     for _ in range(max_rounds):
         equations = _Equations(state, state.slopes())
@@ -162,6 +170,7 @@ def fit_electrodes(
     covariance = np.asarray(np.linalg.inv(information), np.float64)
     return ElectrodeFit(
         state.parameters,
+        state.floor_pf,
         information - prior.information,
         covariance,
         state.coordinates,
@@ -180,6 +189,7 @@ class _State:
         prior: ElectrodePrior,
         coordinate_sigma: Vector,
         parameters: Vector,
+        floor_pf: Vector,
         coordinates: Vector,
     ) -> None:
         self._twin, self._readings, self.prior, self.coordinate_sigma = (
@@ -188,14 +198,16 @@ class _State:
             prior,
             coordinate_sigma,
         )
-        self.parameters, self.coordinates = parameters, coordinates
+        self.parameters, self.floor_pf, self.coordinates = parameters, floor_pf, coordinates
         self._cells_um = twin.cell_closures_um(parameters, contact_loads(coordinates))
         self._model_pf = twin.reading_pf(parameters, self._cells_um)
-        off_pf = readings.capacitance_pf - self._model_pf
+        off_pf = readings.capacitance_pf - self._model_pf - floor_pf
         self.residual: Vector = np.einsum("nij,nj->ni", readings.whitening, off_pf)
         self.distance: Vector = np.sqrt((self.residual**2).sum(axis=1))
         self.weight = np.minimum(1.0, _HUBER_DISTANCE / np.maximum(self.distance, _HUBER_DISTANCE))
         deviation = (parameters - prior.parameters)[:N_ELECTRODE_PARAMETERS]
+        if prior.floor_pf is not None:
+            deviation = np.concatenate([deviation, floor_pf - prior.floor_pf])
         self.pull: Vector = prior.information @ deviation
         within = np.minimum(self.distance, _HUBER_DISTANCE)
         losses = (within * (2.0 * self.distance - within)).sum()
@@ -204,19 +216,21 @@ class _State:
 
     def moved(self, change: Vector, coordinate_change: Vector) -> Self:
         """Return the state after a step of the fitted parameters and of the coordinates, both limited."""
-        parameters = self.parameters.copy()
-        parameters[:N_ELECTRODE_PARAMETERS] += change
+        parameters, floor_pf = self.parameters.copy(), self.floor_pf
+        parameters[:N_ELECTRODE_PARAMETERS] += change[:N_ELECTRODE_PARAMETERS]
+        if self.prior.floor_pf is not None:
+            floor_pf = np.maximum(floor_pf + change[N_ELECTRODE_PARAMETERS:], 0.0)
         parameters = np.clip(parameters, *self._twin.parameter_bounds())
         most_n = _MAX_STEP_REL * self.coordinates[:, :1]
         limited = np.clip(coordinate_change, -_MAX_STEP, _MAX_STEP)
         limited[:, :1] = np.clip(coordinate_change[:, :1], -most_n, most_n)
         coordinates = within_bounds(self.coordinates + limited)
         return type(self)(
-            self._twin, self._readings, self.prior, self.coordinate_sigma, parameters, coordinates
+            self._twin, self._readings, self.prior, self.coordinate_sigma, parameters, floor_pf, coordinates
         )
 
     def slopes(self, *, own_gaps: bool = False) -> tuple[Vector, Vector]:
-        """Return the slopes of whitened readings by parameters, (n, 9, 27), and coordinates, (n, 9, 5).
+        """Return the slopes of whitened readings by parameters and floor, (n, 9, m), and coordinates, (n, 9, 5).
 
         Args:
             own_gaps: Whether the slope of a gap is its own on all elements, as of what the loads tell of it; else that
@@ -234,7 +248,9 @@ class _State:
             [*((self._with_step(gap), here) for gap in gaps), *((self.parameters, one) for one in less)],
             self._twin.closed_cells(self.parameters, self._cells_um),
         )
-        by_parameter = np.zeros((n, ELEMENTS, N_ELECTRODE_PARAMETERS))
+        by_parameter = np.zeros((n, ELEMENTS, len(self.prior.information)))
+        if self.prior.floor_pf is not None:
+            by_parameter[:, diagonal, N_ELECTRODE_PARAMETERS + diagonal] = 1.0
         for kind in (STRAY, GAIN):
             by_parameter[:, diagonal, kind.start + diagonal] = self._slope_pf(kind, self._cells_um)
         for gap, cells_um in zip(gaps, nearby_um, strict=False):
@@ -273,13 +289,13 @@ class _Equations:
         self._gradient = np.einsum("nrp,nr->p", weighted, state.residual) - state.pull
 
     def reduced_information(self, damping: float) -> Vector:
-        """Return the information of the parameters alone, after that of the loads is taken away, shape (27, 27)."""
+        """Return the information of the parameters alone, after that of the loads is taken away, shape (m, m)."""
         taken = np.einsum("ncp,ncq->pq", self._mixed, np.linalg.solve(self._damped(damping), self._mixed))
         information: Vector = self._shared + damping * np.diag(np.diag(self._shared)) - taken
         return information
 
     def step(self, damping: float) -> tuple[Vector, Vector]:
-        """Return the changes of parameters, (27,), and of coordinates, (n, 5)."""
+        """Return the changes of parameters and floor, (m,), and of coordinates, (n, 5)."""
         own = self._damped(damping)
         alone = np.linalg.solve(own, self._own_gradient[..., None])[..., 0]
         gradient = self._gradient - np.einsum("ncp,nc->p", self._mixed, alone)

@@ -56,7 +56,7 @@ from footsense.lab.training.windowed_network import (
 from footsense.progress import progress_bar
 
 #: Share of the windows with something missing, and of those of steady loads.
-_WINDOWS_WITH_MISSING_SHARE, _STEADY_WINDOWS_SHARE = 0.25, 0.25
+_WINDOWS_WITH_MISSING_SHARE, _STEADY_WINDOWS_SHARE = 0.25, 0.2
 #: How often each set of `MISSING_SETS` is missing, over the others: a column is a converter that does not answer.
 _MISSING_SET_WEIGHTS = np.repeat([0.0, 1.0, 1.0, 3.0], [1, ELEMENTS, ROWS, ROWS])
 #: Share of the steady windows that are read at any pace and in any order, and of those with friction: few of the loads

@@ -122,7 +122,7 @@ def walked_foot_figures(
         walking.judge()
         first, found = end, walking.electrodes
         drawn = random.multivariate_normal(
-            found.parameters[: len(found.covariance)], found.covariance, _DRAWS, method="cholesky"
+            found.parameters[: len(found.own_covariance)], found.own_covariance, _DRAWS, method="cholesky"
         )
         force_n, sigma_n = forces(found.parameters[STRAY], 1.0 + found.parameters[GAIN])
         spread_n = np.std([forces(one[STRAY], 1.0 + one[GAIN])[0] for one in drawn], axis=0)
