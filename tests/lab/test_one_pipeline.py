@@ -16,6 +16,7 @@ from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.models import load_models
 from footsense.daemon.recording_header import recorded_config, recorded_flags
 from footsense.daemon.service import open_service
+from footsense.daemon.setup.expected_error import uncertainty_of_uncalibrated
 from footsense.estimation.network import Network
 from footsense.estimation.pipeline import Pipeline, pipeline_of
 from footsense.estimation.settings import EstimationLimits, MountedFeet
@@ -89,11 +90,14 @@ def test_all_publish_the_same_of_a_recording(config: Config, peak_force_n: float
     models = load_models(recorded_config(recording))
     folder, scan = foot_type_folder(config.foot_type), SCAN_TIMES[config.board]
     network, response = Network(folder / NETWORK_FILE, 2), FootResponse.load(folder / RESPONSE_FILE)
+    unknown = uncertainty_of_uncalibrated(network, response, 2)
     of_service = published([cycle.forces for cycle in cycles])
     others = {
         "replay": run(pipeline_for(models, recorded_flags(recording)), cycles),
         "Estimator": estimated(config.foot_type, cycles),
-        "judging": run(judging_pipeline(network, response, scan, [None, None]), cycles),
+        "judging": run(
+            judging_pipeline(network, response, scan, [None, None], uncertainty=[unknown, unknown]), cycles
+        ),
     }
     for who, other in others.items():
         for name, values in of_service.items():

@@ -8,7 +8,11 @@ from msgspec.structs import replace
 
 from footsense.config import DEFAULT, SMALL_BOARD, Config
 from footsense.daemon.service import open_service
+from footsense.daemon.setup.expected_error import uncertainty_of_uncalibrated
+from footsense.estimation.network import Network
 from footsense.foot.directions import angles_between_deg
+from footsense.foot.response_table import FootResponse
+from footsense.foot.type_folders import released_folder
 from footsense.frames import LEGS, ContactFrame, Cycle, Leg, State, Vector
 from footsense.ports import Observer
 from footsense.sim import VirtualFeet
@@ -76,7 +80,10 @@ def held(board: Name, frames: list[ContactFrame], times_s: Vector) -> Published:
 
 def stepped(board: Name, foot_type: str, scene: Scene, times_s: Vector) -> Published:
     """Return the same of feet in a batch, which begin a scan earlier."""
-    feet = VirtualFeet(len(LEGS), foot_type, board=board)
+    folder = released_folder(foot_type)
+    network, response = Network(folder / "network.onnx", 1), FootResponse.load(folder / "response.npz")
+    unknown = uncertainty_of_uncalibrated(network, response, 1)
+    feet = VirtualFeet(len(LEGS), foot_type, board=board, uncertainty=unknown)
     feet.step(times_s[0] - 0.025, *np.tile(UP, (2, len(LEGS), 1)) * [[[0.0]], [[1.0]]])
     steps = [
         feet.step(t_s, force_n, normal)
