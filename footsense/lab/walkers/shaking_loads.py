@@ -10,9 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footsense.frames import LEGS, Vector
+from footsense.frames import Vector
 from footsense.lab.walkers.robots import GRAVITY_M_S2
 from footsense.lab.walkers.simulate import LOG_STEP_S, WalkerLog
+from footsense.lab.walkers.slow_loads import made_up_log
 
 #: Their gait.
 SHAKING = "shaking"
@@ -56,11 +57,7 @@ class ShakingLoads(NamedTuple):
 
     def kept_log(self) -> WalkerLog:
         """Return the loads over their peak."""
-        n = round(self.duration_s / LOG_STEP_S)
-        t_s: Vector = np.asarray(LOG_STEP_S * np.arange(n), np.float64)
-        legs = [_leg(t_s, rng) for rng in np.random.default_rng(self.seed).spawn(len(LEGS))]
-        force_n, normal, acceleration_m_s2 = (np.stack(part, axis=1) for part in zip(*legs, strict=True))
-        return WalkerLog(LEGS, t_s, force_n, normal, np.zeros_like(force_n), acceleration_m_s2, _FRICTION)
+        return made_up_log(_leg, self.seed, self.duration_s, _FRICTION)
 
 
 def _leg(t_s: Vector, rng: np.random.Generator) -> tuple[Vector, Vector, Vector]:

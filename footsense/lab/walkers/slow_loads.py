@@ -5,6 +5,7 @@ Their kind is that of feet with Hall-effect sensors under walking hexapods with 
 a hundredth of the peak (`walker_scores.FIRST_LOAD_REL`).
 """
 
+from collections.abc import Callable
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -55,11 +56,27 @@ class SlowLoads(NamedTuple):
 
     def kept_log(self) -> WalkerLog:
         """Return the loads over their peak."""
-        n = round(self.duration_s / LOG_STEP_S)
-        t_s: Vector = np.asarray(LOG_STEP_S * np.arange(n), np.float64)
-        legs = [_leg(t_s, rng) for rng in np.random.default_rng(self.seed).spawn(len(LEGS))]
-        force_n, normal, acceleration_m_s2 = (np.stack(part, axis=1) for part in zip(*legs, strict=True))
-        return WalkerLog(LEGS, t_s, force_n, normal, np.zeros_like(force_n), acceleration_m_s2, _FRICTION)
+        return made_up_log(_leg, self.seed, self.duration_s, _FRICTION)
+
+
+def made_up_log(
+    leg: Callable[[Vector, np.random.Generator], tuple[Vector, Vector, Vector]],
+    seed: int,
+    duration_s: float,
+    friction: float,
+) -> WalkerLog:
+    """Return the log of six feet that do not slide.
+
+    Args:
+        leg: Returns force [N], contact normal and acceleration [m/s2] of a foot at n times [s], shape (n, 3) each.
+        seed: Seed of the feet, each of which has a part of it.
+        duration_s: Duration [s].
+        friction: Coefficient of friction.
+    """
+    t_s: Vector = np.asarray(LOG_STEP_S * np.arange(round(duration_s / LOG_STEP_S)), np.float64)
+    legs = [leg(t_s, rng) for rng in np.random.default_rng(seed).spawn(len(LEGS))]
+    force_n, normal, acceleration_m_s2 = (np.stack(part, axis=1) for part in zip(*legs, strict=True))
+    return WalkerLog(LEGS, t_s, force_n, normal, np.zeros_like(force_n), acceleration_m_s2, friction)
 
 
 def _leg(t_s: Vector, rng: np.random.Generator) -> tuple[Vector, Vector, Vector]:
