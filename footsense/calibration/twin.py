@@ -10,6 +10,7 @@ contact as seen from the sheet, to first order in o / R: its normal is n + o / R
 reads (1 + r) f of a force f. The film does not appear: the unloaded distance D contains it.
 """
 
+from collections import defaultdict
 from collections.abc import Sequence
 
 import numpy as np
@@ -103,10 +104,19 @@ class FootTwin:
             nearby: Parameters and n loads, k times, all near those of the closed cells.
             closed_cells: Cells that are closed, shape (n, cells); all others are open.
         """
-        # Gaps and stiffness leave a load where it is: one evaluation of the table for all of them.
-        places = [(parameters[MOUNT.start :].tobytes(), id(loads)) for parameters, loads in nearby]
-        one_of = dict(zip(places, nearby, strict=True))
-        designed_um = {place: self._designed_cell_closures_um(*one) for place, one in one_of.items()}
+        # Gaps and stiffness leave a load where it is, and the forces of one contact need one evaluation of the table.
+        at_contact = defaultdict[tuple[bytes, bytes], dict[int, tuple[Vector, ContactLoads]]](dict)
+        places = list[tuple[tuple[bytes, bytes], int]]()
+        for parameters, loads in nearby:
+            contact = parameters[MOUNT.start :].tobytes(), loads.normal.tobytes()
+            at_contact[contact][id(loads)] = parameters, loads
+            places.append((contact, id(loads)))
+        designed_um = dict[tuple[tuple[bytes, bytes], int], Vector]()
+        for contact, forces in at_contact.items():
+            (parameters, first), *_ = forces.values()
+            several = ContactLoads(first.normal, np.stack([loads.force_n for _, loads in forces.values()]))
+            closures_um = self._designed_cell_closures_um(parameters, several)
+            designed_um |= {(contact, of): um for of, um in zip(forces, closures_um, strict=True)}
         free_um = np.stack(
             [_compliance_factor(p) * designed_um[place] for place, (p, _) in zip(places, nearby, strict=True)]
         )
@@ -119,7 +129,10 @@ class FootTwin:
         )
 
     def _designed_cell_closures_um(self, parameters: Vector, loads: ContactLoads) -> Vector:
-        """Return the closures of each cell for a solid as stiff as designed [um], shape (n, cells)."""
+        """Return the closures of each cell for a solid as stiff as designed [um], shape (n, cells).
+
+        Forces of the shape (k, n, 3) at n contacts give closures of the shape (k, n, cells).
+        """
         mount = rotation(parameters[MOUNT])
         moved = loads.normal @ mount.T
         moved[:, :2] += parameters[OFFSET]

@@ -282,10 +282,11 @@ class FootResponse:
             normal: Unit normal of the ball at the contact, pointing into the ball [1, foot frame], shape
                 (..., 3); the contact is at -R normal from the centre of the ground-side hemisphere.
             force_n: Ground reaction on the foot [N, foot frame], shape (..., 3); friction and off-centre
-                contact are the angle between the two.
+                contact are the angle between the two. Shape (k, ..., 3) for k forces at each contact.
 
         Returns:
-            Closure d0 of each cell [um], shape (..., 324), positive when the gap narrows; may exceed the gap.
+            Closure d0 of each cell [um], shape (..., 324) or (k, ..., 324), positive when the gap narrows; may exceed
+            the gap.
 
         Raises:
             ValueError: A normal is not a unit vector or lies below `min_elevation_deg`.
@@ -300,10 +301,20 @@ class FootResponse:
                 f"the response reaches down to an elevation of {self.min_elevation_deg:g} deg of the contact "
                 f"normal (its z at least {lowest:.4f}), got z = {normal[..., 2].min():.4f}"
             )
-        if len(normal) == 1 and normal.ndim == 2:
+        if len(normal) == 1 and normal.ndim == force_n.ndim == 2:
             return self._free_closure_of_one_contact_um(normal, force_n)
         basis = series_basis(normal, self.degree, self.fit_elevation_deg)
         radius_squared = self.patch_radius_mm(normal, force_n)[..., None] ** 2
+        if force_n.ndim > normal.ndim:
+            point, patch = basis @ self.closure_coefficients.reshape(
+                2, 1, *self.closure_coefficients.shape[1:]
+            )
+            shape = (*basis.shape[:-1], 3, N_CELLS)
+            of_point, of_patch = (
+                (force_n[..., None, :] @ part.reshape(shape))[..., 0, :] for part in (point, patch)
+            )
+            several: Vector = of_point + radius_squared * of_patch
+            return several
         # One product for the point force and what the patch adds: the series are long, the basis is short.
         weighted = np.concatenate([basis, radius_squared * basis], axis=-1)
         shape = (*basis.shape[:-1], 3, N_CELLS)

@@ -40,8 +40,8 @@ _MODEL_ERROR_REL, _CLOSURE_ERROR_REL = 0.005, 0.01
 _FLOOR_SIGMA_PF, _UNEVEN_FLOOR_SIGMA_PF, _FLOOR_WANDER_PF = 0.05, 0.01, 0.02
 #: Instants of the first fit of a foot that was never calibrated, and of each later fit.
 FIRST_INSTANTS, INSTANTS_PER_FIT = 18, 6
-#: Steps of a later fit, and of the first stage of a first one.
-_ROUNDS, _FIRST_STAGE_ROUNDS = 3, 15
+#: Steps of a later fit, of the first stage of a first one, and of one that judges.
+_ROUNDS, _FIRST_STAGE_ROUNDS, _JUDGING_ROUNDS = 3, 15, 8
 #: Share of the information that counts [1], and usual distance of an instant's readings from the model [1]: median of
 #: chi with four degrees of freedom.
 _INFORMATION_SHARE, _USUAL_DISTANCE = 0.5, 1.83
@@ -161,7 +161,9 @@ def fit_again(models: DesignModels, before: Electrodes, instants: Instants, star
     readings, unloaded_pf = readings_of(models, start, instants)
     coordinates = load_coordinates(models, start, readings.capacitance_pf, unloaded_pf)
     twin = FootTwin(models.response, unloaded_pf)
-    return fit_electrodes(twin, readings, coordinates, before.prior(), start=start)
+    return fit_electrodes(
+        twin, readings, coordinates, before.prior(), start=start, max_rounds=_JUDGING_ROUNDS
+    )
 
 
 def misfit_of(models: DesignModels, parameters: Vector, instants: Instants) -> float:

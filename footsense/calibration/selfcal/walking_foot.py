@@ -19,8 +19,8 @@ from footsense.calibration.standing.fit import N_ELECTRODE_PARAMETERS
 from footsense.calibration.twin import GAIN, GAP, STRAY
 from footsense.foot.parameters import FootParameters
 
-#: Instants of the first minute or so, of which every stance is used; then those of a fit in every so many [ns].
-N_FAST, _PERIOD_NS = 240, 10_000_000_000
+#: Instants of the first half minute or so, of which every stance is used; then those of a fit in every so many [ns].
+N_FAST, _PERIOD_NS = 120, 10_000_000_000
 _NS_PER_MINUTE = 60e9
 #: Mean angle of a direction error over the standard deviation of each of its two components [1].
 _MEAN_OVER_SIGMA = math.sqrt(math.pi / 2.0)

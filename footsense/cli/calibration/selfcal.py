@@ -150,7 +150,7 @@ class _Robot:
             FootResponse.load(folder / "response.npz"),
             lru_cache(maxsize=8)(partial(Network, self._network)),
         )
-        self._state_folder, self._judged_ns = state_folder, stopwatch_ns()
+        self._state_folder, self._judged_ns, self._is_new = state_folder, stopwatch_ns(), True
         names: Mapping[str, str] = dict(config.feet.items())
         self._told: dict[str, str] = {}
         self.feet: list[WalkingFoot] = []
@@ -202,14 +202,14 @@ class _Robot:
 
     def judge_in_time(self) -> None:
         """Judge, keep and tell once a minute while feet are new, later every ten."""
-        is_new = any(foot.n_instants < N_FAST for foot in self.feet)
-        if 1e-9 * (stopwatch_ns() - self._judged_ns) >= (_NEW_PERIOD_S if is_new else _PERIOD_S):
+        if 1e-9 * (stopwatch_ns() - self._judged_ns) >= (_NEW_PERIOD_S if self._is_new else _PERIOD_S):
             self.judge()
             self.tell()
 
     def judge(self) -> None:
         """Judge all feet, keep their states, and propose what there is to propose."""
         self._judged_ns = stopwatch_ns()
+        self._is_new = any(foot.n_instants < N_FAST for foot in self.feet)
         for foot in self.feet:
             foot.judge()
             if self._state_folder is not None:

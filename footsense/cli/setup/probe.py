@@ -199,10 +199,11 @@ def _elements_cell(leg: ProbedLeg) -> str:
 
 
 def _noise_cell(leg: ProbedLeg) -> str:
-    """Return the largest noise of the sound elements; that of the others is no noise."""
+    """Return the largest noise of the elements that work; that of the others is no noise."""
     if leg.scans is None:
         return EMPTY_CELL
-    sound_ff = leg.scans.noise_ff[[not faulty for _, faulty in element_marks(leg)]]
+    faults = tuple(fault for fault in leg.faults if not fault.foot_may_be_sound)
+    sound_ff = leg.scans.noise_ff[[not faulty for _, faulty in element_marks(leg._replace(faults=faults))]]
     return f"{sound_ff.max():.2f}" if sound_ff.size else EMPTY_CELL
 
 

@@ -146,7 +146,7 @@ def foot_faults(
         )
         advice = (
             "that nothing presses the foot; then calibrate it beside a force sensor; without one, its readings below as"
-            " unloaded_pf let it be tared, and its forces stay those of the design"
+            " unloaded_pf let it be tared, and `footsense selfcal` finds its electrodes while it walks"
         )
         broken.append(FootFault(Cause.NONE, _indices(off), observation, advice, foot_may_be_sound=True))
     return tuple(broken)
