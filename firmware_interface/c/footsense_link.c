@@ -5,6 +5,12 @@
 /* Shortest silence of a leg in which its service may have been started anew, with other feet. */
 static const uint32_t RESTART_US = 300000u;
 
+/* Two services: how long their signs count, within what time an `Identity` follows on the last one, of which it is one
+ * more, and within what it may be the same frame sent again. */
+static const uint32_t CONFLICT_US = 3000000u;
+static const uint32_t IDENTITY_PERIOD_US = 1500000u;
+static const uint32_t SENT_AGAIN_US = 10000u;
+
 /* Whether more than `limit` has passed; a clock that ran backwards has run out. */
 static bool is_over(uint64_t now_us, uint64_t since_us, uint32_t limit_us)
 {
@@ -42,11 +48,23 @@ static void take_repeated(const footsense_link *link, footsense_leg *leg)
     }
 }
 
-static void take_identity(footsense_leg *leg, const footsense_identity *identity, uint64_t now_us)
+/* A service tells the same until it ends, and counts: while forces come, who tells something else, or does not count
+ * on, is a second one. */
+static void take_identity(const footsense_link *link, footsense_leg *leg, const footsense_identity *identity,
+                          uint64_t now_us)
 {
-    if (leg->identity.node != 0 && (identity->version != leg->identity.version
-                                    || identity->force_step_mn != leg->identity.force_step_mn)) {
-        distrust(leg, FOOTSENSE_LINK_STALE);
+    const footsense_identity *last = &leg->identity;
+    if (last->node != 0 && !is_silent(link, leg, now_us)) {
+        bool same = identity->version == last->version && identity->force_step_mn == last->force_step_mn
+                    && identity->foot_type_hash == last->foot_type_hash;
+        bool counts_on = identity->counter == (last->counter + 1u) % FOOTSENSE_COUNTER_PERIOD;
+        bool sent_again = identity->counter == last->counter && !is_over(now_us, leg->identity_us, SENT_AGAIN_US);
+        bool is_late = is_over(now_us, leg->identity_us, IDENTITY_PERIOD_US);
+        if (!same || !(counts_on || sent_again || is_late)) {
+            distrust(leg, FOOTSENSE_LINK_STALE);
+            leg->conflicted = true;
+            leg->conflict_us = now_us;
+        }
     }
     leg->identity = *identity;
     leg->identity_us = now_us;
@@ -142,7 +160,7 @@ bool footsense_feed(footsense_link *link, uint32_t id, const uint8_t *data, uint
     if (id > FOOTSENSE_IDENTITY_ID && id <= FOOTSENSE_IDENTITY_ID + FOOTSENSE_LEGS) {
         footsense_identity identity;
         if (footsense_decode_identity(id, data, len, &identity)) {
-            take_identity(&link->legs[identity.node - 1u], &identity, now_us);
+            take_identity(link, &link->legs[identity.node - 1u], &identity, now_us);
         } /* or the next one comes in a second */
         return true;
     }
@@ -186,6 +204,9 @@ static footsense_status status_of(const footsense_link *link, const footsense_le
         bool just_wrong = leg->status == FOOTSENSE_LINK_WRONG
                           && !is_over(now_us, leg->wrong_us, link->limits.timeout_us);
         return just_wrong ? FOOTSENSE_LINK_WRONG : FOOTSENSE_LINK_STALE;
+    }
+    if (leg->conflicted && !is_over(now_us, leg->conflict_us, CONFLICT_US)) {
+        return FOOTSENSE_LINK_CONFLICT;
     }
     /* Only a force has an age; that a leg is absent stays true. */
     if (leg->status != FOOTSENSE_LINK_WRONG && has_force(leg->force.state) && is_too_old(link, leg, now_us)) {

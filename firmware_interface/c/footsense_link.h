@@ -1,6 +1,6 @@
 /* Whether each leg's force may be used now. C99, no allocation, no floats, no clock of its own.
  *
- * Feed it every frame that arrives, and read a leg whenever you need a force. Each leg has one of seven statuses:
+ * Feed it every frame that arrives, and read a leg whenever you need a force. Each leg has one of eight statuses:
  *
  *     OK        the last force is valid, in sequence, and young enough
  *     LOST      the same, but up to max_delta - 1 forces before it did not arrive
@@ -8,8 +8,10 @@
  *     WRONG     a frame failed its check (crc, length, counter, code, or a counter more than max_delta ahead), and
  *               fewer than min_good forces have come since
  *     STALE     no force for `timeout_us`, or fewer than min_good since then; or the force is older than `max_age_us`
- *     UNKNOWN  in sequence, but no `Identity` has told their step and version yet, which it does each second
- *     REFUSED       in sequence, but of a version or a step that this code does not know
+ *     UNKNOWN   in sequence, but no `Identity` has told their step and version yet, which it does each second
+ *     REFUSED   in sequence, but of a version or a step that this code does not know
+ *     CONFLICT  two services send forces of this leg, by their `Identity`: one that tells something else, or does not
+ *               count on from the last; until 3 s after the last sign of it
  *
  *                    any frame fails its check, or more than max_delta ahead
  *          +----------------------------------------------------------------> WRONG --+
@@ -41,7 +43,8 @@ typedef enum {
     FOOTSENSE_LINK_REPEATED = 3,
     FOOTSENSE_LINK_WRONG = 4,
     FOOTSENSE_LINK_UNKNOWN = 5,
-    FOOTSENSE_LINK_REFUSED = 6
+    FOOTSENSE_LINK_REFUSED = 6,
+    FOOTSENSE_LINK_CONFLICT = 7
 } footsense_status;
 
 typedef struct {
@@ -86,6 +89,8 @@ typedef struct {
     footsense_status status;
     footsense_identity identity; /* node 0: none */
     uint64_t identity_us;
+    bool conflicted;             /* whether two services have ever sent */
+    uint64_t conflict_us;        /* the last sign of it */
     uint16_t fault_mask;
     bool has_mask;
 } footsense_leg;

@@ -26,6 +26,10 @@ LINK_IDS = tuple(
 #: Shortest silence of a leg in which its service may have been started anew, with other feet [ns].
 _RESTART_NS = 300_000_000
 
+#: Two services: how long their signs count, within what time an `Identity` follows on the last one, of which it is
+#: one more, and within what it may be the same frame sent again [ns].
+_CONFLICT_NS, _IDENTITY_PERIOD_NS, _SENT_AGAIN_NS = 3_000_000_000, 1_500_000_000, 10_000_000
+
 _NO_FORCE = (math.nan, math.nan, math.nan)
 
 
@@ -36,9 +40,12 @@ class LinkStatus(IntEnum):
     OK = 1  #: the last force is valid, in sequence, and young enough
     LOST = 2  #: the same, but up to `max_delta` - 1 forces before it did not arrive
     REPEATED = 3  #: the last frame came again: its counter has not advanced
-    WRONG = 4  #: a check failed, too many frames were lost or two services send; until `min_good` forces have come
+    WRONG = 4  #: a check failed, or too many frames were lost; until `min_good` forces have come
     UNKNOWN = 5  #: forces come, but their step and version are not known yet: `Identity` comes once a second
     REFUSED = 6  #: `Identity` tells a version or a force step that this decoder does not know
+    CONFLICT = (
+        7  #: two services send forces of this leg, by their `Identity`; until 3 s after the last sign of it
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,11 +191,22 @@ class _LegStateMachine:
         self.identity: Identity | None = None
         self.fault: Fault | None = None
         self._identity_ns = 0
+        self._conflict_ns: int | None = None
 
     def process_identity(self, identity: Identity, now_ns: int) -> None:
-        """Process an `Identity` frame with a valid CRC; forces from before another one are not used."""
-        if self.identity is not None and identity[2:4] != self.identity[2:4]:
-            self._reset(LinkStatus.STALE)
+        """Process an `Identity` frame with a valid CRC.
+
+        A service tells the same until it ends, and counts: while forces come, who tells something else, or does not
+        count on, is a second one.
+        """
+        last, since_ns = self.identity, self._identity_ns
+        if last is not None and not self._is_silent(now_ns):
+            counts_on = identity.counter == (last.counter + 1) % COUNTER_PERIOD
+            sent_again = identity == last and not _has_elapsed(now_ns, since_ns, _SENT_AGAIN_NS)
+            is_late = _has_elapsed(now_ns, since_ns, _IDENTITY_PERIOD_NS)
+            if identity[2:] != last[2:] or not (counts_on or sent_again or is_late):
+                self._reset(LinkStatus.STALE)
+                self._conflict_ns = now_ns
         self.identity, self._identity_ns = identity, now_ns
 
     def process_frame(self, half: Force | Quality, now_ns: int) -> None:
@@ -282,6 +300,8 @@ class _LegStateMachine:
         if self._is_silent(now_ns):
             over = _has_elapsed(now_ns, self._wrong_ns, self._limits.timeout_ns)
             return LinkStatus.WRONG if self._status is LinkStatus.WRONG and not over else LinkStatus.STALE
+        if self._conflict_ns is not None and not _has_elapsed(now_ns, self._conflict_ns, _CONFLICT_NS):
+            return LinkStatus.CONFLICT
         # Only a force ages; a state without force stays valid.
         if self._status is not LinkStatus.WRONG and self._state in USABLE and self._is_too_old(now_ns):
             return LinkStatus.STALE

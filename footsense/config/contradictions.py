@@ -28,7 +28,7 @@ def first_contradiction(config: Config) -> Problem | None:
 
 
 def missing_folder(config: Config, parent: Path) -> Problem | None:
-    """Return the first folder of a foot type or calibration that is not there; None if all are.
+    """Return the first folder of a foot type or calibration that has to be there and is not; None if all are.
 
     Args:
         config: The configuration.
@@ -38,8 +38,13 @@ def missing_folder(config: Config, parent: Path) -> Problem | None:
         remedy = "`footsense lab build --foot` makes one"
         return Problem("foot_type", f"no foot type {config.foot_type}: {folder} is not a folder; {remedy}")
     for leg, foot in config.feet.items() if config.calibrations is not None else ():
-        if not (folder := parent / str(config.calibrations) / foot).is_dir():
-            remedy = "`footsense test-stand calibrate` makes one from recordings of the foot"
+        if (
+            leg not in config.unloaded_pf
+            and not (folder := parent / str(config.calibrations) / foot).is_dir()
+        ):
+            remedy = (
+                "`footsense test-stand calibrate` makes one; until then give what it reads under unloaded_pf"
+            )
             return Problem(f"feet.{leg}", f"{folder}: no such calibration; {remedy}")
     return None
 
@@ -162,8 +167,6 @@ def _foot_rules(config: Config) -> Iterator[_Rule]:
         for leg in sorted(legs):
             no_leg = f"no bus has the leg {leg}; the legs are {', '.join(config.legs)}"
             yield leg not in config.legs, f"{section}.{leg}", no_leg
-            known = f"the calibration of {feet.get(leg)} has it; take this entry away"
-            yield is_calibrated and section != "feet" and leg in feet, f"{section}.{leg}", known
     yield is_calibrated and not feet, "calibrations", "no foot is named; name them under feet"
     own_network = "each calibration brings the network that it was fitted on; take model or calibrations away"
     yield is_calibrated and config.model is not None, "model", own_network

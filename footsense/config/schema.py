@@ -47,15 +47,17 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         baseline: Tracking of the baseline between tares.
         contact: Contact detection.
         max_age_ms: Age of its oldest element at which a measurement becomes `stale` [ms]; None for four scans.
-        stray_pf: Capacitance of the wiring beside each element [pF], one for each element of a leg; 0 where absent.
+        stray_pf: Capacitance of the wiring beside each element [pF], one for each element of a leg; 0 where absent. A
+            foot's calibration has its own.
         unloaded_pf: Reading of each element of the mounted, unloaded foot, stray included [pF], one for each element of
-            a leg; the design's if absent. A tare has to be near it.
+            a leg; the design's if absent. A tare has to be near it. A foot's calibration has its own.
         foot_type: Name of a released foot type, or, with a slash, the folder of another from `footsense lab build`,
             relative to the file. The folder has the name of the type.
         model: Network to use, relative to the file; None for that of the foot type.
         feet: Foot mounted on each leg.
-        calibrations: Folder of the feet's calibrations, relative to the file; every foot in `feet` needs one there,
-            which brings its stray_pf, unloaded_pf and network. None assumes the foot as designed.
+        calibrations: Folder of the feet's calibrations, relative to the file; every foot in `feet` needs one there, or
+            an entry in `unloaded_pf`, by which it is read as designed until it has one. A calibration brings stray_pf,
+            unloaded_pf and network. None assumes the foot as designed.
         ring: File in memory through which the service hands the cycles of the last 30 s to its readers; None for
             /run/footsense/ring, and in a simulation for one of the user's own.
         metrics: Where the metrics are served.

@@ -53,7 +53,8 @@ def mounted_feet(models: Models) -> MountedFeet:
     config, mounted = models.config, [models.calibrations_by_leg.get(leg) for leg in models.config.legs]
 
     def configured(values: Mapping[Any, Sequence[float]], default: float) -> Vector:
-        return np.array([values.get(leg, (default,) * ELEMENTS) for leg in config.legs])
+        none, calibrated = (default,) * ELEMENTS, models.calibrations_by_leg
+        return np.array([none if leg in calibrated else values.get(leg, none) for leg in config.legs])
 
     return MountedFeet.of(
         models.network.card.trained_inputs.design,

@@ -58,6 +58,8 @@ def load_response(models: Models) -> FootResponse | None:
 def load_calibrations(config: Config) -> dict[str, FootCalibration]:
     """Load the calibration of every leg whose foot is named; empty without a configured folder.
 
+    A foot that has none yet is read as designed, if the configuration says what it reads unloaded.
+
     Raises:
         ModelError: A calibration is missing, damaged, or for another foot or foot type; or two were fitted on different
             networks, which would cost a second network call per cycle.
@@ -72,9 +74,13 @@ def load_calibrations(config: Config) -> dict[str, FootCalibration]:
         if foot is None:
             _log.warning("%s: no foot is named under feet: the mounted one is read as designed", leg)
             continue
-        calibrations_by_leg[leg] = calibration = read_calibration(
-            Path(config.calibrations) / foot, foot_type, foot
-        )
+        folder = Path(config.calibrations) / foot
+        if leg in config.unloaded_pf and not folder.exists():
+            _log.warning(
+                "%s: %s has no calibration in %s: it is read as designed", leg, foot, config.calibrations
+            )
+            continue
+        calibrations_by_leg[leg] = calibration = read_calibration(folder, foot_type, foot)
         manifest, first = calibration.manifest, next(iter(calibrations_by_leg.values()))
         if calibration.network_sha256 != first.network_sha256:
             raise ModelError(

@@ -27,7 +27,7 @@ FORCE_N = (0.1, -0.05, 0.8)
 SIGMA_N = (0.02, 0.02, 0.04)
 
 STALE, OK, LOST, REPEATED, WRONG = "stale", "ok", "lost", "repeated", "wrong"
-UNKNOWN, REFUSED = "unknown", "refused"
+UNKNOWN, REFUSED, CONFLICT = "unknown", "refused", "conflict"
 
 
 def force(counter: int, state: State = State.VALID, node: int = NODE) -> tuple[int, bytes]:
@@ -43,9 +43,11 @@ def quality(
     return QUALITY_ID + NODE, encode_quality(NODE, counter, 0, age_ns, sigma_n)
 
 
-def identity(version: int = PROTOCOL_VERSION, step_mn: int = 1) -> tuple[int, bytes]:
+def identity(
+    counter: int = 0, *, version: int = PROTOCOL_VERSION, step_mn: int = 1, foot_type: int = 0x01020304
+) -> tuple[int, bytes]:
     """Return id and data of an identity."""
-    return IDENTITY_ID + NODE, IDENTITY.encode(Identity(NODE, 0, version, step_mn, 0x01020304))
+    return IDENTITY_ID + NODE, IDENTITY.encode(Identity(NODE, counter, version, step_mn, foot_type))
 
 
 @dataclass
@@ -96,6 +98,24 @@ class Case:
         self.t_us += GAP_US
         self.feed(quality(counter, age_us), status, usable=usable)
         self.t_us -= GAP_US
+        return self
+
+    def each_second(self, *statuses: str, first: int = 6, identities: bool = True) -> "Case":
+        """Add seconds with a force each 50 ms, counting on, and in the end of each an identity, counting from 2 on."""
+        for number, status in enumerate(statuses):
+            before = self.steps[-1][3]
+            for force_number in range(20):
+                self.t_us += PERIOD_US
+                is_last = force_number == 19
+                self.pair(
+                    (first + 20 * number + force_number) % 15,
+                    str(status if is_last else before),
+                    before=str(before),
+                )
+            if identities:
+                self.t_us += GAP_US
+                self.feed(identity(2 + number), status)
+                self.t_us -= GAP_US
         return self
 
     def trusted(self) -> "Case":
@@ -265,22 +285,50 @@ def cases() -> list[Case]:
         .pair(2, UNKNOWN, before=STALE)
         .feed(_spoilt(identity()), UNKNOWN)
         .feed(identity(), OK),
-        Case("a version or a step that is not known is refused", identified=False)
+        Case("a version that is not known is refused", identified=False)
         .feed(identity(version=PROTOCOL_VERSION + 1), STALE)
         .pair(0, STALE)
         .pair(1, STALE)
-        .pair(2, REFUSED, before=STALE)
+        .pair(2, REFUSED, before=STALE),
+        Case("a step that is not known is refused", identified=False)
         .feed(identity(step_mn=3), STALE)
-        .pair(3, STALE)
-        .pair(4, STALE)
-        .pair(5, REFUSED, before=STALE),
-        Case("another step ends the use of what came before, and the same one does not")
+        .pair(0, STALE)
+        .pair(1, STALE)
+        .pair(2, REFUSED, before=STALE),
+        Case("an identity that counts on, or is sent again, changes nothing")
         .trusted()
-        .feed(identity(), OK)
-        .feed(identity(step_mn=10), STALE)
-        .pair(3, STALE)
-        .pair(4, STALE)
-        .pair(5, OK, before=STALE),
+        .look(GAP_US, OK)
+        .feed(identity(1), OK)
+        .look(10_000, OK)
+        .feed(identity(1), OK)
+        .look(10_000, OK)
+        .feed(identity(2), OK),
+        *(
+            Case(f"two services, {what}: nothing is used until one has been alone for three seconds")
+            .trusted()
+            .look(GAP_US, OK)
+            .feed(second, CONFLICT)
+            .pair(3, CONFLICT)
+            .pair(4, CONFLICT)
+            .pair(5, CONFLICT)
+            .feed(identity(1), CONFLICT)
+            .each_second(CONFLICT, CONFLICT, OK)
+            for what, second in {
+                "another step": identity(1, step_mn=10),
+                "another foot": identity(1, foot_type=0x01020305),
+                "by their counters": identity(9),
+            }.items()
+        ),
+        Case("two services that count alike: the same identity comes again too late to be sent again")
+        .trusted()
+        .look(GAP_US, OK)
+        .feed(identity(1), OK)
+        .look(10_001, OK)
+        .feed(identity(1), CONFLICT),
+        Case("an identity that comes late may have lost one before it")
+        .trusted()
+        .each_second(OK, OK, first=3, identities=False)
+        .feed(identity(2), OK),
         _silent("a silence in which no service can start anew needs no other identity", 300_000)
         .pair(3, STALE)
         .pair(4, STALE)

@@ -15,8 +15,9 @@ from footsense.cli.recordings import replay
 from footsense.cli.setup.check_config import check_config
 from footsense.config import Config
 from footsense.config.sections import Bus
+from footsense.daemon.estimation import mounted_feet
 from footsense.daemon.foot_types import released_path
-from footsense.daemon.models import load_calibrations
+from footsense.daemon.models import load_calibrations, load_models
 from footsense.daemon.service import open_service
 from footsense.errors import ModelError
 from footsense.foot.network_card import add_checksum
@@ -122,6 +123,20 @@ def test_a_leg_without_a_named_foot_is_told_of(tmp_path: Path, caplog: pytest.Lo
     write_both(tmp_path)
     assert list(load_calibrations(config(tmp_path, rf="foot-0008"))) == ["rf"]
     assert "lf: no foot is named under feet" in caplog.text
+
+
+def test_a_foot_that_has_no_calibration_yet(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """It is read as designed if its unloaded readings are configured; a calibration that is there has its own."""
+    write_both(tmp_path)
+    robot = msgspec.structs.replace(
+        config(tmp_path, lf="foot-0009", rf="foot-0008"), unloaded_pf={"lf": (5.0,) * 9, "rf": (9.0,) * 9}
+    )
+    models = load_models(robot)
+    assert list(models.calibrations_by_leg) == ["rf"]
+    assert "lf: foot-0009 has no calibration in" in caplog.text
+    left, right = mounted_feet(models).unloaded_pf
+    assert left.tolist() == [5.0] * 9
+    assert right.max() < 8.0
 
 
 def test_check_config_lists_the_calibrations(tmp_path: Path) -> None:

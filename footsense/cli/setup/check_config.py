@@ -148,13 +148,14 @@ def _can_text(config: Config) -> str:
 
 
 def _uncalibrated(models: Models) -> Iterator[str]:
-    """Yield for the legs without a calibration why, and how wrong their forces are to be expected."""
+    """Yield for legs without a calibration why, and how wrong their forces are to be expected: alike for all."""
     feet: dict[str, str] = dict(models.config.feet.items())
     errors = dict(zip(models.config.legs, foot_uncertainties(models), strict=True))
     legs = [leg for leg in models.config.legs if leg not in models.calibrations_by_leg]
     unnamed = [leg for leg in legs if leg not in feet]
     reasons = [(unnamed[0], f"no foot named on {', '.join(unnamed)}")] if unnamed else []
-    reasons += [(leg, f"no folder of calibrations for {feet[leg]} on {leg}") for leg in legs if leg in feet]
+    if named := [leg for leg in legs if leg in feet]:
+        reasons.append((named[0], f"no calibration of {', '.join(f'{feet[leg]} on {leg}' for leg in named)}"))
     for leg, reason in reasons:
         expected = f"expect errors of {error_text(errors[leg])}, twice that of a single foot now and then"
         if is_simulated(models.config):

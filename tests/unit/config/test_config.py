@@ -157,11 +157,6 @@ def test_a_relative_path_is_one_beside_the_file(
             "model: each calibration brings the network that it was fitted on; take model or calibrations away",
         ),
         (
-            ONE_BUS
-            + "feet: {lf: foot-0001}\ncalibrations: feet/\nunloaded_pf: {lf: [5, 5, 5, 5, 5, 5, 5, 5, 5]}",
-            "unloaded_pf.lf: the calibration of foot-0001 has it; take this entry away",
-        ),
-        (
             ONE_BUS.replace("legs: {lf: 0, rf: 1}", "leg: lf\n    legs: {rf: 1}"),
             "buses[0].legs: name its legs with their channels of the multiplexer, under leg the one",
         ),
@@ -255,7 +250,7 @@ def test_check_config_explains_a_file(file: Path) -> None:
     file.write_text(ONE_BUS + "feet: {rf: foot-0007}\n")
     said = said_of(file)
     assert "no foot named on lf: uncalibrated, expect" in said
-    assert "no folder of calibrations for foot-0007 on rf: uncalibrated, expect" in said
+    assert "no calibration of foot-0007 on rf: uncalibrated, expect" in said
     settings = json.loads(CliRunner().invoke(check_config, [str(file), "--json"]).stdout)
     assert (settings["uncalibrated"], settings["max_age_ms"]) == (["lf", "rf"], 90)
 
