@@ -28,6 +28,8 @@ from footsense.ring.records import LostCycles, NumberedCycle, legs_in_header, re
 
 #: Largest record that is read, and chunk that is unpacked [bytes]; footsense's chunks have 64 KiB.
 MAX_CHUNK_BYTES = 1 << 20
+#: Largest size of a chunk over that of its packed bytes [1]: those of quiet simulated robots have 22.
+MAX_UNPACKED_REL = 64
 #: Most records of a chunk that are read [1]; footsense's smallest messages fill one with a thousand.
 MAX_CHUNK_RECORDS = 4096
 #: Largest cycle that is read: its messages' bytes, and their number [1]. A record of the ring has room for 16 000
@@ -145,6 +147,10 @@ def _chunk_records(chunk: Any) -> Iterator[Any]:  # noqa: ANN401 - the library i
     """
     require_valid(chunk.uncompressed_crc != 0, "a chunk has no checksum")
     require_valid(chunk.uncompressed_size <= MAX_CHUNK_BYTES, "a chunk is larger than any that is written")
+    require_valid(
+        chunk.uncompressed_size <= MAX_UNPACKED_REL * len(chunk.data),
+        "a chunk is packed closer than any that is written",
+    )
     # The library would allocate the size that the compressed data claim.
     require_valid(
         chunk.compression == "zstd" and frame_content_size(chunk.data) == chunk.uncompressed_size,
