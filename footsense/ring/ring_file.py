@@ -115,14 +115,27 @@ def check_replaceable(path: Path) -> None:
     Raises:
         FootsenseError: Another process writes it, or it is something else than a ring that was left over.
     """
+    if is_written_ring(path):
+        raise FootsenseError(f"{path}: another running service writes this file")
+
+
+def is_written_ring(path: Path, *, or_of_its_folder: bool = False) -> bool:
+    """Return whether a name is that of a ring of a running service; False where there is none, or one left over.
+
+    Args:
+        path: The name.
+        or_of_its_folder: Whether it may belong to whom its folder belongs to, as to a service of another user.
+
+    Raises:
+        FootsenseError: It is the name of something else.
+    """
     if not path.is_symlink() and not path.exists():
-        return
-    fd = _open_own_file(path)
+        return False
+    fd = _open_own_file(path, or_of_its_folder=or_of_its_folder)
     try:
-        if is_locked(fd):
-            raise FootsenseError(f"{path}: another running service writes this file")
         if os.pread(fd, len(_MAGIC_OF_ALL), 0) not in {b"", _MAGIC_OF_ALL}:
             raise FootsenseError(f"{path}: holds something else than footsense's cycles")
+        return is_locked(fd)
     finally:
         os.close(fd)
 

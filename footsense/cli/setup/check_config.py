@@ -30,6 +30,7 @@ from footsense.daemon.setup.expected_error import (
 from footsense.daemon.simulation import is_simulated
 from footsense.errors import ConfigError
 from footsense.foot.calibration_files import FootCalibration
+from footsense.ring.ring_file import is_written_ring
 
 #: Largest normal load of the released feet, as designed, with a force and no overload, if the force leans from an
 #: upright contact normal by 14 and by 30 deg, to the worst side [N]. Source: model cards, and docs/report/design.md.
@@ -55,6 +56,8 @@ def check_config(file: Path, dbc: Path | None, *, as_json: bool) -> None:
         raise
     models = load_models(config)
     pipeline_for(models, 0)  # raises as a run would
+    if config.ring_path is not None:
+        is_written_ring(config.ring_path, or_of_its_folder=True)  # likewise, but for one that runs
     card = models.network.card
     step_mn = force_step_mn(card.max_trained_force_n)
     settings = _settings(models) | {

@@ -224,6 +224,16 @@ def test_what_is_allowed_but_often_a_mistake_is_warned_of(
     assert [warning.partition(":")[0] for warning in warnings(load_config(file))] == warned_of
 
 
+def test_check_config_refuses_a_ring_that_would_replace_a_file(tmp_path: Path) -> None:
+    other, file = tmp_path / "passwd", tmp_path / "robot.yaml"
+    other.write_text("root:x:0:0\n")
+    file.write_text(f"{ONE_BUS}ring: {other}\n")
+    result = CliRunner().invoke(check_config, [str(file)])
+    assert str(result.exception) == f"{other}: holds something else than footsense's cycles"
+    other.unlink()
+    assert CliRunner().invoke(check_config, [str(file)]).exit_code == 0
+
+
 def test_check_config_explains_a_file(file: Path) -> None:
     """Where each leg is, where its forces go, how much of CAN that takes, and what to expect of feet as they come."""
     said = said_of(DEPLOY / "footsense-two-buses.yaml")
