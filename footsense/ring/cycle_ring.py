@@ -8,7 +8,6 @@ import fcntl
 import json
 import mmap
 import os
-import tempfile
 import zlib
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -130,8 +129,8 @@ class CycleRing(Observer):
             fd, unnamed = os.memfd_create("footsense-ring", os.MFD_CLOEXEC), None
         else:
             ring_file.check_replaceable(self._path)
-            fd, name = tempfile.mkstemp(prefix=f"{self._path.name}.", dir=self._path.parent)
-            unnamed = Path(name)
+            unnamed = self._path.with_name(f"{self._path.name}.draft")
+            fd = ring_file.open_draft(unnamed)
         try:
             fcntl.flock(fd, fcntl.LOCK_EX)
             os.fchmod(fd, 0o644)

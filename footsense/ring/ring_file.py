@@ -28,6 +28,7 @@ import contextlib
 import fcntl
 import mmap
 import os
+import stat
 import struct
 from pathlib import Path
 
@@ -106,6 +107,29 @@ def _open_own_file(path: Path, *, or_of_its_folder: bool = False) -> int:
     if os.fstat(fd).st_uid not in owners:
         os.close(fd)
         raise FootsenseError(f"{path}: belongs to another user")
+    return fd
+
+
+def open_draft(path: Path) -> int:
+    """Return a descriptor of a ring that is not ready yet, empty and locked; one that a service has left is used again.
+
+    Raises:
+        FootsenseError: Another service makes it, or it is no file of this user.
+        OSError: It cannot be made.
+    """
+    fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
+    about, reason = os.fstat(fd), ""
+    if not stat.S_ISREG(about.st_mode) or about.st_uid != os.geteuid():
+        reason = "is not a file of this user"
+    else:
+        try:
+            fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            reason = "another service that starts writes this file"
+    if reason:
+        os.close(fd)
+        raise FootsenseError(f"{path}: {reason}")
+    os.ftruncate(fd, 0)
     return fd
 
 

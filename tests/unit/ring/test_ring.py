@@ -289,6 +289,24 @@ def test_something_else_of_that_name_is_one_line_at_once(path: Path, kind: str) 
     assert path.lstat() == before
 
 
+@pytest.mark.parametrize("kind", [kind for kind in OTHERS if kind != "other content"])
+def test_something_else_with_the_name_of_a_ring_in_the_making(path: Path, kind: str) -> None:
+    """One line, and nothing is replaced; what a service has left that was killed is used again."""
+    draft = path.with_name("ring.draft")
+    if kind == "of another user" and os.geteuid():
+        pytest.skip("only root can make a file of another user")
+    OTHERS[kind][0](draft)
+    before = draft.lstat()
+    with pytest.raises(FootsenseError, match="ring"):
+        CycleRing(path, LEGS, {}, 40.0, status)
+    assert draft.lstat() == before
+    assert not path.exists()
+    draft.rmdir() if kind == "directory" else draft.unlink()
+    draft.write_bytes(b"half of a ring")
+    CycleRing(path, LEGS, {}, 40.0, status).close()
+    assert list(path.parent.iterdir()) == []
+
+
 def test_a_file_that_cannot_be_created_leaves_nothing_behind(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
