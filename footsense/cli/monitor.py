@@ -1,7 +1,6 @@
 """Command `footsense monitor`: the legs on CAN, as a consumer of their forces sees them."""
 
 import math
-import sys
 from collections.abc import Callable
 from contextlib import ExitStack, closing
 from dataclasses import replace
@@ -14,7 +13,7 @@ from rich.text import Text
 
 from firmware_interface.can.codes import CalibrationKind, Cause, Flag, NmtState
 from footsense.can.interface import Interface
-from footsense.cli.can.can_options import can_options, silence_text
+from footsense.cli.can.can_options import can_options, channel_argument, silence_text
 from footsense.cli.live import Picture
 from footsense.cli.options import StopRequest, duration_option
 from footsense.cli.tables import (
@@ -43,7 +42,9 @@ _NS_PER_S = 1_000_000_000
 _REDRAW_PERIOD_NS = 200_000_000
 #: Pictures in the time between two lines of JSON, a second.
 _REDRAWS_PER_LINE = 5
-#: Pictures in which `Identity` has come.
+#: Silence after which it ends where nobody watches [s]: that of `footsense.connect`.
+_TIMEOUT_S = 2.0
+#: Pictures in which `Identity` has come, and all else that is sent once a second.
 _LONGEST_IDENTITY_PERIODS = 6
 _LINK_STYLES = {LinkStatus.OK: "green", LinkStatus.LOST: "yellow", LinkStatus.REPEATED: "yellow"}
 #: State of the node in a heartbeat, in words short enough for the last column.
@@ -56,7 +57,16 @@ _NODE_STATE_WORDS = {
 
 
 @click.command()
+@channel_argument
 @can_options
+@click.option("--once", is_flag=True, help="Show the legs once, and end.")
+@click.option(
+    "--timeout",
+    "timeout_s",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="SECONDS",
+    help="End after a silence of this time. Default: 2 where the output is no terminal, else never.",
+)
 @click.option(
     "--max-age-ms",
     type=click.IntRange(1, 10_000),
@@ -74,15 +84,17 @@ _NODE_STATE_WORDS = {
 def monitor(
     interface: Interface,
     channel: str,
+    timeout_s: float | None,
     max_age_ms: int,
     duration_s: float,
     *,
+    once: bool,
     as_json: bool,
 ) -> None:
     """Show the legs on CAN: state, force with its age and uncertainty, and the cause of a fault.
 
-    Only listens. A force is shown if a consumer that accepts degraded legs may use it. Where no frame came in the
-    duration the command ends with exit code 1.
+    CHANNEL: as --channel. Only listens. A force is shown if a consumer that accepts degraded legs may use it. The exit
+    code is 1 where no frame came: in all of the duration, once, or in the timeout.
     """  # noqa: DOC501 - click shows this text
     limit_ns = max_age_ms * 1_000_000
     limits = LinkLimits(max_age_ns=limit_ns, timeout_ns=limit_ns, accept_degraded=True)
@@ -90,33 +102,38 @@ def monitor(
     clock = MonotonicClock()
     stop = StopRequest()
     is_plain = as_json or not console.is_terminal
+    timeout_ns = (timeout_s or (_TIMEOUT_S if is_plain else math.inf)) * _NS_PER_S
     with ExitStack() as stack:
         listener = stack.enter_context(closing(open_listener(interface, channel, clock, limits)))
         _wait_until_known(listener, clock)
-        start_ns = clock.now_ns()
+        start_ns = heard_ns = clock.now_ns()
         end_ns = start_ns + duration_s * _NS_PER_S
-        live = None if is_plain else stack.enter_context(Picture(console))
-        for step in count(1):
+        live = None if is_plain or once else stack.enter_context(Picture(console))
+        for step in count(_LONGEST_IDENTITY_PERIODS if once else 1):
             t_ns = start_ns + step * _REDRAW_PERIOD_NS
-            if t_ns > end_ns:
-                if listener.snapshot():
-                    return
-                if step > _REDRAWS_PER_LINE:  # the picture says so, or the line after the first second
-                    sys.exit(FootsenseError.exit_code)
-                raise FootsenseError(silence_text(channel))
+            if t_ns > end_ns and listener.snapshot():
+                return
             listener.listen(t_ns)
             if stop.requested:
                 return
             t_s = round((t_ns - start_ns) * 1e-9, 3)
-            if live is not None:
-                legs = listener.snapshot()
-                live.update(monitor_tables(legs, channel, t_s, console.width), refresh=True)
-            elif step % _REDRAWS_PER_LINE == 0:
-                legs = listener.snapshot()
-                if not legs and step == _REDRAWS_PER_LINE:
-                    click.echo(f"footsense: {silence_text(channel)}", err=True)
-                for snapshot in legs:
-                    echo_json({"t_s": t_s, **json_row(COLUMNS, snapshot)}, indent=0)
+            legs = listener.snapshot()
+            if any(leg.is_current for leg in legs):
+                heard_ns = t_ns
+            elif once or t_ns >= end_ns or t_ns - heard_ns >= timeout_ns:
+                raise FootsenseError(silence_text(channel))
+            if not is_plain:
+                tables = monitor_tables(legs, channel, t_s, console.width)
+                console.print(tables) if live is None else live.update(tables, refresh=True)
+            elif once or step % _REDRAWS_PER_LINE == 0:
+                _echo_lines(legs, t_s)
+            if once:
+                return
+
+
+def _echo_lines(legs: list[LegSnapshot], t_s: float) -> None:
+    for snapshot in legs:
+        echo_json({"t_s": t_s, **json_row(COLUMNS, snapshot)}, indent=0)
 
 
 def _wait_until_known(listener: Listener, clock: Clock) -> None:

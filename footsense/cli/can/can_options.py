@@ -34,7 +34,24 @@ def _take_from_file(ctx: click.Context, param: click.Parameter, value: Path | No
             "with udp_multicast other programs on this computer hear them"
         )
     ctx.meta[ROBOT] = config
-    ctx.default_map = {"interface": can.interface, "channel": can.channel}
+    ctx.default_map = {"interface": can.interface, "channel": can.channel} | dict(ctx.default_map or {})
+
+
+def _take_channel(ctx: click.Context, param: click.Parameter, value: str | None) -> None:
+    del param
+    if value is not None:
+        ctx.default_map = dict(ctx.default_map or {}) | {"channel": value}
+
+
+#: Argument of a command with `can_options`, for its channel alone.
+channel_argument = click.argument(
+    "can_channel",
+    metavar="[CHANNEL]",
+    required=False,
+    is_eager=True,
+    expose_value=False,
+    callback=_take_channel,
+)
 
 
 def _channel_or_default(ctx: click.Context, param: click.Parameter, value: str | None) -> str:

@@ -284,15 +284,16 @@ def test_reports_are_known_as_long_as_they_come() -> None:
 
 def test_a_channel_that_cannot_be_is_refused_with_one_that_can() -> None:
     """Before anything is opened."""
-    result = CliRunner().invoke(monitor, ["--interface", "udp_multicast", "--channel", "can0"])
-    assert result.exit_code == 2
-    assert "can0 is no IPv4 multicast address; try 239.74.163.2" in result.output
+    for channel in (["--channel", "can0"], ["can0"]):
+        result = CliRunner().invoke(monitor, ["--interface", "udp_multicast", *channel])
+        assert result.exit_code == 2
+        assert "can0 is no IPv4 multicast address; try 239.74.163.2" in result.output
 
 
-def test_a_channel_on_which_nothing_was_heard_is_a_failure() -> None:
-    """Told once, whether the first second is over or not."""
-    options = ["monitor", "--interface", "udp_multicast", "--channel", "239.74.163.77", "--duration"]
-    for duration_s in ("0.3", "1.3"):
-        result = CliRunner().invoke(main, [*options, duration_s])
-        assert result.exit_code == 1
-        assert result.output == "footsense: no frames on 239.74.163.77; is the service running?\n"
+@pytest.mark.parametrize("options", ["--duration 0.3", "--duration 1.3", "--timeout 0.4", "--once", ""])
+def test_a_channel_on_which_nothing_was_heard_is_a_failure(options: str) -> None:
+    """Told once, whether the first second is over or not; where nobody watches, without an option too."""
+    arguments = ["monitor", "239.74.163.77", "--interface", "udp_multicast", *options.split()]
+    result = CliRunner().invoke(main, arguments)
+    assert result.exit_code == 1
+    assert result.output == "footsense: no frames on 239.74.163.77; is the service running?\n"
