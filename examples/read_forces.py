@@ -3,6 +3,7 @@
 In another terminal: footsense run --config deploy/simulated.yaml. Ends when the robot is silent for 2 s.
 """
 
+import argparse
 import signal
 import sys
 
@@ -11,8 +12,13 @@ import footsense
 for end in (signal.SIGPIPE, signal.SIGINT):  # `| head` and Ctrl-C end it without a word
     signal.signal(end, signal.SIG_DFL)
 
-# On a robot: footsense.connect("can0").
-with footsense.connect(*sys.argv[1:2], interface="udp_multicast") as feet:
+parser = argparse.ArgumentParser(description=__doc__)
+parser.add_argument("--can", default="239.74.163.2", help="on a robot: can0")
+try:
+    feet = footsense.connect(parser.parse_args().can)
+except footsense.FootsenseError as error:
+    sys.exit(str(error))
+with feet:
     for forces in feet:
         for leg, force in forces.items():
             if not force.usable:  # a fault, a tare, or too old: hold no force from before

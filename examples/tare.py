@@ -3,12 +3,18 @@
 In another terminal: footsense run --config deploy/simulated.yaml --scene hanging.
 """
 
+import argparse
 import sys
 
 import footsense
 
-# On a robot: footsense.connect("can0").
-with footsense.connect(*sys.argv[1:2], interface="udp_multicast") as feet:
+parser = argparse.ArgumentParser(description=__doc__)
+parser.add_argument("--can", default="239.74.163.2", help="on a robot: can0")
+try:
+    feet = footsense.connect(parser.parse_args().can)
+except footsense.FootsenseError as error:
+    sys.exit(str(error))
+with feet:
     for leg in feet.legs:  # or all at once: feet.tare()
         try:
             feet.tare(leg)

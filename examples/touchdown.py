@@ -3,6 +3,7 @@
 In another terminal: footsense run --config deploy/simulated.yaml. Ends when the robot is silent for 2 s.
 """
 
+import argparse
 import signal
 import sys
 import time
@@ -13,8 +14,13 @@ for end in (signal.SIGPIPE, signal.SIGINT):  # `| head` and Ctrl-C end it withou
     signal.signal(end, signal.SIG_DFL)
 touched_s: dict[str, float] = {}
 
-# On a robot: footsense.connect("can0").
-with footsense.connect(*sys.argv[1:2], interface="udp_multicast") as feet:
+parser = argparse.ArgumentParser(description=__doc__)
+parser.add_argument("--can", default="239.74.163.2", help="on a robot: can0")
+try:
+    feet = footsense.connect(parser.parse_args().can)
+except footsense.FootsenseError as error:
+    sys.exit(str(error))
+with feet:
     for forces in feet:
         for event in feet.events:  # those that came with these forces, each once
             if event.kind == "touchdown":

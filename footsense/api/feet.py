@@ -37,7 +37,7 @@ _LEG_OF_NODE = {node: leg for leg, node in NODE_IDS.items()}
 def connect(
     channel: str | None = None,
     *,
-    interface: Literal["socketcan", "udp_multicast"] = "socketcan",
+    interface: Literal["socketcan", "udp_multicast"] | None = None,
     timeout_s: float = 2.0,
 ) -> "Feet":
     """Connect to a running service over CAN, and wait until its forces can be read: about a second.
@@ -45,9 +45,10 @@ def connect(
     It only listens, but for `Feet.tare`, `Feet.stop`, `Feet.start` and `Feet.send_motion`.
 
     Args:
-        channel: Network interface such as `can0` or `vcan0`; with `udp_multicast` a multicast address. None for `can0`,
-            or 239.74.163.2, the address in `deploy/simulated.yaml`.
-        interface: `socketcan` for CAN; `udp_multicast` for a simulated robot on this computer, without CAN.
+        channel: Network interface such as `can0` or `vcan0`, or a multicast address for a simulated robot on this
+            computer, without CAN. None for `can0`, or with `udp_multicast` 239.74.163.2, the address in
+            `deploy/simulated.yaml`.
+        interface: `socketcan` for CAN, `udp_multicast` for a multicast address; None for what the channel is.
         timeout_s: Longest wait for the first forces, and silence after which the iteration ends [s].
 
     Returns:
@@ -63,6 +64,8 @@ def connect(
                 left = forces["lf"]
                 print(left.force_n, left.sigma_n, left.age_s, left.usable, left.holds)
     """
+    if interface is None:
+        interface = "udp_multicast" if channel is not None and is_multicast(channel) else "socketcan"
     if interface not in DEFAULT_CHANNELS:
         raise CanError(f"interface {interface!r}: use one of {', '.join(DEFAULT_CHANNELS)}")
     if channel in DEFAULT_CHANNELS:
@@ -74,7 +77,7 @@ def connect(
     try:
         listener = open_listener(interface, name, MonotonicClock(), limits)
     except CanError as error:
-        hint = "; of a simulation: interface='udp_multicast'" if interface == "socketcan" else ""
+        hint = f"; of a simulation: {DEFAULT_CHANNELS['udp_multicast']}" if interface == "socketcan" else ""
         raise CanError(f"{error}{hint}") from None
     return Feet(listener, Can(interface=interface, channel=name), timeout_s)
 

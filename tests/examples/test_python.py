@@ -49,7 +49,7 @@ def test_a_program_beside_a_walking_robot_ends_with_it(
     tmp_path: Path, name: str, channel: str, wanted: str
 ) -> None:
     with walking(tmp_path, channel) as service:
-        command = [sys.executable, "-W", "error", "-u", str(EXAMPLES / name), channel]
+        command = [sys.executable, "-W", "error", "-u", str(EXAMPLES / name), "--can", channel]
         with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as program:
             assert program.stdout is not None
             assert any(re.match(wanted, line.rstrip()) for line in program.stdout), program.communicate()
@@ -58,11 +58,19 @@ def test_a_program_beside_a_walking_robot_ends_with_it(
     assert (program.returncode, errors) == (0, "")
 
 
+@pytest.mark.parametrize("name", ["read_forces.py", "touchdown.py", "tare.py"])
+def test_a_robot_that_is_not_there_is_one_line(name: str) -> None:
+    command = [sys.executable, str(EXAMPLES / name), "--can", "can77"]
+    program = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, check=False)
+    assert (program.returncode, program.stdout) == (1, "")
+    assert re.fullmatch(r"[^\n]*can77[^\n]*; of a simulation: 239\.74\.163\.2\n", program.stderr)
+
+
 @pytest.mark.slow
 def test_feet_in_the_air_are_tared(tmp_path: Path) -> None:
     with walking(tmp_path, "239.74.163.103", "--scene", "hanging"):
-        told = run_example("tare.py", "239.74.163.103").splitlines()
-        with footsense.connect("239.74.163.103", interface="udp_multicast") as feet:
+        told = run_example("tare.py", "--can", "239.74.163.103").splitlines()
+        with footsense.connect("239.74.163.103") as feet:
             feet.stop("lf")
             stopped = next(forces for forces in feet if not forces["lf"].usable)
             feet.start("lf")
@@ -78,8 +86,8 @@ def test_the_tare_of_loaded_feet_is_refused_in_words(tmp_path: Path) -> None:
     scene.write_text(PRESSED)
     with walking(tmp_path, "239.74.163.104", "--scene", scene) as service:
         service.live_on(20)  # the feet are down
-        told = run_example("tare.py", "239.74.163.104").splitlines()
-        with footsense.connect("239.74.163.104", interface="udp_multicast") as feet:
+        told = run_example("tare.py", "--can", "239.74.163.104").splitlines()
+        with footsense.connect("239.74.163.104") as feet:
             for _ in range(2):  # the second at once, and answered too
                 with pytest.raises(
                     footsense.FootsenseError, match=r"^lf, rf: not tared: the foot is in contact"
@@ -95,7 +103,7 @@ def test_the_tare_of_loaded_feet_is_refused_in_words(tmp_path: Path) -> None:
 def test_a_program_whose_reader_goes_says_nothing(tmp_path: Path) -> None:
     """As in `read_forces.py | head`."""
     with walking(tmp_path, "239.74.163.105"):
-        command = [sys.executable, "-u", str(EXAMPLES / "read_forces.py"), "239.74.163.105"]
+        command = [sys.executable, "-u", str(EXAMPLES / "read_forces.py"), "--can=239.74.163.105"]
         with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as program:
             assert program.stdout is not None
             assert program.stdout.readline().startswith("lf: ")
