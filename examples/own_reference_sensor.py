@@ -33,6 +33,8 @@ def read_sensor(t_s: float) -> tuple[float, float, float]:
 
 def main() -> None:
     """Write the file of the test stand, then send a line for each sample until Ctrl-C."""
+    if len(sys.argv) != 2:
+        sys.exit("name the file of the test stand to write: own_reference_sensor.py stand.yaml")
     controller, terminal = os.openpty()  # this program's end, and the one that footsense opens as a port
     tty.setraw(terminal)
     os.set_blocking(controller, False)
