@@ -25,6 +25,7 @@ from footsense.foot.response_table import FootResponse
 from footsense.frames import FAULT_FREE, Cause, ContactFrame, Flag, State
 from footsense.leg_words import word_of
 from footsense.progress import file_progress_bar
+from footsense.recording.fault_recordings import fault_recordings
 from footsense.recording.machine import platform_versions
 from footsense.recording.replay import Replay
 from footsense.regular_file import open_regular
@@ -40,11 +41,16 @@ _LIBRARIES = ("libc", "blas", "python", "numpy", "onnxruntime")
 def info(file: Path | None) -> None:
     """Say what FILE is and what is in it; without it, what is installed here.
 
-    FILE is a recording (.mcap), a network (.onnx), a response table (.npz), or the folder of a foot's calibration.
+    FILE is a recording (.mcap), a network (.onnx), a response table (.npz), or the folder of a foot's calibration, or
+    of the recordings of faults that `footsense snapshot --of-faults` keeps.
     A report of a defect has the output of `footsense info`, and that for its recording.
     """  # noqa: DOC501 - click shows this text
     if file is None:
         echo_figures(_installed(), as_json=False)
+        return
+    if file.is_dir() and (recordings := fault_recordings(file)):
+        for recording in recordings:
+            click.echo(f"{recording}  {recording.stat().st_size / 1e6:.1f} MB")
         return
     if file.is_dir() or file.name == MANIFEST:
         _print_calibration(file if file.is_dir() else file.parent)

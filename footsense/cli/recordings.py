@@ -1,6 +1,8 @@
 """Commands that read recordings: `footsense export`, `replay` and `snapshot`."""
 
 from collections.abc import Callable
+from contextlib import closing
+from functools import partial
 from pathlib import Path
 
 import click
@@ -8,6 +10,7 @@ import msgspec
 
 from footsense.child_process import check_new_file
 from footsense.cli.options import FILE, FOLDER, can_log_option, config_option, ring_option
+from footsense.clock import wall_time_iso
 from footsense.config import load_config
 from footsense.daemon.can_output import can_sink
 from footsense.daemon.estimation import pipeline_for
@@ -22,9 +25,12 @@ from footsense.errors import FootsenseError, ModelError, RecordingError, require
 from footsense.frames import Flag
 from footsense.progress import file_progress_bar
 from footsense.recording.compare import Comparison, differing_entries
+from footsense.recording.fault_recordings import FaultRecorder
 from footsense.recording.machine import platform_versions
 from footsense.recording.replay import Replay
 from footsense.recording.snapshot import SNAPSHOT_KEY, write_snapshot
+from footsense.ring.cycle_reader import CycleReader
+from footsense.ring.following import follow_services
 from footsense.ring.records import LostCycles
 from footsense.sim.can.frame_log import check_log_target
 from footsense.sim.clock import VirtualClock
@@ -194,12 +200,29 @@ def _convert(file: Path, target: Path, write: _RecordingWriter) -> None:
 
 
 @click.command()
-@click.argument("target", type=FILE, metavar="OUT.mcap")
+@click.argument("target", type=FILE, metavar="[OUT.mcap]", required=False)
+@click.option(
+    "--of-faults",
+    "folder",
+    type=FOLDER,
+    help="Stay, and write one to this folder ten seconds after each fault; the oldest are removed.",
+)
 @config_option("the service's ring where it is by default")
 @ring_option
-def snapshot(target: Path, config_file: Path | None, ring: Path | None) -> None:
-    """Write the last 30 s or more of the running service to the recording OUT.mcap: all that its ring holds."""
+def snapshot(target: Path | None, folder: Path | None, config_file: Path | None, ring: Path | None) -> None:
+    """Write the last 30 s or more of the running service to the recording OUT.mcap: all that its ring holds.
+
+    With --of-faults it watches the service, and the next one when that has ended: when a leg gets another cause, it
+    writes what came before and the ten seconds after, at most once a minute. Of a leg and cause the newest three
+    are kept, twenty in all. `footsense info FOLDER` lists them.
+    """  # noqa: DOC501 - click shows this text
+    if (target is None) == (folder is None):
+        raise click.UsageError("say what to write: OUT.mcap, or --of-faults FOLDER")
     if ring is None and config_file is not None:
         ring = load_config(config_file).ring_path
-    n_cycles = write_snapshot(ring, target)
-    click.echo(f"{target}: {n_cycles} cycles")
+    if folder is not None:
+        follow_services(ring, partial(FaultRecorder, folder=folder, wall_time=wall_time_iso))
+    if target is not None:
+        with closing(CycleReader(ring)) as reader:
+            n_cycles = write_snapshot(reader, target)
+        click.echo(f"{target}: {n_cycles} cycles")

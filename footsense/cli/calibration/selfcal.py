@@ -1,10 +1,7 @@
 """Command `footsense selfcal`: find the electrodes of the feet while the robot walks, and watch them."""
 
-import logging
 import math
-import signal
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import closing
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from functools import lru_cache, partial
 from pathlib import Path
@@ -31,7 +28,7 @@ from footsense.config import DEFAULT, Config, load_config
 from footsense.daemon.estimation import mounted_feet
 from footsense.daemon.models import load_models
 from footsense.daemon.recording_header import recorded_config
-from footsense.errors import CalibrationError, FootsenseError
+from footsense.errors import CalibrationError
 from footsense.estimation.network import Network
 from footsense.foot.calibration_files import read_calibration
 from footsense.foot.network_card import NETWORK_FILE
@@ -41,14 +38,11 @@ from footsense.foot.type_folders import foot_type_folder
 from footsense.frames import Cycle
 from footsense.progress import file_progress_bar
 from footsense.recording.replay import Replay
-from footsense.ring.cycle_reader import CycleReader
-from footsense.ring.records import NumberedCycle
+from footsense.ring.following import follow_services
 from footsense.telemetry.electrodes import STATE_FOLDER
 
-_log = logging.getLogger(__name__)
-
-#: Time between two looks at the ring, and between two judgements, of new feet and of others [s].
-_POLL_PERIOD_S, _NEW_PERIOD_S, _PERIOD_S = 1.0, 60.0, 600.0
+#: Time between two judgements, of new feet and of others [s].
+_NEW_PERIOD_S, _PERIOD_S = 60.0, 600.0
 #: Cycles of a recording that are used at once.
 _CHUNK = 1024
 
@@ -97,39 +91,10 @@ def selfcal(
             robot.tell()
         return
     config = load_config(config_file) if config_file else DEFAULT
-    ends = {signal.SIGINT, signal.SIGTERM}
-    signal.pthread_sigmask(signal.SIG_BLOCK, ends)
-    _follow(ring or config.ring_path, state_folder or STATE_FOLDER, ends)
-
-
-def _follow(path: Path | None, state_folder: Path, ends: set[signal.Signals]) -> None:
-    """Follow the services that write a ring, one after the other, until a signal comes."""
-    told = ""
-    while True:
-        try:
-            with closing(CycleReader(path)) as reader:
-                robot = _Robot(recorded_config(reader), state_folder)
-                told = ""
-                while reader.is_still_written():
-                    robot.add(list(_cycles(reader)))
-                    robot.judge_in_time()
-                    if signal.sigtimedwait(ends, _POLL_PERIOD_S) is not None:
-                        robot.judge()
-                        return
-                robot.judge()
-                reason = "it has ended"
-        except FootsenseError as error:
-            reason = str(error)
-        if reason != told:
-            _log.warning("no service: %s", reason)
-            told = reason
-        if signal.sigtimedwait(ends, _POLL_PERIOD_S) is not None:
-            return
-
-
-def _cycles(reader: CycleReader) -> Iterator[Cycle]:
-    while entries := reader.read():
-        yield from (entry.cycle for entry in entries if isinstance(entry, NumberedCycle))
+    follow_services(
+        ring or config.ring_path,
+        lambda reader: _WalkingRobot(recorded_config(reader), state_folder or STATE_FOLDER),
+    )
 
 
 class _Robot:
@@ -150,7 +115,7 @@ class _Robot:
             FootResponse.load(folder / "response.npz"),
             lru_cache(maxsize=8)(partial(Network, self._network)),
         )
-        self._state_folder, self._judged_ns, self._is_new = state_folder, stopwatch_ns(), True
+        self._state_folder = state_folder
         names: Mapping[str, str] = dict(config.feet.items())
         self._told: dict[str, str] = {}
         self.feet: list[WalkingFoot] = []
@@ -200,16 +165,8 @@ class _Robot:
             for foot, scans in zip(self.feet, LegScans.of_cycles(cycles), strict=True):
                 foot.add(scans)
 
-    def judge_in_time(self) -> None:
-        """Judge, keep and tell once a minute while feet are new, later every ten."""
-        if 1e-9 * (stopwatch_ns() - self._judged_ns) >= (_NEW_PERIOD_S if self._is_new else _PERIOD_S):
-            self.judge()
-            self.tell()
-
     def judge(self) -> None:
         """Judge all feet, keep their states, and propose what there is to propose."""
-        self._judged_ns = stopwatch_ns()
-        self._is_new = any(foot.n_instants < N_FAST for foot in self.feet)
         for foot in self.feet:
             foot.judge()
             if self._state_folder is not None:
@@ -246,3 +203,24 @@ class _Robot:
             "is_proposed": foot.is_proposed,
             "objection": foot.objection or None,
         }
+
+
+class _WalkingRobot(_Robot):
+    """The same robot while it walks: judged after a minute, and then every ten once its feet are known."""
+
+    def __init__(self, config: Config, state_folder: Path) -> None:
+        super().__init__(config, state_folder)
+        self._judged_ns, self._is_new = stopwatch_ns(), True
+
+    def add(self, cycles: Sequence[Cycle]) -> None:
+        """Use further cycles; judge, keep and tell in time."""
+        super().add(cycles)
+        if 1e-9 * (stopwatch_ns() - self._judged_ns) >= (_NEW_PERIOD_S if self._is_new else _PERIOD_S):
+            self._judged_ns = stopwatch_ns()
+            self._is_new = any(foot.n_instants < N_FAST for foot in self.feet)
+            self.judge()
+            self.tell()
+
+    def end(self) -> None:
+        """Judge and keep what is known now."""
+        self.judge()

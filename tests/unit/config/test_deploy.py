@@ -15,6 +15,7 @@ from footsense.sim.can.interface import AS_DEPLOYED
 DEPLOY = Path(__file__).parents[3] / "deploy"
 UNIT, EXPORTER = DEPLOY / "footsense.service", DEPLOY / "footsense-exporter.service"
 SELFCAL = DEPLOY / "footsense-selfcal.service"
+SNAPSHOT = DEPLOY / "footsense-snapshot.service"
 VIEW = DEPLOY / "footsense-view.service"
 
 
@@ -43,7 +44,15 @@ def test_the_service_is_watched_and_started_again() -> None:
     )
 
 
-@pytest.mark.parametrize(("unit", "command"), [(EXPORTER, "exporter"), (VIEW, "view"), (SELFCAL, "selfcal")])
+@pytest.mark.parametrize(
+    ("unit", "command"),
+    [
+        (EXPORTER, "exporter"),
+        (VIEW, "view"),
+        (SELFCAL, "selfcal"),
+        (SNAPSHOT, "snapshot --of-faults /var/lib/footsense/faults"),
+    ],
+)
 def test_exporter_and_page_always_come_back_and_may_do_little(unit: Path, command: str) -> None:
     """Each restarts whatever ended it, takes no time of the loop, and reaches at most loopback and shared memory."""
     exporter, service = parsed(unit)["Service"], parsed(UNIT)["Service"]
@@ -55,7 +64,7 @@ def test_exporter_and_page_always_come_back_and_may_do_little(unit: Path, comman
     assert exporter["User"] == service["User"]
     assert exporter["RestrictRealtime"] == "yes"
     assert "CPUSchedulingPolicy" not in exporter
-    families = {"none"} if unit is SELFCAL else {"AF_INET", "AF_INET6"}
+    families = {"none"} if unit in {SELFCAL, SNAPSHOT} else {"AF_INET", "AF_INET6"}
     assert set(exporter["RestrictAddressFamilies"].split()) == families
     hardened = {
         key for key in service if key.startswith(("Protect", "Restrict", "Private", "NoNew", "Capab"))
@@ -65,8 +74,8 @@ def test_exporter_and_page_always_come_back_and_may_do_little(unit: Path, comman
 
 def test_no_unit_takes_the_memory_of_the_robot() -> None:
     """Each has a bound, the loop's the largest."""
-    bounds = [parsed(unit)["Service"]["MemoryMax"] for unit in (UNIT, EXPORTER, VIEW, SELFCAL)]
-    assert bounds == ["512M", "256M", "256M", "256M"]
+    bounds = [parsed(unit)["Service"]["MemoryMax"] for unit in (UNIT, EXPORTER, VIEW, SELFCAL, SNAPSHOT)]
+    assert bounds == ["512M", "256M", "256M", "256M", "256M"]
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd-analyze here")

@@ -13,11 +13,12 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
-from footsense.errors import FootsenseError, RecordingError
+from footsense.errors import RecordingError
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.recorder import Recorder, check_recording_target, partial_path
 from footsense.recording.replay import Replay
 from footsense.recording.snapshot import write_snapshot
+from footsense.ring.cycle_reader import CycleReader
 from footsense.ring.cycle_ring import CycleRing
 from footsense.ring.records import LostCycles, NumberedCycle
 from tests.support.cycles import LEGS, PERIOD_NS, cycle, quick_cycle, read_until_damage, same, status
@@ -164,19 +165,20 @@ def test_a_writer_never_counts_a_cycle_that_a_crash_would_lose(tmp_path: Path) -
 
 @pytest.mark.slow
 def test_a_snapshot_is_a_recording_of_what_the_ring_holds(tmp_path: Path) -> None:
-    """Its cycles are counted from 0, and an existing file is refused; without a service there is none."""
+    """Its cycles are counted from 0, and an existing file is refused."""
     path, target = tmp_path / "ring", tmp_path / "last.mcap"
-    with pytest.raises(FootsenseError, match="ring: no service runs"):
-        write_snapshot(path, target)
-    with closing(CycleRing(path, LEGS, {"scene": "flat"}, 40.0, status)) as ring:
+    with (
+        closing(CycleRing(path, LEGS, {"scene": "flat"}, 40.0, status)) as ring,
+        closing(CycleReader(path)) as reader,
+    ):
         with pytest.raises(RecordingError, match="no cycle yet"):
-            write_snapshot(path, target)
+            write_snapshot(reader, target)
         for number in range(2000):
             ring.observe(quick_cycle(number))
         os.mkfifo(tmp_path / "last.mcap.unfinished")
-        n = write_snapshot(path, target)
+        n = write_snapshot(reader, target)
         with pytest.raises(RecordingError, match="exists and is not overwritten"):
-            write_snapshot(path, target)
+            write_snapshot(reader, target)
     replay = Replay(target)
     assert (replay.header["scene"], replay.header["snapshot_from_cycle"]) == ("flat", str(2000 - n))
     times_ns = [one.forces.t_sent_ns for one in replay]
