@@ -95,6 +95,9 @@ class Pipeline:
         friction = limits.contact.friction
         self._gait = GaitTracker(n_legs, math.nan if friction is None else friction)
         self._across_rel2, self._more_along_rel2 = variance_factors(feet.uncertainty)
+        # Of each leg and element, as an element that is closed is off by what nobody knows of its gap.
+        gap_rel2 = np.square([unknown.gap_rel for unknown in feet.uncertainty])[:, None, None]
+        self._overloaded_n2 = gap_rel2 * np.square(sensitivity.force_n_per_closure[-2:]).mean(axis=0)
         self._set_temperature = set_temperature
         self._own_acceleration = [math.nan] * n_legs
 
@@ -212,6 +215,8 @@ class Pipeline:
         variance_n2 = load.sigma_n**2 + baselines.swing_sigma_n**2
         variance_n2 += self._across_rel2 * _squared_norms(force_n)[:, None]
         variance_n2 += self._more_along_rel2 * force_n**2
+        if np.count_nonzero(overloaded):
+            variance_n2 += np.matmul(overloaded[:, None].astype(float), self._overloaded_n2)[:, 0]
         return ContactFrame(
             sequence=scan.sequence,
             t_sent_ns=now_ns,

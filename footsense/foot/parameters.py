@@ -30,19 +30,21 @@ from footsense.frames import ELEMENTS, Vector
 
 
 class ForceUncertainty(NamedTuple):
-    """What nobody knows of a foot, as standard deviations of its force over the force's size.
+    """What nobody knows of a foot, as standard deviations.
 
     Attributes:
-        along_rel: Along the force [1].
-        across_rel: Along each direction across it [1].
+        along_rel: Of its force along the force, over the force's size [1].
+        across_rel: Along each direction across it, likewise [1].
+        gap_rel: Of the gap of an element over the design's [1]: it is closed at another closure than the design's.
     """
 
     along_rel: float
     across_rel: float
+    gap_rel: float = 0.0
 
 
 #: Of a foot that is known exactly, as that of a simulation.
-KNOWN_EXACTLY = ForceUncertainty(0.0, 0.0)
+KNOWN_EXACTLY = ForceUncertainty(0.0, 0.0, 0.0)
 #: Sigma of what nobody knows of a foot, over its standard deviation [1]: a foot errs alike in all its forces, and 99 of
 #: 100 feet shall have them within two sigma.
 _ONE_FOOT = 1.3
@@ -53,7 +55,7 @@ def variance_factors(feet: Sequence[ForceUncertainty]) -> tuple[Vector, Vector]:
 
     The variance of component i of a force f grows by a |f|^2 + b f_i^2.
     """
-    along_rel2, across_rel2 = np.square(_ONE_FOOT * np.array(feet)).T[:, :, None]
+    along_rel2, across_rel2, _ = np.square(_ONE_FOOT * np.array(feet)).T[:, :, None]
     return across_rel2, along_rel2 - across_rel2
 
 

@@ -99,7 +99,8 @@ def uncertainty_of_uncalibrated(network: Network, response: FootResponse, n_rows
     across_rel = math.sqrt(float(np.square(np.radians(angles_deg)).mean()) / 2.0)
     along_rel = math.hypot(float(off_rel.std()), PAPER_TOLERANCES.stiffness_rel)
     # Rounded, as a network of other rows differs in the last bits.
-    return ForceUncertainty(round(along_rel, 4), round(math.hypot(across_rel, MOUNT_SIGMA_RAD), 4))
+    gap_rel = PAPER_TOLERANCES.gap_um / design.gap_um
+    return ForceUncertainty(round(along_rel, 4), round(math.hypot(across_rel, MOUNT_SIGMA_RAD), 4), gap_rel)
 
 
 def _estimated_n(network: Network, n_rows: int, closure_rel: Vector) -> Vector:

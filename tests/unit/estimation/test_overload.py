@@ -13,6 +13,7 @@ from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.estimation.network import Network
 from footsense.estimation.pipeline import pipeline_of
 from footsense.estimation.settings import EstimationLimits, MountedFeet
+from footsense.foot.parameters import KNOWN_EXACTLY, ForceUncertainty
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Specimen
 from footsense.foot.type_folders import foot_type_folder
@@ -55,7 +56,10 @@ def leaning(lean_deg: float) -> Vector:
 
 
 def published(
-    force_n_at: Callable[[Vector], Vector], until_s: float, damaged: int | None = None
+    force_n_at: Callable[[Vector], Vector],
+    until_s: float,
+    damaged: int | None = None,
+    unknown: ForceUncertainty = KNOWN_EXACTLY,
 ) -> Published:
     """Return what the service publishes of feet under forces with an upright normal.
 
@@ -63,6 +67,7 @@ def published(
         force_n_at: Returns the forces at some times after the tare [s], shape (times, legs, 3).
         until_s: The end [s].
         damaged: Element whose gap is full of water from the time 0 on.
+        unknown: What nobody knows of the feet.
     """
     n_legs = len(AROUND_DEG)
     t_s: Vector = np.asarray(STEP_S * np.arange(1.0, round((TARED_S + until_s) / STEP_S)), np.float64)
@@ -75,7 +80,7 @@ def published(
     network = Network(FOLDER / "network.onnx", n_legs)
     pipeline = pipeline_of(
         network,
-        MountedFeet.of(network.card.trained_inputs.design, [None] * n_legs),
+        MountedFeet.of(network.card.trained_inputs.design, [None] * n_legs, uncertainty=[unknown] * n_legs),
         EstimationLimits(scan_ns=round(SCAN_S * 1e9), range_end_pf=fdc1004.RANGE_END_PF),
         FootResponse.load(FOLDER / "response.npz"),
     )
@@ -136,6 +141,21 @@ def test_a_push_that_leans_is_overload_and_over_within_a_scan(
     assert (found.state[over] == State.VALID).all()
     assert np.abs(found.force_n[over]).max() < 0.15
     assert (np.abs(found.force_n[over]) < 4.0 * found.sigma_n[over]).all()
+
+
+def test_an_element_that_is_closed_is_as_uncertain_as_its_gap() -> None:
+    """Of a foot that is known exactly it adds nothing, and nothing to a leg without one."""
+    force_n = leaning(24.0) * np.linspace(0.3, 1.0, len(AROUND_DEG))[:, None]
+    exact, made = (
+        published(lambda t_s: trapezoid(t_s, 0.1, 0.1, 0.1) * force_n, 0.2, unknown=unknown)
+        for unknown in (KNOWN_EXACTLY, ForceUncertainty(0.0, 0.0, 0.1))
+    )
+    np.testing.assert_array_equal(made.force_n, exact.force_n)
+    overloaded = (exact.cause == Cause.OVERLOAD) & IS_USABLE_STATE[exact.state]
+    assert 20 < overloaded.sum() < 0.5 * overloaded.size
+    grown_n2 = made.sigma_n**2 - exact.sigma_n**2
+    assert (grown_n2[overloaded, :2] > 0.1**2).all()
+    np.testing.assert_array_equal(grown_n2[IS_USABLE_STATE[exact.state] & (exact.cause == Cause.NONE)], 0.0)
 
 
 @pytest.mark.parametrize("lean_deg", [0.0, 12.0, 30.0])
