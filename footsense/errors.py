@@ -26,14 +26,19 @@ def printable_line(text: str) -> str:
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in " ".join(text.split()))
 
 
+#: Characters of a message that are told: of a longer one, which quotes a file, begin and end.
+_BEGIN, _END = 800, 150
+
+
 class FootsenseError(Exception):
     """Base class of all expected errors; the message is one line of text for the user."""
 
     exit_code = 1
 
     def __str__(self) -> str:
-        """Return the message as one line without control characters, safe to print on a terminal."""
-        return printable_line(super().__str__())
+        """Return the message as one line without control characters, of a bounded length."""
+        line = printable_line(super().__str__())
+        return line if len(line) <= _BEGIN + _END else f"{line[:_BEGIN]} ... {line[-_END:]}"
 
 
 class ConfigError(FootsenseError):

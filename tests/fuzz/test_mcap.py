@@ -13,6 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.writer import CompressionType, Writer
 
+from footsense.daemon.recording_header import recorded_config
+from footsense.errors import RecordingError
 from footsense.frames import CommandResult, Result
 from footsense.recording import messages
 from footsense.recording.mcap_writer import HEADER_CRC_KEY, MCAP_PROFILE, METADATA_NAME, header_crc
@@ -139,6 +141,17 @@ def test_a_chunk_that_unpacks_to_gigabytes(file: Path, whole: bytes) -> None:
         (line,) = judged_with_little_memory(200, file)
         assert f"refused: {file}" in line
         assert says in line
+
+
+def test_an_error_that_quotes_a_recorded_configuration_is_short(file: Path) -> None:
+    """Whoever sends a recording does not fill a terminal: 70 kB of a name that nobody knows."""
+    config = json.dumps({"board": 70_000 * "z", "can": {"interface": "virtual"}})
+    with pytest.raises(RecordingError) as caught:
+        recorded_config(Replay(forged(file, [], HEADER | {"config": config})))
+    said = str(caught.value)
+    assert len(said) < 1000
+    assert said.startswith(f"{file}: no configuration that this version reads: ")
+    assert said.endswith("zzz' - at `$.board`")
 
 
 def test_a_file_that_unpacks_to_a_thousand_times_its_size(file: Path, whole: bytes) -> None:
