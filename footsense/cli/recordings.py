@@ -27,6 +27,7 @@ from footsense.progress import file_progress_bar
 from footsense.recording.compare import Comparison, differing_entries
 from footsense.recording.fault_recordings import FaultRecorder
 from footsense.recording.machine import platform_versions
+from footsense.recording.recorder import check_recording_target
 from footsense.recording.replay import Replay
 from footsense.recording.snapshot import SNAPSHOT_KEY, write_snapshot
 from footsense.ring.cycle_reader import CycleReader
@@ -223,6 +224,7 @@ def snapshot(target: Path | None, folder: Path | None, config_file: Path | None,
     if folder is not None:
         follow_services(ring, partial(FaultRecorder, folder=folder, wall_time=wall_time_iso))
     if target is not None:
+        check_recording_target(target)
         with closing(CycleReader(ring)) as reader:
             n_cycles = write_snapshot(reader, target)
         click.echo(f"{target}: {n_cycles} cycles")
