@@ -41,6 +41,8 @@ _BOARD, _SEED = "ad7147", 0
 _BALL_RADIUS_MM = 10.0
 #: Standard deviation of gains that have drifted [1].
 DRIFT_REL = 0.04
+#: Scans that a foot gets at once, as of the second between two looks at a service's ring.
+_SCANS_AT_ONCE = 145
 #: Time constant of elements that creep [s].
 _CREEP_S = 0.3
 #: Loads of a walk by which a foot is judged, their least size over the 98th percentile [1], and draws of its electrodes.
@@ -118,7 +120,8 @@ def walked_foot_figures(
     times_s = 1e-9 * scans.t_ns.max(axis=1)
     for mark_s in marks_s:
         end = int(np.searchsorted(times_s, times_s[0] + mark_s))
-        walking.add(scans.subset(slice(first, end)))
+        for begin in range(first, end, _SCANS_AT_ONCE):
+            walking.add(scans.subset(slice(begin, min(begin + _SCANS_AT_ONCE, end))))
         walking.judge()
         first, found = end, walking.electrodes
         drawn = random.multivariate_normal(
