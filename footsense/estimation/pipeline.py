@@ -95,7 +95,7 @@ class Pipeline:
         friction = limits.contact.friction
         self._gait = GaitTracker(n_legs, math.nan if friction is None else friction)
         self._across_rel2, self._more_along_rel2 = variance_factors(feet.uncertainty)
-        # Of each leg and element, as an element that is closed is off by what nobody knows of its gap.
+        # Of each leg and element: one that is closed is off by what nobody knows of its gap; slopes at heavy loads.
         gap_rel2 = np.square([unknown.gap_rel for unknown in feet.uncertainty])[:, None, None]
         self._overloaded_n2 = gap_rel2 * np.square(sensitivity.force_n_per_closure[-2:]).mean(axis=0)
         self._set_temperature = set_temperature
