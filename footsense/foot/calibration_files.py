@@ -127,6 +127,7 @@ class Parameters(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     stiffness_rel: float
     mount: Annotated[list[Three], Meta(min_length=3, max_length=3)]
     error_rel: float
+    size_sigma_rel: float = 0.0
     temperature_c: Annotated[float, Meta(ge=COLDEST_C, le=WARMEST_C)] | None
 
 

@@ -71,6 +71,7 @@ class FootParameters:
         stiffness_rel: Stiffness of the whole foot over the design's, minus one [1].
         mount: Rotation from the leg's frame to the foot's, shape (3, 3).
         error_rel: Standard deviation of the remaining error over the force [1].
+        size_sigma_rel: Standard deviation of the force's size where a robot's weight told it [1]; 0 where none did.
     """
 
     stray_pf: Vector
@@ -80,6 +81,7 @@ class FootParameters:
     stiffness_rel: float = 0.0
     mount: Vector = field(default_factory=lambda: np.eye(3))
     error_rel: float = 0.0
+    size_sigma_rel: float = 0.0
 
     def __post_init__(self) -> None:
         """Check the physical limits.
@@ -97,8 +99,9 @@ class FootParameters:
         mirrored = np.linalg.det(self.mount) < 0.0
         if mirrored or not np.allclose(self.mount @ self.mount.T, np.eye(3), atol=UNIT_LENGTH_TOLERANCE):
             raise ValueError("mount: is no rotation")
-        if not self.error_rel >= 0.0:
-            raise ValueError(f"error_rel: is a standard deviation, not below 0, got {self.error_rel:g}")
+        for name in ("error_rel", "size_sigma_rel"):
+            if not (sigma_rel := getattr(self, name)) >= 0.0:
+                raise ValueError(f"{name}: is a standard deviation, not below 0, got {sigma_rel:g}")
 
     @property
     def force_matrix(self) -> Vector:

@@ -130,6 +130,13 @@ def _draw_rotation(rng: np.random.Generator, rms_deg: float) -> Vector:
     return rotation(np.radians(rms_deg) / np.sqrt(3.0) * rng.normal(size=3))
 
 
+def size_sigma_rel(parameters: FootParameters) -> float:
+    """Return the standard deviation of the size of a foot's forces [1] that was not pressed last."""
+    if parameters.size_sigma_rel or parameters.stiffness_rel:  # by a weight, or by presses before
+        return parameters.size_sigma_rel
+    return PAPER_TOLERANCES.stiffness_rel
+
+
 def uncertainty_of_parameters(parameters: FootParameters, *, pressed: bool) -> ForceUncertainty:
     """Return what nobody knows of a foot after a fit of its parameters.
 
@@ -139,8 +146,7 @@ def uncertainty_of_parameters(parameters: FootParameters, *, pressed: bool) -> F
     """
     along_rel = across_rel = parameters.error_rel
     if not pressed:
-        if parameters.stiffness_rel == 0.0:  # it was not pressed before
-            along_rel = math.hypot(along_rel, PAPER_TOLERANCES.stiffness_rel)
+        along_rel = math.hypot(along_rel, size_sigma_rel(parameters))
         if np.array_equal(parameters.mount, np.eye(3)):
             across_rel = math.hypot(across_rel, MOUNT_SIGMA_RAD)
     # Loads that close no gap tell no gap.

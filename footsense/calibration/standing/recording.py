@@ -35,6 +35,20 @@ _HANGING_FORCE_REL = 0.01
 _ALIKE_REL = 0.08
 
 
+class RestingSpan(NamedTuple):
+    """A time in which a foot stands still, or hangs free.
+
+    Attributes:
+        begin_ns: Its begin [ns].
+        end_ns: Its end [ns].
+        change_pf: Mean readings less the unloaded ones [pF], shape (9,); zero where it hangs.
+    """
+
+    begin_ns: int
+    end_ns: int
+    change_pf: Vector
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class StandingLoads:
     """Different loads at rest of one foot.
@@ -45,6 +59,7 @@ class StandingLoads:
         n_alike: Loads that were left out, like one of these.
         standing_s: Time in which it stood [s].
         loaded_s: Time in which it carried a load [s].
+        spans: All times in which it stood still or hung free, those of loads that are alike included.
     """
 
     capacitance_pf: Vector
@@ -52,6 +67,7 @@ class StandingLoads:
     n_alike: int = 0
     standing_s: float = 0.0
     loaded_s: float = 0.0
+    spans: tuple[RestingSpan, ...] = ()
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
@@ -86,12 +102,14 @@ class StandingRecording(NamedTuple):
     Attributes:
         path: The recording.
         sha256: Its hash.
+        n_legs: Legs of the robot.
         feet: Loads by foot.
         temperature_c: Mean temperature of each foot [degC] by foot; None where it was not measured.
     """
 
     path: Path
     sha256: str
+    n_legs: int
     feet: dict[str, StandingLoads]
     temperature_c: dict[str, float | None]
 
@@ -138,7 +156,7 @@ def read_standing(
             loads[name] = standing_loads(*scans[name], _HANGING_FORCE_REL * max_force_n)
         except CalibrationError as error:
             raise CalibrationError(f"{path}: {name} on {leg_of[name]}: {error}") from None
-    return StandingRecording(path, file_sha256(path), loads, temperature_c)
+    return StandingRecording(path, file_sha256(path), len(recording.legs), loads, temperature_c)
 
 
 def _read_scans(recording: Replay, rows: dict[str, int]) -> tuple[dict[str, _Scans], dict[str, float | None]]:
@@ -186,24 +204,27 @@ def standing_loads(t_ns: Stamps, capacitance_pf: Vector, force_n: Vector, hangin
     Raises:
         CalibrationError: It never hangs free.
     """
-    hanging = [
-        (t_ns[span].mean(), capacitance_pf[span].mean(axis=0))
+    hangs = [
+        span
         for span in _spans(t_ns, force_n < hanging_n, _MIN_HANGING_NS)
         if np.isfinite(capacitance_pf[span]).all()
     ]
-    if not hanging:
+    if not hangs:
         raise CalibrationError(
             "there is no time of 0.3 s in which it hangs free and has a force; let the recording begin before the "
             "tare, with the feet in the air, and end with them in the air"
         )
-    times_ns, unloaded_pf = (np.array(part) for part in zip(*hanging, strict=True))
+    times_ns = np.array([t_ns[span].mean() for span in hangs])
+    unloaded_pf = np.array([capacitance_pf[span].mean(axis=0) for span in hangs])
     baseline_pf = np.stack([np.interp(t_ns, times_ns, one_pf) for one_pf in unloaded_pf.T], axis=1)
     change_pf = capacitance_pf - baseline_pf
     loaded = (change_pf / baseline_pf).mean(axis=1) > _MIN_LOAD_REL  # False with a NaN
     loads: list[tuple[Vector, Vector]] = []
+    spans = [_resting(t_ns[span], np.zeros(ELEMENTS)) for span in hangs]
     n_alike, standing_ns = 0, 0
     for span in _still_spans(t_ns, change_pf, loaded):
         standing_ns += int(t_ns[span][-1] - t_ns[span][0])
+        spans.append(_resting(t_ns[span], change_pf[span].mean(axis=0)))
         load = (capacitance_pf[span].mean(axis=0), baseline_pf[span].mean(axis=0))
         if _is_like_one_of(load, loads):
             n_alike += 1
@@ -213,7 +234,11 @@ def standing_loads(t_ns: Stamps, capacitance_pf: Vector, force_n: Vector, hangin
         np.array([load[part] for load in loads]).reshape(-1, capacitance_pf.shape[1]) for part in (0, 1)
     )
     loaded_s = float(loaded[1:] @ np.diff(t_ns)) * 1e-9
-    return StandingLoads(readings_pf, unloaded_pf, n_alike, standing_ns * 1e-9, loaded_s)
+    return StandingLoads(readings_pf, unloaded_pf, n_alike, standing_ns * 1e-9, loaded_s, tuple(spans))
+
+
+def _resting(t_ns: Stamps, change_pf: Vector) -> RestingSpan:
+    return RestingSpan(int(t_ns[0]), int(t_ns[-1]), change_pf)
 
 
 def _spans(t_ns: Stamps, holds: Mask, shortest_ns: int) -> Iterator[slice]:

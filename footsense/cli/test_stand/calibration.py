@@ -61,6 +61,11 @@ _foot_type_option = click.option(
     help="Of a robot that stood in some postures: only what its feet's electrodes tell by themselves.",
 )
 @click.option(
+    "--mass-kg",
+    type=click.FloatRange(0.0, min_open=True),
+    help="Mass of the robot, with --no-reference: its weight tells how large the forces of each foot are.",
+)
+@click.option(
     "--calibrations",
     "folder",
     type=FOLDER,
@@ -80,6 +85,7 @@ def calibrate(
     hold_out: str | None,
     *,
     by_standing: bool,
+    mass_kg: float | None,
     replace: bool,
     as_json: bool,
 ) -> None:
@@ -92,8 +98,12 @@ def calibrate(
     if by_standing:
         if hold_out is not None:
             raise click.UsageError("--hold-out needs a reference")
-        calibrate_by_standing(recordings, foot, folder, foot_type_folder, replace=replace, as_json=as_json)
+        calibrate_by_standing(
+            recordings, foot, folder, foot_type_folder, mass_kg=mass_kg, replace=replace, as_json=as_json
+        )
         return
+    if mass_kg is not None:
+        raise click.UsageError("--mass-kg is of a robot that stood: it needs --no-reference")
     if foot is None:
         raise click.UsageError("--foot names the foot on the test stand, such as foot-0007")
     began_ns = stopwatch_ns()

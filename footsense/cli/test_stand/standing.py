@@ -1,6 +1,7 @@
 """Part of `footsense test-stand calibrate`: calibrations without a reference, of the feet of a robot that stood."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace as replace_fields
 from functools import partial
 from itertools import accumulate
 from pathlib import Path
@@ -13,6 +14,7 @@ import footsense
 from footsense.calibration.evaluation import DesignModels
 from footsense.calibration.standing.calibrate import StandingCalibration, calibrate_standing
 from footsense.calibration.standing.recording import StandingLoads, StandingRecording, read_standing
+from footsense.calibration.standing.weight import sizes_by_weight
 from footsense.calibration.writer import check_calibration_target, write_calibration
 from footsense.cli.tables import Column, echo_json, json_row, table
 from footsense.cli.test_stand.design_models import load_design_models
@@ -22,15 +24,30 @@ from footsense.estimation.network import Network
 from footsense.foot.calibration_files import FootCalibration, Manifest, read_calibration
 from footsense.progress import file_progress_bar
 from footsense.recording.replay import Replay
+from footsense.sim.fabrication import size_sigma_rel
 
 
-class StandingRow(NamedTuple):
+class StoodFoot(NamedTuple):
     """What standing told of one foot."""
 
     foot: str
     loads: StandingLoads
     result: StandingCalibration
+
+
+class StandingRow(NamedTuple):
+    """The same, and what was written of it."""
+
+    foot: str
+    loads: StandingLoads
+    result: StandingCalibration
     calibration: FootCalibration
+
+    @property
+    def size_text(self) -> str:
+        """Size of its forces over that of a foot as designed."""
+        of = self.result.parameters
+        return f"{1.0 + of.stiffness_rel:.2f} +- {size_sigma_rel(of) or of.error_rel:.2f}"
 
     def values(self, name: str) -> list[float]:
         """Return a parameter of each element."""
@@ -53,6 +70,9 @@ STANDING_COLUMNS: list[Column[StandingRow]] = [
     Column("gain_rel", lambda row: row.values("gain_rel")),
     Column("gain_sigma_rel", lambda row: row.result.gain_sigma_rel.round(4).tolist()),
     Column("gap_um", lambda row: row.values("gap_um")),
+    Column("stiffness_rel", lambda row: round(row.result.parameters.stiffness_rel, 4)),
+    Column("size_sigma_rel", lambda row: round(row.result.parameters.size_sigma_rel, 4)),
+    Column("", lambda row: row.size_text, ">1", ("size [1]",)),
     Column("turned_deg", lambda row: round(row.result.turned_deg, 3), ">.1f", ("forces turn by [deg]",)),
     Column(
         "unknown_deg",
@@ -71,6 +91,7 @@ def calibrate_by_standing(
     folder: Path,
     foot_type_folder: Path | None,
     *,
+    mass_kg: float | None,
     replace: bool,
     as_json: bool,
 ) -> None:
@@ -81,6 +102,7 @@ def calibrate_by_standing(
         foot: The one foot that is wanted; None for every named one.
         folder: Folder of all calibrations.
         foot_type_folder: Folder of the models of the feet's type; None for the released one's.
+        mass_kg: Mass of the robot, whose weight tells the sizes of its feet [kg]; None if they stay as known.
         replace: Whether existing calibrations are replaced.
         as_json: Whether the result is printed as JSON.
 
@@ -91,16 +113,19 @@ def calibrate_by_standing(
     names = list(dict.fromkeys(name for one in read for name in one.feet))
     for name in names:
         check_calibration_target(folder / name, replace=replace)
-    rows, failed = list[StandingRow](), list[str]()
+    stood, failed = list[StoodFoot](), list[str]()
     for name in names:
-        parts = [one for one in read if name in one.feet]
-        loads = StandingLoads.joined([one.feet[name] for one in parts])
+        loads = StandingLoads.joined([one.feet[name] for one in read if name in one.feet])
         known = read_calibration(folder / name).parameters if (folder / name).exists() else None
         try:
-            result = calibrate_standing(models, loads, known)
+            stood.append(StoodFoot(name, loads, calibrate_standing(models, loads, known)))
         except CalibrationError as error:
             failed.append(f"{name}: {error}")
-            continue
+    if mass_kg is not None and not failed:
+        stood = _weighed(models, read, stood, mass_kg)
+    rows = list[StandingRow]()
+    for name, loads, result in stood if mass_kg is None or not failed else []:
+        parts = [one for one in read if name in one.feet]
         manifest = Manifest(
             foot=name,
             foot_type=models.response.foot_type,
@@ -124,11 +149,48 @@ def calibrate_by_standing(
             console.width = 200  # no line of a file or a pipe is folded
         console.print(table(STANDING_COLUMNS, rows))
         click.echo(
-            f"written to {folder}; stiffness and mounting are as known before: no reading tells them",
+            f"written to {folder}; "
+            + ("stiffness and mounting are" if mass_kg is None else "mounting is")
+            + " as known before: no reading tells it",
             err=True,
         )
     if failed:
         raise CalibrationError("; ".join(failed))
+
+
+def _weighed(
+    models: DesignModels, read: Sequence[StandingRecording], stood: Sequence[StoodFoot], mass_kg: float
+) -> list[StoodFoot]:
+    """Return the feet with the sizes that the robot's weight tells.
+
+    Raises:
+        CalibrationError: Some of its feet have no name or were left out, or the sums of the forces are not its weight.
+    """
+    names = [one.foot for one in stood]
+    for one in read:
+        if set(one.feet) != set(names) or len(names) != one.n_legs:
+            raise CalibrationError(
+                f"{one.path}: {len(one.feet)} of the robot's {one.n_legs} feet are named or wanted, and all of them "
+                "carry its weight: name each under `feet`, and leave out --foot"
+            )
+    sizes = sizes_by_weight(
+        models,
+        [[one.feet[name] for name in names] for one in read],
+        [one.result.parameters for one in stood],
+        mass_kg,
+    )
+    if sizes.doubt:
+        click.echo(f"warning: {sizes.doubt}", err=True)
+    weighed = []
+    for foot, size_rel, sigma_rel in zip(stood, sizes.size_rel, sizes.sigma_rel, strict=True):
+        known = foot.result.parameters
+        parameters = replace_fields(
+            known,
+            stiffness_rel=float(size_rel) * (1.0 + known.stiffness_rel) - 1.0,
+            size_sigma_rel=float(sigma_rel),
+        )
+        weighed.append(foot._replace(result=foot.result._replace(parameters=parameters)))
+    return weighed
 
 
 def _read(
