@@ -131,6 +131,18 @@ def test_a_zero_far_off_makes_no_slip_steady() -> None:
     assert find_rejections(cycles(force_profile(ONE), 5.5, reading_n=reading_n)) == [Rejection.SLIPPED]
 
 
+def test_a_zero_that_has_moved_since_an_old_press_does_not_count() -> None:
+    """A sensor that drifts by 0.2 N in a minute: the second press has the zero of the seconds before it."""
+    late = ONE._replace(at_s=61.5)
+    sample = itertools.count()
+
+    def reading_n(force_n: Vector) -> Vector:
+        return force_n + 0.2 * (next(sample) * SAMPLE_NS * 1e-9 > 30.0)
+
+    loads = find_loads(cycles(force_profile(ONE, late), 65.5, reading_n=reading_n))
+    assert loads[1].force_n == pytest.approx(ONE.force_n, abs=0.02)
+
+
 def test_an_unloaded_foot_gives_no_load() -> None:
     """A minute of noise and drift presses no press."""
     assert find_loads(cycles(force_profile(), 60.0, drift_pf_per_s=0.01)) == []
