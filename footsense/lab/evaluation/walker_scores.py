@@ -113,6 +113,14 @@ def force_scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
         "n_beyond_5_sigma_sudden": int(sudden[used][off[used] > 5.0].sum()),
         "within_2_sigma_early": [_share(off[one] < 2.0) for one in bins],
         "beyond_5_sigma_early": [_share(off[one] > 5.0) for one in bins],
+        "sigma_over_error": {
+            phase: float(
+                np.sqrt(np.mean(outputs.sigma_n[used & told] ** 2) / np.mean(error_n[used & told] ** 2))
+            )
+            if (used & told).any()
+            else np.nan
+            for phase, told in (("air", ~outputs.contact), ("contact", outputs.contact))
+        },
         "sigma_median_rel": float(np.median(outputs.sigma_n[used])) / peak_n,
         "n_loaded": int(loaded.sum()),
         "n_off_by_peak": int((np.linalg.norm(error_n[used], axis=1) > peak_n).sum()),

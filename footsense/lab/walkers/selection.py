@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
 from footsense.lab.evaluation.walker_judgement import (
     Conditions,
     JudgedRun,
@@ -28,6 +30,10 @@ _ROWS = {
     "told after the first load, median / 99 % [ms]": "{told_p50_ms:.1f} / {told_p99_ms:.1f}",
     "dated, bias / rms [ms]": "{dated_bias_ms:.1f} / {dated_rms_ms:.1f}",
     "dated, rms over sigma": "{dated_rms_over_sigma:.2f}",
+    "sigma over error of forces told in the air, rms: least, median and most of the runs": (
+        "{sigma[air][0]:.1f}, {sigma[air][1]:.1f}, {sigma[air][2]:.1f}"
+    ),
+    "the same in contact": "{sigma[contact][0]:.1f}, {sigma[contact][1]:.1f}, {sigma[contact][2]:.1f}",
     "contact wrong, share of the time": "{wrong_share:.1%}",
     "slow loads dated, 95 % [ms]; told": "{slow_p95_ms:.0f}; {n_slow_told} of {n_slow_touches}",
     "dragged feet found at their first touch": "{dragged_found_share:.0%} of {n_dragged_touches}",
@@ -71,7 +77,13 @@ def select(
 
 def _figures(judged: Sequence[JudgedRun], slipping: Sequence[JudgedRun]) -> Values:
     walked = [one for one in judged if one.run.gait != SLOW]
-    return contact_figures(judged) | {"slips": slip_figures([*walked, *slipping])}
+    sigma = {
+        phase: np.nanpercentile(
+            [one.scores["sigma_over_error"][phase] for one in walked], (0, 50, 100)
+        ).tolist()
+        for phase in ("air", "contact")
+    }
+    return contact_figures(judged) | {"slips": slip_figures([*walked, *slipping]), "sigma": sigma}
 
 
 def as_markdown(figures: dict[str, dict[str, Values]]) -> str:
