@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from firmware_interface.chips import ad7147
-from footsense.frames import Vector
 from footsense.sim.chips.beside import unloaded_stray_pf
 from footsense.sim.couplings import COUPLINGS_FILE, Couplings, load_couplings
 
@@ -70,19 +69,6 @@ def _made(calibration: str, test: str = "centred", kind: str = "supposed") -> di
     return known | {"deg": known["true_deg"], "mn": _MN_PER_GF * known["true_gf"]}
 
 
-def _of_other_kinds() -> Vector:
-    """Return the errors of accepted feet of all kinds that a calibration does not know [deg, mN], shape (feet, 2)."""
-    return np.array(
-        [
-            (own["centred"]["true_deg"][number], _MN_PER_GF * own["centred"]["true_gf"][number])
-            for name, kind in _page("experiment")["kinds"].items()
-            for own in (kind["all"],)
-            for number, refused in enumerate(own["refused"])
-            if name != "supposed" and not refused
-        ]
-    )
-
-
 def _published(rate_sps: int, publish_every: int) -> Any:  # noqa: ANN401
     return next(
         point
@@ -91,25 +77,8 @@ def _published(rate_sps: int, publish_every: int) -> Any:  # noqa: ANN401
     )
 
 
-def _step_error_mn() -> float:
-    methods = _page("speed-error")["published"]["loads"]["step"]["methods"]
-    own = next(one for one in methods if one["method"] == "every 4th" and one["scan_order"] == "lo_shu")
-    return float(own["errors"]["held_error_norm_rms_mn"])
-
-
 def _others(key: str) -> list[Any]:
     return [_robots(_DEFAULT, foot)[key] for foot in (_HEXAPOD_FOOT, _QUADRUPED_FOOT)]
-
-
-def _random(key: str, form: str) -> str:
-    """Return an error of the three networks at rest under random loads, by foot."""
-    return ", ".join(format(_page("rest")["errors"][foot]["random_network"][key], form) for foot in _FEET)
-
-
-def _random_mn(key: str) -> str:
-    errors = _page("rest")["errors"]
-    found = [_MN_PER_GF * errors[foot]["random_network"][key] for foot in _FEET]
-    return ", ".join(f"{one:.1f}" if one < 10 else f"{one:.0f}" for one in found)
 
 
 def _leaning(lean: int) -> str:
@@ -121,91 +90,61 @@ def _drifts(how: Callable[[Any], float], gate: str) -> str:
     """Return the drift of the odometry by force vector, one-axis sensor and contact flag [%]."""
     drift = _page("odometry")["drift"]["nothing"]
     sources = ("`ad7147`, force vector", "good one-axis sensor, threshold", "`ad7147`, contact flag")
-    return ", ".join(f"{100.0 * how(drift[source][gate]):.1f}" for source in sources)
+    return "; ".join(f"{100.0 * how(drift[source][gate]):.1f}" for source in sources)
 
 
 def _front() -> str:
     own, small = _robots(_DEFAULT), _robots(_SMALL)
-    walk, trot = _gait(_DEFAULT, "measured walk"), _gait(_DEFAULT, "trot of a robot dog")
-    slow_walk = _gait(_SMALL, "measured walk")
-    other = _gait(_DEFAULT, "random gaits")
+    walk, other = _gait(_DEFAULT, "measured walk"), _gait(_DEFAULT, "random gaits")
     touches, missed, twice, in_air = (
         sum(_others(key)) for key in ("n_touches", "n_missed", "n_twice", "n_in_air")
     )
-    pressed, standing, uncalibrated = _made("all"), _made("standing"), _made("design")
-    others = _of_other_kinds()
-    worst_deg, worst_mn = others.max(axis=0)
-    published = _published(400, 4)
-    made_n = [min(_page("design")["feet"][foot]["made_range_n"]) for foot in _FEET]
-    direction, mid_stance = _others("direction_deg"), _others("mid_stance_deg")
-    both = " and ".join
+    pressed, standing = _made("all"), _made("standing")
+    delay_ms = " and ".join(f"{one:.0f}" for one in _others("delay_p50_ms"))
     rows = [
         (
-            "**Walking robots** of a physics engine, loads scaled to 1 N on the smallest foot; error when the force is sent",
-            f"{own['n_runs']} runs of a hexapod and a quadruped: direction {own['direction_deg']:.1f} deg on average, "
-            f"{own['mid_stance_deg']:.1f} deg in mid-stance; on the feet of their own size "
-            f"{np.mean(direction):.1f} and {np.mean(mid_stance):.1f} deg",
-            f"the worst gait: {own['worst_direction_deg']:.1f} deg; hard landings: {own['landings_direction_deg']:.1f} deg",
+            "**Odometry** after a metre, by joint angles, IMU and feet ([example](examples/odometry.py)): force vector; good "
+            "one-axis sensor; contact flag",
+            f"{_drifts(np.mean, 'no gate')} %; with a gate on large innovations {_drifts(np.mean, 'gate')} %",
+            f"worst of {len(_page('odometry')['way_m'])} walks: {_drifts(np.max, 'no gate')} %",
         ),
         (
-            "**A smooth walk**, 1 N on a foot",
-            f"direction {walk['direction_deg']:.1f} deg on average, 1 force in 20 more than {walk['direction_p95_deg']:.1f} "
-            f"deg; fz {walk['rms_mn'][2]:.0f} mN rms; with a robot dog's trot {trot['direction_deg']:.1f} and "
-            f"{trot['direction_p95_deg']:.1f} deg",
-            f"{_page('motion')['n_random_gaits']} random gaits: {other['direction_deg']:.1f} deg on "
-            f"average, 1 force in 20 more than {other['direction_p95_deg']:.1f} deg; fz {other['rms_mn'][2]:.0f} mN rms",
+            "**Contact** of robots that walk in a physics engine",
+            f"{1 - missed / touches:.0%} of {touches} touchdowns found, {delay_ms} ms after the first load (median)",
+            f"1 in 100 later than {max(_others('delay_p99_ms')):.0f} ms; {twice} reported twice; {in_air} in the air",
         ),
         (
-            "**Contact** of the same robots, on the two larger feet",
-            f"{1 - missed / touches:.0%} of {touches} touchdowns are told, "
-            f"{both(f'{one:.0f}' for one in _others('delay_p50_ms'))} ms after the first load (median), lift-offs after "
-            f"{both(f'{one:.0f}' for one in _others('lift_off_delay_p50_ms'))} ms",
-            f"1 in 100 later than {max(_others('delay_p99_ms')):.0f} ms; {twice} told twice; {in_air} false ones in the air; "
-            f"on the smallest foot {own['n_in_air']} for {own['n_touches']} touches",
+            "**Direction** of the force on these robots; in a smooth walk",
+            f"{own['direction_deg']:.1f} deg on average; {walk['direction_deg']:.1f} deg",
+            f"worst gait {own['worst_direction_deg']:.1f} deg, hard landings {own['landings_direction_deg']:.1f}; random "
+            f"gaits: 1 force in 20 beyond {other['direction_p95_deg']:.1f} deg",
         ),
         (
-            "**Odometry** of these robots by joint angles, IMU and feet ([examples/odometry.py](examples/odometry.py)), error "
-            "of the place after a metre",
-            f"with the force vector, with a good one-axis sensor and with the contact flag {_drifts(np.mean, 'no gate')} %; "
-            f"where footholds with large innovations are set down anew {_drifts(np.mean, 'gate')} %",
-            f"the worst of {len(_page('odometry')['way_m'])} walks: {_drifts(np.max, 'no gate')} %; {_drifts(np.max, 'gate')} %",
+            "**The paper's array** behind one FDC1004, in place of an AD7147",
+            f"{small['direction_deg']:.1f} deg on average",
+            f"worst gait {small['worst_direction_deg']:.1f} deg",
         ),
         (
-            "**With an FDC1004 in each foot** in place of an AD7147",
-            f"walking robots: direction {small['direction_deg']:.1f} deg on average, {small['mid_stance_deg']:.1f} deg in "
-            f"mid-stance; the smooth walk {slow_walk['direction_deg']:.1f} deg; of what a controller holds, "
-            f"{published['forces_hz']:.0f} forces/s, the median is {published['walk']['held_age_p50_p99_ms'][0]:.0f} ms old",
-            f"the worst gait {small['worst_direction_deg']:.1f} deg; hard landings: {small['landings_direction_deg']:.1f} deg; "
-            f"where the full load comes within 5 ms, the force is wrong by {_step_error_mn():.0f} mN rms",
+            "**Feet as made**, 1 N at rest: pressed beside a force sensor; calibrated by standing",
+            f"{pressed['deg'].mean():.1f} deg and {pressed['mn'].mean():.0f} mN; {standing['deg'].mean():.1f} deg, size to a "
+            "fifth, or [to 6 % by the robot's weight](docs/calibrate-a-foot.md#without-a-force-sensor-by-standing)",
+            f"worst of {len(pressed['deg'])}: {pressed['deg'].max():.1f} deg; {standing['deg'].max():.1f} deg",
         ),
         (
-            "**Feet with tolerances**, at rest under 1 N, calibrated with 302 presses",
-            f"mean of {len(pressed['deg'])} feet: direction {pressed['deg'].mean():.2f} deg, magnitude "
-            f"{pressed['mn'].mean():.0f} mN, {pressed['within_2_sigma'].mean():.0%} of the errors within 2 sigma; calibrated "
-            f"by standing, without a force sensor, {standing['deg'].mean():.1f} deg, {standing['mn'].mean():.0f} mN, "
-            f"{standing['within_2_sigma'].mean():.0%}",
-            f"the worst of these feet: {pressed['deg'].max():.2f} deg, {pressed['mn'].max():.0f} mN; of {len(others)} feet whose "
-            f"physics the calibration does not know: {worst_deg:.2f} deg, {worst_mn:.0f} mN; by standing "
-            f"{standing['deg'].max():.1f} deg, {standing['mn'].max():.0f} mN; without calibration: "
-            f"{uncalibrated['deg'].max():.0f} deg, {1e-3 * uncalibrated['mn'].max():.2f} N",
+            "**Feet that nobody calibrates**, after a minute of walking",
+            "12 to 1 deg on average ([decision 38](docs/adr/0038-electrodes-by-walking.md))",
+            "worst of 19: 2.4 deg; rubber 3 % off the model: 5 deg, and sigma does not know",
         ),
         (
-            "**The three feet** as designed, at rest, random loads up to the largest trained: "
-            + ", ".join(f"{_page('design')['feet'][foot]['trained_n']:g} N" for foot in _FEET),
-            f"direction {_random('direction_deg', '.2f')} deg on average; magnitude {_random_mn('magnitude_gf')} mN",
-            f"1 force in 20 more than {_random('direction_p95_deg', '.2f')} deg, or {_random_mn('magnitude_p95_gf')} mN; the "
-            f"worst {_random('direction_max_deg', '.0f')} deg",
-        ),
-        (
-            "**Range** of the three feet: largest normal load on upright ground with a force and no overload",
-            f"leaning by 14 deg: {_leaning(1)} as designed; leaning by 30 deg: {_leaning(2)}",
-            f"the weakest of {_page('design')['n_feet']} feet with tolerances, by 30 deg: {made_n[0]:.2f} N, "
-            f"{made_n[1]:.1f} N, {made_n[2]:.0f} N",
+            "**Range** of the three feet: normal load where the force leans by 30 deg",
+            _leaning(2),
+            f"weakest of {_page('design')['n_feet']} made feet: "
+            + ", ".join(f"{min(_page('design')['feet'][foot]['made_range_n']):.2g} N" for foot in _FEET),
         ),
     ]
     return "\n".join(
         [
-            "| simulated, *same table* | usual | worst case |",
+            "| simulated, *same table* | usual | worst |",
             "|---|---|---|",
             *(f"| {' | '.join(row)} |" for row in rows),
         ]
