@@ -71,7 +71,7 @@ class FootParameters:
         stiffness_rel: Stiffness of the whole foot over the design's, minus one [1].
         mount: Rotation from the leg's frame to the foot's, shape (3, 3).
         error_rel: Standard deviation of the remaining error over the force [1].
-        size_sigma_rel: Standard deviation of the force's size where a robot's weight told it [1]; 0 where none did.
+        size_sigma_rel: Standard deviation of the force's size by its robot's weight [1]; 0 where none did.
     """
 
     stray_pf: Vector

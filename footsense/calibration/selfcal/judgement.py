@@ -22,7 +22,7 @@ _DRAWS, _SEED = 16, 1
 #: Least number of instants for a judgement of their halves, and most that it takes.
 MIN_INSTANTS, MAX_INSTANTS = 36, 72
 #: Least turn that is worth a calibration [deg], and over its standard deviation [1].
-_MIN_TURN_DEG, _MIN_TURN_SIGMAS = 0.3, 2.0
+_MIN_TURN_DEG, _MIN_TURN_SIGMAS = 0.3, 1.5
 #: Largest distance of one half from the electrodes of the other, over the usual one [1].
 _MAX_HELD_OUT = 1.0
 #: Largest change of a parameter over its standard deviation before walking [1].

@@ -1,12 +1,12 @@
 """Sizes of the feet of a robot that stands, by its weight: nobody knows each force, but all together carry the robot.
 
-Electrodes tell where a force points, and not its size: the stiffness of the rubber and a common factor of the gains
+The electrodes give the direction of a force, not its size: the stiffness of the rubber and a common factor of the gains
 leave no residual. With the force along each leg by the foot's electrodes and stiffness as known, f, the sizes s are
 what minimises
 
     sum over the postures of ((sum_legs s f - m g) / sigma)^2 + sum_legs ((s - 1) / sigma_0)^2
 
-Postures in which one leg after another is lifted tell all sizes; a common factor is as sure as the robot's mass.
+Postures that lean to all sides on each tripod give all sizes; a common factor is as sure as the robot's mass.
 """
 
 from collections.abc import Sequence
@@ -39,7 +39,7 @@ class FeetSizes(NamedTuple):
     Attributes:
         size_rel: True over estimated force of each foot [1], shape (feet,).
         sigma_rel: Standard deviation of that [1], shape (feet,).
-        n_postures: Postures of the robot that tell it.
+        n_postures: Postures of the robot that were used.
         doubt: Why the mass may be wrong, as one line; empty if nothing says so.
     """
 

@@ -63,7 +63,7 @@ _foot_type_option = click.option(
 @click.option(
     "--mass-kg",
     type=click.FloatRange(0.0, min_open=True),
-    help="Mass of the robot, with --no-reference: its weight tells how large the forces of each foot are.",
+    help="Mass of the robot, with --no-reference: its weight gives the size of each foot's forces.",
 )
 @click.option(
     "--calibrations",
