@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
+from footsense.estimation.elements import OPEN_ELEMENT_THRESHOLD_REL
 from footsense.estimation.settings import READING_NOISE_PF
 from footsense.frames import ELEMENTS, IS_USABLE_STATE, Cycle, Flag, Mask, Stamps, Vector
 
@@ -93,13 +94,19 @@ class LegScans(NamedTuple):
 class StanceSampler:
     """Takes instants of each stance of one foot as soon as it has ended.
 
+    An element that reads far below the free foot is open, and its readings are none.
+
+    Args:
+        unloaded_pf: Readings of the free foot [pF], shape (9,).
+
     Attributes:
         baseline_pf: Unloaded readings of the last swings [pF], shape (9,); NaN before the first.
         n_stances: Stances so far.
-        n_saturated: Those of them in which an element was beyond its range.
+        n_saturated: Those of them in which an element was beyond its range, or open.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, unloaded_pf: Vector) -> None:
+        self._open_below_pf = OPEN_ELEMENT_THRESHOLD_REL * unloaded_pf
         self.baseline_pf: Vector = np.full(ELEMENTS, np.nan)
         self.n_stances = self.n_saturated = 0
         self._scans: LegScans | None = None
@@ -114,6 +121,8 @@ class StanceSampler:
             scans: The scans, behind those of the last call.
             not_before_ns: Time before which stances have no instants [ns].
         """
+        opened = scans.capacitance_pf < self._open_below_pf
+        scans = scans._replace(capacitance_pf=np.where(opened, np.nan, scans.capacitance_pf))
         if self._scans is not None:
             both: list[Any] = [np.concatenate(parts) for parts in zip(self._scans, scans, strict=True)]
             scans = LegScans(*both)

@@ -27,7 +27,7 @@ _MIN_TURN_DEG, _MIN_TURN_SIGMAS = 0.3, 1.5
 _MAX_HELD_OUT = 1.0
 #: Largest change of a parameter over its standard deviation before walking [1].
 _MAX_CHANGE_SIGMAS = 4.0
-#: Largest share of stances in which an element is beyond its range [1].
+#: Largest share of stances in which an element is beyond its range, or open [1].
 _MAX_SATURATED_REL = 0.3
 
 
@@ -100,7 +100,7 @@ def judge_electrodes(
         before: The electrodes known before.
         now: Those found.
         instants: Instants of usual loads, at least one.
-        saturated_rel: Share of the stances in which an element was beyond its range [1].
+        saturated_rel: Share of the stances in which an element was beyond its range, or open [1].
     """
     turn = turn_of_forces(models, before, now, instants)
     n = len(instants.t_ns)
@@ -115,7 +115,7 @@ def judge_electrodes(
     change = (now.parameters - before.parameters)[:N_ELECTRODE_PARAMETERS] / sigma
     largest = float(np.abs(change).max())
     objections = {
-        f"an element is beyond its range in {saturated_rel:.0%} of the stances": (
+        f"an element is beyond its range or open in {saturated_rel:.0%} of the stances": (
             saturated_rel > _MAX_SATURATED_REL
         ),
         "no improvement to expect": turn.deg < max(_MIN_TURN_DEG, _MIN_TURN_SIGMAS * turn.sigma_deg),

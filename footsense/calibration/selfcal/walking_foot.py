@@ -57,7 +57,8 @@ class WalkingFoot:
         self._is_calibrated = bool(of.calibration)
         design = models.response.design
         self._before = Electrodes.before_walking(design, known, calibrated=self._is_calibrated)
-        self._sampler, self._waiting, self._last_ns = StanceSampler(), Instants.joined([]), 0
+        self._sampler = StanceSampler(known.unloaded_pf)
+        self._waiting, self._last_ns = Instants.joined([]), 0
         self.electrodes, self._kept, self.n_instants = self._before, Instants.joined([]), 0
         self._saturated_before_rel = 0.0
         self.turn: Turn | None = None
@@ -72,7 +73,7 @@ class WalkingFoot:
 
     @property
     def saturated_rel(self) -> float:
-        """Share of the stances in which an element was beyond its range [1]."""
+        """Share of the stances in which an element was beyond its range, or open [1]."""
         n_stances = self._sampler.n_stances
         return self._sampler.n_saturated / n_stances if n_stances else self._saturated_before_rel
 

@@ -120,7 +120,7 @@ def test_readings_of_an_instant_are_those_of_one_time() -> None:
     """Nine readings of one scan are 6 ms apart; interpolated, they are right to what their sigma says."""
     foot, _ = _made(0)
     scans, clean_pf = _walk(foot, 6)
-    found = StanceSampler().add(scans)
+    found = StanceSampler(foot.unloaded_pf).add(scans)
     assert len(found.t_ns) == 15  # of the last stance nobody knows that it has ended
     assert found.part.tolist() == 5 * [0, 1, 2]
     t_ns = _CONVERSION_NS * np.arange(1, len(clean_pf) + 1)
@@ -130,6 +130,23 @@ def test_readings_of_an_instant_are_those_of_one_time() -> None:
     raw_pf = scans.capacitance_pf[np.searchsorted(scans.t_ns.mean(axis=1), found.t_ns)]
     assert np.abs(raw_pf - true_pf).max() > 10.0 * np.abs(found.capacitance_pf - true_pf).max()
     np.testing.assert_allclose(found.baseline_pf[-1], foot.unloaded_pf, atol=0.5e-3)
+
+
+def test_stances_with_an_open_element_are_not_used() -> None:
+    """A line that is cut after four stances: what was found until then stays, and is not proposed."""
+    foot, known = _made(0)
+
+    def cut(capacitance_pf: Vector, _: Vector) -> Vector:
+        capacitance_pf[4:, :, 4] = known.stray_pf[4]
+        return capacitance_pf
+
+    scans, _ = _walk(foot, 20, cut)
+    whole, _ = _walk(foot, 5)
+    cut_off, before = (_foot(_drifted(known), "0" * 64, one) for one in (scans, whole))
+    assert cut_off.n_instants == before.n_instants > 0
+    np.testing.assert_allclose(cut_off.electrodes.parameters, before.electrodes.parameters, atol=0.02)
+    assert cut_off.saturated_rel > 0.7
+    assert not cut_off.is_proposed
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ own frame: no walk tells the mount.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -20,6 +21,7 @@ from footsense.foot.parameters import FootParameters
 from footsense.foot.specimen import Specimen
 from footsense.foot.type_folders import released_folder
 from footsense.frames import ELEMENTS, IS_USABLE_STATE, Vector
+from footsense.lab.evaluation.off_table import OffTableFoot
 from footsense.lab.evaluation.walker_runs import (
     SCAN_TIMES,
     WalkerLoads,
@@ -39,6 +41,8 @@ from footsense.sim.rubber import draw_floor_pf
 _BOARD, _SEED = "ad7147", 0
 #: Radius of the ball [mm]; the pull of its mass is left out here.
 _BALL_RADIUS_MM = 10.0
+#: Gain in direction that is worth a calibration [deg].
+WORTH_DEG = 0.3
 #: Standard deviation of gains that have drifted [1].
 DRIFT_REL = 0.04
 #: Scans that a foot gets at once, as of the second between two looks at a service's ring.
@@ -58,6 +62,9 @@ def walked_foot_figures(
     known: Literal["design", "drifted", "right"] = "design",
     creep_rel: float = 0.0,
     floor_pf: float = 0.0,
+    stiffness_rel: float | None = None,
+    off_table_rel: float = 0.0,
+    cut_s: float = np.inf,
 ) -> Values:
     """Return the errors of one foot before and while it finds its electrodes.
 
@@ -70,6 +77,9 @@ def walked_foot_figures(
             drifted by `DRIFT_REL`, or one that is right.
         creep_rel: Standard deviation of the creep of its elements, over their closure [1].
         floor_pf: Largest capacitance that the floor adds to the elements of a foot in contact [pF].
+        stiffness_rel: Stiffness of the foot over the designed one, minus one [1]; None to draw it.
+        off_table_rel: Error of the response table for this foot, rms over the loads [1].
+        cut_s: Time from which the line of its middle element is cut [s].
 
     Returns:
         `before_deg`; by time `after_deg`, `within_2_sigma`, share of the components, by the network's sigma and what is
@@ -77,11 +87,10 @@ def walked_foot_figures(
         are proposed.
     """
     own = draw_deviations(models.response, PAPER_TOLERANCES, _SEED, number)
-    foot, design, random = (
-        Specimen(models.response, own),
-        models.response.design,
-        np.random.default_rng(number),
-    )
+    if stiffness_rel is not None:
+        own = replace(own, stiffness_rel=stiffness_rel)
+    foot = OffTableFoot(models.response, own, error_rel=off_table_rel)
+    design, random = models.response.design, np.random.default_rng(number)
     gain_rel = 1.0 + DRIFT_REL * random.normal(size=ELEMENTS) if known == "drifted" else np.ones(ELEMENTS)
     parameters = FootParameters(
         stray_pf=np.zeros(ELEMENTS), unloaded_pf=foot.unloaded_pf, gap_um=np.full(ELEMENTS, design.gap_um)
@@ -95,6 +104,8 @@ def walked_foot_figures(
         )
     loads = _loads(logs, number, max(marks_s))
     readings = read_walker(foot, loads, number, scan=SCAN_TIMES[_BOARD], viscous_rel=1.0)
+    is_cut = (readings.t_s > cut_s) & (readings.elements == ELEMENTS // 2)
+    readings.capacitance_pf[:, 0][is_cut] = foot.stray_pf[ELEMENTS // 2]
     scans = _scans(models, readings, parameters)
     scans = scans._replace(capacitance_pf=_worn_pf(models, foot, scans, creep_rel, floor_pf, random))
     of = FootIdentity(
@@ -134,6 +145,7 @@ def walked_foot_figures(
             "within_2_sigma": float((np.abs(force_n - true_n) < 2.0 * np.hypot(sigma_n, spread_n)).mean()),
             "turned_deg": walking.turn and walking.turn.deg,
             "turned_sigma_deg": walking.turn and walking.turn.sigma_deg,
+            "objection": walking.objection,
         }
     return figures | {"objection": walking.objection, "n_instants": walking.n_instants}
 
@@ -248,14 +260,17 @@ CASES: dict[str, dict[str, Any]] = {
     "calibrated and right": {"known": "right"},
     "right, elements creep apart by 3 %": {"known": "right", "creep_rel": 0.03},
     "right, on a floor that adds 0.1 pF": {"known": "right", "floor_pf": 0.1},
+    "drifted, half as stiff as designed": {"known": "drifted", "stiffness_rel": -0.5},
+    "drifted, off the response table by 3 %": {"known": "drifted", "off_table_rel": 0.03},
+    "drifted, a line is cut after 20 s": {"known": "drifted", "cut_s": 20.0},
 }
 #: Times of walking at which errors are computed [s], gaits that it is of, and the foot type, on its own robot.
 _MARKS_S, _GAITS, _FOOT_TYPE = (10.0, 30.0, 60.0), ("pairs", "amble", "front-wave"), "hexapod-2kg"
 
 
 def walking_figures(n_feet: int, cases: Sequence[str] = tuple(CASES)) -> dict[str, list[Values]]:
-    """Return the figures of the first feet by case, as of `walked_foot_figures`."""
-    parts = [(case, number) for case in cases for number in range(n_feet)]
+    """Return the figures of feet 0, 1, ... by case, one case after the other; as of `walked_foot_figures`."""
+    parts = [(cases[number % len(cases)], number) for number in range(n_feet)]
     figures = compute_each(_figures_of_part, parts)
     return {
         case: [found for (of, _), found in zip(parts, figures, strict=True) if of == case] for case in cases
@@ -270,26 +285,32 @@ def _figures_of_part(part: tuple[str, int]) -> Values:
 
 
 def as_markdown(figures: Mapping[str, Sequence[Values]]) -> str:
-    """Return the table of the figures of `walking_figures`."""
+    """Return the table of the figures of `walking_figures`, and of all cases together."""
+    last = f"{_MARKS_S[-1]:g} s"
     rows = []
-    for case, feet in figures.items():
+    everyone = [foot for of_case in figures.values() for foot in of_case]
+    for case, feet in {**figures, "all": everyone}.items():
         before_deg = np.array([foot["before_deg"] for foot in feet])
         after_deg = np.array([[foot[f"{mark_s:g} s"]["after_deg"] for mark_s in _MARKS_S] for foot in feet])
-        within = np.mean([foot[f"{_MARKS_S[-1]:g} s"]["within_2_sigma"] for foot in feet])
-        proposed = [not foot["objection"] for foot in feet]
-        worse = (after_deg[:, -1] > before_deg) & proposed
+        sigma_deg = np.array([foot[last]["turned_sigma_deg"] for foot in feet])
+        proposed = np.array([not foot["objection"] for foot in feet])
+        gained_deg = before_deg - after_deg[:, -1]
+        gains = gained_deg > WORTH_DEG
         rows.append(
             (
                 case,
+                str(len(feet)),
                 f"{before_deg.mean():.2f}, {before_deg.max():.1f}",
                 *(f"{one.mean():.2f}, {one.max():.1f}" for one in after_deg.T),
-                f"{within:.0%}",
-                f"{sum(proposed)} of {len(feet)}",
-                str(sum(worse)),
+                f"{np.mean([foot[last]['within_2_sigma'] for foot in feet]):.0%}",
+                f"{np.count_nonzero(proposed & gains)} of {np.count_nonzero(gains)}",
+                f"{np.count_nonzero(proposed & (gained_deg < 0.0))}",
+                f"{np.count_nonzero(proposed & (gained_deg < -2.0 * sigma_deg))}",
             )
         )
     marks = " | ".join(f"{mark_s:g} s" for mark_s in _MARKS_S)
     return table(
-        f"direction, mean and worst foot [deg] | before | {marks} | within 2 sigma | proposed | worse, of these",
+        f"direction, mean and worst foot [deg] | feet | before | {marks} | within 2 sigma | would gain, proposed of these | "
+        "proposed and worse | by over 2 sigma",
         rows,
     )
