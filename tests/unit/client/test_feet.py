@@ -9,14 +9,14 @@ from contextlib import closing
 import pytest
 
 import footsense
-from footsense.api.commands import Commander
-from footsense.api.feet import Feet
-from footsense.can.interface import Can
 from footsense.client import LinkLimits
-from footsense.daemon.can_listener import Listener
-from footsense.daemon.can_output import open_wire
+from footsense.client.commander import Commander
+from footsense.client.feet import Feet
+from footsense.client.listener import Listener
 from footsense.errors import CanError, FootsenseError
 from footsense.frames import Flag, GaitEvent, GaitEventKind, State
+from footsense.wires.address import CanAddress
+from footsense.wires.opening import open_wire
 from tests.support.can_robot import MS, Robot
 from tests.support.frames import gait_frame
 
@@ -35,9 +35,9 @@ class Heard:
     def __init__(self, channel: str) -> None:
         self.robot = Robot(channel, legs=("lf", "rf"))
         self.t_ns = self.robot.clock.t_ns = 1000 * MS  # all identities are due then
-        self._can = Can(interface="virtual", channel=channel)
+        self._address = CanAddress("virtual", channel)
         limits = LinkLimits(accept_degraded=True)
-        self._listener = Listener(open_wire(self._can), self.robot.clock, limits)
+        self._listener = Listener(open_wire(self._address), self.robot.clock, limits)
 
     def cycle(self, **changed: object) -> None:
         """Publish the forces of one cycle; `changed` as in `contact_frame`."""
@@ -45,7 +45,7 @@ class Heard:
         self.robot.publish(self.t_ns, age_ns=3 * MS, **changed)  # type: ignore[arg-type]
 
     def connect(self, timeout_s: float = 0.05) -> Feet:
-        return Feet(self._listener, self._can, timeout_s)
+        return Feet(self._listener, self._address, timeout_s)
 
 
 @pytest.fixture
@@ -151,7 +151,7 @@ def test_in_a_silence_no_leg_is_usable_and_then_the_loop_ends(heard: Heard) -> N
 
 def test_a_leg_that_falls_silent_holds_up_no_other(heard: Heard) -> None:
     """Of two services on a bus one ends: its leg stays, without a force; that of the other is used after 3 s alone."""
-    with connected(heard) as feet, closing(Robot(feet._can.channel, legs=("lf",))) as alone:
+    with connected(heard) as feet, closing(Robot(feet._address.channel, legs=("lf",))) as alone:
         cycles = iter(feet)
         n_before = feet._counts()["lf"]
         for k in range(1, 3100 * MS // CYCLE_NS):
@@ -200,7 +200,7 @@ def test_what_is_wrong_with_a_channel_is_said(heard: Heard) -> None:
         heard.connect()
     gone = Listener(Gone(), heard.robot.clock, LinkLimits())
     with pytest.raises(CanError, match="the CAN channel is gone: No such device"):
-        Feet(gone, Can(interface="virtual"), 1.0)
+        Feet(gone, CanAddress("virtual", ""), 1.0)
 
 
 @pytest.mark.parametrize(

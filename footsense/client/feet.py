@@ -10,15 +10,16 @@ from typing import TYPE_CHECKING, Literal, Self
 
 from firmware_interface.can.codes import NODE_IDS, CommandKind, Result, StepPhase
 from firmware_interface.can.socketcan import pack_frame
-from footsense.api.commands import Commander, open_command_wire
-from footsense.api.events import FootEvent
-from footsense.can.interface import DEFAULT_CHANNELS, Can
-from footsense.client import LegEvent, LegForce, LinkLimits, LinkStatus, Motions
+from footsense.client.commander import Commander, open_command_wire
+from footsense.client.events import FootEvent
+from footsense.client.gait_events import LegEvent
+from footsense.client.link import LegForce, LinkLimits, LinkStatus
+from footsense.client.listener import LegSnapshot, Listener, open_listener
+from footsense.client.motions import Motions
 from footsense.clock import MonotonicClock
-from footsense.config.contradictions import is_multicast
-from footsense.daemon.can_listener import LegSnapshot, Listener, open_listener
-from footsense.daemon.can_output import open_wire
 from footsense.errors import CanError, FootsenseError
+from footsense.wires.address import DEFAULT_CHANNELS, CanAddress, is_multicast
+from footsense.wires.opening import open_wire
 
 if TYPE_CHECKING:
     from footsense.ports import CanWire
@@ -73,13 +74,13 @@ def connect(
     name = channel or DEFAULT_CHANNELS[interface]
     if interface == "udp_multicast" and not is_multicast(name):
         raise CanError(f"channel {name!r}: no IPv4 multicast address; try {DEFAULT_CHANNELS[interface]}")
-    limits = LinkLimits(accept_degraded=True)
+    address = CanAddress(interface, name)
     try:
-        listener = open_listener(interface, name, MonotonicClock(), limits)
+        listener = open_listener(address, MonotonicClock(), LinkLimits(accept_degraded=True))
     except CanError as error:
         hint = f"; of a simulation: {DEFAULT_CHANNELS['udp_multicast']}" if interface == "socketcan" else ""
         raise CanError(f"{error}{hint}") from None
-    return Feet(listener, Can(interface=interface, channel=name), timeout_s)
+    return Feet(listener, address, timeout_s)
 
 
 class _Forces(dict[str, LegForce]):
@@ -102,9 +103,9 @@ class Feet:
         events: Gait events that arrived with the last mapping, oldest first, each a `FootEvent`.
     """
 
-    def __init__(self, listener: Listener, can: Can, timeout_s: float) -> None:
+    def __init__(self, listener: Listener, address: CanAddress, timeout_s: float) -> None:
         self.events: tuple[FootEvent, ...] = ()
-        self._listener, self._can, self._timeout_s = listener, can, timeout_s
+        self._listener, self._address, self._timeout_s = listener, address, timeout_s
         self._clock = MonotonicClock()
         self._commander = Commander(self._clock)
         self._motions = Motions()
@@ -228,7 +229,7 @@ class Feet:
             phase=phase,
         )
         if self._motion_wire is None:
-            self._motion_wire = open_wire(self._can)
+            self._motion_wire = open_wire(self._address)
         try:
             n_sent = self._motion_wire.send([pack_frame(*frame)], self._clock.now_ns())
         except OSError as error:
@@ -242,12 +243,12 @@ class Feet:
                 f"no leg is named {', '.join(sorted(unknown))}; there are {', '.join(self.legs)}"
             )
         refused: dict[str, list[str]] = {}
-        with closing(open_command_wire(self._can)) as wire:
+        with closing(open_command_wire(self._address)) as wire:
             for answer in self._commander.command(wire, kind, legs, self._heard_nodes()):
                 if answer.result is not Result.DONE:
                     # A service may have ended while the answer was waited for.
                     is_heard = answer.is_heard and NODE_IDS[answer.leg] in self._heard_nodes()
-                    why = answer._replace(is_heard=is_heard).refusal(self._can.channel)
+                    why = answer._replace(is_heard=is_heard).refusal(self._address.channel)
                     refused.setdefault(why, []).append(answer.leg)
         if refused:
             raise FootsenseError(" | ".join(f"{', '.join(which)}: {why}" for why, which in refused.items()))
@@ -319,7 +320,7 @@ class Feet:
             if not any(readable()):
                 what = "no forces that can be read yet" if readable() else "no forces"
                 remedy = "is the service running, and is this its channel?"
-                raise CanError(f"{what} on {self._can.channel} within {self._timeout_s:g} s; {remedy}")
+                raise CanError(f"{what} on {self._address.channel} within {self._timeout_s:g} s; {remedy}")
             self._given = self._counts()
             self._pending_events.clear()
         return tuple(self._given)
