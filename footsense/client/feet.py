@@ -3,8 +3,9 @@
 import math
 import threading
 from collections import deque
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import AsyncIterator, Callable, Collection, Iterator, Sequence
 from contextlib import closing
+from itertools import product
 from types import TracebackType
 from typing import TYPE_CHECKING, Literal, Self
 
@@ -95,8 +96,8 @@ class Feet:
 
     Iterating gives one mapping a cycle, from the leg's name to its `LegForce`. It is always the newest: a slow loop
     skips cycles, and never works through a backlog. In a silence the mapping comes every 100 ms, with no usable leg,
-    and after the timeout of `connect` the loop ends; Ctrl-C raises `KeyboardInterrupt` in it. A thread of its own
-    receives meanwhile.
+    and after the timeout of `connect` the loop ends; Ctrl-C raises `KeyboardInterrupt` in it. `async for` does
+    the same while other tasks run. A thread of its own receives meanwhile.
 
     Attributes:
         legs: Names of the legs that are heard, in the order of their CAN node ids.
@@ -112,8 +113,9 @@ class Feet:
         self._motion_wire: CanWire | None = None
         self._news = threading.Condition()
         self._stop = threading.Event()
-        self._error: CanError | None = None
-        self._pending_events: deque[LegEvent] = deque(maxlen=_MAX_EVENTS)
+        self._error: Exception | None = None
+        self._callbacks: list[Callable[[FootEvent], object]] = []
+        self._pending_events: deque[FootEvent] = deque(maxlen=_MAX_EVENTS)
         self._given: dict[str, int] = {}  # forces of each leg when a cycle was last given
         self._thread = threading.Thread(target=self._receive, name="footsense", daemon=True)
         self._thread.start()
@@ -143,14 +145,35 @@ class Feet:
         """
         silent_s = 0.0
         while silent_s < self._timeout_s:
-            with self._news:
-                arrived = self._news.wait_for(
-                    self._has_new_cycle, min(_SILENCE_S, self._timeout_s - silent_s)
-                )
-                forces = self._forces()
-                self._given = self._counts()
-            silent_s = 0.0 if arrived else silent_s + _SILENCE_S
-            yield forces
+            silent_s = self._wait_for_cycle(silent_s)
+            yield self._cycle()
+
+    async def __aiter__(self) -> AsyncIterator[dict[str, LegForce]]:
+        """Iterate likewise with `async for`; what is cancelled takes no cycle and no event with it.
+
+        Yields:
+            The force of each leg by its name.
+
+        Raises:
+            CanError: The channel has gone down.
+        """
+        from asyncio import to_thread  # takes longer to import than all of this
+
+        silent_s = 0.0
+        while silent_s < self._timeout_s:
+            silent_s = await to_thread(self._wait_for_cycle, silent_s)
+            yield self._cycle()
+
+    def on_event(self, callback: Callable[[FootEvent], object]) -> None:
+        """Call a function with each gait event from now on, at once: within some 2 ms of its frame.
+
+        The thread that receives calls it, so it has to be short; `events` has the event too. Of a program of asyncio,
+        hand its loop over: `feet.on_event(lambda event: loop.call_soon_threadsafe(queue.put_nowait, event))`.
+
+        Args:
+            callback: The function. Its exception ends the receiving; `latest` and the loops over the feet raise it.
+        """
+        self._callbacks.append(callback)
 
     def tare(self, *legs: str) -> None:
         """Take the present readings of legs as those of the unloaded foot, and wait until it is done: 0.2 s.
@@ -273,12 +296,17 @@ class Feet:
     def _receive(self) -> None:
         while self._error is None and not self._stop.wait(_POLL_PERIOD_S):
             n_before = self._listener.n_forces
-            with self._news:
-                try:
-                    self._pending_events += self._listener.poll()
-                except CanError as error:
+            try:
+                with self._news:
+                    events = [_foot_event(event) for event in self._listener.poll()]
+                    self._pending_events += events
+                    if self._listener.n_forces > n_before:
+                        self._news.notify_all()
+                for callback, event in product(self._callbacks, events):
+                    callback(event)
+            except Exception as error:  # noqa: BLE001 - whoever reads the feet gets it
+                with self._news:
                     self._error = error
-                if self._error is not None or self._listener.n_forces > n_before:
                     self._news.notify_all()
 
     def _heard(self) -> list[LegSnapshot]:
@@ -293,6 +321,17 @@ class Feet:
     def _counts(self) -> dict[str, int]:
         return {leg.leg: leg.n_force_frames for leg in self._heard()}
 
+    def _wait_for_cycle(self, silent_s: float) -> float:
+        """Wait for a new cycle, or in a silence for a moment of it; return how long that lasts now [s]."""
+        with self._news:
+            moment_s = min(_SILENCE_S, self._timeout_s - silent_s)
+            return 0.0 if self._news.wait_for(self._has_new_cycle, moment_s) else silent_s + _SILENCE_S
+
+    def _cycle(self) -> dict[str, LegForce]:
+        with self._news:
+            self._given = self._counts()
+            return self._forces()
+
     def _has_new_cycle(self) -> bool:
         """Return whether every leg that is not silent has a new force, or one has two: another's was lost."""
         current = [leg for leg in self._heard() if leg.force.status is not LinkStatus.STALE]
@@ -301,7 +340,7 @@ class Feet:
 
     def _forces(self) -> dict[str, LegForce]:
         forces = _Forces({leg.leg: leg.force for leg in self._heard()})
-        self.events = tuple(map(_foot_event, self._pending_events))
+        self.events = tuple(self._pending_events)
         self._pending_events.clear()
         return forces
 

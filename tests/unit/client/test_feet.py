@@ -1,8 +1,11 @@
 """Feet that are heard on CAN: what a real sink sends on a channel of the process, as a program gets it."""
 
+import asyncio
+import contextlib
 import errno
 import math
 import os
+import queue
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 
@@ -55,10 +58,10 @@ def heard(request: pytest.FixtureRequest) -> Iterator[Heard]:
     heard.robot.close()
 
 
-def connected(heard: Heard) -> Feet:
+def connected(heard: Heard, timeout_s: float = 0.05) -> Feet:
     for _ in range(6):
         heard.cycle()
-    return heard.connect()
+    return heard.connect(timeout_s)
 
 
 def test_a_cycle_is_the_force_of_each_leg_by_its_name(heard: Heard) -> None:
@@ -104,6 +107,53 @@ def test_an_event_comes_once_with_its_leg_and_time(heard: Heard) -> None:
         heard.cycle()
         next(cycles)
         assert feet.events == ()
+
+
+def published(heard: Heard, kind: GaitEventKind) -> None:
+    """Publish a cycle with an event of rf."""
+    event = GaitEvent(kind, 1, heard.t_ns - 20 * MS, 0.002)
+    heard.cycle(gait=gait_frame(heard.t_ns, 2, events=(event,)))
+
+
+def test_a_callback_hears_of_an_event_at_once_and_its_exception_is_raised_where_feet_are_read(
+    heard: Heard,
+) -> None:
+    with connected(heard) as feet:
+        told = queue.SimpleQueue[footsense.FootEvent]()
+        feet.on_event(told.put)
+        published(heard, GaitEventKind.TOUCHDOWN)
+        event = told.get(timeout=10.0)
+        assert (event.leg, event.kind) == ("rf", "touchdown")
+        next(iter(feet))
+        assert feet.events == (event,)
+        feet.on_event(lambda event: event.sigma_s / 0)
+        published(heard, GaitEventKind.LIFT_OFF)
+        with pytest.raises(ZeroDivisionError):
+            list(feet)
+
+
+def test_async_for_has_the_same_cycles_and_what_is_cancelled_takes_none_away(heard: Heard) -> None:
+    async def program() -> None:
+        with connected(heard, timeout_s=10.0) as feet:
+
+            async def cycle() -> dict[str, footsense.LegForce]:
+                return await anext(aiter(feet))
+
+            waiting = asyncio.create_task(cycle())
+            await asyncio.sleep(0)  # it waits, and holds up nothing
+            waiting.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await waiting
+            published(heard, GaitEventKind.TOUCHDOWN)
+            assert (await cycle())["lf"].usable
+            assert [event.leg for event in feet.events] == ["rf"]
+            waiting = asyncio.create_task(cycle())
+            await asyncio.sleep(0)
+            assert not waiting.done()
+            heard.cycle(force_n=0.3)
+            assert (await waiting)["lf"].force_n[2] == pytest.approx(0.3)
+
+    asyncio.run(program())
 
 
 def test_contact_and_hold_come_with_each_force(heard: Heard) -> None:
