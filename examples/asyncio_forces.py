@@ -5,10 +5,13 @@ In another terminal: footsense run --config deploy/simulated.yaml. Ends when the
 
 import argparse
 import asyncio
-import contextlib
+import signal
 import sys
 
 import footsense
+
+for end in (signal.SIGPIPE, signal.SIGINT):  # `| head` and Ctrl-C end it without a word
+    signal.signal(end, signal.SIG_DFL)
 
 
 async def tell_touchdowns(events: asyncio.Queue[footsense.FootEvent]) -> None:
@@ -39,7 +42,6 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--can", default="239.74.163.2", help="on a robot: can0")
     try:
-        with contextlib.suppress(KeyboardInterrupt):
-            asyncio.run(main(parser.parse_args().can))
+        asyncio.run(main(parser.parse_args().can))
     except footsense.FootsenseError as error:
         sys.exit(str(error))
