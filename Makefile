@@ -4,7 +4,7 @@
 # make test      format, lint, types, import contracts, and the fast tests: a change is good
 # make test-all  the same with all tests: meshes, the page in a browser, packaging, studies, random faults
 # make docs      the reference pages anew from the code, and the documentation site: build/site/docs/index.html
-# make release   wheel and sdist in dist/, each installed in a clean environment, where the README's five lines run; tags nothing
+# make release   both wheels and the sdist in dist/, installed in a clean environment, where the README's five lines run; tags nothing
 # make fuzz      an hour of other and more examples for the tests in tests/fuzz
 # make lock      renews the versions and hashes that all of these install: deploy/ and tests/requirements.lock
 # make golden    the recorded walk anew that every change is replayed against; only for a change that is meant to change forces
@@ -122,15 +122,15 @@ $(VENV)/dev.stamp: $(BIN)/uv newest
 	touch $@
 else
 # The project itself, without a look at any index: what builds it is in both locks.
-EDITABLE := $(SYNC) --offline --no-deps --no-build-isolation --editable .
+EDITABLE := $(SYNC) --offline --no-deps --no-build-isolation --editable deploy/client --editable .
 
-$(VENV)/robot.stamp: deploy/requirements.lock pyproject.toml $(BIN)/uv
+$(VENV)/robot.stamp: deploy/requirements.lock pyproject.toml deploy/client/pyproject.toml $(BIN)/uv
 	echo "installing footsense and the packages of $<"
 	$(SYNC) --require-hashes -r $<
 	$(EDITABLE)
 	touch $@
 
-$(VENV)/dev.stamp: tests/requirements.lock pyproject.toml $(BIN)/uv
+$(VENV)/dev.stamp: tests/requirements.lock pyproject.toml deploy/client/pyproject.toml $(BIN)/uv
 	echo "installing footsense and the packages of $<"
 	$(SYNC) --require-hashes -r $<
 	$(EDITABLE)
@@ -140,7 +140,7 @@ endif
 # Of wheels alone: a source package would build itself with packages that have no hash here. The second has the versions of
 # the first, and all that the targets above use. Each kind of computer has to find a wheel of every package.
 LOCK := $(UV) compile --quiet --upgrade --universal --python-version 3.11 --only-binary :all: --emit-build-options \
-	--generate-hashes --custom-compile-command 'make lock'
+	--generate-hashes --no-emit-package footsense-client --custom-compile-command 'make lock'
 
 lock: $(BIN)/uv
 	$(LOCK) --output-file deploy/requirements.lock --group build pyproject.toml

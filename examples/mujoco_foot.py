@@ -1,15 +1,19 @@
 """A hexapod walks in MuJoCo on our feet: its contact forces go in, what footsense would publish comes out, drawn.
 
-pip install '.[walkers]', then: python examples/mujoco_foot.py mujoco_foot.png
+pip install -e '.[walkers]', then: python examples/mujoco_foot.py mujoco_foot.png, or without a name for this one.
 """
 
 import sys
 
-import matplotlib.pyplot as plt
-import mujoco
 import numpy as np
 
 from footsense.sim import VirtualFeet
+
+try:
+    import matplotlib.pyplot as plt
+    import mujoco
+except ImportError as error:
+    sys.exit(f"mujoco_foot.py needs {error.name}; in the clone of footsense: pip install -e '.[walkers]'")
 
 LEGS = {"lf": (1, 1), "lm": (0, 1.2), "lr": (-1, 1), "rf": (1, -1), "rm": (0, -1.2), "rr": (-1, -1)}
 TRIPOD = np.array([0.0, 0.5, 0.0, 0.5, 0.0, 0.5])  # phase of each leg
@@ -52,7 +56,7 @@ for axis, (first_s, last_s) in zip(axes, ((1.0, 4.0), (2.35, 2.6)), strict=True)
     axis.fill_between(time_s, force_n - 2 * sigma_n, force_n + 2 * sigma_n, step="post", alpha=0.3)
     axis.set(xlim=(first_s, last_s), ylim=(-3, 12), xlabel="time [s]", ylabel="left front foot, z [N]")
 axes[0].legend(loc="upper right")
-figure.savefig(sys.argv[1])
+figure.savefig([*sys.argv[1:], "mujoco_foot.png"][0])
 print(
     f"walked {data.qpos[0]:.2f} m; forces usable {np.mean([one.usable for one in told[100:]]):.1%} of the time"
 )

@@ -7,9 +7,14 @@
 A leg without a usable force sends no wrench: only the age of its last stamp tells it.
 """
 
-import rclpy
-from geometry_msgs.msg import WrenchStamped
-from rclpy.qos import qos_profile_sensor_data
+import sys
+
+try:
+    import rclpy
+    from geometry_msgs.msg import WrenchStamped
+    from rclpy.qos import qos_profile_sensor_data
+except ImportError as error:
+    sys.exit(f"ros2_node.py needs {error.name}: run it in a shell with ROS 2, after its setup.bash")
 
 LEGS = ("lf", "lm", "lr", "rf", "rm", "rr")
 MAX_AGE_S = 0.1

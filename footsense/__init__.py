@@ -27,14 +27,14 @@ __version__ = "0.1.0"
 
 TYPE_CHECKING = False  # as in `typing`, whose import takes longer than all of this
 if TYPE_CHECKING:
+    from firmware_interface.can.codes import State, StepPhase
     from footsense.api.estimator import EstimatedForces, Estimator
-    from footsense.api.events import FootEvent
-    from footsense.api.feet import Feet, connect
     from footsense.api.foot import Foot
     from footsense.api.recording import Recording, read, simulate
+    from footsense.client.events import FootEvent
+    from footsense.client.feet import Feet, connect
     from footsense.client.link import LegForce
     from footsense.errors import FootsenseError
-    from footsense.frames import State, StepPhase
 
 __all__ = [
     "EstimatedForces",
@@ -56,15 +56,15 @@ __all__ = [
 _MODULES = {
     "EstimatedForces": "footsense.api.estimator",
     "Estimator": "footsense.api.estimator",
-    "Feet": "footsense.api.feet",
+    "Feet": "footsense.client.feet",
     "Foot": "footsense.api.foot",
-    "FootEvent": "footsense.api.events",
+    "FootEvent": "footsense.client.events",
     "FootsenseError": "footsense.errors",
     "LegForce": "footsense.client.link",
     "Recording": "footsense.api.recording",
-    "State": "footsense.frames",
-    "StepPhase": "footsense.frames",
-    "connect": "footsense.api.feet",
+    "State": "firmware_interface.can.codes",
+    "StepPhase": "firmware_interface.can.codes",
+    "connect": "footsense.client.feet",
     "read": "footsense.api.recording",
     "simulate": "footsense.api.recording",
 }
@@ -77,7 +77,13 @@ if not TYPE_CHECKING:  # a type checker finds a wrong name by itself
             raise AttributeError(f"module 'footsense' has no attribute {name!r}; it has {', '.join(__all__)}")
         from importlib import import_module
 
-        value: object = getattr(import_module(_MODULES[name]), name)
+        try:
+            value: object = getattr(import_module(_MODULES[name]), name)
+        except ModuleNotFoundError as error:
+            raise ImportError(
+                f"footsense.{name} needs {error.name}, which footsense-client alone lacks; in the clone of footsense: "
+                "pip install deploy/client ."
+            ) from None
         globals()[name] = value
         return value
 

@@ -6,16 +6,10 @@ port cannot tell which.
 
 from array import array
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
-from footsense.frames import (
-    CapFrame,
-    Cycle,
-    Mask,
-    ReferenceSamples,
-    SensorStatistics,
-    Vector,
-)
+if TYPE_CHECKING:  # the client has clocks and wires without numpy
+    from footsense.frames import CapFrame, Cycle, Mask, ReferenceSamples, SensorStatistics, Vector
 
 #: Bounds of the wake-up latency histogram [s]: FIFO wakes within 0.2 ms, a busy machine without it within some 10 ms.
 WAKEUP_LATENCY_BUCKET_BOUNDS_S = (
@@ -147,7 +141,7 @@ class CanWire(Protocol):
 class FrameSource(Protocol):
     """Interface of a source of capacitance frames: scanner, microcontroller or recording."""
 
-    def read(self) -> CapFrame | None:
+    def read(self) -> "CapFrame | None":
         """Wait for the next capacitance frame and return it; None at the end of a recording."""
         ...
 
@@ -163,9 +157,9 @@ class ReferenceSensor(Protocol):
         statistics: Counts so far.
     """
 
-    statistics: SensorStatistics
+    statistics: "SensorStatistics"
 
-    def read(self, now_ns: int) -> ReferenceSamples:
+    def read(self, now_ns: int) -> "ReferenceSamples":
         """Return the force samples since the last call, oldest first, possibly none, without waiting.
 
         Args:
@@ -190,9 +184,9 @@ class Window(NamedTuple):
         missing: The imputed elements, shape (rows, elements).
     """
 
-    closure_rel: Vector
-    age_s: Vector
-    missing: Mask
+    closure_rel: "Vector"
+    age_s: "Vector"
+    missing: "Mask"
 
 
 class LoadEstimate(NamedTuple):
@@ -206,10 +200,10 @@ class LoadEstimate(NamedTuple):
         contact_sigma: Standard deviation of each [1], same shape.
     """
 
-    force_n: Vector
-    sigma_n: Vector
-    contact_point_and_friction: Vector
-    contact_sigma: Vector
+    force_n: "Vector"
+    sigma_n: "Vector"
+    contact_point_and_friction: "Vector"
+    contact_sigma: "Vector"
 
 
 class LoadEstimator(Protocol):
@@ -223,7 +217,7 @@ class LoadEstimator(Protocol):
 class Observer(Protocol):
     """Interface of an observer of every cycle (recorder, metrics, live table); it must not change the cycle."""
 
-    def observe(self, cycle: Cycle) -> None:
+    def observe(self, cycle: "Cycle") -> None:
         """Process one cycle without blocking."""
         ...
 

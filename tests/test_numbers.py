@@ -25,7 +25,7 @@ MOST = 105
 #: Counts, halves, and the degrees of a circle.
 STRUCTURE = {0, 1, 2, 3, 0.5, 90, 360}
 #: Calls whose arguments are a layout, limits of a schema, digits, or the name of a percentile.
-LAYOUTS = {"Meta", "Signal", "bytes", "slice", "reshape", "round", "percentile"}
+LAYOUTS = {"Meta", "Signal", "bytes", "int", "slice", "reshape", "round", "percentile"}
 #: Constants of nature, of mathematics, of formats and of other programs.
 NOT_CHOSEN = {
     *(
@@ -37,10 +37,13 @@ NOT_CHOSEN = {
         "_GOLDEN_ANGLE_RAD",
         "_MEDIAN_OVER_QUARTILE",
         "_FATAL",
+        "_MCL_ONFAULT",
+        "_PR_SET_TIMERSLACK",
+        "_CAP_IPC_LOCK",
     ),
     *("COORDINATES", "CELLS_PER_SIDE", "_N_HEX_DIGITS"),
 }
-UNITS = {*(10.0**power for power in range(-12, 13, 3)), 100.0}
+UNITS = {*(10.0**power for power in range(-12, 13, 3)), 100.0, 1024}
 
 
 def nodes_that_are_no_numbers(tree: ast.AST) -> Iterator[ast.AST]:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from msgspec.structs import replace
 
-from footsense.api.events import FootEvent
 from footsense.can.interface import Can
+from footsense.client.events import FootEvent
 from footsense.config import DEFAULT, load_config
 from footsense.daemon.service import open_service
 from footsense.daemon.walker_scene import scene_of

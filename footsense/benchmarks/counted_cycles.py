@@ -23,7 +23,7 @@ from footsense.benchmarks.cycle import open_service_cycle
 from footsense.benchmarks.perf_event import open_instruction_counter
 from footsense.benchmarks.recorded_walk import ROBOT, RecordedWalk, replay_walk
 from footsense.can.sink import CanSink
-from footsense.clock import low_latency_interpreter
+from footsense.daemon.scheduling import low_latency_interpreter
 from footsense.errors import FootsenseError
 from footsense.estimation.network import Network
 from footsense.estimation.pipeline import Pipeline

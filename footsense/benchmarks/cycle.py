@@ -16,15 +16,16 @@ import numpy as np
 from msgspec.structs import replace
 
 from footsense.benchmarks.naive import NaiveCycle, has_cantools
-from footsense.can.channel import SocketWire
-from footsense.clock import Realtime, fifo_priority, low_latency_interpreter, stopwatch_ns
+from footsense.clock import stopwatch_ns
 from footsense.config import DEFAULT, Config
+from footsense.config.sections import Realtime
 from footsense.daemon.acquisition import open_scan_source
 from footsense.daemon.can_output import can_sink
 from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.loop import Loop
 from footsense.daemon.models import load_models
 from footsense.daemon.recording_header import recording_header
+from footsense.daemon.scheduling import fifo_priority, low_latency_interpreter
 from footsense.estimation.network import Network, steady_windows
 from footsense.frames import ELEMENTS, CapFrame, Flag
 from footsense.ring.cycle_ring import CycleRing
@@ -32,6 +33,7 @@ from footsense.ring.records import ServiceStatus
 from footsense.sim.clock import VirtualClock
 from footsense.sim.scene import load_scene
 from footsense.telemetry.systemd import LegStateLogger, SystemdNotifier
+from footsense.wires.socket_wire import SocketWire
 
 #: Priority of SCHED_FIFO, the default of the service; without it the figures include other processes.
 REALTIME_PRIORITY = Realtime().priority

@@ -5,7 +5,7 @@ recorder, run statistics. While the loop runs, the interpreter's profiler hook c
 and `firmware_interface`, clock and loop included; a comprehension or a resumed generator is a call, as it is to the
 interpreter. Left out: the simulator with its clock (`footsense/sim`), the command line, C functions, and libraries.
 What the simulator calls is left out as well. CAN is an interface of python-can here, which is the simulation's
-(`footsense/sim/can/python_can.py`): on a robot `SocketWire` of `footsense/can/channel.py` stands in its place, with one
+(`footsense/wires/python_can.py`): on a robot `footsense/wires/socket_wire.py` stands in its place, with one
 `send` for the frames of a cycle and one `receive` a cycle.
 
 A conversion of six legs is one turn of the loop; every fourth sends two frames on CAN per leg. Counted are the

@@ -30,14 +30,9 @@ from footsense.benchmarks.cycle import (
     open_service_cycle,
     send_time_ns,
 )
-from footsense.clock import (
-    MonotonicClock,
-    Realtime,
-    fifo_priority,
-    low_latency_interpreter,
-    request_realtime,
-    stopwatch_ns,
-)
+from footsense.clock import MonotonicClock, stopwatch_ns
+from footsense.config.sections import Realtime
+from footsense.daemon.scheduling import fifo_priority, low_latency_interpreter, request_realtime
 from footsense.errors import FootsenseError
 from footsense.frames import ELEMENTS, CapFrame
 
@@ -118,7 +113,7 @@ def _run_loop(connection: Connection, scans: list[CapFrame]) -> None:
     """Answer with the exporter's port and what was refused, then each number of cycles with their latencies [ns]."""
     logging.disable()  # a walk that begins anew is reported as a jump
     with open_service_cycle() as cycle, _exporter(cycle.ring) as port, contextlib.suppress(EOFError):
-        refusals = request_realtime(Realtime())
+        refusals = request_realtime(Realtime().priority)
         for scan in scans[:N_WARM_UP_CYCLES]:
             cycle.run(scan, send_time_ns(scan))
             cycle.drain()

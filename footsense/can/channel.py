@@ -10,28 +10,21 @@ How long a frame may stay between the kernel's queue and the wire depends on the
 (`deploy/80-can0.network`).
 """
 
-import contextlib
 import errno
 import logging
-import socket
-import struct
 import threading
 from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from pathlib import Path
 
-from firmware_interface.can.socketcan import (
-    EXTENDED,
-    FRAME_BYTES,
-    is_error,
-    is_standard_data,
-    unpack_frame,
-)
+from firmware_interface.can.socketcan import is_error, is_standard_data, unpack_frame
 from footsense.can.bus_health import BusHealth
-from footsense.can.interface import Can, error_text
+from footsense.can.interface import Can
 from footsense.errors import CanError
 from footsense.frames import CanStatistics
 from footsense.ports import CanWire
+from footsense.wires.address import error_text
+from footsense.wires.socket_wire import open_socket
 
 _log = logging.getLogger(__name__)
 
@@ -43,16 +36,6 @@ _MAX_BACK_OFF_NS = 250_000_000
 NETWORK_DEVICES_FOLDER = Path("/sys/class/net")
 #: What the file `type` of a CAN interface holds there. Source: Linux, include/uapi/linux/if_arp.h.
 _ARPHRD_CAN = "280\n"
-
-#: Error numbers of a full queue of the interface or of the socket.
-_QUEUE_FULL_ERRNOS = frozenset({errno.ENOBUFS, errno.EAGAIN})
-
-#: Most frames of one `receive`; a full bus of 1 Mbit/s carries fewer in a cycle.
-_MAX_RECEIVED_PER_CALL = 1000
-
-#: Option for the classes of error frames to receive, and every class.
-#: Source: Linux, include/uapi/linux/can/raw.h and can/error.h.
-_ERROR_FILTER_OPTION, _ALL_ERRORS = 2, 0x1FFF_FFFF
 
 
 class _OpenAttempt(threading.Thread):
@@ -113,8 +96,8 @@ class CanChannel:
     ) -> None:
         self.stats = stats
         self._accept = frozenset(accept)
-        self._explained = partial(error_text, can)
-        self._connect: Callable[[], CanWire] = connect or partial(open_socket, can, self._accept)
+        self._explained = partial(error_text, can.address)
+        self._connect: Callable[[], CanWire] = connect or partial(open_socket, can.address, self._accept)
         self._name = f"CAN channel {can.channel} ({can.interface})"
         self._health = BusHealth(can.channel, stats)
         self._t_ns = 0
@@ -212,85 +195,9 @@ class CanChannel:
         return self._wire
 
 
-def open_socket(can: Can, accept: Collection[int]) -> "SocketWire":
-    """Open a raw CAN socket that receives data frames with these 11-bit ids, and all error frames.
-
-    Args:
-        can: The interface; one in FD mode sends and delivers the same classic frames.
-        accept: CAN ids that the kernel's filter accepts.
-
-    Raises:
-        CanError: There is no such interface.
-
-    Source:
-        Linux, Documentation/networking/can.rst, section 4.1.
-    """
-    try:
-        return SocketWire(_bound_socket(can.channel, accept))
-    except OSError as error:
-        raise CanError(error_text(can, error)) from None
-
-
 def can_interfaces() -> list[str]:
     """Return the names of this computer's CAN interfaces, virtual ones last."""
     names = [
         path.parent.name for path in NETWORK_DEVICES_FOLDER.glob("*/type") if path.read_text() == _ARPHRD_CAN
     ]
     return sorted(names, key=lambda name: (name.startswith("vcan"), name))
-
-
-def _bound_socket(channel: str, accept: Collection[int]) -> socket.socket:
-    raw = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
-    try:
-        filters = b"".join(struct.pack("=II", can_id, EXTENDED | 0x7FF) for can_id in accept)
-        raw.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, filters)
-        raw.setsockopt(socket.SOL_CAN_RAW, _ERROR_FILTER_OPTION, _ALL_ERRORS)
-        # Without CAN_RAW_FD_FRAMES an interface in FD mode, too, delivers and takes classic frames alone.
-        raw.bind((channel,))
-    except BaseException:
-        raw.close()
-        raise
-    return raw
-
-
-class SocketWire:
-    """Open CAN socket, or another socket that preserves message boundaries.
-
-    Timing:
-        One system call for each frame; neither `send` nor `receive` waits.
-    """
-
-    def __init__(self, channel: socket.socket) -> None:
-        self._socket = channel
-        self.close = channel.close
-
-    def send(self, frames: Sequence[bytes], t_ns: int = 0) -> int:
-        """Send frames up to the first for which there is no room; return the number accepted.
-
-        Raises:
-            OSError: The interface is down or gone.
-        """
-        del t_ns
-        for n, frame in enumerate(frames):
-            try:
-                self._socket.send(frame, socket.MSG_DONTWAIT)
-            except OSError as error:
-                if error.errno in _QUEUE_FULL_ERRNOS:
-                    return n
-                raise
-        return len(frames)
-
-    def receive(self) -> list[bytes]:
-        """Return the frames that have arrived, oldest first.
-
-        Raises:
-            OSError: The interface is down or gone.
-        """
-        arrived: list[bytes] = []
-        with contextlib.suppress(BlockingIOError):
-            while len(arrived) < _MAX_RECEIVED_PER_CALL:
-                frame = self._socket.recv(FRAME_BYTES, socket.MSG_DONTWAIT)
-                if not frame:  # the other end of a socket pair is closed
-                    break
-                arrived.append(frame)
-        return arrived

@@ -1,15 +1,11 @@
-"""Section `can` of a configuration: the CAN interface, and its errors in words with a remedy."""
+"""Section `can` of a configuration: the CAN interface."""
 
-import errno
-from typing import Annotated, Literal
+from typing import Annotated
 
 from msgspec import Meta, Struct
 from msgspec.structs import force_setattr
 
-Interface = Literal["virtual", "socketcan", "udp_multicast"]
-
-#: Default channel of each interface that other programs hear; the address of a group is that of python-can.
-DEFAULT_CHANNELS = {"socketcan": "can0", "udp_multicast": "239.74.163.2"}
+from footsense.wires.address import DEFAULT_CHANNELS, CanAddress, Interface
 
 
 class Can(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -53,18 +49,7 @@ class Can(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         """Whether commands received on CAN are executed, and motions taken."""
         return self.interface != "udp_multicast" if self.commands is None else self.commands
 
-
-def error_text(can: Can, error: OSError) -> str:
-    """Return an error of a CAN interface and its remedy as one line of text."""
-    channel = can.channel
-    name = f"CAN channel {channel} ({can.interface})"
-    match error.errno:
-        case errno.ENETDOWN:
-            kind = "" if channel.startswith("vcan") else f" type can bitrate {can.bitrate}"
-            return f"{name} is down; try: ip link set {channel} up{kind}"
-        case errno.ENODEV | errno.ENXIO:
-            return f"{name} does not exist; those that do: ip -details link show type can"
-        case errno.EAFNOSUPPORT:
-            return f"{name} needs a kernel with CAN; try: modprobe can_raw"
-        case _:
-            return f"{name} cannot be opened: {error.strerror or error}"
+    @property
+    def address(self) -> CanAddress:
+        """What opens the interface."""
+        return CanAddress(self.interface, self.channel, self.bitrate)

@@ -73,7 +73,7 @@ def _installed() -> dict[str, Any]:
     """Return the versions of footsense, of what it runs on, and of each package that it can use, where installed."""
     found: dict[str, Any] = {"footsense": footsense.__version__, "platform": platform.platform()}
     found |= platform_versions()
-    for requirement in requires("footsense") or ():
+    for requirement in (*(requires("footsense") or ()), *(requires("footsense-client") or ())):
         name = re.split(r"[^\w.-]", requirement)[0]
         try:
             found[name] = version(name)

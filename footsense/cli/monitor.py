@@ -12,7 +12,6 @@ from rich.console import Console, Group, RenderableType
 from rich.text import Text
 
 from firmware_interface.can.codes import CalibrationKind, Cause, Flag, NmtState
-from footsense.can.interface import Interface
 from footsense.cli.can.can_options import can_options, channel_argument, silence_text
 from footsense.cli.live import Picture
 from footsense.cli.options import StopRequest, duration_option
@@ -31,12 +30,13 @@ from footsense.cli.tables import (
     value_text,
 )
 from footsense.client import LinkLimits, LinkStatus
+from footsense.client.listener import LegSnapshot, Listener, open_listener
 from footsense.clock import MonotonicClock
-from footsense.daemon.can_listener import LegSnapshot, Listener, open_listener
 from footsense.errors import FootsenseError
 from footsense.frames import ELEMENTS, ROWS
 from footsense.leg_words import phase_of, word_of
 from footsense.ports import Clock
+from footsense.wires.address import CanAddress, Interface
 
 _NS_PER_S = 1_000_000_000
 _REDRAW_PERIOD_NS = 200_000_000
@@ -104,7 +104,7 @@ def monitor(
     is_plain = as_json or not console.is_terminal
     timeout_ns = (timeout_s or (_TIMEOUT_S if is_plain else math.inf)) * _NS_PER_S
     with ExitStack() as stack:
-        listener = stack.enter_context(closing(open_listener(interface, channel, clock, limits)))
+        listener = stack.enter_context(closing(open_listener(CanAddress(interface, channel), clock, limits)))
         _wait_until_known(listener, clock)
         start_ns = heard_ns = clock.now_ns()
         end_ns = start_ns + duration_s * _NS_PER_S

@@ -14,11 +14,12 @@ from msgspec.structs import replace
 
 from footsense.cli import options
 from footsense.cli.tables import echo_figures, echo_json
-from footsense.clock import process_age_ns, resident_mib
+from footsense.clock import process_age_ns
 from footsense.config import DEFAULT, Config, load_config
 from footsense.config.sections import PageServer
 from footsense.daemon.can_output import frames_destination, others_hear
 from footsense.daemon.foot_types import foot_type_of
+from footsense.daemon.scheduling import resident_mib
 from footsense.daemon.service import open_service
 from footsense.daemon.simulation import is_simulated
 from footsense.daemon.walker_scene import PREFIX, scene_of

@@ -1,4 +1,4 @@
-"""Consumer's side of CAN: decodes frames, and decides whether each leg's force may be used.
+"""Consumer's side of CAN: decodes frames, decides whether each leg's force may be used, and connects to a service.
 
 ::
 
@@ -8,7 +8,17 @@
     commands     tare, start, stop, and their results
     motions      motion of every leg -> frames                               the same in C
 
-All is pure: nothing here opens a channel or reads a clock, and nothing but `firmware_interface` is imported.
+All that is pure: it opens no channel and reads no clock, and imports nothing but `firmware_interface`.
+`footsense.connect` is made of it:
+
+::
+
+    feet         connect(...) -> Feet: forces and events of a running service
+    listener     receives all frames of a channel, for `feet`, `footsense monitor` and `footsense ros2`
+    commander    sends commands and waits for their answers, for `feet` and `footsense tare`
+    events       FootEvent
+
+The wheel `footsense-client` is this folder and what it imports (`deploy/client`); it needs python-can alone.
 """
 
 from footsense.client.commands import CommandAnswer, PendingCommands

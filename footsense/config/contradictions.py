@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from ipaddress import IPv4Address
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from footsense.config.schema import Config
 from footsense.config.sections import PCA9685_ALLCALL_ADDRESS, Bus, Mux
 from footsense.foot.type_folders import released_names, unknown_name_remedy
 from footsense.strict_yaml import Problem
+from footsense.wires.address import is_multicast
 
 #: Largest share of the CAN bit rate for all frames of footsense; the rest is the robot's.
 _MAX_CAN_LOAD_REL = 0.7
@@ -52,14 +52,6 @@ def missing_folder(config: Config, parent: Path) -> Problem | None:
 def warnings(config: Config) -> tuple[str, ...]:
     """Return warnings about settings that are allowed but often a mistake, one text line each."""
     return tuple(f"{path}: {message}" for broken, path, message in _doubts(config) if broken)
-
-
-def is_multicast(address: str) -> bool:
-    """Return whether a text is an IPv4 multicast address."""
-    try:
-        return IPv4Address(address).is_multicast
-    except ValueError:
-        return False
 
 
 def _rules(config: Config) -> Iterator[_Rule]:

@@ -18,7 +18,6 @@ from footsense.acquisition.scan_plan import (
     scan_plan,
 )
 from footsense.can.interface import Can
-from footsense.clock import Realtime
 from footsense.config import sections
 from footsense.estimation.settings import MAX_AGE_SCANS, ContactLimits, TareLimits
 from footsense.foot.calibration_files import FootId
@@ -90,7 +89,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     ring: Annotated[str, Meta(min_length=1)] | None = None
     metrics: sections.Metrics = sections.Metrics()
     view: sections.PageServer = sections.PageServer()
-    realtime: Realtime | None = None
+    realtime: sections.Realtime | None = None
 
     @property
     def legs(self) -> tuple[str, ...]:

@@ -138,3 +138,15 @@ class PageServer(Section, frozen=True, kw_only=True):
 
     address: str = "127.0.0.1"
     port: Annotated[int, Meta(ge=1, le=65535)] = 8765
+
+
+class Realtime(Section, frozen=True, kw_only=True):
+    """Section `realtime` of a configuration: scheduling that the main loop requests from the kernel.
+
+    Attributes:
+        priority: SCHED_FIFO priority; below 50, that of the kernel's interrupt threads, for which the loop waits.
+        required: Whether the service refuses to start if a request is denied; else its frames say degraded_timing.
+    """
+
+    priority: Annotated[int, Meta(ge=1, le=99)] = 40
+    required: bool = False

@@ -1,7 +1,7 @@
 """Open CAN as configured: on a real interface, on one of python-can, or on a scene's simulated one."""
 
 import logging
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager, suppress
 from datetime import date
 from functools import partial
@@ -11,28 +11,25 @@ from firmware_interface.can.codes import CalibrationKind
 from firmware_interface.can.force import force_step_mn
 from firmware_interface.can.reports import CALIBRATION_EPOCH, CalibrationFrame
 from firmware_interface.can.socketcan import unpack_frame
-from footsense.can.channel import open_socket
-from footsense.can.interface import DEFAULT_CHANNELS, Can, error_text
+from footsense.can.interface import Can
 from footsense.can.sink import CanSink
 from footsense.clock import MonotonicClock
 from footsense.config import Config
 from footsense.daemon.models import Models
 from footsense.daemon.setup.expected_error import ExpectedError, foot_uncertainties
 from footsense.daemon.simulation import is_simulated
-from footsense.errors import CanError, RecordingError
+from footsense.errors import RecordingError
 from footsense.estimation.settings import LONG_SILENCE_NS
 from footsense.foot.calibration_files import FootCalibration
 from footsense.ports import CanWire, Clock
 from footsense.sim.can.frame_log import CanFrameLog
 from footsense.sim.can.interface import SimulatedCan
-from footsense.sim.can.python_can import PythonCanWire
 from footsense.sim.faults.scene_faults import CanFault
 from footsense.sim.scene import Scene
+from footsense.wires.address import DEFAULT_CHANNELS
+from footsense.wires.opening import POLL_PERIOD_NS, open_wire
 
 _log = logging.getLogger(__name__)
-
-#: Period of reading a channel [ns].
-POLL_PERIOD_NS = 5_000_000
 
 
 @contextmanager
@@ -50,12 +47,12 @@ def can_sink(
     """
     config, card = models.config, models.network.card
     if connect is None and config.can.interface != "socketcan":
-        connect = partial(open_wire, config.can)
+        connect = partial(open_wire, config.can.address)
         if config.can.interface == "udp_multicast":
             _warn_of_another_service(config.can)
     with ExitStack() as stack:
         if log_file is not None:
-            log = CanFrameLog(log_file, config.can.channel, connect or partial(open_wire, config.can))
+            log = CanFrameLog(log_file, config.can.channel, connect or partial(open_wire, config.can.address))
             stack.enter_context(close_at_end(log.close))
             connect = log.connect
         sink = CanSink(
@@ -88,26 +85,8 @@ def _calibration(found: FootCalibration | None, error: ExpectedError) -> Calibra
     return CalibrationFrame(0, 0, kind, day, 100.0 * error.size_rel, error.direction_deg)
 
 
-def open_wire(can: Can, accept: Collection[int] = ()) -> CanWire:
-    """Open and return a CAN interface: a socket of Linux, or python-can's for those of a simulation.
-
-    Args:
-        can: The interface.
-        accept: CAN ids that the kernel's filter accepts, on `socketcan`.
-
-    Raises:
-        CanError: There is no such interface.
-    """
-    if can.interface == "socketcan":
-        return open_socket(can, accept)
-    try:
-        return PythonCanWire(can.interface, can.channel)
-    except OSError as error:
-        raise CanError(error_text(can, error)) from None
-
-
 def _warn_of_another_service(can: Can) -> None:
-    with closing(open_wire(can)) as wire:
+    with closing(open_wire(can.address)) as wire:
         if another_sends(wire, MonotonicClock()):
             _log.warning(
                 "another service already sends on %s: who hears both can use the forces of neither; end one, or give "

@@ -13,14 +13,16 @@ import msgspec
 
 from footsense.can.interface import Can
 from footsense.can.sink import CanSink
-from footsense.clock import MonotonicClock, Realtime, low_latency_interpreter, request_realtime
+from footsense.clock import MonotonicClock
 from footsense.config import Config
+from footsense.config.sections import Realtime
 from footsense.daemon.acquisition import check_adapters, open_scan_source
 from footsense.daemon.can_output import can_faults, can_sink, close_at_end, simulated_can
 from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.loop import Loop
 from footsense.daemon.models import load_models
 from footsense.daemon.recording_header import recording_header
+from footsense.daemon.scheduling import low_latency_interpreter, request_realtime
 from footsense.daemon.simulation import PacedSource, is_simulated
 from footsense.errors import ConfigError, FootsenseError
 from footsense.estimation.network import Network
@@ -217,7 +219,7 @@ def request_scheduling(asked: Realtime | None) -> Flag:
     Raises:
         ConfigError: The scheduling is required and denied.
     """
-    refusals = () if asked is None else request_realtime(asked)
+    refusals = () if asked is None else request_realtime(asked.priority)
     if asked is not None and asked.required and refusals:
         raise ConfigError(f"realtime.required: {'; '.join(refusals)}; or take `required` away")
     for refusal in refusals:

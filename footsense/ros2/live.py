@@ -21,7 +21,7 @@ from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 from rosbags.interfaces import Nodetype
 
-from footsense.daemon.can_listener import LegSnapshot
+from footsense.client.listener import LegSnapshot
 from footsense.errors import FootsenseError
 from footsense.ros2.messages import STORE, LegSample
 

@@ -10,8 +10,9 @@ from collections import Counter
 import msgspec
 import numpy as np
 
-from footsense.clock import resident_mib, stopwatch_ns
+from footsense.clock import stopwatch_ns
 from footsense.config import DEFAULT, SMALL_BOARD, Config
+from footsense.daemon.scheduling import resident_mib
 from footsense.daemon.service import open_service
 from footsense.frames import State
 from footsense.sim.faults.scene_faults import CanTraffic

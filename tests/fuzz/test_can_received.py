@@ -20,12 +20,13 @@ from firmware_interface.can.socketcan import (
     pack_frame,
     unpack_frame,
 )
-from footsense.can.channel import SocketWire
 from footsense.can.interface import Can
 from footsense.can.sink import CanSink
-from footsense.daemon.can_output import open_wire
 from footsense.ports import CanWire
-from footsense.sim.can.python_can import keep_multicast_local
+from footsense.wires.address import CanAddress
+from footsense.wires.opening import open_wire
+from footsense.wires.python_can import keep_multicast_local
+from footsense.wires.socket_wire import SocketWire
 from tests.fuzz.outcome import TRIED, nested
 from tests.support.can_robot import FakeClock
 
@@ -94,7 +95,7 @@ GROUP, PORT = "239.74.163.78", 43113
 @pytest.fixture(scope="module")
 def loopback() -> Iterator[tuple[CanWire, socket.socket]]:
     """Yield an interface on the loopback, and a socket of another program there."""
-    wire = open_wire(Can(interface="udp_multicast", channel=GROUP), ())
+    wire = open_wire(CanAddress("udp_multicast", GROUP))
     with can.Bus(interface="udp_multicast", channel=GROUP, hop_limit=0, fd=False) as other:
         keep_multicast_local(other.fileno(), GROUP)
         with socket.socket(fileno=os.dup(other.fileno())) as raw:

@@ -12,8 +12,8 @@ PAGE = ROOT / "deploy" / "README.md"
 #: What is done before a command, by its first words: the other way to install, at the top of the checkout, where the
 #: first way has put nothing.
 BEFORE = {
-    "pip wheel": "cd ..; PATH=/opt/footsense/bin:$PATH; pip uninstall --quiet --yes footsense",
-    "/opt/footsense/bin/pip install --no-index --no-deps footsense-": "cd dist",
+    "pip wheel": "cd ..; PATH=/opt/footsense/bin:$PATH; pip uninstall --quiet --yes footsense footsense-client",
+    "/opt/footsense/bin/pip install --no-index --no-deps footsense*": "cd dist",
     "useradd": "cd /root/footsense/deploy",
 }
 #: Commands that show something until they are interrupted.

@@ -1,4 +1,4 @@
-"""What a robot installs: the wheel and the packages of the lock file run by themselves, far from the checkout.
+"""What a robot installs: both wheels and the packages of the lock file run by themselves, far from the checkout.
 
 It needs a package index, as the set-up of the checkout does.
 """
@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.packaging.release import ROOT, build, install, read_forces, run
+from tests.packaging import release
+from tests.packaging.release import CLIENT, ROOT, build, read_forces, run
 
 #: Packages of the lab and of development that a robot does not carry.
 NOT_ON_A_ROBOT = {
@@ -30,11 +31,11 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return an environment with the packages of the lock file and the wheel."""
+    """Return an environment with the packages of the lock file and both wheels."""
     place = tmp_path_factory.mktemp("robot")
-    wheel = build("wheel", place)
-    assert wheel.stat().st_size < 10e6
-    return install(wheel, place)
+    wheels = [build("wheel", place, project) for project in (CLIENT, ROOT)]
+    assert sum(wheel.stat().st_size for wheel in wheels) < 10e6
+    return release.robot(place, *wheels)
 
 
 def test_the_robot_carries_no_lab(robot: Path, tmp_path: Path) -> None:

@@ -15,9 +15,9 @@ from firmware_interface.can.reports import CalibrationFrame
 from firmware_interface.can.socketcan import unpack_frame
 from footsense.can.interface import Can
 from footsense.can.sink import CanSink
-from footsense.daemon.can_output import open_wire
 from footsense.errors import CanError
 from footsense.sim.can.frame_log import CanFrameLog
+from footsense.wires.opening import open_wire
 from tests.support.frames import contact_frame
 
 MS = 1_000_000
@@ -93,7 +93,7 @@ class Robot:
         self.clock = FakeClock()
         self.consumer = can.Bus(interface="virtual", channel=channel, preserve_timestamps=True)
         settings = Can(interface="virtual", channel=channel)
-        connect = partial(open_wire, settings) if wire is None else lambda: wire.open(self.clock.t_ns)
+        connect = partial(open_wire, settings.address) if wire is None else lambda: wire.open(self.clock.t_ns)
         self.log = None if log_file is None else CanFrameLog(log_file, channel, connect)
         self.sink = CanSink(
             settings,

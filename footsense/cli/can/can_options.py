@@ -7,11 +7,10 @@ from typing import Any
 
 import click
 
-from footsense.can.interface import DEFAULT_CHANNELS
 from footsense.cli.options import FILE
 from footsense.config import load_config
-from footsense.config.contradictions import is_multicast
 from footsense.errors import CanError, ConfigError
+from footsense.wires.address import DEFAULT_CHANNELS, is_multicast
 
 #: Key in the context of a command of the robot's file, as a configuration.
 ROBOT = "footsense.robot"

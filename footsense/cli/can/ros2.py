@@ -4,14 +4,14 @@ from contextlib import closing
 
 import click
 
-from footsense.can.interface import Interface
 from footsense.cli.can.can_options import can_options, silence_text
 from footsense.cli.options import StopRequest, duration_option
 from footsense.client import LinkLimits
+from footsense.client.listener import open_listener
 from footsense.clock import MonotonicClock, wall_time_ns
-from footsense.daemon.can_listener import open_listener
 from footsense.errors import require
 from footsense.frames import ALL_LEGS
+from footsense.wires.address import CanAddress, Interface
 
 #: Period of reading CAN and publishing [ns].
 _PUBLISH_PERIOD_NS = 5_000_000
@@ -49,7 +49,7 @@ def ros2(
     start_ns = clock.now_ns()
     n_published, is_silent = 0, False
     limits = LinkLimits(accept_degraded=True)
-    with closing(open_listener(interface, channel, clock, limits)) as listener:
+    with closing(open_listener(CanAddress(interface, channel), clock, limits)) as listener:
         click.echo(f"{channel} to ROS 2, domain {domain}; Ctrl-C ends it")
         while not stop.requested and (now_ns := clock.now_ns()) < start_ns + duration_s * _NS_PER_S:
             listener.listen(now_ns + _PUBLISH_PERIOD_NS)

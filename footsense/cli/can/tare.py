@@ -7,11 +7,11 @@ from contextlib import closing
 import click
 
 from firmware_interface.can.codes import NODE_IDS, CommandKind, Result
-from footsense.api.commands import Commander, open_command_wire
-from footsense.can.interface import Can, Interface
 from footsense.cli.can.can_options import ROBOT, can_options
+from footsense.client.commander import Commander, open_command_wire
 from footsense.clock import MonotonicClock
 from footsense.errors import ConfigError, FootsenseError
+from footsense.wires.address import CanAddress, Interface
 
 
 def _legs_of_robot(ctx: click.Context, param: click.Parameter, legs: tuple[str, ...]) -> tuple[str, ...]:
@@ -55,8 +55,7 @@ def tare(legs: tuple[str, ...], interface: Interface, channel: str) -> None:
         click.echo(f"waiting for an answer of {', '.join(waiting)}, up to {limit_s:g} s", err=True)
 
     is_done = True
-    can = Can(interface=interface, channel=channel)
-    with closing(open_command_wire(can)) as wire:
+    with closing(open_command_wire(CanAddress(interface, channel))) as wire:
         for answer in Commander(MonotonicClock()).command(wire, CommandKind.TARE, legs, on_wait=tell_wait):
             if answer.result is Result.DONE:
                 click.echo(f"{answer.leg}: tared in {answer.response_s:.2f} s")

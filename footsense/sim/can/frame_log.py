@@ -10,7 +10,7 @@ from typing import IO, TYPE_CHECKING, Any
 from footsense.child_process import check_new_file
 from footsense.errors import ConfigError, RecordingError
 from footsense.ports import CanWire
-from footsense.sim.can.python_can import sent_message
+from footsense.wires.python_can import sent_message
 
 if TYPE_CHECKING:
     from can.io.generic import FileIOMessageWriter

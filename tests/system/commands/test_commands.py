@@ -12,12 +12,12 @@ from firmware_interface.can.codes import NODE_IDS, NmtState
 from firmware_interface.can.commands import ANSWER, ANSWER_ID, COMMAND_ID, encode_command
 from firmware_interface.can.reports import HEARTBEAT_ID, encode_heartbeat
 from firmware_interface.can.socketcan import pack_frame
-from footsense.api.commands import Commander
+from footsense.client.commander import Commander
 from footsense.config import SMALL_BOARD
-from footsense.daemon.can_output import open_wire
 from footsense.daemon.service import Service, open_service
 from footsense.frames import LEGS, CommandKind, Cycle, Result, State
 from footsense.sim.scene import load_scene
+from footsense.wires.opening import open_wire
 from tests.support.can_robot import FakeClock
 from tests.system.command import footsense, one_line_error, robot
 
@@ -104,7 +104,7 @@ def test_the_command_tares_legs_and_tells_refusals(tmp_path: Path) -> None:
     file.write_text(SCENE.replace("lead_in_s: 1.0", "lead_in_s: 3.0"))
     with (
         open_service(SMALL_BOARD, load_scene(str(file)), real_time=False) as service,
-        closing(open_wire(SMALL_BOARD.can, [])) as wire,
+        closing(open_wire(SMALL_BOARD.can.address)) as wire,
     ):
         clock = ServiceTime(service)
         commander = Commander(clock)
@@ -122,7 +122,7 @@ def test_each_of_many_commands_in_a_row_has_an_answer(scene: str) -> None:
     """A refusal comes at once; what is commanded again then is neither a repetition nor one too many in a second."""
     with (
         open_service(SMALL_BOARD, load_scene(scene), real_time=False) as service,
-        closing(open_wire(SMALL_BOARD.can, [])) as wire,
+        closing(open_wire(SMALL_BOARD.can.address)) as wire,
     ):
         clock = ServiceTime(service, step_ns=20_000_000)
         clock.sleep_until_ns(2_500_000_000)

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from footsense.clock import resident_mib
 from footsense.config import load_config
+from footsense.daemon.scheduling import resident_mib
 from footsense.daemon.service import open_service
 from footsense.sim.scene import load_scene
 from footsense.telemetry.run_statistics import RunStatistics

@@ -21,7 +21,8 @@ def test_every_public_name_is_there_and_listed_once_everywhere() -> None:
     shown = {
         alias.name: node.module
         for node in ast.walk(tree)
-        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("footsense.")
+        if isinstance(node, ast.ImportFrom)
+        and (node.module or "").startswith(("footsense.", "firmware_interface."))
         for alias in node.names
     }
     assert shown == footsense._MODULES

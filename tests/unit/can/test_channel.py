@@ -18,18 +18,19 @@ from firmware_interface.can.socketcan import pack_frame
 from footsense.can.channel import CanChannel
 from footsense.can.interface import Can
 from footsense.can.sink import CanSink
-from footsense.daemon.can_output import open_wire
 from footsense.errors import CanError
 from footsense.frames import CanStatistics
 from footsense.sim.can.frame_log import CanFrameLog
-from footsense.sim.can.python_can import keep_multicast_local
+from footsense.wires.address import CanAddress
+from footsense.wires.opening import open_wire
+from footsense.wires.python_can import keep_multicast_local
 from tests.support.can_robot import MS, FakeClock, NarrowWire, Robot
 
 
 def test_an_unknown_interface_is_a_can_error(tmp_path: Path) -> None:
     """One line that names the channel; no log file is made."""
     unknown = Can(interface="telepathy")  # type: ignore[arg-type]
-    log = CanFrameLog(tmp_path / "walk.log", "can0", partial(open_wire, unknown))
+    log = CanFrameLog(tmp_path / "walk.log", "can0", partial(open_wire, unknown.address))
     with pytest.raises(CanError, match=r"CAN channel can0 \(telepathy\) cannot be opened"):
         log.connect()
     log.close()
@@ -141,9 +142,7 @@ def test_python_can_s_own_log_is_not_ours() -> None:
 
 def test_two_groups_on_one_computer_do_not_hear_each_other() -> None:
     """Neither what footsense sends on the other channel nor what another program does; each hears its own."""
-    here, there, same = (
-        open_wire(Can(interface="udp_multicast", channel=f"239.74.163.{n}"), ()) for n in (81, 82, 81)
-    )
+    here, there, same = (open_wire(CanAddress("udp_multicast", f"239.74.163.{n}")) for n in (81, 82, 81))
     frames = [pack_frame(0x109, bytes([n])) for n in (1, 2)]
     there.send(frames[1:], 0)  # handed over before the next is sent: loopback has no queue
     here.send(frames[:1], 0)
@@ -157,7 +156,7 @@ def test_a_local_socket_commands_nothing_and_kills_nothing() -> None:
     """Packets that are no frame, an error frame without data and a command, as any program on this computer sends."""
     group, port = "239.74.163.79", 43113
     settings = Can(interface="udp_multicast", channel=group, commands=False)
-    sink = CanSink(settings, ("lf",), FakeClock(), connect=partial(open_wire, settings))
+    sink = CanSink(settings, ("lf",), FakeClock(), connect=partial(open_wire, settings.address))
     with can.Bus(interface="udp_multicast", channel=group, hop_limit=0, fd=False) as other:
         keep_multicast_local(other.fileno(), group)
         raw = socket.socket(fileno=os.dup(other.fileno()))

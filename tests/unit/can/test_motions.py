@@ -15,8 +15,8 @@ from footsense.can.interface import Can
 from footsense.can.motions import TIMEOUT_NS, CanMotions
 from footsense.can.sink import CanSink
 from footsense.client import Motions
-from footsense.daemon.can_output import open_wire
 from footsense.frames import CanStatistics, LegMotion
+from footsense.wires.opening import open_wire
 from tests.support.can_robot import MS, FakeClock, Robot
 
 NODES = (1, 6)
@@ -148,7 +148,7 @@ def deaf(request: pytest.FixtureRequest) -> Iterator[tuple[CanSink, can.BusABC]]
     """Yield the sink of a robot that executes no commands, and another program's bus."""
     settings = Can(interface="virtual", channel=request.node.nodeid, commands=False)
     with can.Bus(interface="virtual", channel=request.node.nodeid) as other:
-        sink = CanSink(settings, ("lf",), FakeClock(), connect=lambda: open_wire(settings))
+        sink = CanSink(settings, ("lf",), FakeClock(), connect=lambda: open_wire(settings.address))
         yield sink, other
         sink.close()
 

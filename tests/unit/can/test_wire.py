@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from firmware_interface.can.socketcan import pack_frame
-from footsense.can.channel import SocketWire
+from footsense.wires.socket_wire import SocketWire
 
 Pair = tuple[SocketWire, socket.socket]
 

@@ -38,15 +38,15 @@ from firmware_interface.can.reports import (
     foot_type_hash,
 )
 from firmware_interface.can.socketcan import pack_frame
-from footsense.can.interface import Can
 from footsense.cli import main
 from footsense.cli.monitor import COLUMNS, monitor, monitor_tables
 from footsense.cli.tables import json_row
 from footsense.client import LegForce, LegReport, LinkLimits, LinkStatus, Reports
-from footsense.daemon.can_listener import LegSnapshot, Listener
-from footsense.daemon.can_output import open_wire
+from footsense.client.listener import LegSnapshot, Listener
 from footsense.errors import CanError
 from footsense.frames import LEGS, GaitEvent
+from footsense.wires.address import CanAddress
+from footsense.wires.opening import open_wire
 from tests.support.can_robot import MS, FakeClock, Robot
 from tests.support.frames import gait_frame
 
@@ -154,7 +154,7 @@ def test_a_silent_channel_is_told_by_its_name(request: pytest.FixtureRequest) ->
         return screen.getvalue()
 
     line, clock = "no frames on can0; is the service running?", FakeClock()
-    wire = open_wire(Can(interface="virtual", channel=request.node.nodeid), ())
+    wire = open_wire(CanAddress("virtual", request.node.nodeid))
     listener = Listener(wire, clock, LinkLimits())
     robot = Robot(request.node.nodeid, ("lf", "rr"))
     assert line in shown()
@@ -174,9 +174,7 @@ def plain(listener: Listener) -> list[dict[str, Any]]:
 def test_a_listener_sees_what_a_sink_sends_and_stops_believing_it(request: pytest.FixtureRequest) -> None:
     """Over one channel in virtual time: three scans until trust, then silence."""
     clock = FakeClock()
-    listener = Listener(
-        open_wire(Can(interface="virtual", channel=request.node.nodeid), ()), clock, LinkLimits()
-    )
+    listener = Listener(open_wire(CanAddress("virtual", request.node.nodeid)), clock, LinkLimits())
     robot = Robot(request.node.nodeid, ("lf", "rr"), step_mn=10)
     assert plain(listener) == []
     for number in range(4):
@@ -207,10 +205,10 @@ def test_frames_that_it_cannot_read_are_one_clear_line(
     request: pytest.FixtureRequest, version: int, step_mn: int
 ) -> None:
     """A version and a step that came later: no force that is ten times too little."""
-    wire = open_wire(Can(interface="virtual", channel=request.node.nodeid), ())
+    wire = open_wire(CanAddress("virtual", request.node.nodeid))
     listener = Listener(wire, FakeClock(), LinkLimits())
     told = IDENTITY.encode(Identity(2, 0, version, step_mn, 0))
-    sender = open_wire(Can(interface="virtual", channel=request.node.nodeid), ())
+    sender = open_wire(CanAddress("virtual", request.node.nodeid))
     sender.send([pack_frame(IDENTITY_ID + 2, told)], 0)
     with pytest.raises(CanError, match=rf"lm .*version {version} .*{step_mn} mN.* install") as caught:
         listener.listen(20 * MS)
@@ -222,9 +220,7 @@ def test_frames_that_it_cannot_read_are_one_clear_line(
 def test_contact_ground_and_the_last_event_are_shown(request: pytest.FixtureRequest) -> None:
     """As numbers of JSON, as long as they come; an event stays the last one."""
     clock = FakeClock()
-    listener = Listener(
-        open_wire(Can(interface="virtual", channel=request.node.nodeid), ()), clock, LinkLimits()
-    )
+    listener = Listener(open_wire(CanAddress("virtual", request.node.nodeid)), clock, LinkLimits())
     robot = Robot(request.node.nodeid)
     slip = gait_frame(0, events=(GaitEvent(GaitEventKind.SLIP, 0, -10 * MS, 0.01),))
     for gait in (None, slip, None):

@@ -8,13 +8,14 @@ import gc
 import subprocess
 import sys
 
-from footsense.clock import MonotonicClock, low_latency_interpreter
+from footsense.clock import MonotonicClock
+from footsense.daemon.scheduling import low_latency_interpreter
 from footsense.ports import WAKEUP_LATENCY_BUCKET_BOUNDS_S
 
 #: Limits as a user has them, whoever runs the test: neither rights nor what root may do without them.
 WITHOUT_RIGHTS = """
 import ctypes, resource
-from footsense import clock
+from footsense.daemon import scheduling
 resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
 resource.setrlimit(resource.RLIMIT_MEMLOCK, (1 << 16, 1 << 16))
 no_capabilities = (ctypes.c_uint32 * 6)()
@@ -55,7 +56,7 @@ def test_the_interpreter_is_as_before_when_the_loop_has_ended() -> None:
 
 def test_what_is_not_granted_is_said_line_by_line() -> None:
     """Each refusal names what to raise; one does not hide the next."""
-    lines = answer(WITHOUT_RIGHTS + "print(*clock.request_realtime(clock.Realtime()), sep='\\n')")
+    lines = answer(WITHOUT_RIGHTS + "print(*scheduling.request_realtime(40), sep='\\n')")
     priority, memory = lines
     assert "SCHED_FIFO 40 was not granted: raise LimitRTPRIO" in priority
     assert "memory was not locked: LimitMEMLOCK" in memory
@@ -66,7 +67,7 @@ def test_a_service_that_requires_its_scheduling_refuses_to_start_without() -> No
     (line,) = answer(
         WITHOUT_RIGHTS
         + """
-from footsense.clock import Realtime
+from footsense.config.sections import Realtime
 from footsense.daemon.service import request_scheduling
 from footsense.errors import ConfigError
 try:

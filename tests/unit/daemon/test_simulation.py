@@ -18,7 +18,7 @@ from footsense.can.interface import Can
 from footsense.cli import main
 from footsense.client import Motions
 from footsense.config import SMALL_BOARD
-from footsense.daemon.can_output import another_sends, frames_destination, open_wire, others_hear
+from footsense.daemon.can_output import another_sends, frames_destination, others_hear
 from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.loop import Loop
 from footsense.daemon.models import load_models
@@ -29,6 +29,7 @@ from footsense.frames import LEGS, CapFrame, Cycle, LegMotion, Reading, State, S
 from footsense.ports import Observer
 from footsense.recording.replay import Replay
 from footsense.sim.scene import load_scene
+from footsense.wires.opening import open_wire
 from tests.support.can_robot import MS, FakeClock, Robot
 from tests.support.cycles import same
 
@@ -86,7 +87,7 @@ class _Controller(Observer):
     """
 
     def __init__(self, settings: Can) -> None:
-        self._wire, self._motions = open_wire(settings), Motions()
+        self._wire, self._motions = open_wire(settings.address), Motions()
         self.seen: list[LegMotion | None] = []
 
     def observe(self, cycle: Cycle) -> None:
@@ -211,7 +212,7 @@ def test_another_service_on_a_channel_is_heard(
 ) -> None:
     """By its forces, at once; a controller that sends commands is none."""
     clock, can = FakeClock(), Can(interface="virtual", channel=request.node.nodeid)
-    with closing(open_wire(can)) as heard, closing(open_wire(can)) as other:
+    with closing(open_wire(can.address)) as heard, closing(open_wire(can.address)) as other:
         other.send([pack_frame(can_id, bytes(8))], 0)
         assert another_sends(heard, clock) is sends
     assert clock.t_ns == (0 if sends else 250 * MS)

@@ -16,7 +16,7 @@ from firmware_interface.can.gait import Ground
 from firmware_interface.can.reports import Baseline, Fault, Heartbeat
 from footsense.cli import main
 from footsense.client import LegEvent, LegForce, LegReport, LinkStatus
-from footsense.daemon.can_listener import LegSnapshot
+from footsense.client.listener import LegSnapshot
 from footsense.ros2.messages import STORE, LegTopics
 
 pytest.importorskip("cyclonedds", reason="cyclonedds has no wheel for this processor or Python: docs/ros2.md")

@@ -8,11 +8,11 @@ from firmware_interface.can.commands import ANSWER_ID
 from firmware_interface.can.crc8 import COUNTER_PERIOD
 from firmware_interface.can.reports import HEARTBEAT_ID
 from firmware_interface.can.socketcan import pack_frame, unpack_frame
-from footsense.can.interface import Can
-from footsense.client import PendingCommands
-from footsense.daemon.can_output import POLL_PERIOD_NS, open_wire
+from footsense.client.commands import PendingCommands
 from footsense.errors import CanError
 from footsense.ports import CanWire, Clock
+from footsense.wires.address import CanAddress
+from footsense.wires.opening import POLL_PERIOD_NS, open_wire
 
 #: Time in which a running service sends five heartbeats of each leg, and one that lags at least one [ns].
 _HEARTBEAT_TIMEOUT_NS = 1_000_000_000
@@ -77,13 +77,15 @@ class LegAnswer(NamedTuple):
         )
 
 
-def open_command_wire(can: Can) -> CanWire:
+def open_command_wire(address: CanAddress) -> CanWire:
     """Open a channel for commands, and for heartbeats and answers alone; close it.
 
     Raises:
         CanError: The channel is missing or down.
     """
-    return open_wire(can, [base + node for base in (HEARTBEAT_ID, ANSWER_ID) for node in NODE_IDS.values()])
+    return open_wire(
+        address, [base + node for base in (HEARTBEAT_ID, ANSWER_ID) for node in NODE_IDS.values()]
+    )
 
 
 #: Called with the legs whose answer takes longer than usual, and the time after which they are given up [s].

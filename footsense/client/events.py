@@ -2,7 +2,7 @@
 
 from typing import Literal, NamedTuple, cast
 
-from footsense.frames import GaitEventKind
+from firmware_interface.can.codes import GaitEventKind
 
 
 class FootEvent(NamedTuple):

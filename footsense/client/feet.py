@@ -3,22 +3,24 @@
 import math
 import threading
 from collections import deque
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import AsyncIterator, Callable, Collection, Iterator, Sequence
 from contextlib import closing
+from itertools import product
 from types import TracebackType
 from typing import TYPE_CHECKING, Literal, Self
 
 from firmware_interface.can.codes import NODE_IDS, CommandKind, Result, StepPhase
 from firmware_interface.can.socketcan import pack_frame
-from footsense.api.commands import Commander, open_command_wire
-from footsense.api.events import FootEvent
-from footsense.can.interface import DEFAULT_CHANNELS, Can
-from footsense.client import LegEvent, LegForce, LinkLimits, LinkStatus, Motions
+from footsense.client.commander import Commander, open_command_wire
+from footsense.client.events import FootEvent
+from footsense.client.gait_events import LegEvent
+from footsense.client.link import LegForce, LinkLimits, LinkStatus
+from footsense.client.listener import LegSnapshot, Listener, open_listener
+from footsense.client.motions import Motions
 from footsense.clock import MonotonicClock
-from footsense.config.contradictions import is_multicast
-from footsense.daemon.can_listener import LegSnapshot, Listener, open_listener
-from footsense.daemon.can_output import open_wire
 from footsense.errors import CanError, FootsenseError
+from footsense.wires.address import DEFAULT_CHANNELS, CanAddress, is_multicast
+from footsense.wires.opening import open_wire
 
 if TYPE_CHECKING:
     from footsense.ports import CanWire
@@ -73,13 +75,13 @@ def connect(
     name = channel or DEFAULT_CHANNELS[interface]
     if interface == "udp_multicast" and not is_multicast(name):
         raise CanError(f"channel {name!r}: no IPv4 multicast address; try {DEFAULT_CHANNELS[interface]}")
-    limits = LinkLimits(accept_degraded=True)
+    address = CanAddress(interface, name)
     try:
-        listener = open_listener(interface, name, MonotonicClock(), limits)
+        listener = open_listener(address, MonotonicClock(), LinkLimits(accept_degraded=True))
     except CanError as error:
         hint = f"; of a simulation: {DEFAULT_CHANNELS['udp_multicast']}" if interface == "socketcan" else ""
         raise CanError(f"{error}{hint}") from None
-    return Feet(listener, Can(interface=interface, channel=name), timeout_s)
+    return Feet(listener, address, timeout_s)
 
 
 class _Forces(dict[str, LegForce]):
@@ -94,25 +96,26 @@ class Feet:
 
     Iterating gives one mapping a cycle, from the leg's name to its `LegForce`. It is always the newest: a slow loop
     skips cycles, and never works through a backlog. In a silence the mapping comes every 100 ms, with no usable leg,
-    and after the timeout of `connect` the loop ends; Ctrl-C raises `KeyboardInterrupt` in it. A thread of its own
-    receives meanwhile.
+    and after the timeout of `connect` the loop ends; Ctrl-C raises `KeyboardInterrupt` in it. `async for` does
+    the same while other tasks run. A thread of its own receives meanwhile.
 
     Attributes:
         legs: Names of the legs that are heard, in the order of their CAN node ids.
         events: Gait events that arrived with the last mapping, oldest first, each a `FootEvent`.
     """
 
-    def __init__(self, listener: Listener, can: Can, timeout_s: float) -> None:
+    def __init__(self, listener: Listener, address: CanAddress, timeout_s: float) -> None:
         self.events: tuple[FootEvent, ...] = ()
-        self._listener, self._can, self._timeout_s = listener, can, timeout_s
+        self._listener, self._address, self._timeout_s = listener, address, timeout_s
         self._clock = MonotonicClock()
         self._commander = Commander(self._clock)
         self._motions = Motions()
         self._motion_wire: CanWire | None = None
         self._news = threading.Condition()
         self._stop = threading.Event()
-        self._error: CanError | None = None
-        self._pending_events: deque[LegEvent] = deque(maxlen=_MAX_EVENTS)
+        self._error: Exception | None = None
+        self._callbacks: list[Callable[[FootEvent], object]] = []
+        self._pending_events: deque[FootEvent] = deque(maxlen=_MAX_EVENTS)
         self._given: dict[str, int] = {}  # forces of each leg when a cycle was last given
         self._thread = threading.Thread(target=self._receive, name="footsense", daemon=True)
         self._thread.start()
@@ -142,14 +145,35 @@ class Feet:
         """
         silent_s = 0.0
         while silent_s < self._timeout_s:
-            with self._news:
-                arrived = self._news.wait_for(
-                    self._has_new_cycle, min(_SILENCE_S, self._timeout_s - silent_s)
-                )
-                forces = self._forces()
-                self._given = self._counts()
-            silent_s = 0.0 if arrived else silent_s + _SILENCE_S
-            yield forces
+            silent_s = self._wait_for_cycle(silent_s)
+            yield self._cycle()
+
+    async def __aiter__(self) -> AsyncIterator[dict[str, LegForce]]:
+        """Iterate likewise with `async for`; what is cancelled takes no cycle and no event with it.
+
+        Yields:
+            The force of each leg by its name.
+
+        Raises:
+            CanError: The channel has gone down.
+        """
+        from asyncio import to_thread  # takes longer to import than all of this
+
+        silent_s = 0.0
+        while silent_s < self._timeout_s:
+            silent_s = await to_thread(self._wait_for_cycle, silent_s)
+            yield self._cycle()
+
+    def on_event(self, callback: Callable[[FootEvent], object]) -> None:
+        """Call a function with each gait event from now on, at once: within some 2 ms of its frame.
+
+        The thread that receives calls it, so it has to be short; `events` has the event too. Of a program of asyncio,
+        hand its loop over: `feet.on_event(lambda event: loop.call_soon_threadsafe(queue.put_nowait, event))`.
+
+        Args:
+            callback: The function. Its exception ends the receiving; `latest` and the loops over the feet raise it.
+        """
+        self._callbacks.append(callback)
 
     def tare(self, *legs: str) -> None:
         """Take the present readings of legs as those of the unloaded foot, and wait until it is done: 0.2 s.
@@ -228,7 +252,7 @@ class Feet:
             phase=phase,
         )
         if self._motion_wire is None:
-            self._motion_wire = open_wire(self._can)
+            self._motion_wire = open_wire(self._address)
         try:
             n_sent = self._motion_wire.send([pack_frame(*frame)], self._clock.now_ns())
         except OSError as error:
@@ -242,12 +266,12 @@ class Feet:
                 f"no leg is named {', '.join(sorted(unknown))}; there are {', '.join(self.legs)}"
             )
         refused: dict[str, list[str]] = {}
-        with closing(open_command_wire(self._can)) as wire:
+        with closing(open_command_wire(self._address)) as wire:
             for answer in self._commander.command(wire, kind, legs, self._heard_nodes()):
                 if answer.result is not Result.DONE:
                     # A service may have ended while the answer was waited for.
                     is_heard = answer.is_heard and NODE_IDS[answer.leg] in self._heard_nodes()
-                    why = answer._replace(is_heard=is_heard).refusal(self._can.channel)
+                    why = answer._replace(is_heard=is_heard).refusal(self._address.channel)
                     refused.setdefault(why, []).append(answer.leg)
         if refused:
             raise FootsenseError(" | ".join(f"{', '.join(which)}: {why}" for why, which in refused.items()))
@@ -272,12 +296,17 @@ class Feet:
     def _receive(self) -> None:
         while self._error is None and not self._stop.wait(_POLL_PERIOD_S):
             n_before = self._listener.n_forces
-            with self._news:
-                try:
-                    self._pending_events += self._listener.poll()
-                except CanError as error:
+            try:
+                with self._news:
+                    events = [_foot_event(event) for event in self._listener.poll()]
+                    self._pending_events += events
+                    if self._listener.n_forces > n_before:
+                        self._news.notify_all()
+                for callback, event in product(self._callbacks, events):
+                    callback(event)
+            except Exception as error:  # noqa: BLE001 - whoever reads the feet gets it
+                with self._news:
                     self._error = error
-                if self._error is not None or self._listener.n_forces > n_before:
                     self._news.notify_all()
 
     def _heard(self) -> list[LegSnapshot]:
@@ -292,6 +321,17 @@ class Feet:
     def _counts(self) -> dict[str, int]:
         return {leg.leg: leg.n_force_frames for leg in self._heard()}
 
+    def _wait_for_cycle(self, silent_s: float) -> float:
+        """Wait for a new cycle, or in a silence for a moment of it; return how long that lasts now [s]."""
+        with self._news:
+            moment_s = min(_SILENCE_S, self._timeout_s - silent_s)
+            return 0.0 if self._news.wait_for(self._has_new_cycle, moment_s) else silent_s + _SILENCE_S
+
+    def _cycle(self) -> dict[str, LegForce]:
+        with self._news:
+            self._given = self._counts()
+            return self._forces()
+
     def _has_new_cycle(self) -> bool:
         """Return whether every leg that is not silent has a new force, or one has two: another's was lost."""
         current = [leg for leg in self._heard() if leg.force.status is not LinkStatus.STALE]
@@ -300,7 +340,7 @@ class Feet:
 
     def _forces(self) -> dict[str, LegForce]:
         forces = _Forces({leg.leg: leg.force for leg in self._heard()})
-        self.events = tuple(map(_foot_event, self._pending_events))
+        self.events = tuple(self._pending_events)
         self._pending_events.clear()
         return forces
 
@@ -319,7 +359,7 @@ class Feet:
             if not any(readable()):
                 what = "no forces that can be read yet" if readable() else "no forces"
                 remedy = "is the service running, and is this its channel?"
-                raise CanError(f"{what} on {self._can.channel} within {self._timeout_s:g} s; {remedy}")
+                raise CanError(f"{what} on {self._address.channel} within {self._timeout_s:g} s; {remedy}")
             self._given = self._counts()
             self._pending_events.clear()
         return tuple(self._given)

@@ -1,22 +1,25 @@
 """Feet that are heard on CAN: what a real sink sends on a channel of the process, as a program gets it."""
 
+import asyncio
+import contextlib
 import errno
 import math
 import os
+import queue
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 
 import pytest
 
 import footsense
-from footsense.api.commands import Commander
-from footsense.api.feet import Feet
-from footsense.can.interface import Can
 from footsense.client import LinkLimits
-from footsense.daemon.can_listener import Listener
-from footsense.daemon.can_output import open_wire
+from footsense.client.commander import Commander
+from footsense.client.feet import Feet
+from footsense.client.listener import Listener
 from footsense.errors import CanError, FootsenseError
 from footsense.frames import Flag, GaitEvent, GaitEventKind, State
+from footsense.wires.address import CanAddress
+from footsense.wires.opening import open_wire
 from tests.support.can_robot import MS, Robot
 from tests.support.frames import gait_frame
 
@@ -35,9 +38,9 @@ class Heard:
     def __init__(self, channel: str) -> None:
         self.robot = Robot(channel, legs=("lf", "rf"))
         self.t_ns = self.robot.clock.t_ns = 1000 * MS  # all identities are due then
-        self._can = Can(interface="virtual", channel=channel)
+        self._address = CanAddress("virtual", channel)
         limits = LinkLimits(accept_degraded=True)
-        self._listener = Listener(open_wire(self._can), self.robot.clock, limits)
+        self._listener = Listener(open_wire(self._address), self.robot.clock, limits)
 
     def cycle(self, **changed: object) -> None:
         """Publish the forces of one cycle; `changed` as in `contact_frame`."""
@@ -45,7 +48,7 @@ class Heard:
         self.robot.publish(self.t_ns, age_ns=3 * MS, **changed)  # type: ignore[arg-type]
 
     def connect(self, timeout_s: float = 0.05) -> Feet:
-        return Feet(self._listener, self._can, timeout_s)
+        return Feet(self._listener, self._address, timeout_s)
 
 
 @pytest.fixture
@@ -55,10 +58,10 @@ def heard(request: pytest.FixtureRequest) -> Iterator[Heard]:
     heard.robot.close()
 
 
-def connected(heard: Heard) -> Feet:
+def connected(heard: Heard, timeout_s: float = 0.05) -> Feet:
     for _ in range(6):
         heard.cycle()
-    return heard.connect()
+    return heard.connect(timeout_s)
 
 
 def test_a_cycle_is_the_force_of_each_leg_by_its_name(heard: Heard) -> None:
@@ -106,6 +109,53 @@ def test_an_event_comes_once_with_its_leg_and_time(heard: Heard) -> None:
         assert feet.events == ()
 
 
+def published(heard: Heard, kind: GaitEventKind) -> None:
+    """Publish a cycle with an event of rf."""
+    event = GaitEvent(kind, 1, heard.t_ns - 20 * MS, 0.002)
+    heard.cycle(gait=gait_frame(heard.t_ns, 2, events=(event,)))
+
+
+def test_a_callback_hears_of_an_event_at_once_and_its_exception_is_raised_where_feet_are_read(
+    heard: Heard,
+) -> None:
+    with connected(heard) as feet:
+        told = queue.SimpleQueue[footsense.FootEvent]()
+        feet.on_event(told.put)
+        published(heard, GaitEventKind.TOUCHDOWN)
+        event = told.get(timeout=10.0)
+        assert (event.leg, event.kind) == ("rf", "touchdown")
+        next(iter(feet))
+        assert feet.events == (event,)
+        feet.on_event(lambda event: event.sigma_s / 0)
+        published(heard, GaitEventKind.LIFT_OFF)
+        with pytest.raises(ZeroDivisionError):
+            list(feet)
+
+
+def test_async_for_has_the_same_cycles_and_what_is_cancelled_takes_none_away(heard: Heard) -> None:
+    async def program() -> None:
+        with connected(heard, timeout_s=10.0) as feet:
+
+            async def cycle() -> dict[str, footsense.LegForce]:
+                return await anext(aiter(feet))
+
+            waiting = asyncio.create_task(cycle())
+            await asyncio.sleep(0)  # it waits, and holds up nothing
+            waiting.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await waiting
+            published(heard, GaitEventKind.TOUCHDOWN)
+            assert (await cycle())["lf"].usable
+            assert [event.leg for event in feet.events] == ["rf"]
+            waiting = asyncio.create_task(cycle())
+            await asyncio.sleep(0)
+            assert not waiting.done()
+            heard.cycle(force_n=0.3)
+            assert (await waiting)["lf"].force_n[2] == pytest.approx(0.3)
+
+    asyncio.run(program())
+
+
 def test_contact_and_hold_come_with_each_force(heard: Heard) -> None:
     with connected(heard) as feet:
         heard.cycle(contact_probability=0.98, holds=0.25)
@@ -151,7 +201,7 @@ def test_in_a_silence_no_leg_is_usable_and_then_the_loop_ends(heard: Heard) -> N
 
 def test_a_leg_that_falls_silent_holds_up_no_other(heard: Heard) -> None:
     """Of two services on a bus one ends: its leg stays, without a force; that of the other is used after 3 s alone."""
-    with connected(heard) as feet, closing(Robot(feet._can.channel, legs=("lf",))) as alone:
+    with connected(heard) as feet, closing(Robot(feet._address.channel, legs=("lf",))) as alone:
         cycles = iter(feet)
         n_before = feet._counts()["lf"]
         for k in range(1, 3100 * MS // CYCLE_NS):
@@ -200,7 +250,7 @@ def test_what_is_wrong_with_a_channel_is_said(heard: Heard) -> None:
         heard.connect()
     gone = Listener(Gone(), heard.robot.clock, LinkLimits())
     with pytest.raises(CanError, match="the CAN channel is gone: No such device"):
-        Feet(gone, Can(interface="virtual"), 1.0)
+        Feet(gone, CanAddress("virtual", ""), 1.0)
 
 
 @pytest.mark.parametrize(

@@ -7,23 +7,13 @@ from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.can.force import QUALITY_ID
 from firmware_interface.can.reports import FAULT_ID, PROTOCOL_VERSION, Identity
 from firmware_interface.can.socketcan import unpack_frame
-from footsense.can.interface import Can, Interface
-from footsense.client import (
-    GAIT_EVENT_IDS,
-    LINK_IDS,
-    REPORT_IDS,
-    GaitEvents,
-    LegEvent,
-    LegForce,
-    LegReport,
-    Link,
-    LinkLimits,
-    LinkStatus,
-    Reports,
-)
-from footsense.daemon.can_output import POLL_PERIOD_NS, open_wire
+from footsense.client.gait_events import GAIT_EVENT_IDS, GaitEvents, LegEvent
+from footsense.client.link import LINK_IDS, LegForce, Link, LinkLimits, LinkStatus
+from footsense.client.reports import REPORT_IDS, LegReport, Reports
 from footsense.errors import CanError
 from footsense.ports import CanWire, Clock
+from footsense.wires.address import CanAddress
+from footsense.wires.opening import POLL_PERIOD_NS, open_wire
 
 #: Time over which forces are counted for their rate [ns].
 _NS_PER_S = 1_000_000_000
@@ -164,12 +154,11 @@ class Listener:
         return snapshots
 
 
-def open_listener(interface: Interface, channel: str, clock: Clock, limits: LinkLimits) -> Listener:
+def open_listener(address: CanAddress, clock: Clock, limits: LinkLimits) -> Listener:
     """Open a CAN interface for listening only; arguments as of `Listener`.
 
     Raises:
         CanError: The channel is missing or down.
     """
     accept = {*LINK_IDS, *REPORT_IDS, *GAIT_EVENT_IDS}  # both of the first have faults
-    wire = open_wire(Can(interface=interface, channel=channel), accept)
-    return Listener(wire, clock, limits)
+    return Listener(open_wire(address, accept), clock, limits)
