@@ -37,7 +37,7 @@ _NAN, _OK = float("nan"), Reading.OK
 _MISSED_SCANS_BEFORE_LEAVING = 10
 #: Times in a row that a status may not fit though the settings are held, before the chip is reset.
 _MOST_DOUBTS = 3
-#: Scans without a new result after which conversions count as not finishing.
+#: Scans in which a leg is read and has no new result, after which conversions count as not finishing.
 _SILENT_SCANS = 3
 #: Stages from one read of a leg to the next, by the reads for a frame: few enough that none ends twice, and not a whole
 #: number, so that reads at ever other times within a stage narrow when it ends.
@@ -75,6 +75,7 @@ class FreeLeg(LegConnection):
         ready_ns: Time at which its reference or unused results have been converted, or of its latest result [ns].
         due_ns: Time from which on missing readings count: of its first results, or when they should be there [ns].
         n_doubts: Times in a row that its status did not fit.
+        n_silent: Bursts in a row without a new result, when there should be one.
     """
 
     def __init__(self, name: str, channel: int, row: int, address: int, plan: FreeRunningPlan) -> None:
@@ -95,7 +96,7 @@ class FreeLeg(LegConnection):
             ad7147.N_UNUSED_SEQUENCES * plan.n_conversions,
         )
         self.is_started = False
-        self.ready_ns = self.due_ns = self.n_doubts = 0
+        self.ready_ns = self.due_ns = self.n_doubts = self.n_silent = 0
 
 
 class FreeScanner:
@@ -270,7 +271,9 @@ class FreeScanner:
             self._check_doubtful(leg)
             return
         if not results:
-            if behind_at[1] > leg.ready_ns + _SILENT_SCANS * self.plan.scan_ns:
+            # Time in which nobody asked it does not count.
+            leg.n_silent += behind_at[1] > leg.ready_ns
+            if leg.n_silent > _SILENT_SCANS * self.reads_per_frame:
                 self._discard(leg, Reading.NOT_READY)
             return
         assert leg.calibration is not None
@@ -280,7 +283,7 @@ class FreeScanner:
             at = places[stage]
             readings[at], capacitance_pf[at] = decode(codes[stage], gain_rel, offset_pf)
             t_ns[at] = middle_ns
-        leg.outcome, leg.n_doubts = _OK, 0
+        leg.outcome, leg.n_doubts, leg.n_silent = _OK, 0, 0
         leg.ready_ns = leg.due_ns = round(behind_at[1])
 
     def _check_doubtful(self, leg: FreeLeg) -> None:
@@ -358,7 +361,7 @@ class FreeScanner:
         leg.tracker.start(Span(begin_ns, self.clock.now_ns()))
         n_unused = ad7147.N_UNUSED_SEQUENCES * self.plan.n_conversions
         leg.ready_ns = self.clock.now_ns() + n_unused * self.plan.conversion_wait_ns
-        leg.is_started, leg.n_doubts = True, 0
+        leg.is_started, leg.n_doubts, leg.n_silent = True, 0, 0
 
     # ------------------------------------------------------------ the end of a scan
 

@@ -77,9 +77,17 @@ def test_a_leg_that_is_gone_is_found_again(wiring: Wiring, lasts_ms: int) -> Non
     now_ns = robot.clock.now_ns()
     robot.chips[3].absent_ns = [(now_ns, now_ns + lasts_ms * MS_NS)]
     seen = outage(robot, 1.5)
-    assert Reading.NO_ANSWER in seen.seen <= {Reading.NO_ANSWER, Reading.NOT_READY}
+    assert seen.seen == {Reading.NO_ANSWER}
     assert seen.shown_ns < 10 * MS_NS
     assert seen.over_ns < (55 if lasts_ms == 30 else 450) * MS_NS
+
+
+def test_a_leg_that_was_not_read_for_a_while_does_not_count_as_not_converting() -> None:
+    robot = Robot()
+    robot.read()
+    now_ns = robot.clock.now_ns()
+    robot.chips[3].absent_ns = [(now_ns, now_ns + 45 * MS_NS)]
+    assert outage(robot, 0.2).seen == {Reading.NO_ANSWER}
 
 
 @wirings

@@ -88,7 +88,7 @@ def main() -> int:
         prepare()
         signal.alarm(_SHORT_LIMIT_S if short else 0)
         code = int(pytest.main([
-            "-q", "--rootdir", str(ROOT), "--override-ini", "python_files=trials_*.py",
+            "-q", "--timeout", "0", "--rootdir", str(ROOT), "--override-ini", "python_files=trials_*.py",
             "--override-ini", "addopts=--strict-markers --strict-config --import-mode=importlib -ra", *targets,
         ]))  # fmt: skip
     except LackingError as error:

@@ -6,7 +6,7 @@ Times are the machine's own, as candump stamps the frames.
 import math
 import re
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -93,9 +93,9 @@ class CanStream:
         """Return the last state of each leg that sent a force since a mark."""
         return {leg: force.state for leg, force in self.forces(mark).items()}
 
-    def all_states(self, mark: int) -> set[State]:
-        """Return every state that any leg has had since a mark."""
-        return {force.state for frame in self.since(mark) if (force := frame.force)}
+    def all_states(self, mark: int, legs: Collection[str] = HEXAPOD) -> set[State]:
+        """Return every state that any of some legs has had since a mark."""
+        return {force.state for frame in self.since(mark) if frame.leg in legs and (force := frame.force)}
 
     def causes(self, mark: int) -> dict[str, set[Cause]]:
         """Return all causes that fault reports have named for each leg since a mark."""

@@ -147,7 +147,7 @@ def image() -> Image:
         _install_as_the_page_says(root, parts[1])
         run("mke2fs", "-q", "-t", "ext4", "-d", root, folder / "disk.img", "3G")
         shutil.rmtree(root)
-        _make_initrd(folder, kernel)
+        _make_initrd(folder, kernel, parts[2] / "slow_clock.ko")
         shutil.copy(f"/boot/vmlinuz-{kernel}", folder / "vmlinuz")
 
     folder = made(CACHE, "image", key, make)
@@ -222,14 +222,15 @@ def _install_as_the_page_says(root: Path, wheels_folder: Path) -> None:
     (root / "wheels").rmdir()
 
 
-def _make_initrd(folder: Path, kernel: str) -> None:
-    """Make the initial RAM disk: busybox, a script, and the modules that a disk needs."""
+def _make_initrd(folder: Path, kernel: str, first: Path) -> None:
+    """Make the initial RAM disk: busybox, a script, a module that is first, and those that a disk needs."""
     tree = folder / "initrd"
     for name in ("bin", "proc", "sys", "dev", "root", "modules"):
         (tree / name).mkdir(parents=True)
     shutil.copy("/bin/busybox", tree / "bin")
     shutil.copy(HERE / "guest" / "init", tree / "init")
-    listed: list[str] = []
+    shutil.copy(first, tree / "modules")
+    listed = [first.name]
     for module in _BOOT_MODULES:
         for line in run("modprobe", "-S", kernel, "--show-depends", module).splitlines():
             kind, _, path = line.partition(" ")

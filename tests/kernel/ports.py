@@ -161,7 +161,7 @@ class Chips:
     @property
     def counts(self) -> tuple[int, int]:
         """Transfers and RESET pulses since the start of the chips."""
-        transfers, pulses, _ = self.do("count").split()
+        transfers, pulses = self.do("count").split()
         return int(transfers), int(pulses)
 
     @property

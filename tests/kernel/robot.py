@@ -4,6 +4,8 @@ import re
 from dataclasses import dataclass, field
 from itertools import groupby
 
+import pytest
+
 from firmware_interface.can.codes import State
 from tests.kernel import deploy_page
 from tests.kernel.can_stream import LEGS
@@ -12,13 +14,13 @@ from tests.kernel.ports import GuestError
 
 CONFIG = "/etc/footsense/footsense.yaml"
 UNIT = "footsense"
-#: For this machine: the board of its feet, and conversions that leave half of its only processor to the chips and to
-#: everything else.
-_SETTINGS = f"cp footsense-fdc1004.yaml {CONFIG}\nsed -i 's/^  rate_sps: 400 .*/  rate_sps: 100/' {CONFIG}"
+#: Legs on /dev/i2c-1 and on /dev/i2c-3.
+LEFT, RIGHT = ("lf", "lm", "lr"), ("rf", "rm", "rr")
 #: How long a command that ends by Ctrl-C is watched [s].
-_WATCHED_S = 5
+_WATCHED_S = 2
 _ENDED_BY_TIMEOUT = 124
-_FOLDER = "cd /root/footsense/deploy\n"
+#: Where the commands of deploy/README.md are executed.
+FOLDER = "cd /root/footsense/deploy\n"
 
 
 @dataclass
@@ -61,14 +63,14 @@ class Robot:
         shell = self.machine.shell
         for are_endless, group in groupby(deploy_page.section(number), lambda command: command.is_endless):
             if are_endless:
-                watched = f"{_FOLDER}timeout --signal=INT {_WATCHED_S} "
+                watched = f"{FOLDER}timeout --signal=INT {_WATCHED_S} "
                 started = [(command, shell.start(watched + command.text)) for command in group]
                 for command, asked in started:
                     code, output = shell.wait(asked)
                     self._note(command, 0 if code == _ENDED_BY_TIMEOUT else code, output)
             else:
                 for command in group:
-                    self._note(command, *shell.wait(shell.start(_FOLDER + command.text)))
+                    self._note(command, *shell.wait(shell.start(FOLDER + command.text)))
 
     def _note(self, command: deploy_page.Command, code: int, output: str) -> None:
         """Keep what a command of the page printed.
@@ -81,12 +83,11 @@ class Robot:
         self.outputs.setdefault(command.text.partition("#")[0].strip(), []).append(output)
 
     def deploy(self) -> None:
-        """Execute sections 2, unless it has been, to 5 of deploy/README.md; edit the configuration between 4 and 5."""
+        """Execute sections 2, unless it has been, to 5 of deploy/README.md."""
         if not self.outputs:
             self.execute_section(2)
         self.execute_section(3)
         self.execute_section(4)
-        self.machine.run(_FOLDER + _SETTINGS)
         self.execute_section(5)
 
     def output_of(self, start: str) -> str:
@@ -131,7 +132,7 @@ class Robot:
         self.machine.chips.do("clear")
         self.machine.chips.do("lift")
         self.machine.run(
-            "echo 1 > /sys/module/feet_adapter/parameters/plugged\n"
+            "echo 3 > /sys/module/feet_adapter/parameters/plugged\n"
             "tc qdisc del dev can0 root 2>/dev/null\n"
             "ip link show can0 >/dev/null 2>&1 || ip link add can0 type vcan\n"
             f"ip link set can0 up\nsystemctl start {UNIT} --no-block"
@@ -158,6 +159,16 @@ class Trial:
         self.chips = robot.machine.chips
         self.mark = self.can.mark
         self.row = Row(did)
+
+    def press(self, leg: str) -> None:
+        """Press a foot with (0.05, 0, 0.8) N, and wait until its force is that.
+
+        Raises:
+            GuestError: It does not become that.
+        """
+        self.chips.do(f"press {leg} 0.8")
+        pressed = pytest.approx((0.05, 0.0, 0.8), abs=0.05)
+        self.can.wait(f"{leg} with the force", lambda: self.can.force_n(leg, self.mark) == pressed)
 
     def recovered(self, *legs: str) -> None:
         """Wait until legs, or all, are valid, and note the time since the last command ended.

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from tests.kernel.machine import INSTRUCTIONS_PER_NS
 from tests.kernel.robot import Row
 
 PAGE = Path(__file__).parents[2] / "docs" / "report" / "kernel.md"
@@ -11,12 +12,12 @@ _HEAD = """# On a real kernel
 Written by `make kernel-test`; not edited by hand.
 
 footsense as `deploy/README.md` installs it, on Debian 12 with Linux {kernel}, in an emulator: systemd, i2c-dev and
-SocketCAN are real, the chips behind the I2C adapter are simulated (`tests/kernel/README.md`). The machine has one
-processor at one instruction per nanosecond, conversions at 100 samples/s, and six legs of board `fdc1004` on one bus:
-those of board `ad7147` cannot be slowed. What CAN showed: the states of the legs in turn, as a consumer of `candump`
-saw them. Recovered after: from the end of the disturbance, or from the kill, until all legs were valid, in the
-machine's own time. In the journal of the trials no state of a leg changed to itself, and none to `stale` without a
-cause.
+SocketCAN are real, the chips behind the I2C adapters are simulated (`tests/kernel/README.md`). The machine has one
+processor at {speed} instructions per nanosecond, and six legs of board `ad7147`, the default, three on each of two
+buses; where a row says so, those of board `fdc1004`, on one bus at 100 samples/s. What CAN showed: the states of the
+legs in turn, as a consumer of `candump` saw them. Recovered after: from the end of the disturbance, or from the kill,
+until all legs were valid, in the machine's own time. In the journal of the trials no state of a leg changed to itself,
+and none to `stale` without a cause.
 
 """
 
@@ -33,4 +34,4 @@ def markdown(rows: list[Row]) -> str:
 
 def write(rows: list[Row], kernel: str) -> None:
     """Write the page."""
-    PAGE.write_text(_HEAD.format(kernel=kernel) + markdown(rows), encoding="utf-8")
+    PAGE.write_text(_HEAD.format(kernel=kernel, speed=INSTRUCTIONS_PER_NS) + markdown(rows), encoding="utf-8")

@@ -9,15 +9,15 @@ from tests.kernel.can_stream import LEGS
 from tests.kernel.robot import Robot, Trial, matching
 
 
-def test_feet_answer_behind_the_multiplexer(first_trial: Trial) -> None:
-    """Section 2 of deploy/README.md: `i2cdetect` before and after the first channel is selected."""
+def test_feet_answer(first_trial: Trial) -> None:
+    """Section 2 of deploy/README.md: `i2cdetect` of the left feet; with a multiplexer, before and after a selection."""
     robot = first_trial.robot
     robot.execute_section(2)
-    _, before, after = robot.outputs["i2cdetect -y 1"]
-    assert "71" in before.split()
-    assert {"49", "50"} & set(before.split()) == set()
-    assert {"49", "50", "71"} <= set(after.split())
-    first_trial.row.shown = "0x71, then also 0x49 and 0x50"
+    feet, before, after = (set(output.split()) for output in robot.outputs["i2cdetect -y 1"])
+    assert {"2c", "2d", "2e"} <= feet
+    assert {"49", "50"} & before == set()
+    assert {"49", "50", "71"} <= after
+    first_trial.row.shown = "0x2c, 0x2d and 0x2e; 0x71, then also 0x49 and 0x50"
 
 
 def test_deployment(first_trial: Trial, deployed: Robot) -> None:
@@ -32,9 +32,7 @@ def test_deployment(first_trial: Trial, deployed: Robot) -> None:
 
 def test_a_pressed_foot(trial: Trial) -> None:
     """Foot of lr pressed with (0.05, 0, 0.8) N."""
-    trial.chips.do("press lr 0.8")
-    pressed = pytest.approx((0.05, 0.0, 0.8), abs=0.05)
-    trial.can.wait("lr with the force", lambda: trial.can.force_n("lr", trial.mark) == pressed)
+    trial.press("lr")
     forces = trial.can.forces(trial.mark)
     for leg in set(LEGS.values()) - {"lr"}:
         assert forces[leg].force_n == pytest.approx((0.0, 0.0, 0.0), abs=0.01)

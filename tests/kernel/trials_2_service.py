@@ -1,8 +1,12 @@
 """Trials of the service: what happens to its process, its machine and its files."""
 
+from statistics import quantiles
+
 import pytest
 
 from firmware_interface.can.codes import State
+from firmware_interface.can.force import QUALITY, QUALITY_ID
+from tests.kernel.can_stream import LEGS
 from tests.kernel.robot import CONFIG, Trial, matching
 
 _FOOTSENSE = "/opt/footsense/bin/footsense"
@@ -10,6 +14,40 @@ _FOOTSENSE = "/opt/footsense/bin/footsense"
 _LONGEST_BLOCK_S = 5.0
 #: Of 10, as `systemd-analyze security` counts.
 _MOST_EXPOSURE = 1.5
+#: Of a force: older ones are stale [ms].
+_MOST_AGE_MS = 28.0
+
+
+def test_ages(trial: Trial) -> None:
+    """Feet in the air for 4 s: ages of the forces when they were sent, and what it takes of the processor."""
+    units = ("footsense", "footsense-exporter", "chips")
+
+    def totals() -> list[float]:
+        used = "".join(f"systemctl show -P CPUUsageNSec {unit}; " for unit in units)
+        metrics = (
+            "curl -s http://127.0.0.1:9108/metrics | grep -E '^footsense_(missed_deadlines|cycles)_total'"
+        )
+        clock = "cut -d' ' -f1 /proc/uptime"
+        return [
+            float(line.split()[-1]) for line in trial.machine.run(f"{clock}; {used}{metrics}").splitlines()
+        ]
+
+    before, mark = totals(), trial.can.mark
+    trial.machine.run("sleep 4")
+    frames = [frame for frame in trial.can.since(mark) if frame.can_id - QUALITY_ID in LEGS]
+    passed_s, *used_ns, cycles, missed = (now - then for now, then in zip(totals(), before, strict=True))
+    ages_ns = [QUALITY.decode(frame.can_id, frame.data).age_ns or 0 for frame in frames]
+    middle, *_, worst = (each * 1e-6 for each in quantiles(ages_ns, n=100, method="inclusive")[49:])
+    shares = ", ".join(
+        f"{unit} {ns * 1e-7 / passed_s:.0f} %" for unit, ns in zip(units, used_ns, strict=True)
+    )
+    trial.row.shown = (
+        f"ages {middle:.1f} ms, at most {worst:.1f} ms of 99 %; {cycles / passed_s:.0f} estimates a second; "
+        f"{missed:.0f} missed deadlines; {shares}"
+    )
+    assert trial.can.all_states(mark) == {State.VALID}
+    assert worst < _MOST_AGE_MS
+    assert missed == 0
 
 
 def test_stopped_process(trial: Trial) -> None:
@@ -109,7 +147,11 @@ def test_no_thread_of_another(trial: Trial) -> None:
     ("device", "away", "back"),
     [
         ("can0", "ip link del can0", "ip link add can0 type vcan; ip link set can0 up"),
-        ("/dev/i2c-1", "until modprobe -r i2c-dev; do sleep 0.1; done", "modprobe i2c-dev"),
+        (
+            "/dev/i2c-3",
+            "echo 1 > /sys/module/feet_adapter/parameters/plugged",
+            "echo 3 > /sys/module/feet_adapter/parameters/plugged",
+        ),
     ],
 )
 def test_missing_device(trial: Trial, device: str, away: str, back: str) -> None:
