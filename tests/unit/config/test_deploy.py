@@ -79,7 +79,7 @@ def test_no_unit_takes_the_memory_of_the_robot() -> None:
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd-analyze here")
-@pytest.mark.parametrize("unit", [UNIT, EXPORTER, VIEW, SELFCAL])
+@pytest.mark.parametrize("unit", [UNIT, EXPORTER, VIEW, SELFCAL, SNAPSHOT])
 def test_systemd_has_no_complaint(tmp_path: Path, unit: Path) -> None:
     """The supervisor knows every key, once the program stands where the unit says."""
     copy = tmp_path / unit.name
@@ -94,7 +94,7 @@ def test_systemd_has_no_complaint(tmp_path: Path, unit: Path) -> None:
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd-analyze here")
-@pytest.mark.parametrize("unit", [UNIT, EXPORTER, VIEW, SELFCAL])
+@pytest.mark.parametrize("unit", [UNIT, EXPORTER, VIEW, SELFCAL, SNAPSHOT])
 def test_a_service_that_was_taken_over_may_do_little(unit: Path) -> None:
     """By systemd's own measure: an exposure of 10 is an ordinary service, and these have at most 1.5."""
     done = subprocess.run(
