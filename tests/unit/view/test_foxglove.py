@@ -1,7 +1,9 @@
 """Foxglove's protocol, spoken by a client that decodes by the announced schemas."""
 
 import asyncio
+import ipaddress
 import json
+import socket
 import struct
 import sys
 from collections import defaultdict
@@ -14,6 +16,7 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 from websockets.typing import Subprotocol
 
+from footsense.view.foxglove import FoxgloveFeed
 from footsense.view.live import LiveSource
 from footsense.view.recorded import RecordingSource
 from footsense.view.server import FOXGLOVE_PROTOCOLS, ViewServer
@@ -120,3 +123,20 @@ def test_a_recording_and_a_missing_extra_refuse_in_one_line(
     monkeypatch.setitem(sys.modules, "foxglove", None)
     told = asyncio.run(refusal(ViewServer(LiveSource(tmp_path / "cycles"))))
     assert told.endswith("need foxglove-sdk; in the clone of footsense: pip install -e '.[foxglove]'\n")
+
+
+def test_the_sdk_s_server_is_where_no_page_finds_it(tmp_path: Path) -> None:
+    """It checks no origin: its address is another each time, and the usual ones do not answer on its port."""
+    found = []
+    for _ in range(2):
+        live = LiveSource(tmp_path / "cycles")
+        feed = FoxgloveFeed(live)
+        host, _, port = feed.address.partition(":")
+        socket.create_connection((host, int(port))).close()
+        found.append(host)
+        for usual in ("127.0.0.1", "127.0.1.1", "::1"):
+            with pytest.raises(OSError, match=r"refused|available|route|assign"):
+                socket.create_connection((usual, int(port)))
+        feed.close()
+    assert found[0] != found[1]
+    assert all(ipaddress.ip_address(host).is_loopback for host in found)
