@@ -431,7 +431,7 @@ def test_recordings_of_faults_are_there_when_the_service_is_gone(browser: Browse
         browser.wait("document.querySelector('#recordings li button')")
         assert browser.text("#recordings summary") == "Recordings of faults (1)"
         browser.js("document.querySelector('#recordings summary').click()")
-        assert browser.text("#recordings li") == "2026-11-29 12:00:05 UTC LF element drifts 0.8 MB"
+        assert browser.text("#recordings li") == "2026-11-29 12:00:05 UTC LF element drifts download 0.8 MB"
         browser.js("document.querySelector('#recordings li button').click()")
         WebDriverWait(browser.driver, 20.0, 0.03).until(lambda _: (downloads / name).exists())
         assert (downloads / name).read_bytes() == GOLDEN.read_bytes()

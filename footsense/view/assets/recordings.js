@@ -22,7 +22,7 @@ export class Recordings {
     this.parent.querySelector("summary").textContent = `Recordings of faults (${recordings.length})`;
     this.parent.querySelector("ul").replaceChildren(...recordings.map(({ name, bytes }) => {
       const [, day, time, leg, cause] = name.match(/^(.*)T(.*)Z-([^-]*)-(.*)\.mcap$/) ?? [, "", "", "", name];
-      const button = element("button", { type: "button", title: name }, `${(bytes / 1e6).toFixed(1)} MB`);
+      const button = element("button", { type: "button", title: name }, `download ${(bytes / 1e6).toFixed(1)} MB`);
       button.onclick = () => download(button, name, Math.ceil(bytes / part_bytes));
       return element("li", {}, `${day} ${time.replaceAll("-", ":")} UTC `, element("b", {}, leg.toUpperCase()),
         ` ${cause.replaceAll("-", " ")} `, button);

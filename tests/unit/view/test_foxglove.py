@@ -16,6 +16,8 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 from websockets.typing import Subprotocol
 
+from footsense.frames import LEGS
+from footsense.recording.messages import topic_schemas
 from footsense.view.foxglove import FoxgloveFeed
 from footsense.view.live import LiveSource
 from footsense.view.recorded import RecordingSource
@@ -140,3 +142,25 @@ def test_the_sdk_s_server_is_where_no_page_finds_it(tmp_path: Path) -> None:
         feed.close()
     assert found[0] != found[1]
     assert all(ipaddress.ip_address(host).is_loopback for host in found)
+
+
+def test_each_path_of_the_layout_is_in_a_channel_that_is_sent() -> None:
+    """Live and in a recording, which have the same topics; each panel has its place, and each leg its line."""
+    layout = json.loads((Path(__file__).parents[3] / "deploy/foxglove/footsense.json").read_text())
+    panels = layout["configById"]
+
+    def placed(node: str | dict[str, Any]) -> list[str]:
+        return [node] if isinstance(node, str) else [*placed(node["first"]), *placed(node["second"])]
+
+    assert sorted(placed(layout["layout"])) == sorted(panels)
+    paths = [entry["value"] for panel in panels.values() for entry in panel.get("paths", ())]
+    paths += [panel["topicPath"] for panel in panels.values() if "topicPath" in panel]
+    with_schema = {topic: json.loads(schema) for topic, schema in topic_schemas(LEGS).items()}
+    for path in paths:
+        topic, *fields = path.split(".")
+        schema = with_schema[topic]
+        for field in fields:
+            schema = schema["properties"][field]
+        assert not fields or schema["type"] in ("string", ["number", "null"]), path
+    for panel in panels.values():
+        assert {entry["value"].split(".")[1] for entry in panel.get("paths", ())} in (set(), set(LEGS))
