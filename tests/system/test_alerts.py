@@ -1,7 +1,7 @@
 """The alerts of deploy/prometheus fire in a fault and clear behind it, judged by Prometheus itself.
 
-The faults are those of a simulated robot, and of a made foot whose gains have drifted. Only missed deadlines are given:
-virtual time has none. The queries of the dashboard are asked of the same robot.
+The faults are those of a simulated robot, and of made feet whose electrodes turn their forces. Only missed deadlines
+are given: virtual time has none. The queries of the dashboard are asked of the same robot.
 """
 
 import json
@@ -21,6 +21,7 @@ from prometheus_client.core import GaugeMetricFamily, Metric
 from footsense.calibration.selfcal.state import write_state
 from footsense.config import load_config
 from footsense.daemon.service import open_service
+from footsense.foot.parameters import FootParameters
 from footsense.ports import WAKEUP_LATENCY_BUCKET_BOUNDS_S
 from footsense.sim.loads.load_log import LOG_ARRAYS
 from footsense.sim.scene import load_scene
@@ -65,6 +66,7 @@ EXPECTED = [
     ("FootsenseSilent", None, [RUN_S + 28], [20, RUN_S + SILENT_S + 25]),
     ("FootsenseDeadlinesMissed", None, [20], [3, 109]),
     ("FootsenseElectrodesTurned", "lf", [84], [RUN_S, 10, 100]),
+    ("FootsenseElectrodesTurned", "lm", [84], [RUN_S, 10, 100]),
     ("FootsenseCalibrationProposed", "lf", [84], [RUN_S, 10, 100]),
 ]
 
@@ -97,14 +99,21 @@ class _Gauges:
 
 
 def _electrodes(folder: Path) -> list[_Gauges]:
-    """Return what `footsense selfcal` says of a foot whose gains have drifted, and of it when they are in use."""
+    """Return what `footsense selfcal` says of two made feet, and of them when that is in use.
+
+    The gains of one have drifted since its calibration; nobody has calibrated the other.
+    """
     foot, known = made_foot(1)
-    gauges, parameters = [], drifted(known, 1)
-    for calibration in "12":
-        found = walking_foot(parameters, 64 * calibration, walk(foot, 21, seed=int(calibration))[0])
-        write_state(folder, found.state("2026-11-29T09:00:00Z"))
+    designed = FootParameters(stray_pf=np.zeros(9), unloaded_pf=foot.unloaded_pf, gap_um=np.full(9, 20.0))
+    in_use, gauges = {"lf": (drifted(known, 1), "1"), "lm": (designed, "")}, []
+    for seed in (0, 1):
+        for leg, (parameters, calibration) in in_use.items():
+            found = walking_foot(parameters, 64 * calibration, walk(foot, 21, seed=seed)[0])
+            state = found.state("2026-11-29T09:00:00Z")
+            of_leg = msgspec.structs.replace(state.of, leg=leg)
+            write_state(folder, msgspec.structs.replace(state, of=of_leg))
+            in_use[leg] = found.parameters(), "2"
         gauges.append(_Gauges(*electrode_metrics(seen_electrodes(folder))))
-        parameters = found.parameters()
     return gauges
 
 
