@@ -119,7 +119,7 @@ class Odometer:
             return msgspec.json.decode(read_regular(self._path, _MAX_FILE_BYTES), type=_OdometerFile).feet
         except (FileNotFoundError, NotADirectoryError):
             return {}
-        except (OSError, msgspec.MsgspecError, RecursionError) as error:
+        except (OSError, ValueError, msgspec.MsgspecError, RecursionError) as error:
             aside = self._path.with_suffix(".json.old")
             with suppress(OSError):
                 self._path.replace(aside)
@@ -167,24 +167,21 @@ class Odometer:
         Yields:
             One metric of each name.
         """
-        metrics: list[CounterMetricFamily | GaugeMetricFamily] = [
-            CounterMetricFamily("footsense_foot_steps", "Touchdowns of a foot.", labels=_LABELS),
-            CounterMetricFamily(
-                "footsense_foot_contact_seconds", "Time of a foot in contact with the ground.", labels=_LABELS
-            ),
-            GaugeMetricFamily(
-                "footsense_foot_peak_force_newtons", "Largest force on a foot.", labels=_LABELS
-            ),
-            CounterMetricFamily(
-                "footsense_foot_over_range_seconds",
-                "Time with elements of a foot loaded beyond their range.",
-                labels=_LABELS,
-            ),
-        ]
-        for metric, totals in zip(metrics, self._totals.tolist(), strict=True):
+        for (kind, name, meaning), totals in zip(_METRICS, self._totals.tolist(), strict=True):
+            metric = kind(name, meaning, labels=["leg", "foot"])
             for leg, foot, total in zip(self._legs, self._feet, totals, strict=True):
                 metric.add_metric([leg, foot], total)
             yield metric
 
 
-_LABELS = ["leg", "foot"]
+#: Type, name and meaning of the metric of each total.
+_METRICS = (
+    (CounterMetricFamily, "footsense_foot_steps", "Touchdowns of a foot."),
+    (CounterMetricFamily, "footsense_foot_contact_seconds", "Time of a foot in contact with the ground."),
+    (GaugeMetricFamily, "footsense_foot_peak_force_newtons", "Largest force on a foot."),
+    (
+        CounterMetricFamily,
+        "footsense_foot_over_range_seconds",
+        "Time with elements loaded beyond their range.",
+    ),
+)

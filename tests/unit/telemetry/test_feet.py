@@ -120,7 +120,11 @@ def test_the_file_is_written_seldom_and_not_for_a_robot_that_stands_or_is_simula
 
 
 FOREIGN = [b"", b'{"footsense": "odometer", "feet": {"foot-0007": {"st', b'{"feet": {}}', b"[" * 100_000]
-FOREIGN += [b'{"footsense": "odometer", "feet": {"foot-0007": {"steps": -1}}}', b"x" * (2 << 20)]
+FOREIGN += [
+    b'{"footsense": "odometer", "feet": {"foot-0007": {"steps": -1}}}',
+    b'{"\xff": 1}',
+    b"x" * (2 << 20),
+]
 
 
 @pytest.mark.parametrize("content", FOREIGN)
