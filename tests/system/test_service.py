@@ -83,6 +83,7 @@ def test_sigterm_during_the_start_ends_it(tmp_path: Path) -> None:
     assert not path.exists() or any(Replay(path))  # the test was slower than the start
 
 
+@pytest.mark.slow
 def test_what_watches_the_service_is_not_in_its_process(config: tuple[Path, int]) -> None:
     """Metrics, odometers, page, snapshot and Foxglove have processes of their own; the loop's loads none of them."""
     command = [sys.executable, "-X", "importtime", "-m", "footsense", "run", "--config", str(config[0])]

@@ -10,7 +10,10 @@ from pathlib import Path
 import pytest
 
 from footsense.errors import ConfigError, FootsenseError, ModelError
+from footsense.recording.fault_recordings import FAULT_FOLDER
 from footsense.sim.can.interface import AS_DEPLOYED
+from footsense.telemetry.electrodes import STATE_FOLDER
+from footsense.telemetry.feet import ODOMETER_FILE
 
 DEPLOY = Path(__file__).parents[3] / "deploy"
 UNIT, EXPORTER = DEPLOY / "footsense.service", DEPLOY / "footsense-exporter.service"
@@ -76,6 +79,14 @@ def test_no_unit_takes_the_memory_of_the_robot() -> None:
     """Each has a bound, the loop's the largest."""
     bounds = [parsed(unit)["Service"]["MemoryMax"] for unit in (UNIT, EXPORTER, VIEW, SELFCAL, SNAPSHOT)]
     assert bounds == ["512M", "256M", "256M", "256M", "256M"]
+
+
+@pytest.mark.parametrize(
+    ("unit", "folder"),
+    [(EXPORTER, ODOMETER_FILE.parent), (SELFCAL, STATE_FOLDER), (SNAPSHOT, FAULT_FOLDER)],
+)
+def test_what_a_program_keeps_is_where_its_unit_lets_it_write(unit: Path, folder: Path) -> None:
+    assert Path("/var/lib") / parsed(unit)["Service"]["StateDirectory"] == folder
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd-analyze here")
