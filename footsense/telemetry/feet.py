@@ -176,12 +176,16 @@ class Odometer:
 
 #: Type, name and meaning of the metric of each total.
 _METRICS = (
-    (CounterMetricFamily, "footsense_foot_steps", "Touchdowns of a foot."),
-    (CounterMetricFamily, "footsense_foot_contact_seconds", "Time of a foot in contact with the ground."),
+    (CounterMetricFamily, "footsense_foot_steps_total", "Touchdowns of a foot."),
+    (
+        CounterMetricFamily,
+        "footsense_foot_contact_seconds_total",
+        "Time of a foot in contact with the ground.",
+    ),
     (GaugeMetricFamily, "footsense_foot_peak_force_newtons", "Largest force on a foot."),
     (
         CounterMetricFamily,
-        "footsense_foot_over_range_seconds",
+        "footsense_foot_over_range_seconds_total",
         "Time with elements loaded beyond their range.",
     ),
 )
