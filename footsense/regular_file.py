@@ -1,6 +1,7 @@
 """Files that somebody named, opened without waiting: a FIFO or a device in their place is an error.
 
-Every reader of such a file opens it here, and reads a bounded part of it.
+Every reader of such a file opens it here, and reads a bounded part of it. What a program keeps for itself is written
+whole or not at all.
 """
 
 import errno
@@ -52,3 +53,18 @@ def read_regular(path: Path, max_bytes: int = MAX_FILE_BYTES) -> bytes:
     if len(content) > max_bytes:
         raise OSError(errno.EFBIG, f"has more than the {max_bytes} bytes that are read", str(path))
     return content
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file whole or not at all, also in a power cut; its folder is created if missing.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    draft = path.with_suffix(".draft")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with draft.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+    draft.replace(path)

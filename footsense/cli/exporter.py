@@ -36,3 +36,4 @@ def exporter(config_file: Path | None, ring: Path | None, port: int | None) -> N
     click.echo(f"http://{metrics.address}:{port}/metrics")
     while signal.sigtimedwait(ends, _POLL_PERIOD_S) is None:
         collector.poll()
+    collector.close()

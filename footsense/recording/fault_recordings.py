@@ -19,6 +19,8 @@ _log = logging.getLogger(__name__)
 
 #: Time from a fault to its recording, of which 20 s are before it; and least time from one recording to the next [ns].
 AFTER_NS, PERIOD_NS = 10_000_000_000, 60_000_000_000
+#: Where the unit of `footsense snapshot` keeps them.
+FAULT_FOLDER = Path("/var/lib/footsense/faults")
 #: Most recordings that are kept of a leg and cause, and of all: some 100 MB of six legs.
 MOST_ALIKE, MOST = 3, 20
 

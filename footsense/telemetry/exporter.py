@@ -18,6 +18,7 @@ from footsense.errors import ConfigError, FootsenseError
 from footsense.ring.cycle_reader import CycleReader
 from footsense.ring.records import LostCycles
 from footsense.telemetry.electrodes import STATE_FOLDER, electrode_metrics, seen_electrodes
+from footsense.telemetry.feet import ODOMETER_FILE, Odometer, identity_metrics
 from footsense.telemetry.metrics import ServiceMetrics
 
 _log = logging.getLogger(__name__)
@@ -29,10 +30,13 @@ class ServiceCollector(Collector):
     Args:
         path: The service's ring, which need not exist yet; None for where it is by default.
         states: Folder of the states of `footsense selfcal`, which need not exist.
+        odometer: File of the feet's odometers, which need not exist.
     """
 
-    def __init__(self, path: Path | None, states: Path = STATE_FOLDER) -> None:
-        self._path, self._states = path, states
+    def __init__(
+        self, path: Path | None, states: Path = STATE_FOLDER, odometer: Path = ODOMETER_FILE
+    ) -> None:
+        self._path, self._states, self._odometer = path, states, Odometer(odometer)
         self._lock = threading.Lock()
         self._reader: CycleReader | None = None
         self._metrics = ServiceMetrics(())
@@ -65,6 +69,7 @@ class ServiceCollector(Collector):
         if reader.legs != self._metrics.legs:
             self._metrics = ServiceMetrics(reader.legs)
         self._metrics.begin_service()
+        self._odometer.begin(reader.header, reader.legs)
         return reader
 
     def _count(self, reader: CycleReader) -> None:
@@ -74,10 +79,18 @@ class ServiceCollector(Collector):
                     self._metrics.add_missed(entry.n_cycles)
                 else:
                     self._metrics.add(entry.cycle)
+                    self._odometer.add(entry.cycle)
+        self._odometer.save(now=False)
         self._metrics.status = reader.status
+
+    def close(self) -> None:
+        """End: keep the odometers."""
+        with self._lock:
+            self._close()
 
     def _close(self) -> None:
         if self._reader is not None:
+            self._odometer.save()
             self._reader.close()
             self._reader = None
 
@@ -85,10 +98,15 @@ class ServiceCollector(Collector):
         """Return `footsense_up`, and while the service runs, all its metrics."""
         self.poll()
         with self._lock:
-            is_up = self._reader is not None
-            up = GaugeMetricFamily("footsense_up", "1 while the service runs.", value=float(is_up))
-            of_service = self._metrics.collect() if is_up else ()
-            return [up, *of_service, *electrode_metrics(seen_electrodes(self._states))]
+            up = GaugeMetricFamily(
+                "footsense_up", "1 while the service runs.", float(self._reader is not None)
+            )
+            metrics: list[Metric] = [up]
+            if self._reader is not None:
+                metrics += identity_metrics(self._reader.header, self._reader.legs)
+                metrics += self._metrics.collect()
+                metrics += self._odometer.collect()
+            return [*metrics, *electrode_metrics(seen_electrodes(self._states))]
 
 
 def start_metrics_server(path: Path | None, address: str, port: int) -> tuple[ServiceCollector, int]:

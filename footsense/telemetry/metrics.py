@@ -144,6 +144,8 @@ class ServiceMetrics:
         offset = "offset of the baseline since the last tare; NaN without one."
         yield codes("footsense_leg_state", "1 for the leg's state.", State, forces.state.tolist())
         yield codes("footsense_leg_phase", "1 for the leg's phase.", LegPhase, phases)
+        force = "Ground reaction on the foot now, in its own frame; NaN without one."
+        yield self._vectors("footsense_leg_force_newtons", force, forces.force_n)
         noise_f = forces.noise_ff * _FARADS_PER_FF
         yield gauge("footsense_reading_noise_farads", "Noise of a leg's readings.", noise_f)
         yield codes("footsense_leg_cause", "1 for the cause of the state.", Cause, forces.cause.tolist())
@@ -172,13 +174,7 @@ class ServiceMetrics:
         yield gauge("footsense_leg_load_share", "Share of the load; NaN without a force.", gait.load_share)
         ratio = f"Tangential over normal force; {untold}"
         yield gauge("footsense_leg_tangential_over_normal", ratio, gait.tangential_over_normal)
-        normal = GaugeMetricFamily(
-            "footsense_ground_normal", f"Unit normal of the ground; {untold}", labels=["leg", "axis"]
-        )
-        for leg, components in zip(self.legs, gait.normal.tolist(), strict=True):
-            for axis, value in zip("xyz", components, strict=True):
-                normal.add_metric([leg, axis], value)
-        yield normal
+        yield self._vectors("footsense_ground_normal", f"Unit normal of the ground; {untold}", gait.normal)
         sigma = f"Standard deviation of the ground's normal; {untold}"
         yield gauge("footsense_ground_normal_sigma_radians", sigma, gait.normal_sigma_rad)
         yield self._codes("footsense_leg_slip", "1 for whether the foot slides.", Slip, gait.slip.tolist())
@@ -191,6 +187,13 @@ class ServiceMetrics:
         gauge = GaugeMetricFamily(name, meaning, labels=["leg"])
         for leg, value in zip(self.legs, values.tolist(), strict=True):
             gauge.add_metric([leg], value)
+        return gauge
+
+    def _vectors(self, name: str, meaning: str, values: Vector) -> Metric:
+        gauge = GaugeMetricFamily(name, meaning, labels=["leg", "axis"])
+        for leg, components in zip(self.legs, values.tolist(), strict=True):
+            for axis, value in zip("xyz", components, strict=True):
+                gauge.add_metric([leg, axis], value)
         return gauge
 
     def _codes(self, name: str, meaning: str, codes: type[IntEnum], present: Sequence[int]) -> Metric:

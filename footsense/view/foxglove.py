@@ -1,7 +1,13 @@
 """Live cycles for Foxglove, Lichtblick and PlotJuggler, by Foxglove's SDK; needs the extra `foxglove`.
 
 The topics are those of a recording, with its messages and schemas.
+
+The SDK's server lets in whoever connects, also a page of another origin in a browser on this computer: it has no socket
+but TCP, and no option for origins or a password. So it listens on one of 16 million addresses of the loopback, another
+each time, which `server` alone knows: a page would have to try all of them, each with 28 000 ports.
 """
+
+import secrets
 
 from foxglove import Channel, Context, Schema, StatusLevel, set_log_level, start_server
 
@@ -25,22 +31,23 @@ class FoxgloveFeed:
         live: The followed service.
 
     Attributes:
-        port: TCP port of the SDK's server.
+        address: Address and port of the SDK's server.
     """
 
     def __init__(self, live: LiveSource) -> None:
         set_log_level("ERROR")
         self._live = live
         self._context = Context()
+        host = ".".join(["127", *(str(1 + secrets.randbelow(254)) for _ in range(3))])
         self._server = start_server(
             name=f"footsense {__version__}",
-            host="127.0.0.1",
+            host=host,
             port=0,
             capabilities=[],
             context=self._context,
             message_backlog_size=_BACKLOG_MESSAGES,
         )
-        self.port = self._server.port
+        self.address = f"{host}:{self._server.port}"
         self._service = 0
         self._channels: dict[str, Channel] = {}
         self._next = 0

@@ -1,14 +1,21 @@
 """HTTP side of the page: its files, and which hosts and origins are answered."""
 
 import ipaddress
+import os
 import socket
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from http import HTTPStatus
 from importlib.resources import files
+from pathlib import Path
 from urllib.parse import urlsplit
 
+import msgspec
 from websockets.datastructures import Headers
 from websockets.http11 import Response
+
+from footsense.recording.fault_recordings import fault_recordings
+from footsense.regular_file import open_regular
 
 _CONTENT_TYPES = {
     ".html": "text/html; charset=utf-8",
@@ -16,7 +23,14 @@ _CONTENT_TYPES = {
     ".css": "text/css; charset=utf-8",
     ".svg": "image/svg+xml",
     ".txt": "text/plain; charset=utf-8",
+    ".json": "application/json",
+    ".mcap": "application/octet-stream",
 }
+
+#: Path of the list of fault recordings; below it `/NAME/K` is the k-th part of one.
+FAULTS_PATH = "/faults"
+#: Bytes of a part: a whole recording would be cut off where the network is slow, and its memory is the robot's.
+PART_BYTES = 1 << 16
 
 #: The page loads nothing from elsewhere, and no other page may embed it.
 _SECURITY_HEADERS = {
@@ -24,6 +38,7 @@ _SECURITY_HEADERS = {
     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Resource-Policy": "same-origin",
     "Cache-Control": "no-cache",
 }
 
@@ -44,6 +59,25 @@ def file_response(known: Mapping[str, tuple[str, bytes]], path: str) -> Response
     if path not in known:
         return text_response(HTTPStatus.NOT_FOUND, "no such file; the page is /")
     return _response(HTTPStatus.OK, *known[path])
+
+
+def fault_response(folder: Path, path: str) -> Response:
+    """Return the HTTP response to a request for the fault recordings in a folder: their list, or a part of one."""
+    by_name = {recording.name: recording for recording in fault_recordings(folder)}
+    _, _, *names = path.partition("?")[0].split("/")
+    if not names:
+        sizes = []
+        for name, recording in by_name.items():
+            with suppress(OSError):  # it has just been removed
+                sizes.append({"name": name, "bytes": recording.stat().st_size})
+        content = msgspec.json.encode({"part_bytes": PART_BYTES, "recordings": sizes})
+        return _response(HTTPStatus.OK, _CONTENT_TYPES[".json"], content)
+    name, part = names[0], names[-1]
+    if len(names) == 2 and name in by_name and part.isascii() and part.isdecimal() and len(part) < 6:
+        with suppress(OSError), os.fdopen(open_regular(by_name[name], os.O_NOFOLLOW), "rb") as file:
+            file.seek(int(part) * PART_BYTES)
+            return _response(HTTPStatus.OK, _CONTENT_TYPES[".mcap"], file.read(PART_BYTES))
+    return text_response(HTTPStatus.NOT_FOUND, f"no such recording; {FAULTS_PATH} lists them")
 
 
 def text_response(status: HTTPStatus, text: str) -> Response:

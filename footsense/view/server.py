@@ -1,6 +1,7 @@
 """Web server of page and Foxglove's programs on one port: HTTP, WebSockets, access checks.
 
-A program of Foxglove's protocol is connected to the server of Foxglove's SDK, which checks neither Host nor Origin.
+A program of Foxglove's protocol is connected to the server of Foxglove's SDK, which checks neither Host nor Origin, and
+so listens where no page finds it.
 
 All runs in one thread. The cycles are polled; nothing in the service wakes, waits or knows of it.
 """
@@ -13,6 +14,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from http import HTTPStatus
 from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from websockets.asyncio.client import connect
@@ -24,7 +26,10 @@ from websockets.http11 import Request, Response
 from websockets.typing import Subprotocol
 
 from footsense.errors import ConfigError, install_line
+from footsense.recording.fault_recordings import FAULT_FOLDER
 from footsense.view.http_answers import (
+    FAULTS_PATH,
+    fault_response,
     file_response,
     is_allowed_origin,
     is_own_host,
@@ -70,13 +75,14 @@ class ViewServer:
 
     Args:
         source: The followed service, or a recording.
+        faults: Folder of the recordings of faults, which need not exist.
 
     Attributes:
         source: As given.
     """
 
-    def __init__(self, source: LiveSource | RecordingSource) -> None:
-        self.source = source
+    def __init__(self, source: LiveSource | RecordingSource, faults: Path = FAULT_FOLDER) -> None:
+        self.source, self._faults = source, faults
         self._files = page_files()
         self._names = own_host_names()
         self._has_polled = asyncio.Condition()
@@ -169,13 +175,18 @@ class ViewServer:
                 HTTPStatus.MISDIRECTED_REQUEST,
                 "Host is none of this computer's names; use its IP address",
             )
-        if request.headers.get("Upgrade", "").lower() != "websocket":
-            return file_response(self._files, request.path)
         protocols = ",".join(request.headers.get_all("Sec-WebSocket-Protocol"))
         asked = {name.strip() for name in protocols.split(",")}
-        others = () if PAGE_PROTOCOL in asked else _FOXGLOVE_ORIGINS
-        if not is_allowed_origin(request.headers.get("Origin"), host, others):
+        is_page = PAGE_PROTOCOL in asked or not asked.intersection(FOXGLOVE_PROTOCOLS)
+        if not is_allowed_origin(request.headers.get("Origin"), host, () if is_page else _FOXGLOVE_ORIGINS):
             return text_response(HTTPStatus.FORBIDDEN, "pages of other origins may not read this")
+        if request.headers.get("Upgrade", "").lower() != "websocket":
+            of_faults = request.path.startswith(FAULTS_PATH)
+            return (
+                fault_response(self._faults, request.path)
+                if of_faults
+                else file_response(self._files, request.path)
+            )
         if self._n_clients >= MAX_CLIENTS:
             return text_response(
                 HTTPStatus.SERVICE_UNAVAILABLE, f"{MAX_CLIENTS} viewers are connected already"
@@ -221,7 +232,7 @@ class ViewServer:
             from footsense.view.foxglove import FoxgloveFeed
 
             self._foxglove = FoxgloveFeed(live)
-        url = f"ws://127.0.0.1:{self._foxglove.port}"
+        url = f"ws://{self._foxglove.address}"
         # What has been read ahead of a client that left is in the way of the end: do not wait for it.
         async with connect(
             url,

@@ -1,16 +1,21 @@
 """What somebody sees: six feet, a pressed one at once, a broken leg with its remedy, a restart, a recording."""
 
+import asyncio
 import re
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
+from queue import Queue
+from threading import Thread
 
 import numpy as np
 import pytest
+from selenium.webdriver.support.ui import WebDriverWait
 
 from footsense.clock import MonotonicClock
 from footsense.frames import Cause, Flag, State
 from tests.browser.chromium import MISSING, Browser
-from tests.support.viewed_service import LEGS, ViewedService
+from tests.support.viewed_service import LEGS, ViewedService, served
 from tests.system.command import serving
 
 GOLDEN = Path(__file__).parents[1] / "golden/measured_walk.mcap"
@@ -400,3 +405,38 @@ def test_a_phone_and_a_hidden_page(browser: Browser, cycles: Path, url: str) -> 
         browser.js("window.requestAnimationFrame = footsense.kept; requestAnimationFrame(footsense.next)")
         browser.wait("document.querySelector('[data-leg=lm] .fz').textContent === '0.90 N'")
         browser.look()
+
+
+def test_recordings_of_faults_are_there_when_the_service_is_gone(browser: Browser, tmp_path: Path) -> None:
+    """Time, leg and cause of each, and what is downloaded is the file."""
+    faults, downloads = tmp_path / "faults", tmp_path / "downloads"
+    faults.mkdir()
+    name = "2026-11-29T12-00-05Z-lf-element-drifts.mcap"
+    shutil.copy(GOLDEN, faults / name)
+    hosts: Queue[str] = Queue()
+    loop, stop = asyncio.new_event_loop(), asyncio.Event()
+
+    async def serve() -> None:
+        async with served(tmp_path / "cycles") as host:
+            hosts.put(host)
+            await stop.wait()
+
+    server = Thread(target=loop.run_until_complete, args=(serve(),))
+    server.start()
+    try:
+        browser.look()
+        to_folder = {"behavior": "allow", "downloadPath": str(downloads)}
+        browser.driver.execute_cdp_cmd("Browser.setDownloadBehavior", to_folder)
+        browser.open(f"http://{hosts.get(timeout=20)}")
+        browser.wait("document.querySelector('#recordings li button')")
+        assert browser.text("#recordings summary") == "Recordings of faults (1)"
+        browser.js("document.querySelector('#recordings summary').click()")
+        assert browser.text("#recordings li") == "2026-11-29 12:00:05 UTC LF element drifts download 0.8 MB"
+        browser.js("document.querySelector('#recordings li button').click()")
+        WebDriverWait(browser.driver, 20.0, 0.03).until(lambda _: (downloads / name).exists())
+        assert (downloads / name).read_bytes() == GOLDEN.read_bytes()
+        assert browser.errors() == []
+    finally:
+        loop.call_soon_threadsafe(stop.set)
+        server.join()
+        loop.close()

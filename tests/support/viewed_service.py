@@ -151,9 +151,9 @@ TIMEOUT_S = 20
 
 @asynccontextmanager
 async def served(path: Path) -> AsyncIterator[str]:
-    """Serve the service of a path; yield host and port."""
+    """Serve the service of a path, with the recordings of faults beside it; yield host and port."""
     live = LiveSource(path)
-    async with ViewServer(live).serving("127.0.0.1", 0) as url:
+    async with ViewServer(live, path.parent / "faults").serving("127.0.0.1", 0) as url:
         yield url.removeprefix("http://")
     live.close()
 

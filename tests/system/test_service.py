@@ -4,6 +4,8 @@ import os
 import re
 import signal
 import socket
+import subprocess
+import sys
 from pathlib import Path
 from urllib.request import urlopen
 
@@ -79,6 +81,24 @@ def test_sigterm_during_the_start_ends_it(tmp_path: Path) -> None:
     assert (code, without_lag(errors)) == (0, [])
     assert not partial_path(path).exists()
     assert not path.exists() or any(Replay(path))  # the test was slower than the start
+
+
+@pytest.mark.slow
+def test_what_watches_the_service_is_not_in_its_process(config: tuple[Path, int]) -> None:
+    """Metrics, odometers, page, snapshot and Foxglove have processes of their own; the loop's loads none of them."""
+    command = [sys.executable, "-X", "importtime", "-m", "footsense", "run", "--config", str(config[0])]
+    done = subprocess.run(
+        [*command, "--fast", "--duration", "0.1"],
+        capture_output=True,
+        text=True,
+        timeout=TIMEOUT_S,
+        check=True,
+    )
+    imported = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
+    assert "footsense.daemon.loop" in imported
+    beside = ("metrics", "exporter", "feet", "electrodes")
+    watching = {f"footsense.telemetry.{name}" for name in beside} | {"footsense.recording.fault_recordings"}
+    assert not imported & {*watching, "footsense.view", "prometheus_client", "websockets", "foxglove"}
 
 
 def test_a_metrics_port_in_use_costs_metrics_and_no_forces(config: tuple[Path, int]) -> None:

@@ -1,6 +1,5 @@
 """State of the electrodes found while walking, one plain JSON file for each leg; written whole or not at all."""
 
-import os
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
@@ -14,7 +13,7 @@ from footsense.calibration.standing.fit import N_ELECTRODE_PARAMETERS
 from footsense.calibration.twin import N_PARAMETERS
 from footsense.errors import CalibrationError
 from footsense.frames import ELEMENTS, Leg
-from footsense.regular_file import read_regular
+from footsense.regular_file import read_regular, write_whole
 
 _Of27 = Annotated[
     tuple[float, ...], Meta(min_length=N_ELECTRODE_PARAMETERS, max_length=N_ELECTRODE_PARAMETERS)
@@ -142,14 +141,8 @@ def write_state(folder: Path, state: SelfcalState) -> None:
         CalibrationError: It cannot be written.
     """
     path = state_path(folder, state.of.leg)
-    draft = path.with_suffix(".draft")
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with draft.open("wb") as file:
-            file.write(msgspec.json.encode(state))
-            file.flush()
-            os.fsync(file.fileno())
-        draft.replace(path)
+        write_whole(path, msgspec.json.encode(state))
     except OSError as error:
         raise CalibrationError(f"{path}: cannot be written: {error.strerror}") from None
 

@@ -5,6 +5,7 @@ import { withCode } from "./format.js";
 import { Legs } from "./legs.js";
 import { Events, Problems, problems } from "./lists.js";
 import { Plot } from "./plot.js";
+import { Recordings } from "./recordings.js";
 import { Replay } from "./replay.js";
 import { Robot } from "./robot.js";
 import { Store } from "./store.js";
@@ -21,6 +22,7 @@ window.footsense = page; // for the console, and for tests
 
 const events = new Events($("events"), (t) => page.replay?.seek(t));
 const problemList = new Problems($("problems"));
+new Recordings($("recordings"));
 const connection = new Connection({
   hello(message) {
     page.hello = message;

@@ -1,7 +1,6 @@
 """Electrodes that are found while a foot walks: what is found, what is refused, and what survives a restart."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -10,89 +9,24 @@ import pytest
 from click.testing import CliRunner
 from numpy.typing import NDArray
 
-from footsense.calibration.selfcal.instants import LegScans, StanceSampler
+from footsense.calibration.selfcal.instants import StanceSampler
 from footsense.calibration.selfcal.proposal import propose
-from footsense.calibration.selfcal.state import FootIdentity, other_foot, read_state, state_path, write_state
+from footsense.calibration.selfcal.state import other_foot, read_state, state_path, write_state
 from footsense.calibration.selfcal.walking_foot import WalkingFoot
 from footsense.cli.calibration.proposals import accept, revert
-from footsense.daemon.foot_types import DEFAULT_FOOT_TYPE, released_path
+from footsense.daemon.foot_types import released_path
 from footsense.errors import CalibrationError
 from footsense.foot.calibration_files import read_calibration
 from footsense.foot.directions import angles_between_deg, normalized
 from footsense.foot.parameters import FootParameters
 from footsense.foot.specimen import Specimen
 from tests.support.calibrations import calibration
-from tests.support.test_stand_loads import design, made
+from tests.support.test_stand_loads import design
+from tests.support.walking_foot import CONVERSION_NS, drifted, identity, made_foot, walk, walking_foot
 
 Vector = NDArray[np.float64]
 
-#: Conversion of board `ad7147`, its order of the elements, and noise of a reading.
-_CONVERSION_NS, _ORDER, _NOISE_PF = 768_186, np.random.default_rng(0).permutation(9), 0.5e-3
-_STANCE_SCANS, _SWING_SCANS = 50, 24
 _WRITTEN = "2026-11-29T09:00:00Z"
-
-
-def _walk(
-    foot: Specimen,
-    n_stances: int,
-    worn: Callable[[Vector, Vector], Vector] = lambda capacitance_pf, _: capacitance_pf,
-    seed: int = 0,
-) -> tuple[LegScans, Vector]:
-    """Return the scans of a foot that walks, and all nine capacitances at each conversion [pF].
-
-    Loads rise and fall smoothly, each stance with another lean and friction.
-
-    Args:
-        foot: The foot.
-        n_stances: Number of stances.
-        worn: Makes of capacitances [pF], shape (stances, conversions, 9), and the time in the stance, 0 to 1, those
-            that are read.
-        seed: Seed of loads and noise.
-    """
-    rng = np.random.default_rng(seed)
-    scan = _STANCE_SCANS + _SWING_SCANS
-    phase = (np.arange(9 * scan) - 9 * _SWING_SCANS) / (9 * _STANCE_SCANS)
-    size_n = np.where(phase > 0.0, 0.7 * np.sin(np.pi * np.clip(phase, 0.0, 1.0)), 0.0)
-    capacitance_pf = np.tile(foot.unloaded_pf, (n_stances, 9 * scan, 1))
-    on = np.flatnonzero(size_n > 0.0)
-    for stance in range(n_stances):
-        lean, friction = rng.uniform(-0.15, 0.15, 2), rng.uniform(-0.25, 0.25, (2, 2))
-        across = lean + friction[0] + (phase[on, None] - 0.5) * friction[1]
-        normal = np.tile(normalized(np.append(lean, 1.0)[None]), (len(on), 1))
-        force_n = rng.uniform(0.7, 1.0) * size_n[on, None] * np.column_stack([across, np.ones(len(on))])
-        capacitance_pf[stance, on] = foot.capacitance_pf(normal, force_n)
-    read_pf = worn(capacitance_pf, phase).reshape(-1, 9, 9)
-    position = np.argsort(_ORDER)
-    n = len(read_pf)
-    t_ns = (9 * np.arange(n)[:, None] + position + 1) * _CONVERSION_NS
-    noisy_pf = read_pf[:, position, np.arange(9)] + _NOISE_PF * rng.normal(size=(n, 9))
-    hangs = np.tile(size_n.reshape(-1, 9)[:, 0] < 0.03, n_stances)
-    return LegScans(t_ns, noisy_pf, hangs), read_pf.reshape(-1, 9)
-
-
-def _made(number: int) -> tuple[Specimen, FootParameters]:
-    """Return a made foot, straight and as stiff as designed, and what a perfect calibration knows of it."""
-    own = replace(made(number), mount=np.eye(3), stiffness_rel=0.0)
-    foot = Specimen(design().response, own)
-    return foot, FootParameters(
-        stray_pf=np.asarray(own.stray_pf), unloaded_pf=foot.unloaded_pf, gap_um=foot.gap_um
-    )
-
-
-def _identity(calibration_sha256: str = "", foot: str = "foot-0007") -> FootIdentity:
-    return FootIdentity(
-        leg="lf",
-        foot=foot,
-        foot_type=DEFAULT_FOOT_TYPE,
-        board="ad7147",
-        calibration=calibration_sha256,
-        since="2026-03-01T12:00:00Z" if calibration_sha256 else "",
-    )
-
-
-def _drifted(known: FootParameters, seed: int = 3) -> FootParameters:
-    """Return a calibration whose gains are not the foot's any more, by 4 %."""
-    return replace(known, gain_rel=1.0 + 0.04 * np.random.default_rng(seed).normal(size=9))
 
 
 def _error_deg(foot: Specimen, own: FootParameters) -> float:
@@ -108,22 +42,14 @@ def _error_deg(foot: Specimen, own: FootParameters) -> float:
     return float(angles_between_deg(found.force_n, force_n).mean())
 
 
-def _foot(known: FootParameters, calibration_sha256: str, scans: LegScans | None = None) -> WalkingFoot:
-    found = WalkingFoot(design(), _identity(calibration_sha256), known)
-    if scans is not None:
-        found.add(scans)
-        found.judge()
-    return found
-
-
 def test_readings_of_an_instant_are_those_of_one_time() -> None:
     """Nine readings of one scan are 6 ms apart; interpolated, they are right to what their sigma says."""
-    foot, _ = _made(0)
-    scans, clean_pf = _walk(foot, 6)
+    foot, _ = made_foot(0)
+    scans, clean_pf = walk(foot, 6)
     found = StanceSampler(foot.unloaded_pf).add(scans)
     assert len(found.t_ns) == 15  # of the last stance nobody knows that it has ended
     assert found.part.tolist() == 5 * [0, 1, 2]
-    t_ns = _CONVERSION_NS * np.arange(1, len(clean_pf) + 1)
+    t_ns = CONVERSION_NS * np.arange(1, len(clean_pf) + 1)
     true_pf = np.stack([np.interp(found.t_ns, t_ns, of_element) for of_element in clean_pf.T], axis=1)
     off = np.abs(found.capacitance_pf - true_pf) / found.sigma_pf
     assert (off < 3.0).mean() > 0.98
@@ -134,15 +60,15 @@ def test_readings_of_an_instant_are_those_of_one_time() -> None:
 
 def test_stances_with_an_open_element_are_not_used() -> None:
     """A line that is cut after four stances: what was found until then stays, and is not proposed."""
-    foot, known = _made(0)
+    foot, known = made_foot(0)
 
     def cut(capacitance_pf: Vector, _: Vector) -> Vector:
         capacitance_pf[4:, :, 4] = known.stray_pf[4]
         return capacitance_pf
 
-    scans, _ = _walk(foot, 20, cut)
-    whole, _ = _walk(foot, 5)
-    cut_off, before = (_foot(_drifted(known), "0" * 64, one) for one in (scans, whole))
+    scans, _ = walk(foot, 20, cut)
+    whole, _ = walk(foot, 5)
+    cut_off, before = (walking_foot(drifted(known), "0" * 64, one) for one in (scans, whole))
     assert cut_off.n_instants == before.n_instants > 0
     np.testing.assert_allclose(cut_off.electrodes.parameters, before.electrodes.parameters, atol=0.02)
     assert cut_off.saturated_rel > 0.7
@@ -153,9 +79,9 @@ def test_stances_with_an_open_element_are_not_used() -> None:
 @pytest.mark.parametrize("number", range(3))
 def test_a_walk_finds_gains_that_have_drifted(number: int) -> None:
     """The error of other loads falls to a third or less, is proposed, and is told before and after."""
-    foot, known = _made(number)
-    old = _drifted(known, number)
-    found = _foot(old, "1" * 64, _walk(foot, 31)[0])
+    foot, known = made_foot(number)
+    old = drifted(known, number)
+    found = walking_foot(old, "1" * 64, walk(foot, 31)[0])
     before_deg, after_deg = _error_deg(foot, old), _error_deg(foot, found.parameters())
     assert after_deg < before_deg / 3.0
     assert found.turn is not None
@@ -168,9 +94,9 @@ def test_a_walk_finds_gains_that_have_drifted(number: int) -> None:
 @pytest.mark.slow
 def test_a_walk_finds_the_electrodes_of_a_made_foot() -> None:
     """Nobody has calibrated it: a first fit from two starts, then the others."""
-    foot, known = _made(1)
+    foot, known = made_foot(1)
     uncalibrated = FootParameters(stray_pf=np.zeros(9), unloaded_pf=foot.unloaded_pf, gap_um=np.full(9, 20.0))
-    found = _foot(uncalibrated, "", _walk(foot, 21)[0])
+    found = walking_foot(uncalibrated, "", walk(foot, 21)[0])
     assert _error_deg(foot, found.parameters()) < 0.2 * _error_deg(foot, uncalibrated)
     assert _error_deg(foot, found.parameters()) < _error_deg(foot, known) + 1.5
     assert "against the design" in found.line()
@@ -192,8 +118,8 @@ def _on_floor(capacitance_pf: Vector, phase: Vector) -> Vector:
 @pytest.mark.parametrize("worn", [_creeping, _on_floor])
 def test_what_only_seems_to_be_electrodes_is_not_proposed(worn: Callable[[Vector, Vector], Vector]) -> None:
     """A foot whose calibration is right, with elements that creep differently, or on a floor that adds capacitance."""
-    foot, known = _made(0)
-    found = _foot(known, "1" * 64, _walk(foot, 21, worn)[0])
+    foot, known = made_foot(0)
+    found = walking_foot(known, "1" * 64, walk(foot, 21, worn)[0])
     assert found.n_instants > 50
     assert found.objection
     assert not found.is_proposed
@@ -203,28 +129,28 @@ def test_what_only_seems_to_be_electrodes_is_not_proposed(worn: Callable[[Vector
 @pytest.mark.slow
 def test_a_state_goes_on_after_a_restart(tmp_path: Path) -> None:
     """What is read back is what was written, to the bit, and further stances give the same."""
-    foot, known = _made(2)
-    scans, _ = _walk(foot, 21)
-    one = _foot(_drifted(known), "1" * 64, scans)
+    foot, known = made_foot(2)
+    scans, _ = walk(foot, 21)
+    one = walking_foot(drifted(known), "1" * 64, scans)
     write_state(tmp_path, one.state(_WRITTEN))
     state = read_state(state_path(tmp_path, "lf"))
-    other = WalkingFoot(design(), _identity("1" * 64), _drifted(known), state)
+    other = WalkingFoot(design(), identity("1" * 64), drifted(known), state)
     assert msgspec.json.encode(other.state(_WRITTEN)) == msgspec.json.encode(one.state(_WRITTEN))
     other.judge()
     assert other.line() == one.line()
-    rested = WalkingFoot(design(), _identity("1" * 64), _drifted(known), state, slept_min=60.0)
+    rested = WalkingFoot(design(), identity("1" * 64), drifted(known), state, slept_min=60.0)
     assert np.trace(rested.electrodes.covariance) > np.trace(one.electrodes.covariance)
 
 
 def test_a_state_of_another_foot_is_named(tmp_path: Path) -> None:
     """Foot, board and calibration; a file that is none is an error in one line."""
-    _, known = _made(0)
-    write_state(tmp_path, _foot(known, "1" * 64).state(_WRITTEN))
+    _, known = made_foot(0)
+    write_state(tmp_path, walking_foot(known, "1" * 64).state(_WRITTEN))
     state = read_state(state_path(tmp_path, "lf"))
-    assert other_foot(state, _identity("1" * 64)) == ""
-    assert other_foot(state, _identity("1" * 64, "foot-0008")) == "foot foot-0007, here is foot-0008"
-    assert other_foot(state, _identity("2" * 64)).startswith("calibration 1111")
-    other_board = msgspec.structs.replace(_identity("1" * 64), board="fdc1004")
+    assert other_foot(state, identity("1" * 64)) == ""
+    assert other_foot(state, identity("1" * 64, "foot-0008")) == "foot foot-0007, here is foot-0008"
+    assert other_foot(state, identity("2" * 64)).startswith("calibration 1111")
+    other_board = msgspec.structs.replace(identity("1" * 64), board="fdc1004")
     assert other_foot(state, other_board) == "board ad7147, here is fdc1004"
     state_path(tmp_path, "lf").write_text('{"format": 1}')
     with pytest.raises(CalibrationError, match=r"lf\.json: is no state of `footsense selfcal`: "):
@@ -235,7 +161,7 @@ def test_a_proposal_is_accepted_and_reverted(tmp_path: Path) -> None:
     """The former calibration is kept, and one command takes it back."""
     states, feet = tmp_path / "states", tmp_path / "feet"
     old = calibration(feet).manifest
-    foot = _foot(read_calibration(feet / "foot-0007").parameters, old.sha256)
+    foot = walking_foot(read_calibration(feet / "foot-0007").parameters, old.sha256)
     runner, where = CliRunner(), ["--calibrations", str(feet)]
     with pytest.raises(CalibrationError, match="nothing is proposed in "):
         runner.invoke(accept, [*where, "--state", str(states)], standalone_mode=False, catch_exceptions=False)

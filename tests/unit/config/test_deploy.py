@@ -10,7 +10,10 @@ from pathlib import Path
 import pytest
 
 from footsense.errors import ConfigError, FootsenseError, ModelError
+from footsense.recording.fault_recordings import FAULT_FOLDER
 from footsense.sim.can.interface import AS_DEPLOYED
+from footsense.telemetry.electrodes import STATE_FOLDER
+from footsense.telemetry.feet import ODOMETER_FILE
 
 DEPLOY = Path(__file__).parents[3] / "deploy"
 UNIT, EXPORTER = DEPLOY / "footsense.service", DEPLOY / "footsense-exporter.service"
@@ -78,8 +81,16 @@ def test_no_unit_takes_the_memory_of_the_robot() -> None:
     assert bounds == ["512M", "256M", "256M", "256M", "256M"]
 
 
+@pytest.mark.parametrize(
+    ("unit", "folder"),
+    [(EXPORTER, ODOMETER_FILE.parent), (SELFCAL, STATE_FOLDER), (SNAPSHOT, FAULT_FOLDER)],
+)
+def test_what_a_program_keeps_is_where_its_unit_lets_it_write(unit: Path, folder: Path) -> None:
+    assert Path("/var/lib") / parsed(unit)["Service"]["StateDirectory"] == folder
+
+
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd-analyze here")
-@pytest.mark.parametrize("unit", [UNIT, EXPORTER, VIEW, SELFCAL])
+@pytest.mark.parametrize("unit", [UNIT, EXPORTER, VIEW, SELFCAL, SNAPSHOT])
 def test_systemd_has_no_complaint(tmp_path: Path, unit: Path) -> None:
     """The supervisor knows every key, once the program stands where the unit says."""
     copy = tmp_path / unit.name
@@ -94,7 +105,7 @@ def test_systemd_has_no_complaint(tmp_path: Path, unit: Path) -> None:
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd-analyze here")
-@pytest.mark.parametrize("unit", [UNIT, EXPORTER, VIEW, SELFCAL])
+@pytest.mark.parametrize("unit", [UNIT, EXPORTER, VIEW, SELFCAL, SNAPSHOT])
 def test_a_service_that_was_taken_over_may_do_little(unit: Path) -> None:
     """By systemd's own measure: an exposure of 10 is an ordinary service, and these have at most 1.5."""
     done = subprocess.run(

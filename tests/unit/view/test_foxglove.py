@@ -1,7 +1,9 @@
 """Foxglove's protocol, spoken by a client that decodes by the announced schemas."""
 
 import asyncio
+import ipaddress
 import json
+import socket
 import struct
 import sys
 from collections import defaultdict
@@ -14,6 +16,9 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 from websockets.typing import Subprotocol
 
+from footsense.frames import LEGS
+from footsense.recording.messages import topic_schemas
+from footsense.view.foxglove import FoxgloveFeed
 from footsense.view.live import LiveSource
 from footsense.view.recorded import RecordingSource
 from footsense.view.server import FOXGLOVE_PROTOCOLS, ViewServer
@@ -120,3 +125,42 @@ def test_a_recording_and_a_missing_extra_refuse_in_one_line(
     monkeypatch.setitem(sys.modules, "foxglove", None)
     told = asyncio.run(refusal(ViewServer(LiveSource(tmp_path / "cycles"))))
     assert told.endswith("need foxglove-sdk; in the clone of footsense: pip install -e '.[foxglove]'\n")
+
+
+def test_the_sdk_s_server_is_where_no_page_finds_it(tmp_path: Path) -> None:
+    """It checks no origin: its address is another each time, and the usual ones do not answer on its port."""
+    found = []
+    for _ in range(2):
+        live = LiveSource(tmp_path / "cycles")
+        feed = FoxgloveFeed(live)
+        host, _, port = feed.address.partition(":")
+        socket.create_connection((host, int(port))).close()
+        found.append(host)
+        for usual in ("127.0.0.1", "127.0.1.1", "::1"):
+            with pytest.raises(OSError, match=r"refused|available|route|assign"):
+                socket.create_connection((usual, int(port)))
+        feed.close()
+    assert found[0] != found[1]
+    assert all(ipaddress.ip_address(host).is_loopback for host in found)
+
+
+def test_each_path_of_the_layout_is_in_a_channel_that_is_sent() -> None:
+    """Live and in a recording, which have the same topics; each panel has its place, and each leg its line."""
+    layout = json.loads((Path(__file__).parents[3] / "deploy/foxglove/footsense.json").read_text())
+    panels = layout["configById"]
+
+    def placed(node: str | dict[str, Any]) -> list[str]:
+        return [node] if isinstance(node, str) else [*placed(node["first"]), *placed(node["second"])]
+
+    assert sorted(placed(layout["layout"])) == sorted(panels)
+    paths = [entry["value"] for panel in panels.values() for entry in panel.get("paths", ())]
+    paths += [panel["topicPath"] for panel in panels.values() if "topicPath" in panel]
+    with_schema = {topic: json.loads(schema) for topic, schema in topic_schemas(LEGS).items()}
+    for path in paths:
+        topic, *fields = path.split(".")
+        schema = with_schema[topic]
+        for field in fields:
+            schema = schema["properties"][field]
+        assert not fields or schema["type"] in ("string", ["number", "null"]), path
+    for panel in panels.values():
+        assert {entry["value"].split(".")[1] for entry in panel.get("paths", ())} in (set(), set(LEGS))

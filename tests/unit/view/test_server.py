@@ -6,7 +6,7 @@ import socket
 import struct
 from pathlib import Path
 from typing import Any
-from urllib.request import urlopen
+from urllib.request import Request, urlopen
 
 import numpy as np
 import pytest
@@ -352,3 +352,57 @@ def test_files_of_the_page_and_nothing_else(tmp_path: Path) -> None:
     run(test)
     assets = Path(__file__).parents[3] / "footsense/view/assets"
     assert sum(path.stat().st_size for path in assets.iterdir()) < 500_000
+
+
+def test_recordings_of_faults_are_listed_and_come_in_parts(tmp_path: Path) -> None:
+    """To the page alone; nothing else in the folder, and nothing beside it."""
+    faults, recording = tmp_path / "faults", "2026-11-29T12-00-00Z-lf-element-drifts.mcap"
+    faults.mkdir()
+    content = bytes(range(256)) * 300
+    (faults / recording).write_bytes(content)
+    for other in ("2026-11-29T12-01-00Z-lf-a.mcap.unfinished", "notes.txt"):
+        (faults / other).write_text("other")
+    (faults / "2026-11-29T12-02-00Z-lf-link.mcap").symlink_to("/etc/passwd")
+
+    async def test() -> None:
+        async with served(tmp_path / "cycles") as host:
+
+            async def get(path: str, **headers: str) -> bytes:
+                request = Request(f"http://{host}{path}", headers=headers)
+                return await asyncio.to_thread(lambda: urlopen(request, timeout=TIMEOUT_S).read())
+
+            listed = json.loads(await get("/faults"))
+            assert listed["recordings"][-1] == {"name": recording, "bytes": len(content)}
+            assert len(listed["recordings"]) == 2
+            n = -(-len(content) // listed["part_bytes"])
+            assert n > 1
+            parts = [await get(f"/faults/{recording}/{k}") for k in range(n)]
+            assert b"".join(parts) == content
+            assert await get(f"/faults/{recording}/{n}") == b""
+            names = (
+                "notes.txt/0",
+                f"{recording}",
+                f"{recording}/-1",
+                f"{recording}/{10**20}",
+                "../cycles/0",
+                "//0",
+            )
+            for name in (
+                *names,
+                "2026-11-29T12-02-00Z-lf-link.mcap/0",
+                "%2e%2e/cycles/0",
+                f"{recording}/0/0",
+            ):
+                with pytest.raises(OSError, match="404"):
+                    await get(f"/faults/{name}")
+            assert await get("/faults", Origin=f"http://{host}")
+            for headers, status in (
+                ({"Origin": "https://evil.example"}, "403"),
+                ({"Host": "evil.example"}, "421"),
+            ):
+                with pytest.raises(OSError, match=status):
+                    await get("/faults", **headers)
+                with pytest.raises(OSError, match=status):
+                    await get(f"/faults/{recording}/0", **headers)
+
+    run(test)
