@@ -1,26 +1,19 @@
-"""Forces on CAN reach a DDS participant of ROS 2's names and types as they are."""
+"""What is received from CAN becomes messages of ROS 2 as it is, each once."""
 
-import json
 import math
-import os
-import subprocess
-import sys
-from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner
 
 from firmware_interface.can.codes import BaselineStatus, Cause, Flag, GaitEventKind, NmtState, State
 from firmware_interface.can.gait import Ground
 from firmware_interface.can.reports import Baseline, Fault, Heartbeat
-from footsense.cli import main
 from footsense.client import LegEvent, LegForce, LegReport, LinkStatus
 from footsense.daemon.can_listener import LegSnapshot
-from footsense.ros2.messages import STORE, LegTopics
-
-pytest.importorskip("cyclonedds", reason="cyclonedds has no wheel for this processor or Python: docs/ros2.md")
-from footsense.ros2.live import LiveSamples, Participant
+from footsense.frames import ALL_LEGS
+from footsense.ros2.live import LiveSamples
+from footsense.ros2.messages import LegTopics
+from footsense.ros2.store import LOW_STATE, STORE
 
 NAN = math.nan
 WALL_NS = 1_700_000_000_000_000_000
@@ -83,7 +76,8 @@ def test_each_force_is_published_once_and_each_change_at_once() -> None:
     event = LegEvent(1, GaitEventKind.TOUCHDOWN, 0, 0.001, False)
 
     def due(t_ms: int, n_frames: int, force: LegForce = _FORCE, event: LegEvent | None = None) -> list[str]:
-        snapshot, t_ns = LegSnapshot("lf", force, _REPORT, n_frames, event=event), t_ms * 1_000_000
+        ago_ns, t_ns = None if event is None else 3_000_000, t_ms * 1_000_000
+        snapshot = LegSnapshot("lf", force, _REPORT, n_frames, event=event, event_ago_ns=ago_ns)
         samples = live.samples([snapshot], WALL_NS + t_ns, t_ns)
         return [topic.rpartition("/")[2] for topic, _ in topics.due_messages(samples, WALL_NS + t_ns)]
 
@@ -91,51 +85,36 @@ def test_each_force_is_published_once_and_each_change_at_once() -> None:
     assert due(0, 1) == [*with_force, "contact", "diagnostics"]
     assert due(5, 1) == []
     assert due(10, 2) == with_force
-    assert due(15, 2, event=event) == ["contact"]
+    assert due(15, 2, event=event) == ["contact", "touchdown"]
     assert due(100, 3, event=event) == [*with_force, "contact"]
     assert due(105, 4, _NO_FORCE, event) == ["diagnostics"]
     assert due(1105, 4, _NO_FORCE, event) == ["contact", "diagnostics"]
 
 
-def test_a_second_participant_reads_what_was_published(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Another process on the loopback, with types of its own, gets the numbers."""
-    monkeypatch.setenv(
-        "CYCLONEDDS_URI",
-        "<General><Interfaces><NetworkInterface name='lo' multicast='true'/></Interfaces></General>",
-    )
-    domain = 100 + os.getpid() % 100
-    topics = LegTopics(["lf"])
-    samples = LiveSamples().samples([LegSnapshot("lf", _FORCE, _REPORT, 7)], WALL_NS + 4_000_005, 0)
-    messages = list(topics.due_messages(samples, WALL_NS))
-    publisher = Participant(domain, topics.types)
-    script = Path(__file__).with_name("dds_reader.py")
-    with subprocess.Popen(
-        [sys.executable, str(script), str(domain)], stdout=subprocess.PIPE, text=True
-    ) as reader:
-        while reader.poll() is None:  # whatever the discovery of each other takes
-            for topic, cdr in messages:
-                publisher.publish(topic, cdr)
-            try:
-                reader.wait(0.05)
-            except subprocess.TimeoutExpired:
-                continue
-        assert reader.stdout is not None
-        told = [json.loads(line) for line in reader.stdout]
-    assert told == [[1_700_000_000, 5, "lf_foot", 0.25, -0.5, 1.0]] * 3
+def test_an_event_has_the_time_at_which_it_happened() -> None:
+    """And the frame of its foot; a time that is not known is 0, as in ROS."""
+    event = LegEvent(1, GaitEventKind.LIFT_OFF, 5, 0.001, False)
+    for ago_ns, told_ns in ((12_000_000, WALL_NS - 12_000_000), (None, 0)):
+        snapshot = LegSnapshot("lf", _FORCE, _REPORT, 7, event=event, event_ago_ns=ago_ns)
+        header = messages_of(snapshot)["lift_off"]
+        assert header.stamp.sec * 10**9 + header.stamp.nanosec == told_ns
+        assert header.frame_id == "lf_foot"
 
 
-def test_a_silent_channel_is_told() -> None:
-    """After a second, once, as the monitor tells it."""
-    options = [
-        "--interface",
-        "udp_multicast",
-        "--channel",
-        "239.74.163.76",
-        "--duration",
-        "1.5",
-        "--domain",
-        "97",
+def test_four_feet_are_a_low_state_of_unitree() -> None:
+    """Loads along the legs in N, in the order FR, FL, RR, RL; a foot without a force is one in the air."""
+    topics, live = LegTopics(["lf", "lr", "rf", "rr"]), LiveSamples()
+    loads_n = {"lf": 31.6, "lr": 0.4, "rf": -0.7, "rr": None}
+    snapshots = [
+        LegSnapshot(leg, _NO_FORCE if n is None else _FORCE._replace(force_n=(9.0, 9.0, n)), _REPORT, 1)
+        for leg, n in loads_n.items()
     ]
-    result = CliRunner().invoke(main, ["ros2", *options])
-    assert result.exit_code == 0, result.output
-    assert result.output.count("no frames on 239.74.163.76; is the service running?") == 1
+    due = dict(topics.due_messages(live.samples(snapshots, WALL_NS, 0), WALL_NS))
+    state: Any = STORE.deserialize_cdr(due["/footsense/lowstate"], LOW_STATE)
+    assert state.foot_force.tolist() == state.foot_force_est.tolist() == [-1, 32, 0, 0]
+    assert math.isnan(state.imu_state.accelerometer[2])
+    assert math.isnan(state.motor_state[11].q)
+    assert "/footsense/lowstate" not in dict(
+        topics.due_messages(live.samples(snapshots, WALL_NS, 5), WALL_NS)
+    )
+    assert "/footsense/lowstate" not in LegTopics(ALL_LEGS).types

@@ -1,0 +1,206 @@
+"""The node `footsense` of ROS 2: sends messages over Zenoh as nodes with `rmw_zenoh_cpp` expect them.
+
+    key         0/footsense/lf/wrench/geometry_msgs::msg::dds_::WrenchStamped_/RIHS01_8dc3...
+    attachment  number of the message, time [ns] since 1970, id of the publisher
+    tokens      one for the node and one for each publisher, by which `ros2 node list` and `ros2 topic list` know them
+
+Humble knows no hashes of types and has one word in their place, so every message has two keys; Zenoh sends what is
+subscribed to, and nothing else.
+
+Source:
+    docs/design.md of https://github.com/ros2/rmw_zenoh, and the sources of its releases 0.1.9 (Humble), 0.2.10 (Jazzy),
+    0.6.7 (Kilted) and 0.10.5 (Lyrical): attachment_helpers.cpp, liveliness_utils.cpp, rmw_publisher_data.cpp,
+    zenoh_config.cpp and the default session. REP 2016 for the hashes.
+"""
+
+import os
+import struct
+from collections.abc import Mapping
+from typing import Final, NamedTuple
+
+import xxhash
+import zenoh
+
+from footsense.errors import FootsenseError
+from footsense.ros2.store import STORE
+
+_NAME: Final = "footsense"
+_HUMBLE_HASH: Final = "TypeHashNotSupported"
+#: Reliable, volatile, the last ten; the rest as rmw_zenoh has it by default.
+_QOS: Final = "::,10:,:,:,,"
+_FILE: Final = "ZENOH_SESSION_CONFIG_URI"
+_OVERRIDE: Final = "ZENOH_CONFIG_OVERRIDE"
+#: As nodes have it by default: found by the router of this computer, not by multicast.
+_SESSION: Final = """{
+    mode: "peer",
+    connect: { endpoints: ["tcp/localhost:7447"] },
+    listen: { endpoints: ["tcp/localhost:0"] },
+    scouting: {
+        multicast: { enabled: false },
+        gossip: { target: { router: ["router", "peer"], peer: ["router"] } },
+    },
+    timestamping: { enabled: true },
+}"""
+
+
+def topic_key(domain: int, topic: str, kind: str, type_hash: str) -> str:
+    """Return the key expression under which a topic's messages are sent.
+
+    Args:
+        domain: The ROS_DOMAIN_ID.
+        topic: Its name, with its leading slash.
+        kind: Type of its messages, such as `std_msgs/msg/Float64`.
+        type_hash: Hash of the type.
+    """
+    return f"{domain}{topic}/{_dds_name(kind)}/{type_hash}"
+
+
+def node_token(domain: int, session_id: str, name: str) -> str:
+    """Return the key of the liveliness token of a session's first node, in the root namespace."""
+    return f"@ros2_lv/{domain}/{session_id}/0/0/NN/%/%/{name}"
+
+
+def publisher_token(
+    domain: int, session_id: str, name: str, number: int, topic: str, kind: str, qos: str = _QOS
+) -> str:
+    """Return the key of the liveliness token of a publisher.
+
+    Args:
+        domain: The ROS_DOMAIN_ID.
+        session_id: Id of the Zenoh session.
+        name: Name of the session's first node, which has the publisher.
+        number: Number of the publisher in the session.
+        topic: Name of the topic, with its leading slash.
+        kind: Type of its messages.
+        qos: Quality of service where it differs from the default of rmw_zenoh.
+    """
+    mangled = topic.replace("/", "%")
+    publisher = f"@ros2_lv/{domain}/{session_id}/0/{number}/MP/%/%/{name}"
+    return f"{publisher}/{mangled}/{_dds_name(kind)}/{STORE.hash_rihs01(kind)}/{qos}"
+
+
+def publisher_id(token: str) -> bytes:
+    """Return the id of a publisher, 16 bytes: a hash of its token."""
+    return xxhash.xxh3_128_intdigest(token.encode()).to_bytes(16, "little")
+
+
+def attachment(number: int, t_wall_ns: int, publisher: bytes) -> bytes:
+    """Return what goes with a message: its number from 1, the time of sending since 1970 [ns], its publisher's id."""
+    return struct.pack("<qqB16s", number, t_wall_ns, len(publisher), publisher)
+
+
+def _dds_name(kind: str) -> str:
+    package, _, name = kind.partition("/msg/")
+    return f"{package}::msg::dds_::{name}_"
+
+
+class _Publisher(NamedTuple):
+    id: bytes
+    #: Under the hash of the type, and under Humble's word.
+    keys: tuple[zenoh.Publisher, zenoh.Publisher]
+    token: zenoh.LivelinessToken
+
+
+class Node:
+    """A node of ROS 2 with one publisher per topic, in a Zenoh session of its own.
+
+    The session is that of rmw_zenoh, so it takes the same variables: ZENOH_SESSION_CONFIG_URI, a file in place of the
+    default session, and ZENOH_CONFIG_OVERRIDE, `key=value;...` on top of it. It opens without a router, and finds one
+    that comes later.
+
+    Args:
+        domain: The domain, 0 to 232: nodes hear each other if their ROS_DOMAIN_ID is equal.
+        topics: Type of the messages of each topic.
+
+    Raises:
+        FootsenseError: The session's settings are wrong, or it does not open.
+    """
+
+    def __init__(self, domain: int, topics: Mapping[str, str]) -> None:
+        config = _session_config()
+        self._endpoints = ", ".join(
+            config.get_json("connect/endpoints").strip("[]").replace('"', "").split(",")
+        )
+        self._has_router: bool | None = None
+        self._numbers = dict.fromkeys(topics, 0)
+        try:
+            self._session = zenoh.open(config)
+        except zenoh.ZError as error:
+            raise FootsenseError(f"no Zenoh session: {_reason(error)}; see {_FILE} and {_OVERRIDE}") from None
+        session_id, declare_token = str(self._session.zid()), self._session.liveliness().declare_token
+        self._token = declare_token(node_token(domain, session_id, _NAME))
+        self._publishers = {}
+        for number, (topic, kind) in enumerate(topics.items(), start=1):
+            token = publisher_token(domain, session_id, _NAME, number, topic, kind)
+            hashed, plain = (
+                self._session.declare_publisher(
+                    topic_key(domain, topic, kind, type_hash),
+                    congestion_control=zenoh.CongestionControl.DROP,
+                    reliability=zenoh.Reliability.RELIABLE,
+                )
+                for type_hash in (STORE.hash_rihs01(kind), _HUMBLE_HASH)
+            )
+            self._publishers[topic] = _Publisher(publisher_id(token), (hashed, plain), declare_token(token))
+
+    def publish(self, topic: str, cdr: bytes, t_wall_ns: int) -> None:
+        """Publish a message of ROS 2 on a topic.
+
+        Args:
+            topic: Its name.
+            cdr: The message as CDR bytes with their header.
+            t_wall_ns: The present time, since 1970 [ns].
+
+        Raises:
+            FootsenseError: It cannot be sent.
+        """
+        publisher = self._publishers[topic]
+        self._numbers[topic] += 1
+        told = attachment(self._numbers[topic], t_wall_ns, publisher.id)
+        try:
+            for key in publisher.keys:
+                key.put(cdr, attachment=told)
+        except zenoh.ZError as error:
+            raise FootsenseError(f"{topic}: not published: {_reason(error)}") from None
+
+    def router_news(self) -> str | None:
+        """Return a line if a router has come or gone since the last call, or is missing at the first."""
+        had_router, self._has_router = self._has_router, bool(self._session.info.routers_zid())
+        if had_router is self._has_router or (had_router is None and self._has_router):
+            return None
+        if self._has_router:
+            return "the Zenoh router is there"
+        if had_router:
+            return "the Zenoh router is gone: nodes that hear footsense may go on, no other finds it"
+        return f"no Zenoh router at {self._endpoints}, so no node finds footsense: ros2 run rmw_zenoh_cpp rmw_zenohd"
+
+    def close(self) -> None:
+        """End the session: nodes see node and publishers leave."""
+        self._session.close()  # type: ignore[no-untyped-call]
+
+
+def _session_config() -> zenoh.Config:
+    """Return the settings of the session.
+
+    Raises:
+        FootsenseError: They are wrong.
+    """
+    path = os.environ.get(_FILE)
+    try:
+        config = zenoh.Config.from_file(path) if path else zenoh.Config.from_json5(_SESSION)
+    except zenoh.ZError as error:
+        raise FootsenseError(f"{_FILE}={path}: {_reason(error)}") from None
+    for pair in filter(str.strip, os.environ.get(_OVERRIDE, "").split(";")):
+        key, _, value = pair.partition("=")
+        try:
+            config.insert_json5(key.strip(), value)
+        except zenoh.ZError:
+            raise FootsenseError(
+                f"{_OVERRIDE}: {pair.strip()} is no setting of Zenoh; of the form "
+                'connect/endpoints=["tcp/192.168.1.2:7447"];key=value'
+            ) from None
+    return config
+
+
+def _reason(error: zenoh.ZError) -> str:
+    """Return what Zenoh says, without the place in its sources."""
+    return str(error).partition(" at /")[0].partition("\n")[0].strip()
