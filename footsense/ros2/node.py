@@ -8,15 +8,15 @@ Humble knows no hashes of types and has one word in their place, so every messag
 subscribed to, and nothing else.
 
 Source:
-    docs/design.md of https://github.com/ros2/rmw_zenoh, and the sources of its releases 0.1.9 (Humble), 0.2.10 (Jazzy),
-    0.6.7 (Kilted) and 0.10.5 (Lyrical): attachment_helpers.cpp, liveliness_utils.cpp, rmw_publisher_data.cpp,
+    docs/design.md of https://github.com/ros2/rmw_zenoh, and of its releases 0.1.9 (Humble), 0.2.10 (Jazzy), 0.6.7
+    (Kilted) and 0.10.5 (Lyrical): attachment_helpers.cpp, liveliness_utils.cpp, rmw_publisher_data.cpp,
     zenoh_config.cpp and the default session. REP 2016 for the hashes.
 """
 
 import os
 import struct
 from collections.abc import Mapping
-from typing import Final, NamedTuple
+from typing import Final
 
 import xxhash
 import zenoh
@@ -32,51 +32,38 @@ _FILE: Final = "ZENOH_SESSION_CONFIG_URI"
 _OVERRIDE: Final = "ZENOH_CONFIG_OVERRIDE"
 #: As nodes have it by default: found by the router of this computer, not by multicast.
 _SESSION: Final = """{
-    mode: "peer",
-    connect: { endpoints: ["tcp/localhost:7447"] },
-    listen: { endpoints: ["tcp/localhost:0"] },
-    scouting: {
-        multicast: { enabled: false },
-        gossip: { target: { router: ["router", "peer"], peer: ["router"] } },
-    },
-    timestamping: { enabled: true },
+    mode: "peer", timestamping: { enabled: true },
+    connect: { endpoints: ["tcp/localhost:7447"] }, listen: { endpoints: ["tcp/localhost:0"] },
+    scouting: { multicast: { enabled: false }, gossip: { target: { router: ["router", "peer"], peer: ["router"] } } },
 }"""
 
 
 def topic_key(domain: int, topic: str, kind: str, type_hash: str) -> str:
-    """Return the key expression under which a topic's messages are sent.
-
-    Args:
-        domain: The ROS_DOMAIN_ID.
-        topic: Its name, with its leading slash.
-        kind: Type of its messages, such as `std_msgs/msg/Float64`.
-        type_hash: Hash of the type.
-    """
+    """Return the key of a topic's messages: of `/a`, with messages such as `std_msgs/msg/Float64` of this hash."""
     return f"{domain}{topic}/{_dds_name(kind)}/{type_hash}"
 
 
 def node_token(domain: int, session_id: str, name: str) -> str:
-    """Return the key of the liveliness token of a session's first node, in the root namespace."""
+    """Return the key of the liveliness token of a Zenoh session's first node, in the root namespace."""
     return f"@ros2_lv/{domain}/{session_id}/0/0/NN/%/%/{name}"
 
 
 def publisher_token(
     domain: int, session_id: str, name: str, number: int, topic: str, kind: str, qos: str = _QOS
 ) -> str:
-    """Return the key of the liveliness token of a publisher.
+    """Return the key of the liveliness token of a publisher of that node.
 
     Args:
         domain: The ROS_DOMAIN_ID.
         session_id: Id of the Zenoh session.
-        name: Name of the session's first node, which has the publisher.
+        name: Name of the node.
         number: Number of the publisher in the session.
         topic: Name of the topic, with its leading slash.
         kind: Type of its messages.
         qos: Quality of service where it differs from the default of rmw_zenoh.
     """
-    mangled = topic.replace("/", "%")
     publisher = f"@ros2_lv/{domain}/{session_id}/0/{number}/MP/%/%/{name}"
-    return f"{publisher}/{mangled}/{_dds_name(kind)}/{STORE.hash_rihs01(kind)}/{qos}"
+    return f"{publisher}/{topic.replace('/', '%')}/{_dds_name(kind)}/{STORE.hash_rihs01(kind)}/{qos}"
 
 
 def publisher_id(token: str) -> bytes:
@@ -94,19 +81,11 @@ def _dds_name(kind: str) -> str:
     return f"{package}::msg::dds_::{name}_"
 
 
-class _Publisher(NamedTuple):
-    id: bytes
-    #: Under the hash of the type, and under Humble's word.
-    keys: tuple[zenoh.Publisher, zenoh.Publisher]
-    token: zenoh.LivelinessToken
-
-
 class Node:
     """A node of ROS 2 with one publisher per topic, in a Zenoh session of its own.
 
-    The session is that of rmw_zenoh, so it takes the same variables: ZENOH_SESSION_CONFIG_URI, a file in place of the
-    default session, and ZENOH_CONFIG_OVERRIDE, `key=value;...` on top of it. It opens without a router, and finds one
-    that comes later.
+    The session takes the same variables as one of rmw_zenoh: ZENOH_SESSION_CONFIG_URI, a file in place of the default,
+    and ZENOH_CONFIG_OVERRIDE, `key=value;...` on top of it. It opens without a router, and finds one that comes later.
 
     Args:
         domain: The domain, 0 to 232: nodes hear each other if their ROS_DOMAIN_ID is equal.
@@ -118,47 +97,41 @@ class Node:
 
     def __init__(self, domain: int, topics: Mapping[str, str]) -> None:
         config = _session_config()
-        self._endpoints = ", ".join(
-            config.get_json("connect/endpoints").strip("[]").replace('"', "").split(",")
-        )
+        self._endpoints = config.get_json("connect/endpoints").strip("[]").replace('"', "")
         self._has_router: bool | None = None
-        self._numbers = dict.fromkeys(topics, 0)
         try:
             self._session = zenoh.open(config)
         except zenoh.ZError as error:
             raise FootsenseError(f"no Zenoh session: {_reason(error)}; see {_FILE} and {_OVERRIDE}") from None
         session_id, declare_token = str(self._session.zid()), self._session.liveliness().declare_token
-        self._token = declare_token(node_token(domain, session_id, _NAME))
-        self._publishers = {}
+        self._tokens = [declare_token(node_token(domain, session_id, _NAME))]
+        self._numbers = dict.fromkeys(topics, 0)
+        self._ids: dict[str, bytes] = {}
+        self._publishers: dict[str, list[zenoh.Publisher]] = {}
         for number, (topic, kind) in enumerate(topics.items(), start=1):
             token = publisher_token(domain, session_id, _NAME, number, topic, kind)
-            hashed, plain = (
+            self._ids[topic] = publisher_id(token)
+            self._publishers[topic] = [
                 self._session.declare_publisher(
                     topic_key(domain, topic, kind, type_hash),
                     congestion_control=zenoh.CongestionControl.DROP,
                     reliability=zenoh.Reliability.RELIABLE,
                 )
                 for type_hash in (STORE.hash_rihs01(kind), _HUMBLE_HASH)
-            )
-            self._publishers[topic] = _Publisher(publisher_id(token), (hashed, plain), declare_token(token))
+            ]
+            self._tokens.append(declare_token(token))
 
     def publish(self, topic: str, cdr: bytes, t_wall_ns: int) -> None:
-        """Publish a message of ROS 2 on a topic.
-
-        Args:
-            topic: Its name.
-            cdr: The message as CDR bytes with their header.
-            t_wall_ns: The present time, since 1970 [ns].
+        """Publish a message on a topic: its CDR bytes with their header, sent at a time since 1970 [ns].
 
         Raises:
             FootsenseError: It cannot be sent.
         """
-        publisher = self._publishers[topic]
         self._numbers[topic] += 1
-        told = attachment(self._numbers[topic], t_wall_ns, publisher.id)
+        told = attachment(self._numbers[topic], t_wall_ns, self._ids[topic])
         try:
-            for key in publisher.keys:
-                key.put(cdr, attachment=told)
+            for publisher in self._publishers[topic]:
+                publisher.put(cdr, attachment=told)
         except zenoh.ZError as error:
             raise FootsenseError(f"{topic}: not published: {_reason(error)}") from None
 
