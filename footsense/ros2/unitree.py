@@ -1,7 +1,7 @@
 """Loads of four feet as `foot_force` of Unitree's `LowState`, for estimators that are written for those robots.
 
 One int16 per foot in the order FR, FL, RR, RL: the load along the leg, not a vector. Unitree tells no unit ("int not
-true value"), and its robots differ: estimators take a foot for one on the ground from 20 (go2_odometry) or 60
+true value"), and its robots differ: estimators take a foot for one on the ground from 20 (go2_odometry) or 40
 (Leg-KILO) on a Go2, from 220 on a Go1. Here it is N, rounded: a standing robot of 12 kg has 29 on each foot.
 
 Source:
