@@ -2,13 +2,11 @@
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
+from firmware_interface.can.codes import NODE_IDS
+from footsense.client import LegEvent
 from footsense.daemon.can_listener import LegSnapshot
 from footsense.ros2.messages import LegSample
-
-if TYPE_CHECKING:
-    from footsense.client import LegEvent
 
 #: Period of the contact states [ns]: that of `Ground` on CAN.
 _CONTACT_PERIOD_NS = 100_000_000
@@ -19,33 +17,38 @@ class LiveSamples:
 
     def __init__(self) -> None:
         self._n_frames: dict[str, int] = {}
-        self._events: dict[str, LegEvent | None] = {}
         self._contact_ns = -math.inf
 
-    def samples(self, snapshots: Sequence[LegSnapshot], wall_ns: int, now_ns: int) -> list[LegSample]:
+    def samples(
+        self, snapshots: Sequence[LegSnapshot], events: Sequence[LegEvent], wall_ns: int, now_ns: int
+    ) -> list[LegSample]:
         """Return a sample of each leg.
 
         Args:
             snapshots: The legs.
+            events: The gait events received since the samples before.
             wall_ns: The present time, since 1970 [ns].
-            now_ns: The present time on a clock that does not step [ns].
+            now_ns: The present time on the clock of the events [ns].
         """
         contacts_due = now_ns - self._contact_ns >= _CONTACT_PERIOD_NS
         if contacts_due:
             self._contact_ns = now_ns
         samples = []
         for snapshot in snapshots:
-            leg, event, n_frames = snapshot.leg, snapshot.event, snapshot.n_force_frames
-            is_new_force = n_frames != self._n_frames.get(leg)
-            is_new_event = event is not None and event is not self._events.get(leg)
-            self._n_frames[leg], self._events[leg] = n_frames, event
-            sample = _live_sample(snapshot, wall_ns)._replace(
-                is_new_force=is_new_force, is_new_contact=contacts_due or is_new_event
+            leg, n_frames = snapshot.leg, snapshot.n_force_frames
+            told = [
+                (event.kind, None if event.t_ns is None else wall_ns - now_ns + event.t_ns)
+                for event in events
+                if event.node == NODE_IDS[leg]
+            ]
+            samples.append(
+                _live_sample(snapshot, wall_ns)._replace(
+                    is_new_force=n_frames != self._n_frames.get(leg),
+                    is_new_contact=contacts_due or bool(told),
+                    events=told,
+                )
             )
-            if event is not None and is_new_event:
-                ago_ns = snapshot.event_ago_ns
-                sample = sample._replace(events=[(event.kind, None if ago_ns is None else wall_ns - ago_ns)])
-            samples.append(sample)
+            self._n_frames[leg] = n_frames
         return samples
 
 

@@ -60,7 +60,7 @@ def ros2(
         start_ns = clock.now_ns()
         check_ns = start_ns + _NS_PER_S
         while not stop.requested and (now_ns := clock.now_ns()) < start_ns + duration_s * _NS_PER_S:
-            listener.listen(now_ns + _PUBLISH_PERIOD_NS)
+            events = listener.listen(now_ns + _PUBLISH_PERIOD_NS)
             wall_ns = wall_time_ns()
             legs = listener.snapshot()
             if now_ns >= check_ns:
@@ -70,7 +70,7 @@ def ros2(
                 if not legs and not is_silent:
                     is_silent = True
                     click.echo(f"footsense: {silence_text(channel)}", err=True)
-            samples = live.samples(legs, wall_ns, clock.now_ns())
+            samples = live.samples(legs, events, wall_ns, clock.now_ns())
             for topic, cdr in topics.due_messages(samples, wall_ns):
                 node.publish(topic, cdr, wall_ns)
                 n_published += 1

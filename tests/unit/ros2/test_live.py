@@ -30,10 +30,10 @@ _FORCE = LegForce(
 _NO_FORCE = LegForce(LinkStatus.OK, False, State.SATURATED, Flag(0), 0, (NAN,) * 3, (NAN,) * 3, None)
 
 
-def messages_of(snapshot: LegSnapshot) -> dict[str, Any]:
-    """Return the first messages of a leg by the last word of their topic, decoded."""
+def messages_of(snapshot: LegSnapshot, *events: LegEvent) -> dict[str, Any]:
+    """Return the first messages of a leg by the last word of their topic, decoded; the present is 20 ms."""
     topics = LegTopics(["lf"])
-    samples = LiveSamples().samples([snapshot], WALL_NS, 0)
+    samples = LiveSamples().samples([snapshot], events, WALL_NS, 20_000_000)
     return {
         topic.rpartition("/")[2]: STORE.deserialize_cdr(cdr, topics.types[topic])
         for topic, cdr in topics.due_messages(samples, WALL_NS)
@@ -75,30 +75,34 @@ def test_each_force_is_published_once_and_each_change_at_once() -> None:
     topics, live = LegTopics(["lf"]), LiveSamples()
     event = LegEvent(1, GaitEventKind.TOUCHDOWN, 0, 0.001, False)
 
-    def due(t_ms: int, n_frames: int, force: LegForce = _FORCE, event: LegEvent | None = None) -> list[str]:
-        ago_ns, t_ns = None if event is None else 3_000_000, t_ms * 1_000_000
-        snapshot = LegSnapshot("lf", force, _REPORT, n_frames, event=event, event_ago_ns=ago_ns)
-        samples = live.samples([snapshot], WALL_NS + t_ns, t_ns)
+    def due(t_ms: int, n_frames: int, force: LegForce = _FORCE, *events: LegEvent) -> list[str]:
+        snapshot, t_ns = LegSnapshot("lf", force, _REPORT, n_frames), t_ms * 1_000_000
+        samples = live.samples([snapshot], events, WALL_NS + t_ns, t_ns)
         return [topic.rpartition("/")[2] for topic, _ in topics.due_messages(samples, WALL_NS + t_ns)]
 
     with_force = ["wrench", "contact_probability", "holds"]
     assert due(0, 1) == [*with_force, "contact", "diagnostics"]
     assert due(5, 1) == []
     assert due(10, 2) == with_force
-    assert due(15, 2, event=event) == ["contact", "touchdown"]
-    assert due(100, 3, event=event) == [*with_force, "contact"]
-    assert due(105, 4, _NO_FORCE, event) == ["diagnostics"]
-    assert due(1105, 4, _NO_FORCE, event) == ["contact", "diagnostics"]
+    assert due(15, 2, _FORCE, event) == ["contact", "touchdown"]
+    assert due(100, 3) == [*with_force, "contact"]
+    assert due(105, 4, _NO_FORCE) == ["diagnostics"]
+    assert due(1105, 4, _NO_FORCE) == ["contact", "diagnostics"]
 
 
-def test_an_event_has_the_time_at_which_it_happened() -> None:
-    """And the frame of its foot; a time that is not known is 0, as in ROS."""
-    event = LegEvent(1, GaitEventKind.LIFT_OFF, 5, 0.001, False)
-    for ago_ns, told_ns in ((12_000_000, WALL_NS - 12_000_000), (None, 0)):
-        snapshot = LegSnapshot("lf", _FORCE, _REPORT, 7, event=event, event_ago_ns=ago_ns)
-        header = messages_of(snapshot)["lift_off"]
-        assert header.stamp.sec * 10**9 + header.stamp.nanosec == told_ns
-        assert header.frame_id == "lf_foot"
+def test_each_event_has_the_time_at_which_it_happened() -> None:
+    """Two of a leg within one reading of CAN are both there; a time that is not known is 0, as in ROS."""
+    ends = LegEvent(1, GaitEventKind.SLIP_END, 8_000_000, 0.001, False)
+    lifts = LegEvent(1, GaitEventKind.LIFT_OFF, None, math.nan, False)
+    other = LegEvent(2, GaitEventKind.TOUCHDOWN, 8_000_000, 0.001, False)
+    messages = messages_of(LegSnapshot("lf", _FORCE, _REPORT, 7), ends, lifts, other)
+    times_ns = {
+        name: header.stamp.sec * 10**9 + header.stamp.nanosec
+        for name, header in messages.items()
+        if name in ("touchdown", "slip_end", "lift_off")
+    }
+    assert times_ns == {"slip_end": WALL_NS - 12_000_000, "lift_off": 0}
+    assert messages["slip_end"].frame_id == "lf_foot"
 
 
 def test_four_feet_are_a_low_state_of_unitree() -> None:
@@ -109,12 +113,12 @@ def test_four_feet_are_a_low_state_of_unitree() -> None:
         LegSnapshot(leg, _NO_FORCE if n is None else _FORCE._replace(force_n=(9.0, 9.0, n)), _REPORT, 1)
         for leg, n in loads_n.items()
     ]
-    due = dict(topics.due_messages(live.samples(snapshots, WALL_NS, 0), WALL_NS))
+    due = dict(topics.due_messages(live.samples(snapshots, [], WALL_NS, 0), WALL_NS))
     state: Any = STORE.deserialize_cdr(due["/footsense/lowstate"], LOW_STATE)
     assert state.foot_force.tolist() == state.foot_force_est.tolist() == [-1, 32, 0, 0]
     assert math.isnan(state.imu_state.accelerometer[2])
     assert math.isnan(state.motor_state[11].q)
     assert "/footsense/lowstate" not in dict(
-        topics.due_messages(live.samples(snapshots, WALL_NS, 5), WALL_NS)
+        topics.due_messages(live.samples(snapshots, [], WALL_NS, 5), WALL_NS)
     )
     assert "/footsense/lowstate" not in LegTopics(ALL_LEGS).types
