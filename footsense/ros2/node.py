@@ -8,7 +8,7 @@ Humble knows no hashes of types and has one word in their place, so every messag
 subscribed to, and nothing else.
 
 Source:
-    docs/design.md of https://github.com/ros2/rmw_zenoh, and of its releases 0.1.9 (Humble), 0.2.10 (Jazzy), 0.6.7
+    The design document of https://github.com/ros2/rmw_zenoh, and of its releases 0.1.9 (Humble), 0.2.10 (Jazzy), 0.6.7
     (Kilted) and 0.10.5 (Lyrical): attachment_helpers.cpp, liveliness_utils.cpp, rmw_publisher_data.cpp,
     zenoh_config.cpp and the default session. REP 2016 for the hashes.
 """

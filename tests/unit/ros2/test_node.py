@@ -35,7 +35,7 @@ WRENCH += struct.pack("<6d", 0.25, -0.5, 1.0, 0.0, 0.0, 0.0)
 
 
 def test_keys_and_tokens_are_those_of_the_documentation() -> None:
-    """docs/design.md of rmw_zenoh: of `talker` and `listener`, in the root namespace and in `/robot1`."""
+    """The design document of rmw_zenoh has them: of `talker` and `listener`, in the root namespace and in `/robot1`."""
     dds = f"std_msgs::msg::dds_::String_/{STRING_HASH}"
     assert STORE.hash_rihs01(STRING) == STRING_HASH
     assert topic_key(0, "/chatter", STRING, STRING_HASH) == f"0/chatter/{dds}"
@@ -57,7 +57,7 @@ def test_ids_are_those_that_rmw_zenoh_computes(token: str, told: str) -> None:
 
 
 def test_an_attachment_is_laid_out_as_documented() -> None:
-    """docs/design.md: number and time as little-endian int64, a byte for the length of the id, the id.
+    """The design document: number and time as little-endian int64, a byte for the length of the id, the id.
 
     Zenoh's own deserializer, with which rmw_zenoh reads it, finds the three.
     """
