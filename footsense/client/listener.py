@@ -82,11 +82,13 @@ class Listener:
         """Forces of all legs received so far."""
         return self._n_force_frames.total()
 
-    def listen(self, until_ns: int) -> None:
-        """Receive and decode CAN frames until a time [ns]; errors as of `poll`."""
+    def listen(self, until_ns: int) -> list[LegEvent]:
+        """Receive and decode CAN frames until a time [ns]; return the gait events among them, errors as of `poll`."""
+        events = []
         while (now_ns := self._clock.now_ns()) < until_ns:
-            self.poll()
+            events += self.poll()
             self._clock.sleep_until_ns(min(until_ns, now_ns + POLL_PERIOD_NS))
+        return events
 
     def poll(self) -> list[LegEvent]:
         """Receive and decode the CAN frames that have arrived, without waiting; return the gait events among them.

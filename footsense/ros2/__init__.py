@@ -2,7 +2,7 @@
 
     recording ──┐                                     ┌──bag──▶ folder that `ros2 bag play` takes
                 ├──▶ LegSample ──messages──▶ CDR ─────┤
-    CAN ────────┘                                     └──live──▶ DDS, for running ROS 2 nodes
+    CAN ──live──┘                                     └──node──▶ Zenoh, for running ROS 2 nodes
 
-rosbags has the types of ROS, their definitions and their bytes; Cyclone DDS sends these bytes.
+rosbags has the types of ROS, their definitions and their bytes; Zenoh sends these bytes.
 """

@@ -15,7 +15,8 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from footsense.errors import RecordingError
 from footsense.frames import USABLE, BaselineStatus, Cause, ContactFrame, Flag, State
 from footsense.recording.replay import Replay
-from footsense.ros2.messages import STORE, LegSample, LegTopics
+from footsense.ros2.messages import LegSample, LegTopics
+from footsense.ros2.store import STORE
 
 _METADATA_VERSION: Final = 8
 
@@ -125,6 +126,7 @@ def _leg_sample(forces: ContactFrame, row: int, leg: str, offset_ns: int) -> Leg
     if gait is not None:
         sample = sample._replace(
             is_new_contact=True,
+            events=[(event.kind, event.t_ns + offset_ns) for event in gait.events if event.leg == row],
             ground_normal=gait.normal[row].tolist(),
             friction_coefficient=gait.friction,
         )

@@ -1,45 +1,22 @@
-"""ROS 2 messages of the legs as CDR bytes, with their topics: wrench, contact, holds, contact state, diagnostics.
+"""ROS 2 messages of the legs as CDR bytes, with their topics: wrench, contact, holds, events, diagnostics, loads.
 
 A value that is not known is never a plausible number. A leg without a usable force sends no wrench, as a filter that
 received NaN would not recover: its last stamp ages. Its contact state has the status unknown and NaN for the force.
 Pose and velocity of the contact, and torque, are not measured: NaN, and for the torque of a usable force 0, since the
 force acts at the foot's centre.
-
-Source:
-    The interface packages of ROS 2 Humble (equal in Jazzy), which rosbags carries, and ContactState of
-    https://github.com/loco-3d/whole_body_state_msgs.
 """
 
 import math
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-
-from footsense.frames import USABLE, BaselineStatus, Cause, State
+from footsense.frames import USABLE, BaselineStatus, Cause, GaitEventKind, State
 from footsense.leg_words import LegPhase, phase_of, word_of
-
-WRENCH = "geometry_msgs/msg/WrenchStamped"
-CONTACT = "whole_body_state_msgs/msg/ContactState"
-PROBABILITY = "std_msgs/msg/Float64"
-DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
-
-#: ROS itself does not have this type.
-_CONTACT_DEFINITION = """\
-string name
-uint8 type
-uint8 status
-geometry_msgs/Pose pose
-geometry_msgs/Twist velocity
-geometry_msgs/Wrench wrench
-geometry_msgs/Vector3 surface_normal
-float64 friction_coefficient
-"""
-#: All types, with their definitions, hashes and bytes.
-STORE = get_typestore(Stores.ROS2_HUMBLE)
-STORE.register(get_types_from_msg(_CONTACT_DEFINITION, CONTACT))
+from footsense.ros2.store import CONTACT, DIAGNOSTICS, HEADER, LOW_STATE, PROBABILITY, STORE, WRENCH
+from footsense.ros2.unitree import FEET, low_state
 
 _DIAGNOSTICS_TOPIC = "/diagnostics"
+_LOW_STATE_TOPIC = "/footsense/lowstate"
 _DIAGNOSTICS_PERIOD_NS = 1_000_000_000
 _NAN_VECTOR = (math.nan, math.nan, math.nan)
 _CONTACT_TYPE_LOCOMOTION = 0
@@ -57,6 +34,7 @@ class LegSample(NamedTuple):
         foot_id: Identity of its foot; empty if unknown.
         is_new_force: Whether the force is another than that of the sample before.
         is_new_contact: Whether contact and ground have just been told, or a gait event.
+        events: What has just been told, and when it happened, since 1970 [ns]; None if that is not known.
         t_wall_ns: Time of its newest reading, since 1970 [ns]; None without a usable force.
         state: Its state; None if the leg is silent.
         cause: Cause of the state; None if unknown.
@@ -76,6 +54,7 @@ class LegSample(NamedTuple):
     foot_id: str = ""
     is_new_force: bool = False
     is_new_contact: bool = False
+    events: Sequence[tuple[GaitEventKind, int | None]] = ()
     t_wall_ns: int | None = None
     state: State | None = None
     cause: Cause | None = None
@@ -109,10 +88,14 @@ class LegTopics:
             topic = f"/footsense/{leg}"
             self.types |= {f"{topic}/wrench": WRENCH, f"{topic}/contact": CONTACT}
             self.types |= {f"{topic}/contact_probability": PROBABILITY, f"{topic}/holds": PROBABILITY}
+            self.types |= {f"{topic}/{kind.name.lower()}": HEADER for kind in GaitEventKind}
         self.types[_DIAGNOSTICS_TOPIC] = DIAGNOSTICS
+        self._has_four_feet = set(legs) == set(FEET)
+        if self._has_four_feet:
+            self.types[_LOW_STATE_TOPIC] = LOW_STATE
 
     def due_messages(self, samples: Sequence[LegSample], t_ns: int) -> Iterator[tuple[str, bytes]]:
-        """Yield the messages that are due: of forces and contacts that are new, diagnostics once a second or changed.
+        """Yield the messages that are due: what is new of the legs, diagnostics once a second or changed.
 
         Args:
             samples: The legs.
@@ -131,6 +114,12 @@ class LegTopics:
                     yield f"/footsense/{sample.leg}/{name}", _encode(probability)
             if sample.is_new_contact:
                 yield f"/footsense/{sample.leg}/contact", _encode_contact(sample)
+            for kind, event_ns in sample.events:
+                topic = f"/footsense/{sample.leg}/{kind.name.lower()}"
+                yield topic, _encode(_header(event_ns or 0, _frame(sample.leg)))
+        loads_n = {sample.leg: sample.force_n[2] for sample in samples if sample.t_wall_ns is not None}
+        if self._has_four_feet and any(sample.is_new_force and sample.leg in loads_n for sample in samples):
+            yield _LOW_STATE_TOPIC, _encode(low_state(loads_n.get(leg, math.nan) for leg in FEET))
         states = [(sample.state, sample.cause) for sample in samples]
         last_ns = self._diagnosed_ns
         if last_ns is None or states != self._states or not 0 <= t_ns - last_ns < _DIAGNOSTICS_PERIOD_NS:

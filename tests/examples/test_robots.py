@@ -5,10 +5,11 @@ import json
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
-from itertools import islice
+from itertools import islice, takewhile
 from pathlib import Path
 
 import pytest
@@ -125,9 +126,13 @@ def test_a_sensor_without_a_driver_is_recorded_beside_a_foot(tmp_path: Path) -> 
 
 @pytest.mark.slow
 def test_a_ros2_node_tells_each_load_and_what_is_not_known_any_more(tmp_path: Path) -> None:
-    pytest.importorskip("cyclonedds", reason="no wheel for this processor or Python: docs/ros2.md")
+    """Through the relay, which is the router here, and passes on the topics of which this ROS has the types."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        router = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
     here = {
-        "CYCLONEDDS_URI": "<General><Interfaces><NetworkInterface name='lo' multicast='true'/></Interfaces></General>",
+        "ZENOH_CONFIG_OVERRIDE": f'connect/endpoints=["{router}"];connect/retry={{period_init_ms:100}}',
+        "STAND_IN_ROUTER": router,
         "ROS_DOMAIN_ID": str(100 + os.getpid() % 100),
         "PYTHONPATH": os.pathsep.join(map(str, (ROOT / "tests/examples/ros2_stand_in", ROOT))),
     }
@@ -136,6 +141,7 @@ def test_a_ros2_node_tells_each_load_and_what_is_not_known_any_more(tmp_path: Pa
     with (
         running([*service, "ros2", "--config", config], **here),
         running_example("ros2_node.py", **here) as node,
+        running_example("ros2_relay.py", router, **here) as relay,
         running([*service, "run", "--config", config, "--realtime", "--summary", "json"]) as walk,
     ):
         assert node.stdout is not None
@@ -145,3 +151,8 @@ def test_a_ros2_node_tells_each_load_and_what_is_not_known_any_more(tmp_path: Pa
         assert any(legs["lf"] != "unknown" and float(legs["lf"].removesuffix(" N")) < 0.05 for legs in told)
         walk.send_signal(signal.SIGINT)
         assert any(set(legs.values()) == {"unknown"} for legs in told)
+        assert relay.stdout is not None
+        passed_on = list(takewhile(lambda line: "/lift_off" not in line, relay.stdout))
+    assert "/footsense/lf/wrench geometry_msgs/msg/WrenchStamped 76 bytes\n" in passed_on
+    left_out = "/footsense/lf/contact is left out: this ROS has no whole_body_state_msgs/msg/ContactState\n"
+    assert left_out in passed_on

@@ -14,7 +14,7 @@ from footsense.errors import RecordingError
 from footsense.frames import USABLE, Cycle, State
 from footsense.recording.replay import Replay
 from footsense.ros2.bag import write_bag
-from footsense.ros2.messages import CONTACT, STORE
+from footsense.ros2.store import CONTACT, STORE
 from tests.support.cycles import write
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "measured_walk.mcap"
@@ -74,6 +74,21 @@ def test_contacts_are_the_recorded_gait(
         assert np.array_equal(xyz(contact.wrench.force), forces.force_n[0], equal_nan=True)
         assert math.isnan(contact.pose.position.x)
     assert {contact.status for contact in contacts} == {0, 1, 2}
+
+
+def test_events_are_the_recorded_ones(topics: dict[str, list[tuple[int, Any]]], cycles: list[Cycle]) -> None:
+    """Each touchdown and lift-off, at the time at which it happened."""
+    offset_ns = topics["/diagnostics"][0][0] - cycles[0].forces.t_sent_ns
+    gaits = [cycle.forces.gait for cycle in cycles if cycle.forces.gait is not None]
+    recorded = [(event.kind.name.lower(), event.t_ns + offset_ns) for gait in gaits for event in gait.events]
+    told = [
+        (topic.rpartition("/")[2], message.stamp.sec * 10**9 + message.stamp.nanosec)
+        for topic, messages in topics.items()
+        for _, message in messages
+        if topic.endswith(("touchdown", "lift_off", "slip", "slip_end"))
+    ]
+    assert len(told) > 5
+    assert sorted(told) == sorted(recorded)
 
 
 def test_diagnostics_say_each_change(topics: dict[str, list[tuple[int, Any]]], cycles: list[Cycle]) -> None:

@@ -1,26 +1,19 @@
-"""Forces on CAN reach a DDS participant of ROS 2's names and types as they are."""
+"""What is received from CAN becomes messages of ROS 2 as it is, each once."""
 
-import json
 import math
-import os
-import subprocess
-import sys
-from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner
 
 from firmware_interface.can.codes import BaselineStatus, Cause, Flag, GaitEventKind, NmtState, State
 from firmware_interface.can.gait import Ground
 from firmware_interface.can.reports import Baseline, Fault, Heartbeat
-from footsense.cli import main
 from footsense.client import LegEvent, LegForce, LegReport, LinkStatus
 from footsense.client.listener import LegSnapshot
-from footsense.ros2.messages import STORE, LegTopics
-
-pytest.importorskip("cyclonedds", reason="cyclonedds has no wheel for this processor or Python: docs/ros2.md")
-from footsense.ros2.live import LiveSamples, Participant
+from footsense.frames import ALL_LEGS
+from footsense.ros2.live import LiveSamples
+from footsense.ros2.messages import LegTopics
+from footsense.ros2.store import LOW_STATE, STORE
 
 NAN = math.nan
 WALL_NS = 1_700_000_000_000_000_000
@@ -37,10 +30,10 @@ _FORCE = LegForce(
 _NO_FORCE = LegForce(LinkStatus.OK, False, State.SATURATED, Flag(0), 0, (NAN,) * 3, (NAN,) * 3, None)
 
 
-def messages_of(snapshot: LegSnapshot) -> dict[str, Any]:
-    """Return the first messages of a leg by the last word of their topic, decoded."""
+def messages_of(snapshot: LegSnapshot, *events: LegEvent) -> dict[str, Any]:
+    """Return the first messages of a leg by the last word of their topic, decoded; the present is 20 ms."""
     topics = LegTopics(["lf"])
-    samples = LiveSamples().samples([snapshot], WALL_NS, 0)
+    samples = LiveSamples().samples([snapshot], events, WALL_NS, 20_000_000)
     return {
         topic.rpartition("/")[2]: STORE.deserialize_cdr(cdr, topics.types[topic])
         for topic, cdr in topics.due_messages(samples, WALL_NS)
@@ -82,60 +75,50 @@ def test_each_force_is_published_once_and_each_change_at_once() -> None:
     topics, live = LegTopics(["lf"]), LiveSamples()
     event = LegEvent(1, GaitEventKind.TOUCHDOWN, 0, 0.001, False)
 
-    def due(t_ms: int, n_frames: int, force: LegForce = _FORCE, event: LegEvent | None = None) -> list[str]:
-        snapshot, t_ns = LegSnapshot("lf", force, _REPORT, n_frames, event=event), t_ms * 1_000_000
-        samples = live.samples([snapshot], WALL_NS + t_ns, t_ns)
+    def due(t_ms: int, n_frames: int, force: LegForce = _FORCE, *events: LegEvent) -> list[str]:
+        snapshot, t_ns = LegSnapshot("lf", force, _REPORT, n_frames), t_ms * 1_000_000
+        samples = live.samples([snapshot], events, WALL_NS + t_ns, t_ns)
         return [topic.rpartition("/")[2] for topic, _ in topics.due_messages(samples, WALL_NS + t_ns)]
 
     with_force = ["wrench", "contact_probability", "holds"]
     assert due(0, 1) == [*with_force, "contact", "diagnostics"]
     assert due(5, 1) == []
     assert due(10, 2) == with_force
-    assert due(15, 2, event=event) == ["contact"]
-    assert due(100, 3, event=event) == [*with_force, "contact"]
-    assert due(105, 4, _NO_FORCE, event) == ["diagnostics"]
-    assert due(1105, 4, _NO_FORCE, event) == ["contact", "diagnostics"]
+    assert due(15, 2, _FORCE, event) == ["contact", "touchdown"]
+    assert due(100, 3) == [*with_force, "contact"]
+    assert due(105, 4, _NO_FORCE) == ["diagnostics"]
+    assert due(1105, 4, _NO_FORCE) == ["contact", "diagnostics"]
 
 
-def test_a_second_participant_reads_what_was_published(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Another process on the loopback, with types of its own, gets the numbers."""
-    monkeypatch.setenv(
-        "CYCLONEDDS_URI",
-        "<General><Interfaces><NetworkInterface name='lo' multicast='true'/></Interfaces></General>",
-    )
-    domain = 100 + os.getpid() % 100
-    topics = LegTopics(["lf"])
-    samples = LiveSamples().samples([LegSnapshot("lf", _FORCE, _REPORT, 7)], WALL_NS + 4_000_005, 0)
-    messages = list(topics.due_messages(samples, WALL_NS))
-    publisher = Participant(domain, topics.types)
-    script = Path(__file__).with_name("dds_reader.py")
-    with subprocess.Popen(
-        [sys.executable, str(script), str(domain)], stdout=subprocess.PIPE, text=True
-    ) as reader:
-        while reader.poll() is None:  # whatever the discovery of each other takes
-            for topic, cdr in messages:
-                publisher.publish(topic, cdr)
-            try:
-                reader.wait(0.05)
-            except subprocess.TimeoutExpired:
-                continue
-        assert reader.stdout is not None
-        told = [json.loads(line) for line in reader.stdout]
-    assert told == [[1_700_000_000, 5, "lf_foot", 0.25, -0.5, 1.0]] * 3
+def test_each_event_has_the_time_at_which_it_happened() -> None:
+    """Two of a leg within one reading of CAN are both there; a time that is not known is 0, as in ROS."""
+    ends = LegEvent(1, GaitEventKind.SLIP_END, 8_000_000, 0.001, False)
+    lifts = LegEvent(1, GaitEventKind.LIFT_OFF, None, math.nan, False)
+    other = LegEvent(2, GaitEventKind.TOUCHDOWN, 8_000_000, 0.001, False)
+    messages = messages_of(LegSnapshot("lf", _FORCE, _REPORT, 7), ends, lifts, other)
+    times_ns = {
+        name: header.stamp.sec * 10**9 + header.stamp.nanosec
+        for name, header in messages.items()
+        if name in ("touchdown", "slip_end", "lift_off")
+    }
+    assert times_ns == {"slip_end": WALL_NS - 12_000_000, "lift_off": 0}
+    assert messages["slip_end"].frame_id == "lf_foot"
 
 
-def test_a_silent_channel_is_told() -> None:
-    """After a second, once, as the monitor tells it."""
-    options = [
-        "--interface",
-        "udp_multicast",
-        "--channel",
-        "239.74.163.76",
-        "--duration",
-        "1.5",
-        "--domain",
-        "97",
+def test_four_feet_are_a_low_state_of_unitree() -> None:
+    """Loads along the legs in N, in the order FR, FL, RR, RL; a foot without a force is one in the air."""
+    topics, live = LegTopics(["lf", "lr", "rf", "rr"]), LiveSamples()
+    loads_n = {"lf": 31.6, "lr": 0.4, "rf": -0.7, "rr": None}
+    snapshots = [
+        LegSnapshot(leg, _NO_FORCE if n is None else _FORCE._replace(force_n=(9.0, 9.0, n)), _REPORT, 1)
+        for leg, n in loads_n.items()
     ]
-    result = CliRunner().invoke(main, ["ros2", *options])
-    assert result.exit_code == 0, result.output
-    assert result.output.count("no frames on 239.74.163.76; is the service running?") == 1
+    due = dict(topics.due_messages(live.samples(snapshots, [], WALL_NS, 0), WALL_NS))
+    state: Any = STORE.deserialize_cdr(due["/footsense/lowstate"], LOW_STATE)
+    assert state.foot_force.tolist() == state.foot_force_est.tolist() == [-1, 32, 0, 0]
+    assert math.isnan(state.imu_state.accelerometer[2])
+    assert math.isnan(state.motor_state[11].q)
+    assert "/footsense/lowstate" not in dict(
+        topics.due_messages(live.samples(snapshots, [], WALL_NS, 5), WALL_NS)
+    )
+    assert "/footsense/lowstate" not in LegTopics(ALL_LEGS).types
