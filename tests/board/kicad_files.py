@@ -1,0 +1,123 @@
+"""Reader of a KiCad board: pads with their nets, holes, edge, and where each is."""
+
+import math
+import re
+from pathlib import Path
+from typing import NamedTuple, TypeAlias
+
+#: A list of an s-expression: its name, then words and lists.
+Node: TypeAlias = "list[str | Node]"
+
+_TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[()]|[^\s()"]+')
+
+
+class Pad(NamedTuple):
+    """A pad, seen from the front; places are from the lower left corner of the board [mm].
+
+    Attributes:
+        reference: Its part.
+        number: Its number; empty where it is none.
+        net: Its net without the path of its sheet; empty for none.
+        x_mm: To the right.
+        y_mm: Up.
+        drill_mm: Diameter of its hole, 0 for none.
+    """
+
+    reference: str
+    number: str
+    net: str
+    x_mm: float
+    y_mm: float
+    drill_mm: float
+
+
+class Board(NamedTuple):
+    """A board.
+
+    Attributes:
+        width_mm: Width of its edge.
+        height_mm: Its height.
+        pads: All pads.
+        values: Value of each part.
+        descriptions: What KiCad's library says of the footprint of each part.
+    """
+
+    width_mm: float
+    height_mm: float
+    pads: tuple[Pad, ...]
+    values: dict[str, str]
+    descriptions: dict[str, str]
+
+    def nets(self, reference: str) -> dict[str, str]:
+        """Return the net of each numbered pad of a part."""
+        return {pad.number: pad.net for pad in self.pads if pad.reference == reference and pad.number}
+
+    def on_net(self, net: str) -> set[str]:
+        """Return the pads of a net, such as `U1.7`."""
+        return {f"{pad.reference}.{pad.number}" for pad in self.pads if pad.net == net}
+
+
+def read_board(path: Path) -> Board:
+    """Return the board of a `.kicad_pcb` file, all of whose parts are on the front."""
+    root = _parse(path.read_text(encoding="utf-8"))
+    ends = [
+        _numbers(_child(shape, name))
+        for kind in ("gr_line", "gr_arc")
+        for shape in _children(root, kind)
+        if _text(shape, "layer") == "Edge.Cuts"
+        for name in ("start", "end")
+    ]
+    left, right = min(x for x, _ in ends), max(x for x, _ in ends)
+    top, bottom = min(y for _, y in ends), max(y for _, y in ends)
+    pads, values, descriptions = [], {}, {}
+    for part in _children(root, "footprint"):
+        named = {str(node[1]): str(node[2]) for node in _children(part, "property")}
+        reference = named["Reference"]
+        values[reference], descriptions[reference] = named["Value"], _text(part, "descr")
+        x, y, *turn = _numbers(_child(part, "at"))
+        angle = math.radians(turn[0] if turn else 0.0)
+        for pad in _children(part, "pad"):
+            u, v = _numbers(_child(pad, "at"))[:2]
+            drill, net = _children(pad, "drill"), _children(pad, "net")
+            pads.append(
+                Pad(
+                    reference,
+                    str(pad[1]),
+                    str(net[0][2]).removeprefix("/") if net else "",
+                    x + u * math.cos(angle) + v * math.sin(angle) - left,
+                    bottom - (y - u * math.sin(angle) + v * math.cos(angle)),
+                    float(str(drill[0][1])) if drill else 0.0,
+                )
+            )
+    return Board(right - left, bottom - top, tuple(pads), values, descriptions)
+
+
+def _parse(text: str) -> Node:
+    stack: list[Node] = [[]]
+    for token in _TOKEN.findall(text):
+        if token == "(":
+            stack.append([])
+        elif token == ")":
+            node = stack.pop()
+            stack[-1].append(node)
+        else:
+            stack[-1].append(token[1:-1].replace('\\"', '"') if token.startswith('"') else token)
+    (root,) = stack[0]
+    assert isinstance(root, list)
+    return root
+
+
+def _children(node: Node, name: str) -> list[Node]:
+    return [each for each in node if isinstance(each, list) and each and each[0] == name]
+
+
+def _child(node: Node, name: str) -> Node:
+    return _children(node, name)[0]
+
+
+def _text(node: Node, name: str) -> str:
+    return str(_child(node, name)[1])
+
+
+def _numbers(node: Node) -> list[float]:
+    return [float(str(each)) for each in node[1:]]
