@@ -11,7 +11,6 @@ import json
 import os
 import re
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -24,6 +23,7 @@ from tests.board.checks import (
     connector_problems,
     mount_problems,
     net_problems,
+    price_words,
 )
 from tests.board.kicad_files import read_board
 from tests.lab.released import FOOT_DESIGN
@@ -31,10 +31,9 @@ from tests.support.made_once import LackingError, fetch, run
 
 _OUT = ROOT / "build" / "board"
 _PICTURES = ROOT / "docs" / "images"
+_KICAD, _LEAST_VERSION = Path("/usr/share/kicad"), 9
 _BACKPORTS = "deb http://deb.debian.org/debian bookworm-backports main\n"
 _SIDE_PIXELS = "1000"
-#: Legs of the robot whose price is printed.
-_N_LEGS = 6
 
 
 def install_kicad() -> None:
@@ -43,7 +42,9 @@ def install_kicad() -> None:
     Raises:
         LackingError: It cannot be had; with the reason.
     """
-    if shutil.which("kicad-cli") and run("kicad-cli", "version").strip().startswith("9."):
+    libraries = [_KICAD / name for name in ("template/sym-lib-table", "symbols", "footprints")]
+    version = run("kicad-cli", "version") if shutil.which("kicad-cli") else "0"
+    if int(version.partition(".")[0]) >= _LEAST_VERSION and all(path.exists() for path in libraries):
         return
     release = Path("/etc/os-release")
     if not release.exists() or "VERSION_CODENAME=bookworm" not in release.read_text(encoding="utf-8"):
@@ -76,7 +77,7 @@ def kicad(*arguments: str | Path) -> None:
         tables = Path(settings) / "9.0"
         tables.mkdir()
         for name in ("sym-lib-table", "fp-lib-table"):
-            shutil.copy(f"/usr/share/kicad/template/{name}", tables)
+            shutil.copy(_KICAD / "template" / name, tables)
         run("env", f"KICAD_CONFIG_HOME={settings}", "kicad-cli", *arguments)
 
 
@@ -123,25 +124,13 @@ def write_files() -> None:
         "--output", _OUT / "placement.csv", board,
     )  # fmt: skip
     kicad("sch", "export", "pdf", "--output", _OUT / "schematic.pdf", schematic)
-    kicad(
-        "sch", "export", "bom", "--fields", "Reference,Value,MPN,${QUANTITY}", "--labels", "Refs,Value,MPN,Qty",
-        "--group-by", "MPN", "--exclude-dnp", "--output", _OUT / "parts.csv", schematic,
-    )  # fmt: skip
-    with (_OUT / "parts.csv").open(newline="", encoding="utf-8") as file:
-        lines = bill_of_materials([part for part in csv.DictReader(file) if part["MPN"]])
-    (_OUT / "parts.csv").unlink()
+    lines = bill_of_materials(read_board(board))
     with (_OUT / "bill-of-materials.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, lines[0], lineterminator="\n")
         writer.writeheader()
         writer.writerows(lines)
-    cost = {
-        per: sum(float(line["price [USD]"]) * int(line["quantity"]) for line in lines if line["per"] == per)
-        for per in ("foot", "order")
-    }
-    total = _N_LEGS * cost["foot"] + cost["order"]
-    print(
-        f"board: {cost['foot']:.2f} USD a foot, {cost['order']:.2f} an order; {_N_LEGS} legs {total:.0f} USD"
-    )
+    words = price_words(lines)
+    print(f"board: {words['foot']} USD a foot, {words['order']} an order; six legs {words['six']} USD")
 
 
 def write_pictures(folder: Path) -> None:
@@ -173,7 +162,7 @@ def main() -> int:
     """Make what is missing, check, write, and return the exit code."""
     try:
         install_kicad()
-    except (LackingError, subprocess.SubprocessError) as error:
+    except LackingError as error:
         print(f"board: not checked: {error}")
         return 0
     problems = rule_problems(BOARD_FOLDER) + file_problems(BOARD_FOLDER)

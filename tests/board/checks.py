@@ -19,6 +19,8 @@ from tests.lab.fabrication.readback import read_layer, read_step
 
 ROOT = Path(__file__).parents[2]
 BOARD_FOLDER = ROOT / "deploy" / "board"
+#: Legs of the robot whose price is told.
+_N_LEGS = 6
 #: How far a pad or a hole may be from where its flex or its thread is [mm].
 _PLACE_MM = 0.05
 #: Net of each pin of the chip that is not open.
@@ -149,24 +151,38 @@ def mount_problems(board: Board, step: Path, design: FootDesign) -> Iterator[str
         yield f"{len(holes)} holes, the mount has {len(dimensions.BOARD_HOLES_MM)} threads"
 
 
-def bill_of_materials(parts: list[dict[str, str]]) -> list[dict[str, str]]:
-    """Return the lines of the bill: the parts of the schematic by manufacturer's number, with deploy/board/parts.csv.
+def bill_of_materials(board: Board) -> list[dict[str, str]]:
+    """Return the lines of the bill: deploy/board/parts.csv, with the references of each number on the board.
 
     Args:
-        parts: References, value, quantity and number of each part of the schematic.
+        board: The board.
 
     Raises:
         AssertionError: A part has no line in parts.csv, or a cell of one is empty.
     """
     with (BOARD_FOLDER / "parts.csv").open(newline="", encoding="utf-8") as file:
-        rows = {row["number"]: row for row in csv.DictReader(file)}
-    used = {part["MPN"]: part for part in parts}
-    assert used.keys() <= rows.keys(), f"parts.csv: no line for {', '.join(used.keys() - rows.keys())}"
-    for number, row in rows.items():
-        assert all(row.values()), f"parts.csv: {number}: a cell is empty"
-        float(row["price [USD]"])
-    beside = {"Refs": "-", "Qty": "1"}
-    return [
-        {"references": used.get(number, beside)["Refs"], "quantity": used.get(number, beside)["Qty"], **row}
-        for number, row in rows.items()
-    ]
+        rows = list(csv.DictReader(file))
+    lacking = set(board.numbers.values()) - {row["number"] for row in rows}
+    assert not lacking, f"parts.csv: no line for {', '.join(sorted(lacking))}"
+    lines = []
+    for row in rows:
+        assert all(row.values()), f"parts.csv: {row['number']}: a cell is empty"
+        references = sorted(name for name, number in board.numbers.items() if number == row["number"])
+        counts = {"references": " ".join(references) or "-", "quantity": str(len(references) or 1)}
+        lines.append(counts | row)
+    return lines
+
+
+def price_words(lines: list[dict[str, str]]) -> dict[str, str]:
+    """Return what docs/converter-board.md says of the prices of a bill [USD], by the name of its mark."""
+    foot, order = (
+        sum(float(line["price [USD]"]) * int(line["quantity"]) for line in lines if line["per"] == per)
+        for per in ("foot", "order")
+    )
+    return {
+        "foot": f"{foot:.2f}",
+        "order": f"{order:.0f}",
+        "six": f"{_N_LEGS * foot + order:.0f}",
+        "estimates": str(sum("estimate" in line["kind of source"] for line in lines)),
+        "lines": str(len(lines)),
+    }

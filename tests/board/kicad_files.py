@@ -40,6 +40,7 @@ class Board(NamedTuple):
         pads: All pads.
         values: Value of each part.
         descriptions: What KiCad's library says of the footprint of each part.
+        numbers: Manufacturer's number of each part that is bought.
     """
 
     width_mm: float
@@ -47,6 +48,7 @@ class Board(NamedTuple):
     pads: tuple[Pad, ...]
     values: dict[str, str]
     descriptions: dict[str, str]
+    numbers: dict[str, str]
 
     def nets(self, reference: str) -> dict[str, str]:
         """Return the net of each numbered pad of a part."""
@@ -69,11 +71,14 @@ def read_board(path: Path) -> Board:
     ]
     left, right = min(x for x, _ in ends), max(x for x, _ in ends)
     top, bottom = min(y for _, y in ends), max(y for _, y in ends)
-    pads, values, descriptions = [], {}, {}
+    pads: list[Pad] = []
+    values, descriptions, numbers = {}, {}, {}
     for part in _children(root, "footprint"):
         named = {str(node[1]): str(node[2]) for node in _children(part, "property")}
         reference = named["Reference"]
         values[reference], descriptions[reference] = named["Value"], _text(part, "descr")
+        if "MPN" in named:
+            numbers[reference] = named["MPN"]
         x, y, *turn = _numbers(_child(part, "at"))
         angle = math.radians(turn[0] if turn else 0.0)
         for pad in _children(part, "pad"):
@@ -89,7 +94,7 @@ def read_board(path: Path) -> Board:
                     float(str(drill[0][1])) if drill else 0.0,
                 )
             )
-    return Board(right - left, bottom - top, tuple(pads), values, descriptions)
+    return Board(right - left, bottom - top, tuple(pads), values, descriptions, numbers)
 
 
 def _parse(text: str) -> Node:

@@ -16,6 +16,7 @@ from tests.board.checks import (
     mount_problems,
     net_problems,
     pins_of_the_page,
+    price_words,
 )
 from tests.board.kicad_files import Board, read_board
 from tests.lab.released import FOOT_DESIGN
@@ -87,9 +88,17 @@ def test_a_wrong_board_is_found(spoil: Callable[[], str], line: str, folder: Pat
     assert re.search(line, "\n".join(problems(read_board(path), folder)))
 
 
-def test_a_part_without_a_line_in_the_bill_is_found() -> None:
+def test_the_page_has_the_prices_of_the_bill() -> None:
+    page = (BOARD_FOLDER.parents[1] / "docs" / "converter-board.md").read_text(encoding="utf-8")
+    words = price_words(bill_of_materials(read_board(BOARD_FOLDER / "converter.kicad_pcb")))
+    assert dict(re.findall(r"<!--board (\w+)-->(.*?)<!--end-->", page)) == words
+
+
+def test_a_part_without_a_line_in_the_bill_is_found(tmp_path: Path) -> None:
+    path = tmp_path / "converter.kicad_pcb"
+    path.write_text(of_part("U2", "LP5907MFX-3.0/NOPB", "XYZ"), encoding="utf-8")
     with pytest.raises(AssertionError, match=r"parts\.csv: no line for XYZ"):
-        bill_of_materials([{"Refs": "U9", "Qty": "1", "MPN": "XYZ"}])
+        bill_of_materials(read_board(path))
 
 
 @needs_kicad
