@@ -150,11 +150,16 @@ def write_pictures(folder: Path) -> None:
             "pcb", "export", "svg", "--mode-single", "--page-size-mode", "2", "--exclude-drawing-sheet",
             "--layers", "Edge.Cuts,F.Mask,F.Fab", "--output", Path(out) / "parts.svg", board,
         )  # fmt: skip
-        for name, file in (("schematic", "converter"), ("parts", "parts")):
+        # Size on the page, and what is drawn of the sheet [mm].
+        for name, file, size in (
+            ("schematic", "converter", 'width="1050" height="540" viewBox="10 18 280 144"'),
+            ("parts", "parts", 'width="500" height="500" viewBox="0 0 25.6 25.6"'),
+        ):
             text = (Path(out) / f"{file}.svg").read_text(encoding="utf-8")
             # Without the date, and with hundredths of a millimetre: half as long.
             text = re.sub(r"<title>.*?</title>", "", text, flags=re.DOTALL)
             text = re.sub(r"(\.\d\d)\d+", r"\1", text)
+            text = re.sub(r'width="[^"]*" height="[^"]*" viewBox="[^"]*"', size, text, count=1)
             (folder / f"converter-board-{name}.svg").write_text(text, encoding="utf-8")
 
 
