@@ -24,8 +24,9 @@ from tests.board.checks import (
     mount_problems,
     net_problems,
     price_words,
+    shield_problems,
 )
-from tests.board.kicad_files import read_board
+from tests.board.kicad_files import read_board, read_copper
 from tests.lab.released import FOOT_DESIGN
 from tests.support.made_once import LackingError, fetch, run
 
@@ -105,6 +106,7 @@ def file_problems(folder: Path) -> list[str]:
         write_fabrication_package(FOOT_DESIGN, Path(out))
         return [
             *net_problems(board),
+            *shield_problems(read_copper(folder / "converter.kicad_pcb")),
             *connector_problems(board, Path(out), FOOT_DESIGN),
             *mount_problems(board, Path(out) / "step" / "board-mount.step", FOOT_DESIGN),
         ]
@@ -151,7 +153,7 @@ def write_pictures(folder: Path) -> None:
             "--layers", "Edge.Cuts,F.Mask,F.Fab", "--output", Path(out) / "parts.svg", board,
         )  # fmt: skip
         # Size on the page, and what is drawn of the sheet [mm].
-        for name, file, size in (
+        for name, file, frame in (
             ("schematic", "converter", 'width="1050" height="540" viewBox="10 18 280 144"'),
             ("parts", "parts", 'width="500" height="500" viewBox="0 0 25.6 25.6"'),
         ):
@@ -159,7 +161,7 @@ def write_pictures(folder: Path) -> None:
             # Without the date, and with hundredths of a millimetre: half as long.
             text = re.sub(r"<title>.*?</title>", "", text, flags=re.DOTALL)
             text = re.sub(r"(\.\d\d)\d+", r"\1", text)
-            text = re.sub(r'width="[^"]*" height="[^"]*" viewBox="[^"]*"', size, text, count=1)
+            text = re.sub(r'width="[^"]*" height="[^"]*" viewBox="[^"]*"', frame, text, count=1)
             (folder / f"converter-board-{name}.svg").write_text(text, encoding="utf-8")
 
 

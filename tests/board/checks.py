@@ -5,6 +5,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+import shapely
 from netgen import occ
 
 from firmware_interface.chips import ad7147 as chip
@@ -14,7 +15,7 @@ from footsense.lab.fabrication.documents import connector_contacts
 from footsense.lab.fabrication.parts.board_place import board_corner_mm
 from footsense.lab.fabrication.parts.flex import flexes
 from footsense.lab.geometry import FootDesign
-from tests.board.kicad_files import Board
+from tests.board.kicad_files import Board, Copper
 from tests.lab.fabrication.readback import read_layer, read_step
 
 ROOT = Path(__file__).parents[2]
@@ -23,6 +24,8 @@ BOARD_FOLDER = ROOT / "deploy" / "board"
 _N_LEGS = 6
 #: How far a pad or a hole may be from where its flex or its thread is [mm].
 _PLACE_MM = 0.05
+#: How far from the middle of a via the planes of other nets may end, with the necks between two [mm].
+_SPARED_MM = 0.55
 #: Net of each pin of the chip that is not open.
 _CHIP = {f"CIN{k}": f"CIN{k}" for k in (*range(9), REFERENCE_INPUT)}
 _CHIP |= {"GND": "GND", "VCC": "+3V0", "VDRIVE": "+3V3", "SDA": "SDA", "SCLK": "SCL"}
@@ -88,6 +91,26 @@ def _chip_problems(board: Board) -> Iterator[str]:
     shield = {pad for pad in board.on_net("ACSHIELD") if not pad.startswith("J1.")}
     if shield != {f"U1.{pins['ACSHIELD']}"}:
         yield f"ACSHIELD: is on {', '.join(sorted(shield))} beside the element flex, has to be on the chip alone"
+
+
+def shield_problems(copper: Copper) -> Iterator[str]:
+    """Yield which lines of elements lack the shield in the first inner layer or on the back, or have ground there.
+
+    Beside a via, whose hole the planes spare, nothing is asked.
+    """
+    vias = shapely.MultiPoint(copper.vias).buffer(_SPARED_MM)
+    for layer in ("In1.Cu", "B.Cu"):
+        shield = shapely.union_all(
+            [shapely.Polygon(area) for area in copper.planes.get(("ACSHIELD", layer), [])]
+        )
+        bare = {
+            net
+            for net, start, end in copper.tracks
+            if net.startswith("CIN")
+            and shapely.LineString([start, end]).difference(vias).difference(shield).length > _PLACE_MM
+        }
+        if bare:
+            yield f"{', '.join(sorted(bare))}: without ACSHIELD behind it, in layer {layer}"
 
 
 def connector_problems(board: Board, folder: Path, design: FootDesign) -> Iterator[str]:

@@ -8,6 +8,8 @@ from typing import NamedTuple, TypeAlias
 #: A list of an s-expression: its name, then words and lists.
 Node: TypeAlias = "list[str | Node]"
 
+Point: TypeAlias = tuple[float, float]
+
 _TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[()]|[^\s()"]+')
 
 
@@ -29,6 +31,20 @@ class Pad(NamedTuple):
     x_mm: float
     y_mm: float
     drill_mm: float
+
+
+class Copper(NamedTuple):
+    """Tracks, vias and planes of a board, places as in its file [mm].
+
+    Attributes:
+        tracks: Net, start and end of each track.
+        vias: Middle of each via.
+        planes: Filled areas by net and layer, each a list of points.
+    """
+
+    tracks: tuple[tuple[str, Point, Point], ...]
+    vias: tuple[Point, ...]
+    planes: dict[tuple[str, str], list[list[Point]]]
 
 
 class Board(NamedTuple):
@@ -97,6 +113,22 @@ def read_board(path: Path) -> Board:
     return Board(right - left, bottom - top, tuple(pads), values, descriptions, numbers)
 
 
+def read_copper(path: Path) -> Copper:
+    """Return tracks, vias and planes of a `.kicad_pcb` file."""
+    root = _parse(path.read_text(encoding="utf-8"))
+    nets = {str(net[1]): str(net[2]).removeprefix("/") for net in _children(root, "net")}
+    tracks = tuple(
+        (nets[_text(track, "net")], _point(_child(track, "start")), _point(_child(track, "end")))
+        for track in _children(root, "segment")
+    )
+    planes: dict[tuple[str, str], list[list[Point]]] = {}
+    for zone in _children(root, "zone"):
+        for area in _children(zone, "filled_polygon"):
+            corners = [_point(corner) for corner in _children(_child(area, "pts"), "xy")]
+            planes.setdefault((nets[_text(zone, "net")], _text(area, "layer")), []).append(corners)
+    return Copper(tracks, tuple(_point(_child(via, "at")) for via in _children(root, "via")), planes)
+
+
 def _parse(text: str) -> Node:
     stack: list[Node] = [[]]
     for token in _TOKEN.findall(text):
@@ -122,6 +154,11 @@ def _child(node: Node, name: str) -> Node:
 
 def _text(node: Node, name: str) -> str:
     return str(_child(node, name)[1])
+
+
+def _point(node: Node) -> Point:
+    x, y = _numbers(node)[:2]
+    return x, y
 
 
 def _numbers(node: Node) -> list[float]:

@@ -17,8 +17,9 @@ from tests.board.checks import (
     net_problems,
     pins_of_the_page,
     price_words,
+    shield_problems,
 )
-from tests.board.kicad_files import Board, read_board
+from tests.board.kicad_files import read_board, read_copper
 from tests.lab.released import FOOT_DESIGN
 
 pytestmark = pytest.mark.lab
@@ -34,9 +35,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def problems(board: Board, folder: Path) -> list[str]:
+def problems(pcb: Path, folder: Path) -> list[str]:
+    board = read_board(pcb)
     return [
         *net_problems(board),
+        *shield_problems(read_copper(pcb)),
         *connector_problems(board, folder, FOOT_DESIGN),
         *mount_problems(board, folder / "step" / "board-mount.step", FOOT_DESIGN),
     ]
@@ -55,6 +58,13 @@ def negated(match: re.Match[str]) -> str:
     return f"{match[1]}{-float(match[2]):g}"
 
 
+def shield_at_ground() -> str:
+    (ground,) = re.findall(r'\(net (\d+) "GND"\)', PCB.partition("(footprint")[0])
+    text, n = re.subn(r'\(net \d+\)(\s+\(net_name "/ACSHIELD"\)\s+\(layer "In1)', rf"(net {ground})\1", PCB)
+    assert n == 1
+    return text
+
+
 def test_the_table_of_pins_is_complete() -> None:
     pins = pins_of_the_page()
     assert sorted(pins.values()) == list(range(1, 25))
@@ -62,7 +72,7 @@ def test_the_table_of_pins_is_complete() -> None:
 
 
 def test_the_board_fits_chip_pages_flexes_and_mount(folder: Path) -> None:
-    assert problems(read_board(BOARD_FOLDER / "converter.kicad_pcb"), folder) == []
+    assert problems(BOARD_FOLDER / "converter.kicad_pcb", folder) == []
 
 
 @pytest.mark.parametrize(
@@ -71,6 +81,7 @@ def test_the_board_fits_chip_pages_flexes_and_mount(folder: Path) -> None:
         (lambda: PCB.replace("/ADD0", "x").replace("/ADD1", "/ADD0").replace('"x"', '"/ADD1"'), "U1 pin 14, ADD0"),
         (lambda: of_part("JP1", '"\\+1"', '"+2"'), "JP1, strap: says .2, adds 1"),
         (lambda: of_part("J1", '(pad "7".*?)"/ACSHIELD"', r'\1"GND"'), "J1: contact 15 .*GND"),
+        (shield_at_ground, "CIN0, .*CIN8: without ACSHIELD behind it, in layer In1.Cu"),
         (lambda: of_part("C4", '"GND"', '"/ACSHIELD"'), "ACSHIELD: is on C4.2, U1.8"),
         (lambda: of_part("C1", "4p7", "47p"), "C1, reference capacitor: is 47p"),
         (lambda: of_part("R1", r'"\+3V3"', '"+3V0"'), "R1, pull-up"),
@@ -85,7 +96,7 @@ def test_the_board_fits_chip_pages_flexes_and_mount(folder: Path) -> None:
 def test_a_wrong_board_is_found(spoil: Callable[[], str], line: str, folder: Path, tmp_path: Path) -> None:
     path = tmp_path / "converter.kicad_pcb"
     path.write_text(spoil(), encoding="utf-8")
-    assert re.search(line, "\n".join(problems(read_board(path), folder)))
+    assert re.search(line, "\n".join(problems(path, folder)))
 
 
 def test_the_page_has_the_prices_of_the_bill() -> None:
