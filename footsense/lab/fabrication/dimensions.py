@@ -46,7 +46,8 @@ TAIL_CONTACT_PAD_LENGTH_MM = 4.0
 #: tail does not bend, and under the coverlay.
 STIFFENER_LENGTH_MM = 6.0
 VIA_TO_END_MM = 5.0
-#: Length of the tail beyond the ball [mm]: up the leg beside the socket to the converter board.
+#: Length of the tail beyond the ball [mm]: up the leg beside the socket to the converter board. That of the common flex
+#: of board `ad7147` goes around the socket, and is longer.
 TAIL_BEYOND_BALL_MM = 60.0
 
 # ------------------------------------------------------------------------------------------------ alignment
@@ -83,10 +84,38 @@ TAIL_CHANNEL_PLAY_PER_SIDE_MM = 0.25
 TAIL_CHANNEL_DEPTH_MM = 0.8
 MIN_TAIL_CHANNEL_SIDE_MM = 0.4
 
+# ------------------------------------------------------------------------------------------------ converter board
+#: Side and thickness of the board of `deploy/board` [mm]. Places on it are from its lower left corner, seen from the
+#: side of its parts, with the connectors of the flexes below.
+BOARD_SIDE_MM, BOARD_THICKNESS_MM = 25.0, 1.6
+#: Centres of its holes, and their diameter, for M2 [mm].
+BOARD_HOLES_MM = ((2.2, 22.8), (22.8, 22.8), (2.2, 9.2), (23.0, 2.2))
+BOARD_HOLE_DIAMETER_MM = 2.2
+#: Middle of the connectors of element and common flex along the lower edge, and how high the end of each is in its
+#: connector [mm].
+BOARD_ELEMENT_FLEX_MM, BOARD_ELEMENT_FLEX_END_MM = 9.4, 3.4
+BOARD_COMMON_FLEX_MM, BOARD_COMMON_FLEX_END_MM = 19.8, 10.4
+#: Thickness of the mount, height of its spacers, their diameter, and that of the cores of their M2 threads [mm].
+MOUNT_WALL_MM, MOUNT_SPACER_MM, MOUNT_SPACER_DIAMETER_MM, MOUNT_CORE_MM = 3.0, 3.0, 4.4, 1.6
+#: Distance of its wall from the socket, holes for the screws of the leg and for excess adhesive [mm].
+MOUNT_TO_SOCKET_MM, MOUNT_SCREW_HOLE_MM, MOUNT_VENT_MM = 0.5, 2.7, 4.0
+#: Flexes above the board in their connectors, and slack of each [mm].
+FLEX_ABOVE_BOARD_MM, TAIL_SLACK_MM = 0.6, 3.0
+
 
 def socket_outer_radius_mm(ball_radius_mm: float) -> float:
     """Return the outer radius of the socket for a ball of given radius [mm]."""
     return ball_radius_mm + ADHESIVE_THICKNESS_MM + SOCKET_WALL_MM
+
+
+def socket_top_z_mm(ball_radius_mm: float, plate_mm: float) -> float:
+    """Return the height of the socket's flat top, where the leg is screwed on [mm].
+
+    Args:
+        ball_radius_mm: Radius of the ball [mm].
+        plate_mm: Thickness of the plate between sheet and hemisphere [mm].
+    """
+    return plate_mm + ball_radius_mm + SOCKET_TOP_THICKNESS_MM
 
 
 def tail_half_width_mm(n_contacts: int) -> float:

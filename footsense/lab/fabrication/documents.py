@@ -82,6 +82,7 @@ def bill_of_materials(
     shore, side, plate = shore_a_from_modulus(design.rubber.youngs_mpa), design.sheet_mm, design.plate_mm
     rubber = f"Shore A {shore:.0f}, {design.rubber.youngs_mpa:g} MPa, cures at room temperature, shrinks below 0.5 %"
     pdms = f"elastomer of {design.pdms.youngs_mpa:g} MPa (PDMS), {side:g} x {side:g} x {plate:g} mm"
+    on_board = has_element_lines(board)
     dowel_mm = 2.0 * dimensions.MOULD_DOWEL_DIAMETER_MM + dimensions.MOULD_WALL_MM
     rows: list[tuple[float | str | None, ...]] = [
         (
@@ -104,18 +105,19 @@ def bill_of_materials(
         ),
         (2, "piece", "dowel pin of the stack", "2 x 10 mm", ""),
         (1, "piece", "socket of the leg", "aluminium or printed resin", "step/leg-socket.step"),
-        (dimensions.SCREWS, "piece", "screw of the socket", "M2.5 x 6", ""),
+        (dimensions.SCREWS, "piece", "screw of the socket", f"M2.5 x {10 if on_board else 6}", ""),
         (1, "g", "adhesive", "silicone, flexible, cures at room temperature; primer for the rubber", ""),
     ]
+    if on_board:
+        rows.append((1, "piece", "mount of the converter board", "printed resin", "step/board-mount.step"))
     for flex in flexes:
         count = len(flex.contacts)
         layers = "two layers" if flex.n_layers > 1 else "one layer"
         layers += f" of copper on polyimide, {count} contacts, 0.3 mm at the contacts"
         plug = f"zero insertion force, pitch {dimensions.TAIL_CONTACT_PAD_PITCH_MM:g} mm, {count} contacts, for 0.3 mm"
-        rows += [
-            (1, "piece", flex.name.replace("-", " "), layers, f"{flex.name}/"),
-            (1, "piece", f"connector of the {flex.name.replace('-', ' ')}", plug, ""),
-        ]
+        rows.append((1, "piece", flex.name.replace("-", " "), layers, f"{flex.name}/"))
+        if not on_board:
+            rows.append((1, "piece", f"connector of the {flex.name.replace('-', ' ')}", plug, ""))
     return [(*row, None) for row in rows] + [
         (part.quantity, "piece", part.name, part.specification, "", part.price_usd)
         for part in ELECTRONICS[board]

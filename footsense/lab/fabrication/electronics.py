@@ -24,7 +24,7 @@ class ElectronicPart(NamedTuple):
     is_chip: bool = False
 
 
-#: Of board `ad7147` all parts but the connectors of the flexes (docs/wiring.md); of board `fdc1004` its chips.
+#: Of board `ad7147` the chip, and the board with all other parts (docs/converter-board.md); of `fdc1004` its chips.
 ELECTRONICS: dict[str, tuple[ElectronicPart, ...]] = {
     "ad7147": (
         ElectronicPart(
@@ -34,16 +34,13 @@ ELECTRONICS: dict[str, tuple[ElectronicPart, ...]] = {
             4.0,
             is_chip=True,
         ),
-        ElectronicPart(1, "regulator", "3.0 V, 10 mA or more, at VCC: the chip takes 2.6 to 3.3 V", 0.4),
         ElectronicPart(
-            1, "capacitor", "4.7 pF, C0G, 1 %, from CIN12 to GND: the reference of all forces", 0.1
+            1,
+            "converter board",
+            "deploy/board of footsense, with all parts but the AD7147-1; of an order of six",
+            13.8,
         ),
-        ElectronicPart(3, "capacitor", "100 nF, at VCC, VDRIVE and BIAS", 0.1),
-        ElectronicPart(2, "capacitor", "1 uF, at input and output of the regulator", 0.1),
-        ElectronicPart(
-            2, "resistor", "0 Ohm, ADD0 and ADD1 each to GND or VDRIVE: address 0x2C to 0x2F", 0.05
-        ),
-        ElectronicPart(1, "connector of the leg", "4 contacts: 3.3 V, GND, SDA, SCL", 0.4),
+        ElectronicPart(4, "screw of the converter board", "M2 x 8", 0.2),
     ),
     "fdc1004": (
         ElectronicPart(1, "FDC1004", "capacitance-to-digital converter of the leg", 4.0, is_chip=True),

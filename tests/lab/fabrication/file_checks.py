@@ -10,6 +10,7 @@ from shapely import affinity
 
 from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.parts import sheets
+from footsense.lab.fabrication.parts.board_place import board_corner_mm
 from footsense.lab.fabrication.parts.flex import Flex
 from footsense.lab.fabrication.parts.solids import mould_hollow_centres_x_mm
 from footsense.lab.fem.solids import EQUAL_WITHIN_MM
@@ -248,12 +249,32 @@ def check_solids(folder: Path, design: FootDesign, flexes: tuple[Flex, Flex]) ->
     for flex in flexes:
         play_mm = socket.Distance(_tail_box_in_channel(folder, design, flex))
         assert abs(play_mm - dimensions.TAIL_CHANNEL_PLAY_PER_SIDE_MM) < ROUNDING_MM
+    if flexes[1].shield_net:
+        _check_mount(read_step(folder / "step" / "board-mount.step"), socket, design, flexes)
     centre = occ.Pnt(mould_hollow_centres_x_mm(design)[0], 0, 0)
     cast = occ.Sphere(centre, design.ball_radius_mm) * occ.HalfSpace(centre, occ.Vec(0, 0, 1))
     assert (body * cast).mass < ROUNDING_MM
     corner, _ = body.bounding_box
     walls_mm = [face.Distance(cast) for face in body.faces if _is_in_plane_through_corner(face, corner)]
     assert abs(min(walls_mm) - dimensions.MOULD_WALL_MM) < ROUNDING_MM
+
+
+def _check_mount(mount: Any, socket: Any, design: FootDesign, flexes: tuple[Flex, Flex]) -> None:
+    """Check that the mount lies on the socket, lets both tails through, and that they reach the board."""
+    assert len(mount.solids) == 1
+    assert (mount * socket).mass < ROUNDING_MM
+    assert mount.Distance(socket) < ROUNDING_MM
+    common, element = flexes
+    corner_x, corner_y, corner_z = board_corner_mm(design.ball_radius_mm)
+    half, floor = element.tail_half_width_mm, element.channel_floor_mm
+    end_z = corner_z - dimensions.MOUNT_WALL_MM
+    straight = occ.Box(occ.Pnt(floor, -half, 0.0), occ.Pnt(floor + 0.1, half, end_z))
+    assert (mount * straight).mass < ROUNDING_MM
+    # From the channel on the left to in front of the board, and up to its connector.
+    lane_y = corner_y + dimensions.BOARD_COMMON_FLEX_MM
+    forward_mm = corner_x + dimensions.BOARD_THICKNESS_MM
+    way_mm = math.hypot(forward_mm, common.channel_floor_mm - lane_y, corner_z)
+    assert common.tail_end_u_mm > common.channel_floor_mm + way_mm + dimensions.BOARD_COMMON_FLEX_END_MM
 
 
 def _tail_box_in_channel(folder: Path, design: FootDesign, flex: Flex) -> Any:

@@ -22,6 +22,7 @@ import shapely
 
 from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.electronics import has_element_lines
+from footsense.lab.fabrication.parts.board_place import N_COMMON_CONTACTS, common_tail_end_mm
 from footsense.lab.fabrication.parts.gerber import Pad, Point, Trace
 from footsense.lab.geometry import FootDesign
 
@@ -34,9 +35,6 @@ GUARD_NET = "shld"
 COMMON_NET = "gnd"
 #: Net of all guards, and of the layer behind the lines, with board `ad7147`: the chip's shield driver.
 AD7147_GUARD_NET = "acshield"
-
-#: Contacts of it: the fewest of common connectors.
-_N_COMMON_CONTACTS = 4
 
 #: Rows of each column in the order of v, in which its lines reach the tail, and the contacts that are led through each
 #: of the bars between columns, in the same order: lines of the second and third row, and the guards of both columns.
@@ -143,6 +141,8 @@ class Flex:
     @property
     def tail_end_u_mm(self) -> float:
         """Coordinate u of the tail's end [mm]."""
+        if self.name == "common-flex":
+            return common_tail_end_mm(self.design.ball_radius_mm, self.design.plate_mm)
         return self.design.ball_radius_mm + dimensions.TAIL_BEYOND_BALL_MM
 
     @property
@@ -333,7 +333,7 @@ def _common_flex(design: FootDesign) -> Flex:
     lines, (first, *_, last) = design.line_mm, design.line_mm
     wires = [Wire(COMMON_NET, ((u, -first), (u, -last))) for u in lines]
     wires.append(Wire(COMMON_NET, ((last, -last), (first, -last))))
-    contacts = (COMMON_NET,) * _N_COMMON_CONTACTS
+    contacts = (COMMON_NET,) * N_COMMON_CONTACTS
     wires += [
         Wire(COMMON_NET, ((first, v), (_fan_start_u_mm(design), v)), contact)
         for contact, v in enumerate(_contact_v_mm(len(contacts)), 1)

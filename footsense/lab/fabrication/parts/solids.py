@@ -12,6 +12,7 @@ from typing import Any
 from netgen import occ
 
 from footsense.lab.fabrication import dimensions
+from footsense.lab.fabrication.parts.board_place import board_corner_mm
 from footsense.lab.fabrication.parts.flex import Flex
 from footsense.lab.fem.solids import BODY_SIDES, hemisphere
 from footsense.lab.geometry import FootDesign
@@ -53,7 +54,7 @@ def _socket(design: FootDesign, flexes: tuple[Flex, Flex]) -> Any:
     outer = dimensions.socket_outer_radius_mm(design.ball_radius_mm)
     hollow = design.ball_radius_mm + dimensions.ADHESIVE_THICKNESS_MM
     rim = design.plate_mm
-    top = rim + design.ball_radius_mm + dimensions.SOCKET_TOP_THICKNESS_MM
+    top = dimensions.socket_top_z_mm(design.ball_radius_mm, design.plate_mm)
     solid = _cylinder(0.0, 0.0, 2.0 * outer, (rim, top)) - occ.Sphere(occ.Pnt(0, 0, rim), hollow)
     solid -= _cylinder(
         0.0, 0.0, dimensions.MOULD_VENT_DIAMETER_MM, (rim, top + 1.0)
@@ -64,15 +65,55 @@ def _socket(design: FootDesign, flexes: tuple[Flex, Flex]) -> Any:
         if flex.towards == "left":
             corners = [(-half, floor), (half, outer + 1.0)]
         solid -= occ.Box(occ.Pnt(*corners[0], rim - 1.0), occ.Pnt(*corners[1], top + 1.0))
-    for k in range(dimensions.SCREWS):
-        angle = 2.0 * math.pi * (k + 0.5) / dimensions.SCREWS
-        circle = 0.65 * outer
-        place = (circle * math.cos(angle), circle * math.sin(angle), dimensions.CORE_MM)
-        solid -= _cylinder(*place, (top - dimensions.CORE_DEPTH_MM, top + 1.0))
+    for place in screw_places_mm(design):
+        solid -= _cylinder(*place, dimensions.CORE_MM, (top - dimensions.CORE_DEPTH_MM, top + 1.0))
     forward = min(flex.channel_floor_mm for flex in flexes)
     solid -= _cylinder(
         0.85 * forward, 0.0, dimensions.MOULD_VENT_DIAMETER_MM, (top - 1.0, top + 1.0)
     )  # marks forward
+    return solid
+
+
+def screw_places_mm(design: FootDesign) -> list[tuple[float, float]]:
+    """Return (x, y) of the screws of the leg [mm]."""
+    circle = 0.65 * dimensions.socket_outer_radius_mm(design.ball_radius_mm)
+    angles = [2.0 * math.pi * (k + 0.5) / dimensions.SCREWS for k in range(dimensions.SCREWS)]
+    return [(circle * math.cos(angle), circle * math.sin(angle)) for angle in angles]
+
+
+def _board_mount(design: FootDesign, flexes: tuple[Flex, Flex]) -> Any:
+    """Return the mount of the converter board: a plate between socket and leg, and a wall with spacers in front."""
+    outer = dimensions.socket_outer_radius_mm(design.ball_radius_mm)
+    top, side = dimensions.socket_top_z_mm(design.ball_radius_mm, design.plate_mm), dimensions.BOARD_SIDE_MM
+    x, y, z = board_corner_mm(design.ball_radius_mm)
+    wall_x = x - dimensions.MOUNT_SPACER_MM
+    # The tail of the common flex passes to the left of what is below the board, that of the element flex in a window.
+    common_y = y + dimensions.BOARD_COMMON_FLEX_MM - flexes[0].channel_half_width_mm
+    half = flexes[1].channel_half_width_mm
+    plate = _cylinder(0.0, 0.0, 2.0 * outer, (top, top + dimensions.MOUNT_WALL_MM))
+    plate += occ.Box(occ.Pnt(0.0, y, top), occ.Pnt(wall_x, common_y, top + dimensions.MOUNT_WALL_MM))
+    for flex in flexes:
+        channel, floor = flex.channel_half_width_mm, flex.channel_floor_mm
+        corners = [(floor, -channel), (wall_x, channel)]
+        if flex.towards == "left":
+            corners = [(-channel, floor), (channel, outer + 1.0)]
+        plate -= occ.Box(occ.Pnt(*corners[0], top - 1.0), occ.Pnt(*corners[1], top + 9.0))
+    plate -= _cylinder(0.0, 0.0, dimensions.MOUNT_VENT_MM, (top - 1.0, top + 9.0))
+    for place in screw_places_mm(design):
+        plate -= _cylinder(*place, dimensions.MOUNT_SCREW_HOLE_MM, (top - 1.0, top + 9.0))
+    below, first_x = min(top, z - 1.0), wall_x - dimensions.MOUNT_WALL_MM
+    solid = plate + occ.Box(occ.Pnt(first_x, y, z - 1.0), occ.Pnt(wall_x, y + side, z + side))
+    if below < z - 1.0:
+        for low_y, high_y in ((y, -half), (half, common_y)):
+            solid += occ.Box(occ.Pnt(first_x, low_y, below), occ.Pnt(wall_x, high_y, z))
+    for u, v in dimensions.BOARD_HOLES_MM:
+        start = occ.Pnt(wall_x, y + u, z + v)
+        solid += occ.Cylinder(
+            start, occ.X, r=dimensions.MOUNT_SPACER_DIAMETER_MM / 2.0, h=dimensions.MOUNT_SPACER_MM
+        )
+    for u, v in dimensions.BOARD_HOLES_MM:
+        start, depth_mm = occ.Pnt(first_x - 1.0, y + u, z + v), x - first_x + 2.0
+        solid -= occ.Cylinder(start, occ.X, r=dimensions.MOUNT_CORE_MM / 2.0, h=depth_mm)
     return solid
 
 
@@ -83,7 +124,10 @@ def all_parts(design: FootDesign, flexes: tuple[Flex, Flex]) -> dict[str, Any]:
         for side, up in BODY_SIDES
     }
     parts["mould-body"], parts["mould-lid"] = _mould(design)
-    return {**parts, "leg-socket": _socket(design, flexes)}
+    parts["leg-socket"] = _socket(design, flexes)
+    if flexes[1].shield_net:  # the board of `deploy/board`
+        parts["board-mount"] = _board_mount(design, flexes)
+    return parts
 
 
 def write_step(name: str, solid: Any, path: Path) -> None:

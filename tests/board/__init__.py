@@ -1,0 +1,1 @@
+"""The converter board of `deploy/board`: what `make board` writes and checks."""
