@@ -84,6 +84,7 @@ def library() -> ctypes.CDLL:
     built.footsense_get_leg_force.restype = _View
     built.footsense_get_leg_force.argtypes = [ctypes.c_char_p, ctypes.c_uint8, ctypes.c_uint64]
     built.footsense_encode_record.restype = ctypes.c_uint8
+    built.footsense_encode_sending.restype = ctypes.c_uint8
     built.footsense_crc16.restype = ctypes.c_uint16
     built.footsense_feed.restype = ctypes.c_bool
     built.footsense_feed.argtypes = [
