@@ -9,10 +9,10 @@ uint16_t footsense_crc16(const uint8_t *data, uint8_t len)
 {
     uint16_t crc = 0xFFFFu;
     for (uint8_t i = 0; i < len; i++) {
-        crc = (uint16_t)(crc ^ data[i] << 8);
-        for (int bit = 0; bit < 8; bit++) {
-            crc = (uint16_t)((uint32_t)crc << 1 ^ (crc & 0x8000u ? 0x1021u : 0u));
-        }
+        /* Eight steps at once: the polynomial is x^16 + x^12 + x^5 + 1. */
+        uint32_t x = (uint32_t)crc >> 8 ^ data[i];
+        x ^= x >> 4;
+        crc = (uint16_t)((uint32_t)crc << 8 ^ x << 12 ^ x << 5 ^ x);
     }
     return crc;
 }

@@ -16,8 +16,8 @@ enum {
     SW_RESET = 0x0400,
     CONV_RESET = 0x8000,
     DECIMATION_64 = 0x0200,
-    NO_STATUS = 0xE000, /* bits of no status: the burst began one register late (EngineerZone 576116) */
     STATUS = 0x0FFF,
+    NOT_NO_STAGE = 0xEFFF, /* without the bit of a status that is no stage's; those above it are zero */
     CODE_MID = 0x8000,
     CODE_MAX = 0xFFFF,
     MAX_OFFSET = 63
@@ -264,54 +264,53 @@ static bool set_up(footsense_scan *scan, unsigned leg)
     return true;
 }
 
-/* Takes the burst of a leg, with the status behind it. */
-static void take(footsense_scan_leg *l, const uint8_t *burst, footsense_span before_at, uint16_t behind,
+/* Takes the burst of a leg, with the status behind it; false if it is to be read again. */
+static bool take(footsense_scan_leg *l, const uint8_t *burst, footsense_span before_at, const uint8_t *behind,
                  footsense_span behind_at)
 {
     uint16_t code[FOOTSENSE_STAGES];
     for (unsigned k = 0; k < FOOTSENSE_STAGES; k++) {
         code[k] = word_at(burst, 1 + k);
     }
-    l->is_new = footsense_stages_take(&l->stages, word_at(burst, 0) & STATUS, before_at, code, behind & STATUS, behind_at);
-    if (l->is_new) {
-        l->n_doubts = 0;
-    } else {
+    uint16_t before = word_at(burst, 0) & NOT_NO_STAGE;
+    footsense_taken taken = footsense_stages_take(&l->stages, before, before_at, code,
+                                                  word_at(behind, 0) & NOT_NO_STAGE, behind_at);
+    l->is_new = taken == FOOTSENSE_TAKEN;
+    if (taken == FOOTSENSE_DOUBT) {
         l->n_doubts++;
         l->reason = FOOTSENSE_NOT_READY;
         l->step = CHECK_CONTROL;
+    } else if (l->is_new) {
+        l->n_doubts = 0;
     }
+    return taken != FOOTSENSE_AGAIN;
 }
 
-/* Reads legs at the same time; returns those whose burst failed. */
+/* Reads legs at the same time; returns those that are to be read again. */
 static uint8_t read_legs(footsense_scan *scan, uint8_t legs)
 {
     uint8_t burst[FOOTSENSE_LEGS][FOOTSENSE_READ_MAX], status[FOOTSENSE_LEGS][FOOTSENSE_READ_MAX];
     int64_t begin_ns = now_ns(scan);
     uint8_t left = read_words(scan, legs, STAGE_COMPLETE_INT_STATUS, burst, 1 + FOOTSENSE_STAGES);
-    for (unsigned leg = 0; leg < FOOTSENSE_LEGS; leg++) {
-        if (left & bit(leg) && word_at(burst[leg], 0) & NO_STATUS) {
-            left = (uint8_t)(left & ~bit(leg));
-        }
-    }
-    uint8_t failed = (uint8_t)(legs & ~left);
+    uint8_t again = (uint8_t)(legs & ~left);
     footsense_span before_at = {begin_ns + WORD_AFTER_NS, now_ns(scan) + 1000 - RESULTS_NS};
     for (int attempt = 0; attempt < 2 && left != 0; attempt++) {
         begin_ns = now_ns(scan);
         uint8_t read = read_words(scan, left, STAGE_COMPLETE_INT_STATUS, status, 1);
         footsense_span behind_at = {begin_ns + WORD_AFTER_NS, now_ns(scan) + 1000};
         for (unsigned leg = 0; leg < FOOTSENSE_LEGS; leg++) {
-            if (read & bit(leg)) {
-                take(&scan->legs[leg], burst[leg], before_at, word_at(status[leg], 0), behind_at);
+            if (read & bit(leg) && !take(&scan->legs[leg], burst[leg], before_at, status[leg], behind_at)) {
+                again = (uint8_t)(again | bit(leg));
             }
         }
         left = (uint8_t)(left & ~read);
     }
     for (unsigned leg = 0; leg < FOOTSENSE_LEGS; leg++) {
-        if (left & bit(leg) && scan->legs[leg].step == READ) {
+        if ((left | again) & bit(leg) && scan->legs[leg].step == READ) {
             scan->legs[leg].reason = FOOTSENSE_NO_ANSWER;
         }
     }
-    return failed;
+    return again;
 }
 
 static uint8_t legs_that_are_read(const footsense_scan *scan)
@@ -434,12 +433,10 @@ void footsense_scan_next(footsense_scan *scan)
     uint32_t start_us = footsense_now_us();
     /* The next scan begins a period later; after a delay by more than that, anew. */
     scan->next_us = (start_us - scan->next_us < FOOTSENSE_SCAN_US ? scan->next_us : start_us) + FOOTSENSE_SCAN_US;
-    uint8_t failed = read_legs(scan, legs_that_are_read(scan));
-    failed = failed == 0 ? 0 : read_legs(scan, failed & legs_that_are_read(scan));
-    for (unsigned leg = 0; leg < FOOTSENSE_LEGS; leg++) {
-        if (failed & bit(leg) && scan->legs[leg].step == READ) {
-            scan->legs[leg].reason = FOOTSENSE_NO_ANSWER;
-        }
+    uint8_t again = read_legs(scan, legs_that_are_read(scan));
+    again &= legs_that_are_read(scan);
+    if (again != 0) {
+        (void)read_legs(scan, again);
     }
     send_records(scan);
     check_settings(scan);

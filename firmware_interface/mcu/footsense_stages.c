@@ -100,16 +100,18 @@ static bool count(footsense_stages *stages, uint16_t status, footsense_span at)
            && end(stages, (int)least, at);
 }
 
-bool footsense_stages_take(footsense_stages *stages, uint16_t before, footsense_span before_at,
-                           const uint16_t code[FOOTSENSE_STAGES], uint16_t behind, footsense_span behind_at)
+footsense_taken footsense_stages_take(footsense_stages *stages, uint16_t before, footsense_span before_at,
+                                      const uint16_t code[FOOTSENSE_STAGES], uint16_t behind,
+                                      footsense_span behind_at)
 {
     if (!count(stages, before, before_at)) {
-        return false;
+        /* A result is no status; then the one behind it is the first. */
+        return count(stages, behind, behind_at) ? FOOTSENSE_AGAIN : FOOTSENSE_DOUBT;
     }
     footsense_span ended = stages->ended;
     int first = stages->n_ended, last = first;
     if (!count(stages, behind, behind_at)) {
-        return false;
+        return FOOTSENSE_DOUBT;
     }
     if (ended.to - ended.from <= stages->shortest) {
         /* What ended near to a status may be in it or not, and its result new or not. */
@@ -131,7 +133,7 @@ bool footsense_stages_take(footsense_stages *stages, uint16_t before, footsense_
     if (stages->n_ended >= PERIOD + SLOTS) {
         begin_anew(stages);
     }
-    return true;
+    return FOOTSENSE_TAKEN;
 }
 
 footsense_run footsense_stages_newest(const footsense_stages *stages)

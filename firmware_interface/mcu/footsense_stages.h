@@ -31,10 +31,16 @@ typedef struct {
 /* The sequence begins with its first stage in a span. */
 void footsense_stages_start(footsense_stages *stages, footsense_span at);
 
-/* Takes a burst: the status read before it, its codes, and the status read behind it. Returns false, and stores none of
- * them, if a status does not fit or the count is lost. */
-bool footsense_stages_take(footsense_stages *stages, uint16_t before, footsense_span before_at,
-                           const uint16_t code[FOOTSENSE_STAGES], uint16_t behind, footsense_span behind_at);
+typedef enum {
+    FOOTSENSE_TAKEN,
+    FOOTSENSE_AGAIN, /* the burst began one register late (EngineerZone 576116): to be read again at once */
+    FOOTSENSE_DOUBT  /* a status does not fit, or the count is lost */
+} footsense_taken;
+
+/* Takes a burst: the status read before it, its codes, and the status read behind it. */
+footsense_taken footsense_stages_take(footsense_stages *stages, uint16_t before, footsense_span before_at,
+                                      const uint16_t code[FOOTSENSE_STAGES], uint16_t behind,
+                                      footsense_span behind_at);
 
 /* The newest conversions in a row, one of each stage. */
 typedef struct {

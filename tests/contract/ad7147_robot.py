@@ -30,6 +30,7 @@ from footsense.sim.i2c_bus import SimulatedBus
 from footsense.sim.scene import Ad7147Effects
 from tests.contract.boards import TIMEOUT_NS, Saboteur
 from tests.firmware.board import Board, Line
+from tests.firmware.emulated import WANTED, Emulated
 from tests.firmware.native import native_scan
 
 MUX, MS_NS, S_NS = 0x71, 1_000_000, 1_000_000_000
@@ -47,20 +48,28 @@ def true_pf(leg: NDArray[np.int_], element: NDArray[np.int_], t_ns: NDArray[np.i
 
 
 class Wiring(NamedTuple):
-    """Buses, whether each leg has an address or a channel of its own, and whether a microcontroller scans them."""
+    """Buses, whether each leg has an address or a channel of its own, and what runs the firmware that scans them."""
 
     n_buses: int
     has_mux: bool
-    on_mcu: bool = False
+    boot: Callable[[Board], Callable[[], None]] | None = None
+
+    @property
+    def on_mcu(self) -> bool:
+        """Return whether a microcontroller scans the legs, each on a bus of its own."""
+        return self.boot is not None
 
 
-MCU = Wiring(N_LEGS, has_mux=False, on_mcu=True)
+MCU, EMULATED = (Wiring(N_LEGS, has_mux=False, boot=boot) for boot in (native_scan, Emulated))
 ADDRESSES, CHANNELS, ONE_MUX = Wiring(2, has_mux=False), Wiring(2, has_mux=True), Wiring(1, has_mux=True)
 wirings = pytest.mark.parametrize(
     "wiring",
     [
         pytest.param(ADDRESSES, id="addresses"),
         pytest.param(MCU, id="mcu"),
+        pytest.param(
+            EMULATED, id="emulated", marks=pytest.mark.skipif(not WANTED, reason="by make firmware")
+        ),
         pytest.param(CHANNELS, id="channels", marks=pytest.mark.slow),
         pytest.param(ONE_MUX, id="one-mux", marks=pytest.mark.slow),
     ],
@@ -161,9 +170,9 @@ class Robot:
             self.scanners.append(FreeScanner(leg_bus, clock, channels, addresses, AD7147_PLAN))
         self.clock: JoinedClock | VirtualClock
         self.scanner: RobotScanner | McuSource
-        if wiring.on_mcu:
+        if wiring.boot is not None:
             self.clock, self.board = VirtualClock(), Board(self.hosts, clocks)
-            self.line = Line(self.board, native_scan, self.clock)
+            self.line = Line(self.board, wiring.boot, self.clock)
             self.scanner = McuSource(self.line, self.clock, Serial(device="sim"))
         else:
             self.clock = JoinedClock(clocks, AD7147_PLAN.conversion_wait_ns)

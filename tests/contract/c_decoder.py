@@ -12,11 +12,11 @@ from tempfile import mkdtemp
 
 from footsense.client import LegForce, LinkLimits, LinkStatus
 
-__all__ = ["SOURCES", "CLink", "build_library", "compile_c", "library"]
+__all__ = ["SOURCES", "WARNINGS", "CLink", "build_library", "compile_c", "library"]
 
 SOURCES = Path(__file__).parents[2] / "firmware_interface/c"
 
-_WARNINGS = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"]
+WARNINGS = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"]
 
 
 def _compiler() -> list[str]:
@@ -32,7 +32,7 @@ def _compiler() -> list[str]:
 def compile_c(folder: Path, *arguments: str | Path) -> None:
     """Compile without a single warning; the compiler's own caches stay in `folder`."""
     environment = os.environ | {"ZIG_GLOBAL_CACHE_DIR": str(folder), "ZIG_LOCAL_CACHE_DIR": str(folder)}
-    command = [*_compiler(), *_WARNINGS, *map(str, arguments)]
+    command = [*_compiler(), *WARNINGS, *map(str, arguments)]
     done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
 
