@@ -11,6 +11,7 @@
 # make instructions   counts the instructions of a cycle: none may take 5 % more than those committed; ARGS=--write renews these
 # make kernel-test         the service as deployed, on a Debian kernel in an emulator; needs Debian 12 and root
 # make kernel-test-short   the first of these trials, a part of CI's verdict; does nothing where it cannot
+# make firmware     the firmware of a microcontroller that scans feet: built, tested on an emulated one, and its size
 # make aarch64-test        the robot's packages, golden recordings, C client and ring on an emulated aarch64; the same
 # NEWEST=1 behind any of them installs the newest packages in place of the locked ones, in .venv-newest.
 # All make their own environment; only Python 3.11+, make and git are needed.
@@ -29,7 +30,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 # What is done is said by `echo`, not by the recipes' text.
 .SILENT:
-.PHONY: run help install test test-all check slow-tests docs release kernel-test kernel-test-short instructions aarch64-test fuzz lock format golden clean newest
+.PHONY: run help install test test-all check slow-tests docs release kernel-test kernel-test-short instructions firmware aarch64-test fuzz lock format golden clean newest
 
 run: $(VENV)/robot.stamp
 	$(BIN)/footsense run --realtime --duration 30
@@ -79,6 +80,9 @@ kernel-test-short: $(VENV)/dev.stamp
 
 instructions: $(VENV)/dev.stamp
 	$(BIN)/python -m tests.golden.instructions $(ARGS)
+
+firmware: $(VENV)/dev.stamp
+	$(BIN)/python -m tests.firmware
 
 aarch64-test: $(VENV)/dev.stamp
 	$(INDEX) $(BIN)/python -m tests.aarch64

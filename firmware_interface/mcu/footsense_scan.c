@@ -339,15 +339,19 @@ static void send_records(footsense_scan *scan)
     int64_t newest_ns = now_ns(scan) - LATEST_NS;
     uint8_t *records = scan->sent + FOOTSENSE_SENDING_BYTES, *out = records;
     for (unsigned leg = 0; leg < FOOTSENSE_LEGS; leg++) {
+        if (!scan->legs[leg].is_new) {
+            runs[leg] = (footsense_run){.missing = ALL};
+            continue;
+        }
         runs[leg] = footsense_stages_newest(&scan->legs[leg].stages);
-        if (scan->legs[leg].is_new && runs[leg].missing != ALL) {
+        if (runs[leg].missing != ALL) {
             newest_ns = runs[leg].t_ns > newest_ns ? runs[leg].t_ns : newest_ns;
         }
     }
     for (unsigned leg = 0; leg < FOOTSENSE_LEGS; leg++) {
         footsense_scan_leg *l = &scan->legs[leg];
         footsense_record record = {.leg = (uint8_t)(leg + 1), .flags = FOOTSENSE_LO_SHU, .seq = l->seq};
-        bool has_run = l->is_new && runs[leg].missing != ALL && runs[leg].t_ns >= newest_ns - APART_NS;
+        bool has_run = runs[leg].missing != ALL && runs[leg].t_ns >= newest_ns - APART_NS;
         uint16_t missing = has_run ? runs[leg].missing : ALL;
         record.t_us = (uint32_t)((has_run ? runs[leg].t_ns : newest_ns) / 1000);
         for (unsigned k = 0; k < FOOTSENSE_STAGES; k++) {

@@ -74,6 +74,7 @@ wirings = pytest.mark.parametrize(
         pytest.param(ONE_MUX, id="one-mux", marks=pytest.mark.slow),
     ],
 )
+without_mux = pytest.mark.parametrize("wiring", wirings.args[1][:3])
 with_mux = pytest.mark.parametrize(
     "wiring",
     [pytest.param(CHANNELS, id="channels"), pytest.param(ONE_MUX, id="one-mux", marks=pytest.mark.slow)],
@@ -126,6 +127,7 @@ class Robot:
         """Faults are of leg 3, `lf` in them; `straps` are the addresses of chips that are not as configured."""
         if host_cost_us is None:  # what the bus carries
             host_cost_us = 0 if wiring.on_mcu else 40 if wiring is ONE_MUX else 100
+        timeout_ns = 50_000 if wiring.on_mcu else TIMEOUT_NS  # nine clocks and no more
         random = np.random.default_rng(seed)
         self.noise_ff, self.reference_pf = effects.noise_ff, np.full(N_LEGS, reference_pf)
         self.legs = np.arange(N_LEGS)
@@ -161,8 +163,8 @@ class Robot:
                 channels[f"leg {leg}"], addresses[f"leg {leg}"] = channel, address
             mux = SimulatedMux(MUX) if wiring.has_mux else None
             self.muxes += [mux] if mux else []
-            is_broken = len(self.chips) > 3 and wire_faults
-            breaks = WireFaults(wire_faults, {"lf": 3 % per_bus if mux else 0}, TIMEOUT_NS, random)
+            is_broken = wire_faults and 3 in range(len(self.chips) - per_bus, len(self.chips))
+            breaks = WireFaults(wire_faults, {"lf": 3 % per_bus if mux else 0}, timeout_ns, random)
             bus = SimulatedBus(clock, bus_hz, 1000 * host_cost_us, mux, behind, breaks if is_broken else None)
             self.hosts.append(Host(bus, clock, random))
             self.hosts[-1].jitter_ns, self.hosts[-1].stalls_rel = 1e3 * jitter_us, stalls_rel

@@ -100,11 +100,11 @@ class Line:
     def __init__(self, board: Board, boot: Callable[[Board], Callable[[], None]], clock: Clock) -> None:
         self.n_opened = 1
         self._board, self._boot, self._clock = board, boot, clock
-        self._scan: Callable[[], None] = lambda: None
+        self.scan: Callable[[], None] = lambda: None
 
     def start(self) -> None:
         """Start the firmware, or start it again."""
-        self._scan = self._boot(self._board)
+        self.scan = self._boot(self._board)
 
     def read(self) -> bytes:
         """Return what has arrived."""
@@ -116,7 +116,7 @@ class Line:
     def wait_for_bytes_until_ns(self, t_ns: int) -> None:
         """Let the firmware scan until bytes arrive or a time has come."""
         while not self._board.sent and self._board.now_ns() < t_ns:
-            self._scan()
+            self.scan()
         self._clock.sleep_until_ns(min(t_ns, self._board.sent[0][0] if self._board.sent else t_ns))
 
     def write(self, data: bytes) -> None:
