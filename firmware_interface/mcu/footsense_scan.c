@@ -98,6 +98,7 @@ static uint8_t transfer(footsense_scan *scan, uint8_t legs, const uint8_t *out, 
                         uint8_t in[][FOOTSENSE_READ_MAX], unsigned n_in)
 {
     footsense_answer answer = footsense_transfer(legs, out, (uint8_t)n_out, in, (uint8_t)n_in);
+    scan->stuck = answer.stuck;
     for (unsigned leg = 0; leg < FOOTSENSE_LEGS; leg++) {
         if (answer.stuck & bit(leg)) {
             leave(scan, leg, FOOTSENSE_BUS_STUCK);
@@ -157,8 +158,8 @@ static void measure_reference(footsense_scan *scan, unsigned leg)
             }
         }
     }
-    if (l->step != REFERENCE_READ) {
-        return; /* it holds a line low */
+    if (scan->stuck) {
+        return;
     }
     if (reason != 0) {
         l->reason = reason;
@@ -250,8 +251,8 @@ static bool set_up(footsense_scan *scan, unsigned leg)
         done = read_words(scan, (uint8_t)bit(leg), STAGE_COMPLETE_INT_STATUS, in, 1) != 0 && done;
         l->n_doubts = 0;
     }
-    if (l->step != step) {
-        return true; /* it holds a line low */
+    if (scan->stuck) {
+        return true;
     }
     if (done) {
         l->step++;

@@ -28,6 +28,7 @@ typedef struct {
     footsense_scan_leg legs[FOOTSENSE_LEGS];
     int64_t now_ns;     /* the port's clock without its wraps */
     uint32_t next_us;   /* start of the next scan */
+    uint8_t stuck;      /* legs that held a line low in the last transaction */
     uint8_t check;      /* settings that are read back in the next scan */
     uint8_t first;      /* leg whose set-up goes on first */
     uint8_t sent[FOOTSENSE_LEGS * FOOTSENSE_SERIAL_BYTES + FOOTSENSE_SENDING_BYTES]; /* bytes on their way */
