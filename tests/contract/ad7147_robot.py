@@ -29,7 +29,7 @@ from footsense.sim.faults.wire_faults import WireFaults
 from footsense.sim.i2c_bus import SimulatedBus
 from footsense.sim.scene import Ad7147Effects
 from tests.contract.boards import TIMEOUT_NS, Saboteur
-from tests.firmware.board import Board, Line
+from tests.firmware.board import BAUD, Board, Line
 from tests.firmware.emulated import WANTED, Emulated
 from tests.firmware.native import native_scan
 
@@ -175,7 +175,7 @@ class Robot:
         if wiring.boot is not None:
             self.clock, self.board = VirtualClock(), Board(self.hosts, clocks)
             self.line = Line(self.board, wiring.boot, self.clock)
-            self.scanner = McuSource(self.line, self.clock, Serial(device="sim"))
+            self.scanner = McuSource(self.line, self.clock, Serial(device="sim", baud=BAUD))
         else:
             self.clock = JoinedClock(clocks, AD7147_PLAN.conversion_wait_ns)
             self.scanner = RobotScanner(self.scanners)

@@ -13,7 +13,7 @@ from footsense.sim.clock import JoinedClock, VirtualClock
 
 __all__ = ["ADDRESS", "BAUD", "Board", "Line"]
 
-ADDRESS, BAUD = 0x2C, 921_600
+ADDRESS, BAUD = 0x2C, 2_000_000
 #: Error of its crystal [1], and its time at the start [us]: it wraps soon.
 CLOCK_ERROR_REL, STARTS_US = 40e-6, 2**32 - 700_000
 _BYTE_NS = 10 * 1_000_000_000 / BAUD

@@ -1,7 +1,7 @@
 /* The firmware on an RP2040, such as a Raspberry Pi Pico. The buses of the six legs are moved together by software: a bit of
  * one is a bit of all, and a leg's short is its own. 400 kHz; no chip here stretches its clock.
  *
- *     GP0, GP1       TX and RX of the serial line, 921600 bit/s, 8N1, 3.3 V
+ *     GP0, GP1       TX and RX of the serial line, 2 Mbit/s, 8N1, 3.3 V
  *     GP2 to GP7     SDA of lf, lm, lr, rf, rm, rr
  *     GP8 to GP13    SCL of the same; 2.2 kOhm to 3.3 V at each of these twelve
  *
@@ -249,8 +249,8 @@ static void reset(void)
     }
     PIN_CTRL(0) = AS_UART;
     PIN_CTRL(1) = AS_UART;
-    UART_IBRD = 8; /* 125 MHz / 16 / 921600 = 8 + 31 / 64 */
-    UART_FBRD = 31;
+    UART_IBRD = 3; /* 125 MHz / 16 / 2 Mbit/s = 3 + 58 / 64 */
+    UART_FBRD = 58;
     UART_LCR_H = 0x70; /* 8N1, with FIFOs */
     UART_CR = 0x301;
     UART_DMACR = 2;
