@@ -97,6 +97,9 @@ static void leave(footsense_scan *scan, unsigned leg, uint8_t reason)
 static uint8_t transfer(footsense_scan *scan, uint8_t legs, const uint8_t *out, unsigned n_out,
                         uint8_t in[][FOOTSENSE_READ_MAX], unsigned n_in)
 {
+    if (legs == 0) {
+        return 0;
+    }
     footsense_answer answer = footsense_transfer(legs, out, (uint8_t)n_out, in, (uint8_t)n_in);
     scan->stuck = answer.stuck;
     for (unsigned leg = 0; leg < FOOTSENSE_LEGS; leg++) {

@@ -75,14 +75,17 @@ class Board:
 
     def send(self, data: bytes) -> None:
         """Put bytes on the line."""
-        begin_ns, n = self.now_ns() + self.cpu_ns, 0
+        begin_ns, n = self.now_ns(), 0
         for frame in data.split(b"\0")[:-1]:
             n += len(frame) + 1
             self.sent.append((round(begin_ns + n * _BYTE_NS), frame + b"\0"))
 
     def receive(self) -> int:
-        """Return the next byte for the firmware, or -1."""
-        return self.received.popleft() if self.received else -1
+        """Return the next byte for the firmware, or -1, once in a scan, before it says when it sends."""
+        if self.received:
+            return self.received.popleft()
+        self._clock.sleep_until_ns(self.now_ns() + self.cpu_ns)
+        return -1
 
 
 class Line:

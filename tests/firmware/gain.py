@@ -53,8 +53,8 @@ FEET = replace(
         msgspec.convert({"device": f"sim{n}", "addresses": {leg: 0x2C}}, Bus) for n, leg in enumerate(LEGS)
     ),
 )
-#: From the last status to the first byte on the line, by the instructions of a scan and the RP2040's clock [ns].
-CPU_NS = 300_000
+#: From the last status to the first byte on the line, on the emulated RP2040 [ns].
+CPU_NS = 440_000
 BEGIN_S, END_S = 1.5, 5.0
 N_COUNTED = 200, 400
 
