@@ -122,7 +122,7 @@ class Emulated:
             "-kernel",
             str(_program()),
         ]
-        self._emulator = subprocess.Popen(command, cwd=self._folder)
+        self._emulator = subprocess.Popen(command, cwd=self._folder, stderr=subprocess.DEVNULL)
         self._to_mcu = (self._folder / "to_mcu").open("wb", buffering=0)
         self._from_mcu = (self._folder / "from_mcu").open("rb")
         self._board = board
