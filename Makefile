@@ -12,6 +12,7 @@
 # make kernel-test         the service as deployed, on a Debian kernel in an emulator; needs Debian 12 and root
 # make kernel-test-short   the first of these trials, a part of CI's verdict; does nothing where it cannot
 # make board           the converter board of deploy/board checked, and its files for a maker in build/board; needs KiCad 9, or Debian 12 and root
+# make firmware     the firmware of a microcontroller that scans feet: built, tested on an emulated one, and its size
 # make aarch64-test        the robot's packages, golden recordings, C client and ring on an emulated aarch64; the same
 # NEWEST=1 behind any of them installs the newest packages in place of the locked ones, in .venv-newest.
 # All make their own environment; only Python 3.11+, make and git are needed.
@@ -30,7 +31,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 # What is done is said by `echo`, not by the recipes' text.
 .SILENT:
-.PHONY: run help install test test-all check slow-tests docs release kernel-test kernel-test-short instructions aarch64-test board fuzz lock format golden clean newest
+.PHONY: run help install test test-all check slow-tests docs release kernel-test kernel-test-short instructions aarch64-test board firmware fuzz lock format golden clean newest
 
 run: $(VENV)/robot.stamp
 	$(BIN)/footsense run --realtime --duration 30
@@ -80,6 +81,9 @@ kernel-test-short: $(VENV)/dev.stamp
 
 instructions: $(VENV)/dev.stamp
 	$(BIN)/python -m tests.golden.instructions $(ARGS)
+
+firmware: $(VENV)/dev.stamp
+	$(BIN)/python -m tests.firmware
 
 aarch64-test: $(VENV)/dev.stamp
 	$(INDEX) $(BIN)/python -m tests.aarch64

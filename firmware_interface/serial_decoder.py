@@ -5,9 +5,12 @@ from collections import Counter
 from firmware_interface.serial_frames import (
     MAX_STUFFED_BLOCK,
     STUFFED_BYTES,
+    VERSION,
     Record,
     RecordFlag,
+    Sending,
     decode_record,
+    decode_sending,
     has_valid_crc,
     unstuff,
 )
@@ -28,10 +31,12 @@ class SerialDecoder:
             lost: records missing between two numbers of a leg;
             repeated: records with the number of the one before;
             restarts: restarts of a leg's numbers because the controller was started again.
+        other_version: Version of the last record that was counted as one of another version.
     """
 
     def __init__(self) -> None:
         self.losses = Counter[str]()
+        self.other_version = VERSION
         self._rest = b""
         self._starting = True  # the first bytes may be the end of a record
         self._overflowing = False
@@ -41,8 +46,8 @@ class SerialDecoder:
         """Discard the incomplete record, after the serial port was interrupted."""
         self._rest, self._starting, self._overflowing = b"", True, False
 
-    def feed(self, data: bytes) -> list[Record]:
-        """Return the records that these bytes complete, in order of arrival."""
+    def feed(self, data: bytes) -> list[Record | Sending]:
+        """Return what these bytes complete, in order of arrival."""
         *frames, self._rest = (self._rest + data).split(b"\0")
         if self._overflowing or len(self._rest) > MAX_STUFFED_BLOCK:
             self._discard_overlong(frames)
@@ -61,8 +66,8 @@ class SerialDecoder:
             self.losses["overflow"] += len(self._rest)
             self._rest, self._overflowing, self._starting = b"", True, False
 
-    def _decode(self, frame: bytes) -> Record | None:
-        """Return the record of a frame; if it cannot be used, count it and return None."""
+    def _decode(self, frame: bytes) -> Record | Sending | None:
+        """Return what a frame has; if it cannot be used, count it and return None."""
         if len(frame) > MAX_STUFFED_BLOCK:
             self.losses["overflow"] += len(frame)
             return None
@@ -76,8 +81,11 @@ class SerialDecoder:
             self.losses["length"] += 1
             return None
         if record is None:
-            self.losses["version"] += 1
-            return None
+            sending = decode_sending(data)
+            if sending is None:
+                self.losses["version"] += 1
+                self.other_version = data[0]
+            return sending
         return record if self._count_losses_and_tell_if_new(record.leg, record.seq, record.flags) else None
 
     def _count_losses_and_tell_if_new(self, leg: int, seq: int, flags: int) -> bool:

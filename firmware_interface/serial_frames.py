@@ -10,11 +10,11 @@ A record is one scan of one leg, 50 bytes, little endian::
 
     version  1; a record of another version is counted and ignored
     leg      node id as on CAN: 1 lf, 2 lm, 3 lr, 4 rf, 5 rm, 6 rr, 7 l4, 8 r4
-    flags    `RecordFlag`
+    flags    `RecordFlag`; the upper four bits are the place in the order, 0 to 8, at which the scan began
     n        elements, 9; the values are in flat index 3 * row + column, in any order of conversion
     seq      counts the records of a leg, and wraps
     step_us  from the middle of one element's conversion to that of the next; 0 if all are converted together
-    t_us     middle of the first element's conversion, in the controller's time, which wraps after 71.6 minutes; the
+    t_us     middle of the conversion at that place, in the controller's time, which wraps after 71.6 minutes; the
              legs of one scan agree within half a scan
     values   capacitance, stray included; or -2^31 + the code of `NoValue`
     crc16    CRC-16/CCITT-FALSE (polynomial 0x1021, start 0xFFFF, no reflection, no final value; "123456789" gives
@@ -23,6 +23,13 @@ A record is one scan of one leg, 50 bytes, little endian::
 On the line a record is stuffed by COBS, so that no byte of it is zero, and a zero ends it: 52 bytes. After a lost byte,
 or a start within a record, a reader is in step again after the next zero (`serial_decoder.py`). Six legs at 200
 scans/s are 62 400 bytes/s: 68 % of 921600 bit/s, 8N1.
+
+A converter that runs freely goes through its elements in a ring; a record has the last nine conversions, whichever of
+them came first.
+
+**Sending.** Before the records of a scan a controller may say when it begins to send them, in the same header: all
+zeros but the time as t_us. Without it the shortest time from the last conversion to the line cannot be known. A byte
+`IDENTIFY` asks what it is: the next of these frames has n characters of ASCII in place of the values, at most 60.
 
 Source:
     S. Cheshire and M. Baker, Consistent Overhead Byte Stuffing, IEEE/ACM Trans. Networking 7(2), 1999. CRC by the
@@ -62,14 +69,33 @@ MAX_STUFFED_BLOCK = 255
 _LEGS = frozenset(NODE_IDS.values())
 
 
+#: Byte that asks a controller what it is: ENQ of ASCII.
+IDENTIFY = b"\x05"
+_NO_RECORD = 0
+_LONGEST_TEXT = 60
+#: A `Sending` without text on the line, in bits, 8N1.
+SENDING_BITS = 10 * (_HEADER_STRUCT.size + _CRC_STRUCT.size + 2)
+
+
 class RecordFlag(IntFlag):
-    """Flags of a record; bits unknown to this version are zero."""
+    """Flags of a record; bits unknown to this version are zero. Above them is the place at which a scan began."""
 
     LO_SHU = 1  #: the elements were converted in the order 5 0 7 6 4 2 1 8 3, not 0 to 8
     STARTING = 2  #: one of the first 256 of its leg since the controller's start, at which seq restarts
 
 
-_FLAGS = sum(RecordFlag)
+_BEGAN_AT_SHIFT = 4
+_UNUSED_FLAGS = (1 << _BEGAN_AT_SHIFT) - 1 & ~sum(RecordFlag)
+
+
+def began_at(flags: int) -> int:
+    """Return the place in the order of conversion at which a record's scan began, 0 to 15; a valid one ends at 8.
+
+    Example:
+        >>> began_at(0x71)
+        7
+    """
+    return flags >> _BEGAN_AT_SHIFT
 
 
 class NoValue(IntEnum):
@@ -78,9 +104,13 @@ class NoValue(IntEnum):
     NO_ANSWER = 1  #: its converter does not answer
     NOT_READY = 2  #: its conversion had not finished when it was read
     OVER_RANGE = 3  #: it stands at an end of the converter's range
-    MISCONFIGURED = 4  #: the switches or the converter do not hold their setting
+    MISCONFIGURED = (
+        4  #: the switches or the converter do not hold their setting, or its reference reads wrong
+    )
+    BUS_STUCK = 5  #: SDA or SCL of its bus is held low
     WRONG_CHIP = 6  #: another chip answers
     CORRUPT = 7  #: an answer that no healthy chip gives
+    UNDER_RANGE = 11  #: it reads nothing at all
 
 
 class Record(NamedTuple):
@@ -89,7 +119,7 @@ class Record(NamedTuple):
     Attributes:
         leg: Node id, 1 to 8.
         seq: Its number, 0 to 65535.
-        flags: Order of conversion, and whether the controller has just started.
+        flags: Order of conversion, whether the controller has just started, and where the scan began (`began_at`).
         step_us: Time from element to element [us], 0 to 65535.
         t_us: Middle of the first conversion in the controller's time [us], 0 to 2^32 - 1.
         values: Capacitance of each element [aF], little endian int32, 36 bytes; not decoded here, which would cost 54
@@ -156,6 +186,34 @@ def unstuff(stuffed: bytes) -> bytes | None:
     return bytes(data[1:]) if at == end and end else None
 
 
+class Sending(NamedTuple):
+    """What a controller says before the records of a scan.
+
+    Attributes:
+        t_us: Time at which it began to send, in its own time [us], 0 to 2^32 - 1.
+        text: Its firmware, converters and legs if it was asked; else empty.
+    """
+
+    t_us: int
+    text: str = ""
+
+
+def encode_sending(sending: Sending) -> bytes:
+    """Return the frame that comes before the records of a scan, as the bytes sent over the serial port."""
+    text = sending.text.encode("ascii")
+    body = _HEADER_STRUCT.pack(_NO_RECORD, 0, 0, len(text), 0, 0, sending.t_us) + text
+    return stuff(body + _CRC_STRUCT.pack(crc_hqx(body, _CRC_START))) + b"\0"
+
+
+def decode_sending(data: bytes) -> Sending | None:
+    """Return what CRC-checked bytes say that come before records; None if they are something else."""
+    kind, _, _, n, _, _, t_us = _HEADER_STRUCT.unpack_from(data)
+    text = data[_HEADER_STRUCT.size : -_CRC_STRUCT.size]
+    if kind != _NO_RECORD or len(text) != n or n > _LONGEST_TEXT or not text.isascii():
+        return None
+    return Sending(t_us, text.decode("ascii"))
+
+
 def has_valid_crc(data: bytes) -> bool:
     """Return whether bytes have a header and a correct CRC, as records of all versions do."""
     end = len(data) - _CRC_STRUCT.size
@@ -172,7 +230,7 @@ def decode_record(data: bytes) -> Record | None:
         ValueError: A record of this version has another length.
     """
     version, leg, flags, n, seq, step_us, t_us = _HEADER_STRUCT.unpack_from(data)
-    if version != VERSION or leg not in _LEGS or flags & ~_FLAGS:
+    if version != VERSION or leg not in _LEGS or flags & _UNUSED_FLAGS or began_at(flags) >= ELEMENTS:
         return None
     if len(data) != _RECORD_BYTES or n != ELEMENTS:
         raise ValueError(

@@ -67,7 +67,7 @@ STATE_WORDS = {
 CAUSE_WORDS = {
     Cause.NONE: Words(),
     Cause.NO_ANSWER: Words(
-        "its chips do not answer", "its plug, its supply, and whether this is its channel or address"
+        "its chips do not answer", "its plug, its supply, its address straps, and whether this is its channel"
     ),
     Cause.BUS_STUCK: Words(
         "it holds SDA or SCL low as soon as it is connected",

@@ -1,15 +1,18 @@
 #include "footsense_serial.h"
 
-enum { VERSION = 1, LEGS = 8, FLAGS = FOOTSENSE_LO_SHU | FOOTSENSE_RECORD_STARTING, CRC_AT = 48, RECORD = 50 };
+#include <string.h>
+
+enum { VERSION = 1, LEGS = 8, UNUSED_FLAGS = 0x0C, LAST_PLACE = 8, CRC_AT = 48, RECORD = 50 };
+enum { NO_RECORD = 0, LONGEST_TEXT = 60 };
 
 uint16_t footsense_crc16(const uint8_t *data, uint8_t len)
 {
     uint16_t crc = 0xFFFFu;
     for (uint8_t i = 0; i < len; i++) {
-        crc = (uint16_t)(crc ^ data[i] << 8);
-        for (int bit = 0; bit < 8; bit++) {
-            crc = (uint16_t)((uint32_t)crc << 1 ^ (crc & 0x8000u ? 0x1021u : 0u));
-        }
+        /* Eight steps at once: the polynomial is x^16 + x^12 + x^5 + 1. */
+        uint32_t x = (uint32_t)crc >> 8 ^ data[i];
+        x ^= x >> 4;
+        crc = (uint16_t)((uint32_t)crc << 8 ^ x << 12 ^ x << 5 ^ x);
     }
     return crc;
 }
@@ -38,7 +41,7 @@ static void stuff(uint8_t *bytes, uint8_t len)
 
 uint8_t footsense_encode_record(const footsense_record *record, uint8_t out[FOOTSENSE_SERIAL_BYTES])
 {
-    if (record->leg < 1 || record->leg > LEGS || (record->flags & ~(uint8_t)FLAGS) != 0) {
+    if (record->leg < 1 || record->leg > LEGS || (record->flags & UNUSED_FLAGS) != 0 || record->flags >> 4 > LAST_PLACE) {
         return 0;
     }
     uint8_t *data = out + 1;
@@ -56,4 +59,22 @@ uint8_t footsense_encode_record(const footsense_record *record, uint8_t out[FOOT
     stuff(out, RECORD + 1);
     out[FOOTSENSE_SERIAL_BYTES - 1u] = 0;
     return FOOTSENSE_SERIAL_BYTES;
+}
+
+uint8_t footsense_encode_sending(uint32_t t_us, const char *text, uint8_t out[FOOTSENSE_SENDING_BYTES])
+{
+    size_t n = strlen(text);
+    if (n > LONGEST_TEXT) {
+        return 0;
+    }
+    uint8_t *end = put(out + 1, NO_RECORD, 3);
+    end = put(end, (uint32_t)n, 1);
+    end = put(end, 0, 4);
+    end = put(end, t_us, 4);
+    memcpy(end, text, n);
+    end += n;
+    end = put(end, footsense_crc16(out + 1, (uint8_t)(end - out - 1)), 2);
+    stuff(out, (uint8_t)(end - out));
+    *end = 0;
+    return (uint8_t)(end - out + 1);
 }

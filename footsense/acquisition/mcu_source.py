@@ -1,6 +1,7 @@
 """Frame source of board `mcu`: capacitance frames from the records that a microcontroller streams.
 
-The controller sets the pace. A frame is complete, and returned at once, when every leg that sends has sent its record.
+The controller sets the pace, and may say when it begins to send; else a record counts as sent at once after its last
+conversion. A frame is complete, and returned at once, when every leg that sends has sent its record.
 A leg whose record is missing in a frame reads DELAYED; after a silence longer than any line holds records back, it
 reads NO_ANSWER. Without any record, frames without a reading are returned.
 """
@@ -16,28 +17,39 @@ from firmware_interface.can.codes import NODE_IDS
 from firmware_interface.conversion_order import CONVERSION_ORDERS
 from firmware_interface.serial_decoder import SerialDecoder
 from firmware_interface.serial_frames import (
+    IDENTIFY,
     N_NO_VALUE_CODES,
     NO_VALUE_BASE,
     RECORD_BITS,
+    SENDING_BITS,
+    VERSION,
     NoValue,
     Record,
     RecordFlag,
+    Sending,
+    began_at,
     pack_values,
 )
 from footsense.clock_map import ClockMap
 from footsense.frames import ALL_LEGS, ELEMENTS, LEGS, CapFrame, Codes, Leg, Reading, Stamps, Vector
+from footsense.leg_words import words_of_reading
 from footsense.ports import Clock, SerialPort
 
 _NS_PER_US = 1000
 _PF_PER_AF = 1e-6
-_LO_SHU = int(RecordFlag.LO_SHU)  # a plain number: an enumeration's arithmetic costs a microsecond
-
 _NO_VALUE_ENDS = NO_VALUE_BASE + N_NO_VALUE_CODES
 _READING_OF_CODE = np.full(N_NO_VALUE_CODES, Reading.CORRUPT, np.uint8)
 _READING_OF_CODE[list(NoValue)] = list(NoValue)
 
-#: Position of each element in the scan, by order flag, shape (2, 9).
-_SCAN_POSITION_OF_ELEMENT = np.array([np.argsort(CONVERSION_ORDERS[order]) for order in ("raster", "lo_shu")])
+#: Position of each element in the scan, by the flags of a record, shape (256, 9).
+_SCAN_POSITION_OF_ELEMENT = np.array(
+    [
+        (np.argsort(CONVERSION_ORDERS["lo_shu" if flags & RecordFlag.LO_SHU else "raster"]) - began_at(flags))
+        % ELEMENTS
+        for flags in range(256)
+    ]
+)
+_OUT_OF_RANGE = Reading.OVER_RANGE, Reading.UNDER_RANGE
 _NS_PER_S = 1_000_000_000
 
 #: Silence after which a leg counts as absent: three scans, and longer than an FTDI adapter holds bytes back.
@@ -99,14 +111,11 @@ def readings(scan: McuScan, now_ns: int) -> tuple[Stamps, Vector, Codes]:
     """
     records = scan.records.values()
     values_af = np.frombuffer(b"".join(record.values for record in records), "<i4").reshape(-1, ELEMENTS)
-    after_us, step_us, order = np.array(
-        [
-            (wrapped_difference_us(record.t_us, scan.t_us), record.step_us, record.flags & _LO_SHU)
-            for record in records
-        ]
+    after_us, step_us, flags = np.array(
+        [(wrapped_difference_us(record.t_us, scan.t_us), record.step_us, record.flags) for record in records]
     ).T
     ahead = scan.t_ns + _NS_PER_US * (ELEMENTS - 1) * step_us > now_ns
-    t_ns = scan.t_ns + _NS_PER_US * (after_us[:, None] + step_us[:, None] * _SCAN_POSITION_OF_ELEMENT[order])
+    t_ns = scan.t_ns + _NS_PER_US * (after_us[:, None] + step_us[:, None] * _SCAN_POSITION_OF_ELEMENT[flags])
     capacitance_pf = values_af * _PF_PER_AF
     reading = np.zeros(values_af.shape, np.uint8)
     without = values_af < _NO_VALUE_ENDS
@@ -115,7 +124,7 @@ def readings(scan: McuScan, now_ns: int) -> tuple[Stamps, Vector, Codes]:
         reading[ahead] = Reading.CORRUPT
         without |= ahead[:, None]
         capacitance_pf[without] = np.nan
-        t_ns[without & (reading != Reading.OVER_RANGE)] = 0
+        t_ns[without & ~np.isin(reading, _OUT_OF_RANGE)] = 0
     return t_ns, capacitance_pf, reading
 
 
@@ -141,9 +150,19 @@ class McuSource:
         self._clock = clock
         self._rows = {NODE_IDS[leg]: row for row, leg in enumerate(serial.legs)}
         self._half_scan_us = round(0.5e6 / rate_hz)
+        self._same_ns = round(0.25 * _NS_PER_S / rate_hz)
+        self._t_ns = np.zeros((len(serial.legs), ELEMENTS), np.int64)  # of the last scan
         self._longest_step_us = _MAX_RECORD_DURATION_SCANS * 1e6 / rate_hz / (ELEMENTS - 1)
         self._silent_ns = max(round(_SILENT_SCANS * _NS_PER_S / rate_hz), _MIN_SILENT_NS)
-        self._wire_ns = round(RECORD_BITS * _NS_PER_S / serial.baud)
+        self._legs = serial.legs
+        self._wire_ns, self._sending_wire_ns = (
+            round(bits * _NS_PER_S / serial.baud) for bits in (RECORD_BITS, SENDING_BITS)
+        )
+        self._sending: tuple[int, int] | None = None  # its time there [us] and here [ns]
+        self._text = ""
+        # Of the records of the last scan: rows and readings; and why a leg gave nothing, as last looked at.
+        self._sent_readings: tuple[list[int], Codes] = [], np.zeros((0, ELEMENTS), np.uint8)
+        self._reasons: dict[int, Reading] = {}
         self._decoder = SerialDecoder()
         self._map = ClockMap()
         self._opened = port.n_opened
@@ -170,6 +189,7 @@ class McuSource:
             if self._port.n_opened != self._opened:
                 self._opened = self._port.n_opened
                 self._decoder.reset()
+                self._port.write(IDENTIFY)
             if data:
                 self._assign_records_to_scans(data, now_ns)
             if not self._frames and now_ns >= self._deadline_ns:
@@ -188,6 +208,7 @@ class McuSource:
         self._decoder.reset()
         self._deadline_ns = until_ns + self._silent_ns
         self._listens = True
+        self._port.write(IDENTIFY)
 
     def close(self) -> None:
         """Close the serial port."""
@@ -201,6 +222,9 @@ class McuSource:
     def _assign_records_to_scans(self, data: bytes, now_ns: int) -> None:
         """Decode bytes, and assign their records to scans."""
         for sent in self._decoder.feed(data):
+            if isinstance(sent, Sending):
+                self._take_sending(sent, now_ns)
+                continue
             record = sent
             row = self._rows.get(record.leg)
             if row is None:
@@ -229,14 +253,28 @@ class McuSource:
         """Return whether two times of the microcontroller [us] belong to the same scan."""
         return abs(wrapped_difference_us(t_us, other_us)) < self._half_scan_us
 
+    def _take_sending(self, sending: Sending, now_ns: int) -> None:
+        """Compare the controller's clock with this machine's."""
+        self._sending = sending.t_us, self._here_ns(sending.t_us, 0, now_ns - self._sending_wire_ns)
+        if sending.text and sending.text != self._text:
+            self._text = sending.text
+            _log.info("microcontroller: %s", self._text)
+
+    def _here_ns(self, t_us: int, after_ns: int, arrival_ns: int) -> int:
+        """Return what is some time after a controller's time, with the arrival of a message of then [ns]."""
+        self._unwrapped_us += wrapped_difference_us(t_us, self._unwrapped_us)
+        return self._map.map(self._unwrapped_us * _NS_PER_US + after_ns, arrival_ns)
+
     def _record_time_ns(self, record: Record, now_ns: int) -> int:
         """Return the time of a record's first conversion in this machine's clock [ns].
 
-        A record cannot be sent before its last conversion: the arrival is compared with that.
+        Of a controller that does not say when it sends, the arrival is compared with the last conversion.
         """
-        self._unwrapped_us += wrapped_difference_us(record.t_us, self._unwrapped_us)
+        if self._sending is not None:
+            t_us, t_ns = self._sending
+            return t_ns + wrapped_difference_us(record.t_us, t_us) * _NS_PER_US
         lasts_ns = (ELEMENTS - 1) * record.step_us * _NS_PER_US
-        return self._map.map(self._unwrapped_us * _NS_PER_US + lasts_ns, now_ns - self._wire_ns) - lasts_ns
+        return self._here_ns(record.t_us, lasts_ns, now_ns - self._wire_ns) - lasts_ns
 
     def _emit_frame(self, now_ns: int) -> None:
         """Queue a frame of the records that have arrived; a leg without one reads DELAYED, a silent one NO_ANSWER."""
@@ -251,7 +289,12 @@ class McuSource:
         if self._scan is not None:
             rows = list(self._scan.records)
             t_ns[rows], capacitance_pf[rows], reading[rows] = readings(self._scan, now_ns)
+            # A conversion that a record before had, too: of a converter that runs freely.
+            repeated = np.abs(t_ns - self._t_ns) < self._same_ns
+            t_ns[repeated] = self._t_ns[repeated]
+            self._t_ns = t_ns
             self._last_t_us, self._scan = self._scan.t_us, None
+            self._sent_readings = rows, reading[rows]
             if not sending <= set(rows):
                 self.n_late_discards += 1
         self._expected = sending or frozenset(self._rows.values())
@@ -264,5 +307,23 @@ class McuSource:
         if new := losses - self._logged:
             counts = ", ".join(f"{kind} {n}" for kind, n in new.items())
             _log.warning("serial line of the microcontroller: %s", counts)
+            if "version" in new and "version" not in self._logged:
+                _log.error(
+                    "the microcontroller sends records of version %d, or with fields that version has not; this "
+                    "footsense reads version %d: flash the firmware of this footsense (firmware_interface/mcu)",
+                    self._decoder.other_version,
+                    VERSION,
+                )
             self._logged = losses
+        self._log_reasons()
         self._log_at_ns = now_ns + (_LOG_NS if new else _LOOK_NS)
+
+    def _log_reasons(self) -> None:
+        """Log the legs that the controller has no values of, each reason once."""
+        rows, readings = self._sent_readings
+        for row, reading in zip(rows, readings, strict=True):
+            reason = Reading(int(reading[0])) if (reading == reading[0]).all() else Reading.OK
+            if reason not in (Reading.OK, self._reasons.get(row)):
+                meaning, remedy, _ = words_of_reading(reason)
+                _log.warning("leg %s, by its microcontroller: %s; check %s", self._legs[row], meaning, remedy)
+            self._reasons[row] = reason

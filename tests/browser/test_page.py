@@ -155,7 +155,7 @@ def test_a_broken_leg_says_what_to_do(browser: Browser, cycles: Path, url: str) 
         assert first.startswith("LFdegraded: row open — the line of a row is interrupted. Check the plug")
         assert second == (
             "RRabsent: no answer — its chips do not answer. "
-            "Check its plug, its supply, and whether this is its channel or address."
+            "Check its plug, its supply, its address straps, and whether this is its channel."
         )
         assert browser.js("return document.querySelectorAll('[data-leg=lf] .dead.on').length") == 3
         assert browser.text("[data-leg=rr] .fz") == "\N{EN DASH} N"

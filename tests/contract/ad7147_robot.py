@@ -15,6 +15,7 @@ from firmware_interface.chips import ad7147 as chip
 from firmware_interface.chips.ad7147 import InputConnection
 from footsense.acquisition.free_scanner import FreeScanner
 from footsense.acquisition.leg_bus import LegBus
+from footsense.acquisition.mcu_source import McuSource, Serial
 from footsense.acquisition.robot_scanner import RobotScanner
 from footsense.acquisition.scan_plan import AD7147_PLAN
 from footsense.frames import CapFrame, Reading
@@ -28,6 +29,9 @@ from footsense.sim.faults.wire_faults import WireFaults
 from footsense.sim.i2c_bus import SimulatedBus
 from footsense.sim.scene import Ad7147Effects
 from tests.contract.boards import TIMEOUT_NS, Saboteur
+from tests.firmware.board import BAUD, Board, Line
+from tests.firmware.emulated import WANTED, Emulated
+from tests.firmware.native import native_scan
 
 MUX, MS_NS, S_NS = 0x71, 1_000_000, 1_000_000_000
 N_LEGS = 6
@@ -44,21 +48,33 @@ def true_pf(leg: NDArray[np.int_], element: NDArray[np.int_], t_ns: NDArray[np.i
 
 
 class Wiring(NamedTuple):
-    """Buses, and whether each leg has an address or a channel of its own."""
+    """Buses, whether each leg has an address or a channel of its own, and what runs the firmware that scans them."""
 
     n_buses: int
     has_mux: bool
+    boot: Callable[[Board], Callable[[], None]] | None = None
+
+    @property
+    def on_mcu(self) -> bool:
+        """Return whether a microcontroller scans the legs, each on a bus of its own."""
+        return self.boot is not None
 
 
+MCU, EMULATED = (Wiring(N_LEGS, has_mux=False, boot=boot) for boot in (native_scan, Emulated))
 ADDRESSES, CHANNELS, ONE_MUX = Wiring(2, has_mux=False), Wiring(2, has_mux=True), Wiring(1, has_mux=True)
 wirings = pytest.mark.parametrize(
     "wiring",
     [
         pytest.param(ADDRESSES, id="addresses"),
+        pytest.param(MCU, id="mcu"),
+        pytest.param(
+            EMULATED, id="emulated", marks=pytest.mark.skipif(not WANTED, reason="by make firmware")
+        ),
         pytest.param(CHANNELS, id="channels", marks=pytest.mark.slow),
         pytest.param(ONE_MUX, id="one-mux", marks=pytest.mark.slow),
     ],
 )
+without_mux = pytest.mark.parametrize("wiring", wirings.args[1][:3])
 with_mux = pytest.mark.parametrize(
     "wiring",
     [pytest.param(CHANNELS, id="channels"), pytest.param(ONE_MUX, id="one-mux", marks=pytest.mark.slow)],
@@ -110,7 +126,8 @@ class Robot:
     ) -> None:
         """Faults are of leg 3, `lf` in them; `straps` are the addresses of chips that are not as configured."""
         if host_cost_us is None:  # what the bus carries
-            host_cost_us = 40 if wiring is ONE_MUX else 100
+            host_cost_us = 0 if wiring.on_mcu else 40 if wiring is ONE_MUX else 100
+        timeout_ns = 50_000 if wiring.on_mcu else TIMEOUT_NS  # nine clocks and no more
         random = np.random.default_rng(seed)
         self.noise_ff, self.reference_pf = effects.noise_ff, np.full(N_LEGS, reference_pf)
         self.legs = np.arange(N_LEGS)
@@ -146,16 +163,33 @@ class Robot:
                 channels[f"leg {leg}"], addresses[f"leg {leg}"] = channel, address
             mux = SimulatedMux(MUX) if wiring.has_mux else None
             self.muxes += [mux] if mux else []
-            is_broken = len(self.chips) > 3 and wire_faults
-            breaks = WireFaults(wire_faults, {"lf": 3 % per_bus if mux else 0}, TIMEOUT_NS, random)
+            is_broken = wire_faults and 3 in range(len(self.chips) - per_bus, len(self.chips))
+            breaks = WireFaults(wire_faults, {"lf": 3 % per_bus if mux else 0}, timeout_ns, random)
             bus = SimulatedBus(clock, bus_hz, 1000 * host_cost_us, mux, behind, breaks if is_broken else None)
             self.hosts.append(Host(bus, clock, random))
             self.hosts[-1].jitter_ns, self.hosts[-1].stalls_rel = 1e3 * jitter_us, stalls_rel
             leg_bus = LegBus(self.hosts[-1], MUX if mux else None, mux)
             self.scanners.append(FreeScanner(leg_bus, clock, channels, addresses, AD7147_PLAN))
-        self.clock = JoinedClock(clocks, AD7147_PLAN.conversion_wait_ns)
-        self.scanner = RobotScanner(self.scanners)
-        self.scanner.start()
+        self.clock: JoinedClock | VirtualClock
+        self.scanner: RobotScanner | McuSource
+        if wiring.boot is not None:
+            self.clock, self.board = VirtualClock(), Board(self.hosts, clocks)
+            self.line = Line(self.board, wiring.boot, self.clock)
+            self.scanner = McuSource(self.line, self.clock, Serial(device="sim", baud=BAUD))
+        else:
+            self.clock = JoinedClock(clocks, AD7147_PLAN.conversion_wait_ns)
+            self.scanner = RobotScanner(self.scanners)
+        self.start()
+
+    def start(self) -> None:
+        """Start the scanner, or the firmware, and wait for its legs."""
+        if isinstance(self.scanner, RobotScanner):
+            self.scanner.start()
+            return
+        self.line.start()
+        until_ns = self.clock.now_ns() + round(0.28 * S_NS)
+        while self.scanner.read().reading.any() and self.clock.now_ns() < until_ns:
+            pass
 
     def _input_pf(self, leg: int) -> Callable[[int, tuple[InputConnection, ...], int, int], float]:
         def input_pf(cin: int, connections: tuple[InputConnection, ...], from_ns: int, to_ns: int) -> float:

@@ -12,11 +12,11 @@ from tempfile import mkdtemp
 
 from footsense.client import LegForce, LinkLimits, LinkStatus
 
-__all__ = ["SOURCES", "CLink", "build_library", "compile_c", "library"]
+__all__ = ["SOURCES", "WARNINGS", "CLink", "build_library", "compile_c", "library"]
 
 SOURCES = Path(__file__).parents[2] / "firmware_interface/c"
 
-_WARNINGS = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"]
+WARNINGS = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"]
 
 
 def _compiler() -> list[str]:
@@ -32,7 +32,7 @@ def _compiler() -> list[str]:
 def compile_c(folder: Path, *arguments: str | Path) -> None:
     """Compile without a single warning; the compiler's own caches stay in `folder`."""
     environment = os.environ | {"ZIG_GLOBAL_CACHE_DIR": str(folder), "ZIG_LOCAL_CACHE_DIR": str(folder)}
-    command = [*_compiler(), *_WARNINGS, *map(str, arguments)]
+    command = [*_compiler(), *WARNINGS, *map(str, arguments)]
     done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
 
@@ -84,6 +84,7 @@ def library() -> ctypes.CDLL:
     built.footsense_get_leg_force.restype = _View
     built.footsense_get_leg_force.argtypes = [ctypes.c_char_p, ctypes.c_uint8, ctypes.c_uint64]
     built.footsense_encode_record.restype = ctypes.c_uint8
+    built.footsense_encode_sending.restype = ctypes.c_uint8
     built.footsense_crc16.restype = ctypes.c_uint16
     built.footsense_feed.restype = ctypes.c_bool
     built.footsense_feed.argtypes = [

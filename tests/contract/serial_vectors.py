@@ -22,7 +22,7 @@ PATH = Path(__file__).parents[2] / "firmware_interface/vectors/serial.json"
 
 AT_REST_AF = tuple(range(5_387_000, 5_396_000, 1000))
 ZEROS_AF = (0, 1, 256, 65_536, 16_777_216, -1, 2**31 - 1, -16_777_216, 0)
-BROKEN_AF = tuple(NO_VALUE_BASE + code for code in (*NoValue, *list(NoValue)[:3]))
+BROKEN_AF = tuple(NO_VALUE_BASE + code for code in (*NoValue, NoValue.NO_ANSWER))
 
 
 def record(seq: int = 0, leg: int = 1, flags: int = 0, values: tuple[int, ...] = AT_REST_AF) -> Record:
@@ -33,11 +33,12 @@ def record(seq: int = 0, leg: int = 1, flags: int = 0, values: tuple[int, ...] =
 RECORDS = {
     "at rest": record(),
     "every field at its end": Record(
-        6, 65_535, RecordFlag(3), 65_535, 2**32 - 1, pack_values([2**31 - 1] * 9)
+        6, 65_535, RecordFlag(0x83), 65_535, 2**32 - 1, pack_values([2**31 - 1] * 9)
     ),
     "zeros everywhere": Record(1, 0, RecordFlag(0), 0, 0, pack_values([0] * 9)),
     "values with zeros in all their bytes": record(257, 3, RecordFlag.LO_SHU, ZEROS_AF),
     "no value, for every reason": record(5, 4, RecordFlag.STARTING, BROKEN_AF),
+    "begun at the eighth place of the order": record(6, 2, RecordFlag.LO_SHU | 7 << 4),
 }
 
 

@@ -20,6 +20,7 @@ from footsense.sim.scene import Ad7147Effects
 from tests.contract.ad7147_robot import (
     ADDRESSES,
     CHANNELS,
+    MCU,
     MS_NS,
     N_LEGS,
     ONE_MUX,
@@ -29,6 +30,7 @@ from tests.contract.ad7147_robot import (
     true_pf,
     wirings,
     with_mux,
+    without_mux,
 )
 from tests.contract.boards import TIMEOUT_NS, LateError
 
@@ -129,8 +131,9 @@ def test_a_sequence_that_hangs_is_ended_by_a_reset(wiring: Wiring) -> None:
     assert seen.over_ns < 450 * MS_NS
 
 
-def test_a_chip_that_does_not_convert_is_left_out_until_it_does() -> None:
-    robot = Robot()
+@without_mux
+def test_a_chip_that_does_not_convert_is_left_out_until_it_does(wiring: Wiring) -> None:
+    robot = Robot(wiring)
     robot.read()
     now_ns = robot.clock.now_ns()
     robot.chips[3].stuck_ns = [(now_ns, now_ns + S_NS)]
@@ -139,6 +142,7 @@ def test_a_chip_that_does_not_convert_is_left_out_until_it_does() -> None:
     assert seen.over_ns < 3 * S_NS
 
 
+@without_mux
 @pytest.mark.parametrize(
     ("register", "word"),
     [
@@ -149,9 +153,9 @@ def test_a_chip_that_does_not_convert_is_left_out_until_it_does() -> None:
         (Ad7147Register.STAGE_CAL_EN, 0x0FFF),
     ],
 )
-def test_a_setting_that_has_changed_is_found_and_set_again(register: int, word: int) -> None:
+def test_a_setting_that_has_changed_is_found_and_set_again(wiring: Wiring, register: int, word: int) -> None:
     """Each block of registers is read back in its turn, all of them within ten scans of each leg of the bus."""
-    robot = Robot(effects=Ad7147Effects(noise_ff=0.0, calibration_moves_results=True))
+    robot = Robot(wiring, Ad7147Effects(noise_ff=0.0, calibration_moves_results=True))
     robot.read()
     robot.chips[3].write(chip.write_bytes(register, word), robot.clock.now_ns())
     until_ns = robot.clock.now_ns() + 32 * AD7147_PLAN.scan_ns
@@ -177,7 +181,7 @@ def test_another_kind_of_chip_is_told_by_its_identity(
     robot = Robot(wiring, faults=[_in_span(scene_faults.WrongChip)])
     seen = outage(robot, 2.5, pause_ms=40.0, loses_count=True)
     assert Reading.WRONG_CHIP in seen.seen
-    assert "such as a potentiometer" in caplog.text
+    assert wiring.on_mcu or "such as a potentiometer" in caplog.text
     assert seen.over_ns < 1.8 * S_NS
 
 
@@ -191,9 +195,10 @@ def test_acknowledges_that_are_lost_cost_no_right_reading(wiring: Wiring, rate_r
         assert seen.over_ns < 0.85 * S_NS
 
 
-def test_reads_with_a_wrong_bit_leave_one_wrong_reading_at_most() -> None:
+@without_mux
+def test_reads_with_a_wrong_bit_leave_one_wrong_reading_at_most(wiring: Wiring) -> None:
     """Nothing tells which bit of a result is wrong; its stamp and the other elements are right."""
-    robot = Robot(faults=[_in_span(scene_faults.CorruptReads, rate_rel=0.05)])
+    robot = Robot(wiring, faults=[_in_span(scene_faults.CorruptReads, rate_rel=0.05)])
     n_wrong = n = 0
     while robot.clock.now_ns() < 1.5 * S_NS:
         frame = robot.scanner.read()
@@ -215,10 +220,12 @@ def test_a_leg_that_holds_sda_low_behind_a_mux_costs_the_others_two_timeouts(wir
     assert Reading.BUS_STUCK in seen.seen <= {Reading.BUS_STUCK, Reading.NOT_READY}
 
 
-def test_legs_without_a_mux_are_stuck_together_and_come_back() -> None:
-    """Those of the other bus have every reading."""
-    robot = Robot(wire_faults=[StuckSda(leg="lf", at_s=0.3, until_s=0.8)])
-    seen = outage(robot, 2.5, bad=(3, 4, 5), pause_ms=3 * TIMEOUT_NS / MS_NS)
+@without_mux
+def test_legs_without_a_mux_are_stuck_together_and_come_back(wiring: Wiring) -> None:
+    """Those of another bus have every reading."""
+    robot = Robot(wiring, wire_faults=[StuckSda(leg="lf", at_s=0.3, until_s=0.8)])
+    bad, pause_ms = ((3,), 15.0) if wiring.on_mcu else ((3, 4, 5), 3 * TIMEOUT_NS / MS_NS)
+    seen = outage(robot, 2.5, bad=bad, pause_ms=pause_ms)
     assert Reading.BUS_STUCK in seen.seen <= {Reading.BUS_STUCK, Reading.NOT_READY}
     assert seen.over_ns < 1.7 * S_NS
 
@@ -231,6 +238,17 @@ def test_of_two_chips_at_one_address_no_reading_is_ok(caplog: pytest.LogCaptureF
         assert (reading[4] == Reading.NO_ANSWER).all()
         assert (reading[3] != Reading.OK).all()
     assert "leg leg 4: no answer at 0x2d: broken wire, no supply, or other straps ADD0, ADD1" in caplog.text
+
+
+def test_a_strap_that_is_not_as_the_firmware_wants_it_has_its_line(caplog: pytest.LogCaptureFixture) -> None:
+    """Each leg has a bus of its own: no other one is touched."""
+    robot = Robot(MCU, straps={4: chip.ADDRESSES[1]})
+    for _, reading, _ in robot.read_for(2.0)[30:]:
+        assert (np.delete(reading, 4, axis=0) == Reading.OK).all()
+        assert (reading[4] == Reading.NO_ANSWER).all()
+    lines = [record.message for record in caplog.records if record.levelname == "WARNING"]
+    line = "leg rm, by its microcontroller: its chips do not answer; check its plug, its supply, its address straps, "
+    assert lines == [line + "and whether this is its channel"]
 
 
 @with_mux
@@ -275,7 +293,7 @@ CHIP_FAULTS = st.lists(
 )
 
 
-@given(st.sampled_from((ADDRESSES, CHANNELS, ONE_MUX)), TROUBLES, CHIP_FAULTS, st.booleans())
+@given(st.sampled_from((ADDRESSES, CHANNELS, ONE_MUX, MCU)), TROUBLES, CHIP_FAULTS, st.booleans())
 @settings(max_examples=6)
 def test_whatever_fails_a_reading_is_right_or_missing(
     wiring: Wiring,

@@ -16,7 +16,9 @@ from firmware_interface.serial_frames import (
     NoValue,
     Record,
     RecordFlag,
+    Sending,
     encode_record,
+    encode_sending,
     pack_values,
     stuff,
 )
@@ -30,7 +32,9 @@ records = st.builds(
     Record,
     leg=st.integers(1, 8),
     seq=st.integers(0, 0xFFFF),
-    flags=st.integers(0, 3).map(RecordFlag),
+    flags=st.builds(
+        lambda flags, place: RecordFlag(flags | place << 4), st.integers(0, 3), st.integers(0, 8)
+    ),
     step_us=st.integers(0, 0xFFFF),
     t_us=st.integers(0, 0xFFFFFFFF),
     values=st.lists(
@@ -79,9 +83,20 @@ def test_both_write_the_vectors(vector: dict[str, Any]) -> None:
 def test_what_is_read_of_a_stream_and_what_is_counted(vector: dict[str, Any], piece: int) -> None:
     """However the bytes are cut into pieces."""
     decoder, line = SerialDecoder(), bytes.fromhex(vector["line"])
-    read = [r.seq for at in range(0, len(line), piece) for r in decoder.feed(line[at : at + piece])]
-    assert read == vector["seqs"]
+    read = [r for at in range(0, len(line), piece) for r in decoder.feed(line[at : at + piece])]
+    assert [r.seq for r in read if isinstance(r, Record)] == vector["seqs"]
     assert decoder.losses == vector["losses"]
+
+
+@given(st.integers(0, 2**32 - 1), st.text(st.characters(max_codepoint=127, min_codepoint=32), max_size=60))
+def test_c_says_when_it_sends_as_python_does(t_us: int, text: str) -> None:
+    """With any text; Python reads it."""
+    line = encode_sending(Sending(t_us, text))
+    out = ctypes.create_string_buffer(76)
+    n_bytes: int = library().footsense_encode_sending(t_us, text.encode(), out)
+    assert out.raw[:n_bytes] == line
+    assert SerialDecoder().feed(b"\0" + line) == [Sending(t_us, text)]
+    assert library().footsense_encode_sending(t_us, b"x" * 61, out) == 0
 
 
 def test_the_check_of_the_crc_and_the_golden_bytes_of_the_stuffing() -> None:
@@ -101,7 +116,7 @@ def test_c_writes_what_python_writes(record: Record) -> None:
     assert SerialDecoder().feed(line) == [record]
 
 
-@pytest.mark.parametrize(("leg", "flags"), [(0, 0), (9, 0), (1, 4), (1, 128)])
+@pytest.mark.parametrize(("leg", "flags"), [(0, 0), (9, 0), (1, 4), (1, 8), (1, 0x90)])
 def test_what_no_record_has_is_written_by_nobody_and_read_by_nobody(leg: int, flags: int) -> None:
     """C refuses; bytes that say so all the same are counted as another version's."""
     record = serial_vectors.record()._replace(leg=leg, flags=RecordFlag(flags))
@@ -127,7 +142,7 @@ def test_harm_never_makes_a_record_and_ends_at_the_next_zero(sent: list[Record],
     put_in = data.draw(st.binary(max_size=2 * MAX_STUFFED_BLOCK))
     harmed = b"\0" + line[:start] + put_in + line[end:]
     decoder = SerialDecoder()
-    read: list[Record] = []
+    read: list[Record | Sending] = []
     at = 0
     while at < len(harmed):
         size = data.draw(st.integers(1, len(harmed)))

@@ -154,11 +154,11 @@ def test_keys_and_metrics_of_a_page_exist(page: Path) -> None:
         for parts in dotted
         if parts[0] in Config.__struct_fields__ and parts[-1] != "py" and set(parts) - keys
     ]
-    sources = (*ROOT.glob("footsense/telemetry/*.py"), *ROOT.glob("firmware_interface/c/*.h"))
+    sources = (*ROOT.glob("footsense/telemetry/*.py"), *ROOT.glob("firmware_interface/[cm]*/*.h"))
     names = {
         name for path in sources for name in re.findall(r"footsense_\w+", path.read_text(encoding="utf-8"))
     }
     named = set(re.findall(r"\bfootsense_\w+", text)) - {
-        path.stem for path in ROOT.glob("firmware_interface/c/*")
+        path.stem for path in ROOT.glob("firmware_interface/[cm]*/*")
     }
     assert wrong + sorted(named - names) == []

@@ -1,5 +1,6 @@
 """Frames out of a microcontroller's stream, in virtual time, whatever happens to it and to the line."""
 
+from binascii import crc_hqx
 from functools import partial
 from typing import Any
 
@@ -8,11 +9,19 @@ import pytest
 from numpy.typing import NDArray
 
 from firmware_interface.serial_frames import (
+    FRAME_BYTES,
+    IDENTIFY,
     NO_VALUE_BASE,
+    RECORD_BITS,
+    SENDING_BITS,
     Record,
     RecordFlag,
+    Sending,
     encode_record,
+    encode_sending,
     pack_values,
+    stuff,
+    unstuff,
 )
 from footsense.acquisition.mcu_source import McuSource, Serial
 from footsense.frames import LEGS, CapFrame, Reading
@@ -128,6 +137,7 @@ class Script:
     def __init__(self, clock: VirtualClock) -> None:
         self.n_opened = 1
         self.due: list[tuple[int, bytes]] = []
+        self.written = b""
         self._clock = clock
 
     def read(self) -> bytes:
@@ -138,7 +148,8 @@ class Script:
     def wait_for_bytes_until_ns(self, t_ns: int) -> None:
         self._clock.sleep_until_ns(min([t_ns, *(at_ns for at_ns, _ in self.due)]))
 
-    def write(self, data: bytes) -> None: ...
+    def write(self, data: bytes) -> None:
+        self.written += data
 
     def close(self) -> None: ...
 
@@ -235,3 +246,70 @@ def test_steps_that_would_end_in_the_future_are_garbled(first: int, faulty_us: i
         assert not frame.reading[0].any()
         assert frame.t_ns[0].tolist() == [(scan + 10) * PERIOD_NS + MS] * 9
         assert (frame.reading[1] == (Reading.CORRUPT if scan == 15 else Reading.OK)).all()
+
+
+#: From one conversion of a ring to the next; there are 6.4 in a scan.
+RING_STEP_US = 781
+
+
+def ring_scan(number: int) -> bytes:
+    """Return the last nine conversions of a ring, sent 3 ms behind the last of them, with the time of sending."""
+    last = (5000 * number - 3000) // RING_STEP_US
+    first = last - 8
+    values = [
+        5_000_000 + 1000 * max(n for n in range(first, last + 1) if n % 9 == element) for element in range(9)
+    ]
+    flags = RecordFlag(first % 9 << 4)
+    record = Record(1, number, flags, RING_STEP_US, first * RING_STEP_US % 2**32, pack_values(values))
+    return encode_sending(Sending(5000 * number, "a ring" if number == 3 else "")) + encode_record(record)
+
+
+def test_of_a_ring_each_conversion_has_one_time_however_late_it_is_sent(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """The place at which a record begins, and when it was sent, tell the time; one that comes again has the same."""
+    caplog.set_level("INFO")
+    clock = VirtualClock()
+    port = Script(clock)
+    source = McuSource(port, clock, serial(("lf",)))
+    way_ns = [round(bits * S / BAUD) for bits in (SENDING_BITS, SENDING_BITS + RECORD_BITS)]
+    for number in range(1, 60):
+        scan = ring_scan(number)
+        begin_ns = (number + 10) * PERIOD_NS
+        port.due += [(begin_ns + way_ns[0], scan[:-FRAME_BYTES]), (begin_ns + way_ns[1], scan[-FRAME_BYTES:])]
+    times: dict[int, set[int]] = {}
+    source.read()  # of the first frame on the line nobody knows whether it is whole
+    while clock.now_ns() < 68 * PERIOD_NS:
+        frame = source.read()
+        assert not frame.reading.any()
+        for t_ns, pf in zip(frame.t_ns[0], frame.capacitance_pf[0], strict=True):
+            times.setdefault(round((pf - 5.0) * 1000), set()).add(int(t_ns))
+    assert len(times) > 300
+    for n, stamps in times.items():
+        (t_ns,) = stamps
+        assert t_ns == pytest.approx(10 * PERIOD_NS + 1000 * n * RING_STEP_US, abs=12_000)
+    assert port.written == IDENTIFY
+    assert [record.message for record in caplog.records if record.levelname == "INFO"] == [
+        "microcontroller: a ring"
+    ]
+
+
+def test_a_firmware_of_another_version_has_one_line_with_its_remedy(caplog: pytest.LogCaptureFixture) -> None:
+    clock = VirtualClock()
+    port = Script(clock)
+    source = McuSource(port, clock, serial(("lf",)))
+
+    def of_version_2(number: int) -> bytes:
+        body = unstuff(line(1, number)[:-1])
+        assert body
+        body = b"\2" + body[1:-2]
+        return stuff(body + crc_hqx(body, 0xFFFF).to_bytes(2, "little")) + b"\0"
+
+    port.due = [((n + 10) * PERIOD_NS, of_version_2(n)) for n in range(1, 5000)]
+    while port.due:
+        assert (source.read().reading == Reading.NO_ANSWER).all()
+    line_of_version = (
+        "the microcontroller sends records of version 2, or with fields that version has not; this footsense reads "
+        "version 1: flash the firmware of this footsense (firmware_interface/mcu)"
+    )
+    assert [record.message for record in caplog.records if record.levelname == "ERROR"] == [line_of_version]
