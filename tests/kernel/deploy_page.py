@@ -14,7 +14,6 @@ PAGE = ROOT / "deploy" / "README.md"
 BEFORE = {
     "pip wheel": "cd ..; PATH=/opt/footsense/bin:$PATH; pip uninstall --quiet --yes footsense",
     "/opt/footsense/bin/pip install --no-index --no-deps footsense-": "cd dist",
-    "useradd": "cd /root/footsense/deploy",
 }
 #: Commands that show something until they are interrupted.
 ENDLESS = ("candump ", "journalctl -u footsense -f", "/opt/footsense/bin/footsense monitor")

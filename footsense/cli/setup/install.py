@@ -37,7 +37,7 @@ _NETWORKD, _WAIT_ONLINE = "systemd-networkd", "systemd-networkd-wait-online"
 #: What to do about an error of the file system.
 _REMEDIES = {
     errno.ENOSPC: "free some of the card (apt-get clean; journalctl --vacuum-size=50M)",
-    errno.EROFS: "it is mounted read-only: look into `dmesg` for its card",
+    errno.EROFS: "it is mounted read-only, as after an error of the card: dmesg says which",
     errno.EACCES: "run it as root",
 }
 

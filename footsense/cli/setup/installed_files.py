@@ -1,6 +1,6 @@
 """Files in a system that `footsense install` has written: what they were then, and what differs now.
 
-The list of them, `/etc/footsense/installed`, is one of `sha256sum`: `sha256sum --check /etc/footsense/installed`. While
+The list of them, `/etc/footsense/installed`, is one that sha256sum --check reads. While
 files are written it names the old content of each beside the new one, so that an installation that was cut short goes
 on where it ended.
 """
@@ -94,10 +94,10 @@ class InstalledFiles:
             raise
 
     def remove(self, path: str) -> None:
-        """Remove a file, and the folder of drop-ins that is empty then."""
+        """Remove a file, and its folder if that is empty then and of footsense or a unit's."""
         target = self._target(path)
         target.unlink(missing_ok=True)
-        if len(target.parent.suffixes) > 1:  # such as footsense.service.d, and not rules.d
+        if path == LIST or len(target.parent.suffixes) > 1:  # such as footsense.service.d, and not rules.d
             with contextlib.suppress(OSError):
                 target.parent.rmdir()
 

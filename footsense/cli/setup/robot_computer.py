@@ -18,7 +18,7 @@ _PAGE = "docs/raspberry-pi.md"
 #: Fifth byte of a program's file, for 32 bit. Source: System V ABI, ELF header, EI_CLASS.
 _ELF_32 = 1
 #: Drivers of CAN adapters without one-shot mode.
-#: Source: Linux 6.1, drivers/net/can/spi/mcp251x.c and mcp251xfd/mcp251xfd-core.c, `ctrlmode_supported`.
+#: Source: Linux 6.1, drivers/net/can/spi/mcp251x.c and mcp251xfd/mcp251xfd-core.c, ctrlmode_supported.
 _WITHOUT_ONE_SHOT = ("mcp251x", "mcp251xfd")
 
 
@@ -89,7 +89,7 @@ def findings(root: Path) -> Iterator[str]:
             f"/boot/firmware/config.txt, and a reboot ({_PAGE}, section 2)"
         )
     elif "can0" not in interfaces:
-        yield f"no can0: {interfaces[0]} has no settings yet; copy 80-can0.network for it, and name it in `can.channel`"
+        yield f"no can0: {interfaces[0]} has no settings yet; copy 80-can0.network for it, and name it in can.channel"
     driver = Path(os.path.realpath(networks / "can0/device/driver")).name
     for file in sorted((root / "etc/systemd/network").glob("*can0*.network.d/*.conf")):
         if driver in _WITHOUT_ONE_SHOT and "OneShot=yes" in file.read_text().splitlines():
