@@ -114,7 +114,8 @@ def installed(root: Path, run: Run, *, is_running: bool, remove: bool, dry_run: 
                 ) from None
     yield "nothing to do" if not steps else "dry run: nothing was done" if dry_run else "done"
     if remove:
-        yield f"still there: {_CONFIG}, /var/lib/footsense, /{ENVIRONMENT}, the user footsense"
+        kept = (_CONFIG, "/var/lib/footsense", f"/{ENVIRONMENT}")
+        yield f"kept: {', '.join([path for path in kept if (root / path[1:]).exists()])}, the user footsense"
         return
     if is_running:
         yield from (f"warning: {finding}" for finding in findings(root))

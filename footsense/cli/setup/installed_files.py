@@ -1,8 +1,7 @@
 """Files in a system that `footsense install` has written: what they were then, and what differs now.
 
-The list of them, `/etc/footsense/installed`, is one that sha256sum --check reads. While
-files are written it names the old content of each beside the new one, so that an installation that was cut short goes
-on where it ended.
+The list of them, `/etc/footsense/installed`, is one that sha256sum --check reads. While files are written it names the
+old content of each beside the new one, so that an installation that was cut short goes on where it ended.
 """
 
 import contextlib
@@ -10,6 +9,7 @@ import hashlib
 import re
 from collections import defaultdict
 from collections.abc import Mapping
+from itertools import zip_longest
 from pathlib import Path
 
 from footsense.errors import FootsenseError
@@ -56,8 +56,8 @@ class InstalledFiles:
         for path in {**files, **self._hashes}:
             content, new = self._content(path), files.get(path, b"")
             if content and content != new and _digest(content) not in self._hashes[path]:
-                lines, known = content.decode(errors="replace").splitlines(), new.decode().splitlines()
-                first = next((number for number, line in enumerate(lines, 1) if line not in known), 1)
+                lines = zip_longest(content.decode(errors="replace").splitlines(), new.decode().splitlines())
+                first = next((number for number, (old, now) in enumerate(lines, 1) if old != now), 1)
                 edited.append(f"{path}:{first}" if new else path)
         if edited:
             raise FootsenseError(
@@ -71,10 +71,11 @@ class InstalledFiles:
 
     def list_text(self, files: Mapping[str, bytes], *, is_complete: bool) -> bytes:
         """Return the list of these files, and, while it is not complete, of what there was."""
-        lines = {f"{_digest(content)}  {path}\n" for path, content in files.items()}
+        known = {(path, _digest(content)) for path, content in files.items()}
         if not is_complete:
-            lines |= {f"{digest}  {path}\n" for path, known in self._hashes.items() for digest in known}
-        return (_HEADER + _NETWORKD * self.enabled_networkd + "".join(sorted(lines))).encode()
+            known |= {(path, digest) for path, digests in self._hashes.items() for digest in digests}
+        lines = "".join(f"{digest}  {path}\n" for path, digest in sorted(known))
+        return (_HEADER + _NETWORKD * self.enabled_networkd + lines).encode()
 
     def write(self, path: str, content: bytes) -> None:
         """Write a file, which has its old or its new content whatever happens.

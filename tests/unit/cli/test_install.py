@@ -269,7 +269,7 @@ def test_files_that_were_installed_by_hand_are_taken_over(computer: Computer) ->
     computer.install(remove=True)
     assert not (computer.root / UNIT).exists()
     computer.write(UNIT, "[Service]\nExecStart=/home/pi/feet\n")
-    with pytest.raises(FootsenseError, match=f"^/{UNIT}:2: edited by hand"):
+    with pytest.raises(FootsenseError, match=f"^/{UNIT}:1: edited by hand"):
         computer.install()
 
 
