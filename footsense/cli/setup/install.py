@@ -65,6 +65,7 @@ def install(root: Path, *, remove: bool, dry_run: bool) -> None:
 
     It may be repeated at any time, and goes on where another one was cut short.
     """  # noqa: DOC501 - click shows this text
+    root = root.resolve()
     if root == Path("/") and os.geteuid() and not dry_run:
         raise FootsenseError(f"it writes to /etc: run it as root: sudo /{ENVIRONMENT}/bin/footsense install")
     os.umask(0o022)  # the user footsense reads what is written
