@@ -44,14 +44,13 @@ def test_every_transfer_fails(trial: Trial, chips: str, where: str, error: str) 
 def test_held_line_with_reset(trial: Trial) -> None:
     """A leg, lm, holds SDA; RESET of the multiplexer on a GPIO."""
     run = trial.machine.run
-    run(
-        "mkdir -p /etc/systemd/system/footsense.service.d\n"
-        "printf '[Service]\\nSupplementaryGroups=i2c gpio\\nDeviceAllow=char-gpiochip rw\\n'"
-        " > /etc/systemd/system/footsense.service.d/reset.conf; systemctl daemon-reload\n"
-        f"cp {CONFIG} {CONFIG}.before"
-    )
+    footsense = "/opt/footsense/bin/footsense"
+    run(f"cp {CONFIG} {CONFIG}.before")
     try:
-        trial.robot.configure("s/# reset: .*/reset: {device: \\/dev\\/gpiochip0, line: 0}/")
+        run(
+            f"sed -i 's/# reset: .*/reset: {{device: \\/dev\\/gpiochip0, line: 0}}/' {CONFIG}; {footsense} install"
+        )
+        trial.robot.configure()
         trial.can.wait_for(State.VALID)
         mark, (_, before) = trial.can.mark, trial.chips.counts
         trial.chips.do("hold lm")
@@ -64,10 +63,7 @@ def test_held_line_with_reset(trial: Trial) -> None:
         assert pulses > 0
         assert Cause.BUS_STUCK in trial.can.causes(mark)["lm"]
     finally:
-        run(
-            f"mv {CONFIG}.before {CONFIG}; rm /etc/systemd/system/footsense.service.d/reset.conf\n"
-            "systemctl daemon-reload; systemctl restart footsense"
-        )
+        run(f"mv {CONFIG}.before {CONFIG}; {footsense} install\nsystemctl restart footsense")
 
 
 def test_adapter_is_pulled(trial: Trial) -> None:
