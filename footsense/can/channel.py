@@ -195,9 +195,7 @@ class CanChannel:
         return self._wire
 
 
-def can_interfaces() -> list[str]:
-    """Return the names of this computer's CAN interfaces, virtual ones last."""
-    names = [
-        path.parent.name for path in NETWORK_DEVICES_FOLDER.glob("*/type") if path.read_text() == _ARPHRD_CAN
-    ]
+def can_interfaces(folder: Path = NETWORK_DEVICES_FOLDER) -> list[str]:
+    """Return the names of a computer's CAN interfaces, virtual ones last."""
+    names = [path.parent.name for path in folder.glob("*/type") if path.read_text() == _ARPHRD_CAN]
     return sorted(names, key=lambda name: (name.startswith("vcan"), name))

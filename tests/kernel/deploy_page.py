@@ -13,8 +13,7 @@ PAGE = ROOT / "deploy" / "README.md"
 #: first way has put nothing.
 BEFORE = {
     "pip wheel": "cd ..; PATH=/opt/footsense/bin:$PATH; pip uninstall --quiet --yes footsense footsense-client",
-    "/opt/footsense/bin/pip install --no-index --no-deps footsense*": "cd dist",
-    "useradd": "cd /root/footsense/deploy",
+    "/opt/footsense/bin/pip install --no-index --no-deps footsense": "cd dist",
 }
 #: Commands that show something until they are interrupted.
 ENDLESS = ("candump ", "journalctl -u footsense -f", "/opt/footsense/bin/footsense monitor")

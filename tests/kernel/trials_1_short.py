@@ -70,3 +70,19 @@ def test_a_leg_that_does_not_answer(trial: Trial) -> None:
     causes = trial.can.causes(trial.mark)
     assert Cause.NO_ANSWER in causes["lm"]
     assert set(causes) == {"lm"}
+
+
+def test_removed_and_installed_again(trial: Trial) -> None:
+    """`footsense install --remove`, `footsense install` and `systemctl enable --now` on the running machine."""
+    footsense, run = "/opt/footsense/bin/footsense", trial.machine.run
+    run(f"{footsense} install --remove")
+    left = run(
+        "ls /etc/systemd/system /etc/systemd/network /etc/footsense; systemctl is-enabled systemd-networkd || true"
+    )
+    assert matching(left.splitlines(), r"footsense.*\.service$|80-can0|installed") == []
+    assert "disabled" in left
+    said = run(f"{footsense} install")
+    assert "warning" not in said
+    run("systemctl enable --now footsense footsense-exporter footsense-view")
+    trial.recovered()
+    assert run(f"{footsense} install").splitlines()[0] == "nothing to do"

@@ -1,1 +1,1 @@
-"""Commands with which somebody sets up a robot: write its file, check it, and look at its buses and feet."""
+"""Commands with which somebody sets up a robot: its computer and its file, its buses and feet looked at."""

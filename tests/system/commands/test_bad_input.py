@@ -30,6 +30,7 @@ GOLDEN = Path(__file__).parents[2] / "golden/measured_walk.mcap"
         ),
         ("check-config walk.mcap", 78, "is a recording; what is in it tells: footsense info walk.mcap"),
         ("run --scene scene.yaml", 78, "did you mean period_s"),
+        ("install --root .", 1, " has no systemd, which starts the services: take Debian 12 or 13"),
         ("view --port 0 none.mcap", 74, "none.mcap"),
         ("view --port 0 --address 192.0.2.1", 78, "the page cannot be served on 192.0.2.1"),
         ("view --port 0 --address no.invalid", 78, "the page cannot be served on no.invalid:0: "),

@@ -1,7 +1,6 @@
 """The files in `deploy/` say what the service needs, in a form that systemd and udev read."""
 
 import re
-import shlex
 import shutil
 import subprocess
 from configparser import RawConfigParser
@@ -9,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from footsense.cli.setup.install import _TARGETS
 from footsense.errors import ConfigError, FootsenseError, ModelError
 from footsense.recording.fault_recordings import FAULT_FOLDER
 from footsense.sim.can.interface import AS_DEPLOYED
@@ -131,15 +131,31 @@ def test_can0_comes_up_by_itself_and_keeps_no_old_frame() -> None:
     assert AS_DEPLOYED.head_drop
 
 
+def test_gs_usb_has_the_same_settings_but_for_what_it_does_not_know() -> None:
+    """Its file comes first, matches that driver alone, and asks for no restart after bus-off."""
+    other, gs_usb = parsed(DEPLOY / "80-can0.network"), parsed(DEPLOY / "79-can0-gs_usb.network")
+    assert gs_usb["Match"].pop("Driver") == "gs_usb"
+    assert other["CAN"].pop("RestartSec")
+    assert {name: dict(gs_usb[name]) for name in gs_usb} == {name: dict(other[name]) for name in other}
+
+
 def test_a_missing_device_delays_the_boot_by_less_than_five_seconds() -> None:
     """Each device that the unit waits for gets the short timeout; systemd's own is 90 s."""
-    unit, page = parsed(UNIT)["Unit"], (DEPLOY / "README.md").read_text()
-    timeouts = parsed(DEPLOY / "footsense-device.conf")["Unit"]
+    unit, timeouts = parsed(UNIT)["Unit"], parsed(DEPLOY / "footsense-device.conf")["Unit"]
     assert float(timeouts["JobTimeoutSec"]) == float(timeouts["JobRunningTimeoutSec"]) < 5
-    (loop,) = re.findall(r"^for device in (.*); do$", page, re.MULTILINE)
-    assert (
-        [f"{device}.device" for device in shlex.split(loop)] == unit["Wants"].split() == unit["After"].split()
-    )
+    short = [path.split("/")[-2].removesuffix(".d") for path in _TARGETS["footsense-device.conf"]]
+    assert short == unit["Wants"].split() == unit["After"].split()
+
+
+def test_a_drop_in_adds_to_what_the_unit_allows() -> None:
+    """Its group beside i2c, its devices beside the adapters."""
+    for name, group, devices in (("serial", "dialout", "char-tty"), ("mux-reset", "gpio", "char-gpiochip")):
+        lines = (DEPLOY / f"footsense-{name}.conf").read_text().splitlines()
+        section, *settings = [line for line in lines if not line.startswith("#")]
+        assert section == "[Service]"
+        assert settings[0] == f"SupplementaryGroups={group}"
+        assert all(re.fullmatch(rf"DeviceAllow={devices}\w* rw", line) for line in settings[1:])
+        assert len(settings) > 1
 
 
 def test_the_page_has_every_exit_code_and_none_is_systemd_s() -> None:
