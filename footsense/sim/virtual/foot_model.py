@@ -246,6 +246,10 @@ class FootModel:
         kinds = {"f": np.float32, "i": np.int32, "b": np.bool_}
         return self._xp.asarray(value.astype(kinds[value.dtype.kind]), device=self._device)
 
+    def clock(self, t_ns: int) -> Array:
+        """Return a time [ns] as a step takes it, shape (1,), int32."""
+        return self._array([t_ns])
+
     def start(self, n_feet: int, seed: int | NDArray[np.int_] = 0) -> FeetState:
         """Return feet in the air, tared, which have no force yet.
 
@@ -338,17 +342,16 @@ class FootModel:
             step_s: Length of the step, at most 1 s, a number that is known when the function is compiled [s].
             force_n: Ground reaction on each foot in its frame [N], shape (n, 3); it changes linearly since the last step.
             normal: Unit normal of the ground, into the foot, same frame and shape; anything for a foot in the air.
-            noise: Noise of the step's conversions over its standard deviation [1], shape (n, `conversions(step_s)`),
+            noise: Noise of the step's conversions over its standard deviation [1], shape (n, `conversions`),
                 newest last; None for that of the seed.
         """
-        state = self.advance(
-            state, self._array([round(1e9 * step_s)]), self.conversions(step_s), force_n, normal, noise
-        )
+        step_ns = round(1e9 * step_s)
+        state = self.advance(state, self.clock(step_ns), self.conversions(step_ns), force_n, normal, noise)
         return state, self.published(state)
 
-    def conversions(self, step_s: float) -> int:
-        """Return the most conversions of a step [s] that a force can tell."""
-        return min(round(1e9 * step_s) // self.scan.step_ns + 1, self.history)
+    def conversions(self, step_ns: int) -> int:
+        """Return the most conversions of a step [ns] that a force can tell."""
+        return min(step_ns // self.scan.step_ns + 1, self.history)
 
     def advance(
         self, state: FeetState, step_ns: Array, n: int, force_n: Array, normal: Array, noise: Array = None
@@ -378,17 +381,16 @@ class FootModel:
             since_ns=elapsed_ns - n_new * step,
             n_steps=state.n_steps + 1,
         )
+        is_whole = n_new >= n
         back = xp.arange(n - 1, -1, -1, dtype=xp.int32, device=self._device)
         ago_ns = xp.astype(state.since_ns + back * step, xp.float32)
         share = xp.clip(1.0 - ago_ns / xp.astype(step_ns, xp.float32), 0.0, 1.0)
         element = self._elements(state.number, n)
-        read_pf, closed, leans = self._read(before, state, share, element)
+        read_pf, closed, leans = self._read(before, state, is_whole, share, element)
         first = state.n_steps * _DRAWS_PER_STEP
         if noise is None:
             noise = random_normal(xp, state.draw.key, first, n)
         read_pf = xp.clip(read_pf + state.draw.noise_pf * noise, max=self.scan.range_end_pf)
-        is_whole = n_new >= n  # else the oldest is one that was there before
-
         def with_new(old: Array, new: Array) -> Array:
             whole = xp.concat([old[:, n:], new], axis=1)
             return xp.where(is_whole, whole, xp.concat([old[:, n - 1 :], new[:, 1:]], axis=1))
@@ -409,13 +411,14 @@ class FootModel:
         return state._replace(absent_ns=xp.where(breaks, found_ns, state.absent_ns))
 
     def _read(
-        self, before: FeetState, after: FeetState, share: Array, element: Array
+        self, before: FeetState, after: FeetState, is_whole: Array, share: Array, element: Array
     ) -> tuple[Array, Array, Array]:
         """Return capacitances without noise [pF], whether a cell is closed, and whether the contact leans too far.
 
         Args:
             before: State before a step.
             after: After it, with force and normal.
+            is_whole: Whether the oldest conversion is of this step, else it is the newest of the step before.
             share: Share of the step until each conversion [1], shape (k,).
             element: Its element, same shape.
         """
@@ -425,16 +428,16 @@ class FootModel:
         low = loaded & (after.normal[:, 2] < self._lowest_z)
         leans = xp.broadcast_to(low[:, None], (n, k))
         open_pf = xp.take(self._area_pf_um / draw.distance_um + draw.stray_pf, element, axis=1)
-        feet = [before.force_n, after.force_n, after.normal, before.closed[:, 1 - ELEMENTS :]]
+        feet = [before.force_n, after.force_n, after.normal, before.closed[:, -ELEMENTS:]]
         # Feet in the air need no table, where a library may look which they are.
         if is_lazy_array(loaded):
-            read_pf, closed = self._loaded(*feet, share, element, draw)
+            read_pf, closed = self._loaded(*feet, is_whole, share, element, draw)
             return xp.where(loaded[:, None], read_pf, open_pf), closed & loaded[:, None], leans
         read_pf = xp.asarray(xp.broadcast_to(open_pf, (n, k)), copy=True)
         closed = xp.zeros((n, k), dtype=xp.bool, device=self._device)
         if xp.any(loaded):
-            own = FootDraw(*(a if a is None or a.shape[0] == 1 else a[loaded, ...] for a in draw))
-            read_pf[loaded], closed[loaded] = self._loaded(*(a[loaded, ...] for a in feet), share, element, own)
+            own = FootDraw(*(a if a is None or a.shape[0] == 1 else a[loaded] for a in draw))
+            read_pf[loaded], closed[loaded] = self._loaded(*(a[loaded] for a in feet), is_whole, share, element, own)
         return read_pf, closed, leans
 
     def _loaded(
@@ -443,6 +446,7 @@ class FootModel:
         to_n: Array,
         normal: Array,
         closed_before: Array,
+        is_whole: Array,
         share: Array,
         element: Array,
         draw: FootDraw,
@@ -480,14 +484,17 @@ class FootModel:
         is_closed = xp.stack(closed, axis=1)
         read_pf = self._area_pf_um * xp.stack(read, axis=1) + xp.take(draw.stray_pf, element, axis=1)
         # A cell that is closed when its element was read last takes load from all others.
-        lately = xp.concat([closed_before, is_closed], axis=1)
+        lately = xp.where(
+            is_whole,
+            xp.concat([closed_before[:, 1:], is_closed], axis=1),
+            xp.concat([closed_before, is_closed[:, 1:]], axis=1),
+        )
         touches = functools.reduce(operator.or_, (lately[:, ago : ago + k] for ago in range(ELEMENTS)))
         touches = touches & (xp.stack(mean_um, axis=1) < _CERTAIN_SATURATION * gap_um[:, :, 0])
         if not is_lazy_array(touches) and not xp.any(touches):
             return read_pf, is_closed
-        loads = normal, now_n * draw.compliance[:, :, None]
-        feet = draw.gap_um, draw.distance_um, draw.gain, draw.stray_pf
-        return self._on_host(self._with_contact, read_pf, touches, element, *loads, *feet), is_closed
+        feet = draw.compliance, draw.gap_um, draw.distance_um, draw.gain, draw.stray_pf
+        return self._on_host(self._with_contact, read_pf, touches, element, normal, now_n, *feet), is_closed
 
     def _basis(self, normal: Array) -> Array:
         """Return what `series_basis` does, by recurrence."""
@@ -516,6 +523,7 @@ class FootModel:
         element: NDArray[np.int32],
         normal: Single,
         now_n: Single,
+        compliance: Single,
         gap_um: Single,
         distance_um: Single,
         gain: Single,
@@ -529,12 +537,17 @@ class FootModel:
             at = feet[start : start + _ROWS_AT_ONCE], columns[start : start + _ROWS_AT_ONCE]
             loads = normalized(normal[at[0]].astype(np.float64)), np.asarray(now_n)[at].astype(np.float64)
             for foot, column, free_um in zip(*at, self._response.free_closure_um(*loads), strict=True):
-                own, here = foot if len(gap_um) > 1 else 0, element[column]
-                gap_of_cell_um = np.repeat(gap_um[own].astype(np.float64), CELLS_PER_ELEMENT)
-                solved = solve_contact_lcp(free_um, gap_of_cell_um, self._response.compliance_um_per_n)
-                closure_um = gain[own, here] * solved.cell_closures_um[cells_of[here]]
-                spacing_um = distance_um[own, here] - np.minimum(closure_um, gap_um[own, here])
-                touched_pf[foot, column] = self._area_pf_um * np.mean(1.0 / spacing_um) + stray_pf[own, here]
+                here, soft = element[column], compliance[foot % len(compliance), 0]
+                gaps_um, distances_um, gains, strays_pf = (
+                    each[foot % len(each)].astype(np.float64) for each in (gap_um, distance_um, gain, stray_pf)
+                )
+                # Forces of cells on one another are over the compliance, which then stays the design's.
+                solved = solve_contact_lcp(
+                    soft * free_um, np.repeat(gaps_um, CELLS_PER_ELEMENT), self._response.compliance_um_per_n
+                )
+                closure_um = gains[here] * solved.cell_closures_um[cells_of[here]]
+                spacing_um = distances_um[here] - np.minimum(closure_um, gaps_um[here])
+                touched_pf[foot, column] = self._area_pf_um * np.mean(1.0 / spacing_um) + strays_pf[here]
         return touched_pf
 
     def published(self, state: FeetState) -> VirtualForces:
