@@ -12,20 +12,21 @@ overload makes a foot `DEGRADED`. The error of a baseline is constant, where the
 
 import math
 import sys
+from collections.abc import Iterable
 
 import numpy as np
 from array_api_compat import array_namespace, device, is_jax_array
 from numpy.typing import NDArray
 
 from footsense.foot.parameters import KNOWN_EXACTLY, ForceUncertainty
-from footsense.sim.virtual.foot_model import Board, FootModel, VirtualForces
+from footsense.sim.virtual.foot_model import Board, FeetState, FootModel, VirtualForces, of_feet
 from footsense.sim.virtual.network import Array
 from footsense.sim.virtual.variation import AS_DESIGNED, Variation
 
 #: Longest time between two steps [ns].
 _MAX_STEP_NS = 10**9
 #: Feet that are computed together on a processor, so that their arrays stay in its cache.
-_BLOCK = 1024
+_BLOCK = 512
 
 
 class VirtualFeet:
@@ -84,7 +85,12 @@ class VirtualFeet:
         # Conversion 0 is a step after time 0; a force is there so long after the conversion before its first.
         self._force_ns = model.scan.conversions_per_force * model.scan.step_ns
         self._sent_after_ns = model.scan.send_delay_ns + round(1e9 * most_s)
-        self._state = model.start(n_feet, seed)
+        # On a processor block by block, so that arrays stay in its cache; at once where everything is fast at once.
+        n_rows = _BLOCK if "cpu" in str(device(like)).lower() else n_feet
+        self._shape = n_feet, 3
+        self._blocks = [slice(start, start + n_rows) for start in range(0, n_feet, n_rows)]
+        whole = model.start(n_feet, seed)
+        self._states = [of_feet(whole, block) for block in self._blocks]
         self._advance, self._publish = model.advance, model.published
         if is_jax_array(like):
             jit = sys.modules["jax"].jit
@@ -92,7 +98,10 @@ class VirtualFeet:
         self._start_s = self._t_s = -math.inf
         self._t_ns = 0
         self._newest: int | None = None
-        self._published = self._publish(self._state)
+        self._published = self._joined(map(self._publish, self._states))
+
+    def _joined(self, blocks: Iterable[VirtualForces]) -> VirtualForces:
+        return VirtualForces(*map(self._xp.concat, zip(*blocks, strict=True)))
 
     def reset(self, feet: Array) -> None:
         """Lift feet off the ground, tared and drawn anew, for a new episode; they have no force until the next is sent.
@@ -100,7 +109,11 @@ class VirtualFeet:
         Args:
             feet: Which, shape (n,).
         """
-        self._state = self._model.reset(self._state, self._xp.asarray(feet, device=device(self._state.force_n)))
+        feet = self._xp.asarray(feet, device=device(self._states[0].force_n))
+        self._states = [
+            self._model.reset(state, feet[block])
+            for state, block in zip(self._states, self._blocks, strict=True)
+        ]
         self._newest = None
 
     def step(self, t_s: float, force_n: Array, normal: Array, noise: Array = None) -> VirtualForces:
@@ -124,27 +137,38 @@ class VirtualFeet:
             raise ValueError(f"a step at {t_s} s does not follow the one at {self._t_s} s")
         if array_namespace(force_n, normal) is not xp:
             raise ValueError(f"these feet take arrays of {xp.__name__}; `like` is one of another library")
-        if not force_n.shape == normal.shape == self._state.force_n.shape:
+        if not force_n.shape == normal.shape == self._shape:
             raise ValueError(
-                f"{len(self._state.force_n)} feet got forces {force_n.shape} and normals {normal.shape}"
+                f"{self._shape[0]} feet got forces {force_n.shape} and normals {normal.shape}"
             )
         is_unit = xp.abs(xp.sum(normal * normal, axis=1) - 1.0) < 1e-3
         if not xp.all(is_unit | xp.all(force_n == 0.0, axis=1)):
             raise ValueError("the normal of the ground at a loaded foot has to be a unit vector")
         if math.isinf(self._t_s):
             self._start_s = t_s
-            self._state = self._state._replace(force_n=xp.astype(force_n, xp.float32))
+            self._states = [
+                state._replace(force_n=xp.astype(force_n[block], xp.float32))
+                for state, block in zip(self._states, self._blocks, strict=True)
+            ]
         t_ns = round(1e9 * (t_s - self._start_s)) + model.scan.step_ns
         step_ns = t_ns - self._t_ns
         if step_ns > _MAX_STEP_NS:
             raise ValueError(f"a step at {t_s} s is more than 1 s after the one at {self._t_s} s")
         self._t_s, self._t_ns = t_s, t_ns
-        step = model.clock(step_ns)
-        self._state = self._advance(self._state, step, model.conversions(step_ns), force_n, normal, noise)
+        step = model.clock(step_ns), model.conversions(step_ns)
         # The number of the force that all feet have now, if all have the same.
         newest = (t_ns - self._sent_after_ns) // self._force_ns
-        if self._delay_varies or newest != self._newest:
-            self._published = self._publish(self._state)
+        is_new = self._delay_varies or newest != self._newest
+
+        def stepped(state: FeetState, block: slice) -> tuple[FeetState, VirtualForces | None]:
+            own = (None if part is None else part[block] for part in (force_n, normal, noise))
+            state = self._advance(state, *step, *own)
+            return state, self._publish(state) if is_new else None
+
+        blocks = [*map(stepped, self._states, self._blocks)]
+        self._states = [state for state, _ in blocks]
+        if is_new:
+            self._published = self._joined(forces for _, forces in blocks)
             self._newest = newest
         else:
             self._published = self._published._replace(age_s=self._published.age_s + 1e-9 * step_ns)

@@ -29,7 +29,8 @@ from footsense.estimation.network import READINGS, Network, sensitivity
 from footsense.estimation.pipeline import MAX_SIGMA_REL
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2
 from footsense.foot.directions import normalized
-from footsense.foot.gap_contact import CELLS_PER_ELEMENT, N_CELLS, solve_contact_lcp
+from footsense.foot.gap_contact import CELLS_PER_ELEMENT as _CELLS
+from footsense.foot.gap_contact import N_CELLS, solve_contact_lcp
 from footsense.foot.network_card import NETWORK_FILE
 from footsense.foot.parameters import KNOWN_EXACTLY, ForceUncertainty, variance_factors
 from footsense.foot.response_table import FootResponse
@@ -154,6 +155,15 @@ class FeetState(NamedTuple):
     n_steps: Array
 
 
+def of_feet(state: FeetState, rows: Any) -> FeetState:  # noqa: ANN401 - a slice or a mask
+    """Return the state of some of the feet."""
+
+    def own(part: Array) -> Array:
+        return part if part is None or part.shape[0] == 1 else part[rows]
+
+    return FeetState(*map(own, state._replace(draw=None)))._replace(draw=FootDraw(*map(own, state.draw)))
+
+
 class FootModel:
     """A foot type with its electronics, in arrays of a library: pure functions from state to state.
 
@@ -219,23 +229,23 @@ class FootModel:
         rms = imputation.rms_of_pattern
         # As `Imputation.residuals` without a set.
         scale = np.concatenate([np.ones((1, ELEMENTS)), rms[:1] / rms[1:] / OVERLOAD_RESIDUAL_REL])
-        # Of each element's cells: shape (9, products, 6 * cells), point force before patch.
-        cells = response.closure_coefficients.reshape(2, -1, 3, ELEMENTS, CELLS_PER_ELEMENT)
+        # Of each element's cells: shape (9, 6 * cells, products), point force before patch.
+        cells = response.closure_coefficients.reshape(2, -1, 3, ELEMENTS, _CELLS)
         since = np.mod(np.arange(ELEMENTS)[:, None] - np.argsort(_ORDER), ELEMENTS)
         self._of = {
             name: self._array(value)
             for name, value in {
-                "series": cells.transpose(3, 1, 0, 2, 4).reshape(ELEMENTS, cells.shape[1], -1),
-                "sigma_n2": sigma_n**2,
-                "residual": scale[:, :, None] * imputation.residual_of_pattern,
-                "least_rel": trained.closure_rel_min,
-                "most_rel": trained.closure_rel_max,
-                "usable_rel": trained.max_usable_closure_rel(np.full(ELEMENTS, design.gap_um)),
+                "series": cells.transpose(3, 0, 2, 4, 1).reshape(ELEMENTS, -1, cells.shape[1]),
+                "sigma_n2": sigma_n[:, None] ** 2,
+                "residual": (scale[:, :, None] * imputation.residual_of_pattern).transpose(1, 2, 0),
+                "least_rel": np.tile(trained.closure_rel_min, READINGS)[:, None],
+                "most_rel": np.tile(trained.closure_rel_max, READINGS)[:, None],
+                "usable_rel": trained.max_usable_closure_rel(np.full(ELEMENTS, design.gap_um))[:, None],
                 "is_usable": IS_USABLE_STATE,
                 # By the newest conversion's place in the scan: conversions since each reading of a window.
                 "since": (since[:, None] + ELEMENTS * np.arange(READINGS)[:, None]).reshape(ELEMENTS, _WINDOW),
                 "order": _ORDER,
-                "bit": 2 ** np.arange(ELEMENTS),
+                "bit": 2 ** np.arange(ELEMENTS)[:, None],
             }.items()
         }
         longest_ns = scan.send_delay_ns + round(1e9 * variation.delay_s[1])
@@ -452,7 +462,7 @@ class FootModel:
         draw: FootDraw,
     ) -> tuple[Array, Array]:
         """Return the capacitances of loaded feet without noise [pF], and whether a cell is closed, shape (n, k) each."""
-        xp, design, cells, k = self._xp, self._design, CELLS_PER_ELEMENT, share.shape[0]
+        xp, k = self._xp, share.shape[0]
         if draw.mount is not None:
             from_n, to_n, normal = ((draw.mount @ a[:, :, None])[:, :, 0] for a in (from_n, to_n, normal))
         # Those below the table are lifted to its edge; `published` takes their force away.
@@ -460,27 +470,31 @@ class FootModel:
         edge = math.sqrt(1.0 - self._lowest_z**2) / xp.sqrt(xp.sum(across * across, axis=1) + 1e-12)
         across = across * xp.where(normal[:, 2] < self._lowest_z, edge, xp.ones_like(edge))[:, None]
         normal = xp.concat([across, xp.clip(normal[:, 2:], min=self._lowest_z)], axis=1)
-        basis = self._basis(normal)
-        now_n = from_n[:, None, :] + share[None, :, None] * (to_n - from_n)[:, None, :]
-        pressing_n = xp.abs(xp.sum(now_n * normal[:, None, :], axis=2, keepdims=True))
+        # From here on feet are the last axis, the fastest.
+        basis = self._basis(normal.T)
+        now_n = from_n.T[None, :, :] + share[:, None, None] * (to_n - from_n).T[None, :, :]
+        pressing_n = xp.abs(xp.sum(now_n * normal.T[None, :, :], axis=1, keepdims=True))
         hertz = 0.75 * self._response.ball_radius_mm / self._response.hertz_modulus_mpa
-        point_n = now_n * draw.compliance[:, :, None]
-        weights = xp.concat([point_n, (hertz * pressing_n) ** (2.0 / 3.0) * point_n], axis=2)
+        point_n = now_n * draw.compliance.T[None, :, :]
+        weights = xp.concat([point_n, (hertz * pressing_n) ** (2.0 / 3.0) * point_n], axis=1)
         distance_um, gap_um, gain = (
-            xp.take(a, element, axis=1)[:, :, None] for a in (draw.distance_um, draw.gap_um, draw.gain)
+            xp.take(a, element, axis=1).T[:, None, :] for a in (draw.distance_um, draw.gap_um, draw.gain)
         )
         read, closed, mean_um = ([None] * k for _ in range(3))
         for first in range(min(k, ELEMENTS)):
             # The normal stays the same over the step: each element needs it once, however often it is read.
-            per_newton_um = basis @ xp.take(self._of["series"], element[first : first + 1], axis=0)[0, ...]
-            per_newton_um = xp.reshape(per_newton_um, (-1, 6, CELLS_PER_ELEMENT))
-            at = slice(first, None, ELEMENTS)
-            free_um = xp.matmul(weights[:, at, :], per_newton_um)
-            closure_um = xp.minimum(gain[:, at] * xp.minimum(free_um, gap_um[:, at]), gap_um[:, at])
-            per_um = xp.mean(1.0 / (distance_um[:, at] - closure_um), axis=2)
-            is_closed, free_mean_um = xp.any(free_um > gap_um[:, at], axis=2), xp.mean(free_um, axis=2)
-            for j, column in enumerate(range(first, k, ELEMENTS)):
-                read[column], closed[column], mean_um[column] = per_um[:, j], is_closed[:, j], free_mean_um[:, j]
+            per_newton_um = xp.take(self._of["series"], element[first : first + 1], axis=0)[0, ...] @ basis
+            for now in range(first, k, ELEMENTS):
+                free_um = functools.reduce(
+                    operator.add,
+                    (weights[now, c, :] * per_newton_um[c * _CELLS : (c + 1) * _CELLS, :] for c in range(6)),
+                )
+                closure_um = xp.minimum(free_um, gap_um[now, ...])
+                if self._variation.gain_rel:
+                    closure_um = xp.minimum(gain[now, ...] * closure_um, gap_um[now, ...])
+                read[now] = xp.mean(1.0 / (distance_um[now, ...] - closure_um), axis=0)
+                closed[now] = xp.max(free_um, axis=0) > gap_um[now, 0, :]
+                mean_um[now] = xp.mean(free_um, axis=0)
         is_closed = xp.stack(closed, axis=1)
         read_pf = self._area_pf_um * xp.stack(read, axis=1) + xp.take(draw.stray_pf, element, axis=1)
         # A cell that is closed when its element was read last takes load from all others.
@@ -490,22 +504,22 @@ class FootModel:
             xp.concat([closed_before, is_closed[:, 1:]], axis=1),
         )
         touches = functools.reduce(operator.or_, (lately[:, ago : ago + k] for ago in range(ELEMENTS)))
-        touches = touches & (xp.stack(mean_um, axis=1) < _CERTAIN_SATURATION * gap_um[:, :, 0])
+        touches = touches & (xp.stack(mean_um, axis=1) < _CERTAIN_SATURATION * gap_um[:, 0, :].T)
         if not is_lazy_array(touches) and not xp.any(touches):
             return read_pf, is_closed
         feet = draw.compliance, draw.gap_um, draw.distance_um, draw.gain, draw.stray_pf
         return self._on_host(self._with_contact, read_pf, touches, element, normal, now_n, *feet), is_closed
 
     def _basis(self, normal: Array) -> Array:
-        """Return what `series_basis` does, by recurrence."""
+        """Return what `series_basis` does, by recurrence, shape (products, n), of normals, shape (3, n)."""
         xp, rim = self._xp, math.radians(self._response.fit_elevation_deg)
-        plane = normal[:, :2] * ((1.0 + math.sin(rim)) / math.cos(rim) / (1.0 + normal[:, 2:]))
+        plane = normal[:2, :] * ((1.0 + math.sin(rim)) / math.cos(rim) / (1.0 + normal[2:, :]))
         chebyshev = [xp.ones_like(plane), plane]
         while len(chebyshev) <= self._response.degree:
             chebyshev.append(2.0 * plane * chebyshev[-1] - chebyshev[-2])
-        of_y = xp.stack([each[:, 1] for each in chebyshev], axis=1)
-        rows = [of_x[:, :1] * of_y[:, : of_y.shape[1] - i] for i, of_x in enumerate(chebyshev)]
-        return xp.concat(rows, axis=1)
+        of_y = xp.stack([each[1, :] for each in chebyshev])
+        rows = [of_x[:1, :] * of_y[: of_y.shape[0] - i, :] for i, of_x in enumerate(chebyshev)]
+        return xp.concat(rows, axis=0)
 
     def _on_host(self, function: Any, like: Array, *arrays: Array) -> Array:  # noqa: ANN401 - any of this class
         """Return the result of a function of numpy's arrays, of shape and kind of the first; a trace calls it later."""
@@ -531,11 +545,11 @@ class FootModel:
     ) -> Single:
         """Return capacitances without noise, those of feet with closed cells anew [pF], shape (n, k)."""
         touched_pf = np.array(read_pf)
-        cells_of = np.arange(N_CELLS).reshape(ELEMENTS, CELLS_PER_ELEMENT)
+        cells_of = np.arange(N_CELLS).reshape(ELEMENTS, _CELLS)
         feet, columns = np.nonzero(touches)
         for start in range(0, len(feet), _ROWS_AT_ONCE):
             at = feet[start : start + _ROWS_AT_ONCE], columns[start : start + _ROWS_AT_ONCE]
-            loads = normalized(normal[at[0]].astype(np.float64)), np.asarray(now_n)[at].astype(np.float64)
+            loads = normalized(normal[at[0]].astype(np.float64)), now_n[at[1], :, at[0]].astype(np.float64)
             for foot, column, free_um in zip(*at, self._response.free_closure_um(*loads), strict=True):
                 here, soft = element[column], compliance[foot % len(compliance), 0]
                 gaps_um, distances_um, gains, strays_pf = (
@@ -543,7 +557,7 @@ class FootModel:
                 )
                 # Forces of cells on one another are over the compliance, which then stays the design's.
                 solved = solve_contact_lcp(
-                    soft * free_um, np.repeat(gaps_um, CELLS_PER_ELEMENT), self._response.compliance_um_per_n
+                    soft * free_um, np.repeat(gaps_um, _CELLS), self._response.compliance_um_per_n
                 )
                 closure_um = gains[here] * solved.cell_closures_um[cells_of[here]]
                 spacing_um = distances_um[here] - np.minimum(closure_um, gaps_um[here])
@@ -562,36 +576,36 @@ class FootModel:
 
         def of_each(kept: Array, columns: Array) -> Array:
             if columns.shape[0] == 1:
-                return xp.take(kept, columns[0, ...], axis=1)
-            return xp.take_along_axis(kept, xp.astype(columns, xp.int64), axis=1)
+                return xp.take(kept, columns[0, :], axis=1).T
+            return xp.take_along_axis(kept, xp.astype(columns, xp.int64), axis=1).T
 
         window_pf = of_each(state.read_pf, columns)
-        tared_um = self._area_pf_um / draw.tared_pf
-        closure_rel = xp.concat([tared_um] * READINGS, axis=1) - self._area_pf_um / window_pf
+        tared_um = self._area_pf_um / draw.tared_pf.T
+        closure_rel = xp.concat([tared_um] * READINGS, axis=0) - self._area_pf_um / window_pf
         closure_rel = closure_rel / self._design.gap_um
-        newest_rel = closure_rel[:, :ELEMENTS]
-        least_rel, most_rel = (xp.concat([of[name]] * READINGS) for name in ("least_rel", "most_rel"))
-        age_ns = scan.send_delay_ns + scan.step_ns * since[:, :ELEMENTS]
+        newest_rel = closure_rel[:ELEMENTS, :]
+        age_ns = scan.send_delay_ns + scan.step_ns * since[:, :ELEMENTS].T
         force_n, sigma_n = self._network.estimate(
-            xp.clip(closure_rel, least_rel, most_rel), xp.astype(age_ns, xp.float32) / self._period_ns
+            xp.clip(closure_rel, of["least_rel"], of["most_rel"]),
+            xp.astype(age_ns, xp.float32) / self._period_ns,
         )
-        square_n2 = xp.sum(force_n * force_n, axis=1, keepdims=True)
-        overloaded = (window_pf[:, :ELEMENTS] >= self.scan.range_end_pf) | (newest_rel > of["usable_rel"])
+        square_n2 = xp.sum(force_n * force_n, axis=0, keepdims=True)
+        overloaded = (window_pf[:ELEMENTS, :] >= self.scan.range_end_pf) | (newest_rel > of["usable_rel"])
         # As the service's pipeline, its sum of sigma, and its states in the same order.
         max_n = self._trained.max_force_n
         max_sigma_n = MAX_SIGMA_REL * max_n
         variance_n2 = sigma_n * sigma_n + of["sigma_n2"]
         inconsistent_n2 = self._inconsistency_rel(closure_rel, overloaded) ** 2 * square_n2
         variance_n2 = xp.minimum(variance_n2 + inconsistent_n2, xp.clip(variance_n2, min=max_sigma_n**2))
-        n_overloaded = xp.sum(xp.astype(overloaded, xp.int32), axis=1)
+        n_overloaded = xp.sum(xp.astype(overloaded, xp.int32), axis=0)
         sent_ago_ns = state.since_ns + ago * scan.step_ns - scan.send_delay_ns
         absent_ns = state.absent_ns + sent_ago_ns
-        leans = of_each(state.leans, (self.history - 1 - ago)[:, None])[:, 0]
+        leans = of_each(state.leans, (self.history - 1 - ago)[:, None])[0, :]
         states = {
             State.DEGRADED: n_overloaded > 0,
-            State.OUT_OF_RANGE: xp.any(newest_rel < of["least_rel"], axis=1)
-            | (square_n2[:, 0] > max_n**2)
-            | xp.any(variance_n2 > max_sigma_n**2, axis=1)
+            State.OUT_OF_RANGE: xp.any(newest_rel < of["least_rel"][:ELEMENTS, :], axis=0)
+            | (square_n2[0, :] > max_n**2)
+            | xp.any(variance_n2 > max_sigma_n**2, axis=0)
             | leans,
             State.STALE: (absent_ns > -scan.stale_ns) & (absent_ns <= 0),
             State.SATURATED: n_overloaded > MAX_OVERLOADED,
@@ -607,27 +621,28 @@ class FootModel:
         age_ns = xp.astype(state.since_ns + ago * scan.step_ns, xp.float32)
         age_s = xp.broadcast_to(1e-9 * age_ns, code.shape)
         return VirtualForces(
-            force_n=xp.where(usable[:, None], force_n, unknown),
-            sigma_n=xp.where(usable[:, None], xp.sqrt(variance_n2), unknown),
+            force_n=xp.where(usable, force_n, unknown).T,
+            sigma_n=xp.where(usable, xp.sqrt(variance_n2), unknown).T,
             state=xp.astype(code, xp.uint8),
             usable=usable,
-            age_s=xp.where(code == State.STARTING, unknown[:, 0], age_s),
+            age_s=xp.where(code == State.STARTING, unknown[0, :], age_s),
         )
 
     def _inconsistency_rel(self, closure_rel: Array, overloaded: Array) -> Array:
-        """Return the service's sigma by elements that contradict the others, over the force [1], shape (n, 1)."""
+        """Return the service's sigma by elements that contradict the others, over the force [1], shape (1, n)."""
         xp, of = self._xp, self._of
-        newest, before, oldest = (closure_rel[:, k * ELEMENTS : (k + 1) * ELEMENTS] for k in range(READINGS))
-        pattern = xp.sum(xp.where(overloaded, of["bit"], xp.zeros_like(of["bit"])), axis=1)
-        residual = xp.matmul(xp.take(of["residual"], pattern, axis=0), newest[:, :, None])[:, :, 0]
+        newest, before, oldest = (closure_rel[k * ELEMENTS : (k + 1) * ELEMENTS, :] for k in range(READINGS))
+        pattern = xp.sum(xp.where(overloaded, of["bit"], xp.zeros_like(of["bit"])), axis=0)
+        residual = xp.sum(xp.take(of["residual"], pattern, axis=2) * newest[None, :, :], axis=1)
         # An overloaded element is closed at least as far as it reads.
         size = xp.where(overloaded, residual, xp.abs(residual))
-        worst = xp.clip(xp.max(size, axis=1), min=0.0)
+        worst = xp.clip(xp.max(size, axis=0, keepdims=True), min=0.0)
         moved = xp.maximum(xp.abs(newest - before), xp.abs(before - oldest))
-        most = xp.max(moved, axis=1, keepdims=True)
+        most = xp.max(moved, axis=0, keepdims=True)
         is_most = moved == most
-        second = xp.max(xp.where(is_most, xp.zeros_like(moved), moved), axis=1)
-        second = xp.where(xp.sum(xp.astype(is_most, xp.int32), axis=1) > 1, most[:, 0], second)
-        rms = xp.sqrt(xp.mean(newest * newest, axis=1))
+        second = xp.max(xp.where(is_most, xp.zeros_like(moved), moved), axis=0, keepdims=True)
+        n_most = xp.sum(xp.astype(is_most, xp.int32), axis=0, keepdims=True)
+        second = xp.where(n_most > 1, most, second)
+        rms = xp.sqrt(xp.mean(newest * newest, axis=0, keepdims=True))
         uncertain = xp.clip(worst - second - UNCERTAIN_RESIDUAL - UNCERTAIN_RESIDUAL_REL * rms, min=0.0)
-        return (uncertain / xp.clip(rms, min=RESIDUAL_LIMIT))[:, None]
+        return uncertain / xp.clip(rms, min=RESIDUAL_LIMIT)

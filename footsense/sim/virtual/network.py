@@ -98,16 +98,18 @@ class BatchNetwork:
             # The features of missing elements are zero, that of the period is constant.
             b1 = stored["b1"] + w1[:, -1:] * math.log(period_s * float(stored["per_period"][0]))
             of_foot = {
-                "w1": w1[:, [*range(_PLANES * ELEMENTS), -2]],
-                "b1": b1,
+                "w1": w1[:, [*range(_PLANES * ELEMENTS), -2]].transpose(0, 2, 1).reshape(_SYMMETRIES * c, -1),
+                "b1": b1.reshape(-1, 1),
                 "to_parts": stored["to_parts"],
-                "w2_scalars": (stored["scalars_by_symmetry"] @ w2).transpose(1, 2, 0),
-                "w2_vectors": w2_vectors.reshape(2 * c, 2 * c),
-                "b2": stored["b2"],
+                "w2_scalars": (stored["scalars_by_symmetry"] @ w2).transpose(1, 0, 2),
+                "w2_vectors": w2_vectors.reshape(2 * c, 2 * c).T,
+                "b2": np.tile(stored["b2"], _SYMMETRIES)[:, None],
                 "to_units": stored["to_units"],
-                "outputs": np.concatenate([to_force * stored["force_unit"], to_sigma], axis=2),
-                "sigma_offset": stored["sigma_offset"][stored["sigma_axes"][:3]],
-                "straight": np.concatenate([level, moving]) * stored["force_unit"],
+                "outputs": np.concatenate([to_force * stored["force_unit"], to_sigma], axis=2)
+                .reshape(_SYMMETRIES * c, -1)
+                .T,
+                "sigma_offset": stored["sigma_offset"][stored["sigma_axes"][:3], None],
+                "straight": np.concatenate([level, moving]).T * stored["force_unit"],
             }
             self._soft = float(stored["soft"][0])
             self._largest, self._force_unit = float(stored["highest"]), float(stored["force_unit"])
@@ -122,31 +124,30 @@ class BatchNetwork:
         }
 
     def estimate(self, closure_rel: Array, age_rel: Array) -> tuple[Array, Array]:
-        """Return force and sigma of n feet [N], shape (n, 3) each.
+        """Return force and sigma of n feet [N], shape (3, n) each.
 
         Args:
-            closure_rel: The last three readings of each element, newest first [1], shape (n, 27).
-            age_rel: Age of the newest of them over the period [1], shape (n, 9) or (1, 9).
+            closure_rel: The last three readings of each element, newest first [1], shape (27, n).
+            age_rel: Age of the newest of them over the period [1], shape (9, n) or (9, 1).
         """
-        xp, of, c, n = self._xp, self._of, self._channels, closure_rel.shape[0]
-        newest, before, oldest = (closure_rel[:, k * ELEMENTS : (k + 1) * ELEMENTS] for k in range(3))
+        xp, of, c, n = self._xp, self._of, self._channels, closure_rel.shape[1]
+        newest, before, oldest = (closure_rel[k * ELEMENTS : (k + 1) * ELEMENTS, :] for k in range(3))
         slope = newest - before
         bend = slope - (before - oldest)
         moved = age_rel * slope
         now = newest + moved
-        now_square = xp.mean(now * now, axis=1, keepdims=True)
-        size = xp.sqrt(0.5 * (xp.mean(newest * newest, axis=1, keepdims=True) + now_square) + self._soft)
-        planes = xp.concat([newest, slope, moved, bend, age_rel * bend, age_rel * age_rel * bend], axis=1)
+        now_square = xp.mean(now * now, axis=0, keepdims=True)
+        size = xp.sqrt(0.5 * (xp.mean(newest * newest, axis=0, keepdims=True) + now_square) + self._soft)
+        planes = xp.concat([newest, slope, moved, bend, age_rel * bend, age_rel * age_rel * bend], axis=0)
         planes = xp.clip(planes / size, -self._largest, self._largest)
-        seen = xp.concat([planes, size], axis=1)
-        first = xp.stack([xp.tanh(seen @ of["w1"][g, ...] + of["b1"][g, ...]) for g in range(_SYMMETRIES)])
-        parts = xp.reshape(of["to_parts"] @ xp.reshape(first, (_SYMMETRIES, -1)), first.shape)
-        scalars = xp.matmul(parts[:4, ...], of["w2_scalars"])
-        vectors = xp.concat([parts[4::2, ...], parts[5::2, ...]], axis=2) @ of["w2_vectors"]
-        parts = [scalars, vectors[:1, :, :c], vectors[:1, :, c:], vectors[1:, :, :c], vectors[1:, :, c:]]
-        units = of["to_units"] @ xp.reshape(xp.concat(parts, axis=0), (_SYMMETRIES, -1))
-        second = xp.tanh(xp.reshape(units, first.shape) + of["b2"])
-        out = xp.sum(xp.matmul(second, of["outputs"]), axis=0)
-        force_n = xp.concat([now, moved], axis=1) @ of["straight"] + out[:, :3] * (now_square / size)
-        ln_sigma = xp.clip(out[:, 3:] + of["sigma_offset"], *self._ln_sigma)
-        return force_n, xp.exp(ln_sigma) * (size * self._force_unit)
+        # Of all symmetries g, or parts, and channels i a row g * c + i.
+        first = xp.tanh(of["w1"] @ xp.concat([planes, size], axis=0) + of["b1"])
+        parts = of["to_parts"] @ xp.reshape(first, (_SYMMETRIES, -1))
+        scalars = of["w2_scalars"] @ xp.reshape(parts[:4, :], (4, c, n))
+        vectors = of["w2_vectors"] @ xp.reshape(parts[4:, :], (2, 2 * c, n))
+        parts = xp.concat([xp.reshape(scalars, (4, -1)), xp.reshape(vectors, (4, -1))], axis=0)
+        second = xp.tanh(xp.reshape(of["to_units"] @ parts, first.shape) + of["b2"])
+        out = of["outputs"] @ second
+        force_n = of["straight"] @ xp.concat([now, moved], axis=0) + out[:3, :] * (now_square / size)
+        sigma_rel = xp.exp(xp.clip(out[3:, :] + of["sigma_offset"], *self._ln_sigma))
+        return force_n, sigma_rel * (size * self._force_unit)
