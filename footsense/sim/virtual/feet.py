@@ -19,8 +19,9 @@ from array_api_compat import array_namespace, device, is_jax_array
 from numpy.typing import NDArray
 
 from footsense.foot.parameters import KNOWN_EXACTLY, ForceUncertainty
-from footsense.sim.virtual.foot_model import Board, FeetState, FootModel, VirtualForces, of_feet
+from footsense.sim.virtual.foot_model import FeetState, FootModel, VirtualForces, of_feet
 from footsense.sim.virtual.network import Array
+from footsense.sim.virtual.scan import Board
 from footsense.sim.virtual.variation import AS_DESIGNED, Variation
 
 #: Longest time between two steps [ns].
@@ -88,13 +89,14 @@ class VirtualFeet:
         # On a processor block by block, so that arrays stay in its cache; at once where everything is fast at once.
         n_rows = _BLOCK if "cpu" in str(device(like)).lower() else n_feet
         self._shape = n_feet, 3
-        self._blocks = [slice(start, start + n_rows) for start in range(0, n_feet, n_rows)]
+        self._blocks = [slice(start, min(start + n_rows, n_feet)) for start in range(0, n_feet, n_rows)]
         whole = model.start(n_feet, seed)
         self._states = [of_feet(whole, block) for block in self._blocks]
-        self._advance, self._publish = model.advance, model.published
+        self._read, self._keep, self._publish = model.read, model.keep, model.published
         if is_jax_array(like):
-            jit = sys.modules["jax"].jit
-            self._advance, self._publish = jit(model.advance, static_argnums=2), jit(model.published)
+            jit = sys.modules["jax"].jit  # the caller's: the project does not need it
+            self._read, self._keep = jit(model.read, static_argnums=2), jit(model.keep)
+            self._publish = jit(model.published)
         self._start_s = self._t_s = -math.inf
         self._t_ns = 0
         self._newest: int | None = None
@@ -138,16 +140,14 @@ class VirtualFeet:
         if array_namespace(force_n, normal) is not xp:
             raise ValueError(f"these feet take arrays of {xp.__name__}; `like` is one of another library")
         if not force_n.shape == normal.shape == self._shape:
-            raise ValueError(
-                f"{self._shape[0]} feet got forces {force_n.shape} and normals {normal.shape}"
-            )
+            raise ValueError(f"{self._shape[0]} feet got forces {force_n.shape} and normals {normal.shape}")
         is_unit = xp.abs(xp.sum(normal * normal, axis=1) - 1.0) < 1e-3
         if not xp.all(is_unit | xp.all(force_n == 0.0, axis=1)):
             raise ValueError("the normal of the ground at a loaded foot has to be a unit vector")
         if math.isinf(self._t_s):
             self._start_s = t_s
             self._states = [
-                state._replace(force_n=xp.astype(force_n[block], xp.float32))
+                state._replace(force_n=xp.astype(force_n[block, ...], xp.float32))
                 for state, block in zip(self._states, self._blocks, strict=True)
             ]
         t_ns = round(1e9 * (t_s - self._start_s)) + model.scan.step_ns
@@ -161,8 +161,8 @@ class VirtualFeet:
         is_new = self._delay_varies or newest != self._newest
 
         def stepped(state: FeetState, block: slice) -> tuple[FeetState, VirtualForces | None]:
-            own = (None if part is None else part[block] for part in (force_n, normal, noise))
-            state = self._advance(state, *step, *own)
+            reading = model.with_contact(self._read(state, *step, force_n[block, ...], normal[block, ...]))
+            state = self._keep(state, step[0], reading, None if noise is None else noise[block, ...])
             return state, self._publish(state) if is_new else None
 
         blocks = [*map(stepped, self._states, self._blocks)]

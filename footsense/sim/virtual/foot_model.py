@@ -4,101 +4,47 @@ Each conversion reads the next element of all feet under the load at its middle;
 readings of a foot at the time at which it is sent. So a step keeps readings alone, and what is published follows from
 them and the clock. Numbers are float32 and int32, times whole nanoseconds, as a GPU is fast with.
 
-A gap that closes is a complementarity problem of one foot alone: those few readings are solved on the host, exactly.
+Gaps that close are solved on the host, between two parts that a library may compile.
 """
 
-import functools
 import math
-import operator
 import sys
-from typing import Any, Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from array_api_compat import is_jax_array, is_lazy_array, is_torch_array, to_device
+from array_api_compat import is_jax_array, is_lazy_array
 from numpy.typing import NDArray
 
-from firmware_interface.chips import ad7147, fdc1004
 from firmware_interface.conversion_order import CONVERSION_ORDERS
-from footsense.estimation.elements import (
-    RESIDUAL_LIMIT,
-    UNCERTAIN_RESIDUAL,
-    UNCERTAIN_RESIDUAL_REL,
-)
+from footsense.estimation.elements import RESIDUAL_LIMIT, UNCERTAIN_RESIDUAL, UNCERTAIN_RESIDUAL_REL
 from footsense.estimation.missing_elements import MAX_OVERLOADED, OVERLOAD_RESIDUAL_REL, Imputation
 from footsense.estimation.network import READINGS, Network, sensitivity
 from footsense.estimation.pipeline import MAX_SIGMA_REL
-from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2
-from footsense.foot.directions import normalized
-from footsense.foot.gap_contact import CELLS_PER_ELEMENT as _CELLS
-from footsense.foot.gap_contact import N_CELLS, solve_contact_lcp
 from footsense.foot.network_card import NETWORK_FILE
 from footsense.foot.parameters import KNOWN_EXACTLY, ForceUncertainty, variance_factors
 from footsense.foot.response_table import FootResponse
 from footsense.foot.type_folders import foot_type_folder
-from footsense.frames import ELEMENTS, IS_USABLE_STATE, Mask, State
-from footsense.sim.scene import Ad7147Effects
+from footsense.frames import ELEMENTS, IS_USABLE_STATE, State
 from footsense.sim.virtual.network import Array, ArrayModule, BatchNetwork
-from footsense.sim.virtual.variation import AS_DESIGNED, FootDraw, Variation, draw_feet, hashed, random_normal, uniform
+from footsense.sim.virtual.response import BatchResponse, Conversions, Loads, Readings
+from footsense.sim.virtual.scan import SCANS, Board
+from footsense.sim.virtual.variation import (
+    AS_DESIGNED,
+    FootDraw,
+    Variation,
+    draw_feet,
+    hashed,
+    random_normal,
+    uniform,
+)
 
-
-class _Scan(NamedTuple):
-    """How the service reads six legs with a board, with 40 us of host for each transaction; times as measured of it.
-
-    Attributes:
-        step_ns: From one conversion to the next [ns].
-        conversions_per_force: Conversions of each published force.
-        send_delay_ns: From the middle of a force's last conversion to its sending, on average [ns].
-        noise_pf: Noise of a conversion [pF rms].
-        range_end_pf: Largest capacitance that is read [pF].
-        absent_ns: How long a foot is absent whose cable breaks for 20 ms [ns].
-        stale_ns: How long its force is then still missing: its readings are too old [ns].
-    """
-
-    step_ns: int
-    conversions_per_force: int
-    send_delay_ns: int
-    noise_pf: float
-    range_end_pf: float
-    absent_ns: int
-    stale_ns: int
-
-
-Board = Literal["ad7147", "fdc1004"]
-#: By board: on two buses, and on one at 400 conversions a second. A published force of the service with board `ad7147`
-#: has 17.6 conversions of 0.768 ms; here they are 18, two scans, in the same time.
-SCANS = {
-    "ad7147": _Scan(
-        step_ns=round(13.517e6 / 18),
-        conversions_per_force=18,
-        send_delay_ns=2_680_000,
-        noise_pf=Ad7147Effects().noise_ff * 1e-3,
-        range_end_pf=ad7147.RANGE_END_PF,
-        absent_ns=23_500_000,
-        stale_ns=4_800_000,
-    ),
-    "fdc1004": _Scan(
-        step_ns=2_747_600,
-        conversions_per_force=4,
-        send_delay_ns=3_170_000,
-        noise_pf=fdc1004.RATES[400].noise_ff * 1e-3,
-        range_end_pf=fdc1004.capacitance_pf(fdc1004.CODE_MAX),
-        absent_ns=57_000_000,
-        stale_ns=21_000_000,
-    ),
-}
 _ORDER = np.array(CONVERSION_ORDERS["lo_shu"])
 #: Readings of a window: the last three of each element.
 _WINDOW = READINGS * ELEMENTS
 #: What the service assumes of the errors of a baseline and of the noise in a walk [pF].
 _BASELINE_SIGMA_PF, _NOISE_SIGMA_PF = 0.54e-3, 1.1e-3
-#: Free closure over the gap from which an element is saturated for certain [1].
-_CERTAIN_SATURATION = 1.5
 #: Random numbers of a foot for one step, at most.
 _DRAWS_PER_STEP = 1024
-#: Loads with closed cells whose response is computed at once.
-_ROWS_AT_ONCE = 2048
-
-Single = NDArray[np.float32]
 #: Time after which nothing is remembered of a broken cable [ns].
 _LONG_AGO_NS = -(10**9)
 
@@ -155,13 +101,42 @@ class FeetState(NamedTuple):
     n_steps: Array
 
 
-def of_feet(state: FeetState, rows: Any) -> FeetState:  # noqa: ANN401 - a slice or a mask
+class Step(NamedTuple):
+    """A step that is not finished: the state after it without readings, and what its conversions read.
+
+    Attributes:
+        after: That state.
+        loads: Loads over the step.
+        conversions: Its conversions.
+        readings: What they read.
+        touches: Those readings that closed cells of other elements change, shape (n, k).
+        is_whole: Whether the oldest conversion is of this step, else it is the newest of the step before, shape (1,).
+    """
+
+    after: FeetState
+    loads: Loads
+    conversions: Conversions
+    readings: Readings
+    touches: Array
+    is_whole: Array
+
+
+def of_rows(part: Array, rows: Array) -> Array:
+    """Return some rows, a slice or a mask, of what each foot has; all of what all feet share."""
+    if part is None or part.shape[0] == 1:
+        return part
+    return part[rows, ...] if isinstance(rows, slice) else part[rows]
+
+
+def of_feet(state: FeetState, rows: slice) -> FeetState:
     """Return the state of some of the feet."""
+    draw = FootDraw(*(of_rows(part, rows) for part in state.draw))
+    return FeetState(*(of_rows(part, rows) for part in state._replace(draw=None)))._replace(draw=draw)
 
-    def own(part: Array) -> Array:
-        return part if part is None or part.shape[0] == 1 else part[rows]
 
-    return FeetState(*map(own, state._replace(draw=None)))._replace(draw=FootDraw(*map(own, state.draw)))
+def is_traced(array: Array) -> bool:
+    """Return whether JAX traces a function of an array, whose values are not known."""
+    return is_jax_array(array) and isinstance(array, sys.modules["jax"].core.Tracer)
 
 
 class FootModel:
@@ -206,19 +181,21 @@ class FootModel:
             raise ValueError(f"board: {' or '.join(SCANS)}, got {board}")
         self.scan = scan = SCANS[board]
         folder = foot_type_folder(foot_type)
-        self._response = response = FootResponse.load(folder / "response.npz")
+        response = FootResponse.load(folder / "response.npz")
+        self._response = BatchResponse(response, xp, device)
         n_stepped = 2 * _WINDOW
         network = Network(folder / NETWORK_FILE, n_stepped)
         self._trained = trained = network.card.trained_inputs
         self._design = design = trained.design
         self._variation, self._cable_breaks_per_s = variation, cable_breaks_per_s
         self._xp, self._device = xp, device
+        self._index_type = xp.__array_namespace_info__().default_dtypes(device=device)["indexing"]
         self._period_ns = ELEMENTS * scan.step_ns
         self._network = BatchNetwork(folder / NETWORK_FILE, 1e-9 * self._period_ns, xp, device)
-        self._area_pf_um = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2
-        self._lowest_z = math.sin(math.radians(response.min_elevation_deg))
         known = sensitivity(network, n_stepped, trained.moments)
-        closure_per_pf = design.plate_distance_um(np.array(design.unloaded_pf)) / (design.gap_um * design.unloaded_pf)
+        closure_per_pf = design.plate_distance_um(np.array(design.unloaded_pf)) / (
+            design.gap_um * design.unloaded_pf
+        )
         sigma_n = closure_per_pf * np.hypot(
             _BASELINE_SIGMA_PF * known.force_sigma_n_per_baseline_error,
             _NOISE_SIGMA_PF * known.force_sigma_n_per_reading_noise,
@@ -229,13 +206,10 @@ class FootModel:
         rms = imputation.rms_of_pattern
         # As `Imputation.residuals` without a set.
         scale = np.concatenate([np.ones((1, ELEMENTS)), rms[:1] / rms[1:] / OVERLOAD_RESIDUAL_REL])
-        # Of each element's cells: shape (9, 6 * cells, products), point force before patch.
-        cells = response.closure_coefficients.reshape(2, -1, 3, ELEMENTS, _CELLS)
         since = np.mod(np.arange(ELEMENTS)[:, None] - np.argsort(_ORDER), ELEMENTS)
         self._of = {
             name: self._array(value)
             for name, value in {
-                "series": cells.transpose(3, 0, 2, 4, 1).reshape(ELEMENTS, -1, cells.shape[1]),
                 "sigma_n2": sigma_n[:, None] ** 2,
                 "residual": (scale[:, :, None] * imputation.residual_of_pattern).transpose(1, 2, 0),
                 "least_rel": np.tile(trained.closure_rel_min, READINGS)[:, None],
@@ -243,7 +217,9 @@ class FootModel:
                 "usable_rel": trained.max_usable_closure_rel(np.full(ELEMENTS, design.gap_um))[:, None],
                 "is_usable": IS_USABLE_STATE,
                 # By the newest conversion's place in the scan: conversions since each reading of a window.
-                "since": (since[:, None] + ELEMENTS * np.arange(READINGS)[:, None]).reshape(ELEMENTS, _WINDOW),
+                "since": (since[:, None] + ELEMENTS * np.arange(READINGS)[:, None]).reshape(
+                    ELEMENTS, _WINDOW
+                ),
                 "order": _ORDER,
                 "bit": 2 ** np.arange(ELEMENTS)[:, None],
             }.items()
@@ -275,7 +251,9 @@ class FootModel:
         if n_feet % len(seeds):
             raise ValueError(f"{n_feet} feet cannot be shared among {len(seeds)} environments")
         per_seed = n_feet // len(seeds)
-        words = [np.resize(np.arange(per_seed), n_feet)] + [np.repeat(seeds >> shift, per_seed) for shift in (0, 32)]
+        words = [np.resize(np.arange(per_seed), n_feet)] + [
+            np.repeat(seeds >> shift, per_seed) for shift in (0, 32)
+        ]
         key = self._array(np.zeros(n_feet, np.int32))
         for word in words:
             key = hashed(key + self._array(word.astype(np.uint32).view(np.int32)))
@@ -370,19 +348,23 @@ class FootModel:
 
         Args:
             state: State before it.
-            step_ns: Length of the step, at most 10^9, shape (1,), int32 [ns].
+            step_ns: `clock` of its length, at most 10^9 [ns].
             n: `conversions` of that length.
             force_n: As of `step`.
             normal: As of `step`.
             noise: As of `step`.
         """
-        xp, step = self._xp, self.scan.step_ns
+        reading = self.read(state, step_ns, n, force_n, normal)
+        return self.keep(state, step_ns, self.with_contact(reading), noise)
+
+    def read(self, state: FeetState, step_ns: Array, n: int, force_n: Array, normal: Array) -> Step:
+        """Return the first part of `advance`, pure: what the feet read if a closed cell takes no load from others."""
+        xp, step, draw = self._xp, self.scan.step_ns, state.draw
         force_n, unit = xp.astype(force_n, xp.float32), xp.astype(normal, xp.float32)
         unit = xp.where(xp.any(force_n != 0.0, axis=1)[:, None], unit, state.normal)
         elapsed_ns = state.since_ns + step_ns
         n_new = elapsed_ns // step
-        before = state
-        state = state._replace(
+        after = state._replace(
             force_n=force_n,
             normal=unit,
             n_conversions=xp.clip(state.n_conversions + n_new, 0, 2 * self.history),
@@ -391,178 +373,75 @@ class FootModel:
             since_ns=elapsed_ns - n_new * step,
             n_steps=state.n_steps + 1,
         )
-        is_whole = n_new >= n
         back = xp.arange(n - 1, -1, -1, dtype=xp.int32, device=self._device)
-        ago_ns = xp.astype(state.since_ns + back * step, xp.float32)
+        ago_ns = xp.astype(after.since_ns + back * step, xp.float32)
         share = xp.clip(1.0 - ago_ns / xp.astype(step_ns, xp.float32), 0.0, 1.0)
-        element = self._elements(state.number, n)
-        read_pf, closed, leans = self._read(before, state, is_whole, share, element)
-        first = state.n_steps * _DRAWS_PER_STEP
-        if noise is None:
-            noise = random_normal(xp, state.draw.key, first, n)
-        read_pf = xp.clip(read_pf + state.draw.noise_pf * noise, max=self.scan.range_end_pf)
-        def with_new(old: Array, new: Array) -> Array:
-            whole = xp.concat([old[:, n:], new], axis=1)
-            return xp.where(is_whole, whole, xp.concat([old[:, n - 1 :], new[:, 1:]], axis=1))
-
-        state = state._replace(
-            read_pf=with_new(before.read_pf, read_pf),
-            closed=with_new(before.closed, closed),
-            leans=with_new(before.leans, leans),
-        )
-        if not self._cable_breaks_per_s:
-            return state
-        # Once in a step at most, at any time of it.
-        counter = first + n + xp.asarray([1, 2], dtype=xp.int32, device=self._device)
-        draws = uniform(xp, state.draw.key[:, None], counter[None, :])
-        step_s = 1e-9 * xp.astype(step_ns, xp.float32)
-        breaks = draws[:, 0] < -xp.expm1(-self._cable_breaks_per_s * step_s)
-        found_ns = self.scan.absent_ns - xp.astype(draws[:, 1] * xp.astype(step_ns, xp.float32), xp.int32)
-        return state._replace(absent_ns=xp.where(breaks, found_ns, state.absent_ns))
-
-    def _read(
-        self, before: FeetState, after: FeetState, is_whole: Array, share: Array, element: Array
-    ) -> tuple[Array, Array, Array]:
-        """Return capacitances without noise [pF], whether a cell is closed, and whether the contact leans too far.
-
-        Args:
-            before: State before a step.
-            after: After it, with force and normal.
-            is_whole: Whether the oldest conversion is of this step, else it is the newest of the step before.
-            share: Share of the step until each conversion [1], shape (k,).
-            element: Its element, same shape.
-        """
-        xp, draw = self._xp, after.draw
-        n, k = after.force_n.shape[0], share.shape[0]
-        loaded = xp.any((before.force_n != 0.0) | (after.force_n != 0.0), axis=1)
-        low = loaded & (after.normal[:, 2] < self._lowest_z)
-        leans = xp.broadcast_to(low[:, None], (n, k))
-        open_pf = xp.take(self._area_pf_um / draw.distance_um + draw.stray_pf, element, axis=1)
-        feet = [before.force_n, after.force_n, after.normal, before.closed[:, -ELEMENTS:]]
+        conversions = Conversions(share, self._elements(after.number, n))
+        loads = Loads(state.force_n, force_n, unit)
+        loaded = xp.any((loads.from_n != 0.0) | (force_n != 0.0), axis=1)
+        open_pf = xp.take(self._response.open_pf(draw), conversions.element, axis=1)
         # Feet in the air need no table, where a library may look which they are.
         if is_lazy_array(loaded):
-            read_pf, closed = self._loaded(*feet, is_whole, share, element, draw)
-            return xp.where(loaded[:, None], read_pf, open_pf), closed & loaded[:, None], leans
-        read_pf = xp.asarray(xp.broadcast_to(open_pf, (n, k)), copy=True)
-        closed = xp.zeros((n, k), dtype=xp.bool, device=self._device)
-        if xp.any(loaded):
-            own = FootDraw(*(a if a is None or a.shape[0] == 1 else a[loaded] for a in draw))
-            read_pf[loaded], closed[loaded] = self._loaded(*(a[loaded] for a in feet), is_whole, share, element, own)
-        return read_pf, closed, leans
+            found = self._response.read(loads, conversions, draw)
+            readings = found._replace(
+                read_pf=xp.where(loaded[:, None], found.read_pf, open_pf),
+                closed=found.closed & loaded[:, None],
+            )
+        else:
+            readings = Readings(
+                xp.asarray(xp.broadcast_to(open_pf, (loaded.shape[0], n)), copy=True),
+                xp.zeros((loaded.shape[0], n), dtype=xp.bool, device=self._device),
+                xp.zeros((loaded.shape[0], n), dtype=xp.float32, device=self._device),
+            )
+            if xp.any(loaded):
+                own = FootDraw(*(of_rows(part, loaded) for part in draw))
+                found = self._response.read(Loads(*(part[loaded] for part in loads)), conversions, own)
+                for whole, part in zip(readings, found, strict=True):
+                    whole[loaded] = part
+        is_whole = n_new >= n
+        touches = self._response.touching(state.closed[:, -ELEMENTS:], readings, is_whole) & loaded[:, None]
+        return Step(after, loads, conversions, readings, touches, is_whole)
 
-    def _loaded(
-        self,
-        from_n: Array,
-        to_n: Array,
-        normal: Array,
-        closed_before: Array,
-        is_whole: Array,
-        share: Array,
-        element: Array,
-        draw: FootDraw,
-    ) -> tuple[Array, Array]:
-        """Return the capacitances of loaded feet without noise [pF], and whether a cell is closed, shape (n, k) each."""
-        xp, k = self._xp, share.shape[0]
-        if draw.mount is not None:
-            from_n, to_n, normal = ((draw.mount @ a[:, :, None])[:, :, 0] for a in (from_n, to_n, normal))
-        # Those below the table are lifted to its edge; `published` takes their force away.
-        across = normal[:, :2]
-        edge = math.sqrt(1.0 - self._lowest_z**2) / xp.sqrt(xp.sum(across * across, axis=1) + 1e-12)
-        across = across * xp.where(normal[:, 2] < self._lowest_z, edge, xp.ones_like(edge))[:, None]
-        normal = xp.concat([across, xp.clip(normal[:, 2:], min=self._lowest_z)], axis=1)
-        # From here on feet are the last axis, the fastest.
-        basis = self._basis(normal.T)
-        now_n = from_n.T[None, :, :] + share[:, None, None] * (to_n - from_n).T[None, :, :]
-        pressing_n = xp.abs(xp.sum(now_n * normal.T[None, :, :], axis=1, keepdims=True))
-        hertz = 0.75 * self._response.ball_radius_mm / self._response.hertz_modulus_mpa
-        point_n = now_n * draw.compliance.T[None, :, :]
-        weights = xp.concat([point_n, (hertz * pressing_n) ** (2.0 / 3.0) * point_n], axis=1)
-        distance_um, gap_um, gain = (
-            xp.take(a, element, axis=1).T[:, None, :] for a in (draw.distance_um, draw.gap_um, draw.gain)
+    def with_contact(self, reading: Step) -> Step:
+        """Return the second part: readings that closed cells of other elements change, solved on the host.
+
+        In a trace there is no host, and nothing changes: as if a closed cell took no load from others.
+        """
+        if is_traced(reading.touches) or not self._xp.any(reading.touches):
+            return reading
+        read_pf = self._response.with_contact(
+            reading.readings.read_pf, reading.touches, reading.loads, reading.conversions, reading.after.draw
         )
-        read, closed, mean_um = ([None] * k for _ in range(3))
-        for first in range(min(k, ELEMENTS)):
-            # The normal stays the same over the step: each element needs it once, however often it is read.
-            per_newton_um = xp.take(self._of["series"], element[first : first + 1], axis=0)[0, ...] @ basis
-            for now in range(first, k, ELEMENTS):
-                free_um = functools.reduce(
-                    operator.add,
-                    (weights[now, c, :] * per_newton_um[c * _CELLS : (c + 1) * _CELLS, :] for c in range(6)),
-                )
-                closure_um = xp.minimum(free_um, gap_um[now, ...])
-                if self._variation.gain_rel:
-                    closure_um = xp.minimum(gain[now, ...] * closure_um, gap_um[now, ...])
-                read[now] = xp.mean(1.0 / (distance_um[now, ...] - closure_um), axis=0)
-                closed[now] = xp.max(free_um, axis=0) > gap_um[now, 0, :]
-                mean_um[now] = xp.mean(free_um, axis=0)
-        is_closed = xp.stack(closed, axis=1)
-        read_pf = self._area_pf_um * xp.stack(read, axis=1) + xp.take(draw.stray_pf, element, axis=1)
-        # A cell that is closed when its element was read last takes load from all others.
-        lately = xp.where(
-            is_whole,
-            xp.concat([closed_before[:, 1:], is_closed], axis=1),
-            xp.concat([closed_before, is_closed[:, 1:]], axis=1),
+        return reading._replace(readings=reading.readings._replace(read_pf=read_pf))
+
+    def keep(self, state: FeetState, step_ns: Array, reading: Step, noise: Array = None) -> FeetState:
+        """Return the state after the third part of `advance`, pure: readings with noise, and cables that break."""
+        xp, after, n = self._xp, reading.after, reading.touches.shape[1]
+        first = after.n_steps * _DRAWS_PER_STEP
+        if noise is None:
+            noise = random_normal(xp, after.draw.key, first, n)
+        read_pf = reading.readings.read_pf + after.draw.noise_pf * xp.astype(noise, xp.float32)
+        low = after.normal[:, 2] < self._response.lowest_z
+        low = low & xp.any((state.force_n != 0.0) | (after.force_n != 0.0), axis=1)
+
+        def with_new(old: Array, new: Array) -> Array:
+            whole = xp.concat([old[:, n:], new], axis=1)
+            return xp.where(reading.is_whole, whole, xp.concat([old[:, n - 1 :], new[:, 1:]], axis=1))
+
+        after = after._replace(
+            read_pf=with_new(state.read_pf, xp.clip(read_pf, max=self.scan.range_end_pf)),
+            closed=with_new(state.closed, reading.readings.closed),
+            leans=with_new(state.leans, xp.broadcast_to(low[:, None], read_pf.shape)),
         )
-        touches = functools.reduce(operator.or_, (lately[:, ago : ago + k] for ago in range(ELEMENTS)))
-        touches = touches & (xp.stack(mean_um, axis=1) < _CERTAIN_SATURATION * gap_um[:, 0, :].T)
-        if not is_lazy_array(touches) and not xp.any(touches):
-            return read_pf, is_closed
-        feet = draw.compliance, draw.gap_um, draw.distance_um, draw.gain, draw.stray_pf
-        return self._on_host(self._with_contact, read_pf, touches, element, normal, now_n, *feet), is_closed
-
-    def _basis(self, normal: Array) -> Array:
-        """Return what `series_basis` does, by recurrence, shape (products, n), of normals, shape (3, n)."""
-        xp, rim = self._xp, math.radians(self._response.fit_elevation_deg)
-        plane = normal[:2, :] * ((1.0 + math.sin(rim)) / math.cos(rim) / (1.0 + normal[2:, :]))
-        chebyshev = [xp.ones_like(plane), plane]
-        while len(chebyshev) <= self._response.degree:
-            chebyshev.append(2.0 * plane * chebyshev[-1] - chebyshev[-2])
-        of_y = xp.stack([each[1, :] for each in chebyshev])
-        rows = [of_x[:1, :] * of_y[: of_y.shape[0] - i, :] for i, of_x in enumerate(chebyshev)]
-        return xp.concat(rows, axis=0)
-
-    def _on_host(self, function: Any, like: Array, *arrays: Array) -> Array:  # noqa: ANN401 - any of this class
-        """Return the result of a function of numpy's arrays, of shape and kind of the first; a trace calls it later."""
-        arrays = (like, *arrays)
-        if is_jax_array(like):
-            jax = sys.modules["jax"]  # the caller's: the project does not need it
-            return jax.pure_callback(function, jax.ShapeDtypeStruct(like.shape, like.dtype), *arrays)
-        found = function(*(np.asarray(to_device(array, "cpu") if is_torch_array(array) else array) for array in arrays))
-        return self._xp.asarray(found, device=self._device)
-
-    def _with_contact(
-        self,
-        read_pf: Single,
-        touches: Mask,
-        element: NDArray[np.int32],
-        normal: Single,
-        now_n: Single,
-        compliance: Single,
-        gap_um: Single,
-        distance_um: Single,
-        gain: Single,
-        stray_pf: Single,
-    ) -> Single:
-        """Return capacitances without noise, those of feet with closed cells anew [pF], shape (n, k)."""
-        touched_pf = np.array(read_pf)
-        cells_of = np.arange(N_CELLS).reshape(ELEMENTS, _CELLS)
-        feet, columns = np.nonzero(touches)
-        for start in range(0, len(feet), _ROWS_AT_ONCE):
-            at = feet[start : start + _ROWS_AT_ONCE], columns[start : start + _ROWS_AT_ONCE]
-            loads = normalized(normal[at[0]].astype(np.float64)), now_n[at[1], :, at[0]].astype(np.float64)
-            for foot, column, free_um in zip(*at, self._response.free_closure_um(*loads), strict=True):
-                here, soft = element[column], compliance[foot % len(compliance), 0]
-                gaps_um, distances_um, gains, strays_pf = (
-                    each[foot % len(each)].astype(np.float64) for each in (gap_um, distance_um, gain, stray_pf)
-                )
-                # Forces of cells on one another are over the compliance, which then stays the design's.
-                solved = solve_contact_lcp(
-                    soft * free_um, np.repeat(gaps_um, _CELLS), self._response.compliance_um_per_n
-                )
-                closure_um = gains[here] * solved.cell_closures_um[cells_of[here]]
-                spacing_um = distances_um[here] - np.minimum(closure_um, gaps_um[here])
-                touched_pf[foot, column] = self._area_pf_um * np.mean(1.0 / spacing_um) + strays_pf[here]
-        return touched_pf
+        if not self._cable_breaks_per_s:
+            return after
+        # Once in a step at most, at any time of it.
+        counter = first + n + xp.asarray([1, 2], dtype=xp.int32, device=self._device)
+        draws = uniform(xp, after.draw.key[:, None], counter[None, :])
+        length_ns = xp.astype(step_ns, xp.float32)
+        breaks = draws[:, 0] < -xp.expm1(-1e-9 * self._cable_breaks_per_s * length_ns)
+        found_ns = self.scan.absent_ns - xp.astype(draws[:, 1] * length_ns, xp.int32)
+        return after._replace(absent_ns=xp.where(breaks, found_ns, after.absent_ns))
 
     def published(self, state: FeetState) -> VirtualForces:
         """Return the forces published last, of feet in a state."""
@@ -577,11 +456,11 @@ class FootModel:
         def of_each(kept: Array, columns: Array) -> Array:
             if columns.shape[0] == 1:
                 return xp.take(kept, columns[0, :], axis=1).T
-            return xp.take_along_axis(kept, xp.astype(columns, xp.int64), axis=1).T
+            return xp.take_along_axis(kept, xp.astype(columns, self._index_type), axis=1).T
 
         window_pf = of_each(state.read_pf, columns)
-        tared_um = self._area_pf_um / draw.tared_pf.T
-        closure_rel = xp.concat([tared_um] * READINGS, axis=0) - self._area_pf_um / window_pf
+        tared_um = self._response.area_pf_um / draw.tared_pf.T
+        closure_rel = xp.concat([tared_um] * READINGS, axis=0) - self._response.area_pf_um / window_pf
         closure_rel = closure_rel / self._design.gap_um
         newest_rel = closure_rel[:ELEMENTS, :]
         age_ns = scan.send_delay_ns + scan.step_ns * since[:, :ELEMENTS].T
@@ -612,9 +491,9 @@ class FootModel:
             State.ABSENT: (absent_ns > 0) & (absent_ns <= scan.absent_ns),
             State.STARTING: state.n_conversions <= ago,
         }
-        code = xp.full(n_overloaded.shape, State.VALID, dtype=xp.int32, device=self._device)
+        code = xp.full(n_overloaded.shape, int(State.VALID), dtype=xp.int32, device=self._device)
         for each, holds in states.items():
-            code = xp.where(holds, xp.full_like(code, each), code)
+            code = xp.where(holds, xp.full_like(code, int(each)), code)
         usable = xp.take(of["is_usable"], code, axis=0)
         variance_n2 = variance_n2 + self._across_rel2 * square_n2 + self._more_along_rel2 * force_n * force_n
         unknown = xp.full_like(force_n, math.nan)
@@ -625,7 +504,7 @@ class FootModel:
             sigma_n=xp.where(usable, xp.sqrt(variance_n2), unknown).T,
             state=xp.astype(code, xp.uint8),
             usable=usable,
-            age_s=xp.where(code == State.STARTING, unknown[0, :], age_s),
+            age_s=xp.where(state.n_conversions <= ago, unknown[0, :], age_s),
         )
 
     def _inconsistency_rel(self, closure_rel: Array, overloaded: Array) -> Array:

@@ -157,4 +157,8 @@ def _rotations(xp: ArrayModule, turn_rad: Array) -> Array:
     none = xp.zeros_like(x)
     cross = xp.reshape(xp.stack([none, -z, y, z, none, -x, -y, x, none], axis=1), (-1, 3, 3))
     once, twice = xp.sin(angle) / angle, (1.0 - xp.cos(angle)) / (angle * angle)
-    return xp.eye(3, dtype=xp.float32, device=array_api_compat.device(angle)) + once * cross + twice * xp.matmul(cross, cross)
+    return (
+        xp.eye(3, dtype=xp.float32, device=array_api_compat.device(angle))
+        + once * cross
+        + twice * xp.matmul(cross, cross)
+    )
