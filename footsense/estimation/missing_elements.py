@@ -135,7 +135,9 @@ class Imputation:
         """
         patterns, by_overload = _SET_PATTERNS[sets], patterns_of(overloaded)[:, None]
         unknown = patterns | by_overload
-        residuals: Vector = np.matmul(self.residual_of_pattern[unknown], closure_rel[:, None, :, None])[..., 0]
+        residuals: Vector = np.matmul(self.residual_of_pattern[unknown], closure_rel[:, None, :, None])[
+            ..., 0
+        ]
         if not np.count_nonzero(by_overload):
             return residuals
         scale = self.rms_of_pattern[patterns] / self.rms_of_pattern[unknown] / OVERLOAD_RESIDUAL_REL

@@ -11,23 +11,28 @@ overload makes a foot `DEGRADED`. The error of a baseline is constant, where the
 """
 
 import math
+import os
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
-from array_api_compat import array_namespace, device, is_jax_array
+from array_api_compat import array_namespace, device, is_jax_array, is_numpy_array
 from numpy.typing import NDArray
+from threadpoolctl import ThreadpoolController
 
 from footsense.foot.parameters import KNOWN_EXACTLY, ForceUncertainty
-from footsense.sim.virtual.foot_model import FeetState, FootModel, VirtualForces, of_feet
+from footsense.sim.virtual.foot_model import FootModel
 from footsense.sim.virtual.network import Array
 from footsense.sim.virtual.scan import Board
+from footsense.sim.virtual.state import FeetState, VirtualForces, of_feet
 from footsense.sim.virtual.variation import AS_DESIGNED, Variation
 
 #: Longest time between two steps [ns].
 _MAX_STEP_NS = 10**9
 #: Feet that are computed together on a processor, so that their arrays stay in its cache.
-_BLOCK = 512
+_BLOCK = 256
 
 
 class VirtualFeet:
@@ -97,6 +102,10 @@ class VirtualFeet:
             jit = sys.modules["jax"].jit  # the caller's: the project does not need it
             self._read, self._keep = jit(model.read, static_argnums=2), jit(model.keep)
             self._publish = jit(model.published)
+        self._map: Callable[..., Iterable[Any]] = map
+        self._blas = ThreadpoolController()
+        if is_numpy_array(like) and len(self._blocks) > 1:
+            self._map = ThreadPoolExecutor(os.cpu_count()).map
         self._start_s = self._t_s = -math.inf
         self._t_ns = 0
         self._newest: int | None = None
@@ -165,10 +174,12 @@ class VirtualFeet:
             state = self._keep(state, step[0], reading, None if noise is None else noise[block, ...])
             return state, self._publish(state) if is_new else None
 
-        blocks = [*map(stepped, self._states, self._blocks)]
+        # Products of a block are too small for threads of their own.
+        with self._blas.limit(limits=1):
+            blocks = [*self._map(stepped, self._states, self._blocks)]
         self._states = [state for state, _ in blocks]
         if is_new:
-            self._published = self._joined(forces for _, forces in blocks)
+            self._published = self._joined(forces for _, forces in blocks if forces is not None)
             self._newest = newest
         else:
             self._published = self._published._replace(age_s=self._published.age_s + 1e-9 * step_ns)

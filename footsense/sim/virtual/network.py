@@ -34,6 +34,7 @@ def _fields(message: memoryview) -> Iterator[tuple[int, Any]]:
     Source:
         Protocol Buffers, Encoding: protobuf.dev/programming-guides/encoding.
     """
+    at = 0
 
     def varint() -> int:
         nonlocal at
@@ -44,7 +45,6 @@ def _fields(message: memoryview) -> Iterator[tuple[int, Any]]:
             if byte < 0x80:
                 return value
 
-    at = 0
     while at < len(message):
         key = varint()
         if key & 7 == 0:

@@ -1,4 +1,4 @@
-"""Loads of feet to capacitances, in arrays of any library: the response table without contact, and closed gaps on the host.
+"""Loads of feet to capacitances, in arrays of any library: the response table, and closed gaps on the host.
 
 A gap that closes is a complementarity problem of one foot alone, which is solved exactly, in double precision.
 """
@@ -119,29 +119,30 @@ class BatchResponse:
         point_n = now_n * draw.compliance.T[None, :, :]
         weights = xp.concat([point_n, (hertz * pressing_n) ** (2.0 / 3.0) * point_n], axis=1)
         distance_um, gap_um, gain = (
-            xp.take(part, conversions.element, axis=1).T
+            xp.take(part, conversions.element, axis=1).T[:, None, :]
             for part in (draw.distance_um, draw.gap_um, draw.gain)
         )
-        read, closed, mean_um = ([None] * k for _ in range(3))
+        per_um, closed, mean_um = ([None] * k for _ in range(3))
         for first in range(min(k, ELEMENTS)):
             # The normal stays the same over the step: each element needs it once, however often it is read.
             series = xp.take(self._series, conversions.element[first : first + 1], axis=0)[0, ...]
-            per_newton_um = series @ basis
-            for now in range(first, k, ELEMENTS):
-                terms = (
-                    weights[now, c, :] * per_newton_um[c * _CELLS : (c + 1) * _CELLS, :] for c in range(6)
-                )
-                free_um = functools.reduce(operator.add, terms)
-                closure_um = xp.minimum(free_um, gap_um[now, :])
-                closure_um = xp.minimum(gain[now, :] * closure_um, gap_um[now, :])
-                read[now] = xp.mean(1.0 / (distance_um[now, :] - closure_um), axis=0)
-                closed[now] = xp.max(free_um, axis=0) > gap_um[now, :]
-                mean_um[now] = xp.mean(free_um, axis=0)
+            per_newton_um = xp.reshape(series @ basis, (6, _CELLS, -1))
+            at = slice(first, None, ELEMENTS)
+            terms = (weights[at, c, None, :] * per_newton_um[c, ...] for c in range(6))
+            free_um = functools.reduce(operator.add, terms)
+            closure_um = xp.minimum(gain[at, ...] * xp.minimum(free_um, gap_um[at, ...]), gap_um[at, ...])
+            of_reads = (
+                xp.mean(1.0 / (distance_um[at, ...] - closure_um), axis=1),
+                xp.any(free_um > gap_um[at, ...], axis=1),
+                xp.mean(free_um, axis=1),
+            )
+            for of_all, of_element in zip((per_um, closed, mean_um), of_reads, strict=True):
+                of_all[at] = [of_element[j, :] for j in range(of_element.shape[0])]
         stray_pf = xp.take(draw.stray_pf, conversions.element, axis=1)
         return Readings(
-            self.area_pf_um * xp.stack(read, axis=1) + stray_pf,
+            self.area_pf_um * xp.stack(per_um, axis=1) + stray_pf,
             xp.stack(closed, axis=1),
-            (xp.stack(mean_um) / gap_um).T,
+            (xp.stack(mean_um) / gap_um[:, 0, :]).T,
         )
 
     def _basis(self, normal: Array) -> Array:

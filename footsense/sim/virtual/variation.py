@@ -18,6 +18,8 @@ from footsense.frames import ELEMENTS
 from footsense.sim.fabrication import MIN_DRAWN_OVER_DESIGN, FootTolerances
 from footsense.sim.virtual.network import Array, ArrayModule
 
+_EXACT = FootTolerances()
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variation:
@@ -26,13 +28,13 @@ class Variation:
     Attributes:
         tolerances: Rms deviations of gaps, films, strays, stiffness and mounting from the design. A draw that would
             leave less than a quarter of it leaves a quarter.
-        gain_rel: Rms change of the gain of each element since the foot was made, as electrodes of worn feet have it [1].
+        gain_rel: Rms change of the gain of each element since the foot was made, as of electrodes of worn feet [1].
         baseline_error_ff: Rms error of a foot's baseline [fF].
         noise_rel: Least and most noise of a foot over that of its converter [1].
         delay_s: Least and most delay of a foot's forces after they were sent [s].
     """
 
-    tolerances: FootTolerances = FootTolerances()
+    tolerances: FootTolerances = _EXACT
     gain_rel: float = 0.0
     baseline_error_ff: float = 0.3
     noise_rel: tuple[float, float] = (1.0, 1.0)

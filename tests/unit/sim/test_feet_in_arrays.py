@@ -31,21 +31,19 @@ VARIED = Variation(tolerances=PAPER_TOLERANCES, gain_rel=0.02, noise_rel=(0.5, 2
 RANGE_N, SAME_REL = 2.0, 1e-5
 
 
-def walked(asarray: Callable[[Any], Any], n: int = 12) -> tuple[Vector, Vector, Vector, Vector]:
+def walked(asarray: Callable[[Any], Any], n: int = 24) -> tuple[Vector, Vector, Vector, Vector]:
     """Return forces, sigma, states and ages of feet that tread hard and softly, some of them reset on the way."""
     feet = VirtualFeet(
-        n, variation=VARIED, cable_breaks_per_s=0.5, seed=np.arange(3), like=asarray(np.zeros(1, np.float32))
+        n, variation=VARIED, cable_breaks_per_s=0.5, seed=np.arange(6), like=asarray(np.zeros(1, np.float32))
     )
     random = np.random.default_rng(0)
     lean, azimuth = np.radians(random.uniform(0.0, 45.0, n)), random.uniform(0.0, 6.28, n)
     normal = np.stack([np.sin(lean) * np.cos(azimuth), np.sin(lean) * np.sin(azimuth), np.cos(lean)], axis=1)
-    peak_n, steps = random.uniform(0.6, 2.0, n), []
-    for k in range(10):
+    peak_n, steps = random.uniform(0.0, 1.6, n), []
+    for k in range(12):
         force_n = normal * (peak_n * np.sin(k / 3.0 + np.arange(n)).clip(0.0))[:, None]
-        found = feet.step(
-            0.015 * k, asarray(force_n.astype(np.float32)), asarray(normal.astype(np.float32))
-        )
-        if k == 6:
+        found = feet.step(0.015 * k, asarray(force_n.astype(np.float32)), asarray(normal.astype(np.float32)))
+        if k == 7:
             feet.reset(asarray(np.arange(n) % 3 == 0))
         steps.append([np.asarray(part) for part in found])
     force_n, sigma_n, state, _, age_s = (np.stack(column) for column in zip(*steps, strict=True))
@@ -199,7 +197,9 @@ def test_the_network_in_arrays_is_that_of_the_service() -> None:
 def test_a_network_of_another_kind_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "network.onnx"
     path.write_bytes(add_checksum(b"\x3a\x00"))  # an empty graph
-    with pytest.raises(ModelError, match=r"network.onnx: no network for feet in a batch \(KeyError\('b1'\)\)"):
+    with pytest.raises(
+        ModelError, match=r"network.onnx: no network for feet in a batch \(KeyError\('b1'\)\)"
+    ):
         BatchNetwork(path, 7e-3, xp)
 
 
@@ -218,7 +218,10 @@ def test_a_robot_loads_no_arrays_of_others() -> None:
         (lambda: Variation(delay_s=(2e-3, 1e-3)), "delay_s: a least and a most, neither below 0, got 0.002"),
         (lambda: VirtualFeet(5, seed=np.arange(2)), "5 feet cannot be shared among 2 environments"),
         (lambda: stepped(VirtualFeet(1), UP[None], 2, 1.5), "a step at 1.5 s is more than 1 s after the one"),
-        (lambda: stepped(VirtualFeet(1, like=strict()), UP[None]), "these feet take arrays of array_api_strict"),
+        (
+            lambda: stepped(VirtualFeet(1, like=strict()), UP[None]),
+            "these feet take arrays of array_api_strict",
+        ),
     ],
     ids=["range", "shares", "pause", "library"],
 )
