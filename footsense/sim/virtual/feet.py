@@ -31,8 +31,8 @@ from footsense.sim.virtual.variation import AS_DESIGNED, Variation
 
 #: Longest time between two steps [ns].
 _MAX_STEP_NS = 10**9
-#: Feet that are computed together on a processor, so that their arrays stay in its cache.
-_BLOCK = 256
+#: Feet that are computed together on a processor, so that their arrays stay in its cache: in numpy, and compiled.
+_BLOCK, _COMPILED_BLOCK = 256, 1024
 
 
 class VirtualFeet:
@@ -92,7 +92,9 @@ class VirtualFeet:
         self._force_ns = model.scan.conversions_per_force * model.scan.step_ns
         self._sent_after_ns = model.scan.send_delay_ns + round(1e9 * most_s)
         # On a processor block by block, so that arrays stay in its cache; at once where everything is fast at once.
-        n_rows = _BLOCK if "cpu" in str(device(like)).lower() else n_feet
+        n_rows = n_feet
+        if "cpu" in str(device(like)).lower():
+            n_rows = _BLOCK if is_numpy_array(like) else _COMPILED_BLOCK
         self._shape = n_feet, 3
         self._blocks = [slice(start, min(start + n_rows, n_feet)) for start in range(0, n_feet, n_rows)]
         whole = model.start(n_feet, seed)

@@ -78,6 +78,9 @@ class BatchNetwork:
         xp: Module of the library, as `array-api-compat` gives it.
         device: Where its arrays are; None for the library's default.
 
+    Attributes:
+        weights: What it multiplies with, by name.
+
     Raises:
         ModelError: The file is damaged, or of a network of another kind.
     """
@@ -119,7 +122,7 @@ class BatchNetwork:
                 f"{path}: no network for feet in a batch ({error!r}); `footsense lab build` makes one"
             ) from error
         self._xp, self._channels = xp, c
-        self._of = {
+        self.weights = {
             name: xp.asarray(part.astype(np.float32), device=device) for name, part in of_foot.items()
         }
 
@@ -130,7 +133,7 @@ class BatchNetwork:
             closure_rel: The last three readings of each element, newest first [1], shape (27, n).
             age_rel: Age of the newest of them over the period [1], shape (9, n) or (9, 1).
         """
-        xp, of, c, n = self._xp, self._of, self._channels, closure_rel.shape[1]
+        xp, of, c, n = self._xp, self.weights, self._channels, closure_rel.shape[1]
         newest, before, oldest = (closure_rel[k * ELEMENTS : (k + 1) * ELEMENTS, :] for k in range(3))
         slope = newest - before
         bend = slope - (before - oldest)
