@@ -38,7 +38,8 @@ def cost_of_a_foot(board: Board) -> dict[str, int]:
     channels = of["w2_scalars"].shape[1]
     mixed = (of["to_parts"].size + of["to_units"].size) * channels
     state = model.start(2)
-    kept = sum(part.nbytes // 2 for part in state._replace(draw=state.draw.key) if part.shape[0] == 2)
+    parts = [part for name, part in state._asdict().items() if name != "draw"]
+    kept = sum(part.nbytes // 2 for part in [*parts, state.draw.key] if part.shape[0] == 2)
     return {
         "table": FootResponse.load(folder / "response.npz").closure_coefficients.size,
         "cells": 6 * CELLS_PER_ELEMENT * model.conversions(round(1e9 * _STEP_S)),

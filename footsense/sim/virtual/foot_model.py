@@ -24,7 +24,7 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.type_folders import foot_type_folder
 from footsense.frames import ELEMENTS, IS_USABLE_STATE, State
 from footsense.sim.virtual.network import Array, ArrayModule, BatchNetwork
-from footsense.sim.virtual.response import BatchResponse, Conversions, Loads, Readings
+from footsense.sim.virtual.response import BatchResponse, Conversions, StepLoads, StepReadings
 from footsense.sim.virtual.scan import SCANS, Board
 from footsense.sim.virtual.state import FeetState, Step, VirtualForces, is_traced, of_rows
 from footsense.sim.virtual.variation import (
@@ -38,7 +38,7 @@ from footsense.sim.virtual.variation import (
 )
 
 _ORDER = np.array(CONVERSION_ORDERS["lo_shu"])
-#: Readings of a window: the last three of each element.
+#: StepReadings of a window: the last three of each element.
 _WINDOW = READINGS * ELEMENTS
 #: What the service assumes of the errors of a baseline and of the noise in a walk [pF].
 _BASELINE_SIGMA_PF, _NOISE_SIGMA_PF = 0.54e-3, 1.1e-3
@@ -286,7 +286,7 @@ class FootModel:
         ago_ns = xp.astype(after.since_ns + back * step, xp.float32)
         share = xp.clip(1.0 - ago_ns / xp.astype(step_ns, xp.float32), 0.0, 1.0)
         conversions = Conversions(share, self._elements(after.number, n))
-        loads = Loads(state.force_n, force_n, unit)
+        loads = StepLoads(state.force_n, force_n, unit)
         loaded = xp.any((loads.from_n != 0.0) | (force_n != 0.0), axis=1)
         open_pf = xp.take(self._response.open_pf(draw), conversions.element, axis=1)
         # Feet in the air need no table, where a library may look which they are.
@@ -297,14 +297,14 @@ class FootModel:
                 closed=found.closed & loaded[:, None],
             )
         else:
-            readings = Readings(
+            readings = StepReadings(
                 xp.asarray(xp.broadcast_to(open_pf, (loaded.shape[0], n)), copy=True),
                 xp.zeros((loaded.shape[0], n), dtype=xp.bool, device=self._device),
                 xp.zeros((loaded.shape[0], n), dtype=xp.float32, device=self._device),
             )
             if xp.any(loaded):
                 own = FootDraw(*(of_rows(part, loaded) for part in draw))
-                found = self._response.read(Loads(*(part[loaded] for part in loads)), conversions, own)
+                found = self._response.read(StepLoads(*(part[loaded] for part in loads)), conversions, own)
                 for whole, part in zip(readings, found, strict=True):
                     whole[loaded] = part
         is_whole = n_new >= n

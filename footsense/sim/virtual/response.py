@@ -28,7 +28,7 @@ _CERTAIN_SATURATION = 1.5
 _LOADS_AT_ONCE = 2048
 
 
-class Loads(NamedTuple):
+class StepLoads(NamedTuple):
     """Loads of n feet over a step, frame of the leg.
 
     Attributes:
@@ -54,7 +54,7 @@ class Conversions(NamedTuple):
     element: Array
 
 
-class Readings(NamedTuple):
+class StepReadings(NamedTuple):
     """What n feet read in k conversions, shape (n, k) each.
 
     Attributes:
@@ -95,18 +95,18 @@ class BatchResponse:
         """Return the capacitances of feet in the air [pF], shape (n, 9) or (1, 9)."""
         return self.area_pf_um / draw.distance_um + draw.stray_pf
 
-    def _in_frame(self, loads: Loads, mount: Array) -> Loads:
+    def _in_frame(self, loads: StepLoads, mount: Array) -> StepLoads:
         """Return the loads in the foot's frame, those below the table lifted to its edge."""
         xp = self._xp
         if mount is not None:
-            loads = Loads(*((mount @ part[:, :, None])[:, :, 0] for part in loads))
+            loads = StepLoads(*((mount @ part[:, :, None])[:, :, 0] for part in loads))
         across = loads.normal[:, :2]
         edge = math.sqrt(1.0 - self.lowest_z**2) / xp.sqrt(xp.sum(across * across, axis=1) + 1e-12)
         edge = xp.where(loads.normal[:, 2] < self.lowest_z, edge, xp.ones_like(edge))
         upward = xp.clip(loads.normal[:, 2:], min=self.lowest_z)
         return loads._replace(normal=xp.concat([across * edge[:, None], upward], axis=1))
 
-    def read(self, loads: Loads, conversions: Conversions, draw: FootDraw) -> Readings:
+    def read(self, loads: StepLoads, conversions: Conversions, draw: FootDraw) -> StepReadings:
         """Return the readings of loaded feet."""
         xp, k = self._xp, conversions.share.shape[0]
         loads = self._in_frame(loads, draw.mount)
@@ -139,7 +139,7 @@ class BatchResponse:
             for of_all, of_element in zip((per_um, closed, mean_um), of_reads, strict=True):
                 of_all[at] = [of_element[j, :] for j in range(of_element.shape[0])]
         stray_pf = xp.take(draw.stray_pf, conversions.element, axis=1)
-        return Readings(
+        return StepReadings(
             self.area_pf_um * xp.stack(per_um, axis=1) + stray_pf,
             xp.stack(closed, axis=1),
             (xp.stack(mean_um) / gap_um[:, 0, :]).T,
@@ -156,7 +156,7 @@ class BatchResponse:
         rows = [of_x[:1, :] * of_y[: of_y.shape[0] - i, :] for i, of_x in enumerate(chebyshev)]
         return xp.concat(rows, axis=0)
 
-    def touching(self, closed_before: Array, readings: Readings, is_whole: Array) -> Array:
+    def touching(self, closed_before: Array, readings: StepReadings, is_whole: Array) -> Array:
         """Return the readings that another closed cell changes, shape (n, k).
 
         It is closed when its element was read last; an element that is saturated for certain is not changed.
@@ -176,12 +176,12 @@ class BatchResponse:
         return touches & (readings.mean_rel < _CERTAIN_SATURATION)
 
     def with_contact(
-        self, read_pf: Array, touches: Array, loads: Loads, conversions: Conversions, draw: FootDraw
+        self, read_pf: Array, touches: Array, loads: StepLoads, conversions: Conversions, draw: FootDraw
     ) -> Array:
         """Return capacitances without noise [pF], those of feet with closed cells anew, shape (n, k)."""
         xp = self._xp
         feet, columns = np.nonzero(_on_host(touches))
-        loads = Loads(*map(_on_host, self._in_frame(loads, draw.mount)))
+        loads = StepLoads(*map(_on_host, self._in_frame(loads, draw.mount)))
         share, element = map(_on_host, conversions)
         deviations = [
             np.broadcast_to(_on_host(part).astype(np.float64), (len(loads.normal), part.shape[1]))

@@ -6,7 +6,7 @@ from typing import NamedTuple
 from array_api_compat import is_jax_array
 
 from footsense.sim.virtual.network import Array
-from footsense.sim.virtual.response import Conversions, Loads, Readings
+from footsense.sim.virtual.response import Conversions, StepLoads, StepReadings
 from footsense.sim.virtual.variation import FootDraw
 
 
@@ -75,9 +75,9 @@ class Step(NamedTuple):
     """
 
     after: FeetState
-    loads: Loads
+    loads: StepLoads
     conversions: Conversions
-    readings: Readings
+    readings: StepReadings
     touches: Array
     is_whole: Array
 

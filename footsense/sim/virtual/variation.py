@@ -4,7 +4,7 @@ Random numbers are a hash of the foot's key and a counter: the same in every lib
 foot whatever happens to the others.
 
 Source:
-    C. Wellons, Hash Prospector, 2018: `lowbias32`. Normal numbers: Box and Muller, 1958.
+    C. Wellons, Hash Prospector, 2018: lowbias32. Normal numbers: Box and Muller, 1958.
 """
 
 import math
