@@ -6,7 +6,7 @@ from firmware_interface.chips import ad7147, fdc1004
 from footsense.sim.scene import Ad7147Effects
 
 
-class BoardScan(NamedTuple):
+class SixLegScan(NamedTuple):
     """How the service reads six legs with a board, with 40 us of host for each transaction; times as measured of it.
 
     Attributes:
@@ -32,7 +32,7 @@ Board = Literal["ad7147", "fdc1004"]
 #: By board: on two buses, and on one at 400 conversions a second. A published force of the service with board `ad7147`
 #: has 17.6 conversions of 0.768 ms; here they are 18, two scans, in the same time.
 SCANS = {
-    "ad7147": BoardScan(
+    "ad7147": SixLegScan(
         step_ns=round(13.517e6 / 18),
         conversions_per_force=18,
         send_delay_ns=2_680_000,
@@ -41,7 +41,7 @@ SCANS = {
         absent_ns=23_500_000,
         stale_ns=4_800_000,
     ),
-    "fdc1004": BoardScan(
+    "fdc1004": SixLegScan(
         step_ns=2_747_600,
         conversions_per_force=4,
         send_delay_ns=3_170_000,
