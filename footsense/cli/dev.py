@@ -5,6 +5,7 @@ import logging
 import os
 import subprocess
 import sys
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -50,7 +51,6 @@ def _measure_all(n_cycles: int, wakeup_s: float, n_counted_cycles: int) -> dict[
         min_scan_period_by_conversions_ms,
         newest_reading_age_ms,
     )
-    from footsense.benchmarks.virtual_feet import measure_virtual_feet
     from footsense.benchmarks.wakeup_latency import measure_threads, measure_wakeup_latency
 
     scans = simulated_walk_frames(N_WARM_UP_CYCLES + n_cycles)
@@ -63,10 +63,7 @@ def _measure_all(n_cycles: int, wakeup_s: float, n_counted_cycles: int) -> dict[
         "age_ms": newest_reading_age_ms(),
         "cycle_us": compare_cycle_durations(scans),
         "instructions": _instructions(n_counted_cycles),
-        "virtual_feet": {
-            "ad7147": measure_virtual_feet("ad7147"),
-            "fdc1004": measure_virtual_feet("fdc1004"),
-        },
+        "virtual_feet": _virtual_feet(),
         "wakeup_latency_us": measure_wakeup_latency(scans, wakeup_s),
         **_start_and_memory(),
     }
@@ -84,6 +81,16 @@ def _instructions(n_cycles: int) -> dict[str, Any] | None:
         return None
     counted = count_cycles(counter, n_cycles)
     return {"counter": counter, "a_second": counted.instructions_a_second(), **counted.figures()}
+
+
+def _virtual_feet() -> dict[str, Any] | None:
+    """Return the figures of feet in a batch; None, and a line that says why, without their extra."""
+    if find_spec("array_api_compat") is None:
+        click.echo("feet in a batch are not measured: pip install 'footsense[simulators]'", err=True)
+        return None
+    from footsense.benchmarks.virtual_feet import measure_virtual_feet
+
+    return {"ad7147": measure_virtual_feet("ad7147"), "fdc1004": measure_virtual_feet("fdc1004")}
 
 
 def _start_and_memory() -> dict[str, float]:

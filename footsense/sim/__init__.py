@@ -1,19 +1,27 @@
 """Simulator: feet, chips at byte level, buses in bit time, scenes. It imports no driver.
 
-Public is `VirtualFeet`, thousands of feet at once for whoever trains a controller.
+Public is `VirtualFeet`, thousands of feet at once for whoever trains a controller, with `Variation`, how they differ,
+and `FootModel`, the same as a pure function. They need the extra `simulators`.
 """
 
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from footsense.sim.virtual_feet import VirtualFeet, VirtualForces
+    from footsense.sim.virtual.feet import VirtualFeet
+    from footsense.sim.virtual.foot_model import FootModel
+    from footsense.sim.virtual.state import VirtualForces
+    from footsense.sim.virtual.variation import Variation
 
-__all__ = ["VirtualFeet", "VirtualForces"]
+__all__ = ["FootModel", "Variation", "VirtualFeet", "VirtualForces"]
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - of a module
     if name not in __all__:
         raise AttributeError(f"module {__name__} has no attribute {name}")
-    from footsense.sim import virtual_feet
-
-    return getattr(virtual_feet, name)
+    try:
+        from footsense.sim.virtual import feet
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            f"{error}; feet in a batch need: pip install 'footsense[simulators]'"
+        ) from None
+    return getattr(feet, name)

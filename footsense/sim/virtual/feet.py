@@ -1,0 +1,189 @@
+"""Thousands of feet at once, for whoever trains a controller: contact forces in, what the service would publish out.
+
+The chain of the service in arrays, without a bus: every conversion reads the next element of all feet under the load at
+its middle, with the converter's noise; after every 18 of board `ad7147`, or four of `fdc1004`, the network estimates
+the forces of the time of sending from the last three readings of each element, which are published. Network, response
+table and limits of a usable force are the service's.
+
+Left out: rubber's memory and temperature; faults but for breaks of a cable; the way over CAN (up to 3 ms of frames for
+six legs, unless `Variation.delay_s` has it); the search for the element that contradicts the others, so that only
+overload makes a foot `DEGRADED`. The error of a baseline is constant, where the service's follows the swing.
+"""
+
+import math
+import os
+import sys
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+from array_api_compat import array_namespace, device, is_jax_array, is_numpy_array
+from numpy.typing import NDArray
+from threadpoolctl import ThreadpoolController
+
+from footsense.foot.parameters import KNOWN_EXACTLY, ForceUncertainty
+from footsense.sim.virtual.foot_model import FootModel
+from footsense.sim.virtual.network import Array
+from footsense.sim.virtual.scan import Board
+from footsense.sim.virtual.state import FeetState, VirtualForces, of_feet
+from footsense.sim.virtual.variation import AS_DESIGNED, Variation
+
+#: Longest time between two steps [ns].
+_MAX_STEP_NS = 10**9
+#: Feet that are computed together on a processor, so that their arrays stay in its cache: in numpy, and compiled.
+_BLOCK, _COMPILED_BLOCK = 256, 1024
+
+
+class VirtualFeet:
+    """Feet under given contact forces, in a batch, with the lag, noise and gaps of what the service publishes.
+
+    Args:
+        n_feet: Number of feet.
+        foot_type: A released foot type, or a folder with a slash in its name.
+        board: Electronics of a foot, as in a robot file.
+        cable_breaks_per_s: Mean rate at which the cable of a foot breaks for 20 ms; a foot is then without force for
+            28 ms, with board `fdc1004` for 78 ms [1/s].
+        uncertainty: What the service does not know of the feet, in sigma alone.
+        variation: How the feet differ from the design and from episode to episode.
+        seed: Seed of everything random, or one for each environment, shape (environments,), which have equal shares of
+            the feet.
+        like: An array of the library, and on the device, of the arrays of all steps: numpy, JAX, torch; None for numpy.
+
+    Raises:
+        ModelError: The models of the foot type are missing or damaged.
+        ValueError: The board is another, or the feet cannot be shared among the environments.
+
+    Example:
+        >>> feet = VirtualFeet(2)
+        >>> up = np.array([[0.0, 0.0, 1.0]] * 2)
+        >>> for t_s in np.arange(0.0, 0.2, 0.01):
+        ...     published = feet.step(t_s, up * [[0.8], [0.0]], up)
+        >>> published.usable.tolist(), published.force_n[:, 2].round(1).tolist()
+        ([True, True], [0.8, 0.0])
+    """
+
+    def __init__(
+        self,
+        n_feet: int,
+        foot_type: str = "aoyagi-3x3",
+        *,
+        board: Board = "ad7147",
+        cable_breaks_per_s: float = 0.0,
+        uncertainty: ForceUncertainty = KNOWN_EXACTLY,
+        variation: Variation = AS_DESIGNED,
+        seed: int | NDArray[np.int_] = 0,
+        like: Array = None,
+    ) -> None:
+        like = np.zeros(1) if like is None else like
+        self._xp = array_namespace(like)
+        self._model = model = FootModel(
+            foot_type,
+            board=board,
+            cable_breaks_per_s=cable_breaks_per_s,
+            uncertainty=uncertainty,
+            variation=variation,
+            xp=self._xp,
+            device=device(like),
+        )
+        least_s, most_s = variation.delay_s
+        self._delay_varies = least_s != most_s
+        # Conversion 0 is a step after time 0; a force is there so long after the conversion before its first.
+        self._force_ns = model.scan.conversions_per_force * model.scan.step_ns
+        self._sent_after_ns = model.scan.send_delay_ns + round(1e9 * most_s)
+        # On a processor block by block, so that arrays stay in its cache; at once where everything is fast at once.
+        n_rows = n_feet
+        if "cpu" in str(device(like)).lower():
+            n_rows = _BLOCK if is_numpy_array(like) else _COMPILED_BLOCK
+        self._shape = n_feet, 3
+        self._blocks = [slice(start, min(start + n_rows, n_feet)) for start in range(0, n_feet, n_rows)]
+        whole = model.start(n_feet, seed)
+        self._states = [of_feet(whole, block) for block in self._blocks]
+        self._read, self._keep, self._publish = model.read, model.keep, model.published
+        if is_jax_array(like):
+            jit = sys.modules["jax"].jit  # the caller's: the project does not need it
+            self._read, self._keep = jit(model.read, static_argnums=2), jit(model.keep)
+            self._publish = jit(model.published)
+        self._map: Callable[..., Iterable[Any]] = map
+        self._blas = ThreadpoolController()
+        if is_numpy_array(like) and len(self._blocks) > 1:
+            self._map = ThreadPoolExecutor(os.cpu_count()).map
+        self._start_s = self._t_s = -math.inf
+        self._t_ns = 0
+        self._newest: int | None = None
+        self._published = self._joined(map(self._publish, self._states))
+
+    def _joined(self, blocks: Iterable[VirtualForces]) -> VirtualForces:
+        return VirtualForces(*map(self._xp.concat, zip(*blocks, strict=True)))
+
+    def reset(self, feet: Array) -> None:
+        """Lift feet off the ground, tared and drawn anew, for a new episode; they have no force until the next is sent.
+
+        Args:
+            feet: Which, shape (n,).
+        """
+        feet = self._xp.asarray(feet, device=device(self._states[0].force_n))
+        self._states = [
+            self._model.reset(state, feet[block])
+            for state, block in zip(self._states, self._blocks, strict=True)
+        ]
+        self._newest = None
+
+    def step(self, t_s: float, force_n: Array, normal: Array, noise: Array = None) -> VirtualForces:
+        """Return the forces published last by a time, of feet whose contact forces change linearly between the steps.
+
+        Args:
+            t_s: Time of the step, after the one before by at most 1 s [s].
+            force_n: Ground reaction on each foot in its frame (x forward, y left, z along the leg towards the body)
+                [N], shape (n, 3); zero in the air.
+            normal: Unit normal of the ground, into the foot, same frame and shape; anything for a foot in the air. One
+                that leans farther than the response table reaches gives no force.
+            noise: Noise of the conversions since the last step over its standard deviation [1], shape
+                (n, `FootModel.conversions`), newest last; None for that of the seed.
+
+        Raises:
+            ValueError: The time does not advance or by too much, a shape or library is another, or a normal of a loaded
+                foot is no unit vector.
+        """
+        xp, model = self._xp, self._model
+        if not t_s > self._t_s:
+            raise ValueError(f"a step at {t_s} s does not follow the one at {self._t_s} s")
+        if array_namespace(force_n, normal) is not xp:
+            raise ValueError(f"these feet take arrays of {xp.__name__}; `like` is one of another library")
+        if not force_n.shape == normal.shape == self._shape:
+            raise ValueError(f"{self._shape[0]} feet got forces {force_n.shape} and normals {normal.shape}")
+        is_unit = xp.abs(xp.sum(normal * normal, axis=1) - 1.0) < 1e-3
+        if not xp.all(is_unit | xp.all(force_n == 0.0, axis=1)):
+            raise ValueError("the normal of the ground at a loaded foot has to be a unit vector")
+        if math.isinf(self._t_s):
+            self._start_s = t_s
+            self._states = [
+                state._replace(force_n=xp.astype(force_n[block, ...], xp.float32))
+                for state, block in zip(self._states, self._blocks, strict=True)
+            ]
+        t_ns = round(1e9 * (t_s - self._start_s)) + model.scan.step_ns
+        step_ns = t_ns - self._t_ns
+        if step_ns > _MAX_STEP_NS:
+            raise ValueError(f"a step at {t_s} s is more than 1 s after the one at {self._t_s} s")
+        self._t_s, self._t_ns = t_s, t_ns
+        step = model.clock(step_ns), model.conversions(step_ns)
+        # The number of the force that all feet have now, if all have the same.
+        newest = (t_ns - self._sent_after_ns) // self._force_ns
+        is_new = self._delay_varies or newest != self._newest
+
+        def stepped(state: FeetState, block: slice) -> tuple[FeetState, VirtualForces | None]:
+            reading = model.with_contact(self._read(state, *step, force_n[block, ...], normal[block, ...]))
+            state = self._keep(state, step[0], reading, None if noise is None else noise[block, ...])
+            return state, self._publish(state) if is_new else None
+
+        # Products of a block are too small for threads of their own.
+        with self._blas.limit(limits=1):
+            blocks = [*self._map(stepped, self._states, self._blocks)]
+        self._states = [state for state, _ in blocks]
+        if is_new:
+            self._published = self._joined(forces for _, forces in blocks if forces is not None)
+            self._newest = newest
+        else:
+            self._published = self._published._replace(age_s=self._published.age_s + 1e-9 * step_ns)
+        force_n, sigma_n = (xp.astype(part, force_n.dtype) for part in self._published[:2])
+        return self._published._replace(force_n=force_n, sigma_n=sigma_n)

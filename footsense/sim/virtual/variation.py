@@ -1,0 +1,166 @@
+"""What differs between feet in a batch and from episode to episode, and the random numbers of each foot.
+
+Random numbers are a hash of the foot's key and a counter: the same in every library and on every device, and of one
+foot whatever happens to the others.
+
+Source:
+    C. Wellons, Hash Prospector, 2018: lowbias32. Normal numbers: Box and Muller, 1958.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import array_api_compat
+
+from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, Capacitor
+from footsense.frames import ELEMENTS
+from footsense.sim.fabrication import MIN_DRAWN_OVER_DESIGN, FootTolerances
+from footsense.sim.virtual.network import Array, ArrayModule
+
+_EXACT = FootTolerances()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Variation:
+    """How feet of a batch differ: each draws its own at the start and at every reset.
+
+    Attributes:
+        tolerances: Rms deviations of gaps, films, strays, stiffness and mounting from the design. A draw that would
+            leave less than a quarter of it leaves a quarter.
+        gain_rel: Rms change of the gain of each element since the foot was made, as of electrodes of worn feet [1].
+        baseline_error_ff: Rms error of a foot's baseline [fF].
+        noise_rel: Least and most noise of a foot over that of its converter [1].
+        delay_s: Least and most delay of a foot's forces after they were sent [s].
+    """
+
+    tolerances: FootTolerances = _EXACT
+    gain_rel: float = 0.0
+    baseline_error_ff: float = 0.3
+    noise_rel: tuple[float, float] = (1.0, 1.0)
+    delay_s: tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        """Check the ranges.
+
+        Raises:
+            ValueError: One is upside down or below 0; the message names it.
+        """
+        for name in ("noise_rel", "delay_s"):
+            low, high = getattr(self, name)
+            if not 0.0 <= low <= high < math.inf:
+                raise ValueError(f"{name}: a least and a most, neither below 0, got {low:g} and {high:g}")
+
+
+AS_DESIGNED = Variation()
+
+
+class FootDraw(NamedTuple):
+    """What feet have drawn for an episode; shapes begin with n, or with 1 where all are alike.
+
+    Attributes:
+        key: Key of the foot's random numbers, shape (n,), int32.
+        distance_um: Electrical distance of the open plates of each element [um], shape (n, 9).
+        gap_um: Gap of each element [um], same shape.
+        gain: Closure that each element reads over its real one [1], same shape.
+        stray_pf: Stray of each element [pF], same shape.
+        tared_pf: Its baseline, stray included [pF], same shape.
+        compliance: Compliance of the foot over the design's [1], shape (n, 1).
+        mount: Rotation from the leg's frame to the foot's, shape (n, 3, 3), or None if it is none.
+        noise_pf: Noise of a conversion [pF rms], shape (n, 1).
+        delay_ns: Delay of its forces after they were sent [ns], shape (n,), int32.
+    """
+
+    key: Array
+    distance_um: Array
+    gap_um: Array
+    gain: Array
+    stray_pf: Array
+    tared_pf: Array
+    compliance: Array
+    mount: Array
+    noise_pf: Array
+    delay_ns: Array
+
+
+def hashed(number: Array) -> Array:
+    """Return random bits for integers, int32 both."""
+    for shift, factor in ((16, 0x7FEB352D), (15, 0x846CA68B - 2**32)):
+        number = (number ^ ((number >> shift) & (2 ** (32 - shift) - 1))) * factor
+    return number ^ ((number >> 16) & 0xFFFF)
+
+
+def uniform(xp: ArrayModule, key: Array, counter: Array) -> Array:
+    """Return uniform random numbers above 0 and below 1, float32, of keys and counters (int32) that broadcast."""
+    return (xp.astype((hashed(key ^ hashed(counter)) >> 9) & 0x7FFFFF, xp.float32) + 0.5) * 2.0**-23
+
+
+def random_normal(xp: ArrayModule, key: Array, first: Array, n: int) -> Array:
+    """Return normal random numbers, float32, shape (rows, n), of keys, shape (rows,), and counters from one on."""
+    half = (n + 1) // 2
+    counter = (first + xp.arange(2 * half, dtype=xp.int32, device=array_api_compat.device(key)))[None, :]
+    draws = uniform(xp, key[:, None], counter)
+    size, angle = xp.sqrt(-2.0 * xp.log(draws[:, :half])), 2.0 * math.pi * draws[:, half:]
+    return xp.concat([size * xp.cos(angle), size * xp.sin(angle)], axis=1)[:, :n]
+
+
+def draw_feet(
+    xp: ArrayModule, variation: Variation, design: Capacitor, noise_pf: float, key: Array
+) -> FootDraw:
+    """Return what feet of some keys draw.
+
+    Args:
+        xp: Module of the arrays.
+        variation: How they differ.
+        design: Their capacitors.
+        noise_pf: Noise of a conversion as designed [pF rms].
+        key: Keys of the feet for an episode, shape (n,), int32.
+    """
+    tolerances, device = variation.tolerances, array_api_compat.device(key)
+
+    def counter(kind: int) -> Array:
+        return xp.full((1,), 32 * (kind - 32), dtype=xp.int32, device=device)  # those of steps are from 0 on
+
+    def drawn(kind: int, rms: float, width: int, mean: float = 0.0) -> Array:
+        if rms == 0.0:
+            return xp.full((1, width), mean, dtype=xp.float32, device=device)
+        values = mean + rms * random_normal(xp, key, counter(kind), width)
+        return xp.clip(values, MIN_DRAWN_OVER_DESIGN * mean) if mean else values
+
+    def between(kind: int, least: float, most: float) -> Array:
+        if least == most:
+            return xp.full((1,), least, dtype=xp.float32, device=device)
+        return least + (most - least) * uniform(xp, key, counter(kind))
+
+    gap_um = drawn(0, tolerances.gap_um, ELEMENTS, design.gap_um)
+    film_um = drawn(1, tolerances.film_um, ELEMENTS, design.film_um)
+    stray_pf = drawn(2, tolerances.stray_pf, ELEMENTS)
+    distance_um = gap_um + film_um / design.film_eps_r
+    mount_rad = math.radians(tolerances.mount_deg) / math.sqrt(3.0)
+    error_pf = drawn(3, 1e-3 * variation.baseline_error_ff, 1)
+    return FootDraw(
+        key=key,
+        distance_um=distance_um,
+        gap_um=gap_um,
+        gain=drawn(4, variation.gain_rel, ELEMENTS, 1.0),
+        stray_pf=stray_pf,
+        tared_pf=EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2 / distance_um + stray_pf + error_pf,
+        compliance=1.0 / drawn(5, tolerances.stiffness_rel, 1, 1.0),
+        mount=_rotations(xp, drawn(6, mount_rad, 3)) if mount_rad else None,
+        noise_pf=noise_pf * between(7, *variation.noise_rel)[:, None],
+        delay_ns=xp.astype(1e9 * between(8, *variation.delay_s), xp.int32),
+    )
+
+
+def _rotations(xp: ArrayModule, turn_rad: Array) -> Array:
+    """Return the matrices of rotation vectors [rad], shape (n, 3): Rodrigues' formula."""
+    angle = xp.sqrt(xp.sum(turn_rad * turn_rad, axis=1))[:, None, None]
+    x, y, z = (turn_rad[:, axis] for axis in range(3))
+    none = xp.zeros_like(x)
+    cross = xp.reshape(xp.stack([none, -z, y, z, none, -x, -y, x, none], axis=1), (-1, 3, 3))
+    once, twice = xp.sin(angle) / angle, (1.0 - xp.cos(angle)) / (angle * angle)
+    return (
+        xp.eye(3, dtype=xp.float32, device=array_api_compat.device(angle))
+        + once * cross
+        + twice * xp.matmul(cross, cross)
+    )
