@@ -3,6 +3,8 @@
 import math
 from collections.abc import Sequence
 
+from firmware_interface.can.codes import NODE_IDS
+from footsense.client import LegEvent
 from footsense.client.listener import LegSnapshot
 from footsense.ros2.messages import LegSample
 
