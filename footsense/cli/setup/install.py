@@ -42,7 +42,7 @@ _REMEDIES = {
 }
 
 
-class Step(NamedTuple):
+class InstallStep(NamedTuple):
     """A step of an installation.
 
     Attributes:
@@ -140,7 +140,7 @@ def _contents(root: Path) -> dict[str, bytes]:
 
 def _installation(
     root: Path, files: InstalledFiles, contents: dict[str, bytes], run: Run, *, is_running: bool
-) -> list[Step]:
+) -> list[InstallStep]:
     """Return the steps that are left to do, the list of files before and after all others."""
     systemctl = _systemctl(root)
     enables_networkd = bool(run((*systemctl, "is-enabled", "--quiet", _NETWORKD)))
@@ -163,15 +163,15 @@ def _installation(
             ("systemctl", "reload-or-restart", _NETWORKD),
         ]
     return [
-        Step(f"write {LIST}", partial(files.write, LIST, files.list_text(contents, is_complete=False))),
-        *(Step(f"write {path}", partial(files.write, path, contents[path])) for path in changed),
-        *(Step(f"remove {path}", partial(files.remove, path)) for path in outdated),
+        InstallStep(f"write {LIST}", partial(files.write, LIST, files.list_text(contents, is_complete=False))),
+        *(InstallStep(f"write {path}", partial(files.write, path, contents[path])) for path in changed),
+        *(InstallStep(f"remove {path}", partial(files.remove, path)) for path in outdated),
         *(_command_step(run, command) for command in commands),
-        Step("", partial(files.write, LIST, final)),
+        InstallStep("", partial(files.write, LIST, final)),
     ]
 
 
-def _removal(root: Path, files: InstalledFiles, run: Run, *, is_running: bool) -> list[Step]:
+def _removal(root: Path, files: InstalledFiles, run: Run, *, is_running: bool) -> list[InstallStep]:
     """Return the steps that are left to do, the list of files last."""
     if not files.paths:
         return []
@@ -184,9 +184,9 @@ def _removal(root: Path, files: InstalledFiles, run: Run, *, is_running: bool) -
     reloads: list[tuple[str, ...]] = [("systemctl", "daemon-reload"), ("udevadm", "control", "--reload")]
     return [
         *(_command_step(run, command) for command in commands),
-        *(Step(f"remove {path}", partial(files.remove, path)) for path in here),
+        *(InstallStep(f"remove {path}", partial(files.remove, path)) for path in here),
         *(_command_step(run, command) for command in reloads * is_running),
-        Step(f"remove {LIST}", partial(files.remove, LIST)),
+        InstallStep(f"remove {LIST}", partial(files.remove, LIST)),
     ]
 
 
@@ -194,12 +194,12 @@ def _systemctl(root: Path) -> tuple[str, ...]:
     return ("systemctl",) if root == Path("/") else ("systemctl", f"--root={root}")
 
 
-def _command_step(run: Run, command: tuple[str, ...]) -> Step:
+def _command_step(run: Run, command: tuple[str, ...]) -> InstallStep:
     def do() -> None:
         if failure := run(command):
             raise FootsenseError(f"{' '.join(command)}: {failure}; set it right, and repeat this")
 
-    return Step(" ".join(command), do)
+    return InstallStep(" ".join(command), do)
 
 
 def _next_steps(root: Path, run: Run, *, is_running: bool) -> Iterator[str]:
