@@ -163,7 +163,9 @@ def _installation(
             ("systemctl", "reload-or-restart", _NETWORKD),
         ]
     return [
-        InstallStep(f"write {LIST}", partial(files.write, LIST, files.list_text(contents, is_complete=False))),
+        InstallStep(
+            f"write {LIST}", partial(files.write, LIST, files.list_text(contents, is_complete=False))
+        ),
         *(InstallStep(f"write {path}", partial(files.write, path, contents[path])) for path in changed),
         *(InstallStep(f"remove {path}", partial(files.remove, path)) for path in outdated),
         *(_command_step(run, command) for command in commands),
