@@ -27,7 +27,7 @@ MISSING_SETS: Mask = np.concatenate(
 #: Elements of a foot that may be overloaded under a force: as many as in the windows of the training.
 MAX_OVERLOADED = 3
 #: Residuals beside overloaded elements over those without [1]: a closed gap takes load from the elements beside it.
-OVERLOAD_RESIDUAL_REL = 1.5
+_OVERLOAD_RESIDUAL_REL = 1.5
 
 _PATTERNS: Mask = np.array(list(product((False, True), repeat=ELEMENTS)))[:, ::-1]
 #: Which sets contain each pattern, shape (512, 16).
@@ -97,8 +97,8 @@ class Imputation:
         # Of each pattern of unknown elements: root mean square of the residuals over the loads, the smaller the more
         # certain the predictions, and the matrix that gives the residuals.
         residual = _residual_matrices(moments)
-        self.rms_of_pattern = np.sqrt(np.einsum("pij,jk,pik->pi", residual, moments, residual))
-        self.residual_of_pattern = residual
+        self._rms = np.sqrt(np.einsum("pij,jk,pik->pi", residual, moments, residual))
+        self._residual = residual
 
     def matrix(self, missing: Mask) -> Vector:
         """Return the matrix F, shape (elements, elements), that gives the imputed closures F @ closures.
@@ -126,7 +126,7 @@ class Imputation:
         Known are those that are neither overloaded nor in a set of `MISSING_SETS`, one along the second axis.
         An overloaded element is closed at least as far as it reads, so it differs only where it reads more than
         predicted. Beside overloaded elements all residuals are scaled to those of feet without: by the certainty of the
-        predictions, and by `OVERLOAD_RESIDUAL_REL`.
+        predictions, and by `_OVERLOAD_RESIDUAL_REL`.
 
         Args:
             closure_rel: Closures over the gap [1], finite, shape (legs, elements).
@@ -135,14 +135,20 @@ class Imputation:
         """
         patterns, by_overload = _SET_PATTERNS[sets], patterns_of(overloaded)[:, None]
         unknown = patterns | by_overload
-        residuals: Vector = np.matmul(self.residual_of_pattern[unknown], closure_rel[:, None, :, None])[
-            ..., 0
-        ]
+        residuals: Vector = np.matmul(self._residual[unknown], closure_rel[:, None, :, None])[..., 0]
         if not np.count_nonzero(by_overload):
             return residuals
-        scale = self.rms_of_pattern[patterns] / self.rms_of_pattern[unknown] / OVERLOAD_RESIDUAL_REL
+        scale = self._rms[patterns] / self._rms[unknown] / _OVERLOAD_RESIDUAL_REL
         residuals = np.where(overloaded[:, None], np.maximum(residuals, 0.0), residuals)
         return residuals * np.where(by_overload[..., None], scale, 1.0)
+
+    def overload_residuals(self) -> Vector:
+        """Return the matrices that give `residuals` without a set, before their limit, for each pattern of overload."""
+        scale = np.concatenate(
+            [np.ones((1, ELEMENTS)), self._rms[:1] / self._rms[1:] / _OVERLOAD_RESIDUAL_REL]
+        )
+        matrices: Vector = scale[:, :, None] * self._residual
+        return matrices
 
     def impute(self, closure_rel: Vector, missing: Mask) -> Vector:
         """Return the closures with the missing ones imputed, same shape.

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.estimation.elements import RESIDUAL_LIMIT, UNCERTAIN_RESIDUAL, UNCERTAIN_RESIDUAL_REL
-from footsense.estimation.missing_elements import MAX_OVERLOADED, OVERLOAD_RESIDUAL_REL, Imputation
+from footsense.estimation.missing_elements import MAX_OVERLOADED, Imputation
 from footsense.estimation.network import READINGS, Network, sensitivity
 from footsense.estimation.pipeline import MAX_SIGMA_REL
 from footsense.foot.network_card import NETWORK_FILE
@@ -111,16 +111,12 @@ class FootModel:
         )
         across_rel2, more_along_rel2 = variance_factors([uncertainty])
         self._across_rel2, self._more_along_rel2 = float(across_rel2[0, 0]), float(more_along_rel2[0, 0])
-        imputation = Imputation(trained.moments)
-        rms = imputation.rms_of_pattern
-        # As `Imputation.residuals` without a set.
-        scale = np.concatenate([np.ones((1, ELEMENTS)), rms[:1] / rms[1:] / OVERLOAD_RESIDUAL_REL])
         since = np.mod(np.arange(ELEMENTS)[:, None] - np.argsort(_ORDER), ELEMENTS)
         self._of = {
             name: self._array(value)
             for name, value in {
                 "sigma_n2": sigma_n[:, None] ** 2,
-                "residual": (scale[:, :, None] * imputation.residual_of_pattern).transpose(1, 2, 0),
+                "residual": Imputation(trained.moments).overload_residuals().transpose(1, 2, 0),
                 "least_rel": np.tile(trained.closure_rel_min, READINGS)[:, None],
                 "most_rel": np.tile(trained.closure_rel_max, READINGS)[:, None],
                 "usable_rel": trained.max_usable_closure_rel(np.full(ELEMENTS, design.gap_um))[:, None],
