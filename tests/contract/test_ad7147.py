@@ -73,13 +73,17 @@ def outage(
 @wirings
 @pytest.mark.parametrize("lasts_ms", [30, 200])
 def test_a_leg_that_is_gone_is_found_again(wiring: Wiring, lasts_ms: int) -> None:
-    """A cable that breaks for 30 ms costs as much; after a longer time the leg is tried in turn."""
+    """A cable that breaks for 30 ms costs as much; after a longer time the leg is tried in turn.
+
+    A microcontroller says that it sets the leg up meanwhile.
+    """
     robot = Robot(wiring)
     robot.read()
     now_ns = robot.clock.now_ns()
     robot.chips[3].absent_ns = [(now_ns, now_ns + lasts_ms * MS_NS)]
     seen = outage(robot, 1.5)
-    assert seen.seen == {Reading.NO_ANSWER}
+    set_up = {Reading.NOT_READY} if wiring.on_mcu else set()
+    assert {Reading.NO_ANSWER} <= seen.seen <= {Reading.NO_ANSWER} | set_up
     assert seen.shown_ns < 10 * MS_NS
     assert seen.over_ns < (55 if lasts_ms == 30 else 450) * MS_NS
 
