@@ -89,7 +89,7 @@ def test_an_attachment_is_laid_out_as_documented() -> None:
     ],
 )
 def test_hashes_are_those_of_the_distributions(kind: str, told: str) -> None:
-    """As Kilted generates them for C (github.com/hpmicro/hpm_sdk, middleware/microros/kilted)."""
+    """As Kilted generates them for C (github.com/hpmicro/hpm_sdk, middleware/microros/kilted); the last of Pico-ROS."""
     assert STORE.hash_rihs01(kind) == f"RIHS01_{told}"
 
 
