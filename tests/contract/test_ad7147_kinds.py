@@ -43,7 +43,9 @@ runs = given(
 
 def check_a_kind(**case: object) -> None:
     robot = Robot(**case)  # type: ignore[arg-type]
-    calm = case["bus_hz"] == 400_000 and not case["stalls_rel"]
+    # Behind a multiplexer, or with more jitter, a leg may lose its count and be left out for a while.
+    most_jitter_us = {ADDRESSES: 50.0, MCU: 0.0}.get(case["wiring"], -1.0)  # type: ignore[call-overload]
+    calm = case["bus_hz"] == 400_000 and not case["stalls_rel"] and case["jitter_us"] <= most_jitter_us
     shares = [np.mean(reading == Reading.OK) for _, reading, _ in robot.read_for(0.5)]
     if calm:
         assert np.mean(shares) > 0.97, case
