@@ -35,7 +35,7 @@ _COMMANDS = {
     "export": ("recordings", "Convert a recording: ROS 2 bag, CSV."),
     "info": ("info", "Say what a file of footsense holds, or what is installed here."),
     "init": ("setup.init", "Find a robot's adapters and feet, and write its file."),
-    "install": ("setup.install", "Make this computer a robot's: user, services, CAN; or take it back."),
+    "install": ("setup.install", "Make this computer a robot's, or take that back."),
     "check-config": ("setup.check_config", "Say what a robot file means, or its first error."),
     "probe": ("setup.probe", "Check buses and feet, and name what to check."),
     "selfcal": ("calibration.selfcal", "Watch the electrodes of the feet while the robot walks."),

@@ -8,13 +8,14 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 from packaging.requirements import Requirement
 
 from tests.aarch64.root import CACHE
-from tests.packaging.release import ROOT, build
+from tests.packaging.release import CLIENT, ROOT, build
 from tests.support.made_once import LackingError, content_hash, fetch, made, run
 
 pytestmark = [
@@ -70,17 +71,18 @@ def wheels(suite: str) -> Path:
 class Robot:
     """A root directory with footsense in /opt/footsense, and commands in it."""
 
-    def __init__(self, suite: str, root: Path, wheel: Path) -> None:
+    def __init__(self, suite: str, root: Path, built: Sequence[Path]) -> None:
         self.root, self.suite = root, suite
         run("tar", "-C", root, "-xf", debian(suite))
         (root / "wheels").mkdir()
-        shutil.copy(wheel, root / "root")
+        for wheel in built:
+            shutil.copy(wheel, root / "root")
         shutil.copy(_LOCK, root / "root")
         pip = "/opt/footsense/bin/pip install --quiet --no-index --find-links /wheels"
         self.run(
             "python3 -m venv /opt/footsense\n"
             f"{pip} --require-hashes -r /root/requirements.lock\n"
-            f"{pip} --no-deps /root/{wheel.name}"
+            f"{pip} --no-deps /root/*.whl"
         )
 
     def run(self, script: str) -> str:
@@ -113,15 +115,16 @@ class Robot:
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return build("wheel", tmp_path_factory.mktemp("wheel"))
+def built(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    folder = tmp_path_factory.mktemp("wheel")
+    return [build("wheel", folder), build("wheel", folder, CLIENT)]
 
 
 @pytest.mark.parametrize("suite", PYTHONS)
-def test_install_upgrade_and_remove(tmp_path: Path, wheel: Path, suite: str) -> None:
+def test_install_upgrade_and_remove(tmp_path: Path, built: list[Path], suite: str) -> None:
     """The release's systemd knows every line; its user may use I2C and run footsense; a removal leaves nothing."""
     try:
-        robot = Robot(suite, tmp_path, wheel)
+        robot = Robot(suite, tmp_path, built)
     except LackingError as lacking:
         pytest.skip(str(lacking))
     before = robot.etc
