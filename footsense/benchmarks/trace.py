@@ -34,7 +34,13 @@ _MIN_STEADY_CALLS = 0.5
 
 _SOURCE_ROOT = Path(footsense.__file__).parent.parent
 _SIMULATOR = f"{_SOURCE_ROOT.as_posix()}/footsense/sim/"
-_EXCLUDED_PATHS = ("footsense/sim/", "footsense/cli/", "footsense/benchmarks/")
+# `wires/python_can.py` is the CAN of a simulated robot; a robot's own goes through `wires/socket_wire.py`.
+_EXCLUDED_PATHS = (
+    "footsense/sim/",
+    "footsense/cli/",
+    "footsense/benchmarks/",
+    "footsense/wires/python_can.py",
+)
 
 Calls = dict[tuple[str, str], float]
 
