@@ -237,7 +237,7 @@ class Gone:
     """A channel that is gone."""
 
     def send(self, frames: Sequence[bytes], t_ns: int) -> int:
-        raise NotImplementedError
+        return len(frames)
 
     def receive(self) -> list[bytes]:
         raise OSError(errno.ENODEV, os.strerror(errno.ENODEV))
