@@ -132,8 +132,8 @@ def _front() -> str:
         ),
         (
             "**Feet that nobody calibrates**, after a minute of walking",
-            "12 to 1 deg on average ([decision 38](docs/adr/0038-electrodes-by-walking.md))",
-            "worst of 19: 2.4 deg; rubber 3 % off the model: 5 deg, and sigma does not know",
+            "11 to 1.1 deg on average ([decision 38](docs/adr/0038-electrodes-by-walking.md))",
+            "worst of 19: 2.0 deg; rubber 3 % off the model: 4.9 deg, and sigma does not know",
         ),
         (
             "**Range** of the three feet: normal load where the force leans by 30 deg",
