@@ -1,4 +1,4 @@
-"""Print the force on each foot of a running robot, seventy times a second, with what tells whether to use it.
+"""Print the force on each foot of a running robot, seventy times a second, and whether it may be used.
 
 In another terminal: footsense run --config deploy/simulated.yaml. Ends when the robot is silent for 2 s.
 """

@@ -4,7 +4,7 @@
     footsense ros2 --config deploy/simulated.yaml                # the extra ros2
     python examples/ros2_node.py                                 # in a shell with ROS 2, the same ROS_DOMAIN_ID
 
-A leg without a usable force sends no wrench: only the age of its last stamp tells it.
+A leg without a usable force sends no wrench: only the age of its last stamp shows it.
 """
 
 import sys

@@ -26,11 +26,11 @@ with feet:
             if event.kind == "touchdown":
                 touched_s[event.leg] = event.t_s
                 ago_ms = 1000 * (time.monotonic() - event.t_s)
-                # Little yet: the direction tells nothing before half of the load.
+                # Little yet: the direction is not usable before half of the load.
                 fz_n = forces[event.leg].force_n[2]
                 sigma_ms = 1000 * event.sigma_s
                 print(f"{event.leg}: touchdown {ago_ms:.0f} ms ago, +- {sigma_ms:.0f} ms; now {fz_n:.2f} N")
             elif event.kind == "lift_off" and event.leg in touched_s:
                 print(f"{event.leg}: lift-off after {event.t_s - touched_s.pop(event.leg):.2f} s")
-            elif event.kind == "slip":  # told only where the robot's file has `contact.friction`
+            elif event.kind == "slip":  # reported only where the robot's file has `contact.friction`
                 print(f"{event.leg}: slips")

@@ -26,7 +26,7 @@ def printable_line(text: str) -> str:
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in " ".join(text.split()))
 
 
-#: Characters of a message that are told: of a longer one, which quotes a file, begin and end.
+#: Characters of a message that are shown; a longer one, which quotes a file, is cut in the middle.
 _BEGIN, _END = 800, 150
 
 

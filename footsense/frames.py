@@ -107,7 +107,7 @@ class CapFrame(NamedTuple):
 
 
 class LegMotion(NamedTuple):
-    """Motion of every leg as its gait controller knows it, the newest of each; NaN where it told none in time.
+    """Motion of every leg as its gait controller knows it, the newest of each; NaN where it sent none in time.
 
     Foot frame here is that of `ContactFrame.force_n`: x forward, y left, z along the leg towards the body.
 
@@ -172,14 +172,14 @@ class GaitFrame(NamedTuple):
         lift_off_sigma_s: Standard deviation of it [s], shape (legs,), NaN if it is not known.
         load_share: Share of the load that all legs in contact carry along their legs [1], shape (legs,); 0 for a foot
             in the air, NaN for a leg without a force and where no leg carries anything.
-        normal: Unit normal of the ground into the foot, foot frame, shape (legs, 3), NaN where no load tells it.
+        normal: Unit normal of the ground into the foot, foot frame, shape (legs, 3), NaN without a load.
         normal_sigma_rad: Standard deviation of its direction, root of the sum of both squares [rad], shape (legs,).
-        tangential_over_normal: Tangential over normal force [1], shape (legs,), NaN where no load tells it.
+        tangential_over_normal: Tangential over normal force [1], shape (legs,), NaN without a load.
         tangential_over_normal_sigma: Standard deviation of it [1], shape (legs,).
         contact: Debounced contact, shape (legs,).
         contact_raw: Whether the newest load alone is one of contact, shape (legs,).
         slip: Whether the foot slides, shape (legs,), uint8 of `Slip`.
-        friction: Coefficient of the ground's friction, as configured [1]; NaN if not, and then no slip is told.
+        friction: Coefficient of the ground's friction, as configured [1]; NaN if not, and then no slip is reported.
         all_in_air: Whether every leg is known to be without contact.
         events: What was noticed since the last frame.
     """
@@ -318,7 +318,7 @@ class Cycle(NamedTuple):
         reference: Samples of a test stand's force sensor, None without one.
         temperature_c: Temperature of each foot from this cycle on [degC], shape (legs,), NaN for an unknown one; None
             if unchanged, and where nothing tells it.
-        motion: Motion of each leg from this cycle on; None if unchanged, and where no gait controller tells it.
+        motion: Motion of each leg from this cycle on; None if unchanged, and without a gait controller that sends it.
     """
 
     scan: CapFrame

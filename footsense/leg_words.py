@@ -1,4 +1,4 @@
-"""What people are told of a leg: word, phase, meaning and remedy of its states and causes, and what readings they show.
+"""States and causes of a leg for people: word, phase, meaning, remedy, and the readings that show them.
 
 The only table of these texts. Log, terminal tables, `footsense probe` and the page read it.
 """
@@ -22,7 +22,7 @@ class LegPhase(IntEnum):
 
 
 class Words(NamedTuple):
-    """What people are told of a state or a cause.
+    """A state or a cause for people.
 
     Attributes:
         meaning: What it means, of a leg ("its ...").

@@ -1,7 +1,7 @@
 """Interfaces (ports) between the daemon and its hardware, network, clock and observers.
 
 A port has an implementation for hardware and one for the simulation, chosen once in `footsense.daemon`; code above a
-port cannot tell which.
+port cannot distinguish them.
 """
 
 from array import array

@@ -237,17 +237,8 @@ def figures() -> dict[str, str]:
     own, small = _robots(_DEFAULT), _robots(_SMALL)
     found = {
         "robots.deg": f"{own['direction_deg']:.1f}",
-        "robots.worst-deg": f"{own['worst_direction_deg']:.1f}",
-        "robots.missed": f"{own['n_missed']}",
         **{f"made.{name}": text for name, text in _made_as_read().items()},
-        "walk.deg": f"{_gait(_DEFAULT, 'measured walk')['direction_deg']:.1f}",
         "fdc1004.robots.deg": f"{small['direction_deg']:.1f}",
-        "fdc1004.robots.worst-deg": f"{small['worst_direction_deg']:.1f}",
-        "fdc1004.walk.deg": f"{_gait(_SMALL, 'measured walk')['direction_deg']:.1f}",
-        "robots.worst-bias-ms": f"{own['worst_bias_ms']:.0f}",
-        "fdc1004.robots.worst-bias-ms": f"{small['worst_bias_ms']:.0f}",
-        "robots.lift-off-ms": f"{own['lift_off_delay_p50_ms']:.0f}",
-        "fdc1004.robots.lift-off-ms": f"{small['lift_off_delay_p50_ms']:.0f}",
         "robots.least-within-2-sigma": f"{own['least_within_2_sigma']:.0%}",
         "rest.leaning.deg": f"{_page('rest')['refined']['leaning, held out']['refined']['direction_deg']:.2f}",
         "rest.leaning.network.deg": f"{_page('rest')['refined']['leaning, held out']['network']['direction_deg']:.2f}",
@@ -255,9 +246,7 @@ def figures() -> dict[str, str]:
         "hexapod.hop.peak-n": f"{_run(_HEXAPOD_FOOT, 'hop flat')['peak_n']:.0f}",
         "hexapod.worst-force-share": f"{1 - _robots(_DEFAULT, _HEXAPOD_FOOT)['worst_no_force_share']:.1%}",
     }
-    timed = _page("speed-error")["boards"]
     found["scans-hz"] = f"{1e9 / (9 * ad7147.DECIMATIONS[64].stage_ns):.0f}"
-    found["fdc1004.scans-hz"] = f"{1e3 / timed['one_bus']['scan_ms']:.0f}"
     for name, board in (("", _DEFAULT), ("fdc1004.", _SMALL)):
         for place, robot in enumerate(("hexapod", "quadruped")):
             walked = _own_robot(board, place)

@@ -1,4 +1,4 @@
-"""What people are told of a leg: its states and causes, with their meaning and remedy."""
+"""The states and causes of a leg, with their meaning and remedy."""
 
 from collections.abc import Mapping
 

@@ -38,7 +38,7 @@ _TOPICS = {
         "gait",
     ),
     messages.MOTION: (
-        "With each cycle in which it changed: the motion of each leg, as its gait controller tells it",
+        "With each cycle in which it changed: the motion of each leg, from its gait controller",
         MOTION_FIELDS,
         "motion",
     ),

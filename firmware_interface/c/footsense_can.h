@@ -84,7 +84,7 @@ enum footsense_event_kind {
     FOOTSENSE_TOUCHDOWN = 1,
     FOOTSENSE_LIFT_OFF = 2,
     FOOTSENSE_SLIP = 3,    /* the foot begins to slide */
-    FOOTSENSE_SLIP_END = 4 /* the foot slides no longer, or carries too little to tell */
+    FOOTSENSE_SLIP_END = 4 /* the foot slides no longer, or carries too little for a slip */
 };
 
 enum footsense_phase { FOOTSENSE_PHASE_UNKNOWN = 0, FOOTSENSE_PHASE_SWING = 1, FOOTSENSE_PHASE_STANCE = 2 };

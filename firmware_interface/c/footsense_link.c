@@ -48,7 +48,7 @@ static void take_repeated(const footsense_link *link, footsense_leg *leg)
     }
 }
 
-/* A service tells the same until it ends, and counts: while forces come, who tells something else, or does not count
+/* A service sends the same until it ends, and counts: while forces come, who sends something else, or does not count
  * on, is a second one. */
 static void take_identity(const footsense_link *link, footsense_leg *leg, const footsense_identity *identity,
                           uint64_t now_us)

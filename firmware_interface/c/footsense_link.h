@@ -8,9 +8,9 @@
  *     WRONG     a frame failed its check (crc, length, counter, code, or a counter more than max_delta ahead), and
  *               fewer than min_good forces have come since
  *     STALE     no force for `timeout_us`, or fewer than min_good since then; or the force is older than `max_age_us`
- *     UNKNOWN   in sequence, but no `Identity` has told their step and version yet, which it does each second
+ *     UNKNOWN   in sequence, but no `Identity` with their step and version came yet; one comes each second
  *     REFUSED   in sequence, but of a version or a step that this code does not know
- *     CONFLICT  two services send forces of this leg, by their `Identity`: one that tells something else, or does not
+ *     CONFLICT  two services send forces of this leg, by their `Identity`: one that has something else, or does not
  *               count on from the last; until 3 s after the last sign of it
  *
  *                    any frame fails its check, or more than max_delta ahead
@@ -64,7 +64,7 @@ typedef struct {
     bool usable;          /* the force may be used */
     uint8_t state;        /* enum footsense_state, as last reported */
     uint8_t flags;        /* enum footsense_flag */
-    uint16_t fault_mask;  /* bit e: element e is not usable or overloaded; FOOTSENSE_NO_MASK until it was told */
+    uint16_t fault_mask;  /* bit e: element e is not usable or overloaded; FOOTSENSE_NO_MASK until it came */
     int32_t force_mn[3];  /* FOOTSENSE_NO_FORCE unless usable */
     uint32_t sigma_un[3]; /* FOOTSENSE_NO_SIGMA_UN unless usable */
     uint16_t contact_permille; /* probability that the foot is on the ground; FOOTSENSE_NO_RATIO unless usable */

@@ -86,7 +86,7 @@ class BaselineStatus(IntEnum):
 class Slip(IntEnum):
     """Slip state of a foot in contact."""
 
-    UNKNOWN = 0  #: no contact, or too little is known to tell
+    UNKNOWN = 0  #: no contact, or not known
     NONE = 1  #: the foot sticks
     SLIPPING = 2  #: the foot slides, or sticks at the cone of friction
 
@@ -97,13 +97,13 @@ class GaitEventKind(IntEnum):
     TOUCHDOWN = 1
     LIFT_OFF = 2
     SLIP = 3  #: the foot begins to slide
-    SLIP_END = 4  #: the foot slides no longer, or carries too little to tell
+    SLIP_END = 4  #: the foot slides no longer, or carries too little for a slip
 
 
 class StepPhase(IntEnum):
     """Phase of a leg's step, as the gait controller has planned it."""
 
-    UNKNOWN = 0  #: not planned, or not told
+    UNKNOWN = 0  #: not planned, or not known
     SWING = 1
     STANCE = 2
 

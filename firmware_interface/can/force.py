@@ -33,7 +33,7 @@ class Force(NamedTuple):
     All three components are sent, with the state VALID or DEGRADED, or none: under any other state they are "no
     value", and a force with a component that is NaN or infinite, or without a sigma, is sent as ELEMENT_FAULT. A
     component above 32.767 N saturates there, which is not "no value". Of feet for larger forces every bit, and every
-    sigma, stands for `force_step_mn` times as much, on all frames of the robot: the frame `Identity` tells it.
+    sigma, stands for `force_step_mn` times as much, on all frames of the robot: the frame `Identity` has it.
 
     Attributes:
         node: CAN node id of the leg, 1..8.

@@ -70,7 +70,7 @@ class Ground(NamedTuple):
         normal_sigma_rad: Standard deviation of its direction [rad]; NaN: no value; 0.315: or more.
         tangential_over_normal: Tangential over normal force [1]; NaN: no value; 2.04: or more.
         tangential_over_normal_sigma: Standard deviation of it [1]; NaN: no value; 0.248: or more.
-        friction: Coefficient of friction of the ground, as configured [1]; NaN: not known, and no slip is told.
+        friction: Coefficient of friction of the ground, as configured [1]; NaN: not known, and no slip is reported.
     """
 
     node: int

@@ -24,7 +24,7 @@ BASELINE_ID = 0x128
 IDENTITY_ID = 0x150
 CALIBRATION_ID = 0x158
 
-#: Version of the frames of this folder. Number 1 told no version, and had other ids.
+#: Version of the frames of this folder. Number 1 had no version in its frames, and other ids.
 PROTOCOL_VERSION = 3
 
 

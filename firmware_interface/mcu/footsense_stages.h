@@ -1,7 +1,7 @@
 /* Which conversion each result of a converter that runs freely is of, and when that was.
  *
  * As footsense/acquisition/boards/stage_tracker.py, which says why; here without floats. The stages of the sequence
- * convert one after the other, without a trigger. The status before a burst of results tells how many have ended; that
+ * convert one after the other, without a trigger. The status before a burst of results shows how many have ended; that
  * behind it names those that ended meanwhile, whose results may be torn and are not used. Both bound when the last
  * conversion ended and how long one takes. */
 #ifndef FOOTSENSE_STAGES_H

@@ -38,7 +38,7 @@ _ADDRESSES_PROBED_BY_READ = {*range(0x30, 0x38), *range(0x50, 0x60)}
 
 
 class TimeLimitedBus:
-    """Bus whose scan ends after a while: some adapters need up to a second to tell that no chip answers.
+    """Bus whose scan ends after a while: some adapters need up to a second to report that no chip answers.
 
     Args:
         bus: The bus.

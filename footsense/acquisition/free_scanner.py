@@ -1,7 +1,7 @@
 """Scanner of a bus whose converters run freely: bursts of results, their stamps, searches of missing legs, frames.
 
 Nothing is triggered, and nothing waited for: a burst has the latest results of all elements of a leg. Each leg is read
-twice for a frame where the bus carries it, else once. The status before and behind it tells which conversions they are
+twice for a frame where the bus carries it, else once. The status before and behind it shows which conversions they are
 of (`boards/stage_tracker.py`). A burst that fails is made once more; after that the leg has no readings until the next.
 
 A leg that is found is reset, converts its reference, while the others are read, and then its elements

@@ -39,7 +39,7 @@ _NS_PER_S = 1_000_000_000
 #: Factor on the pause of a leg that holds a line low, and of a leg on a stuck bus, whose try costs no other leg.
 _STUCK_LEG_PAUSE_FACTOR, _STUCK_BUS_PAUSE_FACTOR = 4.0, 0.25
 
-#: Why a leg cannot be told from the others.
+#: Why a leg cannot be distinguished from the others.
 _KEEPS_CHANNELS = (
     "its multiplexer acknowledges other channels than it connects: check its supply, or replace it"
 )

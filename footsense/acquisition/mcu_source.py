@@ -261,7 +261,7 @@ class McuSource:
             _log.info("microcontroller: %s", self._text)
 
     def _here_ns(self, t_us: int, after_ns: int, arrival_ns: int) -> int:
-        """Return what is some time after a controller's time, with the arrival of a message of then [ns]."""
+        """Return a time after a controller's time, with the arrival of the message of that time [ns]."""
         self._unwrapped_us += wrapped_difference_us(t_us, self._unwrapped_us)
         return self._map.map(self._unwrapped_us * _NS_PER_US + after_ns, arrival_ns)
 

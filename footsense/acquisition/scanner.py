@@ -297,7 +297,7 @@ class BusScanner:
     def _mark_late_as_failed(self, step: ConversionStep, legs: Legs) -> bool:
         """Mark each leg as failed whose conversion has not finished before the next trigger; return if the others have.
 
-        A chip whose DONE bit that clears has to say it now. Of another one an answer that is lost is asked for again.
+        A chip that clears DONE on a trigger is polled before it. If another chip's answer is lost, it is polled again.
         """
         selection = sum(leg.selection for leg in legs)
         if not legs or self._bus.poll(selection, step.done) is _OK:

@@ -39,7 +39,7 @@ from footsense.foot.force_errors import evaluate_force_errors
 from footsense.foot.parameters import FootParameters
 from footsense.frames import Mask
 
-#: Contraction of a parameter's uncertainty by the loads below which they tell nothing of it [1].
+#: Contraction of a parameter's uncertainty by the loads below which they do not identify it [1].
 _MIN_CONTRACTION = 0.05
 #: Fewest loads of a calibration: with fewer, not even the strays are identified.
 MIN_LOADS = 5
@@ -82,7 +82,7 @@ class CalibrationResult(NamedTuple):
 
     @property
     def not_identified(self) -> dict[str, list[int]]:
-        """Numbers of the elements, by parameter, of which the loads tell nothing: there the foot is as designed."""
+        """Numbers of the elements, by parameter, that the loads do not identify: there the foot is as designed."""
         parts = {"stray_pf": STRAY, "gap_um": GAP, "gain_rel": GAIN}
         unknown = {name: self.fit.contraction[part] < _MIN_CONTRACTION for name, part in parts.items()}
         return {name: np.flatnonzero(mask).tolist() for name, mask in unknown.items() if mask.any()}

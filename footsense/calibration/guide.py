@@ -23,7 +23,7 @@ from footsense.frames import Cycle, Vector
 
 #: Magnitude of each band [gf]; a load belongs to the nearest.
 MAGNITUDE_BAND_CENTRES_GF = (50.0, 100.0, 150.0)
-#: Bands to cover: loads of one magnitude do not tell how gaps close with the force.
+#: Bands to cover: loads of one magnitude do not show how gaps close with the force.
 N_BANDS_TO_COVER = 2
 #: Lowest elevation of the protocol [deg].
 MIN_ELEVATION_DEG = 40.0

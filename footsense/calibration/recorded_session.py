@@ -30,7 +30,7 @@ class RecordedSession:
         foot: The foot, such as `foot-0007`.
         foot_type: Its type.
         test_stand: Description of the reference in the recording; None if this version cannot read it.
-        temperature_c: Mean temperature of the foot [degC]; None if nothing told it.
+        temperature_c: Mean temperature of the foot [degC]; None if not measured.
         loads: The accepted loads, in their order.
         dwells_ns: Start and end of the dwell of each [ns].
         rejected: Number of rejected presses by reason.

@@ -9,7 +9,7 @@ Changes in two cycles in a row share the frames of the second: six legs take 500
 
 Where the channel takes only a part, the rest of the cycle is dropped; each time another leg is first, so that a full
 queue costs all legs the same. A leg's Force and Quality are neighbours. A fault report that was not taken is sent again
-with the next cycle, with the fault's values of then; a gait event likewise, with its age of then.
+with the next cycle, with the fault's values at that time; a gait event likewise, with its age.
 
 The loop drives all of this, the heartbeats too. It turns even if no leg answers; if it hangs, its heartbeats stop,
 which is their purpose.

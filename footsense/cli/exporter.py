@@ -22,7 +22,7 @@ _POLL_PERIOD_S = 1.0
 def exporter(config_file: Path | None, ring: Path | None, port: int | None) -> None:
     """Serve the service's metrics to Prometheus, until it is stopped.
 
-    The service may start, end and start again meanwhile: `footsense_up` tells whether it runs.
+    The service may start, end and start again meanwhile: `footsense_up` is 1 while it runs.
     """
     config = load_config(config_file) if config_file else DEFAULT
     metrics = config.metrics

@@ -137,7 +137,7 @@ def _echo_lines(legs: list[LegSnapshot], t_s: float) -> None:
 
 
 def _wait_until_known(listener: Listener, clock: Clock) -> None:
-    """Listen until each leg that is heard has told the step of its forces, which it does once a second."""
+    """Listen until each leg that is heard has sent the step of its forces, which it does once a second."""
     for _ in range(_LONGEST_IDENTITY_PERIODS):
         listener.listen(clock.now_ns() + _REDRAW_PERIOD_NS)
         if not any(leg.force.status is LinkStatus.UNKNOWN for leg in listener.snapshot()):

@@ -57,7 +57,7 @@ def replay(file: Path, *, check: bool, exact: bool, can_log: Path | None, folder
 
     The recording brings its configuration; its readings meet the same code as those of a robot.
     With --check, forces must be equal to 1 mN, states and times of measurement the same; how many cycles are equal
-    bit for bit is told, and by how much the others differ. On the same kind of processor, with the same BLAS and
+    bit for bit is printed, and by how much the others differ. On the same kind of processor, with the same BLAS and
     library versions, all are: --exact fails otherwise. A recording that is cut short is replayed as far as it is
     whole, and compared up to its first gap (exit 74).
     """

@@ -121,7 +121,7 @@ class Commander:
             kind: The command.
             legs: Names of legs; none for every leg that is heard.
             heard: CAN node ids of the legs that are heard; none to listen for their heartbeats first, a second.
-            on_wait: Called once if answers take longer than usual; None for nobody to tell.
+            on_wait: Called once if answers take longer than usual; None for no notice.
 
         Yields:
             Each leg, as its answer arrives; without an answer those that are not heard, and those that take too long.

@@ -12,7 +12,7 @@ class FootEvent(NamedTuple):
         t_s: When it happened, dated back [s]: in a `Recording` on the axis of its `t_s`, received live on that of
             `time.monotonic()`; NaN if it is not known.
         leg: Name of the leg.
-        kind: What happened: `touchdown`, `lift_off`, `slip` (it begins) or `slip_end`; slips are told only where the
+        kind: What happened: `touchdown`, `lift_off`, `slip` (it begins) or `slip_end`; slips come only where the
             robot's configuration has `contact.friction`.
         sigma_s: Standard deviation of the time [s], NaN if it is not known.
     """

@@ -42,7 +42,7 @@ class LinkStatus(IntEnum):
     REPEATED = 3  #: the last frame came again: its counter has not advanced
     WRONG = 4  #: a check failed, or too many frames were lost; until `min_good` forces have come
     UNKNOWN = 5  #: forces come, but their step and version are not known yet: `Identity` comes once a second
-    REFUSED = 6  #: `Identity` tells a version or a force step that this decoder does not know
+    REFUSED = 6  #: `Identity` has a version or a force step that this decoder does not know
     CONFLICT = (
         7  #: two services send forces of this leg, by their `Identity`; until 3 s after the last sign of it
     )
@@ -75,7 +75,7 @@ class LegForce(NamedTuple):
         usable: Whether the force may be used.
         state: Last reported state of the leg; ABSENT before the first report.
         flags: Flags of the last force.
-        fault_mask: Bit e set where element e is not usable or overloaded; None until it was told, within a second.
+        fault_mask: Bit e set where element e is not usable or overloaded; None until it comes, within a second.
         force_n: Ground reaction on the foot in the foot frame [N]; NaN unless usable.
         sigma_n: Standard deviation of each component [N]; NaN unless usable. In the air a fiftieth of the largest force
             along the leg, far above the noise: a touch may have begun since the readings.
@@ -162,7 +162,7 @@ class Link:
         return self._legs[node].force_at(now_ns)
 
     def identity(self, node: int) -> Identity | None:
-        """Return version, force step and foot type of a leg, as last told; None if they are not known.
+        """Return version, force step and foot type of a leg, as last received; None if they are not known.
 
         Args:
             node: Its CAN node id, 1..8.
@@ -174,8 +174,8 @@ class _LegStateMachine:
     """State machine of one leg's forces.
 
     Attributes:
-        identity: What was told last of the frames of the leg.
-        fault: What was told last of its elements.
+        identity: Last `Identity` of the leg.
+        fault: Last `Fault` of the leg.
     """
 
     def __init__(self, limits: LinkLimits) -> None:
@@ -196,7 +196,7 @@ class _LegStateMachine:
     def process_identity(self, identity: Identity, now_ns: int) -> None:
         """Process an `Identity` frame with a valid CRC.
 
-        A service tells the same until it ends, and counts: while forces come, who tells something else, or does not
+        A service sends the same until it ends, and counts: while forces come, who sends something else, or does not
         count on, is a second one.
         """
         last, since_ns = self.identity, self._identity_ns

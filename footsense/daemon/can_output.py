@@ -73,7 +73,7 @@ def can_sink(
 
 
 def _calibration(found: FootCalibration | None, error: ExpectedError) -> CalibrationFrame:
-    """Return what CAN tells of the calibration of a foot, and of the error that is expected of its force."""
+    """Return the frame of a foot's calibration, with the expected error of its force."""
     kind, day = CalibrationKind.NONE, None
     if found is not None:
         kind = CalibrationKind.PRESSED

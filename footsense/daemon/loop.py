@@ -28,7 +28,7 @@ class Loop:
         clock: Clock of the frames' stamps.
         reference: Force sensor of a test stand.
         temperature_c: Returns the last temperature of each foot [degC], shape (legs,), NaN for an unknown one, called
-            once a cycle; None where the source of the frames tells none.
+            once a cycle; None where the source of the frames has none.
     """
 
     pipeline: Pipeline

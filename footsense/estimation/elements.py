@@ -66,7 +66,7 @@ UNCERTAIN_RESIDUAL, UNCERTAIN_RESIDUAL_REL = 0.01, 0.1
 #: Predicted closure from which the motion of an element can be tested [1].
 MIN_PREDICTED_MOTION_REL = 0.08
 #: Evidence against an element [readings]: from which it is excluded, and the most that is kept. A reading that
-#: contradicts the others adds one, one of an overloaded element less, as nothing tells whether that stands still.
+#: contradicts the others adds one, one of an overloaded element less, because it may be moving.
 ENOUGH_EVIDENCE, MOST_EVIDENCE, OVERLOADED_EVIDENCE = 3.0, 4.0, 0.6
 #: Evidence against an excluded element that a reading takes away that agrees with the others, at the load where it
 #: does. Of one that is not excluded, it takes away all.
@@ -136,7 +136,7 @@ class ElementClassifier:
             capacitance_pf -= floating_row_crosstalk_pf(scan.capacitance_pf, opened)
         # A line that breaks or returns was intact for a part of the scan, and so was its effect on other elements.
         unsettled = opened | np.logical_or.reduce(opened != before, axis=1, keepdims=True)
-        # Pressed or shorted? The other closures tell, and without a baseline there are none.
+        # Pressed or shorted? The other closures show it, and without a baseline there are none.
         unusable = missing_sets_containing(opened | excluded | over_range & np.isnan(baseline_pf))
         # In the window, an unsettled reading would be a step of the load.
         return ElementStatus(np.where(unsettled, np.nan, capacitance_pf), opened, over_range, unusable)

@@ -12,7 +12,7 @@ In motion the elements are read under different loads, and no pattern fits eithe
 the differences along the other five directions are as small as those of noise, for slow noise all that time, and the
 noise is the median of those that count among the last 20, of at least 6: of noise two in five count, of the impacts and
 the shaking swings of walking robots one in a hundred. Motion only adds to what is measured, whether it counts or not,
-so the noise is never above what the lower quartile of all the last 20 tells. A leg that never rests keeps the noise
+so the noise is never above the lower quartile of the last 20. A leg that never rests keeps the noise
 that it had before, up to that.
 
 Each leg has one variance. Where the noise is on one element, row or column alone (20 fF, in a tripod gait), at least
@@ -38,7 +38,7 @@ _MOTION_LIMIT_REL2 = 2.0
 _LARGEST_STEP_SHARE = 0.33
 #: Slow noise is measured once in so many measurements.
 _PER_SLOW = 3
-#: Values that tell a standard deviation to a sixth: so many last measurements, readings of the mean that slow noise
+#: Values that give a standard deviation to a sixth: so many last measurements, readings of the mean that slow noise
 #: differs from.
 NOISE_SAMPLES = 20
 #: Measurements that have to count, and those over which noise fades: twice the time of the last of slow noise.

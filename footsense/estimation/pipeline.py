@@ -133,7 +133,7 @@ class Pipeline:
             self._set_temperature(temperature_c)
 
     def set_motion(self, motion: LegMotion | None) -> None:
-        """Set the motion of the legs that their gait controller tells; None where none does."""
+        """Set the motion of the legs from their gait controller; None without one."""
         # By which the foot's own mass pulls: tared, it hangs at rest with the leg upright.
         pulls = (
             np.full(len(self._flags), np.nan)

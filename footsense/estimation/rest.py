@@ -275,7 +275,7 @@ class RefinedAtRest:
         sigma_point, sigma_ratio = np.split(
             _PRIOR_OVER_NETWORK_SIGMA * load.contact_sigma[row] + _MIN_PRIOR_SIGMA, 2
         )
-        # The readings alone tell how hard it is pressed.
+        # The readings alone determine how hard it is pressed.
         self._prior_sigma[row] = pressing_n, *sigma_ratio, *sigma_point
         return True
 

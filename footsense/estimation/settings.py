@@ -1,4 +1,4 @@
-"""What the daemon tells the estimation of a robot: its mounted feet, and the limits of tare, contact and age."""
+"""Settings of the estimation: a robot's mounted feet, and the limits of tare, contact and age."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from footsense.foot.capacitor import Capacitor
 from footsense.foot.parameters import KNOWN_EXACTLY, FootParameters, ForceUncertainty
 from footsense.frames import ELEMENTS, Vector
 
-#: Silence of a leg [ns] after which its foot may be another one, and what it did meanwhile is not told: nobody swaps a
+#: Silence of a leg [ns] after which its foot may be another one, and its events meanwhile are unknown: nobody swaps a
 #: foot in less.
 LONG_SILENCE_NS = 250_000_000
 #: Period of what changes slowly: the baselines' uncertainty, and gait frames without an event [ns].
@@ -67,7 +67,7 @@ class MountedFeet:
         uncertainty: Sequence[ForceUncertainty] = (),
         calibrated_at_c: Sequence[float | None] = (),
     ) -> "MountedFeet":
-        """Return the feet of legs: calibrated, else as told, else as designed.
+        """Return the feet of legs: calibrated, else as configured, else as designed.
 
         Args:
             design: The capacitors as designed.
@@ -157,7 +157,7 @@ class ContactLimits(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
             swings show more pull of the foot's own mass, a fifth of the mean load of its stances before it has swung.
             None: 1.5 % of the largest force that the feet's network is trained for, 0.03 N for the paper's.
         friction: Coefficient of friction of the ground [1], to a fifth: a foot slides where its tangential over normal
-            force comes to it. None: not known, and no slip is told; 0.5 is assumed for whether a foot holds.
+            force comes to it. None: not known, and no slip is reported; 0.5 is assumed for whether a foot holds.
     """
 
     threshold_n: Annotated[float, Meta(ge=0.002, le=10.0)] | None = None

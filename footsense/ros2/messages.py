@@ -33,8 +33,8 @@ class LegSample(NamedTuple):
         leg: Name of the leg.
         foot_id: Identity of its foot; empty if unknown.
         is_new_force: Whether the force is another than that of the sample before.
-        is_new_contact: Whether contact and ground have just been told, or a gait event.
-        events: What has just been told, and when it happened, since 1970 [ns]; None if that is not known.
+        is_new_contact: Whether contact and ground are new, or there is a gait event.
+        events: New events, with the time at which each happened, since 1970 [ns]; None if that is not known.
         t_wall_ns: Time of its newest reading, since 1970 [ns]; None without a usable force.
         state: Its state; None if the leg is silent.
         cause: Cause of the state; None if unknown.

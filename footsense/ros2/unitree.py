@@ -1,6 +1,6 @@
 """Loads of four feet as `foot_force` of Unitree's `LowState`, for estimators that are written for those robots.
 
-One int16 per foot in the order FR, FL, RR, RL: the load along the leg, not a vector. Unitree tells no unit ("int not
+One int16 per foot in the order FR, FL, RR, RL: the load along the leg, not a vector. Unitree states no unit ("int not
 true value"), and its robots differ: estimators take a foot for one on the ground from 20 (go2_odometry) or 40
 (Leg-KILO) on a Go2, from 220 on a Go1. Here it is N, rounded: a standing robot of 12 kg has 29 on each foot.
 
@@ -27,10 +27,10 @@ FEET: Final = ("rf", "lf", "rr", "lr")
 def low_state(loads_n: Iterable[float]) -> Any:  # noqa: ANN401 - a class that rosbags makes of the definition
     """Return a `LowState` of loads alone.
 
-    Of IMU, motors and battery it tells nothing: NaN in each field of numbers with a point, 0 in the others.
+    IMU, motors and battery are unknown: NaN in each field of numbers with a point, 0 in the others.
 
     Args:
-        loads_n: Load of each of `FEET` [N]; NaN where it is not known, which is told as 0, a foot in the air.
+        loads_n: Load of each of `FEET` [N]; NaN where it is not known, which is sent as 0, a foot in the air.
     """
     loads = np.clip(np.rint(np.nan_to_num(np.array(list(loads_n)))), -32768, 32767).astype(np.int16)
     return dataclasses.replace(_blank(LOW_STATE), foot_force=loads, foot_force_est=loads)

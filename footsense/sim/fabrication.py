@@ -149,6 +149,6 @@ def uncertainty_of_parameters(parameters: FootParameters, *, pressed: bool) -> F
         along_rel = math.hypot(along_rel, size_sigma_rel(parameters))
         if np.array_equal(parameters.mount, np.eye(3)):
             across_rel = math.hypot(across_rel, MOUNT_SIGMA_RAD)
-    # Loads that close no gap tell no gap.
+    # Loads that close no gap identify no gap.
     gap_rel = PAPER_TOLERANCES.gap_um / float(parameters.gap_um.mean())
     return ForceUncertainty(along_rel, across_rel, gap_rel)

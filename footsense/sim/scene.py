@@ -48,7 +48,7 @@ class Warming(ScenePart, frozen=True):
 
 
 class Ad7147Effects(ScenePart, frozen=True):
-    """Deviations of AD7147 converters, and what no source tells of them; each combination is a kind of chip.
+    """Deviations of AD7147 converters, and behaviour that no source states; each combination is a kind of chip.
 
     Attributes:
         noise_ff: Noise of a conversion at decimation 64, where converters have noise [fF rms].

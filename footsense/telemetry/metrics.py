@@ -170,7 +170,7 @@ class ServiceMetrics:
         )
 
     def _gait_metrics(self, gait: GaitFrame) -> Iterator[Metric]:
-        gauge, untold = self._gauge, "NaN if no load tells it."
+        gauge, untold = self._gauge, "NaN without a load."
         yield gauge("footsense_leg_load_share", "Share of the load; NaN without a force.", gait.load_share)
         ratio = f"Tangential over normal force; {untold}"
         yield gauge("footsense_leg_tangential_over_normal", ratio, gait.tangential_over_normal)

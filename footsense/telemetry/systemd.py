@@ -1,4 +1,4 @@
-"""What systemd is told of the legs: lines of the log, readiness, watchdog, and a status text.
+"""The legs for systemd: lines of the log, readiness, watchdog, and a status text.
 
 A flickering state would fill the journal, so each leg gets a limited number of lines per minute and the rest is
 counted; CAN and the metrics show every change.

@@ -64,7 +64,7 @@ class PublishedWalk(NamedTuple):
         force_n: Forces [N], NaN without one.
         sigma_n: Their standard deviations [N].
         true_force_n: True forces at the time of sending [N].
-        events: Gait events, each with the row of the frame that told it.
+        events: Gait events, each with the row of the frame that has it.
     """
 
     legs: tuple[str, ...]

@@ -37,7 +37,7 @@ _TIMING_DELAY_S = 0.0075
 _MAX_ARBITRATION_DELAY_SCANS = 3.4
 
 
-#: What nine readings cannot tell from a load, with its reason: the force may be wrong until the baseline has followed.
+#: What nine readings mistake for a load, with the reason: the force may be wrong until the baseline has followed.
 #: True for what changes as long as it lasts; what steps is wrong for so long after its begin and its end alone.
 UNOBSERVABLE: dict[type[Fault], bool] = {
     ElementDrifts: True,  # one gap that closes slowly, as under a load beside it
@@ -161,7 +161,7 @@ def tolerated_touch_spans_s(
 ) -> list[tuple[float, float]]:
     """Return the time spans [s] in which a leg may be said to touch the ground in the air.
 
-    A touchdown has to be told within a reading. What moves the readings at once, as a touchdown does, is one.
+    A touchdown has to be reported within a reading. What moves the readings at once, as a touchdown does, is one.
     """
     noticed_s = _DAMAGE_NOTICED_SCANS * ELEMENTS * rules.cycle_period_s
     spans = tolerated_wrong_spans_s(rules, script, leg)

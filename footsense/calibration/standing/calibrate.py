@@ -1,6 +1,6 @@
-"""Calibrate feet by standing, without a reference sensor: what the loads of some postures tell of the electrodes.
+"""Calibrate feet by standing, without a reference sensor: the electrodes from the loads of some postures.
 
-Nobody knows these forces. The foot's mount and the stiffness of its rubber stay as they were: no reading tells them.
+Nobody knows these forces. The foot's mount and the stiffness of its rubber stay as they were: no reading shows them.
 """
 
 from dataclasses import replace
@@ -30,7 +30,7 @@ from footsense.frames import Vector
 _MAX_PREDICTED_DEG = 1.5
 #: Share of the loaded time that a foot has to stand still, below which motion is the reason for too few loads [1].
 _MIN_STILL_SHARE = 0.2
-#: Postures whose loads tell an element's gain from another's.
+#: Postures whose loads distinguish an element's gain from another's.
 _MORE_POSTURES = "lean the body forward, back, to the left and to the right, and stand on fewer legs"
 #: Median angle of a direction error over the standard deviation of each of its components [1].
 _MEDIAN_OVER_SIGMA = 1.177
@@ -61,7 +61,7 @@ class StandingCalibration(NamedTuple):
 def calibrate_standing(
     models: DesignModels, loads: StandingLoads, known: FootParameters | None
 ) -> StandingCalibration:
-    """Fit the electrodes of a foot to its loads at rest; raise an error if they do not tell them.
+    """Fit the electrodes of a foot to its loads at rest; raise an error if they do not identify them.
 
     Args:
         models: Models of its type.

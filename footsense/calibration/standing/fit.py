@@ -1,6 +1,6 @@
 """Fit of a foot's electrodes to loads whose forces nobody measured: strays, gains and gaps, by standing and by walking.
 
-A load has five unknowns, its contact coordinates q, and nine readings y. The four readings left over tell of the
+A load has five unknowns, its contact coordinates q, and nine readings y. The four readings left over identify the
 electrodes theta, with the forward model h of `twin`:
 
     sum over the loads of huber(|W (y - h(theta, q))|) + (theta - theta0)^T Lambda (theta - theta0)
@@ -9,7 +9,7 @@ is minimised over theta and all q at once by Levenberg-Marquardt; the loads are 
 its own readings alone (Schur complement). The result is a maximum a posteriori estimate, and may be the prior of the
 next loads.
 
-Two things no reading tells: a common factor of all gains is that of the force, as is the foot's stiffness, and a turn
+Two things no reading shows: a common factor of all gains is that of the force, as is the foot's stiffness, and a turn
 of the mount turns every force. Both stay as they were.
 """
 
@@ -34,7 +34,7 @@ _READING_NOISE_PF, _MODEL_ERROR_REL = 0.3e-3, 0.005
 #: Distance of the nine readings from the model above which a load counts less: 99.7th percentile of chi with four
 #: degrees of freedom.
 _HUBER_DISTANCE = 4.0
-#: Weak prior of friction ratio and contact point [1], for loads that tell little of them.
+#: Weak prior of friction ratio and contact point [1], for loads that determine them poorly.
 _COORDINATE_SIGMA: Vector = np.array([np.inf, 6.0, 6.0, 5.0, 5.0])
 #: Of the first stage of loads that a walk made: feet press nearly upright, and do not slide.
 WALKING_COORDINATE_SIGMA: Vector = np.array([np.inf, 0.4, 0.4, 0.15, 0.15])
@@ -93,7 +93,7 @@ class ElectrodePrior(NamedTuple):
 
 
 class ElectrodeFit(NamedTuple):
-    """Electrodes of a foot as loads without a reference tell them.
+    """Electrodes of a foot from loads without a reference.
 
     Attributes:
         parameters: Parameters as in `twin`, shape (parameters,).

@@ -1,7 +1,7 @@
 """Loads at rest in the recording of a robot that stands in several postures: mean and unloaded readings of each foot.
 
 A foot stands as long as none of its readings moves by more than creep, for half a second. A second load that closes the
-elements alike tells nothing new and is left out. The unloaded readings are those of the times at which the service
+elements alike adds nothing and is left out. The unloaded readings are those of the times at which the service
 itself said that the foot carries nothing; between them they drift in straight lines.
 """
 

@@ -95,7 +95,7 @@ _OPTIONS = (
 
 
 def silence_text(channel: str) -> str:
-    """Return what is told of a channel on which nothing is heard."""
+    """Return the error line of a channel on which nothing is heard."""
     return f"no frames on {channel}; is the service running?"
 
 

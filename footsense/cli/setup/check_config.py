@@ -109,7 +109,9 @@ def _explanation(models: Models) -> dict[str, str]:
     told["feet"] = f"of type {card.foot_type}"
     if (range_n := RANGES_N.get(card.foot_type)) is not None:
         told["range"] = "normal loads up to {:g} N if the force leans 14 deg, {:g} N if 30".format(*range_n)
-        told["overload"] = "forces go on, less exact, while at most three elements are overloaded"
+        told["overload"] = (
+            "with one to three overloaded elements the force is less exact, with more there is none"
+        )
     told["tare"] = (
         f"of feet that carry less than {unloaded_limit_n(models):.2g} N: more is refused, less may be drift"
     )

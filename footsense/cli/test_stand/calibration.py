@@ -33,7 +33,7 @@ from footsense.progress import file_progress_bar
 
 _MN_PER_GF = 1e3 * GRAM_FORCE_N
 
-#: Parameters of single elements, and why loads may tell nothing of them.
+#: Parameters of single elements, and why loads may not identify them.
 _WHY_NOT_IDENTIFIED = {
     "stray_pf": "too few loads from their side",
     "gap_um": "no load closes them",
@@ -58,7 +58,7 @@ _foot_type_option = click.option(
     "--no-reference",
     "by_standing",
     is_flag=True,
-    help="Of a robot that stood in some postures: only what its feet's electrodes tell by themselves.",
+    help="Calibrate the electrodes alone, from a robot that stood in some postures.",
 )
 @click.option(
     "--mass-kg",
@@ -290,7 +290,7 @@ def _calibration_figures(
 
 
 def _in_words(figures: dict[str, Any], held_out: HeldOutErrors | None) -> dict[str, Any]:
-    """Return the figures of a calibration for people: what the loads do not tell in one line for each parameter."""
+    """Return the figures of a calibration for people; what the loads do not identify is one line for each parameter."""
     told = {"stiffness" if name == "stiffness_rel" else name: value for name, value in figures.items()}
     told["stiffness"] = f"{figures['stiffness_rel']:+.1%} of the design's"
     for name, unknown in figures["not_identified"].items():

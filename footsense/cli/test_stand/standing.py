@@ -28,7 +28,7 @@ from footsense.sim.fabrication import size_sigma_rel
 
 
 class StoodFoot(NamedTuple):
-    """What standing told of one foot."""
+    """Result of standing for one foot."""
 
     foot: str
     loads: StandingLoads
@@ -95,14 +95,14 @@ def calibrate_by_standing(
     replace: bool,
     as_json: bool,
 ) -> None:
-    """Calibrate the feet of a robot that stood, and write each that its loads tell; the others are an error at the end.
+    """Calibrate the feet of a robot that stood, and write each that its loads identify; others are an error at the end.
 
     Args:
         recordings: Recordings of the robot.
         foot: The one foot that is wanted; None for every named one.
         folder: Folder of all calibrations.
         foot_type_folder: Folder of the models of the feet's type; None for the released one's.
-        mass_kg: Mass of the robot, whose weight tells the sizes of its feet [kg]; None if they stay as known.
+        mass_kg: Mass of the robot, whose weight gives the sizes of the forces [kg]; None if they stay as known.
         replace: Whether existing calibrations are replaced.
         as_json: Whether the result is printed as JSON.
 
@@ -161,7 +161,7 @@ def calibrate_by_standing(
 def _weighed(
     models: DesignModels, read: Sequence[StandingRecording], stood: Sequence[StoodFoot], mass_kg: float
 ) -> list[StoodFoot]:
-    """Return the feet with the sizes that the robot's weight tells.
+    """Return the feet with the sizes that follow from the robot's weight.
 
     Raises:
         CalibrationError: Some of its feet have no name or were left out, or the sums of the forces are not its weight.

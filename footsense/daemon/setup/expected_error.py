@@ -113,7 +113,7 @@ def _estimated_n(network: Network, n_rows: int, closure_rel: Vector) -> Vector:
 
 
 def uncertainty_of_calibrated(found: FootCalibration) -> ForceUncertainty:
-    """Return what nobody knows of a calibrated foot: what its fit left, and what standing or walking does not tell."""
+    """Return what nobody knows of a calibrated foot: what its fit left, and what standing or walking does not show."""
     pressed = not (found.manifest.by_standing or found.manifest.by_walking)
     return uncertainty_of_parameters(found.parameters, pressed=pressed)
 

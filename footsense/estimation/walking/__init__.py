@@ -1,1 +1,1 @@
-"""What a gait controller is told: contact of each leg, its events, the ground below it, and slips."""
+"""For a gait controller: contact of each leg, its events, the ground below it, and slips."""

@@ -9,7 +9,7 @@ newest reading by its slope.
 - In stance it is exponential with a mean well above that of the last stances, with the same noise: loads of all sizes
   are expected, since a foot that begins to carry carries little.
 
-Where the robot tells how its foot accelerates, the load in swing that this explains is taken off first: the mean of the
+With the foot's acceleration known, the load in swing that it explains is subtracted first: the mean of the
 acceleration's size over a scan, times what earlier swings have shown per unit of it, and the spread is of what is left.
 So a wrong or late acceleration explains little, and does little.
 
@@ -19,7 +19,7 @@ sigma: it shows a touch before most elements have been read again.
 
 The load in swing follows the load down within a fraction of a second and up by at most `max_swing_rise_n_per_s`; in
 stance it stands still. So drift, which is slow, never makes contact, however far it goes. A load that rises more slowly
-than that cannot be told from drift. A load that stays low and steady in a stance, small against what the foot carries,
+than that is taken for drift. A load that stays low and steady in a stance, small against what the foot carries,
 counts against contact: all readings have shifted meanwhile.
 
 A touchdown is dated by the last time at which the load came above S, less the time of its rise and a part of a scan;
@@ -46,7 +46,7 @@ _QUIET_SPREAD_REL = 0.25
 _PULL_REL, _PULL_PRIOR_S = 0.2, 0.3
 #: Share of the load that goes with the acceleration which is taken off [1].
 _EXPLAINED_REL = 0.6
-#: Spreads up to which a load in swing counts as pull [1]. The rise of a touch counts until it is told: feet whose
+#: Spreads up to which a load in swing counts as pull [1]. The rise of a touch counts until it is reported: feet whose
 #: touches rise slowly have more shake before them.
 _MOST_SPREADS = 5.0
 #: Mean load that is expected of a stance, over that of the last ones [1].

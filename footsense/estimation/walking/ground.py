@@ -1,4 +1,4 @@
-"""The ground below one foot, as its load tells it: normal, and ratio of tangential to normal force.
+"""The ground below one foot, from its load: normal, and ratio of tangential to normal force.
 
 The network gives the contact point, hence the normal of the ground, and the friction ratio: tangential over normal
 force. What the ratio says of a slide is in `holds.py`.

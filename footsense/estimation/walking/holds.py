@@ -32,7 +32,7 @@ _ASSUMED_FRICTION, _FRICTION_SIGMA_REL = 0.5, 0.2
 _ABOVE_COUNTS = 2.0
 #: Time in which it is forgotten what feet have shown [s].
 _MEMORY_S = 10.0
-#: Odds of a slide from which a slip is told, if the ratio speaks for one, and below which it is over.
+#: Odds of a slide from which a slip is reported, if the ratio supports it, and below which it is over.
 _SLIPS, _SLIPS_NO_MORE = 1.0, 0.5
 #: Factor of the logistic function that has the slope of a normal distribution's integral.
 _LOGISTIC = 2.0 * math.sqrt(2.0 / math.pi)
@@ -102,7 +102,7 @@ class Holding:
         friction: The ground's friction.
 
     Attributes:
-        slips: Whether a slip is told.
+        slips: Whether slips are reported.
         is_known: Whether a ratio of this stance was known.
         probability: Probability that the foot stands still if it is on the ground [1].
         since_ns: Since when a slide has been more likely than not, or not any more [ns]; 0 before a look at the stance.

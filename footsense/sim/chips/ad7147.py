@@ -11,7 +11,7 @@ map):
   with a gain common to all inputs (EngineerZone 120875), clipped to the range; noise falls with the root of the
   decimation.
 
-No source tells the following, so there are chips of each kind (`Ad7147Effects`): whether a burst is coherent, or a word
+No source states this, so there are chips of each kind (`Ad7147Effects`): whether a burst is coherent, or a word
 torn in its middle; whether a status bit needs its enable bit (Linux and flow3r wait for bits that they do not enable);
 how many sequences after a new configuration are junk (flow3r: the first, sometimes); whether the calibration engine
 moves results (Linux subtracts its ambient values itself); whether a burst can begin one register late (seen of AD7142:
@@ -127,7 +127,7 @@ class SimulatedAd7147(SimulatedConverter):
         gain_rel: Relative excess of its gain without a change of temperature [1].
         offset_rel: Relative excess of the steps of its offset [1].
         temperature_change_k: Change of its temperature [K] at a time [ns]; None for none.
-        bus_clock_hz: Clock of its bus, which tells when each byte is sent [Hz].
+        bus_clock_hz: Clock of its bus, by which each byte is timed [Hz].
         shifts: Source of bursts that begin one register late; None for none.
     """
 

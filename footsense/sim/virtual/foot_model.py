@@ -243,7 +243,7 @@ class FootModel:
         return state, self.published(state)
 
     def conversions(self, step_ns: int) -> int:
-        """Return the most conversions of a step [ns] that a force can tell."""
+        """Return the most conversions of a step [ns] that change its force."""
         return min(step_ns // self.scan.step_ns + 1, self.history)
 
     def advance(

@@ -57,7 +57,7 @@ def test_grounds_come_ten_times_a_second(robot: Robot) -> None:
 def test_an_event_that_the_channel_did_not_take_is_sent_later_and_once(
     request: pytest.FixtureRequest,
 ) -> None:
-    """With its age of then; the counter has no gap."""
+    """With its age at that time; the counter has no gap."""
     wire = NarrowWire()
     robot = Robot(request.node.nodeid, wire=wire)
     wire.taken.clear()
