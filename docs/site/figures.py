@@ -111,14 +111,14 @@ def _front() -> str:
         *(
             (
                 f"**Odometry**: error after a metre, from joint angles, IMU and {words}",
-                f"{_drift(source, np.mean):.1f} %; {_drift(source, np.mean, 'gate'):.1f} % if the filter rejects outliers",
+                f"{_drift(source, np.mean):.1f} %; {_drift(source, np.mean, 'gate'):.1f} % with outlier rejection",
                 f"{_drift(source, np.max):.1f} % in the worst of {n_walks} walks",
             )
             for words, source in _ODOMETRY.items()
         ),
         (
-            "**Contact** of robots that walk in a physics engine (hexapod, quadruped)",
-            f"{1 - missed / touches:.0%} of {touches} touchdowns found, {delay_ms} ms after the first load",
+            "**Contact** of robots that walk in a physics engine",
+            f"{1 - missed / touches:.0%} of {touches} touchdowns found, {delay_ms} ms after the first load (hexapod and quadruped)",
             f"1 in 100 found later than {max(_others('delay_p99_ms')):.0f} ms; {twice} reported twice, {in_air} in the air",
         ),
         (
@@ -127,7 +127,7 @@ def _front() -> str:
             f"worst gait {own['worst_direction_deg']:.1f} deg, hard landings {own['landings_direction_deg']:.1f} deg",
         ),
         (
-            "The same with an FDC1004 in place of the AD7147, as in the paper",
+            "The same with an FDC1004 in place of the AD7147",
             f"{small['direction_deg']:.1f} deg",
             f"worst gait {small['worst_direction_deg']:.1f} deg",
         ),
@@ -138,16 +138,16 @@ def _front() -> str:
         ),
         (
             "The same, [calibrated without one](docs/calibrate-a-foot.md#without-a-force-sensor-by-standing), by standing",
-            f"{standing['deg'].mean():.1f} deg, size to 20 %, to 6 % by the robot's weight",
+            f"{standing['deg'].mean():.1f} deg; size 20 % off, or 6 % with the robot's mass given",
             f"{standing['deg'].max():.1f} deg",
         ),
         (
-            "The same, [not calibrated](docs/adr/0038-electrodes-by-walking.md), after a minute of walking, 19 feet",
-            "1.1 deg, before 11",
-            "2.0 deg; on average 4.9 deg if the rubber is 3 % off the model, which sigma does not show",
+            "The same, [corrected by a minute of walking](docs/adr/0038-electrodes-by-walking.md), 19 feet",
+            "1.1 deg, uncorrected 11; with rubber 3 % off the model 4.9, of which sigma shows nothing",
+            "2.0 deg",
         ),
         (
-            "**Largest normal load** of the three feet, force leaning by 30 deg",
+            "**Range**: normal load that the three feet measure, force leaning by 30 deg",
             _leaning(2),
             f"weakest of {_page('design')['n_feet']} with tolerances: "
             + ", ".join(f"{min(_page('design')['feet'][foot]['made_range_n']):.2g} N" for foot in _FEET),
