@@ -119,7 +119,7 @@ def _front() -> str:
         (
             "**Contact** of robots that walk in a physics engine",
             f"{1 - missed / touches:.0%} of {touches} touchdowns found, {delay_ms} ms after the first load (hexapod and quadruped)",
-            f"1 in 100 found later than {max(_others('delay_p99_ms')):.0f} ms; {twice} reported twice, {in_air} in the air",
+            f"1 in 100 found later than {max(_others('delay_p99_ms')):.0f} ms; {twice} reported twice; {in_air} reported in the air",
         ),
         (
             "**Direction** of the force of such robots, smallest foot",
@@ -138,16 +138,16 @@ def _front() -> str:
         ),
         (
             "The same, [calibrated without one](docs/calibrate-a-foot.md#without-a-force-sensor-by-standing), by standing",
-            f"{standing['deg'].mean():.1f} deg; size 20 % off, or 6 % with the robot's mass given",
+            f"{standing['deg'].mean():.1f} deg; size of the force 20 % off, 6 % where the robot's mass is given",
             f"{standing['deg'].max():.1f} deg",
         ),
         (
             "The same, [corrected by a minute of walking](docs/adr/0038-electrodes-by-walking.md), 19 feet",
-            "1.1 deg, uncorrected 11; with rubber 3 % off the model 4.9, of which sigma shows nothing",
+            "1.1 deg (uncorrected 11). If the rubber is 3 % off the model 4.9 deg; sigma does not show it",
             "2.0 deg",
         ),
         (
-            "**Range**: normal load that the three feet measure, force leaning by 30 deg",
+            "**Range**: largest normal load of the three feet, force tilted by 30 deg",
             _leaning(2),
             f"weakest of {_page('design')['n_feet']} with tolerances: "
             + ", ".join(f"{min(_page('design')['feet'][foot]['made_range_n']):.2g} N" for foot in _FEET),
