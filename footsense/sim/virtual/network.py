@@ -6,11 +6,12 @@ of the readings are known before a batch, and no element is missing, so both are
 """
 
 import math
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import onnx
+import onnx.numpy_helper
 from numpy.typing import NDArray
 
 from footsense.errors import ModelError
@@ -22,51 +23,16 @@ from footsense.regular_file import read_regular
 Array = Any
 ArrayModule = Any
 
-#: Types of ONNX tensors.
-_TYPES = {1: np.float32, 5: np.int16, 7: np.int64}
 #: Symmetries of the square, and features of each element.
 _SYMMETRIES, _PLANES = 8, 6
 
 
-def _fields(message: memoryview) -> Iterator[tuple[int, Any]]:
-    """Yield number and value of each field of a protobuf message: integers, and the bytes of all else.
-
-    Source:
-        Protocol Buffers, Encoding: protobuf.dev/programming-guides/encoding.
-    """
-    at = 0
-
-    def varint() -> int:
-        nonlocal at
-        value = shift = 0
-        while True:
-            byte = message[at]
-            at, value, shift = at + 1, value | (byte & 0x7F) << shift, shift + 7
-            if byte < 0x80:
-                return value
-
-    while at < len(message):
-        key = varint()
-        if key & 7 == 0:
-            yield key >> 3, varint()
-        else:
-            size = {1: 8, 5: 4}.get(key & 7) or varint()
-            yield key >> 3, message[at : at + size]
-            at += size
-
-
 def _weights(path: Path) -> dict[str, NDArray[Any]]:
     """Return the tensors of an ONNX file by name."""
-    found = {}
     content = read_regular(path)
     verified_sha256(content, str(path))
-    (graph,) = (value for number, value in _fields(memoryview(content)) if number == 7)
-    for tensor in (value for number, value in _fields(graph) if number == 5):
-        parts = list(_fields(tensor))
-        shape = [value for number, value in parts if number == 1]
-        last = dict(parts)
-        found[bytes(last[8]).decode()] = np.frombuffer(last.get(9, b""), _TYPES[last[2]]).reshape(shape)
-    return found
+    stored = onnx.load_from_string(content).graph.initializer
+    return {tensor.name: onnx.numpy_helper.to_array(tensor) for tensor in stored}
 
 
 class BatchNetwork:
