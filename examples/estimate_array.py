@@ -6,8 +6,10 @@ try:
     import numpy as np
 
     from footsense import Estimator, Foot
-except ImportError as error:
-    sys.exit(f"{error}: estimate_array.py needs all of footsense; in its clone: pip install deploy/client .")
+except ImportError as missing:
+    sys.exit(
+        f"{missing}: estimate_array.py needs all of footsense; in its clone: pip install deploy/client ."
+    )
 
 # Readings of a foot that is rolled under 0.7 N, every 22 ms: of your own bench, or here of the simulated foot.
 rng = np.random.default_rng(1)

@@ -6,8 +6,8 @@ try:
     import numpy as np
 
     from footsense import Foot
-except ImportError as error:
-    sys.exit(f"{error}: simulate_foot.py needs all of footsense; in its clone: pip install deploy/client .")
+except ImportError as missing:
+    sys.exit(f"{missing}: simulate_foot.py needs all of footsense; in its clone: pip install deploy/client .")
 
 foot = Foot("aoyagi-3x3")
 forces_n = {
