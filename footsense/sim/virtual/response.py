@@ -8,6 +8,7 @@ import math
 import operator
 
 import numpy as np
+from array_api_compat import device as device_of
 from array_api_compat import is_lazy_array
 
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2
@@ -68,7 +69,7 @@ class BatchResponse:
         # Feet in the air need no table, where a library may look which they are.
         (rows,) = xp.nonzero(loaded)
         if not rows.shape[0]:
-            return xp.zeros((share.shape[0], *loaded.shape), dtype=xp.float32, device=loaded.device)
+            return xp.zeros((share.shape[0], *loaded.shape), dtype=xp.float32, device=device_of(loaded))
         found = self._of_loaded(share, element, *(xp.take(part, rows, axis=-1) for part in of_feet))
         place = xp.clip(xp.cumulative_sum(xp.astype(loaded, xp.int32)) - 1, min=0)
         return xp.where(loaded, xp.take(found, place, axis=1), 0.0)
