@@ -1,20 +1,27 @@
 """Estimate forces from arrays of capacitances, as the service does it, and compare them with the true ones."""
 
-import numpy as np
+import sys
 
-import footsense
+try:
+    import numpy as np
+
+    from footsense import Estimator, Foot
+except ImportError as missing:
+    sys.exit(
+        f"{missing}: estimate_array.py needs all of footsense; in its clone: pip install deploy/client ."
+    )
 
 # Readings of a foot that is rolled under 0.7 N, every 22 ms: of your own bench, or here of the simulated foot.
 rng = np.random.default_rng(1)
 t_s = 0.022 * np.arange(400)
 tilt = np.radians(20) * np.sin(2 * np.pi * 0.5 * t_s)
 true_n = 0.7 * np.stack([np.sin(tilt), np.zeros_like(tilt), np.cos(tilt)], axis=1)
-foot = footsense.Foot("aoyagi-3x3")
+foot = Foot("aoyagi-3x3")
 capacitance_pf = foot.capacitance_pf(true_n) + 0.002 * rng.standard_normal((400, 9))
 
 # What each element reads while the foot hangs free; without it the first scans have to be of the free foot. Nobody has
 # calibrated this one: its sigma has the tolerances of manufacture, and the simulated foot is as designed.
-estimator = footsense.Estimator("aoyagi-3x3", unloaded_pf=foot.unloaded_pf)
+estimator = Estimator("aoyagi-3x3", unloaded_pf=foot.unloaded_pf)
 forces = estimator.run(capacitance_pf, t_s)
 error_n = forces.force_n - true_n
 print(f"usable: {forces.usable.mean():.0%} of {len(t_s)} rows, in contact: {forces.contact.mean():.0%}")

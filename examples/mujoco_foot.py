@@ -7,11 +7,11 @@ import sys
 
 import numpy as np
 
-from footsense.sim import VirtualFeet
-
 try:
     import matplotlib.pyplot as plt
     import mujoco
+
+    from footsense.sim import VirtualFeet
 except ImportError as error:
     sys.exit(f"mujoco_foot.py needs {error.name}; in the clone of footsense: pip install -e '.[walkers]'")
 

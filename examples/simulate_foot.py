@@ -1,10 +1,15 @@
 """Press a foot in simulation: the capacitance of its nine elements under forces of any direction, all at once."""
 
-import numpy as np
+import sys
 
-import footsense
+try:
+    import numpy as np
 
-foot = footsense.Foot("aoyagi-3x3")
+    from footsense import Foot
+except ImportError as missing:
+    sys.exit(f"{missing}: simulate_foot.py needs all of footsense; in its clone: pip install deploy/client .")
+
+foot = Foot("aoyagi-3x3")
 forces_n = {
     "in the air": (0.0, 0.0, 0.0),
     "1 N along the leg": (0.0, 0.0, 1.0),

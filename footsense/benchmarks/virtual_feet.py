@@ -30,23 +30,24 @@ def cost_of_a_foot(board: Board) -> dict[str, int]:
 
     Returns:
         Multiplications, each with an addition, of the response `table`, of the `cells` in all conversions, and of the
-        `network`; the rest are some thousand. And the `bytes` of state, read and written, of load and of result.
+        `network`; the rest are some thousand. And the `bytes` of state, read and written, of what the foot is, of load
+        and of result.
     """
     model = FootModel(_FOOT_TYPE, board=board, xp=xp)
     folder = released_folder(_FOOT_TYPE)
     of = BatchNetwork(folder / NETWORK_FILE, 1e-3, xp).weights
     channels = of["w2_scalars"].shape[1]
     mixed = (of["to_parts"].size + of["to_units"].size) * channels
-    state = model.start(2)
-    parts = [part for name, part in state._asdict().items() if name != "draw"]
-    kept = sum(part.nbytes // 2 for part in [*parts, state.draw.key] if part.shape[0] == 2)
+    state = model.start(1)
+    kept = sum(part.nbytes for name, part in state._asdict().items() if name != "draw")
+    drawn = sum(part.nbytes for part in state.draw)
     return {
         "table": FootResponse.load(folder / "response.npz").closure_coefficients.size,
         "cells": 6 * CELLS_PER_ELEMENT * model.conversions(round(1e9 * _STEP_S)),
         "network": mixed
         + sum(of[name].size for name in ("w1", "w2_scalars", "outputs"))
         + 2 * of["w2_vectors"].size,
-        "bytes": 2 * kept + _BYTES_OF_LOAD_AND_RESULT,
+        "bytes": 2 * kept + drawn + _BYTES_OF_LOAD_AND_RESULT,
     }
 
 

@@ -198,7 +198,7 @@ def _doubts(config: Config) -> Iterator[_Rule]:
     yield devices[0].startswith("/dev/tty"), "serial.device", f"{devices[0]} {renamed}"
     interface = config.can.interface
     stays = interface != "socketcan" and any(device.startswith("/dev/") for device in devices)
-    limit = "process" if interface == "virtual" else "computer"
+    limit = "process" if interface == "virtual" else "computer, and footsense.service may not use it"
     yield (
         stays,
         "can.interface",

@@ -16,7 +16,7 @@ from footsense.can.sink import CanSink
 from footsense.clock import MonotonicClock
 from footsense.config import Config
 from footsense.daemon.models import Models
-from footsense.daemon.setup.expected_error import ExpectedError, foot_uncertainties
+from footsense.daemon.setup.expected_error import ExpectedError
 from footsense.daemon.simulation import is_simulated
 from footsense.errors import RecordingError
 from footsense.estimation.settings import LONG_SILENCE_NS
@@ -64,7 +64,7 @@ def can_sink(
             foot_type=card.foot_type,
             calibrations=[
                 _calibration(models.calibrations_by_leg.get(leg), ExpectedError.of(unknown))
-                for leg, unknown in zip(config.legs, foot_uncertainties(models), strict=True)
+                for leg, unknown in zip(config.legs, models.uncertainties, strict=True)
             ],
             connect=connect,
         )

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from firmware_interface.chips import ad7147, fdc1004
-from footsense.daemon.models import Models, load_response
-from footsense.daemon.setup.expected_error import foot_uncertainties
+from footsense.daemon.models import Models
 from footsense.errors import ConfigError
 from footsense.estimation.drift import load_n_per_pf
 from footsense.estimation.network import sensitivity
@@ -41,14 +40,14 @@ def pipeline_for(models: Models, flags: int) -> Pipeline:
         max_age_ns=round(config.effective_max_age_ms * 1e6),
         track_baseline=config.baseline.track,
     )
-    feet = replace(mounted_feet(models), uncertainty=tuple(foot_uncertainties(models)))
-    return pipeline_of(models.network, feet, limits, load_response(models), flags=flags)
+    feet = replace(mounted_feet(models), uncertainty=models.uncertainties)
+    return pipeline_of(models.network, feet, limits, models.response, flags=flags)
 
 
 def mounted_feet(models: Models) -> MountedFeet:
     """Return the parameters of a robot's feet: calibrated, else configured, else those of the design.
 
-    As if they were known exactly: `foot_uncertainties` has what nobody knows.
+    As if they were known exactly: `Models.uncertainties` has what nobody knows.
     """
     config, mounted = models.config, [models.calibrations_by_leg.get(leg) for leg in models.config.legs]
 

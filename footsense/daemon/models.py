@@ -2,22 +2,29 @@
 
 import logging
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from footsense.config import Config
 from footsense.daemon.foot_types import check_foot_type, foot_type_of
+from footsense.daemon.setup.expected_error import (
+    UNKNOWN,
+    uncertainty_of_calibrated,
+    uncertainty_of_uncalibrated,
+)
 from footsense.errors import ModelError
 from footsense.estimation.network import Network
 from footsense.estimation.rest import trained_response
 from footsense.foot.calibration_files import FootCalibration, read_calibration
 from footsense.foot.network_card import NETWORK_FILE
+from footsense.foot.parameters import ForceUncertainty
 from footsense.foot.response_table import FootResponse
 from footsense.foot.type_folders import foot_type_folder
 
 _log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Models:
     """Network and calibrations of the feet mounted on a robot.
 
@@ -30,6 +37,24 @@ class Models:
     config: Config
     network: Network
     calibrations_by_leg: dict[str, FootCalibration]
+
+    @cached_property
+    def response(self) -> FootResponse | None:
+        """Response table of the feet; None, and a line why, where there is none or another."""
+        try:
+            return trained_response(foot_type_folder(self.config.foot_type), self.network)
+        except ModelError as error:
+            _log.warning("loads at rest are not refined: %s", error)
+            return None
+
+    @cached_property
+    def uncertainties(self) -> tuple[ForceUncertainty, ...]:
+        """What nobody knows of the foot of each leg, in the order of the configuration's legs."""
+        found = [self.calibrations_by_leg.get(leg) for leg in self.config.legs]
+        uncalibrated = UNKNOWN
+        if not all(found) and self.response is not None:
+            uncalibrated = uncertainty_of_uncalibrated(self.network, self.response, len(found))
+        return tuple(uncalibrated if each is None else uncertainty_of_calibrated(each) for each in found)
 
 
 def load_models(config: Config) -> Models:
@@ -44,15 +69,6 @@ def load_models(config: Config) -> Models:
     network = Network(path, n_rows=len(config.legs))
     check_foot_type(path, network.card.foot_type, config)
     return Models(config, network, calibrations)
-
-
-def load_response(models: Models) -> FootResponse | None:
-    """Return the response table of a robot's feet; None, and a line why, where there is none or another."""
-    try:
-        return trained_response(foot_type_folder(models.config.foot_type), models.network)
-    except ModelError as error:
-        _log.warning("loads at rest are not refined: %s", error)
-        return None
 
 
 def load_calibrations(config: Config) -> dict[str, FootCalibration]:

@@ -61,3 +61,13 @@ def test_what_the_client_lacks_says_in_one_line_what_to_install(
     asked = run(programs / "python", "-c", f"from footsense import {name}", cwd=tmp_path)
     lacking = f"ImportError: footsense.{name} needs footsense.api, which footsense-client alone lacks; "
     assert asked.stderr.splitlines()[-1] == f"{lacking}in the clone of footsense: pip install deploy/client ."
+
+
+@pytest.mark.parametrize("name", ["estimate_array.py", "simulate_foot.py"])
+def test_an_example_that_needs_all_of_footsense_says_so_in_one_line(
+    programs: Path, tmp_path: Path, name: str
+) -> None:
+    (line,) = run(programs / "python", ROOT / "examples" / name, cwd=tmp_path).stderr.splitlines()
+    assert line == (
+        f"No module named 'numpy': {name} needs all of footsense; in its clone: pip install deploy/client ."
+    )

@@ -119,9 +119,13 @@ def figures(found: Published, true_n: Vector) -> dict[str, Any]:
 @pytest.mark.slow
 @pytest.mark.parametrize("board", ROBOTS)
 @pytest.mark.parametrize(
-    ("name", "foot_type"), [("measured_walk", "aoyagi-3x3"), ("hexapod_2kg", "hexapod-2kg")]
+    ("name", "foot_type", "same_rel"),
+    [("measured_walk", "aoyagi-3x3", 0.12), ("hexapod_2kg", "hexapod-2kg", 0.1)],
 )
-def test_errors_and_lag_are_those_of_the_service(board: Name, name: str, foot_type: str) -> None:
+def test_errors_and_lag_are_those_of_the_service(
+    board: Name, name: str, foot_type: str, same_rel: float
+) -> None:
+    """Those of the paper's foot less so, which closes gaps in a tenth of its walk."""
     scene = load_scene(name)
     times_s = np.arange(FROM_S, 10.0, STEP_S)
     true_n, _ = loads(scene, times_s)
@@ -129,7 +133,7 @@ def test_errors_and_lag_are_those_of_the_service(board: Name, name: str, foot_ty
     batch = figures(stepped(board, foot_type, scene, times_s), true_n)
     for figure, share in {"age_ms": 0.01, "lag_ms": 0.05}.items():
         assert batch.pop(figure) == pytest.approx(service.pop(figure), rel=share)
-    assert batch == pytest.approx(service, rel=0.1)
+    assert batch == pytest.approx(service, rel=same_rel)
 
 
 @pytest.mark.parametrize("board", ROBOTS)

@@ -24,7 +24,6 @@ from footsense.daemon.estimation import contact_threshold_n, pipeline_for, unloa
 from footsense.daemon.models import Models, load_models
 from footsense.daemon.setup.expected_error import (
     error_text,
-    foot_uncertainties,
     uncertainty_of_calibrated,
 )
 from footsense.daemon.simulation import is_simulated
@@ -155,7 +154,7 @@ def _can_text(config: Config) -> str:
 def _uncalibrated(models: Models) -> Iterator[str]:
     """Yield for legs without a calibration why, and how wrong their forces are to be expected: alike for all."""
     feet: dict[str, str] = dict(models.config.feet.items())
-    errors = dict(zip(models.config.legs, foot_uncertainties(models), strict=True))
+    errors = dict(zip(models.config.legs, models.uncertainties, strict=True))
     legs = [leg for leg in models.config.legs if leg not in models.calibrations_by_leg]
     unnamed = [leg for leg in legs if leg not in feet]
     reasons = [(unnamed[0], f"no foot named on {', '.join(unnamed)}")] if unnamed else []

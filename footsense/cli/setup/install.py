@@ -13,6 +13,7 @@ from footsense.cli.options import FOLDER
 from footsense.cli.setup.installed_files import LIST, InstalledFiles
 from footsense.cli.setup.robot_computer import ENVIRONMENT, Run, check_computer, findings, run_command
 from footsense.config import load_config
+from footsense.config.contradictions import warnings
 from footsense.errors import FootsenseError
 
 _UNITS = "/etc/systemd/system"
@@ -120,6 +121,8 @@ def installed(root: Path, run: Run, *, is_running: bool, remove: bool, dry_run: 
         return
     if is_running:
         yield from (f"warning: {finding}" for finding in findings(root))
+    if (file := root / _CONFIG[1:]).exists():
+        yield from (f"warning: {file}: {warning}" for warning in warnings(load_config(file)))
     yield from _next_steps(root, run, is_running=is_running)
 
 

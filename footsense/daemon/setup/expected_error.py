@@ -16,7 +16,6 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from footsense.daemon.models import Models, load_response
 from footsense.estimation.network import Network, steady_windows
 from footsense.foot.calibration_files import FootCalibration
 from footsense.foot.directions import angles_between_deg, normalized
@@ -54,16 +53,6 @@ class ExpectedError(NamedTuple):
             return cls(math.nan, math.nan)
         angle_rad = math.atan(_MEAN_DISTANCE * uncertainty.across_rel)
         return cls(_MEAN_SIZE * uncertainty.along_rel, math.degrees(angle_rad))
-
-
-def foot_uncertainties(models: Models) -> list[ForceUncertainty]:
-    """Return what nobody knows of the foot of each leg, in the order of the configuration's legs."""
-    found = [models.calibrations_by_leg.get(leg) for leg in models.config.legs]
-    response = None if all(found) else load_response(models)
-    uncalibrated = UNKNOWN
-    if response is not None:
-        uncalibrated = uncertainty_of_uncalibrated(models.network, response, len(found))
-    return [uncalibrated if each is None else uncertainty_of_calibrated(each) for each in found]
 
 
 def uncertainty_of_uncalibrated(network: Network, response: FootResponse, n_rows: int) -> ForceUncertainty:

@@ -6,16 +6,16 @@ the forces of the time of sending from the last three readings of each element, 
 table and limits of a usable force are the service's.
 
 Left out: rubber's memory and temperature; faults but for breaks of a cable; the way over CAN (up to 3 ms of frames for
-six legs, unless `Variation.delay_s` has it); the search for the element that contradicts the others, so that only
-overload makes a foot `DEGRADED`. The error of a baseline is constant, where the service's follows the swing.
+six legs, unless `Variation.delay_s` has it); what a closed gap does to the elements beside it; elements that contradict
+the others, so that only overload makes a foot `DEGRADED`. The error of a baseline is constant, where the service's
+follows the swing.
 """
 
 import math
 import os
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 import numpy as np
 from array_api_compat import array_namespace, device, is_jax_array, is_numpy_array
@@ -29,10 +29,13 @@ from footsense.sim.virtual.scan import Board
 from footsense.sim.virtual.state import FeetState, VirtualForces, of_feet
 from footsense.sim.virtual.variation import AS_DESIGNED, Variation
 
-#: Longest time between two steps [ns].
-_MAX_STEP_NS = 10**9
-#: Feet that are computed together on a processor, so that their arrays stay in its cache: in numpy, and compiled.
-_BLOCK, _COMPILED_BLOCK = 256, 1024
+#: Longest time between two steps [s].
+_MAX_STEP_S = 1.0
+#: Feet that a processor computes together: few, so that their arrays stay in its cache.
+_BLOCK = 1024
+#: A freed array of this size makes glibc keep the memory of all smaller ones (M_MMAP_THRESHOLD, manual page mallopt):
+#: without it a step of numpy takes 1.6 times as long [byte].
+_KEPT_BY_MALLOC = 31 << 20
 
 
 class VirtualFeet:
@@ -91,25 +94,20 @@ class VirtualFeet:
         # Conversion 0 is a step after time 0; a force is there so long after the conversion before its first.
         self._force_ns = model.scan.conversions_per_force * model.scan.step_ns
         self._sent_after_ns = model.scan.send_delay_ns + round(1e9 * most_s)
-        # On a processor block by block, so that arrays stay in its cache; at once where everything is fast at once.
-        n_rows = n_feet
-        if "cpu" in str(device(like)).lower():
-            n_rows = _BLOCK if is_numpy_array(like) else _COMPILED_BLOCK
         self._shape = n_feet, 3
+        n_rows = _BLOCK if "cpu" in str(device(like)).lower() else n_feet
         self._blocks = [slice(start, min(start + n_rows, n_feet)) for start in range(0, n_feet, n_rows)]
         whole = model.start(n_feet, seed)
         self._states = [of_feet(whole, block) for block in self._blocks]
-        self._read, self._keep, self._publish = model.read, model.keep, model.published
+        self._advance, self._publish = model.advance, model.published
         if is_jax_array(like):
             jit = sys.modules["jax"].jit  # the caller's: the project does not need it
-            self._read, self._keep = jit(model.read, static_argnums=2), jit(model.keep)
-            self._publish = jit(model.published)
-        self._map: Callable[..., Iterable[Any]] = map
-        self._blas = ThreadpoolController()
-        if is_numpy_array(like) and len(self._blocks) > 1:
-            self._map = ThreadPoolExecutor(os.cpu_count()).map
-        self._start_s = self._t_s = -math.inf
-        self._t_ns = 0
+            self._advance, self._publish = jit(model.advance, static_argnums=2), jit(model.published)
+        np.empty(_KEPT_BY_MALLOC, np.uint8)
+        self._threads, self._blas = ThreadPoolExecutor(os.cpu_count()), ThreadpoolController()
+        # Products of a block are too small for threads of their own.
+        self._blas_threads = 1 if is_numpy_array(like) else None
+        self._start_s, self._t_s, self._t_ns = 0.0, -math.inf, 0
         self._newest: int | None = None
         self._published = self._joined(map(self._publish, self._states))
 
@@ -124,12 +122,12 @@ class VirtualFeet:
         """
         feet = self._xp.asarray(feet, device=device(self._states[0].force_n))
         self._states = [
-            self._model.reset(state, feet[block])
+            self._model.reset(state, feet[block]) if self._xp.any(feet[block]) else state
             for state, block in zip(self._states, self._blocks, strict=True)
         ]
         self._newest = None
 
-    def step(self, t_s: float, force_n: Array, normal: Array, noise: Array = None) -> VirtualForces:
+    def step(self, t_s: float, force_n: Array, normal: Array) -> VirtualForces:
         """Return the forces published last by a time, of feet whose contact forces change linearly between the steps.
 
         Args:
@@ -138,16 +136,12 @@ class VirtualFeet:
                 [N], shape (n, 3); zero in the air.
             normal: Unit normal of the ground, into the foot, same frame and shape; anything for a foot in the air. One
                 that leans farther than the response table reaches gives no force.
-            noise: Noise of the conversions since the last step over its standard deviation [1], shape
-                (n, `FootModel.conversions`), newest last; None for that of the seed.
 
         Raises:
             ValueError: The time does not advance or by too much, a shape or library is another, or a normal of a loaded
                 foot is no unit vector.
         """
         xp, model = self._xp, self._model
-        if not t_s > self._t_s:
-            raise ValueError(f"a step at {t_s} s does not follow the one at {self._t_s} s")
         if array_namespace(force_n, normal) is not xp:
             raise ValueError(f"these feet take arrays of {xp.__name__}; `like` is one of another library")
         if not force_n.shape == normal.shape == self._shape:
@@ -157,28 +151,24 @@ class VirtualFeet:
             raise ValueError("the normal of the ground at a loaded foot has to be a unit vector")
         if math.isinf(self._t_s):
             self._start_s = t_s
-            self._states = [
-                state._replace(force_n=xp.astype(force_n[block, ...], xp.float32))
-                for state, block in zip(self._states, self._blocks, strict=True)
-            ]
+        elif not 0.0 < t_s - self._t_s <= _MAX_STEP_S:
+            raise ValueError(
+                f"a step at {t_s} s does not follow the one at {self._t_s} s within {_MAX_STEP_S:g} s"
+            )
         t_ns = round(1e9 * (t_s - self._start_s)) + model.scan.step_ns
         step_ns = t_ns - self._t_ns
-        if step_ns > _MAX_STEP_NS:
-            raise ValueError(f"a step at {t_s} s is more than 1 s after the one at {self._t_s} s")
         self._t_s, self._t_ns = t_s, t_ns
-        step = model.clock(step_ns), model.conversions(step_ns)
+        length, n = xp.asarray([step_ns], dtype=xp.int32, device=device(force_n)), model.conversions(step_ns)
         # The number of the force that all feet have now, if all have the same.
         newest = (t_ns - self._sent_after_ns) // self._force_ns
         is_new = self._delay_varies or newest != self._newest
 
         def stepped(state: FeetState, block: slice) -> tuple[FeetState, VirtualForces | None]:
-            reading = model.with_contact(self._read(state, *step, force_n[block, ...], normal[block, ...]))
-            state = self._keep(state, step[0], reading, None if noise is None else noise[block, ...])
+            state = self._advance(state, length, n, force_n[block, :], normal[block, :])
             return state, self._publish(state) if is_new else None
 
-        # Products of a block are too small for threads of their own.
-        with self._blas.limit(limits=1):
-            blocks = [*self._map(stepped, self._states, self._blocks)]
+        with self._blas.limit(limits=self._blas_threads):
+            blocks = [*self._threads.map(stepped, self._states, self._blocks)]
         self._states = [state for state, _ in blocks]
         if is_new:
             self._published = self._joined(forces for _, forces in blocks if forces is not None)

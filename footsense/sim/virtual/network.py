@@ -1,20 +1,22 @@
 """A foot type's network in arrays of any library: ONNX Runtime has numpy's alone, and cannot be traced.
 
-The weights come from the ONNX file, whose graph `lab/training/windowed_network.onnxtxt` names them. What the file
-shares among the symmetries of a foot is expanded once; the second layer stays in its irreducible parts. Ages and period
+The weights come from the ONNX file, whose graph `lab/training/windowed_network.onnxtxt` names them, and expands what
+the symmetries of a foot share; the second layer stays in its irreducible parts. Ages and period
 of the readings are known before a batch, and no element is missing, so both are part of the offsets.
 """
 
 import math
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import onnx
+import onnx.numpy_helper
 from numpy.typing import NDArray
+from onnx.reference import ReferenceEvaluator
 
 from footsense.errors import ModelError
-from footsense.foot.network_card import verified_sha256
+from footsense.foot.network_card import INPUTS, verified_sha256
 from footsense.frames import ELEMENTS
 from footsense.regular_file import read_regular
 
@@ -22,51 +24,20 @@ from footsense.regular_file import read_regular
 Array = Any
 ArrayModule = Any
 
-#: Types of ONNX tensors.
-_TYPES = {1: np.float32, 5: np.int16, 7: np.int64}
 #: Symmetries of the square, and features of each element.
 _SYMMETRIES, _PLANES = 8, 6
 
 
-def _fields(message: memoryview) -> Iterator[tuple[int, Any]]:
-    """Yield number and value of each field of a protobuf message: integers, and the bytes of all else.
-
-    Source:
-        Protocol Buffers, Encoding: protobuf.dev/programming-guides/encoding.
-    """
-    at = 0
-
-    def varint() -> int:
-        nonlocal at
-        value = shift = 0
-        while True:
-            byte = message[at]
-            at, value, shift = at + 1, value | (byte & 0x7F) << shift, shift + 7
-            if byte < 0x80:
-                return value
-
-    while at < len(message):
-        key = varint()
-        if key & 7 == 0:
-            yield key >> 3, varint()
-        else:
-            size = {1: 8, 5: 4}.get(key & 7) or varint()
-            yield key >> 3, message[at : at + size]
-            at += size
-
-
-def _weights(path: Path) -> dict[str, NDArray[Any]]:
-    """Return the tensors of an ONNX file by name."""
-    found = {}
+def _values(path: Path) -> dict[str, NDArray[Any]]:
+    """Return all that a network's graph names, as of feet in the air: what does not depend on them is expanded."""
     content = read_regular(path)
     verified_sha256(content, str(path))
-    (graph,) = (value for number, value in _fields(memoryview(content)) if number == 7)
-    for tensor in (value for number, value in _fields(graph) if number == 5):
-        parts = list(_fields(tensor))
-        shape = [value for number, value in parts if number == 1]
-        last = dict(parts)
-        found[bytes(last[8]).decode()] = np.frombuffer(last.get(9, b""), _TYPES[last[2]]).reshape(shape)
-    return found
+    model = onnx.load_from_string(content)
+    feet = {signal.name: np.zeros((1, signal.width), np.float32) for signal in INPUTS}
+    feet["age_s"] += np.arange(feet["age_s"].size)  # each older than the last
+    stored = {tensor.name: onnx.numpy_helper.to_array(tensor) for tensor in model.graph.initializer}
+    found: dict[str, NDArray[Any]] = ReferenceEvaluator(model).run(None, feet, intermediate=True)
+    return stored | found
 
 
 class BatchNetwork:
@@ -87,36 +58,24 @@ class BatchNetwork:
 
     def __init__(self, path: Path, period_s: float, xp: ArrayModule, device: Array = None) -> None:
         try:
-            stored = _weights(path)
-            c = len(stored["b1"])
-            w1 = stored["w1"][:, stored["seen_at"].reshape(_SYMMETRIES, -1)].transpose(1, 2, 0)
-            w2 = (stored["w2_steps"] * stored["w2_step"]).reshape(c, _SYMMETRIES, c)
-            w2_vectors = (stored["vectors_by_symmetry"] @ w2).reshape(c, 2, 2, c).transpose(2, 3, 1, 0)
-            basis = stored["linear_basis"].reshape(-1, ELEMENTS, 3)
-            level, moving = (np.tensordot(part, basis, 1) for part in np.split(stored["linear"], 2))
-            to_force, to_sigma = (
-                (stored[layer] @ stored[turns]).reshape(_SYMMETRIES, c, -1)[..., :3]
-                for layer, turns in (("out", "turns"), ("sigma", "sizes"))
-            )
-            # The features of missing elements are zero, that of the period is constant.
-            b1 = stored["b1"] + w1[:, -1:] * math.log(period_s * float(stored["per_period"][0]))
+            of = _values(path)
+            c, w1, unit = len(of["b1"]), of["W1"].T, of["force_unit"]
             of_foot = {
-                "w1": w1[:, [*range(_PLANES * ELEMENTS), -2]].transpose(0, 2, 1).reshape(_SYMMETRIES * c, -1),
-                "b1": b1.reshape(-1, 1),
-                "to_parts": stored["to_parts"],
-                "w2_scalars": (stored["scalars_by_symmetry"] @ w2).transpose(1, 0, 2),
-                "w2_vectors": w2_vectors.reshape(2 * c, 2 * c).T,
-                "b2": np.tile(stored["b2"], _SYMMETRIES)[:, None],
-                "to_units": stored["to_units"],
-                "outputs": np.concatenate([to_force * stored["force_unit"], to_sigma], axis=2)
-                .reshape(_SYMMETRIES * c, -1)
-                .T,
-                "sigma_offset": stored["sigma_offset"][stored["sigma_axes"][:3], None],
-                "straight": np.concatenate([level, moving]).T * stored["force_unit"],
+                "w1": w1[:, [*range(_PLANES * ELEMENTS), -2]],
+                # The features of missing elements are zero, that of the period is constant.
+                "b1": of["B1"][:, None] + w1[:, -1:] * math.log(period_s * float(of["per_period"][0])),
+                "to_parts": of["to_parts"],
+                "w2_scalars": of["W2_scalars"].transpose(0, 2, 1),
+                "w2_vectors": of["W2_vectors"].T,
+                "b2": of["B2"][:, None],
+                "to_units": of["to_units"],
+                "outputs": np.concatenate([of["O"][:, :3] * unit, of["S"][:, :3]], axis=1).T,
+                "sigma_offset": of["Q"][:3, None],
+                "straight": np.concatenate([of["L"], of["M"]]).T * unit,
             }
-            self._soft = float(stored["soft"][0])
-            self._largest, self._force_unit = float(stored["highest"]), float(stored["force_unit"])
-            self._ln_sigma = float(stored["ln_lowest"]), float(stored["ln_highest"])
+            self._soft = float(of["soft"][0])
+            self._largest, self._force_unit = float(of["highest"]), float(of["force_unit"])
+            self._ln_sigma = float(of["ln_lowest"]), float(of["ln_highest"])
         except (KeyError, IndexError, TypeError, ValueError) as error:
             raise ModelError(
                 f"{path}: no network for feet in a batch ({error!r}); `footsense lab build` makes one"

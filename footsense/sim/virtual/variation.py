@@ -19,6 +19,8 @@ from footsense.sim.fabrication import MIN_DRAWN_OVER_DESIGN, FootTolerances
 from footsense.sim.virtual.network import Array, ArrayModule
 
 _EXACT = FootTolerances()
+#: Added to a square, which may be 0 [rad^2].
+_TINY = 1e-20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,18 +58,18 @@ AS_DESIGNED = Variation()
 
 
 class FootDraw(NamedTuple):
-    """What feet have drawn for an episode; shapes begin with n, or with 1 where all are alike.
+    """What n feet have drawn for an episode.
 
     Attributes:
         key: Key of the foot's random numbers, shape (n,), int32.
-        distance_um: Electrical distance of the open plates of each element [um], shape (n, 9).
+        distance_um: Electrical distance of the open plates of each element [um], shape (9, n).
         gap_um: Gap of each element [um], same shape.
         gain: Closure that each element reads over its real one [1], same shape.
-        stray_pf: Stray of each element [pF], same shape.
         tared_pf: Its baseline, stray included [pF], same shape.
-        compliance: Compliance of the foot over the design's [1], shape (n, 1).
-        mount: Rotation from the leg's frame to the foot's, shape (n, 3, 3), or None if it is none.
-        noise_pf: Noise of a conversion [pF rms], shape (n, 1).
+        error_pf: Error of the baselines [pF], shape (n,).
+        compliance: Compliance of the foot over the design's [1], shape (n,).
+        turn_rad: Rotation vector from the leg's frame to the foot's [rad], shape (3, n).
+        noise_pf: Noise of a conversion [pF rms], shape (n,).
         delay_ns: Delay of its forces after they were sent [ns], shape (n,), int32.
     """
 
@@ -75,10 +77,10 @@ class FootDraw(NamedTuple):
     distance_um: Array
     gap_um: Array
     gain: Array
-    stray_pf: Array
     tared_pf: Array
+    error_pf: Array
     compliance: Array
-    mount: Array
+    turn_rad: Array
     noise_pf: Array
     delay_ns: Array
 
@@ -90,18 +92,27 @@ def hashed(number: Array) -> Array:
     return number ^ ((number >> 16) & 0xFFFF)
 
 
-def uniform(xp: ArrayModule, key: Array, counter: Array) -> Array:
-    """Return uniform random numbers above 0 and below 1, float32, of keys and counters (int32) that broadcast."""
-    return (xp.astype((hashed(key ^ hashed(counter)) >> 9) & 0x7FFFFF, xp.float32) + 0.5) * 2.0**-23
+def uniform(xp: ArrayModule, key: Array, first: Array, n: int) -> Array:
+    """Return uniform random numbers above 0 and below 1, float32, shape (n, keys), of counters from one on."""
+    counter = first + xp.arange(n, dtype=xp.int32, device=array_api_compat.device(key))
+    bits = hashed(key ^ hashed(counter)[:, None])
+    return (xp.astype((bits >> 9) & 0x7FFFFF, xp.float32) + 0.5) * 2.0**-23
 
 
 def random_normal(xp: ArrayModule, key: Array, first: Array, n: int) -> Array:
-    """Return normal random numbers, float32, shape (rows, n), of keys, shape (rows,), and counters from one on."""
+    """Return normal random numbers, float32, shape (n, keys), of counters from one on."""
     half = (n + 1) // 2
-    counter = (first + xp.arange(2 * half, dtype=xp.int32, device=array_api_compat.device(key)))[None, :]
-    draws = uniform(xp, key[:, None], counter)
-    size, angle = xp.sqrt(-2.0 * xp.log(draws[:, :half])), 2.0 * math.pi * draws[:, half:]
-    return xp.concat([size * xp.cos(angle), size * xp.sin(angle)], axis=1)[:, :n]
+    draws = uniform(xp, key, first, 2 * half)
+    size, angle = xp.sqrt(-2.0 * xp.log(draws[:half, :])), 2.0 * math.pi * draws[half:, :]
+    return xp.concat([size * xp.cos(angle), size * xp.sin(angle)])[:n, :]
+
+
+def rotated(xp: ArrayModule, vector: Array, turn_rad: Array) -> Array:
+    """Return vectors turned by rotation vectors [rad], shape (3, n) all: Rodrigues' formula."""
+    angle = xp.sqrt(xp.sum(turn_rad * turn_rad, axis=0) + _TINY)
+    across = xp.linalg.cross(turn_rad / angle, vector, axis=-2)
+    twice_across = xp.linalg.cross(turn_rad / angle, across, axis=-2)
+    return vector + xp.sin(angle) * across + (1.0 - xp.cos(angle)) * twice_across
 
 
 def draw_feet(
@@ -116,51 +127,35 @@ def draw_feet(
         noise_pf: Noise of a conversion as designed [pF rms].
         key: Keys of the feet for an episode, shape (n,), int32.
     """
-    tolerances, device = variation.tolerances, array_api_compat.device(key)
+    tolerances = variation.tolerances
 
-    def counter(kind: int) -> Array:
-        return xp.full((1,), 32 * (kind - 32), dtype=xp.int32, device=device)  # those of steps are from 0 on
+    def drawn(kind: int, rms: float, width: int = ELEMENTS) -> Array:
+        return rms * random_normal(xp, key, _of_kind(kind), width)
 
-    def drawn(kind: int, rms: float, width: int, mean: float = 0.0) -> Array:
-        if rms == 0.0:
-            return xp.full((1, width), mean, dtype=xp.float32, device=device)
-        values = mean + rms * random_normal(xp, key, counter(kind), width)
-        return xp.clip(values, MIN_DRAWN_OVER_DESIGN * mean) if mean else values
+    def around(mean: float, deviation: Array) -> Array:
+        return xp.clip(mean + deviation, min=MIN_DRAWN_OVER_DESIGN * mean)
 
     def between(kind: int, least: float, most: float) -> Array:
-        if least == most:
-            return xp.full((1,), least, dtype=xp.float32, device=device)
-        return least + (most - least) * uniform(xp, key, counter(kind))
+        return least + (most - least) * uniform(xp, key, _of_kind(kind), 1)[0, :]
 
-    gap_um = drawn(0, tolerances.gap_um, ELEMENTS, design.gap_um)
-    film_um = drawn(1, tolerances.film_um, ELEMENTS, design.film_um)
-    stray_pf = drawn(2, tolerances.stray_pf, ELEMENTS)
+    gap_um = around(design.gap_um, drawn(0, tolerances.gap_um))
+    film_um = around(design.film_um, drawn(1, tolerances.film_um))
     distance_um = gap_um + film_um / design.film_eps_r
-    mount_rad = math.radians(tolerances.mount_deg) / math.sqrt(3.0)
-    error_pf = drawn(3, 1e-3 * variation.baseline_error_ff, 1)
+    error_pf = drawn(3, 1e-3 * variation.baseline_error_ff, 1)[0, :]
+    open_pf = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2 / distance_um
     return FootDraw(
         key=key,
         distance_um=distance_um,
         gap_um=gap_um,
-        gain=drawn(4, variation.gain_rel, ELEMENTS, 1.0),
-        stray_pf=stray_pf,
-        tared_pf=EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2 / distance_um + stray_pf + error_pf,
-        compliance=1.0 / drawn(5, tolerances.stiffness_rel, 1, 1.0),
-        mount=_rotations(xp, drawn(6, mount_rad, 3)) if mount_rad else None,
-        noise_pf=noise_pf * between(7, *variation.noise_rel)[:, None],
+        gain=around(1.0, drawn(4, variation.gain_rel)),
+        tared_pf=open_pf + drawn(2, tolerances.stray_pf) + error_pf,
+        error_pf=error_pf,
+        compliance=1.0 / around(1.0, drawn(5, tolerances.stiffness_rel, 1))[0, :],
+        turn_rad=drawn(6, math.radians(tolerances.mount_deg) / math.sqrt(3.0), 3),
+        noise_pf=noise_pf * between(7, *variation.noise_rel),
         delay_ns=xp.astype(1e9 * between(8, *variation.delay_s), xp.int32),
     )
 
 
-def _rotations(xp: ArrayModule, turn_rad: Array) -> Array:
-    """Return the matrices of rotation vectors [rad], shape (n, 3): Rodrigues' formula."""
-    angle = xp.sqrt(xp.sum(turn_rad * turn_rad, axis=1))[:, None, None]
-    x, y, z = (turn_rad[:, axis] for axis in range(3))
-    none = xp.zeros_like(x)
-    cross = xp.reshape(xp.stack([none, -z, y, z, none, -x, -y, x, none], axis=1), (-1, 3, 3))
-    once, twice = xp.sin(angle) / angle, (1.0 - xp.cos(angle)) / (angle * angle)
-    return (
-        xp.eye(3, dtype=xp.float32, device=array_api_compat.device(angle))
-        + once * cross
-        + twice * xp.matmul(cross, cross)
-    )
+def _of_kind(kind: int) -> int:
+    return 32 * (kind - 32)  # the counters of steps are from 0 on

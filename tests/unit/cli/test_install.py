@@ -339,6 +339,17 @@ def test_adapters_that_are_not_there(computer: Computer) -> None:
     assert "spi0.0: the CAN controller of the overlay does not answer" in line
 
 
+def test_a_channel_that_the_service_may_not_use(computer: Computer) -> None:
+    """`footsense init` writes it on a computer without CAN, and the unit allows sockets of CAN alone."""
+    computer.configure(f"buses: [{{{BUS}}}]\ncan: {{interface: udp_multicast}}\n")
+    (line,) = [line for line in computer.install() if line.startswith("warning: ")]
+    assert line.endswith(
+        "/etc/footsense/footsense.yaml: can.interface: udp_multicast never leaves the computer, and footsense.service "
+        "may not use it; the robot's controller needs socketcan"
+    )
+    assert "RestrictAddressFamilies=AF_UNIX AF_CAN" in computer.files["systemd/system/footsense.service"]
+
+
 @pytest.mark.parametrize(
     ("driver", "is_told"), [("mcp251x", True), ("mcp251xfd", True), ("kvaser_usb", False)]
 )

@@ -11,7 +11,6 @@ from footsense.config import DEFAULT
 from footsense.daemon.models import load_models
 from footsense.daemon.setup.expected_error import (
     ExpectedError,
-    foot_uncertainties,
     uncertainty_of_uncalibrated,
 )
 from footsense.estimation.network import Network, steady_windows
@@ -93,7 +92,7 @@ def test_a_calibration_leaves_its_error_and_standing_what_it_does_not_tell() -> 
         calibration(0.02, by_standing=True, stiffness_rel=0.1),
     ]
     models = replace(models, calibrations_by_leg=dict(zip(DEFAULT.legs, of_feet, strict=False)))
-    pressed, stood, both, *others = map(ExpectedError.of, foot_uncertainties(models))
+    pressed, stood, both, *others = map(ExpectedError.of, models.uncertainties)
     assert pressed.size_rel == pytest.approx(0.016, abs=1e-3)
     assert pressed.direction_deg == pytest.approx(1.44, abs=0.01)
     assert stood.size_rel == pytest.approx(0.8 * PAPER_TOLERANCES.stiffness_rel, rel=0.02)
