@@ -73,7 +73,7 @@ def fringe_pf(design: Capacitor, spacing_um: Vector) -> Vector:
         spacing_um: Distance of the electrodes at each cell, film and gap [um], shape (..., 324).
 
     Source:
-        Palmer, Trans. AIEE 56, 363, 1937, for strips; `lab/fem/cross_sections.py` solves the field, and differs by a
+        Palmer, Trans. AIEE 56, 363, 1937, for strips; `lab/fem/fringe.py` solves the field, and differs by a
         fortieth.
     """
     side_mm = np.sqrt(design.electrode_area_mm2)

@@ -8,10 +8,10 @@ import pytest
 from msgspec.structs import replace
 
 from footsense.errors import ModelError
-from footsense.lab.analytic_cases import block_errors, half_space_errors
 from footsense.lab.fem.mesh import COARSE_MESH, build_quarter_mesh
 from footsense.lab.fem.quarter import Parity, QuarterFoot
 from footsense.lab.geometry import FootDesign, Material
+from tests.lab.mechanics.known_solutions import block_errors, half_space_errors
 from tests.lab.released import FOOT_DESIGN
 
 pytestmark = pytest.mark.lab
