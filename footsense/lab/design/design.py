@@ -15,6 +15,7 @@ from footsense.lab.design.shapes import SHEET_SIDE_OVER_RADIUS, FootShapeLibrary
 from footsense.lab.evaluation.force_range import CENTRED_DEG, LEANS_DEG
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import UM_PER_MM, FootDesign
+from footsense.lab.template import render
 
 #: Predicted over required range [1]: the ranges of solved tables are up to 2 % below the predicted ones.
 _RANGE_RESERVE_FACTOR = 1.02
@@ -174,25 +175,13 @@ def foot_text(name: str, description: str, feet: Candidates, row: int, requireme
         "pdms": requirements.materials.sheets[int(feet.sheet[row])],
     }
     loads = {"max_n": float(f"{TRAINED_RANGE_FACTOR * requirements.max_load_n:.3g}"), **_DEFAULT_LOAD_RANGE}
-    title = (
-        f"# Designed for normal loads of {requirements.min_load_n:.3g} to {requirements.max_load_n:.3g} N, upright or "
-        f"pitched by {PITCH_DEG:g} deg,\n"
-        f"# forces leaning from the normal by up to {requirements.lean_deg:g} deg, board {requirements.board.name}."
-    )
-    lines = [
-        title,
-        f"foot_type: {name}",
-        f"about: {description}",
-        "",
-        *(f"{key}: {value:g}" for key, value in lengths.items()),
-        "cavity: vented",
-        "",
-        *(
-            f"{key}: {{youngs_mpa: {one.material.youngs_mpa:g}, poisson: {one.poisson:g}}}   # {one.name}: {one.source}"
-            for key, one in solids.items()
-        ),
-        "",
-        "loads:",
-        *(f"  {key}: {value:g}" for key, value in loads.items()),
-    ]
-    return "\n".join(lines) + "\n"
+    names = {
+        "name": name,
+        "description": description,
+        "asked": requirements,
+        "PITCH_DEG": PITCH_DEG,
+        "lengths": lengths,
+        "solids": solids,
+        "loads": loads,
+    }
+    return render("lab/design/foot.yaml", names)
