@@ -19,6 +19,8 @@ from footsense.lab.template import render
 
 #: Predicted over required range [1]: the ranges of solved tables are up to 2 % below the predicted ones.
 _RANGE_RESERVE_FACTOR = 1.02
+#: Feet that are described at most, of some sizes.
+_MAX_FEET = 3
 #: Loads of the training that no requirement changes: those of the paper's foot.
 _DEFAULT_LOAD_RANGE = {
     "friction_angle_deg": 35,
@@ -106,19 +108,18 @@ class DesignedFoot(NamedTuple):
         return path
 
 
-def design(requirements: Requirements, name: str, keep: int) -> tuple[list[DesignedFoot], int]:
+def design(requirements: Requirements, name: str) -> tuple[list[DesignedFoot], int]:
     """Return the most accurate foot of each of some sizes that meets the requirements, and how many were compared.
 
     Args:
         requirements: The input.
         name: Beginning of the foot types' names; the diameter of the ball follows.
-        keep: Number of feet at most.
 
     Raises:
         FootsenseError: No foot works.
     """
     library = FootShapeLibrary()
-    choice = choose_candidates(library, requirements, keep)
+    choice = choose_candidates(library, requirements, _MAX_FEET)
     feet, candidates, materials = [], choice.manufacturable, requirements.materials
     for rows in choice.rows_to_assess:
         own = f"{name}-{2.0 * candidates.ball_radius_mm[rows[0]]:g}mm".replace(".", "-")
