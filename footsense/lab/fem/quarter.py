@@ -7,7 +7,7 @@ Find u in each body, u = 0 where the leg holds the leg-side hemisphere, so that 
 
 [u] = u_ground - u_leg. The spacer is a layer of 37 um that is 27 times wider than thick: it cannot spread sideways, so
 its normal stiffness takes the confined modulus M = lambda + 2 G. A bar that may bulge changes a cavity's closure by
-0.06 % (plane strain, `cavity_strip_closure_um` of commit 50099742). The 500 um plates bend into the cavities, which is
+0.06 % (a solve in plane strain of commit 50099742). The 500 um plates bend into the cavities, which is
 most of the closure, and are meshed as solids. The 37 um themselves are left out of the coordinates.
 
 Any load is the sum of four parts that are even or odd under x -> -x and under y -> -y. Each part is a problem on the
