@@ -8,7 +8,7 @@ from footsense.frames import ROWS
 from footsense.lab.design.materials import shore_a_from_modulus
 from footsense.lab.design.processes import AssumedProcess
 from footsense.lab.fabrication import dimensions
-from footsense.lab.fabrication.electronics import ELECTRONICS, has_element_lines
+from footsense.lab.fabrication.electronics import CHIPS, has_element_lines
 from footsense.lab.fabrication.parts.flex import (
     AD7147_GUARD_NET,
     COMMON_NET,
@@ -54,7 +54,7 @@ def write_documents(
         "board": board,
         "flexes": flexes,
         "has_element_lines": has_element_lines(board),
-        "electronics": ELECTRONICS[board],
+        "chips": CHIPS[board],
         "contacts": {flex.name: connector_contacts(flex, board) for flex in flexes},
         "tolerances": tolerances,
         "expected": expected,

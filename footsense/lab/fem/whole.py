@@ -55,7 +55,7 @@ class _WholeFoot(QuarterFoot):
         self._offset_mm = imperfection.sheet_offset_mm
         design = msgspec.structs.replace(design, gold=imperfection.gold or design.gold)
         mesh = build_mesh(design, size, self._offset_mm, quarter=False)
-        inner, outer = design.half_axis_bar_spans_mm[-1]
+        inner, outer = design.bar_span_mm
         in_bar = ng.IfPos(ng.x - inner, ng.IfPos(outer - ng.x, 1.0, 0.0), 0.0)
         bonded = 1.0 - (1.0 - imperfection.bonded_width_share) * in_bar
         layer = BondedLayer(design.pdms, design.spacer_mm, bonded_share=bonded)
