@@ -73,8 +73,8 @@ def fringe_pf(design: Capacitor, spacing_um: Vector) -> Vector:
         spacing_um: Distance of the electrodes at each cell, film and gap [um], shape (..., 324).
 
     Source:
-        Palmer, Trans. AIEE 56, 363, 1937, for strips; `lab/fem/cross_sections.py` solves the field, and differs by a
-        fortieth.
+        Palmer, Trans. AIEE 56, 363, 1937, for strips; a solve of the field in tests/lab/mechanics differs by less than
+        a fiftieth.
     """
     side_mm = np.sqrt(design.electrode_area_mm2)
     at_edge_um = spacing_um.reshape(*spacing_um.shape[:-1], -1, CELLS_PER_ELEMENT)[..., _IS_EDGE_CELL].mean(

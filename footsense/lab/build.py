@@ -92,7 +92,6 @@ FULL_BUILD = BuildSettings(
 BUILD_FROM_NOTHING = replace(
     FULL_BUILD,
     random_loads=200_000,
-    gaits=4_000,
     released=WindowTrainingSettings(channels=112),
     start_file=None,
 )

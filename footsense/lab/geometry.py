@@ -202,10 +202,9 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return (ROWS - 1) * self.pitch_mm + self.electrode_mm
 
     @property
-    def half_axis_bar_spans_mm(self) -> list[tuple[float, float]]:
-        """Begin and end of each bar between electrodes along the positive half axis [mm], from the middle outwards."""
-        half_mm = self.electrode_mm / 2.0
-        return [(half_mm, self.pitch_mm - half_mm)]
+    def bar_span_mm(self) -> tuple[float, float]:
+        """Begin and end of the bar between electrodes along the positive half axis [mm]."""
+        return self.electrode_mm / 2.0, self.pitch_mm - self.electrode_mm / 2.0
 
     @property
     def cavity_cell_area_mm2(self) -> float:

@@ -36,4 +36,4 @@ def readme(
         "FOOT_FILE": FOOT_FILE,
         "HELD_OUT_CASES": HELD_OUT_CASES,
     }
-    return render(__name__, names) + "\n"
+    return render("lab/model_card.md", names)

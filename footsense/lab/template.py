@@ -1,4 +1,4 @@
-"""Rendering of the report's Markdown pages from Jinja templates."""
+"""Text files from Jinja templates, which stand beside the code that fills them."""
 
 from collections.abc import Mapping
 from functools import cache
@@ -7,15 +7,14 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 
 
-def render(module: str, names: Mapping[str, Any]) -> str:
-    """Return the text rendered from the template `<module>.md.j2` beside a module.
+def render(file: str, names: Mapping[str, Any]) -> str:
+    """Return the text rendered from the template of a file.
 
     Args:
-        module: The module's dotted name.
+        file: Folder of the template in the package and name of the file, such as `lab/model_card.md`.
         names: Values of the template's variables; the template fails on any other variable.
     """
-    path = module.removeprefix("footsense.").replace(".", "/")
-    return _environment().get_template(f"{path}.md.j2").render(names).strip()
+    return _environment().get_template(f"{file}.j2").render(names).strip() + "\n"
 
 
 @cache

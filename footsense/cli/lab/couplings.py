@@ -24,11 +24,11 @@ def couplings(*, foot: str, out: Path | None) -> None:
     FOOT is a foot.yaml, a folder with one, or the name of a released foot type.
     """
     require("lab couplings", "lab,fabrication", *_REQUIRED_PACKAGES)
-    from footsense.lab.couplings.table import coupling_table, write_couplings
+    from footsense.lab.couplings.flex_couplings import couplings_text
     from footsense.lab.foot_file import load_foot
     from footsense.sim.couplings import COUPLINGS_FILE
 
     path = foot_description_path(foot)
     file = out or path.parent / COUPLINGS_FILE
-    write_couplings(file, coupling_table(load_foot(path)))
+    file.write_text(couplings_text(load_foot(path)), encoding="utf-8")
     click.echo(f"wrote {file}")

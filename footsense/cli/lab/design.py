@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from footsense.cli.lab import options
-from footsense.cli.options import FILE, FOLDER, json_option
+from footsense.cli.options import FOLDER, json_option
 from footsense.cli.tables import echo_json
 from footsense.errors import FootsenseError
 
@@ -63,12 +63,11 @@ _POSITIVE = click.FloatRange(min=0, min_open=True)
     "--process", default="flex", show_default=True, help="How the sheet is made, by name in its table."
 )
 @click.option(
-    "--material", multiple=True, help="Rubber or sheet at hand; can be repeated. Without it the whole table."
+    "--material",
+    multiple=True,
+    help="Rubber or sheet at hand, of footsense/lab/design/materials.yaml; can be repeated. Without it all.",
 )
-@click.option("--materials", type=FILE, help="Your own table of materials.")
-@click.option("--processes", type=FILE, help="Your own table of processes.")
 @click.option("--name", default="foot", show_default=True, help="Beginning of the names of the foot types.")
-@click.option("--keep", type=click.IntRange(1, 8), default=3, show_default=True, help="Feet to describe.")
 @click.option("--out", type=FOLDER, help="Folder for a foot.yaml of each; without it ./design.")
 @json_option
 def design(
@@ -84,10 +83,7 @@ def design(
     board: str,
     process: str,
     material: tuple[str, ...],
-    materials: Path | None,
-    processes: Path | None,
     name: str,
-    keep: int,
     out: Path | None,
     as_json: bool,
 ) -> None:
@@ -97,9 +93,9 @@ def design(
 
     Writes a description of each foot, ready for `footsense lab build`.
     """  # noqa: DOC501 - click shows this text
-    from footsense.lab.design import materials as material_table
-    from footsense.lab.design import processes as process_table
     from footsense.lab.design.design import design as design_feet
+    from footsense.lab.design.materials import load_materials
+    from footsense.lab.design.processes import load_processes
     from footsense.lab.design.requirements import (
         PITCH_DEG,
         Requirements,
@@ -110,7 +106,7 @@ def design(
     if (mass is None) == (max_load is None):
         raise click.UsageError("give one of --mass, --max-load")
     largest_n = max_load or largest_normal_load_n(mass or 0.0, legs, load_factor)
-    known = process_table.load_processes(processes or process_table.PROCESSES_TABLE)
+    known = load_processes()
     if process not in known:
         raise FootsenseError(f"--process {process}: not in the table, which has {', '.join(known)}")
     least_n = min_load or largest_n / 20.0
@@ -120,18 +116,17 @@ def design(
         raise FootsenseError(f"--ball {ball[0]:g} {ball[1]:g}: the least diameter comes first")
     folder = out or Path("design")
     options.ensure_writable_folder(folder)
-    at_hand = material_table.load_materials(materials or material_table.MATERIALS_TABLE)
     requirements = Requirements(
         largest_n,
         least_n,
         lean,
         error,
         ball,
-        at_hand.select_materials(material),
+        load_materials().select_materials(material),
         known[process],
         converter(board),
     )
-    feet, n_compared = design_feet(requirements, name, keep)
+    feet, n_compared = design_feet(requirements, name)
     paths = [foot.write(folder) for foot in feet]
     if as_json:
         echo_json(

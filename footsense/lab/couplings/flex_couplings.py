@@ -29,6 +29,7 @@ from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.parts.flex import Board, Flex, flexes
 from footsense.lab.fabrication.parts.gerber import Pad, Trace
 from footsense.lab.geometry import FootDesign
+from footsense.lab.template import render
 from footsense.sim.couplings import GROUND, BoardCouplings
 
 #: Boards whose couplings are computed.
@@ -57,6 +58,12 @@ class _Section(NamedTuple):
 
     strips: tuple[Strip, ...]
     length_mm: float
+
+
+def couplings_text(design: FootDesign) -> str:
+    """Return the content of a foot's `couplings.yaml`: its couplings with each board, a conductor a line."""
+    boards = {board: board_couplings(design, board) for board in BOARDS}
+    return render("lab/couplings/couplings.yaml", {"foot_type": design.foot_type, "boards": boards})
 
 
 def board_couplings(design: FootDesign, board: Board, n_segments: int = N_SEGMENTS) -> BoardCouplings:

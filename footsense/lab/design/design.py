@@ -15,9 +15,12 @@ from footsense.lab.design.shapes import SHEET_SIDE_OVER_RADIUS, FootShapeLibrary
 from footsense.lab.evaluation.force_range import CENTRED_DEG, LEANS_DEG
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import UM_PER_MM, FootDesign
+from footsense.lab.template import render
 
 #: Predicted over required range [1]: the ranges of solved tables are up to 2 % below the predicted ones.
 _RANGE_RESERVE_FACTOR = 1.02
+#: Feet that are described at most, of some sizes.
+_MAX_FEET = 3
 #: Loads of the training that no requirement changes: those of the paper's foot.
 _DEFAULT_LOAD_RANGE = {
     "friction_angle_deg": 35,
@@ -105,19 +108,18 @@ class DesignedFoot(NamedTuple):
         return path
 
 
-def design(requirements: Requirements, name: str, keep: int) -> tuple[list[DesignedFoot], int]:
+def design(requirements: Requirements, name: str) -> tuple[list[DesignedFoot], int]:
     """Return the most accurate foot of each of some sizes that meets the requirements, and how many were compared.
 
     Args:
         requirements: The input.
         name: Beginning of the foot types' names; the diameter of the ball follows.
-        keep: Number of feet at most.
 
     Raises:
         FootsenseError: No foot works.
     """
     library = FootShapeLibrary()
-    choice = choose_candidates(library, requirements, keep)
+    choice = choose_candidates(library, requirements, _MAX_FEET)
     feet, candidates, materials = [], choice.manufacturable, requirements.materials
     for rows in choice.rows_to_assess:
         own = f"{name}-{2.0 * candidates.ball_radius_mm[rows[0]]:g}mm".replace(".", "-")
@@ -174,25 +176,13 @@ def foot_text(name: str, description: str, feet: Candidates, row: int, requireme
         "pdms": requirements.materials.sheets[int(feet.sheet[row])],
     }
     loads = {"max_n": float(f"{TRAINED_RANGE_FACTOR * requirements.max_load_n:.3g}"), **_DEFAULT_LOAD_RANGE}
-    title = (
-        f"# Designed for normal loads of {requirements.min_load_n:.3g} to {requirements.max_load_n:.3g} N, upright or "
-        f"pitched by {PITCH_DEG:g} deg,\n"
-        f"# forces leaning from the normal by up to {requirements.lean_deg:g} deg, board {requirements.board.name}."
-    )
-    lines = [
-        title,
-        f"foot_type: {name}",
-        f"about: {description}",
-        "",
-        *(f"{key}: {value:g}" for key, value in lengths.items()),
-        "cavity: vented",
-        "",
-        *(
-            f"{key}: {{youngs_mpa: {one.material.youngs_mpa:g}, poisson: {one.poisson:g}}}   # {one.name}: {one.source}"
-            for key, one in solids.items()
-        ),
-        "",
-        "loads:",
-        *(f"  {key}: {value:g}" for key, value in loads.items()),
-    ]
-    return "\n".join(lines) + "\n"
+    names = {
+        "name": name,
+        "description": description,
+        "asked": requirements,
+        "PITCH_DEG": PITCH_DEG,
+        "lengths": lengths,
+        "solids": solids,
+        "loads": loads,
+    }
+    return render("lab/design/foot.yaml", names)

@@ -9,7 +9,7 @@ from footsense.errors import FootsenseError
 from footsense.lab.geometry import Material
 from footsense.strict_yaml import Problem, load
 
-#: The table that comes with the lab.
+#: The table.
 MATERIALS_TABLE = Path(__file__).with_name("materials.yaml")
 
 
@@ -97,13 +97,13 @@ class Materials(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return Materials(rubbers=rubbers or self.rubbers, sheets=sheets or self.sheets)
 
 
-def load_materials(path: Path = MATERIALS_TABLE) -> Materials:
-    """Read a table of rubbers and sheets from a YAML file.
+def load_materials() -> Materials:
+    """Return the table of rubbers and sheets.
 
     Raises:
-        ConfigError: It is missing or does not fit.
+        ConfigError: It does not fit.
     """
-    return load(path, Materials, check=_incomplete_material)
+    return load(MATERIALS_TABLE, Materials, check=_incomplete_material)
 
 
 def _incomplete_material(materials: Materials) -> Problem | None:

@@ -11,7 +11,7 @@ from footsense.lab.geometry import FootDesign
 from footsense.sim.fabrication import FootTolerances
 from footsense.strict_yaml import load
 
-#: The table that comes with the lab.
+#: The table.
 PROCESSES_TABLE = Path(__file__).with_name("processes.yaml")
 
 _Positive = Annotated[float, Meta(gt=0.0, le=1000.0)]
@@ -83,13 +83,13 @@ class AssumedProcess(NamedTuple):
     rms_deviations: FootTolerances
 
 
-def load_processes(path: Path = PROCESSES_TABLE) -> dict[str, Process]:
-    """Return the fabrication processes of a YAML table, by name.
+def load_processes() -> dict[str, Process]:
+    """Return the fabrication processes, by name.
 
     Raises:
-        ConfigError: It is missing or does not fit.
+        ConfigError: The table does not fit.
     """
-    return load(path, dict[str, Process])
+    return load(PROCESSES_TABLE, dict[str, Process])
 
 
 def assumed_process(design: FootDesign, name: str | None = None) -> AssumedProcess:

@@ -1,7 +1,4 @@
-"""Finite element solution of the shape library (half an hour on one core), which `shapes` interpolates.
-
-`python -m footsense.lab.design.solve_shapes models/aoyagi-3x3/foot.yaml FILE` writes it; after a change of the solid's
-model alone.
+"""Finite element solution of the shape library, which `shapes` interpolates: `footsense lab shapes`.
 
 Shapes with one number changed are solved on the mesh of a release. How far two changes are from multiplying is a small
 number that a coarse mesh knows well enough, as its own error is in all four solutions alike:
@@ -9,7 +6,6 @@ number that a coarse mesh knows well enough, as its own error is in all four sol
     ln A(i, j) - ln A(i) - ln A(j) + ln A(0)
 """
 
-import sys
 from collections.abc import Callable
 from itertools import combinations
 from pathlib import Path
@@ -27,7 +23,6 @@ from footsense.lab.design.shapes import (
     stored_steps,
 )
 from footsense.lab.fem.mesh import COARSE_MESH, RELEASED_MESH
-from footsense.lab.foot_file import load_foot
 from footsense.lab.geometry import FootDesign
 from footsense.lab.response import make_response
 
@@ -96,7 +91,3 @@ def _pair_interaction_corrections(ln_amplitude: Callable[[FootShape], Vector]) -
     )
     pairs[:, -2] = pairs[:, -1] * nearer / farther
     return pairs
-
-
-if __name__ == "__main__":
-    solve_shapes(load_foot(Path(sys.argv[1])), Path(sys.argv[2]), print)

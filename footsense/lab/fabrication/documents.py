@@ -1,6 +1,5 @@
 """Documents of a foot: overview, bill of materials, assembly steps with the tolerances, checklist."""
 
-import csv
 import math
 from pathlib import Path
 from typing import Any
@@ -9,7 +8,7 @@ from footsense.frames import ROWS
 from footsense.lab.design.materials import shore_a_from_modulus
 from footsense.lab.design.processes import AssumedProcess
 from footsense.lab.fabrication import dimensions
-from footsense.lab.fabrication.electronics import ELECTRONICS, has_element_lines
+from footsense.lab.fabrication.electronics import CHIPS, has_element_lines
 from footsense.lab.fabrication.parts.flex import (
     AD7147_GUARD_NET,
     COMMON_NET,
@@ -55,6 +54,7 @@ def write_documents(
         "board": board,
         "flexes": flexes,
         "has_element_lines": has_element_lines(board),
+        "chips": CHIPS[board],
         "contacts": {flex.name: connector_contacts(flex, board) for flex in flexes},
         "tolerances": tolerances,
         "expected": expected,
@@ -66,62 +66,8 @@ def write_documents(
         "film_material": film_material_text(design),
         "UM_PER_MM": UM_PER_MM,
     }
-    for name in ("README", "assembly", "checklist"):
-        text = render(f"footsense.lab.fabrication.{name.lower()}", names)
-        (folder / f"{name}.md").write_text(text + "\n")
-    with (folder / "bill-of-materials.csv").open("w", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["quantity", "unit", "part", "specification", "file", "planning value [USD]"])
-        writer.writerows(bill_of_materials(design, board, flexes))
-
-
-def bill_of_materials(
-    design: FootDesign, board: Board, flexes: tuple[Flex, Flex]
-) -> list[tuple[float | str | None, ...]]:
-    """Return the bill of materials of one foot: quantity, unit, part, specification, file, and value [USD] or None."""
-    shore, side, plate = shore_a_from_modulus(design.rubber.youngs_mpa), design.sheet_mm, design.plate_mm
-    rubber = f"Shore A {shore:.0f}, {design.rubber.youngs_mpa:g} MPa, cures at room temperature, shrinks below 0.5 %"
-    pdms = f"elastomer of {design.pdms.youngs_mpa:g} MPa (PDMS), {side:g} x {side:g} x {plate:g} mm"
-    on_board = has_element_lines(board)
-    dowel_mm = 2.0 * dimensions.MOULD_DOWEL_DIAMETER_MM + dimensions.MOULD_WALL_MM
-    rows: list[tuple[float | str | None, ...]] = [
-        (
-            round(rubber_mass_to_weigh_g(design), 1),
-            "g",
-            "rubber for two hemispheres",
-            rubber,
-            "step/hemisphere-*.step",
-        ),
-        (2, "piece", "plate", pdms, "assembly.md"),
-        (1, "piece", "spacer", f"{design.gap_um:g} um, film or PDMS, laser-cut", "spacer.dxf"),
-        (1, "piece", "film", f"{design.film_um:g} um of {film_material_text(design)}", "film.dxf"),
-        (1, "set", "mould", "aluminium or acrylic, hollows polished; serves all feet", "step/mould-*.step"),
-        (
-            2,
-            "piece",
-            "dowel pin of the mould",
-            f"{dimensions.MOULD_DOWEL_DIAMETER_MM:g} x {dowel_mm:g} mm",
-            "",
-        ),
-        (2, "piece", "dowel pin of the stack", "2 x 10 mm", ""),
-        (1, "piece", "socket of the leg", "aluminium or printed resin", "step/leg-socket.step"),
-        (dimensions.SCREWS, "piece", "screw of the socket", f"M2.5 x {10 if on_board else 6}", ""),
-        (1, "g", "adhesive", "silicone, flexible, cures at room temperature; primer for the rubber", ""),
-    ]
-    if on_board:
-        rows.append((1, "piece", "mount of the converter board", "printed resin", "step/board-mount.step"))
-    for flex in flexes:
-        count = len(flex.contacts)
-        layers = "two layers" if flex.n_layers > 1 else "one layer"
-        layers += f" of copper on polyimide, {count} contacts, 0.3 mm at the contacts"
-        plug = f"zero insertion force, pitch {dimensions.TAIL_CONTACT_PAD_PITCH_MM:g} mm, {count} contacts, for 0.3 mm"
-        rows.append((1, "piece", flex.name.replace("-", " "), layers, f"{flex.name}/"))
-        if not on_board:
-            rows.append((1, "piece", f"connector of the {flex.name.replace('-', ' ')}", plug, ""))
-    return [(*row, None) for row in rows] + [
-        (part.quantity, "piece", part.name, part.specification, "", part.price_usd)
-        for part in ELECTRONICS[board]
-    ]
+    for name in ("README.md", "assembly.md", "checklist.md", "bill-of-materials.csv"):
+        (folder / name).write_text(render(f"lab/fabrication/{name}", names))
 
 
 def film_material_text(design: FootDesign) -> str:

@@ -158,13 +158,13 @@ def name_mirrors_and_size_ground(shape: Any, size: MeshSize) -> None:
 def _is_bar_edge(design: FootDesign, edge: Any) -> bool:
     """Tell whether an edge is the border between a spacer bar and a cavity, not the crossing of two bars."""
     low, high = edge.bounding_box
-    bars_mm = design.half_axis_bar_spans_mm
-    borders = [border for bar in bars_mm for border in bar if border > 0.0]
+    start, end = design.bar_span_mm
     for axis, along in (("x", "y"), ("y", "x")):
         across = (getattr(low, axis), getattr(high, axis))
-        on_border = any(abs(abs(value) - border) < EQUAL_WITHIN_MM for border in borders for value in across)
-        middle = abs(getattr(edge.center, along))
-        crossing = any(start < middle < end for start, end in bars_mm)
+        on_border = any(
+            abs(abs(value) - border) < EQUAL_WITHIN_MM for border in (start, end) for value in across
+        )
+        crossing = start < abs(getattr(edge.center, along)) < end
         if on_border and abs(across[0] - across[1]) < EQUAL_WITHIN_MM and not crossing:
             return lies_in_coordinate_plane(edge, "z")
     return False

@@ -92,13 +92,6 @@ def square(x_mm: float, y_mm: float, side_mm: float) -> Any:
     return occ.WorkPlane(occ.Axes(corner, n=occ.Z, h=occ.X)).Rectangle(side_mm, side_mm).Face()
 
 
-def rectangle(x_mm: tuple[float, float], z_mm: tuple[float, float], name: str) -> Any:
-    """Return a rectangle of a two-dimensional cross-section as a named face."""
-    face = occ.MoveTo(x_mm[0], z_mm[0]).Rectangle(x_mm[1] - x_mm[0], z_mm[1] - z_mm[0]).Face()
-    face.name = name
-    return face
-
-
 def curved_mesh(
     shape: Any,
     parameters: MeshingParameters,

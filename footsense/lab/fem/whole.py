@@ -1,4 +1,4 @@
-"""Finite element model of a whole, unsymmetric foot, for assembly errors that break the symmetry.
+"""Finite element model of a whole, unsymmetric foot, for feet that are not put together as designed.
 
 The sheet stays where it is, the balls move. What an imperfection changes is added to the released table, so that the
 error of the coarse mesh of a whole foot cancels:
@@ -24,24 +24,22 @@ from footsense.lab.fem.elasticity import BondedLayer
 from footsense.lab.fem.mesh import COARSE_MESH, MeshSize, build_mesh
 from footsense.lab.fem.quarter import NO_MIRRORS, QuarterFoot
 from footsense.lab.geometry import FootDesign, ThinFilm
-from footsense.lab.response import fit_series, make_response, patch_series
+from footsense.lab.response import fit_series, patch_series
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Imperfection:
-    """Assembly errors of a foot: offset sheet, partly bonded bar.
+    """What of a foot is not as designed: offset sheet, partly bonded bar, plates stiffened by gold.
 
     Attributes:
         sheet_offset_mm: Centre of the sheet from the axis of the balls, along x and y [mm].
         bonded_width_share: Share of its width over which the bar between front and middle row is bonded [1].
+        gold: Film on both plates; None for what the design has.
     """
 
     sheet_offset_mm: tuple[float, float] = (0.0, 0.0)
     bonded_width_share: float = 1.0
-
-
-#: Put together as designed.
-NO_IMPERFECTION = Imperfection()
+    gold: ThinFilm | None = None
 
 
 class _WholeFoot(QuarterFoot):
@@ -55,8 +53,9 @@ class _WholeFoot(QuarterFoot):
 
     def __init__(self, design: FootDesign, imperfection: Imperfection, size: MeshSize) -> None:
         self._offset_mm = imperfection.sheet_offset_mm
+        design = msgspec.structs.replace(design, gold=imperfection.gold or design.gold)
         mesh = build_mesh(design, size, self._offset_mm, quarter=False)
-        inner, outer = design.half_axis_bar_spans_mm[-1]
+        inner, outer = design.bar_span_mm
         in_bar = ng.IfPos(ng.x - inner, ng.IfPos(outer - ng.x, 1.0, 0.0), 0.0)
         bonded = 1.0 - (1.0 - imperfection.bonded_width_share) * in_bar
         layer = BondedLayer(design.pdms, design.spacer_mm, bonded_share=bonded)
@@ -109,10 +108,9 @@ def with_added_response(
     )
 
 
-#: What differs, by name; the first is what whole feet are compared with.
-_SOLIDS: dict[str, Imperfection | ThinFilm] = {
-    "designed": NO_IMPERFECTION,
-    "gold": ThinFilm(thickness_um=0.1, youngs_mpa=79e3, poisson=0.42),
+#: Imperfections, by name.
+_IMPERFECTIONS = {
+    "gold": Imperfection(gold=ThinFilm(thickness_um=0.1, youngs_mpa=79e3, poisson=0.42)),
     "sheet_off_centre": Imperfection(sheet_offset_mm=(0.6, 0.0)),
     "bar_not_bonded": Imperfection(bonded_width_share=0.01),
 }
@@ -123,37 +121,16 @@ def other_tables(
     response: FootResponse,
     each: Callable[[Callable[[Any], Any], Iterable[Any]], list[Any]],
 ) -> dict[str, FootResponse]:
-    """Return the tables of `gold`, which stiffens the plates, `sheet_off_centre` and `bar_not_bonded`.
+    """Return the tables of feet with `gold`, which stiffens the plates, `sheet_off_centre` and `bar_not_bonded`.
 
     Args:
         design: The released foot.
         response: Its table.
         each: Applies a function to each of some parts, such as `compute_each`.
     """
-    solved = dict(zip(_SOLIDS, each(partial(_solve, design, response), _SOLIDS.values()), strict=True))
-    series, compliance = solved.pop("designed")
+    solve = partial(solve_whole_foot, design)
+    (series, compliance), *others = each(solve, [Imperfection(), *_IMPERFECTIONS.values()])
     return {
-        name: one
-        if isinstance(one, FootResponse)
-        else with_added_response(response, design, one[0] - series, one[1] - compliance)
-        for name, one in solved.items()
+        name: with_added_response(response, design, own - series, stiff - compliance)
+        for name, (own, stiff) in zip(_IMPERFECTIONS, others, strict=True)
     }
-
-
-def _solve(design: FootDesign, response: FootResponse, change: Imperfection | ThinFilm) -> Any:
-    """Return series and compliance of an imperfect whole foot, or the table of one with stiffer plates."""
-    if isinstance(change, ThinFilm):
-        return gilded_table(design, response, change)
-    return solve_whole_foot(design, change)
-
-
-def gilded_table(design: FootDesign, response: FootResponse, gold: ThinFilm) -> FootResponse:
-    """Return the response table of a foot whose plates are stiffened by a film."""
-    gilded, bare = (
-        make_response(one, COARSE_MESH) for one in (msgspec.structs.replace(design, gold=gold), design)
-    )
-    return replace(
-        response,
-        quarter_series=response.quarter_series + gilded.quarter_series - bare.quarter_series,
-        quarter_compliance=response.quarter_compliance + gilded.quarter_compliance - bare.quarter_compliance,
-    )

@@ -32,13 +32,12 @@ from footsense.lab.fem.paper_sensors import (
 )
 from footsense.lab.report import SAME_TABLE, StudyContext, Values, spread, table, target
 from footsense.lab.training.load_cases import paper_training, paper_verification, sensed_closure_um
-from footsense.lab.training.paper_network import RPROP, network_outputs, random_layers, stack, train, unstack
+from footsense.lab.training.paper_network import RPROP, network_outputs, stack, train, unstack
 from footsense.lab.training.paper_procedure import (
     HIDDEN_NEURONS,
     NetworkInput,
     PaperTraining,
     start_weights_by_seed,
-    verification_cases,
 )
 
 TITLE = "The paper's simulation, done again"
@@ -111,7 +110,7 @@ def _procedure(context: StudyContext, kind: NetworkInput, seeds: int, epochs: in
     )
     found: Values = {"direction_deg": {}, "magnitude_gf": {}}
     for magnitude_gf in (50.0, _MAGNITUDE_GF, 150.0):
-        cases = verification_cases(response, magnitude_gf)
+        cases = paper_verification(response, force_unit=magnitude_gf / _MAGNITUDE_GF)
         errors = [evaluate_force_errors(cases.force_n, network(cases.closure_um)) for network in networks]
         found["direction_deg"][f"{magnitude_gf:g}"] = [one.direction_deg for one in errors]
         found["magnitude_gf"][f"{magnitude_gf:g}"] = [one.magnitude_gf for one in errors]
@@ -121,7 +120,7 @@ def _procedure(context: StudyContext, kind: NetworkInput, seeds: int, epochs: in
         if kind == "closure"
         else capacitance_based_force_estimator(response.design, training)
     )
-    cases = verification_cases(response, _MAGNITUDE_GF)
+    cases = paper_verification(response)
     alone = evaluate_force_errors(cases.force_n, linear(cases.closure_um))
     return found | {"linear_direction_deg": alone.direction_deg, "linear_magnitude_gf": alone.magnitude_gf}
 
@@ -132,18 +131,11 @@ def _sizes(context: StudyContext, seeds: int, epochs: int) -> list[Values]:
     training = PaperTraining(response.design, paper_training(response))
     cases, rows = paper_verification(response), []
     for depth in (1, 2):
-        room = (9, *[max(neurons)] * depth, 3)
-        starts = [
-            random_layers(np.random.default_rng(seed), (9, *[n] * depth, 3), room)
-            for n in neurons
-            for seed in range(seeds)
-        ]
-        errors = [
-            evaluate_force_errors(cases.force_n, network(cases.closure_um))
-            for network in training.train(starts, epochs)
-        ]
-        for at, n in enumerate(neurons):
-            own = errors[at * seeds : (at + 1) * seeds]
+        for n in neurons:
+            own = [
+                evaluate_force_errors(cases.force_n, network(cases.closure_um))
+                for network in training.train(start_weights_by_seed(seeds, (9, *[n] * depth, 3)), epochs)
+            ]
             rows.append(
                 {
                     "layers": depth,

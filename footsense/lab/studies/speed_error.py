@@ -23,7 +23,7 @@ from footsense.lab.board_comparison.networks import NetworkSubject, train_and_ju
 from footsense.lab.board_comparison.page import LOADS, boards_text, draw_boards
 from footsense.lab.board_comparison.windows import BoardScan, judged_windows
 from footsense.lab.evaluation.fidelity_levels import compare_levels
-from footsense.lab.fabrication.electronics import chips
+from footsense.lab.fabrication.electronics import CHIPS
 from footsense.lab.fem.mesh import COARSE_MESH, RELEASED_MESH
 from footsense.lab.parallel import N_PROCESSES, compute_each
 from footsense.lab.report import SAME_TABLE, StudyContext, Values, table, target
@@ -146,8 +146,8 @@ def _board(key: str, scan: BoardScan) -> Values:
     return {
         "title": f"{config.board}, {('one bus', 'two buses')[len(config.buses) - 1]}",
         "board": config.board,
-        "n_chips": sum(chip.quantity for chip in chips(config.board)),
-        "price_usd": sum(chip.price_usd for chip in chips(config.board)),
+        "n_chips": len(CHIPS[config.board]),
+        "price_usd": sum(chip.price_usd for chip in CHIPS[config.board]),
         "sent_after_ms": 1e3 * scan.send_delay_s,
         "scan_ms": 1e3 * scan.step_s * config.scan_plan.n_conversions,
         "mean_age_ms": 1e3 * scan.mean_age_s,

@@ -4,7 +4,7 @@ A conversion reads one element at its own time; the truth that belongs to it is 
 estimated from it would be sent. Half a minute of walking is thousands of windows of readings.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +15,7 @@ from firmware_interface.chips import ad7147
 from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads, Specimen
-from footsense.frames import ELEMENTS, Mask, Vector
+from footsense.frames import ELEMENTS, Vector
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, FULL_SCALE_PF, NOISE_PF, sensed_closure_um
 from footsense.lab.training.random_gait import RandomGait
 from footsense.progress import progress_bar
@@ -266,10 +266,21 @@ def concatenate_gaits(gaits: list[GaitReadings]) -> GaitReadings:
     return GaitReadings(*arrays)
 
 
-def select_gaits(gaits: GaitReadings, chosen: Mask) -> GaitReadings:
-    """Return the gaits selected by a mask."""
-    arrays: list[Any] = [part[chosen] for part in gaits]
-    return GaitReadings(*arrays)
+def simulate_side_by_side(calls: Iterable[Any], m: int, jobs: int, words: str) -> GaitReadings:
+    """Return the readings of m gaits, each of a delayed call of joblib, joined along the first axis.
+
+    Args:
+        calls: The calls.
+        m: Number of gaits.
+        jobs: Processes.
+        words: Title of the progress bar.
+    """
+    made: list[GaitReadings] = []
+    with progress_bar(words, m) as gaits_done:
+        for gait in Parallel(n_jobs=jobs, return_as="generator")(calls):
+            made.append(gait)
+            gaits_done(len(made))
+    return concatenate_gaits(made)
 
 
 def random_gaits(
@@ -293,13 +304,8 @@ def random_gaits(
         scan: As of `simulate_random_gait_readings`.
     """
     seeds = np.random.SeedSequence(seed).spawn(m)
-    making = Parallel(n_jobs=jobs, return_as="generator")(
+    calls = (
         delayed(simulate_random_gait_readings)(response, np.random.default_rng(own), n, max_n, scan)
         for own in seeds
     )
-    made: list[GaitReadings] = []
-    with progress_bar("gaits", m) as gaits_done:
-        for gait in making:
-            made.append(gait)
-            gaits_done(len(made))
-    return concatenate_gaits(made)
+    return simulate_side_by_side(calls, m, jobs, "gaits")

@@ -85,27 +85,21 @@ def sensed_closure_um(foot: Specimen, normal: Vector, force_n: Vector) -> Vector
     return foot.response.design.closure_um(np.concatenate(parts), foot.unloaded_pf)
 
 
-def _centred_cases(foot: Specimen, direction: Vector, magnitudes_gf: list[float]) -> Cases:
-    """Return the cases of centred loads: every direction at every magnitude."""
+def _centred_cases(response: FootResponse, direction: Vector, magnitudes_gf: list[float]) -> Cases:
+    """Return the cases of centred loads on the designed foot: every direction at every magnitude."""
     force = np.concatenate([direction * magnitude * GRAM_FORCE_N for magnitude in magnitudes_gf])
-    return Cases(force, sensed_closure_um(foot, np.tile(direction, (len(magnitudes_gf), 1)), force))
+    normal = np.tile(direction, (len(magnitudes_gf), 1))
+    return Cases(force, sensed_closure_um(Specimen(response), normal, force))
 
 
-def paper_training(
-    response: FootResponse, deviations: Deviations | None = None, *, force_unit: float = 1.0
-) -> Cases:
+def paper_training(response: FootResponse, *, force_unit: float = 1.0) -> Cases:
     """Return the paper's 362 training cases (section III F): 181 directions at 50 and 150 gf, times a force unit."""
-    sizes_gf = [50.0 * force_unit, 150.0 * force_unit]
-    return _centred_cases(Specimen(response, deviations), paper_directions("training"), sizes_gf)
+    return _centred_cases(response, paper_directions("training"), [50.0 * force_unit, 150.0 * force_unit])
 
 
-def paper_verification(
-    response: FootResponse, deviations: Deviations | None = None, *, force_unit: float = 1.0
-) -> Cases:
+def paper_verification(response: FootResponse, *, force_unit: float = 1.0) -> Cases:
     """Return the paper's 180 test cases (section III F): angles shifted by 5 deg, 100 gf, times a force unit."""
-    return _centred_cases(
-        Specimen(response, deviations), paper_directions("verification"), [100.0 * force_unit]
-    )
+    return _centred_cases(response, paper_directions("verification"), [100.0 * force_unit])
 
 
 def leaning_normals(loads: LoadRange, rng: np.random.Generator, direction: Vector) -> Vector:

@@ -13,17 +13,9 @@ from typing import Literal
 import numpy as np
 
 from footsense.foot.capacitor import Capacitor
-from footsense.foot.force_errors import GRAM_FORCE_N
-from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import Specimen
 from footsense.frames import Vector
 from footsense.lab.evaluation.evaluate_models import ForceEstimator
-from footsense.lab.training.load_cases import (
-    Cases,
-    closure_of_designed_foot_um,
-    paper_verification,
-    sensed_closure_um,
-)
+from footsense.lab.training.load_cases import Cases, closure_of_designed_foot_um
 from footsense.lab.training.paper_network import (
     RPROP,
     Layers,
@@ -86,14 +78,6 @@ class PaperTraining:
         """Return force estimators trained by RPROP, one per set of start weights."""
         trained = train(RPROP, stack(starts), self.inputs, self.targets, epochs)
         return [self._force_estimator(network) for network in unstack(trained.layers)]
-
-
-def verification_cases(response: FootResponse, magnitude_gf: float) -> Cases:
-    """Return the paper's 180 test cases with forces of the given magnitude [gf]."""
-    direction = paper_verification(response).force_n
-    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    force_n = direction * magnitude_gf * GRAM_FORCE_N
-    return Cases(force_n, sensed_closure_um(Specimen(response), direction, force_n))
 
 
 def start_weights_by_seed(seeds: int, widths: Sequence[int] = (9, *HIDDEN_NEURONS, 3)) -> list[Layers]:

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from footsense.estimation.missing_elements import MISSING_SETS, Imputation
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, Capacitor
 from footsense.frames import ELEMENTS, ROWS, Vector
+from footsense.lab.training.descent import descend
 from footsense.lab.training.gait_readings import (
     AD7147_STAGE_S,
     PACE_REL,
@@ -38,7 +39,6 @@ from footsense.lab.training.gait_windows import (
     readings_since,
     readings_since_table,
 )
-from footsense.lab.training.initial_weights import random_weights, widened
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, NOISE_PF, LeaningCases
 from footsense.lab.training.losses import ANGLE_WEIGHT, force_likelihood_loss, mean_angle_and_size_error
 from footsense.lab.training.windowed_network import (
@@ -51,6 +51,7 @@ from footsense.lab.training.windowed_network import (
     expand_over_symmetries,
     features,
     linear_basis,
+    random_weights,
     run,
 )
 from footsense.progress import progress_bar
@@ -287,7 +288,7 @@ def train_windowed(
         settings: Sizes, steps and seed.
         imputation: Imputation of missing elements.
         report: Receives a line now and then.
-        start: Weights of a similar foot's network to start from; None for random ones.
+        start: Weights of a similar foot's network to start from, of as many channels; None for random ones.
 
     Returns:
         The weights, float32.
@@ -341,23 +342,16 @@ def train_windowed(
 
     def train_chunk(carry: tuple[Weights, Any], key: jax.Array, data: _TrainingConstants) -> Any:
         """Return the state after several training steps, as one compiled call."""
-
-        def step(carry: tuple[Weights, Any], key: jax.Array) -> tuple[tuple[Weights, Any], jax.Array]:
-            """Return the state after one training step, and the loss that it started from."""
-            free, state = carry
-            batch = _random_windows_batch(data, times_per_gait, settings.batch, key)
-            now, gradient = jax.value_and_grad(loss)(free, batch)
-            change, state = optimiser.update(gradient, state, free)
-            return (optax.apply_updates(free, change), state), now
-
-        return jax.lax.scan(step, carry, jax.random.split(key, _STEPS_PER_CALL))
+        return descend(
+            optimiser,
+            loss,
+            lambda key: _random_windows_batch(data, times_per_gait, settings.batch, key),
+            carry,
+            jax.random.split(key, _STEPS_PER_CALL),
+        )
 
     key, *rounds = jax.random.split(jax.random.PRNGKey(settings.seed), 1 + settings.steps // _STEPS_PER_CALL)
-    free = (
-        random_weights(key, settings.channels)
-        if start is None
-        else widened(unfold_whitening(start), settings.channels, key)
-    )
+    free = random_weights(key, settings.channels) if start is None else unfold_whitening(start)
     carry = (free, optimiser.init(free))
     compiled = jax.jit(train_chunk)
     with progress_bar("training", len(rounds)) as rounds_done:

@@ -10,19 +10,18 @@ from functools import partial
 from typing import NamedTuple, Self
 
 import numpy as np
-from joblib import Parallel, delayed
+from joblib import delayed
 
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads
 from footsense.frames import Vector
 from footsense.lab.training.gait_readings import (
     GaitReadings,
-    concatenate_gaits,
     draw_conditions,
     simulate_gait_readings,
+    simulate_side_by_side,
 )
 from footsense.lab.walkers.simulate import WalkerLog
-from footsense.progress import progress_bar
 from footsense.sim.loads.load_log import RowsBetween
 
 #: Force that one in a thousand loaded samples exceeds, over the largest force of the training [1], and its speed over
@@ -107,12 +106,5 @@ def walker_gaits(
         for leg in range(len(log.legs))
     ]
     rngs = [np.random.default_rng(own) for own in np.random.SeedSequence((seed, 1)).spawn(m)]
-    making = Parallel(n_jobs=jobs, return_as="generator")(
-        delayed(_walker_gait)(response, feet[rng.integers(len(feet))], n, max_n, rng) for rng in rngs
-    )
-    made: list[GaitReadings] = []
-    with progress_bar("walkers", m) as gaits_done:
-        for gait in making:
-            made.append(gait)
-            gaits_done(len(made))
-    return concatenate_gaits(made)
+    calls = (delayed(_walker_gait)(response, feet[rng.integers(len(feet))], n, max_n, rng) for rng in rngs)
+    return simulate_side_by_side(calls, m, jobs, "walkers")

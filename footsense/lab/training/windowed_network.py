@@ -137,6 +137,22 @@ def linear_basis() -> NDArray[np.float64]:
     return np.stack([*fz_maps, *(part for part in fxy_maps if part.any())])
 
 
+def random_weights(key: jax.Array, c: int) -> Weights:
+    """Return random initial weights; the linear path starts at zero, as a correction to least squares."""
+    n_inputs = FEATURES_PER_ELEMENT * ELEMENTS + FEATURES_PER_FOOT
+    k1, k2, k3, k4 = jax.random.split(key, 4)
+    return Weights(
+        linear=jnp.zeros(2 * len(linear_basis())),
+        w1=jax.random.normal(k1, (c, n_inputs)) / np.sqrt(12.0),
+        b1=0.5 * jax.random.normal(k2, (c,)),
+        w2=jax.random.normal(k3, (c, 8 * c)) / np.sqrt(8.0 * c),
+        b2=jnp.zeros(c),
+        out=0.3 * jax.random.normal(k4, (c, 7)) / np.sqrt(8.0 * c),
+        sigma=jnp.zeros((c, 7)),
+        sigma_offset=jnp.array([-3.0, -4.0, -2.5, -2.0]),
+    )
+
+
 def mean_closure_product_matrix(closure_rel: Vector) -> Vector:
     """Return second moments of closures over their rms, averaged over symmetries, shape (elements, elements)."""
     size = np.sqrt(np.mean(closure_rel**2, axis=-1, keepdims=True) + PATTERN_SOFTENING_REL**2)

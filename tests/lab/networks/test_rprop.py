@@ -115,20 +115,6 @@ def test_forward_is_the_formula() -> None:
 
 
 @pytest.mark.slow
-def test_silent_neurons_stay_silent_and_change_nothing() -> None:
-    """A network padded to more neurons learns what it learns without them."""
-    inputs = np.random.default_rng(2).uniform(size=(20, 4))
-    targets = inputs[:, :2] * inputs[:, 2:]
-    plain = stack([random_layers(np.random.default_rng(3), (4, 5, 5, 2))])
-    padded = stack([random_layers(np.random.default_rng(3), (4, 5, 5, 2), (4, 9, 9, 2))])
-    small = train(RPROP, plain, inputs, targets, 50)
-    large = train(RPROP, padded, inputs, targets, 50)
-    np.testing.assert_allclose(large.losses, small.losses, rtol=1e-3)
-    assert not np.asarray(large.layers[1].weight)[0, 5:].any()
-    assert not np.asarray(large.layers[1].weight)[0, :, 5:].any()
-
-
-@pytest.mark.slow
 def test_stacked_networks_learn_as_if_alone() -> None:
     """The second of two is the same by itself; the losses are those before each epoch, and they fall."""
     inputs = np.random.default_rng(4).uniform(size=(30, 3))

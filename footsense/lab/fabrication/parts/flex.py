@@ -119,7 +119,7 @@ class Flex:
     @property
     def trace_fan_length_mm(self) -> float:
         """Length along u over which the traces converge [mm]: at 45 degrees, or steeper near the socket."""
-        room = self.channel_floor_mm - dimensions.INNER_CORNER_RADIUS_MM - self.trace_fan_start_u_mm
+        room = self.channel_floor_mm - dimensions.INNER_CORNER_RADIUS_MM - _fan_start_u_mm(self.design)
         if self.has_gentle_fan:
             return room
         contact_v_mm = self.contact_v_mm
@@ -131,12 +131,7 @@ class Flex:
     @property
     def tail_start_u_mm(self) -> float:
         """Coordinate u from which the tail is straight [mm]: the traces have reached the contact pitch."""
-        return self.trace_fan_start_u_mm + self.trace_fan_length_mm + dimensions.INNER_CORNER_RADIUS_MM
-
-    @property
-    def trace_fan_start_u_mm(self) -> float:
-        """Coordinate u from which the traces converge [mm], outside the sheet."""
-        return _fan_start_u_mm(self.design)
+        return _fan_start_u_mm(self.design) + self.trace_fan_length_mm + dimensions.INNER_CORNER_RADIUS_MM
 
     @property
     def tail_end_u_mm(self) -> float:
@@ -159,7 +154,7 @@ class Flex:
         """Pads and traces of the copper layer."""
         side = self.design.electrode_mm
         contact_u = self.tail_end_u_mm - dimensions.TAIL_CONTACT_PAD_LENGTH_MM / 2.0
-        fan_end_u = self.trace_fan_start_u_mm + self.trace_fan_length_mm
+        fan_end_u = _fan_start_u_mm(self.design) + self.trace_fan_length_mm
         shapes: list[Pad | Trace] = [
             Pad(centre_mm=centre, size_mm=(side, side), aperture_function="Other,Electrode", net=net)
             for net, centre in self.electrodes
@@ -195,24 +190,17 @@ class Flex:
         if not self.shield_net:
             return []
         design = self.design
-        first_u, bare_u = -design.array_side_mm / 2.0, self.polymer_half_side_mm
+        first_u, bare_u = -design.array_side_mm / 2.0, _polymer_half_side_mm(self.design)
         end_u = self.tail_end_u_mm - dimensions.TAIL_CONTACT_PAD_LENGTH_MM
         overlap_u = bare_u + dimensions.MIN_COPPER_TO_EDGE_MM
         middles_v = (-design.pitch_mm / 2.0, design.pitch_mm / 2.0)
-        spans = [(first_u, overlap_u, v, design.bar_mm) for v in middles_v]
-        spans.append(
-            (bare_u, overlap_u, 0.0, design.pitch_mm + design.bar_mm)
-        )  # joins bars beside a narrow tail
-        spans.append((bare_u, end_u, 0.0, 2.0 * (self.tail_half_width_mm - dimensions.MIN_COPPER_TO_EDGE_MM)))
-        return [
-            Pad(
-                centre_mm=((from_u + to_u) / 2.0, v),
-                size_mm=(to_u - from_u, width),
-                aperture_function="Conductor",
-                net=self.shield_net,
-            )
-            for from_u, to_u, v, width in spans
+        in_tail = 2.0 * (self.tail_half_width_mm - dimensions.MIN_COPPER_TO_EDGE_MM)
+        spans = [
+            *(((first_u, overlap_u), v, design.bar_mm) for v in middles_v),
+            ((bare_u, overlap_u), 0.0, design.pitch_mm + design.bar_mm),  # joins bars beside a narrow tail
+            ((bare_u, end_u), 0.0, in_tail),
         ]
+        return [_rectangle(span_u, v, width, "Conductor", self.shield_net) for span_u, v, width in spans]
 
     @property
     def vias(self) -> list[Point]:
@@ -238,42 +226,28 @@ class Flex:
     @property
     def sheet_opening(self) -> list[Pad | Trace]:
         """Opening of a coverlay over the whole sheet area, whose coverlay is the foot's own layers."""
-        side = 2.0 * self.polymer_half_side_mm
-        return [Pad(centre_mm=(0.0, 0.0), size_mm=(side, side), aperture_function="Material")]
+        half = _polymer_half_side_mm(self.design)
+        return [_rectangle((-half, half), 0.0, 2.0 * half, "Material")]
 
     @property
     def coverlay_openings(self) -> list[Pad | Trace]:
         """Openings of the coverlay: the whole sheet area (bare electrodes) and the contacts."""
-        contacts, bare = 2.0 * self.tail_half_width_mm, dimensions.TAIL_CONTACT_PAD_LENGTH_MM
-        return [
-            *self.sheet_opening,
-            Pad(
-                centre_mm=(self.tail_end_u_mm - bare / 2.0, 0.0),
-                size_mm=(bare, contacts),
-                aperture_function="Material",
-            ),
-        ]
+        return [*self.sheet_opening, self._at_tail_end(dimensions.TAIL_CONTACT_PAD_LENGTH_MM)]
 
     @property
     def stiffener(self) -> list[Pad | Trace]:
         """The stiffener under the contacts, on the side without contacts."""
-        length = dimensions.STIFFENER_LENGTH_MM
-        size = (length, 2.0 * self.tail_half_width_mm)
-        return [
-            Pad(
-                centre_mm=(self.tail_end_u_mm - length / 2.0, 0.0), size_mm=size, aperture_function="Material"
-            )
-        ]
+        return [self._at_tail_end(dimensions.STIFFENER_LENGTH_MM)]
 
-    @property
-    def polymer_half_side_mm(self) -> float:
-        """Half the side of the polymer inside the ball [mm]: at least the sheet's, and clear of the copper."""
-        return _polymer_half_side_mm(self.design)
+    def _at_tail_end(self, length_mm: float) -> Pad:
+        """Return the last part of the tail in its whole width, no copper."""
+        end_u = self.tail_end_u_mm
+        return _rectangle((end_u - length_mm, end_u), 0.0, 2.0 * self.tail_half_width_mm, "Material")
 
     @cached_property
     def outline(self) -> Any:
         """Outline of the polymer, a shapely polygon in (u, v) [mm]."""
-        half, fan = self.polymer_half_side_mm, self.tail_half_width_mm
+        half, fan = _polymer_half_side_mm(self.design), self.tail_half_width_mm
         neck = shapely.Polygon(
             [(half, -half), (self.tail_start_u_mm, -fan), (self.tail_start_u_mm, fan), (half, half)]
         )
@@ -388,6 +362,19 @@ def _element_flex(design: FootDesign) -> Flex:
         wire_mm=width,
         has_gentle_fan=True,
         shield_net=AD7147_GUARD_NET,
+    )
+
+
+def _rectangle(
+    span_u_mm: tuple[float, float], v_mm: float, width_mm: float, aperture_function: str, net: str = ""
+) -> Pad:
+    """Return a rectangle by its span along u, the middle and the width across."""
+    from_u, to_u = span_u_mm
+    return Pad(
+        centre_mm=((from_u + to_u) / 2.0, v_mm),
+        size_mm=(to_u - from_u, width_mm),
+        aperture_function=aperture_function,
+        net=net,
     )
 
 

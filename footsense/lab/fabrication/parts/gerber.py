@@ -1,6 +1,8 @@
 """Writer of Gerber X2 layers and Excellon drill files: traces, rectangular pads, outlines, with nets and pins.
 
-Our own, because no library in use writes net attributes as commands. Coordinates in mm with six decimals.
+Our own, because libraries do not write the nets: gerbonara 1.6 reads the attributes of apertures and objects (commands
+TA and TO) and leaves them out where it writes, and gerber-writer 0.4 knows none of objects. Coordinates in mm with six
+decimals.
 
 Source:
     Ucamco, The Gerber Layer Format Specification, revision 2024.05, sections 4.8 and 5;
@@ -11,6 +13,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import footsense
+from footsense.lab.template import render
 
 #: A place on a layer (u, v) [mm].
 Point = tuple[float, float]
@@ -47,6 +50,11 @@ class Pad:
             return f"C,{self.size_mm[0]:.6f}"
         return f"R,{self.size_mm[0]:.6f}X{self.size_mm[1]:.6f}"
 
+    @property
+    def operations(self) -> list[tuple[Point, str]]:
+        """Places and Gerber operations that draw the pad: a flash."""
+        return [(self.centre_mm, "D03")]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trace:
@@ -69,6 +77,12 @@ class Trace:
         """Gerber aperture template and parameters of the trace."""
         return f"C,{self.width_mm:.6f}"
 
+    @property
+    def operations(self) -> list[tuple[Point, str]]:
+        """Places and Gerber operations that draw the trace: a move and lines."""
+        first, *others = self.points_mm
+        return [(first, "D02"), *((point, "D01") for point in others)]
+
 
 def gerber_text(function: str, part: str, shapes: Iterable[Pad | Trace]) -> str:
     """Return the content of a Gerber X2 file.
@@ -78,39 +92,16 @@ def gerber_text(function: str, part: str, shapes: Iterable[Pad | Trace]) -> str:
         part: Name of the part, for people.
         shapes: The shapes.
     """
-    negative = function.startswith("Soldermask")
-    lines = [
-        f"G04 {part}, seen from the side of its electrodes*",
-        f"%TF.GenerationSoftware,footsense,footsense,{footsense.__version__}*%",
-        f"%TF.FileFunction,{function}*%",
-        f"%TF.FilePolarity,{'Negative' if negative else 'Positive'}*%",
-        "%TF.Part,Single*%",
-        f"%TF.SameCoordinates,{part}*%",
-        "%FSLAX46Y46*%",
-        "%MOMM*%",
-        "%LPD*%",
-        "G01*",
-    ]
-    apertures: dict[tuple[str, str], int] = {}
-    for shape in shapes:
-        key = shape.aperture, shape.aperture_function
-        if key not in apertures:
-            apertures[key] = 10 + len(apertures)
-            lines += [
-                f"%TA.AperFunction,{shape.aperture_function}*%",
-                f"%ADD{apertures[key]}{shape.aperture}*%",
-                "%TD*%",
-            ]
-        lines.append(f"D{apertures[key]}*")
-        lines += [f"%TO.N,{shape.net}*%"] if shape.net else []
-        if isinstance(shape, Pad):
-            lines += [f"%TO.P,{shape.pin}*%"] if shape.pin else []
-            lines.append(f"{_gerber_coordinates(shape.centre_mm)}D03*")
-        else:
-            lines.append(f"{_gerber_coordinates(shape.points_mm[0])}D02*")
-            lines += [f"{_gerber_coordinates(point)}D01*" for point in shape.points_mm[1:]]
-        lines += ["%TD*%"] if shape.net else []
-    return "\n".join([*lines, "M02*", ""])
+    shapes = list(shapes)
+    apertures = dict.fromkeys((shape.aperture, shape.aperture_function) for shape in shapes)
+    names = {
+        "function": function,
+        "part": part,
+        "shapes": shapes,
+        "numbers": {aperture: number for number, aperture in enumerate(apertures, 10)},
+        "version": footsense.__version__,
+    }
+    return render("lab/fabrication/parts/layer.gbr", names)
 
 
 def drill_text(
@@ -124,23 +115,5 @@ def drill_text(
         n_layers: Layers of copper, 1 or 2.
         plated: Whether the holes connect them.
     """
-    holes = list(holes)
-    tools = {diameter: number for number, diameter in enumerate(sorted({d for _, d in holes}), 1)}
-    lines = [
-        "M48",
-        f"; {part}, seen from the side of its electrodes",
-        f"; #@! TF.FileFunction,{'Plated' if plated else 'NonPlated'},1,{n_layers},{'PTH' if plated else 'NPTH'}",
-        "METRIC",
-    ]
-    lines += [f"T{number:02d}C{diameter:.3f}" for diameter, number in tools.items()]
-    lines += ["%", "G05"]
-    for diameter, number in tools.items():
-        lines.append(f"T{number:02d}")
-        lines += [f"X{u:.3f}Y{v:.3f}" for (u, v), size in holes if size == diameter]
-    return "\n".join([*lines, "M30", ""])
-
-
-def _gerber_coordinates(point: Point) -> str:
-    """Return the X and Y words of a point, in Gerber's integer format."""
-    u, v = (round(1e6 * value) for value in point)
-    return f"X{u}Y{v}"
+    names = {"part": part, "holes": holes, "n_layers": n_layers, "plated": plated}
+    return render("lab/fabrication/parts/holes.drl", names)

@@ -106,33 +106,6 @@ def half_space_errors(material: Material, edge_mm: float = 0.5, order: int = 3) 
     return float(np.abs(dent_mm / hertz_mm - 1.0).max()), float(np.abs(stress_mpa / hertz_mpa - 1.0).max())
 
 
-def errors_of_analytic_cases(*, quick: bool) -> list[dict[str, Any]]:
-    """Return the errors of the elements against known solutions, for ordinary and nearly incompressible rubber."""
-    x, y, z = ng.x, ng.y, ng.z
-    linear = [
-        0.01 * x + 0.02 * y - 0.03 * z,
-        0.015 * x - 0.02 * y + 0.01 * z,
-        0.005 * y + 0.012 * z - 0.02 * x,
-    ]
-    smooth = [ng.sin(2 * y) * ng.cos(z), ng.sin(2 * z) * ng.cos(x), ng.sin(2 * x) * ng.cos(y)]
-    rows = []
-    for poisson in (0.49,) if quick else (0.49, 0.4999):
-        rubber = Material(5.2, poisson)
-        edges_mm = (1.0, 0.5) if quick else (0.5, 0.25)
-        by_edge = [np.array(block_errors(rubber, smooth, edge_mm, 2)) for edge_mm in edges_mm]
-        dent_rel, stress_rel = half_space_errors(rubber, 0.9, 2) if quick else half_space_errors(rubber)
-        rows.append(
-            {
-                "poisson": poisson,
-                "patch_test_rel": max(block_errors(rubber, linear, 0.5, 3)),
-                "orders": np.log2(by_edge[0] / by_edge[1]),
-                "dent_rel": dent_rel,
-                "stress_rel": stress_rel,
-            }
-        )
-    return rows
-
-
 def _half_space_mesh(edge_mm: float, order: int) -> Any:
     """Return the mesh of the quarter of a half ball, with the faces `pressed`, `cut`, and those of the mirrors."""
     quarter = occ.Box((0, 0, 0), (3.0 * _CUT_MM,) * 3)
