@@ -26,7 +26,7 @@ from footsense.lab.fem.mesh import COARSE_MESH, MeshSize, build_quarter_mesh
 from footsense.lab.fem.quarter import Parity, QuarterFoot
 from footsense.lab.foot_file import load_foot
 from footsense.lab.geometry import FootDesign, Material
-from footsense.lab.report import StudyContext, Values, table, target
+from footsense.lab.report import StudyContext, Values, target
 from footsense.lab.training.gait_readings import random_gaits
 from footsense.lab.training.gait_windows import windows_of
 from footsense.lab.training.load_cases import paper_verification
@@ -74,20 +74,6 @@ def compute(context: StudyContext) -> Values:
     )
     named = {heading: [case._asdict() for case in group] for heading, group in groups.items()}
     return {"groups": named, "n_passed": n_passed, "n": len(cases), "targets": [row]}
-
-
-def text(values: Values) -> str:
-    """Return the page's Markdown."""
-    groups = []
-    for heading, group in values["groups"].items():
-        told = [case | {"told": "yes" if case["passed"] else "**no**"} for case in group]
-        cells = "{name} | {expected} | {measured} | {told}"
-        groups.append(f"## {heading}\n\n" + table("case | expected | measured | as expected", told, cells))
-    summary = (
-        f"{values['n_passed']} of {values['n']} cases came out as expected. What the service says of broken lines is on the "
-        "page [faults](faults.md), what rubber near a Poisson's ratio of 0.5 costs on [physics](physics.md)."
-    )
-    return "\n\n".join([summary, *groups])
 
 
 def _refusal(name: str, error: type[Exception], attempt: Callable[[], object]) -> _Case:

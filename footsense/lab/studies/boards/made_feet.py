@@ -14,7 +14,7 @@ from footsense.estimation.settings import EstimationLimits, MountedFeet
 from footsense.foot.specimen import Specimen
 from footsense.frames import IS_USABLE_STATE, LEGS, Vector
 from footsense.lab.evaluation.walker_runs import LEAD_IN_S, SCAN_TIMES, WalkerLoads, read_walker, run_pipeline
-from footsense.lab.report import SAME_TABLE, Values, table
+from footsense.lab.report import Values
 from footsense.lab.studies.boards.many_feet import foot_loads
 from footsense.lab.studies.boards.walking_electrodes import walked_parameters
 from footsense.lab.walkers.split import NEW_JUDGEMENT
@@ -126,34 +126,31 @@ def _loads(max_n: float, number: int) -> dict[str, WalkerLoads]:
     return {"tripod": foot_loads([partial(walk.contact, "rf")], _TRIPOD_S), "standing": standing}
 
 
-def sigma_table(feet: Sequence[Sequence[Values]]) -> str:
-    """Return the table of the figures of made feet, as of `sigma_of_made_foot`."""
-    rows = []
+def sigma_rows(feet: Sequence[Sequence[Values]]) -> list[tuple[str, ...]]:
+    """Return the cells of the figures of made feet by calibration, of `sigma_of_made_foot`: the worst of all loads."""
+    rows: list[tuple[str, ...]] = []
     for calibration in (NOT, STOOD, WALKED, PRESSED):
-        for board in SCAN_TIMES:
-            for load in ("tripod", "standing"):
-                own = [
-                    row
-                    for foot in feet
-                    for row in foot
-                    if (row["calibration"], row["board"], row["load"]) == (calibration, board, load)
-                ]
-                if not own:
-                    continue
-                within = np.array([row["within"] for row in own])
-                error_n2, sigma_n2 = (np.array([row[key] for row in own]) for key in ("error_n2", "sigma_n2"))
-                ratio = np.sqrt(sigma_n2.mean(axis=0) / error_n2.mean(axis=0))
-                rows.append(
-                    (
-                        f"{calibration}, `{board}`, {load}",
-                        str(len(own)),
-                        " / ".join(f"{one:.0%}" for one in within.mean(axis=0)),
-                        f"{within.mean(axis=1).min():.0%}",
-                        f"{np.mean([row['beyond'] for row in own]):.1%}",
-                        " / ".join(f"{one:.1f}" for one in ratio),
-                    )
-                )
-    return table(
-        f"feet as made, {SAME_TABLE} | feet | within 2 sigma, fx / fy / fz | worst foot | beyond 5 | sigma over error, rms",
-        rows,
-    )
+        own = [row for foot in feet for row in foot if row["calibration"] == calibration]
+        if not own:
+            continue
+        by_case: dict[tuple[str, str], list[Values]] = {}
+        for row in own:
+            by_case.setdefault((row["board"], row["load"]), []).append(row)
+        within = [np.mean([row["within"] for row in rows_of], axis=0) for rows_of in by_case.values()]
+        ratio = [
+            np.sqrt(
+                np.mean([r["sigma_n2"] for r in rows_of], axis=0)
+                / np.mean([r["error_n2"] for r in rows_of], axis=0)
+            )
+            for rows_of in by_case.values()
+        ]
+        rows.append(
+            (
+                calibration,
+                f"{np.min(within):.0%}",
+                f"{min(np.mean(row['within']) for row in own):.0%}",
+                f"{max(np.mean([row['beyond'] for row in rows_of]) for rows_of in by_case.values()):.1%}",
+                f"{np.min(ratio):.1f} to {np.max(ratio):.1f}",
+            )
+        )
+    return rows

@@ -30,8 +30,8 @@ _TOUCHES_END_S, OWN_END_S, _QUICK_END_S, _QUICK_COUPLED_END_S = 20.0, 6.0, 3.2, 
 OWN_FEET, _OWN_SCENES = ("hexapod-2kg", "quadruped-12kg"), ("hexapod_2kg", "quadruped_12kg")
 #: Scenes whose touchdowns count; only their loads do, not what breaks in them.
 _TOUCHING = ("measured_walk", "tripod")
-#: Most that the clocks of the converters are off by in the walks with couplings, as the data sheets allow [1]. Other times
-#: of the host [us].
+#: Most that the clocks of the converters are off by in the walks with couplings, as the data sheets allow [1]. Other
+#: times of the host [us].
 _CLOCKS_REL = {"ad7147": ad7147.CLOCK_TOLERANCE_REL, "fdc1004": fdc1004.CLOCK_TOLERANCE_REL}
 _OTHER_HOST_COSTS_US = 40, 150
 #: Time in the air before those walks [s]: chips whose gain is off are found and tared in it at any time of the host.
@@ -85,15 +85,13 @@ def service_figures(context: StudyContext, board: str) -> Values:
             own_end_s,
         ),
     }
-    walked = compute_each(_walk, [*touching, *own.values()], scheduler=context.scheduler)
-    forces = [one["forces"] for one in walked[len(touching) :]]
     coupled = _coupled_walks(context, studied, _QUICK_COUPLED_END_S if context.quick else OWN_END_S)
-    coupled_forces = compute_each(_forces, list(coupled.values()), scheduler=context.scheduler)
+    contacts = compute_each(_contacts, touching, scheduler=context.scheduler)
+    forces = compute_each(_forces, [*own.values(), *coupled.values()], scheduler=context.scheduler)
     return {
-        "couplings": dict(zip(coupled, coupled_forces, strict=True)),
-        "touchdowns": touchdown_figures([one["contacts"] for one in walked[: len(touching)]])
-        | {"end_s": touches_end_s},
-        "own_robots": dict(zip(own, forces, strict=True)),
+        "couplings": dict(zip(coupled, forces[len(own) :], strict=True)),
+        "touchdowns": touchdown_figures(contacts) | {"end_s": touches_end_s},
+        "own_robots": dict(zip(own, forces, strict=False)),
     }
 
 
@@ -137,38 +135,30 @@ def touchdown_figures(contacts: list[Values]) -> Values:
     """Return when touchdowns are told in walks, whose scores are those of `contact_scores`.
 
     Returns:
-        `n_touches`; `delay_p50_ms` and `delay_p99_ms`, from the first load to the sending, infinite of a touch that is
-        not told; `back_dated_rms_ms`, error of the times of those that are; `n_in_air`, told without a touch.
+        `delay_p50_ms` and `delay_p99_ms`, from the first load to the sending, infinite of a touch that is
+        not told; `back_dated_rms_ms`, error of the times of those that are.
     """
     n_missed = sum(one["n_missed"] for one in contacts)
     delays_ms = [delay for one in contacts for delay in one["delays_ms"]] + n_missed * [np.inf]
     errors_ms = [error for one in contacts for error in one["errors_ms"]]
     return {
-        "n_touches": len(delays_ms),
         "delay_p50_ms": np.percentile(delays_ms, 50, method="nearest"),
         "delay_p99_ms": np.percentile(delays_ms, 99, method="nearest"),
         "back_dated_rms_ms": np.sqrt(np.mean(np.square(errors_ms))),
-        "n_in_air": sum(one["n_in_air"] for one in contacts),
     }
 
 
-def _walk(walk: ServiceWalk) -> Values:
-    """Return `forces`, the figures of `force_figures`, and `contacts`, those of `contact_scores`."""
+def _contacts(walk: ServiceWalk) -> Values:
+    """Return the figures of `contact_scores`."""
     load: Any = walk.scene.load
     published = simulate_scene(walk.scene, walk.config, walk.end_s)
-    return {
-        "forces": _force_figures(published, walk.config),
-        "contacts": contact_scores(_outputs(published, walk.scene), load.peak_force_n),
-    }
+    return contact_scores(_outputs(published, walk.scene), load.peak_force_n)
 
 
 def _forces(walk: ServiceWalk) -> Values:
     """Return the figures of `force_figures`."""
-    return _force_figures(simulate_scene(walk.scene, walk.config, walk.end_s), walk.config)
-
-
-def _force_figures(published: PublishedWalk, config: Config) -> Values:
-    max_n = load_foot(foot_type_folder(config.foot_type) / FOOT_FILE).loads.max_n
+    published = simulate_scene(walk.scene, walk.config, walk.end_s)
+    max_n = load_foot(foot_type_folder(walk.config.foot_type) / FOOT_FILE).loads.max_n
     return force_figures(
         published.force_n,
         published.sigma_n,

@@ -1,8 +1,8 @@
 """Electrodes that a robot finds while it walks: errors of the forces before and after, on feet of board `ad7147`.
 
-Each foot is made with the paper's tolerances, with creeping rubber. Readings are those of the logs of walking robots, one
-after the other and again; the service's pipeline says when the foot is in the air. Directions are judged in the foot's
-own frame: no walk tells the mount.
+Each foot is made with the paper's tolerances, with creeping rubber. Readings are those of the logs of walking robots,
+one after the other and again; the service's pipeline says when the foot is in the air. Directions are judged in the
+foot's own frame: no walk tells the mount.
 """
 
 from collections.abc import Mapping, Sequence
@@ -49,7 +49,7 @@ DRIFT_REL = 0.04
 _SCANS_AT_ONCE = 145
 #: Time constant of elements that creep [s].
 _CREEP_S = 0.3
-#: Loads of a walk by which a foot is judged, their least size over the 98th percentile [1], and draws of its electrodes.
+#: Loads of a walk by which a foot is judged, their least size over the 98th percentile [1]; draws of its electrodes.
 _N_LOADS, _MIN_SIZE_REL, _DRAWS = 150, 0.2, 16
 
 
@@ -310,7 +310,7 @@ def as_markdown(figures: Mapping[str, Sequence[Values]]) -> str:
         )
     marks = " | ".join(f"{mark_s:g} s" for mark_s in _MARKS_S)
     return table(
-        f"direction, mean and worst foot [deg] | feet | before | {marks} | within 2 sigma | would gain, proposed of these | "
-        "proposed and worse | by over 2 sigma",
+        f"direction, mean and worst foot [deg] | feet | before | {marks} | within 2 sigma"
+        " | would gain, proposed of these | proposed and worse | by over 2 sigma",
         rows,
     )
