@@ -1,17 +1,10 @@
 """Page `design`: range and errors of the released feet, as predicted from solved shapes and from their own tables."""
 
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from footsense.estimation.calibrated_feet import CalibratedFeet
-from footsense.estimation.network import steady_windows
-from footsense.foot.capacitor import GAP_CLOSED_THRESHOLD_REL
-from footsense.foot.directions import angles_between_deg, random_directions
-from footsense.foot.parameters import FootParameters
-from footsense.foot.specimen import Deviations, Specimen
-from footsense.frames import Vector
+from footsense.foot.specimen import Specimen
 from footsense.lab.design.assess import assess_foot
 from footsense.lab.design.materials import MATERIALS_TABLE, load_materials
 from footsense.lab.design.processes import PROCESSES_TABLE, assumed_process
@@ -26,8 +19,8 @@ from footsense.lab.evaluation.force_range import (
     friction_loads,
     load_limits,
 )
-from footsense.lab.report import StudyContext, Values, spread, target, target_at_most
-from footsense.lab.training.load_cases import FULL_SCALE_PF, leaning_normals
+from footsense.lab.report import StudyContext, Values, target, target_at_most
+from footsense.lab.training.load_cases import FULL_SCALE_PF
 from footsense.sim.fabrication import draw_deviations
 
 TITLE = "Designed feet: range and error, predicted and built"
@@ -35,9 +28,6 @@ TITLE = "Designed feet: range and error, predicted and built"
 PAPER_FOOT = "aoyagi-3x3"
 _FOOT_TYPES = (PAPER_FOOT, "hexapod-2kg", "quadruped-12kg")
 _N_FEET, _QUICK_N_FEET, SEED = 20, 2, 0
-_N_LOADS, _QUICK_N_LOADS, _MIN_ELEVATION_DEG = 600, 150, 32.0
-#: Borders of the bands of the largest closure over the element's own gap [1].
-_BANDS_REL = (0.0, 0.5, 0.7, MAX_READABLE_CLOSURE_REL, 0.9, np.inf)
 #: Largest difference of a built figure from its prediction [1].
 _TARGET_DIFFERENCE_REL = 0.04
 #: Errors in words, and the factor to their unit.
@@ -50,7 +40,7 @@ _ERRORS = {
 
 
 def compute(context: StudyContext) -> Values:
-    """Assess each released foot from shapes and from its table, then made feet with the released network."""
+    """Assess each released foot from shapes and from its table, then the ranges of made feet."""
     library, feet = FootShapeLibrary(context.table_file(SHAPES_FILE)), {}
     for file in (MATERIALS_TABLE, PROCESSES_TABLE):
         context.table_file(file)
@@ -61,7 +51,6 @@ def compute(context: StudyContext) -> Values:
     designed = {name: foot for name, foot in feet.items() if name != PAPER_FOOT}
     return {
         "n_feet": _QUICK_N_FEET if context.quick else _N_FEET,
-        "n_loads": _QUICK_N_LOADS if context.quick else _N_LOADS,
         "feet": feet,
         "targets": [
             target_at_most(
@@ -108,59 +97,7 @@ def _foot(context: StudyContext, library: FootShapeLibrary) -> Values:
         **{name: assess_foot(design, one, requirements)._asdict() for name, one in tables.items()},
         "process": process.process_name,
         "made_range_n": [float(load_limits(Specimen(response, one), leaning).range_n.min()) for one in made],
-        "bands": _bands(context, made, quick=context.quick),
     }
-
-
-def _bands(context: StudyContext, made: list[Deviations], *, quick: bool) -> list[Values]:
-    """Return the network's errors by closure band, on made feet of known parameters."""
-    n, rows = _QUICK_N_LOADS if quick else _N_LOADS, []
-    feet = [_closures_and_errors(context, deviations, n, number) for number, deviations in enumerate(made)]
-    for low, high in pairwise(_BANDS_REL):
-        inside = [part[1:, (part[0] >= low) & (part[0] < high)] for part in feet]
-        read = [part[:, ~np.isnan(part[0])] for part in inside]
-        n_inside, pooled = sum(part.shape[1] for part in inside), np.concatenate(read, axis=1)
-        row = {"low": low, "high": min(high, 9.0), "share": n_inside / (n * len(feet))}
-        row["with_force"] = pooled.shape[1] / max(1, n_inside)
-        if pooled.size:
-            row["by_foot_deg"] = [float(part[0].mean()) for part in read if part.shape[1]]
-            row["p95_deg"] = float(np.percentile(pooled[0], 95))
-            row["magnitude_rel"], row["within_2_sigma"] = pooled[1:].mean(axis=1).tolist()
-        rows.append(row)
-    return rows
-
-
-def _closures_and_errors(context: StudyContext, own: Deviations, n: int, number: int) -> Vector:
-    """Return largest closure over its gap, direction error [deg], magnitude error [1], share within 2 sigma, (4, n).
-
-    The loads are random, leaning as in the training, from a tenth of its largest force on; NaN is no force.
-    """
-    loads, trained, foot = context.foot_design.loads, context.trained_inputs, Specimen(context.response, own)
-    rng = np.random.default_rng((SEED, number, 1))
-    direction = random_directions(rng, 2 * n, _MIN_ELEVATION_DEG)
-    normal = leaning_normals(loads, rng, direction)
-    reached = np.flatnonzero(normal[:, 2] >= np.sin(np.radians(_MIN_ELEVATION_DEG)))[:n]
-    normal, force_n = normal[reached], direction[reached] * rng.uniform(0.1, 1.0, (n, 1)) * loads.max_n
-    capacitance_pf = foot.capacitance_pf(normal, force_n)
-    stray_pf = np.broadcast_to(foot.stray_pf, foot.unloaded_pf.shape)
-    closure_um = trained.design.closure_um(capacitance_pf - stray_pf, foot.unloaded_pf - stray_pf)
-    closure_rel = closure_um / trained.design.gap_um
-    known = FootParameters(
-        stray_pf=stray_pf,
-        unloaded_pf=foot.unloaded_pf,
-        gap_um=foot.gap_um,
-        stiffness_rel=own.stiffness_rel,
-        mount=own.mount,
-    )
-    read = (closure_rel <= trained.max_usable_closure_rel(foot.gap_um)).all(axis=1)
-    read &= capacitance_pf.max(axis=1) < FULL_SCALE_PF
-    windows = steady_windows(np.where(read[:, None], closure_rel, 0.0))
-    load = CalibratedFeet(context.network, [known] * n).estimate(windows)
-    size_n = np.linalg.norm(force_n, axis=1)
-    magnitude_rel = np.abs(np.linalg.norm(load.force_n, axis=1) / size_n - 1.0)
-    within = (np.abs(load.force_n - force_n) <= 2.0 * load.sigma_n).mean(axis=1)
-    found = np.stack([angles_between_deg(force_n, load.force_n), magnitude_rel, within])
-    return np.concatenate([[(closure_um / foot.gap_um).max(axis=1)], np.where(read, found, np.nan)])
 
 
 def _differences(foot: Values) -> list[float]:
@@ -191,14 +128,12 @@ def shown(values: Values) -> Values:
             for name, foot in feet.items()
             for error, (words, factor) in _ERRORS.items()
         ],
-        "bands": [(f"`{name}`", *_band_cells(row)) for name, foot in feet.items() for row in foot["bands"]],
         "differences": [f"{100 * max(_differences(foot)):.1f} % ({name})" for name, foot in feet.items()],
         "n_short": _n_short(feet),
         "leans_deg": LEANS_DEG,
         "pitch_deg": PITCH_DEG,
         "centred_deg": CENTRED_DEG,
         "max_readable_rel": MAX_READABLE_CLOSURE_REL,
-        "closed_rel": GAP_CLOSED_THRESHOLD_REL,
         "full_scale_pf": FULL_SCALE_PF,
         "trained_factor": TRAINED_RANGE_FACTOR,
     }
@@ -215,13 +150,3 @@ def _predicted_and_built(foot: Values, error: str, factor: float) -> tuple[str, 
     predicted, built = (np.atleast_1d(foot[source][error]) for source in ("predicted", "built"))
     cells = (" / ".join(f"{factor * one:.2g}" for one in part) for part in (predicted, built))
     return *cells, f"{100 * np.abs(built / predicted - 1.0).max():.1f}"
-
-
-def _band_cells(row: Values) -> tuple[str, ...]:
-    """Return the cells of a closure band, dashes where no foot has a force."""
-    band = f"{row['low']:g} " + (f"to {row['high']:g}" if row["high"] < 1 else "and more")
-    cells = (band, f"{row['share']:.0%}", f"{row['with_force']:.0%}")
-    if len(row.get("by_foot_deg", ())) < 2:
-        return *cells, *"----"
-    errors = (f"{row['p95_deg']:.1f}", f"{row['magnitude_rel']:.1%}", f"{row['within_2_sigma']:.0%}")
-    return *cells, spread(row["by_foot_deg"]), *errors

@@ -39,6 +39,7 @@ from footsense.sim.fabrication import PAPER_TOLERANCES, draw_deviations
 from footsense.sim.rubber import draw_floor_pf
 
 _BOARD, _SEED = "ad7147", 0
+_SCAN = SCAN_TIMES[_BOARD]
 #: Radius of the ball [mm]; the pull of its mass is left out here.
 _BALL_RADIUS_MM = 10.0
 #: Gain in direction that is worth a calibration [deg].
@@ -83,18 +84,15 @@ def walked_foot_figures(
 
     Returns:
         `before_deg`; by time `after_deg`, `within_2_sigma`, share of the components, by the network's sigma and what is
-        not known of the electrodes, and `turned_deg` with `turned_sigma_deg`; in the end `objection`, empty if they
-        are proposed.
+        not known of the electrodes, and `turned_sigma_deg`; in the end `objection`, empty if they are proposed.
     """
     own = draw_deviations(models.response, PAPER_TOLERANCES, _SEED, number)
     if stiffness_rel is not None:
         own = replace(own, stiffness_rel=stiffness_rel)
     foot = OffTableFoot(models.response, own, error_rel=off_table_rel)
-    design, random = models.response.design, np.random.default_rng(number)
+    random = np.random.default_rng(number)
     gain_rel = 1.0 + DRIFT_REL * random.normal(size=ELEMENTS) if known == "drifted" else np.ones(ELEMENTS)
-    parameters = FootParameters(
-        stray_pf=np.zeros(ELEMENTS), unloaded_pf=foot.unloaded_pf, gap_um=np.full(ELEMENTS, design.gap_um)
-    )
+    parameters = _as_designed(foot)
     if known != "design":
         parameters = FootParameters(
             stray_pf=np.asarray(own.stray_pf),
@@ -103,23 +101,15 @@ def walked_foot_figures(
             gain_rel=gain_rel,
         )
     loads = _loads(logs, number, max(marks_s))
-    readings = read_walker(foot, loads, number, scan=SCAN_TIMES[_BOARD], viscous_rel=1.0)
+    readings = read_walker(foot, loads, number, scan=_SCAN, viscous_rel=1.0)
     is_cut = (readings.t_s > cut_s) & (readings.elements == ELEMENTS // 2)
     readings.capacitance_pf[:, 0][is_cut] = foot.stray_pf[ELEMENTS // 2]
     scans = _scans(models, readings, parameters)
     scans = scans._replace(capacitance_pf=_worn_pf(models, foot, scans, creep_rel, floor_pf, random))
-    of = FootIdentity(
-        leg="lf",
-        foot=f"foot-{number:04d}",
-        foot_type=models.response.foot_type,
-        board=_BOARD,
-        calibration="" if known == "design" else "0" * 64,
-        since="",
-    )
-    walking, first = WalkingFoot(models, of, parameters), 0
+    walking, first = _walking(models, parameters, calibration="" if known == "design" else "0" * 64), 0
     normal, true_n = _judging_loads(loads, random)
     read_pf = foot.capacitance_pf(normal, true_n)
-    usable = read_pf.max(axis=1) < SCAN_TIMES[_BOARD].range_end_pf
+    usable = read_pf.max(axis=1) < _SCAN.range_end_pf
     read_pf, true_n = read_pf[usable], true_n[usable] @ own.mount.T / (1.0 + own.stiffness_rel)
 
     def forces(stray_pf: Vector, gain_rel: Vector) -> tuple[Vector, Vector]:
@@ -143,11 +133,21 @@ def walked_foot_figures(
         figures[f"{mark_s:g} s"] = {
             "after_deg": float(angles_between_deg(force_n, true_n).mean()),
             "within_2_sigma": float((np.abs(force_n - true_n) < 2.0 * np.hypot(sigma_n, spread_n)).mean()),
-            "turned_deg": walking.turn and walking.turn.deg,
             "turned_sigma_deg": walking.turn and walking.turn.sigma_deg,
-            "objection": walking.objection,
         }
-    return figures | {"objection": walking.objection, "n_instants": walking.n_instants}
+    return figures | {"objection": walking.objection}
+
+
+def _as_designed(foot: Specimen) -> FootParameters:
+    """Return what the service knows of a foot that nobody calibrated: the design, and its unloaded readings."""
+    gap_um = np.full(ELEMENTS, foot.response.design.gap_um)
+    return FootParameters(stray_pf=np.zeros(ELEMENTS), unloaded_pf=foot.unloaded_pf, gap_um=gap_um)
+
+
+def _walking(models: DesignModels, known: FootParameters, calibration: str = "") -> WalkingFoot:
+    foot_type = models.response.foot_type
+    of = FootIdentity(leg="lf", foot="", foot_type=foot_type, board=_BOARD, calibration=calibration, since="")
+    return WalkingFoot(models, of, known)
 
 
 def walked_parameters(
@@ -163,17 +163,8 @@ def walked_parameters(
         peak_n: Peak to which the loads are scaled [N].
     """
     foot = Specimen(models.response, draw_deviations(models.response, PAPER_TOLERANCES, _SEED, number))
-    known = FootParameters(
-        stray_pf=np.zeros(ELEMENTS),
-        unloaded_pf=foot.unloaded_pf,
-        gap_um=np.full(ELEMENTS, models.response.design.gap_um),
-    )
-    loads = _loads(logs, number, walk_s, peak_n)
-    readings = read_walker(foot, loads, number, scan=SCAN_TIMES[_BOARD], viscous_rel=1.0)
-    of = FootIdentity(
-        leg="lf", foot="", foot_type=models.response.foot_type, board=_BOARD, calibration="", since=""
-    )
-    walking = WalkingFoot(models, of, known)
+    known, loads = _as_designed(foot), _loads(logs, number, walk_s, peak_n)
+    readings, walking = read_walker(foot, loads, number, scan=_SCAN, viscous_rel=1.0), _walking(models, known)
     walking.add(_scans(models, readings, known))
     walking.judge()
     return walking.parameters()
