@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from functools import partial
 from itertools import chain, pairwise
-from typing import NamedTuple
 
 import numpy as np
 
@@ -24,17 +23,11 @@ from footsense.lab.evaluation.walker_judgement import (
     slip_figures,
 )
 from footsense.lab.evaluation.walker_runs import HOST_COST_US, SCAN_TIMES, ScanTimes, ToldMotion
-from footsense.lab.evaluation.walker_targets import (
-    WalkerLimits,
-    WantedContacts,
-    contact_targets,
-    slip_targets,
-    walker_targets,
-)
 from footsense.lab.foot_file import FOOT_FILE
 from footsense.lab.report import StudyContext, Values
-from footsense.lab.studies.boards.service_walks import OWN_END_S, OWN_FEET
-from footsense.lab.studies.boards.targets import BoardLimits, board_figures, board_targets
+from footsense.lab.studies.boards.many_feet import missing_figures, step_figures, wrong_gain_figures
+from footsense.lab.studies.boards.service_walks import OWN_END_S, OWN_FEET, service_figures
+from footsense.lab.studies.boards.targets import WANTED, board_targets
 from footsense.lab.training.export import OnnxNetwork
 from footsense.lab.training.gait_readings import (
     GaitReadings,
@@ -77,72 +70,9 @@ _SHAKING = ShakingLoads(9950, 20.0)
 _QUICK_RUNS, _QUICK_NEW_RUNS, _QUICK_S = slice(1, None, 12), slice(0, None, 13), 4.0
 
 
-class Wanted(NamedTuple):
-    """Limits of a board and of walking robots on it."""
-
-    board: BoardLimits
-    robots: WalkerLimits
-    contacts: WantedContacts
-
-
-#: What is wanted of each board; the default board is the first.
-_BOARDS: dict[str, Wanted] = {
-    "ad7147": Wanted(
-        BoardLimits(
-            direction_deg={
-                "random gaits": (0.8, 2.2),
-                "measured walk": (0.3, 0.8),
-                "tripod": (0.32, 0.6),
-                "trot of a robot dog": (0.65, 1.3),
-            },
-            fz_mn=10.0,
-            settled_ms=(20.0, 25.0),
-            wrong_gains_deg=(1.8, 0.5),
-            touchdown_ms=(3.0, 5.0, 1.5),
-            missing_deg=(0.7, 1.5, 1.5),
-            own_robots=((0.6, 0.01), (1.0, 0.02)),
-        ),
-        WalkerLimits(direction_deg=(2.0, 4.5), mid_stance_deg=(1.0,), shaking_deg=1.6),
-        WantedContacts(
-            found_share=0.98,
-            in_air_share=0.024,
-            twice_share=0.02,
-            told_ms=(8.0, 28.0),
-            slow_p95_ms=40.0,
-            dragged_share=0.9,
-            with_motion=(0.99, 0.005, 0.02),
-        ),
-    ),
-    "fdc1004": Wanted(
-        BoardLimits(
-            direction_deg={
-                "random gaits": (2.4, 10.0),
-                "measured walk": (1.3, 4.5),
-                "tripod": (1.3, 5.2),
-                "trot of a robot dog": (3.0, 9.0),
-            },
-            fz_mn=17.0,
-            settled_ms=(68.0, 77.0),
-            wrong_gains_deg=(2.1, 1.3),
-            touchdown_ms=(4.5, 5.9, 3.8),
-        ),
-        WalkerLimits(),
-        WantedContacts(
-            found_share=0.936,
-            in_air_share=0.021,
-            twice_share=0.04,
-            told_ms=(16.0, 45.0),
-            slow_p95_ms=80.0,
-            dragged_share=0.8,
-            with_motion=(0.98, 0.021, 0.04),
-        ),
-    ),
-}
-
-
 def compute(context: StudyContext) -> Values:
     """Judge the feet of each board by walking robots; estimate the force in random gaits and walks."""
-    boards = {board: _figures(context, board, wanted) for board, wanted in _BOARDS.items()}
+    boards = {board: _figures(context, board) for board in WANTED}
     return {
         "n_random_gaits": 6 if context.quick else _N_GAITS,
         "boards": boards,
@@ -154,13 +84,21 @@ def compute(context: StudyContext) -> Values:
     }
 
 
-def _figures(context: StudyContext, board: str, wanted: Wanted) -> Values:
+def _figures(context: StudyContext, board: str) -> Values:
     """Return the figures of a board."""
     feet = [context, *(context.foot(name) for name in OWN_FEET)]
     folders = [foot.files(FOOT_FILE, RESPONSE_FILE, NETWORK_FILE) for foot in feet]
     gaits = _gaits(context, OnnxNetwork(folders[0] / NETWORK_FILE), SCAN_TIMES[board])
     context.report_progress(f"{board}: gaits done")
-    figures = board_figures(context, board)
+    figures = {
+        "gaits": gaits,
+        "step": step_figures(context, board),
+        "missing": missing_figures(context, board),
+        "wrong_gains": wrong_gain_figures(context, board),
+    }
+    context.report_progress("steps, missing elements and wrong gains done")
+    figures |= service_figures(context, board)
+    context.report_progress("walks through the service done")
     conditions = Conditions(board)
 
     def judged_under(runs: Sequence[JudgingLoads], conditions: Conditions = conditions) -> list[JudgedRun]:
@@ -177,36 +115,26 @@ def _figures(context: StudyContext, board: str, wanted: Wanted) -> Values:
     new_judged, slow_judged = judged_under((*new, *RECORDED_JUDGEMENT)), judged_under(slow)
     shaking = judged_under((_SHAKING._replace(duration_s=_QUICK_S) if context.quick else _SHAKING,))
     moving = judged_under((*new, *RECORDED_JUDGEMENT, *slow), conditions._replace(motion=ToldMotion()))
-    contacts, contacts_with_motion = contact_figures([*new_judged, *slow_judged]), contact_figures(moving)
     context.report_progress("walking robots done")
     by_foot = {
         name: [one for one in judged if one.foot_type == name]
         for name in dict.fromkeys(one.foot_type for one in judged)
     }
-    own_type, together = context.foot_design.foot_type, {name: pooled(runs) for name, runs in by_foot.items()}
-    others = {name: together[name] for name in together if name != own_type}
+    own_type = context.foot_design.foot_type
     context.drawings[f"motion-{board}.png"] = draw(by_foot[own_type], f"{own_type}, board {board}")
     walked = [*judged, *new_judged]
     slips = {"all": slip_figures(walked)}
     slips |= {name: slip_figures([one for one in walked if one.foot_type == name]) for name in by_foot}
-    shaken = [_row(one) for one in shaking]
-    return {
-        "gaits": gaits,
-        **figures,
-        "runs": {name: [_row(one) for one in by_foot[name]] for name in others},
-        "pooled": together,
+    figures |= {
+        "runs": {name: [_row(one) for one in by_foot[name]] for name in list(by_foot)[1:]},
+        "pooled": {name: pooled(runs) for name, runs in by_foot.items()},
         "new_gaits": _contacts_by_gait(new_judged),
-        "shaking": shaken,
-        "contacts": contacts,
-        "contacts_with_motion": contacts_with_motion,
+        "shaking": [_row(one) for one in shaking],
+        "contacts": contact_figures([*new_judged, *slow_judged]),
+        "contacts_with_motion": contact_figures(moving),
         "slips": slips,
-        "targets": [
-            *board_targets(gaits, figures, wanted.board),
-            *walker_targets(together[own_type], others, shaken, wanted.robots),
-            *contact_targets(contacts, contacts_with_motion, wanted.contacts),
-            *slip_targets(slips["all"]),
-        ],
     }
+    return figures | {"targets": board_targets(board, figures)}
 
 
 def _row(one: JudgedRun) -> Values:

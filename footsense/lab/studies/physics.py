@@ -10,25 +10,22 @@ import msgspec
 import numpy as np
 
 from footsense.foot.directions import directions
-from footsense.foot.response_table import FootResponse
 from footsense.frames import Vector
 from footsense.lab.analytic_cases import errors_of_analytic_cases
 from footsense.lab.fem.centred import (
     MIN_COUNTED_REL,
     largest_change,
     solve_centred_closures,
-    variation_inside_cells,
 )
-from footsense.lab.fem.cross_sections import cavity_strip_closure_um, fringe_readings
+from footsense.lab.fem.cross_sections import fringe_readings
 from footsense.lab.fem.mesh import COARSE_MESH, FINEST_MESH, RELEASED_MESH, MeshSize
-from footsense.lab.geometry import FootDesign, Material, ThinFilm
+from footsense.lab.geometry import ThinFilm
 from footsense.lab.report import StudyContext, Values, target_at_most
 from footsense.lab.response import make_response
 
 TITLE = "How exact the solid is"
 
-#: The paper's floor (section III A), and the films on the faces of its cavities (section IV).
-_CEMENT = Material(25_000.0, 0.15)
+#: The films on the faces of the paper's cavities (section IV).
 _FILMS = {
     "gold": ("0.1 um of gold on both plates", ThinFilm(thickness_um=0.1, youngs_mpa=79e3, poisson=0.42)),
     "parylene": (
@@ -66,17 +63,11 @@ def compute(context: StudyContext) -> Values:
     design, response, quick = context.foot_design, context.response, context.quick
     meshes, closure_um_per_n = _meshes(context)
     worst = max(meshes[-1 if quick else 2]["error_rel"], default=float("nan"))
-    cell_um, cell_rel = variation_inside_cells(response, _ELEVATIONS_DEG)
     return {
         "meshes": meshes,
         "made": None if quick else _table_from_nothing(context),
         "analytic": errors_of_analytic_cases(quick=quick),
         "films": _films(context, closure_um_per_n),
-        "floor_rel": _change_by_a_cement_floor(design, response),
-        "spacer": [cavity_strip_closure_um(design, solid=solid) for solid in (False, True)],
-        "spacer_um": 1e3 * design.spacer_mm,
-        "cell_um": cell_um,
-        "cell_rel": cell_rel,
         "stated": {name: response.provenance[name] for name in _STATED},
         "fringe": fringe_readings(design, _FRINGE_CLOSURES_UM),
         "targets": []
@@ -157,20 +148,8 @@ def _films(context: StudyContext, bare_um: Vector) -> Values:
     return changes
 
 
-def _change_by_a_cement_floor(design: FootDesign, response: FootResponse) -> float:
-    """Return the largest relative change of a closure at 1 N if the floor is the paper's cement and not rigid [1]."""
-    soft, hard = design.rubber.plane_strain_modulus_mpa, _CEMENT.plane_strain_modulus_mpa
-    up = np.array([0.0, 0.0, 1.0])
-    rigid_um, cement_um = (
-        replace(response, hertz_modulus_mpa=modulus_mpa).free_element_closures_um(up, up)
-        for modulus_mpa in (soft, 1.0 / (1.0 / soft + 1.0 / hard))
-    )
-    return largest_change(cement_um, rigid_um)
-
-
 def shown(values: Values) -> Values:
     """Return the rows of meshes, and of what is simplified or left out."""
-    law_um, solid_um = values["spacer"]
     elevations = " / ".join(f"{elevation:g}" for elevation in _ELEVATIONS_DEG)
     simplified = [
         (
@@ -179,19 +158,6 @@ def shown(values: Values) -> Values:
             " / ".join(f"{one:+.2%}" for one in by),
         )
         for name, by in values["films"].items()
-    ]
-    simplified += [
-        (
-            "floor of cement, taken as rigid",
-            "closure of an element, worst, 1 N",
-            f"{100 * values['floor_rel']:+.0e}%",
-        ),
-        (
-            f"spacer of {values['spacer_um']:g} um that may bulge, taken as a law",
-            "closure of a cavity under pressure, plane strain",
-            f"{law_um / solid_um - 1.0:+.3%}",
-        ),
-        ("cells of 6 x 6, each flat", "capacitance of an element at 1 N, worst", f"{values['cell_rel']:.3%}"),
     ]
     simplified += [
         (name, "response, rms over rms", f"{values['stated'][key]:.3%}") for key, name in _STATED.items()

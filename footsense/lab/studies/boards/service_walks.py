@@ -33,7 +33,7 @@ _TOUCHING = ("measured_walk", "tripod")
 #: Most that the clocks of the converters are off by in the walks with couplings, as the data sheets allow [1]. Other
 #: times of the host [us].
 _CLOCKS_REL = {"ad7147": ad7147.CLOCK_TOLERANCE_REL, "fdc1004": fdc1004.CLOCK_TOLERANCE_REL}
-_OTHER_HOST_COSTS_US = 40, 150
+_SLOW_HOST_US = 150
 #: Time in the air before those walks [s]: chips whose gain is off are found and tared in it at any time of the host.
 _COUPLED_LEAD_IN_S = 0.5
 #: Legs of the quadruped, and period of its trot [s].
@@ -57,8 +57,8 @@ def service_figures(context: StudyContext, board: str) -> Values:
 
     Returns:
         `touchdowns`, of the measured walk and the tripod on the studied foot, as of `touchdown_figures`, with the end
-        of each, `end_s`; `own_robots`, those of `force_figures` by robot; `couplings`, the same of walks with and
-        without couplings, by scene, what is known of them, and the host's time of a transaction.
+        of each, `end_s`; `own_robots`, those of `force_figures` by robot; `couplings`, the same of walks with
+        couplings, by what is known of them, and the host's time of a transaction.
     """
     robot = robot_of(context, board)
     files = (FOOT_FILE, RESPONSE_FILE, NETWORK_FILE)
@@ -100,34 +100,31 @@ def _scene(context: StudyContext, name: str) -> Scene:
 
 
 def _coupled_walks(context: StudyContext, robot: Config, end_s: float) -> dict[str, ServiceWalk]:
-    """Return walks without couplings, with them on feet of which nobody knows, and with known strays; of other hosts.
+    """Return walks with couplings, on feet of which nobody knows, and with known strays; those on a slow host too.
 
     Chips are as their data sheets allow them to be.
     """
     walk, couplings = _scene(context, "measured_walk"), Couplings()
-    chips = Ad7147Effects(gain_rel=ad7147.GAIN_TOLERANCE_REL, offset_rel=ad7147.GAIN_TOLERANCE_REL)
-    walk = replace(
-        walk,
-        lead_in_s=_COUPLED_LEAD_IN_S,
-        effects=replace(walk.effects, ad7147=chips, converter_clock_rel=_CLOCKS_REL[robot.board]),
+    effects = replace(
+        walk.effects,
+        ad7147=Ad7147Effects(gain_rel=ad7147.GAIN_TOLERANCE_REL, offset_rel=ad7147.GAIN_TOLERANCE_REL),
+        converter_clock_rel=_CLOCKS_REL[robot.board],
+        couplings=couplings,
     )
-    coupled = replace(walk, effects=replace(walk.effects, couplings=couplings))
+    coupled = replace(walk, lead_in_s=_COUPLED_LEAD_IN_S, effects=effects)
     table = load_couplings(context.files(COUPLINGS_FILE) / COUPLINGS_FILE)
     stray_pf = unloaded_stray_pf(
         robot.board, table.boards[robot.board], couplings, context.response.design.unloaded_pf
     )
     known = replace(robot, stray_pf=dict.fromkeys(robot.legs, tuple(stray_pf)))
-    tripod = replace(_scene(context, "tripod"), lead_in_s=_COUPLED_LEAD_IN_S, effects=coupled.effects)
     return {
-        f"measured walk, none, {HOST_COST_US} us": ServiceWalk(walk, robot, end_s),
         f"measured walk, strays not known, {HOST_COST_US} us": ServiceWalk(coupled, robot, end_s),
         **{
             f"measured walk, strays known, {cost_us} us": ServiceWalk(
                 replace(coupled, host_cost_us=cost_us), known, end_s
             )
-            for cost_us in (HOST_COST_US, *_OTHER_HOST_COSTS_US)
+            for cost_us in (HOST_COST_US, _SLOW_HOST_US)
         },
-        f"tripod, strays known, {HOST_COST_US} us": ServiceWalk(tripod, known, end_s),
     }
 
 
