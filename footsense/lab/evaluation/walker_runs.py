@@ -67,6 +67,12 @@ class WalkerLoads(NamedTuple):
     acceleration_m_s2: Vector
     friction: float
 
+    @classmethod
+    def of_still_feet(cls, t_s: Vector, force_n: Vector, normal: Vector) -> "WalkerLoads":
+        """Return the loads of feet without mass that do not slide, on a ground of unknown friction."""
+        still = np.zeros_like(force_n)
+        return cls(t_s, force_n, normal, still, force_n, still[:, :, 2], np.nan)
+
     def at(self, t_s: Vector) -> "WalkerLoads":
         """Return the loads at other times [s], linearly interpolated."""
         rows = RowsBetween.of(self.t_s, t_s)

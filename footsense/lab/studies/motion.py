@@ -9,7 +9,7 @@ import numpy as np
 from footsense.foot.contact_coordinates import normals_of_stereographic_points
 from footsense.foot.directions import angles_between_deg
 from footsense.foot.network_card import NETWORK_FILE
-from footsense.frames import ELEMENTS, LEGS, Leg, Vector
+from footsense.frames import ELEMENTS, Leg, Vector
 from footsense.lab.evaluation import walker_scores
 from footsense.lab.evaluation.evaluate_models import RESPONSE_FILE
 from footsense.lab.evaluation.walker_judgement import (
@@ -25,7 +25,12 @@ from footsense.lab.evaluation.walker_judgement import (
 from footsense.lab.evaluation.walker_runs import HOST_COST_US, SCAN_TIMES, ScanTimes, ToldMotion
 from footsense.lab.foot_file import FOOT_FILE
 from footsense.lab.report import StudyContext, Values
-from footsense.lab.studies.boards.many_feet import missing_figures, step_figures, wrong_gain_figures
+from footsense.lab.studies.boards.many_feet import (
+    missing_figures,
+    smooth_tripod,
+    step_figures,
+    wrong_gain_figures,
+)
 from footsense.lab.studies.boards.service_walks import OWN_END_S, OWN_FEET, service_figures
 from footsense.lab.studies.boards.targets import WANTED, board_targets
 from footsense.lab.training.export import OnnxNetwork
@@ -48,7 +53,7 @@ from footsense.lab.walkers.slow_loads import SlowLoads
 from footsense.lab.walkers.split import KNOWN_JUDGEMENT, NEW_JUDGEMENT, RECORDED_JUDGEMENT, WalkerRun
 from footsense.ports import LoadEstimator, Window
 from footsense.sim.loads.ground_load import ContactSource
-from footsense.sim.loads.walk import Walk, measured_walk, smooth_stance_reaction, trot_reaction
+from footsense.sim.loads.walk import Walk, measured_walk, trot_reaction
 
 TITLE = "Force in motion, and what a gait controller is told"
 
@@ -201,19 +206,12 @@ def _gaits(context: StudyContext, network: LoadEstimator, scan: ScanTimes) -> li
         context.response, _SEED, n_gaits, round(_GAIT_S / scan.conversion_s), max_n, scan=conditions
     )
     walk = measured_walk(1.0, 10.0, _WALK_START_NS)
-    tripod = Walk(
-        dict.fromkeys(LEGS, smooth_stance_reaction(0.6, 1.0, 0.15)),
-        period_ns=1_200_000_000,
-        duty_rel=0.6,
-        pitch_deg=10.0,
-        from_ns=_WALK_START_NS,
-    )
     sides = ("rf", "lf")
     errors, walked = partial(_errors, network), partial(_walked, context, conditions)
     return [
         errors("random gaits", random),
         errors("measured walk", walked(walk, sides)),
-        errors("tripod", walked(tripod, ("rf",))),
+        errors("tripod", walked(smooth_tripod(1.0, _WALK_START_NS), ("rf",))),
         errors("trot of a robot dog", walked(_dog_trot(), tuple(_TROT_RISES_S))),
         errors("walk, rubber creeps and lags", walked(walk, sides, viscous_rel=1.0)),
         *(

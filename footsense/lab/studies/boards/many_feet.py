@@ -35,7 +35,7 @@ from footsense.lab.studies.boards.force_figures import force_figures
 from footsense.lab.training.load_cases import leaning_loads
 from footsense.sim.fabrication import uncertainty_of_parameters
 from footsense.sim.loads.ground_load import RampContact
-from footsense.sim.loads.walk import measured_walk
+from footsense.sim.loads.walk import Walk, measured_walk, smooth_stance_reaction
 
 #: Keys of feet whose gains are off, uncalibrated and calibrated by standing, in `wrong_gain_figures`.
 UNCALIBRATED, BY_STANDING = "1 %", "1 %, calibrated by standing"
@@ -52,7 +52,7 @@ _PEAK_N, _PITCH_DEG = 1.0, 10.0
 #: Period in which loads are sampled [s].
 _SAMPLING_S = 0.25e-3
 #: Postures of a calibration by standing, sizes of their loads, lowest elevation [deg]; noise of a mean reading [pF].
-_N_POSTURES, _POSTURE_GF, _MIN_POSTURE_ELEVATION_DEG = 20, (20.0, 120.0), 70.0
+N_POSTURES, POSTURE_GF, MIN_POSTURE_ELEVATION_DEG = 20, (20.0, 120.0), 70.0
 _MEAN_READING_PF = 0.15e-3
 #: Seed of the readings' noise.
 _SEED = 990_002
@@ -158,9 +158,7 @@ def _calibrated_by_standing(context: StudyContext, gain: Vector) -> list[FootPar
         DesignModels.load(context.files(FOOT_FILE, RESPONSE_FILE, NETWORK_FILE)),
         context.response.design,
     )
-    loads = leaning_loads(
-        context.foot_design.loads, _N_POSTURES, _POSTURE_GF, _MIN_POSTURE_ELEVATION_DEG, _SEED
-    )
+    loads = leaning_loads(context.foot_design.loads, N_POSTURES, POSTURE_GF, MIN_POSTURE_ELEVATION_DEG, _SEED)
     unloaded_pf = np.full((len(loads.force_n), ELEMENTS), design.unloaded_pf)
     closure_um = design.closure_um(
         Specimen(context.response).capacitance_pf(loads.normal, loads.force_n), unloaded_pf
@@ -186,11 +184,8 @@ def _read_walk(context: StudyContext, board: str, n: int) -> WalkerReadings:
     walk = measured_walk(_PEAK_N, _PITCH_DEG, round(1e9 * LEAD_IN_S))
     feet = [partial(walk.contact, leg) for leg in _SIDES]
     loads = foot_loads(feet, _QUICK_WALK_S if context.quick else _WALK_S)
-    force_n, normal, slip_m_s = (
-        np.tile(part, (1, n, 1)) for part in (loads.force_n, loads.normal, loads.slip_m_s)
-    )
-    each = loads._replace(force_n=force_n, normal=normal, slip_m_s=slip_m_s, felt_n=force_n)
-    return _read(context, board, each)
+    force_n, normal = (np.tile(part, (1, n, 1)) for part in (loads.force_n, loads.normal))
+    return _read(context, board, WalkerLoads.of_still_feet(loads.t_s, force_n, normal))
 
 
 def foot_loads(feet: Sequence[FootLoad], end_s: float) -> WalkerLoads:
@@ -201,8 +196,17 @@ def foot_loads(feet: Sequence[FootLoad], end_s: float) -> WalkerLoads:
         np.array([[getattr(contact, part) for contact in row] for row in contacts])
         for part in ("force_n", "normal")
     )
-    return WalkerLoads(
-        t_s, force_n, normal, np.zeros_like(force_n), force_n, np.zeros(force_n.shape[:2]), np.nan
+    return WalkerLoads.of_still_feet(t_s, force_n, normal)
+
+
+def smooth_tripod(peak_n: float, start_ns: int) -> Walk:
+    """Return a tripod with rounded stances of a peak [N], from a time on [ns]."""
+    return Walk(
+        dict.fromkeys(LEGS, smooth_stance_reaction(0.6, peak_n, 0.15)),
+        period_ns=1_200_000_000,
+        duty_rel=0.6,
+        pitch_deg=10.0,
+        from_ns=start_ns,
     )
 
 

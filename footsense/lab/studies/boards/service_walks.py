@@ -175,10 +175,7 @@ def _outputs(published: PublishedWalk, scene: Scene) -> WalkerOutputs:
         ]
     )
     t_s = np.asarray(published.t_sent_ns * 1e-9, np.float64)
-    force_n = published.true_force_n
-    loads = WalkerLoads(
-        t_s, force_n, normal, np.zeros_like(force_n), force_n, np.zeros(force_n.shape[:2]), np.nan
-    )
+    loads = WalkerLoads.of_still_feet(t_s, published.true_force_n, normal)
     return WalkerOutputs(
         t_s=t_s,
         true=loads,

@@ -182,15 +182,7 @@ def _loads(logs: Sequence[WalkerLog], number: int, walk_s: float, peak_n: float 
         for name in ("force_n", "normal")
     )
     rows = np.arange(len(t_s)) % len(force_n)
-    return WalkerLoads(
-        t_s,
-        force_n[rows],
-        normal[rows],
-        np.zeros_like(force_n[rows]),
-        force_n[rows],
-        np.zeros((len(t_s), 1)),
-        np.nan,
-    )
+    return WalkerLoads.of_still_feet(t_s, force_n[rows], normal[rows])
 
 
 def _scans(models: DesignModels, readings: WalkerReadings, parameters: FootParameters) -> LegScans:
@@ -271,8 +263,13 @@ def walking_figures(n_feet: int, cases: Sequence[str] = tuple(CASES)) -> dict[st
 def _figures_of_part(part: tuple[str, int]) -> Values:
     case, number = part
     models = DesignModels.load(released_folder(_FOOT_TYPE))
+    return walked_foot_figures(models, walked_logs(), number, _MARKS_S, **CASES[case])
+
+
+def walked_logs() -> list[WalkerLog]:
+    """Return what the feet of a robot felt in the gaits of a walk."""
     runs = [run for gait in _GAITS for run in NEW_JUDGEMENT if run[:3] == (_FOOT_TYPE, gait, "flat")]
-    return walked_foot_figures(models, [run.kept_log() for run in runs], number, _MARKS_S, **CASES[case])
+    return [run.kept_log() for run in runs]
 
 
 def as_markdown(figures: Mapping[str, Sequence[Values]]) -> str:
