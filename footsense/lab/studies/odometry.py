@@ -13,7 +13,7 @@ from footsense.frames import Vector
 from footsense.lab.evaluation.evaluate_models import RESPONSE_FILE
 from footsense.lab.odometry.run import GATE, Filter, run_filters
 from footsense.lab.odometry.sources import sources
-from footsense.lab.odometry.walk import KNOWN_ROBOT, PUBLISH_EVERY, OdometryWalk, WrongRobot
+from footsense.lab.odometry.walk import PUBLISH_EVERY, OdometryWalk
 from footsense.lab.parallel import compute_each
 from footsense.lab.report import StudyContext, Values, target_at_most
 from footsense.lab.walkers.split import WalkerRun
@@ -37,14 +37,6 @@ _QUICK_WALKS, _QUICK_DURATION_S = slice(3, 4), 4.0
 _BOARDS = tuple(PUBLISH_EVERY)
 _TRUTH, _FORCE, _HOLDS, _ONE_AXIS = "truth, weights", "force vector", "holds", "one-axis sensor"
 _IN_WORDS = {_FORCE: "the force vector", _HOLDS: "whether feet hold"}
-#: What a robot may know wrongly, and the sources that are tried with it.
-_WRONG = {
-    "nothing": KNOWN_ROBOT,
-    "lengths of thighs and shanks, 1 %": WrongRobot(length_rel=0.01),
-    "zeros of the encoders, 0.5 deg": WrongRobot(encoder_deg=0.5),
-    "mounting of the IMU, 0.5 deg": WrongRobot(mounting_deg=0.5),
-}
-WRONG_SOURCES = (_TRUTH, f"`{_BOARDS[0]}`, {_FORCE}", "good one-axis sensor, weights")
 _GATES = ("no gate", "gate")
 #: Largest drift with the force vector over that with the truth, and over that with the best one-axis sensor, by gate,
 #: and with feet that hold over that with the truth, without gate [1].
@@ -55,10 +47,10 @@ _SHOWN_RUN, _SHOWN_EVERY = ("quadruped-12kg", "trot-slow", "flat"), 10
 
 
 class _Drifted(NamedTuple):
-    """One walk: its way [m], drift by error, source and gate [%], and what a picture shows of it."""
+    """One walk: its way [m], drift by source and gate [1], and what a picture shows of it."""
 
     way_m: float
-    drift: dict[str, dict[str, dict[str, float]]]
+    drift: dict[str, dict[str, float]]
     paths_m: dict[str, Vector]
 
 
@@ -79,11 +71,8 @@ def compute(context: StudyContext) -> Values:
     shown = next((k for k, run in enumerate(runs) if run[:3] == _SHOWN_RUN), 0)
     context.drawings["odometry.png"] = _draw(runs[shown], drifted[shown].paths_m)
     drift = {
-        error: {
-            source: {gate: [one.drift[error][source][gate] for one in drifted] for gate in _GATES}
-            for source in drifted[0].drift[error]
-        }
-        for error in _WRONG
+        source: {gate: [one.drift[source][gate] for one in drifted] for gate in _GATES}
+        for source in drifted[0].drift
     }
     return {
         "walks": [run.name for run in runs[::n_seeds]],
@@ -92,7 +81,7 @@ def compute(context: StudyContext) -> Values:
         "way_m": [one.way_m for one in drifted],
         "drift": drift,
         "shown": runs[shown].name,
-        "targets": _targets(drift["nothing"]),
+        "targets": _targets(drift),
     }
 
 
@@ -100,24 +89,18 @@ def _drifted(run: WalkerRun, folders: dict[str, Path]) -> _Drifted:
     """Return the drift of one walk with each source."""
     walk = OdometryWalk(run)
     published = {board: walk.published(board, folders[run.robot]) for board in _BOARDS}
-    right = walk.senses()
-    known = sources(walk, right, published)
-    keys = [("nothing", source, gate) for source in known for gate in _GATES]
-    keys += [
-        (error, source, gate) for error in list(_WRONG)[1:] for source in WRONG_SOURCES for gate in _GATES
-    ]
-    senses = {error: walk.senses(wrong) for error, wrong in _WRONG.items()}
-    poses = run_filters(
-        walk, [Filter(known[source], senses[error], gate == "gate") for error, source, gate in keys]
-    )
-    drift: dict[str, dict[str, dict[str, float]]] = {error: {} for error in _WRONG}
-    for (error, source, gate), one in zip(
+    senses = walk.senses()
+    known = sources(walk, senses, published)
+    keys = [(source, gate) for source in known for gate in _GATES]
+    poses = run_filters(walk, senses, [Filter(known[source], gate == "gate") for source, gate in keys])
+    drift: dict[str, dict[str, float]] = {source: {} for source in known}
+    for (source, gate), one in zip(
         keys, walk.drift_rel(poses.position_m, poses.rotation).tolist(), strict=True
     ):
-        drift[error].setdefault(source, {})[gate] = one
+        drift[source][gate] = one
     paths_m = {"truth": walk.position_m[::_SHOWN_EVERY]}
     for source in _SHOWN:
-        place = poses.position_m[::_SHOWN_EVERY, keys.index(("nothing", source, "no gate"))]
+        place = poses.position_m[::_SHOWN_EVERY, keys.index((source, "no gate"))]
         paths_m[source] = place @ _level(walk.rotation[0]).T + walk.position_m[0]
     return _Drifted(float(walk.way_m[-1]), drift, paths_m)
 
@@ -180,15 +163,11 @@ def _draw(run: WalkerRun, paths_m: dict[str, Vector]) -> Figure:
 
 
 def shown(values: Values) -> Values:
-    """Return the rows of sources, and of what the robot knows wrongly."""
-    drift = values["drift"]["nothing"]
+    """Return the rows of the sources."""
+    drift = values["drift"]
     return {
         "sources": [
             (source, *(cell for gate in _GATES for cell in _cells(drift, source, gate))) for source in drift
-        ],
-        "wrong": [
-            (error, *(_of_gates(of_error[source]) for source in WRONG_SOURCES))
-            for error, of_error in values["drift"].items()
         ],
         "gate": GATE,
     }
@@ -198,7 +177,3 @@ def _cells(drift: Values, source: str, gate: str) -> tuple[str, str, str]:
     given = 100.0 * np.array(drift[source][gate])
     over = _ratio(drift[source][gate], drift[_TRUTH][gate])["mean"]
     return f"{given.mean():.2f} +- {given.std():.2f}", f"{over:.2f}", f"{given.max():.2f}"
-
-
-def _of_gates(of_source: Values) -> str:
-    return " / ".join(f"{100.0 * np.mean(of_source[gate]):.2f}" for gate in _GATES)
