@@ -54,15 +54,15 @@ def compute(context: StudyContext) -> Values:
         "feet": feet,
         "targets": [
             target_at_most(
-                "designed feet, a built figure against its prediction, worst of 3 feet",
+                "design tool, largest prediction error of 3 feet",
                 [100 * _TARGET_DIFFERENCE_REL],
                 [100 * max(differences)],
                 "{:.1f} %",
             ),
             *(
                 target(
-                    f"normal load that {name} reads, the force leaning {LEANS_DEG[-1]:g} deg, as designed, and the "
-                    f"least of {len(foot['made_range_n'])} made feet",
+                    f"{name}, range under a force that leans by {LEANS_DEG[-1]:g} deg, as designed; least of "
+                    f"{len(foot['made_range_n'])} made feet",
                     f"{foot['stated_n']:.3g} N",
                     f"{foot['built']['upright_range_n'][-1]:.3g} N, made {min(foot['made_range_n']):.3g} N",
                     met=min(foot["made_range_n"]) >= foot["stated_n"],

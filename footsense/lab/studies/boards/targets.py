@@ -29,7 +29,7 @@ WANTED: dict[str, dict[str, tuple[float, ...]]] = {
         "mid_stance_deg": (1.0,),
         "shaking_deg": (1.6,),
         "touches": (0.98, 0.024, 0.02),
-        "touches, motion told": (0.99, 0.005, 0.02),
+        "touches, leg motion": (0.99, 0.005, 0.02),
         "told_ms": (8.0, 28.0),
         "slow_ms": (40.0,),
         "dragged": (0.9,),
@@ -46,7 +46,7 @@ WANTED: dict[str, dict[str, tuple[float, ...]]] = {
         "direction_deg": (4.7, 8.0),
         "mid_stance_deg": (2.7, 5.5),
         "touches": (0.936, 0.021, 0.04),
-        "touches, motion told": (0.98, 0.021, 0.04),
+        "touches, leg motion": (0.98, 0.021, 0.04),
         "told_ms": (16.0, 45.0),
         "slow_ms": (80.0,),
         "dragged": (0.8,),
@@ -106,7 +106,7 @@ def board_targets(board: str, figures: Values) -> list[dict[str, object]]:
     rows += at_most(
         "touchdown_ms",
         f"touchdown sent after the first load, measured walk and tripod of {touch['end_s']:g} s, median / 99 %; "
-        "back-dated, rms",
+        "error of its time, rms",
         (touch["delay_p50_ms"], touch["delay_p99_ms"], touch["back_dated_rms_ms"]),
         "{:.1f} / {:.1f} ms; {:.1f} ms",
     )
@@ -165,9 +165,11 @@ def _walker_targets(
             )
         )
     rows += [
-        target_at_most("lift-off known after, median", [20.0], [own["lift_off_delay_p50_ms"]], "{:.0f} ms"),
         target_at_most(
-            "elements called faulty on healthy feet, an hour of walking, at most",
+            "lift-off reported after, median", [20.0], [own["lift_off_delay_p50_ms"]], "{:.0f} ms"
+        ),
+        target_at_most(
+            "false element faults in an hour of walking, upper bound",
             [1.0],
             [most_events(own["n_element_faults"]) / max(own["walked_hours"], 1e-9)],
             f"{{:.0f}} ({own['n_element_faults']} in {60 * own['walked_hours']:.1f} min)",
@@ -181,7 +183,7 @@ def _walker_targets(
             and own["most_beyond_5_sigma"] <= _BEYOND_5_SIGMA,
         ),
         target_at_most(
-            "usable forces of walking robots that are off by more than the peak load, but landings; landings",
+            "usable forces off by more than the peak load, walking robots; landings",
             [0],
             [own["n_off_by_peak"]],
             f"{{}}; {own['landings_n_off_by_peak']}",
@@ -203,25 +205,25 @@ def _contact_targets(wanted: dict[str, tuple[float, ...]], figures: Values) -> l
     found, with_motion = figures["contacts"], figures["contacts_with_motion"]
     (dragged,) = wanted["dragged"]
     return [
-        _touches_target("no motion told", found, *wanted["touches"]),
-        _touches_target("motion told", with_motion, *wanted["touches, motion told"]),
+        _touches_target("without leg motion", found, *wanted["touches"]),
+        _touches_target("with leg motion", with_motion, *wanted["touches, leg motion"]),
         target_at_most(
-            "touches, new gaits, told after the first load, median / 99 %",
+            "touches, new gaits, reported after the first load, median / 99 %",
             wanted["told_ms"],
             (found["told_p50_ms"], found["told_p99_ms"]),
             "{:.1f} / {:.1f} ms",
         ),
         target(
-            "touches, new gaits, dated, rms; rms over sigma",
+            "touches, new gaits, error of the time, rms; rms over sigma",
             f"{_DATED_MS:g} ms; 0.8 to 1.2",
             f"{found['dated_rms_ms']:.1f} ms; {found['dated_rms_over_sigma']:.2f}",
             met=found["dated_rms_ms"] <= _DATED_MS and 0.8 <= found["dated_rms_over_sigma"] <= 1.2,
         ),
         target_at_most(
-            "slow loads dated, 95 % below",
+            "slow loads, error of the time, 95 % below",
             wanted["slow_ms"],
             [found["slow_p95_ms"]],
-            f"{{:.0f}} ms, {found['n_slow_untold']} of {found['n_slow_touches']} never told",
+            f"{{:.0f}} ms, {found['n_slow_untold']} of {found['n_slow_touches']} never reported",
             "{:g} ms",
         ),
         target(
@@ -257,7 +259,7 @@ def _slip_targets(found: Values) -> list[dict[str, object]]:
             met=found["found_share"] >= _SLIDES_FOUND,
         ),
         target(
-            "slips told of a foot that neither slides nor is at its cone",
+            "false slips: the foot neither slides nor is at its friction cone",
             f"{_SLIPS_FALSE:.0%}",
             f"{found['false_share']:.1%} of {found['n_slips']} in {60 * found['hours']:.0f} min",
             met=found["false_share"] <= _SLIPS_FALSE,
