@@ -95,7 +95,7 @@ _ODOMETRY = {
 
 def _drift(source: str, how: Callable[[Any], float], gate: str = "no gate") -> float:
     """Return the drift of the odometry [%]."""
-    return 100.0 * how(_page("odometry")["drift"]["nothing"][source][gate])
+    return 100.0 * how(_page("odometry")["drift"][source][gate])
 
 
 def _front() -> str:

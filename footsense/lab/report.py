@@ -1,16 +1,18 @@
 """Pages of the report: what a study is given, how its page is written, and all of them in turn.
 
-A study is one module of `footsense.lab.studies` with `TITLE`, `compute(context)` and `text(values)`. `compute` returns
-its figures as a dictionary of numbers, lists and texts, and puts what it draws into the context; `text` writes the
-page's Markdown from these numbers alone, with `table` and f-strings. Its `quick` form answers in seconds. What the
-report's first page shows of it is in the list `targets`, made by `target`.
+A study is one module of `footsense.lab.studies` with `TITLE` and `compute(context)`, beside the template of its page,
+`<module>.md.j2`. `compute` returns its figures as a dictionary of numbers, lists and texts, and puts what it draws into
+the context; its `quick` form answers in seconds. The template gets these figures by name, the module as `study`, and
+what `shown(values)` of the module derives of them, if it has that; `table` and `spread` write tables. What the report's
+first page shows of a study is in the list `targets`, made by `target`.
 """
 
 import json
 import os
+import re
 import subprocess
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -36,6 +38,7 @@ from footsense.lab.evaluation.evaluate_models import RESPONSE_FILE, open_models
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import FootDesign
 from footsense.lab.page_inputs import changed_inputs, digest_of, model_name, table_name
+from footsense.lab.template import render
 from footsense.lab.training.export import OnnxNetwork
 from footsense.sim.scene import Scene, load_scene
 
@@ -139,20 +142,23 @@ def table(headings: str, rows: Iterable[Any] | Mapping[str, Values], cells: str 
             each row's key as `name`.
         cells: Formats of a row's cells, separated by ` | `, such as `{mesh} | {wall_s:.1f}`.
     """
-    each: Iterable[Any] = rows
-    if isinstance(rows, Mapping):
-        each = ({"name": name} | row for name, row in rows.items())
-    written = (cells.format(**row) if cells else " | ".join(map(str, row)) for row in each)
+    written = (cells.format(**row) if cells else " | ".join(map(str, row)) for row in _named(rows))
     head = [f"| {headings} |", "|---|" + "---:|" * headings.count(" | ")]
     return "\n".join([*head, *(f"| {row} |" for row in written)])
 
 
-def table_by_board(first: str, rows: Mapping[str, Sequence[Values]], cells: Mapping[str, str]) -> str:
+def _named(rows: Iterable[Any] | Mapping[str, Values]) -> Iterable[Any]:
+    return [{"name": name} | row for name, row in rows.items()] if isinstance(rows, Mapping) else rows
+
+
+def table_by_board(
+    first: str, rows: Mapping[str, Sequence[Values] | Mapping[str, Values]], cells: Mapping[str, str]
+) -> str:
     """Return a Markdown table with the same rows of some boards, and of each quantity a column a board, side by side.
 
     Args:
         first: Format of the first column, after its heading and a colon; of the first board's row.
-        rows: Values of each row by board.
+        rows: Values of each row by board, of a mapping with its keys as `name`.
         cells: Format of a cell by the heading of its quantity.
     """
     heading, _, first_cell = first.partition(": ")
@@ -166,7 +172,7 @@ def table_by_board(first: str, rows: Mapping[str, Sequence[Values]], cells: Mapp
             first_cell.format(**of_boards[0]),
             *(cell.format(**row) for cell in cells.values() for row in of_boards),
         )
-        for of_boards in zip(*rows.values(), strict=True)
+        for of_boards in zip(*map(_named, rows.values()), strict=True)
     ]
     return table(f"{heading} | {names}", lines)
 
@@ -192,6 +198,44 @@ def spread(values: ArrayLike, digits: int = 2) -> str:
 def target(figure: str, limit: str, measured: str, *, met: bool) -> dict[str, object]:
     """Return a row of the report's first page: a figure, its limit, what was measured, and whether that is within."""
     return {"figure": figure, "target": limit, "measured": measured, "met": bool(met)}
+
+
+def target_at_most(
+    figure: str, wanted: Sequence[float], found: Sequence[float], cells: str, limit: str | None = None
+) -> dict[str, object]:
+    """Return the row of figures that are at most what is wanted of each.
+
+    Args:
+        figure: The row in words.
+        wanted: The most of each.
+        found: What was measured.
+        cells: Format of what was measured.
+        limit: Format of what is wanted, if it is not that with as few digits as there are.
+    """
+    plain = re.sub(r"\{:[^}]*\}", "{:g}", cells)
+    met = all(one <= most for one, most in zip(found, wanted, strict=True))
+    return target(figure, (limit or plain).format(*wanted), cells.format(*found), met=met)
+
+
+def told(row: Mapping[str, Any]) -> str:
+    """Return what a row of `target` measured, and that it is missed if it is."""
+    return f"{row['measured']}{'' if row['met'] else ', **missed**'}"
+
+
+def of_each(parts: Mapping[str, Values], key: str) -> dict[str, Any]:
+    """Return the values of one key of some parts, by the parts' names."""
+    return {name: part[key] for name, part in parts.items()}
+
+
+#: What templates of pages may use besides the figures.
+_IN_TEMPLATES: dict[str, Any] = {
+    "same_table": SAME_TABLE,
+    "table": table,
+    "table_by_board": table_by_board,
+    "of_each": of_each,
+    "spread": spread,
+    "told": told,
+}
 
 
 def study_names() -> tuple[str, ...]:
@@ -269,7 +313,9 @@ def page_text(values: Values) -> str:
         ),
         *([_QUICK_NOTICE] if values["quick"] else ()),
     ]
-    return "\n\n".join([f"# {study.TITLE}", made_by, *notices, study.text(values).strip()]) + "\n"
+    derived = study.shown(values) if hasattr(study, "shown") else {}
+    text = render(study.__name__, {**_IN_TEMPLATES, **values, **derived, "study": study})
+    return "\n\n".join([f"# {study.TITLE}", made_by, *notices, text]) + "\n"
 
 
 def make_report(folder: Path, context: StudyContext, report: Callable[[str], None]) -> Path:
@@ -297,10 +343,10 @@ def make_report(folder: Path, context: StudyContext, report: Callable[[str], Non
     return write_list_of_pages(folder)
 
 
-def write_texts(*folders: Path) -> list[Path]:
-    """Write the Markdown of each page in some folders anew from its figures; return the files that were others."""
+def write_texts(folder: Path) -> list[Path]:
+    """Write the Markdown of each page in a folder anew from its figures; return the files that were others."""
     changed = []
-    for file in (file for folder in folders for file in sorted(folder.glob("*.json"))):
+    for file in sorted(folder.glob("*.json")):
         markdown, path = page_text(json.loads(file.read_text("utf-8"))), file.with_suffix(".md")
         if not path.exists() or path.read_text("utf-8") != markdown:
             path.write_text(markdown, encoding="utf-8")
@@ -321,36 +367,10 @@ def write_list_of_pages(folder: Path) -> Path:
     """Write the report's first page, from the pages in a folder; return its path."""
     files = [folder / f"{name}.json" for name in study_names()]
     pages = {file.stem: json.loads(file.read_text("utf-8")) for file in files if file.exists()}
-    rows = [
-        (f"[{name}]({name}.md)", page["title"], f"{page['seconds']:.0f}", page["commit"])
-        for name, page in pages.items()
-    ]
-    minutes = sum(page["seconds"] for page in pages.values()) / 60
-    load = max((page["load"] for page in pages.values()), default=0.0)
-    quick = f"{_QUICK_NOTICE}\n\n" if any(page["quick"] for page in pages.values()) else ""
     path = folder / README
-    path.write_text(
-        "# The report\n\n"
-        "From rubber to force: each figure of Aoyagi et al. beside ours, what the paper left open, and where it fails. "
-        f"`footsense lab report` makes all of it but the trials on a kernel; the pages below took {minutes:.0f} min, "
-        f"at a load of up to {load:g} beside them. The models are the released ones; the network's training, "
-        "its tests and the gaits use one response table.\n\n"
-        f"{quick}"
-        + table("figure | target | measured | page", _target_rows(pages))
-        + "\n\n"
-        + table("page | about | seconds | commit", rows)
-        + "\n\nThe [trials on a real kernel](kernel.md) are made by `make kernel-test`.\n",
-        encoding="utf-8",
-    )
+    text = render(__name__, {**_IN_TEMPLATES, "pages": pages, "quick_notice": _QUICK_NOTICE})
+    path.write_text(text + "\n", encoding="utf-8")
     return path
-
-
-def _target_rows(pages: Mapping[str, Values]) -> Iterator[tuple[str, str, str, str]]:
-    """Yield the cells of each target that the pages measure; one that is missed says so."""
-    for name, page in pages.items():
-        for row in page.get("targets", ()):
-            missed = "" if row["met"] else ", **missed**"
-            yield row["figure"], row["target"], row["measured"] + missed, f"[{name}]({name}.md)"
 
 
 def _as_builtin(value: Any) -> Any:

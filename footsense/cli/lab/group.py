@@ -133,8 +133,7 @@ def report(*, output: Path | None, quick: bool, scheduler: str | None, text_only
 
     folder = options.ensure_report_folder(output, quick=quick)
     if text_only:
-        others = [path.parent for path in _RELEASED_MODELS.parent.glob("*/faults.json")]
-        for path in write_texts(folder, *others):
+        for path in write_texts(folder):
             click.echo(path)
         write_list_of_pages(folder)
         return

@@ -204,15 +204,11 @@ def errors_over_bound(
     excess_gf = np.linalg.norm(draws, axis=-1) / GRAM_FORCE_N - magnitude_gf
     noiseless = estimate_force_n(closure_um / design.gap_um)
     bound = force_bound(foot, normal, force, Unknowns.LEANING)
-    known = force_bound(foot, normal, force, Unknowns.CENTRED)
     return {
         "magnitude_gf": magnitude_gf,
-        "n": len(force),
-        "n_beyond_range": int((~in_range).sum()),
         "direction_rms_deg": rms(angle_deg),
         "noiseless_direction_rms_deg": rms(angles_between_deg(force, noiseless)),
         "bound_deg": rms(bound.direction_rms_deg),
-        "bound_centred_deg": rms(known.direction_rms_deg),
         "over_bound": rms(angle_deg) / rms(bound.direction_rms_deg),
         "median_over_bound": float(np.median(np.sqrt((angle_deg**2).mean(axis=0)) / bound.direction_rms_deg)),
         "magnitude_rms_gf": rms(excess_gf),

@@ -184,24 +184,6 @@ def evaluate_models(folder: Path) -> dict[str, ForceErrors]:
     return error_table(response, loads, lambda closure_um: network.force_n(closure_um / gap_um))
 
 
-def as_json(table: dict[str, ForceErrors]) -> dict[str, Any]:
-    """Return the error table as JSON values.
-
-    Args:
-        table: Result of `evaluate_models`.
-    """
-    released, linear = table["paper_network"], table["paper_linear_elastance"]
-    return {
-        "direction_deg": released.direction_deg,
-        "magnitude_gf": released.magnitude_gf,
-        "linear_direction_deg": linear.direction_deg,
-        "linear_magnitude_gf": linear.magnitude_gf,
-        "paper_direction_deg": PAPER_DIRECTION_DEG,
-        "paper_magnitude_gf": PAPER_MAGNITUDE_GF,
-        "table": {name: asdict(row) for name, row in table.items()},
-    }
-
-
 def as_markdown(table: dict[str, ForceErrors]) -> str:
     """Return the error table as Markdown, with the paper's errors as first row."""
     lines = [

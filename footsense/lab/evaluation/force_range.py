@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 
 from footsense.foot.directions import direction_grid, tangent_frame
-from footsense.foot.gap_contact import CELLS_PER_ELEMENT
 from footsense.foot.specimen import ContactLoads, Specimen
 from footsense.frames import Mask, Vector
 from footsense.lab.training.load_cases import FULL_SCALE_PF
@@ -51,12 +50,10 @@ class LoadLimits(NamedTuple):
     """Least normal loads at which a foot reaches its limits, along n loads [N], shape (n,) each.
 
     Attributes:
-        gap_closes_n: A gap begins to close: part of an electrode touches.
         readable_n: A closure reads as more than `MAX_READABLE_CLOSURE_REL` of its gap.
         converter_n: A capacitance exceeds the converter's range.
     """
 
-    gap_closes_n: Vector
     readable_n: Vector
     converter_n: Vector
 
@@ -111,11 +108,6 @@ def load_limits(foot: Specimen, loads: ContactLoads, range_end_pf: float = FULL_
     unloaded_pf = foot.unloaded_pf - foot.stray_pf
     free_um = foot.response.free_element_closures_um(loads.normal, loads.force_n).max(axis=1)
     most_n = _LARGEST_OVER_LINEAR * gap_um.max() / free_um
-    touching_um = (1.0 - 1e-9) * np.repeat(gap_um, CELLS_PER_ELEMENT)
-
-    def touches(force_n: Vector) -> Mask:
-        beyond: Mask = (foot.cell_closures_um(loads.normal, force_n) - touching_um).max(axis=1) >= 0.0
-        return beyond
 
     def is_unreadable(force_n: Vector) -> Mask:
         capacitance_pf = foot.capacitance_pf(loads.normal, force_n) - foot.stray_pf
@@ -136,4 +128,4 @@ def load_limits(foot: Specimen, loads: ContactLoads, range_end_pf: float = FULL_
             low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
         return low
 
-    return LoadLimits(*map(least_n, (touches, is_unreadable, is_over_range)))
+    return LoadLimits(*map(least_n, (is_unreadable, is_over_range)))

@@ -5,13 +5,11 @@ Source:
 """
 
 from dataclasses import asdict
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from footsense.foot.directions import (
-    angles_between_deg,
     direction_grid,
     normalized,
     paper_directions,
@@ -30,8 +28,6 @@ LEANING_GF, IN_RANGE_GF = 20.0, 100.0
 LEANS_DEG, LEANING_ELEVATIONS_DEG = np.arange(0.0, 41.0, 5.0), (65.0, 75.0, 85.0)
 #: Force of the floor beside a second load [gf], that load over it [1], and its lowest contact [deg].
 FLOOR_GF, SECOND_REL, SECOND_MIN_ELEVATION_DEG = 50.0, (0.0, 0.05, 0.1, 0.2, 0.5, 1.0), 30.0
-#: Angles between both contacts, borders of the classes [deg]; the second load of that table over the floor's [1].
-ANGLES_DEG, ANGLES_SECOND_REL = (0.0, 30.0, 60.0, 90.0, 120.0), 0.5
 
 #: Errors at each level, and the level: `x`, `errors` by estimator, and for leans the share `in_range`.
 Rows = list[dict[str, Any]]
@@ -98,27 +94,15 @@ def leaning_load_errors(tested: ComparedEstimators) -> Rows:
     return rows
 
 
-def second_load_errors(tested: ComparedEstimators, draws: int) -> tuple[Rows, Rows]:
-    """Return the errors beside a second contact without friction, by its size, and by the angle between both."""
+def second_load_errors(tested: ComparedEstimators, draws: int) -> Rows:
+    """Return the errors beside a second contact without friction, by its size."""
     direction, rng = np.tile(paper_directions("verification"), (draws, 1)), np.random.default_rng(0)
     normal = random_directions(rng, len(direction), SECOND_MIN_ELEVATION_DEG)
-    apart_deg = angles_between_deg(direction, normal)
     floor_n = FLOOR_GF * GRAM_FORCE_N * direction
-    floor_um = tested.response.free_closure_um(direction, floor_n)
-
-    def both(share: float) -> tuple[Vector, Vector, Mask]:
+    floor_um, rows = tested.response.free_closure_um(direction, floor_n), []
+    for share in SECOND_REL:
         second_n = share * FLOOR_GF * GRAM_FORCE_N * normal
         free_um = floor_um + tested.response.free_closure_um(normal, second_n)
         measured_um, counted = tested.measured_um(free_um)
-        return measured_um, floor_n + second_n, counted
-
-    by_size = [{"x": share, "errors": tested.errors(*both(share))} for share in SECOND_REL]
-    measured_um, truth_n, counted = both(ANGLES_SECOND_REL)
-    by_angle = []
-    for low, high in pairwise(ANGLES_DEG):
-        here = counted & (apart_deg >= low) & (apart_deg < high)
-        if here.any():
-            by_angle.append(
-                {"x": f"{low:g} to {high:g}", "errors": tested.errors(measured_um, truth_n, here)}
-            )
-    return by_size, by_angle
+        rows.append({"x": share, "errors": tested.errors(measured_um, floor_n + second_n, counted)})
+    return rows

@@ -10,19 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from footsense.foot.directions import normalized, paper_directions
+from footsense.foot.directions import normalized
 from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
-from footsense.foot.gap_contact import CELLS_PER_ELEMENT, element_means
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Specimen
-from footsense.frames import ELEMENTS, Vector
-from footsense.lab.evaluation.cramer_rao import Unknowns, force_bound
+from footsense.frames import Vector
 from footsense.lab.evaluation.evaluate_models import (
     capacitance_based_force_estimator,
     elastance_based_force_estimator,
-    rms,
 )
-from footsense.lab.fem.sealed_air import ADIABATIC, AMBIENT_KPA, ROOM_TEMPERATURE_K, SealedFoot
+from footsense.lab.fem.sealed_air import AMBIENT_KPA, ROOM_TEMPERATURE_K, SealedFoot
 from footsense.lab.training.load_cases import (
     FULL_SCALE_PF,
     Cases,
@@ -33,7 +30,6 @@ from footsense.lab.training.paper_procedure import PaperTraining, start_weights_
 from footsense.sim.fabrication import PAPER_TOLERANCES, draw_deviations
 from footsense.sim.loads.press_sequence import paper_presses
 
-BOUND_GF = (20.0, 50.0, 100.0, 150.0)
 UPWARD = np.array([[0.0, 0.0, 1.0]])
 #: Largest load of the searches for a range, and that of a sensitivity, at which no gap closes [N].
 MAX_SEARCHED_N, SMALL_N = 40.0, 0.05
@@ -79,7 +75,6 @@ def sealed_against_vented(response: FootResponse, n: int, epochs: int) -> dict[s
             **_reach(kind(response)),
             "linear": [mean_errors(test, read(test.closure_um)) for read in linear],
             "exact": [mean_errors(test, read(test.closure_um)) for read in networks[name]],
-            "as_vented": [mean_errors(test, read(test.closure_um)) for read in networks["vented"]],
             "made": [
                 _made_foot_errors(kind, response, number, starts[number], epochs) for number in range(n)
             ],
@@ -110,18 +105,8 @@ def _made_foot_errors(
     return mean_errors(test, read(test.closure_um))
 
 
-def _small_closures(foot: Specimen) -> Vector:
-    """Return the mean closures of a corner, an edge and the middle under a light upright force [um/N]."""
-    closures: Vector = element_means(foot.cell_closures_um(UPWARD, SMALL_N * UPWARD))[0, [0, 1, 4]] / SMALL_N
-    return closures
-
-
 def _reach(foot: Specimen) -> dict[str, Any]:
-    """Return sensitivity, upright ranges, and bounds of a designed foot."""
-    direction = paper_directions("verification")
-    bounds = [
-        force_bound(foot, direction, gf * GRAM_FORCE_N * direction, Unknowns.LEANING) for gf in BOUND_GF
-    ]
+    """Return the upright ranges of a designed foot."""
 
     def used_full_scale(normal: Vector, force_n: Vector) -> float:
         return float(foot.capacitance_pf(normal, force_n).max() / FULL_SCALE_PF)
@@ -129,30 +114,14 @@ def _reach(foot: Specimen) -> dict[str, Any]:
     def used_gap(normal: Vector, force_n: Vector) -> float:
         return float(foot.cell_closures_um(normal, force_n).max() / foot.response.design.gap_um)
 
-    return {
-        "um_per_n": _small_closures(foot),
-        "range_n": largest_force_n(used_full_scale),
-        "closing_n": largest_force_n(used_gap),
-        "bound": [(rms(bound.direction_rms_deg), rms(bound.magnitude_rms_gf)) for bound in bounds],
-    }
+    return {"range_n": largest_force_n(used_full_scale), "closing_n": largest_force_n(used_gap)}
 
 
 def _drifts(response: FootResponse) -> dict[str, Any]:
-    """Return how stiff the air is beside the solid [1], and what weather and warmth do to unloaded readings [fF]."""
-    design, sealed = response.design, SealedFoot(response)
+    """Return what weather and warmth do to unloaded readings of a sealed foot [fF]."""
+    sealed = SealedFoot(response)
     low = SealedFoot(response, ambient_kpa=AMBIENT_KPA - 1.0)
     warm = SealedFoot(response, gas_kpa=AMBIENT_KPA * (1.0 + 1.0 / ROOM_TEMPERATURE_K))
-    hot = SealedFoot(response, gas_kpa=AMBIENT_KPA * ROOM_TEMPERATURE_K / 373.15)
     low_pf, warm_pf = (float((one.unloaded_pf - sealed.unloaded_pf).mean()) for one in (low, warm))
     gram_pf = float((sealed.capacitance_pf(UPWARD, GRAM_FORCE_N * UPWARD) - sealed.unloaded_pf).mean())
-    by_cell = response.compliance_um_per_n.reshape((ELEMENTS, CELLS_PER_ELEMENT) * 2)
-    opening = by_cell.mean(axis=1).sum(axis=2) * design.electrode_area_mm2 / CELLS_PER_ELEMENT
-    stiffness = np.linalg.eigvalsh(opening) * 1e-3 * AMBIENT_KPA / design.gap_um
-    return {
-        "adiabatic_um_per_n": _small_closures(SealedFoot(response, exponent=ADIABATIC)),
-        "stiffness_rel": [stiffness.min(), stiffness.max()],
-        "ff_per_kpa": 1e3 * low_pf,
-        "gf_per_kpa": low_pf / gram_pf,
-        "ff_per_kelvin": 1e3 * warm_pf,
-        "hot_um": hot.cell_closures_um(UPWARD, 0.0 * UPWARD).mean(),
-    }
+    return {"ff_per_kpa": 1e3 * low_pf, "gf_per_kpa": low_pf / gram_pf, "ff_per_kelvin": 1e3 * warm_pf}

@@ -33,10 +33,9 @@ from footsense.frames import (
     Vector,
 )
 from footsense.lab.training.gait_readings import conversion_elements
-from footsense.lab.training.gait_windows import contact_and_normal_force
 from footsense.lab.walkers.robots import GRAVITY_M_S2
 from footsense.lab.walkers.simulate import WalkerLog
-from footsense.ports import LoadEstimate, Window
+from footsense.ports import LoadEstimate
 from footsense.sim.loads.load_log import RowsBetween
 from footsense.sim.rubber import ViscoelasticRubber
 from footsense.sim.scene import Ad7147Effects
@@ -45,8 +44,6 @@ from footsense.sim.scene import Ad7147Effects
 LEAD_IN_S, _RISE_S = 0.7, 0.1
 #: Loads that are turned into capacitances at once, which limits memory.
 _LOADS_PER_CALL = 2048
-#: Sigma of exact forces [N], contact points and friction ratios [1].
-_EXACT_SIGMA = 1e-3
 
 
 class WalkerLoads(NamedTuple):
@@ -69,6 +66,12 @@ class WalkerLoads(NamedTuple):
     felt_n: Vector
     acceleration_m_s2: Vector
     friction: float
+
+    @classmethod
+    def of_still_feet(cls, t_s: Vector, force_n: Vector, normal: Vector) -> "WalkerLoads":
+        """Return the loads of feet without mass that do not slide, on a ground of unknown friction."""
+        still = np.zeros_like(force_n)
+        return cls(t_s, force_n, normal, still, force_n, still[:, :, 2], np.nan)
 
     def at(self, t_s: Vector) -> "WalkerLoads":
         """Return the loads at other times [s], linearly interpolated."""
@@ -212,7 +215,6 @@ def read_walker(
     *,
     scan: ScanTimes,
     viscous_rel: float = 0.0,
-    noise_rel: float = 1.0,
 ) -> WalkerReadings:
     """Return simulated readings of the feet of a robot.
 
@@ -222,7 +224,6 @@ def read_walker(
         seed: Seed of the noise.
         scan: How the feet are read.
         viscous_rel: Creep and lag of the rubber over those of the simulated rubber [1].
-        noise_rel: Noise over the converter's [1].
     """
     rng = np.random.default_rng(seed)
     n = int((loads.t_s[-1] - scan.step_s) / scan.step_s)
@@ -244,7 +245,7 @@ def read_walker(
             some = rows[first : first + _LOADS_PER_CALL]
             whole_pf[some] = foot.capacitance_pf(normal[some], force_n[some])
         capacitance_pf[:, leg] = whole_pf[at, elements]
-    capacitance_pf += noise_rel * scan.noise_pf * rng.normal(size=capacitance_pf.shape)
+    capacitance_pf += scan.noise_pf * rng.normal(size=capacitance_pf.shape)
     sent = loads.at(t_s + scan.send_delay_s)
     return WalkerReadings(scan, converted_s, elements, capacitance_pf, sent, loads)
 
@@ -259,27 +260,23 @@ def _effective_loads(t_s: Vector, loads: ContactLoads, amount: float) -> Contact
 
 
 class ToldMotion(NamedTuple):
-    """How a gait controller tells the motion of the legs: every `period_s`, and how wrong.
+    """How a gait controller tells the motion of the legs.
 
     Attributes:
         late_s: From the motion to its arrival [s].
-        factor: Told acceleration over the true one [1].
-        is_frozen: Whether it tells for ever what it told first, as of `FROZEN_AT_S`.
         sigma_m_s2: Standard deviation that it tells [m/s2].
         period_s: Time from one to the next [s].
     """
 
     late_s: float = 2e-3
-    factor: float = 1.0
-    is_frozen: bool = False
     sigma_m_s2: float = 0.5
     period_s: float = 10e-3
 
     def at(self, loads: WalkerLoads, t_s: float) -> LegMotion:
         """Return the newest motion of all legs at a time [s]."""
-        told_s = FROZEN_AT_S if self.is_frozen else (t_s // self.period_s) * self.period_s
+        told_s = (t_s // self.period_s) * self.period_s
         row = max(int(np.searchsorted(loads.t_s, told_s - self.late_s)) - 1, 0)
-        acceleration: Vector = self.factor * loads.acceleration_m_s2[row]
+        acceleration = loads.acceleration_m_s2[row]
         n_legs = len(acceleration)
         return LegMotion(
             t_ns=np.full(n_legs, round(1e9 * told_s)),
@@ -288,10 +285,6 @@ class ToldMotion(NamedTuple):
             up=np.tile([0.0, 0.0, 1.0], (n_legs, 1)),
             phase=np.full(n_legs, StepPhase.UNKNOWN, np.uint8),
         )
-
-
-#: Time at which a frozen motion was told: while the robot walks [s].
-FROZEN_AT_S = 3.0
 
 
 class WalkerOutputs(NamedTuple):
@@ -324,29 +317,6 @@ class WalkerOutputs(NamedTuple):
     other_events: tuple[list[tuple[int, GaitEvent]], ...] = ()
 
 
-class ExactLoads:
-    """Estimator that knows the true loads of a run, for what the detectors behind it make of a force without error.
-
-    Args:
-        loads: The true loads.
-
-    Attributes:
-        row: Row of the loads that is estimated.
-    """
-
-    def __init__(self, loads: WalkerLoads) -> None:
-        self._loads = loads
-        self._contact, _ = contact_and_normal_force(loads.force_n, loads.normal)
-        self.row = 0
-
-    def estimate(self, window: Window) -> LoadEstimate:  # noqa: ARG002 - of a port
-        """Return the true loads of the row, with a sigma of next to nothing."""
-        force_n, contact = self._loads.force_n[self.row], self._contact[self.row]
-        return LoadEstimate(
-            force_n, np.full_like(force_n, _EXACT_SIGMA), contact, np.full_like(contact, _EXACT_SIGMA)
-        )
-
-
 def judging_pipeline(
     network: Network,
     response: FootResponse,
@@ -354,7 +324,6 @@ def judging_pipeline(
     feet: Sequence[FootParameters | None],
     *,
     friction: float | None = None,
-    exact: ExactLoads | None = None,
     uncertainty: Sequence[ForceUncertainty] = (),
 ) -> Pipeline:
     """Return the service's pipeline.
@@ -365,7 +334,6 @@ def judging_pipeline(
         scan: How the feet are read.
         feet: Calibration of each, None for a foot as designed.
         friction: Coefficient of friction of the ground, as if configured [1]; None for none.
-        exact: Loads in place of the network's, which are not refined; None for those of the network.
         uncertainty: What nobody knows of the feet, as of `MountedFeet.of`.
     """
     return pipeline_of(
@@ -374,8 +342,7 @@ def judging_pipeline(
         EstimationLimits(
             scan_ns=scan.scan_ns, range_end_pf=scan.range_end_pf, contact=ContactLimits(friction=friction)
         ),
-        None if exact else response,
-        estimator=exact,
+        response,
     )
 
 
@@ -417,7 +384,6 @@ class _Gaits:
 def run_pipeline(
     pipeline: Pipeline,
     readings: WalkerReadings,
-    exact: ExactLoads | None = None,
     motion: ToldMotion | None = None,
     other_frictions: Sequence[float] = (),
 ) -> WalkerOutputs:
@@ -426,7 +392,6 @@ def run_pipeline(
     Args:
         pipeline: The pipeline.
         readings: The readings.
-        exact: Its estimator, if that is one.
         motion: How the motion of the legs is told; None where it is not.
         other_frictions: Coefficients of friction for `other_events` [1].
     """
@@ -445,8 +410,6 @@ def run_pipeline(
         t_ns[:, elements] = read_ns[k]
         capacitance_pf[:, elements] = np.where(over[k], np.nan, readings.capacitance_pf[k])
         reading[:, elements] = np.where(over[k], Reading.OVER_RANGE, Reading.OK)
-        if exact is not None:
-            exact.row = k
         if motion is not None:
             pipeline.set_motion(motion.at(readings.all_loads, sent_ns[k] * 1e-9))
         frame, _ = pipeline.process(

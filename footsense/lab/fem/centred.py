@@ -3,14 +3,11 @@
 A load of azimuth 0 is even in y, so the classes (1, 1) and (-1, 1) hold all of it, and a vertical one the first alone.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from footsense.foot.directions import directions
-from footsense.foot.gap_contact import CELLS_PER_SIDE
-from footsense.foot.response_table import FootResponse
 from footsense.frames import Vector
 from footsense.lab.fem.adjoint import solve_face_closure_fields
 from footsense.lab.fem.mesh import MeshSize, build_quarter_mesh, quarter_cells
@@ -81,18 +78,3 @@ def largest_change(closure_um: Vector, of_um: Vector) -> float:
     counted = np.abs(of_um) > MIN_COUNTED_REL * np.abs(of_um).max()
     change = (closure_um / of_um - 1.0)[counted]
     return float(change[np.abs(change).argmax()])
-
-
-def variation_inside_cells(response: FootResponse, elevations_deg: Sequence[float]) -> tuple[float, float]:
-    """Return the largest rms closure variation inside a cell [um], and its capacitance error [1].
-
-    Centred loads of 1 N at azimuth 0. A closure that varies by a standard deviation s inside a cell raises the mean of
-    1/D by s^2/D^2; s^2 = (slope x step)^2 / 12 per direction, the slope by differences of neighbouring cells.
-    """
-    force = directions(0.0, list(elevations_deg))
-    closure_um = np.minimum(response.free_closure_um(force, force), response.design.gap_um)
-    grid = closure_um.reshape(len(force), -1, CELLS_PER_SIDE, CELLS_PER_SIDE)
-    variance = sum(np.gradient(grid, axis=axis) ** 2 for axis in (2, 3)) / 12.0
-    distance_um = response.design.gap_um + response.design.film_equivalent_um - grid
-    lost = (variance / distance_um**3).sum(axis=(2, 3)) / (1.0 / distance_um).sum(axis=(2, 3))
-    return float(np.sqrt(variance.max())), float(lost.max())

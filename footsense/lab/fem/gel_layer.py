@@ -18,7 +18,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import ngsolve as ng
-import numpy as np
 
 from footsense.foot.capacitor import Capacitor
 from footsense.lab.fem.elasticity import BondedLayer
@@ -40,13 +39,6 @@ class GelLayerDesign:
     thickness_mm: float
     gel: Material = field(default_factory=lambda: Material(0.020, 0.49))
     eps_r: float = 5.0
-
-    @property
-    def rim_decay_length_mm(self) -> float:
-        """Width of the rim zone in which the film can spread sideways [mm]."""
-        return self.thickness_mm * float(
-            np.sqrt(self.gel.confined_modulus_mpa / (12.0 * self.gel.shear_modulus_mpa))
-        )
 
     @property
     def layer(self) -> BondedLayer:

@@ -12,7 +12,6 @@ Source:
     2023; data of the left insole: github.com/ami-iit/paper_belli_2023_sensors_insole-calibration, BSD-3.
 """
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -45,8 +44,6 @@ _WIDTHS_REL, _CREEP_S = PLAY_OPERATOR_WIDTHS_N, float(CREEP_TIME_S[-1])
 _N_MEMORY = len(_WIDTHS_REL) + 1
 #: Largest weight of each, power of the polynomial, and rounds of the fit.
 _MAX_WEIGHT, _DEGREE, _ROUNDS = 0.5, 3, 12
-#: Of the published calibration: powers of the newest reading, past readings and their powers, ridge.
-_THEIR_DEGREE, _THEIR_PAST, _THEIR_PAST_DEGREE, _THEIR_RIDGE = 3, 40, 4, 1e-3
 
 
 class Session(NamedTuple):
@@ -192,55 +189,3 @@ def predicted_reading(fit: InsoleFit, pressure_rel: Vector, states: Vector) -> V
     effective = pressure_rel + states @ fit.memory
     reading: Vector = np.vander(effective, len(fit.polynomial), increasing=True) @ fit.polynomial
     return reading
-
-
-def estimated_pressure(fits: Sequence[InsoleFit], reading: Vector, step_s: float) -> Vector:
-    """Return the pressure that each element's fit finds from the readings so far [1], shape (n, elements).
-
-    Args:
-        fits: Fit of each element.
-        reading: Readings [counts], shape (n, elements).
-        step_s: Time between two of them [s].
-    """
-    grid = np.linspace(-0.2, 1.3, 301)
-    powers = np.vander(grid, _DEGREE + 1, increasing=True)
-    expected = [np.maximum.accumulate(powers @ fit.polynomial) for fit in fits]
-    effective = np.array([np.interp(*pair, grid) for pair in zip(reading.T, expected, strict=True)]).T
-    weights = np.array([fit.memory for fit in fits])
-    play, creep = weights[:, :-1], weights[:, -1] * np.exp(-step_s / _CREEP_S)
-    played, crept = np.tile(effective[0][:, None], len(_WIDTHS_REL)), effective[0].copy()
-    found = np.empty_like(effective)
-    now = effective[0].copy()
-    for n, wanted in enumerate(effective):
-        for _ in range(6):  # piecewise linear: Newton ends on the right piece
-            behind = np.clip(played - now[:, None], -_WIDTHS_REL, _WIDTHS_REL)
-            lacking = wanted - now - (play * behind).sum(axis=1) - creep * (crept - now)
-            free = np.abs(played - now[:, None]) < _WIDTHS_REL
-            now = now + lacking / (1.0 - (play * free).sum(axis=1) - creep)
-        played = np.clip(played, now[:, None] - _WIDTHS_REL, now[:, None] + _WIDTHS_REL)
-        crept = now + np.exp(-step_s / _CREEP_S) * (crept - now)
-        found[n] = now
-    return found
-
-
-def published_regressors(reading: Vector) -> Vector:
-    """Return the regressors of the published calibration of one element, shape (n, 164).
-
-    Source:
-        Belli et al. 2023, section 4: a cubic polynomial of the reading, and powers of the 40 before it.
-    """
-    scaled = reading / REST_COUNTS
-    past = [np.concatenate([np.full(k, scaled[0]), scaled[:-k]]) for k in range(1, _THEIR_PAST + 1)]
-    columns = [scaled**power for power in range(_THEIR_DEGREE + 1)]
-    columns += [one**power for one in past for power in range(1, _THEIR_PAST_DEGREE + 1)]
-    return np.column_stack(columns)
-
-
-def fit_published(reading: Vector, pressure_rel: Vector) -> Vector:
-    """Return the coefficients of the published calibration, each column scaled to 1, with its ridge."""
-    regressors = published_regressors(reading)
-    scale = np.abs(regressors).max(axis=0)
-    scaled = regressors / scale
-    curvature = scaled.T @ scaled + _THEIR_RIDGE * np.eye(len(scale))
-    coefficients: Vector = np.linalg.solve(curvature, scaled.T @ pressure_rel) / scale
-    return coefficients

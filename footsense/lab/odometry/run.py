@@ -23,10 +23,9 @@ SURE_POWER = 4
 
 
 class Filter(NamedTuple):
-    """One filter: what it knows of the footholds, what it senses, and whether it has a gate."""
+    """One filter: what it knows of the footholds, and whether it has a gate."""
 
     source: Source
-    senses: Senses
     gated: bool
 
 
@@ -58,20 +57,22 @@ def example() -> Any:
     return module
 
 
-def run_filters(walk: OdometryWalk, filters: Sequence[Filter]) -> Poses:
+def run_filters(walk: OdometryWalk, senses: Senses, filters: Sequence[Filter]) -> Poses:
     """Return the poses of filters that run together.
 
     Args:
         walk: The walk.
+        senses: What the robot senses of it.
         filters: The filters.
 
     Raises:
         FootsenseError: As of `example`.
     """
     n, n_legs = len(walk.rows) - 1, len(walk.robot.legs)
-    gyro, accel, foot_m, turn_rad, _, at_rest = (
-        np.stack(part) for part in zip(*(one.senses for one in filters), strict=True)
-    )
+
+    def for_each(part: Vector) -> Vector:
+        return np.broadcast_to(part, (len(filters), *part.shape))
+
     noise = np.empty((n, len(filters), n_legs))
     forces = []
     for row, one in enumerate(filters):
@@ -83,11 +84,14 @@ def run_filters(walk: OdometryWalk, filters: Sequence[Filter]) -> Poses:
             forces.append((row, one.source))
     gated = np.array([one.gated for one in filters])
     firmness = np.where(gated, GATED_NOISE_REL, 1.0)[:, None]
-    odometry = example().Odometry(at_rest, n_legs, walk.robot.foot_radius_m, np.where(gated, GATE, np.inf))
+    odometry = example().Odometry(
+        for_each(senses.accel_at_rest), n_legs, walk.robot.foot_radius_m, np.where(gated, GATE, np.inf)
+    )
     position_m, rotation = [odometry.columns[:, 1].copy()], [odometry.rotation]
     for k in range(n):
         _weigh(forces, odometry.rotation, k, walk.standing_n, noise[k])
-        odometry.step(STEP_S, gyro[:, k], accel[:, k], foot_m[:, k], turn_rad[:, k], firmness * noise[k])
+        sensed = (for_each(part[k]) for part in senses[:4])
+        odometry.step(STEP_S, *sensed, firmness * noise[k])
         position_m.append(odometry.columns[:, 1].copy())
         rotation.append(odometry.rotation)
     return Poses(np.stack(position_m), np.stack(rotation))

@@ -4,7 +4,6 @@ The IMU is a Bosch BMI088: noise by its data sheet, biases as they are left afte
 those that the service publishes, as late as a controller has them.
 """
 
-from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
@@ -26,7 +25,7 @@ from footsense.lab.evaluation.walker_runs import (
     run_pipeline,
     walker_loads,
 )
-from footsense.lab.walkers.robots import GRAVITY_M_S2, ROBOTS, Robot
+from footsense.lab.walkers.robots import GRAVITY_M_S2, ROBOTS
 from footsense.lab.walkers.simulate import LOG_STEP_S, BodyLog, WalkerLog, simulate_walk
 from footsense.lab.walkers.split import GROUNDS, WalkerRun
 
@@ -41,24 +40,6 @@ _ENCODER_RAD = np.radians(0.1)
 PUBLISH_EVERY, _CAN_S = {"ad7147": 2, "fdc1004": 4}, 3e-3
 #: From one begin of a metre of way to the next, and the first [m].
 _METRE_STEP_M, _FIRST_METRE_M = 0.25, 0.1
-
-
-class WrongRobot(NamedTuple):
-    """Errors of what a robot knows of itself, standard deviations.
-
-    Attributes:
-        length_rel: Of each thigh and shank [1].
-        encoder_deg: Of the zero of each joint [deg].
-        mounting_deg: Of the IMU's mounting, about each axis [deg].
-    """
-
-    length_rel: float = 0.0
-    encoder_deg: float = 0.0
-    mounting_deg: float = 0.0
-
-
-#: A robot that knows itself.
-KNOWN_ROBOT = WrongRobot()
 
 
 class Senses(NamedTuple):
@@ -130,14 +111,9 @@ class OdometryWalk:
         steps_m = np.linalg.norm(np.diff(self.position_m[:, :2], axis=0), axis=1)
         return np.concatenate([[0.0], np.cumsum(steps_m)])
 
-    def senses(self, wrong: WrongRobot = KNOWN_ROBOT) -> Senses:
-        """Return what the robot senses; its noise is the same for all errors.
-
-        Args:
-            wrong: Errors of what it knows of itself.
-        """
-        rng, errors = np.random.default_rng((1, self.run.seed)), np.random.default_rng((2, self.run.seed))
-        n, n_legs = len(self.rows) - 1, len(self.robot.legs)
+    def senses(self) -> Senses:
+        """Return what the robot senses."""
+        rng, n = np.random.default_rng((1, self.run.seed)), len(self.rows) - 1
         before, after = self.rotation[:-1], self.rotation[1:]
         gyro = _turn_rad(before.transpose(0, 2, 1) @ after) / STEP_S
         velocity_m_s = self.body.velocity_m_s[self.rows]
@@ -151,22 +127,10 @@ class OdometryWalk:
         at_rest = self.rotation[0, 2] * GRAVITY_M_S2 + accel_bias[0]
         angles_rad = self.body.angles_rad[self.rows]
         angles_rad = angles_rad + _ENCODER_RAD * rng.normal(size=angles_rad.shape)
-        angles_rad += np.radians(wrong.encoder_deg) * errors.normal(size=(n_legs, 3))
-        mounting = _small_turn(np.radians(wrong.mounting_deg) * errors.normal(size=3))
-        lengths = 1.0 + wrong.length_rel * errors.normal(size=(n_legs, 2))
-        foot_m, rotation = [], []
-        for leg, name in enumerate(self.robot.legs):
-            foot_m.append(_supposed(self.robot, *lengths[leg]).foot_poses(name, angles_rad[:, leg])[0])
-            rotation.append(self.robot.foot_poses(name, angles_rad[:, leg])[1])
-        turned = np.stack(rotation, axis=1)
-        return Senses(
-            gyro @ mounting,
-            accel @ mounting,
-            np.stack(foot_m, axis=1)[1:],
-            _turn_rad(turned[1:] @ turned[:-1].swapaxes(-1, -2)),
-            turned[1:],
-            at_rest @ mounting,
-        )
+        poses = [self.robot.foot_poses(name, angles_rad[:, leg]) for leg, name in enumerate(self.robot.legs)]
+        foot_m, turned = (np.stack(part, axis=1) for part in zip(*poses, strict=True))
+        turn_rad = _turn_rad(turned[1:] @ turned[:-1].swapaxes(-1, -2))
+        return Senses(gyro, accel, foot_m[1:], turn_rad, turned[1:], at_rest)
 
     def published(self, board: str, models: Path | None = None) -> ReceivedForces:
         """Return what the service publishes of the feet of the robot's own type, the friction known.
@@ -216,15 +180,5 @@ def _turn_rad(rotation: Vector) -> Vector:
     return turn_rad
 
 
-def _small_turn(turn_rad: Vector) -> Vector:
-    x, y, z = turn_rad
-    once = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.asarray(np.eye(3) + once + 0.5 * once @ once)
-
-
 def _drift(rng: np.random.Generator, rate: float, n: int) -> Vector:
     return np.asarray(rate * np.sqrt(STEP_S) * np.cumsum(rng.normal(size=(n, 3)), axis=0))
-
-
-def _supposed(robot: Robot, thigh_rel: float, shank_rel: float) -> Robot:
-    return replace(robot, thigh_m=thigh_rel * robot.thigh_m, shank_m=shank_rel * robot.shank_m)

@@ -1,4 +1,4 @@
-"""Page `experiment`: made feet. Causes of the paper's error, calibrated feet, and feet of a physics not calibrated for."""
+"""Page `experiment`: made feet. Causes of the paper's error, calibrations, and feet that these do not know."""
 
 from collections.abc import Iterable
 from dataclasses import asdict, replace
@@ -29,8 +29,9 @@ from footsense.lab.fem.sealed_air import SealedFoot
 from footsense.lab.fem.whole import other_tables
 from footsense.lab.foot_file import FOOT_FILE
 from footsense.lab.parallel import N_PROCESSES, compute_each
-from footsense.lab.report import SAME_TABLE, StudyContext, Values, spread, table, target
-from footsense.lab.studies.boards.made_feet import SigmaOfFeet, sigma_of_made_foot, sigma_table
+from footsense.lab.report import SAME_TABLE, StudyContext, Values, spread, target
+from footsense.lab.studies.boards.made_feet import SigmaOfFeet, sigma_of_made_foot, sigma_rows
+from footsense.lab.studies.boards.many_feet import MIN_POSTURE_ELEVATION_DEG, N_POSTURES, POSTURE_GF
 from footsense.lab.training.load_cases import leaning_loads
 from footsense.lab.training.paper_procedure import EPOCHS, per_foot_force_n
 from footsense.sim.fabrication import PAPER_TOLERANCES, FootTolerances, draw_deviations
@@ -54,9 +55,7 @@ TARGET_DEG, TARGET_GF = 2.0, 3.0
 _N_FEET, _QUICK_N_FEET, _N_SIGMA_FEET = 20, 2, 12
 _QUICK_EVERY, _QUICK_EPOCHS = 9, 300
 #: Loads over the whole range, their sizes, and the lowest elevation of force and normal, with a mount that is turned.
-_N_RANGE, _RANGE_GF, _MIN_ELEVATION_DEG = 180, (20.0, 200.0), 32.0
-#: Postures of a robot whose feet are calibrated by standing: sizes of the loads, and lowest elevation [deg].
-_N_POSTURES, _POSTURE_GF, _MIN_POSTURE_ELEVATION_DEG = 20, (20.0, 120.0), 70.0
+_N_RANGE, RANGE_GF, _MIN_ELEVATION_DEG = 180, (20.0, 200.0), 32.0
 
 #: Rms levels of causes: none, and those of feet and test stand on which the paper's procedure errs as in the paper.
 _EXACT = asdict(FootTolerances()) | asdict(EXACT_CONDITIONS)
@@ -89,8 +88,6 @@ class _Kind(NamedTuple):
     table: str = ""
     foot_model: FootModel = Specimen
 
-
-_PAPER, _PAPER_ERRORS = "the paper, measured", (f"{MEASURED_DIRECTION_DEG:g}", f"{MEASURED_MAGNITUDE_GF:g}")
 
 SUPPOSED = "supposed"
 _KINDS = {
@@ -149,10 +146,10 @@ def compute(context: StudyContext) -> Values:
     tables = {"": context.response} | solved
     tests = {
         "centred": ContactLoads.centred(paper_presses("verification")),
-        "range": leaning_loads(context.foot_design.loads, _N_RANGE, _RANGE_GF, _MIN_ELEVATION_DEG, SEED),
+        "range": leaning_loads(context.foot_design.loads, _N_RANGE, RANGE_GF, _MIN_ELEVATION_DEG, SEED),
     }
     postures = leaning_loads(
-        context.foot_design.loads, _N_POSTURES, _POSTURE_GF, _MIN_POSTURE_ELEVATION_DEG, SEED + 1
+        context.foot_design.loads, N_POSTURES, POSTURE_GF, MIN_POSTURE_ELEVATION_DEG, SEED + 1
     )
     plan = MadeFootPlan(_QUICK_EVERY if context.quick else 1, tests, postures)
     evaluate = partial(_evaluate, folder, plan, epochs)
@@ -255,146 +252,69 @@ def _targets(values: Values) -> list[Values]:
     ]
 
 
-def text(values: Values) -> str:
-    """Return the page's Markdown."""
-    feet = f"{values['n_feet']} feet"
-    made = values["kinds"][SUPPOSED]
+def shown(values: Values) -> Values:
+    """Return the rows of the page's tables, and who is worst, refused in part, and refused."""
+    made, kinds = values["kinds"][SUPPOSED], values["kinds"]
     estimators = {
         "own_network": "the paper's procedure: a network trained on the foot's own loads",
         "design": "uncalibrated: the released network",
-        "standing": f"calibrated by standing in {_N_POSTURES} postures, without a reference",
+        "standing": f"calibrated by standing in {N_POSTURES} postures, without a reference",
         "few": f"calibrated with {N_FEW} loads",
         "all": "calibrated with all loads",
     }
-    made_rows: list[tuple[str, ...]] = [(_PAPER, *_PAPER_ERRORS, "-", "-")]
-    for name, words in estimators.items():
-        made_rows.append((words, *(_spread(made[name]["centred"][figure]) for figure in _FIGURES[:4])))
-    left_out = {name: _percent(made[name]["centred"]["no_force"]) for name in ("design", "all")}
-    n_soft = sum(share > 0.5 for share in made["all"]["centred"]["no_force"])
-    passed = {_KINDS[name].words: len(accepted(one, "all")) for name, one in values["kinds"].items()}
-    refused = "; ".join(words for words, n in passed.items() if not n)
-    partly = "; ".join(
-        f"{words}: {n} of {feet} pass" for words, n in passed.items() if 0 < n < values["n_feet"]
-    )
-    (deg, deg_kind), (gf, gf_kind) = (worst_accepted(values, "range", one) for one in ("true_deg", "true_gf"))
-    return f"""
-No foot was made: all feet here are simulated. Every row has {feet}, of seed {values["seed"]} and numbers 0 to
-{values["n_feet"] - 1}, which nobody chose. Figures are the mean over the feet of each foot's mean error, +- the standard
-deviation between feet, and the worst foot.
-
-## Causes of the paper's error
-
-The paper trained a network on the changes of capacitance of the very foot that it then tested, with 362 presses and 180
-test loads, and measured {MEASURED_DIRECTION_DEG:g} deg / {MEASURED_MAGNITUDE_GF:g} gf (section V C). It states no
-tolerance of its foot or test stand. **The tolerances below are tuned to give the paper's error**: that *all together*
-meet it proves nothing, and the shares are those of one choice that fits. The same procedure (a plain network,
-{values["epochs"]} epochs of RPROP, another random start for each foot) runs on feet with one cause at a time. Errors are against the reference, as in the paper.
-
-{_cause_table(values)}
-
-What is the same at every press, the procedure learns, so it hardly sees a stray or a turned mount; what changes from
-press to press it cannot learn.
-
-## Made feet, calibrated
-
-Feet with the tolerances of gap, film, stray, stiffness and mount above, whose rubber creeps and has play, on a careful
-test stand: the stick leans by 1 deg rms, and the reference is as off as its data sheet allows (1.5 % of its range, which
-acts as up to 4 % of a force). Each is pressed {values["n_presses"]} times, of which {np.mean(made["n_loads"]):.0f} loads on average are
-within the converter's range, calibrated by the code of `footsense test-stand calibrate`, mounted anew, and read under the paper's
-180 loads. The physics that makes these feet is the one that the calibration and the network know.
-
-{table(f"estimator, {SAME_TABLE} | reference [deg] | reference [gf] | truth [deg] | truth [gf]", made_rows)}
-
-Loads without a force are left out: {left_out["design"]} % of the uncalibrated network's, {left_out["all"]} % of the calibrated one's,
-most of them of {n_soft} soft feet that have lost more than half; most of the worst figures are theirs. The simulated readings leave
-out converter, bus and recording; a test compares them with those of the whole chain.
-
-## What sigma says of them
-
-The first {len(values["sigma"])} of these feet, with what nobody knows of each in its sigma ([decision 39](../adr/0039-sigma-has-what-nobody-knows-of-a-foot.md)), through
-the service's pipeline: readings of the free foot given, a tripod of half the foot's largest force, and a foot that stands and
-leans. A foot errs alike in all its forces, so that one that is far from its design is beyond two sigma most of the time.
-*By walking*: for a minute in gaits of the judging robots.
-
-{sigma_table(values["sigma"])}
-
-## Feet that the calibration does not know
-
-In each of {len(values["kinds"]) - 1} kinds, one thing differs from what the calibration supposes. They are chosen by hand, among them the
-worst of 24 that were tried, but for two of which every calibration was refused: a sheet 1.5 mm off centre, and
-cavities that leak. Errors are against truth: *centred* on the
-paper's 180 loads of 100 gf, *range* on {values["n_range_loads"]} leaning loads of {_RANGE_GF[0]:g} to {_RANGE_GF[1]:g} gf. Of
-the range's loads, {_percent(made["all"]["range"]["no_force"])} % have no force at all with the foot as supposed (an element is beyond the converter's range,
-or a gap closed); **these loads are not in the errors**, and the column *no force* counts them. *Coverage* is the share of
-components of the range within two sigma. A calibration is refused if half of its loads are more than
-{MAX_MEDIAN_MAHALANOBIS_DISTANCE:g} standard deviations from any foot of the type, or leave it too uncertain, and warned
-of from {WARNING_MEDIAN_MAHALANOBIS_DISTANCE:g} on; refused feet are rows of their own, with the errors that they would have.
-
-Calibrated with all loads:
-
-{_kind_table(values, "all")}
-
-Calibrated with {N_FEW} loads:
-
-{_kind_table(values, "few")}
-
-Calibrated by standing (`--no-reference`), in {_N_POSTURES} postures of {_POSTURE_GF[0]:g} to {_POSTURE_GF[1]:g} gf, within {90 - _MIN_POSTURE_ELEVATION_DEG:g} deg of upright,
-one reading each, on creeping rubber. Mount and stiffness stay unknown: the stiffness is most of the error of
-magnitude, the mount of {PAPER_TOLERANCES.mount_deg:g} deg rms most of that of direction.
-
-{_kind_table(values, "standing")}
-
-- Worst foot over the range, of those whose calibration with all loads passes: {deg:.2f} deg ({deg_kind}) and {gf:.2f} gf ({gf_kind}).
-- All refused with all loads: {refused or "none"}.
-- Refused in part: {partly or "none"}.
-- A floor's capacitance is on no test stand, so nothing warns of it.
-- Finite strain and a floor with friction are no kind: a full solve of every load is too dear.
-
-![](experiment.png)
-
-Each point is a foot, calibrated with all loads; crosses are refused.
-"""
+    return {
+        "causes": [_cause_row(values, name, errors) for name, errors in values["causes"].items()],
+        "made": [
+            (words, *(_spread(made[name]["centred"][figure]) for figure in _FIGURES[:4]))
+            for name, words in estimators.items()
+        ],
+        "kinds": [_kind_row(_KINDS[name], one) for name, one in kinds.items()],
+        "n_pressed_loads": np.mean(made["n_loads"]),
+        "left_out": {name: _percent(made[name]["centred"]["no_force"]) for name in ("design", "all")},
+        "range_left_out": _percent(made["all"]["range"]["no_force"]),
+        "n_soft": sum(share > 0.5 for share in made["all"]["centred"]["no_force"]),
+        "refused": [_KINDS[name].words for name, one in kinds.items() if not accepted(one, "all")],
+        "worst": [worst_accepted(values, "range", one) for one in ("true_deg", "true_gf")],
+        "paper_errors": (MEASURED_DIRECTION_DEG, MEASURED_MAGNITUDE_GF),
+        "sigma_rows": sigma_rows(values["sigma"]),
+        "warned_from": WARNING_MEDIAN_MAHALANOBIS_DISTANCE,
+        "refused_from": MAX_MEDIAN_MAHALANOBIS_DISTANCE,
+    }
 
 
-def _cause_table(values: Values) -> str:
-    rows: list[tuple[str, ...]] = []
-    for name, errors in values["causes"].items():
-        words, factor = _CAUSES[name]
-        level = f"{values['levels'][name] * factor:g}" if name in values["levels"] else "-"
-        rows.append((words, level, _spread(errors["deg"]), _spread(errors["gf"])))
-    return table(
-        f"cause, {SAME_TABLE} | rms level | direction error [deg] | magnitude error [gf]",
-        [*rows, (_PAPER, "-", *_PAPER_ERRORS)],
+def _cause_row(values: Values, name: str, errors: Values) -> tuple[str, ...]:
+    words, factor = _CAUSES[name]
+    level = f"{values['levels'][name] * factor:g}" if name in values["levels"] else "-"
+    return words, level, _spread(errors["deg"]), _spread(errors["gf"])
+
+
+def _kind_row(kind: _Kind, columns: Values) -> tuple[str, ...]:
+    """Return the cells of a kind: how many feet pass, errors of those, and errors of its other calibrations.
+
+    Where none passes, the errors are those that the refused feet would have.
+    """
+    one, passed = columns["all"], accepted(columns, "all")
+
+    def of(calibration: str, test: str, figure: str) -> list[float | None]:
+        found = columns[calibration][test][figure]
+        return [found[number] for number in accepted(columns, calibration)] or found
+
+    is_same = not kind.table and kind.foot_model is Specimen
+    return (
+        f"{kind.words}, {SAME_TABLE}" if is_same else kind.words,
+        f"{len(passed)}, {sum(one['warned'][number] for number in passed)}",
+        *(
+            _spread(of("all", test, figure))
+            for test in ("centred", "range")
+            for figure in ("true_deg", "true_gf")
+        ),
+        *(_percent(of("all", "range", figure)) for figure in ("no_force", "within_2_sigma")),
+        *(_worst(of(calibration, "centred", "true_deg")) for calibration in ("few", "standing")),
     )
 
 
-def _kind_table(values: Values, calibration: str) -> str:
-    rows = []
-    for name, columns in values["kinds"].items():
-        one, passed = columns[calibration], accepted(columns, calibration)
-        refused = [number for number in range(values["n_feet"]) if number not in passed]
-        for word, numbers in (("accepted", passed), ("refused", refused)):
-            if numbers:
-                n_warned = int(sum(one["warned"][number] for number in numbers))
-                feet = f"{len(numbers)} {word}" + (f", {n_warned} with a warning" if n_warned else "")
-                errors = [
-                    _spread([one[test][figure][number] for number in numbers])
-                    for test in ("centred", "range")
-                    for figure in ("true_deg", "true_gf")
-                ]
-                shares = (
-                    _percent(one["range"][figure][number] for number in numbers)
-                    for figure in ("no_force", "within_2_sigma")
-                )
-                kind = _KINDS[name]
-                is_same = not kind.table and kind.foot_model is Specimen
-                rows.append(
-                    (f"{kind.words}, {SAME_TABLE}" if is_same else kind.words, feet, *errors, *shares)
-                )
-    return table(
-        "kind | feet | centred [deg] | centred [gf] | range [deg] | range [gf] | no force [%] | coverage [%]",
-        rows,
-    )
+def _worst(over_feet: list[float | None]) -> str:
+    return f"{max(value for value in over_feet if value is not None):.2f}"
 
 
 def _percent(shares: Iterable[float | None]) -> str:

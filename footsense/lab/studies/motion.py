@@ -1,17 +1,16 @@
 """Page `motion`: forces of feet that move, what a gait controller is told of them, and when."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
-from pathlib import Path
-from typing import NamedTuple
+from itertools import chain, pairwise
 
 import numpy as np
 
 from footsense.foot.contact_coordinates import normals_of_stereographic_points
 from footsense.foot.directions import angles_between_deg
 from footsense.foot.network_card import NETWORK_FILE
-from footsense.frames import ELEMENTS, LEGS, Vector
-from footsense.lab.board_comparison.windows import TROT_RISES_S, TROT_STANCE_S, TROT_STRIDE_S, dog_trot
+from footsense.frames import ELEMENTS, Leg, Vector
+from footsense.lab.evaluation import walker_scores
 from footsense.lab.evaluation.evaluate_models import RESPONSE_FILE
 from footsense.lab.evaluation.walker_judgement import (
     Conditions,
@@ -23,22 +22,17 @@ from footsense.lab.evaluation.walker_judgement import (
     pooled,
     slip_figures,
 )
-from footsense.lab.evaluation.walker_page import (
-    WalkerLimits,
-    WantedContacts,
-    contact_targets,
-    contact_text,
-    row_of,
-    slip_targets,
-    slip_text,
-    walker_targets,
-    walker_text,
-)
 from footsense.lab.evaluation.walker_runs import HOST_COST_US, SCAN_TIMES, ScanTimes, ToldMotion
 from footsense.lab.foot_file import FOOT_FILE
-from footsense.lab.report import SAME_TABLE, StudyContext, Values, table, table_by_board
-from footsense.lab.studies.boards.page import BoardLimits, board_figures, board_targets, board_text
-from footsense.lab.studies.boards.service_walks import OWN_FEET
+from footsense.lab.report import StudyContext, Values
+from footsense.lab.studies.boards.many_feet import (
+    missing_figures,
+    smooth_tripod,
+    step_figures,
+    wrong_gain_figures,
+)
+from footsense.lab.studies.boards.service_walks import OWN_END_S, OWN_FEET, service_figures
+from footsense.lab.studies.boards.targets import WANTED, board_targets
 from footsense.lab.training.export import OnnxNetwork
 from footsense.lab.training.gait_readings import (
     GaitReadings,
@@ -53,12 +47,13 @@ from footsense.lab.training.gait_windows import (
     estimate_in_batches,
     windows_of,
 )
+from footsense.lab.walkers import slow_loads
 from footsense.lab.walkers.shaking_loads import ShakingLoads
 from footsense.lab.walkers.slow_loads import SlowLoads
 from footsense.lab.walkers.split import KNOWN_JUDGEMENT, NEW_JUDGEMENT, RECORDED_JUDGEMENT, WalkerRun
 from footsense.ports import LoadEstimator, Window
 from footsense.sim.loads.ground_load import ContactSource
-from footsense.sim.loads.walk import Walk, measured_walk, smooth_stance_reaction
+from footsense.sim.loads.walk import Walk, measured_walk, trot_reaction
 
 TITLE = "Force in motion, and what a gait controller is told"
 
@@ -66,8 +61,11 @@ TITLE = "Force in motion, and what a gait controller is told"
 _SEED = 990_001
 _N_GAITS, _GAIT_S, _WALK_S, _QUICK_WALK_S = 200, 3.0, 6.8, 1.1
 #: Least force of a direction, of a friction ratio, and least normal force of a contact normal [N].
-_DIRECTION_N, _FRICTION_N, _NORMAL_N = 0.1, 0.3, 0.5
+DIRECTION_N, FRICTION_N, NORMAL_N = 0.1, 0.3, 0.5
 _WALK_START_NS = 200_000_000
+#: A trot with the times of a Unitree Go1's: stride and stance [s], and times in which the force rises to 70 % [s].
+TROT_STRIDE_S, TROT_STANCE_S = 0.67, 0.4
+_TROT_RISES_S: dict[Leg, float] = {"lf": 0.02, "rf": 0.04, "lr": 0.06, "rr": 0.08}
 #: Noise of a conversion over the board's [1], beside it: what an AD7147 has is not confirmed by a source.
 _NOISE_REL = (0.3, 3.0)
 #: Slow loads that judge; those of the selection have other seeds.
@@ -77,72 +75,9 @@ _SHAKING = ShakingLoads(9950, 20.0)
 _QUICK_RUNS, _QUICK_NEW_RUNS, _QUICK_S = slice(1, None, 12), slice(0, None, 13), 4.0
 
 
-class Wanted(NamedTuple):
-    """Limits of a board and of walking robots on it."""
-
-    board: BoardLimits
-    robots: WalkerLimits
-    contacts: WantedContacts
-
-
-#: What is wanted of each board; the default board is the first.
-_BOARDS: dict[str, Wanted] = {
-    "ad7147": Wanted(
-        BoardLimits(
-            direction_deg={
-                "random gaits": (0.8, 2.2),
-                "measured walk": (0.3, 0.8),
-                "tripod": (0.32, 0.6),
-                "trot of a robot dog": (0.65, 1.3),
-            },
-            fz_mn=10.0,
-            settled_ms=(20.0, 25.0),
-            wrong_gains_deg=(1.8, 0.5),
-            touchdown_ms=(3.0, 5.0, 1.5),
-            missing_deg=(0.7, 1.5, 1.5),
-            own_robots=((0.6, 0.01), (1.0, 0.02)),
-        ),
-        WalkerLimits(direction_deg=(2.0, 4.5), mid_stance_deg=(1.0,), shaking_deg=1.6),
-        WantedContacts(
-            found_share=0.98,
-            in_air_share=0.024,
-            twice_share=0.02,
-            told_ms=(8.0, 28.0),
-            slow_p95_ms=40.0,
-            dragged_share=0.9,
-            with_motion=(0.99, 0.005, 0.02),
-        ),
-    ),
-    "fdc1004": Wanted(
-        BoardLimits(
-            direction_deg={
-                "random gaits": (2.4, 10.0),
-                "measured walk": (1.3, 4.5),
-                "tripod": (1.3, 5.2),
-                "trot of a robot dog": (3.0, 9.0),
-            },
-            fz_mn=17.0,
-            settled_ms=(68.0, 77.0),
-            wrong_gains_deg=(2.1, 1.3),
-            touchdown_ms=(4.5, 5.9, 3.8),
-        ),
-        WalkerLimits(),
-        WantedContacts(
-            found_share=0.936,
-            in_air_share=0.021,
-            twice_share=0.04,
-            told_ms=(16.0, 45.0),
-            slow_p95_ms=80.0,
-            dragged_share=0.8,
-            with_motion=(0.98, 0.021, 0.04),
-        ),
-    ),
-}
-
-
 def compute(context: StudyContext) -> Values:
     """Judge the feet of each board by walking robots; estimate the force in random gaits and walks."""
-    boards = {board: _figures(context, board, wanted) for board, wanted in _BOARDS.items()}
+    boards = {board: _figures(context, board) for board in WANTED}
     return {
         "n_random_gaits": 6 if context.quick else _N_GAITS,
         "boards": boards,
@@ -154,22 +89,26 @@ def compute(context: StudyContext) -> Values:
     }
 
 
-def _figures(context: StudyContext, board: str, wanted: Wanted) -> Values:
+def _figures(context: StudyContext, board: str) -> Values:
     """Return the figures of a board."""
     feet = [context, *(context.foot(name) for name in OWN_FEET)]
     folders = [foot.files(FOOT_FILE, RESPONSE_FILE, NETWORK_FILE) for foot in feet]
     gaits = _gaits(context, OnnxNetwork(folders[0] / NETWORK_FILE), SCAN_TIMES[board])
     context.report_progress(f"{board}: gaits done")
-    figures = board_figures(context, board)
-    runs = KNOWN_JUDGEMENT[_QUICK_RUNS] if context.quick else KNOWN_JUDGEMENT
+    figures = {
+        "gaits": gaits,
+        "step": step_figures(context, board),
+        "missing": missing_figures(context, board),
+        "wrong_gains": wrong_gain_figures(context, board),
+    }
+    context.report_progress("steps, missing elements and wrong gains done")
+    figures |= service_figures(context, board)
+    context.report_progress("walks through the service done")
     conditions = Conditions(board)
 
-    def judged_under(
-        runs: Sequence[JudgingLoads], conditions: Conditions = conditions, models: Sequence[Path] = folders
-    ) -> list[JudgedRun]:
-        return judge(models, runs, conditions, context.scheduler)
+    def judged_under(runs: Sequence[JudgingLoads], conditions: Conditions = conditions) -> list[JudgedRun]:
+        return judge(folders, runs, conditions, context.scheduler)
 
-    judged = judged_under(runs)
     new: tuple[WalkerRun, ...] = NEW_JUDGEMENT
     slow: tuple[SlowLoads, ...] = _SLOW
     for walk in RECORDED_JUDGEMENT:
@@ -177,52 +116,56 @@ def _figures(context: StudyContext, board: str, wanted: Wanted) -> Values:
     if context.quick:
         new = tuple(run._replace(duration_s=_QUICK_S) for run in NEW_JUDGEMENT[_QUICK_NEW_RUNS])
         slow = (SlowLoads(_SLOW[0].seed, _QUICK_S),)
+    judged = judged_under(KNOWN_JUDGEMENT[_QUICK_RUNS] if context.quick else KNOWN_JUDGEMENT)
     new_judged, slow_judged = judged_under((*new, *RECORDED_JUDGEMENT)), judged_under(slow)
     shaking = judged_under((_SHAKING._replace(duration_s=_QUICK_S) if context.quick else _SHAKING,))
-    told = judged_under((*new, *RECORDED_JUDGEMENT, *slow), conditions._replace(motion=ToldMotion()))
-    contacts, contacts_with_motion = contact_figures([*new_judged, *slow_judged]), contact_figures(told)
+    moving = judged_under((*new, *RECORDED_JUDGEMENT, *slow), conditions._replace(motion=ToldMotion()))
     context.report_progress("walking robots done")
-    walked = [*judged, *new_judged]
-    slips = {"all": slip_figures(walked)}
-    for part, of_part in (
-        ("friction", lambda one: f"{one.scores['true_friction']:g}"),
-        ("", lambda one: one.foot_type),
-    ):
-        for name in sorted({of_part(one) for one in walked}):
-            slips[f"{part} {name}".strip()] = slip_figures([one for one in walked if of_part(one) == name])
-    own_type = context.foot_design.foot_type
     by_foot = {
         name: [one for one in judged if one.foot_type == name]
         for name in dict.fromkeys(one.foot_type for one in judged)
     }
-    for name, runs_of_foot in by_foot.items():
-        context.drawings[f"motion-{board}-{name}.png"] = draw(runs_of_foot, f"{name}, board {board}")
-    creeping = judged_under(runs[::4], conditions._replace(viscous_rel=1.0), folders[:1])
-    compared = runs[:1] if context.quick else runs
-    exact = judged_under(compared, conditions._replace(exact=True), folders[:1])
-    massless = judged_under(compared, conditions._replace(massless=True), folders[:1])
-    together = {name: pooled(runs_of_foot) for name, runs_of_foot in by_foot.items()}
-    others = {name: together[name] for name in together if name != own_type}
-    return {
-        "gaits": gaits,
-        **figures,
-        "runs": {name: [row_of(one) for one in runs_of_foot] for name, runs_of_foot in by_foot.items()},
-        "pooled": together,
-        "exact": pooled(exact),
-        "massless": pooled(massless),
-        "creeping": [row_of(one) for one in creeping],
-        "new_runs": [row_of(one) for one in new_judged],
-        "shaking": [row_of(one) for one in shaking],
-        "contacts": contacts,
-        "contacts_with_motion": contacts_with_motion,
+    own_type = context.foot_design.foot_type
+    context.drawings[f"motion-{board}.png"] = draw(by_foot[own_type], f"{own_type}, board {board}")
+    walked = [*judged, *new_judged]
+    slips = {"all": slip_figures(walked)}
+    slips |= {name: slip_figures([one for one in walked if one.foot_type == name]) for name in by_foot}
+    figures |= {
+        "runs": {name: [_row(one) for one in by_foot[name]] for name in list(by_foot)[1:]},
+        "pooled": {name: pooled(runs) for name, runs in by_foot.items()},
+        "new_gaits": _contacts_by_gait(new_judged),
+        "shaking": [_row(one) for one in shaking],
+        "contacts": contact_figures([*new_judged, *slow_judged]),
+        "contacts_with_motion": contact_figures(moving),
         "slips": slips,
-        "targets": [
-            *board_targets(gaits, figures, wanted.board),
-            *walker_targets(together[own_type], others, [one.scores for one in shaking], wanted.robots),
-            *contact_targets(contacts, contacts_with_motion, wanted.contacts),
-            *slip_targets(slips["all"]),
-        ],
     }
+    return figures | {"targets": board_targets(board, figures)}
+
+
+def _row(one: JudgedRun) -> Values:
+    """Return what the page says of the forces of one run."""
+    return {"run": one.run.name, "foot_type": one.foot_type, "peak_n": one.peak_n} | {
+        key: one.scores[key] for key in _FORCES
+    }
+
+
+#: What the page says of the forces of a run, of its scores.
+_FORCES = (
+    *("direction_deg", "direction_p95_deg", "mid_stance_deg"),
+    *("no_force_share", "overload_share", "within_2_sigma", "beyond_5_sigma"),
+)
+
+
+def _contacts_by_gait(judged: Sequence[JudgedRun]) -> list[Values]:
+    """Return what became of the touches in each gait of a robot, on all grounds and feet together."""
+    by_gait: dict[str, list[Values]] = {}
+    for one in judged:
+        by_gait.setdefault(" ".join(one.run.name.split()[:2]), []).append(one.scores)
+    return [
+        {"gait": gait, "wrong_share": np.mean([row["wrong_share"] for row in rows])}
+        | {key: sum(row[key] for row in rows) for key in ("n_touches", "n_missed", "n_twice", "n_in_air")}
+        for gait, rows in by_gait.items()
+    ]
 
 
 def _walked(
@@ -263,20 +206,13 @@ def _gaits(context: StudyContext, network: LoadEstimator, scan: ScanTimes) -> li
         context.response, _SEED, n_gaits, round(_GAIT_S / scan.conversion_s), max_n, scan=conditions
     )
     walk = measured_walk(1.0, 10.0, _WALK_START_NS)
-    tripod = Walk(
-        dict.fromkeys(LEGS, smooth_stance_reaction(0.6, 1.0, 0.15)),
-        period_ns=1_200_000_000,
-        duty_rel=0.6,
-        pitch_deg=10.0,
-        from_ns=_WALK_START_NS,
-    )
     sides = ("rf", "lf")
     errors, walked = partial(_errors, network), partial(_walked, context, conditions)
     return [
         errors("random gaits", random),
         errors("measured walk", walked(walk, sides)),
-        errors("tripod", walked(tripod, ("rf",))),
-        errors("trot of a robot dog", walked(dog_trot(_WALK_START_NS), tuple(TROT_RISES_S))),
+        errors("tripod", walked(smooth_tripod(1.0, _WALK_START_NS), ("rf",))),
+        errors("trot of a robot dog", walked(_dog_trot(), tuple(_TROT_RISES_S))),
         errors("walk, rubber creeps and lags", walked(walk, sides, viscous_rel=1.0)),
         *(
             errors(f"measured walk, noise x {rel:g}", walked(walk, sides, noise_rel=rel))
@@ -285,18 +221,32 @@ def _gaits(context: StudyContext, network: LoadEstimator, scan: ScanTimes) -> li
     ]
 
 
+def _dog_trot() -> Walk:
+    """Return the trot of a robot dog of 1 N peak."""
+    return Walk(
+        {
+            leg: trot_reaction(TROT_STANCE_S / TROT_STRIDE_S, rise_s / TROT_STANCE_S, 1.0, 0.15)
+            for leg, rise_s in _TROT_RISES_S.items()
+        },
+        period_ns=round(1e9 * TROT_STRIDE_S),
+        duty_rel=TROT_STANCE_S / TROT_STRIDE_S,
+        pitch_deg=10.0,
+        from_ns=_WALK_START_NS,
+    )
+
+
 def _errors(network: LoadEstimator, load: str, gaits: GaitReadings) -> Values:
     """Return the errors of the network over all windows of gaits."""
     windows = windows_of(gaits)
     force_n, normal = windows.force_n, windows.normal
     nothing = np.zeros((len(force_n), ELEMENTS), bool)
     found = estimate_in_batches(network, Window(windows.closure_rel, windows.age_s, nothing))
-    loaded = np.linalg.norm(force_n, axis=1) > _DIRECTION_N
+    loaded = np.linalg.norm(force_n, axis=1) > DIRECTION_N
     error_n = (found.force_n - force_n)[loaded]
     off = np.abs(error_n / found.sigma_n[loaded])
     direction_deg = angles_between_deg(found.force_n[loaded], force_n[loaded])
     true_contact, pressing_n = contact_and_normal_force(force_n, normal)
-    firm, firmer = pressing_n > _FRICTION_N, pressing_n > _NORMAL_N
+    firm, firmer = pressing_n > FRICTION_N, pressing_n > NORMAL_N
     found_normal = normals_of_stereographic_points(found.contact_point_and_friction[:, :2])
     friction = _friction_ratio(found.contact_point_and_friction[:, 2:], found_normal) - _friction_ratio(
         true_contact[:, 2:], normal
@@ -320,62 +270,37 @@ def _friction_ratio(ratio: Vector, normal: Vector) -> Vector:
     return friction_ratio
 
 
-def text(values: Values) -> str:
-    """Return the page's Markdown."""
+def shown(values: Values) -> Values:
+    """Return the rows of what is wanted of the boards and of how often feet held, and where constants are."""
     boards = values["boards"]
-    gaits = table_by_board(
-        f"load, {SAME_TABLE}: {{load}}",
-        {board: of_board["gaits"] for board, of_board in boards.items()},
-        {
-            "direction mean / 95 % below [deg]": "{direction_deg:.2f} / {direction_p95_deg:.1f}",
-            "fx / fy / fz rms [mN]": "{rms_mn[0]:.0f} / {rms_mn[1]:.0f} / {rms_mn[2]:.0f}",
-            "within 2 sigma / beyond 5": "{within_2_sigma:.1%} / {beyond_5_sigma:.2%}",
-            "friction ratio": "{friction_error:.4f}",
-            "normal [deg]": "{normal_error_deg:.2f}",
-        },
-    )
-    wanted = table(
-        f"figure, {SAME_TABLE} | " + " | ".join(f"`{board}` (wanted)" for board in boards),
-        [
-            (figure, *(_reached(of_board, figure) for of_board in boards.values()))
-            for figure in _figure_names(boards)
+    figures = dict.fromkeys(row["figure"] for of_board in boards.values() for row in of_board["targets"])
+    reached = {
+        board: {
+            row["figure"]: f"{row['measured']} ({row['target']})" + ("" if row["met"] else ", **missed**")
+            for row in of_board["targets"]
+        }
+        for board, of_board in boards.items()
+    }
+    bins = [of_board["slips"]["all"]["holds_bins"] for of_board in boards.values()]
+    bounds = pairwise(walker_scores.HOLDS_BOUNDS)
+    return {
+        "wanted": [(one, *(of_board.get(one, "-") for of_board in reached.values())) for one in figures],
+        "held": [
+            (f"{low:g} to {high:g}", *(f"{held / max(n, 1):.2f} of {n}" for n, held in of_boards))
+            for (low, high), *of_boards in zip(bounds, *bins, strict=True)
         ],
-    )
-    return f"""
-Board `ad7147` converts the nine elements of a foot by itself in 6.9 ms; its results are read twice for a force. Board
-`fdc1004` converts one element at a time, nine in 26 ms. Both have the same network; six legs, {HOST_COST_US} us of the host for a
-transaction, `ad7147` on two buses.
-
-{wanted}
-
-## Gaits
-
-The released networks on gaits that they were not trained on: {values["n_random_gaits"]} random gaits of another seed (stances of 60 ms to 2 s
-that rise in 5 to 150 ms), the measured walk of two legs, a
-tripod of one, and a trot of four legs with the times of a robot dog's (strides of {TROT_STRIDE_S:g} s, stances of {TROT_STANCE_S:g} s
-that rise to 70 % within 20 to 80 ms, as measured of a Unitree Go1; its shape is ours), all at 1 N peak but the random ones. The force is that at the time of sending. Directions count from
-{_DIRECTION_N} N on, friction from {_FRICTION_N} N, the contact's normal from {_NORMAL_N} N of normal force. Readings come from the response
-table that the network was trained on, with the converter's noise and timing: *same table* marks all figures of which
-that is so. *Noise x*: of a conversion, over that of the board. Here the network is alone; further down are the service's pipeline, and the whole service with simulated chips.
-
-{gaits}
-
-{board_text(boards)}
-
-## Walking robots
-
-{walker_text(boards, "motion")}
-{contact_text(boards)}
-{slip_text(boards)}"""
-
-
-def _figure_names(boards: Mapping[str, Values]) -> list[str]:
-    """Return what is wanted of any board, in order."""
-    return list(dict.fromkeys(row["figure"] for of_board in boards.values() for row in of_board["targets"]))
-
-
-def _reached(of_board: Values, figure: str) -> str:
-    row = next((row for row in of_board["targets"] if row["figure"] == figure), None)
-    if row is None:
-        return "-"
-    return f"{row['measured']} ({row['target']})" + ("" if row["met"] else ", **missed**")
+        "walks": {board: one["own_robots"] | one["couplings"] for board, one in boards.items()},
+        "of_own_robots": {board: list(chain(*one["runs"].values())) for board, one in boards.items()},
+        "slides": {
+            board: {
+                f"{name}, friction known" if name == "all" else name: found for name, found in slips.items()
+            }
+            | {f"all, {what}": found for what, found in slips["all"]["supposed"].items()}
+            for board, slips in ((board, one["slips"]) for board, one in boards.items())
+        },
+        "host_cost_us": HOST_COST_US,
+        "end_s": OWN_END_S,
+        "motion": ToldMotion(),
+        "scores": walker_scores,
+        "slow": slow_loads,
+    }

@@ -30,7 +30,7 @@ from footsense.lab.fem.paper_sensors import (
     pressure_patterns,
     stress_series,
 )
-from footsense.lab.report import SAME_TABLE, StudyContext, Values, spread, table, target
+from footsense.lab.report import StudyContext, Values, spread, target
 from footsense.lab.training.load_cases import paper_training, paper_verification, sensed_closure_um
 from footsense.lab.training.paper_network import RPROP, network_outputs, stack, train, unstack
 from footsense.lab.training.paper_procedure import (
@@ -46,13 +46,13 @@ _SEEDS, _QUICK_SEEDS = 5, 2
 _EPOCHS, _QUICK_EPOCHS = 5000, 500
 _INPUTS: dict[NetworkInput, str] = {"capacitance": "changes of capacitance", "closure": "closures"}
 _NEURONS, _QUICK_NEURONS = (3, 5, 8, 12, 18, 27, 40), (3, 18)
-_LEARNING_RATES, _MOMENTUM = (0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7), 0.9
+LEARNING_RATES, _MOMENTUM = (0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7), 0.9
 _RACE_EPOCHS, _QUICK_RACE_EPOCHS = 10_000, 300
 _ARRAY_EPOCHS = 2000
 #: Random error of each element in the trial of the arrays [1], standard deviation over its own output.
-_NOISE_REL = 0.05
+NOISE_REL = 0.05
 #: The load of Fig. 17 [deg]; its magnitude is not given, this is that of the verification [gf].
-_PATTERN_DEG, _MAGNITUDE_GF = (0.0, 45.0), 100.0
+PATTERN_DEG, MAGNITUDE_GF = (0.0, 45.0), 100.0
 _MAP_LEVELS_DEG = (0.0, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 _MAP_POINTS, _MIN_ELEVATION_DEG = 91, 30.0
 
@@ -95,9 +95,9 @@ def compute(context: StudyContext) -> Values:
 
 def _pattern_pf(context: StudyContext) -> Vector:
     """Return the changes of capacitance under the load of Fig. 17 [pF], shape (3, 3)."""
-    normal = directions(*np.array(_PATTERN_DEG)[:, None])
+    normal = directions(*np.array(PATTERN_DEG)[:, None])
     foot = Specimen(context.response)
-    loaded_pf = foot.capacitance_pf(normal, _MAGNITUDE_GF * GRAM_FORCE_N * normal)[0]
+    loaded_pf = foot.capacitance_pf(normal, MAGNITUDE_GF * GRAM_FORCE_N * normal)[0]
     change_pf: Vector = (loaded_pf - foot.unloaded_pf).reshape(3, 3)
     return change_pf
 
@@ -109,8 +109,8 @@ def _procedure(context: StudyContext, kind: NetworkInput, seeds: int, epochs: in
         start_weights_by_seed(seeds), epochs
     )
     found: Values = {"direction_deg": {}, "magnitude_gf": {}}
-    for magnitude_gf in (50.0, _MAGNITUDE_GF, 150.0):
-        cases = paper_verification(response, force_unit=magnitude_gf / _MAGNITUDE_GF)
+    for magnitude_gf in (50.0, MAGNITUDE_GF, 150.0):
+        cases = paper_verification(response, force_unit=magnitude_gf / MAGNITUDE_GF)
         errors = [evaluate_force_errors(cases.force_n, network(cases.closure_um)) for network in networks]
         found["direction_deg"][f"{magnitude_gf:g}"] = [one.direction_deg for one in errors]
         found["magnitude_gf"][f"{magnitude_gf:g}"] = [one.magnitude_gf for one in errors]
@@ -156,11 +156,11 @@ def _race(context: StudyContext, seeds: int) -> list[Values]:
     rows = []
     for name, momentum in (("back-propagation", 0.0), (f"the same with momentum {_MOMENTUM:g}", _MOMENTUM)):
         rule = optax.inject_hyperparams(optax.sgd)(learning_rate=0.0, momentum=momentum)
-        layers = stack([start for _ in _LEARNING_RATES for start in starts])
+        layers = stack([start for _ in LEARNING_RATES for start in starts])
         state = jax.vmap(rule.init)(layers)
-        state.hyperparams["learning_rate"] = np.repeat(_LEARNING_RATES, seeds).astype(np.float32)
+        state.hyperparams["learning_rate"] = np.repeat(LEARNING_RATES, seeds).astype(np.float32)
         descent = train(rule, layers, training.inputs, training.targets, epochs, state)
-        losses = descent.losses.reshape(len(_LEARNING_RATES), seeds, epochs)
+        losses = descent.losses.reshape(len(LEARNING_RATES), seeds, epochs)
         # A rate at which the loss of one start overflows is of no use.
         sound = np.isfinite(losses[:, :, -1]).all(axis=1)
         best = int(
@@ -172,7 +172,7 @@ def _race(context: StudyContext, seeds: int) -> list[Values]:
         rows.append(
             {
                 "rule": name,
-                "rate": _LEARNING_RATES[best],
+                "rate": LEARNING_RATES[best],
                 "epochs": epochs,
                 "times_fewer": slow / fast,
                 "n_reached": int((rprop.losses.min(axis=1) <= goal).sum()),
@@ -199,7 +199,7 @@ def _arrays(context: StudyContext, seeds: int) -> list[Values]:
             pressure_patterns(context.foot_design, series[array.name], each) for each in (training, test)
         ]
         errors = {}
-        for noise_rel in (0.0, _NOISE_REL):
+        for noise_rel in (0.0, NOISE_REL):
             rng = np.random.default_rng(0)
             fed = []
             for pattern in patterns:
@@ -227,14 +227,14 @@ def _arrays(context: StudyContext, seeds: int) -> list[Values]:
 
 
 def _map(context: StudyContext) -> tuple[Figure, Values]:
-    """Return the released network's direction error over the ball at 100 gf, without noise, as figure and in numbers."""
+    """Return the released network's direction error over the ball, without noise, as figure and in numbers."""
     radius = elevation_circle_map_radius(_MIN_ELEVATION_DEG)
     along = np.linspace(-radius, radius, _MAP_POINTS)
     right, up = np.meshgrid(along, along)
     squared = right**2 + up**2
     normal = np.stack([-2.0 * up, -2.0 * right, 1.0 - squared], axis=-1) / (1.0 + squared)[..., None]
     on_map = normal[..., 2] >= np.sin(np.radians(_MIN_ELEVATION_DEG))
-    force_n = normal[on_map] * _MAGNITUDE_GF * GRAM_FORCE_N
+    force_n = normal[on_map] * MAGNITUDE_GF * GRAM_FORCE_N
     closure_um = sensed_closure_um(Specimen(context.response), normal[on_map], force_n)
     found_n = context.network.force_n(closure_um / context.response.design.gap_um)
     error_deg = np.full(right.shape, np.nan)
@@ -263,121 +263,41 @@ def _map(context: StudyContext) -> tuple[Figure, Values]:
     }
 
 
-def text(values: Values) -> str:
-    """Return the page's Markdown."""
-    procedure, n = values["procedure"], values["n_seeds"]
-    rows = [
-        ("the paper (simulation), one network", f"{PAPER_DIRECTION_DEG}", f"{PAPER_MAGNITUDE_GF}", "-", "-")
-    ]
+def shown(values: Values) -> Values:
+    """Return the rows of each table, and the best size."""
+    pattern_pf = np.array(values["pattern_pf"])
+    procedure: list[tuple[str, ...]] = []
     for kind, words in _INPUTS.items():
-        one = procedure[kind]
-        by_force = one["direction_deg"]
-        rows += [
-            (
-                f"networks on {words}",
-                spread(by_force["100"]),
-                spread(one["magnitude_gf"]["100"]),
-                f"{np.mean(by_force['50']):.2f}",
-                f"{np.mean(by_force['150']):.2f}",
-            ),
+        one = values["procedure"][kind]
+        deg, gf = one["direction_deg"], one["magnitude_gf"]
+        at_training = (f"{np.mean(deg[force]):.2f}" for force in ("50", "150"))
+        procedure += [
+            (f"networks on {words}", spread(deg["100"]), spread(gf["100"]), *at_training),
             (
                 f"linear estimate of {words}",
                 f"{one['linear_direction_deg']:.2f}",
                 f"{one['linear_magnitude_gf']:.2f}",
-                "-",
-                "-",
+                *"--",
             ),
         ]
-    sizes = [
-        (row["neurons"], row["layers"], spread(row["direction_deg"]), spread(row["magnitude_gf"]))
-        for row in values["sizes"]
-    ]
-    race = [
-        (
-            row["rule"],
-            f"{row['rate']:g}",
-            f"{np.median(row['times_fewer']):.1f} ({min(row['times_fewer']):.1f} to {max(row['times_fewer']):.1f})",
-            f"{np.median(row['times_faster']):.1f}",
-            f"{row['n_reached']} of {n}",
-        )
-        for row in values["race"]
-    ]
-    arrays = [
-        (
-            row["sensor"],
-            row["elements"],
-            f"{row['side_mm']:g}",
-            f"{row['pitch_mm']:.3g}",
-            *(spread(errors) for errors in row["direction_deg"].values()),
-        )
-        for row in values["arrays"]
-    ]
-    best = min(values["sizes"], key=lambda row: np.mean(row["direction_deg"]))
-    pattern_pf = np.array(values["pattern_pf"])
-    pattern = [
-        (row, *(f"{one:.2f}" for one in changes))
-        for row, changes in zip(("front", "middle", "rear"), pattern_pf / pattern_pf.max(), strict=True)
-    ]
-    block, thick = values["block_mm"]
-    error_map = values["map"]
-    return f"""The foot, loads and training of the paper's simulation, each part from {n} starts of the networks (0 to {n - 1}): mean, standard
-deviation of one network, worst of the {n}. Training and test use one response table of the designed foot, as the paper
-does. [The paper, figure by figure](../paper-figures.md) says what is done otherwise.
-
-## The pattern of Fig. 17
-
-Changes of capacitance under {_MAGNITUDE_GF:g} gf at ({_PATTERN_DEG[0]:g}, {_PATTERN_DEG[1]:g}) deg, largest {pattern_pf.max():.2f} pF beside {values["unloaded_pf"]:.3f} pF unloaded. The
-paper draws the figure, normalised, and gives no numbers.
-
-{table("change over the largest | left | middle | right", pattern)}
-
-The force leans forward, so the ground touches the ball at the rear; the front row changes more all the same: the force
-goes through the middle of the ball, and the front has to balance the rear.
-
-## The procedure (section III F)
-
-Plain networks 9-{HIDDEN_NEURONS[0]}-{HIDDEN_NEURONS[1]}-3, tanh, RPROP, {values["epochs"]} epochs on the 362 cases of 50 and 150 gf, tested on the 180 of 100 gf;
-in the last columns the same directions at the forces of the training.
-
-{table(f"estimate, {SAME_TABLE} | direction, 100 gf [deg] | magnitude, 100 gf [gf] | direction, 50 gf | direction, 150 gf", rows)}
-
-The start alone changes the error by its spread: a single network is not representative.
-
-## Hidden layers and neurons (section III G, Figs. 11 and 12)
-
-The paper finds two layers slightly better than one, and both too few and too many neurons bad.
-
-{table(f"neurons a layer, {SAME_TABLE} | hidden layers | direction, 100 gf [deg] | magnitude, 100 gf [gf]", sizes)}
-
-The best mean is that of {best["neurons"]} neurons in {best["layers"]} hidden layer{"s" * (best["layers"] > 1)}; it is picked from these same means.
-
-## RPROP against back-propagation (section III D)
-
-The paper takes RPROP because it converges *several tens of times faster*. Back-propagation gets the best of {len(_LEARNING_RATES)} learning
-rates, found on these cases; the search is not counted. Both race to the loss at which back-propagation ends after
-{values["race"][0]["epochs"]} epochs.
-
-{table("against | its rate | times fewer epochs, median (range) | times less processor time | starts that get there", race)}
-
-Right against plain back-propagation; not so against the same with momentum.
-
-## Number and size of elements (sections III B to E, Figs. 5, 6 and 8)
-
-The paper's sensors A to H on a block of PDMS of {block:g} mm, {thick:.3f} mm thick: stress along z, mean over each element; contacts
-of {_MAGNITUDE_GF:g} gf; patterns over their largest; networks n-{HIDDEN_NEURONS[0]}-{HIDDEN_NEURONS[1]}-3. The paper gives no sizes of F to H nor pitches: chosen
-here. Random error is that of each element's own output, in training and test.
-
-{table(f"sensor | elements | side [mm] | pitch [mm] | direction [deg] | with {_NOISE_REL:.0%} random error [deg]", arrays)}
-
-The paper says that the error saturates beyond about 10 elements, that a larger area is better, and that 5 % random error
-changes next to nothing. On our block saturation holds without random error; with it the error is several times larger
-and goes on falling with the number.
-
-## The error over the ball (Fig. 19)
-
-Direction error of the released network (one network) for centred loads of {_MAGNITUDE_GF:g} gf, without noise, drawn where the ground
-touches the ball, seen from below; the circles are the paper's mean errors to scale. Mean over the map
-{error_map["mean_deg"]:.2f} deg, largest {error_map["max_deg"]:.1f} deg at azimuth {error_map["worst_azimuth_deg"]:.0f}, elevation {error_map["worst_elevation_deg"]:.0f} deg.
-
-![](paper-map.png)
-"""
+    return {
+        "pattern": [
+            (row, *(f"{one:.2f}" for one in changes))
+            for row, changes in zip(("front", "middle", "rear"), pattern_pf / pattern_pf.max(), strict=True)
+        ],
+        "largest_pf": pattern_pf.max(),
+        "procedure": procedure,
+        "size_rows": [
+            (row["neurons"], row["layers"], spread(row["direction_deg"]), spread(row["magnitude_gf"]))
+            for row in values["sizes"]
+        ],
+        "best": min(values["sizes"], key=lambda row: np.mean(row["direction_deg"])),
+        "race_rows": [
+            row
+            | {f"{key}_p50": np.median(row[key]) for key in ("times_fewer", "times_faster")}
+            | {"least": min(row["times_fewer"]), "most": max(row["times_fewer"])}
+            for row in values["race"]
+        ],
+        "paper_errors": (PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF),
+        "hidden": HIDDEN_NEURONS,
+    }

@@ -47,7 +47,7 @@ def test_a_touch_that_is_told_once_is_found() -> None:
     assert (found["n_touches"], found["n_missed"], found["n_twice"], found["n_in_air"]) == (1, 0, 0, 0)
     assert found["delays_ms"] == pytest.approx([15.0])
     assert found["errors_ms"] == pytest.approx([3.0])
-    assert found["rms_over_sigma"] == pytest.approx(1.5)
+    assert found["sigmas_ms"] == pytest.approx([2.0])
     assert found["lift_off_delays_ms"] == pytest.approx([20.0])
     assert found["within_2_sigma"] == 1.0
 

@@ -12,14 +12,12 @@ from footsense.daemon.setup.expected_error import uncertainty_of_uncalibrated
 from footsense.estimation.pipeline import pipeline_of
 from footsense.estimation.settings import EstimationLimits, MountedFeet
 from footsense.foot.specimen import Specimen
-from footsense.frames import IS_USABLE_STATE, LEGS, Vector
+from footsense.frames import IS_USABLE_STATE, Vector
 from footsense.lab.evaluation.walker_runs import LEAD_IN_S, SCAN_TIMES, WalkerLoads, read_walker, run_pipeline
-from footsense.lab.report import SAME_TABLE, Values, table
-from footsense.lab.studies.boards.many_feet import foot_loads
-from footsense.lab.studies.boards.walking_electrodes import walked_parameters
-from footsense.lab.walkers.split import NEW_JUDGEMENT
+from footsense.lab.report import Values
+from footsense.lab.studies.boards.many_feet import foot_loads, smooth_tripod
+from footsense.lab.studies.boards.walking_electrodes import walked_logs, walked_parameters
 from footsense.sim.fabrication import PAPER_TOLERANCES, draw_deviations, uncertainty_of_parameters
-from footsense.sim.loads.walk import Walk, smooth_stance_reaction
 from footsense.validation.made_feet import SEED, MadeFootPlan, calibrate_made_foot
 
 if TYPE_CHECKING:
@@ -27,8 +25,8 @@ if TYPE_CHECKING:
 
 #: Least true force that counts, over the foot's largest [1]; peak of the loads over it, and of a foot that stands.
 _LEAST_REL, _PEAK_REL, _STANDING_REL = 0.05, 0.5, 0.35
-#: Time that a foot walks to find its electrodes, and gaits of that walk.
-_WALK_S, _GAITS = 60.0, ("pairs", "amble", "front-wave")
+#: Time that a foot walks to find its electrodes [s].
+_WALK_S = 60.0
 #: Times of the judged loads, and of the rise of the standing foot [s]; its lean, tangential over normal [1, rms].
 _TRIPOD_S, _STANDING_S, _RISE_S, _LEAN = 4.5, 4.0, 0.3, 0.15
 _SAMPLING_S = 1e-3
@@ -61,9 +59,7 @@ def sigma_of_made_foot(subject: SigmaOfFeet, number: int) -> list[Values]:
     pressed, stood = calibrate_made_foot(models, subject.plan, number)
     known: dict[str, FootParameters | None] = {NOT: None, STOOD: stood, PRESSED: pressed}
     if subject.walks:
-        runs = [run for gait in _GAITS for run in NEW_JUDGEMENT if run[:3] == ("hexapod-2kg", gait, "flat")]
-        logs = [run.kept_log() for run in runs]
-        known[WALKED] = walked_parameters(models, logs, number, _WALK_S, _PEAK_REL * subject.max_n)
+        known[WALKED] = walked_parameters(models, walked_logs(), number, _WALK_S, _PEAK_REL * subject.max_n)
     rows = []
     for calibration, own in known.items():
         unknown = (
@@ -102,58 +98,42 @@ def sigma_of_made_foot(subject: SigmaOfFeet, number: int) -> list[Values]:
 
 def _loads(max_n: float, number: int) -> dict[str, WalkerLoads]:
     """Return the loads of one foot by name: a tripod, and a foot that stands, leaning as its number says."""
-    walk = Walk(
-        dict.fromkeys(LEGS, smooth_stance_reaction(0.6, _PEAK_REL * max_n, 0.15)),
-        period_ns=1_200_000_000,
-        duty_rel=0.6,
-        pitch_deg=10.0,
-        from_ns=round(1e9 * LEAD_IN_S),
-    )
+    walk = smooth_tripod(_PEAK_REL * max_n, round(1e9 * LEAD_IN_S))
     t_s: Vector = np.asarray(_SAMPLING_S * np.arange(round(_STANDING_S / _SAMPLING_S)), np.float64)
     lean = _LEAN * np.random.default_rng((SEED, number, 7)).normal(size=2)
     share = np.clip((t_s - LEAD_IN_S - _RISE_S) / _RISE_S, 0.0, 1.0)
     force_n = (_STANDING_REL * max_n * share * share * (3.0 - 2.0 * share))[:, None, None] * [*lean, 1.0]
     normal = np.array([*lean / 2.0, 1.0])
-    standing = WalkerLoads(
-        t_s,
-        force_n,
-        np.broadcast_to(normal / np.linalg.norm(normal), force_n.shape),
-        np.zeros_like(force_n),
-        force_n,
-        np.zeros((len(t_s), 1)),
-        np.nan,
-    )
+    towards = np.broadcast_to(normal / np.linalg.norm(normal), force_n.shape)
+    standing = WalkerLoads.of_still_feet(t_s, force_n, towards)
     return {"tripod": foot_loads([partial(walk.contact, "rf")], _TRIPOD_S), "standing": standing}
 
 
-def sigma_table(feet: Sequence[Sequence[Values]]) -> str:
-    """Return the table of the figures of made feet, as of `sigma_of_made_foot`."""
-    rows = []
+def sigma_rows(feet: Sequence[Sequence[Values]]) -> list[tuple[str, ...]]:
+    """Return the cells of the figures of made feet by calibration, of `sigma_of_made_foot`: the worst of all loads."""
+    rows: list[tuple[str, ...]] = []
     for calibration in (NOT, STOOD, WALKED, PRESSED):
-        for board in SCAN_TIMES:
-            for load in ("tripod", "standing"):
-                own = [
-                    row
-                    for foot in feet
-                    for row in foot
-                    if (row["calibration"], row["board"], row["load"]) == (calibration, board, load)
-                ]
-                if not own:
-                    continue
-                within = np.array([row["within"] for row in own])
-                error_n2, sigma_n2 = (np.array([row[key] for row in own]) for key in ("error_n2", "sigma_n2"))
-                ratio = np.sqrt(sigma_n2.mean(axis=0) / error_n2.mean(axis=0))
-                rows.append(
-                    (
-                        f"{calibration}, `{board}`, {load}",
-                        str(len(own)),
-                        " / ".join(f"{one:.0%}" for one in within.mean(axis=0)),
-                        f"{within.mean(axis=1).min():.0%}",
-                        f"{np.mean([row['beyond'] for row in own]):.1%}",
-                        " / ".join(f"{one:.1f}" for one in ratio),
-                    )
-                )
-    return table(
-        f"feet as made, {SAME_TABLE} | feet | within 2 sigma, fx / fy / fz | worst foot | beyond 5 | sigma over error, rms",
-        rows,
-    )
+        own = [row for foot in feet for row in foot if row["calibration"] == calibration]
+        if not own:
+            continue
+        by_case: dict[tuple[str, str], list[Values]] = {}
+        for row in own:
+            by_case.setdefault((row["board"], row["load"]), []).append(row)
+        within = [np.mean([row["within"] for row in rows_of], axis=0) for rows_of in by_case.values()]
+        ratio = [
+            np.sqrt(
+                np.mean([r["sigma_n2"] for r in rows_of], axis=0)
+                / np.mean([r["error_n2"] for r in rows_of], axis=0)
+            )
+            for rows_of in by_case.values()
+        ]
+        rows.append(
+            (
+                calibration,
+                f"{np.min(within):.0%}",
+                f"{min(np.mean(row['within']) for row in own):.0%}",
+                f"{max(np.mean([row['beyond'] for row in rows_of]) for rows_of in by_case.values()):.1%}",
+                f"{np.min(ratio):.1f} to {np.max(ratio):.1f}",
+            )
+        )
+    return rows

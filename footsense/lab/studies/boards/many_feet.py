@@ -35,25 +35,24 @@ from footsense.lab.studies.boards.force_figures import force_figures
 from footsense.lab.training.load_cases import leaning_loads
 from footsense.sim.fabrication import uncertainty_of_parameters
 from footsense.sim.loads.ground_load import RampContact
-from footsense.sim.loads.walk import measured_walk
+from footsense.sim.loads.walk import Walk, measured_walk, smooth_stance_reaction
 
-#: Key of feet that are calibrated by standing, in `wrong_gain_figures`.
-BY_STANDING = "1 %, calibrated by standing"
+#: Keys of feet whose gains are off, uncalibrated and calibrated by standing, in `wrong_gain_figures`.
+UNCALIBRATED, BY_STANDING = "1 %", "1 %, calibrated by standing"
 #: Force of a step in the end [N], and phases of the scan at which it begins.
 STEP_N, _N_PHASES = 1.0, 24
 #: Time in the air from the tare to the first step, and time in which a step is looked at [s].
 _BEFORE_STEP_S, _AFTER_STEP_S = 0.2, 0.3
-#: Standard deviations of wrong gains [1], and draws of a foot's nine gains.
-_GAIN_ERRORS_REL, _N_DRAWS = (0.003, 0.01, 0.03), 20
+#: Standard deviation of wrong gains [1], and draws of a foot's nine gains.
+_GAIN_ERROR_REL, _N_DRAWS = 0.01, 20
 #: Legs of the measured walk: one with the right foot's measured forces, one with the left's; end of the walk [s].
 _SIDES, _WALK_S, _QUICK_WALK_S = ("rf", "lf"), 6.8, 2.2
 #: Peak of the measured walk [N], and lean of its legs [deg].
 _PEAK_N, _PITCH_DEG = 1.0, 10.0
 #: Period in which loads are sampled [s].
 _SAMPLING_S = 0.25e-3
-#: Gains that are calibrated by standing [1]; postures of it, sizes of their loads, lowest elevation [deg], and noise of a
-#: mean reading [pF].
-_STANDING_GAIN_REL, _N_POSTURES, _POSTURE_GF, _MIN_POSTURE_ELEVATION_DEG = 0.01, 20, (20.0, 120.0), 70.0
+#: Postures of a calibration by standing, sizes of their loads, lowest elevation [deg]; noise of a mean reading [pF].
+N_POSTURES, POSTURE_GF, MIN_POSTURE_ELEVATION_DEG = 20, (20.0, 120.0), 70.0
 _MEAN_READING_PF = 0.15e-3
 #: Seed of the readings' noise.
 _SEED = 990_002
@@ -67,13 +66,12 @@ def step_figures(context: StudyContext, board: str) -> Values:
         board: A key of `SCAN_TIMES`.
 
     Returns:
-        Those of `force_figures`; `n_steps` and `n_phases` of the scan at which they begin; `soonest_p50_ms`, after which
-        the first conversion whose middle is in the load is sent; from the begin of a step to the sending of its
-        touchdown `touchdown_p50_ms` and `touchdown_p99_ms`, infinite where none is told, and as of `settling_ms`
-        `settled_p50_ms` and `settled_worst_ms`.
+        Those of `force_figures`; from the begin of a step to the sending of its touchdown `touchdown_p50_ms` and
+        `touchdown_p99_ms`, infinite where none is told, and as of `settling_ms` `settled_p50_ms` and
+        `settled_worst_ms`.
     """
-    times, n_phases = SCAN_TIMES[board], 2 if context.quick else _N_PHASES
-    scan_s, first_s = times.scan_s, LEAD_IN_S + _BEFORE_STEP_S
+    n_phases = 2 if context.quick else _N_PHASES
+    scan_s, first_s = SCAN_TIMES[board].scan_s, LEAD_IN_S + _BEFORE_STEP_S
     starts_ns, feet = [], list[FootLoad]()
     for (x, y, z), phase in product(
         (STEP_N * normalized(np.array(PRESS_FORCES_N))).tolist(), range(n_phases)
@@ -95,9 +93,6 @@ def step_figures(context: StudyContext, board: str) -> Values:
         if event.kind is GaitEventKind.TOUCHDOWN and since_ms > 0.0:
             told_ms[event.leg] = min(told_ms[event.leg], since_ms)
     return _figures(outputs, 0, len(feet)) | {
-        "n_steps": len(feet),
-        "n_phases": n_phases,
-        "soonest_p50_ms": 1e3 * (times.newest_s + 0.5 * times.step_s),
         "touchdown_p50_ms": np.percentile(told_ms, 50, method="nearest"),
         "touchdown_p99_ms": np.percentile(told_ms, 99, method="nearest"),
         "settled_p50_ms": np.median(settled_ms),
@@ -113,8 +108,7 @@ def missing_figures(context: StudyContext, board: str) -> dict[str, Values]:
         board: A key of `SCAN_TIMES`.
 
     Returns:
-        By `element`, `row` and `column` those of `force_figures`, of all of them; `n_sets`, and the mean of the worst
-        one, `worst_direction_deg`.
+        By `element`, `row` and `column` those of `force_figures`, of all of them.
     """
     element = np.arange(ELEMENTS)
     sets: dict[str, list[Mask]] = {
@@ -131,10 +125,8 @@ def missing_figures(context: StudyContext, board: str) -> dict[str, Values]:
     outputs = _run(context, board, readings._replace(capacitance_pf=capacitance_pf))
     found, first = dict[str, Values](), 0
     for kind, masks in sets.items():
-        n = len(masks)
-        each_deg = [_walk_figures(outputs, first + k, 1)["direction_deg"] for k in range(n)]
-        found[kind] = _walk_figures(outputs, first, n) | {"n_sets": n, "worst_direction_deg": max(each_deg)}
-        first += n
+        found[kind] = _walk_figures(outputs, first, len(masks))
+        first += len(masks)
     return found
 
 
@@ -146,27 +138,17 @@ def wrong_gain_figures(context: StudyContext, board: str) -> dict[str, Values]:
         board: A key of `SCAN_TIMES`.
 
     Returns:
-        By the standard deviation of the gains as a text, those of `force_figures` of each draw, as lists: of uncalibrated
-        feet, and of those of `BY_STANDING` calibrated without a reference.
+        By `UNCALIBRATED` and `BY_STANDING`, feet calibrated without a reference, `direction_deg` and `within_2_sigma`
+        as of `force_figures`, lists over the draws.
     """
     n_draws = 2 if context.quick else _N_DRAWS
     normal = [np.random.default_rng(draw).normal(size=(len(_SIDES), ELEMENTS)) for draw in range(n_draws)]
-    readings, found = _read_walk(context, board, n_draws), {}
-    for gain_rel in _GAIN_ERRORS_REL:
-        gain = 1.0 + gain_rel * np.concatenate(normal)
-        calibrations: dict[str, list[FootParameters] | None] = {f"{100 * gain_rel:g} %": None}
-        if gain_rel == _STANDING_GAIN_REL:
-            calibrations[BY_STANDING] = _calibrated_by_standing(context, gain)
-        for name, own in calibrations.items():
-            outputs = _run(
-                context,
-                board,
-                _with_gains(context, readings, gain),
-                own,
-                _uncertainty(context, len(gain), own),
-            )
-            draws = [_walk_figures(outputs, draw, 1) for draw in range(n_draws)]
-            found[name] = {key: [draw[key] for draw in draws] for key in draws[0]}
+    gain = 1.0 + _GAIN_ERROR_REL * np.concatenate(normal)
+    readings, found = _with_gains(context, _read_walk(context, board, n_draws), gain), {}
+    for name, own in ((UNCALIBRATED, None), (BY_STANDING, _calibrated_by_standing(context, gain))):
+        outputs = _run(context, board, readings, own, _uncertainty(context, len(gain), own))
+        draws = [_walk_figures(outputs, draw, 1) for draw in range(n_draws)]
+        found[name] = {key: [draw[key] for draw in draws] for key in ("direction_deg", "within_2_sigma")}
     return found
 
 
@@ -176,9 +158,7 @@ def _calibrated_by_standing(context: StudyContext, gain: Vector) -> list[FootPar
         DesignModels.load(context.files(FOOT_FILE, RESPONSE_FILE, NETWORK_FILE)),
         context.response.design,
     )
-    loads = leaning_loads(
-        context.foot_design.loads, _N_POSTURES, _POSTURE_GF, _MIN_POSTURE_ELEVATION_DEG, _SEED
-    )
+    loads = leaning_loads(context.foot_design.loads, N_POSTURES, POSTURE_GF, MIN_POSTURE_ELEVATION_DEG, _SEED)
     unloaded_pf = np.full((len(loads.force_n), ELEMENTS), design.unloaded_pf)
     closure_um = design.closure_um(
         Specimen(context.response).capacitance_pf(loads.normal, loads.force_n), unloaded_pf
@@ -204,11 +184,8 @@ def _read_walk(context: StudyContext, board: str, n: int) -> WalkerReadings:
     walk = measured_walk(_PEAK_N, _PITCH_DEG, round(1e9 * LEAD_IN_S))
     feet = [partial(walk.contact, leg) for leg in _SIDES]
     loads = foot_loads(feet, _QUICK_WALK_S if context.quick else _WALK_S)
-    force_n, normal, slip_m_s = (
-        np.tile(part, (1, n, 1)) for part in (loads.force_n, loads.normal, loads.slip_m_s)
-    )
-    each = loads._replace(force_n=force_n, normal=normal, slip_m_s=slip_m_s, felt_n=force_n)
-    return _read(context, board, each)
+    force_n, normal = (np.tile(part, (1, n, 1)) for part in (loads.force_n, loads.normal))
+    return _read(context, board, WalkerLoads.of_still_feet(loads.t_s, force_n, normal))
 
 
 def foot_loads(feet: Sequence[FootLoad], end_s: float) -> WalkerLoads:
@@ -219,8 +196,17 @@ def foot_loads(feet: Sequence[FootLoad], end_s: float) -> WalkerLoads:
         np.array([[getattr(contact, part) for contact in row] for row in contacts])
         for part in ("force_n", "normal")
     )
-    return WalkerLoads(
-        t_s, force_n, normal, np.zeros_like(force_n), force_n, np.zeros(force_n.shape[:2]), np.nan
+    return WalkerLoads.of_still_feet(t_s, force_n, normal)
+
+
+def smooth_tripod(peak_n: float, start_ns: int) -> Walk:
+    """Return a tripod with rounded stances of a peak [N], from a time on [ns]."""
+    return Walk(
+        dict.fromkeys(LEGS, smooth_stance_reaction(0.6, peak_n, 0.15)),
+        period_ns=1_200_000_000,
+        duty_rel=0.6,
+        pitch_deg=10.0,
+        from_ns=start_ns,
     )
 
 
@@ -248,7 +234,7 @@ def _run(
     own: list[FootParameters] | None = None,
     uncertainty: Sequence[ForceUncertainty] = (),
 ) -> WalkerOutputs:
-    """Return what the service's pipeline says of readings of any number of feet; of those as designed if `own` is None."""
+    """Return what the service's pipeline says of readings of feet; of those as designed if `own` is None."""
     n_feet = readings.capacitance_pf.shape[1]
     pipeline = judging_pipeline(
         _network(context, n_feet),

@@ -30,10 +30,10 @@ _TOUCHES_END_S, OWN_END_S, _QUICK_END_S, _QUICK_COUPLED_END_S = 20.0, 6.0, 3.2, 
 OWN_FEET, _OWN_SCENES = ("hexapod-2kg", "quadruped-12kg"), ("hexapod_2kg", "quadruped_12kg")
 #: Scenes whose touchdowns count; only their loads do, not what breaks in them.
 _TOUCHING = ("measured_walk", "tripod")
-#: Most that the clocks of the converters are off by in the walks with couplings, as the data sheets allow [1]. Other times
-#: of the host [us].
+#: Most that the clocks of the converters are off by in the walks with couplings, as the data sheets allow [1]. Other
+#: times of the host [us].
 _CLOCKS_REL = {"ad7147": ad7147.CLOCK_TOLERANCE_REL, "fdc1004": fdc1004.CLOCK_TOLERANCE_REL}
-_OTHER_HOST_COSTS_US = 40, 150
+_SLOW_HOST_US = 150
 #: Time in the air before those walks [s]: chips whose gain is off are found and tared in it at any time of the host.
 _COUPLED_LEAD_IN_S = 0.5
 #: Legs of the quadruped, and period of its trot [s].
@@ -57,8 +57,8 @@ def service_figures(context: StudyContext, board: str) -> Values:
 
     Returns:
         `touchdowns`, of the measured walk and the tripod on the studied foot, as of `touchdown_figures`, with the end
-        of each, `end_s`; `own_robots`, those of `force_figures` by robot; `couplings`, the same of walks with and
-        without couplings, by scene, what is known of them, and the host's time of a transaction.
+        of each, `end_s`; `own_robots`, those of `force_figures` by robot; `couplings`, the same of walks with
+        couplings, by what is known of them, and the host's time of a transaction.
     """
     robot = robot_of(context, board)
     files = (FOOT_FILE, RESPONSE_FILE, NETWORK_FILE)
@@ -85,15 +85,13 @@ def service_figures(context: StudyContext, board: str) -> Values:
             own_end_s,
         ),
     }
-    walked = compute_each(_walk, [*touching, *own.values()], scheduler=context.scheduler)
-    forces = [one["forces"] for one in walked[len(touching) :]]
     coupled = _coupled_walks(context, studied, _QUICK_COUPLED_END_S if context.quick else OWN_END_S)
-    coupled_forces = compute_each(_forces, list(coupled.values()), scheduler=context.scheduler)
+    contacts = compute_each(_contacts, touching, scheduler=context.scheduler)
+    forces = compute_each(_forces, [*own.values(), *coupled.values()], scheduler=context.scheduler)
     return {
-        "couplings": dict(zip(coupled, coupled_forces, strict=True)),
-        "touchdowns": touchdown_figures([one["contacts"] for one in walked[: len(touching)]])
-        | {"end_s": touches_end_s},
-        "own_robots": dict(zip(own, forces, strict=True)),
+        "couplings": dict(zip(coupled, forces[len(own) :], strict=True)),
+        "touchdowns": touchdown_figures(contacts) | {"end_s": touches_end_s},
+        "own_robots": dict(zip(own, forces, strict=False)),
     }
 
 
@@ -102,34 +100,31 @@ def _scene(context: StudyContext, name: str) -> Scene:
 
 
 def _coupled_walks(context: StudyContext, robot: Config, end_s: float) -> dict[str, ServiceWalk]:
-    """Return walks without couplings, with them on feet of which nobody knows, and with known strays; of other hosts.
+    """Return walks with couplings, on feet of which nobody knows, and with known strays; those on a slow host too.
 
     Chips are as their data sheets allow them to be.
     """
     walk, couplings = _scene(context, "measured_walk"), Couplings()
-    chips = Ad7147Effects(gain_rel=ad7147.GAIN_TOLERANCE_REL, offset_rel=ad7147.GAIN_TOLERANCE_REL)
-    walk = replace(
-        walk,
-        lead_in_s=_COUPLED_LEAD_IN_S,
-        effects=replace(walk.effects, ad7147=chips, converter_clock_rel=_CLOCKS_REL[robot.board]),
+    effects = replace(
+        walk.effects,
+        ad7147=Ad7147Effects(gain_rel=ad7147.GAIN_TOLERANCE_REL, offset_rel=ad7147.GAIN_TOLERANCE_REL),
+        converter_clock_rel=_CLOCKS_REL[robot.board],
+        couplings=couplings,
     )
-    coupled = replace(walk, effects=replace(walk.effects, couplings=couplings))
+    coupled = replace(walk, lead_in_s=_COUPLED_LEAD_IN_S, effects=effects)
     table = load_couplings(context.files(COUPLINGS_FILE) / COUPLINGS_FILE)
     stray_pf = unloaded_stray_pf(
         robot.board, table.boards[robot.board], couplings, context.response.design.unloaded_pf
     )
     known = replace(robot, stray_pf=dict.fromkeys(robot.legs, tuple(stray_pf)))
-    tripod = replace(_scene(context, "tripod"), lead_in_s=_COUPLED_LEAD_IN_S, effects=coupled.effects)
     return {
-        f"measured walk, none, {HOST_COST_US} us": ServiceWalk(walk, robot, end_s),
         f"measured walk, strays not known, {HOST_COST_US} us": ServiceWalk(coupled, robot, end_s),
         **{
             f"measured walk, strays known, {cost_us} us": ServiceWalk(
                 replace(coupled, host_cost_us=cost_us), known, end_s
             )
-            for cost_us in (HOST_COST_US, *_OTHER_HOST_COSTS_US)
+            for cost_us in (HOST_COST_US, _SLOW_HOST_US)
         },
-        f"tripod, strays known, {HOST_COST_US} us": ServiceWalk(tripod, known, end_s),
     }
 
 
@@ -137,38 +132,30 @@ def touchdown_figures(contacts: list[Values]) -> Values:
     """Return when touchdowns are told in walks, whose scores are those of `contact_scores`.
 
     Returns:
-        `n_touches`; `delay_p50_ms` and `delay_p99_ms`, from the first load to the sending, infinite of a touch that is
-        not told; `back_dated_rms_ms`, error of the times of those that are; `n_in_air`, told without a touch.
+        `delay_p50_ms` and `delay_p99_ms`, from the first load to the sending, infinite of a touch that is
+        not told; `back_dated_rms_ms`, error of the times of those that are.
     """
     n_missed = sum(one["n_missed"] for one in contacts)
     delays_ms = [delay for one in contacts for delay in one["delays_ms"]] + n_missed * [np.inf]
     errors_ms = [error for one in contacts for error in one["errors_ms"]]
     return {
-        "n_touches": len(delays_ms),
         "delay_p50_ms": np.percentile(delays_ms, 50, method="nearest"),
         "delay_p99_ms": np.percentile(delays_ms, 99, method="nearest"),
         "back_dated_rms_ms": np.sqrt(np.mean(np.square(errors_ms))),
-        "n_in_air": sum(one["n_in_air"] for one in contacts),
     }
 
 
-def _walk(walk: ServiceWalk) -> Values:
-    """Return `forces`, the figures of `force_figures`, and `contacts`, those of `contact_scores`."""
+def _contacts(walk: ServiceWalk) -> Values:
+    """Return the figures of `contact_scores`."""
     load: Any = walk.scene.load
     published = simulate_scene(walk.scene, walk.config, walk.end_s)
-    return {
-        "forces": _force_figures(published, walk.config),
-        "contacts": contact_scores(_outputs(published, walk.scene), load.peak_force_n),
-    }
+    return contact_scores(_outputs(published, walk.scene), load.peak_force_n)
 
 
 def _forces(walk: ServiceWalk) -> Values:
     """Return the figures of `force_figures`."""
-    return _force_figures(simulate_scene(walk.scene, walk.config, walk.end_s), walk.config)
-
-
-def _force_figures(published: PublishedWalk, config: Config) -> Values:
-    max_n = load_foot(foot_type_folder(config.foot_type) / FOOT_FILE).loads.max_n
+    published = simulate_scene(walk.scene, walk.config, walk.end_s)
+    max_n = load_foot(foot_type_folder(walk.config.foot_type) / FOOT_FILE).loads.max_n
     return force_figures(
         published.force_n,
         published.sigma_n,
@@ -188,10 +175,7 @@ def _outputs(published: PublishedWalk, scene: Scene) -> WalkerOutputs:
         ]
     )
     t_s = np.asarray(published.t_sent_ns * 1e-9, np.float64)
-    force_n = published.true_force_n
-    loads = WalkerLoads(
-        t_s, force_n, normal, np.zeros_like(force_n), force_n, np.zeros(force_n.shape[:2]), np.nan
-    )
+    loads = WalkerLoads.of_still_feet(t_s, published.true_force_n, normal)
     return WalkerOutputs(
         t_s=t_s,
         true=loads,

@@ -1,8 +1,8 @@
 """Electrodes that a robot finds while it walks: errors of the forces before and after, on feet of board `ad7147`.
 
-Each foot is made with the paper's tolerances, with creeping rubber. Readings are those of the logs of walking robots, one
-after the other and again; the service's pipeline says when the foot is in the air. Directions are judged in the foot's
-own frame: no walk tells the mount.
+Each foot is made with the paper's tolerances, with creeping rubber. Readings are those of the logs of walking robots,
+one after the other and again; the service's pipeline says when the foot is in the air. Directions are judged in the
+foot's own frame: no walk tells the mount.
 """
 
 from collections.abc import Mapping, Sequence
@@ -39,6 +39,7 @@ from footsense.sim.fabrication import PAPER_TOLERANCES, draw_deviations
 from footsense.sim.rubber import draw_floor_pf
 
 _BOARD, _SEED = "ad7147", 0
+_SCAN = SCAN_TIMES[_BOARD]
 #: Radius of the ball [mm]; the pull of its mass is left out here.
 _BALL_RADIUS_MM = 10.0
 #: Gain in direction that is worth a calibration [deg].
@@ -49,7 +50,7 @@ DRIFT_REL = 0.04
 _SCANS_AT_ONCE = 145
 #: Time constant of elements that creep [s].
 _CREEP_S = 0.3
-#: Loads of a walk by which a foot is judged, their least size over the 98th percentile [1], and draws of its electrodes.
+#: Loads of a walk by which a foot is judged, their least size over the 98th percentile [1]; draws of its electrodes.
 _N_LOADS, _MIN_SIZE_REL, _DRAWS = 150, 0.2, 16
 
 
@@ -83,18 +84,15 @@ def walked_foot_figures(
 
     Returns:
         `before_deg`; by time `after_deg`, `within_2_sigma`, share of the components, by the network's sigma and what is
-        not known of the electrodes, and `turned_deg` with `turned_sigma_deg`; in the end `objection`, empty if they
-        are proposed.
+        not known of the electrodes, and `turned_sigma_deg`; in the end `objection`, empty if they are proposed.
     """
     own = draw_deviations(models.response, PAPER_TOLERANCES, _SEED, number)
     if stiffness_rel is not None:
         own = replace(own, stiffness_rel=stiffness_rel)
     foot = OffTableFoot(models.response, own, error_rel=off_table_rel)
-    design, random = models.response.design, np.random.default_rng(number)
+    random = np.random.default_rng(number)
     gain_rel = 1.0 + DRIFT_REL * random.normal(size=ELEMENTS) if known == "drifted" else np.ones(ELEMENTS)
-    parameters = FootParameters(
-        stray_pf=np.zeros(ELEMENTS), unloaded_pf=foot.unloaded_pf, gap_um=np.full(ELEMENTS, design.gap_um)
-    )
+    parameters = _as_designed(foot)
     if known != "design":
         parameters = FootParameters(
             stray_pf=np.asarray(own.stray_pf),
@@ -103,23 +101,15 @@ def walked_foot_figures(
             gain_rel=gain_rel,
         )
     loads = _loads(logs, number, max(marks_s))
-    readings = read_walker(foot, loads, number, scan=SCAN_TIMES[_BOARD], viscous_rel=1.0)
+    readings = read_walker(foot, loads, number, scan=_SCAN, viscous_rel=1.0)
     is_cut = (readings.t_s > cut_s) & (readings.elements == ELEMENTS // 2)
     readings.capacitance_pf[:, 0][is_cut] = foot.stray_pf[ELEMENTS // 2]
     scans = _scans(models, readings, parameters)
     scans = scans._replace(capacitance_pf=_worn_pf(models, foot, scans, creep_rel, floor_pf, random))
-    of = FootIdentity(
-        leg="lf",
-        foot=f"foot-{number:04d}",
-        foot_type=models.response.foot_type,
-        board=_BOARD,
-        calibration="" if known == "design" else "0" * 64,
-        since="",
-    )
-    walking, first = WalkingFoot(models, of, parameters), 0
+    walking, first = _walking(models, parameters, calibration="" if known == "design" else "0" * 64), 0
     normal, true_n = _judging_loads(loads, random)
     read_pf = foot.capacitance_pf(normal, true_n)
-    usable = read_pf.max(axis=1) < SCAN_TIMES[_BOARD].range_end_pf
+    usable = read_pf.max(axis=1) < _SCAN.range_end_pf
     read_pf, true_n = read_pf[usable], true_n[usable] @ own.mount.T / (1.0 + own.stiffness_rel)
 
     def forces(stray_pf: Vector, gain_rel: Vector) -> tuple[Vector, Vector]:
@@ -143,11 +133,21 @@ def walked_foot_figures(
         figures[f"{mark_s:g} s"] = {
             "after_deg": float(angles_between_deg(force_n, true_n).mean()),
             "within_2_sigma": float((np.abs(force_n - true_n) < 2.0 * np.hypot(sigma_n, spread_n)).mean()),
-            "turned_deg": walking.turn and walking.turn.deg,
             "turned_sigma_deg": walking.turn and walking.turn.sigma_deg,
-            "objection": walking.objection,
         }
-    return figures | {"objection": walking.objection, "n_instants": walking.n_instants}
+    return figures | {"objection": walking.objection}
+
+
+def _as_designed(foot: Specimen) -> FootParameters:
+    """Return what the service knows of a foot that nobody calibrated: the design, and its unloaded readings."""
+    gap_um = np.full(ELEMENTS, foot.response.design.gap_um)
+    return FootParameters(stray_pf=np.zeros(ELEMENTS), unloaded_pf=foot.unloaded_pf, gap_um=gap_um)
+
+
+def _walking(models: DesignModels, known: FootParameters, calibration: str = "") -> WalkingFoot:
+    foot_type = models.response.foot_type
+    of = FootIdentity(leg="lf", foot="", foot_type=foot_type, board=_BOARD, calibration=calibration, since="")
+    return WalkingFoot(models, of, known)
 
 
 def walked_parameters(
@@ -163,17 +163,8 @@ def walked_parameters(
         peak_n: Peak to which the loads are scaled [N].
     """
     foot = Specimen(models.response, draw_deviations(models.response, PAPER_TOLERANCES, _SEED, number))
-    known = FootParameters(
-        stray_pf=np.zeros(ELEMENTS),
-        unloaded_pf=foot.unloaded_pf,
-        gap_um=np.full(ELEMENTS, models.response.design.gap_um),
-    )
-    loads = _loads(logs, number, walk_s, peak_n)
-    readings = read_walker(foot, loads, number, scan=SCAN_TIMES[_BOARD], viscous_rel=1.0)
-    of = FootIdentity(
-        leg="lf", foot="", foot_type=models.response.foot_type, board=_BOARD, calibration="", since=""
-    )
-    walking = WalkingFoot(models, of, known)
+    known, loads = _as_designed(foot), _loads(logs, number, walk_s, peak_n)
+    readings, walking = read_walker(foot, loads, number, scan=_SCAN, viscous_rel=1.0), _walking(models, known)
     walking.add(_scans(models, readings, known))
     walking.judge()
     return walking.parameters()
@@ -191,15 +182,7 @@ def _loads(logs: Sequence[WalkerLog], number: int, walk_s: float, peak_n: float 
         for name in ("force_n", "normal")
     )
     rows = np.arange(len(t_s)) % len(force_n)
-    return WalkerLoads(
-        t_s,
-        force_n[rows],
-        normal[rows],
-        np.zeros_like(force_n[rows]),
-        force_n[rows],
-        np.zeros((len(t_s), 1)),
-        np.nan,
-    )
+    return WalkerLoads.of_still_feet(t_s, force_n[rows], normal[rows])
 
 
 def _scans(models: DesignModels, readings: WalkerReadings, parameters: FootParameters) -> LegScans:
@@ -280,8 +263,13 @@ def walking_figures(n_feet: int, cases: Sequence[str] = tuple(CASES)) -> dict[st
 def _figures_of_part(part: tuple[str, int]) -> Values:
     case, number = part
     models = DesignModels.load(released_folder(_FOOT_TYPE))
+    return walked_foot_figures(models, walked_logs(), number, _MARKS_S, **CASES[case])
+
+
+def walked_logs() -> list[WalkerLog]:
+    """Return what the feet of a robot felt in the gaits of a walk."""
     runs = [run for gait in _GAITS for run in NEW_JUDGEMENT if run[:3] == (_FOOT_TYPE, gait, "flat")]
-    return walked_foot_figures(models, [run.kept_log() for run in runs], number, _MARKS_S, **CASES[case])
+    return [run.kept_log() for run in runs]
 
 
 def as_markdown(figures: Mapping[str, Sequence[Values]]) -> str:
@@ -310,7 +298,7 @@ def as_markdown(figures: Mapping[str, Sequence[Values]]) -> str:
         )
     marks = " | ".join(f"{mark_s:g} s" for mark_s in _MARKS_S)
     return table(
-        f"direction, mean and worst foot [deg] | feet | before | {marks} | within 2 sigma | would gain, proposed of these | "
-        "proposed and worse | by over 2 sigma",
+        f"direction, mean and worst foot [deg] | feet | before | {marks} | within 2 sigma"
+        " | would gain, proposed of these | proposed and worse | by over 2 sigma",
         rows,
     )

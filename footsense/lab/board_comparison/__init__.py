@@ -1,1 +1,0 @@
-"""Networks of several sizes on the boards of a foot: what a faster board, or a larger network, is worth."""
