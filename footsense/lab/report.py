@@ -314,8 +314,9 @@ def page_text(values: Values) -> str:
         *([_QUICK_NOTICE] if values["quick"] else ()),
     ]
     derived = study.shown(values) if hasattr(study, "shown") else {}
-    text = render(study.__name__, {**_IN_TEMPLATES, **values, **derived, "study": study})
-    return "\n\n".join([f"# {study.TITLE}", made_by, *notices, text]) + "\n"
+    template = study.__name__.removeprefix("footsense.").replace(".", "/")
+    text = render(f"{template}.md", {**_IN_TEMPLATES, **values, **derived, "study": study})
+    return "\n\n".join([f"# {study.TITLE}", made_by, *notices, text])
 
 
 def make_report(folder: Path, context: StudyContext, report: Callable[[str], None]) -> Path:
@@ -368,8 +369,8 @@ def write_list_of_pages(folder: Path) -> Path:
     files = [folder / f"{name}.json" for name in study_names()]
     pages = {file.stem: json.loads(file.read_text("utf-8")) for file in files if file.exists()}
     path = folder / README
-    text = render(__name__, {**_IN_TEMPLATES, "pages": pages, "quick_notice": _QUICK_NOTICE})
-    path.write_text(text + "\n", encoding="utf-8")
+    text = render("lab/report.md", {**_IN_TEMPLATES, "pages": pages, "quick_notice": _QUICK_NOTICE})
+    path.write_text(text, encoding="utf-8")
     return path
 
 
