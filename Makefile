@@ -2,7 +2,7 @@
 # make install   the same without the walk: `. .venv/bin/activate`, then footsense
 # make help      this text
 # make test      format, lint, types, import contracts, and the fast tests: a change is good
-# make test-all  the same with all tests: meshes, the page in a browser, packaging, studies, random faults
+# make test-all  the same with all tests: meshes, the page in a browser, packaging, studies, the soak
 # make docs      the reference pages anew from the code, and the documentation site: build/site/docs/index.html
 # make release   both wheels and the sdist in dist/, installed in a clean environment, where the README's five lines run; tags nothing
 # make fuzz      an hour of other and more examples for the tests in tests/fuzz

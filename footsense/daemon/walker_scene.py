@@ -1,10 +1,11 @@
-"""Scenes `walker:GAIT` and `walker:GAIT:GROUND`: the robot of a foot type walks on its feet in a physics engine.
+"""Scenes of the robot of a foot type that walks on its feet in a physics engine: `walker:GAIT`, `walker:GAIT:GROUND`.
 
 The part of the lab that simulates it is imported where such a scene is named, which no robot does.
 """
 
 import logging
 import math
+from typing import TYPE_CHECKING
 
 from footsense.config import Config
 from footsense.daemon.foot_types import foot_type_of
@@ -12,6 +13,9 @@ from footsense.errors import ConfigError, require
 from footsense.progress import timed_bar
 from footsense.sim.scene import USUAL_EFFECTS, USUAL_HOST_COST_US, Scene, load_scene
 from footsense.sim.scene_loads import LogLoads
+
+if TYPE_CHECKING:
+    from footsense.lab.walkers.split import WalkerRun
 
 _log = logging.getLogger(__name__)
 
@@ -58,7 +62,7 @@ def scene_of(name: str, config: Config, duration_s: float = math.inf) -> Scene:
         )
     require(f"scene {name}", "walkers", "mujoco")
     from footsense.lab.walkers.robots import ROBOTS
-    from footsense.lab.walkers.split import WalkerRun, cache_folder
+    from footsense.lab.walkers.split import WalkerRun
 
     gait, _, ground = name.removeprefix(PREFIX).partition(":")
     robot, peak_force_n = _ROBOTS[foot_type]
@@ -68,14 +72,38 @@ def scene_of(name: str, config: Config, duration_s: float = math.inf) -> Scene:
     longest_s = _USUAL_S if math.isinf(duration_s) else math.ceil(duration_s)
     walk_s = min(max(longest_s, _SHORTEST_S), _LONGEST_S)
     run = WalkerRun(robot, gait, ground or "flat", _SEED, walk_s)
+    scale = "its own forces" if peak_force_n is None else f"forces scaled to {peak_force_n:g} N"
     try:
-        with timed_bar("the robot walks", _COST_REL * walk_s):
-            file = run.saved(cache_folder())
+        return _scene_of_run(run, peak_force_n, f"{gait} on {run.ground}: {scale}")
     except ConfigError as error:
         raise ConfigError(f"scene {name}: {error}") from None
-    loads = "its own forces" if peak_force_n is None else f"forces scaled to {peak_force_n:g} N"
+
+
+def judging_scene(foot_type: str, number: int) -> Scene:
+    """Return the scene of one of the walks that judge footsense, on which nothing was trained or chosen.
+
+    Args:
+        foot_type: Foot type of the robot, one of the two larger.
+        number: Number of the walk of its robot; beyond the last one they begin anew.
+
+    Raises:
+        ConfigError: There is no MuJoCo, or no such walk of that robot.
+    """
+    require("the walks of judgement", "walkers", "mujoco")
+    from footsense.lab.walkers.split import JUDGEMENT
+
+    runs = [run for run in JUDGEMENT if run.robot == _ROBOTS[foot_type][0]]
+    run = runs[number % len(runs)]
+    return _scene_of_run(run, None, f"{run.gait} on {run.ground}")
+
+
+def _scene_of_run(run: "WalkerRun", peak_force_n: float | None, words: str) -> Scene:
+    from footsense.lab.walkers.split import cache_folder
+
+    with timed_bar("the robot walks", _COST_REL * run.duration_s):
+        file = run.saved(cache_folder())
     return Scene(
-        description=f"{robot} walks in MuJoCo, {gait} on {run.ground}: {loads}, repeated every {walk_s:g} s",
+        description=f"{run.robot} walks in MuJoCo, {words}, repeated every {run.duration_s:g} s",
         load=LogLoads(file=str(file), peak_force_n=peak_force_n),
         host_cost_us=USUAL_HOST_COST_US,
         effects=USUAL_EFFECTS,

@@ -13,6 +13,8 @@ from footsense.sim.faults.disturbances import Disturbances
 from footsense.sim.faults.scene_faults import ChipFault, Disturbance, FootDamage
 from footsense.sim.loads.gait_table import GaitTable
 from footsense.sim.loads.ground_load import ContactSource, GroundContact
+from footsense.sim.loads.load_log import RepeatedLog
+from footsense.sim.loads.log_table import LogTable
 from footsense.sim.loads.walk import Walk
 from footsense.sim.rubber import RUBBER_LEVELS, ElementCreep, ViscoelasticRubber, WarmingFoot, draw_floor_pf
 from footsense.sim.scene import Scene
@@ -86,6 +88,9 @@ class SimulatedLeg:
         self._warming = None
         if effects.warming:
             self._warming = WarmingFoot(effects.warming, np.random.default_rng(drift))
+        self._log_table = None
+        if scene.gait_table and isinstance(load, RepeatedLog):
+            self._log_table = LogTable(foot, load, leg, self._rubber, self._element_creep)
 
     def _undamaged_capacitance_pf(self, t_ns: int) -> list[float]:
         """Return each element's capacitance at a time [ns], without damage and without the scene's `stray_pf` [pF]."""
@@ -94,6 +99,8 @@ class SimulatedLeg:
             element_pf = self._table.capacitance_pf(
                 self._load.gait_phase_in_stance(self._leg, t_ns), relative_compliance
             )
+        elif self._log_table is not None:
+            element_pf = self._log_table.capacitance_pf(t_ns)
         else:
             contact = self._load.contact(self._leg, t_ns)
             if self._rubber is not None:

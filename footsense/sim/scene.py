@@ -178,8 +178,8 @@ class Scene(ScenePart, frozen=True):
         lead_in_s: Time before the load, all feet in the air: the feet are tared in it [s].
         host_cost_us: Cost of every I2C transaction on the host [us].
         seed: Seed of everything random.
-        gait_table: Whether the capacitances over a gait cycle are computed once and interpolated, for long walks:
-            0.2 fF off as long as no gap closes.
+        gait_table: Whether the capacitances over a gait cycle, or over a log, are computed once and interpolated, for
+            long walks: 0.2 fF off as long as no gap closes.
         effects: Deviations from the ideal.
         fabrication: Deviations of the feet; None for feet as designed.
         faults: Faults.
@@ -239,8 +239,13 @@ def _contradiction(scene: Scene, folder: Path) -> strict_yaml.Problem | None:
     )
     if problem is not None:
         return problem
-    if scene.gait_table and not isinstance(scene.load, scene_loads.Tripod | scene_loads.MeasuredWalk):
-        return strict_yaml.Problem("gait_table", "is for walks: tripod or measured_walk")
+    walks = scene_loads.Tripod | scene_loads.MeasuredWalk | scene_loads.LogLoads
+    if scene.gait_table and not isinstance(scene.load, walks):
+        return strict_yaml.Problem("gait_table", "is for walks: tripod, measured_walk or log")
+    if scene.gait_table and isinstance(scene.load, scene_loads.LogLoads) and scene.effects.warming:
+        return strict_yaml.Problem(
+            "effects.warming", "makes the rubber softer, and the gait_table of a log does not: choose one"
+        )
     for n, stand in enumerate(scene.load.stands if isinstance(scene.load, scene_loads.Tripod) else ()):
         if stand.until_s <= stand.from_s:
             return strict_yaml.Problem(f"load.stands[{n}].until_s", "must be later than from_s")
@@ -254,9 +259,13 @@ def _contradiction(scene: Scene, folder: Path) -> strict_yaml.Problem | None:
 def _rubber_contradiction(scene: Scene) -> strict_yaml.Problem | None:
     """Return what contradicts creep or its level; None if nothing does."""
     for name in ("rubber", "creep_spread_rel"):
-        if scene.gait_table and getattr(scene.effects, name):
+        if (
+            scene.gait_table
+            and not isinstance(scene.load, scene_loads.LogLoads)
+            and getattr(scene.effects, name)
+        ):
             return strict_yaml.Problem(
-                f"effects.{name}", "depends on the past, and a gait_table does not: choose one"
+                f"effects.{name}", "depends on the past, and a gait_table does not but of a log: choose one"
             )
     if scene.effects.rubber_level != "assumed" and not scene.effects.rubber:
         return strict_yaml.Problem("effects.rubber_level", "needs rubber: true")

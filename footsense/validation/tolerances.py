@@ -1,174 +1,242 @@
-"""What is tolerated of a walk with faults, leg by leg and time by time, with its reason and its bound."""
+"""What is tolerated of a walk with faults: no more than the fault table of its feet has measured, leg by leg.
 
-from collections.abc import Sequence
-from typing import NamedTuple
+A leg that lost its baseline is tared in its next swing. The table's robot always has one ahead; here the swings are
+those of the walk, so that a leg is given the table's longest recovery, and from there the end of a swing that is long
+enough for a tare.
+"""
 
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import msgspec
 import numpy as np
 
-from footsense.frames import ELEMENTS
+from footsense.config import Config
+from footsense.errors import ModelError
+from footsense.estimation.tare import SETTLING_SCANS
+from footsense.foot.type_folders import foot_type_folder
+from footsense.frames import Vector
+from footsense.regular_file import read_regular
 from footsense.sim.faults.scene_faults import (
-    ArbitrationLost,
+    BrokenColumn,
+    BrokenRow,
     CanFault,
-    ChannelsShifted,
-    ColumnShift,
     Disturbance,
-    ElementDrifts,
-    ElementStuck,
+    ElementOpen,
+    ElementShorted,
     Fault,
     FootDamage,
-    GroundShift,
-    Leakage,
-    MetalBesideTail,
-    NackAtRandom,
-    RowShift,
+    GapClosed,
     StuckSda,
     StuckUpstreamBus,
+    WireFault,
 )
 
-#: Longest pause until a leg is tried again [s], and after it held a line of the bus [s]; duration of the try [s]; gait
-#: periods until it is tared after that.
-_PAUSE_S, _STUCK_PAUSE_S, _TRY_S, _TARE_PERIODS = 4.0, 16.0, 1.0, 3.0
-#: Delay by the timeouts of each leg that holds the bus [s]; delay by a stuck upstream bus in all [s].
-_STUCK_LEG_DELAY_S, _STUCK_BUS_DELAY_S = 0.085, 0.45
-#: Delay where the conversions of a leg are timed anew that was late, once a second at most [s].
-_TIMING_DELAY_S = 0.0075
-#: Delay of a leg whose transaction lost the arbitration twice, in scans: this one, and two until its elements have been
-#: read three times in a row again.
-_MAX_ARBITRATION_DELAY_SCANS = 3.4
+#: File of a fault table beside the models of its foot type, and its entries by board.
+_TABLE_FILE = "faults.json"
+_BOARD_ENTRIES = {"ad7147": "leg_faults", "fdc1004": "small_board"}
+#: Rows of the table that are no measure of the others: they stop a bus, which costs its other legs a time of its own,
+#: or turn the forces of all legs.
+_STOPS_BUS = ("SDA held low", "the same", "mux keeps")
+#: Damage that is found whatever the foot carries.
+BROKEN_ELEMENT_TYPES = (ElementOpen, ElementShorted, GapClosed, BrokenRow, BrokenColumn)
+#: Rows of it.
+_BROKEN_ROWS = ("element open", "element shorted", "gap full", "row line", "column line")
+#: Windows of a tare that a swing has to have: one that began before the foot was free is lost.
+_TARE_WINDOWS = 2
+#: Step in which the truth is searched for swings [s].
+_SWING_STEP_S = 5e-3
+_NS_PER_S = 1_000_000_000
 
 
-#: What nine readings mistake for a load, with the reason: the force may be wrong until the baseline has followed.
-#: True for what changes as long as it lasts; what steps is wrong for so long after its begin and its end alone.
-UNOBSERVABLE: dict[type[Fault], bool] = {
-    ElementDrifts: True,  # one gap that closes slowly, as under a load beside it
-    ElementStuck: True,  # a gap that stands still under a load that rolls away: found at 40 % of the others' closures
-    Leakage: True,  # columns that drift: a load that moves to one side
-    ChannelsShifted: True,  # the readings of a load beside the one that is there
-    GroundShift: False,  # a load along the leg, on a foot that stands
-    MetalBesideTail: False,  # the same
-    ColumnShift: False,  # a load to one side
-    RowShift: False,  # a load ahead or behind
-}
-#: Error beyond 5 sigma that it may have [N]: of a foot that carries 0.9 N, with the amplitudes of `random_faults.py`.
-MAX_UNOBSERVABLE_N = 0.4
-#: Gait periods until a swing has shown the baseline.
-_UNTIL_SWING_PERIODS = 1.5
-#: Scans in which a line or an element that opens or comes back may read like a touch, before all of it has been read.
-_DAMAGE_NOTICED_SCANS = 2.0
+class MeasuredWorst(NamedTuple):
+    """The worst of the rows of a fault table, of one board.
+
+    Attributes:
+        detection_s: Until a broken element is found [s].
+        recovery_s: From the end of a fault until the leg has forces again [s].
+        gap_s: Longest time between two forces of another leg [s], and where a bus is stopped.
+        stopped_bus_gap_s: The same where a bus is stopped [s].
+        error_n: Largest error of a leg without a fault [N].
+    """
+
+    detection_s: float
+    recovery_s: float
+    gap_s: float
+    stopped_bus_gap_s: float
+    error_n: float
+
+    @classmethod
+    def of(cls, config: Config) -> "MeasuredWorst":
+        """Return the worst of the table of a robot's feet and board.
+
+        Raises:
+            ModelError: Its foot type has no fault table.
+        """
+        path = foot_type_folder(config.foot_type) / _TABLE_FILE
+        try:
+            found: dict[str, Any] = msgspec.json.decode(read_regular(path))
+        except OSError:
+            raise ModelError(f"{path}: no such file; `footsense lab study faults` makes it") from None
+        rows: dict[str, dict[str, Any]] = found[_BOARD_ENTRIES[config.board]]
+        stopping = {words: row for words, row in rows.items() if words.startswith(_STOPS_BUS)}
+        others = [row for words, row in rows.items() if words not in stopping]
+        broken = [row for words, row in rows.items() if words.startswith(_BROKEN_ROWS)]
+        return cls(
+            detection_s=max(row["detection_s"] for row in broken),
+            recovery_s=max(row["recovery_s"] or 0.0 for row in rows.values()),
+            gap_s=max(row["longest_gap_s"] for row in others),
+            stopped_bus_gap_s=max(row["longest_gap_s"] for row in stopping.values()),
+            error_n=max(row["other_legs_max_error_n"] for row in others),
+        )
 
 
 class WalkLimits(NamedTuple):
-    """Limits of the checks of a walk: legs, cycle period [s], age limit [s], gait timing, bit on CAN [s].
+    """Limits of the checks of a walk.
 
     Attributes:
         legs: Names of the legs.
-        cycle_period_s: Period of the cycles without faults, one for each conversion [s].
+        buses: Names of the legs of each bus.
+        cycle_period_s: Period of the cycles without faults [s].
+        scan_s: Time of a scan [s].
         max_age_s: Age limit of a force [s].
-        gait_period_s: Gait period: each leg is in swing once in it [s].
-        checks_start_s: Time from which every leg is tared [s].
         cycles_per_can_force: Cycles for each force on CAN.
-        standstill_spans_s: Spans without any swing [s].
         bit_s: Duration of a bit on CAN [s].
+        worst: What the fault table has measured.
+        swings_s: Begin and end of the swings of each leg that are long enough for a tare [s].
+        largest_n: Largest force along a leg [N].
     """
 
     legs: tuple[str, ...]
+    buses: tuple[tuple[str, ...], ...]
     cycle_period_s: float
+    scan_s: float
     max_age_s: float
-    gait_period_s: float
-    checks_start_s: float
     cycles_per_can_force: int
-    standstill_spans_s: tuple[tuple[float, float], ...] = ()
-    bit_s: float = 2e-6
+    bit_s: float
+    worst: MeasuredWorst
+    swings_s: tuple[tuple[tuple[float, float], ...], ...]
+    largest_n: float
+
+    @classmethod
+    def of(cls, config: Config, true_force_n_at: Callable[[int], Vector], until_s: float) -> "WalkLimits":
+        """Return the limits of the walk of a robot.
+
+        Args:
+            config: The robot.
+            true_force_n_at: Returns the true force on every foot at a time [ns -> N, shape (legs, 3)].
+            until_s: End of the walk [s].
+
+        Raises:
+            ModelError: Its foot type has no fault table.
+        """
+        scan_s = config.shortest_scan_ms * 1e-3
+        t_s = np.arange(0.0, until_s, _SWING_STEP_S)
+        true_n = np.array([true_force_n_at(round(at_s * _NS_PER_S)) for at_s in t_s.tolist()])
+        shortest_s = scan_s * (_TARE_WINDOWS * config.tare.window_scans + SETTLING_SCANS)
+        return cls(
+            legs=config.legs,
+            buses=tuple(tuple(bus.channels) for bus in config.buses),
+            cycle_period_s=1.0 / config.frames_hz,
+            scan_s=scan_s,
+            max_age_s=config.effective_max_age_ms * 1e-3,
+            cycles_per_can_force=config.effective_publish_every,
+            bit_s=config.can.bit_ns * 1e-9,
+            worst=MeasuredWorst.of(config),
+            swings_s=tuple(_swings_s(true_n[:, leg], shortest_s) for leg in range(len(config.legs))),
+            largest_n=float(true_n.max()),
+        )
+
+    def ready_s(self, leg: str, t_s: float) -> float:
+        """Return when a leg has been tared that lost its baseline until a time [s]; infinite for never."""
+        swings_s = self.swings_s[self.legs.index(leg)]
+        return next((end_s for start_s, end_s in swings_s if start_s >= t_s), math.inf)
 
 
-def acts_on(fault: Fault, leg: str) -> bool:
-    """Return whether a fault is of a leg, or of all."""
-    return leg in fault.legs if isinstance(fault, Disturbance) else getattr(fault, "leg", leg) == leg
+def _swings_s(force_n: Vector, shortest_s: float) -> tuple[tuple[float, float], ...]:
+    """Return begin and end of the spans of at least a length in which a foot has no force, shape (n, 3) [s]."""
+    is_free = (force_n == 0.0).all(axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], is_free, [False])).astype(int)))
+    spans_s = _SWING_STEP_S * edges.reshape(-1, 2)
+    long_s = spans_s[spans_s[:, 1] - spans_s[:, 0] >= shortest_s]
+    return tuple((start_s, last_s) for start_s, last_s in long_s.tolist())
+
+
+def end_s(fault: Fault) -> float:
+    """Return the end of a fault [s]: its start, where it happens once."""
+    return getattr(fault, "until_s", None) or fault.at_s
+
+
+def acts_on(rules: WalkLimits, fault: Fault, leg: str) -> bool:
+    """Return whether a fault is of a leg or its bus."""
+    if isinstance(fault, Disturbance):
+        return leg in fault.legs
+    if isinstance(fault, StuckSda):
+        return any(leg in bus and fault.leg in bus for bus in rules.buses)
+    if isinstance(fault, WireFault):
+        return leg in rules.buses[fault.bus]
+    return getattr(fault, "leg", None) == leg
 
 
 def tolerated_spans_s(rules: WalkLimits, script: Sequence[Fault], leg: str) -> list[tuple[float, float]]:
-    """Return the time spans [s] in which a leg may lack a force: its faults and the recoveries from them.
+    """Return the time spans [s] in which a leg may lack a force: before its first tare, its faults and recoveries.
 
-    A leg without an answer is tried again after pauses that double: the last is no longer than the fault.
+    Faults that overlap have one recovery each.
     """
-    spans: list[tuple[float, float]] = []
-    for fault in sorted(script, key=lambda fault: fault.at_s):
-        if isinstance(fault, CanFault | ArbitrationLost) or not acts_on(fault, leg):
+    spans = [(0.0, rules.ready_s(leg, 0.0))]
+    last_s, recovery_s = 0.0, 0.0
+    own = [fault for fault in script if not isinstance(fault, CanFault) and acts_on(rules, fault, leg)]
+    for fault in sorted(own, key=lambda fault: fault.at_s):
+        if fault.at_s > last_s + recovery_s:
+            recovery_s = 0.0
+        recovery_s += rules.worst.recovery_s
+        last_s = max(last_s, end_s(fault))
+        spans.append((fault.at_s, rules.ready_s(leg, last_s + recovery_s)))
+    return spans
+
+
+def tolerated_gaps_s(rules: WalkLimits, script: Sequence[Fault]) -> list[tuple[float, float, float]]:
+    """Return start, end and length [s] of the gaps that each fault of the I2C may make between two frames or forces."""
+    gaps = []
+    for fault in script:
+        if isinstance(fault, CanFault | Disturbance | FootDamage):
             continue
-        overlaps = bool(spans) and fault.at_s <= spans[-1][1]
-        begin_s, end_s = spans.pop() if overlaps else (fault.at_s, 0.0)
-        until_s = max(getattr(fault, "until_s", None) or fault.at_s, fault.at_s)
-        longest_s = _STUCK_PAUSE_S if isinstance(fault, StuckSda | StuckUpstreamBus) else _PAUSE_S
-        recovery_s = min(until_s - begin_s, longest_s) + _TRY_S + _TARE_PERIODS * rules.gait_period_s
-        spans.append((begin_s, max(end_s, _time_after_walking_s(rules, until_s, recovery_s))))
-    return spans
+        stops = isinstance(fault, StuckSda | StuckUpstreamBus)
+        gap_s = rules.worst.stopped_bus_gap_s if stops else rules.worst.gap_s
+        gaps.append((fault.at_s, end_s(fault) + rules.worst.recovery_s, gap_s))
+    return gaps
 
 
-def _time_after_walking_s(rules: WalkLimits, t_s: float, walking_s: float) -> float:
-    """Return the time [s] by which the robot has walked for `walking_s` after `t_s`, standstills excluded."""
-    end_s = t_s + walking_s
-    for stand_start_s, until_s in rules.standstill_spans_s:
-        # A stand begins and ends with the legs in the middle of their stance.
-        stood_s = until_s + 2.0 * rules.gait_period_s
-        if stand_start_s < end_s and t_s < stood_s:
-            end_s += stood_s - max(stand_start_s, t_s)
-    return end_s
+def broken_spans_s(rules: WalkLimits, script: Sequence[Fault], leg: str) -> list[tuple[float, float]]:
+    """Return the time spans [s] in which a leg must not be `Valid`: a broken element of it has been found."""
+    found_s = rules.worst.detection_s + rules.scan_s
+    return [
+        (fault.at_s + found_s, end_s(fault))
+        for fault in script
+        if isinstance(fault, BROKEN_ELEMENT_TYPES)
+        and fault.leg == leg
+        and end_s(fault) > fault.at_s + found_s
+    ]
 
 
-def tolerated_delays_s(script: Sequence[Fault], period_s: float) -> list[tuple[float, float, float]]:
-    """Return start, end and tolerated delay of each I2C bus fault [s], ordered by end.
+def wrong_force_spans_s(rules: WalkLimits, script: Sequence[Fault], leg: str) -> list[tuple[float, float]]:
+    """Return the time spans [s] in which the force of a leg may be wrong: from a fault's begin, and end, to a swing.
 
-    Args:
-        script: Faults of the walk.
-        period_s: Period of the cycles without faults [s].
+    A shift of readings along a pattern that a load has too shows in the next swing, and is in sigma from then on.
     """
-    arbitration_s = _MAX_ARBITRATION_DELAY_SCANS * ELEMENTS * period_s
-    recovery_s = _STUCK_PAUSE_S + _TRY_S
-    delays = []
-    for fault in script:
-        if isinstance(fault, StuckSda | StuckUpstreamBus | ArbitrationLost | NackAtRandom):
-            until_s = np.inf if fault.until_s is None else fault.until_s
-            after_s, delay_s = {
-                StuckSda: (recovery_s, _STUCK_LEG_DELAY_S),
-                NackAtRandom: (recovery_s, _TIMING_DELAY_S),
-                StuckUpstreamBus: (recovery_s, _STUCK_BUS_DELAY_S),
-                ArbitrationLost: (arbitration_s, arbitration_s),
-            }[type(fault)]
-            delays.append((fault.at_s, until_s + after_s, delay_s))
-    return sorted(delays, key=lambda delay: delay[1])
+    return [
+        (at_s, rules.ready_s(leg, at_s))
+        for fault in script
+        if isinstance(fault, Disturbance | FootDamage) and acts_on(rules, fault, leg)
+        for at_s in (fault.at_s, end_s(fault))
+    ]
 
 
-def tolerated_wrong_spans_s(
-    rules: WalkLimits, script: Sequence[Fault], leg: str
-) -> list[tuple[float, float]]:
-    """Return the time spans [s] in which a leg may have a wrong force beside a sigma that is too small."""
-    walking_s = _UNTIL_SWING_PERIODS * rules.gait_period_s
-    spans: list[tuple[float, float]] = []
-    for fault in script:
-        if type(fault) in UNOBSERVABLE and acts_on(fault, leg):
-            until_s = getattr(fault, "until_s", None) or np.inf
-            parts = (
-                [(fault.at_s, until_s)]
-                if UNOBSERVABLE[type(fault)]
-                else [(at_s, at_s) for at_s in (fault.at_s, until_s)]
-            )
-            spans += [(at_s, _time_after_walking_s(rules, end_s, walking_s)) for at_s, end_s in parts]
-    return spans
-
-
-def tolerated_touch_spans_s(
-    rules: WalkLimits, script: Sequence[Fault], leg: str
-) -> list[tuple[float, float]]:
-    """Return the time spans [s] in which a leg may be said to touch the ground in the air.
-
-    A touchdown has to be reported within a reading. What moves the readings at once, as a touchdown does, is one.
-    """
-    noticed_s = _DAMAGE_NOTICED_SCANS * ELEMENTS * rules.cycle_period_s
-    spans = tolerated_wrong_spans_s(rules, script, leg)
-    for fault in script:
-        until_s = getattr(fault, "until_s", None) or np.inf
-        if isinstance(fault, Disturbance) and acts_on(fault, leg):
-            spans.append((fault.at_s, until_s + noticed_s))
-        elif isinstance(fault, FootDamage) and acts_on(fault, leg):
-            spans += [(at_s, at_s + noticed_s) for at_s in (fault.at_s, until_s)]
-    return spans
+def wrong_contact_spans_s(rules: WalkLimits, script: Sequence[Fault], leg: str) -> list[tuple[float, float]]:
+    """Return the time spans [s] in which the contact of a leg may be wrong: what moves its readings is a load to it."""
+    return [
+        (fault.at_s, rules.ready_s(leg, end_s(fault)))
+        for fault in script
+        if isinstance(fault, Disturbance | FootDamage) and acts_on(rules, fault, leg)
+    ]

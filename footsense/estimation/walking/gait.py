@@ -148,10 +148,9 @@ class GaitTracker:
             own, other = self._lift_offs, self._touchdowns
             if was_slipping:
                 kinds.insert(0, GaitEventKind.SLIP_END)
-        # A foot cannot touch before it was lifted, nor be lifted before it touched.
-        own[row] = BackDated(
-            max(dated.t_ns, other[row].t_ns + 1), math.hypot(dated.sigma_s, 0.5 * 1e-9 * unknown_ns)
-        )
+        # A foot cannot touch before it was lifted, nor be lifted before it touched, and nothing happens later than now.
+        t_ns = min(max(dated.t_ns, other[row].t_ns + 1), now_ns)
+        own[row] = BackDated(t_ns, math.hypot(dated.sigma_s, 0.5 * 1e-9 * unknown_ns))
         return [GaitEvent(kind, row, *own[row]) for kind in kinds]
 
     def _gait_frame(

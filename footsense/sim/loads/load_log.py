@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.errors import ConfigError
-from footsense.frames import Vector
+from footsense.frames import Stamps, Vector
 from footsense.regular_file import read_regular
 from footsense.sim.loads.ground_load import IN_THE_AIR, MIN_ELEVATION_DEG, GroundContact
 
@@ -157,6 +157,10 @@ class RepeatedLog:
 
     Raises:
         ConfigError: The file is no log.
+
+    Attributes:
+        from_ns: Start [ns].
+        t_ns: Times of the log's rows since its start [ns], shape (n,).
     """
 
     def __init__(self, path: Path, from_ns: int, peak_force_n: float | None = None) -> None:
@@ -165,9 +169,10 @@ class RepeatedLog:
             raise ConfigError(f"{path}: {fault}")
         t_s, force_n, self._normal = (arrays[name].astype(np.float64) for name in LOG_ARRAYS[1:])
         scale = 1.0 if peak_force_n is None else peak_force_n / peak_n(force_n)
-        self._path, self._from_ns = path, from_ns
+        self._path, self.from_ns = path, from_ns
         self._row = {leg: row for row, leg in enumerate(arrays["legs"].tolist())}
         self._t_s, self._force_n = t_s - t_s[0], scale * force_n
+        self.t_ns: Stamps = np.round(self._t_s * _NS_PER_S).astype(np.int64)
         self._last: tuple[int, Vector, Vector] | None = None  # all legs are asked for at one time
 
     def require_legs(self, legs: Sequence[str]) -> None:
@@ -183,7 +188,7 @@ class RepeatedLog:
 
     def contact(self, leg: str, t_ns: int) -> GroundContact:
         """Return the true ground contact of a leg at a time [ns]."""
-        if t_ns < self._from_ns:
+        if t_ns < self.from_ns:
             return IN_THE_AIR
         if self._last is None or self._last[0] != t_ns:
             self._last = t_ns, *self._loads(t_ns)
@@ -191,9 +196,15 @@ class RepeatedLog:
         row = self._row[leg]
         return GroundContact(normal[row], force_n[row])
 
+    def contact_at_row(self, leg: str, row: int, *, first: bool) -> GroundContact:
+        """Return the contact of a leg at a row of the log; in the first round the robot is set down."""
+        risen = min(self._t_s[row] / _RISE_S, 1.0) if first else 1.0
+        column = self._row[leg]
+        return GroundContact(self._normal[row, column], risen * self._force_n[row, column])
+
     def _loads(self, t_ns: int) -> tuple[Vector, Vector]:
         """Return the forces [N] and normals of all legs of the log at a time, shape (legs, 3)."""
-        since_s = (t_ns - self._from_ns) / _NS_PER_S
+        since_s = (t_ns - self.from_ns) / _NS_PER_S
         rows = RowsBetween.of(self._t_s, np.array([since_s % self._t_s[-1]]))
         risen = min(since_s / _RISE_S, 1.0)
         return risen * rows.values(self._force_n)[0], rows.normals(self._normal, self._force_n)[0]

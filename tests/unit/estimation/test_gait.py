@@ -114,6 +114,18 @@ def test_times_are_back_dated_along_the_flanks() -> None:
     assert len(robot.events) == 2 * LEGS
 
 
+def test_a_lift_off_is_not_later_than_now() -> None:
+    """Even if it is told within the lag by which it is dated later than the load's end."""
+    robot = Robot()
+    robot.step(np.zeros(LEGS), 100)
+    robot.step(np.full(LEGS, 2.0), 100)
+    robot.events.clear()
+    while not robot.events:
+        robot.step(np.full(LEGS, -2.0))
+    assert robot.events[0].kind is GaitEventKind.LIFT_OFF
+    assert robot.events[0].t_ns <= robot.now_ns
+
+
 def test_a_force_that_is_not_known_is_no_event() -> None:
     """A leg that falls silent in stance loses its contact and regains it without an event; its lift-off is one."""
     robot = Robot()

@@ -8,9 +8,14 @@ import numpy as np
 import pytest
 
 import footsense
+from footsense.daemon.foot_types import released_path
 from footsense.errors import ConfigError
+from footsense.foot.response_table import FootResponse
+from footsense.foot.specimen import Specimen
 from footsense.sim.loads import load_log
 from footsense.sim.loads.load_log import RepeatedLog
+from footsense.sim.loads.log_table import LogTable
+from footsense.sim.rubber import ViscoelasticRubber
 from footsense.sim.scene import load_scene
 
 MS = 1_000_000
@@ -55,6 +60,37 @@ def test_a_log_is_scaled_to_a_peak(tmp_path: Path) -> None:
     assert np.linalg.norm(load.contact("rf", 400 * MS).force_n) == pytest.approx(0.25)
 
 
+def test_the_table_of_a_log_is_the_foot(tmp_path: Path) -> None:
+    """Less than a converter's noise between the rows of a walk in any round, and in the air before it."""
+    t_s = np.linspace(0.0, 1.0, 1001)
+    lean_rad = 0.4 * np.cos(2.0 * np.pi * t_s)
+    normal = np.stack([np.sin(lean_rad), 0.0 * t_s, np.cos(lean_rad)], axis=1)
+    force_n = 0.8 * np.maximum(np.sin(4.0 * np.pi * t_s), 0.0)[:, None] * normal
+    both = {"force_n": np.stack([force_n] * 2, axis=1), "normal": np.stack([normal] * 2, axis=1)}
+    foot = Specimen(FootResponse.load(released_path("response.npz")))
+    load = RepeatedLog(saved(tmp_path, t_s=t_s, **both), from_ns=1000 * MS)
+    table = LogTable(foot, load, "lf")
+    for t_us in (500_000, 1_030_300, 1_100_500, 1_220_900, 1_450_000, 1_700_700, 2_050_500, 4_130_100):
+        at_normal, at_n = load.contact("lf", t_us * 1000)
+        direct_pf = foot.capacitance_pf(at_normal[None], at_n[None])[0]
+        np.testing.assert_allclose(table.capacitance_pf(t_us * 1000), direct_pf, atol=2e-4)
+
+
+def test_the_table_of_a_log_remembers_what_the_rubber_does(tmp_path: Path) -> None:
+    """Row by row as the rubber itself through two rounds; later ones are as the second."""
+    foot = Specimen(FootResponse.load(released_path("response.npz")))
+    load = RepeatedLog(saved(tmp_path), from_ns=0, peak_force_n=0.5)
+    table = LogTable(foot, load, "rf", ViscoelasticRubber())
+    rubber = ViscoelasticRubber()
+    for t_ms in range(0, 1900, 100):
+        normal, force_n = rubber.next_effective_load(t_ms * MS, *load.contact("rf", t_ms * MS))
+        if t_ms == 1000:  # the last row of a round is the first of the next
+            continue
+        direct_pf = foot.capacitance_pf(normal[None], force_n[None])[0]
+        np.testing.assert_allclose(table.capacitance_pf(t_ms * MS), direct_pf, atol=1e-3)
+    np.testing.assert_allclose(table.capacitance_pf(1550 * MS), table.capacitance_pf(7550 * MS))
+
+
 def scene(folder: Path) -> Path:
     file = folder / "scene.yaml"
     file.write_text("description: x\nload: {kind: log, file: walk.npz, peak_force_n: 0.5}\nlead_in_s: 0.5\n")
@@ -64,6 +100,17 @@ def scene(folder: Path) -> Path:
 def test_a_scene_without_its_log_says_where_it_names_it(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"scene\.yaml:2: load\.file: .*walk\.npz: no such file"):
         load_scene(str(scene(tmp_path)))
+
+
+def test_the_table_of_a_log_has_rubber_but_no_warming(tmp_path: Path) -> None:
+    saved(tmp_path)
+    file = scene(tmp_path)
+    text = file.read_text() + "gait_table: true\neffects: {"
+    file.write_text(text + "rubber: true, creep_spread_rel: 0.01}\n")
+    assert load_scene(str(file)).gait_table
+    file.write_text(text + "warming: {from_s: 0, over_s: 1, kelvin: 20}}\n")
+    with pytest.raises(ConfigError, match=r"scene\.yaml:5: effects\.warming: makes the rubber softer"):
+        load_scene(str(file))
 
 
 def test_a_scene_names_a_log_beside_it_and_needs_a_log_of_every_leg(tmp_path: Path) -> None:
