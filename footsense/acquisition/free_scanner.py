@@ -252,6 +252,7 @@ class FreeScanner:
                 self._take(leg, burst, before_at, status, (begin_ns + status_ns, end_ns))
                 return
         leg.tracker.miss(self.clock.now_ns())
+        leg.n_silent = 0
         self._discard(leg, Reading.NO_ANSWER)
 
     def _take(
@@ -378,7 +379,8 @@ class FreeScanner:
         now_ns, all_in_scan = self.clock.now_ns(), True
         any_missing = np.count_nonzero(self.latest.reading) > 0
         for each in self.legs:
-            if each.in_scan and now_ns > each.due_ns and (each.is_suspect or any_missing):
+            is_due = now_ns > each.due_ns and not each.n_silent
+            if each.in_scan and is_due and (each.is_suspect or any_missing):
                 each.count_misses(self.latest.reading[each.row], now_ns)
             all_in_scan &= each.in_scan
         if not all_in_scan:

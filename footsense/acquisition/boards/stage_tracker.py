@@ -89,7 +89,7 @@ class StageTracker:
         self.start(Span(0, 0))
 
     def start(self, at: Span) -> None:
-        """Start the count: the sequence began with its first stage, and the status was read, in a window [ns]."""
+        """Start the count: the sequence began with its first stage, and its status was read, in a window [ns]."""
         self.is_doubtful, self.stage_ns = False, self._tolerated_ns
         self._last_read: tuple[float, float] = at
         # The first conversion that may be returned, and the next one to return.
