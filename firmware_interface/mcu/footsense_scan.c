@@ -253,6 +253,7 @@ static bool set_up(footsense_scan *scan, unsigned leg)
         footsense_stages_start(&l->stages, (footsense_span){begin_ns, now_ns(scan) + 1000});
         /* The status still has bits of the sequence before. */
         done = read_words(scan, (uint8_t)bit(leg), STAGE_COMPLETE_INT_STATUS, in, 1) != 0 && done;
+        footsense_stages_miss(&l->stages, now_ns(scan) + 1000);
         l->n_doubts = 0;
     }
     if (scan->stuck) {

@@ -150,7 +150,6 @@ void footsense_stages_start(footsense_stages *stages, footsense_span at)
     for (int slot = 0; slot < SLOTS; slot++) {
         stages->number[slot] = NONE;
     }
-    footsense_stages_miss(stages, at.to);
 }
 
 void footsense_stages_trust(footsense_stages *stages)

@@ -40,7 +40,7 @@ typedef struct {
     uint16_t code[16];
 } footsense_stages;
 
-/* The sequence begins with its first stage in a span, and its status is read. */
+/* The sequence begins with its first stage in a span. */
 void footsense_stages_start(footsense_stages *stages, footsense_span at);
 
 /* The chip holds its settings though a status did not fit: the count begins anew with the next one. */

@@ -357,10 +357,13 @@ class FreeScanner:
         if self._bus.exchange(leg.selection, tuple(settings)) is None:
             return
         begin_ns = self.clock.now_ns()
-        # The status still has bits of the sequence before.
-        if self._bus.exchange(leg.selection, (restart, leg.status)) is None:
+        if self._bus.exchange(leg.selection, (restart,)) is None:
             return
         leg.tracker.start(Span(begin_ns, self.clock.now_ns()))
+        # The status still has bits of the sequence before.
+        if self._bus.exchange(leg.selection, (leg.status,)) is None:
+            return
+        leg.tracker.miss(self.clock.now_ns())
         n_unused = ad7147.N_UNUSED_SEQUENCES * self.plan.n_conversions
         leg.ready_ns = self.clock.now_ns() + n_unused * self.plan.conversion_wait_ns
         leg.is_started, leg.n_doubts, leg.n_silent = True, 0, 0

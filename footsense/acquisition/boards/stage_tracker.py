@@ -89,13 +89,12 @@ class StageTracker:
         self.start(Span(0, 0))
 
     def start(self, at: Span) -> None:
-        """Start the count: the sequence began with its first stage, and its status was read, in a window [ns]."""
+        """Start the count: the sequence began with its first stage in a window [ns]."""
         self.is_doubtful, self.stage_ns = False, self._tolerated_ns
         self._last_read: tuple[float, float] = at
         # The first conversion that may be returned, and the next one to return.
         self._first = self._next = self._n_unused
         self._begin_anew(0, at)
-        self.miss(at.to_ns)
 
     def trust(self) -> None:
         """Count anew from the next status on: the chip holds its settings, and any of its stages may be the next."""
