@@ -155,7 +155,7 @@ void footsense_stages_start(footsense_stages *stages, footsense_span at)
 void footsense_stages_trust(footsense_stages *stages)
 {
     footsense_span at = {stages->read.to - (int64_t)2 * FOOTSENSE_STAGES * FOOTSENSE_LONGEST_STAGE_NS, stages->read.to};
-    begin_anew(stages, stages->most, at, ANY_STAGE);
+    begin_anew(stages, stages->most, at, stages->n_corners ? stage_time(stages) : ANY_STAGE);
     stages->next = max(stages->next, stages->least + FOOTSENSE_STAGES);
     footsense_stages_miss(stages, at.to);
 }
@@ -182,9 +182,6 @@ static bool count(footsense_stages *stages, uint16_t status, footsense_span at)
         if (least < most) {
             least = max(least, least_now - n);
             most = min(most, most_now - n);
-            if (n < (at.from - last.to) / FOOTSENSE_LONGEST_STAGE_NS) {
-                return false;
-            }
         }
         if (n > 0) { /* the first of them was the next at the last status */
             int first = least;
@@ -204,6 +201,8 @@ static bool count(footsense_stages *stages, uint16_t status, footsense_span at)
             if (!was_known && least == most && !narrow(stages, least, last)) {
                 return false;
             }
+        } else if (at.from - last.to > FOOTSENSE_LONGEST_STAGE_NS) {
+            return false;
         }
         least += n;
         most += n;

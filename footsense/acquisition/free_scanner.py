@@ -32,7 +32,7 @@ from footsense.errors import I2cError, I2cTimeoutError
 from footsense.frames import ELEMENTS, CapFrame, Reading
 from footsense.ports import Clock, I2cBus
 
-_NAN, _OK = float("nan"), Reading.OK
+_NAN, _OK, _NONE = float("nan"), Reading.OK, np.empty(0, np.uint8)
 #: Scans in a row with a missing reading before a leg is left out: 70 ms.
 _MISSED_SCANS_BEFORE_LEAVING = 10
 #: Times in a row that a status may not fit though the settings are held, before the chip is reset.
@@ -74,7 +74,8 @@ class FreeLeg(LegConnection):
         tracker: Counts its conversions.
         is_started: Whether it converts its elements, as far as is known.
         ready_ns: Time at which its reference or unused results have been converted, or of its latest result [ns].
-        due_ns: Time from which on missing readings count: of its first results, or when they should be there [ns].
+        due_ns: Time from which on missing readings count: of its last status, or when results should be there [ns].
+        converts: Whether its last status fitted: its conversions end, and missing readings do not count.
         n_doubts: Times in a row that its status did not fit.
         n_silent: Bursts in a row without a new result, when there should be one.
     """
@@ -96,7 +97,7 @@ class FreeLeg(LegConnection):
             plan.conversion_wait_ns / plan.conversion_ns - 1,
             ad7147.N_UNUSED_SEQUENCES * plan.n_conversions,
         )
-        self.is_started = False
+        self.is_started = self.converts = False
         self.ready_ns = self.due_ns = self.n_doubts = self.n_silent = 0
 
 
@@ -252,7 +253,7 @@ class FreeScanner:
                 self._take(leg, burst, before_at, status, (begin_ns + status_ns, end_ns))
                 return
         leg.tracker.miss(self.clock.now_ns())
-        leg.n_silent = 0
+        leg.converts = False
         self._discard(leg, Reading.NO_ANSWER)
 
     def _take(
@@ -269,9 +270,11 @@ class FreeScanner:
         """
         before, codes, behind = ad7147.read_words(burst, status)
         results = leg.tracker.results(before, before_at, behind, behind_at)
+        leg.converts = not leg.tracker.is_doubtful
         if leg.tracker.is_doubtful:
             self._check_doubtful(leg)
             return
+        leg.due_ns = round(behind_at[1])
         if not results:
             # Time in which nobody asked it does not count.
             leg.n_silent += behind_at[1] > leg.ready_ns
@@ -382,9 +385,8 @@ class FreeScanner:
         now_ns, all_in_scan = self.clock.now_ns(), True
         any_missing = np.count_nonzero(self.latest.reading) > 0
         for each in self.legs:
-            is_due = now_ns > each.due_ns and not each.n_silent
-            if each.in_scan and is_due and (each.is_suspect or any_missing):
-                each.count_misses(self.latest.reading[each.row], now_ns)
+            if each.in_scan and now_ns > each.due_ns and (each.is_suspect or any_missing):
+                each.count_misses(_NONE if each.converts else self.latest.reading[each.row], now_ns)
             all_in_scan &= each.in_scan
         if not all_in_scan:
             probe_due_legs(self._bus, self.legs, self._set_up, self.clock)

@@ -98,7 +98,7 @@ class StageTracker:
 
     def trust(self) -> None:
         """Count anew from the next status on: the chip holds its settings, and any of its stages may be the next."""
-        self.is_doubtful, self.stage_ns = False, self._tolerated_ns
+        self.is_doubtful = False
         read_ns = self._last_read[1]
         self._begin_anew(self._most, (read_ns - 2 * self._n_stages * self.stage_ns.to_ns, read_ns))
         self._first = max(self._first, self._number + self._n_stages)
@@ -164,7 +164,6 @@ class StageTracker:
             if least < most:
                 least_now, most_now = self._possible(at)
                 least, most = max(least, least_now - n), min(most, most_now - n)
-                self.is_doubtful |= n < (at[0] - last[1]) // self.stage_ns.to_ns
             if status:
                 least += (begins - least) % n_stages
                 if least + n_stages <= most:
@@ -172,6 +171,8 @@ class StageTracker:
                 most = min(least, most)
                 if not was_known and least == most:
                     self._narrow(least, last)
+            elif at[0] - last[1] > self.stage_ns.to_ns:
+                self.is_doubtful = True
             least, most = least + n, most + n
         self._least, self._most = least, most
         # Without a bit it may be that of the status before that was lost: the next one tells.
@@ -220,7 +221,7 @@ class StageTracker:
             return
         corners = _cut(_cut(self._corners, n, latest_ns, 1), n + 1, earliest_ns, -1)
         if not corners:
-            self.is_doubtful = True
+            self.is_doubtful, self.stage_ns = True, self._tolerated_ns
             return
         self._corners = corners
         self._bound(number)

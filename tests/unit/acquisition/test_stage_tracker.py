@@ -10,6 +10,8 @@ from footsense.acquisition.boards.stage_tracker import Span, StageTracker
 _N_STAGES, _STAGE_NS, _BIT_NS = 9, 768_000, 2500
 #: Bits of a read up to its first word and to the end of it, and of nine words.
 _TO_WORD, _TO_END, _RESULTS = 39, 57, 162
+#: A result: the first word of a burst that begins one register late.
+_CODE = 0x8123
 
 
 @dataclass
@@ -39,11 +41,12 @@ class _Sequencer:
 
 @dataclass
 class _Host:
-    """A computer that adds a time to each transaction, rarely a long one."""
+    """A computer that adds a time to each transaction, rarely a long one, and an adapter that fails."""
 
     random: np.random.Generator
     cost_us: tuple[float, float]
     stalls_rel: float
+    fails_rel: float
 
     def delay_ns(self) -> float:
         delay_us = self.random.uniform(*self.cost_us) / 2
@@ -57,7 +60,8 @@ class _Counts:
     n_wrong: int = 0
     n_results: int = 0
     n_bursts: int = 0
-    worst_ns: float = 0.0
+    n_silent: int = 0
+    most_silent: int = 0
 
 
 def _bursts(n: int, sequencer: _Sequencer, host: _Host, period_ns: float) -> _Counts:
@@ -70,7 +74,8 @@ def _bursts(n: int, sequencer: _Sequencer, host: _Host, period_ns: float) -> _Co
     for _ in range(n):
         begin_ns = t_ns
         wire_ns = begin_ns + host.delay_ns()
-        before = sequencer.status(wire_ns + _TO_WORD * _BIT_NS)
+        is_shifted, is_lost = host.random.random(2) < host.fails_rel
+        before = _CODE if is_shifted else sequencer.status(wire_ns + _TO_WORD * _BIT_NS)
         held = [
             sequencer.conversion_of(stage, wire_ns + (_TO_END + 18 * stage) * _BIT_NS)
             for stage in range(_N_STAGES)
@@ -79,42 +84,53 @@ def _bursts(n: int, sequencer: _Sequencer, host: _Host, period_ns: float) -> _Co
         wire_ns = between_ns + host.delay_ns()
         behind = sequencer.status(wire_ns + _TO_WORD * _BIT_NS)
         t_ns = wire_ns + _TO_END * _BIT_NS + host.delay_ns()
-        results = tracker.results(
-            before,
-            Span(round(begin_ns + 0.9 * _TO_WORD * _BIT_NS), round(between_ns - 0.9 * _RESULTS * _BIT_NS)),
-            behind,
-            Span(round(between_ns + 0.9 * _TO_WORD * _BIT_NS), round(t_ns)),
-        )
+        results = []
+        if is_lost:
+            tracker.miss(t_ns)
+        else:
+            results = tracker.results(
+                before,
+                Span(
+                    round(begin_ns + 0.9 * _TO_WORD * _BIT_NS), round(between_ns - 0.9 * _RESULTS * _BIT_NS)
+                ),
+                behind,
+                Span(round(between_ns + 0.9 * _TO_WORD * _BIT_NS), round(t_ns)),
+            )
         if tracker.is_doubtful:
             tracker.trust()
         for stage, result_ns in results:
             error_ns = abs(result_ns - (held[stage] + 0.5) * sequencer.stage_ns)
             counts.n_wrong += error_ns > sequencer.stage_ns / 2 or stage != held[stage] % _N_STAGES
-            counts.worst_ns = max(counts.worst_ns, error_ns)
         counts.n_results += len(results)
         counts.n_bursts += bool(results)
+        counts.n_silent = 0 if results else counts.n_silent + 1
+        counts.most_silent = max(counts.most_silent, counts.n_silent)
         due_ns = max(due_ns + period_ns, t_ns + 1e3 * host.random.uniform(0, 2000))
         t_ns = due_ns
     return counts
 
 
 _KINDS = [
-    (clock_rel, cost_us, stalls_rel, period_ns, skew_ns, loses_bits)
+    (clock_rel, cost_us, stalls_rel, stages, skew_ns, loses_bits)
     for clock_rel in (-0.04, -0.013, 0.0, 0.013, 0.04)
-    for cost_us, stalls_rel in (((40, 60), 0.0005), ((100, 200), 0.002), ((150, 450), 0.01))
-    for period_ns, skew_ns, loses_bits in (
-        (4.4 * _STAGE_NS, 0.0, True),
-        (4.4 * _STAGE_NS, 60e3, False),
-        (7.4 * _STAGE_NS, -60e3, False),
+    for cost_us, stalls_rel in (((40, 60), 0.0005), ((100, 200), 0.002), ((100, 550), 0.01))
+    for stages, skew_ns, loses_bits in (
+        (4.4, 0.0, True),
+        (4.4, 60e3, False),
+        (7.4, -60e3, False),
+        (9.3, 60e3, False),  # of a bus that carries less
+        (34.2, 0.0, False),
     )
 ]
 
 
 def _run(n: int, random: np.random.Generator) -> None:
     for kind in _KINDS:
-        clock_rel, cost_us, stalls_rel, period_ns, skew_ns, loses_bits = kind
+        clock_rel, cost_us, stalls_rel, stages, skew_ns, loses_bits = kind
         sequencer = _Sequencer(_STAGE_NS * (1 + clock_rel), skew_ns, loses_bits)
-        counts = _bursts(n, sequencer, _Host(random, cost_us, stalls_rel), period_ns)
+        host = _Host(random, cost_us, stalls_rel, fails_rel=stalls_rel)
+        counts = _bursts(n, sequencer, host, stages * _STAGE_NS)
+        print(kind, counts)
         assert (counts.n_wrong, kind) == (0, kind)
         assert counts.n_bursts > 0.5 * n, (counts, kind)
 
