@@ -170,6 +170,9 @@ void footsense_stages_miss(footsense_stages *stages, int64_t until)
 /* Counts what has ended since the last status, as far as this one and the time tell; false if they contradict. */
 static bool count(footsense_stages *stages, uint16_t status, footsense_span at)
 {
+    if (at.from - stages->read.to > (int64_t)PERIOD * FOOTSENSE_LONGEST_STAGE_NS) { /* its clock may have drifted */
+        footsense_stages_trust(stages);
+    }
     int n = n_stages_of(status), least = stages->least, most = stages->most, least_now, most_now;
     footsense_span last = stages->read;
     bool was_known = stages->is_known;

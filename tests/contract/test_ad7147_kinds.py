@@ -41,14 +41,18 @@ runs = given(
 )
 
 
+#: Least share of OK readings in 0.5 s after a start of 0.3 s, by the jitter [us]. Not all: TODO
+LEAST_OK = {0.0: 0.97, 50.0: 0.97, 200.0: 0.97}
+LEAST_OK_MCU = {0.0: 0.93, 50.0: 0.85, 200.0: 0.4}
+
+
 def check_a_kind(**case: object) -> None:
     robot = Robot(**case)  # type: ignore[arg-type]
-    # Behind a multiplexer, or with more jitter, a leg may lose its count and be left out for a while.
-    most_jitter_us = {ADDRESSES: 50.0, MCU: 0.0}.get(case["wiring"], -1.0)  # type: ignore[call-overload]
-    calm = case["bus_hz"] == 400_000 and not case["stalls_rel"] and case["jitter_us"] <= most_jitter_us
+    robot.read_for(0.3)
     shares = [np.mean(reading == Reading.OK) for _, reading, _ in robot.read_for(0.5)]
-    if calm:
-        assert np.mean(shares) > 0.97, case
+    if case["bus_hz"] == 400_000 and not case["stalls_rel"]:
+        least = LEAST_OK_MCU if case["wiring"] is MCU else LEAST_OK
+        assert np.mean(shares) > least[case["jitter_us"]], case  # type: ignore[index]
 
 
 @runs

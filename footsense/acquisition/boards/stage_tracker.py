@@ -2,16 +2,17 @@
 
 The stages of its sequence convert one after the other, without a pause and without a trigger. A status word has a bit
 for each stage that has ended since it was last read. It is read before and behind each burst of results. The first
-stage in it tells which conversion was the next at the read before, and their number which one is the next now.
+stage in it was the next one at the read before, and the number of stages tells which one is the next now. Those in the
+status behind the results ended meanwhile: their results may be old, new or torn. They are dropped; the burst before has
+the older ones.
 
-Each status also bounds when the last conversion ended and when the next one will, and many of them the time of a stage.
-These bounds hold on while no status is read: of one that comes late, in which every bit is set, they say between which
-numbers the count is, and the next one that names its stages says which. A result is used if it is of the same
-conversion whichever number it was, and not if its stage ended while the results were read: it may be old, new or torn,
-and the burst before has the older one.
+Each status also bounds when conversions ended, and many of them the time of a stage. Of the pairs of both that fit to
+all that was read, a polygon, each status cuts away what does not fit. What is left holds on while nothing is read: in a
+status that comes late every bit is set, and the time alone tells which numbers of conversions are possible. The next
+status that names its stages tells which of them it was; until then a result is used if it has one stamp with all.
 
-No status may contradict the bounds: then a bit was lost, or the chip was reset. Nothing is used until its settings have
-been read back, nor while the bounds are wider than a stage.
+No status may contradict what is left: then a bit was lost, or the chip was reset. Nothing is used until its settings
+have been read back, nor while the time of a conversion is not known to a stage.
 """
 
 from typing import NamedTuple
@@ -19,8 +20,7 @@ from typing import NamedTuple
 #: Most time between the changes of a stage's status and of its result [ns]: no source says which is first, nor what a
 #: status reads as that changes meanwhile. A result is dropped if its stage ended so near to that.
 _STATUS_SKEW_NS = 100_000
-#: Conversions after which the bounds of a stage's time are taken from newer ones, and how far it may have drifted in
-#: them [1].
+#: Conversions after which all but bounds is forgotten, and how far the time of a stage may have drifted in them [1].
 _N_REFERRED, _DRIFT_REL = 1000, 5e-4
 
 
@@ -86,6 +86,8 @@ class StageTracker:
         self._first_stages = _first_stages(n_stages)
         self._n_unused = n_unused
         self._tolerated_ns = Span(stage_ns * (1 - clock_tolerance_rel), stage_ns * (1 + clock_tolerance_rel))
+        self._least = self._most = 0
+        self._is_known = False
         self.start(Span(0, 0))
 
     def start(self, at: Span) -> None:
@@ -116,7 +118,8 @@ class StageTracker:
         """Return the results of a burst that are new, each of one known conversion, the oldest first.
 
         Args:
-            before: Status read before them, bit k for stage k; with other bits it is a result, and no status was read.
+            before: Status read before them, bit k for stage k. With other bits it is a result: the burst began one
+                register late, and has read no status.
             before_at: When it was read, as of `Span`.
             behind: Status read behind them.
             behind_at: The same.
@@ -151,9 +154,11 @@ class StageTracker:
 
     def _count(self, status: int, at: tuple[float, float]) -> None:
         """Count the conversions that have ended since the last status, as far as this one and the time tell."""
-        last, self._last_read = self._last_read, at
-        least, most, n, n_stages = self._least, self._most, status.bit_count(), self._n_stages
-        begins, was_known = self._first_stages.get(status), self._is_known
+        last, n, n_stages = self._last_read, status.bit_count(), self._n_stages
+        if at[0] - last[1] > _N_REFERRED * self.stage_ns.to_ns and not self.is_doubtful:
+            self.trust()
+        least, most, begins = self._least, self._most, self._first_stages.get(status)
+        self._last_read = at
         if begins is None:
             self.is_doubtful = True
             return
@@ -165,12 +170,7 @@ class StageTracker:
                 least_now, most_now = self._possible(at)
                 least, most = max(least, least_now - n), min(most, most_now - n)
             if status:
-                least += (begins - least) % n_stages
-                if least + n_stages <= most:
-                    self._begin_anew(least, (last[0] - self.stage_ns.to_ns, last[1]))
-                most = min(least, most)
-                if not was_known and least == most:
-                    self._narrow(least, last)
+                least, most = self._resolve(least + (begins - least) % n_stages, most, last)
             elif at[0] - last[1] > self.stage_ns.to_ns:
                 self.is_doubtful = True
             least, most = least + n, most + n
@@ -182,18 +182,27 @@ class StageTracker:
         elif least > most:
             self.is_doubtful = True
 
+    def _resolve(self, number: int, most: int, last: tuple[float, float]) -> tuple[int, int]:
+        """Return the least and the most that had ended at the last status, if a number of its stages had."""
+        if number + self._n_stages <= most:
+            self._begin_anew(number, (last[0] - self.stage_ns.to_ns, last[1]))
+        elif number <= most and not self._is_known:
+            self._narrow(number, last)
+        return number, min(number, most)
+
     def _begin_anew(self, number: int, ended_ns: tuple[float, float]) -> None:
         """Know nothing but when some number of conversions had ended, and the bounds of a stage's time."""
-        # The least and most conversions that had ended at the last status.
+        # The least and most conversions that had ended at the last status, and whether that has been used.
         self._least = self._most = number
         self._is_known = False
         self._assume(number, ended_ns, self.stage_ns)
 
     def _assume(self, number: int, ended_ns: tuple[float, float], stage_ns: Span) -> None:
-        """Let any two times be possible within bounds: when some number of conversions had ended, and that of a stage."""
+        """Let any times within bounds be possible: of when a number of conversions had ended, and of a stage."""
         (from_ns, to_ns), (shortest_ns, longest_ns) = ended_ns, stage_ns
         self._origin, self._number, self._ended_ns, self.stage_ns = number, number, ended_ns, stage_ns
-        # Polygon of the times that fit to all that was read.
+        # Corners of the polygon: when `_origin` conversions had ended, and the time of a stage. The bounds of when
+        # `_number` had are those that it has, or wider.
         self._corners = [
             (from_ns, shortest_ns),
             (to_ns, shortest_ns),
@@ -231,11 +240,8 @@ class StageTracker:
             self._assume(number, self._ended_ns, Span(max(shortest_ns, least_ns), min(longest_ns, most_ns)))
 
     def _bound(self, number: int) -> None:
-        """Bound the time of a stage, and that at which some number of conversions had ended [ns], by all that is known."""
-        n = number - self._origin
-        ended_ns, stages_ns = (
-            [ended_ns + n * s for ended_ns, s in self._corners],
-            [s for _, s in self._corners],
-        )
+        """Take from the polygon the bounds of a stage, and of when some number of conversions had ended."""
+        ended_ns = [ended_ns + (number - self._origin) * stage_ns for ended_ns, stage_ns in self._corners]
+        stages_ns = [stage_ns for _, stage_ns in self._corners]
         self._number, self._ended_ns = number, (min(ended_ns), max(ended_ns))
         self.stage_ns = Span(min(stages_ns), max(stages_ns))
