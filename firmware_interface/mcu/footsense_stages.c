@@ -131,6 +131,9 @@ static void begin_anew(footsense_stages *stages, int number, footsense_span at, 
 {
     stages->least = stages->most = number;
     stages->is_known = false;
+    for (int slot = 0; slot < SLOTS; slot++) { /* they have numbers of before */
+        stages->number[slot] = NONE;
+    }
     assume(stages, number, at, stage);
 }
 
@@ -147,9 +150,6 @@ void footsense_stages_start(footsense_stages *stages, footsense_span at)
     begin_anew(stages, 0, at, ANY_STAGE);
     stages->read = at;
     stages->next = N_UNUSED;
-    for (int slot = 0; slot < SLOTS; slot++) {
-        stages->number[slot] = NONE;
-    }
 }
 
 void footsense_stages_trust(footsense_stages *stages)
@@ -245,7 +245,11 @@ footsense_taken footsense_stages_take(footsense_stages *stages, uint16_t before,
     if (before >> FOOTSENSE_STAGES) { /* a result is no status; then the one behind it is the first */
         return count(stages, behind, behind_at) ? FOOTSENSE_AGAIN : FOOTSENSE_DOUBT;
     }
-    if (!count(stages, before, before_at) || !count(stages, behind, behind_at)) {
+    if (!count(stages, before, before_at)) {
+        stages->read = behind_at;
+        return FOOTSENSE_DOUBT;
+    }
+    if (!count(stages, behind, behind_at)) {
         return FOOTSENSE_DOUBT;
     }
     /* The status behind the results tells how many had ended before them. */
