@@ -289,7 +289,7 @@ class FreeScanner:
             readings[at], capacitance_pf[at] = decode(codes[stage], gain_rel, offset_pf)
             t_ns[at] = middle_ns
         leg.outcome, leg.n_doubts, leg.n_silent = _OK, 0, 0
-        leg.ready_ns = round(behind_at[1])
+        leg.ready_ns = leg.due_ns
 
     def _check_doubtful(self, leg: FreeLeg) -> None:
         """Ask a leg whose status did not fit for its power settings, and start it again if they are lost.

@@ -22,6 +22,8 @@ from typing import NamedTuple
 _STATUS_SKEW_NS = 100_000
 #: Conversions after which all but bounds is forgotten, and how far the time of a stage may have drifted in them [1].
 _N_REFERRED, _DRIFT_REL = 1000, 5e-4
+#: What a status has to narrow the bounds by, or it is not worth the time [ns].
+_NEGLIGIBLE_NS = 40_000
 
 
 class Span(NamedTuple):
@@ -50,20 +52,18 @@ def _cut(corners: list[tuple[float, float]], n: int, at_ns: float, sign: int) ->
         at_ns: When they had ended [ns].
         sign: 1 if that was then at the latest, -1 if at the earliest.
     """
-    spare_ns = [sign * (at_ns - ended_ns - n * stage_ns) for ended_ns, stage_ns in corners]
-    kept = []
-    for k, (ended_ns, stage_ns) in enumerate(corners):
-        other_ended_ns, other_stage_ns = corners[k - 1]
-        if (spare_ns[k] < 0) != (spare_ns[k - 1] < 0):
-            share = spare_ns[k] / (spare_ns[k] - spare_ns[k - 1])
-            kept.append(
-                (
-                    ended_ns + share * (other_ended_ns - ended_ns),
-                    stage_ns + share * (other_stage_ns - stage_ns),
-                )
-            )
-        if spare_ns[k] >= 0:
-            kept.append((ended_ns, stage_ns))
+    kept, (last_ended_ns, last_stage_ns) = [], corners[-1]
+    last_spare_ns = sign * (at_ns - last_ended_ns - n * last_stage_ns)
+    for corner in corners:
+        ended_ns, stage_ns = corner
+        spare_ns = sign * (at_ns - ended_ns - n * stage_ns)
+        if (spare_ns < 0) != (last_spare_ns < 0):
+            share = spare_ns / (spare_ns - last_spare_ns)
+            cut_ns = ended_ns + share * (last_ended_ns - ended_ns)
+            kept.append((cut_ns, stage_ns + share * (last_stage_ns - stage_ns)))
+        if spare_ns >= 0:
+            kept.append(corner)
+        last_ended_ns, last_stage_ns, last_spare_ns = ended_ns, stage_ns, spare_ns
     return kept
 
 
@@ -138,27 +138,38 @@ class StageTracker:
         # A conversion that ended as the status was read may be in it or not, and its result may be new or not.
         if not behind and self._ended(self._most + 1)[0] < before_at[1] + _STATUS_SKEW_NS:
             begin += 1
-        if self._ended(end)[1] > before_at[0] - _STATUS_SKEW_NS:
-            end -= 1
         begin = max(begin, self._next)
         (from_ns, to_ns), (shortest_ns, longest_ns) = self._ended(begin), self.stage_ns
+        if to_ns + (end - begin) * longest_ns > before_at[0] - _STATUS_SKEW_NS:
+            end -= 1
         if to_ns - from_ns + n_stages * (longest_ns - shortest_ns) > shortest_ns:
             self._bound((begin + end + 1) // 2)
             (from_ns, to_ns), (shortest_ns, longest_ns) = self._ended(begin), self.stage_ns
             if to_ns - from_ns > shortest_ns:
                 return []
-        self._next = max(self._next, end)
+        if end > begin:
+            self._next = end
         stage_ns = (shortest_ns + longest_ns) / 2
         first_ns = (from_ns + to_ns) / 2 + (0.5 - begin) * stage_ns
         return [(number % n_stages, round(first_ns + number * stage_ns)) for number in range(begin, end)]
 
     def _count(self, status: int, at: tuple[float, float]) -> None:
         """Count the conversions that have ended since the last status, as far as this one and the time tell."""
-        last, n, n_stages = self._last_read, status.bit_count(), self._n_stages
+        last, n, n_stages, begins = (
+            self._last_read,
+            status.bit_count(),
+            self._n_stages,
+            self._first_stages.get(status),
+        )
+        if self._is_known and 0 < n < n_stages and begins == self._least % n_stages:
+            self._last_read = at
+            self._least += n
+            self._most = self._least
+            self._narrow(self._least, at)
+            return
         if at[0] - last[1] > _N_REFERRED * self.stage_ns.to_ns and not self.is_doubtful:
             self.trust()
-        least, most, begins = self._least, self._most, self._first_stages.get(status)
-        self._last_read = at
+        least, most, self._last_read = self._least, self._most, at
         if begins is None:
             self.is_doubtful = True
             return
@@ -225,16 +236,29 @@ class StageTracker:
 
     def _narrow(self, number: int, at: tuple[float, float]) -> None:
         """Narrow the bounds of the times: some number of conversions had ended, and the next one had not."""
-        (from_ns, to_ns), n, (earliest_ns, latest_ns) = self._ended(number), number - self._origin, at
-        if n <= _N_REFERRED and to_ns <= latest_ns and from_ns + self.stage_ns.from_ns >= earliest_ns:
+        (from_ns, to_ns), (shortest_ns, longest_ns), (earliest_ns, latest_ns) = (
+            self._ended_ns,
+            self.stage_ns,
+            at,
+        )
+        n, since = number - self._number, number - self._origin
+        is_after_ns, is_before_ns = (
+            to_ns + n * longest_ns - latest_ns,
+            earliest_ns - from_ns - (n + 1) * shortest_ns,
+        )
+        if is_after_ns < _NEGLIGIBLE_NS and is_before_ns < _NEGLIGIBLE_NS and since <= _N_REFERRED:
             return
-        corners = _cut(_cut(self._corners, n, latest_ns, 1), n + 1, earliest_ns, -1)
+        corners = self._corners
+        if is_after_ns > 0:
+            corners = _cut(corners, since, latest_ns, 1)
+        if is_before_ns > 0:
+            corners = _cut(corners, since + 1, earliest_ns, -1)
         if not corners:
             self.is_doubtful, self.stage_ns = True, self._tolerated_ns
             return
         self._corners = corners
         self._bound(number)
-        if n > _N_REFERRED:
+        if since > _N_REFERRED:
             (shortest_ns, longest_ns), (least_ns, most_ns) = self.stage_ns, self._tolerated_ns
             shortest_ns, longest_ns = shortest_ns * (1 - _DRIFT_REL), longest_ns * (1 + _DRIFT_REL)
             self._assume(number, self._ended_ns, Span(max(shortest_ns, least_ns), min(longest_ns, most_ns)))
