@@ -152,7 +152,7 @@ def _run(n: int, random: np.random.Generator, tracker_of: type[_Tracker] | type[
         assert (counts.n_wrong, kind) == (0, kind)
         # Each bit that is lost costs as much as a start.
         assert counts.n_bursts > (0.55 if loses_bits else 0.8) * n, (counts, kind)
-        assert counts.most_silent < (30 if loses_bits else 15), (counts, kind)
+        assert counts.most_silent < (40 if loses_bits else 25), (counts, kind)
 
 
 @trackers
@@ -164,7 +164,7 @@ def test_no_result_has_the_stamp_of_another_conversion(
     Also where a bus carries less than a burst a sequence, a burst begins late, or an answer is lost: results are back
     after a few bursts.
     """
-    _run(200, np.random.default_rng(1), tracker_of)
+    _run(150, np.random.default_rng(1), tracker_of)
 
 
 @pytest.mark.slow
