@@ -13,6 +13,7 @@ enum {
      * have drifted in them, as a divisor. */
     PERIOD = 7 * SLOTS * FOOTSENSE_STAGES,
     DRIFT_DIVISOR = 2000,
+    NEGLIGIBLE_NS = 40000, /* what a status has to narrow the bounds by */
     UNIT = 256, /* units of the time of a stage in a nanosecond */
     NONE = INT32_MIN
 };
@@ -121,8 +122,18 @@ static void cut(footsense_stages *stages, int number, int64_t at, int sign)
 /* A number of conversions had ended at a time, and the next one had not: narrows the bounds; false if they contradict. */
 static bool narrow(footsense_stages *stages, int number, footsense_span at)
 {
-    cut(stages, number, at.to, 1);
-    cut(stages, number + 1, at.from, -1);
+    int64_t latest = INT64_MIN, earliest = INT64_MAX;
+    for (int k = 0; k < stages->n_corners; k++) {
+        int64_t ended_at = at_corner(stages, k, number - stages->origin);
+        latest = max64(latest, ended_at);
+        earliest = min64(earliest, ended_at + stages->corner[k].stage / UNIT);
+    }
+    if (latest > at.to + NEGLIGIBLE_NS) {
+        cut(stages, number, at.to, 1);
+    }
+    if (earliest < at.from - NEGLIGIBLE_NS) {
+        cut(stages, number + 1, at.from, -1);
+    }
     return stages->n_corners != 0;
 }
 
@@ -162,9 +173,10 @@ void footsense_stages_trust(footsense_stages *stages)
 
 void footsense_stages_miss(footsense_stages *stages, int64_t until)
 {
-    int least;
+    int least, most;
     stages->read.to = until;
-    possible(stages, stages->read, &least, &stages->most);
+    possible(stages, stages->read, &least, &most);
+    stages->most = most;
 }
 
 /* Counts what has ended since the last status, as far as this one and the time tell; false if they contradict. */
@@ -173,11 +185,13 @@ static bool count(footsense_stages *stages, uint16_t status, footsense_span at)
     if (at.from - stages->read.to > (int64_t)PERIOD * FOOTSENSE_LONGEST_STAGE_NS) { /* its clock may have drifted */
         footsense_stages_trust(stages);
     }
-    int n = n_stages_of(status), least = stages->least, most = stages->most, least_now, most_now;
+    int n = n_stages_of(status), least = stages->least, most = stages->most, least_now = least, most_now = most;
     footsense_span last = stages->read;
     bool was_known = stages->is_known;
     stages->read = at;
-    possible(stages, at, &least_now, &most_now);
+    if (n == FOOTSENSE_STAGES || least < most) {
+        possible(stages, at, &least_now, &most_now);
+    }
     if (n == FOOTSENSE_STAGES) { /* some may have ended more than once */
         least = max(least + n, least_now);
         most = most_now;
