@@ -239,7 +239,8 @@ static bool set_up(footsense_scan *scan, unsigned leg)
         if (done && (word_at(in[leg], 0) != ELEMENT_POWER[0] || word_at(in[leg], 1) != ELEMENT_POWER[1])) {
             l->reason = FOOTSENSE_MISCONFIGURED;
         } else if (done && l->n_doubts <= MAX_DOUBTS) {
-            l->step = READ; /* it holds its settings: the count is found again by the time */
+            footsense_stages_trust(&l->stages);
+            l->step = READ;
             return true;
         }
     } else if (step < ELEMENT_CONTROL) {
@@ -252,6 +253,7 @@ static bool set_up(footsense_scan *scan, unsigned leg)
         footsense_stages_start(&l->stages, (footsense_span){begin_ns, now_ns(scan) + 1000});
         /* The status still has bits of the sequence before. */
         done = read_words(scan, (uint8_t)bit(leg), STAGE_COMPLETE_INT_STATUS, in, 1) != 0 && done;
+        footsense_stages_miss(&l->stages, now_ns(scan) + 1000);
         l->n_doubts = 0;
     }
     if (scan->stuck) {
@@ -311,6 +313,7 @@ static uint8_t read_legs(footsense_scan *scan, uint8_t legs)
     }
     for (unsigned leg = 0; leg < FOOTSENSE_LEGS; leg++) {
         if ((left | again) & bit(leg) && scan->legs[leg].step == READ) {
+            footsense_stages_miss(&scan->legs[leg].stages, now_ns(scan) + 1000);
             scan->legs[leg].reason = FOOTSENSE_NO_ANSWER;
         }
     }
@@ -372,9 +375,10 @@ static void send_records(footsense_scan *scan)
         }
         l->starting = l->starting && l->seq < 255;
         l->seq++;
-        l->is_new = false;
         l->reason = missing == 0 ? FOOTSENSE_NOT_READY : l->reason;
-        l->n_misses = missing == 0 ? 0 : l->step > REFERENCE_READ ? (uint8_t)(l->n_misses + 1) : l->n_misses;
+        /* A chip whose status fits converts, though the time of its conversions may not be known yet. */
+        l->n_misses = l->is_new ? 0 : l->step > REFERENCE_READ ? (uint8_t)(l->n_misses + 1) : l->n_misses;
+        l->is_new = false;
         if (l->step > REFERENCE_READ && l->n_misses > SILENT_SCANS) {
             leave(scan, leg, l->reason);
         }

@@ -2,8 +2,8 @@
  *
  * As footsense/acquisition/boards/stage_tracker.py, which says why; here without floats. The stages of the sequence
  * convert one after the other, without a trigger. The status before a burst of results shows how many have ended; that
- * behind it names those that ended meanwhile, whose results may be torn and are not used. Both bound when the last
- * conversion ended and how long one takes. */
+ * behind it names those that ended meanwhile, whose results may be torn and are not used. Both bound when the conversions
+ * end and how long one takes. */
 #ifndef FOOTSENSE_STAGES_H
 #define FOOTSENSE_STAGES_H
 
@@ -12,6 +12,7 @@
 
 #define FOOTSENSE_STAGES 9 /* one for each element */
 #define FOOTSENSE_STAGE_NS 768000
+#define FOOTSENSE_CORNERS 16
 #define FOOTSENSE_LONGEST_STAGE_NS 799488 /* its clock is off by 4 % at most, not confirmed; ours by 0.1 % */
 
 /* Something happened on the wire not before `from` and not after `to` [ns]. */
@@ -20,16 +21,33 @@ typedef struct {
 } footsense_span;
 
 typedef struct {
-    footsense_span ended;     /* when the last conversion ended */
-    footsense_span referred;  /* when conversion n_referred did */
-    int32_t shortest, longest; /* bounds of the time of a conversion [ns] */
-    int16_t n_ended, n_referred, next; /* conversions that have ended; the first that is not stored */
-    int16_t number[16];       /* conversion of each code that is stored, at its number modulo 16 */
+    int32_t ended; /* when so many conversions had ended, after a base [ns] */
+    int32_t stage; /* time of a stage [ns / 256] */
+} footsense_corner;
+
+typedef struct {
+    /* Polygon of the times that fit to all that was read: of when a number of conversions, `origin`, had ended, and of a
+     * stage. */
+    footsense_corner corner[FOOTSENSE_CORNERS];
+    int64_t base; /* [ns] */
+    int32_t origin;
+    uint8_t n_corners;
+    bool is_known;       /* the number at the last status is known, and its time has narrowed the polygon */
+    int32_t least, most; /* conversions that had ended at the last status */
+    footsense_span read; /* when that was read */
+    int32_t next;        /* the first that is not stored */
+    int32_t number[16];  /* conversion of each code that is stored, at its number modulo 16 */
     uint16_t code[16];
 } footsense_stages;
 
 /* The sequence begins with its first stage in a span. */
 void footsense_stages_start(footsense_stages *stages, footsense_span at);
+
+/* The chip holds its settings though a status did not fit: the count begins anew with the next one. */
+void footsense_stages_trust(footsense_stages *stages);
+
+/* Until a time a status was read, perhaps, and its answer was lost. */
+void footsense_stages_miss(footsense_stages *stages, int64_t until);
 
 typedef enum {
     FOOTSENSE_TAKEN,

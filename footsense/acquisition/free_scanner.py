@@ -32,7 +32,7 @@ from footsense.errors import I2cError, I2cTimeoutError
 from footsense.frames import ELEMENTS, CapFrame, Reading
 from footsense.ports import Clock, I2cBus
 
-_NAN, _OK = float("nan"), Reading.OK
+_NAN, _OK, _NONE = float("nan"), Reading.OK, np.empty(0, np.uint8)
 #: Scans in a row with a missing reading before a leg is left out: 70 ms.
 _MISSED_SCANS_BEFORE_LEAVING = 10
 #: Times in a row that a status may not fit though the settings are held, before the chip is reset.
@@ -42,8 +42,9 @@ _SILENT_SCANS = 3
 #: Stages from one read of a leg to the next, by the reads for a frame: few enough that none ends twice, and not a whole
 #: number, so that reads at ever other times within a stage narrow when it ends.
 _STAGES_PER_READ = {1: 7.4, 2: 4.4}
-#: Parts of a stage that reads which are late wait for in turn.
-_LATE_WAITS = 5
+#: Of reads that are late so many in a row wait for a part of a stage, and as many do not, so that they come at other
+#: times within a stage, and within a sequence, whatever their pace is.
+_LATE_READS, _LATE_WAIT_STAGES = 5, 0.8
 #: Shortest time of a bit of a bus over the measured one [1].
 _BIT_MEASURED_REL = 0.85
 #: Scans that a first frame and a leg that was found are waited for: of the reference, unused ones, and those that find
@@ -73,7 +74,8 @@ class FreeLeg(LegConnection):
         tracker: Counts its conversions.
         is_started: Whether it converts its elements, as far as is known.
         ready_ns: Time at which its reference or unused results have been converted, or of its latest result [ns].
-        due_ns: Time from which on missing readings count: of its first results, or when they should be there [ns].
+        due_ns: Time from which on missing readings count: of its last status, or when results should be there [ns].
+        converts: Whether its last status fitted: its conversions end, and missing readings do not count.
         n_doubts: Times in a row that its status did not fit.
         n_silent: Bursts in a row without a new result, when there should be one.
     """
@@ -95,7 +97,7 @@ class FreeLeg(LegConnection):
             plan.conversion_wait_ns / plan.conversion_ns - 1,
             ad7147.N_UNUSED_SEQUENCES * plan.n_conversions,
         )
-        self.is_started = False
+        self.is_started = self.converts = False
         self.ready_ns = self.due_ns = self.n_doubts = self.n_silent = 0
 
 
@@ -116,6 +118,7 @@ class FreeScanner:
         frames_per_scan: Frames in a scan: one.
         reads_per_frame: Reads of each leg for a frame: two where the bus carries that.
         complete_ns: Time at which the last frame was complete [ns].
+        n_late_discards: Number of times that the loop was delayed by more than a scan, so that results were lost.
     """
 
     def __init__(
@@ -142,7 +145,8 @@ class FreeScanner:
         self.latest = CapFrame(0, *(np.asarray(each).reshape(-1, ELEMENTS) for each in self._entries))
         self.bus_timing: BusTiming | None = None
         self.frames_per_scan = self.reads_per_frame = 1
-        self.complete_ns = 0
+        self.complete_ns = self.n_late_discards = 0
+        self._longest_delay_ns = plan.scan_ns
         self._bit_ns: float = ad7147.SHORTEST_BIT_NS
         self._due_ns = self._sequence = self._n_reads = self._n_scans = 0
 
@@ -156,6 +160,7 @@ class FreeScanner:
         self.bus_timing = measure_bus_timing(self._bus, self.clock, self.plan, len(self.legs), addresses)
         if self.bus_timing is not None:
             self.reads_per_frame = 2 if self.bus_timing.all_checks_fit else 1
+            self._longest_delay_ns = self.bus_timing.lower_bounds.scan_period_bound_ns
             self._bit_ns = max(_BIT_MEASURED_REL * 1e9 / self.bus_timing.bus_hz, ad7147.SHORTEST_BIT_NS)
         for leg in self.legs:
             probe_leg(self._bus, leg, self.legs, self._set_up, self.clock)
@@ -181,11 +186,6 @@ class FreeScanner:
     def _read_ns(self) -> int:
         return round(_STAGES_PER_READ[self.reads_per_frame] * self.plan.conversion_ns)
 
-    @property
-    def n_late_discards(self) -> int:
-        """Number of times that results were dropped because the loop was delayed."""
-        return sum(leg.tracker.n_losses for leg in self.legs)
-
     def close(self) -> None:
         """Disconnect all legs from the bus: select no channel."""
         self._bus.disconnect_legs()
@@ -195,14 +195,16 @@ class FreeScanner:
 
     def _read_legs(self) -> None:
         """Read each leg when that is due; at the end of a scan make the checks and searches."""
+        now_ns, first = self.clock.now_ns(), 0
+        if now_ns > self._due_ns:  # a pace that the bus sets may be one of whole stages
+            self.n_late_discards += now_ns - self._due_ns > self._longest_delay_ns
+            waits = self._n_reads // _LATE_READS % 2
+            self._due_ns = now_ns + waits * round(_LATE_WAIT_STAGES * self.plan.conversion_ns)
+            first = self._n_reads % len(self.legs)
         self.clock.sleep_until_ns(self._due_ns)
         self._due_ns += self._read_ns
-        late_ns = self.clock.now_ns() - self._due_ns
-        if late_ns > 0:  # a pace that the bus sets may be one of whole stages
-            n_waited = self._n_reads % _LATE_WAITS
-            self._due_ns += late_ns + n_waited * self.plan.conversion_ns // _LATE_WAITS
         try:
-            for leg in self.legs:
+            for leg in self.legs[first:] + self.legs[:first]:
                 if leg.in_scan:
                     self._read_leg(leg)
             self._n_reads += 1
@@ -250,7 +252,8 @@ class FreeScanner:
             else:
                 self._take(leg, burst, before_at, status, (begin_ns + status_ns, end_ns))
                 return
-        leg.tracker.repeat()
+        leg.tracker.miss(self.clock.now_ns())
+        leg.converts = False
         self._discard(leg, Reading.NO_ANSWER)
 
     def _take(
@@ -267,9 +270,11 @@ class FreeScanner:
         """
         before, codes, behind = ad7147.read_words(burst, status)
         results = leg.tracker.results(before, before_at, behind, behind_at)
+        leg.converts = not leg.tracker.is_doubtful
         if leg.tracker.is_doubtful:
             self._check_doubtful(leg)
             return
+        leg.due_ns = round(behind_at[1])
         if not results:
             # Time in which nobody asked it does not count.
             leg.n_silent += behind_at[1] > leg.ready_ns
@@ -284,7 +289,7 @@ class FreeScanner:
             readings[at], capacitance_pf[at] = decode(codes[stage], gain_rel, offset_pf)
             t_ns[at] = middle_ns
         leg.outcome, leg.n_doubts, leg.n_silent = _OK, 0, 0
-        leg.ready_ns = leg.due_ns = round(behind_at[1])
+        leg.ready_ns = leg.due_ns
 
     def _check_doubtful(self, leg: FreeLeg) -> None:
         """Ask a leg whose status did not fit for its power settings, and start it again if they are lost.
@@ -355,10 +360,13 @@ class FreeScanner:
         if self._bus.exchange(leg.selection, tuple(settings)) is None:
             return
         begin_ns = self.clock.now_ns()
-        # The status still has bits of the sequence before.
-        if self._bus.exchange(leg.selection, (restart, leg.status)) is None:
+        if self._bus.exchange(leg.selection, (restart,)) is None:
             return
         leg.tracker.start(Span(begin_ns, self.clock.now_ns()))
+        # The status still has bits of the sequence before.
+        if self._bus.exchange(leg.selection, (leg.status,)) is None:
+            return
+        leg.tracker.miss(self.clock.now_ns())
         n_unused = ad7147.N_UNUSED_SEQUENCES * self.plan.n_conversions
         leg.ready_ns = self.clock.now_ns() + n_unused * self.plan.conversion_wait_ns
         leg.is_started, leg.n_doubts, leg.n_silent = True, 0, 0
@@ -378,7 +386,7 @@ class FreeScanner:
         any_missing = np.count_nonzero(self.latest.reading) > 0
         for each in self.legs:
             if each.in_scan and now_ns > each.due_ns and (each.is_suspect or any_missing):
-                each.count_misses(self.latest.reading[each.row], now_ns)
+                each.count_misses(_NONE if each.converts else self.latest.reading[each.row], now_ns)
             all_in_scan &= each.in_scan
         if not all_in_scan:
             probe_due_legs(self._bus, self.legs, self._set_up, self.clock)

@@ -242,8 +242,10 @@ def _status_metrics(status: ServiceStatus) -> Iterator[Metric]:
         buckets = list(zip(bounds, accumulate(wakeups), strict=True))
         latency = "Time from the deadline of a sleeping thread to its wake-up."
         yield HistogramMetricFamily("footsense_wakeup_latency_seconds", latency, buckets, total)
-        overruns = "Deadlines that had passed before the thread could sleep."
-        missed = "Conversions given up because a wake-up came too late; never made up for."
+        overruns = (
+            "Deadlines that had passed before the thread could sleep; a slow bus adds to them without loss."
+        )
+        missed = "Times that conversions were given up because a wake-up came too late; never made up for."
         counts += [
             ("footsense_overruns_total", overruns, status.n_overruns),
             ("footsense_missed_deadlines_total", missed, status.n_late_discards),

@@ -41,14 +41,23 @@ runs = given(
 )
 
 
+#: Least share of OK readings from 0.3 to 0.8 s after a start, by the jitter [us]; of 48 robots the lowest had 0.97.
+#: Not all: with 150 us of host and 200 us of jitter six legs behind one multiplexer have a burst every 11 ms, and some
+#: need 0.5 s until the time of their stages is known.
+_LEAST_OK = {0.0: 0.95, 50.0: 0.95, 200.0: 0.95}
+#: Of a microcontroller, whose records have no readings of the scan before; the lowest were 0.93, 0.90 and 0.46. With
+#: host costs and jitter as a computer has them, its statuses are up to 1.5 ms apart, in which two stages end: of nine
+#: results six are certain, and 6.5 conversions end in its scan of 5 ms.
+_LEAST_OK_MCU = {0.0: 0.85, 50.0: 0.8, 200.0: 0.3}
+
+
 def check_a_kind(**case: object) -> None:
     robot = Robot(**case)  # type: ignore[arg-type]
-    # Behind a multiplexer, or with more jitter, a leg may lose its count and be left out for a while.
-    most_jitter_us = {ADDRESSES: 50.0, MCU: 0.0}.get(case["wiring"], -1.0)  # type: ignore[call-overload]
-    calm = case["bus_hz"] == 400_000 and not case["stalls_rel"] and case["jitter_us"] <= most_jitter_us
+    robot.read_for(0.3)
     shares = [np.mean(reading == Reading.OK) for _, reading, _ in robot.read_for(0.5)]
-    if calm:
-        assert np.mean(shares) > 0.97, case
+    if case["bus_hz"] == 400_000 and not case["stalls_rel"]:
+        least = _LEAST_OK_MCU if case["wiring"] is MCU else _LEAST_OK
+        assert np.mean(shares) > least[case["jitter_us"]], case  # type: ignore[index]
 
 
 @runs

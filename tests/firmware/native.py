@@ -3,7 +3,7 @@
 import ctypes
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
@@ -11,7 +11,7 @@ from tempfile import mkdtemp
 from tests.contract.c_decoder import SOURCES, compile_c
 from tests.firmware.board import Board
 
-__all__ = ["CORE", "native_scan"]
+__all__ = ["CORE", "NativeTracker", "native_scan"]
 
 FIRMWARE = SOURCES.parent / "mcu"
 CORE = [FIRMWARE / "footsense_scan.c", FIRMWARE / "footsense_stages.c", SOURCES / "footsense_serial.c"]
@@ -35,6 +35,20 @@ class _Port(ctypes.Structure):
     )
 
 
+class _Span(ctypes.Structure):
+    _fields_ = (("from_ns", ctypes.c_int64), ("to_ns", ctypes.c_int64))
+
+
+class _Run(ctypes.Structure):
+    _fields_ = (
+        ("t_ns", ctypes.c_int64),
+        ("step_ns", ctypes.c_int32),
+        ("first", ctypes.c_uint8),
+        ("missing", ctypes.c_uint16),
+        ("code", ctypes.c_uint16 * 9),
+    )
+
+
 @cache
 def _library() -> ctypes.CDLL:
     """Return the firmware, built once in a process; FOOTSENSE_SANITIZE=1 with checks of memory and arithmetic."""
@@ -55,6 +69,62 @@ def _library() -> ctypes.CDLL:
         return ctypes.CDLL(str(folder / "mcu.so"))
     finally:
         shutil.rmtree(folder)
+
+
+class NativeTracker:
+    """The firmware's tracker of a converter, `footsense_stages.h`; all times in whole nanoseconds.
+
+    Attributes:
+        is_doubtful: Whether a status did not fit.
+    """
+
+    def __init__(self) -> None:
+        self._library = _library()
+        self._state = ctypes.create_string_buffer(
+            ctypes.c_uint.in_dll(self._library, "native_stages_bytes").value
+        )
+        self._library.footsense_stages_newest.restype = _Run
+        self.is_doubtful = False
+
+    def start(self, at: tuple[float, float]) -> None:
+        """Start the count: the sequence began in a span [ns]."""
+        self._library.footsense_stages_start(self._state, _Span(*map(round, at)))
+
+    def trust(self) -> None:
+        """Count anew: the chip holds its settings."""
+        self._library.footsense_stages_trust(self._state)
+        self.is_doubtful = False
+
+    def miss(self, until_ns: float) -> None:
+        """Expect that a status was read until now, and lost."""
+        self._library.footsense_stages_miss(self._state, ctypes.c_int64(round(until_ns)))
+
+    def stamped(
+        self,
+        before: int,
+        before_at: tuple[float, float],
+        held: Sequence[int],
+        behind: int,
+        behind_at: tuple[float, float],
+    ) -> list[tuple[int, float]]:
+        """Return the conversions whose codes are stored, and the middle of each [ns]; none if a burst gave no new one.
+
+        The codes are the conversions' own numbers, of which 16 bits are stored.
+        """
+        before_span, behind_span = (_Span(*map(round, at)) for at in (before_at, behind_at))
+        codes = (ctypes.c_uint16 * 9)(*(number % 2**16 for number in held))
+        taken = self._library.footsense_stages_take(
+            self._state, before, before_span, codes, behind, behind_span
+        )
+        self.is_doubtful = taken == 2
+        run = self._library.footsense_stages_newest(self._state)
+        newest = max(held)
+        stored = [
+            (newest - (newest - run.code[k]) % 2**16, run.t_ns + k * run.step_ns)
+            for k in range(9)
+            if not run.missing >> k & 1
+        ]
+        return stored if taken == 0 and any(number in held for number, _ in stored) else []
 
 
 def native_scan(board: Board) -> Callable[[], None]:

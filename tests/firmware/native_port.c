@@ -11,7 +11,7 @@ typedef struct {
 
 static port to;
 const char footsense_identity[] = "footsense mcu: AD7147, legs 1 to 6, native";
-const unsigned native_scan_bytes = sizeof(footsense_scan);
+const unsigned native_scan_bytes = sizeof(footsense_scan), native_stages_bytes = sizeof(footsense_stages);
 
 void native_bind(const port *given)
 {

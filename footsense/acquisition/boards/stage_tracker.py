@@ -2,23 +2,28 @@
 
 The stages of its sequence convert one after the other, without a pause and without a trigger. A status word has a bit
 for each stage that has ended since it was last read. It is read before and behind each burst of results. The first
-tells how many conversions have ended, and so which one each result is of. The second names the stages that ended
-meanwhile: their results may be old, new or torn. Those are dropped; the burst before has the older ones.
+stage in it was the next one at the read before, and the number of stages tells which one is the next now. Those in the
+status behind the results ended meanwhile: their results may be old, new or torn. They are dropped; the burst before has
+the older ones.
 
-Each status also bounds when the last conversion ended and when the next one will, and many of them the time of a stage.
-No status may contradict these bounds: then a bit was lost, or the chip was reset. Nothing is used until the count is
-known again, nor while the bounds are wider than a stage.
+Each status also bounds when conversions ended, and many of them the time of a stage. Of the pairs of both that fit to
+all that was read, a polygon, each status cuts away what does not fit. What is left holds on while nothing is read: in a
+status that comes late every bit is set, and the time alone tells which numbers of conversions are possible. The next
+status that names its stages tells which of them it was; until then a result is used if it has one stamp with all.
+
+No status may contradict what is left: then a bit was lost, or the chip was reset. Nothing is used until its settings
+have been read back, nor while the time of a conversion is not known to a stage.
 """
 
-import math
 from typing import NamedTuple
 
 #: Most time between the changes of a stage's status and of its result [ns]: no source says which is first, nor what a
 #: status reads as that changes meanwhile. A result is dropped if its stage ended so near to that.
 _STATUS_SKEW_NS = 100_000
-#: Conversions after which the bounds of a stage's time are taken from newer ones, and how far it may have drifted in
-#: them [1].
+#: Conversions after which all but bounds is forgotten, and how far the time of a stage may have drifted in them [1].
 _N_REFERRED, _DRIFT_REL = 1000, 5e-4
+#: What a status has to narrow the bounds by, or it is not worth the time [ns].
+_NEGLIGIBLE_NS = 40_000
 
 
 class Span(NamedTuple):
@@ -38,6 +43,30 @@ def _first_stages(n_stages: int) -> dict[int, int]:
     return found
 
 
+def _cut(corners: list[tuple[float, float]], n: int, at_ns: float, sign: int) -> list[tuple[float, float]]:
+    """Return a polygon of possible times less what contradicts one.
+
+    Args:
+        corners: When an earlier number of conversions had ended, and the time of a stage [ns].
+        n: Conversions since then.
+        at_ns: When they had ended [ns].
+        sign: 1 if that was then at the latest, -1 if at the earliest.
+    """
+    kept, (last_ended_ns, last_stage_ns) = [], corners[-1]
+    last_spare_ns = sign * (at_ns - last_ended_ns - n * last_stage_ns)
+    for corner in corners:
+        ended_ns, stage_ns = corner
+        spare_ns = sign * (at_ns - ended_ns - n * stage_ns)
+        if (spare_ns < 0) != (last_spare_ns < 0):
+            share = spare_ns / (spare_ns - last_spare_ns)
+            cut_ns = ended_ns + share * (last_ended_ns - ended_ns)
+            kept.append((cut_ns, stage_ns + share * (last_stage_ns - stage_ns)))
+        if spare_ns >= 0:
+            kept.append(corner)
+        last_ended_ns, last_stage_ns, last_spare_ns = ended_ns, stage_ns, spare_ns
+    return kept
+
+
 class StageTracker:
     """Count and times of the conversions of a converter that runs freely.
 
@@ -50,7 +79,6 @@ class StageTracker:
     Attributes:
         stage_ns: Time of a stage, as known so far [ns].
         is_doubtful: Whether a status did not fit: the chip may have lost its settings.
-        n_losses: Number of times that the count was lost because the status was read too late.
     """
 
     def __init__(self, n_stages: int, stage_ns: int, clock_tolerance_rel: float, n_unused: int) -> None:
@@ -58,31 +86,30 @@ class StageTracker:
         self._first_stages = _first_stages(n_stages)
         self._n_unused = n_unused
         self._tolerated_ns = Span(stage_ns * (1 - clock_tolerance_rel), stage_ns * (1 + clock_tolerance_rel))
-        self.stage_ns = self._tolerated_ns
-        self.is_doubtful = False
-        self.n_losses = 0
+        self._least = self._most = 0
         self._is_known = False
-        # Conversions that have ended, when the last of them did, the next one to return, the first one that may be
-        # returned, and an earlier end.
-        self._n_ended, self._next, self._first = 0, 0, 0
-        self._ended_ns: tuple[float, float] = 0, 0
-        self._referred: tuple[int, tuple[float, float]] = 0, self._ended_ns
-        self._last_read: tuple[float, float] = 0, 0
+        self.start(Span(0, 0))
 
     def start(self, at: Span) -> None:
         """Start the count: the sequence began with its first stage in a window [ns]."""
-        self.is_doubtful, self._last_read = False, at
-        self._n_ended, self._ended_ns, self._is_known = 0, at, True
-        self._next = self._first = self._n_unused
-        self._referred, self.stage_ns = (0, at), self._tolerated_ns
+        self.is_doubtful, self.stage_ns = False, self._tolerated_ns
+        self._last_read: tuple[float, float] = at
+        # The first conversion that may be returned, and the next one to return.
+        self._first = self._next = self._n_unused
+        self._begin_anew(0, at)
 
     def trust(self) -> None:
-        """Count again from the next status on: the chip holds its settings."""
+        """Count anew from the next status on: the chip holds its settings, and any of its stages may be the next."""
         self.is_doubtful = False
-        self._next = self._first = max(self._first, self._n_ended + self._n_stages)
+        read_ns = self._last_read[1]
+        self._begin_anew(self._most, (read_ns - 2 * self._n_stages * self.stage_ns.to_ns, read_ns))
+        self._first = max(self._first, self._number + self._n_stages)
+        self.miss(read_ns)
 
-    def repeat(self) -> None:
-        """Return the results that the chip still holds once more."""
+    def miss(self, until_ns: float) -> None:
+        """Expect that a status was read until now and lost; return the results that the chip still holds once more."""
+        self._last_read = self._last_read[0], until_ns
+        self._most = self._possible(self._last_read)[1]
         self._next = self._first
 
     def results(
@@ -91,7 +118,8 @@ class StageTracker:
         """Return the results of a burst that are new, each of one known conversion, the oldest first.
 
         Args:
-            before: Status read before them, bit k for stage k.
+            before: Status read before them, bit k for stage k. With other bits it is a result: the burst began one
+                register late, and has read no status.
             before_at: When it was read, as of `Span`.
             behind: Status read behind them.
             behind_at: The same.
@@ -99,107 +127,145 @@ class StageTracker:
         Returns:
             Stage of each, and the middle of its conversion [ns], off by less than half of it.
         """
-        self._count(before, before_at)
-        was_known, n_before, (from_ns, to_ns) = self._is_known, self._n_ended, self._ended_ns
+        n_stages, is_shifted = self._n_stages, before >> self._n_stages
+        if not is_shifted:
+            self._count(before, before_at)
         self._count(behind, behind_at)
-        if not self._is_known or self.is_doubtful:
+        if is_shifted or self.is_doubtful:
             return []
-        if not was_known:
-            n_behind = behind.bit_count()
-            n_before, (from_ns, to_ns) = self._n_ended - n_behind, self._after(-n_behind)
-        shortest_ns, longest_ns = self.stage_ns
-        if to_ns - from_ns > shortest_ns:
-            return []
-        n_stages, end, begin = self._n_stages, n_before, self._n_ended
+        # The status behind the results tells how many had ended before them.
+        begin, end = self._most - n_stages, self._least - behind.bit_count()
         # A conversion that ended as the status was read may be in it or not, and its result may be new or not.
-        read_from_ns, read_to_ns = before_at
-        if to_ns > read_from_ns - _STATUS_SKEW_NS:
-            end -= 1
-        if begin == n_before and from_ns + shortest_ns < read_to_ns + _STATUS_SKEW_NS:
+        if not behind and self._ended(self._most + 1)[0] < before_at[1] + _STATUS_SKEW_NS:
             begin += 1
-        begin = max(begin - n_stages, self._next)
-        self._next = max(self._next, end)
+        begin = max(begin, self._next)
+        (from_ns, to_ns), (shortest_ns, longest_ns) = self._ended(begin), self.stage_ns
+        if to_ns + (end - begin) * longest_ns > before_at[0] - _STATUS_SKEW_NS:
+            end -= 1
+        if to_ns - from_ns + n_stages * (longest_ns - shortest_ns) > shortest_ns:
+            self._bound((begin + end + 1) // 2)
+            (from_ns, to_ns), (shortest_ns, longest_ns) = self._ended(begin), self.stage_ns
+            if to_ns - from_ns > shortest_ns:
+                return []
+        if end > begin:
+            self._next = end
         stage_ns = (shortest_ns + longest_ns) / 2
-        first_ns = (from_ns + to_ns) / 2 + (0.5 - n_before) * stage_ns
+        first_ns = (from_ns + to_ns) / 2 + (0.5 - begin) * stage_ns
         return [(number % n_stages, round(first_ns + number * stage_ns)) for number in range(begin, end)]
 
     def _count(self, status: int, at: tuple[float, float]) -> None:
-        """Count the conversions that have ended since the last status, or forget the count."""
-        last, self._last_read = self._last_read, at
-        n, n_stages, begins = status.bit_count(), self._n_stages, self._first_stages.get(status)
-        if self._is_known and 0 < n < n_stages and begins == self._n_ended % n_stages:
-            self._end(n, at)
+        """Count the conversions that have ended since the last status, as far as this one and the time tell."""
+        last, n, n_stages, begins = (
+            self._last_read,
+            status.bit_count(),
+            self._n_stages,
+            self._first_stages.get(status),
+        )
+        if self._is_known and 0 < n < n_stages and begins == self._least % n_stages:
+            self._last_read = at
+            self._least += n
+            self._most = self._least
+            self._narrow(self._least, at)
             return
-        (from_ns, to_ns), (last_from_ns, last_to_ns), (shortest_ns, longest_ns) = at, last, self._tolerated_ns
-        least = (from_ns - last_to_ns) // longest_ns
-        most = (to_ns - last_from_ns) // shortest_ns + 1
-        if begins is None or n > most or n < min(least, n_stages):
-            self.is_doubtful, self._is_known = True, False
-        elif n == n_stages:  # some may have ended more than once
-            self._count_by_time(at)
-        elif n and self._is_known:
-            self.is_doubtful, self._is_known = True, False
-        elif n:
-            self._find(begins, Span(last_from_ns - longest_ns, last_to_ns))
-            self._end(n, at)
-
-    def _count_by_time(self, at: tuple[float, float]) -> None:
-        """Count the conversions that have ended at a time, if only one number of them is possible."""
-        (from_ns, to_ns), (shortest_ns, longest_ns) = self._ended_ns, self.stage_ns
-        least = (at[0] - to_ns) // longest_ns
-        most = (at[1] - from_ns) // shortest_ns
-        if self._is_known and self._n_stages <= least == most:
-            self._end(int(least), at)
+        if at[0] - last[1] > _N_REFERRED * self.stage_ns.to_ns and not self.is_doubtful:
+            self.trust()
+        least, most, self._last_read = self._least, self._most, at
+        if begins is None:
+            self.is_doubtful = True
+            return
+        if n == n_stages:  # some may have ended more than once
+            least_now, most_now = self._possible(at)
+            least, most = max(least + n, least_now), most_now
         else:
-            self.n_losses += self._is_known
-            self._is_known = False
+            if least < most:
+                least_now, most_now = self._possible(at)
+                least, most = max(least, least_now - n), min(most, most_now - n)
+            if status:
+                least, most = self._resolve(least + (begins - least) % n_stages, most, last)
+            elif at[0] - last[1] > self.stage_ns.to_ns:
+                self.is_doubtful = True
+            least, most = least + n, most + n
+        self._least, self._most = least, most
+        # Without a bit it may be that of the status before that was lost: the next one tells.
+        self._is_known = least == most and n > 0
+        if self._is_known:
+            self._narrow(least, at)
+        elif least > most:
+            self.is_doubtful = True
 
-    def _find(self, begins: int, ended_ns: Span) -> None:
-        """Find the count again where stage `begins` was the next to end, the one before it in a window."""
-        (from_ns, to_ns), (shortest_ns, longest_ns) = self._ended_ns, self.stage_ns
-        least = (ended_ns.from_ns - to_ns) / longest_ns - (begins - self._n_ended)
-        most = (ended_ns.to_ns - from_ns) / shortest_ns - (begins - self._n_ended)
-        turns = math.ceil(least / self._n_stages), math.floor(most / self._n_stages)
-        n_known, number = self._n_ended, begins + self._n_stages * turns[0]
-        if turns[0] == turns[1]:
-            after_ns = self._after(number - n_known)
-            ended_ns = Span(max(after_ns.from_ns, ended_ns.from_ns), min(after_ns.to_ns, ended_ns.to_ns))
-        else:
-            number = begins
-            self._referred = number, ended_ns
-            self._first = number + max(self._first - n_known, 0)
-            self._next = number + max(self._next - n_known, 0)
-        self._n_ended, self._ended_ns, self._is_known = number, ended_ns, True
+    def _resolve(self, number: int, most: int, last: tuple[float, float]) -> tuple[int, int]:
+        """Return the least and the most that had ended at the last status, if a number of its stages had."""
+        if number + self._n_stages <= most:
+            self._begin_anew(number, (last[0] - self.stage_ns.to_ns, last[1]))
+        elif number <= most and not self._is_known:
+            self._narrow(number, last)
+        return number, min(number, most)
 
-    def _after(self, n: int) -> Span:
-        """Return when the n-th conversion after the last one that has ended does so, or before it if negative."""
-        (from_ns, to_ns), (shortest_ns, longest_ns) = self._ended_ns, self.stage_ns
+    def _begin_anew(self, number: int, ended_ns: tuple[float, float]) -> None:
+        """Know nothing but when some number of conversions had ended, and the bounds of a stage's time."""
+        # The least and most conversions that had ended at the last status, and whether that has been used.
+        self._least = self._most = number
+        self._is_known = False
+        self._assume(number, ended_ns, self.stage_ns)
+
+    def _assume(self, number: int, ended_ns: tuple[float, float], stage_ns: Span) -> None:
+        """Let any times within bounds be possible: of when a number of conversions had ended, and of a stage."""
+        (from_ns, to_ns), (shortest_ns, longest_ns) = ended_ns, stage_ns
+        self._origin, self._number, self._ended_ns, self.stage_ns = number, number, ended_ns, stage_ns
+        # Corners of the polygon: when `_origin` conversions had ended, and the time of a stage. The bounds of when
+        # `_number` had are those that it has, or wider.
+        self._corners = [
+            (from_ns, shortest_ns),
+            (to_ns, shortest_ns),
+            (to_ns, longest_ns),
+            (from_ns, longest_ns),
+        ]
+
+    def _ended(self, number: int) -> tuple[float, float]:
+        """Return the bounds of the time at which some number of conversions had ended [ns]."""
+        n, (from_ns, to_ns), (shortest_ns, longest_ns) = number - self._number, self._ended_ns, self.stage_ns
         if n < 0:
             shortest_ns, longest_ns = longest_ns, shortest_ns
-        return Span(from_ns + n * shortest_ns, to_ns + n * longest_ns)
+        return from_ns + n * shortest_ns, to_ns + n * longest_ns
 
-    def _end(self, n: int, at: tuple[float, float]) -> None:
-        """Count conversions that have ended, while the next one has not; narrow the bounds of the times."""
-        self._n_ended += n
+    def _possible(self, at: tuple[float, float]) -> tuple[int, int]:
+        """Return the least and the most conversions that may have ended at a time."""
         (from_ns, to_ns), (shortest_ns, longest_ns) = self._ended_ns, self.stage_ns
-        from_ns, to_ns = from_ns + n * shortest_ns, to_ns + n * longest_ns
-        earliest_ns, latest_ns = at
-        earliest_ns -= longest_ns
-        number, (referred_from_ns, referred_to_ns) = self._referred
-        n_since = self._n_ended - number
-        if from_ns < earliest_ns or to_ns > latest_ns:
-            from_ns, to_ns = max(from_ns, earliest_ns), min(to_ns, latest_ns)
-            if n_since:
-                shortest_ns = max(shortest_ns, (from_ns - referred_to_ns) / n_since)
-                longest_ns = min(longest_ns, (to_ns - referred_from_ns) / n_since)
-            if to_ns < from_ns or shortest_ns > longest_ns:
-                self.is_doubtful, self._is_known, self.stage_ns = True, False, self._tolerated_ns
-                return
-            self.stage_ns = Span(shortest_ns, longest_ns)
-        self._ended_ns = from_ns, to_ns
-        if n_since >= _N_REFERRED:
-            self._referred = self._n_ended, self._ended_ns
-            self.stage_ns = Span(
-                max(shortest_ns * (1 - _DRIFT_REL), self._tolerated_ns.from_ns),
-                min(longest_ns * (1 + _DRIFT_REL), self._tolerated_ns.to_ns),
-            )
+        number = self._number
+        return number + int((at[0] - to_ns) // longest_ns), number + int((at[1] - from_ns) // shortest_ns)
+
+    def _narrow(self, number: int, at: tuple[float, float]) -> None:
+        """Narrow the bounds of the times: some number of conversions had ended, and the next one had not."""
+        (from_ns, to_ns), (shortest_ns, longest_ns), (earliest_ns, latest_ns) = (
+            self._ended_ns,
+            self.stage_ns,
+            at,
+        )
+        n, since = number - self._number, number - self._origin
+        is_after_ns, is_before_ns = (
+            to_ns + n * longest_ns - latest_ns,
+            earliest_ns - from_ns - (n + 1) * shortest_ns,
+        )
+        if is_after_ns < _NEGLIGIBLE_NS and is_before_ns < _NEGLIGIBLE_NS and since <= _N_REFERRED:
+            return
+        corners = self._corners
+        if is_after_ns > 0:
+            corners = _cut(corners, since, latest_ns, 1)
+        if is_before_ns > 0:
+            corners = _cut(corners, since + 1, earliest_ns, -1)
+        if not corners:
+            self.is_doubtful, self.stage_ns = True, self._tolerated_ns
+            return
+        self._corners = corners
+        self._bound(number)
+        if since > _N_REFERRED:
+            (shortest_ns, longest_ns), (least_ns, most_ns) = self.stage_ns, self._tolerated_ns
+            shortest_ns, longest_ns = shortest_ns * (1 - _DRIFT_REL), longest_ns * (1 + _DRIFT_REL)
+            self._assume(number, self._ended_ns, Span(max(shortest_ns, least_ns), min(longest_ns, most_ns)))
+
+    def _bound(self, number: int) -> None:
+        """Take from the polygon the bounds of a stage, and of when some number of conversions had ended."""
+        ended_ns = [ended_ns + (number - self._origin) * stage_ns for ended_ns, stage_ns in self._corners]
+        stages_ns = [stage_ns for _, stage_ns in self._corners]
+        self._number, self._ended_ns = number, (min(ended_ns), max(ended_ns))
+        self.stage_ns = Span(min(stages_ns), max(stages_ns))
