@@ -31,8 +31,8 @@ class LegRecord(NamedTuple):
         is_interrupted: Legs of which it cannot do without all elements with interrupted readings, shape (legs,).
         is_old: Legs whose oldest reading is too old, shape (legs,).
         is_stopped: Legs that a command has stopped, shape (legs,).
-        untared_states: State of each leg without a baseline, by its row.
         cause: Cause of each leg by noise and drift, shape (legs,).
+        untared_states: State of each leg without a baseline, by its row.
     """
 
     reading: Codes
@@ -49,12 +49,30 @@ class LegRecord(NamedTuple):
     is_interrupted: Mask
     is_old: Mask
     is_stopped: Mask
-    untared_states: dict[int, State]
     cause: Codes
+    untared_states: dict[int, State]
 
 
-def states_and_causes(record: LegRecord) -> tuple[Codes, NDArray[np.uint16], Codes]:
-    """Return the most severe state of each leg, the pattern of its faulty elements, and the cause."""
+_Found = tuple[Codes, NDArray[np.uint16], Codes]
+
+
+class LegStates:
+    """States, faulty elements and causes of all legs, which are derived anew when a finding has changed."""
+
+    def __init__(self) -> None:
+        self._key: tuple[object, ...] = ()
+        self._found: _Found
+
+    def observe(self, record: LegRecord) -> _Found:
+        """Return the most severe state of each leg, the pattern of its faulty elements, and the cause."""
+        *arrays, untared_states = record
+        key = (*map(np.ndarray.tobytes, arrays), untared_states)
+        if key != self._key:
+            self._key, self._found = key, _states_and_causes(record)
+        return self._found
+
+
+def _states_and_causes(record: LegRecord) -> _Found:
     states, causes = bytearray([State.VALID] * len(record.cause)), bytearray(record.cause.tobytes())
     fault_masks = [0] * len(states)
     # The masks of elements, in the order of the record, as numbers: for a few legs they are faster than arrays.
