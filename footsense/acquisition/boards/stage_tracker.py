@@ -117,8 +117,9 @@ class StageTracker:
             end -= 1
         if begin == n_before and from_ns + shortest_ns < read_to_ns + _STATUS_SKEW_NS:
             begin += 1
-        begin = max(begin - n_stages, self._next)
-        self._next = max(self._next, end)
+        begin, least = begin - n_stages, self._next
+        begin = least if least > begin else begin
+        self._next = end if end > least else least
         stage_ns = (shortest_ns + longest_ns) / 2
         first_ns = (from_ns + to_ns) / 2 + (0.5 - n_before) * stage_ns
         return [(number % n_stages, round(first_ns + number * stage_ns)) for number in range(begin, end)]
@@ -188,10 +189,12 @@ class StageTracker:
         number, (referred_from_ns, referred_to_ns) = self._referred
         n_since = self._n_ended - number
         if from_ns < earliest_ns or to_ns > latest_ns:
-            from_ns, to_ns = max(from_ns, earliest_ns), min(to_ns, latest_ns)
+            from_ns = earliest_ns if earliest_ns > from_ns else from_ns
+            to_ns = latest_ns if latest_ns < to_ns else to_ns
             if n_since:
-                shortest_ns = max(shortest_ns, (from_ns - referred_to_ns) / n_since)
-                longest_ns = min(longest_ns, (to_ns - referred_from_ns) / n_since)
+                least_ns, most_ns = (from_ns - referred_to_ns) / n_since, (to_ns - referred_from_ns) / n_since
+                shortest_ns = least_ns if least_ns > shortest_ns else shortest_ns
+                longest_ns = most_ns if most_ns < longest_ns else longest_ns
             if to_ns < from_ns or shortest_ns > longest_ns:
                 self.is_doubtful, self._is_known, self.stage_ns = True, False, self._tolerated_ns
                 return

@@ -141,8 +141,9 @@ class Holding:
             expected = mean * max(1.0 - _SHORT * sigma * mean, 0.5)
             spread = math.sqrt(variance + friction.variance)
             # Above the coefficient no foot holds.
-            apart = min((ratio - expected) / spread, _LOGISTIC)
-            asked = min(max(ratio, spread), expected)
+            apart, asked = (ratio - expected) / spread, spread if spread > ratio else ratio
+            apart = _LOGISTIC if apart > _LOGISTIC else apart
+            asked = expected if expected < asked else asked
             evidence = friction.log_density + 0.5 * (asked * asked - apart * apart)
             evidence += math.log((1.0 + math.exp(_LOGISTIC * apart)) / (spread * asked))
             weight = min(elapsed_s / SAME_ERROR_S, 1.0)
