@@ -16,7 +16,6 @@ The variance of a baseline grows with the time since it last followed.
 """
 
 import math
-from collections.abc import Sequence
 from itertools import compress
 from operator import attrgetter, sub
 
@@ -71,6 +70,7 @@ def max_swing_rise_n_per_s(n_per_pf: float) -> float:
     return _SWING_RISE_LIMIT_TO_DRIFT_RATIO * MAX_DRIFT_PF_PER_S * n_per_pf
 
 
+_Values = list[float]
 _values_of = attrgetter("baseline_pf", "offset_pf", "moved_ns", "status")
 _uncertainty_of = attrgetter("variance_pf2", "updated_ns", "left_pf")
 
@@ -184,20 +184,12 @@ class LegBaseline:
             self.status = held
             return True
         self.status = BaselineStatus.TRACKING
-        quiet = [step_pf2 <= self._quiet_pf2 for step_pf2 in steps_pf2]
-        self._update_baseline(before_pf, known, newest_ns, reading_pf, quiet)
+        self._update_baseline(before_pf, reading_pf, steps_pf2, newest_ns)
         moved_pf = list(filter(math.isfinite, map(sub, self.baseline_pf.tolist(), self._tared_pf)))
         self.offset_pf = (_sum(moved_pf) / len(moved_pf), max(moved_pf, key=abs))
         return True
 
-    def _update_baseline(
-        self,
-        reading_pf: Sequence[float],
-        known: Sequence[bool],
-        t_ns: int,
-        newest_pf: Sequence[float],
-        quiet: Sequence[bool],
-    ) -> None:
+    def _update_baseline(self, before_pf: _Values, newest_pf: _Values, steps_pf2: _Values, t_ns: int) -> None:
         """Update baseline and variance of the known elements from their readings (Kalman filter).
 
         An element that became usable after the tare gets a baseline, if it is unloaded and quiet.
@@ -208,13 +200,12 @@ class LegBaseline:
         gain = variance_pf2 / (variance_pf2 + READING_NOISE_PF**2)
         baseline_pf, anchors_pf = self.baseline_pf.tolist(), self._anchor_pf
         moved_pf, innovations_pf = [0.0] * ELEMENTS, [0.0] * ELEMENTS
-        any_followed = False
-        for element, (base_pf, pf, unloaded_pf, limit_pf) in enumerate(
-            zip(baseline_pf, reading_pf, self._unloaded_pf, self._unloaded_limit_pf, strict=True)
-        ):
+        any_followed, unloaded, limits = False, self._unloaded_pf, self._unloaded_limit_pf
+        elements = zip(baseline_pf, before_pf, newest_pf, steps_pf2, unloaded, limits, strict=True)
+        for element, (base_pf, pf, newer_pf, step_pf2, unloaded_pf, limit_pf) in enumerate(elements):
             if math.isnan(base_pf):
-                mean_pf = (newest_pf[element] + pf) / 2
-                if quiet[element] and abs(mean_pf - unloaded_pf) <= limit_pf:
+                mean_pf = (newer_pf + pf) / 2
+                if step_pf2 <= self._quiet_pf2 and abs(mean_pf - unloaded_pf) <= limit_pf:
                     baseline_pf[element] = self._tared_pf[element] = anchors_pf[element] = mean_pf
                 continue
             anchor_pf = anchors_pf[element]
@@ -228,7 +219,7 @@ class LegBaseline:
             distance_pf = abs(wanted_pf - unloaded_pf)
             if distance_pf > limit_pf and distance_pf > abs(base_pf - unloaded_pf):
                 self.status = BaselineStatus.DRIFT_TOO_LARGE
-            elif known[element]:
+            elif math.isfinite(step_pf2):
                 any_followed = True
                 innovations_pf[element] = abs(pf - base_pf)
                 moved_pf[element] = abs(wanted_pf - base_pf)
@@ -242,7 +233,7 @@ class LegBaseline:
             self.moved_ns = t_ns
 
 
-def _sum(values: Sequence[float]) -> float:
+def _sum(values: _Values) -> float:
     return float(np.add.reduce(np.array(values)))
 
 

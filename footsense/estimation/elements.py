@@ -146,19 +146,6 @@ class ElementClassifier:
         return ElementStatus(capacitance_pf, opened, over_range, unusable)
 
 
-class ConsistencyResult(NamedTuple):
-    """Result of the residual test of all legs.
-
-    Attributes:
-        missing: Elements that the network does without, shape (legs, elements).
-        inconsistency_sigma_rel: Sigma to add, over the force, for residuals that no missing element explains, shape
-            (legs,) [1].
-    """
-
-    missing: Mask
-    inconsistency_sigma_rel: Vector
-
-
 class _Choice(NamedTuple):
     """Sets of elements to do without, and what the residuals follow from beside the closures.
 
@@ -217,8 +204,12 @@ class ConsistencyTest:
 
     def test(
         self, closure_rel: Vector, readings: Readings, unusable: Mask, overloaded: Mask
-    ) -> ConsistencyResult:
+    ) -> tuple[Mask, Vector]:
         """Test the elements of a frame.
+
+        Returns:
+            Elements that the network does without, shape (legs, elements), and sigma to add, over the force, for
+            residuals that no missing element explains, shape (legs,) [1].
 
         Args:
             closure_rel: Newest closures over the gap [1], shape (legs, elements); a leg with a NaN that is not unusable
@@ -246,22 +237,23 @@ class ConsistencyTest:
             _, largest, rms_rel = self._residuals(closure_rel, overloaded, choice)
         inconsistency_rel = inconsistency_sigma_rel(largest[:, 0], rms_rel[:, 0], motion_rel)
         inconsistency_rel *= choice.error_amplification * tested
-        return ConsistencyResult(choice.missing, inconsistency_rel)
+        return choice.missing, inconsistency_rel
 
     def _choice_of(self, unusable: bytes, overloaded: bytes) -> _Choice:
-        masks = (np.frombuffer(mask, np.bool_).reshape(-1, ELEMENTS) for mask in (unusable, overloaded))
-        patterns, over = map(patterns_of, masks)
-        sets = SMALLEST_CONTAINING[patterns]
-        return self._choice_of_sets(sets[:, None], over)
+        to_do_without, over = (
+            np.frombuffer(mask, np.bool_).reshape(-1, ELEMENTS) for mask in (unusable, overloaded)
+        )
+        return self._choice_of_sets(SMALLEST_CONTAINING[patterns_of(to_do_without)][:, None], over)
 
-    def _choice_of_sets(self, sets: NDArray[np.intp], overloaded: NDArray[np.uint16]) -> _Choice:
+    def _choice_of_sets(self, sets: NDArray[np.intp], overloaded: Mask) -> _Choice:
+        first = sets[:, 0]
         return _Choice(
-            MISSING_SETS[sets[:, 0]],
-            self._imputation.error_amplification[sets[:, 0]],
-            np.bitwise_count(overloaded) <= MAX_OVERLOADED,
+            MISSING_SETS[first],
+            self._imputation.error_amplification[first],
+            np.add.reduce(overloaded, axis=1) <= MAX_OVERLOADED,
             _KEPT[sets],
             _SHARES_OF_KEPT[sets],
-            *self._imputation.predictors(overloaded, sets),
+            *self._imputation.predictors(patterns_of(overloaded), sets),
         )
 
     def _test_alone(self, closure_rel: Vector, readings: Readings, unusable: Mask, tested: Mask) -> Mask:
@@ -316,7 +308,7 @@ class ConsistencyTest:
             agrees: Legs whose closures do not, without regard to motion, shape (legs,).
         """
         legs, evidence, excluded = self._legs, self._evidence, self.excluded
-        every = self._choice_of_sets(_ALL_SETS, patterns_of(overloaded))
+        every = self._choice_of_sets(_ALL_SETS, overloaded)
         residual, largest, rms_rel = self._residuals(closure_rel, overloaded, every)
         limit = RESIDUAL_LIMIT + RESIDUAL_LIMIT_REL * rms_rel + readings.second_largest_motion_rel[:, None]
         share = largest / limit

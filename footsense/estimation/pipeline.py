@@ -16,14 +16,7 @@ from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.elements import ConsistencyTest, ElementClassifier, ElementStatus
 from footsense.estimation.leg_state import LegRecord, LegStates
 from footsense.estimation.missing_elements import Imputation, missing_sets_containing, patterns_of
-from footsense.estimation.network import (
-    READINGS,
-    STEADY_AGES_S,
-    Network,
-    Readings,
-    ReadingWindow,
-    sensitivity,
-)
+from footsense.estimation.network import STEADY_AGES_S, Network, Readings, ReadingWindow, sensitivity
 from footsense.estimation.noise import ReadingNoise
 from footsense.estimation.rest import RefinedAtRest
 from footsense.estimation.settings import EstimationLimits, MountedFeet, Sensitivity
@@ -101,7 +94,7 @@ class Pipeline:
         self._closure_min_rel = np.tile(trained.closure_rel_min, (n_legs, 1))
         self._closure_max_rel = trained.max_usable_closure_rel(feet.gap_um)
         self._trained_rel = [
-            np.tile(bound_rel, (n_legs, READINGS, 1))
+            np.tile(bound_rel, (n_legs, len(STEADY_AGES_S), 1))
             for bound_rel in (trained.closure_rel_min, trained.closure_rel_max)
         ]
         friction = limits.contact.friction
