@@ -61,9 +61,9 @@ OPEN_ELEMENT_THRESHOLD_REL = 0.35
 
 #: Limit of an element's residual: over its gap [1], and over the root mean square of the others [1].
 RESIDUAL_LIMIT, RESIDUAL_LIMIT_REL = 0.03, 0.4
-#: Residual from which it is added to sigma, over the gap [1], and over the root mean square of the others [1]: sigma of
-#: healthy feet in a tripod gait grows by 3 %.
-UNCERTAIN_RESIDUAL, UNCERTAIN_RESIDUAL_REL = 0.01, 0.1
+#: Residual from which it is added to sigma, a third and a quarter of that: sigma of healthy feet in a tripod gait grows
+#: by 3 %.
+UNCERTAIN_RESIDUAL, UNCERTAIN_RESIDUAL_REL = RESIDUAL_LIMIT / 3.0, RESIDUAL_LIMIT_REL / 4.0
 #: Predicted closure from which the motion of an element can be tested [1].
 MIN_PREDICTED_MOTION_REL = 0.08
 #: Evidence against an element [readings]: from which it is excluded, and the most that is kept. A reading that
@@ -181,7 +181,7 @@ class ConsistencyTest:
     def __init__(self, n_legs: int, imputation: Imputation) -> None:
         self._imputation = imputation
         # Of the masks of the last frames: they change seldom.
-        self._choice = lru_cache(maxsize=16)(self._choice_of)
+        self._choice = lru_cache(self._choice_of)
         shape = (n_legs, ELEMENTS)
         self._legs = np.arange(n_legs)
         # Against each element, of an unloaded and of a loaded foot.

@@ -202,7 +202,9 @@ class Pipeline:
             )
         )
         age_s: Vector = np.asarray((now_ns - readings.t_ns) * 1e-9, np.float64)
-        load, state = self._estimate_loads(closure_rel, age_s, missing, inconsistency_sigma_rel, state)
+        load, norms_n2, state = self._estimate_loads(
+            closure_rel, age_s, missing, inconsistency_sigma_rel, state
+        )
         force_n, any_overloaded = load.force_n, np.count_nonzero(overloaded)
         # What a line that breaks adds to the other elements is no load, nor is at least so much a reading in swing.
         if np.count_nonzero(is_interrupted):
@@ -223,7 +225,7 @@ class Pipeline:
         gait = self._gait.observe(load, baselines.contacts, now_ns)
         # Beside the network's: the foot's own mass, and what nobody knows of the foot, along the force and across it.
         variance_n2 = load.sigma_n**2 + baselines.swing_sigma_n**2
-        variance_n2 += self._across_rel2 * _squared_norms(force_n)[:, None]
+        variance_n2 += self._across_rel2 * norms_n2[:, None]
         variance_n2 += self._more_along_rel2 * force_n**2
         if any_overloaded:
             variance_n2 += np.matmul(overloaded[:, None].astype(float), self._overloaded_n2)[:, 0]
@@ -258,8 +260,8 @@ class Pipeline:
         missing: Mask,
         inconsistency_sigma_rel: Vector,
         state: Codes,
-    ) -> tuple[LoadEstimate, Codes]:
-        """Return the estimated loads (NaN where unusable), and the state of each leg.
+    ) -> tuple[LoadEstimate, Vector, Codes]:
+        """Return the estimated loads (NaN where unusable), their squared norms [N2], and the state of each leg.
 
         Args:
             closure_rel: Closures over the gap [1], newest first, shape (legs, 3, 9).
@@ -279,19 +281,17 @@ class Pipeline:
                 else:
                     closure_rel[leg], age_s[leg] = 0.0, STEADY_AGES_S
         load = self._estimator.estimate(Window(closure_rel, age_s, missing))
-        force_n = load.force_n
+        force_n, norms_n2 = load.force_n, _squared_norms(load.force_n)
         max_sigma_n = MAX_SIGMA_REL * max_n
         sigma_n = np.hypot(load.sigma_n, self._baselines.unloaded.sigma_n)
         if np.count_nonzero(inconsistency_sigma_rel):
             sigma_n = with_inconsistency(sigma_n, inconsistency_sigma_rel, force_n, max_sigma_n)
-        fits = (_squared_norms(force_n) <= max_n * max_n) & np.logical_and.reduce(
-            sigma_n <= max_sigma_n, axis=1
-        )
+        fits = (norms_n2 <= max_n * max_n) & np.logical_and.reduce(sigma_n <= max_sigma_n, axis=1)
         told = usable & fits
         if not told.all():
             state = np.where(usable > fits, _OUT_OF_RANGE, state)
             force_n[~told] = sigma_n[~told] = np.nan
-        return load._replace(sigma_n=sigma_n), state
+        return load._replace(sigma_n=sigma_n), norms_n2, state
 
 
 def _squared_norms(vectors: Vector) -> Vector:

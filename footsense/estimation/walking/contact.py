@@ -52,7 +52,7 @@ _MOST_SPREADS = 5.0
 #: Mean load that is expected of a stance, over that of the last ones [1].
 _STANCE_LOAD_REL = 3.0
 #: Time over which pulls and loads are remembered [s].
-_MEMORY_S = 10.0
+MEMORY_S = 10.0
 #: Time within which pull and bounces stay the same [s].
 _CORRELATED_S = 9e-3
 #: Largest creep that may remain after lift-off, over the mean load of the last minutes [1]. An assumption on the safe
@@ -385,7 +385,7 @@ class ContactDetector:
     def _update_spreads(self, t_s: float, baseline_error_n: float) -> None:
         """Derive what changes slowly: spreads of the load in swing, the mean of stances, and what drift explains."""
         elapsed_s, self._updated_s = min(max(t_s - self._updated_s, 0.0), _LONG_SILENCE_S), t_s
-        kept = max(1.0 - elapsed_s / _MEMORY_S, 0.0)
+        kept = max(1.0 - elapsed_s / MEMORY_S, 0.0)
         if self.in_contact:
             self._stance_ns *= kept
             self._stance_s *= kept
