@@ -146,6 +146,19 @@ class ElementClassifier:
         return ElementStatus(capacitance_pf, opened, over_range, unusable)
 
 
+class ConsistencyResult(NamedTuple):
+    """Result of the residual test of all legs.
+
+    Attributes:
+        missing: Elements that the network does without, shape (legs, elements).
+        inconsistency_sigma_rel: Sigma to add, over the force, for residuals that no missing element explains, shape
+            (legs,) [1].
+    """
+
+    missing: Mask
+    inconsistency_sigma_rel: Vector
+
+
 class _Choice(NamedTuple):
     """Sets of elements to do without, and what the residuals follow from beside the closures.
 
@@ -204,12 +217,8 @@ class ConsistencyTest:
 
     def test(
         self, closure_rel: Vector, readings: Readings, unusable: Mask, overloaded: Mask
-    ) -> tuple[Mask, Vector]:
+    ) -> ConsistencyResult:
         """Test the elements of a frame.
-
-        Returns:
-            Elements that the network does without, shape (legs, elements), and sigma to add, over the force, for
-            residuals that no missing element explains, shape (legs,) [1].
 
         Args:
             closure_rel: Newest closures over the gap [1], shape (legs, elements); a leg with a NaN that is not unusable
@@ -237,7 +246,7 @@ class ConsistencyTest:
             _, largest, rms_rel = self._residuals(closure_rel, overloaded, choice)
         inconsistency_rel = inconsistency_sigma_rel(largest[:, 0], rms_rel[:, 0], motion_rel)
         inconsistency_rel *= choice.error_amplification * tested
-        return choice.missing, inconsistency_rel
+        return ConsistencyResult(choice.missing, inconsistency_rel)
 
     def _choice_of(self, unusable: bytes, overloaded: bytes) -> _Choice:
         to_do_without, over = (
