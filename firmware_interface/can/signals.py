@@ -221,7 +221,7 @@ class Age(CanSignal[int | None]):
             if value is None or value < 0:
                 return none
             code = round(value / step_ns) if nearest else -(-value // step_ns)
-            return (code if code < most else most) << first_bit  # noqa: FURB136 - `min` takes longer
+            return (code if code < most else most) << first_bit
 
         return to_code
 

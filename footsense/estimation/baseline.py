@@ -120,6 +120,7 @@ class BaselineTracker:
         sigma_n: Vector,
         capacitance_pf: Vector,
         t_ns: Stamps,
+        newest_ns: Stamps,
         missing: Mask,
         now_ns: int,
         own_acceleration: Sequence[float],
@@ -132,14 +133,14 @@ class BaselineTracker:
             sigma_n: Its standard deviation [N], same shape.
             capacitance_pf: Readings without stray that they come from [pF], same shape.
             t_ns: Stamp of each [ns], same shape.
-            missing: Elements that the network does without, same shape.
+            newest_ns: Stamp of each leg's newest reading [ns], shape (legs,).
+            missing: Elements that the network does without, shape (legs, elements).
             now_ns: Current time [ns].
             own_acceleration: Size of the acceleration by which each foot's own mass pulls [m/s2]; NaN: not known.
         """
         if np.count_nonzero(missing):
             closure_rel = np.where(missing, np.nan, closure_rel)
         means_rel = trimmed_means(closure_rel)
-        newest_ns = np.maximum.reduce(t_ns, axis=1).tolist()
         swung, swinging = self._swinging, []
         flags, not_ground_n = [], []
         n_per_rel = self._n_per_rel
@@ -149,7 +150,7 @@ class BaselineTracker:
             self.contacts,
             means_rel,
             self.unloaded.max_errors_n,
-            newest_ns,
+            newest_ns.tolist(),
             predicted_n.tolist(),
             sigma_n.tolist(),
             own_acceleration,
@@ -191,9 +192,10 @@ class BaselineTracker:
         for leg in self._swinging:
             if leg % _FRAMES_PER_TRACKING_ROUND == self._turn:
                 baseline = self.unloaded.legs[leg]
-                # An element that is missing only for want of a baseline gets one.
-                ignored = missing[leg] & np.isfinite(baseline.baseline_pf)
-                pf = np.where(ignored, np.nan, capacitance_pf[leg])
+                pf, without = capacitance_pf[leg], missing[leg]
+                if np.count_nonzero(without):
+                    # An element that is missing only for want of a baseline gets one.
+                    pf = np.where(without & np.isfinite(baseline.baseline_pf), np.nan, pf)
                 held = None if self.contacts[leg].explained_by_drift else _DRIFT_TOO_FAST
                 moved |= baseline.observe_swing(pf, t_ns[leg], held if self._track else _HELD)
         unloaded = self.unloaded

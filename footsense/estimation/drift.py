@@ -16,7 +16,8 @@ The variance of a baseline grows with the time since it last followed.
 """
 
 import math
-from operator import attrgetter
+from itertools import compress
+from operator import attrgetter, sub
 
 import numpy as np
 
@@ -69,6 +70,7 @@ def max_swing_rise_n_per_s(n_per_pf: float) -> float:
     return _SWING_RISE_LIMIT_TO_DRIFT_RATIO * MAX_DRIFT_PF_PER_S * n_per_pf
 
 
+_Values = list[float]
 _values_of = attrgetter("baseline_pf", "offset_pf", "moved_ns", "status")
 _uncertainty_of = attrgetter("variance_pf2", "updated_ns", "left_pf")
 
@@ -100,37 +102,38 @@ class LegBaseline:
         status: State of the drift tracking.
         moved_ns: Time of the last tare or move [ns]; 0 without a baseline.
         offset_pf: Distance since the last tare, mean over the elements and worst element [pF]; NaN without a baseline.
-        left_pf: What the readings in swing differ from the baseline, shape (elements,) [pF]: more than drift explains,
+        left_pf: What the readings of each element in swing differ from the baseline [pF]: more than drift explains,
             such as a cable that has moved.
         variance_pf2: Variance at `updated_ns` [pF^2], NaN without a baseline.
         updated_ns: Time of the last filter step [ns].
     """
 
     def __init__(self, unloaded_pf: Vector, limits: TareLimits) -> None:
-        self._unloaded_pf = unloaded_pf
-        self._unloaded_limit_pf = limits.unloaded_limit_pf(unloaded_pf)
+        self._unloaded_pf = unloaded_pf.tolist()
+        self._unloaded_limit_pf = limits.unloaded_limit_pf(unloaded_pf).tolist()
         self._quiet_pf2 = limits.quiet_variance_pf2
         self.discard()
 
     def discard(self) -> None:
         """Discard the baseline, as the leg may carry another foot."""
-        self.baseline_pf = self._tared_pf = self._anchor_pf = np.full_like(self._unloaded_pf, np.nan)
+        self.baseline_pf: Vector = np.full(ELEMENTS, np.nan)
+        self._tared_pf, self._anchor_pf = [math.nan] * ELEMENTS, [math.nan] * ELEMENTS
         self.status = BaselineStatus.NONE
         self.moved_ns = 0
         self.offset_pf = (math.nan, math.nan)
-        self.left_pf = np.zeros_like(self._unloaded_pf)
+        self.left_pf = [0.0] * ELEMENTS
         self.variance_pf2 = math.nan
         self.updated_ns = 0
-        self._before: tuple[Vector, int] | None = None
-        self._step_pf2 = np.zeros_like(self._unloaded_pf)
+        self._before: tuple[list[float], int] | None = None
+        self._step_pf2 = [0.0] * ELEMENTS
 
     def set_tared(self, baseline_pf: Vector, t_ns: int) -> None:
         """Set the baseline to the result of a tare [pF], shape (elements,); NaN elements keep their old baseline."""
         self.baseline_pf = np.where(np.isnan(baseline_pf), self.baseline_pf, baseline_pf)
-        self._tared_pf = self._anchor_pf = self.baseline_pf
+        self._tared_pf, self._anchor_pf = self.baseline_pf.tolist(), self.baseline_pf.tolist()
         self.moved_ns = self.updated_ns = t_ns
         self.offset_pf = (0.0, 0.0)
-        self.left_pf = np.zeros_like(self._unloaded_pf)
+        self.left_pf = [0.0] * ELEMENTS
         self.variance_pf2 = BASELINE_NOISE_PF**2
         self.pause_tracking()
 
@@ -152,77 +155,86 @@ class LegBaseline:
         Returns:
             Whether the baseline, or what is left of it, was updated.
         """
-        newest_ns = int(t_ns.max())
-        before, self._before = self._before, (capacitance_pf, newest_ns)
+        # In plain Python numbers: for nine elements, arrays take longer.
+        stamps_ns, reading_pf = t_ns.tolist(), capacitance_pf.tolist()
+        newest_ns = max(stamps_ns)
+        before, self._before = self._before, (reading_pf, newest_ns)
         if before is None:
             return False
         before_pf, before_ns = before
-        step_pf = capacitance_pf - before_pf
-        known = np.isfinite(step_pf)
-        if int(np.where(known, t_ns, newest_ns).min()) <= before_ns:
+        steps_pf = list(map(sub, reading_pf, before_pf))
+        known = list(map(math.isfinite, steps_pf))
+        if min(compress(stamps_ns, known), default=newest_ns) <= before_ns:
             self._before = before
             return False
-        step_pf2 = 0.5 * step_pf * step_pf
-        self._step_pf2 = np.where(known, self._step_pf2 + _NEWEST_WEIGHT * (step_pf2 - self._step_pf2), 0.0)
-        if not self._step_pf2.max() <= self._quiet_pf2:
+        steps_pf2 = [0.5 * step_pf * step_pf for step_pf in steps_pf]
+        self._step_pf2 = [
+            mean_pf2 + _NEWEST_WEIGHT * (step_pf2 - mean_pf2) if is_known else 0.0
+            for mean_pf2, step_pf2, is_known in zip(self._step_pf2, steps_pf2, known, strict=True)
+        ]
+        if not max(self._step_pf2) <= self._quiet_pf2:
             self.status = BaselineStatus.NOT_QUIET
             return False
-        left_pf = before_pf - self.baseline_pf
-        self.left_pf = self.left_pf + _NEWEST_WEIGHT * np.where(
-            np.isfinite(left_pf), left_pf - self.left_pf, 0.0
-        )
+        above_pf = map(sub, before_pf, self.baseline_pf.tolist())
+        self.left_pf = [
+            left_pf + _NEWEST_WEIGHT * (pf - left_pf) if math.isfinite(pf) else left_pf
+            for left_pf, pf in zip(self.left_pf, above_pf, strict=True)
+        ]
         if held is not None:
             self.status = held
             return True
         self.status = BaselineStatus.TRACKING
-        self._update_baseline(before_pf, known, newest_ns)
-        if np.isnan(self.baseline_pf).any():
-            self._set_baseline_of_returned_elements((capacitance_pf + before_pf) / 2, step_pf2)
-        moved_pf = self.baseline_pf - self._tared_pf
-        moved_pf = moved_pf[np.isfinite(moved_pf)]
-        mean_pf = float(np.add.reduce(moved_pf)) / len(moved_pf)
-        self.offset_pf = (mean_pf, float(moved_pf[np.abs(moved_pf).argmax()]))
+        self._update_baseline(before_pf, reading_pf, steps_pf2, newest_ns)
+        moved_pf = list(filter(math.isfinite, map(sub, self.baseline_pf.tolist(), self._tared_pf)))
+        self.offset_pf = (_sum(moved_pf) / len(moved_pf), max(moved_pf, key=abs))
         return True
 
-    def _update_baseline(self, reading_pf: Vector, known: Mask, t_ns: int) -> None:
-        """Update baseline and variance of the given elements from their readings (Kalman filter)."""
+    def _update_baseline(self, before_pf: _Values, newest_pf: _Values, steps_pf2: _Values, t_ns: int) -> None:
+        """Update baseline and variance of the known elements from their readings (Kalman filter).
+
+        An element that became usable after the tare gets a baseline, if it is unloaded and quiet.
+        """
         elapsed_s = max(t_ns - self.updated_ns, 0) * 1e-9
         reach_pf = MAX_DRIFT_PF_PER_S * elapsed_s
-        # Minimum and maximum are twice as fast as `np.clip` for few values.
-        step_pf = np.minimum(np.maximum(self.baseline_pf - self._anchor_pf, -reach_pf), reach_pf)
-        anchor_pf = self._anchor_pf + step_pf
         variance_pf2 = self.variance_pf2 + DRIFT_VARIANCE_PF2_PER_S * elapsed_s
         gain = variance_pf2 / (variance_pf2 + READING_NOISE_PF**2)
-        innovation_pf = reading_pf - self.baseline_pf
-        wanted_pf = np.maximum(self.baseline_pf + gain * innovation_pf, anchor_pf - MAX_ANCHOR_DISTANCE_PF)
-        wanted_pf = np.minimum(wanted_pf, anchor_pf + MAX_ANCHOR_DISTANCE_PF)
-        distance_pf = np.abs(wanted_pf - self._unloaded_pf)
-        outside_limit = (distance_pf > self._unloaded_limit_pf) & (
-            distance_pf > np.abs(self.baseline_pf - self._unloaded_pf)
-        )
-        if outside_limit.any():
-            self.status = BaselineStatus.DRIFT_TOO_LARGE
-        followed = known & np.isfinite(innovation_pf) & ~outside_limit
-        moved_pf = np.where(followed, wanted_pf - self.baseline_pf, 0.0)
-        innovation_sum_pf = float(np.abs(np.where(followed, innovation_pf, 0.0)).sum())
-        self.baseline_pf = self.baseline_pf + moved_pf
-        self._anchor_pf = anchor_pf
-        self.updated_ns = t_ns
+        baseline_pf, anchors_pf = self.baseline_pf.tolist(), self._anchor_pf
+        moved_pf, innovations_pf = [0.0] * ELEMENTS, [0.0] * ELEMENTS
+        any_followed, unloaded, limits = False, self._unloaded_pf, self._unloaded_limit_pf
+        elements = zip(baseline_pf, before_pf, newest_pf, steps_pf2, unloaded, limits, strict=True)
+        for element, (base_pf, pf, newer_pf, step_pf2, unloaded_pf, limit_pf) in enumerate(elements):
+            if math.isnan(base_pf):
+                mean_pf = (newer_pf + pf) / 2
+                if step_pf2 <= self._quiet_pf2 and abs(mean_pf - unloaded_pf) <= limit_pf:
+                    baseline_pf[element] = self._tared_pf[element] = anchors_pf[element] = mean_pf
+                continue
+            anchor_pf = anchors_pf[element]
+            step_pf = base_pf - anchor_pf
+            anchor_pf += math.copysign(reach_pf, step_pf) if abs(step_pf) > reach_pf else step_pf
+            anchors_pf[element] = anchor_pf
+            least_pf, most_pf = anchor_pf - MAX_ANCHOR_DISTANCE_PF, anchor_pf + MAX_ANCHOR_DISTANCE_PF
+            wanted_pf = base_pf + gain * (pf - base_pf)
+            wanted_pf = least_pf if wanted_pf < least_pf else wanted_pf
+            wanted_pf = most_pf if wanted_pf > most_pf else wanted_pf
+            distance_pf = abs(wanted_pf - unloaded_pf)
+            if distance_pf > limit_pf and distance_pf > abs(base_pf - unloaded_pf):
+                self.status = BaselineStatus.DRIFT_TOO_LARGE
+            elif math.isfinite(step_pf2):
+                any_followed = True
+                innovations_pf[element] = abs(pf - base_pf)
+                moved_pf[element] = abs(wanted_pf - base_pf)
+                baseline_pf[element] = base_pf + (wanted_pf - base_pf)
+        self.baseline_pf, self.updated_ns = np.array(baseline_pf), t_ns
         # The margin cuts the step, not the uncertainty: the variance shrinks by the share that was really moved.
-        moved_sum_pf = float(np.abs(moved_pf).sum())
-        share = moved_sum_pf / innovation_sum_pf if innovation_sum_pf > 0.0 else gain * followed.any()
+        innovation_sum_pf = _sum(innovations_pf)
+        share = _sum(moved_pf) / innovation_sum_pf if innovation_sum_pf > 0.0 else gain * any_followed
         self.variance_pf2 = (1.0 - share) ** 2 * variance_pf2 + share**2 * READING_NOISE_PF**2
         if share > 0.0:
             self.moved_ns = t_ns
 
-    def _set_baseline_of_returned_elements(self, reading_pf: Vector, step_pf2: Vector) -> None:
-        """Set the baseline of elements that became usable after the tare, if unloaded and steady."""
-        free = np.abs(reading_pf - self._unloaded_pf) <= self._unloaded_limit_pf
-        quiet = step_pf2 <= self._quiet_pf2
-        adopted = np.isnan(self.baseline_pf) & free & quiet
-        self.baseline_pf = np.where(adopted, reading_pf, self.baseline_pf)
-        self._tared_pf = np.where(adopted, reading_pf, self._tared_pf)
-        self._anchor_pf = np.where(adopted, reading_pf, self._anchor_pf)
+
+def _sum(values: _Values) -> float:
+    return float(np.add.reduce(np.array(values)))
 
 
 class UnloadedFeet:
@@ -276,11 +288,14 @@ class UnloadedFeet:
         self.max_errors_n: list[float] = []
         self.sigma_due_ns = 0
         self.complete = False
+        self._apart: Mask = np.zeros(len(feet.names), bool)
+        self._set_cause()
         self.update()
 
     def update(self) -> None:
         """Derive the arrays from the baselines of the legs, but for what a tenth of a second changes little."""
         baseline_pf, offset_pf, moved_ns, status = zip(*map(_values_of, self.legs), strict=True)
+        mean_pf, worst_pf = map(np.array, zip(*offset_pf, strict=True))
         self.baseline_pf: Vector = np.array(baseline_pf)
         self.plate_distance_rel: Vector = (
             self._design.plate_distance_um(self.baseline_pf) / self._design.gap_um / self._gain_rel
@@ -290,12 +305,12 @@ class UnloadedFeet:
         if not (was_complete and self.complete):
             self.untared_legs: Mask = np.asarray(without_baseline.all(axis=1))
             self.untared_elements_of_tared_legs: Mask = without_baseline & ~self.untared_legs[:, None]
-        mean_pf, worst_pf = np.array(offset_pf).T.copy()
-        self.drift = BaselineDrift(
-            np.array(status, np.uint8), mean_pf, worst_pf, np.array(moved_ns, np.int64)
-        )
-        self._apart: Mask = np.abs(worst_pf - mean_pf) > MAX_DRIFT_FROM_LEG_MEAN_PF
-        self._set_cause()
+        codes = np.frombuffer(bytes(status), np.uint8)
+        self.drift = BaselineDrift(codes, mean_pf, worst_pf, np.array(moved_ns, np.int64))
+        was_apart = self._apart
+        self._apart = np.abs(worst_pf - mean_pf) > MAX_DRIFT_FROM_LEG_MEAN_PF
+        if self._apart.tobytes() != was_apart.tobytes():
+            self._set_cause()
 
     def _set_cause(self) -> None:
         cause = np.where(self._noisy, np.uint8(Cause.NOISY), np.uint8(Cause.NONE))
@@ -313,7 +328,7 @@ class UnloadedFeet:
         self.noise_ff = noise_rel / self._closure_per_pf * 1e3
         shown_pf = self.noise_ff * 1e-3 / np.where(self._noisy, _QUIET_AGAIN_REL, 1.0)
         noisy = ~(shown_pf * shown_pf <= self._quiet_pf2)
-        if not np.array_equal(noisy, self._noisy):
+        if noisy.tobytes() != self._noisy.tobytes():
             self._noisy = noisy
             self._set_cause()
         baseline_rel = sigma_pf * self._closure_per_pf

@@ -37,6 +37,7 @@ An overloaded element is closed at least as far as it reads. It predicts no othe
 predict less: then it is shorted, or its gap is full of water.
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -60,9 +61,9 @@ OPEN_ELEMENT_THRESHOLD_REL = 0.35
 
 #: Limit of an element's residual: over its gap [1], and over the root mean square of the others [1].
 RESIDUAL_LIMIT, RESIDUAL_LIMIT_REL = 0.03, 0.4
-#: Residual from which it is added to sigma, over the gap [1], and over the root mean square of the others [1]: sigma of
-#: healthy feet in a tripod gait grows by 3 %.
-UNCERTAIN_RESIDUAL, UNCERTAIN_RESIDUAL_REL = 0.01, 0.1
+#: Residual from which it is added to sigma, a third and a quarter of that: sigma of healthy feet in a tripod gait grows
+#: by 3 %.
+UNCERTAIN_RESIDUAL, UNCERTAIN_RESIDUAL_REL = RESIDUAL_LIMIT / 3.0, RESIDUAL_LIMIT_REL / 4.0
 #: Predicted closure from which the motion of an element can be tested [1].
 MIN_PREDICTED_MOTION_REL = 0.08
 #: Evidence against an element [readings]: from which it is excluded, and the most that is kept. A reading that
@@ -131,15 +132,18 @@ class ElementClassifier:
         before, self._opened = self._opened, opened
         over_range = scan.reading == _OVER_RANGE
         # At least that much: the consistency test decides whether it can be.
-        capacitance_pf = np.where(over_range, self._range_end_pf, capacitance_pf)
+        np.copyto(capacitance_pf, self._range_end_pf, where=over_range)
         if np.count_nonzero(opened):
             capacitance_pf -= floating_row_crosstalk_pf(scan.capacitance_pf, opened)
         # A line that breaks or returns was intact for a part of the scan, and so was its effect on other elements.
-        unsettled = opened | np.logical_or.reduce(opened != before, axis=1, keepdims=True)
+        unsettled = opened
+        if opened.tobytes() != before.tobytes():
+            unsettled = opened | np.logical_or.reduce(opened != before, axis=1, keepdims=True)
         # Pressed or shorted? The other closures show it, and without a baseline there are none.
         unusable = missing_sets_containing(opened | excluded | over_range & np.isnan(baseline_pf))
         # In the window, an unsettled reading would be a step of the load.
-        return ElementStatus(np.where(unsettled, np.nan, capacitance_pf), opened, over_range, unusable)
+        capacitance_pf[unsettled] = np.nan
+        return ElementStatus(capacitance_pf, opened, over_range, unusable)
 
 
 class ConsistencyResult(NamedTuple):
@@ -153,6 +157,26 @@ class ConsistencyResult(NamedTuple):
 
     missing: Mask
     inconsistency_sigma_rel: Vector
+
+
+class _Choice(NamedTuple):
+    """Sets of elements to do without, and what the residuals follow from beside the closures.
+
+    Attributes:
+        missing: The elements of each leg's first set, shape (legs, elements).
+        error_amplification: How far one wrong reading moves the closures then, over itself [1], shape (legs,).
+        has_few_overloaded: Whether few enough elements are overloaded for a test, shape (legs,).
+        kept, shares_of_kept: The elements that each set keeps, and their shares of a mean, shape (legs, k, 9).
+        predictors, scale: As of `Imputation.predictors`.
+    """
+
+    missing: Mask
+    error_amplification: Vector
+    has_few_overloaded: Mask
+    kept: Vector
+    shares_of_kept: Vector
+    predictors: Vector
+    scale: Vector | None
 
 
 class ConsistencyTest:
@@ -169,6 +193,8 @@ class ConsistencyTest:
 
     def __init__(self, n_legs: int, imputation: Imputation) -> None:
         self._imputation = imputation
+        # Of the masks of the last frames: they change seldom.
+        self._choice = lru_cache(self._choice_of)
         shape = (n_legs, ELEMENTS)
         self._legs = np.arange(n_legs)
         # Against each element, of an unloaded and of a loaded foot.
@@ -201,52 +227,72 @@ class ConsistencyTest:
             unusable: Sets of elements that the network does without anyway.
             overloaded: Elements that are closed at least as far as they read.
         """
-        overloaded = overloaded & ~unusable
-        unread = np.isnan(closure_rel)
-        closure_rel = np.where(unread, 0.0, closure_rel)
-        too_many = np.add.reduce(overloaded, axis=1) > MAX_OVERLOADED
-        tested = ~(np.logical_or.reduce(unread & ~unusable, axis=1) | too_many)
-        chosen = SMALLEST_CONTAINING[patterns_of(unusable)]
+        overloaded = overloaded > unusable
+        choice = self._choice(unusable.tobytes(), overloaded.tobytes())
+        tested, unread = choice.has_few_overloaded, np.isnan(closure_rel)
+        if np.count_nonzero(unread):
+            closure_rel = np.where(unread, 0.0, closure_rel)
+            tested = tested & ~np.logical_or.reduce(unread > unusable, axis=1)
         motion_rel = readings.second_largest_motion_rel
-        _, largest, rms_rel = self._residuals(closure_rel, overloaded, chosen[:, None])
+        _, largest, rms_rel = self._residuals(closure_rel, overloaded, choice)
         excess = largest - RESIDUAL_LIMIT - RESIDUAL_LIMIT_REL * rms_rel
         contradicted = tested & (excess > motion_rel[:, None])[:, 0]
-        moves_alone = self._test_alone(closure_rel, readings, unusable) & tested[:, None]
+        moves_alone = self._test_alone(closure_rel, readings, unusable, tested)
         if self._has_evidence or np.count_nonzero(contradicted) or np.count_nonzero(moves_alone):
             # What only motion explains is no evidence for an element.
             agrees = tested & (excess <= 0.0)[:, 0] & ~np.logical_or.reduce(moves_alone, axis=1)
             self._weigh(closure_rel, readings, unusable, overloaded, moves_alone, contradicted, agrees)
-            chosen = SMALLEST_CONTAINING[patterns_of(unusable | self.excluded)]
-            _, largest, rms_rel = self._residuals(closure_rel, overloaded, chosen[:, None])
+            choice = self._choice((unusable | self.excluded).tobytes(), overloaded.tobytes())
+            _, largest, rms_rel = self._residuals(closure_rel, overloaded, choice)
         inconsistency_rel = inconsistency_sigma_rel(largest[:, 0], rms_rel[:, 0], motion_rel)
-        inconsistency_rel *= self._imputation.error_amplification[chosen] * tested
-        return ConsistencyResult(MISSING_SETS[chosen], inconsistency_rel)
+        inconsistency_rel *= choice.error_amplification * tested
+        return ConsistencyResult(choice.missing, inconsistency_rel)
 
-    def _test_alone(self, closure_rel: Vector, readings: Readings, unusable: Mask) -> Mask:
-        """Return the elements that have moved since the others last did: no load moves one alone."""
+    def _choice_of(self, unusable: bytes, overloaded: bytes) -> _Choice:
+        to_do_without, over = (
+            np.frombuffer(mask, np.bool_).reshape(-1, ELEMENTS) for mask in (unusable, overloaded)
+        )
+        return self._choice_of_sets(SMALLEST_CONTAINING[patterns_of(to_do_without)][:, None], over)
+
+    def _choice_of_sets(self, sets: NDArray[np.intp], overloaded: Mask) -> _Choice:
+        first = sets[:, 0]
+        return _Choice(
+            MISSING_SETS[first],
+            self._imputation.error_amplification[first],
+            np.add.reduce(overloaded, axis=1) <= MAX_OVERLOADED,
+            _KEPT[sets],
+            _SHARES_OF_KEPT[sets],
+            *self._imputation.predictors(patterns_of(overloaded), sets),
+        )
+
+    def _test_alone(self, closure_rel: Vector, readings: Readings, unusable: Mask, tested: Mask) -> Mask:
+        """Return the tested elements that have moved since the others last did: no load moves one alone."""
         moved_rel = np.abs(closure_rel - self._rested_rel)
         n_moved = np.add.reduce(moved_rel > STEADY_BELOW_SHARE_OF_RESIDUAL * UNCERTAIN_RESIDUAL, axis=1)
-        rests = n_moved <= 1
-        alone = rests[:, None] & (moved_rel > UNCERTAIN_RESIDUAL)
-        self._rested_rel = np.where(rests[:, None], self._rested_rel, closure_rel)
-        self._rested_ns = np.where(rests, self._rested_ns, readings.newest_ns)
+        moves, newest_ns = n_moved > 1, readings.newest_ns
+        alone: Mask = (moved_rel > UNCERTAIN_RESIDUAL) > moves[:, None]
+        np.copyto(self._rested_rel, closure_rel, where=moves[:, None])
+        np.copyto(self._rested_ns, newest_ns, where=moves)
+        self._moves_alone, before = alone, self._moves_alone
         if np.count_nonzero(alone):
             # The elements are read one after the other; one that is excluded for another reason moves when it is back.
             is_read = readings.oldest_of_newest_ns > self._rested_ns
-            alone &= is_read[:, None] & ~unusable & (~self.excluded | self._moves_alone)
-        self._moves_alone = alone
-        return self._moves_alone
+            alone &= is_read[:, None] & ~unusable & (~self.excluded | before)
+            alone = alone & tested[:, None]
+        return alone
 
     def _residuals(
-        self, closure_rel: Vector, overloaded: Mask, sets: NDArray[np.intp]
+        self, closure_rel: Vector, overloaded: Mask, choice: _Choice
     ) -> tuple[Vector, Vector, Vector]:
         """Return the residuals without sets of elements, and of those that are kept the largest, and the closures' rms.
 
         Shapes are (legs, k, 9) and (legs, k).
         """
-        residual = self._imputation.residuals(closure_rel, overloaded, sets)
-        largest = np.maximum.reduce(np.abs(residual) * _KEPT[sets], axis=2)
-        rms_rel = np.sqrt(np.matmul(_SHARES_OF_KEPT[sets], np.square(closure_rel)[..., None])[..., 0])
+        residual = np.matmul(choice.predictors, closure_rel[:, None, :, None])[..., 0]
+        if choice.scale is not None:
+            residual = np.where(overloaded[:, None], np.maximum(residual, 0.0), residual) * choice.scale
+        largest = np.maximum.reduce(np.abs(residual) * choice.kept, axis=2)
+        rms_rel = np.sqrt(np.matmul(choice.shares_of_kept, np.square(closure_rel)[..., None])[..., 0])
         return residual, largest, rms_rel
 
     def _weigh(
@@ -271,7 +317,8 @@ class ConsistencyTest:
             agrees: Legs whose closures do not, without regard to motion, shape (legs,).
         """
         legs, evidence, excluded = self._legs, self._evidence, self.excluded
-        residual, largest, rms_rel = self._residuals(closure_rel, overloaded, _ALL_SETS)
+        every = self._choice_of_sets(_ALL_SETS, overloaded)
+        residual, largest, rms_rel = self._residuals(closure_rel, overloaded, every)
         limit = RESIDUAL_LIMIT + RESIDUAL_LIMIT_REL * rms_rel + readings.second_largest_motion_rel[:, None]
         share = largest / limit
         rank = np.where(CONTAINING[patterns_of(unusable)] & (share <= 1.0), share + _RANK, np.inf)

@@ -1,6 +1,6 @@
 """State, cause and faulty elements of every leg: what follows from the findings of a cycle."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,8 +31,8 @@ class LegRecord(NamedTuple):
         is_interrupted: Legs of which it cannot do without all elements with interrupted readings, shape (legs,).
         is_old: Legs whose oldest reading is too old, shape (legs,).
         is_stopped: Legs that a command has stopped, shape (legs,).
-        untared_states: State of each leg without a baseline, by its row.
         cause: Cause of each leg by noise and drift, shape (legs,).
+        untared_states: State of each leg without a baseline, by its row.
     """
 
     reading: Codes
@@ -49,53 +49,59 @@ class LegRecord(NamedTuple):
     is_interrupted: Mask
     is_old: Mask
     is_stopped: Mask
-    untared_states: dict[int, State]
     cause: Codes
+    untared_states: dict[int, State]
 
 
-def states_and_causes(record: LegRecord) -> tuple[Codes, NDArray[np.uint16], Codes]:
-    """Return the most severe state of each leg, the pattern of its faulty elements, and the cause."""
+_Found = tuple[Codes, NDArray[np.uint16], Codes]
+
+
+class LegStates:
+    """States, faulty elements and causes of all legs, which are derived anew when a finding has changed."""
+
+    def __init__(self) -> None:
+        self._key: tuple[object, ...] = ()
+        self._found: _Found
+
+    def observe(self, record: LegRecord) -> _Found:
+        """Return the most severe state of each leg, the pattern of its faulty elements, and the cause."""
+        *arrays, untared_states = record
+        key = (*map(np.ndarray.tobytes, arrays), untared_states)
+        if key != self._key:
+            self._key, self._found = key, _states_and_causes(record)
+        return self._found
+
+
+def _states_and_causes(record: LegRecord) -> _Found:
     states, causes = bytearray([State.VALID] * len(record.cause)), bytearray(record.cause.tobytes())
     fault_masks = [0] * len(states)
     # The masks of elements, in the order of the record, as numbers: for a few legs they are faster than arrays.
-    by_leg = patterns_of(np.array([record.reading != _OK, *record[1:11]])).T.tolist()
-    of_leg = zip(
-        record.is_interrupted.tolist(), record.is_old.tolist(), record.is_stopped.tolist(), strict=True
-    )
-    for leg, (masks, flags) in enumerate(zip(by_leg, of_leg, strict=True)):
-        if not (any(masks) or any(flags) or leg in record.untared_states):
-            continue
-        (
-            failed,
-            opened,
-            over_range,
-            untared,
-            unusable,
-            excluded,
-            stuck,
-            interrupted,
-            missing,
-            overloaded,
-            below,
-        ) = masks
-        is_interrupted, is_old, is_stopped = flags
-        faulty = opened | untared | excluded | interrupted
-        kept_overloaded = overloaded & ~missing
+    patterns = patterns_of(np.array([record.reading != _OK, *record[1:11]]))
+    columns = (*patterns.tolist(), *(column.tolist() for column in record[11:15]))
+    for leg, values in enumerate(zip(*columns, strict=True)):
         untared_state = record.untared_states.get(leg, State.VALID)
-        if untared_state is State.TARING and is_interrupted:
+        found: Any = LegRecord._make((*values, untared_state))
+        if not any(values[:-1]) and untared_state is State.VALID:
+            continue
+        missing, opened, excluded, stuck = found.missing, found.opened, found.excluded, found.stuck
+        faulty = opened | found.untared | excluded | found.interrupted
+        kept_overloaded = found.overloaded & ~missing
+        if untared_state is State.TARING and found.is_interrupted:
             untared_state = State.STARTING
-        state_of_reading, cause_of_reading = _of_readings(record.reading[leg]) if failed else (None, None)
+        state_of_reading, cause_of_reading = (
+            _of_readings(record.reading[leg]) if found.reading else (None, None)
+        )
         # The most severe last.
         states[leg] = _last_found(
             (True, State.VALID),
             (missing or kept_overloaded, State.DEGRADED),
-            (below & ~missing, State.OUT_OF_RANGE),
-            (is_old or is_interrupted, State.STALE),
+            (found.below & ~missing, State.OUT_OF_RANGE),
+            (found.is_old or found.is_interrupted, State.STALE),
             (untared_state is not State.VALID, untared_state),
             (kept_overloaded.bit_count() > MAX_OVERLOADED, State.SATURATED),
             (faulty & ~missing, State.ELEMENT_FAULT),
             (state_of_reading is not None, state_of_reading),
-            (is_stopped, State.STOPPED),
+            (found.is_stopped, State.STOPPED),
         )
         causes[leg] = _last_found(
             (states[leg] == State.STALE, Cause.DELAYED),
@@ -108,10 +114,10 @@ def states_and_causes(record: LegRecord) -> tuple[Codes, NDArray[np.uint16], Cod
             (any(opened & line == line for line in _COLUMNS), Cause.COLUMN_OPEN),
             (any(opened & line == line for line in _ROWS), Cause.ROW_OPEN),
             # It ties its column to its row, and takes the other two elements of its column along.
-            (over_range & (unusable | excluded), Cause.ELEMENT_SHORTED),
+            (found.over_range & (found.unusable | excluded), Cause.ELEMENT_SHORTED),
             (cause_of_reading is not None, cause_of_reading),
         )
-        fault_masks[leg] = failed | faulty | overloaded
+        fault_masks[leg] = found.reading | faulty | found.overloaded
     return np.frombuffer(states, np.uint8), np.array(fault_masks, np.uint16), np.frombuffer(causes, np.uint8)
 
 

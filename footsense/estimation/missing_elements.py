@@ -8,6 +8,7 @@ linear estimate from those that remain; the network gets the mask of the imputed
 """
 
 import math
+from functools import lru_cache
 from itertools import product
 
 import numpy as np
@@ -34,7 +35,6 @@ _PATTERNS: Mask = np.array(list(product((False, True), repeat=ELEMENTS)))[:, ::-
 CONTAINING: Mask = np.logical_and.reduce(_PATTERNS[:, None] <= MISSING_SETS, axis=2)
 #: Number of the smallest set that contains each pattern, the first of those; 0, the empty one, where no set does.
 SMALLEST_CONTAINING: NDArray[np.intp] = CONTAINING.argmax(axis=1)
-_SETS_CONTAINING: Mask = MISSING_SETS[SMALLEST_CONTAINING]
 
 
 def patterns_of(elements: Mask) -> NDArray[np.uint16]:
@@ -61,7 +61,13 @@ def missing_sets_containing(faulty: Mask) -> Mask:
         >>> missing_sets_containing(two_of_row_0)[0].astype(int).tolist()
         [1, 1, 1, 0, 0, 0, 0, 0, 0]
     """
-    return _SETS_CONTAINING.take(patterns_of(faulty), axis=0)
+    return _sets_containing(faulty.tobytes())
+
+
+@lru_cache
+def _sets_containing(faulty: bytes) -> Mask:
+    patterns = patterns_of(np.frombuffer(faulty, np.bool_).reshape(-1, ELEMENTS))
+    return MISSING_SETS[SMALLEST_CONTAINING[patterns]]
 
 
 _SET_PATTERNS = patterns_of(MISSING_SETS)
@@ -120,8 +126,10 @@ class Imputation:
         # With the paper's foot 1.7 at most beside a missing element, 1.2 beside a middle line, 4.0 beside an outer one.
         return float(np.linalg.norm(self.matrix(missing), axis=0).max())
 
-    def residuals(self, closure_rel: Vector, overloaded: Mask, sets: NDArray[np.intp]) -> Vector:
-        """Return the difference of each closure from its prediction by those that are known [1], shape (legs, k, 9).
+    def predictors(
+        self, overloaded: NDArray[np.uint16], sets: NDArray[np.intp]
+    ) -> tuple[Vector, Vector | None]:
+        """Return the matrices that give the differences of closures from their predictions by those that are known.
 
         Known are those that are neither overloaded nor in a set of `MISSING_SETS`, one along the second axis.
         An overloaded element is closed at least as far as it reads, so it differs only where it reads more than
@@ -129,18 +137,18 @@ class Imputation:
         predictions, and by `_OVERLOAD_RESIDUAL_REL`.
 
         Args:
-            closure_rel: Closures over the gap [1], finite, shape (legs, elements).
-            overloaded: Overloaded elements, same shape.
+            overloaded: Pattern of each leg's overloaded elements, shape (legs,).
             sets: Numbers of sets, shape (legs, k) or (1, k).
+
+        Returns:
+            Matrices, shape (legs, k, 9, 9), and that scale, shape (legs, k, 9); None where nothing is overloaded.
         """
-        patterns, by_overload = _SET_PATTERNS[sets], patterns_of(overloaded)[:, None]
+        patterns, by_overload = _SET_PATTERNS[sets], overloaded[:, None]
         unknown = patterns | by_overload
-        residuals: Vector = np.matmul(self._residual[unknown], closure_rel[:, None, :, None])[..., 0]
-        if not np.count_nonzero(by_overload):
-            return residuals
+        if not np.count_nonzero(overloaded):
+            return self._residual[unknown], None
         scale = self._rms[patterns] / self._rms[unknown] / _OVERLOAD_RESIDUAL_REL
-        residuals = np.where(overloaded[:, None], np.maximum(residuals, 0.0), residuals)
-        return residuals * np.where(by_overload[..., None], scale, 1.0)
+        return self._residual[unknown], np.where(by_overload[..., None], scale, 1.0)
 
     def overload_residuals(self) -> Vector:
         """Return the matrices that give `residuals` without a set, before their limit, for each pattern of overload."""

@@ -14,7 +14,7 @@ import numpy as np
 from footsense.estimation.baseline import BaselineTracker
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.elements import ConsistencyTest, ElementClassifier, ElementStatus
-from footsense.estimation.leg_state import LegRecord, states_and_causes
+from footsense.estimation.leg_state import LegRecord, LegStates
 from footsense.estimation.missing_elements import Imputation, missing_sets_containing, patterns_of
 from footsense.estimation.network import STEADY_AGES_S, Network, Readings, ReadingWindow, sensitivity
 from footsense.estimation.noise import ReadingNoise
@@ -44,7 +44,7 @@ from footsense.ports import LoadEstimate, LoadEstimator, Window
 #: Largest sigma of a usable force, over the largest force of the training [1]: with a larger one nothing is known.
 MAX_SIGMA_REL = 0.5
 # Plain number: to store an enumeration's member in an array costs a microsecond.
-_OUT_OF_RANGE = int(State.OUT_OF_RANGE)
+_OUT_OF_RANGE = np.uint8(State.OUT_OF_RANGE)
 #: Standard acceleration of gravity [m/s2].
 _GRAVITY_M_PER_S2 = 9.80665
 #: Noise is measured in one of so many frames: a third of a scan of an I2C bus, whose frames have one new reading.
@@ -77,7 +77,7 @@ class Pipeline:
     ) -> None:
         n_legs, design = len(feet.names), trained.design
         self._estimator = estimator
-        self._trained = trained
+        self._max_force_n = trained.max_force_n
         self._max_age_ns = limits.effective_max_age_ns
         # One per leg: to broadcast a single one takes longer than the operation.
         self._flags = np.full(n_legs, flags, np.uint8)
@@ -88,10 +88,15 @@ class Pipeline:
         self._noise = ReadingNoise(n_legs, trained.moments)
         self._baselines = BaselineTracker(feet, trained, limits, sensitivity, self._noise)
         self._consistency = ConsistencyTest(n_legs, self._imputation)
+        self._leg_states = LegStates()
         self._stopped: Mask = np.zeros(n_legs, bool)
         # Of each leg: a row is as cheap as a value, and to broadcast one is not.
         self._closure_min_rel = np.tile(trained.closure_rel_min, (n_legs, 1))
         self._closure_max_rel = trained.max_usable_closure_rel(feet.gap_um)
+        self._trained_rel = [
+            np.tile(bound_rel, (n_legs, len(STEADY_AGES_S), 1))
+            for bound_rel in (trained.closure_rel_min, trained.closure_rel_max)
+        ]
         friction = limits.contact.friction
         self._gait = GaitTracker(n_legs, math.nan if friction is None else friction)
         self._across_rel2, self._more_along_rel2 = variance_factors(feet.uncertainty)
@@ -173,9 +178,10 @@ class Pipeline:
         consistency = self._consistency
         excluded_before = consistency.excluded
         kept_out, inconsistency_sigma_rel = consistency.test(measured_rel, readings, unusable, overloaded)
-        self._window.discard_newest(consistency.excluded & ~excluded_before)
+        if consistency.excluded is not excluded_before:
+            self._window.discard_newest(consistency.excluded > excluded_before)
         missing, is_interrupted = _with_interrupted_readings_missing(kept_out, readings)
-        state, fault_mask, cause = states_and_causes(
+        state, fault_mask, cause = self._leg_states.observe(
             LegRecord(
                 reading=scan.reading,
                 opened=elements.opened,
@@ -184,28 +190,34 @@ class Pipeline:
                 unusable=unusable,
                 excluded=consistency.excluded,
                 stuck=consistency.stuck,
-                interrupted=missing & ~kept_out,
+                interrupted=missing > kept_out,
                 missing=missing,
                 overloaded=overloaded,
                 below=measured_rel < self._closure_min_rel,
                 is_interrupted=is_interrupted,
-                is_old=now_ns - readings.oldest_of_newest_ns > self._max_age_ns,
+                is_old=readings.oldest_of_newest_ns < now_ns - self._max_age_ns,
                 is_stopped=self._stopped,
-                untared_states=baselines.tares.states,
                 cause=baselines.unloaded.cause,
+                untared_states=baselines.tares.states,
             )
         )
         age_s: Vector = np.asarray((now_ns - readings.t_ns) * 1e-9, np.float64)
-        load, state = self._estimate_loads(closure_rel, age_s, missing, inconsistency_sigma_rel, state)
-        force_n = load.force_n
+        load, norms_n2, state = self._estimate_loads(
+            closure_rel, age_s, missing, inconsistency_sigma_rel, state
+        )
+        force_n, any_overloaded = load.force_n, np.count_nonzero(overloaded)
         # What a line that breaks adds to the other elements is no load, nor is at least so much a reading in swing.
-        measured_rel = np.where(is_interrupted[:, None], np.nan, measured_rel)
+        if np.count_nonzero(is_interrupted):
+            measured_rel[is_interrupted] = np.nan
+        if any_overloaded:
+            pf = np.where(overloaded, np.nan, pf)
         baselines.observe(
             measured_rel,
             force_n[:, 2],
             load.sigma_n[:, 2],
-            np.where(overloaded, np.nan, pf),
+            pf,
             scan.t_ns,
+            readings.newest_ns,
             missing,
             now_ns,
             self._own_acceleration,
@@ -213,9 +225,9 @@ class Pipeline:
         gait = self._gait.observe(load, baselines.contacts, now_ns)
         # Beside the network's: the foot's own mass, and what nobody knows of the foot, along the force and across it.
         variance_n2 = load.sigma_n**2 + baselines.swing_sigma_n**2
-        variance_n2 += self._across_rel2 * _squared_norms(force_n)[:, None]
+        variance_n2 += self._across_rel2 * norms_n2[:, None]
         variance_n2 += self._more_along_rel2 * force_n**2
-        if np.count_nonzero(overloaded):
+        if any_overloaded:
             variance_n2 += np.matmul(overloaded[:, None].astype(float), self._overloaded_n2)[:, 0]
         return ContactFrame(
             sequence=scan.sequence,
@@ -248,8 +260,8 @@ class Pipeline:
         missing: Mask,
         inconsistency_sigma_rel: Vector,
         state: Codes,
-    ) -> tuple[LoadEstimate, Codes]:
-        """Return the estimated loads (NaN where unusable), and the state of each leg.
+    ) -> tuple[LoadEstimate, Vector, Codes]:
+        """Return the estimated loads (NaN where unusable), their squared norms [N2], and the state of each leg.
 
         Args:
             closure_rel: Closures over the gap [1], newest first, shape (legs, 3, 9).
@@ -258,28 +270,28 @@ class Pipeline:
             inconsistency_sigma_rel: Sigma by contradicting elements, over the force [1], shape (legs,).
             state: State of each leg by its readings.
         """
-        trained, usable = self._trained, IS_USABLE_STATE[state]
+        usable, max_n, (min_rel, max_rel) = IS_USABLE_STATE.take(state), self._max_force_n, self._trained_rel
         # The network gets trained inputs only.
-        closure_rel = np.minimum(np.maximum(closure_rel, trained.closure_rel_min), trained.closure_rel_max)
-        for leg in (patterns_of(missing) | ~usable).nonzero()[0].tolist():
-            if usable[leg]:
-                closure_rel[leg] = self._imputation.impute(closure_rel[leg][None], missing[leg][None])[0]
-                age_s[leg, :, missing[leg]] = age_s[leg, :, ~missing[leg]].mean(axis=0)
-            else:
-                closure_rel[leg], age_s[leg] = 0.0, STEADY_AGES_S
+        closure_rel = np.minimum(np.maximum(closure_rel, min_rel), max_rel)
+        if np.count_nonzero(missing) or not usable.all():
+            for leg in (patterns_of(missing) | ~usable).nonzero()[0].tolist():
+                if usable[leg]:
+                    closure_rel[leg] = self._imputation.impute(closure_rel[leg][None], missing[leg][None])[0]
+                    age_s[leg, :, missing[leg]] = age_s[leg, :, ~missing[leg]].mean(axis=0)
+                else:
+                    closure_rel[leg], age_s[leg] = 0.0, STEADY_AGES_S
         load = self._estimator.estimate(Window(closure_rel, age_s, missing))
-        force_n, max_n = load.force_n, trained.max_force_n
+        force_n, norms_n2 = load.force_n, _squared_norms(load.force_n)
         max_sigma_n = MAX_SIGMA_REL * max_n
         sigma_n = np.hypot(load.sigma_n, self._baselines.unloaded.sigma_n)
         if np.count_nonzero(inconsistency_sigma_rel):
             sigma_n = with_inconsistency(sigma_n, inconsistency_sigma_rel, force_n, max_sigma_n)
-        fits = (_squared_norms(force_n) <= max_n * max_n) & np.logical_and.reduce(
-            sigma_n <= max_sigma_n, axis=1
-        )
-        state[usable & ~fits] = _OUT_OF_RANGE
-        untold = ~(usable & fits)
-        force_n[untold] = sigma_n[untold] = np.nan
-        return load._replace(sigma_n=sigma_n), state
+        fits = (norms_n2 <= max_n * max_n) & np.logical_and.reduce(sigma_n <= max_sigma_n, axis=1)
+        told = usable & fits
+        if not told.all():
+            state = np.where(usable > fits, _OUT_OF_RANGE, state)
+            force_n[~told] = sigma_n[~told] = np.nan
+        return load._replace(sigma_n=sigma_n), norms_n2, state
 
 
 def _squared_norms(vectors: Vector) -> Vector:

@@ -116,6 +116,7 @@ class Standing:
             unpredicted_n,
             capacitance_pf,
             self._stamps,
+            self._stamps.max(axis=1),
             missing,
             now_ns,
             unpredicted_n.tolist(),

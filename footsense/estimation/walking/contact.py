@@ -52,7 +52,7 @@ _MOST_SPREADS = 5.0
 #: Mean load that is expected of a stance, over that of the last ones [1].
 _STANCE_LOAD_REL = 3.0
 #: Time over which pulls and loads are remembered [s].
-_MEMORY_S = 10.0
+MEMORY_S = 10.0
 #: Time within which pull and bounces stay the same [s].
 _CORRELATED_S = 9e-3
 #: Largest creep that may remain after lift-off, over the mean load of the last minutes [1]. An assumption on the safe
@@ -102,11 +102,13 @@ def log_likelihood_ratio(z_n: float, spread_n: float, mean_n: float) -> float:
         spread_n: Standard deviation of a load in swing [N].
         mean_n: Mean of the exponential distribution of a load in stance [N]; twice the spread at least is taken.
     """
-    mean_n = max(mean_n, 2.0 * spread_n)
-    share, over = spread_n / mean_n, min(z_n / spread_n, _MOST_DEVIATIONS)
+    least_n, over = 2.0 * spread_n, z_n / spread_n
+    mean_n = least_n if least_n > mean_n else mean_n
+    over = _MOST_DEVIATIONS if over > _MOST_DEVIATIONS else over
+    share = spread_n / mean_n
     # Of the normal distribution's integral; below nothing it falls linearly, and the square is left out.
     below = _LOGISTIC * (share - over)
-    integral = max(below, 0.0) + math.log1p(math.exp(-abs(below)))
+    integral = (0.0 if below < 0.0 else below) + math.log1p(math.exp(-abs(below)))
     of_swing = 0.5 * over * over if over > 0.0 else 0.0
     return math.log(share) + _HALF_LOG_2_PI - z_n / mean_n + 0.5 * share * share - integral + of_swing
 
@@ -120,11 +122,11 @@ class _SwingLoads:
 
     def add(self, time_s: float, load_n: float, predicted_n: float, most_n: float) -> None:
         """Add a load, and its prediction if there is one [N], either as `most_n` at most."""
-        most_n = min(most_n, self.most_n)
+        most_n = self.most_n if self.most_n < most_n else most_n
         self.time_s += time_s
-        self._load_n2s += time_s * min(load_n, most_n) ** 2
+        self._load_n2s += time_s * (most_n if most_n < load_n else load_n) ** 2
         if math.isfinite(predicted_n):
-            self._predicted_n2s += time_s * min(predicted_n, most_n) ** 2
+            self._predicted_n2s += time_s * (most_n if most_n < predicted_n else predicted_n) ** 2
 
     def forget(self, kept: float) -> None:
         """Keep a share of what is remembered [1]."""
@@ -230,7 +232,8 @@ class ContactDetector:
             if now_ns - round(1e9 * before_s) > LONG_SILENCE_NS:
                 self.reset(now_ns)
             return
-        elapsed_s = min(max(t_s - before_s, 0.0), _LONG_SILENCE_S)
+        elapsed_s = t_s - before_s if t_s > before_s else 0.0
+        elapsed_s = _LONG_SILENCE_S if elapsed_s > _LONG_SILENCE_S else elapsed_s
         self._t_s = t_s
         if t_s - self._updated_s >= _UPDATE_S:
             self._update_spreads(t_s, baseline_error_n)
@@ -250,7 +253,7 @@ class ContactDetector:
         self._update_log_odds(ratio, t_s, elapsed_s)
         self._note_crossings(above_n, t_s)
         if in_contact:
-            self._stance_ns += elapsed_s * max(as_of_newest_n, 0.0)
+            self._stance_ns += elapsed_s * as_of_newest_n if as_of_newest_n > 0.0 else 0.0
             self._stance_s += elapsed_s
             if self._log_odds < _LOG_ODDS_END:
                 self._end_contact(t_s, as_of_newest_n, baseline_error_n)
@@ -273,8 +276,9 @@ class ContactDetector:
             return min(ratio, -2.0) if self._is_steady and above_n < self._shift_n else ratio
         above_n -= self._explained_n
         predicted_above_n -= self._explained_n
-        # Of a number and NaN, in this order, `max` is the number.
-        ratio = log_likelihood_ratio(above_n, max(spread_n, sigma_n), stance_load_n)
+        # Not of NaN.
+        widest_n = sigma_n if sigma_n > spread_n else spread_n
+        ratio = log_likelihood_ratio(above_n, widest_n, stance_load_n)
         if self._t_s - self._changed_s > _RINGS_S and predicted_above_n > self._least_n:
             spread_n = math.hypot(self._predicted_spread_n, 0.5 * sigma_n)
             ratio = max(ratio, log_likelihood_ratio(predicted_above_n, spread_n, stance_load_n))
@@ -302,13 +306,15 @@ class ContactDetector:
             past.popleft()
         then_s, then_n = past[0]
         # A foot that was pulled and comes back does not press.
-        return load_n - max(then_n, min(self.swing_load_n, load_n)), t_s - then_s
+        least_n = load_n if load_n < self.swing_load_n else self.swing_load_n
+        return load_n - (least_n if least_n > then_n else then_n), t_s - then_s
 
     def _update_log_odds(self, ratio: float, t_s: float, elapsed_s: float) -> None:
         begins = ends = _EVENT_RATE * elapsed_s
         if self.in_contact:
-            age = min((t_s - self._changed_s) / _SHORTEST_STANCE_S, 1.0)
-            ends *= (age * age) ** 2
+            age = (t_s - self._changed_s) / _SHORTEST_STANCE_S
+            if age < 1.0:
+                ends *= (age * age) ** 2
         odds = math.exp(self._log_odds)
         predicted = math.log((odds * (1.0 - ends) + begins) / (1.0 - begins + odds * ends))
         updated = predicted + (elapsed_s / _CORRELATED_S if elapsed_s < _CORRELATED_S else 1.0) * ratio
@@ -372,13 +378,14 @@ class ContactDetector:
             self._unexplained.add(
                 swing_s, max(load_n - explained_n, 0.0), max(predicted_n - explained_n, 0.0), most_n
             )
-        rise_n = above_n * min(swing_s / _SETTLES_S, 1.0)
-        self.swing_load_n += min(rise_n, self._max_swing_rise_n_per_s * swing_s)
+        share = swing_s / _SETTLES_S
+        rise_n, most_n = above_n * (1.0 if share > 1.0 else share), self._max_swing_rise_n_per_s * swing_s
+        self.swing_load_n += most_n if most_n < rise_n else rise_n
 
     def _update_spreads(self, t_s: float, baseline_error_n: float) -> None:
         """Derive what changes slowly: spreads of the load in swing, the mean of stances, and what drift explains."""
         elapsed_s, self._updated_s = min(max(t_s - self._updated_s, 0.0), _LONG_SILENCE_S), t_s
-        kept = max(1.0 - elapsed_s / _MEMORY_S, 0.0)
+        kept = max(1.0 - elapsed_s / MEMORY_S, 0.0)
         if self.in_contact:
             self._stance_ns *= kept
             self._stance_s *= kept

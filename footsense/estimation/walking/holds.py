@@ -19,6 +19,8 @@ two sigma: a gait that asks little repeats its largest ratio in every stance, as
 
 import math
 
+from footsense.estimation.walking.contact import MEMORY_S
+
 #: Slides and their ends a second [1/s].
 _CHANGES_PER_S = 2.0
 #: Time in which the error of a ratio stays the same [s], by which a slip is dated back as well, and how often one ratio
@@ -30,8 +32,6 @@ _SHORT = 3.0
 _ASSUMED_FRICTION, _FRICTION_SIGMA_REL = 0.5, 0.2
 #: How much more a ratio above the coefficient counts than one below it [1].
 _ABOVE_COUNTS = 2.0
-#: Time in which it is forgotten what feet have shown [s].
-_MEMORY_S = 10.0
 #: Odds of a slide from which a slip is reported, if the ratio supports it, and below which it is over.
 _SLIPS, _SLIPS_NO_MORE = 1.0, 0.5
 #: Factor of the logistic function that has the slope of a normal distribution's integral.
@@ -72,7 +72,7 @@ class GroundFriction:
 
     def pass_time(self, elapsed_s: float) -> None:
         """Forget what the feet have shown, as far as time has passed [s]."""
-        forgotten = min(elapsed_s / _MEMORY_S, 1.0)
+        forgotten = min(elapsed_s / MEMORY_S, 1.0)
         self.mean += forgotten * (self._start - self.mean)
         self.variance += forgotten * (self._start_variance - self.variance)
         exponent = 0.5 * self.mean * self.mean
@@ -141,8 +141,9 @@ class Holding:
             expected = mean * max(1.0 - _SHORT * sigma * mean, 0.5)
             spread = math.sqrt(variance + friction.variance)
             # Above the coefficient no foot holds.
-            apart = min((ratio - expected) / spread, _LOGISTIC)
-            asked = min(max(ratio, spread), expected)
+            apart, asked = (ratio - expected) / spread, spread if spread > ratio else ratio
+            apart = _LOGISTIC if apart > _LOGISTIC else apart
+            asked = expected if expected < asked else asked
             evidence = friction.log_density + 0.5 * (asked * asked - apart * apart)
             evidence += math.log((1.0 + math.exp(_LOGISTIC * apart)) / (spread * asked))
             weight = min(elapsed_s / SAME_ERROR_S, 1.0)
