@@ -59,8 +59,8 @@ def test_feet_find_their_electrodes_by_standing() -> None:
         np.testing.assert_array_equal(found.parameters.mount, np.eye(3))
         assert found.parameters.stiffness_rel == 0.0
         # The mean angle is 1.25 times the standard deviation across.
-        assert 0.3 < np.degrees(1.25 * found.parameters.error_rel) / after_deg[-1] < 4.0
-        assert 0.2 * before_deg[-1] < found.turned_deg < 3.0 * before_deg[-1]
+        assert 0.3 < np.degrees(1.25 * found.parameters.error_rel) / after_deg[-1] < 1.3
+        assert 0.7 * before_deg[-1] < found.turned_deg < 1.1 * before_deg[-1]
     assert np.mean(after_deg) < 0.2 * np.mean(before_deg)
     assert (np.array(after_deg) < 0.35 * np.array(before_deg)).all()
 
