@@ -37,8 +37,7 @@ def harmonics(normal: Vector) -> Vector:
 
 def harmonics_series() -> Vector:
     normal = spherical_cap_normals(MIN_FITTED_ELEVATION_DEG)
-    series: Vector = np.linalg.lstsq(basis(normal), harmonics(normal), rcond=None)[0]
-    return series
+    return np.asarray(np.linalg.lstsq(basis(normal), harmonics(normal), rcond=None)[0], np.float64)
 
 
 def test_the_mean_over_a_hertz_patch_is_that_of_funk_and_hecke() -> None:

@@ -84,6 +84,15 @@ def test_what_a_reference_told_of_mount_and_stiffness_is_kept() -> None:
     assert found.turned_deg < 0.5
 
 
+def test_what_loads_that_are_nearly_alike_leave_open_is_in_the_error() -> None:
+    """A median angle over 1.177 is the standard deviation across; what the network errs comes on top."""
+    foot = Specimen(design().response, replace(made(0), mount=np.eye(3), stiffness_rel=0.0))
+    found = calibrate_standing(design(), _standing(foot, *_postures(8, 1, tilt=0.03)), None)
+    open_deg = found.predicted_uncertainty.median_direction_error_deg / 1.177
+    assert open_deg > 0.8
+    assert np.degrees(found.parameters.error_rel) > 1.1 * open_deg
+
+
 @pytest.mark.parametrize(
     ("loads", "told"),
     [
