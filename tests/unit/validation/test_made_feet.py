@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -42,21 +43,24 @@ def _plan() -> MadeFootPlan:
     return MadeFootPlan(6, {"centred": ContactLoads.centred(centred), "leaning": leaning}, postures)
 
 
-def test_a_calibrated_foot_reads_leaning_loads() -> None:
+@pytest.fixture(scope="module")
+def made_foot() -> dict[str, Any]:
+    return evaluate_made_foot(design(), design().response, PressConditions(), _plan(), 1)
+
+
+def test_a_calibrated_foot_reads_leaning_loads(made_foot: dict[str, Any]) -> None:
     """It reads them several times better than the design's network, and says by how much it may err."""
-    found = evaluate_made_foot(design(), design().response, PressConditions(), _plan(), 1)
-    assert not found["calibrations"]["all"]["refused"]
-    for errors in found["errors"].values():
+    assert not made_foot["calibrations"]["all"]["refused"]
+    for errors in made_foot["errors"].values():
         assert errors["all"]["true_deg"] < min(2.0, 0.25 * errors["design"]["true_deg"])
         assert errors["all"]["true_gf"] < 3.0
         assert errors["all"]["within_2_sigma"] > 0.8
 
 
-def test_a_foot_that_stood_reads_loads_but_for_its_mount() -> None:
+def test_a_foot_that_stood_reads_loads_but_for_its_mount(made_foot: dict[str, Any]) -> None:
     """Nobody measured a force; 3 deg rms of mount stay, and the stiffness does."""
-    found = evaluate_made_foot(design(), design().response, PressConditions(), _plan(), 1)
-    assert not found["calibrations"]["standing"]["refused"]
-    for errors in found["errors"].values():
+    assert not made_foot["calibrations"]["standing"]["refused"]
+    for errors in made_foot["errors"].values():
         assert errors["standing"]["true_deg"] < min(6.0, 0.4 * errors["design"]["true_deg"])
 
 
