@@ -205,7 +205,6 @@ class McuSource:
         while self._clock.now_ns() < until_ns:
             self._port.wait_for_bytes_until_ns(until_ns)
             self._port.read()
-        self._decoder.reset()
         self._deadline_ns = until_ns + self._silent_ns
         self._listens = True
         self._port.write(IDENTIFY)

@@ -65,9 +65,6 @@ _PERIODIC = {
     FAULT_ID: (1_000_000_000, 1.5),
 }
 
-#: A plain number: arithmetic with an enumeration costs a microsecond each time.
-_DEGRADED_TIMING = int(Flag.DEGRADED_TIMING)
-
 
 class CanSink:
     """CAN output: publishes forces and reports, and receives commands and motions.

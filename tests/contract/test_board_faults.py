@@ -13,7 +13,7 @@ from footsense.ports import Transaction
 from tests.contract.boards import CONVERSION_NS, LateError, Robot, distinct
 
 
-@pytest.mark.parametrize("after_rel", np.linspace(0.0, 1.1, 9))
+@pytest.mark.parametrize("after_rel", [0.0, 0.4, 0.7, 1.1])
 @pytest.mark.parametrize("host_cost_us", [0, 150])
 def test_a_converter_that_was_reset_is_noticed_and_set_up_again(after_rel: float, host_cost_us: int) -> None:
     """After a dip of its supply it would read something else than it was told, and acknowledge everything.

@@ -56,6 +56,21 @@ def test_a_leg_that_is_missing_at_start_is_looked_for_again() -> None:
     assert robot.is_right(frame).all()
 
 
+def test_a_leg_that_fails_again_is_tried_again_as_soon_as_at_first() -> None:
+    """The pauses between its tries grow while it is away, and begin anew once it was there."""
+    robot = Robot(distinct)
+    for away_s in (1.5, 0.3):
+        robot.read(2)
+        now_ns = robot.clock.now_ns()
+        until_ns = now_ns + round(away_s * 1e9)
+        for chip in robot.chips(3):
+            chip.absent_ns = [(now_ns, until_ns)]
+        while robot.clock.now_ns() < until_ns:
+            robot.read()
+        while (robot.read().reading[3] != Reading.OK).any():
+            assert robot.clock.now_ns() < until_ns + (2_000_000_000 if away_s > 1.0 else 600_000_000)
+
+
 def test_readings_of_all_legs_belong_to_the_same_conversion() -> None:
     """A broadcast triggers all legs at once: their stamps are equal to the nanosecond, and frames count from 0."""
     robot = Robot(distinct)

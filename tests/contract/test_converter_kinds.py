@@ -126,11 +126,10 @@ def test_a_hang_that_only_a_reset_cures_is_noticed_and_cured(kind: Effects) -> N
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=name_of)
-@pytest.mark.parametrize("clock_error_rel", [0.0, 0.07])
-def test_the_driver_finds_out_which_registers_it_has_to_read(kind: Effects, clock_error_rel: float) -> None:
+def test_the_driver_finds_out_which_registers_it_has_to_read(kind: Effects) -> None:
     """The lower register is left out only where the upper one alone clears DONE; at 100 S/s it is always read."""
     for rate_sps in (400, 100):
-        robot = Robot(distinct, clock_error_rel=clock_error_rel, rate_sps=rate_sps, effects=kind)
+        robot = Robot(distinct, clock_error_rel=0.07, rate_sps=rate_sps, effects=kind)
         assert {leg.timing.reads_whole_result for leg in robot.buses[0].legs} == {kind.done_needs_both_reads}
         n_lower = 0
 
@@ -181,7 +180,7 @@ class NoisyAnswers:
         )
 
 
-@pytest.mark.parametrize("bit", range(16))
+@pytest.mark.parametrize("bit", [0, 3, 5, 11, 15])
 def test_a_flipped_bit_leaves_out_no_register(bit: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whichever answer about DONE has it while a chip is timed: of a chip that needs both reads both are read."""
     for n_right in range(7):

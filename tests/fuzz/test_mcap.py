@@ -115,12 +115,12 @@ def test_forged_messages(file: Path, data: st.DataObject) -> None:
     refusal(lambda: list(Replay(file)))
 
 
-@pytest.mark.parametrize("data", ["\xff", *NO_MESSAGE], ids=lambda text: text[:12])
 @pytest.mark.parametrize("topic", [*messages.ENCODERS, "/x"])
-def test_forged_json(file: Path, topic: str, data: str) -> None:
+def test_forged_json(file: Path, topic: str) -> None:
     """Nesting and numbers without end, and JSON that is no message."""
-    forged(file, [(topic, data.encode("latin-1"))])
-    refusal(lambda: list(Replay(file)))
+    for data in ("\xff", *NO_MESSAGE):
+        forged(file, [(topic, data.encode("latin-1"))])
+        refusal(lambda: list(Replay(file)))
 
 
 @given(st.dictionaries(st.sampled_from(["legs", "config", "flags", "x"]), st.text(max_size=20), max_size=4))

@@ -22,8 +22,6 @@ _MIN_CHANGE_REL, _MAX_CURVATURE_REL = 0.2, 0.04
 _CUBIC_ERROR, _LINE_ERROR = 0.07, 0.125
 #: Neighbours on each side whose error may be an instant's as well.
 _NEIGHBOURS = 2
-#: Longest time from the first to the last of the four readings, over the usual [1]: no frame is missing between.
-_MAX_SPAN_REL = 1.5
 #: Scans in the air that end a stance; those after it in which rubber still recovers.
 _MIN_SWING_SCANS, _RECOVERING_SCANS = 12, 8
 #: Scans around a stance that its interpolation needs, and most scans that are kept: a robot that stands has no stances.
@@ -203,8 +201,6 @@ def _interpolated(scans: LegScans, t_ns: Stamps) -> tuple[Vector, Vector, Vector
         four = last[:, None] + np.arange(-3, 1)
         x = (read_ns[four] - t_ns[:, None]) * 1e-9
         y = read_pf[four]
-        usual_s = 3.0 * float(np.median(np.diff(read_ns))) * 1e-9
-        y[x[:, 3] - x[:, 0] > _MAX_SPAN_REL * usual_s] = np.nan
         weights = [
             np.prod([x[:, other] / (x[:, other] - x[:, one]) for other in range(4) if other != one], axis=0)
             for one in range(4)

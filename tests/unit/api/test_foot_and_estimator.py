@@ -186,6 +186,15 @@ def test_an_element_without_readings_makes_a_foot_degraded() -> None:
     np.testing.assert_allclose(forces.force_n[-1, 0], stances(2)[-1, 0], atol=0.1)
 
 
+def test_a_foot_without_a_force_is_in_contact_with_nothing() -> None:
+    """From the row on in which its readings end, though it stood."""
+    pf = FOOT.capacitance_pf(stances()[:, 0])
+    pf[50:] = np.nan
+    forces = ESTIMATOR.run(pf, T_S)
+    assert forces.contact.tolist() == [False] * 30 + [True] * 20 + [False] * 10
+    assert not forces.usable[50:].any()
+
+
 WALK_PF = FOOT.capacitance_pf(stances()[:, 0])
 
 

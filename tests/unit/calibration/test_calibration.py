@@ -130,6 +130,18 @@ def test_an_offset_sheet_and_a_crooked_reference_are_told_from_the_foot() -> Non
     assert np.median(found.mahalanobis_distance) < 1.0
 
 
+def test_gains_of_the_reference_are_no_errors_of_the_calibration() -> None:
+    """Neither of those that it says of itself, nor of those that are expected."""
+    loads = load_set(made(1), _TRAINING[::18])
+    straight, crooked = (
+        calibrate(design(), replace(loads, force_n=loads.force_n * gains))
+        for gains in (np.ones(3), np.array([1.04, 0.99, 0.97]))
+    )
+    assert crooked.parameters.error_rel < 1.3 * straight.parameters.error_rel
+    expected = zip(crooked.predicted_uncertainty, straight.predicted_uncertainty, strict=True)
+    assert all(of_crooked < 1.3 * of_straight for of_crooked, of_straight in expected)
+
+
 def test_a_foot_as_designed_is_left_as_it_is() -> None:
     """Nothing is made up: calibration of an exact foot does not make it worse than the noise of its test stand."""
     rng = np.random.default_rng(5)
@@ -220,8 +232,8 @@ def test_what_the_rubber_remembers_is_taken_off_and_drift_is_left(every: int) ->
     read_pf = rested_pf + remembering_pf - loads.baseline_pf
     found_pf = correct_baselines_for_creep(design().response, replace(loads, baseline_pf=read_pf)).baseline_pf
     assert np.abs(read_pf - rested_pf).mean() > 0.02
-    assert abs((found_pf - rested_pf).mean()) < 0.004
-    assert (found_pf - rested_pf).std() < 0.01
+    assert abs((found_pf - rested_pf).mean()) < 0.003
+    assert (found_pf - rested_pf).std() < 0.002
 
 
 def test_an_elastic_foot_is_left_as_it_is() -> None:
@@ -264,6 +276,23 @@ def test_a_mounting_is_kept_whole_however_many_recordings_it_has(names: str, kep
     assert held_out is not None
     n = sum(len(one.loads) for one in sessions)
     assert held_out.calibrated.n == pytest.approx(kept * n, abs=1)
+
+
+def test_held_out_loads_judge_a_calibration_that_did_not_know_them() -> None:
+    """The second time the foot was mounted 2.9 deg off; the temperature is that of all loads, not of all sessions."""
+    first = load_set(made(1), _FORCE_N[::2])
+    turned = replace(made(1), mount=rotation(np.array([0.05, 0.0, 0.0])) @ made(1).mount)
+    again = load_set(turned, _FORCE_N[1::3])
+    sessions = [
+        replace(session(name, 0), loads=loads, temperature_c=temperature_c)
+        for name, loads, temperature_c in (("a", first, 20.0), ("b", again, 26.0))
+    ]
+    found = calibrate_sessions(design(), sessions)
+    assert found.held_out is not None
+    assert found.held_out.calibrated.direction_deg == pytest.approx(2.8, abs=0.3)
+    assert found.temperature_c == pytest.approx(
+        (20.0 * len(first) + 26.0 * len(again)) / (len(first) + len(again))
+    )
 
 
 def test_a_session_that_is_not_there_is_no_judge() -> None:

@@ -155,6 +155,20 @@ def test_pressed_again_at_once_is_two_loads() -> None:
     assert loads[1].baseline_pf == pytest.approx(loads[0].baseline_pf, abs=1e-3)
 
 
+def test_pressed_again_at_once_is_measured_from_the_pause_between() -> None:
+    """What the first press left in the rubber is none of the second's load."""
+    second = ONE._replace(at_s=ONE.at_s + 2 * ONE.rise_s + ONE.dwell_s + 0.15)
+    left_pf = 0.02
+
+    def remembering(cycle: Cycle) -> Cycle:
+        remembers = cycle.forces.t_sent_ns * 1e-9 - 1.0 > ONE.at_s + 0.5
+        scan = cycle.scan._replace(capacitance_pf=cycle.scan.capacitance_pf + left_pf * remembers)
+        return cycle._replace(scan=scan)
+
+    loads = find_loads(map(remembering, cycles(force_profile(ONE, second), 6.0, scan_ns=7_000_000)))
+    assert loads[1].baseline_pf == pytest.approx(DESIGN.unloaded_pf + left_pf, abs=2e-3)
+
+
 def test_a_slow_converter_is_enough() -> None:
     """Ten scans a second find presses that are held for a second."""
     presses = [ONE._replace(at_s=1.5 + 2.0 * k, dwell_s=1.0) for k in range(3)]

@@ -9,10 +9,12 @@ import pytest
 from click.testing import CliRunner
 from numpy.typing import NDArray
 
-from footsense.calibration.selfcal.instants import StanceSampler
+from footsense.calibration.selfcal.instants import LegScans, StanceSampler
 from footsense.calibration.selfcal.proposal import propose
 from footsense.calibration.selfcal.state import other_foot, read_state, state_path, write_state
+from footsense.calibration.selfcal.walking_fit import Electrodes, fit_instants
 from footsense.calibration.selfcal.walking_foot import WalkingFoot
+from footsense.calibration.twin import GAIN
 from footsense.cli.calibration.proposals import accept, revert
 from footsense.daemon.foot_types import released_path
 from footsense.errors import CalibrationError
@@ -56,6 +58,35 @@ def test_readings_of_an_instant_are_those_of_one_time() -> None:
     raw_pf = scans.capacitance_pf[np.searchsorted(scans.t_ns.mean(axis=1), found.t_ns)]
     assert np.abs(raw_pf - true_pf).max() > 10.0 * np.abs(found.capacitance_pf - true_pf).max()
     np.testing.assert_allclose(found.baseline_pf[-1], foot.unloaded_pf, atol=0.5e-3)
+
+
+def test_frames_that_are_missing_in_a_stance_make_no_reading_wrong() -> None:
+    """A recorder that was too slow, for a tenth of a second in the middle of each stance."""
+    foot, _ = made_foot(0)
+    scans, clean_pf = walk(foot, 6)
+    kept = np.arange(len(scans.t_ns)) % 74 // 15 != 3
+    found = StanceSampler(foot.unloaded_pf).add(LegScans(*(values[kept] for values in scans)))
+    assert len(found.t_ns) >= 10
+    t_ns = CONVERSION_NS * np.arange(1, len(clean_pf) + 1)
+    true_pf = np.stack([np.interp(found.t_ns, t_ns, of_element) for of_element in clean_pf.T], axis=1)
+    assert (np.abs(found.capacitance_pf - true_pf) < 3.0 * found.sigma_pf).all()
+
+
+def test_instants_that_the_model_does_not_explain_count_less() -> None:
+    """Changes that are off by 5 % each leave more unknown than exact ones."""
+    foot, known = made_foot(0)
+    exact = StanceSampler(foot.unloaded_pf).add(walk(foot, 6)[0])
+    off = 1.0 + 0.05 * np.random.default_rng(5).normal(size=exact.capacitance_pf.shape)
+    spoiled = exact._replace(
+        capacitance_pf=exact.baseline_pf + off * (exact.capacitance_pf - exact.baseline_pf)
+    )
+    before = Electrodes.before_walking(design().response.design, known, calibrated=True)
+    sigmas = []
+    for instants in (exact, spoiled):
+        found, misfit = fit_instants(design(), before, instants)
+        sigmas.append(np.sqrt(np.diag(found.own_covariance)[GAIN]).mean())
+    assert misfit > 1.3
+    assert sigmas[1] > 1.05 * sigmas[0]
 
 
 def test_stances_with_an_open_element_are_not_used() -> None:

@@ -54,6 +54,17 @@ def test_each_illness_is_told_with_its_own_number_of_bus_offs(caplog: pytest.Log
     assert lines[2::3] == [f"CAN can0: no more errors; bus-off {n} times until then" for n in (3, 2)]
 
 
+def test_a_bus_that_is_off_at_once_is_told_with_every_bus_off(caplog: pytest.LogCaptureFixture) -> None:
+    """Shorted wires: no error before it; those of an illness before do not count."""
+    health = BusHealth("can0", CanStatistics())
+    for begin_ns, n_bus_off in ((100 * S, 3), (200 * S, 1)):
+        for n in range(n_bus_off):
+            note(health, ErrorClass.BUS_OFF, begin_ns + n)
+        health.check_recovery(begin_ns + 99 * S)
+    told = [record.getMessage() for record in caplog.records][1::2]
+    assert told == [f"CAN can0: no more errors; bus-off {n} times until then" for n in (3, 1)]
+
+
 def test_a_queue_that_is_full_now_and_then_is_told_once_and_at_its_end(
     caplog: pytest.LogCaptureFixture,
 ) -> None:

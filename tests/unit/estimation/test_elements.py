@@ -131,6 +131,19 @@ def test_a_wrong_element_beside_one_that_cannot_be_read_takes_their_line(
     assert leg.consistency.excluded[0, wrong]
 
 
+def test_a_wrong_element_that_is_in_no_line_with_one_that_cannot_be_read_widens_sigma() -> None:
+    """No force does without both: neither is blamed, though a light load would be explained without the wrong one."""
+    leg = Leg()
+    closure_rel = pressed((0.1, 0.0, 0.0))
+    closure_rel[0] += 0.6
+    closure_rel[4] = np.nan
+    for _ in range(6):
+        result = leg.test(closure_rel, 4)
+        assert np.flatnonzero(result.missing[0]).tolist() == [4]
+        assert result.inconsistency_sigma_rel[0] > 0.5
+    assert not leg.consistency.excluded.any()
+
+
 def test_residuals_without_a_faulty_element_widen_sigma() -> None:
     """A load that steps while the elements are read: nothing is left out, and sigma is wider for a while."""
     closure_rel = pressed()

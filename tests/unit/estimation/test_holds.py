@@ -43,8 +43,7 @@ def test_a_ratio_that_is_not_known_well_says_little() -> None:
     for ratio in (0.2, 0.4):
         sharp, wide = Foot().stand([ratio] * 20), Foot().stand([ratio] * 20, sigma=0.19)
         unknown = Foot().stand([math.nan] * 20)
-        assert abs(wide - unknown) < abs(sharp - unknown)
-        assert 0.02 < wide < 0.95
+        assert abs(wide - unknown) < min(0.06, abs(sharp - unknown))
     assert Foot(0.8).stand([0.72] * 20, sigma=0.05) < 0.1
 
 

@@ -139,8 +139,11 @@ def test_a_recorder_that_hangs_loses_cycles_and_says_so(tmp_path: Path, ring: Cy
         ring.observe(quick_cycle(number))
     assert recorder.n_lost_cycles == 0
     os.kill(recorder._writer.pid, signal.SIGCONT)
+    while not (told := recorder.n_lost_cycles):
+        pass
     recorder.close()
     lost = recorder.n_lost_cycles
+    assert told == lost
     first, *entries = Replay(path).entries()
     assert first == LostCycles(lost, quick_cycle(lost).forces.t_sent_ns, lost)
     assert 200 < lost < n - 500

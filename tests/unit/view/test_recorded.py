@@ -12,10 +12,12 @@ import pytest
 from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.models import load_models
 from footsense.daemon.recording_header import closure_conversion, recorded_config, recorded_flags
+from footsense.frames import BaselineDrift, CapFrame, Command, CommandKind, CommandResult, Result
 from footsense.recording.replay import Replay
 from footsense.view.recorded import ReconstructedBaselines, RecordingSource
 from footsense.view.signals import SignalTables
-from tests.support.cycles import write
+from tests.support.cycles import cycle, write
+from tests.support.frames import contact_frame
 
 GOLDEN = Path(__file__).parents[2] / "golden/measured_walk.mcap"
 
@@ -29,13 +31,39 @@ def test_the_baselines_of_a_recording_are_found_again() -> None:
     tables = SignalTables(closure_conversion(models))
     baselines = ReconstructedBaselines(tables.stray_pf, config.tare.window_scans)
     largest = 0.0
-    for cycle in islice(recording, 900):
-        pipeline.process(cycle.scan, cycle.forces.t_sent_ns)
-        found = tables.closure_rel(cycle, baselines.baseline_pf_after(cycle))
-        wanted = tables.closure_rel(cycle, pipeline.baseline_pf)
+    for one in islice(recording, 900):
+        pipeline.process(one.scan, one.forces.t_sent_ns)
+        found = tables.closure_rel(one, baselines.baseline_pf_after(one))
+        wanted = tables.closure_rel(one, pipeline.baseline_pf)
         np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-3)
         largest = max(largest, float(np.nan_to_num(found).max()))
     assert largest > 0.3
+
+
+def test_a_baseline_that_was_tracked_moves_with_its_mean_drift() -> None:
+    """Of a second tare the scans before it are the new baseline."""
+    shown = cycle(1, n_legs=1)
+    baselines = ReconstructedBaselines(np.full((1, 9), 0.5), window_scans=2)
+
+    def after(number: int, reading_pf: float, drift_pf: float, *, tares: bool) -> float:
+        scan = CapFrame(
+            number, np.full((1, 9), number), np.full((1, 9), reading_pf), np.zeros((1, 9), np.uint8)
+        )
+        drift = BaselineDrift(
+            np.zeros(1, np.uint8), np.array([drift_pf]), np.array([drift_pf]), np.ones(1, np.int64)
+        )
+        done = CommandResult(Command(CommandKind.TARE, 0), Result.DONE, "")
+        forces = contact_frame(number, baseline=drift)
+        found_pf = baselines.baseline_pf_after(
+            shown._replace(scan=scan, forces=forces, ended_commands=(done,) if tares else ())
+        )
+        return float(found_pf[0, 4])
+
+    assert np.isnan(after(1, 9.0, np.nan, tares=False))
+    after(2, 5.9, 0.0, tares=False)
+    assert after(3, 6.1, 0.0, tares=True) == pytest.approx(5.5)
+    assert after(4, 7.0, 0.02, tares=False) == pytest.approx(5.52)
+    assert after(5, 6.2, 0.0, tares=True) == pytest.approx(6.1)
 
 
 def test_hours_without_a_cycle_take_no_room(tmp_path: Path) -> None:

@@ -8,17 +8,27 @@ from pathlib import Path
 from typing import Any
 from urllib.request import Request, urlopen
 
+import msgspec
 import numpy as np
 import pytest
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
+from footsense.daemon.recording_header import ClosureConversion
 from footsense.errors import ConfigError
 from footsense.view.live import LiveSource
 from footsense.view.recorded import RecordingSource
 from footsense.view.server import MAX_CLIENTS, PAGE_PROTOCOL, ViewServer
-from footsense.view.signals import SIGNALS
-from tests.support.viewed_service import HEADER, LEGS, TIMEOUT_S, ViewedService, run, served
+from footsense.view.signals import SIGNALS, SignalTables
+from tests.support.viewed_service import (
+    HEADER,
+    LEGS,
+    TIMEOUT_S,
+    UNLOADED_PF,
+    ViewedService,
+    run,
+    served,
+)
 
 GOLDEN = Path(__file__).parents[2] / "golden/measured_walk.mcap"
 COLUMN = {name: column for column, name in enumerate(SIGNALS)}
@@ -78,6 +88,24 @@ def test_the_page_shows_forces_and_closures(tmp_path: Path) -> None:
                 assert tables[-1, :, COLUMN["friction"]] == pytest.approx(0.4)
 
     run(test)
+
+
+def test_a_ground_that_nobody_told_of_for_0_3_s_is_unknown(tmp_path: Path) -> None:
+    """As a consumer of CAN has it; a temperature stays."""
+    service = ViewedService(tmp_path / "cycles")
+    service.force_n[2] = 0.1, -0.2, 1.0
+    tables = SignalTables(msgspec.json.decode(HEADER["elements"], type=ClosureConversion))
+    baseline_pf = np.full((6, 9), UNLOADED_PF)
+    with_gait = service.cycle(1)._replace(temperature_c=np.full(6, 21.0))
+    without = service.cycle(2)
+    friction, warmth = COLUMN["friction"], COLUMN["temperature"]
+    for later_ns, known in ((-1, True), (300_000_000, True), (300_000_001, False)):
+        t_ns = with_gait.forces.t_sent_ns + max(later_ns, 0)
+        one = with_gait if later_ns < 0 else without._replace(forces=without.forces._replace(t_sent_ns=t_ns))
+        table = tables.table(one, baseline_pf)
+        assert np.isfinite(table[:, friction]).all() == known
+        assert (table[:, warmth] == 21.0).all()
+    service.close()
 
 
 def test_a_slow_page_is_sent_the_newest_and_no_backlog(tmp_path: Path) -> None:
