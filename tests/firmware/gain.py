@@ -54,7 +54,7 @@ FEET = replace(
     ),
 )
 #: From the last status to the first byte on the line, on the emulated RP2040 [ns].
-CPU_NS = 440_000
+CPU_NS = 660_000
 BEGIN_S, END_S = 1.5, 5.0
 N_COUNTED = 200, 400
 

@@ -61,9 +61,9 @@ class VirtualFeet:
         >>> feet = VirtualFeet(2)
         >>> up = np.array([[0.0, 0.0, 1.0]] * 2)
         >>> for t_s in np.arange(0.0, 0.2, 0.01):
-        ...     published = feet.step(t_s, up * [[0.8], [0.0]], up)
+        ...     published = feet.step(t_s, up * [[0.8], [0.4]], up)
         >>> published.usable.tolist(), published.force_n[:, 2].round(1).tolist()
-        ([True, True], [0.8, 0.0])
+        ([True, True], [0.8, 0.4])
     """
 
     def __init__(

@@ -190,6 +190,7 @@ def test_more_than_the_bus_takes_thins_the_scans_and_ages_none() -> None:
     assert walk.worst_wait_ms < 6.0
 
 
+@pytest.mark.slow
 def test_six_legs_leave_no_trace_of_a_day_in_memory() -> None:
     """Nothing that the interface and its sink keep grows with time, also while nothing gets through."""
     walk = CanWalk([CanNoAck(at_s=0.1)], WITHOUT_ONE_SHOT)
@@ -198,11 +199,11 @@ def test_six_legs_leave_no_trace_of_a_day_in_memory() -> None:
     tracemalloc.start()
     try:
         held = []
-        for until_s in (20.0, 40.0):
+        for until_s in (20.0, 60.0):
             walk.walk(until_s)
             gc.collect()
             held.append(tracemalloc.get_traced_memory()[0])
     finally:
         tracemalloc.stop()
-    assert held[1] - held[0] < 8_000, "in 833 scans of 12 frames"
+    assert held[1] - held[0] < 30_000, "in 1667 scans of 12 frames, a number a scan would take twice that"
     assert [h for h in walk.heard if h.t_ns > 100 * MS] == []
