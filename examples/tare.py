@@ -16,6 +16,9 @@ except footsense.FootsenseError as error:
     sys.exit(str(error))
 with feet:
     for leg in feet.legs:  # or all at once: feet.tare()
+        # What a gait controller knows: the foot is still, the leg upright. In a walk it says so in each of its steps.
+        up, phase = (0.0, 0.0, 1.0), footsense.StepPhase.SWING
+        feet.send_motion(leg, acceleration_m_per_s2=0.0, sigma_m_per_s2=0.1, up=up, phase=phase)
         try:
             feet.tare(leg)
         except footsense.FootsenseError as refused:

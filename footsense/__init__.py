@@ -82,7 +82,7 @@ if not TYPE_CHECKING:  # a type checker finds a wrong name by itself
         except ModuleNotFoundError as error:
             raise ImportError(
                 f"footsense.{name} needs {error.name}, which footsense-client alone lacks; in the clone of footsense: "
-                "pip install deploy/client ."
+                "activate its environment, or pip install deploy/client ."
             ) from None
         globals()[name] = value
         return value

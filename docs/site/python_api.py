@@ -34,7 +34,8 @@ def markdown(module: str) -> str:
 def _section(module: str, name: str, documented: Any) -> str:  # noqa: ANN401 - whatever a module has
     parts = [f"### `{name}`\n"]
     apart = [importlib.import_module(other) for other in _TOLD_APART if module != other]
-    if any(getattr(other, name, None) is documented for other in apart):
+    is_own = getattr(documented, "__module__", "") == module
+    if not is_own and any(getattr(other, name, None) is documented for other in apart):
         return f"`{name}`: see [below](#{name.lower()}).\n"
     if inspect.isclass(documented) and issubclass(documented, enum.Enum):
         parts += [_prose(documented), table(["name", "value", "meaning"], list(_enum_rows(documented)))]

@@ -86,7 +86,10 @@ def _instructions(n_cycles: int) -> dict[str, Any] | None:
 def _virtual_feet() -> dict[str, Any] | None:
     """Return the figures of feet in a batch; None, and a line that says why, without their extra."""
     if find_spec("array_api_compat") is None:
-        click.echo("feet in a batch are not measured: pip install 'footsense[simulators]'", err=True)
+        click.echo(
+            "feet in a batch are not measured: in the clone of footsense: pip install -e '.[simulators]'",
+            err=True,
+        )
         return None
     from footsense.benchmarks.virtual_feet import measure_virtual_feet
 

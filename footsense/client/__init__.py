@@ -21,6 +21,7 @@ All that is pure: it opens no channel and reads no clock, and imports nothing bu
 The wheel `footsense-client` is this folder and what it imports (`deploy/client`); it needs python-can alone.
 """
 
+from firmware_interface.can.codes import StepPhase
 from footsense.client.commands import CommandAnswer, PendingCommands
 from footsense.client.gait_events import GAIT_EVENT_IDS, GaitEvents, LegEvent
 from footsense.client.link import LINK_IDS, LegForce, Link, LinkLimits, LinkStatus
@@ -42,4 +43,5 @@ __all__ = [
     "Motions",
     "PendingCommands",
     "Reports",
+    "StepPhase",
 ]

@@ -9,7 +9,7 @@ from itertools import product
 from types import TracebackType
 from typing import TYPE_CHECKING, Literal, Self
 
-from firmware_interface.can.codes import NODE_IDS, CommandKind, Result, StepPhase
+from firmware_interface.can.codes import NODE_IDS, CommandKind, Flag, Result, StepPhase
 from firmware_interface.can.socketcan import pack_frame
 from footsense.client.commander import Commander, open_command_wire
 from footsense.client.events import FootEvent
@@ -57,7 +57,8 @@ def connect(
         The feet; close them, or use them in a `with` block.
 
     Raises:
-        CanError: The channel is missing or down, nothing sends forces on it, or they are of another version.
+        CanError: The channel is missing or down, nothing sends forces on it, or none that can be used; or they are of
+            another version.
 
     Example::
 
@@ -225,9 +226,13 @@ class Feet:
     ) -> None:
         """Tell the service what the robot's controller knows of the motion of a leg; NaN for what it does not know.
 
-        It holds for 50 ms: call it for each leg in every step of the controller's loop, 50 times a second or so. It is
-        not answered; a service that executes no commands takes no motion, as `tare` says. The frame of the foot is that
-        of the force: x forward, y left, z along the leg towards the body.
+        It holds for 50 ms: call it for each leg in every step of the controller's loop, 50 times a second or so. The
+        frame of the foot is that of the force: x forward, y left, z along the leg towards the body.
+
+        It is not answered, and a service that executes no commands takes no motion, as `tare` says. What was taken is
+        seen on the robot alone: `footsense_can_received_motions_total` of its metrics counts all that came,
+        `footsense_can_rejected_motions_total` those that were not taken, and a recording has those that were, with
+        their phases, which the estimate does not use.
 
         Args:
             leg: Name of the leg.
@@ -238,7 +243,7 @@ class Feet:
             phase: Planned phase of the step.
 
         Raises:
-            ValueError: `up` is no such vector.
+            ValueError: `up` is no such vector, or there is no such phase.
             FootsenseError: There is no such leg.
             CanError: The channel is down or gone, or takes no frame.
         """
@@ -357,9 +362,15 @@ class Feet:
         with self._news:
             self._news.wait_for(lambda: readable() and all(readable()), self._timeout_s)
             if not any(readable()):
-                what = "no forces that can be read yet" if readable() else "no forces"
-                remedy = "is the service running, and is this its channel?"
-                raise CanError(f"{what} on {self._address.channel} within {self._timeout_s:g} s; {remedy}")
+                where = f"on {self._address.channel} within {self._timeout_s:g} s"
+                if not (heard := self._heard()):
+                    raise CanError(f"no forces {where}; is the service running, and is this its channel?")
+                links = ", ".join(f"{leg.leg} {leg.force.status.name}" for leg in heard)
+                timing = any(Flag.DEGRADED_TIMING in leg.force.flags for leg in heard)
+                raise CanError(
+                    f"frames come, but no force that can be used {where}: {links}{' (DEGRADED_TIMING)' * timing}; is "
+                    "the service starting, too slow, or not the only one?"
+                )
             self._given = self._counts()
             self._pending_events.clear()
         return tuple(self._given)

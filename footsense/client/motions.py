@@ -44,8 +44,10 @@ class Motions:
             phase: Planned phase of the step.
 
         Raises:
-            ValueError: `up` is no unit vector, or points down the leg.
+            ValueError: `up` is no unit vector, or points down the leg; or there is no such phase.
         """
+        if phase not in (*StepPhase,):
+            raise ValueError(f"phase: a StepPhase, such as StepPhase.SWING; got {phase!r}")
         x, y, z = up
         length = math.hypot(x, y, z)
         if not math.isnan(length) and (abs(length - 1.0) > _MAX_LENGTH - 1.0 or z < 0.0):

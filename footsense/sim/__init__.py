@@ -22,6 +22,7 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401 - of a module
         from footsense.sim.virtual import feet
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(
-            f"{error}; feet in a batch need: pip install 'footsense[simulators]'", name=error.name
+            f"{error}; feet in a batch need, in the clone of footsense: pip install -e '.[simulators]'",
+            name=error.name,
         ) from None
     return getattr(feet, name)

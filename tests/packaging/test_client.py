@@ -60,7 +60,10 @@ def test_what_the_client_lacks_says_in_one_line_what_to_install(
 ) -> None:
     asked = run(programs / "python", "-c", f"from footsense import {name}", cwd=tmp_path)
     lacking = f"ImportError: footsense.{name} needs footsense.api, which footsense-client alone lacks; "
-    assert asked.stderr.splitlines()[-1] == f"{lacking}in the clone of footsense: pip install deploy/client ."
+    assert (
+        asked.stderr.splitlines()[-1]
+        == f"{lacking}in the clone of footsense: activate its environment, or pip install deploy/client ."
+    )
 
 
 @pytest.mark.parametrize("name", ["estimate_array.py", "simulate_foot.py"])

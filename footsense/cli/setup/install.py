@@ -17,7 +17,14 @@ from footsense.config.contradictions import warnings
 from footsense.errors import FootsenseError
 
 _UNITS = "/etc/systemd/system"
-_SERVICES = ("footsense", "footsense-exporter", "footsense-view", "footsense-selfcal", "footsense-snapshot")
+_SERVICES = (
+    "footsense",
+    "footsense-exporter",
+    "footsense-view",
+    "footsense-ros2",
+    "footsense-selfcal",
+    "footsense-snapshot",
+)
 #: Where each file of the folder `deploy` is installed.
 _TARGETS = {
     **{f"{name}.service": (f"{_UNITS}/{name}.service",) for name in _SERVICES},

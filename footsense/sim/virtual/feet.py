@@ -118,9 +118,16 @@ class VirtualFeet:
         """Lift feet off the ground, tared and drawn anew, for a new episode; they have no force until the next is sent.
 
         Args:
-            feet: Which, shape (n,).
+            feet: Which, a mask of bool, shape (n,).
+
+        Raises:
+            ValueError: It is no such mask.
         """
         feet = self._xp.asarray(feet, device=device(self._states[0].force_n))
+        if feet.shape != self._shape[:1] or not self._xp.isdtype(feet.dtype, "bool"):
+            raise ValueError(
+                f"reset: a mask of bool of the {self._shape[0]} feet; got {feet.dtype}, shape {tuple(feet.shape)}"
+            )
         self._states = [
             self._model.reset(state, feet[block]) if self._xp.any(feet[block]) else state
             for state, block in zip(self._states, self._blocks, strict=True)
@@ -138,8 +145,8 @@ class VirtualFeet:
                 that leans farther than the response table reaches gives no force.
 
         Raises:
-            ValueError: The time does not advance or by too much, a shape or library is another, or a normal of a loaded
-                foot is no unit vector.
+            ValueError: The time does not advance or by too much, a shape or library is another, or at a loaded foot the
+                normal is no unit vector or the force points against it.
         """
         xp, model = self._xp, self._model
         if array_namespace(force_n, normal) is not xp:
@@ -149,6 +156,8 @@ class VirtualFeet:
         is_unit = xp.abs(xp.sum(normal * normal, axis=1) - 1.0) < 1e-3
         if not xp.all(is_unit | xp.all(force_n == 0.0, axis=1)):
             raise ValueError("the normal of the ground at a loaded foot has to be a unit vector")
+        if xp.any(xp.sum(force_n * normal, axis=1) < -1e-3 * xp.max(xp.abs(force_n), axis=1)):
+            raise ValueError("a force points against its normal: both have to be the ground's, into the foot")
         if math.isinf(self._t_s):
             self._start_s = t_s
         elif not 0.0 < t_s - self._t_s <= _MAX_STEP_S:

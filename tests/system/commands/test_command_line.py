@@ -194,6 +194,27 @@ def test_an_output_that_cannot_be_written_is_one_line(arguments: tuple[str, ...]
         assert (result.returncode, result.stderr) == (1, said)
 
 
+@pytest.mark.parametrize(
+    ("arguments", "lacking"),
+    [
+        (("-m", "footsense"), "the command line needs click"),
+        (("-c", "import footsense; footsense.simulate"), "footsense-client alone lacks"),
+    ],
+)
+def test_without_its_environment_a_clone_says_what_to_activate(
+    arguments: tuple[str, ...], lacking: str
+) -> None:
+    command = [sys.executable, "-S", *arguments]
+    result = subprocess.run(
+        command, capture_output=True, text=True, timeout=TIMEOUT_S, check=False, cwd=GOLDEN.parents[2]
+    )
+    last = result.stderr.splitlines()[-1]
+    assert lacking in last
+    assert last.endswith(
+        "in the clone of footsense: activate its environment, or pip install deploy/client ."
+    )
+
+
 def test_ctrl_c_ends_a_command_without_a_traceback(tmp_path: Path) -> None:
     """Exit 130, as shells have it, and no half-written table."""
     signal.signal(

@@ -172,6 +172,8 @@ def test_a_motion_reaches_the_service(heard: Heard) -> None:
         feet.send_motion("rf", phase=footsense.StepPhase.SWING)
         with pytest.raises(FootsenseError, match="no leg is named xx; there are lf, rf"):
             feet.send_motion("xx")
+        with pytest.raises(ValueError, match=r"^phase: a StepPhase, such as StepPhase.SWING; got 'swing'$"):
+            feet.send_motion("rf", phase="swing")  # type: ignore[arg-type]
     sink = heard.robot.sink
     assert sink.commands() == []
     motion = sink.new_motion()
@@ -251,6 +253,13 @@ def test_what_is_wrong_with_a_channel_is_said(heard: Heard) -> None:
     gone = Listener(Gone(), heard.robot.clock, LinkLimits())
     with pytest.raises(CanError, match="the CAN channel is gone: No such device"):
         Feet(gone, CanAddress("virtual", ""), 1.0)
+
+
+def test_frames_without_a_force_that_can_be_used_are_told_apart_from_silence(heard: Heard) -> None:
+    heard.cycle(flags=Flag.DEGRADED_TIMING)  # one in sequence, of three that a link needs
+    told = r"^frames come, but no force that can be used on .* within 0.05 s: lf STALE, rf STALE \(DEGRADED"
+    with pytest.raises(CanError, match=told):
+        heard.connect()
 
 
 @pytest.mark.parametrize(

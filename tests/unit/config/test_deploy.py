@@ -20,6 +20,8 @@ UNIT, EXPORTER = DEPLOY / "footsense.service", DEPLOY / "footsense-exporter.serv
 SELFCAL = DEPLOY / "footsense-selfcal.service"
 SNAPSHOT = DEPLOY / "footsense-snapshot.service"
 VIEW = DEPLOY / "footsense-view.service"
+ROS2 = DEPLOY / "footsense-ros2.service"
+UNITS = (UNIT, EXPORTER, VIEW, ROS2, SELFCAL, SNAPSHOT)
 
 
 def parsed(path: Path) -> RawConfigParser:
@@ -52,12 +54,13 @@ def test_the_service_is_watched_and_started_again() -> None:
     [
         (EXPORTER, "exporter"),
         (VIEW, "view"),
+        (ROS2, "ros2"),
         (SELFCAL, "selfcal"),
         (SNAPSHOT, "snapshot --of-faults /var/lib/footsense/faults"),
     ],
 )
 def test_exporter_and_page_always_come_back_and_may_do_little(unit: Path, command: str) -> None:
-    """Each restarts whatever ended it, takes no time of the loop, and reaches at most loopback and shared memory."""
+    """Each restarts whatever ended it, takes no time of the loop, and reaches loopback, CAN and memory at most."""
     exporter, service = parsed(unit)["Service"], parsed(UNIT)["Service"]
     assert exporter["Restart"] == "always"
     assert (
@@ -67,8 +70,9 @@ def test_exporter_and_page_always_come_back_and_may_do_little(unit: Path, comman
     assert exporter["User"] == service["User"]
     assert exporter["RestrictRealtime"] == "yes"
     assert "CPUSchedulingPolicy" not in exporter
-    families = {"none"} if unit in {SELFCAL, SNAPSHOT} else {"AF_INET", "AF_INET6"}
-    assert set(exporter["RestrictAddressFamilies"].split()) == families
+    families = "none" if unit in {SELFCAL, SNAPSHOT} else "AF_INET AF_INET6"
+    allowed = "AF_UNIX AF_CAN AF_INET AF_INET6 AF_NETLINK" if unit == ROS2 else families
+    assert exporter["RestrictAddressFamilies"] == allowed
     hardened = {
         key for key in service if key.startswith(("Protect", "Restrict", "Private", "NoNew", "Capab"))
     }
@@ -77,8 +81,8 @@ def test_exporter_and_page_always_come_back_and_may_do_little(unit: Path, comman
 
 def test_no_unit_takes_the_memory_of_the_robot() -> None:
     """Each has a bound, the loop's the largest."""
-    bounds = [parsed(unit)["Service"]["MemoryMax"] for unit in (UNIT, EXPORTER, VIEW, SELFCAL, SNAPSHOT)]
-    assert bounds == ["512M", "256M", "256M", "256M", "256M"]
+    bounds = [parsed(unit)["Service"]["MemoryMax"] for unit in UNITS]
+    assert bounds == ["512M", "256M", "256M", "256M", "256M", "256M"]
 
 
 @pytest.mark.parametrize(
@@ -90,7 +94,7 @@ def test_what_a_program_keeps_is_where_its_unit_lets_it_write(unit: Path, folder
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd-analyze here")
-@pytest.mark.parametrize("unit", [UNIT, EXPORTER, VIEW, SELFCAL, SNAPSHOT])
+@pytest.mark.parametrize("unit", UNITS)
 def test_systemd_has_no_complaint(tmp_path: Path, unit: Path) -> None:
     """The supervisor knows every key, once the program stands where the unit says."""
     copy = tmp_path / unit.name
@@ -105,7 +109,7 @@ def test_systemd_has_no_complaint(tmp_path: Path, unit: Path) -> None:
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd-analyze here")
-@pytest.mark.parametrize("unit", [UNIT, EXPORTER, VIEW, SELFCAL, SNAPSHOT])
+@pytest.mark.parametrize("unit", UNITS)
 def test_a_service_that_was_taken_over_may_do_little(unit: Path) -> None:
     """By systemd's own measure: an exposure of 10 is an ordinary service, and these have at most 1.5."""
     done = subprocess.run(

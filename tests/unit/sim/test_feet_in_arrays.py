@@ -216,8 +216,15 @@ def test_a_robot_loads_no_arrays_of_others() -> None:
             lambda: stepped(VirtualFeet(1, like=strict()), UP[None]),
             "these feet take arrays of array_api_strict",
         ),
+        (
+            lambda: VirtualFeet(2).step(0.0, np.stack([UP, -0.8 * UP]), np.tile(UP, (2, 1))),
+            "a force points against its normal: both have to be the ground's, into the foot",
+        ),
+        (lambda: VirtualFeet(4).reset([1]), r"a mask of bool of the 4 feet; got int64, shape \(1,\)"),
+        (lambda: VirtualFeet(4).reset(np.array([0, 1, 0, 1])), r"got int64, shape \(4,\)"),
+        (lambda: VirtualFeet(4).reset([True]), r"got bool, shape \(1,\)"),
     ],
-    ids=["range", "shares", "pause", "library"],
+    ids=["range", "shares", "pause", "library", "sign", "numbers", "no mask", "short mask"],
 )
 def test_nonsense_is_told_in_a_line(make: Callable[[], Any], said: str) -> None:
     with pytest.raises(ValueError, match=said):
