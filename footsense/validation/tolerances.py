@@ -7,6 +7,7 @@ enough for a tare.
 
 import math
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
@@ -15,7 +16,6 @@ import numpy as np
 from footsense.config import Config
 from footsense.errors import ModelError
 from footsense.estimation.tare import SETTLING_SCANS
-from footsense.foot.type_folders import foot_type_folder
 from footsense.frames import Vector
 from footsense.regular_file import read_regular
 from footsense.sim.faults.scene_faults import (
@@ -33,8 +33,8 @@ from footsense.sim.faults.scene_faults import (
     WireFault,
 )
 
-#: File of a fault table beside the models of its foot type, and its entries by board.
-_TABLE_FILE = "faults.json"
+#: Fault tables of all feet, of the page of the report, and their entries by board.
+_TABLE_FILE = Path(__file__).parents[2] / "docs" / "report" / "faults.json"
 _BOARD_ENTRIES = {"ad7147": "leg_faults", "fdc1004": "small_board"}
 #: Rows of the table that are no measure of the others: they stop a bus, which costs its other legs a time of its own,
 #: or turn the forces of all legs.
@@ -74,12 +74,11 @@ class MeasuredWorst(NamedTuple):
         Raises:
             ModelError: Its foot type has no fault table.
         """
-        path = foot_type_folder(config.foot_type) / _TABLE_FILE
         try:
-            found: dict[str, Any] = msgspec.json.decode(read_regular(path))
+            feet: dict[str, Any] = msgspec.json.decode(read_regular(_TABLE_FILE))["feet"]
         except OSError:
-            raise ModelError(f"{path}: no such file; `footsense lab study faults` makes it") from None
-        rows: dict[str, dict[str, Any]] = found[_BOARD_ENTRIES[config.board]]
+            raise ModelError(f"{_TABLE_FILE}: no such file; the soak needs a clone of footsense") from None
+        rows: dict[str, dict[str, Any]] = feet[config.foot_type][_BOARD_ENTRIES[config.board]]
         stopping = {words: row for words, row in rows.items() if words.startswith(_STOPS_BUS)}
         others = [row for words, row in rows.items() if words not in stopping]
         broken = [row for words, row in rows.items() if words.startswith(_BROKEN_ROWS)]

@@ -9,6 +9,8 @@ from tests.kernel.robot import LEFT, RIGHT, Trial
 #: SILENT: the transfer ends with the adapter's timeout.
 _ERRORS = ("ENXIO", "EAGAIN", "EIO", "SILENT")
 _TIMEOUTS = {"EAGAIN", "SILENT"}
+#: States of the legs of another bus: while three legs are set up, a frame may come late and lack a reading.
+_USABLE = {State.VALID, State.DEGRADED}
 _PLUGGED = "/sys/module/feet_adapter/parameters/plugged"
 
 
@@ -37,7 +39,7 @@ def test_a_bus_fails(trial: Trial, error: str) -> None:
     trial.chips.do("clear")
     trial.recovered()
     assert set(trial.can.causes(trial.mark)) == set(RIGHT)
-    assert trial.can.all_states(trial.mark, LEFT) == {State.VALID}
+    assert trial.can.all_states(trial.mark, LEFT) <= _USABLE
     assert trial.robot.pid == pid
 
 
@@ -50,7 +52,7 @@ def test_held_line(trial: Trial) -> None:
     trial.chips.do("clear")
     trial.recovered()
     assert all(Cause.BUS_STUCK in trial.can.causes(trial.mark)[leg] for leg in LEFT)
-    assert trial.can.all_states(trial.mark, RIGHT) == {State.VALID}
+    assert trial.can.all_states(trial.mark, RIGHT) <= _USABLE
     assert trial.robot.pid == pid
 
 
