@@ -138,7 +138,7 @@ def test_install_upgrade_and_remove(tmp_path: Path, built: list[Path], suite: st
     ).split()
     assert (networkd, waits) == ("enabled", "disabled")
     services = [path.name for path in sorted((tmp_path / "etc/systemd/system").glob("footsense*.service"))]
-    assert len(services) == 5
+    assert len(services) == 6
     robot.run(f"systemctl enable {' '.join(services)}")
     complaints = robot.run(f"systemd-analyze verify --man=no {' '.join(services)} 2>&1 || true")
     assert [line for line in complaints.splitlines() if "footsense" in line] == []
