@@ -1,4 +1,4 @@
-"""Print the words of the pages written by hand, by folder: `python -m tests.words`.
+"""Print the words of the pages written by hand, by folder: `python -m tests.support.words`.
 
 Not counted: parts that `reference.py` generates, and tables of the report, whose cells code fills.
 """
@@ -7,7 +7,7 @@ import re
 from collections import Counter
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 _GENERATED = re.compile(r"<!-- generated:.*?<!-- end -->|<!--.*?-->", re.DOTALL)
 _TABLE_ROW = re.compile(r"^\|.*$", re.MULTILINE)
 _WORD = re.compile(r"\S*\w\S*")
