@@ -2,6 +2,7 @@
 
 import errno
 import os
+import re
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -12,7 +13,7 @@ import click
 from footsense.cli.options import FOLDER
 from footsense.cli.setup.installed_files import LIST, InstalledFiles
 from footsense.cli.setup.robot_computer import ENVIRONMENT, Run, check_computer, findings, run_command
-from footsense.config import load_config
+from footsense.config import Config, load_config
 from footsense.config.contradictions import warnings
 from footsense.errors import FootsenseError
 
@@ -29,8 +30,8 @@ _SERVICES = (
 _TARGETS = {
     **{f"{name}.service": (f"{_UNITS}/{name}.service",) for name in _SERVICES},
     "footsense-device.conf": tuple(
-        f"{_UNITS}/{device}.device.d/footsense.conf"
-        for device in (r"dev-i2c\x2d1", "sys-subsystem-net-devices-can0")
+        f"{_UNITS}/{device}.d/footsense.conf"
+        for device in (r"dev-i2c\x2d1.device", "sys-subsystem-net-devices-can0.device")
     ),
     "footsense-sysusers.conf": ("/etc/sysusers.d/footsense.conf",),
     "footsense-modules.conf": ("/etc/modules-load.d/footsense.conf",),
@@ -40,6 +41,13 @@ _TARGETS = {
 }
 #: Those that a robot needs by its configuration.
 _SERIAL, _MUX_RESET = "footsense-serial.conf", "footsense-mux-reset.conf"
+_DROP_INS = f"{_UNITS}/footsense.service.d"
+#: Orders the service after the devices of its robot.
+_DEVICES = """# The devices of /etc/footsense/footsense.yaml. Written by `footsense install`.
+[Unit]
+After={0}
+Wants={0}
+"""
 _CONFIG = "/etc/footsense/footsense.yaml"
 _NETWORKD, _WAIT_ONLINE = "systemd-networkd", "systemd-networkd-wait-online"
 #: What to do about an error of the file system.
@@ -138,14 +146,33 @@ def _contents(root: Path) -> dict[str, bytes]:
     package = Path(__file__).parents[2]
     folder = package / "deploy" if (package / "deploy").exists() else package.parent / "deploy"
     names = dict(_TARGETS)
+    generated: dict[str, bytes] = {}
     if (file := root / _CONFIG[1:]).exists():
         config = load_config(file)
         needed = {
             _SERIAL: config.serial is not None,
             _MUX_RESET: any(bus.mux.reset is not None for bus in config.buses),
         }
-        names |= {name: (f"{_UNITS}/footsense.service.d/{name}",) for name, is_on in needed.items() if is_on}
-    return {path: (folder / name).read_bytes() for name, paths in names.items() for path in paths}
+        names |= {name: (f"{_DROP_INS}/{name}",) for name, is_on in needed.items() if is_on}
+        units = [_device_unit(path) for path in _device_paths(config)]
+        limits = [f"{_UNITS}/{unit}.d/footsense.conf" for unit in units]
+        names["footsense-device.conf"] = tuple(dict.fromkeys([*names["footsense-device.conf"], *limits]))
+        if units:
+            generated[f"{_DROP_INS}/footsense-devices.conf"] = _DEVICES.format(" ".join(units)).encode()
+    return generated | {path: (folder / name).read_bytes() for name, paths in names.items() for path in paths}
+
+
+def _device_paths(config: Config) -> list[str]:
+    devices = [config.serial.device] if config.serial else [bus.device for bus in config.buses]
+    if config.can.interface == "socketcan":
+        devices.append(f"/sys/subsystem/net/devices/{config.can.channel}")
+    return [device for device in devices if device.startswith("/")]
+
+
+def _device_unit(path: str) -> str:
+    """Return the unit of a device as `systemd-escape --path --suffix=device` does."""
+    escaped = re.sub(r"[^A-Za-z0-9:_./]", lambda found: rf"\x{ord(found[0]):02x}", path.strip("/"))
+    return f"{escaped.replace('/', '-')}.device"
 
 
 def _installation(
@@ -216,7 +243,7 @@ def _command_step(run: Run, command: tuple[str, ...]) -> InstallStep:
 
 def _next_steps(root: Path, run: Run, *, is_running: bool) -> Iterator[str]:
     if not (root / _CONFIG[1:]).exists():
-        yield f"next: /{ENVIRONMENT}/bin/footsense init {_CONFIG}"
+        yield f"next: /{ENVIRONMENT}/bin/footsense init {_CONFIG}; then this once more, for its devices"
         yield f"next: systemctl enable --now {' '.join(_SERVICES[:3])}"
     elif is_running:
         active = [name for name in _SERVICES if not run(("systemctl", "is-active", "--quiet", name))]

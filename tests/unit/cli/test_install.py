@@ -116,7 +116,7 @@ def test_a_clean_computer(computer: Computer) -> None:
         "systemctl reload-or-restart systemd-networkd",
     ]
     assert said[-2:] == [
-        "next: /opt/footsense/bin/footsense init /etc/footsense/footsense.yaml",
+        "next: /opt/footsense/bin/footsense init /etc/footsense/footsense.yaml; then this once more, for its devices",
         "next: systemctl enable --now footsense footsense-exporter footsense-view",
     ]
     before, computer.programs.commands = computer.files, []
@@ -294,6 +294,24 @@ def test_a_drop_in_by_the_configuration(computer: Computer, config: str, drop_in
     computer.configure("bord: mcu\n")
     with pytest.raises(ConfigError, match="bord: unknown key"):
         computer.install()
+
+
+def test_the_service_waits_for_the_devices_of_its_configuration(computer: Computer) -> None:
+    """As long as for the usual ones, by the names that systemd gives them; simulated ones are not waited for."""
+    second = "{device: /dev/i2c-3, addresses: {rf: 0x2C}}"
+    own = f"board: ad7147\nbuses: [{{device: /dev/i2c-1, addresses: {{lf: 0x2C}}}}, {second}]\n"
+    computer.configure(f"{own}can: {{interface: socketcan, channel: can-feet}}\n")
+    computer.install()
+    units = r"dev-i2c\x2d1.device dev-i2c\x2d3.device sys-subsystem-net-devices-can\x2dfeet.device"
+    drop_in = f"{UNIT}.d/footsense-devices.conf".removeprefix("etc/")
+    assert f"After={units}\nWants={units}\n" in computer.files[drop_in]
+    limit = (ROOT / "deploy/footsense-device.conf").read_text()
+    for unit in units.split():
+        assert computer.files[f"systemd/system/{unit}.d/footsense.conf"] == limit
+    computer.configure("buses: [{device: sim, legs: {lf: 0}}]\ncan: {interface: virtual}\n")
+    computer.install()
+    assert drop_in not in computer.files
+    assert not (computer.root / UNITS / r"dev-i2c\x2d3.device.d").exists()
 
 
 @pytest.mark.parametrize(
