@@ -105,24 +105,24 @@ def _front() -> str:
         sum(_others(key)) for key in ("n_touches", "n_missed", "n_twice", "n_in_air")
     )
     pressed, standing = _made("all"), _made("standing")
-    delay_ms = " and ".join(f"{one:.0f}" for one in _others("delay_p50_ms"))
+    hexapod_ms, quadruped_ms = (f"{one:.0f} ms" for one in _others("delay_p50_ms"))
     n_walks = len(_page("odometry")["way_m"])
     rows = [
         *(
             (
                 f"**Odometry**: error after a metre, from joint angles, IMU and {words}",
-                f"{_drift(source, np.mean):.1f} %; {_drift(source, np.mean, 'gate'):.1f} % with outlier rejection",
-                f"{_drift(source, np.max):.1f} % in the worst of {n_walks} walks",
+                f"{_drift(source, np.mean):.1f} % (with outlier rejection {_drift(source, np.mean, 'gate'):.1f} %)",
+                f"{_drift(source, np.max):.1f} % without rejection, of {n_walks} walks",
             )
             for words, source in _ODOMETRY.items()
         ),
         (
             "**Contact** of robots that walk in a physics engine",
-            f"{1 - missed / touches:.0%} of {touches} touchdowns found, {delay_ms} ms after the first load (hexapod and quadruped)",
+            f"{1 - missed / touches:.0%} of {touches} touchdowns found, {hexapod_ms} (hexapod) and {quadruped_ms} (quadruped) after the first load",
             f"1 in 100 found later than {max(_others('delay_p99_ms')):.0f} ms; {twice} reported twice; {in_air} reported in the air",
         ),
         (
-            "**Direction** of the force of such robots, smallest foot",
+            "**Direction error** of the forces of walking robots, smallest foot",
             f"{own['direction_deg']:.1f} deg; in a smooth walk {walk['direction_deg']:.1f}",
             f"worst gait {own['worst_direction_deg']:.1f} deg, hard landings {own['landings_direction_deg']:.1f} deg",
         ),
@@ -132,8 +132,8 @@ def _front() -> str:
             f"worst gait {small['worst_direction_deg']:.1f} deg",
         ),
         (
-            f"**Feet with manufacturing tolerances**, calibrated beside a force sensor, {len(pressed['deg'])} feet",
-            f"{pressed['deg'].mean():.1f} deg, {pressed['mn'].mean():.0f} mN of 1 N",
+            f"**Direction error of {len(pressed['deg'])} feet with manufacturing tolerances** under still loads of 1 N, calibrated beside a force sensor",
+            f"{pressed['deg'].mean():.1f} deg; size of the force {pressed['true_gf'].mean():.1f} % off",
             f"{pressed['deg'].max():.1f} deg",
         ),
         (
@@ -142,12 +142,12 @@ def _front() -> str:
             f"{standing['deg'].max():.1f} deg",
         ),
         (
-            "The same, [corrected by a minute of walking](docs/adr/0038-electrodes-by-walking.md), 19 feet",
-            "1.1 deg (uncorrected 11). If the rubber is 3 % off the model 4.9 deg; sigma does not show it",
-            "2.0 deg",
+            "Such feet, not calibrated, [corrected by a minute of walking](docs/adr/0038-electrodes-by-walking.md), 19 feet",
+            "1.1 deg (11 before)",
+            "2.0 deg. Where capacitances differ from the model by 3 %: 4.9 deg on average, and sigma does not show it",
         ),
         (
-            "**Range**: largest normal load of the three feet, force tilted by 30 deg",
+            "**Range** of the three designs: largest normal load, force tilted by 30 deg",
             _leaning(2),
             f"weakest of {_page('design')['n_feet']} with tolerances: "
             + ", ".join(f"{min(_page('design')['feet'][foot]['made_range_n']):.2g} N" for foot in _FEET),
