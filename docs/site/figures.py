@@ -111,8 +111,8 @@ def _front() -> str:
         *(
             (
                 f"**Odometry**: error after a metre, from joint angles, IMU and {words}",
-                f"{_drift(source, np.mean):.1f} % (with outlier rejection {_drift(source, np.mean, 'gate'):.1f} %)",
-                f"{_drift(source, np.max):.1f} % without rejection, of {n_walks} walks",
+                f"{_drift(source, np.mean):.1f} %, or {_drift(source, np.mean, 'gate'):.1f} % if the filter rejects outliers",
+                f"{_drift(source, np.max):.1f} % in the worst of {n_walks} walks, none rejected",
             )
             for words, source in _ODOMETRY.items()
         ),
@@ -124,7 +124,7 @@ def _front() -> str:
         (
             "**Direction error** of the forces of walking robots, smallest foot",
             f"{own['direction_deg']:.1f} deg; in a smooth walk {walk['direction_deg']:.1f}",
-            f"worst gait {own['worst_direction_deg']:.1f} deg, hard landings {own['landings_direction_deg']:.1f} deg",
+            f"worst gait {own['worst_direction_deg']:.1f} deg; hard landings alone {own['landings_direction_deg']:.1f} deg",
         ),
         (
             "The same with an FDC1004 in place of the AD7147",
@@ -132,22 +132,22 @@ def _front() -> str:
             f"worst gait {small['worst_direction_deg']:.1f} deg",
         ),
         (
-            f"**Direction error of {len(pressed['deg'])} feet with manufacturing tolerances** under still loads of 1 N, calibrated beside a force sensor",
+            f"**Direction error of {len(pressed['deg'])} smallest feet with manufacturing tolerances**, loads of 1 N through the centre, calibrated beside a force sensor",
             f"{pressed['deg'].mean():.1f} deg; size of the force {pressed['true_gf'].mean():.1f} % off",
             f"{pressed['deg'].max():.1f} deg",
         ),
         (
-            "The same, [calibrated without one](docs/calibrate-a-foot.md#without-a-force-sensor-by-standing), by standing",
-            f"{standing['deg'].mean():.1f} deg; size of the force 20 % off, 6 % where the robot's mass is given",
+            "These feet, [calibrated only by standing](docs/calibrate-a-foot.md#without-a-force-sensor-by-standing)",
+            f"{standing['deg'].mean():.1f} deg; size of the force 20 % off, 6 % if the robot's mass is given",
             f"{standing['deg'].max():.1f} deg",
         ),
         (
-            "Such feet, not calibrated, [corrected by a minute of walking](docs/adr/0038-electrodes-by-walking.md), 19 feet",
-            "1.1 deg (11 before)",
-            "2.0 deg. Where capacitances differ from the model by 3 %: 4.9 deg on average, and sigma does not show it",
+            "19 feet of the hexapod with such tolerances, [corrected only by a minute of walking](docs/adr/0038-electrodes-by-walking.md)",
+            "1.1 deg (11 before); 4.9 deg if capacitances are 3 % off the model, which sigma does not show",
+            "2.0 deg",
         ),
         (
-            "**Range** of the three designs: largest normal load, force tilted by 30 deg",
+            "**Range** of the three designs: largest normal part of a force that is tilted by 30 deg",
             _leaning(2),
             f"weakest of {_page('design')['n_feet']} with tolerances: "
             + ", ".join(f"{min(_page('design')['feet'][foot]['made_range_n']):.2g} N" for foot in _FEET),

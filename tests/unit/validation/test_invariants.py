@@ -152,6 +152,16 @@ def test_a_force_that_stays_wrong_is_noticed(
     assert times_s == ([pytest.approx(noticed_s, abs=0.03)] if noticed_s else [])
 
 
+def test_a_force_that_is_wrong_now_and_then_is_not_noticed() -> None:
+    """Its time begins anew after each right one."""
+    seen = watching()
+    for number in range(90):
+        force_n = np.zeros((6, 3))
+        force_n[0, 1] = 0.06 * (number % 3 > 0)
+        seen.observe(cycle(number, leg=0, force_n=force_n))
+    assert violated(seen) == set()
+
+
 @pytest.mark.parametrize(
     ("fault", "state", "noticed"),
     [
