@@ -112,7 +112,7 @@ def _front() -> str:
             (
                 f"**Odometry**: error after a metre, from joint angles, IMU and {words}",
                 f"{_drift(source, np.mean):.1f} %, or {_drift(source, np.mean, 'gate'):.1f} % if the filter rejects outliers",
-                f"{_drift(source, np.max):.1f} % in the worst of {n_walks} walks, none rejected",
+                f"{_drift(source, np.max):.1f} % in the worst of {n_walks} walks, outliers kept",
             )
             for words, source in _ODOMETRY.items()
         ),
@@ -143,11 +143,11 @@ def _front() -> str:
         ),
         (
             "19 feet of the hexapod with such tolerances, [corrected only by a minute of walking](docs/adr/0038-electrodes-by-walking.md)",
-            "1.1 deg (11 before); 4.9 deg if capacitances are 3 % off the model, which sigma does not show",
+            "1.1 deg (11 before); if capacitances are 3 % off the model 4.9 deg, which is not in sigma",
             "2.0 deg",
         ),
         (
-            "**Range** of the three designs: largest normal part of a force that is tilted by 30 deg",
+            "**Range** of the three designs: largest normal force where the force is tilted by 30 deg",
             _leaning(2),
             f"weakest of {_page('design')['n_feet']} with tolerances: "
             + ", ".join(f"{min(_page('design')['feet'][foot]['made_range_n']):.2g} N" for foot in _FEET),
