@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from footsense.foot.response_table import FootResponse
-from footsense.lab.fem.forward import DirectSolveFoot
+from tests.lab.mechanics.direct_solve import DirectSolveFoot
 from footsense.lab.fem.mesh import COARSE_MESH
 from tests.lab.released import FOOT_DESIGN, RELEASED
 
