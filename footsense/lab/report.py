@@ -259,7 +259,7 @@ def make_page(name: str, context: StudyContext, folder: Path) -> tuple[str, Valu
     """Run a study; write `<name>.md`, `<name>.json` and its drawings.
 
     Args:
-        name: The study's, such as `hard-cases`.
+        name: The study's, such as `speed-error`.
         context: What it is given.
         folder: Where the page goes; created if missing.
 

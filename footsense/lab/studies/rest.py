@@ -14,10 +14,7 @@ from footsense.foot.network_card import NETWORK_FILE
 from footsense.foot.specimen import Specimen
 from footsense.foot.type_folders import released_names
 from footsense.frames import Vector
-from footsense.lab.evaluation.cramer_rao import (
-    ambiguous_load_distance_and_angle,
-    errors_over_bound,
-)
+from footsense.lab.evaluation.cramer_rao import errors_over_bound
 from footsense.lab.evaluation.evaluate_models import (
     HELD_OUT_CASES,
     HELD_OUT_SEED,
@@ -60,8 +57,6 @@ _N_LEANING = 1000
 _FILES = (FOOT_FILE, RESPONSE_FILE, NETWORK_FILE)
 #: The project's target of the network's error over the bound [1].
 TARGET_OVER_BOUND = 1.2
-#: Elevations of the centred loads whose ambiguous partner is sought [deg].
-_AMBIGUITY_ELEVATIONS_DEG = np.arange(40.0, 49.01, 0.5)
 
 
 def compute(context: StudyContext) -> Values:
@@ -96,7 +91,6 @@ def compute(context: StudyContext) -> Values:
         "n_feet": n_feet,
         "by_force": by_force,
         "bound": bound,
-        "ambiguity": _ambiguity(context),
         "refined": refined,
         "targets": [
             target_at_most(
@@ -222,15 +216,6 @@ def _bounds(context: StudyContext) -> Values:
         ]
         for name, contacts in loads.items()
     }
-
-
-def _ambiguity(context: StudyContext) -> list[Values]:
-    """Return for some magnitudes the centred load near a diagonal whose readings are most like another load's."""
-    foot, rows = Specimen(context.response), []
-    for magnitude_gf in (20.0, 50.0, 100.0, 150.0)[: 1 if context.quick else None]:
-        distance, _ = ambiguous_load_distance_and_angle(foot, magnitude_gf, _AMBIGUITY_ELEVATIONS_DEG)
-        rows.append({"magnitude_gf": magnitude_gf, "distance_sigmas": distance.min()})
-    return rows
 
 
 def shown(values: Values) -> Values:
