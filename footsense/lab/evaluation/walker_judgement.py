@@ -1,4 +1,4 @@
-"""Judgement of the feet by walking robots: each judging run through the service's pipeline, scored and drawn."""
+"""Judgement of the feet by walking robots: each judging run through the service's pipeline, and scored."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from footsense.estimation.network import Network
 from footsense.foot.network_card import NETWORK_FILE
@@ -14,10 +13,8 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Specimen
 from footsense.lab.evaluation.evaluate_models import RESPONSE_FILE
 from footsense.lab.evaluation.walker_runs import (
-    LEAD_IN_S,
     SCAN_TIMES,
     ToldMotion,
-    WalkerOutputs,
     judging_pipeline,
     read_walker,
     run_pipeline,
@@ -27,7 +24,6 @@ from footsense.lab.evaluation.walker_scores import (
     HOLDS_BOUNDS,
     REPORT_AFTER_S,
     SUPPOSED_REL,
-    WARM_UP_S,
     scores,
 )
 from footsense.lab.foot_file import FOOT_FILE, load_foot
@@ -40,8 +36,6 @@ from footsense.lab.walkers.split import DRAGGED
 PEAK_REL = 0.5
 #: Seed of the readings' noise.
 _SEED = 20_000
-#: Time that a picture shows [s].
-_SHOWN_S = 1.5
 #: Gaits whose landings are hard: their forces are beyond what a walking robot makes.
 LANDINGS = ("landing",)
 
@@ -77,13 +71,12 @@ class JudgingLoads(Protocol):
 
 
 class JudgedRun(NamedTuple):
-    """One run on a foot: foot type, the run, its peak force [N], scores, and what a picture shows."""
+    """One run on a foot: foot type, the run, its peak force [N], and scores."""
 
     foot_type: str
     run: JudgingLoads
     peak_n: float
     scores: dict[str, Any]
-    shown: dict[str, Any]
 
 
 class Conditions(NamedTuple):
@@ -123,20 +116,8 @@ def judge_run(part: tuple[JudgingLoads, Sequence[Path]], conditions: Conditions)
         outputs = run_pipeline(pipeline, readings, conditions.motion, supposed)
         peak_n = scale * log.peak_n()
         found = scores(outputs, peak_n, np.inf if run.gait == SLOW else REPORT_AFTER_S)
-        judged.append(JudgedRun(design.foot_type, run, peak_n, found, _shown(outputs)))
+        judged.append(JudgedRun(design.foot_type, run, peak_n, found))
     return judged
-
-
-def _shown(outputs: WalkerOutputs) -> dict[str, Any]:
-    """Return what a picture shows of the first foot: the begin of the judged time."""
-    first_s = LEAD_IN_S + WARM_UP_S + 2.0
-    rows = (outputs.t_s >= first_s) & (outputs.t_s < first_s + _SHOWN_S)
-    return {
-        "t_s": outputs.t_s[rows] - first_s,
-        "true_n": outputs.true.force_n[rows, 0],
-        "force_n": outputs.force_n[rows, 0],
-        "sigma_n": outputs.sigma_n[rows, 0],
-    }
 
 
 def judge(
@@ -284,33 +265,3 @@ def _slips_of(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
         "slow_share": n_slow / max(n_slips, 1),
         "told_p50_ms": float(np.median([one for row in rows for one in row["slip_delays_ms"]] or [np.nan])),
     }
-
-
-def draw(judged: Sequence[JudgedRun], title: str) -> Figure:
-    """Return a picture of each gait: the force that the first foot felt along its leg, and what was published."""
-    n_rows = (len(judged) + 2) // 3
-    figure = Figure(figsize=(15.0, 2.2 * n_rows), layout="constrained")
-    figure.suptitle(title)
-    axes = figure.subplots(n_rows, 3, squeeze=False).ravel()
-    for axis, one in zip(axes, judged, strict=False):
-        shown = one.shown
-        t_s, force_n, sigma_n = shown["t_s"], shown["force_n"], shown["sigma_n"]
-        colours = ("tab:blue", "tab:orange", "tab:green")
-        for k, colour in enumerate(colours):
-            axis.plot(t_s, shown["true_n"][:, k], color=colour, lw=0.8, ls=":")
-            axis.plot(t_s, force_n[:, k], color=colour, lw=1.0, label=f"f{'xyz'[k]}")
-            axis.fill_between(
-                t_s,
-                force_n[:, k] - 2 * sigma_n[:, k],
-                force_n[:, k] + 2 * sigma_n[:, k],
-                color=colour,
-                alpha=0.2,
-            )
-        axis.set_title(one.run.name, fontsize=9)
-        axis.set_ylim(-0.5 * one.peak_n, 1.25 * one.peak_n)
-    for axis in axes[len(judged) :]:
-        axis.set_axis_off()
-    axes[0].legend(fontsize=7, loc="upper right", title="dotted: felt; band: 2 sigma", title_fontsize=7)
-    figure.supxlabel("time [s]", fontsize=9)
-    figure.supylabel("force [N]", fontsize=9)
-    return figure

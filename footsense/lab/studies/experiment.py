@@ -31,7 +31,6 @@ from footsense.lab.foot_file import FOOT_FILE
 from footsense.lab.parallel import N_PROCESSES, compute_each
 from footsense.lab.report import SAME_TABLE, StudyContext, Values, spread, target
 from footsense.lab.studies.boards.made_feet import SigmaOfFeet, sigma_of_made_foot, sigma_rows
-from footsense.lab.studies.boards.many_feet import MIN_POSTURE_ELEVATION_DEG, N_POSTURES, POSTURE_GF
 from footsense.lab.training.load_cases import leaning_loads
 from footsense.lab.training.paper_procedure import EPOCHS, per_foot_force_n
 from footsense.sim.fabrication import PAPER_TOLERANCES, FootTolerances, draw_deviations
@@ -56,6 +55,9 @@ _N_FEET, _QUICK_N_FEET, _N_SIGMA_FEET = 20, 2, 12
 _QUICK_EVERY, _QUICK_EPOCHS = 9, 300
 #: Loads over the whole range, their sizes, and the lowest elevation of force and normal, with a mount that is turned.
 _N_RANGE, RANGE_GF, _MIN_ELEVATION_DEG = 180, (20.0, 200.0), 32.0
+
+#: Postures of a calibration by standing, sizes of their loads, and lowest elevation [deg].
+N_POSTURES, POSTURE_GF, MIN_POSTURE_ELEVATION_DEG = 20, (20.0, 120.0), 70.0
 
 #: Rms levels of causes: none, and those of feet and test stand on which the paper's procedure errs as in the paper.
 _EXACT = asdict(FootTolerances()) | asdict(EXACT_CONDITIONS)

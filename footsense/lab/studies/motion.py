@@ -17,7 +17,6 @@ from footsense.lab.evaluation.walker_judgement import (
     JudgedRun,
     JudgingLoads,
     contact_figures,
-    draw,
     judge,
     pooled,
     slip_figures,
@@ -29,9 +28,8 @@ from footsense.lab.studies.boards.many_feet import (
     missing_figures,
     smooth_tripod,
     step_figures,
-    wrong_gain_figures,
 )
-from footsense.lab.studies.boards.service_walks import OWN_END_S, OWN_FEET, service_figures
+from footsense.lab.studies.boards.service_walks import END_S, OWN_FEET, service_figures
 from footsense.lab.studies.boards.targets import WANTED, board_targets
 from footsense.lab.training.export import OnnxNetwork
 from footsense.lab.training.gait_readings import (
@@ -99,9 +97,8 @@ def _figures(context: StudyContext, board: str) -> Values:
         "gaits": gaits,
         "step": step_figures(context, board),
         "missing": missing_figures(context, board),
-        "wrong_gains": wrong_gain_figures(context, board),
     }
-    context.report_progress("steps, missing elements and wrong gains done")
+    context.report_progress("steps and missing elements done")
     figures |= service_figures(context, board)
     context.report_progress("walks through the service done")
     conditions = Conditions(board)
@@ -125,8 +122,6 @@ def _figures(context: StudyContext, board: str) -> Values:
         name: [one for one in judged if one.foot_type == name]
         for name in dict.fromkeys(one.foot_type for one in judged)
     }
-    own_type = context.foot_design.foot_type
-    context.drawings[f"motion-{board}.png"] = draw(by_foot[own_type], f"{own_type}, board {board}")
     walked = [*judged, *new_judged]
     slips = {"all": slip_figures(walked)}
     slips |= {name: slip_figures([one for one in walked if one.foot_type == name]) for name in by_foot}
@@ -299,7 +294,7 @@ def shown(values: Values) -> Values:
             for board, slips in ((board, one["slips"]) for board, one in boards.items())
         },
         "host_cost_us": HOST_COST_US,
-        "end_s": OWN_END_S,
+        "end_s": END_S,
         "motion": ToldMotion(),
         "scores": walker_scores,
         "slow": slow_loads,
