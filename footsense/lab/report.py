@@ -55,7 +55,6 @@ class StudyContext:
     Attributes:
         folder: Folder of a foot type: its description, response table and networks; a study takes `files` of it.
         quick: Whether to answer in seconds, with coarse steps and few seeds.
-        scheduler: Address of a dask cluster for the parts of a study; None for processes of this machine.
         data: Folder of measured data of others, which do not come with footsense; None without.
         report_progress: Receives a line after each step.
         drawings: What a study draws, by file name.
@@ -64,7 +63,6 @@ class StudyContext:
 
     folder: Path
     quick: bool = False
-    scheduler: str | None = None
     data: Path | None = None
     report_progress: Callable[[str], None] = print
     drawings: dict[str, Figure] = field(default_factory=dict)

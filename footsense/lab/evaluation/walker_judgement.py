@@ -124,7 +124,6 @@ def judge(
     models: Sequence[Path],
     runs: Sequence[JudgingLoads],
     conditions: Conditions,
-    scheduler: str | None = None,
 ) -> list[JudgedRun]:
     """Return the scores of runs on feet; each foot but the paper's gets the runs of robots of its own kind.
 
@@ -132,13 +131,12 @@ def judge(
         models: Folders of the foot types, the paper's first.
         runs: The runs.
         conditions: How they are judged.
-        scheduler: As of `compute_each`.
     """
     parts = [
         (run, tuple(folder for n, folder in enumerate(models) if not n or folder.name.startswith(run.kind)))
         for run in runs
     ]
-    judged = compute_each(partial(judge_run, conditions=conditions), parts, scheduler=scheduler)
+    judged = compute_each(partial(judge_run, conditions=conditions), parts)
     return [one for each in judged for one in each]
 
 

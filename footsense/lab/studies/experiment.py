@@ -135,7 +135,7 @@ def compute(context: StudyContext) -> Values:
     """Run the paper's procedure with each cause of error, then calibrate the feet of each kind."""
     n_feet, epochs = (_QUICK_N_FEET, _QUICK_EPOCHS) if context.quick else (_N_FEET, EPOCHS)
     folder = context.files(FOOT_FILE, RESPONSE_FILE, NETWORK_FILE).resolve()
-    each = partial(compute_each, scheduler=context.scheduler, n_processes=1 if context.quick else N_PROCESSES)
+    each = partial(compute_each, n_processes=1 if context.quick else N_PROCESSES)
     causes = _QUICK_CAUSES if context.quick else tuple(_CAUSES)
     sets = {name: _EXACT | {one: _TUNED[one] for one in _TUNED if name in (one, ALL)} for name in causes}
     procedure = partial(_procedure_errors, folder, epochs)

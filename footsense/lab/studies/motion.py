@@ -104,7 +104,7 @@ def _figures(context: StudyContext, board: str) -> Values:
     conditions = Conditions(board)
 
     def judged_under(runs: Sequence[JudgingLoads], conditions: Conditions = conditions) -> list[JudgedRun]:
-        return judge(folders, runs, conditions, context.scheduler)
+        return judge(folders, runs, conditions)
 
     new: tuple[WalkerRun, ...] = NEW_JUDGEMENT
     slow: tuple[SlowLoads, ...] = _SLOW

@@ -67,7 +67,7 @@ def compute(context: StudyContext) -> Values:
         for robot, gait, ground in walks
         for seed in range(n_seeds)
     ]
-    drifted = compute_each(partial(_drifted, folders=folders), runs, scheduler=context.scheduler)
+    drifted = compute_each(partial(_drifted, folders=folders), runs)
     shown = next((k for k, run in enumerate(runs) if run[:3] == _SHOWN_RUN), 0)
     context.drawings["odometry.png"] = _draw(runs[shown], drifted[shown].paths_m)
     drift = {

@@ -77,7 +77,7 @@ def service_figures(context: StudyContext, board: str) -> Values:
         ),
     }
     coupled = _coupled_walks(context, studied, coupled_end_s)
-    forces = compute_each(_forces, [*own.values(), *coupled.values()], scheduler=context.scheduler)
+    forces = compute_each(_forces, [*own.values(), *coupled.values()])
     return {
         "own_robots": dict(zip(own, forces, strict=False)),
         "couplings": dict(zip(coupled, forces[len(own) :], strict=True)),
