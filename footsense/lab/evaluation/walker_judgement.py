@@ -23,13 +23,12 @@ from footsense.lab.evaluation.walker_runs import (
 from footsense.lab.evaluation.walker_scores import (
     HOLDS_BOUNDS,
     REPORT_AFTER_S,
-    SUPPOSED_REL,
     scores,
 )
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.parallel import compute_each
+from footsense.lab.walkers.made_up import SLOW
 from footsense.lab.walkers.simulate import WalkerLog
-from footsense.lab.walkers.slow_loads import SLOW
 from footsense.lab.walkers.split import DRAGGED
 
 #: Peak of loads of another robot than a foot's own, to which each log is scaled, over the foot's range [1].
@@ -41,7 +40,7 @@ LANDINGS = ("landing",)
 
 
 class JudgingLoads(Protocol):
-    """Loads of the feet of a robot, to judge by: a run of a walking robot, or `SlowLoads`.
+    """Loads of the feet of a robot, to judge by: a run of a walking robot, or `MadeUpLoads`.
 
     Attributes:
         name: What they are called.
@@ -112,8 +111,7 @@ def judge_run(part: tuple[JudgingLoads, Sequence[Path]], conditions: Conditions)
         readings = read_walker(Specimen(response), loads, _SEED + run.seed, scan=scan)
         feet = [None] * len(log.legs)
         pipeline = judging_pipeline(network, response, scan, feet, friction=log.friction)
-        supposed = [share * log.friction for share in SUPPOSED_REL.values()]
-        outputs = run_pipeline(pipeline, readings, conditions.motion, supposed)
+        outputs = run_pipeline(pipeline, readings, conditions.motion)
         peak_n = scale * log.peak_n()
         found = scores(outputs, peak_n, np.inf if run.gait == SLOW else REPORT_AFTER_S)
         judged.append(JudgedRun(design.foot_type, run, peak_n, found))
@@ -236,21 +234,11 @@ def slip_figures(judged: Sequence[JudgedRun]) -> dict[str, Any]:
     Returns:
         `n_slides` over `SLIDE_M` and `found_share`; `n_slips`, `false_share` of a foot that neither slides nor is at
         its cone, and `slow_share` of one that is slower than `SLIDE_M_S`; `told_p50_ms` after the begin of the slide;
-        `hours`; by supposed friction, `supposed` of the same; and `holds_bins`, how often the probability of holding
-        was within each bounds, and how often such a foot held.
+        `hours`; and `holds_bins`, how often the probability of holding was within each bounds, and how often such a
+        foot held.
     """
     rows = [one.scores for one in judged]
     bins = np.sum([row["holds_bins"] for row in rows] or [np.zeros((len(HOLDS_BOUNDS) - 1, 2))], axis=0)
-    return _slips_of(rows) | {
-        "hours": _hours(rows),
-        "supposed": {
-            name: _slips_of([row["supposed"][name] for row in rows]) for name in rows[0]["supposed"]
-        },
-        "holds_bins": bins.tolist(),
-    }
-
-
-def _slips_of(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     n_slides, n_found, n_slips, n_false, n_slow = (
         sum(row[key] for row in rows)
         for key in ("n_slides", "n_slides_found", "n_slips", "n_false_slips", "n_slow_slips")
@@ -262,4 +250,6 @@ def _slips_of(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
         "false_share": n_false / max(n_slips, 1),
         "slow_share": n_slow / max(n_slips, 1),
         "told_p50_ms": float(np.median([one for row in rows for one in row["slip_delays_ms"]] or [np.nan])),
+        "hours": _hours(rows),
+        "holds_bins": bins.tolist(),
     }

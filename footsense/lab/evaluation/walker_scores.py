@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from footsense.frames import IS_USABLE_STATE, Cause, GaitEvent, GaitEventKind, Mask, State, Vector
+from footsense.frames import IS_USABLE_STATE, Cause, GaitEventKind, Mask, State, Vector
 from footsense.lab.evaluation.walker_runs import LEAD_IN_S, WalkerOutputs
 
 #: Time after the lead-in in which nothing counts: the robot comes to stand, and swings show their noise [s].
@@ -32,11 +32,6 @@ _ELEMENT_FAULTS = (
 SLIDE_M_S, _SLIDE_LOAD_REL, SLIDE_M, _SLIP_WITHIN_S = 0.02, 0.05, 5e-3, 0.06
 #: Ratio over the ground's coefficient from which a foot is at its cone, where it slides at any speed [1].
 AT_CONE_REL = 0.98
-#: Supposed friction of the ground over the true one, beside that, by name [1].
-SUPPOSED_REL = {
-    "friction a fifth too low": 0.8,
-    "friction a fifth too high": 1.2,
-}
 #: Bounds of the probability of holding within which a foot's share of holding is compared with it [1].
 HOLDS_BOUNDS = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 
@@ -221,22 +216,16 @@ def slip_scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
     A slide is found by a slip that is told as it begins or soon after, and by one that was told before and is not over.
     A slip is false if the foot neither slides nor is at its cone as it is told.
     """
-    slipping = zip(
-        ("", *SUPPOSED_REL), (outputs.events, *outputs.other_events), strict=bool(outputs.other_events)
-    )
     found: dict[str, Any] = {
         "walked_s": float(outputs.t_s[-1] - LEAD_IN_S - WARM_UP_S),
         "true_friction": outputs.true.friction,
-        "supposed": {},
         "holds_bins": np.zeros((len(HOLDS_BOUNDS) - 1, 2), int).tolist(),
     }
     n_legs = outputs.state.shape[1]
     truth = [_sliding(outputs, leg, peak_n) for leg in range(n_legs)]
     fast = [_slides(outputs, leg, peak_n, truth[leg][1]) for leg in range(n_legs)]
     any_speed = [_slides(outputs, leg, peak_n, truth[leg][1] | truth[leg][2]) for leg in range(n_legs)]
-    for name, events in slipping:
-        counts = _counted_slips(outputs, events, fast, any_speed)
-        found |= {"supposed": found["supposed"] | {name: counts}} if name else counts
+    found |= _counted_slips(outputs, fast, any_speed)
     for leg, (carries, slides, at_cone) in enumerate(truth):
         known = carries & outputs.contact[:, leg] & np.isfinite(outputs.holds[:, leg])
         known &= outputs.t_s > LEAD_IN_S + WARM_UP_S
@@ -249,7 +238,6 @@ def slip_scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
 
 def _counted_slips(
     outputs: WalkerOutputs,
-    events: Sequence[tuple[int, GaitEvent]],
     fast: Sequence[Sequence[Slide]],
     any_speed: Sequence[Sequence[Slide]],
 ) -> dict[str, Any]:
@@ -262,7 +250,11 @@ def _counted_slips(
 
     for leg in range(len(fast)):
         told_s, ends_s = (
-            [float(outputs.t_s[row]) for row, event in events if event.leg == leg and event.kind is kind]
+            [
+                float(outputs.t_s[row])
+                for row, event in outputs.events
+                if event.leg == leg and event.kind is kind
+            ]
             for kind in (GaitEventKind.SLIP, GaitEventKind.SLIP_END)
         )
         sent_s = [at_s for at_s in told_s if at_s > LEAD_IN_S + WARM_UP_S]

@@ -46,8 +46,7 @@ from footsense.lab.training.gait_windows import (
     windows_of,
 )
 from footsense.lab.walkers import slow_loads
-from footsense.lab.walkers.shaking_loads import ShakingLoads
-from footsense.lab.walkers.slow_loads import SlowLoads
+from footsense.lab.walkers.made_up import SHAKING, SLOW, MadeUpLoads
 from footsense.lab.walkers.split import KNOWN_JUDGEMENT, NEW_JUDGEMENT, RECORDED_JUDGEMENT, WalkerRun
 from footsense.ports import LoadEstimator, Window
 from footsense.sim.loads.ground_load import ContactSource
@@ -67,8 +66,8 @@ _TROT_RISES_S: dict[Leg, float] = {"lf": 0.02, "rf": 0.04, "lr": 0.06, "rr": 0.0
 #: Noise of a conversion over the board's [1], beside it: what an AD7147 has is not confirmed by a source.
 _NOISE_REL = (0.3, 3.0)
 #: Slow loads that judge; those of the selection have other seeds.
-_SLOW = (SlowLoads(9900, 20.0), SlowLoads(9901, 20.0))
-_SHAKING = ShakingLoads(9950, 20.0)
+_SLOW = (MadeUpLoads(SLOW, 9900, 20.0), MadeUpLoads(SLOW, 9901, 20.0))
+_SHAKING = MadeUpLoads(SHAKING, 9950, 20.0)
 #: Runs of a quick page, and duration of those in new gaits [s].
 _QUICK_RUNS, _QUICK_NEW_RUNS, _QUICK_S = slice(1, None, 12), slice(0, None, 13), 4.0
 
@@ -107,12 +106,12 @@ def _figures(context: StudyContext, board: str) -> Values:
         return judge(folders, runs, conditions)
 
     new: tuple[WalkerRun, ...] = NEW_JUDGEMENT
-    slow: tuple[SlowLoads, ...] = _SLOW
+    slow: tuple[MadeUpLoads, ...] = _SLOW
     for walk in RECORDED_JUDGEMENT:
         context.table_file(walk.file)
     if context.quick:
         new = tuple(run._replace(duration_s=_QUICK_S) for run in NEW_JUDGEMENT[_QUICK_NEW_RUNS])
-        slow = (SlowLoads(_SLOW[0].seed, _QUICK_S),)
+        slow = (_SLOW[0]._replace(duration_s=_QUICK_S),)
     judged = judged_under(KNOWN_JUDGEMENT[_QUICK_RUNS] if context.quick else KNOWN_JUDGEMENT)
     new_judged, slow_judged = judged_under((*new, *RECORDED_JUDGEMENT)), judged_under(slow)
     shaking = judged_under((_SHAKING._replace(duration_s=_QUICK_S) if context.quick else _SHAKING,))
@@ -286,13 +285,7 @@ def shown(values: Values) -> Values:
         ],
         "walks": {board: one["own_robots"] | one["couplings"] for board, one in boards.items()},
         "of_own_robots": {board: list(chain(*one["runs"].values())) for board, one in boards.items()},
-        "slides": {
-            board: {
-                f"{name}, friction known" if name == "all" else name: found for name, found in slips.items()
-            }
-            | {f"all, {what}": found for what, found in slips["all"]["supposed"].items()}
-            for board, slips in ((board, one["slips"]) for board, one in boards.items())
-        },
+        "slides": {board: one["slips"] for board, one in boards.items()},
         "host_cost_us": HOST_COST_US,
         "end_s": END_S,
         "motion": ToldMotion(),

@@ -15,13 +15,12 @@ from footsense.lab.evaluation.walker_judgement import (
     slip_figures,
 )
 from footsense.lab.evaluation.walker_runs import SCAN_TIMES, ToldMotion
-from footsense.lab.evaluation.walker_scores import SUPPOSED_REL
 from footsense.lab.report import Values, table
-from footsense.lab.walkers.slow_loads import SLOW, SlowLoads
+from footsense.lab.walkers.made_up import SLOW, MadeUpLoads
 from footsense.lab.walkers.split import SELECTION, SLIPPERY_SELECTION
 
 #: Slow loads of the selection.
-_SLOW = (SlowLoads(5900, 14.0), SlowLoads(5901, 14.0))
+_SLOW = (MadeUpLoads(SLOW, 5900, 14.0), MadeUpLoads(SLOW, 5901, 14.0))
 _ROWS = {
     "touches of over 30 ms": "{n_touches}",
     "found": "{found_share:.1%}",
@@ -37,13 +36,9 @@ _ROWS = {
     "contact wrong, share of the time": "{wrong_share:.1%}",
     "slow loads dated, 95 % [ms]; told": "{slow_p95_ms:.0f}; {n_slow_told} of {n_slow_touches}",
     "dragged feet found at their first touch": "{dragged_found_share:.0%} of {n_dragged_touches}",
-    **{
-        f"slides over 5 mm found; slips: all, false; {what}": (
-            f"{{{of}[found_share]:.0%}}; {{{of}[n_slips]}}, {{{of}[false_share]:.1%}}"
-        )
-        for what, of in {"friction known": "slips"}.items()
-        | {name: f"slips[supposed][{name}]" for name in SUPPOSED_REL}.items()
-    },
+    "slides over 5 mm found; slips: all, false": (
+        "{slips[found_share]:.0%}; {slips[n_slips]}, {slips[false_share]:.1%}"
+    ),
 }
 
 
