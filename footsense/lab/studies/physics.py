@@ -1,16 +1,11 @@
 """Page `physics`: the solid against finer meshes, and what each simplification of it costs."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from time import process_time
-from typing import Any
 
 import msgspec
 import numpy as np
 
-from footsense.foot.directions import directions
-from footsense.foot.gap_contact import CELLS_PER_ELEMENT, fringe_pf
 from footsense.frames import Vector
 from footsense.lab.fem.centred import (
     MIN_COUNTED_REL,
@@ -18,9 +13,8 @@ from footsense.lab.fem.centred import (
     solve_centred_closures,
 )
 from footsense.lab.fem.mesh import COARSE_MESH, FINEST_MESH, RELEASED_MESH, MeshSize
-from footsense.lab.geometry import FootDesign, ThinFilm
+from footsense.lab.geometry import ThinFilm
 from footsense.lab.report import StudyContext, Values, target_at_most
-from footsense.lab.response import make_response
 
 TITLE = "How exact the solid is"
 
@@ -54,20 +48,17 @@ _STATED = {
     "fit_residual_rel": "series in place of the solved samples",
     "interpolation_rel": "series four degrees shorter",
 }
-_FRINGE_CLOSURES_UM = (0.0, 5.0)
 
 
 def compute(context: StudyContext) -> Values:
     """Solve the foot on several meshes and with other materials; compare."""
-    design, response, quick = context.foot_design, context.response, context.quick
+    quick = context.quick
     meshes, closure_um_per_n = _meshes(context)
     worst = max(meshes[-1 if quick else 2]["error_rel"], default=float("nan"))
     return {
         "meshes": meshes,
-        "made": None if quick else _table_from_nothing(context),
         "films": _films(context, closure_um_per_n),
-        "stated": {name: response.provenance[name] for name in _STATED},
-        "fringe": _fringe_readings(design),
+        "stated": {name: context.response.provenance[name] for name in _STATED},
         "targets": []
         if quick
         else [
@@ -82,12 +73,6 @@ def compute(context: StudyContext) -> Values:
     }
 
 
-def _timed(step: Callable[[], Any]) -> tuple[Any, float]:
-    """Return the result of a step, and the time of all processors [s]."""
-    before_s = process_time()
-    return step(), process_time() - before_s
-
-
 def _meshes(context: StudyContext) -> tuple[list[Values], Vector]:
     """Return unknowns, time and errors of each mesh, and the released mesh's closures; the first one's if quick.
 
@@ -96,10 +81,9 @@ def _meshes(context: StudyContext) -> tuple[list[Values], Vector]:
     solved = []
     for name, size in (_QUICK_MESHES if context.quick else _MESHES).items():
         elevations_deg = _ELEVATIONS_DEG[: 1 if context.quick or size is FINEST_MESH else 2]
-        found, processor_s = _timed(
-            partial(solve_centred_closures, context.foot_design, size, elevations_deg)
-        )
-        closures_um = found.closure_um_per_n
+        before_s = process_time()
+        found = solve_centred_closures(context.foot_design, size, elevations_deg)
+        processor_s, closures_um = process_time() - before_s, found.closure_um_per_n
         solved.append((name, size.order, found.n_unknowns, processor_s, closures_um))
         context.report_progress(f"mesh {name}: {found.n_unknowns} unknowns, {processor_s:.1f} s")
     best = [solved[-1][-1][0], None if context.quick else solved[-2][-1][1]]
@@ -122,17 +106,6 @@ def _meshes(context: StudyContext) -> tuple[list[Values], Vector]:
     return rows, released_um
 
 
-def _table_from_nothing(context: StudyContext) -> Values:
-    """Return the time of solving the released table anew, and its largest difference from the released one."""
-    made, processor_s = _timed(
-        partial(make_response, context.foot_design, RELEASED_MESH, context.report_progress)
-    )
-    up = directions(0.0, list(_ELEVATIONS_DEG))
-    old_um, new_um = (one.free_element_closures_um(up, up) for one in (context.response, made))
-    change = max(abs(largest_change(new, old)) for new, old in zip(new_um, old_um, strict=True))
-    return {"processor_s": processor_s, "change_rel": change}
-
-
 def _films(context: StudyContext, bare_um: Vector) -> Values:
     """Return the largest change of a closure by each thin film, upright and inclined, on the same mesh."""
     size = next(iter(_QUICK_MESHES.values())) if context.quick else RELEASED_MESH
@@ -144,23 +117,6 @@ def _films(context: StudyContext, bare_um: Vector) -> Values:
         changes[name] = [largest_change(own, of) for own, of in zip(with_um, bare_um, strict=True)]
         context.report_progress(f"film {name} solved")
     return changes
-
-
-def _fringe_readings(design: FootDesign) -> list[Values]:
-    """Return an element's capacitance with and without edges, and the closures that both are read as, by closure."""
-    capacitor, closed_um = design.capacitor, np.array(_FRINGE_CLOSURES_UM)
-    spacing_um = np.repeat(design.gap_um + design.film_um - closed_um[:, None], 9 * CELLS_PER_ELEMENT, axis=1)
-    plates_pf = capacitor.capacitance_pf(closed_um)
-    edged_pf = plates_pf + fringe_pf(capacitor, spacing_um)[:, 0]
-    stray_pf = edged_pf[0] - plates_pf[0]
-    columns = {
-        "closed_um": closed_um,
-        "plates_pf": plates_pf,
-        "edged_pf": edged_pf,
-        "read_um": capacitor.closure_um(edged_pf, edged_pf[0]),
-        "corrected_um": capacitor.closure_um(edged_pf - stray_pf, edged_pf[0] - stray_pf),
-    }
-    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
 def shown(values: Values) -> Values:
