@@ -27,7 +27,7 @@ from footsense.frames import ELEMENTS, Vector
 from footsense.lab.design.processes import Process
 from footsense.lab.design.requirements import Requirements
 from footsense.lab.evaluation.cramer_rao import force_bound, jacobian_um
-from footsense.lab.evaluation.force_range import force_range, load_limits
+from footsense.lab.evaluation.force_range import force_range, largest_loads_n
 from footsense.lab.geometry import FootDesign
 from footsense.lab.training.load_cases import sensed_closure_um
 
@@ -96,7 +96,7 @@ def assess_foot(foot_design: FootDesign, response: FootResponse, requirements: R
         response.design.unloaded_pf,
         stated.upright_n,
         stated.centred_n,
-        float(load_limits(foot, loads, board.range_end_pf).range_n.min()),
+        float(largest_loads_n(foot, loads, board.range_end_pf).min()),
         levels_n,
         np.array([bound.direction_rms_deg.mean() for bound in bounds]),
         np.array(magnitude_rel),

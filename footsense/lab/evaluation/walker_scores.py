@@ -218,7 +218,6 @@ def slip_scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
     """
     found: dict[str, Any] = {
         "walked_s": float(outputs.t_s[-1] - LEAD_IN_S - WARM_UP_S),
-        "true_friction": outputs.true.friction,
         "holds_bins": np.zeros((len(HOLDS_BOUNDS) - 1, 2), int).tolist(),
     }
     n_legs = outputs.state.shape[1]

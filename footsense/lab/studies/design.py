@@ -17,7 +17,7 @@ from footsense.lab.evaluation.force_range import (
     MAX_READABLE_CLOSURE_REL,
     UPRIGHT,
     friction_loads,
-    load_limits,
+    largest_loads_n,
 )
 from footsense.lab.report import StudyContext, Values, target, target_at_most
 from footsense.lab.training.load_cases import FULL_SCALE_PF
@@ -96,7 +96,7 @@ def _foot(context: StudyContext, library: FootShapeLibrary) -> Values:
         "trained_n": design.loads.max_n,
         **{name: assess_foot(design, one, requirements)._asdict() for name, one in tables.items()},
         "process": process.process_name,
-        "made_range_n": [float(load_limits(Specimen(response, one), leaning).range_n.min()) for one in made],
+        "made_range_n": [float(largest_loads_n(Specimen(response, one), leaning).min()) for one in made],
     }
 
 
