@@ -26,7 +26,6 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
-from scipy.stats import chi2
 
 from footsense import sim
 from footsense.errors import FootsenseError
@@ -175,11 +174,6 @@ def table_by_board(
     return table(f"{heading} | {names}", lines)
 
 
-def most_events(n: int) -> float:
-    """Return the upper bound of the mean number of rare events, of which some were counted, at 95 % [1]."""
-    return float(chi2.ppf(0.95, 2 * (n + 1)) / 2.0)
-
-
 def spread(values: ArrayLike, digits: int = 2) -> str:
     """Return the mean, the standard deviation (of a sample) and the largest of values over seeds or feet as text.
 
@@ -243,16 +237,6 @@ def study_names() -> tuple[str, ...]:
     )
 
 
-def require_study(name: str) -> None:
-    """Check the name of a study.
-
-    Raises:
-        FootsenseError: There is no such study.
-    """
-    if name not in study_names():
-        raise FootsenseError(f"no study {name!r}: there are {', '.join(study_names())}")
-
-
 def make_page(name: str, context: StudyContext, folder: Path) -> tuple[str, Values]:
     """Run a study; write `<name>.md`, `<name>.json` and its drawings.
 
@@ -265,8 +249,11 @@ def make_page(name: str, context: StudyContext, folder: Path) -> tuple[str, Valu
         Markdown of the page, and its figures as JSON values.
 
     Raises:
-        FootsenseError: Files of this checkout are not those of its commit, which a page names; not of a quick one.
+        FootsenseError: There is no such study, or files of this checkout are not those of its commit, which a page
+            names; not of a quick one.
     """
+    if name not in study_names():
+        raise FootsenseError(f"no study {name!r}: there are {', '.join(study_names())}")
     study = import_module(f"{studies.__name__}.{name.replace('-', '_')}")
     commit = _commit(allow_changes=context.quick)
     started, load = default_timer(), os.getloadavg()[0]

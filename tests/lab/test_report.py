@@ -14,7 +14,6 @@ from footsense.lab.report import (
     StudyContext,
     make_page,
     page_text,
-    require_study,
     spread,
     study_names,
     table,
@@ -129,9 +128,9 @@ def test_the_committed_list_has_all_pages(tmp_path: Path) -> None:
     assert all(f"| [{name}]({name}.md) |" in written for name in study_names())
 
 
-def test_an_unknown_study_is_answered_with_those_that_are() -> None:
+def test_an_unknown_study_is_answered_with_those_that_are(tmp_path: Path) -> None:
     with pytest.raises(FootsenseError, match=r"no study 'x': there are .*faults"):
-        require_study("x")
+        make_page("x", StudyContext(MODELS / "aoyagi-3x3"), tmp_path)
 
 
 def test_a_spread_is_that_of_a_sample_and_a_table_has_its_columns() -> None:

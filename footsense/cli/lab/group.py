@@ -99,9 +99,8 @@ def study(
     as_json: bool,
 ) -> None:
     """Make the page NAME of the report. Another name lists them all."""
-    from footsense.lab.report import StudyContext, make_page, require_study, write_list_of_pages
+    from footsense.lab.report import StudyContext, make_page, write_list_of_pages
 
-    require_study(name)
     folder = options.ensure_report_folder(output, quick=quick)
     progress = (lambda _: None) if as_json else options.elapsed_time_reporter()
     context = StudyContext(models or _RELEASED_MODELS, quick, data, progress)

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,9 +27,8 @@ from footsense.lab.evaluation.walker_scores import (
 )
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.parallel import compute_each
-from footsense.lab.walkers.made_up import SLOW
-from footsense.lab.walkers.simulate import WalkerLog
-from footsense.lab.walkers.split import DRAGGED
+from footsense.lab.walkers.made_up import SLOW, MadeUpLoads
+from footsense.lab.walkers.split import DRAGGED, LoggedRun, WalkerRun
 
 #: Peak of loads of another robot than a foot's own, to which each log is scaled, over the foot's range [1].
 PEAK_REL = 0.5
@@ -39,34 +38,8 @@ _SEED = 20_000
 LANDINGS = ("landing",)
 
 
-class JudgingLoads(Protocol):
-    """Loads of the feet of a robot, to judge by: a run of a walking robot, or `MadeUpLoads`.
-
-    Attributes:
-        name: What they are called.
-        kind: Kind of the robot; empty for any.
-        gait: Name of the gait.
-        seed: Seed of the readings' noise.
-    """
-
-    @property
-    def name(self) -> str:
-        """What they are called."""
-
-    @property
-    def kind(self) -> str:
-        """Kind of the robot; empty for any."""
-
-    @property
-    def gait(self) -> str:
-        """Name of the gait."""
-
-    @property
-    def seed(self) -> int:
-        """Their seed, of which that of the readings' noise is made."""
-
-    def kept_log(self) -> WalkerLog:
-        """Return the loads."""
+#: Loads of the feet of a robot, to judge by.
+JudgingLoads = WalkerRun | LoggedRun | MadeUpLoads
 
 
 class JudgedRun(NamedTuple):
@@ -201,8 +174,7 @@ def pooled(judged: Sequence[JudgedRun]) -> dict[str, Any]:
         np.concatenate([np.array(row[key]) for row in rows]) for key in ("delays_ms", "lift_off_delays_ms")
     )
     figures: dict[str, Any] = {
-        key: sum(row[key] for row in rows)
-        for key in ("n_touches", "n_missed", "n_in_air", "n_twice", "n_element_faults")
+        key: sum(row[key] for row in rows) for key in ("n_touches", "n_missed", "n_in_air", "n_twice")
     }
     for key in ("direction_deg", "mid_stance_deg"):
         figures |= {
@@ -220,12 +192,7 @@ def pooled(judged: Sequence[JudgedRun]) -> dict[str, Any]:
         "delay_p50_ms": float(np.percentile(delays_ms, 50)),
         "delay_p99_ms": float(np.percentile(delays_ms, 99)),
         "lift_off_delay_p50_ms": float(np.percentile(lifts_ms, 50, method="nearest")),
-        "walked_hours": _hours(rows),
     }
-
-
-def _hours(rows: Sequence[dict[str, Any]]) -> float:
-    return float(sum(row["walked_s"] for row in rows) / 3600.0)
 
 
 def slip_figures(judged: Sequence[JudgedRun]) -> dict[str, Any]:
@@ -250,6 +217,6 @@ def slip_figures(judged: Sequence[JudgedRun]) -> dict[str, Any]:
         "false_share": n_false / max(n_slips, 1),
         "slow_share": n_slow / max(n_slips, 1),
         "told_p50_ms": float(np.median([one for row in rows for one in row["slip_delays_ms"]] or [np.nan])),
-        "hours": _hours(rows),
+        "hours": float(sum(row["walked_s"] for row in rows) / 3600.0),
         "holds_bins": bins.tolist(),
     }

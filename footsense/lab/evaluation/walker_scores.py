@@ -1,11 +1,11 @@
-"""How right the service's forces, contacts, times, slips and diagnoses are on the feet of walking robots."""
+"""How right the service's forces, contacts, times, and slips are on the feet of walking robots."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from footsense.frames import IS_USABLE_STATE, Cause, GaitEventKind, Mask, State, Vector
+from footsense.frames import IS_USABLE_STATE, GaitEventKind, Mask, State, Vector
 from footsense.lab.evaluation.walker_runs import LEAD_IN_S, WalkerOutputs
 
 #: Time after the lead-in in which nothing counts: the robot comes to stand, and swings show their noise [s].
@@ -18,15 +18,6 @@ _MERGED_S, MIN_TOUCH_S = 0.025, 0.03
 AFTER_TOUCH_S, BEFORE_END_S = 0.04, 0.03
 #: Time after a touch within which a report belongs to it [s].
 REPORT_AFTER_S = 0.08
-#: Causes of a faulty element or line.
-_ELEMENT_FAULTS = (
-    Cause.ELEMENT_OPEN,
-    Cause.ELEMENT_SHORTED,
-    Cause.ELEMENT_DRIFTS,
-    Cause.ELEMENT_STUCK,
-    Cause.ROW_OPEN,
-    Cause.COLUMN_OPEN,
-)
 #: Sliding: speed of the contact point [m/s] and normal force over the peak [1] from which a foot slides; way of a slide
 #: that counts [m], and time within which a slip belongs to a slide [s].
 SLIDE_M_S, _SLIDE_LOAD_REL, SLIDE_M, _SLIP_WITHIN_S = 0.02, 0.05, 5e-3, 0.06
@@ -283,19 +274,12 @@ def _counted_slips(
     }
 
 
-def fault_scores(outputs: WalkerOutputs) -> dict[str, Any]:
-    """Return how often a healthy foot was called faulty."""
-    faulty = np.isin(outputs.cause, _ELEMENT_FAULTS) & (outputs.t_s > LEAD_IN_S)[:, None]
-    return {"n_element_faults": int((np.diff(faulty.astype(int), axis=0) > 0).sum())}
-
-
 def scores(outputs: WalkerOutputs, peak_n: float, report_after_s: float = REPORT_AFTER_S) -> dict[str, Any]:
     """Return all scores of a run whose loads peak at a force [N]; the last argument as of `contact_scores`."""
     return {
         **force_scores(outputs, peak_n),
         **contact_scores(outputs, peak_n, report_after_s),
         **slip_scores(outputs, peak_n),
-        **fault_scores(outputs),
     }
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from footsense.lab.evaluation.walker_scores import MIN_TOUCH_S, SLIDE_M
-from footsense.lab.report import Values, most_events, target, target_at_most
+from footsense.lab.report import Values, target, target_at_most
 from footsense.lab.studies.boards.many_feet import STEP_N
 
 #: What is wanted of each board, the default one first; what it does not name is not wanted of it. Directions are means
@@ -124,8 +124,7 @@ def _walker_targets(
 ) -> list[dict[str, object]]:
     """Return the targets of walking robots, on the paper's foot and on the others.
 
-    Landings do not count in the worst gait, which is named beside theirs, and in time without a force. A rate of rare
-    events is as high as its upper bound at 95 %.
+    Landings do not count in the worst gait, which is named beside theirs, and in time without a force.
     """
     own, *others = pooled.values()
     rows = []
@@ -143,13 +142,6 @@ def _walker_targets(
     rows += [
         target_at_most(
             "lift-off reported after, median", [20.0], [own["lift_off_delay_p50_ms"]], "{:.0f} ms"
-        ),
-        target_at_most(
-            "false element faults in an hour of walking, upper bound",
-            [1.0],
-            [most_events(own["n_element_faults"]) / max(own["walked_hours"], 1e-9)],
-            f"{{:.0f}} ({own['n_element_faults']} in {60 * own['walked_hours']:.1f} min)",
-            "{:g}",
         ),
         target(
             "errors within 2 sigma / beyond 5 sigma, worst gait",
