@@ -227,6 +227,8 @@ _IN_TEMPLATES: dict[str, Any] = {
     "of_each": of_each,
     "spread": spread,
     "told": told,
+    "mean": np.mean,
+    "median": np.median,
 }
 
 

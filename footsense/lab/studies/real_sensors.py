@@ -59,6 +59,10 @@ def compute(context: StudyContext) -> Values:
     for name, factors in _RUBBERS.items():
         loops[name] = _loop(pressure, _rubber_reading(pressure, first.step_s, *factors))
     return {
+        "creep_rel": CREEP_REL[-1],
+        "gain_sigma": PRIOR_SIGMA[GAIN][0],
+        "full_scale_bar": FULL_SCALE_BAR,
+        "max_jump_counts": MAX_JUMP_COUNTS,
         "n_elements": first.reading.shape[1],
         "range_counts": float(np.ptp(means[_CALIBRATION])),
         "forms": {name: _form_figures(one, means[name], fits[name]) for name, one in sessions.items()},
@@ -134,43 +138,3 @@ def _rubber_reading(pressure: Vector, step_s: float, creep: float, play: float) 
 
 def _robust_deviation(values: Vector) -> float:
     return float(_SIGMA_PER_MAD * np.median(np.abs(values - np.median(values))))
-
-
-def shown(values: Values) -> Values:
-    """Return the rows of what is assumed, each beside what was measured."""
-    loops, form = values["loops"], values["forms"][_CALIBRATION]
-    deviations = [one["deviation"] for one in values["gains"].values()]
-    creep = [one["creep"] for one in values["forms"].values()]
-    assumed = [
-        (
-            "a foot's own creep of 10 s",
-            f"{100 * CREEP_REL[-1]:.0f} %",
-            f"{100 * min(creep):.0f} to {100 * max(creep):.0f} %",
-            "no: too little, for foam",
-        ),
-        (
-            "loop, largest, on the same history",
-            f"{100 * loops[_RUBBER]['largest']:.1f} %",
-            f"{100 * loops[_INSOLE]['largest']:.1f} %",
-            "no: too narrow, for foam; play x 3 is wide enough",
-        ),
-        (
-            "gains of elements, prior of a calibration",
-            f"{100 * PRIOR_SIGMA[GAIN][0]:.0f} %",
-            f"{100 * min(deviations):.1f} to {100 * max(deviations):.1f} %",
-            "nearly",
-        ),
-        (
-            "gains of elements, sigma of uncalibrated feet",
-            "1 %",
-            "the same",
-            "no: too little after a session",
-        ),
-        (
-            "form: chain and play",
-            "exact",
-            f"leaves {100 * form['memory']:.2f} % of {100 * form['clock']:.2f} %",
-            "yes",
-        ),
-    ]
-    return {"assumed": assumed, "full_scale_bar": FULL_SCALE_BAR, "max_jump_counts": MAX_JUMP_COUNTS}
