@@ -15,7 +15,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from importlib import import_module
 from multiprocessing import get_context
 from pathlib import Path
@@ -229,6 +229,7 @@ _IN_TEMPLATES: dict[str, Any] = {
     "told": told,
     "mean": np.mean,
     "median": np.median,
+    "deviation": partial(np.std, ddof=1),
 }
 
 
