@@ -38,7 +38,6 @@ from footsense.sim.loads.press_sequence import paper_presses
 from footsense.sim.rubber import RUBBER_LEVELS
 from footsense.validation.made_feet import (
     EXACT_CONDITIONS,
-    N_FEW,
     SEED,
     FootModel,
     MadeFootPlan,
@@ -257,19 +256,9 @@ def _targets(values: Values) -> list[Values]:
 def shown(values: Values) -> Values:
     """Return the rows of the page's tables, and who is worst, refused in part, and refused."""
     made, kinds = values["kinds"][SUPPOSED], values["kinds"]
-    estimators = {
-        "own_network": "the paper's procedure: a network trained on the foot's own loads",
-        "design": "uncalibrated: the released network",
-        "standing": f"calibrated by standing in {N_POSTURES} postures, without a reference",
-        "few": f"calibrated with {N_FEW} loads",
-        "all": "calibrated with all loads",
-    }
     return {
         "causes": [_cause_row(values, name, errors) for name, errors in values["causes"].items()],
-        "made": [
-            (words, *(_spread(made[name]["centred"][figure]) for figure in _FIGURES[:4]))
-            for name, words in estimators.items()
-        ],
+        "made": made,
         "kinds": [_kind_row(_KINDS[name], one) for name, one in kinds.items()],
         "n_pressed_loads": np.mean(made["n_loads"]),
         "left_out": {name: _percent(made[name]["centred"]["no_force"]) for name in ("design", "all")},
@@ -287,7 +276,7 @@ def shown(values: Values) -> Values:
 def _cause_row(values: Values, name: str, errors: Values) -> tuple[str, ...]:
     words, factor = _CAUSES[name]
     level = f"{values['levels'][name] * factor:g}" if name in values["levels"] else "-"
-    return words, level, _spread(errors["deg"]), _spread(errors["gf"])
+    return words, level, spread_over_feet(errors["deg"]), spread_over_feet(errors["gf"])
 
 
 def _kind_row(kind: _Kind, columns: Values) -> tuple[str, ...]:
@@ -306,7 +295,7 @@ def _kind_row(kind: _Kind, columns: Values) -> tuple[str, ...]:
         f"{kind.words}, {SAME_TABLE}" if is_same else kind.words,
         f"{len(passed)}, {sum(one['warned'][number] for number in passed)}",
         *(
-            _spread(of("all", test, figure))
+            spread_over_feet(of("all", test, figure))
             for test in ("centred", "range")
             for figure in ("true_deg", "true_gf")
         ),
@@ -325,7 +314,7 @@ def _percent(shares: Iterable[float | None]) -> str:
     return f"{100 * np.mean(known):.0f}" if known else "-"
 
 
-def _spread(over_feet: list[float | None]) -> str:
+def spread_over_feet(over_feet: list[float | None]) -> str:
     """Return mean, deviation and worst over the feet that have any force; how many have none."""
     known = [value for value in over_feet if value is not None]
     none = f" ({len(over_feet) - len(known)} without any)" if len(known) < len(over_feet) else ""

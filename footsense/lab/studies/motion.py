@@ -265,7 +265,7 @@ def _friction_ratio(ratio: Vector, normal: Vector) -> Vector:
 
 
 def shown(values: Values) -> Values:
-    """Return the rows of what is wanted of the boards and of how often feet held, and where constants are."""
+    """Return the rows of what is wanted of the boards, walks of more than one kind, and where constants are."""
     boards = values["boards"]
     figures = dict.fromkeys(row["figure"] for of_board in boards.values() for row in of_board["targets"])
     reached = {
@@ -275,17 +275,11 @@ def shown(values: Values) -> Values:
         }
         for board, of_board in boards.items()
     }
-    bins = [of_board["slips"]["all"]["holds_bins"] for of_board in boards.values()]
-    bounds = pairwise(walker_scores.HOLDS_BOUNDS)
     return {
         "wanted": [(one, *(of_board.get(one, "-") for of_board in reached.values())) for one in figures],
-        "held": [
-            (f"{low:g} to {high:g}", *(f"{held / max(n, 1):.2f} of {n}" for n, held in of_boards))
-            for (low, high), *of_boards in zip(bounds, *bins, strict=True)
-        ],
+        "holds_bounds": list(pairwise(walker_scores.HOLDS_BOUNDS)),
         "walks": {board: one["own_robots"] | one["couplings"] for board, one in boards.items()},
         "of_own_robots": {board: list(chain(*one["runs"].values())) for board, one in boards.items()},
-        "slides": {board: one["slips"] for board, one in boards.items()},
         "host_cost_us": HOST_COST_US,
         "end_s": END_S,
         "motion": ToldMotion(),

@@ -74,6 +74,8 @@ def compute(context: StudyContext) -> Values:
     leaning, centred = (refined[name]["refined"] for name in (_LEANING, _CENTRED))
     worst = max(row["over_bound"] for row in bound["centred"])
     return {
+        "noise_ff": 1e3 * NOISE_PF,
+        "baseline_noise_ff": 1e3 * BASELINE_NOISE_PF,
         "weights": network.card["training"]["weights"],
         "min_evaluated_force_n": loads.min_evaluated_force_n,
         "error_tables": {foot: as_markdown(of_foot) for foot, of_foot in errors.items()},
@@ -189,19 +191,4 @@ def _bounds(context: StudyContext) -> Values:
             for gf in magnitudes_gf
         ]
         for name, contacts in loads.items()
-    }
-
-
-def shown(values: Values) -> Values:
-    """Return the rows of the loads refined at rest, and of the bound."""
-    return {
-        "refined_rows": [
-            {"name": name, "kind": kind if kind == "network" else f"refined, {row['share']:.0%} of the loads"}
-            | row[kind]
-            for name, row in values["refined"].items()
-            for kind in ("network", "refined")
-        ],
-        "bounds": [{"loads": loads} | row for loads, rows in values["bound"].items() for row in rows],
-        "noise_ff": 1e3 * NOISE_PF,
-        "baseline_noise_ff": 1e3 * BASELINE_NOISE_PF,
     }
