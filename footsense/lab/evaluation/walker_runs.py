@@ -293,7 +293,6 @@ class WalkerOutputs(NamedTuple):
         force_n: Forces [N], shape (n, legs, 3), NaN where there is none.
         sigma_n: Their standard deviations [N], same shape.
         state: State of each leg, shape (n, legs).
-        cause: Cause, same shape.
         contact: Whether contact is reported, same shape.
         holds: Probability that each foot stands still on the ground, same shape.
         events: Every event, with the row of the frame after which it was reported.
@@ -305,7 +304,6 @@ class WalkerOutputs(NamedTuple):
     force_n: Vector
     sigma_n: Vector
     state: Codes
-    cause: Codes
     contact: Mask
     holds: Vector
     events: list[tuple[int, GaitEvent]]
@@ -370,11 +368,11 @@ def run_pipeline(
         frame, _ = pipeline.process(
             CapFrame(k, t_ns.copy(), capacitance_pf.copy(), reading.copy()), sent_ns[k]
         )
-        frames.append((frame.force_n, frame.sigma_n, frame.state, frame.cause, frame.holds))
+        frames.append((frame.force_n, frame.sigma_n, frame.state, frame.holds))
         contact[k] = [leg.in_contact for leg in pipeline._baselines.contacts]  # noqa: SLF001
         if frame.gait is not None:
             events += [(k, event) for event in frame.gait.events]
-    force_n, sigma_n, state, cause, holds = (np.array(part) for part in zip(*frames, strict=True))
+    force_n, sigma_n, state, holds = (np.array(part) for part in zip(*frames, strict=True))
     return WalkerOutputs(
         t_s=readings.loads.t_s,
         true=readings.loads,
@@ -382,7 +380,6 @@ def run_pipeline(
         force_n=force_n,
         sigma_n=sigma_n,
         state=state,
-        cause=cause,
         contact=contact,
         holds=holds,
         events=events,
