@@ -1,10 +1,11 @@
 """How right the service's forces, contacts, times, and slips are on the feet of walking robots."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from footsense.foot.directions import angles_between_deg
 from footsense.frames import IS_USABLE_STATE, GaitEventKind, Mask, State, Vector
 from footsense.lab.evaluation.walker_runs import LEAD_IN_S, WalkerOutputs
 
@@ -39,10 +40,8 @@ def touches(outputs: WalkerOutputs, leg: int, peak_n: float) -> list[Touch]:
     """Return the touches of a leg that last, after the warm-up, by the truth."""
     t_s = outputs.all_loads.t_s
     pressing_n = (outputs.all_loads.force_n[:, leg] * outputs.all_loads.normal[:, leg]).sum(axis=1)
-    loaded = np.concatenate([[False], pressing_n > FIRST_LOAD_REL * peak_n, [False]])
-    edges = np.flatnonzero(np.diff(loaded.astype(int)))
     spans: list[list[float]] = []
-    for first, last in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+    for first, last in _spans(pressing_n > FIRST_LOAD_REL * peak_n):
         start_s, end_s = float(t_s[first]), float(t_s[min(last, len(t_s) - 1)])
         if spans and start_s - spans[-1][1] < _MERGED_S:
             spans[-1][1] = end_s
@@ -57,6 +56,12 @@ def touches(outputs: WalkerOutputs, leg: int, peak_n: float) -> list[Touch]:
     return found
 
 
+def _spans(mask: Mask) -> Iterator[tuple[int, int]]:
+    """Return where a mask is set on end: first row, and the one after the last."""
+    edges = np.flatnonzero(np.diff(mask.astype(int), prepend=0, append=0)).tolist()
+    return zip(edges[::2], edges[1::2], strict=True)
+
+
 def force_scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
     """Return the errors of the forces of a run: direction [deg], share without a force, coverage of sigma."""
     truth, t_s = outputs.true.force_n, outputs.t_s
@@ -67,9 +72,7 @@ def force_scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
     since_s, before_s = _times_in_touch(outputs, peak_n)
     angle_deg = np.full(size_n.shape, np.nan)
     both = loaded & usable
-    found_n = np.linalg.norm(outputs.force_n[both], axis=1)
-    cosine = (outputs.force_n[both] * truth[both]).sum(axis=1) / np.maximum(found_n * size_n[both], 1e-12)
-    angle_deg[both] = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    angle_deg[both] = angles_between_deg(outputs.force_n[both], truth[both])
     middle = (since_s > AFTER_TOUCH_S) & (before_s > BEFORE_END_S)
     error_n = outputs.force_n - truth
     off = np.abs(error_n / outputs.sigma_n)
@@ -181,9 +184,7 @@ def _slides(outputs: WalkerOutputs, leg: int, peak_n: float, sliding: Mask) -> l
     step_s, found = float(t_s[1] - t_s[0]), []
     for touch in touches(outputs, leg, peak_n):
         rows = np.flatnonzero((t_s >= touch.start_s) & (t_s < touch.end_s))
-        inside = np.concatenate([[False], sliding[rows], [False]])
-        edges = np.flatnonzero(np.diff(inside.astype(int)))
-        for first, last in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        for first, last in _spans(sliding[rows]):
             start_s = float(t_s[rows[first]])
             if start_s > LEAD_IN_S + WARM_UP_S:
                 way_m = float(speed_m_s[rows[first:last]].sum() * step_s)

@@ -1,51 +1,22 @@
 """What is wanted of each board on the page of motion, beside what was measured."""
 
 from collections.abc import Sequence
+from pathlib import Path
+
+from msgspec import Struct
 
 from footsense.lab.evaluation.walker_scores import MIN_TOUCH_S, SLIDE_M
 from footsense.lab.report import Values, target, target_at_most
 from footsense.lab.studies.boards.many_feet import STEP_N
+from footsense.strict_yaml import load
 
-#: What is wanted of each board, the default one first; what it does not name is not wanted of it. Directions are means
-#: and 95 % below, of walking robots the mean over gaits and the worst gait but landings [deg]; *own* robots have a
-#: magnitude too [1]; *touches* are the share that is found, that of touchdowns in the air, half of what commit 915c148e
-#: tells in the same gaits, and that of touches told twice [1].
-WANTED: dict[str, dict[str, tuple[float, ...]]] = {
-    "ad7147": {
-        "random gaits": (0.8, 2.2),
-        "measured walk": (0.3, 0.8),
-        "tripod": (0.32, 0.6),
-        "trot of a robot dog": (0.65, 1.3),
-        "fz_mn": (10.0,),
-        "settled_ms": (20.0, 25.0),
-        "missing_deg": (0.7, 1.5, 1.5),
-        "own 0": (0.6, 0.01),
-        "own 1": (1.0, 0.02),
-        "direction_deg": (2.0, 4.5),
-        "mid_stance_deg": (1.0,),
-        "shaking_deg": (1.6,),
-        "touches": (0.98, 0.024, 0.02),
-        "touches, leg motion": (0.99, 0.005, 0.02),
-        "told_ms": (8.0, 28.0),
-        "slow_ms": (40.0,),
-        "dragged": (0.9,),
-    },
-    "fdc1004": {
-        "random gaits": (2.4, 10.0),
-        "measured walk": (1.3, 4.5),
-        "tripod": (1.3, 5.2),
-        "trot of a robot dog": (3.0, 9.0),
-        "fz_mn": (17.0,),
-        "settled_ms": (68.0, 77.0),
-        "direction_deg": (4.7, 8.0),
-        "mid_stance_deg": (2.7, 5.5),
-        "touches": (0.936, 0.021, 0.04),
-        "touches, leg motion": (0.98, 0.021, 0.04),
-        "told_ms": (16.0, 45.0),
-        "slow_ms": (80.0,),
-        "dragged": (0.8,),
-    },
-}
+
+class _Wanted(Struct, forbid_unknown_fields=True):
+    boards: dict[str, dict[str, tuple[float, ...]]]
+
+
+#: What is wanted of each board, the default one first.
+WANTED = load(Path(__file__).with_name("wanted.yaml"), _Wanted).boards
 #: Wanted of both: errors within two sigma, of single loads and of the worst gait, and beyond five [1]; error of the
 #: time of a touch [ms, rms]; slides over `SLIDE_M` that are found, and false slips of all [1].
 _WITHIN_2_SIGMA, _BEYOND_5_SIGMA, _DATED_MS, _SLIDES_FOUND, _SLIPS_FALSE = 0.93, 0.003, 4.0, 0.8, 0.05
