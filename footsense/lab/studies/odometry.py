@@ -92,15 +92,15 @@ def _drifted(run: WalkerRun, folders: dict[str, Path]) -> _Drifted:
     senses = walk.senses()
     known = sources(walk, senses, published)
     keys = [(source, gate) for source in known for gate in _GATES]
-    poses = run_filters(walk, senses, [Filter(known[source], gate == "gate") for source, gate in keys])
+    position_m, rotation = run_filters(
+        walk, senses, [Filter(known[source], gate == "gate") for source, gate in keys]
+    )
     drift: dict[str, dict[str, float]] = {source: {} for source in known}
-    for (source, gate), one in zip(
-        keys, walk.drift_rel(poses.position_m, poses.rotation).tolist(), strict=True
-    ):
+    for (source, gate), one in zip(keys, walk.drift_rel(position_m, rotation).tolist(), strict=True):
         drift[source][gate] = one
     paths_m = {"truth": walk.position_m[::_SHOWN_EVERY]}
     for source in _SHOWN:
-        place = poses.position_m[::_SHOWN_EVERY, keys.index((source, "no gate"))]
+        place = position_m[::_SHOWN_EVERY, keys.index((source, "no gate"))]
         paths_m[source] = place @ _level(walk.rotation[0]).T + walk.position_m[0]
     return _Drifted(float(walk.way_m[-1]), drift, paths_m)
 
