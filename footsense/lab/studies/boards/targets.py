@@ -39,7 +39,7 @@ def board_targets(board: str, figures: Values) -> list[dict[str, object]]:
         row
         for load in _LOADS
         for row in at_most(
-            load,
+            load.replace(" ", "_"),
             f"{load}, direction, mean / 95 % below",
             (by_load[load]["direction_deg"], by_load[load]["direction_p95_deg"]),
             "{:.2f} / {:.1f} deg",
@@ -61,7 +61,7 @@ def board_targets(board: str, figures: Values) -> list[dict[str, object]]:
     rows.append(_least_within(figures))
     for place, (name, own) in enumerate(figures["own_robots"].items()):
         rows += at_most(
-            f"own {place}",
+            f"own_{place}",
             f"{name}, whole service, direction / magnitude, mean",
             (own["direction_deg"], own["magnitude_rel"]),
             "{:.3f} deg / {:.2%}",
@@ -145,7 +145,7 @@ def _contact_targets(wanted: dict[str, tuple[float, ...]], figures: Values) -> l
     (dragged,) = wanted["dragged"]
     return [
         _touches_target("without leg motion", found, *wanted["touches"]),
-        _touches_target("with leg motion", with_motion, *wanted["touches, leg motion"]),
+        _touches_target("with leg motion", with_motion, *wanted["touches_leg_motion"]),
         target_at_most(
             "touches, new gaits, reported after the first load, median / 99 %",
             wanted["told_ms"],
