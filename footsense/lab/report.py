@@ -327,8 +327,8 @@ def make_report(folder: Path, context: StudyContext, report: Callable[[str], Non
             continue
         with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
             quiet = replace(context, report_progress=_report_nothing)
-            made = process.submit(_make_page_for_seconds, name, quiet, folder)
-            report(f"{name}: {made.result():.0f} s")
+            _, values = process.submit(make_page, name, quiet, folder).result()
+            report(f"{name}: {values['seconds']:.0f} s")
     return write_list_of_pages(folder)
 
 
@@ -345,11 +345,6 @@ def write_texts(folder: Path) -> list[Path]:
 
 def _report_nothing(_: str) -> None:
     """Report nothing, where a lambda could not be pickled."""
-
-
-def _make_page_for_seconds(name: str, context: StudyContext, folder: Path) -> float:
-    """Make a page in a process of its own; return its seconds."""
-    return float(make_page(name, context, folder)[1]["seconds"])
 
 
 def write_list_of_pages(folder: Path) -> Path:

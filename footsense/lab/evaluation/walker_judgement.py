@@ -51,29 +51,20 @@ class JudgedRun(NamedTuple):
     scores: dict[str, Any]
 
 
-class Conditions(NamedTuple):
-    """How runs are judged.
-
-    Attributes:
-        board: A key of `SCAN_TIMES`.
-        motion: How the motion of the legs is told; None where it is not.
-    """
-
-    board: str
-    motion: ToldMotion | None = None
-
-
-def judge_run(part: tuple[JudgingLoads, Sequence[Path]], conditions: Conditions) -> list[JudgedRun]:
+def judge_run(
+    part: tuple[JudgingLoads, Sequence[Path]], board: str, motion: ToldMotion | None
+) -> list[JudgedRun]:
     """Return the scores of one run on feet.
 
     A foot of the robot's own gets its forces, another one forces scaled to a peak of `PEAK_REL` of its range.
 
     Args:
         part: The run, and the folder of each foot type.
-        conditions: How it is judged.
+        board: A key of `SCAN_TIMES`.
+        motion: How the motion of the legs is told; None where it is not.
     """
     run, models = part
-    scan = SCAN_TIMES[conditions.board]
+    scan = SCAN_TIMES[board]
     log, judged = run.kept_log(), []
     for folder in models:
         design, response = load_foot(folder / FOOT_FILE), FootResponse.load(folder / RESPONSE_FILE)
@@ -84,7 +75,7 @@ def judge_run(part: tuple[JudgingLoads, Sequence[Path]], conditions: Conditions)
         readings = read_walker(Specimen(response), loads, _SEED + run.seed, scan=scan)
         feet = [None] * len(log.legs)
         pipeline = judging_pipeline(network, response, scan, feet, friction=log.friction)
-        outputs = run_pipeline(pipeline, readings, conditions.motion)
+        outputs = run_pipeline(pipeline, readings, motion)
         peak_n = scale * log.peak_n()
         found = scores(outputs, peak_n, np.inf if run.gait == SLOW else REPORT_AFTER_S)
         judged.append(JudgedRun(design.foot_type, run, peak_n, found))
@@ -94,20 +85,22 @@ def judge_run(part: tuple[JudgingLoads, Sequence[Path]], conditions: Conditions)
 def judge(
     models: Sequence[Path],
     runs: Sequence[JudgingLoads],
-    conditions: Conditions,
+    board: str,
+    motion: ToldMotion | None = None,
 ) -> list[JudgedRun]:
     """Return the scores of runs on feet; each foot but the paper's gets the runs of robots of its own kind.
 
     Args:
         models: Folders of the foot types, the paper's first.
         runs: The runs.
-        conditions: How they are judged.
+        board: As of `judge_run`.
+        motion: As of `judge_run`.
     """
     parts = [
         (run, tuple(folder for n, folder in enumerate(models) if not n or folder.name.startswith(run.kind)))
         for run in runs
     ]
-    judged = compute_each(partial(judge_run, conditions=conditions), parts)
+    judged = compute_each(partial(judge_run, board=board, motion=motion), parts)
     return [one for each in judged for one in each]
 
 

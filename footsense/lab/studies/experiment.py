@@ -30,7 +30,7 @@ from footsense.lab.fem.whole import other_tables
 from footsense.lab.foot_file import FOOT_FILE
 from footsense.lab.parallel import N_PROCESSES, compute_each
 from footsense.lab.report import SAME_TABLE, StudyContext, Values, spread, target
-from footsense.lab.studies.boards.made_feet import SigmaOfFeet, sigma_of_made_foot, sigma_rows
+from footsense.lab.studies.boards.made_feet import sigma_of_made_foot, sigma_rows
 from footsense.lab.training.load_cases import leaning_loads
 from footsense.lab.training.paper_procedure import EPOCHS, per_foot_force_n
 from footsense.sim.fabrication import PAPER_TOLERANCES, FootTolerances, draw_deviations
@@ -66,7 +66,7 @@ _STAND = replace(
 _TUNED = asdict(PAPER_TOLERANCES) | asdict(_STAND)
 #: The causes in words, and the factor to their unit.
 NONE, ALL = "none", "all"
-_CAUSES = {
+CAUSES = {
     NONE: ("none: the procedure's own error", 1.0),
     "gap_um": ("gap of each element [um]", 1.0),
     "film_um": ("film of each element [um]", 1.0),
@@ -125,7 +125,7 @@ _KINDS = {
 }
 #: Kinds of the quick form: their tables need no solve.
 _QUICK_KINDS = (SUPPOSED, "floor_capacitance", "sealed")
-_QUICK_CAUSES = (NONE, "lean_rms_deg", ALL)
+_QUICKCAUSES = (NONE, "lean_rms_deg", ALL)
 #: Columns of a kind, of those of `evaluate_made_foot`.
 _FIGURES = ("deg", "gf", "true_deg", "true_gf", "no_force", "within_2_sigma")
 
@@ -135,7 +135,7 @@ def compute(context: StudyContext) -> Values:
     n_feet, epochs = (_QUICK_N_FEET, _QUICK_EPOCHS) if context.quick else (_N_FEET, EPOCHS)
     folder = context.files(FOOT_FILE, RESPONSE_FILE, NETWORK_FILE).resolve()
     each = partial(compute_each, n_processes=1 if context.quick else N_PROCESSES)
-    causes = _QUICK_CAUSES if context.quick else tuple(_CAUSES)
+    causes = _QUICKCAUSES if context.quick else tuple(CAUSES)
     sets = {name: _EXACT | {one: _TUNED[one] for one in _TUNED if name in (one, ALL)} for name in causes}
     procedure = partial(_procedure_errors, folder, epochs)
     found = each(procedure, [(levels, number) for levels in sets.values() for number in range(n_feet)])
@@ -158,8 +158,10 @@ def compute(context: StudyContext) -> Values:
     feet = each(evaluate, parts)
     kinds = {name: _columns(feet[k * n_feet : (k + 1) * n_feet]) for k, name in enumerate(names)}
     context.report_progress("feet of all kinds done")
-    subject = SigmaOfFeet(folder, plan, context.foot_design.loads.max_n, walks=not context.quick)
-    sigma = each(partial(sigma_of_made_foot, subject), list(range(2 if context.quick else _N_SIGMA_FEET)))
+    sigma_of = partial(
+        sigma_of_made_foot, folder, plan, context.foot_design.loads.max_n, walks=not context.quick
+    )
+    sigma = each(sigma_of, list(range(2 if context.quick else _N_SIGMA_FEET)))
     values = {
         "n_feet": n_feet,
         "seed": SEED,
@@ -257,7 +259,6 @@ def shown(values: Values) -> Values:
     """Return the rows of the page's tables, and who is worst, refused in part, and refused."""
     made, kinds = values["kinds"][SUPPOSED], values["kinds"]
     return {
-        "causes": [_cause_row(values, name, errors) for name, errors in values["causes"].items()],
         "made": made,
         "kinds": [_kind_row(_KINDS[name], one) for name, one in kinds.items()],
         "n_pressed_loads": np.mean(made["n_loads"]),
@@ -271,12 +272,6 @@ def shown(values: Values) -> Values:
         "warned_from": WARNING_MEDIAN_MAHALANOBIS_DISTANCE,
         "refused_from": MAX_MEDIAN_MAHALANOBIS_DISTANCE,
     }
-
-
-def _cause_row(values: Values, name: str, errors: Values) -> tuple[str, ...]:
-    words, factor = _CAUSES[name]
-    level = f"{values['levels'][name] * factor:g}" if name in values["levels"] else "-"
-    return words, level, spread_over_feet(errors["deg"]), spread_over_feet(errors["gf"])
 
 
 def _kind_row(kind: _Kind, columns: Values) -> tuple[str, ...]:

@@ -13,9 +13,7 @@ from footsense.frames import ELEMENTS, Leg, Vector
 from footsense.lab.evaluation import walker_scores
 from footsense.lab.evaluation.evaluate_models import RESPONSE_FILE
 from footsense.lab.evaluation.walker_judgement import (
-    Conditions,
     JudgedRun,
-    JudgingLoads,
     contact_figures,
     judge,
     pooled,
@@ -100,11 +98,7 @@ def _figures(context: StudyContext, board: str) -> Values:
     context.report_progress("steps and missing elements done")
     figures |= service_figures(context, board)
     context.report_progress("walks through the service done")
-    conditions = Conditions(board)
-
-    def judged_under(runs: Sequence[JudgingLoads], conditions: Conditions = conditions) -> list[JudgedRun]:
-        return judge(folders, runs, conditions)
-
+    judged_under = partial(judge, folders, board=board)
     new: tuple[WalkerRun, ...] = NEW_JUDGEMENT
     slow: tuple[MadeUpLoads, ...] = _SLOW
     for walk in RECORDED_JUDGEMENT:
@@ -115,7 +109,7 @@ def _figures(context: StudyContext, board: str) -> Values:
     judged = judged_under(KNOWN_JUDGEMENT[_QUICK_RUNS] if context.quick else KNOWN_JUDGEMENT)
     new_judged, slow_judged = judged_under((*new, *RECORDED_JUDGEMENT)), judged_under(slow)
     shaking = judged_under((_SHAKING._replace(duration_s=_QUICK_S) if context.quick else _SHAKING,))
-    moving = judged_under((*new, *RECORDED_JUDGEMENT, *slow), conditions._replace(motion=ToldMotion()))
+    moving = judged_under((*new, *RECORDED_JUDGEMENT, *slow), motion=ToldMotion())
     context.report_progress("walking robots done")
     by_foot = {
         name: [one for one in judged if one.foot_type == name]

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from footsense.lab.evaluation.walker_judgement import (
-    Conditions,
     JudgedRun,
     JudgingLoads,
     contact_figures,
@@ -57,9 +56,8 @@ def select(
     """
     figures: dict[str, dict[str, Values]] = {}
     for board in SCAN_TIMES:
-        conditions = Conditions(board)
-        judged, slipping = judge(models, runs, conditions), judge(models, slippery, conditions)
-        told = judge(models, runs, conditions._replace(motion=ToldMotion()))
+        judged, slipping = judge(models, runs, board), judge(models, slippery, board)
+        told = judge(models, runs, board, ToldMotion())
         figures[board] = {
             folder.name: _figures(
                 [one for one in judged if one.foot_type == folder.name],
