@@ -15,7 +15,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from importlib import import_module
 from multiprocessing import get_context
 from pathlib import Path
@@ -26,7 +26,6 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
-from scipy.stats import chi2
 
 from footsense import sim
 from footsense.errors import FootsenseError
@@ -55,7 +54,6 @@ class StudyContext:
     Attributes:
         folder: Folder of a foot type: its description, response table and networks; a study takes `files` of it.
         quick: Whether to answer in seconds, with coarse steps and few seeds.
-        scheduler: Address of a dask cluster for the parts of a study; None for processes of this machine.
         data: Folder of measured data of others, which do not come with footsense; None without.
         report_progress: Receives a line after each step.
         drawings: What a study draws, by file name.
@@ -64,7 +62,6 @@ class StudyContext:
 
     folder: Path
     quick: bool = False
-    scheduler: str | None = None
     data: Path | None = None
     report_progress: Callable[[str], None] = print
     drawings: dict[str, Figure] = field(default_factory=dict)
@@ -177,11 +174,6 @@ def table_by_board(
     return table(f"{heading} | {names}", lines)
 
 
-def most_events(n: int) -> float:
-    """Return the upper bound of the mean number of rare events, of which some were counted, at 95 % [1]."""
-    return float(chi2.ppf(0.95, 2 * (n + 1)) / 2.0)
-
-
 def spread(values: ArrayLike, digits: int = 2) -> str:
     """Return the mean, the standard deviation (of a sample) and the largest of values over seeds or feet as text.
 
@@ -235,6 +227,9 @@ _IN_TEMPLATES: dict[str, Any] = {
     "of_each": of_each,
     "spread": spread,
     "told": told,
+    "mean": np.mean,
+    "median": np.median,
+    "deviation": partial(np.std, ddof=1),
 }
 
 
@@ -245,21 +240,11 @@ def study_names() -> tuple[str, ...]:
     )
 
 
-def require_study(name: str) -> None:
-    """Check the name of a study.
-
-    Raises:
-        FootsenseError: There is no such study.
-    """
-    if name not in study_names():
-        raise FootsenseError(f"no study {name!r}: there are {', '.join(study_names())}")
-
-
 def make_page(name: str, context: StudyContext, folder: Path) -> tuple[str, Values]:
     """Run a study; write `<name>.md`, `<name>.json` and its drawings.
 
     Args:
-        name: The study's, such as `hard-cases`.
+        name: The study's, such as `speed-error`.
         context: What it is given.
         folder: Where the page goes; created if missing.
 
@@ -267,8 +252,11 @@ def make_page(name: str, context: StudyContext, folder: Path) -> tuple[str, Valu
         Markdown of the page, and its figures as JSON values.
 
     Raises:
-        FootsenseError: Files of this checkout are not those of its commit, which a page names; not of a quick one.
+        FootsenseError: There is no such study, or files of this checkout are not those of its commit, which a page
+            names; not of a quick one.
     """
+    if name not in study_names():
+        raise FootsenseError(f"no study {name!r}: there are {', '.join(study_names())}")
     study = import_module(f"{studies.__name__}.{name.replace('-', '_')}")
     commit = _commit(allow_changes=context.quick)
     started, load = default_timer(), os.getloadavg()[0]
@@ -339,8 +327,8 @@ def make_report(folder: Path, context: StudyContext, report: Callable[[str], Non
             continue
         with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
             quiet = replace(context, report_progress=_report_nothing)
-            made = process.submit(_make_page_for_seconds, name, quiet, folder)
-            report(f"{name}: {made.result():.0f} s")
+            _, values = process.submit(make_page, name, quiet, folder).result()
+            report(f"{name}: {values['seconds']:.0f} s")
     return write_list_of_pages(folder)
 
 
@@ -357,11 +345,6 @@ def write_texts(folder: Path) -> list[Path]:
 
 def _report_nothing(_: str) -> None:
     """Report nothing, where a lambda could not be pickled."""
-
-
-def _make_page_for_seconds(name: str, context: StudyContext, folder: Path) -> float:
-    """Make a page in a process of its own; return its seconds."""
-    return float(make_page(name, context, folder)[1]["seconds"])
 
 
 def write_list_of_pages(folder: Path) -> Path:

@@ -1,4 +1,4 @@
-"""Figures of a board: what has no force, or is not told, is not left out of a row that looks good."""
+"""Figures of a board: what has no force is not left out of a row that looks good."""
 
 from pathlib import Path
 
@@ -8,14 +8,7 @@ import pytest
 from footsense.frames import State
 from footsense.lab.report import StudyContext
 from footsense.lab.studies.boards.force_figures import force_figures
-from footsense.lab.studies.boards.many_feet import (
-    BY_STANDING,
-    UNCALIBRATED,
-    missing_figures,
-    step_figures,
-    wrong_gain_figures,
-)
-from footsense.lab.studies.boards.service_walks import touchdown_figures
+from footsense.lab.studies.boards.many_feet import missing_figures, step_figures
 
 pytestmark = pytest.mark.lab
 
@@ -33,14 +26,6 @@ def test_errors_count_of_loaded_feet_and_a_missing_force_is_said() -> None:
     assert found["no_force_share"] == pytest.approx(0.5)
 
 
-def test_a_touch_that_is_not_told_is_infinitely_late() -> None:
-    told = {"n_missed": 0, "delays_ms": [4.0, 5.0, 6.0], "errors_ms": [3.0, -3.0, 3.0]}
-    missed = {"n_missed": 1, "delays_ms": [5.0], "errors_ms": [-3.0]}
-    found = touchdown_figures([told, missed])
-    assert (found["delay_p50_ms"], found["delay_p99_ms"]) == (5.0, np.inf)
-    assert found["back_dated_rms_ms"] == pytest.approx(3.0)
-
-
 def test_a_foot_does_without_an_element_a_row_or_a_column() -> None:
     """The rest of the foot gives a force at any time, worse by what is missing."""
     found = missing_figures(CONTEXT, "ad7147")
@@ -48,16 +33,7 @@ def test_a_foot_does_without_an_element_a_row_or_a_column() -> None:
     assert 0.5 < found["element"]["direction_deg"] < found["row"]["direction_deg"] < 3.0
 
 
-@pytest.mark.slow
-def test_feet_whose_gains_are_off_are_calibrated_by_standing() -> None:
-    """Gains that are off turn the force; a calibration that knows no force takes most of that away."""
-    found = wrong_gain_figures(CONTEXT, "ad7147")
-    off_deg, standing_deg = (np.mean(found[name]["direction_deg"]) for name in (UNCALIBRATED, BY_STANDING))
-    assert standing_deg < 0.5 * off_deg < 2.0
-
-
 def test_a_step_has_settled_when_the_window_is_of_it() -> None:
     """The window holds three scans of 6.9 ms; the last reading of them is sent some 3 ms after its middle."""
     found = step_figures(CONTEXT, "ad7147")
     assert 15.0 < found["settled_p50_ms"] <= found["settled_worst_ms"] < 35.0
-    assert 3.0 < found["touchdown_p50_ms"] < found["settled_p50_ms"]

@@ -87,7 +87,6 @@ def _require_unique_foot_type(known: Path, description: Path, foot_design: "Foot
 )
 @options.output_option
 @options.quick_option
-@options.scheduler_option
 @click.option("--data", type=FOLDER, help="Folder of measured data of others, which real-sensors needs.")
 @json_option
 def study(
@@ -96,17 +95,15 @@ def study(
     models: Path | None,
     output: Path | None,
     quick: bool,
-    scheduler: str | None,
     data: Path | None,
     as_json: bool,
 ) -> None:
     """Make the page NAME of the report. Another name lists them all."""
-    from footsense.lab.report import StudyContext, make_page, require_study, write_list_of_pages
+    from footsense.lab.report import StudyContext, make_page, write_list_of_pages
 
-    require_study(name)
     folder = options.ensure_report_folder(output, quick=quick)
     progress = (lambda _: None) if as_json else options.elapsed_time_reporter()
-    context = StudyContext(models or _RELEASED_MODELS, quick, scheduler, data, progress)
+    context = StudyContext(models or _RELEASED_MODELS, quick, data, progress)
     markdown, values = make_page(name, context, folder)
     if models is None:
         write_list_of_pages(folder)
@@ -120,11 +117,10 @@ def study(
 @click.command()
 @options.output_option
 @options.quick_option
-@options.scheduler_option
 @click.option(
     "--text", "text_only", is_flag=True, help="Compute nothing: write the pages' text from their figures."
 )
-def report(*, output: Path | None, quick: bool, scheduler: str | None, text_only: bool) -> None:
+def report(*, output: Path | None, quick: bool, text_only: bool) -> None:
     """Make all pages of the report anew, about the released foot.
 
     With --text, pages whose models, tables or robots are others today say so on top.
@@ -138,7 +134,7 @@ def report(*, output: Path | None, quick: bool, scheduler: str | None, text_only
         write_list_of_pages(folder)
         return
     progress = options.elapsed_time_reporter()
-    context = StudyContext(_RELEASED_MODELS, quick, scheduler, report_progress=progress)
+    context = StudyContext(_RELEASED_MODELS, quick, report_progress=progress)
     progress(f"wrote {make_report(folder, context, progress)}")
 
 

@@ -19,12 +19,6 @@ quick_option = click.option(
     "--quick", is_flag=True, help="Every step in seconds; its figures are no results."
 )
 
-scheduler_option = click.option(
-    "--scheduler",
-    metavar="ADDRESS",
-    help="Of a dask cluster, such as tcp://host:8786; without it two processes on this machine.",
-)
-
 
 def ensure_report_folder(output: Path | None, *, quick: bool) -> Path:
     """Return the folder for report pages, `output` or the default, created if missing and checked to be writable.

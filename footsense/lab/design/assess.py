@@ -26,8 +26,8 @@ from footsense.foot.specimen import Deviations, Specimen
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.design.processes import Process
 from footsense.lab.design.requirements import Requirements
-from footsense.lab.evaluation.cramer_rao import Unknowns, force_bound, jacobian_um
-from footsense.lab.evaluation.force_range import force_range, load_limits
+from footsense.lab.evaluation.cramer_rao import force_bound, jacobian_um
+from footsense.lab.evaluation.force_range import force_range, largest_loads_n
 from footsense.lab.geometry import FootDesign
 from footsense.lab.training.load_cases import sensed_closure_um
 
@@ -83,7 +83,6 @@ def assess_foot(foot_design: FootDesign, response: FootResponse, requirements: R
             foot,
             loads.normal,
             load_n * loads.force_n,
-            Unknowns.LEANING,
             noise_pf=board.noise_pf,
             baseline_noise_pf=board.baseline_noise_pf,
         )
@@ -97,7 +96,7 @@ def assess_foot(foot_design: FootDesign, response: FootResponse, requirements: R
         response.design.unloaded_pf,
         stated.upright_n,
         stated.centred_n,
-        float(load_limits(foot, loads, board.range_end_pf).range_n.min()),
+        float(largest_loads_n(foot, loads, board.range_end_pf).min()),
         levels_n,
         np.array([bound.direction_rms_deg.mean() for bound in bounds]),
         np.array(magnitude_rel),
@@ -120,7 +119,7 @@ def _force_errors_after_calibration(
     test = direction_grid(_TEST_AZIMUTHS_DEG, _TEST_ELEVATIONS_DEG)
     force_n = np.concatenate([pressed_n, _TEST_SIZE_REL * max_load_n * test])
     direction = force_n / np.linalg.norm(force_n, axis=1, keepdims=True)
-    by_load = jacobian_um(Specimen(response), direction, force_n, Unknowns.LEANING)
+    by_load = jacobian_um(Specimen(response), direction, force_n)
     by_deviation = _deviation_jacobian_um(response, direction, force_n)
     closure_um = sensed_closure_um(Specimen(response), direction, force_n)
     design, tolerances = response.design, process.rms_deviations(response.design.gap_um)

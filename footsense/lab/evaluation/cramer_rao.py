@@ -8,25 +8,20 @@ with the converter's noise sigma_C and a baseline with its own, sigma_B. With th
 
 That sigma_d moves with the load adds information of the order (sigma_d / D)^2, 1e-8 of the rest: left out.
 
-Two sets of unknowns. `Unknowns.CENTRED`: the force alone, its line known to go through the middle of the ball.
-`Unknowns.LEANING`: the force and the two angles of the contact normal. An estimator that has to be right on leaning
-contacts cannot know that a load is centred, so the second is its bound, on centred loads too.
-
-The fit that reaches it, Gauss-Newton, also finds loads that closures cannot tell apart.
+The unknowns are the force and two angles of the contact normal. An estimator that has to be right on leaning contacts
+cannot know that a load is centred, so this is its bound on centred loads, too.
 
 Source:
     Kay, Fundamentals of Statistical Signal Processing: Estimation Theory, 1993, chapter 3.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from enum import Enum
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2, Capacitor
-from footsense.foot.directions import angles_between_deg, directions, normalized, tangent_frame
+from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2
+from footsense.foot.directions import angles_between_deg, normalized, tangent_frame
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.specimen import Specimen
 from footsense.frames import Vector
@@ -43,15 +38,7 @@ from footsense.lab.training.load_cases import (
 DIFFERENCE_STEP_REL = 1e-4
 
 
-class Unknowns(Enum):
-    """Parameters that an estimator has to find: the force alone (centred contact), or force and contact normal."""
-
-    CENTRED = 3
-    LEANING = 5
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Bound:
+class Bound(NamedTuple):
     """Cramer-Rao bound: least covariance of an unbiased force estimate, for each of n loads.
 
     Attributes:
@@ -100,42 +87,21 @@ def closure_sigma_um(
     return sigma
 
 
-def _sigma_on_foot_um(
-    design: Capacitor,
-    closure_um: Vector,
-    noise_pf: float = NOISE_PF,
-    baseline_noise_pf: float = BASELINE_NOISE_PF,
-) -> Vector:
-    open_um = design.gap_um + design.film_equivalent_um
-    plates_pf_um = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2
-    return closure_sigma_um(open_um, plates_pf_um, closure_um, noise_pf, baseline_noise_pf)
-
-
-def jacobian_um(
-    foot: Specimen, normal: Vector, force_n: Vector, unknowns: Unknowns, step: float = DIFFERENCE_STEP_REL
-) -> Vector:
+def jacobian_um(foot: Specimen, normal: Vector, force_n: Vector) -> Vector:
     """Return the Jacobian of the measured closures by the unknowns, by central differences, gap contact included.
 
     Args:
         foot: The specimen.
         normal: Contact normals, shape (n, 3); of centred loads the forces' directions.
         force_n: Forces [N], shape (n, 3), none zero.
-        unknowns: The quantities that vary.
-        step: Step, of the force relative to its magnitude and of the normal [rad].
 
     Returns:
-        [um] per relative force and per radian, shape (n, 9, 3 or 5): the force's components over |f| come first.
+        [um] per relative force and per radian, shape (n, 9, 5): the force's components over |f| come first.
     """
-    size = np.linalg.norm(force_n, axis=1, keepdims=True)
-    centred = unknowns is Unknowns.CENTRED
-    pairs = []
-    for axis in np.eye(3):
-        for sign in (step, -step):
-            moved = force_n + sign * size * axis
-            pairs.append((normalized(moved) if centred else normal, moved))
-    if not centred:
-        for across in tangent_frame(normal):
-            pairs.extend((normalized(normal + sign * across), force_n) for sign in (step, -step))
+    size, step = np.linalg.norm(force_n, axis=1, keepdims=True), DIFFERENCE_STEP_REL
+    pairs = [(normal, force_n + sign * size * axis) for axis in np.eye(3) for sign in (step, -step)]
+    for across in tangent_frame(normal):
+        pairs.extend((normalized(normal + sign * across), force_n) for sign in (step, -step))
     closure = sensed_closure_um(
         foot, np.concatenate([n for n, _ in pairs]), np.concatenate([f for _, f in pairs])
     )
@@ -148,8 +114,6 @@ def force_bound(
     foot: Specimen,
     normal: Vector,
     force_n: Vector,
-    unknowns: Unknowns,
-    step: float = DIFFERENCE_STEP_REL,
     *,
     noise_pf: float = NOISE_PF,
     baseline_noise_pf: float = BASELINE_NOISE_PF,
@@ -160,15 +124,14 @@ def force_bound(
         foot: The specimen.
         normal: Contact normals, shape (n, 3); of centred loads the forces' directions.
         force_n: Forces [N], shape (n, 3), none zero.
-        unknowns: The unknowns of the estimator.
-        step: As for `jacobian_um`.
         noise_pf: Noise of a conversion [pF, rms].
         baseline_noise_pf: Noise of a baseline [pF, rms].
     """
-    closure_um = sensed_closure_um(foot, normal, force_n)
-    slope = jacobian_um(foot, normal, force_n, unknowns, step)
-    sigma_um = _sigma_on_foot_um(foot.response.design, closure_um, noise_pf, baseline_noise_pf)
-    whitened = slope / sigma_um[..., None]
+    design, closure_um = foot.response.design, sensed_closure_um(foot, normal, force_n)
+    open_um = design.gap_um + design.film_equivalent_um
+    plates_pf_um = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2
+    sigma_um = closure_sigma_um(open_um, plates_pf_um, closure_um, noise_pf, baseline_noise_pf)
+    whitened = jacobian_um(foot, normal, force_n) / sigma_um[..., None]
     # The inverse of F = J^T J through the triangle of J = Q R: the square of J's condition never appears.
     inverse = np.linalg.inv(np.linalg.qr(whitened, mode="r"))[:, :3]
     size = np.linalg.norm(force_n, axis=1)
@@ -203,7 +166,7 @@ def errors_over_bound(
     angle_deg = angles_between_deg(force, np.stack(draws))
     excess_gf = np.linalg.norm(draws, axis=-1) / GRAM_FORCE_N - magnitude_gf
     noiseless = estimate_force_n(closure_um / design.gap_um)
-    bound = force_bound(foot, normal, force, Unknowns.LEANING)
+    bound = force_bound(foot, normal, force)
     return {
         "magnitude_gf": magnitude_gf,
         "direction_rms_deg": rms(angle_deg),
@@ -214,83 +177,3 @@ def errors_over_bound(
         "magnitude_rms_gf": rms(excess_gf),
         "bound_gf": rms(bound.magnitude_rms_gf),
     }
-
-
-#: An ambiguous load of a centred one on the diagonal: where the search for it starts, azimuth and elevation [deg].
-AZIMUTH_DEG, _START_DEG, _START_CONTACT_DEG = 45.0, (225.0, 50.0), (225.0, 57.0)
-#: Largest step of a round, of the force relative to itself and of the normal [rad].
-_MAX_STEP_REL = 0.2
-#: Lowest elevation of a contact normal [deg], so that differences stay within the table.
-_MIN_NORMAL_ELEVATION_DEG = 26.0
-
-
-class Fit(NamedTuple):
-    """Loads fitted to measured closures, with their misfit.
-
-    Attributes:
-        normal: Contact normals, shape (n, 3).
-        force_n: Forces [N], shape (n, 3).
-        misfit_sigmas: Distance between measured and explained closures, in their standard deviations, shape (n,).
-    """
-
-    normal: Vector
-    force_n: Vector
-    misfit_sigmas: Vector
-
-
-def maximum_likelihood(
-    foot: Specimen, closure_um: Vector, start: tuple[Vector, Vector], rounds: int = 8
-) -> Fit:
-    """Return force and contact normal fitted to measured closures, by step-limited Gauss-Newton.
-
-    Args:
-        foot: The specimen.
-        closure_um: Measured closures [um], shape (n, 9).
-        start: Contact normals and forces [N] of the start, shapes (n, 3).
-        rounds: Steps.
-    """
-    design = foot.response.design
-    normal, force = start
-    for _ in range(rounds):
-        explained = sensed_closure_um(foot, normal, force)
-        sigma = _sigma_on_foot_um(design, explained)[..., None]
-        slope = jacobian_um(foot, normal, force, Unknowns.LEANING) / sigma
-        step = (np.linalg.pinv(slope) @ ((closure_um - explained)[..., None] / sigma))[..., 0]
-        step *= np.minimum(
-            1.0, _MAX_STEP_REL / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-12)
-        )
-        turned = normal + np.einsum("na,ani->ni", step[:, 3:], tangent_frame(normal))
-        force = force + np.linalg.norm(force, axis=1, keepdims=True) * step[:, :3]
-        normal = clamp_to_min_elevation(normalized(turned))
-    explained = sensed_closure_um(foot, normal, force)
-    misfit = np.linalg.norm((closure_um - explained) / _sigma_on_foot_um(design, explained), axis=1)
-    return Fit(normal, force, misfit)
-
-
-def clamp_to_min_elevation(unit_vectors: Vector) -> Vector:
-    """Return unit vectors with elevations raised to the lowest allowed one, shape (n, 3)."""
-    z = np.maximum(unit_vectors[:, 2:], np.sin(np.radians(_MIN_NORMAL_ELEVATION_DEG)))
-    across = np.linalg.norm(unit_vectors[:, :2], axis=1, keepdims=True)
-    return np.concatenate([unit_vectors[:, :2] * np.sqrt(1.0 - z**2) / np.maximum(across, 1e-12), z], axis=1)
-
-
-def ambiguous_load_distance_and_angle(
-    foot: Specimen, magnitude_gf: float, elevation_deg: Vector
-) -> tuple[Vector, Vector]:
-    """Return distance [sigma of the noise] and force angle [deg] from centred loads to a most similar other load.
-
-    Args:
-        foot: The specimen.
-        magnitude_gf: Magnitude of the centred loads [gf].
-        elevation_deg: Elevations of the centred loads [deg], shape (n,).
-
-    Returns:
-        Distance in standard deviations of the noise, and angle between the two forces [deg], shapes (n,).
-    """
-    alike = np.ones_like(elevation_deg)
-    direction = directions(AZIMUTH_DEG * alike, elevation_deg)
-    force = direction * magnitude_gf * GRAM_FORCE_N
-    other, normal = (directions(t1 * alike, t2 * alike) for t1, t2 in (_START_DEG, _START_CONTACT_DEG))
-    start = (normal, other * 0.88 * magnitude_gf * GRAM_FORCE_N)
-    fit = maximum_likelihood(foot, sensed_closure_um(foot, direction, force), start, rounds=25)
-    return fit.misfit_sigmas, angles_between_deg(force, fit.force_n)

@@ -18,9 +18,9 @@ from footsense.foot.specimen import Specimen
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.evaluation.evaluate_models import elastance_based_force_estimator
 from footsense.lab.evaluation.sealed_cavities import SMALL_N, UPWARD, largest_force_n, mean_errors
-from footsense.lab.fem.gel_layer import GelLayerDesign, vertical_closure_um_per_n
+from footsense.lab.fem.gel_layer import GelLayerDesign
 from footsense.lab.fem.mesh import COARSE_MESH, RELEASED_MESH
-from footsense.lab.geometry import FootDesign, Material
+from footsense.lab.geometry import FootDesign
 from footsense.lab.response import make_response
 from footsense.lab.training.load_cases import FULL_SCALE_PF, Cases, measured_closure_rel, sensed_closure_um
 from footsense.lab.training.paper_procedure import PaperTraining, start_weights_by_seed
@@ -30,7 +30,6 @@ from footsense.sim.loads.press_sequence import paper_presses
 MAX_STRAIN_REL = 0.1
 #: Draws of the converter's noise for the 180 test loads.
 NOISE_DRAWS = 20
-_POISSONS = (0.3, 0.4999)
 
 
 class _Sensor(NamedTuple):
@@ -44,7 +43,7 @@ class _Sensor(NamedTuple):
 def film_against_gaps(
     design: FootDesign, response: FootResponse, n: int, epochs: int, *, quick: bool
 ) -> dict[str, Any]:
-    """Return figures of the designs with gaps and with a film, and the film's closure by Poisson's ratio.
+    """Return figures of the designs with gaps and with a film.
 
     Args:
         design: The foot with gaps.
@@ -56,8 +55,8 @@ def film_against_gaps(
     foot = Specimen(response)
     film = GelLayerDesign(thickness_mm=design.spacer_mm)
     # Nothing is singular where the film covers everything: no layers of thin elements.
-    size, coarse = (replace(one, edge_layers=0) for one in (RELEASED_MESH, COARSE_MESH))
-    solved = make_response(design, coarse if quick else size, layer=film.layer)
+    size = replace(COARSE_MESH if quick else RELEASED_MESH, edge_layers=0)
+    solved = make_response(design, size, layer=film.layer)
     capacitor = film.equivalent_air_capacitor(design)
 
     def film_closure_um(normal: Vector, force_n: Vector) -> Vector:
@@ -79,18 +78,13 @@ def film_against_gaps(
             ),
         ),
     }
-    films = [replace(film, gel=Material(film.gel.youngs_mpa, nu)) for nu in _POISSONS]
-    closures = vertical_closure_um_per_n(design, coarse, films)
     return {
         "youngs_mpa": [film.gel.youngs_mpa, design.pdms.youngs_mpa],
         "poisson": film.gel.poisson,
         "eps_r": film.eps_r,
         "thickness_um": capacitor.gap_um,
         "confined_mpa": film.gel.confined_modulus_mpa,
-        "slide_um_per_n": 1e3 * film.thickness_mm / film.gel.shear_modulus_mpa / design.sheet_mm**2,
-        "electrode_mm": design.electrode_mm,
         "designs": {name: _sensor_figures(sensor, n, epochs) for name, sensor in sensors.items()},
-        "by_poisson": list(zip(_POISSONS, closures, strict=True)),
     }
 
 

@@ -7,14 +7,13 @@ at a fraction of the load that a centred force, of any direction, needs. Hence a
 The one place where a range is computed from a response table: for designs, for the report, and for the model cards.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from footsense.foot.directions import direction_grid, tangent_frame
 from footsense.foot.specimen import ContactLoads, Specimen
-from footsense.frames import Mask, Vector
+from footsense.frames import Vector
 from footsense.lab.training.load_cases import FULL_SCALE_PF
 
 #: Closure over the gap up to which a load is read [1]: beyond, different loads have nearly the same closures (page
@@ -46,35 +45,18 @@ class ForceRange(NamedTuple):
     centred_n: float
 
 
-class LoadLimits(NamedTuple):
-    """Least normal loads at which a foot reaches its limits, along n loads [N], shape (n,) each.
-
-    Attributes:
-        readable_n: A closure reads as more than `MAX_READABLE_CLOSURE_REL` of its gap.
-        converter_n: A capacitance exceeds the converter's range.
-    """
-
-    readable_n: Vector
-    converter_n: Vector
-
-    @property
-    def range_n(self) -> Vector:
-        """Largest normal load that is read along each load [N]."""
-        return np.minimum(self.readable_n, self.converter_n)
-
-
 def force_range(foot: Specimen, max_force_n: float, range_end_pf: float = FULL_SCALE_PF) -> ForceRange:
     """Return the range of a foot.
 
     Args:
-        foot: The foot, as for `load_limits`.
+        foot: The foot, as for `largest_loads_n`.
         max_force_n: Largest force of the training [N].
         range_end_pf: Largest capacitance that the converter reads [pF].
     """
 
     def least_n(loads: ContactLoads) -> float:
         trained_n = max_force_n / np.linalg.norm(loads.force_n, axis=1)
-        return float(np.minimum(load_limits(foot, loads, range_end_pf).range_n, trained_n).min())
+        return float(np.minimum(largest_loads_n(foot, loads, range_end_pf), trained_n).min())
 
     tilted = direction_grid(_AZIMUTHS_DEG, [90.0 - CENTRED_DEG])
     upright_n = [least_n(friction_loads(UPRIGHT, lean_deg)) for lean_deg in LEANS_DEG]
@@ -96,8 +78,10 @@ def friction_loads(normal: Vector, lean_deg: float) -> ContactLoads:
     return ContactLoads(upward, upward + np.tan(np.radians(lean_deg)) * sideways)
 
 
-def load_limits(foot: Specimen, loads: ContactLoads, range_end_pf: float = FULL_SCALE_PF) -> LoadLimits:
-    """Return the limits of a foot along given loads, by bisection, gap contact included.
+def largest_loads_n(foot: Specimen, loads: ContactLoads, range_end_pf: float = FULL_SCALE_PF) -> Vector:
+    """Return the largest normal load that is read along each load [N], shape (n,), gap contact included.
+
+    No closure reads as more than `MAX_READABLE_CLOSURE_REL` of its gap, no capacitance exceeds the converter's range.
 
     Args:
         foot: The foot, as designed or with deviations that are known: strays are taken off, and the gaps are its own.
@@ -107,25 +91,12 @@ def load_limits(foot: Specimen, loads: ContactLoads, range_end_pf: float = FULL_
     gap_um, design = foot.gap_um, foot.response.design
     unloaded_pf = foot.unloaded_pf - foot.stray_pf
     free_um = foot.response.free_element_closures_um(loads.normal, loads.force_n).max(axis=1)
-    most_n = _LARGEST_OVER_LINEAR * gap_um.max() / free_um
-
-    def is_unreadable(force_n: Vector) -> Mask:
-        capacitance_pf = foot.capacitance_pf(loads.normal, force_n) - foot.stray_pf
-        closure_um = design.closure_um(capacitance_pf, unloaded_pf)
-        beyond: Mask = (closure_um / gap_um).max(axis=1) > MAX_READABLE_CLOSURE_REL
-        return beyond
-
-    def is_over_range(force_n: Vector) -> Mask:
-        beyond: Mask = foot.capacitance_pf(loads.normal, force_n).max(axis=1) > range_end_pf
-        return beyond
-
-    def least_n(is_beyond: Callable[[Vector], Mask]) -> Vector:
-        low: Vector = np.zeros_like(most_n)
-        high: Vector = most_n
-        for _ in range(_BISECTIONS):
-            middle = (low + high) / 2.0
-            beyond = is_beyond(middle[:, None] * loads.force_n)
-            low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
-        return low
-
-    return LoadLimits(*map(least_n, (is_unreadable, is_over_range)))
+    low: Vector = np.zeros(len(free_um))
+    high: Vector = _LARGEST_OVER_LINEAR * gap_um.max() / free_um
+    for _ in range(_BISECTIONS):
+        middle = (low + high) / 2.0
+        read_pf = foot.capacitance_pf(loads.normal, middle[:, None] * loads.force_n)
+        closure_rel = design.closure_um(read_pf - foot.stray_pf, unloaded_pf) / gap_um
+        beyond = (closure_rel.max(axis=1) > MAX_READABLE_CLOSURE_REL) | (read_pf.max(axis=1) > range_end_pf)
+        low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
+    return low

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from footsense.foot.directions import normalized
-from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
+from footsense.foot.force_errors import evaluate_force_errors
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Specimen
 from footsense.frames import Vector
@@ -19,7 +19,7 @@ from footsense.lab.evaluation.evaluate_models import (
     capacitance_based_force_estimator,
     elastance_based_force_estimator,
 )
-from footsense.lab.fem.sealed_air import AMBIENT_KPA, ROOM_TEMPERATURE_K, SealedFoot
+from footsense.lab.fem.sealed_air import SealedFoot
 from footsense.lab.training.load_cases import (
     FULL_SCALE_PF,
     Cases,
@@ -51,7 +51,7 @@ def mean_errors(cases: Cases, force_n: Vector) -> tuple[float, float]:
 
 
 def sealed_against_vented(response: FootResponse, n: int, epochs: int) -> dict[str, Any]:
-    """Return figures of vented and of sealed cavities at rest, and what moves the unloaded readings of sealed ones.
+    """Return the figures of vented and of sealed cavities at rest, by name.
 
     Args:
         response: The designed foot's table.
@@ -79,7 +79,7 @@ def sealed_against_vented(response: FootResponse, n: int, epochs: int) -> dict[s
                 _made_foot_errors(kind, response, number, starts[number], epochs) for number in range(n)
             ],
         }
-    return {"by_kind": by_kind, **_drifts(response)}
+    return by_kind
 
 
 def _paper_cases(foot: Specimen) -> tuple[Cases, Cases]:
@@ -115,13 +115,3 @@ def _reach(foot: Specimen) -> dict[str, Any]:
         return float(foot.cell_closures_um(normal, force_n).max() / foot.response.design.gap_um)
 
     return {"range_n": largest_force_n(used_full_scale), "closing_n": largest_force_n(used_gap)}
-
-
-def _drifts(response: FootResponse) -> dict[str, Any]:
-    """Return what weather and warmth do to unloaded readings of a sealed foot [fF]."""
-    sealed = SealedFoot(response)
-    low = SealedFoot(response, ambient_kpa=AMBIENT_KPA - 1.0)
-    warm = SealedFoot(response, gas_kpa=AMBIENT_KPA * (1.0 + 1.0 / ROOM_TEMPERATURE_K))
-    low_pf, warm_pf = (float((one.unloaded_pf - sealed.unloaded_pf).mean()) for one in (low, warm))
-    gram_pf = float((sealed.capacitance_pf(UPWARD, GRAM_FORCE_N * UPWARD) - sealed.unloaded_pf).mean())
-    return {"ff_per_kpa": 1e3 * low_pf, "gf_per_kpa": low_pf / gram_pf, "ff_per_kelvin": 1e3 * warm_pf}

@@ -1,12 +1,11 @@
-"""Judgement of the feet by walking robots: each judging run through the service's pipeline, scored and drawn."""
+"""Judgement of the feet by walking robots: each judging run through the service's pipeline, and scored."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from footsense.estimation.network import Network
 from footsense.foot.network_card import NETWORK_FILE
@@ -14,10 +13,8 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import Specimen
 from footsense.lab.evaluation.evaluate_models import RESPONSE_FILE
 from footsense.lab.evaluation.walker_runs import (
-    LEAD_IN_S,
     SCAN_TIMES,
     ToldMotion,
-    WalkerOutputs,
     judging_pipeline,
     read_walker,
     run_pipeline,
@@ -26,89 +23,48 @@ from footsense.lab.evaluation.walker_runs import (
 from footsense.lab.evaluation.walker_scores import (
     HOLDS_BOUNDS,
     REPORT_AFTER_S,
-    SUPPOSED_REL,
-    WARM_UP_S,
     scores,
 )
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.parallel import compute_each
-from footsense.lab.walkers.simulate import WalkerLog
-from footsense.lab.walkers.slow_loads import SLOW
-from footsense.lab.walkers.split import DRAGGED
+from footsense.lab.walkers.made_up import SLOW, MadeUpLoads
+from footsense.lab.walkers.split import DRAGGED, LoggedRun, WalkerRun
 
 #: Peak of loads of another robot than a foot's own, to which each log is scaled, over the foot's range [1].
 PEAK_REL = 0.5
 #: Seed of the readings' noise.
 _SEED = 20_000
-#: Time that a picture shows [s].
-_SHOWN_S = 1.5
 #: Gaits whose landings are hard: their forces are beyond what a walking robot makes.
 LANDINGS = ("landing",)
 
 
-class JudgingLoads(Protocol):
-    """Loads of the feet of a robot, to judge by: a run of a walking robot, or `SlowLoads`.
-
-    Attributes:
-        name: What they are called.
-        kind: Kind of the robot; empty for any.
-        gait: Name of the gait.
-        seed: Seed of the readings' noise.
-    """
-
-    @property
-    def name(self) -> str:
-        """What they are called."""
-
-    @property
-    def kind(self) -> str:
-        """Kind of the robot; empty for any."""
-
-    @property
-    def gait(self) -> str:
-        """Name of the gait."""
-
-    @property
-    def seed(self) -> int:
-        """Their seed, of which that of the readings' noise is made."""
-
-    def kept_log(self) -> WalkerLog:
-        """Return the loads."""
+#: Loads of the feet of a robot, to judge by.
+JudgingLoads = WalkerRun | LoggedRun | MadeUpLoads
 
 
 class JudgedRun(NamedTuple):
-    """One run on a foot: foot type, the run, its peak force [N], scores, and what a picture shows."""
+    """One run on a foot: foot type, the run, its peak force [N], and scores."""
 
     foot_type: str
     run: JudgingLoads
     peak_n: float
     scores: dict[str, Any]
-    shown: dict[str, Any]
 
 
-class Conditions(NamedTuple):
-    """How runs are judged.
-
-    Attributes:
-        board: A key of `SCAN_TIMES`.
-        motion: How the motion of the legs is told; None where it is not.
-    """
-
-    board: str
-    motion: ToldMotion | None = None
-
-
-def judge_run(part: tuple[JudgingLoads, Sequence[Path]], conditions: Conditions) -> list[JudgedRun]:
+def judge_run(
+    part: tuple[JudgingLoads, Sequence[Path]], board: str, motion: ToldMotion | None
+) -> list[JudgedRun]:
     """Return the scores of one run on feet.
 
     A foot of the robot's own gets its forces, another one forces scaled to a peak of `PEAK_REL` of its range.
 
     Args:
         part: The run, and the folder of each foot type.
-        conditions: How it is judged.
+        board: A key of `SCAN_TIMES`.
+        motion: How the motion of the legs is told; None where it is not.
     """
     run, models = part
-    scan = SCAN_TIMES[conditions.board]
+    scan = SCAN_TIMES[board]
     log, judged = run.kept_log(), []
     for folder in models:
         design, response = load_foot(folder / FOOT_FILE), FootResponse.load(folder / RESPONSE_FILE)
@@ -119,45 +75,32 @@ def judge_run(part: tuple[JudgingLoads, Sequence[Path]], conditions: Conditions)
         readings = read_walker(Specimen(response), loads, _SEED + run.seed, scan=scan)
         feet = [None] * len(log.legs)
         pipeline = judging_pipeline(network, response, scan, feet, friction=log.friction)
-        supposed = [share * log.friction for share in SUPPOSED_REL.values()]
-        outputs = run_pipeline(pipeline, readings, conditions.motion, supposed)
+        outputs = run_pipeline(pipeline, readings, motion)
         peak_n = scale * log.peak_n()
         found = scores(outputs, peak_n, np.inf if run.gait == SLOW else REPORT_AFTER_S)
-        judged.append(JudgedRun(design.foot_type, run, peak_n, found, _shown(outputs)))
+        judged.append(JudgedRun(design.foot_type, run, peak_n, found))
     return judged
-
-
-def _shown(outputs: WalkerOutputs) -> dict[str, Any]:
-    """Return what a picture shows of the first foot: the begin of the judged time."""
-    first_s = LEAD_IN_S + WARM_UP_S + 2.0
-    rows = (outputs.t_s >= first_s) & (outputs.t_s < first_s + _SHOWN_S)
-    return {
-        "t_s": outputs.t_s[rows] - first_s,
-        "true_n": outputs.true.force_n[rows, 0],
-        "force_n": outputs.force_n[rows, 0],
-        "sigma_n": outputs.sigma_n[rows, 0],
-    }
 
 
 def judge(
     models: Sequence[Path],
     runs: Sequence[JudgingLoads],
-    conditions: Conditions,
-    scheduler: str | None = None,
+    board: str,
+    motion: ToldMotion | None = None,
 ) -> list[JudgedRun]:
     """Return the scores of runs on feet; each foot but the paper's gets the runs of robots of its own kind.
 
     Args:
         models: Folders of the foot types, the paper's first.
         runs: The runs.
-        conditions: How they are judged.
-        scheduler: As of `compute_each`.
+        board: As of `judge_run`.
+        motion: As of `judge_run`.
     """
     parts = [
         (run, tuple(folder for n, folder in enumerate(models) if not n or folder.name.startswith(run.kind)))
         for run in runs
     ]
-    judged = compute_each(partial(judge_run, conditions=conditions), parts, scheduler=scheduler)
+    judged = compute_each(partial(judge_run, board=board, motion=motion), parts)
     return [one for each in judged for one in each]
 
 
@@ -224,8 +167,7 @@ def pooled(judged: Sequence[JudgedRun]) -> dict[str, Any]:
         np.concatenate([np.array(row[key]) for row in rows]) for key in ("delays_ms", "lift_off_delays_ms")
     )
     figures: dict[str, Any] = {
-        key: sum(row[key] for row in rows)
-        for key in ("n_touches", "n_missed", "n_in_air", "n_twice", "n_element_faults")
+        key: sum(row[key] for row in rows) for key in ("n_touches", "n_missed", "n_in_air", "n_twice")
     }
     for key in ("direction_deg", "mid_stance_deg"):
         figures |= {
@@ -243,12 +185,7 @@ def pooled(judged: Sequence[JudgedRun]) -> dict[str, Any]:
         "delay_p50_ms": float(np.percentile(delays_ms, 50)),
         "delay_p99_ms": float(np.percentile(delays_ms, 99)),
         "lift_off_delay_p50_ms": float(np.percentile(lifts_ms, 50, method="nearest")),
-        "walked_hours": _hours(rows),
     }
-
-
-def _hours(rows: Sequence[dict[str, Any]]) -> float:
-    return float(sum(row["walked_s"] for row in rows) / 3600.0)
 
 
 def slip_figures(judged: Sequence[JudgedRun]) -> dict[str, Any]:
@@ -257,21 +194,11 @@ def slip_figures(judged: Sequence[JudgedRun]) -> dict[str, Any]:
     Returns:
         `n_slides` over `SLIDE_M` and `found_share`; `n_slips`, `false_share` of a foot that neither slides nor is at
         its cone, and `slow_share` of one that is slower than `SLIDE_M_S`; `told_p50_ms` after the begin of the slide;
-        `hours`; by supposed friction, `supposed` of the same; and `holds_bins`, how often the probability of holding
-        was within each bounds, and how often such a foot held.
+        `hours`; and `holds_bins`, how often the probability of holding was within each bounds, and how often such a
+        foot held.
     """
     rows = [one.scores for one in judged]
     bins = np.sum([row["holds_bins"] for row in rows] or [np.zeros((len(HOLDS_BOUNDS) - 1, 2))], axis=0)
-    return _slips_of(rows) | {
-        "hours": _hours(rows),
-        "supposed": {
-            name: _slips_of([row["supposed"][name] for row in rows]) for name in rows[0]["supposed"]
-        },
-        "holds_bins": bins.tolist(),
-    }
-
-
-def _slips_of(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     n_slides, n_found, n_slips, n_false, n_slow = (
         sum(row[key] for row in rows)
         for key in ("n_slides", "n_slides_found", "n_slips", "n_false_slips", "n_slow_slips")
@@ -283,34 +210,6 @@ def _slips_of(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
         "false_share": n_false / max(n_slips, 1),
         "slow_share": n_slow / max(n_slips, 1),
         "told_p50_ms": float(np.median([one for row in rows for one in row["slip_delays_ms"]] or [np.nan])),
+        "hours": float(sum(row["walked_s"] for row in rows) / 3600.0),
+        "holds_bins": bins.tolist(),
     }
-
-
-def draw(judged: Sequence[JudgedRun], title: str) -> Figure:
-    """Return a picture of each gait: the force that the first foot felt along its leg, and what was published."""
-    n_rows = (len(judged) + 2) // 3
-    figure = Figure(figsize=(15.0, 2.2 * n_rows), layout="constrained")
-    figure.suptitle(title)
-    axes = figure.subplots(n_rows, 3, squeeze=False).ravel()
-    for axis, one in zip(axes, judged, strict=False):
-        shown = one.shown
-        t_s, force_n, sigma_n = shown["t_s"], shown["force_n"], shown["sigma_n"]
-        colours = ("tab:blue", "tab:orange", "tab:green")
-        for k, colour in enumerate(colours):
-            axis.plot(t_s, shown["true_n"][:, k], color=colour, lw=0.8, ls=":")
-            axis.plot(t_s, force_n[:, k], color=colour, lw=1.0, label=f"f{'xyz'[k]}")
-            axis.fill_between(
-                t_s,
-                force_n[:, k] - 2 * sigma_n[:, k],
-                force_n[:, k] + 2 * sigma_n[:, k],
-                color=colour,
-                alpha=0.2,
-            )
-        axis.set_title(one.run.name, fontsize=9)
-        axis.set_ylim(-0.5 * one.peak_n, 1.25 * one.peak_n)
-    for axis in axes[len(judged) :]:
-        axis.set_axis_off()
-    axes[0].legend(fontsize=7, loc="upper right", title="dotted: felt; band: 2 sigma", title_fontsize=7)
-    figure.supxlabel("time [s]", fontsize=9)
-    figure.supylabel("force [N]", fontsize=9)
-    return figure

@@ -15,8 +15,6 @@ from firmware_interface.chips import ad7147, fdc1004
 from footsense.estimation.network import Network
 from footsense.estimation.pipeline import Pipeline, pipeline_of
 from footsense.estimation.settings import ContactLimits, EstimationLimits, MountedFeet
-from footsense.estimation.walking.contact import ContactDetector
-from footsense.estimation.walking.gait import GaitTracker
 from footsense.foot.parameters import FootParameters, ForceUncertainty
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads, Specimen
@@ -25,7 +23,6 @@ from footsense.frames import (
     CapFrame,
     Codes,
     GaitEvent,
-    GaitFrame,
     LegMotion,
     Mask,
     Reading,
@@ -35,7 +32,6 @@ from footsense.frames import (
 from footsense.lab.training.gait_readings import conversion_elements
 from footsense.lab.walkers.robots import GRAVITY_M_S2
 from footsense.lab.walkers.simulate import WalkerLog
-from footsense.ports import LoadEstimate
 from footsense.sim.loads.load_log import RowsBetween
 from footsense.sim.rubber import ViscoelasticRubber
 from footsense.sim.scene import Ad7147Effects
@@ -297,11 +293,9 @@ class WalkerOutputs(NamedTuple):
         force_n: Forces [N], shape (n, legs, 3), NaN where there is none.
         sigma_n: Their standard deviations [N], same shape.
         state: State of each leg, shape (n, legs).
-        cause: Cause, same shape.
         contact: Whether contact is reported, same shape.
         holds: Probability that each foot stands still on the ground, same shape.
         events: Every event, with the row of the frame after which it was reported.
-        other_events: The same of gaits on a ground of another supposed friction, one after the other.
     """
 
     t_s: Vector
@@ -310,11 +304,9 @@ class WalkerOutputs(NamedTuple):
     force_n: Vector
     sigma_n: Vector
     state: Codes
-    cause: Codes
     contact: Mask
     holds: Vector
     events: list[tuple[int, GaitEvent]]
-    other_events: tuple[list[tuple[int, GaitEvent]], ...] = ()
 
 
 def judging_pipeline(
@@ -346,46 +338,10 @@ def judging_pipeline(
     )
 
 
-class _Gaits:
-    """A pipeline's gait, and others of the same loads on a ground of another supposed friction.
-
-    Args:
-        own: The pipeline's.
-        frictions: The supposed coefficients [1].
-
-    Attributes:
-        events: Events of each of the others, with the number of the frame.
-    """
-
-    def __init__(self, own: GaitTracker, frictions: Sequence[float]) -> None:
-        self._own, self._n_frames = own, 0
-        self._others = [GaitTracker(len(own.holds), friction) for friction in frictions]
-        self.events: tuple[list[tuple[int, GaitEvent]], ...] = tuple([] for _ in frictions)
-
-    @property
-    def contact_probability(self) -> list[float]:
-        return self._own.contact_probability
-
-    @property
-    def holds(self) -> list[float]:
-        return self._own.holds
-
-    def observe(
-        self, load: LoadEstimate, contacts: Sequence[ContactDetector], now_ns: int
-    ) -> GaitFrame | None:
-        for other, events in zip(self._others, self.events, strict=True):
-            frame = other.observe(load, contacts, now_ns)
-            if frame is not None:
-                events += [(self._n_frames, event) for event in frame.events]
-        self._n_frames += 1
-        return self._own.observe(load, contacts, now_ns)
-
-
 def run_pipeline(
     pipeline: Pipeline,
     readings: WalkerReadings,
     motion: ToldMotion | None = None,
-    other_frictions: Sequence[float] = (),
 ) -> WalkerOutputs:
     """Return what a pipeline says of readings, frame by frame.
 
@@ -393,10 +349,7 @@ def run_pipeline(
         pipeline: The pipeline.
         readings: The readings.
         motion: How the motion of the legs is told; None where it is not.
-        other_frictions: Coefficients of friction for `other_events` [1].
     """
-    gaits = _Gaits(pipeline._gait, other_frictions)  # noqa: SLF001
-    pipeline._gait = gaits  # type: ignore[assignment]  # noqa: SLF001
     n, n_legs, _ = readings.capacitance_pf.shape
     t_ns = np.zeros((n_legs, ELEMENTS), np.int64)
     capacitance_pf = np.full((n_legs, ELEMENTS), np.nan)
@@ -415,11 +368,11 @@ def run_pipeline(
         frame, _ = pipeline.process(
             CapFrame(k, t_ns.copy(), capacitance_pf.copy(), reading.copy()), sent_ns[k]
         )
-        frames.append((frame.force_n, frame.sigma_n, frame.state, frame.cause, frame.holds))
+        frames.append((frame.force_n, frame.sigma_n, frame.state, frame.holds))
         contact[k] = [leg.in_contact for leg in pipeline._baselines.contacts]  # noqa: SLF001
         if frame.gait is not None:
             events += [(k, event) for event in frame.gait.events]
-    force_n, sigma_n, state, cause, holds = (np.array(part) for part in zip(*frames, strict=True))
+    force_n, sigma_n, state, holds = (np.array(part) for part in zip(*frames, strict=True))
     return WalkerOutputs(
         t_s=readings.loads.t_s,
         true=readings.loads,
@@ -427,9 +380,7 @@ def run_pipeline(
         force_n=force_n,
         sigma_n=sigma_n,
         state=state,
-        cause=cause,
         contact=contact,
         holds=holds,
         events=events,
-        other_events=gaits.events,
     )

@@ -1,11 +1,12 @@
-"""How right the service's forces, contacts, times, slips and diagnoses are on the feet of walking robots."""
+"""How right the service's forces, contacts, times, and slips are on the feet of walking robots."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from footsense.frames import IS_USABLE_STATE, Cause, GaitEvent, GaitEventKind, Mask, State, Vector
+from footsense.foot.directions import angles_between_deg
+from footsense.frames import IS_USABLE_STATE, GaitEventKind, Mask, State, Vector
 from footsense.lab.evaluation.walker_runs import LEAD_IN_S, WalkerOutputs
 
 #: Time after the lead-in in which nothing counts: the robot comes to stand, and swings show their noise [s].
@@ -18,25 +19,11 @@ _MERGED_S, MIN_TOUCH_S = 0.025, 0.03
 AFTER_TOUCH_S, BEFORE_END_S = 0.04, 0.03
 #: Time after a touch within which a report belongs to it [s].
 REPORT_AFTER_S = 0.08
-#: Causes of a faulty element or line.
-_ELEMENT_FAULTS = (
-    Cause.ELEMENT_OPEN,
-    Cause.ELEMENT_SHORTED,
-    Cause.ELEMENT_DRIFTS,
-    Cause.ELEMENT_STUCK,
-    Cause.ROW_OPEN,
-    Cause.COLUMN_OPEN,
-)
 #: Sliding: speed of the contact point [m/s] and normal force over the peak [1] from which a foot slides; way of a slide
 #: that counts [m], and time within which a slip belongs to a slide [s].
 SLIDE_M_S, _SLIDE_LOAD_REL, SLIDE_M, _SLIP_WITHIN_S = 0.02, 0.05, 5e-3, 0.06
 #: Ratio over the ground's coefficient from which a foot is at its cone, where it slides at any speed [1].
 AT_CONE_REL = 0.98
-#: Supposed friction of the ground over the true one, beside that, by name [1].
-SUPPOSED_REL = {
-    "friction a fifth too low": 0.8,
-    "friction a fifth too high": 1.2,
-}
 #: Bounds of the probability of holding within which a foot's share of holding is compared with it [1].
 HOLDS_BOUNDS = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 
@@ -53,10 +40,8 @@ def touches(outputs: WalkerOutputs, leg: int, peak_n: float) -> list[Touch]:
     """Return the touches of a leg that last, after the warm-up, by the truth."""
     t_s = outputs.all_loads.t_s
     pressing_n = (outputs.all_loads.force_n[:, leg] * outputs.all_loads.normal[:, leg]).sum(axis=1)
-    loaded = np.concatenate([[False], pressing_n > FIRST_LOAD_REL * peak_n, [False]])
-    edges = np.flatnonzero(np.diff(loaded.astype(int)))
     spans: list[list[float]] = []
-    for first, last in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+    for first, last in _spans(pressing_n > FIRST_LOAD_REL * peak_n):
         start_s, end_s = float(t_s[first]), float(t_s[min(last, len(t_s) - 1)])
         if spans and start_s - spans[-1][1] < _MERGED_S:
             spans[-1][1] = end_s
@@ -71,6 +56,12 @@ def touches(outputs: WalkerOutputs, leg: int, peak_n: float) -> list[Touch]:
     return found
 
 
+def _spans(mask: Mask) -> Iterator[tuple[int, int]]:
+    """Return where a mask is set on end: first row, and the one after the last."""
+    edges = np.flatnonzero(np.diff(mask.astype(int), prepend=0, append=0)).tolist()
+    return zip(edges[::2], edges[1::2], strict=True)
+
+
 def force_scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
     """Return the errors of the forces of a run: direction [deg], share without a force, coverage of sigma."""
     truth, t_s = outputs.true.force_n, outputs.t_s
@@ -81,9 +72,7 @@ def force_scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
     since_s, before_s = _times_in_touch(outputs, peak_n)
     angle_deg = np.full(size_n.shape, np.nan)
     both = loaded & usable
-    found_n = np.linalg.norm(outputs.force_n[both], axis=1)
-    cosine = (outputs.force_n[both] * truth[both]).sum(axis=1) / np.maximum(found_n * size_n[both], 1e-12)
-    angle_deg[both] = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    angle_deg[both] = angles_between_deg(outputs.force_n[both], truth[both])
     middle = (since_s > AFTER_TOUCH_S) & (before_s > BEFORE_END_S)
     error_n = outputs.force_n - truth
     off = np.abs(error_n / outputs.sigma_n)
@@ -195,9 +184,7 @@ def _slides(outputs: WalkerOutputs, leg: int, peak_n: float, sliding: Mask) -> l
     step_s, found = float(t_s[1] - t_s[0]), []
     for touch in touches(outputs, leg, peak_n):
         rows = np.flatnonzero((t_s >= touch.start_s) & (t_s < touch.end_s))
-        inside = np.concatenate([[False], sliding[rows], [False]])
-        edges = np.flatnonzero(np.diff(inside.astype(int)))
-        for first, last in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        for first, last in _spans(sliding[rows]):
             start_s = float(t_s[rows[first]])
             if start_s > LEAD_IN_S + WARM_UP_S:
                 way_m = float(speed_m_s[rows[first:last]].sum() * step_s)
@@ -221,22 +208,15 @@ def slip_scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
     A slide is found by a slip that is told as it begins or soon after, and by one that was told before and is not over.
     A slip is false if the foot neither slides nor is at its cone as it is told.
     """
-    slipping = zip(
-        ("", *SUPPOSED_REL), (outputs.events, *outputs.other_events), strict=bool(outputs.other_events)
-    )
     found: dict[str, Any] = {
         "walked_s": float(outputs.t_s[-1] - LEAD_IN_S - WARM_UP_S),
-        "true_friction": outputs.true.friction,
-        "supposed": {},
         "holds_bins": np.zeros((len(HOLDS_BOUNDS) - 1, 2), int).tolist(),
     }
     n_legs = outputs.state.shape[1]
     truth = [_sliding(outputs, leg, peak_n) for leg in range(n_legs)]
     fast = [_slides(outputs, leg, peak_n, truth[leg][1]) for leg in range(n_legs)]
     any_speed = [_slides(outputs, leg, peak_n, truth[leg][1] | truth[leg][2]) for leg in range(n_legs)]
-    for name, events in slipping:
-        counts = _counted_slips(outputs, events, fast, any_speed)
-        found |= {"supposed": found["supposed"] | {name: counts}} if name else counts
+    found |= _counted_slips(outputs, fast, any_speed)
     for leg, (carries, slides, at_cone) in enumerate(truth):
         known = carries & outputs.contact[:, leg] & np.isfinite(outputs.holds[:, leg])
         known &= outputs.t_s > LEAD_IN_S + WARM_UP_S
@@ -249,7 +229,6 @@ def slip_scores(outputs: WalkerOutputs, peak_n: float) -> dict[str, Any]:
 
 def _counted_slips(
     outputs: WalkerOutputs,
-    events: Sequence[tuple[int, GaitEvent]],
     fast: Sequence[Sequence[Slide]],
     any_speed: Sequence[Sequence[Slide]],
 ) -> dict[str, Any]:
@@ -262,7 +241,11 @@ def _counted_slips(
 
     for leg in range(len(fast)):
         told_s, ends_s = (
-            [float(outputs.t_s[row]) for row, event in events if event.leg == leg and event.kind is kind]
+            [
+                float(outputs.t_s[row])
+                for row, event in outputs.events
+                if event.leg == leg and event.kind is kind
+            ]
             for kind in (GaitEventKind.SLIP, GaitEventKind.SLIP_END)
         )
         sent_s = [at_s for at_s in told_s if at_s > LEAD_IN_S + WARM_UP_S]
@@ -292,19 +275,12 @@ def _counted_slips(
     }
 
 
-def fault_scores(outputs: WalkerOutputs) -> dict[str, Any]:
-    """Return how often a healthy foot was called faulty."""
-    faulty = np.isin(outputs.cause, _ELEMENT_FAULTS) & (outputs.t_s > LEAD_IN_S)[:, None]
-    return {"n_element_faults": int((np.diff(faulty.astype(int), axis=0) > 0).sum())}
-
-
 def scores(outputs: WalkerOutputs, peak_n: float, report_after_s: float = REPORT_AFTER_S) -> dict[str, Any]:
     """Return all scores of a run whose loads peak at a force [N]; the last argument as of `contact_scores`."""
     return {
         **force_scores(outputs, peak_n),
         **contact_scores(outputs, peak_n, report_after_s),
         **slip_scores(outputs, peak_n),
-        **fault_scores(outputs),
     }
 
 

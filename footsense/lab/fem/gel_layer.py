@@ -14,15 +14,10 @@ pressed with the confined modulus M = lambda + 2 G and not with E. How near: a p
 from the rim, lateral flow being a parabola between the two plates.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
-
-import ngsolve as ng
 
 from footsense.foot.capacitor import Capacitor
 from footsense.lab.fem.elasticity import BondedLayer
-from footsense.lab.fem.mesh import MeshSize, build_quarter_mesh
-from footsense.lab.fem.quarter import Parity, QuarterFoot
 from footsense.lab.geometry import UM_PER_MM, FootDesign, Material
 
 
@@ -53,19 +48,3 @@ class GelLayerDesign:
             film_eps_r=1.0,
             electrode_area_mm2=self.eps_r * design.electrode_mm**2,
         )
-
-
-def vertical_closure_um_per_n(
-    design: FootDesign, size: MeshSize, films: Sequence[GelLayerDesign]
-) -> list[float]:
-    """Return per film the mean electrode closure [um/N] under a vertical force spread over the ball."""
-    mesh, electrodes = build_quarter_mesh(design, size), ng.ds("cell.*")
-    electrodes_mm2 = ng.Integrate(ng.CF(1.0) * electrodes, mesh)
-    ball_mm2 = ng.Integrate(ng.CF(1.0) * ng.ds("curved_ground"), mesh)
-    closures = []
-    for film in films:
-        quarter = QuarterFoot(design, size, Parity(1, 1), mesh, film.layer)
-        moved = quarter.solve(quarter.traction_load(ng.CF((0.0, 0.0, 0.25 / ball_mm2))))
-        ground, leg, *_ = moved.components
-        closures.append(UM_PER_MM * ng.Integrate((ground[2] - leg[2]) * electrodes, mesh) / electrodes_mm2)
-    return closures

@@ -29,18 +29,6 @@ class Filter(NamedTuple):
     gated: bool
 
 
-class Poses(NamedTuple):
-    """Poses at the rows of a walk of b filters.
-
-    Attributes:
-        position_m: Places [m], shape (n + 1, b, 3).
-        rotation: Attitudes, shape (n + 1, b, 3, 3).
-    """
-
-    position_m: Vector
-    rotation: Vector
-
-
 @cache
 def example() -> Any:
     """Return the module `examples/odometry.py`.
@@ -57,13 +45,16 @@ def example() -> Any:
     return module
 
 
-def run_filters(walk: OdometryWalk, senses: Senses, filters: Sequence[Filter]) -> Poses:
-    """Return the poses of filters that run together.
+def run_filters(walk: OdometryWalk, senses: Senses, filters: Sequence[Filter]) -> tuple[Vector, Vector]:
+    """Return the poses of b filters that run together, at the rows of the walk.
 
     Args:
         walk: The walk.
         senses: What the robot senses of it.
         filters: The filters.
+
+    Returns:
+        Places [m], shape (n + 1, b, 3), and attitudes, shape (n + 1, b, 3, 3).
 
     Raises:
         FootsenseError: As of `example`.
@@ -94,7 +85,7 @@ def run_filters(walk: OdometryWalk, senses: Senses, filters: Sequence[Filter]) -
         odometry.step(STEP_S, *sensed, firmness * noise[k])
         position_m.append(odometry.columns[:, 1].copy())
         rotation.append(odometry.rotation)
-    return Poses(np.stack(position_m), np.stack(rotation))
+    return np.stack(position_m), np.stack(rotation)
 
 
 def _noise_by_holds(source: Holds) -> Vector:

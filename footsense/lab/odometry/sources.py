@@ -19,8 +19,6 @@ _TOUCH_REL = 0.01
 _GOOD_DOWN, _CHEAP_DOWN, _TORQUE_DOWN = 0.5, 0.4, 0.4
 #: Friction in the joints over the peak torque [1], speed at which it is full [rad/s], and noise over that torque [1].
 _JOINT_FRICTION_REL, _JOINT_SPEED_RAD_S, _TORQUE_NOISE_REL = 0.05, 0.05, 0.02
-#: Steps by which forces may be late, as published ones are.
-_LATE_STEPS = 3
 #: Seeds of the sensors' errors.
 _GOOD_SEED, _CHEAP_SEED, _TORQUE_SEED = 3, 4, 5
 _DIFFERENCE_RAD = 1e-5
@@ -98,11 +96,9 @@ def sources(walk: OdometryWalk, senses: Senses, published: Mapping[str, Received
     along_n = np.linalg.norm(true_n - pressing_n[..., None] * normal, axis=2)
     true_ratio = along_n / np.maximum(pressing_n, 1e-6) / walk.feet.friction
     good, cheap, torque = one_axis(walk, GOOD), one_axis(walk, CHEAP), _by_torques(walk)
-    truth = Loads(pressing_n / walk.standing_n, true_ratio)
     found: dict[str, Source] = {
         "truth, flag": _flag(pressing_n > _TOUCH_REL * walk.feet.peak_n()),
-        "truth, weights": truth,
-        f"truth, weights, {1e3 * _LATE_STEPS * STEP_S:.0f} ms late": Loads(*map(_late, truth)),
+        "truth, weights": Loads(pressing_n / walk.standing_n, true_ratio),
     }
     for board, of_board in published.items():
         force_n = np.einsum("nlij,nlj->nli", senses.rotation, of_board.force_n)
@@ -119,10 +115,6 @@ def sources(walk: OdometryWalk, senses: Senses, published: Mapping[str, Received
         "joint torques, threshold": _flag(torque > _TORQUE_DOWN),
         "joint torques, weights": _weights(np.where(torque > _TORQUE_DOWN, torque, 0.0)),
     }
-
-
-def _late(part: Vector) -> Vector:
-    return np.concatenate([np.repeat(part[:1], _LATE_STEPS, axis=0), part[:-_LATE_STEPS]])
 
 
 def _weights(load_rel: Vector) -> Loads:

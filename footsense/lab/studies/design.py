@@ -17,7 +17,7 @@ from footsense.lab.evaluation.force_range import (
     MAX_READABLE_CLOSURE_REL,
     UPRIGHT,
     friction_loads,
-    load_limits,
+    largest_loads_n,
 )
 from footsense.lab.report import StudyContext, Values, target, target_at_most
 from footsense.lab.training.load_cases import FULL_SCALE_PF
@@ -30,13 +30,12 @@ _FOOT_TYPES = (PAPER_FOOT, "hexapod-2kg", "quadruped-12kg")
 _N_FEET, _QUICK_N_FEET, SEED = 20, 2, 0
 #: Largest difference of a built figure from its prediction [1].
 _TARGET_DIFFERENCE_REL = 0.04
-#: Errors in words, and the factor to their unit.
-_ERRORS = {
-    "direction_error_bound_deg": ("noise, direction [deg]", 1.0),
-    "magnitude_error_bound_rel": ("noise, magnitude [%]", 100.0),
-    "calibrated_direction_error_deg": ("made and calibrated, direction [deg]", 1.0),
-    "calibrated_magnitude_error_rel": ("made and calibrated, magnitude [%]", 100.0),
-}
+#: Figures that are compared, of those of `assess_foot`.
+_COMPARED = (
+    *("design_range_n", "upright_range_n", "centred_range_n"),
+    *("direction_error_bound_deg", "magnitude_error_bound_rel"),
+    *("calibrated_direction_error_deg", "calibrated_magnitude_error_rel"),
+)
 
 
 def compute(context: StudyContext) -> Values:
@@ -96,40 +95,23 @@ def _foot(context: StudyContext, library: FootShapeLibrary) -> Values:
         "trained_n": design.loads.max_n,
         **{name: assess_foot(design, one, requirements)._asdict() for name, one in tables.items()},
         "process": process.process_name,
-        "made_range_n": [float(load_limits(Specimen(response, one), leaning).range_n.min()) for one in made],
+        "made_range_n": [float(largest_loads_n(Specimen(response, one), leaning).min()) for one in made],
     }
 
 
 def _differences(foot: Values) -> list[float]:
     """Return how far each built figure is from its prediction, over the prediction [1]."""
-    names = ("design_range_n", "upright_range_n", "centred_range_n", *_ERRORS)
-    pairs = [(np.array(foot["predicted"][name]), np.array(foot["built"][name])) for name in names]
+    pairs = [(np.array(foot["predicted"][name]), np.array(foot["built"][name])) for name in _COMPARED]
     return [float(np.abs(built / predicted - 1.0).max()) for predicted, built in pairs]
 
 
 def shown(values: Values) -> Values:
-    """Return the rows of ranges, errors and closure bands, and where constants are."""
+    """Return how far built figures are from predicted ones, and where constants are."""
     feet: dict[str, Any] = values["feet"]
+    designs = [foot for name, foot in feet.items() if name != PAPER_FOOT]
     return {
-        "ranges": [
-            (
-                f"`{name}`",
-                f"{foot['stated_n']:.3g}",
-                *(f"{foot[source]['design_range_n']:.3g}" for source in ("predicted", "built")),
-                *(f"{range_n:.3g}" for range_n in foot["built"]["upright_range_n"]),
-                f"{foot['built']['centred_range_n']:.3g}",
-                f"{np.mean(foot['made_range_n']):.3g} +- {np.std(foot['made_range_n'], ddof=1):.2g}",
-                f"{min(foot['made_range_n']):.3g}",
-            )
-            for name, foot in feet.items()
-        ],
-        "errors": [
-            (f"`{name}`", words, *_predicted_and_built(foot, error, factor))
-            for name, foot in feet.items()
-            for error, (words, factor) in _ERRORS.items()
-        ],
         "differences": [f"{100 * max(_differences(foot)):.1f} % ({name})" for name, foot in feet.items()],
-        "n_short": _n_short(feet),
+        "n_short": sum(range_n < foot["stated_n"] for foot in designs for range_n in foot["made_range_n"]),
         "leans_deg": LEANS_DEG,
         "pitch_deg": PITCH_DEG,
         "centred_deg": CENTRED_DEG,
@@ -137,16 +119,3 @@ def shown(values: Values) -> Values:
         "full_scale_pf": FULL_SCALE_PF,
         "trained_factor": TRAINED_RANGE_FACTOR,
     }
-
-
-def _n_short(feet: Values) -> int:
-    """Return how many made feet of the designs do not reach the stated load."""
-    designs = [foot for name, foot in feet.items() if name != PAPER_FOOT]
-    return sum(range_n < foot["stated_n"] for foot in designs for range_n in foot["made_range_n"])
-
-
-def _predicted_and_built(foot: Values, error: str, factor: float) -> tuple[str, ...]:
-    """Return the cells of an error: predicted, built, and the largest difference of the built one [%]."""
-    predicted, built = (np.atleast_1d(foot[source][error]) for source in ("predicted", "built"))
-    cells = (" / ".join(f"{factor * one:.2g}" for one in part) for part in (predicted, built))
-    return *cells, f"{100 * np.abs(built / predicted - 1.0).max():.1f}"

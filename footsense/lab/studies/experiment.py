@@ -30,8 +30,7 @@ from footsense.lab.fem.whole import other_tables
 from footsense.lab.foot_file import FOOT_FILE
 from footsense.lab.parallel import N_PROCESSES, compute_each
 from footsense.lab.report import SAME_TABLE, StudyContext, Values, spread, target
-from footsense.lab.studies.boards.made_feet import SigmaOfFeet, sigma_of_made_foot, sigma_rows
-from footsense.lab.studies.boards.many_feet import MIN_POSTURE_ELEVATION_DEG, N_POSTURES, POSTURE_GF
+from footsense.lab.studies.boards.made_feet import sigma_of_made_foot, sigma_rows
 from footsense.lab.training.load_cases import leaning_loads
 from footsense.lab.training.paper_procedure import EPOCHS, per_foot_force_n
 from footsense.sim.fabrication import PAPER_TOLERANCES, FootTolerances, draw_deviations
@@ -39,7 +38,6 @@ from footsense.sim.loads.press_sequence import paper_presses
 from footsense.sim.rubber import RUBBER_LEVELS
 from footsense.validation.made_feet import (
     EXACT_CONDITIONS,
-    N_FEW,
     SEED,
     FootModel,
     MadeFootPlan,
@@ -57,6 +55,9 @@ _QUICK_EVERY, _QUICK_EPOCHS = 9, 300
 #: Loads over the whole range, their sizes, and the lowest elevation of force and normal, with a mount that is turned.
 _N_RANGE, RANGE_GF, _MIN_ELEVATION_DEG = 180, (20.0, 200.0), 32.0
 
+#: Postures of a calibration by standing, sizes of their loads, and lowest elevation [deg].
+N_POSTURES, POSTURE_GF, MIN_POSTURE_ELEVATION_DEG = 20, (20.0, 120.0), 70.0
+
 #: Rms levels of causes: none, and those of feet and test stand on which the paper's procedure errs as in the paper.
 _EXACT = asdict(FootTolerances()) | asdict(EXACT_CONDITIONS)
 _STAND = replace(
@@ -65,7 +66,7 @@ _STAND = replace(
 _TUNED = asdict(PAPER_TOLERANCES) | asdict(_STAND)
 #: The causes in words, and the factor to their unit.
 NONE, ALL = "none", "all"
-_CAUSES = {
+CAUSES = {
     NONE: ("none: the procedure's own error", 1.0),
     "gap_um": ("gap of each element [um]", 1.0),
     "film_um": ("film of each element [um]", 1.0),
@@ -124,7 +125,7 @@ _KINDS = {
 }
 #: Kinds of the quick form: their tables need no solve.
 _QUICK_KINDS = (SUPPOSED, "floor_capacitance", "sealed")
-_QUICK_CAUSES = (NONE, "lean_rms_deg", ALL)
+_QUICKCAUSES = (NONE, "lean_rms_deg", ALL)
 #: Columns of a kind, of those of `evaluate_made_foot`.
 _FIGURES = ("deg", "gf", "true_deg", "true_gf", "no_force", "within_2_sigma")
 
@@ -133,8 +134,8 @@ def compute(context: StudyContext) -> Values:
     """Run the paper's procedure with each cause of error, then calibrate the feet of each kind."""
     n_feet, epochs = (_QUICK_N_FEET, _QUICK_EPOCHS) if context.quick else (_N_FEET, EPOCHS)
     folder = context.files(FOOT_FILE, RESPONSE_FILE, NETWORK_FILE).resolve()
-    each = partial(compute_each, scheduler=context.scheduler, n_processes=1 if context.quick else N_PROCESSES)
-    causes = _QUICK_CAUSES if context.quick else tuple(_CAUSES)
+    each = partial(compute_each, n_processes=1 if context.quick else N_PROCESSES)
+    causes = _QUICKCAUSES if context.quick else tuple(CAUSES)
     sets = {name: _EXACT | {one: _TUNED[one] for one in _TUNED if name in (one, ALL)} for name in causes}
     procedure = partial(_procedure_errors, folder, epochs)
     found = each(procedure, [(levels, number) for levels in sets.values() for number in range(n_feet)])
@@ -157,8 +158,10 @@ def compute(context: StudyContext) -> Values:
     feet = each(evaluate, parts)
     kinds = {name: _columns(feet[k * n_feet : (k + 1) * n_feet]) for k, name in enumerate(names)}
     context.report_progress("feet of all kinds done")
-    subject = SigmaOfFeet(folder, plan, context.foot_design.loads.max_n, walks=not context.quick)
-    sigma = each(partial(sigma_of_made_foot, subject), list(range(2 if context.quick else _N_SIGMA_FEET)))
+    sigma_of = partial(
+        sigma_of_made_foot, folder, plan, context.foot_design.loads.max_n, walks=not context.quick
+    )
+    sigma = each(sigma_of, list(range(2 if context.quick else _N_SIGMA_FEET)))
     values = {
         "n_feet": n_feet,
         "seed": SEED,
@@ -255,19 +258,8 @@ def _targets(values: Values) -> list[Values]:
 def shown(values: Values) -> Values:
     """Return the rows of the page's tables, and who is worst, refused in part, and refused."""
     made, kinds = values["kinds"][SUPPOSED], values["kinds"]
-    estimators = {
-        "own_network": "the paper's procedure: a network trained on the foot's own loads",
-        "design": "uncalibrated: the released network",
-        "standing": f"calibrated by standing in {N_POSTURES} postures, without a reference",
-        "few": f"calibrated with {N_FEW} loads",
-        "all": "calibrated with all loads",
-    }
     return {
-        "causes": [_cause_row(values, name, errors) for name, errors in values["causes"].items()],
-        "made": [
-            (words, *(_spread(made[name]["centred"][figure]) for figure in _FIGURES[:4]))
-            for name, words in estimators.items()
-        ],
+        "made": made,
         "kinds": [_kind_row(_KINDS[name], one) for name, one in kinds.items()],
         "n_pressed_loads": np.mean(made["n_loads"]),
         "left_out": {name: _percent(made[name]["centred"]["no_force"]) for name in ("design", "all")},
@@ -280,12 +272,6 @@ def shown(values: Values) -> Values:
         "warned_from": WARNING_MEDIAN_MAHALANOBIS_DISTANCE,
         "refused_from": MAX_MEDIAN_MAHALANOBIS_DISTANCE,
     }
-
-
-def _cause_row(values: Values, name: str, errors: Values) -> tuple[str, ...]:
-    words, factor = _CAUSES[name]
-    level = f"{values['levels'][name] * factor:g}" if name in values["levels"] else "-"
-    return words, level, _spread(errors["deg"]), _spread(errors["gf"])
 
 
 def _kind_row(kind: _Kind, columns: Values) -> tuple[str, ...]:
@@ -304,7 +290,7 @@ def _kind_row(kind: _Kind, columns: Values) -> tuple[str, ...]:
         f"{kind.words}, {SAME_TABLE}" if is_same else kind.words,
         f"{len(passed)}, {sum(one['warned'][number] for number in passed)}",
         *(
-            _spread(of("all", test, figure))
+            spread_over_feet(of("all", test, figure))
             for test in ("centred", "range")
             for figure in ("true_deg", "true_gf")
         ),
@@ -323,7 +309,7 @@ def _percent(shares: Iterable[float | None]) -> str:
     return f"{100 * np.mean(known):.0f}" if known else "-"
 
 
-def _spread(over_feet: list[float | None]) -> str:
+def spread_over_feet(over_feet: list[float | None]) -> str:
     """Return mean, deviation and worst over the feet that have any force; how many have none."""
     known = [value for value in over_feet if value is not None]
     none = f" ({len(over_feet) - len(known)} without any)" if len(known) < len(over_feet) else ""

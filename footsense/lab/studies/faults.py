@@ -24,6 +24,10 @@ TITLE = "Effect of every fault, and of disturbances"
 WANTED_SHARE = 0.95
 
 
+#: Of each foot what was found, and the peak of its loads [N].
+_OfFeet = Mapping[str, tuple[Values, float]]
+
+
 def compute(context: StudyContext) -> Values:
     """Walk once with each fault on each released foot, or on the studied one if that is another; break CAN."""
     context.scene("measured_walk")
@@ -76,39 +80,26 @@ def _named(found: FaultFigures | DisturbanceFigures) -> Values:
 
 def shown(values: Values) -> Values:
     """Return the rows of the tables: of each fault the worst of the feet, and what another foot says otherwise."""
-    feet, times = (
-        values["feet"],
-        ("longest_silence_s", "recovery_s", "longest_frame_delay_s", "max_age_on_arrival_s"),
-    )
-    first = next(iter(feet.values()))
+    feet, first = values["feet"], next(iter(values["feet"].values()))
     cells = [cell for by_clock in values["converter_kinds"].values() for cell in by_clock.values()]
+    times = ("longest_silence_s", "recovery_s", "longest_frame_delay_s", "max_age_on_arrival_s")
+
+    def rows(table: str, row: Callable[[str, _OfFeet], tuple[str, ...]]) -> list[tuple[str, ...]]:
+        return [
+            row(
+                words,
+                {name: (foot[table][words], foot["peak_vertical_force_n"]) for name, foot in feet.items()},
+            )
+            for words in first[table]
+        ]
+
     return {
         "converter": converter_kinds,
         "disturbance": disturbance_table,
         "trial": fault_trial,
-        **{
-            board: [
-                _leg_row(
-                    fault,
-                    {
-                        name: (foot[board][fault], foot["peak_vertical_force_n"])
-                        for name, foot in feet.items()
-                    },
-                )
-                for fault in first[board]
-            ]
-            for board in ("leg_faults", "small_board")
-        },
-        "disturbances": [
-            _disturbed_row(
-                words,
-                {
-                    name: (foot["disturbances"][words], foot["peak_vertical_force_n"])
-                    for name, foot in feet.items()
-                },
-            )
-            for words in first["disturbances"]
-        ],
+        "leg_faults": rows("leg_faults", _leg_row),
+        "small_board": rows("small_board", _leg_row),
+        "disturbances": rows("disturbances", _disturbed_row),
         "converters": {
             key: (min(cell[key] for cell in cells), max(cell[key] for cell in cells))
             for key in ("ok_rel", "n_wrong", "scan_ms")
@@ -118,10 +109,6 @@ def shown(values: Values) -> Values:
             for name, found in values["can_faults"].items()
         },
     }
-
-
-#: Of each foot what was found, and the peak of its loads [N].
-_OfFeet = Mapping[str, tuple[Values, float]]
 
 
 def _leg_row(fault: str, of_feet: _OfFeet) -> tuple[str, ...]:

@@ -13,11 +13,8 @@ from footsense.frames import ELEMENTS, Leg, Vector
 from footsense.lab.evaluation import walker_scores
 from footsense.lab.evaluation.evaluate_models import RESPONSE_FILE
 from footsense.lab.evaluation.walker_judgement import (
-    Conditions,
     JudgedRun,
-    JudgingLoads,
     contact_figures,
-    draw,
     judge,
     pooled,
     slip_figures,
@@ -29,9 +26,8 @@ from footsense.lab.studies.boards.many_feet import (
     missing_figures,
     smooth_tripod,
     step_figures,
-    wrong_gain_figures,
 )
-from footsense.lab.studies.boards.service_walks import OWN_END_S, OWN_FEET, service_figures
+from footsense.lab.studies.boards.service_walks import END_S, OWN_FEET, service_figures
 from footsense.lab.studies.boards.targets import WANTED, board_targets
 from footsense.lab.training.export import OnnxNetwork
 from footsense.lab.training.gait_readings import (
@@ -48,8 +44,7 @@ from footsense.lab.training.gait_windows import (
     windows_of,
 )
 from footsense.lab.walkers import slow_loads
-from footsense.lab.walkers.shaking_loads import ShakingLoads
-from footsense.lab.walkers.slow_loads import SlowLoads
+from footsense.lab.walkers.made_up import SHAKING, SLOW, MadeUpLoads
 from footsense.lab.walkers.split import KNOWN_JUDGEMENT, NEW_JUDGEMENT, RECORDED_JUDGEMENT, WalkerRun
 from footsense.ports import LoadEstimator, Window
 from footsense.sim.loads.ground_load import ContactSource
@@ -69,8 +64,8 @@ _TROT_RISES_S: dict[Leg, float] = {"lf": 0.02, "rf": 0.04, "lr": 0.06, "rr": 0.0
 #: Noise of a conversion over the board's [1], beside it: what an AD7147 has is not confirmed by a source.
 _NOISE_REL = (0.3, 3.0)
 #: Slow loads that judge; those of the selection have other seeds.
-_SLOW = (SlowLoads(9900, 20.0), SlowLoads(9901, 20.0))
-_SHAKING = ShakingLoads(9950, 20.0)
+_SLOW = (MadeUpLoads(SLOW, 9900, 20.0), MadeUpLoads(SLOW, 9901, 20.0))
+_SHAKING = MadeUpLoads(SHAKING, 9950, 20.0)
 #: Runs of a quick page, and duration of those in new gaits [s].
 _QUICK_RUNS, _QUICK_NEW_RUNS, _QUICK_S = slice(1, None, 12), slice(0, None, 13), 4.0
 
@@ -99,34 +94,27 @@ def _figures(context: StudyContext, board: str) -> Values:
         "gaits": gaits,
         "step": step_figures(context, board),
         "missing": missing_figures(context, board),
-        "wrong_gains": wrong_gain_figures(context, board),
     }
-    context.report_progress("steps, missing elements and wrong gains done")
+    context.report_progress("steps and missing elements done")
     figures |= service_figures(context, board)
     context.report_progress("walks through the service done")
-    conditions = Conditions(board)
-
-    def judged_under(runs: Sequence[JudgingLoads], conditions: Conditions = conditions) -> list[JudgedRun]:
-        return judge(folders, runs, conditions, context.scheduler)
-
+    judged_under = partial(judge, folders, board=board)
     new: tuple[WalkerRun, ...] = NEW_JUDGEMENT
-    slow: tuple[SlowLoads, ...] = _SLOW
+    slow: tuple[MadeUpLoads, ...] = _SLOW
     for walk in RECORDED_JUDGEMENT:
         context.table_file(walk.file)
     if context.quick:
         new = tuple(run._replace(duration_s=_QUICK_S) for run in NEW_JUDGEMENT[_QUICK_NEW_RUNS])
-        slow = (SlowLoads(_SLOW[0].seed, _QUICK_S),)
+        slow = (_SLOW[0]._replace(duration_s=_QUICK_S),)
     judged = judged_under(KNOWN_JUDGEMENT[_QUICK_RUNS] if context.quick else KNOWN_JUDGEMENT)
     new_judged, slow_judged = judged_under((*new, *RECORDED_JUDGEMENT)), judged_under(slow)
     shaking = judged_under((_SHAKING._replace(duration_s=_QUICK_S) if context.quick else _SHAKING,))
-    moving = judged_under((*new, *RECORDED_JUDGEMENT, *slow), conditions._replace(motion=ToldMotion()))
+    moving = judged_under((*new, *RECORDED_JUDGEMENT, *slow), motion=ToldMotion())
     context.report_progress("walking robots done")
     by_foot = {
         name: [one for one in judged if one.foot_type == name]
         for name in dict.fromkeys(one.foot_type for one in judged)
     }
-    own_type = context.foot_design.foot_type
-    context.drawings[f"motion-{board}.png"] = draw(by_foot[own_type], f"{own_type}, board {board}")
     walked = [*judged, *new_judged]
     slips = {"all": slip_figures(walked)}
     slips |= {name: slip_figures([one for one in walked if one.foot_type == name]) for name in by_foot}
@@ -271,7 +259,7 @@ def _friction_ratio(ratio: Vector, normal: Vector) -> Vector:
 
 
 def shown(values: Values) -> Values:
-    """Return the rows of what is wanted of the boards and of how often feet held, and where constants are."""
+    """Return the rows of what is wanted of the boards, walks of more than one kind, and where constants are."""
     boards = values["boards"]
     figures = dict.fromkeys(row["figure"] for of_board in boards.values() for row in of_board["targets"])
     reached = {
@@ -281,25 +269,13 @@ def shown(values: Values) -> Values:
         }
         for board, of_board in boards.items()
     }
-    bins = [of_board["slips"]["all"]["holds_bins"] for of_board in boards.values()]
-    bounds = pairwise(walker_scores.HOLDS_BOUNDS)
     return {
         "wanted": [(one, *(of_board.get(one, "-") for of_board in reached.values())) for one in figures],
-        "held": [
-            (f"{low:g} to {high:g}", *(f"{held / max(n, 1):.2f} of {n}" for n, held in of_boards))
-            for (low, high), *of_boards in zip(bounds, *bins, strict=True)
-        ],
+        "holds_bounds": list(pairwise(walker_scores.HOLDS_BOUNDS)),
         "walks": {board: one["own_robots"] | one["couplings"] for board, one in boards.items()},
         "of_own_robots": {board: list(chain(*one["runs"].values())) for board, one in boards.items()},
-        "slides": {
-            board: {
-                f"{name}, friction known" if name == "all" else name: found for name, found in slips.items()
-            }
-            | {f"all, {what}": found for what, found in slips["all"]["supposed"].items()}
-            for board, slips in ((board, one["slips"]) for board, one in boards.items())
-        },
         "host_cost_us": HOST_COST_US,
-        "end_s": OWN_END_S,
+        "end_s": END_S,
         "motion": ToldMotion(),
         "scores": walker_scores,
         "slow": slow_loads,

@@ -67,7 +67,7 @@ def compute(context: StudyContext) -> Values:
         for robot, gait, ground in walks
         for seed in range(n_seeds)
     ]
-    drifted = compute_each(partial(_drifted, folders=folders), runs, scheduler=context.scheduler)
+    drifted = compute_each(partial(_drifted, folders=folders), runs)
     shown = next((k for k, run in enumerate(runs) if run[:3] == _SHOWN_RUN), 0)
     context.drawings["odometry.png"] = _draw(runs[shown], drifted[shown].paths_m)
     drift = {
@@ -92,15 +92,15 @@ def _drifted(run: WalkerRun, folders: dict[str, Path]) -> _Drifted:
     senses = walk.senses()
     known = sources(walk, senses, published)
     keys = [(source, gate) for source in known for gate in _GATES]
-    poses = run_filters(walk, senses, [Filter(known[source], gate == "gate") for source, gate in keys])
+    position_m, rotation = run_filters(
+        walk, senses, [Filter(known[source], gate == "gate") for source, gate in keys]
+    )
     drift: dict[str, dict[str, float]] = {source: {} for source in known}
-    for (source, gate), one in zip(
-        keys, walk.drift_rel(poses.position_m, poses.rotation).tolist(), strict=True
-    ):
+    for (source, gate), one in zip(keys, walk.drift_rel(position_m, rotation).tolist(), strict=True):
         drift[source][gate] = one
     paths_m = {"truth": walk.position_m[::_SHOWN_EVERY]}
     for source in _SHOWN:
-        place = poses.position_m[::_SHOWN_EVERY, keys.index((source, "no gate"))]
+        place = position_m[::_SHOWN_EVERY, keys.index((source, "no gate"))]
         paths_m[source] = place @ _level(walk.rotation[0]).T + walk.position_m[0]
     return _Drifted(float(walk.way_m[-1]), drift, paths_m)
 

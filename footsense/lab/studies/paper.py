@@ -44,7 +44,7 @@ TITLE = "The paper's simulation, done again"
 
 _SEEDS, _QUICK_SEEDS = 5, 2
 _EPOCHS, _QUICK_EPOCHS = 5000, 500
-_INPUTS: dict[NetworkInput, str] = {"capacitance": "changes of capacitance", "closure": "closures"}
+_INPUTS: tuple[NetworkInput, ...] = ("capacitance", "closure")
 _NEURONS, _QUICK_NEURONS = (3, 5, 8, 12, 18, 27, 40), (3, 18)
 LEARNING_RATES, _MOMENTUM = (0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7), 0.9
 _RACE_EPOCHS, _QUICK_RACE_EPOCHS = 10_000, 300
@@ -264,40 +264,10 @@ def _map(context: StudyContext) -> tuple[Figure, Values]:
 
 
 def shown(values: Values) -> Values:
-    """Return the rows of each table, and the best size."""
-    pattern_pf = np.array(values["pattern_pf"])
-    procedure: list[tuple[str, ...]] = []
-    for kind, words in _INPUTS.items():
-        one = values["procedure"][kind]
-        deg, gf = one["direction_deg"], one["magnitude_gf"]
-        at_training = (f"{np.mean(deg[force]):.2f}" for force in ("50", "150"))
-        procedure += [
-            (f"networks on {words}", spread(deg["100"]), spread(gf["100"]), *at_training),
-            (
-                f"linear estimate of {words}",
-                f"{one['linear_direction_deg']:.2f}",
-                f"{one['linear_magnitude_gf']:.2f}",
-                *"--",
-            ),
-        ]
+    """Return the best size, and where constants are."""
     return {
-        "pattern": [
-            (row, *(f"{one:.2f}" for one in changes))
-            for row, changes in zip(("front", "middle", "rear"), pattern_pf / pattern_pf.max(), strict=True)
-        ],
-        "largest_pf": pattern_pf.max(),
-        "procedure": procedure,
-        "size_rows": [
-            (row["neurons"], row["layers"], spread(row["direction_deg"]), spread(row["magnitude_gf"]))
-            for row in values["sizes"]
-        ],
         "best": min(values["sizes"], key=lambda row: np.mean(row["direction_deg"])),
-        "race_rows": [
-            row
-            | {f"{key}_p50": np.median(row[key]) for key in ("times_fewer", "times_faster")}
-            | {"least": min(row["times_fewer"]), "most": max(row["times_fewer"])}
-            for row in values["race"]
-        ],
+        "largest_pf": np.max(values["pattern_pf"]),
         "paper_errors": (PAPER_DIRECTION_DEG, PAPER_MAGNITUDE_GF),
         "hidden": HIDDEN_NEURONS,
     }

@@ -1,16 +1,11 @@
 """Page `physics`: the solid against finer meshes, and what each simplification of it costs."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from time import process_time
-from typing import Any
 
 import msgspec
 import numpy as np
 
-from footsense.foot.directions import directions
-from footsense.foot.gap_contact import CELLS_PER_ELEMENT, fringe_pf
 from footsense.frames import Vector
 from footsense.lab.fem.centred import (
     MIN_COUNTED_REL,
@@ -18,19 +13,15 @@ from footsense.lab.fem.centred import (
     solve_centred_closures,
 )
 from footsense.lab.fem.mesh import COARSE_MESH, FINEST_MESH, RELEASED_MESH, MeshSize
-from footsense.lab.geometry import FootDesign, ThinFilm
+from footsense.lab.geometry import ThinFilm
 from footsense.lab.report import StudyContext, Values, target_at_most
-from footsense.lab.response import make_response
 
 TITLE = "How exact the solid is"
 
 #: The films on the faces of the paper's cavities (section IV).
 _FILMS = {
-    "gold": ("0.1 um of gold on both plates", ThinFilm(thickness_um=0.1, youngs_mpa=79e3, poisson=0.42)),
-    "parylene": (
-        "1 um of parylene C in the cavities",
-        ThinFilm(thickness_um=1.0, youngs_mpa=2.8e3, poisson=0.4),
-    ),
+    "gold": ThinFilm(thickness_um=0.1, youngs_mpa=79e3, poisson=0.42),
+    "parylene": ThinFilm(thickness_um=1.0, youngs_mpa=2.8e3, poisson=0.4),
 }
 #: Upright, and the lowest of the paper's loads [deg].
 _ELEVATIONS_DEG = (90.0, 40.0)
@@ -49,25 +40,19 @@ _QUICK_MESHES = {
     "no layers at the edges": _UNREFINED_MESH,
 }
 #: Errors that a table states of itself.
-_STATED = {
-    "mesh_asymmetry_rel": "table made alike for a foot and its transpose",
-    "fit_residual_rel": "series in place of the solved samples",
-    "interpolation_rel": "series four degrees shorter",
-}
-_FRINGE_CLOSURES_UM = (0.0, 5.0)
+_STATED = ("mesh_asymmetry_rel", "fit_residual_rel", "interpolation_rel")
 
 
 def compute(context: StudyContext) -> Values:
     """Solve the foot on several meshes and with other materials; compare."""
-    design, response, quick = context.foot_design, context.response, context.quick
+    quick = context.quick
     meshes, closure_um_per_n = _meshes(context)
     worst = max(meshes[-1 if quick else 2]["error_rel"], default=float("nan"))
     return {
         "meshes": meshes,
-        "made": None if quick else _table_from_nothing(context),
         "films": _films(context, closure_um_per_n),
-        "stated": {name: response.provenance[name] for name in _STATED},
-        "fringe": _fringe_readings(design),
+        "min_counted_rel": MIN_COUNTED_REL,
+        "stated": {name: context.response.provenance[name] for name in _STATED},
         "targets": []
         if quick
         else [
@@ -82,12 +67,6 @@ def compute(context: StudyContext) -> Values:
     }
 
 
-def _timed(step: Callable[[], Any]) -> tuple[Any, float]:
-    """Return the result of a step, and the time of all processors [s]."""
-    before_s = process_time()
-    return step(), process_time() - before_s
-
-
 def _meshes(context: StudyContext) -> tuple[list[Values], Vector]:
     """Return unknowns, time and errors of each mesh, and the released mesh's closures; the first one's if quick.
 
@@ -96,10 +75,9 @@ def _meshes(context: StudyContext) -> tuple[list[Values], Vector]:
     solved = []
     for name, size in (_QUICK_MESHES if context.quick else _MESHES).items():
         elevations_deg = _ELEVATIONS_DEG[: 1 if context.quick or size is FINEST_MESH else 2]
-        found, processor_s = _timed(
-            partial(solve_centred_closures, context.foot_design, size, elevations_deg)
-        )
-        closures_um = found.closure_um_per_n
+        before_s = process_time()
+        found = solve_centred_closures(context.foot_design, size, elevations_deg)
+        processor_s, closures_um = process_time() - before_s, found.closure_um_per_n
         solved.append((name, size.order, found.n_unknowns, processor_s, closures_um))
         context.report_progress(f"mesh {name}: {found.n_unknowns} unknowns, {processor_s:.1f} s")
     best = [solved[-1][-1][0], None if context.quick else solved[-2][-1][1]]
@@ -122,66 +100,14 @@ def _meshes(context: StudyContext) -> tuple[list[Values], Vector]:
     return rows, released_um
 
 
-def _table_from_nothing(context: StudyContext) -> Values:
-    """Return the time of solving the released table anew, and its largest difference from the released one."""
-    made, processor_s = _timed(
-        partial(make_response, context.foot_design, RELEASED_MESH, context.report_progress)
-    )
-    up = directions(0.0, list(_ELEVATIONS_DEG))
-    old_um, new_um = (one.free_element_closures_um(up, up) for one in (context.response, made))
-    change = max(abs(largest_change(new, old)) for new, old in zip(new_um, old_um, strict=True))
-    return {"processor_s": processor_s, "change_rel": change}
-
-
 def _films(context: StudyContext, bare_um: Vector) -> Values:
     """Return the largest change of a closure by each thin film, upright and inclined, on the same mesh."""
     size = next(iter(_QUICK_MESHES.values())) if context.quick else RELEASED_MESH
     elevations_deg = _ELEVATIONS_DEG[: 1 if context.quick else 2]
     changes = {}
-    for name, (_, film) in list(_FILMS.items())[: 1 if context.quick else None]:
+    for name, film in list(_FILMS.items())[: 1 if context.quick else None]:
         design = msgspec.structs.replace(context.foot_design, **{name: film})
         with_um = solve_centred_closures(design, size, elevations_deg).closure_um_per_n
         changes[name] = [largest_change(own, of) for own, of in zip(with_um, bare_um, strict=True)]
         context.report_progress(f"film {name} solved")
     return changes
-
-
-def _fringe_readings(design: FootDesign) -> list[Values]:
-    """Return an element's capacitance with and without edges, and the closures that both are read as, by closure."""
-    capacitor, closed_um = design.capacitor, np.array(_FRINGE_CLOSURES_UM)
-    spacing_um = np.repeat(design.gap_um + design.film_um - closed_um[:, None], 9 * CELLS_PER_ELEMENT, axis=1)
-    plates_pf = capacitor.capacitance_pf(closed_um)
-    edged_pf = plates_pf + fringe_pf(capacitor, spacing_um)[:, 0]
-    stray_pf = edged_pf[0] - plates_pf[0]
-    columns = {
-        "closed_um": closed_um,
-        "plates_pf": plates_pf,
-        "edged_pf": edged_pf,
-        "read_um": capacitor.closure_um(edged_pf, edged_pf[0]),
-        "corrected_um": capacitor.closure_um(edged_pf - stray_pf, edged_pf[0] - stray_pf),
-    }
-    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
-
-
-def shown(values: Values) -> Values:
-    """Return the rows of meshes, and of what is simplified or left out."""
-    elevations = " / ".join(f"{elevation:g}" for elevation in _ELEVATIONS_DEG)
-    simplified = [
-        (
-            _FILMS[name][0],
-            f"closure of an element, worst, {elevations} deg",
-            " / ".join(f"{one:+.2%}" for one in by),
-        )
-        for name, by in values["films"].items()
-    ]
-    simplified += [
-        (name, "response, rms over rms", f"{values['stated'][key]:.3%}") for key, name in _STATED.items()
-    ]
-    return {
-        "mesh_rows": [
-            row | {"worst": " / ".join(f"{error:.2%}" for error in row["error_rel"])}
-            for row in values["meshes"]
-        ],
-        "simplified": simplified,
-        "min_counted_rel": MIN_COUNTED_REL,
-    }

@@ -1,9 +1,8 @@
 """Page `real-sensors`: sensors that others measured, as witnesses of what is assumed of rubber, gains and drift."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from footsense.calibration.parameter_fit import PRIOR_SIGMA
 from footsense.calibration.twin import GAIN
@@ -56,18 +55,20 @@ def compute(context: StudyContext) -> Values:
     readings = everything[_CALIBRATION].reading.T
     all_ours = [fit_reading(first, one, clock=fitted.clock, memory=fitted.memory) for one in readings]
     later = {name: one for name, one in sessions.items() if name != _CALIBRATION}
-    gains = {name: _gains(one, ours, fits[name].clock) for name, one in later.items()}
     loops = {_INSOLE: _loop(pressure, means[_CALIBRATION])}
     for name, factors in _RUBBERS.items():
         loops[name] = _loop(pressure, _rubber_reading(pressure, first.step_s, *factors))
-    context.drawings["real-sensors.png"] = _figure(loops, gains)
     return {
+        "creep_rel": CREEP_REL[-1],
+        "gain_sigma": PRIOR_SIGMA[GAIN][0],
+        "full_scale_bar": FULL_SCALE_BAR,
+        "max_jump_counts": MAX_JUMP_COUNTS,
         "n_elements": first.reading.shape[1],
         "range_counts": float(np.ptp(means[_CALIBRATION])),
         "forms": {name: _form_figures(one, means[name], fits[name]) for name, one in sessions.items()},
         "loops": {
             name: {"largest": float(np.abs(loop).max()), "mean": float(np.abs(loop).mean())}
-            for name, (_, loop) in loops.items()
+            for name, loop in loops.items()
         },
         "gains": {name: _gain_figures(one, ours, fits[name].clock) for name, one in later.items()},
         "n_elements_of_all": everything[_CALIBRATION].reading.shape[1],
@@ -87,22 +88,20 @@ def _form_figures(session: Session, mean: Vector, fit: InsoleFit) -> Values:
     return left | {"play": float(fit.memory[:-1].sum()), "creep": float(fit.memory[-1])}
 
 
-def _gains(
-    session: Session, fits: Sequence[InsoleFit], clock: Vector, rows: slice | Vector = slice(None)
-) -> Vector:
-    """Return slope [1] and offset [counts] of each element's readings over those that its fit expects, shape (2, n)."""
+def _gains(session: Session, fits: Sequence[InsoleFit], clock: Vector, rows: slice | Vector) -> Vector:
+    """Return the slope of each element's readings over those that its fit expects [1], shape (n,)."""
     pressure = pressure_on_clock(session, clock)
     states = memory_states(pressure, session.step_s)
     expected = [predicted_reading(fit, pressure, states)[rows] for fit in fits]
     pairs = zip(expected, session.reading[rows].T, strict=True)
-    return np.array([np.polyfit(one, reading, 1) for one, reading in pairs]).T
+    return np.array([np.polyfit(one, reading, 1)[0] for one, reading in pairs])
 
 
 def _gain_figures(session: Session, fits: Sequence[InsoleFit], clock: Vector) -> Values:
     """Return the elements' gains against the first session: common, spread of single ones, and of two halves."""
-    gain = _gains(session, fits, clock)[0]
+    gain = _gains(session, fits, clock, slice(None))
     block = np.arange(len(session.reading)) // _N_BLOCK
-    halves = [_gains(session, fits, clock, block % 2 == half)[0] for half in (0, 1)]
+    halves = [_gains(session, fits, clock, block % 2 == half) for half in (0, 1)]
     own = gain / np.median(gain)
     return {
         "common": float(np.median(gain)),
@@ -114,11 +113,11 @@ def _gain_figures(session: Session, fits: Sequence[InsoleFit], clock: Vector) ->
     }
 
 
-def _loop(pressure: Vector, reading: Vector) -> tuple[Vector, Vector]:
-    """Return pressures, and by how much the reading is larger after the largest pressure, over its range [1]."""
+def _loop(pressure: Vector, reading: Vector) -> Vector:
+    """Return by how much the reading is larger after the largest pressure, over its range [1], by pressure."""
     falling = np.arange(len(pressure)) > np.argmax(pressure)
     place = np.digitize(pressure, np.linspace(pressure.min(), pressure.max(), _N_BINS + 1)[1:-1])
-    middles, loop = [], []
+    loop = []
     for n in range(1, _N_BINS - 1):
         near = np.abs(place - n) <= 1
         branches = [near & ~falling, near & falling]
@@ -126,9 +125,8 @@ def _loop(pressure: Vector, reading: Vector) -> tuple[Vector, Vector]:
             continue
         middle = float(pressure[place == n].mean())
         up, down = (np.polyval(np.polyfit(pressure[one] - middle, reading[one], 1), 0.0) for one in branches)
-        middles.append(middle)
         loop.append((down - up) / np.ptp(reading))
-    return np.array(middles), np.array(loop)
+    return np.array(loop)
 
 
 def _rubber_reading(pressure: Vector, step_s: float, creep: float, play: float) -> Vector:
@@ -140,57 +138,3 @@ def _rubber_reading(pressure: Vector, step_s: float, creep: float, play: float) 
 
 def _robust_deviation(values: Vector) -> float:
     return float(_SIGMA_PER_MAD * np.median(np.abs(values - np.median(values))))
-
-
-def shown(values: Values) -> Values:
-    """Return the rows of what is assumed, each beside what was measured."""
-    loops, form = values["loops"], values["forms"][_CALIBRATION]
-    deviations = [one["deviation"] for one in values["gains"].values()]
-    creep = [one["creep"] for one in values["forms"].values()]
-    assumed = [
-        (
-            "a foot's own creep of 10 s",
-            f"{100 * CREEP_REL[-1]:.0f} %",
-            f"{100 * min(creep):.0f} to {100 * max(creep):.0f} %",
-            "no: too little, for foam",
-        ),
-        (
-            "loop, largest, on the same history",
-            f"{100 * loops[_RUBBER]['largest']:.1f} %",
-            f"{100 * loops[_INSOLE]['largest']:.1f} %",
-            "no: too narrow, for foam; play x 3 is wide enough",
-        ),
-        (
-            "gains of elements, prior of a calibration",
-            f"{100 * PRIOR_SIGMA[GAIN][0]:.0f} %",
-            f"{100 * min(deviations):.1f} to {100 * max(deviations):.1f} %",
-            "nearly",
-        ),
-        (
-            "gains of elements, sigma of uncalibrated feet",
-            "1 %",
-            "the same",
-            "no: too little after a session",
-        ),
-        (
-            "form: chain and play",
-            "exact",
-            f"leaves {100 * form['memory']:.2f} % of {100 * form['clock']:.2f} %",
-            "yes",
-        ),
-    ]
-    return {"assumed": assumed, "full_scale_bar": FULL_SCALE_BAR, "max_jump_counts": MAX_JUMP_COUNTS}
-
-
-def _figure(loops: Mapping[str, tuple[Vector, Vector]], gains: Mapping[str, Vector]) -> Figure:
-    """Return the figure of loops over pressure, and of gains by session."""
-    figure = Figure(figsize=(11.0, 4.0), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    for name, (pressure, loop) in loops.items():
-        left.plot(100.0 * pressure, 100.0 * loop, label=name.strip("`"))
-    left.set(xlabel="pressure [% of full scale]", ylabel="loop [% of full scale]")
-    left.legend(fontsize="small")
-    right.boxplot([100.0 * (one[0] / np.median(one[0]) - 1.0) for one in gains.values()])
-    right.set(xticklabels=list(gains), ylabel="gain of an element [%]")
-    right.tick_params(axis="x", rotation=20)
-    return figure

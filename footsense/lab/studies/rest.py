@@ -14,10 +14,7 @@ from footsense.foot.network_card import NETWORK_FILE
 from footsense.foot.specimen import Specimen
 from footsense.foot.type_folders import released_names
 from footsense.frames import Vector
-from footsense.lab.evaluation.cramer_rao import (
-    ambiguous_load_distance_and_angle,
-    errors_over_bound,
-)
+from footsense.lab.evaluation.cramer_rao import errors_over_bound
 from footsense.lab.evaluation.evaluate_models import (
     HELD_OUT_CASES,
     HELD_OUT_SEED,
@@ -38,21 +35,14 @@ from footsense.lab.training.load_cases import (
     random_loads,
 )
 from footsense.ports import LoadEstimate, Window
-from footsense.sim.fabrication import PAPER_TOLERANCES, FootTolerances, draw_deviations
 
 TITLE = "The released network at rest"
 
-_N_FEET = 20
-#: Loads refined at rest: of the designed foot, and of each made one; legs of a call.
-_N_REFINED, _N_REFINED_OF_FOOT, _N_LEGS = 5000, 100, 50
+_LEANING, _CENTRED = "leaning, held out", "the paper's 180, without noise"
+#: Leaning loads refined at rest, and legs of a call.
+_N_REFINED, _N_LEGS = 5000, 50
 #: Targets at rest: leaning loads, mean and 95 % below; the paper's loads without noise, mean and worst [deg].
 _LEANING_DEG, _PAPER_DEG = (0.1, 0.3), (0.02, 0.1)
-#: Made feet, and their deviations over those tuned to the paper's error [1].
-_MADE = {
-    "made feet, not calibrated": 1.0,
-    "made feet, a tenth of the deviations": 0.1,
-    "made feet, a thirtieth": 1.0 / 30.0,
-}
 _FORCE_BINS_N = (0.0, 0.05, 0.2, 0.5, 1.0, 2.0)
 _MAGNITUDES_GF = (20.0, 35.0, 50.0, 75.0, 100.0, 125.0, 150.0)
 _N_LEANING = 1000
@@ -60,8 +50,6 @@ _N_LEANING = 1000
 _FILES = (FOOT_FILE, RESPONSE_FILE, NETWORK_FILE)
 #: The project's target of the network's error over the bound [1].
 TARGET_OVER_BOUND = 1.2
-#: Elevations of the centred loads whose ambiguous partner is sought [deg].
-_AMBIGUITY_ELEVATIONS_DEG = np.arange(40.0, 49.01, 0.5)
 
 
 def compute(context: StudyContext) -> Values:
@@ -79,24 +67,20 @@ def compute(context: StudyContext) -> Values:
         for low, high in pairwise(_FORCE_BINS_N)
     }
     context.report_progress("held-out loads done")
-    n_feet = 2 if quick else _N_FEET
     errors = {name: evaluate_models(foot.files(*_FILES)) for name, foot in _feet(context).items()}
     paper = next(iter(errors.values()))["paper_network"]
     bound = _bounds(context)
-    refined = _refined_errors(context, n_feet)
-    leaning, centred = (
-        refined["leaning, held out"]["refined"],
-        refined["the paper's 180, without noise"]["refined"],
-    )
+    refined = _refined_errors(context)
+    leaning, centred = (refined[name]["refined"] for name in (_LEANING, _CENTRED))
     worst = max(row["over_bound"] for row in bound["centred"])
     return {
+        "noise_ff": 1e3 * NOISE_PF,
+        "baseline_noise_ff": 1e3 * BASELINE_NOISE_PF,
         "weights": network.card["training"]["weights"],
         "min_evaluated_force_n": loads.min_evaluated_force_n,
         "error_tables": {foot: as_markdown(of_foot) for foot, of_foot in errors.items()},
-        "n_feet": n_feet,
         "by_force": by_force,
         "bound": bound,
-        "ambiguity": _ambiguity(context),
         "refined": refined,
         "targets": [
             target_at_most(
@@ -159,32 +143,18 @@ def _refined(context: StudyContext, window: Window, load: LoadEstimate) -> LoadE
     return LoadEstimate(*map(np.concatenate, zip(*parts, strict=True)))
 
 
-def _refined_errors(context: StudyContext, n_feet: int) -> Values:
+def _refined_errors(context: StudyContext) -> Values:
     """Return the errors of the network alone and refined at rest, by loads."""
     response, loads, rng = context.response, context.foot_design.loads, np.random.default_rng(HELD_OUT_SEED)
-    noisy = {
-        "leaning, held out": [
-            random_loads(response, loads, _N_REFINED // (10 if context.quick else 1), HELD_OUT_SEED)
-        ]
-    }
-    for name, share in _MADE.items():
-        levels = FootTolerances(**{key: share * level for key, level in asdict(PAPER_TOLERANCES).items()})
-        feet = [draw_deviations(response, levels, 0, foot) for foot in range(n_feet)]
-        noisy[name] = [
-            random_loads(response, loads, _N_REFINED_OF_FOOT, 2000 + number, foot)
-            for number, foot in enumerate(feet)
-        ]
-    sets = {}
-    for name, cases in noisy.items():
-        force_n, closure_um = (
-            np.concatenate([getattr(one, part) for one in cases]) for part in ("force_n", "closure_um")
-        )
-        counted = np.linalg.norm(force_n, axis=1) >= loads.min_evaluated_force_n
-        read = [measured_closure_rel(response.design, closure_um[counted], rng) for _ in range(READINGS)]
-        sets[name] = force_n[counted], np.stack(read, axis=1)
+    leaning = random_loads(response, loads, _N_REFINED // (10 if context.quick else 1), HELD_OUT_SEED)
+    counted = np.linalg.norm(leaning.force_n, axis=1) >= loads.min_evaluated_force_n
+    read = [measured_closure_rel(response.design, leaning.closure_um[counted], rng) for _ in range(READINGS)]
     centred = paper_verification(response, force_unit=loads.force_unit)
     exact_rel = centred.closure_um / response.design.gap_um
-    sets["the paper's 180, without noise"] = centred.force_n, np.repeat(exact_rel[:, None], READINGS, axis=1)
+    sets = {
+        _LEANING: (leaning.force_n[counted], np.stack(read, axis=1)),
+        _CENTRED: (centred.force_n, np.repeat(exact_rel[:, None], READINGS, axis=1)),
+    }
     errors: Values = {}
     for name, (force_n, read_rel) in sets.items():
         window = steady_windows(read_rel[:, 0])._replace(closure_rel=read_rel)
@@ -221,28 +191,4 @@ def _bounds(context: StudyContext) -> Values:
             for gf in magnitudes_gf
         ]
         for name, contacts in loads.items()
-    }
-
-
-def _ambiguity(context: StudyContext) -> list[Values]:
-    """Return for some magnitudes the centred load near a diagonal whose readings are most like another load's."""
-    foot, rows = Specimen(context.response), []
-    for magnitude_gf in (20.0, 50.0, 100.0, 150.0)[: 1 if context.quick else None]:
-        distance, _ = ambiguous_load_distance_and_angle(foot, magnitude_gf, _AMBIGUITY_ELEVATIONS_DEG)
-        rows.append({"magnitude_gf": magnitude_gf, "distance_sigmas": distance.min()})
-    return rows
-
-
-def shown(values: Values) -> Values:
-    """Return the rows of the loads refined at rest, and of the bound."""
-    return {
-        "refined_rows": [
-            {"name": name, "kind": kind if kind == "network" else f"refined, {row['share']:.0%} of the loads"}
-            | row[kind]
-            for name, row in values["refined"].items()
-            for kind in ("network", "refined")
-        ],
-        "bounds": [{"loads": loads} | row for loads, rows in values["bound"].items() for row in rows],
-        "noise_ff": 1e3 * NOISE_PF,
-        "baseline_noise_ff": 1e3 * BASELINE_NOISE_PF,
     }

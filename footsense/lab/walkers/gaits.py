@@ -4,14 +4,16 @@ A foot follows its own clock: in stance it moves back under the body at the spee
 brought forward. Times are those of a robot with a shank of 0.21 m; smaller robots step faster (`Robot.time_rel`).
 """
 
-from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from footsense.errors import ConfigError
 from footsense.frames import Vector
 from footsense.lab.walkers.robots import GRAVITY_M_S2, Robot
+from footsense.strict_yaml import load
 
 #: Time in which a robot stands before it moves [s], and in which a gait comes to its full stride [s].
 STAND_S, _EASE_S = 0.6, 0.8
@@ -21,48 +23,15 @@ _LOAD_FLANK = 0.15
 _BOUT_EASE_S = 0.4
 
 
-class Footfalls(NamedTuple):
-    """Phase of each leg's touchdown within the period [1], in the order of a robot's legs; empty for a kind without.
-
-    Attributes:
-        quadruped: Of the legs lf, lr, rf, rr.
-        hexapod: Of the legs lf, lm, lr, rf, rm, rr.
-    """
-
-    quadruped: tuple[float, ...] = ()
-    hexapod: tuple[float, ...] = ()
-
-
 class Bout(NamedTuple):
     """Part of a walk: duration [s], and shares of the gait's speed [1] and turning [1]; of none, it stands."""
 
     duration_s: float
     speed_rel: float
-    turn_rel: float = 0.0
+    turn_rel: float
 
 
-#: Legs across from each other together: a trot, and a tripod.
-DIAGONAL = Footfalls((0.0, 0.5, 0.5, 0.0), (0.0, 0.5, 0.0, 0.5, 0.0, 0.5))
-#: One leg after the other, on each side from the rear.
-WAVE = Footfalls((0.25, 0.0, 0.75, 0.5), (2 / 6, 1 / 6, 0.0, 5 / 6, 4 / 6, 3 / 6))
-#: Legs of a side together; one leg after the other in pairs of rear and front; each side a wave from the rear, half a
-#: period apart.
-PACE = Footfalls(quadruped=(0.0, 0.0, 0.5, 0.5))
-GALLOP = Footfalls(quadruped=(0.5, 0.0, 0.62, 0.12))
-RIPPLE = Footfalls(hexapod=(4 / 6, 2 / 6, 0.0, 1 / 6, 5 / 6, 3 / 6))
-#: After a front leg the rear one of its side; two of six legs in the air; both legs of a pair together, from the rear.
-DIAGONAL_WALK = Footfalls(quadruped=(0.0, 0.25, 0.5, 0.75))
-TETRAPOD = Footfalls(hexapod=(0.0, 1 / 3, 2 / 3, 1 / 3, 2 / 3, 0.0))
-PAIRS = Footfalls(hexapod=(2 / 3, 1 / 3, 0.0, 2 / 3, 1 / 3, 0.0))
-#: Walks, stands, turns on the spot, stands, and walks on in a curve.
-_STOPS = (Bout(1.8, 1.0), Bout(0.9, 0.0), Bout(1.6, 0.0, 1.0), Bout(0.8, 0.0), Bout(1.4, 0.5, -0.7))
-_OTHER_STOPS = (Bout(1.3, 0.7, 0.5), Bout(1.1, 0.0), Bout(2.0, 1.0), Bout(0.7, 0.0), Bout(1.2, -0.5, -0.8))
-#: Lift of feet that drag over the ground, of quadrupeds and of hexapods, over the shank [1].
-_DRAG_REL, _HEXAPOD_DRAG_REL = 0.08, 0.04
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WalkerGait:
+class WalkerGait(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """An open-loop gait; times and speeds of a robot with a shank of 0.21 m.
 
     Attributes:
@@ -73,8 +42,8 @@ class WalkerGait:
         left_m_s: Speed to the left [m/s].
         turn_rad_s: Speed of turning to the left [rad/s].
         lift_rel: Height of a swing over the shank [1].
-        footfalls: Phases of the legs.
-        bouts: Speeds one after the other, over and over; none for the gait's own all the time.
+        footfalls: Name of the phases of the legs in the table.
+        bouts: Name of its bouts in the table, over and over; empty for the gait's own speed all the time.
         hop_rel: Way by which all legs push the body up together, over the shank [1].
         drop_rel: Height from which the robot falls, again and again, over the shank [1].
         push_rel: Pushes against a robot that stands, over its weight [1].
@@ -87,8 +56,8 @@ class WalkerGait:
     left_m_s: float = 0.0
     turn_rad_s: float = 0.0
     lift_rel: float = 0.25
-    footfalls: Footfalls = DIAGONAL
-    bouts: tuple[Bout, ...] = ()
+    footfalls: str = "diagonal"
+    bouts: str = ""
     hop_rel: float = 0.0
     drop_rel: float = 0.0
     push_rel: float = 0.0
@@ -99,10 +68,10 @@ class WalkerGait:
         Raises:
             ConfigError: Robots of this kind have no such gait.
         """
-        phases = self.footfalls.quadruped if robot.kind == "quadruped" else self.footfalls.hexapod
-        if not phases:
+        footfalls = _TABLE.footfalls[self.footfalls]
+        if robot.kind not in footfalls:
             raise ConfigError(f"a {robot.kind} has no gait {self.name!r}")
-        return np.array(phases)
+        return np.array(footfalls[robot.kind])
 
     def feet_m(self, robot: Robot, t_s: Vector) -> Vector:
         """Return where the feet should be in the body's frame at n times [m], shape (n, legs, 3)."""
@@ -157,7 +126,7 @@ class WalkerGait:
         """Return the shares of speed and turning after times of moving [s], each of shape (n,)."""
         if not self.bouts:
             return np.ones_like(moved_s), np.ones_like(moved_s)
-        durations_s, speed_rel, turn_rel = np.array(self.bouts).T
+        durations_s, speed_rel, turn_rel = np.array(_TABLE.bouts[self.bouts]).T
         ends_s = np.cumsum(durations_s)
         knots_s = np.stack([ends_s - durations_s + _BOUT_EASE_S, ends_s], axis=1).ravel()
         speed, turning = (
@@ -197,160 +166,14 @@ def _steps(speed: Vector, turning: Vector) -> Vector:
     return np.clip(2.0 * np.maximum(np.abs(speed), np.abs(turning)), 0.0, 1.0)[:, None]
 
 
+class _Table(Struct, frozen=True, forbid_unknown_fields=True):
+    """The table of gaits: phases of the legs by name and kind of robot, bouts by name, and the gaits."""
+
+    footfalls: dict[str, dict[str, tuple[float, ...]]]
+    bouts: dict[str, tuple[Bout, ...]]
+    gaits: tuple[WalkerGait, ...]
+
+
+_TABLE = load(Path(__file__).with_name("gaits.yaml"), _Table)
 #: The gaits by name.
-GAITS: dict[str, WalkerGait] = {
-    gait.name: gait
-    for gait in (
-        WalkerGait(name="walk", period_s=1.0, duty_rel=0.78, forward_m_s=0.25, footfalls=WAVE),
-        WalkerGait(name="trot-slow", period_s=0.7, duty_rel=0.6, forward_m_s=0.3, lift_rel=0.2),
-        WalkerGait(name="trot-fast", period_s=0.4, duty_rel=0.54, forward_m_s=0.6, lift_rel=0.25),
-        WalkerGait(name="tripod", period_s=0.9, duty_rel=0.58, forward_m_s=0.25),
-        WalkerGait(name="tripod-fast", period_s=0.5, duty_rel=0.55, forward_m_s=0.45),
-        WalkerGait(name="turn", period_s=0.7, duty_rel=0.6, turn_rad_s=0.7),
-        WalkerGait(name="sideways", period_s=0.7, duty_rel=0.6, left_m_s=0.2),
-        WalkerGait(name="stand", push_rel=0.35),
-        WalkerGait(name="hop", period_s=0.8, hop_rel=0.3),
-        WalkerGait(name="landing", drop_rel=0.6),
-        WalkerGait(
-            name="trot-stops", period_s=0.55, duty_rel=0.6, forward_m_s=0.35, turn_rad_s=0.5, bouts=_STOPS
-        ),
-        WalkerGait(name="trot-drag", period_s=0.7, duty_rel=0.6, forward_m_s=0.25, lift_rel=_DRAG_REL),
-        WalkerGait(
-            name="tripod-stops", period_s=0.7, duty_rel=0.58, forward_m_s=0.25, turn_rad_s=0.5, bouts=_STOPS
-        ),
-        WalkerGait(
-            name="tripod-drag", period_s=0.9, duty_rel=0.58, forward_m_s=0.2, lift_rel=_HEXAPOD_DRAG_REL
-        ),
-        # Gaits of selection, and gaits of judgement: none is like one of the above, nor of the other part.
-        WalkerGait(
-            name="pace",
-            period_s=0.36,
-            duty_rel=0.56,
-            forward_m_s=0.3,
-            lift_rel=0.2,
-            footfalls=PACE,
-        ),
-        WalkerGait(
-            name="gallop",
-            period_s=0.4,
-            duty_rel=0.5,
-            forward_m_s=0.5,
-            footfalls=GALLOP,
-        ),
-        WalkerGait(name="crawl", period_s=1.4, duty_rel=0.89, forward_m_s=0.15, footfalls=WAVE),
-        WalkerGait(
-            name="ripple",
-            period_s=0.9,
-            duty_rel=0.68,
-            forward_m_s=0.25,
-            footfalls=RIPPLE,
-        ),
-        WalkerGait(name="tripod-long", period_s=0.9, duty_rel=0.72, forward_m_s=0.25),
-        WalkerGait(
-            name="gallop-stops",
-            period_s=0.5,
-            duty_rel=0.6,
-            forward_m_s=0.3,
-            turn_rad_s=0.5,
-            footfalls=GALLOP,
-            bouts=_STOPS,
-        ),
-        WalkerGait(
-            name="ripple-stops",
-            period_s=0.7,
-            duty_rel=0.68,
-            forward_m_s=0.25,
-            turn_rad_s=0.6,
-            footfalls=RIPPLE,
-            bouts=_STOPS,
-        ),
-        WalkerGait(
-            name="pace-drag", period_s=0.8, duty_rel=0.7, forward_m_s=0.2, lift_rel=_DRAG_REL, footfalls=PACE
-        ),
-        WalkerGait(
-            name="ripple-drag",
-            period_s=0.9,
-            duty_rel=0.68,
-            forward_m_s=0.2,
-            lift_rel=_HEXAPOD_DRAG_REL,
-            footfalls=RIPPLE,
-        ),
-        WalkerGait(
-            name="bound",
-            period_s=0.4,
-            duty_rel=0.55,
-            forward_m_s=0.4,
-            footfalls=Footfalls(quadruped=(0.5, 0.0, 0.5, 0.0)),
-        ),
-        WalkerGait(name="amble", period_s=0.6, duty_rel=0.64, forward_m_s=0.35, footfalls=WAVE),
-        WalkerGait(
-            name="diagonal-walk",
-            period_s=0.8,
-            duty_rel=0.72,
-            forward_m_s=0.25,
-            footfalls=DIAGONAL_WALK,
-        ),
-        WalkerGait(
-            name="rotary-gallop",
-            period_s=0.4,
-            duty_rel=0.5,
-            forward_m_s=0.5,
-            footfalls=Footfalls(quadruped=(0.62, 0.0, 0.5, 0.12)),
-        ),
-        WalkerGait(
-            name="tetrapod",
-            period_s=0.8,
-            duty_rel=0.66,
-            forward_m_s=0.28,
-            footfalls=TETRAPOD,
-        ),
-        WalkerGait(
-            name="front-wave",
-            period_s=1.0,
-            duty_rel=0.8,
-            forward_m_s=0.2,
-            footfalls=Footfalls(hexapod=(0.0, 1 / 6, 2 / 6, 3 / 6, 4 / 6, 5 / 6)),
-        ),
-        WalkerGait(
-            name="pairs",
-            period_s=0.8,
-            duty_rel=0.7,
-            forward_m_s=0.25,
-            footfalls=PAIRS,
-        ),
-        WalkerGait(
-            name="diagonal-stops",
-            period_s=0.6,
-            duty_rel=0.68,
-            forward_m_s=0.3,
-            turn_rad_s=0.6,
-            footfalls=DIAGONAL_WALK,
-            bouts=_OTHER_STOPS,
-        ),
-        WalkerGait(
-            name="tetrapod-stops",
-            period_s=0.6,
-            duty_rel=0.66,
-            forward_m_s=0.28,
-            turn_rad_s=0.7,
-            footfalls=TETRAPOD,
-            bouts=_OTHER_STOPS,
-        ),
-        WalkerGait(
-            name="diagonal-drag",
-            period_s=0.8,
-            duty_rel=0.72,
-            forward_m_s=0.25,
-            lift_rel=_DRAG_REL,
-            footfalls=DIAGONAL_WALK,
-        ),
-        WalkerGait(
-            name="tetrapod-drag",
-            period_s=0.8,
-            duty_rel=0.66,
-            forward_m_s=0.28,
-            lift_rel=_HEXAPOD_DRAG_REL,
-            footfalls=TETRAPOD,
-        ),
-    )
-}
+GAITS = {gait.name: gait for gait in _TABLE.gaits}

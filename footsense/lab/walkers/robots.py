@@ -201,25 +201,18 @@ class Robot:
         hip, arm = " ".join(f"{one:.6g}" for one in place.hip_m), f'armature="{armature:.6g}"'
         neutral = self.joint_angles_rad(leg, self.neutral_m(leg))[0]
         if self.kind == "quadruped":
-            first_axis, turn, offset, axis = "1 0 0", 0.0, f"0 {place.side * self.hip_m:.6g} 0", "0 -1 0"
-            tilt_rad = float(neutral[1] + neutral[2])
+            first_axis, turn, offset = "1 0 0", 0.0, f"0 {place.side * self.hip_m:.6g} 0"
         else:
-            first_axis, turn, offset, axis = (
-                "0 0 1",
-                self._outward_rad(leg),
-                f"{self.hip_m:.6g} 0 0",
-                "0 -1 0",
-            )
-            tilt_rad = float(neutral[1] + neutral[2])
+            first_axis, turn, offset = "0 0 1", self._outward_rad(leg), f"{self.hip_m:.6g} 0 0"
         # The foot's own frame: upright, and forward along the body, in the middle of a stance.
-        foot = _quaternion_text(_about_z(-turn), _about_y(tilt_rad))
+        foot = _quaternion_text(_about_z(-turn), _about_y(float(neutral[1] + neutral[2])))
         first = _quaternion_text(_about_z(turn))
         thin, radius = 0.15 * self.shank_m, self.foot_radius_m
         return f"""<body pos="{hip}" quat="{first}"><joint name="{leg}_0" axis="{first_axis}" {arm}/>
 <geom size="{thin:.6g}" mass="{hip_kg:.6g}"/>
-<body pos="{offset}"><joint name="{leg}_1" axis="{axis}" {arm}/>
+<body pos="{offset}"><joint name="{leg}_1" axis="0 -1 0" {arm}/>
 <geom type="capsule" fromto="0 0 0 0 0 {-self.thigh_m:.6g}" size="{0.5 * thin:.6g}" mass="{thigh_kg:.6g}"/>
-<body pos="0 0 {-self.thigh_m:.6g}"><joint name="{leg}_2" axis="{axis}" {arm}/>
+<body pos="0 0 {-self.thigh_m:.6g}"><joint name="{leg}_2" axis="0 -1 0" {arm}/>
 <geom type="capsule" fromto="0 0 0 0 0 {-self.shank_m:.6g}" size="{0.3 * thin:.6g}" mass="{0.7 * shank_kg:.6g}"/>
 <body name="{leg}" pos="0 0 {-self.shank_m:.6g}" quat="{foot}">
 <geom name="{leg}" size="{radius:.6g}" mass="{0.3 * shank_kg:.6g}" contype="1" friction="{friction:g}"/>

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from footsense.lab.evaluation.walker_judgement import (
-    Conditions,
     JudgedRun,
     JudgingLoads,
     contact_figures,
@@ -15,13 +14,12 @@ from footsense.lab.evaluation.walker_judgement import (
     slip_figures,
 )
 from footsense.lab.evaluation.walker_runs import SCAN_TIMES, ToldMotion
-from footsense.lab.evaluation.walker_scores import SUPPOSED_REL
 from footsense.lab.report import Values, table
-from footsense.lab.walkers.slow_loads import SLOW, SlowLoads
+from footsense.lab.walkers.made_up import SLOW, MadeUpLoads
 from footsense.lab.walkers.split import SELECTION, SLIPPERY_SELECTION
 
 #: Slow loads of the selection.
-_SLOW = (SlowLoads(5900, 14.0), SlowLoads(5901, 14.0))
+_SLOW = (MadeUpLoads(SLOW, 5900, 14.0), MadeUpLoads(SLOW, 5901, 14.0))
 _ROWS = {
     "touches of over 30 ms": "{n_touches}",
     "found": "{found_share:.1%}",
@@ -37,13 +35,9 @@ _ROWS = {
     "contact wrong, share of the time": "{wrong_share:.1%}",
     "slow loads dated, 95 % [ms]; told": "{slow_p95_ms:.0f}; {n_slow_told} of {n_slow_touches}",
     "dragged feet found at their first touch": "{dragged_found_share:.0%} of {n_dragged_touches}",
-    **{
-        f"slides over 5 mm found; slips: all, false; {what}": (
-            f"{{{of}[found_share]:.0%}}; {{{of}[n_slips]}}, {{{of}[false_share]:.1%}}"
-        )
-        for what, of in {"friction known": "slips"}.items()
-        | {name: f"slips[supposed][{name}]" for name in SUPPOSED_REL}.items()
-    },
+    "slides over 5 mm found; slips: all, false": (
+        "{slips[found_share]:.0%}; {slips[n_slips]}, {slips[false_share]:.1%}"
+    ),
 }
 
 
@@ -62,9 +56,8 @@ def select(
     """
     figures: dict[str, dict[str, Values]] = {}
     for board in SCAN_TIMES:
-        conditions = Conditions(board)
-        judged, slipping = judge(models, runs, conditions), judge(models, slippery, conditions)
-        told = judge(models, runs, conditions._replace(motion=ToldMotion()))
+        judged, slipping = judge(models, runs, board), judge(models, slippery, board)
+        told = judge(models, runs, board, ToldMotion())
         figures[board] = {
             folder.name: _figures(
                 [one for one in judged if one.foot_type == folder.name],

@@ -6,17 +6,12 @@ its feet were above 114 m/s2. These have as much, as noise of a band; training s
 (`training/random_gait.py`).
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from footsense.frames import Vector
 from footsense.lab.walkers.robots import GRAVITY_M_S2
-from footsense.lab.walkers.simulate import LOG_STEP_S, WalkerLog
-from footsense.lab.walkers.slow_loads import made_up_log
+from footsense.lab.walkers.simulate import LOG_STEP_S
 
-#: Their gait.
-SHAKING = "shaking"
 #: Stride [s] and share of it in stance [1], time of a rise and of a fall [s], load over the peak [1].
 _STRIDE_S, _STANCE_REL, _FLANK_S, _LOAD_REL = (0.35, 0.7), (0.45, 0.6), (0.02, 0.06), (0.6, 1.0)
 #: Shake of the load [1, rms], and its band [Hz].
@@ -25,42 +20,11 @@ _LOAD_SHAKE_REL, _LOAD_HZ = 0.05, (8.0, 80.0)
 _RATIOS, _MOST_RATIO = {(0.1, 0.7): 0.06, (2.0, 12.0): 0.008, (30.0, 90.0): 0.007}, 0.6
 #: Lean of the contact's normal [deg, rms], rate at which it rolls [deg/s, rms], and band [Hz].
 _LEAN_DEG, _ROLL_DEG_PER_S, _ROLL_HZ = 4.0, 140.0, (2.0, 12.0)
-#: Acceleration of a foot along each axis in swing [m/s2, rms], and band [Hz]; coefficient of friction.
-_SHAKE_M_S2, _SHAKE_HZ, _FRICTION = 40.0, (8.0, 60.0), 0.8
+#: Acceleration of a foot along each axis in swing [m/s2, rms], and band [Hz].
+_SHAKE_M_S2, _SHAKE_HZ = 40.0, (8.0, 60.0)
 
 
-class ShakingLoads(NamedTuple):
-    """Loads of six feet that shake.
-
-    Attributes:
-        seed: Their seed.
-        duration_s: Duration [s].
-    """
-
-    seed: int
-    duration_s: float
-
-    @property
-    def name(self) -> str:
-        """What they are called."""
-        return f"{self.gait} {self.seed}"
-
-    @property
-    def gait(self) -> str:
-        """Their kind."""
-        return SHAKING
-
-    @property
-    def kind(self) -> str:
-        """Kind of robot that they are of: of any."""
-        return ""
-
-    def kept_log(self) -> WalkerLog:
-        """Return the loads over their peak."""
-        return made_up_log(_leg, self.seed, self.duration_s, _FRICTION)
-
-
-def _leg(t_s: Vector, rng: np.random.Generator) -> tuple[Vector, Vector, Vector]:
+def shaking_foot(t_s: Vector, rng: np.random.Generator) -> tuple[Vector, Vector, Vector]:
     """Return force, contact normal and acceleration of a foot, each of shape (n, 3)."""
     load_rel = np.zeros_like(t_s)
     start_s = rng.uniform(0.0, _STRIDE_S[1])

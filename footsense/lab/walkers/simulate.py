@@ -121,7 +121,6 @@ class BodyLog(NamedTuple):
         position_m: Place of the body on the ground [m], shape (n, 3).
         rotation: Rotation from the body's frame to the ground's, shape (n, 3, 3).
         velocity_m_s: Velocity of the body in the ground's frame [m/s], shape (n, 3).
-        rate_rad_s: Rate of turning in the body's frame [rad/s], shape (n, 3).
         angles_rad: Angles of each leg's joints, as of `Robot.joint_angles_rad` [rad], shape (n, legs, 3).
         torque_n_m: Torques of their drives [N m], same shape.
         clock_s: Time of the gait's clock [s], shape (n,).
@@ -130,7 +129,6 @@ class BodyLog(NamedTuple):
     position_m: Vector
     rotation: Vector
     velocity_m_s: Vector
-    rate_rad_s: Vector
     angles_rad: Vector
     torque_n_m: Vector
     clock_s: Vector
@@ -328,12 +326,11 @@ class _BodyRecorder:
         mujoco.mju_quat2Mat(rotation, data.qpos[3:7])
         n_legs = (data.qpos.size - 7) // 3
         angles_rad, torque_n_m = (part.reshape(n_legs, 3) for part in (data.qpos[7:], data.actuator_force))
-        velocity_m_s, rate_rad_s = data.qvel[:3], data.qvel[3:6]
+        velocity_m_s = data.qvel[:3]
         moves = (
             data.qpos[:3] + moved_m,
             rotation.reshape(3, 3),
             velocity_m_s,
-            rate_rad_s,
             angles_rad,
             torque_n_m,
         )

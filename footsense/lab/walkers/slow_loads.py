@@ -5,81 +5,26 @@ Their kind is that of feet with Hall-effect sensors under walking hexapods with 
 a hundredth of the peak (`walker_scores.FIRST_LOAD_REL`).
 """
 
-from collections.abc import Callable
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
-from footsense.frames import LEGS, Vector
+from footsense.frames import Vector
 from footsense.lab.walkers.robots import GRAVITY_M_S2
-from footsense.lab.walkers.simulate import LOG_STEP_S, WalkerLog
+from footsense.lab.walkers.simulate import LOG_STEP_S
 
-#: Their gait.
-SLOW = "slow"
 #: Least and longest rise, time at full load, fall and swing [s], drawn evenly over their logarithm.
 RISE_S, SWING_S = (0.3, 3.0), (0.2, 3.0)
 _HOLD_S, _FALL_S = (0.2, 1.0), (0.15, 1.0)
 #: Load of a stance over the peak [1]; most plateaus of a rise; ripple over the load [1], and its frequency [Hz].
 _LOAD_REL, _MOST_PLATEAUS, _RIPPLE_REL, _RIPPLE_HZ = (0.6, 1.0), 2, (0.02, 0.1), (2.0, 12.0)
-#: Lean of the contact's normal [deg], tangential over normal force [1], and coefficient of friction.
-_LEAN_DEG, _RATIO, _FRICTION = 12.0, 0.25, 0.8
+#: Lean of the contact's normal [deg], and tangential over normal force [1].
+_LEAN_DEG, _RATIO = 12.0, 0.25
 #: Height and way of a swing [m], and shake of the drives in it [m/s2, rms] with its correlation time [s].
 _LIFT_M, _STRIDE_M, _SHAKE_M_S2, _SHAKE_S = 0.02, 0.05, 0.7, 0.008
 
 
-class SlowLoads(NamedTuple):
-    """Loads of six feet that are set down slowly.
-
-    Attributes:
-        seed: Their seed.
-        duration_s: Duration [s].
-    """
-
-    seed: int
-    duration_s: float
-
-    @property
-    def name(self) -> str:
-        """What they are called."""
-        return f"{self.gait} {self.seed}"
-
-    @property
-    def gait(self) -> str:
-        """Their kind."""
-        return SLOW
-
-    @property
-    def kind(self) -> str:
-        """Kind of robot that they are of: of any."""
-        return ""
-
-    def kept_log(self) -> WalkerLog:
-        """Return the loads over their peak."""
-        return made_up_log(_leg, self.seed, self.duration_s, _FRICTION)
-
-
-def made_up_log(
-    leg: Callable[[Vector, np.random.Generator], tuple[Vector, Vector, Vector]],
-    seed: int,
-    duration_s: float,
-    friction: float,
-) -> WalkerLog:
-    """Return the log of six feet that do not slide.
-
-    Args:
-        leg: Returns force [N], contact normal and acceleration [m/s2] of a foot at n times [s], shape (n, 3) each.
-        seed: Seed of the feet, each of which has a part of it.
-        duration_s: Duration [s].
-        friction: Coefficient of friction.
-    """
-    t_s: Vector = np.asarray(LOG_STEP_S * np.arange(round(duration_s / LOG_STEP_S)), np.float64)
-    legs = [leg(t_s, rng) for rng in np.random.default_rng(seed).spawn(len(LEGS))]
-    force_n, normal, acceleration_m_s2 = (np.stack(part, axis=1) for part in zip(*legs, strict=True))
-    return WalkerLog(LEGS, t_s, force_n, normal, np.zeros_like(force_n), acceleration_m_s2, friction)
-
-
-def _leg(t_s: Vector, rng: np.random.Generator) -> tuple[Vector, Vector, Vector]:
+def slow_foot(t_s: Vector, rng: np.random.Generator) -> tuple[Vector, Vector, Vector]:
     """Return force, contact normal and acceleration of a foot, each of shape (n, 3)."""
     load_rel = np.zeros_like(t_s)
     normal, ratio = np.tile([0.0, 0.0, 1.0], (len(t_s), 1)), np.zeros((len(t_s), 3))

@@ -223,7 +223,8 @@ def cache_folder() -> Path:
     """Return the folder of the logs of these robots by this MuJoCo: its name changes with what simulates them."""
     place = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
     key = hashlib.sha256(mujoco.__version__.encode())
-    for source in sorted(Path(__file__).parent.glob("*.py")):
+    folder = Path(__file__).parent
+    for source in (*sorted(folder.glob("*.py")), folder / "gaits.yaml"):
         key.update(source.read_bytes())
     return Path(place).expanduser() / "footsense" / "walkers" / key.hexdigest()[:16]
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from footsense.foot.response_table import FootResponse
-from footsense.lab.fem.forward import DirectSolveFoot
 from footsense.lab.fem.mesh import COARSE_MESH
+from tests.lab.mechanics.direct_solve import DirectSolveFoot
 from tests.lab.released import FOOT_DESIGN, RELEASED
 
 pytestmark = pytest.mark.lab

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from footsense.frames import Cause, GaitEvent, GaitEventKind, State
+from footsense.frames import GaitEvent, GaitEventKind, State
 from footsense.lab.evaluation.walker_runs import WalkerLoads, WalkerOutputs
 from footsense.lab.evaluation.walker_scores import HOLDS_BOUNDS, scores
 
@@ -28,7 +28,6 @@ def outputs(*events: tuple[float, GaitEventKind, float]) -> WalkerOutputs:
         force_n=force_n + 0.01,
         sigma_n=np.full((*shape, 3), 0.02),
         state=np.full(shape, State.VALID, np.uint8),
-        cause=np.full(shape, Cause.NONE, np.uint8),
         contact=touches,
         holds=np.where(slides, 0.02, 0.97),
         events=[

@@ -5,10 +5,10 @@ import itertools
 import numpy as np
 
 from footsense.frames import Mask, Vector
-from footsense.lab.walkers.shaking_loads import ShakingLoads
+from footsense.lab.walkers.made_up import SHAKING, MadeUpLoads
 from footsense.lab.walkers.simulate import LOG_STEP_S, WalkerLog
 
-LOG = ShakingLoads(5950, 12.0).kept_log()
+LOG = MadeUpLoads(SHAKING, 5950, 12.0).kept_log()
 #: Time of a stance that is not its middle [ms].
 EDGE_MS = 40
 
@@ -64,5 +64,5 @@ def test_contacts_roll_and_feet_shake_as_measured() -> None:
 
 def test_a_seed_is_one_set_of_loads() -> None:
     """The same from the same seed, others from another."""
-    np.testing.assert_array_equal(LOG.force_n, ShakingLoads(5950, 12.0).kept_log().force_n)
-    assert (LOG.force_n != ShakingLoads(5951, 12.0).kept_log().force_n).any()
+    np.testing.assert_array_equal(LOG.force_n, MadeUpLoads(SHAKING, 5950, 12.0).kept_log().force_n)
+    assert (LOG.force_n != MadeUpLoads(SHAKING, 5951, 12.0).kept_log().force_n).any()

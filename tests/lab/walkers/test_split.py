@@ -9,9 +9,10 @@ import pytest
 from footsense.errors import ConfigError
 from footsense.lab.walkers import split
 from footsense.lab.walkers.gaits import GAITS, WalkerGait
+from footsense.lab.walkers.made_up import SLOW, MadeUpLoads
 from footsense.lab.walkers.robots import ROBOTS, GroundModel
 from footsense.lab.walkers.simulate import WalkerLog
-from footsense.lab.walkers.slow_loads import RISE_S, SlowLoads
+from footsense.lab.walkers.slow_loads import RISE_S
 from footsense.lab.walkers.split import (
     GROUNDS,
     JUDGEMENT,
@@ -39,8 +40,8 @@ def test_the_parts_share_no_robot_no_ground_and_no_seed() -> None:
 
 def footfalls(gait: WalkerGait, kind: str) -> frozenset[tuple[frozenset[str], ...]]:
     """Return the order in which the legs of a kind touch down, those at one time together, from any of them."""
-    legs = next(robot.legs for robot in ROBOTS.values() if robot.kind == kind)
-    phases = dict(zip(legs, getattr(gait.footfalls, kind), strict=True))
+    robot = next(robot for robot in ROBOTS.values() if robot.kind == kind)
+    legs, phases = robot.legs, dict(zip(robot.legs, gait.phases(robot).tolist(), strict=True))
     order = [frozenset(leg for leg in legs if phases[leg] == phase) for phase in sorted(set(phases.values()))]
     return frozenset(tuple(order[first:] + order[:first]) for first in range(len(order)))
 
@@ -77,8 +78,8 @@ def test_selection_and_judgement_walk_in_gaits_that_nothing_was_trained_on() -> 
 
 def test_slow_loads_rise_as_slowly_as_they_say() -> None:
     """Each touch from the first hundredth to the most, with a mass that pulls at the foot in swing."""
-    log = SlowLoads(1, 40.0).kept_log()
-    assert np.array_equal(log.force_n, SlowLoads(1, 40.0).kept_log().force_n)
+    log = MadeUpLoads(SLOW, 1, 40.0).kept_log()
+    assert np.array_equal(log.force_n, MadeUpLoads(SLOW, 1, 40.0).kept_log().force_n)
     rises_s = []
     for load_n in (log.force_n * log.normal).sum(axis=2).T:
         edges = np.flatnonzero(np.diff((load_n > 0.01).astype(int)))

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -33,33 +33,29 @@ _SAMPLING_S = 1e-3
 NOT, STOOD, WALKED, PRESSED = "not calibrated", "by standing", "by walking for a minute", "pressed"
 
 
-class SigmaOfFeet(NamedTuple):
-    """What the table is of: models, plan of the calibrations, largest force [N], and whether feet walk."""
-
-    folder: Path
-    plan: MadeFootPlan
-    max_n: float
-    walks: bool
-
-
-def sigma_of_made_foot(subject: SigmaOfFeet, number: int) -> list[Values]:
+def sigma_of_made_foot(
+    folder: Path, plan: MadeFootPlan, max_n: float, number: int, *, walks: bool
+) -> list[Values]:
     """Return errors and sigma of a made foot, by calibration, board and load.
 
     Args:
-        subject: What is judged.
+        folder: Folder of its type.
+        plan: Of the calibrations.
+        max_n: Largest force of the foot [N].
         number: Number of the foot.
+        walks: Whether it finds its electrodes by walking, too.
 
     Returns:
         Rows of `calibration`, `board`, `load`, `within` two sigma, each axis, `beyond` five of all components, and
         mean squares of error and sigma, `error_n2` and `sigma_n2`, each axis; none without a force.
     """
-    models = DesignModels.load(subject.folder)
+    models = DesignModels.load(folder)
     response, network = models.response, models.network_for_rows(1)
     foot = Specimen(response, draw_deviations(response, PAPER_TOLERANCES, SEED, number))
-    pressed, stood = calibrate_made_foot(models, subject.plan, number)
+    pressed, stood = calibrate_made_foot(models, plan, number)
     known: dict[str, FootParameters | None] = {NOT: None, STOOD: stood, PRESSED: pressed}
-    if subject.walks:
-        known[WALKED] = walked_parameters(models, walked_logs(), number, _WALK_S, _PEAK_REL * subject.max_n)
+    if walks:
+        known[WALKED] = walked_parameters(models, walked_logs(), number, _WALK_S, _PEAK_REL * max_n)
     rows = []
     for calibration, own in known.items():
         unknown = (
@@ -70,13 +66,13 @@ def sigma_of_made_foot(subject: SigmaOfFeet, number: int) -> list[Values]:
         mounted = MountedFeet.of(response.design, [own], reading_pf=foot.unloaded_pf, uncertainty=[unknown])
         for board, scan in SCAN_TIMES.items():
             limits = EstimationLimits(scan_ns=scan.scan_ns, range_end_pf=scan.range_end_pf)
-            for load, loads in _loads(subject.max_n, number).items():
+            for load, loads in _loads(max_n, number).items():
                 outputs = run_pipeline(
                     pipeline_of(network, mounted, limits, response),
                     read_walker(foot, loads, number, scan=scan),
                 )
                 true_n = outputs.true.force_n[:, 0]
-                counted = np.linalg.norm(true_n, axis=1) > _LEAST_REL * subject.max_n
+                counted = np.linalg.norm(true_n, axis=1) > _LEAST_REL * max_n
                 counted &= IS_USABLE_STATE[outputs.state[:, 0]]
                 if not counted.any():
                     continue

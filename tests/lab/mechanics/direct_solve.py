@@ -1,4 +1,4 @@
-"""Direct solution, one solve per load, to check the adjoint table and compare computing times.
+"""Direct solution, one solve per load, to check the adjoint table.
 
 A Hertz patch of traction t is the sum of its parts in the four symmetry classes,
 
