@@ -87,7 +87,7 @@ def test_the_tare_of_loaded_feet_is_refused_in_words(tmp_path: Path) -> None:
     scene.write_text(PRESSED)
     with walking(tmp_path, "239.74.163.104", "--scene", scene) as service:
         service.live_on(20)  # the feet are down
-        command = [sys.executable, EXAMPLES / "tare.py", "--can", "239.74.163.104"]
+        command = [sys.executable, str(EXAMPLES / "tare.py"), "--can", "239.74.163.104"]
         done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, check=False)
         with footsense.connect("239.74.163.104") as feet:
             for _ in range(2):  # the second at once, and answered too
@@ -170,7 +170,7 @@ def test_a_recording_is_drawn(tmp_path: Path) -> None:
     told = run_example("plot_recording.py", GOLDEN, tmp_path / "walk.png", MPLBACKEND="Agg")
     assert re.findall(r"usable (\d\d)% .* contact (\d\d)%", told)[0] == ("99", "56")
     assert (tmp_path / "walk.png").read_bytes().startswith(b"\x89PNG")
-    command = [sys.executable, EXAMPLES / "plot_recording.py", GOLDEN, tmp_path / "walk.txt"]
+    command = [sys.executable, str(EXAMPLES / "plot_recording.py"), str(GOLDEN), str(tmp_path / "walk.txt")]
     refused = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, check=False)
     assert re.fullmatch(r".*walk\.txt: Format 'txt' is not supported.*\n", refused.stderr)
 

@@ -118,7 +118,7 @@ def test_a_sensor_without_a_driver_is_recorded_beside_a_foot(tmp_path: Path) -> 
         options = ("--foot", "foot-0007", "--scene", "hanging", "--duration", "5")
         footsense("test-stand", "record", "--reference", stand, *options, out)
     assert sensor.returncode == 0
-    command = [sys.executable, EXAMPLES / "own_reference_sensor.py", stand]
+    command = [sys.executable, str(EXAMPLES / "own_reference_sensor.py"), str(stand)]
     again = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, check=False)
     told = f"{stand}: exists and is not overwritten; choose another name or remove it\n"
     assert (again.returncode, again.stderr) == (1, told)
