@@ -65,8 +65,7 @@ typedef struct {
     uint8_t state;        /* enum footsense_state, as last reported */
     uint8_t flags;        /* enum footsense_flag */
     uint16_t fault_mask;  /* bit e: element e is not usable or overloaded; FOOTSENSE_NO_MASK until it came */
-    int32_t force_mn[3];  /* ground reaction on the foot, x forward, y left, z up the leg; FOOTSENSE_NO_FORCE unless
-                             usable */
+    int32_t force_mn[3];  /* ground reaction: x forward, y left, z up the leg; FOOTSENSE_NO_FORCE unless usable */
     uint32_t sigma_un[3]; /* FOOTSENSE_NO_SIGMA_UN unless usable */
     uint16_t contact_permille; /* probability that the foot is on the ground; FOOTSENSE_NO_RATIO unless usable */
     uint16_t holds_permille;   /* probability that it stands still there; FOOTSENSE_NO_RATIO unless usable and known */

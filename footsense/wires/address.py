@@ -54,7 +54,7 @@ def address_of(channel: str | None, interface: Heard | None = None) -> CanAddres
         raise CanError(f"interface {interface!r}: use one of {', '.join(DEFAULT_CHANNELS)}")
     name = channel or DEFAULT_CHANNELS[interface]
     if name in DEFAULT_CHANNELS:
-        raise CanError(f"channel {name!r} is an interface, not the name of a channel; leave it out")
+        raise CanError(f"channel {name!r} is an interface: give it as one, without a channel")
     if interface == "udp_multicast" and not is_multicast(name):
         raise CanError(f"channel {name!r} is no IPv4 multicast address; try {DEFAULT_CHANNELS[interface]}")
     return CanAddress(interface, name)

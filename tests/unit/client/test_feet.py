@@ -309,7 +309,7 @@ def test_frames_without_a_force_that_can_be_used_are_told_apart_from_silence(hea
     ("given", "message"),
     [
         ({"interface": "slcan"}, "interface 'slcan': use one of socketcan, udp_multicast"),
-        ({"channel": "udp_multicast"}, "is an interface, not the name of a channel; leave it out$"),
+        ({"channel": "udp_multicast"}, "is an interface: give it as one, without a channel$"),
         ({"channel": "can0", "interface": "udp_multicast"}, "no IPv4 multicast address; try 239.74.163.2"),
         ({"channel": "239.74.163"}, "^channel '239.74.163' is no IPv4 multicast address; try 239.74.163.2$"),
         ({"channel": "10.0.0.1"}, "no IPv4 multicast address"),
