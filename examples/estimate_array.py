@@ -1,5 +1,6 @@
 """Estimate forces from arrays of capacitances, as the service does it, and compare them with the true ones."""
 
+import argparse
 import sys
 
 try:
@@ -11,6 +12,7 @@ except ImportError as missing:
         f"{missing}: estimate_array.py needs all of footsense; in its clone: pip install deploy/client ."
     )
 
+argparse.ArgumentParser(description=__doc__).parse_args()
 # Readings of a foot that is rolled under 0.7 N, every 22 ms: of your own bench, or here of the simulated foot.
 rng = np.random.default_rng(1)
 t_s = 0.022 * np.arange(400)

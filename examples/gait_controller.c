@@ -21,7 +21,7 @@ int main(void)
     footsense_limits limits = FOOTSENSE_DEFAULT_LIMITS;
     footsense_link feet;
     char line[256], hex[17];
-    bool stood[2] = {false, false}, used[7] = {false};
+    bool stood[2] = {false, false}, used[7] = {false}, is_log = false;
     footsense_link_init(&feet, &limits);
     while (fgets(line, sizeof line, stdin)) {
         uint64_t s, us;
@@ -31,6 +31,7 @@ int main(void)
             continue; /* no classic frame with data and an id of 11 bits */
         for (unsigned byte; len < 8 && sscanf(hex + 2 * len, "%2x", &byte) == 1; ++len)
             data[len] = (uint8_t)byte;
+        is_log = true;
         uint64_t now_us = 1000000u * s + us;
         if (!footsense_feed(&feet, id, data, len, now_us))
             continue;
@@ -52,5 +53,7 @@ int main(void)
             stood[tripod] = now;
         }
     }
-    return 0;
+    if (!is_log)
+        fputs("no line of candump -L seen; use: candump -L can0 | ./gait_controller\n", stderr);
+    return is_log ? 0 : 1;
 }

@@ -8,13 +8,16 @@ In Isaac Lab's environment, in the clone of footsense, `pip install -e '.[simula
 Shapes are those of `isaaclab.sensors.ContactSensorData`: of N environments and B bodies the normal force, (N, B, 3),
 `net_forces_w` in 2.3, `net_normal_forces_w` in 3.0; of M filters, with `track_friction_forces`, friction, (N, B, M, 3),
 `friction_forces_w` in 2.3, `friction_force_matrix_w` in 3.0. A quaternion is (w, x, y, z) in 2.3, (x, y, z, w) in 3.0.
+The axes of the bodies are taken for those of the feet: x forward, y left, z along the leg towards the robot's body.
 """
 
 from typing import Any
 
-import numpy as np
-from array_api_compat import array_namespace
-
+try:
+    import numpy as np
+    from array_api_compat import array_namespace
+except ImportError as error:
+    raise ImportError(f"{error}; in the clone of footsense: pip install -e '.[simulators]'") from None
 from footsense.sim import Variation, VirtualFeet
 
 Tensor = Any
@@ -30,16 +33,21 @@ class SoftFeet:
         self.feet = VirtualFeet(n_feet, foot_type, variation=varied, seed=seeds, like=like)
 
     def step(self, step_s: float, quat_w: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Return force and sigma, (N, feet, 3) in the frame of each foot, and whether it is usable, (N, feet)."""
+        """Return force and sigma, (N, feet, 3) in the frame of each foot, and whether it is usable, (N, feet).
+
+        Raises:
+            ValueError: The sensor has no friction.
+        """
         xp, data, self.t_s = array_namespace(quat_w), self.sensor.data, self.t_s + step_s
         is_3 = hasattr(data, "net_normal_forces_w")
         normal_n = (data.net_normal_forces_w if is_3 else data.net_forces_w)[:, self.foot_ids]
         friction_n = getattr(data, "friction_force_matrix_w" if is_3 else "friction_forces_w", None)
+        if friction_n is None:
+            raise ValueError("no friction: set track_friction_forces of the ContactSensor, and its filters")
         w, axis = (quat_w[..., 3:], quat_w[..., :3]) if is_3 else (quat_w[..., :1], quat_w[..., 1:])
-        size_n, force_n = xp.linalg.vector_norm(normal_n, axis=-1, keepdims=True), normal_n
-        if friction_n is not None:  # NaN where nothing touches
-            known_n = xp.where(xp.isnan(friction_n), xp.zeros_like(friction_n), friction_n)
-            force_n = normal_n + xp.sum(known_n, axis=2)[:, self.foot_ids] * (size_n > 0.0)
+        size_n = xp.linalg.vector_norm(normal_n, axis=-1, keepdims=True)
+        known_n = xp.where(xp.isnan(friction_n), 0.0, friction_n)  # NaN where nothing touches
+        force_n = normal_n + xp.sum(known_n, axis=2)[:, self.foot_ids] * (size_n > 0.0)
         normal = normal_n / xp.where(size_n > 0.0, size_n, xp.ones_like(size_n))
 
         def in_foot(vector: Tensor) -> Tensor:

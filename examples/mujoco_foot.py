@@ -3,13 +3,13 @@
 pip install -e '.[walkers]', then: python examples/mujoco_foot.py mujoco_foot.png, or without a name for this one.
 """
 
+import argparse
 import sys
-
-import numpy as np
 
 try:
     import matplotlib.pyplot as plt
     import mujoco
+    import numpy as np
 
     from footsense.sim import VirtualFeet
 except ImportError as error:
@@ -28,6 +28,9 @@ ROBOT = f"""<mujoco><option timestep=".002" integrator="implicitfast"/><worldbod
 {"".join(LEG.format(0.12 * x, 0.1 * y, leg) for leg, (x, y) in LEGS.items())}</body></worldbody>
 <actuator>{"".join(map(MOTORS.format, LEGS))}</actuator></mujoco>"""
 
+arguments = argparse.ArgumentParser(description=__doc__)
+arguments.add_argument("picture", nargs="?", default="mujoco_foot.png")
+picture = arguments.parse_args().picture
 model = mujoco.MjModel.from_xml_string(ROBOT)
 data, feet = mujoco.MjData(model), VirtualFeet(len(LEGS), "hexapod-2kg", cable_breaks_per_s=0.2)
 time_s, felt_n, told = [], [], []
@@ -56,7 +59,6 @@ for axis, (first_s, last_s) in zip(axes, ((1.0, 4.0), (2.35, 2.6)), strict=True)
     axis.fill_between(time_s, force_n - 2 * sigma_n, force_n + 2 * sigma_n, step="post", alpha=0.3)
     axis.set(xlim=(first_s, last_s), ylim=(-3, 12), xlabel="time [s]", ylabel="left front foot, z [N]")
 axes[0].legend(loc="upper right")
-figure.savefig([*sys.argv[1:], "mujoco_foot.png"][0])
-print(
-    f"walked {data.qpos[0]:.2f} m; forces usable {np.mean([one.usable for one in told[100:]]):.1%} of the time"
-)
+figure.savefig(picture)
+usable = np.mean([one.usable for one in told[100:]])
+print(f"walked {data.qpos[0]:.2f} m; forces usable {usable:.1%} of the time")

@@ -7,10 +7,14 @@ extended Kalman filtering for robot state estimation", Int. J. Robotics Research
 filters in front, or get it: filters of one robot with n sensors run together.
 """
 
+import argparse
 import sys
 
-import numpy as np
-from numpy.typing import NDArray
+try:
+    import numpy as np
+    from numpy.typing import NDArray
+except ImportError as error:
+    sys.exit(f"odometry.py needs {error.name}; in the clone of footsense: pip install -e '.[lab]'")
 
 Array = NDArray[np.float64]
 
@@ -154,6 +158,7 @@ class Odometry:
 
 def main() -> None:
     """Follow a quadruped that walks in MuJoCo, with its footholds weighted in three ways; print the drifts."""
+    argparse.ArgumentParser(description=__doc__).parse_args()
     try:
         from footsense.lab.odometry.sources import GOOD, one_axis
         from footsense.lab.odometry.walk import STEP_S, OdometryWalk
@@ -178,6 +183,7 @@ def main() -> None:
     print(f"walked {walk.way_m[-1]:.1f} m; drift per metre of way, with the footholds by")
     for name, drift in zip(("force vectors", "one-axis sensors", "contact flags"), drifts, strict=True):
         print(f"{name}: {drift:.2%}")
+    print("one walk; docs/report/odometry.md has 40")
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ The force that `read_sensor` returns here is invented, and is not that of a simu
 and the recording ends with "do not calibrate with it", as it should where a sensor measures another force.
 """
 
+import argparse
 import math
 import os
 import sys
@@ -33,13 +34,20 @@ def read_sensor(t_s: float) -> tuple[float, float, float]:
 
 def main() -> None:
     """Write the file of the test stand, then send a line for each sample until Ctrl-C."""
-    if len(sys.argv) != 2:
-        sys.exit("name the file of the test stand to write: own_reference_sensor.py stand.yaml")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("stand", type=Path, help="file of the test stand to write")
+    stand = parser.parse_args().stand
     controller, terminal = os.openpty()  # this program's end, and the one that footsense opens as a port
     tty.setraw(terminal)
     os.set_blocking(controller, False)
-    Path(sys.argv[1]).write_text(STAND.format(port=os.ttyname(terminal), rate_hz=RATE_HZ), encoding="utf-8")
-    print(f"{sys.argv[1]}: the sensor is {os.ttyname(terminal)}", flush=True)
+    try:
+        with stand.open("x", encoding="utf-8") as file:
+            file.write(STAND.format(port=os.ttyname(terminal), rate_hz=RATE_HZ))
+    except FileExistsError:
+        sys.exit(f"{stand}: exists and is not overwritten; choose another name or remove it")
+    print(f"{stand}: the sensor is {os.ttyname(terminal)}", flush=True)
     start_s = time.monotonic()
     for number in range(sys.maxsize):
         time.sleep(max(0.0, start_s + number / RATE_HZ - time.monotonic()))

@@ -4,6 +4,7 @@ footsense run --duration 6 --record walk.mcap, pip install matplotlib,
 then: python examples/plot_recording.py walk.mcap walk.png, or without names for these two.
 """
 
+import argparse
 import sys
 
 import footsense
@@ -13,11 +14,14 @@ try:
 except ImportError:
     sys.exit("plot_recording.py needs matplotlib: pip install matplotlib")
 
-names = [*sys.argv[1:], *("walk.mcap", "walk.png")[len(sys.argv) - 1 :]]
+parser = argparse.ArgumentParser(description=__doc__)
+parser.add_argument("recording", nargs="?", default="walk.mcap")
+parser.add_argument("picture", nargs="?", default="walk.png")
+names = parser.parse_args()
 try:
-    walk = footsense.read(names[0])
+    walk = footsense.read(names.recording)
 except footsense.FootsenseError as error:
-    sys.exit(f"{error}; usage: plot_recording.py [RECORDING.mcap [PICTURE.png]]")
+    sys.exit(str(error))
 figure, axes = plt.subplots(
     len(walk.legs), 1, sharex=True, sharey=True, squeeze=False, figsize=(10, 8), layout="constrained"
 )
@@ -34,5 +38,8 @@ for number, (leg, axis) in enumerate(zip(walk.legs, axes[:, 0], strict=True)):
     print(f"{leg}: usable {usable:.0%} of the time, in contact {in_contact:.0%}")
 axes[0, 0].set_title("force along the leg, two sigma, and touchdowns (dotted)")
 axes[-1, 0].set_xlabel("time [s]")
-figure.savefig(names[1])
-print(names[1])
+try:
+    figure.savefig(names.picture)
+except (OSError, ValueError) as error:
+    sys.exit(f"{names.picture}: {error}")
+print(names.picture)

@@ -1,5 +1,6 @@
 """Press a foot in simulation: the capacitance of its nine elements under forces of any direction, all at once."""
 
+import argparse
 import sys
 
 try:
@@ -9,6 +10,7 @@ try:
 except ImportError as missing:
     sys.exit(f"{missing}: simulate_foot.py needs all of footsense; in its clone: pip install deploy/client .")
 
+argparse.ArgumentParser(description=__doc__).parse_args()
 foot = Foot("aoyagi-3x3")
 forces_n = {
     "in the air": (0.0, 0.0, 0.0),

@@ -14,6 +14,7 @@ try:
     feet = footsense.connect(parser.parse_args().can)
 except footsense.FootsenseError as error:
     sys.exit(str(error))
+refusals = 0
 with feet:
     for leg in feet.legs:  # or all at once: feet.tare()
         # What a gait controller knows: the foot is still, the leg upright. In a walk it says so in each of its steps.
@@ -22,6 +23,10 @@ with feet:
         try:
             feet.tare(leg)
         except footsense.FootsenseError as refused:
+            refusals += 1
             print(refused)
         else:
-            print(f"{leg}: tared; reads {1000 * feet.latest()[leg].force_n[2]:.1f} mN now")
+            force = feet.latest()[leg]
+            reads = f"reads {1000 * force.force_n[2]:.1f} mN now" if force.usable else "no force yet"
+            print(f"{leg}: tared; {reads}")
+sys.exit(1 if refusals else 0)

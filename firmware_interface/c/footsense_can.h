@@ -100,18 +100,20 @@ enum footsense_calibration_kind {
 /* Result of a command; 0 is done, the others are reasons of a refusal (../can/codes.py, Result). */
 enum footsense_result { FOOTSENSE_DONE = 0 };
 
+/* NOT in mN where feet are for more than 32 N: multiply force_mn here, and sigma_un of footsense_quality, by the
+ * force_step_mn of the leg's footsense_identity (10 of quadruped-12kg). footsense_link.h does that. */
 typedef struct {
     uint8_t node;
     uint8_t counter;
     uint8_t state;       /* enum footsense_state */
-    int32_t force_mn[3]; /* ground reaction on the foot, x forward, y left, z up the leg; FOOTSENSE_NO_FORCE; */
-} footsense_force;       /* times the force_step_mn of the leg's footsense_identity */
+    int32_t force_mn[3]; /* ground reaction on the foot, x forward, y left, z up the leg; FOOTSENSE_NO_FORCE */
+} footsense_force;
 
 typedef struct {
     uint8_t node;
     uint8_t counter;     /* equal to that of its force */
     uint8_t flags;       /* enum footsense_flag */
-    uint32_t sigma_un[3]; /* standard deviation; 55108988: or more; FOOTSENSE_NO_SIGMA_UN; times force_step_mn too */
+    uint32_t sigma_un[3]; /* standard deviation; 55108988: or more; FOOTSENSE_NO_SIGMA_UN; NOT in uN, as above */
     uint16_t contact_permille; /* probability that the foot is on the ground; FOOTSENSE_NO_RATIO */
     uint16_t holds_permille;   /* probability that the foot stands still on the ground; FOOTSENSE_NO_RATIO */
     uint32_t age_us;     /* from the measurement to the send; FOOTSENSE_NO_AGE: unknown, or above 409.4 ms */

@@ -65,7 +65,7 @@ typedef struct {
     uint8_t state;        /* enum footsense_state, as last reported */
     uint8_t flags;        /* enum footsense_flag */
     uint16_t fault_mask;  /* bit e: element e is not usable or overloaded; FOOTSENSE_NO_MASK until it came */
-    int32_t force_mn[3];  /* FOOTSENSE_NO_FORCE unless usable */
+    int32_t force_mn[3];  /* ground reaction: x forward, y left, z up the leg; FOOTSENSE_NO_FORCE unless usable */
     uint32_t sigma_un[3]; /* FOOTSENSE_NO_SIGMA_UN unless usable */
     uint16_t contact_permille; /* probability that the foot is on the ground; FOOTSENSE_NO_RATIO unless usable */
     uint16_t holds_permille;   /* probability that it stands still there; FOOTSENSE_NO_RATIO unless usable and known */
@@ -107,7 +107,7 @@ void footsense_link_init(footsense_link *link, const footsense_limits *limits);
  * leg, valid or not. `now_us` is the time of arrival on a clock that does not step; 64 bits do not wrap. */
 bool footsense_feed(footsense_link *link, uint32_t id, const uint8_t *data, uint8_t len, uint64_t now_us);
 
-/* Force of the leg of `node`, 1..8, at `now_us`. Any other node is STALE and not usable. */
+/* Force of the leg of `node`, 1..8 (lf 1, lm 2, lr 3, rf 4, rm 5, rr 6), at `now_us`. Any other node is STALE and not usable. */
 footsense_leg_force footsense_get_leg_force(const footsense_link *link, uint8_t node, uint64_t now_us);
 
 #ifdef __cplusplus

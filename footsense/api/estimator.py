@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from footsense.daemon.setup.expected_error import (
     UNKNOWN,
     uncertainty_of_calibrated,
-    uncertainty_of_uncalibrated,
 )
 from footsense.errors import ModelError
 from footsense.estimation.network import Network, steady_windows
@@ -35,6 +34,7 @@ from footsense.frames import (
     Vector,
 )
 from footsense.ports import LoadEstimate, Window
+from footsense.sim.uncalibrated import uncertainty_of_uncalibrated
 
 _DEFAULT_FOOT_TYPE = "aoyagi-3x3"
 #: Capacitances of elements in their unit [pF]: those of others are in another unit.

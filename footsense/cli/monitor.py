@@ -12,7 +12,7 @@ from rich.console import Console, Group, RenderableType
 from rich.text import Text
 
 from firmware_interface.can.codes import CalibrationKind, Cause, Flag, NmtState
-from footsense.cli.can.can_options import can_options, channel_argument, silence_text
+from footsense.cli.can.can_options import can_options, channel_argument
 from footsense.cli.live import Picture
 from footsense.cli.options import StopRequest, duration_option
 from footsense.cli.tables import (
@@ -36,7 +36,7 @@ from footsense.errors import FootsenseError
 from footsense.frames import ELEMENTS, ROWS
 from footsense.leg_words import phase_of, word_of
 from footsense.ports import Clock
-from footsense.wires.address import CanAddress, Interface
+from footsense.wires.address import CanAddress, silence_text
 
 _NS_PER_S = 1_000_000_000
 _REDRAW_PERIOD_NS = 200_000_000
@@ -82,8 +82,7 @@ _NODE_STATE_WORDS = {
     help="Print one line of JSON per leg and second; the default if the output is no terminal.",
 )
 def monitor(
-    interface: Interface,
-    channel: str,
+    address: CanAddress,
     timeout_s: float | None,
     max_age_ms: int,
     duration_s: float,
@@ -104,7 +103,7 @@ def monitor(
     is_plain = as_json or not console.is_terminal
     timeout_ns = (timeout_s or (_TIMEOUT_S if is_plain else math.inf)) * _NS_PER_S
     with ExitStack() as stack:
-        listener = stack.enter_context(closing(open_listener(CanAddress(interface, channel), clock, limits)))
+        listener = stack.enter_context(closing(open_listener(address, clock, limits)))
         _wait_until_known(listener, clock)
         start_ns = heard_ns = clock.now_ns()
         end_ns = start_ns + duration_s * _NS_PER_S
@@ -121,9 +120,9 @@ def monitor(
             if any(leg.is_current for leg in legs):
                 heard_ns = t_ns
             elif once or t_ns >= end_ns or t_ns - heard_ns >= timeout_ns:
-                raise FootsenseError(silence_text(channel))
+                raise FootsenseError(silence_text("no frames", address.channel))
             if not is_plain:
-                tables = monitor_tables(legs, channel, t_s, console.width)
+                tables = monitor_tables(legs, address.channel, t_s, console.width)
                 console.print(tables) if live is None else live.update(tables, refresh=True)
             elif once or step % _REDRAWS_PER_LINE == 0:
                 _echo_lines(legs, t_s)
@@ -164,7 +163,7 @@ def monitor_tables(legs: list[LegSnapshot], channel: str, t_s: float, width: int
     heads = [head]
     groups = [[_LEG_COLUMN, *columns] for columns in (_FORCE_COLUMNS, _GAIT_COLUMNS, _REPORT_COLUMNS)]
     if not any(leg.is_current for leg in legs):
-        heads.append(Text(silence_text(channel), "bold red"))
+        heads.append(Text(f"no frames on {channel}; is the service running?", "bold red"))
     elif any(left_out_text(columns, width) for columns in groups):
         heads.append(Text("a wider terminal shows more", "dim", no_wrap=True))
     tables = [table(fitting(columns, width), legs) for columns in groups]

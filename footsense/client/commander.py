@@ -11,8 +11,8 @@ from firmware_interface.can.socketcan import pack_frame, unpack_frame
 from footsense.client.commands import PendingCommands
 from footsense.errors import CanError
 from footsense.ports import CanWire, Clock
-from footsense.wires.address import CanAddress
-from footsense.wires.opening import POLL_PERIOD_NS, open_wire
+from footsense.wires.address import CanAddress, silence_text
+from footsense.wires.opening import POLL_PERIOD_NS, open_client_wire
 
 #: Time in which a running service sends five heartbeats of each leg, and one that lags at least one [ns].
 _HEARTBEAT_TIMEOUT_NS = 1_000_000_000
@@ -70,7 +70,7 @@ class LegAnswer(NamedTuple):
             return _REFUSALS[self.result]
         if not self.is_heard:
             which = "no leg is" if self.leg == "all" else "it is not"
-            return f"{which} heard on {channel}; is the service running, and is this its channel?"
+            return silence_text(f"{which} heard", channel)
         return (
             "it is heard, but does not answer: `can.commands` is false in the service's file, as it is by default with "
             "udp_multicast, or another program sends more than ten commands a second"
@@ -83,7 +83,7 @@ def open_command_wire(address: CanAddress) -> CanWire:
     Raises:
         CanError: The channel is missing or down.
     """
-    return open_wire(
+    return open_client_wire(
         address, [base + node for base in (HEARTBEAT_ID, ANSWER_ID) for node in NODE_IDS.values()]
     )
 

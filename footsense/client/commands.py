@@ -26,8 +26,8 @@ class CommandAnswer(NamedTuple):
 class PendingCommands:
     """Commands to each leg that have not been answered yet.
 
-    An answer counts if it repeats node, kind and counter of a pending command. A command without an answer is dropped
-    with `pop_overdue` and may be sent again, as a new command with a new counter. Times are the caller's.
+    An answer counts if it repeats node, kind and counter of a pending command. A command without an answer may be sent
+    again, as a new command with a new counter. Times are the caller's.
 
     Args:
         first_counter: Counter of the first command to each leg, 0..14. The service ignores the same command with the
@@ -75,10 +75,3 @@ class PendingCommands:
         if sent_ns is None:
             return None
         return CommandAnswer(answer.node, kind, answer.result, now_ns - sent_ns)
-
-    def pop_overdue(self, now_ns: int, limit_ns: int) -> list[tuple[int, CommandKind]]:
-        """Remove the commands pending for more than `limit_ns` [ns]; return node and command of each."""
-        overdue = [key for key, sent_ns in self._sent_ns.items() if now_ns - sent_ns > limit_ns]
-        for key in overdue:
-            del self._sent_ns[key]
-        return [(node, kind) for node, kind, _ in overdue]

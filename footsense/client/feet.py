@@ -7,7 +7,7 @@ from collections.abc import AsyncIterator, Callable, Collection, Iterator, Seque
 from contextlib import closing
 from itertools import product
 from types import TracebackType
-from typing import TYPE_CHECKING, Literal, Self
+from typing import TYPE_CHECKING, Self
 
 from firmware_interface.can.codes import NODE_IDS, CommandKind, Flag, Result, StepPhase
 from firmware_interface.can.socketcan import pack_frame
@@ -19,7 +19,7 @@ from footsense.client.listener import LegSnapshot, Listener, open_listener
 from footsense.client.motions import Motions
 from footsense.clock import MonotonicClock
 from footsense.errors import CanError, FootsenseError
-from footsense.wires.address import DEFAULT_CHANNELS, CanAddress, is_multicast
+from footsense.wires.address import CanAddress, Heard, address_of, silence_text
 from footsense.wires.opening import open_wire
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ _LEG_OF_NODE = {node: leg for leg, node in NODE_IDS.items()}
 def connect(
     channel: str | None = None,
     *,
-    interface: Literal["socketcan", "udp_multicast"] | None = None,
+    interface: Heard | None = None,
     timeout_s: float = 2.0,
 ) -> "Feet":
     """Connect to a running service over CAN, and wait until its forces can be read: about a second.
@@ -58,7 +58,8 @@ def connect(
 
     Raises:
         CanError: The channel is missing or down, nothing sends forces on it, or none that can be used; or they are of
-            another version.
+            another version. As any of these errors it is a `footsense.FootsenseError`, which is the one to catch.
+        ValueError: The timeout is not above 0.
 
     Example::
 
@@ -67,22 +68,12 @@ def connect(
                 left = forces["lf"]
                 print(left.force_n, left.sigma_n, left.age_s, left.usable, left.holds)
     """
-    if interface is None:
-        interface = "udp_multicast" if channel is not None and is_multicast(channel) else "socketcan"
-    if interface not in DEFAULT_CHANNELS:
-        raise CanError(f"interface {interface!r}: use one of {', '.join(DEFAULT_CHANNELS)}")
-    if channel in DEFAULT_CHANNELS:
-        raise CanError(f"channel {channel!r} is an interface: connect(interface={channel!r})")
-    name = channel or DEFAULT_CHANNELS[interface]
-    if interface == "udp_multicast" and not is_multicast(name):
-        raise CanError(f"channel {name!r}: no IPv4 multicast address; try {DEFAULT_CHANNELS[interface]}")
-    address = CanAddress(interface, name)
-    try:
-        listener = open_listener(address, MonotonicClock(), LinkLimits(accept_degraded=True))
-    except CanError as error:
-        hint = f"; of a simulation: {DEFAULT_CHANNELS['udp_multicast']}" if interface == "socketcan" else ""
-        raise CanError(f"{error}{hint}") from None
-    return Feet(listener, address, timeout_s)
+    if not 0.0 < (timeout_s := float(timeout_s)) <= threading.TIMEOUT_MAX:
+        raise ValueError(f"timeout_s: a time above 0 s, got {timeout_s}")
+    address = address_of(channel, interface)
+    return Feet(
+        open_listener(address, MonotonicClock(), LinkLimits(accept_degraded=True)), address, timeout_s
+    )
 
 
 class _Forces(dict[str, LegForce]):
@@ -177,7 +168,7 @@ class Feet:
         self._callbacks.append(callback)
 
     def tare(self, *legs: str) -> None:
-        """Take the present readings of legs as those of the unloaded foot, and wait until it is done: 0.2 s.
+        """Take the present readings of legs as those of the unloaded foot; wait until it is done: 0.2 s, at most 20.
 
         The service refuses the tare of a foot that is loaded or moves. A command within 0.15 s of the last one waits:
         the service answers ten a second. A service on `udp_multicast` executes no command without
@@ -187,7 +178,7 @@ class Feet:
             legs: Names of the legs; none for all that are heard, as with the command `footsense tare`.
 
         Raises:
-            FootsenseError: A leg was not tared; the message says which, and why.
+            FootsenseError: A leg was not tared, or does not answer in 20 s; the message says which, and why.
         """
         self._command(CommandKind.TARE, legs or self.legs)
 
@@ -237,13 +228,13 @@ class Feet:
         Args:
             leg: Name of the leg.
             acceleration_m_per_s2: Second derivative of the foot's path against the ground along its z, gravity not
-                included [m/s2], to +-327; without its sigma it counts as unknown.
+                included [m/s2], to +-327.67; with its sigma.
             sigma_m_per_s2: Standard deviation of it [m/s2].
             up: Unit vector against gravity in the frame of the foot, its z not negative.
             phase: Planned phase of the step.
 
         Raises:
-            ValueError: `up` is no such vector, or there is no such phase.
+            ValueError: The acceleration is too large or has no sigma, or `up` or the phase is none.
             FootsenseError: There is no such leg.
             CanError: The channel is down or gone, or takes no frame.
         """
@@ -256,6 +247,8 @@ class Feet:
             up=up,
             phase=phase,
         )
+        if self._error is not None:
+            raise self._error
         if self._motion_wire is None:
             self._motion_wire = open_wire(self._address)
         try:
@@ -282,9 +275,12 @@ class Feet:
             raise FootsenseError(" | ".join(f"{', '.join(which)}: {why}" for why, which in refused.items()))
 
     def close(self) -> None:
-        """Stop receiving, and close the channel."""
+        """Stop receiving, and close the channel; what is called afterwards raises a `FootsenseError`."""
         self._stop.set()
         self._thread.join()
+        with self._news:
+            self._error = self._error or FootsenseError("closed: connect again")
+            self._news.notify_all()
         self._listener.close()
         if self._motion_wire is not None:
             self._motion_wire.close()
@@ -362,14 +358,14 @@ class Feet:
         with self._news:
             self._news.wait_for(lambda: readable() and all(readable()), self._timeout_s)
             if not any(readable()):
-                where = f"on {self._address.channel} within {self._timeout_s:g} s"
+                channel, within = self._address.channel, f"within {self._timeout_s:g} s"
                 if not (heard := self._heard()):
-                    raise CanError(f"no forces {where}; is the service running, and is this its channel?")
+                    raise CanError(silence_text(f"no forces {within}", channel))
                 links = ", ".join(f"{leg.leg} {leg.force.status.name}" for leg in heard)
                 timing = any(Flag.DEGRADED_TIMING in leg.force.flags for leg in heard)
                 raise CanError(
-                    f"frames come, but no force that can be used {where}: {links}{' (DEGRADED_TIMING)' * timing}; is "
-                    "the service starting, too slow, or not the only one?"
+                    f"frames come, but no force that can be used on {channel} {within}: {links}"
+                    f"{' (DEGRADED_TIMING)' * timing}; is the service starting, too slow, or not the only one?"
                 )
             self._given = self._counts()
             self._pending_events.clear()

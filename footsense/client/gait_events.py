@@ -32,15 +32,10 @@ class LegEvent(NamedTuple):
 
 
 class GaitEvents:
-    """Decoder of the legs' gait events, which removes repeated frames; the caller supplies the times.
-
-    Attributes:
-        n_wrong: Events that failed their check.
-    """
+    """Decoder of the legs' gait events, which removes repeated frames; the caller supplies the times."""
 
     def __init__(self) -> None:
         self._last: dict[int, tuple[int, GaitEventKind, int]] = {}
-        self.n_wrong = 0
 
     def feed(self, can_id: int, data: bytes, now_ns: int) -> LegEvent | None:
         """Process any CAN frame; return a new gait event, None for repeated, damaged and other frames.
@@ -55,7 +50,6 @@ class GaitEvents:
         try:
             event = GAIT_EVENT.decode(can_id, data)
         except FrameError:
-            self.n_wrong += 1
             return None
         counter, kind, last_ns = self._last.get(event.node, (None, None, 0))
         self._last[event.node] = event.counter, event.kind, now_ns

@@ -13,7 +13,7 @@ from footsense.client.reports import REPORT_IDS, LegReport, Reports
 from footsense.errors import CanError
 from footsense.ports import CanWire, Clock
 from footsense.wires.address import CanAddress
-from footsense.wires.opening import POLL_PERIOD_NS, open_wire
+from footsense.wires.opening import POLL_PERIOD_NS, open_client_wire
 
 #: Time over which forces are counted for their rate [ns].
 _NS_PER_S = 1_000_000_000
@@ -163,4 +163,4 @@ def open_listener(address: CanAddress, clock: Clock, limits: LinkLimits) -> List
         CanError: The channel is missing or down.
     """
     accept = {*LINK_IDS, *REPORT_IDS, *GAIT_EVENT_IDS}  # both of the first have faults
-    return Listener(open_wire(address, accept), clock, limits)
+    return Listener(open_client_wire(address, accept), clock, limits)

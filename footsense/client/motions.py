@@ -7,6 +7,8 @@ from firmware_interface.can.codes import NODE_IDS, StepPhase
 from firmware_interface.can.crc8 import next_counter
 from firmware_interface.can.gait import LEG_MOTION, LegMotionFrame
 
+#: Largest acceleration of a frame [m/s2].
+_MOST_M_PER_S2 = 327.67
 #: Longest `up` that is a unit vector [1], by the rounding of who made it.
 _MAX_LENGTH = 1.001
 
@@ -38,16 +40,21 @@ class Motions:
 
         Args:
             node: CAN node id of the leg, 1..8.
-            acceleration_m_per_s2: Acceleration of the foot along its z, gravity not included [m/s2], to +-327.
+            acceleration_m_per_s2: Acceleration of the foot along its z, gravity not included [m/s2], to +-327.67.
             sigma_m_per_s2: Standard deviation of it [m/s2].
             up: Unit vector against gravity in the frame of the foot, its z not negative.
             phase: Planned phase of the step.
 
         Raises:
-            ValueError: `up` is no unit vector, or points down the leg; or there is no such phase.
+            ValueError: The acceleration is too large or has no sigma, `up` is no unit vector or points down the leg, or
+                there is no such phase.
         """
         if phase not in (*StepPhase,):
             raise ValueError(f"phase: a StepPhase, such as StepPhase.SWING; got {phase!r}")
+        if math.isnan(acceleration_m_per_s2) != math.isnan(sigma_m_per_s2):
+            raise ValueError("acceleration_m_per_s2 and sigma_m_per_s2: both or neither")
+        if abs(acceleration_m_per_s2) > _MOST_M_PER_S2:
+            raise ValueError(f"acceleration_m_per_s2: to +-{_MOST_M_PER_S2}, got {acceleration_m_per_s2:g}")
         x, y, z = up
         length = math.hypot(x, y, z)
         if not math.isnan(length) and (abs(length - 1.0) > _MAX_LENGTH - 1.0 or z < 0.0):

@@ -1,6 +1,7 @@
 """Slow reports of the legs on CAN: cause of the state, baseline, heartbeat, ground, calibration."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 from firmware_interface.can.codes import NODE_IDS
@@ -53,15 +54,10 @@ class LegReport(NamedTuple):
 
 
 class Reports:
-    """Receiver of the legs' slow reports; the caller supplies the times.
-
-    Attributes:
-        n_wrong: Reports that failed their check.
-    """
+    """Receiver of the legs' slow reports; the caller supplies the times."""
 
     def __init__(self) -> None:
         self._last: dict[int, tuple[Any, int]] = {}  # by CAN id: content, and when it arrived
-        self.n_wrong = 0
 
     def feed(self, can_id: int, data: bytes, now_ns: int) -> bool:
         """Process any CAN frame; return whether its id is that of a leg's report, even if the frame is invalid.
@@ -74,10 +70,8 @@ class Reports:
         if can_id not in REPORT_IDS:
             return False
         _, decode, _ = _KINDS[kind_and_node(can_id)[0]]
-        try:
+        with suppress(FrameError):  # the next one comes soon
             self._last[can_id] = decode(can_id, data), now_ns
-        except FrameError:
-            self.n_wrong += 1
         return True
 
     def leg(self, node: int, now_ns: int) -> LegReport:

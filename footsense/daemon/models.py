@@ -10,7 +10,6 @@ from footsense.daemon.foot_types import check_foot_type, foot_type_of
 from footsense.daemon.setup.expected_error import (
     UNKNOWN,
     uncertainty_of_calibrated,
-    uncertainty_of_uncalibrated,
 )
 from footsense.errors import ModelError
 from footsense.estimation.network import Network
@@ -20,6 +19,7 @@ from footsense.foot.network_card import NETWORK_FILE
 from footsense.foot.parameters import ForceUncertainty
 from footsense.foot.response_table import FootResponse
 from footsense.foot.type_folders import foot_type_folder
+from footsense.sim.uncalibrated import uncertainty_of_uncalibrated
 
 _log = logging.getLogger(__name__)
 

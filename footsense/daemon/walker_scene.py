@@ -49,10 +49,12 @@ def scene_of(name: str, config: Config, duration_s: float = math.inf) -> Scene:
         scene = load_scene(name)
         if scene.foot_type not in {None, foot_type}:
             _log.warning(
-                "scene %s: its loads are for foot type %s; these feet, %s, may be overloaded by them, or not feel them",
+                "scene %s: its loads are for foot type %s; these feet, %s, may be overloaded by them, or not feel them"
+                "; set foot_type: %s in the file of --config",
                 name,
                 scene.foot_type,
                 foot_type,
+                scene.foot_type,
             )
         return scene
     if foot_type not in _ROBOTS:

@@ -1,18 +1,20 @@
 """Simulator: feet, chips at byte level, buses in bit time, scenes. It imports no driver.
 
 Public is `VirtualFeet`, thousands of feet at once for whoever trains a controller, with `Variation`, how they differ,
-and `FootModel`, the same as a pure function. They need the extra `simulators`.
+`ForceUncertainty`, what the service does not know of them, and `FootModel`, the same as a pure function. They need the
+extra `simulators`.
 """
 
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from footsense.foot.parameters import ForceUncertainty
     from footsense.sim.virtual.feet import VirtualFeet
     from footsense.sim.virtual.foot_model import FootModel
     from footsense.sim.virtual.state import VirtualForces
     from footsense.sim.virtual.variation import Variation
 
-__all__ = ["FootModel", "Variation", "VirtualFeet", "VirtualForces"]
+__all__ = ["FootModel", "ForceUncertainty", "Variation", "VirtualFeet", "VirtualForces"]
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - of a module

@@ -22,7 +22,6 @@ from footsense.calibration.loads import LoadSet
 from footsense.calibration.rubber_memory import correct_baselines_for_creep
 from footsense.calibration.standing.calibrate import calibrate_standing
 from footsense.calibration.standing.recording import StandingLoads
-from footsense.daemon.setup.expected_error import uncertainty_of_uncalibrated
 from footsense.errors import CalibrationError
 from footsense.estimation.settings import BASELINE_NOISE_PF
 from footsense.foot.directions import normalized
@@ -47,6 +46,7 @@ from footsense.sim.reference_sensor import (
     nonlinearity_gf,
 )
 from footsense.sim.rubber import ElementCreep, RubberFactor, ViscoelasticRubber
+from footsense.sim.uncalibrated import uncertainty_of_uncalibrated
 
 #: Pause before a press, its rise, both halves of its dwell, and its fall [ns]; load at the end of each [1].
 _STEPS_NS = (500_000_000, 50_000_000, 250_000_000, 250_000_000, 50_000_000)

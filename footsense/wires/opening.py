@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from footsense.errors import CanError
 from footsense.ports import CanWire
-from footsense.wires.address import CanAddress, error_text
+from footsense.wires.address import DEFAULT_CHANNELS, CanAddress, error_text
 from footsense.wires.python_can import PythonCanWire
 from footsense.wires.socket_wire import open_socket
 
@@ -28,3 +28,20 @@ def open_wire(address: CanAddress, accept: Collection[int] = ()) -> CanWire:
         return PythonCanWire(address.interface, address.channel)
     except OSError as error:
         raise CanError(error_text(address, error)) from None
+
+
+def open_client_wire(address: CanAddress, accept: Collection[int]) -> CanWire:
+    """Open a CAN interface beside a service; arguments as of `open_wire`.
+
+    Raises:
+        CanError: There is no such interface; of one that is CAN, the message has the address of a simulation.
+    """
+    try:
+        return open_wire(address, accept)
+    except CanError as error:
+        hint = (
+            f"; of a simulation: {DEFAULT_CHANNELS['udp_multicast']}"
+            if address.interface == "socketcan"
+            else ""
+        )
+        raise CanError(f"{error}{hint}") from None

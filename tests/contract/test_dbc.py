@@ -74,12 +74,12 @@ def test_value_tables_are_the_enumerations(message: str, signal: str, names: typ
 
 
 def test_cyclic_frames_tell_their_period_and_the_others_have_none() -> None:
-    """Heartbeats at 5 Hz, other reports at 1 Hz, grounds at 10 Hz, forces with every fourth conversion."""
+    """Heartbeats at 5 Hz, other reports at 1 Hz, grounds at 10 Hz, forces at the 72 Hz of six legs on AD7147."""
     assert {m.name: m.cycle_time for m in DBC.messages if m.cycle_time} == {
         name + leg: period
         for name, period in (
-            ("Force", 11),
-            ("Quality", 11),
+            ("Force", 14),
+            ("Quality", 14),
             ("Baseline", 1000),
             ("Identity", 1000),
             ("Calibration", 1000),

@@ -284,9 +284,3 @@ def test_an_answer_ends_the_command_that_it_names() -> None:
     assert [commands.feed(*other, 20) for other in others] == [None] * 4
     assert commands.feed(0x142, answer, 30) == CommandAnswer(2, CommandKind.TARE, Result.LOADED, 20)
     assert commands.feed(0x142, answer, 40) is None
-    assert commands.pop_overdue(50, 50) == []
-    assert commands.pop_overdue(51, 50) == [(2, CommandKind.TARE)]
-    assert commands.pop_overdue(99, 50) == []
-    commands.encode(3, CommandKind.STOP, 1000)
-    assert commands.pop_overdue(1050, 50) == []
-    assert commands.pop_overdue(1051, 50) == [(3, CommandKind.STOP)]

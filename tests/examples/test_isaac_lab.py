@@ -54,6 +54,10 @@ def test_each_foot_publishes_the_force_of_its_sensor_in_its_own_frame(example: A
     in_leaning = [0.0, 2.0 * cos + 8.0 * sin, 8.0 * cos - 2.0 * sin]
     expected = np.array([[[0.0, 2.0, 8.0], in_leaning]] * 2 + [[[0.0, 2.0, 8.0], [0.0, 0.0, 0.0]]])
     np.testing.assert_allclose(force_n, expected, atol=0.8)
+    data.friction_forces_w = data.friction_force_matrix_w = None
+    with pytest.raises(ValueError, match=r"^no friction: set track_friction_forces"):
+        soft.step(0.001, quat)
+    data.friction_forces_w = data.friction_force_matrix_w = np.zeros((N, B, M, 3))
     soft.reset(np.array([1]))
     _, _, usable = soft.step(0.001, quat if version == "2.3" else np.roll(quat, -1, axis=-1))
     assert usable.tolist() == [[True, True], [False, False], [True, True]]

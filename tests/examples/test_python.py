@@ -87,7 +87,8 @@ def test_the_tare_of_loaded_feet_is_refused_in_words(tmp_path: Path) -> None:
     scene.write_text(PRESSED)
     with walking(tmp_path, "239.74.163.104", "--scene", scene) as service:
         service.live_on(20)  # the feet are down
-        told = run_example("tare.py", "--can", "239.74.163.104").splitlines()
+        command = [sys.executable, str(EXAMPLES / "tare.py"), "--can", "239.74.163.104"]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, check=False)
         with footsense.connect("239.74.163.104") as feet:
             for _ in range(2):  # the second at once, and answered too
                 with pytest.raises(
@@ -97,7 +98,8 @@ def test_the_tare_of_loaded_feet_is_refused_in_words(tmp_path: Path) -> None:
             with pytest.raises(footsense.FootsenseError, match=r"^lf: not stopped: the foot is in contact"):
                 feet.stop("lf")
     refusal = ": not tared: the foot is in contact, or reads otherwise than a free one; lift it "
-    assert [line[2:][: len(refusal)] for line in told] == [refusal] * 2
+    assert done.returncode == 1
+    assert [line[2:][: len(refusal)] for line in done.stdout.splitlines()] == [refusal] * 2
 
 
 @pytest.mark.slow
@@ -123,7 +125,8 @@ def test_a_program_whose_reader_goes_says_nothing(tmp_path: Path) -> None:
         ("mujoco_foot.py", "mujoco", r"mujoco_foot.py needs mujoco; .*: pip install -e '.\[walkers\]'"),
         ("odometry.py", "mujoco", r"odometry.py needs mujoco; .*: pip install -e '.\[lab\]'"),
         ("ros2_node.py", "rclpy", "ros2_node.py needs rclpy: run it in a shell with ROS 2"),
-        ("own_reference_sensor.py", "", "name the file of the test stand to write"),
+        ("odometry.py", "numpy", r"odometry.py needs numpy; .*: pip install -e '.\[lab\]'"),
+        ("mujoco_foot.py", "numpy", r"mujoco_foot.py needs numpy; .*: pip install -e '.\[walkers\]'"),
     ],
 )
 def test_an_example_says_in_one_line_what_is_missing(
@@ -143,10 +146,33 @@ def test_an_example_says_in_one_line_what_is_missing(
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    "name",
+    [
+        "estimate_array.py",
+        "mujoco_foot.py",
+        "odometry.py",
+        "own_reference_sensor.py",
+        "plot_recording.py",
+        "simulate_foot.py",
+    ],
+)
+def test_an_example_that_is_asked_for_help_gives_that_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run_example(name, "--help").startswith(f"usage: {name} [-h]")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
 def test_a_recording_is_drawn(tmp_path: Path) -> None:
     told = run_example("plot_recording.py", GOLDEN, tmp_path / "walk.png", MPLBACKEND="Agg")
     assert re.findall(r"usable (\d\d)% .* contact (\d\d)%", told)[0] == ("99", "56")
     assert (tmp_path / "walk.png").read_bytes().startswith(b"\x89PNG")
+    command = [sys.executable, str(EXAMPLES / "plot_recording.py"), str(GOLDEN), str(tmp_path / "walk.txt")]
+    refused = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, check=False)
+    assert re.fullmatch(r".*walk\.txt: Format 'txt' is not supported.*\n", refused.stderr)
 
 
 def test_a_foot_is_pressed_and_its_readings_give_the_forces_back() -> None:

@@ -101,6 +101,11 @@ def test_a_controller_in_c_lets_no_tripod_swing_on_feet_that_it_does_not_know(tm
     assert 2.5 < since["lm refused: link 1, state 7"] < 2.6
     assert 3.5 < since["rf refused: link 1, state 0"] < 3.6
     assert not [text for t_s, text in found if t_s > 2.6 and "may swing" in text]
+    of_another_form = subprocess.run(
+        [program], input="  can0  109   [8]  00 01\n", capture_output=True, text=True, check=False
+    )
+    told = "no line of candump -L seen; use: candump -L can0 | ./gait_controller\n"
+    assert (of_another_form.returncode, of_another_form.stdout, of_another_form.stderr) == (1, "", told)
 
 
 @pytest.mark.slow
@@ -113,6 +118,10 @@ def test_a_sensor_without_a_driver_is_recorded_beside_a_foot(tmp_path: Path) -> 
         options = ("--foot", "foot-0007", "--scene", "hanging", "--duration", "5")
         footsense("test-stand", "record", "--reference", stand, *options, out)
     assert sensor.returncode == 0
+    command = [sys.executable, str(EXAMPLES / "own_reference_sensor.py"), str(stand)]
+    again = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, check=False)
+    told = f"{stand}: exists and is not overwritten; choose another name or remove it\n"
+    assert (again.returncode, again.stderr) == (1, told)
     with out.open("rb") as stream:
         found = [
             json.loads(message.data) for _, _, message in make_reader(stream).iter_messages(["/reference"])

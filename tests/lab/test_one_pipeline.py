@@ -16,7 +16,6 @@ from footsense.daemon.estimation import pipeline_for
 from footsense.daemon.models import load_models
 from footsense.daemon.recording_header import recorded_config, recorded_flags
 from footsense.daemon.service import open_service
-from footsense.daemon.setup.expected_error import uncertainty_of_uncalibrated
 from footsense.estimation.network import Network
 from footsense.estimation.pipeline import Pipeline, pipeline_of
 from footsense.estimation.settings import EstimationLimits, MountedFeet
@@ -29,6 +28,7 @@ from footsense.lab.evaluation.walker_runs import SCAN_TIMES, judging_pipeline
 from footsense.recording.replay import Replay
 from footsense.sim.scene import Effects, Scene
 from footsense.sim.scene_loads import Standstill, Tripod
+from footsense.sim.uncalibrated import uncertainty_of_uncalibrated
 
 pytestmark = pytest.mark.lab
 

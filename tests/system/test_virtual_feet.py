@@ -8,7 +8,6 @@ from msgspec.structs import replace
 
 from footsense.config import DEFAULT, SMALL_BOARD, Config
 from footsense.daemon.service import open_service
-from footsense.daemon.setup.expected_error import uncertainty_of_uncalibrated
 from footsense.estimation.network import Network
 from footsense.foot.directions import angles_between_deg
 from footsense.foot.response_table import FootResponse
@@ -18,6 +17,7 @@ from footsense.ports import Observer
 from footsense.sim import VirtualFeet
 from footsense.sim.faults.scene_faults import Absent
 from footsense.sim.scene import Scene, load_scene
+from footsense.sim.uncalibrated import uncertainty_of_uncalibrated
 
 Name = Literal["ad7147", "fdc1004"]
 ROBOTS: dict[Name, Config] = {"ad7147": DEFAULT, "fdc1004": SMALL_BOARD}

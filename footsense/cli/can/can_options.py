@@ -1,7 +1,6 @@
 """Options of the commands that receive from CAN: the robot's file, or interface and channel."""
 
 from collections.abc import Callable
-from functools import wraps
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,7 @@ import click
 from footsense.cli.options import FILE
 from footsense.config import load_config
 from footsense.errors import CanError, ConfigError
-from footsense.wires.address import DEFAULT_CHANNELS, is_multicast
+from footsense.wires.address import DEFAULT_CHANNELS, CanAddress, address_of
 
 #: Key in the context of a command of the robot's file, as a configuration.
 ROBOT = "footsense.robot"
@@ -33,13 +32,13 @@ def _take_from_file(ctx: click.Context, param: click.Parameter, value: Path | No
             "with udp_multicast other programs on this computer hear them"
         )
     ctx.meta[ROBOT] = config
-    ctx.default_map = {"interface": can.interface, "channel": can.channel} | dict(ctx.default_map or {})
+    ctx.default_map = {"interface": can.interface, "address": can.channel} | dict(ctx.default_map or {})
 
 
 def _take_channel(ctx: click.Context, param: click.Parameter, value: str | None) -> None:
     del param
     if value is not None:
-        ctx.default_map = dict(ctx.default_map or {}) | {"channel": value}
+        ctx.default_map = dict(ctx.default_map or {}) | {"address": value}
 
 
 #: Argument of a command with `can_options`, for its channel alone.
@@ -53,20 +52,17 @@ channel_argument = click.argument(
 )
 
 
-def _channel_or_default(ctx: click.Context, param: click.Parameter, value: str | None) -> str:
-    """Return the given channel, or the interface type's default channel.
+def _address(ctx: click.Context, param: click.Parameter, value: str | None) -> CanAddress:
+    """Return the address of a channel on the interface of `--interface`, if there is one.
 
     Raises:
-        BadParameter: It is no multicast address, and has to be one.
+        BadParameter: There is no such channel.
     """
     del param
-    interface = ctx.params["interface"]
-    name = value or DEFAULT_CHANNELS[interface]
-    if interface == "udp_multicast" and not is_multicast(name):
-        raise click.BadParameter(
-            f"{name} is no IPv4 multicast address; try {DEFAULT_CHANNELS[interface]}", param_hint="--channel"
-        )
-    return name
+    try:
+        return address_of(value, ctx.params.pop("interface"))
+    except CanError as error:
+        raise click.BadParameter(str(error), param_hint="--channel") from None
 
 
 #: In the order in which they are read; each is the default of the next.
@@ -82,38 +78,21 @@ _OPTIONS = (
     click.option(
         "--interface",
         type=click.Choice(list(DEFAULT_CHANNELS)),
-        default="socketcan",
         is_eager=True,
-        help="Without a file: socketcan (default), or udp_multicast for a simulation on this computer.",
+        help="Without a file: socketcan, or udp_multicast for a simulation on this computer. Default: what the channel "
+        "is, or socketcan.",
     ),
     click.option(
         "--channel",
-        callback=_channel_or_default,
+        "address",
+        callback=_address,
         help="Without a file: name of the channel. Default: can0, or 239.74.163.2.",
     ),
 )
 
 
-def silence_text(channel: str) -> str:
-    """Return the error line of a channel on which nothing is heard."""
-    return f"no frames on {channel}; is the service running?"
-
-
 def can_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a command the options `--config`, `--interface` and `--channel`.
-
-    Where the interface was not chosen and CAN fails, the error names the one of a simulation.
-    """
-
-    @wraps(command)
-    def told(*arguments: Any, **options: Any) -> Any:  # noqa: ANN401 - the command's own
-        try:
-            return command(*arguments, **options)
-        except CanError as error:
-            if options["interface"] != "socketcan" or ROBOT in click.get_current_context().meta:
-                raise
-            raise CanError(f"{error}; of a simulation: --interface udp_multicast") from None
-
+    """Give a command the options `--config`, `--interface` and `--channel`, and the `address` that they name."""
     for option in reversed(_OPTIONS):
-        told = option(told)
-    return told
+        command = option(command)
+    return command

@@ -4,14 +4,14 @@ from contextlib import closing
 
 import click
 
-from footsense.cli.can.can_options import ROBOT, can_options, silence_text
+from footsense.cli.can.can_options import ROBOT, can_options
 from footsense.cli.options import StopRequest, duration_option
 from footsense.client import LinkLimits
 from footsense.client.listener import open_listener
 from footsense.clock import MonotonicClock, wall_time_ns
 from footsense.errors import require
 from footsense.frames import ALL_LEGS
-from footsense.wires.address import CanAddress, Interface
+from footsense.wires.address import CanAddress, silence_text
 
 #: Period of reading CAN and publishing [ns].
 _PUBLISH_PERIOD_NS = 5_000_000
@@ -32,8 +32,7 @@ _NS_PER_S = 1_000_000_000
 @click.pass_context
 def ros2(
     ctx: click.Context,
-    interface: Interface,
-    channel: str,
+    address: CanAddress,
     domain: int,
     duration_s: float,
 ) -> None:
@@ -50,13 +49,13 @@ def ros2(
     robot = ctx.meta.get(ROBOT)
     topics, live = LegTopics(ALL_LEGS if robot is None else robot.legs), LiveSamples()
     clock, stop = MonotonicClock(), StopRequest()
-    n_published, is_silent = 0, False
+    n_published, is_silent, silence = 0, False, silence_text("no frames", address.channel)
     limits = LinkLimits(accept_degraded=True)
     with (
         closing(Node(domain, topics.types)) as node,
-        closing(open_listener(CanAddress(interface, channel), clock, limits)) as listener,
+        closing(open_listener(address, clock, limits)) as listener,
     ):
-        click.echo(f"{channel} to ROS 2, domain {domain}; Ctrl-C ends it")
+        click.echo(f"{address.channel} to ROS 2, domain {domain}; Ctrl-C ends it")
         start_ns = clock.now_ns()
         check_ns = start_ns + _NS_PER_S
         while not stop.requested and (now_ns := clock.now_ns()) < start_ns + duration_s * _NS_PER_S:
@@ -69,7 +68,7 @@ def ros2(
                     click.echo(f"footsense: {news}", err=True)
                 if not legs and not is_silent:
                     is_silent = True
-                    click.echo(f"footsense: {silence_text(channel)}", err=True)
+                    click.echo(f"footsense: {silence}", err=True)
             samples = live.samples(legs, events, wall_ns, clock.now_ns())
             for topic, cdr in topics.due_messages(samples, wall_ns):
                 node.publish(topic, cdr, wall_ns)

@@ -11,7 +11,7 @@ from footsense.cli.can.can_options import ROBOT, can_options
 from footsense.client.commander import Commander, open_command_wire
 from footsense.clock import MonotonicClock
 from footsense.errors import ConfigError, FootsenseError
-from footsense.wires.address import CanAddress, Interface
+from footsense.wires.address import CanAddress
 
 
 def _legs_of_robot(ctx: click.Context, param: click.Parameter, legs: tuple[str, ...]) -> tuple[str, ...]:
@@ -44,7 +44,7 @@ def _legs_of_robot(ctx: click.Context, param: click.Parameter, legs: tuple[str, 
     callback=_legs_of_robot,
 )
 @can_options
-def tare(legs: tuple[str, ...], interface: Interface, channel: str) -> None:
+def tare(legs: tuple[str, ...], address: CanAddress) -> None:
     """Take the present readings of each LEG as those of the unloaded foot; without LEG, of all on CAN.
 
     Sends the command that a gait controller sends, and prints the answers. The service refuses the tare of a foot that
@@ -55,11 +55,11 @@ def tare(legs: tuple[str, ...], interface: Interface, channel: str) -> None:
         click.echo(f"waiting for an answer of {', '.join(waiting)}, up to {limit_s:g} s", err=True)
 
     is_done = True
-    with closing(open_command_wire(CanAddress(interface, channel))) as wire:
+    with closing(open_command_wire(address)) as wire:
         for answer in Commander(MonotonicClock()).command(wire, CommandKind.TARE, legs, on_wait=tell_wait):
             if answer.result is Result.DONE:
                 click.echo(f"{answer.leg}: tared in {answer.response_s:.2f} s")
             else:
                 is_done = False
-                click.echo(f"footsense: {answer.leg}: {answer.refusal(channel)}", err=True)
+                click.echo(f"footsense: {answer.leg}: {answer.refusal(address.channel)}", err=True)
     sys.exit(0 if is_done else FootsenseError.exit_code)

@@ -22,7 +22,7 @@ from array_api_compat import array_namespace, device, is_jax_array, is_numpy_arr
 from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
-from footsense.foot.parameters import KNOWN_EXACTLY, ForceUncertainty
+from footsense.foot.parameters import ForceUncertainty
 from footsense.sim.virtual.foot_model import FootModel
 from footsense.sim.virtual.network import Array
 from footsense.sim.virtual.scan import Board
@@ -47,15 +47,16 @@ class VirtualFeet:
         board: Electronics of a foot, as in a robot file.
         cable_breaks_per_s: Mean rate at which the cable of a foot breaks for 20 ms; a foot is then without force for
             28 ms, with board `fdc1004` for 78 ms [1/s].
-        uncertainty: What the service does not know of the feet, in sigma alone.
+        uncertainty: What the service does not know of the feet, in sigma alone; None for what it does not of feet that
+            nobody has calibrated, with tolerances and gains of the variation.
         variation: How the feet differ from the design and from episode to episode.
-        seed: Seed of everything random, or one for each environment, shape (environments,), which have equal shares of
-            the feet.
+        seed: Seed of everything random, or one for each environment, shape (environments,), whose feet lie side by
+            side: foot j of the k of environment i is number i * k + j.
         like: An array of the library, and on the device, of the arrays of all steps: numpy, JAX, torch; None for numpy.
 
     Raises:
         ModelError: The models of the foot type are missing or damaged.
-        ValueError: The board is another, or the feet cannot be shared among the environments.
+        ValueError: An argument is out of range, or the feet cannot be shared among the environments.
 
     Example:
         >>> feet = VirtualFeet(2)
@@ -73,7 +74,7 @@ class VirtualFeet:
         *,
         board: Board = "ad7147",
         cable_breaks_per_s: float = 0.0,
-        uncertainty: ForceUncertainty = KNOWN_EXACTLY,
+        uncertainty: ForceUncertainty | None = None,
         variation: Variation = AS_DESIGNED,
         seed: int | NDArray[np.int_] = 0,
         like: Array = None,
@@ -94,10 +95,9 @@ class VirtualFeet:
         # Conversion 0 is a step after time 0; a force is there so long after the conversion before its first.
         self._force_ns = model.scan.conversions_per_force * model.scan.step_ns
         self._sent_after_ns = model.scan.send_delay_ns + round(1e9 * most_s)
-        self._shape = n_feet, 3
+        self._shape, whole = (n_feet, 3), model.start(n_feet, seed)
         n_rows = _BLOCK if "cpu" in str(device(like)).lower() else n_feet
         self._blocks = [slice(start, min(start + n_rows, n_feet)) for start in range(0, n_feet, n_rows)]
-        whole = model.start(n_feet, seed)
         self._states = [of_feet(whole, block) for block in self._blocks]
         self._advance, self._publish = model.advance, model.published
         if is_jax_array(like):
@@ -145,14 +145,16 @@ class VirtualFeet:
                 that leans farther than the response table reaches gives no force.
 
         Raises:
-            ValueError: The time does not advance or by too much, a shape or library is another, or at a loaded foot the
-                normal is no unit vector or the force points against it.
+            ValueError: The time does not advance or by too much, a shape, type or library is another, or at a loaded
+                foot the normal is no unit vector or the force points against it.
         """
         xp, model = self._xp, self._model
         if array_namespace(force_n, normal) is not xp:
             raise ValueError(f"these feet take arrays of {xp.__name__}; `like` is one of another library")
         if not force_n.shape == normal.shape == self._shape:
             raise ValueError(f"{self._shape[0]} feet got forces {force_n.shape} and normals {normal.shape}")
+        if not xp.isdtype(force_n.dtype, "real floating"):
+            raise ValueError(f"forces of floating point, got {force_n.dtype}")
         is_unit = xp.abs(xp.sum(normal * normal, axis=1) - 1.0) < 1e-3
         if not xp.all(is_unit | xp.all(force_n == 0.0, axis=1)):
             raise ValueError("the normal of the ground at a loaded foot has to be a unit vector")

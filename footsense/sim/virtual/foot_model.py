@@ -21,6 +21,7 @@ from footsense.foot.parameters import KNOWN_EXACTLY, ForceUncertainty, variance_
 from footsense.foot.response_table import FootResponse
 from footsense.foot.type_folders import foot_type_folder
 from footsense.frames import ELEMENTS, IS_USABLE_STATE, State
+from footsense.sim.uncalibrated import uncertainty_of_uncalibrated
 from footsense.sim.virtual.network import Array, ArrayModule, BatchNetwork
 from footsense.sim.virtual.response import BatchResponse
 from footsense.sim.virtual.scan import SCANS, Board
@@ -53,14 +54,15 @@ class FootModel:
         foot_type: A released foot type, or a folder with a slash in its name.
         board: Electronics of a foot, as in a robot file.
         cable_breaks_per_s: Mean rate at which the cable of a foot breaks for 20 ms [1/s].
-        uncertainty: What the service does not know of the feet, in sigma alone.
+        uncertainty: What the service does not know of the feet, in sigma alone; None for what it does not of feet that
+            nobody has calibrated, with tolerances and gains of the variation.
         variation: How the feet differ from the design and from episode to episode.
         xp: Module of the arrays, as `array_api_compat.array_namespace` returns it.
         device: Where they are; None for the library's default.
 
     Raises:
         ModelError: The models of the foot type are missing or damaged.
-        ValueError: The board is another.
+        ValueError: The board is another, or the rate is below 0.
 
     Example:
         >>> import array_api_compat.numpy as xp
@@ -79,13 +81,15 @@ class FootModel:
         *,
         board: Board = "ad7147",
         cable_breaks_per_s: float = 0.0,
-        uncertainty: ForceUncertainty = KNOWN_EXACTLY,
+        uncertainty: ForceUncertainty | None = None,
         variation: Variation = AS_DESIGNED,
         xp: ArrayModule,
         device: Array = None,
     ) -> None:
         if board not in SCANS:
             raise ValueError(f"board: {' or '.join(SCANS)}, got {board}")
+        if not 0.0 <= cable_breaks_per_s < math.inf:
+            raise ValueError(f"cable_breaks_per_s: a rate, not below 0, got {cable_breaks_per_s}")
         self.scan = scan = SCANS[board]
         folder = foot_type_folder(foot_type)
         response = FootResponse.load(folder / "response.npz")
@@ -108,6 +112,10 @@ class FootModel:
             _BASELINE_SIGMA_PF * known.force_sigma_n_per_baseline_error,
             _NOISE_SIGMA_PF * known.force_sigma_n_per_reading_noise,
         )
+        if uncertainty is None:
+            differs = variation.gain_rel > 0.0 or variation.tolerances != AS_DESIGNED.tolerances
+            made = network, response, n_stepped, variation.tolerances, variation.gain_rel
+            uncertainty = uncertainty_of_uncalibrated(*made) if differs else KNOWN_EXACTLY
         across_rel2, more_along_rel2 = variance_factors([uncertainty])
         self._across_rel2, self._more_along_rel2 = float(across_rel2[0, 0]), float(more_along_rel2[0, 0])
         since = np.mod(np.arange(ELEMENTS)[:, None] - np.argsort(_ORDER), ELEMENTS)
@@ -139,13 +147,17 @@ class FootModel:
 
         Args:
             n_feet: Number of feet.
-            seed: Seed of everything random, or one for each environment, shape (environments,), which have equal shares
-                of the feet.
+            seed: Seed of everything random, or one for each environment, shape (environments,), whose feet lie side by
+                side: foot j of the k of environment i is number i * k + j.
 
         Raises:
-            ValueError: The feet cannot be shared among so many environments.
+            ValueError: It is no number of feet, a seed is no integer, or the feet cannot be shared among so many.
         """
         seeds = np.atleast_1d(np.asarray(seed))
+        if np.asarray(n_feet).dtype.kind != "i" or n_feet < 1:
+            raise ValueError(f"n_feet: an integer above 0, got {n_feet!r}")
+        if seeds.dtype.kind not in "iu":
+            raise ValueError(f"seed: an integer, or one for each environment, got {seed!r}")
         if n_feet % len(seeds):
             raise ValueError(f"{n_feet} feet cannot be shared among {len(seeds)} environments")
         per_seed = n_feet // len(seeds)

@@ -18,6 +18,9 @@ from footsense.frames import ELEMENTS
 from footsense.sim.virtual.network import Array, ArrayModule
 from footsense.sim.virtual.variation import FootDraw, rotated
 
+#: What of a foot's draw its readings under a load depend on.
+_OF_TABLE = ("turn_rad", "compliance", "distance_um", "gap_um", "gain")
+
 
 class BatchResponse:
     """Response of feet of a type, each with its deviations.
@@ -53,54 +56,34 @@ class BatchResponse:
             draw: The feet.
         """
         xp = self._xp
-        loaded = xp.any((from_n != 0.0) | (to_n != 0.0), axis=0)
-        of_feet = (
-            from_n,
-            to_n,
-            normal,
-            draw.turn_rad,
-            draw.compliance,
-            draw.distance_um,
-            draw.gap_um,
-            draw.gain,
-        )
+        loads, loaded = (from_n, to_n, normal), xp.any((from_n != 0.0) | (to_n != 0.0), axis=0)
         if is_lazy_array(loaded):
-            return xp.where(loaded, self._of_loaded(share, element, *of_feet), 0.0)
+            return xp.where(loaded, self._of_loaded(share, element, loads, draw), 0.0)
         # Feet in the air need no table, where a library may look which they are.
         (rows,) = xp.nonzero(loaded)
         if not rows.shape[0]:
             return xp.zeros((share.shape[0], *loaded.shape), dtype=xp.float32, device=device_of(loaded))
-        found = self._of_loaded(share, element, *(xp.take(part, rows, axis=-1) for part in of_feet))
+        loads = tuple(xp.take(part, rows, axis=-1) for part in loads)
+        draw = draw._replace(**{name: xp.take(getattr(draw, name), rows, axis=-1) for name in _OF_TABLE})
+        found = self._of_loaded(share, element, loads, draw)
         place = xp.clip(xp.cumulative_sum(xp.astype(loaded, xp.int32)) - 1, min=0)
         return xp.where(loaded, xp.take(found, place, axis=1), 0.0)
 
-    def _of_loaded(
-        self,
-        share: Array,
-        element: Array,
-        from_n: Array,
-        to_n: Array,
-        normal: Array,
-        turn_rad: Array,
-        compliance: Array,
-        distance_um: Array,
-        gap_um: Array,
-        gain: Array,
-    ) -> Array:
+    def _of_loaded(self, share: Array, element: Array, loads: tuple[Array, ...], draw: FootDraw) -> Array:
         xp, k = self._xp, share.shape[0]
-        from_n, to_n, normal = (rotated(xp, part, turn_rad) for part in (from_n, to_n, normal))
+        from_n, to_n, normal = (rotated(xp, part, draw.turn_rad) for part in loads)
         basis = self._basis(normal)
         now_n = from_n[None, :, :] + share[:, None, None] * (to_n - from_n)[None, :, :]
         pressing_n = xp.abs(xp.sum(now_n * normal[None, :, :], axis=1, keepdims=True))
         hertz = 0.75 * self._response.ball_radius_mm / self._response.hertz_modulus_mpa
-        point_n = compliance * now_n
+        point_n = draw.compliance * now_n
         weights = xp.concat([point_n, (hertz * pressing_n) ** (2.0 / 3.0) * point_n], axis=1)
         change_pf = [None] * k
         for first in range(min(k, ELEMENTS)):
             # The normal stays the same over the step: each element needs it once, however often it is read.
             own, at = element[first : first + 1], slice(first, None, ELEMENTS)
             own_distance_um, own_gap_um, own_gain = (
-                xp.take(part, own, axis=0) for part in (distance_um, gap_um, gain)
+                xp.take(part, own, axis=0) for part in (draw.distance_um, draw.gap_um, draw.gain)
             )
             per_newton_um = xp.reshape(xp.take(self._series, own, axis=0)[0, ...] @ basis, (6, _CELLS, -1))
             terms = (weights[at, c, None, :] * per_newton_um[c, ...] for c in range(6))

@@ -19,6 +19,8 @@ from footsense.sim.fabrication import MIN_DRAWN_OVER_DESIGN, FootTolerances
 from footsense.sim.virtual.network import Array, ArrayModule
 
 _EXACT = FootTolerances()
+#: Longest delay [s]: beyond it, the readings that are kept of a foot outnumber its random numbers of a step.
+_MAX_DELAY_S = 0.5
 #: Added to a square, which may be 0 [rad^2].
 _TINY = 1e-20
 
@@ -33,7 +35,7 @@ class Variation:
         gain_rel: Rms change of the gain of each element since the foot was made, as of electrodes of worn feet [1].
         baseline_error_ff: Rms error of a foot's baseline [fF].
         noise_rel: Least and most noise of a foot over that of its converter [1].
-        delay_s: Least and most delay of a foot's forces after they were sent [s].
+        delay_s: Least and most delay of a foot's forces after they were sent, to 0.5 [s].
     """
 
     tolerances: FootTolerances = _EXACT
@@ -46,12 +48,20 @@ class Variation:
         """Check the ranges.
 
         Raises:
-            ValueError: One is upside down or below 0; the message names it.
+            ValueError: One is upside down, below 0, or too large; the message names it.
         """
-        for name in ("noise_rel", "delay_s"):
-            low, high = getattr(self, name)
-            if not 0.0 <= low <= high < math.inf:
-                raise ValueError(f"{name}: a least and a most, neither below 0, got {low:g} and {high:g}")
+        for name, most, unit in (
+            ("noise_rel", math.inf, ""),
+            ("delay_s", _MAX_DELAY_S, " in seconds, at most 0.5,"),
+        ):
+            match getattr(self, name):
+                case (int() | float() as low, int() | float() as high) if 0.0 <= low <= high <= most:
+                    continue
+                case other:
+                    raise ValueError(f"{name}: a least and a most,{unit} neither below 0, got {other}")
+        for name in ("gain_rel", "baseline_error_ff"):
+            if not 0.0 <= (rms := getattr(self, name)) < math.inf:
+                raise ValueError(f"{name}: is an rms value, not below 0, got {rms}")
 
 
 AS_DESIGNED = Variation()

@@ -166,15 +166,15 @@ def test_a_wait_for_an_answer_is_told_once() -> None:
 )
 def test_a_tare_without_a_service_is_one_line(legs: list[str], who: str) -> None:
     """Of a leg, or of all as none is named."""
-    result = footsense("tare", *legs, "--interface", "udp_multicast", "--channel", "239.74.163.77")
+    result = footsense("tare", *legs, "--channel", "239.74.163.77")
     says = f"{who} heard on 239.74.163.77; is the service running, and is this its channel?"
-    assert one_line_error(result, 1) == says
+    assert one_line_error(result, 1) == f"{says} (simulated: with --config deploy/simulated.yaml)"
 
 
 @pytest.mark.parametrize("command", ["monitor", "tare lf"])
 def test_without_can_a_command_names_the_channel_of_a_simulation(command: str) -> None:
     result = footsense(*command.split(), "--channel", "can98")
-    assert one_line_error(result, 71).endswith("; of a simulation: --interface udp_multicast")
+    assert one_line_error(result, 71).endswith("; of a simulation: 239.74.163.2")
 
 
 def test_the_channel_is_that_of_the_robot_file(tmp_path: Path) -> None:

@@ -132,5 +132,6 @@ def test_a_scene_for_other_feet_is_told(caplog: pytest.LogCaptureFixture) -> Non
     footsense.simulate("hexapod_2kg", duration_s=0.1)
     [told] = caplog.messages
     assert told.endswith(
-        "its loads are for foot type hexapod-2kg; these feet, aoyagi-3x3, may be overloaded by them, or not feel them"
+        "its loads are for foot type hexapod-2kg; these feet, aoyagi-3x3, may be overloaded by them, or not feel them; "
+        "set foot_type: hexapod-2kg in the file of --config"
     )

@@ -76,14 +76,13 @@ def test_an_event_that_the_channel_did_not_take_is_sent_later_and_once(
 
 
 def test_a_client_takes_no_event_twice(robot: Robot) -> None:
-    """A repeated frame is dropped, one with a wrong crc counted, and a restarted service believed."""
+    """A repeated frame is dropped, one with a wrong crc too, and a restarted service believed."""
     robot.publish(111 * MS, gait=gait_frame(111 * MS, events=(TOUCHDOWN,)))
     (message,) = robot.heard(GAIT_EVENT_ID)
     events, frame = GaitEvents(), (message.arbitration_id, bytes(message.data))
     assert events.feed(*frame, 0) is not None
     assert events.feed(*frame, 2 * MS) is None
     assert events.feed(frame[0], bytes(6), 3 * MS) is None
-    assert events.n_wrong == 1
     assert events.feed(0x109, bytes(8), 3 * MS) is None
     assert events.feed(*frame, 2000 * MS) is not None
 

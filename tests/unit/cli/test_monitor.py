@@ -275,21 +275,26 @@ def test_reports_are_known_as_long_as_they_come() -> None:
     assert reports.feed(BASELINE_ID + 3, bytes(8), begin_ns)
     assert reports.feed(BASELINE_ID + 4, bytes(8), begin_ns)
     assert not reports.feed(FORCE_ID + 3, bytes(8), begin_ns)
-    assert reports.n_wrong == 2
+    assert reports.leg(3, begin_ns).baseline == baseline
 
 
 def test_a_channel_that_cannot_be_is_refused_with_one_that_can() -> None:
     """Before anything is opened."""
-    for channel in (["--channel", "can0"], ["can0"]):
-        result = CliRunner().invoke(monitor, ["--interface", "udp_multicast", *channel])
-        assert result.exit_code == 2
-        assert "can0 is no IPv4 multicast address; try 239.74.163.2" in result.output
+    udp = ["--interface", "udp_multicast"]
+    for name, options in (("can0", udp), ("239.74.163", []), ("10.0.0.1", []), ("ff15::1", [])):
+        for channel in (["--channel", name], [name]):
+            result = CliRunner().invoke(monitor, [*options, *channel])
+            assert result.exit_code == 2
+            assert f"channel '{name}' is no IPv4 multicast address; try 239.74.163.2" in result.output
 
 
 @pytest.mark.parametrize("options", ["--duration 0.3", "--duration 1.3", "--timeout 0.4", "--once", ""])
 def test_a_channel_on_which_nothing_was_heard_is_a_failure(options: str) -> None:
     """Told once, whether the first second is over or not; where nobody watches, without an option too."""
-    arguments = ["monitor", "239.74.163.77", "--interface", "udp_multicast", *options.split()]
+    arguments = ["monitor", "239.74.163.77", *options.split()]
     result = CliRunner().invoke(main, arguments)
     assert result.exit_code == 1
-    assert result.output == "footsense: no frames on 239.74.163.77; is the service running?\n"
+    told = (
+        "footsense: no frames on 239.74.163.77; is the service running, and is this its channel? (simulated: "
+    )
+    assert result.output == f"{told}with --config deploy/simulated.yaml)\n"

@@ -6,7 +6,7 @@ import errno
 import math
 import os
 import queue
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 
 import pytest
@@ -182,6 +182,49 @@ def test_a_motion_reaches_the_service(heard: Heard) -> None:
     assert (sink.stats.received_motions, sink.stats.rejected_motions) == (2, 0)
 
 
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (
+            {"acceleration_m_per_s2": 500.0, "sigma_m_per_s2": 1.0},
+            r"^acceleration_m_per_s2: to \+-327.67, got 500$",
+        ),
+        ({"acceleration_m_per_s2": 1.0}, "^acceleration_m_per_s2 and sigma_m_per_s2: both or neither$"),
+        ({"sigma_m_per_s2": 1.0}, "both or neither$"),
+    ],
+)
+def test_a_motion_that_would_be_cut_or_dropped_is_refused(
+    heard: Heard, given: dict[str, float], message: str
+) -> None:
+    with connected(heard) as feet, pytest.raises(ValueError, match=message):
+        feet.send_motion("rf", **given)  # type: ignore[arg-type]
+    assert heard.robot.sink.commands() == []
+    assert heard.robot.sink.stats.received_motions == 0
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda feet: feet.latest(),
+        lambda feet: next(iter(feet)),
+        lambda feet: feet.tare("lf"),
+        lambda feet: feet.send_motion("lf"),
+    ],
+)
+def test_closed_feet_say_so(heard: Heard, call: Callable[[Feet], object]) -> None:
+    feet = connected(heard)
+    feet.close()
+    feet.close()
+    with pytest.raises(FootsenseError, match=r"^closed: connect again$"):
+        call(feet)
+
+
+@pytest.mark.parametrize("timeout_s", [-1.0, 0.0, math.nan, math.inf])
+def test_a_timeout_that_is_none_is_refused(timeout_s: float) -> None:
+    with pytest.raises(ValueError, match=rf"^timeout_s: a time above 0 s, got {timeout_s}$"):
+        footsense.connect("239.74.163.77", timeout_s=timeout_s)
+
+
 def test_a_slow_loop_gets_the_newest_forces_and_no_backlog(heard: Heard) -> None:
     with connected(heard) as feet:
         cycles = iter(feet)
@@ -248,7 +291,7 @@ class Gone:
 
 
 def test_what_is_wrong_with_a_channel_is_said(heard: Heard) -> None:
-    with pytest.raises(CanError, match=r"^no forces on .* within 0.05 s; is the service running"):
+    with pytest.raises(CanError, match=r"^no forces within 0.05 s on .*; is the service running"):
         heard.connect()
     gone = Listener(Gone(), heard.robot.clock, LinkLimits())
     with pytest.raises(CanError, match="the CAN channel is gone: No such device"):
@@ -266,8 +309,11 @@ def test_frames_without_a_force_that_can_be_used_are_told_apart_from_silence(hea
     ("given", "message"),
     [
         ({"interface": "slcan"}, "interface 'slcan': use one of socketcan, udp_multicast"),
-        ({"channel": "udp_multicast"}, r"is an interface: connect\(interface='udp_multicast'\)$"),
+        ({"channel": "udp_multicast"}, "is an interface: give it as one, without a channel$"),
         ({"channel": "can0", "interface": "udp_multicast"}, "no IPv4 multicast address; try 239.74.163.2"),
+        ({"channel": "239.74.163"}, "^channel '239.74.163' is no IPv4 multicast address; try 239.74.163.2$"),
+        ({"channel": "10.0.0.1"}, "no IPv4 multicast address"),
+        ({"channel": "ff15::1"}, "no IPv4 multicast address"),
         (
             {"channel": "no-such-can"},
             r"CAN channel no-such-can .*; of a simulation: 239\.74\.163\.2$",

@@ -11,7 +11,6 @@ from footsense.config import DEFAULT
 from footsense.daemon.models import load_models
 from footsense.daemon.setup.expected_error import (
     ExpectedError,
-    uncertainty_of_uncalibrated,
 )
 from footsense.estimation.network import Network, steady_windows
 from footsense.foot.calibration_files import FootCalibration, Manifest
@@ -22,6 +21,7 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads, Specimen
 from footsense.foot.type_folders import released_folder, released_names
 from footsense.sim.fabrication import PAPER_TOLERANCES, draw_deviations
+from footsense.sim.uncalibrated import uncertainty_of_uncalibrated
 
 N_FEET = 20
 LEANING = normalized(

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from footsense.calibration.evaluation import DesignModels
-from footsense.daemon.setup.expected_error import uncertainty_of_uncalibrated
 from footsense.estimation.pipeline import pipeline_of
 from footsense.estimation.settings import EstimationLimits, MountedFeet
 from footsense.foot.specimen import Specimen
@@ -18,6 +17,7 @@ from footsense.lab.report import Values
 from footsense.lab.studies.boards.many_feet import foot_loads, smooth_tripod
 from footsense.lab.studies.boards.walking_electrodes import walked_logs, walked_parameters
 from footsense.sim.fabrication import PAPER_TOLERANCES, draw_deviations, uncertainty_of_parameters
+from footsense.sim.uncalibrated import uncertainty_of_uncalibrated
 from footsense.validation.made_feet import SEED, MadeFootPlan, calibrate_made_foot
 
 if TYPE_CHECKING:
