@@ -131,8 +131,9 @@ class ElementClassifier:
         opened = (capacitance_pf < self._open_below_pf) | (scan.reading == _UNDER_RANGE)
         before, self._opened = self._opened, opened
         over_range = scan.reading == _OVER_RANGE
-        # At least that much: the consistency test decides whether it can be.
-        np.copyto(capacitance_pf, self._range_end_pf, where=over_range)
+        if np.count_nonzero(over_range):
+            # At least that much: the consistency test decides whether it can be.
+            np.copyto(capacitance_pf, self._range_end_pf, where=over_range)
         if np.count_nonzero(opened):
             capacitance_pf -= floating_row_crosstalk_pf(scan.capacitance_pf, opened)
         # A line that breaks or returns was intact for a part of the scan, and so was its effect on other elements.

@@ -93,14 +93,9 @@ class ReadingWindow:
             t_ns: Middle of each element's conversion [ns], same shape.
         """
         kept_rel, kept_ns = self._distance_rel, self._t_ns
-        new = t_ns != kept_ns[:, 0]
-        all_new = np.count_nonzero(new) == new.size  # a usual frame of a whole scan
+        new = (t_ns != kept_ns[:, 0])[:, None]
         for kept, now in ((kept_rel, plate_distance_rel), (kept_ns, t_ns)):
-            if all_new:
-                kept[:, 1:] = kept[:, :2]
-            else:
-                np.copyto(kept[:, 2], kept[:, 1], where=new)
-                np.copyto(kept[:, 1], kept[:, 0], where=new)
+            np.copyto(kept[:, 1:], kept[:, :2], where=new)
             kept[:, 0] = now
         steps_ns = kept_ns[:, :2] - kept_ns[:, 1:]
         steps_rel = kept_rel[:, :2] - kept_rel[:, 1:]

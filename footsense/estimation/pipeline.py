@@ -162,8 +162,9 @@ class Pipeline:
             raise ValueError(
                 f"a frame of {scan.capacitance_pf.shape} readings, here {self._distance_pf.shape}"
             )
-        if np.maximum.reduce(scan.t_ns, axis=None) > now_ns:
-            scan = _without_future_readings(scan, now_ns)
+        future = scan.t_ns > now_ns
+        if np.count_nonzero(future):
+            scan = _without_readings(scan, future)
         baselines = self._baselines
         elements = self._elements.classify(scan, self._consistency.excluded, baselines.unloaded.baseline_pf)
         pf = elements.capacitance_pf
@@ -276,8 +277,11 @@ class Pipeline:
         if np.count_nonzero(missing) or not usable.all():
             for leg in (patterns_of(missing) | ~usable).nonzero()[0].tolist():
                 if usable[leg]:
-                    closure_rel[leg] = self._imputation.impute(closure_rel[leg][None], missing[leg][None])[0]
-                    age_s[leg, :, missing[leg]] = age_s[leg, :, ~missing[leg]].mean(axis=0)
+                    without, ages_s = missing[leg], age_s[leg]
+                    closure_rel[leg, :, without] = 0.0
+                    closure_rel[leg] = closure_rel[leg] @ self._imputation.matrix(without).T
+                    kept_s = ages_s.T[~without]
+                    ages_s[:, without] = (np.add.reduce(kept_s) / len(kept_s))[:, None]
                 else:
                     closure_rel[leg], age_s[leg] = 0.0, STEADY_AGES_S
         load = self._estimator.estimate(Window(closure_rel, age_s, missing))
@@ -315,9 +319,8 @@ def with_inconsistency(
     return widened_n
 
 
-def _without_future_readings(scan: CapFrame, now_ns: int) -> CapFrame:
-    """Return a frame without the readings whose time stamps are later than `now_ns`."""
-    future = scan.t_ns > now_ns
+def _without_readings(scan: CapFrame, future: Mask) -> CapFrame:
+    """Return a frame without the readings in a mask, whose time stamps are later than now."""
     return scan._replace(
         t_ns=np.where(future, 0, scan.t_ns),
         capacitance_pf=np.where(future, np.nan, scan.capacitance_pf),
