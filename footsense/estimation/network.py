@@ -108,7 +108,8 @@ class ReadingWindow:
         moved_rel = np.maximum.reduce(moved_rel, axis=1)
         moved_rel.partition(ELEMENTS - 2, axis=1)
         # One element that moved far alone: a load moves several.
-        if np.count_nonzero(moved_rel[:, -1] > _SPIKE_THRESHOLD_REL + 3.0 * moved_rel[:, -2]):
+        most_rel = moved_rel[:, ELEMENTS - 2 :].tolist()
+        if any(largest > _SPIKE_THRESHOLD_REL + 3.0 * second for second, largest in most_rel):
             _replace_spikes(kept_rel)
         of_whole_ns = kept_ns[:, 0]
         newest_ns = np.maximum.reduce(of_whole_ns, axis=1)

@@ -102,21 +102,19 @@ class _Measurements:
 
     def __init__(self, n_legs: int) -> None:
         # Those that count, else infinite, and all.
-        self._counting_rel, self._all_rel = np.full((2, n_legs, NOISE_SAMPLES), np.inf)
+        self._measured_rel = np.full((2, n_legs, NOISE_SAMPLES), np.inf)
         self._turn, self._legs = 0, np.arange(n_legs)
         self.noise_rel = np.zeros(n_legs)
 
     def add(self, measured_rel: Vector, counts: Mask) -> None:
-        counting_rel, all_rel = self._counting_rel, self._all_rel
-        counting_rel[:, self._turn] = np.where(counts, measured_rel, np.inf)
-        all_rel[:, self._turn] = measured_rel
+        self._measured_rel[:, :, self._turn] = np.where(counts, measured_rel, np.inf), measured_rel
         self._turn = (self._turn + 1) % NOISE_SAMPLES
-        n_counting = np.add.reduce(counting_rel < np.inf, axis=1)
-        median_rel = np.sort(counting_rel, axis=1)[self._legs, n_counting // 2]
-        found_rel = np.where(n_counting >= _LEAST, median_rel, self.noise_rel)
         # A NaN is sorted to the end.
-        quartile_rel = np.sort(all_rel, axis=1)[:, NOISE_SAMPLES // 4]
-        self.noise_rel = np.fmin(found_rel, _MEDIAN_OVER_QUARTILE * quartile_rel)
+        counting_rel, all_rel = np.sort(self._measured_rel)
+        n_counting = np.add.reduce(counting_rel < np.inf, axis=1)
+        median_rel = counting_rel[self._legs, n_counting // 2]
+        found_rel = np.where(n_counting >= _LEAST, median_rel, self.noise_rel)
+        self.noise_rel = np.fmin(found_rel, _MEDIAN_OVER_QUARTILE * all_rel[:, NOISE_SAMPLES // 4])
 
 
 def _mean_square(values: Vector, directions: Vector) -> Vector:

@@ -202,7 +202,7 @@ class Pipeline:
                 untared_states=baselines.tares.states,
             )
         )
-        age_s: Vector = np.asarray((now_ns - readings.t_ns) * 1e-9, np.float64)
+        age_s: Vector = (now_ns - readings.t_ns).astype(np.float64) * 1e-9
         load, norms_n2, state = self._estimate_loads(
             closure_rel, age_s, missing, inconsistency_sigma_rel, state
         )
@@ -225,7 +225,7 @@ class Pipeline:
         )
         gait = self._gait.observe(load, baselines.contacts, now_ns)
         # Beside the network's: the foot's own mass, and what nobody knows of the foot, along the force and across it.
-        variance_n2 = load.sigma_n**2 + baselines.swing_sigma_n**2
+        variance_n2 = load.sigma_n**2 + baselines.swing_variance_n2
         variance_n2 += self._across_rel2 * norms_n2[:, None]
         variance_n2 += self._more_along_rel2 * force_n**2
         if any_overloaded:
@@ -278,8 +278,7 @@ class Pipeline:
             for leg in (patterns_of(missing) | ~usable).nonzero()[0].tolist():
                 if usable[leg]:
                     without, ages_s = missing[leg], age_s[leg]
-                    closure_rel[leg, :, without] = 0.0
-                    closure_rel[leg] = closure_rel[leg] @ self._imputation.matrix(without).T
+                    closure_rel[leg] = self._imputation.impute(closure_rel[leg], without)
                     kept_s = ages_s.T[~without]
                     ages_s[:, without] = (np.add.reduce(kept_s) / len(kept_s))[:, None]
                 else:
