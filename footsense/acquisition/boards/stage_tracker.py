@@ -114,7 +114,7 @@ class StageTracker:
 
     def results(
         self, before: int, before_at: tuple[float, float], behind: int, behind_at: tuple[float, float]
-    ) -> list[tuple[int, int]]:
+    ) -> list[tuple[int, float]]:
         """Return the results of a burst that are new, each of one known conversion, the oldest first.
 
         Args:
@@ -151,7 +151,7 @@ class StageTracker:
             self._next = end
         stage_ns = (shortest_ns + longest_ns) / 2
         first_ns = (from_ns + to_ns) / 2 + (0.5 - begin) * stage_ns
-        return [(number % n_stages, round(first_ns + number * stage_ns)) for number in range(begin, end)]
+        return [(number % n_stages, first_ns + number * stage_ns) for number in range(begin, end)]
 
     def _count(self, status: int, at: tuple[float, float]) -> None:
         """Count the conversions that have ended since the last status, as far as this one and the time tell."""
