@@ -274,7 +274,7 @@ class Pipeline:
         usable, max_n, (min_rel, max_rel) = IS_USABLE_STATE.take(state), self._max_force_n, self._trained_rel
         # The network gets trained inputs only.
         closure_rel = np.minimum(np.maximum(closure_rel, min_rel), max_rel)
-        if np.count_nonzero(missing) or not usable.all():
+        if np.count_nonzero(missing) or np.count_nonzero(usable) < len(usable):
             for leg in (patterns_of(missing) | ~usable).nonzero()[0].tolist():
                 if usable[leg]:
                     without, ages_s = missing[leg], age_s[leg]
@@ -291,10 +291,10 @@ class Pipeline:
             sigma_n = with_inconsistency(sigma_n, inconsistency_sigma_rel, force_n, max_sigma_n)
         fits = (norms_n2 <= max_n * max_n) & np.logical_and.reduce(sigma_n <= max_sigma_n, axis=1)
         told = usable & fits
-        if not told.all():
+        if np.count_nonzero(told) < len(told):
             state = np.where(usable > fits, _OUT_OF_RANGE, state)
             force_n[~told] = sigma_n[~told] = np.nan
-        return load._replace(sigma_n=sigma_n), norms_n2, state
+        return LoadEstimate(force_n, sigma_n, *load[2:]), norms_n2, state
 
 
 def _squared_norms(vectors: Vector) -> Vector:

@@ -49,7 +49,7 @@ _NO_STAGE = 1 << chip.N_STAGES
 #: `Reading` of each code, and its nominal capacitance without what the offset takes away [pF], NaN unless it is OK.
 _READINGS: Codes = np.full(chip.CODE_MAX + 1, Reading.OK, np.uint8)
 _READINGS[0], _READINGS[chip.CODE_MAX] = Reading.UNDER_RANGE, Reading.OVER_RANGE
-_CAPACITANCES_PF: Vector = (np.arange(chip.CODE_MAX + 1) - chip.CODE_MID) * chip.FF_PER_CODE * 1e-3
+_CAPACITANCES_PF: Vector = (np.arange(chip.CODE_MAX + 1.0) - chip.CODE_MID) * chip.FF_PER_CODE * 1e-3
 _CAPACITANCES_PF[_READINGS != Reading.OK] = np.nan
 
 
