@@ -185,8 +185,9 @@ class FreeScanner:
     def latest(self) -> CapFrame:
         """Latest readings of all elements."""
         reading, capacitance_pf = ad7147.decode(self._codes, self._gain_rel, self._offset_pf)
-        t_ns = np.rint(self._middle_ns).astype(np.int64)
-        return CapFrame(self._sequence, t_ns, capacitance_pf, np.where(self._missing, self._missing, reading))
+        if np.count_nonzero(self._missing):
+            np.copyto(reading, self._missing, where=self._missing > 0)
+        return CapFrame(self._sequence, np.rint(self._middle_ns).astype(np.int64), capacitance_pf, reading)
 
     @property
     def _read_ns(self) -> int:

@@ -138,7 +138,7 @@ class StageTracker:
         # A conversion that ended as the status was read may be in it or not, and its result may be new or not.
         if not behind and self._ended(self._most + 1)[0] < before_at[1] + _STATUS_SKEW_NS:
             begin += 1
-        begin = max(begin, self._next)
+        begin = begin if begin > self._next else self._next
         (from_ns, to_ns), (shortest_ns, longest_ns) = self._ended(begin), self.stage_ns
         if to_ns + (end - begin) * longest_ns > before_at[0] - _STATUS_SKEW_NS:
             end -= 1
