@@ -275,22 +275,23 @@ class FreeScanner:
         Spans as of the tracker's `results`.
         """
         before, codes, behind = ad7147.read_words(burst, status)
-        results = leg.tracker.results(before, before_at, behind, behind_at)
+        numbers, time_ns, stage_ns = leg.tracker.results(before, before_at, behind, behind_at)
         leg.converts = not leg.tracker.is_doubtful
         if leg.tracker.is_doubtful:
             self._check_doubtful(leg)
             return
         leg.due_ns = round(behind_at[1])
-        if not results:
+        if not numbers:
             # Time in which nobody asked it does not count.
             leg.n_silent += behind_at[1] > leg.ready_ns
             if leg.n_silent > _SILENT_SCANS * self.reads_per_frame:
                 self._discard(leg, Reading.NOT_READY)
             return
         places, (middles_ns, latest_codes, missing) = leg.places, self._entries
-        for stage, middle_ns in results:
+        for number in numbers:
+            stage = number % ELEMENTS
             at = places[stage]
-            middles_ns[at], latest_codes[at], missing[at] = middle_ns, codes[stage], 0
+            middles_ns[at], latest_codes[at], missing[at] = time_ns + number * stage_ns, codes[stage], 0
         leg.outcome, leg.n_doubts, leg.n_silent = _OK, 0, 0
         leg.ready_ns = leg.due_ns
 
