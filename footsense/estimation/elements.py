@@ -249,9 +249,7 @@ class ConsistencyTest:
         # In plain Python numbers: for six legs, arrays take longer.
         sigmas_rel = [
             factor * _inconsistency_sigma_rel(residual, rms, motion) if is_tested else 0.0
-            for residual, rms, motion, factor, is_tested in zip(
-                *(column.tolist() for column in columns), strict=True
-            )
+            for residual, rms, motion, factor, is_tested in zip(*map(np.ndarray.tolist, columns), strict=True)
         ]
         return ConsistencyResult(choice.missing, np.array(sigmas_rel))
 

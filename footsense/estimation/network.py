@@ -108,9 +108,10 @@ class ReadingWindow:
         moved_rel = np.maximum(moved_rel[:, 0], moved_rel[:, 1])
         moved_rel.partition(ELEMENTS - 2, axis=1)
         # One element that moved far alone: a load moves several.
-        most_rel = moved_rel[:, ELEMENTS - 2 :].tolist()
-        if any(largest > _SPIKE_THRESHOLD_REL + 3.0 * second for second, largest in most_rel):
-            _replace_spikes(kept_rel)
+        for second_rel, largest_rel in moved_rel[:, ELEMENTS - 2 :].tolist():
+            if largest_rel > _SPIKE_THRESHOLD_REL + 3.0 * second_rel:
+                _replace_spikes(kept_rel)
+                break
         of_whole_ns, newest_ns = t_ns, np.maximum.reduce(t_ns, axis=1)
         if not all_in_order:
             kept_rel, kept_ns, alone = kept_rel.copy(), kept_ns.copy(), ~in_order[:, 1]
