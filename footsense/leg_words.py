@@ -6,7 +6,9 @@ The only table of these texts. Log, terminal tables, `footsense probe` and the p
 from enum import IntEnum
 from typing import NamedTuple
 
-from footsense.frames import Cause, Reading, State
+import numpy as np
+
+from footsense.frames import Cause, Mask, Reading, State
 
 
 class LegPhase(IntEnum):
@@ -134,9 +136,11 @@ STATE_AND_CAUSE_OF_READING = {
     Reading.NO_ANSWER: (State.ABSENT, Cause.NO_ANSWER),
 }
 
-#: Readings of a leg whose foot does not answer: it may come back with another foot.
-SILENT_READINGS = tuple(
-    reading for reading, (state, _) in STATE_AND_CAUSE_OF_READING.items() if state is State.ABSENT
+#: Whether a reading is of a leg whose foot does not answer, by its code, shape (256,): it may come back with another
+#: foot.
+IS_SILENT: Mask = np.isin(
+    np.arange(256),
+    [reading for reading, (state, _) in STATE_AND_CAUSE_OF_READING.items() if state is State.ABSENT],
 )
 
 

@@ -32,7 +32,7 @@ from footsense.errors import I2cError, I2cTimeoutError
 from footsense.frames import ELEMENTS, CapFrame, Reading
 from footsense.ports import Clock, I2cBus
 
-_NAN, _OK, _NONE = float("nan"), Reading.OK, np.empty(0, np.uint8)
+_OK, _NONE = Reading.OK, np.empty(0, np.uint8)
 #: Scans in a row with a missing reading before a leg is left out: 70 ms.
 _MISSED_SCANS_BEFORE_LEAVING = 10
 #: Times in a row that a status may not fit though the settings are held, before the chip is reset.
@@ -113,7 +113,6 @@ class FreeScanner:
     Attributes:
         clock, plan: As given.
         legs: The connections to the legs, in the order of the rows.
-        latest: Their latest readings, written over element by element.
         bus_timing: Cost of transactions and limits of the scan, measured by `start`; None if no leg answered.
         frames_per_scan: Frames in a scan: one.
         reads_per_frame: Reads of each leg for a frame: two where the bus carries that.
@@ -136,13 +135,14 @@ class FreeScanner:
             FreeLeg(name, channel, row, addresses[name], plan)
             for row, (name, channel) in enumerate(channels.items())
         )
-        # Their latest readings, and the same memory as arrays of numpy, in which to set an entry takes longer.
+        # Middles of their latest conversions [ns], their codes, and for an element without one the reason; and the same
+        # memory as arrays of numpy, in which to set an entry takes longer.
         n = len(self.legs) * ELEMENTS
-        self._entries = (
-            *(array("q", [0] * n), array("d", [_NAN] * n)),
-            array("B", [Reading.NO_ANSWER] * n),
+        self._entries = array("d", [0.0] * n), array("H", [0] * n), array("B", [Reading.NO_ANSWER] * n)
+        self._middle_ns, self._codes, self._missing = (
+            np.asarray(each).reshape(-1, ELEMENTS) for each in self._entries
         )
-        self.latest = CapFrame(0, *(np.asarray(each).reshape(-1, ELEMENTS) for each in self._entries))
+        self._gain_rel, self._offset_pf = np.ones((2, len(self.legs), 1))
         self.bus_timing: BusTiming | None = None
         self.frames_per_scan = self.reads_per_frame = 1
         self.complete_ns = self.n_late_discards = 0
@@ -177,10 +177,17 @@ class FreeScanner:
             end_ns = self.clock.now_ns() + _START_SCANS * self.plan.scan_ns
             while self.clock.now_ns() < end_ns and any(map(self._has_no_reading, self.legs)):
                 self._read_legs()
-        _, t_ns, capacitance_pf, reading = self.latest
-        frame = CapFrame(self._sequence, t_ns.copy(), capacitance_pf.copy(), reading.copy())
+        frame = self.latest
         self._sequence, self.complete_ns = self._sequence + 1, self.clock.now_ns()
         return frame
+
+    @property
+    def latest(self) -> CapFrame:
+        """Latest readings of all elements."""
+        reading, capacitance_pf = ad7147.decode(self._codes, self._gain_rel, self._offset_pf)
+        if np.count_nonzero(self._missing):
+            np.copyto(reading, self._missing, where=self._missing > 0)
+        return CapFrame(self._sequence, np.rint(self._middle_ns).astype(np.int64), capacitance_pf, reading)
 
     @property
     def _read_ns(self) -> int:
@@ -191,7 +198,7 @@ class FreeScanner:
         self._bus.disconnect_legs()
 
     def _has_no_reading(self, leg: FreeLeg) -> bool:
-        return leg.in_scan and bool(self.latest.reading[leg.row].any())
+        return leg.in_scan and bool(self._missing[leg.row].any())
 
     def _read_legs(self) -> None:
         """Read each leg when that is due; at the end of a scan make the checks and searches."""
@@ -217,10 +224,9 @@ class FreeScanner:
                 self._discard(leg, leg.outcome)
 
     def _discard(self, leg: FreeLeg, reading: Reading) -> None:
-        """Replace the readings of a leg by NaN and the reason for it."""
+        """Discard the readings of a leg, and keep the reason for it; a code of 0 has no capacitance."""
         leg.outcome = reading
-        _, t_ns, capacitance_pf, readings = self.latest
-        t_ns[leg.row], capacitance_pf[leg.row], readings[leg.row] = 0, _NAN, reading
+        self._middle_ns[leg.row], self._codes[leg.row], self._missing[leg.row] = 0, 0, reading
 
     def _read_leg(self, leg: FreeLeg) -> None:
         """Read the results of a leg, or its reference if that has been converted.
@@ -269,25 +275,23 @@ class FreeScanner:
         Spans as of the tracker's `results`.
         """
         before, codes, behind = ad7147.read_words(burst, status)
-        results = leg.tracker.results(before, before_at, behind, behind_at)
+        numbers, time_ns, stage_ns = leg.tracker.results(before, before_at, behind, behind_at)
         leg.converts = not leg.tracker.is_doubtful
         if leg.tracker.is_doubtful:
             self._check_doubtful(leg)
             return
         leg.due_ns = round(behind_at[1])
-        if not results:
+        if not numbers:
             # Time in which nobody asked it does not count.
             leg.n_silent += behind_at[1] > leg.ready_ns
             if leg.n_silent > _SILENT_SCANS * self.reads_per_frame:
                 self._discard(leg, Reading.NOT_READY)
             return
-        assert leg.calibration is not None
-        t_ns, capacitance_pf, readings = self._entries
-        places, decode, (gain_rel, offset_pf) = leg.places, ad7147.decode, leg.calibration
-        for stage, middle_ns in results:
+        places, (middles_ns, latest_codes, missing) = leg.places, self._entries
+        for number in numbers:
+            stage = number % ELEMENTS
             at = places[stage]
-            readings[at], capacitance_pf[at] = decode(codes[stage], gain_rel, offset_pf)
-            t_ns[at] = middle_ns
+            middles_ns[at], latest_codes[at], missing[at] = time_ns + number * stage_ns, codes[stage], 0
         leg.outcome, leg.n_doubts, leg.n_silent = _OK, 0, 0
         leg.ready_ns = leg.due_ns
 
@@ -351,6 +355,7 @@ class FreeScanner:
             self._await_reference(leg)
         else:
             leg.calibration = measured
+            self._gain_rel[leg.row], self._offset_pf[leg.row] = measured
             self._start_elements(leg)
 
     def _start_elements(self, leg: FreeLeg) -> None:
@@ -383,10 +388,10 @@ class FreeScanner:
         if leg.in_scan and leg.is_started:
             self._check(leg, leg.checks[turn % len(leg.checks)])
         now_ns, all_in_scan = self.clock.now_ns(), True
-        any_missing = np.count_nonzero(self.latest.reading) > 0
+        any_missing = np.count_nonzero(self._missing) > 0
         for each in self.legs:
             if each.in_scan and now_ns > each.due_ns and (each.is_suspect or any_missing):
-                each.count_misses(_NONE if each.converts else self.latest.reading[each.row], now_ns)
+                each.count_misses(_NONE if each.converts else self._missing[each.row], now_ns)
             all_in_scan &= each.in_scan
         if not all_in_scan:
             probe_due_legs(self._bus, self.legs, self._set_up, self.clock)

@@ -5,9 +5,9 @@ complete when the slowest bus is. A bus that is later than the first one by a wh
 line is held low, does not delay the others: they go on with its last readings, until it is there again.
 """
 
-from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
-from typing import Any
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from queue import Empty, SimpleQueue
 
 import numpy as np
 
@@ -15,18 +15,6 @@ from footsense.acquisition.free_scanner import FreeScanner
 from footsense.acquisition.leg_connection import LegConnection
 from footsense.acquisition.scanner import BusScanner
 from footsense.frames import CapFrame
-
-#: Later than any time [ns].
-_NEVER_NS = 1 << 63
-
-
-class _SequentialExecutor(Executor):
-    """Executor that runs each task at once in the calling thread, for simulated buses."""
-
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:  # noqa: ANN401 - as its base
-        done: Future[Any] = Future()
-        done.set_result(fn(*args, **kwargs))
-        return done
 
 
 class RobotScanner:
@@ -40,12 +28,11 @@ class RobotScanner:
     def __init__(self, buses: Sequence[BusScanner | FreeScanner], *, threads: bool = False) -> None:
         self._buses = tuple(buses)
         self._sequence = 0
-        self._threads = threads
-        self._pool: Executor = (
-            ThreadPoolExecutor(len(buses), thread_name_prefix="i2c") if threads else _SequentialExecutor()
-        )
-        # Readings on their way, and the last that have arrived.
-        self._pending: list[Future[CapFrame] | None] = [None] * len(self._buses)
+        self._pool = ThreadPoolExecutor(len(buses), thread_name_prefix="i2c") if threads else None
+        # Numbers of the buses whose readings are on their way, those that have arrived, and the last that were taken.
+        self._pending = set[int]()
+        self._arrived = SimpleQueue[tuple[int, CapFrame | Exception]]()
+        self._ready = dict[int, CapFrame | Exception]()
         self._latest = [bus.latest for bus in self._buses]
         self._grace_ns = max(bus.plan.longest_frame_ns for bus in self._buses)
 
@@ -67,7 +54,7 @@ class RobotScanner:
         """
         for bus in self._buses:
             bus.start()
-        if not self._threads:
+        if self._pool is None:
             ready_ns = max(bus.clock.now_ns() for bus in self._buses)
             for bus in self._buses:
                 bus.clock.sleep_until_ns(ready_ns)
@@ -86,31 +73,48 @@ class RobotScanner:
 
     def _read_buses(self) -> None:
         """Start reading all buses that are not busy, and take the readings that are complete."""
-        fresh = dict[int, Future[CapFrame]]()
-        for n, bus in enumerate(self._buses):
-            if self._pending[n] is None:
-                self._pending[n] = fresh[n] = self._pool.submit(bus.read)
-        _, others = wait(fresh.values(), return_when=FIRST_COMPLETED)
-        wait(others, timeout=self._grace_ns * 1e-9 if self._sequence else None)
-        ready_ns, first_ns = dict[int, int](), _NEVER_NS
-        for n, each in enumerate(self._pending):
-            if each is not None and each.done():
-                ready_ns[n] = self._buses[n].complete_ns
-                if n in fresh:
-                    first_ns = min(first_ns, ready_ns[n])
-        now_ns = first_ns
+        buses, ready = self._buses, self._ready
+        fresh = [n for n in range(len(buses)) if n not in self._pending]
+        self._pending.update(fresh)
         for n in fresh:
-            t_ns = ready_ns.get(n, first_ns)
-            if t_ns <= first_ns + self._grace_ns or not self._sequence:
-                now_ns = max(now_ns, t_ns)
+            if self._pool is None:
+                self._read_bus(n)
+            else:
+                self._pool.submit(self._read_bus, n)
+        n_awaited, timeout_s = len(fresh), None
+        while n_awaited:
+            try:
+                n, readings = self._arrived.get(timeout=timeout_s)
+            except Empty:
+                break
+            ready[n] = readings
+            if n in fresh:
+                n_awaited -= 1
+                timeout_s = self._grace_ns * 1e-9 if self._sequence else None
+        ready_ns = {n: buses[n].complete_ns for n in ready}
+        fresh_ns = [t_ns for n, t_ns in ready_ns.items() if n in fresh]
+        limit_ns = min(fresh_ns) + self._grace_ns if self._sequence else max(fresh_ns)
+        now_ns = max(t_ns for t_ns in fresh_ns if t_ns <= limit_ns)
         for n, t_ns in ready_ns.items():
-            pending = self._pending[n]
-            if t_ns <= now_ns and pending is not None:
-                self._latest[n] = pending.result()
-                self._pending[n] = None
+            if t_ns <= now_ns:
+                readings = ready.pop(n)
+                self._pending.discard(n)
+                if isinstance(readings, Exception):
+                    raise readings
+                self._latest[n] = readings
+
+    def _read_bus(self, n: int) -> None:
+        """Read a bus, and tell what came of it."""
+        readings: CapFrame | Exception
+        try:
+            readings = self._buses[n].read()
+        except Exception as error:  # noqa: BLE001 - the loop's thread raises it
+            readings = error
+        self._arrived.put((n, readings))
 
     def close(self) -> None:
         """End the threads of the buses, and disconnect all legs."""
-        self._pool.shutdown()
+        if self._pool is not None:
+            self._pool.shutdown()
         for bus in self._buses:
             bus.close()

@@ -42,8 +42,8 @@ class BaselineTracker:
         tares: Tares in progress.
         unloaded: The baselines, and what follows from them.
         flags: CONTACT, and TARE_REFUSED where an older baseline is in use, shape (legs,).
-        swing_sigma_n: Force that is none of the ground, shape (legs, 1) [N]: what a foot in the air reads, and one on
-            the ground below the baseline. A foot can be pressed, not pulled.
+        swing_variance_n2: Square of the force that is none of the ground, shape (legs, 1) [N2]: what a foot in the air
+            reads, and one on the ground below the baseline. A foot can be pressed, not pulled.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class BaselineTracker:
         self.contacts = [self._contact() for _ in feet.names]
         self._turn = 0
         self.flags = np.zeros(len(feet.names), np.uint8)
-        self.swing_sigma_n = np.zeros((len(feet.names), 1))
+        self.swing_variance_n2 = np.zeros((len(feet.names), 1))
         self._flags: list[int] = []
         self._swinging: list[int] = []
 
@@ -183,7 +183,7 @@ class BaselineTracker:
         self._track_drift(capacitance_pf, t_ns, missing)
         if flags != self._flags:
             self._flags, self.flags = flags, np.array(flags, np.uint8)
-        self.swing_sigma_n = np.abs(np.array(not_ground_n))[:, None]
+        self.swing_variance_n2 = np.square(np.array(not_ground_n))[:, None]
 
     def _track_drift(self, capacitance_pf: Vector, t_ns: Stamps, missing: Mask) -> None:
         """Update the baselines of those legs in swing whose turn it is; arguments as of `observe`."""

@@ -131,8 +131,9 @@ class ElementClassifier:
         opened = (capacitance_pf < self._open_below_pf) | (scan.reading == _UNDER_RANGE)
         before, self._opened = self._opened, opened
         over_range = scan.reading == _OVER_RANGE
-        # At least that much: the consistency test decides whether it can be.
-        np.copyto(capacitance_pf, self._range_end_pf, where=over_range)
+        if np.count_nonzero(over_range):
+            # At least that much: the consistency test decides whether it can be.
+            np.copyto(capacitance_pf, self._range_end_pf, where=over_range)
         if np.count_nonzero(opened):
             capacitance_pf -= floating_row_crosstalk_pf(scan.capacitance_pf, opened)
         # A line that breaks or returns was intact for a part of the scan, and so was its effect on other elements.
@@ -235,18 +236,22 @@ class ConsistencyTest:
             tested = tested & ~np.logical_or.reduce(unread > unusable, axis=1)
         motion_rel = readings.second_largest_motion_rel
         _, largest, rms_rel = self._residuals(closure_rel, overloaded, choice)
-        excess = largest - RESIDUAL_LIMIT - RESIDUAL_LIMIT_REL * rms_rel
-        contradicted = tested & (excess > motion_rel[:, None])[:, 0]
+        excess = (largest - RESIDUAL_LIMIT - RESIDUAL_LIMIT_REL * rms_rel)[:, 0]
+        contradicted = tested & (excess > motion_rel)
         moves_alone = self._test_alone(closure_rel, readings, unusable, tested)
         if self._has_evidence or np.count_nonzero(contradicted) or np.count_nonzero(moves_alone):
             # What only motion explains is no evidence for an element.
-            agrees = tested & (excess <= 0.0)[:, 0] & ~np.logical_or.reduce(moves_alone, axis=1)
+            agrees = tested & (excess <= 0.0) & ~np.logical_or.reduce(moves_alone, axis=1)
             self._weigh(closure_rel, readings, unusable, overloaded, moves_alone, contradicted, agrees)
             choice = self._choice((unusable | self.excluded).tobytes(), overloaded.tobytes())
             _, largest, rms_rel = self._residuals(closure_rel, overloaded, choice)
-        inconsistency_rel = inconsistency_sigma_rel(largest[:, 0], rms_rel[:, 0], motion_rel)
-        inconsistency_rel *= choice.error_amplification * tested
-        return ConsistencyResult(choice.missing, inconsistency_rel)
+        columns = largest[:, 0], rms_rel[:, 0], motion_rel, choice.error_amplification, tested
+        # In plain Python numbers: for six legs, arrays take longer.
+        sigmas_rel = [
+            factor * _inconsistency_sigma_rel(residual, rms, motion) if is_tested else 0.0
+            for residual, rms, motion, factor, is_tested in zip(*map(np.ndarray.tolist, columns), strict=True)
+        ]
+        return ConsistencyResult(choice.missing, np.array(sigmas_rel))
 
     def _choice_of(self, unusable: bytes, overloaded: bytes) -> _Choice:
         to_do_without, over = (
@@ -271,8 +276,8 @@ class ConsistencyTest:
         n_moved = np.add.reduce(moved_rel > STEADY_BELOW_SHARE_OF_RESIDUAL * UNCERTAIN_RESIDUAL, axis=1)
         moves, newest_ns = n_moved > 1, readings.newest_ns
         alone: Mask = (moved_rel > UNCERTAIN_RESIDUAL) > moves[:, None]
-        np.copyto(self._rested_rel, closure_rel, where=moves[:, None])
-        np.copyto(self._rested_ns, newest_ns, where=moves)
+        self._rested_rel = np.where(moves[:, None], closure_rel, self._rested_rel)
+        self._rested_ns = np.where(moves, newest_ns, self._rested_ns)
         self._moves_alone, before = alone, self._moves_alone
         if np.count_nonzero(alone):
             # The elements are read one after the other; one that is excluded for another reason moves when it is back.
@@ -362,13 +367,10 @@ class ConsistencyTest:
         self.stuck = self.excluded & (self.stuck | is_stuck)
 
 
-def inconsistency_sigma_rel(
-    residual: Vector | float, rms_rel: Vector | float, motion_rel: Vector | float
-) -> Vector:
+def _inconsistency_sigma_rel(residual: float, rms_rel: float, motion_rel: float) -> float:
     """Return sigma over the force [1] for the largest residual of a foot whose closures have this rms and motion."""
-    uncertain = np.maximum(residual - motion_rel - UNCERTAIN_RESIDUAL - UNCERTAIN_RESIDUAL_REL * rms_rel, 0.0)
-    inconsistency_rel: Vector = uncertain / np.maximum(rms_rel, RESIDUAL_LIMIT)
-    return inconsistency_rel
+    uncertain = residual - motion_rel - UNCERTAIN_RESIDUAL - UNCERTAIN_RESIDUAL_REL * rms_rel
+    return uncertain / max(rms_rel, RESIDUAL_LIMIT) if uncertain > 0.0 else 0.0
 
 
 def floating_row_crosstalk_pf(capacitance_pf: Vector, opened: Mask) -> Vector:
@@ -382,7 +384,9 @@ def floating_row_crosstalk_pf(capacitance_pf: Vector, opened: Mask) -> Vector:
         capacitance_pf: Readings, stray included [pF], shape (legs, elements), NaN under the range.
         opened: Open elements, shape (legs, elements).
     """
-    floating = opened.reshape(-1, ROWS, ROWS).all(axis=2, keepdims=True)
+    floating = np.logical_and.reduce(opened.reshape(-1, ROWS, ROWS), axis=2, keepdims=True)
+    if not np.count_nonzero(floating):
+        return np.zeros(opened.shape)
     readings_pf = capacitance_pf.reshape(-1, ROWS, ROWS)
     per_column_pf = np.where(floating & ~np.isnan(readings_pf), readings_pf, 0.0).sum(axis=1, keepdims=True)
     added_pf: Vector = np.where(floating, 0.0, per_column_pf).reshape(opened.shape)

@@ -1,5 +1,6 @@
 """State, cause and faulty elements of every leg: what follows from the findings of a cycle."""
 
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -73,52 +74,56 @@ class LegStates:
 
 
 def _states_and_causes(record: LegRecord) -> _Found:
-    states, causes = bytearray([State.VALID] * len(record.cause)), bytearray(record.cause.tobytes())
-    fault_masks = [0] * len(states)
     # The masks of elements, in the order of the record, as numbers: for a few legs they are faster than arrays.
     patterns = patterns_of(np.array([record.reading != _OK, *record[1:11]]))
     columns = (*patterns.tolist(), *(column.tolist() for column in record[11:15]))
-    for leg, values in enumerate(zip(*columns, strict=True)):
-        untared_state = record.untared_states.get(leg, State.VALID)
-        found: Any = LegRecord._make((*values, untared_state))
-        if not any(values[:-1]) and untared_state is State.VALID:
-            continue
-        missing, opened, excluded, stuck = found.missing, found.opened, found.excluded, found.stuck
-        faulty = opened | found.untared | excluded | found.interrupted
-        kept_overloaded = found.overloaded & ~missing
-        if untared_state is State.TARING and found.is_interrupted:
-            untared_state = State.STARTING
-        state_of_reading, cause_of_reading = (
-            _of_readings(record.reading[leg]) if found.reading else (None, None)
-        )
-        # The most severe last.
-        states[leg] = _last_found(
-            (True, State.VALID),
-            (missing or kept_overloaded, State.DEGRADED),
-            (found.below & ~missing, State.OUT_OF_RANGE),
-            (found.is_old or found.is_interrupted, State.STALE),
-            (untared_state is not State.VALID, untared_state),
-            (kept_overloaded.bit_count() > MAX_OVERLOADED, State.SATURATED),
-            (faulty & ~missing, State.ELEMENT_FAULT),
-            (state_of_reading is not None, state_of_reading),
-            (found.is_stopped, State.STOPPED),
-        )
-        causes[leg] = _last_found(
-            (states[leg] == State.STALE, Cause.DELAYED),
-            (causes[leg], causes[leg]),
-            (kept_overloaded, Cause.OVERLOAD),
-            (excluded & ~stuck, Cause.ELEMENT_DRIFTS),
-            (stuck, Cause.ELEMENT_STUCK),
-            (opened, Cause.ELEMENT_OPEN),
-            # An open line shows as all three of its elements being open.
-            (any(opened & line == line for line in _COLUMNS), Cause.COLUMN_OPEN),
-            (any(opened & line == line for line in _ROWS), Cause.ROW_OPEN),
-            # It ties its column to its row, and takes the other two elements of its column along.
-            (found.over_range & (found.unusable | excluded), Cause.ELEMENT_SHORTED),
-            (cause_of_reading is not None, cause_of_reading),
-        )
-        fault_masks[leg] = found.reading | faulty | found.overloaded
-    return np.frombuffer(states, np.uint8), np.array(fault_masks, np.uint16), np.frombuffer(causes, np.uint8)
+    untared_states = record.untared_states
+    of_legs = [
+        _of_leg(untared_states.get(leg, State.VALID), record.reading[leg].tobytes(), *values)
+        for leg, values in enumerate(zip(*columns, strict=True))
+    ]
+    states, fault_masks, causes = zip(*of_legs, strict=True)
+    return np.array(states, np.uint8), np.array(fault_masks, np.uint16), np.array(causes, np.uint8)
+
+
+# Of the last findings: what comes and goes, as an answer of a chip, does so many times.
+@lru_cache
+def _of_leg(untared_state: State, reading: bytes, *values: Any) -> tuple[int, int, int]:  # noqa: ANN401 - a row of the record
+    """Return state, pattern of faulty elements, and cause of a leg."""
+    found: Any = LegRecord._make((*values, untared_state))
+    missing, opened, excluded, stuck = found.missing, found.opened, found.excluded, found.stuck
+    faulty = opened | found.untared | excluded | found.interrupted
+    kept_overloaded = found.overloaded & ~missing
+    if untared_state is State.TARING and found.is_interrupted:
+        untared_state = State.STARTING
+    state_of_reading, cause_of_reading = _of_readings(reading)
+    # The most severe last.
+    state = _last_found(
+        (True, State.VALID),
+        (missing or kept_overloaded, State.DEGRADED),
+        (found.below & ~missing, State.OUT_OF_RANGE),
+        (found.is_old or found.is_interrupted, State.STALE),
+        (untared_state is not State.VALID, untared_state),
+        (kept_overloaded.bit_count() > MAX_OVERLOADED, State.SATURATED),
+        (faulty & ~missing, State.ELEMENT_FAULT),
+        (state_of_reading is not None, state_of_reading),
+        (found.is_stopped, State.STOPPED),
+    )
+    cause = _last_found(
+        (state == State.STALE, Cause.DELAYED),
+        (found.cause, found.cause),
+        (kept_overloaded, Cause.OVERLOAD),
+        (excluded & ~stuck, Cause.ELEMENT_DRIFTS),
+        (stuck, Cause.ELEMENT_STUCK),
+        (opened, Cause.ELEMENT_OPEN),
+        # An open line shows as all three of its elements being open.
+        (any(opened & line == line for line in _COLUMNS), Cause.COLUMN_OPEN),
+        (any(opened & line == line for line in _ROWS), Cause.ROW_OPEN),
+        # It ties its column to its row, and takes the other two elements of its column along.
+        (found.over_range & (found.unusable | excluded), Cause.ELEMENT_SHORTED),
+        (cause_of_reading is not None, cause_of_reading),
+    )
+    return state, found.reading | faulty | found.overloaded, cause
 
 
 def _last_found(*found: tuple[object, int | None]) -> int:
@@ -126,10 +131,7 @@ def _last_found(*found: tuple[object, int | None]) -> int:
     return next((code for holds, code in reversed(found) if holds and code is not None), 0)
 
 
-def _of_readings(reading: Codes) -> tuple[int | None, int | None]:
+def _of_readings(reading: bytes) -> tuple[int | None, int | None]:
     """Return state and cause by the most severe reading of a leg; None where it has none that faults the leg."""
-    found = set(reading.tolist())
-    of_found = [
-        state_and_cause for code, state_and_cause in STATE_AND_CAUSE_OF_READING.items() if code in found
-    ]
+    of_found = [found for code, found in STATE_AND_CAUSE_OF_READING.items() if code in reading]
     return of_found[-1] if of_found else (None, None)

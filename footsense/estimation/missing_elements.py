@@ -162,15 +162,10 @@ class Imputation:
         """Return the closures with the missing ones imputed, same shape.
 
         Args:
-            closure_rel: Closures over the gap [1], shape (n, k, elements) or (n, elements);
-                anything where missing, NaN included.
-            missing: Missing elements, shape (n, elements).
+            closure_rel: Closures over the gap [1], shape (n, elements); anything where missing, NaN included.
+            missing: Missing elements, shape (elements,).
         """
-        if not missing.any():
-            return closure_rel
-        imputed = np.where(missing if closure_rel.ndim == 2 else missing[:, None], 0.0, closure_rel)
-        for row in np.flatnonzero(missing.any(axis=1)):
-            imputed[row] = imputed[row] @ self.matrix(missing[row]).T
+        imputed: Vector = np.where(missing, 0.0, closure_rel) @ self.matrix(missing).T
         return imputed
 
 

@@ -93,14 +93,9 @@ class ReadingWindow:
             t_ns: Middle of each element's conversion [ns], same shape.
         """
         kept_rel, kept_ns = self._distance_rel, self._t_ns
-        new = t_ns != kept_ns[:, 0]
-        all_new = np.count_nonzero(new) == new.size  # a usual frame of a whole scan
+        new = (t_ns != kept_ns[:, 0])[:, None]
         for kept, now in ((kept_rel, plate_distance_rel), (kept_ns, t_ns)):
-            if all_new:
-                kept[:, 1:] = kept[:, :2]
-            else:
-                np.copyto(kept[:, 2], kept[:, 1], where=new)
-                np.copyto(kept[:, 1], kept[:, 0], where=new)
+            np.copyto(kept[:, 1:], kept[:, :2], where=new)
             kept[:, 0] = now
         steps_ns = kept_ns[:, :2] - kept_ns[:, 1:]
         steps_rel = kept_rel[:, :2] - kept_rel[:, 1:]
@@ -110,13 +105,14 @@ class ReadingWindow:
         moved_rel = np.abs(steps_rel)
         if not all_in_order:
             moved_rel[~in_order] = 0.0
-        moved_rel = np.maximum.reduce(moved_rel, axis=1)
+        moved_rel = np.maximum(moved_rel[:, 0], moved_rel[:, 1])
         moved_rel.partition(ELEMENTS - 2, axis=1)
         # One element that moved far alone: a load moves several.
-        if np.count_nonzero(moved_rel[:, -1] > _SPIKE_THRESHOLD_REL + 3.0 * moved_rel[:, -2]):
-            _replace_spikes(kept_rel)
-        of_whole_ns = kept_ns[:, 0]
-        newest_ns = np.maximum.reduce(of_whole_ns, axis=1)
+        for second_rel, largest_rel in moved_rel[:, ELEMENTS - 2 :].tolist():
+            if largest_rel > _SPIKE_THRESHOLD_REL + 3.0 * second_rel:
+                _replace_spikes(kept_rel)
+                break
+        of_whole_ns, newest_ns = t_ns, np.maximum.reduce(t_ns, axis=1)
         if not all_in_order:
             kept_rel, kept_ns, alone = kept_rel.copy(), kept_ns.copy(), ~in_order[:, 1]
             np.copyto(kept_rel[:, 2], kept_rel[:, 1], where=alone)

@@ -78,7 +78,7 @@ class ReadingNoise:
         steps = plate_distance_rel[:, :2] - plate_distance_rel[:, 1:]
         # Of white noise of variance 1, second differences have the variance 6.
         fast_rel = _mean_square(_SECOND_TO_NOISE * (steps[:, 0] - steps[:, 1]), self._noise_directions)
-        stepped_rel = _mean_square(steps, self._load_directions).max(axis=1)
+        stepped_rel = np.maximum(*_mean_square(steps, self._load_directions).T)
         self._fast.add(fast_rel, _is_spread(steps) & (stepped_rel < _MOTION_LIMIT_REL2 * fast_rel))
         if self._n % _PER_SLOW == 0:
             self._observe_slow(plate_distance_rel[:, 0], stepped_rel)
@@ -89,11 +89,11 @@ class ReadingNoise:
     def _observe_slow(self, newest_rel: Vector, stepped_rel: Vector) -> None:
         turn = self._n // _PER_SLOW % NOISE_SAMPLES
         self._past_rel[turn], self._stepped_rel[turn] = newest_rel, stepped_rel
-        off = newest_rel - self._past_rel.mean(axis=0)
+        off = newest_rel - np.add.reduce(self._past_rel) / NOISE_SAMPLES
         slow_rel = _mean_square(off, self._noise_directions)
         # A reading has half the variance of a first difference.
         off_rel = 2.0 * _mean_square(off, self._load_directions)
-        moved_rel = np.maximum(off_rel, self._stepped_rel.max(axis=0))
+        moved_rel = np.maximum(off_rel, np.maximum.reduce(self._stepped_rel))
         self._slow.add(slow_rel, _is_spread(off) & (moved_rel < _MOTION_LIMIT_REL2 * slow_rel))
 
 
@@ -102,21 +102,19 @@ class _Measurements:
 
     def __init__(self, n_legs: int) -> None:
         # Those that count, else infinite, and all.
-        self._counting_rel, self._all_rel = np.full((2, n_legs, NOISE_SAMPLES), np.inf)
+        self._measured_rel = np.full((2, n_legs, NOISE_SAMPLES), np.inf)
         self._turn, self._legs = 0, np.arange(n_legs)
         self.noise_rel = np.zeros(n_legs)
 
     def add(self, measured_rel: Vector, counts: Mask) -> None:
-        counting_rel, all_rel = self._counting_rel, self._all_rel
-        counting_rel[:, self._turn] = np.where(counts, measured_rel, np.inf)
-        all_rel[:, self._turn] = measured_rel
+        self._measured_rel[:, :, self._turn] = np.where(counts, measured_rel, np.inf), measured_rel
         self._turn = (self._turn + 1) % NOISE_SAMPLES
-        n_counting = np.add.reduce(counting_rel < np.inf, axis=1)
-        median_rel = np.sort(counting_rel, axis=1)[self._legs, n_counting // 2]
-        found_rel = np.where(n_counting >= _LEAST, median_rel, self.noise_rel)
         # A NaN is sorted to the end.
-        quartile_rel = np.sort(all_rel, axis=1)[:, NOISE_SAMPLES // 4]
-        self.noise_rel = np.fmin(found_rel, _MEDIAN_OVER_QUARTILE * quartile_rel)
+        counting_rel, all_rel = np.sort(self._measured_rel)
+        n_counting = np.add.reduce(counting_rel < np.inf, axis=1)
+        median_rel = counting_rel[self._legs, n_counting // 2]
+        found_rel = np.where(n_counting >= _LEAST, median_rel, self.noise_rel)
+        self.noise_rel = np.fmin(found_rel, _MEDIAN_OVER_QUARTILE * all_rel[:, NOISE_SAMPLES // 4])
 
 
 def _mean_square(values: Vector, directions: Vector) -> Vector:
@@ -127,5 +125,5 @@ def _mean_square(values: Vector, directions: Vector) -> Vector:
 
 def _is_spread(values: Vector) -> Mask:
     squares = (values * values).reshape(len(values), -1)
-    largest: Mask = squares.max(axis=1) < _LARGEST_STEP_SHARE * np.add.reduce(squares, axis=1)
+    largest: Mask = np.maximum.reduce(squares, axis=1) < _LARGEST_STEP_SHARE * np.add.reduce(squares, axis=1)
     return largest

@@ -162,8 +162,9 @@ class Pipeline:
             raise ValueError(
                 f"a frame of {scan.capacitance_pf.shape} readings, here {self._distance_pf.shape}"
             )
-        if np.maximum.reduce(scan.t_ns, axis=None) > now_ns:
-            scan = _without_future_readings(scan, now_ns)
+        future = scan.t_ns > now_ns
+        if np.count_nonzero(future):
+            scan = _without_readings(scan, future)
         baselines = self._baselines
         elements = self._elements.classify(scan, self._consistency.excluded, baselines.unloaded.baseline_pf)
         pf = elements.capacitance_pf
@@ -201,7 +202,7 @@ class Pipeline:
                 untared_states=baselines.tares.states,
             )
         )
-        age_s: Vector = np.asarray((now_ns - readings.t_ns) * 1e-9, np.float64)
+        age_s: Vector = (now_ns - readings.t_ns).astype(np.float64) * 1e-9
         load, norms_n2, state = self._estimate_loads(
             closure_rel, age_s, missing, inconsistency_sigma_rel, state
         )
@@ -224,7 +225,7 @@ class Pipeline:
         )
         gait = self._gait.observe(load, baselines.contacts, now_ns)
         # Beside the network's: the foot's own mass, and what nobody knows of the foot, along the force and across it.
-        variance_n2 = load.sigma_n**2 + baselines.swing_sigma_n**2
+        variance_n2 = load.sigma_n**2 + baselines.swing_variance_n2
         variance_n2 += self._across_rel2 * norms_n2[:, None]
         variance_n2 += self._more_along_rel2 * force_n**2
         if any_overloaded:
@@ -273,11 +274,13 @@ class Pipeline:
         usable, max_n, (min_rel, max_rel) = IS_USABLE_STATE.take(state), self._max_force_n, self._trained_rel
         # The network gets trained inputs only.
         closure_rel = np.minimum(np.maximum(closure_rel, min_rel), max_rel)
-        if np.count_nonzero(missing) or not usable.all():
+        if np.count_nonzero(missing) or np.count_nonzero(usable) < len(usable):
             for leg in (patterns_of(missing) | ~usable).nonzero()[0].tolist():
                 if usable[leg]:
-                    closure_rel[leg] = self._imputation.impute(closure_rel[leg][None], missing[leg][None])[0]
-                    age_s[leg, :, missing[leg]] = age_s[leg, :, ~missing[leg]].mean(axis=0)
+                    without, ages_s = missing[leg], age_s[leg]
+                    closure_rel[leg] = self._imputation.impute(closure_rel[leg], without)
+                    kept_s = ages_s.T[~without]
+                    ages_s[:, without] = (np.add.reduce(kept_s) / len(kept_s))[:, None]
                 else:
                     closure_rel[leg], age_s[leg] = 0.0, STEADY_AGES_S
         load = self._estimator.estimate(Window(closure_rel, age_s, missing))
@@ -288,10 +291,10 @@ class Pipeline:
             sigma_n = with_inconsistency(sigma_n, inconsistency_sigma_rel, force_n, max_sigma_n)
         fits = (norms_n2 <= max_n * max_n) & np.logical_and.reduce(sigma_n <= max_sigma_n, axis=1)
         told = usable & fits
-        if not told.all():
+        if np.count_nonzero(told) < len(told):
             state = np.where(usable > fits, _OUT_OF_RANGE, state)
             force_n[~told] = sigma_n[~told] = np.nan
-        return load._replace(sigma_n=sigma_n), norms_n2, state
+        return LoadEstimate(force_n, sigma_n, *load[2:]), norms_n2, state
 
 
 def _squared_norms(vectors: Vector) -> Vector:
@@ -315,9 +318,8 @@ def with_inconsistency(
     return widened_n
 
 
-def _without_future_readings(scan: CapFrame, now_ns: int) -> CapFrame:
-    """Return a frame without the readings whose time stamps are later than `now_ns`."""
-    future = scan.t_ns > now_ns
+def _without_readings(scan: CapFrame, future: Mask) -> CapFrame:
+    """Return a frame without the readings in a mask, whose time stamps are later than now."""
     return scan._replace(
         t_ns=np.where(future, 0, scan.t_ns),
         capacitance_pf=np.where(future, np.nan, scan.capacitance_pf),

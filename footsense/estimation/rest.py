@@ -231,7 +231,7 @@ class RefinedAtRest:
         stands = np.zeros(len(self._rounds), bool)
         if self._has_begun:
             equal = np.abs(window.closure_rel - self._fitted_rel) <= self._equal_rel
-            stands = equal.all(axis=(1, 2)) & ~window.missing.any(axis=1)
+            stands = np.logical_and.reduce(equal & ~window.missing[:, None], axis=(1, 2))
         row = self._turn
         self._turn = (row + 1) % len(stands)
         if not stands[row]:
@@ -255,7 +255,9 @@ class RefinedAtRest:
         )
 
     def _is_quiet(self, row: int, window: Window) -> bool:
-        return bool((np.ptp(window.closure_rel[row], axis=0) <= self._moves_from_rel).all())
+        # In plain Python numbers: of a foot that moves, the first element tells.
+        readings_rel = zip(*window.closure_rel[row].tolist(), strict=True)
+        return all(max(three_rel) - min(three_rel) <= self._moves_from_rel for three_rel in readings_rel)
 
     def _begin(self, row: int, window: Window, load: LoadEstimate) -> bool:
         """Take the readings of a loaded row for a fit; return whether they are of a load that stands still."""

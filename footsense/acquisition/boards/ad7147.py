@@ -10,12 +10,15 @@ Register layout: `firmware_interface/chips/ad7147.py`, with its sources.
 from statistics import mean
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from firmware_interface.chips import ad7147 as chip
 from firmware_interface.chips.ad7147 import Ad7147Register, InputConnection
 from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.acquisition.boards.board import ReadBackCheck, require_identity
 from footsense.errors import HardwareError, NackError
-from footsense.frames import ELEMENTS, Reading
+from footsense.frames import ELEMENTS, Codes, Reading, Vector
 from footsense.ports import I2cBus, Transaction
 
 #: Element of each stage.
@@ -43,11 +46,11 @@ SHORTEST_BIT_NS = 2250
 #: that is late by a register was seen of the AD7142 (EngineerZone 576116), and no result is so small.
 _NO_STAGE = 1 << chip.N_STAGES
 
-# Plain numbers: to store an enumeration's member in an array costs a microsecond each time.
-_OK, _OVER_RANGE, _UNDER_RANGE = map(int, (Reading.OK, Reading.OVER_RANGE, Reading.UNDER_RANGE))
-_NAN = float("nan")
-# Of the chip's module: looked up for every code.
-_CODE_MID, _CODE_MAX, _FF_PER_CODE = chip.CODE_MID, chip.CODE_MAX, chip.FF_PER_CODE
+#: `Reading` of each code, and its nominal capacitance without what the offset takes away [pF], NaN unless it is OK.
+_READINGS: Codes = np.full(chip.CODE_MAX + 1, Reading.OK, np.uint8)
+_READINGS[0], _READINGS[chip.CODE_MAX] = Reading.UNDER_RANGE, Reading.OVER_RANGE
+_CAPACITANCES_PF: Vector = (np.arange(chip.CODE_MAX + 1.0) - chip.CODE_MID) * chip.FF_PER_CODE * 1e-3
+_CAPACITANCES_PF[_READINGS != Reading.OK] = np.nan
 
 
 def _write(address: int, register: int, *words: int) -> Transaction:
@@ -199,17 +202,15 @@ def read_words(results: bytes, status: bytes) -> tuple[int, list[int], int]:
     return before & ~_NO_STAGE, codes, behind & ~_NO_STAGE
 
 
-def decode(code: int, gain_rel: float, offset_pf: float) -> tuple[int, float]:
-    """Return `Reading` and capacitance of a code [pF], NaN unless it is OK.
+def decode(codes: NDArray[np.uint16], gain_rel: Vector, offset_pf: Vector) -> tuple[Codes, Vector]:
+    """Return `Reading` and capacitance of codes [pF], NaN unless it is OK, same shape.
 
     Args:
-        code: The code.
-        gain_rel: Gain of a `Calibration`.
-        offset_pf: Its offset [pF].
+        codes: The codes, shape (legs, elements).
+        gain_rel: Gain of each leg's `Calibration`, shape (legs, 1).
+        offset_pf: Its offset [pF], same shape.
     """
-    if 0 < code < _CODE_MAX:
-        return _OK, gain_rel * ((code - _CODE_MID) * _FF_PER_CODE * 1e-3) + offset_pf
-    return (_OVER_RANGE if code > 0 else _UNDER_RANGE), _NAN
+    return _READINGS.take(codes), gain_rel * _CAPACITANCES_PF.take(codes) + offset_pf
 
 
 def read_status(address: int) -> Transaction:

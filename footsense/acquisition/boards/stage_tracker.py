@@ -24,6 +24,8 @@ _STATUS_SKEW_NS = 100_000
 _N_REFERRED, _DRIFT_REL = 1000, 5e-4
 #: What a status has to narrow the bounds by, or it is not worth the time [ns].
 _NEGLIGIBLE_NS = 40_000
+#: What a burst without a new result gives.
+_NOTHING = range(0), 0.0, 0.0
 
 
 class Span(NamedTuple):
@@ -114,8 +116,8 @@ class StageTracker:
 
     def results(
         self, before: int, before_at: tuple[float, float], behind: int, behind_at: tuple[float, float]
-    ) -> list[tuple[int, int]]:
-        """Return the results of a burst that are new, each of one known conversion, the oldest first.
+    ) -> tuple[range, float, float]:
+        """Return which results of a burst are new, each of one known conversion, the oldest first.
 
         Args:
             before: Status read before them, bit k for stage k. With other bits it is a result: the burst began one
@@ -125,20 +127,21 @@ class StageTracker:
             behind_at: The same.
 
         Returns:
-            Stage of each, and the middle of its conversion [ns], off by less than half of it.
+            Numbers of the conversions, which count stages from the start; and a time and that of a stage [ns]: the
+            middle of conversion n is the former and n times the latter, off by less than half a stage.
         """
         n_stages, is_shifted = self._n_stages, before >> self._n_stages
         if not is_shifted:
             self._count(before, before_at)
         self._count(behind, behind_at)
         if is_shifted or self.is_doubtful:
-            return []
+            return _NOTHING
         # The status behind the results tells how many had ended before them.
         begin, end = self._most - n_stages, self._least - behind.bit_count()
         # A conversion that ended as the status was read may be in it or not, and its result may be new or not.
         if not behind and self._ended(self._most + 1)[0] < before_at[1] + _STATUS_SKEW_NS:
             begin += 1
-        begin = max(begin, self._next)
+        begin = begin if begin > self._next else self._next
         (from_ns, to_ns), (shortest_ns, longest_ns) = self._ended(begin), self.stage_ns
         if to_ns + (end - begin) * longest_ns > before_at[0] - _STATUS_SKEW_NS:
             end -= 1
@@ -146,12 +149,11 @@ class StageTracker:
             self._bound((begin + end + 1) // 2)
             (from_ns, to_ns), (shortest_ns, longest_ns) = self._ended(begin), self.stage_ns
             if to_ns - from_ns > shortest_ns:
-                return []
+                return _NOTHING
         if end > begin:
             self._next = end
         stage_ns = (shortest_ns + longest_ns) / 2
-        first_ns = (from_ns + to_ns) / 2 + (0.5 - begin) * stage_ns
-        return [(number % n_stages, round(first_ns + number * stage_ns)) for number in range(begin, end)]
+        return range(begin, end), (from_ns + to_ns) / 2 + (0.5 - begin) * stage_ns, stage_ns
 
     def _count(self, status: int, at: tuple[float, float]) -> None:
         """Count the conversions that have ended since the last status, as far as this one and the time tell."""

@@ -31,7 +31,7 @@ from footsense.daemon.simulation import simulated_robot
 from footsense.errors import ConfigError, HardwareError
 from footsense.estimation.noise import NOISE_SAMPLES
 from footsense.frames import ALL_LEGS, LEGS
-from footsense.leg_words import SILENT_READINGS
+from footsense.leg_words import IS_SILENT
 from footsense.ports import Clock, I2cBus
 from footsense.sim.scene import Scene
 
@@ -219,7 +219,7 @@ def _robot_on_microcontroller(device: str, can: Can) -> Config:
     config = Config(board="mcu", serial=Serial(device=device, legs=ALL_LEGS), can=can)  # type: ignore[arg-type]
     with open_scan_source(config, None) as started:
         readings = np.stack([frame.reading for frame in started.read_whole_scans(NOISE_SAMPLES)])
-    is_silent = np.isin(readings, SILENT_READINGS).all(axis=(0, 2))
+    is_silent = IS_SILENT[readings].all(axis=(0, 2))
     legs = tuple(ALL_LEGS[row] for row in np.flatnonzero(~is_silent))
     if not legs:
         raise HardwareError(

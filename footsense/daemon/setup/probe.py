@@ -31,7 +31,7 @@ from footsense.errors import HardwareError, I2cError, I2cTimeoutError, NackError
 from footsense.estimation.noise import NOISE_SAMPLES
 from footsense.estimation.tare import SETTLING_SCANS
 from footsense.frames import Reading
-from footsense.leg_words import SILENT_READINGS, words_of_reading
+from footsense.leg_words import IS_SILENT, words_of_reading
 from footsense.ports import Clock, I2cBus, Transaction
 from footsense.sim.scene import Scene
 
@@ -407,7 +407,7 @@ def _probed_legs(
     # By the configuration and the design alone, without the calibrations.
     known = mounted_feet(replace(load_models(config), calibrations_by_leg={}))
     for row, place in enumerate(places):
-        scans = None if feet is None or np.isin(feet[row].reading, SILENT_READINGS).all() else feet[row]
+        scans = None if feet is None or IS_SILENT[feet[row].reading].all() else feet[row]
         state = of_chips[row] if of_chips else _LegState()
         faults: tuple[FootFault, ...] = ()
         if (

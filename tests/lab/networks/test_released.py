@@ -72,7 +72,7 @@ def test_sigma_is_honest_whatever_is_missing(held: Held, mask: NDArray[np.bool_]
     """Held-out loads with the converter's noise: nine errors in ten are within two sigma, and sigma is not idle."""
     missing = np.broadcast_to(mask, held.closure_rel.shape)
     imputation = Imputation(np.array(held.network.card["moments"]))
-    filled = imputation.impute(held.closure_rel, missing)
+    filled = imputation.impute(held.closure_rel, mask)
     force_n, sigma_n, *_ = held.network.estimate(steady_windows(filled, missing))
     shares = sigma_coverage_shares(held.force_n, force_n, sigma_n)
     assert min(shares["within_2_sigma"]) > 0.87

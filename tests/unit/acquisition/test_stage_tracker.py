@@ -57,6 +57,14 @@ class _Host:
         return 1e3 * delay_us
 
 
+def _results(
+    tracker: StageTracker, before: int, before_at: Span, behind: int, behind_at: Span
+) -> list[tuple[int, float]]:
+    """Return the stage of each new result of a burst, and the middle of its conversion [ns]."""
+    numbers, time_ns, stage_ns = tracker.results(before, before_at, behind, behind_at)
+    return [(number % _N_STAGES, time_ns + number * stage_ns) for number in numbers]
+
+
 class _Tracker(StageTracker):
     """The service's, for `_bursts`."""
 
@@ -67,7 +75,7 @@ class _Tracker(StageTracker):
         self, before: int, before_at: Span, held: Sequence[int], behind: int, behind_at: Span
     ) -> list[tuple[int, float]]:
         """Return the conversions of a burst that are used, as held by the registers, and the middle of each [ns]."""
-        return [(held[stage], t_ns) for stage, t_ns in self.results(before, before_at, behind, behind_at)]
+        return [(held[stage], t_ns) for stage, t_ns in _results(self, before, before_at, behind, behind_at)]
 
 
 @dataclass
@@ -176,11 +184,12 @@ def test_no_result_of_a_million_bursts_has_the_stamp_of_another_conversion(
     _run(1_000_000 // len(_KINDS) + 1, np.random.default_rng(2), tracker_of)
 
 
-def _burst(tracker: StageTracker, sequencer: _Sequencer, at_ns: int) -> list[tuple[int, int]]:
+def _burst(tracker: StageTracker, sequencer: _Sequencer, at_ns: int) -> list[tuple[int, float]]:
     """Return the results of a burst whose transactions take no time but their own 0.5 ms."""
     before = sequencer.status(at_ns), Span(at_ns - 50_000, at_ns + 50_000)
     behind_ns = at_ns + 500_000
-    return tracker.results(*before, sequencer.status(behind_ns), Span(behind_ns - 50_000, behind_ns + 50_000))
+    behind_at = Span(behind_ns - 50_000, behind_ns + 50_000)
+    return _results(tracker, *before, sequencer.status(behind_ns), behind_at)
 
 
 def _running() -> tuple[StageTracker, _Sequencer]:
@@ -234,13 +243,13 @@ def test_a_chip_that_starts_again_is_doubtful() -> None:
     tracker.start(Span(0, 0))
     at_ns = 4 * _STAGE_NS + 1000
     window, later = Span(at_ns, at_ns), Span(at_ns + 100_000, at_ns + 100_000)
-    assert [stage for stage, _ in tracker.results(0b1111, window, 0, later)] == [0, 1, 2]
+    assert [stage for stage, _ in _results(tracker, 0b1111, window, 0, later)] == [0, 1, 2]
     at_ns += 4 * _STAGE_NS
     window, later = Span(at_ns, at_ns), Span(at_ns + 100_000, at_ns + 100_000)
-    assert tracker.results(0b0001, window, 0, later) == []
+    assert _results(tracker, 0b0001, window, 0, later) == []
     assert tracker.is_doubtful
     tracker.trust()
     at_ns += 4 * _STAGE_NS
     window, later = Span(at_ns, at_ns), Span(at_ns + 100_000, at_ns + 100_000)
-    assert tracker.results(0, window, 0, later) == []
+    assert _results(tracker, 0, window, 0, later) == []
     assert tracker.is_doubtful

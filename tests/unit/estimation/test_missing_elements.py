@@ -29,7 +29,7 @@ def test_the_error_is_uncorrelated_with_what_is_known(seed: int, missing: Mask) 
     """The normal equations of least squares: no linear read-out of the kept elements could improve the guess."""
     closure_rel = loads(seed)
     imputation = Imputation(closure_rel.T @ closure_rel)
-    filled = imputation.impute(closure_rel, np.broadcast_to(missing, closure_rel.shape))
+    filled = imputation.impute(closure_rel, missing)
     error = (filled - closure_rel)[:, missing]
     np.testing.assert_allclose(error.T @ closure_rel[:, ~missing], 0.0, atol=1e-9)
     np.testing.assert_array_equal(filled[:, ~missing], closure_rel[:, ~missing])
@@ -40,10 +40,9 @@ def test_what_stands_in_a_missing_place_has_no_influence(seed: int, missing: Mas
     """NaN included, and the argument stays as it was."""
     closure_rel = loads(seed, n=3)
     imputation = Imputation(np.eye(9) + closure_rel.T @ closure_rel)
-    mask = np.broadcast_to(missing, closure_rel.shape)
-    spoilt = np.where(mask, rubbish, closure_rel)
+    spoilt = np.where(missing, rubbish, closure_rel)
     before = spoilt.copy()
-    np.testing.assert_array_equal(imputation.impute(spoilt, mask), imputation.impute(closure_rel, mask))
+    np.testing.assert_array_equal(imputation.impute(spoilt, missing), imputation.impute(closure_rel, missing))
     np.testing.assert_array_equal(spoilt, before)
 
 
