@@ -6,10 +6,14 @@ from typing import NamedTuple
 from footsense.errors import ConfigError
 from footsense.lab.design.processes import AssumedProcess, assumed_process
 from footsense.lab.fabrication import dimensions, documents
-from footsense.lab.fabrication.limits import manufacturing_problems
 from footsense.lab.fabrication.parts import gerber, sheets, solids
 from footsense.lab.fabrication.parts.flex import Board, Flex, flexes
-from footsense.lab.fabrication.tolerances import ExpectedCapacitance, expected_capacitance, part_tolerances
+from footsense.lab.fabrication.tolerances import (
+    ExpectedCapacitance,
+    expected_capacitance,
+    manufacturing_problems,
+    part_tolerances,
+)
 from footsense.lab.geometry import FootDesign
 
 
@@ -39,18 +43,12 @@ def write_fabrication_package(
         board: Electronics of the foot.
 
     Raises:
-        ConfigError: It cannot be made, or not as exactly as its design assumed; the message begins with the key.
+        ConfigError: It cannot be made; the message begins with the key.
     """
     assumed = assumed_process(design, process)
     for problem in manufacturing_problems(design, assumed, board):
         raise ConfigError(problem)
     tolerances = part_tolerances(design, assumed.rms_deviations)
-    for row in tolerances:
-        if not row.is_within_assumed:
-            raise ConfigError(
-                f"{row.name}: +-{row.max_deviation:g} {row.unit} is wider than process {assumed.process_name} "
-                f"assumes ({row.assumed_text})"
-            )
     package = FabricationPackage(
         assumed, flexes(design, board), expected_capacitance(design, assumed.rms_deviations)
     )
