@@ -11,16 +11,15 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads, Deviations, Specimen
 from footsense.lab.build import response_in_force_unit
 from footsense.lab.design.assess import assess_foot
-from footsense.lab.design.choice import choose_candidates
-from footsense.lab.design.design import foot_text
+from footsense.lab.design.design import choose_candidates, foot_text
 from footsense.lab.design.materials import load_materials
 from footsense.lab.design.processes import assumed_process, load_processes
 from footsense.lab.design.requirements import Requirements, converter
 from footsense.lab.design.screen import TRAINED_RANGE_FACTOR
 from footsense.lab.design.shapes import FootShapeLibrary
 from footsense.lab.evaluation.force_range import UPRIGHT, force_range, friction_loads, largest_loads_n
-from footsense.lab.fabrication.limits import manufacturing_problems
 from footsense.lab.fabrication.parts.flex import Board
+from footsense.lab.fabrication.tolerances import manufacturing_problems
 from footsense.lab.foot_file import load_foot
 from footsense.lab.geometry import FootDesign, Material
 from footsense.lab.training.load_cases import sensed_closure_um

@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import BarycentricInterpolator
 
 from footsense.foot.gap_contact import CELLS_PER_SIDE
 from footsense.foot.response_table import FootResponse, series_basis
@@ -203,16 +204,11 @@ class FootShapeLibrary:
         interpolation_weights = np.zeros((*moved.shape[:-1], len(self._coordinates)))
         interpolation_weights[..., 0] = 1.0
         for axis in range(moved.shape[-1]):
-            pair = (1 + 2 * axis, 2 + 2 * axis)
-            first, second = (self._coordinates[one, axis] - self._coordinates[0, axis] for one in pair)
-            x = moved[..., axis]
-            parts = (
-                x * (x - second) / (first * (first - second)),
-                x * (x - first) / (second * (second - first)),
-            )
-            for one, part in zip(pair, parts, strict=True):
-                interpolation_weights[..., one] = part
-                interpolation_weights[..., 0] -= part
+            nodes = [0, 1 + 2 * axis, 2 + 2 * axis]
+            places = self._coordinates[nodes, axis] - self._coordinates[0, axis]
+            own = BarycentricInterpolator(places, np.eye(3))(moved[..., axis])
+            interpolation_weights[..., nodes] += own
+            interpolation_weights[..., 0] -= 1.0
         return interpolation_weights
 
     def interpolated_response_amplitudes_um_per_n(self, interpolation_weights: Vector) -> Vector:
