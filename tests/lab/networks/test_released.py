@@ -13,6 +13,7 @@ from footsense.estimation.missing_elements import MISSING_SETS, Imputation
 from footsense.estimation.network import steady_windows
 from footsense.foot.network_card import INPUTS, NETWORK_FILE
 from footsense.frames import Vector
+from footsense.lab.build import readme
 from footsense.lab.evaluation.evaluate_models import (
     PAPER_DIRECTION_DEG,
     PAPER_MAGNITUDE_GF,
@@ -20,7 +21,6 @@ from footsense.lab.evaluation.evaluate_models import (
     open_models,
     sigma_coverage_shares,
 )
-from footsense.lab.model_card import readme
 from footsense.lab.training.export import OnnxNetwork
 from footsense.lab.training.gait_readings import random_gaits
 from footsense.lab.training.gait_windows import windows_of
