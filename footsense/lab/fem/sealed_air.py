@@ -3,12 +3,12 @@
 A closure d of the gap leaves the share v = 1 - d/g of a cavity's volume, d and g being means over its area. The air in
 it then has the pressure p of the gas law, and presses on both plates by what it is above the ambient pressure p_a:
 
-    p v = m,        q = p - p_a,        d = d0 - B (l + A q)
+    p v = p_a,        q = p - p_a,        d = d0 - B (l + A q)
 
 with d0 the closures of an empty foot, B the compliance, l the forces of closed gaps (`foot/gap_contact.py`) and A the
-area of a cell. m is the pressure that the air would have in the unloaded gap: the measure of its amount. The air keeps
-the temperature of the walls, which a gap of 20 um does within microseconds. The unknowns are the logarithms of p, by
-Powell's hybrid method; the problem is the gradient of a convex function, so it has one solution.
+area of a cell. The air keeps the temperature of the walls, which a gap of 20 um does within microseconds. The unknowns
+are the logarithms of p, by Powell's hybrid method; the problem is the gradient of a convex function, so it has one
+solution.
 """
 
 from functools import cached_property
@@ -17,41 +17,21 @@ import numpy as np
 from scipy import optimize
 
 from footsense.foot.gap_contact import CELLS_PER_ELEMENT, element_means, solve_contact_lcp
-from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import Deviations, Specimen
+from footsense.foot.specimen import Specimen
 from footsense.frames import Vector
 
-#: Pressure of the standard atmosphere [kPa].
-AMBIENT_KPA = 101.325
-#: Room temperature [K].
-ROOM_TEMPERATURE_K = 296.15
+#: Pressure of the standard atmosphere [MPa].
+_AMBIENT_MPA = 0.101325
 #: Tolerance of the pressures' logarithms, and largest rest of a mean closure over the gap [1].
 _TOLERANCE_REL, _MAX_REST_REL = 1e-12, 1e-9
 
 
 class SealedFoot(Specimen):
-    """A foot with sealed cavities, one amount of air in all.
-
-    Args:
-        response: Response of its type.
-        deviations: Its deviations; None for a foot exactly as designed.
-        gas_kpa: Pressure of the air in the unloaded gap [kPa].
-        ambient_kpa: Ambient pressure [kPa].
+    """A foot with sealed cavities, in which the unloaded gap holds air of the standard atmosphere, as around them.
 
     Raises:
         ArithmeticError: The pressures are not found, here or under a load.
     """
-
-    def __init__(
-        self,
-        response: FootResponse,
-        deviations: Deviations | None = None,
-        *,
-        gas_kpa: float = AMBIENT_KPA,
-        ambient_kpa: float = AMBIENT_KPA,
-    ) -> None:
-        self._gas_mpa, self._ambient_mpa = 1e-3 * gas_kpa, 1e-3 * ambient_kpa
-        super().__init__(response, deviations)
 
     @cached_property
     def _opening(self) -> Vector:
@@ -69,17 +49,16 @@ class SealedFoot(Specimen):
         Raises:
             ArithmeticError: The pressures are not found.
         """
-        ambient_mpa = self._ambient_mpa
 
         def closures_um(ln_pressure: Vector) -> Vector:
-            excess_um = self._opening @ (ambient_mpa * np.expm1(ln_pressure))
+            excess_um = self._opening @ (_AMBIENT_MPA * np.expm1(ln_pressure))
             return solve_contact_lcp(
                 free_um - excess_um, self._gap_of_cell_um, self._compliance_um_per_n
             ).cell_closures_um
 
         def rest_and_slope_um(ln_pressure: Vector) -> tuple[Vector, Vector]:
-            closure_um, pressure_mpa = closures_um(ln_pressure), ambient_mpa * np.exp(ln_pressure)
-            volume = self._gas_mpa / pressure_mpa
+            closure_um, pressure_mpa = closures_um(ln_pressure), _AMBIENT_MPA * np.exp(ln_pressure)
+            volume = _AMBIENT_MPA / pressure_mpa
             closed = np.flatnonzero(closure_um >= self._gap_of_cell_um)
             columns = self._compliance_um_per_n[:, closed]
             yielding = self._opening - columns @ np.linalg.solve(columns[closed], self._opening[closed])

@@ -17,7 +17,7 @@ from footsense.foot.capacitor import Capacitor
 from footsense.foot.directions import normalized, paper_directions, random_directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import ContactLoads, Deviations, Specimen
+from footsense.foot.specimen import ContactLoads, Specimen
 from footsense.frames import Vector
 from footsense.lab.geometry import LoadRange
 from footsense.lab.symmetry import SYMMETRIES, element_permutation
@@ -135,7 +135,6 @@ def random_loads(
     loads: LoadRange,
     n: int,
     seed: int,
-    deviations: Deviations | None = None,
     *,
     max_overloaded: int = 0,
 ) -> LeaningCases:
@@ -149,7 +148,7 @@ def random_loads(
         ModelError: Hardly any of the loads is within the converter's range.
     """
     rng = np.random.default_rng(seed)
-    foot = Specimen(response, deviations)
+    foot = Specimen(response)
     lowest_z = np.sin(np.radians(loads.min_elevation_deg))
     forces, normals, closures, found = [], [], [], 0
     for _ in range(_MAX_DRAWS_PER_LOAD):

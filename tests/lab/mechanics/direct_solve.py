@@ -18,7 +18,6 @@ import numpy as np
 
 from footsense.foot.response_table import FLAT_OF_GRID
 from footsense.frames import Vector
-from footsense.lab.fem.elasticity import hertz_pressure_shape
 from footsense.lab.fem.mesh import MeshSize, build_quarter_mesh, quarter_cells, quarter_grid
 from footsense.lab.fem.quarter import SOLVED_CLASSES, Parity, QuarterFoot
 from footsense.lab.geometry import UM_PER_MM, FootDesign
@@ -26,6 +25,13 @@ from footsense.lab.geometry import UM_PER_MM, FootDesign
 #: Order that the quadrature of a patch has above that of the elements, which are three times as large and more: with 24
 #: the closures of some loads were wrong by 4 %, with 60 by 0.3 % at most, and it takes no longer.
 EXTRA_PATCH_QUADRATURE_ORDER = 60
+
+
+def hertz_pressure_shape(centre_mm: Vector, radius_mm: float) -> Any:
+    """Return the pressure of a Hertz patch over its peak [1], sqrt(1 - |x - x_c|^2 / a^2)."""
+    away = ng.CF((ng.x, ng.y, ng.z)) - ng.CF(tuple(centre_mm))
+    inside = 1.0 - ng.InnerProduct(away, away) / radius_mm**2
+    return ng.sqrt(ng.IfPos(inside, inside, 0.0))
 
 
 class DirectSolveFoot:
