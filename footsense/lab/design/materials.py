@@ -7,7 +7,7 @@ from msgspec import Meta, Struct
 
 from footsense.errors import FootsenseError
 from footsense.lab.geometry import Material
-from footsense.strict_yaml import load
+from footsense.strict_yaml import Problem, load
 
 #: The table.
 MATERIALS_TABLE = Path(__file__).with_name("materials.yaml")
@@ -103,4 +103,13 @@ def load_materials() -> Materials:
     Raises:
         ConfigError: It does not fit.
     """
-    return load(MATERIALS_TABLE, Materials)
+    return load(MATERIALS_TABLE, Materials, check=_incomplete_material)
+
+
+def _incomplete_material(materials: Materials) -> Problem | None:
+    """Return a problem for the first material without exactly one of modulus and hardness; else None."""
+    for kind in ("rubbers", "sheets"):
+        for place, solid in enumerate(getattr(materials, kind)):
+            if (solid.youngs_mpa is None) == (solid.shore_a is None):
+                return Problem(f"{kind}[{place}]", f"{solid.name} needs either youngs_mpa or shore_a")
+    return None

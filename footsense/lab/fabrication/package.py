@@ -43,12 +43,18 @@ def write_fabrication_package(
         board: Electronics of the foot.
 
     Raises:
-        ConfigError: It cannot be made; the message begins with the key.
+        ConfigError: It cannot be made, or not as exactly as its design assumed; the message begins with the key.
     """
     assumed = assumed_process(design, process)
     for problem in manufacturing_problems(design, assumed, board):
         raise ConfigError(problem)
     tolerances = part_tolerances(design, assumed.rms_deviations)
+    for row in tolerances:
+        if not row.is_within_assumed:
+            raise ConfigError(
+                f"{row.name}: +-{row.max_deviation:g} {row.unit} is wider than process {assumed.process_name} "
+                f"assumes ({row.assumed_text})"
+            )
     package = FabricationPackage(
         assumed, flexes(design, board), expected_capacitance(design, assumed.rms_deviations)
     )

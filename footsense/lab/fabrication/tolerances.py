@@ -51,6 +51,11 @@ class Tolerance(NamedTuple):
     max_assumed_deviation: float
     assumed_text: str
 
+    @property
+    def is_within_assumed(self) -> bool:
+        """Whether the tolerance is no wider than the design assumed."""
+        return self.used_of_assumed <= self.max_assumed_deviation * (1.0 + 1e-9)
+
 
 def etch_area_deviation_rel(electrode_mm: float) -> float:
     """Return the largest deviation of an electrode's area by etching [1]."""
@@ -174,7 +179,8 @@ def manufacturing_problems(design: FootDesign, assumed: AssumedProcess, board: B
 
 def _sheet_problems(design: FootDesign, assumed: AssumedProcess, board: Board) -> Iterator[str]:
     """Yield the reason why the spacer's bars, which part the electrodes too, cannot be made."""
-    pitch, bar, needs = design.pitch_mm, assumed.process.bar_mm, f"process {assumed.process_name} needs"
+    pitch, needs = design.pitch_mm, f"process {assumed.process_name} needs"
+    bar = max(assumed.process.bar_mm, dimensions.MIN_NET_CLEARANCE_MM)
     if has_element_lines(board) and bar < dimensions.MIN_TRACED_BAR_MM:
         bar, needs = dimensions.MIN_TRACED_BAR_MM, f"the traces of board {board} between two columns need"
     leave = f"electrodes of {design.electrode_mm:g} mm at a pitch of {pitch:g} mm leave"
