@@ -222,7 +222,7 @@ def test_a_released_foot_is_as_predicted(library: FootShapeLibrary, foot_type: s
         ),
         (
             requirements(4.0, (20.0, 30.0), "urethane-90a")._replace(min_load_n=1e-3),
-            r"--min-load 0\.001 and --max-load 4 conflict at --error 2\.5:.*process makes 20 um.*--min-load",
+            r"--min-load 0\.001 and --max-load 4 conflict at --error 2\.5:.*process makes 20 um.*--error",
         ),
     ],
     ids=["load", "bars", "tail", "board", "noise"],

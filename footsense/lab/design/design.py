@@ -141,7 +141,7 @@ def _conflict_message(
             f"--error {requirements.max_noise_direction_error_deg:g}: the noise of board {requirements.board.name} "
             f"alone gives {screened.direction_error_bound_deg[best]:.2g} deg over this range, "
             f"with the gap of {feet.gap_um[best]:g} um (the process makes {thinnest:g} um and more); "
-            f"nearest that works: --min-load {_lowest_feasible_min_load_n(library, requirements, feet):.2g}"
+            f"nearest that works: --error {math.ceil(10.0 * screened.direction_error_bound_deg[best]) / 10.0:g}"
         )
     best = int(np.argmax(screened.range_n))
     rubbers = requirements.materials.rubbers
@@ -167,22 +167,6 @@ def _conflict_message(
             f"{nearest}"
         )
     return f"{text}; nearest that works: {nearest}"
-
-
-def _lowest_feasible_min_load_n(
-    library: FootShapeLibrary, requirements: Requirements, feet: Candidates
-) -> float:
-    """Return the lowest minimum load at which some candidate meets the required error [N]."""
-    low, high = np.log(requirements.min_load_n), np.log(requirements.max_load_n)
-    for _ in range(8):
-        middle = (low + high) / 2.0
-        trial = requirements._replace(min_load_n=float(np.exp(middle)))
-        bound_deg = screen_candidates(library, trial, feet).direction_error_bound_deg
-        if np.nanmin(bound_deg) <= requirements.max_noise_direction_error_deg:
-            high = middle
-        else:
-            low = middle
-    return float(np.exp(high))
 
 
 class DesignedFoot(NamedTuple):
