@@ -177,7 +177,6 @@ class DesignedFoot(NamedTuple):
         text: Its description, the content of `foot.yaml`.
         design: The foot.
         rubber: Name of the ball's rubber.
-        sheet: Name of the sheet's material.
         figures: Its predicted figures.
         limiting_factor: What ends its range.
     """
@@ -186,25 +185,17 @@ class DesignedFoot(NamedTuple):
     text: str
     design: FootDesign
     rubber: str
-    sheet: str
     figures: Assessment
     limiting_factor: str
 
     @property
     def cells(self) -> dict[str, str]:
-        """The foot's column of the printed table, by row name."""
+        """The foot's column of the printed table, by row name: what its description does not say, and its kind."""
         one, design = self.figures, self.design
         return {
             "ball [mm]": f"{2.0 * design.ball_radius_mm:g}",
             "rubber": f"{self.rubber}, {design.rubber.youngs_mpa:g} MPa",
-            "sheet": f"{self.sheet}, {design.pdms.youngs_mpa:g} MPa",
-            "plate [mm]": f"{design.plate_mm:g}",
             "gap [um]": f"{design.gap_um:g}",
-            "film [um]": f"{design.film_um:g}",
-            "pitch [mm]": f"{design.pitch_mm:g}",
-            "electrode [mm]": f"{design.electrode_mm:g}",
-            "cavity": design.cavity,
-            "unloaded [pF]": f"{one.unloaded_pf:.2f}",
             "range, designed [N]": f"{one.design_range_n:.3g}",
             **{
                 f"  upright, leaning {lean:g}": f"{range_n:.3g}"
@@ -269,9 +260,8 @@ def design(requirements: Requirements, name: str) -> tuple[list[DesignedFoot], i
             figures = assess_foot(foot, library.response(foot), requirements)
             if figures.design_range_n >= _RANGE_RESERVE_FACTOR * requirements.max_load_n:
                 rubber = materials.rubbers[int(candidates.rubber[row])].name
-                sheet = materials.sheets[int(candidates.sheet[row])].name
                 limit = LIMIT_NAMES[int(choice.screened.limiting_factor_index[row])]
-                feet.append(DesignedFoot(own, text, foot, rubber, sheet, figures, limit))
+                feet.append(DesignedFoot(own, text, foot, rubber, figures, limit))
                 break
     if not feet:
         raise FootsenseError(
