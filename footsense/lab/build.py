@@ -19,19 +19,23 @@ from footsense.estimation.network import steady_windows
 from footsense.foot.force_errors import ForceErrors
 from footsense.foot.network_card import FORMAT, INPUTS, NETWORK_FILE, OUTPUTS, add_checksum
 from footsense.foot.response_table import FootResponse
+from footsense.foot.specimen import Specimen
+from footsense.frames import Vector
 from footsense.lab.evaluation.evaluate_models import (
     HELD_OUT_CASES,
     HELD_OUT_SEED,
     RESPONSE_FILE,
     ForceEstimator,
+    as_markdown,
     error_table,
     evaluate_models,
 )
+from footsense.lab.evaluation.force_range import CENTRED_DEG, LEANS_DEG, force_range
 from footsense.lab.fem.mesh import COARSE_MESH, RELEASED_MESH, MeshSize
 from footsense.lab.foot_file import FOOT_FILE, load_foot
-from footsense.lab.geometry import LoadRange
-from footsense.lab.model_card import readme
+from footsense.lab.geometry import FootDesign, LoadRange
 from footsense.lab.response import make_response
+from footsense.lab.template import render
 from footsense.lab.training import load_cases
 from footsense.lab.training.export import (
     OnnxNetwork,
@@ -41,7 +45,7 @@ from footsense.lab.training.export import (
     onnx_model,
 )
 from footsense.lab.training.gait_readings import concatenate_gaits, random_gaits
-from footsense.lab.training.load_cases import Cases, random_loads
+from footsense.lab.training.load_cases import random_loads
 from footsense.lab.training.train_windowed import WindowTrainingSettings, train_windowed
 from footsense.lab.training.walker_gaits import walker_gaits
 from footsense.lab.training.windowed_network import Weights, mean_closure_product_matrix, predict
@@ -136,12 +140,12 @@ def _network_card(
     loads: LoadRange,
     recipe: BuildSettings,
     weights: Weights,
-    cases: Cases,
+    seen_rel: Vector,
+    moments: Vector,
     table: dict[str, ForceErrors],
 ) -> dict[str, Any]:
     """Return the network's card: constants that the service needs for the network, and how it was trained."""
     design = response.design
-    seen_rel = cases.with_symmetric_copies().closure_um / design.gap_um
     return {
         "format": FORMAT,
         "foot_type": response.foot_type,
@@ -154,7 +158,7 @@ def _network_card(
         "closure_rel_max": [
             round(float(value) + INPUT_RANGE_MARGIN_REL, 6) for value in seen_rel.max(axis=0)
         ],
-        "moments": _rounded_moments(seen_rel).tolist(),
+        "moments": moments.tolist(),
         "response_sha256": response.sha256,
         "training": {
             "random_loads": {
@@ -181,11 +185,6 @@ def _network_card(
     }
 
 
-def _rounded_moments(closure_rel: Any) -> Any:
-    """Return the second moments of the closures, rounded to the decimals that the network's card holds."""
-    return np.round(mean_closure_product_matrix(closure_rel), _MOMENT_DECIMALS)
-
-
 def response_in_force_unit(response: FootResponse, unit: float) -> FootResponse:
     """Return the response table for forces divided by a unit: the same closures, smaller forces.
 
@@ -206,6 +205,33 @@ def _onnx_difference_n(network: OnnxNetwork, weights: Weights, unit: float, clos
     window = steady_windows(closure_rel, MISSING_SETS[np.arange(len(closure_rel)) % len(MISSING_SETS)])
     pairs = zip(network.estimate(window)[:2], predict(weights, window)[:2], strict=True)
     return max(float(np.abs(one - unit * other).max()) for one, other in pairs)
+
+
+def readme(
+    foot_design: FootDesign,
+    response: FootResponse,
+    card: dict[str, Any],
+    table: dict[str, ForceErrors],
+    onnx_difference_n: float,
+    *,
+    quick: bool,
+) -> str:
+    """Return the README of a foot type's model files as Markdown."""
+    names = {
+        "foot_design": foot_design,
+        "response": response,
+        "card": card,
+        "error_table": as_markdown(table),
+        "onnx_difference_n": onnx_difference_n,
+        "quick": quick,
+        "range": force_range(Specimen(response), foot_design.loads.max_n),
+        "CENTRED_DEG": CENTRED_DEG,
+        "LEANS_DEG": LEANS_DEG,
+        "force_unit": foot_design.loads.force_unit,
+        "FOOT_FILE": FOOT_FILE,
+        "HELD_OUT_CASES": HELD_OUT_CASES,
+    }
+    return render("lab/model_card.md", names)
 
 
 def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable[[str], None]) -> BuildResult:
@@ -249,7 +275,8 @@ def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable
         )
         report(f"{recipe.random_loads} random loads, gaps in contact")
         closure_rel = cases.closure_um / design.gap_um
-        imputation = Imputation(_rounded_moments(cases.with_symmetric_copies().closure_um / design.gap_um))
+        seen_rel = cases.with_symmetric_copies().closure_um / design.gap_um
+        moments = np.round(mean_closure_product_matrix(seen_rel), _MOMENT_DECIMALS)
         own, robots = (
             make(
                 TRAINING_SEED,
@@ -266,11 +293,13 @@ def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable
         gaits = concatenate_gaits([own, robots])
         report(f"{recipe.gaits} random gaits and as many of robots, of {_CONVERSIONS_PER_GAIT} conversions")
         start = None if recipe.start_file is None else load_weights(recipe.start_file)
-        weights = as_stored(train_windowed(gaits, cases, design, recipe.released, imputation, report, start))
+        weights = as_stored(
+            train_windowed(gaits, cases, design, recipe.released, Imputation(moments), report, start)
+        )
         report(f"trained on them: {weights.n_weights} weights")
         table = error_table(response, loads, _force_estimator(weights, design.gap_um, unit))
         # The card needs the errors before the file exists, so JAX computes them; the printed ones are of the file.
-        card = _network_card(response, loads, recipe, weights, cases, table)
+        card = _network_card(response, loads, recipe, weights, seen_rel, moments, table)
         network = add_checksum(onnx_model(weights, card, unit).SerializeToString())
         (Path(temporary) / NETWORK_FILE).write_bytes(network)
         parity = _onnx_difference_n(OnnxNetwork(Path(temporary) / NETWORK_FILE), weights, unit, closure_rel)

@@ -16,7 +16,7 @@ from msgspec import Meta, Struct
 from footsense.foot.capacitor import Capacitor
 from footsense.foot.gap_contact import CELLS_PER_SIDE
 from footsense.foot.response_table import contact_radius_mm
-from footsense.frames import ROWS, Vector
+from footsense.frames import ROWS
 
 #: Full load of the paper's foot [N].
 PAPER_MAX_FORCE_N = 2.0
@@ -210,11 +210,6 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     def cavity_cell_area_mm2(self) -> float:
         """Area of one square cell of a cavity [mm2]."""
         return (self.electrode_mm / CELLS_PER_SIDE) ** 2
-
-    def touch_point_mm(self, normal: Vector) -> Vector:
-        """Return the point where a floor touches the unloaded ball [mm], (..., 3), from inward unit normals."""
-        touch: Vector = -self.ball_radius_mm * normal - np.array([0.0, 0.0, self.plate_mm])
-        return touch
 
     def hertz_patch_radius_mm(self, force_n: float) -> float:
         """Return the Hertz contact radius under a normal force [mm]."""

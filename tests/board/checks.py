@@ -12,8 +12,7 @@ from firmware_interface.chips import ad7147 as chip
 from footsense.acquisition.boards.ad7147 import REFERENCE_INPUT, REFERENCE_PF
 from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.documents import connector_contacts
-from footsense.lab.fabrication.parts.board_place import board_corner_mm
-from footsense.lab.fabrication.parts.flex import flexes
+from footsense.lab.fabrication.parts.flex import board_corner_mm, flexes
 from footsense.lab.geometry import FootDesign
 from tests.board.kicad_files import Board, Copper
 from tests.lab.fabrication.readback import read_layer, read_step

@@ -11,16 +11,15 @@ from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads, Deviations, Specimen
 from footsense.lab.build import response_in_force_unit
 from footsense.lab.design.assess import assess_foot
-from footsense.lab.design.choice import choose_candidates
-from footsense.lab.design.design import foot_text
+from footsense.lab.design.design import choose_candidates, foot_text
 from footsense.lab.design.materials import load_materials
 from footsense.lab.design.processes import assumed_process, load_processes
 from footsense.lab.design.requirements import Requirements, converter
 from footsense.lab.design.screen import TRAINED_RANGE_FACTOR
 from footsense.lab.design.shapes import FootShapeLibrary
 from footsense.lab.evaluation.force_range import UPRIGHT, force_range, friction_loads, largest_loads_n
-from footsense.lab.fabrication.limits import manufacturing_problems
 from footsense.lab.fabrication.parts.flex import Board
+from footsense.lab.fabrication.tolerances import manufacturing_problems
 from footsense.lab.foot_file import load_foot
 from footsense.lab.geometry import FootDesign, Material
 from footsense.lab.training.load_cases import sensed_closure_um
@@ -223,7 +222,7 @@ def test_a_released_foot_is_as_predicted(library: FootShapeLibrary, foot_type: s
         ),
         (
             requirements(4.0, (20.0, 30.0), "urethane-90a")._replace(min_load_n=1e-3),
-            r"--min-load 0\.001 and --max-load 4 conflict at --error 2\.5:.*process makes 20 um.*--min-load",
+            r"--min-load 0\.001 and --max-load 4 conflict at --error 2\.5:.*process makes 20 um.*--error",
         ),
     ],
     ids=["load", "bars", "tail", "board", "noise"],

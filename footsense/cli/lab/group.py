@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import click
 import msgspec
 
-from footsense.cli.lab import couplings, design, fabricate, options, selection, selfcal, shapes, walk
+from footsense.cli.lab import couplings, design, fabricate, options, selection, selfcal, walk
 from footsense.cli.options import FILE, FOLDER, json_option
 from footsense.cli.tables import echo_json
 from footsense.daemon.foot_types import released_path
@@ -147,7 +147,6 @@ def report(*, output: Path | None, quick: bool, text_only: bool) -> None:
         walk.walk,
         selection.selection,
         selfcal.selfcal,
-        shapes.shapes,
         study,
         report,
     ]

@@ -62,23 +62,17 @@ class _Section(NamedTuple):
 
 def couplings_text(design: FootDesign) -> str:
     """Return the content of a foot's `couplings.yaml`: its couplings with each board, a conductor a line."""
-    boards = {board: board_couplings(design, board) for board in BOARDS}
+    boards = {board: flex_couplings(flexes(design, board)) for board in BOARDS}
     return render("lab/couplings/couplings.yaml", {"foot_type": design.foot_type, "boards": boards})
 
 
-def board_couplings(design: FootDesign, board: Board, n_segments: int = N_SEGMENTS) -> BoardCouplings:
-    """Return the couplings of a foot's lines with a board.
+def flex_couplings(both: tuple[Flex, Flex], n_segments: int = N_SEGMENTS) -> BoardCouplings:
+    """Return the couplings of a foot's lines with the board of its flexes.
 
     Args:
-        design: The foot.
-        board: The board.
+        both: The lower and the upper flex.
         n_segments: Segments of a strip, at least.
     """
-    return flex_couplings(flexes(design, board), n_segments)
-
-
-def flex_couplings(both: tuple[Flex, Flex], n_segments: int = N_SEGMENTS) -> BoardCouplings:
-    """Return the couplings of a foot's lines with its lower and its upper flex; see `board_couplings`."""
     conductors = (*sorted({net for flex in both for net in flex.contacts} - {GROUND}), GROUND)
     n, design = len(conductors), both[0].design
     mutual_ff, metal_ff, half_mm = np.zeros((n, n)), np.zeros(n), design.sheet_mm / 2.0

@@ -3,10 +3,8 @@
 requirements       a builder's input, and the boards
 materials          table of rubbers and sheets
 processes          table of the ways to make the sheet
-shapes             response of any foot, from a few shapes that `solve_shapes` solved
-candidates         all feet that could be made
-screen             closures, range and error of each, vectorised
-choice             the most accurate of some sizes, or what conflicts
+shapes             response of any foot, from a few solved shapes
+screen             all feet that could be made; closures, range and error of each, vectorised
 assess             range and errors of one foot, from its table, and errors that calibration leaves
-design             the chosen feet and their files
+design             the most accurate of some sizes and their files, or what conflicts
 """

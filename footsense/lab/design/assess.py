@@ -84,7 +84,6 @@ def assess_foot(foot_design: FootDesign, response: FootResponse, requirements: R
             loads.normal,
             load_n * loads.force_n,
             noise_pf=board.noise_pf,
-            baseline_noise_pf=board.baseline_noise_pf,
         )
         for load_n in levels_n
     ]

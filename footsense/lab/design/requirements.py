@@ -14,7 +14,7 @@ from footsense.lab.evaluation.force_range import UPRIGHT, friction_loads
 from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.electronics import has_element_lines
 from footsense.lab.foot_file import MIN_UNLOADED_PF
-from footsense.lab.training.load_cases import BASELINE_NOISE_PF, FULL_SCALE_PF, NOISE_PF
+from footsense.lab.training.load_cases import FULL_SCALE_PF, NOISE_PF
 
 #: Standard gravity [m/s2].
 GRAVITY_M_S2 = 9.80665
@@ -35,7 +35,6 @@ class Converter(NamedTuple):
     Attributes:
         name: Name, as `board` of a configuration.
         noise_pf: Noise of a conversion [pF, rms].
-        baseline_noise_pf: Noise of the baseline [pF, rms].
         min_unloaded_pf: Least capacitance of an unloaded element [pF]: above an open line.
         range_end_pf: Largest capacitance that it reads [pF].
         scan_s: Its nine conversions one after the other [s].
@@ -45,7 +44,6 @@ class Converter(NamedTuple):
 
     name: str
     noise_pf: float
-    baseline_noise_pf: float
     min_unloaded_pf: float
     range_end_pf: float
     scan_s: float
@@ -73,7 +71,6 @@ def converter(name: str) -> Converter:
     return Converter(
         name,
         noise_pf,
-        BASELINE_NOISE_PF,
         *range_pf,
         1e-9 * (ELEMENTS * conversion_ns),
         min_bar_mm,

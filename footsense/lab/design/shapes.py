@@ -9,7 +9,8 @@ no mesh, and a thicker gap only takes more closure to close. The shape is five n
 electrode fills, plate and spacer over the ball's radius, the sheet's modulus over the rubber's, its Poisson's ratio.
 The sheet is as wide as the ball carries, and the array as wide as the sheet: 1.4 R, as in the paper.
 
-Shapes beside the paper's are solved once (`solve_shapes`), one number changed at a time. Between them a response is a
+Shapes beside the paper's were solved once, one number changed at a time (`footsense lab shapes` of commit 4a590b77, in
+half an hour); the page `design` tells how far the library is from tables solved today. Between them a response is a
 pattern times an amplitude: the pattern and the amplitude's logarithm are parabolas in each number's logarithm. The five
 changes of the pattern add; those of the amplitude multiply, with corrections for some pairs of numbers, from coarse
 meshes with both of them changed.
@@ -19,32 +20,26 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import BarycentricInterpolator
 
 from footsense.foot.gap_contact import CELLS_PER_SIDE
-from footsense.foot.response_table import FootResponse, series_basis
+from footsense.foot.response_table import GRID_SIDE, FootResponse, series_basis
 from footsense.frames import Vector
-from footsense.lab.geometry import MIN_FITTED_ELEVATION_DEG, MIN_TABLE_ELEVATION_DEG, FootDesign, Material
+from footsense.lab.geometry import MIN_FITTED_ELEVATION_DEG, MIN_TABLE_ELEVATION_DEG, FootDesign
 
-#: File of the solved shapes.
+#: File of the solved shapes, in steps of 1e-5 of the largest number of a shape: 1 MB, capacitances off by up to 2e-4
+#: rms, a tenth of what the tables' own fit is.
 SHAPES_FILE = Path(__file__).with_name("shapes.npz")
-#: Step of its numbers over the largest of a shape [1], for a file of 1 MB: capacitances are off by up to 2e-4 rms, a
-#: tenth of what the tables' own fit is.
-_STORED_STEP_REL = 1e-5
 #: Ball radius [mm], rubber modulus [MPa] and its Poisson's ratio of the solved shapes: the paper's.
 RADIUS_MM, YOUNGS_MPA, RUBBER_POISSON = 10.0, 5.2, 0.49
 #: Side of the sheet, and of the array on it, over the ball's radius [1].
 SHEET_SIDE_OVER_RADIUS = 1.4
 #: Degree of the stored series, that of `response.DEGREE`.
 _SERIES_DEGREE = 12
-
-
-#: Cells along a side of the array: the designs have the paper's 3 x 3 elements.
-CELLS_PER_SHEET_SIDE = 3 * CELLS_PER_SIDE
 #: Element of each cell of a quarter, as a number of an amplitude: corner, edge, middle.
-_AMPLITUDE_INDEX_OF_QUARTER_CELL = np.add.outer(*[np.arange(CELLS_PER_SHEET_SIDE // 2) // CELLS_PER_SIDE] * 2)
+_AMPLITUDE_INDEX_OF_QUARTER_CELL = np.add.outer(*[np.arange(GRID_SIDE // 2) // CELLS_PER_SIDE] * 2)
 #: Element of each element of the foot, likewise.
 AMPLITUDE_INDEX_OF_ELEMENT = np.add.outer([0, 1, 0], [0, 1, 0]).ravel()
 
@@ -118,22 +113,6 @@ def shape_of(design: FootDesign) -> FootShape:
     )
 
 
-def design_of_shape(shape: FootShape, reference_design: FootDesign) -> FootDesign:
-    """Return the foot design that is solved for a shape: ball radius 10 mm, the paper's rubber."""
-    pitch = float(sheet_filling_pitch_mm(shape.electrode_over_pitch, RADIUS_MM))
-    return msgspec.structs.replace(
-        reference_design,
-        ball_radius_mm=RADIUS_MM,
-        sheet_mm=SHEET_SIDE_OVER_RADIUS * RADIUS_MM,
-        pitch_mm=pitch,
-        electrode_mm=float(shape.electrode_over_pitch) * pitch,
-        plate_mm=float(shape.plate_rel) * RADIUS_MM,
-        spacer_mm=float(shape.spacer_rel) * RADIUS_MM,
-        rubber=Material(YOUNGS_MPA, RUBBER_POISSON),
-        pdms=Material(YOUNGS_MPA * float(shape.sheet_modulus_rel), float(shape.sheet_poisson)),
-    )
-
-
 def response_amplitudes(series: Vector, compliance: Vector) -> Vector:
     """Return the four amplitudes that characterise a response [um/N], shape (4,).
 
@@ -149,22 +128,8 @@ def response_amplitudes(series: Vector, compliance: Vector) -> Vector:
     return np.array([*of_element, np.sqrt((compliance**2).mean())])
 
 
-def stored_steps(name: str, of_shapes: Vector) -> dict[str, Any]:
-    """Return an array of the solved shapes as it is stored: whole steps, of all but the first what they differ from it.
-
-    Args:
-        name: Name of the array.
-        of_shapes: Its numbers, shape (shapes, ...).
-    """
-    axes = tuple(range(1, of_shapes.ndim))
-    step = _STORED_STEP_REL * np.abs(of_shapes).max(axis=axes, keepdims=True)
-    steps = np.round(of_shapes / step).astype(np.int32)
-    steps[1:] -= steps[0]
-    return {name: steps, f"{name}_step": step}
-
-
 def _of_steps(stored: Mapping[str, NDArray[Any]], name: str) -> Vector:
-    """Return the numbers that `stored_steps` stored."""
+    """Return an array of the solved shapes, stored as whole steps, of all but the first what they differ from it."""
     steps = stored[name]
     steps[1:] += steps[0]
     numbers: Vector = steps * stored[f"{name}_step"]
@@ -175,7 +140,7 @@ class FootShapeLibrary:
     """Library of solved foot shapes, with interpolation of the response between them.
 
     Args:
-        path: File of `solve_shapes`.
+        path: File of the solved shapes.
 
     Attributes:
         series: Patterns of the influence of each solved shape, shape (shapes, 2, products, 9, 9, 3).
@@ -203,16 +168,11 @@ class FootShapeLibrary:
         interpolation_weights = np.zeros((*moved.shape[:-1], len(self._coordinates)))
         interpolation_weights[..., 0] = 1.0
         for axis in range(moved.shape[-1]):
-            pair = (1 + 2 * axis, 2 + 2 * axis)
-            first, second = (self._coordinates[one, axis] - self._coordinates[0, axis] for one in pair)
-            x = moved[..., axis]
-            parts = (
-                x * (x - second) / (first * (first - second)),
-                x * (x - first) / (second * (second - first)),
-            )
-            for one, part in zip(pair, parts, strict=True):
-                interpolation_weights[..., one] = part
-                interpolation_weights[..., 0] -= part
+            nodes = [0, 1 + 2 * axis, 2 + 2 * axis]
+            places = self._coordinates[nodes, axis] - self._coordinates[0, axis]
+            own = BarycentricInterpolator(places, np.eye(3))(moved[..., axis])
+            interpolation_weights[..., nodes] += own
+            interpolation_weights[..., 0] -= 1.0
         return interpolation_weights
 
     def interpolated_response_amplitudes_um_per_n(self, interpolation_weights: Vector) -> Vector:

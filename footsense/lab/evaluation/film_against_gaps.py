@@ -1,5 +1,11 @@
 """The gel film of the paper's outlook beside the released foot's gaps: sensitivity, range, and errors of read-outs.
 
+The film fills the whole area between the plates, electrodes and bars alike, and takes the place of the bars in the
+weak form of `fem/quarter.py`: an elastic layer between the two bodies, without elements of its own, so that nothing in
+it can lock, however soft or incompressible it is. It is bonded to two plates that are far stiffer and cannot spread
+sideways but near its rim, within l = t sqrt(M / (12 G)), lateral flow being a parabola between the plates: it resists
+being pressed with the confined modulus M = lambda + 2 G and not with E.
+
 Source:
     Aoyagi et al., section VI.
 """
@@ -18,14 +24,20 @@ from footsense.foot.specimen import Specimen
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.evaluation.evaluate_models import elastance_based_force_estimator
 from footsense.lab.evaluation.sealed_cavities import SMALL_N, UPWARD, largest_force_n, mean_errors
-from footsense.lab.fem.gel_layer import GelLayerDesign
+from footsense.lab.fem.elasticity import BondedLayer
 from footsense.lab.fem.mesh import COARSE_MESH, RELEASED_MESH
-from footsense.lab.geometry import FootDesign
+from footsense.lab.geometry import UM_PER_MM, FootDesign, Material
 from footsense.lab.response import make_response
 from footsense.lab.training.load_cases import FULL_SCALE_PF, Cases, measured_closure_rel, sensed_closure_um
 from footsense.lab.training.paper_procedure import PaperTraining, start_weights_by_seed
 from footsense.sim.loads.press_sequence import paper_presses
 
+#: Gelled polyurethane; the paper gives E = 20 kPa, Poisson's ratio is a choice.
+_GEL = Material(0.020, 0.49)
+#: Its relative permittivity [1], a choice: capacitance and sensitivity are proportional to it.
+_EPS_R = 5.0
+#: Faces that a film covers: cavities and bars alike.
+FILM_FACES = "bars|cell.*"
 #: Largest share of a film's thickness that may close anywhere [1]: beyond, a gel is no longer linear.
 MAX_STRAIN_REL = 0.1
 #: Draws of the converter's noise for the 180 test loads.
@@ -53,11 +65,15 @@ def film_against_gaps(
         quick: Whether to solve on a coarse mesh.
     """
     foot = Specimen(response)
-    film = GelLayerDesign(thickness_mm=design.spacer_mm)
     # Nothing is singular where the film covers everything: no layers of thin elements.
     size = replace(COARSE_MESH if quick else RELEASED_MESH, edge_layers=0)
-    solved = make_response(design, size, layer=film.layer)
-    capacitor = film.equivalent_air_capacitor(design)
+    solved = make_response(design, size, layer=BondedLayer(_GEL, design.spacer_mm, FILM_FACES))
+    capacitor = Capacitor(  # of air
+        gap_um=UM_PER_MM * design.spacer_mm,
+        film_um=0.0,
+        film_eps_r=1.0,
+        electrode_area_mm2=_EPS_R * design.electrode_mm**2,
+    )
 
     def film_closure_um(normal: Vector, force_n: Vector) -> Vector:
         distance_um = capacitor.gap_um - solved.free_closure_um(normal, force_n)
@@ -79,11 +95,11 @@ def film_against_gaps(
         ),
     }
     return {
-        "youngs_mpa": [film.gel.youngs_mpa, design.pdms.youngs_mpa],
-        "poisson": film.gel.poisson,
-        "eps_r": film.eps_r,
+        "youngs_mpa": [_GEL.youngs_mpa, design.pdms.youngs_mpa],
+        "poisson": _GEL.poisson,
+        "eps_r": _EPS_R,
         "thickness_um": capacitor.gap_um,
-        "confined_mpa": film.gel.confined_modulus_mpa,
+        "confined_mpa": _GEL.confined_modulus_mpa,
         "designs": {name: _sensor_figures(sensor, n, epochs) for name, sensor in sensors.items()},
     }
 

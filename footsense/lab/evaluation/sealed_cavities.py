@@ -25,8 +25,7 @@ from footsense.lab.training.load_cases import (
     Cases,
     closure_of_designed_foot_um,
 )
-from footsense.lab.training.paper_network import Layers
-from footsense.lab.training.paper_procedure import PaperTraining, start_weights_by_seed
+from footsense.lab.training.paper_procedure import Layers, PaperTraining, start_weights_by_seed
 from footsense.sim.fabrication import PAPER_TOLERANCES, draw_deviations
 from footsense.sim.loads.press_sequence import paper_presses
 

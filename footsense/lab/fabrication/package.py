@@ -6,10 +6,14 @@ from typing import NamedTuple
 from footsense.errors import ConfigError
 from footsense.lab.design.processes import AssumedProcess, assumed_process
 from footsense.lab.fabrication import dimensions, documents
-from footsense.lab.fabrication.limits import manufacturing_problems
 from footsense.lab.fabrication.parts import gerber, sheets, solids
 from footsense.lab.fabrication.parts.flex import Board, Flex, flexes
-from footsense.lab.fabrication.tolerances import ExpectedCapacitance, expected_capacitance, part_tolerances
+from footsense.lab.fabrication.tolerances import (
+    ExpectedCapacitance,
+    expected_capacitance,
+    manufacturing_problems,
+    part_tolerances,
+)
 from footsense.lab.geometry import FootDesign
 
 

@@ -1,4 +1,4 @@
-"""Tolerances of the parts and of the unloaded readings, derived from the deviations that the design assumed.
+"""Checks that a foot can be made, and tolerances of parts and unloaded readings, from the deviations that were assumed.
 
 A process has an rms deviation of gap, film, stiffness and mounting; a part has limits. Printed are twice the rms.
 Size and offset of the electrodes change all elements by one factor, as a softer rubber does: elastances, and with them
@@ -7,20 +7,27 @@ hardness of the rubber has what they leave.
 """
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
 from footsense.foot.gap_contact import CELLS_PER_ELEMENT, fringe_pf
 from footsense.lab.design.materials import shore_a_from_modulus, youngs_mpa_of
+from footsense.lab.design.processes import AssumedProcess
 from footsense.lab.fabrication import dimensions
-from footsense.lab.geometry import FootDesign
+from footsense.lab.fabrication.electronics import has_element_lines
+from footsense.lab.fabrication.parts.flex import Board, flexes
+from footsense.lab.geometry import UM_PER_MM, FootDesign
 from footsense.sim.fabrication import FootTolerances
 
 #: Printed limit over the assumed rms [1]: 95 % of normal deviates lie within.
 LIMIT_OVER_RMS = 2.0
 #: Steps to which the limit of the hardness is rounded down [Shore A]; the least that a gauge can tell.
 _HARDNESS_STEP_SHORE_A = 0.5
+#: Largest deviation of the overlap of rows and columns that leaves the rubber a tolerance [1].
+_SUGGESTED_AREA_DEVIATION_REL = 0.15
+_ROUNDING_TOLERANCE_MM = 1e-9
 
 
 class Tolerance(NamedTuple):
@@ -149,3 +156,67 @@ def expected_capacitance(design: FootDesign, assumed: FootTolerances) -> Expecte
     low_pf = unloaded_pf - plate_pf * plate_rel - stray_pf
     high_pf = unloaded_pf + plate_pf * plate_rel + stray_pf
     return ExpectedCapacitance(plate_pf, edge_pf, stray_pf, unloaded_pf, low_pf, high_pf)
+
+
+def manufacturing_problems(design: FootDesign, assumed: AssumedProcess, board: Board) -> Iterator[str]:
+    """Yield the reasons why a foot cannot be made, each with its key first and a remedy last.
+
+    Args:
+        design: The foot.
+        assumed: What its design assumed.
+        board: Its board.
+    """
+    yield from _sheet_problems(design, assumed, board)
+    yield from _layer_and_hardness_problems(design, assumed)
+    n_contacts = max(len(flex.contacts) for flex in flexes(design, board))
+    least = dimensions.least_ball_radius_mm(n_contacts)
+    if design.ball_radius_mm < least:
+        yield (
+            f"ball_radius_mm: the tail of {2.0 * dimensions.tail_half_width_mm(n_contacts):g} mm of board {board} does "
+            f"not fit on the socket of a ball of {design.ball_radius_mm:g} mm; use at least {least:g}"
+        )
+
+
+def _sheet_problems(design: FootDesign, assumed: AssumedProcess, board: Board) -> Iterator[str]:
+    """Yield the reason why the spacer's bars, which part the electrodes too, cannot be made."""
+    pitch, needs = design.pitch_mm, f"process {assumed.process_name} needs"
+    bar = max(assumed.process.bar_mm, dimensions.MIN_NET_CLEARANCE_MM)
+    if has_element_lines(board) and bar < dimensions.MIN_TRACED_BAR_MM:
+        bar, needs = dimensions.MIN_TRACED_BAR_MM, f"the traces of board {board} between two columns need"
+    leave = f"electrodes of {design.electrode_mm:g} mm at a pitch of {pitch:g} mm leave"
+    if design.bar_mm < bar - _ROUNDING_TOLERANCE_MM:
+        yield (
+            f"electrode_mm: {leave} bars of {design.bar_mm:.3g} mm in the spacer, {needs} "
+            f"{bar:g}; use at most {pitch - bar:g}"
+        )
+
+
+def _layer_and_hardness_problems(design: FootDesign, assumed: AssumedProcess) -> Iterator[str]:
+    """Yield the reasons why gap, film or spacer cannot be made, or why no hardness tolerance remains."""
+    gaps, films = assumed.process.gap_um, [film.um for film in assumed.process.film]
+    layers = (("gap_um", design.gap_um, gaps, "gap"), ("film_um", design.film_um, films, "film"))
+    for key, value, made, word in layers:
+        if not min(made) <= value <= max(made):
+            text = (
+                f"{word}s of {min(made):g} to {max(made):g} um"
+                if min(made) < max(made)
+                else f"{made[0]:g} um"
+            )
+            nearest = f"at least {min(made):g}" if value < min(made) else f"at most {max(made):g}"
+            process = assumed.process_name
+            yield f"{key}: a {word} of {value:g} um cannot be made, process {process} makes {text}; use {nearest}"
+    filled_um, spacer_um = design.gap_um + design.film_um, UM_PER_MM * design.spacer_mm
+    if abs(filled_um - spacer_um) > UM_PER_MM * _ROUNDING_TOLERANCE_MM:
+        yield (
+            f"spacer_mm: film and spacer are two layers of {design.film_um:g} and {design.gap_um:g} um, together not "
+            f"{spacer_um:g} um; use {filled_um / UM_PER_MM:g}"
+        )
+    if hardness_tolerance_shore_a(design, assumed.rms_deviations) <= 0.0:
+        overlap_rel = overlap_area_deviation_rel(design.electrode_mm)
+        least = design.electrode_mm * overlap_rel / _SUGGESTED_AREA_DEVIATION_REL
+        yield (
+            f"electrode_mm: an offset of {dimensions.FLEX_OFFSET_TOLERANCE_MM:g} mm of electrodes of "
+            f"{design.electrode_mm:g} mm changes their overlap by "
+            f"{overlap_rel:.0%}, more than the design assumes; "
+            f"use at least {math.ceil(100.0 * least) / 100.0:g}"
+        )

@@ -3,8 +3,6 @@
 A load of azimuth 0 is even in y, so the classes (1, 1) and (-1, 1) hold all of it, and a vertical one the first alone.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from footsense.foot.directions import directions
@@ -25,29 +23,18 @@ _MIRROR_IMAGE_OF_ELEMENT = np.array([0, 1, 0, 2, 3, 2, 0, 1, 0])
 _X_MIRROR_SIGN = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0, -1.0, -1.0, -1.0])
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class CentredClosures:
-    """Closures of the nine elements under centred loads of azimuth 0.
-
-    Attributes:
-        closure_um_per_n: Mean closure of each element [um], shape (loads, 9).
-        n_unknowns: Unknowns of one class.
-    """
-
-    closure_um_per_n: Vector
-    n_unknowns: int
-
-
 def solve_centred_closures(
-    design: FootDesign, size: MeshSize, elevation_deg: tuple[float, ...], patch_mm: float | None = None
-) -> CentredClosures:
+    design: FootDesign, size: MeshSize, elevation_deg: tuple[float, ...]
+) -> tuple[Vector, int]:
     """Return the nine closures [um] under centred loads of 1 N at azimuth 0, for mesh studies.
 
     Args:
         design: The foot.
         size: Resolution of the mesh.
         elevation_deg: Elevation of each load [deg]; if all are 90, one class is solved, else two.
-        patch_mm: Radius of the contact patch [mm]; Hertz's against a rigid floor if None.
+
+    Returns:
+        Mean closure of each element per newton [um], shape (loads, 9), and the number of unknowns of one class.
 
     Raises:
         ModelError: The foot cannot be meshed, or its stiffness is singular.
@@ -63,14 +50,13 @@ def solve_centred_closures(
         quarter = QuarterFoot(design, size, parity, mesh)
         field = solve_face_closure_fields(quarter, faces)
         series = fit_series(field)
-        per_newton = mean_over_patch(
-            series.reshape(len(series), -1), force, patch_mm or design.hertz_patch_radius_mm(1.0), design
-        )
+        patch_mm = design.hertz_patch_radius_mm(1.0)
+        per_newton = mean_over_patch(series.reshape(len(series), -1), force, patch_mm, design)
         part = (per_newton.reshape(len(force), len(_QUARTER_ELEMENTS), 3) * force[:, None]).sum(axis=2)
         sign = np.ones(9) if parity.x > 0 else _X_MIRROR_SIGN
         # The quarter's form is a quarter of the foot's, so its field is four times the foot's.
         total += part[:, _MIRROR_IMAGE_OF_ELEMENT] * sign / 4.0
-    return CentredClosures(total, quarter.n_unknowns)
+    return total, quarter.n_unknowns
 
 
 def largest_change(closure_um: Vector, of_um: Vector) -> float:

@@ -14,7 +14,6 @@ from typing import Any
 
 import ngsolve as ng
 
-from footsense.frames import Vector
 from footsense.lab.geometry import Material, ThinFilm
 
 
@@ -67,10 +66,3 @@ def membrane_energy_per_area(film: ThinFilm, u: Any) -> Any:
     stiffness = 1e-3 * film.thickness_um * film.youngs_mpa / (1.0 - film.poisson**2)
     squares = along_x**2 + along_y**2 + 2.0 * film.poisson * along_x * along_y
     return 0.5 * stiffness * (squares + 2.0 * (1.0 - film.poisson) * shear**2)
-
-
-def hertz_pressure_shape(centre_mm: Vector, radius_mm: float) -> Any:
-    """Return the pressure of a Hertz patch over its peak [1], sqrt(1 - |x - x_c|^2 / a^2)."""
-    away = ng.CF((ng.x, ng.y, ng.z)) - ng.CF(tuple(centre_mm))
-    inside = 1.0 - ng.InnerProduct(away, away) / radius_mm**2
-    return ng.sqrt(ng.IfPos(inside, inside, 0.0))

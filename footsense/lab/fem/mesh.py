@@ -9,19 +9,21 @@ and contact pressure live, and the mesh follows them.
 from dataclasses import dataclass, replace
 from typing import Any
 
+import ngsolve as ng
 import numpy as np
 from netgen import occ
-from netgen.meshing import MeshingParameters
+from netgen.meshing import MeshingParameters, NgException
 
 from footsense.errors import ModelError
 from footsense.foot.gap_contact import CELLS_PER_SIDE
 from footsense.foot.response_table import GRID_SIDE
 from footsense.frames import ROWS, Vector
-from footsense.lab.fem.solids import EQUAL_WITHIN_MM, bodies, curved_mesh, lies_in_coordinate_plane, square
 from footsense.lab.geometry import FootDesign
 
-#: Nothing of a foot may be thinner [mm]: faces closer than `EQUAL_WITHIN_MM` could not be told apart.
-_MIN_THICKNESS_MM = EQUAL_WITHIN_MM
+#: Coordinates closer than this are equal [mm].
+EQUAL_WITHIN_MM = 1e-3
+#: The two bodies, and the direction from the sheet into their rubber.
+BODY_SIDES = (("ground", -1.0), ("leg", 1.0))
 #: Radius of the ball and width of the bars that a `MeshSize` is stated for [mm].
 _BALL_MM, _BAR_MM = 10.0, 1.0
 
@@ -78,6 +80,77 @@ FINEST_MESH = MeshSize(
     edge_layers=2,
     edge_layer_rel=0.12,
 )
+
+
+def hemisphere(design: FootDesign, side: str, level_mm: float, *, quarter: bool) -> Any:
+    """Return the ground-side or leg-side hemisphere, with material `rubber_<side>` and curved face `curved_<side>`.
+
+    Args:
+        design: The foot.
+        side: `ground` or `leg`.
+        level_mm: z of its flat face [mm], below 0 on the ground side.
+        quarter: Whether to cut off x < 0 and y < 0.
+    """
+    centre, radius_mm = occ.Pnt(0, 0, level_mm), design.ball_radius_mm
+    inward = -1.0 if level_mm > 0.0 else 1.0
+    ball = occ.Sphere(centre, radius_mm) * occ.HalfSpace(centre, occ.Vec(0, 0, inward))
+    for face in ball.faces:
+        face.name = f"curved_{side}" if abs(face.center.z - level_mm) > 0.1 * radius_mm else "flat"
+    if quarter:
+        ball *= occ.Box(occ.Pnt(0, 0, -3.0 * radius_mm), occ.Pnt(*(3.0 * radius_mm,) * 3))
+    ball.mat(f"rubber_{side}")
+    return ball
+
+
+def plate(
+    name: str, corner_mm: tuple[float, float], half_mm: float, level_mm: tuple[float, float], edge_mm: float
+) -> Any:
+    """Return a square PDMS plate as a solid.
+
+    Args:
+        name: Name of the plate's material.
+        corner_mm: Lowest x and y [mm].
+        half_mm: Highest x and y [mm].
+        level_mm: z of its lower and upper face [mm].
+        edge_mm: Largest edge of its mesh [mm].
+    """
+    solid = occ.Box(occ.Pnt(*corner_mm, level_mm[0]), occ.Pnt(half_mm, half_mm, level_mm[1]))
+    solid.mat(name)
+    solid.maxh = edge_mm
+    return solid
+
+
+def bodies(
+    design: FootDesign,
+    plate_edge_mm: float,
+    sheet_offset_mm: tuple[float, float] = (0.0, 0.0),
+    *,
+    quarter: bool,
+) -> list[Any]:
+    """Return hemisphere and plate of the ground side, then of the leg side; the plates meet in the plane z = 0.
+
+    Args:
+        design: The foot.
+        plate_edge_mm: Largest edge of the mesh in the plates [mm].
+        sheet_offset_mm: Centre of the sheet, which stays in the origin, from the axis of the balls [mm].
+        quarter: Whether to cut off x < 0 and y < 0.
+    """
+    half_mm, solids = design.sheet_mm / 2.0, []
+    to_axis = occ.Vec(-sheet_offset_mm[0], -sheet_offset_mm[1], 0.0)
+    lowest_mm = 0.0 if quarter else -half_mm
+    for side, up in BODY_SIDES:
+        flat_mm = up * design.plate_mm
+        level_mm = (min(0.0, flat_mm), max(0.0, flat_mm))
+        ball = hemisphere(design, side, flat_mm, quarter=quarter)
+        solids.append(ball.Move(to_axis) if any(sheet_offset_mm) else ball)
+        solids.append(plate(f"pdms_{side}", (lowest_mm, lowest_mm), half_mm, level_mm, plate_edge_mm))
+    return solids
+
+
+def lies_in_coordinate_plane(part: Any, axis: str) -> bool:
+    """Tell whether a face or an edge lies in the plane where a coordinate (`x`, `y`, `z`) is 0."""
+    low, high = part.bounding_box
+    return bool(max(abs(getattr(low, axis)), abs(getattr(high, axis))) < EQUAL_WITHIN_MM)
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +213,8 @@ def quarter_grid(per_cell: Vector, design: FootDesign, axis: int) -> Vector:
 
 def _cell_face(cell: CavityCell, side_mm: float) -> Any:
     """Return a cavity cell as a named square face in the spacer's plane."""
-    face = square(cell.x_mm, cell.y_mm, side_mm)
+    corner = occ.Pnt(cell.x_mm - side_mm / 2.0, cell.y_mm - side_mm / 2.0, 0.0)
+    face = occ.WorkPlane(occ.Axes(corner, n=occ.Z, h=occ.X)).Rectangle(side_mm, side_mm).Face()
     face.name = cell.name
     return face
 
@@ -174,12 +248,8 @@ def _is_sheet_border_edge(design: FootDesign, edge: Any) -> bool:
     """Tell whether an edge is the outer border of the sheet on a hemisphere."""
     low, high = edge.bounding_box
     level = all(abs(abs(end.z) - design.plate_mm) < EQUAL_WITHIN_MM for end in (low, high))
-    at_border = max(abs(edge.center.x), abs(edge.center.y)) > design.sheet_mm / 2.0 - EQUAL_WITHIN_MM
-    return (
-        level
-        and at_border
-        and max(abs(edge.center.x), abs(edge.center.y)) < design.sheet_mm / 2.0 + EQUAL_WITHIN_MM
-    )
+    from_axis_mm = max(abs(edge.center.x), abs(edge.center.y))
+    return level and abs(from_axis_mm - design.sheet_mm / 2.0) < EQUAL_WITHIN_MM
 
 
 def build_quarter_mesh(design: FootDesign, size: MeshSize) -> Any:
@@ -203,11 +273,8 @@ def build_mesh(
         `curved_leg`, `mirror_x` (the plane x = 0), `mirror_y`.
 
     Raises:
-        ModelError: A part is thinner than a micrometre, or the mesher gives up on this geometry.
+        ModelError: The mesher gives up on this geometry.
     """
-    thinnest_mm = min(design.plate_mm, design.spacer_mm, design.electrode_mm, design.ball_radius_mm)
-    if not thinnest_mm > _MIN_THICKNESS_MM:  # NaN is refused too
-        raise ModelError(f"no part of a foot is thinner than {_MIN_THICKNESS_MM:g} mm, got {design}")
     size, step = size.scaled_to_foot(design), design.electrode_mm / CELLS_PER_SIDE
     solids = bodies(design, size.plate_mm, sheet_offset_mm, quarter=quarter)
     cells = cavity_cells(design, quarter=quarter)
@@ -222,14 +289,21 @@ def build_mesh(
             edge.hpref = 1
         elif quarter and _is_sheet_border_edge(design, edge):
             edge.hpref = 1
-    parameters = MeshingParameters(maxh=size.ball_mm, grading=size.grading)
+    return curved_mesh(shape, size)
+
+
+def curved_mesh(shape: Any, size: MeshSize) -> Any:
+    """Return the curved mesh of a shape, with layers of thin elements at marked edges (hp refinement).
+
+    Raises:
+        ModelError: The mesher fails.
+    """
     try:
-        return curved_mesh(
-            shape,
-            parameters,
-            size.order,
-            edge_layers=size.edge_layers,
-            edge_layer_rel=size.edge_layer_rel,
-        )
-    except ModelError as error:
-        raise ModelError(f"{error}; check {size} and the sizes of {design}") from error
+        parameters = MeshingParameters(maxh=size.ball_mm, grading=size.grading)
+        mesh = ng.Mesh(occ.OCCGeometry(shape).GenerateMesh(parameters))
+        if size.edge_layers:
+            mesh.RefineHP(size.edge_layers, size.edge_layer_rel)
+        mesh.Curve(size.order)
+    except (NgException, RuntimeError) as error:
+        raise ModelError(f"the foot cannot be meshed with {size}: {error}") from error
+    return mesh

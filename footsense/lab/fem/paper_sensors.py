@@ -16,6 +16,7 @@ Source:
     Aoyagi et al., sections III B to III E, Figs. 5, 6 and 8: sensors A to H.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -23,22 +24,26 @@ from typing import Any
 import ngsolve as ng
 import numpy as np
 from netgen import occ
-from netgen.meshing import MeshingParameters
 
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import mirrored_series
 from footsense.frames import Vector
-from footsense.lab.fem.adjoint import AdjointFields, solve_functional_fields
+from footsense.lab.fem.adjoint import solve_functional_fields
 from footsense.lab.fem.elasticity import mixed_strain_energy_density, strain_energy_density
-from footsense.lab.fem.mesh import MeshSize, name_mirrors_and_size_ground
+from footsense.lab.fem.mesh import (
+    BODY_SIDES,
+    MeshSize,
+    curved_mesh,
+    hemisphere,
+    name_mirrors_and_size_ground,
+    plate,
+)
 from footsense.lab.fem.quarter import (
     SOLVED_CLASSES,
-    Parity,
     QuarterFoot,
     single_cell_series,
     transposed_series,
 )
-from footsense.lab.fem.solids import BODY_SIDES, curved_mesh, hemisphere, plate
 from footsense.lab.geometry import FootDesign
 from footsense.lab.response import SERIES_DEGREE, fit_series, mean_over_patch
 
@@ -64,30 +69,8 @@ COARSE_BLOCK_MESH = MeshSize(
 _EXTRA_QUADRATURE_ORDER = 8
 
 
-@dataclass(frozen=True, slots=True)
-class BlockColumn:
-    """Rectangular column of the block, in the quarter x >= 0, y >= 0, over its full thickness.
-
-    Attributes:
-        x_mm: Borders of the column along x, the lower first [mm].
-        y_mm: Borders of the column along y, the lower first [mm].
-    """
-
-    x_mm: tuple[float, float]
-    y_mm: tuple[float, float]
-
-    @property
-    def area_mm2(self) -> float:
-        """Area of the rectangle [mm2]."""
-        return (self.x_mm[1] - self.x_mm[0]) * (self.y_mm[1] - self.y_mm[0])
-
-    def indicator_function(self) -> Any:
-        """Return the indicator function of the rectangle: 1 inside and 0 outside."""
-        distances = (ng.x - self.x_mm[0], self.x_mm[1] - ng.x, ng.y - self.y_mm[0], self.y_mm[1] - ng.y)
-        indicator = ng.CF(1.0)
-        for distance in distances:
-            indicator = ng.IfPos(distance, indicator, 0.0)
-        return indicator
+#: Borders of a rectangular column of the block along x and along y, the lower first, in the quarter x, y >= 0 [mm].
+BlockColumn = tuple[tuple[float, float], tuple[float, float]]
 
 
 def half_thickness_mm(design: FootDesign) -> float:
@@ -95,7 +78,7 @@ def half_thickness_mm(design: FootDesign) -> float:
     return design.plate_mm + design.spacer_mm / 2.0
 
 
-def build_block_mesh(design: FootDesign, size: MeshSize = BLOCK_MESH) -> Any:
+def build_block_mesh(design: FootDesign, size: MeshSize) -> Any:
     """Return the curved mesh of the quarter [mm], origin in the middle of the block.
 
     Args:
@@ -110,7 +93,7 @@ def build_block_mesh(design: FootDesign, size: MeshSize = BLOCK_MESH) -> Any:
     block = plate("pdms", (0, 0), design.sheet_mm / 2.0, (-level, level), size.plate_mm)
     shape = occ.Glue([*solids, block])
     name_mirrors_and_size_ground(shape, size)
-    return curved_mesh(shape, MeshingParameters(maxh=size.ball_mm, grading=size.grading), size.order)
+    return curved_mesh(shape, size)
 
 
 class QuarterBlock(QuarterFoot):
@@ -146,28 +129,15 @@ class QuarterBlock(QuarterFoot):
         """Return the mean normal stress sigma_z [MPa] over a column as a linear functional of the displacement."""
         v, pdms = self.space.TestFunction()[0], self.design.pdms
         stress_mpa = pdms.lame_lambda_mpa * ng.div(v) + 2.0 * pdms.shear_modulus_mpa * ng.Grad(v)[2, 2]
-        volume_mm3 = column.area_mm2 * 2.0 * half_thickness_mm(self.design)
+        volume_mm3 = math.prod(high_mm - low_mm for low_mm, high_mm in column)
+        volume_mm3 *= 2.0 * half_thickness_mm(self.design)
+        inside = ng.CF(1.0)
+        for place, (low_mm, high_mm) in zip((ng.x, ng.y), column, strict=True):
+            inside = ng.IfPos(place - low_mm, ng.IfPos(high_mm - place, inside, 0.0), 0.0)
         form = ng.LinearForm(self.space)
-        form += (
-            column.indicator_function()
-            * stress_mpa
-            / volume_mm3
-            * ng.dx("pdms", bonus_intorder=_EXTRA_QUADRATURE_ORDER)
-        )
+        form += inside * stress_mpa / volume_mm3 * ng.dx("pdms", bonus_intorder=_EXTRA_QUADRATURE_ORDER)
         with ng.TaskManager():
             return form.Assemble()
-
-
-def solve_column_stress_fields(
-    design: FootDesign, columns: Sequence[BlockColumn], size: MeshSize = BLOCK_MESH
-) -> dict[Parity, AdjointFields]:
-    """Return the adjoint fields of the columns' mean stress per symmetry class, influence in MPa/N."""
-    mesh = build_block_mesh(design, size)
-    classes = [QuarterBlock(design, size, parity, mesh) for parity in SOLVED_CLASSES]
-    return {
-        block.parity: solve_functional_fields(block, [block.stress_functional(column) for column in columns])
-        for block in classes
-    }
 
 
 #: Force of the contacts [gf]: patterns are divided by their maximum, so that it sets the size of the patch alone.
@@ -201,7 +171,7 @@ class SensorArray:
     def quarter_element_columns(self) -> list[BlockColumn]:
         """Return the block columns under the quarter's elements, grouped by x."""
         halves = self.half_axis_element_borders_mm()
-        return [BlockColumn(x, y) for x in halves for y in halves]
+        return [(x, y) for x in halves for y in halves]
 
 
 #: A to C have their elements at the centres of F to H, which have the largest that leave bars of 1 mm between them, as
@@ -237,10 +207,13 @@ def stress_series(
     foot_design: FootDesign, sensors: Sequence[SensorArray], size: MeshSize
 ) -> dict[str, Vector]:
     """Return each sensor's mean element stress as response series [MPa/N], shapes (products, n, n, 3)."""
-    fields = solve_column_stress_fields(
-        foot_design, [column for sensor in sensors for column in sensor.quarter_element_columns()], size
-    )
-    fitted = {parity: fit_series(field) for parity, field in fields.items()}
+    mesh = build_block_mesh(foot_design, size)
+    columns = [column for sensor in sensors for column in sensor.quarter_element_columns()]
+    fitted = {}
+    for parity in SOLVED_CLASSES:
+        block = QuarterBlock(foot_design, size, parity, mesh)
+        functionals = [block.stress_functional(column) for column in columns]
+        fitted[parity] = fit_series(solve_functional_fields(block, functionals))
     series, first = {}, 0
     for sensor in sensors:
         m = len(sensor.half_axis_element_borders_mm())

@@ -9,9 +9,8 @@ Bonds are linear: a bar that is not bonded also bears no pressure.
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
-from functools import partial
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import msgspec
 import ngsolve as ng
@@ -21,66 +20,44 @@ from footsense.foot.response_table import FLAT_OF_GRID, GRID_SIDE, FootResponse
 from footsense.frames import Vector
 from footsense.lab.fem.adjoint import solve_cell_closure_fields
 from footsense.lab.fem.elasticity import BondedLayer
-from footsense.lab.fem.mesh import COARSE_MESH, MeshSize, build_mesh
+from footsense.lab.fem.mesh import COARSE_MESH, build_mesh
 from footsense.lab.fem.quarter import NO_MIRRORS, QuarterFoot
 from footsense.lab.geometry import FootDesign, ThinFilm
 from footsense.lab.response import fit_series, patch_series
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Imperfection:
-    """What of a foot is not as designed: offset sheet, partly bonded bar, plates stiffened by gold.
+class _UnsymmetricFoot(NamedTuple):
+    """A foot, x of the sheet's centre from the axis of its balls [mm], and how much of the width of a bar is bonded.
 
-    Attributes:
-        sheet_offset_mm: Centre of the sheet from the axis of the balls, along x and y [mm].
-        bonded_width_share: Share of its width over which the bar between front and middle row is bonded [1].
-        gold: Film on both plates; None for what the design has.
+    That is the bar between front and middle row.
     """
 
-    sheet_offset_mm: tuple[float, float] = (0.0, 0.0)
+    design: FootDesign
+    sheet_offset_mm: float = 0.0
     bonded_width_share: float = 1.0
-    gold: ThinFilm | None = None
 
 
 class _WholeFoot(QuarterFoot):
-    """Factorised finite element problem of a whole foot.
+    """Factorised finite element problem of a whole foot on the coarse mesh."""
 
-    Args:
-        design: The foot.
-        imperfection: Its imperfections.
-        size: Resolution of the mesh.
-    """
-
-    def __init__(self, design: FootDesign, imperfection: Imperfection, size: MeshSize) -> None:
-        self._offset_mm = imperfection.sheet_offset_mm
-        design = msgspec.structs.replace(design, gold=imperfection.gold or design.gold)
-        mesh = build_mesh(design, size, self._offset_mm, quarter=False)
+    def __init__(self, foot: _UnsymmetricFoot) -> None:
+        self._offset_mm, design = foot.sheet_offset_mm, foot.design
+        mesh = build_mesh(design, COARSE_MESH, (foot.sheet_offset_mm, 0.0), quarter=False)
         inner, outer = design.bar_span_mm
         in_bar = ng.IfPos(ng.x - inner, ng.IfPos(outer - ng.x, 1.0, 0.0), 0.0)
-        bonded = 1.0 - (1.0 - imperfection.bonded_width_share) * in_bar
+        bonded = 1.0 - (1.0 - foot.bonded_width_share) * in_bar
         layer = BondedLayer(design.pdms, design.spacer_mm, bonded_share=bonded)
-        super().__init__(design, size, NO_MIRRORS, mesh, layer)
+        super().__init__(design, COARSE_MESH, NO_MIRRORS, mesh, layer)
 
     @property
     def ball_centre_mm(self) -> tuple[float, float, float]:
         """Centre of the ground-side ball from the middle of the sheet [mm]."""
-        return -self._offset_mm[0], -self._offset_mm[1], -self.design.plate_mm
+        return -self._offset_mm, 0.0, -self.design.plate_mm
 
 
-def solve_whole_foot(
-    design: FootDesign, imperfection: Imperfection, size: MeshSize = COARSE_MESH
-) -> tuple[Vector, Vector]:
-    """Return response series [um/N], (products, 324, 3), and compliance [um/N], (324, 324), of a whole foot.
-
-    Args:
-        design: The foot.
-        imperfection: Its imperfections.
-        size: Resolution of the mesh.
-
-    Raises:
-        ModelError: The foot cannot be meshed.
-    """
-    field = solve_cell_closure_fields(_WholeFoot(design, imperfection, size))
+def _solve_whole_foot(foot: _UnsymmetricFoot) -> tuple[Vector, Vector]:
+    """Return response series [um/N], (products, 324, 3), and compliance [um/N], (324, 324), of a whole foot."""
+    field = solve_cell_closure_fields(_WholeFoot(foot))
     whole = field.compliance_um_per_n
     return fit_series(field), (whole + whole.T) / 2.0
 
@@ -108,14 +85,6 @@ def with_added_response(
     )
 
 
-#: Imperfections, by name.
-_IMPERFECTIONS = {
-    "gold": Imperfection(gold=ThinFilm(thickness_um=0.1, youngs_mpa=79e3, poisson=0.42)),
-    "sheet_off_centre": Imperfection(sheet_offset_mm=(0.6, 0.0)),
-    "bar_not_bonded": Imperfection(bonded_width_share=0.01),
-}
-
-
 def other_tables(
     design: FootDesign,
     response: FootResponse,
@@ -128,9 +97,14 @@ def other_tables(
         response: Its table.
         each: Applies a function to each of some parts, such as `compute_each`.
     """
-    solve = partial(solve_whole_foot, design)
-    (series, compliance), *others = each(solve, [Imperfection(), *_IMPERFECTIONS.values()])
+    gold = ThinFilm(thickness_um=0.1, youngs_mpa=79e3, poisson=0.42)
+    feet = {
+        "gold": _UnsymmetricFoot(msgspec.structs.replace(design, gold=gold)),
+        "sheet_off_centre": _UnsymmetricFoot(design, sheet_offset_mm=0.6),
+        "bar_not_bonded": _UnsymmetricFoot(design, bonded_width_share=0.01),
+    }
+    (series, compliance), *others = each(_solve_whole_foot, [_UnsymmetricFoot(design), *feet.values()])
     return {
         name: with_added_response(response, design, own - series, stiff - compliance)
-        for name, (own, stiff) in zip(_IMPERFECTIONS, others, strict=True)
+        for name, (own, stiff) in zip(feet, others, strict=True)
     }

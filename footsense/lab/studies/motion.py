@@ -9,7 +9,7 @@ import numpy as np
 from footsense.foot.contact_coordinates import normals_of_stereographic_points
 from footsense.foot.directions import angles_between_deg
 from footsense.foot.network_card import NETWORK_FILE
-from footsense.frames import ELEMENTS, Leg, Vector
+from footsense.frames import Leg, Vector
 from footsense.lab.evaluation import walker_scores
 from footsense.lab.evaluation.evaluate_models import RESPONSE_FILE
 from footsense.lab.evaluation.walker_judgement import (
@@ -46,7 +46,7 @@ from footsense.lab.training.gait_windows import (
 from footsense.lab.walkers import slow_loads
 from footsense.lab.walkers.made_up import SHAKING, SLOW, MadeUpLoads
 from footsense.lab.walkers.split import KNOWN_JUDGEMENT, NEW_JUDGEMENT, RECORDED_JUDGEMENT, WalkerRun
-from footsense.ports import LoadEstimator, Window
+from footsense.ports import LoadEstimator
 from footsense.sim.loads.ground_load import ContactSource
 from footsense.sim.loads.walk import Walk, measured_walk, trot_reaction
 
@@ -225,10 +225,8 @@ def _dog_trot() -> Walk:
 
 def _errors(network: LoadEstimator, load: str, gaits: GaitReadings) -> Values:
     """Return the errors of the network over all windows of gaits."""
-    windows = windows_of(gaits)
-    force_n, normal = windows.force_n, windows.normal
-    nothing = np.zeros((len(force_n), ELEMENTS), bool)
-    found = estimate_in_batches(network, Window(windows.closure_rel, windows.age_s, nothing))
+    window, (normal, force_n) = windows_of(gaits)
+    found = estimate_in_batches(network, window)
     loaded = np.linalg.norm(force_n, axis=1) > DIRECTION_N
     error_n = (found.force_n - force_n)[loaded]
     off = np.abs(error_n / found.sigma_n[loaded])

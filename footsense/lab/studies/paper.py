@@ -32,12 +32,16 @@ from footsense.lab.fem.paper_sensors import (
 )
 from footsense.lab.report import StudyContext, Values, spread, target
 from footsense.lab.training.load_cases import paper_training, paper_verification, sensed_closure_um
-from footsense.lab.training.paper_network import RPROP, network_outputs, stack, train, unstack
 from footsense.lab.training.paper_procedure import (
     HIDDEN_NEURONS,
+    RPROP,
     NetworkInput,
     PaperTraining,
+    network_outputs,
+    stack,
     start_weights_by_seed,
+    train,
+    unstack,
 )
 
 TITLE = "The paper's simulation, done again"

@@ -76,10 +76,10 @@ def _meshes(context: StudyContext) -> tuple[list[Values], Vector]:
     for name, size in (_QUICK_MESHES if context.quick else _MESHES).items():
         elevations_deg = _ELEVATIONS_DEG[: 1 if context.quick or size is FINEST_MESH else 2]
         before_s = process_time()
-        found = solve_centred_closures(context.foot_design, size, elevations_deg)
-        processor_s, closures_um = process_time() - before_s, found.closure_um_per_n
-        solved.append((name, size.order, found.n_unknowns, processor_s, closures_um))
-        context.report_progress(f"mesh {name}: {found.n_unknowns} unknowns, {processor_s:.1f} s")
+        closures_um, n_unknowns = solve_centred_closures(context.foot_design, size, elevations_deg)
+        processor_s = process_time() - before_s
+        solved.append((name, size.order, n_unknowns, processor_s, closures_um))
+        context.report_progress(f"mesh {name}: {n_unknowns} unknowns, {processor_s:.1f} s")
     best = [solved[-1][-1][0], None if context.quick else solved[-2][-1][1]]
     rows = [
         {
@@ -107,7 +107,7 @@ def _films(context: StudyContext, bare_um: Vector) -> Values:
     changes = {}
     for name, film in list(_FILMS.items())[: 1 if context.quick else None]:
         design = msgspec.structs.replace(context.foot_design, **{name: film})
-        with_um = solve_centred_closures(design, size, elevations_deg).closure_um_per_n
+        with_um, _ = solve_centred_closures(design, size, elevations_deg)
         changes[name] = [largest_change(own, of) for own, of in zip(with_um, bare_um, strict=True)]
         context.report_progress(f"film {name} solved")
     return changes

@@ -1,12 +1,13 @@
 """Input windows of the network (the last three readings of every element) from the readings of gaits."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.estimation.missing_elements import MAX_OVERLOADED
+from footsense.foot.specimen import ContactLoads
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.training.gait_readings import GaitReadings, conversion_elements
 from footsense.lab.training.windowed_network import READINGS_PER_ELEMENT
@@ -60,36 +61,17 @@ def complete_window_ends(gaits: GaitReadings) -> NDArray[np.bool_]:
     return whole
 
 
-class GaitWindows(NamedTuple):
-    """All complete windows of simulated gaits, with true loads.
-
-    Attributes:
-        gait: Row of the gait of each, shape (n,).
-        closure_rel: Closures over the gap, newest first [1], shape (n, 3, elements).
-        age_s: Ages of the readings at sending [s], same shape.
-        force_n: True force [N], shape (n, 3).
-        normal: True normal of the contact, shape (n, 3).
-    """
-
-    gait: NDArray[np.intp]
-    closure_rel: Vector
-    age_s: Vector
-    force_n: Vector
-    normal: Vector
-
-
-def windows_of(gaits: GaitReadings) -> GaitWindows:
-    """Return all complete windows of simulated gaits, ordered by gait and time."""
+def windows_of(gaits: GaitReadings) -> tuple[Window, ContactLoads]:
+    """Return all complete windows of simulated gaits, ordered by gait and time, with their true loads."""
     gait, time = np.nonzero(complete_window_ends(gaits))
     since = readings_since(readings_since_table(), gaits.conversion_order_index[gait], time)
-    age_s = since * gaits.step_s[gait][:, None, None] + gaits.send_delay_s[gait, time][:, None, None]
-    return GaitWindows(
-        gait,
+    window = Window(
         gaits.closure_rel[gait[:, None, None], time[:, None, None] - since].astype(np.float64),
-        age_s,
-        gaits.true_force_at_sending_n[gait, time].astype(np.float64),
-        gaits.true_normal_at_sending[gait, time].astype(np.float64),
+        since * gaits.step_s[gait][:, None, None] + gaits.send_delay_s[gait, time][:, None, None],
+        np.zeros((len(gait), ELEMENTS), bool),
     )
+    normal, force_n = gaits.true_normal_at_sending[gait, time], gaits.true_force_at_sending_n[gait, time]
+    return window, ContactLoads(normal.astype(np.float64), force_n.astype(np.float64))
 
 
 def estimate_in_batches(estimator: LoadEstimator, window: Window) -> LoadEstimate:

@@ -9,7 +9,6 @@ force does. The network has to tell the two apart, so its training needs both.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from firmware_interface.chips import fdc1004
 from footsense.errors import ModelError
@@ -18,16 +17,13 @@ from footsense.foot.capacitor import Capacitor
 from footsense.foot.directions import normalized, paper_directions, random_directions
 from footsense.foot.force_errors import GRAM_FORCE_N
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import ContactLoads, Deviations, Specimen
+from footsense.foot.specimen import ContactLoads, Specimen
 from footsense.frames import Vector
 from footsense.lab.geometry import LoadRange
 from footsense.lab.symmetry import SYMMETRIES, element_permutation
 
 #: Noise of one conversion, and of the baseline [pF, rms], as the card's sigma is measured with.
 NOISE_PF, BASELINE_NOISE_PF = settings.READING_NOISE_PF, settings.BASELINE_NOISE_PF
-#: Free mean closure from which an element is beyond the converter's range for certain [1 of the gap]: loads within full
-#: scale stay below 1.2.
-CERTAIN_SATURATION_CLOSURE_REL = 1.5
 #: Full scale of the converter [pF]; beyond, the daemon reports `saturated`.
 FULL_SCALE_PF = fdc1004.capacitance_pf(fdc1004.CODE_MAX)
 #: Loads that are turned into closures at once, which limits memory.
@@ -139,7 +135,6 @@ def random_loads(
     loads: LoadRange,
     n: int,
     seed: int,
-    deviations: Deviations | None = None,
     *,
     max_overloaded: int = 0,
 ) -> LeaningCases:
@@ -153,7 +148,7 @@ def random_loads(
         ModelError: Hardly any of the loads is within the converter's range.
     """
     rng = np.random.default_rng(seed)
-    foot = Specimen(response, deviations)
+    foot = Specimen(response)
     lowest_z = np.sin(np.radians(loads.min_elevation_deg))
     forces, normals, closures, found = [], [], [], 0
     for _ in range(_MAX_DRAWS_PER_LOAD):
@@ -164,12 +159,7 @@ def random_loads(
         magnitude = np.where(
             even, even_n, np.exp(rng.uniform(np.log(loads.min_training_force_n), np.log(loads.max_n), n))
         )
-        reached = np.flatnonzero(normal[:, 2] >= lowest_z)
-        reached = reached[
-            _is_maybe_in_range(
-                foot, normal[reached], (direction * magnitude[:, None])[reached], max_overloaded
-            )
-        ]
+        reached = normal[:, 2] >= lowest_z
         force, normal = (direction * magnitude[:, None])[reached], normal[reached]
         closure = sensed_closure_um(foot, normal, force)
         full_scale_um = response.design.closure_um(np.array([FULL_SCALE_PF]), foot.unloaded_pf)
@@ -185,19 +175,6 @@ def random_loads(
         f"{response.foot_type}: of loads up to {loads.max_n:g} N the converter can tell "
         f"{found / (_MAX_DRAWS_PER_LOAD * n):.1%}; lower loads.max_n, or make the foot stiffer or its gap thicker"
     )
-
-
-def _is_maybe_in_range(
-    foot: Specimen, normal: Vector, force_n: Vector, max_overloaded: int
-) -> NDArray[np.bool_]:
-    """Return which loads may be within the converter's range, before contact is solved, shape (n,)."""
-    may = np.empty(len(force_n), bool)
-    for first in range(0, len(force_n), _LOADS_PER_CALL):
-        some = slice(first, first + _LOADS_PER_CALL)
-        free_um = foot.response.free_element_closures_um(normal[some], force_n[some])
-        deciding_um = np.partition(free_um, -1 - max_overloaded, axis=1)[:, -1 - max_overloaded]
-        may[some] = deciding_um < CERTAIN_SATURATION_CLOSURE_REL * foot.response.design.gap_um
-    return may
 
 
 def measured_closure_rel(design: Capacitor, closure_um: Vector, rng: np.random.Generator) -> Vector:

@@ -10,8 +10,7 @@ the ball. One stance in five stands still but for noise of the load. The stances
 that recorded ones can judge.
 """
 
-from dataclasses import dataclass, replace
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,8 +42,7 @@ class _SuddenChange(NamedTuple):
     tangential_ratio_change: Vector
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Oscillation:
+class _Oscillation(NamedTuple):
     """A sum of sines: amplitude, angular frequency [rad/s] and phase [rad], shape (..., k) each."""
 
     amplitude: Vector
@@ -56,14 +54,6 @@ class _Oscillation:
         turns = np.multiply.outer(t_s, self.angular_frequency_rad_per_s) + self.phase_rad
         total: Vector = (self.amplitude * np.sin(turns)).sum(axis=-1)
         return total
-
-    def integrated(self) -> Self:
-        """Return the integral of the sum of the sines over time."""
-        return replace(
-            self,
-            amplitude=self.amplitude / self.angular_frequency_rad_per_s,
-            phase_rad=self.phase_rad - 0.5 * np.pi,
-        )
 
 
 def _draw_oscillation(
@@ -134,7 +124,11 @@ class RandomStance:
         )
         self._load_shake = _draw_oscillation(rng, load, _LOAD_SHAKE_HZ, (4,))
         self._shear_shake = _draw_oscillation(rng, shear, _SHEAR_SHAKE_HZ, (2, 4))
-        self._roll_shake = _draw_oscillation(rng, np.radians(roll), _ROLL_HZ, (2, 4)).integrated()
+        rate = _draw_oscillation(rng, np.radians(roll), _ROLL_HZ, (2, 4))
+        self._roll_shake = rate._replace(  # its integral over time
+            amplitude=rate.amplitude / rate.angular_frequency_rad_per_s,
+            phase_rad=rate.phase_rad - 0.5 * np.pi,
+        )
 
     def _sudden_changes(self, rng: np.random.Generator, probability: float) -> list[_SuddenChange]:
         """Return random sudden changes of the load, often none."""

@@ -163,25 +163,6 @@ def mean_closure_product_matrix(closure_rel: Vector) -> Vector:
     return even
 
 
-class LayerMatrices(NamedTuple):
-    """Weight matrices of the network, expanded from the shared weights: a layer is x @ w + b.
-
-    The second layer maps the irreducible parts of the first one's units: `w2_scalars`, shape (4, c, c), and
-    `w2_vectors`, shape (2 c, 2 c), which both rows of the vector parts share.
-    """
-
-    closure_to_force: Any
-    closure_change_to_force: Any
-    w1: Any
-    b1: Any
-    w2_scalars: Any
-    w2_vectors: Any
-    b2: Any
-    out: Any
-    sigma: Any
-    sigma_offset: Any
-
-
 class Features(NamedTuple):
     """Input features of the network for n windows.
 
@@ -205,26 +186,6 @@ def output_symmetries() -> NDArray[np.float64]:
         turn[:3, :3] = symmetry
         turn[3:5, 3:5] = turn[5:, 5:] = symmetry[:2, :2]
     return turns
-
-
-def expand_over_symmetries(weights: Weights) -> LayerMatrices:
-    """Return the full weight matrices of the shared weights: unit g * c + i is channel i under symmetry g."""
-    turns, basis, c = output_symmetries(), linear_basis(), weights.channels
-    w1 = weights.w1[:, element_input_index()]  # (c, 8, inputs)
-    scalars, vectors, _ = irreducible_parts()
-    w2 = weights.w2.reshape(c, N_SYMMETRIES, c)  # (c of unit, relative symmetry, c of input)
-    return LayerMatrices(
-        closure_to_force=jnp.tensordot(weights.linear[: len(basis)], basis, 1),
-        closure_change_to_force=jnp.tensordot(weights.linear[len(basis) :], basis, 1),
-        w1=jnp.transpose(w1, (2, 1, 0)).reshape(w1.shape[-1], -1),
-        b1=jnp.tile(weights.b1, N_SYMMETRIES),
-        w2_scalars=jnp.einsum("fg,ogi->fio", scalars.astype(np.float32), w2),
-        w2_vectors=jnp.einsum("bkg,ogi->kibo", vectors.astype(np.float32), w2).reshape(2 * c, 2 * c),
-        b2=jnp.tile(weights.b2, N_SYMMETRIES),
-        out=jnp.einsum("gab,cb->gca", turns, weights.out).reshape(-1, N_OUTPUTS),
-        sigma=jnp.einsum("gab,cb->gca", np.abs(turns), weights.sigma).reshape(-1, N_OUTPUTS),
-        sigma_offset=weights.sigma_offset[SIGMA_ROW_OF_OUTPUT],
-    )
 
 
 def features(closure_rel: Any, age_s: Any, missing: Any, module: Any = jnp) -> Features:
@@ -251,39 +212,44 @@ def features(closure_rel: Any, age_s: Any, missing: Any, module: Any = jnp) -> F
     return Features(module.concatenate([planes, missing, *scalars], axis=-1), now, v0, size)
 
 
-def run(matrices: LayerMatrices, inputs: Features) -> LoadEstimate:
-    """Return the network's estimates of n windows, as JAX arrays."""
-    first = jnp.tanh(inputs.hidden_inputs @ matrices.w1 + matrices.b1)
-    second = jnp.tanh(_mapped_by_relative_symmetry(matrices, first) + matrices.b2)
-    out = second @ matrices.out
-    sigma = jnp.exp(jnp.clip(second @ matrices.sigma + matrices.sigma_offset, *LN_SIGMA_BOUNDS))
-    curved = (
-        jnp.mean(inputs.extrapolated_closure_rel**2, axis=-1, keepdims=True)
-        / inputs.closure_rms_rel
-        * out[:, :3]
-    )
+def run(weights: Weights, inputs: Features) -> LoadEstimate:
+    """Return the network's estimates of n windows, as JAX arrays: unit g * c + i is channel i under symmetry g."""
+    turns, basis = output_symmetries(), linear_basis()
+    closure_to_force = jnp.tensordot(weights.linear[: len(basis)], basis, 1)
+    closure_change_to_force = jnp.tensordot(weights.linear[len(basis) :], basis, 1)
+    w1 = weights.w1[:, element_input_index()]  # (c, 8, inputs)
+    w1 = jnp.transpose(w1, (2, 1, 0)).reshape(w1.shape[-1], -1)
+    first = jnp.tanh(inputs.hidden_inputs @ w1 + jnp.tile(weights.b1, N_SYMMETRIES))
+    mapped = _mapped_by_relative_symmetry(weights.w2.reshape(-1, N_SYMMETRIES, weights.channels), first)
+    second = jnp.tanh(mapped + jnp.tile(weights.b2, N_SYMMETRIES))
+    out = second @ jnp.einsum("gab,cb->gca", turns, weights.out).reshape(-1, N_OUTPUTS)
+    to_sigma = jnp.einsum("gab,cb->gca", np.abs(turns), weights.sigma).reshape(-1, N_OUTPUTS)
+    ln_sigma = second @ to_sigma + weights.sigma_offset[SIGMA_ROW_OF_OUTPUT]
+    sigma = jnp.exp(jnp.clip(ln_sigma, *LN_SIGMA_BOUNDS))
+    now, newest, size = inputs.extrapolated_closure_rel, inputs.newest_closure_rel, inputs.closure_rms_rel
+    curved = jnp.mean(now**2, axis=-1, keepdims=True) / size * out[:, :3]
     return LoadEstimate(
-        force_n=inputs.extrapolated_closure_rel @ matrices.closure_to_force
-        + (inputs.extrapolated_closure_rel - inputs.newest_closure_rel) @ matrices.closure_change_to_force
-        + curved,
-        sigma_n=inputs.closure_rms_rel * sigma[:, :3],
+        force_n=now @ closure_to_force + (now - newest) @ closure_change_to_force + curved,
+        sigma_n=size * sigma[:, :3],
         contact_point_and_friction=out[:, 3:],
         contact_sigma=sigma[:, 3:],
     )
 
 
-def _mapped_by_relative_symmetry(matrices: LayerMatrices, units: Any) -> Any:
-    """Return the units of the first layer, shape (n, 8 c), times the weights by relative symmetry.
+def _mapped_by_relative_symmetry(w2: Any, units: Any) -> Any:
+    """Return the units of the first layer, shape (n, 8 c), times the weights by relative symmetry, shape (c, 8, c).
 
     A map that the symmetries leave alone maps irreducible parts among their equals: twelve products of c x c weights in
     place of the 64 of the full matrix.
     """
-    c = matrices.w2_scalars.shape[-1]
-    to_parts = irreducible_parts()[-1].astype(np.float32)
+    scalars_by, vectors_by, to_parts = (part.astype(np.float32) for part in irreducible_parts())
+    c = w2.shape[0]
+    w2_scalars = jnp.einsum("fg,ogi->fio", scalars_by, w2)
+    w2_vectors = jnp.einsum("bkg,ogi->kibo", vectors_by, w2).reshape(2 * c, 2 * c)
     parts = jnp.einsum("fg,ngi->fni", to_parts, units.reshape(-1, N_SYMMETRIES, c))
-    scalars = parts[:4] @ matrices.w2_scalars
+    scalars = parts[:4] @ w2_scalars
     rows = parts[4:].reshape(2, 2, -1, c).transpose(0, 2, 1, 3).reshape(-1, 2 * c)
-    vectors = (rows @ matrices.w2_vectors).reshape(2, -1, 2, c).transpose(0, 2, 1, 3).reshape(4, -1, c)
+    vectors = (rows @ w2_vectors).reshape(2, -1, 2, c).transpose(0, 2, 1, 3).reshape(4, -1, c)
     mapped = jnp.einsum("fg,fni->ngi", to_parts, jnp.concatenate([scalars, vectors]))
     return mapped.reshape(-1, N_SYMMETRIES * c)
 
@@ -295,4 +261,4 @@ def predict(weights: Weights, window: Window) -> LoadEstimate:
 
 
 def _run_weights(weights: Weights, closure_rel: Any, age_s: Any, missing: Any) -> LoadEstimate:
-    return run(expand_over_symmetries(weights), features(closure_rel, age_s, missing))
+    return run(weights, features(closure_rel, age_s, missing))

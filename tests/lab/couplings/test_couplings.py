@@ -9,7 +9,7 @@ from scipy.special import ellipk
 
 from footsense.foot.type_folders import released_names
 from footsense.frames import Vector
-from footsense.lab.couplings.flex_couplings import BOARDS, board_couplings, flex_couplings
+from footsense.lab.couplings.flex_couplings import BOARDS, flex_couplings
 from footsense.lab.couplings.moments import EPS0_FF_PER_MM, Strip, mutual_capacitance
 from footsense.lab.fabrication.parts.flex import Board, flexes
 from footsense.lab.foot_file import load_foot
@@ -67,7 +67,7 @@ def test_capacitances_are_symmetric_and_positive() -> None:
 def matrices(foot_type: str, board: Board) -> tuple[Vector, Vector]:
     """Return the table's capacitances of a foot, and those of a coarser computation of its drawn flexes [fF]."""
     kept = load_couplings(MODELS / foot_type / "couplings.yaml").boards[board]
-    drawn = board_couplings(load_foot(MODELS / foot_type / "foot.yaml"), board, n_segments=8)
+    drawn = flex_couplings(flexes(load_foot(MODELS / foot_type / "foot.yaml"), board), n_segments=8)
     assert kept.conductors == drawn.conductors
     return tuple(np.vstack([found.mutual_ff, found.metal_ff]) for found in (kept, drawn))  # type: ignore[return-value]
 

@@ -10,10 +10,9 @@ from shapely import affinity
 
 from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.parts import sheets
-from footsense.lab.fabrication.parts.board_place import board_corner_mm
-from footsense.lab.fabrication.parts.flex import Flex
+from footsense.lab.fabrication.parts.flex import Flex, board_corner_mm
 from footsense.lab.fabrication.parts.solids import mould_hollow_centres_x_mm
-from footsense.lab.fem.solids import EQUAL_WITHIN_MM
+from footsense.lab.fem.mesh import EQUAL_WITHIN_MM
 from footsense.lab.geometry import FootDesign
 from tests.lab.fabrication.readback import (
     CopperShape,

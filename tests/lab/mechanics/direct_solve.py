@@ -10,14 +10,14 @@ factorised, odd under x and even under y, is solved as its transpose: x and y of
 The patch is round on the sphere, p ~ sqrt(1 - |x - x_c|^2 / a^2), and its integral is made exact by scaling.
 """
 
-from typing import NamedTuple
+import itertools
+from typing import Any
 
 import ngsolve as ng
 import numpy as np
 
 from footsense.foot.response_table import FLAT_OF_GRID
 from footsense.frames import Vector
-from footsense.lab.fem.elasticity import hertz_pressure_shape
 from footsense.lab.fem.mesh import MeshSize, build_quarter_mesh, quarter_cells, quarter_grid
 from footsense.lab.fem.quarter import SOLVED_CLASSES, Parity, QuarterFoot
 from footsense.lab.geometry import UM_PER_MM, FootDesign
@@ -27,51 +27,11 @@ from footsense.lab.geometry import UM_PER_MM, FootDesign
 EXTRA_PATCH_QUADRATURE_ORDER = 60
 
 
-class _HertzLoad(NamedTuple):
-    """A pressure patch on the ground-side ball: centre [mm], resultant force [N], radius [mm]."""
-
-    centre_mm: Vector
-    force_n: Vector
-    patch_radius_mm: float
-
-    def transformed(self, matrix: Vector) -> "_HertzLoad":
-        """Return the load under a mirror or axis swap, given as a matrix of shape (3, 3)."""
-        return _HertzLoad(matrix @ self.centre_mm, matrix @ self.force_n, self.patch_radius_mm)
-
-
-class _QuarterClosureSolver:
-    """Solver of one symmetry class that returns the closures of the quarter's cells under a Hertz load.
-
-    Attributes:
-        quarter: The class.
-    """
-
-    def __init__(self, quarter: QuarterFoot) -> None:
-        self.quarter = quarter
-        cells, area_mm2 = quarter_cells(quarter.design), quarter.design.cavity_cell_area_mm2
-        rows = np.stack([quarter.closure_functional(cell.name, area_mm2).vec.FV().NumPy() for cell in cells])
-        self._used = np.flatnonzero(rows.any(axis=0))
-        self._rows = rows[:, self._used]
-
-    def class_cell_closures_um(self, load: _HertzLoad) -> Vector:
-        """Return the quarter's cell closures [um] under the load's part in this symmetry class, shape (9, 9)."""
-        quarter, parity = self.quarter, self.quarter.parity
-        parts = []
-        for sign_x, sign_y in ((1, 1), (-1, 1), (1, -1), (-1, -1)):
-            image = load.transformed(np.diag([sign_x, sign_y, 1.0]))
-            character = (1 if sign_x > 0 else parity.x) * (1 if sign_y > 0 else parity.y)
-            parts.append(
-                (hertz_pressure_shape(image.centre_mm, image.patch_radius_mm), character * image.force_n)
-            )
-        surface = ng.ds("curved_ground", bonus_intorder=EXTRA_PATCH_QUADRATURE_ORDER)
-        # The images in the quarter make up the whole patch, wherever the mirror planes cut it.
-        total_mm2 = ng.Integrate(sum(shape for shape, _ in parts) * surface, quarter.mesh)
-        traction = [
-            sum(shape * float(force[k]) for shape, force in parts) / (4.0 * total_mm2) for k in range(3)
-        ]
-        solution = quarter.solve(quarter.traction_load(ng.CF(tuple(traction)), EXTRA_PATCH_QUADRATURE_ORDER))
-        closure_um = self._rows @ solution.vec.FV().NumPy()[self._used] * UM_PER_MM
-        return quarter_grid(closure_um, quarter.design, 0)
+def hertz_pressure_shape(centre_mm: Vector, radius_mm: float) -> Any:
+    """Return the pressure of a Hertz patch over its peak [1], sqrt(1 - |x - x_c|^2 / a^2)."""
+    away = ng.CF((ng.x, ng.y, ng.z)) - ng.CF(tuple(centre_mm))
+    inside = 1.0 - ng.InnerProduct(away, away) / radius_mm**2
+    return ng.sqrt(ng.IfPos(inside, inside, 0.0))
 
 
 class DirectSolveFoot:
@@ -87,11 +47,14 @@ class DirectSolveFoot:
 
     def __init__(self, design: FootDesign, size: MeshSize) -> None:
         self._design = design
-        mesh = build_quarter_mesh(design, size)
-        self._classes = {
-            parity: _QuarterClosureSolver(QuarterFoot(design, size, parity, mesh))
-            for parity in SOLVED_CLASSES
-        }
+        mesh, names = build_quarter_mesh(design, size), [cell.name for cell in quarter_cells(design)]
+        self._classes = {parity: QuarterFoot(design, size, parity, mesh) for parity in SOLVED_CLASSES}
+        self._closure_of_unknowns: dict[Parity, tuple[Any, Vector]] = {}
+        for parity, quarter in self._classes.items():
+            functionals = [quarter.closure_functional(name, design.cavity_cell_area_mm2) for name in names]
+            rows = np.stack([functional.vec.FV().NumPy() for functional in functionals])
+            used = np.flatnonzero(rows.any(axis=0))
+            self._closure_of_unknowns[parity] = used, rows[:, used]
 
     def cell_closures_um(self, normal: Vector, force_n: Vector) -> Vector:
         """Return the linear closure of every cell [um], gap contact ignored, shape (324,), by four solves.
@@ -100,17 +63,34 @@ class DirectSolveFoot:
             normal: Inward unit normal of the ball at the contact, shape (3,).
             force_n: Ground reaction on the foot [N], shape (3,).
         """
-        design = self._design
-        pressing_n = abs(float(normal @ force_n))
-        load = _HertzLoad(
-            centre_mm=design.touch_point_mm(normal),
-            force_n=force_n,
-            patch_radius_mm=design.hertz_patch_radius_mm(pressing_n),
-        )
-        parts = {parity: solved.class_cell_closures_um(load) for parity, solved in self._classes.items()}
-        swapped = load.transformed(np.eye(3)[[1, 0, 2]])
-        parts[Parity(-1, 1)] = self._classes[Parity(1, -1)].class_cell_closures_um(swapped).T
-        whole = np.sum([parity.unfold_z_component(part) for parity, part in parts.items()], axis=0)
+        design, swap = self._design, [1, 0, 2]
+        centre_mm = -design.ball_radius_mm * normal - np.array([0.0, 0.0, design.plate_mm])
+        radius_mm = design.hertz_patch_radius_mm(abs(float(normal @ force_n)))
+        whole: Any = 0.0
+        for parity in SOLVED_CLASSES:
+            whole += parity.unfold_z_component(self._class_closures_um(parity, centre_mm, force_n, radius_mm))
+        swapped = self._class_closures_um(Parity(1, -1), centre_mm[swap], force_n[swap], radius_mm)
+        whole += Parity(-1, 1).unfold_z_component(swapped.T)
         flat = np.empty(whole.size)
         flat[FLAT_OF_GRID] = whole
         return flat
+
+    def _class_closures_um(
+        self, parity: Parity, centre_mm: Vector, force_n: Vector, radius_mm: float
+    ) -> Vector:
+        """Return the quarter's cell closures [um] under the load's part in a symmetry class, shape (9, 9)."""
+        quarter, parts = self._classes[parity], []
+        for sign_x, sign_y in itertools.product((1, -1), (1, -1)):
+            mirror = np.array([sign_x, sign_y, 1.0])
+            character = (1 if sign_x > 0 else parity.x) * (1 if sign_y > 0 else parity.y)
+            shape = hertz_pressure_shape(mirror * centre_mm, radius_mm)
+            parts.append((shape, character * (mirror * force_n)))
+        surface = ng.ds("curved_ground", bonus_intorder=EXTRA_PATCH_QUADRATURE_ORDER)
+        # The images in the quarter make up the whole patch, wherever the mirror planes cut it.
+        total_mm2 = ng.Integrate(sum(shape for shape, _ in parts) * surface, quarter.mesh)
+        traction = [
+            sum(shape * float(force[k]) for shape, force in parts) / (4.0 * total_mm2) for k in range(3)
+        ]
+        solution = quarter.solve(quarter.traction_load(ng.CF(tuple(traction)), EXTRA_PATCH_QUADRATURE_ORDER))
+        used, rows = self._closure_of_unknowns[parity]
+        return quarter_grid(rows @ solution.vec.FV().NumPy()[used] * UM_PER_MM, quarter.design, 0)

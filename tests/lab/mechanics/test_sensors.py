@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from footsense.foot.response_table import series_basis
+from footsense.lab.evaluation.film_against_gaps import FILM_FACES
 from footsense.lab.evaluation.off_centre import leaning_normals_to_a_side
-from footsense.lab.fem.gel_layer import GelLayerDesign
+from footsense.lab.fem.elasticity import BondedLayer
 from footsense.lab.fem.mesh import COARSE_MESH, build_quarter_mesh
 from footsense.lab.fem.paper_sensors import (
     COARSE_BLOCK_MESH,
@@ -59,23 +60,21 @@ def test_a_film_150_times_softer_than_its_plates_solves(poisson: float) -> None:
     Nor does it lock: under rigid plates it would close by t f / (M A). That they bend may change it by a tenth, and
     where it is hardly compressible its rim, from which it flows, by more.
     """
-    film = GelLayerDesign(thickness_mm=FOOT_DESIGN.spacer_mm, gel=Material(0.020, poisson))
+    film = BondedLayer(Material(0.020, poisson), FOOT_DESIGN.spacer_mm, FILM_FACES)
     mesh = build_quarter_mesh(FOOT_DESIGN, FILM_SIZE)
-    quarter = QuarterFoot(FOOT_DESIGN, FILM_SIZE, Parity(1, 1), mesh, film.layer)
+    quarter = QuarterFoot(FOOT_DESIGN, FILM_SIZE, Parity(1, 1), mesh, film)
     area_mm2 = ng.Integrate(ng.CF(1.0) * ng.ds("curved_ground"), quarter.mesh)
     load = quarter.traction_load(ng.CF((0.0, 0.0, 0.25 / area_mm2)))
     moved = quarter.solve(load)
     ground, leg, *_ = moved.components
-    carried_n = ng.Integrate(
-        film.layer.traction(ground - leg)[2] * ng.ds(film.layer.face_pattern), quarter.mesh
-    )
+    carried_n = ng.Integrate(film.traction(ground - leg)[2] * ng.ds(film.face_pattern), quarter.mesh)
     assert carried_n == pytest.approx(0.25, rel=1e-6)
     assert quarter.residual_rel(load, moved) < 1e-8
     electrodes = ng.ds("cell.*")
     closure_mm = ng.Integrate((ground[2] - leg[2]) * electrodes, mesh) / ng.Integrate(
         ng.CF(1.0) * electrodes, mesh
     )
-    rigid_mm = film.thickness_mm / (film.gel.confined_modulus_mpa * FOOT_DESIGN.sheet_mm**2)
+    rigid_mm = film.thickness_mm / (film.material.confined_modulus_mpa * FOOT_DESIGN.sheet_mm**2)
     assert closure_mm == pytest.approx(rigid_mm, rel=0.1) if poisson < 0.499 else closure_mm > rigid_mm
     functionals = [quarter.closure_functional(name, 1.0) for name in ("cell0", "cell40")]
     first, second = (quarter.solve(functional) for functional in functionals)

@@ -194,9 +194,7 @@ def test_rubber_near_incompressible_does_not_lock() -> None:
     for poisson in (0.45, 0.4999):
         foot_design = replace(FOOT_DESIGN, rubber=replace(FOOT_DESIGN.rubber, poisson=poisson))
         low, high = (
-            solve_centred_closures(
-                foot_design, dataclasses.replace(PLAIN, order=order), (90.0,), patch_mm=1.0
-            ).closure_um_per_n.sum()
+            solve_centred_closures(foot_design, dataclasses.replace(PLAIN, order=order), (90.0,))[0].sum()
             for order in (2, 3)
         )
         lost.append(1.0 - low / high)

@@ -31,9 +31,9 @@ def numbered(order: int, n_beyond: int = 1) -> GaitReadings:
 @pytest.mark.parametrize("order", range(len(CONVERSION_ORDERS)))
 def test_a_window_holds_the_last_three_readings_of_every_element(order: int) -> None:
     """The newest first, each as old as the conversions since; the force is that of the asked time."""
-    window = windows_of(numbered(order))
+    window, (_, force_n) = windows_of(numbered(order))
     now = window.closure_rel.max(axis=(1, 2))
-    np.testing.assert_allclose(window.force_n[:, 2], now / 100, rtol=1e-6)
+    np.testing.assert_allclose(force_n[:, 2], now / 100, rtol=1e-6)
     np.testing.assert_allclose(
         window.age_s,
         (now[:, None, None] - window.closure_rel) * STEP_S + NOMINAL_SEND_DELAY_S,
@@ -53,5 +53,5 @@ def test_windows_count_with_three_readings_beyond_the_range_at_most(
     n_beyond: int, left_out: list[int]
 ) -> None:
     """And none of the first scans."""
-    now = windows_of(numbered(0, n_beyond)).closure_rel.max(axis=(1, 2))
+    now = windows_of(numbered(0, n_beyond))[0].closure_rel.max(axis=(1, 2))
     np.testing.assert_array_equal(now, [k for k in range(30, N) if k not in left_out])

@@ -13,6 +13,7 @@ from footsense.estimation.missing_elements import MISSING_SETS, Imputation
 from footsense.estimation.network import steady_windows
 from footsense.foot.network_card import INPUTS, NETWORK_FILE
 from footsense.frames import Vector
+from footsense.lab.build import readme
 from footsense.lab.evaluation.evaluate_models import (
     PAPER_DIRECTION_DEG,
     PAPER_MAGNITUDE_GF,
@@ -20,12 +21,10 @@ from footsense.lab.evaluation.evaluate_models import (
     open_models,
     sigma_coverage_shares,
 )
-from footsense.lab.model_card import readme
 from footsense.lab.training.export import OnnxNetwork
 from footsense.lab.training.gait_readings import random_gaits
 from footsense.lab.training.gait_windows import windows_of
 from footsense.lab.training.load_cases import measured_closure_rel, paper_verification, random_loads
-from footsense.ports import Window
 from tests.lab.released import FOOT_DESIGN, RELEASED
 
 pytestmark = pytest.mark.lab
@@ -91,10 +90,10 @@ def test_single_precision_costs_less_than_a_bit_on_can() -> None:
         if node.op_type == "Cast":
             node.attribute[0].i = TensorProto.DOUBLE
     in_double = ReferenceEvaluator(model)
-    gaits = windows_of(random_gaits(response, 990_100, 10, 1100, FOOT_DESIGN.loads.max_n))
+    walked, _ = windows_of(random_gaits(response, 990_100, 10, 1100, FOOT_DESIGN.loads.max_n))
     compared = {
         5e-5: steady_windows(paper_verification(response).closure_um / response.design.gap_um),
-        5e-4: Window(gaits.closure_rel, gaits.age_s, np.zeros((len(gaits.gait), 9), bool)),
+        5e-4: walked,
     }
     for limit_n, window in compared.items():
         inputs = {

@@ -11,13 +11,15 @@ from hypothesis import strategies as st
 
 from footsense.foot.capacitor import Capacitor
 from footsense.lab.training.load_cases import Cases
-from footsense.lab.training.paper_network import (
+from footsense.lab.training.paper_procedure import (
     INITIAL_STEP,
     MAX_STEP,
     MIN_STEP,
     RPROP,
     STEP_GROWTH,
     STEP_SHRINKAGE,
+    NetworkInput,
+    PaperTraining,
     RpropState,
     loss,
     network_outputs,
@@ -26,7 +28,6 @@ from footsense.lab.training.paper_network import (
     train,
     unstack,
 )
-from footsense.lab.training.paper_procedure import NetworkInput, PaperTraining
 
 pytestmark = pytest.mark.lab
 

@@ -137,14 +137,13 @@ def test_a_short_training_learns_and_is_the_same_twice(response: FootResponse, g
     for one, two in zip(weights, again, strict=True):
         np.testing.assert_array_equal(one, two)
     assert lines[0].startswith("step 500: loss ")
-    judged = windows_of(random_gaits(response, 99, 10, N, MAX_N))
-    loaded = np.linalg.norm(judged.force_n, axis=1) > 0.05
-    whole = np.zeros((len(loaded), ELEMENTS), bool)
-    load = predict(weights, Window(judged.closure_rel, judged.age_s, whole))
-    error_n = np.abs(load.force_n - judged.force_n)[loaded]
-    assert np.sqrt(np.square(error_n).mean()) < 0.3 * np.sqrt(np.square(judged.force_n[loaded]).mean())
+    window, (normal, force_n) = windows_of(random_gaits(response, 99, 10, N, MAX_N))
+    loaded = np.linalg.norm(force_n, axis=1) > 0.05
+    load = predict(weights, window)
+    error_n = np.abs(load.force_n - force_n)[loaded]
+    assert np.sqrt(np.square(error_n).mean()) < 0.3 * np.sqrt(np.square(force_n[loaded]).mean())
     assert (error_n < 2.0 * load.sigma_n[loaded]).mean() > 0.7
-    contact, _ = contact_and_normal_force(judged.force_n[loaded], judged.normal[loaded])
+    contact, _ = contact_and_normal_force(force_n[loaded], normal[loaded])
     assert np.abs(load.contact_point_and_friction[loaded] - contact).mean() < 0.9 * np.abs(contact).mean()
-    resting = Window(np.zeros((1, 3, ELEMENTS)), judged.age_s[:1], whole[:1])
+    resting = Window(np.zeros((1, 3, ELEMENTS)), window.age_s[:1], window.missing[:1])
     assert not predict(weights, resting).force_n.any()

@@ -79,7 +79,6 @@ def test_help_is_for_its_user(command: str) -> None:
                 "report",
                 "selection",
                 "selfcal",
-                "shapes",
                 "study",
                 "walk",
             ],

@@ -13,6 +13,7 @@ Board `fdc1004`: rows below, columns above. In a square array both flexes have t
 sheet straight: no trace runs between electrodes of other lines, and no two nets cross.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,7 +23,6 @@ import shapely
 
 from footsense.lab.fabrication import dimensions
 from footsense.lab.fabrication.electronics import has_element_lines
-from footsense.lab.fabrication.parts.board_place import N_COMMON_CONTACTS, common_tail_end_mm
 from footsense.lab.fabrication.parts.gerber import Pad, Point, Trace
 from footsense.lab.geometry import FootDesign
 
@@ -42,6 +42,11 @@ _ROWS_ACROSS = ((0, 1, 2), (1, 0, 2), (2, 1, 0))
 _CONTACTS_IN_BARS = ((4, 6, 7, 8, 9), (13, 14, 15, 16, 18))
 #: Pitch of the five traces in a bar, and middle of the first, over the width of the bar [1].
 _BAR_PITCH_REL, _FIRST_IN_BAR_REL = 0.18, 0.14
+# The converter board of `deploy/board` stands in front of the socket, its parts forward and the connectors of the
+# flexes below: it says how long the common flex is. The tail of the element flex goes straight up to it; that of the
+# common flex comes from the left, around the socket.
+#: Contacts of the element and of the common flex; 4 are the fewest of common connectors.
+N_ELEMENT_CONTACTS, N_COMMON_CONTACTS = 21, 4
 
 
 class Wire(NamedTuple):
@@ -264,6 +269,46 @@ class Flex:
         return [
             Trace(points_mm=points, width_mm=dimensions.PROFILE_LINE_WIDTH_MM, aperture_function="Profile")
         ]
+
+
+def board_corner_mm(ball_radius_mm: float) -> tuple[float, float, float]:
+    """Return the lower corner of the board's back that is on the right of the foot, left as seen from the front [mm].
+
+    Args:
+        ball_radius_mm: Radius of the ball [mm].
+    """
+    x = dimensions.socket_outer_radius_mm(ball_radius_mm) + dimensions.MOUNT_TO_SOCKET_MM
+    x += dimensions.MOUNT_WALL_MM + dimensions.MOUNT_SPACER_MM
+    floor_mm = _channel_floor_mm(ball_radius_mm, N_ELEMENT_CONTACTS)
+    way_mm = ball_radius_mm + dimensions.TAIL_BEYOND_BALL_MM - floor_mm - dimensions.TAIL_SLACK_MM
+    end_z = math.sqrt(way_mm**2 - (_flexes_x_mm(x) - floor_mm) ** 2)
+    return x, -dimensions.BOARD_ELEMENT_FLEX_MM, end_z - dimensions.BOARD_ELEMENT_FLEX_END_MM
+
+
+def common_tail_end_mm(ball_radius_mm: float, plate_mm: float) -> float:
+    """Return how far from the middle of the foot the tail of the common flex ends, laid flat [mm].
+
+    It goes up beside socket and mount, and from there to the board.
+
+    Args:
+        ball_radius_mm: Radius of the ball [mm].
+        plate_mm: Thickness of a plate [mm].
+    """
+    x, y, z = board_corner_mm(ball_radius_mm)
+    floor_mm = _channel_floor_mm(ball_radius_mm, N_COMMON_CONTACTS)
+    up_mm = dimensions.socket_top_z_mm(ball_radius_mm, plate_mm) + dimensions.MOUNT_WALL_MM
+    to_board = (_flexes_x_mm(x), floor_mm - y - dimensions.BOARD_COMMON_FLEX_MM, z - up_mm)
+    rest_mm = dimensions.BOARD_COMMON_FLEX_END_MM + dimensions.TAIL_SLACK_MM
+    return math.ceil(floor_mm + up_mm + math.hypot(*to_board) + rest_mm)
+
+
+def _flexes_x_mm(board_x_mm: float) -> float:
+    return board_x_mm + dimensions.BOARD_THICKNESS_MM + dimensions.FLEX_ABOVE_BOARD_MM
+
+
+def _channel_floor_mm(ball_radius_mm: float, n_contacts: int) -> float:
+    half_mm = dimensions.tail_half_width_mm(n_contacts) + dimensions.TAIL_CHANNEL_PLAY_PER_SIDE_MM
+    return dimensions.channel_floor_mm(ball_radius_mm, half_mm)
 
 
 def alignment_ear(half_side_mm: float, hole: Point) -> Any:

@@ -12,9 +12,8 @@ from typing import Any
 from netgen import occ
 
 from footsense.lab.fabrication import dimensions
-from footsense.lab.fabrication.parts.board_place import board_corner_mm
-from footsense.lab.fabrication.parts.flex import Flex
-from footsense.lab.fem.solids import BODY_SIDES, hemisphere
+from footsense.lab.fabrication.parts.flex import Flex, board_corner_mm
+from footsense.lab.fem.mesh import BODY_SIDES, hemisphere
 from footsense.lab.geometry import FootDesign
 
 
@@ -60,11 +59,7 @@ def _socket(design: FootDesign, flexes: tuple[Flex, Flex]) -> Any:
         0.0, 0.0, dimensions.MOULD_VENT_DIAMETER_MM, (rim, top + 1.0)
     )  # excess adhesive leaves here
     for flex in flexes:
-        half, floor = flex.channel_half_width_mm, flex.channel_floor_mm
-        corners = [(floor, -half), (outer + 1.0, half)]
-        if flex.towards == "left":
-            corners = [(-half, floor), (half, outer + 1.0)]
-        solid -= occ.Box(occ.Pnt(*corners[0], rim - 1.0), occ.Pnt(*corners[1], top + 1.0))
+        solid -= _channel(flex, outer + 1.0, (rim - 1.0, top + 1.0))
     for place in screw_places_mm(design):
         solid -= _cylinder(*place, dimensions.CORE_MM, (top - dimensions.CORE_DEPTH_MM, top + 1.0))
     forward = min(flex.channel_floor_mm for flex in flexes)
@@ -93,11 +88,7 @@ def _board_mount(design: FootDesign, flexes: tuple[Flex, Flex]) -> Any:
     plate = _cylinder(0.0, 0.0, 2.0 * outer, (top, top + dimensions.MOUNT_WALL_MM))
     plate += occ.Box(occ.Pnt(0.0, y, top), occ.Pnt(wall_x, common_y, top + dimensions.MOUNT_WALL_MM))
     for flex in flexes:
-        channel, floor = flex.channel_half_width_mm, flex.channel_floor_mm
-        corners = [(floor, -channel), (wall_x, channel)]
-        if flex.towards == "left":
-            corners = [(-channel, floor), (channel, outer + 1.0)]
-        plate -= occ.Box(occ.Pnt(*corners[0], top - 1.0), occ.Pnt(*corners[1], top + 9.0))
+        plate -= _channel(flex, outer + 1.0 if flex.towards == "left" else wall_x, (top - 1.0, top + 9.0))
     plate -= _cylinder(0.0, 0.0, dimensions.MOUNT_VENT_MM, (top - 1.0, top + 9.0))
     for place in screw_places_mm(design):
         plate -= _cylinder(*place, dimensions.MOUNT_SCREW_HOLE_MM, (top - 1.0, top + 9.0))
@@ -137,6 +128,14 @@ def write_step(name: str, solid: Any, path: Path) -> None:
     header = f"FILE_NAME('{name}','',('footsense'),(''),'Open CASCADE','footsense','');"
     text = re.sub(r"FILE_NAME\(.*?\);", header, path.read_text(), count=1, flags=re.DOTALL)
     path.write_text(re.sub(r"Open CASCADE STEP translator [\d. ]+", name, text))
+
+
+def _channel(flex: Flex, far_mm: float, z_mm: tuple[float, float]) -> Any:
+    """Return what the channel of a tail takes away, from its floor to a distance from the axis, as a solid."""
+    half, floor, (low, high) = flex.channel_half_width_mm, flex.channel_floor_mm, z_mm
+    if flex.towards == "left":
+        return occ.Box(occ.Pnt(-half, floor, low), occ.Pnt(half, far_mm, high))
+    return occ.Box(occ.Pnt(floor, -half, low), occ.Pnt(far_mm, half, high))
 
 
 def _cylinder(x_mm: float, y_mm: float, diameter_mm: float, z_mm: tuple[float, float]) -> Any:
