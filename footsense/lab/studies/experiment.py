@@ -33,6 +33,7 @@ from footsense.lab.report import SAME_TABLE, StudyContext, Values, spread, targe
 from footsense.lab.studies.boards.made_feet import sigma_of_made_foot, sigma_rows
 from footsense.lab.training.load_cases import leaning_loads
 from footsense.lab.training.paper_procedure import EPOCHS, per_foot_force_n
+from footsense.lab.walkers.gaits import GAITS_FILE
 from footsense.sim.fabrication import PAPER_TOLERANCES, FootTolerances, draw_deviations
 from footsense.sim.loads.press_sequence import paper_presses
 from footsense.sim.rubber import RUBBER_LEVELS
@@ -134,6 +135,7 @@ def compute(context: StudyContext) -> Values:
     """Run the paper's procedure with each cause of error, then calibrate the feet of each kind."""
     n_feet, epochs = (_QUICK_N_FEET, _QUICK_EPOCHS) if context.quick else (_N_FEET, EPOCHS)
     folder = context.files(FOOT_FILE, RESPONSE_FILE, NETWORK_FILE).resolve()
+    context.table_file(GAITS_FILE)
     each = partial(compute_each, n_processes=1 if context.quick else N_PROCESSES)
     causes = _QUICKCAUSES if context.quick else tuple(CAUSES)
     sets = {name: _EXACT | {one: _TUNED[one] for one in _TUNED if name in (one, ALL)} for name in causes}

@@ -44,6 +44,7 @@ from footsense.lab.training.gait_windows import (
     windows_of,
 )
 from footsense.lab.walkers import slow_loads
+from footsense.lab.walkers.gaits import GAITS_FILE
 from footsense.lab.walkers.made_up import SHAKING, SLOW, MadeUpLoads
 from footsense.lab.walkers.split import KNOWN_JUDGEMENT, NEW_JUDGEMENT, RECORDED_JUDGEMENT, WalkerRun
 from footsense.ports import LoadEstimator
@@ -101,8 +102,8 @@ def _figures(context: StudyContext, board: str) -> Values:
     judged_under = partial(judge, folders, board=board)
     new: tuple[WalkerRun, ...] = NEW_JUDGEMENT
     slow: tuple[MadeUpLoads, ...] = _SLOW
-    for walk in RECORDED_JUDGEMENT:
-        context.table_file(walk.file)
+    for file in (GAITS_FILE, *(walk.file for walk in RECORDED_JUDGEMENT)):
+        context.table_file(file)
     if context.quick:
         new = tuple(run._replace(duration_s=_QUICK_S) for run in NEW_JUDGEMENT[_QUICK_NEW_RUNS])
         slow = (_SLOW[0]._replace(duration_s=_QUICK_S),)

@@ -16,6 +16,7 @@ from footsense.lab.odometry.sources import sources
 from footsense.lab.odometry.walk import PUBLISH_EVERY, OdometryWalk
 from footsense.lab.parallel import compute_each
 from footsense.lab.report import StudyContext, Values, target_at_most
+from footsense.lab.walkers.gaits import GAITS_FILE
 from footsense.lab.walkers.split import WalkerRun
 
 TITLE = "Odometry: what a robot gains from the force on its feet"
@@ -60,6 +61,7 @@ def compute(context: StudyContext) -> Values:
         robot: context.foot(robot).files(RESPONSE_FILE, NETWORK_FILE)
         for robot in dict.fromkeys(robot for robot, _, _ in _WALKS)
     }
+    context.table_file(GAITS_FILE)
     walks = _WALKS[_QUICK_WALKS] if context.quick else _WALKS
     n_seeds, duration_s = (1, _QUICK_DURATION_S) if context.quick else (_N_SEEDS, _DURATION_S)
     runs = [

@@ -174,6 +174,8 @@ class _Table(Struct, frozen=True, forbid_unknown_fields=True):
     gaits: tuple[WalkerGait, ...]
 
 
-_TABLE = load(Path(__file__).with_name("gaits.yaml"), _Table)
+#: File of the table.
+GAITS_FILE = Path(__file__).with_name("gaits.yaml")
+_TABLE = load(GAITS_FILE, _Table)
 #: The gaits by name.
 GAITS = {gait.name: gait for gait in _TABLE.gaits}
