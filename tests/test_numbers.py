@@ -21,7 +21,7 @@ SOURCES = {
     for path in sorted((ROOT / "footsense" / room).rglob("*.py"))
 }
 #: Numbers of the table; fewer are welcome.
-MOST = 101
+MOST = 51
 #: Counts, halves, and the degrees of a circle.
 STRUCTURE = {0, 1, 2, 3, 0.5, 90, 360}
 #: Calls whose arguments are a layout, limits of a schema, digits, or the name of a percentile.

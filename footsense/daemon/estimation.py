@@ -12,11 +12,8 @@ from footsense.errors import ConfigError
 from footsense.estimation.drift import load_n_per_pf
 from footsense.estimation.network import sensitivity
 from footsense.estimation.pipeline import Pipeline, pipeline_of
-from footsense.estimation.settings import EstimationLimits, MountedFeet
+from footsense.estimation.settings import SIGMAS, EstimationLimits, MountedFeet
 from footsense.frames import ELEMENTS, Vector
-
-#: Noise of a reading on all elements that the contact's threshold exceeds, in standard deviations [1].
-_THRESHOLD_SIGMAS = 5.0
 
 
 def pipeline_for(models: Models, flags: int) -> Pipeline:
@@ -90,7 +87,8 @@ def _check_contact_threshold(models: Models) -> None:
         ConfigError: It is.
     """
     threshold_n = contact_threshold_n(models)
-    least_n = _THRESHOLD_SIGMAS * models.config.conversion_rate.noise_ff * 1e-3 * _n_per_pf(models)
+    # With the noise of a reading on all elements.
+    least_n = SIGMAS * models.config.conversion_rate.noise_ff * 1e-3 * _n_per_pf(models)
     if threshold_n < least_n:
         raise ConfigError(
             f"contact.threshold_n: {threshold_n:g} N are lost in the noise of these feet; "

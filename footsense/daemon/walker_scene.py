@@ -26,8 +26,8 @@ _ROBOTS: dict[str, tuple[str, float | None]] = {
     "hexapod-2kg": ("hexapod-2kg", None),
     "quadruped-12kg": ("quadruped-12kg", None),
 }
-#: Walk where no duration is given, and shortest and longest one that is simulated; the rest repeats it [s].
-_USUAL_S, _SHORTEST_S, _LONGEST_S = 20.0, 2.0, 60.0
+#: Shortest and longest walk that is simulated; the rest repeats it [s].
+_SHORTEST_S, _LONGEST_S = 2.0, 60.0
 _SEED = 1
 #: Usual time of a second of a walk [s].
 _COST_REL = 0.35
@@ -71,8 +71,7 @@ def scene_of(name: str, config: Config, duration_s: float = math.inf) -> Scene:
     legs = ROBOTS[robot].legs
     if absent := [leg for leg in config.legs if leg not in legs]:
         raise ConfigError(f"scene {name}: {robot} has the legs {', '.join(legs)}, not {', '.join(absent)}")
-    longest_s = _USUAL_S if math.isinf(duration_s) else math.ceil(duration_s)
-    walk_s = min(max(longest_s, _SHORTEST_S), _LONGEST_S)
+    walk_s = math.ceil(min(max(duration_s, _SHORTEST_S), _LONGEST_S))
     run = WalkerRun(robot, gait, ground or "flat", _SEED, walk_s)
     scale = "its own forces" if peak_force_n is None else f"forces scaled to {peak_force_n:g} N"
     try:

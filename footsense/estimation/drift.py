@@ -25,7 +25,9 @@ from footsense.estimation.noise import ReadingNoise
 from footsense.estimation.settings import (
     BASELINE_NOISE_PF,
     READING_NOISE_PF,
+    SIGMAS,
     SLOW_PERIOD_NS,
+    SMALL_SHARE,
     UNEVEN_DRIFT_SHARE,
     MountedFeet,
     Sensitivity,
@@ -34,24 +36,18 @@ from footsense.estimation.settings import (
 from footsense.foot.capacitor import Capacitor
 from footsense.frames import ELEMENTS, BaselineDrift, BaselineStatus, Cause, Mask, Stamps, Vector
 
-#: Fastest drift [pF/s]: 0.1 K/s of a foot that comes from the sun into the shade, at 1.5 fF/K.
-MAX_DRIFT_PF_PER_S = 0.15e-3
-#: Largest distance of a baseline from its anchor [pF]: a few times the noise of a filtered reading.
-MAX_ANCHOR_DISTANCE_PF = 1e-3
-#: Largest drift by temperature [pF]: 20 K, in so many seconds at least. It is two standard deviations.
-MAX_DRIFT_PF, _MAX_DRIFT_S = 30e-3, 600.0
-#: Growth of the variance [pF^2/s].
-DRIFT_VARIANCE_PF2_PER_S = (MAX_DRIFT_PF / 2.0) ** 2 / _MAX_DRIFT_S
-#: Share of the newest scan in the mean square of the steps, by which a quiet foot is recognised, and in what the
-#: readings in swing differ from the baseline [1].
-_NEWEST_WEIGHT = 0.2
-#: Noise at which a leg is no longer noisy, over the limit above which it is [1].
-_QUIET_AGAIN_REL = 0.7
-
+#: Largest drift by temperature [pF]: 20 K at 1.5 fF/K. It is two standard deviations.
+MAX_DRIFT_PF = 30e-3
+#: Time constant with which a foot takes another temperature, as from the sun into the shade [s].
+DRIFT_TIME_CONSTANT_S = 200.0
+#: Fastest drift, that at the begin of the largest [pF/s]: 0.1 K/s.
+MAX_DRIFT_PF_PER_S = MAX_DRIFT_PF / DRIFT_TIME_CONSTANT_S
+#: Growth of the variance [pF^2/s]: after three time constants a drift is complete.
+DRIFT_VARIANCE_PF2_PER_S = (MAX_DRIFT_PF / 2.0) ** 2 / (3.0 * DRIFT_TIME_CONSTANT_S)
+#: Largest distance of a baseline from its anchor [pF]: what is not its noise.
+MAX_ANCHOR_DISTANCE_PF = SIGMAS * BASELINE_NOISE_PF
 #: Largest distance of an element's drift from the mean of its leg's [pF]: three standard deviations.
 MAX_DRIFT_FROM_LEG_MEAN_PF = 3.0 * UNEVEN_DRIFT_SHARE * MAX_DRIFT_PF
-#: Limit of the rise of the load in swing, over the fastest drift [1].
-_SWING_RISE_LIMIT_TO_DRIFT_RATIO = 5.0
 
 
 def load_n_per_pf(design: Capacitor, sensitivity: Sensitivity) -> float:
@@ -67,7 +63,7 @@ def max_swing_rise_n_per_s(n_per_pf: float) -> float:
     Args:
         n_per_pf: As of `load_n_per_pf`.
     """
-    return _SWING_RISE_LIMIT_TO_DRIFT_RATIO * MAX_DRIFT_PF_PER_S * n_per_pf
+    return SIGMAS * MAX_DRIFT_PF_PER_S * n_per_pf
 
 
 _Values = list[float]
@@ -112,6 +108,7 @@ class LegBaseline:
         self._unloaded_pf = unloaded_pf.tolist()
         self._unloaded_limit_pf = limits.unloaded_limit_pf(unloaded_pf).tolist()
         self._quiet_pf2 = limits.quiet_variance_pf2
+        self._newest_weight = limits.newest_weight
         self.discard()
 
     def discard(self) -> None:
@@ -167,9 +164,9 @@ class LegBaseline:
         if min(compress(stamps_ns, known), default=newest_ns) <= before_ns:
             self._before = before
             return False
-        steps_pf2 = [0.5 * step_pf * step_pf for step_pf in steps_pf]
+        steps_pf2, weight = [0.5 * step_pf * step_pf for step_pf in steps_pf], self._newest_weight
         self._step_pf2 = [
-            mean_pf2 + _NEWEST_WEIGHT * (step_pf2 - mean_pf2) if is_known else 0.0
+            mean_pf2 + weight * (step_pf2 - mean_pf2) if is_known else 0.0
             for mean_pf2, step_pf2, is_known in zip(self._step_pf2, steps_pf2, known, strict=True)
         ]
         if not max(self._step_pf2) <= self._quiet_pf2:
@@ -177,7 +174,7 @@ class LegBaseline:
             return False
         above_pf = map(sub, before_pf, self.baseline_pf.tolist())
         self.left_pf = [
-            left_pf + _NEWEST_WEIGHT * (pf - left_pf) if math.isfinite(pf) else left_pf
+            left_pf + weight * (pf - left_pf) if math.isfinite(pf) else left_pf
             for left_pf, pf in zip(self.left_pf, above_pf, strict=True)
         ]
         if held is not None:
@@ -326,7 +323,8 @@ class UnloadedFeet:
         self.max_errors_n = (n_per_pf * np.minimum(3.0 * sigma_pf, MAX_DRIFT_PF)).tolist()
         noise_rel = np.sqrt(self._noise.variance_rel)
         self.noise_ff = noise_rel / self._closure_per_pf * 1e3
-        shown_pf = self.noise_ff * 1e-3 / np.where(self._noisy, _QUIET_AGAIN_REL, 1.0)
+        # One that is noisy is quiet again when it is well below the limit.
+        shown_pf = self.noise_ff * 1e-3 / np.where(self._noisy, 1.0 - SMALL_SHARE, 1.0)
         noisy = ~(shown_pf * shown_pf <= self._quiet_pf2)
         if noisy.tobytes() != self._noisy.tobytes():
             self._noisy = noisy

@@ -53,31 +53,23 @@ from footsense.estimation.missing_elements import (
     patterns_of,
 )
 from footsense.estimation.network import Readings
-from footsense.estimation.settings import MountedFeet
+from footsense.estimation.settings import CLEAR_MOTION_REL, RESIDUAL_LIMIT, SMALL_SHARE, MountedFeet
 from footsense.frames import ELEMENTS, ROWS, CapFrame, Mask, Reading, Vector
 
 #: Capacitance below which an element is open, over its unloaded capacitance [1].
 OPEN_ELEMENT_THRESHOLD_REL = 0.35
 
-#: Limit of an element's residual: over its gap [1], and over the root mean square of the others [1].
-RESIDUAL_LIMIT, RESIDUAL_LIMIT_REL = 0.03, 0.4
+#: Limit of an element's residual beside `RESIDUAL_LIMIT`, over the root mean square of the others [1].
+RESIDUAL_LIMIT_REL = 0.4
 #: Residual from which it is added to sigma, a third and a quarter of that: sigma of healthy feet in a tripod gait grows
 #: by 3 %.
 UNCERTAIN_RESIDUAL, UNCERTAIN_RESIDUAL_REL = RESIDUAL_LIMIT / 3.0, RESIDUAL_LIMIT_REL / 4.0
-#: Predicted closure from which the motion of an element can be tested [1].
-MIN_PREDICTED_MOTION_REL = 0.08
-#: Evidence against an element [readings]: from which it is excluded, and the most that is kept. A reading that
-#: contradicts the others adds one, one of an overloaded element less, because it may be moving.
-ENOUGH_EVIDENCE, MOST_EVIDENCE, OVERLOADED_EVIDENCE = 3.0, 4.0, 0.6
-#: Evidence against an excluded element that a reading takes away that agrees with the others, at the load where it
-#: does. Of one that is not excluded, it takes away all.
-AGREEMENT = 0.25
-#: Share of that at another load, and evidence of a reading of an element that moves while the others stand still.
+#: Evidence against an element from which it is excluded, and the most that is kept [readings]. A reading that
+#: contradicts the others adds one.
+ENOUGH_EVIDENCE = 3.0
+#: Share of the evidence of a reading that agrees with the others at another load, and of one of an element that moves
+#: while the others stand still [1].
 SLOW_SHARE = 1.0 / 64.0
-#: A reading stands still that differs from the two before by less than this share of its residual [1].
-STEADY_BELOW_SHARE_OF_RESIDUAL = 0.25
-#: An element that moves less than this share of what the others predict is stuck [1].
-STUCK_BELOW_SHARE_OF_PREDICTED = 0.3
 
 # Of each set: the elements that it keeps, their shares of a mean, and that smaller sets go first.
 _KEPT: Vector = (~MISSING_SETS).astype(float)
@@ -168,7 +160,7 @@ class _Choice(NamedTuple):
         error_amplification: How far one wrong reading moves the closures then, over itself [1], shape (legs,).
         has_few_overloaded: Whether few enough elements are overloaded for a test, shape (legs,).
         kept, shares_of_kept: The elements that each set keeps, and their shares of a mean, shape (legs, k, 9).
-        predictors, scale: As of `Imputation.predictors`.
+        predictors: As of `Imputation.predictors`.
     """
 
     missing: Mask
@@ -177,7 +169,6 @@ class _Choice(NamedTuple):
     kept: Vector
     shares_of_kept: Vector
     predictors: Vector
-    scale: Vector | None
 
 
 class ConsistencyTest:
@@ -267,13 +258,13 @@ class ConsistencyTest:
             np.add.reduce(overloaded, axis=1) <= MAX_OVERLOADED,
             _KEPT[sets],
             _SHARES_OF_KEPT[sets],
-            *self._imputation.predictors(patterns_of(overloaded), sets),
+            self._imputation.predictors(patterns_of(overloaded), sets),
         )
 
     def _test_alone(self, closure_rel: Vector, readings: Readings, unusable: Mask, tested: Mask) -> Mask:
         """Return the tested elements that have moved since the others last did: no load moves one alone."""
         moved_rel = np.abs(closure_rel - self._rested_rel)
-        n_moved = np.add.reduce(moved_rel > STEADY_BELOW_SHARE_OF_RESIDUAL * UNCERTAIN_RESIDUAL, axis=1)
+        n_moved = np.add.reduce(moved_rel > SMALL_SHARE * UNCERTAIN_RESIDUAL, axis=1)
         moves, newest_ns = n_moved > 1, readings.newest_ns
         alone: Mask = (moved_rel > UNCERTAIN_RESIDUAL) > moves[:, None]
         self._rested_rel = np.where(moves[:, None], closure_rel, self._rested_rel)
@@ -294,8 +285,8 @@ class ConsistencyTest:
         Shapes are (legs, k, 9) and (legs, k).
         """
         residual = np.matmul(choice.predictors, closure_rel[:, None, :, None])[..., 0]
-        if choice.scale is not None:
-            residual = np.where(overloaded[:, None], np.maximum(residual, 0.0), residual) * choice.scale
+        if np.count_nonzero(overloaded):
+            residual = np.where(overloaded[:, None], np.maximum(residual, 0.0), residual)
         largest = np.maximum.reduce(np.abs(residual) * choice.kept, axis=2)
         rms_rel = np.sqrt(np.matmul(choice.shares_of_kept, np.square(closure_rel)[..., None])[..., 0])
         return residual, largest, rms_rel
@@ -334,17 +325,17 @@ class ConsistencyTest:
         t_ns = readings.t_ns[:, 0]
         is_new = t_ns != self._t_of_readings_ns
         self._t_of_readings_ns = t_ns.copy()
-        against = np.where(overloaded, OVERLOADED_EVIDENCE, 1.0) * named - (explained & ~(named | excluded))
+        against = named.astype(float) - (explained & ~(named | excluded))
         against = np.maximum(against, SLOW_SHARE * moves_alone)
         evidence += against * is_new
-        np.minimum(evidence, MOST_EVIDENCE, out=evidence)
-        is_unloaded, is_loaded = predicted_rel < RESIDUAL_LIMIT, predicted_rel > MIN_PREDICTED_MOTION_REL
-        slow = AGREEMENT * SLOW_SHARE * ~(self.stuck & is_unloaded)
-        lost = np.where([is_unloaded, is_loaded], AGREEMENT, slow)
-        evidence -= np.where(excluded, lost, MOST_EVIDENCE) * (agrees[:, None] & is_new)
+        np.minimum(evidence, ENOUGH_EVIDENCE, out=evidence)
+        is_unloaded, is_loaded = predicted_rel < RESIDUAL_LIMIT, predicted_rel > CLEAR_MOTION_REL
+        slow = SMALL_SHARE * SLOW_SHARE * ~(self.stuck & is_unloaded)
+        lost = np.where([is_unloaded, is_loaded], SMALL_SHARE, slow)
+        evidence -= np.where(excluded, lost, ENOUGH_EVIDENCE) * (agrees[:, None] & is_new)
         np.maximum(evidence, 0.0, out=evidence)
         most = np.maximum(*evidence)
-        still_below_rel = STEADY_BELOW_SHARE_OF_RESIDUAL * np.abs(residual[legs, best])
+        still_below_rel = SMALL_SHARE * np.abs(residual[legs, best])
         # A NaN is not larger.
         moves = np.logical_or.reduce(np.abs(readings.changes_rel) >= still_below_rel[:, None], axis=1)
         confirmed = named & is_new & ~moves & (most >= ENOUGH_EVIDENCE)
@@ -361,9 +352,7 @@ class ConsistencyTest:
         smallest[...] = np.where(watched, np.minimum(smallest, both), np.inf)
         largest[...] = np.where(watched, np.maximum(largest, both), -np.inf)
         measured, predicted = largest - smallest
-        is_stuck = (predicted > MIN_PREDICTED_MOTION_REL) & (
-            measured < STUCK_BELOW_SHARE_OF_PREDICTED * predicted
-        )
+        is_stuck = (predicted > CLEAR_MOTION_REL) & (measured < SMALL_SHARE * predicted)
         self.stuck = self.excluded & (self.stuck | is_stuck)
 
 

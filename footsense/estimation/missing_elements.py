@@ -27,8 +27,6 @@ MISSING_SETS: Mask = np.concatenate(
 
 #: Elements of a foot that may be overloaded under a force: as many as in the windows of the training.
 MAX_OVERLOADED = 3
-#: Residuals beside overloaded elements over those without [1]: a closed gap takes load from the elements beside it.
-_OVERLOAD_RESIDUAL_REL = 1.5
 
 _PATTERNS: Mask = np.array(list(product((False, True), repeat=ELEMENTS)))[:, ::-1]
 #: Which sets contain each pattern, shape (512, 16).
@@ -100,11 +98,8 @@ class Imputation:
         self._imputing: dict[bytes, Vector] = {}
         #: Amplification by each of `MISSING_SETS`.
         self.error_amplification = np.array([self._error_amplification(each) for each in MISSING_SETS])
-        # Of each pattern of unknown elements: root mean square of the residuals over the loads, the smaller the more
-        # certain the predictions, and the matrix that gives the residuals.
-        residual = _residual_matrices(moments)
-        self._rms = np.sqrt(np.einsum("pij,jk,pik->pi", residual, moments, residual))
-        self._residual = residual
+        #: The matrix that gives the residuals of each pattern of unknown elements, shape (512, 9, 9).
+        self.residuals = _residual_matrices(moments)
 
     def matrix(self, missing: Mask) -> Vector:
         """Return the matrix F, shape (elements, elements), that gives the imputed closures F @ closures.
@@ -126,36 +121,21 @@ class Imputation:
         # With the paper's foot 1.7 at most beside a missing element, 1.2 beside a middle line, 4.0 beside an outer one.
         return float(np.linalg.norm(self.matrix(missing), axis=0).max())
 
-    def predictors(
-        self, overloaded: NDArray[np.uint16], sets: NDArray[np.intp]
-    ) -> tuple[Vector, Vector | None]:
+    def predictors(self, overloaded: NDArray[np.uint16], sets: NDArray[np.intp]) -> Vector:
         """Return the matrices that give the differences of closures from their predictions by those that are known.
 
         Known are those that are neither overloaded nor in a set of `MISSING_SETS`, one along the second axis.
         An overloaded element is closed at least as far as it reads, so it differs only where it reads more than
-        predicted. Beside overloaded elements all residuals are scaled to those of feet without: by the certainty of the
-        predictions, and by `_OVERLOAD_RESIDUAL_REL`.
+        predicted.
 
         Args:
             overloaded: Pattern of each leg's overloaded elements, shape (legs,).
             sets: Numbers of sets, shape (legs, k) or (1, k).
 
         Returns:
-            Matrices, shape (legs, k, 9, 9), and that scale, shape (legs, k, 9); None where nothing is overloaded.
+            Matrices, shape (legs, k, 9, 9).
         """
-        patterns, by_overload = _SET_PATTERNS[sets], overloaded[:, None]
-        unknown = patterns | by_overload
-        if not np.count_nonzero(overloaded):
-            return self._residual[unknown], None
-        scale = self._rms[patterns] / self._rms[unknown] / _OVERLOAD_RESIDUAL_REL
-        return self._residual[unknown], np.where(by_overload[..., None], scale, 1.0)
-
-    def overload_residuals(self) -> Vector:
-        """Return the matrices that give `residuals` without a set, before their limit, for each pattern of overload."""
-        scale = np.concatenate(
-            [np.ones((1, ELEMENTS)), self._rms[:1] / self._rms[1:] / _OVERLOAD_RESIDUAL_REL]
-        )
-        matrices: Vector = scale[:, :, None] * self._residual
+        matrices: Vector = self.residuals[_SET_PATTERNS[sets] | overloaded[:, None]]
         return matrices
 
     def impute(self, closure_rel: Vector, missing: Mask) -> Vector:

@@ -15,7 +15,14 @@ import onnxruntime as ort
 from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.errors import ModelError
 from footsense.estimation.missing_elements import trimmed_means
-from footsense.estimation.settings import UNEVEN_DRIFT_SHARE, Sensitivity
+from footsense.estimation.settings import (
+    CLEAR_MOTION_REL,
+    CORRELATED_S,
+    RESIDUAL_LIMIT,
+    SMALL_SHARE,
+    UNEVEN_DRIFT_SHARE,
+    Sensitivity,
+)
 from footsense.foot.network_card import INPUTS, METADATA_KEY, OUTPUTS, Signal, read_card, verified_sha256
 from footsense.frames import ELEMENTS, Mask, Stamps, Vector
 from footsense.ports import LoadEstimate, LoadEstimator, Window
@@ -28,23 +35,18 @@ _TEST_CLOSURE_LEVELS_REL = (0.0, 0.5, 1.0)
 _FATAL = 4
 #: Readings of an element in a window.
 READINGS = 3
-#: Longest time between two readings of an element, over the time of a scan [1]: after a stall, older readings are not
-#: mixed with newer ones.
-MAX_READING_INTERVAL_SCANS = 1.75
-#: And time within which they always do [ns]: of a fast scan, legs that are set up on its bus delay two conversions.
-_ALWAYS_CONSECUTIVE_NS = 20_000_000
-
-#: Smallest spike that is taken for a wrong reading [1], and change over it of the readings beside it [1].
-_SPIKE_THRESHOLD_REL, _NEIGHBOUR_TOLERANCE_REL = 0.1, 0.25
+#: Time within which two readings of an element always follow on one another [ns]: of a fast scan, legs that are set up
+#: on its bus delay two conversions.
+_ALWAYS_CONSECUTIVE_NS = round(2e9 * CORRELATED_S)
 
 #: Usual ages of each element's three readings at 400 conversions a second [s], shape (3, 9): those at the end of a scan
 #: in the order of the magic square.
 _CONVERSIONS_AGO = ELEMENTS - 1 - np.argsort(CONVERSION_ORDERS["lo_shu"]) + ELEMENTS * np.arange(3)[:, None]
-STEADY_AGES_S: Vector = np.asarray(3.2e-3 + 2.7e-3 * _CONVERSIONS_AGO, np.float64)
+STEADY_AGES_S: Vector = np.asarray(2.7e-3 * (1.0 + _CONVERSIONS_AGO), np.float64)
 
 #: Largest closures of the loads at which the sensitivity is taken [1], and the step of the differences [1].
-_CLOSURE_LEVELS_REL = (0.02, 0.2)
-DIFFERENCE_STEP_REL = 1e-3
+_CLOSURE_LEVELS_REL = (RESIDUAL_LIMIT, SMALL_SHARE)
+DIFFERENCE_STEP_REL = float(np.sqrt(np.finfo(np.float32).eps))
 
 
 class Readings(NamedTuple):
@@ -80,7 +82,8 @@ class ReadingWindow:
     def __init__(self, n_legs: int, scan_ns: int) -> None:
         self._distance_rel = np.full((n_legs, READINGS, ELEMENTS), np.nan)
         self._t_ns = np.zeros((n_legs, READINGS, ELEMENTS), np.int64)
-        self._longest_ns = np.array(max(round(MAX_READING_INTERVAL_SCANS * scan_ns), _ALWAYS_CONSECUTIVE_NS))
+        # Nearer to one scan than to two: after a stall, older readings are not mixed with newer ones.
+        self._longest_ns = np.array(max(scan_ns + scan_ns // 2, _ALWAYS_CONSECUTIVE_NS))
 
     def add(self, plate_distance_rel: Vector, t_ns: Stamps) -> Readings:
         """Add the new readings of a frame; return the last three readings of every element.
@@ -109,7 +112,7 @@ class ReadingWindow:
         moved_rel.partition(ELEMENTS - 2, axis=1)
         # One element that moved far alone: a load moves several.
         for second_rel, largest_rel in moved_rel[:, ELEMENTS - 2 :].tolist():
-            if largest_rel > _SPIKE_THRESHOLD_REL + 3.0 * second_rel:
+            if largest_rel > CLEAR_MOTION_REL + 3.0 * second_rel:
                 _replace_spikes(kept_rel)
                 break
         of_whole_ns, newest_ns = t_ns, np.maximum.reduce(t_ns, axis=1)
@@ -142,9 +145,7 @@ def _replace_spikes(plate_distance_rel: Vector) -> None:
     newest, middle, oldest = plate_distance_rel.transpose(1, 0, 2)
     mean_rel = (newest + oldest) / 2.0
     spike_rel = np.abs(middle - mean_rel)
-    wrong = (spike_rel > _SPIKE_THRESHOLD_REL) & (
-        np.abs(newest - oldest) < _NEIGHBOUR_TOLERANCE_REL * spike_rel
-    )
+    wrong = (spike_rel > CLEAR_MOTION_REL) & (np.abs(newest - oldest) < SMALL_SHARE * spike_rel)
     np.copyto(middle, mean_rel, where=wrong)
 
 

@@ -33,9 +33,6 @@ _N_DIRECTIONS = ELEMENTS - COORDINATES
 #: Mean square of the first differences along a direction of the loads, over the noise's variance, below which the load
 #: does not move [1]; that of noise is 2.
 _MOTION_LIMIT_REL2 = 2.0
-#: Largest share of one difference in the sum of the squares of all [1]: an impact of a few milliseconds, which one or
-#: two elements see, is no noise, nor is an element that breaks.
-_LARGEST_STEP_SHARE = 0.33
 #: Slow noise is measured once in so many measurements.
 _PER_SLOW = 3
 #: Values that give a standard deviation to a sixth: so many last measurements, readings of the mean that slow noise
@@ -125,5 +122,6 @@ def _mean_square(values: Vector, directions: Vector) -> Vector:
 
 def _is_spread(values: Vector) -> Mask:
     squares = (values * values).reshape(len(values), -1)
-    largest: Mask = np.maximum.reduce(squares, axis=1) < _LARGEST_STEP_SHARE * np.add.reduce(squares, axis=1)
+    # An impact of a few milliseconds, which one or two elements see, is no noise, nor is an element that breaks.
+    largest: Mask = np.maximum.reduce(squares, axis=1) < 0.5 * np.add.reduce(squares, axis=1)
     return largest

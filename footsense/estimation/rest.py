@@ -21,7 +21,13 @@ import numpy as np
 
 from footsense.errors import ModelError
 from footsense.estimation.network import DIFFERENCE_STEP_REL, READINGS, Network
-from footsense.estimation.settings import BASELINE_NOISE_PF, READING_NOISE_PF
+from footsense.estimation.settings import (
+    BASELINE_NOISE_PF,
+    CONTACT_THRESHOLD_REL,
+    READING_NOISE_PF,
+    SIGMAS,
+    SMALL_SHARE,
+)
 from footsense.foot import gap_contact
 from footsense.foot.contact_coordinates import (
     COORDINATES,
@@ -36,25 +42,23 @@ from footsense.ports import LoadEstimate, LoadEstimator, Window
 
 #: Error of the table over the closure [1].
 _TABLE_ERROR_REL = 1e-3
-#: Distance within which readings are equal but for noise, over the noise of a reading [1].
-_EQUAL_WITHIN_SIGMAS = 6.0
-#: Rounds of a fit, one in each turn of a leg: from the network's answer, and from the other side where those fail.
-_ROUNDS_FROM_NETWORK, ROUNDS = 6, 14
+#: Rounds of a fit, one in each turn of a leg: from the network's answer, and as many from the other side where those
+#: fail.
+_ROUNDS_FROM_NETWORK = 7
+ROUNDS = 2 * _ROUNDS_FROM_NETWORK
 #: Of coordinates: near the diagonals, loads of opposite sides close the gaps nearly alike [1].
 _OTHER_SIDE = np.array([1.0, -1.0, -1.0, -1.0, -1.0])
 #: Largest k with which a fit is used [1].
 _MAX_ERROR_FACTOR = 10.0
-#: Least force of a leg that is fitted, over the largest trained force [1].
-_MIN_FORCE_REL = 0.05
 #: Most cells beyond their gap: contact of more takes long.
 _MAX_CLOSED_CELLS = 60
 
 #: Steps of the differences: of the normal force over itself, and of the other coordinates [1]; the base has none.
 _STEPS = DIFFERENCE_STEP_REL * np.vstack([np.zeros(COORDINATES), np.eye(COORDINATES)])
-#: Longest change of friction ratio and contact point in a round [1].
-_LONGEST_STEP = 0.2
-#: Sigma of x0 over that of the network, which has seen the same readings, and least sigma of ratio and point [1].
-_PRIOR_OVER_NETWORK_SIGMA, _MIN_PRIOR_SIGMA = 1.5, 4e-3
+#: Sigma of x0 over that of the network [1]: the same readings are in both.
+_PRIOR_OVER_NETWORK_SIGMA = math.sqrt(2.0)
+#: Least sigma of ratio and point [1]: what the table may be off by.
+_MIN_PRIOR_SIGMA = SIGMAS * _TABLE_ERROR_REL
 
 
 def trained_response(folder: Path, network: Network) -> FootResponse:
@@ -155,9 +159,10 @@ class LoadFit:
         information = weight @ slopes + np.diag(prior_sigma**-2.0)
         step = np.linalg.solve(information, weight @ residual + (prior - coordinates) / prior_sigma**2)
         longest = float(np.abs(step[1:]).max())
-        cut = longest > _LONGEST_STEP
+        # Ratio and contact point are of the size of one.
+        cut = longest > SMALL_SHARE
         if cut:
-            step *= _LONGEST_STEP / longest
+            step *= SMALL_SHARE / longest
         after = within_bounds((coordinates + step)[None])[0]
         gain = here.force_slopes @ np.linalg.inv(information)
         return _Round(
@@ -211,10 +216,10 @@ class RefinedAtRest:
         self, network: LoadEstimator, response: FootResponse, trained: TrainedInputs, n_rows: int
     ) -> None:
         self._network, self._fit = network, LoadFit(response)
-        self._min_force_n = _MIN_FORCE_REL * trained.max_force_n
+        self._min_force_n = CONTACT_THRESHOLD_REL * trained.max_force_n
         self._closure_rel_max = trained.closure_rel_max
         # Readings of a free foot have the most noise.
-        self._moves_from_rel = float(2.0 * _EQUAL_WITHIN_SIGMAS * self._fit.noise_rel(np.zeros(1))[0])
+        self._moves_from_rel = float(2.0 * SIGMAS * self._fit.noise_rel(np.zeros(1))[0])
         self._turn, self._has_begun = 0, False
         # Readings of each leg's last fit [1], NaN before one, and the distance within which others are equal.
         self._fitted_rel = np.full((n_rows, 1, ELEMENTS), np.nan)
@@ -263,7 +268,7 @@ class RefinedAtRest:
         """Take the readings of a loaded row for a fit; return whether they are of a load that stands still."""
         readings_rel = window.closure_rel[row]
         mean_rel = readings_rel.mean(axis=0)
-        equal_rel = _EQUAL_WITHIN_SIGMAS * self._fit.noise_rel(mean_rel)
+        equal_rel = SIGMAS * self._fit.noise_rel(mean_rel)
         is_equal = (np.abs(readings_rel - mean_rel) <= equal_rel).all()
         in_range = (mean_rel < self._closure_rel_max).all()
         if not (is_equal and in_range) or window.missing[row].any():

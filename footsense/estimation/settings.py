@@ -15,8 +15,21 @@ from footsense.frames import ELEMENTS, Vector
 #: Silence of a leg [ns] after which its foot may be another one, and its events meanwhile are unknown: nobody swaps a
 #: foot in less.
 LONG_SILENCE_NS = 250_000_000
-#: Period of what changes slowly: the baselines' uncertainty, and gait frames without an event [ns].
+#: Shortest time of what legs and rubber do [ns]: stances, ringing after a lift-off. Also the period of what changes
+#: slowly: the baselines' uncertainty, and gait frames without an event.
 SLOW_PERIOD_NS = 100_000_000
+#: Standard deviations beyond which a difference is not noise [1].
+SIGMAS = 5.0
+#: Share of a whole that is small against it [1].
+SMALL_SHARE = 0.25
+#: Limit of what an element's closure differs from the others' prediction, over its gap, and motion that is clearly none
+#: of that [1].
+RESIDUAL_LIMIT = 0.03
+CLEAR_MOTION_REL = 3.0 * RESIDUAL_LIMIT
+#: Time within which loads of a foot, and so the errors of their estimates, stay the same [s].
+CORRELATED_S = 9e-3
+#: Time over which pulls, loads, and what feet have shown of the ground are remembered [s].
+MEMORY_S = 10.0
 #: Noise of a reading and of a baseline, the mean of a tare, for which networks are trained [pF, rms].
 READING_NOISE_PF, BASELINE_NOISE_PF = 0.916e-3, 0.2e-3
 #: Share of a drift that differs between the elements; the rest is common to all. An assumption: no foot was heated.
@@ -127,6 +140,11 @@ class TareLimits(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return replace(self, unloaded_limit_rel=_UNCALIBRATED_UNLOADED_LIMIT_REL)
 
     @property
+    def newest_weight(self) -> float:
+        """Share of the newest scan in a running average, as over the window [1]."""
+        return 2.0 / (self.window_scans + 1)
+
+    @property
     def mean_limit_rel(self) -> float:
         """Largest mean of the deviations of all elements that counts as unloaded [1]: of a light load, or 30 K."""
         return self.unloaded_limit_rel / 3.0
@@ -146,7 +164,7 @@ _UNCALIBRATED_UNLOADED_LIMIT_REL = 0.5
 
 
 #: Contact threshold over the feet's largest force, where none is configured [1].
-_CONTACT_THRESHOLD_REL = 0.015
+CONTACT_THRESHOLD_REL = 0.015
 
 
 class ContactLimits(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -167,7 +185,7 @@ class ContactLimits(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         """Return the threshold of feet whose network is trained up to a force [N]."""
         if self.threshold_n is not None:
             return self.threshold_n
-        return round(_CONTACT_THRESHOLD_REL * max_force_n, 6)
+        return round(CONTACT_THRESHOLD_REL * max_force_n, 6)
 
 
 class Sensitivity(NamedTuple):

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from footsense.estimation.elements import OPEN_ELEMENT_THRESHOLD_REL
 from footsense.estimation.network import READINGS
-from footsense.estimation.settings import LONG_SILENCE_NS, MountedFeet, TareLimits
+from footsense.estimation.settings import LONG_SILENCE_NS, MEMORY_S, MountedFeet, TareLimits
 from footsense.frames import (
     ELEMENTS,
     Codes,
@@ -35,9 +35,6 @@ from footsense.leg_words import IS_SILENT
 #: Time that a tare may take over that of its window [1], and scans in which a step has passed through the readings.
 MAX_WINDOWS = 3
 SETTLING_SCANS = READINGS + 1
-#: Silence after which a baseline is discarded, in place of `LONG_SILENCE_NS`, while a line of the leg's bus is stuck,
-#: which may be another leg's fault: a robot that stands would lose all its forces until each foot's next swing.
-_BASELINE_LOST_AFTER_STUCK_BUS_NS = 3_000_000_000
 # A plain number: to compare with an enumeration's member costs a microsecond each time.
 _BUS_STUCK = int(Reading.BUS_STUCK)
 
@@ -211,7 +208,9 @@ class Tares:
         silent = np.logical_and.reduce(IS_SILENT.take(reading), axis=1)
         np.copyto(self.heard_ns, now_ns, where=~silent)
         stuck = np.logical_or.reduce(reading == _BUS_STUCK, axis=1)
-        allowed_ns = np.where(stuck, _BASELINE_LOST_AFTER_STUCK_BUS_NS, LONG_SILENCE_NS)
+        # A stuck bus may be the fault of another leg: a robot that stands would lose all its forces until each foot has
+        # swung.
+        allowed_ns = np.where(stuck, 1e9 * MEMORY_S, LONG_SILENCE_NS)
         too_long = (now_ns - self.heard_ns >= allowed_ns).nonzero()[0].tolist()
         lost = [leg for leg in too_long if leg not in self.untared]
         for leg in lost:

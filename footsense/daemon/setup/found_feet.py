@@ -26,7 +26,7 @@ from footsense.clock import MonotonicClock
 from footsense.config import SMALL_BOARD, Config
 from footsense.config.sections import Bus, Mux
 from footsense.daemon.acquisition import open_scan_source
-from footsense.daemon.setup.probe import MUX_ADDRESSES
+from footsense.daemon.setup.probe import MUX_ADDRESSES, SEARCH_LIMIT_S
 from footsense.daemon.simulation import simulated_robot
 from footsense.errors import ConfigError, HardwareError
 from footsense.estimation.noise import NOISE_SAMPLES
@@ -41,8 +41,6 @@ SIMULATED = "sim"
 _SERIAL_PORTS = Path("/dev/serial/by-id")
 #: Legs of robots that have fewer than six, in the order of their channels.
 _LEGS_OF_N = {len(legs): legs for legs in (("lf",), ("lf", "rf"), ("lf", "lr", "rf", "rr"))}
-#: Longest search of one adapter [s]; it does some 150 transactions.
-_SEARCH_LIMIT_S = 20.0
 #: Scan of feet with board `fdc1004`, and the addresses of their chips.
 _FDC1004_PLAN = scan_plan(FASTEST_SPS)
 _FDC1004_CHIPS = leg_chip_addresses(_FDC1004_PLAN)
@@ -100,7 +98,7 @@ def find_feet(device: str, adapter: I2cBus, clock: Clock, claimed: Collection[in
         I2cError: A line is held low, or the multiplexer fails.
         HardwareError: The adapter is too slow to be searched.
     """
-    adapter = TimeLimitedBus(adapter, clock, device, _SEARCH_LIMIT_S)
+    adapter = TimeLimitedBus(adapter, clock, device, SEARCH_LIMIT_S)
     answering = set(probe_addresses(adapter, claimed).answering)
     found = [FoundFeet(device, "fdc1004", None, (0,))] if answering.issuperset(_FDC1004_CHIPS) else []
     addresses = tuple(

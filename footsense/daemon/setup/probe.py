@@ -1,5 +1,6 @@
 """Probe of the configured buses and unloaded feet: what is found, and faults as text: where, what, what to check."""
 
+import math
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import replace
@@ -29,6 +30,7 @@ from footsense.daemon.setup.foot_check import CHIP_FAULT_READINGS, FootFault, Fo
 from footsense.daemon.simulation import simulated_robot
 from footsense.errors import HardwareError, I2cError, I2cTimeoutError, NackError
 from footsense.estimation.noise import NOISE_SAMPLES
+from footsense.estimation.settings import LONG_SILENCE_NS
 from footsense.estimation.tare import SETTLING_SCANS
 from footsense.frames import Reading
 from footsense.leg_words import IS_SILENT, words_of_reading
@@ -255,13 +257,10 @@ def leg_diagnoses(report: ProbedLeg) -> Iterator[Diagnosis]:
         yield Diagnosis(report.leg, fault.observation, fault.advice)
 
 
+#: Longest scan or search of one adapter [s]; they do some 1200 and 150 transactions.
+SEARCH_LIMIT_S = 60.0
 #: How often a transaction is repeated that fails, unless it asks an address where no chip has to be.
 _N_REPEATS = 2
-#: Longest scan of the addresses of one bus [s]; it takes some 1200 transactions.
-_SCAN_LIMIT_S = 60.0
-#: Scans before those for the noise, in place of `SETTLING_SCANS`, of converters that run freely: one bus may be read
-#: for so long while another waits for its first frame.
-_N_DISCARDED_FREE_SCANS = 40
 
 
 def probe(config: Config, scene: Scene | None) -> ProbeResult:
@@ -342,7 +341,7 @@ def probed_bus(bus: Bus, legs: LegBus, clock: Clock, plan: AnyPlan, drivers: Map
         plan: The scan to come.
         drivers: Kernel drivers by the address that each holds.
     """
-    limited = TimeLimitedBus(legs.adapter, clock, bus.device, _SCAN_LIMIT_S)
+    limited = TimeLimitedBus(legs.adapter, clock, bus.device, SEARCH_LIMIT_S)
     legs.adapter = repeating = _RepeatingBus(
         limited, bus.mux_address, (*leg_chip_addresses(plan), *bus.addresses.values())
     )
@@ -377,7 +376,9 @@ class _LegState(NamedTuple):
 def _scan_feet(config: Config, scene: Scene | None) -> tuple[list[FootScans], list[_LegState] | None]:
     """Return the readings of each foot over some scans, and the state of each leg; None with a microcontroller."""
     with open_scan_source(config, scene) as started:
-        n_discarded = _N_DISCARDED_FREE_SCANS if config.board == "ad7147" else SETTLING_SCANS
+        # Of converters that run freely, one bus may be read for that long while another waits for its first frame.
+        free_scans = math.ceil(1e-6 * LONG_SILENCE_NS / config.shortest_scan_ms)
+        n_discarded = free_scans if config.board == "ad7147" else SETTLING_SCANS
         frames = started.read_whole_scans(n_discarded + NOISE_SAMPLES)[n_discarded:]
         states = None
         if not isinstance(started.source, McuSource):

@@ -28,60 +28,53 @@ by the last time at which the load fell below S.
 """
 
 import math
+import sys
 from collections import deque
 from typing import NamedTuple
 
-from footsense.estimation.settings import LONG_SILENCE_NS
+from footsense.estimation.drift import DRIFT_TIME_CONSTANT_S
+from footsense.estimation.settings import (
+    CORRELATED_S,
+    LONG_SILENCE_NS,
+    MEMORY_S,
+    SIGMAS,
+    SLOW_PERIOD_NS,
+    SMALL_SHARE,
+)
 from footsense.frames import CommandKind
 
 #: Touchdowns and lift-offs a second that are expected [1/s], and shortest usual stance [s]: a lift-off before that is
 #: as much less likely as the fourth power of the time.
-_EVENT_RATE, _SHORTEST_STANCE_S = 2.0, 0.1
+_EVENT_RATE, _SHORTEST_STANCE_S = 2.0, 1e-9 * SLOW_PERIOD_NS
 #: Probabilities of contact at which it begins, and ends.
 _BEGINS, _ENDS = 0.9, 0.01
-#: Spread of the load of a quiet foot in swing, over the least load that is contact [1].
-_QUIET_SPREAD_REL = 0.25
-#: Pull of a foot's own mass over the mean load of its stances, before a swing has shown it [1], and time of swing as
-#: which that counts [s].
-_PULL_REL, _PULL_PRIOR_S = 0.2, 0.3
-#: Share of the load that goes with the acceleration which is taken off [1].
-_EXPLAINED_REL = 0.6
-#: Spreads up to which a load in swing counts as pull [1]. The rise of a touch counts until it is reported: feet whose
-#: touches rise slowly have more shake before them.
-_MOST_SPREADS = 5.0
+#: Pull of a foot's own mass over the mean load of its stances, before a swing has shown it; load of a stance that may
+#: be a shift of all readings, over the same [1].
+_PULL_REL = 0.2
+#: Time of swing as which that counts, and time in which the load in swing follows the load down [s].
+_SETTLES_S = 3.0 * _SHORTEST_STANCE_S
 #: Mean load that is expected of a stance, over that of the last ones [1].
 _STANCE_LOAD_REL = 3.0
-#: Time over which pulls and loads are remembered [s].
-MEMORY_S = 10.0
-#: Time within which pull and bounces stay the same [s].
-_CORRELATED_S = 9e-3
 #: Largest creep that may remain after lift-off, over the mean load of the last minutes [1]. An assumption on the safe
 #: side: Prony series of PDMS add 2 to 5 % over minutes; no foot has been measured.
-_MAX_CREEP_REL, _CREEP_LOAD_TIME_CONSTANT_S = 0.05, 100.0
-#: Load of a stance that may be a shift of all readings, over its mean load and over the least [1].
-_SHIFT_REL, _SHIFT_LEASTS = 0.2, 4.0
+_MAX_CREEP_REL = 0.05
 #: Time after lift-off in which a prediction overshoots [s]; twice that after lift-off a swing is confirmed: most of the
 #: rubber's quick recovery is over by then, and half the swing of a fast gait is left.
-_RINGS_S = 0.1
-#: Time in which the load in swing follows the load down [s].
-_SETTLES_S = 0.3
-#: From a touch to the first load above the spread: time of its rise, mean and standard deviation [s], and of the
-#: readings, mean and standard deviation [scans]; and standard deviation over the time from that load to the contact, as
-#: far as it is more than two scans [1].
-_DATE_RISE_S, _DATE_LAG_SCANS, _DATE_SIGMA_SCANS, _DATE_SIGMA_REL = 3e-3, 0.3, 0.2, 0.7
-#: From the load below the spread that dates a lift-off to its end, and the spread of that [s].
-_LIFT_OFF_LAG_S, _LIFT_OFF_SIGMA_S = 4e-3, 11e-3
-
+_RINGS_S = _SHORTEST_STANCE_S
+#: Time in which the load of a touch rises above the spread, and its standard deviation [s]; that of a lift-off falls as
+#: fast.
+_RISE_S = 3e-3
 _LOG_ODDS_BEGIN, _LOG_ODDS_END = math.log(_BEGINS / (1.0 - _BEGINS)), math.log(_ENDS / (1.0 - _ENDS))
-#: Log odds that are kept, and those of a swing that has no doubt.
-_MOST_LOG_ODDS, _SURE_SWING = 12.0, -3.0
+#: Log odds that are kept: those of a probability that a double tells from one.
+_MOST_LOG_ODDS = -math.log(sys.float_info.epsilon)
+#: Log odds of a swing that has no doubt.
+_SURE_SWING = -3.0
 _HALF_LOG_2_PI = 0.5 * math.log(2.0 * math.pi)
 _LONG_SILENCE_S = 1e-9 * LONG_SILENCE_NS
 #: Time after which what changes slowly is derived again [s].
-_UPDATE_S = 3.0 * _CORRELATED_S
-#: Standard deviations beyond which a load of swing is no less likely, and the logistic function's factor that gives the
-#: integral of a normal distribution to 1 % (Bowling et al., JIEM 2, 2009).
-_MOST_DEVIATIONS, _LOGISTIC = 8.0, 1.702
+_UPDATE_S = 3.0 * CORRELATED_S
+#: Factor of the logistic function that has the slope of a normal distribution's integral.
+LOGISTIC = 2.0 * math.sqrt(2.0 / math.pi)
 
 
 class BackDated(NamedTuple):
@@ -104,10 +97,9 @@ def log_likelihood_ratio(z_n: float, spread_n: float, mean_n: float) -> float:
     """
     least_n, over = 2.0 * spread_n, z_n / spread_n
     mean_n = least_n if least_n > mean_n else mean_n
-    over = _MOST_DEVIATIONS if over > _MOST_DEVIATIONS else over
     share = spread_n / mean_n
     # Of the normal distribution's integral; below nothing it falls linearly, and the square is left out.
-    below = _LOGISTIC * (share - over)
+    below = LOGISTIC * (share - over)
     integral = (0.0 if below < 0.0 else below) + math.log1p(math.exp(-abs(below)))
     of_swing = 0.5 * over * over if over > 0.0 else 0.0
     return math.log(share) + _HALF_LOG_2_PI - z_n / mean_n + 0.5 * share * share - integral + of_swing
@@ -117,34 +109,28 @@ class _SwingLoads:
     """Loads of swings in the remembered time: how long it is, sums of squares, and the spreads that follow."""
 
     def __init__(self) -> None:
-        self.time_s = self._load_n2s = self._predicted_n2s = 0.0
-        self.spread_n2 = self.predicted_spread_n = self.most_n = 0.0
+        self.time_s = self._load_n2s = 0.0
+        self.spread_n2 = self.most_n = 0.0
 
-    def add(self, time_s: float, load_n: float, predicted_n: float, most_n: float) -> None:
-        """Add a load, and its prediction if there is one [N], either as `most_n` at most."""
+    def add(self, time_s: float, load_n: float, most_n: float) -> None:
+        """Add a load, as `most_n` at most [N]."""
         most_n = self.most_n if self.most_n < most_n else most_n
         self.time_s += time_s
         self._load_n2s += time_s * (most_n if most_n < load_n else load_n) ** 2
-        if math.isfinite(predicted_n):
-            self._predicted_n2s += time_s * (most_n if most_n < predicted_n else predicted_n) ** 2
 
     def forget(self, kept: float) -> None:
         """Keep a share of what is remembered [1]."""
         self.time_s *= kept
         self._load_n2s *= kept
-        self._predicted_n2s *= kept
 
     def update(self, expected_n2: float, quiet_n2: float) -> None:
         """Derive the spreads: the geometric mean of what is expected and what was seen, by how long it was."""
-        share = _PULL_PRIOR_S / (_PULL_PRIOR_S + self.time_s)
+        share = _SETTLES_S / (_SETTLES_S + self.time_s)
         time_s, expected = self.time_s or 1.0, expected_n2**share
         self.spread_n2 = spread_n2 = quiet_n2 + expected * max(self._load_n2s / time_s, quiet_n2) ** (
             1.0 - share
         )
-        self.most_n = _MOST_SPREADS * math.sqrt(spread_n2)
-        self.predicted_spread_n = math.sqrt(
-            quiet_n2 + expected * max(self._predicted_n2s / time_s, quiet_n2) ** (1.0 - share)
-        )
+        self.most_n = SIGMAS * math.sqrt(spread_n2)
 
 
 class ContactDetector:
@@ -260,7 +246,7 @@ class ContactDetector:
         elif self._log_odds > _LOG_ODDS_BEGIN:
             self._begin_contact(t_s, baseline_error_n)
         else:
-            self._learn_swing(above_n, predicted_n - self.swing_load_n, elapsed_s)
+            self._learn_swing(above_n, elapsed_s)
         if self.in_contact is not in_contact:
             self._update_spreads(t_s, baseline_error_n)
         self.in_swing = (
@@ -280,7 +266,7 @@ class ContactDetector:
         widest_n = sigma_n if sigma_n > spread_n else spread_n
         ratio = log_likelihood_ratio(above_n, widest_n, stance_load_n)
         if self._t_s - self._changed_s > _RINGS_S and predicted_above_n > self._least_n:
-            spread_n = math.hypot(self._predicted_spread_n, 0.5 * sigma_n)
+            spread_n = math.hypot(spread_n, 0.5 * sigma_n)
             ratio = max(ratio, log_likelihood_ratio(predicted_above_n, spread_n, stance_load_n))
         return ratio
 
@@ -295,8 +281,8 @@ class ContactDetector:
         # By the slope of the load over the acceleration, so that one that stands still explains nothing; and next to
         # nothing as long as swings have shown little.
         time_s, (mean_s, load_s, both_s, square_s) = self._unexplained.time_s or 1.0, self._moments
-        slope_kg = (both_s - mean_s * load_s / time_s) / (square_s - mean_s**2 / time_s + _PULL_PRIOR_S)
-        self._explained_n = _EXPLAINED_REL * max(slope_kg, 0.0) * self._acceleration
+        slope_kg = (both_s - mean_s * load_s / time_s) / (square_s - mean_s**2 / time_s + _SETTLES_S)
+        self._explained_n = 0.5 * max(slope_kg, 0.0) * self._acceleration
 
     def _change_over_a_scan(self, t_s: float, load_n: float) -> tuple[float, float]:
         """Return by how much the load has changed over the last scan [N], and how long that was [s]."""
@@ -317,7 +303,7 @@ class ContactDetector:
                 ends *= (age * age) ** 2
         odds = math.exp(self._log_odds)
         predicted = math.log((odds * (1.0 - ends) + begins) / (1.0 - begins + odds * ends))
-        updated = predicted + (elapsed_s / _CORRELATED_S if elapsed_s < _CORRELATED_S else 1.0) * ratio
+        updated = predicted + (elapsed_s / CORRELATED_S if elapsed_s < CORRELATED_S else 1.0) * ratio
         if not -_MOST_LOG_ODDS <= updated <= _MOST_LOG_ODDS:
             updated = _MOST_LOG_ODDS if updated > 0.0 else -_MOST_LOG_ODDS
         self._log_odds = updated
@@ -339,11 +325,11 @@ class ContactDetector:
         touched_before = self._up_before_s > max(self._changed_s + _RINGS_S, t_s - _RINGS_S)
         self.in_contact = True
         self.changed = BackDated(
-            round(1e9 * (up_s - _DATE_RISE_S - _DATE_LAG_SCANS * self._scan_s)),
+            round(1e9 * (up_s - _RISE_S - self._scan_s / 3.0)),
             math.hypot(
-                _DATE_RISE_S,
-                _DATE_SIGMA_SCANS * self._scan_s,
-                _DATE_SIGMA_REL * told_later_s,
+                _RISE_S,
+                self._scan_s / 3.0,
+                told_later_s,
                 0.5 * (up_s - self._up_before_s) if touched_before else 0.0,
             ),
         )
@@ -354,20 +340,17 @@ class ContactDetector:
     def _end_contact(self, t_s: float, as_of_newest_n: float, baseline_error_n: float) -> None:
         self.in_contact = False
         ended_s = self._down_s if self._down_s > self._changed_s else t_s - self._scan_s
-        self.changed = BackDated(
-            round(1e9 * (ended_s + _LIFT_OFF_LAG_S)),
-            _LIFT_OFF_SIGMA_S,
-        )
+        self.changed = BackDated(round(1e9 * (ended_s + _RISE_S)), CORRELATED_S)
         self._changed_s = t_s
         self.swing_load_n = max(as_of_newest_n, -baseline_error_n)
 
-    def _learn_swing(self, above_n: float, predicted_above_n: float, elapsed_s: float) -> None:
+    def _learn_swing(self, above_n: float, elapsed_s: float) -> None:
         """Learn the spread of a swing's load, and follow it, as far as it is one."""
         swing_s = elapsed_s / (1.0 + math.exp(self._log_odds))
         # Pull comes and goes; a load that hardly changes is not pull.
-        most_n = _QUIET_SPREAD_REL * self._least_n if self._is_steady else math.inf
-        load_n, predicted_n, explained_n = abs(above_n), abs(predicted_above_n), self._explained_n
-        self._pulls.add(swing_s, load_n, predicted_n, most_n)
+        most_n = SMALL_SHARE * self._least_n if self._is_steady else math.inf
+        load_n, explained_n = abs(above_n), self._explained_n
+        self._pulls.add(swing_s, load_n, most_n)
         if self._accelerations:
             acceleration = self._acceleration
             some_n = min(load_n, explained_n + min(most_n, self._unexplained.most_n))
@@ -375,9 +358,7 @@ class ContactDetector:
             self._moments = [
                 sum_ + swing_s * moment for sum_, moment in zip(self._moments, moments, strict=True)
             ]
-            self._unexplained.add(
-                swing_s, max(load_n - explained_n, 0.0), max(predicted_n - explained_n, 0.0), most_n
-            )
+            self._unexplained.add(swing_s, max(load_n - explained_n, 0.0), most_n)
         share = swing_s / _SETTLES_S
         rise_n, most_n = above_n * (1.0 if share > 1.0 else share), self._max_swing_rise_n_per_s * swing_s
         self.swing_load_n += most_n if most_n < rise_n else rise_n
@@ -395,14 +376,14 @@ class ContactDetector:
             self._moments = [kept * sum_ for sum_ in self._moments]
         pressing_n = max(0.0, self.load_n)  # of a number and NaN, in this order, the number
         self._creep_load_n += (pressing_n - self._creep_load_n) * (
-            elapsed_s / (_CREEP_LOAD_TIME_CONSTANT_S + elapsed_s)
+            elapsed_s / (DRIFT_TIME_CONSTANT_S + elapsed_s)
         )
         creep_n = _MAX_CREEP_REL * self._creep_load_n
         self.drift_n = baseline_error_n + creep_n
         mean_n = (3.0 * _SHORTEST_STANCE_S * self._least_n + self._stance_ns) / (
             _SHORTEST_STANCE_S + self._stance_s
         )
-        quiet_n2 = (_QUIET_SPREAD_REL * self._least_n) ** 2
+        quiet_n2 = (SMALL_SHARE * self._least_n) ** 2
         expected_n2 = max((_PULL_REL * mean_n) ** 2, quiet_n2)
         self._pulls.update(expected_n2, quiet_n2)
         shown = self._pulls
@@ -411,9 +392,8 @@ class ContactDetector:
             shown.update(expected_n2, quiet_n2)
         left_n2 = (baseline_error_n / 3.0 + creep_n) ** 2 if self.in_contact else 0.0
         self._spread_n = math.sqrt(shown.spread_n2 + left_n2)
-        self._predicted_spread_n = shown.predicted_spread_n
         self._stance_load_n = _STANCE_LOAD_REL * mean_n
-        self._shift_n = min(_SHIFT_REL * mean_n, _SHIFT_LEASTS * self._least_n)
+        self._shift_n = _PULL_REL * mean_n
 
     def refusal(self, kind: CommandKind) -> str | None:
         """Return why a command is refused at present (foot in contact); None if it may be executed.

@@ -8,10 +8,12 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
+from footsense.estimation.settings import SMALL_SHARE
 from footsense.ports import LoadEstimate
 
-#: Largest standard deviation with which a direction [rad] and tangential over normal force [1] are still given.
-_MAX_SIGMA = 0.2
+#: Largest standard deviation with which a direction [rad] and tangential over normal force [1] are still given: both
+#: are of the size of one.
+_MAX_SIGMA = SMALL_SHARE
 
 
 class GroundEstimate(NamedTuple):

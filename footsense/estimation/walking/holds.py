@@ -19,13 +19,14 @@ two sigma: a gait that asks little repeats its largest ratio in every stance, as
 
 import math
 
-from footsense.estimation.walking.contact import MEMORY_S
+from footsense.estimation.settings import CORRELATED_S, MEMORY_S
+from footsense.estimation.walking.contact import LOGISTIC
 
 #: Slides and their ends a second [1/s].
 _CHANGES_PER_S = 2.0
 #: Time in which the error of a ratio stays the same [s], by which a slip is dated back as well, and how often one ratio
 #: counts in a stance at most [1].
-SAME_ERROR_S, _MOST_COUNTED = 0.027, 3.0
+SAME_ERROR_S, _MOST_COUNTED = 3.0 * CORRELATED_S, 3.0
 #: By how much a ratio is underestimated, over its sigma and its square [1].
 _SHORT = 3.0
 #: Coefficient that is assumed where none is known, and standard deviation of any over itself [1].
@@ -34,8 +35,6 @@ _ASSUMED_FRICTION, _FRICTION_SIGMA_REL = 0.5, 0.2
 _ABOVE_COUNTS = 2.0
 #: Odds of a slide from which a slip is reported, if the ratio supports it, and below which it is over.
 _SLIPS, _SLIPS_NO_MORE = 1.0, 0.5
-#: Factor of the logistic function that has the slope of a normal distribution's integral.
-_LOGISTIC = 2.0 * math.sqrt(2.0 / math.pi)
 _LOG_ROOT_2_PI = 0.5 * math.log(2.0 * math.pi)
 
 
@@ -142,10 +141,10 @@ class Holding:
             spread = math.sqrt(variance + friction.variance)
             # Above the coefficient no foot holds.
             apart, asked = (ratio - expected) / spread, spread if spread > ratio else ratio
-            apart = _LOGISTIC if apart > _LOGISTIC else apart
+            apart = LOGISTIC if apart > LOGISTIC else apart
             asked = expected if expected < asked else asked
             evidence = friction.log_density + 0.5 * (asked * asked - apart * apart)
-            evidence += math.log((1.0 + math.exp(_LOGISTIC * apart)) / (spread * asked))
+            evidence += math.log((1.0 + math.exp(LOGISTIC * apart)) / (spread * asked))
             weight = min(elapsed_s / SAME_ERROR_S, 1.0)
             # As far as the ratio alone says it.
             limit = math.exp(friction.log_odds + _MOST_COUNTED * evidence)

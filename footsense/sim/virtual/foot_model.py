@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_interface.conversion_order import CONVERSION_ORDERS
-from footsense.estimation.elements import RESIDUAL_LIMIT, UNCERTAIN_RESIDUAL, UNCERTAIN_RESIDUAL_REL
+from footsense.estimation.elements import UNCERTAIN_RESIDUAL, UNCERTAIN_RESIDUAL_REL
 from footsense.estimation.missing_elements import MAX_OVERLOADED, Imputation
 from footsense.estimation.network import READINGS, Network, sensitivity
 from footsense.estimation.pipeline import MAX_SIGMA_REL
+from footsense.estimation.settings import RESIDUAL_LIMIT
 from footsense.foot.capacitor import EPS0_PF_UM_PER_MM2
 from footsense.foot.network_card import NETWORK_FILE
 from footsense.foot.parameters import KNOWN_EXACTLY, ForceUncertainty, variance_factors
@@ -123,7 +124,7 @@ class FootModel:
             name: self._array(value)
             for name, value in {
                 "sigma_n2": sigma_n[:, None] ** 2,
-                "residual": Imputation(trained.moments).overload_residuals().transpose(1, 2, 0),
+                "residual": Imputation(trained.moments).residuals.transpose(1, 2, 0),
                 "bit": 2 ** np.arange(ELEMENTS)[:, None],
                 "least_rel": np.tile(trained.closure_rel_min, READINGS)[:, None],
                 "most_rel": np.tile(trained.closure_rel_max, READINGS)[:, None],

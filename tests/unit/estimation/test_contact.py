@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from footsense.estimation.drift import DRIFT_TIME_CONSTANT_S
 from footsense.estimation.walking.contact import ContactDetector
 from footsense.frames import CommandKind
 
@@ -119,11 +120,11 @@ def test_a_light_stance_is_contact_for_ever_and_what_is_left_of_a_heavy_one_is_n
 
 
 def test_creep_follows_the_load_of_the_last_minutes() -> None:
-    """A twentieth of a mean over 100 s."""
+    """A twentieth of a mean over three minutes."""
     leg = Leg()
-    leg.carry(1.0, 100.0)
+    leg.carry(1.0, DRIFT_TIME_CONSTANT_S)
     assert leg.contact.drift_n == pytest.approx(0.002 + 0.05 * (1.0 - math.exp(-1.0)), rel=1e-3)
-    leg.carry(-0.5, 100.0)
+    leg.carry(-0.5, DRIFT_TIME_CONSTANT_S)
     assert leg.contact.drift_n == pytest.approx(
         0.002 + 0.05 * math.exp(-1.0) * (1.0 - math.exp(-1.0)), rel=1e-2
     )

@@ -7,10 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from footsense.estimation.elements import (
-    AGREEMENT,
     ENOUGH_EVIDENCE,
-    MOST_EVIDENCE,
-    RESIDUAL_LIMIT,
     SLOW_SHARE,
     UNCERTAIN_RESIDUAL,
     ConsistencyResult,
@@ -18,12 +15,13 @@ from footsense.estimation.elements import (
 )
 from footsense.estimation.missing_elements import MISSING_SETS, Imputation
 from footsense.estimation.network import ReadingWindow
+from footsense.estimation.settings import RESIDUAL_LIMIT, SMALL_SHARE
 
 SCAN_NS = 25_000_000
 #: Scans that contradict until an element is excluded.
 SCANS = round(ENOUGH_EVIDENCE)
 #: Scans that agree until an element is trusted again, loaded and unloaded each.
-AGREEING_SCANS = round(MOST_EVIDENCE / AGREEMENT)
+AGREEING_SCANS = round(ENOUGH_EVIDENCE / SMALL_SHARE)
 
 #: A foot that only knows how to be pressed and how to be tilted, to within a hundredth.
 PATTERNS = np.array([np.ones(9), np.repeat([1.0, 0.0, -1.0], 3), np.tile([1.0, 0.0, -1.0], 3)]) * np.array(
@@ -178,7 +176,7 @@ def test_a_foot_whose_load_does_not_change_is_sound_again_after_a_thousand_scans
     leg.test(steady)
     for _ in range(10):
         leg.test(foreign)
-    scans = round(MOST_EVIDENCE / (AGREEMENT * SLOW_SHARE))
+    scans = round(ENOUGH_EVIDENCE / (SMALL_SHARE * SLOW_SHARE))
     assert leg.missing(steady, scans, 4) == [True] * (scans - 1) + [False]
 
 
@@ -238,7 +236,7 @@ def test_an_element_that_moves_alone_is_left_out(load: float, per_scan: float) -
     assert n * abs(per_scan) <= UNCERTAIN_RESIDUAL + (scans_of_evidence + 2) * abs(per_scan)
     assert n >= scans_of_evidence or abs(n * per_scan) > RESIDUAL_LIMIT
     assert all(leg.missing(closure_rel, 100, 4))
-    scans = round(MOST_EVIDENCE / (AGREEMENT * SLOW_SHARE))
+    scans = round(ENOUGH_EVIDENCE / (SMALL_SHARE * SLOW_SHARE))
     assert not leg.missing(pressed((load, 0.0, 0.0)), scans, 4)[-1]
 
 
@@ -338,14 +336,14 @@ def test_an_overloaded_element_is_closed_at_least_as_far_as_it_reads(elements: t
 
 @pytest.mark.parametrize("beside", [(), (8,), (6, 8)], ids=str)
 def test_an_overloaded_element_far_above_its_prediction_is_left_out(beside: tuple[int, ...]) -> None:
-    """As one that contradicts the others, once a load in motion would have passed; until then sigma is wider."""
+    """As one that contradicts the others; until then sigma is wider."""
     closure_rel = pressed((1.0, 0.2, 0.0))
     closure_rel[4] = 0.8
     leg, shown = Leg(), []
-    for _ in range(6):
+    for _ in range(SCANS + 1):
         result = leg.test(closure_rel, overloaded=(4, *beside))
         shown.append((np.flatnonzero(result.missing[0]).tolist(), result.inconsistency_sigma_rel[0] > 0.1))
-    assert shown == [([], True)] * 4 + [([4], False)] * 2
+    assert shown == [([], True)] * (SCANS - 1) + [([4], False)] * 2
     assert leg.consistency.excluded[0, 4]
 
 
