@@ -17,11 +17,16 @@ import footsense
 from footsense.cli.file_kinds import kind_of_text
 from footsense.cli.options import FILE
 from footsense.cli.tables import echo_figures, errors_text
-from footsense.daemon.setup.expected_error import error_text, uncertainty_of_calibrated
+from footsense.daemon.setup.expected_error import (
+    error_text,
+    uncertainty_of_calibrated,
+)
 from footsense.errors import FootsenseError, RecordingError
 from footsense.estimation.network import Network
+from footsense.estimation.rest import trained_response
 from footsense.foot.calibration_files import MANIFEST, Manifest, read_calibration
 from footsense.foot.response_table import FootResponse
+from footsense.foot.type_folders import foot_type_folder
 from footsense.frames import FAULT_FREE, Cause, ContactFrame, Flag, State
 from footsense.leg_words import word_of
 from footsense.progress import file_progress_bar
@@ -30,6 +35,7 @@ from footsense.recording.machine import platform_versions
 from footsense.recording.replay import Replay
 from footsense.regular_file import open_regular
 from footsense.ring.records import LostCycles
+from footsense.sim.uncalibrated import uncertainty_by_wear
 
 _NS_PER_S = 1_000_000_000
 #: Versions in the header of a recording, on which the bits of the forces depend.
@@ -218,6 +224,12 @@ def _print_calibration(folder: Path) -> None:
     calibration = read_calibration(folder)
     manifest = calibration.manifest
     held_out = manifest.held_out
+    network = Network(calibration.network, n_rows=1)
+    try:
+        response = trained_response(foot_type_folder(manifest.foot_type), network)
+    except FootsenseError:  # of a type of one's own, whose folder is not known here
+        response = None
+    wear = uncertainty_by_wear(network, response, 1)
     _print_figures(
         "calibration",
         folder,
@@ -233,7 +245,7 @@ def _print_calibration(folder: Path) -> None:
             "held_out": held_out and held_out.protocol,
             "as designed": held_out and errors_text(held_out.design_only),
             "calibrated": held_out and errors_text(held_out.calibrated),
-            "expected error": error_text(uncertainty_of_calibrated(calibration)),
+            "expected error": error_text(uncertainty_of_calibrated(calibration, wear)),
             "calibrated_at_c": calibration.calibrated_at_c,
             "network_sha256": calibration.network_sha256,
             "recordings_sha256": manifest.recordings,

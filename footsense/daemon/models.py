@@ -16,10 +16,10 @@ from footsense.estimation.network import Network
 from footsense.estimation.rest import trained_response
 from footsense.foot.calibration_files import FootCalibration, read_calibration
 from footsense.foot.network_card import NETWORK_FILE
-from footsense.foot.parameters import ForceUncertainty
+from footsense.foot.parameters import KNOWN_EXACTLY, ForceUncertainty
 from footsense.foot.response_table import FootResponse
 from footsense.foot.type_folders import foot_type_folder
-from footsense.sim.uncalibrated import uncertainty_of_uncalibrated
+from footsense.sim.uncalibrated import uncertainty_by_wear, uncertainty_of_uncalibrated
 
 _log = logging.getLogger(__name__)
 
@@ -54,7 +54,10 @@ class Models:
         uncalibrated = UNKNOWN
         if not all(found) and self.response is not None:
             uncalibrated = uncertainty_of_uncalibrated(self.network, self.response, len(found))
-        return tuple(uncalibrated if each is None else uncertainty_of_calibrated(each) for each in found)
+        wear = uncertainty_by_wear(self.network, self.response, len(found)) if any(found) else KNOWN_EXACTLY
+        return tuple(
+            uncalibrated if each is None else uncertainty_of_calibrated(each, wear) for each in found
+        )
 
 
 def load_models(config: Config) -> Models:

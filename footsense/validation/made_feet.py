@@ -46,7 +46,7 @@ from footsense.sim.reference_sensor import (
     nonlinearity_gf,
 )
 from footsense.sim.rubber import ElementCreep, RubberFactor, ViscoelasticRubber
-from footsense.sim.uncalibrated import uncertainty_of_uncalibrated
+from footsense.sim.uncalibrated import uncertainty_by_wear, uncertainty_of_uncalibrated
 
 #: Pause before a press, its rise, both halves of its dwell, and its fall [ns]; load at the end of each [1].
 _STEPS_NS = (500_000_000, 50_000_000, 250_000_000, 250_000_000, 50_000_000)
@@ -256,10 +256,12 @@ def evaluate_made_foot(
     fits = {"few": fit_foot_unchecked(models, few), "all": fit_foot_unchecked(models, loads)}
     parameters = {"design": None} | {name: fit.parameters for name, fit in fits.items()}
     parameters["standing"], judged_standing = _calibrated_by_standing(models, stand, plan.standing)
+    known = models.network_for_rows(1), models.response, 1
+    wear = uncertainty_by_wear(*known)
     unknown = {
-        name: uncertainty_of_uncalibrated(models.network_for_rows(1), models.response, 1)
+        name: uncertainty_of_uncalibrated(*known)
         if foot is None
-        else uncertainty_of_parameters(foot, pressed=name != "standing")
+        else uncertainty_of_parameters(foot, wear, pressed=name != "standing")
         for name, foot in parameters.items()
     }
     again = with_new_mounting(own, REMOUNT_RMS_DEG, SEED, number, 2)

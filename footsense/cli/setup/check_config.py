@@ -22,10 +22,7 @@ from footsense.config.contradictions import warnings
 from footsense.daemon.can_output import frames_destination
 from footsense.daemon.estimation import contact_threshold_n, pipeline_for, unloaded_limit_n
 from footsense.daemon.models import Models, load_models
-from footsense.daemon.setup.expected_error import (
-    error_text,
-    uncertainty_of_calibrated,
-)
+from footsense.daemon.setup.expected_error import error_text
 from footsense.daemon.simulation import is_simulated
 from footsense.errors import ConfigError
 from footsense.foot.calibration_files import FootCalibration
@@ -115,6 +112,7 @@ def _explanation(models: Models) -> dict[str, str]:
         f"of feet that carry less than {unloaded_limit_n(models):.2g} N: more is refused, less may be drift"
     )
     told["no force"] = f"above {card.max_trained_force_n:g} N, the largest of the training"
+    uncertainties = dict(zip(config.legs, models.uncertainties, strict=True))
     for leg, calibration in models.calibrations_by_leg.items():
         known = _calibration(calibration)
         errors = calibration.manifest.held_out
@@ -123,9 +121,9 @@ def _explanation(models: Models) -> dict[str, str]:
         elif calibration.manifest.by_standing or calibration.manifest.by_walking:
             by = "walking" if calibration.manifest.by_walking else "standing"
             error = f"by {by}, which tells neither its mounting nor its stiffness"
-            error += f": expect errors of {error_text(uncertainty_of_calibrated(calibration))}"
+            error += f": expect errors of {error_text(uncertainties[leg])}"
         else:
-            error = f"expect errors of {error_text(uncertainty_of_calibrated(calibration))}"
+            error = f"expect errors of {error_text(uncertainties[leg])}"
         told[f"foot on {leg}"] = f"{known['foot']}, calibrated {known['days_ago']} days ago: {error}"
     told["forces"] = (
         f"up to {config.forces_hz:.0f} forces/s on CAN of each leg; contact from {contact_threshold_n(models):.2g} N, "

@@ -1,8 +1,8 @@
 """How far the force of each foot is expected to err by what nobody knows of the foot itself.
 
 A foot that nobody has calibrated differs from its design by the tolerances of its manufacture
-(`footsense.sim.uncalibrated`). Of a calibrated foot the error that its fit has left is known, and a robot that stands
-or walks tells neither stiffness nor mounting.
+(`footsense.sim.uncalibrated`). Of a calibrated foot the error that its fit has left is known, its elements have other
+gains in each session after it, and a robot that stands or walks tells neither stiffness nor mounting.
 
 The tolerances are those with which simulated feet err as the paper's do, and no foot has been made; the errors are
 means over feet and loads, as of normal distributions, and one foot may err twice as much.
@@ -41,10 +41,10 @@ class ExpectedError(NamedTuple):
         return cls(_MEAN_SIZE * uncertainty.along_rel, math.degrees(angle_rad))
 
 
-def uncertainty_of_calibrated(found: FootCalibration) -> ForceUncertainty:
-    """Return what nobody knows of a calibrated foot: what its fit left, and what standing or walking does not show."""
+def uncertainty_of_calibrated(found: FootCalibration, wear: ForceUncertainty) -> ForceUncertainty:
+    """Return what nobody knows of a calibrated foot: its fit's rest, its wear, what standing or walking do not show."""
     pressed = not (found.manifest.by_standing or found.manifest.by_walking)
-    return uncertainty_of_parameters(found.parameters, pressed=pressed)
+    return uncertainty_of_parameters(found.parameters, wear, pressed=pressed)
 
 
 def error_text(uncertainty: ForceUncertainty) -> str:

@@ -19,6 +19,7 @@ from footsense.lab.measured.insole import (
     read_sessions,
 )
 from footsense.lab.report import StudyContext, Values
+from footsense.sim.fabrication import SESSION_GAIN_REL
 from footsense.sim.rubber import CREEP_REL, ViscoelasticRubber
 
 TITLE = "Real sensors: what others measured, against what is assumed here"
@@ -61,6 +62,7 @@ def compute(context: StudyContext) -> Values:
     return {
         "creep_rel": CREEP_REL[-1],
         "gain_sigma": PRIOR_SIGMA[GAIN][0],
+        "session_gain": SESSION_GAIN_REL,
         "full_scale_bar": FULL_SCALE_BAR,
         "max_jump_counts": MAX_JUMP_COUNTS,
         "n_elements": first.reading.shape[1],

@@ -20,6 +20,7 @@ from footsense.daemon.setup.expected_error import uncertainty_of_calibrated
 from footsense.errors import CalibrationError
 from footsense.estimation.settings import TareLimits
 from footsense.foot.calibration_files import read_calibration
+from footsense.foot.parameters import KNOWN_EXACTLY
 from footsense.foot.response_table import FootResponse
 from footsense.frames import LEGS
 from footsense.sim.fabrication import draw_deviations
@@ -120,7 +121,7 @@ def test_the_weight_of_a_robot_tells_the_sizes_of_its_feet(tmp_path: Path) -> No
     assert (np.abs(off_rel) < 2.0 * sigma_rel).all()
     assert (sigma_rel < 0.12).all()
     found = read_calibration(feet / "foot-0003")
-    assert uncertainty_of_calibrated(found).along_rel == pytest.approx(sigma_rel[3], abs=0.02)
+    assert uncertainty_of_calibrated(found, KNOWN_EXACTLY).along_rel == pytest.approx(sigma_rel[3], abs=0.02)
     wrong = _calibrate(recording, "--calibrations", tmp_path / "other", "--mass-kg", "1.4")
     assert "from what was known of them" in wrong.output
     one = _calibrate(recording, "--calibrations", tmp_path / "one", "--mass-kg", "2", "--foot", "foot-0002")

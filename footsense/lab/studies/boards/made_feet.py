@@ -17,7 +17,7 @@ from footsense.lab.report import Values
 from footsense.lab.studies.boards.many_feet import foot_loads, smooth_tripod
 from footsense.lab.studies.boards.walking_electrodes import walked_logs, walked_parameters
 from footsense.sim.fabrication import PAPER_TOLERANCES, draw_deviations, uncertainty_of_parameters
-from footsense.sim.uncalibrated import uncertainty_of_uncalibrated
+from footsense.sim.uncalibrated import uncertainty_by_wear, uncertainty_of_uncalibrated
 from footsense.validation.made_feet import SEED, MadeFootPlan, calibrate_made_foot
 
 if TYPE_CHECKING:
@@ -56,12 +56,13 @@ def sigma_of_made_foot(
     known: dict[str, FootParameters | None] = {NOT: None, STOOD: stood, PRESSED: pressed}
     if walks:
         known[WALKED] = walked_parameters(models, walked_logs(), number, _WALK_S, _PEAK_REL * max_n)
+    wear = uncertainty_by_wear(network, response, 1)
     rows = []
     for calibration, own in known.items():
         unknown = (
             uncertainty_of_uncalibrated(network, response, 1)
             if own is None
-            else uncertainty_of_parameters(own, pressed=calibration == PRESSED)
+            else uncertainty_of_parameters(own, wear, pressed=calibration == PRESSED)
         )
         mounted = MountedFeet.of(response.design, [own], reading_pf=foot.unloaded_pf, uncertainty=[unknown])
         for board, scan in SCAN_TIMES.items():
