@@ -156,6 +156,8 @@ MAX_OFFSET = 63
 #: Capacitances of an element that are converted [pF]. The offset is chosen so that they begin below the 4 pF of an
 #: unloaded one; they end there or beyond, whatever a code of the chip is worth.
 RANGE_START_PF = 2.6
+#: Least capacitance of an element over the start of its range [1]: gaps are made up to a quarter wider than designed.
+LEAST_OVER_RANGE_START = 1.25
 RANGE_END_PF = RANGE_START_PF + 2 * CODE_MID * FF_PER_CODE * 1e-3 * (1 - GAIN_TOLERANCE_REL)
 
 

@@ -12,9 +12,11 @@ address of its own, or a channel of a multiplexer, whose selection is read back 
 
 from array import array
 from collections.abc import Mapping
+from operator import sub
 
 import numpy as np
 
+from firmware_interface.chips.ad7147 import RANGE_START_PF
 from footsense.acquisition.boards import ad7147
 from footsense.acquisition.boards.board import ReadBackCheck
 from footsense.acquisition.boards.stage_tracker import Span, StageTracker
@@ -33,6 +35,8 @@ from footsense.frames import ELEMENTS, CapFrame, Reading
 from footsense.ports import Clock, I2cBus
 
 _OK, _NONE = Reading.OK, np.empty(0, np.uint8)
+#: Code near the start of its range at which a foot is given other ranges: 0.12 pF, of a fast load in a scan.
+_NEAR_RANGE_START = 500
 #: Scans in a row with a missing reading before a leg is left out: 70 ms.
 _MISSED_SCANS_BEFORE_LEAVING = 10
 #: Times in a row that a status may not fit though the settings are held, before the chip is reset.
@@ -69,7 +73,9 @@ class FreeLeg(LegConnection):
         status: Read of the status.
         reference: Read of the results of its reference.
         checks: Checks of its settings.
-        offset: Offset of its converter [steps].
+        offset: Offset of its converter [steps], with which its reference is converted.
+        offsets: Offset of each stage of its elements [steps].
+        has_ranges: Whether its elements have been read, and given their ranges.
         calibration: What its codes are worth; None while it converts its reference.
         tracker: Counts its conversions.
         is_started: Whether it converts its elements, as far as is known.
@@ -81,9 +87,10 @@ class FreeLeg(LegConnection):
     """
 
     def __init__(self, name: str, channel: int, row: int, address: int, plan: FreeRunningPlan) -> None:
-        checks = ad7147.element_sequence(ad7147.FIRST_OFFSET).checks(address)
+        offsets = (ad7147.FIRST_OFFSET,) * ELEMENTS
+        checks = ad7147.element_sequence(offsets).checks(address)
         super().__init__(name, channel, row, checks[0].read, _MISSED_SCANS_BEFORE_LEAVING)
-        self.offset = ad7147.FIRST_OFFSET
+        self.offset, self.offsets, self.has_ranges = ad7147.FIRST_OFFSET, offsets, False
         self.address = address
         self.places = [row * ELEMENTS + element for element in ad7147.ORDER]
         self.burst = ad7147.read_results(address, ELEMENTS)
@@ -142,7 +149,7 @@ class FreeScanner:
         self._middle_ns, self._codes, self._missing = (
             np.asarray(each).reshape(-1, ELEMENTS) for each in self._entries
         )
-        self._gain_rel, self._offset_pf = np.ones((2, len(self.legs), 1))
+        self._gain_rel, self._offset_pf = np.ones((len(self.legs), 1)), np.ones((len(self.legs), ELEMENTS))
         self.bus_timing: BusTiming | None = None
         self.frames_per_scan = self.reads_per_frame = 1
         self.complete_ns = self.n_late_discards = 0
@@ -341,27 +348,29 @@ class FreeScanner:
     def _measure_reference(self, leg: FreeLeg) -> None:
         """Read what the codes of a chip are worth, and start the conversion of its elements."""
         answers = self._bus.exchange(leg.selection, (leg.reference,))
-        measured = Reading.NO_ANSWER if answers is None else ad7147.reference_calibration(answers[0])
+        measured = (
+            Reading.NO_ANSWER if answers is None else ad7147.reference_calibration(answers[0], leg.offset)
+        )
         if isinstance(measured, Reading):  # with the next sequence
             self._discard(leg, measured)
             n_stages = ad7147.N_REFERENCE_STAGES
             leg.ready_ns = self.clock.now_ns() + (n_stages + 1) * self.plan.conversion_wait_ns
         elif why := ad7147.reference_fault(measured):
             leg.leave_scan(Reading.MISCONFIGURED, self.clock.now_ns(), why)
-        elif abs((offset := ad7147.best_offset(measured, leg.offset)) - leg.offset) > 1:
-            leg.offset = offset
-            leg.checks = ad7147.element_sequence(offset).checks(leg.address)
+        elif abs((offset := ad7147.best_offset(measured)) - leg.offset) > 1:
+            leg.offset, leg.has_ranges = offset, False
+            self._set_offsets(leg, (offset,) * ELEMENTS)
             self._bus.exchange(leg.selection, ad7147.reference_sequence(offset).start(leg.address))
             self._await_reference(leg)
         else:
             leg.calibration = measured
-            self._gain_rel[leg.row], self._offset_pf[leg.row] = measured
+            self._decode_by(leg, measured)
             self._start_elements(leg)
 
     def _start_elements(self, leg: FreeLeg) -> None:
         """Configure the sequence of the elements, and start it; if that fails, the next frame tries again."""
         leg.is_started = False
-        *settings, restart = ad7147.element_sequence(leg.offset).start(leg.address)
+        *settings, restart = ad7147.element_sequence(leg.offsets).start(leg.address)
         if self._bus.exchange(leg.selection, tuple(settings)) is None:
             return
         begin_ns = self.clock.now_ns()
@@ -376,6 +385,35 @@ class FreeScanner:
         leg.ready_ns = self.clock.now_ns() + n_unused * self.plan.conversion_wait_ns
         leg.is_started, leg.n_doubts, leg.n_silent = True, 0, 0
 
+    def _set_offsets(self, leg: FreeLeg, offsets: tuple[int, ...]) -> None:
+        leg.offsets, leg.checks = offsets, ad7147.element_sequence(offsets).checks(leg.address)
+
+    def _set_ranges(self, leg: FreeLeg) -> None:
+        """Let the range of each stage begin well below its element, and start anew with it.
+
+        An element below its range when the leg is read first is taken as at the start of the range; later, as open.
+        """
+        measured, row = leg.calibration, leg.row
+        own = self._entries[1][row * ELEMENTS : (row + 1) * ELEMENTS]
+        is_near = not leg.has_ranges or any(0 < code < _NEAR_RANGE_START for code in own)
+        if measured is None or not is_near or self._missing[row].any():
+            return
+        read_pf = self.latest.capacitance_pf[row]
+        if not leg.has_ranges:
+            read_pf = np.where(np.asarray(own) == 0, RANGE_START_PF, read_pf)
+        leg.has_ranges = True
+        pairs = zip(leg.offsets, read_pf[list(ad7147.ORDER)].tolist(), strict=True)
+        offsets = tuple(ad7147.lower_offset(measured, *pair) for pair in pairs)
+        if max(map(sub, leg.offsets, offsets)) > 1:
+            self._discard(leg, Reading.NOT_READY)
+            self._set_offsets(leg, offsets)
+            self._decode_by(leg, measured)
+            self._start_elements(leg)
+
+    def _decode_by(self, leg: FreeLeg, measured: ad7147.Calibration) -> None:
+        self._gain_rel[leg.row] = measured.gain_rel
+        self._offset_pf[leg.row, list(ad7147.ORDER)] = measured.step_pf * np.array(leg.offsets)
+
     # ------------------------------------------------------------ the end of a scan
 
     def _end_scan(self) -> None:
@@ -387,6 +425,7 @@ class FreeScanner:
             leave_out_mixed_up_legs(self._bus, leg, self.legs, self.clock)
         if leg.in_scan and leg.is_started:
             self._check(leg, leg.checks[turn % len(leg.checks)])
+            self._set_ranges(leg)
         now_ns, all_in_scan = self.clock.now_ns(), True
         any_missing = np.count_nonzero(self._missing) > 0
         for each in self.legs:

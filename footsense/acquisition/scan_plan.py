@@ -136,7 +136,7 @@ class FreeRunningPlan(NamedTuple):
     ) -> bool:
         """Return whether the bus carries two bursts of each leg a scan, and a check."""
         bounds = self.lower_bounds(n_legs, bus_hz, host_cost_ns, whole_results=whole_results)
-        check = ad7147.element_sequence(0).checks(0)[1].read
+        check = ad7147.element_sequence((0,) * len(ad7147.ORDER)).checks(0)[1].read
         return 2 * bounds.readout_bound_ns + transactions_ns([check], bus_hz, host_cost_ns) <= self.scan_ns
 
 

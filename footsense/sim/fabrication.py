@@ -44,6 +44,9 @@ class FootTolerances:
 PAPER_TOLERANCES = FootTolerances(gap_um=2.0, film_um=1.0, stray_pf=0.34, stiffness_rel=0.2, mount_deg=3.0)
 #: Standard deviation of a mounting about each axis [rad].
 MOUNT_SIGMA_RAD = math.radians(PAPER_TOLERANCES.mount_deg) / math.sqrt(3.0)
+#: Rms change of the gain of an element from one session to another [1]: of a measured insole 1.3 to 3.8 % (page
+#: `real-sensors`), and as much as elements that creep apart by 3 % and are 2.5 % off.
+SESSION_GAIN_REL = 0.04
 #: Rms rotation by taking a foot off and mounting it again [deg].
 REMOUNT_RMS_DEG = 0.3
 

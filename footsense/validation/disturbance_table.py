@@ -16,8 +16,8 @@ from footsense.validation.fault_trial import PublishedWalk, most_frequent_code, 
 
 #: Beginning of the disturbances, after the tare, with legs loaded and walking [s]; end of the scenes [s].
 BEGINS_S, ENDS_S = 2.0, 6.0
-#: Standard deviations within which 95 % of the errors have to be.
-WANTED_SIGMAS = 2.0
+#: Standard deviations within which errors have to be, and the share of them [1].
+WANTED_SIGMAS, WANTED_WITHIN_REL = 2.0, 0.95
 
 _EFFECTS = Effects(converter_noise=True, gap_contact=True)
 #: Load of the standing legs [N].

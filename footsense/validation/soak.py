@@ -18,11 +18,11 @@ from unittest import mock
 import msgspec
 import numpy as np
 
-from firmware_interface.chips.ad7147 import RANGE_START_PF
 from footsense import __version__
 from footsense.calibration.writer import write_calibration
 from footsense.clock import stopwatch_ns, wall_time_ns
 from footsense.config import DEFAULT, SMALL_BOARD, Config
+from footsense.daemon.models import load_models
 from footsense.daemon.scheduling import resident_mib
 from footsense.daemon.service import open_service
 from footsense.daemon.simulation import simulated_robot
@@ -30,14 +30,16 @@ from footsense.daemon.walker_scene import judging_scene
 from footsense.foot.calibration_files import Manifest
 from footsense.foot.network_card import NETWORK_FILE
 from footsense.foot.parameters import FootParameters
-from footsense.foot.specimen import Specimen
+from footsense.foot.specimen import Deviations, Specimen
 from footsense.foot.type_folders import foot_type_folder
-from footsense.frames import IS_USABLE_STATE
+from footsense.frames import ELEMENTS, IS_USABLE_STATE, Cycle, Vector
+from footsense.ports import Observer
 from footsense.ring.cycle_reader import CycleReader
 from footsense.ring.records import NumberedCycle
 from footsense.sim.fabrication import draw_deviations, with_new_mounting
 from footsense.sim.faults.scene_faults import CanTraffic
 from footsense.sim.scene import Fabrication, Scene
+from footsense.sim.uncalibrated import uncertainty_by_wear
 from footsense.validation.controller import Controller
 from footsense.validation.invariants import InvariantChecker, Violation
 from footsense.validation.soak_faults import soak_faults
@@ -54,16 +56,11 @@ _LEGS = {
 FEET = ("made", "worn", "designed")
 #: One stretch in so many has boards with an FDC1004.
 _FDC1004_EVERY = 4
-#: Least reading of an element of a free foot [pF]: the converter's range begins a tenth below, for loads that lean.
-_LEAST_READING_PF = 1.1 * RANGE_START_PF
-#: Error that a calibration leaves, over the force [1]: assumed, about that of the gains of a worn foot.
-_ERROR_REL = 0.03
-#: Numbers of feet of a soak; others are drawn beyond them.
-_FEET_OF_SEED = 10_000
 #: Share of the stretches in which every force goes to CAN [1].
 _EVERY_FORCE_REL = 0.3
-#: Creep of single elements beside the foot's, and gains of a worn foot [1]: those of a measured insole.
-_CREEP_SPREAD_REL, _GAIN_REL = 0.05, 0.025
+#: Creep of single elements beside the foot's, and gains of a worn foot [1]: elements of a measured insole creep apart
+#: by 0.4 of their mean creep, which is 7 % of rubber; its gains are 1.2 to 2.6 % off in later sessions.
+_CREEP_SPREAD_REL, _GAIN_REL = 0.03, 0.025
 #: Rare frames of another node, with the lowest priority: CAN is simulated only with traffic or faults on it.
 _IDLE_TRAFFIC = CanTraffic(at_s=0.0, can_id=0x7FF, rate_hz=0.1)
 #: Time without faults at the begin and the end of a life [s].
@@ -142,38 +139,56 @@ class Stretch(msgspec.Struct, frozen=True, kw_only=True):
             fabrication=fabrication,
         )
 
-    def with_feet(self, scene: Scene, folder: Path) -> tuple[Config, Scene]:
-        """Return the robot and what it goes through, with calibrated feet that its converters read when they are free.
-
-        A foot with an element below the converter's range has `element_open`, and is not mounted.
+    def with_feet(self, scene: Scene, folder: Path) -> Config:
+        """Return the robot and what it goes through, with calibrated feet.
 
         Args:
             scene: As of `scene`.
             folder: Folder for the calibrations.
         """
-        while (made := scene.fabrication) is not None:
-            robot = simulated_robot(self.config, msgspec.structs.replace(scene, gait_table=False))
-            if min(foot.unloaded_pf.min() for foot in robot.feet.values()) > _LEAST_READING_PF:
-                feet = {leg: f"foot-{number:04}" for number, leg in enumerate(self.config.legs)}
-                for number, leg in enumerate(self.config.legs):
-                    _calibrate(robot.feet[leg], made, made.first + number, folder, feet[leg])
-                return msgspec.structs.replace(self.config, feet=feet, calibrations=str(folder)), scene
-            others = msgspec.structs.replace(made, first=made.first + _FEET_OF_SEED)
-            scene = msgspec.structs.replace(scene, fabrication=others)
-        return self.config, scene
+        if (made := scene.fabrication) is None:
+            return self.config
+        in_the_air = msgspec.structs.replace(scene, gait_table=False, lead_in_s=_LEAD_IN_S)
+        robot = simulated_robot(self.config, in_the_air)
+        models = load_models(self.config)
+        wear = uncertainty_by_wear(models.network, models.response, len(self.config.legs))
+        with open_service(self.config, in_the_air, real_time=False) as service:
+            free = _FreeReadings()
+            service.observers.append(free)
+            service.run(until_ns=0.5 * _LEAD_IN_S * _NS_PER_S)
+        feet = {leg: f"foot-{number:04}" for number, leg in enumerate(self.config.legs)}
+        for number, leg in enumerate(self.config.legs):
+            read_pf = free.capacitance_pf[number]
+            own = draw_deviations(robot.feet[leg].response, made.tolerances, made.seed, made.first + number)
+            own = with_new_mounting(own, made.remount_deg, made.seed, made.first + number, 1)
+            _calibrate(robot.feet[leg], own, read_pf, wear.across_rel, folder, feet[leg])
+        return msgspec.structs.replace(self.config, feet=feet, calibrations=str(folder))
 
 
-def _calibrate(foot: Specimen, made: Fabrication, number: int, folder: Path, name: str) -> None:
-    """Write the calibration of a foot before its wear, with the parameters that it was made with."""
-    own = draw_deviations(foot.response, made.tolerances, made.seed, number)
-    own = with_new_mounting(own, made.remount_deg, made.seed, number, 1)
+class _FreeReadings(Observer):
+    """Observer that keeps the latest readings."""
+
+    def observe(self, cycle: Cycle) -> None:
+        """Keep the readings of a cycle."""
+        self.capacitance_pf = cycle.scan.capacitance_pf
+
+
+def _calibrate(
+    foot: Specimen, own: Deviations, read_pf: Vector, error_rel: float, folder: Path, name: str
+) -> None:
+    """Write the calibration of a foot before its wear, with the parameters that it was made with.
+
+    Its converter has read it free, with the gain of its reference capacitor [pF]. Sigma has its error by wear [1].
+    """
+    gain_rel = float((read_pf / foot.unloaded_pf).mean())
     parameters = FootParameters(
-        stray_pf=foot.stray_pf,
-        unloaded_pf=foot.unloaded_pf,
+        stray_pf=gain_rel * foot.stray_pf,
+        unloaded_pf=gain_rel * foot.unloaded_pf,
         gap_um=foot.gap_um,
+        gain_rel=np.full(ELEMENTS, 1.0 / gain_rel),
         stiffness_rel=own.stiffness_rel,
         mount=own.mount,
-        error_rel=_ERROR_REL,
+        error_rel=error_rel,
     )
     manifest = Manifest(
         foot=name,
@@ -280,7 +295,8 @@ def walk_stretch(stretch: Stretch) -> StretchResult:
     began_ns = stopwatch_ns()
     with TemporaryDirectory() as folder:
         ring = str(Path(folder) / "ring")
-        robot, scene = stretch.with_feet(stretch.scene, Path(folder) / "feet")
+        scene = stretch.scene
+        robot = stretch.with_feet(scene, Path(folder) / "feet")
         config = msgspec.structs.replace(robot, ring=ring)
         lives = [_live(stretch, config, scene, number, life_s) for number in range(_N_LIVES)]
     checks = [life.checks for life in lives]

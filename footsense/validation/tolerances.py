@@ -32,6 +32,7 @@ from footsense.sim.faults.scene_faults import (
     StuckUpstreamBus,
     WireFault,
 )
+from footsense.validation.disturbance_table import DISTURBANCES, WANTED_WITHIN_REL
 
 #: Fault tables of all feet, of the page of the report, and their entries by board.
 _TABLE_FILE = Path(__file__).parents[2] / "docs" / "report" / "faults.json"
@@ -43,6 +44,8 @@ _STOPS_BUS = ("SDA held low", "the same", "mux keeps")
 BROKEN_ELEMENT_TYPES = (ElementOpen, ElementShorted, GapClosed, BrokenRow, BrokenColumn)
 #: Rows of it.
 _BROKEN_ROWS = ("element open", "element shorted", "gap full", "row line", "column line")
+#: Row of a leg whose converter is configured anew.
+_STARTED_ROW = "supply dips: all settings lost"
 #: Windows of a tare that a swing has to have: one that began before the foot was free is lost.
 _TARE_WINDOWS = 2
 #: Step in which the truth is searched for swings [s].
@@ -59,6 +62,8 @@ class MeasuredWorst(NamedTuple):
         gap_s: Longest time between two forces of another leg [s], and where a bus is stopped.
         stopped_bus_gap_s: The same where a bus is stopped [s].
         error_n: Largest error of a leg without a fault [N].
+        unseen: Kinds of disturbances, as of `_kind`, that sigma does not cover on the page while they last.
+        frame_s: Longest time between two frames while a leg is started, as where an element needs another range [s].
     """
 
     detection_s: float
@@ -66,6 +71,8 @@ class MeasuredWorst(NamedTuple):
     gap_s: float
     stopped_bus_gap_s: float
     error_n: float
+    unseen: frozenset[tuple[type[Fault], float]]
+    frame_s: float
 
     @classmethod
     def of(cls, config: Config) -> "MeasuredWorst":
@@ -88,6 +95,13 @@ class MeasuredWorst(NamedTuple):
             gap_s=max(row["longest_gap_s"] for row in others),
             stopped_bus_gap_s=max(row["longest_gap_s"] for row in stopping.values()),
             error_n=max(row["other_legs_max_error_n"] for row in others),
+            unseen=frozenset(
+                _kind(DISTURBANCES[words][0])
+                for words, of_scenes in feet[config.foot_type]["disturbances"].items()
+                if min(one["within"] for one in of_scenes.values()) < WANTED_WITHIN_REL
+                and DISTURBANCES[words]
+            ),
+            frame_s=rows[_STARTED_ROW]["longest_gap_s"],
         )
 
 
@@ -151,6 +165,10 @@ class WalkLimits(NamedTuple):
         """Return when a leg has been tared that lost its baseline until a time [s]; infinite for never."""
         swings_s = self.swings_s[self.legs.index(leg)]
         return next((end_s for start_s, end_s in swings_s if start_s >= t_s), math.inf)
+
+
+def _kind(fault: Fault) -> tuple[type[Fault], float]:
+    return type(fault), getattr(fault, "amplitude_ff", 0.0)
 
 
 def _swings_s(force_n: Vector, shortest_s: float) -> tuple[tuple[float, float], ...]:
@@ -222,14 +240,16 @@ def broken_spans_s(rules: WalkLimits, script: Sequence[Fault], leg: str) -> list
 def wrong_force_spans_s(rules: WalkLimits, script: Sequence[Fault], leg: str) -> list[tuple[float, float]]:
     """Return the time spans [s] in which the force of a leg may be wrong: from a fault's begin, and end, to a swing.
 
-    A shift of readings along a pattern that a load has too shows in the next swing, and is in sigma from then on.
+    A shift of readings along a pattern that a load has too shows in the next swing, and is in sigma from then on,
+    unless it is so large that a foot in the air seems to stand.
     """
-    return [
-        (at_s, rules.ready_s(leg, at_s))
-        for fault in script
-        if isinstance(fault, Disturbance | FootDamage) and acts_on(rules, fault, leg)
-        for at_s in (fault.at_s, end_s(fault))
-    ]
+    spans = []
+    for fault in script:
+        if isinstance(fault, Disturbance | FootDamage) and acts_on(rules, fault, leg):
+            last_s = end_s(fault)
+            shown_s = rules.ready_s(leg, last_s if _kind(fault) in rules.worst.unseen else fault.at_s)
+            spans += [(fault.at_s, shown_s), (last_s, rules.ready_s(leg, last_s))]
+    return spans
 
 
 def wrong_contact_spans_s(rules: WalkLimits, script: Sequence[Fault], leg: str) -> list[tuple[float, float]]:

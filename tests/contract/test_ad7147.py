@@ -331,3 +331,11 @@ def test_whatever_fails_a_reading_is_right_or_missing(
     until_ns = robot.clock.now_ns() + 6 * S_NS
     while (robot.read().reading != Reading.OK).any():
         assert robot.clock.now_ns() < until_ns
+
+
+def test_elements_below_the_range_of_a_chip_are_given_another_one() -> None:
+    """Those of leg 3 read 1.5 pF less than designed: from 2.5 pF on, the range as designed begins at 2.6."""
+    robot = Robot()
+    robot.legs[3] = -115
+    robot.read_for(1.2)
+    assert all((reading == Reading.OK).all() for _, reading, _ in robot.read_for(2.0))

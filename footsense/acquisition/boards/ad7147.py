@@ -7,6 +7,7 @@ for all inputs. Then it converts the elements.
 Register layout: `firmware_interface/chips/ad7147.py`, with its sources.
 """
 
+import math
 from statistics import mean
 from typing import NamedTuple
 
@@ -18,7 +19,7 @@ from firmware_interface.chips.ad7147 import Ad7147Register, InputConnection
 from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.acquisition.boards.board import ReadBackCheck, require_identity
 from footsense.errors import HardwareError, NackError
-from footsense.frames import ELEMENTS, Codes, Reading, Vector
+from footsense.frames import Codes, Reading, Vector
 from footsense.ports import I2cBus, Transaction
 
 #: Element of each stage.
@@ -116,9 +117,9 @@ class StageSequence(NamedTuple):
         return (*used, *[0] * (chip.REGISTERS_PER_STAGE - len(used)))
 
 
-def element_sequence(offset: int) -> StageSequence:
-    """Return the sequence of the elements with an offset [steps]."""
-    return StageSequence(tuple(ORDER), (offset,) * ELEMENTS)
+def element_sequence(offsets: tuple[int, ...]) -> StageSequence:
+    """Return the sequence of the elements with the offset of each stage [steps]."""
+    return StageSequence(tuple(ORDER), offsets)
 
 
 def reference_sequence(offset: int) -> StageSequence:
@@ -141,20 +142,33 @@ class Calibration(NamedTuple):
 
     Attributes:
         gain_rel: Capacitance of a code over the nominal one [1].
-        offset_pf: Capacitance of the middle code [pF].
+        step_pf: What a step of the offset takes away [pF].
     """
 
     gain_rel: float
-    offset_pf: float
+    step_pf: float
+
+    def start_pf(self, offset: int) -> float:
+        """Return the capacitance at which the range of a stage with an offset [steps] begins [pF]."""
+        return self.step_pf * offset - self._half_range_pf
+
+    def offset(self, start_pf: float) -> float:
+        """Return the offset with which the range begins at a capacitance [pF]; no whole number [steps]."""
+        return (start_pf + self._half_range_pf) / self.step_pf
+
+    @property
+    def _half_range_pf(self) -> float:
+        return self.gain_rel * chip.CODE_MID * chip.FF_PER_CODE * 1e-3
 
 
-def reference_calibration(answer: bytes) -> Calibration | Reading:
+def reference_calibration(answer: bytes, offset: int) -> Calibration | Reading:
     """Return what codes are worth, by a burst of `reference_sequence`.
 
     NOT_READY if not every stage has ended since its status was last read; CORRUPT if the codes do not agree.
 
     Args:
         answer: Answer to `read_results` of its stages.
+        offset: Offset of half of them [steps].
     """
     status, *codes = chip.words_of(answer)
     if status & ~_NO_STAGE != (1 << N_REFERENCE_STAGES) - 1:
@@ -166,29 +180,37 @@ def reference_calibration(answer: bytes) -> Calibration | Reading:
     without_pf, with_pf = (1e-3 * chip.FF_PER_CODE * (mean(each) - chip.CODE_MID) for each in halves)
     without_pf = max(without_pf, 1e-3 * chip.FF_PER_CODE)  # none, if there is no capacitor
     gain_rel = REFERENCE_PF / without_pf
-    return Calibration(gain_rel, gain_rel * (without_pf - with_pf))
+    return Calibration(gain_rel, gain_rel * (without_pf - with_pf) / offset)
 
 
 def reference_fault(measured: Calibration) -> str:
     """Return what is wrong with a reference in words, and what to check; empty if it is as it has to be."""
     reads_pf = REFERENCE_PF / measured.gain_rel
     if abs(reads_pf / REFERENCE_PF - 1) <= MAX_REFERENCE_ERROR_REL:
-        return "" if measured.offset_pf > 0.0 else "its offset takes nothing away: replace the converter"
+        return "" if measured.step_pf > 0.0 else "its offset takes nothing away: replace the converter"
     return (
         f"its reference capacitor reads {reads_pf:.1f} pF, and has {REFERENCE_PF:g} pF; a chip is off by "
         f"{chip.GAIN_TOLERANCE_REL:.0%} at most: check the capacitor at CIN{REFERENCE_INPUT} and its joints"
     )
 
 
-def best_offset(measured: Calibration, offset: int) -> int:
-    """Return the offset of a chip with which its range begins below all elements [steps].
+def best_offset(measured: Calibration) -> int:
+    """Return the offset of a chip with which its range begins below elements as designed [steps]."""
+    return min(round(measured.offset(chip.RANGE_START_PF)), chip.MAX_OFFSET)
+
+
+def lower_offset(measured: Calibration, offset: int, reading_pf: float) -> int:
+    """Return the offset of a stage whose range has to begin well below what its element reads [steps].
 
     Args:
-        measured: What its codes are worth.
-        offset: The offset with which that was measured [steps].
+        measured: What the codes of the chip are worth.
+        offset: Its present offset [steps].
+        reading_pf: The reading [pF]; NaN for none.
     """
-    half_range_pf = measured.gain_rel * chip.CODE_MID * chip.FF_PER_CODE * 1e-3
-    return min(round(offset * (chip.RANGE_START_PF + half_range_pf) / measured.offset_pf), chip.MAX_OFFSET)
+    if math.isnan(reading_pf):
+        return offset
+    start_pf = reading_pf / chip.LEAST_OVER_RANGE_START**2
+    return min(offset, max(math.floor(measured.offset(start_pf)), 0))
 
 
 def read_words(results: bytes, status: bytes) -> tuple[int, list[int], int]:
@@ -208,7 +230,7 @@ def decode(codes: NDArray[np.uint16], gain_rel: Vector, offset_pf: Vector) -> tu
     Args:
         codes: The codes, shape (legs, elements).
         gain_rel: Gain of each leg's `Calibration`, shape (legs, 1).
-        offset_pf: Its offset [pF], same shape.
+        offset_pf: Capacitance of the middle code of each element [pF], shape (legs, elements).
     """
     return _READINGS.take(codes), gain_rel * _CAPACITANCES_PF.take(codes) + offset_pf
 

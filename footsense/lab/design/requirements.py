@@ -20,9 +20,6 @@ from footsense.lab.training.load_cases import FULL_SCALE_PF, NOISE_PF
 GRAVITY_M_S2 = 9.80665
 #: Contacts of the widest tail: of three lines a column between four guards, and of three lines between four.
 _ELEMENT_CONTACTS, _LINE_CONTACTS = ROWS * (2 * ROWS + 1), 2 * ROWS + 1
-#: Least unloaded capacitance over the start of a board's range [1], where elements below it are not converted: gaps
-#: are made up to a quarter wider than designed.
-_LEAST_OVER_RANGE_START = 1.25
 #: Angle by which a leg pitches [deg], and the contact normal in the frame of its foot with it.
 PITCH_DEG = 10.0
 #: Normals of the loads of a design: upright, and pitched towards a corner, where the range ends first, shape (2, 3).
@@ -66,7 +63,7 @@ def converter(name: str) -> Converter:
     conversion_ns = fdc1004.RATES[400].conversion_ns
     if name == "ad7147":
         noise_pf = 1e-3 * ad7147.NOISE_CODES * ad7147.FF_PER_CODE
-        range_pf = _LEAST_OVER_RANGE_START * ad7147.RANGE_START_PF, ad7147.RANGE_END_PF
+        range_pf = ad7147.LEAST_OVER_RANGE_START * ad7147.RANGE_START_PF, ad7147.RANGE_END_PF
         conversion_ns = ad7147.DECIMATIONS[64].stage_ns
     return Converter(
         name,

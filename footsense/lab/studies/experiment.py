@@ -34,7 +34,7 @@ from footsense.lab.studies.boards.made_feet import sigma_of_made_foot, sigma_row
 from footsense.lab.training.load_cases import leaning_loads
 from footsense.lab.training.paper_procedure import EPOCHS, per_foot_force_n
 from footsense.lab.walkers.gaits import GAITS_FILE
-from footsense.sim.fabrication import PAPER_TOLERANCES, FootTolerances, draw_deviations
+from footsense.sim.fabrication import PAPER_TOLERANCES, SESSION_GAIN_REL, FootTolerances, draw_deviations
 from footsense.sim.loads.press_sequence import paper_presses
 from footsense.sim.rubber import RUBBER_LEVELS
 from footsense.validation.made_feet import (
@@ -104,7 +104,8 @@ _KINDS = {
         PressConditions(creep_factor=RUBBER_LEVELS["insole"][0], play_factor=RUBBER_LEVELS["insole"][1]),
     ),
     "gains_wander": _Kind(
-        "gains that wander by 4 % after the calibration", PressConditions(gain_wander_rel=0.04)
+        "gains that wander by 4 % after the calibration",
+        PressConditions(gain_wander_rel=SESSION_GAIN_REL),
     ),
     "element_creep_slight": _Kind(
         "elements that creep differently by 0.3 %", PressConditions(creep_spread_rel=0.003)

@@ -20,8 +20,6 @@ from footsense.validation.fault_table import ROBOTS, simulate_can_faults, simula
 from footsense.validation.fault_trial import LOAD, FaultFigures
 
 TITLE = "Effect of every fault, and of disturbances"
-#: Share of the errors that sigma has to cover.
-WANTED_SHARE = 0.95
 
 
 #: Of each foot what was found, and the peak of its loads [N].
@@ -153,7 +151,9 @@ def _disturbed_row(words: str, of_feet: _OfFeet) -> tuple[str, ...]:
         return " / ".join(cell(list(of_scenes.values()), peak_n) for of_scenes, peak_n in of_feet.values())
 
     def least_within(scenes: list[Values], _: float) -> str:
-        missed = any(one["within"] < WANTED_SHARE and one["state"] == "valid" for one in scenes)
+        missed = any(
+            one["within"] < disturbance_table.WANTED_WITHIN_REL and one["state"] == "valid" for one in scenes
+        )
         return f"{min(one['within'] for one in scenes):.1%}" + (", **missed**" if missed else "")
 
     states = [

@@ -28,7 +28,7 @@ from footsense.lab.studies.boards.many_feet import (
     step_figures,
 )
 from footsense.lab.studies.boards.service_walks import END_S, OWN_FEET, service_figures
-from footsense.lab.studies.boards.targets import WANTED, board_targets
+from footsense.lab.studies.boards.targets import WANTED, WANTED_FILE, board_targets
 from footsense.lab.training.export import OnnxNetwork
 from footsense.lab.training.gait_readings import (
     GaitReadings,
@@ -102,7 +102,7 @@ def _figures(context: StudyContext, board: str) -> Values:
     judged_under = partial(judge, folders, board=board)
     new: tuple[WalkerRun, ...] = NEW_JUDGEMENT
     slow: tuple[MadeUpLoads, ...] = _SLOW
-    for file in (GAITS_FILE, *(walk.file for walk in RECORDED_JUDGEMENT)):
+    for file in (GAITS_FILE, WANTED_FILE, *(walk.file for walk in RECORDED_JUDGEMENT)):
         context.table_file(file)
     if context.quick:
         new = tuple(run._replace(duration_s=_QUICK_S) for run in NEW_JUDGEMENT[_QUICK_NEW_RUNS])

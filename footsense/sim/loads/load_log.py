@@ -196,11 +196,10 @@ class RepeatedLog:
         row = self._row[leg]
         return GroundContact(normal[row], force_n[row])
 
-    def contact_at_row(self, leg: str, row: int, *, first: bool) -> GroundContact:
-        """Return the contact of a leg at a row of the log; in the first round the robot is set down."""
-        risen = min(self._t_s[row] / _RISE_S, 1.0) if first else 1.0
-        column = self._row[leg]
-        return GroundContact(self._normal[row, column], risen * self._force_n[row, column])
+    def contacts(self, leg: str, *, first: bool) -> tuple[Vector, Vector]:
+        """Return normals and forces [N] of a leg at all rows, shape (n, 3); in the first round it is set down."""
+        column, risen = self._row[leg], np.minimum(self._t_s / _RISE_S, 1.0) if first else np.ones(1)
+        return self._normal[:, column], risen[:, None] * self._force_n[:, column]
 
     def _loads(self, t_ns: int) -> tuple[Vector, Vector]:
         """Return the forces [N] and normals of all legs of the log at a time, shape (legs, 3)."""

@@ -10,7 +10,6 @@ import numpy as np
 
 from footsense.foot.specimen import Specimen
 from footsense.frames import Vector
-from footsense.sim.loads.ground_load import GroundContact
 from footsense.sim.loads.load_log import RepeatedLog
 from footsense.sim.rubber import ElementCreep, ViscoelasticRubber
 
@@ -44,13 +43,13 @@ class LogTable:
         rounds: list[Vector] = []
         for number in range(_N_ROUNDS):
             t_ns = log.from_ns + number * log.t_ns[-1] + log.t_ns
-            contacts = [log.contact_at_row(leg, row, first=number == 0) for row in range(len(t_ns))]
+            normal, force_n = log.contacts(leg, first=number == 0)
             if rubber is not None:
-                contacts = [
-                    GroundContact(*rubber.next_effective_load(at_ns, *contact))
-                    for at_ns, contact in zip(t_ns.tolist(), contacts, strict=True)
+                loads = [
+                    rubber.next_effective_load(*load)
+                    for load in zip(t_ns.tolist(), normal, force_n, strict=True)
                 ]
-            normal, force_n = (np.array(column) for column in zip(*contacts, strict=True))
+                normal, force_n = (np.array(column) for column in zip(*loads, strict=True))
             pf = _capacitance_pf(foot, normal, force_n)
             if element_creep is not None:
                 pairs = zip(t_ns.tolist(), pf, strict=True)

@@ -31,7 +31,8 @@ def test_a_short_soak_finds_nothing() -> None:
 @pytest.fixture(scope="module")
 def walk(tmp_path_factory: pytest.TempPathFactory) -> tuple[WalkLimits, list[Cycle], Callable[[int], Vector]]:
     """Return the cycles of a walk on made feet, its limits and its true forces."""
-    config, scene = STRETCH.with_feet(STRETCH.scene, tmp_path_factory.mktemp("feet"))
+    scene = STRETCH.scene
+    config = STRETCH.with_feet(scene, tmp_path_factory.mktemp("feet"))
     with open_service(config, scene, real_time=False) as service:
         seen = Seen()
         service.observers.append(seen)

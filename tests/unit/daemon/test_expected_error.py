@@ -18,10 +18,10 @@ from footsense.foot.directions import angles_between_deg, normalized
 from footsense.foot.network_card import NETWORK_FILE
 from footsense.foot.parameters import FootParameters
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import ContactLoads, Specimen
+from footsense.foot.specimen import ContactLoads, Deviations, Specimen
 from footsense.foot.type_folders import released_folder, released_names
-from footsense.sim.fabrication import PAPER_TOLERANCES, draw_deviations
-from footsense.sim.uncalibrated import uncertainty_of_uncalibrated
+from footsense.sim.fabrication import PAPER_TOLERANCES, SESSION_GAIN_REL, draw_deviations, with_session_gains
+from footsense.sim.uncalibrated import uncertainty_by_wear, uncertainty_of_uncalibrated
 
 N_FEET = 20
 LEANING = normalized(
@@ -52,6 +52,31 @@ def test_an_uncalibrated_foot_is_expected_to_err_as_made_feet_do(name: str) -> N
     assert expected.direction_deg == pytest.approx(np.mean(angles_deg), rel=0.3)
     assert expected.size_rel == pytest.approx(np.mean(sizes_rel), rel=0.3)
     assert max(angles_deg) < 2.5 * expected.direction_deg
+
+
+@pytest.mark.parametrize("name", released_names())
+def test_wear_is_expected_to_err_as_worn_feet_do(name: str) -> None:
+    """Of known feet in another session, under loads that lean twice as far as the ground."""
+    folder = released_folder(name)
+    response, network = (
+        FootResponse.load(folder / "response.npz"),
+        Network(folder / NETWORK_FILE, len(LEANING)),
+    )
+    design, force_n = response.design, 0.25 * network.card.max_trained_force_n * LEANING
+    angles_deg, sizes_rel = [], []
+    for number in range(N_FEET):
+        worn = with_session_gains(Deviations(), SESSION_GAIN_REL, 0, number, 1)
+        foot = Specimen(response, worn)
+        pressed_pf = foot.capacitance_pf(normalized(LEANING + LEANING[0]), force_n)
+        free_um, pressed_um = map(design.plate_distance_um, (foot.unloaded_pf, pressed_pf))
+        found_n = network.estimate(steady_windows((free_um - pressed_um) / design.gap_um)).force_n
+        angles_deg.append(angles_between_deg(force_n, found_n).mean())
+        sizes_rel.append(
+            np.abs(np.linalg.norm(found_n, axis=1) / np.linalg.norm(force_n, axis=1) - 1.0).mean()
+        )
+    expected = ExpectedError.of(uncertainty_by_wear(network, response, len(LEANING)))
+    assert expected.direction_deg == pytest.approx(np.mean(angles_deg), rel=0.3)
+    assert expected.size_rel == pytest.approx(np.mean(sizes_rel), rel=0.3)
 
 
 def calibration(error_rel: float, *, by_standing: bool, stiffness_rel: float = 0.0) -> FootCalibration:

@@ -28,6 +28,7 @@ from footsense.sim.faults.scene_faults import (
     ColumnShift,
     ElementDrifts,
     Fault,
+    MetalBesideTail,
     NackAtRandom,
     StuckSda,
     Tone,
@@ -48,7 +49,15 @@ RULES = WalkLimits(
     max_age_s=0.09,
     cycles_per_can_force=1,
     bit_s=2e-6,
-    worst=MeasuredWorst(detection_s=0.02, recovery_s=0.9, gap_s=0.07, stopped_bus_gap_s=0.8, error_n=0.05),
+    worst=MeasuredWorst(
+        detection_s=0.02,
+        recovery_s=0.9,
+        gap_s=0.07,
+        stopped_bus_gap_s=0.8,
+        error_n=0.05,
+        unseen=frozenset({(MetalBesideTail, 0.0)}),
+        frame_s=0.024,
+    ),
     swings_s=tuple(tuple((float(s), s + 0.5) for s in range(20)) for _ in LEGS),
     largest_n=1.0,
 )
@@ -137,6 +146,8 @@ def test_a_leg_is_tolerated_for_what_breaks_on_it_or_its_bus(fault: Fault, notic
         # A shift shows in the next swing.
         ([ColumnShift(legs=("lf",), at_s=0.01, until_s=2.2, amplitude_ff=50.0, column=1)], 0.06, 1.6),
         ([BrokenColumn(leg="lf", at_s=0.01, until_s=2.2, column=1)], 0.06, 1.6),
+        # One that reads as a load in the air, in that after its end.
+        ([MetalBesideTail(legs=("lf",), at_s=0.01, until_s=1.1)], 0.06, None),
     ],
 )
 def test_a_force_that_stays_wrong_is_noticed(
@@ -180,21 +191,29 @@ def test_a_broken_foot_must_not_be_valid(fault: Fault, state: State, *, noticed:
 
 
 @pytest.mark.parametrize(
-    ("true_n", "flags", "rule"),
+    ("true_n", "sigma_n", "flags", "rule"),
     [
-        (0.0, Flag.CONTACT, "a foot in the air is not in contact"),
-        (0.5, 0, "a foot that carries is in contact"),
-        (0.5, Flag.CONTACT, None),
-        (0.0, 0, None),
+        (0.0, 0.01, Flag.CONTACT, "a foot in the air is not in contact"),
+        (0.5, 0.01, 0, "a foot that carries is in contact"),
+        (0.5, 0.3, 0, None),  # by its sigma it may carry nothing
+        (0.5, 0.01, Flag.CONTACT, None),
+        (0.0, 0.01, 0, None),
     ],
 )
-def test_a_contact_that_stays_wrong_is_noticed(true_n: float, flags: int, rule: str | None) -> None:
+def test_a_contact_that_stays_wrong_is_noticed(
+    true_n: float, sigma_n: float, flags: int, rule: str | None
+) -> None:
     seen = watching(true_n=true_n)
+    told: dict[str, Any] = {
+        "force_n": np.full((6, 3), true_n),
+        "sigma_n": np.full((6, 3), sigma_n),
+        "flags": flags,
+    }
     for number in range(3):
-        seen.observe(cycle(number, force_n=np.full((6, 3), true_n), flags=flags))
+        seen.observe(cycle(number, **told))
     assert violated(seen) == set()
     for number in range(3, 6):
-        seen.observe(cycle(number, force_n=np.full((6, 3), true_n), flags=flags))
+        seen.observe(cycle(number, **told))
     assert violated(seen) == ({rule} if rule else set())
 
 

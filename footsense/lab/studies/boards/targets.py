@@ -15,8 +15,9 @@ class _Wanted(Struct, forbid_unknown_fields=True):
     boards: dict[str, dict[str, tuple[float, ...]]]
 
 
-#: What is wanted of each board, the default one first.
-WANTED = load(Path(__file__).with_name("wanted.yaml"), _Wanted).boards
+#: What is wanted of each board, the default one first, and its file.
+WANTED_FILE = Path(__file__).with_name("wanted.yaml")
+WANTED = load(WANTED_FILE, _Wanted).boards
 #: Wanted of both: errors within two sigma, of single loads and of the worst gait, and beyond five [1]; error of the
 #: time of a touch [ms, rms]; slides over `SLIDE_M` that are found, and false slips of all [1].
 _WITHIN_2_SIGMA, _BEYOND_5_SIGMA, _DATED_MS, _SLIDES_FOUND, _SLIPS_FALSE = 0.93, 0.003, 4.0, 0.8, 0.05
