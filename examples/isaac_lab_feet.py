@@ -1,6 +1,6 @@
 """Feet of footsense in Isaac Lab: what its ContactSensor measures goes in, what footsense would publish comes out.
 
-In Isaac Lab's environment, in the clone of footsense, `pip install -e '.[simulators]'`; then in your task:
+In Isaac Lab's environment, in the clone of footsense: pip install -e deploy/client -e '.[simulators]'; in your task:
     self.soft = SoftFeet(self.scene["contact_forces"], foot_ids, "hexapod-2kg", like=robot.data.body_quat_w)
     force_n, sigma_n, usable = self.soft.step(self.step_dt, robot.data.body_quat_w[:, body_ids])  # each policy step
     self.soft.reset(env_ids)  # in _reset_idx
@@ -17,7 +17,9 @@ try:
     import numpy as np
     from array_api_compat import array_namespace
 except ImportError as error:
-    raise ImportError(f"{error}; in the clone of footsense: pip install -e '.[simulators]'") from None
+    raise ImportError(
+        f"{error}; in the clone of footsense: pip install -e deploy/client -e '.[simulators]'"
+    ) from None
 from footsense.sim import Variation, VirtualFeet
 
 Tensor = Any

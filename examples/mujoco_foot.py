@@ -1,6 +1,6 @@
 """A hexapod walks in MuJoCo on our feet: its contact forces go in, what footsense would publish comes out, drawn.
 
-pip install -e '.[walkers]', then: python examples/mujoco_foot.py mujoco_foot.png, or without a name for this one.
+pip install -e deploy/client -e '.[walkers]', then: python examples/mujoco_foot.py, or with the name of a picture.
 """
 
 import argparse
@@ -13,7 +13,9 @@ try:
 
     from footsense.sim import VirtualFeet
 except ImportError as error:
-    sys.exit(f"mujoco_foot.py needs {error.name}; in the clone of footsense: pip install -e '.[walkers]'")
+    sys.exit(
+        f"mujoco_foot.py needs {error.name}; in the clone of footsense: pip install -e deploy/client -e '.[walkers]'"
+    )
 
 LEGS = {"lf": (1, 1), "lm": (0, 1.2), "lr": (-1, 1), "rf": (1, -1), "rm": (0, -1.2), "rr": (-1, -1)}
 TRIPOD = np.array([0.0, 0.5, 0.0, 0.5, 0.0, 0.5])  # phase of each leg

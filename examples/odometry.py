@@ -1,6 +1,6 @@
 """Joint angles, IMU and the forces on the feet in, pose out: how far a robot drifts, by what its feet can sense.
 
-pip install -e '.[lab]', then: python examples/odometry.py
+pip install -e deploy/client -e '.[lab]', then: python examples/odometry.py
 
 A right-invariant Kalman filter: R. Hartley, M. Ghaffari, R. M. Eustice, J. W. Grizzle, "Contact-aided invariant
 extended Kalman filtering for robot state estimation", Int. J. Robotics Research 39 (2020). All arrays have an axis of n
@@ -14,7 +14,9 @@ try:
     import numpy as np
     from numpy.typing import NDArray
 except ImportError as error:
-    sys.exit(f"odometry.py needs {error.name}; in the clone of footsense: pip install -e '.[lab]'")
+    sys.exit(
+        f"odometry.py needs {error.name}; in the clone of footsense: pip install -e deploy/client -e '.[lab]'"
+    )
 
 Array = NDArray[np.float64]
 
@@ -164,7 +166,9 @@ def main() -> None:
         from footsense.lab.odometry.walk import STEP_S, OdometryWalk
         from footsense.lab.walkers.split import WalkerRun
     except ImportError as error:
-        sys.exit(f"odometry.py needs {error.name}; in the clone of footsense: pip install -e '.[lab]'")
+        sys.exit(
+            f"odometry.py needs {error.name}; in the clone of footsense: pip install -e deploy/client -e '.[lab]'"
+        )
 
     walk = OdometryWalk(WalkerRun("quadruped-12kg", "trot-slow", "flat", seed=1, duration_s=8.0))
     senses, feet, along_leg = walk.senses(), walk.published("ad7147"), one_axis(walk, GOOD)

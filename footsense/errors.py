@@ -99,7 +99,7 @@ class CalibrationError(FootsenseError):
 
 def install_line(extra: str) -> str:
     """Return what installs an extra of footsense, which is on no index: it is installed from its clone."""
-    return f"in the clone of footsense: pip install -e '.[{extra}]'"
+    return f"in the clone of footsense: pip install -e deploy/client -e '.[{extra}]'"
 
 
 def require(user: str, extra: str, *packages: str, note: str = "") -> None:

@@ -87,7 +87,8 @@ def _virtual_feet() -> dict[str, Any] | None:
     """Return the figures of feet in a batch; None, and a line that says why, without their extra."""
     if find_spec("array_api_compat") is None:
         click.echo(
-            "feet in a batch are not measured: in the clone of footsense: pip install -e '.[simulators]'",
+            "feet in a batch are not measured: in the clone of footsense: "
+            "pip install -e deploy/client -e '.[simulators]'",
             err=True,
         )
         return None

@@ -88,8 +88,8 @@ class Feet:
 
     Iterating gives one mapping a cycle, from the leg's name to its `LegForce`. It is always the newest: a slow loop
     skips cycles, and never works through a backlog. In a silence the mapping comes every 100 ms, with no usable leg,
-    and after the timeout of `connect` the loop ends; Ctrl-C raises `KeyboardInterrupt` in it. `async for` does
-    the same while other tasks run. A thread of its own receives meanwhile.
+    and after the timeout of `connect` the loop ends; it may be entered again. Ctrl-C raises `KeyboardInterrupt` in it.
+    `async for` does the same while other tasks run. A thread of its own receives meanwhile.
 
     Attributes:
         legs: Names of the legs that are heard, in the order of their CAN node ids.

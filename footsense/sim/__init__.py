@@ -24,7 +24,8 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401 - of a module
         from footsense.sim.virtual import feet
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(
-            f"{error}; feet in a batch need, in the clone of footsense: pip install -e '.[simulators]'",
+            f"{error}; feet in a batch need, in the clone of footsense: "
+            "pip install -e deploy/client -e '.[simulators]'",
             name=error.name,
         ) from None
     return getattr(feet, name)

@@ -261,7 +261,7 @@ def test_without_the_extra_one_line_says_what_to_install(monkeypatch: pytest.Mon
     monkeypatch.setattr("footsense.errors.find_spec", lambda _: None)
     result = CliRunner().invoke(lab, ["study", "rest"])
     assert isinstance(result.exception, FootsenseError)
-    assert "in the clone of footsense: pip install -e '.[lab]'" in str(result.exception)
+    assert "in the clone of footsense: pip install -e deploy/client -e '.[lab]'" in str(result.exception)
 
 
 @pytest.mark.parametrize("folder", ["/etc/passwd/x", "/dev/null/a/b", "/proc/models"])

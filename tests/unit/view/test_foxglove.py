@@ -124,7 +124,9 @@ def test_a_recording_and_a_missing_extra_refuse_in_one_line(
     assert told == "footsense view: this is the page of a recording: open measured_walk.mcap itself\n"
     monkeypatch.setitem(sys.modules, "foxglove", None)
     told = asyncio.run(refusal(ViewServer(LiveSource(tmp_path / "cycles"))))
-    assert told.endswith("need foxglove-sdk; in the clone of footsense: pip install -e '.[foxglove]'\n")
+    assert told.endswith(
+        "need foxglove-sdk; in the clone of footsense: pip install -e deploy/client -e '.[foxglove]'\n"
+    )
 
 
 def test_the_sdk_s_server_is_where_no_page_finds_it(tmp_path: Path) -> None:
