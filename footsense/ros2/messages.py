@@ -1,4 +1,4 @@
-"""ROS 2 messages of the legs as CDR bytes, with their topics: wrench, contact, holds, events, diagnostics, loads.
+"""ROS 2 messages of the legs as CDR bytes, with their topics: wrench, sigma, contact, events, diagnostics, loads.
 
 A value that is not known is never a plausible number. A leg without a usable force sends no wrench, as a filter that
 received NaN would not recover: its last stamp ages. Its contact state has the status unknown and NaN for the force.
@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from footsense.frames import USABLE, BaselineStatus, Cause, GaitEventKind, State
 from footsense.leg_words import LegPhase, phase_of, word_of
-from footsense.ros2.store import CONTACT, DIAGNOSTICS, HEADER, LOW_STATE, PROBABILITY, STORE, WRENCH
+from footsense.ros2.store import CONTACT, DIAGNOSTICS, HEADER, LOW_STATE, PROBABILITY, SIGMA, STORE, WRENCH
 from footsense.ros2.unitree import FEET, low_state
 
 _DIAGNOSTICS_TOPIC = "/diagnostics"
@@ -86,7 +86,7 @@ class LegTopics:
         self.types: dict[str, str] = {}
         for leg in legs:
             topic = f"/footsense/{leg}"
-            self.types |= {f"{topic}/wrench": WRENCH, f"{topic}/contact": CONTACT}
+            self.types |= {f"{topic}/wrench": WRENCH, f"{topic}/sigma": SIGMA, f"{topic}/contact": CONTACT}
             self.types |= {f"{topic}/contact_probability": PROBABILITY, f"{topic}/holds": PROBABILITY}
             self.types |= {f"{topic}/{kind.name.lower()}": HEADER for kind in GaitEventKind}
         self.types[_DIAGNOSTICS_TOPIC] = DIAGNOSTICS
@@ -109,6 +109,8 @@ class LegTopics:
                 header = _header(sample.t_wall_ns, _frame(sample.leg))
                 stamped = _geometry("WrenchStamped", header, _wrench(sample))
                 yield f"/footsense/{sample.leg}/wrench", _encode(stamped)
+                sigma = _geometry("Vector3Stamped", header, _geometry("Vector3", *sample.sigma_n))
+                yield f"/footsense/{sample.leg}/sigma", _encode(sigma)
                 for name in ("contact_probability", "holds"):
                     probability = STORE.types[PROBABILITY](getattr(sample, name))
                     yield f"/footsense/{sample.leg}/{name}", _encode(probability)
@@ -189,7 +191,6 @@ def _diagnostic_status(sample: LegSample) -> Any:  # noqa: ANN401 - as above
         "cause": "unknown" if cause is None else cause.name,
         "elements_out": " ".join(elements),
         "age_ms": f"{sample.age_ms:.1f}",
-        "sigma_n": " ".join(f"{sigma:.4f}" for sigma in sample.sigma_n),
         "baseline": "unknown" if sample.baseline_status is None else sample.baseline_status.name,
     }
     pairs = [STORE.types["diagnostic_msgs/msg/KeyValue"](*item) for item in values.items()]

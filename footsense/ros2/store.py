@@ -11,6 +11,7 @@ from typing import Final
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 WRENCH: Final = "geometry_msgs/msg/WrenchStamped"
+SIGMA: Final = "geometry_msgs/msg/Vector3Stamped"
 CONTACT: Final = "whole_body_state_msgs/msg/ContactState"
 PROBABILITY: Final = "std_msgs/msg/Float64"
 HEADER: Final = "std_msgs/msg/Header"

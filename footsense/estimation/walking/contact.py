@@ -386,12 +386,13 @@ class ContactDetector:
         quiet_n2 = (SMALL_SHARE * self._least_n) ** 2
         expected_n2 = max((_PULL_REL * mean_n) ** 2, quiet_n2)
         self._pulls.update(expected_n2, quiet_n2)
-        shown = self._pulls
+        spread_n2 = self._pulls.spread_n2
         if self._accelerations and not self.in_contact:
-            shown = self._unexplained
-            shown.update(expected_n2, quiet_n2)
+            # At most all of the pull is unexplained, also before an acceleration has been known for long.
+            self._unexplained.update(expected_n2, quiet_n2)
+            spread_n2 = min(spread_n2, self._unexplained.spread_n2)
         left_n2 = (baseline_error_n / 3.0 + creep_n) ** 2 if self.in_contact else 0.0
-        self._spread_n = math.sqrt(shown.spread_n2 + left_n2)
+        self._spread_n = math.sqrt(spread_n2 + left_n2)
         self._stance_load_n = _STANCE_LOAD_REL * mean_n
         self._shift_n = _PULL_REL * mean_n
 

@@ -244,6 +244,21 @@ def test_a_wrong_acceleration_does_no_harm(told: Callable[[int], float]) -> None
     assert told_s <= 1.1 * told_without_s
 
 
+@pytest.mark.parametrize("acceleration_m_per_s2", [0.0, 15.0])
+def test_an_acceleration_first_told_in_the_middle_of_a_walk_makes_no_touch_late(
+    acceleration_m_per_s2: float,
+) -> None:
+    """What the swings before have shown of the pull counts on."""
+
+    def told_after_s(acceleration_m_per_s2: float) -> float:
+        leg = Leg(0.007).step(8)
+        leg.carry(1.0, 0.4, acceleration_m_per_s2=acceleration_m_per_s2)
+        leg.carry(0.0, 0.3, acceleration_m_per_s2=acceleration_m_per_s2)
+        return leg.changes_after_s(0.2, acceleration_m_per_s2=acceleration_m_per_s2) or math.inf
+
+    assert told_after_s(acceleration_m_per_s2) <= 1.1 * told_after_s(math.nan)
+
+
 def test_an_acceleration_that_is_told_no_longer_explains_nothing() -> None:
     """A tenth of a second later the same light touch is told as late as if nothing had ever been told."""
     leg = Leg(0.007)

@@ -49,10 +49,13 @@ def xyz(vector: Any) -> tuple[float, float, float]:
 def test_wrenches_are_the_recorded_forces(
     row: int, leg: str, topics: dict[str, list[tuple[int, Any]]], cycles: list[Cycle]
 ) -> None:
-    """Every new usable force is there once, with the time of its reading, and nothing else."""
+    """Every new usable force is there once, with its sigma and the time of its reading, and nothing else."""
     wrenches = topics[f"/footsense/{leg}/wrench"]
     usable = [cycle.forces for cycle in cycles if cycle.forces.state[row] in USABLE]
     assert [xyz(message.wrench.force) for _, message in wrenches] == [tuple(f.force_n[row]) for f in usable]
+    sigmas = topics[f"/footsense/{leg}/sigma"]
+    assert [xyz(message.vector) for _, message in sigmas] == [tuple(f.sigma_n[row]) for f in usable]
+    assert [message.header for _, message in sigmas] == [message.header for _, message in wrenches]
     offset_ns = topics["/diagnostics"][0][0] - cycles[0].forces.t_sent_ns
     stamps = [message.header.stamp.sec * 10**9 + message.header.stamp.nanosec for _, message in wrenches]
     assert stamps == [f.t_ns[row] + offset_ns for f in usable]

@@ -46,6 +46,9 @@ def test_a_usable_force_has_the_time_of_its_measurement() -> None:
     stamp, force = messages["wrench"].header.stamp, messages["wrench"].wrench.force
     assert stamp.sec * 10**9 + stamp.nanosec == WALL_NS - 4_000_000
     assert (force.x, force.y, force.z) == (0.25, -0.5, 1.0)
+    sigma = messages["sigma"].vector
+    assert (sigma.x, sigma.y, sigma.z) == (0.01, 0.01, 0.02)
+    assert messages["sigma"].header == messages["wrench"].header
     assert (messages["contact_probability"].data, messages["holds"].data) == (0.98, 0.25)
     contact = messages["contact"]
     assert (contact.status, contact.surface_normal.z, contact.friction_coefficient) == (3, 0.8, 0.7)
@@ -60,7 +63,7 @@ def test_a_usable_force_has_the_time_of_its_measurement() -> None:
     ids=["saturated", "silent"],
 )
 def test_what_is_not_known_is_no_number(snapshot: LegSnapshot, level: int) -> None:
-    """A leg without a force has no wrench; its contact is unknown, its health says why."""
+    """A leg without a force has no wrench and no sigma; its contact is unknown, its health says why."""
     messages = messages_of(snapshot)
     assert messages.keys() == {"contact", "diagnostics"}
     contact = messages["contact"]
@@ -80,7 +83,7 @@ def test_each_force_is_published_once_and_each_change_at_once() -> None:
         samples = live.samples([snapshot], events, WALL_NS + t_ns, t_ns)
         return [topic.rpartition("/")[2] for topic, _ in topics.due_messages(samples, WALL_NS + t_ns)]
 
-    with_force = ["wrench", "contact_probability", "holds"]
+    with_force = ["wrench", "sigma", "contact_probability", "holds"]
     assert due(0, 1) == [*with_force, "contact", "diagnostics"]
     assert due(5, 1) == []
     assert due(10, 2) == with_force

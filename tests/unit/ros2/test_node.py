@@ -75,6 +75,10 @@ def test_an_attachment_is_laid_out_as_documented() -> None:
             "geometry_msgs/msg/WrenchStamped",
             "8dc3deaf06b2ab281f9f9a742a8961c328ca7cec16e3fd6586d3a5c83fa78f77",
         ),
+        (
+            "geometry_msgs/msg/Vector3Stamped",
+            "d4829622288cbb443886e7ea94ea5671a3b1be6bab4ad04224432a65f7d7887a",
+        ),
         ("std_msgs/msg/Float64", "705ba9c3d1a09df43737eb67095534de36fd426c0587779bda2bc51fe790182a"),
         ("std_msgs/msg/Header", "f49fb3ae2cf070f793645ff749683ac6b06203e41c891e17701b1cb597ce6a01"),
         (
@@ -154,7 +158,7 @@ def test_messages_arrive_under_the_key_of_each_distribution(port: int, type_hash
         tokens = reader.liveliness().declare_subscriber("@ros2_lv/5/**", see, history=True)
         with closing(Node(5, LegTopics(["lf"]).types)) as node:
             until(lambda: publish_wrench(node) and len(samples) > 1)
-            until(lambda: len(alive) == 10)
+            until(lambda: len(alive) == 11)
             token = next(told for told in alive if "%footsense%lf%wrench/" in told)
         until(lambda: not alive)
         tokens.undeclare()  # type: ignore[no-untyped-call]
