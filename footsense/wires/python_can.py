@@ -13,13 +13,7 @@ import struct
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from firmware_interface.can.socketcan import (
-    ERROR,
-    EXTENDED,
-    REMOTE,
-    pack_frame,
-    unpack_frame,
-)
+from firmware_interface.can.socketcan import ERROR, EXTENDED, REMOTE, pack_frame, unpack_frame
 
 if TYPE_CHECKING:
     import can
