@@ -1,6 +1,6 @@
 """Feet in a batch, of whoever trains a controller: time of a step in each library, and how far their forces differ."""
 
-import sys
+from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
 
@@ -12,7 +12,7 @@ from footsense.foot.gap_contact import CELLS_PER_ELEMENT
 from footsense.foot.network_card import NETWORK_FILE
 from footsense.foot.response_table import FootResponse
 from footsense.foot.type_folders import released_folder
-from footsense.sim import FootModel, VirtualFeet, VirtualForces
+from footsense.sim import FootModel, VirtualFeet
 from footsense.sim.virtual.network import BatchNetwork
 from footsense.sim.virtual.scan import Board
 
@@ -21,8 +21,8 @@ _N_FEET, _STEP_S, _FORCE_N = 16384, 0.02, 8.0
 _FOOT_TYPE = "hexapod-2kg"
 #: Two vectors in and two out, state, whether it is usable, and age.
 _BYTES_OF_LOAD_AND_RESULT = 4 * 4 * 3 + 2 + 4
-#: Libraries beside numpy, where they are installed.
-_LIBRARIES = {"jax": "jax.numpy", "torch": "torch"}
+#: Module of the arrays of each library; but for numpy, where it is installed.
+_LIBRARIES = {"numpy": "numpy", "jax": "jax.numpy", "torch": "torch"}
 
 
 def cost_of_a_foot(board: Board) -> dict[str, int]:
@@ -62,11 +62,11 @@ def measure_virtual_feet(board: Board, n_feet: int = _N_FEET, n_steps: int = 5) 
         n_feet: Feet at once.
         n_steps: Steps that are timed.
     """
-    modules = {name: module for name, module in _LIBRARIES.items() if find_spec(name) is not None}
-    makes: dict[str, Any] = {"numpy": np.asarray}
-    for name, module in modules.items():
-        __import__(module)
-        makes[name] = sys.modules[module].asarray
+    makes = {
+        name: import_module(module).asarray
+        for name, module in _LIBRARIES.items()
+        if find_spec(name) is not None
+    }
     single = np.zeros(1, np.float32)
     feet = {
         name: VirtualFeet(n_feet, _FOOT_TYPE, board=board, like=make(single)) for name, make in makes.items()
@@ -78,8 +78,7 @@ def measure_virtual_feet(board: Board, n_feet: int = _N_FEET, n_steps: int = 5) 
         for name, each in feet.items():
             load = makes[name](force_n), makes[name](normal)
             start_ns = stopwatch_ns()
-            found: VirtualForces = each.step(step * _STEP_S, *load)
-            told_n = np.asarray(found.force_n)  # waits for it
+            told_n = np.asarray(each.step(step * _STEP_S, *load).force_n)  # waits for it
             if step >= 3:
                 best_ms[name] = min(best_ms[name], 1e-6 * (stopwatch_ns() - start_ns))
             numpy_n = told_n if name == "numpy" else numpy_n
@@ -92,8 +91,8 @@ def measure_virtual_feet(board: Board, n_feet: int = _N_FEET, n_steps: int = 5) 
             name: {
                 "step_ms": round(best_ms[name], 1),
                 "over_numpy": round(best_ms[name] / best_ms["numpy"], 2),
+                "off_n": float(f"{off_n[name]:.1g}"),
             }
-            | ({} if name == "numpy" else {"off_n": float(f"{off_n[name]:.1g}")})
             for name in feet
         },
     }

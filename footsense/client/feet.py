@@ -6,7 +6,6 @@ from collections import deque
 from collections.abc import AsyncIterator, Callable, Collection, Iterator, Sequence
 from contextlib import closing
 from itertools import product
-from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from firmware_interface.can.codes import NODE_IDS, CommandKind, Flag, Result, StepPhase
@@ -289,9 +288,7 @@ class Feet:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def _receive(self) -> None:

@@ -8,20 +8,20 @@ Source:
 """
 
 import math
-from contextlib import suppress
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from firmware_interface.can.codes import NODE_IDS, USABLE, Flag, State
-from firmware_interface.can.crc8 import COUNTER_PERIOD, FrameError
-from firmware_interface.can.force import FORCE, FORCE_ID, QUALITY, QUALITY_ID, Force, Quality
-from firmware_interface.can.reports import FAULT, FAULT_ID, IDENTITY, IDENTITY_ID, Fault, Identity
+from firmware_interface.can.crc8 import COUNTER_PERIOD, FrameError, kind_and_node
+from firmware_interface.can.force import FORCE, QUALITY, Force, Quality
+from firmware_interface.can.reports import FAULT, IDENTITY, Fault, Identity
+from firmware_interface.can.signals import Codec
 
+#: Of the accepted frames, by their CAN id without the node.
+_CODECS: dict[int, Codec[Any]] = {codec.can_id: codec for codec in (FORCE, QUALITY, IDENTITY, FAULT)}
 #: CAN ids of the accepted frames.
-LINK_IDS = tuple(
-    base + node for base in (FORCE_ID, QUALITY_ID, IDENTITY_ID, FAULT_ID) for node in NODE_IDS.values()
-)
+LINK_IDS = tuple(base + node for base in _CODECS for node in NODE_IDS.values())
 
 #: Shortest silence of a leg in which its service may have been started anew, with other feet [ns].
 _RESTART_NS = 300_000_000
@@ -43,9 +43,7 @@ class LinkStatus(IntEnum):
     WRONG = 4  #: a check failed, or too many frames were lost; until `min_good` forces have come
     UNKNOWN = 5  #: forces come, but their step and version are not known yet: `Identity` comes once a second
     REFUSED = 6  #: `Identity` has a version or a force step that this decoder does not know
-    CONFLICT = (
-        7  #: two services send forces of this leg, by their `Identity`; until 3 s after the last sign of it
-    )
+    CONFLICT = 7  #: two services send forces of this leg, by their `Identity`, until 3 s after the last sign
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,25 +130,15 @@ class Link:
         Returns:
             Whether it was a `Force`, `Quality`, `Identity` or `Fault` of a leg, valid or not.
         """
-        if can_id - IDENTITY_ID in self._legs:
-            with suppress(FrameError):  # the next one comes in a second
-                self._legs[can_id - IDENTITY_ID].process_identity(IDENTITY.decode(can_id, data), now_ns)
-            return True
-        if can_id - FAULT_ID in self._legs:
-            with suppress(FrameError):  # likewise
-                self._legs[can_id - FAULT_ID].fault = FAULT.decode(can_id, data)
-            return True
-        for codec in (FORCE, QUALITY):
-            if can_id - codec.can_id in self._legs:
-                leg = self._legs[can_id - codec.can_id]
-                try:
-                    half: Force | Quality = codec.decode(can_id, data)
-                except FrameError:
-                    leg.process_corrupt_frame(now_ns)
-                else:
-                    leg.process_frame(half, now_ns)
-                return True
-        return False
+        if can_id not in LINK_IDS:
+            return False
+        base, node = kind_and_node(can_id)
+        try:
+            self._legs[node].process_frame(_CODECS[base].decode(can_id, data), now_ns)
+        except FrameError:
+            if base in {FORCE.can_id, QUALITY.can_id}:  # the next one of the others comes in a second
+                self._legs[node].process_corrupt_frame(now_ns)
+        return True
 
     def leg(self, node: int, now_ns: int) -> LegForce:
         """Return a leg's latest force, and whether it may be used at `now_ns`.
@@ -193,8 +181,17 @@ class _LegStateMachine:
         self._identity_ns = 0
         self._conflict_ns: int | None = None
 
-    def process_identity(self, identity: Identity, now_ns: int) -> None:
-        """Process an `Identity` frame with a valid CRC.
+    def process_frame(self, frame: Force | Quality | Identity | Fault, now_ns: int) -> None:
+        """Process a frame with a valid CRC."""
+        if isinstance(frame, Identity):
+            self._process_identity(frame, now_ns)
+        elif isinstance(frame, Fault):
+            self.fault = frame
+        else:
+            self._process_half(frame, now_ns)
+
+    def _process_identity(self, identity: Identity, now_ns: int) -> None:
+        """Process an `Identity`.
 
         A service sends the same until it ends, and counts: while forces come, who sends something else, or does not
         count on, is a second one.
@@ -209,8 +206,8 @@ class _LegStateMachine:
                 self._conflict_ns = now_ns
         self.identity, self._identity_ns = identity, now_ns
 
-    def process_frame(self, half: Force | Quality, now_ns: int) -> None:
-        """Process a `Force` or `Quality` frame with a valid CRC."""
+    def _process_half(self, half: Force | Quality, now_ns: int) -> None:
+        """Process a `Force` or `Quality`."""
         if not self._is_silent(now_ns) and self._last and half.counter == self._last[0].counter:
             self._mark_repeated()
             return

@@ -39,9 +39,6 @@ def open_client_wire(address: CanAddress, accept: Collection[int]) -> CanWire:
     try:
         return open_wire(address, accept)
     except CanError as error:
-        hint = (
-            f"; of a simulation: {DEFAULT_CHANNELS['udp_multicast']}"
-            if address.interface == "socketcan"
-            else ""
-        )
-        raise CanError(f"{error}{hint}") from None
+        if address.interface != "socketcan":
+            raise
+        raise CanError(f"{error}; of a simulation: {DEFAULT_CHANNELS['udp_multicast']}") from None

@@ -13,13 +13,7 @@ import struct
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from firmware_interface.can.socketcan import (
-    ERROR,
-    EXTENDED,
-    REMOTE,
-    pack_frame,
-    unpack_frame,
-)
+from firmware_interface.can.socketcan import ERROR, EXTENDED, REMOTE, pack_frame, unpack_frame
 
 if TYPE_CHECKING:
     import can
@@ -61,18 +55,14 @@ class PythonCanWire:
         import can
         from can.interfaces.virtual import VirtualBus
 
-        options: dict[str, dict[str, Any]] = {
-            "virtual": {"preserve_timestamps": True},
-            "udp_multicast": {"hop_limit": 0},
-        }
+        is_group = interface == "udp_multicast"
+        options: dict[str, Any] = {"hop_limit": 0} if is_group else {"preserve_timestamps": True}
         try:
-            bus = can.Bus(
-                interface=interface, channel=channel, ignore_config=True, **options.get(interface, {})
-            )
+            bus = can.Bus(interface=interface, channel=channel, ignore_config=True, **options)
         # NotImplementedError is what python-can raises for an interface that it does not know.
         except (can.CanError, ValueError, ImportError, NotImplementedError) as error:
             raise OSError(None, str(error)) from error
-        if interface == "udp_multicast":
+        if is_group:
             keep_multicast_local(bus.fileno(), channel)
         self._bus = bus
         self._failures = (can.CanError, OSError)

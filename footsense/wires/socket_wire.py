@@ -34,24 +34,18 @@ def open_socket(address: CanAddress, accept: Collection[int]) -> "SocketWire":
     Source:
         Linux, Documentation/networking/can.rst, section 4.1.
     """
+    filters = b"".join(struct.pack("=II", can_id, EXTENDED | 0x7FF) for can_id in accept)
     try:
-        return SocketWire(_bound_socket(address.channel, accept))
+        with contextlib.ExitStack() as opened:
+            raw = opened.enter_context(socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW))
+            raw.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, filters)
+            raw.setsockopt(socket.SOL_CAN_RAW, _ERROR_FILTER_OPTION, _ALL_ERRORS)
+            # Without CAN_RAW_FD_FRAMES an interface in FD mode, too, delivers and takes classic frames alone.
+            raw.bind((address.channel,))
+            opened.pop_all()
     except OSError as error:
         raise CanError(error_text(address, error)) from None
-
-
-def _bound_socket(channel: str, accept: Collection[int]) -> socket.socket:
-    raw = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
-    try:
-        filters = b"".join(struct.pack("=II", can_id, EXTENDED | 0x7FF) for can_id in accept)
-        raw.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, filters)
-        raw.setsockopt(socket.SOL_CAN_RAW, _ERROR_FILTER_OPTION, _ALL_ERRORS)
-        # Without CAN_RAW_FD_FRAMES an interface in FD mode, too, delivers and takes classic frames alone.
-        raw.bind((channel,))
-    except BaseException:
-        raw.close()
-        raise
-    return raw
+    return SocketWire(raw)
 
 
 class SocketWire:

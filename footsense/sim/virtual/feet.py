@@ -26,7 +26,7 @@ from footsense.foot.parameters import ForceUncertainty
 from footsense.sim.virtual.foot_model import FootModel
 from footsense.sim.virtual.network import Array
 from footsense.sim.virtual.scan import Board
-from footsense.sim.virtual.state import FeetState, VirtualForces, of_feet
+from footsense.sim.virtual.state import FeetState, VirtualForces
 from footsense.sim.virtual.variation import AS_DESIGNED, Variation
 
 #: Longest time between two steps [s].
@@ -95,10 +95,10 @@ class VirtualFeet:
         # Conversion 0 is a step after time 0; a force is there so long after the conversion before its first.
         self._force_ns = model.scan.conversions_per_force * model.scan.step_ns
         self._sent_after_ns = model.scan.send_delay_ns + round(1e9 * most_s)
-        self._shape, whole = (n_feet, 3), model.start(n_feet, seed)
+        self._shape, keys = (n_feet, 3), model.keys(n_feet, seed)
         n_rows = _BLOCK if "cpu" in str(device(like)).lower() else n_feet
         self._blocks = [slice(start, min(start + n_rows, n_feet)) for start in range(0, n_feet, n_rows)]
-        self._states = [of_feet(whole, block) for block in self._blocks]
+        self._states = [model.begin(keys[block]) for block in self._blocks]
         self._advance, self._publish = model.advance, model.published
         if is_jax_array(like):
             jit = sys.modules["jax"].jit  # the caller's: the project does not need it

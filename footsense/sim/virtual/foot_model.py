@@ -6,6 +6,7 @@ them and the clock. Numbers are float32 and int32, times whole nanoseconds, as a
 """
 
 import math
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -144,7 +145,11 @@ class FootModel:
         return self._xp.asarray(value.astype(kinds[value.dtype.kind]), device=self._device)
 
     def start(self, n_feet: int, seed: int | NDArray[np.int_] = 0) -> FeetState:
-        """Return feet in the air, tared, which have no force yet.
+        """Return feet in the air, tared, which have no force yet; arguments and errors as of `keys`."""
+        return self.begin(self.keys(n_feet, seed))
+
+    def keys(self, n_feet: int, seed: int | NDArray[np.int_]) -> Array:
+        """Return what makes each foot another, for `begin`, shape (n,), int32.
 
         Args:
             n_feet: Number of feet.
@@ -168,25 +173,27 @@ class FootModel:
         key = self._array(np.zeros(n_feet, np.int32))
         for word in words:
             key = hashed(key + self._array(word.astype(np.uint32).view(np.int32)))
-        xp, shape = self._xp, (3, n_feet)
-        none, one = (self._array(np.zeros(size, np.int32)) for size in (n_feet, 1))
-        state = FeetState(
-            change_pf=xp.zeros((self.history, n_feet), dtype=xp.float32, device=self._device),
-            force_n=xp.zeros(shape, dtype=xp.float32, device=self._device),
+        return key + 1
+
+    def begin(self, key: Array) -> FeetState:
+        """Return feet in the air, tared, which have no force yet, by some of the `keys`."""
+        n_feet = key.shape[0]
+        none, zero = self._array(np.zeros(n_feet, np.int32)), self._array([0])
+        return FeetState(
+            change_pf=self._array(np.zeros((self.history, n_feet))),
+            force_n=self._array(np.zeros((3, n_feet))),
             normal=self._array(np.tile([[0.0], [0.0], [1.0]], n_feet)),
             n_conversions=none,
-            absent_ns=none,
-            episode=none,
-            seed_key=key,
+            absent_ns=none + _LONG_AGO_NS,
+            key=key,
             draw=self._drawn(key),
-            number=one - 1,
-            since_ns=one,
-            n_steps=one,
+            number=zero - 1,
+            since_ns=zero,
+            n_steps=zero,
         )
-        return self.reset(state, xp.ones((n_feet,), dtype=xp.bool, device=self._device))
 
     def _drawn(self, key: Array) -> FootDraw:
-        return draw_feet(self._xp, self._variation, self._design, self.scan.noise_pf, key)
+        return draw_feet(self._xp, self._variation, self._design, self.scan.noise_pf, hashed(key))
 
     def reset(self, state: FeetState, feet: Array) -> FeetState:
         """Return the state after feet were lifted off the ground, tared, and drawn anew, for a new episode.
@@ -196,15 +203,14 @@ class FootModel:
             feet: Which, shape (n,).
         """
         xp = self._xp
-        episode = state.episode + xp.astype(feet, xp.int32)
-        drawn = self._drawn(hashed(state.seed_key + episode))
+        key = state.key + xp.astype(feet, xp.int32)
         return state._replace(
             change_pf=xp.where(feet, 0.0, state.change_pf),
             force_n=xp.where(feet, 0.0, state.force_n),
             n_conversions=xp.where(feet, 0, state.n_conversions),
             absent_ns=xp.where(feet, _LONG_AGO_NS, state.absent_ns),
-            episode=episode,
-            draw=FootDraw(*(xp.where(feet, new, old) for new, old in zip(drawn, state.draw, strict=True))),
+            key=key,
+            draw=FootDraw(*map(partial(xp.where, feet), self._drawn(key), state.draw)),
         )
 
     def step(
@@ -332,10 +338,7 @@ class FootModel:
         # An overloaded element is closed at least as far as it reads.
         worst = xp.max(xp.where(overloaded, xp.clip(residual, min=0.0), xp.abs(residual)), axis=0)
         moved = xp.maximum(xp.abs(newest - before), xp.abs(before - oldest))
-        most = second = xp.zeros_like(worst)
-        for element in range(ELEMENTS):
-            second = xp.maximum(second, xp.minimum(most, moved[element, :]))
-            most = xp.maximum(most, moved[element, :])
+        second = xp.sort(moved, axis=0)[-2, :]
         rms = xp.sqrt(xp.mean(newest * newest, axis=0))
         uncertain = xp.clip(worst - second - UNCERTAIN_RESIDUAL - UNCERTAIN_RESIDUAL_REL * rms, min=0.0)
         return uncertain / xp.clip(rms, min=RESIDUAL_LIMIT)

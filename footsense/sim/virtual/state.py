@@ -34,8 +34,7 @@ class FeetState(NamedTuple):
         normal: Its normal, same shape.
         n_conversions: Conversions since the last reset, shape (n,), int32.
         absent_ns: Time from now until the last broken cable is found again [ns], shape (n,), int32.
-        episode: Resets of each foot, shape (n,), int32.
-        seed_key: Key of a foot for all episodes, shape (n,), int32.
+        key: Key of each foot for its seed, plus its episodes, shape (n,), int32.
         draw: What each foot is in this episode.
         number: Number of the newest conversion, shape (1,), int32.
         since_ns: Time since its middle [ns], shape (1,), int32.
@@ -47,17 +46,8 @@ class FeetState(NamedTuple):
     normal: Array
     n_conversions: Array
     absent_ns: Array
-    episode: Array
-    seed_key: Array
+    key: Array
     draw: FootDraw
     number: Array
     since_ns: Array
     n_steps: Array
-
-
-def of_feet(state: FeetState, rows: slice) -> FeetState:
-    """Return the state of some of the feet."""
-    parts = state._asdict()
-    clock = {name: parts.pop(name) for name in ("number", "since_ns", "n_steps")}
-    draw = FootDraw(*(part[..., rows] for part in parts.pop("draw")))
-    return FeetState(**{name: part[..., rows] for name, part in parts.items()}, draw=draw, **clock)
