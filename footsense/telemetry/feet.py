@@ -168,16 +168,24 @@ class Odometer:
             One metric of each name.
         """
         for (kind, name, meaning), totals in zip(_METRICS, self._totals.tolist(), strict=True):
-            metric = kind(f"footsense_foot_{name}", meaning, labels=["leg", "foot"])
+            metric = kind(name, meaning, labels=["leg", "foot"])
             for leg, foot, total in zip(self._legs, self._feet, totals, strict=True):
                 metric.add_metric([leg, foot], total)
             yield metric
 
 
-#: Type, name behind `footsense_foot_`, and meaning of the metric of each total.
+#: Type, name and meaning of the metric of each total.
 _METRICS = (
-    (CounterMetricFamily, "steps_total", "Touchdowns of a foot."),
-    (CounterMetricFamily, "contact_seconds_total", "Time of a foot in contact with the ground."),
-    (GaugeMetricFamily, "peak_force_newtons", "Largest force on a foot."),
-    (CounterMetricFamily, "over_range_seconds_total", "Time with elements loaded beyond their range."),
+    (CounterMetricFamily, "footsense_foot_steps_total", "Touchdowns of a foot."),
+    (
+        CounterMetricFamily,
+        "footsense_foot_contact_seconds_total",
+        "Time of a foot in contact with the ground.",
+    ),
+    (GaugeMetricFamily, "footsense_foot_peak_force_newtons", "Largest force on a foot."),
+    (
+        CounterMetricFamily,
+        "footsense_foot_over_range_seconds_total",
+        "Time with elements loaded beyond their range.",
+    ),
 )
