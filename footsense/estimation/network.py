@@ -82,8 +82,8 @@ class ReadingWindow:
     def __init__(self, n_legs: int, scan_ns: int) -> None:
         self._distance_rel = np.full((n_legs, READINGS, ELEMENTS), np.nan)
         self._t_ns = np.zeros((n_legs, READINGS, ELEMENTS), np.int64)
-        # Nearer to one scan than to two: after a stall, older readings are not mixed with newer ones.
-        self._longest_ns = np.array(max(scan_ns + scan_ns // 2, _ALWAYS_CONSECUTIVE_NS))
+        # Less than two scans: after a stall, older readings are not mixed with newer ones. A slow host takes half more.
+        self._longest_ns = np.array(max(round((2.0 - SMALL_SHARE) * scan_ns), _ALWAYS_CONSECUTIVE_NS))
 
     def add(self, plate_distance_rel: Vector, t_ns: Stamps) -> Readings:
         """Add the new readings of a frame; return the last three readings of every element.

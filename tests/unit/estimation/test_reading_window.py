@@ -11,7 +11,7 @@ from footsense.frames import ELEMENTS, Stamps, Vector
 SCAN_NS = 25_000_000
 STEP_NS = SCAN_NS // ELEMENTS
 #: A gap that is no pause of the readings yet, and one that is.
-SHORT_NS = SCAN_NS + SCAN_NS // 2
+SHORT_NS = SCAN_NS + 3 * SCAN_NS // 4
 LONG_NS = SHORT_NS + 1
 
 
