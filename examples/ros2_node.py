@@ -2,6 +2,7 @@
 
     footsense run --config deploy/simulated.yaml                 # or the service of a robot
     footsense ros2 --config deploy/simulated.yaml                # the extra ros2
+    export RMW_IMPLEMENTATION=rmw_zenoh_cpp; ros2 run rmw_zenoh_cpp rmw_zenohd &
     python examples/ros2_node.py                                 # in a shell with ROS 2, the same ROS_DOMAIN_ID
 
 A leg without a usable force sends no wrench: only the age of its last stamp shows it.

@@ -117,7 +117,7 @@ class Feet:
             raise
 
     def latest(self) -> dict[str, LegForce]:
-        """Return the force of each leg as of now, without waiting.
+        """Return the force of each leg as of now, without waiting; `events` then has those since the last call.
 
         Raises:
             CanError: The channel has gone down.
