@@ -1,6 +1,7 @@
 """What error is expected of a foot is what made feet have, and what a calibration leaves."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,8 +19,9 @@ from footsense.foot.directions import angles_between_deg, normalized
 from footsense.foot.network_card import NETWORK_FILE
 from footsense.foot.parameters import FootParameters
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import ContactLoads, Deviations, Specimen
+from footsense.foot.specimen import Deviations, Specimen
 from footsense.foot.type_folders import released_folder, released_names
+from footsense.frames import Vector
 from footsense.sim.fabrication import PAPER_TOLERANCES, SESSION_GAIN_REL, draw_deviations, with_session_gains
 from footsense.sim.uncalibrated import uncertainty_by_wear, uncertainty_of_uncalibrated
 
@@ -29,54 +31,40 @@ LEANING = normalized(
 )
 
 
-@pytest.mark.parametrize("name", released_names())
-def test_an_uncalibrated_foot_is_expected_to_err_as_made_feet_do(name: str) -> None:
-    """Those of seed 0 and the first numbers, under a quarter of the largest force."""
-    folder = released_folder(name)
-    response, network = (
-        FootResponse.load(folder / "response.npz"),
-        Network(folder / NETWORK_FILE, len(LEANING)),
-    )
+def errors_of(
+    network: Network, response: FootResponse, feet: Iterable[Deviations], normals: Vector
+) -> tuple[list[float], list[float]]:
+    """Return each foot's mean errors of direction [deg] and size [1], under a quarter of the largest force."""
     design, force_n = response.design, 0.25 * network.card.max_trained_force_n * LEANING
     angles_deg, sizes_rel = [], []
-    for number in range(N_FEET):
-        foot = Specimen(response, draw_deviations(response, PAPER_TOLERANCES, 0, number))
-        pressed_pf = foot.capacitance_pf(*ContactLoads.centred(force_n))
+    for deviations in feet:
+        foot = Specimen(response, deviations)
+        pressed_pf = foot.capacitance_pf(normals, force_n)
         free_um, pressed_um = map(design.plate_distance_um, (foot.unloaded_pf, pressed_pf))
         found_n = network.estimate(steady_windows((free_um - pressed_um) / design.gap_um)).force_n
-        angles_deg.append(angles_between_deg(force_n, found_n).mean())
-        sizes_rel.append(
-            np.abs(np.linalg.norm(found_n, axis=1) / np.linalg.norm(force_n, axis=1) - 1.0).mean()
-        )
-    expected = ExpectedError.of(uncertainty_of_uncalibrated(network, response, len(LEANING)))
-    assert expected.direction_deg == pytest.approx(np.mean(angles_deg), rel=0.3)
-    assert expected.size_rel == pytest.approx(np.mean(sizes_rel), rel=0.3)
-    assert max(angles_deg) < 2.5 * expected.direction_deg
+        angles_deg.append(float(angles_between_deg(force_n, found_n).mean()))
+        off_rel = np.linalg.norm(found_n, axis=1) / np.linalg.norm(force_n, axis=1) - 1.0
+        sizes_rel.append(float(np.abs(off_rel).mean()))
+    return angles_deg, sizes_rel
 
 
 @pytest.mark.parametrize("name", released_names())
-def test_wear_is_expected_to_err_as_worn_feet_do(name: str) -> None:
-    """Of known feet in another session, under loads that lean twice as far as the ground."""
+def test_a_foot_is_expected_to_err_as_made_and_worn_feet_do(name: str) -> None:
+    """Made: those of seed 0 and the first numbers. Worn: known feet in another session, on ground that leans less."""
     folder = released_folder(name)
-    response, network = (
-        FootResponse.load(folder / "response.npz"),
-        Network(folder / NETWORK_FILE, len(LEANING)),
-    )
-    design, force_n = response.design, 0.25 * network.card.max_trained_force_n * LEANING
-    angles_deg, sizes_rel = [], []
-    for number in range(N_FEET):
-        worn = with_session_gains(Deviations(), SESSION_GAIN_REL, 0, number, 1)
-        foot = Specimen(response, worn)
-        pressed_pf = foot.capacitance_pf(normalized(LEANING + LEANING[0]), force_n)
-        free_um, pressed_um = map(design.plate_distance_um, (foot.unloaded_pf, pressed_pf))
-        found_n = network.estimate(steady_windows((free_um - pressed_um) / design.gap_um)).force_n
-        angles_deg.append(angles_between_deg(force_n, found_n).mean())
-        sizes_rel.append(
-            np.abs(np.linalg.norm(found_n, axis=1) / np.linalg.norm(force_n, axis=1) - 1.0).mean()
-        )
-    expected = ExpectedError.of(uncertainty_by_wear(network, response, len(LEANING)))
-    assert expected.direction_deg == pytest.approx(np.mean(angles_deg), rel=0.3)
-    assert expected.size_rel == pytest.approx(np.mean(sizes_rel), rel=0.3)
+    response = FootResponse.load(folder / "response.npz")
+    network = Network(folder / NETWORK_FILE, len(LEANING))
+    made = [draw_deviations(response, PAPER_TOLERANCES, 0, number) for number in range(N_FEET)]
+    worn = [with_session_gains(Deviations(), SESSION_GAIN_REL, 0, number, 1) for number in range(N_FEET)]
+    of_made = uncertainty_of_uncalibrated(network, response, len(LEANING))
+    of_worn = uncertainty_by_wear(network, response, len(LEANING))
+    on_ground = normalized(LEANING + LEANING[0])
+    for uncertainty, feet, normals in ((of_made, made, LEANING), (of_worn, worn, on_ground)):
+        angles_deg, sizes_rel = errors_of(network, response, feet, normals)
+        expected = ExpectedError.of(uncertainty)
+        assert expected.direction_deg == pytest.approx(np.mean(angles_deg), rel=0.3)
+        assert expected.size_rel == pytest.approx(np.mean(sizes_rel), rel=0.3)
+        assert max(angles_deg) < 2.5 * expected.direction_deg
 
 
 def calibration(error_rel: float, *, by_standing: bool, stiffness_rel: float = 0.0) -> FootCalibration:
