@@ -8,10 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from footsense.daemon.setup.expected_error import (
-    UNKNOWN,
-    uncertainty_of_calibrated,
-)
+from footsense.clock import wall_time_iso
+from footsense.daemon.setup.expected_error import UNKNOWN, uncertainty_since
 from footsense.errors import ModelError
 from footsense.estimation.network import Network, steady_windows
 from footsense.estimation.pipeline import Pipeline, pipeline_of
@@ -34,7 +32,7 @@ from footsense.frames import (
     Vector,
 )
 from footsense.ports import LoadEstimate, Window
-from footsense.sim.uncalibrated import uncertainty_of_uncalibrated
+from footsense.sim.uncalibrated import uncertainty_by_wear, uncertainty_of_uncalibrated
 
 _DEFAULT_FOOT_TYPE = "aoyagi-3x3"
 #: Capacitances of elements in their unit [pF]: those of others are in another unit.
@@ -218,7 +216,8 @@ class Estimator:
     def _uncertainty(self, network: Network, n_feet: int) -> ForceUncertainty:
         """Return what nobody knows of a foot."""
         if self._calibration is not None:
-            return uncertainty_of_calibrated(self._calibration)
+            wear = uncertainty_by_wear(network, self._response, n_feet)
+            return uncertainty_since(self._calibration, wall_time_iso(), wear)
         if self._response is None:
             return UNKNOWN
         return uncertainty_of_uncalibrated(network, self._response, n_feet)

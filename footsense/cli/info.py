@@ -233,7 +233,7 @@ def _print_calibration(folder: Path) -> None:
             "held_out": held_out and held_out.protocol,
             "as designed": held_out and errors_text(held_out.design_only),
             "calibrated": held_out and errors_text(held_out.calibrated),
-            "expected error": error_text(uncertainty_of_calibrated(calibration)),
+            "expected error when made": error_text(uncertainty_of_calibrated(calibration)),
             "calibrated_at_c": calibration.calibrated_at_c,
             "network_sha256": calibration.network_sha256,
             "recordings_sha256": manifest.recordings,

@@ -20,6 +20,7 @@ from footsense.daemon.recording_header import (
     model_mismatch_reason,
     recorded_config,
     recorded_flags,
+    recorded_start,
 )
 from footsense.errors import FootsenseError, ModelError, RecordingError, require
 from footsense.frames import Flag
@@ -86,7 +87,7 @@ def _recorded_models(recording: Replay, folder: Path | None, *, check: bool) -> 
     config = recorded_config(recording)
     if folder is not None and config.calibrations is not None:
         config = msgspec.structs.replace(config, calibrations=str(folder))
-    models = load_models(config)
+    models = load_models(config, recorded_start(recording))
     if difference := model_mismatch_reason(recording.header, models):
         error = ModelError(f"{file}: {difference}")
         if check:

@@ -1,25 +1,23 @@
 """Load the network and the calibrations of the feet mounted on a robot."""
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
+from footsense.clock import wall_time_iso
 from footsense.config import Config
 from footsense.daemon.foot_types import check_foot_type, foot_type_of
-from footsense.daemon.setup.expected_error import (
-    UNKNOWN,
-    uncertainty_of_calibrated,
-)
+from footsense.daemon.setup.expected_error import UNKNOWN, uncertainty_since
 from footsense.errors import ModelError
 from footsense.estimation.network import Network
 from footsense.estimation.rest import trained_response
 from footsense.foot.calibration_files import FootCalibration, read_calibration
 from footsense.foot.network_card import NETWORK_FILE
-from footsense.foot.parameters import ForceUncertainty
+from footsense.foot.parameters import KNOWN_EXACTLY, ForceUncertainty
 from footsense.foot.response_table import FootResponse
 from footsense.foot.type_folders import foot_type_folder
-from footsense.sim.uncalibrated import uncertainty_of_uncalibrated
+from footsense.sim.uncalibrated import uncertainty_by_wear, uncertainty_of_uncalibrated
 
 _log = logging.getLogger(__name__)
 
@@ -32,11 +30,13 @@ class Models:
         config: The robot.
         network: Network of the calibrations, of the configuration, or of the foot type.
         calibrations_by_leg: Calibrations of the feet by leg.
+        at: Time at which they are read, UTC, ISO 8601: gains of elements wander after a calibration.
     """
 
     config: Config
     network: Network
     calibrations_by_leg: dict[str, FootCalibration]
+    at: str = field(default_factory=wall_time_iso)
 
     @cached_property
     def response(self) -> FootResponse | None:
@@ -51,14 +51,22 @@ class Models:
     def uncertainties(self) -> tuple[ForceUncertainty, ...]:
         """What nobody knows of the foot of each leg, in the order of the configuration's legs."""
         found = [self.calibrations_by_leg.get(leg) for leg in self.config.legs]
-        uncalibrated = UNKNOWN
+        uncalibrated, wear = UNKNOWN, KNOWN_EXACTLY
         if not all(found) and self.response is not None:
             uncalibrated = uncertainty_of_uncalibrated(self.network, self.response, len(found))
-        return tuple(uncalibrated if each is None else uncertainty_of_calibrated(each) for each in found)
+        if any(found):
+            wear = uncertainty_by_wear(self.network, self.response, len(found))
+        return tuple(
+            uncalibrated if each is None else uncertainty_since(each, self.at, wear) for each in found
+        )
 
 
-def load_models(config: Config) -> Models:
+def load_models(config: Config, at: str | None = None) -> Models:
     """Load the network and the calibrations of a robot.
+
+    Args:
+        config: The robot.
+        at: Time of its readings, UTC, ISO 8601; None for now.
 
     Raises:
         ModelError: One is missing, damaged, or made for another foot type.
@@ -68,7 +76,7 @@ def load_models(config: Config) -> Models:
     path = next((calibration.network for calibration in calibrations.values()), path)
     network = Network(path, n_rows=len(config.legs))
     check_foot_type(path, network.card.foot_type, config)
-    return Models(config, network, calibrations)
+    return Models(config, network, calibrations, at or wall_time_iso())
 
 
 def load_calibrations(config: Config) -> dict[str, FootCalibration]:

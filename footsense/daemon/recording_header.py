@@ -1,13 +1,14 @@
 """Header of a recording (configuration, scene, flags, network, calibrations): written by a run, read by a replay."""
 
 from collections.abc import Mapping, Sequence
+from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
 
 from footsense import __version__
-from footsense.clock import wall_time_iso, wall_time_ns
+from footsense.clock import wall_time_ns
 from footsense.config import Config
 from footsense.config.schema import gone_board
 from footsense.daemon.estimation import mounted_feet
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from footsense.ring.cycle_reader import CycleReader
 
 _CALIBRATIONS_KEY = "calibrations"
+_STARTED_KEY = "started"
 #: Key of the parameters that convert readings into gap closures; older recordings lack it.
 _CLOSURE_CONVERSION_KEY = "elements"
 
@@ -34,7 +36,7 @@ def recording_header(models: Models, scene: Scene | None, flags: Flag, now_ns: i
     )
     return {
         "footsense": __version__,
-        "started": wall_time_iso(),
+        _STARTED_KEY: models.at,
         "wall_offset_ns": str(wall_time_ns() - now_ns),
         "config": msgspec.json.encode(config).decode(),
         "scene": msgspec.json.encode(scene).decode() if scene else "",
@@ -94,6 +96,23 @@ def recorded_flags(recording: "Replay") -> int:
     if text not in map(str, range(0x100)):
         raise RecordingError(f"{recording.path}: the flags of its header are {text[:20]!r}, not 0 to 255")
     return int(text)
+
+
+def recorded_start(recording: "Replay") -> str | None:
+    """Return when the service of a recording started, UTC, ISO 8601; None if its header does not tell.
+
+    Raises:
+        RecordingError: It tells no time.
+    """
+    text = recording.header.get(_STARTED_KEY)
+    if text is not None:
+        try:
+            datetime.strptime(text, "%Y-%m-%dT%H:%M:%S%z")
+        except ValueError:
+            raise RecordingError(
+                f"{recording.path}: the start in its header is {text[:30]!r}, no time"
+            ) from None
+    return text
 
 
 def recorded_config(recording: "Replay | CycleReader") -> Config:

@@ -42,6 +42,12 @@ class ForceUncertainty(NamedTuple):
     across_rel: float
     gap_rel: float = 0.0
 
+    def plus(self, other: "ForceUncertainty", share: float = 1.0) -> "ForceUncertainty":
+        """Return this uncertainty with a share of an independent one."""
+        return ForceUncertainty(
+            *(math.hypot(own, share * more) for own, more in zip(self, other, strict=True))
+        )
+
 
 #: Of a foot that is known exactly, as that of a simulation.
 KNOWN_EXACTLY = ForceUncertainty(0.0, 0.0, 0.0)

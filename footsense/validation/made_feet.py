@@ -26,7 +26,7 @@ from footsense.errors import CalibrationError
 from footsense.estimation.settings import BASELINE_NOISE_PF
 from footsense.foot.directions import normalized
 from footsense.foot.force_errors import GRAM_FORCE_N, evaluate_force_errors
-from footsense.foot.parameters import FootParameters, variance_factors
+from footsense.foot.parameters import KNOWN_EXACTLY, FootParameters, variance_factors
 from footsense.foot.response_table import FootResponse
 from footsense.foot.specimen import ContactLoads, Deviations, Specimen
 from footsense.frames import ELEMENTS, Mask, Vector
@@ -46,7 +46,7 @@ from footsense.sim.reference_sensor import (
     nonlinearity_gf,
 )
 from footsense.sim.rubber import ElementCreep, RubberFactor, ViscoelasticRubber
-from footsense.sim.uncalibrated import uncertainty_of_uncalibrated
+from footsense.sim.uncalibrated import uncertainty_by_wear, uncertainty_of_uncalibrated
 
 #: Pause before a press, its rise, both halves of its dwell, and its fall [ns]; load at the end of each [1].
 _STEPS_NS = (500_000_000, 50_000_000, 250_000_000, 250_000_000, 50_000_000)
@@ -256,10 +256,12 @@ def evaluate_made_foot(
     fits = {"few": fit_foot_unchecked(models, few), "all": fit_foot_unchecked(models, loads)}
     parameters = {"design": None} | {name: fit.parameters for name, fit in fits.items()}
     parameters["standing"], judged_standing = _calibrated_by_standing(models, stand, plan.standing)
+    known = (models.network_for_rows(1), models.response, 1)
+    wear = uncertainty_by_wear(*known) if conditions.gain_wander_rel else KNOWN_EXACTLY
     unknown = {
-        name: uncertainty_of_uncalibrated(models.network_for_rows(1), models.response, 1)
+        name: uncertainty_of_uncalibrated(*known)
         if foot is None
-        else uncertainty_of_parameters(foot, pressed=name != "standing")
+        else uncertainty_of_parameters(foot, pressed=name != "standing").plus(wear)
         for name, foot in parameters.items()
     }
     again = with_new_mounting(own, REMOUNT_RMS_DEG, SEED, number, 2)

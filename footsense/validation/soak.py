@@ -22,7 +22,6 @@ from footsense import __version__
 from footsense.calibration.writer import write_calibration
 from footsense.clock import stopwatch_ns, wall_time_ns
 from footsense.config import DEFAULT, SMALL_BOARD, Config
-from footsense.daemon.models import load_models
 from footsense.daemon.scheduling import resident_mib
 from footsense.daemon.service import open_service
 from footsense.daemon.simulation import simulated_robot
@@ -39,7 +38,6 @@ from footsense.ring.records import NumberedCycle
 from footsense.sim.fabrication import draw_deviations, with_new_mounting
 from footsense.sim.faults.scene_faults import CanTraffic
 from footsense.sim.scene import Fabrication, Scene
-from footsense.sim.uncalibrated import uncertainty_by_wear
 from footsense.validation.controller import Controller
 from footsense.validation.invariants import InvariantChecker, Violation
 from footsense.validation.soak_faults import soak_faults
@@ -150,8 +148,6 @@ class Stretch(msgspec.Struct, frozen=True, kw_only=True):
             return self.config
         in_the_air = msgspec.structs.replace(scene, gait_table=False, lead_in_s=_LEAD_IN_S)
         robot = simulated_robot(self.config, in_the_air)
-        models = load_models(self.config)
-        wear = uncertainty_by_wear(models.network, models.response, len(self.config.legs))
         with open_service(self.config, in_the_air, real_time=False) as service:
             free = _FreeReadings()
             service.observers.append(free)
@@ -161,7 +157,7 @@ class Stretch(msgspec.Struct, frozen=True, kw_only=True):
             read_pf = free.capacitance_pf[number]
             own = draw_deviations(robot.feet[leg].response, made.tolerances, made.seed, made.first + number)
             own = with_new_mounting(own, made.remount_deg, made.seed, made.first + number, 1)
-            _calibrate(robot.feet[leg], own, read_pf, wear.across_rel, folder, feet[leg])
+            _calibrate(robot.feet[leg], own, read_pf, folder, feet[leg])
         return msgspec.structs.replace(self.config, feet=feet, calibrations=str(folder))
 
 
@@ -173,12 +169,10 @@ class _FreeReadings(Observer):
         self.capacitance_pf = cycle.scan.capacitance_pf
 
 
-def _calibrate(
-    foot: Specimen, own: Deviations, read_pf: Vector, error_rel: float, folder: Path, name: str
-) -> None:
+def _calibrate(foot: Specimen, own: Deviations, read_pf: Vector, folder: Path, name: str) -> None:
     """Write the calibration of a foot before its wear, with the parameters that it was made with.
 
-    Its converter has read it free, with the gain of its reference capacitor [pF]. Sigma has its error by wear [1].
+    Its converter has read it free, with the gain of its reference capacitor [pF]. It is so old that sigma has the wear.
     """
     gain_rel = float((read_pf / foot.unloaded_pf).mean())
     parameters = FootParameters(
@@ -188,7 +182,6 @@ def _calibrate(
         gain_rel=np.full(ELEMENTS, 1.0 / gain_rel),
         stiffness_rel=own.stiffness_rel,
         mount=own.mount,
-        error_rel=error_rel,
     )
     manifest = Manifest(
         foot=name,
@@ -296,9 +289,13 @@ def walk_stretch(stretch: Stretch) -> StretchResult:
     with TemporaryDirectory() as folder:
         ring = str(Path(folder) / "ring")
         scene = stretch.scene
-        robot = stretch.with_feet(scene, Path(folder) / "feet")
-        config = msgspec.structs.replace(robot, ring=ring)
-        lives = [_live(stretch, config, scene, number, life_s) for number in range(_N_LIVES)]
+        try:
+            robot = stretch.with_feet(scene, Path(folder) / "feet")
+            config = msgspec.structs.replace(robot, ring=ring)
+            lives = [_live(stretch, config, scene, number, life_s) for number in range(_N_LIVES)]
+        except Exception as error:
+            error.add_note(f"in stretch {stretch.number}")
+            raise
     checks = [life.checks for life in lives]
     states = sum((of_life.n_states for of_life in checks), Counter[int]())
     n_checked = sum(of_life.n_checked for of_life in checks)

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from footsense.config import SMALL_BOARD, load_config
-from footsense.daemon.recording_header import recorded_config, recorded_flags
+from footsense.daemon.recording_header import recorded_config, recorded_flags, recorded_start
 from footsense.recording.mcap_writer import McapFile
 from footsense.recording.replay import Replay
 from footsense.sim.scene import load_scene
@@ -95,9 +95,12 @@ def test_any_recorded_configuration(tmp_path: Path, key: str, value: object, tex
     for config in (json.dumps({**CONFIG, key: value}), text, "[" * 50_000):
         path = tmp_path / "walk.mcap"
         with path.open("wb") as file:
-            McapFile(file.fileno(), {"legs": "lf", "config": config, "flags": flags}).finish()
+            McapFile(
+                file.fileno(), {"legs": "lf", "config": config, "flags": flags, "started": flags}
+            ).finish()
         refusal(lambda path=path: recorded_config(Replay(path)))  # type: ignore[misc]
         refusal(lambda path=path: recorded_flags(Replay(path)))  # type: ignore[misc]
+        refusal(lambda path=path: recorded_start(Replay(path)))  # type: ignore[misc]
     path.unlink()
 
 

@@ -13,6 +13,7 @@ from click.testing import CliRunner
 from footsense.can.interface import Can
 from footsense.cli.recordings import replay
 from footsense.cli.setup.check_config import check_config
+from footsense.clock import wall_time_iso
 from footsense.config import Config
 from footsense.config.sections import Bus
 from footsense.daemon.estimation import mounted_feet
@@ -56,7 +57,8 @@ def config(feet: Path, **mounted: str) -> Config:
 
 
 def write_both(feet: Path, **given: Any) -> Path:
-    """Write the calibrations of both feet, as a perfect calibration would."""
+    """Write the calibrations of both feet, as a perfect calibration would that was made just now."""
+    given = {"made": wall_time_iso()} | given
     for number in (0, 1):
         calibration(feet, f"foot-000{7 + number}", parameters=true_parameters(number), **given)
     return feet
@@ -141,7 +143,7 @@ def test_a_foot_that_has_no_calibration_yet(tmp_path: Path, caplog: pytest.LogCa
 
 def test_check_config_lists_the_calibrations(tmp_path: Path) -> None:
     """Which foot, since when, on how many loads, and how good."""
-    write_both(tmp_path / "feet")
+    write_both(tmp_path / "feet", made="2026-03-01T12:00:00Z")
     file = tmp_path / "robot.yaml"
     file.write_text(
         "buses: [{device: sim, legs: {lf: 0, rf: 1}}]\ncan: {interface: virtual}\n"
@@ -154,7 +156,7 @@ def test_check_config_lists_the_calibrations(tmp_path: Path) -> None:
 
 
 def test_a_recording_knows_its_calibrations(tmp_path: Path) -> None:
-    """Replayed with the same calibrations it gives the same forces; with others it says so, or refuses to compare."""
+    """Replayed later with the same calibrations it gives the same; with others it says so, or refuses to compare."""
     feet, walk = tmp_path / "feet", tmp_path / "walk.mcap"
     write_both(feet)
     run(config(feet, lf="foot-0007", rf="foot-0008"), record=walk)

@@ -24,7 +24,6 @@ from footsense.daemon.estimation import contact_threshold_n, pipeline_for, unloa
 from footsense.daemon.models import Models, load_models
 from footsense.daemon.setup.expected_error import (
     error_text,
-    uncertainty_of_calibrated,
 )
 from footsense.daemon.simulation import is_simulated
 from footsense.errors import ConfigError
@@ -115,18 +114,12 @@ def _explanation(models: Models) -> dict[str, str]:
         f"of feet that carry less than {unloaded_limit_n(models):.2g} N: more is refused, less may be drift"
     )
     told["no force"] = f"above {card.max_trained_force_n:g} N, the largest of the training"
-    for leg, calibration in models.calibrations_by_leg.items():
-        known = _calibration(calibration)
-        errors = calibration.manifest.held_out
-        if errors is not None:
-            error = f"{errors.calibrated.direction_deg:.1f} deg of error"
-        elif calibration.manifest.by_standing or calibration.manifest.by_walking:
-            by = "walking" if calibration.manifest.by_walking else "standing"
-            error = f"by {by}, which tells neither its mounting nor its stiffness"
-            error += f": expect errors of {error_text(uncertainty_of_calibrated(calibration))}"
-        else:
-            error = f"expect errors of {error_text(uncertainty_of_calibrated(calibration))}"
-        told[f"foot on {leg}"] = f"{known['foot']}, calibrated {known['days_ago']} days ago: {error}"
+    for leg, uncertainty in zip(config.legs, models.uncertainties, strict=True):
+        if (calibration := models.calibrations_by_leg.get(leg)) is None:
+            continue
+        told[f"foot on {leg}"] = (
+            f"{_calibrated_text(calibration)}: today expect errors of {error_text(uncertainty)}"
+        )
     told["forces"] = (
         f"up to {config.forces_hz:.0f} forces/s on CAN of each leg; contact from {contact_threshold_n(models):.2g} N, "
         f"stale when older than {config.effective_max_age_ms:g} ms"
@@ -139,6 +132,18 @@ def _explanation(models: Models) -> dict[str, str]:
         f"http://{config.metrics.address}:{config.metrics.port}/metrics, served by `footsense exporter`"
     )
     return told
+
+
+def _calibrated_text(calibration: FootCalibration) -> str:
+    """Return which foot it is, since when, and how well it was known then."""
+    known, manifest = _calibration(calibration), calibration.manifest
+    text = f"{known['foot']}, calibrated on {manifest.made[:10]}"
+    if manifest.held_out is not None:
+        text += f" with {manifest.held_out.calibrated.direction_deg:.1f} deg of error"
+    elif manifest.by_standing or manifest.by_walking:
+        by = "walking" if manifest.by_walking else "standing"
+        text += f" by {by}, which tells neither its mounting nor its stiffness"
+    return text
 
 
 def _can_text(config: Config) -> str:

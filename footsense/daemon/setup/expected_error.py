@@ -2,13 +2,15 @@
 
 A foot that nobody has calibrated differs from its design by the tolerances of its manufacture
 (`footsense.sim.uncalibrated`). Of a calibrated foot the error that its fit has left is known, and a robot that stands
-or walks tells neither stiffness nor mounting.
+or walks tells neither stiffness nor mounting. Since its calibration the gains of its elements have wandered: those of a
+measured insole are others in each session, of one day or another (page `real-sensors`).
 
 The tolerances are those with which simulated feet err as the paper's do, and no foot has been made; the errors are
 means over feet and loads, as of normal distributions, and one foot may err twice as much.
 """
 
 import math
+from datetime import datetime, timedelta
 from typing import NamedTuple, Self
 
 from footsense.foot.calibration_files import FootCalibration
@@ -42,9 +44,25 @@ class ExpectedError(NamedTuple):
 
 
 def uncertainty_of_calibrated(found: FootCalibration) -> ForceUncertainty:
-    """Return what nobody knows of a calibrated foot: what its fit left, and what standing or walking does not show."""
+    """Return what nobody knows of a foot just calibrated: what its fit left, and what standing or walking hides."""
     pressed = not (found.manifest.by_standing or found.manifest.by_walking)
     return uncertainty_of_parameters(found.parameters, pressed=pressed)
+
+
+def uncertainty_since(found: FootCalibration, at: str, wear: ForceUncertainty) -> ForceUncertainty:
+    """Return what nobody knows of a calibrated foot some time later.
+
+    Its gains are taken to wander like a random walk that is pulled back within a day: as far as between two sessions
+    when a few days have passed. That the time is a day is an assumption. Before its calibration the clock is wrong.
+
+    Args:
+        found: The calibration.
+        at: The time, UTC, ISO 8601.
+        wear: What the gains of another session make uncertain.
+    """
+    age = datetime.fromisoformat(at) - datetime.fromisoformat(found.manifest.made)
+    share = math.sqrt(-math.expm1(-abs(age / timedelta(days=1))))
+    return uncertainty_of_calibrated(found).plus(wear, share)
 
 
 def error_text(uncertainty: ForceUncertainty) -> str:

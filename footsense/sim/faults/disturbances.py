@@ -93,8 +93,9 @@ class Disturbances:
             if isinstance(each, _Random):
                 added_ff += self._drawn_ff(each, t_start_ns)
             elif isinstance(each, scene_faults.MetalBesideTail):
-                row = (row_mask & -row_mask).bit_length() - 1
-                added_ff += self._metal_ff[max(row, 0) * ROWS + column] if column < ROWS else 0.0
+                row = max((row_mask & -row_mask).bit_length() - 1, 0)
+                # A pin of lines that have shifted by one may have no line.
+                added_ff += self._metal_ff[row * ROWS + column] if max(row, column) < ROWS else 0.0
             else:
                 added_ff += _certain_ff(each, row_mask, column, t_start_ns, t_end_ns)
         return added_ff * 1e-3

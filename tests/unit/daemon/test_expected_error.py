@@ -26,6 +26,7 @@ from footsense.sim.fabrication import PAPER_TOLERANCES, SESSION_GAIN_REL, draw_d
 from footsense.sim.uncalibrated import uncertainty_by_wear, uncertainty_of_uncalibrated
 
 N_FEET = 20
+MADE = "2026-01-01T00:00:00Z"
 LEANING = normalized(
     np.array([[0.0, 0.0, 1.0], [0.4, 0.0, 1.0], [0.0, 0.4, 1.0], [-0.3, -0.3, 1.0], [0.2, -0.1, 1.0]])
 )
@@ -80,7 +81,7 @@ def calibration(error_rel: float, *, by_standing: bool, stiffness_rel: float = 0
         foot="foot-0007",
         foot_type="aoyagi-3x3",
         footsense="0",
-        made="2026-01-01T00:00:00Z",
+        made=MADE,
         n_loads=40,
         n_sessions=1,
         held_out=None,
@@ -104,7 +105,7 @@ def test_a_calibration_leaves_its_error_and_standing_what_it_does_not_tell() -> 
         calibration(0.02, by_standing=True),
         calibration(0.02, by_standing=True, stiffness_rel=0.1),
     ]
-    models = replace(models, calibrations_by_leg=dict(zip(DEFAULT.legs, of_feet, strict=False)))
+    models = replace(models, calibrations_by_leg=dict(zip(DEFAULT.legs, of_feet, strict=False)), at=MADE)
     pressed, stood, both, *others = map(ExpectedError.of, models.uncertainties)
     assert pressed.size_rel == pytest.approx(0.016, abs=1e-3)
     assert pressed.direction_deg == pytest.approx(1.44, abs=0.01)
@@ -112,3 +113,20 @@ def test_a_calibration_leaves_its_error_and_standing_what_it_does_not_tell() -> 
     assert both.size_rel == pressed.size_rel
     assert both.direction_deg == stood.direction_deg > PAPER_TOLERANCES.mount_deg / math.sqrt(3.0)
     assert all(other.direction_deg > 4 * stood.direction_deg for other in others)
+
+
+def test_what_a_calibration_knows_wears_off_within_days() -> None:
+    """An hour costs a fifth of what another session does; a clock that is wrong by years costs all of it."""
+    found = calibration(0.0, by_standing=False)
+    models = replace(load_models(DEFAULT), calibrations_by_leg=dict.fromkeys(DEFAULT.legs, found))
+
+    def across_rel(at: str) -> float:
+        return replace(models, at=at).uncertainties[0].across_rel
+
+    worn = uncertainty_by_wear(models.network, models.response, len(DEFAULT.legs)).across_rel
+    assert math.degrees(worn) > 3.0
+    assert across_rel(MADE) == 0.0
+    assert across_rel("2026-01-01T01:00:00Z") == pytest.approx(0.2 * worn, rel=0.05)
+    assert across_rel("2026-01-02T00:00:00Z") == pytest.approx(0.8 * worn, rel=0.05)
+    for far in ("2026-02-01T00:00:00Z", "1970-01-01T00:00:00Z"):
+        assert across_rel(far) == pytest.approx(worn)

@@ -68,5 +68,6 @@ def test_a_leak_grows_unevenly() -> None:
 def test_metal_beside_the_tail_adds_what_the_table_says_of_each_line() -> None:
     metal_ff = [float(number) for number in range(9)]
     disturbances = Disturbances([faults.MetalBesideTail(at_s=0)], np.random.default_rng(1), metal_ff)
-    added = [1e3 * disturbances.added_pf(1 << row, column, 0, 1) for row in range(3) for column in range(3)]
-    assert added == pytest.approx(metal_ff)
+    added = [1e3 * disturbances.added_pf(1 << row, column, 0, 1) for row in range(4) for column in range(3)]
+    assert added[:9] == pytest.approx(metal_ff)
+    assert added[9:] == [0.0, 0.0, 0.0], "pins beyond the last line"
