@@ -104,7 +104,7 @@ def _front() -> str:
     touches, missed, twice, in_air = (
         sum(_others(key)) for key in ("n_touches", "n_missed", "n_twice", "n_in_air")
     )
-    pressed, standing = _made("all"), _made("standing")
+    pressed, standing, worn = _made("all"), _made("standing"), _made("all", kind="gains_wander")
     hexapod_ms, quadruped_ms = (f"{one:.0f} ms" for one in _others("delay_p50_ms"))
     n_walks = len(_page("odometry")["way_m"])
     rows = [
@@ -133,8 +133,9 @@ def _front() -> str:
         ),
         (
             f"**Direction error of {len(pressed['deg'])} smallest feet with manufacturing tolerances**, loads of 1 N through the centre, calibrated beside a force sensor",
-            f"{pressed['deg'].mean():.1f} deg; size of the force {pressed['true_gf'].mean():.1f} % off",
-            f"{pressed['deg'].max():.1f} deg",
+            f"{pressed['deg'].mean():.1f} deg; size of the force {pressed['true_gf'].mean():.1f} % off; days later "
+            f"{worn['deg'].mean():.1f} deg, if elements change as [an insole's](docs/report/real-sensors.md) did at most",
+            f"{pressed['deg'].max():.1f} deg; {worn['deg'].max():.1f}",
         ),
         (
             "These feet, [calibrated only by standing](docs/calibrate-a-foot.md#without-a-force-sensor-by-standing)",
