@@ -18,6 +18,10 @@ Only `footsense.cli` turns an error into an exit code: those of sysexits.h, whic
 systemd itself begin at 2, where `5` is NOTINSTALLED. A wrong command line ends with click's 2.
 """
 
+import errno
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.util import find_spec
 
 
@@ -100,6 +104,25 @@ class CalibrationError(FootsenseError):
 def install_line(extra: str) -> str:
     """Return what installs an extra of footsense, which is on no index: it is installed from its clone."""
     return f"in the clone of footsense: pip install -e deploy/client -e '.[{extra}]'"
+
+
+@contextmanager
+def serving_errors(what: str, section: str, address: str, port: int) -> Iterator[None]:
+    """Explain why something cannot be served on an address and port of a section of the configuration.
+
+    Raises:
+        ConfigError: The port is in use or needs privileges, or the address is not of this machine.
+    """
+    try:
+        yield
+    except OSError as error:
+        code = error.errno or 0
+        remedy = f"{section}.address has to be an address of this machine, such as 127.0.0.1"
+        if code in {errno.EADDRINUSE, errno.EACCES}:
+            remedy = f"choose another port: --port, or {section}.port"
+        # A name that is not found has a negative number, which is none of the system's.
+        why = os.strerror(code) if code > 0 else error.strerror or str(error)
+        raise ConfigError(f"{what} cannot be served on {address}:{port}: {why}; {remedy}") from error
 
 
 def require(user: str, extra: str, *packages: str, note: str = "") -> None:

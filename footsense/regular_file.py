@@ -27,10 +27,8 @@ def open_regular(path: Path, flags: int = 0) -> int:
     try:
         fd = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC | flags)
     except OSError as error:
-        is_special = error.errno in {
-            errno.ENXIO,
-            errno.ELOOP,
-        }  # a socket, or a link that is not to be followed
+        # A socket, or a link that is not to be followed.
+        is_special = error.errno in {errno.ENXIO, errno.ELOOP}
         raise (not_regular if is_special else error) from None
     except ValueError as error:  # a null character in its name
         raise OSError(errno.EINVAL, str(error), str(path)) from None

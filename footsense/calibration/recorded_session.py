@@ -16,7 +16,7 @@ from footsense.calibration.writer import file_sha256
 from footsense.config.test_stand import StandConfig
 from footsense.errors import CalibrationError, RecordingError
 from footsense.recording.replay import Replay
-from footsense.ring.records import LostCycles
+from footsense.ring.records import LostCycles, leg_entries
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -179,8 +179,7 @@ def leg_of_foot(header: dict[str, str]) -> dict[str, str]:
     legs = header["legs"].split(",")
     if "foot" in header and header.get("leg") in legs:
         return {header["foot"]: header["leg"]}
-    pairs = [entry.partition("=") for entry in header.get("feet", "").split(",") if entry]
-    return {foot: leg for leg, _, foot in pairs if leg in legs}
+    return {foot: leg for leg, foot in leg_entries(header, "feet").items() if leg in legs}
 
 
 def _test_stand(header: dict[str, str]) -> StandConfig | None:

@@ -109,9 +109,8 @@ class CanChannel:
         self._opening: _OpenAttempt | None = None
         wire = self._connect()
         try:
-            taken = wire.send(
-                first_frames, 0
-            )  # without a listener the queue is full at once, which is no error
+            # Without a listener the queue is full at once, which is no error.
+            taken = wire.send(first_frames, 0)
         except OSError as error:
             wire.close()
             raise CanError(self._explained(error)) from error

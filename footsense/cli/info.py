@@ -29,7 +29,7 @@ from footsense.recording.fault_recordings import fault_recordings
 from footsense.recording.machine import platform_versions
 from footsense.recording.replay import Replay
 from footsense.regular_file import open_regular
-from footsense.ring.records import LostCycles
+from footsense.ring.records import LostCycles, leg_entries
 
 _NS_PER_S = 1_000_000_000
 #: Versions in the header of a recording, on which the bits of the forces depend.
@@ -160,7 +160,6 @@ def _print_recording(file: Path) -> None:
     duration_s = (contents.last_ns - contents.first_ns) / _NS_PER_S
     with os.fdopen(open_regular(file), "rb") as stream:
         sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
-    calibrations = [entry.partition("=") for entry in header.get("calibrations", "").split(",") if entry]
     _print_figures(
         "recording",
         file,
@@ -177,7 +176,7 @@ def _print_recording(file: Path) -> None:
             "feet": header.get("feet") or "none named",
             "foot_type": header.get("foot_type"),
             "network_sha256": header.get("model_sha256"),
-            "calibrations_sha256": {leg: sha256 for leg, _, sha256 in calibrations} or "none",
+            "calibrations_sha256": leg_entries(header, "calibrations") or "none",
             **{name: header.get(name) for name in ("footsense", "processor", *_LIBRARIES)},
             **contents.faults(replay.legs),
         },

@@ -21,7 +21,7 @@ from footsense.daemon.can_output import frames_destination, others_hear
 from footsense.daemon.foot_types import foot_type_of
 from footsense.daemon.scheduling import resident_mib
 from footsense.daemon.service import open_service
-from footsense.daemon.simulation import is_simulated
+from footsense.daemon.simulation import PacedSource, is_simulated
 from footsense.daemon.walker_scene import PREFIX, scene_of
 from footsense.frames import FAULT_FREE, State
 from footsense.ring.ring_file import default_ring, free_ring
@@ -137,9 +137,10 @@ def run(
             )
             service.observers.append(stack.enter_context(closing(LiveView(console, picture))))
         service.run(lambda: stop.requested, service.clock.now_ns() + duration_s * _NS_PER_S)
-    can = service.sink.stats
+    can, source = service.sink.stats, service.source
     figures: dict[str, Any] = {
         "scene": scene_name,
+        "real_time_factor": source.real_time_factor if isinstance(source, PacedSource) else None,
         **statistics.summary(),
         "can": {
             "published": can.published_cycles,

@@ -12,8 +12,7 @@ import msgspec
 
 from footsense.child_process import drop_realtime, end_with_parent
 from footsense.cli.options import FILE, config_option, ring_option
-from footsense.config import load_config
-from footsense.config.sections import PageServer
+from footsense.config import DEFAULT, load_config
 from footsense.errors import ConfigError
 from footsense.progress import file_progress_bar
 from footsense.view.live import LiveSource
@@ -47,18 +46,16 @@ def view(
     with ws:// in place of http://. Who can reach the port can read; only the loopback is served unless an address says
     otherwise.
     """  # noqa: DOC501 - click shows this text
-    config = load_config(config_file) if config_file else None
-    settings = PageServer() if config is None else config.view
+    config = load_config(config_file) if config_file else DEFAULT
+    settings = config.view
     if address is not None:
         settings = msgspec.structs.replace(settings, address=address)
-    if ring is None and config is not None:
-        ring = config.ring_path
     if with_parent:
         end_with_parent()
     drop_realtime()
     with suppress(OSError):  # its unit denies the call, and has set its own
         os.nice(5)  # a viewer never competes with what else the robot's computer does
-    source = LiveSource(ring) if file is None else RecordingSource(file)
+    source = LiveSource(ring or config.ring_path) if file is None else RecordingSource(file)
     port = settings.port if port is None else port
     try:
         asyncio.run(_serve_until_stopped(ViewServer(source), settings.address, port))

@@ -150,33 +150,21 @@ class Commander:
                 if not wire.send([pack_frame(*commands.encode(node, kind, now_ns))], now_ns):
                     raise CanError("CAN takes no frame; is another node on the bus?")
                 self._free_ns = now_ns + _COMMAND_PERIOD_NS
-            if waiting:
-                yield from self._answers(wire, kind, waiting, commands, on_wait)
+            sent_ns = clock.now_ns()
+            for can_id, data in self._received(wire, _ANSWER_TIMEOUT_NS if waiting else 0):
+                now_ns = clock.now_ns()
+                answer = commands.feed(can_id, data, now_ns)
+                if answer is not None:
+                    leg, response_s = waiting.pop(answer.node), answer.response_time_ns / _NS_PER_S
+                    yield LegAnswer(leg, kind, result=answer.result, response_s=response_s)
+                if not waiting:
+                    return
+                if on_wait is not None and now_ns > sent_ns + _USUAL_ANSWER_NS:
+                    on_wait(waiting.values(), _ANSWER_TIMEOUT_NS / _NS_PER_S)
+                    on_wait = None
+            yield from (LegAnswer(leg, kind) for leg in waiting.values())
         except OSError as error:
             raise CanError(f"the CAN channel is gone: {error.strerror or error}") from error
-
-    def _answers(
-        self,
-        wire: CanWire,
-        kind: CommandKind,
-        waiting: dict[int, str],
-        commands: PendingCommands,
-        on_wait: OnWait | None,
-    ) -> Iterator[LegAnswer]:
-        """Yield the answer of each leg that waits for one, by its node; at the end those without."""
-        sent_ns = self._clock.now_ns()
-        for can_id, data in self._received(wire, _ANSWER_TIMEOUT_NS):
-            now_ns = self._clock.now_ns()
-            answer = commands.feed(can_id, data, now_ns)
-            if answer is not None:
-                response_s = answer.response_time_ns / _NS_PER_S
-                yield LegAnswer(waiting.pop(answer.node), kind, result=answer.result, response_s=response_s)
-            if not waiting:
-                return
-            if on_wait is not None and now_ns > sent_ns + _USUAL_ANSWER_NS:
-                on_wait(waiting.values(), _ANSWER_TIMEOUT_NS / _NS_PER_S)
-                on_wait = None
-        yield from (LegAnswer(leg, kind) for leg in waiting.values())
 
     def _received(self, wire: CanWire, duration_ns: int) -> Iterator[tuple[int, bytes]]:
         """Yield id and data of each frame that arrives within a time [ns]."""

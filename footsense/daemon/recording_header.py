@@ -16,6 +16,7 @@ from footsense.daemon.models import Models
 from footsense.errors import RecordingError
 from footsense.frames import ELEMENTS, Flag
 from footsense.recording.machine import platform_versions
+from footsense.ring.records import leg_entries
 from footsense.sim.scene import Scene
 
 if TYPE_CHECKING:
@@ -150,8 +151,8 @@ def model_mismatch_reason(header: Mapping[str, str], models: Models) -> str | No
             f"recorded with network {recorded[:12]}, here is {models.network.sha256[:12]}; "
             "only the same network can give the same forces"
         )
-    entries = [entry.partition("=") for entry in header.get(_CALIBRATIONS_KEY, "").split(",") if entry]
-    then = {leg: f"the calibration {sha256[:12]}" for leg, _, sha256 in entries}
+    recorded_with = leg_entries(header, _CALIBRATIONS_KEY)
+    then = {leg: f"the calibration {sha256[:12]}" for leg, sha256 in recorded_with.items()}
     here = {
         leg: f"the calibration {found.manifest.sha256[:12]}"
         for leg, found in models.calibrations_by_leg.items()

@@ -134,6 +134,7 @@ class PacedSource:
         self._real = real
         self._set_lagging = set_lagging
         self._offset_ns: int | None = None
+        self._first_ns = self._on_time_ns = self._due_ns = self._lag_ns = 0
         self._is_lagging = False
         self._has_lagged = False
 
@@ -141,20 +142,33 @@ class PacedSource:
         """Return the next frame, delayed until it is due by the real clock."""
         scan = self._source.read()
         if self._offset_ns is None:
-            self._offset_ns = self._real.now_ns() - self._played.now_ns()
-        due_ns = self._played.now_ns() + self._offset_ns
-        lag_ns = self._real.now_ns() - due_ns
+            self._first_ns = self._on_time_ns = self._real.now_ns()
+            self._offset_ns = self._first_ns - self._played.now_ns()
+        self._due_ns = due_ns = self._played.now_ns() + self._offset_ns
+        self._lag_ns = lag_ns = max(0, self._real.now_ns() - due_ns)
+        if not lag_ns:
+            self._on_time_ns = due_ns
         if self._is_lagging != (lag_ns > (0 if self._is_lagging else self._max_lag_ns)):
             self._is_lagging = not self._is_lagging
             self._set_lagging(self._is_lagging)
             if not self._has_lagged:
                 self._has_lagged = True
                 _log.warning(
-                    "the simulation cannot keep pace with real time on this computer; while it lags, the frames say "
-                    "degraded_timing"
+                    "the simulation cannot keep pace with real time on this computer: it runs at %.2f of real time; "
+                    "while it lags, the frames say degraded_timing",
+                    min(self._speed_since(self._on_time_ns), 0.99),
                 )
         self._real.sleep_until_ns(due_ns)
         return scan
+
+    @property
+    def real_time_factor(self) -> float:
+        """Time that was played over the real time that it took, since the first frame [1]; 1 if it keeps pace."""
+        return self._speed_since(self._first_ns)
+
+    def _speed_since(self, start_ns: int) -> float:
+        played_ns = self._due_ns - start_ns
+        return played_ns / (played_ns + self._lag_ns) if self._lag_ns else 1.0
 
     def close(self) -> None:
         """Close the source."""

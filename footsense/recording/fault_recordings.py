@@ -13,7 +13,6 @@ from footsense.frames import Cause, Cycle
 from footsense.leg_words import word_of
 from footsense.recording.snapshot import write_snapshot
 from footsense.ring.cycle_reader import CycleReader
-from footsense.ring.records import legs_in_header
 
 _log = logging.getLogger(__name__)
 
@@ -25,42 +24,10 @@ FAULT_FOLDER = Path("/var/lib/footsense/faults")
 MOST_ALIKE, MOST = 3, 20
 
 
-class FaultWatch:
-    """Tells when a recording of a fault is due.
-
-    Args:
-        legs: Names of the legs.
-    """
-
-    def __init__(self, legs: Sequence[str]) -> None:
-        self._legs, self._causes = tuple(legs), [int(Cause.NONE)] * len(legs)
-        self._reason, self._due_ns, self._next_ns = "", 0, 0
-
-    def reason(self, cycle: Cycle) -> str:
-        """Return leg and cause of a recording that is due with a cycle, such as `lf-element-drifts`; empty without one.
-
-        Of the causes that come within the time between two recordings, the first counts.
-        """
-        t_ns, causes = cycle.forces.t_sent_ns, cycle.forces.cause.tolist()
-        before, self._causes = self._causes, causes
-        if not self._reason and t_ns >= self._next_ns:
-            for leg, old, new in zip(self._legs, before, causes, strict=True):
-                if new not in {old, Cause.NONE}:
-                    self._reason = f"{leg}-{word_of(Cause(new)).replace(' ', '-')}"
-                    self._due_ns, self._next_ns = t_ns + AFTER_NS, t_ns + PERIOD_NS
-                    break
-        if not self._reason or t_ns < self._due_ns:
-            return ""
-        return self.rest()
-
-    def rest(self) -> str:
-        """Return leg and cause of a recording that is not due yet, for the end of a service; empty without one."""
-        reason, self._reason = self._reason, ""
-        return reason
-
-
 class FaultRecorder:
     """Writes recordings of the faults of one service, as a `Follower` of its ring.
+
+    Of the causes that come within the time between two recordings, the first counts.
 
     Args:
         reader: Reader of the ring.
@@ -70,19 +37,30 @@ class FaultRecorder:
 
     def __init__(self, reader: CycleReader, folder: Path, wall_time: Callable[[], str]) -> None:
         self._reader, self._folder, self._wall_time = reader, folder, wall_time
-        self._watch = FaultWatch(legs_in_header(reader.header))
+        self._causes = [int(Cause.NONE)] * len(reader.legs)
+        #: Leg and cause of the recording that is not written yet, such as `lf-element-drifts`; empty without one.
+        self._reason = ""
+        self._due_ns = self._next_ns = 0
 
     def add(self, cycles: Sequence[Cycle]) -> None:
         """Write what is due with the cycles since the last call."""
-        for reason in filter(None, map(self._watch.reason, cycles)):
-            self._write(reason)
+        for cycle in cycles:
+            t_ns, causes = cycle.forces.t_sent_ns, cycle.forces.cause.tolist()
+            if not self._reason and t_ns >= self._next_ns:
+                for leg, old, new in zip(self._reader.legs, self._causes, causes, strict=True):
+                    if new not in {old, Cause.NONE}:
+                        self._reason = f"{leg}-{word_of(Cause(new)).replace(' ', '-')}"
+                        self._due_ns, self._next_ns = t_ns + AFTER_NS, t_ns + PERIOD_NS
+                        break
+            self._causes = causes
+            if t_ns >= self._due_ns:
+                self.end()
 
     def end(self) -> None:
         """Write at once what is not due yet."""
-        if reason := self._watch.rest():
-            self._write(reason)
-
-    def _write(self, reason: str) -> None:
+        reason, self._reason = self._reason, ""
+        if not reason:
+            return
         target = self._folder / f"{self._wall_time().replace(':', '-')}-{reason}.mcap"
         try:
             self._folder.mkdir(parents=True, exist_ok=True)

@@ -143,6 +143,11 @@ def legs_in_header(header: Mapping[str, str]) -> tuple[str, ...]:
     return legs
 
 
+def leg_entries(header: Mapping[str, str], key: str) -> dict[str, str]:
+    """Return what an entry of a header such as `lf=foot-0001,rf=foot-0002` has for its legs; none without it."""
+    return dict(pair.split("=", 1) for pair in header.get(key, "").split(",") if "=" in pair)
+
+
 def require_valid(holds: bool, error_text: str) -> None:  # noqa: FBT001 - reads like the sentence it checks
     """Raise an error with the message `error_text` unless a condition on a record's field holds.
 

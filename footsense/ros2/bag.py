@@ -15,6 +15,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from footsense.errors import RecordingError
 from footsense.frames import USABLE, BaselineStatus, Cause, ContactFrame, Flag, State
 from footsense.recording.replay import Replay
+from footsense.ring.records import leg_entries
 from footsense.ros2.messages import LegSample, LegTopics
 from footsense.ros2.store import STORE
 
@@ -77,7 +78,7 @@ def _recorded_samples(replay: Replay) -> Iterator[tuple[int, list[LegSample]]]:
         RecordingError: The rest of the file is cut off or damaged.
     """
     offset_ns = _wall_offset_ns(replay)
-    feet = dict(pair.split("=", 1) for pair in replay.header.get("feet", "").split(",") if "=" in pair)
+    feet = leg_entries(replay.header, "feet")
     measured_ns = dict.fromkeys(replay.legs, -1)
     for cycle in replay:
         forces = cycle.forces

@@ -7,6 +7,8 @@ extra `simulators`.
 
 from typing import TYPE_CHECKING, Any
 
+from footsense.errors import install_line
+
 if TYPE_CHECKING:
     from footsense.foot.parameters import ForceUncertainty
     from footsense.sim.virtual.feet import VirtualFeet
@@ -23,9 +25,6 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401 - of a module
     try:
         from footsense.sim.virtual import feet
     except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            f"{error}; feet in a batch need, in the clone of footsense: "
-            "pip install -e deploy/client -e '.[simulators]'",
-            name=error.name,
-        ) from None
+        text = f"{error}; feet in a batch need, {install_line('simulators')}"
+        raise ModuleNotFoundError(text, name=error.name) from None
     return getattr(feet, name)

@@ -4,7 +4,6 @@ It runs in `footsense exporter`, a process with a systemd unit of its own. A res
 that has ended or not started yet shows as `footsense_up 0`.
 """
 
-import errno
 import logging
 import threading
 from collections.abc import Iterable
@@ -14,7 +13,7 @@ from prometheus_client import CollectorRegistry, disable_created_metrics, start_
 from prometheus_client.core import GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
-from footsense.errors import ConfigError, FootsenseError
+from footsense.errors import FootsenseError, serving_errors
 from footsense.ring.cycle_reader import CycleReader
 from footsense.ring.records import LostCycles
 from footsense.telemetry.electrodes import STATE_FOLDER, electrode_metrics, seen_electrodes
@@ -127,13 +126,6 @@ def start_metrics_server(path: Path | None, address: str, port: int) -> tuple[Se
     registry = CollectorRegistry()
     collector = ServiceCollector(path)
     registry.register(collector)
-    try:
+    with serving_errors("metrics", "metrics", address, port):
         server, _ = start_http_server(port, address, registry)
-    except OSError as error:
-        remedy = "metrics.address has to be an address of this machine, such as 127.0.0.1"
-        if error.errno in {errno.EADDRINUSE, errno.EACCES}:
-            remedy = "choose another metrics.port"
-        raise ConfigError(
-            f"metrics cannot be served on {address}:{port}: {error.strerror}; {remedy}"
-        ) from error
     return collector, int(server.server_port)

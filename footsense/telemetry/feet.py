@@ -16,6 +16,7 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metri
 
 from footsense.frames import Cause, Cycle, Flag, GaitEventKind
 from footsense.regular_file import read_regular, write_whole
+from footsense.ring.records import leg_entries
 
 _log = logging.getLogger(__name__)
 
@@ -55,12 +56,6 @@ class _RecordedConfig(msgspec.Struct):
     board: str = ""
 
 
-def _named(header: Mapping[str, str], key: str, legs: Sequence[str]) -> list[str]:
-    """Return what an entry of a header such as `lf=foot-0001,rf=foot-0002` has for each leg; empty for none."""
-    by_leg = dict(entry.partition("=")[::2] for entry in header.get(key, "").split(","))
-    return [by_leg.get(leg, "") for leg in legs]
-
-
 def identity_metrics(header: Mapping[str, str], legs: Sequence[str]) -> Iterator[Metric]:
     """Yield what a service and its feet are, by the header of its ring.
 
@@ -81,11 +76,11 @@ def identity_metrics(header: Mapping[str, str], legs: Sequence[str]) -> Iterator
     info.add_metric(list(service.values()), 1.0)
     yield info
     meaning = "1; the foot on the leg, and its calibration in use; empty without."
-    feet = GaugeMetricFamily("footsense_foot_info", meaning, labels=["leg", "foot", "calibration"])
-    calibrations = _named(header, "calibrations", legs)
-    for leg, foot, calibration in zip(legs, _named(header, "feet", legs), calibrations, strict=True):
-        feet.add_metric([leg, foot, calibration[:12]], 1.0)
-    yield feet
+    info = GaugeMetricFamily("footsense_foot_info", meaning, labels=["leg", "foot", "calibration"])
+    feet, calibrations = leg_entries(header, "feet"), leg_entries(header, "calibrations")
+    for leg in legs:
+        info.add_metric([leg, feet.get(leg, ""), calibrations.get(leg, "")[:12]], 1.0)
+    yield info
 
 
 class Odometer:
@@ -106,7 +101,8 @@ class Odometer:
     def begin(self, header: Mapping[str, str], legs: Sequence[str]) -> None:
         """Begin with a service, by the header of its ring, with what is known of its feet."""
         self._legs = tuple(legs)
-        self._feet = [foot or leg for leg, foot in zip(legs, _named(header, "feet", legs), strict=True)]
+        feet = leg_entries(header, "feet")
+        self._feet = [feet.get(leg) or leg for leg in legs]
         self._is_kept = not header.get("scene")
         self._known = self._read() if self._is_kept else {}
         known = [msgspec.structs.astuple(self._known.get(foot, FootTotals())) for foot in self._feet]
@@ -167,25 +163,18 @@ class Odometer:
         Yields:
             One metric of each name.
         """
-        for (kind, name, meaning), totals in zip(_METRICS, self._totals.tolist(), strict=True):
+        for (name, meaning), totals in zip(_METRICS, self._totals.tolist(), strict=True):
+            kind = CounterMetricFamily if name.endswith("_total") else GaugeMetricFamily
             metric = kind(name, meaning, labels=["leg", "foot"])
             for leg, foot, total in zip(self._legs, self._feet, totals, strict=True):
                 metric.add_metric([leg, foot], total)
             yield metric
 
 
-#: Type, name and meaning of the metric of each total.
+#: Name and meaning of the metric of each total.
 _METRICS = (
-    (CounterMetricFamily, "footsense_foot_steps_total", "Touchdowns of a foot."),
-    (
-        CounterMetricFamily,
-        "footsense_foot_contact_seconds_total",
-        "Time of a foot in contact with the ground.",
-    ),
-    (GaugeMetricFamily, "footsense_foot_peak_force_newtons", "Largest force on a foot."),
-    (
-        CounterMetricFamily,
-        "footsense_foot_over_range_seconds_total",
-        "Time with elements loaded beyond their range.",
-    ),
+    ("footsense_foot_steps_total", "Touchdowns of a foot."),
+    ("footsense_foot_contact_seconds_total", "Time of a foot in contact with the ground."),
+    ("footsense_foot_peak_force_newtons", "Largest force on a foot."),
+    ("footsense_foot_over_range_seconds_total", "Time with elements loaded beyond their range."),
 )

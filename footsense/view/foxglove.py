@@ -58,7 +58,10 @@ class FoxgloveFeed:
         live = self._live
         if (now_ns := stopwatch_ns()) >= self._tell_at_ns:
             self._tell_at_ns = now_ns + _TELL_PERIOD_NS
-            self._tell_problem()
+            if live.problem:
+                self._server.publish_status(live.problem, StatusLevel.Warning, id="service")
+            else:
+                self._server.remove_status(["service"])
         if live.service != self._service:
             self._service, self._next = live.service, 0
             for channel in self._channels.values():
@@ -79,12 +82,6 @@ class FoxgloveFeed:
     def _channel(self, topic: str, definition: bytes) -> Channel:
         schema = Schema(name=f"footsense.{topic[1:]}", encoding="jsonschema", data=definition)
         return Channel(topic, message_encoding="json", schema=schema, context=self._context)
-
-    def _tell_problem(self) -> None:
-        if self._live.problem:
-            self._server.publish_status(self._live.problem, StatusLevel.Warning, id="service")
-        else:
-            self._server.remove_status(["service"])
 
     def close(self) -> None:
         """Stop the server."""

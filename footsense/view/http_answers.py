@@ -53,18 +53,20 @@ def page_files() -> dict[str, tuple[str, bytes]]:
     return {**found, "/": found["/index.html"]}
 
 
-def file_response(known: Mapping[str, tuple[str, bytes]], path: str) -> Response:
-    """Return the HTTP response to a request for a path: the file of those known, or 404."""
+def file_response(known: Mapping[str, tuple[str, bytes]], faults: Path, path: str) -> Response:
+    """Return the HTTP response to a request for a path: the file of those known, a fault recording, or 404."""
     path = path.partition("?")[0]
+    if path.startswith(FAULTS_PATH):
+        return _fault_response(faults, path)
     if path not in known:
         return text_response(HTTPStatus.NOT_FOUND, "no such file; the page is /")
     return _response(HTTPStatus.OK, *known[path])
 
 
-def fault_response(folder: Path, path: str) -> Response:
+def _fault_response(folder: Path, path: str) -> Response:
     """Return the HTTP response to a request for the fault recordings in a folder: their list, or a part of one."""
     by_name = {recording.name: recording for recording in fault_recordings(folder)}
-    _, _, *names = path.partition("?")[0].split("/")
+    _, _, *names = path.split("/")
     if not names:
         sizes = []
         for name, recording in by_name.items():

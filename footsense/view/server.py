@@ -7,9 +7,7 @@ All runs in one thread. The cycles are polled; nothing in the service wakes, wai
 """
 
 import asyncio
-import errno
 import logging
-import os
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from http import HTTPStatus
@@ -19,17 +17,15 @@ from typing import TYPE_CHECKING
 
 from websockets.asyncio.client import connect
 from websockets.asyncio.connection import Connection
-from websockets.asyncio.server import Server, ServerConnection, serve
+from websockets.asyncio.server import ServerConnection, serve
 from websockets.datastructures import MultipleValuesError
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 from websockets.typing import Subprotocol
 
-from footsense.errors import ConfigError, install_line
+from footsense.errors import install_line, serving_errors
 from footsense.recording.fault_recordings import FAULT_FOLDER
 from footsense.view.http_answers import (
-    FAULTS_PATH,
-    fault_response,
     file_response,
     is_allowed_origin,
     is_own_host,
@@ -104,20 +100,23 @@ class ViewServer:
         Raises:
             ConfigError: The port is in use or needs privileges, or the address is not of this machine.
         """
-        logging.getLogger("websockets").setLevel(
-            logging.CRITICAL
-        )  # a failed handshake is the client's affair
-        try:
-            server = await self._serve(address, port)
-        except OSError as error:
-            remedy = "view.address has to be an address of this machine, such as 127.0.0.1"
-            if error.errno in {errno.EADDRINUSE, errno.EACCES}:
-                remedy = "choose another port: --port, or view.port"
-            # A name that is not found has a negative number, which is none of the system's.
-            why = (
-                os.strerror(error.errno) if error.errno and error.errno > 0 else error.strerror or str(error)
+        # A failed handshake is the client's affair.
+        logging.getLogger("websockets").setLevel(logging.CRITICAL)
+        with serving_errors("the page", "view", address, port):
+            server = await serve(
+                self._session,
+                address,
+                port,
+                process_request=self._answer_http,
+                subprotocols=[PAGE_PROTOCOL, *FOXGLOVE_PROTOCOLS],
+                open_timeout=_OPEN_TIMEOUT_S,
+                compression=None,
+                max_size=_MAX_REQUEST_BYTES,
+                max_queue=4,
+                write_limit=_WRITE_BUFFER_BYTES,
+                server_header=None,
+                close_timeout=1.0,
             )
-            raise ConfigError(f"the page cannot be served on {address}:{port}: {why}; {remedy}") from error
         async with server:
             poller = asyncio.create_task(self._poll())
             host = f"[{address}]" if ":" in address else address
@@ -127,22 +126,6 @@ class ViewServer:
                 poller.cancel()
                 if self._foxglove is not None:
                     self._foxglove.close()
-
-    async def _serve(self, address: str, port: int) -> Server:
-        return await serve(
-            self._session,
-            address,
-            port,
-            process_request=self._answer_http,
-            subprotocols=[PAGE_PROTOCOL, *FOXGLOVE_PROTOCOLS],
-            open_timeout=_OPEN_TIMEOUT_S,
-            compression=None,
-            max_size=_MAX_REQUEST_BYTES,
-            max_queue=4,
-            write_limit=_WRITE_BUFFER_BYTES,
-            server_header=None,
-            close_timeout=1.0,
-        )
 
     async def _poll(self) -> None:
         while True:
@@ -181,12 +164,7 @@ class ViewServer:
         if not is_allowed_origin(request.headers.get("Origin"), host, () if is_page else _FOXGLOVE_ORIGINS):
             return text_response(HTTPStatus.FORBIDDEN, "pages of other origins may not read this")
         if request.headers.get("Upgrade", "").lower() != "websocket":
-            of_faults = request.path.startswith(FAULTS_PATH)
-            return (
-                fault_response(self._faults, request.path)
-                if of_faults
-                else file_response(self._files, request.path)
-            )
+            return file_response(self._files, self._faults, request.path)
         if self._n_clients >= MAX_CLIENTS:
             return text_response(
                 HTTPStatus.SERVICE_UNAVAILABLE, f"{MAX_CLIENTS} viewers are connected already"

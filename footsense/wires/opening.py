@@ -5,7 +5,6 @@ from collections.abc import Collection
 from footsense.errors import CanError
 from footsense.ports import CanWire
 from footsense.wires.address import DEFAULT_CHANNELS, CanAddress, error_text
-from footsense.wires.python_can import PythonCanWire
 from footsense.wires.socket_wire import open_socket
 
 #: Period of reading a channel [ns].
@@ -24,6 +23,8 @@ def open_wire(address: CanAddress, accept: Collection[int] = ()) -> CanWire:
     """
     if address.interface == "socketcan":
         return open_socket(address, accept)
+    from footsense.wires.python_can import PythonCanWire  # a robot does not load python-can
+
     try:
         return PythonCanWire(address.interface, address.channel)
     except OSError as error:

@@ -1,8 +1,4 @@
-"""Interfaces of python-can, on which a simulated robot sends: within the process, or on this computer alone.
-
-python-can neither checks its settings nor ignores files in the home directory, so it gets checked settings and no
-files.
-"""
+"""Interfaces of python-can, on which a simulated robot sends: within the process, or on this computer alone."""
 
 import contextlib
 import logging
@@ -11,12 +7,12 @@ import select
 import socket
 import struct
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
 
-from firmware_interface.can.socketcan import ERROR, EXTENDED, REMOTE, pack_frame, unpack_frame
+import can
+from can.interfaces.udp_multicast import UdpMulticastBus
+from can.interfaces.virtual import VirtualBus
 
-if TYPE_CHECKING:
-    import can
+from firmware_interface.can.socketcan import ERROR, pack_frame, unpack_frame
 
 #: Most frames of one `receive`.
 _MAX_RECEIVED_PER_CALL = 1000
@@ -52,34 +48,26 @@ class PythonCanWire:
     """
 
     def __init__(self, interface: str, channel: str) -> None:
-        import can
-        from can.interfaces.virtual import VirtualBus
-
-        is_group = interface == "udp_multicast"
-        options: dict[str, Any] = {"hop_limit": 0} if is_group else {"preserve_timestamps": True}
-        try:
-            bus = can.Bus(interface=interface, channel=channel, ignore_config=True, **options)
-        # NotImplementedError is what python-can raises for an interface that it does not know.
-        except (can.CanError, ValueError, ImportError, NotImplementedError) as error:
-            raise OSError(None, str(error)) from error
-        if is_group:
-            keep_multicast_local(bus.fileno(), channel)
-        self._bus = bus
-        self._failures = (can.CanError, OSError)
-        self.close = bus.shutdown
+        self._bus: VirtualBus | UdpMulticastBus
         self._has_arrived: Callable[[], bool]
-        if isinstance(bus, VirtualBus):
-            self._has_arrived = lambda: not bus.queue.empty()
-        else:
-            descriptor = bus.fileno()
-            self._has_arrived = lambda: bool(select.select([descriptor], (), (), 0)[0])
+        try:
+            if interface == "virtual":
+                self._bus = within = VirtualBus(channel, preserve_timestamps=True)
+                self._has_arrived = lambda: not within.queue.empty()
+            else:
+                self._bus = group = UdpMulticastBus(channel, hop_limit=0)
+                keep_multicast_local(group.fileno(), channel)
+                self._has_arrived = lambda: bool(select.select([group], (), (), 0)[0])
+        except (can.CanError, ValueError) as error:
+            raise OSError(None, str(error)) from error
+        self.close = self._bus.shutdown
 
     def send(self, frames: Sequence[bytes], t_ns: int) -> int:
         """Send frames up to the first that is refused, stamped with a time [ns]; return the number accepted."""
         for n, frame in enumerate(frames):
             try:
                 self._bus.send(sent_message(frame, t_ns), timeout=0)
-            except self._failures:
+            except (can.CanError, OSError):
                 return n
         return len(frames)
 
@@ -92,22 +80,22 @@ class PythonCanWire:
                 break
             try:
                 message = self._bus.recv(timeout=0)
-            except self._failures:
+            except (can.CanError, OSError):
                 continue  # a datagram that is no frame
             if message is None:
                 break
-            if message.is_fd:  # of another program; a classic socket of Linux does not deliver it either
-                continue
+            is_data = not (message.is_fd or message.is_extended_id or message.is_remote_frame)
+            if not (is_data or message.is_error_frame):
+                continue  # of another program
             # python-can checks the ranges of a message's fields, not their types: an id of 1.5 passes.
             with contextlib.suppress(TypeError, ValueError, struct.error):
-                arrived.append(pack_frame(_flagged_id(message), bytes(message.data)))
+                flag = ERROR if message.is_error_frame else 0
+                arrived.append(pack_frame(message.arbitration_id | flag, bytes(message.data)))
         return arrived
 
 
-def sent_message(frame: bytes, t_ns: int) -> "can.Message":
+def sent_message(frame: bytes, t_ns: int) -> can.Message:
     """Return a packed frame as python-can's message, sent at a time [ns]."""
-    import can
-
     can_id, data = unpack_frame(frame)
     return can.Message(
         timestamp=t_ns / 1e9,
@@ -115,14 +103,4 @@ def sent_message(frame: bytes, t_ns: int) -> "can.Message":
         is_extended_id=False,
         data=data,
         is_rx=False,
-    )
-
-
-def _flagged_id(message: "can.Message") -> int:
-    """Return a message's CAN id with the flag bits of Linux."""
-    return (
-        message.arbitration_id
-        | (EXTENDED if message.is_extended_id else 0)
-        | (REMOTE if message.is_remote_frame else 0)
-        | (ERROR if message.is_error_frame else 0)
     )

@@ -110,7 +110,8 @@ def test_a_metrics_port_in_use_costs_metrics_and_no_forces(config: tuple[Path, i
         line = one_line_error(footsense("exporter", "--config", file), 78)
         result = footsense("run", "--config", file, "--duration", "1")
     assert line == (
-        f"metrics cannot be served on 127.0.0.1:{port}: Address already in use; choose another metrics.port"
+        f"metrics cannot be served on 127.0.0.1:{port}: Address already in use; choose another port: --port, or "
+        "metrics.port"
     )
     assert (result.returncode, result.stderr) == (0, "")
     file.write_text(file.read_text().replace("metrics: {", "metrics: {address: 192.0.2.1, "))

@@ -10,7 +10,6 @@ from typing import IO, TYPE_CHECKING, Any
 from footsense.child_process import check_new_file
 from footsense.errors import ConfigError, RecordingError
 from footsense.ports import CanWire
-from footsense.wires.python_can import sent_message
 
 if TYPE_CHECKING:
     from can.io.generic import FileIOMessageWriter
@@ -77,6 +76,8 @@ class CanFrameLog:
         if not t_ns:
             self._untimed += frames
             return
+        from footsense.wires.python_can import sent_message  # a robot does not load python-can
+
         frames, self._untimed = [*self._untimed, *frames], []
         try:
             for frame in frames:

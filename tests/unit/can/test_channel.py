@@ -27,11 +27,11 @@ from footsense.wires.python_can import keep_multicast_local
 from tests.support.can_robot import MS, FakeClock, NarrowWire, Robot
 
 
-def test_an_unknown_interface_is_a_can_error(tmp_path: Path) -> None:
+def test_an_interface_that_cannot_be_opened_is_a_can_error(tmp_path: Path) -> None:
     """One line that names the channel; no log file is made."""
-    unknown = Can(interface="telepathy")  # type: ignore[arg-type]
-    log = CanFrameLog(tmp_path / "walk.log", "can0", partial(open_wire, unknown.address))
-    with pytest.raises(CanError, match=r"CAN channel can0 \(telepathy\) cannot be opened"):
+    no_group = Can(interface="udp_multicast", channel="127.0.0.1")
+    log = CanFrameLog(tmp_path / "walk.log", "can0", partial(open_wire, no_group.address))
+    with pytest.raises(CanError, match=r"CAN channel 127\.0\.0\.1 \(udp_multicast\) cannot be opened"):
         log.connect()
     log.close()
     assert list(tmp_path.iterdir()) == []

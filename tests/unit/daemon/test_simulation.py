@@ -63,6 +63,15 @@ class SlowSource:
     def close(self) -> None: ...
 
 
+class _RunningClock(FakeClock):
+    def __init__(self) -> None:
+        self.t_ns = 3600 * 1000 * MS
+
+    def now_ns(self) -> int:
+        self.t_ns += 1000
+        return self.t_ns
+
+
 class _States(Observer):
     def __init__(self) -> None:
         self.last: list[State] = []
@@ -105,7 +114,7 @@ class _Controller(Observer):
 def test_a_simulation_that_lags_says_so_in_frames_and_heartbeats(
     request: pytest.FixtureRequest, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """From 0.1 s behind real time until it has caught up, and in one line of the log for the whole run."""
+    """From 0.1 s behind real time until it has caught up, and in one line of the log, with its speed until then."""
     robot = Robot(request.node.nodeid, LEGS)
     real = FakeClock()
     slow, fast = [70 * MS] * 10, [0] * 40
@@ -128,8 +137,24 @@ def test_a_simulation_that_lags_says_so_in_frames_and_heartbeats(
     beats = [decode_heartbeat(m.arbitration_id, bytes(m.data)) for m in robot.heard(HEARTBEAT_ID)]
     assert {beat.degraded_timing for beat in beats if beat.state is NmtState.PRE_OPERATIONAL} == {False, True}
     (line,) = (r.getMessage() for r in caplog.records if "pace" in r.getMessage())
-    assert "cannot keep pace with real time" in line
+    # Lags more than 0.1 s after three frames of 20 ms in 70 ms each.
+    assert "cannot keep pace with real time on this computer: it runs at 0.29 of real time" in line
+    assert source.real_time_factor == 1.0  # it has caught up
     robot.close()
+
+
+@pytest.mark.parametrize(("cost_ms", "factor"), [(5, 1.0), (20, 1.0), (50, 0.4)])
+def test_the_real_time_factor_is_that_of_all_frames_since_the_first(
+    cost_ms: int, factor: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    """On a clock that has run since long before, and goes on while it is read."""
+    played, real, lagging = FakeClock(), _RunningClock(), list[bool]()
+    source = PacedSource(SlowSource(played, real, [cost_ms * MS] * 20), played, real, lagging.append)
+    while source.read():
+        pass
+    assert source.real_time_factor == pytest.approx(factor, abs=1e-3)
+    assert lagging == [True] * (factor < 1.0)
+    assert ["it runs at 0.40 of real time;" in line for line in caplog.messages] == lagging
 
 
 def test_a_recording_with_changes_of_the_timing_replays_bit_for_bit(tmp_path: Path) -> None:

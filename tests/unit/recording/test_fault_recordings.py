@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from footsense.cli.info import info
 from footsense.frames import Cause, Cycle
-from footsense.recording.fault_recordings import MOST, MOST_ALIKE, FaultRecorder, FaultWatch
+from footsense.recording.fault_recordings import MOST, MOST_ALIKE, FaultRecorder
 from footsense.recording.replay import Replay
 from footsense.ring.cycle_reader import CycleReader
 from footsense.ring.cycle_ring import CycleRing
@@ -28,30 +28,35 @@ def faulty(number: int, t_s: float, *causes: Cause) -> Cycle:
     return one._replace(forces=one.forces._replace(t_sent_ns=int(t_s * S), cause=all_causes))
 
 
-def test_a_recording_is_due_ten_seconds_after_a_new_cause_and_at_most_one_a_minute() -> None:
-    watch, told = FaultWatch(LEGS), []
-    times_s = np.arange(0.0, 200.0, 0.5)
-    for number, t_s in enumerate(times_s):
-        first = Cause.ELEMENT_STUCK if t_s >= 20.0 else Cause.NONE
-        second = Cause.OVERLOAD if t_s % 10.0 < 5.0 else Cause.NONE  # flaps
-        if reason := watch.reason(faulty(number, t_s, first, second)):
-            told.append((t_s, reason))
-    left, right = LEGS[:2]
-    assert told == [
-        (10.0, f"{right}-overload"),
-        (70.0, f"{right}-overload"),
-        (130.0, f"{right}-overload"),
-        (190.0, f"{right}-overload"),
-    ]
-    assert watch.reason(faulty(0, 300.0, Cause.COLUMN_OPEN)) == ""
-    assert watch.rest() == f"{left}-column-open"
-    assert watch.rest() == ""
-
-
 @pytest.fixture
 def ring(tmp_path: Path) -> Iterator[CycleRing]:
     with closing(CycleRing(tmp_path / "ring", LEGS, {"scene": "flat"}, 40.0, status)) as ring:
         yield ring
+
+
+def test_a_recording_is_due_ten_seconds_after_a_new_cause_and_at_most_one_a_minute(
+    tmp_path: Path, ring: CycleRing
+) -> None:
+    """What is not due at the end is written then, once."""
+    folder, now_s = tmp_path / "faults", 0.0
+    with closing(CycleReader(tmp_path / "ring")) as reader:
+        recorder = FaultRecorder(reader, folder, lambda: f"{now_s:05.1f}Z")
+        for number, now_s in enumerate(np.arange(0.0, 180.0, 0.5).tolist()):
+            first = Cause.ELEMENT_STUCK if now_s >= 20.0 else Cause.NONE
+            second = Cause.OVERLOAD if now_s % 10.0 < 5.0 else Cause.NONE  # flaps
+            seen = faulty(number, now_s, first, second)
+            ring.observe(seen)
+            recorder.add([seen])
+        now_s = 300.0
+        recorder.add([faulty(0, now_s, Cause.COLUMN_OPEN)])
+        left, right = LEGS[:2]
+        names = [f"{due_s}Z-{right}-overload.mcap" for due_s in ("010.0", "070.0", "130.0")]
+        assert sorted(path.name for path in folder.iterdir()) == names
+        recorder.end()
+        now_s = 301.0
+        recorder.end()
+    names.append(f"300.0Z-{left}-column-open.mcap")
+    assert sorted(path.name for path in folder.iterdir()) == names
 
 
 def test_the_newest_are_kept_and_listed(tmp_path: Path, ring: CycleRing) -> None:
