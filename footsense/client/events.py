@@ -8,6 +8,9 @@ from firmware_interface.can.codes import GaitEventKind
 class FootEvent(NamedTuple):
     """A touchdown, a lift-off, or a slip of one foot, reported once.
 
+    A contact that began or ended while the leg was not usable for more than 250 ms has no event: take the leg's
+    `contact` when it is usable again, and expect two events of a kind in a row.
+
     Attributes:
         t_s: When it happened, dated back [s]: in a `Recording` on the axis of its `t_s`, received live on that of
             `time.monotonic()`; NaN if it is not known.

@@ -216,6 +216,7 @@ class Feet:
     ) -> None:
         """Tell the service what the robot's controller knows of the motion of a leg; NaN for what it does not know.
 
+        The load that the acceleration of a swinging foot explains is then no contact; a wrong one harms little.
         It holds for 50 ms: call it for each leg in every step of the controller's loop, 50 times a second or so. The
         frame of the foot is that of the force: x forward, y left, z along the leg towards the body.
 

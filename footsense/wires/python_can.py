@@ -1,6 +1,7 @@
 """Interfaces of python-can, on which a simulated robot sends: within the process, or on this computer alone."""
 
 import contextlib
+import errno
 import logging
 import os
 import select
@@ -28,12 +29,21 @@ def keep_multicast_local(descriptor: int, group: str) -> None:
     """Restrict a multicast socket to its group and to the loopback interface.
 
     It would receive from any network, and from every group that any program on this computer has joined.
+
+    Raises:
+        OSError: It cannot be restricted.
     """
     with socket.socket(fileno=os.dup(descriptor)) as local:
         local.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, b"lo")
         local.setsockopt(socket.IPPROTO_IP, _IP_MULTICAST_ALL, 0)
         membership = socket.inet_aton(group) + socket.inet_aton("127.0.0.1")
-        local.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
+        try:
+            local.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
+        except OSError as error:
+            if (
+                error.errno != errno.EADDRINUSE
+            ):  # python-can joined on the loopback: the route of multicast is there
+                raise
 
 
 class PythonCanWire:
@@ -59,7 +69,10 @@ class PythonCanWire:
                 keep_multicast_local(group.fileno(), channel)
                 self._has_arrived = lambda: bool(select.select([group], (), (), 0)[0])
         except (can.CanError, ValueError) as error:
-            raise OSError(None, str(error)) from error
+            reason = str(error)
+            if isinstance(error.__cause__, OSError) and error.__cause__.errno == errno.ENODEV:
+                reason = "this computer has no route of multicast; try: sudo ip route add 224.0.0.0/4 dev lo"
+            raise OSError(None, reason) from error
         self.close = self._bus.shutdown
 
     def send(self, frames: Sequence[bytes], t_ns: int) -> int:

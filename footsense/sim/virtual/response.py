@@ -97,7 +97,9 @@ class BatchResponse:
     def _basis(self, normal: Array) -> Array:
         """Return what `series_basis` does, by recurrence, shape (products, n), of normals, shape (3, n)."""
         xp, rim = self._xp, math.radians(self._response.fit_elevation_deg)
-        plane = normal[:2, :] * ((1.0 + math.sin(rim)) / math.cos(rim) / (1.0 + normal[2:, :]))
+        plane = normal[:2, :] * (
+            (1.0 + math.sin(rim)) / math.cos(rim) / (1.0 + xp.maximum(normal[2:, :], self._lowest_z))
+        )
         chebyshev = [xp.ones_like(plane), plane]
         while len(chebyshev) <= self._response.degree:
             chebyshev.append(2.0 * plane * chebyshev[-1] - chebyshev[-2])

@@ -3,7 +3,10 @@
 import errno
 import logging
 import os
+import shutil
 import socket
+import subprocess
+import sys
 import threading
 from functools import partial
 from logging.handlers import BufferingHandler
@@ -150,6 +153,23 @@ def test_two_groups_on_one_computer_do_not_hear_each_other() -> None:
     assert heard == [frames[:1], frames[1:]]
     for wire in (here, there, same):
         wire.close()
+
+
+def test_a_computer_without_a_route_of_multicast_is_told_the_one_that_it_needs() -> None:
+    """And that route is enough: python-can has joined the group on the loopback then."""
+    opened = (
+        "from footsense.wires.opening import open_wire; from footsense.wires.address import CanAddress; "
+        "open_wire(CanAddress('udp_multicast', '239.74.163.82'))"
+    )
+    script = 'ip link set lo up; "$0" -c "$1"; ip route add 224.0.0.0/4 dev lo; "$0" -c "$1" && echo opened'
+    alone = ("unshare", "--net", "--map-root-user", "sh", "-c")
+    if shutil.which("ip") is None or subprocess.run([*alone, "ip link set lo up"], check=False).returncode:
+        pytest.skip("no network namespace can be made here")
+    done = subprocess.run(
+        [*alone, script, sys.executable, opened], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert "no route of multicast; try: sudo ip route add 224.0.0.0/4 dev lo" in done.stderr
+    assert done.stdout == "opened\n"
 
 
 def test_a_local_socket_commands_nothing_and_kills_nothing() -> None:
