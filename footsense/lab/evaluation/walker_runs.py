@@ -140,11 +140,6 @@ class ScanTimes(NamedTuple):
         """Time of a scan [s]."""
         return ELEMENTS * self.conversion_s
 
-    @property
-    def newest_s(self) -> float:
-        """From the middle of the newest conversion of a frame to the sending of its force, mean [s]."""
-        return self.send_delay_s + float(self.lag_s.min(axis=1).mean())
-
 
 #: Host's time of a transaction in `SCAN_TIMES` [us].
 HOST_COST_US = 100
