@@ -85,10 +85,18 @@ def conversion_elements(order: int, n: int) -> NDArray[np.intp]:
     return np.resize(np.array(list(CONVERSION_ORDERS.values())[order], np.intp), n)
 
 
-def _equivalent_elastic_load(
+def equivalent_elastic_load(
     t_s: Vector, normal: Vector, force_n: Vector, amount: float, level: RubberLevel
 ) -> tuple[Vector, Vector]:
-    """Return normal and force of the elastic load that deforms a foot as the viscoelastic one does."""
+    """Return normal and force of the elastic loads that deform a foot as these do one that creeps and lags.
+
+    Args:
+        t_s: Times of n loads [s], shape (n,).
+        normal: Contact normals, shape (n, 3).
+        force_n: Forces [N], shape (n, 3).
+        amount: Creep and lag over those of the level [1].
+        level: Level of the rubber.
+    """
     rubber = ViscoelasticRubber(*RUBBER_LEVELS[level])
     normals, forces = normal.copy(), np.empty_like(force_n)
     for k, t_ns in enumerate((t_s * 1e9).astype(np.int64).tolist()):
@@ -158,7 +166,7 @@ def simulate_gait_readings(
     t_s: Vector = np.asarray(conditions.step_s * np.arange(1.0, n + 1), np.float64)
     read, sent = (felt or loads)(t_s), loads(t_s + send_delay_s)
     normal, force_n = (
-        _equivalent_elastic_load(t_s, *read, conditions.viscous_rel, conditions.rubber_level)
+        equivalent_elastic_load(t_s, *read, conditions.viscous_rel, conditions.rubber_level)
         if conditions.viscous_rel
         else read
     )
