@@ -207,10 +207,11 @@ def draw_conditions(rng: np.random.Generator, slowest_rel: float = PACE_REL[1]) 
         send_delay_s = rng.uniform(*board.send_delay_s)
     if rng.random() < _LATE_SHARE:
         send_delay_s += rng.uniform(0.0, _LATEST_S)
+    order = int(rng.random() < _RASTER_SHARE)
     level = _LEVELS[rng.integers(len(_LEVELS))]
     viscous, drifting = rng.random(2) < (_VISCOUS_SHARE, _DRIFT_SHARE)
     return ReadingConditions(
-        conversion_order_index=int(rng.random() < _RASTER_SHARE),
+        conversion_order_index=order,
         step_s=step_s,
         send_delay_s=send_delay_s,
         viscous_rel=rng.uniform(0.0, _MOST_VISCOUS) if viscous else 0.0,
