@@ -45,10 +45,6 @@ def _robots(board: str, foot: str = _PAPER_FOOT) -> Any:  # noqa: ANN401
     return _board(board)["pooled"][foot]
 
 
-def _gait(board: str, load: str) -> Any:  # noqa: ANN401
-    return next(row for row in _board(board)["gaits"] if row["load"] == load)
-
-
 def _own_robot(board: str, place: int) -> Any:  # noqa: ANN401
     return list(_board(board)["own_robots"].values())[place]
 
@@ -100,7 +96,7 @@ def _drift(source: str, how: Callable[[Any], float], gate: str = "no gate") -> f
 
 def _front() -> str:
     own, small = _robots(_DEFAULT), _robots(_SMALL)
-    walk = _gait(_DEFAULT, "measured walk")
+    walk = _board(_DEFAULT)["couplings"]["measured walk, strays known, 100 us"]
     touches, missed, twice, in_air = (
         sum(_others(key)) for key in ("n_touches", "n_missed", "n_twice", "n_in_air")
     )

@@ -4,12 +4,11 @@ A study is one module of `footsense.lab.studies` with `TITLE` and `compute(conte
 `<module>.md.j2`. `compute` returns its figures as a dictionary of numbers, lists and texts, and puts what it draws into
 the context; its `quick` form answers in seconds. The template gets these figures by name, the module as `study`, and
 what `shown(values)` of the module derives of them, if it has that; `table` and `spread` write tables. What the report's
-first page shows of a study is in the list `targets`, made by `target`.
+first page shows of a study is in `targets.yaml`.
 """
 
 import json
 import os
-import re
 import subprocess
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -21,6 +20,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from pkgutil import iter_modules
 from timeit import default_timer
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -37,6 +37,7 @@ from footsense.lab.evaluation.evaluate_models import RESPONSE_FILE, open_models
 from footsense.lab.foot_file import FOOT_FILE, load_foot
 from footsense.lab.geometry import FootDesign
 from footsense.lab.page_inputs import changed_inputs, digest_of, model_name, table_name
+from footsense.lab.targets import rows_of_targets
 from footsense.lab.template import render
 from footsense.lab.training.export import OnnxNetwork
 from footsense.sim.scene import Scene, load_scene
@@ -187,33 +188,6 @@ def spread(values: ArrayLike, digits: int = 2) -> str:
     )
 
 
-def target(figure: str, limit: str, measured: str, *, met: bool) -> dict[str, object]:
-    """Return a row of the report's first page: a figure, its limit, what was measured, and whether that is within."""
-    return {"figure": figure, "target": limit, "measured": measured, "met": bool(met)}
-
-
-def target_at_most(
-    figure: str, wanted: Sequence[float], found: Sequence[float], cells: str, limit: str | None = None
-) -> dict[str, object]:
-    """Return the row of figures that are at most what is wanted of each.
-
-    Args:
-        figure: The row in words.
-        wanted: The most of each.
-        found: What was measured.
-        cells: Format of what was measured.
-        limit: Format of what is wanted, if it is not that with as few digits as there are.
-    """
-    plain = re.sub(r"\{:[^}]*\}", "{:g}", cells)
-    met = all(one <= most for one, most in zip(found, wanted, strict=True))
-    return target(figure, (limit or plain).format(*wanted), cells.format(*found), met=met)
-
-
-def told(row: Mapping[str, Any]) -> str:
-    """Return what a row of `target` measured, and that it is missed if it is."""
-    return f"{row['measured']}{'' if row['met'] else ', **missed**'}"
-
-
 def of_each(parts: Mapping[str, Values], key: str) -> dict[str, Any]:
     """Return the values of one key of some parts, by the parts' names."""
     return {name: part[key] for name, part in parts.items()}
@@ -226,7 +200,6 @@ _IN_TEMPLATES: dict[str, Any] = {
     "table_by_board": table_by_board,
     "of_each": of_each,
     "spread": spread,
-    "told": told,
     "mean": np.mean,
     "median": np.median,
     "deviation": partial(np.std, ddof=1),
@@ -238,6 +211,10 @@ def study_names() -> tuple[str, ...]:
     return tuple(
         module.name.replace("_", "-") for module in iter_modules(studies.__path__) if not module.ispkg
     )
+
+
+def _study(name: str) -> ModuleType:
+    return import_module(f"{studies.__name__}.{name.replace('-', '_')}")
 
 
 def make_page(name: str, context: StudyContext, folder: Path) -> tuple[str, Values]:
@@ -257,7 +234,7 @@ def make_page(name: str, context: StudyContext, folder: Path) -> tuple[str, Valu
     """
     if name not in study_names():
         raise FootsenseError(f"no study {name!r}: there are {', '.join(study_names())}")
-    study = import_module(f"{studies.__name__}.{name.replace('-', '_')}")
+    study = _study(name)
     commit = _commit(allow_changes=context.quick)
     started, load = default_timer(), os.getloadavg()[0]
     computed = study.compute(context)
@@ -285,14 +262,13 @@ def make_page(name: str, context: StudyContext, folder: Path) -> tuple[str, Valu
 
 def page_text(values: Values) -> str:
     """Return the Markdown of a page from its JSON values, and a line on top if its inputs are others today."""
-    study = import_module(f"{studies.__name__}.{values['study'].replace('-', '_')}")
+    study = _study(values["study"])
     quick = " --quick" if values["quick"] else ""
     made_by = (
         f"`footsense lab study {values['study']}{quick}` of commit {values['commit']}, {values['date']}: "
         f"{values['seconds']:.0f} s on {values['n_processors']} processors, load {values['load']:g} before."
     )
-    # Pages of before 0032 name no inputs.
-    changed = changed_inputs(values["inputs"]) if "inputs" in values else ["what it was made from"]
+    changed = changed_inputs(values["inputs"])
     notices = [
         *(
             [f"**Out of date: {', '.join(changed)} changed since. Its figures are no results.**"]
@@ -301,10 +277,21 @@ def page_text(values: Values) -> str:
         ),
         *([_QUICK_NOTICE] if values["quick"] else ()),
     ]
-    derived = study.shown(values) if hasattr(study, "shown") else {}
     template = study.__name__.removeprefix("footsense.").replace(".", "/")
-    text = render(f"{template}.md", {**_IN_TEMPLATES, **values, **derived, "study": study})
+    figures = _with_derived(values)
+    targets = table("figure | wanted | measured", targets_of(values), "{figure} | {target} | {told}")
+    text = render(f"{template}.md", {**_IN_TEMPLATES, **figures, "study": study, "targets": targets})
     return "\n\n".join([f"# {study.TITLE}", made_by, *notices, text])
+
+
+def targets_of(values: Values) -> list[Values]:
+    """Return the rows of `targets.yaml` of a page, from its JSON values."""
+    return list(rows_of_targets(_with_derived(values)))
+
+
+def _with_derived(values: Values) -> Values:
+    study = _study(values["study"])
+    return values | (study.shown(values) if hasattr(study, "shown") else {})
 
 
 def make_report(folder: Path, context: StudyContext, report: Callable[[str], None]) -> Path:
@@ -321,7 +308,7 @@ def make_report(folder: Path, context: StudyContext, report: Callable[[str], Non
         report: Receives a line after each page.
     """
     for name in study_names():
-        needs_data = hasattr(import_module(f"{studies.__name__}.{name.replace('-', '_')}"), "DATA")
+        needs_data = hasattr(_study(name), "DATA")
         if needs_data and context.data is None:
             report(f"{name}: kept, since its data were not given")
             continue
@@ -352,7 +339,14 @@ def write_list_of_pages(folder: Path) -> Path:
     files = [folder / f"{name}.json" for name in study_names()]
     pages = {file.stem: json.loads(file.read_text("utf-8")) for file in files if file.exists()}
     path = folder / README
-    text = render("lab/report.md", {**_IN_TEMPLATES, "pages": pages, "quick_notice": _QUICK_NOTICE})
+    rows = [
+        row | {"page": f"[{name}]({name}.md)"} for name, page in pages.items() for row in targets_of(page)
+    ]
+    targets = table("figure | target | measured | page", rows, "{figure} | {target} | {told} | {page}")
+    text = render(
+        "lab/report.md",
+        {**_IN_TEMPLATES, "pages": pages, "targets": targets, "quick_notice": _QUICK_NOTICE},
+    )
     path.write_text(text, encoding="utf-8")
     return path
 

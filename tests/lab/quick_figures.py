@@ -11,9 +11,8 @@ import re
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
-from footsense.lab.report import StudyContext, make_page
+from footsense.lab.report import StudyContext, Values, make_page, targets_of
 
 _FILE = Path(__file__).with_suffix(".json")
 _FOOT = Path(__file__).parents[2] / "models" / "aoyagi-3x3"
@@ -24,9 +23,9 @@ _DIFFERENCE_REL, _DIFFERENCE_UNITS = 0.03, 1.01
 _NUMBER = re.compile(r"\d+(?:\.(\d+))?")
 
 
-def figures_of(values: Mapping[str, Any]) -> dict[str, str]:
+def figures_of(values: Values) -> dict[str, str]:
     """Return what a page measured, by the figure's name."""
-    return {row["figure"]: row["measured"] for row in values["targets"]}
+    return {row["figure"]: row["measured"] for row in targets_of(values)}
 
 
 def read_quick_figures() -> dict[str, dict[str, str]]:

@@ -17,6 +17,7 @@ from footsense.lab.report import (
     spread,
     study_names,
     table,
+    targets_of,
     write_list_of_pages,
 )
 from tests.lab.quick_figures import REPEATABLE, differences, figures_of, read_quick_figures
@@ -126,6 +127,31 @@ def test_the_committed_list_has_all_pages(tmp_path: Path) -> None:
     written = write_list_of_pages(tmp_path).read_text("utf-8")
     assert written == (PAGES / "README.md").read_text("utf-8")
     assert all(f"| [{name}]({name}.md) |" in written for name in study_names())
+
+
+@pytest.mark.parametrize(
+    ("share", "dated_ms", "told"),
+    [
+        (0.9, 4.0, ["90% of 10", "4.0 ms; 1.00"]),
+        (0.89, 4.1, ["89% of 10, **missed**", "4.1 ms; 1.00, **missed**"]),
+    ],
+)
+def test_a_figure_beyond_its_limit_is_missed(share: float, dated_ms: float, told: list[str]) -> None:
+    """One that is at it is not, be it the most or the least that is wanted."""
+    page = json.loads((PAGES / "motion.json").read_text("utf-8"))
+    page["boards"]["ad7147"]["contacts"] |= {
+        "dragged_found_share": share,
+        "n_dragged_touches": 10,
+        "dated_rms_ms": dated_ms,
+        "dated_rms_over_sigma": 1.0,
+    }
+    rows = {row["figure"]: row for row in targets_of(page)}
+    found = [
+        rows["`ad7147`: feet that drag, found at their first touch"],
+        rows["`ad7147`: touches, new gaits, error of the time, rms; rms over sigma"],
+    ]
+    assert [row["told"] for row in found] == told
+    assert [row["target"] for row in found] == ["90%", "4 ms; 0.8 to 1.2"]
 
 
 def test_an_unknown_study_is_answered_with_those_that_are(tmp_path: Path) -> None:

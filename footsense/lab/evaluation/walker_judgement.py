@@ -108,7 +108,7 @@ def contact_figures(judged: Sequence[JudgedRun]) -> dict[str, Any]:
     """Return what became of the touches of runs on all feet together.
 
     Returns:
-        Of walks whose feet do not drag: `n_touches`, `found_share`, `n_in_air`, `n_twice` and its share `twice_share`;
+        Of walks whose feet do not drag: `n_touches`, `found_share`, `n_in_air`, `n_twice` and the shares of these;
         `told_p50_ms` and `told_p99_ms`, from the first load to the sending, of those that are found;
         `dated_rms_ms`, the error of their times, and `dated_rms_over_sigma`; `wrong_share`, of the time in which the
         contact is another than the true one. Of slow loads: `n_slow_touches`, `slow_p95_ms`, the error of times of all
@@ -136,6 +136,7 @@ def contact_figures(judged: Sequence[JudgedRun]) -> dict[str, Any]:
         "n_touches": n_touches,
         "found_share": 1.0 - summed(walked, "n_missed") / max(n_touches, 1),
         "n_in_air": summed(walked, "n_in_air"),
+        "in_air_share": summed(walked, "n_in_air") / max(n_touches, 1),
         "n_twice": summed(walked, "n_twice"),
         "twice_share": summed(walked, "n_twice") / max(n_touches, 1),
         "told_p50_ms": float(np.percentile(listed(walked, "delays_ms"), 50)),
@@ -194,7 +195,7 @@ def slip_figures(judged: Sequence[JudgedRun]) -> dict[str, Any]:
     Returns:
         `n_slides` over `SLIDE_M` and `found_share`; `n_slips`, `false_share` of a foot that neither slides nor is at
         its cone, and `slow_share` of one that is slower than `SLIDE_M_S`; `told_p50_ms` after the begin of the slide;
-        `hours`; and `holds_bins`, how often the probability of holding was within each bounds, and how often such a
+        `minutes`; and `holds_bins`, how often the probability of holding was within each bounds, and how often such a
         foot held.
     """
     rows = [one.scores for one in judged]
@@ -210,6 +211,6 @@ def slip_figures(judged: Sequence[JudgedRun]) -> dict[str, Any]:
         "false_share": n_false / max(n_slips, 1),
         "slow_share": n_slow / max(n_slips, 1),
         "told_p50_ms": float(np.median([one for row in rows for one in row["slip_delays_ms"]] or [np.nan])),
-        "hours": float(sum(row["walked_s"] for row in rows) / 3600.0),
+        "minutes": float(sum(row["walked_s"] for row in rows) / 60.0),
         "holds_bins": bins.tolist(),
     }

@@ -17,7 +17,7 @@ from footsense.estimation.pipeline import Pipeline, pipeline_of
 from footsense.estimation.settings import ContactLimits, EstimationLimits, MountedFeet
 from footsense.foot.parameters import FootParameters, ForceUncertainty
 from footsense.foot.response_table import FootResponse
-from footsense.foot.specimen import ContactLoads, Specimen
+from footsense.foot.specimen import Specimen
 from footsense.frames import (
     ELEMENTS,
     CapFrame,
@@ -29,11 +29,10 @@ from footsense.frames import (
     StepPhase,
     Vector,
 )
-from footsense.lab.training.gait_readings import conversion_elements
+from footsense.lab.training.gait_readings import conversion_elements, equivalent_elastic_load
 from footsense.lab.walkers.robots import GRAVITY_M_S2
 from footsense.lab.walkers.simulate import WalkerLog
 from footsense.sim.loads.load_log import RowsBetween
-from footsense.sim.rubber import ViscoelasticRubber
 from footsense.sim.scene import Ad7147Effects
 
 #: Time in the air before a log, in which the feet are tared, and time in which its first loads rise [s].
@@ -140,11 +139,6 @@ class ScanTimes(NamedTuple):
         """Time of a scan [s]."""
         return ELEMENTS * self.conversion_s
 
-    @property
-    def newest_s(self) -> float:
-        """From the middle of the newest conversion of a frame to the sending of its force, mean [s]."""
-        return self.send_delay_s + float(self.lag_s.min(axis=1).mean())
-
 
 #: Host's time of a transaction in `SCAN_TIMES` [us].
 HOST_COST_US = 100
@@ -234,7 +228,7 @@ def read_walker(
     for leg in range(n_legs):
         normal, force_n = read.normal[:, leg], read.felt_n[:, leg]
         if viscous_rel:
-            normal, force_n = _effective_loads(middles_s, ContactLoads(normal, force_n), viscous_rel)
+            normal, force_n = equivalent_elastic_load(middles_s, normal, force_n, viscous_rel, "assumed")
         whole_pf = np.tile(foot.unloaded_pf, (len(middles_s), 1))
         rows = np.flatnonzero(force_n.any(axis=1))
         for first in range(0, len(rows), _LOADS_PER_CALL):
@@ -244,15 +238,6 @@ def read_walker(
     capacitance_pf += scan.noise_pf * rng.normal(size=capacitance_pf.shape)
     sent = loads.at(t_s + scan.send_delay_s)
     return WalkerReadings(scan, converted_s, elements, capacitance_pf, sent, loads)
-
-
-def _effective_loads(t_s: Vector, loads: ContactLoads, amount: float) -> ContactLoads:
-    """Return the loads that would deform an elastic foot as much as these do one that creeps and lags."""
-    rubber, forces, normals = ViscoelasticRubber(), np.empty_like(loads.force_n), loads.normal.copy()
-    for k, t_ns in enumerate((t_s * 1e9).astype(np.int64).tolist()):
-        normals[k], sensed_n = rubber.next_effective_load(t_ns, loads.normal[k], loads.force_n[k])
-        forces[k] = loads.force_n[k] + amount * (sensed_n - loads.force_n[k])
-    return ContactLoads(normals, forces)
 
 
 class ToldMotion(NamedTuple):

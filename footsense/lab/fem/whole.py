@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-import msgspec
 import ngsolve as ng
 import numpy as np
 
@@ -22,7 +21,7 @@ from footsense.lab.fem.adjoint import solve_cell_closure_fields
 from footsense.lab.fem.elasticity import BondedLayer
 from footsense.lab.fem.mesh import COARSE_MESH, build_mesh
 from footsense.lab.fem.quarter import NO_MIRRORS, QuarterFoot
-from footsense.lab.geometry import FootDesign, ThinFilm
+from footsense.lab.geometry import FootDesign
 from footsense.lab.response import fit_series, patch_series
 
 
@@ -90,16 +89,14 @@ def other_tables(
     response: FootResponse,
     each: Callable[[Callable[[Any], Any], Iterable[Any]], list[Any]],
 ) -> dict[str, FootResponse]:
-    """Return the tables of feet with `gold`, which stiffens the plates, `sheet_off_centre` and `bar_not_bonded`.
+    """Return the tables of feet with `sheet_off_centre` and `bar_not_bonded`.
 
     Args:
         design: The released foot.
         response: Its table.
         each: Applies a function to each of some parts, such as `compute_each`.
     """
-    gold = ThinFilm(thickness_um=0.1, youngs_mpa=79e3, poisson=0.42)
     feet = {
-        "gold": _UnsymmetricFoot(msgspec.structs.replace(design, gold=gold)),
         "sheet_off_centre": _UnsymmetricFoot(design, sheet_offset_mm=0.6),
         "bar_not_bonded": _UnsymmetricFoot(design, bonded_width_share=0.01),
     }

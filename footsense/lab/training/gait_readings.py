@@ -19,7 +19,6 @@ from footsense.frames import ELEMENTS, Vector
 from footsense.lab.training.load_cases import BASELINE_NOISE_PF, FULL_SCALE_PF, NOISE_PF, sensed_closure_um
 from footsense.lab.training.random_gait import RandomGait
 from footsense.progress import progress_bar
-from footsense.sim.loads.ground_load import ContactSource
 from footsense.sim.rubber import RUBBER_LEVELS, ViscoelasticRubber
 from footsense.sim.scene import RubberLevel
 
@@ -86,10 +85,18 @@ def conversion_elements(order: int, n: int) -> NDArray[np.intp]:
     return np.resize(np.array(list(CONVERSION_ORDERS.values())[order], np.intp), n)
 
 
-def _equivalent_elastic_load(
+def equivalent_elastic_load(
     t_s: Vector, normal: Vector, force_n: Vector, amount: float, level: RubberLevel
 ) -> tuple[Vector, Vector]:
-    """Return normal and force of the elastic load that deforms a foot as the viscoelastic one does."""
+    """Return normal and force of the elastic loads that deform a foot as these do one that creeps and lags.
+
+    Args:
+        t_s: Times of n loads [s], shape (n,).
+        normal: Contact normals, shape (n, 3).
+        force_n: Forces [N], shape (n, 3).
+        amount: Creep and lag over those of the level [1].
+        level: Level of the rubber.
+    """
     rubber = ViscoelasticRubber(*RUBBER_LEVELS[level])
     normals, forces = normal.copy(), np.empty_like(force_n)
     for k, t_ns in enumerate((t_s * 1e9).astype(np.int64).tolist()):
@@ -159,7 +166,7 @@ def simulate_gait_readings(
     t_s: Vector = np.asarray(conditions.step_s * np.arange(1.0, n + 1), np.float64)
     read, sent = (felt or loads)(t_s), loads(t_s + send_delay_s)
     normal, force_n = (
-        _equivalent_elastic_load(t_s, *read, conditions.viscous_rel, conditions.rubber_level)
+        equivalent_elastic_load(t_s, *read, conditions.viscous_rel, conditions.rubber_level)
         if conditions.viscous_rel
         else read
     )
@@ -183,27 +190,6 @@ def simulate_gait_readings(
     )
 
 
-def loads_of(source: ContactSource, leg: str) -> Callable[[Vector], ContactLoads]:
-    """Return a function from times [s] to the loads of one leg, of a source of contacts."""
-
-    def loads(t_s: Vector) -> ContactLoads:
-        contacts = [source.contact(leg, int(t_ns)) for t_ns in (t_s * 1e9).tolist()]
-        return ContactLoads(
-            np.array([one.normal for one in contacts]), np.array([one.force_n for one in contacts])
-        )
-
-    return loads
-
-
-def with_rubber_and_drift(scan: ReadingConditions, rng: np.random.Generator) -> ReadingConditions:
-    """Return conditions with random creep and lag of the rubber, and random drift of the baselines."""
-    viscous, drifting = rng.random(2) < (_VISCOUS_SHARE, _DRIFT_SHARE)
-    return scan._replace(
-        viscous_rel=rng.uniform(0.0, _MOST_VISCOUS) if viscous else 0.0,
-        baseline_drift_rms_pf=_DRIFT_PF if drifting else 0.0,
-    )
-
-
 def draw_conditions(rng: np.random.Generator, slowest_rel: float = PACE_REL[1]) -> ReadingConditions:
     """Return random conditions of a gait of the training: of a board, or of any pace.
 
@@ -221,14 +207,18 @@ def draw_conditions(rng: np.random.Generator, slowest_rel: float = PACE_REL[1]) 
         send_delay_s = rng.uniform(*board.send_delay_s)
     if rng.random() < _LATE_SHARE:
         send_delay_s += rng.uniform(0.0, _LATEST_S)
-    scan = ReadingConditions(
-        conversion_order_index=int(rng.random() < _RASTER_SHARE),
+    order = int(rng.random() < _RASTER_SHARE)
+    level = _LEVELS[rng.integers(len(_LEVELS))]
+    viscous, drifting = rng.random(2) < (_VISCOUS_SHARE, _DRIFT_SHARE)
+    return ReadingConditions(
+        conversion_order_index=order,
         step_s=step_s,
         send_delay_s=send_delay_s,
-        rubber_level=_LEVELS[rng.integers(len(_LEVELS))],
+        viscous_rel=rng.uniform(0.0, _MOST_VISCOUS) if viscous else 0.0,
+        rubber_level=level,
+        baseline_drift_rms_pf=_DRIFT_PF if drifting else 0.0,
         range_end_pf=board.range_end_pf,
     )
-    return with_rubber_and_drift(scan, rng)
 
 
 def simulate_random_gait_readings(
@@ -236,27 +226,17 @@ def simulate_random_gait_readings(
     rng: np.random.Generator,
     n: int,
     max_n: float,
-    scan: ReadingConditions | None = None,
 ) -> GaitReadings:
-    """Return the simulated readings of one random gait, as `simulate_gait_readings`.
+    """Return the simulated readings of a part of one random gait, as `simulate_gait_readings`.
 
     Args:
         response: Response of the foot.
         rng: Source of the draws.
         n: Number of conversions.
         max_n: Full load of the foot [N].
-        scan: How a board reads a gait that judges, but for rubber and drift, which are drawn; None for a part of a gait
-            of the training, some of whose stances shake.
     """
-    if scan is not None:
-        conditions, unread_s, shaking_share = with_rubber_and_drift(scan, rng), 0.0, 0.0
-    else:
-        conditions, unread_s, shaking_share = (
-            draw_conditions(rng),
-            rng.uniform(0.0, _UNREAD_S),
-            _SHAKING_SHARE,
-        )
-    gait = RandomGait(rng, max_n, unread_s + n * conditions.step_s, shaking_share)
+    conditions, unread_s = draw_conditions(rng), rng.uniform(0.0, _UNREAD_S)
+    gait = RandomGait(rng, max_n, unread_s + n * conditions.step_s, _SHAKING_SHARE)
     return simulate_gait_readings(response, lambda t_s: gait.loads(unread_s + t_s), conditions, rng, n)
 
 
@@ -290,7 +270,6 @@ def random_gaits(
     n: int,
     max_n: float,
     jobs: int = 1,
-    scan: ReadingConditions | None = None,
 ) -> GaitReadings:
     """Return simulated readings of m random gaits; the same seed gives the same, on any number of processes.
 
@@ -301,11 +280,10 @@ def random_gaits(
         n: Conversions of each.
         max_n: Full load of the foot [N].
         jobs: Processes.
-        scan: As of `simulate_random_gait_readings`.
     """
     seeds = np.random.SeedSequence(seed).spawn(m)
     calls = (
-        delayed(simulate_random_gait_readings)(response, np.random.default_rng(own), n, max_n, scan)
+        delayed(simulate_random_gait_readings)(response, np.random.default_rng(own), n, max_n)
         for own in seeds
     )
     return simulate_side_by_side(calls, m, jobs, "gaits")

@@ -11,12 +11,10 @@ from footsense.foot.specimen import ContactLoads
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.training.gait_readings import GaitReadings, conversion_elements
 from footsense.lab.training.windowed_network import READINGS_PER_ELEMENT
-from footsense.ports import LoadEstimate, LoadEstimator, Window
+from footsense.ports import Window
 
 #: Readings before the first window of a gait, beyond those of the window.
 _EXTRA_WARM_UP_READINGS = 3
-#: Windows of one call of the network.
-_WINDOWS_PER_CALL = 20_000
 
 
 def readings_since_table() -> NDArray[np.intp]:
@@ -72,14 +70,3 @@ def windows_of(gaits: GaitReadings) -> tuple[Window, ContactLoads]:
     )
     normal, force_n = gaits.true_normal_at_sending[gait, time], gaits.true_force_at_sending_n[gait, time]
     return window, ContactLoads(normal.astype(np.float64), force_n.astype(np.float64))
-
-
-def estimate_in_batches(estimator: LoadEstimator, window: Window) -> LoadEstimate:
-    """Return the estimates for any number of windows, in batches of bounded size."""
-    firsts = range(0, len(window.missing), _WINDOWS_PER_CALL)
-    batches = [slice(first, first + _WINDOWS_PER_CALL) for first in firsts]
-    parts = [
-        estimator.estimate(Window(window.closure_rel[batch], window.age_s[batch], window.missing[batch]))
-        for batch in batches
-    ]
-    return LoadEstimate(*(np.concatenate(part) for part in zip(*parts, strict=True)))

@@ -118,32 +118,6 @@ def smooth_stance_reaction(duty_rel: float, peak_force_n: float, friction_rel: f
     return reaction
 
 
-def trot_reaction(
-    duty_rel: float, rise_rel: float, peak_force_n: float, friction_rel: float
-) -> ReactionOverPhase:
-    """Return a trot's reaction force as a function of phase: it rises fast to 70 %, slowly to its peak, and falls fast.
-
-    Args:
-        duty_rel: Share of the cycle in stance [1].
-        rise_rel: Share of the stance in which the force rises to 70 %, and in which it falls from there [1].
-        peak_force_n: Largest vertical force [N].
-        friction_rel: Largest horizontal over vertical force [1].
-    """
-    shoulder = 0.7
-
-    def reaction(phase: float) -> Vector:
-        stance = phase / duty_rel
-        edge = min(min(stance, 1 - stance) / rise_rel, 1.0)
-        hump = math.sin(math.pi * min(max((stance - rise_rel) / (1.0 - 2.0 * rise_rel), 0.0), 1.0))
-        vertical = peak_force_n * (
-            shoulder * (0.5 - 0.5 * math.cos(math.pi * edge)) + (1.0 - shoulder) * hump
-        )
-        along = -friction_rel * math.cos(math.pi * stance)
-        return np.array([along * vertical, 0.2 * friction_rel * vertical, vertical])
-
-    return reaction
-
-
 _NS_PER_S = 1_000_000_000
 _RIGHT_LEGS = ("rf", "rm", "rr", "r4")
 

@@ -29,6 +29,8 @@ OWN_FEET, _OWN_SCENES = ("hexapod-2kg", "quadruped-12kg"), ("hexapod_2kg", "quad
 #: times of the host [us].
 _CLOCKS_REL = {"ad7147": ad7147.CLOCK_TOLERANCE_REL, "fdc1004": fdc1004.CLOCK_TOLERANCE_REL}
 _SLOW_HOST_US = 150
+#: The walk of the paper's foot whose strays are known, on the usual host.
+KNOWN_STRAYS = f"measured walk, strays known, {HOST_COST_US} us"
 #: Time in the air before those walks [s]: chips whose gain is off are found and tared in it at any time of the host.
 _COUPLED_LEAD_IN_S = 0.5
 #: Legs of the quadruped, and period of its trot [s].
@@ -89,7 +91,7 @@ def _scene(context: StudyContext, name: str) -> Scene:
 
 
 def _coupled_walks(context: StudyContext, robot: Config, end_s: float) -> dict[str, ServiceWalk]:
-    """Return walks with couplings, on feet of which nobody knows, and with known strays; those on a slow host too.
+    """Return walks with couplings, on feet of which nobody knows, and with known strays: on a slow host and rubber too.
 
     Chips are as their data sheets allow them to be.
     """
@@ -108,12 +110,13 @@ def _coupled_walks(context: StudyContext, robot: Config, end_s: float) -> dict[s
     known = replace(robot, stray_pf=dict.fromkeys(robot.legs, tuple(stray_pf)))
     return {
         f"measured walk, strays not known, {HOST_COST_US} us": ServiceWalk(coupled, robot, end_s),
-        **{
-            f"measured walk, strays known, {cost_us} us": ServiceWalk(
-                replace(coupled, host_cost_us=cost_us), known, end_s
-            )
-            for cost_us in (HOST_COST_US, _SLOW_HOST_US)
-        },
+        KNOWN_STRAYS: ServiceWalk(coupled, known, end_s),
+        f"measured walk, strays known, {_SLOW_HOST_US} us": ServiceWalk(
+            replace(coupled, host_cost_us=_SLOW_HOST_US), known, end_s
+        ),
+        "measured walk, strays known, rubber creeps and lags": ServiceWalk(
+            replace(coupled, effects=replace(effects, rubber=True)), known, end_s
+        ),
     }
 
 

@@ -50,6 +50,8 @@ DRIFT_REL = 0.04
 _SCANS_AT_ONCE = 145
 #: Time constant of elements that creep [s].
 _CREEP_S = 0.3
+#: Times of walking at which errors are computed [s], gaits that it is of, and the foot type, on its own robot.
+_MARKS_S, _GAITS, _FOOT_TYPE = (10.0, 30.0, 60.0), ("pairs", "amble", "front-wave"), "hexapod-2kg"
 #: Loads of a walk by which a foot is judged, their least size over the 98th percentile [1]; draws of its electrodes.
 _N_LOADS, _MIN_SIZE_REL, _DRAWS = 150, 0.2, 16
 
@@ -58,7 +60,6 @@ def walked_foot_figures(
     models: DesignModels,
     logs: Sequence[WalkerLog],
     number: int,
-    marks_s: Sequence[float],
     *,
     known: Literal["design", "drifted", "right"] = "design",
     creep_rel: float = 0.0,
@@ -73,7 +74,6 @@ def walked_foot_figures(
         models: Models of its type.
         logs: What the feet of a robot felt; the foot is on the leg of its number.
         number: Number of the foot.
-        marks_s: Times of walking at which errors are computed, rising [s].
         known: What the service knows of it: the design and its unloaded readings, a calibration whose gains have
             drifted by `DRIFT_REL`, or one that is right.
         creep_rel: Standard deviation of the creep of its elements, over their closure [1].
@@ -100,7 +100,7 @@ def walked_foot_figures(
             gap_um=foot.gap_um,
             gain_rel=gain_rel,
         )
-    loads = _loads(logs, number, max(marks_s))
+    loads = _loads(logs, number, _MARKS_S[-1])
     readings = read_walker(foot, loads, number, scan=_SCAN, viscous_rel=1.0)
     is_cut = (readings.t_s > cut_s) & (readings.elements == ELEMENTS // 2)
     readings.capacitance_pf[:, 0][is_cut] = foot.stray_pf[ELEMENTS // 2]
@@ -119,7 +119,7 @@ def walked_foot_figures(
     before_n, _ = forces(parameters.stray_pf, parameters.gain_rel)
     figures: Values = {"before_deg": float(angles_between_deg(before_n, true_n).mean())}
     times_s = 1e-9 * scans.t_ns.max(axis=1)
-    for mark_s in marks_s:
+    for mark_s in _MARKS_S:
         end = int(np.searchsorted(times_s, times_s[0] + mark_s))
         for begin in range(first, end, _SCANS_AT_ONCE):
             walking.add(scans.subset(slice(begin, min(begin + _SCANS_AT_ONCE, end))))
@@ -247,8 +247,6 @@ CASES: dict[str, dict[str, Any]] = {
     "drifted, off the response table by 3 %": {"known": "drifted", "off_table_rel": 0.03},
     "drifted, a line is cut after 20 s": {"known": "drifted", "cut_s": 20.0},
 }
-#: Times of walking at which errors are computed [s], gaits that it is of, and the foot type, on its own robot.
-_MARKS_S, _GAITS, _FOOT_TYPE = (10.0, 30.0, 60.0), ("pairs", "amble", "front-wave"), "hexapod-2kg"
 
 
 def walking_figures(n_feet: int, cases: Sequence[str] = tuple(CASES)) -> dict[str, list[Values]]:
@@ -263,7 +261,7 @@ def walking_figures(n_feet: int, cases: Sequence[str] = tuple(CASES)) -> dict[st
 def _figures_of_part(part: tuple[str, int]) -> Values:
     case, number = part
     models = DesignModels.load(released_folder(_FOOT_TYPE))
-    return walked_foot_figures(models, walked_logs(), number, _MARKS_S, **CASES[case])
+    return walked_foot_figures(models, walked_logs(), number, **CASES[case])
 
 
 def walked_logs() -> list[WalkerLog]:
