@@ -20,7 +20,7 @@ from footsense.lab.evaluation.walker_runs import HOST_COST_US, SCAN_TIMES, ToldM
 from footsense.lab.foot_file import FOOT_FILE
 from footsense.lab.report import StudyContext, Values
 from footsense.lab.studies.boards.many_feet import missing_figures, step_figures
-from footsense.lab.studies.boards.service_walks import END_S, KNOWN_STRAYS, OWN_FEET, service_figures
+from footsense.lab.studies.boards.service_walks import END_S, KNOWN_STRAYS, OWN_FEET, TRIPOD, service_figures
 from footsense.lab.walkers import slow_loads
 from footsense.lab.walkers.gaits import GAITS_FILE
 from footsense.lab.walkers.made_up import SHAKING, SLOW, MadeUpLoads
@@ -122,7 +122,7 @@ def shown(values: Values) -> Values:
 
 
 def _derived(figures: Values) -> Values:
-    """Return the paper's foot on walking robots, its walk through the service, least coverage and worst shaking."""
+    """Return the paper's foot on walking robots, in walk and tripod, least coverage, and worst shaking."""
     cases = {"step": figures["step"]} | {
         f"{kind} missing": found for kind, found in figures["missing"].items()
     }
@@ -130,6 +130,7 @@ def _derived(figures: Values) -> Values:
     return {
         "own": next(iter(figures["pooled"].values())),
         "walk": figures["couplings"][KNOWN_STRAYS],
+        "tripod": figures["couplings"][TRIPOD],
         "least_within": {"share": share, "case": case},
         "shaken_deg": max(row["mid_stance_deg"] for row in figures["shaking"]),
     }

@@ -29,8 +29,9 @@ OWN_FEET, _OWN_SCENES = ("hexapod-2kg", "quadruped-12kg"), ("hexapod_2kg", "quad
 #: times of the host [us].
 _CLOCKS_REL = {"ad7147": ad7147.CLOCK_TOLERANCE_REL, "fdc1004": fdc1004.CLOCK_TOLERANCE_REL}
 _SLOW_HOST_US = 150
-#: The walk of the paper's foot whose strays are known, on the usual host.
+#: Walk and tripod of the paper's foot whose strays are known, on the usual host.
 KNOWN_STRAYS = f"measured walk, strays known, {HOST_COST_US} us"
+TRIPOD = f"tripod, strays known, {HOST_COST_US} us"
 #: Time in the air before those walks [s]: chips whose gain is off are found and tared in it at any time of the host.
 _COUPLED_LEAD_IN_S = 0.5
 #: Legs of the quadruped, and period of its trot [s].
@@ -111,6 +112,7 @@ def _coupled_walks(context: StudyContext, robot: Config, end_s: float) -> dict[s
     return {
         f"measured walk, strays not known, {HOST_COST_US} us": ServiceWalk(coupled, robot, end_s),
         KNOWN_STRAYS: ServiceWalk(coupled, known, end_s),
+        TRIPOD: ServiceWalk(replace(coupled, load=context.scene("tripod").load), known, end_s),
         f"measured walk, strays known, {_SLOW_HOST_US} us": ServiceWalk(
             replace(coupled, host_cost_us=_SLOW_HOST_US), known, end_s
         ),
