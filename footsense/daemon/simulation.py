@@ -154,9 +154,9 @@ class PacedSource:
             if not self._has_lagged:
                 self._has_lagged = True
                 _log.warning(
-                    "the simulation cannot keep pace with real time on this computer: it runs at %.2f of real time; "
+                    "the simulation cannot keep pace with real time on this computer: it runs at %.3g of real time; "
                     "while it lags, the frames say degraded_timing",
-                    min(self._speed_since(self._on_time_ns), 0.99),
+                    self._speed_since(self._on_time_ns),
                 )
         self._real.sleep_until_ns(due_ns)
         return scan
