@@ -35,7 +35,7 @@ from footsense.ports import Clock, I2cBus
 
 _OK = Reading.OK
 #: Codes near the start of their range at which a foot is given other ranges: 0.12 pF, of a fast load in a scan.
-_NEAR_RANGE_START = range(1, 500)
+_NEAR_RANGE_START = frozenset(range(1, 500))
 #: Scans in a row with a missing reading before a leg is left out: 70 ms.
 _MISSED_SCANS_BEFORE_LEAVING = 10
 #: Times in a row that a status may not fit though the settings are held, before the chip is reset.
@@ -401,7 +401,7 @@ class FreeScanner:
         """
         measured, row = leg.calibration, leg.row
         own = self._entries[1][row * ELEMENTS : (row + 1) * ELEMENTS]
-        is_near = not leg.has_ranges or any(map(_NEAR_RANGE_START.__contains__, own))
+        is_near = not leg.has_ranges or not _NEAR_RANGE_START.isdisjoint(own)
         if measured is None or not is_near or not leg.is_whole:
             return
         read_pf = self.latest.capacitance_pf[row]
