@@ -10,7 +10,6 @@ not fit. One that has lost them is started again; one that holds them and does n
 address of its own, or a channel of a multiplexer, whose selection is read back once a scan.
 """
 
-from array import array
 from collections.abc import Mapping
 from operator import sub
 
@@ -34,9 +33,9 @@ from footsense.errors import I2cError, I2cTimeoutError
 from footsense.frames import ELEMENTS, CapFrame, Reading
 from footsense.ports import Clock, I2cBus
 
-_OK, _NONE = Reading.OK, np.empty(0, np.uint8)
-#: Code near the start of its range at which a foot is given other ranges: 0.12 pF, of a fast load in a scan.
-_NEAR_RANGE_START = 500
+_OK = Reading.OK
+#: Codes near the start of their range at which a foot is given other ranges: 0.12 pF, of a fast load in a scan.
+_NEAR_RANGE_START = frozenset(range(1, 500))
 #: Scans in a row with a missing reading before a leg is left out: 70 ms.
 _MISSED_SCANS_BEFORE_LEAVING = 10
 #: Times in a row that a status may not fit though the settings are held, before the chip is reset.
@@ -69,6 +68,7 @@ class FreeLeg(LegConnection):
     Attributes:
         address: As given.
         places: Places of the elements that its stages convert in the entries of a frame.
+        is_whole: Whether each of its elements has a reading.
         burst: Read of its results, status first.
         status: Read of the status.
         reference: Read of the results of its reference.
@@ -93,6 +93,7 @@ class FreeLeg(LegConnection):
         self.offset, self.offsets, self.has_ranges = ad7147.FIRST_OFFSET, offsets, False
         self.address = address
         self.places = [row * ELEMENTS + element for element in ad7147.ORDER]
+        self.is_whole = False
         self.burst = ad7147.read_results(address, ELEMENTS)
         self.status = ad7147.read_status(address)
         self.reference = ad7147.read_results(address, ad7147.N_REFERENCE_STAGES)
@@ -145,7 +146,11 @@ class FreeScanner:
         # Middles of their latest conversions [ns], their codes, and for an element without one the reason; and the same
         # memory as arrays of numpy, in which to set an entry takes longer.
         n = len(self.legs) * ELEMENTS
-        self._entries = array("d", [0.0] * n), array("H", [0] * n), array("B", [Reading.NO_ANSWER] * n)
+        self._entries = (
+            memoryview(bytearray(8 * n)).cast("d"),
+            memoryview(bytearray(2 * n)).cast("H"),
+            memoryview(bytearray([Reading.NO_ANSWER] * n)),
+        )
         self._middle_ns, self._codes, self._missing = (
             np.asarray(each).reshape(-1, ELEMENTS) for each in self._entries
         )
@@ -155,6 +160,7 @@ class FreeScanner:
         self.complete_ns = self.n_late_discards = 0
         self._longest_delay_ns = plan.scan_ns
         self._bit_ns: float = ad7147.SHORTEST_BIT_NS
+        self._read_ns = {n: round(stages * plan.conversion_ns) for n, stages in _STAGES_PER_READ.items()}
         self._due_ns = self._sequence = self._n_reads = self._n_scans = 0
 
     def start(self) -> None:
@@ -192,20 +198,16 @@ class FreeScanner:
     def latest(self) -> CapFrame:
         """Latest readings of all elements."""
         reading, capacitance_pf = ad7147.decode(self._codes, self._gain_rel, self._offset_pf)
-        if np.count_nonzero(self._missing):
+        if not all(leg.is_whole for leg in self.legs):
             np.copyto(reading, self._missing, where=self._missing > 0)
         return CapFrame(self._sequence, np.rint(self._middle_ns).astype(np.int64), capacitance_pf, reading)
-
-    @property
-    def _read_ns(self) -> int:
-        return round(_STAGES_PER_READ[self.reads_per_frame] * self.plan.conversion_ns)
 
     def close(self) -> None:
         """Disconnect all legs from the bus: select no channel."""
         self._bus.disconnect_legs()
 
     def _has_no_reading(self, leg: FreeLeg) -> bool:
-        return leg.in_scan and bool(self._missing[leg.row].any())
+        return leg.in_scan and not leg.is_whole
 
     def _read_legs(self) -> None:
         """Read each leg when that is due; at the end of a scan make the checks and searches."""
@@ -216,7 +218,7 @@ class FreeScanner:
             self._due_ns = now_ns + waits * round(_LATE_WAIT_STAGES * self.plan.conversion_ns)
             first = self._n_reads % len(self.legs)
         self.clock.sleep_until_ns(self._due_ns)
-        self._due_ns += self._read_ns
+        self._due_ns += self._read_ns[self.reads_per_frame]
         try:
             for leg in self.legs[first:] + self.legs[:first]:
                 if leg.in_scan:
@@ -232,7 +234,7 @@ class FreeScanner:
 
     def _discard(self, leg: FreeLeg, reading: Reading) -> None:
         """Discard the readings of a leg, and keep the reason for it; a code of 0 has no capacitance."""
-        leg.outcome = reading
+        leg.outcome, leg.is_whole = reading, False
         self._middle_ns[leg.row], self._codes[leg.row], self._missing[leg.row] = 0, 0, reading
 
     def _read_leg(self, leg: FreeLeg) -> None:
@@ -298,7 +300,11 @@ class FreeScanner:
         for number in numbers:
             stage = number % ELEMENTS
             at = places[stage]
-            middles_ns[at], latest_codes[at], missing[at] = time_ns + number * stage_ns, codes[stage], 0
+            middles_ns[at], latest_codes[at] = time_ns + number * stage_ns, codes[stage]
+        if not leg.is_whole:
+            for number in numbers:
+                missing[places[number % ELEMENTS]] = _OK
+            leg.is_whole = not self._missing[leg.row].any()
         leg.outcome, leg.n_doubts, leg.n_silent = _OK, 0, 0
         leg.ready_ns = leg.due_ns
 
@@ -395,8 +401,8 @@ class FreeScanner:
         """
         measured, row = leg.calibration, leg.row
         own = self._entries[1][row * ELEMENTS : (row + 1) * ELEMENTS]
-        is_near = not leg.has_ranges or any(0 < code < _NEAR_RANGE_START for code in own)
-        if measured is None or not is_near or self._missing[row].any():
+        is_near = not leg.has_ranges or not _NEAR_RANGE_START.isdisjoint(own)
+        if measured is None or not is_near or not leg.is_whole:
             return
         read_pf = self.latest.capacitance_pf[row]
         if not leg.has_ranges:
@@ -427,10 +433,9 @@ class FreeScanner:
             self._check(leg, leg.checks[turn % len(leg.checks)])
             self._set_ranges(leg)
         now_ns, all_in_scan = self.clock.now_ns(), True
-        any_missing = np.count_nonzero(self._missing) > 0
         for each in self.legs:
-            if each.in_scan and now_ns > each.due_ns and (each.is_suspect or any_missing):
-                each.count_misses(_NONE if each.converts else self._missing[each.row], now_ns)
+            if each.in_scan and now_ns > each.due_ns and (each.is_suspect or not each.is_whole):
+                each.count_misses(() if each.converts else self._missing[each.row].tolist(), now_ns)
             all_in_scan &= each.in_scan
         if not all_in_scan:
             probe_due_legs(self._bus, self.legs, self._set_up, self.clock)

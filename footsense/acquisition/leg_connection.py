@@ -15,7 +15,7 @@ out its results are read whole, as another chip may have come back, until it is 
 """
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple, TypeVar
 
 from firmware_interface.chips import tca9548a
@@ -25,7 +25,7 @@ from footsense.acquisition.boards.chip_timing import ChipTiming, measure_chip_ti
 from footsense.acquisition.leg_bus import LegBus, release_sda
 from footsense.acquisition.scan_plan import ScanPlan
 from footsense.errors import HardwareError, I2cError, I2cTimeoutError, WrongChipError
-from footsense.frames import Codes, Reading
+from footsense.frames import Reading
 from footsense.leg_words import words_of_reading
 from footsense.ports import Clock, I2cBus, Transaction
 
@@ -126,14 +126,14 @@ class LegConnection:
         self._n_late_scans = self._n_late_scans + 1 if is_late else 0
         self.is_timed &= self._n_late_scans < _LATE_SCANS_BEFORE_TIMING
 
-    def count_misses(self, readings: Codes, now_ns: int) -> None:
+    def count_misses(self, readings: Iterable[int], now_ns: int) -> None:
         """Count consecutive scans with a missing reading; after a few, leave the leg out of the scan for a while.
 
         Args:
-            readings: How each element answered, shape (elements,), uint8 of `Reading`.
+            readings: How each element answered, as `Reading`.
             now_ns: The time now [ns].
         """
-        present = set(readings.tolist())
+        present = set(readings)
         missing = [reading for reading in _MISSES if reading in present]
         if not missing:
             self._misses = self._n_late_scans = 0

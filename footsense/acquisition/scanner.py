@@ -354,7 +354,7 @@ class BusScanner:
         all_in_scan = True
         for leg, readings in zip(self.legs, self.latest.reading, strict=True):
             if leg.in_scan and (leg.is_suspect or readings.any()):
-                leg.count_misses(readings, self.clock.now_ns())
+                leg.count_misses(readings.tolist(), self.clock.now_ns())
             if not leg.in_scan:
                 self._discard(leg.row, None, leg.outcome)
                 all_in_scan = False

@@ -7,14 +7,15 @@ from operator import attrgetter
 
 import numpy as np
 
-from footsense.estimation.drift import UnloadedFeet, load_n_per_pf, max_swing_rise_n_per_s
-from footsense.estimation.missing_elements import trimmed_means
+from footsense.estimation.drift import MAX_DRIFT_PF_PER_S, UnloadedFeet, load_n_per_pf
+from footsense.estimation.elements import ElementStatus
+from footsense.estimation.missing_elements import missing_sets_containing, trimmed_means
 from footsense.estimation.noise import ReadingNoise
-from footsense.estimation.settings import EstimationLimits, MountedFeet, Sensitivity
+from footsense.estimation.settings import SIGMAS, EstimationLimits, MountedFeet, Sensitivity
 from footsense.estimation.tare import Tares
 from footsense.estimation.walking.contact import ContactDetector
 from footsense.foot.network_card import TrainedInputs
-from footsense.frames import BaselineStatus, Codes, CommandKind, CommandResult, Flag, Mask, Stamps, Vector
+from footsense.frames import BaselineStatus, CapFrame, CommandKind, CommandResult, Flag, Mask, Stamps, Vector
 
 #: Frames in which every leg gets its turn to follow: two of six legs in one frame, of opposite tripods.
 _FRAMES_PER_TRACKING_ROUND = 3
@@ -60,7 +61,8 @@ class BaselineTracker:
         self._contact = partial(
             ContactDetector,
             limits.contact.least_n(trained.max_force_n),
-            max_swing_rise_n_per_s(load_n_per_pf(trained.design, sensitivity)),
+            # A load in swing rises faster than the force errors that drift causes.
+            SIGMAS * MAX_DRIFT_PF_PER_S * load_n_per_pf(trained.design, sensitivity),
             1e-9 * limits.scan_ns,
         )
         self.contacts = [self._contact() for _ in feet.names]
@@ -71,21 +73,20 @@ class BaselineTracker:
         self._swinging: list[int] = []
 
     def process_tares(
-        self, capacitance_pf: Vector, reading: Codes, t_ns: Stamps, unusable: Mask, now_ns: int
+        self, scan: CapFrame, elements: ElementStatus, excluded: Mask, now_ns: int
     ) -> tuple[CommandResult, ...]:
         """Add a frame of all legs to the tares in progress; return the results of those that finish with it.
 
         Args:
-            capacitance_pf: Readings without stray [pF], shape (legs, elements), NaN where there is none to be used.
-            reading: How each element answered, same shape.
-            t_ns: Stamp of each [ns], same shape.
-            unusable: Elements to leave out, same shape.
+            scan: The frame.
+            elements: Status of its elements.
+            excluded: Elements that contradict the others, shape (legs, elements).
             now_ns: Current time [ns].
         """
         tares, unloaded, contacts = self.tares, self.unloaded, self.contacts
         lost: list[int] = []
-        if np.count_nonzero(reading):
-            lost = tares.restart_silent_legs(reading, now_ns)
+        if np.count_nonzero(scan.reading):
+            lost = tares.restart_silent_legs(scan.reading, now_ns)
             for leg in lost:
                 unloaded.legs[leg].discard()
                 self.contacts[leg] = self._contact()
@@ -94,20 +95,21 @@ class BaselineTracker:
         tared_pf: dict[int, Vector] = {}
         results: tuple[CommandResult, ...] = ()
         if tares.in_progress:
+            # Pressed or shorted? The other closures show it, and without a baseline there are none.
+            over_range = elements.over_range & np.isnan(unloaded.baseline_pf)
+            unusable = missing_sets_containing(elements.opened, excluded, over_range)
             tared_pf, results = tares.add(
-                capacitance_pf,
-                reading,
-                t_ns,
+                scan._replace(capacitance_pf=elements.capacitance_pf),
                 unusable,
                 now_ns,
                 lambda leg: contacts[leg].refusal(CommandKind.TARE),
             )
             for leg, baseline_pf in tared_pf.items():
-                newest_ns = int(t_ns[leg].max())
+                newest_ns = int(scan.t_ns[leg].max())
                 unloaded.legs[leg].set_tared(baseline_pf, newest_ns)
                 self.contacts[leg].reset(newest_ns)
         if lost or tared_pf:
-            unloaded.update()
+            unloaded.update([*lost, *tared_pf])
             unloaded.sigma_due_ns = 0
         if now_ns >= unloaded.sigma_due_ns:
             unloaded.update_sigma(now_ns)
@@ -188,7 +190,7 @@ class BaselineTracker:
     def _track_drift(self, capacitance_pf: Vector, t_ns: Stamps, missing: Mask) -> None:
         """Update the baselines of those legs in swing whose turn it is; arguments as of `observe`."""
         self._turn = (self._turn + 1) % _FRAMES_PER_TRACKING_ROUND
-        moved = False
+        moved = []
         for leg in self._swinging:
             if leg % _FRAMES_PER_TRACKING_ROUND == self._turn:
                 baseline = self.unloaded.legs[leg]
@@ -197,7 +199,8 @@ class BaselineTracker:
                     # An element that is missing only for want of a baseline gets one.
                     pf = np.where(without & np.isfinite(baseline.baseline_pf), np.nan, pf)
                 held = None if self.contacts[leg].explained_by_drift else _DRIFT_TOO_FAST
-                moved |= baseline.observe_swing(pf, t_ns[leg], held if self._track else _HELD)
+                if baseline.observe_swing(pf, t_ns[leg], held if self._track else _HELD):
+                    moved.append(leg)
         unloaded = self.unloaded
         if moved or list(map(_status_of, unloaded.legs)) != unloaded.drift.status.tolist():
-            unloaded.update()
+            unloaded.update(moved)

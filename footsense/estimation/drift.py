@@ -16,6 +16,7 @@ The variance of a baseline grows with the time since it last followed.
 """
 
 import math
+from collections.abc import Iterable
 from itertools import compress
 from operator import attrgetter, sub
 
@@ -57,17 +58,8 @@ def load_n_per_pf(design: Capacitor, sensitivity: Sensitivity) -> float:
     return sensitivity.load_n_per_mean_closure * distance_um / design.unloaded_pf / design.gap_um
 
 
-def max_swing_rise_n_per_s(n_per_pf: float) -> float:
-    """Return the limit of the rise of the load in swing [N/s], above the force errors that drift causes.
-
-    Args:
-        n_per_pf: As of `load_n_per_pf`.
-    """
-    return SIGMAS * MAX_DRIFT_PF_PER_S * n_per_pf
-
-
 _Values = list[float]
-_values_of = attrgetter("baseline_pf", "offset_pf", "moved_ns", "status")
+_values_of = attrgetter("offset_pf", "moved_ns", "status")
 _uncertainty_of = attrgetter("variance_pf2", "updated_ns", "left_pf")
 
 
@@ -231,7 +223,9 @@ class LegBaseline:
 
 
 def _sum(values: _Values) -> float:
-    return float(np.add.reduce(np.array(values)))
+    # In pairs, as NumPy adds nine numbers, for which to make an array takes four times as long.
+    a, b, c, d, e, f, g, h, i = values + [0.0] * (ELEMENTS - len(values))
+    return a + (((b + c) + (d + e)) + ((f + g) + (h + i)))
 
 
 class UnloadedFeet:
@@ -246,8 +240,8 @@ class UnloadedFeet:
 
     Attributes:
         legs: Baseline of each leg; `update` has to follow a change.
-        baseline_pf: Unloaded capacitances without stray [pF], shape (legs, elements), NaN where there is none; replaced
-            like all arrays here, never written to.
+        baseline_pf: Unloaded capacitances without stray [pF], shape (legs, elements), NaN where there is none; not
+            written to.
         plate_distance_rel: Plate distances over the gap [1], shape (legs, elements).
         untared_legs: Legs without any baseline, shape (legs,).
         untared_elements_of_tared_legs: Elements without a baseline on legs that have others, shape (legs, elements).
@@ -285,28 +279,31 @@ class UnloadedFeet:
         self.max_errors_n: list[float] = []
         self.sigma_due_ns = 0
         self.complete = False
-        self._apart: Mask = np.zeros(len(feet.names), bool)
+        self._apart = [False] * len(feet.names)
         self._set_cause()
-        self.update()
+        self.baseline_pf: Vector = np.full(feet.unloaded_pf.shape, np.nan)
+        self.plate_distance_rel = self.baseline_pf.copy()
+        self.update(())
 
-    def update(self) -> None:
-        """Derive the arrays from the baselines of the legs, but for what a tenth of a second changes little."""
-        baseline_pf, offset_pf, moved_ns, status = zip(*map(_values_of, self.legs), strict=True)
-        mean_pf, worst_pf = map(np.array, zip(*offset_pf, strict=True))
-        self.baseline_pf: Vector = np.array(baseline_pf)
-        self.plate_distance_rel: Vector = (
-            self._design.plate_distance_um(self.baseline_pf) / self._design.gap_um / self._gain_rel
-        )
+    def update(self, moved: Iterable[int]) -> None:
+        """Derive the arrays from the baselines that have moved, but for what a tenth of a second changes little."""
+        self.baseline_pf = self.baseline_pf.copy()
+        for leg in moved:
+            self.baseline_pf[leg] = leg_pf = self.legs[leg].baseline_pf
+            distance_um = self._design.plate_distance_um(leg_pf)
+            self.plate_distance_rel[leg] = distance_um / self._design.gap_um / self._gain_rel[leg]
         without_baseline: Mask = np.isnan(self.baseline_pf)
         was_complete, self.complete = self.complete, not np.count_nonzero(without_baseline)
         if not (was_complete and self.complete):
             self.untared_legs: Mask = np.asarray(without_baseline.all(axis=1))
             self.untared_elements_of_tared_legs: Mask = without_baseline & ~self.untared_legs[:, None]
+        offset_pf, moved_ns, status = zip(*map(_values_of, self.legs), strict=True)
         codes = np.frombuffer(bytes(status), np.uint8)
+        mean_pf, worst_pf = map(np.array, zip(*offset_pf, strict=True))
         self.drift = BaselineDrift(codes, mean_pf, worst_pf, np.array(moved_ns, np.int64))
-        was_apart = self._apart
-        self._apart = np.abs(worst_pf - mean_pf) > MAX_DRIFT_FROM_LEG_MEAN_PF
-        if self._apart.tobytes() != was_apart.tobytes():
+        apart = [abs(worst_pf - mean_pf) > MAX_DRIFT_FROM_LEG_MEAN_PF for mean_pf, worst_pf in offset_pf]
+        if apart != self._apart:
+            self._apart = apart
             self._set_cause()
 
     def _set_cause(self) -> None:

@@ -37,7 +37,6 @@ An overloaded element is closed at least as far as it reads. It predicts no othe
 predict less: then it is shorted, or its gap is full of water.
 """
 
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -49,8 +48,8 @@ from footsense.estimation.missing_elements import (
     MISSING_SETS,
     SMALLEST_CONTAINING,
     Imputation,
-    missing_sets_containing,
     patterns_of,
+    remembered,
 )
 from footsense.estimation.network import Readings
 from footsense.estimation.settings import CLEAR_MOTION_REL, RESIDUAL_LIMIT, SMALL_SHARE, MountedFeet
@@ -87,13 +86,11 @@ class ElementStatus(NamedTuple):
         capacitance_pf: Capacitances without stray [pF], NaN where there is none to be used.
         opened: Elements whose electrode is disconnected.
         over_range: Elements above the converter's range.
-        unusable: Elements that a tare leaves out.
     """
 
     capacitance_pf: Vector
     opened: Mask
     over_range: Mask
-    unusable: Mask
 
 
 class ElementClassifier:
@@ -110,33 +107,30 @@ class ElementClassifier:
         self._open_below_pf = OPEN_ELEMENT_THRESHOLD_REL * feet.unloaded_pf
         self._opened: Mask = np.zeros(feet.stray_pf.shape, bool)
 
-    def classify(self, scan: CapFrame, excluded: Mask, baseline_pf: Vector) -> ElementStatus:
-        """Return the status of the elements of a frame.
-
-        Args:
-            scan: The frame.
-            excluded: Elements that the consistency test excludes.
-            baseline_pf: Baselines [pF], NaN where there is none.
-        """
+    def classify(self, scan: CapFrame) -> ElementStatus:
+        """Return the status of the elements of a frame."""
         capacitance_pf = scan.capacitance_pf - self._stray_pf
         # NaN compares as False: an element that was not read is not open.
-        opened = (capacitance_pf < self._open_below_pf) | (scan.reading == _UNDER_RANGE)
+        opened, over_range = _opened_and_over_range(capacitance_pf < self._open_below_pf, scan.reading)
         before, self._opened = self._opened, opened
-        over_range = scan.reading == _OVER_RANGE
         if np.count_nonzero(over_range):
             # At least that much: the consistency test decides whether it can be.
             np.copyto(capacitance_pf, self._range_end_pf, where=over_range)
-        if np.count_nonzero(opened):
-            capacitance_pf -= floating_row_crosstalk_pf(scan.capacitance_pf, opened)
         # A line that breaks or returns was intact for a part of the scan, and so was its effect on other elements.
         unsettled = opened
-        if opened.tobytes() != before.tobytes():
+        if opened is not before:
             unsettled = opened | np.logical_or.reduce(opened != before, axis=1, keepdims=True)
-        # Pressed or shorted? The other closures show it, and without a baseline there are none.
-        unusable = missing_sets_containing(opened | excluded | over_range & np.isnan(baseline_pf))
-        # In the window, an unsettled reading would be a step of the load.
-        capacitance_pf[unsettled] = np.nan
-        return ElementStatus(capacitance_pf, opened, over_range, unusable)
+        if np.count_nonzero(unsettled):
+            capacitance_pf -= floating_row_crosstalk_pf(scan.capacitance_pf, opened)
+            # In the window, an unsettled reading would be a step of the load.
+            capacitance_pf[unsettled] = np.nan
+        return ElementStatus(capacitance_pf, opened, over_range)
+
+
+@remembered
+def _opened_and_over_range(is_low: Mask, reading: Mask) -> tuple[Mask, Mask]:
+    codes = reading.view(np.uint8)
+    return is_low | (codes == _UNDER_RANGE), codes == _OVER_RANGE
 
 
 class ConsistencyResult(NamedTuple):
@@ -157,15 +151,17 @@ class _Choice(NamedTuple):
 
     Attributes:
         missing: The elements of each leg's first set, shape (legs, elements).
-        error_amplification: How far one wrong reading moves the closures then, over itself [1], shape (legs,).
+        error_amplification: How far one wrong reading moves each leg's closures then, over itself [1].
         has_few_overloaded: Whether few enough elements are overloaded for a test, shape (legs,).
+        overloaded: The overloaded elements.
         kept, shares_of_kept: The elements that each set keeps, and their shares of a mean, shape (legs, k, 9).
-        predictors: As of `Imputation.predictors`.
+        predictors: As of `Imputation.residuals`, shape (legs, k, 9, 9).
     """
 
     missing: Mask
-    error_amplification: Vector
+    error_amplification: list[float]
     has_few_overloaded: Mask
+    overloaded: Mask
     kept: Vector
     shares_of_kept: Vector
     predictors: Vector
@@ -185,8 +181,7 @@ class ConsistencyTest:
 
     def __init__(self, n_legs: int, imputation: Imputation) -> None:
         self._imputation = imputation
-        # Of the masks of the last frames: they change seldom.
-        self._choice = lru_cache(self._choice_of)
+        self._choice = remembered(self._choice_of)
         shape = (n_legs, ELEMENTS)
         self._legs = np.arange(n_legs)
         # Against each element, of an unloaded and of a loaded foot.
@@ -219,56 +214,64 @@ class ConsistencyTest:
             unusable: Sets of elements that the network does without anyway.
             overloaded: Elements that are closed at least as far as they read.
         """
-        overloaded = overloaded > unusable
-        choice = self._choice(unusable.tobytes(), overloaded.tobytes())
+        choice = self._choice(unusable, overloaded)
         tested, unread = choice.has_few_overloaded, np.isnan(closure_rel)
         if np.count_nonzero(unread):
             closure_rel = np.where(unread, 0.0, closure_rel)
             tested = tested & ~np.logical_or.reduce(unread > unusable, axis=1)
-        motion_rel = readings.second_largest_motion_rel
-        _, largest, rms_rel = self._residuals(closure_rel, overloaded, choice)
-        excess = (largest - RESIDUAL_LIMIT - RESIDUAL_LIMIT_REL * rms_rel)[:, 0]
-        contradicted = tested & (excess > motion_rel)
-        moves_alone = self._test_alone(closure_rel, readings, unusable, tested)
-        if self._has_evidence or np.count_nonzero(contradicted) or np.count_nonzero(moves_alone):
-            # What only motion explains is no evidence for an element.
-            agrees = tested & (excess <= 0.0) & ~np.logical_or.reduce(moves_alone, axis=1)
-            self._weigh(closure_rel, readings, unusable, overloaded, moves_alone, contradicted, agrees)
-            choice = self._choice((unusable | self.excluded).tobytes(), overloaded.tobytes())
-            _, largest, rms_rel = self._residuals(closure_rel, overloaded, choice)
-        columns = largest[:, 0], rms_rel[:, 0], motion_rel, choice.error_amplification, tested
         # In plain Python numbers: for six legs, arrays take longer.
+        motion, are_tested = readings.second_largest_motion_rel.tolist(), tested.tolist()
+        _, largest, rms_rel = self._residuals(closure_rel, choice)
+        residual_and_rms = largest[:, 0].tolist(), rms_rel[:, 0].tolist()
+        excess = [
+            residual - RESIDUAL_LIMIT - RESIDUAL_LIMIT_REL * rms
+            for residual, rms in zip(*residual_and_rms, strict=True)
+        ]
+        tests = zip(excess, motion, are_tested, strict=True)
+        contradicted = [is_tested and each > moved for each, moved, is_tested in tests]
+        moves_alone = self._test_alone(closure_rel, readings, unusable, tested)
+        if self._has_evidence or True in contradicted or np.count_nonzero(moves_alone):
+            # What only motion explains is no evidence for an element.
+            agrees = tested & (np.array(excess) <= 0.0) & ~np.logical_or.reduce(moves_alone, axis=1)
+            of_legs = np.array(contradicted), agrees
+            self._weigh(closure_rel, readings, unusable, choice.overloaded, moves_alone, *of_legs)
+            choice = self._choice(unusable | self.excluded, overloaded)
+            _, largest, rms_rel = self._residuals(closure_rel, choice)
+            residual_and_rms = largest[:, 0].tolist(), rms_rel[:, 0].tolist()
+        columns = zip(*residual_and_rms, motion, choice.error_amplification, are_tested, strict=True)
         sigmas_rel = [
-            factor * _inconsistency_sigma_rel(residual, rms, motion) if is_tested else 0.0
-            for residual, rms, motion, factor, is_tested in zip(*map(np.ndarray.tolist, columns), strict=True)
+            factor * _inconsistency_sigma_rel(residual, rms, moved) if is_tested else 0.0
+            for residual, rms, moved, factor, is_tested in columns
         ]
         return ConsistencyResult(choice.missing, np.array(sigmas_rel))
 
-    def _choice_of(self, unusable: bytes, overloaded: bytes) -> _Choice:
-        to_do_without, over = (
-            np.frombuffer(mask, np.bool_).reshape(-1, ELEMENTS) for mask in (unusable, overloaded)
-        )
-        return self._choice_of_sets(SMALLEST_CONTAINING[patterns_of(to_do_without)][:, None], over)
+    def _choice_of(self, unusable: Mask, overloaded: Mask) -> _Choice:
+        sets = SMALLEST_CONTAINING[patterns_of(unusable)][:, None]
+        return self._choice_of_sets(sets, overloaded > unusable)
 
     def _choice_of_sets(self, sets: NDArray[np.intp], overloaded: Mask) -> _Choice:
         first = sets[:, 0]
         return _Choice(
             MISSING_SETS[first],
-            self._imputation.error_amplification[first],
+            self._imputation.error_amplification[first].tolist(),
             np.add.reduce(overloaded, axis=1) <= MAX_OVERLOADED,
+            overloaded,
             _KEPT[sets],
             _SHARES_OF_KEPT[sets],
-            self._imputation.predictors(patterns_of(overloaded), sets),
+            # Overloaded elements predict no other, nor do those of the set.
+            self._imputation.residuals[patterns_of(MISSING_SETS)[sets] | patterns_of(overloaded)[:, None]],
         )
 
     def _test_alone(self, closure_rel: Vector, readings: Readings, unusable: Mask, tested: Mask) -> Mask:
         """Return the tested elements that have moved since the others last did: no load moves one alone."""
         moved_rel = np.abs(closure_rel - self._rested_rel)
-        n_moved = np.add.reduce(moved_rel > SMALL_SHARE * UNCERTAIN_RESIDUAL, axis=1)
-        moves, newest_ns = n_moved > 1, readings.newest_ns
-        alone: Mask = (moved_rel > UNCERTAIN_RESIDUAL) > moves[:, None]
-        self._rested_rel = np.where(moves[:, None], closure_rel, self._rested_rel)
-        self._rested_ns = np.where(moves, newest_ns, self._rested_ns)
+        ordered_rel = moved_rel.copy()
+        ordered_rel.partition(ELEMENTS - 2, axis=1)
+        for leg, second_rel in enumerate(ordered_rel[:, ELEMENTS - 2].tolist()):
+            if second_rel > SMALL_SHARE * UNCERTAIN_RESIDUAL:
+                self._rested_rel[leg], self._rested_ns[leg] = closure_rel[leg], readings.newest_ns[leg]
+                moved_rel[leg] = 0.0
+        alone: Mask = moved_rel > UNCERTAIN_RESIDUAL
         self._moves_alone, before = alone, self._moves_alone
         if np.count_nonzero(alone):
             # The elements are read one after the other; one that is excluded for another reason moves when it is back.
@@ -277,16 +280,14 @@ class ConsistencyTest:
             alone = alone & tested[:, None]
         return alone
 
-    def _residuals(
-        self, closure_rel: Vector, overloaded: Mask, choice: _Choice
-    ) -> tuple[Vector, Vector, Vector]:
+    def _residuals(self, closure_rel: Vector, choice: _Choice) -> tuple[Vector, Vector, Vector]:
         """Return the residuals without sets of elements, and of those that are kept the largest, and the closures' rms.
 
         Shapes are (legs, k, 9) and (legs, k).
         """
         residual = np.matmul(choice.predictors, closure_rel[:, None, :, None])[..., 0]
-        if np.count_nonzero(overloaded):
-            residual = np.where(overloaded[:, None], np.maximum(residual, 0.0), residual)
+        if np.count_nonzero(choice.overloaded):
+            residual = np.where(choice.overloaded[:, None], np.maximum(residual, 0.0), residual)
         largest = np.maximum.reduce(np.abs(residual) * choice.kept, axis=2)
         rms_rel = np.sqrt(np.matmul(choice.shares_of_kept, np.square(closure_rel)[..., None])[..., 0])
         return residual, largest, rms_rel
@@ -314,7 +315,7 @@ class ConsistencyTest:
         """
         legs, evidence, excluded = self._legs, self._evidence, self.excluded
         every = self._choice_of_sets(_ALL_SETS, overloaded)
-        residual, largest, rms_rel = self._residuals(closure_rel, overloaded, every)
+        residual, largest, rms_rel = self._residuals(closure_rel, every)
         limit = RESIDUAL_LIMIT + RESIDUAL_LIMIT_REL * rms_rel + readings.second_largest_motion_rel[:, None]
         share = largest / limit
         rank = np.where(CONTAINING[patterns_of(unusable)] & (share <= 1.0), share + _RANK, np.inf)

@@ -8,8 +8,10 @@ linear estimate from those that remain; the network gets the mask of the imputed
 """
 
 import math
-from functools import lru_cache
+from collections.abc import Callable
+from functools import lru_cache, wraps
 from itertools import product
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,10 +50,28 @@ def patterns_of(elements: Mask) -> NDArray[np.uint16]:
     return patterns
 
 
-def missing_sets_containing(faulty: Mask) -> Mask:
+_R = TypeVar("_R")
+
+
+def remembered(function: Callable[..., _R]) -> Callable[..., _R]:
+    """Return a function of masks of shape (legs, elements) that remembers its last results, which are not written to.
+
+    What is found of elements seldom changes, and to look it up takes less than one operation of numpy.
+    """
+
+    @lru_cache
+    def of_bytes(*masks: bytes) -> _R:
+        return function(*(np.frombuffer(mask, np.bool_).reshape(-1, ELEMENTS) for mask in masks))
+
+    return wraps(function)(lambda *masks: of_bytes(*map(np.ndarray.tobytes, masks)))
+
+
+@remembered
+def missing_sets_containing(*faulty: Mask) -> Mask:
     """Return the mask of elements left out, shape (legs, elements): a faulty one, or the whole line of several.
 
-    A leg whose faulty elements do not lie in one row or column gets none: the network is not trained for that.
+    An element is faulty that is in any of the masks. A leg whose faulty elements do not lie in one row or column gets
+    none: the network is not trained for that.
 
     Example:
         >>> two_of_row_0 = np.zeros((1, 9), bool)
@@ -59,16 +79,7 @@ def missing_sets_containing(faulty: Mask) -> Mask:
         >>> missing_sets_containing(two_of_row_0)[0].astype(int).tolist()
         [1, 1, 1, 0, 0, 0, 0, 0, 0]
     """
-    return _sets_containing(faulty.tobytes())
-
-
-@lru_cache
-def _sets_containing(faulty: bytes) -> Mask:
-    patterns = patterns_of(np.frombuffer(faulty, np.bool_).reshape(-1, ELEMENTS))
-    return MISSING_SETS[SMALLEST_CONTAINING[patterns]]
-
-
-_SET_PATTERNS = patterns_of(MISSING_SETS)
+    return MISSING_SETS[SMALLEST_CONTAINING[patterns_of(np.logical_or.reduce(faulty))]]
 
 
 def _residual_matrices(moments: Vector) -> Vector:
@@ -98,7 +109,8 @@ class Imputation:
         self._imputing: dict[bytes, Vector] = {}
         #: Amplification by each of `MISSING_SETS`.
         self.error_amplification = np.array([self._error_amplification(each) for each in MISSING_SETS])
-        #: The matrix that gives the residuals of each pattern of unknown elements, shape (512, 9, 9).
+        #: The matrices that give the differences of closures from their predictions by those that are known, one for
+        #: each pattern of unknown elements, shape (512, 9, 9).
         self.residuals = _residual_matrices(moments)
 
     def matrix(self, missing: Mask) -> Vector:
@@ -120,23 +132,6 @@ class Imputation:
         # How far one wrong reading moves the closures at most, those imputed from it included, over itself [1].
         # With the paper's foot 1.7 at most beside a missing element, 1.2 beside a middle line, 4.0 beside an outer one.
         return float(np.linalg.norm(self.matrix(missing), axis=0).max())
-
-    def predictors(self, overloaded: NDArray[np.uint16], sets: NDArray[np.intp]) -> Vector:
-        """Return the matrices that give the differences of closures from their predictions by those that are known.
-
-        Known are those that are neither overloaded nor in a set of `MISSING_SETS`, one along the second axis.
-        An overloaded element is closed at least as far as it reads, so it differs only where it reads more than
-        predicted.
-
-        Args:
-            overloaded: Pattern of each leg's overloaded elements, shape (legs,).
-            sets: Numbers of sets, shape (legs, k) or (1, k).
-
-        Returns:
-            Matrices, shape (legs, k, 9, 9).
-        """
-        matrices: Vector = self.residuals[_SET_PATTERNS[sets] | overloaded[:, None]]
-        return matrices
 
     def impute(self, closure_rel: Vector, missing: Mask) -> Vector:
         """Return the closures with the missing ones imputed, same shape.

@@ -80,8 +80,11 @@ class ReadingWindow:
     """
 
     def __init__(self, n_legs: int, scan_ns: int) -> None:
-        self._distance_rel = np.full((n_legs, READINGS, ELEMENTS), np.nan)
-        self._t_ns = np.zeros((n_legs, READINGS, ELEMENTS), np.int64)
+        # Distances and times in one memory, whose newer and older readings move together.
+        kept = np.zeros((2, n_legs, READINGS, ELEMENTS), np.int64)
+        self._newer, self._older = kept[:, :, :-1], kept[:, :, 1:]
+        self._distance_rel, self._t_ns = kept[0].view(np.float64), kept[1]
+        self._distance_rel[...] = np.nan
         # Less than two scans: after a stall, older readings are not mixed with newer ones. A slow host takes half more.
         self._longest_ns = np.array(max(round((2.0 - SMALL_SHARE) * scan_ns), _ALWAYS_CONSECUTIVE_NS))
 
@@ -96,10 +99,8 @@ class ReadingWindow:
             t_ns: Middle of each element's conversion [ns], same shape.
         """
         kept_rel, kept_ns = self._distance_rel, self._t_ns
-        new = (t_ns != kept_ns[:, 0])[:, None]
-        for kept, now in ((kept_rel, plate_distance_rel), (kept_ns, t_ns)):
-            np.copyto(kept[:, 1:], kept[:, :2], where=new)
-            kept[:, 0] = now
+        np.copyto(self._older, self._newer, where=(t_ns != kept_ns[:, 0])[:, None])
+        kept_rel[:, 0], kept_ns[:, 0] = plate_distance_rel, t_ns
         steps_ns = kept_ns[:, :2] - kept_ns[:, 1:]
         steps_rel = kept_rel[:, :2] - kept_rel[:, 1:]
         # A NaN makes the difference one.

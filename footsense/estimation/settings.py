@@ -225,8 +225,3 @@ class EstimationLimits(Struct, frozen=True, kw_only=True):
     contact: ContactLimits = ContactLimits()
     max_age_ns: int | None = None
     track_baseline: bool = True
-
-    @property
-    def effective_max_age_ns(self) -> int:
-        """Age of the oldest reading from which a measurement is stale [ns]."""
-        return MAX_AGE_SCANS * self.scan_ns if self.max_age_ns is None else self.max_age_ns

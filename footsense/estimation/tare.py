@@ -19,6 +19,7 @@ from footsense.estimation.network import READINGS
 from footsense.estimation.settings import LONG_SILENCE_NS, MEMORY_S, MountedFeet, TareLimits
 from footsense.frames import (
     ELEMENTS,
+    CapFrame,
     Codes,
     Command,
     CommandKind,
@@ -221,9 +222,7 @@ class Tares:
 
     def add(
         self,
-        capacitance_pf: Vector,
-        reading: Codes,
-        t_ns: Stamps,
+        scan: CapFrame,
         unusable: Mask,
         now_ns: int,
         contact_refusal: Callable[[int], str | None],
@@ -233,16 +232,15 @@ class Tares:
         A tare without a command repeats a refusal silently, and waits silently for a leg that does not answer.
 
         Args:
-            capacitance_pf: Readings without stray [pF], shape (legs, elements), NaN where there is none.
-            reading: How each element answered, same shape.
-            t_ns: Stamp of each [ns], same shape.
-            unusable: Elements to leave out, same shape.
+            scan: The frame, its readings without stray, NaN where there is none.
+            unusable: Elements to leave out, shape (legs, elements).
             now_ns: Current time [ns].
             contact_refusal: Returns why a leg must not be tared now, as its foot is in contact; None if it may.
         """
         tared_pf, results = {}, []
         for leg, window in list(self.in_progress.items()):
-            tared = window.add(capacitance_pf[leg], reading[leg], t_ns[leg], unusable[leg], now_ns)
+            of_leg = scan.capacitance_pf[leg], scan.reading[leg], scan.t_ns[leg], unusable[leg]
+            tared = window.add(*of_leg, now_ns)
             if tared is None:
                 continue
             if tared.baseline_pf is not None and (in_contact := contact_refusal(leg)):

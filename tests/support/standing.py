@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.estimation.baseline import BaselineTracker
+from footsense.estimation.elements import ElementStatus
 from footsense.estimation.noise import ReadingNoise
 from footsense.estimation.settings import (
     ContactLimits,
@@ -14,7 +15,7 @@ from footsense.estimation.settings import (
     Sensitivity,
     TareLimits,
 )
-from footsense.frames import ELEMENTS, CommandResult, Flag
+from footsense.frames import ELEMENTS, CapFrame, CommandResult, Flag
 from tests.support.feet import DESIGN, RANGE_END_PF, TRAINED
 
 Vector = NDArray[np.float64]
@@ -107,7 +108,9 @@ class Standing:
         """Hand a frame of these readings to the tracker."""
         reading, missing = np.zeros(capacitance_pf.shape, np.uint8), np.zeros(capacitance_pf.shape, bool)
         now_ns = self.t_ns + 2_000_000
-        self.outcomes += self.tracker.process_tares(capacitance_pf, reading, self._stamps, missing, now_ns)
+        scan = CapFrame(0, self._stamps, capacitance_pf, reading)
+        status = ElementStatus(capacitance_pf, opened=missing, over_range=missing)
+        self.outcomes += self.tracker.process_tares(scan, status, missing, now_ns)
         closure_rel = DESIGN.closure_um(capacitance_pf, self.tracker.unloaded.baseline_pf) / DESIGN.gap_um
         unpredicted_n = np.full(len(capacitance_pf), np.nan)
         self.tracker.observe(

@@ -9,6 +9,7 @@ Register layout: `firmware_interface/chips/ad7147.py`, with its sources.
 
 import math
 from statistics import mean
+from struct import Struct
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +20,7 @@ from firmware_interface.chips.ad7147 import Ad7147Register, InputConnection
 from firmware_interface.conversion_order import CONVERSION_ORDERS
 from footsense.acquisition.boards.board import ReadBackCheck, require_identity
 from footsense.errors import HardwareError, NackError
-from footsense.frames import Codes, Reading, Vector
+from footsense.frames import ELEMENTS, Codes, Reading, Vector
 from footsense.ports import I2cBus, Transaction
 
 #: Element of each stage.
@@ -46,6 +47,9 @@ SHORTEST_BIT_NS = 2250
 #: Bit of a status word that is no stage's. Those above it are zero, unless a burst begins with a result: a whole burst
 #: that is late by a register was seen of the AD7142 (EngineerZone 576116), and no result is so small.
 _NO_STAGE = 1 << chip.N_STAGES
+
+#: The other bits, and the words of a burst of all elements with the status behind it.
+_STAGES_OR_RESULT, _BURST_AND_STATUS = 0xFFFF ^ _NO_STAGE, Struct(f">{1 + ELEMENTS + 1}H")
 
 #: `Reading` of each code, and its nominal capacitance without what the offset takes away [pF], NaN unless it is OK.
 _READINGS: Codes = np.full(chip.CODE_MAX + 1, Reading.OK, np.uint8)
@@ -220,8 +224,8 @@ def read_words(results: bytes, status: bytes) -> tuple[int, list[int], int]:
         results: Answer to `read_results`.
         status: Answer to `read_status`.
     """
-    before, *codes, behind = chip.words_of(results + status)
-    return before & ~_NO_STAGE, codes, behind & ~_NO_STAGE
+    before, *codes, behind = _BURST_AND_STATUS.unpack(results + status)
+    return before & _STAGES_OR_RESULT, codes, behind & _STAGES_OR_RESULT
 
 
 def decode(codes: NDArray[np.uint16], gain_rel: Vector, offset_pf: Vector) -> tuple[Codes, Vector]:

@@ -79,7 +79,7 @@ class StageTracker:
         n_unused: Conversions after a start whose results are not used.
 
     Attributes:
-        stage_ns: Time of a stage, as known so far [ns].
+        stage_ns: Bounds of the time of a stage, as known so far [ns].
         is_doubtful: Whether a status did not fit: the chip may have lost its settings.
     """
 
@@ -87,7 +87,8 @@ class StageTracker:
         self._n_stages = n_stages
         self._first_stages = _first_stages(n_stages)
         self._n_unused = n_unused
-        self._tolerated_ns = Span(stage_ns * (1 - clock_tolerance_rel), stage_ns * (1 + clock_tolerance_rel))
+        # A plain pair, as those of the times of reads are: a named tuple takes longer to unpack.
+        self._tolerated_ns = stage_ns * (1 - clock_tolerance_rel), stage_ns * (1 + clock_tolerance_rel)
         self._least = self._most = 0
         self._is_known = False
         self.start(Span(0, 0))
@@ -104,7 +105,7 @@ class StageTracker:
         """Count anew from the next status on: the chip holds its settings, and any of its stages may be the next."""
         self.is_doubtful = False
         read_ns = self._last_read[1]
-        self._begin_anew(self._most, (read_ns - 2 * self._n_stages * self.stage_ns.to_ns, read_ns))
+        self._begin_anew(self._most, (read_ns - 2 * self._n_stages * self.stage_ns[1], read_ns))
         self._first = max(self._first, self._number + self._n_stages)
         self.miss(read_ns)
 
@@ -157,19 +158,14 @@ class StageTracker:
 
     def _count(self, status: int, at: tuple[float, float]) -> None:
         """Count the conversions that have ended since the last status, as far as this one and the time tell."""
-        last, n, n_stages, begins = (
-            self._last_read,
-            status.bit_count(),
-            self._n_stages,
-            self._first_stages.get(status),
-        )
+        n, n_stages, begins = status.bit_count(), self._n_stages, self._first_stages.get(status)
         if self._is_known and 0 < n < n_stages and begins == self._least % n_stages:
             self._last_read = at
-            self._least += n
-            self._most = self._least
-            self._narrow(self._least, at)
+            self._least = self._most = number = self._least + n
+            self._narrow(number, at)
             return
-        if at[0] - last[1] > _N_REFERRED * self.stage_ns.to_ns and not self.is_doubtful:
+        last = self._last_read
+        if at[0] - last[1] > _N_REFERRED * self.stage_ns[1] and not self.is_doubtful:
             self.trust()
         least, most, self._last_read = self._least, self._most, at
         if begins is None:
@@ -184,7 +180,7 @@ class StageTracker:
                 least, most = max(least, least_now - n), min(most, most_now - n)
             if status:
                 least, most = self._resolve(least + (begins - least) % n_stages, most, last)
-            elif at[0] - last[1] > self.stage_ns.to_ns:
+            elif at[0] - last[1] > self.stage_ns[1]:
                 self.is_doubtful = True
             least, most = least + n, most + n
         self._least, self._most = least, most
@@ -198,7 +194,7 @@ class StageTracker:
     def _resolve(self, number: int, most: int, last: tuple[float, float]) -> tuple[int, int]:
         """Return the least and the most that had ended at the last status, if a number of its stages had."""
         if number + self._n_stages <= most:
-            self._begin_anew(number, (last[0] - self.stage_ns.to_ns, last[1]))
+            self._begin_anew(number, (last[0] - self.stage_ns[1], last[1]))
         elif number <= most and not self._is_known:
             self._narrow(number, last)
         return number, min(number, most)
@@ -210,7 +206,7 @@ class StageTracker:
         self._is_known = False
         self._assume(number, ended_ns, self.stage_ns)
 
-    def _assume(self, number: int, ended_ns: tuple[float, float], stage_ns: Span) -> None:
+    def _assume(self, number: int, ended_ns: tuple[float, float], stage_ns: tuple[float, float]) -> None:
         """Let any times within bounds be possible: of when a number of conversions had ended, and of a stage."""
         (from_ns, to_ns), (shortest_ns, longest_ns) = ended_ns, stage_ns
         self._origin, self._number, self._ended_ns, self.stage_ns = number, number, ended_ns, stage_ns
@@ -263,11 +259,11 @@ class StageTracker:
         if since > _N_REFERRED:
             (shortest_ns, longest_ns), (least_ns, most_ns) = self.stage_ns, self._tolerated_ns
             shortest_ns, longest_ns = shortest_ns * (1 - _DRIFT_REL), longest_ns * (1 + _DRIFT_REL)
-            self._assume(number, self._ended_ns, Span(max(shortest_ns, least_ns), min(longest_ns, most_ns)))
+            self._assume(number, self._ended_ns, (max(shortest_ns, least_ns), min(longest_ns, most_ns)))
 
     def _bound(self, number: int) -> None:
         """Take from the polygon the bounds of a stage, and of when some number of conversions had ended."""
         ended_ns = [ended_ns + (number - self._origin) * stage_ns for ended_ns, stage_ns in self._corners]
         stages_ns = [stage_ns for _, stage_ns in self._corners]
         self._number, self._ended_ns = number, (min(ended_ns), max(ended_ns))
-        self.stage_ns = Span(min(stages_ns), max(stages_ns))
+        self.stage_ns = min(stages_ns), max(stages_ns)
