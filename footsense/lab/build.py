@@ -25,7 +25,6 @@ from footsense.lab.evaluation.evaluate_models import (
     HELD_OUT_CASES,
     HELD_OUT_SEED,
     RESPONSE_FILE,
-    ForceEstimator,
     as_markdown,
     error_table,
     evaluate_models,
@@ -33,17 +32,11 @@ from footsense.lab.evaluation.evaluate_models import (
 from footsense.lab.evaluation.force_range import CENTRED_DEG, LEANS_DEG, force_range
 from footsense.lab.fem.mesh import COARSE_MESH, RELEASED_MESH, MeshSize
 from footsense.lab.foot_file import FOOT_FILE, load_foot
-from footsense.lab.geometry import FootDesign, LoadRange
+from footsense.lab.geometry import PAPER_MAX_FORCE_N, FootDesign, LoadRange
 from footsense.lab.response import make_response
 from footsense.lab.template import render
 from footsense.lab.training import load_cases
-from footsense.lab.training.export import (
-    OnnxNetwork,
-    as_stored,
-    library_versions,
-    load_weights,
-    onnx_model,
-)
+from footsense.lab.training.export import OnnxNetwork, as_stored, library_versions, load_weights, onnx_model
 from footsense.lab.training.gait_readings import concatenate_gaits, random_gaits
 from footsense.lab.training.load_cases import random_loads
 from footsense.lab.training.train_windowed import WindowTrainingSettings, train_windowed
@@ -94,10 +87,7 @@ FULL_BUILD = BuildSettings(
 )
 #: From nothing, in five times as long.
 BUILD_FROM_NOTHING = replace(
-    FULL_BUILD,
-    random_loads=200_000,
-    released=WindowTrainingSettings(channels=112),
-    start_file=None,
+    FULL_BUILD, random_loads=200_000, released=WindowTrainingSettings(channels=112), start_file=None
 )
 #: Every step of the chain in half a minute; its numbers are no release.
 QUICK_BUILD = BuildSettings(
@@ -130,11 +120,6 @@ _EXPECTED_SOLVE_S = 33.0
 _CONVERSIONS_PER_GAIT = 1100
 
 
-def _force_estimator(weights: Weights, gap_um: float, unit: float) -> ForceEstimator:
-    """Return a function from closures [um] under a steady load to forces [N], by the network."""
-    return lambda closure_um: unit * predict(weights, steady_windows(closure_um / gap_um)).force_n
-
-
 def _network_card(
     response: FootResponse,
     loads: LoadRange,
@@ -152,12 +137,8 @@ def _network_card(
         "inputs": [msgspec.structs.asdict(signal) for signal in INPUTS],
         "outputs": [msgspec.structs.asdict(signal) for signal in OUTPUTS],
         **asdict(design),
-        "closure_rel_min": [
-            round(float(value) - INPUT_RANGE_MARGIN_REL, 6) for value in seen_rel.min(axis=0)
-        ],
-        "closure_rel_max": [
-            round(float(value) + INPUT_RANGE_MARGIN_REL, 6) for value in seen_rel.max(axis=0)
-        ],
+        "closure_rel_min": np.round(seen_rel.min(axis=0) - INPUT_RANGE_MARGIN_REL, 6).tolist(),
+        "closure_rel_max": np.round(seen_rel.max(axis=0) + INPUT_RANGE_MARGIN_REL, 6).tolist(),
         "moments": moments.tolist(),
         "response_sha256": response.sha256,
         "training": {
@@ -252,7 +233,7 @@ def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable
         ModelError: The foot cannot be solved, or its loads are beyond the converter.
     """
     foot_design, description = load_foot(foot_file), foot_file.read_bytes()
-    with timed_bar("solid", 0.0 if recipe.quick else _EXPECTED_SOLVE_S):
+    with timed_bar("solid", _EXPECTED_SOLVE_S):
         made = make_response(foot_design, recipe.mesh, report)
     report(f"response table: {made.provenance}")
     output.mkdir(parents=True, exist_ok=True)
@@ -262,29 +243,16 @@ def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable
         design, loads = response.design, foot_design.loads
         unit = loads.force_unit
         response_in_unit = response_in_force_unit(response, unit)
-        loads_unit = msgspec.structs.replace(loads, max_n=loads.max_n / unit)
-        recipe = replace(
-            recipe, released=replace(recipe.released, min_force_n=loads_unit.min_relative_loss_force_n)
-        )
+        loads_unit = msgspec.structs.replace(loads, max_n=PAPER_MAX_FORCE_N)
         cases = random_loads(
-            response_in_unit,
-            loads_unit,
-            recipe.random_loads,
-            TRAINING_SEED,
-            max_overloaded=MAX_OVERLOADED,
+            response_in_unit, loads_unit, recipe.random_loads, TRAINING_SEED, max_overloaded=MAX_OVERLOADED
         )
         report(f"{recipe.random_loads} random loads, gaps in contact")
         closure_rel = cases.closure_um / design.gap_um
         seen_rel = cases.with_symmetric_copies().closure_um / design.gap_um
         moments = np.round(mean_closure_product_matrix(seen_rel), _MOMENT_DECIMALS)
         own, robots = (
-            make(
-                TRAINING_SEED,
-                recipe.gaits,
-                _CONVERSIONS_PER_GAIT,
-                loads_unit.max_n,
-                jobs=2,
-            )
+            make(TRAINING_SEED, recipe.gaits, _CONVERSIONS_PER_GAIT, PAPER_MAX_FORCE_N, jobs=2)
             for make in (
                 partial(random_gaits, response_in_unit),
                 partial(walker_gaits, response_in_unit, training_logs(report, quick=recipe.quick), unit),
@@ -297,8 +265,12 @@ def build(foot_file: Path, output: Path, recipe: BuildSettings, report: Callable
             train_windowed(gaits, cases, design, recipe.released, Imputation(moments), report, start)
         )
         report(f"trained on them: {weights.n_weights} weights")
-        table = error_table(response, loads, _force_estimator(weights, design.gap_um, unit))
         # The card needs the errors before the file exists, so JAX computes them; the printed ones are of the file.
+        table = error_table(
+            response,
+            loads,
+            lambda closure_um: unit * predict(weights, steady_windows(closure_um / design.gap_um)).force_n,
+        )
         card = _network_card(response, loads, recipe, weights, seen_rel, moments, table)
         network = add_checksum(onnx_model(weights, card, unit).SerializeToString())
         (Path(temporary) / NETWORK_FILE).write_bytes(network)

@@ -27,6 +27,10 @@ MIN_TABLE_ELEVATION_DEG = 25.0
 #: Rim of the disc that the table is fitted on [deg]: below the lowest contact by more than the largest patch.
 MIN_FITTED_ELEVATION_DEG = 12.0
 
+#: Name of a foot type or of a material.
+Name = Annotated[
+    str, Meta(pattern=r"^[a-z0-9][a-z0-9-]{0,39}$", description="small letters, digits and hyphens")
+]
 _LengthMm = Annotated[float, Meta(gt=0.0, le=200.0, description="a length in mm")]
 _LayerThicknessUm = Annotated[float, Meta(ge=0.1, le=2000.0, description="a thickness in um")]
 _Share = Annotated[float, Meta(ge=0.0, le=1.0)]
@@ -113,11 +117,6 @@ class LoadRange(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return 0.005 * self.max_n
 
     @property
-    def min_relative_loss_force_n(self) -> float:
-        """Force below which the training loss weighs absolute instead of relative errors [N]."""
-        return 0.15 * self.max_n
-
-    @property
     def min_evaluated_force_n(self) -> float:
         """Smallest force in error tables [N]: below, noise alone hides the direction."""
         return 0.1 * self.max_n
@@ -146,9 +145,7 @@ class FootDesign(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         cavity: That the air of a closing gap gets out: `vented` is the one kind that is computed.
     """
 
-    foot_type: Annotated[
-        str, Meta(pattern=r"^[a-z0-9][a-z0-9-]{0,39}$", description="small letters, digits and hyphens")
-    ]
+    foot_type: Name
     about: Annotated[str, Meta(min_length=1, max_length=80)]
     ball_radius_mm: _LengthMm
     sheet_mm: _LengthMm

@@ -23,7 +23,7 @@ from footsense.foot.response_table import FootResponse, n_basis_functions, produ
 from footsense.frames import Vector
 from footsense.lab.fem.adjoint import AdjointFields, solve_cell_closure_fields
 from footsense.lab.fem.elasticity import BondedLayer
-from footsense.lab.fem.mesh import MeshSize, build_quarter_mesh, quarter_grid
+from footsense.lab.fem.mesh import MeshSize, build_mesh, quarter_grid
 from footsense.lab.fem.quarter import (
     SOLVED_CLASSES,
     Parity,
@@ -89,8 +89,7 @@ def mean_over_patch(
             sideways = np.cos(angle) * first + np.sin(angle) * second
             around = np.sqrt(1.0 - distance**2) * normal + distance * sideways
             basis += part / 12.0 * series_basis(around, SERIES_DEGREE, MIN_FITTED_ELEVATION_DEG)
-    patch_response_um_per_n: Vector = basis @ point_series
-    return patch_response_um_per_n
+    return basis @ point_series
 
 
 def patch_series(point: Vector, foot_design: FootDesign) -> Vector:
@@ -139,7 +138,7 @@ def make_response(
     Raises:
         ModelError: The foot cannot be meshed, or its stiffness is singular.
     """
-    mesh = build_quarter_mesh(foot_design, size)
+    mesh = build_mesh(foot_design, size)
     fields = {}
     for parity in SOLVED_CLASSES:
         quarter = QuarterFoot(foot_design, size, parity, mesh, layer)

@@ -11,7 +11,7 @@ from netgen import occ
 from firmware_interface.chips import ad7147 as chip
 from footsense.acquisition.boards.ad7147 import REFERENCE_INPUT, REFERENCE_PF
 from footsense.lab.fabrication import dimensions
-from footsense.lab.fabrication.documents import connector_contacts
+from footsense.lab.fabrication.package import PINS
 from footsense.lab.fabrication.parts.flex import board_corner_mm, flexes
 from footsense.lab.geometry import FootDesign
 from tests.board.kicad_files import Board, Copper
@@ -130,12 +130,11 @@ def connector_problems(board: Board, folder: Path, design: FootDesign) -> Iterat
             for pad in board.pads
             if pad.reference == reference and pad.number != "MP"
         }
-        wiring = dict(connector_contacts(flex, "ad7147"))
         for shape in read_layer(folder / flex.name / "copper.gbr"):
             if not shape.pin_number:
                 continue
             x = middle_mm - shape.polygon.centroid.y
-            net = wiring[shape.net].removeprefix("AD7147: ")
+            net = PINS["ad7147"][shape.net].removeprefix("AD7147: ")
             meets = [name for place, name in pads.items() if abs(place - x) < _PLACE_MM]
             if meets != [net]:
                 found = meets[0] if meets else "no pad"

@@ -27,11 +27,11 @@ def mesh() -> Any:
     """Return the coarse mesh of the quarter."""
     import ngsolve
 
-    from footsense.lab.fem.mesh import COARSE_MESH, build_quarter_mesh
+    from footsense.lab.fem.mesh import COARSE_MESH, build_mesh
     from tests.lab.released import FOOT_DESIGN
 
     ngsolve.SetNumThreads(1)  # a second thread that waits for a busy processor costs more than it gains
-    return build_quarter_mesh(FOOT_DESIGN, COARSE_MESH)
+    return build_mesh(FOOT_DESIGN, COARSE_MESH)
 
 
 @pytest.fixture(scope="session")

@@ -13,7 +13,7 @@ from footsense.lab.build import response_in_force_unit
 from footsense.lab.design.assess import assess_foot
 from footsense.lab.design.design import choose_candidates, foot_text
 from footsense.lab.design.materials import load_materials
-from footsense.lab.design.processes import assumed_process, load_processes
+from footsense.lab.design.processes import assumed_process, named_process
 from footsense.lab.design.requirements import Requirements, converter
 from footsense.lab.design.screen import TRAINED_RANGE_FACTOR
 from footsense.lab.design.shapes import FootShapeLibrary
@@ -44,7 +44,7 @@ def requirements(
         max_noise_direction_error_deg=2.5,
         ball_diameter_range_mm=ball_mm,
         materials=load_materials().select_materials(material),
-        process=load_processes()[process],
+        process=named_process(process),
         board=converter(board),
     )
 

@@ -14,14 +14,11 @@ _POSITIVE = click.FloatRange(min=0, min_open=True)
 
 @click.command()
 @click.option("--mass", type=_POSITIVE, help="Mass of the robot [kg], with --legs.")
-@click.option(
-    "--legs", type=click.IntRange(2, 8), default=6, show_default=True, help="Legs; half of them carry it."
-)
+@click.option("--legs", type=click.IntRange(2, 8), default=6, help="Legs; half of them carry it.")
 @click.option(
     "--load-factor",
     type=_POSITIVE,
     default=2.2,
-    show_default=True,
     help="Largest normal load in a gait over the foot's share of the weight: 2 for a tripod or a slow trot, 2.2 for a "
     "fast one, 3.4 to 5 for hops.",
 )
@@ -35,39 +32,27 @@ _POSITIVE = click.FloatRange(min=0, min_open=True)
     "--lean",
     type=click.FloatRange(5, 35),
     default=30.0,
-    show_default=True,
     help="Largest angle between force and contact normal [deg]: a friction of 0.577 is 30.",
 )
 @click.option(
     "--error",
     type=_POSITIVE,
     default=2.5,
-    show_default=True,
     help="Largest direction error that the converter's noise may cause, mean over the range [deg].",
 )
 @click.option(
-    "--ball",
-    type=(_POSITIVE, _POSITIVE),
-    default=(20.0, 60.0),
-    show_default=True,
-    help="Least and largest diameter [mm].",
+    "--ball", type=(_POSITIVE, _POSITIVE), default=(20.0, 60.0), help="Least and largest diameter [mm]."
 )
-@click.option(
-    "--board",
-    type=click.Choice(["ad7147", "fdc1004"]),
-    default="ad7147",
-    show_default=True,
-    help="Electronics of a foot: noise, range, time of a scan, and what its flex takes between the electrodes.",
+@options.board_option(
+    "Electronics of a foot: noise, range, time of a scan, and what its flex takes between the electrodes."
 )
-@click.option(
-    "--process", default="flex", show_default=True, help="How the sheet is made, by name in its table."
-)
+@click.option("--process", default="flex", help="How the sheet is made, by name in its table.")
 @click.option(
     "--material",
     multiple=True,
     help="Rubber or sheet at hand, of footsense/lab/design/materials.yaml; can be repeated. Without it all.",
 )
-@click.option("--name", default="foot", show_default=True, help="Beginning of the names of the foot types.")
+@click.option("--name", default="foot", help="Beginning of the names of the foot types.")
 @click.option("--out", type=FOLDER, help="Folder for a foot.yaml of each; without it ./design.")
 @json_option
 def design(
@@ -95,37 +80,22 @@ def design(
     """  # noqa: DOC501 - click shows this text
     from footsense.lab.design.design import design as design_feet
     from footsense.lab.design.materials import load_materials
-    from footsense.lab.design.processes import load_processes
-    from footsense.lab.design.requirements import (
-        PITCH_DEG,
-        Requirements,
-        converter,
-        largest_normal_load_n,
-    )
+    from footsense.lab.design.processes import named_process
+    from footsense.lab.design.requirements import PITCH_DEG, Requirements, converter, largest_normal_load_n
 
     if (mass is None) == (max_load is None):
         raise click.UsageError("give one of --mass, --max-load")
     largest_n = max_load or largest_normal_load_n(mass or 0.0, legs, load_factor)
-    known = load_processes()
-    if process not in known:
-        raise FootsenseError(f"--process {process}: not in the table, which has {', '.join(known)}")
     least_n = min_load or largest_n / 20.0
     if least_n >= largest_n:
         raise FootsenseError(f"--min-load {least_n:g} is not below the largest load, {largest_n:g} N")
     if ball[0] > ball[1]:
         raise FootsenseError(f"--ball {ball[0]:g} {ball[1]:g}: the least diameter comes first")
+    made = named_process(process)
     folder = out or Path("design")
     options.ensure_writable_folder(folder)
-    requirements = Requirements(
-        largest_n,
-        least_n,
-        lean,
-        error,
-        ball,
-        load_materials().select_materials(material),
-        known[process],
-        converter(board),
-    )
+    materials = load_materials().select_materials(material)
+    requirements = Requirements(largest_n, least_n, lean, error, ball, materials, made, converter(board))
     feet, n_compared = design_feet(requirements, name)
     paths = [foot.write(folder) for foot in feet]
     if as_json:

@@ -1,19 +1,17 @@
 """Command group `footsense lab`: model files of a foot, their errors, and the report. Needs the extra `lab`."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 import msgspec
 
-from footsense.cli.lab import couplings, design, fabricate, options, selection, selfcal, walk
-from footsense.cli.options import FILE, FOLDER, json_option
-from footsense.cli.tables import echo_json
+from footsense.cli.lab import options
+from footsense.cli.lab.design import design
+from footsense.cli.lab.fabricate import couplings, fabricate
+from footsense.cli.lab.walk import selection, selfcal, walk
+from footsense.cli.options import FILE, FOLDER
 from footsense.daemon.foot_types import released_path
 from footsense.errors import FootsenseError, require
-
-if TYPE_CHECKING:
-    from footsense.lab.geometry import FootDesign
 
 _RELEASED_MODELS = released_path("network.onnx").parent
 #: Libraries of the extra.
@@ -22,9 +20,7 @@ _REQUIRED_PACKAGES = ("ngsolve", "jax", "jinja2", "joblib", "mujoco", "optax", "
 
 @click.command()
 @click.option(
-    "--foot",
-    type=FILE,
-    help="Description of the foot, a YAML file; without it the released one's.",
+    "--foot", type=FILE, help="Description of the foot, a YAML file; without it the released one's."
 )
 @click.option(
     "--out",
@@ -42,40 +38,28 @@ def build(*, foot: Path | None, out: Path | None, quick: bool, from_nothing: boo
 
     Solves the foot, trains its network, and writes both with their card.
     """  # noqa: DOC501
+    if quick and from_nothing:
+        raise click.UsageError("--quick and --from-nothing exclude each other")
     from footsense.lab.foot_file import FOOT_FILE, load_foot
 
     description = foot or released_path(FOOT_FILE)
     foot_design = load_foot(description)
     folder = (out or Path("models-quick" if quick else "models")) / foot_design.foot_type
-    for known in (folder, released_path(FOOT_FILE, foot_design.foot_type).parent):
-        _require_unique_foot_type(known / FOOT_FILE, description, foot_design)
+    for file in (folder / FOOT_FILE, released_path(FOOT_FILE, foot_design.foot_type)):
+        if file.exists() and msgspec.structs.replace(load_foot(file), about=foot_design.about) != foot_design:
+            raise FootsenseError(
+                f"{description}: foot_type: {file} describes another foot of the name {foot_design.foot_type}; "
+                "give this one a name of its own, or remove that folder"
+            )
     options.ensure_writable_folder(folder)
-    from footsense.lab.build import BUILD_FROM_NOTHING, FULL_BUILD, QUICK_BUILD
-    from footsense.lab.build import build as build_models
+    from footsense.lab import build as lab_build
     from footsense.lab.evaluation.evaluate_models import as_markdown
 
-    if quick and from_nothing:
-        raise click.UsageError("--quick and --from-nothing exclude each other")
-    recipe = QUICK_BUILD if quick else BUILD_FROM_NOTHING if from_nothing else FULL_BUILD
+    long = lab_build.BUILD_FROM_NOTHING if from_nothing else lab_build.FULL_BUILD
     report = options.elapsed_time_reporter()
-    built = build_models(description, folder, recipe, report)
+    built = lab_build.build(description, folder, lab_build.QUICK_BUILD if quick else long, report)
     report(f"wrote {folder}; JAX and ONNX Runtime differ by at most {1000 * built.onnx_difference_n:.4f} mN")
     click.echo(as_markdown(built.error_table))
-
-
-def _require_unique_foot_type(known: Path, description: Path, foot_design: "FootDesign") -> None:
-    """Raise an error if another foot has this foot type's name (their networks could be confused).
-
-    Raises:
-        FootsenseError: It is.
-    """
-    from footsense.lab.foot_file import load_foot
-
-    if known.exists() and msgspec.structs.replace(load_foot(known), about=foot_design.about) != foot_design:
-        raise FootsenseError(
-            f"{description}: foot_type: {known} describes another foot of the name {foot_design.foot_type}; "
-            "give this one a name of its own, or remove that folder"
-        )
 
 
 @click.command()
@@ -88,30 +72,16 @@ def _require_unique_foot_type(known: Path, description: Path, foot_design: "Foot
 @options.output_option
 @options.quick_option
 @click.option("--data", type=FOLDER, help="Folder of measured data of others, which real-sensors needs.")
-@json_option
-def study(
-    *,
-    name: str,
-    models: Path | None,
-    output: Path | None,
-    quick: bool,
-    data: Path | None,
-    as_json: bool,
-) -> None:
-    """Make the page NAME of the report. Another name lists them all."""
+def study(*, name: str, models: Path | None, output: Path | None, quick: bool, data: Path | None) -> None:
+    """Make the page NAME of the report, and its figures as NAME.json. Another name lists them all."""
     from footsense.lab.report import StudyContext, make_page, write_list_of_pages
 
     folder = options.ensure_report_folder(output, quick=quick)
-    progress = (lambda _: None) if as_json else options.elapsed_time_reporter()
-    context = StudyContext(models or _RELEASED_MODELS, quick, data, progress)
-    markdown, values = make_page(name, context, folder)
+    context = StudyContext(models or _RELEASED_MODELS, quick, data, options.elapsed_time_reporter())
+    markdown, _ = make_page(name, context, folder)
     if models is None:
         write_list_of_pages(folder)
-    if as_json:
-        echo_json(values)
-        return
-    click.echo(markdown)
-    click.echo(f"wrote {folder / name}.md")
+    click.echo(f"{markdown}\nwrote {folder / name}.md")
 
 
 @click.command()
@@ -139,20 +109,11 @@ def report(*, output: Path | None, quick: bool, text_only: bool) -> None:
 
 
 @click.group(
-    commands=[
-        design.design,
-        build,
-        fabricate.fabricate,
-        couplings.couplings,
-        walk.walk,
-        selection.selection,
-        selfcal.selfcal,
-        study,
-        report,
-    ]
+    commands=[design, build, fabricate, couplings, walk, selection, selfcal, study, report],
+    context_settings={"show_default": True},
 )
 @click.pass_context
 def lab(ctx: click.Context) -> None:
     """From rubber to network: design, build and draw a foot, and study it."""
-    if ctx.invoked_subcommand != walk.walk.name:  # which has an extra of its own
+    if ctx.invoked_subcommand != walk.name:  # which has an extra of its own
         require("the lab", "lab", *_REQUIRED_PACKAGES, note=" (there is no ngsolve for ARM)")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from footsense.cli.options import FOLDER
+from footsense.cli.options import FOLDER, Decorator
 from footsense.clock import stopwatch_ns
 from footsense.errors import FootsenseError
 
@@ -18,6 +18,11 @@ output_option = click.option(
 quick_option = click.option(
     "--quick", is_flag=True, help="Every step in seconds; its figures are no results."
 )
+
+
+def board_option(text: str) -> Decorator:
+    """Return the option `--board`, the electronics of a foot, with the given help."""
+    return click.option("--board", type=click.Choice(["ad7147", "fdc1004"]), default="ad7147", help=text)
 
 
 def ensure_report_folder(output: Path | None, *, quick: bool) -> Path:

@@ -86,8 +86,7 @@ def _edges_mm(strip: Strip, strips: Sequence[Strip], n_segments: int) -> Vector:
         and min(strip.to_mm, other.to_mm) > max(strip.from_mm, other.from_mm)
     ]
     n = max(n_segments, min(math.ceil(width / min(across)), _MAX_SEGMENTS)) if across else n_segments
-    edges: Vector = strip.from_mm + 0.5 * width * (1.0 - np.cos(np.linspace(0.0, np.pi, n + 1)))
-    return edges
+    return strip.from_mm + 0.5 * width * (1.0 - np.cos(np.linspace(0.0, np.pi, n + 1)))
 
 
 def _log_integral(edges: Vector, height: Vector) -> Vector:

@@ -79,12 +79,7 @@ def assess_foot(foot_design: FootDesign, response: FootResponse, requirements: R
     loads, stated = requirements.loads, force_range(foot, foot_design.loads.max_n, board.range_end_pf)
     levels_n = np.geomspace(requirements.min_load_n, requirements.max_load_n, _N_LOAD_LEVELS)
     bounds = [
-        force_bound(
-            foot,
-            loads.normal,
-            load_n * loads.force_n,
-            noise_pf=board.noise_pf,
-        )
+        force_bound(foot, loads.normal, load_n * loads.force_n, noise_pf=board.noise_pf)
         for load_n in levels_n
     ]
     magnitude_rel = [

@@ -222,19 +222,10 @@ class DesignedFoot(NamedTuple):
         return {"name": self.name, "foot": foot, "limit": self.limiting_factor, **self.figures._asdict()}
 
     def write(self, folder: Path) -> Path:
-        """Write the description into a folder of the foot's name and return its path.
-
-        Raises:
-            FootsenseError: The folder cannot be written to.
-        """
+        """Write the description into a folder of the foot's name and return its path."""
         path = folder / self.name / FOOT_FILE
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(self.text, encoding="utf-8")
-        except OSError as error:
-            raise FootsenseError(
-                f"{path.parent}: cannot be written to: {error.strerror}; choose another folder"
-            ) from error
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(self.text, encoding="utf-8")
         return path
 
 

@@ -6,7 +6,7 @@ from typing import Annotated
 from msgspec import Meta, Struct
 
 from footsense.errors import FootsenseError
-from footsense.lab.geometry import Material
+from footsense.lab.geometry import Material, Name
 from footsense.strict_yaml import Problem, load
 
 #: The table.
@@ -53,9 +53,7 @@ class Solid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         source: Origin of the number.
     """
 
-    name: Annotated[
-        str, Meta(pattern=r"^[a-z0-9][a-z0-9-]{0,39}$", description="small letters, digits and hyphens")
-    ]
+    name: Name
     poisson: Annotated[float, Meta(gt=0.0, lt=0.5)]
     source: Annotated[str, Meta(min_length=1)]
     youngs_mpa: Annotated[float, Meta(ge=0.01, le=1e4)] | None = None

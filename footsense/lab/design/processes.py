@@ -92,6 +92,18 @@ def load_processes() -> dict[str, Process]:
     return load(PROCESSES_TABLE, dict[str, Process])
 
 
+def named_process(name: str) -> Process:
+    """Return the fabrication process of a name.
+
+    Raises:
+        FootsenseError: There is no such process.
+    """
+    known = load_processes()
+    if name not in known:
+        raise FootsenseError(f"--process {name}: not in the table, which has {', '.join(known)}")
+    return known[name]
+
+
 def assumed_process(design: FootDesign, name: str | None = None) -> AssumedProcess:
     """Return the manufacturing assumptions of a foot's design.
 
@@ -103,9 +115,8 @@ def assumed_process(design: FootDesign, name: str | None = None) -> AssumedProce
         FootsenseError: There is no such process.
         ConfigError: No process has this film; the message begins with the key.
     """
-    known = load_processes()
     if name is None:
-        stock = [(n, film) for n, process in known.items() for film in process.film]
+        stock = [(n, film) for n, process in load_processes().items() for film in process.film]
         wanted = Film(um=design.film_um, eps_r=design.film_eps_r)
         name = next((n for n, film in stock if film == wanted), None)
         if name is None:
@@ -114,6 +125,5 @@ def assumed_process(design: FootDesign, name: str | None = None) -> AssumedProce
                 f"film_um: no process has a film of {design.film_um:g} um with a permittivity of "
                 f"{design.film_eps_r:g}; use {films}, or name the process with --process"
             )
-    if name not in known:
-        raise FootsenseError(f"--process {name}: not in the table, which has {', '.join(known)}")
-    return AssumedProcess(name, known[name], known[name].rms_deviations(design.gap_um))
+    process = named_process(name)
+    return AssumedProcess(name, process, process.rms_deviations(design.gap_um))

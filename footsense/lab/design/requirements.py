@@ -12,7 +12,6 @@ from footsense.lab.design.materials import Materials
 from footsense.lab.design.processes import Process
 from footsense.lab.evaluation.force_range import UPRIGHT, friction_loads
 from footsense.lab.fabrication import dimensions
-from footsense.lab.fabrication.electronics import has_element_lines
 from footsense.lab.foot_file import MIN_UNLOADED_PF
 from footsense.lab.training.load_cases import FULL_SCALE_PF, NOISE_PF
 
@@ -54,24 +53,24 @@ def converter(name: str) -> Converter:
     Args:
         name: `ad7147` or `fdc1004`.
     """
-    min_bar_mm, n_contacts = (
-        (dimensions.MIN_TRACED_BAR_MM, _ELEMENT_CONTACTS)
-        if has_element_lines(name)
-        else (0.0, _LINE_CONTACTS)
-    )
-    noise_pf, range_pf = NOISE_PF, (MIN_UNLOADED_PF, FULL_SCALE_PF)
-    conversion_ns = fdc1004.RATES[400].conversion_ns
     if name == "ad7147":
-        noise_pf = 1e-3 * ad7147.NOISE_CODES * ad7147.FF_PER_CODE
-        range_pf = ad7147.LEAST_OVER_RANGE_START * ad7147.RANGE_START_PF, ad7147.RANGE_END_PF
-        conversion_ns = ad7147.DECIMATIONS[64].stage_ns
+        return Converter(
+            name,
+            noise_pf=1e-3 * ad7147.NOISE_CODES * ad7147.FF_PER_CODE,
+            min_unloaded_pf=ad7147.LEAST_OVER_RANGE_START * ad7147.RANGE_START_PF,
+            range_end_pf=ad7147.RANGE_END_PF,
+            scan_s=1e-9 * (ELEMENTS * ad7147.DECIMATIONS[64].stage_ns),
+            min_bar_mm=dimensions.MIN_TRACED_BAR_MM,
+            min_ball_mm=2.0 * dimensions.least_ball_radius_mm(_ELEMENT_CONTACTS),
+        )
     return Converter(
         name,
-        noise_pf,
-        *range_pf,
-        1e-9 * (ELEMENTS * conversion_ns),
-        min_bar_mm,
-        2.0 * dimensions.least_ball_radius_mm(n_contacts),
+        noise_pf=NOISE_PF,
+        min_unloaded_pf=MIN_UNLOADED_PF,
+        range_end_pf=FULL_SCALE_PF,
+        scan_s=1e-9 * (ELEMENTS * fdc1004.RATES[400].conversion_ns),
+        min_bar_mm=0.0,
+        min_ball_mm=2.0 * dimensions.least_ball_radius_mm(_LINE_CONTACTS),
     )
 
 
@@ -107,22 +106,18 @@ class Requirements(NamedTuple):
         return ContactLoads(normal, force_n)
 
 
-#: Largest normal load in a gait over the share of the weight, below which it is for 99 % of the loaded time [1]. From
-#: robots in a physics engine, a hexapod of 2 kg and a quadruped of 12: tripod 1.6, fast 2.0; trot 2.0, fast 2.2;
-#: walk 1.7 and 2.0, peaks of 3.8 and 3.3 apart. Hops have 3.4 to 5, landings 4 to 7.
-LOAD_FACTOR = 2.2
-
-
-def largest_normal_load_n(mass_kg: float, legs: int, load_factor: float = LOAD_FACTOR) -> float:
+def largest_normal_load_n(mass_kg: float, legs: int, load_factor: float) -> float:
     """Return the largest normal load of a foot [N]: weight shared by half of the legs, times a load factor.
 
     Args:
         mass_kg: Mass of the robot [kg].
         legs: Number of legs; of an odd number the smaller half carries.
-        load_factor: Largest normal load of a gait over its share of the weight [1].
+        load_factor: Largest normal load of a gait over its share of the weight, below which it is for 99 % of the
+            loaded time [1]. From robots in a physics engine, a hexapod of 2 kg and a quadruped of 12: tripod 1.6, fast
+            2.0; trot 2.0, fast 2.2; walk 1.7 and 2.0, peaks of 3.8 and 3.3 apart. Hops have 3.4 to 5, landings 4 to 7.
 
     Example:
-        >>> round(largest_normal_load_n(2.0, 6), 1), round(largest_normal_load_n(12.0, 4), 0)
+        >>> round(largest_normal_load_n(2.0, 6, 2.2), 1), round(largest_normal_load_n(12.0, 4, 2.2), 0)
         (14.4, 129.0)
     """
     return load_factor * mass_kg * GRAVITY_M_S2 / max(1, legs // 2)

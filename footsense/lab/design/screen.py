@@ -103,26 +103,22 @@ class Candidates(NamedTuple):
     @property
     def eps0_area_pf_um(self) -> Vector:
         """Capacitance times plate distance of an element, eps0 A [pF um]."""
-        area: Vector = EPS0_PF_UM_PER_MM2 * self.electrode_mm**2
-        return area
+        return EPS0_PF_UM_PER_MM2 * self.electrode_mm**2
 
     @property
     def unloaded_distance_um(self) -> Vector:
         """Equivalent air distance of the unloaded electrodes [um]: gap plus film over its permittivity."""
-        distance: Vector = self.gap_um + self.film_um / self.film_eps_r
-        return distance
+        return self.gap_um + self.film_um / self.film_eps_r
 
     @property
     def unloaded_pf(self) -> Vector:
         """Capacitance of an unloaded element [pF]."""
-        unloaded: Vector = self.eps0_area_pf_um / self.unloaded_distance_um
-        return unloaded
+        return self.eps0_area_pf_um / self.unloaded_distance_um
 
     @property
     def half_closed_pf(self) -> Vector:
         """Capacitance of an element whose gap is half closed [pF]."""
-        half: Vector = self.eps0_area_pf_um / (self.unloaded_distance_um - 0.5 * self.gap_um)
-        return half
+        return self.eps0_area_pf_um / (self.unloaded_distance_um - 0.5 * self.gap_um)
 
     @property
     def shape(self) -> FootShape:
@@ -205,19 +201,12 @@ class ClosureModel:
 
     def _basis(self) -> Vector:
         """Return the response series' products at the normals, and their derivatives, (3 loads, products)."""
-        normal = self.loads.normal
-        rows = [series_basis(normal, _DEGREE, MIN_FITTED_ELEVATION_DEG)]
-        for turn in range(2):
-            ahead, behind = (
-                series_basis(
-                    normalized(normal + sign * _STEP * self._across[:, turn]),
-                    _DEGREE,
-                    MIN_FITTED_ELEVATION_DEG,
-                )
-                for sign in (1.0, -1.0)
-            )
-            rows.append((ahead - behind) / (2.0 * _STEP))
-        return np.concatenate(rows)
+        normal, turns = self.loads.normal, _STEP * self._across.transpose(1, 0, 2)
+        at, ahead, behind = (
+            series_basis(each, _DEGREE, MIN_FITTED_ELEVATION_DEG)
+            for each in (normal, normalized(normal + turns), normalized(normal - turns))
+        )
+        return np.concatenate([at, *((ahead - behind) / (2.0 * _STEP))])
 
     def influence(self, feet: Candidates) -> Influence:
         """Return the closures per newton of a batch of feet (12 kB of memory each)."""

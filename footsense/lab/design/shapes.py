@@ -81,18 +81,6 @@ SHAPE_INTERPOLATION_NODES = {
 }
 
 
-def solved_shapes() -> list[FootShape]:
-    """Return the foot shapes in the library: the paper's, then those with one dimension changed."""
-    return [
-        PAPER_SHAPE,
-        *(
-            PAPER_SHAPE._replace(**{name: value})
-            for name, values in SHAPE_INTERPOLATION_NODES.items()
-            for value in values
-        ),
-    ]
-
-
 def sheet_filling_pitch_mm(electrode_over_pitch: Vector | float, ball_radius_mm: Vector | float) -> Vector:
     """Return the electrode pitch [mm] of an array that fills the whole sheet."""
     pitch: Vector = (
@@ -160,7 +148,9 @@ class FootShapeLibrary:
         self._ln_amplitudes = np.log(each)
         self.series = series / each[:, _AMPLITUDE_INDEX_OF_QUARTER_CELL][:, None, None, :, :, None]
         self.compliance = compliance / each[:, 3, None, None, None, None]
-        self._coordinates = np.stack([shape.interpolation_coordinates for shape in solved_shapes()])
+        nodes = [(name, value) for name, values in SHAPE_INTERPOLATION_NODES.items() for value in values]
+        shapes = [PAPER_SHAPE, *(PAPER_SHAPE._replace(**{name: value}) for name, value in nodes)]
+        self._coordinates = np.stack([shape.interpolation_coordinates for shape in shapes])
 
     def interpolation_weights(self, shape: FootShape) -> Vector:
         """Return the interpolation weight of each solved shape [1], shape (..., shapes)."""

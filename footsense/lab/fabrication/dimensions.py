@@ -131,17 +131,22 @@ def least_ball_radius_mm(n_contacts: int) -> float:
     Args:
         n_contacts: Contacts of that tail.
     """
-    outer_mm = 2.0 * (tail_half_width_mm(n_contacts) + TAIL_CHANNEL_PLAY_PER_SIDE_MM)
+    outer_mm = 2.0 * channel_half_width_mm(n_contacts)
     return math.ceil(10.0 * (outer_mm - socket_outer_radius_mm(0.0))) / 10.0
 
 
-def channel_floor_mm(ball_radius_mm: float, half_width_mm: float) -> float:
+def channel_half_width_mm(n_contacts: int) -> float:
+    """Return half the width of the channel for a tail with a number of contacts on the socket [mm]."""
+    return tail_half_width_mm(n_contacts) + TAIL_CHANNEL_PLAY_PER_SIDE_MM
+
+
+def channel_floor_mm(ball_radius_mm: float, n_contacts: int) -> float:
     """Return the distance of the floor of a tail's channel from the axis of the socket [mm].
 
     Args:
         ball_radius_mm: Radius of the ball [mm].
-        half_width_mm: Half the width of the channel, less than the outer radius of the socket [mm].
+        n_contacts: Contacts of the tail, whose channel is narrower than the socket.
     """
     outer_mm = socket_outer_radius_mm(ball_radius_mm)
-    at_sides_mm = math.sqrt(outer_mm**2 - half_width_mm**2)
+    at_sides_mm = math.sqrt(outer_mm**2 - channel_half_width_mm(n_contacts) ** 2)
     return min(outer_mm - TAIL_CHANNEL_DEPTH_MM, at_sides_mm - MIN_TAIL_CHANNEL_SIDE_MM)

@@ -31,8 +31,3 @@ CHIPS: dict[str, tuple[Chip, ...]] = {
         Chip("ADG715", "row switch of the leg", 4.0),
     ),
 }
-
-
-def has_element_lines(board: str) -> bool:
-    """Return whether each element has a line of its own to the board, in place of each row and column."""
-    return board == "ad7147"

@@ -1,20 +1,53 @@
-"""Fabrication package: all files of a foot in one folder."""
+"""Fabrication package: all files of a foot in one folder, solids, flexes, sheets, and the documents beside them."""
 
+import math
 from pathlib import Path
 from typing import NamedTuple
 
 from footsense.errors import ConfigError
+from footsense.frames import ELEMENTS, ROWS
+from footsense.lab.design.materials import shore_a_from_modulus
 from footsense.lab.design.processes import AssumedProcess, assumed_process
-from footsense.lab.fabrication import dimensions, documents
+from footsense.lab.fabrication import dimensions
+from footsense.lab.fabrication.electronics import CHIPS
 from footsense.lab.fabrication.parts import gerber, sheets, solids
-from footsense.lab.fabrication.parts.flex import Board, Flex, flexes
+from footsense.lab.fabrication.parts.flex import (
+    AD7147_GUARD_NET,
+    COMMON_NET,
+    GUARD_NET,
+    Board,
+    Flex,
+    element_net,
+    flexes,
+)
 from footsense.lab.fabrication.tolerances import (
     ExpectedCapacitance,
     expected_capacitance,
     manufacturing_problems,
     part_tolerances,
 )
-from footsense.lab.geometry import FootDesign
+from footsense.lab.geometry import UM_PER_MM, FootDesign
+from footsense.lab.template import render
+
+#: Density of the rubbers and of PDMS, for the amounts to weigh [g/mm3]; the paper's butadiene rubber has 0.00091.
+_RUBBER_DENSITY_G_PER_MM3 = 0.0011
+#: What is weighed over what ends up in the part [1].
+_CASTING_EXCESS_FACTOR = 1.3
+#: Insulating films, by their relative permittivity [1].
+_FILMS = {2.7: "PDMS", 3.2: "polyester", 3.4: "polyimide"}
+#: Pin of each net of a board.
+PINS: dict[Board, dict[str, str]] = {
+    "ad7147": {
+        COMMON_NET: "GND",
+        AD7147_GUARD_NET: "AD7147: ACSHIELD",
+        **{element_net(*divmod(element, ROWS)): f"AD7147: CIN{element}" for element in range(ELEMENTS)},
+    },
+    "fdc1004": {
+        GUARD_NET: "SHLD",
+        **{f"row{k + 1}": f"ADG715 0x49: S{k + 1} (to GND), S{ROWS + k + 1} (to SHLD)" for k in range(ROWS)},
+        **{f"col{k + 1}": f"FDC1004: CIN{k + 1}" for k in range(ROWS)},
+    },
+}
 
 
 class FabricationPackage(NamedTuple):
@@ -71,26 +104,45 @@ def write_fabrication_package(
         sheets.write_dxf(
             folder / f"{name}.dxf", shape, f"{design.foot_type} {name}, {thickness_um:g} um thick"
         )
-    documents.write_documents(folder, design, board, assumed, package.flexes, tolerances, package.expected)
+    ball_mm3 = 4.0 / 3.0 * math.pi * design.ball_radius_mm**3
+    film = _FILMS.get(round(design.film_eps_r, 1), "polymer")
+    names = {
+        **package._asdict(),
+        "design": design,
+        "dimensions": dimensions,
+        "board": board,
+        "chips": CHIPS[board],
+        "pins": PINS[board],
+        "tolerances": tolerances,
+        "ROWS": ROWS,
+        "shore": shore_a_from_modulus(design.rubber.youngs_mpa),
+        "rubber_g": _CASTING_EXCESS_FACTOR * _RUBBER_DENSITY_G_PER_MM3 * ball_mm3,
+        "film_material": f"{film}, relative permittivity {design.film_eps_r:g}",
+        "UM_PER_MM": UM_PER_MM,
+    }
+    for name in ("README.md", "assembly.md", "checklist.md", "bill-of-materials.csv"):
+        (folder / name).write_text(render(f"lab/fabrication/{name}", names))
     return package
 
 
 def _write_flex(folder: Path, flex: Flex) -> None:
-    """Write Gerber layers and drill file of one flex into a folder."""
+    """Write Gerber layers and drill files of one flex into a folder."""
     folder.mkdir(exist_ok=True)
     layers = {
-        "copper": gerber.gerber_text(gerber.COPPER, flex.name, [*flex.copper, *flex.via_pads]),
-        "coverlay": gerber.gerber_text(gerber.COVERLAY, flex.name, flex.coverlay_openings),
-        "profile": gerber.gerber_text(gerber.PROFILE, flex.name, flex.profile),
-        "stiffener": gerber.gerber_text(gerber.STIFFENER, flex.name, flex.stiffener),
+        "copper": (gerber.COPPER, [*flex.copper, *flex.via_pads]),
+        "coverlay": (gerber.COVERLAY, flex.coverlay_openings),
+        "profile": (gerber.PROFILE, flex.profile),
+        "stiffener": (gerber.STIFFENER, flex.stiffener),
     }
-    drilled = {"drill": gerber.drill_text(flex.name, flex.alignment_holes, n_layers=flex.n_layers)}
+    holes = {"drill": (flex.alignment_holes, dimensions.ALIGNMENT_HOLE_DIAMETER_MM)}
     if flex.shield_net:
-        layers["shield"] = gerber.gerber_text(gerber.SHIELD, flex.name, [*flex.shield, *flex.via_pads])
-        layers["shield-coverlay"] = gerber.gerber_text(gerber.SHIELD_COVERLAY, flex.name, flex.sheet_opening)
-        vias = [(place, dimensions.VIA_HOLE_MM) for place in flex.vias]
-        drilled["vias"] = gerber.drill_text(flex.name, vias, n_layers=flex.n_layers, plated=True)
-    for name, text in layers.items():
-        (folder / f"{name}.gbr").write_text(text)
-    for name, text in drilled.items():
+        layers["shield"] = (gerber.SHIELD, [*flex.shield, *flex.via_pads])
+        layers["shield-coverlay"] = (gerber.SHIELD_COVERLAY, flex.sheet_opening)
+        holes["vias"] = (flex.vias, dimensions.VIA_HOLE_MM)
+    for name, (function, shapes) in layers.items():
+        (folder / f"{name}.gbr").write_text(gerber.gerber_text(function, flex.name, shapes))
+    for name, (places, diameter_mm) in holes.items():
+        text = gerber.drill_text(
+            flex.name, places, diameter_mm, n_layers=flex.n_layers, plated=name == "vias"
+        )
         (folder / f"{name}.drl").write_text(text)

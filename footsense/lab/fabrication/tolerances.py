@@ -16,7 +16,6 @@ from footsense.foot.gap_contact import CELLS_PER_ELEMENT, fringe_pf
 from footsense.lab.design.materials import shore_a_from_modulus, youngs_mpa_of
 from footsense.lab.design.processes import AssumedProcess
 from footsense.lab.fabrication import dimensions
-from footsense.lab.fabrication.electronics import has_element_lines
 from footsense.lab.fabrication.parts.flex import Board, flexes
 from footsense.lab.geometry import UM_PER_MM, FootDesign
 from footsense.sim.fabrication import FootTolerances
@@ -57,26 +56,19 @@ class Tolerance(NamedTuple):
         return self.used_of_assumed <= self.max_assumed_deviation * (1.0 + 1e-9)
 
 
-def etch_area_deviation_rel(electrode_mm: float) -> float:
-    """Return the largest deviation of an electrode's area by etching [1]."""
-    return 2.0 * dimensions.ETCH_DEVIATION_MM / electrode_mm
+def area_deviations_rel(electrode_mm: float) -> tuple[float, float]:
+    """Return the largest relative deviations of a row-column overlap area by etching, and by the flexes' offset [1].
 
-
-def offset_overlap_loss_rel(electrode_mm: float) -> float:
-    """Return the overlap area lost if row and column flex are off by the tolerance along both axes, relative [1]."""
-    return math.sqrt(2.0) * dimensions.FLEX_OFFSET_TOLERANCE_MM / electrode_mm
-
-
-def overlap_area_deviation_rel(electrode_mm: float) -> float:
-    """Return the largest relative deviation of a row-column overlap area [1]."""
-    return math.hypot(etch_area_deviation_rel(electrode_mm), offset_overlap_loss_rel(electrode_mm))
+    The offset is one by the tolerance along both axes.
+    """
+    offset_mm = math.sqrt(2.0) * dimensions.FLEX_OFFSET_TOLERANCE_MM
+    return 2.0 * dimensions.ETCH_DEVIATION_MM / electrode_mm, offset_mm / electrode_mm
 
 
 def hardness_tolerance_shore_a(design: FootDesign, assumed: FootTolerances) -> float:
     """Return the hardness tolerance that remains beside the electrodes' area error [Shore A]; 0 for none."""
-    left = (LIMIT_OVER_RMS * assumed.stiffness_rel) ** 2 - overlap_area_deviation_rel(
-        design.electrode_mm
-    ) ** 2
+    by_area = math.hypot(*area_deviations_rel(design.electrode_mm))
+    left = (LIMIT_OVER_RMS * assumed.stiffness_rel) ** 2 - by_area**2
     share, mpa = math.sqrt(max(left, 0.0)), design.rubber.youngs_mpa
     nominal = shore_a_from_modulus(mpa)
     room = min(
@@ -103,8 +95,8 @@ def part_tolerances(design: FootDesign, assumed: FootTolerances) -> list[Toleran
     shore, shore_limit = shore_a_from_modulus(mpa), hardness_tolerance_shore_a(design, assumed)
     by_rubber = max(abs(youngs_mpa_of(shore + s * shore_limit) / mpa - 1.0) for s in (-1.0, 1.0))
     area_text = f"stiffness +-{stiffness:.0%}"
-    etched, offset = etch_area_deviation_rel(side), offset_overlap_loss_rel(side)
-    softer = math.hypot(by_rubber, overlap_area_deviation_rel(side))
+    etched, offset = area_deviations_rel(side)
+    softer = math.hypot(by_rubber, math.hypot(etched, offset))
     rubber_text, mount_text = f"{area_text}, with size and offset", f"mounting +-{mount_deg:.3g} deg"
     etch_mm, offset_mm = dimensions.ETCH_DEVIATION_MM, dimensions.FLEX_OFFSET_TOLERANCE_MM
     return [
@@ -149,9 +141,8 @@ def expected_capacitance(design: FootDesign, assumed: FootTolerances) -> Expecte
     limits_um = LIMIT_OVER_RMS * assumed.gap_um, LIMIT_OVER_RMS * assumed.film_um / design.film_eps_r
     spacing_um = np.full(CELLS_PER_ELEMENT, design.gap_um + design.film_um)
     plate_pf, edge_pf = capacitor.unloaded_pf, float(fringe_pf(capacitor, spacing_um)[0])
-    plate_rel = math.hypot(
-        math.hypot(*limits_um) / distance_um, overlap_area_deviation_rel(design.electrode_mm)
-    )
+    by_area = math.hypot(*area_deviations_rel(design.electrode_mm))
+    plate_rel = math.hypot(math.hypot(*limits_um) / distance_um, by_area)
     stray_pf, unloaded_pf = LIMIT_OVER_RMS * assumed.stray_pf, plate_pf + edge_pf
     low_pf = unloaded_pf - plate_pf * plate_rel - stray_pf
     high_pf = unloaded_pf + plate_pf * plate_rel + stray_pf
@@ -166,7 +157,15 @@ def manufacturing_problems(design: FootDesign, assumed: AssumedProcess, board: B
         assumed: What its design assumed.
         board: Its board.
     """
-    yield from _sheet_problems(design, assumed, board)
+    pitch, needs = design.pitch_mm, f"process {assumed.process_name} needs"
+    bar = max(assumed.process.bar_mm, dimensions.MIN_NET_CLEARANCE_MM)
+    if board == "ad7147" and bar < dimensions.MIN_TRACED_BAR_MM:
+        bar, needs = dimensions.MIN_TRACED_BAR_MM, f"the traces of board {board} between two columns need"
+    if design.bar_mm < bar - _ROUNDING_TOLERANCE_MM:
+        yield (
+            f"electrode_mm: electrodes of {design.electrode_mm:g} mm at a pitch of {pitch:g} mm leave bars of "
+            f"{design.bar_mm:.3g} mm in the spacer, {needs} {bar:g}; use at most {pitch - bar:g}"
+        )
     yield from _layer_and_hardness_problems(design, assumed)
     n_contacts = max(len(flex.contacts) for flex in flexes(design, board))
     least = dimensions.least_ball_radius_mm(n_contacts)
@@ -174,20 +173,6 @@ def manufacturing_problems(design: FootDesign, assumed: AssumedProcess, board: B
         yield (
             f"ball_radius_mm: the tail of {2.0 * dimensions.tail_half_width_mm(n_contacts):g} mm of board {board} does "
             f"not fit on the socket of a ball of {design.ball_radius_mm:g} mm; use at least {least:g}"
-        )
-
-
-def _sheet_problems(design: FootDesign, assumed: AssumedProcess, board: Board) -> Iterator[str]:
-    """Yield the reason why the spacer's bars, which part the electrodes too, cannot be made."""
-    pitch, needs = design.pitch_mm, f"process {assumed.process_name} needs"
-    bar = max(assumed.process.bar_mm, dimensions.MIN_NET_CLEARANCE_MM)
-    if has_element_lines(board) and bar < dimensions.MIN_TRACED_BAR_MM:
-        bar, needs = dimensions.MIN_TRACED_BAR_MM, f"the traces of board {board} between two columns need"
-    leave = f"electrodes of {design.electrode_mm:g} mm at a pitch of {pitch:g} mm leave"
-    if design.bar_mm < bar - _ROUNDING_TOLERANCE_MM:
-        yield (
-            f"electrode_mm: {leave} bars of {design.bar_mm:.3g} mm in the spacer, {needs} "
-            f"{bar:g}; use at most {pitch - bar:g}"
         )
 
 
@@ -212,7 +197,7 @@ def _layer_and_hardness_problems(design: FootDesign, assumed: AssumedProcess) ->
             f"{spacer_um:g} um; use {filled_um / UM_PER_MM:g}"
         )
     if hardness_tolerance_shore_a(design, assumed.rms_deviations) <= 0.0:
-        overlap_rel = overlap_area_deviation_rel(design.electrode_mm)
+        overlap_rel = math.hypot(*area_deviations_rel(design.electrode_mm))
         least = design.electrode_mm * overlap_rel / _SUGGESTED_AREA_DEVIATION_REL
         yield (
             f"electrode_mm: an offset of {dimensions.FLEX_OFFSET_TOLERANCE_MM:g} mm of electrodes of "

@@ -48,20 +48,16 @@ class AdjointFields:
     compliance_um_per_n: Vector
 
 
-def solve_cell_closure_fields(quarter: QuarterFoot) -> AdjointFields:
-    """Return the adjoint fields of the mean closure [um] of each gap cell, sampled on the ground-side surface."""
-    cells = cavity_cells(quarter.design, quarter=quarter.parity != NO_MIRRORS)
-    faces = [(cell.name, quarter.design.cavity_cell_area_mm2) for cell in cells]
-    return solve_face_closure_fields(quarter, faces)
-
-
-def solve_face_closure_fields(quarter: QuarterFoot, faces: Sequence[tuple[str, float]]) -> AdjointFields:
-    """Return the adjoint fields of the mean closure [um] of each named face, sampled on the surface.
+def solve_cell_closure_fields(quarter: QuarterFoot, faces: Sequence[tuple[str, float]] = ()) -> AdjointFields:
+    """Return the adjoint fields of the mean closure [um] of each gap cell, sampled on the ground-side surface.
 
     Args:
         quarter: The factorised class.
-        faces: Names of cells joined by `|`, and their area together [mm2].
+        faces: Faces to take in place of the cells: names of cells joined by `|`, and their area together [mm2].
     """
+    design = quarter.design
+    cells = cavity_cells(design, quarter=quarter.parity != NO_MIRRORS)
+    faces = faces or [(cell.name, design.cavity_cell_area_mm2) for cell in cells]
     return solve_functional_fields(quarter, [quarter.closure_functional(*face) for face in faces], UM_PER_MM)
 
 

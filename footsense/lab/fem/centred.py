@@ -7,8 +7,8 @@ import numpy as np
 
 from footsense.foot.directions import directions
 from footsense.frames import Vector
-from footsense.lab.fem.adjoint import solve_face_closure_fields
-from footsense.lab.fem.mesh import MeshSize, build_quarter_mesh, quarter_cells
+from footsense.lab.fem.adjoint import solve_cell_closure_fields
+from footsense.lab.fem.mesh import MeshSize, build_mesh, cavity_cells
 from footsense.lab.fem.quarter import Parity, QuarterFoot
 from footsense.lab.geometry import FootDesign
 from footsense.lab.response import fit_series, mean_over_patch
@@ -39,16 +39,16 @@ def solve_centred_closures(
     Raises:
         ModelError: The foot cannot be meshed, or its stiffness is singular.
     """
-    mesh = build_quarter_mesh(design, size)
+    mesh = build_mesh(design, size)
     force = directions(0.0, elevation_deg)
     upright = min(elevation_deg) >= 90.0
-    cells = quarter_cells(design)
+    cells = cavity_cells(design)
     parts = [[cell.name for cell in cells if cell.element == element] for element in _QUARTER_ELEMENTS]
     faces = [("|".join(names), design.cavity_cell_area_mm2 * len(names)) for names in parts]
     total = np.zeros((len(force), 9))
     for parity in (Parity(1, 1),) if upright else (Parity(1, 1), Parity(-1, 1)):
         quarter = QuarterFoot(design, size, parity, mesh)
-        field = solve_face_closure_fields(quarter, faces)
+        field = solve_cell_closure_fields(quarter, faces)
         series = fit_series(field)
         patch_mm = design.hertz_patch_radius_mm(1.0)
         per_newton = mean_over_patch(series.reshape(len(series), -1), force, patch_mm, design)

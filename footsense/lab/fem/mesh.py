@@ -72,13 +72,7 @@ RELEASED_MESH = MeshSize()
 COARSE_MESH = MeshSize(edge_layer_rel=0.15, bar_mm=0.67, order=2)
 #: Reference for RELEASED_MESH: elements half as large at the bars, smaller elsewhere, and one edge layer more.
 FINEST_MESH = MeshSize(
-    ball_mm=4.0,
-    plate_mm=1.5,
-    surface_mm=2.5,
-    bar_mm=0.25,
-    grading=0.5,
-    edge_layers=2,
-    edge_layer_rel=0.12,
+    ball_mm=4.0, plate_mm=1.5, surface_mm=2.5, bar_mm=0.25, grading=0.5, edge_layers=2, edge_layer_rel=0.12
 )
 
 
@@ -120,29 +114,23 @@ def plate(
     return solid
 
 
-def bodies(
-    design: FootDesign,
-    plate_edge_mm: float,
-    sheet_offset_mm: tuple[float, float] = (0.0, 0.0),
-    *,
-    quarter: bool,
-) -> list[Any]:
+def bodies(design: FootDesign, plate_edge_mm: float, sheet_offset_mm: float, *, quarter: bool) -> list[Any]:
     """Return hemisphere and plate of the ground side, then of the leg side; the plates meet in the plane z = 0.
 
     Args:
         design: The foot.
         plate_edge_mm: Largest edge of the mesh in the plates [mm].
-        sheet_offset_mm: Centre of the sheet, which stays in the origin, from the axis of the balls [mm].
+        sheet_offset_mm: x of the centre of the sheet, which stays in the origin, from the axis of the balls [mm].
         quarter: Whether to cut off x < 0 and y < 0.
     """
     half_mm, solids = design.sheet_mm / 2.0, []
-    to_axis = occ.Vec(-sheet_offset_mm[0], -sheet_offset_mm[1], 0.0)
+    to_axis = occ.Vec(-sheet_offset_mm, 0.0, 0.0)
     lowest_mm = 0.0 if quarter else -half_mm
     for side, up in BODY_SIDES:
         flat_mm = up * design.plate_mm
         level_mm = (min(0.0, flat_mm), max(0.0, flat_mm))
         ball = hemisphere(design, side, flat_mm, quarter=quarter)
-        solids.append(ball.Move(to_axis) if any(sheet_offset_mm) else ball)
+        solids.append(ball.Move(to_axis) if sheet_offset_mm else ball)
         solids.append(plate(f"pdms_{side}", (lowest_mm, lowest_mm), half_mm, level_mm, plate_edge_mm))
     return solids
 
@@ -160,33 +148,30 @@ class CavityCell:
     Attributes:
         name: Name of its face in the mesh.
         element: Element that it belongs to, flat index of the foot.
-        row_in_element: Place in the element along x, 0 the most forward.
-        column_in_element: Place along y, 0 the leftmost.
+        row: Place in the grid of all cells along x, 0 the most forward.
+        column: Place along y, 0 the leftmost.
         x_mm: Centre [mm].
         y_mm: Centre [mm].
     """
 
     name: str
     element: int
-    row_in_element: int
-    column_in_element: int
+    row: int
+    column: int
     x_mm: float
     y_mm: float
 
 
-def quarter_cells(design: FootDesign) -> list[CavityCell]:
-    """Return the cavity cells in x > 0, y > 0; of an element on a mirror plane only those on this side."""
-    return cavity_cells(design, quarter=True)
-
-
-def cavity_cells(design: FootDesign, *, quarter: bool) -> list[CavityCell]:
+def cavity_cells(design: FootDesign, *, quarter: bool = True) -> list[CavityCell]:
     """Return the cavity cells of a foot, in flat order, or those of its quarter.
 
+    Those of the quarter are in x > 0, y > 0; of an element on a mirror plane only those on this side.
     The mesh follows the last bit of a centre, so each kind keeps the sum that its tables were made with.
     """
     step = design.electrode_mm / CELLS_PER_SIDE
     cells: list[CavityCell] = []
     for element, (x_mm, y_mm) in enumerate(design.element_centres_mm):
+        row, column = (CELLS_PER_SIDE * place for place in divmod(element, ROWS))
         for i in range(CELLS_PER_SIDE):
             for j in range(CELLS_PER_SIDE):
                 x, y = (
@@ -196,18 +181,15 @@ def cavity_cells(design: FootDesign, *, quarter: bool) -> list[CavityCell]:
                     for centre_mm, k in ((x_mm, i), (y_mm, j))
                 )
                 if not quarter or (x > 0.0 and y > 0.0):
-                    cells.append(CavityCell(f"cell{len(cells)}", element, i, j, x, y))
+                    cells.append(CavityCell(f"cell{len(cells)}", element, row + i, column + j, x, y))
     return cells
 
 
 def quarter_grid(per_cell: Vector, design: FootDesign, axis: int) -> Vector:
-    """Return per-cell values of the quarter (in the order of `quarter_cells`) as a square grid in place of `axis`."""
+    """Return per-cell values of the quarter (in the order of `cavity_cells`) as a square grid in place of `axis`."""
     order = np.empty((GRID_SIDE // 2,) * 2, np.intp)
-    for number, cell in enumerate(quarter_cells(design)):
-        row, column = divmod(cell.element, ROWS)
-        order[
-            row * CELLS_PER_SIDE + cell.row_in_element, column * CELLS_PER_SIDE + cell.column_in_element
-        ] = number
+    for number, cell in enumerate(cavity_cells(design)):
+        order[cell.row, cell.column] = number
     return np.take(per_cell, order, axis=axis)
 
 
@@ -252,20 +234,15 @@ def _is_sheet_border_edge(design: FootDesign, edge: Any) -> bool:
     return level and abs(from_axis_mm - design.sheet_mm / 2.0) < EQUAL_WITHIN_MM
 
 
-def build_quarter_mesh(design: FootDesign, size: MeshSize) -> Any:
-    """Return the curved finite element mesh of the quarter foot; as `build_mesh`."""
-    return build_mesh(design, size, quarter=True)
-
-
 def build_mesh(
-    design: FootDesign, size: MeshSize, sheet_offset_mm: tuple[float, float] = (0.0, 0.0), *, quarter: bool
+    design: FootDesign, size: MeshSize, sheet_offset_mm: float = 0.0, *, quarter: bool = True
 ) -> Any:
     """Return the curved finite element mesh of a foot or of its quarter.
 
     Args:
         design: The foot.
         size: Largest edges.
-        sheet_offset_mm: Centre of the sheet, which stays in the origin, from the axis of the balls [mm].
+        sheet_offset_mm: x of the centre of the sheet, which stays in the origin, from the axis of the balls [mm].
         quarter: Whether to mesh x > 0, y > 0 alone.
 
     Returns:

@@ -38,33 +38,14 @@ from footsense.lab.fem.mesh import (
     name_mirrors_and_size_ground,
     plate,
 )
-from footsense.lab.fem.quarter import (
-    SOLVED_CLASSES,
-    QuarterFoot,
-    single_cell_series,
-    transposed_series,
-)
+from footsense.lab.fem.quarter import SOLVED_CLASSES, QuarterFoot, single_cell_series, transposed_series
 from footsense.lab.geometry import FootDesign
 from footsense.lab.response import SERIES_DEGREE, fit_series, mean_over_patch
 
 #: Mesh of the study; `plate_mm` is that of the block.
-BLOCK_MESH = MeshSize(
-    ball_mm=4.0,
-    plate_mm=0.7,
-    surface_mm=2.5,
-    grading=0.7,
-    edge_layers=0,
-    order=3,
-)
+BLOCK_MESH = MeshSize(ball_mm=4.0, plate_mm=0.7, surface_mm=2.5, grading=0.7, edge_layers=0)
 #: Mesh of the tests and of `--quick`.
-COARSE_BLOCK_MESH = MeshSize(
-    ball_mm=5.0,
-    plate_mm=1.4,
-    surface_mm=3.0,
-    grading=0.8,
-    edge_layers=0,
-    order=2,
-)
+COARSE_BLOCK_MESH = MeshSize(plate_mm=1.4, grading=0.8, edge_layers=0, order=2)
 #: Order by which the quadrature in the block exceeds that of a whole element, for the borders of columns.
 _EXTRA_QUADRATURE_ORDER = 8
 

@@ -25,7 +25,6 @@ from typing import Any
 
 import ngsolve as ng
 import numpy as np
-from numpy.typing import NDArray
 
 from footsense.errors import ModelError
 from footsense.foot.response_table import product_powers
@@ -36,7 +35,7 @@ from footsense.lab.fem.elasticity import (
     mixed_strain_energy_density,
     strain_energy_density,
 )
-from footsense.lab.fem.mesh import MeshSize, build_quarter_mesh
+from footsense.lab.fem.mesh import MeshSize, build_mesh
 from footsense.lab.geometry import FootDesign
 
 #: Residual of a solve above which the stiffness counts as singular [1]; sound ones leave 1e-12 to 1e-9.
@@ -58,11 +57,9 @@ class Parity:
 
     def fixed_mirror_faces(self, component: int) -> str:
         """Return the mirror planes on which displacement component 0..2 vanishes, joined by `|`."""
-        planes = []
-        for axis, (plane, parity) in enumerate((("mirror_x", self.x), ("mirror_y", self.y))):
-            if parity and (component == axis) == (parity > 0):
-                planes.append(plane)
-        return "|".join(planes)
+        planes = enumerate((("mirror_x", self.x), ("mirror_y", self.y)))
+        fixed = (plane for axis, (plane, parity) in planes if parity and (component == axis) == (parity > 0))
+        return "|".join(fixed)
 
     def mirror_image_signs(self, component: int) -> tuple[int, int]:
         """Return the sign of a displacement component in its images under x -> -x and under y -> -y."""
@@ -80,16 +77,11 @@ NO_MIRRORS = Parity(0, 0)
 SOLVED_CLASSES = (Parity(1, 1), Parity(1, -1), Parity(-1, -1))
 
 
-def _transposed_product_indices(degree: int) -> NDArray[np.intp]:
-    """Return for each monomial T_i T_j the index of T_j T_i in the series."""
-    i, j = product_powers(degree)
-    place = {pair: number for number, pair in enumerate(zip(i.tolist(), j.tolist(), strict=True))}
-    return np.array([place[b, a] for a, b in zip(i.tolist(), j.tolist(), strict=True)], np.intp)
-
-
 def transposed_series(series: Vector, degree: int) -> Vector:
     """Return a response series with x and y exchanged, shape (products, 9, 9, 3)."""
-    return series[_transposed_product_indices(degree)].transpose(0, 2, 1, 3)[..., [1, 0, 2]]
+    i, j = product_powers(degree)
+    # The products are in the order of (i, j); by (j, i), T_j T_i comes to stand where T_i T_j stood.
+    return series[np.lexsort((i, j))].transpose(0, 2, 1, 3)[..., [1, 0, 2]]
 
 
 def single_cell_series(classes: dict[Parity, Vector], degree: int) -> Vector:
@@ -100,8 +92,7 @@ def single_cell_series(classes: dict[Parity, Vector], degree: int) -> Vector:
     """
     even_odd = classes[Parity(1, -1)]
     total = sum(classes.values()) + transposed_series(even_odd, degree)
-    single: Vector = total / 4.0
-    return single
+    return total / 4.0
 
 
 def whole_foot_compliance(classes: dict[Parity, Vector]) -> Vector:
@@ -141,14 +132,14 @@ class QuarterFoot:
             design: The foot.
             size: Resolution of the mesh.
             parity: The symmetry class.
-            mesh: A mesh of `build_quarter_mesh` to share between classes; made if None.
+            mesh: A mesh of `build_mesh` to share between classes; made if None.
             layer: Joins both bodies; the spacer's bars if None.
 
         Raises:
             ModelError: The foot cannot be meshed, or its stiffness is singular.
         """
         self.design, self.parity = design, parity
-        self.mesh = build_quarter_mesh(design, size) if mesh is None else mesh
+        self.mesh = build_mesh(design, size) if mesh is None else mesh
         self.layer = layer or BondedLayer(design.pdms, design.spacer_mm)
         self.space = self._finite_element_space(size.order)
         form = self._bilinear_form()

@@ -10,7 +10,7 @@ Bonds are linear: a bar that is not bonded also bears no pressure.
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import ngsolve as ng
 import numpy as np
@@ -25,26 +25,21 @@ from footsense.lab.geometry import FootDesign
 from footsense.lab.response import fit_series, patch_series
 
 
-class _UnsymmetricFoot(NamedTuple):
-    """A foot, x of the sheet's centre from the axis of its balls [mm], and how much of the width of a bar is bonded.
+class _WholeFoot(QuarterFoot):
+    """Factorised finite element problem of a whole foot on the coarse mesh.
 
-    That is the bar between front and middle row.
+    Args:
+        design: The foot.
+        sheet_offset_mm: x of the sheet's centre from the axis of its balls [mm].
+        bonded_width_share: How much of the width of the bar between front and middle row is bonded [1].
     """
 
-    design: FootDesign
-    sheet_offset_mm: float = 0.0
-    bonded_width_share: float = 1.0
-
-
-class _WholeFoot(QuarterFoot):
-    """Factorised finite element problem of a whole foot on the coarse mesh."""
-
-    def __init__(self, foot: _UnsymmetricFoot) -> None:
-        self._offset_mm, design = foot.sheet_offset_mm, foot.design
-        mesh = build_mesh(design, COARSE_MESH, (foot.sheet_offset_mm, 0.0), quarter=False)
+    def __init__(self, design: FootDesign, sheet_offset_mm: float, bonded_width_share: float) -> None:
+        self._offset_mm = sheet_offset_mm
+        mesh = build_mesh(design, COARSE_MESH, sheet_offset_mm, quarter=False)
         inner, outer = design.bar_span_mm
         in_bar = ng.IfPos(ng.x - inner, ng.IfPos(outer - ng.x, 1.0, 0.0), 0.0)
-        bonded = 1.0 - (1.0 - foot.bonded_width_share) * in_bar
+        bonded = 1.0 - (1.0 - bonded_width_share) * in_bar
         layer = BondedLayer(design.pdms, design.spacer_mm, bonded_share=bonded)
         super().__init__(design, COARSE_MESH, NO_MIRRORS, mesh, layer)
 
@@ -54,9 +49,9 @@ class _WholeFoot(QuarterFoot):
         return -self._offset_mm, 0.0, -self.design.plate_mm
 
 
-def _solve_whole_foot(foot: _UnsymmetricFoot) -> tuple[Vector, Vector]:
+def _solve_whole_foot(foot: tuple[FootDesign, float, float]) -> tuple[Vector, Vector]:
     """Return response series [um/N], (products, 324, 3), and compliance [um/N], (324, 324), of a whole foot."""
-    field = solve_cell_closure_fields(_WholeFoot(foot))
+    field = solve_cell_closure_fields(_WholeFoot(*foot))
     whole = field.compliance_um_per_n
     return fit_series(field), (whole + whole.T) / 2.0
 
@@ -97,10 +92,10 @@ def other_tables(
         each: Applies a function to each of some parts, such as `compute_each`.
     """
     feet = {
-        "sheet_off_centre": _UnsymmetricFoot(design, sheet_offset_mm=0.6),
-        "bar_not_bonded": _UnsymmetricFoot(design, bonded_width_share=0.01),
+        "sheet_off_centre": (design, 0.6, 1.0),
+        "bar_not_bonded": (design, 0.0, 0.01),
     }
-    (series, compliance), *others = each(_solve_whole_foot, [_UnsymmetricFoot(design), *feet.values()])
+    (series, compliance), *others = each(_solve_whole_foot, [(design, 0.0, 1.0), *feet.values()])
     return {
         name: with_added_response(response, design, own - series, stiff - compliance)
         for name, (own, stiff) in zip(feet, others, strict=True)

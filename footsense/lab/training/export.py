@@ -23,7 +23,7 @@ from onnx import TensorProto, helper, numpy_helper
 
 from footsense.errors import ModelError
 from footsense.estimation.network import steady_windows
-from footsense.foot.network_card import INPUTS, METADATA_KEY, OUTPUTS, Signal
+from footsense.foot.network_card import INPUTS, METADATA_KEY, OUTPUTS
 from footsense.frames import ELEMENTS, Vector
 from footsense.lab.training.windowed_network import (
     LN_SIGMA_BOUNDS,
@@ -147,19 +147,15 @@ def onnx_model(weights: Weights, card: dict[str, Any], force_unit: float = 1.0) 
         force_unit: Unit of the forces that the weights were trained on [N].
     """
     constants = {name: _stored(value) for name, value in _initialisers(weights, force_unit).items()}
-
-    def tensor_infos(signals: Sequence[Signal]) -> list[onnx.ValueInfoProto]:
-        """Return the ONNX descriptions of input or output tensors."""
-        return [
-            helper.make_tensor_value_info(signal.name, TensorProto.FLOAT, ["n", signal.width])
-            for signal in signals
-        ]
-
+    inputs, outputs = (
+        [helper.make_tensor_value_info(one.name, TensorProto.FLOAT, ["n", one.width]) for one in signals]
+        for signals in (INPUTS, OUTPUTS)
+    )
     graph = helper.make_graph(
         _graph_nodes(),
         "footsense",
-        tensor_infos(INPUTS),
-        tensor_infos(OUTPUTS),
+        inputs,
+        outputs,
         [numpy_helper.from_array(value, name) for name, value in constants.items()],
     )
     model = helper.make_model(

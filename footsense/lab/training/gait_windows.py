@@ -22,8 +22,7 @@ def readings_since_table() -> NDArray[np.intp]:
     place = np.argsort(
         [conversion_elements(order, ELEMENTS) for order in range(len(CONVERSION_ORDERS))], axis=1
     )
-    ages: NDArray[np.intp] = (np.arange(ELEMENTS)[None, :, None] - place[:, None, :]) % ELEMENTS
-    return ages
+    return (np.arange(ELEMENTS)[None, :, None] - place[:, None, :]) % ELEMENTS
 
 
 def readings_since(table: Any, order: Any, last_reading: Any) -> Any:

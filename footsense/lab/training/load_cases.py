@@ -131,12 +131,7 @@ def leaning_loads(
 
 
 def random_loads(
-    response: FootResponse,
-    loads: LoadRange,
-    n: int,
-    seed: int,
-    *,
-    max_overloaded: int = 0,
+    response: FootResponse, loads: LoadRange, n: int, seed: int, *, max_overloaded: int = 0
 ) -> LeaningCases:
     """Return n random load cases within the converter's range, but for a number of elements.
 
@@ -150,7 +145,9 @@ def random_loads(
     rng = np.random.default_rng(seed)
     foot = Specimen(response)
     lowest_z = np.sin(np.radians(loads.min_elevation_deg))
-    forces, normals, closures, found = [], [], [], 0
+    full_scale_um = response.design.closure_um(np.array([FULL_SCALE_PF]), foot.unloaded_pf)
+    kept: list[tuple[Vector, ...]] = []
+    found = 0
     for _ in range(_MAX_DRAWS_PER_LOAD):
         direction = random_directions(rng, n, loads.min_elevation_deg)
         normal = leaning_normals(loads, rng, direction)
@@ -162,15 +159,11 @@ def random_loads(
         reached = normal[:, 2] >= lowest_z
         force, normal = (direction * magnitude[:, None])[reached], normal[reached]
         closure = sensed_closure_um(foot, normal, force)
-        full_scale_um = response.design.closure_um(np.array([FULL_SCALE_PF]), foot.unloaded_pf)
         in_range = (closure >= full_scale_um).sum(axis=1) <= max_overloaded
-        closure = np.minimum(closure, full_scale_um)
-        forces.append(force[in_range])
-        closures.append(closure[in_range])
-        normals.append(normal[in_range])
+        kept.append(tuple(part[in_range] for part in (force, np.minimum(closure, full_scale_um), normal)))
         found += int(in_range.sum())
         if found >= n:
-            return LeaningCases(*(np.concatenate(part)[:n] for part in (forces, closures, normals)))
+            return LeaningCases(*(np.concatenate(part)[:n] for part in zip(*kept, strict=True)))
     raise ModelError(
         f"{response.foot_type}: of loads up to {loads.max_n:g} N the converter can tell "
         f"{found / (_MAX_DRAWS_PER_LOAD * n):.1%}; lower loads.max_n, or make the foot stiffer or its gap thicker"
@@ -181,8 +174,7 @@ def measured_closure_rel(design: Capacitor, closure_um: Vector, rng: np.random.G
     """Return closures over the gap [1] with the noise of capacitance and baseline added."""
     measured = design.capacitance_pf(closure_um) + NOISE_PF * rng.normal(size=closure_um.shape)
     baseline = design.unloaded_pf + BASELINE_NOISE_PF * rng.normal(size=closure_um.shape)
-    closure_rel: Vector = design.closure_um(measured, baseline) / design.gap_um
-    return closure_rel
+    return design.closure_um(measured, baseline) / design.gap_um
 
 
 def closure_of_designed_foot_um(design: Capacitor, change_pf: Vector) -> Vector:

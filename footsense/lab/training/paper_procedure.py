@@ -140,8 +140,7 @@ def network_outputs(layers: Layers, inputs: Any) -> jax.Array:
     """Return the outputs, shape (n, n_out), of one network for inputs (n, n_in)."""
     for layer in layers[:-1]:
         inputs = jnp.tanh(inputs @ layer.weight + layer.bias)
-    outputs: jax.Array = inputs @ layers[-1].weight + layers[-1].bias
-    return outputs
+    return inputs @ layers[-1].weight + layers[-1].bias
 
 
 def loss(layers: Layers, inputs: Any, targets: Any) -> jax.Array:

@@ -61,25 +61,20 @@ def _draw_oscillation(
 ) -> _Oscillation:
     """Return a random sum of sines: amplitudes of rms `size`, frequencies log-uniform within a band [Hz]."""
     rate = 2.0 * np.pi * _log_uniform(rng, hertz, shape)
-    return _Oscillation(
-        amplitude=size * rng.normal(size=shape),
-        angular_frequency_rad_per_s=rate,
-        phase_rad=rng.uniform(0.0, 2.0 * np.pi, shape),
-    )
+    amplitude = size * rng.normal(size=shape)
+    return _Oscillation(amplitude, rate, rng.uniform(0.0, 2.0 * np.pi, shape))
 
 
 def _log_uniform(
     rng: np.random.Generator, bounds: tuple[float, float], size: tuple[int, ...] | None = None
 ) -> Vector:
     """Return random values between two bounds, uniform in their logarithm."""
-    drawn: Vector = np.exp(rng.uniform(np.log(bounds[0]), np.log(bounds[1]), size))
-    return drawn
+    return np.exp(rng.uniform(np.log(bounds[0]), np.log(bounds[1]), size))
 
 
 def _smooth_step(x: Vector) -> Vector:
     """Return a cosine-shaped step that rises from 0 at x = 0 to 1 at x = 1."""
-    eased: Vector = 0.5 - 0.5 * np.cos(np.pi * np.clip(x, 0.0, 1.0))
-    return eased
+    return 0.5 - 0.5 * np.cos(np.pi * np.clip(x, 0.0, 1.0))
 
 
 class RandomStance:

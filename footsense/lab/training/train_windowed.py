@@ -68,6 +68,8 @@ _PACED_SHARE, _FRICTION_SHARE, _FRICTION_REL = 0.4, 0.4, 0.1
 #: Weight of the squared error over the squared force beside the likelihood; were it larger, sudden steps, which nothing
 #: can tell, would dominate.
 _SQUARED_ERROR_WEIGHT = 10.0
+#: Force below which errors count absolutely [N], of a full load of 2 N.
+_MIN_FORCE_N = 0.3
 #: Weight of contact point and friction ratio, and normal force from which they are learnt [N].
 _CONTACT_WEIGHT, _LOADED_N = 0.25, 0.02
 #: Shares of the windows in the air, just after lift-off and long after, that are used.
@@ -82,6 +84,8 @@ _ANGLE_WEIGHT, _SIZE_OVER_ANGLE_WEIGHT, _DIRECTION_N, _SMALL_N = 60.0, 0.2, 0.1,
 #: Tempering of the likelihood by a case's own sigma, the beta of Seitzer et al.: 0 is the likelihood, which neglects
 #: hard cases; 1 is the squared error, which they dominate.
 _LIKELIHOOD_TEMPERING_BETA = 0.25
+#: Variance along an axis below which inputs count as constant.
+_LEAST_VARIANCE = 3e-8
 #: Steps that are compiled into one call.
 _STEPS_PER_CALL = 500
 
@@ -95,7 +99,6 @@ class WindowTrainingSettings:
         steps: Steps, a multiple of those of a call.
         batch: Windows in a step.
         rate: Highest learning rate.
-        min_force_n: Force below which errors count absolutely [N].
         seed: Seed of start weights, batches, noise and masks.
     """
 
@@ -103,12 +106,11 @@ class WindowTrainingSettings:
     steps: int = 200_000
     batch: int = 1024
     rate: float = 5e-3
-    min_force_n: float = 0.3
     seed: int = 20090304
 
     def card(self) -> dict[str, Any]:
         """Return the training settings as JSON values for the network's card."""
-        return {"optimiser": "muon, cosine one-cycle", **asdict(self)}
+        return {"optimiser": "muon, cosine one-cycle", "min_force_n": _MIN_FORCE_N, **asdict(self)}
 
 
 class Batch(NamedTuple):
@@ -143,32 +145,28 @@ def _training_constants(
     share = np.where(carries, 1.0, np.where(lately, _JUST_LIFTED_SHARE, _AIR_SHARE))
     where = np.flatnonzero((complete_window_ends(gaits) & (drawn < share)).ravel())
     plates_um = EPS0_PF_UM_PER_MM2 * design.electrode_area_mm2
-    single = jnp.float32
-    return {
-        "closure_rel": jnp.asarray(gaits.closure_rel.ravel(), single),
-        "force_n": jnp.asarray(gaits.true_force_at_sending_n.reshape(-1, 3), single),
-        "contact_point_and_friction": jnp.asarray(contact.reshape(-1, 4), single),
-        "loaded": jnp.asarray((pressing_n.ravel() > _LOADED_N)[:, None], single),
-        "send_delay_s": jnp.asarray(gaits.send_delay_s.ravel(), single),
-        "step_s": jnp.asarray(gaits.step_s, single),
-        "conversion_order_index": jnp.asarray(gaits.conversion_order_index),
-        "window_indices": jnp.asarray(where),
-        "readings_since": jnp.asarray(readings_since_table()),
-        "steady_closure_rel": jnp.asarray(steady_loads.closure_um / design.gap_um, single),
-        "steady_force_n": jnp.asarray(steady_loads.force_n, single),
-        "steady_contact_point_and_friction": jnp.asarray(steady_contact, single),
-        "steady_friction_indices": jnp.asarray(
-            np.flatnonzero(np.linalg.norm(steady_contact[:, 2:], axis=1) > _FRICTION_REL)
-        ),
-        "imputation_matrices": jnp.asarray(
-            np.stack([imputation.matrix(mask) for mask in MISSING_SETS]), single
-        ),
-        "missing_masks": jnp.asarray(MISSING_SETS, single),
-        "noise_rel": jnp.asarray(
-            [s * design.gap_um / plates_um for s in (NOISE_PF, BASELINE_NOISE_PF)], single
-        ),
-        "film_thickness_rel": jnp.asarray(design.film_equivalent_um / design.gap_um, single),
+    of_friction = np.linalg.norm(steady_contact[:, 2:], axis=1) > _FRICTION_REL
+    arrays = {
+        "closure_rel": gaits.closure_rel.ravel(),
+        "force_n": gaits.true_force_at_sending_n.reshape(-1, 3),
+        "contact_point_and_friction": contact.reshape(-1, 4),
+        "loaded": (pressing_n.ravel() > _LOADED_N)[:, None].astype(float),
+        "send_delay_s": gaits.send_delay_s.ravel(),
+        "step_s": gaits.step_s,
+        "conversion_order_index": gaits.conversion_order_index,
+        "window_indices": where,
+        "readings_since": readings_since_table(),
+        "steady_closure_rel": steady_loads.closure_um / design.gap_um,
+        "steady_force_n": steady_loads.force_n,
+        "steady_contact_point_and_friction": steady_contact,
+        "steady_friction_indices": np.flatnonzero(of_friction),
+        "imputation_matrices": np.stack([imputation.matrix(mask) for mask in MISSING_SETS]),
+        "missing_masks": MISSING_SETS.astype(float),
+        "noise_rel": np.array([NOISE_PF, BASELINE_NOISE_PF]) * design.gap_um / plates_um,
+        "film_thickness_rel": np.array(design.film_equivalent_um / design.gap_um),
     }
+    # In single precision, and whole numbers in 32 bits.
+    return {name: jnp.asarray(array) for name, array in arrays.items()}
 
 
 def _gait_windows(data: dict[str, Any], times_per_gait: int, key: jax.Array, n: int) -> tuple[Any, ...]:
@@ -228,7 +226,7 @@ def _random_windows_batch(data: dict[str, Any], times_per_gait: int, n: int, key
 
 
 def _whitening_transform(
-    hidden_inputs: Vector, index: NDArray[np.intp], place: NDArray[np.intp], least_variance: float
+    hidden_inputs: Vector, index: NDArray[np.intp], place: NDArray[np.intp]
 ) -> tuple[jax.Array, jax.Array]:
     """Return whitening matrix (inputs, inputs) and mean (inputs,) of the hidden layer's inputs, symmetrised.
 
@@ -236,27 +234,25 @@ def _whitening_transform(
         hidden_inputs: Inputs of the first hidden layer, shape (n, inputs).
         index: Result of `element_input_index`, shape (8, inputs).
         place: The inputs to whiten: all but the masks.
-        least_variance: Variance along an axis below which the inputs count as constant.
     """
     covariance = np.cov(hidden_inputs.T)
     covariance = np.mean([covariance[np.ix_(row, row)] for row in index], axis=0)
     mean = np.mean([hidden_inputs.mean(axis=0)[row] for row in index], axis=0)
     variance, axes = np.linalg.eigh(covariance[np.ix_(place, place)])
     whiten, shift = np.eye(len(mean)), np.zeros(len(mean))
-    whiten[np.ix_(place, place)] = (axes / np.sqrt(np.maximum(variance, least_variance))) @ axes.T
+    whiten[np.ix_(place, place)] = (axes / np.sqrt(np.maximum(variance, _LEAST_VARIANCE))) @ axes.T
     shift[place] = mean[place]
     return jnp.asarray(whiten, jnp.float32), jnp.asarray(shift, jnp.float32)
 
 
-def _fit_linear_start(inputs: Sequence[Vector], force_n: Vector, min_force_n: float) -> jax.Array:
+def _fit_linear_start(inputs: Sequence[Vector], force_n: Vector) -> jax.Array:
     """Return start weights of the network's linear paths [N], by weighted least squares.
 
     Args:
         inputs: Closures over the gap [1], shape (n, elements) each.
         force_n: Forces [N], shape (n, 3).
-        min_force_n: Force below which errors count absolutely [N].
     """
-    weight = 1.0 / np.sqrt((force_n**2).sum(axis=1, keepdims=True) + min_force_n**2)
+    weight = 1.0 / np.sqrt((force_n**2).sum(axis=1, keepdims=True) + _MIN_FORCE_N**2)
     basis = linear_basis()
     columns = [np.einsum("ne,beo->nob", part * weight, basis) for part in inputs]
     flat = np.concatenate(columns, axis=2).reshape(-1, len(basis) * len(columns))
@@ -264,17 +260,16 @@ def _fit_linear_start(inputs: Sequence[Vector], force_n: Vector, min_force_n: fl
     return jnp.asarray(solution[0], jnp.float32)
 
 
-def _force_likelihood_loss(force_n: Any, sigma_n: Any, true_n: Any, min_force_n: float) -> Any:
+def _force_likelihood_loss(force_n: Any, sigma_n: Any, true_n: Any) -> Any:
     """Return the training loss of forces: tempered negative log-likelihood plus relative squared error.
 
     Args:
         force_n: Estimated forces [N], shape (n, 3).
         sigma_n: Their stated sigma [N], same shape.
         true_n: True forces [N], same shape.
-        min_force_n: Force below which errors count absolutely [N].
     """
     square = (force_n - true_n) ** 2
-    scale = jnp.sqrt(jnp.sum(true_n**2, axis=-1, keepdims=True) + min_force_n**2)
+    scale = jnp.sqrt(jnp.sum(true_n**2, axis=-1, keepdims=True) + _MIN_FORCE_N**2)
     weight = jax.lax.stop_gradient(sigma_n / scale) ** (2.0 * _LIKELIHOOD_TEMPERING_BETA)
     likelihood = jnp.log(sigma_n) + 0.5 * square / sigma_n**2
     beyond = jnp.maximum(jnp.sqrt(square + 1e-12) / sigma_n - _TAIL_SIGMAS, 0.0)
@@ -320,23 +315,15 @@ def train_windowed(
     """
     data = _training_constants(gaits, steady_loads, design, imputation)
     times_per_gait = gaits.closure_rel.shape[1]
-    first = jax.jit(_random_windows_batch, static_argnums=(1, 2))(
-        data, times_per_gait, 60_000, jax.random.PRNGKey(0)
+    draw = jax.jit(_random_windows_batch, static_argnums=(1, 2))
+    first: Batch = jax.tree.map(
+        lambda part: np.asarray(part, np.float64), draw(data, times_per_gait, 60_000, jax.random.PRNGKey(0))
     )
-    carries = np.asarray(first.loaded[:, 0] > 0.0)
-    element_inputs = np.asarray(first.features.hidden_inputs, np.float64)[carries]
+    seen, now, newest, _ = first.features
     unmasked, masked = (n * ELEMENTS for n in (FEATURES_PER_ELEMENT - 1, FEATURES_PER_ELEMENT))
     place = np.r_[0:unmasked, masked : masked + FEATURES_PER_FOOT]
-    whiten, mean = _whitening_transform(element_inputs, element_input_index(), place, 3e-8)
-    now, newest, force_n = (
-        np.asarray(part, np.float64)
-        for part in (
-            first.features.extrapolated_closure_rel,
-            first.features.newest_closure_rel,
-            first.force_n,
-        )
-    )
-    linear = _fit_linear_start((now, now - newest), force_n, settings.min_force_n)
+    whiten, mean = _whitening_transform(seen[first.loaded[:, 0] > 0.0], element_input_index(), place)
+    linear = _fit_linear_start((now, now - newest), first.force_n)
 
     def fold_whitening(free: Weights) -> Weights:
         """Return the weights with the input whitening folded into the first layer."""
@@ -346,11 +333,10 @@ def train_windowed(
     def loss(free: Weights, batch: Batch) -> jax.Array:
         """Return the training loss of a batch."""
         load = run(fold_whitening(free), batch.features)
-        force = (load.force_n, load.sigma_n, batch.force_n, settings.min_force_n)
         apart, sigma = load.contact_point_and_friction - batch.contact_point_and_friction, load.contact_sigma
         likelihood = batch.loaded * (jnp.log(sigma) + 0.5 * apart**2 / sigma**2)
         return (
-            _force_likelihood_loss(*force)
+            _force_likelihood_loss(load.force_n, load.sigma_n, batch.force_n)
             + _CONTACT_WEIGHT * jnp.mean(likelihood)
             + _ANGLE_WEIGHT * _mean_angle_and_size_error(load.force_n, batch.force_n)
         )

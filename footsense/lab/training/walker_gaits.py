@@ -56,11 +56,7 @@ class _FootLog(NamedTuple):
 
 
 def _walker_gait(
-    response: FootResponse,
-    log: _FootLog,
-    n: int,
-    max_n: float,
-    rng: np.random.Generator,
+    response: FootResponse, log: _FootLog, n: int, max_n: float, rng: np.random.Generator
 ) -> GaitReadings:
     """Return the readings of a foot of a log under random conditions."""
     scale = rng.uniform(*_PEAK_REL) * max_n / log.peak_n

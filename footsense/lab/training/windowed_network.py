@@ -128,9 +128,8 @@ def linear_basis() -> NDArray[np.float64]:
         basis = np.zeros((3, ELEMENTS, 3))
         basis[2, images[:, first], 2] = 1.0
         fz_maps.append(basis[2])
-        for g, image in zip(
-            SYMMETRIES, images, strict=True
-        ):  # fx and fy from one element, turned in all directions
+        # fx and fy from one element, turned in all directions.
+        for g, image in zip(SYMMETRIES, images, strict=True):
             basis[:2, image[first]] += 0.5 * g[:, :2].T
         one, other = basis[:2]
         fxy_maps.extend([one] if np.array_equal(one, other) else [one, other])

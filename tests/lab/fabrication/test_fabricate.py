@@ -7,6 +7,7 @@ from dataclasses import replace as replace_deviations
 from pathlib import Path
 from typing import Any, get_args
 
+import ezdxf
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -59,6 +60,13 @@ def test_the_command_gives_the_same_bytes(package: FabricationPackage, folder: P
     files = [path.relative_to(folder) for path in folder.rglob("*") if path.is_file()]
     assert len(files) > 12
     assert [f for f in files if (folder / f).read_bytes() != (tmp_path / f).read_bytes()] == []
+
+
+def test_a_drawing_does_not_follow_the_order_of_a_set(package: FabricationPackage, folder: Path) -> None:
+    """Which differs from process to process, where all else of a drawing is the same."""
+    del package
+    classes = [each.key for each in ezdxf.readfile(folder / "film.dxf").classes]
+    assert classes == sorted(classes)
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ import numpy as np
 
 from footsense.foot.response_table import FLAT_OF_GRID
 from footsense.frames import Vector
-from footsense.lab.fem.mesh import MeshSize, build_quarter_mesh, quarter_cells, quarter_grid
+from footsense.lab.fem.mesh import MeshSize, build_mesh, cavity_cells, quarter_grid
 from footsense.lab.fem.quarter import SOLVED_CLASSES, Parity, QuarterFoot
 from footsense.lab.geometry import UM_PER_MM, FootDesign
 
@@ -47,7 +47,7 @@ class DirectSolveFoot:
 
     def __init__(self, design: FootDesign, size: MeshSize) -> None:
         self._design = design
-        mesh, names = build_quarter_mesh(design, size), [cell.name for cell in quarter_cells(design)]
+        mesh, names = build_mesh(design, size), [cell.name for cell in cavity_cells(design)]
         self._classes = {parity: QuarterFoot(design, size, parity, mesh) for parity in SOLVED_CLASSES}
         self._closure_of_unknowns: dict[Parity, tuple[Any, Vector]] = {}
         for parity, quarter in self._classes.items():

@@ -8,7 +8,7 @@ import pytest
 from msgspec.structs import replace
 
 from footsense.errors import ModelError
-from footsense.lab.fem.mesh import COARSE_MESH, build_quarter_mesh
+from footsense.lab.fem.mesh import COARSE_MESH, build_mesh
 from footsense.lab.fem.quarter import Parity, QuarterFoot
 from footsense.lab.geometry import Material
 from tests.lab.mechanics.known_solutions import block_errors, half_space_errors
@@ -63,7 +63,7 @@ def test_a_foot_that_nothing_holds_is_singular(mesh: Any) -> None:
 def test_bars_lie_between_the_electrodes() -> None:
     """Bars of 1 mm on the sheet of 14 mm: the rest of a quarter is cells, and no cell is a bar."""
     design = FOOT_DESIGN
-    mesh = build_quarter_mesh(design, COARSE_MESH)
+    mesh = build_mesh(design, COARSE_MESH)
     assert design.array_side_mm == pytest.approx(design.sheet_mm)
     bars_mm2 = ng.Integrate(ng.CF(1.0) * ng.ds("bars"), mesh)
     cells_mm2 = ng.Integrate(ng.CF(1.0) * ng.ds("cell.*"), mesh)

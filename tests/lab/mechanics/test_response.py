@@ -8,7 +8,7 @@ from footsense.foot.directions import directions
 from footsense.foot.response_table import series_basis
 from footsense.frames import Vector
 from footsense.lab.fem.adjoint import AdjointFields
-from footsense.lab.fem.mesh import COARSE_MESH, quarter_cells
+from footsense.lab.fem.mesh import COARSE_MESH, cavity_cells
 from footsense.lab.fem.quarter import SOLVED_CLASSES, Parity
 from footsense.lab.geometry import MIN_FITTED_ELEVATION_DEG
 from footsense.lab.response import (
@@ -58,7 +58,7 @@ def fields_of(parity: Parity, rng: np.random.Generator) -> AdjointFields:
     """Return some smooth field of a class, sampled on a quarter of the ball."""
     normal = spherical_cap_normals(MIN_FITTED_ELEVATION_DEG, rings=20, spokes=120)
     normal = normal[(normal[:, :2] < 0.0).all(axis=1)]
-    n_cells = len(quarter_cells(FOOT_DESIGN))
+    n_cells = len(cavity_cells(FOOT_DESIGN))
     x, y, z = normal.T
     influence = np.empty((len(normal), n_cells, 3))
     for component in range(3):

@@ -11,7 +11,7 @@ from footsense.foot.response_table import series_basis
 from footsense.lab.evaluation.film_against_gaps import FILM_FACES
 from footsense.lab.evaluation.off_centre import leaning_normals_to_a_side
 from footsense.lab.fem.elasticity import BondedLayer
-from footsense.lab.fem.mesh import COARSE_MESH, build_quarter_mesh
+from footsense.lab.fem.mesh import COARSE_MESH, build_mesh
 from footsense.lab.fem.paper_sensors import (
     COARSE_BLOCK_MESH,
     PAPER_SENSOR_ARRAYS,
@@ -61,7 +61,7 @@ def test_a_film_150_times_softer_than_its_plates_solves(poisson: float) -> None:
     where it is hardly compressible its rim, from which it flows, by more.
     """
     film = BondedLayer(Material(0.020, poisson), FOOT_DESIGN.spacer_mm, FILM_FACES)
-    mesh = build_quarter_mesh(FOOT_DESIGN, FILM_SIZE)
+    mesh = build_mesh(FOOT_DESIGN, FILM_SIZE)
     quarter = QuarterFoot(FOOT_DESIGN, FILM_SIZE, Parity(1, 1), mesh, film)
     area_mm2 = ng.Integrate(ng.CF(1.0) * ng.ds("curved_ground"), quarter.mesh)
     load = quarter.traction_load(ng.CF((0.0, 0.0, 0.25 / area_mm2)))

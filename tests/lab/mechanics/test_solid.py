@@ -15,7 +15,7 @@ from footsense.foot.response_table import FootResponse
 from footsense.lab.fem.adjoint import AdjointFields
 from footsense.lab.fem.centred import solve_centred_closures
 from footsense.lab.fem.elasticity import membrane_energy_per_area
-from footsense.lab.fem.mesh import MeshSize, quarter_cells
+from footsense.lab.fem.mesh import MeshSize, cavity_cells
 from footsense.lab.fem.quarter import Parity, QuarterFoot
 from footsense.lab.geometry import UM_PER_MM, Material, ThinFilm
 from footsense.lab.response import mean_over_patch
@@ -47,8 +47,8 @@ def element_closures(quarter: QuarterFoot, moved: Any) -> NDArray[np.float64]:
     """Return the mean closure [um] over what lies in the quarter of each element, shape (9,), NaN elsewhere."""
     ground, leg, *_ = moved.components
     found: NDArray[np.float64] = np.full(9, np.nan)
-    for element in {cell.element for cell in quarter_cells(quarter.design)}:
-        names = "|".join(cell.name for cell in quarter_cells(quarter.design) if cell.element == element)
+    for element in {cell.element for cell in cavity_cells(quarter.design)}:
+        names = "|".join(cell.name for cell in cavity_cells(quarter.design) if cell.element == element)
         area = ng.Integrate(ng.CF(1.0) * ng.ds(names), quarter.mesh)
         found[element] = UM_PER_MM * ng.Integrate((ground[2] - leg[2]) * ng.ds(names), quarter.mesh) / area
     return found

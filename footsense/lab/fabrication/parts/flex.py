@@ -22,7 +22,6 @@ from typing import Any, Literal, NamedTuple
 import shapely
 
 from footsense.lab.fabrication import dimensions
-from footsense.lab.fabrication.electronics import has_element_lines
 from footsense.lab.fabrication.parts.gerber import Pad, Point, Trace
 from footsense.lab.geometry import FootDesign
 
@@ -114,12 +113,12 @@ class Flex:
     @property
     def channel_half_width_mm(self) -> float:
         """Half the width of the tail's channel on the socket [mm]."""
-        return self.tail_half_width_mm + dimensions.TAIL_CHANNEL_PLAY_PER_SIDE_MM
+        return dimensions.channel_half_width_mm(len(self.contacts))
 
     @property
     def channel_floor_mm(self) -> float:
         """Distance of the floor of its channel from the axis of the socket [mm]."""
-        return dimensions.channel_floor_mm(self.design.ball_radius_mm, self.channel_half_width_mm)
+        return dimensions.channel_floor_mm(self.design.ball_radius_mm, len(self.contacts))
 
     @property
     def trace_fan_length_mm(self) -> float:
@@ -146,13 +145,10 @@ class Flex:
         return self.design.ball_radius_mm + dimensions.TAIL_BEYOND_BALL_MM
 
     @property
-    def alignment_holes(self) -> list[tuple[Point, float]]:
-        """Centre and diameter [mm] of the alignment holes, on the sides of the foot that have no tail."""
+    def alignment_holes(self) -> list[Point]:
+        """Centres [mm] of the alignment holes, on the sides of the foot that have no tail."""
         far = self.design.ball_radius_mm + dimensions.ALIGNMENT_HOLE_TO_BALL_MM
-        return [
-            ((-far, 0.0), dimensions.ALIGNMENT_HOLE_DIAMETER_MM),
-            ((0.0, far), dimensions.ALIGNMENT_HOLE_DIAMETER_MM),
-        ]
+        return [(-far, 0.0), (0.0, far)]
 
     @cached_property
     def copper(self) -> list[Pad | Trace]:
@@ -164,20 +160,17 @@ class Flex:
             Pad(centre_mm=centre, size_mm=(side, side), aperture_function="Other,Electrode", net=net)
             for net, centre in self.electrodes
         ]
-        led = set()
+        led = {wire.contact for wire in self.wires}
         for net, points, contact in self.wires:
-            width, way = self.wire_mm, points
+            way = points
             if contact:
-                led.add(contact)
                 w = self.contact_v_mm[contact - 1]
                 way = (*points, (fan_end_u, w), (contact_u, w))
-            shapes.append(Trace(points_mm=way, width_mm=width, aperture_function="Conductor", net=net))
+            shapes.append(Trace(points_mm=way, width_mm=self.wire_mm, net=net))
         for number, (net, w) in enumerate(zip(self.contacts, self.contact_v_mm, strict=True), 1):
             if number not in led:
                 way = ((self.tail_start_u_mm, w), (contact_u, w))
-                shapes.append(
-                    Trace(points_mm=way, width_mm=self.wire_mm, aperture_function="Conductor", net=net)
-                )
+                shapes.append(Trace(points_mm=way, width_mm=self.wire_mm, net=net))
             shapes.append(
                 Pad(
                     centre_mm=(contact_u, w),
@@ -257,7 +250,7 @@ class Flex:
             [(half, -half), (self.tail_start_u_mm, -fan), (self.tail_start_u_mm, fan), (half, half)]
         )
         tail = shapely.box(half, -fan, self.tail_end_u_mm, fan)
-        ears = [alignment_ear(half, centre) for centre, _ in self.alignment_holes]
+        ears = [alignment_ear(half, centre) for centre in self.alignment_holes]
         whole = shapely.union_all([shapely.box(-half, -half, half, half), neck, tail, *ears])
         radius = dimensions.INNER_CORNER_RADIUS_MM  # inner corners are rounded, so that they do not tear
         return whole.buffer(radius, join_style="mitre").buffer(-radius).buffer(0.0)
@@ -279,7 +272,7 @@ def board_corner_mm(ball_radius_mm: float) -> tuple[float, float, float]:
     """
     x = dimensions.socket_outer_radius_mm(ball_radius_mm) + dimensions.MOUNT_TO_SOCKET_MM
     x += dimensions.MOUNT_WALL_MM + dimensions.MOUNT_SPACER_MM
-    floor_mm = _channel_floor_mm(ball_radius_mm, N_ELEMENT_CONTACTS)
+    floor_mm = dimensions.channel_floor_mm(ball_radius_mm, N_ELEMENT_CONTACTS)
     way_mm = ball_radius_mm + dimensions.TAIL_BEYOND_BALL_MM - floor_mm - dimensions.TAIL_SLACK_MM
     end_z = math.sqrt(way_mm**2 - (_flexes_x_mm(x) - floor_mm) ** 2)
     return x, -dimensions.BOARD_ELEMENT_FLEX_MM, end_z - dimensions.BOARD_ELEMENT_FLEX_END_MM
@@ -295,7 +288,7 @@ def common_tail_end_mm(ball_radius_mm: float, plate_mm: float) -> float:
         plate_mm: Thickness of a plate [mm].
     """
     x, y, z = board_corner_mm(ball_radius_mm)
-    floor_mm = _channel_floor_mm(ball_radius_mm, N_COMMON_CONTACTS)
+    floor_mm = dimensions.channel_floor_mm(ball_radius_mm, N_COMMON_CONTACTS)
     up_mm = dimensions.socket_top_z_mm(ball_radius_mm, plate_mm) + dimensions.MOUNT_WALL_MM
     to_board = (_flexes_x_mm(x), floor_mm - y - dimensions.BOARD_COMMON_FLEX_MM, z - up_mm)
     rest_mm = dimensions.BOARD_COMMON_FLEX_END_MM + dimensions.TAIL_SLACK_MM
@@ -304,11 +297,6 @@ def common_tail_end_mm(ball_radius_mm: float, plate_mm: float) -> float:
 
 def _flexes_x_mm(board_x_mm: float) -> float:
     return board_x_mm + dimensions.BOARD_THICKNESS_MM + dimensions.FLEX_ABOVE_BOARD_MM
-
-
-def _channel_floor_mm(ball_radius_mm: float, n_contacts: int) -> float:
-    half_mm = dimensions.tail_half_width_mm(n_contacts) + dimensions.TAIL_CHANNEL_PLAY_PER_SIDE_MM
-    return dimensions.channel_floor_mm(ball_radius_mm, half_mm)
 
 
 def alignment_ear(half_side_mm: float, hole: Point) -> Any:
@@ -322,7 +310,7 @@ def alignment_ear(half_side_mm: float, hole: Point) -> Any:
 
 def flexes(design: FootDesign, board: Board) -> tuple[Flex, Flex]:
     """Return the lower and the upper flex of a foot for a board."""
-    if has_element_lines(board):
+    if board == "ad7147":
         return _common_flex(design), _element_flex(design)
     return _line_flex(design, "row", "left"), _line_flex(design, "column", "forward")
 

@@ -69,7 +69,7 @@ class Trace:
 
     points_mm: Sequence[Point]
     width_mm: float
-    aperture_function: str
+    aperture_function: str = "Conductor"
     net: str = ""
 
     @property
@@ -104,16 +104,15 @@ def gerber_text(function: str, part: str, shapes: Iterable[Pad | Trace]) -> str:
     return render("lab/fabrication/parts/layer.gbr", names)
 
 
-def drill_text(
-    part: str, holes: Iterable[tuple[Point, float]], *, n_layers: int, plated: bool = False
-) -> str:
+def drill_text(part: str, places: Sequence[Point], diameter_mm: float, *, n_layers: int, plated: bool) -> str:
     """Return the content of an Excellon (XNC) drill file of round holes.
 
     Args:
         part: Name of the part, for people.
-        holes: Centre and diameter of each [mm].
+        places: Centres [mm].
+        diameter_mm: Diameter of each [mm].
         n_layers: Layers of copper, 1 or 2.
         plated: Whether the holes connect them.
     """
-    names = {"part": part, "holes": holes, "n_layers": n_layers, "plated": plated}
-    return render("lab/fabrication/parts/holes.drl", names)
+    names = {"part": part, "places": places, "diameter_mm": diameter_mm}
+    return render("lab/fabrication/parts/holes.drl", {**names, "n_layers": n_layers, "plated": plated})

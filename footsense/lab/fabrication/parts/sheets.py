@@ -90,4 +90,7 @@ def write_dxf(path: Path, shape: Any, note: str) -> None:
     low_x, low_y, *_ = shape.bounds
     text = space.add_text(note, height=1.5, dxfattribs={"layer": "NOTE"})
     text.set_placement((low_x, low_y - 4.0))
+    # The library adds classes in the order of a set, which differs from process to process.
+    document.classes.add_required_classes(document.dxfversion)
+    document.classes.classes = dict(sorted(document.classes.classes.items()))
     document.saveas(path)

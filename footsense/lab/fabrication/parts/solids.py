@@ -55,18 +55,15 @@ def _socket(design: FootDesign, flexes: tuple[Flex, Flex]) -> Any:
     rim = design.plate_mm
     top = dimensions.socket_top_z_mm(design.ball_radius_mm, design.plate_mm)
     solid = _cylinder(0.0, 0.0, 2.0 * outer, (rim, top)) - occ.Sphere(occ.Pnt(0, 0, rim), hollow)
-    solid -= _cylinder(
-        0.0, 0.0, dimensions.MOULD_VENT_DIAMETER_MM, (rim, top + 1.0)
-    )  # excess adhesive leaves here
+    # Excess adhesive leaves here.
+    solid -= _cylinder(0.0, 0.0, dimensions.MOULD_VENT_DIAMETER_MM, (rim, top + 1.0))
     for flex in flexes:
         solid -= _channel(flex, outer + 1.0, (rim - 1.0, top + 1.0))
     for place in screw_places_mm(design):
         solid -= _cylinder(*place, dimensions.CORE_MM, (top - dimensions.CORE_DEPTH_MM, top + 1.0))
-    forward = min(flex.channel_floor_mm for flex in flexes)
-    solid -= _cylinder(
-        0.85 * forward, 0.0, dimensions.MOULD_VENT_DIAMETER_MM, (top - 1.0, top + 1.0)
-    )  # marks forward
-    return solid
+    # A bore that marks forward.
+    forward = 0.85 * min(flex.channel_floor_mm for flex in flexes)
+    return solid - _cylinder(forward, 0.0, dimensions.MOULD_VENT_DIAMETER_MM, (top - 1.0, top + 1.0))
 
 
 def screw_places_mm(design: FootDesign) -> list[tuple[float, float]]:
