@@ -44,6 +44,13 @@ def reference_gains(parameters: Vector) -> Vector:
     return gains
 
 
+def shifted(parameters: Vector, which: slice, steps: Vector) -> Vector:
+    """Return the parameters with those of a slice moved by their step; all have the shape (parameters,)."""
+    moved = parameters.copy()
+    moved[which] += steps[which]
+    return moved
+
+
 def _compliance_factor(parameters: Vector) -> float:
     """Return the compliance of the foot over that of the design [1]."""
     return 1.0 / (1.0 + float(parameters[STIFFNESS][0]))
@@ -140,7 +147,7 @@ class FootTwin:
         return self._response.free_closure_um(self._clamped_to_min_elevation(normalized(moved)), force_n)
 
     def reading_pf(self, parameters: Vector, cell_closures_um: Vector) -> Vector:
-        """Return the reading of each element [pF], shape (n, elements), from cell closures [um], shape (n, cells)."""
+        """Return the readings of the elements [pF], shape (..., elements), from cell closures [um], (..., cells)."""
         design, stray_pf = self._response.design, parameters[STRAY]
         unloaded_um = design.plate_distance_um(self._unloaded_pf - stray_pf)
         closure_um = cell_closures_um * np.repeat(1.0 + parameters[GAIN], gap_contact.CELLS_PER_ELEMENT)
@@ -148,6 +155,32 @@ class FootTwin:
             np.repeat(unloaded_um, gap_contact.CELLS_PER_ELEMENT) - closure_um, _MIN_DISTANCE_UM
         )
         return gap_contact.capacitance_pf(design, distance_um) + stray_pf
+
+    def electrode_slopes_pf(
+        self, parameters: Vector, cell_closures_um: Vector, gap_closures_um: Vector, steps: Vector
+    ) -> Vector:
+        """Return the slopes of the readings by strays, gains and gaps [pF per unit], shape (n, elements, 27).
+
+        Args:
+            parameters: The parameters.
+            cell_closures_um: Closures of the cells [um], shape (n, cells).
+            gap_closures_um: The same with gaps that are moved by their step. With all at once, shape (1, n, cells), the
+                slope of each gap is that of all together on its own element, which does not vanish as soon as one
+                closes nearby; with one at a time, shape (9, n, cells), its own on all elements, which vanishes unless
+                it closes.
+            steps: Steps of the differences, shape (parameters,).
+        """
+        model_pf, diagonal = self.reading_pf(parameters, cell_closures_um), np.arange(ELEMENTS)
+        slopes_pf = np.zeros((*model_pf.shape, GAP.stop))
+        for kind in (STRAY, GAIN):
+            moved_pf = self.reading_pf(shifted(parameters, kind, steps), cell_closures_um)
+            slopes_pf[:, diagonal, kind.start + diagonal] = (moved_pf - model_pf) / steps[kind]
+        by_gap_pf = (self.reading_pf(parameters, gap_closures_um) - model_pf) / steps[GAP.start]
+        if len(by_gap_pf) == 1:
+            slopes_pf[:, diagonal, GAP.start + diagonal] = by_gap_pf[0]
+        else:
+            slopes_pf[..., GAP] = by_gap_pf.transpose(1, 2, 0)
+        return slopes_pf
 
     def capacitance_pf(self, parameters: Vector, loads: ContactLoads) -> Vector:
         """Return the predicted reading of each element under loads [pF], shape (n, elements)."""

@@ -11,8 +11,8 @@ import numpy as np
 
 from footsense.calibration.evaluation import DesignModels
 from footsense.calibration.selfcal.instants import N_PARTS, Instants
-from footsense.calibration.selfcal.walking_fit import Electrodes, fit_again, misfit_of, readings_of
-from footsense.calibration.standing.fit import N_ELECTRODE_PARAMETERS
+from footsense.calibration.selfcal.walking_fit import fit_again, misfit_of
+from footsense.calibration.standing.fit import N_ELECTRODE_PARAMETERS, Electrodes
 from footsense.calibration.twin import GAIN, STRAY
 from footsense.foot.directions import angles_between_deg
 from footsense.frames import Mask, Vector
@@ -68,11 +68,11 @@ def _spread_deg(models: DesignModels, electrodes: Electrodes, instants: Instants
 
 
 def _forces_n(models: DesignModels, parameters: Vector, instants: Instants, floor_pf: Vector) -> Vector:
-    readings, unloaded_pf = readings_of(models, parameters, instants)
-    readings = readings._replace(capacitance_pf=readings.capacitance_pf - floor_pf)
-    stray_pf = np.minimum(parameters[STRAY], 0.5 * unloaded_pf)
-    gain_rel = np.maximum(1.0 + parameters[GAIN], 0.5)
-    return models.estimate_in_foot_frame(readings.capacitance_pf, unloaded_pf, stray_pf, gain_rel).force_n
+    unloaded_pf = np.median(instants.baseline_pf, axis=0)
+    capacitance_pf = instants.capacitance_pf - instants.baseline_pf + unloaded_pf - floor_pf
+    stray_pf = np.minimum(parameters[..., STRAY], 0.5 * unloaded_pf)
+    gain_rel = np.maximum(1.0 + parameters[..., GAIN], 0.5)
+    return models.estimate_in_foot_frame(capacitance_pf, unloaded_pf, stray_pf, gain_rel).force_n
 
 
 class Judgement(NamedTuple):
@@ -140,12 +140,13 @@ def _compare(
 ) -> _Comparison:
     parts = [instants.subset(which) for which in (half, ~half)]
     fits = [fit_again(models, before, part, now.parameters) for part in parts]
-    forces_n = [_forces_n(models, fit.parameters, instants, fit.floor_pf) for fit in fits]
-    found = [Electrodes(fit.parameters, fit.floor_pf, fit.covariance) for fit in fits]
-    spreads = [_spread_deg(models, one, instants) for one in found]
+    forces_n = [
+        _forces_n(models, fit.electrodes.parameters, instants, fit.electrodes.floor_pf) for fit in fits
+    ]
+    spreads = [_spread_deg(models, fit.electrodes, instants) for fit in fits]
     differ_deg = float(angles_between_deg(*forces_n).mean())
     misfit, misfit_before = (
-        misfit_of(models, one, parts[1]) for one in (fits[0].parameters, before.parameters)
+        misfit_of(models, one, parts[1]) for one in (fits[0].electrodes.parameters, before.parameters)
     )
     return _Comparison(
         float(np.sqrt(max(differ_deg**2 - np.square(spreads).sum(), 0.0))),

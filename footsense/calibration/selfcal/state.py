@@ -8,8 +8,7 @@ import numpy as np
 from msgspec import Meta
 
 from footsense.calibration.selfcal.instants import N_PARTS, Instants
-from footsense.calibration.selfcal.walking_fit import Electrodes
-from footsense.calibration.standing.fit import N_ELECTRODE_PARAMETERS
+from footsense.calibration.standing.fit import N_ELECTRODE_PARAMETERS, Electrodes
 from footsense.calibration.twin import N_PARAMETERS
 from footsense.errors import CalibrationError
 from footsense.frames import ELEMENTS, Leg

@@ -12,11 +12,11 @@ from footsense.calibration.selfcal.state import FootIdentity, KeptInstants, Self
 from footsense.calibration.selfcal.walking_fit import (
     FIRST_INSTANTS,
     INSTANTS_PER_FIT,
-    Electrodes,
+    electrodes_before_walking,
     fit_instants,
+    wandered,
 )
 from footsense.calibration.standing.fit import N_ELECTRODE_PARAMETERS
-from footsense.calibration.twin import GAIN, GAP, STRAY
 from footsense.foot.parameters import FootParameters
 
 #: Instants of the first half minute or so, of which every stance is used; then those of a fit in every so many [ns].
@@ -56,7 +56,7 @@ class WalkingFoot:
         self._models, self.of, self.known = models, of, known
         self._is_calibrated = bool(of.calibration)
         design = models.response.design
-        self._before = Electrodes.before_walking(design, known, calibrated=self._is_calibrated)
+        self._before = electrodes_before_walking(design, known, calibrated=self._is_calibrated)
         self._sampler = StanceSampler(known.unloaded_pf)
         self._waiting, self._last_ns = Instants.joined([]), 0
         self.electrodes, self._kept, self.n_instants = self._before, Instants.joined([]), 0
@@ -64,7 +64,7 @@ class WalkingFoot:
         self.turn: Turn | None = None
         self.objection = ""
         if state is not None:
-            self.electrodes = state.electrodes().wandered(slept_min)
+            self.electrodes = wandered(state.electrodes(), slept_min)
             self._kept, self.n_instants = state.kept.instants(), state.n_instants
             self._saturated_before_rel = state.saturated_rel
             if state.turn_deg is not None and state.turn_sigma_deg is not None:
@@ -115,7 +115,7 @@ class WalkingFoot:
     def _use(self, instants: Instants) -> None:
         now_ns = int(instants.t_ns[-1])
         if self._last_ns:
-            self.electrodes = self.electrodes.wandered((now_ns - self._last_ns) / _NS_PER_MINUTE)
+            self.electrodes = wandered(self.electrodes, (now_ns - self._last_ns) / _NS_PER_MINUTE)
         is_first = len(instants.t_ns) == FIRST_INSTANTS
         self.electrodes, _ = fit_instants(self._models, self.electrodes, instants, first=is_first)
         self._last_ns, self.n_instants = now_ns, self.n_instants + len(instants.t_ns)
@@ -151,15 +151,7 @@ class WalkingFoot:
 
     def parameters(self) -> FootParameters:
         """Return the parameters of the foot with the electrodes that were found; stiffness and mount are as known."""
-        found, design = self.electrodes.parameters, self._models.response.design
         unknown_rel = np.radians(self.turn.sigma_deg) / _MEAN_OVER_SIGMA if self.turn else 0.0
-        return replace(
-            self.known,
-            stray_pf=found[STRAY],
-            unloaded_pf=np.median(self._kept.baseline_pf, axis=0)
-            if self.n_instants
-            else self.known.unloaded_pf,
-            gain_rel=1.0 + found[GAIN],
-            gap_um=design.gap_um + found[GAP],
-            error_rel=max(self.known.error_rel, float(unknown_rel)),
-        )
+        unloaded_pf = np.median(self._kept.baseline_pf, axis=0) if self.n_instants else self.known.unloaded_pf
+        found = self.electrodes.of(self.known, unloaded_pf, self._models.response.design)
+        return replace(found, error_rel=max(self.known.error_rel, float(unknown_rel)))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from footsense.calibration.selfcal.instants import LegScans, StanceSampler
 from footsense.calibration.selfcal.proposal import propose
 from footsense.calibration.selfcal.state import other_foot, read_state, state_path, write_state
-from footsense.calibration.selfcal.walking_fit import Electrodes, fit_instants
+from footsense.calibration.selfcal.walking_fit import electrodes_before_walking, fit_instants
 from footsense.calibration.selfcal.walking_foot import WalkingFoot
 from footsense.calibration.twin import GAIN
 from footsense.cli.calibration.proposals import accept, revert
@@ -80,7 +80,7 @@ def test_instants_that_the_model_does_not_explain_count_less() -> None:
     spoiled = exact._replace(
         capacitance_pf=exact.baseline_pf + off * (exact.capacitance_pf - exact.baseline_pf)
     )
-    before = Electrodes.before_walking(design().response.design, known, calibrated=True)
+    before = electrodes_before_walking(design().response.design, known, calibrated=True)
     sigmas = []
     for instants in (exact, spoiled):
         found, misfit = fit_instants(design(), before, instants)
