@@ -191,24 +191,19 @@ def _interpolated(scans: LegScans, t_ns: Stamps) -> tuple[Vector, Vector, Vector
 
     They are NaN where a reading is missing.
     """
-    values, second, third = np.full((3, len(t_ns), ELEMENTS), np.nan)
+    x, y = np.full((2, len(t_ns), ELEMENTS, 4), np.nan)
     for element in range(ELEMENTS):
         read_ns, row = np.unique(scans.t_ns[:, element], return_index=True)
-        read_pf = scans.capacitance_pf[row, element]
-        if len(read_ns) < 4:
-            continue
-        last = np.clip(np.searchsorted(read_ns, t_ns) + 1, 3, len(read_ns) - 1)
-        four = last[:, None] + np.arange(-3, 1)
-        x = (read_ns[four] - t_ns[:, None]) * 1e-9
-        y = read_pf[four]
-        weights = [
-            np.prod([x[:, other] / (x[:, other] - x[:, one]) for other in range(4) if other != one], axis=0)
-            for one in range(4)
-        ]
-        values[:, element] = (np.stack(weights, axis=1) * y).sum(axis=1)
-        second[:, element] = np.abs(np.diff(y, 2, axis=1)).max(axis=1)
-        third[:, element] = np.abs(np.diff(y, 3, axis=1))[:, 0]
-    return values, _with_neighbours(second), _with_neighbours(third)
+        if len(read_ns) >= 4:
+            last = np.clip(np.searchsorted(read_ns, t_ns) + 1, 3, len(read_ns) - 1)
+            four = last[:, None] + np.arange(-3, 1)
+            x[:, element] = 1e-9 * (read_ns[four] - t_ns[:, None])
+            y[:, element] = scans.capacitance_pf[row, element][four]
+    itself = np.eye(4, dtype=np.bool_)
+    factors = x[..., None, :] / np.where(itself, 1.0, x[..., None, :] - x[..., None])
+    weights = np.where(itself, 1.0, factors).prod(axis=3)
+    second_pf, third_pf = (np.abs(np.diff(y, order)).max(axis=2) for order in (2, 3))
+    return (weights * y).sum(axis=2), _with_neighbours(second_pf), _with_neighbours(third_pf)
 
 
 def _with_neighbours(values: Vector) -> Vector:

@@ -38,10 +38,12 @@ _FLOOR_COVARIANCE: Vector = 0.05**2 + 0.01**2 * np.eye(ELEMENTS)
 _FLOOR_WANDER_PF = 0.02
 #: Prior of the contact coordinates in the first stage of a first fit: feet press nearly upright, and do not slide.
 _FIRST_STAGE_SIGMA: Vector = np.array([np.inf, 0.4, 0.4, 0.15, 0.15])
-#: Instants of the first fit of a foot that was never calibrated, and of each later fit.
-FIRST_INSTANTS, INSTANTS_PER_FIT = 18, 6
-#: Steps of a later fit, of the first stage of a first one, and of one that judges.
-_ROUNDS, _FIRST_STAGE_ROUNDS, _JUDGING_ROUNDS = 3, 15, 8
+#: Instants of a fit.
+INSTANTS_PER_FIT = 18
+#: Most steps of a later fit, of the first stage of a first one, and of one that judges.
+_ROUNDS, _FIRST_STAGE_ROUNDS, _JUDGING_ROUNDS = 3, 8, 4
+#: Gain of a step that no longer counts [1]: it is of a parameter by less than a third of its standard deviation.
+_TOLERANCE = 0.1
 #: Share of the information that counts [1], and usual distance of an instant's readings from the model [1]: median of
 #: chi with four degrees of freedom.
 _INFORMATION_SHARE, _USUAL_DISTANCE = 0.5, 1.83
@@ -88,16 +90,21 @@ def fit_instants(
         stages = [
             fit_electrodes(
                 models, readings, before,
-                coordinates=start, coordinate_sigma=_FIRST_STAGE_SIGMA, max_rounds=_FIRST_STAGE_ROUNDS,
+                coordinates=start, coordinate_sigma=_FIRST_STAGE_SIGMA, max_rounds=_FIRST_STAGE_ROUNDS, tolerance=_TOLERANCE,
             )
             for start in (coordinates, upright)
         ]  # fmt: skip
         best = min(stages, key=lambda fit: fit.cost)
         fit = fit_electrodes(
-            models, readings, before, start=best.electrodes.parameters, coordinates=best.coordinates
+            models,
+            readings,
+            before,
+            start=best.electrodes.parameters,
+            coordinates=best.coordinates,
+            tolerance=_TOLERANCE,
         )
     else:
-        fit = fit_electrodes(models, readings, before, max_rounds=_ROUNDS)
+        fit = fit_electrodes(models, readings, before, max_rounds=_ROUNDS, tolerance=_TOLERANCE)
     share = _INFORMATION_SHARE / max(1.0, misfit(fit)) ** 2
     covariance = np.linalg.inv(np.linalg.inv(before.covariance) + share * fit.information)
     return fit.electrodes._replace(covariance=np.asarray(covariance, np.float64)), misfit(fit)
@@ -118,7 +125,9 @@ def fit_again(models: DesignModels, before: Electrodes, instants: Instants, star
         start: Parameters to start from.
     """
     readings = readings_of(models, start, instants)
-    return fit_electrodes(models, readings, before, start=start, max_rounds=_JUDGING_ROUNDS)
+    return fit_electrodes(
+        models, readings, before, start=start, max_rounds=_JUDGING_ROUNDS, tolerance=_TOLERANCE
+    )
 
 
 def misfit_of(models: DesignModels, parameters: Vector, instants: Instants) -> float:

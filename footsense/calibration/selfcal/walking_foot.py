@@ -10,7 +10,6 @@ from footsense.calibration.selfcal.instants import Instants, LegScans, StanceSam
 from footsense.calibration.selfcal.judgement import MAX_INSTANTS, Turn, judge_electrodes
 from footsense.calibration.selfcal.state import FootIdentity, KeptInstants, SelfcalState
 from footsense.calibration.selfcal.walking_fit import (
-    FIRST_INSTANTS,
     INSTANTS_PER_FIT,
     electrodes_before_walking,
     fit_instants,
@@ -20,7 +19,7 @@ from footsense.calibration.standing.fit import N_ELECTRODE_PARAMETERS
 from footsense.foot.parameters import FootParameters
 
 #: Instants of the first half minute or so, of which every stance is used; then those of a fit in every so many [ns].
-N_FAST, _PERIOD_NS = 120, 10_000_000_000
+N_FAST, _PERIOD_NS = 120, 30_000_000_000
 _NS_PER_MINUTE = 60e9
 #: Mean angle of a direction error over the standard deviation of each of its two components [1].
 _MEAN_OVER_SIGMA = math.sqrt(math.pi / 2.0)
@@ -54,9 +53,8 @@ class WalkingFoot:
         slept_min: float = 0.0,
     ) -> None:
         self._models, self.of, self.known = models, of, known
-        self._is_calibrated = bool(of.calibration)
         design = models.response.design
-        self._before = electrodes_before_walking(design, known, calibrated=self._is_calibrated)
+        self._before = electrodes_before_walking(design, known, calibrated=bool(of.calibration))
         self._sampler = StanceSampler(known.unloaded_pf)
         self._waiting, self._last_ns = Instants.joined([]), 0
         self.electrodes, self._kept, self.n_instants = self._before, Instants.joined([]), 0
@@ -103,20 +101,16 @@ class WalkingFoot:
         pause_ns = _PERIOD_NS if self.n_instants >= N_FAST else 0
         found = self._sampler.add(scans, self._last_ns + pause_ns)
         self._waiting = Instants.joined([self._waiting, found])
-        while len(self._waiting.t_ns) >= (n := self._n_needed):
-            some, self._waiting = self._waiting.subset(slice(n)), self._waiting.subset(slice(n, None))
+        while len(self._waiting.t_ns) >= INSTANTS_PER_FIT:
+            some = self._waiting.subset(slice(INSTANTS_PER_FIT))
+            self._waiting = self._waiting.subset(slice(INSTANTS_PER_FIT, None))
             self._use(some)
-
-    @property
-    def _n_needed(self) -> int:
-        is_new = self.n_instants == 0 and not self._is_calibrated
-        return FIRST_INSTANTS if is_new else INSTANTS_PER_FIT
 
     def _use(self, instants: Instants) -> None:
         now_ns = int(instants.t_ns[-1])
         if self._last_ns:
             self.electrodes = wandered(self.electrodes, (now_ns - self._last_ns) / _NS_PER_MINUTE)
-        is_first = len(instants.t_ns) == FIRST_INSTANTS
+        is_first = self.n_instants == 0 and not self.of.calibration
         self.electrodes, _ = fit_instants(self._models, self.electrodes, instants, first=is_first)
         self._last_ns, self.n_instants = now_ns, self.n_instants + len(instants.t_ns)
         self._kept = Instants.joined([self._kept, instants]).subset(slice(-MAX_INSTANTS, None))

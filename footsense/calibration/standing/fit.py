@@ -149,7 +149,8 @@ def fit_electrodes(
     if coordinates is None:
         coordinates = network_coordinates(models, before._replace(parameters=start), readings)
     twin = FootTwin(models.response, readings.unloaded_pf)
-    problem = _Problem(twin, readings, before, np.linalg.inv(before.covariance), coordinate_sigma)
+    known = np.asarray(np.linalg.inv(before.covariance), np.float64)
+    problem = _Problem(twin, readings, before, known, coordinate_sigma)
     state = _State(problem, start, before.floor_pf, within_bounds(coordinates))
     damping = 1e-3
     for _ in range(max_rounds):
@@ -168,7 +169,7 @@ def fit_electrodes(
     information = _Equations(state, own_gaps=True).reduced_information(0.0)
     return ElectrodeFit(
         Electrodes(state.parameters, state.floor_pf, np.asarray(np.linalg.inv(information), np.float64)),
-        information - problem.information,
+        information - known,
         state.coordinates,
         state.distance,
         state.cost,
