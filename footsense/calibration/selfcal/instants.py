@@ -6,7 +6,7 @@ difference of the four readings. Next to a kink, that of the neighbouring instan
 """
 
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -57,8 +57,7 @@ class Instants(NamedTuple):
 
     def subset(self, which: Mask | slice) -> "Instants":
         """Return some of the instants."""
-        some: list[Any] = [values[which] for values in self]
-        return Instants(*some)
+        return Instants._make(values[which] for values in self)
 
 
 class LegScans(NamedTuple):
@@ -85,8 +84,7 @@ class LegScans(NamedTuple):
 
     def subset(self, which: slice) -> "LegScans":
         """Return some of the scans."""
-        some: list[Any] = [values[which] for values in self]
-        return LegScans(*some)
+        return LegScans._make(values[which] for values in self)
 
 
 class StanceSampler:
@@ -122,8 +120,7 @@ class StanceSampler:
         opened = scans.capacitance_pf < self._open_below_pf
         scans = scans._replace(capacitance_pf=np.where(opened, np.nan, scans.capacitance_pf))
         if self._scans is not None:
-            both: list[Any] = [np.concatenate(parts) for parts in zip(self._scans, scans, strict=True)]
-            scans = LegScans(*both)
+            scans = LegScans._make(map(np.concatenate, zip(self._scans, scans, strict=True)))
         found, first = list[Instants](), 0
         for begin, end in _stances(scans.hangs):
             self._see_swing(scans.capacitance_pf[first + _RECOVERING_SCANS : begin])

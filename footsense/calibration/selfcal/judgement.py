@@ -43,20 +43,6 @@ class Turn(NamedTuple):
     sigma_deg: float
 
 
-def turn_of_forces(models: DesignModels, before: Electrodes, now: Electrodes, instants: Instants) -> Turn:
-    """Return by how much the forces of some instants turn, from one set of electrodes to another.
-
-    Args:
-        models: Models of the foot's type.
-        before: The electrodes known before.
-        now: Those found.
-        instants: Instants of usual loads.
-    """
-    found_n, before_n = (_forces_n(models, one.parameters, instants, now.floor_pf) for one in (now, before))
-    turned_deg = float(angles_between_deg(before_n, found_n).mean())
-    return Turn(turned_deg, _spread_deg(models, now, instants))
-
-
 def _spread_deg(models: DesignModels, electrodes: Electrodes, instants: Instants) -> float:
     """Return the mean angle between the forces with electrodes and with a draw of their covariance each [deg]."""
     n, random = len(instants.t_ns), np.random.default_rng(_SEED)
@@ -92,7 +78,8 @@ def judge_electrodes(
         instants: Instants of usual loads, at least one.
         saturated_rel: Share of the stances in which an element was beyond its range, or open [1].
     """
-    turn = turn_of_forces(models, before, now, instants)
+    before_n, found_n = (_forces_n(models, one.parameters, instants, now.floor_pf) for one in (before, now))
+    turn = Turn(float(angles_between_deg(before_n, found_n).mean()), _spread_deg(models, now, instants))
     n = len(instants.t_ns)
     if n < MIN_INSTANTS:
         return turn, f"{n} of {MIN_INSTANTS} instants so far"

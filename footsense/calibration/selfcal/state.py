@@ -58,13 +58,7 @@ class KeptInstants(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
 
     def instants(self) -> Instants:
         """Return the instants."""
-        return Instants(
-            np.array(self.t_ns, np.int64),
-            np.array(self.capacitance_pf, np.float64).reshape(-1, ELEMENTS),
-            np.array(self.baseline_pf, np.float64).reshape(-1, ELEMENTS),
-            np.array(self.sigma_pf, np.float64).reshape(-1, ELEMENTS),
-            np.array(self.part, np.int64),
-        )
+        return Instants.joined([Instants(*map(np.array, msgspec.structs.astuple(self)))] if self.t_ns else [])
 
     def __post_init__(self) -> None:
         """Check that there is as much of each.

@@ -6,6 +6,8 @@ result it then is. The information of the instants counts for less than they say
 all, are not independent.
 """
 
+from functools import partial
+
 import numpy as np
 
 from footsense.calibration.evaluation import DesignModels
@@ -87,22 +89,13 @@ def fit_instants(
         coordinates = network_coordinates(models, before, readings)
         upright = coordinates.copy()
         upright[:, 1:] = 0.0
+        fit_from = partial(fit_electrodes, models, readings, before, tolerance=_TOLERANCE)
         stages = [
-            fit_electrodes(
-                models, readings, before,
-                coordinates=start, coordinate_sigma=_FIRST_STAGE_SIGMA, max_rounds=_FIRST_STAGE_ROUNDS, tolerance=_TOLERANCE,
-            )
+            fit_from(coordinates=start, coordinate_sigma=_FIRST_STAGE_SIGMA, max_rounds=_FIRST_STAGE_ROUNDS)
             for start in (coordinates, upright)
-        ]  # fmt: skip
+        ]
         best = min(stages, key=lambda fit: fit.cost)
-        fit = fit_electrodes(
-            models,
-            readings,
-            before,
-            start=best.electrodes.parameters,
-            coordinates=best.coordinates,
-            tolerance=_TOLERANCE,
-        )
+        fit = fit_from(start=best.electrodes.parameters, coordinates=best.coordinates)
     else:
         fit = fit_electrodes(models, readings, before, max_rounds=_ROUNDS, tolerance=_TOLERANCE)
     share = _INFORMATION_SHARE / max(1.0, misfit(fit)) ** 2

@@ -82,7 +82,11 @@ def calibrate_standing(
     """
     if len(loads) < MIN_LOADS:
         raise CalibrationError(_too_few_text(loads))
-    design, baseline_pf, readings_pf = models.response.design, loads.unloaded_pf, loads.drift_corrected_pf
+    design, baseline_pf, readings_pf = (
+        models.response.design,
+        loads.median_baseline_pf,
+        loads.drift_corrected_pf,
+    )
     if known is None:
         known = FootParameters(
             stray_pf=np.zeros(9), unloaded_pf=baseline_pf, gap_um=np.full(9, design.gap_um)

@@ -90,15 +90,15 @@ def test_instants_that_the_model_does_not_explain_count_less() -> None:
 
 
 def test_stances_with_an_open_element_are_not_used() -> None:
-    """A line that is cut after four stances: what was found until then stays, and is not proposed."""
+    """A line that is cut after six stances: what was found until then stays, and is not proposed."""
     foot, known = made_foot(0)
 
     def cut(capacitance_pf: Vector, _: Vector) -> Vector:
-        capacitance_pf[4:, :, 4] = known.stray_pf[4]
+        capacitance_pf[6:, :, 4] = known.stray_pf[4]
         return capacitance_pf
 
-    scans, _ = walk(foot, 20, cut)
-    whole, _ = walk(foot, 5)
+    scans, _ = walk(foot, 24, cut)
+    whole, _ = walk(foot, 7)
     cut_off, before = (walking_foot(drifted(known), "0" * 64, one) for one in (scans, whole))
     assert cut_off.n_instants == before.n_instants > 0
     np.testing.assert_allclose(cut_off.electrodes.parameters, before.electrodes.parameters, atol=0.02)
