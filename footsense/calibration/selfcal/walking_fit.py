@@ -81,26 +81,23 @@ def fit_instants(
         models: Models of the foot's type.
         before: What is known before.
         instants: The instants, at least one.
-        first: Whether little is known: then from two starts, with loads as of a walk in a first stage, since narrow
-            loads explain their readings in several ways.
+        first: Whether little is known: then in two stages, first from upright loads and near them, since narrow loads
+            explain their readings in several ways.
     """
     readings = readings_of(models, before.parameters, instants)
+    fit = partial(fit_electrodes, models, readings, before, tolerance=_TOLERANCE)
     if first:
         coordinates = network_coordinates(models, before, readings)
-        upright = coordinates.copy()
-        upright[:, 1:] = 0.0
-        fit_from = partial(fit_electrodes, models, readings, before, tolerance=_TOLERANCE)
-        stages = [
-            fit_from(coordinates=start, coordinate_sigma=_FIRST_STAGE_SIGMA, max_rounds=_FIRST_STAGE_ROUNDS)
-            for start in (coordinates, upright)
-        ]
-        best = min(stages, key=lambda fit: fit.cost)
-        fit = fit_from(start=best.electrodes.parameters, coordinates=best.coordinates)
+        coordinates[:, 1:] = 0.0
+        rough = fit(
+            coordinates=coordinates, coordinate_sigma=_FIRST_STAGE_SIGMA, max_rounds=_FIRST_STAGE_ROUNDS
+        )
+        found = fit(start=rough.electrodes.parameters, coordinates=rough.coordinates)
     else:
-        fit = fit_electrodes(models, readings, before, max_rounds=_ROUNDS, tolerance=_TOLERANCE)
-    share = _INFORMATION_SHARE / max(1.0, misfit(fit)) ** 2
-    covariance = np.linalg.inv(np.linalg.inv(before.covariance) + share * fit.information)
-    return fit.electrodes._replace(covariance=np.asarray(covariance, np.float64)), misfit(fit)
+        found = fit(max_rounds=_ROUNDS)
+    share = _INFORMATION_SHARE / max(1.0, misfit(found)) ** 2
+    covariance = np.linalg.inv(np.linalg.inv(before.covariance) + share * found.information)
+    return found.electrodes._replace(covariance=np.asarray(covariance, np.float64)), misfit(found)
 
 
 def misfit(fit: ElectrodeFit) -> float:

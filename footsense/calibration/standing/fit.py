@@ -111,14 +111,12 @@ class ElectrodeFit(NamedTuple):
             shape (36, 36).
         coordinates: Contact coordinates of each load, in the foot's frame, shape (n, 5).
         mahalanobis_distance: Distance of each load's readings from the model [1], shape (n,); 2 if its errors hold.
-        cost: What was minimised [1].
     """
 
     electrodes: Electrodes
     information: Vector
     coordinates: Vector
     mahalanobis_distance: Vector
-    cost: float
 
 
 def fit_electrodes(
@@ -172,7 +170,6 @@ def fit_electrodes(
         information - known,
         state.coordinates,
         state.distance,
-        state.cost,
     )
 
 
