@@ -80,22 +80,6 @@ class WalkingFoot:
         """Whether nothing speaks against taking its electrodes into use, and it has a name."""
         return self.turn is not None and not self.objection and bool(self.of.foot)
 
-    def line(self) -> str:
-        """Return what is known of it as one line for people."""
-        name = f"{self.of.leg} {self.of.foot}".rstrip()
-        since = f"since the calibration of {self.of.since[:10]}" if self.of.since else "against the design"
-        if self.turn is None:
-            return f"{name}: no stances so far"
-        told = f"{name}: electrodes turned by {self.turn.deg:.1f} +- {self.turn.sigma_deg:.1f} deg {since}"
-        if self.objection:
-            return f"{told}; nothing proposed: {self.objection}"
-        if not self.of.foot:
-            return f"{told}; a foot needs a name under `feet` before a calibration is proposed"
-        expected_deg = math.hypot(self.turn.deg, self.turn.sigma_deg)
-        return (
-            f"{told}; a calibration is proposed: {expected_deg:.1f} to {self.turn.sigma_deg:.1f} deg expected"
-        )
-
     def add(self, scans: LegScans) -> None:
         """Use the stances that end within further scans."""
         pause_ns = _PERIOD_NS if self.n_instants >= N_FAST else 0
