@@ -36,12 +36,10 @@ class Estimates(NamedTuple):
     """Forces [N] and standard deviations estimated for a set of calibration loads.
 
     Attributes:
-        closure_rel: Inputs of the network [1], shape (n, elements).
         force_n: Forces [N], shape (n, 3), NaN where the robot would give none.
         sigma_n: Their standard deviations [N], same shape.
     """
 
-    closure_rel: Vector
     force_n: Vector
     sigma_n: Vector
 
@@ -156,8 +154,7 @@ def estimate_loads(
     load = CalibratedFeet(network, [foot] * len(loads)).estimate(
         steady_windows(np.where(trained, closure_rel, 0.0))
     )
-    force_n, sigma_n = (np.where(trained, part, np.nan) for part in load[:2])
-    return Estimates(closure_rel, force_n, sigma_n)
+    return Estimates(*(np.where(trained, part, np.nan) for part in load[:2]))
 
 
 def evaluate(

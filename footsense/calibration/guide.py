@@ -80,7 +80,8 @@ class Coverage:
 
     def add_load(self, force_n: Vector) -> None:
         """Add an accepted load with this force [N], shape (3,)."""
-        band = nearest_band(float(np.linalg.norm(force_n)) / GRAM_FORCE_N)
+        magnitude_gf = np.linalg.norm(force_n) / GRAM_FORCE_N
+        band = int(np.argmin(np.abs(magnitude_gf - MAGNITUDE_BAND_CENTRES_GF)))
         self.counts[band] += 1
         angle_deg = angles_between_deg(self.directions, force_n)
         self._nearest_deg[band] = np.minimum(self._nearest_deg[band], angle_deg)
@@ -123,11 +124,6 @@ class Coverage:
             for gf, share in zip(MAGNITUDE_BAND_CENTRES_GF, self.covered_directions_rel, strict=True)
         )
         return f"{self.n_loads} loads, at least {self._wanted} wanted; directions covered: {shares}"
-
-
-def nearest_band(magnitude_gf: float) -> int:
-    """Return the index of the magnitude band nearest to a magnitude [gf]."""
-    return int(np.argmin(np.abs(np.array(MAGNITUDE_BAND_CENTRES_GF) - magnitude_gf)))
 
 
 def azimuth_and_elevation_deg(force: Vector) -> tuple[float, float]:

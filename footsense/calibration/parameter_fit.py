@@ -14,6 +14,7 @@ Source:
     for why this is not scipy.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -103,13 +104,14 @@ def fit_parameters(twin: FootTwin, loads: LoadSet) -> ParameterFit:
 
 def _levenberg_marquardt(twin: FootTwin, loads: LoadSet, start: Vector, *, shared_gap: bool) -> ParameterFit:
     """Return the fit at the optimum found from `start`; `shared_gap` as of `_FitState.residual_jacobian`."""
-    state = _FitState(twin, loads, _whitening_matrices(twin, start, loads), start)
+    evaluated = partial(_FitState, twin, loads)
+    whitening = _whitening_matrices(twin, start, loads)
+    state = evaluated(whitening, start)
     damping, tolerance_rel = 1e-3, _ROUGH_TOLERANCE_REL if shared_gap else _TOLERANCE_REL
     for iteration in range(_MAX_ITERATIONS):
         if iteration == _REWHITEN_AT_ITERATION:
-            state = state.with_parameters(
-                state.parameters, _whitening_matrices(twin, state.parameters, loads)
-            )
+            whitening = _whitening_matrices(twin, state.parameters, loads)
+            state = evaluated(whitening, state.parameters)
         residual_jacobian = state.residual_jacobian(shared_gap=shared_gap)
         curvature, gradient = residual_jacobian.T @ residual_jacobian, residual_jacobian.T @ state.residual
         while damping < _MAX_DAMPING:
@@ -117,7 +119,7 @@ def _levenberg_marquardt(twin: FootTwin, loads: LoadSet, start: Vector, *, share
             if -(2.0 * gradient + curvature @ step) @ step < tolerance_rel * state.cost:
                 damping = _MAX_DAMPING  # a step as short as this gains nothing
                 break
-            tried = state.with_parameters(np.clip(state.parameters + step, *twin.parameter_bounds()))
+            tried = evaluated(whitening, np.clip(state.parameters + step, *twin.parameter_bounds()))
             if tried.cost < state.cost:
                 break
             damping *= 10.0
@@ -160,11 +162,6 @@ class _FitState:
         prior = parameters / PRIOR_SIGMA
         self.residual = np.concatenate([(self._weight[:, None] * white).ravel(), prior])
         self.cost = float((within * (2.0 * self.mahalanobis_distance - within)).sum() + (prior**2).sum())
-
-    def with_parameters(self, parameters: Vector, whitening: Vector | None = None) -> "_FitState":
-        """Return the fit state at other parameter values, with the same whitening unless another is given."""
-        whitening = self._whitening_matrices if whitening is None else whitening
-        return _FitState(self._twin, self._loads, whitening, parameters)
 
     def residual_jacobian(self, *, shared_gap: bool) -> Vector:
         """Return the Jacobian of the residual, shape (elements n + parameters, parameters).

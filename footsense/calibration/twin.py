@@ -10,7 +10,6 @@ contact as seen from the sheet, to first order in o / R: its normal is n + o / R
 reads (1 + r) f of a force f. The film does not appear: the unloaded distance D contains it.
 """
 
-from collections import defaultdict
 from collections.abc import Sequence
 
 import numpy as np
@@ -112,21 +111,16 @@ class FootTwin:
             closed_cells: Cells that are closed, shape (n, cells); all others are open.
         """
         # Gaps and stiffness leave a load where it is, and the forces of one contact need one evaluation of the table.
-        at_contact = defaultdict[tuple[bytes, bytes], dict[int, tuple[Vector, ContactLoads]]](dict)
-        places = list[tuple[tuple[bytes, bytes], int]]()
-        for parameters, loads in nearby:
-            contact = parameters[MOUNT.start :].tobytes(), loads.normal.tobytes()
-            at_contact[contact][id(loads)] = parameters, loads
-            places.append((contact, id(loads)))
-        designed_um = dict[tuple[tuple[bytes, bytes], int], Vector]()
-        for contact, forces in at_contact.items():
-            (parameters, first), *_ = forces.values()
-            several = ContactLoads(first.normal, np.stack([loads.force_n for _, loads in forces.values()]))
-            closures_um = self._designed_cell_closures_um(parameters, several)
-            designed_um |= {(contact, of): um for of, um in zip(forces, closures_um, strict=True)}
-        free_um = np.stack(
-            [_compliance_factor(p) * designed_um[place] for place, (p, _) in zip(places, nearby, strict=True)]
-        )
+        contacts = [
+            (parameters[MOUNT.start :].tobytes(), loads.normal.tobytes()) for parameters, loads in nearby
+        ]
+        free_um = np.empty((len(nearby), *closed_cells.shape))
+        for contact in dict.fromkeys(contacts):
+            rows = [row for row, one in enumerate(contacts) if one == contact]
+            parameters, loads = nearby[rows[0]]
+            several = ContactLoads(loads.normal, np.stack([nearby[row][1].force_n for row in rows]))
+            free_um[rows] = self._designed_cell_closures_um(parameters, several)
+        free_um *= np.array([_compliance_factor(parameters) for parameters, _ in nearby])[:, None, None]
         gap_um = np.stack(
             [np.repeat(self.gap_um(parameters), gap_contact.CELLS_PER_ELEMENT) for parameters, _ in nearby]
         )

@@ -49,15 +49,14 @@ def _spread_deg(models: DesignModels, electrodes: Electrodes, instants: Instants
     own = electrodes.own_covariance
     drawn = np.tile(electrodes.parameters, (n, 1))
     drawn[:, : len(own)] += random.multivariate_normal(np.zeros(len(own)), own, n, method="cholesky")
-    forces_n = (
-        _forces_n(models, one, instants, electrodes.floor_pf) for one in (electrodes.parameters, drawn)
-    )
-    return float(angles_between_deg(*forces_n).mean())
+    drawn_n = _forces_n(models, electrodes._replace(parameters=drawn), instants)
+    return float(angles_between_deg(_forces_n(models, electrodes, instants), drawn_n).mean())
 
 
-def _forces_n(models: DesignModels, parameters: Vector, instants: Instants, floor_pf: Vector) -> Vector:
+def _forces_n(models: DesignModels, electrodes: Electrodes, instants: Instants) -> Vector:
+    parameters = electrodes.parameters
     unloaded_pf = np.median(instants.baseline_pf, axis=0)
-    capacitance_pf = instants.capacitance_pf - instants.baseline_pf + unloaded_pf - floor_pf
+    capacitance_pf = instants.capacitance_pf - instants.baseline_pf + unloaded_pf - electrodes.floor_pf
     stray_pf = np.minimum(parameters[..., STRAY], 0.5 * unloaded_pf)
     gain_rel = np.maximum(1.0 + parameters[..., GAIN], 0.5)
     return models.estimate_in_foot_frame(capacitance_pf, unloaded_pf, stray_pf, gain_rel).force_n
@@ -78,7 +77,8 @@ def judge_electrodes(
         instants: Instants of usual loads, at least one.
         saturated_rel: Share of the stances in which an element was beyond its range, or open [1].
     """
-    before_n, found_n = (_forces_n(models, one.parameters, instants, now.floor_pf) for one in (before, now))
+    before_n = _forces_n(models, now._replace(parameters=before.parameters), instants)
+    found_n = _forces_n(models, now, instants)
     turn = Turn(float(angles_between_deg(before_n, found_n).mean()), _spread_deg(models, now, instants))
     n = len(instants.t_ns)
     if n < MIN_INSTANTS:
@@ -109,9 +109,7 @@ def _fit_halves(
 ) -> tuple[Vector, float]:
     """Return the parameters by one half, and the mean angle between both halves' forces beyond the expected [deg]."""
     fits = [fit_again(models, before, instants.subset(which), now.parameters) for which in (half, ~half)]
-    forces_n = [
-        _forces_n(models, fit.electrodes.parameters, instants, fit.electrodes.floor_pf) for fit in fits
-    ]
+    forces_n = [_forces_n(models, fit.electrodes, instants) for fit in fits]
     spreads = [_spread_deg(models, fit.electrodes, instants) for fit in fits]
     differ_deg = float(angles_between_deg(*forces_n).mean())
     beyond_deg = float(np.sqrt(max(differ_deg**2 - np.square(spreads).sum(), 0.0)))

@@ -112,7 +112,6 @@ class WalkingFoot:
         Args:
             written: Time, UTC, ISO 8601.
         """
-        n = N_ELECTRODE_PARAMETERS
         return SelfcalState(
             of=self.of,
             written=written,
@@ -121,7 +120,7 @@ class WalkingFoot:
             turn_deg=self.turn and self.turn.deg,
             turn_sigma_deg=self.turn and self.turn.sigma_deg,
             objection=self.objection,
-            parameters=tuple(self.electrodes.parameters[:n].tolist()),
+            parameters=tuple(self.electrodes.parameters[:N_ELECTRODE_PARAMETERS].tolist()),
             floor_pf=tuple(self.electrodes.floor_pf.tolist()),
             covariance=tuple(map(tuple, self.electrodes.covariance.tolist())),
             kept=KeptInstants.of(self._kept),

@@ -25,7 +25,7 @@ from footsense.calibration.standing.fit import (
     fit_electrodes,
 )
 from footsense.calibration.standing.recording import StandingLoads
-from footsense.calibration.twin import GAIN, FootTwin
+from footsense.calibration.twin import FootTwin
 from footsense.errors import CalibrationError
 from footsense.foot.contact_coordinates import contact_loads
 from footsense.foot.directions import angles_between_deg
@@ -58,12 +58,6 @@ class StandingCalibration(NamedTuple):
     fit: ElectrodeFit
     predicted_uncertainty: PredictedUncertainty
     turned_deg: float
-
-    @property
-    def gain_sigma_rel(self) -> Vector:
-        """Standard deviation of the gain of each element [1], shape (9,), of which they have a part in common."""
-        sigma: Vector = np.sqrt(np.diag(self.fit.electrodes.covariance)[GAIN])
-        return sigma
 
 
 def calibrate_standing(

@@ -196,12 +196,8 @@ class _State:
     """Parameters and coordinates with the residuals that they leave."""
 
     def __init__(self, problem: _Problem, parameters: Vector, floor_pf: Vector, coordinates: Vector) -> None:
-        self.problem, self.parameters, self.floor_pf, self.coordinates = (
-            problem,
-            parameters,
-            floor_pf,
-            coordinates,
-        )
+        self.problem = problem
+        self.parameters, self.floor_pf, self.coordinates = parameters, floor_pf, coordinates
         twin, readings, before, information, coordinate_sigma = problem
         self._cells_um = twin.cell_closures_um(parameters, contact_loads(coordinates))
         self._model_pf = twin.reading_pf(parameters, self._cells_um)

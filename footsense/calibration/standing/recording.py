@@ -96,12 +96,8 @@ class StandingRecording(NamedTuple):
     temperature_c: dict[str, float | None]
 
 
-class _Scans(NamedTuple):
-    """Whole scans of one leg: time [ns], readings [pF], NaN unless OK, and the size of the published force [N]."""
-
-    t_ns: Stamps
-    capacitance_pf: Vector
-    force_n: Vector
+#: Whole scans of one leg: time [ns], readings [pF], NaN unless OK, and the size of the published force [N].
+_Scans = tuple[Stamps, Vector, Vector]
 
 
 def read_standing(
@@ -163,7 +159,7 @@ def _read_scans(recording: Replay, rows: dict[str, int]) -> tuple[dict[str, _Sca
     except RecordingError:
         pass  # what is before the damage is whole
     scans = {
-        name: _Scans(
+        name: (
             np.array([scan[0] for scan in of_foot], np.int64),
             np.array([scan[1] for scan in of_foot]).reshape(-1, ELEMENTS),
             np.array([scan[2] for scan in of_foot]),
