@@ -80,8 +80,8 @@ class Coverage:
 
     def add_load(self, force_n: Vector) -> None:
         """Add an accepted load with this force [N], shape (3,)."""
-        magnitude_gf = np.linalg.norm(force_n) / GRAM_FORCE_N
-        band = int(np.argmin(np.abs(magnitude_gf - MAGNITUDE_BAND_CENTRES_GF)))
+        magnitude_gf = float(np.linalg.norm(force_n)) / GRAM_FORCE_N
+        band = int(np.argmin(np.abs(np.array(MAGNITUDE_BAND_CENTRES_GF) - magnitude_gf)))
         self.counts[band] += 1
         angle_deg = angles_between_deg(self.directions, force_n)
         self._nearest_deg[band] = np.minimum(self._nearest_deg[band], angle_deg)
