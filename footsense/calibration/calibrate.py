@@ -176,7 +176,7 @@ def fit_foot_unchecked(models: DesignModels, loads: LoadSet) -> CalibrationResul
         raise CalibrationError(f"{len(loads)} loads; at least {MIN_LOADS} from all sides make a calibration")
     twin = FootTwin(models.response, loads.median_baseline_pf)
     fit = fit_parameters(twin, loads)
-    predicted_uncertainty = predict_uncertainty(twin, fit)
+    predicted_uncertainty = predict_uncertainty(twin, fit.parameters, fit.covariance)
     electrodes = FootParameters(
         stray_pf=fit.parameters[STRAY],
         unloaded_pf=loads.median_baseline_pf,

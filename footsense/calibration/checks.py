@@ -25,14 +25,11 @@ _SAME_FOOT_TOLERANCE_REL = 0.03
 _MIN_LOADS = 5
 #: Ratio of magnitudes that no foot reaches, and the ratio to which another unit has to explain it.
 _SUSPICIOUS_RATIO_THRESHOLD, _EXPLAINED_RATIO_THRESHOLD = 2.0, 1.5
-#: Mean angles [deg]: that hardly a foot reaches; by which other axes have to be better, and better than the next; that
-#: no foot reaches, even if no axes fit: of 60 made as badly as the paper's, the worst errs by 35.
-_SUSPICIOUS_ANGLE_THRESHOLD_DEG, _MIN_IMPROVEMENT_DEG, _MIN_LEAD_DEG, _IMPOSSIBLE_ANGLE_THRESHOLD_DEG = (
-    35.0,
-    20.0,
-    8.0,
-    50.0,
-)
+#: Mean angles that hardly a foot reaches, and that no foot reaches, even if no axes fit [deg]: of 60 made as badly as
+#: the paper's, the worst errs by 35.
+_SUSPICIOUS_ANGLE_THRESHOLD_DEG, _IMPOSSIBLE_ANGLE_THRESHOLD_DEG = 35.0, 50.0
+#: Angles by which other axes have to be better, and better than the next [deg].
+_MIN_IMPROVEMENT_DEG, _MIN_LEAD_DEG = 20.0, 8.0
 
 
 def reference_findings(test_stand: StandConfig, reference_n: Vector, estimate_n: Vector) -> list[str]:

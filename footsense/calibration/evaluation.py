@@ -36,12 +36,10 @@ class Estimates(NamedTuple):
     """Forces [N] and standard deviations estimated for a set of calibration loads.
 
     Attributes:
-        closure_rel: Inputs of the network [1], shape (n, elements).
         force_n: Forces [N], shape (n, 3), NaN where the robot would give none.
         sigma_n: Their standard deviations [N], same shape.
     """
 
-    closure_rel: Vector
     force_n: Vector
     sigma_n: Vector
 
@@ -95,21 +93,14 @@ class DesignModels(NamedTuple):
         return network.estimate(steady_windows(closure_um / design.gap_um / gain_rel))
 
 
-class MagnitudeBand(NamedTuple):
-    """Range of force magnitudes [gf], lower limit included, whose loads are evaluated together."""
-
-    name: str
-    min_gf: float
-    max_gf: float
-
-
-#: All loads, and one magnitude of the paper in each of the others.
-MAGNITUDE_BANDS = (
-    MagnitudeBand("all", 0.0, np.inf),
-    MagnitudeBand("below 0.74 N", 0.0, 75.0),
-    MagnitudeBand("0.74 to 1.23 N", 75.0, 125.0),
-    MagnitudeBand("from 1.23 N", 125.0, np.inf),
-)
+#: Ranges of force magnitudes [gf], lower limit included, whose loads are evaluated together: all, and one magnitude of
+#: the paper in each of the others.
+MAGNITUDE_BANDS_GF = {
+    "all": (0.0, np.inf),
+    "below 0.74 N": (0.0, 75.0),
+    "0.74 to 1.23 N": (75.0, 125.0),
+    "from 1.23 N": (125.0, np.inf),
+}
 
 
 class Evaluation(NamedTuple):
@@ -129,15 +120,13 @@ class Evaluation(NamedTuple):
         is_compared: Mask = np.all([one.has_force for one in self.estimates.values()], axis=0)
         return is_compared
 
-    def errors_of(self, estimates: Estimates, band: MagnitudeBand) -> ForceErrors | None:
-        """Return the force errors of estimates over the compared loads of a band; None if the band is empty."""
+    def errors_of(self, estimates: Estimates, least_gf: float, below_gf: float) -> ForceErrors | None:
+        """Return the force errors of estimates over the compared loads of a range [gf]; None if there are none."""
         magnitude_gf = np.linalg.norm(self.reference_n, axis=1) / GRAM_FORCE_N
-        chosen = self.is_compared & (magnitude_gf >= band.min_gf) & (magnitude_gf < band.max_gf)
-        return (
-            evaluate_force_errors(self.reference_n[chosen], estimates.force_n[chosen])
-            if chosen.any()
-            else None
-        )
+        chosen = self.is_compared & (magnitude_gf >= least_gf) & (magnitude_gf < below_gf)
+        if not chosen.any():
+            return None
+        return evaluate_force_errors(self.reference_n[chosen], estimates.force_n[chosen])
 
 
 def estimate_loads(
@@ -165,8 +154,7 @@ def estimate_loads(
     load = CalibratedFeet(network, [foot] * len(loads)).estimate(
         steady_windows(np.where(trained, closure_rel, 0.0))
     )
-    force_n, sigma_n = (np.where(trained, part, np.nan) for part in load[:2])
-    return Estimates(closure_rel, force_n, sigma_n)
+    return Estimates(*(np.where(trained, part, np.nan) for part in load[:2]))
 
 
 def evaluate(

@@ -80,7 +80,8 @@ class Coverage:
 
     def add_load(self, force_n: Vector) -> None:
         """Add an accepted load with this force [N], shape (3,)."""
-        band = nearest_band(float(np.linalg.norm(force_n)) / GRAM_FORCE_N)
+        magnitude_gf = float(np.linalg.norm(force_n)) / GRAM_FORCE_N
+        band = int(np.argmin(np.abs(np.array(MAGNITUDE_BAND_CENTRES_GF) - magnitude_gf)))
         self.counts[band] += 1
         angle_deg = angles_between_deg(self.directions, force_n)
         self._nearest_deg[band] = np.minimum(self._nearest_deg[band], angle_deg)
@@ -123,11 +124,6 @@ class Coverage:
             for gf, share in zip(MAGNITUDE_BAND_CENTRES_GF, self.covered_directions_rel, strict=True)
         )
         return f"{self.n_loads} loads, at least {self._wanted} wanted; directions covered: {shares}"
-
-
-def nearest_band(magnitude_gf: float) -> int:
-    """Return the index of the magnitude band nearest to a magnitude [gf]."""
-    return int(np.argmin(np.abs(np.array(MAGNITUDE_BAND_CENTRES_GF) - magnitude_gf)))
 
 
 def azimuth_and_elevation_deg(force: Vector) -> tuple[float, float]:
@@ -174,17 +170,12 @@ class SessionGuide:
         self._estimate = estimate
         self._check = check
         self.report = report
-        self._loads: list[CalibrationLoad] = []
+        self._reference_n: list[Vector] = []
         self._estimate_n: list[Vector] = []
         self._shown: deque[tuple[int, Vector]] = deque()
         self.coverage = Coverage(n_wanted)
         self.rejected: Counter[Rejection] = Counter()
         self.findings: list[str] = []
-
-    @property
-    def load_reference_forces_n(self) -> Vector:
-        """Forces of the accepted loads [N], shape (n, 3)."""
-        return np.array([load.force_n for load in self._loads]).reshape(-1, 3)
 
     @property
     def is_pressed(self) -> bool:
@@ -223,18 +214,17 @@ class SessionGuide:
             self.report(f"press {number} is rejected: {load.rejection}: {load.reason}")
             return
         self.coverage.add_load(load.force_n)
-        self._loads.append(load)
+        self._reference_n.append(load.force_n)
         self._estimate_n.append(self._estimate(load))
         azimuth_deg, elevation_deg = map(round, azimuth_and_elevation_deg(load.force_n))
         self.report(
             f"press {number}: {np.linalg.norm(load.force_n):.2f} N towards azimuth {azimuth_deg % 360}, "
             f"elevation {elevation_deg} deg"
         )
-        findings = self._check(self.load_reference_forces_n, np.array(self._estimate_n))
+        findings = self._check(np.array(self._reference_n), np.array(self._estimate_n))
         # The same finding with a slightly different figure is not reported again.
-        if [line.partition(":")[2] for line in findings] != [
-            line.partition(":")[2] for line in self.findings
-        ]:
+        told = [line.partition(":")[2] for line in self.findings]
+        if [line.partition(":")[2] for line in findings] != told:
             for finding in findings:
                 self.report(finding)
         self.findings = findings

@@ -1,7 +1,7 @@
 """A press with its samples, the calibration load reduced from it or the reason for its rejection, and sets of loads."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import StrEnum
 from typing import NamedTuple, Self
 
@@ -107,21 +107,45 @@ def unsaturated_samples_n(reference: ReferenceSamples, span_ns: Span) -> Vector:
     return reference.force_n[is_in_span(reference.t_ns, span_ns) & ~reference.saturated]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class LoadedFoot:
+    """Readings of one foot under loads, one row per load.
+
+    Attributes:
+        capacitance_pf: Reading of each element, stray included [pF], shape (n, 9).
+        baseline_pf: Unloaded reading at that time [pF], shape (n, 9).
+    """
+
+    capacitance_pf: Vector
+    baseline_pf: Vector
+
+    def __len__(self) -> int:
+        """Return the number of loads."""
+        return len(self.capacitance_pf)
+
+    @property
+    def median_baseline_pf(self) -> Vector:
+        """Median unloaded reading of each element over the loads [pF], shape (9,)."""
+        unloaded_pf: Vector = np.median(self.baseline_pf, axis=0)
+        return unloaded_pf
+
+    @property
+    def drift_corrected_pf(self) -> Vector:
+        """Readings under load, corrected for drift of the unloaded reading [pF], shape (n, 9)."""
+        return self.capacitance_pf - self.baseline_pf + self.median_baseline_pf
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LoadSet:
+class LoadSet(LoadedFoot):
     """Accepted calibration loads of one foot as arrays, one row per load.
 
     Attributes:
         force_n: Reference force [N], shape (n, 3), leg frame.
         sigma_n: Standard deviation of that mean by noise alone [N], shape (n, 3).
-        capacitance_pf: Reading of each element, stray included [pF], shape (n, 9).
-        baseline_pf: Unloaded reading at that time [pF], shape (n, 9).
     """
 
     force_n: Vector
     sigma_n: Vector
-    capacitance_pf: Vector
-    baseline_pf: Vector
 
     @classmethod
     def from_loads(cls, loads: Sequence[CalibrationLoad]) -> Self:
@@ -137,26 +161,13 @@ class LoadSet:
     @classmethod
     def joined(cls, sets: Sequence[Self]) -> Self:
         """Return the loads of several sets, one behind the other."""
-        return cls(**{name: np.concatenate([getattr(one, name) for one in sets]) for name in cls.__slots__})
-
-    def __len__(self) -> int:
-        """Return the number of loads."""
-        return len(self.force_n)
+        return cls(
+            **{one.name: np.concatenate([getattr(of, one.name) for of in sets]) for one in fields(cls)}
+        )
 
     def subset(self, which: NDArray[np.intp] | Mask) -> Self:
         """Return the selected loads, by index or by mask."""
-        return type(self)(**{name: getattr(self, name)[which] for name in self.__slots__})
-
-    @property
-    def median_baseline_pf(self) -> Vector:
-        """Median unloaded reading of each element over the loads [pF], shape (9,)."""
-        unloaded_pf: Vector = np.median(self.baseline_pf, axis=0)
-        return unloaded_pf
-
-    @property
-    def drift_corrected_pf(self) -> Vector:
-        """Readings under load, corrected for drift of the unloaded reading [pF], shape (n, 9)."""
-        return self.capacitance_pf - self.baseline_pf + self.median_baseline_pf
+        return type(self)(**{one.name: getattr(self, one.name)[which] for one in fields(self)})
 
     def space_filling_order(self) -> NDArray[np.intp]:
         """Return an order of the loads, shape (n,), whose first k cover the forces evenly for any k.

@@ -14,19 +14,19 @@ Source:
     for why this is not scipy.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from footsense.calibration.loads import LoadSet
 from footsense.calibration.twin import (
-    GAIN,
     GAP,
     N_PARAMETERS,
     PARAMETER_COUNTS,
     REFERENCE,
-    STRAY,
     FootTwin,
+    shifted,
 )
 from footsense.foot.directions import angles_between_deg, direction_grid, normalized
 from footsense.foot.force_errors import GRAM_FORCE_N
@@ -39,9 +39,10 @@ from footsense.frames import ELEMENTS, Vector
 #: 10 [1], and a reference with the paper's linearity, 1.5 % of a range that is hardly used [1].
 PRIOR_SIGMA: Vector = np.repeat((0.5, 0.02, 3.0, 0.4, np.radians(5.0), 0.05, 0.02), PARAMETER_COUNTS)
 
-#: Errors of a test stand: lean of the stick [deg], share of a force that creep makes uncertain [1], share of a change
-#: of capacitance that no model explains [1], noise of a mean reading [pF].
-_STICK_LEAN_DEG, _CREEP_UNCERTAINTY_REL, _MODEL_ERROR_REL, _READING_NOISE_PF = 1.5, 0.015, 0.005, 0.3e-3
+#: Errors of a test stand: lean of the stick [deg], share of a force that creep makes uncertain [1].
+_STICK_LEAN_DEG, _CREEP_UNCERTAINTY_REL = 1.5, 0.015
+#: Share of a change of capacitance that no model explains [1], noise of a mean reading [pF].
+MODEL_ERROR_REL, READING_NOISE_PF = 0.005, 0.3e-3
 #: Smallest standard deviation of a mean reference force: its resolution [N].
 _MIN_SIGMA_N = 0.003
 
@@ -103,13 +104,14 @@ def fit_parameters(twin: FootTwin, loads: LoadSet) -> ParameterFit:
 
 def _levenberg_marquardt(twin: FootTwin, loads: LoadSet, start: Vector, *, shared_gap: bool) -> ParameterFit:
     """Return the fit at the optimum found from `start`; `shared_gap` as of `_FitState.residual_jacobian`."""
-    state = _FitState(twin, loads, _whitening_matrices(twin, start, loads), start)
+    evaluated = partial(_FitState, twin, loads)
+    whitening = _whitening_matrices(twin, start, loads)
+    state = evaluated(whitening, start)
     damping, tolerance_rel = 1e-3, _ROUGH_TOLERANCE_REL if shared_gap else _TOLERANCE_REL
     for iteration in range(_MAX_ITERATIONS):
         if iteration == _REWHITEN_AT_ITERATION:
-            state = state.with_parameters(
-                state.parameters, _whitening_matrices(twin, state.parameters, loads)
-            )
+            whitening = _whitening_matrices(twin, state.parameters, loads)
+            state = evaluated(whitening, state.parameters)
         residual_jacobian = state.residual_jacobian(shared_gap=shared_gap)
         curvature, gradient = residual_jacobian.T @ residual_jacobian, residual_jacobian.T @ state.residual
         while damping < _MAX_DAMPING:
@@ -117,7 +119,7 @@ def _levenberg_marquardt(twin: FootTwin, loads: LoadSet, start: Vector, *, share
             if -(2.0 * gradient + curvature @ step) @ step < tolerance_rel * state.cost:
                 damping = _MAX_DAMPING  # a step as short as this gains nothing
                 break
-            tried = state.with_parameters(np.clip(state.parameters + step, *twin.parameter_bounds()))
+            tried = evaluated(whitening, np.clip(state.parameters + step, *twin.parameter_bounds()))
             if tried.cost < state.cost:
                 break
             damping *= 10.0
@@ -161,55 +163,27 @@ class _FitState:
         self.residual = np.concatenate([(self._weight[:, None] * white).ravel(), prior])
         self.cost = float((within * (2.0 * self.mahalanobis_distance - within)).sum() + (prior**2).sum())
 
-    def with_parameters(self, parameters: Vector, whitening: Vector | None = None) -> "_FitState":
-        """Return the fit state at other parameter values, with the same whitening unless another is given."""
-        whitening = self._whitening_matrices if whitening is None else whitening
-        return _FitState(self._twin, self._loads, whitening, parameters)
-
     def residual_jacobian(self, *, shared_gap: bool) -> Vector:
         """Return the Jacobian of the residual, shape (elements n + parameters, parameters).
 
         Args:
-            shared_gap: Whether the slope of each gap is that of all gaps together on its own element, which does not
-                vanish as soon as one closes nearby; else its own on all elements, which vanishes unless it closes.
+            shared_gap: Whether the slope of each gap is that of all gaps together, as of `electrode_slopes_pf`.
         """
-        size = len(self.parameters)
-        slopes_pf = np.zeros((*self._model_pf.shape, size))
-        diagonal = np.arange(ELEMENTS)
-        for kind in (STRAY, GAIN):
-            slope_pf = self._reading_derivative_pf(kind, self._cells_um)
-            slopes_pf[:, diagonal, kind.start + diagonal] = slope_pf
-        moved = [slice(number, number + 1) for number in range(GAP.stop, size)]
+        moved = [slice(number, number + 1) for number in range(GAP.stop, N_PARAMETERS)]
         moved += [GAP] if shared_gap else [slice(number, number + 1) for number in range(GAP.start, GAP.stop)]
         closed = self._twin.closed_cells(self.parameters, self._cells_um)
         nearby_um = self._twin.cell_closures_for_closed_cells_um(
-            [(self._shifted_parameters(one), self._contact) for one in moved], closed
+            [(shifted(self.parameters, one, _DIFFERENCE_STEPS), self._contact) for one in moved], closed
         )
-        for which, cells_um in zip(moved, nearby_um, strict=True):
-            slope_pf = self._reading_derivative_pf(which, cells_um)
-            if which == GAP:
-                slopes_pf[:, diagonal, GAP.start + diagonal] = slope_pf
-            else:
-                slopes_pf[..., which.start] = slope_pf
+        n_whole = N_PARAMETERS - GAP.stop
+        of_elements = self._twin.electrode_slopes_pf(
+            self.parameters, self._cells_um, nearby_um[n_whole:], _DIFFERENCE_STEPS
+        )
+        change_pf = self._twin.reading_pf(self.parameters, nearby_um[:n_whole]) - self._model_pf
+        of_whole = change_pf.transpose(1, 2, 0) / _DIFFERENCE_STEPS[GAP.stop :]
+        slopes_pf = np.concatenate([of_elements, of_whole], axis=2)
         white = self._weight[:, None, None] * (self._whitening_matrices @ slopes_pf)
-        return np.concatenate([white.reshape(-1, size), np.diag(1.0 / PRIOR_SIGMA)])
-
-    def _shifted_parameters(self, which: slice) -> Vector:
-        """Return the parameters with those of a slice shifted by their difference step."""
-        moved = self.parameters.copy()
-        moved[which] += _DIFFERENCE_STEPS[which]
-        return moved
-
-    def _reading_derivative_pf(self, which: slice, cells_um: Vector) -> Vector:
-        """Return the finite-difference derivative of the readings by a group of parameters [pF per unit].
-
-        Args:
-            which: The parameters, all of one kind.
-            cells_um: Closures of the cells with them moved by a step [um], shape (n, cells).
-        """
-        moved_pf = self._twin.reading_pf(self._shifted_parameters(which), cells_um)
-        slope_pf: Vector = (moved_pf - self._model_pf) / _DIFFERENCE_STEPS[which]
-        return slope_pf
+        return np.concatenate([white.reshape(-1, N_PARAMETERS), np.diag(1.0 / PRIOR_SIGMA)])
 
 
 def _whitening_matrices(twin: FootTwin, parameters: Vector, loads: LoadSet) -> Vector:
@@ -225,13 +199,12 @@ def _whitening_matrices(twin: FootTwin, parameters: Vector, loads: LoadSet) -> V
     pushed = [ContactLoads(contact.normal, contact.force_n + step_n * axis) for axis in np.eye(3)]
     nearby = [(parameters, one) for one in (*leaning, *pushed)]
     nearby_um = twin.cell_closures_for_closed_cells_um(nearby, twin.closed_cells(parameters, cells_um))
-    changes_pf = [twin.reading_pf(parameters, one_um) - model_pf for one_um in nearby_um]
-    by_normal = [change_pf / _NORMAL_STEP for change_pf in changes_pf[:3]]
-    slope_pf = np.stack([change_pf / step_n for change_pf in changes_pf[3:]], axis=2)
-    lean = np.stack(by_normal, axis=2) * np.radians(_STICK_LEAN_DEG) * np.sqrt(0.5)
+    changes_pf = (twin.reading_pf(parameters, nearby_um) - model_pf).transpose(1, 2, 0)
+    slope_pf = changes_pf[..., 3:] / step_n[..., None]
+    lean = changes_pf[..., :3] / _NORMAL_STEP * np.radians(_STICK_LEAN_DEG) * np.sqrt(0.5)
     force = slope_pf * np.maximum(loads.sigma_n, _MIN_SIGMA_N)[:, None, :]
     creep = np.einsum("nij,nj->ni", slope_pf, contact.force_n)[:, :, None] * _CREEP_UNCERTAINTY_REL
-    reading = _READING_NOISE_PF**2 + (_MODEL_ERROR_REL * (model_pf - loads.median_baseline_pf)) ** 2
+    reading = READING_NOISE_PF**2 + (MODEL_ERROR_REL * (model_pf - loads.median_baseline_pf)) ** 2
     covariance = sum(part @ part.transpose(0, 2, 1) for part in (lean, force, creep))
     covariance = covariance + reading[:, :, None] * np.eye(ELEMENTS)
     whitening: Vector = np.linalg.inv(np.linalg.cholesky(covariance))
@@ -255,7 +228,7 @@ class PredictedUncertainty(NamedTuple):
     median_magnitude_error_rel: float
 
 
-def predict_uncertainty(twin: FootTwin, fit: ParameterFit) -> PredictedUncertainty:
+def predict_uncertainty(twin: FootTwin, parameters: Vector, covariance: Vector) -> PredictedUncertainty:
     """Return the expected force errors, by linear propagation of draws from the posterior.
 
     A foot whose parameters differ from the fitted ones changes the readings of a load; the least-squares change of
@@ -263,12 +236,13 @@ def predict_uncertainty(twin: FootTwin, fit: ParameterFit) -> PredictedUncertain
 
     Args:
         twin: Model of the foot.
-        fit: Its fitted parameters.
+        parameters: Its fitted parameters.
+        covariance: Their posterior covariance.
     """
     # From all sides down to 50 deg of elevation, of 50 and 120 gf.
     directions = np.vstack([direction_grid(30.0 * np.arange(12), [50.0, 70.0]), [0.0, 0.0, 1.0]])
     force_n = np.concatenate([size * GRAM_FORCE_N * directions for size in (50.0, 120.0)])
-    fitted = fit.parameters.copy()
+    fitted = parameters.copy()
     fitted[REFERENCE] = 0.0  # these forces are true ones
     closure_um = element_means(twin.cell_closures_um(fitted, ContactLoads.centred(force_n)))
     force_n = force_n[closure_um.max(axis=1) < _MAX_CLOSURE_REL * twin.gap_um(fitted).min()]
@@ -284,7 +258,7 @@ def predict_uncertainty(twin: FootTwin, fit: ParameterFit) -> PredictedUncertain
     force_per_pf = np.linalg.pinv(np.stack(by_force, axis=2))
     rng = np.random.default_rng(_SEED)
 
-    root = np.linalg.cholesky(fit.covariance)
+    root = np.linalg.cholesky(covariance)
     angles_deg, magnitudes_rel = [], []
     for _ in range(_DRAWS):
         deviation = root @ rng.normal(size=len(root))

@@ -4,7 +4,6 @@ import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from statistics import fmean
 
@@ -85,10 +84,13 @@ def read_sessions(
     """
     sessions: list[RecordedSession] = []
     n_before = 0
+
+    def report(n_read: int) -> None:
+        if on_bytes_read is not None:
+            on_bytes_read(n_before + n_read)
+
     for path in paths:
-        session = read_session(
-            path, foot, on_bytes_read and partial(_report_bytes_read, on_bytes_read, n_before)
-        )
+        session = read_session(path, foot, report)
         n_before += path.stat().st_size
         for other in sessions:
             if session.sha256 == other.sha256:
@@ -104,11 +106,6 @@ def read_sessions(
                 )
         sessions.append(session)
     return sessions
-
-
-def _report_bytes_read(on_bytes_read: Callable[[int], None], n_before: int, n_read: int) -> None:
-    """Report the total number of bytes read so far."""
-    on_bytes_read(n_before + n_read)
 
 
 def read_session(

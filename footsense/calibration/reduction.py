@@ -76,7 +76,7 @@ def _rejection_reasons(press: Press, before: _UnloadedSpan, dwell_ns: Span) -> I
         yield RejectedPress(
             Rejection.REFERENCE_MISSING, "no unsaturated reference sample just before the press"
         )
-    dwell_s, pressed_s = _duration_s(dwell_ns), _duration_s(press.pressed_span_ns)
+    dwell_s, pressed_s = ((end_ns - begin_ns) / 1e9 for begin_ns, end_ns in (dwell_ns, press.pressed_span_ns))
     dwelt = dwell_s >= _MIN_DWELL_S
     samples = is_in_span(press.reference.t_ns, dwell_ns if dwelt else press.pressed_span_ns)
     if press.reference.saturated[samples].any():
@@ -120,11 +120,6 @@ def _mean_load(press: Press, dwell_ns: Span, before: _UnloadedSpan) -> Calibrati
         capacitance_pf=column_means(press.capacitance_pf[scans]),
         baseline_pf=baseline_pf,
     )
-
-
-def _duration_s(span_ns: Span) -> float:
-    """Return the duration of a time span [s]."""
-    return (span_ns[1] - span_ns[0]) / 1e9
 
 
 def _element_list_text(which: Mask) -> str:

@@ -10,7 +10,6 @@ contact as seen from the sheet, to first order in o / R: its normal is n + o / R
 reads (1 + r) f of a force f. The film does not appear: the unloaded distance D contains it.
 """
 
-from collections import defaultdict
 from collections.abc import Sequence
 
 import numpy as np
@@ -42,6 +41,13 @@ def reference_gains(parameters: Vector) -> Vector:
     """Return the gain of the reference sensor along x, y, z, shape (3,), normalised to a mean of one."""
     gains: Vector = 1.0 + parameters[REFERENCE] - parameters[REFERENCE].mean()
     return gains
+
+
+def shifted(parameters: Vector, which: slice, steps: Vector) -> Vector:
+    """Return the parameters with those of a slice moved by their step; all have the shape (parameters,)."""
+    moved = parameters.copy()
+    moved[which] += steps[which]
+    return moved
 
 
 def _compliance_factor(parameters: Vector) -> float:
@@ -105,21 +111,16 @@ class FootTwin:
             closed_cells: Cells that are closed, shape (n, cells); all others are open.
         """
         # Gaps and stiffness leave a load where it is, and the forces of one contact need one evaluation of the table.
-        at_contact = defaultdict[tuple[bytes, bytes], dict[int, tuple[Vector, ContactLoads]]](dict)
-        places = list[tuple[tuple[bytes, bytes], int]]()
-        for parameters, loads in nearby:
-            contact = parameters[MOUNT.start :].tobytes(), loads.normal.tobytes()
-            at_contact[contact][id(loads)] = parameters, loads
-            places.append((contact, id(loads)))
-        designed_um = dict[tuple[tuple[bytes, bytes], int], Vector]()
-        for contact, forces in at_contact.items():
-            (parameters, first), *_ = forces.values()
-            several = ContactLoads(first.normal, np.stack([loads.force_n for _, loads in forces.values()]))
-            closures_um = self._designed_cell_closures_um(parameters, several)
-            designed_um |= {(contact, of): um for of, um in zip(forces, closures_um, strict=True)}
-        free_um = np.stack(
-            [_compliance_factor(p) * designed_um[place] for place, (p, _) in zip(places, nearby, strict=True)]
-        )
+        contacts = [
+            (parameters[MOUNT.start :].tobytes(), loads.normal.tobytes()) for parameters, loads in nearby
+        ]
+        free_um = np.empty((len(nearby), *closed_cells.shape))
+        for contact in dict.fromkeys(contacts):
+            rows = [row for row, one in enumerate(contacts) if one == contact]
+            parameters, loads = nearby[rows[0]]
+            several = ContactLoads(loads.normal, np.stack([nearby[row][1].force_n for row in rows]))
+            free_um[rows] = self._designed_cell_closures_um(parameters, several)
+        free_um *= np.array([_compliance_factor(parameters) for parameters, _ in nearby])[:, None, None]
         gap_um = np.stack(
             [np.repeat(self.gap_um(parameters), gap_contact.CELLS_PER_ELEMENT) for parameters, _ in nearby]
         )
@@ -140,7 +141,7 @@ class FootTwin:
         return self._response.free_closure_um(self._clamped_to_min_elevation(normalized(moved)), force_n)
 
     def reading_pf(self, parameters: Vector, cell_closures_um: Vector) -> Vector:
-        """Return the reading of each element [pF], shape (n, elements), from cell closures [um], shape (n, cells)."""
+        """Return the readings of the elements [pF], shape (..., elements), from cell closures [um], (..., cells)."""
         design, stray_pf = self._response.design, parameters[STRAY]
         unloaded_um = design.plate_distance_um(self._unloaded_pf - stray_pf)
         closure_um = cell_closures_um * np.repeat(1.0 + parameters[GAIN], gap_contact.CELLS_PER_ELEMENT)
@@ -148,6 +149,32 @@ class FootTwin:
             np.repeat(unloaded_um, gap_contact.CELLS_PER_ELEMENT) - closure_um, _MIN_DISTANCE_UM
         )
         return gap_contact.capacitance_pf(design, distance_um) + stray_pf
+
+    def electrode_slopes_pf(
+        self, parameters: Vector, cell_closures_um: Vector, gap_closures_um: Vector, steps: Vector
+    ) -> Vector:
+        """Return the slopes of the readings by strays, gains and gaps [pF per unit], shape (n, elements, 27).
+
+        Args:
+            parameters: The parameters.
+            cell_closures_um: Closures of the cells [um], shape (n, cells).
+            gap_closures_um: The same with gaps that are moved by their step. With all at once, shape (1, n, cells), the
+                slope of each gap is that of all together on its own element, which does not vanish as soon as one
+                closes nearby; with one at a time, shape (9, n, cells), its own on all elements, which vanishes unless
+                it closes.
+            steps: Steps of the differences, shape (parameters,).
+        """
+        model_pf, diagonal = self.reading_pf(parameters, cell_closures_um), np.arange(ELEMENTS)
+        slopes_pf = np.zeros((*model_pf.shape, GAP.stop))
+        for kind in (STRAY, GAIN):
+            moved_pf = self.reading_pf(shifted(parameters, kind, steps), cell_closures_um)
+            slopes_pf[:, diagonal, kind.start + diagonal] = (moved_pf - model_pf) / steps[kind]
+        by_gap_pf = (self.reading_pf(parameters, gap_closures_um) - model_pf) / steps[GAP.start]
+        if len(by_gap_pf) == 1:
+            slopes_pf[:, diagonal, GAP.start + diagonal] = by_gap_pf[0]
+        else:
+            slopes_pf[..., GAP] = by_gap_pf.transpose(1, 2, 0)
+        return slopes_pf
 
     def capacitance_pf(self, parameters: Vector, loads: ContactLoads) -> Vector:
         """Return the predicted reading of each element under loads [pF], shape (n, elements)."""

@@ -5,6 +5,7 @@ calibration is kept under the first free number, `foot-0007.1`, and only replace
 """
 
 import hashlib
+import math
 import os
 import shutil
 import tempfile
@@ -40,12 +41,14 @@ def card_text(manifest: Manifest, parameters: Parameters) -> str:
     recordings = "\n".join(f"| {name} | `{sha256}` |" for name, sha256 in manifest.recordings.items())
     n_loads = _count_with_plural(manifest.n_loads, "load")
     n_sessions = _count_with_plural(manifest.n_sessions, "session")
+    known_c = parameters.temperature_c
+    temperature = ", at an unknown temperature" if known_c is None else f", at {known_c:.1f} degC"
     without = "walked" if manifest.by_walking else "stood" if manifest.by_standing else ""
     strayed = "stray capacitance, wiring of the test stand included [pF]"
     return f"""# {manifest.foot}
 
 A foot of type {manifest.foot_type}, calibrated {manifest.made} by footsense {manifest.footsense}
-on {n_loads} in {n_sessions}{_temperature_text(parameters)}{_WITHOUT_REFERENCE.format(without) if without else ""}. The
+on {n_loads} in {n_sessions}{temperature}{_WITHOUT_REFERENCE.format(without) if without else ""}. The
 robot uses these files unchanged, or not at all: it detects and refuses every edit by hand.
 
 ## Errors
@@ -77,13 +80,6 @@ Network `{parameters.network_sha256}`, training set `{manifest.recordings_sha256
 def _count_with_plural(n: int, what: str) -> str:
     """Return a count with its noun as text, in the plural unless it is 1."""
     return f"{n} {what}" if n == 1 else f"{n} {what}s"
-
-
-def _temperature_text(parameters: Parameters) -> str:
-    """Return the calibration temperature as a clause of text."""
-    if parameters.temperature_c is None:
-        return ", at an unknown temperature"
-    return f", at {parameters.temperature_c:.1f} degC"
 
 
 def _error_table(manifest: Manifest) -> str:
@@ -168,7 +164,7 @@ def write_calibration(
         manifest: Its manifest; the hashes of its files are filled in.
         parameters: Parameters of the foot.
         network: File of the network that they were fitted on, with its checksum.
-        temperature_c: Temperature of the foot on the test stand [degC]; None if not measured.
+        temperature_c: Temperature of the foot on the test stand [degC]; None or NaN if not measured.
         replace: Whether an existing calibration of this foot is replaced.
 
     Raises:
@@ -182,7 +178,7 @@ def write_calibration(
         described = calibration_files.Parameters(
             format=calibration_files.FORMAT,
             network_sha256=verified_sha256(content, str(network)),
-            temperature_c=temperature_c,
+            temperature_c=None if temperature_c is None or math.isnan(temperature_c) else temperature_c,
             **parameters.as_lists(),
         )
         files = {

@@ -274,7 +274,7 @@ def evaluate_made_foot(
         in_range = _is_in_converter_range(read)
         errors[test] = {}
         for name, foot in parameters.items():
-            force_n, sigma_n = models.estimate(read, foot)[1:]
+            force_n, sigma_n = models.estimate(read, foot)
             of_all, of_own = variance_factors([unknown[name]])
             sigma_n = np.sqrt(
                 sigma_n**2 + of_all * (force_n**2).sum(axis=1, keepdims=True) + of_own * force_n**2

@@ -6,7 +6,7 @@ difference of the four readings. Next to a kink, that of the neighbouring instan
 """
 
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -57,8 +57,7 @@ class Instants(NamedTuple):
 
     def subset(self, which: Mask | slice) -> "Instants":
         """Return some of the instants."""
-        some: list[Any] = [values[which] for values in self]
-        return Instants(*some)
+        return Instants._make(values[which] for values in self)
 
 
 class LegScans(NamedTuple):
@@ -85,8 +84,7 @@ class LegScans(NamedTuple):
 
     def subset(self, which: slice) -> "LegScans":
         """Return some of the scans."""
-        some: list[Any] = [values[which] for values in self]
-        return LegScans(*some)
+        return LegScans._make(values[which] for values in self)
 
 
 class StanceSampler:
@@ -122,8 +120,7 @@ class StanceSampler:
         opened = scans.capacitance_pf < self._open_below_pf
         scans = scans._replace(capacitance_pf=np.where(opened, np.nan, scans.capacitance_pf))
         if self._scans is not None:
-            both: list[Any] = [np.concatenate(parts) for parts in zip(self._scans, scans, strict=True)]
-            scans = LegScans(*both)
+            scans = LegScans._make(map(np.concatenate, zip(self._scans, scans, strict=True)))
         found, first = list[Instants](), 0
         for begin, end in _stances(scans.hangs):
             self._see_swing(scans.capacitance_pf[first + _RECOVERING_SCANS : begin])
@@ -191,24 +188,19 @@ def _interpolated(scans: LegScans, t_ns: Stamps) -> tuple[Vector, Vector, Vector
 
     They are NaN where a reading is missing.
     """
-    values, second, third = np.full((3, len(t_ns), ELEMENTS), np.nan)
+    x, y = np.full((2, len(t_ns), ELEMENTS, 4), np.nan)
     for element in range(ELEMENTS):
         read_ns, row = np.unique(scans.t_ns[:, element], return_index=True)
-        read_pf = scans.capacitance_pf[row, element]
-        if len(read_ns) < 4:
-            continue
-        last = np.clip(np.searchsorted(read_ns, t_ns) + 1, 3, len(read_ns) - 1)
-        four = last[:, None] + np.arange(-3, 1)
-        x = (read_ns[four] - t_ns[:, None]) * 1e-9
-        y = read_pf[four]
-        weights = [
-            np.prod([x[:, other] / (x[:, other] - x[:, one]) for other in range(4) if other != one], axis=0)
-            for one in range(4)
-        ]
-        values[:, element] = (np.stack(weights, axis=1) * y).sum(axis=1)
-        second[:, element] = np.abs(np.diff(y, 2, axis=1)).max(axis=1)
-        third[:, element] = np.abs(np.diff(y, 3, axis=1))[:, 0]
-    return values, _with_neighbours(second), _with_neighbours(third)
+        if len(read_ns) >= 4:
+            last = np.clip(np.searchsorted(read_ns, t_ns) + 1, 3, len(read_ns) - 1)
+            four = last[:, None] + np.arange(-3, 1)
+            x[:, element] = 1e-9 * (read_ns[four] - t_ns[:, None])
+            y[:, element] = scans.capacitance_pf[row, element][four]
+    itself = np.eye(4, dtype=np.bool_)
+    factors = x[..., None, :] / np.where(itself, 1.0, x[..., None, :] - x[..., None])
+    weights = np.where(itself, 1.0, factors).prod(axis=3)
+    second_pf, third_pf = (np.abs(np.diff(y, order)).max(axis=2) for order in (2, 3))
+    return (weights * y).sum(axis=2), _with_neighbours(second_pf), _with_neighbours(third_pf)
 
 
 def _with_neighbours(values: Vector) -> Vector:

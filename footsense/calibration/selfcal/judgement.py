@@ -11,18 +11,18 @@ import numpy as np
 
 from footsense.calibration.evaluation import DesignModels
 from footsense.calibration.selfcal.instants import N_PARTS, Instants
-from footsense.calibration.selfcal.walking_fit import Electrodes, fit_again, misfit_of, readings_of
-from footsense.calibration.standing.fit import N_ELECTRODE_PARAMETERS
+from footsense.calibration.selfcal.walking_fit import fit_again, misfit_of
+from footsense.calibration.standing.fit import N_ELECTRODE_PARAMETERS, Electrodes
 from footsense.calibration.twin import GAIN, STRAY
 from footsense.foot.directions import angles_between_deg
 from footsense.frames import Mask, Vector
 
-#: Draws from the covariance, and the seed of them.
-_DRAWS, _SEED = 16, 1
+#: Seed of the draws from the covariance.
+_SEED = 1
 #: Least number of instants for a judgement of their halves, and most that it takes.
 MIN_INSTANTS, MAX_INSTANTS = 36, 72
 #: Least turn that is worth a calibration [deg], and over its standard deviation [1].
-_MIN_TURN_DEG, _MIN_TURN_SIGMAS = 0.3, 1.5
+_MIN_TURN_DEG, _MIN_TURN_SIGMAS = 0.3, 1.25
 #: Largest distance of one half from the electrodes of the other, over the usual one [1].
 _MAX_HELD_OUT = 1.0
 #: Largest change of a parameter over its standard deviation before walking [1].
@@ -43,54 +43,29 @@ class Turn(NamedTuple):
     sigma_deg: float
 
 
-def turn_of_forces(models: DesignModels, before: Electrodes, now: Electrodes, instants: Instants) -> Turn:
-    """Return by how much the forces of some instants turn, from one set of electrodes to another.
-
-    Args:
-        models: Models of the foot's type.
-        before: The electrodes known before.
-        now: Those found.
-        instants: Instants of usual loads.
-    """
-    found_n, before_n = (_forces_n(models, one.parameters, instants, now.floor_pf) for one in (now, before))
-    turned_deg = float(angles_between_deg(before_n, found_n).mean())
-    return Turn(turned_deg, _spread_deg(models, now, instants))
-
-
 def _spread_deg(models: DesignModels, electrodes: Electrodes, instants: Instants) -> float:
-    """Return the mean angle between the forces with electrodes and with draws of their covariance [deg]."""
-    random, found = np.random.default_rng(_SEED), electrodes.parameters
-    n = len(electrodes.own_covariance)
-    off = random.multivariate_normal(np.zeros(n), electrodes.own_covariance, _DRAWS, method="cholesky")
-    draws = found + np.pad(off, ((0, 0), (0, len(found) - n)))
-    forces_n, *drawn_n = (_forces_n(models, one, instants, electrodes.floor_pf) for one in (found, *draws))
-    return float(np.mean([angles_between_deg(one, forces_n) for one in drawn_n]))
+    """Return the mean angle between the forces with electrodes and with a draw of their covariance each [deg]."""
+    n, random = len(instants.t_ns), np.random.default_rng(_SEED)
+    own = electrodes.own_covariance
+    drawn = np.tile(electrodes.parameters, (n, 1))
+    drawn[:, : len(own)] += random.multivariate_normal(np.zeros(len(own)), own, n, method="cholesky")
+    drawn_n = _forces_n(models, electrodes._replace(parameters=drawn), instants)
+    return float(angles_between_deg(_forces_n(models, electrodes, instants), drawn_n).mean())
 
 
-def _forces_n(models: DesignModels, parameters: Vector, instants: Instants, floor_pf: Vector) -> Vector:
-    readings, unloaded_pf = readings_of(models, parameters, instants)
-    readings = readings._replace(capacitance_pf=readings.capacitance_pf - floor_pf)
-    stray_pf = np.minimum(parameters[STRAY], 0.5 * unloaded_pf)
-    gain_rel = np.maximum(1.0 + parameters[GAIN], 0.5)
-    return models.estimate_in_foot_frame(readings.capacitance_pf, unloaded_pf, stray_pf, gain_rel).force_n
-
-
-class Judgement(NamedTuple):
-    """What electrodes are worth.
-
-    Attributes:
-        turn: By how much they turn forces.
-        objection: Why they are not proposed as a calibration; empty if nothing speaks against them.
-    """
-
-    turn: Turn
-    objection: str
+def _forces_n(models: DesignModels, electrodes: Electrodes, instants: Instants) -> Vector:
+    parameters = electrodes.parameters
+    unloaded_pf = np.median(instants.baseline_pf, axis=0)
+    capacitance_pf = instants.capacitance_pf - instants.baseline_pf + unloaded_pf - electrodes.floor_pf
+    stray_pf = np.minimum(parameters[..., STRAY], 0.5 * unloaded_pf)
+    gain_rel = np.maximum(1.0 + parameters[..., GAIN], 0.5)
+    return models.estimate_in_foot_frame(capacitance_pf, unloaded_pf, stray_pf, gain_rel).force_n
 
 
 def judge_electrodes(
     models: DesignModels, before: Electrodes, now: Electrodes, instants: Instants, saturated_rel: float
-) -> Judgement:
-    """Return what the electrodes found while walking are worth.
+) -> tuple[Turn, str]:
+    """Return by how much electrodes turn forces, and why they are not proposed as a calibration; empty if they are.
 
     Half of the angle between the halves of the instants, beyond that which they leave open each, counts in the standard
     deviation of the turn.
@@ -102,55 +77,43 @@ def judge_electrodes(
         instants: Instants of usual loads, at least one.
         saturated_rel: Share of the stances in which an element was beyond its range, or open [1].
     """
-    turn = turn_of_forces(models, before, now, instants)
+    before_n = _forces_n(models, now._replace(parameters=before.parameters), instants)
+    found_n = _forces_n(models, now, instants)
+    turn = Turn(float(angles_between_deg(before_n, found_n).mean()), _spread_deg(models, now, instants))
     n = len(instants.t_ns)
     if n < MIN_INSTANTS:
-        return Judgement(turn, f"{n} of {MIN_INSTANTS} instants so far")
-    halves = {
-        words: _compare(models, before, now, instants, half) for words, half in _halves(instants).items()
-    }
-    worst_deg = max(found.differ_deg for found in halves.values())
+        return turn, f"{n} of {MIN_INSTANTS} instants so far"
+    halves = _halves(instants)
+    found = {words: _fit_halves(models, before, now, instants, half) for words, half in halves.items()}
+    worst_deg = max(differ_deg for _, differ_deg in found.values())
     turn = turn._replace(sigma_deg=float(np.hypot(turn.sigma_deg, 0.5 * worst_deg)))
     sigma = np.sqrt(np.diag(before.own_covariance))
     change = (now.parameters - before.parameters)[:N_ELECTRODE_PARAMETERS] / sigma
     largest = float(np.abs(change).max())
-    objections = {
-        f"an element is beyond its range or open in {saturated_rel:.0%} of the stances": (
-            saturated_rel > _MAX_SATURATED_REL
-        ),
-        "no improvement to expect": turn.deg < max(_MIN_TURN_DEG, _MIN_TURN_SIGMAS * turn.sigma_deg),
-        f"a parameter changed by {largest:.1f} standard deviations": largest > _MAX_CHANGE_SIGMAS,
-        **{
-            f"instants {words} do not explain one another": not found.explains
-            for words, found in halves.items()
-        },
-    }
-    return Judgement(turn, next((words for words, holds in objections.items() if holds), ""))
+    if saturated_rel > _MAX_SATURATED_REL:
+        return turn, f"an element is beyond its range or open in {saturated_rel:.0%} of the stances"
+    if turn.deg < max(_MIN_TURN_DEG, _MIN_TURN_SIGMAS * turn.sigma_deg):
+        return turn, "no improvement to expect"
+    if largest > _MAX_CHANGE_SIGMAS:
+        return turn, f"a parameter changed by {largest:.1f} standard deviations"
+    for words, (parameters, _) in found.items():
+        held_out = instants.subset(~halves[words])
+        misfit = misfit_of(models, parameters, held_out)
+        if misfit > _MAX_HELD_OUT or misfit > misfit_of(models, before.parameters, held_out):
+            return turn, f"instants {words} do not explain one another"
+    return turn, ""
 
 
-class _Comparison(NamedTuple):
-    """Mean angle between the forces of two halves beyond what to expect [deg], and whether one explains the other."""
-
-    differ_deg: float
-    explains: bool
-
-
-def _compare(
+def _fit_halves(
     models: DesignModels, before: Electrodes, now: Electrodes, instants: Instants, half: Mask
-) -> _Comparison:
-    parts = [instants.subset(which) for which in (half, ~half)]
-    fits = [fit_again(models, before, part, now.parameters) for part in parts]
-    forces_n = [_forces_n(models, fit.parameters, instants, fit.floor_pf) for fit in fits]
-    found = [Electrodes(fit.parameters, fit.floor_pf, fit.covariance) for fit in fits]
-    spreads = [_spread_deg(models, one, instants) for one in found]
+) -> tuple[Vector, float]:
+    """Return the parameters by one half, and the mean angle between both halves' forces beyond the expected [deg]."""
+    fits = [fit_again(models, before, instants.subset(which), now.parameters) for which in (half, ~half)]
+    forces_n = [_forces_n(models, fit.electrodes, instants) for fit in fits]
+    spreads = [_spread_deg(models, fit.electrodes, instants) for fit in fits]
     differ_deg = float(angles_between_deg(*forces_n).mean())
-    misfit, misfit_before = (
-        misfit_of(models, one, parts[1]) for one in (fits[0].parameters, before.parameters)
-    )
-    return _Comparison(
-        float(np.sqrt(max(differ_deg**2 - np.square(spreads).sum(), 0.0))),
-        misfit <= min(misfit_before, _MAX_HELD_OUT),
-    )
+    beyond_deg = float(np.sqrt(max(differ_deg**2 - np.square(spreads).sum(), 0.0)))
+    return fits[0].electrodes.parameters, beyond_deg
 
 
 def _halves(instants: Instants) -> dict[str, Mask]:

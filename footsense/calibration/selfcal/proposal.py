@@ -1,6 +1,5 @@
 """Calibrations that are proposed, written beside the states; taken into use only by a person's command."""
 
-import math
 import shutil
 from pathlib import Path
 
@@ -42,7 +41,7 @@ def propose(folder: Path, foot: WalkingFoot, network: Path, calibrated_at_c: flo
         by_walking=True,
     )
     return write_calibration(
-        folder / _PROPOSED, manifest, foot.parameters(), network, temperature_c=_known_c(calibrated_at_c)
+        folder / _PROPOSED, manifest, foot.parameters(), network, temperature_c=calibrated_at_c
     )
 
 
@@ -77,12 +76,8 @@ def accept(folder: Path, foot: str, calibrations: Path) -> FootCalibration:
         proposed.manifest,
         proposed.parameters,
         proposed.network,
-        temperature_c=_known_c(proposed.calibrated_at_c),
+        temperature_c=proposed.calibrated_at_c,
         replace=True,
     )
     withdraw(folder, foot)
     return taken
-
-
-def _known_c(temperature_c: float) -> float | None:
-    return None if math.isnan(temperature_c) else temperature_c

@@ -8,8 +8,7 @@ import numpy as np
 from msgspec import Meta
 
 from footsense.calibration.selfcal.instants import N_PARTS, Instants
-from footsense.calibration.selfcal.walking_fit import Electrodes
-from footsense.calibration.standing.fit import N_ELECTRODE_PARAMETERS
+from footsense.calibration.standing.fit import N_ELECTRODE_PARAMETERS, Electrodes
 from footsense.calibration.twin import N_PARAMETERS
 from footsense.errors import CalibrationError
 from footsense.frames import ELEMENTS, Leg
@@ -59,13 +58,7 @@ class KeptInstants(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
 
     def instants(self) -> Instants:
         """Return the instants."""
-        return Instants(
-            np.array(self.t_ns, np.int64),
-            np.array(self.capacitance_pf, np.float64).reshape(-1, ELEMENTS),
-            np.array(self.baseline_pf, np.float64).reshape(-1, ELEMENTS),
-            np.array(self.sigma_pf, np.float64).reshape(-1, ELEMENTS),
-            np.array(self.part, np.int64),
-        )
+        return Instants.joined([Instants(*map(np.array, msgspec.structs.astuple(self)))] if self.t_ns else [])
 
     def __post_init__(self) -> None:
         """Check that there is as much of each.

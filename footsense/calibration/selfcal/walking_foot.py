@@ -10,17 +10,16 @@ from footsense.calibration.selfcal.instants import Instants, LegScans, StanceSam
 from footsense.calibration.selfcal.judgement import MAX_INSTANTS, Turn, judge_electrodes
 from footsense.calibration.selfcal.state import FootIdentity, KeptInstants, SelfcalState
 from footsense.calibration.selfcal.walking_fit import (
-    FIRST_INSTANTS,
     INSTANTS_PER_FIT,
-    Electrodes,
+    electrodes_before_walking,
     fit_instants,
+    wandered,
 )
 from footsense.calibration.standing.fit import N_ELECTRODE_PARAMETERS
-from footsense.calibration.twin import GAIN, GAP, STRAY
 from footsense.foot.parameters import FootParameters
 
 #: Instants of the first half minute or so, of which every stance is used; then those of a fit in every so many [ns].
-N_FAST, _PERIOD_NS = 120, 10_000_000_000
+N_FAST, _PERIOD_NS = 120, 30_000_000_000
 _NS_PER_MINUTE = 60e9
 #: Mean angle of a direction error over the standard deviation of each of its two components [1].
 _MEAN_OVER_SIGMA = math.sqrt(math.pi / 2.0)
@@ -54,9 +53,8 @@ class WalkingFoot:
         slept_min: float = 0.0,
     ) -> None:
         self._models, self.of, self.known = models, of, known
-        self._is_calibrated = bool(of.calibration)
         design = models.response.design
-        self._before = Electrodes.before_walking(design, known, calibrated=self._is_calibrated)
+        self._before = electrodes_before_walking(design, known, calibrated=bool(of.calibration))
         self._sampler = StanceSampler(known.unloaded_pf)
         self._waiting, self._last_ns = Instants.joined([]), 0
         self.electrodes, self._kept, self.n_instants = self._before, Instants.joined([]), 0
@@ -64,7 +62,7 @@ class WalkingFoot:
         self.turn: Turn | None = None
         self.objection = ""
         if state is not None:
-            self.electrodes = state.electrodes().wandered(slept_min)
+            self.electrodes = wandered(state.electrodes(), slept_min)
             self._kept, self.n_instants = state.kept.instants(), state.n_instants
             self._saturated_before_rel = state.saturated_rel
             if state.turn_deg is not None and state.turn_sigma_deg is not None:
@@ -82,41 +80,21 @@ class WalkingFoot:
         """Whether nothing speaks against taking its electrodes into use, and it has a name."""
         return self.turn is not None and not self.objection and bool(self.of.foot)
 
-    def line(self) -> str:
-        """Return what is known of it as one line for people."""
-        name = f"{self.of.leg} {self.of.foot}".rstrip()
-        since = f"since the calibration of {self.of.since[:10]}" if self.of.since else "against the design"
-        if self.turn is None:
-            return f"{name}: no stances so far"
-        told = f"{name}: electrodes turned by {self.turn.deg:.1f} +- {self.turn.sigma_deg:.1f} deg {since}"
-        if self.objection:
-            return f"{told}; nothing proposed: {self.objection}"
-        if not self.of.foot:
-            return f"{told}; a foot needs a name under `feet` before a calibration is proposed"
-        expected_deg = math.hypot(self.turn.deg, self.turn.sigma_deg)
-        return (
-            f"{told}; a calibration is proposed: {expected_deg:.1f} to {self.turn.sigma_deg:.1f} deg expected"
-        )
-
     def add(self, scans: LegScans) -> None:
         """Use the stances that end within further scans."""
         pause_ns = _PERIOD_NS if self.n_instants >= N_FAST else 0
         found = self._sampler.add(scans, self._last_ns + pause_ns)
         self._waiting = Instants.joined([self._waiting, found])
-        while len(self._waiting.t_ns) >= (n := self._n_needed):
-            some, self._waiting = self._waiting.subset(slice(n)), self._waiting.subset(slice(n, None))
+        while len(self._waiting.t_ns) >= INSTANTS_PER_FIT:
+            some = self._waiting.subset(slice(INSTANTS_PER_FIT))
+            self._waiting = self._waiting.subset(slice(INSTANTS_PER_FIT, None))
             self._use(some)
-
-    @property
-    def _n_needed(self) -> int:
-        is_new = self.n_instants == 0 and not self._is_calibrated
-        return FIRST_INSTANTS if is_new else INSTANTS_PER_FIT
 
     def _use(self, instants: Instants) -> None:
         now_ns = int(instants.t_ns[-1])
         if self._last_ns:
-            self.electrodes = self.electrodes.wandered((now_ns - self._last_ns) / _NS_PER_MINUTE)
-        is_first = len(instants.t_ns) == FIRST_INSTANTS
+            self.electrodes = wandered(self.electrodes, (now_ns - self._last_ns) / _NS_PER_MINUTE)
+        is_first = self.n_instants == 0 and not self.of.calibration
         self.electrodes, _ = fit_instants(self._models, self.electrodes, instants, first=is_first)
         self._last_ns, self.n_instants = now_ns, self.n_instants + len(instants.t_ns)
         self._kept = Instants.joined([self._kept, instants]).subset(slice(-MAX_INSTANTS, None))
@@ -134,7 +112,6 @@ class WalkingFoot:
         Args:
             written: Time, UTC, ISO 8601.
         """
-        n = N_ELECTRODE_PARAMETERS
         return SelfcalState(
             of=self.of,
             written=written,
@@ -143,7 +120,7 @@ class WalkingFoot:
             turn_deg=self.turn and self.turn.deg,
             turn_sigma_deg=self.turn and self.turn.sigma_deg,
             objection=self.objection,
-            parameters=tuple(self.electrodes.parameters[:n].tolist()),
+            parameters=tuple(self.electrodes.parameters[:N_ELECTRODE_PARAMETERS].tolist()),
             floor_pf=tuple(self.electrodes.floor_pf.tolist()),
             covariance=tuple(map(tuple, self.electrodes.covariance.tolist())),
             kept=KeptInstants.of(self._kept),
@@ -151,15 +128,7 @@ class WalkingFoot:
 
     def parameters(self) -> FootParameters:
         """Return the parameters of the foot with the electrodes that were found; stiffness and mount are as known."""
-        found, design = self.electrodes.parameters, self._models.response.design
         unknown_rel = np.radians(self.turn.sigma_deg) / _MEAN_OVER_SIGMA if self.turn else 0.0
-        return replace(
-            self.known,
-            stray_pf=found[STRAY],
-            unloaded_pf=np.median(self._kept.baseline_pf, axis=0)
-            if self.n_instants
-            else self.known.unloaded_pf,
-            gain_rel=1.0 + found[GAIN],
-            gap_um=design.gap_um + found[GAP],
-            error_rel=max(self.known.error_rel, float(unknown_rel)),
-        )
+        unloaded_pf = np.median(self._kept.baseline_pf, axis=0) if self.n_instants else self.known.unloaded_pf
+        found = self.electrodes.of(self.known, unloaded_pf, self._models.response.design)
+        return replace(found, error_rel=max(self.known.error_rel, float(unknown_rel)))

@@ -10,22 +10,30 @@ import numpy as np
 
 from footsense.calibration.calibrate import MAX_MEDIAN_MAHALANOBIS_DISTANCE, MIN_LOADS
 from footsense.calibration.evaluation import DesignModels
-from footsense.calibration.parameter_fit import PredictedUncertainty
+from footsense.calibration.parameter_fit import (
+    MODEL_ERROR_REL,
+    PRIOR_SIGMA,
+    READING_NOISE_PF,
+    PredictedUncertainty,
+    predict_uncertainty,
+)
 from footsense.calibration.standing.fit import (
+    N_ELECTRODE_PARAMETERS,
     ElectrodeFit,
-    ElectrodePrior,
+    Electrodes,
     LoadReadings,
     fit_electrodes,
-    mean_reading_sigma_pf,
 )
 from footsense.calibration.standing.recording import StandingLoads
-from footsense.calibration.twin import GAIN, GAP, N_PARAMETERS, STRAY, FootTwin
+from footsense.calibration.twin import FootTwin
 from footsense.errors import CalibrationError
-from footsense.foot.contact_coordinates import contact_coordinates, contact_loads
+from footsense.foot.contact_coordinates import contact_loads
 from footsense.foot.directions import angles_between_deg
 from footsense.foot.parameters import FootParameters
 from footsense.frames import Vector
 
+#: Covariance of a floor that adds nothing to the readings [pF2].
+_NO_FLOOR: Vector = 1e-20 * np.eye(9)
 #: Largest predicted direction error with which gains count as known [deg]: a tenth of a carelessly made foot's.
 _MAX_PREDICTED_DEG = 1.5
 #: Share of the loaded time that a foot has to stand still, below which motion is the reason for too few loads [1].
@@ -51,12 +59,6 @@ class StandingCalibration(NamedTuple):
     predicted_uncertainty: PredictedUncertainty
     turned_deg: float
 
-    @property
-    def gain_sigma_rel(self) -> Vector:
-        """Standard deviation of the gain of each element [1], shape (9,), of which they have a part in common."""
-        sigma: Vector = np.sqrt(np.diag(self.fit.covariance)[GAIN])
-        return sigma
-
 
 def calibrate_standing(
     models: DesignModels, loads: StandingLoads, known: FootParameters | None
@@ -74,43 +76,39 @@ def calibrate_standing(
     """
     if len(loads) < MIN_LOADS:
         raise CalibrationError(_too_few_text(loads))
-    design, response = models.response.design, models.response
-    baseline_pf, readings_pf = loads.unloaded_pf, loads.drift_corrected_pf
+    design, baseline_pf, readings_pf = (
+        models.response.design,
+        loads.median_baseline_pf,
+        loads.drift_corrected_pf,
+    )
     if known is None:
         known = FootParameters(
             stray_pf=np.zeros(9), unloaded_pf=baseline_pf, gap_um=np.full(9, design.gap_um)
         )
-    expected = np.zeros(N_PARAMETERS)
-    expected[STRAY], expected[GAIN] = known.stray_pf, known.gain_rel - 1.0
-    expected[GAP] = known.gap_um - design.gap_um
-    twin = FootTwin(response, baseline_pf)
-    start = models.estimate_in_foot_frame(readings_pf, baseline_pf, known.stray_pf, known.gain_rel)
-    coordinates = contact_coordinates(start.force_n, start.contact_point_and_friction)
-    readings = LoadReadings.with_errors(readings_pf, mean_reading_sigma_pf(readings_pf - baseline_pf))
-    fit = fit_electrodes(twin, readings, coordinates, ElectrodePrior.of_tolerances(expected))
+    sigma_pf = np.hypot(READING_NOISE_PF, MODEL_ERROR_REL * (readings_pf - baseline_pf))
+    before = Electrodes.of_foot(design, known, PRIOR_SIGMA[:N_ELECTRODE_PARAMETERS], _NO_FLOOR)
+    fit = fit_electrodes(models, LoadReadings(readings_pf, baseline_pf, sigma_pf), before)
     distance = float(np.median(fit.mahalanobis_distance))
     if distance > MAX_MEDIAN_MAHALANOBIS_DISTANCE:
         raise CalibrationError(
             f"half of the loads are {distance:.0f} standard deviations or more from any foot of this type, about 2 are "
             "usual; check that the foot is of this type and undamaged, and that it hung free where it read unloaded"
         )
-    predicted = fit.predicted_uncertainty(twin)
+    # Errors of what stays unknown of the electrodes alone.
+    found, covariance = fit.electrodes.parameters, np.diag((1e-9 * PRIOR_SIGMA) ** 2)
+    covariance[:N_ELECTRODE_PARAMETERS, :N_ELECTRODE_PARAMETERS] = fit.electrodes.own_covariance
+    predicted = predict_uncertainty(FootTwin(models.response, baseline_pf), found, covariance)
     if predicted.median_direction_error_deg > _MAX_PREDICTED_DEG:
         raise CalibrationError(
             f"{len(loads)} different loads at rest leave half of all directions uncertain by "
             f"{predicted.median_direction_error_deg:.1f} deg or more, at most {_MAX_PREDICTED_DEG:g} make a "
             f"calibration: they are too alike; {_MORE_POSTURES}"
         )
-    electrodes = replace(
-        known,
-        stray_pf=fit.parameters[STRAY],
-        unloaded_pf=baseline_pf,
-        gap_um=twin.gap_um(fit.parameters),
-        gain_rel=1.0 + fit.parameters[GAIN],
+    electrodes = fit.electrodes.of(known, baseline_pf, design)
+    before_n, force_n = (
+        models.estimate_in_foot_frame(readings_pf, baseline_pf, one.stray_pf, one.gain_rel).force_n
+        for one in (known, electrodes)
     )
-    force_n = models.estimate_in_foot_frame(
-        readings_pf, baseline_pf, electrodes.stray_pf, electrodes.gain_rel
-    ).force_n
     fitted_n = contact_loads(fit.coordinates).force_n
     residual_rel = np.median(
         np.linalg.norm(force_n - fitted_n, axis=1) / np.linalg.norm(fitted_n, axis=1)
@@ -119,7 +117,7 @@ def calibrate_standing(
     parameters = replace(
         electrodes, error_rel=max(known.error_rel, float(np.hypot(residual_rel, unknown_rel)))
     )
-    turned_deg = float(np.median(angles_between_deg(start.force_n, force_n)))
+    turned_deg = float(np.median(angles_between_deg(before_n, force_n)))
     return StandingCalibration(parameters, fit, predicted, turned_deg)
 
 

@@ -14,6 +14,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from footsense.calibration.loads import LoadedFoot
 from footsense.calibration.recorded_session import leg_of_foot
 from footsense.calibration.writer import file_sha256
 from footsense.errors import CalibrationError, RecordingError
@@ -50,20 +51,16 @@ class RestingSpan(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class StandingLoads:
+class StandingLoads(LoadedFoot):
     """Different loads at rest of one foot.
 
     Attributes:
-        capacitance_pf: Mean readings of each load [pF], shape (n, 9).
-        baseline_pf: Unloaded readings at that time [pF], shape (n, 9).
         n_alike: Loads that were left out, like one of these.
         standing_s: Time in which it stood [s].
         loaded_s: Time in which it carried a load [s].
         spans: All times in which it stood still or hung free, those of loads that are alike included.
     """
 
-    capacitance_pf: Vector
-    baseline_pf: Vector
     n_alike: int = 0
     standing_s: float = 0.0
     loaded_s: float = 0.0
@@ -79,21 +76,6 @@ class StandingLoads:
             sum(part.standing_s for part in parts),
             sum(part.loaded_s for part in parts),
         )
-
-    def __len__(self) -> int:
-        """Return the number of loads."""
-        return len(self.capacitance_pf)
-
-    @property
-    def unloaded_pf(self) -> Vector:
-        """Median unloaded readings [pF], shape (9,)."""
-        median_pf: Vector = np.median(self.baseline_pf, axis=0)
-        return median_pf
-
-    @property
-    def drift_corrected_pf(self) -> Vector:
-        """Readings as with the median unloaded readings [pF], shape (n, 9)."""
-        return self.capacitance_pf - self.baseline_pf + self.unloaded_pf
 
 
 class StandingRecording(NamedTuple):
@@ -114,12 +96,8 @@ class StandingRecording(NamedTuple):
     temperature_c: dict[str, float | None]
 
 
-class _Scans(NamedTuple):
-    """Whole scans of one leg: time [ns], readings [pF], NaN unless OK, and the size of the published force [N]."""
-
-    t_ns: Stamps
-    capacitance_pf: Vector
-    force_n: Vector
+#: Whole scans of one leg: time [ns], readings [pF], NaN unless OK, and the size of the published force [N].
+_Scans = tuple[Stamps, Vector, Vector]
 
 
 def read_standing(
@@ -181,7 +159,7 @@ def _read_scans(recording: Replay, rows: dict[str, int]) -> tuple[dict[str, _Sca
     except RecordingError:
         pass  # what is before the damage is whole
     scans = {
-        name: _Scans(
+        name: (
             np.array([scan[0] for scan in of_foot], np.int64),
             np.array([scan[1] for scan in of_foot]).reshape(-1, ELEMENTS),
             np.array([scan[2] for scan in of_foot]),
@@ -219,26 +197,28 @@ def standing_loads(t_ns: Stamps, capacitance_pf: Vector, force_n: Vector, hangin
     baseline_pf = np.stack([np.interp(t_ns, times_ns, one_pf) for one_pf in unloaded_pf.T], axis=1)
     change_pf = capacitance_pf - baseline_pf
     loaded = (change_pf / baseline_pf).mean(axis=1) > _MIN_LOAD_REL  # False with a NaN
-    loads: list[tuple[Vector, Vector]] = []
-    spans = [_resting(t_ns[span], np.zeros(ELEMENTS)) for span in hangs]
-    n_alike, standing_ns = 0, 0
-    for span in _still_spans(t_ns, change_pf, loaded):
-        standing_ns += int(t_ns[span][-1] - t_ns[span][0])
-        spans.append(_resting(t_ns[span], change_pf[span].mean(axis=0)))
-        load = (capacitance_pf[span].mean(axis=0), baseline_pf[span].mean(axis=0))
-        if _is_like_one_of(load, loads):
-            n_alike += 1
-        else:
-            loads.append(load)
-    readings_pf, unloaded_pf = (
-        np.array([load[part] for load in loads]).reshape(-1, capacitance_pf.shape[1]) for part in (0, 1)
+    still = list(_still_spans(t_ns, change_pf, loaded))
+    found_pf = np.array([one[span].mean(axis=0) for span in still for one in (capacitance_pf, baseline_pf)])
+    readings_pf, unloaded_pf = found_pf.reshape(-1, 2, ELEMENTS).transpose(1, 0, 2)
+    moved_pf = readings_pf - unloaded_pf
+    different = list[int]()
+    for row, one_pf in enumerate(moved_pf):
+        off_pf = np.abs(moved_pf[different] - one_pf).max(axis=1)
+        if not (off_pf <= _ALIKE_REL * np.abs(one_pf).max()).any():
+            different.append(row)
+    none_pf = np.zeros((len(hangs), ELEMENTS))
+    spans = [
+        RestingSpan(int(t_ns[span.start]), int(t_ns[span.stop - 1]), change_pf)
+        for span, change_pf in zip([*hangs, *still], [*none_pf, *moved_pf], strict=True)
+    ]
+    return StandingLoads(
+        readings_pf[different],
+        unloaded_pf[different],
+        len(still) - len(different),
+        1e-9 * sum(span.end_ns - span.begin_ns for span in spans[len(hangs) :]),
+        float(loaded[1:] @ np.diff(t_ns)) * 1e-9,
+        tuple(spans),
     )
-    loaded_s = float(loaded[1:] @ np.diff(t_ns)) * 1e-9
-    return StandingLoads(readings_pf, unloaded_pf, n_alike, standing_ns * 1e-9, loaded_s, tuple(spans))
-
-
-def _resting(t_ns: Stamps, change_pf: Vector) -> RestingSpan:
-    return RestingSpan(int(t_ns[0]), int(t_ns[-1]), change_pf)
 
 
 def _spans(t_ns: Stamps, holds: Mask, shortest_ns: int) -> Iterator[slice]:
@@ -268,11 +248,3 @@ def _still_spans(t_ns: Stamps, change_pf: Vector, loaded: Mask) -> Iterator[slic
         if settled < end and t_ns[end - 1] - t_ns[first] >= _MIN_STANDING_NS:
             yield slice(settled, end)
         first = end
-
-
-def _is_like_one_of(load: tuple[Vector, Vector], others: Sequence[tuple[Vector, Vector]]) -> bool:
-    change_pf = load[0] - load[1]
-    return any(
-        np.abs(other[0] - other[1] - change_pf).max() <= _ALIKE_REL * np.abs(change_pf).max()
-        for other in others
-    )

@@ -67,20 +67,6 @@ def common_postures(feet: Sequence[StandingLoads]) -> Vector:
     return np.array(found).reshape(-1, len(feet), 9)
 
 
-def force_along_leg_n(models: DesignModels, foot: FootParameters, change_pf: Vector) -> Vector:
-    """Return the force of a foot along its leg [N], shape (n,), zero where it hangs.
-
-    Args:
-        models: Models of its type.
-        foot: Its parameters.
-        change_pf: Changes of its readings [pF], shape (n, 9).
-    """
-    readings_pf = foot.unloaded_pf + change_pf
-    load = models.estimate_in_foot_frame(readings_pf, foot.unloaded_pf, foot.stray_pf, foot.gain_rel)
-    along_n = load.force_n @ foot.force_matrix[2]
-    return np.where(change_pf.any(axis=1), along_n, 0.0)
-
-
 def weigh_feet(along_n: Vector, sigma_rel: Vector, mass_kg: float) -> FeetSizes:
     """Return the sizes of feet by the weight of their robot.
 
@@ -139,8 +125,11 @@ def sizes_by_weight(
     """
     postures_pf = np.concatenate([common_postures(one) for one in recordings])
     along_n = np.zeros(postures_pf.shape[:2])
-    if len(postures_pf):
-        for row, foot in enumerate(feet):
-            along_n[:, row] = force_along_leg_n(models, foot, postures_pf[:, row])
+    for row, foot in enumerate(feet if len(postures_pf) else []):
+        change_pf = postures_pf[:, row]
+        load = models.estimate_in_foot_frame(
+            foot.unloaded_pf + change_pf, foot.unloaded_pf, foot.stray_pf, foot.gain_rel
+        )
+        along_n[:, row] = np.where(change_pf.any(axis=1), load.force_n @ foot.force_matrix[2], 0.0)
     sigma_rel = np.array([size_sigma_rel(foot) or foot.error_rel for foot in feet])
     return weigh_feet(along_n, sigma_rel, mass_kg)

@@ -185,7 +185,7 @@ class _Robot:
     def tell(self) -> None:
         """Print a line for each leg of which there is something new."""
         for foot in self.feet:
-            line = foot.line()
+            line = line_of(foot)
             if self._told.get(foot.of.leg) != line:
                 click.echo(line)
             self._told[foot.of.leg] = line
@@ -203,6 +203,22 @@ class _Robot:
             "is_proposed": foot.is_proposed,
             "objection": foot.objection or None,
         }
+
+
+def line_of(foot: WalkingFoot) -> str:
+    """Return what is known of a foot as one line for people."""
+    name = f"{foot.of.leg} {foot.of.foot}".rstrip()
+    since = f"since the calibration of {foot.of.since[:10]}" if foot.of.since else "against the design"
+    if foot.turn is None:
+        return f"{name}: no stances so far"
+    deg, sigma_deg = foot.turn
+    told = f"{name}: electrodes turned by {deg:.1f} +- {sigma_deg:.1f} deg {since}"
+    if foot.objection:
+        return f"{told}; nothing proposed: {foot.objection}"
+    if not foot.of.foot:
+        return f"{told}; a foot needs a name under `feet` before a calibration is proposed"
+    expected_deg = math.hypot(deg, sigma_deg)
+    return f"{told}; a calibration is proposed: {expected_deg:.1f} to {sigma_deg:.1f} deg expected"
 
 
 class _WalkingRobot(_Robot):

@@ -16,7 +16,7 @@ from footsense.calibration.calibrate import (
     CalibrationResult,
     calibrate_sessions,
 )
-from footsense.calibration.evaluation import MAGNITUDE_BANDS, Evaluation
+from footsense.calibration.evaluation import MAGNITUDE_BANDS_GF, Evaluation
 from footsense.calibration.evaluation import evaluate as evaluate_sessions
 from footsense.calibration.recorded_session import RecordedSession, read_sessions
 from footsense.calibration.writer import check_calibration_target, write_calibration
@@ -197,10 +197,10 @@ def evaluate(
             err=True,
         )
     rows = [
-        ErrorRow(band.name, source, errors)
-        for band in MAGNITUDE_BANDS
+        ErrorRow(band, source, errors)
+        for band, range_gf in MAGNITUDE_BANDS_GF.items()
         for source, estimates in evaluation.estimates.items()
-        if (errors := evaluation.errors_of(estimates, band)) is not None
+        if (errors := evaluation.errors_of(estimates, *range_gf)) is not None
     ]
     figures = _evaluation_figures(foot, foot_type, sessions, calibration, evaluation, rows)
     if error_map is not None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import click
+import numpy as np
 from rich.console import Console
 
 import footsense
@@ -15,6 +16,7 @@ from footsense.calibration.evaluation import DesignModels
 from footsense.calibration.standing.calibrate import StandingCalibration, calibrate_standing
 from footsense.calibration.standing.recording import StandingLoads, StandingRecording, read_standing
 from footsense.calibration.standing.weight import sizes_by_weight
+from footsense.calibration.twin import GAIN
 from footsense.calibration.writer import check_calibration_target, write_calibration
 from footsense.cli.tables import Column, echo_json, json_row, table
 from footsense.cli.test_stand.design_models import load_design_models
@@ -49,6 +51,13 @@ class StandingRow(NamedTuple):
         of = self.result.parameters
         return f"{1.0 + of.stiffness_rel:.2f} +- {size_sigma_rel(of) or of.error_rel:.2f}"
 
+    @property
+    def gain_sigma_rel(self) -> list[float]:
+        """Standard deviation of the gain of each element [1], of which they have a part in common."""
+        variance = np.diag(self.result.fit.electrodes.covariance)[GAIN]
+        found: list[float] = np.sqrt(variance).round(4).tolist()
+        return found
+
     def values(self, name: str) -> list[float]:
         """Return a parameter of each element."""
         found: list[float] = getattr(self.result.parameters, name).round(4).tolist()
@@ -68,7 +77,7 @@ STANDING_COLUMNS: list[Column[StandingRow]] = [
     Column("", lambda row: _range_text(row.values("gain_rel"), 3), ">1", ("gains [1]",)),
     Column("stray_pf", lambda row: row.values("stray_pf")),
     Column("gain_rel", lambda row: row.values("gain_rel")),
-    Column("gain_sigma_rel", lambda row: row.result.gain_sigma_rel.round(4).tolist()),
+    Column("gain_sigma_rel", lambda row: row.gain_sigma_rel),
     Column("gap_um", lambda row: row.values("gap_um")),
     Column("stiffness_rel", lambda row: round(row.result.parameters.stiffness_rel, 4)),
     Column("size_sigma_rel", lambda row: round(row.result.parameters.size_sigma_rel, 4)),
