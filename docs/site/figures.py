@@ -140,8 +140,8 @@ def _front() -> str:
         ),
         (
             "19 feet of the hexapod with such tolerances, [corrected only by a minute of walking](docs/adr/0038-electrodes-by-walking.md)",
-            "1.1 deg (11 before); if capacitances are 3 % off the model 4.9 deg, which is not in sigma",
-            "2.0 deg",
+            "0.8 deg (11 before); if capacitances are 3 % off the model 4.8 deg, which is not in sigma",
+            "1.5 deg",
         ),
         (
             "**Range** of the three designs: largest normal force where the force is tilted by 30 deg",
