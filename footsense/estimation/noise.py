@@ -22,6 +22,7 @@ Noise comes faster than it goes: a burst in each step is held over the steps.
 """
 
 import math
+from bisect import bisect_left
 
 import numpy as np
 
@@ -75,13 +76,14 @@ class ReadingNoise:
         steps = plate_distance_rel[:, :2] - plate_distance_rel[:, 1:]
         # Of white noise of variance 1, second differences have the variance 6.
         fast_rel = _mean_square(_SECOND_TO_NOISE * (steps[:, 0] - steps[:, 1]), self._noise_directions)
-        stepped_rel = np.maximum(*_mean_square(steps, self._load_directions).T)
-        self._fast.add(fast_rel, _is_spread(steps) & (stepped_rel < _MOTION_LIMIT_REL2 * fast_rel))
+        stepped_rel = np.maximum.reduce(_mean_square(steps, self._load_directions), axis=1)
+        self._fast.add(fast_rel, stepped_rel, _is_spread(steps))
         if self._n % _PER_SLOW == 0:
             self._observe_slow(plate_distance_rel[:, 0], stepped_rel)
         self._n += 1
-        recent, held = np.maximum(self._fast.noise_rel, self._slow.noise_rel), self.variance_rel
-        self.variance_rel = np.maximum(recent, held + (recent - held) / _FADING)
+        recent = map(max, self._fast.noise_rel, self._slow.noise_rel)
+        of_legs = zip(recent, self.variance_rel.tolist(), strict=True)
+        self.variance_rel = np.array([max(new, held + (new - held) / _FADING) for new, held in of_legs])
 
     def _observe_slow(self, newest_rel: Vector, stepped_rel: Vector) -> None:
         turn = self._n // _PER_SLOW % NOISE_SAMPLES
@@ -91,27 +93,32 @@ class ReadingNoise:
         # A reading has half the variance of a first difference.
         off_rel = 2.0 * _mean_square(off, self._load_directions)
         moved_rel = np.maximum(off_rel, np.maximum.reduce(self._stepped_rel))
-        self._slow.add(slow_rel, _is_spread(off) & (moved_rel < _MOTION_LIMIT_REL2 * slow_rel))
+        self._slow.add(slow_rel, moved_rel, _is_spread(off))
 
 
 class _Measurements:
     """Last measurements of the noise of each leg; `noise_rel` is the variance that follows from them [1]."""
 
     def __init__(self, n_legs: int) -> None:
-        # Those that count, else infinite, and all.
-        self._measured_rel = np.full((2, n_legs, NOISE_SAMPLES), np.inf)
-        self._turn, self._legs = 0, np.arange(n_legs)
-        self.noise_rel = np.zeros(n_legs)
+        # Of each leg, those that count, else infinite, and all.
+        self._measured_rel = [([math.inf] * NOISE_SAMPLES, [math.inf] * NOISE_SAMPLES) for _ in range(n_legs)]
+        self._turn = 0
+        self.noise_rel = [0.0] * n_legs
 
-    def add(self, measured_rel: Vector, counts: Mask) -> None:
-        self._measured_rel[:, :, self._turn] = np.where(counts, measured_rel, np.inf), measured_rel
+    def add(self, measured_rel: Vector, moved_rel: Vector, is_spread: Mask) -> None:
+        # In plain Python numbers: for six legs, arrays take longer.
+        values = zip(measured_rel.tolist(), moved_rel.tolist(), is_spread.tolist(), strict=True)
+        for leg, (value, moved, spread) in enumerate(values):
+            counting_rel, all_rel = self._measured_rel[leg]
+            counts = spread and moved < _MOTION_LIMIT_REL2 * value
+            counting_rel[self._turn] = value if counts else math.inf
+            all_rel[self._turn] = value if value < math.inf else math.inf  # a NaN would not be sorted
+            ordered_rel = sorted(counting_rel)
+            n_counting = bisect_left(ordered_rel, math.inf)
+            found_rel = ordered_rel[n_counting // 2] if n_counting >= _LEAST else self.noise_rel[leg]
+            most_rel = _MEDIAN_OVER_QUARTILE * sorted(all_rel)[NOISE_SAMPLES // 4]
+            self.noise_rel[leg] = min(found_rel, most_rel)
         self._turn = (self._turn + 1) % NOISE_SAMPLES
-        # A NaN is sorted to the end.
-        counting_rel, all_rel = np.sort(self._measured_rel)
-        n_counting = np.add.reduce(counting_rel < np.inf, axis=1)
-        median_rel = counting_rel[self._legs, n_counting // 2]
-        found_rel = np.where(n_counting >= _LEAST, median_rel, self.noise_rel)
-        self.noise_rel = np.fmin(found_rel, _MEDIAN_OVER_QUARTILE * all_rel[:, NOISE_SAMPLES // 4])
 
 
 def _mean_square(values: Vector, directions: Vector) -> Vector:

@@ -15,7 +15,7 @@ from footsense.estimation.baseline import BaselineTracker
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.elements import ConsistencyTest, ElementClassifier
 from footsense.estimation.leg_state import LegRecord, LegStates
-from footsense.estimation.missing_elements import Imputation, missing_sets_containing, patterns_of, remembered
+from footsense.estimation.missing_elements import Imputation, missing_sets_containing, remembered
 from footsense.estimation.network import STEADY_AGES_S, Network, ReadingWindow, sensitivity
 from footsense.estimation.noise import ReadingNoise
 from footsense.estimation.rest import RefinedAtRest
@@ -269,14 +269,16 @@ class Pipeline:
         # The network gets trained inputs only.
         closure_rel = np.minimum(np.maximum(closure_rel, min_rel), max_rel)
         if np.count_nonzero(missing) or np.count_nonzero(usable) < len(usable):
-            for leg in (patterns_of(missing) | ~usable).nonzero()[0].tolist():
-                if usable[leg]:
+            for leg, (is_usable, is_incomplete) in enumerate(
+                zip(usable.tolist(), _are_incomplete(missing), strict=True)
+            ):
+                if not is_usable:
+                    closure_rel[leg], age_s[leg] = 0.0, STEADY_AGES_S
+                elif is_incomplete:
                     without, ages_s = missing[leg], age_s[leg]
                     closure_rel[leg] = self._imputation.impute(closure_rel[leg], without)
                     kept_s = ages_s.T[~without]
                     ages_s[:, without] = (np.add.reduce(kept_s) / len(kept_s))[:, None]
-                else:
-                    closure_rel[leg], age_s[leg] = 0.0, STEADY_AGES_S
         load = self._estimator.estimate(Window(closure_rel, age_s, missing))
         force_n, norms_n2 = load.force_n, np.add.reduce(np.square(load.force_n), axis=1)
         max_sigma_n = MAX_SIGMA_REL * max_n
@@ -291,10 +293,17 @@ class Pipeline:
             for n2, (x, y, z) in zip(norms_n2.tolist(), sigma_n.tolist(), strict=True)
         ]
         if not all(fits) or np.count_nonzero(usable) < len(usable):
-            untold = ~(usable & fits)
-            state = np.where(usable > fits, _OUT_OF_RANGE, state)
+            are_fit = np.array(fits)
+            untold = ~(usable & are_fit)
+            state = np.where(usable > are_fit, _OUT_OF_RANGE, state)
             force_n[untold] = sigma_n[untold] = np.nan
         return LoadEstimate(force_n, sigma_n, *load[2:]), norms_n2, state
+
+
+@remembered
+def _are_incomplete(missing: Mask) -> list[bool]:
+    legs: list[bool] = np.logical_or.reduce(missing, axis=1).tolist()
+    return legs
 
 
 @remembered

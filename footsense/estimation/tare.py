@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.estimation.elements import OPEN_ELEMENT_THRESHOLD_REL
+from footsense.estimation.missing_elements import remembered
 from footsense.estimation.network import READINGS
 from footsense.estimation.settings import LONG_SILENCE_NS, MEMORY_S, MountedFeet, TareLimits
 from footsense.frames import (
@@ -206,12 +207,8 @@ class Tares:
             reading: How each element answered, shape (legs, elements).
             now_ns: Current time [ns].
         """
-        silent = np.logical_and.reduce(IS_SILENT.take(reading), axis=1)
-        np.copyto(self.heard_ns, now_ns, where=~silent)
-        stuck = np.logical_or.reduce(reading == _BUS_STUCK, axis=1)
-        # A stuck bus may be the fault of another leg: a robot that stands would lose all its forces until each foot has
-        # swung.
-        allowed_ns = np.where(stuck, 1e9 * MEMORY_S, LONG_SILENCE_NS)
+        answers, allowed_ns = _answers_and_allowed_silence(reading)
+        np.copyto(self.heard_ns, now_ns, where=answers)
         too_long = (now_ns - self.heard_ns >= allowed_ns).nonzero()[0].tolist()
         lost = [leg for leg in too_long if leg not in self.untared]
         for leg in lost:
@@ -268,6 +265,16 @@ class Tares:
 
     def _new_window(self, leg: int) -> TareWindow:
         return TareWindow(self._limits, self._feet.unloaded_pf[leg], self._scan_ns, self._feet.names[leg])
+
+
+@remembered
+def _answers_and_allowed_silence(reading: Mask) -> tuple[Mask, Vector]:
+    codes = reading.view(np.uint8)
+    stuck = np.logical_or.reduce(codes == _BUS_STUCK, axis=1)
+    # A stuck bus may be the fault of another leg: a robot that stands would lose all its forces until each foot has
+    # swung.
+    allowed_ns = np.where(stuck, 1e9 * MEMORY_S, LONG_SILENCE_NS)
+    return ~np.logical_and.reduce(IS_SILENT.take(codes), axis=1), allowed_ns
 
 
 def _element_list_text(elements: NDArray[np.intp]) -> str:
