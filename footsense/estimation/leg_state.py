@@ -79,10 +79,11 @@ class LegStates:
 def _states_and_causes(record: LegRecord, of_elements: bytes) -> _Found:
     # Bytes and plain numbers of each leg: to look it up takes less than one operation of numpy.
     by_leg = np.frombuffer(of_elements, np.uint8).reshape(_N_OF_ELEMENTS, -1, ELEMENTS).transpose(1, 0, 2)
-    columns = (by_leg, *(column.tolist() for column in record[_N_OF_ELEMENTS:-1]))
+    in_turn, size = by_leg.tobytes(), _N_OF_ELEMENTS * ELEMENTS
+    columns = record.is_interrupted, record.is_old, record.is_stopped, record.cause
     of_legs = [
-        _of_leg(record.untared_states.get(leg, State.VALID), elements.tobytes(), *values)
-        for leg, (elements, *values) in enumerate(zip(*columns, strict=True))
+        _of_leg(record.untared_states.get(leg, State.VALID), in_turn[size * leg : size * (leg + 1)], *values)
+        for leg, values in enumerate(zip(*map(np.ndarray.tolist, columns), strict=True))
     ]
     states, fault_masks, causes = zip(*of_legs, strict=True)
     return np.array(states, np.uint8), np.array(fault_masks, np.uint16), np.array(causes, np.uint8)

@@ -69,17 +69,17 @@ class ReadingNoise:
         self.variance_rel = np.zeros(n_legs)
 
     def observe(self, plate_distance_rel: Vector) -> None:
-        """Measure the noise of the last three readings of each element, newest first [1], shape (legs, 3, elements).
+        """Measure the noise of the last three readings of each element, newest first [1], shape (3, legs, elements).
 
         A leg without three readings of every element keeps its noise.
         """
-        steps = plate_distance_rel[:, :2] - plate_distance_rel[:, 1:]
+        steps = plate_distance_rel[:2] - plate_distance_rel[1:]
         # Of white noise of variance 1, second differences have the variance 6.
-        fast_rel = _mean_square(_SECOND_TO_NOISE * (steps[:, 0] - steps[:, 1]), self._noise_directions)
-        stepped_rel = np.maximum.reduce(_mean_square(steps, self._load_directions), axis=1)
-        self._fast.add(fast_rel, stepped_rel, _is_spread(steps))
+        fast_rel = _mean_square(_SECOND_TO_NOISE * (steps[0] - steps[1]), self._noise_directions)
+        stepped_rel = np.maximum(*_mean_square(steps, self._load_directions))
+        self._fast.add(fast_rel, stepped_rel, _is_spread(steps.swapaxes(0, 1).reshape(len(fast_rel), -1)))
         if self._n % _PER_SLOW == 0:
-            self._observe_slow(plate_distance_rel[:, 0], stepped_rel)
+            self._observe_slow(plate_distance_rel[0], stepped_rel)
         self._n += 1
         recent = map(max, self._fast.noise_rel, self._slow.noise_rel)
         of_legs = zip(recent, self.variance_rel.tolist(), strict=True)
@@ -128,7 +128,7 @@ def _mean_square(values: Vector, directions: Vector) -> Vector:
 
 
 def _is_spread(values: Vector) -> Mask:
-    squares = (values * values).reshape(len(values), -1)
+    squares = values * values
     # An impact of a few milliseconds, which one or two elements see, is no noise, nor is an element that breaks.
     largest: Mask = np.maximum.reduce(squares, axis=1) < 0.5 * np.add.reduce(squares, axis=1)
     return largest

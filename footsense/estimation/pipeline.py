@@ -94,7 +94,7 @@ class Pipeline:
         self._closure_min_rel = np.tile(trained.closure_rel_min, (n_legs, 1))
         self._closure_max_rel = trained.max_usable_closure_rel(feet.gap_um)
         self._trained_rel = [
-            np.tile(bound_rel, (n_legs, len(STEADY_AGES_S), 1))
+            np.tile(bound_rel, (len(STEADY_AGES_S), n_legs, 1))
             for bound_rel in (trained.closure_rel_min, trained.closure_rel_max)
         ]
         friction = limits.contact.friction
@@ -173,9 +173,8 @@ class Pipeline:
         unusable = missing_sets_containing(elements.opened, unloaded.untared_elements_of_tared_legs)
         if scan.sequence % _FRAMES_PER_NOISE_MEASUREMENT == 0:
             self._noise.observe(readings.plate_distance_rel)
-        closure_rel = baselines.unloaded.plate_distance_rel[:, None] - readings.plate_distance_rel
-        # A copy: entries side by side are faster in all that follows.
-        measured_rel = closure_rel[:, 0].copy()
+        closure_rel = baselines.unloaded.plate_distance_rel - readings.plate_distance_rel
+        measured_rel = closure_rel[0].copy()
         overloaded = (measured_rel > self._closure_max_rel) | elements.over_range
         consistency = self._consistency
         excluded_before = consistency.excluded
@@ -259,7 +258,7 @@ class Pipeline:
         """Return the estimated loads (NaN where unusable), their squared norms [N2], and the state of each leg.
 
         Args:
-            closure_rel: Closures over the gap [1], newest first, shape (legs, 3, 9).
+            closure_rel: Closures over the gap [1], newest first, shape (3, legs, 9).
             age_s: Their ages [s], same shape.
             missing: The elements to do without.
             inconsistency_sigma_rel: Sigma by contradicting elements, over the force [1], shape (legs,).
@@ -267,7 +266,8 @@ class Pipeline:
         """
         usable, max_n, (min_rel, max_rel) = IS_USABLE_STATE.take(state), self._max_force_n, self._trained_rel
         # The network gets trained inputs only.
-        closure_rel = np.minimum(np.maximum(closure_rel, min_rel), max_rel)
+        closure_rel = np.minimum(np.maximum(closure_rel, min_rel), max_rel).transpose(1, 0, 2)
+        age_s = age_s.transpose(1, 0, 2)
         if np.count_nonzero(missing) or np.count_nonzero(usable) < len(usable):
             for leg, (is_usable, is_incomplete) in enumerate(
                 zip(usable.tolist(), _are_incomplete(missing), strict=True)
