@@ -91,7 +91,7 @@ class BaselineTracker:
                 unloaded.legs[leg].discard()
                 self.contacts[leg] = self._contact()
         else:
-            tares.heard_ns.fill(now_ns)
+            tares.heard_ns = [now_ns] * len(contacts)
         tared_pf: dict[int, Vector] = {}
         results: tuple[CommandResult, ...] = ()
         if tares.in_progress:
