@@ -22,7 +22,7 @@ Noise comes faster than it goes: a burst in each step is held over the steps.
 """
 
 import math
-from bisect import bisect_left
+from collections import deque
 
 import numpy as np
 
@@ -101,24 +101,21 @@ class _Measurements:
 
     def __init__(self, n_legs: int) -> None:
         # Of each leg, those that count, else infinite, and all.
-        self._measured_rel = [([math.inf] * NOISE_SAMPLES, [math.inf] * NOISE_SAMPLES) for _ in range(n_legs)]
-        self._turn = 0
+        none = [math.inf] * NOISE_SAMPLES
+        self._measured_rel = [(deque(none, NOISE_SAMPLES), deque(none, NOISE_SAMPLES)) for _ in range(n_legs)]
         self.noise_rel = [0.0] * n_legs
 
     def add(self, measured_rel: Vector, moved_rel: Vector, is_spread: Mask) -> None:
         # In plain Python numbers: for six legs, arrays take longer.
-        values = zip(measured_rel.tolist(), moved_rel.tolist(), is_spread.tolist(), strict=True)
-        for leg, (value, moved, spread) in enumerate(values):
+        of_legs = zip(measured_rel.tolist(), moved_rel.tolist(), is_spread.tolist(), strict=True)
+        for leg, (value_rel, moved, spread) in enumerate(of_legs):
             counting_rel, all_rel = self._measured_rel[leg]
-            counts = spread and moved < _MOTION_LIMIT_REL2 * value
-            counting_rel[self._turn] = value if counts else math.inf
-            all_rel[self._turn] = value if value < math.inf else math.inf  # a NaN would not be sorted
-            ordered_rel = sorted(counting_rel)
-            n_counting = bisect_left(ordered_rel, math.inf)
-            found_rel = ordered_rel[n_counting // 2] if n_counting >= _LEAST else self.noise_rel[leg]
+            counting_rel.append(value_rel if spread and moved < _MOTION_LIMIT_REL2 * value_rel else math.inf)
+            all_rel.append(value_rel if value_rel < math.inf else math.inf)  # a NaN is not sorted
+            n = NOISE_SAMPLES - counting_rel.count(math.inf)
+            found_rel = sorted(counting_rel)[n // 2] if n >= _LEAST else self.noise_rel[leg]
             most_rel = _MEDIAN_OVER_QUARTILE * sorted(all_rel)[NOISE_SAMPLES // 4]
             self.noise_rel[leg] = min(found_rel, most_rel)
-        self._turn = (self._turn + 1) % NOISE_SAMPLES
 
 
 def _mean_square(values: Vector, directions: Vector) -> Vector:

@@ -174,14 +174,16 @@ class Pipeline:
         if scan.sequence % _FRAMES_PER_NOISE_MEASUREMENT == 0:
             self._noise.observe(readings.plate_distance_rel)
         closure_rel = baselines.unloaded.plate_distance_rel - readings.plate_distance_rel
-        measured_rel = closure_rel[0].copy()
+        measured_rel = closure_rel[0]
         overloaded = (measured_rel > self._closure_max_rel) | elements.over_range
         consistency = self._consistency
         excluded_before = consistency.excluded
         kept_out, inconsistency_sigma_rel = consistency.test(measured_rel, readings, unusable, overloaded)
         if consistency.excluded is not excluded_before:
             self._window.discard_newest(consistency.excluded > excluded_before)
-        missing, interrupted, is_interrupted = _with_interrupted_missing(kept_out, readings.is_consecutive)
+        missing, incomplete, interrupted, is_interrupted = _with_interrupted_missing(
+            kept_out, readings.is_consecutive
+        )
         state, fault_mask, cause = self._leg_states.observe(
             LegRecord(
                 reading=scan.reading,
@@ -204,7 +206,7 @@ class Pipeline:
         )
         age_s: Vector = (now_ns - readings.t_ns).astype(np.float64) * 1e-9
         load, norms_n2, state = self._estimate_loads(
-            closure_rel, age_s, missing, inconsistency_sigma_rel, state
+            closure_rel, age_s, missing, incomplete, inconsistency_sigma_rel, state
         )
         force_n, any_overloaded = load.force_n, np.count_nonzero(overloaded)
         # What a line that breaks adds to the other elements is no load, nor is at least so much a reading in swing.
@@ -252,6 +254,7 @@ class Pipeline:
         closure_rel: Vector,
         age_s: Vector,
         missing: Mask,
+        incomplete: list[int],
         inconsistency_sigma_rel: Vector,
         state: Codes,
     ) -> tuple[LoadEstimate, Vector, Codes]:
@@ -261,6 +264,7 @@ class Pipeline:
             closure_rel: Closures over the gap [1], newest first, shape (3, legs, 9).
             age_s: Their ages [s], same shape.
             missing: The elements to do without.
+            incomplete: The legs that have some.
             inconsistency_sigma_rel: Sigma by contradicting elements, over the force [1], shape (legs,).
             state: State of each leg by its readings.
         """
@@ -268,17 +272,14 @@ class Pipeline:
         # The network gets trained inputs only.
         closure_rel = np.minimum(np.maximum(closure_rel, min_rel), max_rel).transpose(1, 0, 2)
         age_s = age_s.transpose(1, 0, 2)
-        if np.count_nonzero(missing) or np.count_nonzero(usable) < len(usable):
-            for leg, (is_usable, is_incomplete) in enumerate(
-                zip(usable.tolist(), _are_incomplete(missing), strict=True)
-            ):
-                if not is_usable:
-                    closure_rel[leg], age_s[leg] = 0.0, STEADY_AGES_S
-                elif is_incomplete:
-                    without, ages_s = missing[leg], age_s[leg]
-                    closure_rel[leg] = self._imputation.impute(closure_rel[leg], without)
-                    kept_s = ages_s.T[~without]
-                    ages_s[:, without] = (np.add.reduce(kept_s) / len(kept_s))[:, None]
+        for leg in incomplete:
+            without, ages_s = missing[leg], age_s[leg]
+            closure_rel[leg] = self._imputation.impute(closure_rel[leg], without)
+            kept_s = ages_s.T[~without]
+            ages_s[:, without] = (np.add.reduce(kept_s) / len(kept_s))[:, None]
+        unusable = () if np.count_nonzero(usable) == len(usable) else (~usable).nonzero()[0].tolist()
+        for leg in unusable:
+            closure_rel[leg], age_s[leg] = 0.0, STEADY_AGES_S
         load = self._estimator.estimate(Window(closure_rel, age_s, missing))
         force_n, norms_n2 = load.force_n, np.add.reduce(np.square(load.force_n), axis=1)
         max_sigma_n = MAX_SIGMA_REL * max_n
@@ -292,7 +293,7 @@ class Pipeline:
             n2 <= max_n * max_n and x <= max_sigma_n and y <= max_sigma_n and z <= max_sigma_n
             for n2, (x, y, z) in zip(norms_n2.tolist(), sigma_n.tolist(), strict=True)
         ]
-        if not all(fits) or np.count_nonzero(usable) < len(usable):
+        if unusable or not all(fits):
             are_fit = np.array(fits)
             untold = ~(usable & are_fit)
             state = np.where(usable > are_fit, _OUT_OF_RANGE, state)
@@ -301,21 +302,16 @@ class Pipeline:
 
 
 @remembered
-def _are_incomplete(missing: Mask) -> list[bool]:
-    legs: list[bool] = np.logical_or.reduce(missing, axis=1).tolist()
-    return legs
-
-
-@remembered
-def _with_interrupted_missing(missing: Mask, is_consecutive: Mask) -> tuple[Mask, Mask, Mask]:
-    """Return the missing elements with those without consecutive readings, the latter, and the interrupted legs.
+def _with_interrupted_missing(missing: Mask, is_consecutive: Mask) -> tuple[Mask, list[int], Mask, Mask]:
+    """Return the missing elements with those without consecutive readings, their legs, the latter, interrupted legs.
 
     A leg is interrupted until enough of its elements have been read in a row for the network to do without the others.
     """
     all_missing = missing_sets_containing(missing, ~is_consecutive)
     is_interrupted = np.logical_or.reduce(~is_consecutive & ~all_missing, axis=1)
     with_interrupted = np.where(is_interrupted[:, None], missing, all_missing)
-    return with_interrupted, with_interrupted > missing, is_interrupted
+    incomplete = np.logical_or.reduce(with_interrupted, axis=1).nonzero()[0].tolist()
+    return with_interrupted, incomplete, with_interrupted > missing, is_interrupted
 
 
 def pipeline_of(

@@ -217,10 +217,9 @@ class Tares:
             allowed_ns = 1e9 * MEMORY_S if _BUS_STUCK in codes else LONG_SILENCE_NS
             if now_ns - heard_ns >= allowed_ns and leg not in self.untared:
                 lost.append(leg)
-        for leg in lost:
-            self.untared.add(leg)
-            self._refusals.pop(leg, None)
-            self.in_progress.setdefault(leg, self._new_window(leg))
+                self.untared.add(leg)
+                self._refusals.pop(leg, None)
+                self.in_progress.setdefault(leg, self._new_window(leg))
         return lost
 
     def add(
