@@ -12,8 +12,6 @@ from footsense.leg_words import STATE_AND_CAUSE_OF_READING
 
 _COLUMNS, _ROWS = patterns_of(COLUMN_SETS).tolist(), patterns_of(ROW_SETS).tolist()
 _OK = int(Reading.OK)
-#: Fields of a record that are of elements, the first ones.
-_N_OF_ELEMENTS = 11
 
 
 class LegRecord(NamedTuple):
@@ -55,6 +53,9 @@ class LegRecord(NamedTuple):
     cause: Codes
     untared_states: dict[int, State]
 
+
+#: Fields of a record that are of elements, the first ones.
+_N_OF_ELEMENTS = LegRecord._fields.index("is_interrupted")
 
 _Found = tuple[Codes, NDArray[np.uint16], Codes]
 
