@@ -27,7 +27,7 @@ from collections import deque
 import numpy as np
 
 from footsense.foot.contact_coordinates import COORDINATES
-from footsense.frames import ELEMENTS, Vector
+from footsense.frames import ELEMENTS, Mask, Vector
 
 #: Directions of least variation along which noise is measured: as many as a load leaves.
 _N_DIRECTIONS = ELEMENTS - COORDINATES
@@ -77,7 +77,7 @@ class ReadingNoise:
         # Of white noise of variance 1, second differences have the variance 6.
         fast_rel = _mean_square(_SECOND_TO_NOISE * (steps[0] - steps[1]), self._noise_directions)
         stepped_rel = np.maximum(*_mean_square(steps, self._load_directions))
-        self._fast.add(fast_rel, stepped_rel, _are_spread(steps.swapaxes(0, 1).reshape(len(fast_rel), -1)))
+        self._fast.add(fast_rel, stepped_rel, _is_spread(steps.swapaxes(0, 1).reshape(len(fast_rel), -1)))
         if self._n % _PER_SLOW == 0:
             self._observe_slow(plate_distance_rel[0], stepped_rel)
         self._n += 1
@@ -93,7 +93,7 @@ class ReadingNoise:
         # A reading has half the variance of a first difference.
         off_rel = 2.0 * _mean_square(off, self._load_directions)
         moved_rel = np.maximum(off_rel, np.maximum.reduce(self._stepped_rel))
-        self._slow.add(slow_rel, moved_rel, _are_spread(off))
+        self._slow.add(slow_rel, moved_rel, _is_spread(off))
 
 
 class _Measurements:
@@ -105,9 +105,9 @@ class _Measurements:
         self._measured_rel = [(deque(none, NOISE_SAMPLES), deque(none, NOISE_SAMPLES)) for _ in range(n_legs)]
         self.noise_rel = [0.0] * n_legs
 
-    def add(self, measured_rel: Vector, moved_rel: Vector, are_spread: list[bool]) -> None:
+    def add(self, measured_rel: Vector, moved_rel: Vector, is_spread: Mask) -> None:
         # In plain Python numbers: for six legs, arrays take longer.
-        of_legs = zip(measured_rel.tolist(), moved_rel.tolist(), are_spread, strict=True)
+        of_legs = zip(measured_rel.tolist(), moved_rel.tolist(), is_spread.tolist(), strict=True)
         for leg, (value_rel, moved, spread) in enumerate(of_legs):
             counting_rel, all_rel = self._measured_rel[leg]
             counting_rel.append(value_rel if spread and moved < _MOTION_LIMIT_REL2 * value_rel else math.inf)
@@ -124,6 +124,8 @@ def _mean_square(values: Vector, directions: Vector) -> Vector:
     return squares
 
 
-def _are_spread(values: Vector) -> list[bool]:
+def _is_spread(values: Vector) -> Mask:
+    squares = values * values
     # An impact of a few milliseconds, which one or two elements see, is no noise, nor is an element that breaks.
-    return [max(squares) < 0.5 * sum(squares) for squares in (values * values).tolist()]
+    largest: Mask = np.maximum.reduce(squares, axis=1) < 0.5 * np.add.reduce(squares, axis=1)
+    return largest
