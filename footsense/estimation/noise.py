@@ -55,7 +55,7 @@ class ReadingNoise:
         moments: Second moments of the closures of the loads of a foot, shape (elements, elements).
 
     Attributes:
-        variance_rel: Variance of a reading's closure over the gap [1], shape (legs,).
+        variance_rel: Variance of a reading's closure over the gap of each leg [1].
     """
 
     def __init__(self, n_legs: int, moments: Vector) -> None:
@@ -66,7 +66,7 @@ class ReadingNoise:
         self._past_rel = np.full((NOISE_SAMPLES, n_legs, len(moments)), np.nan)
         self._stepped_rel = np.zeros((NOISE_SAMPLES, n_legs))
         self._n = 0
-        self.variance_rel = np.zeros(n_legs)
+        self.variance_rel = [0.0] * n_legs
 
     def observe(self, plate_distance_rel: Vector) -> None:
         """Measure the noise of the last three readings of each element, newest first [1], shape (3, legs, elements).
@@ -81,9 +81,9 @@ class ReadingNoise:
         if self._n % _PER_SLOW == 0:
             self._observe_slow(plate_distance_rel[0], stepped_rel)
         self._n += 1
-        recent = map(max, self._fast.noise_rel, self._slow.noise_rel)
-        of_legs = zip(recent, self.variance_rel.tolist(), strict=True)
-        self.variance_rel = np.array([max(new, held + (new - held) / _FADING) for new, held in of_legs])
+        for leg, recent_rel in enumerate(map(max, self._fast.noise_rel, self._slow.noise_rel)):
+            held_rel = self.variance_rel[leg]
+            self.variance_rel[leg] = max(recent_rel, held_rel + (recent_rel - held_rel) / _FADING)
 
     def _observe_slow(self, newest_rel: Vector, stepped_rel: Vector) -> None:
         turn = self._n // _PER_SLOW % NOISE_SAMPLES
