@@ -201,10 +201,10 @@ def conversion_windows(readings: SimulatedReadings) -> Window:
         *readings.latest_by_element(), readings.sent_ns[ELEMENTS - 1 :], strict=True
     ):
         last = kept.add(plate_distance_rel, t_ns)
-        closure_rel.append(readings.unloaded_plate_distance_rel[:, None] - last.plate_distance_rel)
+        closure_rel.append(readings.unloaded_plate_distance_rel - last.plate_distance_rel)
         age_s.append((now_ns - last.t_ns) * 1e-9)
-    closures_rel = np.concatenate(closure_rel[_CONVERSIONS_TO_FILL_WINDOW:])
-    ages_s = np.concatenate(age_s[_CONVERSIONS_TO_FILL_WINDOW:])
+    closures_rel = np.concatenate(closure_rel[_CONVERSIONS_TO_FILL_WINDOW:], axis=1).swapaxes(0, 1)
+    ages_s = np.concatenate(age_s[_CONVERSIONS_TO_FILL_WINDOW:], axis=1).swapaxes(0, 1)
     return Window(closures_rel, ages_s, np.zeros(closures_rel[:, 0].shape, bool))
 
 

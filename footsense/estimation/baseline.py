@@ -91,7 +91,7 @@ class BaselineTracker:
                 unloaded.legs[leg].discard()
                 self.contacts[leg] = self._contact()
         else:
-            tares.heard_ns.fill(now_ns)
+            tares.heard_ns = [now_ns] * len(contacts)
         tared_pf: dict[int, Vector] = {}
         results: tuple[CommandResult, ...] = ()
         if tares.in_progress:
@@ -147,29 +147,14 @@ class BaselineTracker:
         flags, not_ground_n = [], []
         n_per_rel = self._n_per_rel
         refused, untared = self.tares.refused, self.tares.untared
-        legs = zip(
-            self.unloaded.legs,
-            self.contacts,
-            means_rel,
-            self.unloaded.max_errors_n,
-            newest_ns.tolist(),
-            predicted_n.tolist(),
-            sigma_n.tolist(),
-            own_acceleration,
-            strict=True,
-        )
-        for leg, (baseline, contact, mean_rel, error_n, newest, as_of_now_n, sigma, own) in enumerate(legs):
+        of_now = newest_ns.tolist(), predicted_n.tolist(), sigma_n.tolist(), own_acceleration
+        of_baseline = self.unloaded.legs, self.unloaded.max_errors_n
+        legs = zip(*of_baseline, self.contacts, means_rel, *of_now, strict=True)
+        for leg, (baseline, error_n, contact, mean_rel, newest, as_of_now_n, sigma, own) in enumerate(legs):
             load_n = mean_rel * n_per_rel
             pull_n = load_n if load_n < -error_n else 0.0
-            contact.observe(
-                load_n,
-                error_n,
-                newest,
-                now_ns,
-                as_of_now_n,
-                math.hypot(sigma, pull_n) if pull_n else sigma,
-                own,
-            )
+            with_pull_n = math.hypot(sigma, pull_n) if pull_n else sigma
+            contact.observe(load_n, error_n, newest, now_ns, as_of_now_n, with_pull_n, own)
             in_contact = contact.in_contact
             # What a foot in the air reads is none of the ground.
             not_ground_n.append(pull_n if in_contact or math.isnan(load_n) else load_n)

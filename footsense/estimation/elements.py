@@ -323,7 +323,7 @@ class ConsistencyTest:
         explained = (contradicted & (rank[legs, best] < np.inf))[:, None]
         named = MISSING_SETS[best] & ~unusable & explained
         predicted_rel = closure_rel - residual[legs, SMALLEST_CONTAINING[patterns_of(unusable | excluded)]]
-        t_ns = readings.t_ns[:, 0]
+        t_ns = readings.t_ns[0]
         is_new = t_ns != self._t_of_readings_ns
         self._t_of_readings_ns = t_ns.copy()
         against = named.astype(float) - (explained & ~(named | excluded))
@@ -338,7 +338,7 @@ class ConsistencyTest:
         most = np.maximum(*evidence)
         still_below_rel = SMALL_SHARE * np.abs(residual[legs, best])
         # A NaN is not larger.
-        moves = np.logical_or.reduce(np.abs(readings.changes_rel) >= still_below_rel[:, None], axis=1)
+        moves = np.logical_or.reduce(np.abs(readings.changes_rel) >= still_below_rel)
         confirmed = named & is_new & ~moves & (most >= ENOUGH_EVIDENCE)
         confirmed |= moves_alone & (most >= ENOUGH_EVIDENCE)
         self.excluded = (excluded | confirmed) & (most > 0.0)

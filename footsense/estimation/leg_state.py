@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from footsense.estimation.missing_elements import COLUMN_SETS, MAX_OVERLOADED, ROW_SETS, patterns_of
-from footsense.frames import Cause, Codes, Mask, Reading, State
+from footsense.frames import ELEMENTS, Cause, Codes, Mask, Reading, State
 from footsense.leg_words import STATE_AND_CAUSE_OF_READING
 
 _COLUMNS, _ROWS = patterns_of(COLUMN_SETS).tolist(), patterns_of(ROW_SETS).tolist()
@@ -54,6 +54,9 @@ class LegRecord(NamedTuple):
     untared_states: dict[int, State]
 
 
+#: Fields of a record that are of elements, the first ones.
+_N_OF_ELEMENTS = LegRecord._fields.index("is_interrupted")
+
 _Found = tuple[Codes, NDArray[np.uint16], Codes]
 
 
@@ -67,20 +70,21 @@ class LegStates:
     def observe(self, record: LegRecord) -> _Found:
         """Return the most severe state of each leg, the pattern of its faulty elements, and the cause."""
         *arrays, untared_states = record
-        key = (*map(np.ndarray.tobytes, arrays), untared_states)
+        masks = tuple(map(np.ndarray.tobytes, arrays))
+        key = masks, untared_states
         if key != self._key:
-            self._key, self._found = key, _states_and_causes(record)
+            self._key, self._found = key, _states_and_causes(record, b"".join(masks[:_N_OF_ELEMENTS]))
         return self._found
 
 
-def _states_and_causes(record: LegRecord) -> _Found:
-    # The masks of elements, in the order of the record, as numbers: for a few legs they are faster than arrays.
-    patterns = patterns_of(np.array([record.reading != _OK, *record[1:11]]))
-    columns = (*patterns.tolist(), *(column.tolist() for column in record[11:15]))
-    untared_states = record.untared_states
+def _states_and_causes(record: LegRecord, of_elements: bytes) -> _Found:
+    # Bytes and plain numbers of each leg: to look it up takes less than one operation of numpy.
+    by_leg = np.frombuffer(of_elements, np.uint8).reshape(_N_OF_ELEMENTS, -1, ELEMENTS).transpose(1, 0, 2)
+    in_turn, size = by_leg.tobytes(), _N_OF_ELEMENTS * ELEMENTS
+    columns = record.is_interrupted, record.is_old, record.is_stopped, record.cause
     of_legs = [
-        _of_leg(untared_states.get(leg, State.VALID), record.reading[leg].tobytes(), *values)
-        for leg, values in enumerate(zip(*columns, strict=True))
+        _of_leg(record.untared_states.get(leg, State.VALID), in_turn[size * leg : size * (leg + 1)], *values)
+        for leg, values in enumerate(zip(*map(np.ndarray.tolist, columns), strict=True))
     ]
     states, fault_masks, causes = zip(*of_legs, strict=True)
     return np.array(states, np.uint8), np.array(fault_masks, np.uint16), np.array(causes, np.uint8)
@@ -88,15 +92,16 @@ def _states_and_causes(record: LegRecord) -> _Found:
 
 # Of the last findings: what comes and goes, as an answer of a chip, does so many times.
 @lru_cache
-def _of_leg(untared_state: State, reading: bytes, *values: Any) -> tuple[int, int, int]:  # noqa: ANN401 - a row of the record
+def _of_leg(untared_state: State, of_elements: bytes, *values: Any) -> tuple[int, int, int]:  # noqa: ANN401 - a row of the record
     """Return state, pattern of faulty elements, and cause of a leg."""
-    found: Any = LegRecord._make((*values, untared_state))
+    patterns = patterns_of(np.frombuffer(of_elements, np.uint8).reshape(-1, ELEMENTS) != _OK)
+    found: Any = LegRecord._make((*patterns.tolist(), *values, untared_state))
     missing, opened, excluded, stuck = found.missing, found.opened, found.excluded, found.stuck
     faulty = opened | found.untared | excluded | found.interrupted
     kept_overloaded = found.overloaded & ~missing
     if untared_state is State.TARING and found.is_interrupted:
         untared_state = State.STARTING
-    state_of_reading, cause_of_reading = _of_readings(reading)
+    state_of_reading, cause_of_reading = _of_readings(of_elements[:ELEMENTS])
     # The most severe last.
     state = _last_found(
         (True, State.VALID),
@@ -123,7 +128,8 @@ def _of_leg(untared_state: State, reading: bytes, *values: Any) -> tuple[int, in
         (found.over_range & (found.unusable | excluded), Cause.ELEMENT_SHORTED),
         (cause_of_reading is not None, cause_of_reading),
     )
-    return state, found.reading | faulty | found.overloaded, cause
+    # Plain numbers: to store an enumeration's member in an array costs a microsecond.
+    return int(state), found.reading | faulty | found.overloaded, int(cause)
 
 
 def _last_found(*found: tuple[object, int | None]) -> int:

@@ -53,12 +53,12 @@ class Readings(NamedTuple):
     """Last three readings of every element of all legs, newest first.
 
     Attributes:
-        plate_distance_rel: Plate distances over the gap [1], shape (legs, 3, 9), NaN where there is none.
+        plate_distance_rel: Plate distances over the gap [1], shape (3, legs, 9), NaN where there is none.
         t_ns: Middle of each conversion [ns], same shape; 0 where there is none.
         is_consecutive: Elements whose newest two readings follow on one another, shape (legs, elements).
         newest_ns: Time of each leg's newest reading [ns], shape (legs,); 0 without one.
         oldest_of_newest_ns: Time of the oldest of the newest readings of each leg's whole elements [ns], shape (legs,).
-        changes_rel: Changes of the plate distances from one reading to the next [1], shape (legs, 2, 9).
+        changes_rel: Changes of the plate distances from one reading to the next [1], shape (2, legs, 9).
         second_largest_motion_rel: Second largest change of an element from one reading to the next [1], shape (legs,).
     """
 
@@ -80,9 +80,9 @@ class ReadingWindow:
     """
 
     def __init__(self, n_legs: int, scan_ns: int) -> None:
-        # Distances and times in one memory, whose newer and older readings move together.
-        kept = np.zeros((2, n_legs, READINGS, ELEMENTS), np.int64)
-        self._newer, self._older = kept[:, :, :-1], kept[:, :, 1:]
+        # Distances and times in one memory, whose newer and older readings move together, those of a time side by side.
+        kept = np.zeros((2, READINGS, n_legs, ELEMENTS), np.int64)
+        self._newer, self._older = kept[:, :-1], kept[:, 1:]
         self._distance_rel, self._t_ns = kept[0].view(np.float64), kept[1]
         self._distance_rel[...] = np.nan
         # Less than two scans: after a stall, older readings are not mixed with newer ones. A slow host takes half more.
@@ -99,17 +99,17 @@ class ReadingWindow:
             t_ns: Middle of each element's conversion [ns], same shape.
         """
         kept_rel, kept_ns = self._distance_rel, self._t_ns
-        np.copyto(self._older, self._newer, where=(t_ns != kept_ns[:, 0])[:, None])
-        kept_rel[:, 0], kept_ns[:, 0] = plate_distance_rel, t_ns
-        steps_ns = kept_ns[:, :2] - kept_ns[:, 1:]
-        steps_rel = kept_rel[:, :2] - kept_rel[:, 1:]
+        np.copyto(self._older, self._newer, where=t_ns != kept_ns[0])
+        kept_rel[0], kept_ns[0] = plate_distance_rel, t_ns
+        steps_ns = kept_ns[:2] - kept_ns[1:]
+        steps_rel = kept_rel[:2] - kept_rel[1:]
         # A NaN makes the difference one.
         in_order = (steps_ns > 0) & (steps_ns <= self._longest_ns) & np.isfinite(steps_rel)
         all_in_order = np.count_nonzero(in_order) == in_order.size
         moved_rel = np.abs(steps_rel)
         if not all_in_order:
             moved_rel[~in_order] = 0.0
-        moved_rel = np.maximum(moved_rel[:, 0], moved_rel[:, 1])
+        moved_rel = np.maximum(moved_rel[0], moved_rel[1])
         moved_rel.partition(ELEMENTS - 2, axis=1)
         # One element that moved far alone: a load moves several.
         for second_rel, largest_rel in moved_rel[:, ELEMENTS - 2 :].tolist():
@@ -118,14 +118,14 @@ class ReadingWindow:
                 break
         of_whole_ns, newest_ns = t_ns, np.maximum.reduce(t_ns, axis=1)
         if not all_in_order:
-            kept_rel, kept_ns, alone = kept_rel.copy(), kept_ns.copy(), ~in_order[:, 1]
-            np.copyto(kept_rel[:, 2], kept_rel[:, 1], where=alone)
-            np.copyto(kept_ns[:, 2], kept_ns[:, 1] - steps_ns[:, 0], where=alone)
-            of_whole_ns = np.where(in_order[:, 0], kept_ns[:, 0], newest_ns[:, None])
+            kept_rel, kept_ns, alone = kept_rel.copy(), kept_ns.copy(), ~in_order[1]
+            np.copyto(kept_rel[2], kept_rel[1], where=alone)
+            np.copyto(kept_ns[2], kept_ns[1] - steps_ns[0], where=alone)
+            of_whole_ns = np.where(in_order[0], t_ns, newest_ns[:, None])
         return Readings(
             kept_rel,
             kept_ns,
-            in_order[:, 0],
+            in_order[0],
             newest_ns,
             np.minimum.reduce(of_whole_ns, axis=1),
             steps_rel,
@@ -134,16 +134,16 @@ class ReadingWindow:
 
     def discard_newest(self, elements: Mask) -> None:
         """Discard the newest reading of each element in a mask, shape (legs, elements)."""
-        self._distance_rel[:, 0][elements] = np.nan
+        self._distance_rel[0][elements] = np.nan
 
 
 def _replace_spikes(plate_distance_rel: Vector) -> None:
     """Replace, in place, a middle reading that is far from its two agreeing neighbours by their mean.
 
     Args:
-        plate_distance_rel: The readings of each element, newest first [1], shape (legs, 3, 9).
+        plate_distance_rel: The readings of each element, newest first [1], shape (3, legs, 9).
     """
-    newest, middle, oldest = plate_distance_rel.transpose(1, 0, 2)
+    newest, middle, oldest = plate_distance_rel
     mean_rel = (newest + oldest) / 2.0
     spike_rel = np.abs(middle - mean_rel)
     wrong = (spike_rel > CLEAR_MOTION_REL) & (np.abs(newest - oldest) < SMALL_SHARE * spike_rel)

@@ -22,6 +22,7 @@ Noise comes faster than it goes: a burst in each step is held over the steps.
 """
 
 import math
+from collections import deque
 
 import numpy as np
 
@@ -54,7 +55,7 @@ class ReadingNoise:
         moments: Second moments of the closures of the loads of a foot, shape (elements, elements).
 
     Attributes:
-        variance_rel: Variance of a reading's closure over the gap [1], shape (legs,).
+        variance_rel: Variance of a reading's closure over the gap of each leg [1].
     """
 
     def __init__(self, n_legs: int, moments: Vector) -> None:
@@ -65,23 +66,24 @@ class ReadingNoise:
         self._past_rel = np.full((NOISE_SAMPLES, n_legs, len(moments)), np.nan)
         self._stepped_rel = np.zeros((NOISE_SAMPLES, n_legs))
         self._n = 0
-        self.variance_rel = np.zeros(n_legs)
+        self.variance_rel = [0.0] * n_legs
 
     def observe(self, plate_distance_rel: Vector) -> None:
-        """Measure the noise of the last three readings of each element, newest first [1], shape (legs, 3, elements).
+        """Measure the noise of the last three readings of each element, newest first [1], shape (3, legs, elements).
 
         A leg without three readings of every element keeps its noise.
         """
-        steps = plate_distance_rel[:, :2] - plate_distance_rel[:, 1:]
+        steps = plate_distance_rel[:2] - plate_distance_rel[1:]
         # Of white noise of variance 1, second differences have the variance 6.
-        fast_rel = _mean_square(_SECOND_TO_NOISE * (steps[:, 0] - steps[:, 1]), self._noise_directions)
-        stepped_rel = np.maximum(*_mean_square(steps, self._load_directions).T)
-        self._fast.add(fast_rel, _is_spread(steps) & (stepped_rel < _MOTION_LIMIT_REL2 * fast_rel))
+        fast_rel = _mean_square(_SECOND_TO_NOISE * (steps[0] - steps[1]), self._noise_directions)
+        stepped_rel = np.maximum(*_mean_square(steps, self._load_directions))
+        self._fast.add(fast_rel, stepped_rel, _is_spread(steps.swapaxes(0, 1).reshape(len(fast_rel), -1)))
         if self._n % _PER_SLOW == 0:
-            self._observe_slow(plate_distance_rel[:, 0], stepped_rel)
+            self._observe_slow(plate_distance_rel[0], stepped_rel)
         self._n += 1
-        recent, held = np.maximum(self._fast.noise_rel, self._slow.noise_rel), self.variance_rel
-        self.variance_rel = np.maximum(recent, held + (recent - held) / _FADING)
+        for leg, recent_rel in enumerate(map(max, self._fast.noise_rel, self._slow.noise_rel)):
+            held_rel = self.variance_rel[leg]
+            self.variance_rel[leg] = max(recent_rel, held_rel + (recent_rel - held_rel) / _FADING)
 
     def _observe_slow(self, newest_rel: Vector, stepped_rel: Vector) -> None:
         turn = self._n // _PER_SLOW % NOISE_SAMPLES
@@ -91,27 +93,29 @@ class ReadingNoise:
         # A reading has half the variance of a first difference.
         off_rel = 2.0 * _mean_square(off, self._load_directions)
         moved_rel = np.maximum(off_rel, np.maximum.reduce(self._stepped_rel))
-        self._slow.add(slow_rel, _is_spread(off) & (moved_rel < _MOTION_LIMIT_REL2 * slow_rel))
+        self._slow.add(slow_rel, moved_rel, _is_spread(off))
 
 
 class _Measurements:
     """Last measurements of the noise of each leg; `noise_rel` is the variance that follows from them [1]."""
 
     def __init__(self, n_legs: int) -> None:
-        # Those that count, else infinite, and all.
-        self._measured_rel = np.full((2, n_legs, NOISE_SAMPLES), np.inf)
-        self._turn, self._legs = 0, np.arange(n_legs)
-        self.noise_rel = np.zeros(n_legs)
+        # Of each leg, those that count, else infinite, and all.
+        none = [math.inf] * NOISE_SAMPLES
+        self._measured_rel = [(deque(none, NOISE_SAMPLES), deque(none, NOISE_SAMPLES)) for _ in range(n_legs)]
+        self.noise_rel = [0.0] * n_legs
 
-    def add(self, measured_rel: Vector, counts: Mask) -> None:
-        self._measured_rel[:, :, self._turn] = np.where(counts, measured_rel, np.inf), measured_rel
-        self._turn = (self._turn + 1) % NOISE_SAMPLES
-        # A NaN is sorted to the end.
-        counting_rel, all_rel = np.sort(self._measured_rel)
-        n_counting = np.add.reduce(counting_rel < np.inf, axis=1)
-        median_rel = counting_rel[self._legs, n_counting // 2]
-        found_rel = np.where(n_counting >= _LEAST, median_rel, self.noise_rel)
-        self.noise_rel = np.fmin(found_rel, _MEDIAN_OVER_QUARTILE * all_rel[:, NOISE_SAMPLES // 4])
+    def add(self, measured_rel: Vector, moved_rel: Vector, is_spread: Mask) -> None:
+        # In plain Python numbers: for six legs, arrays take longer.
+        of_legs = zip(measured_rel.tolist(), moved_rel.tolist(), is_spread.tolist(), strict=True)
+        for leg, (value_rel, moved, spread) in enumerate(of_legs):
+            counting_rel, all_rel = self._measured_rel[leg]
+            counting_rel.append(value_rel if spread and moved < _MOTION_LIMIT_REL2 * value_rel else math.inf)
+            all_rel.append(value_rel if value_rel < math.inf else math.inf)  # a NaN is not sorted
+            n = NOISE_SAMPLES - counting_rel.count(math.inf)
+            found_rel = sorted(counting_rel)[n // 2] if n >= _LEAST else self.noise_rel[leg]
+            most_rel = _MEDIAN_OVER_QUARTILE * sorted(all_rel)[NOISE_SAMPLES // 4]
+            self.noise_rel[leg] = min(found_rel, most_rel)
 
 
 def _mean_square(values: Vector, directions: Vector) -> Vector:
@@ -121,7 +125,7 @@ def _mean_square(values: Vector, directions: Vector) -> Vector:
 
 
 def _is_spread(values: Vector) -> Mask:
-    squares = (values * values).reshape(len(values), -1)
+    squares = values * values
     # An impact of a few milliseconds, which one or two elements see, is no noise, nor is an element that breaks.
     largest: Mask = np.maximum.reduce(squares, axis=1) < 0.5 * np.add.reduce(squares, axis=1)
     return largest

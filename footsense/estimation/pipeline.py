@@ -15,7 +15,7 @@ from footsense.estimation.baseline import BaselineTracker
 from footsense.estimation.calibrated_feet import CalibratedFeet
 from footsense.estimation.elements import ConsistencyTest, ElementClassifier
 from footsense.estimation.leg_state import LegRecord, LegStates
-from footsense.estimation.missing_elements import Imputation, missing_sets_containing, patterns_of, remembered
+from footsense.estimation.missing_elements import Imputation, missing_sets_containing, remembered
 from footsense.estimation.network import STEADY_AGES_S, Network, ReadingWindow, sensitivity
 from footsense.estimation.noise import ReadingNoise
 from footsense.estimation.rest import RefinedAtRest
@@ -94,7 +94,7 @@ class Pipeline:
         self._closure_min_rel = np.tile(trained.closure_rel_min, (n_legs, 1))
         self._closure_max_rel = trained.max_usable_closure_rel(feet.gap_um)
         self._trained_rel = [
-            np.tile(bound_rel, (n_legs, len(STEADY_AGES_S), 1))
+            np.tile(bound_rel, (len(STEADY_AGES_S), n_legs, 1))
             for bound_rel in (trained.closure_rel_min, trained.closure_rel_max)
         ]
         friction = limits.contact.friction
@@ -173,16 +173,17 @@ class Pipeline:
         unusable = missing_sets_containing(elements.opened, unloaded.untared_elements_of_tared_legs)
         if scan.sequence % _FRAMES_PER_NOISE_MEASUREMENT == 0:
             self._noise.observe(readings.plate_distance_rel)
-        closure_rel = baselines.unloaded.plate_distance_rel[:, None] - readings.plate_distance_rel
-        # A copy: entries side by side are faster in all that follows.
-        measured_rel = closure_rel[:, 0].copy()
+        closure_rel = baselines.unloaded.plate_distance_rel - readings.plate_distance_rel
+        measured_rel = closure_rel[0]
         overloaded = (measured_rel > self._closure_max_rel) | elements.over_range
         consistency = self._consistency
         excluded_before = consistency.excluded
         kept_out, inconsistency_sigma_rel = consistency.test(measured_rel, readings, unusable, overloaded)
         if consistency.excluded is not excluded_before:
             self._window.discard_newest(consistency.excluded > excluded_before)
-        missing, interrupted, is_interrupted = _with_interrupted_missing(kept_out, readings.is_consecutive)
+        missing, incomplete, interrupted, is_interrupted = _with_interrupted_missing(
+            kept_out, readings.is_consecutive
+        )
         state, fault_mask, cause = self._leg_states.observe(
             LegRecord(
                 reading=scan.reading,
@@ -205,7 +206,7 @@ class Pipeline:
         )
         age_s: Vector = (now_ns - readings.t_ns).astype(np.float64) * 1e-9
         load, norms_n2, state = self._estimate_loads(
-            closure_rel, age_s, missing, inconsistency_sigma_rel, state
+            closure_rel, age_s, missing, incomplete, inconsistency_sigma_rel, state
         )
         force_n, any_overloaded = load.force_n, np.count_nonzero(overloaded)
         # What a line that breaks adds to the other elements is no load, nor is at least so much a reading in swing.
@@ -253,30 +254,32 @@ class Pipeline:
         closure_rel: Vector,
         age_s: Vector,
         missing: Mask,
+        incomplete: list[int],
         inconsistency_sigma_rel: Vector,
         state: Codes,
     ) -> tuple[LoadEstimate, Vector, Codes]:
         """Return the estimated loads (NaN where unusable), their squared norms [N2], and the state of each leg.
 
         Args:
-            closure_rel: Closures over the gap [1], newest first, shape (legs, 3, 9).
+            closure_rel: Closures over the gap [1], newest first, shape (3, legs, 9).
             age_s: Their ages [s], same shape.
             missing: The elements to do without.
+            incomplete: The legs that have some.
             inconsistency_sigma_rel: Sigma by contradicting elements, over the force [1], shape (legs,).
             state: State of each leg by its readings.
         """
         usable, max_n, (min_rel, max_rel) = IS_USABLE_STATE.take(state), self._max_force_n, self._trained_rel
         # The network gets trained inputs only.
-        closure_rel = np.minimum(np.maximum(closure_rel, min_rel), max_rel)
-        if np.count_nonzero(missing) or np.count_nonzero(usable) < len(usable):
-            for leg in (patterns_of(missing) | ~usable).nonzero()[0].tolist():
-                if usable[leg]:
-                    without, ages_s = missing[leg], age_s[leg]
-                    closure_rel[leg] = self._imputation.impute(closure_rel[leg], without)
-                    kept_s = ages_s.T[~without]
-                    ages_s[:, without] = (np.add.reduce(kept_s) / len(kept_s))[:, None]
-                else:
-                    closure_rel[leg], age_s[leg] = 0.0, STEADY_AGES_S
+        closure_rel = np.minimum(np.maximum(closure_rel, min_rel), max_rel).transpose(1, 0, 2)
+        age_s = age_s.transpose(1, 0, 2)
+        for leg in incomplete:
+            without, ages_s = missing[leg], age_s[leg]
+            closure_rel[leg] = self._imputation.impute(closure_rel[leg], without)
+            kept_s = ages_s.T[~without]
+            ages_s[:, without] = (np.add.reduce(kept_s) / len(kept_s))[:, None]
+        unusable = () if np.count_nonzero(usable) == len(usable) else (~usable).nonzero()[0].tolist()
+        for leg in unusable:
+            closure_rel[leg], age_s[leg] = 0.0, STEADY_AGES_S
         load = self._estimator.estimate(Window(closure_rel, age_s, missing))
         force_n, norms_n2 = load.force_n, np.add.reduce(np.square(load.force_n), axis=1)
         max_sigma_n = MAX_SIGMA_REL * max_n
@@ -290,23 +293,25 @@ class Pipeline:
             n2 <= max_n * max_n and x <= max_sigma_n and y <= max_sigma_n and z <= max_sigma_n
             for n2, (x, y, z) in zip(norms_n2.tolist(), sigma_n.tolist(), strict=True)
         ]
-        if not all(fits) or np.count_nonzero(usable) < len(usable):
-            untold = ~(usable & fits)
-            state = np.where(usable > fits, _OUT_OF_RANGE, state)
+        if unusable or not all(fits):
+            are_fit = np.array(fits)
+            untold = ~(usable & are_fit)
+            state = np.where(usable > are_fit, _OUT_OF_RANGE, state)
             force_n[untold] = sigma_n[untold] = np.nan
         return LoadEstimate(force_n, sigma_n, *load[2:]), norms_n2, state
 
 
 @remembered
-def _with_interrupted_missing(missing: Mask, is_consecutive: Mask) -> tuple[Mask, Mask, Mask]:
-    """Return the missing elements with those without consecutive readings, the latter, and the interrupted legs.
+def _with_interrupted_missing(missing: Mask, is_consecutive: Mask) -> tuple[Mask, list[int], Mask, Mask]:
+    """Return the missing elements with those without consecutive readings, their legs, the latter, interrupted legs.
 
     A leg is interrupted until enough of its elements have been read in a row for the network to do without the others.
     """
     all_missing = missing_sets_containing(missing, ~is_consecutive)
     is_interrupted = np.logical_or.reduce(~is_consecutive & ~all_missing, axis=1)
     with_interrupted = np.where(is_interrupted[:, None], missing, all_missing)
-    return with_interrupted, with_interrupted > missing, is_interrupted
+    incomplete = np.logical_or.reduce(with_interrupted, axis=1).nonzero()[0].tolist()
+    return with_interrupted, incomplete, with_interrupted > missing, is_interrupted
 
 
 def pipeline_of(

@@ -36,8 +36,8 @@ from footsense.leg_words import IS_SILENT
 #: Time that a tare may take over that of its window [1], and scans in which a step has passed through the readings.
 MAX_WINDOWS = 3
 SETTLING_SCANS = READINGS + 1
-# A plain number: to compare with an enumeration's member costs a microsecond each time.
-_BUS_STUCK = int(Reading.BUS_STUCK)
+# Plain numbers: to compare with an enumeration's member costs a microsecond each time.
+_BUS_STUCK, _SILENT = int(Reading.BUS_STUCK), frozenset(np.flatnonzero(IS_SILENT).tolist())
 
 
 class TareResult(NamedTuple):
@@ -96,7 +96,7 @@ class TareWindow:
             None while the window is not full and has time. A frame counts if every element has been read anew since
             the one before; a failed reading ends the tare at once.
         """
-        if np.count_nonzero(IS_SILENT.take(reading)):
+        if not _SILENT.isdisjoint(reading.tobytes()):
             return TareResult(Result.ABSENT, "the leg does not answer")
         failed = np.flatnonzero((reading != Reading.OK) & ~unusable)
         if failed.size:
@@ -171,12 +171,12 @@ class Tares:
         in_progress: Window of every tare in progress, by leg.
         untared: Legs without a baseline.
         refused: Legs with a refused tare that keep an older baseline.
-        heard_ns: Time at which each leg last answered [ns], shape (legs,).
+        heard_ns: Time at which each leg last answered [ns].
     """
 
     def __init__(self, limits: TareLimits, feet: MountedFeet, scan_ns: int) -> None:
         self._limits, self._feet, self._scan_ns = limits, feet, scan_ns
-        self.heard_ns = np.zeros(len(feet.names), np.int64)
+        self.heard_ns = [0] * len(feet.names)
         self.untared = set(range(len(feet.names)))
         self.refused: set[int] = set()
         self.in_progress = {leg: self._new_window(leg) for leg in self.untared}
@@ -206,18 +206,20 @@ class Tares:
             reading: How each element answered, shape (legs, elements).
             now_ns: Current time [ns].
         """
-        silent = np.logical_and.reduce(IS_SILENT.take(reading), axis=1)
-        np.copyto(self.heard_ns, now_ns, where=~silent)
-        stuck = np.logical_or.reduce(reading == _BUS_STUCK, axis=1)
-        # A stuck bus may be the fault of another leg: a robot that stands would lose all its forces until each foot has
-        # swung.
-        allowed_ns = np.where(stuck, 1e9 * MEMORY_S, LONG_SILENCE_NS)
-        too_long = (now_ns - self.heard_ns >= allowed_ns).nonzero()[0].tolist()
-        lost = [leg for leg in too_long if leg not in self.untared]
-        for leg in lost:
-            self.untared.add(leg)
-            self._refusals.pop(leg, None)
-            self.in_progress.setdefault(leg, self._new_window(leg))
+        in_turn, lost = reading.tobytes(), []
+        for leg, heard_ns in enumerate(self.heard_ns):
+            codes = in_turn[ELEMENTS * leg : ELEMENTS * (leg + 1)]
+            if not _SILENT.issuperset(codes):
+                self.heard_ns[leg] = now_ns
+                continue
+            # A stuck bus may be the fault of another leg: a robot that stands would lose all its forces until each foot
+            # has swung.
+            allowed_ns = 1e9 * MEMORY_S if _BUS_STUCK in codes else LONG_SILENCE_NS
+            if now_ns - heard_ns >= allowed_ns and leg not in self.untared:
+                lost.append(leg)
+                self.untared.add(leg)
+                self._refusals.pop(leg, None)
+                self.in_progress.setdefault(leg, self._new_window(leg))
         return lost
 
     def add(

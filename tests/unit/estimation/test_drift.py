@@ -145,12 +145,12 @@ def test_a_noisy_leg_is_noisy_until_it_is_well_below_the_limit() -> None:
     """Between the limit of a tare and three quarters of it, what was stays."""
     noise = ReadingNoise(1, np.eye(9))
     feet = UnloadedFeet(MountedFeet.of(DESIGN, [None]), DESIGN, LIMITS, SENSITIVITY, noise)
-    noise.variance_rel = np.full(1, 1e-12)
+    noise.variance_rel = [1e-12]
     feet.update_sigma(S)
     rel_of_limit = 1e-6 * LIMITS.noise_limit_ff / feet.noise_ff
     causes = []
     for t, share in enumerate((0.9, 1.1, 0.9, 0.8, 0.7, 0.9)):
-        noise.variance_rel = (share * rel_of_limit) ** 2
+        noise.variance_rel = ((share * rel_of_limit) ** 2).tolist()
         feet.update_sigma((2 + t) * S)
         causes.append(int(feet.cause[0]))
     noisy, none = Cause.NOISY, Cause.NONE

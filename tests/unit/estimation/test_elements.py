@@ -368,7 +368,7 @@ def test_what_an_impact_leaves_in_two_elements_is_no_fault() -> None:
         hit_rel = {27: 0.6, 28: 0.2}.get(n, 0.0)
         plate_distance_rel[0, element], t_ns[0, element] = 1.0 - hit_rel, now_ns
         readings = window.add(plate_distance_rel, t_ns)
-        result = consistency.test(1.0 - readings.plate_distance_rel[:, 0], readings, none, none)
+        result = consistency.test(1.0 - readings.plate_distance_rel[0], readings, none, none)
         assert not result.missing.any()
         sigmas_rel.append(float(result.inconsistency_sigma_rel[0]))
     assert min(sigmas_rel[27:36]) > 0.1
@@ -397,5 +397,5 @@ def test_a_sound_foot_in_motion_is_never_blamed(
         closure_rel = share * np.array([size, size * tilt[0], size * tilt[1]]) @ PATTERNS
         plate_distance_rel[0, element], t_ns[0, element] = 1.0 - closure_rel[element], now_ns
         readings = window.add(plate_distance_rel, t_ns)
-        consistency.test(1.0 - readings.plate_distance_rel[:, 0], readings, none, none)
+        consistency.test(1.0 - readings.plate_distance_rel[0], readings, none, none)
         assert not consistency.excluded.any()

@@ -19,7 +19,7 @@ def measured_rel(load: Vector, noise_rel: Vector) -> Vector:
     readings = 1.3 - load[:, None] + noise_rel[:, None] * random.standard_normal((len(load), ELEMENTS))
     noise, found = ReadingNoise(1, MOMENTS), []
     for scan in range(2, len(load)):
-        window = readings[scan - 2 : scan + 1][::-1][None]
+        window = readings[scan - 2 : scan + 1][::-1][:, None]
         for _ in range(3):  # a frame has one new reading of each leg
             noise.observe(window)
         found.append(float(np.sqrt(noise.variance_rel[0])))
@@ -57,7 +57,7 @@ def test_impacts_are_no_noise(hit_rel: tuple[float, float]) -> None:
         readings[scan, rng.permutation(ELEMENTS)[:2]] -= hit_rel
     found = []
     for scan in range(2, len(readings)):
-        window = readings[scan - 2 : scan + 1][::-1][None]
+        window = readings[scan - 2 : scan + 1][::-1][:, None]
         for _ in range(3):
             noise.observe(window)
         found.append(float(np.sqrt(noise.variance_rel[0])))
@@ -82,7 +82,7 @@ def test_a_ripple_near_the_rate_of_a_scan_is_slow_noise() -> None:
     readings = 1.3 + 2.0**0.5 * NOISE_REL * np.sin(phases + turned)
     for scan in range(2, len(readings)):
         for _ in range(3):
-            noise.observe(readings[scan - 2 : scan + 1][::-1][None])
+            noise.observe(readings[scan - 2 : scan + 1][::-1][:, None])
     assert 0.5 * NOISE_REL < np.sqrt(noise.variance_rel[0]) < 2.0 * NOISE_REL
 
 
@@ -93,8 +93,8 @@ def test_what_motion_left_is_bounded_by_quieter_readings() -> None:
     for scan in range(300):
         shaken = 0.1 if scan < 15 else 1e-3
         # Common motion beside it, so that none of the later measurements counts.
-        window = 1.3 + shaken * rng.standard_normal((1, 3, ELEMENTS))
-        window += (scan >= 15) * np.array([0.0, 0.1, 0.0])[:, None]
+        window = 1.3 + shaken * rng.standard_normal((3, 1, ELEMENTS))
+        window += (scan >= 15) * np.array([0.0, 0.1, 0.0])[:, None, None]
         for _ in range(3):
             noise.observe(window)
         found.append(float(np.sqrt(noise.variance_rel[0])))
@@ -108,17 +108,17 @@ def test_an_element_that_breaks_is_no_noise() -> None:
     readings[100:, 4] -= 0.5
     for scan in range(2, len(readings)):
         for _ in range(3):
-            noise.observe(readings[scan - 2 : scan + 1][::-1][None])
+            noise.observe(readings[scan - 2 : scan + 1][::-1][:, None])
         assert np.sqrt(noise.variance_rel[0]) < 5e-4
 
 
 def test_a_leg_with_unread_elements_keeps_its_noise() -> None:
     noise = ReadingNoise(2, MOMENTS)
-    window = np.random.default_rng(0).normal(1.0, NOISE_REL, (2, 3, ELEMENTS))
+    window = np.random.default_rng(0).normal(1.0, NOISE_REL, (3, 2, ELEMENTS))
     for _ in range(50):
         noise.observe(window)
     before = noise.variance_rel.copy()
-    window[1, 0, 4] = np.nan
+    window[0, 1, 4] = np.nan
     noise.observe(window)
     assert np.isfinite(noise.variance_rel).all()
     assert noise.variance_rel[1] == pytest.approx(before[1], rel=0.02)

@@ -62,7 +62,7 @@ def test_a_discarded_reading_is_in_no_later_window() -> None:
     assert np.flatnonzero(~leg.read(3.0, 5 * SCAN_NS).is_consecutive[0]).tolist() == [4]
     readings = leg.read(3.0, 6 * SCAN_NS)
     assert readings.is_consecutive.all()
-    assert readings.plate_distance_rel[0, :, 4].tolist() == [3.0, 3.0, 3.0]
+    assert readings.plate_distance_rel[:, 0, 4].tolist() == [3.0, 3.0, 3.0]
     assert readings.second_largest_motion_rel == 0.0
 
 
@@ -93,7 +93,7 @@ def test_one_wrong_reading_is_replaced_by_those_beside_it(spike: float, *, besid
         t_ns = np.full((2, ELEMENTS), (n + 1) * SCAN_NS)
         if beside:
             plate_distance_rel[1], t_ns[1] = np.nan, 0
-        seen.append(window.add(plate_distance_rel, t_ns).plate_distance_rel[0, :, 4].copy())
+        seen.append(window.add(plate_distance_rel, t_ns).plate_distance_rel[:, 0, 4].copy())
     assert seen[3][0] == pytest.approx(0.97 + spike)
     for n in (4, 5, 6):
         np.testing.assert_allclose(seen[n], 1.0 - 0.01 * (n - np.arange(3)))
@@ -109,7 +109,7 @@ def test_a_step_of_the_load_is_no_wrong_reading() -> None:
             plate_distance_rel[changed] += size * (n < n_scans)
             readings = leg.read(plate_distance_rel, (4 + n) * SCAN_NS)
         expected = 2.0 + size * (np.arange(3) < n_scans)
-        np.testing.assert_allclose(readings.plate_distance_rel[0, ::-1, 4], expected)
+        np.testing.assert_allclose(readings.plate_distance_rel[::-1, 0, 4], expected)
 
 
 #: Time since the last frame over a scan, the elements that are read, and whether each gives a number.
@@ -155,7 +155,7 @@ def test_a_window_is_the_last_readings_whatever_comes(
             if not follows[1]:
                 third, third_ns = second, 2 * second_ns - first_ns
             if follows[0]:
-                assert readings.plate_distance_rel[0, :, element].tolist() == [first, second, third]
-                assert readings.t_ns[0, :, element].tolist() == [first_ns, second_ns, third_ns]
+                assert readings.plate_distance_rel[:, 0, element].tolist() == [first, second, third]
+                assert readings.t_ns[:, 0, element].tolist() == [first_ns, second_ns, third_ns]
         assert np.isfinite(readings.second_largest_motion_rel).all()
         assert (readings.second_largest_motion_rel >= 0.0).all()
