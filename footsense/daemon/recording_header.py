@@ -106,14 +106,10 @@ def recorded_start(recording: "Replay") -> str | None:
         RecordingError: It tells no time.
     """
     text = recording.header.get(_STARTED_KEY)
-    if text is not None:
-        try:
-            datetime.strptime(text, "%Y-%m-%dT%H:%M:%S%z")
-        except ValueError:
-            raise RecordingError(
-                f"{recording.path}: the start in its header is {text[:30]!r}, no time"
-            ) from None
-    return text
+    try:
+        return text and datetime.strptime(text, "%Y-%m-%dT%H:%M:%S%z").isoformat()
+    except ValueError:
+        raise RecordingError(f"{recording.path}: the start in its header is {text!r:.40}, no time") from None
 
 
 def recorded_config(recording: "Replay | CycleReader") -> Config:

@@ -223,9 +223,9 @@ class LegBaseline:
 
 
 def _sum(values: _Values) -> float:
-    # In pairs, as NumPy adds nine numbers, for which to make an array takes four times as long.
+    # In the order in which NumPy adds nine numbers, for which to make an array takes four times as long.
     a, b, c, d, e, f, g, h, i = values + [0.0] * (ELEMENTS - len(values))
-    return a + (((b + c) + (d + e)) + ((f + g) + (h + i)))
+    return ((a + b) + (c + d)) + ((e + f) + (g + h)) + i
 
 
 class UnloadedFeet:

@@ -99,7 +99,8 @@ def judge_electrodes(
     for words, (parameters, _) in found.items():
         held_out = instants.subset(~halves[words])
         misfit = misfit_of(models, parameters, held_out)
-        if misfit > _MAX_HELD_OUT or misfit > misfit_of(models, before.parameters, held_out):
+        explains = misfit <= _MAX_HELD_OUT and misfit <= misfit_of(models, before.parameters, held_out)
+        if not explains:
             return turn, f"instants {words} do not explain one another"
     return turn, ""
 

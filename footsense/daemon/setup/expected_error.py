@@ -53,7 +53,8 @@ def uncertainty_since(found: FootCalibration, at: str, wear: ForceUncertainty) -
     """Return what nobody knows of a calibrated foot some time later.
 
     Its gains are taken to wander like a random walk that is pulled back within a day: as far as between two sessions
-    when a few days have passed. That the time is a day is an assumption. Before its calibration the clock is wrong.
+    when a few days have passed. That the time is a day is an assumption. An hour before its calibration and earlier
+    the clock is wrong, and nothing is known.
 
     Args:
         found: The calibration.
@@ -61,7 +62,9 @@ def uncertainty_since(found: FootCalibration, at: str, wear: ForceUncertainty) -
         wear: What the gains of another session make uncertain.
     """
     age = datetime.fromisoformat(at) - datetime.fromisoformat(found.manifest.made)
-    share = math.sqrt(-math.expm1(-abs(age / timedelta(days=1))))
+    share = 1.0
+    if age > -timedelta(hours=1):
+        share = math.sqrt(-math.expm1(-abs(age / timedelta(days=1))))
     return uncertainty_of_calibrated(found).plus(wear, share)
 
 
