@@ -101,6 +101,7 @@ class LegBaseline:
         self._unloaded_limit_pf = limits.unloaded_limit_pf(unloaded_pf).tolist()
         self._quiet_pf2 = limits.quiet_variance_pf2
         self._newest_weight = limits.newest_weight
+        self._shift_pf = SIGMAS * math.sqrt(limits.quiet_variance_pf2)
         self.discard()
 
     def discard(self) -> None:
@@ -164,9 +165,12 @@ class LegBaseline:
         if not max(self._step_pf2) <= self._quiet_pf2:
             self.status = BaselineStatus.NOT_QUIET
             return False
-        above_pf = map(sub, before_pf, self.baseline_pf.tolist())
+        above_pf, shift_pf = map(sub, before_pf, self.baseline_pf.tolist()), self._shift_pf
+        # A shift counts at once: a swing of a fast gait is over after two or three of these calls.
         self.left_pf = [
-            left_pf + weight * (pf - left_pf) if math.isfinite(pf) else left_pf
+            left_pf + (weight if abs(pf - left_pf) < shift_pf else 1.0) * (pf - left_pf)
+            if math.isfinite(pf)
+            else left_pf
             for left_pf, pf in zip(self.left_pf, above_pf, strict=True)
         ]
         if held is not None:
