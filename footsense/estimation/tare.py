@@ -6,6 +6,9 @@ small steps cannot lead into a load. Missing elements are left out; they have no
 
 Every tare ends: with a baseline, or with a refusal, at the latest after `MAX_WINDOWS` times the window and the time in
 which a reading settles. One that waited for as long as it takes would be done by itself, when nobody expects it.
+
+A leg without a baseline, as after a restart while the robot walks, is tared in its next swing: its window moves on with
+each scan, and where scans take long it has half of them, as a swing of a fast gait takes a tenth of a second.
 """
 
 from collections.abc import Callable
@@ -16,7 +19,7 @@ from numpy.typing import NDArray
 
 from footsense.estimation.elements import OPEN_ELEMENT_THRESHOLD_REL
 from footsense.estimation.network import READINGS
-from footsense.estimation.settings import LONG_SILENCE_NS, MEMORY_S, MountedFeet, TareLimits
+from footsense.estimation.settings import LONG_SILENCE_NS, MEMORY_S, SLOW_PERIOD_NS, MountedFeet, TareLimits
 from footsense.frames import (
     ELEMENTS,
     CapFrame,
@@ -36,6 +39,8 @@ from footsense.leg_words import IS_SILENT
 #: Time that a tare may take over that of its window [1], and scans in which a step has passed through the readings.
 MAX_WINDOWS = 3
 SETTLING_SCANS = READINGS + 1
+#: Refusals that the readings of another scan may undo.
+_BY_READINGS = (Result.NOT_QUIET, Result.LOADED)
 # Plain numbers: to compare with an enumeration's member costs a microsecond each time.
 _BUS_STUCK, _SILENT = int(Reading.BUS_STUCK), frozenset(np.flatnonzero(IS_SILENT).tolist())
 
@@ -66,14 +71,21 @@ class TareWindow:
 
     def __init__(self, limits: TareLimits, unloaded_pf: Vector, scan_ns: int, foot: str = "") -> None:
         self._limits = limits
+        self._n_scans, self._scan_ns = limits.window_scans, scan_ns
         self._longest_ns = (MAX_WINDOWS * limits.window_scans + SETTLING_SCANS) * scan_ns
         self._started_ns = 0  # at the first frame
         self._n_unsteady = np.zeros(ELEMENTS, np.int64)
         self._foot = foot
         self._unloaded_pf = unloaded_pf
         self._readings_pf: list[Vector] = []
-        self._left_out = np.zeros(ELEMENTS, bool)
         self._newest_ns = 0
+
+    def go_on(self) -> None:
+        """Wait for another scan after a refusal by the readings, of which the newest are kept."""
+        shorter = max(self._limits.window_scans // 2, SLOW_PERIOD_NS // self._scan_ns, 2)
+        self._n_scans = min(self._limits.window_scans, shorter)
+        self._readings_pf = self._readings_pf[1 - self._n_scans :]
+        self._started_ns, self._n_unsteady = 0, np.zeros(ELEMENTS, np.int64)
 
     def add(
         self,
@@ -105,9 +117,8 @@ class TareWindow:
         unsteady = ~(np.isfinite(capacitance_pf) | unusable)
         if not unsteady.any() and t_ns[~unusable].min() > self._newest_ns:
             self._newest_ns = int(t_ns.max())
-            self._left_out = self._left_out | unusable
-            self._readings_pf.append(capacitance_pf)
-            if len(self._readings_pf) == self._limits.window_scans:
+            self._readings_pf.append(np.where(unusable, np.nan, capacitance_pf))
+            if len(self._readings_pf) == self._n_scans:
                 return self._tare_result(np.stack(self._readings_pf))
         self._n_unsteady += unsteady
         if now_ns - self._started_ns < self._longest_ns:
@@ -117,12 +128,13 @@ class TareWindow:
         return TareResult(
             Result.ELEMENT_FAULT,
             f"elements {_element_list_text(np.flatnonzero(late))} give no steady readings: "
-            f"{len(self._readings_pf)} of {self._limits.window_scans} scans in {self._longest_ns * 1e-9:.1f} s",
+            f"{len(self._readings_pf)} of {self._n_scans} scans in {self._longest_ns * 1e-9:.1f} s",
         )
 
     def _tare_result(self, readings_pf: Vector) -> TareResult:
-        """Return the result of a tare from the collected readings [pF], shape (scans, elements)."""
-        noise_ff = np.where(self._left_out, 0.0, readings_pf.std(axis=0, ddof=1) * 1e3)
+        """Return the result of a tare from the collected readings [pF], shape (scans, elements), NaN where left out."""
+        is_left_out = np.isnan(readings_pf).any(axis=0)
+        noise_ff = np.where(is_left_out, 0.0, readings_pf.std(axis=0, ddof=1) * 1e3)
         worst = int(noise_ff.argmax())
         if noise_ff[worst] > self._limits.noise_limit_ff:
             return TareResult(
@@ -130,8 +142,8 @@ class TareWindow:
                 f"the foot is not quiet: element {worst} varies by {noise_ff[worst]:.1f} fF rms, "
                 f"at most {self._limits.noise_limit_ff:g} fF is allowed",
             )
-        baseline_pf = np.where(self._left_out, np.nan, readings_pf.mean(axis=0))
-        deviation_rel = np.where(self._left_out, 0.0, baseline_pf / self._unloaded_pf - 1)
+        baseline_pf = np.where(is_left_out, np.nan, readings_pf.mean(axis=0))
+        deviation_rel = np.where(is_left_out, 0.0, baseline_pf / self._unloaded_pf - 1)
         worst = int(np.abs(deviation_rel).argmax())
         what = "the foot is not unloaded" + (f", or another than {self._foot}" if self._foot else "")
         if abs(deviation_rel[worst]) > self._limits.unloaded_limit_rel:
@@ -143,14 +155,14 @@ class TareWindow:
                 f"expected of {self._foot or 'the free foot (unloaded_pf)'}, "
                 f"at most {self._limits.unloaded_limit_rel:.1%} is allowed",
             )
-        mean_rel = float(deviation_rel[~self._left_out].mean())
+        mean_rel = float(deviation_rel[~is_left_out].mean())
         if mean_rel > self._limits.mean_limit_rel:
             return TareResult(
                 Result.LOADED,
                 f"{what}: its elements read {mean_rel:+.1%} on average from what is expected of "
                 f"{self._foot or 'the free foot (unloaded_pf)'}, at most {self._limits.mean_limit_rel:+.1%} is allowed",
             )
-        left_out = _element_list_text(np.flatnonzero(self._left_out))
+        left_out = _element_list_text(np.flatnonzero(is_left_out))
         without = f" without elements {left_out}" if left_out else ""
         return TareResult(
             Result.DONE,
@@ -259,7 +271,11 @@ class Tares:
             elif leg not in self.untared:
                 self.refused.add(leg)
             else:
-                self.in_progress[leg] = self._new_window(leg)
+                if tared.result in _BY_READINGS:
+                    window.go_on()
+                    self.in_progress[leg] = window
+                else:
+                    self.in_progress[leg] = self._new_window(leg)
                 if commanded or tared.result is not Result.ABSENT:
                     self._refusals[leg] = tared.result
                 else:

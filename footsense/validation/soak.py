@@ -3,9 +3,6 @@
 Everything runs in virtual time and follows from the seed, so that a stretch with a violation can be repeated alone. A
 stretch is six minutes of one robot in one gait on one draw of feet, in three lives of the service: the first begins
 with the feet in the air, the others with a robot that stands, and have to tare each foot in its next swing.
-
-Boards `ad7147` and `fdc1004`: a foot behind an FDC1004 has to be in the air for half a second to be tared, which in
-most of these gaits it never is, so that after a restart of its chips such a leg stays silent for the rest of the life.
 """
 
 from collections import Counter

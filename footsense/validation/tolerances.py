@@ -46,8 +46,6 @@ BROKEN_ELEMENT_TYPES = (ElementOpen, ElementShorted, GapClosed, BrokenRow, Broke
 _BROKEN_ROWS = ("element open", "element shorted", "gap full", "row line", "column line")
 #: Row of a leg whose converter is configured anew.
 _STARTED_ROW = "supply dips: all settings lost"
-#: Windows of a tare that a swing has to have: one that began before the foot was free is lost.
-_TARE_WINDOWS = 2
 #: Step in which the truth is searched for swings [s].
 _SWING_STEP_S = 5e-3
 _NS_PER_S = 1_000_000_000
@@ -147,7 +145,7 @@ class WalkLimits(NamedTuple):
         scan_s = config.shortest_scan_ms * 1e-3
         t_s = np.arange(0.0, until_s, _SWING_STEP_S)
         true_n = np.array([true_force_n_at(round(at_s * _NS_PER_S)) for at_s in t_s.tolist()])
-        shortest_s = scan_s * (_TARE_WINDOWS * config.tare.window_scans + SETTLING_SCANS)
+        shortest_s = scan_s * (config.tare.window_scans + SETTLING_SCANS)
         return cls(
             legs=config.legs,
             buses=tuple(tuple(bus.channels) for bus in config.buses),

@@ -86,9 +86,13 @@ def drifted(known: FootParameters, seed: int = 3) -> FootParameters:
 
 
 def walking_foot(
-    known: FootParameters, calibration_sha256: str, scans: LegScans | None = None
+    known: FootParameters,
+    calibration_sha256: str,
+    scans: LegScans | None = None,
+    *,
+    expected_deg: float = 0.0,
 ) -> WalkingFoot:
-    found = WalkingFoot(design(), identity(calibration_sha256), known)
+    found = WalkingFoot(design(), identity(calibration_sha256), known, expected_deg)
     if scans is not None:
         found.add(scans)
         found.judge()

@@ -23,12 +23,13 @@ _SEED = 1
 MIN_INSTANTS, MAX_INSTANTS = 36, 72
 #: Least turn that is worth a calibration [deg], and over its standard deviation [1].
 _MIN_TURN_DEG, _MIN_TURN_SIGMAS = 0.3, 1.25
+#: Angle to expect from what is not known of the electrodes, over that to expect so far, at which they are worth it
+#: whatever the turn [1]: an old calibration is confirmed.
+_CONFIRMS_REL = 0.5
 #: Largest distance of one half from the electrodes of the other, over the usual one [1].
 _MAX_HELD_OUT = 1.0
 #: Largest change of a parameter over its standard deviation before walking [1].
 _MAX_CHANGE_SIGMAS = 4.0
-#: Largest share of stances in which an element is beyond its range, or open [1].
-_MAX_SATURATED_REL = 0.3
 
 
 class Turn(NamedTuple):
@@ -63,7 +64,7 @@ def _forces_n(models: DesignModels, electrodes: Electrodes, instants: Instants) 
 
 
 def judge_electrodes(
-    models: DesignModels, before: Electrodes, now: Electrodes, instants: Instants, saturated_rel: float
+    models: DesignModels, before: Electrodes, now: Electrodes, instants: Instants, expected_deg: float
 ) -> tuple[Turn, str]:
     """Return by how much electrodes turn forces, and why they are not proposed as a calibration; empty if they are.
 
@@ -75,7 +76,7 @@ def judge_electrodes(
         before: The electrodes known before.
         now: Those found.
         instants: Instants of usual loads, at least one.
-        saturated_rel: Share of the stances in which an element was beyond its range, or open [1].
+        expected_deg: Mean angle to expect with those known before, as old as they are [deg].
     """
     before_n = _forces_n(models, now._replace(parameters=before.parameters), instants)
     found_n = _forces_n(models, now, instants)
@@ -89,18 +90,15 @@ def judge_electrodes(
     turn = turn._replace(sigma_deg=float(np.hypot(turn.sigma_deg, 0.5 * worst_deg)))
     sigma = np.sqrt(np.diag(before.own_covariance))
     change = (now.parameters - before.parameters)[:N_ELECTRODE_PARAMETERS] / sigma
-    largest = float(np.abs(change).max())
-    if saturated_rel > _MAX_SATURATED_REL:
-        return turn, f"an element is beyond its range or open in {saturated_rel:.0%} of the stances"
-    if turn.deg < max(_MIN_TURN_DEG, _MIN_TURN_SIGMAS * turn.sigma_deg):
+    is_turned = turn.deg >= max(_MIN_TURN_DEG, _MIN_TURN_SIGMAS * turn.sigma_deg)
+    if not (is_turned or turn.sigma_deg <= _CONFIRMS_REL * expected_deg):
         return turn, "no improvement to expect"
-    if largest > _MAX_CHANGE_SIGMAS:
+    if (largest := float(np.abs(change).max())) > _MAX_CHANGE_SIGMAS:
         return turn, f"a parameter changed by {largest:.1f} standard deviations"
     for words, (parameters, _) in found.items():
         held_out = instants.subset(~halves[words])
-        misfit = misfit_of(models, parameters, held_out)
-        explains = misfit <= _MAX_HELD_OUT and misfit <= misfit_of(models, before.parameters, held_out)
-        if not explains:
+        of_before = misfit_of(models, before.parameters, held_out) if is_turned else _MAX_HELD_OUT
+        if not misfit_of(models, parameters, held_out) <= min(of_before, _MAX_HELD_OUT):
             return turn, f"instants {words} do not explain one another"
     return turn, ""
 

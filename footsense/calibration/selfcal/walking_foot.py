@@ -21,6 +21,8 @@ from footsense.foot.parameters import FootParameters
 #: Instants of the first half minute or so, of which every stance is used; then those of a fit in every so many [ns].
 N_FAST, _PERIOD_NS = 120, 30_000_000_000
 _NS_PER_MINUTE = 60e9
+#: Largest share of stances in which an element is beyond its range, or open [1].
+_MAX_SATURATED_REL = 0.3
 #: Mean angle of a direction error over the standard deviation of each of its two components [1].
 _MEAN_OVER_SIGMA = math.sqrt(math.pi / 2.0)
 
@@ -32,12 +34,14 @@ class WalkingFoot:
         models: Models of its type.
         of: What it is.
         known: Its calibration in use, else the parameters by which the service reads it.
+        expected_deg: Direction error to expect with these by their electrodes, mean over loads [deg].
         state: Its state of an earlier time; None to begin anew.
         slept_min: Time since then [min].
 
     Attributes:
         of: What it is.
         known: The parameters in use.
+        expected_deg: As given.
         electrodes: What is known of the electrodes.
         n_instants: Instants so far.
         turn: By how much they turn forces against those in use; None before the first fit.
@@ -49,10 +53,11 @@ class WalkingFoot:
         models: DesignModels,
         of: FootIdentity,
         known: FootParameters,
+        expected_deg: float,
         state: SelfcalState | None = None,
         slept_min: float = 0.0,
     ) -> None:
-        self._models, self.of, self.known = models, of, known
+        self._models, self.of, self.known, self.expected_deg = models, of, known, expected_deg
         design = models.response.design
         self._before = electrodes_before_walking(design, known, calibrated=bool(of.calibration))
         self._sampler = StanceSampler(known.unloaded_pf)
@@ -102,9 +107,10 @@ class WalkingFoot:
     def judge(self) -> None:
         """Compute turn and objection anew; takes some tenths of a second."""
         if self.n_instants:
-            self.turn, self.objection = judge_electrodes(
-                self._models, self._before, self.electrodes, self._kept, self.saturated_rel
-            )
+            found = self._models, self._before, self.electrodes, self._kept
+            self.turn, self.objection = judge_electrodes(*found, self.expected_deg)
+            if (share := self.saturated_rel) > _MAX_SATURATED_REL:
+                self.objection = f"an element is beyond its range or open in {share:.0%} of the stances"
 
     def state(self, written: str) -> SelfcalState:
         """Return its state.

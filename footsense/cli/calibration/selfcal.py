@@ -27,7 +27,8 @@ from footsense.clock import stopwatch_ns, wall_time_iso
 from footsense.config import DEFAULT, Config, load_config
 from footsense.daemon.estimation import mounted_feet
 from footsense.daemon.models import load_models
-from footsense.daemon.recording_header import recorded_config
+from footsense.daemon.recording_header import recorded_config, recorded_start
+from footsense.daemon.setup.expected_error import electrodes_error_deg
 from footsense.errors import CalibrationError
 from footsense.estimation.network import Network
 from footsense.foot.calibration_files import read_calibration
@@ -76,7 +77,7 @@ def selfcal(
     if recording is not None:
         with file_progress_bar("read", recording) as on_bytes_read:
             replay = Replay(recording, on_bytes_read)
-            robot = _Robot(recorded_config(replay), state_folder)
+            robot = _Robot(recorded_config(replay), state_folder, recorded_start(replay))
             chunk: list[Cycle] = []
             for cycle in replay:
                 chunk.append(cycle)
@@ -103,10 +104,11 @@ class _Robot:
     Args:
         config: The robot.
         state_folder: Folder of the states; None to keep none.
+        at: When they walk, as of `load_models`.
     """
 
-    def __init__(self, config: Config, state_folder: Path | None) -> None:
-        models = load_models(config)
+    def __init__(self, config: Config, state_folder: Path | None, at: str | None = None) -> None:
+        models = load_models(config, at)
         calibrations, mounted = models.calibrations_by_leg, mounted_feet(models)
         folder = foot_type_folder(config.foot_type)
         path = Path(config.model) if config.model else folder / NETWORK_FILE
@@ -134,15 +136,16 @@ class _Robot:
                 unloaded_pf=mounted.unloaded_pf[row] + mounted.stray_pf[row],
                 gap_um=mounted.gap_um[row],
             )
-            self.feet.append(self._foot(of, found.parameters if found else known))
+            expected_deg = electrodes_error_deg(models.uncertainties[row], found)
+            self.feet.append(self._foot(of, found.parameters if found else known, expected_deg))
         self._calibrated_at_c = {leg: found.calibrated_at_c for leg, found in calibrations.items()}
         self._calibrations = Path(config.calibrations) if config.calibrations else None
 
-    def _foot(self, of: FootIdentity, known: FootParameters) -> WalkingFoot:
+    def _foot(self, of: FootIdentity, known: FootParameters, expected_deg: float) -> WalkingFoot:
         """Return a foot, with its state if there is one of it; another one is set aside."""
         path = None if self._state_folder is None else state_path(self._state_folder, of.leg)
         if path is None or not path.exists():
-            return WalkingFoot(self._models, of, known)
+            return WalkingFoot(self._models, of, known, expected_deg)
         state: SelfcalState | None = None
         try:
             state = read_state(path)
@@ -155,9 +158,11 @@ class _Robot:
             click.echo(
                 f"{of.leg}: begins anew, the state is not of this foot: {reason}; kept as {kept}", err=True
             )
-            return WalkingFoot(self._models, of, known)
+            return WalkingFoot(self._models, of, known, expected_deg)
         slept = datetime.fromisoformat(wall_time_iso()) - datetime.fromisoformat(state.written)
-        return WalkingFoot(self._models, of, known, state, max(slept.total_seconds(), 0.0) / 60.0)
+        return WalkingFoot(
+            self._models, of, known, expected_deg, state, max(slept.total_seconds(), 0.0) / 60.0
+        )
 
     def add(self, cycles: Sequence[Cycle]) -> None:
         """Use further cycles."""
@@ -217,7 +222,7 @@ def line_of(foot: WalkingFoot) -> str:
         return f"{told}; nothing proposed: {foot.objection}"
     if not foot.of.foot:
         return f"{told}; a foot needs a name under `feet` before a calibration is proposed"
-    expected_deg = math.hypot(deg, sigma_deg)
+    expected_deg = max(math.hypot(deg, sigma_deg), foot.expected_deg)
     return f"{told}; a calibration is proposed: {expected_deg:.1f} to {sigma_deg:.1f} deg expected"
 
 

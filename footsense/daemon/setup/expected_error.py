@@ -15,7 +15,7 @@ from typing import NamedTuple, Self
 
 from footsense.foot.calibration_files import FootCalibration
 from footsense.foot.parameters import ForceUncertainty
-from footsense.sim.fabrication import uncertainty_of_parameters
+from footsense.sim.fabrication import MOUNT_SIGMA_RAD, uncertainty_of_parameters
 
 #: Means of the size of a normal deviate, and of the distance of a point of two, over the standard deviation of each.
 _MEAN_SIZE, _MEAN_DISTANCE = math.sqrt(2.0 / math.pi), math.sqrt(math.pi / 2.0)
@@ -66,6 +66,20 @@ def uncertainty_since(found: FootCalibration, at: str, wear: ForceUncertainty) -
     if age > -timedelta(hours=1):
         share = math.sqrt(-math.expm1(-abs(age / timedelta(days=1))))
     return uncertainty_of_calibrated(found).plus(wear, share)
+
+
+def electrodes_error_deg(unknown: ForceUncertainty, found: FootCalibration | None) -> float:
+    """Return the direction error to expect by a foot's electrodes, which a walk shows, and not by its mount [deg].
+
+    Args:
+        unknown: What nobody knows of the foot today.
+        found: Its calibration; None without one.
+    """
+    mount_rel2 = MOUNT_SIGMA_RAD**2
+    if found is not None:
+        mount_rel2 = uncertainty_of_calibrated(found).across_rel ** 2 - found.parameters.error_rel**2
+    across_rel = math.sqrt(max(unknown.across_rel**2 - mount_rel2, 0.0))
+    return ExpectedError.of(ForceUncertainty(0.0, across_rel)).direction_deg
 
 
 def error_text(uncertainty: ForceUncertainty) -> str:

@@ -134,6 +134,10 @@ def test_a_walk_finds_the_electrodes_of_a_made_foot() -> None:
     assert "against the design" in line_of(found)
 
 
+def _unworn(capacitance_pf: Vector, _: Vector) -> Vector:
+    return capacitance_pf
+
+
 def _creeping(capacitance_pf: Vector, phase: Vector) -> Vector:
     """Return capacitances of elements whose changes creep by 3 % (rms), each by another share, in a stance."""
     crept = 0.03 * np.random.default_rng(5).normal(size=9) * np.clip(phase, 0.0, 1.0)[:, None]
@@ -159,6 +163,23 @@ def test_what_only_seems_to_be_electrodes_is_not_proposed(worn: Callable[[Vector
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("worn", [_unworn, _creeping, _on_floor])
+def test_a_calibration_that_is_right_is_confirmed_once_it_is_old(
+    worn: Callable[[Vector, Vector], Vector],
+) -> None:
+    """Whose turn is not certain: one of today stays, one of days ago is replaced by what the walk knows better."""
+    foot, known = made_foot(1)
+    scans, _ = walk(foot, 31, worn)
+    today, old = (walking_foot(known, "1" * 64, scans, expected_deg=deg) for deg in (1.0, 6.6))
+    assert today.objection == "no improvement to expect"
+    assert old.is_proposed
+    assert old.turn is not None
+    assert old.turn.sigma_deg < 6.6 / 2.0
+    assert _error_deg(foot, old.parameters()) < 2.0 * old.turn.sigma_deg
+    assert line_of(old).endswith(f"a calibration is proposed: 6.6 to {old.turn.sigma_deg:.1f} deg expected")
+
+
+@pytest.mark.slow
 def test_a_state_goes_on_after_a_restart(tmp_path: Path) -> None:
     """What is read back is what was written, to the bit, and further stances give the same."""
     foot, known = made_foot(2)
@@ -166,11 +187,11 @@ def test_a_state_goes_on_after_a_restart(tmp_path: Path) -> None:
     one = walking_foot(drifted(known), "1" * 64, scans)
     write_state(tmp_path, one.state(_WRITTEN))
     state = read_state(state_path(tmp_path, "lf"))
-    other = WalkingFoot(design(), identity("1" * 64), drifted(known), state)
+    other = WalkingFoot(design(), identity("1" * 64), drifted(known), 0.0, state)
     assert msgspec.json.encode(other.state(_WRITTEN)) == msgspec.json.encode(one.state(_WRITTEN))
     other.judge()
     assert line_of(other) == line_of(one)
-    rested = WalkingFoot(design(), identity("1" * 64), drifted(known), state, slept_min=60.0)
+    rested = WalkingFoot(design(), identity("1" * 64), drifted(known), 0.0, state, slept_min=60.0)
     assert np.trace(rested.electrodes.covariance) > np.trace(one.electrodes.covariance)
 
 

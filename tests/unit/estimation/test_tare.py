@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 import footsense
-from footsense.estimation.settings import TareLimits
-from footsense.estimation.tare import TareResult, TareWindow
-from footsense.frames import Reading, Result
+from footsense.estimation.settings import MountedFeet, TareLimits
+from footsense.estimation.tare import TareResult, Tares, TareWindow
+from footsense.frames import CapFrame, CommandResult, Reading, Result
+from tests.support.feet import DESIGN
 
 UNLOADED_PF = np.full(9, 5.4)
 LIMITS = TareLimits(window_scans=4, noise_limit_ff=5.0, unloaded_limit_rel=0.03)
@@ -72,6 +73,35 @@ def test_a_frame_counts_once_every_element_has_been_read_anew() -> None:
         frames += 1
         tared = window.add(UNLOADED_PF, OK, stamps.copy(), NONE, 1 + frames)
     assert (tared.result, frames) == (Result.DONE, 4 * 9)
+
+
+@pytest.mark.parametrize(
+    ("scan_ms", "swing_scans", "tared_over"),
+    [(24.0, 5, 4), (24.0, 4, 4), (24.0, 3, None), (6.75, 9, 8), (6.75, 7, None)],
+)
+def test_a_foot_that_walks_is_tared_in_its_first_swing_that_is_long_enough(
+    scan_ms: float, swing_scans: int, tared_over: int | None
+) -> None:
+    """A tenth of a second, or the window of a tare if that takes less; wherever the swing begins within a window."""
+    scan_ns = round(1e6 * scan_ms)
+    for stance_scans in range(9, 18):
+        feet = MountedFeet.of(DESIGN, [None], reading_pf=UNLOADED_PF)
+        tares = Tares(TareLimits(), feet, scan_ns)
+        pressed_ff = 150.0 * np.sin(np.linspace(0.0, np.pi, stance_scans + 2)[1:-1])
+        gait_ff = [*pressed_ff, *[0.0] * swing_scans] * 3
+        results: list[CommandResult] = []
+        for number, more_ff in enumerate(gait_ff):
+            frame = CapFrame(
+                number, np.full((1, 9), (number + 1) * scan_ns), UNLOADED_PF[None] + 1e-3 * more_ff, OK[None]
+            )
+            tared_pf, found = tares.add(frame, NONE[None], (number + 1) * scan_ns, lambda leg: None)
+            results += found
+            if tared_pf:
+                break
+        assert number >= len(gait_ff) - 1 if tared_over is None else number < stance_scans + swing_scans
+        if tared_over:
+            np.testing.assert_allclose(tared_pf[0], UNLOADED_PF)
+            assert results[-1].reason.startswith(f"tared over {tared_over} scans")
 
 
 def test_a_reading_that_fails_ends_it() -> None:

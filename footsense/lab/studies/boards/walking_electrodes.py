@@ -16,6 +16,7 @@ from footsense.calibration.selfcal.instants import LegScans
 from footsense.calibration.selfcal.state import FootIdentity
 from footsense.calibration.selfcal.walking_foot import WalkingFoot
 from footsense.calibration.twin import GAIN, STRAY
+from footsense.daemon.setup.expected_error import ExpectedError
 from footsense.foot.directions import angles_between_deg
 from footsense.foot.parameters import FootParameters
 from footsense.foot.specimen import Specimen
@@ -37,6 +38,7 @@ from footsense.lab.walkers.simulate import WalkerLog
 from footsense.lab.walkers.split import NEW_JUDGEMENT
 from footsense.sim.fabrication import PAPER_TOLERANCES, draw_deviations
 from footsense.sim.rubber import draw_floor_pf
+from footsense.sim.uncalibrated import uncertainty_by_wear, uncertainty_of_uncalibrated
 
 _BOARD, _SEED = "ad7147", 0
 _SCAN = SCAN_TIMES[_BOARD]
@@ -145,9 +147,13 @@ def _as_designed(foot: Specimen) -> FootParameters:
 
 
 def _walking(models: DesignModels, known: FootParameters, calibration: str = "") -> WalkingFoot:
-    foot_type = models.response.foot_type
-    of = FootIdentity(leg="lf", foot="", foot_type=foot_type, board=_BOARD, calibration=calibration, since="")
-    return WalkingFoot(models, of, known)
+    """Return a foot that is not calibrated, or whose calibration is of a hash, and days old."""
+    network, response = models.network_for_rows(1), models.response
+    of = FootIdentity(
+        leg="lf", foot="", foot_type=response.foot_type, board=_BOARD, calibration=calibration, since=""
+    )
+    unknown = (uncertainty_by_wear if calibration else uncertainty_of_uncalibrated)(network, response, 1)
+    return WalkingFoot(models, of, known, ExpectedError.of(unknown).direction_deg)
 
 
 def walked_parameters(
