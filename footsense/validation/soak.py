@@ -15,19 +15,14 @@ from unittest import mock
 import msgspec
 import numpy as np
 
-from footsense import __version__
-from footsense.calibration.writer import write_calibration
 from footsense.clock import stopwatch_ns, wall_time_ns
 from footsense.config import DEFAULT, SMALL_BOARD, Config
 from footsense.daemon.scheduling import resident_mib
 from footsense.daemon.service import open_service
 from footsense.daemon.simulation import simulated_robot
 from footsense.daemon.walker_scene import judging_scene
-from footsense.foot.calibration_files import Manifest
-from footsense.foot.network_card import NETWORK_FILE
 from footsense.foot.parameters import FootParameters
 from footsense.foot.specimen import Deviations, Specimen
-from footsense.foot.type_folders import foot_type_folder
 from footsense.frames import ELEMENTS, IS_USABLE_STATE, Cycle, Vector
 from footsense.ports import Observer
 from footsense.ring.cycle_reader import CycleReader
@@ -37,6 +32,7 @@ from footsense.sim.faults.scene_faults import CanTraffic
 from footsense.sim.scene import Fabrication, Scene
 from footsense.validation.controller import Controller
 from footsense.validation.invariants import InvariantChecker, Violation
+from footsense.validation.known_feet import write_known
 from footsense.validation.soak_faults import soak_faults
 from footsense.validation.tolerances import WalkLimits
 
@@ -180,18 +176,8 @@ def _calibrate(foot: Specimen, own: Deviations, read_pf: Vector, folder: Path, n
         stiffness_rel=own.stiffness_rel,
         mount=own.mount,
     )
-    manifest = Manifest(
-        foot=name,
-        foot_type=foot.response.foot_type,
-        footsense=__version__,
-        made="2000-01-01T00:00:00Z",
-        n_loads=1,
-        n_sessions=1,
-        held_out=None,
-        recordings={"soak": foot.response.sha256},
-    )
-    network = foot_type_folder(foot.response.foot_type) / NETWORK_FILE
-    write_calibration(folder, manifest, parameters, network)
+    response = foot.response
+    write_known(folder, name, response.foot_type, parameters, "2000-01-01T00:00:00Z", response.sha256)
 
 
 def soak_stretches(hours: float, seed: int) -> list[Stretch]:

@@ -17,13 +17,15 @@ from footsense.validation.disturbance_table import (
     scenes,
 )
 from footsense.validation.fault_trial import FAULTY_LEG, PublishedWalk, simulate_scene
+from footsense.validation.known_feet import known_as_designed
 
 SCENES = scenes(2.0)
 
 
 def walk(disturbance: str, scene: str) -> PublishedWalk:
     script = DISTURBANCES[disturbance]
-    return simulate_scene(msgspec.structs.replace(SCENES[scene], faults=script), SMALL_BOARD, ENDS_S)
+    with known_as_designed(SMALL_BOARD) as robot:
+        return simulate_scene(msgspec.structs.replace(SCENES[scene], faults=script), robot, ENDS_S)
 
 
 @pytest.mark.parametrize(
@@ -45,11 +47,9 @@ def walk(disturbance: str, scene: str) -> PublishedWalk:
     ],
 )
 def test_sigma_covers_the_errors(disturbance: str, scene: str, cause: Cause) -> None:
-    """Of one converter a foot; what all nine shift by in a stance of the measured walk is covered by 93 %."""
+    """Of one converter a foot, on calibrated feet; a ripple near the rate of a scan it holds in part."""
     found = figures(walk(disturbance, scene))
-    assert found.within >= (
-        0.92 if (disturbance, scene) == ("all nine shift by 50 fF", "measured walk") else 0.95
-    )
+    assert found.within >= (0.84 if (disturbance, scene) == ("tone of 40 Hz, 20 fF", "standing") else 0.95)
     assert (found.state, found.cause) == (State.VALID, cause)
 
 
