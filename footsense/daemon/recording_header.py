@@ -1,7 +1,7 @@
 """Header of a recording (configuration, scene, flags, network, calibrations): written by a run, read by a replay."""
 
 from collections.abc import Mapping, Sequence
-from datetime import datetime
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -107,8 +107,8 @@ def recorded_start(recording: "Replay") -> str | None:
     """
     text = recording.header.get(_STARTED_KEY)
     try:
-        return text and datetime.strptime(text, "%Y-%m-%dT%H:%M:%S%z").isoformat()
-    except ValueError:
+        return text and datetime.strptime(text, "%Y-%m-%dT%H:%M:%S%z").astimezone(UTC).isoformat()[:-6] + "Z"
+    except (ValueError, OverflowError):
         raise RecordingError(f"{recording.path}: the start in its header is {text!r:.40}, no time") from None
 
 

@@ -166,9 +166,11 @@ class LegBaseline:
             self.status = BaselineStatus.NOT_QUIET
             return False
         above_pf, shift_pf = map(sub, before_pf, self.baseline_pf.tolist()), self._shift_pf
-        # A shift counts at once: a swing of a fast gait is over after two or three of these calls.
+        # A shift counts at once, and fades: a swing of a fast gait is over after two or three of these calls.
         self.left_pf = [
-            left_pf + (weight if abs(pf - left_pf) < shift_pf else 1.0) * (pf - left_pf)
+            pf
+            if abs(pf - left_pf) >= shift_pf and abs(pf) > abs(left_pf)
+            else left_pf + weight * (pf - left_pf)
             if math.isfinite(pf)
             else left_pf
             for left_pf, pf in zip(self.left_pf, above_pf, strict=True)

@@ -125,8 +125,8 @@ class TareLimits(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Section `tare` of a configuration: when the present readings become the baseline of a foot.
 
     Attributes:
-        window_scans: Scans that are averaged; at least half of them, and a tenth of a second, of a foot that walks
-            without a baseline.
+        window_scans: Scans that are averaged. Of a foot that has no baseline after a first refusal as many as in a
+            tenth of a second, if these are fewer, and at least half.
         noise_limit_ff: Largest standard deviation of any element over the window [fF].
         unloaded_limit_rel: Largest deviation of any element from `unloaded_pf` that counts as unloaded [1]; 3 % of the
             capacitance are 4 % of the gap. A third of it more on the mean of all elements, as by a load, is loaded.

@@ -7,8 +7,10 @@ small steps cannot lead into a load. Missing elements are left out; they have no
 Every tare ends: with a baseline, or with a refusal, at the latest after `MAX_WINDOWS` times the window and the time in
 which a reading settles. One that waited for as long as it takes would be done by itself, when nobody expects it.
 
-A leg without a baseline, as after a restart while the robot walks, is tared in its next swing: its window moves on with
-each scan, and where scans take long it has half of them, as a swing of a fast gait takes a tenth of a second.
+A leg without a baseline, as after a restart while the robot walks, is tared by itself in one of its next swings. Its
+window moves on by a quarter after a refusal by the readings. Where a window takes more than a tenth of a second, which
+a swing of a fast gait takes, half of one is enough; a load that changes slowly moves its readings by half, so that half
+of the noise is allowed.
 """
 
 from collections.abc import Callable
@@ -81,10 +83,10 @@ class TareWindow:
         self._newest_ns = 0
 
     def go_on(self) -> None:
-        """Wait for another scan after a refusal by the readings, of which the newest are kept."""
+        """Wait for further scans after a refusal by the readings, of which the newest are kept."""
         shorter = max(self._limits.window_scans // 2, SLOW_PERIOD_NS // self._scan_ns, 2)
         self._n_scans = min(self._limits.window_scans, shorter)
-        self._readings_pf = self._readings_pf[1 - self._n_scans :]
+        self._readings_pf = self._readings_pf[max(self._n_scans // 4, 1) - self._n_scans :]
         self._started_ns, self._n_unsteady = 0, np.zeros(ELEMENTS, np.int64)
 
     def add(
@@ -135,12 +137,13 @@ class TareWindow:
         """Return the result of a tare from the collected readings [pF], shape (scans, elements), NaN where left out."""
         is_left_out = np.isnan(readings_pf).any(axis=0)
         noise_ff = np.where(is_left_out, 0.0, readings_pf.std(axis=0, ddof=1) * 1e3)
-        worst = int(noise_ff.argmax())
-        if noise_ff[worst] > self._limits.noise_limit_ff:
+        worst, limits = int(noise_ff.argmax()), self._limits
+        limit_ff = limits.noise_limit_ff * self._n_scans / limits.window_scans
+        if noise_ff[worst] > limit_ff:
             return TareResult(
                 Result.NOT_QUIET,
                 f"the foot is not quiet: element {worst} varies by {noise_ff[worst]:.1f} fF rms, "
-                f"at most {self._limits.noise_limit_ff:g} fF is allowed",
+                f"at most {limit_ff:g} fF is allowed",
             )
         baseline_pf = np.where(is_left_out, np.nan, readings_pf.mean(axis=0))
         deviation_rel = np.where(is_left_out, 0.0, baseline_pf / self._unloaded_pf - 1)
@@ -201,8 +204,9 @@ class Tares:
         return {leg: State.NO_BASELINE if leg in self._refusals else State.TARING for leg in self.untared}
 
     def command(self, leg: int) -> None:
-        """Start a tare on command, unless one is in progress already: both then end together."""
-        self.in_progress.setdefault(leg, self._new_window(leg))
+        """Start a tare on command, unless one on command is in progress already: both then end together."""
+        if leg not in self._commanded:
+            self.in_progress[leg] = self._new_window(leg)
         self._commanded.add(leg)
 
     def refuse(self, leg: int) -> None:
@@ -262,7 +266,10 @@ class Tares:
             del self.in_progress[leg]
             commanded = leg in self._commanded
             self._commanded.discard(leg)
-            is_news = commanded or self._refusals.get(leg) is not tared.result
+            before = self._refusals.get(leg)
+            # Of a foot that is loaded and moves now and then it is no news that it moves.
+            is_known = tared.result is before or (before, tared.result) == (Result.LOADED, Result.NOT_QUIET)
+            is_news = commanded or not is_known
             if tared.baseline_pf is not None:
                 self.untared.discard(leg)
                 self.refused.discard(leg)
@@ -277,7 +284,7 @@ class Tares:
                 else:
                     self.in_progress[leg] = self._new_window(leg)
                 if commanded or tared.result is not Result.ABSENT:
-                    self._refusals[leg] = tared.result
+                    self._refusals[leg] = tared.result if is_news or before is None else before
                 else:
                     is_news = False
             if is_news:

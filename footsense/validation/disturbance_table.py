@@ -136,16 +136,18 @@ def simulate_disturbances(
     Raises:
         ModelError: The feet's network or response table is missing.
     """
+    robot = msgspec.structs.replace(DEFAULT, foot_type=foot_type)
     chosen = scenes(max_n)
     rows = list(DISTURBANCES.items())
     if quick:
         chosen, rows = {"standing": chosen["standing"]}, rows[:3]
-    found = {}
-    with known_as_designed(msgspec.structs.replace(DEFAULT, foot_type=foot_type)) as config:
-        for words, script in rows:
-            found[words] = {
-                name: figures(simulate_scene(msgspec.structs.replace(scene, faults=script), config, ENDS_S))
-                for name, scene in chosen.items()
-            }
-            report(words)
+    found: dict[str, dict[str, DisturbanceFigures]] = {}
+    for words, script in rows:
+        found[words] = {}
+        for name, scene in chosen.items():
+            # Anew for each, as sigma grows with the age of a calibration.
+            with known_as_designed(robot) as known:
+                disturbed = msgspec.structs.replace(scene, faults=script)
+                found[words][name] = figures(simulate_scene(disturbed, known, ENDS_S))
+        report(words)
     return found

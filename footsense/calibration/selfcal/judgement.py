@@ -23,8 +23,7 @@ _SEED = 1
 MIN_INSTANTS, MAX_INSTANTS = 36, 72
 #: Least turn that is worth a calibration [deg], and over its standard deviation [1].
 _MIN_TURN_DEG, _MIN_TURN_SIGMAS = 0.3, 1.25
-#: Angle to expect from what is not known of the electrodes, over that to expect so far, at which they are worth it
-#: whatever the turn [1]: an old calibration is confirmed.
+#: Standard deviation of any turn that is worth a calibration, over the error of the electrodes known before [1].
 _CONFIRMS_REL = 0.5
 #: Largest distance of one half from the electrodes of the other, over the usual one [1].
 _MAX_HELD_OUT = 1.0

@@ -7,7 +7,6 @@ import footsense
 from footsense.calibration.selfcal.state import state_path
 from footsense.calibration.selfcal.walking_foot import WalkingFoot
 from footsense.calibration.writer import file_sha256, write_calibration
-from footsense.clock import wall_time_iso
 from footsense.errors import CalibrationError
 from footsense.foot.calibration_files import FootCalibration, Manifest, read_calibration
 
@@ -15,14 +14,15 @@ from footsense.foot.calibration_files import FootCalibration, Manifest, read_cal
 _PROPOSED = "proposed"
 
 
-def propose(folder: Path, foot: WalkingFoot, network: Path, calibrated_at_c: float) -> FootCalibration:
-    """Write the calibration that a foot's walking makes, in place of an older proposal, and return it.
+def propose(folder: Path, foot: WalkingFoot, network: Path, calibrated_at_c: float, made: str) -> None:
+    """Write the calibration that a foot's walking makes, in place of an older proposal.
 
     Args:
         folder: Folder of the states, which has that of the foot.
         foot: The foot, which has a name.
         network: File of the network in use.
         calibrated_at_c: Temperature of the calibration in use [degC]; NaN if it is not known.
+        made: When it walked, UTC, ISO 8601.
 
     Raises:
         CalibrationError: It cannot be written.
@@ -33,16 +33,14 @@ def propose(folder: Path, foot: WalkingFoot, network: Path, calibrated_at_c: flo
         foot=foot.of.foot,
         foot_type=foot.of.foot_type,
         footsense=footsense.__version__,
-        made=wall_time_iso(),
+        made=made,
         n_loads=max(foot.n_instants, 1),
         n_sessions=1,
         held_out=None,
         recordings={state.name: file_sha256(state)},
         by_walking=True,
     )
-    return write_calibration(
-        folder / _PROPOSED, manifest, foot.parameters(), network, temperature_c=calibrated_at_c
-    )
+    write_calibration(folder / _PROPOSED, manifest, foot.parameters(), network, temperature_c=calibrated_at_c)
 
 
 def withdraw(folder: Path, foot: str) -> None:

@@ -70,9 +70,9 @@ def selfcal(
     """Say by how much the electrodes of each foot have changed since its calibration, while the robot walks.
 
     It reads the cycles of the running service, beside the loop, and finds strays, gains and gaps of all elements from
-    a few instants of each stance. What it knows survives a restart in a file for each leg. Where a change is certain
-    and worth it, it writes a calibration beside the state, which `footsense calibration accept` takes into use. The
-    service may start, end and start again meanwhile.
+    a few instants of each stance. What it knows survives a restart in a file for each leg. Where a change is certain,
+    or a walk knows more than an old calibration, it writes a calibration beside the state, which `footsense calibration
+    accept` takes into use. The service may start, end and start again meanwhile.
     """
     if recording is not None:
         with file_progress_bar("read", recording) as on_bytes_read:
@@ -117,7 +117,7 @@ class _Robot:
             FootResponse.load(folder / "response.npz"),
             lru_cache(maxsize=8)(partial(Network, self._network)),
         )
-        self._state_folder = state_folder
+        self._state_folder, self._at = state_folder, at
         names: Mapping[str, str] = dict(config.feet.items())
         self._told: dict[str, str] = {}
         self.feet: list[WalkingFoot] = []
@@ -136,7 +136,7 @@ class _Robot:
                 unloaded_pf=mounted.unloaded_pf[row] + mounted.stray_pf[row],
                 gap_um=mounted.gap_um[row],
             )
-            expected_deg = electrodes_error_deg(models.uncertainties[row], found)
+            expected_deg = electrodes_error_deg(models.uncertainties[row], found, models.at)
             self.feet.append(self._foot(of, found.parameters if found else known, expected_deg))
         self._calibrated_at_c = {leg: found.calibrated_at_c for leg, found in calibrations.items()}
         self._calibrations = Path(config.calibrations) if config.calibrations else None
@@ -180,7 +180,8 @@ class _Robot:
                     withdraw(self._state_folder, foot.of.foot)
                 elif foot.of.foot not in proposed_feet(self._state_folder):
                     calibrated_at_c = self._calibrated_at_c.get(foot.of.leg, math.nan)
-                    propose(self._state_folder, foot, self._network, calibrated_at_c)
+                    made = self._at or wall_time_iso()
+                    propose(self._state_folder, foot, self._network, calibrated_at_c, made)
 
     def _is_replaced(self, of: FootIdentity) -> bool:
         """Return whether another calibration of a foot waits for a restart of the service."""

@@ -68,17 +68,18 @@ def uncertainty_since(found: FootCalibration, at: str, wear: ForceUncertainty) -
     return uncertainty_of_calibrated(found).plus(wear, share)
 
 
-def electrodes_error_deg(unknown: ForceUncertainty, found: FootCalibration | None) -> float:
-    """Return the direction error to expect by a foot's electrodes, which a walk shows, and not by its mount [deg].
+def electrodes_error_deg(unknown: ForceUncertainty, found: FootCalibration | None, at: str) -> float:
+    """Return the direction error to expect by electrodes that nobody has found, or that have wandered since [deg].
 
     Args:
-        unknown: What nobody knows of the foot today.
+        unknown: What nobody knows of the foot.
         found: Its calibration; None without one.
+        at: The time, UTC, ISO 8601; before that of the calibration it is wrong, and nothing is said to have wandered.
     """
-    mount_rel2 = MOUNT_SIGMA_RAD**2
-    if found is not None:
-        mount_rel2 = uncertainty_of_calibrated(found).across_rel ** 2 - found.parameters.error_rel**2
-    across_rel = math.sqrt(max(unknown.across_rel**2 - mount_rel2, 0.0))
+    known_rel = MOUNT_SIGMA_RAD if found is None else uncertainty_of_calibrated(found).across_rel
+    if found is not None and datetime.fromisoformat(at) < datetime.fromisoformat(found.manifest.made):
+        return 0.0
+    across_rel = math.sqrt(max(unknown.across_rel**2 - known_rel**2, 0.0))
     return ExpectedError.of(ForceUncertainty(0.0, across_rel)).direction_deg
 
 

@@ -47,7 +47,7 @@ def walk(disturbance: str, scene: str) -> PublishedWalk:
     ],
 )
 def test_sigma_covers_the_errors(disturbance: str, scene: str, cause: Cause) -> None:
-    """Of one converter a foot, on calibrated feet; a ripple near the rate of a scan it holds in part."""
+    """Of one converter a foot, on calibrated feet; of a ripple near the rate of a scan sigma has a part."""
     found = figures(walk(disturbance, scene))
     assert found.within >= (0.84 if (disturbance, scene) == ("tone of 40 Hz, 20 fF", "standing") else 0.95)
     assert (found.state, found.cause) == (State.VALID, cause)

@@ -220,7 +220,7 @@ def test_a_proposal_is_accepted_and_reverted(tmp_path: Path) -> None:
         runner.invoke(accept, [*where, "--state", str(states)], standalone_mode=False, catch_exceptions=False)
     write_state(states, foot.state(_WRITTEN))
     foot.electrodes.parameters[:9] += 0.01
-    propose(states, foot, released_path("network.onnx"), 23.5)
+    propose(states, foot, released_path("network.onnx"), 23.5, _WRITTEN)
     said = runner.invoke(accept, [*where, "--state", str(states)])
     assert said.stdout.startswith("foot-0007: "), said
     new = read_calibration(feet / "foot-0007")
@@ -228,7 +228,8 @@ def test_a_proposal_is_accepted_and_reverted(tmp_path: Path) -> None:
     np.testing.assert_array_equal(
         new.parameters.mount, read_calibration(feet / "foot-0007.1").parameters.mount
     )
-    assert (new.manifest.by_walking, new.calibrated_at_c) == (True, 23.5)
+    manifest = new.manifest
+    assert (manifest.by_walking, manifest.made, new.calibrated_at_c) == (True, _WRITTEN, 23.5)
     assert not list((states / "proposed").iterdir())
     said = runner.invoke(revert, ["foot-0007", *where])
     assert said.exit_code == 0, said

@@ -93,12 +93,14 @@ def test_a_lift_off_begins_with_two_new_readings() -> None:
 
 
 def test_a_shift_is_known_after_two_quiet_readings_of_a_swing() -> None:
-    """A swing of a fast gait has no more; what a foot reads within the noise of a tare is a mean of many."""
+    """A swing of a fast gait has no more; noise and the way back are a mean of many."""
     foot = Swinging()
     foot.read(-80.0, 2)
     np.testing.assert_allclose(foot.baseline.left_pf, -0.08)
     foot.read(-70.0, 2)
     assert -0.08 < foot.baseline.left_pf[0] < -0.07
+    foot.read(0.0, 10)
+    assert -0.07 < foot.baseline.left_pf[0] < -0.01
 
 
 def test_a_frame_counts_only_if_every_element_was_read_anew() -> None:

@@ -75,6 +75,26 @@ def test_a_frame_counts_once_every_element_has_been_read_anew() -> None:
     assert (tared.result, frames) == (Result.DONE, 4 * 9)
 
 
+class Untared:
+    """A leg without a baseline, by what its elements read more than those of the free foot [fF], scan by scan."""
+
+    def __init__(self, scan_ms: float) -> None:
+        self.scan_ns, self.n = round(1e6 * scan_ms), 0
+        self.tares = Tares(TareLimits(), MountedFeet.of(DESIGN, [None], reading_pf=UNLOADED_PF), self.scan_ns)
+        self.results: list[CommandResult] = []
+        self.baseline_pf: np.ndarray | None = None
+
+    def read(self, *more_ff: float) -> None:
+        for each_ff in more_ff:
+            if self.baseline_pf is None:
+                self.n += 1
+                pf, t_ns = UNLOADED_PF[None] + 1e-3 * each_ff, np.full((1, 9), self.n * self.scan_ns)
+                frame = CapFrame(self.n, t_ns, pf, OK[None])
+                tared_pf, results = self.tares.add(frame, NONE[None], self.n * self.scan_ns, lambda leg: None)
+                self.baseline_pf = tared_pf.get(0)
+                self.results += results
+
+
 @pytest.mark.parametrize(
     ("scan_ms", "swing_scans", "tared_over"),
     [(24.0, 5, 4), (24.0, 4, 4), (24.0, 3, None), (6.75, 9, 8), (6.75, 7, None)],
@@ -83,25 +103,39 @@ def test_a_foot_that_walks_is_tared_in_its_first_swing_that_is_long_enough(
     scan_ms: float, swing_scans: int, tared_over: int | None
 ) -> None:
     """A tenth of a second, or the window of a tare if that takes less; wherever the swing begins within a window."""
-    scan_ns = round(1e6 * scan_ms)
     for stance_scans in range(9, 18):
-        feet = MountedFeet.of(DESIGN, [None], reading_pf=UNLOADED_PF)
-        tares = Tares(TareLimits(), feet, scan_ns)
+        leg = Untared(scan_ms)
         pressed_ff = 150.0 * np.sin(np.linspace(0.0, np.pi, stance_scans + 2)[1:-1])
-        gait_ff = [*pressed_ff, *[0.0] * swing_scans] * 3
-        results: list[CommandResult] = []
-        for number, more_ff in enumerate(gait_ff):
-            frame = CapFrame(
-                number, np.full((1, 9), (number + 1) * scan_ns), UNLOADED_PF[None] + 1e-3 * more_ff, OK[None]
-            )
-            tared_pf, found = tares.add(frame, NONE[None], (number + 1) * scan_ns, lambda leg: None)
-            results += found
-            if tared_pf:
-                break
-        assert number >= len(gait_ff) - 1 if tared_over is None else number < stance_scans + swing_scans
-        if tared_over:
-            np.testing.assert_allclose(tared_pf[0], UNLOADED_PF)
-            assert results[-1].reason.startswith(f"tared over {tared_over} scans")
+        for _ in range(3):
+            leg.read(*pressed_ff, *[0.0] * swing_scans)
+        if tared_over is None:
+            assert leg.baseline_pf is None
+        else:
+            assert leg.n <= stance_scans + swing_scans
+            assert leg.baseline_pf == pytest.approx(UNLOADED_PF)
+            assert leg.results[-1].reason.startswith(f"tared over {tared_over} scans")
+
+
+@pytest.mark.parametrize("phase", range(4))
+def test_a_load_that_goes_slowly_is_not_taken_for_a_free_foot(phase: int) -> None:
+    """100 fF/s, by which four scans of 24 ms vary by less than the noise that a whole window may have."""
+    leg = Untared(24.0)
+    leg.read(*[200.0] * (10 + phase), *np.arange(150.0, 0.0, -2.4), *[0.0] * 20)
+    assert leg.baseline_pf == pytest.approx(UNLOADED_PF, abs=3e-3)
+
+
+def test_a_foot_that_is_loaded_and_moves_now_and_then_is_told_once() -> None:
+    """Not with each of its windows; a command is answered all the same, by readings after it."""
+    leg = Untared(6.75)
+    for _ in range(20):
+        leg.read(*[200.0] * 12, *np.linspace(200.0, 300.0, 12))
+    told = [result.result for result in leg.results]
+    assert told in ([Result.LOADED], [Result.NOT_QUIET, Result.LOADED])
+    leg.tares.command(0)
+    leg.read(*[200.0] * 7)
+    assert len(leg.results) == len(told)
+    leg.read(200.0)
+    assert [result.result for result in leg.results[len(told) :]] == [Result.LOADED]
 
 
 def test_a_reading_that_fails_ends_it() -> None:
